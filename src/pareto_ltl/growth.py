@@ -1,0 +1,238 @@
+"""Trees of one run: Algorithm 1, ten times in parallel with different slack (Section IV-C).
+
+The first tree has beta = 0, so that a parent is only exchanged for one that dominates it (Theorem 4); the
+others draw theirs. Each tree has its own child of the root seed, so the forest is the same whatever the
+number of threads.
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.random import SeedSequence
+
+from pareto_ltl.arrays import FloatArray
+from pareto_ltl.config import PlannerConfig
+from pareto_ltl.errors import InfeasibleError
+from pareto_ltl.guide import fans, product
+from pareto_ltl.kernels import tree as kernel
+from pareto_ltl.kernels.lead import Heap, Product
+from pareto_ltl.kernels.tree import Fans, Growing, Habits, Vertices
+from pareto_ltl.problem import Problem
+from pareto_ltl.records import Forest, Tree
+
+ITERATIONS_PER_VERTEX = 50  # extensions tried before a tree that does not grow is given up
+CHUNK = 20_000  # vertices between two looks at the clock
+SQUARES = 400  # at most, along one side of the grid of possible parents
+
+
+@dataclass(slots=True)
+class _Nursery:
+    """One tree while it grows."""
+
+    vertices: Vertices
+    growing: Growing
+    habits: Habits
+    beta: FloatArray
+    rng: np.random.Generator
+    seconds: float = 0.0
+
+    @property
+    def size(self) -> int:
+        return int(self.growing.tally[kernel.VERTICES])
+
+
+def forest(
+    cfg: PlannerConfig,
+    problem: Problem,
+    seeds: SeedSequence,
+    progress: Callable[[int, int], None] | None = None,
+    *,
+    record_swaps: bool = False,
+    stop_at_first: bool = False,
+    reselect: bool = True,
+) -> Forest:
+    """Grow ``cfg.trees`` trees in parallel.
+
+    Parameters
+    ----------
+    seeds : SeedSequence
+        One child is spawned a tree.
+    progress : callable
+        Called with (vertices so far, vertices wanted).
+    record_swaps : bool
+        Keep the objectives of both parents at every re-selection (Theorems 4 and 5 are tested on them).
+    stop_at_first : bool
+        End each tree at its first accepted vertex.
+    reselect : bool
+        False gives plain CC-RRT, the paper's baseline without lines 5 to 13 of Algorithm 2.
+
+    Raises
+    ------
+    InfeasibleError
+        Where the start violates Eq. (9) already, or no sequence of cells completes the mission.
+    """
+    began = time.perf_counter()
+    decomposition = problem.decomposition
+    graph, fan = product(decomposition, problem.tables.logic, problem.scene.bounds), fans(decomposition)
+    nurseries = [
+        _plant(cfg, problem, graph, child, first=(j == 0), swaps=record_swaps, stop=stop_at_first, reselect=reselect)
+        for j, child in enumerate(seeds.spawn(cfg.trees))
+    ]
+    _check_lead(problem, graph, nurseries[0])
+    threads = min(cfg.trees, cfg.threads or os.cpu_count() or 1)
+    deadline = began + cfg.max_seconds
+    with ThreadPoolExecutor(threads) as pool:
+        jobs = [pool.submit(_grow, n, problem, graph, fan, cfg.n_max, deadline) for n in nurseries]
+        while progress is not None and not all(job.done() for job in jobs):
+            progress(sum(n.size for n in nurseries), cfg.trees * cfg.n_max)
+            time.sleep(0.05)
+        for job in jobs:
+            job.result()
+    trees = tuple(_finish(n) for n in nurseries)
+    accepted = [np.flatnonzero(problem.automaton.distance[tree.q] == 0.0) for tree in trees]
+    pairs = [np.column_stack([np.full(len(v), j), v]) for j, v in enumerate(accepted)]
+    return Forest(trees, np.vstack(pairs).astype(np.int64), time.perf_counter() - began)
+
+
+def _plant(
+    cfg: PlannerConfig, problem: Problem, graph: Product, seed: SeedSequence, *, first: bool, swaps: bool, stop: bool,
+    reselect: bool,
+) -> _Nursery:  # fmt: skip
+    rng = np.random.Generator(np.random.PCG64(seed))
+    draws = rng.random(2)
+    beta = np.zeros(2) if first else draws * [cfg.beta_length * problem.reach, cfg.beta_risk]
+    habits = _habits(cfg, problem, beta, stop, reselect and cfg.near > 0)
+    states, m, atoms = len(problem.automaton.distance), len(problem.tables.obstacles.ptr) - 1, len(problem.atoms)
+    vertices = _vertices(cfg.n_max, atoms, m)
+    groups = habits.columns * habits.rows * states
+    growing = _growing(graph, groups, max(2, cfg.near // 8), atoms, m, cfg.n_max if swaps else 0)
+    x, y = problem.scene.start
+    if not kernel.plant(problem.tables, habits, vertices, growing, x, y, problem.start_variance, rng):
+        raise InfeasibleError(
+            f"the start lies closer to an obstacle than planner.epsilon = {problem.epsilon:g} allows; move it, or lower "
+            "robot.start_sd or raise planner.epsilon"
+        )
+    return _Nursery(vertices, growing, habits, beta, rng)
+
+
+def _habits(cfg: PlannerConfig, problem: Problem, beta: FloatArray, stop: bool, reselect: bool) -> Habits:
+    """Squares of half a step: a parent lies at most two of them away, unless the wind carries it farther."""
+    (west, south), (east, north) = problem.scene.bounds
+    side = max(problem.reach / 2, (east - west) / SQUARES, (north - south) / SQUARES)
+    return Habits(
+        west=float(west), south=float(south), per_metre=1.0 / side,
+        columns=max(1, int(np.ceil((east - west) / side))), rows=max(1, int(np.ceil((north - south) / side))),
+        beta_length=float(beta[0]), beta_risk=float(beta[1]), reselect=reselect, explore=cfg.explore,
+        refresh=cfg.refresh, max_steps=cfg.max_steps, stop_at_first=stop,
+    )  # fmt: skip
+
+
+def _vertices(n: int, atoms: int, m: int) -> Vertices:
+    return Vertices(
+        x=np.empty((n, 2)), drift=np.empty((n, 2)), spread=np.empty((n, 3)), length=np.empty(n),
+        risk=np.empty((n, atoms)), parent=np.empty(n, np.int32), step=np.empty(n, np.int32), q=np.empty(n, np.int32),
+        cell=np.empty(n, np.int32), child=np.empty((n, 2), np.int32), masks=np.empty((n, m), np.uint32),
+    )  # fmt: skip
+
+
+def _growing(graph: Product, groups: int, capacity: int, atoms: int, m: int, swaps: int) -> Growing:
+    states, edges = len(graph.goal), len(graph.head)
+    heap = Heap(np.empty(edges + 1), np.empty(edges + 1, np.int64), np.empty(states), np.empty(states, np.int64))
+    return Growing(
+        root=np.full(states, -1, np.int64), count=np.zeros(states, np.int64), selected=np.zeros(states, np.int64),
+        weight=np.empty(states), lead=np.empty(states, np.int64), heap=heap,
+        kept=np.empty((groups, capacity), np.int64), seen=np.zeros(groups, np.int64),
+        swaps=np.empty((swaps, 2, 2 + atoms)), tally=np.zeros(kernel.TALLIES, np.int64), stack=np.empty((256, 3)),
+        masks=np.zeros((2, m), np.int64), risks=np.zeros((3, atoms)),
+    )  # fmt: skip
+
+
+def _check_lead(problem: Problem, graph: Product, nursery: _Nursery) -> None:
+    """Say at once when the map and the automaton together allow no mission."""
+    from pareto_ltl.kernels.lead import shortest_lead
+
+    v = nursery.vertices
+    start = int(v.q[0]) * len(problem.labels) + int(v.cell[0])
+    if len(shortest_lead(graph, nursery.growing.count, nursery.growing.selected, start)) == 0:
+        raise InfeasibleError(
+            f"no way through the map completes {problem.automaton.formula!r}: a region it needs cannot be reached from the "
+            "start, or the start's own label has already broken the mission; move the start, a region or an obstacle"
+        )
+
+
+def _grow(nursery: _Nursery, problem: Problem, graph: Product, fan: Fans, n_max: int, deadline: float) -> None:
+    """Grow one tree to its end, looking at the clock between chunks."""
+    began = time.perf_counter()
+    iterations, tally = ITERATIONS_PER_VERTEX * n_max, nursery.growing.tally
+    while nursery.size < n_max and tally[kernel.ITERATIONS] < iterations and time.perf_counter() < deadline:
+        limit = min(n_max, nursery.size + CHUNK)
+        until = min(iterations, int(tally[kernel.ITERATIONS]) + CHUNK)
+        kernel.grow(
+            problem.tables, graph, fan, nursery.habits, nursery.vertices, nursery.growing, limit, until, nursery.rng
+        )
+        if tally[kernel.STALLED] or (nursery.habits.stop_at_first and tally[kernel.ACCEPTED]):
+            break
+    nursery.seconds = time.perf_counter() - began
+
+
+def _finish(nursery: _Nursery) -> Tree:
+    v, tally, n = nursery.vertices, nursery.growing.tally, nursery.size
+    return Tree(
+        x=v.x[:n].copy(), parent=v.parent[:n].astype(np.int64), step=v.step[:n].astype(np.int64),
+        q=v.q[:n].astype(np.int64), cell=v.cell[:n].astype(np.int64), length=v.length[:n].copy(),
+        risk=np.maximum(v.risk[:n], 0.0), swaps=nursery.growing.swaps[: tally[kernel.SWAPS]].copy(), beta=nursery.beta,
+        seconds=nursery.seconds,
+        reach={
+            "extensions": float(tally[kernel.ITERATIONS]), "blocked": float(tally[kernel.BLOCKED]),
+            "windbound": float(tally[kernel.WINDBOUND]), "beyond": float(tally[kernel.BEYOND]),
+            "trapped": float(tally[kernel.TRAPPED]), "reselected": float(tally[kernel.SWAPS]),
+        },
+    )  # fmt: skip
+
+
+def explain(cfg: PlannerConfig, problem: Problem, forest: Forest) -> str:
+    """Why no path completes the mission: how far the trees came, and which knob to turn."""
+    distance = problem.automaton.distance
+    best = min(float(distance[tree.q].min()) for tree in forest.trees)
+    states = sorted({int(q) for tree in forest.trees for q in np.unique(tree.q)})
+    causes = {key: sum(tree.reach[key] for tree in forest.trees) for key in ("blocked", "windbound", "beyond", "trapped")}
+    last = problem.horizon * problem.tables.motion.dt / 3600
+    advice = {
+        "blocked": "extensions were too close to obstacles: raise planner.epsilon or move the obstacles",
+        "windbound": "extensions could not make way against the wind: raise robot.u_max",
+        "beyond": f"extensions outlasted the wind data or planner.max_steps ({last:.1f} h): give later wind fields, set "
+        "wind.hold_last=true, or raise planner.max_steps",
+        "trapped": "extensions broke the mission: move the regions it forbids",
+    }  # fmt: skip
+    worst = max(causes, key=lambda key: causes[key])
+    if causes[worst] == 0:
+        knob = f"raise planner.n_max (now {cfg.n_max})"
+    else:
+        knob = f"{causes[worst]:.0f} {advice[worst]}; or raise planner.n_max (now {cfg.n_max})"
+    return (
+        f"no path completes the mission: {sum(map(len, forest.trees))} vertices reached automaton states {states} of "
+        f"{problem.automaton.n_states}, the nearest still {best:.0f} transition(s) from acceptance{_miss(problem, forest)}; {knob}"
+    )
+
+
+def _miss(problem: Problem, forest: Forest) -> str:
+    """How near the most advanced vertices came to a region that would take them on."""
+    from pareto_ltl.kernels.geometry import slack
+
+    logic, cells = problem.tables.logic, problem.tables.cells
+    best = min(float(logic.distance[tree.q].min()) for tree in forest.trees)
+    miss, name = np.inf, ""
+    for tree in forest.trees:
+        for q in np.unique(tree.q[logic.distance[tree.q] == best]):
+            for cell in np.flatnonzero(logic.distance[logic.delta[q, :-1]] < best):
+                points = tree.x[tree.q == q]
+                gaps = np.array([-slack(cells.faces, int(cell), float(x), float(y)) for x, y in points])
+                if gaps.min() < miss:
+                    miss, name = float(gaps.min()), "/".join(sorted(problem.labels[cell]))
+    return f", {max(miss, 0.0) / 1000:.1f} km short of {name or 'open space'}" if np.isfinite(miss) else ""

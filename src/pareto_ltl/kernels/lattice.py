@@ -1,0 +1,100 @@
+"""Wind between the nodes of its lattice: bilinear in space, linear in time."""
+
+from __future__ import annotations
+
+import math
+
+from pareto_ltl.arrays import FloatArray
+from pareto_ltl.kernels.jit import kernel
+from pareto_ltl.kernels.tables import Motion, Wind
+
+# The maximum-trace rule looks at the centre, at eight points of the ball's rim and at four half-way.
+_HALF = math.sqrt(0.5)
+BALL = (
+    (1.0, 0.0), (_HALF, _HALF), (0.0, 1.0), (-_HALF, _HALF), (-1.0, 0.0), (-_HALF, -_HALF), (0.0, -1.0),
+    (_HALF, -_HALF), (0.5, 0.0), (0.0, 0.5), (-0.5, 0.0), (0.0, -0.5),
+)  # fmt: skip
+
+
+@kernel
+def bilinear(table: FloatArray, k: int, gx: float, gy: float) -> tuple[float, float]:
+    """Both components of ``table`` (K, NX, NY, 2) in slot k at lattice coordinates, clamped to the lattice."""
+    nx, ny = table.shape[1], table.shape[2]
+    gx = min(max(gx, 0.0), nx - 1.0)
+    gy = min(max(gy, 0.0), ny - 1.0)
+    i, j = min(int(gx), nx - 2), min(int(gy), ny - 2)
+    fx, fy = gx - i, gy - j
+    a, b, c, d = (1 - fx) * (1 - fy), fx * (1 - fy), (1 - fx) * fy, fx * fy
+    i1, j1 = i + 1, j + 1
+    return (
+        a * table[k, i, j, 0] + b * table[k, i1, j, 0] + c * table[k, i, j1, 0] + d * table[k, i1, j1, 0],
+        a * table[k, i, j, 1] + b * table[k, i1, j, 1] + c * table[k, i, j1, 1] + d * table[k, i1, j1, 1],
+    )
+
+
+@kernel
+def at(table: FloatArray, wind: Wind, step: int, x: float, y: float) -> tuple[float, float]:
+    """``table`` (K, NX, NY, 2) at a position and a step."""
+    gx, gy = (x - wind.west) * wind.per_metre, (y - wind.south) * wind.per_metre
+    k, w = wind.slot[step], wind.weight[step]
+    e, n = bilinear(table, k, gx, gy)
+    if w > 0.0:
+        e1, n1 = bilinear(table, k + 1, gx, gy)
+        e, n = (1 - w) * e + w * e1, (1 - w) * n + w * n1
+    return e, n
+
+
+@kernel
+def gust(wind: Wind, step: int) -> tuple[float, float]:
+    """Variance of the white part at a step."""
+    k, w = wind.slot[step], wind.weight[step]
+    e, n = wind.gust[k, 0], wind.gust[k, 1]
+    if w > 0.0:
+        e, n = (1 - w) * e + w * wind.gust[k + 1, 0], (1 - w) * n + w * wind.gust[k + 1, 1]
+    return e, n
+
+
+@kernel
+def worst_variance(wind: Wind, step: int, x: float, y: float, radius: float) -> tuple[float, float]:
+    """Σ_w at the point of largest trace in the ball B(x, radius), by sampling (Section III)."""
+    best_e, best_n = at(wind.latent, wind, step, x, y)
+    if radius > 0.0:
+        for dx, dy in BALL:
+            e, n = at(wind.latent, wind, step, x + radius * dx, y + radius * dy)
+            if e + n > best_e + best_n:
+                best_e, best_n = e, n
+    gust_e, gust_n = gust(wind, step)
+    return best_e + gust_e, best_n + gust_n
+
+
+@kernel
+def drift(wind: Wind, motion: Motion, step: int, x: float, y: float) -> tuple[float, float]:
+    """Where the robot is expected one step later with its motors off: A x + dt μ(x, t)."""
+    e, n = at(wind.mean, wind, step, x, y)
+    a, dt = motion.a, motion.dt
+    return a[0, 0] * x + a[0, 1] * y + dt * e, a[1, 0] * x + a[1, 1] * y + dt * n
+
+
+@kernel
+def spread(
+    wind: Wind, motion: Motion, step: int, x: float, y: float, cxx: float, cxy: float, cyy: float
+) -> tuple[float, float, float]:
+    """Covariance one step later: A Σ A' + dt² Σ_w(x*), whatever the control."""
+    radius = motion.ball * math.sqrt(0.5 * (cxx + cyy))
+    ve, vn = worst_variance(wind, step, x, y, radius)
+    a, dt2 = motion.a, motion.dt * motion.dt
+    p0, p1 = a[0, 0] * cxx + a[0, 1] * cxy, a[0, 0] * cxy + a[0, 1] * cyy
+    q0, q1 = a[1, 0] * cxx + a[1, 1] * cxy, a[1, 0] * cxy + a[1, 1] * cyy
+    return (
+        p0 * a[0, 0] + p1 * a[0, 1] + dt2 * ve,
+        p0 * a[1, 0] + p1 * a[1, 1],
+        q0 * a[1, 0] + q1 * a[1, 1] + dt2 * vn,
+    )
+
+
+@kernel
+def airspeed(motion: Motion, dx: float, dy: float) -> float:
+    """‖u‖ that moves the drift by (dx, dy) in one step."""
+    b = motion.b_inv
+    ux, uy = (b[0, 0] * dx + b[0, 1] * dy) / motion.dt, (b[1, 0] * dx + b[1, 1] * dy) / motion.dt
+    return math.sqrt(ux * ux + uy * uy)

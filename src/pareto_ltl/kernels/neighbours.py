@@ -1,0 +1,77 @@
+"""Two indexes of vertices, each of bounded cost at a million vertices.
+
+The nearest vertex of a high-level state: one k-d tree a state, grown by insertion; samples come in
+random order, which keeps it about 2 ln n deep. Possible parents: every square of a grid keeps, for each
+automaton state, a uniform sample (reservoir) of the vertices that fell into it.
+"""
+
+from __future__ import annotations
+
+from numpy.random import Generator
+
+from pareto_ltl.arrays import FloatArray, IntArray
+from pareto_ltl.kernels.jit import kernel
+
+
+@kernel
+def kd_insert(x: FloatArray, child: IntArray, root: IntArray, group: int, vertex: int) -> None:
+    """Hang ``vertex`` into the k-d tree of ``group``; ``child`` (N, 2), ``root`` (groups,), -1 is empty."""
+    node = root[group]
+    if node < 0:
+        root[group] = vertex
+        return
+    axis = 0
+    while True:
+        side = 0 if x[vertex, axis] < x[node, axis] else 1
+        if child[node, side] < 0:
+            child[node, side] = vertex
+            return
+        node = child[node, side]
+        axis = 1 - axis
+
+
+@kernel
+def kd_nearest(
+    x: FloatArray, child: IntArray, root: IntArray, group: int, px: float, py: float, stack: FloatArray
+) -> int:
+    """The vertex of ``group`` nearest to a point, -1 where there is none.
+
+    ``stack`` (depth, 3) is scratch: vertex, axis, squared distance to its half plane.
+    """
+    best, best_d = -1, 1e300
+    if root[group] < 0:
+        return best
+    top = 0
+    stack[0, 0], stack[0, 1], stack[0, 2] = root[group], 0.0, 0.0
+    while top >= 0:
+        node, axis, bound = int(stack[top, 0]), int(stack[top, 1]), stack[top, 2]
+        top -= 1
+        if bound >= best_d:
+            continue
+        while node >= 0:
+            dx, dy = px - x[node, 0], py - x[node, 1]
+            d = dx * dx + dy * dy
+            if d < best_d:
+                best, best_d = node, d
+            gap = dx if axis == 0 else dy
+            side = 0 if gap < 0.0 else 1
+            far = child[node, 1 - side]
+            axis = 1 - axis
+            if far >= 0 and gap * gap < best_d and top + 1 < len(stack):
+                top += 1
+                stack[top, 0], stack[top, 1], stack[top, 2] = far, axis, gap * gap
+            node = child[node, side]
+    return best
+
+
+@kernel
+def remember(kept: IntArray, seen: IntArray, square: int, vertex: int, rng: Generator) -> None:
+    """Vitter's algorithm R: ``kept[square]`` stays a uniform sample of all that came."""
+    seen[square] += 1
+    capacity = kept.shape[1]
+    if seen[square] <= capacity:
+        kept[square, seen[square] - 1] = vertex
+    else:
+        place = int(rng.random() * seen[square])
+        if place < capacity:
+            kept[square, place] = vertex
