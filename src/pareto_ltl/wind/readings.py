@@ -1,0 +1,115 @@
+"""Wind readings as a file holds them: checked, but not yet in the plane of a scene."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pareto_ltl.arrays import FloatArray, IntArray
+from pareto_ltl.errors import DataError
+
+
+@dataclass(frozen=True, slots=True)
+class Readings:
+    """Wind at places and times.
+
+    Attributes
+    ----------
+    times : (K,) float
+        Increasing [s since 1970-01-01 UTC].
+    points : tuple of (n_k, 2) float
+        Longitude (-180..180) and latitude [deg], or x and y of a plane [m].
+    winds : tuple of (n_k, 2) float
+        Towards east and north (earth-relative), or towards x and y [m/s].
+    geographic : bool
+        Which of the two frames it is.
+    files : tuple of Path
+        Where they were read.
+    remarks : tuple of K str
+        What the source says about each time, e.g. ``3 h forecast``.
+    origins : tuple of K tuples of Path
+        The files that each time may come from.
+    """
+
+    times: FloatArray
+    points: tuple[FloatArray, ...]
+    winds: tuple[FloatArray, ...]
+    geographic: bool
+    files: tuple[Path, ...]
+    remarks: tuple[str, ...]
+    origins: tuple[tuple[Path, ...], ...]
+
+
+def seconds(text: str) -> float:
+    """Seconds since 1970 of an ISO 8601 time; UTC unless it says otherwise."""
+    stamp = datetime.fromisoformat(text.strip())
+    return (stamp if stamp.tzinfo else stamp.replace(tzinfo=UTC)).timestamp()
+
+
+def iso(time: float) -> str:
+    """ISO 8601 UTC text of ``time`` [s since 1970]."""
+    return datetime.fromtimestamp(time, UTC).isoformat(timespec="seconds").replace("+00:00", "Z")
+
+
+def check(
+    points: FloatArray,
+    winds: FloatArray,
+    geographic: bool,
+    max_speed: float,
+    where: Callable[[int], str],
+) -> None:
+    """Refuse the first reading that cannot be true; ``where(i)`` names row i of the arrays."""
+    bad = _first(~(np.isfinite(points).all(axis=1) & np.isfinite(winds).all(axis=1)))
+    if bad is not None:
+        raise DataError(f"{where(bad)}: expected finite numbers, got NaN or infinity; drop the reading")
+    if geographic:
+        lon, lat = points.T
+        bad = _first((np.abs(lat) > 90) | (lon < -180) | (lon > 360))
+        if bad is not None:
+            raise DataError(
+                f"{where(bad)}: latitude {lat[bad]:g}, longitude {lon[bad]:g} is no place on Earth; "
+                "expected -90..90 and -180..360 [deg]"
+            )
+    speed = np.hypot(winds[:, 0], winds[:, 1])
+    bad = _first(speed > max_speed)
+    if bad is not None:
+        raise DataError(
+            f"{where(bad)}: wind speed {speed[bad]:.1f} m/s is not plausible; "
+            f"drop it, or raise wind.max_speed (now {max_speed:g} m/s)"
+        )
+
+
+def wrap(lon: FloatArray) -> FloatArray:
+    """Longitudes in -180..180 [deg]."""
+    return (lon + 180.0) % 360.0 - 180.0
+
+
+def on_sphere(lonlat: FloatArray) -> FloatArray:
+    """Unit vectors (N, 3) of longitudes and latitudes (N, 2) [deg]; chords order like arcs."""
+    lon, lat = np.deg2rad(lonlat).T
+    return np.stack([np.cos(lat) * np.cos(lon), np.cos(lat) * np.sin(lon), np.sin(lat)], axis=1)
+
+
+def farthest_points(points: FloatArray, count: int, first: int) -> IntArray:
+    """Indices of ``count`` of ``points`` (N, d), each the farthest from all before it (Gonzalez 1985)."""
+    chosen = np.empty(min(count, len(points)), dtype=np.int64)
+    gap = np.full(len(points), np.inf)
+    candidate = first
+    for i in range(len(chosen)):
+        chosen[i] = candidate
+        gap = np.minimum(gap, np.sum((points - points[candidate]) ** 2, axis=1))
+        candidate = int(np.argmax(gap))
+    return chosen
+
+
+def _first(mask: NDArray[np.bool_] | np.bool_) -> int | None:
+    rows = np.flatnonzero(mask)
+    return int(rows[0]) if len(rows) else None
+
+
+__all__ = ["Readings", "check", "farthest_points", "iso", "on_sphere", "seconds", "wrap"]
