@@ -1,0 +1,27 @@
+"""``python -m pareto_ltl`` and the console script ``pareto-ltl``."""
+
+from __future__ import annotations
+
+import sys
+
+
+def main() -> None:
+    """Sub-commands that need no configuration come first; everything else goes to Hydra."""
+    argv = sys.argv[1:]
+    if argv[:1] == ["formula"]:
+        from pareto_ltl.logic.command import main as formula
+
+        sys.exit(formula(argv[1:]))
+    if argv == ["--version"]:
+        from importlib.metadata import version
+
+        print(f"pareto-ltl {version('pareto-ltl')}")
+        sys.exit(0)
+
+    from pareto_ltl.app import main as app
+
+    sys.exit(app(argv))
+
+
+if __name__ == "__main__":
+    main()

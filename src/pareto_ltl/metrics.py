@@ -1,0 +1,84 @@
+"""Every number of a run in one flat table, for ``metrics.json`` and the summary on the screen."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from pareto_ltl.records import Deployment, Forest, Front, Plan, WindField
+
+
+def metrics(records: Mapping[str, Any], seconds: Mapping[str, float]) -> dict[str, float]:
+    """Numbers from whatever records there are; ``completed`` says whether a plan is among them."""
+    table: dict[str, float] = {"completed": float("plan" in records)}
+    for name, count in COUNTERS.items():
+        if name in records:
+            table |= count(records[name])
+    table |= {f"seconds_{name}": spent for name, spent in seconds.items()}
+    table["run_seconds"] = math.fsum(seconds.values())
+    table["memory_mib"] = _peak_memory()
+    return table
+
+
+def _wind(wind: WindField) -> dict[str, float]:
+    return {name: float(value) for name, value in sorted(wind.score.items())}
+
+
+def _forest(forest: Forest) -> dict[str, float]:
+    nodes = sum(len(tree) for tree in forest.trees)
+    return {
+        "trees": len(forest.trees),
+        "nodes": nodes,
+        "accepted_nodes": len(forest.accepted),
+        "growth_seconds": forest.seconds,
+        "nodes_per_second": nodes / forest.seconds if forest.seconds > 0 else math.nan,
+    }
+
+
+def _front(front: Front) -> dict[str, float]:
+    table: dict[str, float] = {"front_size": len(front.paths), "hypervolume": front.hypervolume}
+    if front.raw and front.paths:
+        table |= {
+            "front_size_raw": len(front.raw),
+            "shortest_raw_m": min(o.length for o in front.raw),
+            "shortest_m": min(path.objectives.length for path in front.paths),
+            "safest_raw": min(o.mission_risk_paper for o in front.raw),
+            "safest": min(path.objectives.mission_risk_paper for path in front.paths),
+        }
+    return table
+
+
+def _plan(plan: Plan) -> dict[str, float]:
+    o = plan.path.objectives
+    return {
+        "length_m": o.length,
+        "mission_risk_paper": o.mission_risk_paper,
+        "mission_risk": o.mission_risk,
+        "collision_risk": o.collision_risk,
+        "steps": len(plan.path.u),
+        "duration_s": float(plan.path.t[-1] - plan.path.t[0]),
+    }
+
+
+def _deployments(deployments: Mapping[str, Deployment]) -> dict[str, float]:
+    from pareto_ltl.deployment import rates
+
+    return {name: rate for flights in deployments.values() for name, rate in rates(flights).items()}
+
+
+def _peak_memory() -> float:
+    """Largest memory this process has held [MiB]."""
+    import resource
+
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024  # kibibytes on Linux
+
+
+COUNTERS: dict[str, Callable[[Any], dict[str, float]]] = {
+    "wind": _wind,
+    "forest": _forest,
+    "front": _front,
+    "plan": _plan,
+    "deployment": _deployments,
+}

@@ -1,0 +1,222 @@
+"""The stages by name: the only place that knows which function of which room makes what.
+
+A stage's parameters name what it needs: a record that an earlier stage made (``scene``, ``forest``), a
+section of the settings (``planner_cfg`` is ``settings.planner``), all ``settings``, ``seeds`` (a
+``SeedSequence`` of its own), ``progress`` (to call with done and total) or ``directory`` (of the results).
+A parameter with a default may be absent. An ingredient is made when a stage first needs it, and so is
+never listed. Rooms are imported inside, so that a configuration error does not wait for them.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Mapping
+from glob import glob
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pareto_ltl import resources
+from pareto_ltl.errors import InfeasibleError
+
+if TYPE_CHECKING:
+    from numpy.random import SeedSequence
+
+    from pareto_ltl.config import (
+        DeploymentConfig,
+        IngestConfig,
+        LogicConfig,
+        MissionConfig,
+        PlannerConfig,
+        ReportConfig,
+        SceneConfig,
+        SelectionConfig,
+        Settings,
+        SmoothingConfig,
+        WindConfig,
+    )
+    from pareto_ltl.logic import Automaton
+    from pareto_ltl.problem import Problem
+    from pareto_ltl.records import (
+        Decomposition,
+        Deployment,
+        Forest,
+        Front,
+        Plan,
+        Scene,
+        WindField,
+        WindObservations,
+    )
+
+log = logging.getLogger(__name__)
+
+Progress = Callable[[int, int], None]
+STAGES: dict[str, Callable[..., Any]] = {}
+INGREDIENTS: dict[str, Callable[..., Any]] = {}
+
+
+def stage(make: Callable[..., Any]) -> Callable[..., Any]:
+    STAGES[make.__name__] = make
+    return make
+
+
+def ingredient(make: Callable[..., Any]) -> Callable[..., Any]:
+    INGREDIENTS[make.__name__] = make
+    return make
+
+
+@ingredient
+def scene(scene_cfg: SceneConfig, mission_cfg: MissionConfig, wind_cfg: WindConfig) -> Scene:
+    from pareto_ltl.scene import read_scene
+    from pareto_ltl.wind.sources import first_time
+
+    return read_scene(scene_cfg, mission_cfg.start_time or first_time(wind_cfg))
+
+
+@stage
+def observations(wind_cfg: WindConfig, scene: Scene) -> WindObservations:
+    from pareto_ltl.wind import sources
+
+    return sources.observations(wind_cfg, scene)
+
+
+@stage
+def wind(settings: Settings, wind_cfg: WindConfig, observations: WindObservations, scene: Scene) -> WindField:
+    from pareto_ltl.wind import field
+
+    horizon = settings.planner.max_steps * settings.robot.dt
+    return field.wind(wind_cfg, observations, scene, horizon)
+
+
+@stage
+def decomposition(scene: Scene) -> Decomposition:
+    from pareto_ltl import workspace
+
+    return workspace.decompose(scene)
+
+
+@stage
+def automaton(
+    mission_cfg: MissionConfig, logic_cfg: LogicConfig, scene: Scene, decomposition: Decomposition
+) -> Automaton:
+    """Over the letters that cells show, and the empty one of a flight that leaves the map."""
+    from pareto_ltl import workspace
+    from pareto_ltl.logic.mission import automaton_of
+
+    letters = {*decomposition.letters, frozenset[str]()}
+    result = automaton_of(mission_cfg, letters, logic_cfg.max_states, scene.regions)
+    if cut_off := workspace.check_mission(decomposition, scene, result.atoms):
+        log.warning("no way on the map leads from the start to %s", ", ".join(cut_off))
+    return result
+
+
+@ingredient
+def problem(
+    settings: Settings,
+    scene: Scene,
+    wind: WindField,
+    decomposition: Decomposition,
+    automaton: Automaton,
+) -> Problem:
+    from pareto_ltl.problem import build
+
+    robot, planner, wind_cfg = settings.robot, settings.planner, settings.wind
+    return build(robot, planner, wind_cfg, scene, wind, decomposition, automaton)
+
+
+@stage
+def forest(planner_cfg: PlannerConfig, problem: Problem, seeds: SeedSequence, progress: Progress) -> Forest:
+    from pareto_ltl import growth
+
+    return growth.forest(planner_cfg, problem, seeds, progress)
+
+
+@stage
+def front(
+    planner_cfg: PlannerConfig,
+    smoothing_cfg: SmoothingConfig,
+    problem: Problem,
+    forest: Forest,
+    progress: Progress,
+) -> Front:
+    from pareto_ltl import growth, selection
+
+    if not len(forest.accepted):
+        raise InfeasibleError(growth.explain(planner_cfg, problem, forest))
+    raw = selection.tree_front(problem, forest)
+    if not smoothing_cfg.enabled:
+        return selection.front((), raw)
+    from pareto_ltl.smoothing import smooth
+
+    return selection.front(smooth(smoothing_cfg, problem, raw, progress), raw)
+
+
+@stage
+def plan(settings: Settings, selection_cfg: SelectionConfig, problem: Problem, front: Front) -> Plan:
+    from pareto_ltl.records import Plan
+    from pareto_ltl.selection import choose
+
+    return Plan(
+        path=choose(selection_cfg, front),
+        formula=problem.automaton.formula,
+        atoms=tuple(problem.atoms),
+        dt=settings.robot.dt,
+        u_max=settings.robot.u_max,
+        epsilon=settings.planner.epsilon,
+        fidelity=settings.fidelity,
+        rule=selection_cfg.rule,
+        weights=tuple(selection_cfg.weights),
+    )
+
+
+@stage
+def deployment(
+    deployment_cfg: DeploymentConfig, problem: Problem, plan: Plan, seeds: SeedSequence
+) -> Mapping[str, Deployment]:
+    from pareto_ltl.deployment import deploy
+
+    return deploy(deployment_cfg, problem, plan, seeds)
+
+
+@stage
+def report(
+    report_cfg: ReportConfig,
+    directory: Path,
+    scene: Scene,
+    decomposition: Decomposition,
+    wind: WindField,
+    forest: Forest | None = None,
+    front: Front | None = None,
+    plan: Plan | None = None,
+    deployment: Mapping[str, Deployment] | None = None,
+) -> tuple[Path, ...]:
+    """Pictures of what there is: a mission that failed shows how far its trees came."""
+    if not report_cfg.figures:
+        return ()
+    from pareto_ltl.report.figures import draw
+
+    folder = directory / "figures"
+    return draw(folder, report_cfg, scene, decomposition, wind, forest, front, plan, deployment)
+
+
+@stage
+def table(wind_cfg: WindConfig, ingest_cfg: IngestConfig) -> Path:
+    """The wind table of ``pipelines=ingest``; its path counts from the current folder."""
+    from pareto_ltl.wind.sources import ingest
+
+    return ingest(wind_cfg, ingest_cfg, Path(ingest_cfg.out))
+
+
+def input_files(settings: Settings) -> list[Path]:
+    """The files this run may read, for its records."""
+    if settings.wind.source == "sample":
+        winds = resources.packaged_data()
+    else:
+        winds = matching(settings.wind.path) if settings.wind.path else []
+    return matching(settings.scene.file) + winds if settings.scene.file else winds
+
+
+def matching(name: str) -> list[Path]:
+    """The files that a setting names: one file, all of a folder, or a pattern."""
+    path = Path(name).expanduser()
+    found = path.iterdir() if path.is_dir() else [Path(match) for match in glob(str(path))]
+    return sorted(file for file in found if file.is_file())

@@ -1,0 +1,24 @@
+"""What all tests share: no deadline on compiled code, the same examples every time, a cache of their own."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+
+import pytest
+from hypothesis import settings
+
+settings.register_profile("house", deadline=None, derandomize=True, database=None)
+settings.load_profile("house")
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _own_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Keep test fits out of the user's cache."""
+    before = os.environ.get("PARETO_LTL_CACHE")
+    os.environ["PARETO_LTL_CACHE"] = str(tmp_path_factory.mktemp("cache"))
+    yield
+    if before is None:
+        del os.environ["PARETO_LTL_CACHE"]
+    else:
+        os.environ["PARETO_LTL_CACHE"] = before

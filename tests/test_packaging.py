@@ -1,0 +1,125 @@
+"""What travels with the code, and what the code was pinned to."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+import tomllib
+from importlib.metadata import entry_points
+from pathlib import Path
+
+import pytest
+import yaml
+
+import pareto_ltl
+from pareto_ltl import provenance, resources
+from pareto_ltl.config import Settings, as_dict
+
+ROOT = Path(__file__).resolve().parents[1]
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
+LOCK = (ROOT / "requirements.lock").read_text()
+
+
+def test_a_checkout_finds_its_own_folders() -> None:
+    assert resources.checkout() == ROOT
+    assert resources.folder("conf") == ROOT / "conf"
+    assert resources.folder("pipelines") == ROOT / "pipelines"
+
+
+def test_a_wheel_finds_the_folders_inside_the_package(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    site = tmp_path / "lib" / "site-packages"
+    package = site / "pareto_ltl"
+    (package / "conf" / "wind").mkdir(parents=True)
+    (package / "conf" / "wind" / "calm.yaml").touch()
+    (tmp_path / "lib" / "conf").mkdir()  # somebody else's
+    (tmp_path / "lib" / "pyproject.toml").touch()
+    monkeypatch.setattr(resources, "PACKAGE", package)
+    assert resources.checkout() is None
+    assert resources.folder("conf") == package / "conf"
+    assert resources.choices("wind") == ["calm"]
+
+
+def test_the_wheel_carries_configuration_and_pipelines() -> None:
+    forced = PROJECT["tool"]["hatch"]["build"]["targets"]["wheel"]["force-include"]
+    assert forced == {"conf": "pareto_ltl/conf", "pipelines": "pareto_ltl/pipelines"}
+
+
+def test_the_source_archive_names_only_what_is_there() -> None:
+    for name in PROJECT["tool"]["hatch"]["build"]["targets"]["sdist"]["include"]:
+        assert (ROOT / name).exists(), name
+
+
+def test_the_console_script_leads_to_the_program() -> None:
+    (script,) = (e for e in entry_points(group="console_scripts") if e.name == "pareto-ltl")
+    assert script.value == "pareto_ltl.__main__:main"
+    assert callable(script.load())
+
+
+def test_version_is_that_of_the_project() -> None:
+    done = subprocess.run(
+        [sys.executable, "-m", "pareto_ltl", "--version"], capture_output=True, text=True, check=True
+    )
+    assert done.stdout == f"pareto-ltl {PROJECT['project']['version']}\n"
+    assert PROJECT["project"]["version"] == pareto_ltl.__version__
+
+
+def test_the_lock_pins_every_dependency_by_hash() -> None:
+    pins = set(re.findall(r"^([a-z0-9._-]+)==", LOCK, re.M))
+    groups = [PROJECT["project"]["dependencies"], *PROJECT["project"]["optional-dependencies"].values()]
+    for requirement in (requirement for group in groups for requirement in group):
+        name = re.match(r"[A-Za-z0-9._-]+", requirement)
+        assert name is not None
+        assert re.sub(r"[._-]+", "-", name[0]).lower() in pins, requirement
+    blocks = re.split(r"^(?=\S)", LOCK, flags=re.M)[1:]
+    assert len(blocks) == len(re.findall(r"^[a-z0-9._-]+==", LOCK, re.M))
+    assert all("--hash=sha256:" in block for block in blocks)
+
+
+def test_the_lock_holds_no_address_and_no_path() -> None:
+    assert not re.search(r"://|--index|--find-links|file:|\s/|\.\./", LOCK)
+
+
+# --- provenance ------------------------------------------------------------------------------
+
+
+def test_settings_come_back_from_their_yaml(tmp_path: Path) -> None:
+    settings = Settings(seed=3)
+    settings.scene.regions = {"a": [[0.0, 0.0], [1.5, 0.0], [0.0, 1e-7]]}
+    settings.mission.formula = "F(a & F b) | !c U a"
+    provenance.write_settings(tmp_path, settings)
+    assert yaml.safe_load((tmp_path / "config_resolved.yaml").read_text()) == as_dict(settings)
+
+
+def test_any_setting_changes_the_fingerprint() -> None:
+    one, two, three = Settings(), Settings(seed=1), Settings()
+    three.planner.epsilon = 0.04
+    prints = [provenance.config_hash(s) for s in (one, two, three)]
+    assert len(set(prints)) == 3
+    assert provenance.config_hash(Settings()) == prints[0]
+
+
+def test_files_are_known_by_their_content(tmp_path: Path) -> None:
+    path = tmp_path / "wind.csv"
+    path.write_bytes(b"abc")  # the example of FIPS 180-2
+    digest = "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad"
+    assert provenance.file_hashes([path]) == {str(path): digest}
+
+
+def test_a_commit_is_told_with_whether_files_changed(tmp_path: Path) -> None:
+    assert provenance.git_state(None) is None
+    assert provenance.git_state(tmp_path) is None
+    git = ["git", "-C", str(tmp_path), "-c", "user.name=n", "-c", "user.email=e@example.org"]
+    subprocess.run([*git, "init", "-q"], check=True)
+    assert provenance.git_state(tmp_path) is None  # no commit yet
+    subprocess.run([*git, "commit", "-q", "--allow-empty", "-m", "first"], check=True)
+    state = provenance.git_state(tmp_path)
+    assert state is not None
+    assert re.fullmatch("[0-9a-f]{40}", state["commit"])
+    assert state["changed"] is False
+    (tmp_path / "new").touch()
+    changed = provenance.git_state(tmp_path)
+    assert changed is not None
+    assert changed["changed"] is True
