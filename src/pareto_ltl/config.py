@@ -51,7 +51,7 @@ def _matrix(key: str, value: list[list[float]]) -> None:
 
 @dataclass
 class SceneConfig:
-    """The map. Coordinates are in units of ``unit`` metres; with ``centre`` the plane touches the Earth there."""
+    """The map, in units of ``unit`` metres; with ``centre`` the plane touches the Earth there."""
 
     name: str = "scene"
     file: str | None = None  # GeoJSON (degrees) or scene.json (metres) instead of the keys below
@@ -74,6 +74,11 @@ class SceneConfig:
 class MissionConfig:
     formula: str = ""
     start_time: str | None = None  # departure, ISO 8601 UTC; default: the first wind time
+    pattern: str | None = None  # instead of the formula: sequence, coverage, ... (logic/patterns.py)
+    goals: list[str] = field(default_factory=list)  # of the pattern: regions or formulas
+    avoid: list[str] = field(default_factory=list)  # regions that the pattern keeps out of
+    order: list[list[str]] = field(default_factory=list)  # pairs [first, then] of the pattern
+    automaton: str | None = None  # instead of the formula: a file in HOA format
 
 
 @dataclass
@@ -140,7 +145,7 @@ class PlannerConfig:
     n_max: int = 2500  # vertices a tree
     epsilon: float = 0.05  # collision probability allowed at a step, shared equally by the obstacles
     max_steps: int = 200  # longest path
-    near: int = 32  # parents tried for a new vertex, at most
+    near: int = 64  # parents tried for a new vertex, at most
     beta_risk: float = 0.05  # slack of Eq. (11) is drawn below this for risks
     beta_length: float = 1.0  # ... and below this many full steps for length
     explore: float = 0.1  # probability of a target beyond the next cell of the lead
@@ -168,7 +173,7 @@ class SmoothingConfig:
     enabled: bool = True
     candidates: int = 6  # front paths smoothed, at most
     rounds: int = 3
-    weights: list[float] = field(default_factory=lambda: [0.0, 1.0, 10.0, 100.0])  # risk against length
+    weights: list[float] = field(default_factory=lambda: [1.0, 10.0, 100.0])  # risk against length
     trust: float = 1.0  # trust region in full steps
 
     def __post_init__(self) -> None:
@@ -184,7 +189,9 @@ class SmoothingConfig:
 @dataclass
 class SelectionConfig:
     rule: str = "priority"
-    weights: list[float] = field(default_factory=lambda: [0.5, 0.25, 0.25])  # mission risk, collision risk, length
+    weights: list[float] = field(
+        default_factory=lambda: [0.5, 0.25, 0.25]
+    )  # mission risk, collision risk, length
     alpha: float = 0.05  # largest risk for rule=threshold
 
     def __post_init__(self) -> None:

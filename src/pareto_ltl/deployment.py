@@ -25,7 +25,9 @@ BLOCK = 250  # runs that share a generator, whatever the number of threads
 Law = Callable[[Problem, FloatArray, FloatArray, Generator], tuple[BoolArray, BoolArray]]
 
 
-def independent(problem: Problem, u: FloatArray, x: FloatArray, rng: Generator) -> tuple[BoolArray, BoolArray]:
+def independent(
+    problem: Problem, u: FloatArray, x: FloatArray, rng: Generator
+) -> tuple[BoolArray, BoolArray]:
     """The paper's law: every step draws its wind anew, w ~ N(μ, Σ_w). Fills ``x`` (n, T+1, 2)."""
     draws = rng.standard_normal((len(u), len(x), 2))
     accepted, collided = np.empty(len(x), bool), np.empty(len(x), bool)
@@ -61,7 +63,10 @@ def fly(problem: Problem, u: FloatArray, runs: int, law: str, seed: SeedSequence
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         outcomes = list(pool.map(one, blocks, rngs))
     return Deployment(
-        law, x, np.concatenate([accepted for accepted, _ in outcomes]), np.concatenate([hit for _, hit in outcomes])
+        law,
+        x,
+        np.concatenate([accepted for accepted, _ in outcomes]),
+        np.concatenate([hit for _, hit in outcomes]),
     )
 
 

@@ -77,14 +77,24 @@ def forest(
     InfeasibleError
         Where the start violates Eq. (9) already, or no sequence of cells completes the mission.
     """
-    began = time.perf_counter()
     decomposition = problem.decomposition
     graph, fan = product(decomposition, problem.tables.logic, problem.scene.bounds), fans(decomposition)
     nurseries = [
-        _plant(cfg, problem, graph, child, first=(j == 0), swaps=record_swaps, stop=stop_at_first, reselect=reselect)
+        _plant(
+            cfg,
+            problem,
+            graph,
+            child,
+            first=(j == 0),
+            swaps=record_swaps,
+            stop=stop_at_first,
+            reselect=reselect,
+        )
         for j, child in enumerate(seeds.spawn(cfg.trees))
     ]
     _check_lead(problem, graph, nurseries[0])
+    _call(nurseries[0], problem, graph, fan, 0, 0)  # machine code is loaded here, not on the clock
+    began = time.perf_counter()
     threads = min(cfg.trees, cfg.threads or os.cpu_count() or 1)
     deadline = began + cfg.max_seconds
     with ThreadPoolExecutor(threads) as pool:
@@ -101,22 +111,26 @@ def forest(
 
 
 def _plant(
-    cfg: PlannerConfig, problem: Problem, graph: Product, seed: SeedSequence, *, first: bool, swaps: bool, stop: bool,
-    reselect: bool,
+    cfg: PlannerConfig, problem: Problem, graph: Product, seed: SeedSequence, first: bool, swaps: bool,
+    stop: bool, reselect: bool,
 ) -> _Nursery:  # fmt: skip
     rng = np.random.Generator(np.random.PCG64(seed))
     draws = rng.random(2)
     beta = np.zeros(2) if first else draws * [cfg.beta_length * problem.reach, cfg.beta_risk]
     habits = _habits(cfg, problem, beta, stop, reselect and cfg.near > 0)
-    states, m, atoms = len(problem.automaton.distance), len(problem.tables.obstacles.ptr) - 1, len(problem.atoms)
+    states, m, atoms = (
+        len(problem.automaton.distance),
+        len(problem.tables.obstacles.ptr) - 1,
+        len(problem.atoms),
+    )
     vertices = _vertices(cfg.n_max, atoms, m)
     groups = habits.columns * habits.rows * states
     growing = _growing(graph, groups, max(2, cfg.near // 8), atoms, m, cfg.n_max if swaps else 0)
     x, y = problem.scene.start
     if not kernel.plant(problem.tables, habits, vertices, growing, x, y, problem.start_variance, rng):
         raise InfeasibleError(
-            f"the start lies closer to an obstacle than planner.epsilon = {problem.epsilon:g} allows; move it, or lower "
-            "robot.start_sd or raise planner.epsilon"
+            f"the start lies closer to an obstacle than planner.epsilon = {problem.epsilon:g} allows; move "
+            "it, lower robot.start_sd or raise planner.epsilon"
         )
     return _Nursery(vertices, growing, habits, beta, rng)
 
@@ -136,19 +150,24 @@ def _habits(cfg: PlannerConfig, problem: Problem, beta: FloatArray, stop: bool, 
 def _vertices(n: int, atoms: int, m: int) -> Vertices:
     return Vertices(
         x=np.empty((n, 2)), drift=np.empty((n, 2)), spread=np.empty((n, 3)), length=np.empty(n),
-        risk=np.empty((n, atoms)), parent=np.empty(n, np.int32), step=np.empty(n, np.int32), q=np.empty(n, np.int32),
-        cell=np.empty(n, np.int32), child=np.empty((n, 2), np.int32), masks=np.empty((n, m), np.uint32),
+        risk=np.empty((n, atoms)), parent=np.empty(n, np.int32), step=np.empty(n, np.int32),
+        q=np.empty(n, np.int32), cell=np.empty(n, np.int32), child=np.empty((n, 2), np.int32),
+        masks=np.empty((n, m), np.uint32),
     )  # fmt: skip
 
 
 def _growing(graph: Product, groups: int, capacity: int, atoms: int, m: int, swaps: int) -> Growing:
     states, edges = len(graph.goal), len(graph.head)
-    heap = Heap(np.empty(edges + 1), np.empty(edges + 1, np.int64), np.empty(states), np.empty(states, np.int64))
+    heap = Heap(
+        np.empty(edges + 1), np.empty(edges + 1, np.int64), np.empty(states), np.empty(states, np.int64)
+    )
     return Growing(
-        root=np.full(states, -1, np.int64), count=np.zeros(states, np.int64), selected=np.zeros(states, np.int64),
+        root=np.full(states, -1, np.int64), members=np.zeros(states, np.int64),
+        selected=np.zeros(states, np.int64),
         weight=np.empty(states), lead=np.empty(states, np.int64), heap=heap,
         kept=np.empty((groups, capacity), np.int64), seen=np.zeros(groups, np.int64),
-        swaps=np.empty((swaps, 2, 2 + atoms)), tally=np.zeros(kernel.TALLIES, np.int64), stack=np.empty((256, 3)),
+        swaps=np.empty((swaps, 2, 2 + atoms)), tally=np.zeros(kernel.TALLIES, np.int64),
+        stack=np.empty((256, 3)),
         masks=np.zeros((2, m), np.int64), risks=np.zeros((3, atoms)),
     )  # fmt: skip
 
@@ -159,26 +178,32 @@ def _check_lead(problem: Problem, graph: Product, nursery: _Nursery) -> None:
 
     v = nursery.vertices
     start = int(v.q[0]) * len(problem.labels) + int(v.cell[0])
-    if len(shortest_lead(graph, nursery.growing.count, nursery.growing.selected, start)) == 0:
+    if len(shortest_lead(graph, nursery.growing.members, nursery.growing.selected, start)) == 0:
         raise InfeasibleError(
-            f"no way through the map completes {problem.automaton.formula!r}: a region it needs cannot be reached from the "
-            "start, or the start's own label has already broken the mission; move the start, a region or an obstacle"
+            f"no way through the map completes {problem.automaton.formula!r}: a region it needs cannot be "
+            "reached from the start, or the start's own label breaks the mission at once; move the start, a "
+            "region or an obstacle"
         )
 
 
-def _grow(nursery: _Nursery, problem: Problem, graph: Product, fan: Fans, n_max: int, deadline: float) -> None:
+def _grow(
+    nursery: _Nursery, problem: Problem, graph: Product, fan: Fans, n_max: int, deadline: float
+) -> None:
     """Grow one tree to its end, looking at the clock between chunks."""
     began = time.perf_counter()
     iterations, tally = ITERATIONS_PER_VERTEX * n_max, nursery.growing.tally
     while nursery.size < n_max and tally[kernel.ITERATIONS] < iterations and time.perf_counter() < deadline:
         limit = min(n_max, nursery.size + CHUNK)
         until = min(iterations, int(tally[kernel.ITERATIONS]) + CHUNK)
-        kernel.grow(
-            problem.tables, graph, fan, nursery.habits, nursery.vertices, nursery.growing, limit, until, nursery.rng
-        )
+        _call(nursery, problem, graph, fan, limit, until)
         if tally[kernel.STALLED] or (nursery.habits.stop_at_first and tally[kernel.ACCEPTED]):
             break
     nursery.seconds = time.perf_counter() - began
+
+
+def _call(nursery: _Nursery, problem: Problem, graph: Product, fan: Fans, limit: int, until: int) -> None:
+    n = nursery
+    kernel.grow(problem.tables, graph, fan, n.habits, n.vertices, n.growing, limit, until, n.rng)
 
 
 def _finish(nursery: _Nursery) -> Tree:
@@ -186,8 +211,8 @@ def _finish(nursery: _Nursery) -> Tree:
     return Tree(
         x=v.x[:n].copy(), parent=v.parent[:n].astype(np.int64), step=v.step[:n].astype(np.int64),
         q=v.q[:n].astype(np.int64), cell=v.cell[:n].astype(np.int64), length=v.length[:n].copy(),
-        risk=np.maximum(v.risk[:n], 0.0), swaps=nursery.growing.swaps[: tally[kernel.SWAPS]].copy(), beta=nursery.beta,
-        seconds=nursery.seconds,
+        risk=np.maximum(v.risk[:n], 0.0), swaps=nursery.growing.swaps[: tally[kernel.SWAPS]].copy(),
+        beta=nursery.beta, seconds=nursery.seconds,
         reach={
             "extensions": float(tally[kernel.ITERATIONS]), "blocked": float(tally[kernel.BLOCKED]),
             "windbound": float(tally[kernel.WINDBOUND]), "beyond": float(tally[kernel.BEYOND]),
@@ -196,29 +221,37 @@ def _finish(nursery: _Nursery) -> Tree:
     )  # fmt: skip
 
 
+CAUSES = ("blocked", "windbound", "beyond", "trapped")
+
+
 def explain(cfg: PlannerConfig, problem: Problem, forest: Forest) -> str:
     """Why no path completes the mission: how far the trees came, and which knob to turn."""
     distance = problem.automaton.distance
     best = min(float(distance[tree.q].min()) for tree in forest.trees)
     states = sorted({int(q) for tree in forest.trees for q in np.unique(tree.q)})
-    causes = {key: sum(tree.reach[key] for tree in forest.trees) for key in ("blocked", "windbound", "beyond", "trapped")}
-    last = problem.horizon * problem.tables.motion.dt / 3600
-    advice = {
-        "blocked": "extensions were too close to obstacles: raise planner.epsilon or move the obstacles",
-        "windbound": "extensions could not make way against the wind: raise robot.u_max",
-        "beyond": f"extensions outlasted the wind data or planner.max_steps ({last:.1f} h): give later wind fields, set "
-        "wind.hold_last=true, or raise planner.max_steps",
-        "trapped": "extensions broke the mission: move the regions it forbids",
-    }  # fmt: skip
-    worst = max(causes, key=lambda key: causes[key])
-    if causes[worst] == 0:
-        knob = f"raise planner.n_max (now {cfg.n_max})"
-    else:
-        knob = f"{causes[worst]:.0f} {advice[worst]}; or raise planner.n_max (now {cfg.n_max})"
     return (
-        f"no path completes the mission: {sum(map(len, forest.trees))} vertices reached automaton states {states} of "
-        f"{problem.automaton.n_states}, the nearest still {best:.0f} transition(s) from acceptance{_miss(problem, forest)}; {knob}"
+        f"no path completes the mission: {sum(map(len, forest.trees))} vertices reached automaton states "
+        f"{states} of {problem.automaton.n_states}, the nearest still {best:.0f} transition(s) from "
+        f"acceptance{_miss(problem, forest)}; {_knob(cfg, problem, forest)}"
     )
+
+
+def _knob(cfg: PlannerConfig, problem: Problem, forest: Forest) -> str:
+    """What most extensions failed of, and the setting that changes it."""
+    counts = {cause: sum(tree.reach[cause] for tree in forest.trees) for cause in CAUSES}
+    worst = max(counts, key=lambda cause: counts[cause])
+    more = f"raise planner.n_max (now {cfg.n_max})"
+    if counts[worst] == 0:
+        return more
+    end = problem.horizon * problem.tables.motion.dt / 3600
+    advice = {
+        "blocked": "came too close to obstacles: raise planner.epsilon or move the obstacles",
+        "windbound": "could not make way against the wind: raise robot.u_max",
+        "beyond": f"outlasted the wind data or planner.max_steps ({end:.1f} h): give later wind fields, "
+        "set wind.hold_last=true, or raise planner.max_steps",
+        "trapped": "broke the mission: move the regions that it forbids",
+    }
+    return f"{counts[worst]:.0f} extensions {advice[worst]}; or {more}"
 
 
 def _miss(problem: Problem, forest: Forest) -> str:
@@ -230,9 +263,9 @@ def _miss(problem: Problem, forest: Forest) -> str:
     miss, name = np.inf, ""
     for tree in forest.trees:
         for q in np.unique(tree.q[logic.distance[tree.q] == best]):
+            points = tree.x[tree.q == q]
             for cell in np.flatnonzero(logic.distance[logic.delta[q, :-1]] < best):
-                points = tree.x[tree.q == q]
-                gaps = np.array([-slack(cells.faces, int(cell), float(x), float(y)) for x, y in points])
+                gaps = np.array([-slack(cells.faces, int(cell), x, y) for x, y in points])
                 if gaps.min() < miss:
                     miss, name = float(gaps.min()), "/".join(sorted(problem.labels[cell]))
     return f", {max(miss, 0.0) / 1000:.1f} km short of {name or 'open space'}" if np.isfinite(miss) else ""

@@ -14,23 +14,15 @@ from pareto_ltl.kernels.lead import Product
 from pareto_ltl.kernels.tables import Logic
 from pareto_ltl.kernels.tree import Fans
 from pareto_ltl.records import Decomposition
-
-
-def area_and_centroid(polygon: FloatArray) -> tuple[float, FloatArray]:
-    """Area [m²] and centroid [m] of a simple counter-clockwise polygon (shoelace)."""
-    origin = polygon[0]
-    p = polygon - origin  # coordinates far from zero would cost digits
-    q = np.roll(p, -1, axis=0)
-    cross = p[:, 0] * q[:, 1] - q[:, 0] * p[:, 1]
-    area = float(cross.sum() / 2)
-    return area, origin + (p + q).T @ cross / (6 * area)
+from pareto_ltl.workspace import graph
 
 
 def product(decomposition: Decomposition, logic: Logic, bounds: FloatArray) -> Product:
     """The product graph as arrays for Dijkstra."""
     cells, states = len(decomposition.cells), len(logic.distance)
-    shapes = [area_and_centroid(cell) for cell in decomposition.cells]
-    area, centre = np.array([a for a, _ in shapes]), np.array([c for _, c in shapes])
+    nodes = graph(decomposition).nodes
+    area = np.array([nodes[c]["area"] for c in range(cells)])
+    centre = np.array([nodes[c]["centroid"] for c in range(cells)])
     diagonal = float(np.linalg.norm(bounds[1] - bounds[0]))
     rows = _edges(decomposition.doors, logic, cells)
     tail, head = rows[:, 0], rows[:, 1]
@@ -48,7 +40,9 @@ def product(decomposition: Decomposition, logic: Logic, bounds: FloatArray) -> P
 
 def _edges(doors: IntArray, logic: Logic, cells: int) -> IntArray:
     """Rows (z, z') sorted by z."""
-    both = np.vstack([doors.reshape(-1, 2), doors.reshape(-1, 2)[:, ::-1], np.repeat(np.arange(cells), 2).reshape(-1, 2)])
+    both = np.vstack(
+        [doors.reshape(-1, 2), doors.reshape(-1, 2)[:, ::-1], np.repeat(np.arange(cells), 2).reshape(-1, 2)]
+    )
     found = []
     for q in np.flatnonzero(np.isfinite(logic.distance)):
         then = logic.delta[q, both[:, 1]]

@@ -18,8 +18,9 @@ from pareto_ltl.errors import DataError, InfeasibleError
 from pareto_ltl.kernels import tables as kt
 from pareto_ltl.logic.automaton import Automaton
 from pareto_ltl.records import Decomposition, Objectives, Path, Scene, WindField
+from pareto_ltl.workspace import half_planes, locator
 
-BUCKETS = 64
+__all__ = ["FAULTS", "Problem", "accepted", "build", "evaluate", "half_planes"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,19 +58,13 @@ class Problem:
         """Cell of each row of ``points`` (P, 2); -1 in an obstacle or off the map."""
         from pareto_ltl.kernels.geometry import locate_many
 
-        return locate_many(self.tables.cells, np.ascontiguousarray(points))
+        cells: IntArray = locate_many(self.tables.cells, np.ascontiguousarray(points))
+        return cells
 
     @property
     def reach(self) -> float:
         """Longest step in still air [m]."""
         return self.tables.motion.u_max * self.tables.motion.dt
-
-
-def half_planes(polygon: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Outward unit normals (n, 2) and offsets (n,) of a convex counter-clockwise polygon."""
-    edge = np.roll(polygon, -1, axis=0) - polygon
-    normal = np.column_stack([edge[:, 1], -edge[:, 0]]) / np.linalg.norm(edge, axis=1)[:, None]
-    return normal, np.einsum("ij,ij->i", normal, polygon)
 
 
 def faces(polygons: Sequence[FloatArray]) -> kt.Faces:
@@ -82,26 +77,13 @@ def faces(polygons: Sequence[FloatArray]) -> kt.Faces:
 
 
 def cell_tables(bounds: FloatArray, decomposition: Decomposition, atoms: Sequence[str]) -> kt.Cells:
-    """Cells with a grid of buckets; a bucket lists the cells whose bounding box it meets and whose half
-    planes do not exclude it."""
-    polygons = decomposition.cells
-    planes = faces(polygons)
+    """Cells behind their grid of buckets, with the propositions that hold in each."""
     (west, south), (east, north) = bounds
-    edges_x, edges_y = np.linspace(west, east, BUCKETS + 1), np.linspace(south, north, BUCKETS + 1)
-    centre = np.stack(
-        np.meshgrid((edges_x[1:] + edges_x[:-1]) / 2, (edges_y[1:] + edges_y[:-1]) / 2, indexing="ij"), axis=-1
-    ).reshape(-1, 2)
-    half = np.array([(east - west), (north - south)]) / BUCKETS / 2 * (1 + 1e-6)
-    near = np.ones((len(centre), len(polygons)), bool)
-    for j in range(len(polygons)):
-        rows = slice(planes.ptr[j], planes.ptr[j + 1])
-        least = centre @ planes.normal[rows].T - np.abs(planes.normal[rows]) @ half  # over the bucket
-        near[:, j] = np.all(least <= planes.offset[rows] + 1e-3, axis=1)
-    ptr = np.concatenate([[0], np.cumsum(near.sum(axis=1))]).astype(np.int64)
+    grid = locator(decomposition, bounds)
     holds = np.array([[atom in label for atom in atoms] for label in decomposition.labels], bool)
     return kt.Cells(
-        float(west), float(south), float(east), float(north), BUCKETS, ptr,
-        np.nonzero(near)[1].astype(np.int64), planes, holds.reshape(len(polygons), len(atoms)),
+        float(west), float(south), float(east), float(north), int(grid.shape[0]), grid.ptr, grid.index,
+        faces(decomposition.cells), holds.reshape(len(decomposition.cells), len(atoms)),
     )  # fmt: skip
 
 
@@ -112,8 +94,8 @@ def wind_tables(field: WindField, dt: float, max_steps: int) -> kt.Wind:
         t = t[t <= field.times[-1] + 1e-6]
     if len(t) == 0 or field.times[0] > 1e-6:
         raise DataError(
-            f"the wind is known from {field.times[0]:.0f} s to {field.times[-1]:.0f} s after departure, so not at "
-            "departure; give mission.start_time within the data"
+            f"the wind is known from {field.times[0]:.0f} s to {field.times[-1]:.0f} s after departure, "
+            "not at departure itself; give mission.start_time within the data"
         )
     slot = np.clip(np.searchsorted(field.times, t, side="right") - 1, 0, max(len(field.times) - 2, 0))
     if len(field.times) == 1:
@@ -122,7 +104,8 @@ def wind_tables(field: WindField, dt: float, max_steps: int) -> kt.Wind:
         weight = np.clip((t - field.times[slot]) / np.diff(field.times)[slot], 0.0, 1.0)
     return kt.Wind(
         float(field.origin[0]), float(field.origin[1]), 1.0 / field.spacing, slot.astype(np.int64), weight,
-        np.ascontiguousarray(field.mean), np.ascontiguousarray(field.latent_var), np.ascontiguousarray(field.gust_var),
+        np.ascontiguousarray(field.mean), np.ascontiguousarray(field.latent_var),
+        np.ascontiguousarray(field.gust_var),
     )  # fmt: skip
 
 
@@ -137,7 +120,7 @@ def logic_tables(automaton: Automaton, labels: Sequence[frozenset[str]]) -> kt.L
     column = [automaton.letter_index(label) for label in (*labels, frozenset())]
     return kt.Logic(
         np.ascontiguousarray(automaton.delta[:, column]), np.asarray(automaton.distance, float),
-        np.ascontiguousarray(np.asarray(automaton.preorder, bool).T), int(automaton.initial),
+        np.ascontiguousarray(automaton.preorder, bool), int(automaton.initial),
     )  # fmt: skip
 
 
@@ -169,11 +152,19 @@ def build(
     calmest = float(np.linalg.norm(wind.mean, axis=-1).min())
     if calmest > robot.u_max:
         raise DataError(
-            f"robot.u_max = {robot.u_max:g} m/s is below the wind everywhere on the map (at least {calmest:.1f} m/s): "
-            "the robot could only drift; give it more airspeed or another start_time"
+            f"robot.u_max = {robot.u_max:g} m/s is below the wind everywhere on the map (at least "
+            f"{calmest:.1f} m/s): the robot could only drift; raise robot.u_max or change mission.start_time"
         )
     return Problem(
-        scene, decomposition, tables, automaton, atoms, decomposition.labels, robot.start_sd**2, planner.epsilon, planner.max_steps
+        scene,
+        decomposition,
+        tables,
+        automaton,
+        atoms,
+        decomposition.labels,
+        robot.start_sd**2,
+        planner.epsilon,
+        planner.max_steps,
     )
 
 
@@ -218,7 +209,7 @@ def evaluate(
         mission_risk=risk.ordered_mission_risk(problem, x, cov) if ordered else math.nan,
         collision_risk=float(kernel.collision_bound(problem.tables, x, cov3)),
     )
-    t = problem.tables.motion.dt * np.arange(steps)
+    t = problem.tables.motion.dt * np.arange(steps, dtype=float)
     return Path(t, x, cov, q, label, u, objectives, origin)
 
 

@@ -15,7 +15,11 @@ from pareto_ltl.arrays import BoolArray, FloatArray, IntArray
 
 
 def _shape(name: str, array: FloatArray, *shape: int | None) -> None:
-    wanted = tuple(array.shape[i] if s is None else s for i, s in enumerate(shape)) if array.ndim == len(shape) else shape
+    wanted = (
+        tuple(array.shape[i] if s is None else s for i, s in enumerate(shape))
+        if array.ndim == len(shape)
+        else shape
+    )
     if array.shape != wanted:
         raise ValueError(f"{name} must have shape {shape}, got {array.shape}")
 

@@ -20,7 +20,8 @@ TINY = 1e-13  # below this the exact polygon probability is all rounding: use ha
 
 def deviation(normals: FloatArray, cov: FloatArray) -> FloatArray:
     """σ_j = √(a_j' Σ a_j), shape (n,)."""
-    return np.sqrt(np.einsum("ij,jk,ik->i", normals, cov, normals))
+    variance: FloatArray = np.einsum("ij,jk,ik->i", normals, cov, normals)
+    return np.sqrt(variance)
 
 
 def _tail(gap: FloatArray, sd: FloatArray) -> FloatArray:
@@ -169,4 +170,4 @@ def _cell_probability(problem: Problem, cell: int, x: FloatArray, cov: FloatArra
     P[known] = (problem.locate(x[known]) == cell).astype(float)
     for t in np.flatnonzero(exact):
         P[t] = polygon_probability(polygon, x[t], cov[t])
-    return P
+    return np.asarray(P, float)

@@ -35,7 +35,7 @@ def hypervolume(rows: FloatArray, reference: FloatArray) -> float:
     return float(moocore.hypervolume(inside, ref=np.ones(len(reference))))
 
 
-def accepted_rows(problem: Problem, forest: Forest) -> FloatArray:
+def accepted_rows(forest: Forest) -> FloatArray:
     """Objectives (f_o, length) of every accepted vertex, in the order of ``forest.accepted``."""
     return np.array(
         [[min(1.0, forest.trees[j].risk[v].sum()), forest.trees[j].length[v]] for j, v in forest.accepted]
@@ -45,10 +45,10 @@ def accepted_rows(problem: Problem, forest: Forest) -> FloatArray:
 def tree_front(problem: Problem, forest: Forest) -> tuple[Path, ...]:
     """Non-dominated paths of the trees, by mission risk.
 
-    Mission risk and length are known at the vertices; R is worked out for those only that are not
-    dominated in these two by a path of R no larger, which are found by peeling.
+    The paper's objectives are mission risk and length, collisions a constraint (Eqs. 8 and 9): the front
+    is taken in these two, which every vertex knows, and R is worked out for its members.
     """
-    rows = accepted_rows(problem, forest)
+    rows = accepted_rows(forest)
     if len(rows) == 0:
         return ()
     keep = np.flatnonzero(non_dominated(rows))
@@ -59,7 +59,7 @@ def tree_front(problem: Problem, forest: Forest) -> tuple[Path, ...]:
     return tuple(sorted(paths, key=lambda p: tuple(objective_row(p.objectives))))
 
 
-def front(problem: Problem, forest: Forest, smoothed: Sequence[Path], raw: Sequence[Path]) -> Front:
+def front(smoothed: Sequence[Path], raw: Sequence[Path]) -> Front:
     """Non-dominated among the trees' paths and their smoothed versions."""
     paths = [*raw, *smoothed]
     if not paths:
@@ -95,7 +95,7 @@ def choose(cfg: SelectionConfig, front: Front) -> Path:
     safe = np.flatnonzero(risk <= cfg.alpha)
     if len(safe) == 0:
         raise InfeasibleError(
-            f"no path keeps mission risk + collision risk within selection.alpha = {cfg.alpha:g}; the safest has "
-            f"{risk.min():.3g}: raise selection.alpha, lower planner.epsilon, or give the planner more vertices"
+            f"no path keeps mission risk + collision risk within selection.alpha = {cfg.alpha:g}; the safest "
+            f"has {risk.min():.3g}: raise selection.alpha, lower planner.epsilon, or raise planner.n_max"
         )
     return front.paths[int(safe[np.argmin(rows[safe, 2])])]

@@ -38,11 +38,12 @@ def locate(cells: Cells, x: float, y: float) -> int:
     row = min(n - 1, int((y - cells.south) / (cells.north - cells.south) * n))
     best, best_slack = -1, -1.0
     for k in range(cells.ptr[column * n + row], cells.ptr[column * n + row + 1]):
-        room = slack(cells.faces, cells.index[k], x, y)
+        cell = int(cells.candidates[k])
+        room = slack(cells.faces, cell, x, y)
         if room >= -SLACK:
-            return cells.index[k]
+            return cell
         if room > best_slack:
-            best, best_slack = cells.index[k], room
+            best, best_slack = cell, room
     return best
 
 

@@ -7,14 +7,16 @@ automaton state, a uniform sample (reservoir) of the vertices that fell into it.
 
 from __future__ import annotations
 
+import numpy as np
 from numpy.random import Generator
+from numpy.typing import NDArray
 
 from pareto_ltl.arrays import FloatArray, IntArray
 from pareto_ltl.kernels.jit import kernel
 
 
 @kernel
-def kd_insert(x: FloatArray, child: IntArray, root: IntArray, group: int, vertex: int) -> None:
+def kd_insert(x: FloatArray, child: NDArray[np.int32], root: IntArray, group: int, vertex: int) -> None:
     """Hang ``vertex`` into the k-d tree of ``group``; ``child`` (N, 2), ``root`` (groups,), -1 is empty."""
     node = root[group]
     if node < 0:
@@ -32,7 +34,13 @@ def kd_insert(x: FloatArray, child: IntArray, root: IntArray, group: int, vertex
 
 @kernel
 def kd_nearest(
-    x: FloatArray, child: IntArray, root: IntArray, group: int, px: float, py: float, stack: FloatArray
+    x: FloatArray,
+    child: NDArray[np.int32],
+    root: IntArray,
+    group: int,
+    px: float,
+    py: float,
+    stack: FloatArray,
 ) -> int:
     """The vertex of ``group`` nearest to a point, -1 where there is none.
 

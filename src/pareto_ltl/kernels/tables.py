@@ -48,7 +48,7 @@ class Motion(NamedTuple):
 
 class Cells(NamedTuple):
     """Convex cells with a bucket grid in front: bucket k lists its candidate cells in
-    ``index[ptr[k]:ptr[k + 1]]``. ``atoms`` (C, P) says which propositions hold in a cell."""
+    ``candidates[ptr[k]:ptr[k + 1]]``. ``atoms`` (C, P) says which propositions hold in a cell."""
 
     west: float
     south: float
@@ -56,7 +56,7 @@ class Cells(NamedTuple):
     north: float
     buckets: int
     ptr: IntArray
-    index: IntArray
+    candidates: IntArray
     faces: Faces
     atoms: BoolArray
 

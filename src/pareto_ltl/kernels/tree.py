@@ -51,7 +51,7 @@ class Growing(NamedTuple):
     """What changes while a tree grows, besides its vertices."""
 
     root: IntArray  # (Z,) top of each state's k-d tree
-    count: IntArray  # (Z,) vertices in Γ_z
+    members: IntArray  # (Z,) vertices in Γ_z
     selected: IntArray  # (Z,) times z was expanded
     weight: FloatArray  # (Z,)
     lead: IntArray  # (Z,)
@@ -148,7 +148,7 @@ def square_of(habits: Habits, x: float, y: float) -> tuple[int, int]:
 def price(
     tables: Tables, tree: Vertices, parent: int, cell: int, x: float, y: float, risks: FloatArray, r: int
 ) -> None:
-    """f_o^i of Theorem 1 at a child of ``parent``: the running minimum over visits. Fills row r of ``risks``."""
+    """Fill row r of ``risks`` with f_o^i (Theorem 1) at a child of ``parent``: the least over all visits."""
     atoms, spread = tables.cells.atoms, tree.spread
     for atom in range(risks.shape[1]):
         risk = tree.risk[parent, atom]  # -1: not visited yet, T_i is empty
@@ -182,7 +182,7 @@ def add_vertex(
 
     Rows 1 of ``growing.masks`` and ``growing.risks`` are its own.
     """
-    v = growing.tally[VERTICES]
+    v = int(growing.tally[VERTICES])
     growing.tally[VERTICES] += 1
     step = tree.step[parent] + 1
     tree.x[v, 0], tree.x[v, 1] = x, y
@@ -216,7 +216,7 @@ def file_vertex(
 ) -> None:
     """Make ``v`` known to both indexes."""
     z = tree.q[v] * cells + tree.cell[v]
-    growing.count[z] += 1
+    growing.members[z] += 1
     kd_insert(tree.x, tree.child, growing.root, z, v)
     i, j = square_of(habits, tree.x[v, 0], tree.x[v, 1])
     remember(growing.kept, growing.seen, (i * habits.rows + j) * states + tree.q[v], v, rng)
@@ -323,8 +323,8 @@ def note_swap(tables: Tables, growing: Growing, q0: int, length0: float, q: int,
 
 @kernel
 def extend(
-    tables: Tables, tree: Vertices, growing: Growing, habits: Habits, v: int, px: float, py: float, limit: int,
-    rng: Generator,
+    tables: Tables, tree: Vertices, growing: Growing, habits: Habits, v: int, px: float, py: float,
+    limit: int, rng: Generator,
 ) -> None:  # fmt: skip
     """Walk from ``v`` towards a point; stop at the first step that is infeasible (Section IV-C)."""
     tally = growing.tally
@@ -371,7 +371,7 @@ def pick_state(growing: Growing, rng: Generator) -> int:
     total, chosen = 0.0, -1
     for i in range(growing.tally[LEAD] - 2, -1, -1):
         z = growing.lead[i]
-        if growing.count[z] == 0:
+        if growing.members[z] == 0:
             continue
         total += growing.weight[z]
         if rng.random() * total < growing.weight[z]:
@@ -398,8 +398,8 @@ def pick_point(
 
 @entry
 def grow(
-    tables: Tables, product: Product, fans: Fans, habits: Habits, tree: Vertices, growing: Growing, limit: int,
-    iterations: int, rng: Generator,
+    tables: Tables, product: Product, fans: Fans, habits: Habits, tree: Vertices, growing: Growing,
+    limit: int, iterations: int, rng: Generator,
 ) -> None:  # fmt: skip
     """Grow until ``limit`` vertices or ``iterations`` extensions in all; can be called again to go on."""
     tally = growing.tally
@@ -407,7 +407,7 @@ def grow(
     start = tree.q[0] * cells + tree.cell[0]
     while tally[VERTICES] < limit and tally[ITERATIONS] < iterations:
         if tally[AGE] % habits.refresh == 0:
-            weigh(product, growing.count, growing.selected, growing.weight)
+            weigh(product, growing.members, growing.selected, growing.weight)
             tally[LEAD] = find_lead(product, growing.weight, start, growing.heap, growing.lead)
         tally[AGE] += 1
         tally[ITERATIONS] += 1
@@ -418,8 +418,12 @@ def grow(
         z = growing.lead[position]
         growing.selected[z] += 1
         px, py = pick_point(tables, growing, habits, fans, position, rng)
+        before = tally[VERTICES]
         v = kd_nearest(tree.x, tree.child, growing.root, z, px, py, growing.stack)
         extend(tables, tree, growing, habits, v, px, py, limit, rng)
+        if tally[VERTICES] == before:
+            # A door that the wind or Eq. (9) keeps shut: charge the far side too, so that leads go round.
+            growing.selected[growing.lead[position + 1]] += 1
         if habits.stop_at_first and tally[ACCEPTED] > 0:
             return
 
