@@ -171,7 +171,7 @@ class PlannerConfig:
 @dataclass
 class SmoothingConfig:
     enabled: bool = True
-    candidates: int = 6  # front paths smoothed, at most
+    candidates: int = 4  # front paths smoothed, at most
     rounds: int = 3
     weights: list[float] = field(default_factory=lambda: [1.0, 10.0, 100.0])  # risk against length
     trust: float = 1.0  # trust region in full steps

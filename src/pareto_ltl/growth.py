@@ -244,9 +244,11 @@ def _knob(cfg: PlannerConfig, problem: Problem, forest: Forest) -> str:
     if counts[worst] == 0:
         return more
     end = problem.horizon * problem.tables.motion.dt / 3600
+    speed = float(np.median(np.linalg.norm(problem.tables.wind.mean, axis=-1)))
     advice = {
         "blocked": "came too close to obstacles: raise planner.epsilon or move the obstacles",
-        "windbound": "could not make way against the wind: raise robot.u_max",
+        "windbound": f"could not make way against the wind (half the map has {speed:.1f} m/s or more): raise "
+        f"robot.u_max (now {problem.tables.motion.u_max:g} m/s)",
         "beyond": f"outlasted the wind data or planner.max_steps ({end:.1f} h): give later wind fields, "
         "set wind.hold_last=true, or raise planner.max_steps",
         "trapped": "broke the mission: move the regions that it forbids",

@@ -1,0 +1,121 @@
+"""Smoothing budgets: a warm convex solve in 10 ms, a path of 100 steps past 10 obstacles in 150 ms.
+
+python -m pytest benchmarks/bench_smoothing.py
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import yaml
+from numpy.random import SeedSequence
+
+from pareto_ltl import growth, problem, selection, smoothing, workspace
+from pareto_ltl.config import PlannerConfig, RobotConfig, SceneConfig, SmoothingConfig, WindConfig
+from pareto_ltl.logic import translate
+from pareto_ltl.records import WindField
+from pareto_ltl.resources import folder
+from pareto_ltl.scene import read_scene
+
+FORMULAS = {"phi1": "F(a & F b & F c)", "phi2": "F(a & F(b & F c)) | F(a & F(d & F c))"}
+DT = 600.0  # [s] steps short enough for about 100 of them
+# Exact wind-free optima (visibility graph over the free space, regions closed), in metres.
+CALM_OPTIMUM = {"phi1": 1_691_600.0, "phi2": 1_404_000.0}
+
+
+def wind(speed, variance):
+    nodes = np.arange(-650e3, 651e3, 25e3)
+    x, y = np.meshgrid(nodes, nodes, indexing="ij")
+    times = 10_800.0 * np.arange(14)
+    mean = np.array(
+        [np.stack([np.sin(y / 3e5 + k / 9), np.cos(x / 3e5 - k / 9)], axis=-1) for k in range(14)]
+    )
+    return WindField(
+        nodes[[0, 0]], 25e3, times, speed * mean, np.full_like(mean, variance), np.full((14, 2), variance),
+        hold_last=True,
+    )  # fmt: skip
+
+
+def planned(mission, dt, speed, variance):
+    """The problem and the front of its trees."""
+    scene = read_scene(
+        SceneConfig(**yaml.safe_load((folder("conf") / "scene" / f"{mission}.yaml").read_text()))
+    )
+    cells = workspace.decompose(scene)
+    task = problem.build(
+        RobotConfig(dt=dt), PlannerConfig(), WindConfig(), scene, wind(speed, variance), cells,
+        translate(FORMULAS[mission], cells.letters),
+    )  # fmt: skip
+    forest = growth.forest(PlannerConfig(), task, SeedSequence(0))
+    return task, selection.tree_front(task, forest)
+
+
+@pytest.fixture(scope="module")
+def long():
+    """A line of about 100 steps on the map with 10 obstacles, and its programme, warm."""
+    task, paths = planned("phi2", DT, 5.0, 1.5)
+    x = smoothing.shortened(task, paths[0].x)
+    assert 95 <= len(x) - 1 <= 110, f"the budgets speak of 100 steps, this line has {len(x) - 1}: change DT"
+    start = smoothing.Start(x, None, "")
+    model = smoothing.fitting(task, [start])
+    smoothing.rounds(SmoothingConfig(), model, task, x, 10.0, paths[0].objectives.length)
+    return task, paths, start, model
+
+
+def test_a_warm_convex_solve(benchmark, long):
+    model = long[-1]
+    benchmark.extra_info["budget"] = 0.010
+    assert benchmark(model.solve) is not None
+
+
+@pytest.mark.parametrize("weights", [(10.0,), (100.0, 10.0, 1.0)], ids=["one weight", "three weights"])
+def test_a_path_of_100_steps_past_10_obstacles(benchmark, long, weights):
+    """Everything that one tree path goes through: pulled, walked, bent, shortened, bent again."""
+    task, paths, _, model = long
+    length = paths[0].objectives.length
+
+    def in_all():
+        x, path = smoothing.shortened(task, paths[0].x), None
+        for weight in weights:
+            path = smoothing.improve(SmoothingConfig(), model, task, x, weight, length)
+            x = path.x
+        return path
+
+    benchmark.extra_info["budget"] = 0.150
+    assert problem.accepted(task, benchmark.pedantic(in_all, rounds=7, warmup_rounds=1))
+
+
+def test_building_the_programme(benchmark, long):
+    _, _, _, model = long
+    task = long[0]
+
+    def build():
+        fresh = smoothing.programme(task, model.steps, model.witnesses, model.faces)
+        for key, parameter in model.given.items():
+            fresh.given[key].value = parameter.value
+        return fresh.solve()
+
+    benchmark.extra_info["budget"] = 0.5
+    assert benchmark.pedantic(build, rounds=3) is not None
+
+
+@pytest.mark.parametrize("mission", ["phi1", "phi2"])
+def test_a_front_in_rough_wind(benchmark, mission):
+    task, paths = planned(mission, 1800.0, 5.0, 1.5)
+    cfg = SmoothingConfig(candidates=4, weights=[1.0, 10.0, 100.0])
+    benchmark.extra_info["budget"] = 1.0
+    smoothed = benchmark.pedantic(smoothing.smooth, (cfg, task, paths), rounds=3, warmup_rounds=1)
+    length = min(path.objectives.length for path in paths)
+    old, new = (min(smoothing.merit(p, 10.0, length) for p in group) for group in (paths, smoothed))
+    benchmark.extra_info["figures"] = [("weighted cost over that of the trees", new / old, 1.0)]
+
+
+@pytest.mark.parametrize("mission", CALM_OPTIMUM)
+def test_calm_length(benchmark, mission):
+    task, paths = planned(mission, 1800.0, 0.0, 0.0)
+    benchmark.extra_info["budget"] = 1.0
+    smoothed = benchmark.pedantic(
+        smoothing.smooth, (SmoothingConfig(), task, paths), rounds=3, warmup_rounds=1
+    )
+    ratio = min(path.objectives.length for path in smoothed) / CALM_OPTIMUM[mission]
+    benchmark.extra_info["figures"] = [("length over the optimum", ratio, 1.01)]
