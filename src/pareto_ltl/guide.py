@@ -14,15 +14,14 @@ from pareto_ltl.kernels.lead import Product
 from pareto_ltl.kernels.tables import Logic
 from pareto_ltl.kernels.tree import Fans
 from pareto_ltl.records import Decomposition
-from pareto_ltl.workspace import graph
+from pareto_ltl.workspace import moments
 
 
 def product(decomposition: Decomposition, logic: Logic, bounds: FloatArray) -> Product:
     """The product graph as arrays for Dijkstra."""
     cells, states = len(decomposition.cells), len(logic.distance)
-    nodes = graph(decomposition).nodes
-    area = np.array([nodes[c]["area"] for c in range(cells)])
-    centre = np.array([nodes[c]["centroid"] for c in range(cells)])
+    shapes = [moments(cell) for cell in decomposition.cells]
+    area, centre = np.array([a for a, _ in shapes]), np.array([c for _, c in shapes])
     diagonal = float(np.linalg.norm(bounds[1] - bounds[0]))
     rows = _edges(decomposition.doors, logic, cells)
     tail, head = rows[:, 0], rows[:, 1]

@@ -95,7 +95,7 @@ def graph(decomposition: Decomposition) -> nx.Graph:
 
     net = nx.Graph()
     for i, (cell, label) in enumerate(zip(decomposition.cells, decomposition.labels, strict=True)):
-        area, centroid = _moments(cell)
+        area, centroid = moments(cell)
         net.add_node(i, centroid=centroid, area=area, label=label)
     for i, j in decomposition.doors.tolist():
         net.add_edge(i, j, distance=float(math.dist(net.nodes[i]["centroid"], net.nodes[j]["centroid"])))
@@ -152,10 +152,18 @@ def locator(decomposition: Decomposition, bounds: FloatArray) -> Locator:
     )
 
 
+def _reachable(doors: IntArray, start: int) -> set[int]:
+    """Cells that doors join to ``start``. (networkx would cost a run a third of a second to import.)"""
+    reached, fresh = {start}, {start}
+    while fresh:
+        ahead = doors[np.isin(doors, list(fresh)).any(axis=1)]
+        fresh = set(ahead.ravel().tolist()) - reached
+        reached |= fresh
+    return reached
+
+
 def check_mission(decomposition: Decomposition, scene: Scene, atoms: Iterable[str]) -> tuple[str, ...]:
     """Names among ``atoms`` that no chain of doors joins to the start; unknown names are an error."""
-    import networkx as nx
-
     names = sorted(set(atoms))
     for name in names:
         if name not in scene.regions:
@@ -174,7 +182,7 @@ def check_mission(decomposition: Decomposition, scene: Scene, atoms: Iterable[st
         raise DataError(
             f"the start {scene.start.tolist()} [m] lies in no free cell; move it out of the obstacle"
         )
-    reached = nx.node_connected_component(graph(decomposition), start)
+    reached = _reachable(decomposition.doors, start)
     shown = frozenset[str]().union(*(decomposition.labels[i] for i in reached))
     return tuple(name for name in names if name not in shown)
 
@@ -312,7 +320,7 @@ def _meets(cell: FloatArray, middle: FloatArray, half: FloatArray) -> BoolArray:
     return meets
 
 
-def _moments(polygon: FloatArray) -> tuple[float, FloatArray]:
+def moments(polygon: FloatArray) -> tuple[float, FloatArray]:
     """Area [m²] and centroid (2,) [m] of a simple polygon, by triangles from its first corner."""
     spokes = polygon[1:] - polygon[0]
     twice = spokes[:-1, 0] * spokes[1:, 1] - spokes[:-1, 1] * spokes[1:, 0]
@@ -320,4 +328,14 @@ def _moments(polygon: FloatArray) -> tuple[float, FloatArray]:
     return float(twice.sum() / 2), centroid
 
 
-__all__ = ["Locator", "check_mission", "decompose", "graph", "half_planes", "locate", "locator", "slack"]
+__all__ = [
+    "Locator",
+    "check_mission",
+    "decompose",
+    "graph",
+    "half_planes",
+    "locate",
+    "locator",
+    "moments",
+    "slack",
+]
