@@ -16,6 +16,7 @@ from numpy.random import Generator, SeedSequence
 
 from pareto_ltl.arrays import BoolArray, FloatArray
 from pareto_ltl.config import DeploymentConfig
+from pareto_ltl.errors import InfeasibleError
 from pareto_ltl.kernels import rollout
 from pareto_ltl.problem import Problem
 from pareto_ltl.records import Deployment, Plan
@@ -50,7 +51,19 @@ def deploy(cfg: DeploymentConfig, problem: Problem, plan: Plan, seeds: SeedSeque
 
 
 def fly(problem: Problem, u: FloatArray, runs: int, law: str, seed: SeedSequence) -> Deployment:
-    """Fly the controls ``u`` (T, 2) ``runs`` times under one law."""
+    """Fly the controls ``u`` (T, 2) ``runs`` times under one law.
+
+    Raises
+    ------
+    InfeasibleError
+        Where the wind is not known for so long.
+    """
+    known = len(problem.tables.wind.slot)
+    if len(u) > known:
+        raise InfeasibleError(
+            f"a plan of {len(u)} steps outlasts the wind, which is known for {known}: give later wind fields, set "
+            "wind.hold_last=true, or raise planner.max_steps"
+        )
     x = np.empty((runs, len(u) + 1, 2))
     blocks = [slice(first, min(first + BLOCK, runs)) for first in range(0, runs, BLOCK)]
     rngs = [np.random.default_rng(child) for child in seed.spawn(len(blocks))]

@@ -1,0 +1,9 @@
+"""Missions: co-safe temporal logic to minimal automata."""
+
+from __future__ import annotations
+
+from pareto_ltl.errors import FormulaError
+from pareto_ltl.logic.automaton import Automaton, translate
+from pareto_ltl.logic.formula import Formula, check_names, parse, positive
+
+__all__ = ["Automaton", "Formula", "FormulaError", "check_names", "parse", "positive", "translate"]

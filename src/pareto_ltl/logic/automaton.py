@@ -1,0 +1,249 @@
+"""The automaton of a mission: which flights have completed it, read letter by letter.
+
+A letter is the set of propositions (regions) that hold at one step; the first letter is the label of the
+start position. A word is accepted once it is a *good prefix*: every infinite continuation over the letters
+that can occur satisfies the formula. Acceptance is final. The empty word is accepted by tautologies only.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+
+from pareto_ltl.arrays import BoolArray, FloatArray, IntArray
+from pareto_ltl.errors import FormulaError
+from pareto_ltl.logic import tables
+from pareto_ltl.logic.formula import Formula, caret, parse, positive
+from pareto_ltl.logic.progression import Progression
+from pareto_ltl.logic.tables import Table
+
+MAX_ATOMS = 62  # bits of an int64 that can name a letter
+MAX_FREE_ATOMS = 16  # all subsets of more propositions than this are more letters than a table can hold
+
+Letter = frozenset[str]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Automaton:
+    """Minimal complete deterministic automaton of a mission's good prefixes.
+
+    States are numbered breadth first from 0 over the letters in their order, so equal languages over equal
+    letters give equal automata (``==`` compares everything but the formula's text).
+
+    Attributes
+    ----------
+    delta : (Q, L) int
+        State after each letter.
+    letters : tuple of L frozensets of str
+        The letters that can occur, smaller first, equal sizes by their sorted names.
+    initial : int
+        State before the first letter; 0.
+    accepting : (Q,) bool
+        Where the mission is complete; at most one state, and absorbing.
+    distance : (Q,) float
+        d_A, the fewest letters to acceptance; inf in the trap.
+    atoms : tuple of str
+        Propositions of the formula, sorted; other names in a letter are ignored.
+    formula : str
+        What the automaton stands for.
+    """
+
+    delta: IntArray
+    letters: tuple[Letter, ...]
+    initial: int
+    accepting: BoolArray
+    distance: FloatArray
+    atoms: tuple[str, ...]
+    formula: str
+
+    def __post_init__(self) -> None:
+        states, letters = self.delta.shape
+        if len(self.letters) != letters or len(set(self.letters)) != letters:
+            raise ValueError(f"letters must be {letters} different sets, as many as delta has columns")
+        if self.accepting.shape != (states,) or self.distance.shape != (states,):
+            raise ValueError(f"accepting and distance must have shape ({states},)")
+        if self.delta.min() < 0 or self.delta.max() >= states:
+            raise ValueError(f"delta must name states 0..{states - 1}")
+        if not self.accepting[self.delta[self.accepting]].all():
+            raise ValueError("accepting states must be absorbing")
+
+    @property
+    def n_states(self) -> int:
+        return len(self.delta)
+
+    @cached_property
+    def trap(self) -> int:
+        """The state from which nothing is accepted, -1 where none can be reached."""
+        lost = np.flatnonzero(np.isinf(self.distance))
+        return int(lost[0]) if len(lost) else -1
+
+    @cached_property
+    def preorder(self) -> BoolArray:
+        """``[p, q]``: is L_q a subset of L_p (p >= q, p is at least as far)? Shape (Q, Q)."""
+        return tables.inclusion(self.delta, self.distance)
+
+    @property
+    def tautology(self) -> bool:
+        """Is the mission complete before it starts?"""
+        return bool(self.accepting[self.initial])
+
+    @property
+    def contradiction(self) -> bool:
+        """Can no flight complete the mission?"""
+        return bool(np.isinf(self.distance[self.initial]))
+
+    @cached_property
+    def insertion_closed(self) -> bool:
+        """Are extra visits harmless: do accepted words stay accepted with letters put in anywhere?"""
+        return self.harm() is None
+
+    def harm(self) -> tuple[int, int] | None:
+        """A state and a letter that may cost something that was possible before; None where there is none."""
+        kept = self.preorder[self.delta, np.arange(self.n_states)[:, None]]
+        bad = np.argwhere(~kept)
+        return (int(bad[0][0]), int(bad[0][1])) if len(bad) else None
+
+    def letter_index(self, letter: Iterable[str]) -> int:
+        """Column of a letter, a set of names; names that the formula does not mention are ignored."""
+        seen = self._seen(letter)
+        column = self._columns.get(seen)
+        if column is None:
+            raise ValueError(
+                f"letter {show_letter(seen)} is none of the {len(self.letters)} that this automaton was made "
+                f"for ({_listed(self.letters)}); pass it in `letters` when you translate"
+            )
+        return column
+
+    def step(self, state: int, letter: Iterable[str]) -> int:
+        """State after reading ``letter`` in ``state``."""
+        return int(self.delta[state, self.letter_index(letter)])
+
+    def accepts(self, word: Iterable[Iterable[str]]) -> bool:
+        """Is ``word``, a sequence of sets of names, a good prefix?"""
+        state = self.initial
+        for letter in word:
+            state = self.step(state, letter)
+        return bool(self.accepting[state])
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain containers, ready for JSON; distance is null in the trap."""
+        return {
+            "formula": self.formula,
+            "atoms": list(self.atoms),
+            "letters": [sorted(letter) for letter in self.letters],
+            "initial": self.initial,
+            "accepting": [int(q) for q in np.flatnonzero(self.accepting)],
+            "trap": self.trap,
+            "distance": [None if np.isinf(d) else int(d) for d in self.distance],
+            "delta": self.delta.tolist(),
+        }
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Automaton):
+            return NotImplemented
+        return (
+            (self.atoms, self.letters, self.initial) == (other.atoms, other.letters, other.initial)
+            and np.array_equal(self.delta, other.delta)
+            and np.array_equal(self.accepting, other.accepting)
+        )
+
+    def __hash__(self) -> int:
+        return hash((self.atoms, self.letters, self.initial, self.delta.tobytes()))
+
+    def __repr__(self) -> str:
+        return f"Automaton({self.formula!r}, {self.n_states} states, {len(self.letters)} letters)"
+
+    @cached_property
+    def _columns(self) -> Mapping[Letter, int]:
+        return {letter: i for i, letter in enumerate(self.letters)}
+
+    def _seen(self, letter: Iterable[str]) -> Letter:
+        if isinstance(letter, str):
+            raise ValueError(f"a letter is a set of names, not the text {letter!r}: write {{{letter!r}}}")
+        return frozenset(letter).intersection(self.atoms)
+
+
+def translate(
+    formula: str | Formula, letters: Iterable[Iterable[str]] | None = None, max_states: int = 10_000
+) -> Automaton:
+    """The minimal automaton of a syntactically co-safe formula.
+
+    Parameters
+    ----------
+    formula : str or Formula
+        Text, or a tree from :func:`parse`.
+    letters : iterable of sets of names, optional
+        The label sets that can occur, as far as the formula mentions their names; default all subsets of its
+        propositions. Fewer letters give smaller automata: where regions are disjoint, say so.
+    max_states : int
+        A translation that meets more states, in itself or in a part, is stopped.
+
+    Raises
+    ------
+    FormulaError
+        Where the text cannot be read, no finite flight can complete the mission because of an operator, or
+        the automaton explodes. ``column`` points into the text. Contradictions are no error: see
+        ``Automaton.contradiction``.
+    """
+    text = str(formula)
+    tree = parse(formula) if isinstance(formula, str) else formula
+    try:
+        normal = positive(tree)
+    except FormulaError as error:
+        if error.column is not None and isinstance(formula, str):
+            error.add_note(caret(formula, error.column))
+        raise
+    atoms = tree.atoms
+    alphabet = alphabet_of(atoms, letters)
+    codes = letter_codes(atoms, alphabet)
+    progression = Progression(atoms, max_states)
+    return build(progression.table(progression.read(normal), codes), alphabet, atoms, text)
+
+
+def build(table: Table, alphabet: tuple[Letter, ...], atoms: tuple[str, ...], text: str) -> Automaton:
+    """The record of any complete table whose initial state is 0, made minimal."""
+    (delta, accepting), distance = tables.minimal(table)
+    return Automaton(delta.astype(np.int64), alphabet, 0, accepting, distance, atoms, text)
+
+
+def alphabet_of(atoms: tuple[str, ...], letters: Iterable[Iterable[str]] | None) -> tuple[Letter, ...]:
+    """The letters as far as ``atoms`` see them, each once: smaller first, then by their sorted names."""
+    if len(atoms) > MAX_ATOMS:
+        raise FormulaError(f"the mission speaks of {len(atoms)} propositions; {MAX_ATOMS} are the limit")
+    if letters is None:
+        if len(atoms) > MAX_FREE_ATOMS:
+            raise FormulaError(
+                f"{len(atoms)} propositions have 2^{len(atoms)} letters; pass only the letters that can "
+                f"occur ({MAX_FREE_ATOMS} propositions are the limit without)"
+            )
+        return tuple(
+            [frozenset(c) for size in range(len(atoms) + 1) for c in combinations(sorted(atoms), size)]
+        )
+    seen = {frozenset(letter).intersection(atoms) for letter in letters}
+    if not seen:
+        raise ValueError("letters is empty: a flight shows at least one label set")
+    return tuple(sorted(seen, key=lambda letter: (len(letter), sorted(letter))))
+
+
+def letter_codes(atoms: tuple[str, ...], alphabet: Iterable[Letter]) -> IntArray:
+    """Letters as bit sets, bit i for ``atoms[i]``, shape (L,)."""
+    place = {name: 1 << i for i, name in enumerate(atoms)}
+    return np.array([sum([place[name] for name in letter]) for letter in alphabet], np.int64)
+
+
+def show_letter(letter: Iterable[str]) -> str:
+    """``{a, b}``"""
+    return f"{{{', '.join(sorted(letter))}}}"
+
+
+def _listed(letters: tuple[Letter, ...], most: int = 6) -> str:
+    shown = [show_letter(letter) for letter in letters[:most]]
+    return ", ".join(shown + ["..."] * (len(letters) > most))
+
+
+__all__ = ["Automaton", "Letter", "translate"]

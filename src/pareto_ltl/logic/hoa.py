@@ -1,0 +1,422 @@
+"""Automata in the Hanoi Omega-Automata format, version 1 (http://adl.github.io/hoaf/).
+
+What is written is deterministic, complete and terminal: one Büchi-accepting state that nothing leaves. What
+is read may come from another tool (``ltl2tgba -D -B 'F(a & F b)' > mission.hoa``), as long as it means the
+same kind of mission: deterministic, state-based Büchi acceptance, accepting states that cannot be left.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import NoReturn
+
+import numpy as np
+
+from pareto_ltl.arrays import BoolArray, IntArray
+from pareto_ltl.errors import DataError
+from pareto_ltl.logic import labels
+from pareto_ltl.logic.automaton import Automaton, alphabet_of, build, letter_codes, show_letter
+from pareto_ltl.logic.tables import MAX_ENTRIES, Table
+
+_KNOWN = ("HOA", "States", "Start", "AP", "Alias", "Acceptance")
+_TOKEN = re.compile(
+    r'\s+|(?P<string>"(?:[^"\\]|\\.)*")|(?P<mark>--(?:BODY|END|ABORT)--)|(?P<head>[A-Za-z_][\w-]*:)'
+    r"|(?P<alias>@[\w-]+)|(?P<int>\d+)|(?P<word>[A-Za-z_][\w-]*)|(?P<sign>[][{}()!&|])",
+)
+
+
+def dumps(automaton: Automaton) -> str:
+    """The automaton as HOA text.
+
+    Where not all subsets of the propositions can occur, a header ``letters`` (which other tools skip) lists
+    those that can, as bit sets over ``AP``; edges are then free for the others.
+    """
+    codes = letter_codes(automaton.atoms, automaton.letters)
+    names = " ".join(_quoted(name) for name in automaton.atoms)
+    lines = [
+        "HOA: v1",
+        f"name: {_quoted(automaton.formula)}",
+        'tool: "pareto_ltl"',
+        f"States: {automaton.n_states}",
+        f"Start: {automaton.initial}",
+        f"AP: {len(automaton.atoms)} {names}".rstrip(),
+        "acc-name: Buchi",
+        "Acceptance: 1 Inf(0)",
+        "properties: trans-labels explicit-labels state-acc complete deterministic terminal",
+    ]
+    if len(codes) < 2 ** len(automaton.atoms):
+        lines.append("letters: " + " ".join(map(str, codes.tolist())))
+    lines.append("--BODY--")
+    places = tuple(map(str, range(len(automaton.atoms))))
+    for q, row in enumerate(automaton.delta):
+        lines.append(f"State: {q} {{0}}" if automaton.accepting[q] else f"State: {q}")
+        ways: dict[int, list[labels.Cube]] = {}
+        for cube, target in labels.disjoint(codes, row):
+            ways.setdefault(target, []).append(cube)
+        lines += [f"[{labels.show(ways[target], places, 't')}] {target}" for target in sorted(ways)]
+    return "\n".join([*lines, "--END--", ""])
+
+
+def write(automaton: Automaton, path: str | Path) -> None:
+    """Write the automaton to a ``.hoa`` file."""
+    Path(path).write_text(dumps(automaton), encoding="utf-8")
+
+
+def read(path: str | Path, letters: Iterable[Iterable[str]] | None = None) -> Automaton:
+    """The minimal automaton of a HOA file over ``letters``.
+
+    Default for ``letters`` is what the file lists in a header ``letters``, else all subsets of its
+    propositions.
+    """
+    try:
+        text = Path(path).read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = getattr(error, "strerror", None) or "it is not text in UTF-8"
+        raise DataError(f"cannot read the automaton {path}: {reason}") from None
+    return loads(text, letters, str(path))
+
+
+def loads(text: str, letters: Iterable[Iterable[str]] | None = None, source: str = "HOA text") -> Automaton:
+    """Like :func:`read`, from text; ``source`` names it in errors."""
+    file = _Reader(text, source).file()
+    atoms = tuple(sorted(file.atoms))
+    if letters is None and file.letters is not None:
+        letters = [[name for i, name in enumerate(file.atoms) if code >> i & 1] for code in file.letters]
+    alphabet = alphabet_of(atoms, letters)
+    codes = letter_codes(file.atoms, alphabet)
+    if (len(file.states) + 1) * len(codes) > MAX_ENTRIES:
+        raise DataError(
+            f"{source}: {len(file.states)} states x {len(codes)} letters are more than {MAX_ENTRIES}"
+        )
+    delta, accepting = _table(file, codes, alphabet)
+    return build(Table(delta, accepting), alphabet, atoms, file.name or source)
+
+
+# From the parsed file to a table
+
+
+@dataclass
+class _State:
+    line: int
+    accepting: bool
+    edges: list[tuple[_Label, int, int]] = field(default_factory=list)  # label, target, line
+
+
+@dataclass
+class _File:
+    source: str
+    name: str = ""
+    start: int = -1
+    atoms: tuple[str, ...] = ()
+    letters: list[int] | None = None
+    states: dict[int, _State] = field(default_factory=dict)
+
+
+def _table(file: _File, codes: IntArray, alphabet: tuple[frozenset[str], ...]) -> tuple[IntArray, BoolArray]:
+    """``delta`` with the start at 0; a trap, the last state, takes what the file leaves out."""
+    order = [file.start, *(q for q in file.states if q != file.start)]
+    number = {q: i for i, q in enumerate(order)}
+    trap = len(order)
+    delta = np.full((trap + 1, len(codes)), trap, np.int64)
+    for q, state in file.states.items():
+        row = delta[number[q]]
+        for label, target, line in state.edges:
+            takes = label.on(codes)
+            clash = takes & (row != trap) & (row != number[target])
+            if clash.any():
+                letter = show_letter(alphabet[int(np.flatnonzero(clash)[0])])
+                raise DataError(
+                    f"{file.source}, line {line}: state {q} has two ways on {letter}; expected a "
+                    "deterministic automaton (ltl2tgba -D, autfilt -D)"
+                )
+            row[takes] = number[target]
+    accepting = np.array([file.states[q].accepting for q in order] + [False])
+    leaves = accepting[:, None] & ~accepting[delta]
+    if leaves.any():
+        i, column = (int(k) for k in np.argwhere(leaves)[0])
+        raise DataError(
+            f"{file.source}, line {file.states[order[i]].line}: accepting state {order[i]} can be left by "
+            f"{show_letter(alphabet[column])}; a mission that a finite flight completes has accepting states "
+            "that only lead to accepting states"
+        )
+    return delta, accepting
+
+
+# Reading text
+
+
+class _Label:
+    """A label expression as nested tuples: ("t",), ("f",), ("ap", i), ("!", e), ("&", e...), ("|", e...)."""
+
+    def __init__(self, op: str, args: tuple[_Label, ...] = (), place: int = 0) -> None:
+        self.op, self.args, self.place = op, args, place
+
+    def on(self, codes: IntArray) -> BoolArray:
+        """Which letters satisfy it."""
+        if self.op in "tf":
+            return np.full(len(codes), self.op == "t")
+        if self.op == "ap":
+            holds: BoolArray = (codes & (1 << self.place)) != 0
+            return holds
+        parts = [arg.on(codes) for arg in self.args]
+        if self.op == "!":
+            return ~parts[0]
+        join = np.logical_and if self.op == "&" else np.logical_or
+        joined: BoolArray = join.reduce(parts)
+        return joined
+
+
+@dataclass(frozen=True, slots=True)
+class _Token:
+    kind: str
+    text: str
+    line: int
+
+
+class _Reader:
+    def __init__(self, text: str, source: str) -> None:
+        self.source = source
+        self.tokens = self.split(text)
+        self.at = 0
+        self.aliases: dict[str, _Label] = {}
+        self.result = _File(source)
+        self.count: int | None = None
+
+    def split(self, text: str) -> list[_Token]:
+        text = self.without_comments(text)
+        tokens, position, line = [], 0, 1
+        while position < len(text):
+            match = _TOKEN.match(text, position)
+            if match is None:
+                self.refuse(f"'{text[position]}' has no meaning here", line)
+            if match.lastgroup:
+                tokens.append(_Token(match.lastgroup, match[0], line))
+            line += match[0].count("\n")
+            position = match.end()
+        return [*tokens, _Token("end", "the end of the file", line)]
+
+    def without_comments(self, text: str) -> str:
+        """Comments nest; their lines stay, so that errors name the right one."""
+        kept, depth = [], 0
+        for part in re.findall(r'"(?:[^"\\]|\\.)*"|/\*|\*/|.|\n', text):
+            depth += part == "/*"
+            if depth == 0 or part == "\n":
+                kept.append(part)
+            depth = max(0, depth - (part == "*/"))
+        return "".join(kept)
+
+    def refuse(self, reason: str, line: int) -> NoReturn:
+        raise DataError(f"{self.source}, line {line}: {reason}")
+
+    @property
+    def here(self) -> _Token:
+        return self.tokens[self.at]
+
+    def take(self, kind: str, what: str) -> _Token:
+        token = self.here
+        if token.kind != kind:
+            self.refuse(f"expected {what}, found {token.text}", token.line)
+        self.at += 1
+        return token
+
+    def sign(self, text: str) -> bool:
+        """Take this sign if it comes next."""
+        found = self.here.kind == "sign" and self.here.text == text
+        self.at += found
+        return found
+
+    def close(self, text: str) -> None:
+        if not self.sign(text):
+            self.refuse(f"expected '{text}', found {self.here.text}", self.here.line)
+
+    def number(self, what: str) -> int:
+        return int(self.take("int", what).text)
+
+    # Header
+
+    def file(self) -> _File:
+        if self.here.text != "HOA:":
+            self.refuse("not an automaton in HOA format: expected 'HOA: v1'", self.here.line)
+        met: set[str] = set()
+        while self.here.kind == "head":
+            head = self.take("head", "a header")
+            key = head.text[:-1]
+            if key in met and key != "Alias":
+                what = "several initial states; expected one" if key == "Start" else f"a second '{key}:'"
+                self.refuse(what, head.line)
+            met.add(key)
+            self.header(key, head.line)
+        for key in ("Start", "Acceptance"):
+            if key not in met:
+                self.refuse(f"the header '{key}:' is missing", self.here.line)
+        if self.take("mark", "--BODY--").text != "--BODY--":
+            self.refuse("expected --BODY--", self.here.line)
+        self.body()
+        return self.result
+
+    def header(self, key: str, line: int) -> None:
+        if key == "HOA":
+            version = self.take("word", "a version").text
+            if version != "v1":
+                self.refuse(f"version {version} of the format; expected v1", line)
+        elif key == "name":
+            self.result.name = _plain(self.take("string", "a name in quotes").text)
+        elif key == "States":
+            self.count = self.number("a number of states")
+        elif key == "Start":
+            self.result.start = self.number("a state")
+            self.no_universal()
+        elif key == "AP":
+            count = self.number("a number of propositions")
+            names = [_plain(self.take("string", "a proposition in quotes").text) for _ in range(count)]
+            if len(set(names)) < count:
+                self.refuse("a proposition is listed twice", line)
+            self.result.atoms = tuple(names)
+        elif key == "Alias":
+            name = self.take("alias", "an alias").text
+            self.aliases[name] = self.label_or()
+        elif key == "Acceptance":
+            self.acceptance(line)
+        elif key == "letters":
+            self.result.letters = [int(token) for token in self.skip("int")]
+        elif key[0].isupper():
+            self.refuse(f"header '{key}:' changes the meaning in a way that is not known here", line)
+        else:
+            self.skip()
+
+    def skip(self, *kinds: str) -> list[str]:
+        """The tokens up to the next header; only of these ``kinds``, where given."""
+        texts = []
+        while self.here.kind not in ("head", "mark", "end") and (not kinds or self.here.kind in kinds):
+            texts.append(self.here.text)
+            self.at += 1
+        return texts
+
+    def acceptance(self, line: int) -> None:
+        condition = " ".join(self.skip())
+        if condition.replace(" ", "") != "1Inf(0)":
+            self.refuse(
+                f"acceptance '{condition}'; expected Büchi, '1 Inf(0)' (ltl2tgba -B, autfilt -B): a mission "
+                "is complete once an accepting state is reached",
+                line,
+            )
+
+    def no_universal(self) -> None:
+        if self.sign("&"):
+            self.refuse(
+                "universal branching (alternation); expected a deterministic automaton", self.here.line
+            )
+
+    # Body
+
+    def body(self) -> None:
+        while self.here.text == "State:":
+            self.state()
+        end = self.take("mark", "'State:', an edge or --END--")
+        if end.text != "--END--":
+            self.refuse(f"{end.text} instead of --END--: the automaton is not complete", end.line)
+        if self.here.kind != "end":
+            self.refuse("more than one automaton; expected one", self.here.line)
+        self.check_targets(end.line)
+
+    def check_targets(self, line: int) -> None:
+        states = self.result.states
+        if self.count is not None:
+            for q in range(self.count):
+                states.setdefault(q, _State(line, False))
+            if len(states) > self.count:
+                self.refuse(
+                    f"state {max(states)}, but 'States:' announces {self.count}", states[max(states)].line
+                )
+        for q, state in states.items():
+            for _, target, where in state.edges:
+                if target not in states:
+                    self.refuse(f"state {q} leads to state {target}, which is not there", where)
+        if self.result.start not in states:
+            self.refuse(f"the start {self.result.start} is not among the states", line)
+
+    def state(self) -> None:
+        line = self.take("head", "'State:'").line
+        own = self.bracketed()
+        q = self.number("a state")
+        if self.here.kind == "string":
+            self.at += 1
+        if q in self.result.states:
+            self.refuse(f"state {q} is there twice", line)
+        state = self.result.states[q] = _State(line, self.marks())
+        while self.here.kind == "int" or (self.here.kind == "sign" and self.here.text == "["):
+            where = self.here.line
+            label = self.bracketed() or own
+            if label is None:
+                self.refuse(
+                    "an edge without label; expected explicit labels (autfilt rewrites implicit ones)", where
+                )
+            target = self.number("a state")
+            self.no_universal()
+            if self.marks():
+                self.refuse(
+                    "transition-based acceptance; expected state-based (ltl2tgba -B, autfilt -B)", where
+                )
+            state.edges.append((label, target, where))
+
+    def marks(self) -> bool:
+        """An acceptance signature ``{0}``, if there is one."""
+        if not self.sign("{"):
+            return False
+        sets = [self.number("an acceptance set")] if self.here.kind == "int" else []
+        if sets not in ([], [0]):
+            self.refuse(f"acceptance set {sets[0]} does not exist", self.here.line)
+        self.close("}")
+        return bool(sets)
+
+    def bracketed(self) -> _Label | None:
+        if not self.sign("["):
+            return None
+        label = self.label_or()
+        self.close("]")
+        return label
+
+    def label_or(self) -> _Label:
+        parts = [self.label_and()]
+        while self.sign("|"):
+            parts.append(self.label_and())
+        return parts[0] if len(parts) == 1 else _Label("|", tuple(parts))
+
+    def label_and(self) -> _Label:
+        parts = [self.label_not()]
+        while self.sign("&"):
+            parts.append(self.label_not())
+        return parts[0] if len(parts) == 1 else _Label("&", tuple(parts))
+
+    def label_not(self) -> _Label:
+        token = self.here
+        if self.sign("!"):
+            return _Label("!", (self.label_not(),))
+        if self.sign("("):
+            inner = self.label_or()
+            self.close(")")
+            return inner
+        self.at += 1
+        if token.text in ("t", "f"):
+            return _Label(token.text)
+        if token.kind == "alias" and token.text in self.aliases:
+            return self.aliases[token.text]
+        if token.kind == "int" and int(token.text) < len(self.result.atoms):
+            return _Label("ap", place=int(token.text))
+        return self.refuse(
+            f"{token.text} is no label; expected t, f, a proposition's number or an alias", token.line
+        )
+
+
+def _quoted(text: str) -> str:
+    return '"' + text.replace("\\", "\\\\").replace('"', '\\"') + '"'
+
+
+def _plain(text: str) -> str:
+    return re.sub(r"\\(.)", r"\1", text[1:-1])
+
+
+__all__ = ["dumps", "loads", "read", "write"]

@@ -1,0 +1,106 @@
+"""Sets of letters as short Boolean texts: ``b & !c`` instead of 64 letters.
+
+A cube (care, value) holds the letters whose bits in ``care`` equal ``value``. Letters that cannot occur are
+free to fall on either side, which keeps labels short where regions are disjoint.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from pareto_ltl.arrays import IntArray
+from pareto_ltl.logic.automaton import Automaton, letter_codes
+
+Cube = tuple[int, int]
+Tree = int | tuple[int, "Tree", "Tree"]
+
+
+def disjoint(codes: IntArray, targets: IntArray) -> Iterator[tuple[Cube, int]]:
+    """Cubes that overlap nowhere and give every letter in ``codes`` (L,) its target (L,).
+
+    They are the leaves of a decision tree and fill the space of all letters, so a table written with them
+    stays complete and deterministic.
+    """
+    stack = [(0, 0, _decide(codes, targets))]
+    while stack:
+        care, value, tree = stack.pop()
+        if isinstance(tree, int):
+            yield (care, value), tree
+        else:
+            bit, without, with_ = tree
+            stack.append((care | bit, value | bit, with_))
+            stack.append((care | bit, value, without))
+
+
+def _decide(codes: IntArray, targets: IntArray) -> Tree:
+    """(bit, tree where it is 0, tree where it is 1), or the target that all share; no idle questions."""
+    if (targets == targets[0]).all():
+        return int(targets[0])
+    differ = int(np.bitwise_or.reduce(codes ^ codes[0]))  # on other propositions the letters agree
+    bit = differ & -differ
+    yes = (codes & bit) != 0
+    without, with_ = _decide(codes[~yes], targets[~yes]), _decide(codes[yes], targets[yes])
+    return without if without == with_ else (bit, without, with_)
+
+
+def cover(inside: IntArray, outside: IntArray, width: int) -> list[Cube]:
+    """Few short cubes that hold all codes ``inside`` and none ``outside``, over ``width`` propositions.
+
+    Each cube is grown from a letter by dropping literals while it stays clear of ``outside`` (so it is
+    prime), and a cube whose letters the others hold is left out.
+    """
+    cubes: list[Cube] = []
+    left = inside
+    while len(left):
+        cube = _grown(int(left[0]), outside, width)
+        cubes.append(cube)
+        left = left[(left & cube[0]) != cube[1]]
+    for cube in cubes[:-1]:
+        others = [other for other in cubes if other != cube]
+        if all(any(code & care == value for care, value in others) for code in inside.tolist()):
+            cubes = others
+    return cubes
+
+
+def _grown(code: int, outside: IntArray, width: int) -> Cube:
+    """Drop negative literals first: a label that names what is seen reads better."""
+    care = (1 << width) - 1
+    bits = [1 << i for i in reversed(range(width))]
+    for bit in sorted(bits, key=lambda bit: bool(code & bit)):
+        smaller = care & ~bit
+        if not ((outside & smaller) == (code & smaller)).any():
+            care = smaller
+    return care, code & care
+
+
+def show(cubes: list[Cube], names: tuple[str, ...], always: str = "true") -> str:
+    """``a & !b | c``; ``always`` for the cube without literals."""
+    return " | ".join(" & ".join(_literals(cube, names)) or always for cube in cubes)
+
+
+def _literals(cube: Cube, names: tuple[str, ...]) -> list[str]:
+    care, value = cube
+    return [name if value >> i & 1 else f"!{name}" for i, name in enumerate(names) if care >> i & 1]
+
+
+def edges(automaton: Automaton) -> dict[tuple[int, int], str]:
+    """Label of every edge (from, to): the letters that take it, or ``!(those that do not)`` if shorter."""
+    codes = letter_codes(automaton.atoms, automaton.letters)
+    result = {}
+    for q, row in enumerate(automaton.delta):
+        for target in np.unique(row).tolist():
+            result[q, target] = _label(codes[row == target], codes[row != target], automaton.atoms)
+    return result
+
+
+def _label(inside: IntArray, outside: IntArray, names: tuple[str, ...]) -> str:
+    said = show(cover(inside, outside, len(names)), names)
+    if not len(outside) or "|" not in said:
+        return said
+    denied = f"!({show(cover(outside, inside, len(names)), names)})"
+    return denied if len(denied) < len(said) else said
+
+
+__all__ = ["Cube", "cover", "disjoint", "edges", "show"]

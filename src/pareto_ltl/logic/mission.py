@@ -1,0 +1,50 @@
+"""From the settings of a mission to its automaton."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+from pareto_ltl.errors import ConfigError, DataError
+from pareto_ltl.logic import hoa, patterns
+from pareto_ltl.logic.automaton import Automaton, translate
+from pareto_ltl.logic.formula import check_names, parse
+
+if TYPE_CHECKING:
+    from pareto_ltl.config import MissionConfig
+
+
+def automaton_of(
+    mission: MissionConfig,
+    letters: Iterable[Iterable[str]] | None = None,
+    max_states: int = 10_000,
+    regions: Iterable[str] | None = None,
+) -> Automaton:
+    """The automaton of ``mission.formula``, ``mission.pattern`` or the file ``mission.automaton``.
+
+    Parameters
+    ----------
+    letters : iterable of sets of names, optional
+        The label sets that the map can show; default all subsets.
+    regions : iterable of str, optional
+        The names that the map knows; a mission that speaks of others is refused.
+    """
+    text = patterns.formula_of(mission)
+    if mission.automaton is not None:
+        if text:
+            raise ConfigError("mission.automaton is set, and so is a formula or pattern; choose one")
+        result = hoa.read(mission.automaton, letters)
+        missing = [name for name in result.atoms if regions is not None and name not in set(regions)]
+        if missing:
+            have = ", ".join(sorted(set(regions or ()))) or "none"
+            raise DataError(f"{mission.automaton}: unknown region '{missing[0]}': the map has {have}")
+        return result
+    if not text.strip():
+        raise ConfigError("mission.formula is missing: give a formula, a pattern or an automaton")
+    tree = parse(text)
+    if regions is not None:
+        check_names(tree, regions)
+    return translate(text, letters, max_states)
+
+
+__all__ = ["automaton_of"]
