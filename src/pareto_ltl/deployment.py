@@ -61,8 +61,8 @@ def fly(problem: Problem, u: FloatArray, runs: int, law: str, seed: SeedSequence
     known = len(problem.tables.wind.slot)
     if len(u) > known:
         raise InfeasibleError(
-            f"a plan of {len(u)} steps outlasts the wind, which is known for {known}: give later wind fields, set "
-            "wind.hold_last=true, or raise planner.max_steps"
+            f"a plan of {len(u)} steps outlasts the wind, which is known for {known}: give later fields, "
+            "set wind.hold_last=true, or raise planner.max_steps"
         )
     x = np.empty((runs, len(u) + 1, 2))
     blocks = [slice(first, min(first + BLOCK, runs)) for first in range(0, runs, BLOCK)]

@@ -1,0 +1,86 @@
+"""Growth budgets: vertices a second, time to the first path, cost at a million vertices, bytes a vertex.
+
+    python -m pytest benchmarks/bench_growth.py
+
+Paper fidelity on the two missions in a rough wind of up to 10 m/s, kernels compiled.
+"""
+
+from __future__ import annotations
+
+import tracemalloc
+
+import pytest
+from numpy.random import SeedSequence
+
+from pareto_ltl import growth
+from pareto_ltl.config import PlannerConfig
+from pareto_ltl.records import Forest
+from planning import paper_problem
+
+
+@pytest.fixture(scope="module", params=["phi1", "phi2"])
+def problem(request):
+    """A mission, with the kernels compiled by a first small forest."""
+    made = paper_problem(request.param)
+    growth.forest(PlannerConfig(trees=1, n_max=50), made, SeedSequence(0))
+    return made
+
+
+def speed(forest: Forest) -> float:
+    """Vertices a second and core."""
+    return sum(map(len, forest.trees)) / sum(tree.seconds for tree in forest.trees)
+
+
+def test_vertices_a_second_on_one_core(benchmark, problem):
+    cfg = PlannerConfig(trees=8, n_max=2500, threads=1)
+    forests: list[Forest] = []
+    benchmark.pedantic(lambda: forests.append(growth.forest(cfg, problem, SeedSequence(0))), rounds=5)
+    benchmark.extra_info["figures"] = [("vertices/s", max(map(speed, forests)), 300_000)]
+    benchmark.extra_info["sense"] = ">="
+
+
+def test_ten_trees_on_two_threads(benchmark, problem):
+    cfg = PlannerConfig(trees=10, n_max=2500, threads=2)
+    benchmark.extra_info["budget"] = 0.1
+    forest = benchmark.pedantic(growth.forest, (cfg, problem, SeedSequence(0)), rounds=5, warmup_rounds=1)
+    assert len(forest.accepted) > 0
+
+
+def test_time_a_vertex_at_a_million(benchmark, problem):
+    """A vertex of a tree of 10^6 against one of a tree of 10^4; takes minutes while the budget is missed."""
+    small = PlannerConfig(trees=1, n_max=10_000)
+    large = PlannerConfig(trees=1, n_max=1_000_000)
+    few = max(speed(growth.forest(small, problem, SeedSequence(seed))) for seed in range(3))
+    forest = benchmark.pedantic(growth.forest, (large, problem, SeedSequence(0)), rounds=1)
+    assert len(forest.trees[0]) == 1_000_000
+    benchmark.extra_info["figures"] = [("times the cost at 10^4", few / speed(forest), 2.0)]
+
+
+def test_first_accepted_path(benchmark, problem):
+    """One tree a round, each with a seed of its own. A tree whose first vertices come late to a region may
+    run out of wind data for good, so not every seed finds a path."""
+    cfg = PlannerConfig(trees=1, n_max=10_000)
+    seeds, found = iter(SeedSequence(0).spawn(1000)), []
+
+    def first() -> None:
+        found.append(len(growth.forest(cfg, problem, next(seeds), stop_at_first=True).accepted))
+
+    benchmark.extra_info["budget"] = 0.020
+    benchmark.pedantic(first, rounds=40)
+    benchmark.extra_info["figures"] = [("share of trees that find one", sum(found) / len(found), 0.9)]
+    benchmark.extra_info["sense"] = ">="
+
+
+def test_bytes_a_vertex(benchmark, problem):
+    """The peak while a tree grows and its record is made, tables of the high-level planner included."""
+    n = 100_000
+    cfg = PlannerConfig(trees=1, n_max=n)
+
+    def peak() -> float:
+        tracemalloc.start()
+        growth.forest(cfg, problem, SeedSequence(0))
+        most = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        return most / n
+
+    benchmark.extra_info["figures"] = [("peak [B]", benchmark.pedantic(peak, rounds=1), 250)]

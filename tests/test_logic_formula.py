@@ -1,0 +1,209 @@
+"""Reading, writing and judging formulas."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pareto_ltl.logic import FormulaError, parse, positive, translate
+from pareto_ltl.logic.formula import BINARY, MAX_DEPTH, UNARY, Formula, caret, check_names
+
+names = st.sampled_from(["a", "b", "c", "Goal_1", "x2", "2nd", "höhe", "Fa"]).map(
+    lambda name: Formula("name", name=name)
+)
+leaves = names | st.sampled_from([Formula("true"), Formula("false")])
+
+
+def branches(trees):
+    unary = st.builds(lambda op, p: Formula(op, (p,)), st.sampled_from(UNARY), trees)
+    pair = st.builds(lambda op, p, q: Formula(op, (p, q)), st.sampled_from(list(BINARY)), trees, trees)
+    chain = st.builds(
+        lambda op, parts: Formula(op, tuple(parts)),
+        st.sampled_from("&|"),
+        st.lists(trees, min_size=2, max_size=4),
+    )
+    return unary | pair | chain
+
+
+trees = st.recursive(leaves, branches, max_leaves=12)
+
+
+@given(trees)
+def test_what_is_printed_reads_back_as_the_same_tree(tree):
+    assert parse(str(tree)) == tree
+
+
+@given(trees)
+def test_printing_is_stable(tree):
+    assert str(parse(str(tree))) == str(tree)
+
+
+@given(st.text(alphabet="abXFUGM&|!()-<> ~trueor[]$1\n", max_size=25))
+def test_any_text_is_read_or_refused_in_one_line_that_points_into_it(text):
+    try:
+        tree = parse(text)
+    except FormulaError as error:
+        assert "\n" not in str(error)
+        assert 0 <= error.column <= len(text)
+    else:
+        assert parse(str(tree)) == tree
+
+
+@pytest.mark.parametrize(
+    ("text", "meaning"),
+    [
+        ("!a & b", "(!a) & b"),
+        ("F a U b", "(F a) U b"),
+        ("a U b U c", "a U (b U c)"),
+        ("a M b U c", "a M (b U c)"),
+        ("a U b & c", "(a U b) & c"),
+        ("a & b | c", "(a & b) | c"),
+        ("a | b -> c", "(a | b) -> c"),
+        ("a -> b -> c", "a -> (b -> c)"),
+        ("a <-> b -> c", "a <-> (b -> c)"),
+        ("a <-> b <-> c", "(a <-> b) <-> c"),
+        ("X F a", "X (F a)"),
+        ("! X a U b", "(!(X a)) U b"),
+    ],
+)
+def test_operators_bind_in_the_promised_order(text, meaning):
+    assert parse(text) == parse(meaning)
+
+
+@pytest.mark.parametrize(
+    ("text", "same"),
+    [
+        ("~a", "!a"),
+        ("not a", "!a"),
+        ("a && b and c", "a & b & c"),
+        ("a || b or c", "a | b | c"),
+        ("next eventually a", "X F a"),
+        ("<>a", "F a"),
+        ("a until b", "a U b"),
+        ("[]a", "G a"),
+        ("(((a)))", "a"),
+        ("\ta\n& b ", "a&b"),
+    ],
+)
+def test_spellings_mean_the_same(text, same):
+    assert parse(text) == parse(same)
+
+
+@pytest.mark.parametrize(
+    ("text", "column", "said"),
+    [
+        ("", 0, "empty"),
+        ("   ", 0, "empty"),
+        ("a &", 3, "expected a proposition"),
+        ("a & | b", 4, "found '|'"),
+        ("(a & b", 6, "')' to close the '(' of column 1"),
+        ("F(a & (b | c)", 13, "')' to close the '(' of column 2"),
+        ("a b", 2, "expected an operator or the end"),
+        ("a)", 1, "found ')'"),
+        ("FF a", 3, "write 'F F'"),
+        ("a $ b", 2, "'$' has no meaning"),
+        ("a /\\ b", 2, "write '&'"),
+        ("a => b", 2, "write '->'"),
+        ("F U", 2, "expected a proposition"),
+        ("F " * (MAX_DEPTH + 1) + "a", 2 * MAX_DEPTH, "deeper than"),
+        ("(" * (MAX_DEPTH + 1) + "a", MAX_DEPTH, "deeper than"),
+    ],
+)
+def test_a_syntax_error_points_at_its_column_and_says_what_was_expected(text, column, said):
+    with pytest.raises(FormulaError, match="") as caught:
+        parse(text)
+    assert caught.value.column == column
+    assert said in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_the_caret_stands_under_the_column():
+    assert caret("F(a &\t)", 6) == "F(a & )\n      ^"
+
+
+@pytest.mark.parametrize(
+    ("text", "column", "said"),
+    [
+        ("G p", 0, "operator 'G': 'G p' promises something for ever; no finite flight can complete it"),
+        ("F a & []b", 6, "operator '[]': '[] b'"),
+        ("a R b", 2, "operator 'R'"),
+        ("F(a W b)", 4, "operator 'W'"),
+        ("!F a", 1, "'F a' is negated by '!' of column 1; that is 'G !a'"),
+        ("not eventually a", 4, "operator 'eventually': 'eventually a' is negated by 'not'"),
+        ("!(a U b)", 4, "that is '!a R !b'"),
+        ("!(a M b)", 4, "that is '!a W !b'"),
+        ("F a -> b", 0, "'F a' is negated by '->' of column 5"),
+        ("a <-> F b", 6, "'F b' is negated by '<->' of column 3"),
+        ("X F b xor a", 2, "'F b' is negated by 'xor' of column 7"),
+        ("!(F a & !G b)", 2, "'F a' is negated by '!' of column 1"),
+    ],
+)
+def test_a_refused_formula_names_the_operator_as_it_was_written_and_why(text, column, said):
+    for judge in (lambda: positive(parse(text)), lambda: translate(text)):
+        with pytest.raises(FormulaError) as caught:
+            judge()
+        assert caught.value.column == column
+        assert said.replace("'[] b'", "'[]b'") in str(caught.value)
+        assert "for ever" in str(caught.value)
+        assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "normal"),
+    [
+        ("!(a & !b)", "!a | b"),
+        ("!X a", "X !a"),
+        ("!G a", "F !a"),
+        ("!(a R b)", "!a U !b"),
+        ("!(a W b)", "!a M !b"),
+        ("a -> F b", "!a | F b"),
+        ("!(a -> X b)", "a & X !b"),
+        ("a <-> b", "a & b | !a & !b"),
+        ("a xor b", "a & !b | !a & b"),
+        ("!(a <-> b)", "a & !b | !a & b"),
+        ("!(a xor b)", "a & b | !a & !b"),
+        ("!!G a -> b", "F !a | b"),
+        ("!true", "false"),
+        ("(a & b) & c", "a & b & c"),
+    ],
+)
+def test_negation_is_pushed_to_the_propositions(text, normal):
+    assert positive(parse(text)) == parse(normal)
+
+
+@given(trees)
+def test_the_normal_form_has_only_the_operators_of_co_safety(tree):
+    try:
+        normal = positive(tree)
+    except FormulaError as error:
+        assert any(node.op in "GRWFUM" for node in tree.walk())
+        assert error.column is not None
+    else:
+        assert {node.op for node in normal.walk()} <= {"true", "false", "name", "!", *"&|XFUM"}
+        assert all(node.args[0].op == "name" for node in normal.walk() if node.op == "!")
+
+
+def test_deep_sequences_and_long_chains_are_no_problem():
+    deep = "F(a & " * (MAX_DEPTH // 2) + "b" + ")" * (MAX_DEPTH // 2)
+    assert parse(str(positive(parse(deep)))) == parse(deep)
+    wide = " & ".join(f"F p{i}" for i in range(2000))
+    assert len(positive(parse(wide)).args) == 2000
+
+
+def test_nested_equivalences_do_not_explode():
+    tree = parse(" <-> ".join(f"p{i}" for i in range(150)))
+    assert len(list(positive(tree).walk())) < 1500
+
+
+def test_an_unknown_region_is_named_with_its_column():
+    check_names(parse("F(a & F b)"), ["a", "b", "c"])
+    with pytest.raises(FormulaError, match="unknown region 'e' in the formula: the map has a, b") as caught:
+        check_names(parse("F(a & F e)"), ["b", "a"])
+    assert caught.value.column == 8
+
+
+def test_tracebacks_show_the_caret():
+    with pytest.raises(FormulaError) as caught:
+        translate("F a & G b")
+    assert caught.value.__notes__ == ["F a & G b\n      ^"]
