@@ -25,7 +25,7 @@ def planted(points, groups):
 
 
 def nearest(index, group, point):
-    return kd_nearest(*index, group, *map(float, point), np.empty((256, 3)))
+    return kd_nearest(*index, group, *map(float, point), np.empty((256, 4)))
 
 
 @some

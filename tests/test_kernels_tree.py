@@ -174,7 +174,7 @@ class Bench:
         kernel.price(p.tables, v, original, cell, x, y, n.growing.risks, 1)
         q = int(p.tables.logic.delta[v.q[original], cell])
         parent, q_new, length_new = kernel.choose_parent(
-            p.tables, v, n.growing, n.habits, x, y, cell, original, q, length
+            p.tables, v, n.growing, n.habits, x, y, cell, original, q, length, n.rng
         )
         assert length_new == pytest.approx(v.length[parent] + math.dist(v.x[parent], (x, y)))
         assert q_new == p.tables.logic.delta[v.q[parent], cell]

@@ -32,7 +32,7 @@ def independent(
     """The paper's law: every step draws its wind anew, w ~ N(μ, Σ_w). Fills ``x`` (n, T+1, 2)."""
     draws = rng.standard_normal((len(u), len(x), 2))
     accepted, collided = np.empty(len(x), bool), np.empty(len(x), bool)
-    b = np.linalg.inv(problem.tables.motion.b_inv)
+    b = np.asarray(np.linalg.inv(problem.tables.motion.b_inv), float)
     rollout.fly(problem.tables, b, u, draws, x, accepted, collided)
     return accepted, collided
 

@@ -28,6 +28,7 @@ from pareto_ltl.records import Forest, Tree
 
 ITERATIONS_PER_VERTEX = 50  # extensions tried before a tree that does not grow is given up
 CHUNK = 20_000  # vertices between two looks at the clock
+CAPACITY = 8  # vertices that a square keeps as possible parents, for each automaton state
 SQUARES = 400  # at most, along one side of the grid of possible parents
 
 
@@ -125,7 +126,7 @@ def _plant(
     )
     vertices = _vertices(cfg.n_max, atoms, m)
     groups = habits.columns * habits.rows * states
-    growing = _growing(graph, groups, max(2, cfg.near // 8), atoms, m, cfg.n_max if swaps else 0)
+    growing = _growing(graph, groups, cfg.near, atoms, m, cfg.n_max if swaps else 0)
     x, y = problem.scene.start
     if not kernel.plant(problem.tables, habits, vertices, growing, x, y, problem.start_variance, rng):
         raise InfeasibleError(
@@ -156,7 +157,7 @@ def _vertices(n: int, atoms: int, m: int) -> Vertices:
     )  # fmt: skip
 
 
-def _growing(graph: Product, groups: int, capacity: int, atoms: int, m: int, swaps: int) -> Growing:
+def _growing(graph: Product, groups: int, near: int, atoms: int, m: int, swaps: int) -> Growing:
     states, edges = len(graph.goal), len(graph.head)
     heap = Heap(
         np.empty(edges + 1), np.empty(edges + 1, np.int64), np.empty(states), np.empty(states, np.int64)
@@ -165,9 +166,10 @@ def _growing(graph: Product, groups: int, capacity: int, atoms: int, m: int, swa
         root=np.full(states, -1, np.int64), members=np.zeros(states, np.int64),
         selected=np.zeros(states, np.int64),
         weight=np.empty(states), lead=np.empty(states, np.int64), heap=heap,
-        kept=np.empty((groups, capacity), np.int64), seen=np.zeros(groups, np.int64),
+        kept=np.empty((groups, CAPACITY), np.int64), pool=np.empty(near, np.int64),
+        seen=np.zeros(groups, np.int64),
         swaps=np.empty((swaps, 2, 2 + atoms)), tally=np.zeros(kernel.TALLIES, np.int64),
-        stack=np.empty((256, 3)),
+        stack=np.empty((256, 4)),
         masks=np.zeros((2, m), np.int64), risks=np.zeros((3, atoms)),
     )  # fmt: skip
 
@@ -208,10 +210,11 @@ def _call(nursery: _Nursery, problem: Problem, graph: Product, fan: Fans, limit:
 
 def _finish(nursery: _Nursery) -> Tree:
     v, tally, n = nursery.vertices, nursery.growing.tally, nursery.size
+    np.maximum(v.risk, 0.0, out=v.risk)
     return Tree(
-        x=v.x[:n].copy(), parent=v.parent[:n].astype(np.int64), step=v.step[:n].astype(np.int64),
-        q=v.q[:n].astype(np.int64), cell=v.cell[:n].astype(np.int64), length=v.length[:n].copy(),
-        risk=np.maximum(v.risk[:n], 0.0), swaps=nursery.growing.swaps[: tally[kernel.SWAPS]].copy(),
+        x=_rows(v.x, n), parent=v.parent[:n].astype(np.int64), step=v.step[:n].astype(np.int64),
+        q=v.q[:n].astype(np.int64), cell=v.cell[:n].astype(np.int64), length=_rows(v.length, n),
+        risk=_rows(v.risk, n), swaps=nursery.growing.swaps[: tally[kernel.SWAPS]].copy(),
         beta=nursery.beta, seconds=nursery.seconds,
         reach={
             "extensions": float(tally[kernel.ITERATIONS]), "blocked": float(tally[kernel.BLOCKED]),
@@ -219,6 +222,11 @@ def _finish(nursery: _Nursery) -> Tree:
             "trapped": float(tally[kernel.TRAPPED]), "reselected": float(tally[kernel.SWAPS]),
         },
     )  # fmt: skip
+
+
+def _rows(array: FloatArray, n: int) -> FloatArray:
+    """The first n rows; a full tree is handed over as it is."""
+    return array if len(array) == n else array[:n].copy()
 
 
 CAUSES = ("blocked", "windbound", "beyond", "trapped")

@@ -154,8 +154,11 @@ class Decomposition:
 
     @property
     def letters(self) -> tuple[frozenset[str], ...]:
-        """The distinct label sets that cells show, smallest first, then by name."""
-        return tuple(sorted(set(self.labels), key=lambda s: (len(s), sorted(s))))
+        """The label sets that a robot can read, smallest first, then by name.
+
+        The empty one is always among them: obstacles and what lies off the map show it.
+        """
+        return tuple(sorted({frozenset[str](), *self.labels}, key=lambda s: (len(s), sorted(s))))
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,11 +5,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from pareto_ltl.arrays import FloatArray, IntArray
 from pareto_ltl.kernels.gaussian import variance_along
-from pareto_ltl.kernels.jit import kernel
+from pareto_ltl.kernels.jit import allocating, kernel
 from pareto_ltl.kernels.tables import Cells, Faces
 
 SLACK = 1e-6  # [m] a point this far outside an edge still lies on it
@@ -89,7 +88,7 @@ def hits(faces: Faces, part: int, x0: float, y0: float, x1: float, y1: float) ->
     return True
 
 
-@njit(cache=True)
+@allocating
 def locate_many(cells: Cells, points: FloatArray) -> IntArray:
     """:func:`locate` for every row of ``points`` (P, 2)."""
     found = np.empty(len(points), np.int64)

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Callable
+from functools import lru_cache
+from pathlib import Path
 from typing import Any, TypeVar, cast
 
 from numba import njit
@@ -23,7 +26,32 @@ def kernel(function: F) -> F:
 def entry(function: F) -> F:
     """The same for a function called from Python, with its machine code kept on disk and the interpreter's
     lock released."""
-    return cast(F, njit(_nrt=False, error_model="numpy", cache=True, nogil=True)(function))
+    compiled = njit(_nrt=False, error_model="numpy", cache=True, nogil=True)(function)
+    return cast(F, _stamped(compiled))
 
 
-__all__ = ["entry", "kernel"]
+def allocating(function: F) -> F:
+    """An entry that makes arrays, and so needs their reference counts."""
+    return cast(F, _stamped(njit(cache=True, nogil=True)(function)))
+
+
+def _stamped(compiled: Any) -> Any:
+    """Let the code on disk go stale when any kernel changes.
+
+    Numba looks at the time of the entry's own file alone, and would go on running old helpers.
+    """
+    file = getattr(getattr(compiled, "_cache", None), "_cache_file", None)
+    if file is not None:
+        file._source_stamp = (file._source_stamp, _edition())
+    return compiled
+
+
+@lru_cache
+def _edition() -> str:
+    digest = hashlib.sha256()
+    for source in sorted(Path(__file__).parent.glob("*.py")):
+        digest.update(source.read_bytes())
+    return digest.hexdigest()
+
+
+__all__ = ["allocating", "entry", "kernel"]

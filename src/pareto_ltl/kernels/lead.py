@@ -6,10 +6,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from pareto_ltl.arrays import BoolArray, FloatArray, IntArray
-from pareto_ltl.kernels.jit import kernel
+from pareto_ltl.kernels.jit import allocating, kernel
 
 
 class Product(NamedTuple):
@@ -114,7 +113,7 @@ def find_lead(product: Product, weight: FloatArray, start: int, heap: Heap, lead
     return length
 
 
-@njit(cache=True)
+@allocating
 def shortest_lead(product: Product, count: IntArray, selected: IntArray, start: int) -> IntArray:
     """One lead by itself, for the uncompiled world: state numbers from ``start`` to a goal."""
     states, edges = len(product.goal), len(product.head)

@@ -5,12 +5,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from pareto_ltl.arrays import FloatArray, IntArray
 from pareto_ltl.kernels.gaussian import SQRT_HALF, inside, missed
 from pareto_ltl.kernels.geometry import SLACK, clear_faces, locate
-from pareto_ltl.kernels.jit import kernel
+from pareto_ltl.kernels.jit import allocating, kernel
 from pareto_ltl.kernels.lattice import airspeed, drift, spread
 from pareto_ltl.kernels.tables import Tables
 
@@ -25,7 +24,7 @@ def _shared(masks: IntArray) -> bool:
     return True
 
 
-@njit(cache=True, nogil=True)
+@allocating
 def evaluate(
     tables: Tables, x: FloatArray, variance: float, fast: float,
     cov: FloatArray, u: FloatArray, q: IntArray, cell: IntArray, risk: FloatArray, touch: FloatArray,
@@ -78,7 +77,7 @@ def evaluate(
     return FLOWN, len(x) - 1
 
 
-@njit(cache=True, nogil=True)
+@allocating
 def collision_bound(tables: Tables, x: FloatArray, cov: FloatArray) -> float:
     """R = Σ over (obstacle, run of steps with one separating face) of min(Σ_t p_t, 2 Φ(-min d / max σ)).
 

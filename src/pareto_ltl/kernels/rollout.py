@@ -5,11 +5,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from pareto_ltl.arrays import BoolArray, FloatArray
 from pareto_ltl.kernels.geometry import hits, locate
-from pareto_ltl.kernels.jit import kernel
+from pareto_ltl.kernels.jit import allocating, kernel
 from pareto_ltl.kernels.lattice import at, gust
 from pareto_ltl.kernels.tables import Tables
 
@@ -23,7 +22,7 @@ def touches(tables: Tables, x0: float, y0: float, x1: float, y1: float) -> bool:
     return False
 
 
-@njit(cache=True, nogil=True)
+@allocating
 def fly(
     tables: Tables,
     b: FloatArray,
@@ -57,7 +56,7 @@ def fly(
         accepted[i] = tables.logic.distance[q] == 0.0
 
 
-@njit(cache=True)
+@allocating
 def touches_many(tables: Tables, segments: FloatArray) -> BoolArray:
     """:func:`touches` for every row of ``segments`` (S, 4)."""
     found = np.empty(len(segments), np.bool_)

@@ -57,10 +57,11 @@ class Growing(NamedTuple):
     lead: IntArray  # (Z,)
     heap: Heap
     kept: IntArray  # (squares * Q, capacity) possible parents
+    pool: IntArray  # (near,) scratch: the ones tried
     seen: IntArray  # (squares * Q,)
     swaps: FloatArray  # (S, 2, 2 + P) record of re-selections, S may be 0
     tally: IntArray  # (TALLIES,)
-    stack: FloatArray  # (depth, 3)
+    stack: FloatArray  # (depth, 4)
     masks: IntArray  # (2, m) scratch: the proposal's and the best one's
     risks: FloatArray  # (3, P) scratch: the proposal's, the best one's, the original parent's
 
@@ -239,9 +240,51 @@ def improves(
 
 
 @kernel
+def gather(
+    tables: Tables, growing: Growing, habits: Habits, x: float, y: float, cell: int, q0: int, rng: Generator
+) -> int:
+    """Fill ``growing.pool`` with possible parents of a vertex at (x, y); return how many.
+
+    They come from the squares around it and from automaton states that would read the cell's label as well
+    as ``q0`` or better. Where there are more than the pool holds, every (total / pool)-th is taken, from a
+    random first one on: a vertex costs the same in a tree of a million as in one of ten thousand.
+    """
+    delta, covers, pool = tables.logic.delta, tables.logic.covers, growing.pool
+    kept, arrivals = growing.kept, growing.seen
+    states, capacity = len(tables.logic.distance), kept.shape[1]
+    ci, cj = square_of(habits, x, y)
+    west, east = max(ci - 2, 0), min(ci + 3, habits.columns)
+    south, north = max(cj - 2, 0), min(cj + 3, habits.rows)
+    total = 0
+    for i in range(west, east):
+        for j in range(south, north):
+            for q in range(states):
+                seen = arrivals[(i * habits.rows + j) * states + q]
+                if seen > 0 and covers[delta[q, cell], q0]:
+                    total += min(seen, capacity)
+    stride, pick = 1.0, 0.0
+    if total > len(pool):
+        stride = total / len(pool)
+        pick = rng.random() * stride
+    passed, found = 0, 0
+    for i in range(west, east):
+        for j in range(south, north):
+            for q in range(states):
+                group = (i * habits.rows + j) * states + q
+                if arrivals[group] > 0 and covers[delta[q, cell], q0]:
+                    here = min(arrivals[group], capacity)
+                    while pick < passed + here and found < len(pool):
+                        pool[found] = kept[group, int(pick) - passed]
+                        found += 1
+                        pick += stride
+                    passed += here
+    return found
+
+
+@kernel
 def choose_parent(
     tables: Tables, tree: Vertices, growing: Growing, habits: Habits, x: float, y: float, cell: int,
-    parent: int, q0: int, length0: float,
+    parent: int, q0: int, length0: float, rng: Generator,
 ) -> tuple[int, int, float]:  # fmt: skip
     """The lines 5 to 13 of Algorithm 2: parent, automaton state and length of the new vertex.
 
@@ -249,51 +292,36 @@ def choose_parent(
     swaps judged only against the last one can end dominated. Rows 1 of ``growing.masks`` and
     ``growing.risks`` hold the original on entry and the chosen one on return.
     """
-    motion, distance = tables.motion, tables.logic.distance
-    delta, covers = tables.logic.delta, tables.logic.covers
-    kept, arrivals, risks, masks = growing.kept, growing.seen, growing.risks, growing.masks
-    points, lengths, drifts, steps = tree.x, tree.length, tree.drift, tree.step
-    states = len(distance)
+    distance, delta, motion = tables.logic.distance, tables.logic.delta, tables.motion
+    risks, masks, pool = growing.risks, growing.masks, growing.pool
     for atom in range(risks.shape[1]):
         risks[2, atom] = risks[1, atom]
     best, best_q, best_length = parent, q0, length0
-    ci, cj = square_of(habits, x, y)
-    for i in range(max(ci - 2, 0), min(ci + 3, habits.columns)):
-        for j in range(max(cj - 2, 0), min(cj + 3, habits.rows)):
-            for q_near in range(states):
-                group = (i * habits.rows + j) * states + q_near
-                seen = arrivals[group]
-                if seen == 0:
-                    continue
-                q = delta[q_near, cell]
-                if not covers[q, q0]:
-                    continue
-                for k in range(min(seen, kept.shape[1])):
-                    near = kept[group, k]
-                    if near == parent:
-                        continue
-                    dx, dy = x - points[near, 0], y - points[near, 1]
-                    length = lengths[near] + math.sqrt(dx * dx + dy * dy)
-                    if length > length0 + habits.beta_length:
-                        continue
-                    ux, uy = x - drifts[near, 0], y - drifts[near, 1]
-                    if airspeed(motion, ux, uy) > motion.u_max * ROUNDING:
-                        continue
-                    if not in_time(tables, habits, steps[near] + 1, q):
-                        continue
-                    price(tables, tree, near, cell, x, y, risks, 0)
-                    if not improves(distance, habits, risks, q, length, q0, length0, 2, False):
-                        continue
-                    if best != parent and not improves(
-                        distance, habits, risks, q, length, best_q, best_length, 1, True
-                    ):
-                        continue
-                    if passes(tables, tree, near, x, y, masks, 0):
-                        best, best_q, best_length = near, q, length
-                        for atom in range(risks.shape[1]):
-                            risks[1, atom] = risks[0, atom]
-                        for o in range(masks.shape[1]):
-                            masks[1, o] = masks[0, o]
+    for k in range(gather(tables, growing, habits, x, y, cell, q0, rng)):
+        near = pool[k]
+        if near == parent:
+            continue
+        dx, dy = x - tree.x[near, 0], y - tree.x[near, 1]
+        length = tree.length[near] + math.sqrt(dx * dx + dy * dy)
+        if length > length0 + habits.beta_length:
+            continue
+        ux, uy = x - tree.drift[near, 0], y - tree.drift[near, 1]
+        if airspeed(motion, ux, uy) > motion.u_max * ROUNDING:
+            continue
+        q = delta[tree.q[near], cell]
+        if not in_time(tables, habits, tree.step[near] + 1, q):
+            continue
+        price(tables, tree, near, cell, x, y, risks, 0)
+        if not improves(distance, habits, risks, q, length, q0, length0, 2, False):
+            continue
+        if best != parent and not improves(distance, habits, risks, q, length, best_q, best_length, 1, True):
+            continue
+        if passes(tables, tree, near, x, y, masks, 0):
+            best, best_q, best_length = near, q, length
+            for atom in range(risks.shape[1]):
+                risks[1, atom] = risks[0, atom]
+            for o in range(masks.shape[1]):
+                masks[1, o] = masks[0, o]
     return best, best_q, best_length
 
 
@@ -352,7 +380,9 @@ def extend(
         price(tables, tree, v, cell, x, y, growing.risks, 1)
         parent = v
         if habits.reselect:
-            parent, q_new, length_new = choose_parent(tables, tree, growing, habits, x, y, cell, v, q, length)
+            parent, q_new, length_new = choose_parent(
+                tables, tree, growing, habits, x, y, cell, v, q, length, rng
+            )
             if parent != v:
                 note_swap(tables, growing, q, length, q_new, length_new)
                 q, length = q_new, length_new
