@@ -22,7 +22,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
-from pareto_ltl.arrays import FloatArray
+from pareto_ltl.arrays import FloatArray, IntArray
 from pareto_ltl.config import ReportConfig
 from pareto_ltl.records import Decomposition, Deployment, Forest, Front, Objectives, Plan, Scene, WindField
 from pareto_ltl.report import style
@@ -45,7 +45,7 @@ def draw(
     plan: Plan | None,
     deployments: Mapping[str, Deployment] | None = None,
 ) -> tuple[Path, ...]:
-    """Write ``plan``, ``front`` and ``wind``, each as .png and .svg, into ``folder``; return what was written.
+    """Write ``plan``, ``front`` and ``wind``, each as .png and .svg, into ``folder``; return their paths.
 
     Without a front there is nothing to put into ``front``, and it is left out.
 
@@ -64,7 +64,9 @@ def draw(
         }
         if front is not None and front.paths:
             figures["front"] = front_figure(scene, forest, front, plan)
-        return tuple(path for name, figure in figures.items() for path in style.save(figure, folder, name, cfg.dpi))
+        return tuple(
+            path for name, figure in figures.items() for path in style.save(figure, folder, name, cfg.dpi)
+        )
 
 
 # --- the map -----------------------------------------------------------------------------------
@@ -118,9 +120,16 @@ def plan_figure(
     t, moment = flight_middle(scene, plan)
     _arrows(chart, scene, wind, t, f"expected wind {moment}", west, bottom - 0.40)
     figure.legend(
-        handles=keys, ncols=2, loc="upper left", borderaxespad=0.0, borderpad=0.0, handlelength=1.6, columnspacing=1.2,
-        labelspacing=0.35, bbox_to_anchor=((west - 0.02) / width, (bottom - 0.52) / figure.get_size_inches()[1]),
-    )  # fmt: skip
+        handles=keys,
+        ncols=2,
+        loc="upper left",
+        borderaxespad=0.0,
+        borderpad=0.0,
+        handlelength=1.6,
+        columnspacing=1.2,
+        labelspacing=0.35,
+        bbox_to_anchor=((west - 0.02) / width, (bottom - 0.52) / figure.get_size_inches()[1]),
+    )
     for row, line in enumerate(reversed(title)):
         style.note(figure, west, bottom + height + 0.24 + LINE * row, line, va="bottom")
     return figure
@@ -150,7 +159,9 @@ def _geography(chart: Map, scene: Scene) -> None:
     x, y = np.linspace(west, east, 101), np.linspace(south, north, 101)
     lon = np.unwrap(to_geographic(scene.crs, np.column_stack([x, np.full_like(x, north)]))[0], period=360.0)
     lat = to_geographic(scene.crs, np.column_stack([np.full_like(y, east), y]))[1]
-    meridians = [(p, style.degrees((d + 180.0) % 360.0 - 180.0, "E", "W")) for p, d in style.crossings(x, lon)]
+    meridians = [
+        (p, style.degrees((d + 180.0) % 360.0 - 180.0, "E", "W")) for p, d in style.crossings(x, lon)
+    ]
     parallels = [(p, style.degrees(d, "N", "S")) for p, d in style.crossings(y, lat)]
     for axis, marks in (
         (chart.ax.secondary_xaxis("top").xaxis, meridians),
@@ -164,21 +175,51 @@ def _ground(chart: Map, scene: Scene, decomposition: Decomposition) -> None:
     """Cells faint, obstacles solid, regions with their names."""
     ax, k = chart.ax, chart.per_metre
     ax.add_collection(
-        PolyCollection([c * k for c in decomposition.cells], facecolors="none", edgecolors=style.MIST,
-                       linewidths=0.35, linestyles=":", zorder=1.5), autolim=False,
-    )  # fmt: skip
+        PolyCollection(
+            [c * k for c in decomposition.cells],
+            facecolors="none",
+            edgecolors=style.MIST,
+            linewidths=0.35,
+            linestyles=":",
+            zorder=1.5,
+        ),
+        autolim=False,
+    )
     ax.add_collection(
-        PolyCollection([o * k for o in scene.obstacles], facecolors="#6E6E6E", edgecolors="#4A4A4A", linewidths=0.5,
-                       zorder=3), autolim=False,
-    )  # fmt: skip
+        PolyCollection(
+            [o * k for o in scene.obstacles],
+            facecolors="#6E6E6E",
+            edgecolors="#4A4A4A",
+            linewidths=0.5,
+            zorder=3,
+        ),
+        autolim=False,
+    )
     ax.add_collection(
-        PolyCollection([r * k for r in scene.regions.values()], facecolors=style.GREEN + "30", edgecolors=style.GREEN,
-                       linewidths=1.0, zorder=2.5), autolim=False,
-    )  # fmt: skip
+        PolyCollection(
+            [r * k for r in scene.regions.values()],
+            facecolors=style.GREEN + "30",
+            edgecolors=style.GREEN,
+            linewidths=1.0,
+            zorder=2.5,
+        ),
+        autolim=False,
+    )
     for name, polygon in scene.regions.items():
         x, y = label_place(decomposition.regions.get(name, (polygon,))) * k
-        ax.text(x, y, name, ha="center", va="center", fontsize=8.5, fontweight="bold", color="#00523C", zorder=9,
-                path_effects=style.halo(2.0), parse_math=False)  # fmt: skip
+        ax.text(
+            x,
+            y,
+            name,
+            ha="center",
+            va="center",
+            fontsize=8.5,
+            fontweight="bold",
+            color="#00523C",
+            zorder=9,
+            path_effects=style.halo(2.0),
+            parse_math=False,
+        )
 
 
 def label_place(parts: Sequence[FloatArray]) -> FloatArray:
@@ -190,7 +231,9 @@ def label_place(parts: Sequence[FloatArray]) -> FloatArray:
         area = cross.sum() / 2.0
         if area > best and area > 0.0:
             best = area
-            place = part[0] + ((part - part[0] + np.roll(part - part[0], -1, axis=0)) * cross[:, None]).sum(axis=0) / (6 * area)
+            place = part[0] + ((part - part[0] + np.roll(part - part[0], -1, axis=0)) * cross[:, None]).sum(
+                axis=0
+            ) / (6 * area)
     return np.asarray(place, float)
 
 
@@ -208,7 +251,9 @@ def _trees(chart: Map, forest: Forest) -> None:
     lines = edges(forest) * chart.per_metre
     alpha = float(np.clip(2500.0 / max(1, len(lines)), 0.10, 0.5))  # as many as there are, about as dark
     chart.ax.add_collection(
-        LineCollection(list(lines), colors=style.STONE, linewidths=0.3, alpha=alpha, rasterized=True, zorder=1.0),
+        LineCollection(
+            list(lines), colors=style.STONE, linewidths=0.3, alpha=alpha, rasterized=True, zorder=1.0
+        ),
         autolim=False,
     )
 
@@ -219,7 +264,9 @@ def _ellipses(chart: Map, x: FloatArray, cov: FloatArray) -> None:
     rows = np.arange(len(x) - 1, 0, -stride)
     outlines = style.ellipses(x[rows], cov[rows]) * chart.per_metre
     chart.ax.add_collection(
-        PolyCollection(list(outlines), facecolors=style.BLUE + "14", edgecolors=style.BLUE, linewidths=0.5, zorder=5),
+        PolyCollection(
+            list(outlines), facecolors=style.BLUE + "14", edgecolors=style.BLUE, linewidths=0.5, zorder=5
+        ),
         autolim=False,
     )
 
@@ -229,20 +276,35 @@ def _flights(chart: Map, deployment: Deployment, count: int, color: str) -> None
     for rows, shade, z in ((good, color, 4.5), (~good, style.VERMILLION, 4.6)):
         lines = deployment.x[np.flatnonzero(rows)[:count]] * chart.per_metre
         chart.ax.add_collection(
-            LineCollection(list(lines), colors=shade, linewidths=0.45, alpha=0.6, rasterized=True, zorder=z), autolim=False
+            LineCollection(list(lines), colors=shade, linewidths=0.45, alpha=0.6, rasterized=True, zorder=z),
+            autolim=False,
         )
 
 
 def _line(chart: Map, x: FloatArray) -> None:
-    chart.ax.plot(*(x * chart.per_metre).T, color=style.BLUE, lw=1.3, zorder=6, path_effects=style.halo(2.2),
-                  solid_joinstyle="round")  # fmt: skip
+    chart.ax.plot(
+        *(x * chart.per_metre).T,
+        color=style.BLUE,
+        lw=1.3,
+        zorder=6,
+        path_effects=style.halo(2.2),
+        solid_joinstyle="round",
+    )
 
 
 def _ends(chart: Map, scene: Scene, plan: Plan | None) -> None:
     marks = [(scene.start, "o", 4.0)] + ([(plan.path.x[-1], "s", 4.0)] if plan is not None else [])
     for place, marker, size in marks:
-        chart.ax.plot(*(place * chart.per_metre), marker=marker, ms=size, mfc="white", mec="black", mew=0.9, zorder=8,
-                      clip_on=False)  # fmt: skip
+        chart.ax.plot(
+            *(place * chart.per_metre),
+            marker=marker,
+            ms=size,
+            mfc="white",
+            mec="black",
+            mew=0.9,
+            zorder=8,
+            clip_on=False,
+        )
 
 
 def _keys(
@@ -259,13 +321,23 @@ def _keys(
         keys.append(Line2D([], [], color=color, lw=0.8, label=f"{name}{min(good, count)} of {good} good"))
         bad = n - good
         keys.append(
-            Line2D([], [], color=style.VERMILLION, lw=0.8, label=f"failed: {bad} of {n}" + (f", {count} drawn" if bad > count else ""))
+            Line2D(
+                [],
+                [],
+                color=style.VERMILLION,
+                lw=0.8,
+                label=f"failed: {bad} of {n}" + (f", {count} drawn" if bad > count else ""),
+            )
         )
     keys.append(Patch(fc=style.GREEN + "30", ec=style.GREEN, lw=1.0, label="region"))
     keys.append(Patch(fc="#6E6E6E", ec="#4A4A4A", lw=0.5, label="obstacle"))
     if forest is not None:
         total = sum(map(len, forest.trees))
-        label = f"trees, {total:,} vertices" if total <= VERTICES else f"trees, {VERTICES:,} of {total:,} vertices"
+        label = (
+            f"trees, {total:,} vertices"
+            if total <= VERTICES
+            else f"trees, {VERTICES:,} of {total:,} vertices"
+        )
         keys.append(Line2D([], [], color=style.STONE, lw=0.6, alpha=0.8, label=label))
     keys.append(Line2D([], [], color=style.MIST, lw=0.7, ls=":", label="cells"))
     keys.append(Line2D([], [], ls="", marker="o", ms=4, mfc="white", mec="black", mew=0.9, label="start"))
@@ -277,11 +349,20 @@ def _keys(
 def _heading(plan: Plan | None, forest: Forest | None, deployments: Mapping[str, Deployment]) -> list[str]:
     """The formula, and what is promised; or that there is no plan."""
     if plan is None:
-        grown = "" if forest is None else f" ({len(forest.trees)} trees, {sum(map(len, forest.trees)):,} vertices)"
-        return ["No plan: no path completes the mission" if forest is None or not len(forest.accepted)
-                else "No plan: no path satisfies the selection rule", f"Trees as far as they came{grown}"]  # fmt: skip
+        grown = (
+            ""
+            if forest is None
+            else f" ({len(forest.trees)} trees, {sum(map(len, forest.trees)):,} vertices)"
+        )
+        return [
+            "No plan: no path completes the mission"
+            if forest is None or not len(forest.accepted)
+            else "No plan: no path satisfies the selection rule",
+            f"Trees as far as they came{grown}",
+        ]
     o = plan.path.objectives
-    promise = f"length {o.length / 1000:,.0f} km, mission risk ≤ {percent(mission_risk(o, plan))}, collision risk ≤ {percent(o.collision_risk)}"
+    mission, collision = percent(mission_risk(o, plan)), percent(o.collision_risk)
+    promise = f"length {o.length / 1000:,.0f} km, mission risk ≤ {mission}, collision risk ≤ {collision}"
     return [*textwrap.wrap(plan.formula, 52, max_lines=2, placeholder=" …"), *textwrap.wrap(promise, 62)]
 
 
@@ -291,7 +372,13 @@ def _heading(plan: Plan | None, forest: Forest | None, deployments: Mapping[str,
 def flight_middle(scene: Scene, plan: Plan | None) -> tuple[float, str]:
     """Half-way through the flight [s since time_zero], departure without one; and that in words."""
     t = 0.0 if plan is None else float(plan.path.t[0] + plan.path.t[-1]) / 2.0
-    words = "at departure" if plan is None else f"at mid-flight ({t / 3600:.1f} h)" if t >= 3600 else f"at mid-flight ({t:.0f} s)"
+    words = (
+        "at departure"
+        if plan is None
+        else f"at mid-flight ({t / 3600:.1f} h)"
+        if t >= 3600
+        else f"at mid-flight ({t:.0f} s)"
+    )
     return t, words
 
 
@@ -308,7 +395,7 @@ def between(times: FloatArray, values: FloatArray, t: float) -> FloatArray:
     t = float(np.clip(t, times[0], times[-1]))
     k = int(np.clip(np.searchsorted(times, t, side="right") - 1, 0, max(0, len(times) - 2)))
     if len(times) == 1:
-        return values[0]
+        return np.asarray(values[0], float)
     w = (t - times[k]) / (times[k + 1] - times[k])
     mixed: FloatArray = (1.0 - w) * values[k] + w * values[k + 1]
     return mixed
@@ -319,7 +406,7 @@ def _nodes(wind: WindField) -> tuple[FloatArray, FloatArray]:
     return wind.origin[0] + wind.spacing * np.arange(nx), wind.origin[1] + wind.spacing * np.arange(ny)
 
 
-def _every(nodes: FloatArray, low: float, high: float, gap: float) -> FloatArray:
+def _every(nodes: FloatArray, low: float, high: float, gap: float) -> IntArray:
     """Indices of nodes between ``low`` and ``high``, about ``gap`` apart and centred."""
     inside = np.flatnonzero((nodes >= low - 1e-6) & (nodes <= high + 1e-6))
     if len(inside) < 2:
@@ -328,7 +415,9 @@ def _every(nodes: FloatArray, low: float, high: float, gap: float) -> FloatArray
     return inside[(len(inside) - 1) % stride // 2 :: stride]
 
 
-def _arrows(chart: Map, scene: Scene, wind: WindField, t: float, text: str, left: float, bottom: float) -> None:
+def _arrows(
+    chart: Map, scene: Scene, wind: WindField, t: float, text: str, left: float, bottom: float
+) -> None:
     """The mean wind on a part of the lattice's own nodes, and beneath the map what an arrow stands for.
 
     The longest arrow spans nine tenths of the gap between two.
@@ -347,13 +436,26 @@ def _arrows(chart: Map, scene: Scene, wind: WindField, t: float, text: str, left
     inches = ax.get_position().width * figure.get_size_inches()[0] * gap / (east - west)
     scale = float(speed.max()) / (0.95 * inches)
     quiver = ax.quiver(
-        *(np.meshgrid(x[i] * chart.per_metre, y[j] * chart.per_metre, indexing="ij")), field[..., 0], field[..., 1],
-        color=style.SKY, pivot="mid", scale=scale, scale_units="inches", units="inches", width=0.009, headwidth=3.6,
-        headlength=4.2, headaxislength=3.8, minshaft=1.5, zorder=2.8,
-    )  # fmt: skip
+        *(np.meshgrid(x[i] * chart.per_metre, y[j] * chart.per_metre, indexing="ij")),
+        field[..., 0],
+        field[..., 1],
+        color=style.SKY,
+        pivot="mid",
+        scale=scale,
+        scale_units="inches",
+        units="inches",
+        width=0.009,
+        headwidth=3.6,
+        headlength=4.2,
+        headaxislength=3.8,
+        minshaft=1.5,
+        zorder=2.8,
+    )
     w, h = figure.get_size_inches()
     unit = style.nice(float(speed.max()))
-    ax.quiverkey(quiver, (left + unit / scale / 2) / w, bottom / h, unit, "", coordinates="figure", color=style.SKY)
+    ax.quiverkey(
+        quiver, (left + unit / scale / 2) / w, bottom / h, unit, "", coordinates="figure", color=style.SKY
+    )
     style.note(figure, left + unit / scale + 0.06, bottom, f"{unit:g} m/s, {text}", va="center", fontsize=6.5)
 
 
@@ -363,7 +465,7 @@ def wind_figure(scene: Scene, wind: WindField, plan: Plan | None) -> Figure:
     mean, latent = between(wind.times, wind.mean, t), between(wind.times, wind.latent_var, t)
     gust = between(wind.times, wind.gust_var, t)
     x, y = _nodes(wind)
-    inner, west, gap = 2.35, 0.48, 1.15
+    inner, west = 2.35, 0.48
     height = inner * float(np.clip(np.ptp(y) / max(np.ptp(x), 1.0), 0.35, 1.6))
     figure = style.blank(style.PAGE, height + 0.85)
     deviation = np.sqrt((latent + gust).mean(axis=-1))  # of one component, averaged over both
@@ -378,11 +480,15 @@ def wind_figure(scene: Scene, wind: WindField, plan: Plan | None) -> Figure:
         _outlines(chart, scene)
         if n == 0:
             _streams(chart, wind, mean)
-        bar = figure.colorbar(chart.ax.images[0], cax=style.box(figure, left + inner + 0.08, 0.42, 0.09, height))
+        bar = figure.colorbar(
+            chart.ax.images[0], cax=style.box(figure, left + inner + 0.08, 0.42, 0.09, height)
+        )
         bar.set_label(label)
         bar.outline.set_linewidth(0.5)
         style.note(figure, left, 0.42 + height + 0.05, title, va="bottom", fontweight="bold")
-    when = ", ".join(text for text in (clock(scene, t), moment, f"source: {wind.source}" if wind.source else "") if text)
+    when = ", ".join(
+        text for text in (clock(scene, t), moment, f"source: {wind.source}" if wind.source else "") if text
+    )
     style.note(figure, west, 0.42 + height + 0.22, when[:1].upper() + when[1:], va="bottom")
     return figure
 
@@ -395,8 +501,15 @@ def _surface(chart: Map, wind: WindField, values: FloatArray, cmap: str) -> None
     low, high = float(values.min()), float(values.max())
     if high - low < 1e-3:  # a constant field: a scale that shows it as such
         low, high = low - 0.5 if low >= 0.5 else 0.0, high + 0.5
-    chart.ax.imshow(values.T, origin="lower", extent=extent, cmap=cmap, norm=Normalize(low, high),
-                    interpolation="bilinear", zorder=0)  # fmt: skip
+    chart.ax.imshow(
+        values.T,
+        origin="lower",
+        extent=extent,
+        cmap=cmap,
+        norm=Normalize(low, high),
+        interpolation="bilinear",
+        zorder=0,
+    )
     chart.ax.set(xlim=(x[0], x[-1]), ylim=(y[0], y[-1]))
 
 
@@ -409,10 +522,22 @@ def _streams(chart: Map, wind: WindField, mean: FloatArray) -> None:
     top = float(np.hypot(field[..., 0], field[..., 1]).max())
     if top > 0:
         chart.ax.quiver(
-            *np.meshgrid(x[i] * chart.per_metre, y[j] * chart.per_metre, indexing="ij"), field[..., 0], field[..., 1],
-            color="white", pivot="mid", angles="xy", scale=top / (0.95 * gap * chart.per_metre), scale_units="xy",
-            units="inches", width=0.011, headwidth=3.6, headlength=4.2, headaxislength=3.8, minshaft=1.5, zorder=4,
-        )  # fmt: skip
+            *np.meshgrid(x[i] * chart.per_metre, y[j] * chart.per_metre, indexing="ij"),
+            field[..., 0],
+            field[..., 1],
+            color="white",
+            pivot="mid",
+            angles="xy",
+            scale=top / (0.95 * gap * chart.per_metre),
+            scale_units="xy",
+            units="inches",
+            width=0.011,
+            headwidth=3.6,
+            headlength=4.2,
+            headaxislength=3.8,
+            minshaft=1.5,
+            zorder=4,
+        )
 
 
 def _outlines(chart: Map, scene: Scene) -> None:
@@ -421,12 +546,28 @@ def _outlines(chart: Map, scene: Scene) -> None:
     frame = np.array([[west, south], [east, south], [east, north], [west, north]])
     for polygons, width in (([frame], 0.9), ([*scene.obstacles, *scene.regions.values()], 0.5)):
         chart.ax.add_collection(
-            PolyCollection([p * chart.per_metre for p in polygons], facecolors="none", edgecolors="black",
-                           linewidths=width, zorder=3), autolim=False,
-        )  # fmt: skip
+            PolyCollection(
+                [p * chart.per_metre for p in polygons],
+                facecolors="none",
+                edgecolors="black",
+                linewidths=width,
+                zorder=3,
+            ),
+            autolim=False,
+        )
     for name, polygon in scene.regions.items():
-        chart.ax.text(*(polygon.mean(axis=0) * chart.per_metre), name, ha="center", va="center", fontweight="bold",
-                      zorder=9, path_effects=style.halo(1.6), parse_math=False)  # fmt: skip
+        x, y = polygon.mean(axis=0) * chart.per_metre
+        chart.ax.text(
+            x,
+            y,
+            name,
+            ha="center",
+            va="center",
+            fontweight="bold",
+            zorder=9,
+            path_effects=style.halo(1.6),
+            parse_math=False,
+        )
 
 
 # --- the front ---------------------------------------------------------------------------------
@@ -449,23 +590,57 @@ def percent(probability: float) -> str:
 
 
 def front_figure(scene: Scene, forest: Forest | None, front: Front, plan: Plan | None) -> Figure:
-    """Mission risk against length, collision risk as colour: accepted vertices, the front before and after smoothing."""
+    """Mission risk against length, collision risk as colour: accepted vertices, both fronts."""
     unit, per_metre = length_unit(scene)
-    after, before = (np.array([[o.length * per_metre, mission_risk(o, plan), o.collision_risk] for o in rows]).reshape(-1, 3)
-                     for rows in ([p.objectives for p in front.paths], front.raw))  # fmt: skip
+    after, before = (
+        np.array([[o.length * per_metre, mission_risk(o, plan), o.collision_risk] for o in rows]).reshape(
+            -1, 3
+        )
+        for rows in ([p.objectives for p in front.paths], front.raw)
+    )
     cloud = accepted(forest) * [per_metre, 1.0]
     figure = style.blank(style.COLUMN, 2.75)
     ax = style.box(figure, 0.58, 0.38, 2.22, 1.82)
     low, hidden = style.floor_of(np.concatenate([after[:, 1], before[:, 1], cloud[:, 1]]))
     norm, lowest = _collision_scale(np.concatenate([after[:, 2], before[:, 2]]))
-    ax.scatter(cloud[:, 0], np.maximum(cloud[:, 1], low), s=2.0, c=style.MIST, alpha=0.5, lw=0, rasterized=True, zorder=1)
+    ax.scatter(
+        cloud[:, 0],
+        np.maximum(cloud[:, 1], low),
+        s=2.0,
+        c=style.MIST,
+        alpha=0.5,
+        lw=0,
+        rasterized=True,
+        zorder=1,
+    )
     for rows, marker, size, edge, z in ((before, "s", 13.0, style.STONE, 3), (after, "o", 24.0, "black", 4)):
-        ax.scatter(rows[:, 0], np.maximum(rows[:, 1], low), c=np.maximum(rows[:, 2], norm.vmin), norm=norm, cmap="cividis",
-                   marker=marker, s=size, edgecolors=edge, linewidths=0.6, zorder=z, clip_on=False)  # fmt: skip
+        ax.scatter(
+            rows[:, 0],
+            np.maximum(rows[:, 1], low),
+            c=np.maximum(rows[:, 2], float(norm.vmin or 0.0)),
+            norm=norm,
+            cmap="cividis",
+            marker=marker,
+            s=size,
+            edgecolors=edge,
+            linewidths=0.6,
+            zorder=z,
+            clip_on=False,
+        )
     if plan is not None:
         o = plan.path.objectives
-        ax.plot(o.length * per_metre, max(mission_risk(o, plan), low), marker="o", ms=8.5, mfc="none", mec=style.VERMILLION,
-                mew=1.3, ls="", zorder=5, clip_on=False)  # fmt: skip
+        ax.plot(
+            o.length * per_metre,
+            max(mission_risk(o, plan), low),
+            marker="o",
+            ms=8.5,
+            mfc="none",
+            mec=style.VERMILLION,
+            mew=1.3,
+            ls="",
+            zorder=5,
+            clip_on=False,
+        )
     _risk_axis(ax, low, hidden)
     ax.set(xlabel=f"path length [{unit}]", ylabel="mission risk (bound)")
     ax.xaxis.set_major_locator(MaxNLocator(5))
@@ -481,7 +656,9 @@ def accepted(forest: Forest | None) -> FloatArray:
     rows = []
     for tree_number in np.unique(forest.accepted[:, 0]):
         tree, vertices = forest.trees[tree_number], forest.accepted[forest.accepted[:, 0] == tree_number, 1]
-        rows.append(np.column_stack([tree.length[vertices], np.minimum(1.0, tree.risk[vertices].sum(axis=1))]))
+        rows.append(
+            np.column_stack([tree.length[vertices], np.minimum(1.0, tree.risk[vertices].sum(axis=1))])
+        )
     return np.concatenate(rows)
 
 
@@ -491,8 +668,12 @@ def _risk_axis(ax: Axes, low: float, hidden: bool) -> None:
     ax.set_ylim(low, 1.0)
     ax.yaxis.set_major_locator(LogLocator(numticks=7))
     if hidden:
-        ax.yaxis.set_major_locator(FixedLocator([low, *(t for t in ax.yaxis.get_majorticklocs() if low < t <= 1.0)]))
-        ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: power_of_ten(value, bound=value <= low * 1.01)))
+        ax.yaxis.set_major_locator(
+            FixedLocator([low, *(t for t in ax.yaxis.get_majorticklocs() if low < t <= 1.0)])
+        )
+        ax.yaxis.set_major_formatter(
+            FuncFormatter(lambda value, _: power_of_ten(value, bound=value <= low * 1.01))
+        )
         ax.axhline(low, color=style.STONE, lw=1.0, ls=(0, (2, 2)), zorder=2, clip_on=False)
         ax.spines["bottom"].set_visible(False)
     ax.grid(axis="y", color="#E5E5E5", lw=0.4)
@@ -515,9 +696,11 @@ def _collision_bar(figure: Figure, ax: Axes, hidden: bool) -> None:
     bar.set_label("collision risk (bound)")
     bar.outline.set_linewidth(0.5)
     bar.ax.yaxis.set_minor_formatter(NullFormatter())
-    low = bar.norm.vmin
+    low = float(bar.norm.vmin or 0.0)
     if hidden:
-        bar.ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: power_of_ten(value, bound=value <= low * 1.01)))
+        bar.ax.yaxis.set_major_formatter(
+            FuncFormatter(lambda value, _: power_of_ten(value, bound=value <= low * 1.01))
+        )
 
 
 def _front_legend(figure: Figure, cloud: FloatArray, before: FloatArray, plan: Plan | None) -> None:
@@ -531,8 +714,17 @@ def _front_legend(figure: Figure, cloud: FloatArray, before: FloatArray, plan: P
         keys.append(mark("chosen plan", "o", 7.0, "none", style.VERMILLION, 1.3))
     if len(cloud):
         keys.append(mark(f"{len(cloud):,} accepted vertices", "o", 2.5, style.MIST, style.MIST))
-    figure.legend(handles=keys, ncols=2, loc="lower left", bbox_to_anchor=(0.52 / style.COLUMN, 2.28 / 2.75), borderaxespad=0.0,
-                  borderpad=0.0, handletextpad=0.3, columnspacing=1.2, labelspacing=0.35)  # fmt: skip
+    figure.legend(
+        handles=keys,
+        ncols=2,
+        loc="lower left",
+        bbox_to_anchor=(0.52 / style.COLUMN, 2.28 / 2.75),
+        borderaxespad=0.0,
+        borderpad=0.0,
+        handletextpad=0.3,
+        columnspacing=1.2,
+        labelspacing=0.35,
+    )
 
 
 __all__ = ["draw", "front_figure", "plan_figure", "wind_figure"]

@@ -98,7 +98,9 @@ def save(figure: Figure, folder: Path, name: str, dpi: int) -> tuple[Path, Path]
     """Write ``name``.png and ``name``.svg without a date or a version inside: the same bytes every time."""
     png, svg = folder / f"{name}.png", folder / f"{name}.svg"
     with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", "Glyph .* missing from font")  # a region's name may be in any script
+        warnings.filterwarnings(
+            "ignore", "Glyph .* missing from font"
+        )  # a region's name may be in any script
         figure.savefig(png, dpi=dpi, metadata={"Software": None})
         figure.savefig(svg, dpi=dpi, metadata={"Date": None, "Creator": None})
     return png, svg
@@ -145,7 +147,11 @@ def crossings(along: FloatArray, value: FloatArray, wanted: int = 4) -> list[tup
     span = float(np.ptp(value))
     if not span > 0:
         return []
-    step = next(s for s in (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 30, 60) if span / s <= wanted + 1 or s == 60)
+    step = next(
+        s
+        for s in (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 30, 60)
+        if span / s <= wanted + 1 or s == 60
+    )
     order = np.argsort(value)
     marks = np.arange(math.ceil(value.min() / step), math.floor(value.max() / step) + 1) * step
     return [(float(np.interp(m, value[order], along[order])), float(round(m, 6))) for m in marks]
