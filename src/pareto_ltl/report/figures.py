@@ -100,7 +100,7 @@ def plan_figure(
     keys = _keys(forest, plan, deployments, cfg.paths)
     rows = (len(keys) + 1) // 2 + 1
     width, bottom, top = style.COLUMN, 0.42 + LINE * rows, 0.26 + LINE * len(title)
-    west, east = 0.44, 0.42 if scene.crs else 0.12
+    west, east = 0.50, 0.42 if scene.crs else 0.12
     span = np.ptp(scene.bounds, axis=0)
     inner = width - west - east
     height = inner * float(np.clip(span[1] / span[0], 0.35, 1.6))
@@ -582,11 +582,12 @@ def mission_risk(objectives: Objectives, plan: Plan | None) -> float:
 def percent(probability: float) -> str:
     """``0.62 %``; what is smaller than any promise about the wind is worth comes as a bound."""
     if probability < 1e-9:
-        return "10⁻⁷ %"
+        return "10⁻⁷\N{NO-BREAK SPACE}%"
     if probability < 1e-5:
         mantissa, power = f"{100 * probability:.1e}".split("e")
-        return f"{mantissa}·10{str(int(power)).translate(str.maketrans('-0123456789', '⁻⁰¹²³⁴⁵⁶⁷⁸⁹'))} %"
-    return f"{100 * probability:.2g} %"
+        raised = str(int(power)).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
+        return f"{mantissa}·10{raised}\N{NO-BREAK SPACE}%"
+    return f"{100 * probability:.2g}\N{NO-BREAK SPACE}%"
 
 
 def front_figure(scene: Scene, forest: Forest | None, front: Front, plan: Plan | None) -> Figure:
