@@ -18,7 +18,7 @@ from pareto_ltl.config import PlannerConfig, RobotConfig, SceneConfig, WindConfi
 from pareto_ltl.kernels.tables import Faces
 from pareto_ltl.logic import translate
 from pareto_ltl.problem import Problem, build
-from pareto_ltl.records import Scene, Tree, WindField
+from pareto_ltl.records import Scene, Tree, WindField, WindModes
 from pareto_ltl.scene import read_scene
 
 KM = 1000.0
@@ -94,6 +94,44 @@ def rough_wind(
     )
 
 
+def smooth_wind(
+    scene: Scene,
+    speed: float = 3.0,
+    sd: float = 1.0,
+    gust: float = 0.5,
+    slots: int = 4,
+    hours: float = 1.0,
+    rho: float = 0.6,
+    length: float | None = None,
+    hold_last: bool = True,
+    seed: int = 0,
+) -> WindField:
+    """A gently curved expected wind, and errors of a squared-exponential covariance as exact modes."""
+    rng = np.random.default_rng(seed)
+    width = float((scene.bounds[1] - scene.bounds[0]).max())
+    length = length or 0.5 * width
+    nodes, spacing, origin = 15, 1.4 * width / 14, scene.bounds[0] - 0.2 * width
+    grid = origin + spacing * np.stack(np.meshgrid(*[np.arange(nodes)] * 2, indexing="ij"), axis=-1)
+    waves = rng.uniform(-1, 1, (slots, 2, 2)) * 2.0 / width
+    mean = speed * np.stack(
+        [np.sin(np.einsum("xyi,ki->kxy", grid, waves[:, c]) + rng.uniform(0, 6)) for c in (0, 1)], axis=-1
+    )
+    flat = grid.reshape(-1, 2)
+    C = sd**2 * np.exp(-0.5 * (((flat[:, None] - flat[None]) / length) ** 2).sum(axis=-1))
+    values, vectors = np.linalg.eigh(C)
+    psi = (vectors * np.sqrt(np.maximum(values, 0.0)))[:, ::-1][:, :24].reshape(nodes, nodes, 24)
+    table = np.broadcast_to(psi[None, :, :, None], (slots, nodes, nodes, 2, 24)).astype(np.float32)
+    return WindField(
+        origin=origin, spacing=spacing, times=np.arange(slots) * hours * 3600.0, mean=mean,
+        latent_var=np.full((slots, nodes, nodes, 2), sd**2), gust_var=np.full((slots, 2), gust**2),
+        hold_last=hold_last, gust_time=100.0,
+        modes=WindModes(
+            origin=origin, spacing=spacing, psi=np.ascontiguousarray(table), rho=rho, gap=hours * 3600.0,
+            length=np.full((slots, 2), length), energy=np.ones((slots, 2)),
+        ),
+    )  # fmt: skip
+
+
 def make_problem(
     formula: str,
     scene: Scene,
@@ -101,6 +139,7 @@ def make_problem(
     robot: RobotConfig | None = None,
     planner: PlannerConfig | None = None,
     ball: float = 2.0,
+    fidelity: str = "paper",
 ) -> Problem:
     """Scene, wind and formula as one bundle, through the real decomposition and the real translator."""
     decomposition = workspace.decompose(scene)
@@ -112,6 +151,7 @@ def make_problem(
         wind or steady_wind(scene),
         decomposition,
         translate(formula, decomposition.letters),
+        fidelity,
     )
 
 

@@ -14,6 +14,7 @@ from pareto_ltl import risk
 from pareto_ltl.config import PlannerConfig, RobotConfig
 from pareto_ltl.kernels import path as kernel
 from pareto_ltl.kernels.geometry import SLACK
+from pareto_ltl.problem import trail
 from planning import KM, box, make_problem, make_scene, polygon_faces, rough_wind, steady_wind, two_goals
 
 some = settings(deadline=None, max_examples=40)
@@ -50,7 +51,7 @@ def flown(problem, x, fast=1.0):
     start = problem.start_variance
     fault = kernel.evaluate(
         problem.tables, np.ascontiguousarray(x), start, fast, cov, u, q, cell, f_o, touch,
-        np.empty((len(x), 2, 2, 0), np.float32),
+        trail(problem, len(x)), np.empty(len(x)),
     )  # fmt: skip
     return fault, cov, u, q, cell, f_o, touch
 

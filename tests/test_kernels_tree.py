@@ -57,7 +57,9 @@ def steered(motion, start, wind, target):
 
 
 def robot(b=((1.0, 0.0), (0.0, 1.0)), a=((1.0, 0.0), (0.0, 1.0))):
-    return Motion(np.array(a), np.array(a), 0.0, 0.0, np.linalg.inv(np.array(b)), 100.0, 10.0, 2.0)
+    return Motion(
+        np.array(a), np.array(a), 0.0, 0.0, 0.0, 0.0, 0.0, np.linalg.inv(np.array(b)), 100.0, 10.0, 2.0
+    )
 
 
 MODELS = [robot(), robot(b=((0.9, 0.2), (-0.1, 1.1)), a=((1.001, 0.002), (-0.003, 0.998)))]

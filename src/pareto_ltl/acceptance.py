@@ -39,6 +39,12 @@ def ranked(problem: Problem, front: Front, draws: int, seed: SeedSequence) -> Fr
     start = math.sqrt(problem.start_variance) * rng.standard_normal((draws, 2))
     estimates = []
     for path in front.paths:
+        if (
+            path.fixes
+        ):  # what the robot does after a fix is not linear: it keeps within u_max, or misses the landmark
+            flights = fly(problem, path.u, draws, "coherent", seed, path.x)
+            estimates.append(float((~flights.accepted | flights.collided).mean()))
+            continue
         failed, collided = np.empty(draws, bool), np.empty(draws, bool)
         law = linear_law(problem, path.x)
         rollout.fly_linear(problem.tables, path.x, *law, winds.white, winds.theta, start, failed, collided)
@@ -75,8 +81,8 @@ def accept(
     if verdict.linearity > LINEAR:
         LOG.warning(
             "the position's standard deviation reaches %.2f of the wind's length scale (%.2f is safe): "
-            "bounds and estimates, which linearise the wind, are unreliable; go by the simulated rate, %.3f to "
-            "%.3f",
+            "bounds and estimates, which linearise the wind, are unreliable; go by the simulated rate, "
+            "%.3f to %.3f",
             verdict.linearity, LINEAR, verdict.low, verdict.high,
         )  # fmt: skip
     return path, verdict

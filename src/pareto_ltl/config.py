@@ -13,7 +13,7 @@ from typing import Any
 from pareto_ltl.errors import ConfigError
 
 FIDELITIES = ("paper", "full")
-EPSILON = {"paper": 0.05, "full": 0.15}  # planner.epsilon where it is left to the fidelity
+EPSILON = {"paper": 0.05, "full": 0.1}  # planner.epsilon where it is left to the fidelity
 WIND_SOURCES = ("sample", "csv", "grib", "calm")
 KERNELS = ("matern32", "rbf")
 PARENTS = ("beta", "tchebycheff", "mixed")
@@ -63,6 +63,7 @@ class SceneConfig:
     start: list[float] = field(default_factory=list)
     regions: dict[str, list[list[float]]] = field(default_factory=dict)
     obstacles: list[list[list[float]]] = field(default_factory=list)
+    landmarks: list[list[list[float]]] = field(default_factory=list)  # where the robot learns its position
 
     def __post_init__(self) -> None:
         _positive("scene.unit", self.unit, "m")
@@ -93,7 +94,10 @@ class RobotConfig:
     b: list[list[float]] = field(default_factory=lambda: [[1.0, 0.0], [0.0, 1.0]])
     start_sd: float = 0.0  # standard deviation of the start position [m]
     feedback: float = 0.0  # gain K: the share of a deviation that position feedback takes back in one step
-    effort_risk: float = 0.01  # probability that a step's feedback asks for more than u_max
+    effort_risk: float = 0.05  # probability that a step's feedback asks for more than u_max
+    fix_sd: float = 100.0  # standard deviation of a position fix at a landmark [m]
+    fix_gain: float = 0.25  # share of a deviation known from a fix that is flown back in one step
+    fix_risk: float = 0.02  # largest probability of missing a landmark that a plan counts on
 
     def __post_init__(self) -> None:
         _positive("robot.dt", self.dt, "s")
@@ -105,6 +109,10 @@ class RobotConfig:
                 f"{self.feedback}"
             )
         _probability("robot.effort_risk", self.effort_risk)
+        _positive("robot.fix_sd", self.fix_sd, "m")
+        if not 0.0 <= self.fix_gain <= 1.0:
+            raise ConfigError(f"robot.fix_gain must lie in [0, 1], got {self.fix_gain}")
+        _probability("robot.fix_risk", self.fix_risk)
         _matrix("robot.a", self.a)
         _matrix("robot.b", self.b)
         (p, q), (r, s) = self.b
@@ -168,7 +176,7 @@ class PlannerConfig:
     trees: int = 10
     n_max: int = 2500  # vertices a tree
     # Collision probability allowed at a step; null: 0.05 for fidelity=paper, shared equally by the
-    # obstacles, 0.15 for fidelity=full, for all of them together and in a wind that does not average out
+    # obstacles, 0.1 for fidelity=full, for all of them together and in a wind that does not average out
     epsilon: float | None = None
     delta: float = 0.5  # collision probability allowed on a whole path (fidelity=full)
     max_steps: int = 200  # longest path

@@ -92,6 +92,7 @@ def fly(
         raise ValueError("feedback needs the planned positions to hold on to: give mean")
     held = np.zeros((len(u) + 1, 2)) if mean is None else np.ascontiguousarray(mean)
     b = np.asarray(np.linalg.inv(motion.b_inv), float)
+    estimator = _estimator(problem, held) if law == "coherent" and mean is not None else None
     x = np.empty((runs, len(u) + 1, 2))
     accepted, collided = np.empty(runs, bool), np.empty(runs, bool)
     blocks = [slice(first, min(first + BLOCK, runs)) for first in range(0, runs, BLOCK)]
@@ -101,6 +102,13 @@ def fly(
         start = rng.standard_normal((BLOCK, 2))[: block.stop - block.start]
         x[block, 0] = problem.scene.start + np.sqrt(problem.start_variance) * start
         winds = draw(problem, law, block.stop - block.start, len(u), rng)
+        if estimator is not None:
+            noise = np.sqrt(motion.fix_variance) * rng.standard_normal((len(u), block.stop - block.start, 2))
+            rollout.fly_fixed(
+                problem.tables, b, u, held, *estimator, noise, winds.white, winds.theta, x[block],
+                accepted[block], collided[block],
+            )  # fmt: skip
+            return
         rollout.fly(
             problem.tables, b, u, held, winds.white, winds.theta, law == "coherent", x[block],
             accepted[block], collided[block],
@@ -109,6 +117,24 @@ def fly(
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         list(pool.map(one, blocks, rngs))
     return Deployment(law, x, accepted, collided)
+
+
+def _estimator(
+    problem: Problem, mean: FloatArray
+) -> tuple[FloatArray, Float32Array, FloatArray, Float32Array] | None:
+    """F_t, ψ_t and the Kalman gains of a robot that takes fixes along ``mean`` (T+1, 2); None without
+    fixes.
+    """
+    from pareto_ltl.kernels import path as kernel
+    from pareto_ltl.problem import linear_law, trail
+
+    if len(problem.tables.landmarks.ptr) < 2:
+        return None
+    F, psi, _ = linear_law(problem, mean)
+    gain, learnt = np.zeros((len(F), 2, 2)), np.zeros((len(F), 2, *psi.shape[1:]), np.float32)
+    course = trail(problem, len(mean))
+    kernel.estimator(problem.tables, mean, problem.start_variance, course, gain, learnt)
+    return (F, psi, gain, learnt) if gain.any() else None
 
 
 def clopper_pearson(failures: int, runs: int, confidence: float = 0.95) -> tuple[float, float]:

@@ -11,7 +11,7 @@ import os
 import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.random import SeedSequence
@@ -23,11 +23,14 @@ from pareto_ltl.guide import fans, product
 from pareto_ltl.kernels import tree as kernel
 from pareto_ltl.kernels.lead import Heap, Product
 from pareto_ltl.kernels.tree import Fans, Growing, Habits, Vertices
-from pareto_ltl.problem import Problem
+from pareto_ltl.problem import Problem, track
 from pareto_ltl.records import Forest, Tree
 
 ITERATIONS_PER_VERTEX = 50  # extensions tried before a tree that does not grow is given up
 CHUNK = 20_000  # vertices between two looks at the clock
+TREES_KEEP = (
+    0.5  # of epsilon, of full fidelity: trees that spend it all early run into delta, and bending needs room
+)
 FACTOR = 1.0  # slack on risks of full fidelity is a factor drawn between 1 and 1 plus this
 CAPACITY = 8  # vertices that a square keeps as possible parents, for each automaton state
 SQUARES = 400  # at most, along one side of the grid of possible parents
@@ -79,6 +82,8 @@ def forest(
     InfeasibleError
         Where the start violates Eq. (9) already, or no sequence of cells completes the mission.
     """
+    if problem.tables.full:
+        problem = replace(problem, tables=problem.tables._replace(epsilon=TREES_KEEP * problem.epsilon))
     decomposition = problem.decomposition
     graph, fan = product(decomposition, problem.tables.logic, problem.scene.bounds), fans(decomposition)
     nurseries = [
@@ -131,7 +136,9 @@ def _plant(
     )
     full, modes = problem.tables.full, problem.tables.modes.psi.shape[-1]
     columns = 2 if full else atoms
-    vertices = _vertices(cfg.n_max, columns, m, states, modes, full=full)
+    vertices = _vertices(
+        cfg.n_max, columns, m, states, modes, full=full, landmarks=len(problem.tables.landmarks.ptr) > 1
+    )
     groups = habits.columns * habits.rows * states
     labels = len(problem.tables.labelled.cell)
     growing = _growing(graph, groups, cfg.near, columns, m, cfg.n_max if swaps else 0, states, labels)
@@ -165,7 +172,9 @@ def _habits(
     )  # fmt: skip
 
 
-def _vertices(n: int, columns: int, m: int, states: int, modes: int, *, full: bool) -> Vertices:
+def _vertices(
+    n: int, columns: int, m: int, states: int, modes: int, *, full: bool, landmarks: bool
+) -> Vertices:
     rows = n if full else 0
     return Vertices(
         x=np.empty((n, 2)), drift=np.empty((n, 2)), spread=np.empty((n, 3)), length=np.empty(n),
@@ -173,7 +182,7 @@ def _vertices(n: int, columns: int, m: int, states: int, modes: int, *, full: bo
         q=np.empty(n, np.int32), cell=np.empty(n, np.int32), child=np.empty((n, 2), np.int32),
         masks=np.empty((n, 0 if full else m), np.uint32), speed=np.empty(n), cov=np.empty((rows, 3)),
         bound=np.empty((rows, states)), face=np.empty((rows, m), np.int64),
-        theta=np.empty((rows, 2, 2, modes), np.float32),
+        track=track(rows, modes, landmarks=landmarks),
     )  # fmt: skip
 
 

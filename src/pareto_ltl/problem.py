@@ -6,9 +6,11 @@ read the same tables, so that a path costs the same wherever it is asked for.
 
 from __future__ import annotations
 
+import logging
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,6 +21,11 @@ from pareto_ltl.kernels import tables as kt
 from pareto_ltl.logic.automaton import Automaton
 from pareto_ltl.records import Decomposition, Objectives, Path, Scene, WindField
 from pareto_ltl.workspace import half_planes, locator
+
+if TYPE_CHECKING:
+    from pareto_ltl.kernels.track import Track
+
+LOG = logging.getLogger(__name__)
 
 __all__ = ["FAULTS", "Forecast", "Problem", "accepted", "build", "evaluate", "forecast", "half_planes"]
 
@@ -150,7 +157,11 @@ def derivatives(mean: FloatArray, spacing: float) -> tuple[FloatArray, FloatArra
 def labelled_tables(decomposition: Decomposition) -> kt.Labelled:
     """The cells with a label, as corners in their order."""
     cell = [c for c, label in enumerate(decomposition.labels) if label]
-    corners = [decomposition.cells[c] for c in cell]
+    return corner_tables(cell, [decomposition.cells[c] for c in cell])
+
+
+def corner_tables(cell: Sequence[int], corners: Sequence[FloatArray]) -> kt.Labelled:
+    """Polygons as corners, with a circle around each."""
     middle = np.array([polygon.mean(axis=0) for polygon in corners]).reshape(-1, 2)
     radius = [np.linalg.norm(polygon - m, axis=1).max() for polygon, m in zip(corners, middle, strict=True)]
     return kt.Labelled(
@@ -196,18 +207,33 @@ def build(
     m = max(len(decomposition.obstacles), 1)
     epsilon = EPSILON[fidelity] if planner.epsilon is None else planner.epsilon
     a, b = np.array(robot.a, float), np.array(robot.b, float)
+    marks = scene.landmarks if fidelity == "full" else ()
+    if scene.landmarks and fidelity != "full":
+        LOG.warning("scene.landmarks are left unused: only fidelity=full knows position fixes")
     winds = wind_tables(wind, robot.dt, planner.max_steps)
     gain, effort = robot.feedback, math.sqrt(-2.0 * math.log(robot.effort_risk))
     tables = kt.Tables(
         wind=winds,
         modes=mode_tables(wind, winds, robot.dt),
         motion=kt.Motion(
-            a, a - gain * np.eye(2), gain, effort, np.linalg.inv(b), robot.dt, robot.u_max, wind_cfg.ball
+            a=a,
+            closed=a - gain * np.eye(2),
+            gain=gain,
+            effort=effort,
+            fix_gain=robot.fix_gain,
+            fix_variance=robot.fix_sd**2,
+            fix_risk=robot.fix_risk,
+            b_inv=np.linalg.inv(b),
+            dt=robot.dt,
+            u_max=robot.u_max,
+            ball=wind_cfg.ball,
         ),
         obstacles=faces(decomposition.obstacles),
         cells=cell_tables(scene.bounds, decomposition, atoms),
         regions=region_tables(decomposition, atoms),
         labelled=labelled_tables(decomposition),
+        landmarks=faces(marks),
+        spots=corner_tables(range(len(marks)), marks),
         logic=logic_tables(automaton, decomposition.labels),
         z=float(-ndtri(epsilon / m)),
         epsilon=epsilon,
@@ -262,13 +288,18 @@ def evaluate(
     cov3, u = np.empty((steps, 3)), np.empty((steps - 1, 2))
     q, cell = np.empty(steps, np.int64), np.empty(steps, np.int64)
     f_o, touch = np.empty(len(problem.atoms)), np.empty((steps, len(tables.obstacles.ptr) - 1))
-    theta = np.empty((steps, 2, 2, tables.modes.psi.shape[-1]), np.float32)
+    course, miss = trail(problem, steps), np.empty(steps)
     fault, where = kernel.evaluate(
-        tables, x, problem.start_variance, 1.0 + tolerance, cov3, u, q, cell, f_o, touch, theta
+        tables, x, problem.start_variance, 1.0 + tolerance, cov3, u, q, cell, f_o, touch, course, miss
     )
     if fault != kernel.FLOWN:
         raise InfeasibleError(f"the path {FAULTS[fault]} at step {where} of {steps - 1}")
-    cross = _cross(problem, x, cov3, theta) if tables.full and tight else np.empty((0, 0, 2, 2))
+    cross = _cross(problem, x, cov3, course) if tables.full and tight else np.empty((0, 0, 2, 2))
+    collision = float(kernel.collision_bound(tables, x, cov3, cross))
+    if tables.full and collision > tables.delta and tight:
+        raise InfeasibleError(
+            f"the path may collide with probability {collision:.3f}, above planner.delta = {tables.delta:g}"
+        )
     paper = float(f_o.sum()) if not tables.full else _paper_risk(problem, x, cell)
     return Path(
         t=tables.motion.dt * np.arange(steps, dtype=float),
@@ -280,11 +311,36 @@ def evaluate(
         objectives=Objectives(
             length=float(np.linalg.norm(np.diff(x, axis=0), axis=1).sum()),
             mission_risk_paper=min(1.0, paper),
-            mission_risk=float(mission_bound(tables, x, cov3)),
-            collision_risk=float(kernel.collision_bound(tables, x, cov3, cross)),
+            mission_risk=float(mission_bound(tables, x, cov3, miss)),
+            collision_risk=collision,
         ),
         origin=origin,
+        fixes=fixes(course, steps),
     )
+
+
+def track(rows: int, modes: int, *, landmarks: bool) -> Track:
+    """Room for the coherent law of ``rows`` vertices; without landmarks for Cov(e, θ) alone."""
+    from pareto_ltl.kernels.track import Track
+
+    n = rows if landmarks else 0
+    return Track(
+        theta=np.empty((rows, 2, 2, modes), np.float32), known=np.empty((n, 3)), fix=np.full(n, -1, np.int64),
+        faded=np.ones(n), gain=np.empty((n, 2, 2, modes), np.float32), previous=np.empty(n, np.int64),
+        share=np.empty(n), used=np.zeros(1, np.int64),
+    )  # fmt: skip
+
+
+def trail(problem: Problem, steps: int) -> Track:
+    """The track of one path of ``steps`` positions."""
+    tables = problem.tables
+    return track(steps, tables.modes.psi.shape[-1], landmarks=len(tables.landmarks.ptr) > 1)
+
+
+def fixes(course: Track, steps: int) -> tuple[int, ...]:
+    """Steps of a path at which it counts on a position fix."""
+    fix = course.fix[: steps - 1]
+    return tuple(int(t) for t in np.flatnonzero(np.diff(fix, prepend=-1) > 0))
 
 
 def square(cov3: FloatArray) -> FloatArray:
@@ -303,13 +359,15 @@ def _paper_risk(problem: Problem, x: FloatArray, cell: IntArray) -> float:
     return float(risk.sum())
 
 
-def _cross(problem: Problem, x: FloatArray, cov3: FloatArray, theta: Float32Array) -> FloatArray:
-    """Cov(e_t, e_s) along a path under the coherent law, (T+1, T+1, 2, 2)."""
+def _cross(problem: Problem, x: FloatArray, cov3: FloatArray, course: Track) -> FloatArray:
+    """Cov(e_t, e_s) along a path under the coherent law, (T+1, T+1, 2, 2); empty where a fix cuts it."""
     from pareto_ltl.kernels import path as kernel
 
+    if fixes(course, len(x)):
+        return np.empty((0, 0, 2, 2))
     F, psi, _ = linear_law(problem, x)
     cross = np.zeros((len(x), len(x), 2, 2))
-    kernel.across_time(problem.tables, F, psi, theta.astype(float), cov3, cross)
+    kernel.across_time(problem.tables, F, psi, course.theta.astype(float), cov3, cross)
     return cross
 
 
@@ -354,11 +412,11 @@ def forecast(problem: Problem, u: FloatArray, law: str) -> Forecast:
     tables = problem.tables._replace(full=coherent)
     x, cov3 = np.empty((len(u) + 1, 2)), np.empty((len(u) + 1, 3))
     x[0] = problem.scene.start
-    theta = np.zeros((len(x), 2, 2, tables.modes.psi.shape[-1]), np.float32)
-    kernel.foresee(tables, u, problem.start_variance, coherent, x, cov3, theta)
-    cross = _cross(problem, x, cov3, theta) if coherent else np.empty((0, 0, 2, 2))
+    course, miss = trail(problem, len(x)), np.empty(len(x))
+    kernel.foresee(tables, u, problem.start_variance, coherent, x, cov3, course, miss)
+    cross = _cross(problem, x, cov3, course) if coherent else np.empty((0, 0, 2, 2))
     return Forecast(
-        law, x, square(cov3), float(mission_bound(tables, x, cov3)),
+        law, x, square(cov3), float(mission_bound(tables, x, cov3, miss)),
         float(kernel.collision_bound(tables, x, cov3, cross)),
     )  # fmt: skip
 

@@ -40,6 +40,8 @@ class Scene:
         Regions of interest, simple polygons, counter-clockwise [m].
     obstacles : tuple of (n, 2) float
         Simple polygons, counter-clockwise [m].
+    landmarks : tuple of (n, 2) float
+        Convex polygons in which the robot learns its position [m] (fidelity=full).
     crs : str or None
         PROJ string of the plane; None for a plane that lies nowhere on Earth.
     time_zero : str or None
@@ -52,11 +54,12 @@ class Scene:
     obstacles: tuple[FloatArray, ...] = ()
     crs: str | None = None
     time_zero: str | None = None
+    landmarks: tuple[FloatArray, ...] = ()
 
     def __post_init__(self) -> None:
         _shape("bounds", self.bounds, 2, 2)
         _shape("start", self.start, 2)
-        for polygon in (*self.regions.values(), *self.obstacles):
+        for polygon in (*self.regions.values(), *self.obstacles, *self.landmarks):
             _shape("polygon", polygon, None, 2)
 
 
@@ -301,6 +304,8 @@ class Path:
         Air-relative velocity [m/s].
     origin : str
         Where it came from, e.g. ``tree 3 vertex 1207`` or ``smoothed, weight 100``.
+    fixes : tuple of int
+        Steps at which the plan counts on a position fix.
     """
 
     t: FloatArray
@@ -311,6 +316,7 @@ class Path:
     u: FloatArray
     objectives: Objectives
     origin: str
+    fixes: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

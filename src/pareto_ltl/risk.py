@@ -82,6 +82,57 @@ def propagate(problem: Problem, x: FloatArray) -> tuple[FloatArray, FloatArray]:
     return np.array(cov), np.array(u).reshape(-1, 2)
 
 
+def propagate_coherent(problem: Problem, x: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Covariances (T+1, 2, 2) and controls (T, 2) along the means ``x`` (T+1, 2) under the coherent law.
+
+    With C = Cov(e, θ), F = A - K + dt Dμ(x̂_t), ψ = blkdiag(ψ_x', ψ_y'):
+    Σ_{t+1} = F Σ F' + dt (F C ψ' + ψ C' F') + dt² (ψ ψ' + white),  C_{t+1} = ρ (F C + dt ψ),
+    u_t = B⁻¹ (x̂_{t+1} - A x̂_t - dt (μ + ½ D²μ : Σ + ∂ψ : C)) / dt.
+    """
+    motion, wind, modes = problem.tables.motion, problem.tables.wind, problem.tables.modes
+    p = modes.psi.shape[-1]
+    sigma, C = np.eye(2) * problem.start_variance, np.zeros((2, 2 * p))
+    cov, u = [sigma], []
+    for t in range(len(x) - 1):
+        slope, bend = interpolate(problem, modes.slope, t, x[t]), interpolate(problem, modes.bend, t, x[t])
+        F = motion.closed + motion.dt * slope.reshape(2, 2)
+        psi, east, north = _modes_at(problem, t, x[t])
+        white = interpolate(problem, wind.latent, t, x[t]) - np.diag(psi @ psi.T)
+        white = modes.white * (np.maximum(white, 0.0) + interpolate_time(problem, wind.gust, t))
+        curved = [
+            0.5 * (b[0] * sigma[0, 0] + 2 * b[1] * sigma[0, 1] + b[2] * sigma[1, 1])
+            for b in (bend[:3], bend[3:])
+        ]
+        swept = [
+            (east[c] * C[0, c * p : (c + 1) * p] + north[c] * C[1, c * p : (c + 1) * p]).sum() for c in (0, 1)
+        ]
+        drift = interpolate(problem, wind.mean, t, x[t]) + curved + swept
+        u.append(motion.b_inv @ (x[t + 1] - motion.a @ x[t] - motion.dt * drift) / motion.dt)
+        mixed = motion.dt * F @ C @ psi.T
+        sigma = F @ sigma @ F.T + mixed + mixed.T + motion.dt**2 * (psi @ psi.T + np.diag(white))
+        C = modes.keep[t + 1] * (F @ C + motion.dt * psi)
+        cov.append(sigma)
+    return np.array(cov), np.array(u).reshape(-1, 2)
+
+
+def _modes_at(problem: Problem, step: int, point: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """blkdiag(ψ_x', ψ_y') (2, 2P) at a point, and ψ's derivatives to east and north, (2, P) each [1/s]."""
+    modes = problem.tables.modes
+    psi = modes.psi[modes.slot[step]].astype(float)
+    g = (point - [modes.west, modes.south]) * modes.per_metre
+    g = np.clip(g, 0, np.array(psi.shape[:2]) - 1)
+    i, j = np.minimum(g.astype(int), np.array(psi.shape[:2]) - 2)
+    fx, fy = g - [i, j]
+    a, b, c, d = psi[i, j], psi[i + 1, j], psi[i, j + 1], psi[i + 1, j + 1]
+    here = (1 - fx) * (1 - fy) * a + fx * (1 - fy) * b + (1 - fx) * fy * c + fx * fy * d
+    east = modes.per_metre * ((1 - fy) * (b - a) + fy * (d - c))
+    north = modes.per_metre * ((1 - fx) * (c - a) + fx * (d - b))
+    p = psi.shape[-1]
+    both = np.zeros((2, 2 * p))
+    both[0, :p], both[1, p:] = here
+    return both, east, north
+
+
 def interpolate_time(problem: Problem, table: FloatArray, step: int) -> FloatArray:
     """A table (K, ...) at a step, linear between slots."""
     wind = problem.tables.wind

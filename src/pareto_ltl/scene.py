@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 TOLERANCE = 1e-9  # of the map's size: lengths below are rounding
 MARGIN = 0.05  # of the drawing's size, around a GeoJSON map without bounds
-ROLES = ("region", "obstacle", "start", "bounds")
+ROLES = ("region", "obstacle", "start", "bounds", "landmark")
 WORDS = frozenset(  # of the formula language: no names for regions
     ["true", "false", "not", "and", "or", "xor", "next", "eventually", "until", *"XFUMGRW"]
 )
@@ -52,6 +52,7 @@ class _Sketch:
     show: Callable[[FloatArray], str]
     crs: str | None = None
     time_zero: str | None = None
+    landmarks: tuple[tuple[str, FloatArray], ...] = ()
 
     @property
     def tolerance(self) -> float:
@@ -81,6 +82,7 @@ def to_dict(scene: Scene) -> dict[str, Any]:
         "start": scene.start.tolist(),
         "regions": {name: polygon.tolist() for name, polygon in scene.regions.items()},
         "obstacles": [polygon.tolist() for polygon in scene.obstacles],
+        "landmarks": [polygon.tolist() for polygon in scene.landmarks],
         "crs": scene.crs,
         "time_zero": scene.time_zero,
     }
@@ -98,6 +100,7 @@ def from_dict(data: Mapping[str, Any]) -> Scene:
         obstacles=tuple(np.array(polygon, float) for polygon in data["obstacles"]),
         crs=data.get("crs"),
         time_zero=data.get("time_zero"),
+        landmarks=tuple(np.array(polygon, float) for polygon in data.get("landmarks") or ()),
     )
 
 
@@ -125,6 +128,7 @@ def _from_settings(cfg: SceneConfig) -> _Sketch:
         obstacles=tuple(_outlines(where, "obstacle", _numbered(cfg.obstacles), metres)),
         show=show,
         crs=projection.plane(*cfg.centre) if cfg.centre is not None else None,
+        landmarks=tuple(_outlines(where, "landmark", _numbered(cfg.landmarks), metres)),
     )
 
 
@@ -158,6 +162,7 @@ def _from_results(where: str, data: Mapping[str, Any]) -> _Sketch:
         show=lambda point: f"({point[0]:.6g} m, {point[1]:.6g} m)",
         crs=data.get("crs"),
         time_zero=data.get("time_zero"),
+        landmarks=tuple(_outlines(where, "landmark", _numbered(data.get("landmarks") or []), np.copy)),
     )
 
 
@@ -194,13 +199,14 @@ def _from_geojson(where: str, features: Sequence[Any]) -> _Sketch:
         obstacles=tuple((name, metres(c)) for role, name, c in drawn if role == "obstacle"),
         show=show,
         crs=crs,
+        landmarks=tuple((name, metres(c)) for role, name, c in drawn if role == "landmark"),
     )
 
 
 def _features(where: str, features: Sequence[Any]) -> Iterator[tuple[str, str, FloatArray]]:
     """Role, name and corners (n, 2) [deg] of every outline of a GeoJSON FeatureCollection."""
     seen: set[tuple[str, str]] = set()
-    obstacles = 0
+    counts: dict[str, int] = {}
     for number, feature in enumerate(features, 1):
         properties = (feature.get("properties") or {}) if isinstance(feature, dict) else {}
         role, name = properties.get("role"), properties.get("name")
@@ -208,10 +214,11 @@ def _features(where: str, features: Sequence[Any]) -> Iterator[tuple[str, str, F
             raise DataError(f"{where}: feature {number} has role {role!r}; expected {', '.join(ROLES)}")
         if role == "region" and not name:
             raise DataError(f"{where}: feature {number} is a region; give it the property name")
-        obstacles += role == "obstacle"
-        what = {"region": f"region {name!r}", "obstacle": f"obstacle {name or obstacles}"}.get(role, role)
+        many = role in ("obstacle", "landmark")
+        counts[role] = counts.get(role, 0) + 1
+        what = {"region": f"region {name!r}"}.get(role, f"{role} {name or counts[role]}" if many else role)
         key = (role, str(name) if role == "region" else "")
-        if role != "obstacle" and key in seen:
+        if not many and key in seen:
             raise DataError(
                 f"{where} has {what} twice; keep one" + (f", or {HOLE_WAY_OUT}" * (role == "region"))
             )
@@ -311,7 +318,7 @@ def _outlines(
     where: str, kind: str, items: Any, metres: Callable[[FloatArray], FloatArray]
 ) -> Iterator[tuple[str, FloatArray]]:
     for name, polygon in items:
-        what = f"region {name!r}" if kind == "region" else f"obstacle {name}"
+        what = f"region {name!r}" if kind == "region" else f"{kind} {name}"
         yield str(name) if kind == "region" else what, metres(_corners(where, what, polygon))
 
 
@@ -361,6 +368,8 @@ def _checked(sketch: _Sketch) -> Scene:
     clipped = [(what, part) for what, corners in obstacles for part in _clip(sketch, corners)]
     _check_start(sketch, clipped)
     _check_overlap(sketch, regions, clipped)
+    landmarks = [(what, _sound(sketch, what, corners)) for what, corners in sketch.landmarks]
+    _check_landmarks(sketch, landmarks, clipped)
     return Scene(
         bounds=sketch.bounds,
         start=sketch.start,
@@ -368,7 +377,29 @@ def _checked(sketch: _Sketch) -> Scene:
         obstacles=tuple(part for _, part in clipped),
         crs=sketch.crs,
         time_zero=sketch.time_zero,
+        landmarks=tuple(corners for _, corners in landmarks),
     )
+
+
+def _check_landmarks(
+    sketch: _Sketch, landmarks: Sequence[tuple[str, FloatArray]], obstacles: Sequence[tuple[str, FloatArray]]
+) -> None:
+    """A robot must be able to be in all of a landmark: inside the map, convex, clear of obstacles."""
+    import shapely
+
+    for what, corners in landmarks:
+        _check_inside(sketch, what, corners)
+        polygon = shapely.Polygon(corners)
+        if shapely.convex_hull(polygon).area > polygon.area + sketch.tolerance * polygon.length:
+            raise DataError(f"{sketch.where}: {what} is not convex; split it into convex landmarks")
+        for name, outline in obstacles:
+            common = shapely.intersection(polygon, shapely.Polygon(outline))
+            if common.area > sketch.tolerance * polygon.length:
+                at = shapely.get_coordinates(shapely.point_on_surface(common))[0]
+                raise DataError(
+                    f"{sketch.where}: {what} overlaps {name} at {sketch.show(at)}, where no robot can be; "
+                    "move one, or cut the obstacle out of the landmark"
+                )
 
 
 def _check_name(sketch: _Sketch, name: str) -> None:

@@ -300,6 +300,7 @@ def write_plan(directory: Path, plan: Plan) -> None:
         "selection": {"rule": plan.rule, "weights": plan.weights},
         "acceptance": None if plan.acceptance is None else asdict(plan.acceptance),
         "origin": path.origin,
+        "fixes": path.fixes,
         "t": path.t,
         "x": path.x,
         "cov": path.cov,
@@ -365,6 +366,7 @@ def _flight(content: Mapping[str, Any]) -> Flight:
         u=np.array(content["u"], float).reshape(-1, 2),
         objectives=Objectives(**objectives),
         origin=content["origin"],
+        fixes=tuple(content.get("fixes", ())),
     )
     steps = len(flight.t)
     shapes = {"x": (steps, 2), "cov": (steps, 2, 2), "q": (steps,), "u": (steps - 1, 2)}

@@ -102,17 +102,17 @@ def spread(
 def allowed(motion: Motion, cxx: float, cxy: float, cyy: float) -> float:
     """Airspeed left for the planned control: u_max less what feedback asks for but seldom exceeds.
 
-    Feedback is B⁻¹ K e / dt with e ~ N(0, Σ), and P(‖B⁻¹ e‖ > r) <= exp(-r² / 2 λ) with λ the largest
-    eigenvalue of B⁻¹ Σ B⁻': ``effort`` is r / √λ for the probability allowed.
+    Feedback is B⁻¹ c / dt with c of the given covariance [m²], and P(‖B⁻¹ c‖ > r) <= exp(-r² / 2 λ) with λ
+    the largest eigenvalue of B⁻¹ Cov(c) B⁻': ``effort`` is r / √λ for the probability allowed.
     """
-    if motion.gain <= 0.0:
+    if cxx <= 0.0 and cyy <= 0.0:
         return motion.u_max
     b = motion.b_inv
     ex, ey = b[0, 0] * cxx + b[0, 1] * cxy, b[0, 0] * cxy + b[0, 1] * cyy
     nx, ny = b[1, 0] * cxx + b[1, 1] * cxy, b[1, 0] * cxy + b[1, 1] * cyy
     ee, en, nn = ex * b[0, 0] + ey * b[0, 1], ex * b[1, 0] + ey * b[1, 1], nx * b[1, 0] + ny * b[1, 1]
     widest = 0.5 * (ee + nn) + math.sqrt(0.25 * (ee - nn) * (ee - nn) + en * en)
-    return max(motion.u_max - motion.effort * motion.gain / motion.dt * math.sqrt(widest), 0.0)
+    return max(motion.u_max - motion.effort / motion.dt * math.sqrt(max(widest, 0.0)), 0.0)
 
 
 @kernel

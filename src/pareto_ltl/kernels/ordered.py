@@ -149,6 +149,14 @@ def after(
 
 
 @kernel
+def add(now: FloatArray, row: int, risk: float) -> None:
+    """Let every V of a row grow by a risk that whatever follows rests upon."""
+    if risk > 0.0:
+        for p in range(now.shape[1]):
+            now[row, p] = min(now[row, p] + risk, 1.0)
+
+
+@kernel
 def begin(tables: Tables, now: FloatArray, target: int) -> None:
     """V(p) before the first letter: 0 where the initial state accepts all that p accepts, else 1."""
     for p in range(now.shape[1]):
@@ -156,14 +164,17 @@ def begin(tables: Tables, now: FloatArray, target: int) -> None:
 
 
 @allocating
-def mission_bound(tables: Tables, x: FloatArray, cov: FloatArray) -> float:
-    """V of a whole path; ``x`` (T+1, 2), ``cov`` (T+1, 3) = (xx, xy, yy)."""
+def mission_bound(tables: Tables, x: FloatArray, cov: FloatArray, miss: FloatArray) -> float:
+    """V of a whole path; ``x`` (T+1, 2), ``cov`` (T+1, 3) = (xx, xy, yy), ``miss`` (T+1,) = P(landmark
+    missed).
+    """
     v = np.empty((2, len(tables.logic.distance)))
     seen = np.empty(len(tables.labelled.cell) + 1)
     begin(tables, v, 0)
     for t in range(len(x)):
         read_label(tables, x[t, 0], x[t, 1], cov[t, 0], cov[t, 1], cov[t, 2], seen)
         after(tables, v, t % 2, seen, v, (t + 1) % 2)
+        add(v, (t + 1) % 2, miss[t])
     least = 1.0
     for p in range(v.shape[1]):
         if tables.logic.distance[p] == 0.0:

@@ -7,13 +7,14 @@ import math
 import numpy as np
 
 from pareto_ltl.arrays import Float32Array, FloatArray, IntArray
-from pareto_ltl.kernels.coherent import carry, closed_loop, square, white
+from pareto_ltl.kernels.coherent import closed_loop, square, white
 from pareto_ltl.kernels.crossing import pass_by
 from pareto_ltl.kernels.gaussian import SQRT_HALF, inside, missed
 from pareto_ltl.kernels.geometry import SLACK, clear_faces, locate
 from pareto_ltl.kernels.jit import allocating, kernel
 from pareto_ltl.kernels.lattice import airspeed, allowed, at, drift, spread
 from pareto_ltl.kernels.tables import Tables
+from pareto_ltl.kernels.track import Track, advance, missing, reset
 
 FLOWN, TOO_FAST, UNKNOWN_WIND, OFF_MAP, CROSSING = range(5)
 
@@ -30,17 +31,19 @@ def _shared(masks: IntArray) -> bool:
 def evaluate(
     tables: Tables, x: FloatArray, variance: float, fast: float,
     cov: FloatArray, u: FloatArray, q: IntArray, cell: IntArray, risk: FloatArray, touch: FloatArray,
-    theta: Float32Array,
+    track: Track, miss: FloatArray,
 ) -> tuple[int, int]:  # fmt: skip
     """Fly the means ``x`` (T+1, 2) from a start of the given ``variance``.
 
     Fills ``cov`` (T+1, 3), ``u`` (T, 2), ``q``, ``cell`` (T+1,), ``risk`` (P,) = f_o^i and ``touch`` (T+1,
     m) = Eq. (10) for every step and obstacle. Returns what went wrong first, and at which step. ``fast`` is
-    the factor by which u_max may be exceeded. Of full fidelity the covariance is the coherent law's,
-    controls steer against the mean shift, the obstacles share epsilon as they need it, and ``theta`` (T+1,
-    2, 2, P) = Cov(e, θ).
+    the factor by which u_max may be exceeded. Of full fidelity the covariance is the coherent law's, kept
+    in ``track``, controls steer against the mean shift, the obstacles share epsilon as they need it, and
+    ``miss`` (T+1,) is the probability of missing the landmark of each step, 0 where the plan counts on
+    none.
     """
-    theta[0] = 0.0
+    reset(track)
+    miss[:] = 0.0
     faces = np.full((2, len(tables.obstacles.ptr) - 1), -1, np.int64)
     m = len(tables.obstacles.ptr) - 1
     masks = np.zeros((2, m), np.int64)  # of this step and of the one before
@@ -52,10 +55,14 @@ def evaluate(
                 return UNKNOWN_WIND, t
             p = cov[t - 1]
             if tables.full:
-                fx, fy, cov[t, 0], cov[t, 1], cov[t, 2] = carry(
-                    tables, t - 1, x[t - 1, 0], x[t - 1, 1], p[0], p[1], p[2], theta, t - 1, theta, t
+                lost = missing(tables, track, max(t - 2, 0), x[t - 1, 0], x[t - 1, 1], p[0], p[1], p[2])
+                miss[t - 1] = max(lost, 0.0)
+                fx, fy, cov[t, 0], cov[t, 1], cov[t, 2], speed = advance(
+                    tables, track, t - 1, x[t - 1, 0], x[t - 1, 1], p[0], p[1], p[2], max(t - 2, 0), t - 1
                 )
             else:
+                share = tables.motion.gain * tables.motion.gain
+                speed = allowed(tables.motion, share * p[0], share * p[1], share * p[2])
                 fx, fy = drift(tables.wind, tables.motion, t - 1, x[t - 1, 0], x[t - 1, 1])
                 cov[t, 0], cov[t, 1], cov[t, 2] = spread(
                     tables.wind, tables.motion, t - 1, x[t - 1, 0], x[t - 1, 1], p[0], p[1], p[2]
@@ -64,7 +71,7 @@ def evaluate(
             b, dt = tables.motion.b_inv, tables.motion.dt
             u[t - 1, 0] = (b[0, 0] * dx + b[0, 1] * dy) / dt
             u[t - 1, 1] = (b[1, 0] * dx + b[1, 1] * dy) / dt
-            if airspeed(tables.motion, dx, dy) > allowed(tables.motion, p[0], p[1], p[2]) * fast:
+            if airspeed(tables.motion, dx, dy) > speed * fast:
                 return TOO_FAST, t
         c = cov[t]
         for j in range(m):
@@ -119,22 +126,24 @@ def paper_risk(tables: Tables, x: FloatArray, cov: FloatArray, cell: IntArray, r
 @allocating
 def foresee(
     tables: Tables, u: FloatArray, variance: float, coherent: bool, x: FloatArray, cov: FloatArray,
-    theta: Float32Array,
+    track: Track, miss: FloatArray,
 ) -> None:  # fmt: skip
     """Mean and covariance of flying the controls ``u`` (T, 2) under one law, whatever the plan's fidelity.
 
-    ``x`` (T+1, 2) holds the start in row 0; the rest, ``cov`` (T+1, 3) and ``theta`` (T+1, 2, 2, P) =
-    Cov(e, θ) are filled.
+    ``x`` (T+1, 2) holds the start in row 0; the rest, ``cov`` (T+1, 3), ``track`` and ``miss`` (T+1,) are
+    filled.
     """
     motion = tables.motion
     b = np.linalg.inv(motion.b_inv)
-    theta[0] = 0.0
+    reset(track)
+    miss[:] = 0.0
     cov[0, 0], cov[0, 1], cov[0, 2] = variance, 0.0, variance
     for t in range(len(u)):
         c = cov[t]
         if coherent:
-            fx, fy, cov[t + 1, 0], cov[t + 1, 1], cov[t + 1, 2] = carry(
-                tables, t, x[t, 0], x[t, 1], c[0], c[1], c[2], theta, t, theta, t + 1
+            miss[t] = max(missing(tables, track, max(t - 1, 0), x[t, 0], x[t, 1], c[0], c[1], c[2]), 0.0)
+            fx, fy, cov[t + 1, 0], cov[t + 1, 1], cov[t + 1, 2], _ = advance(
+                tables, track, t, x[t, 0], x[t, 1], c[0], c[1], c[2], max(t - 1, 0), t
             )
         else:
             fx, fy = drift(tables.wind, motion, t, x[t, 0], x[t, 1])
@@ -146,14 +155,58 @@ def foresee(
 
 
 @allocating
-def mean_shift(tables: Tables, x: FloatArray, variance: float, shift: FloatArray) -> None:
+def speeds(tables: Tables, x: FloatArray, variance: float, track: Track, speed: FloatArray) -> None:
+    """Airspeed left for the control of each step along the means ``x`` (T+1, 2), into ``speed`` (T,)."""
+    reset(track)
+    xx, xy, yy = variance, 0.0, variance
+    share = tables.motion.gain * tables.motion.gain
+    for t in range(len(x) - 1):
+        px, py = x[t, 0], x[t, 1]
+        if tables.full:
+            _, _, xx, xy, yy, speed[t] = advance(tables, track, t, px, py, xx, xy, yy, max(t - 1, 0), t)
+        else:
+            speed[t] = allowed(tables.motion, share * xx, share * xy, share * yy)
+            xx, xy, yy = spread(tables.wind, tables.motion, t, px, py, xx, xy, yy)
+
+
+@allocating
+def estimator(
+    tables: Tables, x: FloatArray, variance: float, track: Track, gain: FloatArray, learnt: Float32Array
+) -> None:
+    """What a robot needs to use its fixes along the means ``x`` (T+1, 2).
+
+    Fills ``gain`` (T, 2, 2) = Σ̃ S⁻¹ and ``learnt`` (T, 2, 2, P) = S⁻¹ Cov(ẽ, θ̃) of the steps with a fix,
+    0 at the others.
+    """
+    reset(track)
+    xx, xy, yy = variance, 0.0, variance
+    for t in range(len(x) - 1):
+        row = max(t - 1, 0)
+        if missing(tables, track, row, x[t, 0], x[t, 1], xx, xy, yy) >= 0.0:
+            a = xx - track.known[row, 0]
+            b = xy - track.known[row, 1]
+            c = yy - track.known[row, 2]
+            p, q = a + tables.motion.fix_variance, c + tables.motion.fix_variance
+            det = p * q - b * b
+            gain[t, 0, 0], gain[t, 0, 1] = (a * q - b * b) / det, (b * p - a * b) / det
+            gain[t, 1, 0], gain[t, 1, 1] = (b * q - c * b) / det, (c * p - b * b) / det
+            for w in range(2):
+                for m in range(track.theta.shape[3]):
+                    ex, ey = track.theta[row, 0, w, m], track.theta[row, 1, w, m]
+                    learnt[t, 0, w, m] = (q * ex - b * ey) / det
+                    learnt[t, 1, w, m] = (p * ey - b * ex) / det
+        _, _, xx, xy, yy, _ = advance(tables, track, t, x[t, 0], x[t, 1], xx, xy, yy, row, t)
+
+
+@allocating
+def mean_shift(tables: Tables, x: FloatArray, variance: float, track: Track, shift: FloatArray) -> None:
     """½ D²μ : Σ + ∂ψ : C along the means ``x`` (T+1, 2), into ``shift`` (T, 2) [m/s]."""
-    theta = np.zeros((2, 2, 2, tables.modes.psi.shape[4]), np.float32)
+    reset(track)
     a, dt = tables.motion.a, tables.motion.dt
     xx, xy, yy = variance, 0.0, variance
     for t in range(len(x) - 1):
         px, py = x[t, 0], x[t, 1]
-        fx, fy, xx, xy, yy = carry(tables, t, px, py, xx, xy, yy, theta, t % 2, theta, (t + 1) % 2)
+        fx, fy, xx, xy, yy, _ = advance(tables, track, t, px, py, xx, xy, yy, max(t - 1, 0), t)
         we, wn = at(tables.wind.mean, tables.wind, t, px, py)
         shift[t, 0] = (fx - a[0, 0] * px - a[0, 1] * py) / dt - we
         shift[t, 1] = (fy - a[1, 0] * px - a[1, 1] * py) / dt - wn
@@ -193,7 +246,9 @@ def across_time(
     held = np.empty(theta.shape[1:])
     for s in range(n):
         now = np.array([[cov[s, 0], cov[s, 1]], [cov[s, 1], cov[s, 2]]])
-        held[:] = theta[s]
+        held[:] = 0.0
+        if s > 0:
+            held[:] = theta[s - 1]
         cross[s, s] = now
         for t in range(s, n - 1):
             keep = tables.modes.keep[t + 1]

@@ -12,6 +12,7 @@ from pareto_ltl.kernels.geometry import hits, locate
 from pareto_ltl.kernels.jit import allocating, kernel, vector
 from pareto_ltl.kernels.lattice import at, gust
 from pareto_ltl.kernels.tables import Motion, Tables
+from pareto_ltl.kernels.track import landmark_at
 
 
 @kernel
@@ -84,6 +85,83 @@ def fly(
             ux, uy = command(tables.motion, u, mean, t, px, py)
             nx = a[0, 0] * px + a[0, 1] * py + dt * (b[0, 0] * ux + b[0, 1] * uy + we)
             ny = a[1, 0] * px + a[1, 1] * py + dt * (b[1, 0] * ux + b[1, 1] * uy + wn)
+            x[i, t + 1, 0], x[i, t + 1, 1] = nx, ny
+            collided[i] = collided[i] or touches(tables, px, py, nx, ny)
+            q = tables.logic.delta[q, locate(tables.cells, nx, ny)]
+        accepted[i] = tables.logic.distance[q] == 0.0
+
+
+@allocating
+def fly_fixed(
+    tables: Tables,
+    b: FloatArray,
+    u: FloatArray,
+    mean: FloatArray,
+    F: FloatArray,
+    psi: Float32Array,
+    gain: FloatArray,
+    learnt: Float32Array,
+    noise: FloatArray,
+    draws: FloatArray,
+    theta: Float32Array,
+    x: FloatArray,
+    accepted: BoolArray,
+    collided: BoolArray,
+) -> None:
+    """:func:`fly` in coherent winds of a robot that takes position fixes at landmarks.
+
+    At a step where the plan counts on a fix (``gain`` (T, 2, 2) not 0) and the robot is in a landmark, it
+    reads its position with ``noise`` (T, n, 2) and updates its estimate ê of the deviation and θ̂ of the
+    field. It flies ê back and steers against ψ' θ̂, within u_max, and counts on no more than it could do.
+    """
+    a, dt, motion, modes = tables.motion.a, tables.motion.dt, tables.motion, tables.modes
+    known = np.empty((2, psi.shape[2]), np.float32)
+    for i in range(x.shape[0]):
+        q = tables.logic.delta[tables.logic.initial, locate(tables.cells, x[i, 0, 0], x[i, 0, 1])]
+        collided[i] = False
+        known[:] = 0.0
+        ex, ey, informed = 0.0, 0.0, False
+        for t in range(len(u)):
+            px, py = x[i, t, 0], x[i, t, 1]
+            if t > 0 and informed and modes.keep[t] < 1.0:
+                known[:] *= np.float32(modes.keep[t])
+            if (gain[t, 0, 0] != 0.0 or gain[t, 1, 1] != 0.0) and landmark_at(tables, px, py) >= 0:
+                dx, dy = px + noise[t, i, 0] - mean[t, 0] - ex, py + noise[t, i, 1] - mean[t, 1] - ey
+                ex, ey = (
+                    ex + gain[t, 0, 0] * dx + gain[t, 0, 1] * dy,
+                    ey + gain[t, 1, 0] * dx + gain[t, 1, 1] * dy,
+                )
+                for c in range(2):
+                    for m in range(psi.shape[2]):
+                        known[c, m] += np.float32(learnt[t, 0, c, m] * dx + learnt[t, 1, c, m] * dy)
+                informed = True
+            ux, uy, hx, hy = u[t, 0], u[t, 1], 0.0, 0.0
+            if informed:
+                for m in range(psi.shape[2]):
+                    hx += psi[t, 0, m] * known[0, m]
+                    hy += psi[t, 1, m] * known[1, m]
+                cx, cy = motion.fix_gain * ex / dt + hx, motion.fix_gain * ey / dt + hy
+                ux -= motion.b_inv[0, 0] * cx + motion.b_inv[0, 1] * cy
+                uy -= motion.b_inv[1, 0] * cx + motion.b_inv[1, 1] * cy
+                size = math.sqrt(ux * ux + uy * uy)
+                if size > motion.u_max:
+                    ux, uy = ux * motion.u_max / size, uy * motion.u_max / size
+            k = modes.slot[t]
+            gi, gj, fx, fy = square(modes, px, py)
+            e, ee = blown(modes.psi, k, gi, gj, fx, fy, 0, theta, i)
+            n, nn = blown(modes.psi, k, gi, gj, fx, fy, 1, theta, i)
+            ve, vn = white(tables, t, px, py, ee, nn)
+            we, wn = at(tables.wind.mean, tables.wind, t, px, py)
+            we += e + math.sqrt(ve) * draws[t, i, 0]
+            wn += n + math.sqrt(vn) * draws[t, i, 1]
+            nx = a[0, 0] * px + a[0, 1] * py + dt * (b[0, 0] * ux + b[0, 1] * uy + we)
+            ny = a[1, 0] * px + a[1, 1] * py + dt * (b[1, 0] * ux + b[1, 1] * uy + wn)
+            if informed:
+                dux, duy = ux - u[t, 0], uy - u[t, 1]
+                ex, ey = (
+                    F[t, 0, 0] * ex + F[t, 0, 1] * ey + dt * (hx + b[0, 0] * dux + b[0, 1] * duy),
+                    F[t, 1, 0] * ex + F[t, 1, 1] * ey + dt * (hy + b[1, 0] * dux + b[1, 1] * duy),
+                )
             x[i, t + 1, 0], x[i, t + 1, 1] = nx, ny
             collided[i] = collided[i] or touches(tables, px, py, nx, ny)
             q = tables.logic.delta[q, locate(tables.cells, nx, ny)]

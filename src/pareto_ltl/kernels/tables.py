@@ -66,6 +66,9 @@ class Motion(NamedTuple):
     closed: FloatArray
     gain: float
     effort: float
+    fix_gain: float  # share of a known deviation flown back in a step
+    fix_variance: float  # of a position fix [m²]
+    fix_risk: float  # largest probability of missing a landmark that a plan counts on
     b_inv: FloatArray
     dt: float
     u_max: float
@@ -130,6 +133,8 @@ class Tables(NamedTuple):
     cells: Cells
     regions: Regions
     labelled: Labelled
+    landmarks: Faces
+    spots: Labelled  # their corners
     logic: Logic
     z: float
     epsilon: float  # collision probability allowed at a step

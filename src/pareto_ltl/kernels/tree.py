@@ -9,8 +9,7 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from pareto_ltl.arrays import Float32Array, FloatArray, IntArray
-from pareto_ltl.kernels.coherent import carry
+from pareto_ltl.arrays import FloatArray, IntArray
 from pareto_ltl.kernels.crossing import pass_by
 from pareto_ltl.kernels.gaussian import missed
 from pareto_ltl.kernels.geometry import clear_faces, locate
@@ -18,8 +17,9 @@ from pareto_ltl.kernels.jit import entry, kernel
 from pareto_ltl.kernels.lattice import airspeed, allowed, drift, spread
 from pareto_ltl.kernels.lead import Heap, Product, find_lead, weigh
 from pareto_ltl.kernels.neighbours import kd_insert, kd_nearest, remember
-from pareto_ltl.kernels.ordered import after, begin, read_label
+from pareto_ltl.kernels.ordered import add, after, begin, read_label
 from pareto_ltl.kernels.tables import Motion, Tables
+from pareto_ltl.kernels.track import Track, advance, missing, reset
 
 Int32Array = NDArray[np.int32]
 UInt32Array = NDArray[np.uint32]
@@ -40,8 +40,8 @@ class Vertices(NamedTuple):
 
     Paper fidelity keeps in ``masks`` the faces of each obstacle that the vertex clears. Full fidelity keeps
     its own covariance ``cov``, V of every state in ``bound`` (N, Q), the separating faces of the step to it
-    in ``face`` (N, m), and in ``theta`` (N, 2, 2, P) = Cov(e, θ) of its children. What a fidelity does not
-    use has no rows.
+    in ``face`` (N, m), and in ``track`` what the coherent law of its children starts from. What a fidelity
+    does not use has no rows.
     """
 
     x: FloatArray
@@ -59,7 +59,7 @@ class Vertices(NamedTuple):
     cov: FloatArray
     bound: FloatArray
     face: IntArray
-    theta: Float32Array
+    track: Track
 
 
 class Growing(NamedTuple):
@@ -214,6 +214,7 @@ def appraise(
         return False
     read_label(tables, x, y, xx, xy, yy, growing.labels)
     after(tables, tree.bound, parent, growing.labels, growing.bounds, r)
+    add(growing.bounds, r, missing(tables, tree.track, parent, x, y, xx, xy, yy))
     growing.risks[r, 0], growing.risks[r, 1] = growing.bounds[r, q], R
     return True
 
@@ -259,14 +260,15 @@ def look_ahead(
 ) -> None:
     """Mean and covariance one step after ``v``, whose own covariance is given."""
     x, y, step = tree.x[v, 0], tree.x[v, 1], tree.step[v]
-    tree.speed[v] = allowed(tables.motion, cxx, cxy, cyy)
     if tables.full:
         tree.cov[v, 0], tree.cov[v, 1], tree.cov[v, 2] = cxx, cxy, cyy
-        fx, fy, xx, xy, yy = carry(tables, step, x, y, cxx, cxy, cyy, tree.theta, parent, tree.theta, v)
+        fx, fy, xx, xy, yy, speed = advance(tables, tree.track, step, x, y, cxx, cxy, cyy, parent, v)
     else:
+        share = tables.motion.gain * tables.motion.gain
+        speed = allowed(tables.motion, share * cxx, share * cxy, share * cyy)
         fx, fy = drift(tables.wind, tables.motion, step, x, y)
         xx, xy, yy = spread(tables.wind, tables.motion, step, x, y, cxx, cxy, cyy)
-    tree.drift[v, 0], tree.drift[v, 1] = fx, fy
+    tree.drift[v, 0], tree.drift[v, 1], tree.speed[v] = fx, fy, speed
     tree.spread[v, 0], tree.spread[v, 1], tree.spread[v, 2] = xx, xy, yy
 
 
@@ -590,10 +592,7 @@ def plant_full(
     tables: Tables, tree: Vertices, growing: Growing, q: int, x: float, y: float, variance: float
 ) -> bool:
     """What the root has of full fidelity; False where it keeps not to epsilon."""
-    for r in range(2):
-        for c in range(2):
-            for m in range(tree.theta.shape[3]):
-                tree.theta[0, r, c, m] = np.float32(0.0)
+    reset(tree.track)
     for j in range(tree.face.shape[1]):
         tree.face[0, j] = -1
     step, R = pass_by(

@@ -11,8 +11,8 @@ fails there is never returned.
 
 from __future__ import annotations
 
-from pareto_ltl.smoothing.duties import duties, propagate, wind_and_gradient
-from pareto_ltl.smoothing.lines import CAP, _wind, pull, walk
+from pareto_ltl.smoothing.duties import allowed, duties, propagate, wind_and_gradient
+from pareto_ltl.smoothing.lines import CAP, _wind, possible_orders, pull, walk
 from pareto_ltl.smoothing.programme import PIECES, Programme, _tangents, programme, separating
 from pareto_ltl.smoothing.rounds import (
     Start,
@@ -34,12 +34,14 @@ __all__ = [
     "Start",
     "_tangents",
     "_wind",
+    "allowed",
     "damped",
     "duties",
     "fitting",
     "fly",
     "improve",
     "merit",
+    "possible_orders",
     "programme",
     "propagate",
     "pull",

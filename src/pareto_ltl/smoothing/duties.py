@@ -9,7 +9,7 @@ import numpy as np
 
 from pareto_ltl.arrays import BoolArray, FloatArray, IntArray
 from pareto_ltl.kernels import tables as kt
-from pareto_ltl.problem import Problem
+from pareto_ltl.problem import Problem, trail
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,7 +140,7 @@ def propagate(problem: Problem, x: FloatArray) -> FloatArray:
     kernel.evaluate(
         open_map, np.ascontiguousarray(x), problem.start_variance, math.inf, cov, np.empty((n - 1, 2)),
         np.empty(n, np.int64), np.empty(n, np.int64), np.empty(0), np.empty((n, 0)),
-        np.empty((n, 2, 2, problem.tables.modes.psi.shape[-1]), np.float32),
+        trail(problem, n), np.empty(n),
     )  # fmt: skip
     return cov
 
@@ -151,19 +151,21 @@ def mean_shift(problem: Problem, x: FloatArray) -> FloatArray:
 
     shift = np.zeros((len(x) - 1, 2))
     if problem.tables.full:
-        kernel.mean_shift(problem.tables, np.ascontiguousarray(x), problem.start_variance, shift)
+        course = trail(problem, len(x))
+        kernel.mean_shift(problem.tables, np.ascontiguousarray(x), problem.start_variance, course, shift)
     return shift
 
 
-def allowed(problem: Problem, cov: FloatArray) -> FloatArray:
-    """Share of u_max left for the control of each step by the feedback, (T,); ``cov`` (T+1, 3)."""
+def allowed(problem: Problem, x: FloatArray) -> FloatArray:
+    """Share of u_max left for the control of each step by feedback and fixes, (T,)."""
+    from pareto_ltl.kernels import path as kernel
+
     motion = problem.tables.motion
-    if motion.gain == 0.0:
-        return np.ones(len(cov) - 1)
-    full = motion.b_inv @ cov[:-1, [0, 1, 1, 2]].reshape(-1, 2, 2) @ motion.b_inv.T
-    widest = np.sqrt(np.linalg.eigvalsh(full)[:, 1])
-    share: FloatArray = np.maximum(1.0 - motion.effort * motion.gain / motion.dt * widest / motion.u_max, 0.0)
-    return share
+    speed = np.full(len(x) - 1, motion.u_max)
+    if motion.gain > 0.0 or len(problem.tables.landmarks.ptr) > 1:
+        course = trail(problem, len(x))
+        kernel.speeds(problem.tables, np.ascontiguousarray(x), problem.start_variance, course, speed)
+    return np.asarray(speed / motion.u_max, float)
 
 
 def wind_and_gradient(problem: Problem, x: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -184,7 +184,7 @@ def bend(
     todo = duties(problem, x, cov)
     if len(todo.witness) > model.witnesses:
         return None
-    set_motion(model, problem, x, cov)
+    set_motion(model, problem, x)
     low, high = (problem.scene.bounds + np.array([[MARGIN], [-MARGIN]]) - centre) / unit
     padded = np.vstack([scaled, np.repeat(scaled[-1:], model.steps + 1 - n, axis=0)])
     model.given["low"].value = np.minimum(np.maximum(padded - trust, low), high)
@@ -198,7 +198,7 @@ def bend(
     return None if found is None else np.vstack([x[:1], centre + unit * found[1:n]])
 
 
-def set_motion(model: Programme, problem: Problem, x: FloatArray, cov: FloatArray) -> None:
+def set_motion(model: Programme, problem: Problem, x: FloatArray) -> None:
     """Airspeed left for the control, and F_t and g_t of B⁻¹ (x_{t+1} - F_t x_t - g_t); steps beyond the
     path stand still in still air.
     """
@@ -206,7 +206,7 @@ def set_motion(model: Programme, problem: Problem, x: FloatArray, cov: FloatArra
     T = len(x) - 1
     mean, gradient = wind_and_gradient(problem, x[:-1])
     mean = mean + mean_shift(problem, x)
-    cap = CAP * allowed(problem, cov)
+    cap = CAP * allowed(problem, x)
     model.given["cap"].value = np.concatenate([cap, np.ones(model.steps - T)])
     F = motion.a + motion.dt * gradient
     g = ((motion.a @ centre - centre) + motion.dt * mean) / unit

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,6 +20,7 @@ from pareto_ltl.smoothing.programme import Programme, bend, programme
 
 SPARE = 2  # steps added to a tree path, whose steps are at full speed and leave no room for change
 DISTANCES = (2.6, 2.0, 1.4, 0.8)  # standard deviations that taut lines try to keep from obstacles
+STRIDES = (-6, -3, -1, 1)  # changes of the number of steps that are tried, each as long as it pays
 EACH = 2  # tree paths of one mission order that are bent
 ROUNDS_FULL = 12  # of bending, at most, of full fidelity
 GAIN_FULL = 1e-3  # of the merit: less ends them
@@ -87,7 +89,11 @@ def worthwhile(problem: Problem, found: Sequence[Path], paths: Sequence[Path]) -
         if not any((other <= row * (1 + ALIKE)).all() for other in rows):
             rows.append(row)
             kept.append(path)
-    return tuple(evaluate(problem, p.x, p.origin) for p in kept)
+    finished = []
+    for path in kept:
+        with suppress(InfeasibleError):  # R above planner.delta
+            finished.append(evaluate(problem, path.x, path.origin))
+    return tuple(finished)
 
 
 def _row(path: Path, full: bool) -> FloatArray:
@@ -242,15 +248,14 @@ def retimed(
     shortest: float,
 ) -> Path | None:
     """``best`` or what comes of it with fewer or more steps: time costs covariance, haste costs detours."""
-    for change in (-1, 1):
+    for change in STRIDES:
         while best is not None:
             steps = len(best.u) + change
             if not 2 <= steps <= min(model.steps, problem.horizon):
                 break
             other = descend(cfg, model, problem, resampled(best.x, steps), weight, shortest)
-            if other is None or merit(other, weight, shortest, full=True) >= merit(
-                best, weight, shortest, full=True
-            ) * (1.0 - GAIN_FULL):
+            worth = merit(best, weight, shortest, full=True) * (1.0 - GAIN_FULL)
+            if other is None or merit(other, weight, shortest, full=True) >= worth:
                 break
             best = other
     return best
