@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from pareto_ltl.records import Deployment, Forest, Front, Plan, WindField
+    from pareto_ltl.records import Deployment, Forest, Front, Plan, Study, WindField
 
 
 def metrics(records: Mapping[str, Any], seconds: Mapping[str, float]) -> dict[str, float]:
@@ -68,6 +68,10 @@ def _deployments(deployments: Mapping[str, Deployment]) -> dict[str, float]:
     return {name: rate for flights in deployments.values() for name, rate in rates(flights).items()}
 
 
+def _study(study: Study) -> dict[str, float]:
+    return {"completed": 1.0, **study.numbers}
+
+
 def _peak_memory() -> float:
     """Largest memory this process has held [MiB]."""
     import resource
@@ -81,4 +85,8 @@ COUNTERS: dict[str, Callable[[Any], dict[str, float]]] = {
     "front": _front,
     "plan": _plan,
     "deployment": _deployments,
+    "comparison": _study,
+    "convergence": _study,
+    "ablation": _study,
+    "hindcast": _study,
 }
