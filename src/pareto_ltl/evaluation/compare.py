@@ -29,6 +29,7 @@ from pareto_ltl.evaluation.tables import (
     Row,
     bits,
     flags,
+    kilometres,
     markdown,
     mcnemar,
     mean_interval,
@@ -278,7 +279,7 @@ def _text(rows: Sequence[Row], pairs: Sequence[Row]) -> str:
         (
             (
                 TITLES[row["method"]], row["law"], f"{round(row['planned'] * row['seeds'])} of {row['seeds']}",
-                f"{row['length_m'] / 1e3:.0f}", percent(row["bound_paper"]), percent(row["bound"]),
+                kilometres(row["length_m"]), percent(row["bound_paper"]), percent(row["bound"]),
                 with_interval(row, "failure"), with_interval(row, "collision"), with_interval(row, "completion"),
             )
             for row in rows

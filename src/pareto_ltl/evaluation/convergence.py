@@ -25,7 +25,7 @@ from pareto_ltl.evaluation import parts
 from pareto_ltl.evaluation.compare import bound, failed, outcomes, truth
 from pareto_ltl.evaluation.parts import Part, Progress
 from pareto_ltl.evaluation.planning import Workshop, stream, unsmoothed
-from pareto_ltl.evaluation.tables import Row, markdown, number, percent, quartiles, rate
+from pareto_ltl.evaluation.tables import Row, flags, kilometres, markdown, number, percent, quartiles, rate, spread
 from pareto_ltl.problem import Problem
 from pareto_ltl.records import Forest, Study, Tree
 
@@ -199,6 +199,7 @@ def _row(n: int, law: str, looks: Sequence[Mapping[str, Any]], volumes: FloatArr
     row |= quartiles("bound_paper", [number(look["objectives"]["mission_risk_paper"]) for look in planned])
     row |= quartiles("bound", [bound(look, "mission_risk") for look in planned])
     row |= quartiles("failure_of_a_plan", [f.mean() for f in lost])
+    row |= quartiles("missed_of_a_plan", [1.0 - flags(look["laws"][law]["accepted"]).mean() for look in planned])
     row |= rate("failure", np.concatenate(lost) if lost else np.empty(0, bool))
     row |= quartiles("length_m", [look["objectives"]["length"] for look in planned])
     return row | quartiles("hypervolume", volumes)
@@ -216,11 +217,12 @@ def _seed_row(seed: int, law: str, look: Mapping[str, Any], volume: float) -> Ro
 def _text(rows: Sequence[Row], numbers: Mapping[str, float]) -> str:
     table = markdown(
         "The selected path as trees grow: median (quartiles) over seeds that have a plan",
-        ("vertices a tree", "winds", "seeds with a plan", "bound V + R", "failed", "length [km]", "hypervolume"),
+        ("vertices a tree", "winds", "with a plan", "bound f_o", "missed", "bound V + R", "failed", "length [km]", "hypervolume"),
         (
             (
                 f"{row['size']:,}", row["law"], f"{round(row['planned'] * row['seeds'])} of {row['seeds']}",
-                _spread(row, "bound"), _spread(row, "failure_of_a_plan"), f"{row['length_m'] / 1e3:.0f}",
+                spread(row, "bound_paper"), spread(row, "missed_of_a_plan"), spread(row, "bound"),
+                spread(row, "failure_of_a_plan"), kilometres(row["length_m"]),
                 f"{row['hypervolume']:.3f}",
             )
             for row in rows
@@ -231,7 +233,3 @@ def _text(rows: Sequence[Row], numbers: Mapping[str, float]) -> str:
         f"to {1e3 * numbers['first_seconds_q75']:.1f}), after {numbers['first_vertices']:.0f} vertices of its tree.\n"
     )
 
-
-def _spread(row: Row, name: str) -> str:
-    low, high = (percent(row[f"{name}_{end}"]).removesuffix(" %") for end in ("q25", "q75"))
-    return f"{percent(row[name])} ({low} to {high})"

@@ -92,6 +92,18 @@ def with_interval(row: Mapping[str, Any], name: str) -> str:
     return f"{percent(row[name])} ({low} to {high})"
 
 
+def spread(row: Mapping[str, Any], name: str) -> str:
+    """Median and quartiles: ``1.2 % (0.9 to 1.5)``."""
+    if not math.isfinite(row[name]):
+        return "-"
+    low, high = (percent(row[f"{name}_{end}"]).removesuffix(" %") for end in ("q25", "q75"))
+    return f"{percent(row[name])} ({low} to {high})"
+
+
+def kilometres(metres: float) -> str:
+    return f"{metres / 1e3:.0f}" if math.isfinite(metres) else "-"
+
+
 def markdown(title: str, header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     """A table under a line that says what it is."""
     lines = [f"**{title}**", "", f"| {' | '.join(header)} |", f"|{'---|' * len(header)}"]
