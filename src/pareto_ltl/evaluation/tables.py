@@ -80,6 +80,8 @@ def percent(value: float) -> str:
     """Three digits at most: 0.12 %, 4.5 %, 99.2 %."""
     if not math.isfinite(value):
         return "-"
+    if 0 < value < 1e-7:
+        return "< 1e-5 %"
     value *= 100
     return f"{value:.0f} %" if value in (0, 100) else f"{value:.2g} %" if value < 10 else f"{value:.1f} %"
 
