@@ -333,14 +333,14 @@ class AblationConfig:
 
 
 INLAND = (  # the contiguous United States without their rim [longitude, latitude] [deg]
-    (-120.0, 46.5), (-118.5, 37.0), (-111.0, 33.5), (-103.0, 31.5), (-98.5, 29.0), (-91.0, 31.5), (-84.0, 32.5),
-    (-80.5, 35.0), (-76.5, 40.5), (-84.0, 43.0), (-90.0, 45.5), (-97.0, 47.0), (-111.0, 47.0),
+    (-120.0, 46.5), (-118.5, 37.0), (-111.0, 33.5), (-103.0, 31.5), (-98.5, 29.0), (-91.0, 31.5),
+    (-84.0, 32.5), (-80.5, 35.0), (-76.5, 40.5), (-84.0, 43.0), (-90.0, 45.5), (-97.0, 47.0), (-111.0, 47.0),
 )  # fmt: skip
 
 
 @dataclass
 class HindcastConfig:
-    """Random missions that ``pipelines=hindcast`` plans from thinned readings and flies through all of them."""
+    """Random missions that ``pipelines=hindcast`` plans from few readings and flies through full fields."""
 
     truth: str | None = None  # folder of GRIB2 files; default: the NOAA files beside the checkout
     missions: int = 100

@@ -7,9 +7,9 @@
 ``ball``               radius of the maximum-trace ball
 ``dt``                 the default plan flown with every step cut into pieces of equal control
 
-The last is about the wind laws, not the planner: the flight is the same, only how often it is looked at changes.
-Independent draws average out, so that under this law bound and failure go to 0 with the time step; the same
-flight through a coherent wind does not get any safer by being computed in finer steps.
+The last is about the wind laws, not the planner: the flight is the same, only how often it is looked at
+changes. Independent draws average out, so that under this law bound and failure go to 0 with the time step;
+the same flight through a coherent wind does not get any safer by being computed in finer steps.
 """
 
 from __future__ import annotations
@@ -33,7 +33,6 @@ from pareto_ltl.evaluation.tables import (
     flags,
     kilometres,
     markdown,
-    number,
     quartiles,
     rate,
     spread,
@@ -43,9 +42,14 @@ from pareto_ltl.problem import Problem, evaluate
 from pareto_ltl.records import Study
 
 NAMES = {
-    "trees": "trees", "beta": "β, times the default", "epsilon": "ε", "n_max": "vertices a tree",
-    "dt": "time step [s]", "kernel": "kernel", "ball": "radius of the ball [sd]",
-}  # fmt: skip
+    "trees": "trees",
+    "beta": "β, times the default",
+    "epsilon": "ε",
+    "n_max": "vertices a tree",
+    "dt": "time step [s]",
+    "kernel": "kernel",
+    "ball": "radius of the ball [sd]",
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,8 +104,8 @@ def study(
 def _check(settings: Settings) -> None:
     if "dt" in settings.ablation.factors and settings.robot.a != [[1.0, 0.0], [0.0, 1.0]]:
         raise ConfigError(
-            "ablation.factors holds dt, which cuts steps into pieces: that needs robot.a = [[1,0],[0,1]] (a step of "
-            f"another length has another A); got {settings.robot.a}; leave dt out"
+            "ablation.factors holds dt, which cuts steps into pieces: that needs robot.a = [[1,0],[0,1]] (a "
+            f"step of another length has another A); got {settings.robot.a}; leave dt out"
         )
 
 
@@ -138,7 +142,11 @@ def as_flown(settings: Settings) -> str:
 def cut(settings: Settings, pieces: int) -> Settings:
     """The same robot and wind, looked at ``pieces`` times as often."""
     robot = replace(settings.robot, dt=settings.robot.dt / pieces)
-    return replace(settings, robot=robot, planner=replace(settings.planner, max_steps=settings.planner.max_steps * pieces))
+    return replace(
+        settings,
+        robot=robot,
+        planner=replace(settings.planner, max_steps=settings.planner.max_steps * pieces),
+    )
 
 
 # --- one plan --------------------------------------------------------------------------------
@@ -171,7 +179,7 @@ def _plan(context: Context, factor: str, level: Any, seed: int) -> Any:
 
 
 def _promise(world: Problem, u: FloatArray) -> Row:
-    """What the bounds say of the controls ``u`` in steps of another length; NaN where the path is not allowed."""
+    """What the bounds say of the controls ``u`` in steps of another length; NaN where not allowed."""
     x = mean_path(world, u)
     try:
         return asdict(evaluate(world, x, "").objectives)
@@ -226,11 +234,23 @@ def _text(settings: Settings, rows: Sequence[Row]) -> str:
     return "\n".join(
         markdown(
             f"{NAMES[factor]}: median (quartiles) over seeds; failed of all flights with 95 % interval",
-            (NAMES[factor], "winds", "with a plan", "bound V + R", "failed, a plan", "failed, all", "length [km]"),
+            (
+                NAMES[factor],
+                "winds",
+                "with a plan",
+                "bound V + R",
+                "failed, a plan",
+                "failed, all",
+                "length [km]",
+            ),
             (
                 (
-                    _label(row["shown"]), row["law"], f"{round(row['planned'] * row['seeds'])} of {row['seeds']}",
-                    spread(row, "bound"), spread(row, "failure_of_a_plan"), with_interval(row, "failure"),
+                    _label(row["shown"]),
+                    row["law"],
+                    f"{round(row['planned'] * row['seeds'])} of {row['seeds']}",
+                    spread(row, "bound"),
+                    spread(row, "failure_of_a_plan"),
+                    with_interval(row, "failure"),
                     kilometres(row["length_m"]),
                 )
                 for row in rows
@@ -238,7 +258,7 @@ def _text(settings: Settings, rows: Sequence[Row]) -> str:
             ),
         )
         for factor in settings.ablation.factors
-    )  # fmt: skip
+    )
 
 
 def _label(value: Any) -> str:

@@ -1,10 +1,10 @@
 """One mission, several planners, the same winds (the paper's Figure 1 and its baseline).
 
-``paper``, ``full``   the proposed planner in each fidelity, its trees' paths as they are
-``smoothed``          the same in the fidelity of the run, with convex smoothing: what ``pipelines=plan`` flies
-``cc_rrt``            plain CC-RRT: chance constraints, no re-selection of parents (Algorithm 2 without lines 5-13)
-``ml_rrt``            the same planner without any knowledge of wind, μ = 0 and Σ = 0 (the paper's baseline)
-``calm_shortest``     the shortest path in still air, by convex smoothing of ``ml_rrt``; one path for all seeds
+``paper``, ``full``  the proposed planner in each fidelity, its trees' paths as they are
+``smoothed``         the same in the fidelity of the run, with convex smoothing: what ``pipelines=plan`` flies
+``cc_rrt``           plain CC-RRT: chance constraints, no re-selection of parents (lines 5-13 of Algorithm 2)
+``ml_rrt``           the same planner without any knowledge of wind, μ = 0 and Σ = 0 (the paper's baseline)
+``calm_shortest``    the shortest path in still air, by convex smoothing of ``ml_rrt``; one path for all seeds
 
 The last two fly the airspeeds they planned in a wind they did not. All plans of one seed meet the same winds.
 """
@@ -43,9 +43,13 @@ from pareto_ltl.problem import Problem
 from pareto_ltl.records import Plan, Study
 
 TITLES = {
-    "paper": "proposed (paper)", "full": "proposed (full)", "smoothed": "proposed, smoothed", "cc_rrt": "CC-RRT",
-    "ml_rrt": "ML-RRT (no wind)", "calm_shortest": "shortest in calm air",
-}  # fmt: skip
+    "paper": "proposed (paper)",
+    "full": "proposed (full)",
+    "smoothed": "proposed, smoothed",
+    "cc_rrt": "CC-RRT",
+    "ml_rrt": "ML-RRT (no wind)",
+    "calm_shortest": "shortest in calm air",
+}
 COSTS = ("mission_risk_paper", "mission_risk", "collision_risk")
 
 
@@ -65,7 +69,10 @@ def method(name: str, settings: Settings, world: Mapping[str, Any]) -> Workshop:
     fidelity = name if name in FIDELITIES else settings.fidelity
     smooth = name in ("smoothed", "calm_shortest")
     mine = replace(
-        settings, fidelity=fidelity, smoothing=replace(settings.smoothing, enabled=smooth)
+        settings,
+        fidelity=fidelity,
+        smoothing=replace(settings.smoothing, enabled=smooth),
+        planner=replace(settings.planner, threads=1),  # seeds share the cores, not trees
     )
     if name == "cc_rrt":
         mine = replace(mine, planner=replace(mine.planner, near=0))  # no parents tried: no re-selection
@@ -91,9 +98,11 @@ def study(
     """Plan with every method and seed, fly all, and compare."""
     cfg, names = settings.evaluation, tuple(settings.compare.methods)
     context = Context(
-        {name: method(name, settings, world) for name in names}, truth(settings, world),
-        settings.deployment.runs, tuple(cfg.laws),
-    )  # fmt: skip
+        {name: method(name, settings, world) for name in names},
+        truth(settings, world),
+        settings.deployment.runs,
+        tuple(cfg.laws),
+    )
     todo = [
         Part(f"{name}-{seed}", (name, seed), _key(context, settings, name, seed))
         for seed in cfg.seeds
@@ -190,11 +199,13 @@ def _study(settings: Settings, context: Context, found: Found) -> Study:
     numbers |= {f"{row['method']}_planned": row["planned"] for row in rows}
     numbers |= {"seeds": float(len(seeds))}
     pictures = {"panels": _panels(settings, context, found), "wind": _wind(context)}
-    return Study({name: tuple(table) for name, table in tables.items()}, numbers, _text(rows, pairs), pictures)
+    return Study(
+        {name: tuple(table) for name, table in tables.items()}, numbers, _text(rows, pairs), pictures
+    )
 
 
 def _row(name: str, law: str, results: Sequence[Mapping[str, Any]]) -> Row:
-    """All seeds of one method under one law; a seed without a plan has no flights and counts in ``planned``."""
+    """All seeds of one method under one law; a seed without a plan has no flights."""
     planned = [result for result in results if result["planned"]]
     missed = [~flags(result["laws"][law]["accepted"]) for result in planned]
     hit = [flags(result["laws"][law]["collided"]) for result in planned]
@@ -202,10 +213,14 @@ def _row(name: str, law: str, results: Sequence[Mapping[str, Any]]) -> Row:
     broken = [
         rate("f", f)["f_low"] > bound(result, "mission_risk") for f, result in zip(lost, planned, strict=True)
     ]
-    row: Row = {"method": name, "law": law, "seeds": len(results)}
+    row: Row = {"method": name, "title": TITLES[name], "law": law, "seeds": len(results)}
     row |= rate("planned", np.array([result["planned"] for result in results]))
     row |= {"flights": sum(map(len, lost))}
-    row |= rate("failure", _joined(lost)) | rate("completion", ~_joined(missed)) | rate("collision", _joined(hit))
+    row |= (
+        rate("failure", _joined(lost))
+        | rate("completion", ~_joined(missed))
+        | rate("collision", _joined(hit))
+    )
     row |= quartiles("failure_of_a_plan", [f.mean() for f in lost])
     row |= quartiles("length_m", [result["objectives"]["length"] for result in planned])
     for cost in COSTS:
@@ -230,7 +245,9 @@ def _flight_row(name: str, seed: int, law: str, result: Mapping[str, Any]) -> Ro
     costs = result["objectives"]
     row: Row = {"method": name, "seed": seed, "law": law, "length_m": costs["length"]}
     row |= {cost: number(costs[cost]) for cost in COSTS} | {"steps": len(result["u"])}
-    return row | rate("failure", failed(result, law)) | rate("collision", flags(result["laws"][law]["collided"]))
+    return (
+        row | rate("failure", failed(result, law)) | rate("collision", flags(result["laws"][law]["collided"]))
+    )
 
 
 def _difference(first: str, other: str, law: str, found: Found, seeds: Sequence[int]) -> Row:
@@ -239,12 +256,22 @@ def _difference(first: str, other: str, law: str, found: Found, seeds: Sequence[
     pairs = [(failed(found[first, s], law), failed(found[other, s], law)) for s in both]
     gaps = np.array([b.mean() - a.mean() for a, b in pairs])
     low, high = mean_interval(gaps)
-    one_only, other_only = (int(sum(n)) for n in ([(a & ~b).sum() for a, b in pairs], [(b & ~a).sum() for a, b in pairs]))
+    one_only, other_only = (
+        int(sum(n)) for n in ([(a & ~b).sum() for a, b in pairs], [(b & ~a).sum() for a, b in pairs])
+    )
     return {
-        "method": other, "against": first, "law": law, "seeds": len(both), "pairs": sum(len(a) for a, _ in pairs),
-        "difference": float(gaps.mean()) if len(gaps) else float("nan"), "difference_low": low, "difference_high": high,
-        "only_this_failed": other_only, "only_the_other_failed": one_only, "mcnemar_p": mcnemar(one_only, other_only),
-    }  # fmt: skip
+        "method": other,
+        "against": first,
+        "law": law,
+        "seeds": len(both),
+        "pairs": sum(len(a) for a, _ in pairs),
+        "difference": float(gaps.mean()) if len(gaps) else float("nan"),
+        "difference_low": low,
+        "difference_high": high,
+        "only_this_failed": other_only,
+        "only_the_other_failed": one_only,
+        "mcnemar_p": mcnemar(one_only, other_only),
+    }
 
 
 def _panels(settings: Settings, context: Context, found: Found) -> list[Row]:
@@ -257,7 +284,11 @@ def _panels(settings: Settings, context: Context, found: Found) -> list[Row]:
         if result["planned"]:
             u = np.array(result["u"], float).reshape(-1, 2)
             flown = {law: fly(context.truth, u, context.runs, law, seed) for law in context.laws}
-            panel |= {"x": np.array(result["x"], float), "flights": flown, "length_m": result["objectives"]["length"]}
+            panel |= {
+                "x": np.array(result["x"], float),
+                "flights": flown,
+                "length_m": result["objectives"]["length"],
+            }
             panel |= {"bound": bound(result, "mission_risk")}
         panels.append(panel)
     return panels
@@ -273,18 +304,34 @@ def _wind(context: Context) -> Any:
 
 def _text(rows: Sequence[Row], pairs: Sequence[Row]) -> str:
     first = markdown(
-        "Failure of the flights (missed the mission or touched an obstacle), 95 % intervals; bound = mission risk V "
-        "+ collision risk R of the plan, median over seeds",
-        ("method", "winds", "planned", "length [km]", "bound, paper", "bound, ordered", "failed", "collided", "completed"),
+        "Failure of the flights (missed the mission or touched an obstacle), 95 % intervals; bound = mission "
+        "risk (f_o or V) + collision risk R of the plan, median over seeds",
+        (
+            "method",
+            "winds",
+            "planned",
+            "length [km]",
+            "bound, paper",
+            "bound, ordered",
+            "failed",
+            "collided",
+            "completed",
+        ),
         (
             (
-                TITLES[row["method"]], row["law"], f"{round(row['planned'] * row['seeds'])} of {row['seeds']}",
-                kilometres(row["length_m"]), percent(row["bound_paper"]), percent(row["bound"]),
-                with_interval(row, "failure"), with_interval(row, "collision"), with_interval(row, "completion"),
+                TITLES[row["method"]],
+                row["law"],
+                f"{round(row['planned'] * row['seeds'])} of {row['seeds']}",
+                kilometres(row["length_m"]),
+                percent(row["bound_paper"]),
+                percent(row["bound"]),
+                with_interval(row, "failure"),
+                with_interval(row, "collision"),
+                with_interval(row, "completion"),
             )
             for row in rows
         ),
-    )  # fmt: skip
+    )
     if not pairs:
         return first
     second = markdown(
@@ -292,12 +339,16 @@ def _text(rows: Sequence[Row], pairs: Sequence[Row]) -> str:
         ("method", "winds", "difference", "only this failed", "only the other failed", "McNemar p"),
         (
             (
-                TITLES[row["method"]], row["law"], _points(row), f"{row['only_this_failed']:,}",
-                f"{row['only_the_other_failed']:,}", _chance(row["mcnemar_p"]),
+                TITLES[row["method"]],
+                row["law"],
+                _points(row),
+                f"{row['only_this_failed']:,}",
+                f"{row['only_the_other_failed']:,}",
+                _chance(row["mcnemar_p"]),
             )
             for row in pairs
         ),
-    )  # fmt: skip
+    )
     return first + "\n" + second
 
 
@@ -308,4 +359,3 @@ def _points(row: Row) -> str:
 
 def _chance(p: float) -> str:
     return "< 1e-6" if p < 1e-6 else f"{p:.2g}"
-

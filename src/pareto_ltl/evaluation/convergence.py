@@ -1,9 +1,9 @@
 """Bound and simulated failure of the selected path as the trees grow (the paper's Figure 2).
 
-One forest a seed is grown to the largest size. A vertex keeps its path for ever and vertices are stored in the
-order of their creation, so the first n of each tree are the forest as it was at n vertices a tree: the sizes are
-looks at one growing forest, not forests grown anew. At each size the path is selected and flown as a run that
-had stopped there would have, in the same winds at all sizes.
+One forest a seed is grown to the largest size. A vertex keeps its path for ever and vertices are stored in
+the order of their creation, so the first n of each tree are the forest as it was at n vertices a tree: the
+sizes are looks at one growing forest, not forests grown anew. At each size the path is selected and flown as
+a run that had stopped there would have, in the same winds at all sizes.
 
 Theorem 3 claims that the front never gets worse. Its honest form is the hypervolume of the front, which is
 recorded with a reference that all sizes and seeds share.
@@ -11,6 +11,7 @@ recorded with a reference that all sizes and seeds share.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
@@ -25,7 +26,16 @@ from pareto_ltl.evaluation import parts
 from pareto_ltl.evaluation.compare import bound, failed, outcomes, truth
 from pareto_ltl.evaluation.parts import Part, Progress
 from pareto_ltl.evaluation.planning import Workshop, stream, unsmoothed
-from pareto_ltl.evaluation.tables import Row, flags, kilometres, markdown, number, percent, quartiles, rate, spread
+from pareto_ltl.evaluation.tables import (
+    Row,
+    flags,
+    kilometres,
+    markdown,
+    number,
+    quartiles,
+    rate,
+    spread,
+)
 from pareto_ltl.problem import Problem
 from pareto_ltl.records import Forest, Study, Tree
 
@@ -103,7 +113,7 @@ def snapshot(forest: Forest, n: int) -> Forest:
 def _first(tree: Tree, n: int) -> Tree:
     if len(tree) <= n:
         return tree
-    rows = {
+    rows: dict[str, Any] = {
         f.name: value[:n]
         for f in fields(tree)
         if f.name not in BY_CREATION and isinstance(value := getattr(tree, f.name), np.ndarray)
@@ -152,15 +162,19 @@ def _study(
         for law in laws
     ]
     firsts = [
-        {"seed": seed} | {key: number(result[key]) for key in ("first_seconds", "first_vertices", "nodes_per_second")}
+        {"seed": seed}
+        | {key: number(result[key]) for key in ("first_seconds", "first_vertices", "nodes_per_second")}
         for seed, result in zip(seeds, results, strict=True)
-    ]  # fmt: skip
+    ]
     numbers = {"seeds": float(len(seeds))}
     for name in ("first_seconds", "first_vertices"):
         numbers |= quartiles(name, [row[name] for row in firsts])
     for row in rows:
         if row["size"] == sizes[-1]:
-            numbers |= {f"bound_{row['law']}": row["bound"], f"median_failure_{row['law']}": row["failure_of_a_plan"]}
+            numbers |= {
+                f"bound_{row['law']}": row["bound"],
+                f"median_failure_{row['law']}": row["failure_of_a_plan"],
+            }
     tables = {"convergence": tuple(rows), "convergence_seeds": tuple(each), "first_answer": tuple(firsts)}
     return Study(tables, numbers, _text(rows, numbers))
 
@@ -168,8 +182,8 @@ def _study(
 def hypervolumes(results: Sequence[Mapping[str, Any]]) -> FloatArray:
     """(seeds, sizes): volume that each front dominates, in mission risk (decades) and length.
 
-    Both are scaled to [0, 1]: risk as 1 + log10(max(f, 1e-9)) / 9, length against ``FAR`` times the shortest path
-    that any seed found. Logarithms keep who dominates whom, and let a fall from 1e-2 to 1e-4 count.
+    Both are scaled to [0, 1]: risk as 1 + log10(max(f, 1e-9)) / 9, length against ``FAR`` times the shortest
+    path that any seed found. Logarithms keep who dominates whom, and let a fall from 1e-2 to 1e-4 count.
     """
     from pareto_ltl.selection import hypervolume
 
@@ -181,13 +195,15 @@ def hypervolumes(results: Sequence[Mapping[str, Any]]) -> FloatArray:
     for s, result in enumerate(results):
         for k, look in enumerate(result["looks"]):
             if look["planned"]:
-                rows = np.array([[decades(c["mission_risk_paper"]), c["length"] / far] for c in look["front"]])
+                rows = np.array(
+                    [[decades(c["mission_risk_paper"]), c["length"] / far] for c in look["front"]]
+                )
                 volumes[s, k] = hypervolume(rows, np.ones(2))
     return volumes
 
 
 def decades(risk: float) -> float:
-    return 1.0 + float(np.log10(max(risk, FEWEST))) / -np.log10(FEWEST)
+    return 1.0 - math.log10(max(risk, FEWEST)) / math.log10(FEWEST)
 
 
 def _row(n: int, law: str, looks: Sequence[Mapping[str, Any]], volumes: FloatArray) -> Row:
@@ -196,10 +212,12 @@ def _row(n: int, law: str, looks: Sequence[Mapping[str, Any]], volumes: FloatArr
     lost = [failed(look, law) for look in planned]
     row: Row = {"size": n, "law": law, "seeds": len(looks)}
     row |= rate("planned", np.array([look["planned"] for look in looks]))
-    row |= quartiles("bound_paper", [number(look["objectives"]["mission_risk_paper"]) for look in planned])
+    row |= quartiles("mission_bound", [number(look["objectives"]["mission_risk_paper"]) for look in planned])
     row |= quartiles("bound", [bound(look, "mission_risk") for look in planned])
     row |= quartiles("failure_of_a_plan", [f.mean() for f in lost])
-    row |= quartiles("missed_of_a_plan", [1.0 - flags(look["laws"][law]["accepted"]).mean() for look in planned])
+    row |= quartiles(
+        "missed_of_a_plan", [1.0 - flags(look["laws"][law]["accepted"]).mean() for look in planned]
+    )
     row |= rate("failure", np.concatenate(lost) if lost else np.empty(0, bool))
     row |= quartiles("length_m", [look["objectives"]["length"] for look in planned])
     return row | quartiles("hypervolume", volumes)
@@ -217,19 +235,34 @@ def _seed_row(seed: int, law: str, look: Mapping[str, Any], volume: float) -> Ro
 def _text(rows: Sequence[Row], numbers: Mapping[str, float]) -> str:
     table = markdown(
         "The selected path as trees grow: median (quartiles) over seeds that have a plan",
-        ("vertices a tree", "winds", "with a plan", "bound f_o", "missed", "bound V + R", "failed", "length [km]", "hypervolume"),
+        (
+            "vertices a tree",
+            "winds",
+            "with a plan",
+            "bound f_o",
+            "missed",
+            "bound V + R",
+            "failed",
+            "length [km]",
+            "hypervolume",
+        ),
         (
             (
-                f"{row['size']:,}", row["law"], f"{round(row['planned'] * row['seeds'])} of {row['seeds']}",
-                spread(row, "bound_paper"), spread(row, "missed_of_a_plan"), spread(row, "bound"),
-                spread(row, "failure_of_a_plan"), kilometres(row["length_m"]),
+                f"{row['size']:,}",
+                row["law"],
+                f"{round(row['planned'] * row['seeds'])} of {row['seeds']}",
+                spread(row, "mission_bound"),
+                spread(row, "missed_of_a_plan"),
+                spread(row, "bound"),
+                spread(row, "failure_of_a_plan"),
+                kilometres(row["length_m"]),
                 f"{row['hypervolume']:.3f}",
             )
             for row in rows
         ),
-    )  # fmt: skip
-    return table + (
-        f"\nFirst answer: {1e3 * numbers['first_seconds']:.1f} ms (quartiles {1e3 * numbers['first_seconds_q25']:.1f} "
-        f"to {1e3 * numbers['first_seconds_q75']:.1f}), after {numbers['first_vertices']:.0f} vertices of its tree.\n"
     )
-
+    first = [1e3 * numbers[f"first_seconds{end}"] for end in ("", "_q25", "_q75")]
+    return table + (
+        f"\nFirst answer: {first[0]:.1f} ms (quartiles {first[1]:.1f} to {first[2]:.1f}), "
+        f"after {numbers['first_vertices']:.0f} vertices of its tree.\n"
+    )

@@ -1,9 +1,10 @@
 """Planned from a few readings, flown through the real thing: the one test in which nature draws the wind.
 
-From full fields (GFS, one degree) a small table of readings is thinned, as a user would have. Random missions are
-planned from it; the controls are then flown through the full fields, which no fit saw at most of their points. Gusts
-of the fitted size are added to them, for what is smaller than their grid. Every promise of a plan, its bounds and its
-own simulations, is held against the share of flights that failed: a reliability diagram.
+From full fields (GFS, one degree) a small table of readings is thinned, as a user would have. Random missions
+are planned from it; the controls are then flown through the full fields, which no fit saw at most of their
+points. Gusts of the fitted size are added to them, for what is smaller than their grid. Every promise of a
+plan, its bounds and its own simulations, is held against the share of flights that failed: a reliability
+diagram.
 """
 
 from __future__ import annotations
@@ -102,9 +103,13 @@ def one(context: Context, k: int) -> Row:
     """A mission, the plans made for it in each fidelity, and what became of them."""
     task = mission(context.settings.hindcast, context.settings.seed, k, context.spells)
     row: Row = {
-        "formula": task.formula, "departure": task.scene.time_zero, "latitude": task.latitude,
-        "longitude": task.longitude, "side": float(np.ptp(task.scene.bounds[:, 0])), "obstacles": len(task.scene.obstacles),
-    }  # fmt: skip
+        "formula": task.formula,
+        "departure": task.scene.time_zero,
+        "latitude": task.latitude,
+        "longitude": task.longitude,
+        "side": float(np.ptp(task.scene.bounds[:, 0])),
+        "obstacles": len(task.scene.obstacles),
+    }
     plans: list[Row] = []
     for fidelity in FIDELITIES:
         shop = workshop(context, task, fidelity)
@@ -116,7 +121,10 @@ def one(context: Context, k: int) -> Row:
         real = reality(context, shop)
         row |= calibration(context, shop)
         models = believed(context, task)
-        plans += [_flown(context, task, fidelity, path, real, models) for path in picked(front, context.settings.hindcast.plans)]
+        plans += [
+            _flown(context, task, fidelity, path, real, models)
+            for path in picked(front, context.settings.hindcast.plans)
+        ]
     return row | {"plans": plans}
 
 
@@ -151,7 +159,9 @@ def reality(context: Context, shop: Workshop) -> Problem:
     cfg, scene = context.settings.hindcast, shop.make("scene")
     real = nature.real_wind(cfg, shop.settings.wind, context.readings, scene, shop.make("wind"))
     world = {name: shop.make(name) for name in ("scene", "observations", "decomposition", "automaton")}
-    problem: Problem = Workshop(replace(shop.settings, fidelity="paper"), world | {"wind": real}).make("problem")
+    problem: Problem = Workshop(replace(shop.settings, fidelity="paper"), world | {"wind": real}).make(
+        "problem"
+    )
     return problem
 
 
@@ -163,7 +173,9 @@ def calibration(context: Context, shop: Workshop) -> Row:
 
 
 def scores(readings: Readings, scene: Any, wind: WindField) -> FloatArray:
-    nodes = np.stack(np.meshgrid(*map(np.arange, wind.mean.shape[1:3]), indexing="ij"), axis=-1).reshape(-1, 2)
+    nodes = np.stack(np.meshgrid(*map(np.arange, wind.mean.shape[1:3]), indexing="ij"), axis=-1).reshape(
+        -1, 2
+    )
     points = wind.origin + wind.spacing * nodes
     inside = np.all((points >= scene.bounds[0]) & (points <= scene.bounds[1]), axis=1)
     truth = nature.at_times(readings, scene, wind.times, points[inside])
@@ -211,12 +223,16 @@ def plan_rows(results: Sequence[Mapping[str, Any]]) -> list[Row]:
     for k, result in enumerate(results):
         for plan in result["plans"]:
             costs = {name: number(value) for name, value in plan["objectives"].items()}
-            row = {"mission": k} | {name: result[name] for name in ("formula", "departure", "latitude", "longitude")}
+            row = {"mission": k} | {
+                name: result[name] for name in ("formula", "departure", "latitude", "longitude")
+            }
             row |= {"fidelity": plan["fidelity"], "length_m": costs["length"], "steps": plan["steps"]}
             row |= {"bound_paper": min(1.0, costs["mission_risk_paper"] + costs["collision_risk"])}
             row |= {"bound_ordered": min(1.0, costs["mission_risk"] + costs["collision_risk"])}
             row |= {f"simulated_{law}": share for law, share in plan["simulated"].items()}
-            rows.append(row | {name: plan[name] for name in ("failure", "missed", "collided", "miss_m", "sd_m")})
+            rows.append(
+                row | {name: plan[name] for name in ("failure", "missed", "collided", "miss_m", "sd_m")}
+            )
     return rows
 
 
@@ -228,17 +244,16 @@ def promises(row: Row) -> list[str]:
 def reliability(rows: Sequence[Row], bins: int) -> list[Row]:
     """For every fidelity and promise, plans in ``bins`` groups of equal size, by what was promised.
 
-    Flights of one mission share one wind, and its plans one map: a mission is one trial. Its plans in a group are
-    averaged, and the interval is that of as many trials as there are missions.
+    Flights of one mission share one wind, and its plans one map: a mission is one trial. Its plans in a group
+    are averaged, and the interval is that of as many trials as there are missions.
     """
     table = []
     for fidelity in dict.fromkeys(row["fidelity"] for row in rows):
         mine = [row for row in rows if row["fidelity"] == fidelity]
         for name in promises(mine[0]):
             known = sorted((row for row in mine if math.isfinite(row[name])), key=lambda row: row[name])
-            for group in np.array_split(np.arange(len(known)), min(bins, max(1, len(known)))):
-                if len(group):
-                    table.append(_group(fidelity, name, [known[k] for k in group]))
+            groups = np.array_split(np.arange(len(known)), max(1, min(bins, len(known))))
+            table += [_group(fidelity, name, [known[k] for k in group]) for group in groups if len(group)]
     return table
 
 
@@ -249,7 +264,11 @@ def _group(fidelity: str, name: str, rows: Sequence[Row]) -> Row:
     total = math.fsum(float(np.mean(values)) for values in chances.values())
     promised = [row[name] for row in rows]
     group: Row = {"fidelity": fidelity, "promise": name, "plans": len(rows), "missions": len(chances)}
-    group |= {"promised": float(np.mean(promised)), "promised_least": promised[0], "promised_most": promised[-1]}
+    group |= {
+        "promised": float(np.mean(promised)),
+        "promised_least": promised[0],
+        "promised_most": promised[-1],
+    }
     return group | share("realised", total, len(chances))
 
 
@@ -274,26 +293,34 @@ def _study(settings: Settings, results: Sequence[Mapping[str, Any]]) -> Study:
     planned = sum(bool(result["plans"]) for result in results)
     if not rows:
         raise InfeasibleError(
-            f"none of {len(results)} random missions has a plan ({_reason(results[0])}); raise planner.n_max or "
-            "robot.u_max, or lower hindcast.side"
+            f"none of {len(results)} random missions has a plan ({_reason(results[0])}); raise planner.n_max "
+            "or robot.u_max, or lower hindcast.side"
         )
     fits = [result for result in results if "z_sd" in result]
     cards = scorecard(rows)
     numbers = {
-        "missions": float(len(results)), "missions_planned": float(planned), "plans": float(len(rows)),
+        "missions": float(len(results)),
+        "missions_planned": float(planned),
+        "plans": float(len(rows)),
         "z_sd": float(np.sqrt(np.mean([fit["z_sd"] ** 2 for fit in fits]))),
         "coverage_90": float(np.mean([fit["coverage_90"] for fit in fits])),
-    }  # fmt: skip
+    }
     for card in cards:
         name = f"{card['fidelity']}_{card['promise']}"
         numbers |= {f"{name}_promised": card["promised"], f"{name}_brier": card["brier"]}
-        numbers |= {f"{card['fidelity']}_realised{end}": card[f"realised{end}"] for end in ("", "_low", "_high")}
+        numbers |= {
+            f"{card['fidelity']}_realised{end}": card[f"realised{end}"] for end in ("", "_low", "_high")
+        }
     unplanned = [{"mission": k, "reason": _reason(r)} for k, r in enumerate(results) if not r["plans"]]
     tables = {
-        "hindcast": rows, "reliability": reliability(rows, settings.hindcast.bins), "scorecard": cards,
+        "hindcast": rows,
+        "reliability": reliability(rows, settings.hindcast.bins),
+        "scorecard": cards,
         "no_plan": unplanned,
-    }  # fmt: skip
-    return Study({name: tuple(table) for name, table in tables.items()}, numbers, _text(settings, cards, numbers))
+    }
+    return Study(
+        {name: tuple(table) for name, table in tables.items()}, numbers, _text(settings, cards, numbers)
+    )
 
 
 def _reason(result: Mapping[str, Any]) -> str:
@@ -302,18 +329,28 @@ def _reason(result: Mapping[str, Any]) -> str:
 
 def _text(settings: Settings, cards: Sequence[Row], numbers: Mapping[str, float]) -> str:
     table = markdown(
-        f"{numbers['plans']:.0f} plans for {numbers['missions_planned']:.0f} of {numbers['missions']:.0f} random missions, "
-        "flown through the full fields; a mission is one trial for the 95 % interval",
-        ("planner", "promise", "promised, mean", "failed in the full fields", "plans above their promise", "Brier score"),
+        f"{numbers['plans']:.0f} plans for {numbers['missions_planned']:.0f} of {numbers['missions']:.0f} "
+        "random missions, flown through the full fields; a mission is one trial for the 95 % interval",
+        (
+            "planner",
+            "promise",
+            "promised, mean",
+            "failed in the full fields",
+            "plans above their promise",
+            "Brier score",
+        ),
         (
             (
-                card["fidelity"], SAID.get(card["promise"], card["promise"].replace("simulated_", "simulated, ")),
-                percent(card["promised"]), with_interval(card, "realised"), percent(card["above_promise"]),
+                card["fidelity"],
+                SAID.get(card["promise"], card["promise"].replace("simulated_", "simulated, ")),
+                percent(card["promised"]),
+                with_interval(card, "realised"),
+                percent(card["above_promise"]),
                 f"{card['brier']:.4f}",
             )
             for card in cards
         ),
-    )  # fmt: skip
+    )
     return table + (
         f"\nThe fit against the full fields inside the maps: z-score sd {numbers['z_sd']:.2f}, "
         f"90 % intervals hold {percent(numbers['coverage_90'])}; gusts x {settings.hindcast.gusts:g}.\n"

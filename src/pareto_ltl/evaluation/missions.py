@@ -41,7 +41,7 @@ def mission(cfg: HindcastConfig, seed: int, number: int, spells: Sequence[Spell]
     spell, departure = _departure(cfg, rng, spells)
     lon, lat = _place(cfg, rng)
     formula = str(cfg.formulas[int(rng.integers(len(cfg.formulas)))])
-    side = float(rng.uniform(*cfg.side))
+    side = float(rng.uniform(cfg.side[0], cfg.side[1]))
     scene = None
     while scene is None:
         scene = _scene(cfg, rng, side, projection.plane(lat, lon), iso(departure))
@@ -80,7 +80,9 @@ def _scene(cfg: HindcastConfig, rng: Generator, side: float, crs: str, time_zero
 
     def put(radius: tuple[float, float], gap: float) -> FloatArray | None:
         for _ in range(TRIES):
-            corners = polygon(rng, side * rng.uniform(*radius)) + rng.uniform(bounds[0], bounds[1])
+            corners: FloatArray = polygon(rng, side * rng.uniform(*radius)) + rng.uniform(
+                bounds[0], bounds[1]
+            )
             shape = shapely.Polygon(corners)
             if room.contains(shape) and all(shape.distance(other) >= gap * side for other in taken):
                 taken.append(shape)
@@ -94,9 +96,13 @@ def _scene(cfg: HindcastConfig, rng: Generator, side: float, crs: str, time_zero
     if any(shape is None for shape in (*regions.values(), *walls)):
         return None
     return Scene(
-        bounds, start, {k: v for k, v in regions.items() if v is not None},
-        tuple(w for w in walls if w is not None), crs, time_zero,
-    )  # fmt: skip
+        bounds,
+        start,
+        {k: v for k, v in regions.items() if v is not None},
+        tuple(w for w in walls if w is not None),
+        crs,
+        time_zero,
+    )
 
 
 def polygon(rng: Generator, radius: float) -> FloatArray:

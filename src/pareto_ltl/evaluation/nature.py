@@ -1,4 +1,4 @@
-"""Winds that no model drew: full fields out of GRIB files, in the plane of a scene, for plans to be flown in."""
+"""Winds that no model drew: full fields out of GRIB files, in the plane of a scene, for flights."""
 
 from __future__ import annotations
 
@@ -39,14 +39,16 @@ def folder(cfg: HindcastConfig) -> Path:
     if cfg.truth is not None:
         place = Path(cfg.truth).expanduser()
         if not place.is_dir():
-            raise ConfigError(f"hindcast.truth={cfg.truth}: there is no such folder; name one with GRIB2 files")
+            raise ConfigError(
+                f"hindcast.truth={cfg.truth}: there is no such folder; name one with GRIB2 files"
+            )
         return place
     root = checkout()
     if root is not None and (root.parent / BESIDE_CHECKOUT).is_dir():
         return root.parent / BESIDE_CHECKOUT
     raise ConfigError(
-        "hindcast.truth is missing: name a folder of GRIB2 files with 10 m winds every few hours, e.g. GFS 1-degree "
-        "analyses (hindcast.truth=DIR)"
+        "hindcast.truth is missing: name a folder of GRIB2 files with 10 m winds every few hours, e.g. GFS "
+        "1-degree analyses (hindcast.truth=DIR)"
     )
 
 
@@ -55,13 +57,15 @@ def spells(readings: Readings, cfg: HindcastConfig) -> list[Spell]:
     times = readings.times
     breaks = np.flatnonzero(np.diff(times) > cfg.max_gap * 3600 + 1)
     firsts, lasts = np.concatenate([[0], breaks + 1]), np.concatenate([breaks, [len(times) - 1]])
-    found = [Spell(int(i), int(j), float(times[i]), float(times[j])) for i, j in zip(firsts, lasts, strict=True)]
+    found = [
+        Spell(int(i), int(j), float(times[i]), float(times[j])) for i, j in zip(firsts, lasts, strict=True)
+    ]
     long = [spell for spell in found if spell.end - spell.start >= cfg.hours * 3600]
     if not long:
         longest = max(spell.end - spell.start for spell in found) / 3600
         raise DataError(
-            f"hindcast.truth holds no spell of {cfg.hours:g} h without a gap of more than {cfg.max_gap:g} h (the longest "
-            f"has {longest:g} h): lower hindcast.hours, raise hindcast.max_gap, or add fields"
+            f"hindcast.truth holds no spell of {cfg.hours:g} h without a gap of more than {cfg.max_gap:g} h "
+            f"(the longest has {longest:g} h): lower hindcast.hours, raise hindcast.max_gap, or add fields"
         )
     return long
 
@@ -69,7 +73,8 @@ def spells(readings: Readings, cfg: HindcastConfig) -> list[Spell]:
 def real_wind(
     cfg: HindcastConfig, wind_cfg: WindConfig, readings: Readings, scene: Scene, believed: WindField
 ) -> WindField:
-    """The full fields over ``scene`` at the times of ``believed``, with its white part as gusts and no other doubt.
+    """The full fields over ``scene`` at the times of ``believed``, with its white part as gusts and no other
+    doubt.
 
     Interpolated bilinearly between the nodes of their own grid and turned by the meridian convergence.
     """
@@ -81,9 +86,15 @@ def real_wind(
     mean = at_times(readings, scene, believed.times, origin + spacing * nodes)
     table = mean.reshape(len(believed.times), *shape, 2)
     return WindField(
-        origin=origin, spacing=spacing, times=believed.times, mean=table, latent_var=np.zeros_like(table),
-        gust_var=cfg.gusts**2 * believed.gust_var, hold_last=believed.hold_last, source="full fields",
-    )  # fmt: skip
+        origin=origin,
+        spacing=spacing,
+        times=believed.times,
+        mean=table,
+        latent_var=np.zeros_like(table),
+        gust_var=cfg.gusts**2 * believed.gust_var,
+        hold_last=believed.hold_last,
+        source="full fields",
+    )
 
 
 def at_times(readings: Readings, scene: Scene, times: FloatArray, points: FloatArray) -> FloatArray:
@@ -100,8 +111,8 @@ def at_times(readings: Readings, scene: Scene, times: FloatArray, points: FloatA
         earth = interpolated(readings.points[k], readings.winds[k], lon, lat, middle)
         if not np.isfinite(earth).all():
             raise DataError(
-                f"the full fields at {iso(readings.times[k])} do not cover the scene around {middle:.1f} degrees east; "
-                "move hindcast.area inside them"
+                f"the full fields at {iso(readings.times[k])} do not cover the scene around longitude "
+                f"{middle:.1f}; move hindcast.area inside them"
             )
         fields.append(projection.turn(earth, angle))
     return np.stack(fields)

@@ -24,7 +24,17 @@ from pareto_ltl.errors import DataError
 from pareto_ltl.store import plain, read_json, write_json
 
 FOLDER = "parts"
-NO_MATTER = ("name", "report", "pipelines", "ingest", "evaluation", "compare", "convergence", "ablation", "hindcast")
+NO_MATTER = (
+    "name",
+    "report",
+    "pipelines",
+    "ingest",
+    "evaluation",
+    "compare",
+    "convergence",
+    "ablation",
+    "hindcast",
+)
 NO_RESULT = ("report", "app.py", "summary.py", "progress.py", "__main__.py")  # code that no result depends on
 
 Progress = Callable[[int, int], None]
@@ -96,8 +106,8 @@ def folder(cfg: EvaluationConfig, directory: Path) -> Path:
     place = Path(cfg.resume).expanduser() / FOLDER
     if not place.is_dir():
         raise DataError(
-            f"evaluation.resume={cfg.resume}: there is no folder {FOLDER}/ in it; name the results directory of "
-            "a run of compare, convergence, ablation or hindcast, or leave evaluation.resume out"
+            f"evaluation.resume={cfg.resume}: there is no folder {FOLDER}/ in it; name the results directory "
+            "of a run of compare, convergence, ablation or hindcast, or leave evaluation.resume out"
         )
     return place
 
@@ -177,9 +187,12 @@ def processes(cfg: EvaluationConfig, parts: int) -> int:
 
 
 def _perform(
-    cfg: EvaluationConfig, place: Path, function: Callable[..., Mapping[str, Any]], context: Any,
+    cfg: EvaluationConfig,
+    place: Path,
+    function: Callable[..., Mapping[str, Any]],
+    context: Any,
     todo: Sequence[Part],
-) -> Iterator[None]:  # fmt: skip
+) -> Iterator[None]:
     jobs = processes(cfg, len(todo))
     if jobs == 1:
         for part in todo:
@@ -196,9 +209,7 @@ def _perform(
             yield
 
 
-def _remotely(
-    place: Path, shared: Path, function: Callable[..., Mapping[str, Any]], part: Part
-) -> None:
+def _remotely(place: Path, shared: Path, function: Callable[..., Mapping[str, Any]], part: Part) -> None:
     _keep(place, part, function(_context(shared), *part.arguments))
 
 

@@ -25,7 +25,7 @@ OF_THE_LATTICE = ("origin", "spacing", "times", "hold_last", "score", "source")
 
 
 def stream(seed: int, stage: str) -> SeedSequence:
-    """What the runner gives stage ``stage`` of a run with ``seed``; always a fresh one, since spawning counts."""
+    """What the runner gives ``stage`` in a run with ``seed``; always a fresh one, since spawning counts."""
     return SeedSequence(seed, spawn_key=(crc32(stage.encode()),))
 
 
@@ -60,11 +60,13 @@ class Workshop:
 
 
 def still(wind: WindField) -> WindField:
-    """The field of a planner that knows of no wind: no mean, no uncertainty, whatever the field consists of."""
+    """The field of a planner that knows of no wind: no mean, no uncertainty, whatever a field consists of."""
     import numpy as np
 
     values = {f.name: getattr(wind, f.name) for f in fields(wind) if f.name not in OF_THE_LATTICE}
-    zeros = {name: np.zeros_like(value) for name, value in values.items() if isinstance(value, np.ndarray)}
+    zeros: dict[str, Any] = {
+        name: np.zeros_like(value) for name, value in values.items() if isinstance(value, np.ndarray)
+    }
     return replace(wind, **zeros)
 
 

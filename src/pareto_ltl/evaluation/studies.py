@@ -1,4 +1,5 @@
-"""The studies as stages: what ``pipelines/compare.yaml``, ``convergence``, ``ablation`` and ``hindcast`` list.
+"""The studies as stages: what ``pipelines/compare.yaml``, ``convergence``, ``ablation`` and ``hindcast``
+list.
 
 They join the stages of a plan by name; importing this file makes them known. Rooms are imported inside, as
 in ``stages.py``.
@@ -19,9 +20,14 @@ if TYPE_CHECKING:
 
 @stage
 def comparison(
-    settings: Settings, scene: Scene, observations: WindObservations, decomposition: Decomposition,
-    automaton: Automaton, directory: Path, progress: Progress,
-) -> Study:  # fmt: skip
+    settings: Settings,
+    scene: Scene,
+    observations: WindObservations,
+    decomposition: Decomposition,
+    automaton: Automaton,
+    directory: Path,
+    progress: Progress,
+) -> Study:
     """One mission, several planners, the same winds."""
     from pareto_ltl.evaluation import compare
 
@@ -30,9 +36,14 @@ def comparison(
 
 @stage
 def convergence(
-    settings: Settings, scene: Scene, observations: WindObservations, decomposition: Decomposition,
-    automaton: Automaton, directory: Path, progress: Progress,
-) -> Study:  # fmt: skip
+    settings: Settings,
+    scene: Scene,
+    observations: WindObservations,
+    decomposition: Decomposition,
+    automaton: Automaton,
+    directory: Path,
+    progress: Progress,
+) -> Study:
     """Bound and failure of the selected path as the trees grow."""
     from pareto_ltl.evaluation import convergence as room
 
@@ -41,9 +52,14 @@ def convergence(
 
 @stage
 def ablation(
-    settings: Settings, scene: Scene, observations: WindObservations, decomposition: Decomposition,
-    automaton: Automaton, directory: Path, progress: Progress,
-) -> Study:  # fmt: skip
+    settings: Settings,
+    scene: Scene,
+    observations: WindObservations,
+    decomposition: Decomposition,
+    automaton: Automaton,
+    directory: Path,
+    progress: Progress,
+) -> Study:
     """One setting changed at a time."""
     from pareto_ltl.evaluation import ablation as room
 
@@ -100,5 +116,8 @@ def _world(
     scene: Scene, observations: WindObservations, decomposition: Decomposition, automaton: Automaton
 ) -> dict[str, object]:
     return {
-        "scene": scene, "observations": observations, "decomposition": decomposition, "automaton": automaton,
-    }  # fmt: skip
+        "scene": scene,
+        "observations": observations,
+        "decomposition": decomposition,
+        "automaton": automaton,
+    }

@@ -20,7 +20,7 @@ def bits(flags: BoolArray) -> str:
 
 
 def flags(text: str) -> BoolArray:
-    return np.frombuffer(text.encode(), np.uint8) == ord("1")
+    return np.asarray(np.frombuffer(text.encode(), np.uint8) == ord("1"))
 
 
 def rate(name: str, hits: BoolArray) -> Row:
