@@ -1,8 +1,9 @@
 """Two missions on which Theorem 2 of the paper promises too much, and the ordered bound does not.
 
-1. ``F(a & F b)``, b crossed on the way to a: the theorem takes the best of all visits to b, the early one included,
-   though only a visit after a counts.
-2. ``!b U a``, the path passing close by b: the theorem asks how well a is reached and not whether b is entered first.
+1. ``F(a & F b)``, b crossed on the way to a: the theorem takes the best of all visits to b, the early one
+   included, though only a visit after a counts.
+2. ``!b U a``, the path passing close by b: the theorem asks how well a is reached, not whether b is entered
+   first.
 """
 
 import numpy as np

@@ -1,4 +1,4 @@
-"""A small world for the studies: two goals, an obstacle, a wind that changes in space and time; seconds, not minutes."""
+"""A small world for the studies: two goals, an obstacle, a wind that changes in space and time."""
 
 from __future__ import annotations
 

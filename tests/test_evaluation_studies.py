@@ -263,7 +263,7 @@ def test_the_mean_path_is_the_planned_one(cfg: Settings, world: dict[str, Any]) 
 def test_independent_winds_promise_more_the_finer_the_step(
     cfg: Settings, world: dict[str, Any], tmp_path: Path
 ) -> None:
-    """Σ_T = T v² dt: the bound of the same flight falls with dt, though nothing about the wind has changed."""
+    """Σ_T = T v² dt: the bound of one flight falls with dt, though nothing about the wind has changed."""
     study = ablation.study(replace(cfg, ablation=AblationConfig(factors=["dt"], dt=[1, 4])), world, tmp_path)
     coarse, fine = study.tables["ablation"]
     assert (coarse["shown"], fine["shown"]) == (100.0, 25.0)
