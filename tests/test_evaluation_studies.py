@@ -271,6 +271,21 @@ def test_independent_winds_promise_more_the_finer_the_step(
     assert fine["bound"] < coarse["bound"]
 
 
+def test_a_flight_to_the_last_hour_of_the_wind_can_be_cut_into_pieces(
+    cfg: Settings, world: dict[str, Any]
+) -> None:
+    """A step may begin with the last field; its pieces must find a wind too."""
+    cfg = replace(cfg, planner=replace(cfg.planner, max_steps=400))
+    known = len(compare.truth(cfg, world).tables.wind.slot)
+    assert known == 301  # the wind ends before planner.max_steps does
+    u = np.zeros((known, 2))
+    for pieces in (1, 4):
+        finer = compare.truth(ablation.cut(cfg, pieces), world)
+        controls = np.repeat(u, pieces, axis=0)
+        assert np.isfinite(ablation.mean_path(finer, controls)).all()
+        assert np.isfinite(fly(finer, controls, 3, "independent", 0).x).all()
+
+
 def test_steps_cannot_be_cut_where_the_motion_has_dynamics_of_its_own(
     cfg: Settings, world: dict[str, Any], tmp_path: Path
 ) -> None:

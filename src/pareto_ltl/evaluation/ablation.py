@@ -140,13 +140,14 @@ def as_flown(settings: Settings) -> str:
 
 
 def cut(settings: Settings, pieces: int) -> Settings:
-    """The same robot and wind, looked at ``pieces`` times as often."""
+    """The same robot and wind, looked at ``pieces`` times as often.
+
+    The last field holds to the end of a step that begins with it, as it does for a step in one piece.
+    """
     robot = replace(settings.robot, dt=settings.robot.dt / pieces)
-    return replace(
-        settings,
-        robot=robot,
-        planner=replace(settings.planner, max_steps=settings.planner.max_steps * pieces),
-    )
+    planner = replace(settings.planner, max_steps=settings.planner.max_steps * pieces)
+    wind = settings.wind if pieces == 1 else replace(settings.wind, hold_last=True)
+    return replace(settings, robot=robot, planner=planner, wind=wind)
 
 
 # --- one plan --------------------------------------------------------------------------------

@@ -43,7 +43,7 @@ FACTORS = {
 }
 LOGARITHMIC = ("trees", "epsilon", "n_max", "dt")
 PROMISES = {
-    "bound_paper": "bound of the paper, f_o + R",
+    "bound_paper": "the paper's bound, Theorem 2 + R",
     "bound_ordered": "ordered bound, V + R",
     "simulated_independent": "simulated, independent winds",
     "simulated_coherent": "simulated, coherent winds",
@@ -225,9 +225,9 @@ def _panel_keys(figure: Figure, cfg: ReportConfig, panels: Sequence[Row], left: 
 def outcomes_figure(rows: Sequence[Row], each: Sequence[Row]) -> Figure:
     """Failure of each method's flights with 95 % intervals, each plan as a dot, and the promise."""
     methods, laws = list(dict.fromkeys(row["method"] for row in rows)), laws_of(rows)
-    height = 0.80 + len(methods) * (0.15 + 0.13 * len(laws))
+    height = 0.60 + 0.15 * (len(laws) > 1) + len(methods) * (0.15 + 0.13 * len(laws))
     figure = style.blank(style.COLUMN * 1.35, height)
-    ax = style.box(figure, 1.22, 0.36, style.COLUMN * 1.35 - 1.42, height - 0.76)
+    ax = style.box(figure, 1.22, 0.36, style.COLUMN * 1.35 - 1.42, height - 0.58 - 0.15 * (len(laws) > 1))
     low = lowest(np.concatenate([column(rows, "failure_low"), column(rows, "bound")]))
     gap = 0.62 / max(1, len(laws))
     for place, name in enumerate(methods):
@@ -321,7 +321,7 @@ def draw_convergence(folder: Path, cfg: ReportConfig, study: Study) -> tuple[Pat
 
 
 def convergence_figure(rows: Sequence[Row], numbers: Mapping[str, float]) -> Figure:
-    height, inner = 2.35, 1.72
+    height, inner = 2.22, 1.72
     figure = style.blank(style.PAGE, height)
     lefts = (0.62, 0.62 + inner + 0.66, 0.62 + 2 * (inner + 0.66))
     axes = [style.box(figure, left, 0.38, inner, 1.45) for left in lefts]
