@@ -56,7 +56,9 @@ def test_parts_with_one_key_are_done_once(tmp_path: Path) -> None:
     assert CALLS == [0]
 
 
-def test_an_interrupted_run_goes_on_where_it_was_with_the_same_bytes(tmp_path: Path) -> None:
+def test_an_interrupted_run_says_how_to_go_on_and_does_so_with_the_same_bytes(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     def weary(context: int, k: int) -> dict[str, float]:
         if k == 2:
             raise KeyboardInterrupt
@@ -64,6 +66,7 @@ def test_an_interrupted_run_goes_on_where_it_was_with_the_same_bytes(tmp_path: P
 
     with pytest.raises(KeyboardInterrupt):
         parts.work(ONE, tmp_path / "a", weary, 0, some(4))
+    assert f"2 of 4 parts are kept; evaluation.resume={tmp_path / 'a'}" in capsys.readouterr().err
     parts.work(ONE, tmp_path / "a", square, 0, some(4))
     assert CALLS == [0, 1, 2, 3]
     parts.work(ONE, tmp_path / "b", square, 0, some(4))

@@ -169,10 +169,15 @@ def work(
     done = {k: result for k, part in distinct.items() if (result := finished(part, place)) is not None}
     todo = [part for k, part in distinct.items() if k not in done]
     count = len(done)
-    for _ in _perform(cfg, place, function, context, todo):
-        count += 1
-        if progress is not None:
-            progress(count, len(distinct))
+    try:
+        for _ in _perform(cfg, place, function, context, todo):
+            count += 1
+            if progress is not None:
+                progress(count, len(distinct))
+    except KeyboardInterrupt:
+        kept = f"{count} of {len(distinct)} parts are kept"
+        print(f"pareto-ltl: {kept}; evaluation.resume={place.parent} goes on with them", file=sys.stderr)
+        raise
     for part in todo:
         result = finished(part, place)
         if result is None:
