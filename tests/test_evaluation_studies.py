@@ -215,6 +215,16 @@ def test_a_size_without_a_plan_has_no_volume_and_no_rate(converged: Study) -> No
         assert math.isnan(row["failure"]) != bool(row["planned"])
 
 
+def test_a_bound_counts_as_broken_only_beyond_chance() -> None:
+    def look(missed: int) -> dict[str, Any]:
+        flown = "1" * (500 - missed) + "0" * missed
+        return {"objectives": {"mission_risk_paper": 0.02}, "laws": {"independent": {"accepted": flown}}}
+
+    assert not convergence._broken(look(10), "independent")  # 2 %, as promised
+    assert not convergence._broken(look(15), "independent")
+    assert convergence._broken(look(30), "independent")  # 6 %: 4.1 % at least
+
+
 def test_the_first_answer_needs_no_more_than_the_largest_trees(converged: Study) -> None:
     for row in converged.tables["first_answer"]:
         assert 1 < row["first_vertices"] <= 400

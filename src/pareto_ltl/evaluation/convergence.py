@@ -218,9 +218,16 @@ def _row(n: int, law: str, looks: Sequence[Mapping[str, Any]], volumes: FloatArr
     row |= quartiles(
         "missed_of_a_plan", [1.0 - flags(look["laws"][law]["accepted"]).mean() for look in planned]
     )
+    row |= {"bounds_broken": sum(_broken(look, law) for look in planned)}
     row |= rate("failure", np.concatenate(lost) if lost else np.empty(0, bool))
     row |= quartiles("length_m", [look["objectives"]["length"] for look in planned])
     return row | quartiles("hypervolume", volumes)
+
+
+def _broken(look: Mapping[str, Any], law: str) -> bool:
+    """Whether more flights missed the mission than f_o allows, beyond what chance explains (95 %)."""
+    missed = rate("missed", ~flags(look["laws"][law]["accepted"]))["missed_low"]
+    return bool(missed > number(look["objectives"]["mission_risk_paper"]))
 
 
 def _seed_row(seed: int, law: str, look: Mapping[str, Any], volume: float) -> Row:
@@ -241,6 +248,7 @@ def _text(rows: Sequence[Row], numbers: Mapping[str, float]) -> str:
             "with a plan",
             "bound f_o",
             "missed",
+            "f_o broken",
             "bound V + R",
             "failed",
             "length [km]",
@@ -253,6 +261,7 @@ def _text(rows: Sequence[Row], numbers: Mapping[str, float]) -> str:
                 f"{round(row['planned'] * row['seeds'])} of {row['seeds']}",
                 spread(row, "mission_bound"),
                 spread(row, "missed_of_a_plan"),
+                f"{row['bounds_broken']} of {round(row['planned'] * row['seeds'])}",
                 spread(row, "bound"),
                 spread(row, "failure_of_a_plan"),
                 kilometres(row["length_m"]),
