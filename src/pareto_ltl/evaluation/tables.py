@@ -77,13 +77,17 @@ def number(value: float | None) -> float:
 
 
 def percent(value: float) -> str:
-    """Three digits at most: 0.12 %, 4.5 %, 99.2 %."""
+    """As many digits as tell something: 0.12 %, 4.5 %, 45.7 %, 99.98 %."""
     if not math.isfinite(value):
         return "-"
     if 0 < value < 1e-7:
         return "< 1e-5 %"
     value *= 100
-    return f"{value:.0f} %" if value in (0, 100) else f"{value:.2g} %" if value < 10 else f"{value:.1f} %"
+    if value in (0, 100):
+        return f"{value:.0f} %"
+    if value > 99:
+        return f"{min(value, 99.99):.2f} %"
+    return f"{value:.2g} %" if value < 10 else f"{value:.1f} %"
 
 
 def with_interval(row: Mapping[str, Any], name: str) -> str:
