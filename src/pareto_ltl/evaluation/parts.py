@@ -188,7 +188,9 @@ def work(
 
 def processes(cfg: EvaluationConfig, parts: int) -> int:
     """Not more than there is to do."""
-    return max(1, min(cfg.jobs or len(os.sched_getaffinity(0)), parts))
+    from joblib import cpu_count  # heeds affinity and the limits of containers
+
+    return max(1, min(cfg.jobs or int(cpu_count()), parts))
 
 
 def _perform(
