@@ -75,7 +75,8 @@ def test_flights_are_those_of_a_plain_simulation_with_the_same_draws(robot, plan
     draws = rng.standard_normal((len(u), runs, 2))
     accepted, collided = np.empty(runs, bool), np.empty(runs, bool)
     b = np.linalg.inv(problem.tables.motion.b_inv)
-    rollout.fly(problem.tables, b, u, draws, x, accepted, collided)
+    still = np.empty((len(x), 0, 2, 0), np.float32)
+    rollout.fly(problem.tables, b, u, np.zeros((len(u) + 1, 2)), draws, still, False, x, accepted, collided)
     outcomes = set()
     for i in range(runs):
         way, done, hit = plain(problem, u, draws[:, i], x[i, 0])
@@ -247,7 +248,7 @@ def test_a_plan_is_deployed_under_every_law_asked_for(planned):
     plan = Plan(path, "F(a & F b)", problem.atoms, 100.0, 10.0, 0.05, "paper", "priority", (1.0, 0.0, 0.0))
     cfg = DeploymentConfig(runs=40)
     found = deployment.deploy(cfg, problem, plan, SeedSequence(5))
-    assert list(found) == ["independent"]
+    assert list(found) == ["independent", "coherent"]
     result = found["independent"]
     assert result.x.shape == (40, len(path.x), 2)
     assert result.accepted.shape == result.collided.shape == (40,)

@@ -19,6 +19,7 @@ from planning import KM, box, make_problem, make_scene, polygon_faces, rough_win
 some = settings(deadline=None, max_examples=40)
 few = settings(deadline=None, max_examples=8)
 seeds = st.integers(0, 2**32 - 1)
+ALONE = np.empty((0, 0, 2, 2))  # no correlation between steps is known
 TURNED = RobotConfig(
     dt=100.0, u_max=10.0, start_sd=50.0, a=[[1.0, 0.01], [-0.02, 0.99]], b=[[1, 0.3], [0, 1]]
 )
@@ -47,7 +48,10 @@ def flown(problem, x, fast=1.0):
     q, cell = np.full(n, -9, np.int64), np.full(n, -9, np.int64)
     f_o, touch = np.full(len(problem.atoms), np.nan), np.full((n, m), np.nan)
     start = problem.start_variance
-    fault = kernel.evaluate(problem.tables, np.ascontiguousarray(x), start, fast, cov, u, q, cell, f_o, touch)
+    fault = kernel.evaluate(
+        problem.tables, np.ascontiguousarray(x), start, fast, cov, u, q, cell, f_o, touch,
+        np.empty((len(x), 2, 2, 0), np.float32),
+    )  # fmt: skip
     return fault, cov, u, q, cell, f_o, touch
 
 
@@ -186,7 +190,7 @@ def test_the_collision_bound_is_the_cheapest_division_into_runs(problem, seed, s
     root = sd * rng.standard_normal((steps + 1, 2, 2))
     cov = root @ root.transpose(0, 2, 1) + np.eye(2)
     three = np.ascontiguousarray(cov.reshape(-1, 4)[:, [0, 1, 3]])
-    found = kernel.collision_bound(problem.tables, x, three)
+    found = kernel.collision_bound(problem.tables, x, three, ALONE)
     assert found == pytest.approx(every_division(problem, x, cov, reflect=True), rel=1e-9, abs=1e-300)
 
 
@@ -197,7 +201,7 @@ def test_without_the_identity_the_reflection_is_not_used(turned, seed):
     x = np.array([[6.0, 6.5]]) * KM + np.cumsum(rng.uniform(-200, 500, (5, 2)), axis=0)
     cov = np.repeat((rng.uniform(50, 400) ** 2 * np.eye(2))[None], 5, axis=0)
     three = np.ascontiguousarray(cov.reshape(-1, 4)[:, [0, 1, 3]])
-    found = kernel.collision_bound(turned.tables, x, three)
+    found = kernel.collision_bound(turned.tables, x, three, ALONE)
     assert found == pytest.approx(every_division(turned, x, cov, reflect=False), rel=1e-9, abs=1e-300)
 
 
@@ -206,24 +210,24 @@ def test_a_long_parallel_flight_pays_once_for_the_reflection(problem):
     x = np.column_stack([np.linspace(7.2, 8.8, 31), np.full(31, 7.0)]) * KM
     three = np.tile([500.0**2, 0.0, 500.0**2], (31, 1))
     north = np.array([0.0, 5 * KM])
-    far = kernel.collision_bound(problem.tables, x + north, three)  # what the other obstacle adds
-    found = kernel.collision_bound(problem.tables, x, three)
+    far = kernel.collision_bound(problem.tables, x + north, three, ALONE)  # what the other obstacle adds
+    found = kernel.collision_bound(problem.tables, x, three, ALONE)
     assert found == pytest.approx(2 * ndtr(-1000 / 500), rel=0.02)
     assert far < found
 
 
 def test_a_lone_position_is_covered_by_the_sum(problem):
     x, three = np.array([[8.0, 6.5]]) * KM, np.array([[400.0**2, 0.0, 400.0**2]])
-    found = kernel.collision_bound(problem.tables, x, three)
+    found = kernel.collision_bound(problem.tables, x, three, ALONE)
     assert found == pytest.approx(ndtr(-500 / 400), rel=1e-6)
 
 
 def test_a_path_through_an_obstacle_is_certain_to_collide(problem):
     x = along((6, 3), (10, 3), step=0.5)
     three = np.tile([100.0, 0.0, 100.0], (len(x), 1))
-    assert kernel.collision_bound(problem.tables, x, three) == 1.0
+    assert kernel.collision_bound(problem.tables, x, three, ALONE) == 1.0
 
 
 def test_far_from_everything_the_bound_is_zero():
     problem = make_problem("F a", make_scene({"a": box(10, 10, 12, 12)}))
-    assert kernel.collision_bound(problem.tables, np.zeros((3, 2)), np.ones((3, 3))) == 0.0
+    assert kernel.collision_bound(problem.tables, np.zeros((3, 2)), np.ones((3, 3)), ALONE) == 0.0

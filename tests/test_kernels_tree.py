@@ -51,13 +51,13 @@ def test_samples_of_a_cell_are_uniform():
 def steered(motion, start, wind, target):
     """One step from ``start`` towards ``target`` in a given wind; the new point, the control, success."""
     x, drifted = np.array([start]), (motion.a @ start + motion.dt * np.array(wind))[None]
-    px, py, moved = kernel.steer(motion, x, drifted, 0, *target)
+    px, py, moved = kernel.steer(motion, x, drifted, 0, motion.u_max, *target)
     u = motion.b_inv @ (np.array([px, py]) - drifted[0]) / motion.dt
     return np.array([px, py]), u, moved
 
 
 def robot(b=((1.0, 0.0), (0.0, 1.0)), a=((1.0, 0.0), (0.0, 1.0))):
-    return Motion(np.array(a), np.linalg.inv(np.array(b)), 100.0, 10.0, 2.0)
+    return Motion(np.array(a), np.array(a), 0.0, 0.0, np.linalg.inv(np.array(b)), 100.0, 10.0, 2.0)
 
 
 MODELS = [robot(), robot(b=((0.9, 0.2), (-0.1, 1.1)), a=((1.001, 0.002), (-0.003, 0.998)))]
@@ -143,7 +143,7 @@ class Bench:
         graph = product(problem.decomposition, problem.tables.logic, problem.scene.bounds)
         self.problem = problem
         self.nursery = growth._plant(
-            cfg, problem, graph, SeedSequence(0), first=True, swaps=False, stop=False, reselect=True
+            cfg, problem, graph, SeedSequence(0), number=0, swaps=False, stop=False, reselect=True
         )
         self.nursery.habits = self.nursery.habits._replace(beta_length=beta[0], beta_risk=beta[1])
 

@@ -12,11 +12,13 @@ from typing import Any
 
 from pareto_ltl.errors import ConfigError
 
-FIDELITIES = ("paper",)
+FIDELITIES = ("paper", "full")
+EPSILON = {"paper": 0.05, "full": 0.15}  # planner.epsilon where it is left to the fidelity
 WIND_SOURCES = ("sample", "csv", "grib", "calm")
 KERNELS = ("matern32", "rbf")
+PARENTS = ("beta", "tchebycheff", "mixed")
 RULES = ("priority", "weighted", "threshold")
-LAWS = ("independent",)
+LAWS = ("independent", "coherent")
 
 
 def _positive(key: str, value: float, unit: str = "") -> None:
@@ -90,11 +92,19 @@ class RobotConfig:
     a: list[list[float]] = field(default_factory=lambda: [[1.0, 0.0], [0.0, 1.0]])
     b: list[list[float]] = field(default_factory=lambda: [[1.0, 0.0], [0.0, 1.0]])
     start_sd: float = 0.0  # standard deviation of the start position [m]
+    feedback: float = 0.0  # gain K: the share of a deviation that position feedback takes back in one step
+    effort_risk: float = 0.01  # probability that a step's feedback asks for more than u_max
 
     def __post_init__(self) -> None:
         _positive("robot.dt", self.dt, "s")
         _positive("robot.u_max", self.u_max, "m/s")
         _not_negative("robot.start_sd", self.start_sd, "m")
+        if not 0.0 <= self.feedback <= 1.0:
+            raise ConfigError(
+                "robot.feedback must lie in [0, 1] (0: open loop, 1: back on the path in one step), got "
+                f"{self.feedback}"
+            )
+        _probability("robot.effort_risk", self.effort_risk)
         _matrix("robot.a", self.a)
         _matrix("robot.b", self.b)
         (p, q), (r, s) = self.b
@@ -115,6 +125,11 @@ class WindConfig:
     max_speed: float = 75.0  # readings above are refused [m/s]
     holdout: float = 0.2  # share of the readings kept out to score the fit
     max_points: int = 150  # readings a time that the fit uses, spread evenly where a source has more
+    energy: float = 0.99  # share of the posterior variance that coherent modes carry, the rest is white
+    modes_max: int = 96  # modes a slot and component, at most
+    modes_spacing: float = 50_000.0  # lattice of the modes [m]
+    rho: float | None = None  # correlation of wind errors from slot to slot; null: fitted
+    gust_time: float = 1800.0  # how long the white part lasts at the robot [s], in the coherent law
     cache: bool = True
 
     def __post_init__(self) -> None:
@@ -127,6 +142,15 @@ class WindConfig:
         _positive("wind.max_speed", self.max_speed, "m/s")
         _probability("wind.holdout", self.holdout)
         _at_least("wind.max_points", self.max_points, 5)
+        _probability("wind.energy", self.energy)
+        _at_least("wind.modes_max", self.modes_max, 1)
+        _positive("wind.modes_spacing", self.modes_spacing, "m")
+        _positive("wind.gust_time", self.gust_time, "s")
+        if self.rho is not None and not 0.0 <= self.rho <= 1.0:
+            raise ConfigError(
+                f"wind.rho must lie in [0, 1] (0: a new field at every wind time, 1: one frozen field), got "
+                f"{self.rho}"
+            )
         if self.source in ("csv", "grib") and not self.path:
             raise ConfigError(f"wind.path is missing: wind.source={self.source} needs a file to read")
 
@@ -143,11 +167,17 @@ class LogicConfig:
 class PlannerConfig:
     trees: int = 10
     n_max: int = 2500  # vertices a tree
-    epsilon: float = 0.05  # collision probability allowed at a step, shared equally by the obstacles
+    # Collision probability allowed at a step; null: 0.05 for fidelity=paper, shared equally by the
+    # obstacles, 0.15 for fidelity=full, for all of them together and in a wind that does not average out
+    epsilon: float | None = None
+    delta: float = 0.5  # collision probability allowed on a whole path (fidelity=full)
     max_steps: int = 200  # longest path
     near: int = 64  # parents tried for a new vertex, at most
     beta_risk: float = 0.05  # slack of Eq. (11) is drawn below this for risks
     beta_length: float = 1.0  # ... and below this many full steps for length
+    parents: str = (
+        "mixed"  # how trees of fidelity=full choose parents: beta, tchebycheff, mixed (half of each)
+    )
     explore: float = 0.1  # probability of a target beyond the next cell of the lead
     refresh: int = 16  # extensions between two leads of the high-level planner
     max_seconds: float = 600.0  # growth ends here at the latest
@@ -156,9 +186,12 @@ class PlannerConfig:
     def __post_init__(self) -> None:
         _at_least("planner.trees", self.trees, 1)
         _at_least("planner.n_max", self.n_max, 2)
-        _probability("planner.epsilon", self.epsilon)
+        if self.epsilon is not None:
+            _probability("planner.epsilon", self.epsilon)
+        _probability("planner.delta", self.delta)
         _at_least("planner.max_steps", self.max_steps, 1)
         _at_least("planner.near", self.near, 0)
+        _one_of("planner.parents", self.parents, PARENTS)
         _not_negative("planner.beta_risk", self.beta_risk)
         _not_negative("planner.beta_length", self.beta_length)
         _at_least("planner.refresh", self.refresh, 1)
@@ -193,10 +226,15 @@ class SelectionConfig:
         default_factory=lambda: [0.5, 0.25, 0.25]
     )  # mission risk, collision risk, length
     alpha: float = 0.05  # largest risk for rule=threshold
+    draws: int = 2000  # linear flights that rank a path of the front (fidelity=full)
+    runs: int = 2000  # nonlinear flights that examine the path chosen (fidelity=full)
+    examined: int = 5  # paths examined, at most, until one keeps its promise
 
     def __post_init__(self) -> None:
         _one_of("selection.rule", self.rule, RULES)
         _probability("selection.alpha", self.alpha)
+        for key in ("draws", "runs", "examined"):
+            _at_least(f"selection.{key}", getattr(self, key), 1)
         if len(self.weights) != 3 or min(self.weights) < 0 or sum(self.weights) <= 0:
             raise ConfigError(
                 "selection.weights must be three numbers >= 0, not all 0 "
@@ -207,7 +245,7 @@ class SelectionConfig:
 @dataclass
 class DeploymentConfig:
     runs: int = 500
-    laws: list[str] = field(default_factory=lambda: ["independent"])
+    laws: list[str] = field(default_factory=lambda: ["independent", "coherent"])
 
     def __post_init__(self) -> None:
         _at_least("deployment.runs", self.runs, 1)

@@ -8,13 +8,13 @@ step by step, and a longer plan only draws further.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.random import Generator, SeedSequence
 
-from pareto_ltl.arrays import BoolArray, FloatArray
+from pareto_ltl.arrays import Float32Array, FloatArray
 from pareto_ltl.config import DeploymentConfig
 from pareto_ltl.errors import InfeasibleError
 from pareto_ltl.kernels import rollout
@@ -23,21 +23,42 @@ from pareto_ltl.records import Deployment, Plan
 
 BLOCK = 250  # runs that share a generator, whatever the number of threads
 
-Law = Callable[[Problem, FloatArray, FloatArray, Generator], tuple[BoolArray, BoolArray]]
+LAWS = ("independent", "coherent")
 
 
-def independent(
-    problem: Problem, u: FloatArray, x: FloatArray, rng: Generator
-) -> tuple[BoolArray, BoolArray]:
-    """The paper's law: every step draws its wind anew, w ~ N(μ, Σ_w). Fills ``x`` (n, T+1, 2)."""
-    draws = rng.standard_normal((len(u), len(x), 2))
-    accepted, collided = np.empty(len(x), bool), np.empty(len(x), bool)
-    b = np.asarray(np.linalg.inv(problem.tables.motion.b_inv), float)
-    rollout.fly(problem.tables, b, u, draws, x, accepted, collided)
-    return accepted, collided
+@dataclass(frozen=True, slots=True)
+class Winds:
+    """Draws of one block of flights: ``theta`` (n, K, 2, P) of the coherent field, ``white`` (T, n, 2)."""
+
+    theta: Float32Array
+    white: FloatArray
 
 
-LAWS: Mapping[str, Law] = {"independent": independent}
+def draw(problem: Problem, law: str, runs: int, steps: int, rng: Generator) -> Winds:
+    """Winds of ``runs`` flights. The field is drawn for all slots, so that it does not depend on ``steps``.
+
+    θ_0 ~ N(0, I), θ_{k+1} = ρ_k θ_k + √(1 - ρ_k²) η: independent for ρ = 0, one frozen field for ρ = 1.
+    """
+    modes = problem.tables.modes
+    slots, count = len(modes.psi), modes.psi.shape[-1]
+    if law == "coherent":
+        theta = rng.standard_normal((runs, slots, 2, count), np.float32)
+        for k, rho in enumerate(persistence(problem), start=1):
+            theta[:, k] = rho * theta[:, k - 1] + np.float32(np.sqrt(1.0 - rho**2)) * theta[:, k]
+    else:
+        theta = np.empty((runs, 0, 2, count), np.float32)
+    return Winds(theta, rng.standard_normal((steps, runs, 2)))
+
+
+def persistence(problem: Problem) -> Float32Array:
+    """ρ from each slot to the next, as the planner's steps have it; 1 where no step falls between them."""
+    modes = problem.tables.modes
+    rho = np.ones(max(len(modes.psi) - 1, 0), np.float32)
+    for step in range(1, len(modes.slot)):
+        first, last = int(modes.slot[step - 1]), int(modes.slot[step])
+        if last > first:
+            rho[first:last] = modes.keep[step] ** (1.0 / (last - first))
+    return rho
 
 
 def deploy(cfg: DeploymentConfig, problem: Problem, plan: Plan, seeds: SeedSequence) -> dict[str, Deployment]:
@@ -47,40 +68,47 @@ def deploy(cfg: DeploymentConfig, problem: Problem, plan: Plan, seeds: SeedSeque
     winds of the others alone.
     """
     children = dict(zip(LAWS, seeds.spawn(len(LAWS)), strict=True))
-    return {law: fly(problem, plan.path.u, cfg.runs, law, children[law]) for law in cfg.laws}
+    return {law: fly(problem, plan.path.u, cfg.runs, law, children[law], plan.path.x) for law in cfg.laws}
 
 
-def fly(problem: Problem, u: FloatArray, runs: int, law: str, seed: SeedSequence) -> Deployment:
-    """Fly the controls ``u`` (T, 2) ``runs`` times under one law.
+def fly(
+    problem: Problem, u: FloatArray, runs: int, law: str, seed: SeedSequence, mean: FloatArray | None = None
+) -> Deployment:
+    """Fly the controls ``u`` (T, 2) ``runs`` times under one law; feedback, if any, holds on to ``mean``
+    (T+1, 2).
 
     Raises
     ------
     InfeasibleError
         Where the wind is not known for so long.
     """
-    known = len(problem.tables.wind.slot)
+    known, motion = len(problem.tables.wind.slot), problem.tables.motion
     if len(u) > known:
         raise InfeasibleError(
             f"a plan of {len(u)} steps outlasts the wind, which is known for {known}: give later fields, "
             "set wind.hold_last=true, or raise planner.max_steps"
         )
+    if mean is None and motion.gain > 0.0:
+        raise ValueError("feedback needs the planned positions to hold on to: give mean")
+    held = np.zeros((len(u) + 1, 2)) if mean is None else np.ascontiguousarray(mean)
+    b = np.asarray(np.linalg.inv(motion.b_inv), float)
     x = np.empty((runs, len(u) + 1, 2))
+    accepted, collided = np.empty(runs, bool), np.empty(runs, bool)
     blocks = [slice(first, min(first + BLOCK, runs)) for first in range(0, runs, BLOCK)]
     rngs = [np.random.default_rng(child) for child in seed.spawn(len(blocks))]
 
-    def one(block: slice, rng: Generator) -> tuple[BoolArray, BoolArray]:
+    def one(block: slice, rng: Generator) -> None:
         start = rng.standard_normal((BLOCK, 2))[: block.stop - block.start]
         x[block, 0] = problem.scene.start + np.sqrt(problem.start_variance) * start
-        return LAWS[law](problem, u, x[block], rng)
+        winds = draw(problem, law, block.stop - block.start, len(u), rng)
+        rollout.fly(
+            problem.tables, b, u, held, winds.white, winds.theta, law == "coherent", x[block],
+            accepted[block], collided[block],
+        )  # fmt: skip
 
     with ThreadPoolExecutor(os.cpu_count()) as pool:
-        outcomes = list(pool.map(one, blocks, rngs))
-    return Deployment(
-        law,
-        x,
-        np.concatenate([accepted for accepted, _ in outcomes]),
-        np.concatenate([hit for _, hit in outcomes]),
-    )
+        list(pool.map(one, blocks, rngs))
+    return Deployment(law, x, accepted, collided)
 
 
 def clopper_pearson(failures: int, runs: int, confidence: float = 0.95) -> tuple[float, float]:

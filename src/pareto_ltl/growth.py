@@ -28,6 +28,7 @@ from pareto_ltl.records import Forest, Tree
 
 ITERATIONS_PER_VERTEX = 50  # extensions tried before a tree that does not grow is given up
 CHUNK = 20_000  # vertices between two looks at the clock
+FACTOR = 1.0  # slack on risks of full fidelity is a factor drawn between 1 and 1 plus this
 CAPACITY = 8  # vertices that a square keeps as possible parents, for each automaton state
 SQUARES = 400  # at most, along one side of the grid of possible parents
 
@@ -86,7 +87,7 @@ def forest(
             problem,
             graph,
             child,
-            first=(j == 0),
+            number=j,
             swaps=record_swaps,
             stop=stop_at_first,
             reselect=reselect,
@@ -112,21 +113,28 @@ def forest(
 
 
 def _plant(
-    cfg: PlannerConfig, problem: Problem, graph: Product, seed: SeedSequence, first: bool, swaps: bool,
+    cfg: PlannerConfig, problem: Problem, graph: Product, seed: SeedSequence, number: int, swaps: bool,
     stop: bool, reselect: bool,
 ) -> _Nursery:  # fmt: skip
     rng = np.random.Generator(np.random.PCG64(seed))
     draws = rng.random(2)
-    beta = np.zeros(2) if first else draws * [cfg.beta_length * problem.reach, cfg.beta_risk]
-    habits = _habits(cfg, problem, beta, stop, reselect and cfg.near > 0)
+    beta = np.zeros(2) if number == 0 else draws * [cfg.beta_length * problem.reach, cfg.beta_risk]
+    weight = np.zeros(3)
+    if problem.tables.full:
+        beta[1] *= FACTOR / cfg.beta_risk if cfg.beta_risk > 0 else 0.0
+        weight = rng.dirichlet(np.ones(3)) if chooses(cfg, number) else weight
+    habits = _habits(cfg, problem, beta, weight, stop, reselect and cfg.near > 0)
     states, m, atoms = (
         len(problem.automaton.distance),
         len(problem.tables.obstacles.ptr) - 1,
         len(problem.atoms),
     )
-    vertices = _vertices(cfg.n_max, atoms, m)
+    full, modes = problem.tables.full, problem.tables.modes.psi.shape[-1]
+    columns = 2 if full else atoms
+    vertices = _vertices(cfg.n_max, columns, m, states, modes, full=full)
     groups = habits.columns * habits.rows * states
-    growing = _growing(graph, groups, cfg.near, atoms, m, cfg.n_max if swaps else 0)
+    labels = len(problem.tables.labelled.cell)
+    growing = _growing(graph, groups, cfg.near, columns, m, cfg.n_max if swaps else 0, states, labels)
     x, y = problem.scene.start
     if not kernel.plant(problem.tables, habits, vertices, growing, x, y, problem.start_variance, rng):
         raise InfeasibleError(
@@ -136,28 +144,42 @@ def _plant(
     return _Nursery(vertices, growing, habits, beta, rng)
 
 
-def _habits(cfg: PlannerConfig, problem: Problem, beta: FloatArray, stop: bool, reselect: bool) -> Habits:
+def chooses(cfg: PlannerConfig, number: int) -> bool:
+    """Whether tree ``number`` of full fidelity chooses parents by a Tchebycheff score: half of them do."""
+    return cfg.parents == "tchebycheff" or (cfg.parents == "mixed" and number % 2 == 1)
+
+
+def _habits(
+    cfg: PlannerConfig, problem: Problem, beta: FloatArray, weight: FloatArray, stop: bool, reselect: bool
+) -> Habits:
     """Squares of half a step: a parent lies at most two of them away, unless the wind carries it farther."""
     (west, south), (east, north) = problem.scene.bounds
     side = max(problem.reach / 2, (east - west) / SQUARES, (north - south) / SQUARES)
     return Habits(
         west=float(west), south=float(south), per_metre=1.0 / side,
         columns=max(1, int(np.ceil((east - west) / side))), rows=max(1, int(np.ceil((north - south) / side))),
-        beta_length=float(beta[0]), beta_risk=float(beta[1]), reselect=reselect, explore=cfg.explore,
+        beta_length=float(beta[0]), beta_risk=float(beta[1]), tchebycheff=bool(weight.any()),
+        per_length=1.0 / float(np.hypot(east - west, north - south)), weight=weight, reselect=reselect,
+        explore=cfg.explore,
         refresh=cfg.refresh, max_steps=cfg.max_steps, stop_at_first=stop,
     )  # fmt: skip
 
 
-def _vertices(n: int, atoms: int, m: int) -> Vertices:
+def _vertices(n: int, columns: int, m: int, states: int, modes: int, *, full: bool) -> Vertices:
+    rows = n if full else 0
     return Vertices(
         x=np.empty((n, 2)), drift=np.empty((n, 2)), spread=np.empty((n, 3)), length=np.empty(n),
-        risk=np.empty((n, atoms)), parent=np.empty(n, np.int32), step=np.empty(n, np.int32),
+        risk=np.empty((n, columns)), parent=np.empty(n, np.int32), step=np.empty(n, np.int32),
         q=np.empty(n, np.int32), cell=np.empty(n, np.int32), child=np.empty((n, 2), np.int32),
-        masks=np.empty((n, m), np.uint32),
+        masks=np.empty((n, 0 if full else m), np.uint32), speed=np.empty(n), cov=np.empty((rows, 3)),
+        bound=np.empty((rows, states)), face=np.empty((rows, m), np.int64),
+        theta=np.empty((rows, 2, 2, modes), np.float32),
     )  # fmt: skip
 
 
-def _growing(graph: Product, groups: int, near: int, atoms: int, m: int, swaps: int) -> Growing:
+def _growing(
+    graph: Product, groups: int, near: int, columns: int, m: int, swaps: int, automaton: int, labels: int
+) -> Growing:
     states, edges = len(graph.goal), len(graph.head)
     heap = Heap(
         np.empty(edges + 1), np.empty(edges + 1, np.int64), np.empty(states), np.empty(states, np.int64)
@@ -168,9 +190,10 @@ def _growing(graph: Product, groups: int, near: int, atoms: int, m: int, swaps: 
         weight=np.empty(states), lead=np.empty(states, np.int64), heap=heap,
         kept=np.empty((groups, CAPACITY), np.int64), pool=np.empty(near, np.int64),
         seen=np.zeros(groups, np.int64),
-        swaps=np.empty((swaps, 2, 2 + atoms)), tally=np.zeros(kernel.TALLIES, np.int64),
+        swaps=np.empty((swaps, 2, 2 + columns)), tally=np.zeros(kernel.TALLIES, np.int64),
         stack=np.empty((256, 4)),
-        masks=np.zeros((2, m), np.int64), risks=np.zeros((3, atoms)),
+        masks=np.zeros((2, m), np.int64), risks=np.zeros((3, columns)), bounds=np.zeros((2, automaton)),
+        faces=np.zeros((2, m), np.int64), labels=np.zeros(labels + 1),
     )  # fmt: skip
 
 

@@ -7,7 +7,8 @@ from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from pareto_ltl.records import Deployment, Forest, Front, Plan, Study, WindField
+    from pareto_ltl.problem import Forecast
+    from pareto_ltl.records import Acceptance, Deployment, Forest, Front, Plan, Study, WindField
 
 
 def metrics(records: Mapping[str, Any], seconds: Mapping[str, float]) -> dict[str, float]:
@@ -23,7 +24,26 @@ def metrics(records: Mapping[str, Any], seconds: Mapping[str, float]) -> dict[st
 
 
 def _wind(wind: WindField) -> dict[str, float]:
-    return {name: float(value) for name, value in sorted(wind.score.items())}
+    table = {name: float(value) for name, value in sorted(wind.score.items())}
+    if wind.modes is not None:
+        table |= {
+            "wind_modes": wind.modes.psi.shape[-1],
+            "wind_energy": float(wind.modes.energy.mean()),
+            "wind_rho": wind.modes.rho,
+        }
+    return table
+
+
+def _forecasts(forecasts: Mapping[str, Forecast]) -> dict[str, float]:
+    """What the plan promises under each wind law, whatever law it was planned for."""
+    table: dict[str, float] = {}
+    for law, seen in forecasts.items():
+        table |= {
+            f"mission_risk_{law}": seen.mission_risk,
+            f"collision_risk_{law}": seen.collision_risk,
+            f"end_sd_{law}_m": float(seen.cov[-1].trace() / 2) ** 0.5,
+        }
+    return table
 
 
 def _forest(forest: Forest) -> dict[str, float]:
@@ -59,6 +79,22 @@ def _plan(plan: Plan) -> dict[str, float]:
         "collision_risk": o.collision_risk,
         "steps": len(plan.path.u),
         "duration_s": float(plan.path.t[-1] - plan.path.t[0]),
+        **_acceptance(plan.acceptance),
+    }
+
+
+def _acceptance(verdict: Acceptance | None) -> dict[str, float]:
+    if verdict is None:
+        return {}
+    return {
+        "acceptance_bound": verdict.bound,
+        "acceptance_estimate": verdict.estimate,
+        "acceptance_runs": verdict.runs,
+        "acceptance_failure": verdict.failures / verdict.runs,
+        "acceptance_low": verdict.low,
+        "acceptance_high": verdict.high,
+        "acceptance_passed": float(verdict.passed),
+        "linearity": verdict.linearity,
     }
 
 
@@ -84,6 +120,7 @@ COUNTERS: dict[str, Callable[[Any], dict[str, float]]] = {
     "forest": _forest,
     "front": _front,
     "plan": _plan,
+    "forecasts": _forecasts,
     "deployment": _deployments,
     "comparison": _study,
     "convergence": _study,

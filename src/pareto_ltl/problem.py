@@ -12,15 +12,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pareto_ltl.arrays import FloatArray, IntArray
-from pareto_ltl.config import PlannerConfig, RobotConfig, WindConfig
+from pareto_ltl.arrays import Float32Array, FloatArray, IntArray
+from pareto_ltl.config import EPSILON, PlannerConfig, RobotConfig, WindConfig
 from pareto_ltl.errors import DataError, InfeasibleError
 from pareto_ltl.kernels import tables as kt
 from pareto_ltl.logic.automaton import Automaton
 from pareto_ltl.records import Decomposition, Objectives, Path, Scene, WindField
 from pareto_ltl.workspace import half_planes, locator
 
-__all__ = ["FAULTS", "Problem", "accepted", "build", "evaluate", "half_planes"]
+__all__ = ["FAULTS", "Forecast", "Problem", "accepted", "build", "evaluate", "forecast", "half_planes"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,6 +109,57 @@ def wind_tables(field: WindField, dt: float, max_steps: int) -> kt.Wind:
     )  # fmt: skip
 
 
+def mode_tables(field: WindField, wind: kt.Wind, dt: float) -> kt.Modes:
+    """The coherent law: every step belongs to the slot nearest in time, and θ persists from slot to slot."""
+    steps, times = len(wind.slot), field.times
+    slot = np.where(wind.weight > 0.5, wind.slot + 1, wind.slot)
+    if field.modes is None:
+        origin, spacing, psi, rho, gap = (
+            np.zeros(2),
+            1.0,
+            np.zeros((len(times), 2, 2, 2, 0), np.float32),
+            1.0,
+            1.0,
+        )
+    else:
+        m = field.modes
+        origin, spacing, psi, rho, gap = m.origin, m.spacing, m.psi, m.rho, m.gap
+    passed = np.diff(times[slot], prepend=times[slot[0]]) / gap
+    keep = np.ones(steps + 1)
+    keep[:steps] = np.where(passed > 0.0, rho ** np.maximum(passed, 0.0), 1.0)
+    slope, bend = derivatives(field.mean, field.spacing)
+    return kt.Modes(
+        float(origin[0]), float(origin[1]), 1.0 / spacing, slot.astype(np.int64), keep,
+        np.ascontiguousarray(psi, np.float32), slope, bend, field.gust_time / dt,
+    )  # fmt: skip
+
+
+def derivatives(mean: FloatArray, spacing: float) -> tuple[FloatArray, FloatArray]:
+    """First (K, NX, NY, 4) and second (K, NX, NY, 6) central differences of the expected wind."""
+
+    def along(table: FloatArray, axis: int) -> FloatArray:
+        return np.asarray(np.gradient(table, spacing, axis=axis), float)
+
+    x, y = along(mean, 1), along(mean, 2)
+    slope = np.stack([x[..., 0], y[..., 0], x[..., 1], y[..., 1]], axis=-1)
+    xx, xy, yy = along(x, 1), 0.5 * (along(x, 2) + along(y, 1)), along(y, 2)
+    bend = np.stack([d[..., c] for c in (0, 1) for d in (xx, xy, yy)], axis=-1)
+    return np.ascontiguousarray(slope), np.ascontiguousarray(bend)
+
+
+def labelled_tables(decomposition: Decomposition) -> kt.Labelled:
+    """The cells with a label, as corners in their order."""
+    cell = [c for c, label in enumerate(decomposition.labels) if label]
+    corners = [decomposition.cells[c] for c in cell]
+    middle = np.array([polygon.mean(axis=0) for polygon in corners]).reshape(-1, 2)
+    radius = [np.linalg.norm(polygon - m, axis=1).max() for polygon, m in zip(corners, middle, strict=True)]
+    return kt.Labelled(
+        np.array(cell, np.int64), middle, np.array(radius, float),
+        np.concatenate([[0], np.cumsum([len(polygon) for polygon in corners])]).astype(np.int64),
+        np.vstack([np.empty((0, 2)), *corners]),
+    )  # fmt: skip
+
+
 def region_tables(decomposition: Decomposition, atoms: Sequence[str]) -> kt.Regions:
     """Convex parts of the regions that the mission speaks of."""
     parts = [(atoms.index(name), part) for name in atoms for part in decomposition.regions.get(name, ())]
@@ -118,15 +169,19 @@ def region_tables(decomposition: Decomposition, atoms: Sequence[str]) -> kt.Regi
 def logic_tables(automaton: Automaton, labels: Sequence[frozenset[str]]) -> kt.Logic:
     """The automaton with one column a cell instead of one a letter, and one for no label at all."""
     column = [automaton.letter_index(label) for label in (*labels, frozenset())]
+    delta, covers = (
+        np.ascontiguousarray(automaton.delta[:, column]),
+        np.ascontiguousarray(automaton.preorder, bool),
+    )
     return kt.Logic(
-        np.ascontiguousarray(automaton.delta[:, column]), np.asarray(automaton.distance, float),
-        np.ascontiguousarray(automaton.preorder, bool), int(automaton.initial),
+        delta, np.asarray(automaton.distance, float), covers, np.ascontiguousarray(~covers[delta]),
+        int(automaton.initial),
     )  # fmt: skip
 
 
 def build(
     robot: RobotConfig, planner: PlannerConfig, wind_cfg: WindConfig, scene: Scene, wind: WindField,
-    decomposition: Decomposition, automaton: Automaton,
+    decomposition: Decomposition, automaton: Automaton, fidelity: str = "paper",
 ) -> Problem:  # fmt: skip
     """Check what only shows when everything is together, and pack it.
 
@@ -139,15 +194,25 @@ def build(
 
     atoms = tuple(automaton.atoms)
     m = max(len(decomposition.obstacles), 1)
+    epsilon = EPSILON[fidelity] if planner.epsilon is None else planner.epsilon
     a, b = np.array(robot.a, float), np.array(robot.b, float)
+    winds = wind_tables(wind, robot.dt, planner.max_steps)
+    gain, effort = robot.feedback, math.sqrt(-2.0 * math.log(robot.effort_risk))
     tables = kt.Tables(
-        wind=wind_tables(wind, robot.dt, planner.max_steps),
-        motion=kt.Motion(a, np.linalg.inv(b), robot.dt, robot.u_max, wind_cfg.ball),
+        wind=winds,
+        modes=mode_tables(wind, winds, robot.dt),
+        motion=kt.Motion(
+            a, a - gain * np.eye(2), gain, effort, np.linalg.inv(b), robot.dt, robot.u_max, wind_cfg.ball
+        ),
         obstacles=faces(decomposition.obstacles),
         cells=cell_tables(scene.bounds, decomposition, atoms),
         regions=region_tables(decomposition, atoms),
+        labelled=labelled_tables(decomposition),
         logic=logic_tables(automaton, decomposition.labels),
-        z=float(-ndtri(planner.epsilon / m)),
+        z=float(-ndtri(epsilon / m)),
+        epsilon=epsilon,
+        delta=planner.delta,
+        full=fidelity == "full",
     )
     calmest = float(np.linalg.norm(wind.mean, axis=-1).min())
     if calmest > robot.u_max:
@@ -163,7 +228,7 @@ def build(
         atoms,
         decomposition.labels,
         robot.start_sd**2,
-        planner.epsilon,
+        epsilon,
         planner.max_steps,
     )
 
@@ -178,39 +243,124 @@ FAULTS = (
 
 
 def evaluate(
-    problem: Problem, x: FloatArray, origin: str, tolerance: float = 1e-6, *, ordered: bool = True
+    problem: Problem, x: FloatArray, origin: str, tolerance: float = 1e-6, *, tight: bool = True
 ) -> Path:
     """Fly the means ``x`` (T+1, 2) and return the path with its exact cost.
 
-    ``ordered=False`` leaves the ordered bound V out (NaN), which costs most of the time.
+    ``tight=False`` leaves out what only the final verdict needs: the tighter form of R of full fidelity,
+    which asks for the correlation of all pairs of steps.
 
     Raises
     ------
     InfeasibleError
         With what is wrong and at which step.
     """
-    from pareto_ltl import risk
     from pareto_ltl.kernels import path as kernel
+    from pareto_ltl.kernels.ordered import mission_bound
 
-    steps, m = len(x), len(problem.tables.obstacles.ptr) - 1
+    tables, steps = problem.tables, len(x)
     cov3, u = np.empty((steps, 3)), np.empty((steps - 1, 2))
     q, cell = np.empty(steps, np.int64), np.empty(steps, np.int64)
-    f_o, touch = np.empty(len(problem.atoms)), np.empty((steps, m))
+    f_o, touch = np.empty(len(problem.atoms)), np.empty((steps, len(tables.obstacles.ptr) - 1))
+    theta = np.empty((steps, 2, 2, tables.modes.psi.shape[-1]), np.float32)
     fault, where = kernel.evaluate(
-        problem.tables, x, problem.start_variance, 1.0 + tolerance, cov3, u, q, cell, f_o, touch
+        tables, x, problem.start_variance, 1.0 + tolerance, cov3, u, q, cell, f_o, touch, theta
     )
     if fault != kernel.FLOWN:
         raise InfeasibleError(f"the path {FAULTS[fault]} at step {where} of {steps - 1}")
-    cov = cov3[:, [0, 1, 1, 2]].reshape(-1, 2, 2)
-    label = tuple(problem.labels[c] for c in cell)
-    objectives = Objectives(
-        length=float(np.linalg.norm(np.diff(x, axis=0), axis=1).sum()),
-        mission_risk_paper=min(1.0, float(f_o.sum())),
-        mission_risk=risk.ordered_mission_risk(problem, x, cov) if ordered else math.nan,
-        collision_risk=float(kernel.collision_bound(problem.tables, x, cov3)),
+    cross = _cross(problem, x, cov3, theta) if tables.full and tight else np.empty((0, 0, 2, 2))
+    paper = float(f_o.sum()) if not tables.full else _paper_risk(problem, x, cell)
+    return Path(
+        t=tables.motion.dt * np.arange(steps, dtype=float),
+        x=x,
+        cov=square(cov3),
+        q=q,
+        label=tuple(problem.labels[c] for c in cell),
+        u=u,
+        objectives=Objectives(
+            length=float(np.linalg.norm(np.diff(x, axis=0), axis=1).sum()),
+            mission_risk_paper=min(1.0, paper),
+            mission_risk=float(mission_bound(tables, x, cov3)),
+            collision_risk=float(kernel.collision_bound(tables, x, cov3, cross)),
+        ),
+        origin=origin,
     )
-    t = problem.tables.motion.dt * np.arange(steps, dtype=float)
-    return Path(t, x, cov, q, label, u, objectives, origin)
+
+
+def square(cov3: FloatArray) -> FloatArray:
+    """Covariances (T+1, 2, 2) from rows (xx, xy, yy)."""
+    return cov3[:, [0, 1, 1, 2]].reshape(-1, 2, 2)
+
+
+def _paper_risk(problem: Problem, x: FloatArray, cell: IntArray) -> float:
+    """Theorem 2 with the paper's own covariance, for the record of a plan of full fidelity."""
+    from pareto_ltl.kernels import path as kernel
+
+    cov3 = np.empty((len(x), 3))
+    kernel.paper_covariance(problem.tables, x, problem.start_variance, cov3)
+    risk = np.empty(len(problem.atoms))
+    kernel.paper_risk(problem.tables, x, cov3, cell, risk)
+    return float(risk.sum())
+
+
+def _cross(problem: Problem, x: FloatArray, cov3: FloatArray, theta: Float32Array) -> FloatArray:
+    """Cov(e_t, e_s) along a path under the coherent law, (T+1, T+1, 2, 2)."""
+    from pareto_ltl.kernels import path as kernel
+
+    F, psi, _ = linear_law(problem, x)
+    cross = np.zeros((len(x), len(x), 2, 2))
+    kernel.across_time(problem.tables, F, psi, theta.astype(float), cov3, cross)
+    return cross
+
+
+def linear_law(problem: Problem, x: FloatArray) -> tuple[FloatArray, Float32Array, FloatArray]:
+    """The coherent law about the means ``x`` (T+1, 2): F_t (T, 2, 2), ψ(x_t) (T, 2, P), white variance (T,
+    2).
+    """
+    from pareto_ltl.kernels import path as kernel
+
+    steps = len(x) - 1
+    F, noise = np.empty((steps, 2, 2)), np.empty((steps, 2))
+    psi = np.empty((steps, 2, problem.tables.modes.psi.shape[-1]), np.float32)
+    kernel.linearise(problem.tables, x, F, psi, noise)
+    return F, psi, noise
+
+
+@dataclass(frozen=True, slots=True)
+class Forecast:
+    """The Gaussian of a flight of given controls under one wind law, and what it promises.
+
+    Attributes
+    ----------
+    x : (T+1, 2) float, cov : (T+1, 2, 2) float
+        Mean [m] and covariance [m²].
+    mission_risk, collision_risk : float
+        V and R under this law.
+    """
+
+    law: str
+    x: FloatArray
+    cov: FloatArray
+    mission_risk: float
+    collision_risk: float
+
+
+def forecast(problem: Problem, u: FloatArray, law: str) -> Forecast:
+    """What the controls ``u`` (T, 2) promise under a wind law, whatever fidelity they were planned with."""
+    from pareto_ltl.kernels import path as kernel
+    from pareto_ltl.kernels.ordered import mission_bound
+
+    coherent = law == "coherent"
+    tables = problem.tables._replace(full=coherent)
+    x, cov3 = np.empty((len(u) + 1, 2)), np.empty((len(u) + 1, 3))
+    x[0] = problem.scene.start
+    theta = np.zeros((len(x), 2, 2, tables.modes.psi.shape[-1]), np.float32)
+    kernel.foresee(tables, u, problem.start_variance, coherent, x, cov3, theta)
+    cross = _cross(problem, x, cov3, theta) if coherent else np.empty((0, 0, 2, 2))
+    return Forecast(
+        law, x, square(cov3), float(mission_bound(tables, x, cov3)),
+        float(kernel.collision_bound(tables, x, cov3, cross)),
+    )  # fmt: skip
 
 
 def accepted(problem: Problem, path: Path) -> bool:

@@ -11,11 +11,12 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pareto_ltl.arrays import BoolArray, FloatArray, IntArray
 
 
-def _shape(name: str, array: FloatArray, *shape: int | None) -> None:
+def _shape(name: str, array: NDArray[Any], *shape: int | None) -> None:
     wanted = (
         tuple(array.shape[i] if s is None else s for i, s in enumerate(shape))
         if array.ndim == len(shape)
@@ -88,6 +89,43 @@ class WindObservations:
 
 
 @dataclass(frozen=True, slots=True)
+class WindModes:
+    """Karhunen-Loeve modes of the posterior: w(x) = μ(x) + ψ(x)' θ, one θ ~ N(0, I) a flight, slot and
+    component.
+
+    Attributes
+    ----------
+    origin : (2,) float
+        South-west node of the modes' own lattice [m]; neighbours are ``spacing`` [m] apart.
+    psi : (K, MX, MY, 2, P) float32
+        U √Λ [m/s]; modes that a slot does not need are 0.
+    rho : float
+        θ_{k+1} = ρ θ_k + √(1 - ρ²) η between slots ``gap`` [s] apart; 0 independent, 1 frozen.
+    gap : float
+        Median time between slots [s].
+    length : (K, 2) float
+        Length scale of the Gaussian process [m].
+    energy : (K, 2) float
+        Share of the posterior variance that the modes carry.
+    """
+
+    origin: FloatArray
+    spacing: float
+    psi: NDArray[np.float32]
+    rho: float
+    gap: float
+    length: FloatArray
+    energy: FloatArray
+
+    def __post_init__(self) -> None:
+        _shape("psi", self.psi, None, None, None, 2, None)
+        _shape("length", self.length, len(self.psi), 2)
+        _shape("energy", self.energy, len(self.psi), 2)
+        if not 0.0 <= self.rho <= 1.0:
+            raise ValueError(f"rho must lie in [0, 1], got {self.rho}")
+
+
+@dataclass(frozen=True, slots=True)
 class WindField:
     """Posterior wind on a regular lattice, linear in time between its slots.
 
@@ -109,6 +147,10 @@ class WindField:
         How well the fit predicts held-out readings (``gp_z_sd``, ``gp_coverage_90``).
     source : str
         What the field was made from.
+    modes : WindModes or None
+        How the smooth part hangs together over a flight; None where nothing is uncertain.
+    gust_time : float
+        Integral time scale of the white part [s] in the coherent law.
     """
 
     origin: FloatArray
@@ -120,12 +162,16 @@ class WindField:
     hold_last: bool = False
     score: Mapping[str, float] = field(default_factory=dict)
     source: str = ""
+    modes: WindModes | None = None
+    gust_time: float = 1800.0
 
     def __post_init__(self) -> None:
         _shape("mean", self.mean, len(self.times), None, None, 2)
         if self.latent_var.shape != self.mean.shape:
             raise ValueError(f"latent_var must match mean {self.mean.shape}, got {self.latent_var.shape}")
         _shape("gust_var", self.gust_var, len(self.times), 2)
+        if self.modes is not None and len(self.modes.psi) != len(self.times):
+            raise ValueError(f"modes must have {len(self.times)} slots, got {len(self.modes.psi)}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -271,13 +317,47 @@ class Path:
 class Front:
     """Non-dominated paths, sorted by mission risk.
 
-    ``raw`` holds the objectives of the front before smoothing, for the record of what smoothing brought.
+    ``raw`` holds the objectives of the front before smoothing, for the record of what smoothing brought;
+    ``full`` says whether mission risk is V or the paper's f_o. ``estimates`` are the failure rates of full
+    fidelity's linear Monte Carlo, one a path.
     """
 
     paths: tuple[Path, ...]
     raw: tuple[Objectives, ...]
     hypervolume: float
     reference: FloatArray
+    full: bool = False
+    estimates: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Acceptance:
+    """The last examination of a path of full fidelity: bound, linear estimate and simulated failure rate.
+
+    Attributes
+    ----------
+    bound : float
+        V + R.
+    estimate : float
+        Failure rate under the linearised coherent law; NaN where it was not asked for.
+    runs, failures : int
+        Nonlinear flights through the coherent law's winds.
+    low, high : float
+        95 % Clopper-Pearson interval of the failure rate.
+    passed : bool
+        False where the simulation contradicts the bound, low > V + R.
+    linearity : float
+        Largest standard deviation of the position over the wind's length scale there.
+    """
+
+    bound: float
+    estimate: float
+    runs: int
+    failures: int
+    low: float
+    high: float
+    passed: bool
+    linearity: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -293,6 +373,7 @@ class Plan:
     fidelity: str
     rule: str
     weights: tuple[float, ...]
+    acceptance: Acceptance | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,16 +6,19 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from pareto_ltl.arrays import BoolArray, FloatArray
+from pareto_ltl.arrays import BoolArray, FloatArray, IntArray
 from pareto_ltl.config import SelectionConfig
 from pareto_ltl.errors import InfeasibleError
 from pareto_ltl.problem import Problem, evaluate
 from pareto_ltl.records import Forest, Front, Objectives, Path
 
+RISK_FLOOR = 1e-6  # risks below it count as equal
+MOST = 64  # paths of full fidelity's tree front that are evaluated, the safest first
 
-def objective_row(o: Objectives) -> FloatArray:
-    """(mission risk, collision risk, length); mission risk is the paper's f_o."""
-    return np.array([o.mission_risk_paper, o.collision_risk, o.length])
+
+def objective_row(o: Objectives, full: bool = False) -> FloatArray:
+    """(mission risk, collision risk, length); mission risk is the paper's f_o, or V of full fidelity."""
+    return np.array([o.mission_risk if full else o.mission_risk_paper, o.collision_risk, o.length])
 
 
 def non_dominated(rows: FloatArray) -> BoolArray:
@@ -35,47 +38,109 @@ def hypervolume(rows: FloatArray, reference: FloatArray) -> float:
     return float(moocore.hypervolume(inside, ref=np.ones(len(reference))))
 
 
-def accepted_rows(forest: Forest) -> FloatArray:
-    """Objectives (f_o, length) of every accepted vertex, in the order of ``forest.accepted``."""
-    return np.array(
-        [[min(1.0, forest.trees[j].risk[v].sum()), forest.trees[j].length[v]] for j, v in forest.accepted]
-    ).reshape(-1, 2)
+def accepted_rows(forest: Forest, full: bool = False) -> FloatArray:
+    """Objectives of every accepted vertex, in the order of ``forest.accepted``: (f_o, length), or (V, R,
+    length).
+    """
+    rows = [np.append(forest.trees[j].risk[v], forest.trees[j].length[v]) for j, v in forest.accepted]
+    if not rows:
+        return np.empty((0, 3 if full else 2))
+    table = np.array(rows)
+    if full:
+        return table
+    return np.column_stack([np.minimum(table[:, :-1].sum(axis=1), 1.0), table[:, -1]])
 
 
 def tree_front(problem: Problem, forest: Forest) -> tuple[Path, ...]:
     """Non-dominated paths of the trees, by mission risk.
 
-    The paper's objectives are mission risk and length, collisions a constraint (Eqs. 8 and 9): the front
-    is taken in these two, which every vertex knows, and R is worked out for its members.
+    The paper's objectives are mission risk and length, collisions a constraint (Eqs. 8 and 9): the front is
+    taken in these two, which every vertex knows, and R is worked out for its members. Of full fidelity the
+    front is taken in (V, R, length); of its members those are evaluated that differ by more than a few per
+    cent.
     """
-    rows = accepted_rows(forest)
+    full = problem.tables.full
+    rows = accepted_rows(forest, full)
     if len(rows) == 0:
         return ()
     keep = np.flatnonzero(non_dominated(rows))
-    paths = []
-    for k in keep:
-        j, v = (int(i) for i in forest.accepted[k])
-        paths.append(evaluate(problem, forest.trees[j].path(v), f"tree {j} vertex {v}"))
-    return tuple(sorted(paths, key=lambda p: tuple(objective_row(p.objectives))))
+    if full:
+        keep = keep[apart(rows[keep])]
+    paths = [evaluate(problem, *_path(forest, int(k))) for k in keep]
+    return tuple(sorted(paths, key=lambda p: tuple(objective_row(p.objectives, full))))
 
 
-def front(smoothed: Sequence[Path], raw: Sequence[Path]) -> Front:
+def _path(forest: Forest, k: int) -> tuple[FloatArray, str]:
+    j, v = (int(i) for i in forest.accepted[k])
+    return forest.trees[j].path(v), f"tree {j} vertex {v}"
+
+
+def apart(rows: FloatArray) -> IntArray:
+    """Numbers of rows (V, R, length) of which no two are alike: the safest of each box of 10 % risk and 1 %
+    length.
+    """
+    boxes = np.column_stack([np.log(rows[:, :2] + RISK_FLOOR) / 0.1, np.log(rows[:, 2] + 1.0) / 0.01]).round()
+    order = np.argsort(rows[:, :2].sum(axis=1), kind="stable")
+    _, first = np.unique(boxes[order], axis=0, return_index=True)
+    return (
+        np.asarray(np.sort(order[first])[:MOST], np.int64)
+        if len(first) <= MOST
+        else order[np.sort(first)][:MOST]
+    )
+
+
+def orders(problem: Problem, forest: Forest) -> tuple[Path, ...]:
+    """For every mission order that some accepted path of the trees follows, the best such path.
+
+    An order is the sequence of automaton states and labels at which the state changes. The front alone may
+    show but one of them, while another, smoothed, is better.
+    """
+    full = problem.tables.full
+    rows = accepted_rows(forest, full)
+    if len(rows) == 0:
+        return ()
+    signs = [_signs(problem, forest, j) for j in range(len(forest.trees))]
+    best: dict[int, int] = {}
+    risk = rows[:, :-1].sum(axis=1)
+    for k in np.lexsort((rows[:, -1], risk)):
+        j, v = forest.accepted[k]
+        best.setdefault(signs[j][v], int(k))
+    return tuple(evaluate(problem, *_path(forest, k)) for k in best.values())
+
+
+def _signs(problem: Problem, forest: Forest, j: int) -> list[int]:
+    """A hash of the mission order of every vertex of tree ``j``."""
+    tree = forest.trees[j]
+    shown = [hash(tuple(sorted(label))) for label in problem.labels]
+    signs: list[int] = []
+    for parent, q, cell in zip(tree.parent.tolist(), tree.q.tolist(), tree.cell.tolist(), strict=True):
+        if parent < 0:
+            signs.append(hash((q, shown[cell])))
+        elif q == tree.q[parent]:
+            signs.append(signs[parent])
+        else:
+            signs.append(hash((signs[parent], q, shown[cell])))
+    return signs
+
+
+def front(smoothed: Sequence[Path], raw: Sequence[Path], full: bool = False) -> Front:
     """Non-dominated among the trees' paths and their smoothed versions."""
     paths = [*raw, *smoothed]
     if not paths:
         raise InfeasibleError("no path completes the mission")
-    rows = np.array([objective_row(p.objectives) for p in paths])
+    rows = np.array([objective_row(p.objectives, full) for p in paths])
     kept = [p for p, keep in zip(paths, non_dominated(rows), strict=True) if keep]
-    kept.sort(key=lambda p: tuple(objective_row(p.objectives)))
+    kept.sort(key=lambda p: tuple(objective_row(p.objectives, full)))
     reference = np.array([1.0, 1.0, 2.0 * rows[:, 2].max()])
-    volume = hypervolume(np.array([objective_row(p.objectives) for p in kept]), reference)
-    return Front(tuple(kept), tuple(p.objectives for p in raw), volume, reference)
+    volume = hypervolume(np.array([objective_row(p.objectives, full) for p in kept]), reference)
+    return Front(tuple(kept), tuple(p.objectives for p in raw), volume, reference, full)
 
 
 def choose(cfg: SelectionConfig, front: Front) -> Path:
     """Pick one path of the front.
 
-    ``priority``: completion, then mission risk, then length (the paper's). ``weighted``: least
+    ``priority``: completion, then mission risk, then length (the paper's); of full fidelity the estimated
+    failure rate comes first, where the front has estimates, then V + R, then length. ``weighted``: least
     g_w(ξ, λ) = Σ_j λ_j f_j, length in units of the shortest on the front. ``threshold``: the shortest with
     mission risk + collision risk ≤ alpha.
 
@@ -84,7 +149,10 @@ def choose(cfg: SelectionConfig, front: Front) -> Path:
     InfeasibleError
         For ``threshold``, where no path is safe enough; the text gives the least risk there is.
     """
-    rows = np.array([objective_row(p.objectives) for p in front.paths])
+    rows = np.array([objective_row(p.objectives, front.full) for p in front.paths])
+    if cfg.rule == "priority" and front.full:
+        first = np.array(front.estimates) if front.estimates else rows[:, :2].sum(axis=1)
+        return front.paths[int(np.lexsort((rows[:, 2], rows[:, :2].sum(axis=1), first))[0])]
     if cfg.rule == "priority":
         return front.paths[int(np.lexsort((rows[:, 2], rows[:, 1], rows[:, 0]))[0])]
     if cfg.rule == "weighted":

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
         WindConfig,
     )
     from pareto_ltl.logic import Automaton
-    from pareto_ltl.problem import Problem
+    from pareto_ltl.problem import Forecast, Problem
     from pareto_ltl.records import (
         Decomposition,
         Deployment,
@@ -46,6 +46,7 @@ if TYPE_CHECKING:
         WindField,
         WindObservations,
     )
+    from pareto_ltl.records import Path as Flight
 
 log = logging.getLogger(__name__)
 
@@ -120,7 +121,7 @@ def problem(
     from pareto_ltl.problem import build
 
     robot, planner, wind_cfg = settings.robot, settings.planner, settings.wind
-    return build(robot, planner, wind_cfg, scene, wind, decomposition, automaton)
+    return build(robot, planner, wind_cfg, scene, wind, decomposition, automaton, settings.fidelity)
 
 
 @stage
@@ -135,42 +136,75 @@ def front(
     planner_cfg: PlannerConfig,
     smoothing_cfg: SmoothingConfig,
     problem: Problem,
+    selection_cfg: SelectionConfig,
     forest: Forest,
     progress: Progress,
+    seeds: SeedSequence,
 ) -> Front:
     from pareto_ltl import growth, selection
 
     if not len(forest.accepted):
         raise InfeasibleError(growth.explain(planner_cfg, problem, forest))
-    raw = selection.tree_front(problem, forest)
-    if not smoothing_cfg.enabled:
-        return selection.front((), raw)
-    from pareto_ltl.smoothing import smooth
+    raw, full = selection.tree_front(problem, forest), problem.tables.full
+    smoothed: tuple[Flight, ...] = ()
+    if smoothing_cfg.enabled:
+        from pareto_ltl.smoothing import smooth
 
-    return selection.front(smooth(smoothing_cfg, problem, raw, progress), raw)
+        smoothed = smooth(smoothing_cfg, problem, (*raw, *selection.orders(problem, forest)), progress)
+    found = selection.front(smoothed, raw, full)
+    if not full:
+        return found
+    from pareto_ltl.acceptance import ranked
+
+    return ranked(problem, found, selection_cfg.draws, seeds)
 
 
 @stage
-def plan(settings: Settings, selection_cfg: SelectionConfig, problem: Problem, front: Front) -> Plan:
+def plan(
+    settings: Settings,
+    selection_cfg: SelectionConfig,
+    problem: Problem,
+    wind: WindField,
+    front: Front,
+    seeds: SeedSequence,
+) -> Plan:
+    from pareto_ltl.acceptance import accept
     from pareto_ltl.records import Plan
     from pareto_ltl.selection import choose
 
+    if front.full:
+        path, acceptance = accept(selection_cfg, problem, wind, front, seeds)
+    else:
+        path, acceptance = choose(selection_cfg, front), None
     return Plan(
-        path=choose(selection_cfg, front),
+        path=path,
         formula=problem.automaton.formula,
         atoms=tuple(problem.atoms),
         dt=settings.robot.dt,
         u_max=settings.robot.u_max,
-        epsilon=settings.planner.epsilon,
+        epsilon=problem.epsilon,
         fidelity=settings.fidelity,
         rule=selection_cfg.rule,
         weights=tuple(selection_cfg.weights),
+        acceptance=acceptance,
     )
+
+
+@ingredient
+def forecasts(deployment_cfg: DeploymentConfig, problem: Problem, plan: Plan) -> Mapping[str, Forecast]:
+    """V and R of the plan under every law that it will be deployed in."""
+    from pareto_ltl.problem import forecast
+
+    return {law: forecast(problem, plan.path.u, law) for law in deployment_cfg.laws}
 
 
 @stage
 def deployment(
-    deployment_cfg: DeploymentConfig, problem: Problem, plan: Plan, seeds: SeedSequence
+    deployment_cfg: DeploymentConfig,
+    problem: Problem,
+    plan: Plan,
+    forecasts: Mapping[str, Forecast],
+    seeds: SeedSequence,
 ) -> Mapping[str, Deployment]:
     from pareto_ltl.deployment import deploy
 

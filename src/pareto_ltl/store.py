@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 
 from pareto_ltl.errors import DataError
 from pareto_ltl.records import (
+    Acceptance,
     Decomposition,
     Deployment,
     Forest,
@@ -250,14 +251,16 @@ FRONT_HEADER = (
     "collision_risk",
     "steps",
     "duration_s",
+    "failure_estimate",
     "origin",
 )
 
 
 def write_front(directory: Path, front: Front) -> None:
+    estimates = front.estimates or (math.nan,) * len(front.paths)
     rows = [
-        (number, *_costs(path.objectives), len(path.u), path.t[-1] - path.t[0], path.origin)
-        for number, path in enumerate(front.paths)
+        (number, *_costs(path.objectives), len(path.u), path.t[-1] - path.t[0], estimate, path.origin)
+        for number, (path, estimate) in enumerate(zip(front.paths, estimates, strict=True))
     ]
     write_csv(directory / "front.csv", FRONT_HEADER, rows)
 
@@ -296,6 +299,7 @@ def write_plan(directory: Path, plan: Plan) -> None:
         "fidelity": plan.fidelity,
         "objectives": asdict(path.objectives),
         "selection": {"rule": plan.rule, "weights": plan.weights},
+        "acceptance": None if plan.acceptance is None else asdict(plan.acceptance),
         "origin": path.origin,
         "t": path.t,
         "x": path.x,
@@ -345,6 +349,7 @@ def read_plan(place: Path | str) -> Plan:
             fidelity=content["fidelity"],
             rule=content["selection"]["rule"],
             weights=tuple(content["selection"]["weights"]),
+            acceptance=Acceptance(**content["acceptance"]) if content.get("acceptance") else None,
         )
 
 

@@ -37,6 +37,9 @@ def rows(metrics: Mapping[str, float]) -> Iterator[Row]:
     if "length_m" in metrics:
         yield from _plan(metrics)
     for key in metrics:
+        if key.startswith("mission_risk_") and f"collision_risk_{key[13:]}" in metrics:
+            promised = metrics[key] + metrics[f"collision_risk_{key[13:]}"]
+            yield f"promised at most, {key[13:]} winds", f"{min(promised, 1.0):.4f}"
         if key.startswith("failure_") and not key.endswith(("_low", "_high")):
             yield _failure(metrics, key)
     if "nodes" in metrics:
@@ -53,6 +56,13 @@ def _plan(metrics: Mapping[str, float]) -> Iterator[Row]:
     yield "mission risk, bound of the paper", f"{metrics['mission_risk_paper']:.4f}"
     yield "mission risk, ordered bound", f"{metrics['mission_risk']:.4f}"
     yield "collision risk, bound", f"{metrics['collision_risk']:.4f}"
+    if "acceptance_failure" in metrics:
+        low, high = metrics["acceptance_low"], metrics["acceptance_high"]
+        yield "failure, linear estimate", f"{metrics['acceptance_estimate']:.4f}"
+        yield (
+            f"failure, {metrics['acceptance_runs']:,.0f} flights at acceptance",
+            f"{metrics['acceptance_failure']:.4f} (95 %: {low:.4f} to {high:.4f})",
+        )
 
 
 def _failure(metrics: Mapping[str, float], key: str) -> Row:

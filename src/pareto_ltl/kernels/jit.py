@@ -23,6 +23,15 @@ def kernel(function: F) -> F:
     return cast(F, njit(_nrt=False, error_model="numpy")(function))
 
 
+def vector(function: F) -> F:
+    """A helper whose sums may be reordered, so that they fill vector registers.
+
+    For the loops over modes: 0.28 instead of 0.9 µs a vertex at 96 modes. No infinities or NaN are assumed
+    away.
+    """
+    return cast(F, njit(_nrt=False, error_model="numpy", fastmath={"reassoc", "contract", "nsz"})(function))
+
+
 def entry(function: F) -> F:
     """The same for a function called from Python, with its machine code kept on disk and the interpreter's
     lock released."""
@@ -54,4 +63,4 @@ def _edition() -> str:
     return digest.hexdigest()
 
 
-__all__ = ["allocating", "entry", "kernel"]
+__all__ = ["allocating", "entry", "kernel", "vector"]

@@ -26,21 +26,25 @@ def at(table: FloatArray, wind: Wind, step: int, x: float, y: float) -> tuple[fl
     i, j = min(int(gx), nx - 2), min(int(gy), ny - 2)
     fx, fy = gx - i, gy - j
     k, w = wind.slot[step], wind.weight[step]
-    e, n = bilinear(table, k, i, j, fx, fy)
+    e, n = bilinear(table, k, i, j, fx, fy, 0)
     if w > 0.0:
-        e1, n1 = bilinear(table, k + 1, i, j, fx, fy)
+        e1, n1 = bilinear(table, k + 1, i, j, fx, fy, 0)
         e, n = (1 - w) * e + w * e1, (1 - w) * n + w * n1
     return e, n
 
 
 @kernel
-def bilinear(table: FloatArray, k: int, i: int, j: int, fx: float, fy: float) -> tuple[float, float]:
-    """Slot k of ``table`` in square (i, j), at fractions (fx, fy) of it."""
+def bilinear(
+    table: FloatArray, k: int, i: int, j: int, fx: float, fy: float, first: int
+) -> tuple[float, float]:
+    """Entries ``first`` and ``first + 1`` of slot k of ``table`` in square (i, j), at fractions (fx, fy) of
+    it.
+    """
     a, b, c, d = (1 - fx) * (1 - fy), fx * (1 - fy), (1 - fx) * fy, fx * fy
-    h, l = i + 1, j + 1  # noqa: E741
+    h, l, p, q = i + 1, j + 1, first, first + 1  # noqa: E741
     return (
-        a * table[k, i, j, 0] + b * table[k, h, j, 0] + c * table[k, i, l, 0] + d * table[k, h, l, 0],
-        a * table[k, i, j, 1] + b * table[k, h, j, 1] + c * table[k, i, l, 1] + d * table[k, h, l, 1],
+        a * table[k, i, j, p] + b * table[k, h, j, p] + c * table[k, i, l, p] + d * table[k, h, l, p],
+        a * table[k, i, j, q] + b * table[k, h, j, q] + c * table[k, i, l, q] + d * table[k, h, l, q],
     )  # fmt: skip
 
 
@@ -79,10 +83,12 @@ def drift(wind: Wind, motion: Motion, step: int, x: float, y: float) -> tuple[fl
 def spread(
     wind: Wind, motion: Motion, step: int, x: float, y: float, cxx: float, cxy: float, cyy: float
 ) -> tuple[float, float, float]:
-    """Covariance one step later: A Σ A' + dt² Σ_w(x*), whatever the control."""
+    """Covariance one step later: A Σ A' + dt² Σ_w(x*), whatever the control; A - K in place of A with
+    feedback.
+    """
     radius = motion.ball * math.sqrt(0.5 * (cxx + cyy))
     ve, vn = worst_variance(wind, step, x, y, radius)
-    a, dt2 = motion.a, motion.dt * motion.dt
+    a, dt2 = motion.closed, motion.dt * motion.dt
     p0, p1 = a[0, 0] * cxx + a[0, 1] * cxy, a[0, 0] * cxy + a[0, 1] * cyy
     q0, q1 = a[1, 0] * cxx + a[1, 1] * cxy, a[1, 0] * cxy + a[1, 1] * cyy
     return (
@@ -90,6 +96,23 @@ def spread(
         p0 * a[1, 0] + p1 * a[1, 1],
         q0 * a[1, 0] + q1 * a[1, 1] + dt2 * vn,
     )
+
+
+@kernel
+def allowed(motion: Motion, cxx: float, cxy: float, cyy: float) -> float:
+    """Airspeed left for the planned control: u_max less what feedback asks for but seldom exceeds.
+
+    Feedback is B⁻¹ K e / dt with e ~ N(0, Σ), and P(‖B⁻¹ e‖ > r) <= exp(-r² / 2 λ) with λ the largest
+    eigenvalue of B⁻¹ Σ B⁻': ``effort`` is r / √λ for the probability allowed.
+    """
+    if motion.gain <= 0.0:
+        return motion.u_max
+    b = motion.b_inv
+    ex, ey = b[0, 0] * cxx + b[0, 1] * cxy, b[0, 0] * cxy + b[0, 1] * cyy
+    nx, ny = b[1, 0] * cxx + b[1, 1] * cxy, b[1, 0] * cxy + b[1, 1] * cyy
+    ee, en, nn = ex * b[0, 0] + ey * b[0, 1], ex * b[1, 0] + ey * b[1, 1], nx * b[1, 0] + ny * b[1, 1]
+    widest = 0.5 * (ee + nn) + math.sqrt(0.25 * (ee - nn) * (ee - nn) + en * en)
+    return max(motion.u_max - motion.effort * motion.gain / motion.dt * math.sqrt(widest), 0.0)
 
 
 @kernel

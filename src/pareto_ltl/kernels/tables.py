@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from pareto_ltl.arrays import BoolArray, FloatArray, IntArray
+from pareto_ltl.arrays import BoolArray, Float32Array, FloatArray, IntArray
 
 
 class Faces(NamedTuple):
@@ -35,11 +35,37 @@ class Wind(NamedTuple):
     gust: FloatArray
 
 
+class Modes(NamedTuple):
+    """Coherent wind: step n meets mode slot ``slot[n]``, where θ has kept the share ``keep[n]`` of step n -
+    1.
+
+    ``psi`` (K, MX, MY, 2, P) on the modes' own lattice, P = 0 where nothing is uncertain; on the lattice of
+    the mean ``slope`` (K, NX, NY, 4) = ∂μ_x/∂x, ∂μ_x/∂y, ∂μ_y/∂x, ∂μ_y/∂y and ``bend`` (K, NX, NY, 6) = the
+    second derivatives xx, xy, yy of μ_x, then of μ_y. ``white`` is the variance of a step's mean gust over
+    that of a gust.
+    """
+
+    west: float
+    south: float
+    per_metre: float
+    slot: IntArray
+    keep: FloatArray
+    psi: Float32Array
+    slope: FloatArray
+    bend: FloatArray
+    white: float
+
+
 class Motion(NamedTuple):
-    """x' = A x + dt B u + dt w. ``a`` = A, ``b_inv`` = B^-1, ``ball`` the radius of the maximum-trace
-    rule in standard deviations."""
+    """x' = A x + dt B (u + feedback) + dt w. ``a`` = A, ``b_inv`` = B^-1, ``closed`` = A - K I moves
+    deviations,
+    ``gain`` = K, ``effort`` the quantile that keeps the feedback within u_max, ``ball`` the radius of the
+    maximum-trace rule in standard deviations."""
 
     a: FloatArray
+    closed: FloatArray
+    gain: float
+    effort: float
     b_inv: FloatArray
     dt: float
     u_max: float
@@ -76,16 +102,36 @@ class Logic(NamedTuple):
     delta: IntArray
     distance: FloatArray
     covers: BoolArray
+    spoils: (
+        BoolArray  # (Q, C + 1, Q): reading the label in q does not lead to a state that accepts all p accepts
+    )
     initial: int
+
+
+class Labelled(NamedTuple):
+    """Cells that show a label, one after another as ``corner[ptr[k]:ptr[k + 1]]``, counter-clockwise, each
+    within
+    ``radius`` of ``middle`` (L, 2); ``cell`` (L,) are their numbers."""
+
+    cell: IntArray
+    middle: FloatArray
+    radius: FloatArray
+    ptr: IntArray
+    corner: FloatArray
 
 
 class Tables(NamedTuple):
     """Everything about the problem. ``z`` is the quantile of 1 - epsilon / m of Eq. (9)."""
 
     wind: Wind
+    modes: Modes
     motion: Motion
     obstacles: Faces
     cells: Cells
     regions: Regions
+    labelled: Labelled
     logic: Logic
     z: float
+    epsilon: float  # collision probability allowed at a step
+    delta: float  # and on a path, of full fidelity
+    full: bool  # whether vertices carry coherent covariances, V and R instead of the paper's

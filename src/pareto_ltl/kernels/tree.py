@@ -9,13 +9,16 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from pareto_ltl.arrays import FloatArray, IntArray
+from pareto_ltl.arrays import Float32Array, FloatArray, IntArray
+from pareto_ltl.kernels.coherent import carry
+from pareto_ltl.kernels.crossing import pass_by
 from pareto_ltl.kernels.gaussian import missed
 from pareto_ltl.kernels.geometry import clear_faces, locate
 from pareto_ltl.kernels.jit import entry, kernel
-from pareto_ltl.kernels.lattice import airspeed, drift, spread
+from pareto_ltl.kernels.lattice import airspeed, allowed, drift, spread
 from pareto_ltl.kernels.lead import Heap, Product, find_lead, weigh
 from pareto_ltl.kernels.neighbours import kd_insert, kd_nearest, remember
+from pareto_ltl.kernels.ordered import after, begin, read_label
 from pareto_ltl.kernels.tables import Motion, Tables
 
 Int32Array = NDArray[np.int32]
@@ -31,8 +34,15 @@ TALLIES = 11
 
 class Vertices(NamedTuple):
     """One row a vertex. ``drift`` and ``spread`` (xx, xy, yy) are mean and covariance one step later with
-    the motors off: they do not depend on the control, so a child costs no wind look-up. ``masks`` holds
-    the faces of each obstacle that the vertex clears; ``child`` the two sons in its k-d tree."""
+    the motors off: they do not depend on the control, so a child costs no wind look-up. ``speed`` is the
+    airspeed left for the control, ``child`` the two sons in the vertex's k-d tree. ``risk`` holds f_o^i of
+    every proposition (paper), or V of the vertex's own state and R (full).
+
+    Paper fidelity keeps in ``masks`` the faces of each obstacle that the vertex clears. Full fidelity keeps
+    its own covariance ``cov``, V of every state in ``bound`` (N, Q), the separating faces of the step to it
+    in ``face`` (N, m), and in ``theta`` (N, 2, 2, P) = Cov(e, θ) of its children. What a fidelity does not
+    use has no rows.
+    """
 
     x: FloatArray
     drift: FloatArray
@@ -45,6 +55,11 @@ class Vertices(NamedTuple):
     cell: Int32Array
     child: Int32Array
     masks: UInt32Array
+    speed: FloatArray
+    cov: FloatArray
+    bound: FloatArray
+    face: IntArray
+    theta: Float32Array
 
 
 class Growing(NamedTuple):
@@ -64,6 +79,9 @@ class Growing(NamedTuple):
     stack: FloatArray  # (depth, 4)
     masks: IntArray  # (2, m) scratch: the proposal's and the best one's
     risks: FloatArray  # (3, P) scratch: the proposal's, the best one's, the original parent's
+    bounds: FloatArray  # (2, Q) scratch: V of the proposal and of the best one
+    faces: IntArray  # (2, m) scratch: their separating faces
+    labels: FloatArray  # (L + 1,) scratch: P(label)
 
 
 class Habits(NamedTuple):
@@ -76,6 +94,9 @@ class Habits(NamedTuple):
     rows: int
     beta_length: float
     beta_risk: float
+    tchebycheff: bool
+    per_length: float  # one over the length scale of the Tchebycheff sum [1/m]
+    weight: FloatArray  # (3,) of log V, log R and length in it
     reselect: bool
     explore: float
     refresh: int
@@ -110,7 +131,7 @@ def sample_cell(fans: Fans, cell: int, rng: Generator) -> tuple[float, float]:
 
 @kernel
 def steer(
-    motion: Motion, x: FloatArray, free: FloatArray, v: int, px: float, py: float
+    motion: Motion, x: FloatArray, free: FloatArray, v: int, u_max: float, px: float, py: float
 ) -> tuple[float, float, bool]:
     """The farthest point from x[v] towards (px, py) that one step reaches, and whether the wind allows any.
 
@@ -126,7 +147,7 @@ def steer(
     rx, ry = x0 - free[v, 0], y0 - free[v, 1]
     cx, cy = (b[0, 0] * rx + b[0, 1] * ry) / dt, (b[1, 0] * rx + b[1, 1] * ry) / dt
     gx, gy = (b[0, 0] * ex + b[0, 1] * ey) / dt, (b[1, 0] * ex + b[1, 1] * ey) / dt
-    aa, bb, cc = gx * gx + gy * gy, gx * cx + gy * cy, cx * cx + cy * cy - motion.u_max * motion.u_max
+    aa, bb, cc = gx * gx + gy * gy, gx * cx + gy * cy, cx * cx + cy * cy - u_max * u_max
     disc = bb * bb - aa * cc
     if disc < 0.0:
         return px, py, False
@@ -175,6 +196,29 @@ def passes(tables: Tables, tree: Vertices, parent: int, x: float, y: float, mask
 
 
 @kernel
+def appraise(
+    tables: Tables, tree: Vertices, growing: Growing, parent: int, q: int, x: float, y: float, r: int
+) -> bool:
+    """Full fidelity in place of :func:`passes` and :func:`price`: whether the step keeps to epsilon and
+    delta.
+
+    Fills row r of ``faces``, ``bounds`` and ``risks`` (V of the state ``q``, R)."""
+    own, ahead = tree.cov, tree.spread
+    xx, xy, yy = ahead[parent, 0], ahead[parent, 1], ahead[parent, 2]
+    step, more = pass_by(
+        tables.obstacles, tree.x[parent, 0], tree.x[parent, 1], own[parent, 0], own[parent, 1], own[parent,
+        2], x, y, xx, xy, yy, tree.face, parent, growing.faces, r,
+    )  # fmt: skip
+    R = tree.risk[parent, 1] + more
+    if step > tables.epsilon or tables.delta < R:
+        return False
+    read_label(tables, x, y, xx, xy, yy, growing.labels)
+    after(tables, tree.bound, parent, growing.labels, growing.bounds, r)
+    growing.risks[r, 0], growing.risks[r, 1] = growing.bounds[r, q], R
+    return True
+
+
+@kernel
 def add_vertex(
     tables: Tables, tree: Vertices, growing: Growing, habits: Habits, x: float, y: float, cell: int, q: int,
     parent: int, length: float, rng: Generator,
@@ -194,20 +238,35 @@ def add_vertex(
     for j in range(tree.masks.shape[1]):
         tree.masks[v, j] = growing.masks[1, j]
     tree.child[v, 0], tree.child[v, 1] = -1, -1
+    if tables.full:
+        for p in range(tree.bound.shape[1]):
+            tree.bound[v, p] = growing.bounds[1, p]
+        for j in range(tree.face.shape[1]):
+            tree.face[v, j] = growing.faces[1, j]
     if tables.logic.distance[q] == 0.0:
         growing.tally[ACCEPTED] += 1
         return v
-    look_ahead(tables, tree, v, tree.spread[parent, 0], tree.spread[parent, 1], tree.spread[parent, 2])
+    look_ahead(
+        tables, tree, v, parent, tree.spread[parent, 0], tree.spread[parent, 1], tree.spread[parent, 2]
+    )
     file_vertex(tree, growing, habits, v, len(tables.cells.faces.ptr) - 1, len(tables.logic.distance), rng)
     return v
 
 
 @kernel
-def look_ahead(tables: Tables, tree: Vertices, v: int, cxx: float, cxy: float, cyy: float) -> None:
+def look_ahead(
+    tables: Tables, tree: Vertices, v: int, parent: int, cxx: float, cxy: float, cyy: float
+) -> None:
     """Mean and covariance one step after ``v``, whose own covariance is given."""
     x, y, step = tree.x[v, 0], tree.x[v, 1], tree.step[v]
-    tree.drift[v, 0], tree.drift[v, 1] = drift(tables.wind, tables.motion, step, x, y)
-    xx, xy, yy = spread(tables.wind, tables.motion, step, x, y, cxx, cxy, cyy)
+    tree.speed[v] = allowed(tables.motion, cxx, cxy, cyy)
+    if tables.full:
+        tree.cov[v, 0], tree.cov[v, 1], tree.cov[v, 2] = cxx, cxy, cyy
+        fx, fy, xx, xy, yy = carry(tables, step, x, y, cxx, cxy, cyy, tree.theta, parent, tree.theta, v)
+    else:
+        fx, fy = drift(tables.wind, tables.motion, step, x, y)
+        xx, xy, yy = spread(tables.wind, tables.motion, step, x, y, cxx, cxy, cyy)
+    tree.drift[v, 0], tree.drift[v, 1] = fx, fy
     tree.spread[v, 0], tree.spread[v, 1], tree.spread[v, 2] = xx, xy, yy
 
 
@@ -237,6 +296,40 @@ def improves(
         if not strict_only and new > old + habits.beta_risk:
             return False
     return better and (strict_only or length <= length0 + habits.beta_length)
+
+
+FLOOR = 1e-6  # risks below it count as equal where their logarithms are compared
+
+
+@kernel
+def improves_full(
+    distance: FloatArray, habits: Habits, risks: FloatArray, q: int, length: float,
+    q0: int, length0: float, rival: int, strict_only: bool,
+) -> bool:  # fmt: skip
+    """The same in (d_A hard, log V, log R, length): slack is a factor on risks, or one Tchebycheff score
+    rules.
+    """
+    if distance[q] != distance[q0]:
+        return bool(distance[q] < distance[q0])
+    if habits.tchebycheff:
+        return score(habits, risks, 0, length) < score(habits, risks, rival, length0) - 1e-9
+    better = length < length0 * (1.0 - 1e-9)
+    for i in range(2):
+        new, old = risks[0, i] + FLOOR, risks[rival, i] + FLOOR
+        better = better or new < old * (1.0 - 1e-6)
+        if not strict_only and new > old * (1.0 + habits.beta_risk) * (1.0 + 1e-9):
+            return False
+    return better and (strict_only or length <= length0 + habits.beta_length)
+
+
+@kernel
+def score(habits: Habits, risks: FloatArray, r: int, length: float) -> float:
+    """max_i λ_i z_i + 0.05 Σ_i λ_i z_i (augmented Tchebycheff), z the scaled log V, log R and length."""
+    w = habits.weight
+    v = w[0] * (math.log10(risks[r, 0] + FLOOR) + 6.0) / 6.0
+    c = w[1] * (math.log10(risks[r, 1] + FLOOR) + 6.0) / 6.0
+    d = w[2] * length * habits.per_length
+    return float(max(v, c, d) + 0.05 * (v + c + d))
 
 
 @kernel
@@ -294,6 +387,7 @@ def choose_parent(
     """
     distance, delta, motion = tables.logic.distance, tables.logic.delta, tables.motion
     risks, masks, pool = growing.risks, growing.masks, growing.pool
+    full = tables.full
     for atom in range(risks.shape[1]):
         risks[2, atom] = risks[1, atom]
     best, best_q, best_length = parent, q0, length0
@@ -306,10 +400,27 @@ def choose_parent(
         if length > length0 + habits.beta_length:
             continue
         ux, uy = x - tree.drift[near, 0], y - tree.drift[near, 1]
-        if airspeed(motion, ux, uy) > motion.u_max * ROUNDING:
+        if airspeed(motion, ux, uy) > tree.speed[near] * ROUNDING:
             continue
         q = delta[tree.q[near], cell]
         if not in_time(tables, habits, tree.step[near] + 1, q):
+            continue
+        if full:
+            # Neither bound falls along an edge, so most candidates need no look at the map (2x in all).
+            if (
+                tree.risk[near, 1] > (risks[2, 1] + FLOOR) * (1.0 + habits.beta_risk)
+                and not habits.tchebycheff
+            ):
+                continue
+            if not appraise(tables, tree, growing, near, q, x, y, 0):
+                continue
+            if not improves_full(distance, habits, risks, q, length, q0, length0, 2, False):
+                continue
+            if best == parent or improves_full(
+                distance, habits, risks, q, length, best_q, best_length, 1, True
+            ):
+                best, best_q, best_length = near, q, length
+                adopt(growing)
             continue
         price(tables, tree, near, cell, x, y, risks, 0)
         if not improves(distance, habits, risks, q, length, q0, length0, 2, False):
@@ -323,6 +434,17 @@ def choose_parent(
             for o in range(masks.shape[1]):
                 masks[1, o] = masks[0, o]
     return best, best_q, best_length
+
+
+@kernel
+def adopt(growing: Growing) -> None:
+    """Full fidelity: the proposal becomes the best one."""
+    for i in range(growing.risks.shape[1]):
+        growing.risks[1, i] = growing.risks[0, i]
+    for p in range(growing.bounds.shape[1]):
+        growing.bounds[1, p] = growing.bounds[0, p]
+    for j in range(growing.faces.shape[1]):
+        growing.faces[1, j] = growing.faces[0, j]
 
 
 @kernel
@@ -357,7 +479,7 @@ def extend(
     """Walk from ``v`` towards a point; stop at the first step that is infeasible (Section IV-C)."""
     tally = growing.tally
     while tally[VERTICES] < limit:
-        x, y, moved = steer(tables.motion, tree.x, tree.drift, v, px, py)
+        x, y, moved = steer(tables.motion, tree.x, tree.drift, v, tree.speed[v], px, py)
         if not moved:
             tally[WINDBOUND] += 1
             return
@@ -372,12 +494,17 @@ def extend(
         if not in_time(tables, habits, tree.step[v] + 1, q):
             tally[BEYOND] += 1
             return
-        if not passes(tables, tree, v, x, y, growing.masks, 1):
+        if tables.full:
+            clear = appraise(tables, tree, growing, v, q, x, y, 1)
+        else:
+            clear = passes(tables, tree, v, x, y, growing.masks, 1)
+        if not clear:
             tally[BLOCKED] += 1
             return
         dx, dy = x - tree.x[v, 0], y - tree.x[v, 1]
         length = tree.length[v] + math.sqrt(dx * dx + dy * dy)
-        price(tables, tree, v, cell, x, y, growing.risks, 1)
+        if not tables.full:
+            price(tables, tree, v, cell, x, y, growing.risks, 1)
         parent = v
         if habits.reselect:
             parent, q_new, length_new = choose_parent(
@@ -458,6 +585,28 @@ def grow(
             return
 
 
+@kernel
+def plant_full(
+    tables: Tables, tree: Vertices, growing: Growing, q: int, x: float, y: float, variance: float
+) -> bool:
+    """What the root has of full fidelity; False where it keeps not to epsilon."""
+    for r in range(2):
+        for c in range(2):
+            for m in range(tree.theta.shape[3]):
+                tree.theta[0, r, c, m] = np.float32(0.0)
+    for j in range(tree.face.shape[1]):
+        tree.face[0, j] = -1
+    step, R = pass_by(
+        tables.obstacles, x, y, variance, 0.0, variance, x, y, variance, 0.0, variance, tree.face, 0,
+        tree.face, 0,
+    )  # fmt: skip
+    begin(tables, growing.bounds, 0)
+    read_label(tables, x, y, variance, 0.0, variance, growing.labels)
+    after(tables, growing.bounds, 0, growing.labels, tree.bound, 0)
+    tree.risk[0, 0], tree.risk[0, 1] = tree.bound[0, q], R
+    return step <= tables.epsilon
+
+
 @entry
 def plant(
     tables: Tables,
@@ -471,7 +620,9 @@ def plant(
 ) -> bool:
     """Make the root. False where the start itself violates Eq. (9)."""
     cell = locate(tables.cells, x, y)
-    if not clear_faces(tables.obstacles, tables.z, x, y, variance, 0.0, variance, growing.masks, 1):
+    if not tables.full and not clear_faces(
+        tables.obstacles, tables.z, x, y, variance, 0.0, variance, growing.masks, 1
+    ):
         return False
     q = tables.logic.delta[tables.logic.initial, cell]
     tree.x[0, 0], tree.x[0, 1] = x, y
@@ -479,15 +630,19 @@ def plant(
     tree.length[0] = 0.0
     for j in range(tree.masks.shape[1]):
         tree.masks[0, j] = growing.masks[1, j]
-    for atom in range(tree.risk.shape[1]):
-        tree.risk[0, atom] = -1.0
-        if tables.cells.atoms[cell, atom]:
-            tree.risk[0, atom] = missed(tables.regions, atom, x, y, variance, 0.0, variance)
+    if tables.full:
+        if not plant_full(tables, tree, growing, q, x, y, variance):
+            return False
+    else:
+        for atom in range(tree.risk.shape[1]):
+            tree.risk[0, atom] = -1.0
+            if tables.cells.atoms[cell, atom]:
+                tree.risk[0, atom] = missed(tables.regions, atom, x, y, variance, 0.0, variance)
     tree.child[0, 0], tree.child[0, 1] = -1, -1
     growing.tally[VERTICES] = 1
     if tables.logic.distance[q] == 0.0:
         growing.tally[ACCEPTED] = 1
     if len(tables.wind.slot) > 0:
-        look_ahead(tables, tree, 0, variance, 0.0, variance)
+        look_ahead(tables, tree, 0, 0, variance, 0.0, variance)
     file_vertex(tree, growing, habits, 0, len(tables.cells.faces.ptr) - 1, len(tables.logic.distance), rng)
     return True

@@ -131,15 +131,39 @@ def propagate(problem: Problem, x: FloatArray) -> FloatArray:
     open_map = problem.tables._replace(
         obstacles=none, regions=kt.Regions(none, np.empty(0, np.int64)),
         cells=kt.Cells(-far, -far, far, far, 1, one, zero, box, np.zeros((1, 0), bool)),
-        logic=kt.Logic(np.zeros((1, 2), np.int64), np.zeros(1), np.ones((1, 1), bool), 0),
+        logic=kt.Logic(
+            np.zeros((1, 2), np.int64), np.zeros(1), np.ones((1, 1), bool), np.zeros((1, 2, 1), bool), 0
+        ),
     )  # fmt: skip
     n = len(x)
     cov = np.empty((n, 3))
     kernel.evaluate(
         open_map, np.ascontiguousarray(x), problem.start_variance, math.inf, cov, np.empty((n - 1, 2)),
         np.empty(n, np.int64), np.empty(n, np.int64), np.empty(0), np.empty((n, 0)),
+        np.empty((n, 2, 2, problem.tables.modes.psi.shape[-1]), np.float32),
     )  # fmt: skip
     return cov
+
+
+def mean_shift(problem: Problem, x: FloatArray) -> FloatArray:
+    """What controls steer against besides the expected wind (T, 2) [m/s]: 0 of paper fidelity."""
+    from pareto_ltl.kernels import path as kernel
+
+    shift = np.zeros((len(x) - 1, 2))
+    if problem.tables.full:
+        kernel.mean_shift(problem.tables, np.ascontiguousarray(x), problem.start_variance, shift)
+    return shift
+
+
+def allowed(problem: Problem, cov: FloatArray) -> FloatArray:
+    """Share of u_max left for the control of each step by the feedback, (T,); ``cov`` (T+1, 3)."""
+    motion = problem.tables.motion
+    if motion.gain == 0.0:
+        return np.ones(len(cov) - 1)
+    full = motion.b_inv @ cov[:-1, [0, 1, 1, 2]].reshape(-1, 2, 2) @ motion.b_inv.T
+    widest = np.sqrt(np.linalg.eigvalsh(full)[:, 1])
+    share: FloatArray = np.maximum(1.0 - motion.effort * motion.gain / motion.dt * widest / motion.u_max, 0.0)
+    return share
 
 
 def wind_and_gradient(problem: Problem, x: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -120,6 +120,32 @@ def order(problem: Problem, path: Path) -> Order | None:
     return Order(labels, tuple(int(before[t]) for t in turns)) if all(labels) else None
 
 
+def possible_orders(problem: Problem, most: int) -> list[Order]:
+    """Orders that the automaton allows, every transition one nearer to acceptance; ``most`` at most.
+
+    Trees find the order that suited their samples; another one may be better once smoothed.
+    """
+    logic, atoms = problem.tables.logic, set(problem.atoms)
+    shown = sorted(
+        {(tuple(sorted(label & atoms)), c) for c, label in enumerate(problem.labels) if label & atoms}
+    )
+    column = dict(reversed([(frozenset(names), c) for names, c in shown]))
+    found: list[Order] = []
+    start = int(logic.delta[logic.initial, problem.locate(problem.scene.start[None])[0]])
+    queue: list[tuple[tuple[frozenset[str], ...], tuple[int, ...], int]] = [((), (), start)]
+    while queue and len(found) < most:
+        labels, states, q = queue.pop(0)
+        if logic.distance[q] == 0.0:
+            if labels:
+                found.append(Order(labels, states))
+            continue
+        for label, c in column.items():
+            then = int(logic.delta[q, c])
+            if logic.distance[then] < logic.distance[q]:
+                queue.append(((*labels, label), (*states, q), then))
+    return found
+
+
 @dataclass(frozen=True, slots=True)
 class _Floor:
     """Places to be at while one transition is awaited, and the walls in between.

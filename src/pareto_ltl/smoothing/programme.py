@@ -12,17 +12,19 @@ import numpy as np
 from pareto_ltl.arrays import BoolArray, FloatArray, IntArray
 from pareto_ltl.kernels import tables as kt
 from pareto_ltl.problem import Problem
-from pareto_ltl.smoothing.duties import _deviation, duties, wind_and_gradient
+from pareto_ltl.smoothing.duties import _deviation, allowed, duties, mean_shift, wind_and_gradient
 from pareto_ltl.smoothing.lines import CAP, MARGIN
 
 if TYPE_CHECKING:
     import cvxpy as cp
 
+SHARE = 0.995  # of epsilon planned with: tangents lie below the curve, and σ moves with the path
 ROWS = 3  # half planes a point keeps to, the tightest ones
 FINEST = 1e-3  # smallest standard deviation that the risk model resolves, in full steps
 RELIEF = 50.0  # price of breaking a constraint by a full step; above every multiplier met
 PIECES = (0.5, 1.0, 1.5, 2.0, 2.4, 2.8, 3.2, 3.6, 4.1)  # tangents of 1 - Φ for witnesses
 TAIL = (2.6, 3.4)  # and for obstacles, where s ≥ z
+FULL_TAIL = (0.5, 1.2, 1.8, 2.4, 3.0)  # of full fidelity, whose faces share epsilon as they need it
 FAR = 10.0  # standard deviations that count as certainty
 
 
@@ -91,32 +93,31 @@ class Programme:
 def programme(problem: Problem, steps: int, witnesses: int, faces: int) -> Programme:
     """minimise  Σ ‖x_{t+1} - x_t‖ / L₀ + λ (Σ_w Σ_j ρ_wj + Σ_t χ_t) + relief
     subject to   ‖B⁻¹ (x_{t+1} - F_t x_t - g_t)‖ ≤ u_max dt,  F_t = A + dt Dμ(x̄_t)
-                 c' x_t ≥ d + z σ         one face of every obstacle for both ends of a step
-                 a_j' x_w ≤ b_j           at the witness steps
-                 ρ_wj ≥ tangents of 1 - Φ at (b_j - a_j' x_w) / σ_j, one of them that of the last iterate
-                 χ_t  ≥ tangents of 1 - Φ at (c' x_t - d) / σ for the nearest faces
-                 |x_t - x̄_t| ≤ trust,  x_t on the map.
+                 c' x_t ≥ d + z σ         one face of every obstacle for both ends of a step a_j' x_w ≤ b_j
+                 at the witness steps ρ_wj ≥ tangents of 1 - Φ at (b_j - a_j' x_w) / σ_j, one of them that
+                 of the last iterate χ_t  ≥ tangents of 1 - Φ at (c' x_t - d) / σ for the nearest faces Σ_k
+                 χ_tk ≤ ε             of full fidelity, with z = 0 above: risk is allocated, not shared
+                 equally |x_t - x̄_t| ≤ trust,  x_t on the map.
 
     Relief makes every instance feasible, so that a line which is not yet flyable can be mended.
     """
     import cvxpy as cp
 
-    n, b_inv = steps + 1, problem.tables.motion.b_inv
-    x, y, relief, near = (
-        cp.Variable(n),
-        cp.Variable(n),
-        cp.Variable(n, nonneg=True),
-        cp.Variable(n, nonneg=True),
-    )
+    n, b_inv, full = steps + 1, problem.tables.motion.b_inv, problem.tables.full
+    x, y, relief = cp.Variable(n), cp.Variable(n), cp.Variable(n, nonneg=True)
+    near = cp.Variable((n, ROWS if full else 1), nonneg=True)
     length, risk = cp.Variable(steps), cp.Variable((witnesses, faces), nonneg=True)
     at = cp.Variable((witnesses, 2))
     shapes: dict[str, tuple[int, ...]] = {
-        "low": (n, 2), "high": (n, 2), "F": (steps, 4), "g": (steps, 2),
+        "cap": (steps,), "low": (n, 2), "high": (n, 2), "F": (steps, 4), "g": (steps, 2),
         "c": (n, 2 * ROWS), "d": (n, ROWS), "c_sd": (n, 2 * ROWS), "d_sd": (n, ROWS),
         "pick": (witnesses, n), "a": (witnesses, 2 * faces), "b": (witnesses, faces),
         "inside": (witnesses, faces), "slope": (witnesses, 2 * faces), "height": (witnesses, faces),
     }  # fmt: skip
     given: dict[str, Any] = {key: cp.Parameter(shape) for key, shape in shapes.items()}
+    if full:
+        given["counted"] = cp.Parameter((n, ROWS), nonneg=True)
+        given["steep"], given["level"] = cp.Parameter((n, 2 * ROWS)), cp.Parameter((n, ROWS))
     given |= {key: cp.Parameter(nonneg=True) for key in ("per_length", "weight")}
 
     def dot(normal: Any, row: int, u: Any, v: Any) -> Any:
@@ -127,7 +128,7 @@ def programme(problem: Problem, steps: int, witnesses: int, faces: int) -> Progr
         return moved - dot(given["F"], row, x[:-1], y[:-1]) - given["g"][:, row]
 
     constraints = [
-        cp.SOC(CAP + relief[1:], cp.vstack([push(0), push(1)]), axis=0),
+        cp.SOC(given["cap"] + relief[1:], cp.vstack([push(0), push(1)]), axis=0),
         cp.SOC(length, cp.vstack([x[1:] - x[:-1], y[1:] - y[:-1]]), axis=0),
         x >= given["low"][:, 0], x <= given["high"][:, 0], y >= given["low"][:, 1], y <= given["high"][:, 1],
         at[:, 0] == given["pick"] @ x, at[:, 1] == given["pick"] @ y,
@@ -135,8 +136,16 @@ def programme(problem: Problem, steps: int, witnesses: int, faces: int) -> Progr
     for k in range(ROWS):
         constraints.append(dot(given["c"], k, x, y) + relief >= given["d"][:, k])
         constraints += [
-            near >= piece for piece in _tangents(TAIL, dot(given["c_sd"], k, x, y) - given["d_sd"][:, k])
+            near[:, k if full else 0] >= piece
+            for piece in _tangents(
+                FULL_TAIL if full else TAIL, dot(given["c_sd"], k, x, y) - given["d_sd"][:, k]
+            )
         ]
+        if full:
+            constraints.append(near[:, k] >= given["level"][:, k] - dot(given["steep"], k, x, y))
+    if full:
+        counted = cp.sum(cp.multiply(given["counted"], near), axis=1)
+        constraints.append(counted <= SHARE * problem.tables.epsilon + 0.05 * relief)
     for k in range(faces):
         s = given["b"][:, k] - dot(given["a"], k, at[:, 0], at[:, 1])
         constraints.append(s >= given["inside"][:, k])
@@ -175,7 +184,7 @@ def bend(
     todo = duties(problem, x, cov)
     if len(todo.witness) > model.witnesses:
         return None
-    set_motion(model, problem, x)
+    set_motion(model, problem, x, cov)
     low, high = (problem.scene.bounds + np.array([[MARGIN], [-MARGIN]]) - centre) / unit
     padded = np.vstack([scaled, np.repeat(scaled[-1:], model.steps + 1 - n, axis=0)])
     model.given["low"].value = np.minimum(np.maximum(padded - trust, low), high)
@@ -189,11 +198,16 @@ def bend(
     return None if found is None else np.vstack([x[:1], centre + unit * found[1:n]])
 
 
-def set_motion(model: Programme, problem: Problem, x: FloatArray) -> None:
-    """F_t and g_t of B⁻¹ (x_{t+1} - F_t x_t - g_t); steps beyond the path stand still in still air."""
+def set_motion(model: Programme, problem: Problem, x: FloatArray, cov: FloatArray) -> None:
+    """Airspeed left for the control, and F_t and g_t of B⁻¹ (x_{t+1} - F_t x_t - g_t); steps beyond the
+    path stand still in still air.
+    """
     motion, centre, unit = problem.tables.motion, problem.scene.bounds.mean(axis=0), problem.reach
     T = len(x) - 1
     mean, gradient = wind_and_gradient(problem, x[:-1])
+    mean = mean + mean_shift(problem, x)
+    cap = CAP * allowed(problem, cov)
+    model.given["cap"].value = np.concatenate([cap, np.ones(model.steps - T)])
     F = motion.a + motion.dt * gradient
     g = ((motion.a @ centre - centre) + motion.dt * mean) / unit
     g -= motion.dt * np.einsum("tij,tj->ti", gradient, (x[:-1] - centre) / unit)
@@ -216,17 +230,20 @@ def set_clearance(
     model: Programme, problem: Problem, x: FloatArray, cov: FloatArray, avoid: BoolArray, *, soft: bool
 ) -> None:
     """The tightest half planes of every point: obstacles' faces for its two steps, forbidden cells' faces."""
-    normal, offset, sd, room = tightest(problem, x, cov, avoid)
+    from scipy.special import ndtr
+
+    normal, offset, sd, room, before = tightest(problem, x, cov, avoid)
     centre, unit, n = problem.scene.bounds.mean(axis=0), problem.reach, len(x)
     c, d = np.zeros((model.steps + 1, ROWS, 2)), np.full((model.steps + 1, ROWS), -FAR)
-    c_sd, d_sd = np.zeros_like(c), np.full_like(d, -FAR)
+    c_sd, d_sd, counted = np.zeros_like(c), np.full_like(d, -FAR), np.zeros_like(d)
+    steep, level = np.zeros_like(c), np.zeros_like(d)
     if room.shape[1]:
         count = min(ROWS, room.shape[1])
         rows = np.argsort(room, axis=1, kind="stable")[:, :count]
         t = np.arange(n)[:, None]
         normal, reach = normal[t, rows], (offset[t, rows] - normal[t, rows] @ centre) / unit
         spread, known = sd[t, rows] / unit, np.isfinite(room[t, rows])
-        z = np.where(spread > 0, problem.tables.z, 0.0)
+        z = np.where(spread > 0, least_deviations(problem), 0.0)
         need = reach + z * spread + MARGIN / unit
         c[:n, :count] = np.where(known[..., None], normal, 0.0)
         d[:n, :count] = np.where(known, need, -FAR)
@@ -235,20 +252,39 @@ def set_clearance(
             fine = np.maximum(spread, FINEST)
             c_sd[:n, :count] = np.where(known[..., None], normal / fine[..., None], 0.0)
             d_sd[:n, :count] = np.where(known, reach / fine, -FAR)
+            counted[:n, :count] = known & before[t, rows]
+            s = np.maximum(np.einsum("tki,ti->tk", c_sd[:n], (x - centre) / unit) - d_sd[:n], 0.0)
+            slope = np.exp(-s * s / 2) / math.sqrt(2 * math.pi)
+            steep[:n], level[:n] = slope[..., None] * c_sd[:n], ndtr(-s) + slope * (s + d_sd[:n])
     model.given["c"].value, model.given["d"].value = c.reshape(-1, 2 * ROWS), d
     model.given["c_sd"].value, model.given["d_sd"].value = c_sd.reshape(-1, 2 * ROWS), d_sd
+    if "counted" in model.given:
+        model.given["counted"].value = counted
+        model.given["steep"].value, model.given["level"].value = steep.reshape(-1, 2 * ROWS), level
+
+
+def least_deviations(problem: Problem) -> float:
+    """Standard deviations kept from every face at least: Eq. (9)'s equal shares; none of full fidelity,
+    where the sum over
+    the faces keeps to epsilon."""
+    return 0.0 if problem.tables.full else problem.tables.z
 
 
 def tightest(
     problem: Problem, x: FloatArray, cov: FloatArray, avoid: BoolArray
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, BoolArray]:
     """Half planes that each point keeps to: normals (T+1, P, 2), and offsets, σ and room left (T+1, P).
 
-    σ is 0 at forbidden cells, whose label the mean alone decides; room is inf where nothing is asked.
+    σ is 0 at forbidden cells, whose label the mean alone decides; room is inf where nothing is asked. The
+    last array says which belong to the step that ends at the point: those make up its collision risk. Paper
+    fidelity counts room in metres, full fidelity in standard deviations, as its faces are chosen by their
+    risk.
     """
     faces, n = problem.tables.obstacles, len(x)
     sd = _deviation(faces.normal, cov)
-    room = x @ faces.normal.T - faces.offset - problem.tables.z * sd
+    room = x @ faces.normal.T - faces.offset - least_deviations(problem) * sd
+    if problem.tables.full:
+        room = room / np.maximum(sd, FINEST * problem.reach)
     chosen = separating(faces, room) if len(faces.ptr) > 1 else np.empty((n - 1, 0), np.int64)
     rows = np.hstack(
         [np.vstack([chosen[:1], chosen]), np.vstack([chosen, chosen[-1:]])]
@@ -256,16 +292,19 @@ def tightest(
     m, t = chosen.shape[1], np.arange(n)[:, None]
     left = room[t, rows]
     left[:, m:][rows[:, m:] == rows[:, :m]] = np.inf  # the same face twice
-    parts = [(faces.normal[rows], faces.offset[rows], sd[t, rows], left)]
+    before = np.zeros(rows.shape, bool)
+    before[:, :m] = True
+    parts = [(faces.normal[rows], faces.offset[rows], sd[t, rows], left, before)]
     cells = problem.tables.cells.faces
     for cell in np.flatnonzero(avoid.any(axis=0)):
         own = slice(cells.ptr[cell], cells.ptr[cell + 1])
         gap = x @ cells.normal[own].T - cells.offset[own]
         k = np.argmax(gap, axis=1)
         least = np.where(avoid[:, cell], gap.max(axis=1), np.inf)[:, None]
-        parts.append((cells.normal[own][k][:, None], cells.offset[own][k][:, None], np.zeros((n, 1)), least))
-    normal, offset, spread, left = (np.concatenate(p, axis=1) for p in zip(*parts, strict=True))
-    return normal, offset, spread, left
+        parts.append((cells.normal[own][k][:, None], cells.offset[own][k][:, None], np.zeros((n, 1)), least,
+                      np.zeros((n, 1), bool)))  # fmt: skip
+    normal, offset, spread, left, before = (np.concatenate(p, axis=1) for p in zip(*parts, strict=True))
+    return normal, offset, spread, left, before
 
 
 def set_witnesses(

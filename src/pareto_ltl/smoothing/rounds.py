@@ -14,9 +14,15 @@ from pareto_ltl.errors import InfeasibleError
 from pareto_ltl.problem import Problem, accepted, evaluate
 from pareto_ltl.records import Path
 from pareto_ltl.smoothing.duties import _states, duties, propagate
-from pareto_ltl.smoothing.lines import Order, order, pull, taut, walk
+from pareto_ltl.smoothing.lines import Order, order, possible_orders, pull, taut, walk
 from pareto_ltl.smoothing.programme import Programme, bend, programme
 
+SPARE = 2  # steps added to a tree path, whose steps are at full speed and leave no room for change
+DISTANCES = (2.6, 2.0, 1.4, 0.8)  # standard deviations that taut lines try to keep from obstacles
+EACH = 2  # tree paths of one mission order that are bent
+ROUNDS_FULL = 12  # of bending, at most, of full fidelity
+GAIN_FULL = 1e-3  # of the merit: less ends them
+WIDER, NARROWER, NARROWEST, MENDING = 1.5, 0.4, 0.05, 0.8  # how the trust region follows success and failure
 GAIN = 1e-4  # of the merit: less ends the rounds
 LONG = 1.25  # lines of this many times the fewest steps are not worth the solver's time
 ALIKE = 1e-3  # objectives that differ by less are the same
@@ -59,10 +65,11 @@ def smooth(
     shortest = min(p.objectives.length for p in paths)
     found: list[Path] = []
     for k, start in enumerate(begun):
-        x = start.x
+        x, retime = start.x, True
         for weight in weights:  # the safest first: it needs the most steps, and its line the least change
-            path = improve(cfg, model, problem, x, weight, shortest)
+            path = improve(cfg, model, problem, x, weight, shortest, retime=retime)
             if path is not None:
+                retime = False
                 found.append(replace(path, origin=f"{start.origin}, smoothed at risk weight {weight:g}"))
                 x = path.x
         if progress is not None:
@@ -72,19 +79,20 @@ def smooth(
 
 def worthwhile(problem: Problem, found: Sequence[Path], paths: Sequence[Path]) -> tuple[Path, ...]:
     """Those of ``found`` that nothing else equals to a thousandth, with their ordered bound."""
-    rows = [_row(p) for p in paths]
+    full = problem.tables.full
+    rows = [_row(p, full) for p in paths]
     kept = []
-    for path in sorted(found, key=lambda p: tuple(_row(p))):
-        row = _row(path)
+    for path in sorted(found, key=lambda p: tuple(_row(p, full))):
+        row = _row(path, full)
         if not any((other <= row * (1 + ALIKE)).all() for other in rows):
             rows.append(row)
             kept.append(path)
     return tuple(evaluate(problem, p.x, p.origin) for p in kept)
 
 
-def _row(path: Path) -> FloatArray:
+def _row(path: Path, full: bool) -> FloatArray:
     o = path.objectives
-    return np.array([o.mission_risk_paper, o.collision_risk, o.length])
+    return np.array([o.mission_risk if full else o.mission_risk_paper, o.collision_risk, o.length])
 
 
 def starts(cfg: SmoothingConfig, problem: Problem, paths: Sequence[Path]) -> list[Start]:
@@ -93,6 +101,8 @@ def starts(cfg: SmoothingConfig, problem: Problem, paths: Sequence[Path]) -> lis
     Under uncertainty a taut line visits the middle of each region, since steps can be taken from a path
     more easily than added.
     """
+    if problem.tables.full:
+        return safe_starts(cfg, problem, paths)
     depth = 1.0 if any(path.cov.any() for path in paths) else 0.0
     found: list[Start] = []
     firsts: dict[Order, Path] = {}
@@ -112,6 +122,35 @@ def starts(cfg: SmoothingConfig, problem: Problem, paths: Sequence[Path]) -> lis
             found.append(start)
     fewest = min((len(start.x) for start in found), default=0)
     return [start for start in found if 1 < len(start.x) <= LONG * fewest][: cfg.candidates]
+
+
+def safe_starts(cfg: SmoothingConfig, problem: Problem, paths: Sequence[Path]) -> list[Start]:
+    """Of full fidelity: taut lines for every order that the automaton allows, then the trees' safest paths.
+
+    A line keeps as many standard deviations as lets it through, and is walked with a few steps to spare,
+    which :func:`retimed` takes out again. Tree paths fill what is left, the safest of each order first.
+    """
+    plans = dict.fromkeys(possible_orders(problem, cfg.candidates))
+    plans |= dict.fromkeys(plan for plan in (order(problem, path) for path in paths) if plan is not None)
+    found: list[Start] = []
+    for plan in plans:
+        for z in DISTANCES:
+            apart = replace(problem, tables=problem.tables._replace(z=z))
+            line = taut(apart, plan, paths[0], 1.0)
+            x = None if line is None else walk(apart, line)
+            if x is not None and completes(problem, x) and len(x) - 1 + SPARE <= problem.horizon:
+                longer = resampled(x, len(x) - 1 + SPARE)
+                found.append(Start(longer, plan, f"drawn taut, {z:g} deviations from obstacles"))
+                break
+    ranked = sorted(paths, key=lambda p: p.objectives.mission_risk + p.objectives.collision_risk)
+    taken: dict[Order | None, int] = {}
+    for path in ranked:
+        own = order(problem, path)
+        start = Start(resampled(path.x, min(len(path.u) + SPARE, problem.horizon)), own, path.origin)
+        if taken.get(own, 0) < EACH and not any(_alike(problem, start, other) for other in found):
+            taken[own] = taken.get(own, 0) + 1
+            found.append(start)
+    return found[: cfg.candidates]
 
 
 def _alike(problem: Problem, one: Start, other: Start) -> bool:
@@ -144,9 +183,13 @@ def fitting(problem: Problem, begun: Sequence[Start]) -> Programme:
 
 
 def improve(
-    cfg: SmoothingConfig, model: Programme, problem: Problem, x: FloatArray, weight: float, shortest: float
-) -> Path | None:
-    """Bend, then once more with the steps that this set free taken out; None where nothing flew."""
+    cfg: SmoothingConfig, model: Programme, problem: Problem, x: FloatArray, weight: float, shortest: float,
+    *, retime: bool = True,
+) -> Path | None:  # fmt: skip
+    """Bend, then once more with other numbers of steps; None where nothing flew."""
+    if problem.tables.full:
+        found = descend(cfg, model, problem, x, weight, shortest)
+        return retimed(cfg, model, problem, found, weight, shortest) if retime else found
     best = rounds(cfg, model, problem, x, weight, shortest)
     if best is None:
         return None
@@ -156,7 +199,67 @@ def improve(
     other = rounds(cfg, model, problem, y, weight, shortest)
     if other is None:
         return best
-    return min(best, other, key=lambda path: merit(path, weight, shortest))
+    return min(best, other, key=lambda path: merit(path, weight, shortest, problem.tables.full))
+
+
+def descend(
+    cfg: SmoothingConfig, model: Programme, problem: Problem, x: FloatArray, weight: float, shortest: float
+) -> Path | None:
+    """Bend and fly by turns with a trust region that follows success; the best that flew.
+
+    Of full fidelity the covariance depends on the path, so a step that promised a gain may not keep it: it
+    is then tried again from the best path, not so far.
+    """
+    best = fly(problem, x)
+    value = math.inf if best is None else merit(best, weight, shortest, full=True)
+    trust = cfg.trust
+    for _ in range(ROUNDS_FULL):
+        base = x if best is None else best.x
+        y = bend(model, problem, base, propagate(problem, base), weight, trust, shortest)
+        if y is None:
+            break
+        path = fly(problem, y)
+        if path is None and best is None:
+            x, trust = y, max(trust * MENDING, cfg.trust * NARROWEST)
+            continue
+        now = math.inf if path is None else merit(path, weight, shortest, full=True)
+        gain = (value - now) / now if now < math.inf else -1.0
+        if path is not None and gain > 0.0:
+            best, value, trust = path, now, min(cfg.trust, WIDER * trust)
+        else:
+            trust *= NARROWER
+        if trust < cfg.trust * NARROWEST or 0.0 <= gain < GAIN_FULL:
+            break
+    return best
+
+
+def retimed(
+    cfg: SmoothingConfig,
+    model: Programme,
+    problem: Problem,
+    best: Path | None,
+    weight: float,
+    shortest: float,
+) -> Path | None:
+    """``best`` or what comes of it with fewer or more steps: time costs covariance, haste costs detours."""
+    for change in (-1, 1):
+        while best is not None:
+            steps = len(best.u) + change
+            if not 2 <= steps <= min(model.steps, problem.horizon):
+                break
+            other = descend(cfg, model, problem, resampled(best.x, steps), weight, shortest)
+            if other is None or merit(other, weight, shortest, full=True) >= merit(
+                best, weight, shortest, full=True
+            ) * (1.0 - GAIN_FULL):
+                break
+            best = other
+    return best
+
+
+def resampled(x: FloatArray, steps: int) -> FloatArray:
+    """``x`` (T+1, 2) walked in ``steps`` steps, each the same share of the old time."""
+    old, new = np.linspace(0.0, 1.0, len(x)), np.linspace(0.0, 1.0, steps + 1)
+    return np.column_stack([np.interp(new, old, x[:, i]) for i in (0, 1)])
 
 
 def rounds(
@@ -174,7 +277,7 @@ def rounds(
         x = y
         if path is None:
             continue
-        now = merit(path, weight, shortest)
+        now = merit(path, weight, shortest, problem.tables.full)
         gain = (value - now) / now
         if gain > 0.0:
             best, value = path, now
@@ -183,16 +286,18 @@ def rounds(
     return best
 
 
-def merit(path: Path, weight: float, shortest: float) -> float:
-    """length / shortest + λ (f_o + R)."""
+def merit(path: Path, weight: float, shortest: float, full: bool = False) -> float:
+    """length / shortest + λ (mission risk + R), the former f_o or V."""
     o = path.objectives
-    return o.length / shortest + weight * (o.mission_risk_paper + o.collision_risk)
+    return o.length / shortest + weight * (
+        (o.mission_risk if full else o.mission_risk_paper) + o.collision_risk
+    )
 
 
 def fly(problem: Problem, x: FloatArray) -> Path | None:
     """The path along ``x`` if it is feasible and completes the mission."""
     try:
-        path = evaluate(problem, x, "", ordered=False)
+        path = evaluate(problem, x, "", tight=False)
     except InfeasibleError:
         return None
     return path if accepted(problem, path) else None

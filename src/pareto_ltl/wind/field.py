@@ -20,16 +20,18 @@ import numpy as np
 from pareto_ltl.arrays import FloatArray
 from pareto_ltl.config import WindConfig
 from pareto_ltl.errors import DataError
-from pareto_ltl.records import Scene, WindField, WindObservations
-from pareto_ltl.wind import regression
+from pareto_ltl.records import Scene, WindField, WindModes, WindObservations
+from pareto_ltl.wind import modes, regression
 
 if TYPE_CHECKING:
     import h5netcdf
 
 LOG = logging.getLogger(__name__)
+MODES_COARSEST, MODES_FINEST = 10, 24  # squares of the modes' lattice along the scene's longer side
 COARSEST, FINEST = 20, 400  # nodes along the longer side: of the scene at least, of the lattice at most
 
 GRID = ("time", "y", "x")
+MODE_GRID = ("time", "mode_y", "mode_x", "mode")
 
 Variable = tuple[str, tuple[str, ...], Any, dict[str, Any]]  # name, dimensions, values, attributes
 Table = dict[str, Any]  # mean, latent_var, gust_var, score: what the cache keeps
@@ -55,7 +57,11 @@ def wind(
         )
     seen = _until(observations, horizon)
     settings = (cfg.kernel, cfg.noise_min, cfg.holdout)
-    arguments = (settings, seen.times, seen.points, seen.winds, origin, spacing, shape, _edition())
+    coarse = modes_lattice(cfg, scene)
+    kept = (cfg.energy, cfg.modes_max)
+    arguments = (
+        settings, seen.times, seen.points, seen.winds, origin, spacing, shape, coarse, kept, _edition()
+    )  # fmt: skip
     table = _remembered(*arguments) if cfg.cache else _tabulate(*arguments)
     return WindField(
         origin=origin,
@@ -67,7 +73,36 @@ def wind(
         hold_last=cfg.hold_last,
         score=table["score"],
         source=seen.source,
+        modes=_modes(cfg, seen.times, coarse, table),
+        gust_time=cfg.gust_time,
     )
+
+
+def _modes(
+    cfg: WindConfig, times: FloatArray, coarse: tuple[FloatArray, float, tuple[int, int]], table: Table
+) -> WindModes | None:
+    if table["psi"].shape[-1] == 0:
+        return None
+    return WindModes(
+        origin=coarse[0], spacing=coarse[1], psi=table["psi"],
+        rho=table["rho"] if cfg.rho is None else cfg.rho,
+        gap=float(np.median(np.diff(times))) if len(times) > 1 else 1.0,
+        length=table["length"], energy=table["energy"],
+    )  # fmt: skip
+
+
+def modes_lattice(cfg: WindConfig, scene: Scene) -> tuple[FloatArray, float, tuple[int, int]]:
+    """The modes' own, coarser lattice: the scene and one node around it.
+
+    What it does not resolve counts as white, since the white part is whatever the modes leave of the
+    variance.
+    """
+    extent = scene.bounds[1] - scene.bounds[0]
+    side = float(extent.max())
+    spacing = min(max(cfg.modes_spacing, side / MODES_FINEST), side / MODES_COARSEST)
+    cells = np.ceil(extent / spacing - 1e-9).astype(int) + 2
+    origin = scene.bounds.mean(axis=0) - 0.5 * spacing * cells
+    return origin, spacing, (int(cells[0]) + 1, int(cells[1]) + 1)
 
 
 def lattice(cfg: WindConfig, scene: Scene) -> tuple[FloatArray, float, tuple[int, int]]:
@@ -97,6 +132,11 @@ def to_netcdf(field: WindField, path: Path, scene: Scene | None = None) -> Path:
     with h5netcdf.File(draft, "w") as file:
         file.attrs.update(_about(field))
         file.dimensions.update(zip(GRID, (len(field.times), *field.mean.shape[2:0:-1]), strict=True))
+        if field.modes is not None:
+            psi = field.modes.psi
+            file.dimensions.update(
+                zip(MODE_GRID[1:], (psi.shape[2], psi.shape[1], psi.shape[4]), strict=True)
+            )
         for name, dimensions, values, attributes in _variables(field, scene):
             file.create_variable(name, dimensions, data=values).attrs.update(attributes)
     draft.replace(path)
@@ -137,6 +177,8 @@ def _tabulate(
     origin: FloatArray,
     spacing: float,
     shape: tuple[int, int],
+    coarse: tuple[FloatArray, float, tuple[int, int]],
+    kept: tuple[float, int],
     edition: str,
 ) -> Table:
     """Fit and evaluate: a pure function of its arguments, so that its result can be remembered."""
@@ -145,11 +187,17 @@ def _tabulate(
     posterior = regression.fit(cfg, WindObservations(times, points, winds, ""))
     nodes = np.stack(np.meshgrid(*map(np.arange, shape), indexing="ij"), axis=-1).reshape(-1, 2)
     mean, var = posterior.at(origin + spacing * nodes)
+    places = np.stack(np.meshgrid(*map(np.arange, coarse[2]), indexing="ij"), axis=-1).reshape(-1, 2)
+    psi, energy = modes.modes(posterior, coarse[0] + coarse[1] * places, *kept)
     return {
         "mean": mean.reshape(len(times), *shape, 2),
         "latent_var": var.reshape(len(times), *shape, 2),
         "gust_var": posterior.gust_var,
         "score": posterior.score,
+        "psi": psi.reshape(len(times), *coarse[2], 2, -1),
+        "energy": energy,
+        "rho": modes.persistence(posterior),
+        "length": np.array([[h.length for h in pair] for pair in posterior.hyper]),
     }
 
 
@@ -194,7 +242,7 @@ def _complain(folder: Path, reason: str) -> None:
 @lru_cache(maxsize=1)
 def _edition() -> str:
     """Digest of the code that makes a table: another edition must not read this one's entries."""
-    text = b"".join(Path(file).read_bytes() for file in (__file__, regression.__file__))
+    text = b"".join(Path(file).read_bytes() for file in (__file__, modes.__file__, regression.__file__))
     return hashlib.sha256(text).hexdigest()
 
 
@@ -206,6 +254,8 @@ def _about(field: WindField) -> dict[str, Any]:
         "origin": field.origin,
         "spacing": field.spacing,
         "hold_last": int(field.hold_last),
+        "gust_time": field.gust_time,
+        **({} if field.modes is None else {"rho": field.modes.rho, "rho_gap": field.modes.gap}),
         "score": json.dumps(dict(field.score), sort_keys=True),
     }
 
@@ -228,6 +278,30 @@ def _variables(field: WindField, scene: Scene | None) -> Iterator[Variable]:
         yield f"{name}_var", GRID, var, _attrs(f"variance of the smooth part of {name}", "m2 s-2") | placed
         white = f"variance of the part of {name} that is independent from step to step"
         yield f"{name}_gust_var", ("time",), field.gust_var[:, c], _attrs(white, "m2 s-2")
+    if field.modes is not None:
+        yield from _mode_variables(field.modes)
+
+
+def _mode_variables(found: WindModes) -> Iterator[Variable]:
+    """ψ with the coordinates of its lattice, and what belongs to each slot."""
+    x, y = (found.origin[i] + found.spacing * np.arange(found.psi.shape[i + 1]) for i in (0, 1))
+    yield "mode_y", ("mode_y",), y, {"units": "m", "long_name": "y of the modes' lattice"}
+    yield "mode_x", ("mode_x",), x, {"units": "m", "long_name": "x of the modes' lattice"}
+    for c, name in enumerate("uv"):
+        psi = found.psi[..., c, :].transpose(0, 2, 1, 3)
+        yield (
+            f"{name}_modes",
+            MODE_GRID,
+            psi,
+            _attrs(f"Karhunen-Loeve modes of {name}, U sqrt(Lambda)", "m s-1"),
+        )
+        yield f"{name}_length", ("time",), found.length[:, c], _attrs(f"length scale of {name}", "m")
+        yield (
+            f"{name}_energy",
+            ("time",),
+            found.energy[:, c],
+            _attrs(f"share of variance in {name}_modes", "1"),
+        )
 
 
 def _clock(scene: Scene | None) -> dict[str, Any]:
@@ -263,6 +337,22 @@ def _field(file: h5netcdf.File) -> WindField:
         hold_last=bool(file.attrs["hold_last"]),
         score=json.loads(file.attrs["score"]),
         source=str(file.attrs["source"]),
+        modes=_stored_modes(file) if "u_modes" in file else None,
+        gust_time=float(file.attrs["gust_time"]),
+    )
+
+
+def _stored_modes(file: h5netcdf.File) -> WindModes:
+    x, y = np.asarray(file["mode_x"][...], float), np.asarray(file["mode_y"][...], float)
+    psi = np.stack([np.asarray(file[f"{name}_modes"][...], np.float32) for name in "uv"], axis=-2)
+    return WindModes(
+        origin=np.array([x[0], y[0]]),
+        spacing=float(x[1] - x[0]),
+        psi=np.ascontiguousarray(psi.transpose(0, 2, 1, 3, 4)),
+        rho=float(file.attrs["rho"]),
+        gap=float(file.attrs["rho_gap"]),
+        length=np.stack([np.asarray(file[f"{name}_length"][...], float) for name in "uv"], axis=-1),
+        energy=np.stack([np.asarray(file[f"{name}_energy"][...], float) for name in "uv"], axis=-1),
     )
 
 

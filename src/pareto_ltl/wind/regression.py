@@ -65,8 +65,8 @@ class WindPosterior:
         mean = np.empty((len(self.times), len(points), 2))
         var = np.empty_like(mean)
         for k, pair in enumerate(self.hyper):
-            near = _distances(self.points[k], self.points[k])
-            cross = _distances(self.points[k], points)
+            near = distances(self.points[k], self.points[k])
+            cross = distances(self.points[k], points)
             for c, h in enumerate(pair):
                 mean[k, :, c], var[k, :, c] = _posterior(self.kernel, h, near, cross, self.winds[k][:, c])
         return mean, var
@@ -115,7 +115,7 @@ def _fit_time(
     shuffled = np.random.default_rng(slot).permutation(len(points))  # another fifth at every time
     count = min(max(1, round(cfg.holdout * len(points))), len(points) - 3)
     out, kept = shuffled[:count], shuffled[count:]
-    near, cross = _distances(points[kept], points[kept]), _distances(points[kept], points[out])
+    near, cross = distances(points[kept], points[kept]), distances(points[kept], points[out])
     pair, scores = [], []
     for wind in winds.T:
         trial = _maximise(cfg, points[kept], wind[kept], None)
@@ -179,7 +179,7 @@ def _rbf(r: FloatArray) -> FloatArray:
 CORRELATION: dict[str, Callable[[FloatArray], FloatArray]] = {"matern32": _matern32, "rbf": _rbf}
 
 
-def _distances(a: FloatArray, b: FloatArray) -> FloatArray:
+def distances(a: FloatArray, b: FloatArray) -> FloatArray:
     """Distances (n, m) between ``a`` (n, 2) and ``b`` (m, 2)."""
     from scipy.spatial.distance import cdist
 
@@ -189,7 +189,7 @@ def _distances(a: FloatArray, b: FloatArray) -> FloatArray:
 
 def _typical_gap(points: FloatArray) -> float:
     """Median distance to the nearest neighbour; what varies faster than that looks white."""
-    gaps = _distances(points, points)
+    gaps = distances(points, points)
     np.fill_diagonal(gaps, np.inf)
     return float(np.median(gaps.min(axis=1)))
 
@@ -202,4 +202,4 @@ def _cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-__all__ = ["Hyper", "WindPosterior", "fit"]
+__all__ = ["CORRELATION", "Hyper", "WindPosterior", "distances", "fit"]

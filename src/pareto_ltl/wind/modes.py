@@ -1,0 +1,144 @@
+"""Coherent wind: Karhunen-Loeve modes of the posterior, and how long its errors persist.
+
+One flight meets one field, not a new draw at every step. Per slot and component the posterior covariance on
+a lattice, C = U Λ U', gives w(x) = μ(x) + ψ(x)' θ with θ ~ N(0, I) and ψ = U √Λ; slots are tied by
+θ_{k+1} = ρ θ_k + √(1 - ρ²) η.
+"""
+
+from __future__ import annotations
+
+import logging
+
+import numpy as np
+
+from pareto_ltl.arrays import FloatArray
+from pareto_ltl.wind.regression import CORRELATION, Hyper, WindPosterior, distances
+
+LOG = logging.getLogger(__name__)
+
+LANES = 8  # modes come in multiples of this many, which fill a vector register
+SAME_PLACE = 1e3  # [m] readings of two times closer than this are one station's
+FEWEST_PAIRS = 10  # pairs of residuals; with fewer ρ is not known and the field is taken as frozen
+RIDGE = 1e-9  # of the amplitude's square: keeps a singular covariance factorable
+
+
+def modes(
+    posterior: WindPosterior, nodes: FloatArray, energy: float, most: int
+) -> tuple[FloatArray, FloatArray]:
+    """ψ at ``nodes`` (N, 2) [m] for every slot and component.
+
+    Parameters
+    ----------
+    energy : float
+        Share of the posterior variance that the modes carry; the rest counts as white.
+    most : int
+        Modes kept at most.
+
+    Returns
+    -------
+    (K, N, 2, P) float32 [m/s], P the same for all slots; and the share of energy kept, (K, 2).
+    """
+    from joblib import Parallel, delayed
+    from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
+
+    between = distances(nodes, nodes)
+    jobs = [(k, c) for k in range(len(posterior.times)) for c in (0, 1)]
+    with threadpool_limits(1):
+        found = Parallel(n_jobs=2, prefer="threads")(
+            delayed(_leading)(posterior, k, c, nodes, between, energy, most) for k, c in jobs
+        )
+    columns = max((psi.shape[1] for psi, _ in found), default=0)
+    columns = -(-columns // LANES) * LANES
+    table = np.zeros((len(posterior.times), len(nodes), 2, columns), np.float32)
+    share = np.ones((len(posterior.times), 2))
+    last: dict[int, FloatArray] = {}
+    for (k, c), (psi, kept) in zip(jobs, found, strict=True):
+        wide = np.zeros((len(nodes), columns))
+        wide[:, : psi.shape[1]] = psi
+        last[c] = wide if c not in last else aligned(wide, last[c])
+        table[k, :, c], share[k, c] = last[c], kept
+    return table, share
+
+
+def _leading(
+    posterior: WindPosterior, k: int, c: int, nodes: FloatArray, between: FloatArray, energy: float, most: int
+) -> tuple[FloatArray, float]:
+    """U √Λ of one slot and component, (N, p), and the share of the energy that p modes carry."""
+    from scipy.linalg import eigh
+
+    h = posterior.hyper[k][c]
+    C = posterior_covariance(posterior.kernel, h, posterior.points[k], nodes, between)
+    n, trace = len(C), float(np.trace(C))
+    if trace <= 0.0:
+        return np.zeros((n, 0)), 1.0
+    values, vectors = eigh(C, subset_by_index=[max(0, n - most), n - 1], check_finite=False)
+    values, vectors = np.maximum(values[::-1], 0.0), vectors[:, ::-1]
+    carried = np.cumsum(values) / trace
+    p = min(int(np.searchsorted(carried, energy)) + 1, len(values))
+    return vectors[:, :p] * np.sqrt(values[:p]), float(carried[p - 1])
+
+
+def posterior_covariance(
+    kernel: str, h: Hyper, points: FloatArray, nodes: FloatArray, between: FloatArray
+) -> FloatArray:
+    """C = k(X*, X*) - k(X*, X) (K + σ² I)⁻¹ k(X, X*), (N, N) [m²/s²]."""
+    from scipy.linalg import solve_triangular
+
+    rho, a2 = CORRELATION[kernel], h.amplitude**2
+    K = a2 * rho(distances(points, points) / h.length)
+    K[np.diag_indices_from(K)] += h.noise**2 + RIDGE * a2
+    V = solve_triangular(np.linalg.cholesky(K), a2 * rho(distances(points, nodes) / h.length), lower=True)
+    C: FloatArray = a2 * rho(between / h.length) - V.T @ V
+    return C
+
+
+def aligned(psi: FloatArray, before: FloatArray) -> FloatArray:
+    """ψ Q with the rotation Q that brings it nearest to the slot before (orthogonal Procrustes).
+
+    ψ is unique up to a rotation; tying slots mode by mode means something only where the modes look alike.
+    Q leaves ψ ψ' alone and makes Cov(w_k, w_{k+1}) = ρ ψ_k ψ_{k+1}' as large as it can be.
+    """
+    U, _, Vt = np.linalg.svd(psi.T @ before)
+    return np.asarray(psi @ (U @ Vt), float)
+
+
+def persistence(posterior: WindPosterior) -> float:
+    """ρ between neighbouring slots: the correlation of what each reading says that the others did not
+    foresee.
+
+    Leave-one-out residuals in closed form, r_i = [K⁻¹ (w - m)]_i / [K⁻¹]_ii of variance 1 / [K⁻¹]_ii
+    (Rasmussen and Williams, Eqs. 5.10-5.12), standardised; ρ = Σ z_k z_{k+1} / √(Σ z_k² Σ z_{k+1}²) over
+    readings at one place. Without enough such pairs the field counts as frozen, ρ = 1, the cautious answer.
+    """
+    residuals = [_residuals(posterior, k) for k in range(len(posterior.times))]
+    cross = first = second = 0.0
+    pairs = 0
+    for k in range(len(residuals) - 1):
+        gap = distances(posterior.points[k], posterior.points[k + 1])
+        i = np.flatnonzero(gap.min(axis=1) < SAME_PLACE)
+        a, b = residuals[k][i], residuals[k + 1][gap[i].argmin(axis=1)]
+        cross, first, second = cross + (a * b).sum(), first + (a * a).sum(), second + (b * b).sum()
+        pairs += 2 * len(i)
+    if pairs < FEWEST_PAIRS or first * second <= 0.0:
+        if len(residuals) > 1:
+            LOG.warning(
+                "too few stations report at neighbouring times to fit how long wind errors last; they are "
+                "taken to last for ever (set wind.rho to change that)"
+            )
+        return 1.0
+    return float(np.clip(cross / np.sqrt(first * second), 0.0, 1.0))
+
+
+def _residuals(posterior: WindPosterior, k: int) -> FloatArray:
+    """Standardised leave-one-out residuals of one slot, (n, 2)."""
+    between = distances(posterior.points[k], posterior.points[k])
+    columns = []
+    for c, h in enumerate(posterior.hyper[k]):
+        K = h.amplitude**2 * CORRELATION[posterior.kernel](between / h.length)
+        K[np.diag_indices_from(K)] += h.noise**2 + RIDGE * h.amplitude**2
+        K_inv = np.linalg.inv(K)
+        columns.append(K_inv @ (posterior.winds[k][:, c] - h.mean) / np.sqrt(np.diag(K_inv)))
+    return np.column_stack(columns)
+
+
+__all__ = ["aligned", "modes", "persistence", "posterior_covariance"]
