@@ -237,5 +237,5 @@ def test_a_hindcast_of_real_fields_from_the_command_line(
     assert len(tables) == 2  # two spells of weather
     lines = tables[0].read_text().splitlines()
     assert len(lines) == 1 + 14 * HindcastConfig().points
-    for name in ("hindcast.csv", "reliability.csv", "scorecard.csv", "figures/reliability.png"):
+    for name in ("hindcast.csv", "reliability.csv", "scorecard.csv", "figures/reliability_paper.png"):
         assert (Path("out") / name).stat().st_size > 0

@@ -218,7 +218,7 @@ def test_a_size_without_a_plan_has_no_volume_and_no_rate(converged: Study) -> No
 def test_a_bound_counts_as_broken_only_beyond_chance() -> None:
     def look(missed: int) -> dict[str, Any]:
         flown = "1" * (500 - missed) + "0" * missed
-        return {"objectives": {"mission_risk_paper": 0.02}, "laws": {"independent": {"accepted": flown}}}
+        return {"mission_bound": 0.02, "laws": {"independent": {"accepted": flown}}}
 
     assert not convergence._broken(look(10), "independent")  # 2 %, as promised
     assert not convergence._broken(look(15), "independent")
@@ -243,15 +243,21 @@ def test_hypervolume_counts_decades_of_risk() -> None:
 def test_levels_that_are_the_default_share_their_parts(
     cfg: Settings, world: dict[str, Any], tmp_path: Path
 ) -> None:
-    wanted = AblationConfig(factors=["trees", "epsilon"], trees=[3, 1], epsilon=[0.05])
-    few = replace(cfg, ablation=wanted, evaluation=EvaluationConfig(seeds=[0], jobs=1, laws=["independent"]))
+    wanted = AblationConfig(factors=["trees", "epsilon"], trees=[3, 1], epsilon=[0.07])
+    few = replace(
+        cfg,
+        planner=replace(cfg.planner, epsilon=0.07),
+        ablation=wanted,
+        evaluation=EvaluationConfig(seeds=[0], jobs=1, laws=["independent"]),
+    )
     study = ablation.study(few, world, tmp_path)
     assert len(list((tmp_path / "parts").iterdir())) == 2  # three trees, one tree
     by_level = {(row["factor"], row["level"]): row for row in study.tables["ablation"]}
-    assert by_level["trees", 3]["failure"] == by_level["epsilon", 0.05]["failure"]
+    assert by_level["trees", 3]["failure"] == by_level["epsilon", 0.07]["failure"]
 
 
 def test_one_thing_changes_at_a_time(cfg: Settings) -> None:
+    cfg = replace(cfg, planner=replace(cfg.planner, epsilon=0.05))
     for factor, level in (("trees", 7), ("n_max", 9), ("epsilon", 0.2), ("kernel", "rbf"), ("ball", 3.0)):
         other = ablation.changed(cfg, factor, level)
         section = other.wind if factor in ("kernel", "ball") else other.planner

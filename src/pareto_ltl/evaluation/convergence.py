@@ -95,13 +95,23 @@ def _look(context: Context, forest: Forest, n: int, seed: int) -> Row:
         plan = shop.make("plan")
     except InfeasibleError:
         return look | {"planned": False}
-    costs = [asdict(path.objectives) for path in shop.records["front"].paths]
+    objectives, full = asdict(plan.path.objectives), shop.make("problem").tables.full
     return look | {
         "planned": True,
-        "objectives": asdict(plan.path.objectives),
-        "front": costs,
-        "laws": outcomes(context.truth, plan.path.u, context.runs, context.laws, seed),
+        "objectives": objectives,
+        "mission_bound": objectives["mission_risk" if full else "mission_risk_paper"],
+        "front": trade_offs(forest, full),
+        "laws": outcomes(context.truth, plan.path.u, plan.path.x, context.runs, context.laws, seed),
     }
+
+
+def trade_offs(forest: Forest, full: bool) -> FloatArray:
+    """Non-dominated (risk, length) of the accepted vertices: f_o, or V + R of full fidelity."""
+    from pareto_ltl.selection import accepted_rows, non_dominated
+
+    rows = accepted_rows(forest, full)
+    table = np.column_stack([np.minimum(1.0, rows[:, :-1].sum(axis=1)), rows[:, -1]])
+    return np.asarray(table[non_dominated(table)], float)
 
 
 def snapshot(forest: Forest, n: int) -> Forest:
@@ -180,14 +190,14 @@ def _study(
 
 
 def hypervolumes(results: Sequence[Mapping[str, Any]]) -> FloatArray:
-    """(seeds, sizes): volume that each front dominates, in mission risk (decades) and length.
+    """(seeds, sizes): volume that each front dominates, in risk (decades) and length.
 
     Both are scaled to [0, 1]: risk as 1 + log10(max(f, 1e-9)) / 9, length against ``FAR`` times the shortest
     path that any seed found. Logarithms keep who dominates whom, and let a fall from 1e-2 to 1e-4 count.
     """
     from pareto_ltl.selection import hypervolume
 
-    lengths = [c["length"] for r in results for look in r["looks"] if look["planned"] for c in look["front"]]
+    lengths = [row[1] for r in results for look in r["looks"] if look["planned"] for row in look["front"]]
     volumes = np.zeros((len(results), len(results[0]["looks"])))
     if not lengths:
         return volumes
@@ -195,9 +205,7 @@ def hypervolumes(results: Sequence[Mapping[str, Any]]) -> FloatArray:
     for s, result in enumerate(results):
         for k, look in enumerate(result["looks"]):
             if look["planned"]:
-                rows = np.array(
-                    [[decades(c["mission_risk_paper"]), c["length"] / far] for c in look["front"]]
-                )
+                rows = np.array([[decades(risk), length / far] for risk, length in look["front"]])
                 volumes[s, k] = hypervolume(rows, np.ones(2))
     return volumes
 
@@ -212,7 +220,7 @@ def _row(n: int, law: str, looks: Sequence[Mapping[str, Any]], volumes: FloatArr
     lost = [failed(look, law) for look in planned]
     row: Row = {"size": n, "law": law, "seeds": len(looks)}
     row |= rate("planned", np.array([look["planned"] for look in looks]))
-    row |= quartiles("mission_bound", [number(look["objectives"]["mission_risk_paper"]) for look in planned])
+    row |= quartiles("mission_bound", [number(look["mission_bound"]) for look in planned])
     row |= quartiles("bound", [bound(look, "mission_risk") for look in planned])
     row |= quartiles("failure_of_a_plan", [f.mean() for f in lost])
     row |= quartiles(
@@ -225,9 +233,9 @@ def _row(n: int, law: str, looks: Sequence[Mapping[str, Any]], volumes: FloatArr
 
 
 def _broken(look: Mapping[str, Any], law: str) -> bool:
-    """Whether more flights missed the mission than f_o allows, beyond what chance explains (95 %)."""
+    """Whether more flights missed the mission than its bound allows, beyond what chance explains (95 %)."""
     missed = rate("missed", ~flags(look["laws"][law]["accepted"]))["missed_low"]
-    return bool(missed > number(look["objectives"]["mission_risk_paper"]))
+    return bool(missed > number(look["mission_bound"]))
 
 
 def _seed_row(seed: int, law: str, look: Mapping[str, Any], volume: float) -> Row:
@@ -246,9 +254,9 @@ def _text(rows: Sequence[Row], numbers: Mapping[str, float]) -> str:
             "vertices a tree",
             "winds",
             "with a plan",
-            "bound f_o",
+            "bound, mission",
             "missed",
-            "f_o broken",
+            "broken",
             "bound V + R",
             "failed",
             "length [km]",

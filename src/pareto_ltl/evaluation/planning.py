@@ -7,7 +7,7 @@ functions, and each draws from the stream that the runner gives it.
 from __future__ import annotations
 
 import inspect
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, fields, is_dataclass, replace
 from typing import TYPE_CHECKING, Any
 from zlib import crc32
 
@@ -67,7 +67,8 @@ def still(wind: WindField) -> WindField:
     zeros: dict[str, Any] = {
         name: np.zeros_like(value) for name, value in values.items() if isinstance(value, np.ndarray)
     }
-    return replace(wind, **zeros)
+    gone: dict[str, Any] = {name: None for name, value in values.items() if is_dataclass(value)}  # modes
+    return replace(wind, **zeros, **gone)
 
 
 def unsmoothed(settings: Settings) -> Settings:
@@ -75,12 +76,14 @@ def unsmoothed(settings: Settings) -> Settings:
     return replace(settings, smoothing=replace(settings.smoothing, enabled=False))
 
 
-def fly(truth: Problem, u: FloatArray, runs: int, law: str, seed: int) -> Deployment:
-    """Fly ``u`` in the winds that the deployment stage of a run with ``seed`` draws.
+def fly(
+    truth: Problem, u: FloatArray, runs: int, law: str, seed: int, mean: FloatArray | None = None
+) -> Deployment:
+    """Fly ``u`` in the winds that the deployment of a run with ``seed`` draws; feedback holds on to ``mean``.
 
     One seed, one law: the same winds for all plans (common random numbers).
     """
     from pareto_ltl import deployment
 
     children = dict(zip(deployment.LAWS, stream(seed, "deployment").spawn(len(deployment.LAWS)), strict=True))
-    return deployment.fly(truth, u, runs, law, children[law])
+    return deployment.fly(truth, u, runs, law, children[law], mean)

@@ -32,6 +32,7 @@ LAW_MARKS = {"independent": "o", "coherent": "s"}
 BOUND = style.VERMILLION  # the paper draws its bound in red
 FLOOR = 1e-5  # rates below are drawn on the axis' end: no study flies enough to tell them from 0
 GRID = "#E5E5E5"
+PROMISED = (0, (3.0, 1.5))  # dashes of a promise
 FACTORS = {
     "trees": "trees",
     "beta": "β, times the default",
@@ -43,8 +44,9 @@ FACTORS = {
 }
 LOGARITHMIC = ("trees", "epsilon", "n_max", "dt")
 PROMISES = {
-    "bound_paper": "the paper's bound, Theorem 2 + R",
-    "bound_ordered": "ordered bound, V + R",
+    "bound_paper": "Theorem 2 + R, as planned",
+    "bound_independent": "V + R, independent winds",
+    "bound_coherent": "V + R, coherent winds",
     "simulated_independent": "simulated, independent winds",
     "simulated_coherent": "simulated, coherent winds",
 }
@@ -343,7 +345,7 @@ def convergence_figure(rows: Sequence[Row], numbers: Mapping[str, float]) -> Fig
     if math.isfinite(numbers["first_seconds"]):
         text = f"first answer of a forest:\n{1e3 * numbers['first_seconds']:.2g} ms (median)"
         axes[2].text(0.97, 0.08, text, transform=axes[2].transAxes, ha="right", va="bottom", fontsize=6.5)
-    keys: list[Artist] = [Line2D([], [], color=BOUND, lw=1.4, label="bound on mission failure $f_o$")]
+    keys: list[Artist] = [Line2D([], [], color=BOUND, lw=1.4, label="bound on mission failure")]
     keys += [
         Line2D(
             [],
@@ -431,8 +433,7 @@ def ablation_figure(rows: Sequence[Row], factors: Sequence[str]) -> Figure:
         else:
             ax.set_ylabel("failed, promised [%]")
     laws = laws_of(rows)
-    keys: list[Artist] = [Line2D([], [], color=BOUND, lw=1.3, marker="_", label="promised, V + R")]
-    keys += [
+    keys: list[Artist] = [
         Line2D(
             [],
             [],
@@ -444,6 +445,7 @@ def ablation_figure(rows: Sequence[Row], factors: Sequence[str]) -> Figure:
         )
         for law in laws
     ]
+    keys += [Line2D([], [], color=style.STONE, lw=1.0, ls=PROMISED, label="promised, V + R in these winds")]
     keys += [Line2D([], [], color=style.STONE, lw=2.5, alpha=0.5, label="quartiles over seeds")]
     _over(figure, keys, height, left=west - 0.05, columns=len(keys) if columns > 1 else 2)
     return figure
@@ -454,12 +456,11 @@ def _factor(ax: Axes, rows: Sequence[Row], factor: str, low: float, high: float)
     one = [row for row in rows if row["law"] == laws[0]]
     named = isinstance(one[0]["shown"], str)
     x = np.arange(len(one), dtype=float) if named or factor == "beta" else column(one, "shown")
-    _bars(ax, x, one, "bound", BOUND, low, "_")
     for law in laws:
         mine = [row for row in rows if row["law"] == law]
-        _bars(
-            ax, x, mine, "failure_of_a_plan", LAW_COLORS.get(law, style.PURPLE), low, LAW_MARKS.get(law, "D")
-        )
+        color = LAW_COLORS.get(law, style.PURPLE)
+        ax.plot(x, np.clip(column(mine, "bound"), low, high), color=color, lw=1.0, ls=PROMISED)
+        _bars(ax, x, mine, "failure_of_a_plan", color, low, LAW_MARKS.get(law, "D"))
     if factor in LOGARITHMIC:
         ax.set_xscale("log")
         ax.xaxis.set_minor_locator(FixedLocator([]))
@@ -486,43 +487,43 @@ def _bars(
 
 
 def draw_hindcast(folder: Path, cfg: ReportConfig, study: Study) -> tuple[Path, ...]:
-    """``reliability``: promised against realised failure, one panel a promise."""
-    tables = study.tables
-    return _saved(
-        folder, cfg, {"reliability": lambda: reliability_figure(tables["reliability"], tables["hindcast"])}
-    )
+    """``reliability_F`` for each fidelity F of planning: promised against realised failure."""
+    groups, plans = study.tables["reliability"], study.tables["hindcast"]
+    made = {
+        f"reliability_{name}": partial(
+            reliability_figure,
+            [row for row in groups if row["fidelity"] == name],
+            [row for row in plans if row["fidelity"] == name],
+        )
+        for name in dict.fromkeys(row["fidelity"] for row in groups)
+    }
+    return _saved(folder, cfg, made)
 
 
 def reliability_figure(groups: Sequence[Row], plans: Sequence[Row]) -> Figure:
-    """Groups of plans by what they were promised; the interval takes a mission as one trial."""
-    fidelities = list(dict.fromkeys(row["fidelity"] for row in groups))
-    names = list(dict.fromkeys(row["promise"] for row in groups))
-    gap, west = 0.26, 0.62
-    inner = min(2.1, (style.PAGE - west - 0.1 - (len(names) - 1) * gap) / len(names))
-    width, height = (
-        west + len(names) * (inner + gap),
-        len(fidelities) * (inner + 0.62) + (0.16 if len(fidelities) > 1 else -0.02),
-    )
-    figure = style.blank(width, height)
-    low = 1e-4
-    for i, fidelity in enumerate(fidelities):
-        bottom = (len(fidelities) - 1 - i) * (inner + 0.62) + 0.38
-        for k, name in enumerate(names):
-            ax = style.box(figure, west + k * (inner + gap), bottom, inner, inner)
-            mine = [row for row in groups if row["fidelity"] == fidelity and row["promise"] == name]
-            cloud = [row for row in plans if row["fidelity"] == fidelity and name in row]
-            _reliability(ax, mine, cloud, name, low)
-            ax.set_xlabel("promised [%]")
-            if k:
-                ax.tick_params(labelleft=False)
-            else:
-                ax.set_ylabel("failed in the full fields [%]")
-            title = PROMISES.get(name, name)
-            style.note(
-                figure, west + k * (inner + gap), bottom + inner + 0.04, title, va="bottom", fontweight="bold"
-            )
-        if len(fidelities) > 1:
-            style.note(figure, 0.06, bottom + inner + 0.20, f"fidelity={fidelity}", va="bottom")
+    """Groups of plans by what they were promised, one panel a promise; the interval takes a mission as one
+    trial."""
+    order = [name for name in PROMISES if any(row["promise"] == name for row in groups)]
+    columns = 3 if len(order) > 4 else len(order)
+    rows = -(-len(order) // columns)
+    gap, west, above = 0.26, 0.62, 0.62
+    inner = min(2.1, (style.PAGE - west - 0.1 - (columns - 1) * gap) / columns)
+    width, height = west + columns * (inner + gap), rows * (inner + above) - 0.02
+    figure, low = style.blank(width, height), 1e-4
+    for k, name in enumerate(order):
+        left, bottom = (
+            west + (k % columns) * (inner + gap),
+            (rows - 1 - k // columns) * (inner + above) + 0.38,
+        )
+        ax = style.box(figure, left, bottom, inner, inner)
+        mine = [row for row in groups if row["promise"] == name]
+        _reliability(ax, mine, [row for row in plans if name in row], name, low)
+        ax.set_xlabel("promised [%]")
+        if k % columns:
+            ax.tick_params(labelleft=False)
+        else:
+            ax.set_ylabel("failed in the full fields [%]")
+        style.note(figure, left, bottom + inner + 0.04, PROMISES[name], va="bottom", fontweight="bold")
     return figure
 
 
@@ -538,7 +539,7 @@ def _reliability(ax: Axes, groups: Sequence[Row], plans: Sequence[Row], name: st
         zorder=2,
         clip_on=False,
     )
-    color = LAW_COLORS.get(name.removeprefix("simulated_"), style.BLACK)
+    color = LAW_COLORS.get(name.partition("_")[2], style.BLACK)
     for row in groups:
         x, y = max(row["promised"], low), max(row["realised"], low)
         ax.plot(
