@@ -153,6 +153,11 @@ def panels_figure(
         )
         style.note(figure, left, bottom + height + 0.03, _caption(panel), va="bottom", fontsize=6.0)
     _panel_keys(figure, cfg, panels, west)
+    laws = next((list(panel["flights"]) for panel in panels if panel["planned"]), [])
+    if len(laws) > 1:
+        style.note(
+            figure, style.PAGE / 2, 0.30, f"failed: {' / '.join(laws)} winds", va="center", fontsize=6.5
+        )
     return figure
 
 
@@ -183,12 +188,8 @@ def _panel(
 def _caption(panel: Row) -> str:
     if not panel["planned"]:
         return "no plan"
-    lost = ", ".join(
-        f"{int((~f.accepted | f.collided).sum())} of {len(f.accepted)} failed"
-        + (f" ({law})" if len(panel["flights"]) > 1 else "")
-        for law, f in panel["flights"].items()
-    )
-    return f"{panel['length_m'] / 1e3:,.0f} km; {lost}"
+    lost = " / ".join(f"{100 * (~f.accepted | f.collided).mean():.1f}" for f in panel["flights"].values())
+    return f"{panel['length_m'] / 1e3:,.0f} km; {lost} % failed"
 
 
 def _panel_keys(figure: Figure, cfg: ReportConfig, panels: Sequence[Row], left: float) -> None:
@@ -445,7 +446,7 @@ def ablation_figure(rows: Sequence[Row], factors: Sequence[str]) -> Figure:
         )
         for law in laws
     ]
-    keys += [Line2D([], [], color=style.STONE, lw=1.0, ls=PROMISED, label="promised, V + R in these winds")]
+    keys += [Line2D([], [], color=style.STONE, lw=1.0, ls=PROMISED, label="promised (V + R)")]
     keys += [Line2D([], [], color=style.STONE, lw=2.5, alpha=0.5, label="quartiles over seeds")]
     _over(figure, keys, height, left=west - 0.05, columns=len(keys) if columns > 1 else 2)
     return figure
