@@ -27,7 +27,7 @@ from pareto_ltl.errors import ConfigError, InfeasibleError
 from pareto_ltl.evaluation import parts
 from pareto_ltl.evaluation.compare import bound, failed, outcomes, truth
 from pareto_ltl.evaluation.parts import Part, Progress
-from pareto_ltl.evaluation.planning import Workshop, unsmoothed
+from pareto_ltl.evaluation.planning import Workshop, unsmoothed, with_wind
 from pareto_ltl.evaluation.tables import (
     Row,
     flags,
@@ -113,18 +113,20 @@ def _check(settings: Settings) -> None:
 def _context(settings: Settings, world: Mapping[str, Any]) -> Context:
     mine = unsmoothed(settings)
     mine = replace(mine, planner=replace(mine.planner, threads=1))
-    reference = Workshop(mine, dict(world))
+    whole = with_wind(mine, world)
+    reference = Workshop(mine, dict(whole))
     reference.make("problem")
     shops, worlds = {}, {}
     for factor, level in levels(settings):
         other = changed(mine, factor, level)
-        shop = reference if other == mine else Workshop(other, dict(world))
+        refitted = factor == "kernel" and other != mine
+        shop = reference if other == mine else Workshop(other, dict(world if refitted else whole))
         shop.make("problem")
         shops[factor, level] = shop
         if factor == "dt":
             worlds[factor, level] = truth(cut(settings, level), world)
     return Context(
-        shops, worlds, truth(settings, world), settings.deployment.runs, tuple(settings.evaluation.laws)
+        shops, worlds, truth(settings, whole), settings.deployment.runs, tuple(settings.evaluation.laws)
     )
 
 

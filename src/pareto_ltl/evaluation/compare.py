@@ -24,7 +24,7 @@ from pareto_ltl.config import FIDELITIES, Settings
 from pareto_ltl.errors import InfeasibleError
 from pareto_ltl.evaluation import parts
 from pareto_ltl.evaluation.parts import Part, Progress
-from pareto_ltl.evaluation.planning import Workshop, fly, still
+from pareto_ltl.evaluation.planning import Workshop, fly, still, with_wind
 from pareto_ltl.evaluation.tables import (
     Row,
     bits,
@@ -97,6 +97,7 @@ def study(
 ) -> Study:
     """Plan with every method and seed, fly all, and compare."""
     cfg, names = settings.evaluation, tuple(settings.compare.methods)
+    world = with_wind(settings, world)
     context = Context(
         {name: method(name, settings, world) for name in names},
         truth(settings, world),

@@ -25,7 +25,7 @@ from pareto_ltl.errors import InfeasibleError
 from pareto_ltl.evaluation import parts
 from pareto_ltl.evaluation.compare import bound, failed, outcomes, truth
 from pareto_ltl.evaluation.parts import Part, Progress
-from pareto_ltl.evaluation.planning import Workshop, stream, unsmoothed
+from pareto_ltl.evaluation.planning import Workshop, stream, unsmoothed, with_wind
 from pareto_ltl.evaluation.tables import (
     Row,
     flags,
@@ -60,6 +60,7 @@ def study(
     cfg, sizes = settings.evaluation, tuple(sorted(settings.convergence.sizes))
     mine = unsmoothed(settings)
     mine = replace(mine, planner=replace(mine.planner, n_max=sizes[-1], threads=1))
+    world = with_wind(settings, world)
     shop = Workshop(mine, dict(world))
     shop.make("problem")
     context = Context(shop, truth(settings, world), sizes, settings.deployment.runs, tuple(cfg.laws))

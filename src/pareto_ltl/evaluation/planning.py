@@ -7,6 +7,7 @@ functions, and each draws from the stream that the runner gives it.
 from __future__ import annotations
 
 import inspect
+from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, is_dataclass, replace
 from typing import TYPE_CHECKING, Any
 from zlib import crc32
@@ -57,6 +58,11 @@ class Workshop:
     def with_seed(self, seed: int) -> Workshop:
         """The same problem for another seed; nothing random is taken along."""
         return Workshop(replace(self.settings, seed=seed), dict(self.records))
+
+
+def with_wind(settings: Settings, world: Mapping[str, Any]) -> dict[str, Any]:
+    """``world`` with its wind field, for all planners that believe in the same one."""
+    return dict(world) | {"wind": Workshop(settings, dict(world)).make("wind")}
 
 
 def still(wind: WindField) -> WindField:
