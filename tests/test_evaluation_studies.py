@@ -92,6 +92,8 @@ def test_ml_rrt_knows_of_no_wind(cfg: Settings, world: dict[str, Any]) -> None:
     assert not wind.mean.any()
     assert not wind.latent.any()
     assert not wind.gust.any()
+    assert not shop.make("problem").tables.modes.psi.any()
+    assert compare.method("paper", cfg, world).make("problem").tables.modes.psi.any()
     plan = shop.make("plan")
     assert plan.path.objectives.mission_risk_paper == 0.0
     np.testing.assert_allclose(np.diff(plan.path.x, axis=0), plan.path.u * cfg.robot.dt, atol=1e-6)
@@ -140,6 +142,23 @@ def test_rates_are_those_of_the_flights(compared: Study, cfg: Settings) -> None:
         assert row["failure_low"] <= row["failure"] <= row["failure_high"]
         assert row["collision"] <= row["failure"] + 1e-12
         assert 1 - row["completion"] <= row["failure"] + 1e-12
+
+
+def test_both_fidelities_fly_under_both_laws_and_keep_the_promise_of_each(
+    cfg: Settings, world: dict[str, Any], tmp_path: Path
+) -> None:
+    few = EvaluationConfig(seeds=[0], jobs=1, laws=["independent", "coherent"])
+    both = CompareConfig(["paper", "full"])
+    study = compare.study(replace(cfg, evaluation=few, compare=both), world, tmp_path)
+    rows = {(row["method"], row["law"]): row for row in study.tables["compare"]}
+    assert len(rows) == 4
+    for row in rows.values():
+        assert row["planned"] == 1.0
+        assert row["bounds_broken"] == 0
+        assert 0.0 <= row["forecast"] <= 1.0
+    promised = rows["paper", "independent"]
+    assert promised["forecast"] == pytest.approx(promised["bound"], abs=0.01)
+    assert rows["paper", "coherent"]["forecast"] > promised["forecast"]
 
 
 def test_a_difference_is_that_of_the_two_rates(compared: Study, cfg: Settings) -> None:
