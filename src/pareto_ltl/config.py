@@ -286,6 +286,143 @@ class IngestConfig:
         _at_least("ingest.points", self.points, 3)
 
 
+def _distinct(key: str, values: list[Any]) -> None:
+    """A list that a study goes through: not empty, nothing twice."""
+    if not values:
+        raise ConfigError(f"{key} is empty: list at least one value, e.g. {key}=[1,2,3]")
+    if len({str(value) for value in values}) < len(values):
+        raise ConfigError(f"{key} lists a value twice, got {values}")
+
+
+@dataclass
+class EvaluationConfig:
+    """What the studies (pipelines compare, convergence, ablation, hindcast) share."""
+
+    seeds: list[int] = field(default_factory=lambda: list(range(20)))  # one plan each
+    laws: list[str] = field(default_factory=lambda: list(LAWS))  # wind laws that plans are flown under
+    jobs: int = 0  # processes; 0: one a core
+    resume: str | None = None  # results directory of a run to go on with
+
+    def __post_init__(self) -> None:
+        for key, values in (("evaluation.seeds", self.seeds), ("evaluation.laws", self.laws)):
+            if not values:
+                raise ConfigError(f"{key} is empty: list at least one")
+            _distinct(key, values)
+        for seed in self.seeds:
+            _not_negative("evaluation.seeds", seed)
+        for law in self.laws:
+            _one_of("evaluation.laws", law, LAWS)
+        _at_least("evaluation.jobs", self.jobs, 0)
+
+
+METHODS = (*FIDELITIES, "smoothed", "cc_rrt", "ml_rrt", "calm_shortest")
+
+
+@dataclass
+class CompareConfig:
+    """Which planners ``pipelines=compare`` sets side by side; the first is the one the others differ from."""
+
+    methods: list[str] = field(default_factory=lambda: list(METHODS))
+
+    def __post_init__(self) -> None:
+        if not self.methods:
+            raise ConfigError(f"compare.methods is empty: list at least one of {', '.join(METHODS)}")
+        for method in self.methods:
+            _one_of("compare.methods", method, METHODS)
+        _distinct("compare.methods", self.methods)
+
+
+@dataclass
+class ConvergenceConfig:
+    """Vertices a tree at which ``pipelines=convergence`` looks at the growing forests."""
+
+    sizes: list[int] = field(default_factory=lambda: [100, 200, 500, 1000, 2500, 5000, 10_000, 20_000])
+
+    def __post_init__(self) -> None:
+        _distinct("convergence.sizes", self.sizes)
+        for size in self.sizes:
+            _at_least("convergence.sizes", size, 2)
+
+
+FACTORS = ("trees", "beta", "epsilon", "n_max", "dt", "kernel", "ball")
+
+
+@dataclass
+class AblationConfig:
+    """What ``pipelines=ablation`` changes, one thing at a time, and the values it takes."""
+
+    factors: list[str] = field(default_factory=lambda: list(FACTORS))
+    trees: list[int] = field(default_factory=lambda: [1, 2, 5, 10, 20])
+    beta: list[float] = field(default_factory=lambda: [0.0, 1.0, 10.0])  # times the planner's two betas
+    epsilon: list[float] = field(default_factory=lambda: [0.01, 0.02, 0.05, 0.1, 0.2])
+    n_max: list[int] = field(default_factory=lambda: [500, 1000, 2500, 5000, 10_000])
+    dt: list[int] = field(default_factory=lambda: [1, 2, 4, 8, 16])  # pieces that a step is cut into
+    kernel: list[str] = field(default_factory=lambda: list(KERNELS))
+    ball: list[float] = field(default_factory=lambda: [0.0, 1.0, 2.0, 3.0])  # standard deviations
+
+    def __post_init__(self) -> None:
+        if not self.factors:
+            raise ConfigError(f"ablation.factors is empty: list at least one of {', '.join(FACTORS)}")
+        for factor in self.factors:
+            _one_of("ablation.factors", factor, FACTORS)
+        for factor in FACTORS:
+            _distinct(f"ablation.{factor}", getattr(self, factor))
+        for key in ("trees", "n_max", "dt"):
+            for value in getattr(self, key):
+                _at_least(f"ablation.{key}", value, 1)
+        for value in (*self.beta, *self.ball):
+            _not_negative("ablation.beta and ablation.ball", value)
+        for epsilon in self.epsilon:
+            _probability("ablation.epsilon", epsilon)
+        for kernel in self.kernel:
+            _one_of("ablation.kernel", kernel, KERNELS)
+
+
+INLAND = (  # the contiguous United States without their rim [longitude, latitude] [deg]
+    (-120.0, 46.5), (-118.5, 37.0), (-111.0, 33.5), (-103.0, 31.5), (-98.5, 29.0), (-91.0, 31.5),
+    (-84.0, 32.5), (-80.5, 35.0), (-76.5, 40.5), (-84.0, 43.0), (-90.0, 45.5), (-97.0, 47.0), (-111.0, 47.0),
+)  # fmt: skip
+
+
+@dataclass
+class HindcastConfig:
+    """Random missions that ``pipelines=hindcast`` plans from few readings and flies through full fields."""
+
+    truth: str | None = None  # folder of GRIB2 files; default: the NOAA files beside the checkout
+    missions: int = 100
+    plans: int = 3  # of each mission's front: safest, shortest and between
+    points: int = 120  # readings a time that planning sees, spread over ``area``
+    area: list[list[float]] = field(default_factory=lambda: [list(p) for p in INLAND])  # centres of scenes
+    side: list[float] = field(default_factory=lambda: [400_000.0, 800_000.0])  # of a scene [m]
+    obstacles: list[int] = field(default_factory=lambda: [2, 7])  # in a scene, at least and at most
+    formulas: list[str] = field(
+        default_factory=lambda: ["F(a & F b)", "F(a & F b & F c)", "F(a & F(b & F c))", "!b U a & F c"]
+    )
+    hours: float = 18.0  # wind that must be left after departure [h]
+    max_gap: float = 6.0  # fields farther apart belong to different spells [h]
+    gusts: float = 1.0  # share of the fitted white standard deviation added to the real fields
+    spacing: float = 20_000.0  # lattice of the real fields [m]
+    bins: int = 8  # of the reliability diagram
+
+    def __post_init__(self) -> None:
+        _at_least("hindcast.missions", self.missions, 1)
+        _at_least("hindcast.plans", self.plans, 1)
+        _at_least("hindcast.points", self.points, 5)
+        _at_least("hindcast.bins", self.bins, 2)
+        for key, pair in (("side", self.side), ("obstacles", self.obstacles)):
+            if len(pair) != 2 or not 0 <= pair[0] <= pair[1]:
+                raise ConfigError(f"hindcast.{key} must be [least, most], got {pair}")
+        _positive("hindcast.side", self.side[0], "m")
+        if len(self.area) < 3 or any(len(corner) != 2 for corner in self.area):
+            raise ConfigError("hindcast.area must be at least three corners [longitude, latitude]")
+        if not self.formulas:
+            raise ConfigError("hindcast.formulas is empty: list at least one, over the regions a, b and c")
+        _positive("hindcast.hours", self.hours, "h")
+        _positive("hindcast.max_gap", self.max_gap, "h")
+        _not_negative("hindcast.gusts", self.gusts)
+        _positive("hindcast.spacing", self.spacing, "m")
+
+
 @dataclass
 class PipelineConfig:
     stages: list[str] = field(default_factory=list)
@@ -310,6 +447,11 @@ class Settings:
     report: ReportConfig = field(default_factory=ReportConfig)
     ingest: IngestConfig = field(default_factory=IngestConfig)
     pipelines: PipelineConfig = field(default_factory=PipelineConfig)
+    evaluation: EvaluationConfig = field(default_factory=EvaluationConfig)
+    compare: CompareConfig = field(default_factory=CompareConfig)
+    convergence: ConvergenceConfig = field(default_factory=ConvergenceConfig)
+    ablation: AblationConfig = field(default_factory=AblationConfig)
+    hindcast: HindcastConfig = field(default_factory=HindcastConfig)
 
     def __post_init__(self) -> None:
         _one_of("fidelity", self.fidelity, FIDELITIES)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from pareto_ltl.problem import Forecast
-    from pareto_ltl.records import Acceptance, Deployment, Forest, Front, Plan, WindField
+    from pareto_ltl.records import Acceptance, Deployment, Forest, Front, Plan, Study, WindField
 
 
 def metrics(records: Mapping[str, Any], seconds: Mapping[str, float]) -> dict[str, float]:
@@ -104,6 +104,10 @@ def _deployments(deployments: Mapping[str, Deployment]) -> dict[str, float]:
     return {name: rate for flights in deployments.values() for name, rate in rates(flights).items()}
 
 
+def _study(study: Study) -> dict[str, float]:
+    return {"completed": 1.0, **study.numbers}
+
+
 def _peak_memory() -> float:
     """Largest memory this process has held [MiB]."""
     import resource
@@ -118,4 +122,8 @@ COUNTERS: dict[str, Callable[[Any], dict[str, float]]] = {
     "plan": _plan,
     "forecasts": _forecasts,
     "deployment": _deployments,
+    "comparison": _study,
+    "convergence": _study,
+    "ablation": _study,
+    "hindcast": _study,
 }

@@ -15,6 +15,7 @@ from zlib import crc32
 from pareto_ltl import provenance, stages
 from pareto_ltl.config import Settings
 from pareto_ltl.errors import ConfigError, InfeasibleError, ParetoLtlError
+from pareto_ltl.evaluation import studies  # noqa: F401 - makes the studies known by name
 from pareto_ltl.progress import ProgressBar
 
 log = logging.getLogger("pareto_ltl")

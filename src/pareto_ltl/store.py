@@ -32,6 +32,7 @@ from pareto_ltl.records import (
     Objectives,
     Plan,
     Scene,
+    Study,
     Tree,
     WindField,
 )
@@ -398,6 +399,18 @@ def read_deployments(place: Path | str) -> dict[str, Deployment]:
         }
 
 
+# --- evaluations -----------------------------------------------------------------------------
+
+
+def write_study(directory: Path, study: Study) -> None:
+    """Every table as CSV, columns in the order of the first row, and the main ones as ``tables.md``."""
+    for name, rows in study.tables.items():
+        if rows:
+            header = tuple(rows[0])
+            write_csv(directory / f"{name}.csv", header, ([row[key] for key in header] for row in rows))
+    write_bytes(directory / "tables.md", study.text.encode())
+
+
 # --- the directory ---------------------------------------------------------------------------
 
 WRITERS: dict[str, Callable[[Path, Any], None]] = {
@@ -409,6 +422,10 @@ WRITERS: dict[str, Callable[[Path, Any], None]] = {
     "front": write_front,
     "plan": write_plan,
     "deployment": write_deployments,
+    "comparison": write_study,
+    "convergence": write_study,
+    "ablation": write_study,
+    "hindcast": write_study,
 }
 
 

@@ -27,6 +27,8 @@ def print_summary(
     for row in rows(metrics):
         table.add_row(*row)
     console.print(table)
+    if (directory / "tables.md").is_file():  # of an evaluation
+        console.print((directory / "tables.md").read_text(encoding="utf-8"), soft_wrap=True, markup=False)
     console.print(f"results in {directory}", soft_wrap=True)
 
 
