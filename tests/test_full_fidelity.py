@@ -46,7 +46,8 @@ def front(task, forest):
 
 
 def test_every_vertex_costs_what_the_exact_evaluation_says(task, forest):
-    """V agrees; the R of growth takes faces greedily, and so is never below the cheapest division."""
+    """V agrees; the R of growth takes faces greedily, and so lies above the cheapest division, as far as the
+    reflection may be used (growth trusts it, the evaluation looks)."""
     whole = replace(task, tables=task.tables._replace(delta=10.0))
     rng = np.random.default_rng(0)
     for tree in forest.trees:

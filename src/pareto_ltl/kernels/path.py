@@ -45,6 +45,7 @@ def evaluate(
     reset(track)
     miss[:] = 0.0
     faces = np.full((2, len(tables.obstacles.ptr) - 1), -1, np.int64)
+    runs = np.zeros((2, faces.shape[1], 3))
     m = len(tables.obstacles.ptr) - 1
     masks = np.zeros((2, m), np.int64)  # of this step and of the one before
     cov[0, 0], cov[0, 1], cov[0, 2] = variance, 0.0, variance
@@ -86,7 +87,7 @@ def evaluate(
             b4 = cov[s]
             step_risk, _ = pass_by(
                 tables.obstacles, x[s, 0], x[s, 1], b4[0], b4[1], b4[2], x[t, 0], x[t, 1], c[0], c[1], c[2],
-                faces, (t + 1) % 2, faces, t % 2,
+                faces, runs, (t + 1) % 2, faces, runs, t % 2,
             )  # fmt: skip
             if step_risk > tables.epsilon:
                 return CROSSING, t

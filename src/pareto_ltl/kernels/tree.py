@@ -40,8 +40,8 @@ class Vertices(NamedTuple):
 
     Paper fidelity keeps in ``masks`` the faces of each obstacle that the vertex clears. Full fidelity keeps
     its own covariance ``cov``, V of every state in ``bound`` (N, Q), the separating faces of the step to it
-    in ``face`` (N, m), and in ``track`` what the coherent law of its children starts from. What a fidelity
-    does not use has no rows.
+    in ``face`` (N, m) and the runs of such steps in ``run`` (N, m, 3), and in ``track`` what the coherent
+    law of its children starts from. What a fidelity does not use has no rows.
     """
 
     x: FloatArray
@@ -59,6 +59,7 @@ class Vertices(NamedTuple):
     cov: FloatArray
     bound: FloatArray
     face: IntArray
+    run: FloatArray
     track: Track
 
 
@@ -81,6 +82,7 @@ class Growing(NamedTuple):
     risks: FloatArray  # (3, P) scratch: the proposal's, the best one's, the original parent's
     bounds: FloatArray  # (2, Q) scratch: V of the proposal and of the best one
     faces: IntArray  # (2, m) scratch: their separating faces
+    runs: FloatArray  # (2, m, 3) scratch: what the runs of steps with these faces cost
     labels: FloatArray  # (L + 1,) scratch: P(label)
 
 
@@ -207,7 +209,7 @@ def appraise(
     xx, xy, yy = ahead[parent, 0], ahead[parent, 1], ahead[parent, 2]
     step, more = pass_by(
         tables.obstacles, tree.x[parent, 0], tree.x[parent, 1], own[parent, 0], own[parent, 1], own[parent,
-        2], x, y, xx, xy, yy, tree.face, parent, growing.faces, r,
+        2], x, y, xx, xy, yy, tree.face, tree.run, parent, growing.faces, growing.runs, r,
     )  # fmt: skip
     R = tree.risk[parent, 1] + more
     if step > tables.epsilon or tables.delta < R:
@@ -244,6 +246,8 @@ def add_vertex(
             tree.bound[v, p] = growing.bounds[1, p]
         for j in range(tree.face.shape[1]):
             tree.face[v, j] = growing.faces[1, j]
+            for i in range(3):
+                tree.run[v, j, i] = growing.runs[1, j, i]
     if tables.logic.distance[q] == 0.0:
         growing.tally[ACCEPTED] += 1
         return v
@@ -447,6 +451,8 @@ def adopt(growing: Growing) -> None:
         growing.bounds[1, p] = growing.bounds[0, p]
     for j in range(growing.faces.shape[1]):
         growing.faces[1, j] = growing.faces[0, j]
+        for i in range(3):
+            growing.runs[1, j, i] = growing.runs[0, j, i]
 
 
 @kernel
@@ -595,9 +601,11 @@ def plant_full(
     reset(tree.track)
     for j in range(tree.face.shape[1]):
         tree.face[0, j] = -1
+        for i in range(3):
+            tree.run[0, j, i] = 0.0
     step, R = pass_by(
-        tables.obstacles, x, y, variance, 0.0, variance, x, y, variance, 0.0, variance, tree.face, 0,
-        tree.face, 0,
+        tables.obstacles, x, y, variance, 0.0, variance, x, y, variance, 0.0, variance, tree.face,
+        tree.run, 0, tree.face, tree.run, 0,
     )  # fmt: skip
     begin(tables, growing.bounds, 0)
     read_label(tables, x, y, variance, 0.0, variance, growing.labels)
