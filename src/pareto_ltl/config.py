@@ -246,6 +246,16 @@ class PipelineConfig:
 
 
 @dataclass
+class SweepConfig:
+    """How many runs are carried out and shown together; no result depends on it."""
+
+    resume: bool = True  # keep the answers that are there, and run only what failed, was killed or is new
+    x: str | None = None  # the figure: a swept setting, or a metric; default: the first setting swept
+    y: str | None = None  # the figure: a metric; default: the failure rate
+    by: str | None = None  # the figure: one colour for each value of this swept setting
+
+
+@dataclass
 class Settings:
     """Everything a run needs."""
 
@@ -264,6 +274,7 @@ class Settings:
     report: ReportConfig = field(default_factory=ReportConfig)
     ingest: IngestConfig = field(default_factory=IngestConfig)
     pipelines: PipelineConfig = field(default_factory=PipelineConfig)
+    sweep: SweepConfig = field(default_factory=SweepConfig)
 
     def __post_init__(self) -> None:
         _one_of("fidelity", self.fidelity, FIDELITIES)

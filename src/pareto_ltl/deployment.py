@@ -7,7 +7,6 @@ step by step, and a longer plan only draws further.
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 
@@ -16,6 +15,7 @@ from numpy.random import Generator, SeedSequence
 
 from pareto_ltl.arrays import BoolArray, FloatArray
 from pareto_ltl.config import DeploymentConfig
+from pareto_ltl.cores import cores
 from pareto_ltl.errors import InfeasibleError
 from pareto_ltl.kernels import rollout
 from pareto_ltl.problem import Problem
@@ -73,7 +73,7 @@ def fly(problem: Problem, u: FloatArray, runs: int, law: str, seed: SeedSequence
         x[block, 0] = problem.scene.start + np.sqrt(problem.start_variance) * start
         return LAWS[law](problem, u, x[block], rng)
 
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
+    with ThreadPoolExecutor(cores()) as pool:
         outcomes = list(pool.map(one, blocks, rngs))
     return Deployment(
         law,
