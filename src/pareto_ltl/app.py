@@ -39,7 +39,7 @@ from omegaconf.errors import MissingMandatoryValue, OmegaConfBaseException
 
 from pareto_ltl import pipeline
 from pareto_ltl.config import Settings
-from pareto_ltl.errors import ConfigError, ParetoLtlError
+from pareto_ltl.errors import ConfigError, DataError, ParetoLtlError
 from pareto_ltl.provenance import one_line
 from pareto_ltl.resources import choices, folder, groups
 from pareto_ltl.summary import print_summary
@@ -55,7 +55,10 @@ Usage
   pareto-ltl +experiment=phi1                              plan one of the ready missions
   pareto-ltl +experiment=phi2 planner.n_max=5000           with another setting
   pareto-ltl +experiment=phi1 "mission.formula='F(a & F b)'"
-  pareto-ltl -m +experiment=phi2 'seed=range(0,20)'        many runs
+  pareto-ltl -m +experiment=phi2 +sweep=seeds              many runs, one table
+  pareto-ltl -m +experiment=phi2 'seed=range(0,99)' hydra/launcher=joblib
+  pareto-ltl rerun DIR                                     the same again, compared byte by byte
+  pareto-ltl cache clear                                   forget fits of the wind
   pareto-ltl pipelines=ingest wind=grib wind.path=DIR      a wind table out of GRIB2 files
   pareto-ltl formula "F(a & F b)"                          what a formula means
 
@@ -209,8 +212,21 @@ def _check_launcher(config: DictConfig) -> None:
         found = False
     if not found and name in LAUNCHERS:
         raise ConfigError(
-            f"hydra/launcher={name} is not installed; it comes with pip install 'pareto-ltl[{LAUNCHERS[name]}]'"
+            f"hydra/launcher={name} is not installed; "
+            f"it comes with pip install 'pareto-ltl[{LAUNCHERS[name]}]'"
         )
+
+
+def read_settings(path: Path) -> Settings:
+    """The settings that a run left in its ``config_resolved.yaml``."""
+    try:
+        config = OmegaConf.merge(OmegaConf.structured(Settings), OmegaConf.load(path))
+    except OSError as error:
+        raise DataError(f"{path}: cannot be read ({error.strerror}); is this a results directory?") from error
+    except Exception as error:
+        raise DataError(f"{path}: not the settings of a run ({_first_line(error)})") from error
+    assert isinstance(config, DictConfig)
+    return settings_of(config)
 
 
 def _search_path(config_dir: str | None) -> list[str]:

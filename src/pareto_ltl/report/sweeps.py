@@ -15,7 +15,30 @@ from pareto_ltl.report import style
 COLOURS = (style.BLUE, style.VERMILLION, style.GREEN, style.PURPLE, style.ORANGE, style.SKY, style.INK)
 MARKS = ("o", "s", "^", "D", "v", "P", "X")
 WIDTH, HEIGHT = 5.2, 3.0  # [in]
+UNORDERED = ("seed", "job")  # neighbours have nothing in common: no line joins them
 SPREAD = 0.32  # half of the width in which the dots of a word or of a repeated number lie
+
+LABELS = {
+    "length_m": "length of the path [m]",
+    "duration_s": "flight time [s]",
+    "mission_risk_paper": "mission risk, bound of the paper",
+    "mission_risk": "mission risk, ordered bound",
+    "collision_risk": "collision risk, bound",
+    "front_size": "paths on the front",
+    "hypervolume": "hypervolume of the front",
+    "run_seconds": "time of a run [s]",
+    "growth_seconds": "time of growth [s]",
+    "nodes_per_second": "tree vertices a second",
+    "planner.n_max": "vertices a tree (planner.n_max)",
+    "planner.epsilon": "collision probability allowed at a step (planner.epsilon)",
+    "robot.dt": "time step (robot.dt) [s]",
+    "robot.u_max": "largest airspeed (robot.u_max) [m/s]",
+}
+LAWFUL = {  # metrics that end with the law of the winds
+    "failure": "failed flights",
+    "mission_failure": "flights that missed the mission",
+    "collision": "flights that touched an obstacle",
+}
 
 Series = Mapping[str, Sequence[tuple[str, float]]]
 
@@ -27,7 +50,7 @@ def draw(folder: Path, x: str, y: str, by: str | None, series: Series, dpi: int 
         axes = style.box(figure, 0.62, 0.5, WIDTH - 0.8, HEIGHT - 0.8)
         places = _places([value for points in series.values() for value, _ in points])
         for index, (name, points) in enumerate(series.items()):
-            _series(axes, places, index, len(series), name, points)
+            _series(axes, places, index, len(series), name, points, joined=x not in UNORDERED)
         _axes(axes, x, y, places, series)
         if by is not None and len(series) <= 12:
             axes.legend(
@@ -42,6 +65,14 @@ def draw(folder: Path, x: str, y: str, by: str | None, series: Series, dpi: int 
         _, svg = style.save(figure, folder, _file_name(y, x), dpi)
     text = svg.read_text(encoding="utf-8")
     return text[text.index("<svg") :]
+
+
+def label(name: str) -> str:
+    """What an axis is called: words and units where we know them, else the name itself."""
+    for stem, words in LAWFUL.items():
+        if name.startswith(f"{stem}_"):
+            return f"{words}, {name.removeprefix(f'{stem}_')} winds"
+    return LABELS.get(name, name)
 
 
 def _file_name(y: str, x: str) -> str:
@@ -75,6 +106,8 @@ def _series(
     of: int,
     name: str,
     points: Sequence[tuple[str, float]],
+    *,
+    joined: bool,
 ) -> None:
     colour, mark = COLOURS[index % len(COLOURS)], MARKS[index % len(MARKS)]
     at = np.array([places[value] for value, _ in points])
@@ -94,7 +127,11 @@ def _series(
                 columns, quartiles[:, 0], quartiles[:, 2], color=colour, alpha=0.16, linewidth=0
             )
             axes.plot(columns, quartiles[:, 1], color=colour, linewidth=1.1)
-    elif not words and len(columns) > 1 and of > 1:
+    elif not joined:
+        low, middle, high = np.quantile(up, [0.25, 0.5, 0.75])
+        axes.axhspan(low, high, color=colour, alpha=0.1, linewidth=0)
+        axes.axhline(middle, color=colour, linewidth=1.0)
+    elif not words and len(columns) > 1:
         order = np.argsort(at)
         axes.plot(at[order], up[order], color=colour, linewidth=0.9, alpha=0.6)
     jitter = _jitter(at, up, columns, width) + shift if words else 0.0
@@ -133,8 +170,8 @@ def _logarithmic(places: Mapping[str, float]) -> bool:
 
 
 def _axes(axes: Axes, x: str, y: str, places: Mapping[str, float], series: Series) -> None:
-    axes.set_xlabel(x, parse_math=False)
-    axes.set_ylabel(y, parse_math=False)
+    axes.set_xlabel(label(x), parse_math=False)
+    axes.set_ylabel(label(y), parse_math=False)
     axes.grid(axis="y", color="#E6E6E6", linewidth=0.5)
     for side in ("top", "right"):
         axes.spines[side].set_visible(False)
@@ -156,6 +193,4 @@ def _axes(axes: Axes, x: str, y: str, places: Mapping[str, float], series: Serie
         axes.set_xscale("log")
     if not _worded(places) and len(columns) <= 8:
         axes.set_xticks(columns, [f"{column:g}" for column in columns])
-        axes.minorticks_off() if not axes.get_yscale() == "log" else axes.tick_params(
-            axis="x", which="minor", length=0
-        )
+        axes.tick_params(axis="x", which="minor", length=0)

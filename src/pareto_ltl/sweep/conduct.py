@@ -40,7 +40,7 @@ def claimed(place: Path) -> Iterator[None]:
     try:
         with locks.held(place / LOCK, wait=False, note=note):
             yield
-    except locks.Taken as other:
+    except locks.TakenError as other:
         raise ConfigError(
             f"a sweep is at work in {place} already ({other}): wait for it, "
             "or give this one a folder of its own with hydra.sweep.dir=FOLDER"

@@ -19,7 +19,7 @@ log = logging.getLogger(__name__)
 UNKNOWN = (errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP)
 
 
-class Taken(Exception):
+class TakenError(Exception):
     """Somebody else holds the lock; the text is what they wrote into it."""
 
 
@@ -29,7 +29,7 @@ def held(path: Path, *, wait: bool = True, note: str = "") -> Iterator[None]:
 
     Raises
     ------
-    Taken
+    TakenError
         Where another process has it and ``wait`` is false.
     """
     handle = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
@@ -37,7 +37,7 @@ def held(path: Path, *, wait: bool = True, note: str = "") -> Iterator[None]:
         try:
             fcntl.flock(handle, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
         except BlockingIOError:
-            raise Taken(os.pread(handle, 200, 0).decode(errors="replace").strip()) from None
+            raise TakenError(os.pread(handle, 200, 0).decode(errors="replace").strip()) from None
         except OSError as error:
             if error.errno not in UNKNOWN:
                 raise

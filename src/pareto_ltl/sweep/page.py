@@ -13,24 +13,30 @@ if TYPE_CHECKING:
     from pareto_ltl.sweep.table import Group, Row
 
 SHOWN = ("length_m", "mission_risk_paper", "mission_risk", "collision_risk", "front_size", "hypervolume")
+BREAK = "<wbr>"  # where the head of a narrow column may be broken
 
 STYLE = """
 :root { --ink: #222; --stone: #6b6b6b; --line: #e2e2e2; --ground: #fafafa }
-body { font: 14px/1.45 system-ui, "DejaVu Sans", sans-serif; color: var(--ink); margin: 2rem auto; max-width: 76rem;
-  padding: 0 1.2rem }
+body { font: 13px/1.4 system-ui, "DejaVu Sans", sans-serif; color: var(--ink);
+  margin: 2rem auto; max-width: 80rem; padding: 0 1.2rem }
 h1 { font-size: 1.5rem; margin: 0 0 .2rem } h2 { font-size: 1.1rem; margin: 2rem 0 .5rem }
 p { margin: .2rem 0 .6rem; color: var(--stone) } code { font-size: .92em; color: var(--ink) }
+code + code { margin-left: .5em }
 .wide { overflow-x: auto } table { border-collapse: collapse; font-variant-numeric: tabular-nums }
-th, td { padding: .28rem .7rem; text-align: right; white-space: nowrap; border-bottom: 1px solid var(--line) }
-th { font-weight: 600; border-bottom: 1.5px solid var(--ink); background: white; vertical-align: bottom }
+th, td { padding: .28rem .6rem; text-align: right; white-space: nowrap;
+  border-bottom: 1px solid var(--line); vertical-align: top }
+th { font-weight: 600; border-bottom: 1.5px solid var(--ink); background: white; vertical-align: bottom;
+  white-space: normal; line-height: 1.2 }
 tbody tr:hover { background: var(--ground) } .word { text-align: left }
 td.error { white-space: normal; min-width: 18rem; color: var(--stone); text-align: left }
-small { color: var(--stone) } figure { margin: 1rem 0 0 } figure svg { max-width: 100%; height: auto }
+td small { color: var(--stone); display: block } figure { margin: 1rem 0 0 }
+figure svg { max-width: 100%; height: auto }
 .sortable th { cursor: pointer } .sortable th:hover { text-decoration: underline }
-.status::before { content: ""; display: inline-block; width: .6em; height: .6em; border-radius: 50%; margin-right: .45em;
-  background: #b8b8b8 }
-.ok::before { background: #009e73 } .infeasible::before { background: #e69f00 } .failed::before { background: #d55e00 }
-.running::before { background: #56b4e9 } a { color: #0072b2; text-decoration: none }
+.status::before { content: ""; display: inline-block; width: .6em; height: .6em; border-radius: 50%;
+  margin-right: .45em; background: #b8b8b8 }
+.ok::before { background: #009e73 } .infeasible::before { background: #e69f00 }
+.failed::before { background: #d55e00 } .running::before { background: #56b4e9 }
+a { color: #0072b2; text-decoration: none }
 """
 SORT = """
 for (const head of document.querySelectorAll(".sortable th")) head.onclick = () => {
@@ -70,8 +76,8 @@ def _groups(summary: Summary) -> str:
     head = [*keys, "jobs", *rates, *quartiles]
     lines = ([*_settings(group, keys), *_measured(group, rates, quartiles)] for group in summary.groups)
     return (
-        "<h2>Over seeds</h2><p>Rates are pooled over all flights, with exact 95 % intervals (Clopper-Pearson); "
-        "other figures are medians with their quartiles.</p>" + _table(head, lines, words=len(keys))
+        "<h2>Over seeds</h2><p>Rates: pooled over all flights, with exact 95 % intervals (Clopper-Pearson); "
+        "other figures: medians with quartiles.</p>" + _table(head, lines, words=len(keys))
     )
 
 
@@ -130,13 +136,17 @@ def _job(row: Row, keys: Sequence[str], shown: Sequence[str], failed: bool, way:
 
 def _table(head: Sequence[str], lines: Iterable[Sequence[str]], words: int, sortable: bool = False) -> str:
     cells = "".join(
-        f"<th{' class=word' if i < words else ''}>{escape(name)}</th>" for i, name in enumerate(head)
+        f"<th{' class=word' if i < words else ''}>{_head(name)}</th>" for i, name in enumerate(head)
     )
     body = "\n".join(f"<tr>{''.join(line)}</tr>" for line in lines)
     kind = " class=sortable" if sortable else ""
     return (
         f"<div class=wide><table{kind}><thead><tr>{cells}</tr></thead><tbody>\n{body}\n</tbody></table></div>"
     )
+
+
+def _head(name: str) -> str:
+    return escape(name).replace("_", f"_{BREAK}").replace(".", f".{BREAK}")
 
 
 def _word(text: str) -> str:

@@ -178,5 +178,6 @@ def check_figure(figure: Figure, swept: Sequence[str]) -> None:
     """Refuse, before a sweep begins, a figure by a setting that it does not vary."""
     if figure.by is not None and figure.by not in swept:
         raise ConfigError(
-            f"sweep.by={figure.by} is no setting that this sweep varies; there are {', '.join(swept) or 'none'}"
+            f"sweep.by={figure.by} is no setting that this sweep varies; "
+            f"there are {', '.join(swept) or 'none'}"
         )
