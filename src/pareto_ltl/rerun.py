@@ -68,7 +68,7 @@ def rerun(directory: Path, place: Path) -> int:
         same = before["status"] == "infeasible" and before["error"] == provenance.one_line(error)
         print("infeasible again, for the same reason" if same else f"now infeasible: {error}")
         return 0 if same else 1
-    differ = [line for name in COMPARED if (line := _difference(directory / name, place / name))]
+    differ = [unlike for name in COMPARED if (unlike := _difference(directory / name, place / name))]
     print("\n".join(differ) or f"the same, byte for byte: {', '.join(COMPARED)}")
     return 1 if differ else 0
 
