@@ -38,7 +38,7 @@ from omegaconf import DictConfig, OmegaConf, open_dict
 from omegaconf.errors import MissingMandatoryValue, OmegaConfBaseException
 
 from pareto_ltl import pipeline
-from pareto_ltl.config import Settings
+from pareto_ltl.config import FIDELITIES, Settings
 from pareto_ltl.errors import ConfigError, DataError, ParetoLtlError
 from pareto_ltl.provenance import one_line
 from pareto_ltl.resources import choices, folder, groups
@@ -129,6 +129,7 @@ def register() -> None:
     for name in LAUNCHERS:
         launchers.pop(f"{name}.yaml", None)  # ... for which there are better ones in conf/hydra/launcher
     store.store(name="settings", node=Settings)
+    OmegaConf.register_new_resolver("fidelities", lambda: ",".join(FIDELITIES), replace=True)
     for name in choices("pipelines"):
         store.store(group="pipelines", name=name, node=OmegaConf.load(folder("pipelines") / f"{name}.yaml"))
 
