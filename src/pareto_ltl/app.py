@@ -175,6 +175,9 @@ def validate(arguments: argparse.Namespace) -> list[str]:
         _check_launcher(config)
         folder_of_sweep = str(config.hydra.sweep._get_node("dir")._value())  # with ${name} still in it
         grid = OverridesParser.create(config_loader=loader).parse_overrides(_sweep_of(config)) + overrides
+        grid = list(
+            {override.get_key_element(): override for override in grid}.values()
+        )  # the last word counts
         corners = [settings_of(compose(name, search + _corner(grid, first=first))) for first in (True, False)]
     for settings in corners:
         check(settings)

@@ -64,17 +64,17 @@ def _named(cfg: SceneConfig) -> list[Circle]:
 def _place(
     rng: Generator, low: FloatArray, high: FloatArray, side: float, circles: list[Circle], cfg: SceneConfig
 ) -> Circle:
-    gap = cfg.random.gap * side
+    gap, (smallest, largest) = cfg.random.gap * side, cfg.random.radius
     others = np.array(circles).reshape(-1, 3)
     for _ in range(TRIES):
-        radius = side * rng.uniform(*cfg.random.radius)
+        radius = side * rng.uniform(smallest, largest)
         middle = rng.uniform(low + radius + gap, high - radius - gap)
         apart = np.linalg.norm(others[:, :2] - middle, axis=1)
         if np.all(apart >= others[:, 2] + radius + gap):
             return float(middle[0]), float(middle[1]), float(radius)
     raise ConfigError(
-        f"scene.random: {cfg.random.regions} regions and {cfg.random.obstacles} obstacles do not fit the map; "
-        f"ask for fewer, for a smaller scene.random.radius (now {cfg.random.radius}) or gap"
+        f"scene.random: {cfg.random.regions} regions and {cfg.random.obstacles} obstacles do not fit the "
+        f"map; ask for fewer, for a smaller scene.random.radius (now {cfg.random.radius}) or gap"
     )
 
 
