@@ -15,12 +15,11 @@ from pareto_ltl.report import style
 COLOURS = (style.BLUE, style.VERMILLION, style.GREEN, style.PURPLE, style.ORANGE, style.SKY, style.INK)
 MARKS = ("o", "s", "^", "D", "v", "P", "X")
 WIDTH, HEIGHT = 5.2, 3.0  # [in]
-UNORDERED = ("seed", "job")  # neighbours have nothing in common: no line joins them
 SPREAD = 0.32  # half of the width in which the dots of a word or of a repeated number lie
 
 LABELS = {
-    "length_m": "length of the path [m]",
-    "duration_s": "flight time [s]",
+    "length_m": "length of the path [km]",
+    "duration_s": "flight time [h]",
     "mission_risk_paper": "mission risk, bound of the paper",
     "mission_risk": "mission risk, ordered bound",
     "collision_risk": "collision risk, bound",
@@ -34,6 +33,7 @@ LABELS = {
     "robot.dt": "time step (robot.dt) [s]",
     "robot.u_max": "largest airspeed (robot.u_max) [m/s]",
 }
+SCALES = {"length_m": 1e-3, "duration_s": 1 / 3600}
 LAWFUL = {  # metrics that end with the law of the winds
     "failure": "failed flights",
     "mission_failure": "flights that missed the mission",
@@ -45,14 +45,17 @@ Series = Mapping[str, Sequence[tuple[str, float]]]
 
 def draw(folder: Path, x: str, y: str, by: str | None, series: Series, dpi: int = 200) -> str:
     """Write the figure as PNG and SVG into ``folder``; return its SVG, ready for a page."""
+    scale = SCALES.get(y, 1.0)
+    series = {name: [(at, scale * value) for at, value in points] for name, points in series.items()}
+    named = by is not None and len(series) <= 12
     with style.styled():
         figure = style.blank(WIDTH, HEIGHT)
-        axes = style.box(figure, 0.62, 0.5, WIDTH - 0.8, HEIGHT - 0.8)
+        axes = style.box(figure, 0.62, 0.4, WIDTH - 0.8, HEIGHT - (0.85 if named else 0.5))
         places = _places([value for points in series.values() for value, _ in points])
         for index, (name, points) in enumerate(series.items()):
-            _series(axes, places, index, len(series), name, points, joined=x not in UNORDERED)
+            _series(axes, places, index, len(series), name, points, joined=not _unordered(x))
         _axes(axes, x, y, places, series)
-        if by is not None and len(series) <= 12:
+        if named:
             axes.legend(
                 title=by,
                 loc="lower left",
@@ -65,6 +68,11 @@ def draw(folder: Path, x: str, y: str, by: str | None, series: Series, dpi: int 
         _, svg = style.save(figure, folder, _file_name(y, x), dpi)
     text = svg.read_text(encoding="utf-8")
     return text[text.index("<svg") :]
+
+
+def _unordered(x: str) -> bool:
+    """Whether neighbours have nothing in common, so that no line may join them."""
+    return x == "job" or x.rpartition(".")[2] == "seed"
 
 
 def label(name: str) -> str:

@@ -30,7 +30,7 @@ th { font-weight: 600; border-bottom: 1.5px solid var(--ink); background: white;
 tbody tr:hover { background: var(--ground) } .word { text-align: left }
 td.error { white-space: normal; min-width: 18rem; color: var(--stone); text-align: left }
 td small { color: var(--stone); display: block } figure { margin: 1rem 0 0 }
-figure svg { max-width: 100%; height: auto }
+figure svg { width: 46rem; max-width: 100%; height: auto }
 .sortable th { cursor: pointer } .sortable th:hover { text-decoration: underline }
 .status::before { content: ""; display: inline-block; width: .6em; height: .6em; border-radius: 50%;
   margin-right: .45em; background: #b8b8b8 }
@@ -70,7 +70,7 @@ def render(summary: Summary, picture: str | None, way: str = "") -> str:
 
 
 def _groups(summary: Summary) -> str:
-    keys = [key for key in summary.manifest.swept if key != tables.SEED]
+    keys = [key for key in summary.manifest.swept if not tables.is_seed(key)]
     quartiles = [name for name in SHOWN if any(name in group.quartiles for group in summary.groups)]
     rates = tables.columns(group.rates for group in summary.groups)
     head = [*keys, "jobs", *rates, *quartiles]
@@ -102,12 +102,15 @@ def _measured(group: Group, rates: Sequence[str], quartiles: Sequence[str]) -> l
         cells.append(
             "<td></td>"
             if spread is None
-            else _cell(
-                spread[1],
-                f"{number(spread[1])} <small>{number(spread[0])}&#8211;{number(spread[2])}</small>",
-            )
+            else _cell(spread[1], _spread(spread, single=sum(group.counts.values()) == 1))
         )
     return cells
+
+
+def _spread(quartiles: Sequence[float], *, single: bool) -> str:
+    """A median, and its quartiles where there is more than one job."""
+    low, middle, high = map(number, quartiles)
+    return middle if single else f"{middle} <small>{low}&#8211;{high}</small>"
 
 
 def _jobs(summary: Summary, way: str) -> str:

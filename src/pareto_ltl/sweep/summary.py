@@ -147,7 +147,7 @@ def chosen(summary: Summary) -> Figure | None:
     if not metrics:
         return None
     asked, swept = summary.manifest.figure, list(summary.manifest.swept)
-    varied = [key for key in swept if key != tables.SEED] or swept
+    varied = [key for key in swept if not tables.is_seed(key)] or swept
     rates = [name for name in metrics if name.startswith("failure_") and not name.endswith(("_low", "_high"))]
     x = asked.x or (varied[0] if varied else "job")
     y = asked.y or next(

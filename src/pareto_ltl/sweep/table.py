@@ -1,4 +1,4 @@
-"""One row a job, and one group for each combination of swept settings without the seed."""
+"""One row a job, and one group for each combination of swept settings without its seeds."""
 
 from __future__ import annotations
 
@@ -15,7 +15,6 @@ from pareto_ltl.sweep import jobs
 from pareto_ltl.sweep.jobs import State
 from pareto_ltl.sweep.manifest import Manifest
 
-SEED = "seed"
 CLOCK = ("memory_mib",)
 RATES = ("failure", "mission_failure", "collision")  # of deployments, one a law
 
@@ -39,7 +38,7 @@ class Row:
 
 @dataclass(frozen=True, slots=True)
 class Group:
-    """Jobs that differ in their seed alone.
+    """Jobs that differ in their seeds alone.
 
     Attributes
     ----------
@@ -56,6 +55,11 @@ class Group:
     counts: Mapping[str, int]
     quartiles: Mapping[str, list[float]]
     rates: Mapping[str, Mapping[str, float]]
+
+
+def is_seed(key: str) -> bool:
+    """Whether a setting is one more throw of the dice: ``seed``, ``scene.random.seed``."""
+    return key.rpartition(".")[2] == "seed"
 
 
 def is_clock(name: str) -> bool:
@@ -81,10 +85,10 @@ def columns(tables: Iterable[Mapping[str, Any]]) -> list[str]:
 
 
 def groups(table: Sequence[Row]) -> list[Group]:
-    """The rows by all their settings but the seed, in the order of the grid."""
+    """The rows by all their settings but the seeds, in the order of the grid."""
     members: dict[tuple[tuple[str, str], ...], list[Row]] = {}
     for row in table:
-        key = tuple((name, value) for name, value in row.overrides.items() if name != SEED)
+        key = tuple((name, value) for name, value in row.overrides.items() if not is_seed(name))
         members.setdefault(key, []).append(row)
     return [_group(dict(key), found) for key, found in members.items()]
 
