@@ -39,7 +39,7 @@ from omegaconf.errors import MissingMandatoryValue, OmegaConfBaseException
 
 from pareto_ltl import pipeline
 from pareto_ltl.config import FIDELITIES, Settings
-from pareto_ltl.errors import ConfigError, DataError, ParetoLtlError
+from pareto_ltl.errors import ConfigError, DataError, InfeasibleError, ParetoLtlError
 from pareto_ltl.provenance import one_line
 from pareto_ltl.resources import choices, folder, groups
 from pareto_ltl.summary import print_summary
@@ -418,9 +418,9 @@ def run_once(config: DictConfig, argv: Sequence[str]) -> int:
             metrics.update(pipeline.run(settings, directory, argv, _overrides()))
 
         done = jobs.once(directory, work, resume=settings.sweep.resume)
-        print(
-            f"{told}: ok in {metrics['run_seconds']:.1f} s" if done else f"{told}: done already", flush=True
-        )
+        print(f"{told}: " + (f"ok in {metrics['run_seconds']:.1f} s" if done else "done already"), flush=True)
+    except InfeasibleError:
+        print(f"{told}: infeasible", flush=True)  # an answer; the table says why
     except (ParetoLtlError, OmegaConfBaseException, OSError) as error:
         complain(f"{told}: {explain(error)} [{_short(directory)}]")
         return 2
