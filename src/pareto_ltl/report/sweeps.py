@@ -124,7 +124,7 @@ def _series(
     repeated = len(columns) < len(at)
     words = _worded(places)
     lane = SPREAD * _gap(places)
-    shift = (index - (of - 1) / 2) * 2 * lane / max(of, 1) if words or _logarithmic(places) is False else 0.0
+    shift = (index - (of - 1) / 2) * 2 * lane / of
     width = lane / max(of, 1)
     if repeated:
         quartiles = np.array([np.quantile(up[at == column], [0.25, 0.5, 0.75]) for column in columns])
@@ -142,9 +142,12 @@ def _series(
     elif not words and len(columns) > 1:
         order = np.argsort(at)
         axes.plot(at[order], up[order], color=colour, linewidth=0.9, alpha=0.6)
-    jitter = _jitter(at, up, columns, width) + shift if words else 0.0
+    if words:
+        moved = at + shift + _jitter(at, up, columns, width)
+    else:  # a little, so that series do not hide one another; on an axis of ratios not at all
+        moved = at + (0.12 * shift if repeated and not _logarithmic(places) else 0.0)
     axes.plot(
-        at + jitter, up, mark, color=colour, markersize=3.2, markeredgecolor="white", markeredgewidth=0.35,
+        moved, up, mark, color=colour, markersize=3.2, markeredgecolor="white", markeredgewidth=0.35,
         linestyle="none", alpha=0.85, label=name or None,
     )  # fmt: skip
 

@@ -19,7 +19,6 @@ from pareto_ltl.sweep.manifest import Figure, Manifest
 from pareto_ltl.sweep.table import Group, Row
 
 SCHEMA = "pareto_ltl.summary/1"
-STATUSES = ("ok", "infeasible", "failed", "running", "pending")
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,8 +32,7 @@ class Summary:
 
     @property
     def counts(self) -> dict[str, int]:
-        found = [row.state.status for row in self.rows]
-        return {status: found.count(status) for status in STATUSES if status in found}
+        return tables.counts(self.rows)
 
     def line(self) -> str:
         """``18 ok, 2 infeasible of 20 jobs``."""

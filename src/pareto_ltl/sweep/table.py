@@ -16,6 +16,7 @@ from pareto_ltl.sweep.jobs import State
 from pareto_ltl.sweep.manifest import Manifest
 
 CLOCK = ("memory_mib",)
+STATUSES = ("ok", "infeasible", "failed", "running", "pending")
 RATES = ("failure", "mission_failure", "collision")  # of deployments, one a law
 
 
@@ -79,6 +80,12 @@ def rows(place: Path, manifest: Manifest, given_up: Mapping[str, str] | None = N
     return table
 
 
+def counts(table: Sequence[Row]) -> dict[str, int]:
+    """Rows by status."""
+    found = [row.state.status for row in table]
+    return {status: found.count(status) for status in STATUSES if status in found}
+
+
 def columns(tables: Iterable[Mapping[str, Any]]) -> list[str]:
     """Names in the order in which they first appear."""
     return list(dict.fromkeys(name for table in tables for name in table))
@@ -95,11 +102,8 @@ def groups(table: Sequence[Row]) -> list[Group]:
 
 def _group(overrides: Mapping[str, str], members: Sequence[Row]) -> Group:
     answered = [row for row in members if row.state.answered]
-    counts: dict[str, int] = {}
-    for row in members:
-        counts[row.state.status] = counts.get(row.state.status, 0) + 1
     metrics = [row.state.metrics for row in answered]
-    return Group(overrides, counts, _quartiles(metrics), _rates(answered, metrics))
+    return Group(overrides, counts(members), _quartiles(metrics), _rates(answered, metrics))
 
 
 def _quartiles(metrics: Sequence[jobs.Metrics]) -> dict[str, list[float]]:
