@@ -228,7 +228,7 @@ def read_settings(path: Path) -> Settings:
     except OSError as error:
         raise DataError(f"{path}: cannot be read ({error.strerror}); is this a results directory?") from error
     except Exception as error:
-        raise DataError(f"{path}: not the settings of a run ({_first_line(error)})") from error
+        raise DataError(f"{path}: not the settings of a run ({explain(error)})") from error
     assert isinstance(config, DictConfig)
     return settings_of(config)
 

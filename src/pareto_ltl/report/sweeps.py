@@ -58,6 +58,7 @@ def draw(folder: Path, x: str, y: str, by: str | None, series: Series, dpi: int 
         if named:
             axes.legend(
                 title=by,
+                alignment="left",
                 loc="lower left",
                 bbox_to_anchor=(0.0, 1.0),
                 ncols=min(len(series), 5),
