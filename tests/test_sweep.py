@@ -201,6 +201,16 @@ def test_submitit_runs_the_same_sweep(asked: Path) -> None:
     assert len({record["pid"] for record in records}) == 3
 
 
+def test_submitit_waits_for_all_jobs_when_one_is_killed_and_runs_that_one_again(asked: Path) -> None:
+    (asked / "kill_0").touch()
+    (asked / "slow").touch()
+    argv = ("pipelines.stages=[trouble]", "seed=0,1", "hydra/launcher=submitit_local")
+    done = sweep(*argv, "hydra.sweeper.max_batch_size=2")
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert set(statuses().values()) == {"ok"}
+    assert begun(asked) == ["0", "0", "1"]  # nothing that was at work was started anew
+
+
 def test_a_point_in_the_middle_that_cannot_be_stops_the_sweep_before_its_first_job(
     here: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -216,6 +226,12 @@ def test_a_figure_by_what_is_not_varied_stops_the_sweep_before_its_first_job(
     assert "sweep.by=planner.n_max is no setting that this sweep varies; there are seed" in (
         capsys.readouterr().err
     )
+    assert list(here.iterdir()) == []
+
+
+def test_a_ready_sweep_without_its_flag_is_refused(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert app.main(["+experiment=phi1", "+sweep=seeds"]) == 2
+    assert "a sweep over seed=range(0,20): add -m to run it" in capsys.readouterr().err
     assert list(here.iterdir()) == []
 
 

@@ -8,6 +8,7 @@ import os
 import shutil
 import subprocess
 import sys
+import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -24,19 +25,22 @@ pytestmark = [
 
 
 @pytest.fixture(scope="module")
-def slurm(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, str]]:
+def slurm() -> Iterator[dict[str, str]]:
     """The environment in which ``sbatch`` finds a SLURM of one node."""
-    folder = tmp_path_factory.mktemp("slurm")
-    for parent in [folder, *folder.parents]:  # the database has a user of its own, who must come through
-        if parent.stat().st_uid == os.getuid() and parent != Path("/"):
-            parent.chmod(parent.stat().st_mode | 0o011)
+    # Not in pytest's own folder: the database has a user of its own, who may not pass through that.
+    with tempfile.TemporaryDirectory(prefix="pareto_ltl_slurm_", ignore_cleanup_errors=True) as folder:
+        Path(folder).chmod(0o755)
+        yield from _started(folder)
+
+
+def _started(folder: str) -> Iterator[dict[str, str]]:
     environment = os.environ | {"PATH": f"{os.environ['PATH']}:/usr/sbin"}
     script = [str(HERE / "slurm" / "one_node.sh")]
-    subprocess.run([*script, "start", str(folder)], env=environment, check=True, timeout=180)
+    subprocess.run([*script, "start", folder], env=environment, check=True, timeout=180)
     try:
-        yield environment | {"SLURM_CONF": str(folder / "slurm.conf")}
+        yield environment | {"SLURM_CONF": f"{folder}/slurm.conf"}
     finally:
-        subprocess.run([*script, "stop", str(folder)], env=environment, check=True, timeout=60)
+        subprocess.run([*script, "stop", folder], env=environment, check=True, timeout=60)
 
 
 def sweep(environment: dict[str, str], *argv: str) -> subprocess.CompletedProcess[str]:

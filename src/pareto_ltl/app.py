@@ -170,6 +170,8 @@ def validate(arguments: argparse.Namespace) -> list[str]:
         config = compose(name, search + _corner(overrides, first=True), return_hydra_config=True)
         if not (arguments.multirun or config.hydra.mode == RunMode.MULTIRUN):
             _refuse_sweep(overrides)
+            if grid_of_its_own := _sweep_of(config):
+                raise ConfigError(f"a sweep over {', '.join(grid_of_its_own)}: add -m to run it")
             check(settings_of(config))
             return []
         _check_launcher(config)

@@ -9,7 +9,9 @@ from __future__ import annotations
 
 import copy
 import os
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +19,7 @@ from hydra._internal.config_loader_impl import ConfigLoaderImpl
 from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.core.override_parser.types import Override
+from hydra.core.utils import JobReturn, JobStatus
 from hydra.types import HydraContext, TaskFunction
 from omegaconf import DictConfig, OmegaConf, open_dict
 
@@ -110,14 +113,55 @@ class PointsSweeper(BasicSweeper):
         kept = {name: os.environ.get(name) for name in given}
         os.environ.update(given)
         try:
-            for result in self.launcher.launch(lines, initial_job_idx=first):
-                _ = result.return_value  # raises what a job raised
+            with patient():
+                results = self.launcher.launch(lines, initial_job_idx=first)
+            for result in results:
+                if result.status is JobStatus.FAILED:
+                    raise result._return_value
         finally:
             for name, value in kept.items():
                 if value is None:
                     os.environ.pop(name, None)
                 else:
                     os.environ[name] = value
+
+
+@contextmanager
+def patient() -> Iterator[None]:
+    """Let submitit wait for all jobs of an array, also when one of them was killed.
+
+    Its Hydra launcher raises at the first, with the others still at work or in the queue of the cluster:
+    what is launched again would meet them there.
+    """
+    if find_spec("submitit") is None:
+        yield
+        return
+    from submitit import AutoExecutor
+
+    whole = AutoExecutor.map_array
+
+    def map_array(executor: AutoExecutor, *args: Any) -> list[Awaited]:
+        return [Awaited(job) for job in whole(executor, *args)]
+
+    AutoExecutor.map_array = map_array  # type: ignore[method-assign, assignment]
+    try:
+        yield
+    finally:
+        del AutoExecutor.map_array  # what it inherits is there again
+
+
+class Awaited:
+    """A job of submitit whose failure is a result."""
+
+    def __init__(self, job: Any) -> None:
+        self._job = job
+
+    def results(self) -> list[JobReturn]:
+        try:
+            found: list[JobReturn] = self._job.results()
+        except Exception as error:
+            return [JobReturn(status=JobStatus.FAILED, _return_value=error)]
+        return found
 
 
 class Composer:
