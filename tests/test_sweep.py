@@ -499,6 +499,7 @@ def test_the_figure_is_chosen_among_the_columns(tmp_path: Path) -> None:
     assert (tmp_path / "figures" / "length_m_over_seed.svg").exists()
     with pytest.raises(ConfigError, match=r"sweep\.y=colour is not among the columns; there are completed"):
         summary.build(tmp_path, figure=Figure(y="colour"))
+    assert "<svg" not in (tmp_path / "summary.html").read_text()  # the page is there, without it
 
 
 def test_numbers_keep_the_digits_that_matter() -> None:

@@ -62,7 +62,7 @@ Usage
   pareto-ltl pipelines=ingest wind=grib wind.path=DIR      a wind table out of GRIB2 files
   pareto-ltl formula "F(a & F b)"                          what a formula means
 
-Choices (group=option; +experiment=option)
+Choices (group=option; +experiment=option, +sweep=option)
 {choices}
 
 Settings (key=value)

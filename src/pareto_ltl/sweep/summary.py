@@ -72,7 +72,13 @@ def merged(noted: Figure, wanted: Figure) -> Figure:
 
 
 def write(summary: Summary, out: Path) -> None:
-    """The four files, and the figure where there is something to draw."""
+    """The four files, and the figure where there is something to draw.
+
+    Raises
+    ------
+    ConfigError
+        Where the figure is to show what no column holds; the files are there all the same.
+    """
     swept = list(summary.manifest.swept)
     results = tables.columns(row.results for row in summary.rows)
     clock = tables.columns(row.clock for row in summary.rows)
@@ -89,8 +95,14 @@ def write(summary: Summary, out: Path) -> None:
     write_json(out / "summary.json", _content(summary))
     from pareto_ltl.sweep import page
 
-    picture = _figure(summary, out)
+    picture, wrong = None, None
+    try:
+        picture = _figure(summary, out)
+    except ConfigError as error:  # the page must not be lost with its figure
+        wrong = error
     write_bytes(out / "summary.html", page.render(summary, picture, _way(out, summary.place)).encode())
+    if wrong is not None:
+        raise wrong
 
 
 def _head(row: Row, swept: Sequence[str]) -> list[Any]:
