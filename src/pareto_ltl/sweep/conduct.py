@@ -58,30 +58,33 @@ class Conductor:
 
     def conduct(self, points: Sequence[Point]) -> None:
         """Run ``points``; return when each was tried."""
-        if not points:
-            return
+        batches = [list(points)]
+        while batches:
+            if batch := batches.pop():
+                batches += reversed(self._launched(batch))
+
+    def _launched(self, batch: list[Point]) -> list[list[Point]]:
+        """Launch ``batch``; the batches in which what is left of it must be launched again."""
         began = time.time()
         try:
-            self.launch(points)
-            return
+            self.launch(batch)
         except Exception as error:
             reason = provenance.one_line(error)
-            log.warning("a launch of %d jobs broke: %s", len(points), reason)
-        self._settle(points)
-        fresh, hit = self._sort(points, began)
-        if len(points) == 1:
-            self._give_up(points[0], reason, hit)
-            return
-        if fresh or hit:
-            self.tell(f"{len(hit) or 'some'} of the jobs at work were killed; going on with the others")
-        if hit:
-            self.conduct(fresh)
-            for point in hit:
-                self.conduct([point])
+            log.info("a launch of %d jobs broke: %s", len(batch), reason)
         else:
-            middle = (len(fresh) + 1) // 2
-            self.conduct(fresh[:middle])
-            self.conduct(fresh[middle:])
+            return []
+        self._settle(batch)
+        fresh, hit = self._sort(batch, began)
+        if len(batch) == 1:
+            self._give_up(batch[0], reason, hit)
+            return []
+        if hit:
+            self.tell(f"{len(hit)} of the jobs at work were killed; going on with the others")
+            return [fresh, *([point] for point in hit)]
+        if fresh:
+            self.tell(f"a launch broke ({reason}); going on with {len(fresh)} jobs")
+        middle = (len(fresh) + 1) // 2
+        return [fresh[:middle], fresh[middle:]]
 
     def _settle(self, points: Sequence[Point]) -> None:
         """Wait for jobs that outlived their launch: a cluster goes on with them."""
@@ -112,7 +115,7 @@ class Conductor:
             directory.mkdir(exist_ok=True)
             provenance.write(directory, {**state.record, "status": "failed", "error": error})
         except OSError as obstacle:
-            log.warning("%s: cannot be written (%s)", self.place / point.job, obstacle)
+            log.info("%s: cannot be written (%s)", self.place / point.job, obstacle)
 
 
 def _changed(path: Path) -> float:
