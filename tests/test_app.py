@@ -223,8 +223,9 @@ def test_a_sweep_goes_on_after_a_failed_job_and_keeps_all_in_one_folder(
 
     stage(picky)
     assert app.main(["-m", "pipelines.stages=[picky]", "seed=1,2,3", "name=x,y"]) == 2
-    (folder,) = Path("multirun").glob("*/*")
-    states = [json.loads((folder / str(i) / "run.json").read_text()) for i in range(6)]
+    (folder,) = Path("multirun").glob("*")
+    jobs = [point["job"] for point in json.loads((folder / "sweep.json").read_text())["points"]]
+    states = [json.loads((folder / job / "run.json").read_text()) for job in jobs]
     assert [s["status"] for s in states] == ["ok", "ok", "failed", "failed", "ok", "ok"]
     assert [s["name"] for s in states] == ["x", "y"] * 3
     assert capsys.readouterr().err.count("two is not to my taste") == 2

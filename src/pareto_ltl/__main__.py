@@ -12,6 +12,14 @@ def main() -> None:
         from pareto_ltl.logic.command import main as formula
 
         sys.exit(formula(argv[1:]))
+    if argv[:1] == ["rerun"]:
+        from pareto_ltl.rerun import main as rerun
+
+        sys.exit(rerun(argv[1:]))
+    if argv[:1] == ["cache"]:
+        from pareto_ltl.cache import main as cache
+
+        sys.exit(cache(argv[1:]))
     if argv == ["--version"]:
         from importlib.metadata import version
 

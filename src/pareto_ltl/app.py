@@ -15,9 +15,10 @@ import tempfile
 import textwrap
 import traceback
 import typing
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import is_dataclass
+from dataclasses import dataclass, field, is_dataclass
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -30,20 +31,22 @@ from hydra.core.global_hydra import GlobalHydra
 from hydra.core.hydra_config import HydraConfig
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.core.override_parser.types import Override
+from hydra.core.plugins import Plugins
 from hydra.errors import HydraException, MissingConfigException, OverrideParseException
 from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf, open_dict
 from omegaconf.errors import MissingMandatoryValue, OmegaConfBaseException
 
 from pareto_ltl import pipeline
-from pareto_ltl.config import Settings
-from pareto_ltl.errors import ConfigError, ParetoLtlError
+from pareto_ltl.config import FIDELITIES, Settings
+from pareto_ltl.errors import ConfigError, DataError, InfeasibleError, ParetoLtlError
 from pareto_ltl.provenance import one_line
 from pareto_ltl.resources import choices, folder, groups
 from pareto_ltl.summary import print_summary
 
 VERSION_BASE = "1.3"
-GROUPS_ONLY = ("experiment",)  # groups that are no section of the settings
+LAUNCHERS = {"joblib": "sweep", "submitit_local": "cluster", "submitit_slurm": "cluster"}  # and their extras
+GROUPS_ONLY = ("experiment", "sweep")  # groups that are no section of the settings
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]*")  # it names a folder
 HELP = """\
 Risk-aware temporal-logic mission planning in uncertain wind, without position fixes.
@@ -52,11 +55,14 @@ Usage
   pareto-ltl +experiment=phi1                              plan one of the ready missions
   pareto-ltl +experiment=phi2 planner.n_max=5000           with another setting
   pareto-ltl +experiment=phi1 "mission.formula='F(a & F b)'"
-  pareto-ltl -m +experiment=phi2 'seed=range(0,20)'        many runs
+  pareto-ltl -m +experiment=phi2 +sweep=seeds              many runs, one table
+  pareto-ltl -m +experiment=phi2 'seed=range(0,99)' hydra/launcher=joblib
+  pareto-ltl rerun DIR                                     the same again, compared byte by byte
+  pareto-ltl cache clear                                   forget fits of the wind
   pareto-ltl pipelines=ingest wind=grib wind.path=DIR      a wind table out of GRIB2 files
   pareto-ltl formula "F(a & F b)"                          what a formula means
 
-Choices (group=option; +experiment=option)
+Choices (group=option; +experiment=option, +sweep=option)
 {choices}
 
 Settings (key=value)
@@ -117,8 +123,13 @@ def _traceback_file() -> str:
 
 def register() -> None:
     """Tell Hydra of the schema, and of the pipelines, which live in a folder of their own."""
+    Plugins.instance()  # they bring their own settings along ...
     store = ConfigStore.instance()
+    launchers = store.repo.get("hydra", {}).get("launcher", {})
+    for name in LAUNCHERS:
+        launchers.pop(f"{name}.yaml", None)  # ... for which there are better ones in conf/hydra/launcher
     store.store(name="settings", node=Settings)
+    OmegaConf.register_new_resolver("fidelities", lambda: ",".join(FIDELITIES), replace=True)
     for name in choices("pipelines"):
         store.store(group="pipelines", name=name, node=OmegaConf.load(folder("pipelines") / f"{name}.yaml"))
 
@@ -159,10 +170,16 @@ def validate(arguments: argparse.Namespace) -> list[str]:
         config = compose(name, search + _corner(overrides, first=True), return_hydra_config=True)
         if not (arguments.multirun or config.hydra.mode == RunMode.MULTIRUN):
             _refuse_sweep(overrides)
+            if grid_of_its_own := _sweep_of(config):
+                raise ConfigError(f"a sweep over {', '.join(grid_of_its_own)}: add -m to run it")
             check(settings_of(config))
             return []
+        _check_launcher(config)
         folder_of_sweep = str(config.hydra.sweep._get_node("dir")._value())  # with ${name} still in it
         grid = OverridesParser.create(config_loader=loader).parse_overrides(_sweep_of(config)) + overrides
+        grid = list(
+            {override.get_key_element(): override for override in grid}.values()
+        )  # the last word counts
         corners = [settings_of(compose(name, search + _corner(grid, first=first))) for first in (True, False)]
     for settings in corners:
         check(settings)
@@ -189,6 +206,33 @@ def settings_of(config: DictConfig) -> Settings:
     settings = OmegaConf.to_object(config)
     assert isinstance(settings, Settings)
     return settings
+
+
+def _check_launcher(config: DictConfig) -> None:
+    """A launcher that is not installed, in one line that says what to install."""
+    module = str(config.hydra.launcher.get("_target_")).rpartition(".")[0]
+    name = config.hydra.runtime.choices.get("hydra/launcher")
+    try:
+        found = find_spec(module) is not None
+    except ModuleNotFoundError:
+        found = False
+    if not found and name in LAUNCHERS:
+        raise ConfigError(
+            f"hydra/launcher={name} is not installed; "
+            f"it comes with pip install 'pareto-ltl[{LAUNCHERS[name]}]'"
+        )
+
+
+def read_settings(path: Path) -> Settings:
+    """The settings that a run left in its ``config_resolved.yaml``."""
+    try:
+        config = OmegaConf.merge(OmegaConf.structured(Settings), OmegaConf.load(path))
+    except OSError as error:
+        raise DataError(f"{path}: cannot be read ({error.strerror}); is this a results directory?") from error
+    except Exception as error:
+        raise DataError(f"{path}: not the settings of a run ({explain(error)})") from error
+    assert isinstance(config, DictConfig)
+    return settings_of(config)
 
 
 def _search_path(config_dir: str | None) -> list[str]:
@@ -305,14 +349,28 @@ def _key(error: OmegaConfBaseException) -> str:
 
 def launch(argv: Sequence[str], pinned: Sequence[str] = ()) -> int:
     """Hand over to Hydra, which calls back once a job; return the worst exit code."""
-    codes = [0]
-
-    def job(config: DictConfig) -> None:
-        codes.append(run(config, argv))
-
+    job = Job(tuple(argv))
     with _as_program([*argv, *pinned]):
         hydra_main(config_path=str(folder("conf")), config_name="config", version_base=VERSION_BASE)(job)()
-    return max(codes)
+    return max(job.codes, default=0)
+
+
+@dataclass
+class Job:
+    """What Hydra calls for each run, in this process or, pickled, in another."""
+
+    argv: tuple[str, ...]
+    codes: list[int] = field(default_factory=list)
+
+    def __call__(self, config: DictConfig) -> int:
+        one_of_many = not OmegaConf.is_missing(HydraConfig.get().job, "num")
+        code = (run_once if one_of_many else run)(config, self.argv)
+        self.codes.append(code)
+        return code
+
+    def finish(self, counts: Mapping[str, int]) -> None:
+        """A sweep succeeds when all its jobs have an answer, be it that there is no plan."""
+        self.codes[:] = [0 if set(counts) <= {"ok", "infeasible"} else 2]
 
 
 @contextmanager
@@ -337,7 +395,7 @@ def run(config: DictConfig, argv: Sequence[str]) -> int:
     try:
         settings = settings_of(config)
         check(settings)
-        metrics = pipeline.run(settings, directory, argv)
+        metrics = pipeline.run(settings, directory, argv, _overrides())
     except (ParetoLtlError, OmegaConfBaseException, OSError) as error:
         complain(f"{explain(error)} [{shown}]")
         return 2
@@ -346,6 +404,42 @@ def run(config: DictConfig, argv: Sequence[str]) -> int:
         return 1
     print_summary(settings.name, shown, metrics)
     return 0
+
+
+def run_once(config: DictConfig, argv: Sequence[str]) -> int:
+    """One job of a sweep, unless it has its answer; one line about it."""
+    from pareto_ltl.sweep import jobs
+
+    directory = Path(HydraConfig.get().runtime.output_dir)
+    told = ", ".join(word for word in _overrides() if word not in argv) or settings_name(config)
+    try:
+        settings = settings_of(config)
+        metrics: dict[str, float] = {}
+
+        def work() -> None:
+            metrics.update(pipeline.run(settings, directory, argv, _overrides()))
+
+        done = jobs.once(directory, work, resume=settings.sweep.resume)
+        print(f"{told}: " + (f"ok in {metrics['run_seconds']:.1f} s" if done else "done already"), flush=True)
+    except InfeasibleError:
+        print(f"{told}: infeasible", flush=True)  # an answer; the table says why
+    except (ParetoLtlError, OmegaConfBaseException, OSError) as error:
+        complain(f"{told}: {explain(error)} [{_short(directory)}]")
+        return 2
+    except Exception as error:
+        log = _short(directory) / "run.log"
+        complain(f"{told}: {one_line(error)} (this is a bug; the traceback is in {log})")
+        return 1
+    return 0
+
+
+def settings_name(config: DictConfig) -> str:
+    return str(config.get("name"))
+
+
+def _overrides() -> list[str]:
+    """What this run's settings were made from, apart from Hydra's own."""
+    return [str(word) for word in HydraConfig.get().overrides.task]
 
 
 def _short(directory: Path) -> Path:

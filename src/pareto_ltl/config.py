@@ -52,6 +52,30 @@ def _matrix(key: str, value: list[list[float]]) -> None:
 
 
 @dataclass
+class RandomSceneConfig:
+    """Regions and obstacles drawn at random, beside those that the scene names."""
+
+    seed: int = 0  # of the map; ``seed`` is that of the planner
+    regions: int = 0  # named a, b, c, ...
+    obstacles: int = 0
+    radius: list[float] = field(default_factory=lambda: [0.05, 0.1])  # smallest, largest; of the shorter side
+    gap: float = 0.02  # between any two of them, at least; of the shorter side
+
+    def __post_init__(self) -> None:
+        _at_least("scene.random.seed", self.seed, 0)
+        _at_least("scene.random.regions", self.regions, 0)
+        _at_least("scene.random.obstacles", self.obstacles, 0)
+        if self.regions > 26:
+            raise ConfigError(f"scene.random.regions must be at most 26 (a to z), got {self.regions}")
+        if len(self.radius) != 2 or not 0 < self.radius[0] <= self.radius[1] < 0.5:
+            raise ConfigError(
+                "scene.random.radius must be [smallest, largest], between 0 and 0.5 of the map's shorter "
+                f"side, got {self.radius}"
+            )
+        _not_negative("scene.random.gap", self.gap)
+
+
+@dataclass
 class SceneConfig:
     """The map, in units of ``unit`` metres; with ``centre`` the plane touches the Earth there."""
 
@@ -64,6 +88,7 @@ class SceneConfig:
     regions: dict[str, list[list[float]]] = field(default_factory=dict)
     obstacles: list[list[list[float]]] = field(default_factory=list)
     landmarks: list[list[list[float]]] = field(default_factory=list)  # where the robot learns its position
+    random: RandomSceneConfig = field(default_factory=RandomSceneConfig)
 
     def __post_init__(self) -> None:
         _positive("scene.unit", self.unit, "m")
@@ -429,6 +454,16 @@ class PipelineConfig:
 
 
 @dataclass
+class SweepConfig:
+    """How many runs are carried out and shown together; no result depends on it."""
+
+    resume: bool = True  # keep the answers that are there, and run only what failed, was killed or is new
+    x: str | None = None  # the figure: a swept setting, or a metric; default: the first setting swept
+    y: str | None = None  # the figure: a metric; default: the failure rate
+    by: str | None = None  # the figure: one colour for each value of this swept setting
+
+
+@dataclass
 class Settings:
     """Everything a run needs."""
 
@@ -452,6 +487,7 @@ class Settings:
     convergence: ConvergenceConfig = field(default_factory=ConvergenceConfig)
     ablation: AblationConfig = field(default_factory=AblationConfig)
     hindcast: HindcastConfig = field(default_factory=HindcastConfig)
+    sweep: SweepConfig = field(default_factory=SweepConfig)
 
     def __post_init__(self) -> None:
         _one_of("fidelity", self.fidelity, FIDELITIES)

@@ -7,7 +7,6 @@ step by step, and a longer plan only draws further.
 
 from __future__ import annotations
 
-import os
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
@@ -16,6 +15,7 @@ from numpy.random import Generator, SeedSequence
 
 from pareto_ltl.arrays import Float32Array, FloatArray
 from pareto_ltl.config import DeploymentConfig
+from pareto_ltl.cores import cores
 from pareto_ltl.errors import InfeasibleError
 from pareto_ltl.kernels import rollout
 from pareto_ltl.problem import Problem
@@ -114,7 +114,7 @@ def fly(
             accepted[block], collided[block],
         )  # fmt: skip
 
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
+    with ThreadPoolExecutor(cores()) as pool:
         list(pool.map(one, blocks, rngs))
     return Deployment(law, x, accepted, collided)
 

@@ -7,7 +7,6 @@ number of threads.
 
 from __future__ import annotations
 
-import os
 import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -18,6 +17,7 @@ from numpy.random import SeedSequence
 
 from pareto_ltl.arrays import FloatArray
 from pareto_ltl.config import PlannerConfig
+from pareto_ltl.cores import cores
 from pareto_ltl.errors import InfeasibleError
 from pareto_ltl.guide import fans, product
 from pareto_ltl.kernels import tree as kernel
@@ -102,7 +102,7 @@ def forest(
     _check_lead(problem, graph, nurseries[0])
     _call(nurseries[0], problem, graph, fan, 0, 0)  # machine code is loaded here, not on the clock
     began = time.perf_counter()
-    threads = min(cfg.trees, cfg.threads or os.cpu_count() or 1)
+    threads = min(cfg.trees, cfg.threads or cores())
     deadline = began + cfg.max_seconds
     with ThreadPoolExecutor(threads) as pool:
         jobs = [pool.submit(_grow, n, problem, graph, fan, cfg.n_max, deadline) for n in nurseries]

@@ -166,7 +166,9 @@ def _make_rest(run: Run, names: Sequence[str]) -> None:
                 log.exception("stage %s failed after the mission turned out infeasible", name)
 
 
-def run(settings: Settings, directory: Path | str, argv: Sequence[str] = ()) -> dict[str, float]:
+def run(
+    settings: Settings, directory: Path | str, argv: Sequence[str] = (), overrides: Sequence[str] = ()
+) -> dict[str, float]:
     """Run the pipeline of ``settings`` into ``directory`` and return the metrics.
 
     What stops a run is noted in ``run.json`` and ``run.log`` first and then raised.
@@ -175,7 +177,7 @@ def run(settings: Settings, directory: Path | str, argv: Sequence[str] = ()) -> 
     place = Path(directory)
     place.mkdir(parents=True, exist_ok=True)
     with logging_to(place / "run.log"), ProgressBar() as bar:
-        return _recorded(Run(settings, place, bar), provenance.begin(settings, argv))
+        return _recorded(Run(settings, place, bar), provenance.begin(settings, argv, overrides))
 
 
 def _recorded(run: Run, record: dict[str, Any]) -> dict[str, float]:
@@ -203,8 +205,10 @@ def _close(
     from pareto_ltl.store import write_json
 
     table = metrics(run.records, run.seconds)
-    provenance.write(run.directory, provenance.end(record, run.settings, status, run.seconds, error))
-    if status == "ok" or (status == "infeasible" and "forest" in run.records):
+    measured = status == "ok" or (status == "infeasible" and "forest" in run.records)
+    ended = provenance.end(record, run.settings, status, run.seconds, error)
+    provenance.write(run.directory, ended | {"measured": measured})  # metrics.json is still to come
+    if measured:
         write_json(run.directory / "metrics.json", table)
     return table
 

@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 import platform
 import subprocess
 from collections.abc import Iterable, Mapping, Sequence
 from datetime import UTC, datetime
+from functools import lru_cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
 from pareto_ltl.config import Settings, as_dict
+from pareto_ltl.cores import cores
 from pareto_ltl.errors import ParetoLtlError
-from pareto_ltl.resources import checkout
+from pareto_ltl.resources import PACKAGE, checkout
 
 PACKAGES = (
     "clarabel", "cvxpy", "hydra-core", "moocore", "networkx", "numba", "numpy", "pyproj", "scikit-learn",
@@ -23,23 +26,40 @@ PACKAGES = (
 
 
 def config_hash(settings: Settings) -> str:
-    """Fingerprint of all settings and of the version of the code."""
-    content = {"version": version("pareto-ltl"), "settings": as_dict(settings)}
-    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+    """Fingerprint of the code and of all settings that a result can depend on."""
+    content = as_dict(settings)
+    del content["sweep"], content["planner"]["threads"]
+    told = {"version": version("pareto-ltl"), "code": code_hash(), "settings": content}
+    return hashlib.sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()
 
 
-def begin(settings: Settings, argv: Sequence[str]) -> dict[str, Any]:
+@lru_cache(maxsize=1)
+def code_hash() -> str:
+    """Fingerprint of the package's source: a version number does not change while code is written."""
+    digest = hashlib.sha256()
+    for path in sorted(PACKAGE.rglob("*.py")):
+        digest.update(f"{path.relative_to(PACKAGE)}\0".encode() + path.read_bytes() + b"\0")
+    return digest.hexdigest()
+
+
+def begin(settings: Settings, argv: Sequence[str], overrides: Sequence[str] = ()) -> dict[str, Any]:
     """What is known of a run when it starts."""
     return {
         "status": "running",
         "error": None,
         "argv": list(argv),
+        "overrides": list(overrides),
+        "folder": os.getcwd(),
+        "host": platform.node(),
+        "pid": os.getpid(),
+        "threads": cores(),
         "name": settings.name,
         "seed": settings.seed,
         "fidelity": settings.fidelity,
         "stages": settings.pipelines.stages,
         "config_hash": config_hash(settings),
         "version": version("pareto-ltl"),
+        "code_hash": code_hash(),
         "git": git_state(checkout()),
         "python": platform.python_version(),
         "packages": {name: _version(name) for name in PACKAGES},
@@ -98,6 +118,25 @@ def file_hashes(paths: Iterable[Path]) -> dict[str, str]:
         with path.open("rb") as file:
             hashes[str(path)] = hashlib.file_digest(file, "sha256").hexdigest()
     return hashes
+
+
+def unchanged(inputs: Mapping[str, str]) -> bool:
+    """Whether the files that a run read are still what they were."""
+    return all(_file_hash(name, *_stamp(name)) == digest for name, digest in inputs.items())
+
+
+def _stamp(name: str) -> tuple[int, int]:
+    try:
+        stat = os.stat(name)
+    except OSError:
+        return -1, -1
+    return stat.st_mtime_ns, stat.st_size
+
+
+@lru_cache(maxsize=4096)
+def _file_hash(name: str, changed: int, size: int) -> str:
+    """SHA-256 of a file, read again when its date or size has changed; empty where there is none."""
+    return "" if size < 0 else file_hashes([Path(name)])[name]
 
 
 def git_state(root: Path | None) -> dict[str, Any] | None:

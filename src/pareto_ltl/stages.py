@@ -67,10 +67,11 @@ def ingredient(make: Callable[..., Any]) -> Callable[..., Any]:
 
 @ingredient
 def scene(scene_cfg: SceneConfig, mission_cfg: MissionConfig, wind_cfg: WindConfig) -> Scene:
+    from pareto_ltl.random_scene import populated
     from pareto_ltl.scene import read_scene
     from pareto_ltl.wind.sources import first_time
 
-    return read_scene(scene_cfg, mission_cfg.start_time or first_time(wind_cfg))
+    return read_scene(populated(scene_cfg), mission_cfg.start_time or first_time(wind_cfg))
 
 
 @stage

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pareto_ltl import cache
 from pareto_ltl.arrays import FloatArray
 from pareto_ltl.config import WindConfig
 from pareto_ltl.errors import DataError
@@ -202,23 +203,27 @@ def _tabulate(
 
 
 def cache_folder() -> Path:
-    """Where fits are remembered: ``PARETO_LTL_CACHE``, or the user's cache."""
-    import platformdirs
-
-    return Path(os.environ.get("PARETO_LTL_CACHE") or platformdirs.user_cache_dir("pareto_ltl")) / "wind"
+    """Where fits are remembered."""
+    return cache.root() / "wind"
 
 
 def _remembered(*arguments: Any) -> Table:
     """``_tabulate``, from the cache where possible; a cache that fails costs time, never the run."""
-    from joblib import Memory
+    from joblib import Memory, hash
 
     folder = cache_folder()
     try:
-        recall = Memory(folder, verbose=0).cache(_tabulate)
+        memory = Memory(folder, verbose=0)
+        recall = memory.cache(_tabulate)
         recall.warn = lambda _: _complain(folder, "an entry is damaged and is made again")
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")
-            table: Table = recall(*arguments)
+            if recall.check_call_in_cache(*arguments):
+                table: Table = recall(*arguments)
+            else:
+                with cache.alone(hash(arguments)):  # jobs that begin together fit once
+                    table = recall(*arguments)
+                    memory.reduce_size(bytes_limit=cache.limit())
     except OSError as error:
         _complain(folder, str(error))
         return _tabulate(*arguments)

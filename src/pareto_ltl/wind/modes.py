@@ -12,6 +12,7 @@ import logging
 import numpy as np
 
 from pareto_ltl.arrays import FloatArray
+from pareto_ltl.cores import cores
 from pareto_ltl.wind.regression import CORRELATION, Hyper, WindPosterior, distances
 
 LOG = logging.getLogger(__name__)
@@ -44,7 +45,7 @@ def modes(
     between = distances(nodes, nodes)
     jobs = [(k, c) for k in range(len(posterior.times)) for c in (0, 1)]
     with threadpool_limits(1):
-        found = Parallel(n_jobs=2, prefer="threads")(
+        found = Parallel(n_jobs=min(len(jobs), cores()), prefer="threads")(
             delayed(_leading)(posterior, k, c, nodes, between, energy, most) for k, c in jobs
         )
     columns = max((psi.shape[1] for psi, _ in found), default=0)

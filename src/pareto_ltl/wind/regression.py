@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -12,6 +11,7 @@ import numpy as np
 
 from pareto_ltl.arrays import FloatArray
 from pareto_ltl.config import WindConfig
+from pareto_ltl.cores import cores
 from pareto_ltl.records import WindObservations
 
 # Where the search for hyperparameters starts, in standardised units: for readings spread over the
@@ -93,7 +93,7 @@ def fit(cfg: WindConfig, observations: WindObservations) -> WindPosterior:
     # One BLAS thread for each of ours: more would fight for the cores over matrices of 120 rows.
     with warnings.catch_warnings(), threadpool_limits(1):
         warnings.simplefilter("ignore", ConvergenceWarning)  # a bound that is reached is an answer
-        fits = Parallel(n_jobs=min(len(jobs), _cores()), prefer="threads")(
+        fits = Parallel(n_jobs=min(len(jobs), cores()), prefer="threads")(
             delayed(_fit_time)(*j) for j in jobs
         )
     z = np.concatenate([scores for _, scores in fits])
@@ -196,10 +196,6 @@ def _typical_gap(points: FloatArray) -> float:
 
 def _squared(bounds: tuple[float, float]) -> tuple[float, float]:
     return bounds[0] ** 2, bounds[1] ** 2
-
-
-def _cores() -> int:
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 __all__ = ["CORRELATION", "Hyper", "WindPosterior", "distances", "fit"]

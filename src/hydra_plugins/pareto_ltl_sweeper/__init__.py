@@ -1,0 +1,1 @@
+"""A sweeper for Hydra that does no job twice."""

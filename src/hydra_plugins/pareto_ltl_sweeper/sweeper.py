@@ -1,0 +1,226 @@
+"""The sweeper: a grid becomes points with names, and those without an answer go to a launcher.
+
+Hydra's own sweeper runs every point again. This one names each by the fingerprint of what it comes to, so
+that it knows which are done; it checks every point before it makes a directory, and goes on after jobs or
+launches that were killed. How is said in ``pareto_ltl.sweep``; here is what needs Hydra.
+"""
+
+from __future__ import annotations
+
+import copy
+import os
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+from hydra._internal.config_loader_impl import ConfigLoaderImpl
+from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
+from hydra.core.override_parser.overrides_parser import OverridesParser
+from hydra.core.override_parser.types import Override
+from hydra.core.utils import JobReturn, JobStatus
+from hydra.types import HydraContext, TaskFunction
+from omegaconf import DictConfig, OmegaConf, open_dict
+
+BLAS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
+
+
+class PointsSweeper(BasicSweeper):
+    """Runs the points of a grid that have no answer yet."""
+
+    def setup(self, *, hydra_context: HydraContext, task_function: TaskFunction, config: DictConfig) -> None:
+        super().setup(hydra_context=hydra_context, task_function=task_function, config=config)
+        self.task_function = task_function
+
+    def sweep(self, arguments: list[str]) -> Any:
+        """Check all points, run those without an answer, write the summary."""
+        from pareto_ltl import app
+        from pareto_ltl.provenance import config_hash
+        from pareto_ltl.sweep import conduct, jobs, summary
+        from pareto_ltl.sweep.manifest import Figure, Manifest, Point
+
+        assert self.config is not None
+        place = Path(str(self.config.hydra.sweep.dir))
+        overrides = self._overrides(arguments)
+        swept = {key for key, values in overrides.items() if len(values) > 1}
+        words: dict[str, list[str]] = {}
+        points: list[Point] = []
+        compose = Composer(self._loader(), self.config)
+        for line in _product(list(overrides.values())):
+            settings = app.settings_of(compose(line))
+            app.check(settings)
+            job = config_hash(settings)[: jobs.HASH]
+            if job not in words:  # two ways to write the same settings are one job
+                words[job] = [*line, f"hydra.sweep.subdir='{job}'"]
+                points.append(Point(job, _told(line, swept)))
+        figure = Figure(settings.sweep.x, settings.sweep.y, settings.sweep.by)
+        names = tuple(_name(key) for key in overrides if key in swept)
+        fixed = tuple(values[0] for key, values in overrides.items() if key not in swept)
+        manifest = Manifest(tuple(points), names, fixed, figure)
+        summary.check_figure(figure, names)
+
+        def launch(batch: Sequence[Point]) -> None:
+            size = self._batch_size() or len(batch)
+            for first in range(0, len(batch), size):
+                self._launch([words[point.job] for point in batch[first : first + size]], first)
+
+        with conduct.claimed(place):
+            manifest.write(place)
+            OmegaConf.save(self.config, place / "multirun.yaml")
+            todo = conduct.unsettled(place, manifest, resume=settings.sweep.resume)
+            print(_plan_of(len(points), len(todo), place), flush=True)
+            conductor = conduct.Conductor(place, launch, app.complain)
+            try:
+                conductor.conduct(todo)
+            finally:
+                found = summary.build(place, given_up=conductor.given_up)
+                print(f"{found.line()}\nsummary in {place / 'summary.html'}")
+        self.task_function.finish(found.counts)  # type: ignore[attr-defined]
+        return []
+
+    def _overrides(self, arguments: Sequence[str]) -> dict[str, list[str]]:
+        """Every key with its values, as words for a command line; what comes later wins."""
+        parser = OverridesParser.create(config_loader=self._loader())
+        table: dict[str, list[str]] = {}
+        for override in parser.parse_overrides([*self._parse_config(), *arguments]):
+            (batch,) = self.split_arguments([override], None)
+            table[override.get_key_element()] = [line[0] for line in batch]
+        return table
+
+    def _loader(self) -> ConfigLoaderImpl:
+        assert self.hydra_context is not None
+        loader = self.hydra_context.config_loader
+        assert isinstance(loader, ConfigLoaderImpl)
+        return loader
+
+    def _batch_size(self) -> int | None:
+        """Jobs for a launcher at once: submitit's local engine would start all that it gets."""
+        if self.max_batch_size or type(self.launcher).__name__ != "LocalLauncher":
+            return self.max_batch_size
+        from pareto_ltl.cores import cores
+
+        return max(1, cores() // self._threads())
+
+    def _threads(self) -> int:
+        params = getattr(self.launcher, "params", {})
+        return int(params.get("cpus_per_task") or 1)
+
+    def _launch(self, lines: list[list[str]], first: int) -> None:
+        assert self.launcher is not None
+        local = type(self.launcher).__name__ == "LocalLauncher"
+        given = {name: str(self._threads()) for name in BLAS} if local else {}
+        kept = {name: os.environ.get(name) for name in given}
+        os.environ.update(given)
+        try:
+            with patient():
+                results = self.launcher.launch(lines, initial_job_idx=first)
+            for result in results:
+                if result.status is JobStatus.FAILED:
+                    raise result._return_value
+        finally:
+            for name, value in kept.items():
+                if value is None:
+                    os.environ.pop(name, None)
+                else:
+                    os.environ[name] = value
+
+
+@contextmanager
+def patient() -> Iterator[None]:
+    """Let submitit wait for all jobs of an array, also when one of them was killed.
+
+    Its Hydra launcher raises at the first, with the others still at work or in the queue of the cluster:
+    what is launched again would meet them there.
+    """
+    if find_spec("submitit") is None:
+        yield
+        return
+    from submitit import AutoExecutor
+
+    whole = AutoExecutor.map_array
+
+    def map_array(executor: AutoExecutor, *args: Any) -> list[Awaited]:
+        return [Awaited(job) for job in whole(executor, *args)]
+
+    AutoExecutor.map_array = map_array  # type: ignore[method-assign, assignment]
+    try:
+        yield
+    finally:
+        del AutoExecutor.map_array  # what it inherits is there again
+
+
+class Awaited:
+    """A job of submitit whose failure is a result."""
+
+    def __init__(self, job: Any) -> None:
+        self._job = job
+
+    def results(self) -> list[JobReturn]:
+        try:
+            found: list[JobReturn] = self._job.results()
+        except Exception as error:
+            return [JobReturn(status=JobStatus.FAILED, _return_value=error)]
+        return found
+
+
+class Composer:
+    """Composes points of a grid; the choices of groups, which take Hydra a tenth of a second, once each."""
+
+    def __init__(self, loader: ConfigLoaderImpl, master: DictConfig) -> None:
+        self._loader, self._master = loader, master
+        self._parser = OverridesParser.create(config_loader=loader)
+        self._composed: dict[tuple[str, ...], DictConfig] = {}
+        self._parsed: dict[str, Override] = {}
+
+    def __call__(self, line: Sequence[str]) -> DictConfig:
+        parsed = [self._parse(word) for word in line]
+        groups = tuple(word for word, override in zip(line, parsed, strict=True) if self._chooses(override))
+        if groups not in self._composed:
+            self._composed[groups] = self._without_hydra(groups)
+        config = copy.deepcopy(self._composed[groups])
+        values = [override for override in parsed if not self._chooses(override)]
+        ConfigLoaderImpl._apply_overrides_to_config(values, config)
+        return config
+
+    def _without_hydra(self, groups: Sequence[str]) -> DictConfig:
+        config = self._loader.load_sweep_config(self._master, list(groups))
+        with open_dict(config):
+            del config["hydra"]
+        return config
+
+    def _parse(self, word: str) -> Override:
+        if word not in self._parsed:
+            (self._parsed[word],) = self._parser.parse_overrides([word])
+        return self._parsed[word]
+
+    def _chooses(self, override: Override) -> bool:
+        return bool(self._loader.get_group_options(override.key_or_group))
+
+
+def _product(columns: list[list[str]]) -> list[list[str]]:
+    from itertools import product
+
+    return [list(line) for line in product(*columns)]
+
+
+def _name(key: str) -> str:
+    return key.lstrip("+")
+
+
+def _told(line: Sequence[str], swept: set[str]) -> dict[str, str]:
+    """What was varied at one point, without the quotes of a command line."""
+    pairs = (word.partition("=") for word in line)
+    return {_name(key): _bare(value) for key, _, value in pairs if key in swept}
+
+
+def _bare(value: str) -> str:
+    quoted = len(value) > 1 and value[0] == value[-1] and value[0] in "'\""
+    return value[1:-1] if quoted else value
+
+
+def _plan_of(of: int, todo: int, place: Path) -> str:
+    done = of - todo
+    if not todo:
+        return f"all {of} jobs of {place} have their answers"
+    return f"{todo} jobs into {place}" + (f", {done} of {of} have their answers already" if done else "")
