@@ -325,7 +325,7 @@ def track(rows: int, modes: int, *, landmarks: bool) -> Track:
 
     n = rows if landmarks else 0
     return Track(
-        theta=np.empty((rows, 2, 2, modes), np.float32), known=np.empty((n, 3)), fix=np.full(n, -1, np.int64),
+        theta=np.zeros((rows, 2, 2, modes), np.float32), known=np.empty((n, 3)), fix=np.full(n, -1, np.int64),
         faded=np.ones(n), gain=np.empty((n, 2, 2, modes), np.float32), previous=np.empty(n, np.int64),
         share=np.empty(n), used=np.zeros(1, np.int64),
     )  # fmt: skip

@@ -315,28 +315,24 @@ def _keys(
     if plan is not None:
         keys.append(Line2D([], [], color=style.BLUE, lw=1.3, label="planned path (mean)"))
         keys.append(Patch(fc=style.BLUE + "14", ec=style.BLUE, lw=0.5, label="95 % of positions"))
+    bad = {law: int((~d.accepted | d.collided).sum()) for law, d in deployments.items()}
     for color, (law, d) in zip(_cycle(style.FLIGHTS, len(deployments)), deployments.items(), strict=True):
-        good, n = int((d.accepted & ~d.collided).sum()), len(d.accepted)
+        good = len(d.accepted) - bad[law]
         name = f"{law} flights: " if len(deployments) > 1 else "flights: "
         keys.append(Line2D([], [], color=color, lw=0.8, label=f"{name}{min(good, count)} of {good} good"))
-        bad = n - good
-        keys.append(
-            Line2D(
-                [],
-                [],
-                color=style.VERMILLION,
-                lw=0.8,
-                label=f"failed: {bad} of {n}" + (f", {count} drawn" if bad > count else ""),
-            )
+    if deployments:
+        each = ", ".join(
+            f"{n} of {len(deployments[law].accepted)}" + (f" {law}" if len(bad) > 1 else "")
+            for law, n in bad.items()
         )
+        drawn = f", {count} drawn" if len(bad) == 1 and max(bad.values()) > count else ""
+        keys.append(Line2D([], [], color=style.VERMILLION, lw=0.8, label=f"failed: {each}{drawn}"))
     keys.append(Patch(fc=style.GREEN + "30", ec=style.GREEN, lw=1.0, label="region"))
     keys.append(Patch(fc="#6E6E6E", ec="#4A4A4A", lw=0.5, label="obstacle"))
     if forest is not None:
         total = sum(map(len, forest.trees))
         label = (
-            f"trees, {total:,} vertices"
-            if total <= VERTICES
-            else f"trees, {VERTICES:,} of {total:,} vertices"
+            f"trees ({total:,} vertices)" if total <= VERTICES else f"trees ({VERTICES:,} of {total:,})"
         )
         keys.append(Line2D([], [], color=style.STONE, lw=0.6, alpha=0.8, label=label))
     keys.append(Line2D([], [], color=style.MIST, lw=0.7, ls=":", label="cells"))

@@ -1,0 +1,145 @@
+"""Full fidelity's budgets, on the real sample of winds: modes, growth, bounds, ranking, flights.
+
+python -m pytest benchmarks/bench_full.py
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from numpy.random import SeedSequence
+
+from pareto_ltl import acceptance, deployment, growth, problem, risk, selection, smoothing, workspace
+from pareto_ltl.config import (
+    MissionConfig,
+    PlannerConfig,
+    RobotConfig,
+    SceneConfig,
+    SmoothingConfig,
+    WindConfig,
+)
+from pareto_ltl.kernels.ordered import mission_bound
+from pareto_ltl.logic.mission import automaton_of
+from pareto_ltl.records import Forest
+from pareto_ltl.scene import read_scene
+from pareto_ltl.wind import modes, regression, sources
+from pareto_ltl.wind.field import modes_lattice
+from pareto_ltl.wind.field import wind as field
+
+CONF = Path(__file__).parents[1] / "conf"
+
+
+def section(kind, name):
+    return yaml.safe_load((CONF / kind / f"{name}.yaml").read_text())
+
+
+@pytest.fixture(scope="module", params=["phi1", "phi2"])
+def mission(request):
+    """Problem and scene, kernels compiled by a first small forest."""
+    cfg = WindConfig()
+    scene = read_scene(SceneConfig(**section("scene", request.param)), sources.first_time(cfg))
+    wind = field(cfg, sources.observations(cfg, scene), scene, 200 * 1800.0)
+    cells = workspace.decompose(scene)
+    automaton = automaton_of(
+        MissionConfig(**section("mission", request.param)), set(cells.letters), 1000, scene.regions
+    )
+    made = problem.build(RobotConfig(), PlannerConfig(), cfg, scene, wind, cells, automaton, "full")
+    growth.forest(PlannerConfig(trees=1, n_max=50), made, SeedSequence(0))
+    return made
+
+
+@pytest.fixture(scope="module")
+def paths(mission):
+    return selection.tree_front(mission, growth.forest(PlannerConfig(), mission, SeedSequence(0)))
+
+
+def speed(forest: Forest) -> float:
+    return sum(map(len, forest.trees)) / sum(tree.seconds for tree in forest.trees)
+
+
+def test_modes_of_all_slots(benchmark):
+    cfg = WindConfig()
+    scene = read_scene(SceneConfig(**section("scene", "phi1")), sources.first_time(cfg))
+    posterior = regression.fit(cfg, sources.observations(cfg, scene))
+    origin, spacing, shape = modes_lattice(cfg, scene)
+    nodes = origin + spacing * np.stack(np.meshgrid(*map(np.arange, shape), indexing="ij"), axis=-1).reshape(
+        -1, 2
+    )
+    benchmark.extra_info["budget"] = 2.0
+    benchmark.pedantic(modes.modes, (posterior, nodes, cfg.energy, cfg.modes_max), rounds=3)
+
+
+def test_full_vertices_a_second_on_one_core(benchmark, mission):
+    cfg = PlannerConfig(trees=8, n_max=2500, threads=1)
+    forests: list[Forest] = []
+    benchmark.pedantic(lambda: forests.append(growth.forest(cfg, mission, SeedSequence(0))), rounds=5)
+    benchmark.extra_info["figures"] = [("vertices/s", max(map(speed, forests)), 50_000)]
+    benchmark.extra_info["sense"] = ">="
+
+
+def test_full_ten_trees_on_two_threads(benchmark, mission):
+    cfg = PlannerConfig(trees=10, n_max=2500, threads=2)
+    benchmark.extra_info["budget"] = 0.5
+    forest = benchmark.pedantic(growth.forest, (cfg, mission, SeedSequence(0)), rounds=5, warmup_rounds=1)
+    assert len(forest.accepted) > 0
+
+
+def test_what_a_full_vertex_keeps(benchmark, mission):
+    full, cells = mission.tables, len(mission.tables.obstacles.ptr) - 1
+    states, columns = len(full.logic.distance), full.modes.psi.shape[-1]
+    rows = 1000
+
+    def size() -> float:
+        vertices = growth._vertices(rows, 2, cells, states, columns, full=True, landmarks=False)
+        return sum(a.nbytes for a in (*vertices[:-1], *vertices.track)) / rows
+
+    benchmark.extra_info["figures"] = [("bytes", benchmark(size), 2000)]
+
+
+def test_growth_without_v_and_r(benchmark, mission):
+    """Their cost in the profile: the same trees with no obstacle and no label to look at."""
+    bare = replace(
+        mission,
+        tables=mission.tables._replace(
+            labelled=mission.tables.labelled._replace(cell=np.empty(0, np.int64)),
+            obstacles=problem.faces([]),
+        ),
+    )
+    cfg = PlannerConfig(trees=8, n_max=2500, threads=1)
+    growth.forest(cfg, bare, SeedSequence(0))
+    benchmark.pedantic(growth.forest, (cfg, bare, SeedSequence(0)), rounds=5)
+
+
+def test_mission_bound_of_a_path(benchmark, mission, paths):
+    path = paths[0]
+    three = np.ascontiguousarray(path.cov.reshape(-1, 4)[:, [0, 1, 3]])
+    nothing = np.zeros(len(path.x))
+    found = benchmark(mission_bound, mission.tables, path.x, three, nothing)
+    assert found == pytest.approx(risk.ordered_mission_risk(mission, path.x, path.cov), abs=1e-12)
+
+
+def test_exact_evaluation_of_a_path(benchmark, mission, paths):
+    benchmark(problem.evaluate, mission, paths[0].x, "")
+
+
+def test_ranking_a_path_by_2000_linear_flights(benchmark, mission, paths):
+    front = selection.front((), paths[:4], full=True)
+    seconds: list[float] = []
+    benchmark.pedantic(acceptance.ranked, (mission, front, 2000, SeedSequence(0)), rounds=5, warmup_rounds=1)
+    seconds.append(benchmark.stats.stats.median / len(front.paths))
+    benchmark.extra_info["figures"] = [("ms a path", 1e3 * seconds[-1], 60.0)]
+
+
+@pytest.mark.parametrize(("runs", "budget"), [(500, 0.05), (2000, 0.2), (100_000, 5.0)])
+def test_coherent_flights(benchmark, mission, paths, runs, budget):
+    benchmark.extra_info["budget"] = budget
+    arguments = (mission, paths[0].u, runs, "coherent", SeedSequence(1), paths[0].x)
+    benchmark.pedantic(deployment.fly, arguments, rounds=3 if runs > 10_000 else 10, warmup_rounds=1)
+
+
+def test_full_smoothing(benchmark, mission, paths):
+    benchmark.pedantic(smoothing.smooth, (SmoothingConfig(), mission, paths), rounds=3, warmup_rounds=1)
