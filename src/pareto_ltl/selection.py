@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 
 import numpy as np
 
@@ -66,7 +67,11 @@ def tree_front(problem: Problem, forest: Forest) -> tuple[Path, ...]:
     keep = np.flatnonzero(non_dominated(rows))
     if full:
         keep = keep[apart(rows[keep])]
-    paths = [evaluate(problem, *_path(forest, int(k))) for k in keep]
+    paths = []
+    for k in keep:
+        # R may lie above delta where growth trusted the reflection and the deviations shrink.
+        with suppress(InfeasibleError):
+            paths.append(evaluate(problem, *_path(forest, int(k))))
     return tuple(sorted(paths, key=lambda p: tuple(objective_row(p.objectives, full))))
 
 
@@ -93,7 +98,8 @@ def orders(problem: Problem, forest: Forest) -> tuple[Path, ...]:
     """For every mission order that some accepted path of the trees follows, the best such path.
 
     An order is the sequence of automaton states and labels at which the state changes. The front alone may
-    show but one of them, while another, smoothed, is better.
+    show but one of them, while another, smoothed, is better. R comes in
+    its looser form and may lie above delta: these paths are where smoothing begins.
     """
     full = problem.tables.full
     rows = accepted_rows(forest, full)
@@ -105,7 +111,7 @@ def orders(problem: Problem, forest: Forest) -> tuple[Path, ...]:
     for k in np.lexsort((rows[:, -1], risk)):
         j, v = forest.accepted[k]
         best.setdefault(signs[j][v], int(k))
-    return tuple(evaluate(problem, *_path(forest, k)) for k in best.values())
+    return tuple(evaluate(problem, *_path(forest, k), tight=False) for k in best.values())
 
 
 def _signs(problem: Problem, forest: Forest, j: int) -> list[int]:
@@ -127,7 +133,9 @@ def front(smoothed: Sequence[Path], raw: Sequence[Path], full: bool = False) -> 
     """Non-dominated among the trees' paths and their smoothed versions."""
     paths = [*raw, *smoothed]
     if not paths:
-        raise InfeasibleError("no path completes the mission")
+        raise InfeasibleError(
+            "no path completes the mission within planner.delta; raise it, or planner.n_max"
+        )
     rows = np.array([objective_row(p.objectives, full) for p in paths])
     kept = [p for p, keep in zip(paths, non_dominated(rows), strict=True) if keep]
     kept.sort(key=lambda p: tuple(objective_row(p.objectives, full)))

@@ -321,19 +321,15 @@ def _keys(
         name = f"{law} flights: " if len(deployments) > 1 else "flights: "
         keys.append(Line2D([], [], color=color, lw=0.8, label=f"{name}{min(good, count)} of {good} good"))
     if deployments:
-        each = ", ".join(
-            f"{n} of {len(deployments[law].accepted)}" + (f" {law}" if len(bad) > 1 else "")
-            for law, n in bad.items()
-        )
+        runs = max(len(d.accepted) for d in deployments.values())
+        each = " and ".join(map(str, bad.values())) + f" of {runs}"
         drawn = f", {count} drawn" if len(bad) == 1 and max(bad.values()) > count else ""
         keys.append(Line2D([], [], color=style.VERMILLION, lw=0.8, label=f"failed: {each}{drawn}"))
     keys.append(Patch(fc=style.GREEN + "30", ec=style.GREEN, lw=1.0, label="region"))
     keys.append(Patch(fc="#6E6E6E", ec="#4A4A4A", lw=0.5, label="obstacle"))
     if forest is not None:
         total = sum(map(len, forest.trees))
-        label = (
-            f"trees ({total:,} vertices)" if total <= VERTICES else f"trees ({VERTICES:,} of {total:,})"
-        )
+        label = f"trees ({total:,} vertices)" if total <= VERTICES else f"trees ({VERTICES:,} of {total:,})"
         keys.append(Line2D([], [], color=style.STONE, lw=0.6, alpha=0.8, label=label))
     keys.append(Line2D([], [], color=style.MIST, lw=0.7, ls=":", label="cells"))
     keys.append(Line2D([], [], ls="", marker="o", ms=4, mfc="white", mec="black", mew=0.9, label="start"))
@@ -595,7 +591,7 @@ def front_figure(scene: Scene, forest: Forest | None, front: Front, plan: Plan |
         )
         for rows in ([p.objectives for p in front.paths], front.raw)
     )
-    cloud = accepted(forest) * [per_metre, 1.0]
+    cloud = accepted(forest, front.full) * [per_metre, 1.0]
     figure = style.blank(style.COLUMN, 2.75)
     ax = style.box(figure, 0.58, 0.38, 2.22, 1.82)
     low, hidden = style.floor_of(np.concatenate([after[:, 1], before[:, 1], cloud[:, 1]]))
@@ -646,16 +642,15 @@ def front_figure(scene: Scene, forest: Forest | None, front: Front, plan: Plan |
     return figure
 
 
-def accepted(forest: Forest | None) -> FloatArray:
-    """Length [m] and f_o of every accepted vertex, shape (A, 2)."""
+def accepted(forest: Forest | None, full: bool = False) -> FloatArray:
+    """Length [m] and f_o, or V of full fidelity, of every accepted vertex, shape (A, 2)."""
     if forest is None or not len(forest.accepted):
         return np.empty((0, 2))
     rows = []
     for tree_number in np.unique(forest.accepted[:, 0]):
         tree, vertices = forest.trees[tree_number], forest.accepted[forest.accepted[:, 0] == tree_number, 1]
-        rows.append(
-            np.column_stack([tree.length[vertices], np.minimum(1.0, tree.risk[vertices].sum(axis=1))])
-        )
+        risk = tree.risk[vertices, 0] if full else tree.risk[vertices].sum(axis=1)
+        rows.append(np.column_stack([tree.length[vertices], np.minimum(1.0, risk)]))
     return np.concatenate(rows)
 
 

@@ -21,6 +21,7 @@ from pareto_ltl.smoothing.programme import Programme, bend, programme
 SPARE = 2  # steps added to a tree path, whose steps are at full speed and leave no room for change
 DISTANCES = (2.6, 2.0, 1.4, 0.8)  # standard deviations that taut lines try to keep from obstacles
 STRIDES = (-6, -3, -1, 1)  # changes of the number of steps that are tried, each as long as it pays
+RETIMED = 2  # starts that are bent with other numbers of steps as well
 EACH = 2  # tree paths of one mission order that are bent
 ROUNDS_FULL = 12  # of bending, at most, of full fidelity
 GAIN_FULL = 1e-3  # of the merit: less ends them
@@ -65,18 +66,49 @@ def smooth(
     weights = [0.0] if certain else sorted(cfg.weights, reverse=True)
     model = fitting(problem, begun)
     shortest = min(p.objectives.length for p in paths)
+    if problem.tables.full:
+        return worthwhile(problem, bent(cfg, model, problem, begun, weights, shortest, progress), paths)
     found: list[Path] = []
     for k, start in enumerate(begun):
-        x, retime = start.x, True
+        x = start.x
         for weight in weights:  # the safest first: it needs the most steps, and its line the least change
-            path = improve(cfg, model, problem, x, weight, shortest, retime=retime)
+            path = improve(cfg, model, problem, x, weight, shortest)
             if path is not None:
-                retime = False
                 found.append(replace(path, origin=f"{start.origin}, smoothed at risk weight {weight:g}"))
                 x = path.x
         if progress is not None:
             progress(k + 1, len(begun))
     return worthwhile(problem, found, paths)
+
+
+def bent(
+    cfg: SmoothingConfig, model: Programme, problem: Problem, begun: Sequence[Start], weights:
+    Sequence[float], shortest: float, progress: Callable[[int, int], None] | None,
+) -> list[Path]:  # fmt: skip
+    """Of full fidelity: every start at the safest weight, then the best of them with other numbers of
+    steps, and what comes
+    of these at the other weights."""
+    safest = weights[0]
+    first: list[tuple[float, str, Path]] = []
+    jobs = len(begun) + min(RETIMED, len(begun))
+    for k, start in enumerate(begun):
+        path = descend(cfg, model, problem, start.x, safest, shortest)
+        if path is not None:
+            first.append((merit(path, safest, shortest, full=True), start.origin, path))
+        if progress is not None:
+            progress(k + 1, jobs)
+    first.sort(key=lambda job: job[0])
+    found = [replace(path, origin=f"{name}, smoothed at risk weight {safest:g}") for _, name, path in first]
+    for k, (_, name, path) in enumerate(first[:RETIMED]):
+        best = retimed(cfg, model, problem, path, safest, shortest)
+        for weight in weights:
+            if weight != safest:
+                best = descend(cfg, model, problem, best.x, weight, shortest) if best is not None else None
+            if best is not None:
+                found.append(replace(best, origin=f"{name}, smoothed at risk weight {weight:g}"))
+        if progress is not None:
+            progress(len(begun) + k + 1, jobs)
+    return found
 
 
 def worthwhile(problem: Problem, found: Sequence[Path], paths: Sequence[Path]) -> tuple[Path, ...]:
@@ -189,13 +221,9 @@ def fitting(problem: Problem, begun: Sequence[Start]) -> Programme:
 
 
 def improve(
-    cfg: SmoothingConfig, model: Programme, problem: Problem, x: FloatArray, weight: float, shortest: float,
-    *, retime: bool = True,
-) -> Path | None:  # fmt: skip
-    """Bend, then once more with other numbers of steps; None where nothing flew."""
-    if problem.tables.full:
-        found = descend(cfg, model, problem, x, weight, shortest)
-        return retimed(cfg, model, problem, found, weight, shortest) if retime else found
+    cfg: SmoothingConfig, model: Programme, problem: Problem, x: FloatArray, weight: float, shortest: float
+) -> Path | None:
+    """Bend, then once more with the steps that this set free taken out; None where nothing flew."""
     best = rounds(cfg, model, problem, x, weight, shortest)
     if best is None:
         return None
