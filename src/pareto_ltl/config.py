@@ -340,7 +340,7 @@ class EvaluationConfig:
         _at_least("evaluation.jobs", self.jobs, 0)
 
 
-METHODS = (*FIDELITIES, "smoothed", "cc_rrt", "ml_rrt", "calm_shortest")
+METHODS = ("paper", "smoothed", "full", "cc_rrt", "ml_rrt", "calm_shortest")
 
 
 @dataclass

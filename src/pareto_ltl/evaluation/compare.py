@@ -1,7 +1,8 @@
 """One mission, several planners, the same winds (the paper's Figure 1 and its baseline).
 
-``paper``, ``full``  the proposed planner in each fidelity, its trees' paths as they are
-``smoothed``         the same in the fidelity of the run, with convex smoothing: what ``pipelines=plan`` flies
+``paper``            the proposed planner as the paper has it: its trees' paths as they are
+``smoothed``         the same with convex smoothing: what ``pipelines=plan fidelity=paper`` flies
+``full``             full fidelity, smoothed and ranked: what ``pipelines=plan fidelity=full`` flies
 ``cc_rrt``           plain CC-RRT: chance constraints, no re-selection of parents (lines 5-13 of Algorithm 2)
 ``ml_rrt``           the same planner without any knowledge of wind, μ = 0 and Σ = 0 (the paper's baseline)
 ``calm_shortest``    the shortest path in still air, by convex smoothing of ``ml_rrt``; one path for all seeds
@@ -20,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from pareto_ltl.arrays import BoolArray, FloatArray
-from pareto_ltl.config import FIDELITIES, Settings
+from pareto_ltl.config import Settings
 from pareto_ltl.errors import InfeasibleError
 from pareto_ltl.evaluation import parts
 from pareto_ltl.evaluation.parts import Part, Progress
@@ -44,8 +45,8 @@ from pareto_ltl.records import Plan, Study
 
 TITLES = {
     "paper": "proposed (paper)",
-    "full": "proposed (full)",
-    "smoothed": "proposed, smoothed",
+    "smoothed": "paper, smoothed",
+    "full": "full fidelity",
     "cc_rrt": "CC-RRT",
     "ml_rrt": "ML-RRT (no wind)",
     "calm_shortest": "shortest in calm air",
@@ -66,8 +67,8 @@ class Context:
 
 def method(name: str, settings: Settings, world: Mapping[str, Any]) -> Workshop:
     """The planner called ``name``: the settings it has and the world it believes in."""
-    fidelity = name if name in FIDELITIES else settings.fidelity
-    smooth = name in ("smoothed", "calm_shortest")
+    fidelity = "full" if name == "full" else "paper"
+    smooth = name in ("smoothed", "full", "calm_shortest")
     mine = replace(
         settings,
         fidelity=fidelity,
@@ -87,7 +88,7 @@ def method(name: str, settings: Settings, world: Mapping[str, Any]) -> Workshop:
 def truth(settings: Settings, world: Mapping[str, Any]) -> Problem:
     """The world plans are flown in: everything that is modelled, all laws."""
     laws = list(settings.evaluation.laws)
-    real = replace(settings, fidelity=FIDELITIES[-1], deployment=replace(settings.deployment, laws=laws))
+    real = replace(settings, fidelity="full", deployment=replace(settings.deployment, laws=laws))
     problem: Problem = Workshop(real, dict(world)).make("problem")
     return problem
 
