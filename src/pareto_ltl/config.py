@@ -46,9 +46,26 @@ def _one_of(key: str, value: str, choices: tuple[str, ...]) -> None:
         raise ConfigError(f"{key} must be one of {', '.join(choices)}; got {value!r}")
 
 
-def _matrix(key: str, value: list[list[float]]) -> None:
-    if [len(row) for row in value] != [2, 2]:
-        raise ConfigError(f"{key} must be a 2 x 2 matrix, got {value}")
+def _rows(value: Any, width: int) -> bool:
+    """Whether ``value`` is a list of rows of ``width`` finite numbers. (A schema of floats would refuse [1,
+    0].)
+    """
+    return isinstance(value, list) and all(
+        isinstance(row, list)
+        and len(row) == width
+        and all(isinstance(n, int | float) and math.isfinite(n) for n in row)
+        for row in value
+    )
+
+
+def _matrix(key: str, value: Any) -> None:
+    if not _rows(value, 2) or len(value) != 2:
+        raise ConfigError(f"{key} must be a 2 x 2 matrix of numbers, got {value}")
+
+
+def _outline(key: str, value: Any) -> None:
+    if not _rows(value, 2):
+        raise ConfigError(f"{key} must be a list of [longitude, latitude] in degrees, got {value}")
 
 
 @dataclass
@@ -83,11 +100,12 @@ class SceneConfig:
     file: str | None = None  # GeoJSON (degrees) or scene.json (metres) instead of the keys below
     unit: float = 1.0  # metres a coordinate unit
     centre: list[float] | None = None  # [latitude, longitude] of the middle of the bounds [deg]
-    bounds: list[list[float]] = field(default_factory=list)  # [[west, south], [east, north]]
-    start: list[float] = field(default_factory=list)
-    regions: dict[str, list[list[float]]] = field(default_factory=dict)
-    obstacles: list[list[list[float]]] = field(default_factory=list)
-    landmarks: list[list[list[float]]] = field(default_factory=list)  # where the robot learns its position
+    # Numbers of the map are checked in scene.py: a schema of floats would refuse a corner written [1, 2].
+    bounds: list[Any] = field(default_factory=list)  # [[west, south], [east, north]]
+    start: list[Any] = field(default_factory=list)
+    regions: dict[str, Any] = field(default_factory=dict)
+    obstacles: list[Any] = field(default_factory=list)
+    landmarks: list[Any] = field(default_factory=list)  # where the robot learns its position
     random: RandomSceneConfig = field(default_factory=RandomSceneConfig)
 
     def __post_init__(self) -> None:
@@ -115,8 +133,8 @@ class RobotConfig:
 
     dt: float = 1800.0  # time step [s]
     u_max: float = 30.0  # largest airspeed [m/s]
-    a: list[list[float]] = field(default_factory=lambda: [[1.0, 0.0], [0.0, 1.0]])
-    b: list[list[float]] = field(default_factory=lambda: [[1.0, 0.0], [0.0, 1.0]])
+    a: list[Any] = field(default_factory=lambda: [[1.0, 0.0], [0.0, 1.0]])
+    b: list[Any] = field(default_factory=lambda: [[1.0, 0.0], [0.0, 1.0]])
     start_sd: float = 0.0  # standard deviation of the start position [m]
     feedback: float = 0.0  # gain K: the share of a deviation that position feedback takes back in one step
     effort_risk: float = 0.05  # probability that a step's feedback asks for more than u_max
@@ -303,12 +321,13 @@ class IngestConfig:
 
     out: str = "wind_table.csv"
     points: int = 120  # a time, by farthest-point sampling
-    area: list[list[float]] = field(default_factory=list)  # outline, [longitude, latitude] [deg]
+    area: list[Any] = field(default_factory=list)  # outline, [longitude, latitude] [deg]
     first: str | None = None  # ISO 8601 UTC
     last: str | None = None
 
     def __post_init__(self) -> None:
         _at_least("ingest.points", self.points, 3)
+        _outline("ingest.area", self.area)
 
 
 def _distinct(key: str, values: list[Any]) -> None:
@@ -417,7 +436,7 @@ class HindcastConfig:
     missions: int = 100
     plans: int = 3  # of each mission's front: safest, shortest and between
     points: int = 120  # readings a time that planning sees, spread over ``area``
-    area: list[list[float]] = field(default_factory=lambda: [list(p) for p in INLAND])  # centres of scenes
+    area: list[Any] = field(default_factory=lambda: [list(p) for p in INLAND])  # centres of scenes
     side: list[float] = field(default_factory=lambda: [400_000.0, 800_000.0])  # of a scene [m]
     obstacles: list[int] = field(default_factory=lambda: [2, 7])  # in a scene, at least and at most
     formulas: list[str] = field(
