@@ -457,7 +457,8 @@ class HindcastConfig:
             if len(pair) != 2 or not 0 <= pair[0] <= pair[1]:
                 raise ConfigError(f"hindcast.{key} must be [least, most], got {pair}")
         _positive("hindcast.side", self.side[0], "m")
-        if len(self.area) < 3 or any(len(corner) != 2 for corner in self.area):
+        _outline("hindcast.area", self.area)
+        if len(self.area) < 3:
             raise ConfigError("hindcast.area must be at least three corners [longitude, latitude]")
         if not self.formulas:
             raise ConfigError("hindcast.formulas is empty: list at least one, over the regions a, b and c")

@@ -17,7 +17,7 @@ import numpy as np
 
 from pareto_ltl.arrays import Float32Array
 from pareto_ltl.kernels.jit import kernel, vector
-from pareto_ltl.kernels.lattice import at, bilinear, gust
+from pareto_ltl.kernels.lattice import at, bilinear, gust, place
 from pareto_ltl.kernels.tables import Modes, Motion, Tables, Wind
 
 F32 = np.float32
@@ -25,12 +25,8 @@ F32 = np.float32
 
 @kernel
 def square(modes: Modes, x: float, y: float) -> tuple[int, int, float, float]:
-    """Square of the modes' lattice that holds a point, clamped, and the fractions within it."""
-    nx, ny = modes.psi.shape[1], modes.psi.shape[2]
-    gx = min(max((x - modes.west) * modes.per_metre, 0.0), nx - 1.0)
-    gy = min(max((y - modes.south) * modes.per_metre, 0.0), ny - 1.0)
-    i, j = min(int(gx), nx - 2), min(int(gy), ny - 2)
-    return i, j, gx - i, gy - j
+    """Square of the modes' lattice that holds a point, and the fractions within it."""
+    return place(modes, modes.psi.shape[1], modes.psi.shape[2], x, y)
 
 
 @kernel
@@ -38,7 +34,7 @@ def closed_loop(
     wind: Wind, modes: Modes, motion: Motion, step: int, x: float, y: float
 ) -> tuple[float, float, float, float]:
     """F = A - K + dt Dμ(x), row by row."""
-    i, j, fx, fy = _node(wind, x, y)
+    i, j, fx, fy = place(wind, wind.mean.shape[1], wind.mean.shape[2], x, y)
     k, w = wind.slot[step], wind.weight[step]
     xx, xy = bilinear(modes.slope, k, i, j, fx, fy, 0)
     yx, yy = bilinear(modes.slope, k, i, j, fx, fy, 2)
@@ -60,7 +56,7 @@ def curvature(
     wind: Wind, modes: Modes, step: int, x: float, y: float, cxx: float, cxy: float, cyy: float
 ) -> tuple[float, float]:
     """½ D²μ : Σ, the part of the mean shift that the expected wind's curvature makes [m/s]."""
-    i, j, fx, fy = _node(wind, x, y)
+    i, j, fx, fy = place(wind, wind.mean.shape[1], wind.mean.shape[2], x, y)
     k, w = wind.slot[step], wind.weight[step]
     east, north = _bent(modes, k, i, j, fx, fy, cxx, cxy, cyy)
     if w > 0.0:
@@ -80,15 +76,6 @@ def _bent(
         0.5 * (exx * cxx + 2.0 * exy * cxy + eyy * cyy),
         0.5 * (nxx * cxx + 2.0 * nxy * cxy + nyy * cyy),
     )
-
-
-@kernel
-def _node(wind: Wind, x: float, y: float) -> tuple[int, int, float, float]:
-    nx, ny = wind.mean.shape[1], wind.mean.shape[2]
-    gx = min(max((x - wind.west) * wind.per_metre, 0.0), nx - 1.0)
-    gy = min(max((y - wind.south) * wind.per_metre, 0.0), ny - 1.0)
-    i, j = min(int(gx), nx - 2), min(int(gy), ny - 2)
-    return i, j, gx - i, gy - j
 
 
 @vector

@@ -6,7 +6,7 @@ import math
 
 from pareto_ltl.arrays import FloatArray
 from pareto_ltl.kernels.jit import kernel
-from pareto_ltl.kernels.tables import Motion, Wind
+from pareto_ltl.kernels.tables import Modes, Motion, Wind
 
 # The maximum-trace rule looks at the centre and at eight points of the ball's rim: the latent variance is
 # smooth at the size of the ball, so that its largest value there lies at the centre or on the rim.
@@ -18,13 +18,18 @@ BALL = (
 
 
 @kernel
+def place(lattice: Wind | Modes, nx: int, ny: int, x: float, y: float) -> tuple[int, int, float, float]:
+    """The square of a lattice of ``nx`` by ``ny`` nodes that holds a point, clamped, and the fractions in it."""
+    gx = min(max((x - lattice.west) * lattice.per_metre, 0.0), nx - 1.0)
+    gy = min(max((y - lattice.south) * lattice.per_metre, 0.0), ny - 1.0)
+    i, j = min(int(gx), nx - 2), min(int(gy), ny - 2)
+    return i, j, gx - i, gy - j
+
+
+@kernel
 def at(table: FloatArray, wind: Wind, step: int, x: float, y: float) -> tuple[float, float]:
     """Both components of ``table`` (K, NX, NY, 2) at a position, clamped to the lattice, and a step."""
-    nx, ny = table.shape[1], table.shape[2]
-    gx = min(max((x - wind.west) * wind.per_metre, 0.0), nx - 1.0)
-    gy = min(max((y - wind.south) * wind.per_metre, 0.0), ny - 1.0)
-    i, j = min(int(gx), nx - 2), min(int(gy), ny - 2)
-    fx, fy = gx - i, gy - j
+    i, j, fx, fy = place(wind, table.shape[1], table.shape[2], x, y)
     k, w = wind.slot[step], wind.weight[step]
     e, n = bilinear(table, k, i, j, fx, fy, 0)
     if w > 0.0:
