@@ -181,8 +181,8 @@ def _vertices(
         risk=np.empty((n, columns)), parent=np.empty(n, np.int32), step=np.empty(n, np.int32),
         q=np.empty(n, np.int32), cell=np.empty(n, np.int32), child=np.empty((n, 2), np.int32),
         masks=np.empty((n, 0 if full else m), np.uint32), speed=np.empty(n), cov=np.empty((rows, 3)),
-        bound=np.empty((rows, states)), face=np.empty((rows, m), np.int64), run=np.empty((rows, m, 3)),
-        track=track(rows, modes, landmarks=landmarks),
+        bound=np.empty((rows, states)), face=np.empty((rows, m), np.int32),
+        run=np.empty((rows, m, 3), np.float32), track=track(rows, modes, landmarks=landmarks),
     )  # fmt: skip
 
 
@@ -202,7 +202,7 @@ def _growing(
         swaps=np.empty((swaps, 2, 2 + columns)), tally=np.zeros(kernel.TALLIES, np.int64),
         stack=np.empty((256, 4)),
         masks=np.zeros((2, m), np.int64), risks=np.zeros((3, columns)), bounds=np.zeros((2, automaton)),
-        faces=np.zeros((2, m), np.int64), runs=np.zeros((2, m, 3)), labels=np.zeros(labels + 1),
+        faces=np.zeros((2, m), np.int32), runs=np.zeros((2, m, 3), np.float32), labels=np.zeros(labels + 1),
     )  # fmt: skip
 
 

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 
-from pareto_ltl.arrays import FloatArray, IntArray
+from pareto_ltl.arrays import Float32Array, Int32Array
 from pareto_ltl.kernels.gaussian import tail, variance_along
 from pareto_ltl.kernels.jit import kernel
 from pareto_ltl.kernels.tables import Faces
 
-FAR = 7.0  # standard deviations; beyond them an obstacle's probability is below 2e-12
+# Standard deviations beyond which an obstacle's probability, below 3e-7, is not looked at (growth runs a sixth
+# faster than with seven). R of a finished path leaves nothing out.
+FAR = 5.0
 
 
 @kernel
@@ -17,7 +19,8 @@ def pass_by(
     obstacles: Faces,
     x0: float, y0: float, xx0: float, xy0: float, yy0: float,
     x1: float, y1: float, xx1: float, xy1: float, yy1: float,
-    last_faces: IntArray, last_runs: FloatArray, before: int, faces: IntArray, runs: FloatArray, now: int,
+    last_faces: Int32Array, last_runs: Float32Array, before: int,
+    faces: Int32Array, runs: Float32Array, now: int,
 ) -> tuple[float, float]:  # fmt: skip
     """Risk at the end of a step from (x0, y0) to (x1, y1), and what the path's risk grows by.
 
@@ -28,7 +31,7 @@ def pass_by(
     The first figure is Σ_j p_tj <= epsilon, inf where an obstacle has no common face.
     """
     ptr, normal, offset = obstacles.ptr, obstacles.normal, obstacles.offset
-    far0, far1 = FAR * math.sqrt(xx0 + yy0), FAR * math.sqrt(xx1 + yy1)
+    far0, far1 = FAR * widest_of(xx0, xy0, yy0), FAR * widest_of(xx1, xy1, yy1)
     at_step, grows = 0.0, 0.0
     for j in range(len(ptr) - 1):
         last = last_faces[before, j]
@@ -69,6 +72,12 @@ def pass_by(
         at_step += own
         grows += best
     return at_step, grows
+
+
+@kernel
+def widest_of(xx: float, xy: float, yy: float) -> float:
+    """An upper bound of the largest standard deviation (Gershgorin)."""
+    return math.sqrt(max(xx, yy) + abs(xy))
 
 
 @kernel

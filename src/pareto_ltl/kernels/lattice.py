@@ -19,7 +19,7 @@ BALL = (
 
 @kernel
 def place(lattice: Wind | Modes, nx: int, ny: int, x: float, y: float) -> tuple[int, int, float, float]:
-    """The square of a lattice of ``nx`` by ``ny`` nodes that holds a point, clamped, and the fractions in it."""
+    """The square of a lattice of ``nx`` by ``ny`` nodes that holds a point, clamped; fractions within it."""
     gx = min(max((x - lattice.west) * lattice.per_metre, 0.0), nx - 1.0)
     gy = min(max((y - lattice.south) * lattice.per_metre, 0.0), ny - 1.0)
     i, j = min(int(gx), nx - 2), min(int(gy), ny - 2)

@@ -44,8 +44,8 @@ def evaluate(
     """
     reset(track)
     miss[:] = 0.0
-    faces = np.full((2, len(tables.obstacles.ptr) - 1), -1, np.int64)
-    runs = np.zeros((2, faces.shape[1], 3))
+    faces = np.full((2, len(tables.obstacles.ptr) - 1), -1, np.int32)
+    runs = np.zeros((2, faces.shape[1], 3), np.float32)
     m = len(tables.obstacles.ptr) - 1
     masks = np.zeros((2, m), np.int64)  # of this step and of the one before
     cov[0, 0], cov[0, 1], cov[0, 2] = variance, 0.0, variance

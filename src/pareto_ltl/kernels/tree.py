@@ -9,7 +9,7 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from pareto_ltl.arrays import FloatArray, IntArray
+from pareto_ltl.arrays import Float32Array, FloatArray, Int32Array, IntArray
 from pareto_ltl.kernels.crossing import pass_by
 from pareto_ltl.kernels.gaussian import missed
 from pareto_ltl.kernels.geometry import clear_faces, locate
@@ -21,7 +21,6 @@ from pareto_ltl.kernels.ordered import add, after, begin, read_label
 from pareto_ltl.kernels.tables import Motion, Tables
 from pareto_ltl.kernels.track import Track, advance, missing, reset
 
-Int32Array = NDArray[np.int32]
 UInt32Array = NDArray[np.uint32]
 
 ROUNDING = 1.0 + 1e-9  # a full step may exceed u_max by this factor and no more
@@ -58,8 +57,8 @@ class Vertices(NamedTuple):
     speed: FloatArray
     cov: FloatArray
     bound: FloatArray
-    face: IntArray
-    run: FloatArray
+    face: Int32Array
+    run: Float32Array
     track: Track
 
 
@@ -81,8 +80,8 @@ class Growing(NamedTuple):
     masks: IntArray  # (2, m) scratch: the proposal's and the best one's
     risks: FloatArray  # (3, P) scratch: the proposal's, the best one's, the original parent's
     bounds: FloatArray  # (2, Q) scratch: V of the proposal and of the best one
-    faces: IntArray  # (2, m) scratch: their separating faces
-    runs: FloatArray  # (2, m, 3) scratch: what the runs of steps with these faces cost
+    faces: Int32Array  # (2, m) scratch: their separating faces
+    runs: Float32Array  # (2, m, 3) scratch: what the runs of steps with these faces cost
     labels: FloatArray  # (L + 1,) scratch: P(label)
 
 
@@ -199,8 +198,9 @@ def passes(tables: Tables, tree: Vertices, parent: int, x: float, y: float, mask
 
 @kernel
 def appraise(
-    tables: Tables, tree: Vertices, growing: Growing, parent: int, q: int, x: float, y: float, r: int
-) -> bool:
+    tables: Tables, tree: Vertices, growing: Growing, parent: int, q: int, x: float, y: float, r: int,
+    most: float,
+) -> bool:  # fmt: skip
     """Full fidelity in place of :func:`passes` and :func:`price`: whether the step keeps to epsilon and
     delta.
 
@@ -393,7 +393,9 @@ def choose_parent(
     """
     distance, delta, motion = tables.logic.distance, tables.logic.delta, tables.motion
     risks, masks, pool = growing.risks, growing.masks, growing.pool
-    full = tables.full
+    full, most = tables.full, tables.delta
+    if full and not habits.tchebycheff:
+        most = min(most, (risks[1, 1] + FLOOR) * (1.0 + habits.beta_risk))
     for atom in range(risks.shape[1]):
         risks[2, atom] = risks[1, atom]
     best, best_q, best_length = parent, q0, length0
@@ -412,13 +414,9 @@ def choose_parent(
         if not in_time(tables, habits, tree.step[near] + 1, q):
             continue
         if full:
-            # Neither bound falls along an edge, so most candidates need no look at the map (2x in all).
-            if (
-                tree.risk[near, 1] > (risks[2, 1] + FLOOR) * (1.0 + habits.beta_risk)
-                and not habits.tchebycheff
-            ):
+            if tree.risk[near, 1] > most:  # R never falls along an edge
                 continue
-            if not appraise(tables, tree, growing, near, q, x, y, 0):
+            if not appraise(tables, tree, growing, near, q, x, y, 0, most):
                 continue
             if not improves_full(distance, habits, risks, q, length, q0, length0, 2, False):
                 continue
@@ -503,7 +501,7 @@ def extend(
             tally[BEYOND] += 1
             return
         if tables.full:
-            clear = appraise(tables, tree, growing, v, q, x, y, 1)
+            clear = appraise(tables, tree, growing, v, q, x, y, 1, tables.delta)
         else:
             clear = passes(tables, tree, v, x, y, growing.masks, 1)
         if not clear:
