@@ -91,8 +91,8 @@ def test_correlations_between_steps_are_those_of_linear_flights():
         e.append(e[-1] @ F[t].T + dt * (wind + np.sqrt(noise[t]) * winds.white[t]))
     course, cov3 = problem.trail(p, len(STEPS)), np.empty((len(STEPS), 3))
     path_kernel.foresee(
-        p.tables, problem.evaluate(p, STEPS, "").u, p.start_variance, True, STEPS.copy(), cov3, course,
-        np.empty(len(STEPS)),
+        p.tables, np.eye(2), problem.evaluate(p, STEPS, "").u, p.start_variance, True, STEPS.copy(), cov3,
+        course, np.empty(len(STEPS)),
     )  # fmt: skip
     cross = np.zeros((len(STEPS), len(STEPS), 2, 2))
     path_kernel.across_time(p.tables, F, psi, course.theta.astype(float), cov3, cross)

@@ -413,7 +413,8 @@ def forecast(problem: Problem, u: FloatArray, law: str) -> Forecast:
     x, cov3 = np.empty((len(u) + 1, 2)), np.empty((len(u) + 1, 3))
     x[0] = problem.scene.start
     course, miss = trail(problem, len(x)), np.empty(len(x))
-    kernel.foresee(tables, u, problem.start_variance, coherent, x, cov3, course, miss)
+    b = np.asarray(np.linalg.inv(tables.motion.b_inv), float)
+    kernel.foresee(tables, b, u, problem.start_variance, coherent, x, cov3, course, miss)
     cross = _cross(problem, x, cov3, course) if coherent else np.empty((0, 0, 2, 2))
     return Forecast(
         law, x, square(cov3), float(mission_bound(tables, x, cov3, miss)),

@@ -9,7 +9,7 @@ from pareto_ltl.kernels.gaussian import tail, variance_along
 from pareto_ltl.kernels.jit import kernel
 from pareto_ltl.kernels.tables import Faces
 
-# Standard deviations beyond which an obstacle's probability, below 3e-7, is not looked at (growth runs a sixth
+# Standard deviations beyond which an obstacle, at below 3e-7, is not looked at (growth runs a sixth
 # faster than with seven). R of a finished path leaves nothing out.
 FAR = 5.0
 
@@ -36,7 +36,8 @@ def pass_by(
     for j in range(len(ptr) - 1):
         last = last_faces[before, j]
         if last >= 0:
-            total, least, widest = last_runs[before, j, 0], last_runs[before, j, 1], last_runs[before, j, 2]
+            total, least = float(last_runs[before, j, 0]), float(last_runs[before, j, 1])
+            widest = float(last_runs[before, j, 2])
             ahead = normal[last, 0] * x1 + normal[last, 1] * y1 - offset[last]
             if ahead >= far1 and ahead >= 0.0:
                 faces[now, j] = last

@@ -126,16 +126,16 @@ def paper_risk(tables: Tables, x: FloatArray, cov: FloatArray, cell: IntArray, r
 
 @allocating
 def foresee(
-    tables: Tables, u: FloatArray, variance: float, coherent: bool, x: FloatArray, cov: FloatArray,
-    track: Track, miss: FloatArray,
+    tables: Tables, b: FloatArray, u: FloatArray, variance: float, coherent: bool, x: FloatArray,
+    cov: FloatArray, track: Track, miss: FloatArray,
 ) -> None:  # fmt: skip
-    """Mean and covariance of flying the controls ``u`` (T, 2) under one law, whatever the plan's fidelity.
+    """Mean and covariance of flying the controls ``u`` (T, 2), which B = ``b`` turns into motion, under one
+    law, whatever the plan's fidelity.
 
     ``x`` (T+1, 2) holds the start in row 0; the rest, ``cov`` (T+1, 3), ``track`` and ``miss`` (T+1,) are
     filled.
     """
     motion = tables.motion
-    b = np.linalg.inv(motion.b_inv)
     reset(track)
     miss[:] = 0.0
     cov[0, 0], cov[0, 1], cov[0, 2] = variance, 0.0, variance
@@ -243,25 +243,24 @@ def across_time(
     """Cov(e_t, e_s) for s <= t into ``cross`` (T+1, T+1, 2, 2), from Cov(e_s, θ) = ``theta`` (T+1, 2, 2,
     P).
     """
-    n, dt = len(cov), tables.motion.dt
+    n, dt, modes = len(cov), tables.motion.dt, psi.shape[2]
     held = np.empty(theta.shape[1:])
     for s in range(n):
-        now = np.array([[cov[s, 0], cov[s, 1]], [cov[s, 1], cov[s, 2]]])
+        cross[s, s, 0, 0], cross[s, s, 0, 1] = cov[s, 0], cov[s, 1]
+        cross[s, s, 1, 0], cross[s, s, 1, 1] = cov[s, 1], cov[s, 2]
         held[:] = 0.0
         if s > 0:
             held[:] = theta[s - 1]
-        cross[s, s] = now
         for t in range(s, n - 1):
             keep = tables.modes.keep[t + 1]
-            now = F[t] @ now
             for c in range(2):
                 for r in range(2):
                     pushed = 0.0
-                    for m in range(psi.shape[2]):
+                    for m in range(modes):
                         pushed += psi[t, c, m] * held[r, c, m]
                         held[r, c, m] *= keep
-                    now[c, r] += dt * pushed
-            cross[t + 1, s] = now
+                    moved = F[t, c, 0] * cross[t, s, 0, r] + F[t, c, 1] * cross[t, s, 1, r]
+                    cross[t + 1, s, c, r] = moved + dt * pushed
 
 
 @allocating

@@ -263,7 +263,11 @@ def look_ahead(
     tables: Tables, tree: Vertices, v: int, parent: int, cxx: float, cxy: float, cyy: float
 ) -> None:
     """Mean and covariance one step after ``v``, whose own covariance is given."""
-    x, y, step = tree.x[v, 0], tree.x[v, 1], tree.step[v]
+    x, y, step = (
+        tree.x[v, 0],
+        tree.x[v, 1],
+        int(np.int64(tree.step[v])),
+    )  # one type, or every helper compiles twice
     if tables.full:
         tree.cov[v, 0], tree.cov[v, 1], tree.cov[v, 2] = cxx, cxy, cyy
         fx, fy, xx, xy, yy, speed = advance(tables, tree.track, step, x, y, cxx, cxy, cyy, parent, v)
@@ -393,7 +397,7 @@ def choose_parent(
     """
     distance, delta, motion = tables.logic.distance, tables.logic.delta, tables.motion
     risks, masks, pool = growing.risks, growing.masks, growing.pool
-    full, most = tables.full, tables.delta
+    full, most, proposal = tables.full, tables.delta, int(np.int64(0))
     if full and not habits.tchebycheff:
         most = min(most, (risks[1, 1] + FLOOR) * (1.0 + habits.beta_risk))
     for atom in range(risks.shape[1]):
@@ -416,7 +420,7 @@ def choose_parent(
         if full:
             if tree.risk[near, 1] > most:  # R never falls along an edge
                 continue
-            if not appraise(tables, tree, growing, near, q, x, y, 0, most):
+            if not appraise(tables, tree, growing, near, q, x, y, proposal, most):
                 continue
             if not improves_full(distance, habits, risks, q, length, q0, length0, 2, False):
                 continue
@@ -426,12 +430,12 @@ def choose_parent(
                 best, best_q, best_length = near, q, length
                 adopt(growing)
             continue
-        price(tables, tree, near, cell, x, y, risks, 0)
+        price(tables, tree, near, cell, x, y, risks, proposal)
         if not improves(distance, habits, risks, q, length, q0, length0, 2, False):
             continue
         if best != parent and not improves(distance, habits, risks, q, length, best_q, best_length, 1, True):
             continue
-        if passes(tables, tree, near, x, y, masks, 0):
+        if passes(tables, tree, near, x, y, masks, proposal):
             best, best_q, best_length = near, q, length
             for atom in range(risks.shape[1]):
                 risks[1, atom] = risks[0, atom]
@@ -501,16 +505,16 @@ def extend(
             tally[BEYOND] += 1
             return
         if tables.full:
-            clear = appraise(tables, tree, growing, v, q, x, y, 1, tables.delta)
+            clear = appraise(tables, tree, growing, v, q, x, y, int(np.int64(1)), tables.delta)
         else:
-            clear = passes(tables, tree, v, x, y, growing.masks, 1)
+            clear = passes(tables, tree, v, x, y, growing.masks, int(np.int64(1)))
         if not clear:
             tally[BLOCKED] += 1
             return
         dx, dy = x - tree.x[v, 0], y - tree.x[v, 1]
         length = tree.length[v] + math.sqrt(dx * dx + dy * dy)
         if not tables.full:
-            price(tables, tree, v, cell, x, y, growing.risks, 1)
+            price(tables, tree, v, cell, x, y, growing.risks, int(np.int64(1)))
         parent = v
         if habits.reselect:
             parent, q_new, length_new = choose_parent(
@@ -596,6 +600,7 @@ def plant_full(
     tables: Tables, tree: Vertices, growing: Growing, q: int, x: float, y: float, variance: float
 ) -> bool:
     """What the root has of full fidelity; False where it keeps not to epsilon."""
+    root = int(np.int64(0))
     reset(tree.track)
     for j in range(tree.face.shape[1]):
         tree.face[0, j] = -1
@@ -603,11 +608,11 @@ def plant_full(
             tree.run[0, j, i] = 0.0
     step, R = pass_by(
         tables.obstacles, x, y, variance, 0.0, variance, x, y, variance, 0.0, variance, tree.face,
-        tree.run, 0, tree.face, tree.run, 0,
+        tree.run, root, tree.face, tree.run, root,
     )  # fmt: skip
-    begin(tables, growing.bounds, 0)
+    begin(tables, growing.bounds, root)
     read_label(tables, x, y, variance, 0.0, variance, growing.labels)
-    after(tables, growing.bounds, 0, growing.labels, tree.bound, 0)
+    after(tables, growing.bounds, root, growing.labels, tree.bound, root)
     tree.risk[0, 0], tree.risk[0, 1] = tree.bound[0, q], R
     return step <= tables.epsilon
 
@@ -624,6 +629,7 @@ def plant(
     rng: Generator,
 ) -> bool:
     """Make the root. False where the start itself violates Eq. (9)."""
+    root = int(np.int64(0))  # a literal 0 would be a type of its own, and all below compiled for it
     cell = locate(tables.cells, x, y)
     if not tables.full and not clear_faces(
         tables.obstacles, tables.z, x, y, variance, 0.0, variance, growing.masks, 1
@@ -648,6 +654,6 @@ def plant(
     if tables.logic.distance[q] == 0.0:
         growing.tally[ACCEPTED] = 1
     if len(tables.wind.slot) > 0:
-        look_ahead(tables, tree, 0, 0, variance, 0.0, variance)
-    file_vertex(tree, growing, habits, 0, len(tables.cells.faces.ptr) - 1, len(tables.logic.distance), rng)
+        look_ahead(tables, tree, root, root, variance, 0.0, variance)
+    file_vertex(tree, growing, habits, root, len(tables.cells.faces.ptr) - 1, len(tables.logic.distance), rng)
     return True
