@@ -92,7 +92,7 @@ def fly(
         raise ValueError("feedback needs the planned positions to hold on to: give mean")
     held = np.zeros((len(u) + 1, 2)) if mean is None else np.ascontiguousarray(mean)
     b = np.asarray(np.linalg.inv(motion.b_inv), float)
-    estimator = _estimator(problem, held) if law == "coherent" and mean is not None else None
+    estimator = _estimator(problem, held, law) if mean is not None else None
     x = np.empty((runs, len(u) + 1, 2))
     accepted, collided = np.empty(runs, bool), np.empty(runs, bool)
     blocks = [slice(first, min(first + BLOCK, runs)) for first in range(0, runs, BLOCK)]
@@ -105,8 +105,8 @@ def fly(
         if estimator is not None:
             noise = np.sqrt(motion.fix_variance) * rng.standard_normal((len(u), block.stop - block.start, 2))
             rollout.fly_fixed(
-                problem.tables, b, u, held, *estimator, noise, winds.white, winds.theta, x[block],
-                accepted[block], collided[block],
+                problem.tables, b, u, held, *estimator, noise, winds.white, winds.theta, law == "coherent",
+                x[block], accepted[block], collided[block],
             )  # fmt: skip
             return
         rollout.fly(
@@ -120,7 +120,7 @@ def fly(
 
 
 def _estimator(
-    problem: Problem, mean: FloatArray
+    problem: Problem, mean: FloatArray, law: str
 ) -> tuple[FloatArray, Float32Array, FloatArray, Float32Array] | None:
     """F_t, ψ_t and the Kalman gains of a robot that takes fixes along ``mean`` (T+1, 2); None without
     fixes.
@@ -134,6 +134,8 @@ def _estimator(
     gain, learnt = np.zeros((len(F), 2, 2)), np.zeros((len(F), 2, *psi.shape[1:]), np.float32)
     course = trail(problem, len(mean))
     kernel.estimator(problem.tables, mean, problem.start_variance, course, gain, learnt)
+    if law == "independent":  # a wind that is new at every step tells nothing about the next one
+        learnt[:] = 0.0
     return (F, psi, gain, learnt) if gain.any() else None
 
 

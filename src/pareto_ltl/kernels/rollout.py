@@ -104,11 +104,12 @@ def fly_fixed(
     noise: FloatArray,
     draws: FloatArray,
     theta: Float32Array,
+    coherent: bool,
     x: FloatArray,
     accepted: BoolArray,
     collided: BoolArray,
 ) -> None:
-    """:func:`fly` in coherent winds of a robot that takes position fixes at landmarks.
+    """:func:`fly` of a robot that takes position fixes at landmarks.
 
     At a step where the plan counts on a fix (``gain`` (T, 2, 2) not 0) and the robot is in a landmark, it
     reads its position with ``noise`` (T, n, 2) and updates its estimate ê of the deviation and θ̂ of the
@@ -146,14 +147,20 @@ def fly_fixed(
                 size = math.sqrt(ux * ux + uy * uy)
                 if size > motion.u_max:
                     ux, uy = ux * motion.u_max / size, uy * motion.u_max / size
-            k = modes.slot[t]
-            gi, gj, fx, fy = square(modes, px, py)
-            e, ee = blown(modes.psi, k, gi, gj, fx, fy, 0, theta, i)
-            n, nn = blown(modes.psi, k, gi, gj, fx, fy, 1, theta, i)
-            ve, vn = white(tables, t, px, py, ee, nn)
             we, wn = at(tables.wind.mean, tables.wind, t, px, py)
-            we += e + math.sqrt(ve) * draws[t, i, 0]
-            wn += n + math.sqrt(vn) * draws[t, i, 1]
+            if coherent:
+                k = modes.slot[t]
+                gi, gj, fx, fy = square(modes, px, py)
+                e, ee = blown(modes.psi, k, gi, gj, fx, fy, 0, theta, i)
+                n, nn = blown(modes.psi, k, gi, gj, fx, fy, 1, theta, i)
+                we, wn = we + e, wn + n
+                ve, vn = white(tables, t, px, py, ee, nn)
+            else:
+                ve, vn = at(tables.wind.latent, tables.wind, t, px, py)
+                ge, gn = gust(tables.wind, t)
+                ve, vn = ve + ge, vn + gn
+            we += math.sqrt(ve) * draws[t, i, 0]
+            wn += math.sqrt(vn) * draws[t, i, 1]
             nx = a[0, 0] * px + a[0, 1] * py + dt * (b[0, 0] * ux + b[0, 1] * uy + we)
             ny = a[1, 0] * px + a[1, 1] * py + dt * (b[1, 0] * ux + b[1, 1] * uy + wn)
             if informed:

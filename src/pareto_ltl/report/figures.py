@@ -98,6 +98,8 @@ def plan_figure(
     """The paper's Figure 1: map, mean wind at mid-flight, trees, planned path with 95 % ellipses, flights."""
     title = _heading(plan, forest, deployments)
     keys = _keys(forest, plan, deployments, cfg.paths)
+    if scene.landmarks:
+        keys.append(Patch(fc="none", ec=style.PURPLE, lw=0.9, ls="--", label="landmark"))
     rows = (len(keys) + 1) // 2 + 1
     width, bottom, top = style.COLUMN, 0.42 + LINE * rows, 0.26 + LINE * len(title)
     west, east = 0.50, 0.42 if scene.crs else 0.12
@@ -197,6 +199,17 @@ def _ground(chart: Map, scene: Scene, decomposition: Decomposition) -> None:
     )
     ax.add_collection(
         PolyCollection(
+            [mark * k for mark in scene.landmarks],
+            facecolors="none",
+            edgecolors=style.PURPLE,
+            linewidths=0.9,
+            linestyles="--",
+            zorder=2.6,
+        ),
+        autolim=False,
+    )
+    ax.add_collection(
+        PolyCollection(
             [r * k for r in scene.regions.values()],
             facecolors=style.GREEN + "30",
             edgecolors=style.GREEN,
@@ -272,9 +285,10 @@ def _ellipses(chart: Map, x: FloatArray, cov: FloatArray) -> None:
 
 
 def _flights(chart: Map, deployment: Deployment, count: int, color: str) -> None:
-    good = deployment.accepted & ~deployment.collided
+    """The first ``count`` flights, so that those which failed are seen as often as they are."""
+    good = (deployment.accepted & ~deployment.collided)[:count]
     for rows, shade, z in ((good, color, 4.5), (~good, style.VERMILLION, 4.6)):
-        lines = deployment.x[np.flatnonzero(rows)[:count]] * chart.per_metre
+        lines = deployment.x[: len(good)][rows] * chart.per_metre
         chart.ax.add_collection(
             LineCollection(list(lines), colors=shade, linewidths=0.45, alpha=0.6, rasterized=True, zorder=z),
             autolim=False,
@@ -315,21 +329,18 @@ def _keys(
     if plan is not None:
         keys.append(Line2D([], [], color=style.BLUE, lw=1.3, label="planned path (mean)"))
         keys.append(Patch(fc=style.BLUE + "14", ec=style.BLUE, lw=0.5, label="95 % of positions"))
-    bad = {law: int((~d.accepted | d.collided).sum()) for law, d in deployments.items()}
     for color, (law, d) in zip(_cycle(style.FLIGHTS, len(deployments)), deployments.items(), strict=True):
-        good = len(d.accepted) - bad[law]
-        name = f"{law} flights: " if len(deployments) > 1 else "flights: "
-        keys.append(Line2D([], [], color=color, lw=0.8, label=f"{name}{min(good, count)} of {good} good"))
+        name = f"{law} winds: " if len(deployments) > 1 else "flights: "
+        keys.append(Line2D([], [], color=color, lw=0.8, label=f"{name}{min(count, len(d.x))} of {len(d.x)}"))
     if deployments:
-        runs = max(len(d.accepted) for d in deployments.values())
-        each = " and ".join(map(str, bad.values())) + f" of {runs}"
-        drawn = f", {count} drawn" if len(bad) == 1 and max(bad.values()) > count else ""
-        keys.append(Line2D([], [], color=style.VERMILLION, lw=0.8, label=f"failed: {each}{drawn}"))
+        bad = " and ".join(str(int((~d.accepted | d.collided).sum())) for d in deployments.values())
+        runs = max(len(d.x) for d in deployments.values())
+        keys.append(Line2D([], [], color=style.VERMILLION, lw=0.8, label=f"failed: {bad} of {runs}"))
     keys.append(Patch(fc=style.GREEN + "30", ec=style.GREEN, lw=1.0, label="region"))
     keys.append(Patch(fc="#6E6E6E", ec="#4A4A4A", lw=0.5, label="obstacle"))
     if forest is not None:
         total = sum(map(len, forest.trees))
-        label = f"trees ({total:,} vertices)" if total <= VERTICES else f"trees ({VERTICES:,} of {total:,})"
+        label = f"{total:,} vertices" if total <= VERTICES else f"{VERTICES:,} of {total:,} vertices"
         keys.append(Line2D([], [], color=style.STONE, lw=0.6, alpha=0.8, label=label))
     keys.append(Line2D([], [], color=style.MIST, lw=0.7, ls=":", label="cells"))
     keys.append(Line2D([], [], ls="", marker="o", ms=4, mfc="white", mec="black", mew=0.9, label="start"))
