@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from numpy.random import SeedSequence
 
-from pareto_ltl import deployment
-from planning import paper_problem
+from pareto_ltl.simulation import flights as deployment
+from problems import paper_problem
 
 STEPS = 100
 

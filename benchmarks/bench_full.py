@@ -13,8 +13,13 @@ import pytest
 import yaml
 from numpy.random import SeedSequence
 
-from pareto_ltl import acceptance, deployment, growth, problem, risk, selection, smoothing, workspace
-from pareto_ltl.config import (
+from pareto_ltl.kernels.mission_risk import mission_bound
+from pareto_ltl.logic.mission import automaton_of
+from pareto_ltl.planning import growth, problem, selection
+from pareto_ltl.planning import reference as risk
+from pareto_ltl.planning import refine as smoothing
+from pareto_ltl.planning.records import Forest
+from pareto_ltl.settings import (
     MissionConfig,
     PlannerConfig,
     RobotConfig,
@@ -22,13 +27,14 @@ from pareto_ltl.config import (
     SmoothingConfig,
     WindConfig,
 )
-from pareto_ltl.kernels.ordered import mission_bound
-from pareto_ltl.logic.mission import automaton_of
-from pareto_ltl.records import Forest
-from pareto_ltl.scene import read_scene
-from pareto_ltl.wind import modes, regression, sources
+from pareto_ltl.simulation import acceptance
+from pareto_ltl.simulation import flights as deployment
+from pareto_ltl.wind import gp as regression
+from pareto_ltl.wind import modes, sources
 from pareto_ltl.wind.field import modes_lattice
 from pareto_ltl.wind.field import wind as field
+from pareto_ltl.world import cells as workspace
+from pareto_ltl.world.scene_files import read_scene
 
 CONF = Path(__file__).parents[1] / "conf"
 

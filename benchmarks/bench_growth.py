@@ -12,10 +12,10 @@ import tracemalloc
 import pytest
 from numpy.random import SeedSequence
 
-from pareto_ltl import growth
-from pareto_ltl.config import PlannerConfig
-from pareto_ltl.records import Forest
-from planning import paper_problem
+from pareto_ltl.planning import growth
+from pareto_ltl.planning.records import Forest
+from pareto_ltl.settings import PlannerConfig
+from problems import paper_problem
 
 
 @pytest.fixture(scope="module", params=["phi1", "phi2"])

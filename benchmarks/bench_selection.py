@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 from numpy.random import SeedSequence
 
-from pareto_ltl import growth, risk, selection
-from pareto_ltl.config import PlannerConfig
-from planning import paper_problem
+from pareto_ltl.planning import growth, selection
+from pareto_ltl.planning import reference as risk
+from pareto_ltl.settings import PlannerConfig
+from problems import paper_problem
 
 
 @pytest.fixture(scope="module", params=["phi1", "phi2"])

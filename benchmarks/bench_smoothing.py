@@ -10,12 +10,14 @@ import pytest
 import yaml
 from numpy.random import SeedSequence
 
-from pareto_ltl import growth, problem, selection, smoothing, workspace
-from pareto_ltl.config import PlannerConfig, RobotConfig, SceneConfig, SmoothingConfig, WindConfig
 from pareto_ltl.logic import translate
-from pareto_ltl.records import WindField
-from pareto_ltl.resources import folder
-from pareto_ltl.scene import read_scene
+from pareto_ltl.planning import growth, problem, selection
+from pareto_ltl.planning import refine as smoothing
+from pareto_ltl.settings import PlannerConfig, RobotConfig, SceneConfig, SmoothingConfig, WindConfig
+from pareto_ltl.support.resources import folder
+from pareto_ltl.wind.records import WindField
+from pareto_ltl.world import cells as workspace
+from pareto_ltl.world.scene_files import read_scene
 
 FORMULAS = {"phi1": "F(a & F b & F c)", "phi2": "F(a & F(b & F c)) | F(a & F(d & F c))"}
 DT = 600.0  # [s] steps short enough for about 100 of them

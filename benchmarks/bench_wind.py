@@ -12,10 +12,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pareto_ltl import projection
-from pareto_ltl.config import WindConfig
-from pareto_ltl.records import Scene
-from pareto_ltl.wind import field, regression, sources
+from pareto_ltl.settings import WindConfig
+from pareto_ltl.wind import field, sources
+from pareto_ltl.wind import gp as regression
+from pareto_ltl.world import projection
+from pareto_ltl.world.scene import Scene
 
 NOAA = Path(__file__).parents[2] / "shared" / "data" / "noaa"
 SCENE = Scene(

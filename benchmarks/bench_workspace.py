@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 import yaml
 
-from pareto_ltl import workspace
-from pareto_ltl.config import SceneConfig
-from pareto_ltl.records import Scene
-from pareto_ltl.scene import read_scene
+from pareto_ltl.settings import SceneConfig
+from pareto_ltl.world import cells as workspace
+from pareto_ltl.world.scene import Scene
+from pareto_ltl.world.scene_files import read_scene
 
 SCENES = Path(__file__).parents[1] / "conf" / "scene"
 

@@ -9,9 +9,13 @@
 import numpy as np
 from numpy.random import SeedSequence
 
-from pareto_ltl import deployment, logic, problem, workspace
-from pareto_ltl.config import PlannerConfig, RobotConfig, WindConfig
-from pareto_ltl.records import Scene, WindField
+from pareto_ltl import logic
+from pareto_ltl.planning import problem
+from pareto_ltl.settings import PlannerConfig, RobotConfig, WindConfig
+from pareto_ltl.simulation import flights as deployment
+from pareto_ltl.wind.records import WindField
+from pareto_ltl.world import cells as workspace
+from pareto_ltl.world.scene import Scene
 
 KM, RUNS = 1000.0, 20_000
 

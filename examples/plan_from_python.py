@@ -2,9 +2,14 @@
 
 from numpy.random import SeedSequence
 
-from pareto_ltl import config, deployment, growth, logic, problem, selection, smoothing, workspace
-from pareto_ltl.scene import read_scene
+from pareto_ltl import logic
+from pareto_ltl import settings as config
+from pareto_ltl.planning import growth, problem, selection
+from pareto_ltl.planning import refine as smoothing
+from pareto_ltl.simulation import flights as deployment
 from pareto_ltl.wind import field, sources
+from pareto_ltl.world import cells as workspace
+from pareto_ltl.world.scene_files import read_scene
 
 cfg = config.Settings(
     scene=config.SceneConfig(

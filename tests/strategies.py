@@ -11,8 +11,8 @@ import shapely
 from hypothesis import assume
 from hypothesis import strategies as st
 
-from pareto_ltl.arrays import FloatArray
-from pareto_ltl.records import Scene
+from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.world.scene import Scene
 
 NAMES = "abcdef"
 SIDE = 1000.0  # of the maps [m]

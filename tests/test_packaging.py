@@ -13,8 +13,9 @@ import pytest
 import yaml
 
 import pareto_ltl
-from pareto_ltl import provenance, resources
-from pareto_ltl.config import Settings, as_dict
+from pareto_ltl.run import provenance
+from pareto_ltl.settings import Settings, as_dict
+from pareto_ltl.support import resources
 
 ROOT = Path(__file__).resolve().parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())

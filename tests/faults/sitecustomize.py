@@ -15,8 +15,8 @@ from typing import Any
 
 
 def trouble(settings: Any, directory: Path) -> int:
-    from pareto_ltl import store
-    from pareto_ltl.errors import InfeasibleError
+    from pareto_ltl.run import results as store
+    from pareto_ltl.support.errors import InfeasibleError
 
     asked = Path(os.environ["TROUBLE"])
     with (asked / "begun.txt").open("a") as file:
@@ -41,6 +41,6 @@ def trouble(settings: Any, directory: Path) -> int:
 
 
 if "TROUBLE" in os.environ:
-    from pareto_ltl import stages
+    from pareto_ltl.run import stages
 
     stages.STAGES["trouble"] = trouble

@@ -2,7 +2,7 @@
 
 Hydra's own sweeper runs every point again. This one names each by the fingerprint of what it comes to, so
 that it knows which are done; it checks every point before it makes a directory, and goes on after jobs or
-launches that were killed. How is said in ``pareto_ltl.sweep``; here is what needs Hydra.
+launches that were killed. How is said in ``pareto_ltl.studies.sweeps``; here is what needs Hydra.
 """
 
 from __future__ import annotations
@@ -35,10 +35,10 @@ class PointsSweeper(BasicSweeper):
 
     def sweep(self, arguments: list[str]) -> Any:
         """Check all points, run those without an answer, write the summary."""
-        from pareto_ltl import app
-        from pareto_ltl.provenance import config_hash
-        from pareto_ltl.sweep import conduct, jobs, summary
-        from pareto_ltl.sweep.manifest import Figure, Manifest, Point
+        from pareto_ltl.cli import hydra_app as app
+        from pareto_ltl.run.provenance import config_hash
+        from pareto_ltl.studies.sweeps import conduct, jobs, summary
+        from pareto_ltl.studies.sweeps.manifest import Figure, Manifest, Point
 
         assert self.config is not None
         place = Path(str(self.config.hydra.sweep.dir))
@@ -98,7 +98,7 @@ class PointsSweeper(BasicSweeper):
         """Jobs for a launcher at once: submitit's local engine would start all that it gets."""
         if self.max_batch_size or type(self.launcher).__name__ != "LocalLauncher":
             return self.max_batch_size
-        from pareto_ltl.cores import cores
+        from pareto_ltl.support.cores import cores
 
         return max(1, cores() // self._threads())
 

@@ -15,10 +15,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from pareto_ltl.arrays import Float32Array
+from pareto_ltl.kernels.data import Modes, Motion, Tables, Wind
+from pareto_ltl.kernels.interpolation import at, bilinear, gust, place
 from pareto_ltl.kernels.jit import kernel, vector
-from pareto_ltl.kernels.lattice import at, bilinear, gust, place
-from pareto_ltl.kernels.tables import Modes, Motion, Tables, Wind
+from pareto_ltl.support.arrays import Float32Array
 
 F32 = np.float32
 

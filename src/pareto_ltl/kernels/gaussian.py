@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
+from pareto_ltl.kernels.data import Faces, Regions
 from pareto_ltl.kernels.jit import kernel
-from pareto_ltl.kernels.tables import Faces, Regions
 
 SQRT_HALF = math.sqrt(0.5)
 

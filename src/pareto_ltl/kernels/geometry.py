@@ -6,10 +6,10 @@ import math
 
 import numpy as np
 
-from pareto_ltl.arrays import FloatArray, IntArray
+from pareto_ltl.kernels.data import Cells, Faces
 from pareto_ltl.kernels.gaussian import variance_along
 from pareto_ltl.kernels.jit import allocating, kernel
-from pareto_ltl.kernels.tables import Cells, Faces
+from pareto_ltl.support.arrays import FloatArray, IntArray
 
 SLACK = 1e-6  # [m] a point this far outside an edge still lies on it
 

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from pareto_ltl.arrays import FloatArray, IntArray
 from pareto_ltl.kernels.jit import kernel
+from pareto_ltl.support.arrays import FloatArray, IntArray
 
 
 @kernel

@@ -6,15 +6,15 @@ import math
 
 import numpy as np
 
-from pareto_ltl.arrays import Float32Array, FloatArray, IntArray
 from pareto_ltl.kernels.coherent import closed_loop, square, white
-from pareto_ltl.kernels.crossing import pass_by
+from pareto_ltl.kernels.collision_risk import pass_by
+from pareto_ltl.kernels.data import Tables
 from pareto_ltl.kernels.gaussian import SQRT_HALF, inside, missed
 from pareto_ltl.kernels.geometry import SLACK, clear_faces, locate
+from pareto_ltl.kernels.interpolation import airspeed, allowed, at, drift, spread
 from pareto_ltl.kernels.jit import allocating, kernel
-from pareto_ltl.kernels.lattice import airspeed, allowed, at, drift, spread
-from pareto_ltl.kernels.tables import Tables
 from pareto_ltl.kernels.track import Track, advance, missing, reset
+from pareto_ltl.support.arrays import Float32Array, FloatArray, IntArray
 
 FLOWN, TOO_FAST, UNKNOWN_WIND, OFF_MAP, CROSSING = range(5)
 

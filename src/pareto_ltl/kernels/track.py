@@ -19,13 +19,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pareto_ltl.arrays import Float32Array, FloatArray, IntArray
 from pareto_ltl.kernels.coherent import carry, closed_loop, square
+from pareto_ltl.kernels.data import Tables
 from pareto_ltl.kernels.geometry import slack
+from pareto_ltl.kernels.interpolation import allowed
 from pareto_ltl.kernels.jit import kernel, vector
-from pareto_ltl.kernels.lattice import allowed
-from pareto_ltl.kernels.ordered import polygon_probability
-from pareto_ltl.kernels.tables import Tables
+from pareto_ltl.kernels.mission_risk import polygon_probability
+from pareto_ltl.support.arrays import Float32Array, FloatArray, IntArray
 
 F32 = np.float32
 

@@ -9,17 +9,17 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from pareto_ltl.arrays import Float32Array, FloatArray, Int32Array, IntArray
-from pareto_ltl.kernels.crossing import pass_by
+from pareto_ltl.kernels.collision_risk import pass_by
+from pareto_ltl.kernels.data import Motion, Tables
+from pareto_ltl.kernels.dijkstra import Heap, Product, find_lead, weigh
 from pareto_ltl.kernels.gaussian import missed
 from pareto_ltl.kernels.geometry import clear_faces, locate
+from pareto_ltl.kernels.interpolation import airspeed, allowed, drift, spread
 from pareto_ltl.kernels.jit import entry, kernel
-from pareto_ltl.kernels.lattice import airspeed, allowed, drift, spread
-from pareto_ltl.kernels.lead import Heap, Product, find_lead, weigh
+from pareto_ltl.kernels.mission_risk import add, after, begin, read_label
 from pareto_ltl.kernels.neighbours import kd_insert, kd_nearest, remember
-from pareto_ltl.kernels.ordered import add, after, begin, read_label
-from pareto_ltl.kernels.tables import Motion, Tables
 from pareto_ltl.kernels.track import Track, advance, missing, reset
+from pareto_ltl.support.arrays import Float32Array, FloatArray, Int32Array, IntArray
 
 UInt32Array = NDArray[np.uint32]
 

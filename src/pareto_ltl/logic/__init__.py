@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from pareto_ltl.errors import FormulaError
 from pareto_ltl.logic.automaton import Automaton, translate
 from pareto_ltl.logic.formula import Formula, check_names, parse, positive
+from pareto_ltl.support.errors import FormulaError
 
 __all__ = ["Automaton", "Formula", "FormulaError", "check_names", "parse", "positive", "translate"]

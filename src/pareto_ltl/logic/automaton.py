@@ -15,12 +15,12 @@ from typing import Any
 
 import numpy as np
 
-from pareto_ltl.arrays import BoolArray, FloatArray, IntArray
-from pareto_ltl.errors import FormulaError
-from pareto_ltl.logic import tables
+from pareto_ltl.logic import dfa as tables
+from pareto_ltl.logic.dfa import Table
 from pareto_ltl.logic.formula import Formula, caret, parse, positive
 from pareto_ltl.logic.progression import Progression
-from pareto_ltl.logic.tables import Table
+from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
+from pareto_ltl.support.errors import FormulaError
 
 MAX_ATOMS = 62  # bits of an int64 that can name a letter
 MAX_FREE_ATOMS = 16  # all subsets of more propositions than this are more letters than a table can hold

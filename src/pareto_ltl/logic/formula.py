@@ -19,7 +19,7 @@ import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 
-from pareto_ltl.errors import FormulaError
+from pareto_ltl.support.errors import FormulaError
 
 MAX_DEPTH = 200  # nesting; a sequence of n goals has 2 n levels. Keeps recursion clear of Python's limit.
 

@@ -15,11 +15,11 @@ from typing import NoReturn
 
 import numpy as np
 
-from pareto_ltl.arrays import BoolArray, IntArray
-from pareto_ltl.errors import DataError
 from pareto_ltl.logic import labels
 from pareto_ltl.logic.automaton import Automaton, alphabet_of, build, letter_codes, show_letter
-from pareto_ltl.logic.tables import MAX_ENTRIES, Table
+from pareto_ltl.logic.dfa import MAX_ENTRIES, Table
+from pareto_ltl.support.arrays import BoolArray, IntArray
+from pareto_ltl.support.errors import DataError
 
 _KNOWN = ("HOA", "States", "Start", "AP", "Alias", "Acceptance")
 _TOKEN = re.compile(

@@ -10,8 +10,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from pareto_ltl.arrays import IntArray
 from pareto_ltl.logic.automaton import Automaton, letter_codes
+from pareto_ltl.support.arrays import IntArray
 
 Cube = tuple[int, int]
 Tree = int | tuple[int, "Tree", "Tree"]

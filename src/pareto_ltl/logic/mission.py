@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
-from pareto_ltl.errors import ConfigError, DataError
 from pareto_ltl.logic import hoa, patterns
 from pareto_ltl.logic.automaton import Automaton, translate
 from pareto_ltl.logic.formula import check_names, parse
+from pareto_ltl.support.errors import ConfigError, DataError
 
 if TYPE_CHECKING:
-    from pareto_ltl.config import MissionConfig
+    from pareto_ltl.settings import MissionConfig
 
 
 def automaton_of(

@@ -10,11 +10,11 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from typing import TYPE_CHECKING
 
-from pareto_ltl.errors import ConfigError
 from pareto_ltl.logic.formula import Formula, parse
+from pareto_ltl.support.errors import ConfigError
 
 if TYPE_CHECKING:
-    from pareto_ltl.config import MissionConfig
+    from pareto_ltl.settings import MissionConfig
 
 
 def sequence(*goals: str, strict: bool = False) -> str:

@@ -18,10 +18,10 @@ from collections.abc import Callable, Iterable, Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from pareto_ltl.arrays import IntArray
-from pareto_ltl.logic import tables
+from pareto_ltl.logic import dfa as tables
+from pareto_ltl.logic.dfa import Table
 from pareto_ltl.logic.formula import Formula
-from pareto_ltl.logic.tables import Table
+from pareto_ltl.support.arrays import IntArray
 
 State = tuple[int, ...]  # clauses; a clause is a set of obligations, one bit each
 DUTIES = ("X", "U", "+", "-")  # what clauses are made of

@@ -22,7 +22,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 
-from pareto_ltl.arrays import FloatArray
+from pareto_ltl.support.arrays import FloatArray
 
 COLUMN, PAGE = 3.5, 7.16  # widths of a column and of a page [in]
 

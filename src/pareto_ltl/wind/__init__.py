@@ -1,4 +1,4 @@
 """From NOAA data to a wind field with honest uncertainty.
 
-``sources`` reads and projects, ``regression`` fits, ``field`` tabulates, caches and stores.
+``sources`` reads and projects, ``gp`` fits, ``field`` tabulates, caches and stores.
 """

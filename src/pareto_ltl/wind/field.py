@@ -17,12 +17,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pareto_ltl import cache
-from pareto_ltl.arrays import FloatArray
-from pareto_ltl.config import WindConfig
-from pareto_ltl.errors import DataError
-from pareto_ltl.records import Scene, WindField, WindModes, WindObservations
-from pareto_ltl.wind import modes, regression
+from pareto_ltl.settings import WindConfig
+from pareto_ltl.support import cache
+from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.support.errors import DataError
+from pareto_ltl.wind import gp, modes
+from pareto_ltl.wind.records import WindField, WindModes, WindObservations
+from pareto_ltl.world.scene import Scene
 
 if TYPE_CHECKING:
     import h5netcdf
@@ -185,7 +186,7 @@ def _tabulate(
     """Fit and evaluate: a pure function of its arguments, so that its result can be remembered."""
     kernel, noise_min, holdout = settings
     cfg = WindConfig(kernel=kernel, noise_min=noise_min, holdout=holdout)
-    posterior = regression.fit(cfg, WindObservations(times, points, winds, ""))
+    posterior = gp.fit(cfg, WindObservations(times, points, winds, ""))
     nodes = np.stack(np.meshgrid(*map(np.arange, shape), indexing="ij"), axis=-1).reshape(-1, 2)
     mean, var = posterior.at(origin + spacing * nodes)
     places = np.stack(np.meshgrid(*map(np.arange, coarse[2]), indexing="ij"), axis=-1).reshape(-1, 2)
@@ -247,7 +248,7 @@ def _complain(folder: Path, reason: str) -> None:
 @lru_cache(maxsize=1)
 def _edition() -> str:
     """Digest of the code that makes a table: another edition must not read this one's entries."""
-    text = b"".join(Path(file).read_bytes() for file in (__file__, modes.__file__, regression.__file__))
+    text = b"".join(Path(file).read_bytes() for file in (__file__, modes.__file__, gp.__file__))
     return hashlib.sha256(text).hexdigest()
 
 

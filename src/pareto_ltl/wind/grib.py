@@ -15,10 +15,10 @@ from typing import Any
 
 import numpy as np
 
-from pareto_ltl.arrays import FloatArray
-from pareto_ltl.errors import DataError
-from pareto_ltl.projection import convergence, turn
+from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.support.errors import DataError
 from pareto_ltl.wind.readings import Readings, check, iso, wrap
+from pareto_ltl.world.projection import convergence, turn
 
 COMPONENTS = {"10u": "u", "u": "u", "10v": "v", "v": "v"}
 

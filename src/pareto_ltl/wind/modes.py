@@ -11,9 +11,9 @@ import logging
 
 import numpy as np
 
-from pareto_ltl.arrays import FloatArray
-from pareto_ltl.cores import cores
-from pareto_ltl.wind.regression import CORRELATION, Hyper, WindPosterior, distances
+from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.support.cores import cores
+from pareto_ltl.wind.gp import CORRELATION, Hyper, WindPosterior, distances
 
 LOG = logging.getLogger(__name__)
 

@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from pareto_ltl.arrays import FloatArray, IntArray
-from pareto_ltl.errors import DataError
+from pareto_ltl.support.arrays import FloatArray, IntArray
+from pareto_ltl.support.errors import DataError
 
 
 @dataclass(frozen=True, slots=True)

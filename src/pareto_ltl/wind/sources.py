@@ -13,14 +13,16 @@ from pathlib import Path
 
 import numpy as np
 
-from pareto_ltl.arrays import FloatArray, IntArray
-from pareto_ltl.config import IngestConfig, WindConfig
-from pareto_ltl.errors import ConfigError, DataError
-from pareto_ltl.records import Scene, WindObservations
-from pareto_ltl.wind import grib, table
+from pareto_ltl.settings import IngestConfig, WindConfig
+from pareto_ltl.support.arrays import FloatArray, IntArray
+from pareto_ltl.support.errors import ConfigError, DataError
+from pareto_ltl.wind import csv_table as table
+from pareto_ltl.wind import grib
 from pareto_ltl.wind.readings import Readings, farthest_points, iso, on_sphere, seconds
+from pareto_ltl.wind.records import WindObservations
+from pareto_ltl.world.scene import Scene
 
-SAMPLE = Path(__file__).parents[1] / "data" / "gfs_conus_20181009.csv"
+SAMPLE = Path(__file__).parents[1] / "support" / "data" / "gfs_conus_20181009.csv"
 ENOUGH = 5  # readings near the scene, at each time
 NEAR = 500e3  # [m]; about one correlation length of 10 m wind over land
 HORIZON = np.deg2rad(45.0)  # readings farther round the Earth say nothing here, and planes distort
@@ -162,7 +164,7 @@ def _project(
     crs: str, centre: FloatArray, lonlat: FloatArray, winds: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Readings within ``HORIZON`` of the scene's centre, in its plane."""
-    from pareto_ltl import projection
+    from pareto_ltl.world import projection
 
     middle = on_sphere(np.stack(projection.to_geographic(crs, centre), axis=1))
     close = (on_sphere(lonlat) @ middle.T).ravel() >= np.cos(HORIZON)

@@ -1,0 +1,249 @@
+"""Transition tables as arrays: products, good prefixes, the minimal table, language inclusion.
+
+A table is complete and deterministic: ``delta`` (Q, L) gives the state after each letter, state 0 is
+initial. Every function works on whole columns at once; none of them knows formulas.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
+from pareto_ltl.support.errors import FormulaError
+
+MAX_ENTRIES = 2**24  # states x letters; 128 MiB as int64, and a few times that while it is made
+DENSE = 64  # letters that sift all pairs of states; the others look at what is left
+CHUNK = 2**20  # table entries, or pairs of states, handled at once
+
+Delta = NDArray[np.integer]
+
+
+class Table(NamedTuple):
+    """``delta`` (Q, L) int, ``accepting`` (Q,) bool; state 0 is initial."""
+
+    delta: Delta
+    accepting: BoolArray
+
+
+def too_many(max_states: int) -> FormulaError:
+    return FormulaError(
+        f"the automaton has more than {max_states} states; simplify the formula, pass only the letters "
+        "that can occur, or raise logic.max_states"
+    )
+
+
+def check_size(states: int, letters: int, max_states: int) -> None:
+    """Stop a translation that explodes before it fills the memory."""
+    if states > max_states:
+        raise too_many(max_states)
+    if states * letters > MAX_ENTRIES:
+        raise FormulaError(
+            f"the automaton needs a table of more than {states - 1} states x {letters} letters "
+            f"({MAX_ENTRIES} entries are the limit); pass only the letters that can occur"
+        )
+
+
+def product(a: Table, b: Table, both: bool, max_states: int) -> Table:
+    """Automaton of ``a & b`` (``both``) or ``a | b``: the pairs of states that can be reached.
+
+    Pairs whose fate is sealed (one in a trap under ``&``, one accepting under ``|``) are one state, the last.
+    Both tables must be minimal.
+    """
+    letters, wide = a.delta.shape[1], len(b.delta)
+    if len(a.delta) * wide >= 2**31:
+        raise too_many(max_states)
+    sealed_a, sealed_b = (traps(t) if both else t.accepting for t in (a, b))
+    if sealed_a[0] or sealed_b[0]:
+        return Table(np.zeros((1, letters), np.int64), np.array([not both]))
+    da, db = a.delta.astype(np.int64) * wide, b.delta.astype(np.int64)
+    number = np.zeros(
+        len(da) * wide, np.int32
+    )  # of each pair, from 1; -1 sealed, 0 not met. Untouched pages are free
+    number[0] = 1
+    scratch = np.empty(len(number), np.int32)
+    pairs, rows, done, width = np.array([0]), [], 0, max(1, CHUNK // letters)
+    while done < len(pairs):
+        now = pairs[done : done + width]
+        done += len(now)
+        after = da[now // wide] + db[now % wide]
+        rows.append(after)
+        fresh = first_of_each(after[number[after] == 0], scratch)
+        sealed = sealed_a[fresh // wide] | sealed_b[fresh % wide]
+        number[fresh[sealed]] = -1
+        fresh = fresh[~sealed]
+        number[fresh] = np.arange(len(pairs), len(pairs) + len(fresh)) + 1
+        pairs = np.concatenate([pairs, fresh])
+        check_size(len(pairs) + 1, letters, max_states)
+    number[number < 0] = len(pairs) + 1
+    last = np.full((1, letters), len(pairs) + 1, np.int32)
+    delta = np.concatenate([*(number[after] for after in rows), last]) - 1
+    accepting = a.accepting[pairs // wide] & b.accepting[pairs % wide]
+    return Table(delta, np.append(accepting, not both))
+
+
+def first_of_each(values: Any, scratch: NDArray[np.int32]) -> IntArray:
+    """``values`` without repetitions, in the order of their first occurrence, in linear time.
+
+    ``scratch`` is any array that ``values`` can index; of repeated writes the last one stays.
+    """
+    places = np.arange(len(values), dtype=np.int32)
+    scratch[values[::-1]] = places[::-1]
+    first: IntArray = values[scratch[values] == places]
+    return first
+
+
+def traps(table: Table) -> BoolArray:
+    """States of a minimal table that no word leads out of and that do not accept, shape (Q,); at most one."""
+    stay: BoolArray = (table.delta == np.arange(len(table.delta))[:, None]).all(axis=1)
+    return stay & ~table.accepting
+
+
+def certain(delta: Delta, accepting: BoolArray) -> BoolArray:
+    """States that every infinite word leads to acceptance, shape (Q,).
+
+    They are what good prefixes lead to: in a state outside, some letter keeps outside, and so on for ever.
+    """
+    while True:
+        more = accepting | accepting[delta].all(axis=1)
+        if (more == accepting).all():
+            return accepting
+        accepting = more
+
+
+def distances(delta: Delta, accepting: BoolArray) -> FloatArray:
+    """Fewest letters to acceptance, d_A, shape (Q,); inf where there is no way."""
+    distance = np.where(accepting, 0.0, np.inf)
+    near, steps = accepting, 0
+    while near.any():
+        steps += 1
+        near = near[delta].any(axis=1) & np.isinf(distance)
+        distance[near] = steps
+    return distance
+
+
+def minimal(table: Table) -> tuple[Table, FloatArray]:
+    """The minimal table of the good prefixes, states in breadth-first order, and its distances.
+
+    States are numbered as a breadth-first search over the letters in their order meets them, so equal
+    languages over equal letters give equal tables.
+    """
+    delta = table.delta
+    accepting = certain(delta, table.accepting)
+    distance = distances(delta, accepting)
+    block = refine(delta, np.unique(distance, return_inverse=True)[1])
+    member = np.empty(block.max() + 1, np.int64)
+    member[block] = np.arange(len(block))
+    quotient = block[delta[member]]
+    order = breadth_first(quotient, int(block[0]))
+    number = np.empty(len(member), np.int64)
+    number[order] = np.arange(len(order))
+    member = member[order]
+    return Table(number[quotient[order]], accepting[member]), distance[member]
+
+
+def refine(delta: Delta, block: IntArray) -> IntArray:
+    """The coarsest partition finer than ``block`` (Q,) whose blocks step to one block a letter.
+
+    Hopcroft's rule: when a block falls apart its largest part keeps the name, and only states with a
+    successor among the renamed are looked at again. A state's signature is a random linear form of the
+    blocks of its successors; two that should differ agree with probability 2^-50 or so, and the result is
+    checked. Starting from the distances to acceptance, which equivalent states share, 1 to 3 rounds are
+    common where acceptance alone took as many as d_A.
+    """
+    random = np.random.default_rng(len(delta))
+    while True:
+        weights = random.integers(1, 2**63, delta.shape[1], np.uint64)
+        result = _refine(delta, block.astype(np.uint64), weights).astype(np.int64)
+        member = np.empty(result.max() + 1, np.int64)
+        member[result] = np.arange(len(result))
+        if (result[delta] == result[delta[member]][result]).all():
+            return result
+
+
+def _refine(delta: Delta, block: NDArray[np.uint64], weights: NDArray[np.uint64]) -> NDArray[np.uint64]:
+    signature = np.zeros(len(block), np.uint64)
+    touched = np.ones(len(block), np.bool_)
+    while touched.any():
+        signature[touched] = block[delta[touched]] @ weights
+        order = np.lexsort((signature, block))
+        b, s = block[order], signature[order]
+        edge = np.append(True, (b[1:] != b[:-1]) | (s[1:] != s[:-1]))
+        start = np.flatnonzero(edge)
+        size = np.diff(start, append=len(order))
+        ranked = np.lexsort((-size, b[start]))  # parts, by block, the largest first
+        owner = b[start][ranked]
+        renamed = ranked[np.append(False, owner[1:] == owner[:-1])]
+        name = b[start]
+        name[renamed] = len(start) - len(renamed) + np.arange(len(renamed), dtype=np.uint64)
+        fresh = np.zeros(len(start), np.bool_)
+        fresh[renamed] = True
+        part = np.cumsum(edge) - 1
+        block[order] = name[part]
+        moved = np.empty(len(block), np.bool_)
+        moved[order] = fresh[part]
+        touched[:] = moved[delta].any(axis=1)
+    return block
+
+
+def breadth_first(delta: Delta, initial: int) -> IntArray:
+    """States in the order in which a breadth-first search over the letters meets them."""
+    met = np.zeros(len(delta), np.bool_)
+    met[initial] = True
+    scratch = np.empty(len(delta), np.int32)
+    levels = [np.array([initial])]
+    while len(levels[-1]):
+        after = delta[levels[-1]].ravel()
+        fresh = first_of_each(after[~met[after]], scratch)
+        met[fresh] = True
+        levels.append(fresh)
+    return np.concatenate(levels)
+
+
+def inclusion(delta: Delta, distance: FloatArray) -> BoolArray:
+    """``[p, q]``: does ``p`` accept every word that ``q`` accepts? Shape (Q, Q).
+
+    The largest relation with d(p) <= d(q) that every letter keeps. (Where q accepts a word and p does
+    not, some prefix leads to a pair with d(q) = 0 < d(p).)
+    """
+    columns = np.unique(delta, axis=1).T
+    holds = _nearer(columns[:DENSE], distance)
+    changed = True
+    while changed:
+        changed = False
+        for p, q in _pairs(holds, distance):
+            for after in columns:
+                keep = holds[after[p], after[q]]
+                if not keep.all():
+                    holds[p[~keep], q[~keep]] = False
+                    p, q, changed = p[keep], q[keep], True
+    return holds
+
+
+def _nearer(columns: Delta, distance: FloatArray) -> BoolArray:
+    """Is p at most as far as q, now and after each letter? Leaves few pairs at 1 ns a pair and letter."""
+    rank = np.unique(distance, return_inverse=True)[1].astype(np.int32)
+    if rank.max() < 2**15:
+        rank = rank.astype(np.int16)
+    holds = np.empty((len(rank), len(rank)), np.bool_)
+    height = max(1, CHUNK // len(rank))
+    for top in range(0, len(rank), height):
+        rows = holds[top : top + height]
+        np.less_equal(rank[top : top + height, None], rank, out=rows)
+        for after in columns:
+            there = rank[after]
+            rows &= there[top : top + height, None] <= there
+    return holds
+
+
+def _pairs(holds: BoolArray, distance: FloatArray) -> Iterator[tuple[IntArray, IntArray]]:
+    """The pairs of ``holds`` that may yet fail, some rows at a time."""
+    height = max(1, CHUNK // len(holds))
+    for top in range(0, len(holds), height):
+        p, q = np.nonzero(holds[top : top + height])
+        p += top
+        open_ = (p != q) & (distance[p] > 0) & np.isfinite(distance[q])
+        yield p[open_], q[open_]

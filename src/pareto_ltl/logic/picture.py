@@ -1,0 +1,205 @@
+"""Pictures of automata: Graphviz text, and a figure without Graphviz."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pareto_ltl.logic import labels
+from pareto_ltl.logic.automaton import Automaton
+from pareto_ltl.support.arrays import FloatArray
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.path import Path as Curve
+
+MAX_DRAWN = 40  # states; more make no picture
+RADIUS = 0.32
+INK, FAINT, GOAL = "#222222", "#999999", "#0072b2"  # Okabe-Ito blue for acceptance
+
+
+def dot(automaton: Automaton) -> str:
+    """Graphviz text, left to right; accepting states have two rings, the trap is dashed."""
+    lines = [
+        "digraph mission {",
+        "  rankdir=LR;",
+        f"  label={_quoted(automaton.formula)}; labelloc=t;",
+        "  node [shape=circle];",
+        "  start [shape=point];",
+        f"  start -> {automaton.initial};",
+    ]
+    for q in range(automaton.n_states):
+        if automaton.accepting[q]:
+            lines.append(f"  {q} [shape=doublecircle];")
+        elif q == automaton.trap:
+            lines.append(f"  {q} [style=dashed];")
+    for (p, q), label in labels.edges(automaton).items():
+        lines.append(f"  {p} -> {q} [label={_quoted(label)}];")
+    return "\n".join([*lines, "}", ""])
+
+
+def picture(automaton: Automaton, path: str | Path, dpi: int = 150) -> None:
+    """Draw the automaton into a file; its ending (png, svg, pdf) chooses the format."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    if automaton.n_states > MAX_DRAWN:
+        raise ValueError(
+            f"{automaton.n_states} states make no readable picture ({MAX_DRAWN} are the limit); write them "
+            "as HOA or DOT, or give only the letters that can occur"
+        )
+    place = layout(automaton)
+    texts = labels.edges(automaton)
+    low = place.min(axis=0) - np.array([1.1, 0.9])
+    high = place.max(axis=0) + np.array([0.9, 1.3])
+    figure = Figure(figsize=(0.85 * (high[0] - low[0]), 0.85 * (high[1] - low[1])), layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.add_subplot()
+    draw(axes, automaton, place, texts)
+    axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
+    axes.set_axis_off()
+    axes.set_title(_wrapped(automaton.formula, 90), fontsize=10)
+    figure.savefig(path, dpi=dpi)
+
+
+def draw(axes: Axes, automaton: Automaton, place: FloatArray, texts: dict[tuple[int, int], str]) -> None:
+    """States as circles at ``place`` (Q, 2), edges as arrows with their ``texts``."""
+    from matplotlib.patches import Circle, FancyArrowPatch
+
+    head: dict[str, Any] = {"arrowstyle": "-|>", "mutation_scale": 11, "lw": 1.0}
+    for q, (x, y) in enumerate(place):
+        color = GOAL if automaton.accepting[q] else FAINT if q == automaton.trap else INK
+        style = "--" if q == automaton.trap else "-"
+        axes.add_patch(Circle((x, y), RADIUS, fill=False, ec=color, ls=style, lw=1.3))
+        if automaton.accepting[q]:
+            axes.add_patch(Circle((x, y), RADIUS - 0.06, fill=False, ec=color, lw=1.0))
+        axes.text(x, y, str(q), ha="center", va="center", color=color, fontsize=10)
+    x, y = place[automaton.initial]
+    axes.add_patch(
+        FancyArrowPatch((x - RADIUS - 0.6, y), (x - RADIUS, y), color=INK, shrinkA=0, shrinkB=0, **head)
+    )
+    taken = _Taken(place)
+    for (p, q), text in texts.items():
+        color = FAINT if q == automaton.trap else INK
+        curve = _loop(place[p]) if p == q else _bow(place, p, q, (q, p) in texts)
+        axes.add_patch(FancyArrowPatch(path=_path(curve), color=color, **head))
+        font = {"ha": "center", "va": "center", "fontsize": 7.5, "color": color}
+        box = {"boxstyle": "round,pad=0.15", "fc": "white", "ec": "none"}
+        said = _wrapped(text, 22)
+        spot = taken.spot(curve, said, p == q)
+        axes.text(spot[0], spot[1], said, font, bbox=box)
+
+
+def layout(automaton: Automaton) -> FloatArray:
+    """Positions (Q, 2): columns from left to right by the longest way from the start, the trap below.
+
+    States that can reach each other share a depth and stand side by side in the order of their numbers.
+    """
+    import networkx as nx
+
+    graph = nx.DiGraph((p, int(q)) for p, row in enumerate(automaton.delta) for q in row)
+    whole = nx.condensation(graph)
+    column = np.zeros(automaton.n_states, int)
+    x = 0
+    for generation in nx.topological_generations(whole):
+        wide = 1
+        for component in generation:
+            members = sorted(set(whole.nodes[component]["members"]) - {automaton.trap})
+            for k, q in enumerate(members):
+                column[q] = x + k
+            wide = max(wide, len(members))
+        x += wide
+    place = np.zeros((automaton.n_states, 2))
+    alive = [q for q in range(automaton.n_states) if q != automaton.trap]
+    for depth in sorted(set(column[alive].tolist())):
+        row = [q for q in alive if column[q] == depth]
+        for k, q in enumerate(row):
+            place[q] = 3.2 * depth, 2.2 * ((len(row) - 1) / 2 - k)
+    if automaton.trap >= 0 and alive:
+        others = place[alive]
+        place[automaton.trap] = others[:, 0].mean(), others[:, 1].min() - 2.6
+    return place
+
+
+class _Taken:
+    """Boxes (centre and half size) that labels keep clear of: states, and the labels before."""
+
+    def __init__(self, place: FloatArray) -> None:
+        self.boxes = [(point, np.array([RADIUS, RADIUS])) for point in place]
+
+    def spot(self, curve: FloatArray, text: str, loop: bool) -> FloatArray:
+        """The point of ``curve`` where a label covers least, the middle where that is free."""
+        lines = text.split("\n")
+        half = np.array([0.04 * max(map(len, lines)), 0.1 * len(lines)])  # of 7.5 point type
+        spots = [_bezier(curve, t) for t in ((0.5,) if loop else (0.5, 0.4, 0.6, 0.3, 0.7, 0.22, 0.78))]
+        best = min(spots, key=lambda spot: self.covered(spot, half))
+        self.boxes.append((best, half))
+        return best
+
+    def covered(self, spot: FloatArray, half: FloatArray) -> float:
+        """Area of the boxes under a label."""
+        sides = (np.maximum(0.0, half + size - np.abs(spot - centre)) for centre, size in self.boxes)
+        return float(sum(a * b for a, b in sides))
+
+
+def _bow(place: FloatArray, p: int, q: int, both: bool) -> FloatArray:
+    """Control points (3, 2) of an edge that bends around the states between its ends."""
+    start, end = place[p], place[q]
+    along = (end - start) / np.linalg.norm(end - start)
+    side = np.array([-along[1], along[0]])
+    t = (place - start) @ along
+    off = (place - start) @ side
+    blocked = ((t > 0.1) & (t < np.linalg.norm(end - start) - 0.1) & (np.abs(off) < 0.8)).any()
+    bend = 0.45 * both + (0.9 + 0.12 * np.linalg.norm(end - start)) * blocked
+    middle = (start + end) / 2 + side * bend
+    leave, arrive = middle - start, end - middle
+    return np.array(
+        [
+            start + RADIUS * leave / np.linalg.norm(leave),
+            middle,
+            end - RADIUS * arrive / np.linalg.norm(arrive),
+        ]
+    )
+
+
+def _loop(centre: FloatArray) -> FloatArray:
+    """Control points (4, 2) of a loop above a state."""
+    angle = math.radians(28)
+    foot = RADIUS * np.array([math.sin(angle), math.cos(angle)])
+    corners: FloatArray = np.array([[-foot[0], foot[1]], [-0.55, 1.0], [0.55, 1.0], foot])
+    return corners + centre
+
+
+def _path(curve: FloatArray) -> Curve:
+    from matplotlib.path import Path as Curve
+
+    code = Curve.CURVE3 if len(curve) == 3 else Curve.CURVE4
+    return Curve(curve, [Curve.MOVETO, *[code] * (len(curve) - 1)])
+
+
+def _bezier(curve: FloatArray, t: float) -> FloatArray:
+    while len(curve) > 1:
+        curve = (1 - t) * curve[:-1] + t * curve[1:]
+    point: FloatArray = curve[0]
+    return point
+
+
+def _wrapped(text: str, width: int) -> str:
+    """Break lines behind ``|`` and ``&``."""
+    lines, line = [], ""
+    for word in text.replace(" & ", " &\x00").replace(" | ", " |\x00").split("\x00"):
+        if line and len(line) + len(word) > width:
+            lines.append(line.strip())
+            line = ""
+        line += f"{word} " if word.endswith(("&", "|")) else word
+    return "\n".join([*lines, line.strip()])
+
+
+def _quoted(text: str) -> str:
+    return '"' + text.replace("\\", "\\\\").replace('"', '\\"') + '"'
+
+
+__all__ = ["dot", "draw", "layout", "picture"]

@@ -1,0 +1,179 @@
+"""What planning makes: trees, paths, the front, the plan."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from pareto_ltl.support.arrays import FloatArray, IntArray
+
+
+@dataclass(frozen=True, slots=True)
+class Tree:
+    """One search tree; vertices in the order of their creation, the root first.
+
+    A vertex keeps its path for ever, so the first n rows are the tree as it was at n vertices.
+
+    Attributes
+    ----------
+    x : (N, 2) float
+        Expected position [m].
+    parent, step, q, cell : (N,) int
+        Parent vertex (-1 at the root), time index, automaton state and cell.
+    length : (N,) float
+        Length of the expected path [m].
+    risk : (N, P) float
+        f_o^i of Theorem 1, one column a proposition of the mission.
+    swaps : (S, 2, 2 + P) float
+        Objectives (d_A, length, risk...) of the original parent and of the chosen one, for every
+        re-selection of a parent.
+    beta : (2,) float
+        Slack of Eq. (11) for length [m] and for each risk.
+    seconds : float
+        Time that growth took.
+    reach : mapping of str to float
+        Why extensions ended: counts of each cause, for the user who finds no path.
+    """
+
+    x: FloatArray
+    parent: IntArray
+    step: IntArray
+    q: IntArray
+    cell: IntArray
+    length: FloatArray
+    risk: FloatArray
+    swaps: FloatArray
+    beta: FloatArray
+    seconds: float
+    reach: Mapping[str, float]
+
+    def __len__(self) -> int:
+        return len(self.parent)
+
+    def path(self, vertex: int) -> FloatArray:
+        """Expected positions from the root to ``vertex``, shape (T+1, 2) [m]."""
+        rows = [vertex]
+        while self.parent[rows[-1]] >= 0:
+            rows.append(int(self.parent[rows[-1]]))
+        return self.x[rows[::-1]]
+
+
+@dataclass(frozen=True, slots=True)
+class Forest:
+    """The trees of one run and the vertices that complete the mission.
+
+    Attributes
+    ----------
+    accepted : (A, 2) int
+        Tree and vertex of every accepted vertex.
+    """
+
+    trees: tuple[Tree, ...]
+    accepted: IntArray
+    seconds: float
+
+
+@dataclass(frozen=True, slots=True)
+class Objectives:
+    """What a plan costs. ``mission_risk_paper`` is Theorem 2's f_o, ``mission_risk`` the ordered bound V,
+    ``collision_risk`` the path bound R (probabilities), ``length`` in metres."""
+
+    length: float
+    mission_risk_paper: float
+    mission_risk: float
+    collision_risk: float
+
+
+@dataclass(frozen=True, slots=True)
+class PlannedPath:
+    """A path evaluated exactly: the Gaussian of the position at every step.
+
+    Attributes
+    ----------
+    t : (T+1,) float
+        [s since time_zero]
+    x : (T+1, 2) float, cov : (T+1, 2, 2) float
+        Mean [m] and covariance [m²] of the position.
+    q : (T+1,) int
+        Automaton state after reading the label of each step.
+    label : tuple of T+1 frozensets
+    u : (T, 2) float
+        Air-relative velocity [m/s].
+    origin : str
+        Where it came from, e.g. ``tree 3 vertex 1207`` or ``smoothed, weight 100``.
+    fixes : tuple of int
+        Steps at which the plan counts on a position fix.
+    """
+
+    t: FloatArray
+    x: FloatArray
+    cov: FloatArray
+    q: IntArray
+    label: tuple[frozenset[str], ...]
+    u: FloatArray
+    objectives: Objectives
+    origin: str
+    fixes: tuple[int, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Front:
+    """Non-dominated paths, sorted by mission risk.
+
+    ``raw`` holds the objectives of the front before smoothing, for the record of what smoothing brought;
+    ``full`` says whether mission risk is V or the paper's f_o. ``estimates`` are the failure rates of full
+    fidelity's linear Monte Carlo, one a path.
+    """
+
+    paths: tuple[PlannedPath, ...]
+    raw: tuple[Objectives, ...]
+    hypervolume: float
+    reference: FloatArray
+    full: bool = False
+    estimates: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Acceptance:
+    """The last examination of a path of full fidelity: bound, linear estimate and simulated failure rate.
+
+    Attributes
+    ----------
+    bound : float
+        V + R.
+    estimate : float
+        Failure rate under the linearised coherent law; NaN where it was not asked for.
+    runs, failures : int
+        Nonlinear flights through the coherent law's winds.
+    low, high : float
+        95 % Clopper-Pearson interval of the failure rate.
+    passed : bool
+        False where the simulation contradicts the bound, low > V + R.
+    linearity : float
+        Largest standard deviation of the position over the wind's length scale there.
+    """
+
+    bound: float
+    estimate: float
+    runs: int
+    failures: int
+    low: float
+    high: float
+    passed: bool
+    linearity: float
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """The path to fly, and what it was chosen by."""
+
+    path: PlannedPath
+    formula: str
+    atoms: tuple[str, ...]
+    dt: float
+    u_max: float
+    epsilon: float
+    fidelity: str
+    rule: str
+    weights: tuple[float, ...]
+    acceptance: Acceptance | None = None

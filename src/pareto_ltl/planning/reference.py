@@ -1,0 +1,224 @@
+"""Every probability of the planner as its formula, in plain NumPy.
+
+The kernels are the fast road, these functions the readable one; the tests hold the two together.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.special import ndtr, owens_t
+
+from pareto_ltl.support.arrays import FloatArray, IntArray
+
+if TYPE_CHECKING:
+    from pareto_ltl.planning.problem import Problem
+
+TINY = 1e-13  # below this the exact polygon probability is all rounding: use half planes
+
+
+def deviation(normals: FloatArray, cov: FloatArray) -> FloatArray:
+    """σ_j = √(a_j' Σ a_j), shape (n,)."""
+    variance: FloatArray = np.einsum("ij,jk,ik->i", normals, cov, normals)
+    return np.sqrt(variance)
+
+
+def _tail(gap: FloatArray, sd: FloatArray) -> FloatArray:
+    """1 - Φ(gap / sd), a step where sd = 0."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.where(sd > 0, ndtr(-gap / sd), np.where(gap >= 0, 0.0, 1.0))
+
+
+def outside_bound(normals: FloatArray, offsets: FloatArray, mean: FloatArray, cov: FloatArray) -> float:
+    """P(x not in polygon) ≤ Σ_j (1 - Φ((b_j - a_j' x̂) / σ_j)), Eq. (6)."""
+    return float(_tail(offsets - normals @ mean, deviation(normals, cov)).sum())
+
+
+def inside_bound(normals: FloatArray, offsets: FloatArray, mean: FloatArray, cov: FloatArray) -> float:
+    """P(x in polygon) ≤ min_k Φ((d_k - c_k' x̂) / σ_k), Eq. (10)."""
+    return float(min(1.0, _tail(normals @ mean - offsets, deviation(normals, cov)).min()))
+
+
+def polygon_probability(polygon: FloatArray, mean: FloatArray, cov: FloatArray) -> float:
+    """P(N(mean, cov) in polygon), exact in two dimensions.
+
+    Whitened by the Cholesky factor, with h the signed distance of a directed edge from the origin and
+    v₁, v₂ its end coordinates along it,
+    P = Σ_e sgn(h) {[atan(v₂/|h|) - atan(v₁/|h|)] / 2π - [T(|h|, v₂/|h|) - T(|h|, v₁/|h|)]},
+    T = Owen's T. ``polygon`` (n, 2) is counter-clockwise.
+    """
+    L = np.linalg.cholesky(cov)
+    white = np.linalg.solve(L, (polygon - mean).T).T
+    edge = np.roll(white, -1, axis=0) - white
+    along = edge / np.linalg.norm(edge, axis=1)[:, None]
+    h = white[:, 0] * along[:, 1] - white[:, 1] * along[:, 0]
+    size = np.maximum(np.abs(h), 1e-300)
+    v1 = np.einsum("ij,ij->i", white, along)
+    v2 = v1 + np.linalg.norm(edge, axis=1)
+    turn = (np.arctan2(v2, size) - np.arctan2(v1, size)) / (2 * np.pi)
+    share = np.sign(h) * (turn - (owens_t(size, v2 / size) - owens_t(size, v1 / size)))
+    return float(np.clip(share.sum(), 0.0, 1.0))
+
+
+def propagate(problem: Problem, x: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Covariances (T+1, 2, 2) and controls (T, 2) along the means ``x`` (T+1, 2), Section III.
+
+    Σ_{t+1} = A Σ_t A' + dt² Σ_w(x*), x* of largest trace in a ball about x̂_t;
+    u_t = B⁻¹ (x̂_{t+1} - A x̂_t - dt μ(x̂_t, t)) / dt.
+    """
+    from pareto_ltl.kernels.interpolation import BALL
+
+    motion, wind = problem.tables.motion, problem.tables.wind
+    cov, u = [np.eye(2) * problem.start_variance], []
+    for t in range(len(x) - 1):
+        radius = motion.ball * np.sqrt(np.trace(cov[-1]) / 2)
+        around = x[t] + radius * np.vstack([[0.0, 0.0], BALL])
+        latent = np.array([interpolate(problem, wind.latent, t, p) for p in around])
+        worst = latent[np.argmax(latent.sum(axis=1))] + interpolate_time(problem, wind.gust, t)
+        cov.append(motion.a @ cov[-1] @ motion.a.T + motion.dt**2 * np.diag(worst))
+        mean = interpolate(problem, wind.mean, t, x[t])
+        u.append(motion.b_inv @ (x[t + 1] - motion.a @ x[t] - motion.dt * mean) / motion.dt)
+    return np.array(cov), np.array(u).reshape(-1, 2)
+
+
+def propagate_coherent(problem: Problem, x: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Covariances (T+1, 2, 2) and controls (T, 2) along the means ``x`` (T+1, 2) under the coherent law.
+
+    With C = Cov(e, θ), F = A - K + dt Dμ(x̂_t), ψ = blkdiag(ψ_x', ψ_y'):
+    Σ_{t+1} = F Σ F' + dt (F C ψ' + ψ C' F') + dt² (ψ ψ' + white),  C_{t+1} = ρ (F C + dt ψ),
+    u_t = B⁻¹ (x̂_{t+1} - A x̂_t - dt (μ + ½ D²μ : Σ + ∂ψ : C)) / dt.
+    """
+    motion, wind, modes = problem.tables.motion, problem.tables.wind, problem.tables.modes
+    p = modes.psi.shape[-1]
+    sigma, C = np.eye(2) * problem.start_variance, np.zeros((2, 2 * p))
+    cov, u = [sigma], []
+    for t in range(len(x) - 1):
+        slope, bend = interpolate(problem, modes.slope, t, x[t]), interpolate(problem, modes.bend, t, x[t])
+        F = motion.closed + motion.dt * slope.reshape(2, 2)
+        psi, east, north = _modes_at(problem, t, x[t])
+        white = interpolate(problem, wind.latent, t, x[t]) - np.diag(psi @ psi.T)
+        white = modes.white * (np.maximum(white, 0.0) + interpolate_time(problem, wind.gust, t))
+        curved = [
+            0.5 * (b[0] * sigma[0, 0] + 2 * b[1] * sigma[0, 1] + b[2] * sigma[1, 1])
+            for b in (bend[:3], bend[3:])
+        ]
+        swept = [
+            (east[c] * C[0, c * p : (c + 1) * p] + north[c] * C[1, c * p : (c + 1) * p]).sum() for c in (0, 1)
+        ]
+        drift = interpolate(problem, wind.mean, t, x[t]) + curved + swept
+        u.append(motion.b_inv @ (x[t + 1] - motion.a @ x[t] - motion.dt * drift) / motion.dt)
+        mixed = motion.dt * F @ C @ psi.T
+        sigma = F @ sigma @ F.T + mixed + mixed.T + motion.dt**2 * (psi @ psi.T + np.diag(white))
+        C = modes.keep[t + 1] * (F @ C + motion.dt * psi)
+        cov.append(sigma)
+    return np.array(cov), np.array(u).reshape(-1, 2)
+
+
+def _modes_at(problem: Problem, step: int, point: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """blkdiag(ψ_x', ψ_y') (2, 2P) at a point, and ψ's derivatives to east and north, (2, P) each [1/s]."""
+    modes = problem.tables.modes
+    psi = modes.psi[modes.slot[step]].astype(float)
+    g = (point - [modes.west, modes.south]) * modes.per_metre
+    g = np.clip(g, 0, np.array(psi.shape[:2]) - 1)
+    i, j = np.minimum(g.astype(int), np.array(psi.shape[:2]) - 2)
+    fx, fy = g - [i, j]
+    a, b, c, d = psi[i, j], psi[i + 1, j], psi[i, j + 1], psi[i + 1, j + 1]
+    here = (1 - fx) * (1 - fy) * a + fx * (1 - fy) * b + (1 - fx) * fy * c + fx * fy * d
+    east = modes.per_metre * ((1 - fy) * (b - a) + fy * (d - c))
+    north = modes.per_metre * ((1 - fx) * (c - a) + fx * (d - b))
+    p = psi.shape[-1]
+    both = np.zeros((2, 2 * p))
+    both[0, :p], both[1, p:] = here
+    return both, east, north
+
+
+def interpolate_time(problem: Problem, table: FloatArray, step: int) -> FloatArray:
+    """A table (K, ...) at a step, linear between slots."""
+    wind = problem.tables.wind
+    k, w = wind.slot[step], wind.weight[step]
+    return np.asarray(table[k] if w == 0 else (1 - w) * table[k] + w * table[k + 1], float)
+
+
+def interpolate(problem: Problem, table: FloatArray, step: int, point: FloatArray) -> FloatArray:
+    """A table (K, NX, NY, 2) at a step and a point, multilinear."""
+    from scipy.interpolate import RegularGridInterpolator
+
+    wind = problem.tables.wind
+    now = interpolate_time(problem, table, step)
+    nx, ny = now.shape[:2]
+    where = (point - [wind.west, wind.south]) * wind.per_metre
+    where = np.clip(where, 0, [nx - 1, ny - 1])
+    return np.asarray(RegularGridInterpolator((np.arange(nx), np.arange(ny)), now)(where)[0], float)
+
+
+def mission_risk_paper(problem: Problem, x: FloatArray, cov: FloatArray, cell: IntArray) -> FloatArray:
+    """f_o^i = min_{t in T_i} Σ_j (1 - Φ((b_ij - a_ij' x̂_t) / σ_ij(t))), 0 where T_i is empty (Theorem 1).
+
+    Known faults: the witness may be a visit made before the automaton needs it, and formulas with a
+    proper ``until`` are not covered. :func:`ordered_mission_risk` has neither.
+    """
+    regions, atoms = problem.tables.regions, problem.tables.cells.atoms
+    risks = np.zeros(len(problem.atoms))
+    for i in range(len(problem.atoms)):
+        visits = np.flatnonzero(atoms[cell, i])
+        if len(visits):
+            parts = np.flatnonzero(regions.atom == i)
+            risks[i] = min(_missed(problem, parts, x[t], cov[t]) for t in visits)
+    return risks
+
+
+def _missed(problem: Problem, parts: IntArray, mean: FloatArray, cov: FloatArray) -> float:
+    """The best convex part of a region, at most 1."""
+    faces = problem.tables.regions.faces
+    rows = [slice(faces.ptr[k], faces.ptr[k + 1]) for k in parts]
+    return min([1.0] + [outside_bound(faces.normal[r], faces.offset[r], mean, cov) for r in rows])
+
+
+def ordered_mission_risk(problem: Problem, x: FloatArray, cov: FloatArray) -> float:
+    """V: a bound on P(mission fails) that respects the order of visits, for every automaton (DESIGN 4.4).
+
+    V(p) = 0 if q₀ ≥ p else 1 before the first letter; then
+    V_t(p) = min(1, min_q [V_{t-1}(q) + P(label(x_t) not in {s : δ(q, s) ≥ p})]); the bound is
+    min_{p accepting} V_T(p).
+    """
+    logic = problem.tables.logic
+    column, P = label_probabilities(problem, x, cov)
+    spoils = ~logic.covers[logic.delta[:, column]]  # (Q, S, Q): reading s in q does not reach p
+    V = np.where(logic.covers[logic.initial], 0.0, 1.0)
+    for t in range(len(x)):
+        fail = np.einsum("qsp,s->qp", spoils, P[t])
+        V = np.minimum(1.0, (V[:, None] + fail).min(axis=0))
+    accepting = logic.distance == 0.0
+    return float(V[accepting].min()) if accepting.any() else 1.0
+
+
+def label_probabilities(problem: Problem, x: FloatArray, cov: FloatArray) -> tuple[IntArray, FloatArray]:
+    """P(label of x_t = s) along a path, exact sums over the cells that show the label.
+
+    Returns the automaton column of each cell with a label and, last, of the empty label; and the
+    probabilities (T+1, S). Obstacles and what lies off the map show the empty label.
+    """
+    labelled = np.array([c for c, label in enumerate(problem.labels) if label], np.int64)
+    P = np.zeros((len(x), len(labelled) + 1))
+    for k, c in enumerate(labelled):
+        P[:, k] = _cell_probability(problem, int(c), x, cov)
+    P[:, -1] = np.clip(1.0 - P[:, :-1].sum(axis=1), 0.0, 1.0)
+    return np.append(labelled, len(problem.labels)), P
+
+
+def _cell_probability(problem: Problem, cell: int, x: FloatArray, cov: FloatArray) -> FloatArray:
+    """P(x_t in cell) for every step, (T+1,)."""
+    polygon = problem.decomposition.cells[cell]
+    faces = problem.tables.cells.faces
+    rows = slice(faces.ptr[cell], faces.ptr[cell + 1])
+    normals, offsets = faces.normal[rows], faces.offset[rows]
+    gap = x @ normals.T - offsets
+    sd = np.sqrt(np.einsum("ij,tjk,ik->ti", normals, cov, normals))
+    P = _tail(gap, sd).min(axis=1)
+    exact = (P > TINY) & (np.linalg.det(cov) > 0.0)
+    known = sd.max(axis=1) == 0.0  # a position known exactly lies in one cell
+    P[known] = (problem.locate(x[known]) == cell).astype(float)
+    for t in np.flatnonzero(exact):
+        P[t] = polygon_probability(polygon, x[t], cov[t])
+    return np.asarray(P, float)

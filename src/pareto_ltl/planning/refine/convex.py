@@ -1,0 +1,342 @@
+"""Bend: the convex programme about an iterate (the only room that knows cvxpy)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pareto_ltl.kernels import data as kt
+from pareto_ltl.planning.problem import Problem
+from pareto_ltl.planning.refine.obligations import _deviation, allowed, duties, mean_shift, wind_and_gradient
+from pareto_ltl.planning.refine.taut_lines import CAP, MARGIN
+from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
+
+if TYPE_CHECKING:
+    import cvxpy as cp
+
+SHARE = 0.995  # of epsilon planned with: tangents lie below the curve, and σ moves with the path
+ROWS = 3  # half planes a point keeps to, the tightest ones
+FINEST = 1e-3  # smallest standard deviation that the risk model resolves, in full steps
+RELIEF = 50.0  # price of breaking a constraint by a full step; above every multiplier met
+PIECES = (0.5, 1.0, 1.5, 2.0, 2.4, 2.8, 3.2, 3.6, 4.1)  # tangents of 1 - Φ for witnesses
+TAIL = (2.6, 3.4)  # and for obstacles, where s ≥ z
+FULL_TAIL = (0.5, 1.2, 1.8, 2.4, 3.0)  # of full fidelity, whose faces share epsilon as they need it
+FAR = 10.0  # standard deviations that count as certainty
+
+
+@dataclass(frozen=True, slots=True)
+class Programme:
+    """One parametrised problem for all paths of a run of at most ``steps`` steps.
+
+    Lengths are in full steps (u_max dt), positions count from the middle of the map. cvxpy canonicalises
+    once; after that its tensors turn parameters into Clarabel's matrices, and the solver keeps its
+    symbolic factorisation. This takes 1.4 ms less a solve than ``problem.solve``, of 12.5 ms at 132 steps.
+    """
+
+    problem: cp.Problem
+    given: dict[str, cp.Parameter]
+    position: tuple[int, int]  # ids of the variables x and y
+    steps: int
+    witnesses: int
+    faces: int
+    engine: dict[str, Any]
+
+    def give(self, **values: Any) -> None:
+        """Set parameters. ``save_value`` leaves out the checks of ``value``, a sixth of a solve's time."""
+        for name, value in values.items():
+            self.given[name].save_value(np.asarray(value))
+
+    def solve(self) -> FloatArray | None:
+        """Positions (``steps`` + 1, 2), or None where the solver found none."""
+        import clarabel
+
+        if not self.engine:
+            self._start()
+        form = self.engine["form"]
+        q, _, A, b = form.apply_parameters()
+        solver = self.engine.get("solver")
+        if solver is None:
+            P = self.engine["P"]
+            solver = clarabel.DefaultSolver(P, q, -A, b, self.engine["cones"], self.engine["settings"])
+            self.engine["solver"] = solver
+        else:
+            solver.update(q=q, A=-A, b=b)
+        answer = solver.solve()
+        if answer.status not in (clarabel.SolverStatus.Solved, clarabel.SolverStatus.AlmostSolved):
+            return None
+        z = np.array(answer.x)
+        n = self.steps + 1
+        columns = [form.var_id_to_col[key] for key in self.position]
+        found = np.column_stack([z[column : column + n] for column in columns])
+        return found if np.isfinite(found).all() else None
+
+    def _start(self) -> None:
+        import clarabel
+        import cvxpy as cp
+        from cvxpy.reductions.solvers.conic_solvers.clarabel_conif import dims_to_solver_cones
+        from scipy.sparse import csc_array
+
+        data, _, _ = self.problem.get_problem_data(cp.CLARABEL)
+        settings = clarabel.DefaultSettings()
+        settings.verbose, settings.presolve_enable, settings.max_threads = False, False, 1
+        settings.tol_gap_abs = settings.tol_gap_rel = 1e-6
+        settings.tol_feas, settings.iterative_refinement_enable = (
+            1e-7,
+            False,
+        )  # refinement: 16.4 ms a solve for 8.8
+        n = len(data["c"])
+        self.engine.update(
+            form=data[cp.settings.PARAM_PROB], cones=dims_to_solver_cones(data["dims"]), settings=settings,
+            P=csc_array((n, n)),
+        )  # fmt: skip
+
+
+def programme(problem: Problem, steps: int, witnesses: int, faces: int) -> Programme:
+    """minimise  Σ ‖x_{t+1} - x_t‖ / L₀ + λ (Σ_w Σ_j ρ_wj + Σ_t χ_t) + relief
+    subject to   ‖B⁻¹ (x_{t+1} - F_t x_t - g_t)‖ ≤ u_max dt,  F_t = A + dt Dμ(x̄_t)
+                 c' x_t ≥ d + z σ         one face of every obstacle for both ends of a step a_j' x_w ≤ b_j
+                 at the witness steps ρ_wj ≥ tangents of 1 - Φ at (b_j - a_j' x_w) / σ_j, one of them that
+                 of the last iterate χ_t  ≥ tangents of 1 - Φ at (c' x_t - d) / σ for the nearest faces Σ_k
+                 χ_tk ≤ ε             of full fidelity, with z = 0 above: risk is allocated, not shared
+                 equally |x_t - x̄_t| ≤ trust,  x_t on the map.
+
+    Relief makes every instance feasible, so that a line which is not yet flyable can be mended.
+    """
+    import cvxpy as cp
+
+    n, b_inv, full = steps + 1, problem.tables.motion.b_inv, problem.tables.full
+    x, y, relief = cp.Variable(n), cp.Variable(n), cp.Variable(n, nonneg=True)
+    near = cp.Variable((n, ROWS if full else 1), nonneg=True)
+    length, risk = cp.Variable(steps), cp.Variable((witnesses, faces), nonneg=True)
+    at = cp.Variable((witnesses, 2))
+    shapes: dict[str, tuple[int, ...]] = {
+        "cap": (steps,), "low": (n, 2), "high": (n, 2), "F": (steps, 4), "g": (steps, 2),
+        "c": (n, 2 * ROWS), "d": (n, ROWS), "c_sd": (n, 2 * ROWS), "d_sd": (n, ROWS),
+        "pick": (witnesses, n), "a": (witnesses, 2 * faces), "b": (witnesses, faces),
+        "inside": (witnesses, faces), "slope": (witnesses, 2 * faces), "height": (witnesses, faces),
+    }  # fmt: skip
+    given: dict[str, Any] = {key: cp.Parameter(shape) for key, shape in shapes.items()}
+    if full:
+        given["counted"] = cp.Parameter((n, ROWS), nonneg=True)
+        given["steep"], given["level"] = cp.Parameter((n, 2 * ROWS)), cp.Parameter((n, ROWS))
+    given |= {key: cp.Parameter(nonneg=True) for key in ("per_length", "weight")}
+
+    def dot(normal: Any, row: int, u: Any, v: Any) -> Any:
+        return cp.multiply(normal[:, 2 * row], u) + cp.multiply(normal[:, 2 * row + 1], v)
+
+    def push(row: int) -> Any:
+        moved = b_inv[row, 0] * x[1:] + b_inv[row, 1] * y[1:]
+        return moved - dot(given["F"], row, x[:-1], y[:-1]) - given["g"][:, row]
+
+    constraints = [
+        cp.SOC(given["cap"] + relief[1:], cp.vstack([push(0), push(1)]), axis=0),
+        cp.SOC(length, cp.vstack([x[1:] - x[:-1], y[1:] - y[:-1]]), axis=0),
+        x >= given["low"][:, 0], x <= given["high"][:, 0], y >= given["low"][:, 1], y <= given["high"][:, 1],
+        at[:, 0] == given["pick"] @ x, at[:, 1] == given["pick"] @ y,
+    ]  # fmt: skip
+    for k in range(ROWS):
+        constraints.append(dot(given["c"], k, x, y) + relief >= given["d"][:, k])
+        constraints += [
+            near[:, k if full else 0] >= piece
+            for piece in _tangents(
+                FULL_TAIL if full else TAIL, dot(given["c_sd"], k, x, y) - given["d_sd"][:, k]
+            )
+        ]
+        if full:
+            constraints.append(near[:, k] >= given["level"][:, k] - dot(given["steep"], k, x, y))
+    if full:
+        counted = cp.sum(cp.multiply(given["counted"], near), axis=1)
+        constraints.append(counted <= SHARE * problem.tables.epsilon + 0.05 * relief)
+    for k in range(faces):
+        s = given["b"][:, k] - dot(given["a"], k, at[:, 0], at[:, 1])
+        constraints.append(s >= given["inside"][:, k])
+        constraints += [risk[:, k] >= piece for piece in _tangents(PIECES, s)]
+        constraints.append(risk[:, k] >= given["height"][:, k] + dot(given["slope"], k, at[:, 0], at[:, 1]))
+    cost = (
+        given["per_length"] * cp.sum(length)
+        + given["weight"] * (cp.sum(risk) + cp.sum(near))
+        + RELIEF * cp.sum(relief)
+    )
+    return Programme(
+        cp.Problem(cp.Minimize(cost), constraints), given, (x.id, y.id), steps, witnesses, faces, {}
+    )
+
+
+def _tangents(points: Sequence[float], s: Any) -> list[Any]:
+    """Tangents of 1 - Φ, which is convex for s ≥ 0: their maximum is its model."""
+    return [
+        0.5 * math.erfc(m / math.sqrt(2)) - math.exp(-m * m / 2) / math.sqrt(2 * math.pi) * (s - m)
+        for m in points
+    ]
+
+
+def bend(
+    model: Programme,
+    problem: Problem,
+    x: FloatArray,
+    cov: FloatArray,
+    weight: float,
+    trust: float,
+    shortest: float,
+) -> FloatArray | None:
+    """One convex solve about the iterate ``x`` (T+1, 2)."""
+    centre, unit, n = problem.scene.bounds.mean(axis=0), problem.reach, len(x)
+    scaled = (x - centre) / unit
+    todo = duties(problem, x, cov)
+    if len(todo.witness) > model.witnesses:
+        return None
+    set_motion(model, problem, x)
+    low, high = (problem.scene.bounds + np.array([[MARGIN], [-MARGIN]]) - centre) / unit
+    padded = np.vstack([scaled, np.repeat(scaled[-1:], model.steps + 1 - n, axis=0)])
+    lower = np.minimum(np.maximum(padded - trust, low), high)
+    upper = np.maximum(np.minimum(padded + trust, high), low)
+    lower[0] = upper[0] = scaled[0]
+    model.give(low=lower, high=upper)
+    set_clearance(model, problem, x, cov, todo.avoid, soft=weight > 0)
+    set_witnesses(model, problem, x, cov, todo.witness, soft=weight > 0)
+    model.give(per_length=unit / max(shortest, 1e-3 * unit), weight=weight)
+    found = model.solve()
+    return None if found is None else np.vstack([x[:1], centre + unit * found[1:n]])
+
+
+def set_motion(model: Programme, problem: Problem, x: FloatArray) -> None:
+    """Airspeed left for the control, and F_t and g_t of B⁻¹ (x_{t+1} - F_t x_t - g_t); steps beyond the
+    path stand still in still air.
+    """
+    motion, centre, unit = problem.tables.motion, problem.scene.bounds.mean(axis=0), problem.reach
+    T = len(x) - 1
+    mean, gradient = wind_and_gradient(problem, x[:-1])
+    mean = mean + mean_shift(problem, x)
+    cap = CAP * allowed(problem, x)
+    model.give(cap=np.concatenate([cap, np.ones(model.steps - T)]))
+    F = motion.a + motion.dt * gradient
+    g = ((motion.a @ centre - centre) + motion.dt * mean) / unit
+    g -= motion.dt * np.einsum("tij,tj->ti", gradient, (x[:-1] - centre) / unit)
+    steady = np.tile(motion.b_inv.ravel(), (model.steps - T, 1))
+    model.give(
+        F=np.vstack([(motion.b_inv @ F).reshape(T, 4), steady]),
+        g=np.vstack([g @ motion.b_inv.T, np.zeros((model.steps - T, 2))]),
+    )
+
+
+def separating(faces: kt.Faces, clearance: FloatArray) -> IntArray:
+    """For every step and obstacle the face of largest least ``clearance`` (T+1, F) at both ends, (T, m)."""
+    both = np.minimum(clearance[:-1], clearance[1:])
+    # Where faces tie, as at a corner, the one that clears more in all goes first.
+    both = both + 1e-6 * (clearance[:-1] + clearance[1:])
+    spans = zip(faces.ptr[:-1], faces.ptr[1:], strict=True)
+    return np.column_stack([i + np.argmax(both[:, i:j], axis=1) for i, j in spans]).astype(np.int64)
+
+
+def set_clearance(
+    model: Programme, problem: Problem, x: FloatArray, cov: FloatArray, avoid: BoolArray, *, soft: bool
+) -> None:
+    """The tightest half planes of every point: obstacles' faces for its two steps, forbidden cells' faces."""
+    from scipy.special import ndtr
+
+    normal, offset, sd, room, before = tightest(problem, x, cov, avoid)
+    centre, unit, n = problem.scene.bounds.mean(axis=0), problem.reach, len(x)
+    c, d = np.zeros((model.steps + 1, ROWS, 2)), np.full((model.steps + 1, ROWS), -FAR)
+    c_sd, d_sd, counted = np.zeros_like(c), np.full_like(d, -FAR), np.zeros_like(d)
+    steep, level = np.zeros_like(c), np.zeros_like(d)
+    if room.shape[1]:
+        count = min(ROWS, room.shape[1])
+        rows = np.argsort(room, axis=1, kind="stable")[:, :count]
+        t = np.arange(n)[:, None]
+        normal, reach = normal[t, rows], (offset[t, rows] - normal[t, rows] @ centre) / unit
+        spread, known = sd[t, rows] / unit, np.isfinite(room[t, rows])
+        z = np.where(spread > 0, least_deviations(problem), 0.0)
+        need = reach + z * spread + MARGIN / unit
+        c[:n, :count] = np.where(known[..., None], normal, 0.0)
+        d[:n, :count] = np.where(known, need, -FAR)
+        if soft:
+            known &= spread > 0
+            fine = np.maximum(spread, FINEST)
+            c_sd[:n, :count] = np.where(known[..., None], normal / fine[..., None], 0.0)
+            d_sd[:n, :count] = np.where(known, reach / fine, -FAR)
+            counted[:n, :count] = known & before[t, rows]
+            s = np.maximum(np.einsum("tki,ti->tk", c_sd[:n], (x - centre) / unit) - d_sd[:n], 0.0)
+            slope = np.exp(-s * s / 2) / math.sqrt(2 * math.pi)
+            steep[:n], level[:n] = slope[..., None] * c_sd[:n], ndtr(-s) + slope * (s + d_sd[:n])
+    model.give(c=c.reshape(-1, 2 * ROWS), d=d, c_sd=c_sd.reshape(-1, 2 * ROWS), d_sd=d_sd)
+    if "counted" in model.given:
+        model.give(counted=counted, steep=steep.reshape(-1, 2 * ROWS), level=level)
+
+
+def least_deviations(problem: Problem) -> float:
+    """Standard deviations kept from every face at least: Eq. (9)'s equal shares; none of full fidelity,
+    where the sum over
+    the faces keeps to epsilon."""
+    return 0.0 if problem.tables.full else problem.tables.z
+
+
+def tightest(
+    problem: Problem, x: FloatArray, cov: FloatArray, avoid: BoolArray
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, BoolArray]:
+    """Half planes that each point keeps to: normals (T+1, P, 2), and offsets, σ and room left (T+1, P).
+
+    σ is 0 at forbidden cells, whose label the mean alone decides; room is inf where nothing is asked. The
+    last array says which belong to the step that ends at the point: those make up its collision risk. Paper
+    fidelity counts room in metres, full fidelity in standard deviations, as its faces are chosen by their
+    risk.
+    """
+    faces, n = problem.tables.obstacles, len(x)
+    sd = _deviation(faces.normal, cov)
+    room = x @ faces.normal.T - faces.offset - least_deviations(problem) * sd
+    if problem.tables.full:
+        room = room / np.maximum(sd, FINEST * problem.reach)
+    chosen = separating(faces, room) if len(faces.ptr) > 1 else np.empty((n - 1, 0), np.int64)
+    rows = np.hstack(
+        [np.vstack([chosen[:1], chosen]), np.vstack([chosen, chosen[-1:]])]
+    )  # step before, step after
+    m, t = chosen.shape[1], np.arange(n)[:, None]
+    left = room[t, rows]
+    left[:, m:][rows[:, m:] == rows[:, :m]] = np.inf  # the same face twice
+    before = np.zeros(rows.shape, bool)
+    before[:, :m] = True
+    parts = [(faces.normal[rows], faces.offset[rows], sd[t, rows], left, before)]
+    cells = problem.tables.cells.faces
+    for cell in np.flatnonzero(avoid.any(axis=0)):
+        own = slice(cells.ptr[cell], cells.ptr[cell + 1])
+        gap = x @ cells.normal[own].T - cells.offset[own]
+        k = np.argmax(gap, axis=1)
+        least = np.where(avoid[:, cell], gap.max(axis=1), np.inf)[:, None]
+        parts.append((cells.normal[own][k][:, None], cells.offset[own][k][:, None], np.zeros((n, 1)), least,
+                      np.zeros((n, 1), bool)))  # fmt: skip
+    normal, offset, spread, left, before = (np.concatenate(p, axis=1) for p in zip(*parts, strict=True))
+    return normal, offset, spread, left, before
+
+
+def set_witnesses(
+    model: Programme, problem: Problem, x: FloatArray, cov: FloatArray, witness: Sequence[tuple[int, int]], *,
+    soft: bool,
+) -> None:  # fmt: skip
+    """Regions that hold the position at a step; without ``soft`` their faces are only not crossed."""
+    from scipy.special import ndtr
+
+    faces, centre, unit = problem.tables.regions.faces, problem.scene.bounds.mean(axis=0), problem.reach
+    pick = np.zeros((model.witnesses, model.steps + 1))
+    pick[:, 0] = 1.0  # a place left empty looks at the start and asks nothing
+    a, b = np.zeros((model.witnesses, model.faces, 2)), np.full((model.witnesses, model.faces), FAR)
+    inside, height, slope = np.full_like(b, -FAR), np.zeros_like(b), np.zeros_like(a)
+    for k, (t, part) in enumerate(witness):
+        rows = slice(faces.ptr[part], faces.ptr[part + 1])
+        normal, n = faces.normal[rows], int(faces.ptr[part + 1] - faces.ptr[part])
+        fine = np.maximum(_deviation(normal, cov[t : t + 1])[0] / unit, FINEST) if soft else np.ones(n)
+        pick[k, 0], pick[k, t] = 0.0, 1.0
+        a[k, :n] = normal / fine[:, None]
+        b[k, :n] = (faces.offset[rows] - normal @ centre) / unit / fine
+        inside[k, :n] = MARGIN / unit / fine
+        if soft:
+            s = np.maximum(b[k, :n] - a[k, :n] @ (x[t] - centre) / unit, 0.0)
+            steep = np.exp(-s * s / 2) / math.sqrt(2 * math.pi)
+            height[k, :n] = ndtr(-s) + steep * (s - b[k, :n])
+            slope[k, :n] = steep[:, None] * a[k, :n]
+    model.give(
+        pick=pick, inside=inside, a=a.reshape(-1, 2 * model.faces), b=b,
+        slope=slope.reshape(-1, 2 * model.faces), height=height,
+    )  # fmt: skip

@@ -1,0 +1,177 @@
+"""From paths to the one that is flown: non-dominated front, then a rule (Section IV-D)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import suppress
+
+import numpy as np
+
+from pareto_ltl.planning.problem import Problem, evaluate
+from pareto_ltl.planning.records import Forest, Front, Objectives, PlannedPath
+from pareto_ltl.settings import SelectionConfig
+from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
+from pareto_ltl.support.errors import InfeasibleError
+
+RISK_FLOOR = 1e-6  # risks below it count as equal
+MOST = 64  # paths of full fidelity's tree front that are evaluated, the safest first
+
+
+def objective_row(o: Objectives, full: bool = False) -> FloatArray:
+    """(mission risk, collision risk, length); mission risk is the paper's f_o, or V of full fidelity."""
+    return np.array([o.mission_risk if full else o.mission_risk_paper, o.collision_risk, o.length])
+
+
+def non_dominated(rows: FloatArray) -> BoolArray:
+    """Which rows (P, f) no other row dominates; of equal rows the first is kept. Minimisation."""
+    import moocore
+
+    return np.asarray(moocore.is_nondominated(rows, keep_weakly=False), bool)
+
+
+def hypervolume(rows: FloatArray, reference: FloatArray) -> float:
+    """Volume dominated by ``rows`` within the box below ``reference``, in units of the box (minimisation)."""
+    import moocore
+
+    if len(rows) == 0:
+        return 0.0
+    inside = np.minimum(rows, reference) / reference
+    return float(moocore.hypervolume(inside, ref=np.ones(len(reference))))
+
+
+def accepted_rows(forest: Forest, full: bool = False) -> FloatArray:
+    """Objectives of every accepted vertex, in the order of ``forest.accepted``: (f_o, length), or (V, R,
+    length).
+    """
+    rows = [np.append(forest.trees[j].risk[v], forest.trees[j].length[v]) for j, v in forest.accepted]
+    if not rows:
+        return np.empty((0, 3 if full else 2))
+    table = np.array(rows)
+    if full:
+        return table
+    return np.column_stack([np.minimum(table[:, :-1].sum(axis=1), 1.0), table[:, -1]])
+
+
+def tree_front(problem: Problem, forest: Forest) -> tuple[PlannedPath, ...]:
+    """Non-dominated paths of the trees, by mission risk.
+
+    The paper's objectives are mission risk and length, collisions a constraint (Eqs. 8 and 9): the front is
+    taken in these two, which every vertex knows, and R is worked out for its members. Of full fidelity the
+    front is taken in (V, R, length); of its members those are evaluated that differ by more than a few per
+    cent.
+    """
+    full = problem.tables.full
+    rows = accepted_rows(forest, full)
+    if len(rows) == 0:
+        return ()
+    keep = np.flatnonzero(non_dominated(rows))
+    if full:
+        keep = keep[apart(rows[keep])]
+    paths = []
+    for k in keep:
+        # R may lie above delta where growth trusted the reflection and the deviations shrink.
+        with suppress(InfeasibleError):
+            paths.append(evaluate(problem, *_path(forest, int(k))))
+    return tuple(sorted(paths, key=lambda p: tuple(objective_row(p.objectives, full))))
+
+
+def _path(forest: Forest, k: int) -> tuple[FloatArray, str]:
+    j, v = (int(i) for i in forest.accepted[k])
+    return forest.trees[j].path(v), f"tree {j} vertex {v}"
+
+
+def apart(rows: FloatArray) -> IntArray:
+    """Numbers of rows (V, R, length) of which no two are alike: the safest of each box of 10 % risk and 1 %
+    length.
+    """
+    boxes = np.column_stack([np.log(rows[:, :2] + RISK_FLOOR) / 0.1, np.log(rows[:, 2] + 1.0) / 0.01]).round()
+    order = np.argsort(rows[:, :2].sum(axis=1), kind="stable")
+    _, first = np.unique(boxes[order], axis=0, return_index=True)
+    return (
+        np.asarray(np.sort(order[first])[:MOST], np.int64)
+        if len(first) <= MOST
+        else order[np.sort(first)][:MOST]
+    )
+
+
+def orders(problem: Problem, forest: Forest) -> tuple[PlannedPath, ...]:
+    """For every mission order that some accepted path of the trees follows, the best such path.
+
+    An order is the sequence of automaton states and labels at which the state changes. The front alone may
+    show but one of them, while another, smoothed, is better. R comes in
+    its looser form and may lie above delta: these paths are where smoothing begins.
+    """
+    full = problem.tables.full
+    rows = accepted_rows(forest, full)
+    if len(rows) == 0:
+        return ()
+    signs = [_signs(problem, forest, j) for j in range(len(forest.trees))]
+    best: dict[int, int] = {}
+    risk = rows[:, :-1].sum(axis=1)
+    for k in np.lexsort((rows[:, -1], risk)):
+        j, v = forest.accepted[k]
+        best.setdefault(signs[j][v], int(k))
+    return tuple(evaluate(problem, *_path(forest, k), tight=False) for k in best.values())
+
+
+def _signs(problem: Problem, forest: Forest, j: int) -> list[int]:
+    """A hash of the mission order of every vertex of tree ``j``."""
+    tree = forest.trees[j]
+    shown = [hash(tuple(sorted(label))) for label in problem.labels]
+    signs: list[int] = []
+    for parent, q, cell in zip(tree.parent.tolist(), tree.q.tolist(), tree.cell.tolist(), strict=True):
+        if parent < 0:
+            signs.append(hash((q, shown[cell])))
+        elif q == tree.q[parent]:
+            signs.append(signs[parent])
+        else:
+            signs.append(hash((signs[parent], q, shown[cell])))
+    return signs
+
+
+def front(smoothed: Sequence[PlannedPath], raw: Sequence[PlannedPath], full: bool = False) -> Front:
+    """Non-dominated among the trees' paths and their smoothed versions."""
+    paths = [*raw, *smoothed]
+    if not paths:
+        raise InfeasibleError(
+            "no path completes the mission within planner.delta; raise it, or planner.n_max"
+        )
+    rows = np.array([objective_row(p.objectives, full) for p in paths])
+    kept = [p for p, keep in zip(paths, non_dominated(rows), strict=True) if keep]
+    kept.sort(key=lambda p: tuple(objective_row(p.objectives, full)))
+    reference = np.array([1.0, 1.0, 2.0 * rows[:, 2].max()])
+    volume = hypervolume(np.array([objective_row(p.objectives, full) for p in kept]), reference)
+    return Front(tuple(kept), tuple(p.objectives for p in raw), volume, reference, full)
+
+
+def choose(cfg: SelectionConfig, front: Front) -> PlannedPath:
+    """Pick one path of the front.
+
+    ``priority``: completion, then mission risk, then length (the paper's); of full fidelity the estimated
+    failure rate comes first, where the front has estimates, then V + R, then length. ``weighted``: least
+    g_w(ξ, λ) = Σ_j λ_j f_j, length in units of the shortest on the front. ``threshold``: the shortest with
+    mission risk + collision risk ≤ alpha.
+
+    Raises
+    ------
+    InfeasibleError
+        For ``threshold``, where no path is safe enough; the text gives the least risk there is.
+    """
+    rows = np.array([objective_row(p.objectives, front.full) for p in front.paths])
+    if cfg.rule == "priority" and front.full:
+        first = np.array(front.estimates) if front.estimates else rows[:, :2].sum(axis=1)
+        return front.paths[int(np.lexsort((rows[:, 2], rows[:, :2].sum(axis=1), first))[0])]
+    if cfg.rule == "priority":
+        return front.paths[int(np.lexsort((rows[:, 2], rows[:, 1], rows[:, 0]))[0])]
+    if cfg.rule == "weighted":
+        weights = np.array(cfg.weights) / sum(cfg.weights)
+        scaled = rows / [1.0, 1.0, rows[:, 2].min() or 1.0]
+        return front.paths[int(np.argmin(scaled @ weights))]
+    risk = np.array([p.objectives.mission_risk + p.objectives.collision_risk for p in front.paths])
+    safe = np.flatnonzero(risk <= cfg.alpha)
+    if len(safe) == 0:
+        raise InfeasibleError(
+            f"no path keeps mission risk + collision risk within selection.alpha = {cfg.alpha:g}; the safest "
+            f"has {risk.min():.3g}: raise selection.alpha, lower planner.epsilon, or raise planner.n_max"
+        )
+    return front.paths[int(safe[np.argmin(rows[safe, 2])])]

@@ -1,0 +1,208 @@
+"""The figure of a sweep: every job a dot, over numbers the median and quartiles as a line and a band."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.ticker import LogLocator
+
+from pareto_ltl.report import style
+from pareto_ltl.support.arrays import FloatArray
+
+COLOURS = (style.BLUE, style.VERMILLION, style.GREEN, style.PURPLE, style.ORANGE, style.SKY, style.INK)
+MARKS = ("o", "s", "^", "D", "v", "P", "X")
+WIDTH, HEIGHT = 5.2, 3.0  # [in]
+SPREAD = 0.32  # half of the width in which the dots of a word or of a repeated number lie
+
+LABELS = {
+    "length_m": "length of the path [km]",
+    "duration_s": "flight time [h]",
+    "mission_risk_paper": "mission risk, bound of the paper",
+    "mission_risk": "mission risk, ordered bound",
+    "collision_risk": "collision risk, bound",
+    "front_size": "paths on the front",
+    "hypervolume": "hypervolume of the front",
+    "run_seconds": "time of a run [s]",
+    "growth_seconds": "time of growth [s]",
+    "nodes_per_second": "tree vertices a second",
+    "planner.n_max": "vertices a tree (planner.n_max)",
+    "planner.epsilon": "collision probability allowed at a step (planner.epsilon)",
+    "robot.dt": "time step (robot.dt) [s]",
+    "robot.u_max": "largest airspeed (robot.u_max) [m/s]",
+}
+SCALES = {"length_m": 1e-3, "duration_s": 1 / 3600}
+LAWFUL = {  # metrics that end with the law of the winds
+    "failure": "failed flights",
+    "mission_failure": "flights that missed the mission",
+    "collision": "flights that touched an obstacle",
+}
+
+Series = Mapping[str, Sequence[tuple[str, float]]]
+
+
+def draw(folder: Path, x: str, y: str, by: str | None, series: Series, dpi: int = 200) -> str:
+    """Write the figure as PNG and SVG into ``folder``; return its SVG, ready for a page."""
+    scale = SCALES.get(y, 1.0)
+    series = {name: [(at, scale * value) for at, value in points] for name, points in series.items()}
+    named = by is not None and len(series) <= 12
+    with style.styled():
+        figure = style.blank(WIDTH, HEIGHT)
+        axes = style.box(figure, 0.62, 0.4, WIDTH - 0.8, HEIGHT - (0.85 if named else 0.5))
+        places = _places([value for points in series.values() for value, _ in points])
+        for index, (name, points) in enumerate(series.items()):
+            _series(axes, places, index, len(series), name, points, joined=not _unordered(x))
+        _axes(axes, x, y, places, series)
+        if named:
+            axes.legend(
+                title=by,
+                alignment="left",
+                loc="lower left",
+                bbox_to_anchor=(0.0, 1.0),
+                ncols=min(len(series), 5),
+                borderaxespad=0.2,
+                handletextpad=0.2,
+                columnspacing=1.2,
+            )
+        _, svg = style.save(figure, folder, _file_name(y, x), dpi)
+    text = svg.read_text(encoding="utf-8")
+    return text[text.index("<svg") :]
+
+
+def _unordered(x: str) -> bool:
+    """Whether neighbours have nothing in common, so that no line may join them."""
+    return x == "job" or x.rpartition(".")[2] == "seed"
+
+
+def label(name: str) -> str:
+    """What an axis is called: words and units where we know them, else the name itself."""
+    for stem, words in LAWFUL.items():
+        if name.startswith(f"{stem}_"):
+            return f"{words}, {name.removeprefix(f'{stem}_')} winds"
+    return LABELS.get(name, name)
+
+
+def _file_name(y: str, x: str) -> str:
+    return f"{y}_over_{x}".replace("/", "-").replace(" ", "_")
+
+
+def _places(values: Sequence[str]) -> dict[str, float]:
+    """Where each value stands: numbers where they are, words one after the other."""
+    try:
+        return {value: float(value) for value in values}
+    except ValueError:
+        return {value: float(i) for i, value in enumerate(dict.fromkeys(values))}
+
+
+def _worded(places: Mapping[str, float]) -> bool:
+    return any(not _is_number(value) for value in places)
+
+
+def _is_number(value: str) -> bool:
+    try:
+        float(value)
+    except ValueError:
+        return False
+    return True
+
+
+def _series(
+    axes: Axes,
+    places: Mapping[str, float],
+    index: int,
+    of: int,
+    name: str,
+    points: Sequence[tuple[str, float]],
+    *,
+    joined: bool,
+) -> None:
+    colour, mark = COLOURS[index % len(COLOURS)], MARKS[index % len(MARKS)]
+    at = np.array([places[value] for value, _ in points])
+    up = np.array([value for _, value in points])
+    columns = np.unique(at)
+    repeated = len(columns) < len(at)
+    words = _worded(places)
+    lane = SPREAD * _gap(places)
+    shift = (index - (of - 1) / 2) * 2 * lane / of
+    width = lane / max(of, 1)
+    if repeated:
+        quartiles = np.array([np.quantile(up[at == column], [0.25, 0.5, 0.75]) for column in columns])
+        if words:
+            _boxes(axes, columns + shift, quartiles, width, colour)
+        else:
+            axes.fill_between(
+                columns, quartiles[:, 0], quartiles[:, 2], color=colour, alpha=0.16, linewidth=0
+            )
+            axes.plot(columns, quartiles[:, 1], color=colour, linewidth=1.1)
+    elif not joined:
+        low, middle, high = np.quantile(up, [0.25, 0.5, 0.75])
+        axes.axhspan(low, high, color=colour, alpha=0.1, linewidth=0)
+        axes.axhline(middle, color=colour, linewidth=1.0)
+    elif not words and len(columns) > 1:
+        order = np.argsort(at)
+        axes.plot(at[order], up[order], color=colour, linewidth=0.9, alpha=0.6)
+    if words:
+        moved = at + shift + _jitter(at, up, columns, width)
+    else:  # a little, so that series do not hide one another; on an axis of ratios not at all
+        moved = at + (0.12 * shift if repeated and not _logarithmic(places) else 0.0)
+    axes.plot(
+        moved, up, mark, color=colour, markersize=3.2, markeredgecolor="white", markeredgewidth=0.35,
+        linestyle="none", alpha=0.85, label=name or None,
+    )  # fmt: skip
+
+
+def _boxes(axes: Axes, at: FloatArray, quartiles: FloatArray, width: float, colour: str) -> None:
+    for x, (low, middle, high) in zip(at, quartiles, strict=True):
+        axes.fill_between([x - width, x + width], low, high, color=colour, alpha=0.16, linewidth=0)
+        axes.plot([x - width, x + width], [middle, middle], color=colour, linewidth=1.3)
+
+
+def _jitter(at: FloatArray, up: FloatArray, columns: FloatArray, width: float) -> FloatArray:
+    """Dots of one column side by side, in the order of their values: no dot hides another by chance."""
+    shift = np.zeros(len(at))
+    for column in columns:
+        members = np.flatnonzero(at == column)
+        rank = np.argsort(np.argsort(up[members], kind="stable"), kind="stable")
+        golden = np.mod(rank * 0.6180339887498949, 1.0) - 0.5  # a low-discrepancy sequence
+        shift[members] = 1.6 * width * golden if len(members) > 1 else 0.0
+    return shift
+
+
+def _gap(places: Mapping[str, float]) -> float:
+    apart = np.diff(np.unique(list(places.values())))
+    return float(apart.min()) if len(apart) else 1.0
+
+
+def _logarithmic(places: Mapping[str, float]) -> bool:
+    """Numbers that span more than a decade are shown by their ratio."""
+    values = np.array(list(places.values()))
+    return not _worded(places) and bool(values.min() > 0 and values.max() / values.min() > 10)
+
+
+def _axes(axes: Axes, x: str, y: str, places: Mapping[str, float], series: Series) -> None:
+    axes.set_xlabel(label(x), parse_math=False)
+    axes.set_ylabel(label(y), parse_math=False)
+    axes.grid(axis="y", color="#E6E6E6", linewidth=0.5)
+    for side in ("top", "right"):
+        axes.spines[side].set_visible(False)
+    up = np.array([value for points in series.values() for _, value in points])
+    if len(up) and up.min() > 0 and up.max() / up.min() > 30:
+        axes.set_yscale("log")
+        axes.yaxis.set_major_locator(LogLocator(numticks=8))
+    elif len(up) and up.min() >= 0 and up.min() < 0.5 * up.max():
+        axes.set_ylim(bottom=-0.02 * up.max())
+    columns = sorted(set(places.values()))
+    if _worded(places):
+        labels = {place: value for value, place in places.items()}
+        shown = [column for column in columns if len(columns) <= 40]
+        axes.set_xticks(shown, [labels[column] for column in shown], parse_math=False)
+        axes.set_xlim(-0.6, len(columns) - 0.4)
+        if max((len(labels[column]) for column in shown), default=0) * len(columns) > 70:
+            axes.tick_params(axis="x", labelrotation=30)
+    elif _logarithmic(places):
+        axes.set_xscale("log")
+    if not _worded(places) and len(columns) <= 8:
+        axes.set_xticks(columns, [f"{column:g}" for column in columns])
+        axes.tick_params(axis="x", which="minor", length=0)

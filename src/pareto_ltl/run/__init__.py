@@ -1,0 +1,1 @@
+"""One run: its stages, its results directory, where it came from."""

@@ -1,0 +1,132 @@
+"""Every number of a run in one flat table, for ``metrics.json`` and the summary on the screen."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from pareto_ltl.planning.problem import Forecast
+    from pareto_ltl.planning.records import Acceptance, Forest, Front, Plan
+    from pareto_ltl.simulation.records import Deployment
+    from pareto_ltl.studies.records import Study
+    from pareto_ltl.wind.records import WindField
+
+
+def metrics(records: Mapping[str, Any], seconds: Mapping[str, float]) -> dict[str, float]:
+    """Numbers from whatever records there are; ``completed`` says whether a plan is among them."""
+    table: dict[str, float] = {"completed": float("plan" in records)}
+    for name, count in COUNTERS.items():
+        if name in records:
+            table |= count(records[name])
+    table |= {f"seconds_{name}": spent for name, spent in seconds.items()}
+    table["run_seconds"] = math.fsum(seconds.values())
+    table["memory_mib"] = _peak_memory()
+    return table
+
+
+def _wind(wind: WindField) -> dict[str, float]:
+    table = {name: float(value) for name, value in sorted(wind.score.items())}
+    if wind.modes is not None:
+        table |= {
+            "wind_modes": wind.modes.psi.shape[-1],
+            "wind_energy": float(wind.modes.energy.mean()),
+            "wind_rho": wind.modes.rho,
+        }
+    return table
+
+
+def _forecasts(forecasts: Mapping[str, Forecast]) -> dict[str, float]:
+    """What the plan promises under each wind law, whatever law it was planned for."""
+    table: dict[str, float] = {}
+    for law, seen in forecasts.items():
+        table |= {
+            f"mission_risk_{law}": seen.mission_risk,
+            f"collision_risk_{law}": seen.collision_risk,
+            f"end_sd_{law}_m": float(seen.cov[-1].trace() / 2) ** 0.5,
+        }
+    return table
+
+
+def _forest(forest: Forest) -> dict[str, float]:
+    nodes = sum(len(tree) for tree in forest.trees)
+    return {
+        "trees": len(forest.trees),
+        "nodes": nodes,
+        "accepted_nodes": len(forest.accepted),
+        "growth_seconds": forest.seconds,
+        "nodes_per_second": nodes / forest.seconds if forest.seconds > 0 else math.nan,
+    }
+
+
+def _front(front: Front) -> dict[str, float]:
+    table: dict[str, float] = {"front_size": len(front.paths), "hypervolume": front.hypervolume}
+    if front.raw and front.paths:
+        table |= {
+            "front_size_raw": len(front.raw),
+            "shortest_raw_m": min(o.length for o in front.raw),
+            "shortest_m": min(path.objectives.length for path in front.paths),
+            "safest_raw": min(o.mission_risk_paper for o in front.raw),
+            "safest": min(path.objectives.mission_risk_paper for path in front.paths),
+        }
+    return table
+
+
+def _plan(plan: Plan) -> dict[str, float]:
+    o = plan.path.objectives
+    return {
+        "length_m": o.length,
+        "mission_risk_paper": o.mission_risk_paper,
+        "mission_risk": o.mission_risk,
+        "collision_risk": o.collision_risk,
+        "steps": len(plan.path.u),
+        "duration_s": float(plan.path.t[-1] - plan.path.t[0]),
+        **_acceptance(plan.acceptance),
+    }
+
+
+def _acceptance(verdict: Acceptance | None) -> dict[str, float]:
+    if verdict is None:
+        return {}
+    return {
+        "acceptance_bound": verdict.bound,
+        "acceptance_estimate": verdict.estimate,
+        "acceptance_runs": verdict.runs,
+        "acceptance_failure": verdict.failures / verdict.runs,
+        "acceptance_low": verdict.low,
+        "acceptance_high": verdict.high,
+        "acceptance_passed": float(verdict.passed),
+        "linearity": verdict.linearity,
+    }
+
+
+def _deployments(deployments: Mapping[str, Deployment]) -> dict[str, float]:
+    from pareto_ltl.simulation.flights import rates
+
+    return {name: rate for flights in deployments.values() for name, rate in rates(flights).items()}
+
+
+def _study(study: Study) -> dict[str, float]:
+    return {"completed": 1.0, **study.numbers}
+
+
+def _peak_memory() -> float:
+    """Largest memory this process has held [MiB]."""
+    import resource
+
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024  # kibibytes on Linux
+
+
+COUNTERS: dict[str, Callable[[Any], dict[str, float]]] = {
+    "wind": _wind,
+    "forest": _forest,
+    "front": _front,
+    "plan": _plan,
+    "forecasts": _forecasts,
+    "deployment": _deployments,
+    "comparison": _study,
+    "convergence": _study,
+    "ablation": _study,
+    "hindcast": _study,
+}

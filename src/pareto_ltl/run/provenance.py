@@ -1,0 +1,179 @@
+"""Where a result came from: enough in ``run.json`` to make it again and to know that it is the same."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import platform
+import subprocess
+from collections.abc import Iterable, Mapping, Sequence
+from datetime import UTC, datetime
+from functools import lru_cache
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+from pareto_ltl.settings import Settings, as_dict
+from pareto_ltl.support.cores import cores
+from pareto_ltl.support.errors import ParetoLtlError
+from pareto_ltl.support.resources import PACKAGE, checkout
+
+PACKAGES = (
+    "clarabel", "cvxpy", "hydra-core", "moocore", "networkx", "numba", "numpy", "pyproj", "scikit-learn",
+    "scipy", "shapely", "xarray",
+)  # fmt: skip
+
+
+def config_hash(settings: Settings) -> str:
+    """Fingerprint of the code and of all settings that a result can depend on."""
+    content = as_dict(settings)
+    del content["sweep"], content["planner"]["threads"]
+    told = {"version": version("pareto-ltl"), "code": code_hash(), "settings": content}
+    return hashlib.sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()
+
+
+@lru_cache(maxsize=1)
+def code_hash() -> str:
+    """Fingerprint of the package's source: a version number does not change while code is written."""
+    digest = hashlib.sha256()
+    for path in sorted(PACKAGE.rglob("*.py")):
+        digest.update(f"{path.relative_to(PACKAGE)}\0".encode() + path.read_bytes() + b"\0")
+    return digest.hexdigest()
+
+
+def begin(settings: Settings, argv: Sequence[str], overrides: Sequence[str] = ()) -> dict[str, Any]:
+    """What is known of a run when it starts."""
+    return {
+        "status": "running",
+        "error": None,
+        "argv": list(argv),
+        "overrides": list(overrides),
+        "folder": os.getcwd(),
+        "host": platform.node(),
+        "pid": os.getpid(),
+        "threads": cores(),
+        "name": settings.name,
+        "seed": settings.seed,
+        "fidelity": settings.fidelity,
+        "stages": settings.pipelines.stages,
+        "config_hash": config_hash(settings),
+        "version": version("pareto-ltl"),
+        "code_hash": code_hash(),
+        "git": git_state(checkout()),
+        "python": platform.python_version(),
+        "packages": {name: _version(name) for name in PACKAGES},
+        "started": _now(),
+    }
+
+
+def end(
+    record: Mapping[str, Any],
+    settings: Settings,
+    status: str,
+    seconds: Mapping[str, float],
+    error: BaseException | None,
+) -> dict[str, Any]:
+    """The same with how it ended, what it read and how long its stages took [s]."""
+    return {
+        **record,
+        "status": status,
+        "error": None if error is None else one_line(error),
+        "finished": _now(),
+        "inputs": _inputs(settings),
+        "seconds": dict(seconds),
+    }
+
+
+def write(directory: Path, record: Mapping[str, Any]) -> None:
+    from pareto_ltl.run.results import write_json
+
+    write_json(directory / "run.json", record)
+
+
+def write_settings(directory: Path, settings: Settings) -> None:
+    """Every setting of the run, ready to be read back."""
+    import yaml
+
+    from pareto_ltl.run.results import write_bytes
+
+    text = yaml.safe_dump(as_dict(settings), sort_keys=False, default_flow_style=None, width=110)
+    write_bytes(directory / "config_resolved.yaml", text.encode())
+
+
+def one_line(error: BaseException) -> str:
+    """The text of an error without line breaks; its kind where it has no text or is no error of ours."""
+    text = " ".join(str(error).split())
+    if isinstance(error, KeyboardInterrupt):
+        return "interrupted"
+    if isinstance(error, ParetoLtlError | OSError) and text:
+        return text
+    return f"{type(error).__name__}: {text}" if text else type(error).__name__
+
+
+def file_hashes(paths: Iterable[Path]) -> dict[str, str]:
+    """SHA-256 of each file, by its name as given."""
+    hashes = {}
+    for path in paths:
+        with path.open("rb") as file:
+            hashes[str(path)] = hashlib.file_digest(file, "sha256").hexdigest()
+    return hashes
+
+
+def unchanged(inputs: Mapping[str, str]) -> bool:
+    """Whether the files that a run read are still what they were."""
+    return all(_file_hash(name, *_stamp(name)) == digest for name, digest in inputs.items())
+
+
+def _stamp(name: str) -> tuple[int, int]:
+    try:
+        stat = os.stat(name)
+    except OSError:
+        return -1, -1
+    return stat.st_mtime_ns, stat.st_size
+
+
+@lru_cache(maxsize=4096)
+def _file_hash(name: str, changed: int, size: int) -> str:
+    """SHA-256 of a file, read again when its date or size has changed; empty where there is none."""
+    return "" if size < 0 else file_hashes([Path(name)])[name]
+
+
+def git_state(root: Path | None) -> dict[str, Any] | None:
+    """Commit of the checkout at ``root`` and whether files differ from it; None outside a checkout."""
+    if root is None or not (root / ".git").exists():
+        return None
+    commit = _git(root, "rev-parse", "HEAD")
+    return (
+        None if commit is None else {"commit": commit, "changed": bool(_git(root, "status", "--porcelain"))}
+    )
+
+
+def _git(root: Path, *words: str) -> str | None:
+    try:
+        done = subprocess.run(
+            ["git", "-C", str(root), *words], capture_output=True, text=True, timeout=5, check=True
+        )
+    except (OSError, subprocess.SubprocessError):
+        return None
+    return done.stdout.strip()
+
+
+def _inputs(settings: Settings) -> dict[str, str]:
+    from pareto_ltl.run.stages import input_files
+
+    try:
+        return file_hashes(input_files(settings))
+    except (ParetoLtlError, OSError):  # the stage that reads them has said so
+        return {}
+
+
+def _version(package: str) -> str | None:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return None
+
+
+def _now() -> str:
+    return datetime.now(UTC).isoformat(timespec="milliseconds")

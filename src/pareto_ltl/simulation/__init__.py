@@ -1,0 +1,1 @@
+"""Flights of a plan through drawn winds, and what they say of its promise."""

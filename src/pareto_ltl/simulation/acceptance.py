@@ -1,0 +1,119 @@
+"""Ranking and final acceptance of full fidelity's paths by simulation.
+
+Bounds hold but are loose; rates are close but have sampling error. The front is therefore ranked by Monte
+Carlo over the linearised coherent law, which costs little and meets the same winds for every path, and the
+path that is chosen flies through the nonlinear law before it becomes the plan.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+from dataclasses import replace
+
+import numpy as np
+from numpy.random import SeedSequence
+
+from pareto_ltl.kernels import flight as rollout
+from pareto_ltl.planning.problem import Problem, linear_law
+from pareto_ltl.planning.records import Acceptance, Front, PlannedPath
+from pareto_ltl.planning.selection import choose
+from pareto_ltl.settings import SelectionConfig
+from pareto_ltl.simulation.flights import clopper_pearson, draw, fly
+from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.wind.records import WindField
+
+LOG = logging.getLogger(__name__)
+LINEAR = 0.35  # standard deviation over length scale: beyond it the linearised law is unreliable
+
+
+def ranked(problem: Problem, front: Front, draws: int, seed: SeedSequence) -> Front:
+    """``front`` with the failure rate of every path under the linearised coherent law, ``draws`` flights
+    each.
+
+    All paths meet the same winds (common random numbers), so that their rates compare better than each is
+    known.
+    """
+    rng = np.random.default_rng(seed)
+    steps = max(len(path.u) for path in front.paths)
+    winds = draw(problem, "coherent", draws, steps, rng)
+    start = math.sqrt(problem.start_variance) * rng.standard_normal((draws, 2))
+    estimates = []
+    for path in front.paths:
+        if (
+            path.fixes
+        ):  # what the robot does after a fix is not linear: it keeps within u_max, or misses the landmark
+            flights = fly(problem, path.u, draws, "coherent", seed, path.x)
+            estimates.append(float((~flights.accepted | flights.collided).mean()))
+            continue
+        failed, collided = np.empty(draws, bool), np.empty(draws, bool)
+        law = linear_law(problem, path.x)
+        rollout.fly_linear(problem.tables, path.x, *law, winds.white, winds.theta, start, failed, collided)
+        estimates.append(float(failed.mean()))
+    return replace(front, estimates=tuple(estimates))
+
+
+def accept(
+    cfg: SelectionConfig, problem: Problem, wind: WindField, front: Front, seed: SeedSequence
+) -> tuple[PlannedPath, Acceptance]:
+    """The path that the rule picks, once the simulation does not contradict its bound.
+
+    A path whose simulated failure rate lies above V + R, with 95 % confidence, is passed over for the
+    rule's next choice; where all are, the one with the least rate is flown, and a warning says so.
+    """
+    left, seen = front, []
+    for _ in range(cfg.examined):
+        path = choose(cfg, left)
+        k = next(i for i, other in enumerate(left.paths) if other is path)
+        verdict = examine(
+            problem, wind, path, cfg.runs, seed, left.estimates[k] if left.estimates else math.nan
+        )
+        seen.append((path, verdict))
+        if verdict.passed:
+            break
+        LOG.warning(
+            "%s: simulation fails %.3f to %.3f of the flights, its bound is %.3f; the next choice is taken",
+            path.origin, verdict.low, verdict.high, verdict.bound,
+        )  # fmt: skip
+        if len(left.paths) == 1:
+            break
+        left = without(left, k)
+    path, verdict = seen[-1] if seen[-1][1].passed else min(seen, key=lambda s: s[1].failures)
+    if verdict.linearity > LINEAR:
+        LOG.warning(
+            "the position's standard deviation reaches %.2f of the wind's length scale (%.2f is safe): "
+            "bounds and estimates, which linearise the wind, are unreliable; go by the simulated rate, "
+            "%.3f to %.3f",
+            verdict.linearity, LINEAR, verdict.low, verdict.high,
+        )  # fmt: skip
+    return path, verdict
+
+
+def without(front: Front, k: int) -> Front:
+    """The front less its path number ``k``."""
+    paths = front.paths[:k] + front.paths[k + 1 :]
+    return replace(front, paths=paths, estimates=front.estimates[:k] + front.estimates[k + 1 :])
+
+
+def examine(
+    problem: Problem, wind: WindField, path: PlannedPath, runs: int, seed: SeedSequence, estimate: float
+) -> Acceptance:
+    """Fly ``path`` ``runs`` times through coherent winds."""
+    flights = fly(
+        problem, path.u, runs, "coherent", SeedSequence(seed.entropy, spawn_key=seed.spawn_key), path.x
+    )
+    failures = int((~flights.accepted | flights.collided).sum())
+    low, high = clopper_pearson(failures, runs)
+    bound = path.objectives.mission_risk + path.objectives.collision_risk
+    return Acceptance(
+        bound, estimate, runs, failures, low, high, low <= bound, linearity(problem, wind, path.cov)
+    )
+
+
+def linearity(problem: Problem, wind: WindField, cov: FloatArray) -> float:
+    """Largest standard deviation of the position over the shorter length scale of its slot."""
+    if wind.modes is None or len(cov) < 2:
+        return 0.0
+    widest = np.sqrt(np.linalg.eigvalsh(cov[:-1])[:, 1])
+    scale = wind.modes.length.min(axis=1)[problem.tables.modes.slot[: len(cov) - 1]]
+    return float((widest / scale).max())

@@ -1,0 +1,250 @@
+"""One setting changed at a time; all plans are flown through the same world, in the same winds.
+
+``trees``, ``n_max``   size of the forest
+``beta``               slack of Eq. (11): 0 (no parent that is worse in anything), random (the default), large
+``epsilon``            collision probability allowed at a step
+``kernel``             covariance of the wind's regression: what planning believes; flown is that of the run
+``ball``               radius of the maximum-trace ball
+``dt``                 the default plan flown with every step cut into pieces of equal control
+
+The last is about the wind laws, not the planner: the flight is the same, only how often it is looked at
+changes. Independent draws average out, so that under this law bound and failure go to 0 with the time step;
+the same flight through a coherent wind does not get any safer by being computed in finer steps.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pareto_ltl.planning.problem import Problem
+from pareto_ltl.settings import Settings
+from pareto_ltl.studies import parts
+from pareto_ltl.studies.compare import bound, failed, outcomes, truth
+from pareto_ltl.studies.parts import Part, Progress
+from pareto_ltl.studies.planning import Workshop, unsmoothed, with_wind
+from pareto_ltl.studies.records import Study
+from pareto_ltl.studies.tables import Row, flags, kilometres, markdown, quartiles, rate, spread, with_interval
+from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.support.errors import ConfigError, InfeasibleError
+
+NAMES = {
+    "trees": "trees",
+    "beta": "β, times the default",
+    "epsilon": "ε",
+    "n_max": "vertices a tree",
+    "dt": "time step [s]",
+    "kernel": "kernel",
+    "ball": "radius of the ball [sd]",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Context:
+    """``shops`` and ``worlds``: what plans are made in and what they are flown in, by (factor, level)."""
+
+    shops: Mapping[tuple[str, Any], Workshop]
+    worlds: Mapping[tuple[str, Any], Problem]
+    truth: Problem
+    runs: int
+    laws: tuple[str, ...]
+    kept: dict[int, Any] = field(default_factory=dict)  # default plans by seed, once a process
+
+
+def levels(settings: Settings) -> Iterator[tuple[str, Any]]:
+    """Every (factor, level) asked for."""
+    for factor in settings.ablation.factors:
+        for level in getattr(settings.ablation, factor):
+            yield factor, level
+
+
+def changed(settings: Settings, factor: str, level: Any) -> Settings:
+    """``settings`` with one thing different."""
+    planner, wind = settings.planner, settings.wind
+    if factor == "beta":
+        scaled = replace(
+            planner, beta_risk=level * planner.beta_risk, beta_length=level * planner.beta_length
+        )
+        return replace(settings, planner=scaled)
+    if factor in ("trees", "n_max", "epsilon"):
+        return replace(settings, planner=replace(planner, **{factor: level}))
+    if factor in ("kernel", "ball"):
+        return replace(settings, wind=replace(wind, **{factor: level}))
+    return settings
+
+
+def study(
+    settings: Settings, world: Mapping[str, Any], directory: Path, progress: Progress | None = None
+) -> Study:
+    """Plan with every level and seed, and fly all plans."""
+    _check(settings)
+    context, todo = _context(settings, world), []
+    for factor, level in levels(settings):
+        for seed in settings.evaluation.seeds:
+            k = _key(settings, context, factor, level, seed)
+            todo.append(Part(f"{factor}-{level}-{seed}", (factor, level, seed), k))
+    results = parts.work(settings.evaluation, directory, one, context, todo, progress)
+    found = {part.arguments: result for part, result in zip(todo, results, strict=True)}
+    return _study(settings, context, found)
+
+
+def _check(settings: Settings) -> None:
+    plain = settings.robot.a == [[1.0, 0.0], [0.0, 1.0]] and settings.robot.feedback == 0.0
+    if "dt" in settings.ablation.factors and not plain:
+        raise ConfigError(
+            "ablation.factors holds dt, which cuts steps into pieces: that needs robot.a = [[1,0],[0,1]] and "
+            "robot.feedback = 0 (a step of another length has others); leave dt out"
+        )
+
+
+def _context(settings: Settings, world: Mapping[str, Any]) -> Context:
+    mine = unsmoothed(settings)
+    mine = replace(mine, planner=replace(mine.planner, threads=1))
+    whole = with_wind(mine, world)
+    reference = Workshop(mine, dict(whole))
+    reference.make("problem")
+    shops, worlds = {}, {}
+    for factor, level in levels(settings):
+        other = changed(mine, factor, level)
+        refitted = factor == "kernel" and other != mine
+        shop = reference if other == mine else Workshop(other, dict(world if refitted else whole))
+        shop.make("problem")
+        shops[factor, level] = shop
+        if factor == "dt":
+            worlds[factor, level] = truth(cut(settings, level), world)
+    return Context(
+        shops, worlds, truth(settings, whole), settings.deployment.runs, tuple(settings.evaluation.laws)
+    )
+
+
+def _key(settings: Settings, context: Context, factor: str, level: Any, seed: int) -> str:
+    """Levels that come to the default settings share their parts."""
+    pieces = level if factor == "dt" else 1
+    mine = replace(context.shops[factor, level].settings, seed=seed)
+    return parts.key(mine, "ablation", pieces, as_flown(settings), context.runs, context.laws)
+
+
+def as_flown(settings: Settings) -> str:
+    """The world that plans are flown in, which does not change with the factor."""
+    return parts.key(replace(settings, seed=0))
+
+
+def cut(settings: Settings, pieces: int) -> Settings:
+    """The same robot and wind, looked at ``pieces`` times as often.
+
+    The last field holds to the end of a step that begins with it, as it does for a step in one piece.
+    """
+    robot = replace(settings.robot, dt=settings.robot.dt / pieces)
+    planner = replace(settings.planner, max_steps=settings.planner.max_steps * pieces)
+    wind = settings.wind if pieces == 1 else replace(settings.wind, hold_last=True)
+    return replace(settings, robot=robot, planner=planner, wind=wind)
+
+
+# --- one plan --------------------------------------------------------------------------------
+
+
+def one(context: Context, factor: str, level: Any, seed: int) -> Row:
+    try:
+        plan = _plan(context, factor, level, seed)
+    except InfeasibleError as error:
+        return {"planned": False, "reason": str(error)}
+    path, world = plan.path, context.truth
+    objectives, u, x = asdict(path.objectives), path.u, path.x
+    if factor == "dt" and level > 1:
+        world, u = context.worlds[factor, level], np.repeat(path.u, level, axis=0)
+        x = mean_path(world, u)
+    return {
+        "planned": True,
+        "objectives": objectives,
+        "laws": outcomes(world, u, x, context.runs, context.laws, seed),
+    }
+
+
+def _plan(context: Context, factor: str, level: Any, seed: int) -> Any:
+    """Made once for all time steps."""
+    if factor != "dt":
+        return context.shops[factor, level].with_seed(seed).make("plan")
+    if seed not in context.kept:
+        context.kept[seed] = context.shops[factor, level].with_seed(seed).make("plan")
+    return context.kept[seed]
+
+
+def mean_path(problem: Problem, u: FloatArray) -> FloatArray:
+    """x̂_{t+1} = A x̂_t + dt (B u_t + μ(x̂_t, t)), (T+1, 2)."""
+    from pareto_ltl.planning.reference import interpolate
+
+    motion = problem.tables.motion
+    b, x = np.linalg.inv(motion.b_inv), [np.asarray(problem.scene.start, float)]
+    for t in range(len(u)):
+        mu = interpolate(problem, problem.tables.wind.mean, t, x[-1])
+        x.append(motion.a @ x[-1] + motion.dt * (b @ u[t] + mu))
+    return np.array(x)
+
+
+# --- tables ----------------------------------------------------------------------------------
+
+
+def _study(settings: Settings, context: Context, found: Mapping[tuple[Any, ...], Mapping[str, Any]]) -> Study:
+    seeds = settings.evaluation.seeds
+    rows = [
+        _row(settings, factor, level, law, [found[factor, level, seed] for seed in seeds])
+        for factor, level in levels(settings)
+        for law in context.laws
+    ]
+    numbers = {"seeds": float(len(seeds))} | {
+        f"{row['factor']}_{row['level']}_failure_{row['law']}": row["failure"] for row in rows
+    }
+    return Study({"ablation": tuple(rows)}, numbers, _text(settings, rows))
+
+
+def _row(settings: Settings, factor: str, level: Any, law: str, results: Sequence[Mapping[str, Any]]) -> Row:
+    planned = [result for result in results if result["planned"]]
+    lost = [failed(result, law) for result in planned]
+    row: Row = {"factor": factor, "level": level, "law": law, "seeds": len(results)}
+    row |= {"shown": settings.robot.dt / level if factor == "dt" else level}
+    row |= rate("planned", np.array([result["planned"] for result in results]))
+    row |= rate("failure", np.concatenate(lost) if lost else np.empty(0, bool))
+    row |= quartiles("failure_of_a_plan", [f.mean() for f in lost])
+    row |= quartiles("collided_of_a_plan", [flags(r["laws"][law]["collided"]).mean() for r in planned])
+    row |= quartiles("bound_planned", [bound(result, "mission_risk") for result in planned])
+    row |= quartiles("bound", [result["laws"][law]["promised"] for result in planned])
+    return row | quartiles("length_m", [result["objectives"]["length"] for result in planned])
+
+
+def _text(settings: Settings, rows: Sequence[Row]) -> str:
+    return "\n".join(
+        markdown(
+            f"{NAMES[factor]}: median (quartiles) over seeds; failed of all flights with 95 % interval",
+            (
+                NAMES[factor],
+                "winds",
+                "with a plan",
+                "V + R in these winds",
+                "failed, a plan",
+                "failed, all",
+                "length [km]",
+            ),
+            (
+                (
+                    _label(row["shown"]),
+                    row["law"],
+                    f"{round(row['planned'] * row['seeds'])} of {row['seeds']}",
+                    spread(row, "bound"),
+                    spread(row, "failure_of_a_plan"),
+                    with_interval(row, "failure"),
+                    kilometres(row["length_m"]),
+                )
+                for row in rows
+                if row["factor"] == factor
+            ),
+        )
+        for factor in settings.ablation.factors
+    )
+
+
+def _label(value: Any) -> str:
+    return f"{value:g}" if isinstance(value, int | float) else str(value)

@@ -1,0 +1,370 @@
+"""One mission, several planners, the same winds (the paper's Figure 1 and its baseline).
+
+``paper``            the proposed planner as the paper has it: its trees' paths as they are
+``smoothed``         the same with convex smoothing: what ``pipelines=plan fidelity=paper`` flies
+``full``             full fidelity, smoothed and ranked: what ``pipelines=plan fidelity=full`` flies
+``cc_rrt``           plain CC-RRT: chance constraints, no re-selection of parents (lines 5-13 of Algorithm 2)
+``ml_rrt``           the same planner without any knowledge of wind, μ = 0 and Σ = 0 (the paper's baseline)
+``calm_shortest``    the shortest path in still air, by convex smoothing of ``ml_rrt``; one path for all seeds
+
+The last two fly the airspeeds they planned in a wind they did not. All plans of one seed meet the same winds.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pareto_ltl.planning.problem import Problem, forecast
+from pareto_ltl.planning.records import Plan
+from pareto_ltl.settings import Settings
+from pareto_ltl.studies import parts
+from pareto_ltl.studies.parts import Part, Progress
+from pareto_ltl.studies.planning import Workshop, fly, still, with_wind
+from pareto_ltl.studies.records import Study
+from pareto_ltl.studies.tables import (
+    Row,
+    bits,
+    flags,
+    kilometres,
+    markdown,
+    mcnemar,
+    mean_interval,
+    number,
+    percent,
+    quartiles,
+    rate,
+    with_interval,
+)
+from pareto_ltl.support.arrays import BoolArray, FloatArray
+from pareto_ltl.support.errors import InfeasibleError
+
+TITLES = {
+    "paper": "proposed (paper)",
+    "smoothed": "paper, smoothed",
+    "full": "full fidelity",
+    "cc_rrt": "CC-RRT",
+    "ml_rrt": "ML-RRT (no wind)",
+    "calm_shortest": "shortest in calm air",
+}
+COSTS = ("mission_risk_paper", "mission_risk", "collision_risk")
+
+
+@dataclass(frozen=True, slots=True)
+class Context:
+    """What all parts of a comparison share: the problem of each method, and the one all are flown in."""
+
+    methods: Mapping[str, Workshop]
+    truth: Problem
+    runs: int
+    laws: tuple[str, ...]
+    kept: dict[str, Plan] = field(default_factory=dict)  # plans that no seed changes, once a process
+
+
+def method(name: str, settings: Settings, world: Mapping[str, Any]) -> Workshop:
+    """The planner called ``name``: the settings it has and the world it believes in."""
+    fidelity = "full" if name == "full" else "paper"
+    smooth = name in ("smoothed", "full", "calm_shortest")
+    mine = replace(
+        settings,
+        fidelity=fidelity,
+        smoothing=replace(settings.smoothing, enabled=smooth),
+        planner=replace(settings.planner, threads=1),  # seeds share the cores, not trees
+    )
+    if name == "cc_rrt":
+        mine = replace(mine, planner=replace(mine.planner, near=0))  # no parents tried: no re-selection
+    shop = Workshop(mine, dict(world))
+    shop.make("wind")
+    if name in ("ml_rrt", "calm_shortest"):
+        shop.records["wind"] = still(shop.records["wind"])
+    shop.make("problem")
+    return shop
+
+
+def truth(settings: Settings, world: Mapping[str, Any]) -> Problem:
+    """The world plans are flown in: everything that is modelled, all laws."""
+    laws = list(settings.evaluation.laws)
+    real = replace(settings, fidelity="full", deployment=replace(settings.deployment, laws=laws))
+    problem: Problem = Workshop(real, dict(world)).make("problem")
+    return problem
+
+
+def study(
+    settings: Settings, world: Mapping[str, Any], directory: Path, progress: Progress | None = None
+) -> Study:
+    """Plan with every method and seed, fly all, and compare."""
+    cfg, names = settings.evaluation, tuple(settings.compare.methods)
+    world = with_wind(settings, world)
+    context = Context(
+        {name: method(name, settings, world) for name in names},
+        truth(settings, world),
+        settings.deployment.runs,
+        tuple(cfg.laws),
+    )
+    todo = [
+        Part(f"{name}-{seed}", (name, seed), _key(context, settings, name, seed))
+        for seed in cfg.seeds
+        for name in names
+    ]
+    results = parts.work(cfg, directory, one, context, todo, progress)
+    found = {part.arguments: result for part, result in zip(todo, results, strict=True)}
+    return _study(settings, context, found)
+
+
+def _key(context: Context, settings: Settings, name: str, seed: int) -> str:
+    mine = replace(context.methods[name].settings, seed=seed)
+    return parts.key(mine, "compare", name, context.runs, context.laws, settings.fidelity)
+
+
+def one(context: Context, name: str, seed: int) -> Row:
+    """A plan of one method and what became of its flights; or why there is none."""
+    began = time.perf_counter()
+    try:
+        plan = _plan(context, name, seed)
+    except InfeasibleError as error:
+        return {"planned": False, "reason": str(error), "seconds": time.perf_counter() - began}
+    return {
+        "planned": True,
+        "seconds": time.perf_counter() - began,
+        "objectives": asdict(plan.path.objectives),
+        "x": plan.path.x,
+        "u": plan.path.u,
+        "laws": outcomes(context.truth, plan.path.u, plan.path.x, context.runs, context.laws, seed),
+    }
+
+
+def _plan(context: Context, name: str, seed: int) -> Plan:
+    """The plan of one seed; the shortest path in still air is the same for all, to a thousandth."""
+    if name != "calm_shortest":
+        plan: Plan = context.methods[name].with_seed(seed).make("plan")
+        return plan
+    if name not in context.kept:
+        context.kept[name] = context.methods[name].make("plan")
+    return context.kept[name]
+
+
+def outcomes(
+    problem: Problem, u: FloatArray, x: FloatArray, runs: int, laws: Sequence[str], seed: int
+) -> dict[str, Row]:
+    """Per law, which flights completed the mission, which met an obstacle, and what V + R says of them."""
+    found: dict[str, Row] = {}
+    for law in laws:
+        flown, promise = fly(problem, u, runs, law, seed, x), forecast(problem, u, law)
+        found[law] = {"accepted": bits(flown.accepted), "collided": bits(flown.collided)}
+        found[law] |= {"promised": min(1.0, promise.mission_risk + promise.collision_risk)}
+    return found
+
+
+# --- tables ----------------------------------------------------------------------------------
+
+Found = Mapping[tuple[Any, ...], Mapping[str, Any]]
+
+
+def failed(result: Mapping[str, Any], law: str) -> BoolArray:
+    """Flights that missed the mission or met an obstacle."""
+    outcome = result["laws"][law]
+    return np.asarray(~flags(outcome["accepted"]) | flags(outcome["collided"]))
+
+
+def bound(result: Mapping[str, Any], mission: str) -> float:
+    """P(fail or collide) ≤ mission risk + collision risk."""
+    costs = result["objectives"]
+    return min(1.0, number(costs[mission]) + number(costs["collision_risk"]))
+
+
+def _study(settings: Settings, context: Context, found: Found) -> Study:
+    names, seeds, laws = settings.compare.methods, settings.evaluation.seeds, context.laws
+    rows = [_row(name, law, [found[name, seed] for seed in seeds]) for name in names for law in laws]
+    each = [
+        _flight_row(name, seed, law, found[name, seed])
+        for name in names
+        for seed in seeds
+        for law in laws
+        if found[name, seed]["planned"]
+    ]
+    pairs = [_difference(names[0], name, law, found, seeds) for name in names[1:] for law in laws]
+    missing = [
+        {"method": name, "seed": seed, "reason": found[name, seed]["reason"]}
+        for name in names
+        for seed in seeds
+        if not found[name, seed]["planned"]
+    ]
+    tables = {"compare": rows, "compare_seeds": each, "differences": pairs, "no_plan": missing}
+    numbers = {
+        f"{row['method']}_failure_{row['law']}{end}": row[f"failure{end}"]
+        for row in rows
+        for end in ("", "_low", "_high")
+    }
+    numbers |= {f"{row['method']}_planned": row["planned"] for row in rows}
+    numbers |= {"seeds": float(len(seeds))}
+    pictures = {"panels": _panels(settings, context, found), "wind": _wind(context)}
+    return Study(
+        {name: tuple(table) for name, table in tables.items()}, numbers, _text(rows, pairs), pictures
+    )
+
+
+def _row(name: str, law: str, results: Sequence[Mapping[str, Any]]) -> Row:
+    """All seeds of one method under one law; a seed without a plan has no flights."""
+    planned = [result for result in results if result["planned"]]
+    missed = [~flags(result["laws"][law]["accepted"]) for result in planned]
+    hit = [flags(result["laws"][law]["collided"]) for result in planned]
+    lost = [failed(result, law) for result in planned]
+    broken = [
+        rate("f", f)["f_low"] > result["laws"][law]["promised"]
+        for f, result in zip(lost, planned, strict=True)
+    ]
+    row: Row = {"method": name, "title": TITLES[name], "law": law, "seeds": len(results)}
+    row |= rate("planned", np.array([result["planned"] for result in results]))
+    row |= {"flights": sum(map(len, lost))}
+    row |= (
+        rate("failure", _joined(lost))
+        | rate("completion", ~_joined(missed))
+        | rate("collision", _joined(hit))
+    )
+    row |= quartiles("failure_of_a_plan", [f.mean() for f in lost])
+    row |= quartiles("length_m", [result["objectives"]["length"] for result in planned])
+    for cost in COSTS:
+        row |= quartiles(cost, [number(result["objectives"][cost]) for result in planned])
+    row |= quartiles("bound_paper", [bound(result, "mission_risk_paper") for result in planned])
+    row |= quartiles("bound", [bound(result, "mission_risk") for result in planned])
+    row |= {"bound_mean": _mean([bound(result, "mission_risk") for result in planned])}
+    row |= quartiles("forecast", [result["laws"][law]["promised"] for result in planned])
+    row |= {"bounds_broken": int(sum(broken))}  # plans that fail significantly more often than the forecast
+    row |= quartiles("plan_seconds", [result["seconds"] for result in results])
+    return row
+
+
+def _joined(pieces: Sequence[BoolArray]) -> BoolArray:
+    return np.concatenate(pieces) if pieces else np.empty(0, bool)
+
+
+def _mean(values: Sequence[float]) -> float:
+    return float(np.mean(values)) if values else float("nan")
+
+
+def _flight_row(name: str, seed: int, law: str, result: Mapping[str, Any]) -> Row:
+    costs = result["objectives"]
+    row: Row = {"method": name, "seed": seed, "law": law, "length_m": costs["length"]}
+    row |= {cost: number(costs[cost]) for cost in COSTS} | {"steps": len(result["u"])}
+    return (
+        row | rate("failure", failed(result, law)) | rate("collision", flags(result["laws"][law]["collided"]))
+    )
+
+
+def _difference(first: str, other: str, law: str, found: Found, seeds: Sequence[int]) -> Row:
+    """Failure of ``other`` minus that of ``first``, flight by flight in the same winds."""
+    both = [s for s in seeds if found[first, s]["planned"] and found[other, s]["planned"]]
+    pairs = [(failed(found[first, s], law), failed(found[other, s], law)) for s in both]
+    gaps = np.array([b.mean() - a.mean() for a, b in pairs])
+    low, high = mean_interval(gaps)
+    one_only, other_only = (
+        int(sum(n)) for n in ([(a & ~b).sum() for a, b in pairs], [(b & ~a).sum() for a, b in pairs])
+    )
+    return {
+        "method": other,
+        "against": first,
+        "law": law,
+        "seeds": len(both),
+        "pairs": sum(len(a) for a, _ in pairs),
+        "difference": float(gaps.mean()) if len(gaps) else float("nan"),
+        "difference_low": low,
+        "difference_high": high,
+        "only_this_failed": other_only,
+        "only_the_other_failed": one_only,
+        "mcnemar_p": mcnemar(one_only, other_only),
+    }
+
+
+def _panels(settings: Settings, context: Context, found: Found) -> list[Row]:
+    """The first seed's plan of every method with its flights, for Figure 1."""
+    seed = settings.evaluation.seeds[0]
+    panels = []
+    for name in settings.compare.methods:
+        result = found[name, seed]
+        panel: Row = {"method": name, "title": TITLES[name], "planned": result["planned"]}
+        if result["planned"]:
+            u = np.array(result["u"], float).reshape(-1, 2)
+            x = np.array(result["x"], float)
+            flown = {law: fly(context.truth, u, context.runs, law, seed, x) for law in context.laws}
+            panel |= {
+                "x": np.array(result["x"], float),
+                "flights": flown,
+                "length_m": result["objectives"]["length"],
+            }
+            panel |= {"bound": bound(result, "mission_risk")}
+        panels.append(panel)
+    return panels
+
+
+def _wind(context: Context) -> Any:
+    """The expected wind, for the arrows."""
+    for shop in context.methods.values():
+        if shop.records["wind"].mean.any():
+            return shop.records["wind"]
+    return None
+
+
+def _text(rows: Sequence[Row], pairs: Sequence[Row]) -> str:
+    first = markdown(
+        "Failure of the flights (missed the mission or touched an obstacle), 95 % intervals; bound = mission "
+        "risk (f_o or V) + collision risk R of the plan, also in the winds flown in; medians over seeds",
+        (
+            "method",
+            "winds",
+            "planned",
+            "length [km]",
+            "bound f_o + R",
+            "bound V + R",
+            "V + R in these winds",
+            "failed",
+            "collided",
+            "completed",
+        ),
+        (
+            (
+                TITLES[row["method"]],
+                row["law"],
+                f"{round(row['planned'] * row['seeds'])} of {row['seeds']}",
+                kilometres(row["length_m"]),
+                percent(row["bound_paper"]),
+                percent(row["bound"]),
+                percent(row["forecast"]),
+                with_interval(row, "failure"),
+                with_interval(row, "collision"),
+                with_interval(row, "completion"),
+            )
+            for row in rows
+        ),
+    )
+    if not pairs:
+        return first
+    second = markdown(
+        f"Failure minus that of {TITLES[pairs[0]['against']]}, in the same winds (95 % interval over seeds)",
+        ("method", "winds", "difference", "only this failed", "only the other failed", "McNemar p"),
+        (
+            (
+                TITLES[row["method"]],
+                row["law"],
+                _points(row),
+                f"{row['only_this_failed']:,}",
+                f"{row['only_the_other_failed']:,}",
+                _chance(row["mcnemar_p"]),
+            )
+            for row in pairs
+        ),
+    )
+    return first + "\n" + second
+
+
+def _points(row: Row) -> str:
+    low, high = row["difference_low"], row["difference_high"]
+    return f"{100 * row['difference']:+.2f} % ({100 * low:+.2f} to {100 * high:+.2f})"
+
+
+def _chance(p: float) -> str:
+    return "< 1e-6" if p < 1e-6 else f"{p:.2g}"

@@ -1,0 +1,278 @@
+"""Bound and simulated failure of the selected path as the trees grow (the paper's Figure 2).
+
+One forest a seed is grown to the largest size. A vertex keeps its path for ever and vertices are stored in
+the order of their creation, so the first n of each tree are the forest as it was at n vertices a tree: the
+sizes are looks at one growing forest, not forests grown anew. At each size the path is selected and flown as
+a run that had stopped there would have, in the same winds at all sizes.
+
+Theorem 3 claims that the front never gets worse. Its honest form is the hypervolume of the front, which is
+recorded with a reference that all sizes and seeds share.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, fields, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pareto_ltl.planning.problem import Problem
+from pareto_ltl.planning.records import Forest, Tree
+from pareto_ltl.settings import Settings
+from pareto_ltl.studies import parts
+from pareto_ltl.studies.compare import bound, failed, outcomes, truth
+from pareto_ltl.studies.parts import Part, Progress
+from pareto_ltl.studies.planning import Workshop, stream, unsmoothed, with_wind
+from pareto_ltl.studies.records import Study
+from pareto_ltl.studies.tables import Row, flags, kilometres, markdown, number, quartiles, rate, spread
+from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.support.errors import InfeasibleError
+
+FEWEST = 1e-9  # mission risks below are all the same: no wind model promises anything there
+FAR = 2.0  # the reference of the hypervolume, in lengths of the shortest path of all seeds
+BY_CREATION = ("swaps", "beta")  # arrays of a tree that have no row a vertex
+
+
+@dataclass(frozen=True, slots=True)
+class Context:
+    shop: Workshop
+    truth: Problem
+    sizes: tuple[int, ...]
+    runs: int
+    laws: tuple[str, ...]
+
+
+def study(
+    settings: Settings, world: Mapping[str, Any], directory: Path, progress: Progress | None = None
+) -> Study:
+    """Grow one forest a seed and look at it at every size."""
+    cfg, sizes = settings.evaluation, tuple(sorted(settings.convergence.sizes))
+    mine = unsmoothed(settings)
+    mine = replace(mine, planner=replace(mine.planner, n_max=sizes[-1], threads=1))
+    world = with_wind(settings, world)
+    shop = Workshop(mine, dict(world))
+    shop.make("problem")
+    context = Context(shop, truth(settings, world), sizes, settings.deployment.runs, tuple(cfg.laws))
+    todo = [
+        Part(f"seed-{seed}", (seed,), parts.key(replace(mine, seed=seed), "convergence", *_matters(context)))
+        for seed in cfg.seeds
+    ]
+    results = parts.work(cfg, directory, one, context, todo, progress)
+    return _study(sizes, context.laws, cfg.seeds, results)
+
+
+def _matters(context: Context) -> tuple[Any, ...]:
+    return context.sizes, context.runs, context.laws
+
+
+# --- one seed --------------------------------------------------------------------------------
+
+
+def one(context: Context, seed: int) -> Row:
+    """One forest at every size, and how long its first answer took."""
+    shop = context.shop.with_seed(seed)
+    forest: Forest = shop.make("forest")
+    looks = [_look(context, snapshot(forest, n), n, seed) for n in context.sizes]
+    return {"looks": looks, "nodes_per_second": _rate(forest), **first_answer(shop, seed)}
+
+
+def _look(context: Context, forest: Forest, n: int, seed: int) -> Row:
+    """What a run that had stopped at ``n`` vertices a tree would have selected."""
+    shop = context.shop.with_seed(seed)
+    shop.records["forest"] = forest
+    look: Row = {"size": n, "vertices": sum(map(len, forest.trees)), "accepted": len(forest.accepted)}
+    try:
+        plan = shop.make("plan")
+    except InfeasibleError:
+        return look | {"planned": False}
+    objectives, full = asdict(plan.path.objectives), shop.make("problem").tables.full
+    return look | {
+        "planned": True,
+        "objectives": objectives,
+        "mission_bound": objectives["mission_risk" if full else "mission_risk_paper"],
+        "front": trade_offs(forest, full),
+        "laws": outcomes(context.truth, plan.path.u, plan.path.x, context.runs, context.laws, seed),
+    }
+
+
+def trade_offs(forest: Forest, full: bool) -> FloatArray:
+    """Non-dominated (risk, length) of the accepted vertices: f_o, or V + R of full fidelity."""
+    from pareto_ltl.planning.selection import accepted_rows, non_dominated
+
+    rows = accepted_rows(forest, full)
+    table = np.column_stack([np.minimum(1.0, rows[:, :-1].sum(axis=1)), rows[:, -1]])
+    return np.asarray(table[non_dominated(table)], float)
+
+
+def snapshot(forest: Forest, n: int) -> Forest:
+    """The forest as it was when each tree had ``n`` vertices."""
+    old = forest.accepted[forest.accepted[:, 1] < n]
+    return Forest(tuple(_first(tree, n) for tree in forest.trees), old, forest.seconds)
+
+
+def _first(tree: Tree, n: int) -> Tree:
+    if len(tree) <= n:
+        return tree
+    rows: dict[str, Any] = {
+        f.name: value[:n]
+        for f in fields(tree)
+        if f.name not in BY_CREATION and isinstance(value := getattr(tree, f.name), np.ndarray)
+    }
+    return replace(tree, **rows)
+
+
+def _rate(forest: Forest) -> float:
+    spent = sum(tree.seconds for tree in forest.trees)
+    return sum(map(len, forest.trees)) / spent if spent > 0 else float("nan")
+
+
+def first_answer(shop: Workshop, seed: int) -> Row:
+    """Vertices that the quickest tree of the forest needs to complete the mission, and its time."""
+    from pareto_ltl.planning import growth
+
+    cfg = shop.settings.planner
+    forest = growth.forest(cfg, shop.make("problem"), stream(seed, "forest"), stop_at_first=True)
+    there = np.unique(forest.accepted[:, 0])
+    if not len(there):
+        return {"first_seconds": None, "first_vertices": None, "trees_done": 0}
+    quickest = min(there, key=lambda j: len(forest.trees[j]))  # by count: clocks differ from run to run
+    return {
+        "first_seconds": forest.trees[quickest].seconds,
+        "first_vertices": len(forest.trees[quickest]),
+        "trees_done": len(there),
+    }
+
+
+# --- all seeds -------------------------------------------------------------------------------
+
+
+def _study(
+    sizes: Sequence[int], laws: Sequence[str], seeds: Sequence[int], results: Sequence[Mapping[str, Any]]
+) -> Study:
+    volumes = hypervolumes(results)
+    rows = [
+        _row(n, law, [result["looks"][k] for result in results], volumes[:, k])
+        for k, n in enumerate(sizes)
+        for law in laws
+    ]
+    each = [
+        _seed_row(seed, law, look, volumes[s, k])
+        for s, seed in enumerate(seeds)
+        for k, look in enumerate(results[s]["looks"])
+        for law in laws
+    ]
+    firsts = [
+        {"seed": seed}
+        | {key: number(result[key]) for key in ("first_seconds", "first_vertices", "nodes_per_second")}
+        for seed, result in zip(seeds, results, strict=True)
+    ]
+    numbers = {"seeds": float(len(seeds))}
+    for name in ("first_seconds", "first_vertices"):
+        numbers |= quartiles(name, [row[name] for row in firsts])
+    for row in rows:
+        if row["size"] == sizes[-1]:
+            numbers |= {
+                f"bound_{row['law']}": row["bound"],
+                f"median_failure_{row['law']}": row["failure_of_a_plan"],
+            }
+    tables = {"convergence": tuple(rows), "convergence_seeds": tuple(each), "first_answer": tuple(firsts)}
+    return Study(tables, numbers, _text(rows, numbers))
+
+
+def hypervolumes(results: Sequence[Mapping[str, Any]]) -> FloatArray:
+    """(seeds, sizes): volume that each front dominates, in risk (decades) and length.
+
+    Both are scaled to [0, 1]: risk as 1 + log10(max(f, 1e-9)) / 9, length against ``FAR`` times the shortest
+    path that any seed found. Logarithms keep who dominates whom, and let a fall from 1e-2 to 1e-4 count.
+    """
+    from pareto_ltl.planning.selection import hypervolume
+
+    lengths = [row[1] for r in results for look in r["looks"] if look["planned"] for row in look["front"]]
+    volumes = np.zeros((len(results), len(results[0]["looks"])))
+    if not lengths:
+        return volumes
+    far = FAR * min(lengths)
+    for s, result in enumerate(results):
+        for k, look in enumerate(result["looks"]):
+            if look["planned"]:
+                rows = np.array([[decades(risk), length / far] for risk, length in look["front"]])
+                volumes[s, k] = hypervolume(rows, np.ones(2))
+    return volumes
+
+
+def decades(risk: float) -> float:
+    return 1.0 - math.log10(max(risk, FEWEST)) / math.log10(FEWEST)
+
+
+def _row(n: int, law: str, looks: Sequence[Mapping[str, Any]], volumes: FloatArray) -> Row:
+    """Median and quartiles over the seeds that have a plan at this size."""
+    planned = [look for look in looks if look["planned"]]
+    lost = [failed(look, law) for look in planned]
+    row: Row = {"size": n, "law": law, "seeds": len(looks)}
+    row |= rate("planned", np.array([look["planned"] for look in looks]))
+    row |= quartiles("mission_bound", [number(look["mission_bound"]) for look in planned])
+    row |= quartiles("bound", [bound(look, "mission_risk") for look in planned])
+    row |= quartiles("failure_of_a_plan", [f.mean() for f in lost])
+    row |= quartiles(
+        "missed_of_a_plan", [1.0 - flags(look["laws"][law]["accepted"]).mean() for look in planned]
+    )
+    row |= {"bounds_broken": sum(_broken(look, law) for look in planned)}
+    row |= rate("failure", np.concatenate(lost) if lost else np.empty(0, bool))
+    row |= quartiles("length_m", [look["objectives"]["length"] for look in planned])
+    return row | quartiles("hypervolume", volumes)
+
+
+def _broken(look: Mapping[str, Any], law: str) -> bool:
+    """Whether more flights missed the mission than its bound allows, beyond what chance explains (95 %)."""
+    missed = rate("missed", ~flags(look["laws"][law]["accepted"]))["missed_low"]
+    return bool(missed > number(look["mission_bound"]))
+
+
+def _seed_row(seed: int, law: str, look: Mapping[str, Any], volume: float) -> Row:
+    row: Row = {"seed": seed, "size": look["size"], "law": law, "planned": int(look["planned"])}
+    costs = look["objectives"] if look["planned"] else {}
+    for name in ("length", "mission_risk_paper", "mission_risk", "collision_risk"):
+        row[name] = number(costs.get(name))
+    row |= rate("failure", failed(look, law) if look["planned"] else np.empty(0, bool))
+    return row | {"hypervolume": volume, "accepted_vertices": look["accepted"]}
+
+
+def _text(rows: Sequence[Row], numbers: Mapping[str, float]) -> str:
+    table = markdown(
+        "The selected path as trees grow: median (quartiles) over seeds that have a plan",
+        (
+            "vertices a tree",
+            "winds",
+            "with a plan",
+            "bound, mission",
+            "missed",
+            "broken",
+            "bound V + R",
+            "failed",
+            "length [km]",
+            "hypervolume",
+        ),
+        (
+            (
+                f"{row['size']:,}",
+                row["law"],
+                f"{round(row['planned'] * row['seeds'])} of {row['seeds']}",
+                spread(row, "mission_bound"),
+                spread(row, "missed_of_a_plan"),
+                f"{row['bounds_broken']} of {round(row['planned'] * row['seeds'])}",
+                spread(row, "bound"),
+                spread(row, "failure_of_a_plan"),
+                kilometres(row["length_m"]),
+                f"{row['hypervolume']:.3f}",
+            )
+            for row in rows
+        ),
+    )
+    first = [1e3 * numbers[f"first_seconds{end}"] for end in ("", "_q25", "_q75")]
+    return table + (
+        f"\nFirst answer: {first[0]:.1f} ms (quartiles {first[1]:.1f} to {first[2]:.1f}), "
+        f"after {numbers['first_vertices']:.0f} vertices of its tree.\n"
+    )

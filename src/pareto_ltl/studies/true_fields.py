@@ -1,0 +1,145 @@
+"""Winds that no model drew: full fields out of GRIB files, in the plane of a scene, for flights."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from pareto_ltl.settings import HindcastConfig, WindConfig
+from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.support.errors import ConfigError, DataError
+from pareto_ltl.support.resources import checkout
+from pareto_ltl.wind import field as lattices
+from pareto_ltl.wind.readings import Readings, iso, seconds
+from pareto_ltl.wind.records import WindField
+from pareto_ltl.world import projection
+from pareto_ltl.world.scene import Scene
+
+BESIDE_CHECKOUT = Path("shared", "data", "noaa", "gfs_1p00_10m")
+NEAR = 20.0  # nodes farther from the scene's centre are not looked at where they form no grid [deg]
+
+
+@dataclass(frozen=True, slots=True)
+class Spell:
+    """Consecutive fields without a gap: indices ``first`` to ``last`` of the readings."""
+
+    first: int
+    last: int
+    start: float  # [s since 1970]
+    end: float
+
+    @property
+    def name(self) -> str:
+        return iso(self.start).replace(":", "").replace("-", "")[:11]
+
+
+def folder(cfg: HindcastConfig) -> Path:
+    """Where the full fields are: what the settings name, or the files beside the checkout."""
+    if cfg.truth is not None:
+        place = Path(cfg.truth).expanduser()
+        if not place.is_dir():
+            raise ConfigError(
+                f"hindcast.truth={cfg.truth}: there is no such folder; name one with GRIB2 files"
+            )
+        return place
+    root = checkout()
+    if root is not None and (root.parent / BESIDE_CHECKOUT).is_dir():
+        return root.parent / BESIDE_CHECKOUT
+    raise ConfigError(
+        "hindcast.truth is missing: name a folder of GRIB2 files with 10 m winds every few hours, e.g. GFS "
+        "1-degree analyses (hindcast.truth=DIR)"
+    )
+
+
+def spells(readings: Readings, cfg: HindcastConfig) -> list[Spell]:
+    """Runs of fields at most ``hindcast.max_gap`` apart that are long enough for a mission."""
+    times = readings.times
+    breaks = np.flatnonzero(np.diff(times) > cfg.max_gap * 3600 + 1)
+    firsts, lasts = np.concatenate([[0], breaks + 1]), np.concatenate([breaks, [len(times) - 1]])
+    found = [
+        Spell(int(i), int(j), float(times[i]), float(times[j])) for i, j in zip(firsts, lasts, strict=True)
+    ]
+    long = [spell for spell in found if spell.end - spell.start >= cfg.hours * 3600]
+    if not long:
+        longest = max(spell.end - spell.start for spell in found) / 3600
+        raise DataError(
+            f"hindcast.truth holds no spell of {cfg.hours:g} h without a gap of more than {cfg.max_gap:g} h "
+            f"(the longest has {longest:g} h): lower hindcast.hours, raise hindcast.max_gap, or add fields"
+        )
+    return long
+
+
+def real_wind(
+    cfg: HindcastConfig, wind_cfg: WindConfig, readings: Readings, scene: Scene, believed: WindField
+) -> WindField:
+    """The full fields over ``scene`` at the times of ``believed``, with its white part as gusts and no other
+    doubt.
+
+    Interpolated bilinearly between the nodes of their own grid and turned by the meridian convergence.
+    """
+    import dataclasses
+
+    fine = dataclasses.replace(wind_cfg, spacing=cfg.spacing)
+    origin, spacing, shape = lattices.lattice(fine, scene)
+    nodes = np.stack(np.meshgrid(*map(np.arange, shape), indexing="ij"), axis=-1).reshape(-1, 2)
+    mean = at_times(readings, scene, believed.times, origin + spacing * nodes)
+    table = mean.reshape(len(believed.times), *shape, 2)
+    return WindField(
+        origin=origin,
+        spacing=spacing,
+        times=believed.times,
+        mean=table,
+        latent_var=np.zeros_like(table),
+        gust_var=cfg.gusts**2 * believed.gust_var,
+        hold_last=believed.hold_last,
+        source="full fields",
+    )
+
+
+def at_times(readings: Readings, scene: Scene, times: FloatArray, points: FloatArray) -> FloatArray:
+    """Winds (K, N, 2) in the plane at ``points`` (N, 2) [m] and ``times`` (K,) [s since departure]."""
+    crs, zero = str(scene.crs), seconds(str(scene.time_zero))
+    lon, lat = projection.to_geographic(crs, points)
+    angle = projection.convergence(crs, lon, lat)
+    middle = float(projection.to_geographic(crs, scene.bounds.mean(axis=0))[0][0])
+    fields = []
+    for t in times:
+        k = int(np.argmin(np.abs(readings.times - (zero + t))))
+        if abs(readings.times[k] - (zero + t)) > 1.0:
+            raise DataError(f"the full fields hold nothing at {iso(zero + float(t))}")
+        earth = interpolated(readings.points[k], readings.winds[k], lon, lat, middle)
+        if not np.isfinite(earth).all():
+            raise DataError(
+                f"the full fields at {iso(readings.times[k])} do not cover the scene around longitude "
+                f"{middle:.1f}; move hindcast.area inside them"
+            )
+        fields.append(projection.turn(earth, angle))
+    return np.stack(fields)
+
+
+def interpolated(
+    nodes: FloatArray, winds: FloatArray, lon: FloatArray, lat: FloatArray, middle: float
+) -> FloatArray:
+    """``winds`` (M, 2) at ``nodes`` (M, 2) [deg] read at places (N,): bilinear on a latitude-longitude grid,
+    linear on triangles otherwise. Longitudes count from ``middle``, so that grids may wrap anywhere."""
+    from scipy.interpolate import LinearNDInterpolator, RegularGridInterpolator
+
+    east, there = _around(nodes[:, 0], middle), np.stack([_around(lon, middle), lat], axis=-1)
+    columns, i = np.unique(np.round(east, 6), return_inverse=True)
+    rows, j = np.unique(np.round(nodes[:, 1], 6), return_inverse=True)
+    if len(columns) * len(rows) == len(nodes):
+        table = np.full((len(columns), len(rows), 2), np.nan)
+        table[i, j] = winds
+        grid = RegularGridInterpolator((columns, rows), table, bounds_error=False)
+        return np.asarray(grid(there), float)
+    near = np.hypot(east, nodes[:, 1] - lat.mean()) < NEAR
+    if near.sum() < 3:
+        return np.full((len(lon), 2), np.nan)
+    corners = np.stack([east[near], nodes[near, 1]], axis=-1)
+    return np.asarray(LinearNDInterpolator(corners, winds[near])(there), float)
+
+
+def _around(lon: FloatArray, middle: float) -> FloatArray:
+    return np.asarray((lon - middle + 180.0) % 360.0 - 180.0, float)

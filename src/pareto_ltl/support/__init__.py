@@ -1,0 +1,1 @@
+"""What every package may lean on: errors, arrays, files, caches, cores."""

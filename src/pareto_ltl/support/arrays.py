@@ -1,0 +1,26 @@
+"""Names for the arrays that travel through the house."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+Float32Array = NDArray[np.float32]
+Int32Array = NDArray[np.int32]
+IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
+
+__all__ = ["BoolArray", "Float32Array", "FloatArray", "Int32Array", "IntArray", "require_shape"]
+
+
+def require_shape(name: str, array: NDArray[Any], *shape: int | None) -> None:
+    wanted = (
+        tuple(array.shape[i] if s is None else s for i, s in enumerate(shape))
+        if array.ndim == len(shape)
+        else shape
+    )
+    if array.shape != wanted:
+        raise ValueError(f"{name} must have shape {shape}, got {array.shape}")

@@ -1,0 +1,43 @@
+"""Where the files that travel with the code are: in a checkout, an editable install and a wheel alike."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from pareto_ltl.support.errors import DataError
+
+PACKAGE = Path(__file__).resolve().parents[1]
+
+
+def checkout() -> Path | None:
+    """The root of the checkout this code runs from; None where it was installed from a wheel."""
+    root = PACKAGE.parents[1]
+    return root if PACKAGE.parent.name == "src" and (root / "pyproject.toml").is_file() else None
+
+
+def folder(name: str) -> Path:
+    """Folder ``name`` (``conf`` or ``pipelines``): in the package in a wheel, at top level in a checkout."""
+    roots = [root for root in (checkout(), PACKAGE) if root is not None]
+    for root in roots:
+        if (root / name).is_dir():
+            return root / name
+    raise DataError(f"folder {name}/ is missing beside {PACKAGE}: reinstall pareto-ltl")
+
+
+def choices(group: str) -> list[str]:
+    """Names of the YAML files in ``group``: a folder of ``conf/``, or ``pipelines``."""
+    place = folder("pipelines") if group == "pipelines" else folder("conf") / group
+    return sorted(path.stem for path in place.glob("*.yaml"))
+
+
+def groups() -> list[str]:
+    """Every group that has a choice."""
+    found = [path.name for path in folder("conf").iterdir() if path.is_dir() and any(path.glob("*.yaml"))]
+    return sorted([*found, "pipelines"])
+
+
+def packaged_data() -> list[Path]:
+    """Data files inside the package."""
+    return sorted(
+        path for path in (PACKAGE / "support" / "data").glob("*") if path.is_file() and path.suffix != ".py"
+    )

@@ -1,0 +1,121 @@
+"""Wind readings as CSV tables: ``time,lat,lon,u,v`` on Earth, ``time,x,y,u,v`` in a plane."""
+
+from __future__ import annotations
+
+import csv
+import os
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+
+from pareto_ltl.support.arrays import FloatArray, IntArray
+from pareto_ltl.support.errors import DataError
+from pareto_ltl.wind.readings import Readings, check, iso, seconds, wrap
+
+ON_EARTH = ("time", "lat", "lon", "u", "v")
+IN_PLANE = ("time", "x", "y", "u", "v")
+
+
+def read(files: tuple[Path, ...], max_speed: float) -> Readings:
+    """Read tables that share one frame; rows may come in any order."""
+    parts = [_read_file(file, max_speed) for file in files]
+    if len({geographic for *_, geographic in parts}) > 1:
+        raise DataError(f"{files[0].parent}: some tables have lat,lon and some x,y; expected one kind")
+    stamps, points, winds = (np.concatenate([part[i] for part in parts]) for i in range(3))
+    owners = [f"{file.name}, row {row}" for file, part in zip(files, parts, strict=True) for row in part[3]]
+    _refuse_duplicates(stamps, points, owners)
+    times = np.unique(stamps)
+    rows = [np.flatnonzero(stamps == time) for time in times]
+    return Readings(
+        times=times,
+        points=tuple(points[r] for r in rows),
+        winds=tuple(winds[r] for r in rows),
+        geographic=parts[0][4],
+        files=files,
+        remarks=("",) * len(times),
+        origins=(files,) * len(times),
+    )
+
+
+def write(path: Path, times: FloatArray, points: FloatArray, winds: FloatArray, decimals: int = 2) -> None:
+    """Write winds (K, N, 2) at longitudes and latitudes ``points`` (N, 2); readers never see half a file."""
+    lines = [",".join(ON_EARTH)]
+    for time, rows in zip(times, winds, strict=True):
+        stamp = iso(time)
+        for (lon, lat), (u, v) in zip(points, rows, strict=True):
+            lines.append(f"{stamp},{lat:.8g},{lon:.8g},{u + 0.0:.{decimals}f},{v + 0.0:.{decimals}f}")
+    replace_text(path, "\n".join(lines) + "\n")
+
+
+def replace_text(path: Path, text: str) -> None:
+    """Write ``text`` beside ``path`` and move it there in one step."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    draft = path.with_name(f".{path.name}.{os.getpid()}")
+    draft.write_text(text, encoding="utf-8")
+    draft.replace(path)
+
+
+def _read_file(file: Path, max_speed: float) -> tuple[FloatArray, FloatArray, FloatArray, IntArray, bool]:
+    """Times (N,), points (N, 2), winds (N, 2), row numbers (N,) and whether the frame is geographic."""
+    try:
+        with file.open(encoding="utf-8-sig", newline="") as stream:
+            reader = csv.reader(stream)
+            header = [name.strip().lower() for name in next(reader, [])]
+            columns = _columns(file, header)
+            cells = [(reader.line_num, row) for row in reader if any(cell.strip() for cell in row)]
+    except OSError as error:
+        raise DataError(f"wind file {file} cannot be read: {error.strerror}") from None
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise DataError(f"wind file {file} is no CSV text ({error}); expected {','.join(ON_EARTH)}") from None
+    if not cells:
+        raise DataError(f"wind file {file} has a header but no rows; expected {','.join(ON_EARTH)}")
+    table = np.array([_parse(f"wind file {file}, row {number}", row, columns) for number, row in cells])
+    numbers = np.array([number for number, _ in cells], dtype=np.int64)
+    geographic = columns[1][0] == "lat"
+    points, winds = (table[:, [2, 1]] if geographic else table[:, 1:3]), table[:, 3:5]
+    check(points, winds, geographic, max_speed, lambda i: f"wind file {file}, row {numbers[i]}")
+    if geographic:
+        points[:, 0] = wrap(points[:, 0])
+    return table[:, 0], points, winds, numbers, geographic
+
+
+def _columns(file: Path, header: list[str]) -> list[tuple[str, int]]:
+    """Name and position of the five columns."""
+    if not header:
+        raise DataError(f"wind file {file} is empty; expected a table with {','.join(ON_EARTH)}")
+    wanted = IN_PLANE if {"x", "y"} <= set(header) else ON_EARTH
+    missing = [name for name in wanted if name not in header]
+    if missing:
+        found = ",".join(header)
+        raise DataError(
+            f"wind file {file}: missing column {', '.join(missing)}; expected {','.join(ON_EARTH)} "
+            f"(or {','.join(IN_PLANE)} in a plane), found {found[:60]!r}"
+        )
+    return [(name, header.index(name)) for name in wanted]
+
+
+def _parse(where: str, row: list[str], columns: list[tuple[str, int]]) -> tuple[float, ...]:
+    values = []
+    for name, at in columns:
+        text = row[at].strip() if at < len(row) else ""
+        try:
+            values.append(_seconds(text) if name == "time" else float(text))
+        except ValueError:
+            wanted = "an ISO 8601 time such as 2018-10-09T18:00:00Z" if name == "time" else "a number"
+            raise DataError(f"{where}: {name} is {text!r}; expected {wanted}") from None
+    return tuple(values)
+
+
+def _refuse_duplicates(stamps: FloatArray, points: FloatArray, owners: list[str]) -> None:
+    keys = np.column_stack([stamps, points])
+    order = np.lexsort(keys.T[::-1])
+    same = np.flatnonzero((np.diff(keys[order], axis=0) == 0).all(axis=1))
+    if len(same):
+        one, two = (owners[order[same[0] + i]] for i in (0, 1))
+        raise DataError(f"wind readings of {one} and {two} are at the same time and place; keep one of them")
+
+
+_seconds = lru_cache(maxsize=4096)(seconds)  # a table repeats few times in many rows
+
+__all__ = ["read", "replace_text", "write"]

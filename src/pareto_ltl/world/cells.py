@@ -1,0 +1,375 @@
+"""Free space as few convex cells: Scene -> Decomposition, and questions about where a point lies.
+
+All outlines are snapped to a grid of a millionth of a millionth of the map (1 µm on 1000 km). Their
+arrangement is noded there once, so that neighbours share corners exactly and doors are a matter of
+comparing integers, not of tolerances.
+"""
+
+from __future__ import annotations
+
+import difflib
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
+from pareto_ltl.support.errors import ConfigError, DataError
+from pareto_ltl.world.polygons import Ring, convex_parts, cut_round, drop_flat, edges
+from pareto_ltl.world.scene import Scene
+
+if TYPE_CHECKING:
+    import networkx as nx
+    import shapely
+
+GRID = 2.0**-40  # of the map's size
+CLOSE = 1e-11  # of the map's size: how far outside an edge a point still lies on it
+FACES = 32  # of a convex obstacle part, at most: kernels keep them in the bits of an integer
+BUCKETS = 64  # of a locator, along each axis
+DOOR = 4.0  # grid steps: shorter contacts are rounding
+
+
+@dataclass(frozen=True, slots=True)
+class Decomposition:
+    """Free space as convex cells that touch along edges and overlap nowhere.
+
+    Attributes
+    ----------
+    cells : tuple of (n, 2) float
+        Convex, counter-clockwise [m]. Cells with more labels come first, so that the first cell that
+        holds a point on a shared boundary is the one inside the region.
+    labels : tuple of frozenset of str
+        The regions each cell lies in.
+    doors : (D, 2) int
+        Pairs of cells (i < j) that share an edge of positive length.
+    obstacles : tuple of (n, 2) float
+        Convex parts of the obstacles, counter-clockwise, at most 32 faces each.
+    regions : mapping of name to tuple of (n, 2) float
+        Convex parts of each region.
+    """
+
+    cells: tuple[FloatArray, ...]
+    labels: tuple[frozenset[str], ...]
+    doors: IntArray
+    obstacles: tuple[FloatArray, ...]
+    regions: Mapping[str, tuple[FloatArray, ...]]
+
+    @property
+    def letters(self) -> tuple[frozenset[str], ...]:
+        """The label sets that a robot can read, smallest first, then by name.
+
+        The empty one is always among them: obstacles and what lies off the map show it.
+        """
+        return tuple(sorted({frozenset[str](), *self.labels}, key=lambda s: (len(s), sorted(s))))
+
+
+@dataclass(frozen=True, slots=True)
+class Locator:
+    """A coarse grid over the bounds that says which cells a point may lie in.
+
+    Attributes
+    ----------
+    origin : (2,) float
+        South-west corner [m].
+    inverse : (2,) float
+        Buckets a metre along x and y [1/m].
+    shape : (2,) int
+        Buckets along x and y; bucket (i, j) has the number ``i * shape[1] + j``.
+    ptr : (shape[0] * shape[1] + 1,) int, index : (ptr[-1],) int
+        Bucket k lists its cells, lowest first, in ``index[ptr[k]:ptr[k + 1]]``.
+    """
+
+    origin: FloatArray
+    inverse: FloatArray
+    shape: IntArray
+    ptr: IntArray
+    index: IntArray
+
+
+def decompose(scene: Scene) -> Decomposition:
+    """Bounds minus obstacles as convex cells that know which regions they lie in.
+
+    Outlines of obstacles and regions cut the bounds into faces; each face outside all obstacles is split
+    into convex cells. Overlapping regions thus give cells with several labels. Overlapping obstacles stay as
+    they were drawn (but for one that lies within another): a union would be less convex and need more parts,
+    and the risk bounds merely count what is common twice, on the safe side.
+    """
+    step = _grid_step(scene)
+    obstacles = _outer([_snapped(corners, step) for corners in scene.obstacles])
+    regions = {name: _snapped(corners, step) for name, corners in scene.regions.items()}
+    cells = _cells(_snapped(_box(scene.bounds), step), obstacles, regions)
+    if not cells:
+        raise DataError(
+            "the obstacles cover the whole map, no free space is left; remove one or widen the bounds"
+        )
+    return Decomposition(
+        cells=tuple(_metres(drop_flat(ring), step) for ring, _ in cells),
+        labels=tuple(label for _, label in cells),
+        doors=_doors([ring for ring, _ in cells]),
+        obstacles=tuple(
+            _metres(part, step)
+            for polygon in obstacles
+            for ring in _split(polygon)
+            for part in cut_round(ring, FACES)
+        ),
+        regions={
+            name: tuple(_metres(ring, step) for ring in _split(polygon)) for name, polygon in regions.items()
+        },
+    )
+
+
+def graph(decomposition: Decomposition) -> nx.Graph:
+    """Cells as nodes (``centroid`` (2,) [m], ``area`` [m²], ``label``), doors as edges.
+
+    An edge carries the ``distance`` [m] between the two centroids.
+    """
+    import networkx as nx
+
+    net = nx.Graph()
+    for i, (cell, label) in enumerate(zip(decomposition.cells, decomposition.labels, strict=True)):
+        area, centroid = moments(cell)
+        net.add_node(i, centroid=centroid, area=area, label=label)
+    for i, j in decomposition.doors.tolist():
+        net.add_edge(i, j, distance=float(math.dist(net.nodes[i]["centroid"], net.nodes[j]["centroid"])))
+    return net
+
+
+def half_planes(polygon: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Unit outward normals a (n, 2) and offsets b (n,) [m] of a convex polygon: a' x <= b inside."""
+    along = np.roll(polygon, -1, axis=0) - polygon
+    normals = np.stack([along[:, 1], -along[:, 0]], axis=1) / np.linalg.norm(along, axis=1, keepdims=True)
+    return normals, np.sum(normals * polygon, axis=1)
+
+
+def slack(polygon: FloatArray, points: FloatArray) -> FloatArray:
+    """min_k (b_k - a_k' x), shape (P,) [m]: how deep ``points`` (P, 2) lie inside, negative outside."""
+    normals, offsets = half_planes(polygon)
+    least: FloatArray = (offsets - points @ normals.T).min(axis=1)
+    return least
+
+
+def locate(decomposition: Decomposition, points: FloatArray) -> IntArray:
+    """The cell of every point, shape (P,); -1 outside the bounds and strictly inside an obstacle.
+
+    The first cell that holds the point, so that an edge of a region belongs to the region. Beside all cells
+    by rounding, the one with the largest smallest slack.
+    """
+    points = np.asarray(points, float).reshape(-1, 2)
+    close = CLOSE * _size(decomposition)
+    room = np.stack([slack(cell, points) for cell in decomposition.cells], axis=1)
+    holds = room >= -close
+    found = np.where(holds.any(axis=1), holds.argmax(axis=1), room.argmax(axis=1))
+    nowhere = ~holds.any(axis=1) & (_covered(decomposition, points) | (room.max(axis=1) < -100 * close))
+    return np.where(nowhere, -1, found)
+
+
+def locator(decomposition: Decomposition, bounds: FloatArray) -> Locator:
+    """Candidate cells of every bucket of a 64 x 64 grid over ``bounds`` (2, 2).
+
+    A cell is a candidate where no face of either separates it from the bucket (separating axes), each bucket
+    being taken a little larger, so that rounding never hides a cell.
+    """
+    size = (bounds[1] - bounds[0]) / BUCKETS
+    west_to_east, south_to_north = (bounds[0][:, None] + size[:, None] * (np.arange(BUCKETS) + 0.5)).tolist()
+    middle = np.array([[x, y] for x in west_to_east for y in south_to_north])
+    half = 0.5 * size * (1 + 1e-6)
+    near = np.stack([_meets(cell, middle, half) for cell in decomposition.cells], axis=1)
+    ptr = np.concatenate([[0], np.cumsum(near.sum(axis=1))])
+    return Locator(
+        origin=np.array(bounds[0]),
+        inverse=1 / size,
+        shape=np.array([BUCKETS, BUCKETS]),
+        ptr=ptr.astype(np.int64),
+        index=np.nonzero(near)[1].astype(np.int64),
+    )
+
+
+def _reachable(doors: IntArray, start: int) -> set[int]:
+    """Cells that doors join to ``start``. (networkx would cost a run a third of a second to import.)"""
+    reached, fresh = {start}, {start}
+    while fresh:
+        ahead = doors[np.isin(doors, list(fresh)).any(axis=1)]
+        fresh = set(ahead.ravel().tolist()) - reached
+        reached |= fresh
+    return reached
+
+
+def check_mission(decomposition: Decomposition, scene: Scene, atoms: Iterable[str]) -> tuple[str, ...]:
+    """Names among ``atoms`` that no chain of doors joins to the start; unknown names are an error."""
+    names = sorted(set(atoms))
+    for name in names:
+        if name not in scene.regions:
+            guess = difflib.get_close_matches(name, scene.regions, n=1, cutoff=0.5)
+            hint = (
+                f"did you mean {guess[0]!r}?"
+                if guess
+                else "rename it in the formula, or draw it in the scene"
+            )
+            raise ConfigError(
+                f"mission.formula names region {name!r}, which the scene does not have; "
+                f"it has {', '.join(sorted(scene.regions))}: {hint}"
+            )
+    start = int(locate(decomposition, scene.start[None])[0])
+    if start < 0:
+        raise DataError(
+            f"the start {scene.start.tolist()} [m] lies in no free cell; move it out of the obstacle"
+        )
+    reached = _reachable(decomposition.doors, start)
+    shown = frozenset[str]().union(*(decomposition.labels[i] for i in reached))
+    return tuple(name for name in names if name not in shown)
+
+
+# --- outlines on the grid ---------------------------------------------------------------------------
+
+
+def _grid_step(scene: Scene) -> float:
+    """A power of two [m], so that grid coordinates are exact; never below what floats tell apart."""
+    size = float((scene.bounds[1] - scene.bounds[0]).max())
+    step = 2.0 ** math.ceil(math.log2(size)) * GRID
+    return max(step, 2.0 ** math.ceil(math.log2(16 * np.spacing(np.abs(scene.bounds).max()))))
+
+
+def _snapped(corners: FloatArray, step: float) -> shapely.Geometry:
+    """A polygon in grid steps, still valid where snapping made corners or edges meet."""
+    import shapely
+
+    return shapely.set_precision(shapely.Polygon(np.rint(corners / step)), 1.0)
+
+
+def _box(bounds: FloatArray) -> FloatArray:
+    (west, south), (east, north) = bounds.tolist()
+    return np.array([[west, south], [east, south], [east, north], [west, north]])
+
+
+def _outer(polygons: Sequence[shapely.Geometry]) -> list[shapely.Geometry]:
+    """``polygons`` without those that lie within another."""
+    import shapely
+
+    if not polygons:
+        return []
+    inner, outer = shapely.STRtree(polygons).query(polygons, predicate="covered_by")
+    same = {(i, j) for i, j in zip(inner.tolist(), outer.tolist(), strict=True) if i != j}
+    dropped = {i for i, j in same if (j, i) not in same or j < i}
+    return [
+        polygon for i, polygon in enumerate(polygons) if i not in dropped and not shapely.is_empty(polygon)
+    ]
+
+
+def _rings(face: Any) -> list[Ring]:
+    """Outline (counter-clockwise) and holes (clockwise) of a polygon on the grid."""
+    import shapely
+
+    face = shapely.orient_polygons(face)
+    rings = [shapely.get_coordinates(ring)[:-1].tolist() for ring in (face.exterior, *face.interiors)]
+    return [[(int(x), int(y)) for x, y in ring] for ring in rings]
+
+
+def _split(polygon: shapely.Geometry) -> list[Ring]:
+    """Convex parts of an outline, without flat corners."""
+    import shapely
+
+    found = []
+    for piece in shapely.get_parts(polygon):
+        outline, *holes = _rings(piece)
+        found += [drop_flat(ring) for ring in convex_parts(outline, holes)]
+    return [_first_corner(ring) for ring in found if ring]
+
+
+def _metres(ring: Ring, step: float) -> FloatArray:
+    return np.array(ring, float) * step
+
+
+def _first_corner(ring: Ring) -> Ring:
+    i = ring.index(min(ring))
+    return ring[i:] + ring[:i]
+
+
+# --- cells ------------------------------------------------------------------------------------------
+
+
+def _cells(
+    box: shapely.Geometry, obstacles: Sequence[shapely.Geometry], regions: dict[str, shapely.Geometry]
+) -> list[tuple[Ring, frozenset[str]]]:
+    """Convex rings with all shared corners, and their labels; most labels first, then by name and place."""
+    import shapely
+
+    outlines = shapely.boundary([box, *obstacles, *regions.values()])
+    faces = shapely.get_parts(shapely.polygonize([shapely.union_all(outlines, grid_size=1.0)]))
+    inside = shapely.point_on_surface(faces)
+    free = _within([box], inside) & ~_within(obstacles, inside)
+    holds = {name: _within([polygon], inside) for name, polygon in regions.items()}
+    found = []
+    for k in np.flatnonzero(free):
+        label = frozenset(name for name, held in holds.items() if held[k])
+        outline, *holes = _rings(faces[k])
+        found += [(_first_corner(ring), label) for ring in convex_parts(outline, holes) if drop_flat(ring)]
+    return sorted(found, key=lambda cell: (-len(cell[1]), sorted(cell[1]), cell[0]))
+
+
+def _within(polygons: Sequence[shapely.Geometry], points: Any) -> BoolArray:
+    """Which ``points`` lie in any of the ``polygons``."""
+    import shapely
+
+    inside = np.zeros(len(points), bool)
+    if len(polygons):
+        inside[shapely.STRtree(polygons).query(points, predicate="intersects")[0]] = True
+    return inside
+
+
+def _doors(rings: Sequence[Ring]) -> IntArray:
+    """Pairs (D, 2) of cells with a common edge: one walks it forth, the other back."""
+    owner = {edge: i for i, ring in enumerate(rings) for edge in edges(ring)}
+    width: dict[tuple[int, int], float] = {}
+    for (a, b), i in owner.items():
+        j = owner.get((b, a), -1)
+        if i < j:
+            width[i, j] = width.get((i, j), 0.0) + math.dist(a, b)
+    doors = sorted(pair for pair, length in width.items() if length > DOOR)
+    return np.array(doors, np.int64).reshape(-1, 2)
+
+
+# --- points -----------------------------------------------------------------------------------------
+
+
+def _size(decomposition: Decomposition) -> float:
+    return float(np.ptp(np.concatenate([*decomposition.cells, *decomposition.obstacles]), axis=0).max())
+
+
+def _covered(decomposition: Decomposition, points: FloatArray) -> BoolArray:
+    """Which points lie in an obstacle, its edges and the seams between its parts included."""
+    covered = np.zeros(len(points), bool)
+    for part in decomposition.obstacles:
+        covered |= slack(part, points) >= 0
+    return covered
+
+
+def _meets(cell: FloatArray, middle: FloatArray, half: FloatArray) -> BoolArray:
+    """Which boxes ``middle`` (B, 2) +- ``half`` (2,) touch a convex cell."""
+    normals, offsets = half_planes(cell)
+    faces = (middle @ normals.T - np.abs(normals) @ half <= offsets).all(axis=1)
+    sides = (middle + half >= cell.min(axis=0)) & (middle - half <= cell.max(axis=0))
+    meets: BoolArray = faces & sides.all(axis=1)
+    return meets
+
+
+def moments(polygon: FloatArray) -> tuple[float, FloatArray]:
+    """Area [m²] and centroid (2,) [m] of a simple polygon, by triangles from its first corner."""
+    spokes = polygon[1:] - polygon[0]
+    twice = spokes[:-1, 0] * spokes[1:, 1] - spokes[:-1, 1] * spokes[1:, 0]
+    centroid = polygon[0] + (twice[:, None] * (spokes[:-1] + spokes[1:])).sum(axis=0) / (3 * twice.sum())
+    return float(twice.sum() / 2), centroid
+
+
+__all__ = [
+    "Locator",
+    "check_mission",
+    "decompose",
+    "graph",
+    "half_planes",
+    "locate",
+    "locator",
+    "moments",
+    "slack",
+]

@@ -1,0 +1,86 @@
+"""Maps drawn at random, to see what a planner does beyond the maps it was made for."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from string import ascii_lowercase
+
+import numpy as np
+from numpy.random import Generator
+
+from pareto_ltl.settings import SceneConfig
+from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.support.errors import ConfigError
+
+TRIES = 20_000  # darts thrown for one place
+CORNERS = (5, 9)  # of a polygon: fewest, one more than most
+
+Circle = tuple[float, float, float]
+
+
+def populated(cfg: SceneConfig) -> SceneConfig:
+    """``cfg`` with the regions and obstacles that ``cfg.random`` asks for, in the units of the scene.
+
+    Discs are thrown until they keep ``gap`` from each other, from the start and from what the scene names;
+    each holds a convex polygon with corners on its rim. Gaps all around leave a way to every region, and the
+    same ``random.seed`` gives the same map.
+
+    Raises
+    ------
+    ConfigError
+        Where they do not fit.
+    """
+    wanted = cfg.random
+    if wanted.regions + wanted.obstacles == 0:
+        return cfg
+    low, high = np.array(cfg.bounds, float)
+    side = float((high - low).min())
+    rng = np.random.default_rng(wanted.seed)
+    circles = _named(cfg)
+    polygons = []
+    for _ in range(wanted.regions + wanted.obstacles):
+        circle = _place(rng, low, high, side, circles, cfg)
+        circles.append(circle)
+        polygons.append(_polygon(rng, circle))
+    names = [name for name in ascii_lowercase if name not in cfg.regions][: wanted.regions]
+    return replace(
+        cfg,
+        regions={**cfg.regions, **dict(zip(names, polygons, strict=False))},
+        obstacles=[*cfg.obstacles, *polygons[wanted.regions :]],
+        random=replace(wanted, regions=0, obstacles=0),
+    )
+
+
+def _named(cfg: SceneConfig) -> list[Circle]:
+    """Discs around the start and around everything that has a place already."""
+    circles: list[Circle] = [(float(cfg.start[0]), float(cfg.start[1]), 0.0)] if cfg.start else []
+    for polygon in (*cfg.regions.values(), *cfg.obstacles):
+        corners = np.array(polygon, float)
+        middle = corners.mean(axis=0)
+        circles.append((*middle, float(np.linalg.norm(corners - middle, axis=1).max())))
+    return circles
+
+
+def _place(
+    rng: Generator, low: FloatArray, high: FloatArray, side: float, circles: list[Circle], cfg: SceneConfig
+) -> Circle:
+    gap, (smallest, largest) = cfg.random.gap * side, cfg.random.radius
+    others = np.array(circles).reshape(-1, 3)
+    for _ in range(TRIES):
+        radius = side * rng.uniform(smallest, largest)
+        middle = rng.uniform(low + radius + gap, high - radius - gap)
+        apart = np.linalg.norm(others[:, :2] - middle, axis=1)
+        if np.all(apart >= others[:, 2] + radius + gap):
+            return float(middle[0]), float(middle[1]), float(radius)
+    raise ConfigError(
+        f"scene.random: {cfg.random.regions} regions and {cfg.random.obstacles} obstacles do not fit the "
+        f"map; ask for fewer, for a smaller scene.random.radius (now {cfg.random.radius}) or gap"
+    )
+
+
+def _polygon(rng: Generator, circle: Circle) -> list[list[float]]:
+    """Corners on the rim, one in each of equal arcs: convex, and never a sliver."""
+    x, y, radius = circle
+    corners = int(rng.integers(*CORNERS))
+    angles = 2 * np.pi * (np.arange(corners) + rng.uniform(0.1, 0.9, corners)) / corners
+    return [[x + radius * float(np.cos(a)), y + radius * float(np.sin(a))] for a in angles]

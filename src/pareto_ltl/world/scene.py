@@ -1,0 +1,45 @@
+"""The map of a mission."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from pareto_ltl.support.arrays import FloatArray, require_shape
+
+
+@dataclass(frozen=True, slots=True)
+class Scene:
+    """A map: where the robot starts, what it must visit and what it must not touch.
+
+    Attributes
+    ----------
+    bounds : (2, 2) float
+        South-west and north-east corner [m].
+    start : (2,) float
+        Position at departure [m].
+    regions : mapping of name to (n, 2) float
+        Regions of interest, simple polygons, counter-clockwise [m].
+    obstacles : tuple of (n, 2) float
+        Simple polygons, counter-clockwise [m].
+    landmarks : tuple of (n, 2) float
+        Convex polygons in which the robot learns its position [m] (fidelity=full).
+    crs : str or None
+        PROJ string of the plane; None for a plane that lies nowhere on Earth.
+    time_zero : str or None
+        Departure, ISO 8601 UTC; times everywhere else are seconds since then.
+    """
+
+    bounds: FloatArray
+    start: FloatArray
+    regions: Mapping[str, FloatArray]
+    obstacles: tuple[FloatArray, ...] = ()
+    crs: str | None = None
+    time_zero: str | None = None
+    landmarks: tuple[FloatArray, ...] = ()
+
+    def __post_init__(self) -> None:
+        require_shape("bounds", self.bounds, 2, 2)
+        require_shape("start", self.start, 2)
+        for polygon in (*self.regions.values(), *self.obstacles, *self.landmarks):
+            require_shape("polygon", polygon, None, 2)

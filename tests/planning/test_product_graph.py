@@ -1,0 +1,102 @@
+"""The product graph, state by state, and the fans that cells are sampled by."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import networkx as nx
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given, settings
+from numpy.random import SeedSequence
+
+from pareto_ltl.kernels.dijkstra import shortest_lead
+from pareto_ltl.planning import growth
+from pareto_ltl.planning import product_graph as guide
+from pareto_ltl.settings import PlannerConfig
+from pareto_ltl.world import cells as workspace
+from problems import KM, box, make_problem, make_scene, two_goals
+from strategies import scenes
+
+some = settings(deadline=None, max_examples=40)
+
+
+def graph_of(problem):
+    return guide.product(problem.decomposition, problem.tables.logic, problem.scene.bounds)
+
+
+@pytest.mark.parametrize("formula", ["F(a & F b)", "!b U a", "F(a & X b)", "F a & F b"])
+def test_edges_follow_doors_and_the_automaton(formula):
+    problem = two_goals(formula)
+    graph, automaton = graph_of(problem), problem.automaton
+    cells, diagonal = len(problem.labels), np.linalg.norm(np.diff(problem.scene.bounds, axis=0))
+    doors = {tuple(d) for d in problem.decomposition.doors.tolist()}
+    doors |= {(j, i) for i, j in doors}
+    net = workspace.graph(problem.decomposition)
+    for q in range(automaton.n_states):
+        for r in range(cells):
+            z = q * cells + r
+            found = {}
+            for e in range(graph.ptr[z], graph.ptr[z + 1]):
+                found[int(graph.head[e])] = graph.metres[e]
+            expected = {}
+            for s in range(cells):
+                then = automaton.step(q, problem.labels[s])
+                if q == automaton.trap or then == automaton.trap:
+                    continue
+                if (r, s) in doors or (r == s and then != q):
+                    far = np.linalg.norm(net.nodes[r]["centroid"] - net.nodes[s]["centroid"]) / diagonal
+                    expected[then * cells + s] = max(far, 1e-3)
+            assert found == pytest.approx(expected)
+
+
+def test_states_weigh_volume_and_urgency():
+    problem = two_goals()
+    graph, cells = graph_of(problem), len(problem.labels)
+    area = np.array([shapely.Polygon(c).area for c in problem.decomposition.cells])
+    for q, distance in enumerate(problem.automaton.distance):
+        rows = slice(q * cells, (q + 1) * cells)
+        np.testing.assert_allclose(graph.volume[rows], area / area.sum())
+        np.testing.assert_allclose(graph.urgency[rows], 1 / (distance + 1))
+        assert np.all(graph.goal[rows] == (distance == 0))
+
+
+def test_the_lead_is_a_run_of_the_automaton_through_doors():
+    problem = two_goals()
+    graph, cells = graph_of(problem), len(problem.labels)
+    none = np.zeros(len(graph.goal), np.int64)
+    start = int(problem.locate(problem.scene.start[None])[0])
+    q = problem.automaton.step(problem.automaton.initial, problem.labels[start])
+    lead = shortest_lead(graph, none, none, q * cells + start)
+    net = nx.Graph(problem.decomposition.doors.tolist())
+    for z, w in pairwise(lead):
+        assert net.has_edge(z % cells, w % cells)
+        assert w // cells == problem.automaton.step(z // cells, problem.labels[w % cells])
+    assert problem.automaton.accepting[lead[-1] // cells]
+
+
+def test_a_label_that_must_be_read_twice_is_an_edge_from_a_cell_to_itself():
+    """F(a & X a): one stays in region a for a step; no door is passed."""
+    problem = make_problem("F(a & X a)", make_scene({"a": box(8, 8, 12, 12)}))
+    assert len(growth.forest(PlannerConfig(trees=2, n_max=400), problem, SeedSequence(0)).accepted) > 0
+
+
+@some
+@given(scenes())
+def test_fans_tile_their_cells(scene):
+    decomposition = workspace.decompose(scene)
+    fans = guide.fans(decomposition)
+    for k, cell in enumerate(decomposition.cells):
+        rows = slice(fans.ptr[k], fans.ptr[k + 1])
+        triangles, whole = shapely.polygons(fans.corner[rows]), shapely.Polygon(cell)
+        areas = shapely.area(triangles)
+        assert areas.sum() == pytest.approx(whole.area, rel=1e-9)
+        assert shapely.union_all(triangles).symmetric_difference(whole).area < 1e-6 * whole.area
+        np.testing.assert_allclose(fans.share[rows], np.cumsum(areas) / areas.sum(), atol=1e-9)
+
+
+def test_fans_of_a_box_are_two_halves():
+    fans = guide.fans(workspace.decompose(make_scene({"a": box(0, 0, 20, 20)}, start=(1, 1))))
+    np.testing.assert_allclose(fans.share, [0.5, 1.0])
+    assert shapely.area(shapely.polygons(fans.corner)).sum() == pytest.approx((20 * KM) ** 2)

@@ -1,0 +1,200 @@
+"""The front against brute force, and the rules by which one path of it is flown."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import combinations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.random import SeedSequence
+
+from pareto_ltl.planning import growth, selection
+from pareto_ltl.planning.problem import evaluate
+from pareto_ltl.planning.records import Front, Objectives, PlannedPath
+from pareto_ltl.settings import PlannerConfig, SelectionConfig
+from pareto_ltl.support.errors import InfeasibleError
+from problems import two_goals
+
+some = settings(deadline=None, max_examples=80)
+grid = st.integers(0, 4).map(float)  # small numbers make ties and repeated rows
+tables = st.lists(st.tuples(grid, grid, grid), min_size=1, max_size=25).map(np.array)
+
+METRE = np.array([0.0, 0.0, 1.0])  # no path is quite without length
+
+
+def dominates(winner, loser):
+    return bool(np.all(winner <= loser) and np.any(winner < loser))
+
+
+def path_of(mission, collision, length, ordered=None, origin=""):
+    """A path that is nothing but its objectives."""
+    objectives = Objectives(length, mission, mission if ordered is None else ordered, collision)
+    empty = np.zeros((1, 2))
+    nowhere = np.zeros(1, np.int64)
+    return PlannedPath(
+        np.zeros(1), empty, np.zeros((1, 2, 2)), nowhere, (frozenset(),), empty[:0], objectives, origin
+    )
+
+
+def front_of(*rows, **how):
+    return selection.front([], [path_of(*row, **how) for row in rows])
+
+
+# --- the front ---------------------------------------------------------------------------------------------
+
+
+@some
+@given(tables)
+def test_every_discarded_row_is_dominated_or_repeated_and_no_kept_row_is(costs):
+    keep = selection.non_dominated(costs)
+    for i, row in enumerate(costs):
+        beaten = any(dominates(other, row) for other in costs)
+        repeated = any(np.array_equal(other, row) for other in costs[:i])
+        assert keep[i] == (not beaten and not repeated)
+
+
+@some
+@given(tables, st.randoms(use_true_random=False))
+def test_the_front_does_not_depend_on_row_order(costs, random):
+    order = list(range(len(costs)))
+    random.shuffle(order)
+    one, other = (costs[rows][selection.non_dominated(costs[rows])] for rows in (range(len(costs)), order))
+    assert sorted(map(tuple, one)) == sorted(map(tuple, other))
+
+
+@some
+@given(tables)
+def test_paths_of_a_front_are_sorted_and_do_not_dominate_one_another(costs):
+    front = selection.front([], [path_of(*row) for row in costs + METRE])
+    rows = [selection.objective_row(p.objectives) for p in front.paths]
+    assert [tuple(row) for row in rows] == sorted(tuple(row) for row in rows)
+    assert not any(dominates(a, b) or dominates(b, a) for a, b in combinations(rows, 2))
+    assert len(front.raw) == len(costs)
+
+
+def test_a_smoothed_path_replaces_what_it_dominates():
+    raw = [path_of(0.1, 0.0, 100.0, origin="tree"), path_of(0.01, 0.0, 150.0, origin="tree")]
+    smoothed = [path_of(0.1, 0.0, 90.0, origin="smoothed"), path_of(0.5, 0.1, 95.0, origin="smoothed")]
+    front = selection.front(smoothed, raw)
+    assert [(p.origin, p.objectives.length) for p in front.paths] == [("tree", 150.0), ("smoothed", 90.0)]
+    assert [o.length for o in front.raw] == [100.0, 150.0]
+    assert front.hypervolume > selection.front([], raw).hypervolume
+
+
+def test_no_paths_are_no_front():
+    with pytest.raises(InfeasibleError, match="no path completes the mission"):
+        selection.front([], [])
+
+
+def test_the_hypervolume_of_two_boxes_is_their_union():
+    """Below the reference (2, 4, 10): boxes 1 x 3 x 5 and 1.5 x 1 x 5 share 1 x 1 x 5 of 80."""
+    rows, reference = np.array([[1.0, 1.0, 5.0], [0.5, 3.0, 5.0]]), np.array([2.0, 4.0, 10.0])
+    assert selection.hypervolume(rows, reference) == pytest.approx((15 + 7.5 - 5) / 80)
+    assert selection.hypervolume(rows[:1], reference) == pytest.approx(15 / 80)
+    assert selection.hypervolume(rows[:0], reference) == 0.0
+
+
+def test_rows_beyond_the_reference_add_no_volume():
+    rows, reference = np.array([[1.0, 3.0], [3.0, 0.0], [0.0, 9.0]]), np.array([2.0, 4.0])
+    assert selection.hypervolume(rows, reference) == pytest.approx(1 * 1 / 8)
+
+
+@some
+@given(tables, tables)
+def test_more_rows_never_make_the_hypervolume_smaller(costs, more):
+    reference = np.array([5.0, 5.0, 5.0])
+    both = np.vstack([costs, more])
+    assert selection.hypervolume(both, reference) >= selection.hypervolume(costs, reference) - 1e-12
+    kept = costs[selection.non_dominated(costs)]
+    assert selection.hypervolume(kept, reference) == pytest.approx(selection.hypervolume(costs, reference))
+
+
+@pytest.fixture(scope="module")
+def planted():
+    problem = two_goals()
+    return problem, growth.forest(PlannerConfig(trees=3, n_max=400), problem, SeedSequence(0))
+
+
+def test_the_front_of_the_trees_holds_every_trade_off_between_risk_and_length(planted):
+    problem, forest = planted
+    rows = selection.accepted_rows(forest)
+    front = selection.tree_front(problem, forest)
+    found = [(p.objectives.mission_risk_paper, p.objectives.length) for p in front]
+    expected = sorted({tuple(r) for r in rows if not any(dominates(s, r) for s in rows)})
+    assert len(expected) > 1
+    np.testing.assert_allclose(found, expected, rtol=1e-9)
+    for path in front:
+        assert problem.automaton.accepting[path.q[-1]]
+        _, j, _, v = path.origin.split()
+        np.testing.assert_array_equal(path.x, forest.trees[int(j)].path(int(v)))
+        again = evaluate(problem, path.x, path.origin)
+        assert again.objectives == path.objectives
+
+
+def test_a_forest_that_completes_nothing_has_no_front(planted):
+    problem, forest = planted
+    assert selection.tree_front(problem, replace(forest, accepted=np.empty((0, 2), np.int64))) == ()
+
+
+# --- the rules ---------------------------------------------------------------------------------------------
+
+CHOICE = (
+    (0.001, 0.02, 300.0),
+    (0.010, 0.01, 200.0),
+    (0.060, 0.03, 150.0),
+    (0.300, 0.00, 120.0),
+)
+
+
+def chosen(front: Front, **settings):
+    o = selection.choose(SelectionConfig(**settings), front).objectives
+    return o.mission_risk_paper, o.collision_risk, o.length
+
+
+def test_priority_takes_the_least_mission_risk_whatever_its_length():
+    assert chosen(front_of(*CHOICE), rule="priority") == CHOICE[0]
+
+
+def test_priority_breaks_ties_by_collisions_then_length():
+    tied = ((0.001, 0.05, 100.0), (0.001, 0.02, 300.0), (0.001, 0.03, 200.0))
+    assert chosen(front_of(*tied), rule="priority") == tied[1]
+
+
+@some
+@given(tables, st.tuples(grid, grid, grid).filter(any))
+def test_weighted_takes_the_least_weighted_sum(costs, weights):
+    front = front_of(*(costs + METRE) / [4, 4, 1])
+    rows = np.array([selection.objective_row(p.objectives) for p in front.paths])
+    sums = rows / [1, 1, rows[:, 2].min()] @ weights
+    found = np.array(chosen(front, rule="weighted", weights=list(weights)))
+    assert found / [1, 1, rows[:, 2].min()] @ weights == pytest.approx(sums.min())
+
+
+def test_weights_on_one_objective_find_its_best():
+    front = front_of(*CHOICE)
+    assert chosen(front, rule="weighted", weights=[1, 0, 0]) == CHOICE[0]
+    assert chosen(front, rule="weighted", weights=[0, 1, 0]) == CHOICE[3]
+    assert chosen(front, rule="weighted", weights=[0, 0, 1]) == CHOICE[3]
+    assert chosen(front, rule="weighted", weights=[10, 0, 1]) == CHOICE[1]
+
+
+def test_threshold_takes_the_shortest_that_is_safe_enough():
+    front = front_of(*CHOICE)
+    assert chosen(front, rule="threshold", alpha=0.05) == CHOICE[1]
+    assert chosen(front, rule="threshold", alpha=0.1) == CHOICE[2]
+    assert chosen(front, rule="threshold", alpha=0.9) == CHOICE[3]
+
+
+def test_threshold_trusts_the_ordered_bound_and_not_the_papers():
+    front = front_of((0.001, 0.0, 100.0), (0.0005, 0.0, 200.0), ordered=0.2)
+    with pytest.raises(InfeasibleError):
+        selection.choose(SelectionConfig(rule="threshold", alpha=0.1), front)
+
+
+def test_a_threshold_that_nothing_keeps_says_what_could_be_kept():
+    expected = r"selection\.alpha = 0\.01; the safest has 0\.02: raise selection\.alpha"
+    with pytest.raises(InfeasibleError, match=expected):
+        selection.choose(SelectionConfig(rule="threshold", alpha=0.01), front_of(*CHOICE))

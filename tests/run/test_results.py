@@ -1,0 +1,282 @@
+"""Results on disk: whole files, the same bytes for the same records, and back again without loss."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+import struct
+import zipfile
+from dataclasses import fields, is_dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+
+from pareto_ltl.planning.records import Forest, Front, Objectives, Plan, PlannedPath, Tree
+from pareto_ltl.run import results as store
+from pareto_ltl.simulation.records import Deployment
+from pareto_ltl.support.errors import DataError
+from pareto_ltl.world.cells import Decomposition
+from pareto_ltl.world.scene import Scene
+
+SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
+EAST = np.array([1.0, 0.0])
+
+
+def same(a: Any, b: Any) -> bool:
+    """Equality of records down to the last bit of their arrays; NaN equals NaN."""
+    if is_dataclass(a):
+        return type(a) is type(b) and all(same(getattr(a, f.name), getattr(b, f.name)) for f in fields(a))
+    if isinstance(a, np.ndarray):
+        return a.dtype == b.dtype and np.array_equal(a, b, equal_nan=a.dtype.kind == "f")
+    if isinstance(a, dict):
+        return a.keys() == b.keys() and all(same(a[key], b[key]) for key in a)
+    if isinstance(a, tuple):
+        return len(a) == len(b) and all(map(same, a, b))
+    return bool(a == b) or (isinstance(a, float) and math.isnan(a) and math.isnan(b))
+
+
+def flight(steps: int = 4, seed: int = 1) -> PlannedPath:
+    rng = np.random.default_rng(seed)
+    half = rng.normal(size=(steps + 1, 2, 2))
+    return PlannedPath(
+        t=1800.0 * np.arange(steps + 1),
+        x=rng.normal(scale=1e5, size=(steps + 1, 2)),
+        cov=half @ half.transpose(0, 2, 1),
+        q=np.arange(steps + 1),
+        label=(frozenset(),) * steps + (frozenset({"b", "a"}),),
+        u=rng.normal(size=(steps, 2)),
+        objectives=Objectives(1234567.891, 1e-17, 0.1 + 0.2, 0.0),
+        origin="tree 3 vertex 1207",
+    )
+
+
+def plan() -> Plan:
+    return Plan(
+        flight(), "F(a & F b)", ("a", "b"), 1800.0, 30.0, 0.05, "paper", "weighted", (0.5, 0.25, 0.25)
+    )
+
+
+def tree(seed: int, nodes: int = 5) -> Tree:
+    rng = np.random.default_rng(seed)
+    return Tree(
+        x=rng.normal(size=(nodes, 2)),
+        parent=np.arange(-1, nodes - 1),
+        step=np.arange(nodes),
+        q=np.zeros(nodes, np.int64),
+        cell=np.ones(nodes, np.int64),
+        length=rng.random(nodes),
+        risk=rng.random((nodes, 2)),
+        swaps=rng.random((3, 2, 4)),
+        beta=rng.random(2),
+        seconds=math.nan,
+        reach={"blocked": 3.0, "extensions": 17.0},
+    )
+
+
+def forest() -> Forest:
+    return Forest(tuple(tree(seed) for seed in range(12)), np.array([[0, 4], [11, 2]]), math.nan)
+
+
+def deployments() -> dict[str, Deployment]:
+    rng = np.random.default_rng(2)
+    x = rng.normal(size=(7, 5, 2))
+    return {
+        law: Deployment(law, x, rng.random(7) < 0.5, rng.random(7) < 0.1)
+        for law in ("coherent", "independent")
+    }
+
+
+def decomposition() -> Decomposition:
+    return Decomposition(
+        cells=(SQUARE, SQUARE + EAST),
+        labels=(frozenset({"b", "a"}), frozenset()),
+        doors=np.array([[0, 1]]),
+        obstacles=(SQUARE + 3 * EAST,),
+        regions={"a": (SQUARE,), "b": (SQUARE,)},
+    )
+
+
+def scene() -> Scene:
+    return Scene(
+        bounds=np.array([[0.0, 0.0], [4.0, 1.0]]),
+        start=np.array([0.1, 1 / 3]),
+        regions={"a": SQUARE, "b": SQUARE},
+        obstacles=(SQUARE + 3 * EAST,),
+        crs=None,
+        time_zero="2018-10-09T00:00:00Z",
+    )
+
+
+RECORDS = {
+    "scene": (scene, store.read_scene),
+    "decomposition": (decomposition, store.read_decomposition),
+    "forest": (forest, store.read_forest),
+    "plan": (plan, store.read_plan),
+    "deployment": (deployments, store.read_deployments),
+}
+FILES = {
+    "scene": "scene.json",
+    "decomposition": "cells.json",
+    "forest": "trees.npz",
+    "plan": "plan.json",
+    "deployment": "deployments.npz",
+}
+
+
+@pytest.mark.parametrize("name", RECORDS)
+def test_a_record_comes_back_bit_by_bit(name: str, tmp_path: Path) -> None:
+    make, read = RECORDS[name]
+    store.Results(tmp_path).save(name, make())
+    assert same(read(tmp_path), make())
+    assert same(read(tmp_path / FILES[name]), make())
+
+
+@pytest.mark.parametrize("name", RECORDS)
+def test_the_same_record_gives_the_same_bytes(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    make, _ = RECORDS[name]
+    store.Results(tmp_path).save(name, make())
+    first = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+    monkeypatch.setattr("time.time", lambda: 2e9)  # another day
+    store.Results(tmp_path).save(name, make())
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == first
+
+
+@pytest.mark.parametrize("name", RECORDS)
+@pytest.mark.parametrize("spoil", ["missing", "cut", "foreign"])
+def test_a_spoilt_file_is_named_in_one_line(name: str, spoil: str, tmp_path: Path) -> None:
+    make, read = RECORDS[name]
+    store.Results(tmp_path).save(name, make())
+    path = tmp_path / FILES[name]
+    if spoil == "missing":
+        path.unlink()
+    elif spoil == "cut":
+        path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+    elif path.suffix == ".json":
+        path.write_text('{"schema": "pareto_ltl.plan/1", "something": "else"}')
+    else:
+        store.write_npz(path, {"some/thing": np.zeros(3)})
+    with pytest.raises(DataError) as caught:
+        read(tmp_path)
+    assert "\n" not in str(caught.value)
+    assert name == "scene" or FILES[name] in str(caught.value)
+
+
+def test_a_plan_of_another_schema_is_refused_by_name(tmp_path: Path) -> None:
+    store.write_plan(tmp_path, plan())
+    path = tmp_path / "plan.json"
+    path.write_text(path.read_text().replace("pareto_ltl.plan/1", "pareto_ltl.plan/9"))
+    with pytest.raises(
+        DataError, match=r"expected a plan of schema 'pareto_ltl.plan/1', found 'pareto_ltl.plan/9'"
+    ):
+        store.read_plan(path)
+
+
+def test_a_plan_with_a_row_too_few_is_refused(tmp_path: Path) -> None:
+    store.write_plan(tmp_path, plan())
+    content = json.loads((tmp_path / "plan.json").read_text())
+    content["u"].pop()
+    (tmp_path / "plan.json").write_text(json.dumps(content))
+    with pytest.raises(DataError, match=r"u must have shape \(4, 2\), got \(3, 2\)"):
+        store.read_plan(tmp_path)
+
+
+def test_the_plan_has_the_keys_of_its_contract(tmp_path: Path) -> None:
+    store.write_plan(tmp_path, plan())
+    content = json.loads((tmp_path / "plan.json").read_text())
+    assert content["schema"] == "pareto_ltl.plan/1"
+    wanted = "formula atoms dt u_max epsilon fidelity t x cov q label u objectives selection"
+    assert set(wanted.split()) <= set(content)
+    assert content["objectives"].keys() == {"length", "mission_risk_paper", "mission_risk", "collision_risk"}
+    assert content["selection"] == {"rule": "weighted", "weights": [0.5, 0.25, 0.25]}
+    assert content["label"][-1] == ["a", "b"]
+
+
+def test_the_table_of_a_plan_says_the_same_as_its_json(tmp_path: Path) -> None:
+    store.write_plan(tmp_path, plan())
+    rows = list(csv.DictReader((tmp_path / "plan.csv").read_text().splitlines()))
+    path = plan().path
+    np.testing.assert_array_equal([[float(r["x_m"]), float(r["y_m"])] for r in rows], path.x)
+    np.testing.assert_array_equal([[float(r["u_x_m_s"]), float(r["u_y_m_s"])] for r in rows[:-1]], path.u)
+    np.testing.assert_array_equal([float(r["cov_xy"]) for r in rows], path.cov[:, 0, 1])
+    assert rows[-1]["u_x_m_s"] == ""
+    assert rows[-1]["label"] == "a b"
+
+
+def test_the_front_lists_every_path_with_its_costs(tmp_path: Path) -> None:
+    paths = (flight(4, 1), replace(flight(6, 2), origin="smoothed, weight 100"))
+    store.write_front(tmp_path, Front(paths, (), 0.5, np.ones(3)))
+    assert store.read_front(tmp_path) == [(path.objectives, path.origin) for path in paths]
+    rows = list(csv.DictReader((tmp_path / "front.csv").read_text().splitlines()))
+    assert [row["steps"] for row in rows] == ["4", "6"]
+
+
+def test_numbers_that_json_lacks_become_null(tmp_path: Path) -> None:
+    store.write_json(tmp_path / "a.json", {"x": math.nan, "y": [math.inf, 1.0], "z": np.array([np.nan, 2.0])})
+    assert json.loads((tmp_path / "a.json").read_text()) == {"x": None, "y": [None, 1.0], "z": [None, 2.0]}
+    assert "NaN" not in (tmp_path / "a.json").read_text()
+
+
+@given(numbers=st.lists(st.floats(allow_nan=False, allow_infinity=False)))
+def test_json_keeps_every_digit_of_a_number(
+    numbers: list[float], tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    path = tmp_path_factory.getbasetemp() / "numbers.json"
+    store.write_json(path, {"numbers": np.array(numbers, float)})
+    back = store.read_json(path)["numbers"]
+    assert [struct.pack("d", n) for n in back] == [struct.pack("d", n) for n in numbers]
+
+
+@given(
+    array=hnp.arrays(
+        st.sampled_from([np.float64, np.int64, np.bool_]),
+        hnp.array_shapes(min_dims=0, max_dims=3, min_side=0),
+    )
+)
+def test_archives_are_what_numpy_reads(array: Any, tmp_path_factory: pytest.TempPathFactory) -> None:
+    path = tmp_path_factory.getbasetemp() / "arrays.npz"
+    store.write_npz(path, {"b/second": array, "a": np.arange(3)})
+    with np.load(path) as archive:
+        assert archive.files == ["a", "b/second"]
+        np.testing.assert_array_equal(archive["b/second"], array)
+    with zipfile.ZipFile(path) as zipped:
+        assert {entry.date_time for entry in zipped.infolist()} == {(1980, 1, 1, 0, 0, 0)}
+
+
+def test_the_order_of_arrays_does_not_change_an_archive(tmp_path: Path) -> None:
+    a, b = np.arange(3), np.eye(2)
+    store.write_npz(tmp_path / "one.npz", {"a": a, "b": b})
+    store.write_npz(tmp_path / "two.npz", {"b": b, "a": a})
+    assert (tmp_path / "one.npz").read_bytes() == (tmp_path / "two.npz").read_bytes()
+
+
+def _write_half(path: Path) -> None:
+    with store.whole(path) as draft:
+        draft.write_text("half of ")
+        raise TypeError
+
+
+def test_a_write_that_fails_leaves_the_old_file_and_nothing_else(tmp_path: Path) -> None:
+    store.write_json(tmp_path / "a.json", {"x": 1})
+    with pytest.raises(TypeError):
+        store.write_json(tmp_path / "a.json", {"x": object()})
+    with pytest.raises(TypeError):
+        _write_half(tmp_path / "a.json")
+    assert [path.name for path in tmp_path.iterdir()] == ["a.json"]
+    assert store.read_json(tmp_path / "a.json") == {"x": 1}
+
+
+def test_metrics_are_what_says_that_a_run_is_done(tmp_path: Path) -> None:
+    results = store.Results(tmp_path)
+    assert not results.done
+    store.write_json(tmp_path / "metrics.json", {"completed": 1.0, "gp_z_sd": math.nan})
+    assert results.done
+    assert results.metrics["completed"] == 1.0
+    assert math.isnan(results.metrics["gp_z_sd"])

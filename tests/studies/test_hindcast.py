@@ -1,0 +1,245 @@
+"""Hindcasts: full fields in the plane of a scene, random missions, promises held against what happened."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+import shapely
+
+import small_study
+from noaa import NOAA, needs_noaa
+from pareto_ltl.cli import hydra_app as app
+from pareto_ltl.settings import HindcastConfig, WindConfig
+from pareto_ltl.simulation.flights import clopper_pearson
+from pareto_ltl.studies import hindcast
+from pareto_ltl.studies import random_missions as missions
+from pareto_ltl.studies import true_fields as nature
+from pareto_ltl.support.errors import ConfigError, DataError
+from pareto_ltl.wind import sources
+from pareto_ltl.wind.readings import Readings, iso
+from pareto_ltl.wind.records import WindField
+from pareto_ltl.world import projection
+from pareto_ltl.world.scene import Scene
+
+START = 1.5e9
+LON, LAT = (a.ravel() for a in np.meshgrid(np.arange(0.0, 360.0), np.arange(90.0, -91.0, -1.0)))
+
+
+def readings(hours=(0, 3, 6, 9), lonlat=None, winds=None) -> Readings:
+    """Global one-degree fields by default, a plane wave of wind that drifts with time."""
+    nodes = np.stack([LON, LAT], -1) if lonlat is None else lonlat
+    east = np.deg2rad(nodes[:, 0])
+    table = winds or [
+        np.stack([3 * np.cos(east + h), np.sin(np.deg2rad(nodes[:, 1])) + h], -1) for h in hours
+    ]
+    count = len(hours)
+    return Readings(
+        START + 3600.0 * np.array(hours),
+        (nodes,) * count,
+        tuple(table),
+        True,
+        (Path("made"),),
+        ("",) * count,
+        ((Path("made"),),) * count,
+    )
+
+
+def scene(lat=40.0, lon=-100.0, side=600e3) -> Scene:
+    bounds = side / 2 * np.array([[-1.0, -1.0], [1.0, 1.0]])
+    return Scene(bounds, np.zeros(2), {}, (), projection.plane(lat, lon), iso(START))
+
+
+# --- full fields -----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("middle", [-179.9, -100.0, 0.1, 90.0, 180.0])
+def test_a_bilinear_field_is_read_exactly_wherever_the_grid_wraps(middle: float) -> None:
+    lon0, lat0 = round(middle), 40
+    nodes = np.stack([LON, LAT], -1)
+    east = (nodes[:, 0] - lon0 + 180) % 360 - 180
+    winds = np.stack([2 + 0.1 * east + 0.01 * east * (nodes[:, 1] - lat0), nodes[:, 1]], -1)
+    rng = np.random.default_rng(1)
+    lon, lat = lon0 + rng.uniform(-5, 5, 50), lat0 + rng.uniform(-5, 5, 50)
+    found = nature.interpolated(nodes, winds, (lon + 180) % 360 - 180, lat, middle)
+    expected = np.stack([2 + 0.1 * (lon - lon0) + 0.01 * (lon - lon0) * (lat - lat0), lat], -1)
+    np.testing.assert_allclose(found, expected, atol=1e-9)
+
+
+def test_a_linear_field_on_scattered_nodes_is_read_exactly() -> None:
+    rng = np.random.default_rng(2)
+    nodes = rng.uniform([-110, 30], [-90, 50], (200, 2))
+    winds = nodes @ np.array([[0.3, -0.2], [0.1, 0.4]])
+    lon, lat = rng.uniform(-105, -95, 30), rng.uniform(36, 44, 30)
+    found = nature.interpolated(nodes, winds, lon, lat, -100.0)
+    np.testing.assert_allclose(
+        found, np.stack([lon, lat], -1) @ np.array([[0.3, -0.2], [0.1, 0.4]]), atol=1e-9
+    )
+
+
+def test_fields_are_turned_into_the_plane_as_readings_are() -> None:
+    full, here = readings(), scene()
+    near = np.abs(full.points[0][:, 0] - 260) + np.abs(full.points[0][:, 1] - 40) < 5
+    nodes, winds = full.points[1][near], full.winds[1][near]
+    points, turned = sources._project(str(here.crs), np.zeros(2), nodes, winds)
+    found = nature.at_times(full, here, np.array([10800.0]), points)[0]
+    np.testing.assert_allclose(found, turned, atol=1e-6)
+    assert np.abs(found - winds).max() > 0.01  # the turn is visible
+
+
+def test_the_real_wind_has_gusts_and_no_other_doubt() -> None:
+    full, here = readings(), scene()
+    times = np.array([0.0, 10800.0])
+    shape = (2, 3, 3, 2)
+    believed = WindField(
+        np.full(2, -4e5), 4e5, times, np.zeros(shape), np.ones(shape), np.array([[1.0, 4.0], [2.0, 3.0]])
+    )
+    real = nature.real_wind(HindcastConfig(gusts=0.5), WindConfig(), full, here, believed)
+    assert not real.latent_var.any()
+    np.testing.assert_allclose(real.gust_var, 0.25 * believed.gust_var)
+    i, j = 4, 7
+    node = real.origin + real.spacing * np.array([[i, j]])
+    np.testing.assert_allclose(real.mean[:, i, j], nature.at_times(full, here, times, node)[:, 0])
+
+
+def test_fields_that_do_not_reach_the_scene_are_refused() -> None:
+    nodes = np.stack(np.meshgrid(np.arange(-80.0, -69.0), np.arange(30.0, 41.0)), -1).reshape(-1, 2)
+    part = readings(hours=(0,), lonlat=nodes, winds=[np.ones((len(nodes), 2))])
+    with pytest.raises(DataError, match="do not cover the scene around longitude -100"):
+        nature.at_times(part, scene(), np.zeros(1), np.zeros((1, 2)))
+
+
+def test_spells_end_where_fields_are_missing() -> None:
+    full = readings(hours=(0, 3, 6, 24, 27, 30, 33))
+    cfg = HindcastConfig(hours=6.0, max_gap=6.0)
+    assert [(spell.first, spell.last) for spell in nature.spells(full, cfg)] == [(0, 2), (3, 6)]
+    assert [(s.first, s.last) for s in nature.spells(full, replace(cfg, hours=9.0))] == [(3, 6)]
+    with pytest.raises(DataError, match=r"no spell of 12 h .* longest has 9 h"):
+        nature.spells(full, replace(cfg, hours=12.0))
+
+
+def test_folders_of_full_fields_are_checked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(ConfigError, match="no such folder"):
+        nature.folder(HindcastConfig(truth=str(tmp_path / "none")))
+    with pytest.raises(DataError, match="holds no GRIB2 file"):
+        hindcast.full_fields(None, tmp_path)
+    monkeypatch.setattr(nature, "checkout", lambda: None)
+    with pytest.raises(ConfigError, match=r"hindcast\.truth is missing"):
+        nature.folder(HindcastConfig())
+
+
+# --- missions --------------------------------------------------------------------------------
+
+SPELLS = tuple(nature.spells(readings(hours=tuple(range(0, 40, 3))), HindcastConfig()))
+
+
+@pytest.mark.parametrize("number", range(12))
+def test_a_mission_keeps_its_shapes_apart_and_its_flight_within_the_wind(number: int) -> None:
+    cfg = HindcastConfig()
+    task = missions.mission(cfg, 0, number, SPELLS)
+    (west, south), (east, north) = task.scene.bounds
+    side = east - west
+    frame = shapely.box(west, south, east, north)
+    shapes = [shapely.Polygon(p) for p in (*task.scene.regions.values(), *task.scene.obstacles)]
+    shapes.append(shapely.Point(task.scene.start))
+    assert set(task.scene.regions) == {"a", "b", "c"}
+    assert cfg.obstacles[0] <= len(task.scene.obstacles) <= cfg.obstacles[1]
+    assert cfg.side[0] <= side <= cfg.side[1]
+    for k, shape in enumerate(shapes):
+        assert frame.contains(shape)
+        assert all(shape.distance(other) >= 0.049 * side for other in shapes[:k])
+    for polygon in shapes[:-1]:
+        assert polygon.exterior.is_ccw
+        assert polygon.convex_hull.area == pytest.approx(polygon.area)
+    assert shapely.contains_xy(shapely.Polygon(cfg.area), task.longitude, task.latitude)
+    assert task.formula in cfg.formulas
+    leaves = nature.seconds(str(task.scene.time_zero))
+    assert task.spell.start <= leaves <= task.spell.end - 3600 * cfg.hours
+
+
+def test_a_mission_does_not_depend_on_how_many_there_are() -> None:
+    one, again = (missions.mission(HindcastConfig(missions=n), 4, 7, SPELLS) for n in (8, 80))
+    np.testing.assert_array_equal(one.scene.start, again.scene.start)
+    assert one.formula == again.formula
+    other = missions.mission(HindcastConfig(), 5, 7, SPELLS)
+    assert not np.array_equal(one.scene.start, other.scene.start)
+
+
+# --- promises --------------------------------------------------------------------------------
+
+
+def plan(mission: int, promised: float, failure: float) -> dict[str, float | str]:
+    return {"mission": mission, "fidelity": "paper", "bound_paper": promised, "failure": failure}
+
+
+def test_groups_are_of_equal_size_and_ordered_by_promise() -> None:
+    rng = np.random.default_rng(3)
+    rows = [plan(k, p, float(rng.uniform())) for k, p in enumerate(rng.uniform(size=20))]
+    groups = hindcast.reliability(rows, 4)
+    assert [group["plans"] for group in groups] == [5, 5, 5, 5]
+    ends = [(group["promised_least"], group["promised_most"]) for group in groups]
+    assert all(a[1] <= b[0] for a, b in pairwise(ends))
+    for group in groups:
+        assert group["promised_least"] <= group["promised"] <= group["promised_most"]
+    mean = np.mean([row["failure"] for row in rows])
+    assert np.mean([group["realised"] for group in groups]) == pytest.approx(mean)
+
+
+def test_a_mission_is_one_trial_however_many_plans_it_has() -> None:
+    rows = [plan(0, 0.1, 1.0), plan(0, 0.1, 0.0), plan(0, 0.1, 0.5), plan(1, 0.1, 0.5)]
+    (group,) = hindcast.reliability(rows, 1)
+    assert (group["plans"], group["missions"], group["realised"]) == (4, 2, 0.5)
+    assert (group["realised_low"], group["realised_high"]) == clopper_pearson(1, 2)
+
+
+def test_the_brier_score_is_least_for_the_true_probability() -> None:
+    scores = {p: hindcast.scorecard([plan(k, p, 0.3) for k in range(4)])[0]["brier"] for p in (0.1, 0.3, 0.5)}
+    assert scores[0.3] == pytest.approx(0.3 * 0.7)
+    assert scores[0.3] < min(scores[0.1], scores[0.5])
+
+
+def test_a_front_is_flown_from_its_safest_to_its_shortest() -> None:
+    from pareto_ltl.studies.planning import Workshop
+
+    cfg = small_study.settings()
+    front = Workshop(cfg, small_study.world(cfg)).make("front")
+    chosen = hindcast.picked(front, 3)
+    assert chosen[0] is front.paths[0]
+    assert chosen[-1] is front.paths[-1]
+    assert len(hindcast.picked(front, 10_000)) == len(front.paths)
+
+
+@needs_noaa
+def test_a_hindcast_of_real_fields_from_the_command_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    command = [
+        "pipelines=hindcast",
+        "hindcast.missions=2",
+        "hindcast.side=[300000.0,400000.0]",
+        "planner.trees=4",
+        "planner.n_max=1500",
+        "smoothing=none",
+        "deployment.runs=50",
+        "evaluation.jobs=1",
+        "report.dpi=40",
+        f"hindcast.truth={NOAA / 'gfs_1p00_10m'}",
+        "hydra.run.dir=out",
+    ]
+    assert app.main(command) == 0
+    metrics = json.loads(Path("out/metrics.json").read_text())
+    assert metrics["missions"] == 2.0
+    assert metrics["plans"] >= 1
+    assert 0.4 < metrics["z_sd"] < 2.0
+    assert 0.6 < metrics["coverage_90"] <= 1.0
+    tables = sorted(Path("out").glob("readings_*.csv"))
+    assert len(tables) == 2  # two spells of weather
+    lines = tables[0].read_text().splitlines()
+    assert len(lines) == 1 + 14 * HindcastConfig().points
+    for name in ("hindcast.csv", "reliability.csv", "scorecard.csv", "figures/reliability_paper.png"):
+        assert (Path("out") / name).stat().st_size > 0

@@ -1,0 +1,526 @@
+"""Sweeps: every job once, whatever is killed, and one table at the end."""
+
+from __future__ import annotations
+
+import csv
+import json
+import signal
+import statistics
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Sequence
+from html.parser import HTMLParser
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.stats import binomtest
+
+from pareto_ltl import settings as config
+from pareto_ltl.cli import hydra_app as app
+from pareto_ltl.cli.sweep import main as command
+from pareto_ltl.run import provenance
+from pareto_ltl.run.results import write_json
+from pareto_ltl.settings import Settings
+from pareto_ltl.studies.sweeps import conduct, jobs, manifest, page, summary, table
+from pareto_ltl.studies.sweeps.jobs import State
+from pareto_ltl.studies.sweeps.manifest import Figure, Manifest, Point
+from pareto_ltl.support import locks
+from pareto_ltl.support.errors import ConfigError, DataError
+from pareto_ltl.support.resources import choices
+
+FAULTS = Path(__file__).parents[1] / "faults"
+PLACE = Path("multirun/plan")
+SMALL = (
+    "+experiment=phi1", "name=plan", "wind=calm", "planner.trees=2", "planner.n_max=600", "smoothing=none",
+    "deployment.runs=20", "report=none",
+)  # fmt: skip
+PLANNED = "pipelines.stages=[trouble,decomposition,automaton,observations,wind,forest,front,plan,deployment]"
+
+
+@pytest.fixture
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.fixture
+def asked(here: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The folder that tells stage ``trouble`` of other processes what to do."""
+    folder = here / "asked"
+    folder.mkdir()
+    monkeypatch.setenv("TROUBLE", str(folder))
+    monkeypatch.setenv("PYTHONPATH", str(FAULTS))
+    return folder
+
+
+def start(*argv: str) -> subprocess.Popen[str]:
+    words = [sys.executable, "-m", "pareto_ltl", "-m", *argv]
+    return subprocess.Popen(
+        words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
+    )
+
+
+def sweep(*argv: str) -> subprocess.CompletedProcess[str]:
+    with start(*argv) as process:
+        out, err = process.communicate(timeout=300)
+    return subprocess.CompletedProcess(argv, process.returncode, out, err)
+
+
+def csv_rows(path: Path) -> list[dict[str, str]]:
+    with path.open(newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def statuses(place: Path = PLACE) -> dict[str, str]:
+    return {row["seed"]: row["status"] for row in csv_rows(place / "summary.csv")}
+
+
+def begun(asked: Path) -> list[str]:
+    return sorted((asked / "begun.txt").read_text().split())
+
+
+def until(true: Callable[[], bool], seconds: float = 120.0) -> None:
+    end = time.monotonic() + seconds
+    while not true():
+        assert time.monotonic() < end
+        time.sleep(0.02)
+
+
+TROUBLED = (
+    "pipelines.stages=[trouble]",
+    "seed=range(0,6)",
+    "hydra/launcher=joblib",
+    "hydra.launcher.n_jobs=2",
+)
+
+
+# --- whole sweeps, in processes of their own ---------------------------------------------------
+
+
+def test_a_launcher_killed_in_the_middle_and_started_again_gives_the_same_summary(asked: Path) -> None:
+    argv = (*SMALL, PLANNED, "seed=range(0,5)", "hydra/launcher=joblib", "hydra.launcher.n_jobs=2")
+    (asked / "slow").touch()
+    with start(*argv) as process:
+        until(lambda: len(list(PLACE.glob("*/metrics.json"))) >= 2)
+        process.kill()
+    assert len(list(PLACE.glob("*/metrics.json"))) < 5
+    again = sweep(*argv)
+    assert again.returncode == 0, again.stderr
+    assert "of 5 have their answers already" in again.stdout
+    undisturbed = sweep(*argv, "hydra.sweep.dir=undisturbed")
+    assert undisturbed.returncode == 0, undisturbed.stderr
+    whole = Path("undisturbed/summary.csv").read_bytes()
+    assert (PLACE / "summary.csv").read_bytes() == whole
+    assert whole.count(b",ok,,1.0,") == 5
+    for job in Path("undisturbed").glob("*/plan.json"):
+        assert (PLACE / job.parent.name / "plan.json").read_bytes() == job.read_bytes()
+
+
+def test_half_the_jobs_killed_once_are_run_again_by_the_same_command(asked: Path) -> None:
+    for seed in (1, 3, 5):
+        (asked / f"kill_{seed}").touch()
+    done = sweep(*TROUBLED)
+    assert done.returncode == 0, done.stderr
+    assert set(statuses().values()) == {"ok"}
+    assert "were killed; going on with the others" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_a_job_that_kills_its_process_every_time_is_given_up_and_the_others_are_done(asked: Path) -> None:
+    (asked / "kill_always_2").touch()
+    done = sweep(*TROUBLED)
+    assert done.returncode == 2
+    assert statuses() == {str(seed): "failed" if seed == 2 else "ok" for seed in range(6)}
+    (row,) = (row for row in csv_rows(PLACE / "summary.csv") if row["seed"] == "2")
+    assert "killed" in row["error"]
+    assert begun(asked).count("2") <= 3
+
+    (asked / "kill_always_2").unlink()  # more memory, say: the same command does what is missing
+    (asked / "begun.txt").unlink()
+    assert sweep(*TROUBLED).returncode == 0
+    assert begun(asked) == ["2"]
+
+
+def test_a_full_disk_an_infeasible_job_and_a_damaged_result_leave_the_others_alone(asked: Path) -> None:
+    (asked / "full_1").touch()
+    (asked / "none_4").touch()
+    argv = [word for word in TROUBLED if "launcher" not in word]  # one after the other, in one process
+    done = sweep(*argv)
+    assert done.returncode == 2
+    assert "No space left on device" in done.stderr
+    expected = {str(seed): "ok" for seed in range(6)} | {"1": "failed", "4": "infeasible"}
+    assert statuses() == expected
+
+    (asked / "full_1").unlink()
+    (asked / "begun.txt").unlink()
+    broken = next(path for path in PLACE.glob("*/metrics.json"))
+    seed = json.loads((broken.parent / "run.json").read_text())["seed"]
+    broken.write_text('{"completed": 1')
+    assert command([str(PLACE)]) == 0
+    assert statuses()[str(seed)] == "failed"
+    assert sweep(*argv).returncode == 0  # that there is no plan is an answer
+    assert begun(asked) == sorted(["1", str(seed)])
+    assert statuses() == expected | {"1": "ok"}
+
+
+def test_the_same_sweep_started_twice_at_once_is_done_once(asked: Path) -> None:
+    (asked / "slow").touch()
+    with start(*TROUBLED) as first:
+        until(lambda: (asked / "begun.txt").exists())
+        second = sweep(*TROUBLED)
+        _, err = first.communicate(timeout=120)
+    assert first.returncode == 0, err
+    assert second.returncode == 2
+    assert second.stderr.count("\n") == 1
+    assert f"a sweep is at work in {PLACE} already (process {first.pid}" in second.stderr
+    assert begun(asked) == [str(seed) for seed in range(6)]
+
+
+def test_two_sweeps_into_one_folder_do_not_mix(asked: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    base = "pipelines.stages=[trouble]"
+    assert sweep(base, "seed=0,1").returncode == 0
+    older = (PLACE / "summary.csv").read_bytes()
+    key = json.loads((PLACE / "sweep.json").read_text())["sweep"]
+    assert sweep(base, "seed=1,2,3").returncode == 0
+    assert sorted(statuses()) == ["1", "2", "3"]
+    assert begun(asked) == ["0", "1", "2", "3"]  # what both have in common is done once
+    assert command([str(PLACE), "--sweep", key]) == 0
+    assert (PLACE / "sweeps" / key / "summary.csv").read_bytes() == older
+    assert command([str(PLACE), "--sweep", "elsewhere"]) == 2
+    assert key in capsys.readouterr().err
+
+
+def test_submitit_runs_the_same_sweep(asked: Path) -> None:
+    argv = ("pipelines.stages=[trouble]", "seed=0,1,2")
+    assert sweep(*argv).returncode == 0
+    done = sweep(*argv, "hydra/launcher=submitit_local", "hydra.sweep.dir=cluster")
+    assert done.returncode == 0, done.stderr
+    assert Path("cluster/summary.csv").read_bytes() == (PLACE / "summary.csv").read_bytes()
+    records = [json.loads(path.read_text()) for path in Path("cluster").glob("*/run.json")]
+    assert {record["threads"] for record in records} == {1}
+    assert len({record["pid"] for record in records}) == 3
+
+
+def test_submitit_waits_for_all_jobs_when_one_is_killed_and_runs_that_one_again(asked: Path) -> None:
+    (asked / "kill_0").touch()
+    (asked / "slow").touch()
+    argv = ("pipelines.stages=[trouble]", "seed=0,1", "hydra/launcher=submitit_local")
+    done = sweep(*argv, "hydra.sweeper.max_batch_size=2")
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert set(statuses().values()) == {"ok"}
+    assert begun(asked) == ["0", "0", "1"]  # nothing that was at work was started anew
+
+
+def test_a_point_in_the_middle_that_cannot_be_stops_the_sweep_before_its_first_job(
+    here: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert app.main(["-m", "+experiment=phi1", "planner.n_max=100,1,200"]) == 2
+    assert "planner.n_max must be at least 2, got 1" in capsys.readouterr().err
+    assert list(here.iterdir()) == []
+
+
+def test_a_figure_by_what_is_not_varied_stops_the_sweep_before_its_first_job(
+    here: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert app.main(["-m", "+experiment=phi1", "seed=0,1", "sweep.by=planner.n_max"]) == 2
+    assert "sweep.by=planner.n_max is no setting that this sweep varies; there are seed" in (
+        capsys.readouterr().err
+    )
+    assert list(here.iterdir()) == []
+
+
+def test_a_ready_sweep_without_its_flag_is_refused(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert app.main(["+experiment=phi1", "+sweep=seeds"]) == 2
+    assert "a sweep over seed=range(0,20): add -m to run it" in capsys.readouterr().err
+    assert list(here.iterdir()) == []
+
+
+@pytest.mark.parametrize("name", choices("sweep"))
+def test_every_ready_sweep_composes_with_a_mission(name: str) -> None:
+    app.register()
+    app.validate(app.parse(["-m", "+experiment=phi2", f"+sweep={name}"]))
+
+
+def test_a_launcher_that_is_not_installed_is_named_with_its_extra(
+    here: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(app, "find_spec", lambda name: None)
+    assert app.main(["-m", "+experiment=phi1", "seed=0,1", "hydra/launcher=joblib"]) == 2
+    assert "pip install 'pareto-ltl[sweep]'" in capsys.readouterr().err
+
+
+# --- one job ---------------------------------------------------------------------------------
+
+
+def answer(directory: Path, **changes: Any) -> Path:
+    """A directory as a run leaves it."""
+    directory.mkdir(parents=True, exist_ok=True)
+    record = {
+        "status": "ok",
+        "error": None,
+        "measured": True,
+        "config_hash": directory.name + "0" * 48,
+        "inputs": {},
+        "overrides": [],
+    }
+    write_json(directory / "run.json", record | changes)
+    write_json(directory / "metrics.json", {"completed": 1.0, "run_seconds": 2.0})
+    return directory
+
+
+def test_an_answer_counts_only_while_its_code_settings_and_inputs_are_the_same(tmp_path: Path) -> None:
+    wind = tmp_path / "wind.csv"
+    wind.write_text("one")
+    inputs = provenance.file_hashes([wind])
+    assert jobs.settled(answer(tmp_path / ("a" * 16), inputs=inputs))
+    assert not jobs.settled(answer(tmp_path / ("b" * 16), config_hash="c" * 64))
+    wind.write_text("another")
+    assert not jobs.settled(tmp_path / ("a" * 16))
+    wind.unlink()
+    assert not jobs.settled(tmp_path / ("a" * 16))
+
+
+@pytest.mark.parametrize("text", ["", "[]", "{", '{"completed": "yes"}', '{"length_m": 1.0}'])
+def test_damaged_metrics_are_no_answer(text: str, tmp_path: Path) -> None:
+    place = answer(tmp_path / "job")
+    assert jobs.settled(place)
+    (place / "metrics.json").write_text(text)
+    assert jobs.look(place).status == "failed"
+    assert not jobs.settled(place)
+
+
+def test_a_job_that_says_it_runs_is_believed_only_while_its_process_lives(tmp_path: Path) -> None:
+    place = answer(tmp_path / "job", status="running")
+    (place / "metrics.json").unlink()
+    code = (
+        "import sys, time\nfrom pathlib import Path\nfrom pareto_ltl.support import locks\n"
+        "with locks.held(Path(sys.argv[1])):\n    print('held', flush=True)\n    time.sleep(60)\n"
+    )
+    words = [sys.executable, "-c", code, str(place / jobs.LOCK)]
+    with subprocess.Popen(words, stdout=subprocess.PIPE, text=True) as other:
+        assert other.stdout is not None
+        assert other.stdout.readline() == "held\n"
+        assert jobs.look(place).status == "running"
+        with pytest.raises(locks.TakenError), locks.held(place / jobs.LOCK, wait=False):
+            pass
+        other.send_signal(signal.SIGKILL)
+        other.wait()
+    assert jobs.look(place) == State("failed", jobs.KILLED, record=jobs.look(place).record)
+
+
+def test_a_job_is_done_once_and_what_a_killed_one_left_is_cleared(tmp_path: Path) -> None:
+    place = tmp_path / ("d" * 16)
+    place.mkdir()
+    (place / ".123.plan.json").write_text("half")
+    (place / "run.log").write_text("of the first attempt")
+    assert jobs.once(place, lambda: answer(place))
+    assert not (place / ".123.plan.json").exists()
+    assert (place / "run.log").exists()
+    assert not jobs.once(place, lambda: pytest.fail("done again"))
+    assert jobs.once(place, lambda: answer(place), resume=False)
+
+
+def test_the_name_of_a_job_is_the_fingerprint_that_its_run_records(asked: Path) -> None:
+    names = (
+        "pipelines.stages=[trouble]",
+        "+experiment=phi1,phi2",
+        "planner=quick,dense",
+        "robot.dt=900,1800.0",
+    )
+    done = sweep(*names, "name=plan", "seed=3", "planner.epsilon=0.02")
+    assert done.returncode == 0, done.stderr
+    points = manifest.read(PLACE).points
+    assert len(points) == 8
+    for point in points:
+        record = json.loads((PLACE / point.job / "run.json").read_text())
+        assert record["config_hash"].startswith(point.job)
+        assert set(record["overrides"]) >= {f"planner={point.overrides['planner']}", "seed=3"}
+
+
+def test_what_no_result_depends_on_changes_no_fingerprint() -> None:
+    one, two = Settings(), Settings()
+    two.sweep.x, two.sweep.resume, two.planner.threads = "seed", False, 7
+    assert provenance.config_hash(one) == provenance.config_hash(two)
+
+
+# --- launches that break -----------------------------------------------------------------------
+
+
+def conducted(
+    place: Path, bad: set[int], break_with: Callable[[Path], None]
+) -> tuple[list[int], dict[str, str]]:
+    """Conduct eight points with a launcher that stops at the first bad one; points launched, given up."""
+    points = [Point(str(i), {}) for i in range(8)]
+    launched: list[int] = []
+
+    def launch(batch: Sequence[Point]) -> None:
+        for point in batch:
+            launched.append(int(point.job))
+            if int(point.job) in bad:
+                break_with(place / point.job)
+                raise OSError("the launcher broke")
+            answer(place / point.job)
+
+    conductor = conduct.Conductor(place, launch, lambda line: None)
+    conductor.conduct(points)
+    return launched, conductor.given_up
+
+
+def test_every_good_job_is_done_whichever_bad_ones_break_their_launch(tmp_path: Path) -> None:
+    for case, bad in enumerate([set(), {0}, {7}, {3, 4}, {0, 2, 4, 6}, set(range(8))]):
+        for kind, leave in {
+            "silent": lambda _: None,
+            "killed": lambda d: answer(d, status="running"),
+        }.items():
+            place = tmp_path / f"{case}{kind}"
+            place.mkdir()
+            launched, given_up = conducted(place, bad, leave)
+            assert set(given_up) == {str(i) for i in bad}
+            for i in range(8):
+                state = jobs.look(place / str(i))
+                assert state.status == ("failed" if i in bad else "ok")
+            assert max(map(launched.count, range(8))) <= 5  # halving eight
+
+
+# --- the table -------------------------------------------------------------------------------
+
+
+def made(place: Path, runs: int = 200) -> Manifest:
+    """A sweep of two settings and five seeds; the last seed of the second setting failed."""
+    rng = np.random.default_rng(0)
+    points = []
+    for n_max in (100, 1000):
+        for seed in range(5):
+            point = Point(f"{n_max}x{seed}", {"planner.n_max": str(n_max), "seed": str(seed)})
+            points.append(point)
+            directory = answer(place / point.job)
+            failures = int(rng.integers(0, 6))
+            write_json(
+                directory / "metrics.json",
+                {"completed": 1.0, "length_m": 1e6 + float(rng.normal()), "runs_independent": float(runs),
+                 "failure_independent": failures / runs, "mission_failure_independent": 0.0,
+                 "collision_independent": failures / runs, "run_seconds": float(rng.uniform()),
+                 "nodes_per_second": None, "memory_mib": 300.0},
+            )  # fmt: skip
+    answer(place / points[-1].job, status="failed", error="<b>no</b> wind & no way")
+    found = Manifest(tuple(points), ("planner.n_max", "seed"), ("+experiment=phi1",))
+    found.write(place)
+    return found
+
+
+def test_rates_are_pooled_over_seeds_with_the_exact_interval(tmp_path: Path) -> None:
+    rows = table.rows(tmp_path, made(tmp_path))
+    first, second = table.groups(rows)
+    assert first.overrides == {"planner.n_max": "100"}
+    assert (first.counts, second.counts) == ({"ok": 5}, {"ok": 4, "failed": 1})
+    for group, members in ((first, rows[:5]), (second, rows[5:9])):
+        failures = [round(200 * float(row.state.metrics["failure_independent"] or 0)) for row in members]
+        exact = binomtest(sum(failures), 200 * len(members)).proportion_ci(0.95, "exact")
+        rate = group.rates["failure_independent"]
+        assert (rate["events"], rate["runs"]) == (sum(failures), 200 * len(members))
+        assert [rate["low"], rate["high"]] == pytest.approx([exact.low, exact.high], abs=1e-12)
+        lengths = [float(row.state.metrics["length_m"] or 0) for row in members]
+        quartiles = statistics.quantiles(lengths, n=4, method="inclusive")
+        assert group.quartiles["length_m"] == pytest.approx(quartiles, rel=1e-15)
+
+
+def test_the_summary_tells_results_from_times(tmp_path: Path) -> None:
+    made(tmp_path)
+    summary.build(tmp_path)
+    results, times = (csv_rows(tmp_path / name) for name in ("summary.csv", "timings.csv"))
+    assert list(results[0])[:5] == ["job", "planner.n_max", "seed", "status", "error"]
+    assert not {name for name in results[0] if table.is_clock(name)}
+    assert set(times[0]) == {
+        "job", "planner.n_max", "seed", "status", "run_seconds", "nodes_per_second", "memory_mib"
+    }  # fmt: skip
+    content = json.loads((tmp_path / "summary.json").read_text())
+    assert content["counts"] == {"ok": 9, "failed": 1}
+    assert [job["status"] for job in content["jobs"]] == ["ok"] * 9 + ["failed"]
+    assert all(
+        row["length_m"] == repr(job["metrics"]["length_m"])
+        for row, job in zip(results[:9], content["jobs"][:9], strict=True)
+    )
+
+
+def test_the_table_comes_back_from_the_directories_alone(tmp_path: Path) -> None:
+    for seed in (10, 2, 1):
+        for n_max in (5, 40):
+            words = ["+experiment=phi1", f"seed={seed}", f"planner.n_max={n_max}"]
+            answer(tmp_path / f"job{seed}x{n_max}", overrides=words)
+    found = manifest.read(tmp_path)
+    assert found.swept == ("seed", "planner.n_max")
+    assert found.fixed == ("experiment=phi1",)
+    order = [tuple(point.overrides.values()) for point in found.points]
+    assert order == [(s, n) for s in ("1", "2", "10") for n in ("5", "40")]
+    assert len(summary.build(tmp_path).rows) == 6
+
+
+def test_a_folder_without_jobs_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert command([str(tmp_path)]) == 2
+    assert "holds no jobs" in capsys.readouterr().err
+    assert command([str(tmp_path / "elsewhere")]) == 2
+    assert list(tmp_path.iterdir()) == []
+
+
+class Cells(HTMLParser):
+    def __init__(self) -> None:
+        super().__init__()
+        self.text: list[str] = []
+        self.rows = self.pictures = 0
+        self.fetched: list[str] = []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.rows += tag == "tr"
+        self.pictures += tag == "svg"
+        self.fetched += [str(value) for name, value in attrs if name == "src" or tag in ("link", "img")]
+
+    def handle_data(self, data: str) -> None:
+        self.text.append(data)
+
+
+def test_the_page_shows_every_job_and_takes_no_error_for_markup(tmp_path: Path) -> None:
+    made(tmp_path)
+    summary.build(tmp_path)
+    source = (tmp_path / "summary.html").read_text()
+    cells = Cells()
+    cells.feed(source)
+    assert cells.rows == (1 + 2) + (1 + 10)
+    assert cells.pictures == 1
+    assert "<b>no</b> wind & no way" in cells.text
+    assert cells.fetched == []  # the page is whole without a network
+    assert (tmp_path / "figures" / "failure_independent_over_planner.n_max.png").stat().st_size > 0
+
+
+def test_the_figure_is_chosen_among_the_columns(tmp_path: Path) -> None:
+    made(tmp_path)
+    found = summary.build(tmp_path, figure=Figure("seed", "length_m", "planner.n_max"))
+    drawn = summary.points(found, Figure("seed", "length_m", "planner.n_max"))
+    assert {name: len(points) for name, points in drawn.items()} == {"100": 5, "1000": 4}
+    assert (tmp_path / "figures" / "length_m_over_seed.svg").exists()
+    with pytest.raises(ConfigError, match=r"sweep\.y=colour is not among the columns; there are completed"):
+        summary.build(tmp_path, figure=Figure(y="colour"))
+    assert "<svg" not in (tmp_path / "summary.html").read_text()  # the page is there, without it
+
+
+def test_numbers_keep_the_digits_that_matter() -> None:
+    assert [page.number(v) for v in (0.0, 12.0, 0.00123456, 1826879.93, 3.14159)] == [
+        "0", "12", "0.001235", "1,826,879.9", "3.142",
+    ]  # fmt: skip
+
+
+def test_every_fidelity_and_law_of_the_settings_can_be_swept() -> None:
+    rates = {f"{rate}_{law}" for rate in table.RATES for law in config.LAWS}
+    metrics = dict.fromkeys(rates, 0.5) | {f"runs_{law}": 10.0 for law in config.LAWS}
+    row = table.Row("job", {}, State("ok", metrics=metrics))
+    (group,) = table.groups([row])
+    assert set(group.rates) == rates | {"completed"}
+    assert all(group.rates[name]["events"] == 5 for name in rates)
+
+
+def test_a_manifest_of_another_schema_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "sweep.json").write_text('{"schema": "other/9"}')
+    with pytest.raises(DataError, match="read it with the version"):
+        manifest.read(tmp_path)

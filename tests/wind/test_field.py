@@ -1,0 +1,300 @@
+"""The lattice, its memory between runs, and its file."""
+
+from __future__ import annotations
+
+import logging
+import os
+import subprocess
+import sys
+import textwrap
+
+import numpy as np
+import pytest
+from scipy.interpolate import RegularGridInterpolator
+
+from pareto_ltl.settings import WindConfig
+from pareto_ltl.support.errors import DataError
+from pareto_ltl.wind import field, sources
+from pareto_ltl.wind import gp as regression
+from pareto_ltl.wind.records import WindField, WindObservations
+from pareto_ltl.world import projection
+from pareto_ltl.world.scene import Scene
+
+CONUS = Scene(
+    np.array([[-5e5, -5e5], [5e5, 5e5]]),
+    np.zeros(2),
+    {},
+    (),
+    projection.plane(37.0, -92.0),
+    "2018-10-09T00:00:00Z",
+)
+
+
+@pytest.fixture(autouse=True)
+def cache(tmp_path, monkeypatch):
+    monkeypatch.setenv("PARETO_LTL_CACHE", str(tmp_path / "cache"))
+    field._complain.cache_clear()
+    return tmp_path / "cache"
+
+
+@pytest.fixture(scope="module")
+def sample():
+    return sources.observations(WindConfig(), CONUS)
+
+
+@pytest.fixture(scope="module")
+def few(sample):
+    """Two times are enough to test memory and files."""
+    return WindObservations(sample.times[:2], sample.points[:2], sample.winds[:2], sample.source)
+
+
+@pytest.fixture
+def fits(monkeypatch):
+    """Counts calls of the fit."""
+    calls = []
+    honest = regression.fit
+    monkeypatch.setattr(regression, "fit", lambda *args: calls.append(args) or honest(*args))
+    return calls
+
+
+def corners(wind):
+    nodes = np.array(wind.mean.shape[1:3]) - 1
+    return wind.origin, wind.origin + wind.spacing * nodes
+
+
+# --- the lattice
+
+
+@pytest.mark.parametrize(("width", "height"), [(1e6, 1e6), (3e5, 1e6), (2e4, 1e4), (40.0, 100.0), (3e7, 1e7)])
+def test_the_lattice_covers_the_scene_and_resolves_it(width, height):
+    scene = Scene(np.array([[10.0, 20.0], [10.0 + width, 20.0 + height]]), np.zeros(2), {})
+    cfg = WindConfig()
+    origin, spacing, shape = field.lattice(cfg, scene)
+    end = origin + spacing * (np.array(shape) - 1)
+    padding = min(cfg.padding, max(width, height))
+    assert (origin <= scene.bounds[0] - padding * (1 - 1e-9)).all()
+    assert (end >= scene.bounds[1] + padding * (1 - 1e-9)).all()
+    assert (end - scene.bounds[1] <= padding + spacing).all()
+    assert spacing <= max(width, height) / 20
+    assert max(shape) <= 402
+
+
+def test_the_packaged_missions_get_25_km():
+    origin, spacing, shape = field.lattice(WindConfig(), CONUS)
+    np.testing.assert_array_equal(origin, [-650e3, -650e3])
+    assert (spacing, shape) == (25e3, (53, 53))
+
+
+def test_nodes_hold_the_posterior_and_the_space_between_is_close(sample):
+    cfg = WindConfig(cache=False)
+    wind = field.wind(cfg, sample, CONUS)
+    posterior = regression.fit(cfg, sample)
+    at = np.random.default_rng(0).uniform(-5e5, 5e5, (400, 2))
+    mean, var = posterior.at(at)
+    axes = tuple(wind.origin[i] + wind.spacing * np.arange(wind.mean.shape[i + 1]) for i in (0, 1))
+    for k in range(len(wind.times)):
+        rough = RegularGridInterpolator(axes, wind.mean[k])(at)
+        rough_var = RegularGridInterpolator(axes, wind.latent_var[k])(at)
+        assert np.sqrt(np.mean((rough - mean[k]) ** 2)) < 0.05  # [m/s], against gusts above 1 m/s
+        assert np.sqrt(np.mean((np.sqrt(rough_var) - np.sqrt(var[k])) ** 2)) < 0.05
+    i, j = 7, 31
+    exact, exact_var = posterior.at(wind.origin + wind.spacing * np.array([[i, j]]))
+    np.testing.assert_allclose(wind.mean[:, i, j], exact[:, 0], atol=1e-6)
+    np.testing.assert_allclose(wind.latent_var[:, i, j], exact_var[:, 0], atol=1e-6)
+    np.testing.assert_allclose(wind.gust_var, posterior.gust_var, atol=1e-6)
+    assert wind.score == pytest.approx(posterior.score)
+
+
+def test_calm_air_is_zero_for_ever():
+    cfg = WindConfig(source="calm")
+    wind = field.wind(cfg, sources.observations(cfg, CONUS), CONUS)
+    assert wind.hold_last
+    np.testing.assert_array_equal(wind.times, [0.0])
+    assert not wind.mean.any()
+    assert not wind.latent_var.any()
+    assert not wind.gust_var.any()
+    low, high = corners(wind)
+    assert (low <= CONUS.bounds[0]).all()
+    assert (high >= CONUS.bounds[1]).all()
+
+
+@pytest.mark.parametrize(
+    ("horizon", "slots"), [(None, 4), (0.0, 1), (1.0, 2), (10800.0, 2), (10801.0, 3), (1e9, 4)]
+)
+def test_times_past_the_horizon_are_left_out(sample, horizon, slots):
+    four = WindObservations(sample.times[:4], sample.points[:4], sample.winds[:4], "")
+    assert len(field._until(four, horizon).times) == slots
+    if slots > 1 and horizon:
+        kept = field._until(four, horizon).times
+        assert kept[-1] >= min(horizon, four.times[-1])
+        assert kept[-2] < horizon
+
+
+def test_holding_the_last_field_is_told_to_the_planner(few):
+    for hold in (False, True):
+        assert field.wind(WindConfig(hold_last=hold), few, CONUS).hold_last is hold
+
+
+# --- memory between runs
+
+
+def same(a, b):
+    for name in ("origin", "times", "mean", "latent_var", "gust_var"):
+        np.testing.assert_array_equal(getattr(a, name), getattr(b, name))
+    assert (a.spacing, a.hold_last, a.score, a.source) == (b.spacing, b.hold_last, b.score, b.source)
+
+
+def test_the_same_readings_are_fitted_once(few, fits):
+    first = field.wind(WindConfig(), few, CONUS)
+    copied = WindObservations(
+        few.times.copy(), tuple(p.copy() for p in few.points), tuple(w.copy() for w in few.winds), few.source
+    )
+    same(first, field.wind(WindConfig(), copied, CONUS))
+    assert len(fits) == 1
+
+
+def test_any_change_that_matters_is_fitted_anew(few, fits):
+    field.wind(WindConfig(), few, CONUS)
+    winds = (few.winds[0] + [[0.01, 0.0]], few.winds[1])
+    moved = WindObservations(few.times, few.points, winds, few.source)
+    wider = Scene(CONUS.bounds * 1.1, CONUS.start, {}, (), CONUS.crs)
+    for cfg, seen, scene in (
+        (WindConfig(), moved, CONUS),
+        (WindConfig(kernel="rbf"), few, CONUS),
+        (WindConfig(noise_min=0.5), few, CONUS),
+        (WindConfig(holdout=0.3), few, CONUS),
+        (WindConfig(spacing=50e3), few, CONUS),
+        (WindConfig(), few, wider),
+    ):
+        before = len(fits)
+        field.wind(cfg, seen, scene)
+        assert len(fits) == before + 1
+
+
+def test_a_change_that_does_not_matter_is_not(few, fits):
+    field.wind(WindConfig(), few, CONUS)
+    renamed = WindObservations(few.times, few.points, few.winds, "the same readings from elsewhere")
+    wind = field.wind(WindConfig(hold_last=True, ball=3.0), renamed, CONUS)
+    assert len(fits) == 1
+    assert wind.hold_last
+    assert wind.source == "the same readings from elsewhere"
+
+
+def test_the_cache_can_be_switched_off(few, fits, cache):
+    for _ in range(2):
+        field.wind(WindConfig(cache=False), few, CONUS)
+    assert len(fits) == 2
+    assert not cache.exists()
+
+
+@pytest.mark.parametrize("damage", [b"", b"not a pickle", None])
+def test_a_damaged_entry_is_made_again_with_one_warning(few, fits, cache, caplog, damage):
+    first = field.wind(WindConfig(), few, CONUS)
+    entry = next(cache.rglob("output.pkl"))
+    entry.write_bytes(entry.read_bytes()[:1000] if damage is None else damage)
+    with caplog.at_level(logging.WARNING):
+        same(first, field.wind(WindConfig(), few, CONUS))
+        same(first, field.wind(WindConfig(), few, CONUS))
+    assert len(fits) == 2  # the second attempt found the new entry
+    assert len(caplog.records) == 1
+    assert "\n" not in caplog.text.strip()
+    assert str(cache) in caplog.text
+
+
+def test_a_cache_that_cannot_be_written_costs_time_only(few, fits, cache, caplog):
+    cache.write_text("a file where a folder should be")
+    with caplog.at_level(logging.WARNING):
+        first, second = (field.wind(WindConfig(), few, CONUS) for _ in range(2))
+    same(first, second)
+    assert len(fits) == 2
+    assert len(caplog.records) == 1
+    assert "PARETO_LTL_CACHE" in caplog.text
+
+
+def test_a_cache_that_fills_up_while_writing_costs_time_only(few, fits, caplog, monkeypatch):
+    from joblib._store_backends import FileSystemStoreBackend
+
+    def full(*args, **kwargs):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(FileSystemStoreBackend, "_open_item", staticmethod(full))
+    with caplog.at_level(logging.WARNING):
+        wind = field.wind(WindConfig(), few, CONUS)
+    assert wind.score
+    assert any("No space left" in record.message for record in caplog.records)
+
+
+def test_a_remembered_field_does_not_load_scikit_learn(few, cache, tmp_path):
+    """Its import alone would cost more than the whole look-up may."""
+    script = textwrap.dedent("""
+        import sys
+        import numpy as np
+        from pareto_ltl.settings import WindConfig
+        from pareto_ltl.world.scene import Scene
+        from pareto_ltl.world import projection
+        from pareto_ltl.wind import field, sources
+        bounds = np.array([[-5e5, -5e5], [5e5, 5e5]])
+        scene = Scene(bounds, np.zeros(2), {}, (), projection.plane(37.0, -92.0), "2018-10-10T12:00:00Z")
+        wind = field.wind(WindConfig(), sources.observations(WindConfig(), scene), scene)
+        print(len(wind.times), "sklearn" in sys.modules, "pandas" in sys.modules)
+    """)
+    run = [sys.executable, "-c", script]
+    told = [
+        subprocess.run(run, capture_output=True, text=True, check=True, env=os.environ).stdout
+        for _ in range(2)
+    ]
+    assert told[0].startswith("2 True")
+    assert told[1].split() == ["2", "False", "False"]
+
+
+# --- the file
+
+
+def test_a_field_comes_back_from_its_file(few, tmp_path):
+    wind = field.wind(WindConfig(hold_last=True), few, CONUS)
+    path = field.to_netcdf(wind, tmp_path / "deep" / "wind.nc", CONUS)
+    same(field.from_netcdf(path), wind)
+    assert [file.name for file in path.parent.iterdir()] == ["wind.nc"]
+
+
+def test_calm_air_comes_back_from_its_file(tmp_path):
+    still = np.zeros((1, 3, 4, 2))
+    wind = WindField(np.zeros(2), 5.0, np.zeros(1), still, still, np.zeros((1, 2)), True)
+    same(field.from_netcdf(field.to_netcdf(wind, tmp_path / "wind.nc")), wind)
+
+
+def test_the_file_is_what_a_colleague_expects(few, tmp_path):
+    """CF: dimensions (time, y, x), units on everything, a clock and a map projection."""
+    import pyproj
+    import xarray as xr
+
+    wind = field.wind(WindConfig(), few, CONUS)
+    path = field.to_netcdf(wind, tmp_path / "wind.nc", CONUS)
+    with xr.open_dataset(path, engine="h5netcdf") as data:
+        assert str(data.attrs["Conventions"]).startswith("CF-")
+        for name in ("u", "v", "u_var", "v_var"):
+            assert data[name].dims == ("time", "y", "x")
+            assert data[name].attrs["grid_mapping"] == "crs"
+        for name in ("u_gust_var", "v_gust_var"):
+            assert data[name].dims == ("time",)
+        assert [data[n].attrs["units"] for n in ("u", "u_var", "v_gust_var", "x", "y")] == [
+            "m s-1", "m2 s-2", "m2 s-2", "m", "m",
+        ]  # fmt: skip
+        assert data["time"].values[1] == np.datetime64("2018-10-09T03:00:00")
+        east = data.sel(x=-300e3, y=200e3)
+        i, j = 14, 34  # (-300 + 650) / 25, (200 + 650) / 25
+        np.testing.assert_allclose(east["u"], wind.mean[:, i, j, 0])
+        np.testing.assert_allclose(east["v_var"], wind.latent_var[:, i, j, 1])
+        np.testing.assert_allclose(data["v_gust_var"], wind.gust_var[:, 1])
+        told = pyproj.Proj(pyproj.CRS.from_cf(data["crs"].attrs))
+        np.testing.assert_allclose(told(-90.0, 40.0), pyproj.Proj(CONUS.crs)(-90.0, 40.0), atol=1e-3)
+
+
+@pytest.mark.parametrize("content", [None, b"", b"no netcdf", b"\x89HDF\r\n\x1a\n broken"])
+def test_a_file_that_is_no_field_is_named(content, tmp_path):
+    path = tmp_path / "wind.nc"
+    if content is not None:
+        path.write_bytes(content)
+    with pytest.raises(DataError, match=r"wind.nc .*expected the wind.nc of a run") as caught:
+        field.from_netcdf(path)
+    assert "\n" not in str(caught.value)

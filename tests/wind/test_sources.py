@@ -1,0 +1,512 @@
+"""Reading wind: frames, clocks, thinning, and every way in which a file can be wrong."""
+
+from __future__ import annotations
+
+import json
+import sys
+from datetime import UTC, datetime
+
+import numpy as np
+import pytest
+import yaml
+
+from noaa import NOAA, ROOT, needs_noaa
+from pareto_ltl.settings import IngestConfig, WindConfig
+from pareto_ltl.support.errors import ConfigError, DataError
+from pareto_ltl.wind import sources
+from pareto_ltl.wind.readings import farthest_points
+from pareto_ltl.world import projection
+from pareto_ltl.world.scene import Scene
+
+HOURS = ("2018-10-09T00:00:00Z", "2018-10-09T03:00:00Z", "2018-10-09T06:00:00Z")
+
+
+def scene(lat=37.0, lon=-92.0, side=1e6, time_zero=None):
+    half = side / 2
+    bounds = np.array([[-half, -half], [half, half]])
+    return Scene(bounds, np.zeros(2), {}, (), projection.plane(lat, lon), time_zero)
+
+
+def lab(side=100.0, time_zero=None):
+    return Scene(np.array([[0.0, 0.0], [side, side]]), np.zeros(2), {}, (), None, time_zero)
+
+
+def rows(times=HOURS, lats=(34, 36, 38, 40), lons=(-96, -92, -88)):
+    return [f"{t},{lat},{lon},{0.1 * lat},{-0.5}" for t in times for lat in lats for lon in lons]
+
+
+def write(path, lines, header="time,lat,lon,u,v"):
+    path.write_text("\n".join([header, *lines]) + "\n", encoding="utf-8")
+    return WindConfig(source="csv", path=str(path))
+
+
+def read(cfg, where=None):
+    return sources.observations(cfg, where or scene())
+
+
+# --- frames and clocks
+
+
+def test_winds_are_turned_into_the_plane_and_keep_their_speed(tmp_path):
+    cfg = write(tmp_path / "w.csv", rows())
+    seen = read(cfg)
+    crs = str(scene().crs)
+    lon, lat = projection.to_geographic(crs, seen.points[0])
+    step = 1e-5
+    up = projection.to_plane(crs, lon, lat + step) - projection.to_plane(crs, lon, lat - step)
+    right = projection.to_plane(crs, lon + step, lat) - projection.to_plane(crs, lon - step, lat)
+    up, right = (a / np.linalg.norm(a, axis=1, keepdims=True) for a in (up, right))
+    expected = 0.1 * lat[:, None] * right - 0.5 * up
+    np.testing.assert_allclose(seen.winds[0], expected, atol=1e-5)
+    assert np.abs(seen.winds[0][:, 1] + 0.5).max() > 0.05  # the turn is visible
+
+
+def test_longitudes_may_count_eastwards_to_360(tmp_path):
+    west = read(write(tmp_path / "west.csv", rows()))
+    east = read(write(tmp_path / "east.csv", rows(lons=(264, 268, 272))))
+    np.testing.assert_allclose(east.points[0], west.points[0], atol=1e-6)
+
+
+def test_rows_and_columns_may_come_in_any_order(tmp_path):
+    straight = read(write(tmp_path / "a.csv", rows()))
+    shuffled = [",".join([v, u, lon, lat, t]) for t, lat, lon, u, v in (r.split(",") for r in rows()[::-1])]
+    turned = read(write(tmp_path / "b.csv", shuffled, "V, U ,lon,LAT,time"))
+    np.testing.assert_array_equal(turned.times, straight.times)
+    for k in range(3):
+        order, other = (np.lexsort(o.points[k].T) for o in (straight, turned))
+        np.testing.assert_array_equal(turned.winds[k][other], straight.winds[k][order])
+
+
+def test_a_folder_and_a_pattern_read_all_their_tables(tmp_path):
+    for hour in HOURS:
+        write(tmp_path / f"{hour[11:13]}.csv", rows(times=(hour,)))
+    (tmp_path / "notes.md").write_text("not wind")
+    for path in (tmp_path, tmp_path / "*.csv"):
+        seen = read(WindConfig(source="csv", path=str(path)))
+        np.testing.assert_array_equal(seen.times, [0.0, 10800.0, 21600.0])
+
+
+def test_times_are_seconds_since_departure_and_start_with_the_last_before_it(tmp_path):
+    cfg = write(tmp_path / "w.csv", rows())
+    seen = read(cfg, scene(time_zero="2018-10-09T04:00:00Z"))
+    np.testing.assert_array_equal(seen.times, [-3600.0, 7200.0])
+    exact = read(cfg, scene(time_zero="2018-10-09T03:00:00+00:00"))
+    np.testing.assert_array_equal(exact.times, [0.0, 10800.0])
+    east = read(cfg, scene(time_zero="2018-10-09T06:00:00+02:00"))
+    np.testing.assert_array_equal(east.times, [-3600.0, 7200.0])
+
+
+def test_without_a_departure_the_clock_starts_with_the_wind(tmp_path):
+    cfg = write(tmp_path / "w.csv", rows())
+    assert sources.first_time(cfg) == HOURS[0]
+    assert read(cfg).times[0] == 0.0
+
+
+def test_a_plane_that_lies_nowhere_reads_metres(tmp_path):
+    lines = [f"{t},{x},{y},{x / 10},{y}" for t in HOURS for x in (0, 50, 100) for y in (1, 2)]
+    seen = read(write(tmp_path / "lab.csv", lines, "time,x,y,u,v"), lab())
+    np.testing.assert_allclose(seen.winds[0][:, 0], seen.points[0][:, 0] / 10)
+    np.testing.assert_allclose(seen.winds[0][:, 1], seen.points[0][:, 1])
+
+
+def test_calm_air_needs_no_file_and_has_no_first_time():
+    cfg = WindConfig(source="calm")
+    seen = read(cfg)
+    assert (seen.source, len(seen.times), len(seen.points[0])) == ("calm", 1, 0)
+    assert sources.first_time(cfg) is None
+
+
+# --- thinning
+
+
+def test_a_dense_source_is_thinned_evenly_inside_the_lattice(tmp_path):
+    lines = rows(lats=np.arange(25, 49.5, 0.5), lons=np.arange(-105, -79.5, 0.5))
+    cfg = write(tmp_path / "w.csv", lines)
+    cfg.max_points = 60
+    seen = read(cfg)
+    reach = 5e5 + cfg.padding
+    assert [len(points) for points in seen.points] == [60] * 3
+    assert np.abs(seen.points[0]).max() <= reach
+    gaps = np.linalg.norm(seen.points[0][:, None] - seen.points[0][None], axis=2) + np.diag([np.inf] * 60)
+    even = 2 * reach / np.sqrt(60)  # spacing of a square grid of as many points
+    assert gaps.min() > 0.6 * even
+    nodes = np.stack(np.meshgrid(*[np.linspace(-5e5, 5e5, 21)] * 2), -1).reshape(-1, 2)
+    holes = np.linalg.norm(nodes[:, None] - seen.points[0][None], axis=2).min(axis=1)
+    assert holes.max() < 1.2 * even
+
+
+def test_a_source_with_few_readings_near_takes_the_nearest(tmp_path):
+    lines = rows(times=HOURS[:2], lats=np.arange(26, 48), lons=np.arange(-120, -70, 2))
+    cfg = write(tmp_path / "w.csv", lines)
+    cfg.max_points = 200
+    seen = read(cfg, scene(side=2e5))
+    kept = np.linalg.norm(np.maximum(0, np.abs(seen.points[0]) - 1e5), axis=1)
+    cfg.max_points = 10_000
+    every = read(cfg, scene(side=2e5)).points[0]
+    gaps = np.sort(np.linalg.norm(np.maximum(0, np.abs(every) - 1e5), axis=1))
+    np.testing.assert_allclose(np.sort(kept), gaps[:200])
+
+
+def test_farthest_points_match_a_plain_search():
+    points = np.random.default_rng(3).normal(size=(80, 2))
+    chosen = [7]
+    while len(chosen) < 12:
+        gaps = np.linalg.norm(points[:, None] - points[chosen][None], axis=2).min(axis=1)
+        chosen.append(int(np.argmax(gaps)))
+    np.testing.assert_array_equal(farthest_points(points, 12, 7), chosen)
+
+
+# --- what users get wrong
+
+GOOD = rows()
+BAD_TABLES = {
+    "nan": ([*GOOD[:4], "2018-10-09T00:00:00Z,35,-90,nan,1", *GOOD[4:]], r"row 6: expected finite.*NaN"),
+    "infinite": ([*GOOD, "2018-10-09T00:00:00Z,35,-90,inf,1"], r"row 38: expected finite"),
+    "word": ([*GOOD, "2018-10-09T00:00:00Z,35,-90,strong,1"], r"row 38: u is 'strong'; expected a number"),
+    "short row": ([*GOOD, "2018-10-09T00:00:00Z,35,-90"], r"row 38: u is ''"),
+    "time": (["yesterday,35,-90,1,1", *GOOD], r"row 2: time is 'yesterday'; expected an ISO 8601 time"),
+    "latitude": (["2018-10-09T00:00:00Z,135,-90,1,1", *GOOD], r"row 2: latitude 135, longitude -90"),
+    "longitude": (["2018-10-09T00:00:00Z,35,-190,1,1", *GOOD], r"row 2: latitude 35, longitude -190"),
+    "speed": (["2018-10-09T00:00:00Z,35,-90,60,80", *GOOD], r"row 2: wind speed 100.0 m/s.*wind.max_speed"),
+    "duplicate": ([*GOOD, GOOD[4]], r"w.csv, row 6 and w.csv, row 38 are at the same time and place"),
+    "no rows": ([], "no rows"),
+    "one time": (rows(times=HOURS[:1]), r"one wind time only \(2018-10-09T00:00:00Z\).*wind.hold_last=true"),
+    "elsewhere": (rows(lats=(-30, -32), lons=(20, 22, 24)), r"0 wind readings within 500 km .* at least 5"),
+    "too few": (rows(lats=(37,), lons=(-92, -91)), r"2 wind readings within 500 km"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", BAD_TABLES)
+def test_a_wrong_table_is_refused_in_one_line_that_says_where(case, tmp_path):
+    lines, words = BAD_TABLES[case]
+    with pytest.raises(DataError, match=words) as caught:
+        read(write(tmp_path / "w.csv", lines))
+    assert "\n" not in str(caught.value)
+    assert "w.csv" in str(caught.value)
+
+
+def test_rows_are_counted_as_an_editor_counts_them(tmp_path):
+    with pytest.raises(DataError, match="row 5:"):
+        read(write(tmp_path / "w.csv", [GOOD[0], "", "", "2018-10-09T00:00:00Z,35,-90,x,1"]))
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (b"", "is empty"),
+        (b"time,lat,u,v\n", "missing column lon"),
+        (b"<!DOCTYPE html>\n<html>", "missing column time, lat, lon, u, v"),
+        (b"\x00\xff\xfe\x80GRIB", "no CSV text"),
+    ],
+)
+def test_a_file_that_is_no_table_is_refused(content, words, tmp_path):
+    file = tmp_path / "w.csv"
+    file.write_bytes(content)
+    with pytest.raises(DataError, match=words) as caught:
+        read(WindConfig(source="csv", path=str(file)))
+    assert "w.csv" in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("source", ["csv", "grib"])
+def test_a_missing_file_is_named(source, tmp_path):
+    with pytest.raises(DataError, match=rf"nowhere: no {source} file, folder or pattern"):
+        read(WindConfig(source=source, path=str(tmp_path / "nowhere")))
+
+
+def test_tables_of_both_kinds_do_not_mix(tmp_path):
+    write(tmp_path / "a.csv", GOOD)
+    write(tmp_path / "b.csv", [f"{HOURS[0]},1,2,3,4"], "time,x,y,u,v")
+    with pytest.raises(DataError, match=r"some tables have lat,lon and some x,y"):
+        read(WindConfig(source="csv", path=str(tmp_path)))
+
+
+@pytest.mark.parametrize("when", ["2018-10-08T23:59:59Z", "2018-10-09T06:00:00Z", "2019-01-01T00:00:00Z"])
+def test_a_departure_outside_the_wind_is_refused(when, tmp_path):
+    cfg = write(tmp_path / "w.csv", GOOD)
+    with pytest.raises(
+        DataError, match=rf"departure {when} .*2018-10-09T00.* \.\. 2018-10-09T06.*start_time"
+    ):
+        read(cfg, scene(time_zero=when))
+
+
+def test_the_last_field_is_held_only_when_asked_to(tmp_path):
+    cfg = write(tmp_path / "w.csv", GOOD)
+    cfg.hold_last = True
+    late = read(cfg, scene(time_zero="2018-10-10T00:00:00Z"))
+    np.testing.assert_array_equal(late.times, [-18 * 3600.0])
+    with pytest.raises(DataError, match="departure"):
+        read(cfg, scene(time_zero="2018-10-08T00:00:00Z"))
+    single = write(tmp_path / "one.csv", rows(times=HOURS[:1]))
+    single.hold_last = True
+    np.testing.assert_array_equal(read(single).times, [0.0])
+
+
+def test_a_departure_that_is_no_time_is_refused(tmp_path):
+    with pytest.raises(ConfigError, match=r"mission.start_time 'noon'"):
+        read(write(tmp_path / "w.csv", GOOD), scene(time_zero="noon"))
+
+
+def test_degrees_cannot_be_flown_in_a_plane_that_lies_nowhere():
+    with pytest.raises(DataError, match=r"scene.centre"):
+        sources.observations(WindConfig(), lab())
+
+
+# --- GRIB, written here with ecCodes' own samples
+
+
+def message(eccodes, short, values, hour=0, step=0, level=10, **extra):
+    """A GRIB2 message on a grid of 1 degree over 30..44 N, 100..84 W."""
+    handle = eccodes.codes_grib_new_from_samples("regular_ll_sfc_grib2")
+    settings = {
+        "dataDate": 20181009,
+        "dataTime": 100 * hour,
+        "Ni": 17,
+        "Nj": 15,
+        "latitudeOfFirstGridPointInDegrees": 44.0,
+        "latitudeOfLastGridPointInDegrees": 30.0,
+        "longitudeOfFirstGridPointInDegrees": 260.0,
+        "longitudeOfLastGridPointInDegrees": 276.0,
+        "iDirectionIncrementInDegrees": 1.0,
+        "jDirectionIncrementInDegrees": 1.0,
+        "typeOfLevel": "heightAboveGround",
+        "level": level,
+        "shortName": short,
+        "step": step,
+        **extra,
+    }
+    for key, value in settings.items():
+        eccodes.codes_set(handle, key, value)
+    eccodes.codes_set(handle, "bitsPerValue", 24)
+    eccodes.codes_set_values(handle, np.broadcast_to(values, 17 * 15).astype(float))
+    raw = eccodes.codes_get_message(handle)
+    eccodes.codes_release(handle)
+    return raw
+
+
+@pytest.fixture
+def eccodes():
+    pytest.importorskip("pyproj")  # first: see wind/grib.py
+    return pytest.importorskip("eccodes", reason="the extra `grib` is not installed")
+
+
+@pytest.fixture
+def gribs(eccodes, tmp_path):
+    """Two times, one file each, u a plane in latitude and v constant; and levels that must not be read."""
+    lat = np.repeat(np.arange(44, 29, -1), 17)
+    for hour in (0, 6):
+        raw = [
+            message(eccodes, "u", 99.0, hour, level=80),
+            message(eccodes, "10u", lat / 10 + hour, hour),
+            message(eccodes, "2t", 280.0, hour, level=2),
+            message(eccodes, "10v", -2.0, hour),
+        ]
+        (tmp_path / f"gfs.{hour:02d}").write_bytes(b"".join(raw))
+    return tmp_path
+
+
+def grib(path, **settings):
+    return WindConfig(source="grib", path=str(path), **settings)
+
+
+def table_of(cfg):
+    return sources._read(cfg)
+
+
+def test_grib_winds_are_found_among_other_messages(gribs):
+    readings = table_of(grib(gribs))
+    assert len(readings.times) == 2
+    assert readings.times[1] - readings.times[0] == 6 * 3600
+    assert readings.points[0][:, 0].min() == -100
+    for k, hour in enumerate((0, 6)):
+        np.testing.assert_allclose(readings.winds[k][:, 0], readings.points[k][:, 1] / 10 + hour, atol=1e-5)
+        np.testing.assert_allclose(readings.winds[k][:, 1], -2.0, atol=1e-5)
+    assert sources.first_time(grib(gribs)) == "2018-10-09T00:00:00Z"
+    assert len(read(grib(gribs)).points[0]) == WindConfig().max_points
+
+
+def test_where_two_forecasts_reach_one_time_the_later_one_counts(gribs, eccodes):
+    old = [message(eccodes, short, 50.0, 0, step=6) for short in ("10u", "10v")]
+    (gribs / "gfs.00f6").write_bytes(b"".join(old))
+    readings = table_of(grib(gribs))
+    assert len(readings.times) == 2
+    assert readings.winds[1].max() < 20
+    assert readings.remarks == ("analysis", "analysis")
+
+
+def test_a_forecast_is_valid_after_its_start(gribs, eccodes):
+    later = [message(eccodes, short, 5.0, 6, step=3) for short in ("10u", "10v")]
+    (gribs / "gfs.06f3").write_bytes(b"".join(later))
+    readings = table_of(grib(gribs))
+    assert readings.times[2] == datetime(2018, 10, 9, 9, tzinfo=UTC).timestamp()
+    assert readings.remarks[2] == "3 h forecast"
+
+
+def test_two_members_of_one_time_are_refused(gribs):
+    (gribs / "again").write_bytes((gribs / "gfs.00").read_bytes())
+    with pytest.raises(DataError, match=r"again and gfs.00 both hold u at 2018-10-09T00"):
+        read(grib(gribs))
+
+
+@pytest.mark.parametrize(
+    ("spoil", "words"),
+    [
+        (lambda raw: raw[: len(raw) - 40], r"damaged or truncated"),
+        (lambda raw: b"<!DOCTYPE html><html>no such file</html>", r"web page"),
+        (lambda raw: b"", r"is empty"),
+        (lambda raw: b"time,lat,lon,u,v\n1,2,3,4,5\n" * 9, r"no wind 10 m above ground"),
+    ],
+)
+def test_a_file_that_is_no_whole_grib_is_named(spoil, words, gribs):
+    file = gribs / "gfs.06"
+    file.write_bytes(spoil(file.read_bytes()))
+    for call in (read, sources.first_time):
+        with pytest.raises(DataError, match=words) as caught:
+            call(grib(gribs))
+        assert "gfs.06" in str(caught.value)
+        assert "\n" not in str(caught.value)
+
+
+def test_a_file_cut_between_its_messages_lacks_a_component(gribs, eccodes):
+    (gribs / "gfs.06").write_bytes(message(eccodes, "10u", 1.0, 6))
+    with pytest.raises(DataError, match=r"gfs.06: 2018-10-09T06:00:00Z has no v component"):
+        read(grib(gribs))
+
+
+def test_an_implausible_grib_wind_is_refused(gribs):
+    with pytest.raises(DataError, match=r"gfs.06, 2018-10-09T06.*m/s is not plausible"):
+        read(grib(gribs, max_speed=10.0))
+
+
+def test_nodes_outside_the_models_domain_are_left_out(eccodes, tmp_path):
+    values = np.full(17 * 15, 3.0)
+    values[:50] = 9999.0
+    raw = [
+        message(eccodes, short, values, hour, missingValue=9999, bitmapPresent=1)
+        for hour in (0, 6)
+        for short in ("10u", "10v")
+    ]
+    (tmp_path / "rap").write_bytes(b"".join(raw))
+    readings = table_of(grib(tmp_path / "rap"))
+    assert len(readings.winds[0]) == 17 * 15 - 50
+    np.testing.assert_allclose(readings.winds[0], 3.0, atol=1e-5)
+
+
+def test_without_eccodes_the_message_names_the_extra(gribs, monkeypatch):
+    monkeypatch.setitem(sys.modules, "eccodes", None)
+    with pytest.raises(DataError, match=r"pip install 'pareto-ltl\[grib\]'"):
+        read(grib(gribs))
+
+
+@needs_noaa
+def test_grid_relative_winds_are_turned_to_east_and_north(eccodes):
+    """NAM's Lambert grid: its own rows and columns show where its axes point on Earth."""
+    file = NOAA / "nam_awip21" / "nam.t00z.awp21100.tm00.grib2"
+    readings = table_of(grib(file))
+    raw = {}
+    with file.open("rb") as stream:
+        eccodes.codes_grib_multi_support_on()
+        while (handle := eccodes.codes_grib_new_from_file(stream)) is not None:
+            level = [eccodes.codes_get(handle, key) for key in ("typeOfLevel", "level")]
+            if level == ["heightAboveGround", 10]:
+                raw[eccodes.codes_get(handle, "shortName")] = eccodes.codes_get_values(handle)
+            eccodes.codes_release(handle)
+        eccodes.codes_grib_multi_support_off()
+    lon, lat = np.deg2rad(readings.points[0].T.reshape(2, 65, 93))
+    place = np.stack([np.cos(lat) * np.cos(lon), np.cos(lat) * np.sin(lon), np.sin(lat)], axis=-1)
+    east = np.stack([-np.sin(lon), np.cos(lon), 0 * lon], axis=-1)
+    north = np.cross(place, east)
+    along = (place[:, 2:] - place[:, :-2])[1:-1]  # one column eastwards on the grid
+    across = (place[2:] - place[:-2])[:, 1:-1]  # one row northwards
+    inner = (slice(1, -1), slice(1, -1))
+    expected = np.zeros((63, 91, 2))
+    for axis, name in ((along, "10u"), (across, "10v")):
+        axis = axis / np.linalg.norm(axis, axis=-1, keepdims=True)
+        part = raw[name].reshape(65, 93)[inner]
+        expected[..., 0] += part * (axis * east[inner]).sum(-1)
+        expected[..., 1] += part * (axis * north[inner]).sum(-1)
+    ours = readings.winds[0].reshape(65, 93, 2)
+    np.testing.assert_allclose(ours[inner], expected, atol=0.02)
+    plain = np.stack([raw["10u"], raw["10v"]], axis=-1).reshape(65, 93, 2)
+    assert np.abs(plain - ours).max() > 2.0  # unturned winds would be far off
+
+
+# --- the table of figures
+
+
+def test_ingest_writes_the_same_nodes_at_all_times_and_says_from_where(gribs, tmp_path):
+    out = tmp_path / "deep" / "table.csv"
+    area = [[-98.5, 31.5], [-86.5, 31.5], [-86.5, 42.5], [-98.5, 42.5]]
+    assert sources.ingest(grib(gribs), IngestConfig(points=30, area=area), out) == out
+    seen = table_of(WindConfig(source="csv", path=str(out)))
+    lon, lat = seen.points[0].T
+    assert len(lon) == 30
+    assert lon.min() >= -98.5
+    assert lat.max() <= 42.5
+    for k, hour in enumerate((0, 6)):
+        np.testing.assert_array_equal(seen.points[k], seen.points[0])
+        np.testing.assert_allclose(seen.winds[k][:, 0], lat / 10 + hour, atol=0.0051)
+    told = json.loads(out.with_suffix(".json").read_text())
+    assert set(told["files"]) == {"gfs.00", "gfs.06"}
+    assert all(len(digest) == 64 for digest in told["files"].values())
+    assert told["times"] == {"2018-10-09T00:00:00Z": "analysis", "2018-10-09T06:00:00Z": "analysis"}
+    assert sorted(file.name for file in out.parent.iterdir()) == ["table.csv", "table.json"]
+
+
+def test_ingest_keeps_the_times_asked_for_and_names_only_their_files(gribs, tmp_path):
+    out = tmp_path / "table.csv"
+    sources.ingest(grib(gribs), IngestConfig(points=9, first="2018-10-09T01:00Z"), out)
+    assert sources.first_time(WindConfig(source="csv", path=str(out))) == "2018-10-09T06:00:00Z"
+    assert list(json.loads(out.with_suffix(".json").read_text())["files"]) == ["gfs.06"]
+
+
+def test_ingest_that_finds_nothing_says_so(gribs, tmp_path):
+    out = tmp_path / "table.csv"
+    with pytest.raises(DataError, match=r"no wind time between .* 2018-10-09T00.* \.\. 2018-10-09T06"):
+        sources.ingest(grib(gribs), IngestConfig(first="2020-01-01"), out)
+    with pytest.raises(ConfigError, match=r"ingest.last 'later'"):
+        sources.ingest(grib(gribs), IngestConfig(last="later"), out)
+    with pytest.raises(DataError, match=r"0 wind nodes lie in ingest.area"):
+        sources.ingest(grib(gribs), IngestConfig(area=[[0, 0], [1, 0], [0, 1]]), out)
+    assert not out.exists()
+
+
+def test_the_packaged_sample_covers_the_contiguous_us_at_fourteen_times():
+    readings = table_of(WindConfig())
+    assert len(readings.times) == 14
+    np.testing.assert_array_equal(np.diff(readings.times), 3 * 3600.0)
+    assert sources.first_time(WindConfig()) == "2018-10-09T00:00:00Z"
+    lon, lat = readings.points[0].T
+    assert {len(points) for points in readings.points} == {120}
+    assert (lon >= -125).all()
+    assert (lon <= -66).all()
+    assert (lat >= 24).all()
+    assert (lat <= 50).all()
+
+
+@needs_noaa
+def test_the_packaged_sample_is_what_ingest_writes(eccodes, tmp_path):
+    chosen = yaml.safe_load((ROOT / "conf" / "ingest" / "conus.yaml").read_text())
+    when = {"first": "2018-10-09T00:00:00Z", "last": "2018-10-10T15:00:00Z"}
+    out = sources.ingest(grib(NOAA / "gfs_1p00_10m"), IngestConfig(**chosen, **when), tmp_path / "sample.csv")
+    assert out.read_bytes() == sources.SAMPLE.read_bytes()
+    assert out.with_suffix(".json").read_bytes() == sources.SAMPLE.with_suffix(".json").read_bytes()
+
+
+@needs_noaa
+def test_the_packaged_sample_agrees_with_another_extraction_of_the_same_fields():
+    ours, theirs = (
+        table_of(WindConfig()),
+        table_of(WindConfig(source="csv", path=str(NOAA / "conus_wind_sample.csv"))),
+    )
+    common = 0
+    for k, time in enumerate(theirs.times):
+        j = int(np.flatnonzero(ours.times == time)[0])
+        mine = {tuple(p): w for p, w in zip(ours.points[j].tolist(), ours.winds[j], strict=True)}
+        for place, wind in zip(theirs.points[k].tolist(), theirs.winds[k], strict=True):
+            if tuple(place) in mine:
+                np.testing.assert_allclose(
+                    mine[tuple(place)], wind, atol=0.0551
+                )  # rounded to 0.1 and to 0.01
+                common += 1
+    assert common > 50

@@ -1,0 +1,320 @@
+"""Maps are read into metres, harmless habits are put right, and the rest is refused in one line."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import shapely
+import yaml
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pareto_ltl.settings import SceneConfig
+from pareto_ltl.support.errors import DataError
+from pareto_ltl.world import projection
+from pareto_ltl.world.scene import Scene
+from pareto_ltl.world.scene_files import from_dict, read_scene, to_dict
+from strategies import lattice_scenes, scenes
+
+SCENES = Path(__file__).parents[2] / "conf" / "scene"
+SQUARE = [[1.0, 1.0], [2.0, 1.0], [2.0, 2.0], [1.0, 2.0]]
+WALL = [[5.0, 5.0], [7.0, 5.0], [7.0, 7.0], [5.0, 7.0]]
+
+
+def config(**changes):
+    keys = {
+        "name": "harbour",
+        "bounds": [[0.0, 0.0], [10.0, 10.0]],
+        "start": [0.5, 0.5],
+        "regions": {"a": SQUARE},
+        "obstacles": [WALL],
+    }
+    return SceneConfig(**(keys | changes))
+
+
+def refusal(**changes):
+    with pytest.raises(DataError) as error:
+        read_scene(config(**changes))
+    message = str(error.value)
+    assert "\n" not in message
+    return message
+
+
+# --- units and planes ----------------------------------------------------------------------------
+
+
+def test_coordinates_are_scaled_to_metres():
+    scene = read_scene(config(unit=100.0))
+    np.testing.assert_array_equal(scene.bounds, [[0, 0], [1000, 1000]])
+    np.testing.assert_array_equal(scene.start, [50, 50])
+    np.testing.assert_array_equal(scene.regions["a"], 100 * np.array(SQUARE))
+    np.testing.assert_array_equal(scene.obstacles[0], 100 * np.array(WALL))
+    assert scene.crs is None
+
+
+def test_a_map_with_a_centre_has_the_middle_of_its_bounds_there():
+    scene = read_scene(config(unit=1e5, centre=[37.0, -92.0]), "2018-10-09T00:00:00Z")
+    np.testing.assert_array_equal(scene.bounds, [[-5e5, -5e5], [5e5, 5e5]])
+    lon, lat = projection.to_geographic(scene.crs, np.zeros((1, 2)))
+    np.testing.assert_allclose([lat[0], lon[0]], [37, -92], atol=1e-9)
+    assert scene.time_zero == "2018-10-09T00:00:00Z"
+
+
+@pytest.mark.parametrize(("name", "regions", "obstacles"), [("phi1", "abc", 6), ("phi2", "abcd", 10)])
+def test_the_shipped_maps_are_a_thousand_kilometres_wide(name, regions, obstacles):
+    scene = read_scene(SceneConfig(**yaml.safe_load((SCENES / f"{name}.yaml").read_text())))
+    np.testing.assert_array_equal(scene.bounds, [[-5e5, -5e5], [5e5, 5e5]])
+    assert "".join(scene.regions) == regions
+    assert len(scene.obstacles) == obstacles
+
+
+# --- round trip ----------------------------------------------------------------------------------
+
+
+@given(st.one_of(scenes(), lattice_scenes()))
+@settings(deadline=None, max_examples=30)
+def test_a_scene_comes_back_from_json_bit_by_bit(scene):
+    again = from_dict(json.loads(json.dumps(to_dict(scene))))
+    assert to_dict(again) == to_dict(scene)
+    assert isinstance(again, Scene)
+    assert again.bounds.tobytes() == scene.bounds.tobytes()
+
+
+def test_the_scene_file_of_a_run_is_read_as_it_was_written(tmp_path):
+    scene = read_scene(config(unit=1e5, centre=[37.0, -92.0]), "2018-10-09T00:00:00Z")
+    (tmp_path / "scene.json").write_text(json.dumps(to_dict(scene)))
+    again = read_scene(SceneConfig(file=str(tmp_path / "scene.json")))
+    assert to_dict(again) == to_dict(scene)
+    later = read_scene(SceneConfig(file=str(tmp_path / "scene.json")), "2018-10-10T00:00:00Z")
+    assert later.time_zero == "2018-10-10T00:00:00Z"
+
+
+def test_a_scene_without_its_fields_is_refused():
+    with pytest.raises(DataError, match="lacks start, regions"):
+        from_dict({"bounds": [[0, 0], [1, 1]], "obstacles": []})
+
+
+# --- habits that are put right -------------------------------------------------------------------
+
+
+def test_a_repeated_closing_corner_is_dropped():
+    scene = read_scene(config(regions={"a": [*SQUARE, SQUARE[0]]}, obstacles=[[WALL[0], *WALL]]))
+    assert len(scene.regions["a"]) == len(scene.obstacles[0]) == 4
+
+
+@given(st.permutations([0, 1, 2, 3]).filter(lambda p: abs(p[0] - p[2]) == 2))
+def test_outlines_are_turned_counter_clockwise(order):
+    scene = read_scene(config(regions={"a": [SQUARE[i] for i in order]}, obstacles=[WALL[::-1]]))
+    for polygon in (scene.regions["a"], *scene.obstacles):
+        assert shapely.is_ccw(shapely.LinearRing(polygon))
+
+
+def test_an_obstacle_that_sticks_out_is_clipped_to_the_bounds():
+    comb = [[8, -2], [12, -2], [12, 12], [8, 12], [8, 8], [11, 8], [11, 2], [8, 2]]
+    scene = read_scene(config(obstacles=[WALL, comb, [[20, 20], [21, 20], [21, 21]]]))
+    np.testing.assert_array_equal(scene.obstacles[0], WALL)
+    assert [shapely.Polygon(o).area for o in scene.obstacles] == [4, 4, 4]
+    assert np.concatenate(scene.obstacles).max() == 10
+    assert np.concatenate(scene.obstacles).min() == 0
+
+
+@pytest.mark.parametrize(
+    "wall", [[[2, 1], [4, 1], [4, 2], [2, 2]], [[2, 2], [4, 2], [4, 4]], [[0, 2], [3, 2], [3, 3]]]
+)
+def test_an_obstacle_may_touch_a_region(wall):
+    assert len(read_scene(config(obstacles=[wall])).obstacles) == 1
+
+
+def test_touching_survives_rounding_in_any_unit_and_plane():
+    third = [[1 / 3, 0.1], [0.7, 0.1], [0.7, 0.9], [1 / 3, 0.9]]
+    left = [[0.1, 0.1], [1 / 3, 0.1], [1 / 3, 0.9], [0.1, 0.9]]
+    for unit in (0.3048, 1852.0, 1e5):
+        keys = {"unit": unit, "centre": [60.0, 5.0], "bounds": [[0.0, 0.0], [1.1, 1.3]], "start": [0.9, 0.05]}
+        assert read_scene(config(regions={"a": third}, obstacles=[left], **keys))
+
+
+def test_the_start_may_lie_on_the_edge_of_the_map():
+    np.testing.assert_array_equal(read_scene(config(start=[0.0, 10.0])).start, [0, 10])
+
+
+# --- maps that are refused -----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"bounds": []}, ["scene 'harbour' has no bounds", "scene.bounds"]),
+        ({"start": []}, ["has no start", "scene.start"]),
+        ({"regions": {}}, ["has no regions"]),
+        ({"bounds": [[10.0, 10.0], [0.0, 0.0]]}, ["turned round", "[[west, south], [east, north]]"]),
+        ({"bounds": [[0.0, 0.0], [0.0, 5.0]]}, ["turned round or empty"]),
+        ({"bounds": [[0.0, 0.0]]}, ["expected [[west, south], [east, north]]"]),
+        ({"bounds": [[0.0, 0.0], [10.0, float("inf")]]}, ["not finite"]),
+        ({"start": [1.0]}, ["scene.start is [1.0]", "expected [x, y]"]),
+        ({"start": [1.0, float("nan")]}, ["scene.start", "finite"]),
+        ({"start": [11.0, 1.0]}, ["start lies outside the bounds at (11, 1)", "(0, 0) to (10, 10)"]),
+        ({"start": [6.0, 6.5]}, ["start (6, 6.5) lies inside obstacle 1"]),
+        ({"regions": {"a": SQUARE[:2]}}, ["region 'a' has 2 distinct corners", "at least 3"]),
+        (
+            {"regions": {"a": [SQUARE[0], SQUARE[0], SQUARE[1], SQUARE[0]]}},
+            ["region 'a' has 2 distinct corners"],
+        ),
+        ({"obstacles": [WALL, WALL[:1]]}, ["obstacle 2 has", "at least 3"]),
+        (
+            {"obstacles": [[[1.0, 3.0], [2.0], [2.0, 4.0]]]},
+            ["obstacle 1: corner 2 is [2.0]", "expected [x, y]"],
+        ),
+        ({"obstacles": [[[1.0, 3.0], [2.0, float("nan")], [2.0, 4.0]]]}, ["obstacle 1: corner 2", "finite"]),
+        ({"obstacles": [3.0]}, ["obstacle 1 is 3.0", "expected a list of corners"]),
+        ({"obstacles": [WALL, [[1.0, 3.0], [2.0, 3.0], [4.0, 3.0]]]}, ["obstacle 2 is degenerate", "(1, 3)"]),
+        (
+            {"regions": {"a": [[1.0, 1.0], [3.0, 3.0], [3.0, 1.0], [1.0, 3.0]]}},
+            ["region 'a' crosses or touches its own outline at (2, 2)"],
+        ),
+        (
+            {"regions": {"a": [[9.0, 8.0], [10.5, 8.0], [10.0, 9.0]]}},
+            ["region 'a' lies outside", "(10.5, 8)"],
+        ),
+        ({"regions": {"a": [[4.0, 4.0], [6.0, 4.0], [6.0, 6.0]]}}, ["obstacle 1 overlaps region 'a' at (5."]),
+        ({"regions": {"a b": SQUARE}}, ["region name 'a b'", "e.g. 'a_b'"]),
+        ({"regions": {"1": SQUARE}}, ["region name '1'", "e.g. 'r1'"]),
+        ({"regions": {"F": SQUARE}}, ["region name 'F' is an operator", "'region_F'"]),
+        ({"file": "no/such/file.json"}, ["no/such/file.json cannot be read"]),
+    ],
+)
+def test_a_bad_map_is_refused_with_the_place_and_the_way_out(changes, words):
+    message = refusal(unit=1000.0, centre=[37.0, -92.0], **changes)
+    for word in words:
+        assert word in message
+
+
+# --- GeoJSON -------------------------------------------------------------------------------------
+
+
+def feature(role, coordinates, kind="Polygon", **properties):
+    return {
+        "type": "Feature",
+        "properties": {"role": role, **properties},
+        "geometry": {"type": kind, "coordinates": coordinates},
+    }
+
+
+def square(lon, lat, half=0.1):
+    west, south, east, north = lon - half, lat - half, lon + half, lat + half
+    return [[west, south], [east, south], [east, north], [west, north], [west, south]]
+
+
+FJORD = (
+    feature("start", [5.0, 60.0], "Point"),
+    feature("region", [square(5.5, 60.5)], name="a"),
+    feature("obstacle", [square(5.25, 60.25)], name="Stord"),
+)
+
+
+def geojson(tmp_path, *features):
+    (tmp_path / "map.geojson").write_text(json.dumps({"type": "FeatureCollection", "features": features}))
+    return SceneConfig(file=str(tmp_path / "map.geojson"))
+
+
+def test_a_geojson_map_lies_where_it_was_drawn(tmp_path):
+    scene = read_scene(geojson(tmp_path, *FJORD))
+    lon, lat = projection.to_geographic(scene.crs, np.stack([scene.start, scene.regions["a"].mean(axis=0)]))
+    np.testing.assert_allclose([lon, lat], [[5, 5.5], [60, 60.5]], atol=1e-4)
+    middle = projection.to_geographic(scene.crs, np.zeros((1, 2)))
+    np.testing.assert_allclose(np.ravel(middle), [5.3, 60.3], atol=1e-9)  # box 5..5.6, 60..60.6
+    assert len(scene.obstacles) == 1
+
+
+def test_bounds_of_a_geojson_map_default_to_the_drawing_and_five_per_cent(tmp_path):
+    scene = read_scene(geojson(tmp_path, *FJORD))
+    drawn = np.concatenate([scene.start[None], scene.regions["a"], *scene.obstacles])
+    low, high = drawn.min(axis=0), drawn.max(axis=0)
+    np.testing.assert_allclose(scene.bounds, [low - 0.05 * (high - low), high + 0.05 * (high - low)])
+
+
+def test_bounds_drawn_in_degrees_hold_everything_between_their_parallels(tmp_path):
+    frame = [[-10, 50], [20, 50], [20, 70], [-10, 70], [-10, 50]]
+    low = feature("region", [square(5, 50.11)], name="low")  # at the middle of the southern parallel
+    scene = read_scene(geojson(tmp_path, *FJORD, low, feature("bounds", [frame])))
+    corner = projection.to_plane(scene.crs, np.array([-10.0]), np.array([50.0]))[0]
+    assert scene.bounds[0, 1] < corner[1]
+
+
+def test_a_geojson_map_may_cross_the_180th_meridian(tmp_path):
+    scene = read_scene(
+        geojson(
+            tmp_path,
+            feature("start", [179.8, -18.0], "Point"),
+            feature("region", [square(-179.5, -18.0)], name="fiji"),
+        )
+    )
+    assert np.ptp(scene.bounds[:, 0]) < 1.2 * 111_320
+    assert scene.regions["fiji"].min() > scene.start[0] - 1e5
+
+
+def test_an_obstacle_with_a_hole_or_in_several_parts_is_cut_up(tmp_path):
+    holed = feature("obstacle", [square(5.25, 60.25), square(5.25, 60.25, 0.05)])
+    parts = feature("obstacle", [[square(5.05, 60.5, 0.02)], [square(5.1, 60.6, 0.02)]], "MultiPolygon")
+    scene = read_scene(geojson(tmp_path, *FJORD[:2], holed, parts))
+    centre = projection.to_plane(scene.crs, np.array([5.25]), np.array([60.25]))[0]
+    assert not any(shapely.Polygon(o).contains(shapely.Point(centre)) for o in scene.obstacles)
+    whole, hole = (shapely.Polygon(_plane(scene, square(5.25, 60.25, half))).area for half in (0.1, 0.05))
+    near = [o for o in scene.obstacles if np.linalg.norm(o.mean(axis=0) - centre) < 12_000]
+    assert sum(shapely.Polygon(o).area for o in near) == pytest.approx(whole - hole, rel=1e-9)
+    assert len(scene.obstacles) == len(near) + 2
+
+
+def _plane(scene, corners):
+    lon, lat = np.array(corners, float).T
+    return projection.to_plane(scene.crs, lon, lat)
+
+
+@pytest.mark.parametrize(
+    ("features", "words"),
+    [
+        ((), ["has no features"]),
+        (FJORD[:1], ["has no regions"]),
+        (FJORD[1:], ["has no start", "Point"]),
+        ((*FJORD, feature("start", [5, 60], "Point")), ["start twice"]),
+        ((*FJORD, FJORD[1]), ["region 'a' twice"]),
+        ((*FJORD, feature("goal", [square(5, 60)])), ["feature 4 has role 'goal'", "region, obstacle"]),
+        ((*FJORD, feature("region", [square(5, 60)])), ["feature 4 is a region", "name"]),
+        (
+            (*FJORD, feature("region", [[5, 60], [6, 60]], "LineString", name="b")),
+            ["region 'b' is a LineString"],
+        ),
+        (
+            (*FJORD, feature("region", [square(5, 60), square(5, 60, 0.05)], name="b")),
+            ["region 'b' has a hole"],
+        ),
+        ((*FJORD, feature("region", [[1, 2, 3]], name="b")), ["coordinates of region 'b'", "Polygon"]),
+        ((feature("start", square(5, 60)), *FJORD[1:]), ["the start is a Polygon", "expected a Point"]),
+        ((*FJORD, feature("region", [square(60, 105)], name="b")), ["[longitude, latitude]", "swap"]),
+        (
+            (*FJORD, feature("obstacle", [square(5.5, 60.5)], name="Huglo")),
+            ["obstacle Huglo overlaps region 'a'"],
+        ),
+        (
+            (*FJORD, feature("bounds", [square(5.3, 60.3, 0.2)])),
+            ["start lies outside the bounds at (longitude 5, latitude 60)"],
+        ),
+    ],
+)
+def test_a_bad_geojson_map_is_refused_in_degrees(tmp_path, features, words):
+    with pytest.raises(DataError) as error:
+        read_scene(geojson(tmp_path, *features))
+    for word in ["map.geojson", *words]:
+        assert word in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"), [("{", "is not JSON"), ("[]", "neither a GeoJSON"), ('{"a": 1}', "neither")]
+)
+def test_a_file_that_is_no_map_is_refused(tmp_path, text, words):
+    (tmp_path / "x.json").write_text(text)
+    with pytest.raises(DataError, match=words):
+        read_scene(SceneConfig(file=str(tmp_path / "x.json")))
