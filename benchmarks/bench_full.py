@@ -26,6 +26,7 @@ from pareto_ltl.settings import (
     SceneConfig,
     SmoothingConfig,
     WindConfig,
+    preset,
 )
 from pareto_ltl.simulation import acceptance
 from pareto_ltl.simulation import flights as deployment
@@ -53,7 +54,7 @@ def mission(request):
     automaton = automaton_of(
         MissionConfig(**section("mission", request.param)), set(cells.letters), 1000, scene.regions
     )
-    made = problem.build(RobotConfig(), PlannerConfig(), cfg, scene, wind, cells, automaton, "full")
+    made = problem.build(RobotConfig(), PlannerConfig(), cfg, scene, wind, cells, automaton, preset("full"))
     growth.forest(PlannerConfig(trees=1, n_max=50), made, SeedSequence(0))
     return made
 

@@ -15,8 +15,8 @@ import time
 from pathlib import Path
 
 SMALL = (
-    "+experiment=phi1", "name=small", "wind=calm", "planner.trees=2", "planner.n_max=500", "smoothing=none",
-    "deployment.runs=50", "report=none", "hydra/launcher=joblib",
+    "+experiment=phi1", "name=small", "wind=calm", "planner.trees=2", "planner.n_max=500",
+    "fidelity.refine=none",     "deployment.runs=50", "report=none", "hydra/launcher=joblib",
 )  # fmt: skip
 
 

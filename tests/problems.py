@@ -16,7 +16,7 @@ from pareto_ltl.kernels.data import Faces
 from pareto_ltl.logic import translate
 from pareto_ltl.planning.problem import Problem, build
 from pareto_ltl.planning.records import Tree
-from pareto_ltl.settings import PlannerConfig, RobotConfig, SceneConfig, WindConfig
+from pareto_ltl.settings import PlannerConfig, RobotConfig, SceneConfig, WindConfig, preset
 from pareto_ltl.support.arrays import FloatArray, IntArray
 from pareto_ltl.wind.records import WindField, WindModes
 from pareto_ltl.world import cells as workspace
@@ -153,7 +153,7 @@ def make_problem(
         wind or steady_wind(scene),
         decomposition,
         translate(formula, decomposition.letters),
-        fidelity,
+        preset(fidelity),
     )
 
 

@@ -18,7 +18,7 @@ from pareto_ltl.settings import Settings
 from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
 from pareto_ltl.support.resources import choices
 
-SECTIONS = ("scene", "mission", "robot", "wind", "planner", "smoothing", "selection", "deployment", "report")
+SECTIONS = ("scene", "mission", "robot", "wind", "planner", "fidelity", "selection", "deployment", "report")
 FILES = {"csv": ["wind.path=wind.csv"], "grib": ["wind.path=wind.grib"]}
 
 

@@ -11,7 +11,8 @@ from pareto_ltl.cli import hydra_app as app
 from pareto_ltl.cli.rerun import main
 
 SMALL = (
-    "+experiment=phi1", "wind=calm", "planner.trees=2", "smoothing=none", "deployment.runs=20", "report=none",
+    "+experiment=phi1", "wind=calm", "planner.trees=2", "fidelity.refine=none",
+    "deployment.runs=20", "report=none",
 )  # fmt: skip
 
 

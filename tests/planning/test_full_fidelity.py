@@ -12,7 +12,14 @@ from pareto_ltl.kernels.path import collision_bound
 from pareto_ltl.planning import growth, problem, selection
 from pareto_ltl.planning import refine as smoothing
 from pareto_ltl.planning.records import Front
-from pareto_ltl.settings import PlannerConfig, RobotConfig, SceneConfig, SelectionConfig, SmoothingConfig
+from pareto_ltl.settings import (
+    FidelityConfig,
+    PlannerConfig,
+    RobotConfig,
+    SceneConfig,
+    SelectionConfig,
+    SmoothingConfig,
+)
 from pareto_ltl.simulation import acceptance
 from pareto_ltl.simulation import flights as deployment
 from pareto_ltl.support.errors import ConfigError, DataError
@@ -85,10 +92,10 @@ def test_the_first_tree_only_takes_parents_that_are_no_worse_in_any_objective(fo
 
 
 def test_half_of_the_trees_choose_by_a_tchebycheff_score(task):
-    assert [growth.chooses(PLANNER, j) for j in range(4)] == [False, True, False, True]
-    assert growth.chooses(PlannerConfig(parents="tchebycheff"), 0)
-    with pytest.raises(ConfigError, match=r"planner\.parents"):
-        PlannerConfig(parents="best")
+    assert [growth.chooses("mixed", j) for j in range(4)] == [False, True, False, True]
+    assert growth.chooses("tchebycheff", 0)
+    with pytest.raises(ConfigError, match=r"fidelity\.parents"):
+        FidelityConfig(parents="best")
 
 
 def test_the_same_seed_gives_the_same_forest_whatever_the_threads(task, forest):

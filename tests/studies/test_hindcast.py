@@ -224,7 +224,7 @@ def test_a_hindcast_of_real_fields_from_the_command_line(
         "hindcast.side=[300000.0,400000.0]",
         "planner.trees=4",
         "planner.n_max=1500",
-        "smoothing=none",
+        "fidelity.refine=none",
         "deployment.runs=50",
         "evaluation.jobs=1",
         "report.dpi=40",

@@ -13,8 +13,8 @@ import pytest
 import small_study
 from pareto_ltl.planning import growth
 from pareto_ltl.settings import (
-    FIDELITIES,
     METHODS,
+    PRESETS,
     AblationConfig,
     CompareConfig,
     ConvergenceConfig,
@@ -110,7 +110,7 @@ def test_a_still_field_keeps_its_lattice_and_its_clock(cfg: Settings, world: dic
 
 def test_every_fidelity_and_baseline_can_be_asked_for() -> None:
     assert set(compare.TITLES) >= set(METHODS)
-    assert set(FIDELITIES) <= set(METHODS)
+    assert set(PRESETS) <= set(METHODS)
 
 
 def test_one_seed_is_one_wind_whatever_flies(cfg: Settings, world: dict[str, Any]) -> None:

@@ -34,8 +34,8 @@ from pareto_ltl.support.resources import choices
 FAULTS = Path(__file__).parents[1] / "faults"
 PLACE = Path("multirun/plan")
 SMALL = (
-    "+experiment=phi1", "name=plan", "wind=calm", "planner.trees=2", "planner.n_max=600", "smoothing=none",
-    "deployment.runs=20", "report=none",
+    "+experiment=phi1", "name=plan", "wind=calm", "planner.trees=2", "planner.n_max=600",
+    "fidelity.refine=none",     "deployment.runs=20", "report=none",
 )  # fmt: skip
 PLANNED = "pipelines.stages=[trouble,decomposition,automaton,observations,wind,forest,front,plan,deployment]"
 

@@ -40,7 +40,7 @@ from omegaconf.errors import MissingMandatoryValue, OmegaConfBaseException
 from pareto_ltl.cli.summary import print_summary
 from pareto_ltl.run import pipeline
 from pareto_ltl.run.provenance import one_line
-from pareto_ltl.settings import FIDELITIES, Settings
+from pareto_ltl.settings import Settings
 from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError, ParetoLtlError
 from pareto_ltl.support.resources import choices, folder, groups
 
@@ -129,7 +129,6 @@ def register() -> None:
     for name in LAUNCHERS:
         launchers.pop(f"{name}.yaml", None)  # ... for which there are better ones in conf/hydra/launcher
     store.store(name="settings", node=Settings)
-    OmegaConf.register_new_resolver("fidelities", lambda: ",".join(FIDELITIES), replace=True)
     for name in choices("pipelines"):
         store.store(group="pipelines", name=name, node=OmegaConf.load(folder("pipelines") / f"{name}.yaml"))
 

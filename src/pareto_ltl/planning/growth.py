@@ -127,7 +127,7 @@ def _plant(
     weight = np.zeros(3)
     if problem.tables.full:
         beta[1] *= FACTOR / cfg.beta_risk if cfg.beta_risk > 0 else 0.0
-        weight = rng.dirichlet(np.ones(3)) if chooses(cfg, number) else weight
+        weight = rng.dirichlet(np.ones(3)) if chooses(problem.parents, number) else weight
     habits = _habits(cfg, problem, beta, weight, stop, reselect and cfg.near > 0)
     states, m, atoms = (
         len(problem.automaton.distance),
@@ -151,9 +151,9 @@ def _plant(
     return _Nursery(vertices, growing, habits, beta, rng)
 
 
-def chooses(cfg: PlannerConfig, number: int) -> bool:
+def chooses(parents: str, number: int) -> bool:
     """Whether tree ``number`` of full fidelity chooses parents by a Tchebycheff score: half of them do."""
-    return cfg.parents == "tchebycheff" or (cfg.parents == "mixed" and number % 2 == 1)
+    return parents == "tchebycheff" or (parents == "mixed" and number % 2 == 1)
 
 
 def _habits(

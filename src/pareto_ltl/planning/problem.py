@@ -17,7 +17,7 @@ import numpy as np
 from pareto_ltl.kernels import data as kt
 from pareto_ltl.logic.automaton import Automaton
 from pareto_ltl.planning.records import Objectives, PlannedPath
-from pareto_ltl.settings import EPSILON, PlannerConfig, RobotConfig, WindConfig
+from pareto_ltl.settings import PAPER, FidelityConfig, PlannerConfig, RobotConfig, WindConfig
 from pareto_ltl.support.arrays import Float32Array, FloatArray, IntArray
 from pareto_ltl.support.errors import DataError, InfeasibleError
 from pareto_ltl.wind.records import WindField
@@ -26,6 +26,8 @@ from pareto_ltl.world.scene import Scene
 
 if TYPE_CHECKING:
     from pareto_ltl.kernels.track import Track
+
+EPSILON = {"step": 0.05, "path": 0.1}  # where planner.epsilon is left to the collision bound
 
 LOG = logging.getLogger(__name__)
 
@@ -57,6 +59,7 @@ class Problem:
     start_variance: float
     epsilon: float
     max_steps: int
+    parents: str
 
     @property
     def horizon(self) -> int:
@@ -194,7 +197,7 @@ def logic_tables(automaton: Automaton, labels: Sequence[frozenset[str]]) -> kt.L
 
 def build(
     robot: RobotConfig, planner: PlannerConfig, wind_cfg: WindConfig, scene: Scene, wind: WindField,
-    decomposition: Decomposition, automaton: Automaton, fidelity: str = "paper",
+    decomposition: Decomposition, automaton: Automaton, fidelity: FidelityConfig = PAPER,
 ) -> Problem:  # fmt: skip
     """Check what only shows when everything is together, and pack it.
 
@@ -207,11 +210,11 @@ def build(
 
     atoms = tuple(automaton.atoms)
     m = max(len(decomposition.obstacles), 1)
-    epsilon = EPSILON[fidelity] if planner.epsilon is None else planner.epsilon
+    epsilon = EPSILON[fidelity.collision_bound] if planner.epsilon is None else planner.epsilon
     a, b = np.array(robot.a, float), np.array(robot.b, float)
-    marks = scene.landmarks if fidelity == "full" else ()
-    if scene.landmarks and fidelity != "full":
-        LOG.warning("scene.landmarks are left unused: only fidelity=full knows position fixes")
+    marks = scene.landmarks if fidelity.law == "coherent" else ()
+    if scene.landmarks and fidelity.law != "coherent":
+        LOG.warning("scene.landmarks are left unused: only fidelity.law=coherent knows position fixes")
     winds = wind_tables(wind, robot.dt, planner.max_steps)
     gain, effort = robot.feedback, math.sqrt(-2.0 * math.log(robot.effort_risk))
     tables = kt.Tables(
@@ -240,7 +243,7 @@ def build(
         z=float(-ndtri(epsilon / m)),
         epsilon=epsilon,
         delta=planner.delta,
-        full=fidelity == "full",
+        full=fidelity.law == "coherent",
     )
     calmest = float(np.linalg.norm(wind.mean, axis=-1).min())
     if calmest > robot.u_max:
@@ -258,6 +261,7 @@ def build(
         robot.start_sd**2,
         epsilon,
         planner.max_steps,
+        fidelity.parents,
     )
 
 

@@ -55,7 +55,7 @@ def begin(settings: Settings, argv: Sequence[str], overrides: Sequence[str] = ()
         "threads": cores(),
         "name": settings.name,
         "seed": settings.seed,
-        "fidelity": settings.fidelity,
+        "fidelity": settings.fidelity.label,
         "stages": settings.pipelines.stages,
         "config_hash": config_hash(settings),
         "version": version("pareto-ltl"),

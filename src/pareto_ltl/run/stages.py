@@ -128,6 +128,7 @@ def forest(planner_cfg: PlannerConfig, problem: Problem, seeds: SeedSequence, pr
 
 @stage
 def front(
+    settings: Settings,
     planner_cfg: PlannerConfig,
     smoothing_cfg: SmoothingConfig,
     problem: Problem,
@@ -142,7 +143,7 @@ def front(
         raise InfeasibleError(growth.explain(planner_cfg, problem, forest))
     raw, full = selection.tree_front(problem, forest), problem.tables.full
     smoothed: tuple[PlannedPath, ...] = ()
-    if smoothing_cfg.enabled:
+    if settings.fidelity.refine == "convex":
         from pareto_ltl.planning.refine import smooth
 
         smoothed = smooth(smoothing_cfg, problem, (*raw, *selection.orders(problem, forest)), progress)
@@ -178,7 +179,7 @@ def plan(
         dt=settings.robot.dt,
         u_max=settings.robot.u_max,
         epsilon=problem.epsilon,
-        fidelity=settings.fidelity,
+        fidelity=settings.fidelity.label,
         rule=selection_cfg.rule,
         weights=tuple(selection_cfg.weights),
         acceptance=acceptance,

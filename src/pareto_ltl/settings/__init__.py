@@ -12,13 +12,15 @@ from typing import Any
 
 from pareto_ltl.support.errors import ConfigError
 
-FIDELITIES = ("paper", "full")
-EPSILON = {"paper": 0.05, "full": 0.1}  # planner.epsilon where it is left to the fidelity
+LAWS = ("independent", "coherent")
+MISSION_BOUNDS = ("theorem2", "ordered")
+COLLISION_BOUNDS = ("step", "path")
+PARENT_RULES = ("dominance", "scaled", "tchebycheff", "mixed")
+REFINEMENTS = ("none", "convex")
+JUDGES = ("bound", "flights")
 WIND_SOURCES = ("sample", "csv", "grib", "calm")
 KERNELS = ("matern32", "rbf")
-PARENTS = ("beta", "tchebycheff", "mixed")
 RULES = ("priority", "weighted", "threshold")
-LAWS = ("independent", "coherent")
 
 
 def _positive(key: str, value: float, unit: str = "") -> None:
@@ -207,6 +209,55 @@ class WindConfig:
 
 
 @dataclass
+class FidelityConfig:
+    """The models that plans are made with. ``conf/fidelity/`` holds the presets; each can be set alone."""
+
+    name: str = "paper"  # the preset that the others began with
+    law: str = "independent"  # wind that plans are judged in: independent, coherent
+    mission_bound: str = "theorem2"  # mission risk: theorem2 (the paper's f_o), ordered (V)
+    collision_bound: str = "step"  # step (Eqs. 9 and 10), path (R)
+    parents: str = "dominance"  # rule of re-selection: dominance (Eqs. 11, 12), scaled, tchebycheff, mixed
+    refine: str = "convex"  # what is done to the trees' paths: none, convex
+    judge: str = "bound"  # what ranks the front and accepts the plan: bound, flights
+
+    def __post_init__(self) -> None:
+        _one_of("fidelity", self.name, tuple(PRESETS))
+        _one_of("fidelity.law", self.law, LAWS)
+        _one_of("fidelity.mission_bound", self.mission_bound, MISSION_BOUNDS)
+        _one_of("fidelity.collision_bound", self.collision_bound, COLLISION_BOUNDS)
+        _one_of("fidelity.parents", self.parents, PARENT_RULES)
+        _one_of("fidelity.refine", self.refine, REFINEMENTS)
+        _one_of("fidelity.judge", self.judge, JUDGES)
+
+    @property
+    def label(self) -> str:
+        """``full``, or ``full with parents=scaled`` where a choice of the preset was changed."""
+        usual = PRESETS[self.name]
+        changed = [f"{key}={getattr(self, key)}" for key in usual if getattr(self, key) != usual[key]]
+        return f"{self.name} with {', '.join(changed)}" if changed else self.name
+
+
+PRESETS: dict[str, dict[str, str]] = {
+    "paper": {
+        "law": "independent", "mission_bound": "theorem2", "collision_bound": "step",
+        "parents": "dominance", "refine": "convex", "judge": "bound",
+    },
+    "full": {
+        "law": "coherent", "mission_bound": "ordered", "collision_bound": "path",
+        "parents": "mixed", "refine": "convex", "judge": "flights",
+    },
+}  # fmt: skip
+
+
+def preset(name: str) -> FidelityConfig:
+    """The models of ``fidelity=NAME``."""
+    return FidelityConfig(name=name, **PRESETS[name])
+
+
+PAPER = preset("paper")
+
+
+@dataclass
 class LogicConfig:
     max_states: int = 10_000
 
@@ -218,17 +269,14 @@ class LogicConfig:
 class PlannerConfig:
     trees: int = 10
     n_max: int = 2500  # vertices a tree
-    # Collision probability allowed at a step; null: 0.05 for fidelity=paper, shared equally by the
-    # obstacles, 0.1 for fidelity=full, for all of them together and in a wind that does not average out
+    # Collision probability allowed at a step; null: that of the collision bound (0.05 shared equally by the
+    # obstacles with fidelity.collision_bound=step, 0.1 for all of them together with path)
     epsilon: float | None = None
-    delta: float = 0.5  # collision probability allowed on a whole path (fidelity=full)
+    delta: float = 0.5  # collision probability allowed on a whole path (fidelity.collision_bound=path)
     max_steps: int = 200  # longest path
     near: int = 64  # parents tried for a new vertex, at most
     beta_risk: float = 0.05  # slack of Eq. (11) is drawn below this for risks
     beta_length: float = 1.0  # ... and below this many full steps for length
-    parents: str = (
-        "mixed"  # how trees of fidelity=full choose parents: beta, tchebycheff, mixed (half of each)
-    )
     explore: float = 0.1  # probability of a target beyond the next cell of the lead
     refresh: int = 16  # extensions between two leads of the high-level planner
     max_seconds: float = 600.0  # growth ends here at the latest
@@ -242,7 +290,6 @@ class PlannerConfig:
         _probability("planner.delta", self.delta)
         _at_least("planner.max_steps", self.max_steps, 1)
         _at_least("planner.near", self.near, 0)
-        _one_of("planner.parents", self.parents, PARENTS)
         _not_negative("planner.beta_risk", self.beta_risk)
         _not_negative("planner.beta_length", self.beta_length)
         _at_least("planner.refresh", self.refresh, 1)
@@ -254,7 +301,6 @@ class PlannerConfig:
 
 @dataclass
 class SmoothingConfig:
-    enabled: bool = True
     candidates: int = 4  # front paths smoothed, at most
     rounds: int = 3
     weights: list[float] = field(default_factory=lambda: [1.0, 10.0, 100.0])  # risk against length
@@ -489,7 +535,7 @@ class Settings:
 
     name: str = "plan"
     seed: int = 0
-    fidelity: str = "paper"
+    fidelity: FidelityConfig = field(default_factory=FidelityConfig)
     scene: SceneConfig = field(default_factory=SceneConfig)
     mission: MissionConfig = field(default_factory=MissionConfig)
     robot: RobotConfig = field(default_factory=RobotConfig)
@@ -510,7 +556,6 @@ class Settings:
     sweep: SweepConfig = field(default_factory=SweepConfig)
 
     def __post_init__(self) -> None:
-        _one_of("fidelity", self.fidelity, FIDELITIES)
         _not_negative("seed", self.seed)
 
 

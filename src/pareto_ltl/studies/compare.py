@@ -22,7 +22,7 @@ import numpy as np
 
 from pareto_ltl.planning.problem import Problem, forecast
 from pareto_ltl.planning.records import Plan
-from pareto_ltl.settings import Settings
+from pareto_ltl.settings import Settings, preset
 from pareto_ltl.studies import parts
 from pareto_ltl.studies.parts import Part, Progress
 from pareto_ltl.studies.planning import Workshop, fly, still, with_wind
@@ -68,12 +68,12 @@ class Context:
 
 def method(name: str, settings: Settings, world: Mapping[str, Any]) -> Workshop:
     """The planner called ``name``: the settings it has and the world it believes in."""
-    fidelity = "full" if name == "full" else "paper"
-    smooth = name in ("smoothed", "full", "calm_shortest")
+    models = preset("full" if name == "full" else "paper")
+    if name not in ("smoothed", "full", "calm_shortest"):
+        models = replace(models, refine="none")
     mine = replace(
         settings,
-        fidelity=fidelity,
-        smoothing=replace(settings.smoothing, enabled=smooth),
+        fidelity=models,
         planner=replace(settings.planner, threads=1),  # seeds share the cores, not trees
     )
     if name == "cc_rrt":
@@ -89,7 +89,7 @@ def method(name: str, settings: Settings, world: Mapping[str, Any]) -> Workshop:
 def truth(settings: Settings, world: Mapping[str, Any]) -> Problem:
     """The world plans are flown in: everything that is modelled, all laws."""
     laws = list(settings.evaluation.laws)
-    real = replace(settings, fidelity="full", deployment=replace(settings.deployment, laws=laws))
+    real = replace(settings, fidelity=preset("full"), deployment=replace(settings.deployment, laws=laws))
     problem: Problem = Workshop(real, dict(world)).make("problem")
     return problem
 
@@ -118,7 +118,7 @@ def study(
 
 def _key(context: Context, settings: Settings, name: str, seed: int) -> str:
     mine = replace(context.methods[name].settings, seed=seed)
-    return parts.key(mine, "compare", name, context.runs, context.laws, settings.fidelity)
+    return parts.key(mine, "compare", name, context.runs, context.laws, settings.fidelity.label)
 
 
 def one(context: Context, name: str, seed: int) -> Row:

@@ -20,7 +20,7 @@ import numpy as np
 from pareto_ltl.planning.problem import Problem, forecast
 from pareto_ltl.planning.records import Front, PlannedPath
 from pareto_ltl.run.results import whole
-from pareto_ltl.settings import FIDELITIES, IngestConfig, MissionConfig, Settings, WindConfig
+from pareto_ltl.settings import PRESETS, IngestConfig, MissionConfig, Settings, WindConfig, preset
 from pareto_ltl.studies import parts
 from pareto_ltl.studies import true_fields as nature
 from pareto_ltl.studies.parts import Part, Progress
@@ -113,7 +113,7 @@ def one(context: Context, k: int) -> Row:
         "obstacles": len(task.scene.obstacles),
     }
     plans: list[Row] = []
-    for fidelity in FIDELITIES:
+    for fidelity in PRESETS:
         shop = workshop(context, task, fidelity)
         try:
             front = shop.make("front")
@@ -136,7 +136,7 @@ def workshop(context: Context, task: Mission, fidelity: str) -> Workshop:
     steps = int(cfg.hours * 3600 // settings.robot.dt)
     mine = replace(
         settings,
-        fidelity=fidelity,
+        fidelity=preset(fidelity),
         seed=settings.seed + task.number,
         mission=MissionConfig(formula=task.formula, start_time=task.scene.time_zero),
         wind=seen(settings.wind, context.tables[task.spell.name]),
@@ -152,7 +152,7 @@ def seen(wind: WindConfig, table: Path) -> WindConfig:
 
 def believed(context: Context, task: Mission) -> Problem:
     """The model that plans are simulated in: everything that is modelled, all laws."""
-    problem: Problem = workshop(context, task, FIDELITIES[-1]).make("problem")
+    problem: Problem = workshop(context, task, "full").make("problem")
     return problem
 
 
@@ -161,9 +161,9 @@ def reality(context: Context, shop: Workshop) -> Problem:
     cfg, scene = context.settings.hindcast, shop.make("scene")
     real = nature.real_wind(cfg, shop.settings.wind, context.readings, scene, shop.make("wind"))
     world = {name: shop.make(name) for name in ("scene", "observations", "decomposition", "automaton")}
-    problem: Problem = Workshop(replace(shop.settings, fidelity="paper"), world | {"wind": real}).make(
-        "problem"
-    )
+    problem: Problem = Workshop(
+        replace(shop.settings, fidelity=preset("paper")), world | {"wind": real}
+    ).make("problem")
     return problem
 
 

@@ -80,7 +80,7 @@ def still(wind: WindField) -> WindField:
 
 def unsmoothed(settings: Settings) -> Settings:
     """The published planner: the paths of the trees as they are."""
-    return replace(settings, smoothing=replace(settings.smoothing, enabled=False))
+    return replace(settings, fidelity=replace(settings.fidelity, refine="none"))
 
 
 def fly(

@@ -58,7 +58,7 @@ def smooth(
     progress : callable
         Called with (lines done, lines in all).
     """
-    wanted = cfg.enabled and len(paths) > 0 and len(problem.tables.regions.atom) > 0
+    wanted = len(paths) > 0 and len(problem.tables.regions.atom) > 0
     begun = starts(cfg, problem, paths) if wanted else []
     if not begun:
         return ()
