@@ -1,10 +1,67 @@
-"""What the kernels read: named tuples of arrays, so that loops say ``wind.mean``, not ``arr[3]``."""
+"""What kernels read: named tuples, so that loops say ``wind.mean`` and ``here.cov``, not ``arr[3]``.
+
+Models are named tuples too, and their types pick the code (``jit.by_type``): a wind law, a mission bound and
+a collision bound. Memory that a model does not need is None.
+"""
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
-from pareto_ltl.support.arrays import BoolArray, Float32Array, FloatArray, IntArray
+from pareto_ltl.support.arrays import BoolArray, Float32Array, FloatArray, Int32Array, IntArray
+
+# --- geometry ---------------------------------------------------------------------------------
+
+
+class Point(NamedTuple):
+    """A place in the plane [m]."""
+
+    x: float
+    y: float
+
+
+class Cov(NamedTuple):
+    """A symmetric 2 x 2 matrix, mostly the covariance of a position [m²]."""
+
+    xx: float
+    xy: float
+    yy: float
+
+
+class Gaussian(NamedTuple):
+    """A position: mean [m] and covariance [m²]."""
+
+    mean: Point
+    cov: Cov
+
+
+class Linear(NamedTuple):
+    """A 2 x 2 matrix, row by row."""
+
+    xx: float
+    xy: float
+    yx: float
+    yy: float
+
+
+class Square(NamedTuple):
+    """The square (i, j) of a lattice that holds a place, and the fractions (fx, fy) within it."""
+
+    i: int
+    j: int
+    fx: float
+    fy: float
+
+
+class Ahead(NamedTuple):
+    """One step ahead: mean with zero airspeed, covariance, and the airspeed left for the control [m/s]."""
+
+    mean: Point
+    cov: Cov
+    speed: float
+
+
+# --- the map ----------------------------------------------------------------------------------
 
 
 class Faces(NamedTuple):
@@ -16,6 +73,50 @@ class Faces(NamedTuple):
     ptr: IntArray
     normal: FloatArray
     offset: FloatArray
+
+
+class Corners(NamedTuple):
+    """Polygons as corners ``corner[ptr[k]:ptr[k + 1]]``, counter-clockwise, each within ``radius`` of
+    ``middle`` (L, 2); ``cell`` (L,) are their numbers."""
+
+    cell: IntArray
+    middle: FloatArray
+    radius: FloatArray
+    ptr: IntArray
+    corner: FloatArray
+
+
+class Cells(NamedTuple):
+    """Convex cells with a bucket grid in front: bucket k lists its candidate cells in
+    ``candidates[ptr[k]:ptr[k + 1]]``. ``atoms`` (C, P) says which propositions hold in a cell."""
+
+    west: float
+    south: float
+    east: float
+    north: float
+    buckets: int
+    ptr: IntArray
+    candidates: IntArray
+    faces: Faces
+    atoms: BoolArray
+
+
+class Logic(NamedTuple):
+    """The automaton on the letters that cells show.
+
+    ``delta`` (Q, C + 1), the last column for no label (obstacles, off the map); ``distance`` d_A (Q,), inf
+    in the trap; ``covers`` (Q, Q): ``covers[q, p]`` iff q accepts all that p accepts (q >= p); ``spoils``
+    (Q, C + 1, Q): reading the label in q does not lead to a state that accepts all p accepts.
+    """
+
+    delta: IntArray
+    distance: FloatArray
+    covers: BoolArray
+    spoils: BoolArray
+    initial: int
+
+
+# --- wind and motion --------------------------------------------------------------------------
 
 
 class Wind(NamedTuple):
@@ -36,13 +137,12 @@ class Wind(NamedTuple):
 
 
 class Modes(NamedTuple):
-    """Coherent wind: step n meets mode slot ``slot[n]``, where θ has kept the share ``keep[n]`` of step n -
-    1.
+    """Coherent wind: step n meets mode slot ``slot[n]``, where θ keeps the share ``keep[n]`` of step n - 1.
 
-    ``psi`` (K, MX, MY, 2, P) on the modes' own lattice, P = 0 where nothing is uncertain; on the lattice of
-    the mean ``slope`` (K, NX, NY, 4) = ∂μ_x/∂x, ∂μ_x/∂y, ∂μ_y/∂x, ∂μ_y/∂y and ``bend`` (K, NX, NY, 6) = the
-    second derivatives xx, xy, yy of μ_x, then of μ_y. ``white`` is the variance of a step's mean gust over
-    that of a gust.
+    ``psi`` (K, MX, MY, 2, P) on the lattice of the modes, P = 0 where nothing is uncertain; on the lattice
+    of the mean ``slope`` (K, NX, NY, 4) = ∂μ_x/∂x, ∂μ_x/∂y, ∂μ_y/∂x, ∂μ_y/∂y and ``bend`` (K, NX, NY, 6) =
+    the second derivatives xx, xy, yy of μ_x, then of μ_y. ``white`` is the variance of a step's mean gust
+    over that of a gust.
     """
 
     west: float
@@ -57,86 +157,164 @@ class Modes(NamedTuple):
 
 
 class Motion(NamedTuple):
-    """x' = A x + dt B (u + feedback) + dt w. ``a`` = A, ``b_inv`` = B^-1, ``closed`` = A - K I moves
-    deviations,
-    ``gain`` = K, ``effort`` the quantile that keeps the feedback within u_max, ``ball`` the radius of the
-    maximum-trace rule in standard deviations."""
+    """x' = A x + dt B (u + feedback) + dt w.
+
+    ``a`` = A, ``b`` = B, ``b_inv`` = B^-1; ``closed`` = A - K I moves deviations, ``gain`` = K; ``effort``
+    is the quantile that keeps the feedback within u_max; ``ball`` is the radius of the maximum-trace rule
+    in standard deviations.
+    """
 
     a: FloatArray
     closed: FloatArray
     gain: float
     effort: float
-    fix_gain: float  # share of a known deviation flown back in a step
-    fix_variance: float  # of a position fix [m²]
-    fix_risk: float  # largest probability of missing a landmark that a plan counts on
+    b: FloatArray
     b_inv: FloatArray
     dt: float
     u_max: float
     ball: float
 
 
-class Cells(NamedTuple):
-    """Convex cells with a bucket grid in front: bucket k lists its candidate cells in
-    ``candidates[ptr[k]:ptr[k + 1]]``. ``atoms`` (C, P) says which propositions hold in a cell."""
+class Landmarks(NamedTuple):
+    """Convex polygons in which the robot learns its position: by faces and by corners.
 
-    west: float
-    south: float
-    east: float
-    north: float
-    buckets: int
-    ptr: IntArray
-    candidates: IntArray
-    faces: Faces
-    atoms: BoolArray
-
-
-class Regions(NamedTuple):
-    """Convex parts of the regions; ``atom`` names the proposition of each part."""
+    ``gain`` is the share of a known deviation flown back in a step, ``variance`` that of a position fix
+    [m²], ``risk`` the largest probability of missing a landmark that a plan counts on.
+    """
 
     faces: Faces
-    atom: IntArray
+    corners: Corners
+    gain: float
+    variance: float
+    risk: float
 
 
-class Logic(NamedTuple):
-    """The automaton on the cells' letters: ``delta`` (Q, C + 1), the last column for no label (obstacles, off
-    the map); ``distance`` d_A (Q,), inf in the trap,
-    ``covers`` (Q, Q): ``covers[q, p]`` iff q accepts all that p accepts (q >= p)."""
-
-    delta: IntArray
-    distance: FloatArray
-    covers: BoolArray
-    spoils: (
-        BoolArray  # (Q, C + 1, Q): reading the label in q does not lead to a state that accepts all p accepts
-    )
-    initial: int
+# --- models: wind laws and what a path or tree remembers for them ------------------------------
 
 
-class Labelled(NamedTuple):
-    """Cells that show a label, one after another as ``corner[ptr[k]:ptr[k + 1]]``, counter-clockwise, each
-    within
-    ``radius`` of ``middle`` (L, 2); ``cell`` (L,) are their numbers."""
+class IndependentLaw(NamedTuple):
+    """The paper's law: every step draws its wind anew. It needs no memory (None)."""
 
-    cell: IntArray
-    middle: FloatArray
-    radius: FloatArray
-    ptr: IntArray
-    corner: FloatArray
+    wind: Wind
+    motion: Motion
 
 
-class Tables(NamedTuple):
-    """Everything about the problem. ``z`` is the quantile of 1 - epsilon / m of Eq. (9)."""
+class CoherentLaw(NamedTuple):
+    """One flight meets one field, w(x) = μ(x) + ψ(x)' θ."""
 
     wind: Wind
     modes: Modes
     motion: Motion
-    obstacles: Faces
+
+
+class LandmarkLaw(NamedTuple):
+    """The coherent law with position fixes at landmarks."""
+
+    wind: Wind
+    modes: Modes
+    motion: Motion
+    landmarks: Landmarks
+
+
+class CoherentMemory(NamedTuple):
+    """Row v is what the children of v start from: ``theta`` (N, 2, 2, P) = Cov(e, θ)."""
+
+    theta: Float32Array
+
+
+class LandmarkMemory(NamedTuple):
+    """Row v is what the children of v start from: ``theta`` (N, 2, 2, P) = Cov(ẽ, θ̃), ``known`` (N, 3) =
+    Cov(ê), the last fix ``fix`` (N,) and ``faded`` (N,), the s of it. Fix f has ``gain`` (M, 2, 2, P) = D,
+    the fix before it ``previous`` and the ``share`` that the latter had then; ``used`` (1,) fixes are in
+    use."""
+
+    theta: Float32Array
+    known: FloatArray
+    fix: IntArray
+    faded: FloatArray
+    gain: Float32Array
+    previous: IntArray
+    share: FloatArray
+    used: IntArray
+
+
+Law: TypeAlias = IndependentLaw | CoherentLaw | LandmarkLaw
+Memory: TypeAlias = CoherentMemory | LandmarkMemory | None
+
+
+# --- models: mission bounds -------------------------------------------------------------------
+
+
+class Theorem2(NamedTuple):
+    """The paper's f_o: ``faces`` of the convex parts of the regions, ``atom`` the proposition of each part,
+    ``holds`` (C, P) which propositions hold in a cell. Its memory is None: the risks of the propositions
+    are the vertex's own objectives."""
+
+    faces: Faces
+    atom: IntArray
+    holds: BoolArray
+
+
+class Ordered(NamedTuple):
+    """The ordered bound V: cells that show a label, all cells, the automaton."""
+
+    labelled: Corners
     cells: Cells
-    regions: Regions
-    labelled: Labelled
-    landmarks: Faces
-    spots: Labelled  # their corners
     logic: Logic
+
+
+class OrderedMemory(NamedTuple):
+    """``bound`` (N, Q): V of every automaton state; ``seen`` (L + 1,) scratch: P(each label)."""
+
+    bound: FloatArray
+    seen: FloatArray
+
+
+MissionBound: TypeAlias = Theorem2 | Ordered
+
+
+# --- models: collision bounds -----------------------------------------------------------------
+
+
+class StepBound(NamedTuple):
+    """Eqs. (9) and (10): equal shares of epsilon; ``z`` is the quantile of 1 - epsilon / m."""
+
+    obstacles: Faces
     z: float
-    epsilon: float  # collision probability allowed at a step
-    delta: float  # and on a path, of full fidelity
-    full: bool  # whether vertices carry coherent covariances, V and R instead of the paper's
+
+
+class StepMemory(NamedTuple):
+    """``cleared`` (N, m): bit k says that face k of the obstacle is cleared."""
+
+    cleared: IntArray
+
+
+class PathBound(NamedTuple):
+    """R of whole paths: ``epsilon`` allowed at a step by all obstacles together, ``delta`` on a path."""
+
+    obstacles: Faces
+    epsilon: float
+    delta: float
+
+
+class PathMemory(NamedTuple):
+    """``cov`` (N, 3) of each vertex; ``face`` (N, m) that separates the step to it, -1 for none; ``run``
+    (N, m, 3): Σ p, least gap and largest variance of the steps in a row with this face."""
+
+    cov: FloatArray
+    face: Int32Array
+    run: Float32Array
+
+
+CollisionBound: TypeAlias = StepBound | PathBound
+CollisionMemory: TypeAlias = StepMemory | PathMemory
+
+
+class World(NamedTuple):
+    """Everything about the problem: what is planned with, by type."""
+
+    law: Law
+    mission: MissionBound
+    collision: CollisionBound
+    cells: Cells
+    logic: Logic

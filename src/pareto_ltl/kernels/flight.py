@@ -1,229 +1,311 @@
-"""Simulated flights: the real nonlinear motion, the automaton on real positions, collisions on segments."""
+"""Simulated flights: the real motion, the automaton on real positions, collisions on segments.
+
+One loop flies all laws. The type of the draws says what wind a flight meets, the type of the pilot what the
+robot knows and commands.
+"""
 
 from __future__ import annotations
 
 import math
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from pareto_ltl.kernels.coherent import blown, square, white
-from pareto_ltl.kernels.data import Motion, Tables
-from pareto_ltl.kernels.geometry import hits, locate
-from pareto_ltl.kernels.interpolation import at, gust
-from pareto_ltl.kernels.jit import allocating, kernel, vector
-from pareto_ltl.kernels.track import landmark_at
+from pareto_ltl.kernels.data import (
+    Cells,
+    CoherentLaw,
+    Faces,
+    IndependentLaw,
+    LandmarkLaw,
+    Landmarks,
+    Logic,
+    Motion,
+    Point,
+    Square,
+)
+from pareto_ltl.kernels.fixes import landmark_at
+from pareto_ltl.kernels.geometry import locate_cell, segment_touches
+from pareto_ltl.kernels.interpolation import (
+    corner_weights,
+    gust_variance,
+    mode_square,
+    mode_value,
+    wind_at,
+)
+from pareto_ltl.kernels.jit import allocating, by_type, implements, kernel, vector
+from pareto_ltl.kernels.path import Flight
+from pareto_ltl.kernels.propagation import white_variance
 from pareto_ltl.support.arrays import BoolArray, Float32Array, FloatArray
 
+F32 = np.float32
 
-@kernel
-def touches(tables: Tables, x0: float, y0: float, x1: float, y1: float) -> bool:
-    """Whether a step meets any obstacle."""
-    for j in range(len(tables.obstacles.ptr) - 1):  # noqa: SIM110
-        if hits(tables.obstacles, j, x0, y0, x1, y1):
-            return True
-    return False
+# --- winds ------------------------------------------------------------------------------------
 
 
-@kernel
-def command(
-    motion: Motion, u: FloatArray, mean: FloatArray, t: int, x: float, y: float
-) -> tuple[float, float]:
-    """Planned control plus position feedback -B⁻¹ K (x - m) / dt, held within u_max."""
-    ux, uy = u[t, 0], u[t, 1]
-    if motion.gain > 0.0:
-        b, share = motion.b_inv, motion.gain / motion.dt
-        ex, ey = share * (x - mean[t, 0]), share * (y - mean[t, 1])
-        ux -= b[0, 0] * ex + b[0, 1] * ey
-        uy -= b[1, 0] * ex + b[1, 1] * ey
-        size = math.sqrt(ux * ux + uy * uy)
-        if size > motion.u_max:
-            ux, uy = ux * motion.u_max / size, uy * motion.u_max / size
-    return ux, uy
+class IndependentDraws(NamedTuple):
+    """w ~ N(μ(x, t), Σ_w(x, t)) anew at every step, at the real position; ``white`` (T, n, 2) ~ N(0, 1)."""
+
+    law: IndependentLaw
+    white: FloatArray
 
 
-@allocating
-def fly(
-    tables: Tables,
-    b: FloatArray,
-    u: FloatArray,
-    mean: FloatArray,
-    draws: FloatArray,
-    theta: Float32Array,
-    coherent: bool,
-    x: FloatArray,
-    accepted: BoolArray,
-    collided: BoolArray,
-) -> None:
-    """Fly the controls ``u`` (T, 2) once for every column of ``draws`` (T, n, 2), standard normal.
+class CoherentDraws(NamedTuple):
+    """w = μ(x, t) + ψ(x)' θ of the flight's own ``theta`` (n, K, 2, P), plus what the modes leave white."""
 
-    The independent law: w ~ N(μ(x, t), Σ_w(x, t)) anew at every step, at the real position. The coherent one:
-    w = μ(x, t) + ψ(x)' θ of the flight's own ``theta`` (n, K, 2, P), plus what the modes leave white.
-    Feedback holds on to ``mean`` (T+1, 2). ``x`` (n, T+1, 2) holds the start positions in row 0; the rest,
-    ``accepted`` and ``collided`` are filled.
+    law: CoherentLaw | LandmarkLaw
+    white: FloatArray
+    theta: Float32Array
+
+
+class LinearisedDraws(NamedTuple):
+    """The coherent law linearised about a path: w = μ_t + shift_t + Dμ_t e + ψ_t' θ + white.
+
+    ``mean`` (T, 2) holds μ_t + shift_t [m/s], ``slope`` (T, 2, 2) Dμ_t [1/s].
     """
-    a, dt = tables.motion.a, tables.motion.dt
-    modes = tables.modes
-    for i in range(x.shape[0]):
-        q = tables.logic.delta[tables.logic.initial, locate(tables.cells, x[i, 0, 0], x[i, 0, 1])]
-        collided[i] = False
-        for t in range(len(u)):
-            px, py = x[i, t, 0], x[i, t, 1]
-            we, wn = at(tables.wind.mean, tables.wind, t, px, py)
-            if coherent:
-                k = modes.slot[t]
-                gi, gj, fx, fy = square(modes, px, py)
-                e, ee = blown(modes.psi, k, gi, gj, fx, fy, 0, theta, i)
-                n, nn = blown(modes.psi, k, gi, gj, fx, fy, 1, theta, i)
-                we, wn = we + e, wn + n
-                ve, vn = white(tables, t, px, py, ee, nn)
-            else:
-                ve, vn = at(tables.wind.latent, tables.wind, t, px, py)
-                ge, gn = gust(tables.wind, t)
-                ve, vn = ve + ge, vn + gn
-            we += math.sqrt(ve) * draws[t, i, 0]
-            wn += math.sqrt(vn) * draws[t, i, 1]
-            ux, uy = command(tables.motion, u, mean, t, px, py)
-            nx = a[0, 0] * px + a[0, 1] * py + dt * (b[0, 0] * ux + b[0, 1] * uy + we)
-            ny = a[1, 0] * px + a[1, 1] * py + dt * (b[1, 0] * ux + b[1, 1] * uy + wn)
-            x[i, t + 1, 0], x[i, t + 1, 1] = nx, ny
-            collided[i] = collided[i] or touches(tables, px, py, nx, ny)
-            q = tables.logic.delta[q, locate(tables.cells, nx, ny)]
-        accepted[i] = tables.logic.distance[q] == 0.0
+
+    law: CoherentLaw | LandmarkLaw
+    white: FloatArray
+    theta: Float32Array
+    path: Flight
+    mean: FloatArray
+    slope: FloatArray
 
 
-@allocating
-def fly_fixed(
-    tables: Tables,
-    b: FloatArray,
-    u: FloatArray,
-    mean: FloatArray,
-    F: FloatArray,
-    psi: Float32Array,
-    gain: FloatArray,
-    learnt: Float32Array,
-    noise: FloatArray,
-    draws: FloatArray,
-    theta: Float32Array,
-    coherent: bool,
-    x: FloatArray,
-    accepted: BoolArray,
-    collided: BoolArray,
-) -> None:
-    """:func:`fly` of a robot that takes position fixes at landmarks.
-
-    At a step where the plan counts on a fix (``gain`` (T, 2, 2) not 0) and the robot is in a landmark, it
-    reads its position with ``noise`` (T, n, 2) and updates its estimate ê of the deviation and θ̂ of the
-    field. It flies ê back and steers against ψ' θ̂, within u_max, and counts on no more than it could do.
-    """
-    a, dt, motion, modes = tables.motion.a, tables.motion.dt, tables.motion, tables.modes
-    known = np.empty((2, psi.shape[2]), np.float32)
-    for i in range(x.shape[0]):
-        q = tables.logic.delta[tables.logic.initial, locate(tables.cells, x[i, 0, 0], x[i, 0, 1])]
-        collided[i] = False
-        known[:] = 0.0
-        ex, ey, informed = 0.0, 0.0, False
-        for t in range(len(u)):
-            px, py = x[i, t, 0], x[i, t, 1]
-            if t > 0 and informed and modes.keep[t] < 1.0:
-                known[:] *= np.float32(modes.keep[t])
-            if (gain[t, 0, 0] != 0.0 or gain[t, 1, 1] != 0.0) and landmark_at(tables, px, py) >= 0:
-                dx, dy = px + noise[t, i, 0] - mean[t, 0] - ex, py + noise[t, i, 1] - mean[t, 1] - ey
-                ex, ey = (
-                    ex + gain[t, 0, 0] * dx + gain[t, 0, 1] * dy,
-                    ey + gain[t, 1, 0] * dx + gain[t, 1, 1] * dy,
-                )
-                for c in range(2):
-                    for m in range(psi.shape[2]):
-                        known[c, m] += np.float32(learnt[t, 0, c, m] * dx + learnt[t, 1, c, m] * dy)
-                informed = True
-            ux, uy, hx, hy = u[t, 0], u[t, 1], 0.0, 0.0
-            if informed:
-                for m in range(psi.shape[2]):
-                    hx += psi[t, 0, m] * known[0, m]
-                    hy += psi[t, 1, m] * known[1, m]
-                cx, cy = motion.fix_gain * ex / dt + hx, motion.fix_gain * ey / dt + hy
-                ux -= motion.b_inv[0, 0] * cx + motion.b_inv[0, 1] * cy
-                uy -= motion.b_inv[1, 0] * cx + motion.b_inv[1, 1] * cy
-                size = math.sqrt(ux * ux + uy * uy)
-                if size > motion.u_max:
-                    ux, uy = ux * motion.u_max / size, uy * motion.u_max / size
-            we, wn = at(tables.wind.mean, tables.wind, t, px, py)
-            if coherent:
-                k = modes.slot[t]
-                gi, gj, fx, fy = square(modes, px, py)
-                e, ee = blown(modes.psi, k, gi, gj, fx, fy, 0, theta, i)
-                n, nn = blown(modes.psi, k, gi, gj, fx, fy, 1, theta, i)
-                we, wn = we + e, wn + n
-                ve, vn = white(tables, t, px, py, ee, nn)
-            else:
-                ve, vn = at(tables.wind.latent, tables.wind, t, px, py)
-                ge, gn = gust(tables.wind, t)
-                ve, vn = ve + ge, vn + gn
-            we += math.sqrt(ve) * draws[t, i, 0]
-            wn += math.sqrt(vn) * draws[t, i, 1]
-            nx = a[0, 0] * px + a[0, 1] * py + dt * (b[0, 0] * ux + b[0, 1] * uy + we)
-            ny = a[1, 0] * px + a[1, 1] * py + dt * (b[1, 0] * ux + b[1, 1] * uy + wn)
-            if informed:
-                dux, duy = ux - u[t, 0], uy - u[t, 1]
-                ex, ey = (
-                    F[t, 0, 0] * ex + F[t, 0, 1] * ey + dt * (hx + b[0, 0] * dux + b[0, 1] * duy),
-                    F[t, 1, 0] * ex + F[t, 1, 1] * ey + dt * (hy + b[1, 0] * dux + b[1, 1] * duy),
-                )
-            x[i, t + 1, 0], x[i, t + 1, 1] = nx, ny
-            collided[i] = collided[i] or touches(tables, px, py, nx, ny)
-            q = tables.logic.delta[q, locate(tables.cells, nx, ny)]
-        accepted[i] = tables.logic.distance[q] == 0.0
+@by_type
+def wind_met(draws, t, i, at):  # type: ignore[no-untyped-def]
+    """Wind (east, north) that flight ``i`` meets at step ``t`` at a place [m/s]."""
 
 
-@allocating
-def fly_linear(
-    tables: Tables,
-    mean: FloatArray,
-    F: FloatArray,
-    psi: Float32Array,
-    noise: FloatArray,
-    draws: FloatArray,
-    theta: Float32Array,
-    start: FloatArray,
-    failed: BoolArray,
-    collided: BoolArray,
-) -> None:
-    """Flights of the linearised coherent law e' = F_t e + dt (ψ_t' θ + gust) about ``mean`` (T+1, 2).
+@implements(wind_met, IndependentDraws)
+def _independent_wind(draws, t, i, at):  # type: ignore[no-untyped-def]
+    wind = draws.law.wind
+    we, wn = wind_at(wind.mean, wind, t, at)
+    ve, vn = wind_at(wind.latent, wind, t, at)
+    ge, gn = gust_variance(wind, t)
+    white = draws.white
+    return we + math.sqrt(ve + ge) * white[t, i, 0], wn + math.sqrt(vn + gn) * white[t, i, 1]
 
-    One for every row of ``theta`` (n, K, 2, P) and column of ``draws`` (T, n, 2); ``start`` (n, 2) = e_0.
-    """
-    dt, modes = tables.motion.dt, tables.modes
-    for i in range(len(theta)):
-        ex, ey = start[i, 0], start[i, 1]
-        px, py = mean[0, 0] + ex, mean[0, 1] + ey
-        q = tables.logic.delta[tables.logic.initial, locate(tables.cells, px, py)]
-        collided[i] = False
-        for t in range(len(F)):
-            k = modes.slot[t]
-            we = along(psi, t, 0, theta, i, k) + math.sqrt(noise[t, 0]) * draws[t, i, 0]
-            wn = along(psi, t, 1, theta, i, k) + math.sqrt(noise[t, 1]) * draws[t, i, 1]
-            ex, ey = F[t, 0, 0] * ex + F[t, 0, 1] * ey + dt * we, F[t, 1, 0] * ex + F[t, 1, 1] * ey + dt * wn
-            nx, ny = mean[t + 1, 0] + ex, mean[t + 1, 1] + ey
-            collided[i] = collided[i] or touches(tables, px, py, nx, ny)
-            q = tables.logic.delta[q, locate(tables.cells, nx, ny)]
-            px, py = nx, ny
-        failed[i] = collided[i] or tables.logic.distance[q] > 0.0
+
+@implements(wind_met, CoherentDraws)
+def _coherent_wind(draws, t, i, at):  # type: ignore[no-untyped-def]
+    law, modes, white = draws.law, draws.law.modes, draws.white
+    we, wn = wind_at(law.wind.mean, law.wind, t, at)
+    square = mode_square(modes, at)
+    e, ee = field_value(modes.psi, modes.slot[t], square, 0, draws.theta, i)
+    n, nn = field_value(modes.psi, modes.slot[t], square, 1, draws.theta, i)
+    ve, vn = white_variance(law, t, at, ee, nn)
+    return we + e + math.sqrt(ve) * white[t, i, 0], wn + n + math.sqrt(vn) * white[t, i, 1]
 
 
 @vector
-def along(psi: Float32Array, t: int, c: int, theta: Float32Array, run: int, k: int) -> float:
-    """ψ_t' θ of component c."""
-    wind = np.float32(0.0)
+def field_value(
+    psi: Float32Array, slot: int, square: Square, c: int, theta: Float32Array, i: int
+) -> tuple[float, float]:
+    """ψ(x)' θ of component ``c`` for flight ``i``, and |ψ|²; ``theta`` (n, K, 2, P)."""
+    weights = corner_weights(square)
+    wind, size = F32(0.0), F32(0.0)
+    for m in range(psi.shape[4]):
+        p = mode_value(psi, slot, square, weights, c, m)
+        wind += p * theta[i, slot, c, m]
+        size += p * p
+    return wind, size  # type: ignore[return-value]
+
+
+@implements(wind_met, LinearisedDraws)
+def _linearised_wind(draws, t, i, at):  # type: ignore[no-untyped-def]
+    path, slope, white = draws.path, draws.slope, draws.white
+    slot = draws.law.modes.slot[t]
+    ex, ey = at.x - path.x[t, 0], at.y - path.x[t, 1]
+    we = draws.mean[t, 0] + slope[t, 0, 0] * ex + slope[t, 0, 1] * ey
+    wn = draws.mean[t, 1] + slope[t, 1, 0] * ex + slope[t, 1, 1] * ey
+    we += linear_field(path.psi, t, 0, draws.theta, i, slot) + math.sqrt(path.white[t, 0]) * white[t, i, 0]
+    wn += linear_field(path.psi, t, 1, draws.theta, i, slot) + math.sqrt(path.white[t, 1]) * white[t, i, 1]
+    return we, wn
+
+
+@vector
+def linear_field(psi: Float32Array, t: int, c: int, theta: Float32Array, i: int, slot: int) -> float:
+    """ψ_t' θ of component ``c`` for flight ``i``; ``psi`` (T, 2, P), ``theta`` (n, K, 2, P)."""
+    wind = F32(0.0)
     for m in range(psi.shape[2]):
-        wind += psi[t, c, m] * theta[run, k, c, m]
+        wind += psi[t, c, m] * theta[i, slot, c, m]
     return wind  # type: ignore[return-value]
 
 
+# --- pilots -----------------------------------------------------------------------------------
+
+
+class Autopilot(NamedTuple):
+    """Flies the controls ``u`` (T, 2) [m/s]; feedback, if any, holds on to ``mean`` (T+1, 2) [m]."""
+
+    u: FloatArray
+    mean: FloatArray
+
+
+class Navigator(NamedTuple):
+    """Flies the controls of ``path`` and uses position fixes at landmarks.
+
+    At a step where the plan counts on a fix (``path.gain`` not 0) and the robot is in a landmark, it reads
+    its position with ``noise`` (T, n, 2) [m] and updates its estimate ê of the deviation and θ̂ of the
+    field. It flies ê back and steers against ψ' θ̂, within u_max, and counts on no more than it could do.
+    ``learnt`` stands for ``path.learnt``; it is 0 where a wind tells nothing about the next one. ``keep``
+    (S + 1,) is the share that θ keeps from step to step. ``field`` (2, P) and ``estimate`` (3,) = (ê_x,
+    ê_y, 1 after the first fix) are scratch.
+    """
+
+    path: Flight
+    landmarks: Landmarks
+    learnt: Float32Array
+    noise: FloatArray
+    keep: FloatArray
+    field: Float32Array
+    estimate: FloatArray
+
+
+@by_type
+def begin_flight(pilot):  # type: ignore[no-untyped-def]
+    """Forget what an earlier flight has learnt."""
+
+
+@by_type
+def command(pilot, motion, t, i, at):  # type: ignore[no-untyped-def]
+    """Control of flight ``i`` at step ``t``, when the robot is at a place, within u_max [m/s]."""
+
+
+@kernel
+def within_airspeed(motion: Motion, ux: float, uy: float) -> tuple[float, float]:
+    """A control cut to u_max."""
+    size = math.sqrt(ux * ux + uy * uy)
+    if size > motion.u_max:
+        return ux * motion.u_max / size, uy * motion.u_max / size
+    return ux, uy
+
+
+@kernel
+def held_to(motion: Motion, u: FloatArray, mean: FloatArray, t: int, at: Point) -> tuple[float, float]:
+    """Planned control plus position feedback, u_t - B⁻¹ K (x - m_t) / dt."""
+    ux, uy = u[t, 0], u[t, 1]
+    if motion.gain > 0.0:
+        b, share = motion.b_inv, motion.gain / motion.dt
+        ex, ey = share * (at.x - mean[t, 0]), share * (at.y - mean[t, 1])
+        ux -= b[0, 0] * ex + b[0, 1] * ey
+        uy -= b[1, 0] * ex + b[1, 1] * ey
+    return ux, uy
+
+
+@implements(begin_flight, Autopilot)
+def _begin_autopilot(pilot):  # type: ignore[no-untyped-def]
+    pass
+
+
+@implements(command, Autopilot)
+def _command_autopilot(pilot, motion, t, i, at):  # type: ignore[no-untyped-def]
+    ux, uy = held_to(motion, pilot.u, pilot.mean, t, at)
+    return within_airspeed(motion, ux, uy) if motion.gain > 0.0 else (ux, uy)
+
+
+@implements(begin_flight, Navigator)
+def _begin_navigator(pilot):  # type: ignore[no-untyped-def]
+    for m in range(pilot.field.shape[1]):
+        pilot.field[0, m], pilot.field[1, m] = F32(0.0), F32(0.0)
+    pilot.estimate[0], pilot.estimate[1], pilot.estimate[2] = 0.0, 0.0, 0.0
+
+
+@implements(command, Navigator)
+def _command_navigator(pilot, motion, t, i, at):  # type: ignore[no-untyped-def]
+    path, estimate = pilot.path, pilot.estimate
+    if estimate[2] > 0.0:
+        fade_field(pilot.field, pilot.keep[t])
+    if (path.gain[t, 0, 0] != 0.0 or path.gain[t, 1, 1] != 0.0) and landmark_at(pilot.landmarks, at) >= 0:
+        take_fix(pilot, t, i, at)
+    ux, uy = held_to(motion, path.u, path.x, t, at)
+    if estimate[2] == 0.0:
+        return within_airspeed(motion, ux, uy) if motion.gain > 0.0 else (ux, uy)
+    ex, ey, b_inv, b, dt, F = estimate[0], estimate[1], motion.b_inv, motion.b, motion.dt, path.F
+    hx, hy = known_wind(path.psi, pilot.field, t, 0), known_wind(path.psi, pilot.field, t, 1)
+    cx, cy = pilot.landmarks.gain * ex / dt + hx, pilot.landmarks.gain * ey / dt + hy
+    ux -= b_inv[0, 0] * cx + b_inv[0, 1] * cy
+    uy -= b_inv[1, 0] * cx + b_inv[1, 1] * cy
+    ux, uy = within_airspeed(motion, ux, uy)
+    # The robot knows what it commands, feedback included: F without its -K moves the estimate.
+    du, dv, back = ux - path.u[t, 0], uy - path.u[t, 1], motion.gain
+    estimate[0] = (F[t, 0, 0] + back) * ex + F[t, 0, 1] * ey + dt * (hx + b[0, 0] * du + b[0, 1] * dv)
+    estimate[1] = F[t, 1, 0] * ex + (F[t, 1, 1] + back) * ey + dt * (hy + b[1, 0] * du + b[1, 1] * dv)
+    return ux, uy
+
+
+@vector
+def fade_field(field: Float32Array, keep: float) -> None:
+    """θ̂ (2, P) keeps the share ``keep``."""
+    if keep < 1.0:
+        for c in range(2):
+            for m in range(field.shape[1]):
+                field[c, m] *= F32(keep)
+
+
+@kernel
+def take_fix(pilot: Navigator, t: int, i: int, at: Point) -> None:
+    """Kalman update of ê and θ̂ by a position read with noise."""
+    path, estimate, noise = pilot.path, pilot.estimate, pilot.noise
+    dx = at.x + noise[t, i, 0] - path.x[t, 0] - estimate[0]
+    dy = at.y + noise[t, i, 1] - path.x[t, 1] - estimate[1]
+    estimate[0] += path.gain[t, 0, 0] * dx + path.gain[t, 0, 1] * dy
+    estimate[1] += path.gain[t, 1, 0] * dx + path.gain[t, 1, 1] * dy
+    for c in range(2):
+        for m in range(pilot.field.shape[1]):
+            pilot.field[c, m] += F32(pilot.learnt[t, 0, c, m] * dx + pilot.learnt[t, 1, c, m] * dy)
+    estimate[2] = 1.0
+
+
+@kernel
+def known_wind(psi: Float32Array, field: Float32Array, t: int, c: int) -> float:
+    """ψ_t' θ̂ of component ``c``."""
+    wind = 0.0
+    for m in range(field.shape[1]):
+        wind += psi[t, c, m] * field[c, m]
+    return wind
+
+
+# --- the loop ---------------------------------------------------------------------------------
+
+
+class Judge(NamedTuple):
+    """What decides about a flight: cells and automaton, obstacles, motion of the robot."""
+
+    cells: Cells
+    logic: Logic
+    obstacles: Faces
+    motion: Motion
+
+
+class Outcome(NamedTuple):
+    """``x`` (n, T+1, 2) [m] with the start positions in column 0; ``accepted``, ``collided`` (n,)."""
+
+    x: FloatArray
+    accepted: BoolArray
+    collided: BoolArray
+
+
 @allocating
-def touches_many(tables: Tables, segments: FloatArray) -> BoolArray:
-    """:func:`touches` for every row of ``segments`` (S, 4)."""
-    found = np.empty(len(segments), np.bool_)
-    for i in range(len(segments)):
-        s = segments[i]
-        found[i] = touches(tables, s[0], s[1], s[2], s[3])
-    return found
+def fly(judge: Judge, draws: Any, pilot: Any, outcome: Outcome) -> None:
+    """Fly one plan once for every row of ``outcome.x``; fills the rest of ``outcome``."""
+    motion, logic, x = judge.motion, judge.logic, outcome.x
+    a, b, dt = motion.a, motion.b, motion.dt
+    for i in range(x.shape[0]):
+        begin_flight(pilot)
+        at = Point(x[i, 0, 0], x[i, 0, 1])
+        q = logic.delta[logic.initial, locate_cell(judge.cells, at)]
+        collided = False
+        for t in range(x.shape[1] - 1):
+            we, wn = wind_met(draws, t, i, at)
+            ux, uy = command(pilot, motion, t, i, at)
+            there = Point(
+                a[0, 0] * at.x + a[0, 1] * at.y + dt * (b[0, 0] * ux + b[0, 1] * uy + we),
+                a[1, 0] * at.x + a[1, 1] * at.y + dt * (b[1, 0] * ux + b[1, 1] * uy + wn),
+            )
+            x[i, t + 1, 0], x[i, t + 1, 1] = there
+            collided = collided or segment_touches(judge.obstacles, at, there)
+            q = logic.delta[q, locate_cell(judge.cells, there)]
+            at = there
+        outcome.collided[i] = collided
+        outcome.accepted[i] = logic.distance[q] == 0.0

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 
-from pareto_ltl.kernels.data import Faces, Regions
+from pareto_ltl.kernels.data import Cov, Faces, Gaussian
 from pareto_ltl.kernels.jit import kernel
+from pareto_ltl.support.arrays import IntArray
 
 SQRT_HALF = math.sqrt(0.5)
 
@@ -19,37 +20,40 @@ def tail(distance: float, variance: float) -> float:
 
 
 @kernel
-def variance_along(nx: float, ny: float, cxx: float, cxy: float, cyy: float) -> float:
+def variance_along(nx: float, ny: float, cov: Cov) -> float:
     """n' Σ n."""
-    return nx * nx * cxx + 2.0 * nx * ny * cxy + ny * ny * cyy
+    return nx * nx * cov.xx + 2.0 * nx * ny * cov.xy + ny * ny * cov.yy
 
 
 @kernel
-def outside(faces: Faces, part: int, x: float, y: float, cxx: float, cxy: float, cyy: float) -> float:
+def outside(faces: Faces, part: int, here: Gaussian) -> float:
     """Bound on P(position not in the polygon): Σ_j (1 - Φ((b_j - a_j' x) / σ_j)), Eq. (6)."""
     total = 0.0
     normal, offset = faces.normal, faces.offset
     for j in range(faces.ptr[part], faces.ptr[part + 1]):
         nx, ny = normal[j, 0], normal[j, 1]
-        total += tail(offset[j] - nx * x - ny * y, variance_along(nx, ny, cxx, cxy, cyy))
+        gap = offset[j] - nx * here.mean.x - ny * here.mean.y
+        total += tail(gap, variance_along(nx, ny, here.cov))
     return total
 
 
 @kernel
-def missed(regions: Regions, atom: int, x: float, y: float, cxx: float, cxy: float, cyy: float) -> float:
-    """The same for a region of several convex parts: its best part, at most 1."""
+def region_missed(faces: Faces, owner: IntArray, atom: int, here: Gaussian) -> float:
+    """The same for a region of several convex parts, those that ``owner`` gives to ``atom``: its best part,
+    at most 1."""
     best = 1.0
-    for part in range(len(regions.atom)):
-        if regions.atom[part] == atom:
-            best = min(best, outside(regions.faces, part, x, y, cxx, cxy, cyy))
+    for part in range(len(owner)):
+        if owner[part] == atom:
+            best = min(best, outside(faces, part, here))
     return best
 
 
 @kernel
-def inside(faces: Faces, part: int, x: float, y: float, cxx: float, cxy: float, cyy: float) -> float:
+def inside(faces: Faces, part: int, here: Gaussian) -> float:
     """Bound on P(position in the polygon): min_k Φ((d_k - c_k' x) / σ_k), Eq. (10)."""
     best = 1.0
     for k in range(faces.ptr[part], faces.ptr[part + 1]):
         nx, ny = faces.normal[k, 0], faces.normal[k, 1]
-        best = min(best, tail(nx * x + ny * y - faces.offset[k], variance_along(nx, ny, cxx, cxy, cyy)))
+        gap = nx * here.mean.x + ny * here.mean.y - faces.offset[k]
+        best = min(best, tail(gap, variance_along(nx, ny, here.cov)))
     return best

@@ -11,15 +11,21 @@ import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.random import SeedSequence
 
-from pareto_ltl.kernels import tree as kernel
+from pareto_ltl.kernels import data as kd
+from pareto_ltl.kernels import growth as kernel
+from pareto_ltl.kernels import tree as kt
 from pareto_ltl.kernels.dijkstra import Heap, Product
-from pareto_ltl.kernels.tree import Fans, Growing, Habits, Vertices
-from pareto_ltl.planning.problem import Problem, track
-from pareto_ltl.planning.product_graph import fans, product
+from pareto_ltl.kernels.geometry import face_slack
+from pareto_ltl.kernels.growth import Fans
+from pareto_ltl.kernels.parents import Dominance, Scaled
+from pareto_ltl.planning.evaluate import law_memory
+from pareto_ltl.planning.problem import Problem
+from pareto_ltl.planning.product_graph import cell_fans, product_graph
 from pareto_ltl.planning.records import Forest, Tree
 from pareto_ltl.settings import PlannerConfig
 from pareto_ltl.support.arrays import FloatArray
@@ -28,39 +34,148 @@ from pareto_ltl.support.errors import InfeasibleError
 
 ITERATIONS_PER_VERTEX = 50  # extensions tried before a tree that does not grow is given up
 CHUNK = 20_000  # vertices between two looks at the clock
-TREES_KEEP = (
-    0.5  # of epsilon, of full fidelity: trees that spend it all early run into delta, and bending needs room
-)
-FACTOR = 1.0  # slack on risks of full fidelity is a factor drawn between 1 and 1 plus this
+TREES_KEEP = 0.5  # of epsilon under the path bound: trees that spend all run into delta; bending needs room
+SCALED_SLACK = 1.0  # slack on risks of the scaled rule is a factor drawn between 1 and 1 plus this
 CAPACITY = 8  # vertices that a square keeps as possible parents, for each automaton state
 SQUARES = 400  # at most, along one side of the grid of possible parents
 
 
+@dataclass(frozen=True, slots=True)
+class GrowthOptions:
+    """What tests and studies ask of growth beyond the settings.
+
+    Attributes
+    ----------
+    record_swaps : bool
+        Keep the objectives of both parents at every re-selection (Theorems 4 and 5 are tested on them).
+    stop_at_first : bool
+        End each tree at its first accepted vertex.
+    reselect : bool
+        False gives plain CC-RRT, the paper's baseline without lines 5 to 13 of Algorithm 2.
+    """
+
+    record_swaps: bool = False
+    stop_at_first: bool = False
+    reselect: bool = True
+
+
 @dataclass(slots=True)
-class _Nursery:
+class _GrowingTree:
     """One tree while it grows."""
 
-    vertices: Vertices
-    growing: Growing
-    habits: Habits
+    search: kt.Search
     beta: FloatArray
     rng: np.random.Generator
     seconds: float = 0.0
 
     @property
+    def tally(self) -> Any:
+        return self.search.state.tally
+
+    @property
     def size(self) -> int:
-        return int(self.growing.tally[kernel.VERTICES])
+        return int(self.tally[kt.VERTICES])
 
 
-def forest(
+@dataclass(frozen=True, slots=True)
+class _Grove:
+    """What all trees of a run share."""
+
+    cfg: PlannerConfig
+    problem: Problem
+    graph: Product
+    fans: Fans
+
+    def grow(self, tree: _GrowingTree, limit: int, iterations: int) -> None:
+        kernel.grow(tree.search, self.graph, self.fans, limit, iterations, tree.rng)
+
+
+# --- parents ----------------------------------------------------------------------------------
+
+
+def _dominance(cfg: PlannerConfig, problem: Problem, number: int, rng: np.random.Generator) -> Dominance:
+    beta = _slack(cfg, problem, number, rng)
+    return Dominance(float(beta[0]), float(beta[1]))
+
+
+def _scaled(
+    cfg: PlannerConfig, problem: Problem, number: int, rng: np.random.Generator, *, scored: bool = False
+) -> Scaled:
+    beta = _slack(cfg, problem, number, rng)
+    factor = SCALED_SLACK / cfg.beta_risk if cfg.beta_risk > 0 else 0.0
+    weight = rng.dirichlet(np.ones(3)) if scored else np.zeros(3)
+    per_length = 1.0 / float(np.hypot(*(problem.scene.bounds[1] - problem.scene.bounds[0])))
+    missions = mission_columns(problem)
+    return Scaled(float(beta[0]), float(beta[1] * factor), weight, per_length, missions, scored)
+
+
+def _tchebycheff(cfg: PlannerConfig, problem: Problem, number: int, rng: np.random.Generator) -> Scaled:
+    return _scaled(cfg, problem, number, rng, scored=True)
+
+
+def _mixed(cfg: PlannerConfig, problem: Problem, number: int, rng: np.random.Generator) -> Scaled:
+    return _scaled(cfg, problem, number, rng, scored=number % 2 == 1)  # half of the trees
+
+
+PARENT_RULES: dict[str, Callable[..., Dominance | Scaled]] = {
+    "dominance": _dominance, "scaled": _scaled, "tchebycheff": _tchebycheff, "mixed": _mixed,
+}  # fmt: skip
+
+
+def _slack(cfg: PlannerConfig, problem: Problem, number: int, rng: np.random.Generator) -> FloatArray:
+    """Slack of Eq. (11) for the length [m] and for risks; none for the first tree."""
+    draws = rng.random(2)
+    return np.zeros(2) if number == 0 else draws * [cfg.beta_length * problem.reach, cfg.beta_risk]
+
+
+# --- rows of the models -----------------------------------------------------------------------
+
+
+def mission_columns(problem: Problem) -> int:
+    """Columns of ``Tree.risk`` that hold mission risk: one a proposition (f_o), or V alone."""
+    return {kd.Theorem2: len(problem.atoms), kd.Ordered: 1}[type(problem.world.mission)]
+
+
+def _mission_rows(problem: Problem, rows: int) -> kd.OrderedMemory | None:
+    labels = len(problem.ordered.labelled.cell) + 1
+    make: dict[type, Callable[[], kd.OrderedMemory | None]] = {
+        kd.Theorem2: lambda: None,
+        kd.Ordered: lambda: kd.OrderedMemory(
+            np.zeros((rows, len(problem.automaton.distance))), np.zeros(labels)
+        ),
+    }
+    return make[type(problem.world.mission)]()
+
+
+def _collision_rows(problem: Problem, rows: int, mask: type = np.uint32) -> kd.CollisionMemory:
+    m = len(problem.obstacles.ptr) - 1
+    make: dict[type, Callable[[], kd.CollisionMemory]] = {
+        kd.StepBound: lambda: kd.StepMemory(np.zeros((rows, m), mask)),
+        kd.PathBound: lambda: kd.PathMemory(
+            np.empty((rows, 3)), np.zeros((rows, m), np.int32), np.zeros((rows, m, 3), np.float32)
+        ),
+    }
+    return make[type(problem.world.collision)]()
+
+
+def _for_trees(problem: Problem) -> Problem:
+    """The problem that trees see: under the path bound they keep to a share of epsilon."""
+    bound = problem.world.collision
+    if not isinstance(bound, kd.PathBound):
+        return problem
+    tighter = bound._replace(epsilon=TREES_KEEP * bound.epsilon)
+    return replace(problem, world=problem.world._replace(collision=tighter))
+
+
+# --- growth -----------------------------------------------------------------------------------
+
+
+def grow_forest(
     cfg: PlannerConfig,
     problem: Problem,
     seeds: SeedSequence,
     progress: Callable[[int, int], None] | None = None,
-    *,
-    record_swaps: bool = False,
-    stop_at_first: bool = False,
-    reselect: bool = True,
+    options: GrowthOptions = GrowthOptions(),
 ) -> Forest:
     """Grow ``cfg.trees`` trees in parallel.
 
@@ -70,149 +185,108 @@ def forest(
         One child is spawned a tree.
     progress : callable
         Called with (vertices so far, vertices wanted).
-    record_swaps : bool
-        Keep the objectives of both parents at every re-selection (Theorems 4 and 5 are tested on them).
-    stop_at_first : bool
-        End each tree at its first accepted vertex.
-    reselect : bool
-        False gives plain CC-RRT, the paper's baseline without lines 5 to 13 of Algorithm 2.
 
     Raises
     ------
     InfeasibleError
         Where the start violates Eq. (9) already, or no sequence of cells completes the mission.
     """
-    if problem.tables.full:
-        problem = replace(problem, tables=problem.tables._replace(epsilon=TREES_KEEP * problem.epsilon))
-    decomposition = problem.decomposition
-    graph, fan = product(decomposition, problem.tables.logic, problem.scene.bounds), fans(decomposition)
-    nurseries = [
-        _plant(
-            cfg,
-            problem,
-            graph,
-            child,
-            number=j,
-            swaps=record_swaps,
-            stop=stop_at_first,
-            reselect=reselect,
-        )
-        for j, child in enumerate(seeds.spawn(cfg.trees))
-    ]
-    _check_lead(problem, graph, nurseries[0])
-    _call(nurseries[0], problem, graph, fan, 0, 0)  # machine code is loaded here, not on the clock
+    problem = _for_trees(problem)
+    graph = product_graph(problem.decomposition, problem.world.logic, problem.scene.bounds)
+    grove = _Grove(cfg, problem, graph, cell_fans(problem.decomposition))
+    growing = [_plant(grove, child, j, options) for j, child in enumerate(seeds.spawn(cfg.trees))]
+    _check_lead(grove, growing[0])
+    grove.grow(growing[0], 0, 0)  # machine code is loaded here, not on the clock
     began = time.perf_counter()
     threads = min(cfg.trees, cfg.threads or cores())
-    deadline = began + cfg.max_seconds
     with ThreadPoolExecutor(threads) as pool:
-        jobs = [pool.submit(_grow, n, problem, graph, fan, cfg.n_max, deadline) for n in nurseries]
+        jobs = [pool.submit(_grow_to_end, grove, tree, began + cfg.max_seconds) for tree in growing]
         while progress is not None and not all(job.done() for job in jobs):
-            progress(sum(n.size for n in nurseries), cfg.trees * cfg.n_max)
+            progress(sum(tree.size for tree in growing), cfg.trees * cfg.n_max)
             time.sleep(0.05)
         for job in jobs:
             job.result()
-    trees = tuple(_finish(n) for n in nurseries)
+    trees = tuple(_finished_tree(tree) for tree in growing)
     accepted = [np.flatnonzero(problem.automaton.distance[tree.q] == 0.0) for tree in trees]
     pairs = [np.column_stack([np.full(len(v), j), v]) for j, v in enumerate(accepted)]
     return Forest(trees, np.vstack(pairs).astype(np.int64), time.perf_counter() - began)
 
 
-def _plant(
-    cfg: PlannerConfig, problem: Problem, graph: Product, seed: SeedSequence, number: int, swaps: bool,
-    stop: bool, reselect: bool,
-) -> _Nursery:  # fmt: skip
+def _plant(grove: _Grove, seed: SeedSequence, number: int, options: GrowthOptions) -> _GrowingTree:
+    cfg, problem = grove.cfg, grove.problem
     rng = np.random.Generator(np.random.PCG64(seed))
-    draws = rng.random(2)
-    beta = np.zeros(2) if number == 0 else draws * [cfg.beta_length * problem.reach, cfg.beta_risk]
-    weight = np.zeros(3)
-    if problem.tables.full:
-        beta[1] *= FACTOR / cfg.beta_risk if cfg.beta_risk > 0 else 0.0
-        weight = rng.dirichlet(np.ones(3)) if chooses(problem.parents, number) else weight
-    habits = _habits(cfg, problem, beta, weight, stop, reselect and cfg.near > 0)
-    states, m, atoms = (
-        len(problem.automaton.distance),
-        len(problem.tables.obstacles.ptr) - 1,
-        len(problem.atoms),
-    )
-    full, modes = problem.tables.full, problem.tables.modes.psi.shape[-1]
-    columns = 2 if full else atoms
-    vertices = _vertices(
-        cfg.n_max, columns, m, states, modes, full=full, landmarks=len(problem.tables.landmarks.ptr) > 1
-    )
-    groups = habits.columns * habits.rows * states
-    labels = len(problem.tables.labelled.cell)
-    growing = _growing(graph, groups, cfg.near, columns, m, cfg.n_max if swaps else 0, states, labels)
+    rule = PARENT_RULES[problem.fidelity.parents](cfg, problem, number, rng)
+    settings = _growth_settings(cfg, problem, rule, options)
+    columns = mission_columns(problem) + isinstance(problem.world.collision, kd.PathBound)
+    vertices = _vertices(problem, cfg.n_max, columns)
+    groups = settings.columns * settings.rows * len(problem.automaton.distance)
+    swaps = cfg.n_max if options.record_swaps else 0
+    state = _tree_state(grove, groups, columns, swaps)
+    search = kt.Search(problem.world, vertices, state, settings)
     x, y = problem.scene.start
-    if not kernel.plant(problem.tables, habits, vertices, growing, x, y, problem.start_variance, rng):
-        raise InfeasibleError(
-            f"the start lies closer to an obstacle than planner.epsilon = {problem.epsilon:g} allows; move "
-            "it, lower robot.start_sd or raise planner.epsilon"
-        )
-    return _Nursery(vertices, growing, habits, beta, rng)
+    if not kernel.plant(search, kd.Point(float(x), float(y)), problem.start_variance, rng):
+        raise InfeasibleError(_start_too_close(problem))
+    return _GrowingTree(search, np.array([rule.beta_length, rule.beta_risk]), rng)
 
 
-def chooses(parents: str, number: int) -> bool:
-    """Whether tree ``number`` of full fidelity chooses parents by a Tchebycheff score: half of them do."""
-    return parents == "tchebycheff" or (parents == "mixed" and number % 2 == 1)
+def _start_too_close(problem: Problem) -> str:
+    """The limit that the start breaks: under the path bound trees keep to a share of epsilon."""
+    bound, said = problem.world.collision, f"planner.epsilon = {problem.epsilon:g} allows"
+    if isinstance(bound, kd.PathBound):
+        said = f"trees may spend ({bound.epsilon:g}, {TREES_KEEP:g} of planner.epsilon)"
+    return (
+        f"the start lies closer to an obstacle than {said}; move it, lower robot.start_sd or raise "
+        f"planner.epsilon (now {problem.epsilon:g})"
+    )
 
 
-def _habits(
-    cfg: PlannerConfig, problem: Problem, beta: FloatArray, weight: FloatArray, stop: bool, reselect: bool
-) -> Habits:
+def _growth_settings(
+    cfg: PlannerConfig, problem: Problem, rule: Dominance | Scaled, options: GrowthOptions
+) -> kt.GrowthSettings:
     """Squares of half a step: a parent lies at most two of them away, unless the wind carries it farther."""
     (west, south), (east, north) = problem.scene.bounds
     side = max(problem.reach / 2, (east - west) / SQUARES, (north - south) / SQUARES)
-    return Habits(
+    return kt.GrowthSettings(
         west=float(west), south=float(south), per_metre=1.0 / side,
         columns=max(1, int(np.ceil((east - west) / side))), rows=max(1, int(np.ceil((north - south) / side))),
-        beta_length=float(beta[0]), beta_risk=float(beta[1]), tchebycheff=bool(weight.any()),
-        per_length=1.0 / float(np.hypot(east - west, north - south)), weight=weight, reselect=reselect,
-        explore=cfg.explore,
-        refresh=cfg.refresh, max_steps=cfg.max_steps, stop_at_first=stop,
+        rule=rule, reselect=options.reselect and cfg.near > 0, explore=cfg.explore, refresh=cfg.refresh,
+        max_steps=cfg.max_steps, stop_at_first=options.stop_at_first,
     )  # fmt: skip
 
 
-def _vertices(
-    n: int, columns: int, m: int, states: int, modes: int, *, full: bool, landmarks: bool
-) -> Vertices:
-    rows = n if full else 0
-    return Vertices(
-        x=np.empty((n, 2)), drift=np.empty((n, 2)), spread=np.empty((n, 3)), length=np.empty(n),
+def _vertices(problem: Problem, n: int, columns: int) -> kt.Vertices:
+    return kt.Vertices(
+        x=np.empty((n, 2)), free=np.empty((n, 2)), spread=np.empty((n, 3)), length=np.empty(n),
         risk=np.empty((n, columns)), parent=np.empty(n, np.int32), step=np.empty(n, np.int32),
         q=np.empty(n, np.int32), cell=np.empty(n, np.int32), child=np.empty((n, 2), np.int32),
-        masks=np.empty((n, 0 if full else m), np.uint32), speed=np.empty(n), cov=np.empty((rows, 3)),
-        bound=np.empty((rows, states)), face=np.empty((rows, m), np.int32),
-        run=np.empty((rows, m, 3), np.float32), track=track(rows, modes, landmarks=landmarks),
+        speed=np.empty(n), memory=law_memory(problem.world.law, n), mission=_mission_rows(problem, n),
+        collision=_collision_rows(problem, n),
     )  # fmt: skip
 
 
-def _growing(
-    graph: Product, groups: int, near: int, columns: int, m: int, swaps: int, automaton: int, labels: int
-) -> Growing:
-    states, edges = len(graph.goal), len(graph.head)
+def _tree_state(grove: _Grove, groups: int, columns: int, swaps: int) -> kt.TreeState:
+    states, edges = len(grove.graph.goal), len(grove.graph.head)
     heap = Heap(
         np.empty(edges + 1), np.empty(edges + 1, np.int64), np.empty(states), np.empty(states, np.int64)
     )
-    return Growing(
+    return kt.TreeState(
         root=np.full(states, -1, np.int64), members=np.zeros(states, np.int64),
         selected=np.zeros(states, np.int64),
         weight=np.empty(states), lead=np.empty(states, np.int64), heap=heap,
-        kept=np.empty((groups, CAPACITY), np.int64), pool=np.empty(near, np.int64),
-        seen=np.zeros(groups, np.int64),
-        swaps=np.empty((swaps, 2, 2 + columns)), tally=np.zeros(kernel.TALLIES, np.int64),
-        stack=np.empty((256, 4)),
-        masks=np.zeros((2, m), np.int64), risks=np.zeros((3, columns)), bounds=np.zeros((2, automaton)),
-        faces=np.zeros((2, m), np.int32), runs=np.zeros((2, m, 3), np.float32), labels=np.zeros(labels + 1),
+        kept=np.empty((groups, CAPACITY), np.int64), pool=np.empty(grove.cfg.near, np.int64),
+        seen=np.zeros(groups, np.int64), swaps=np.empty((swaps, 2, 2 + columns)),
+        tally=np.zeros(kt.TALLIES, np.int64), stack=np.empty((256, 4)), risks=np.zeros((3, columns)),
+        mission=_mission_rows(grove.problem, 2), collision=_collision_rows(grove.problem, 2, np.int64),
     )  # fmt: skip
 
 
-def _check_lead(problem: Problem, graph: Product, nursery: _Nursery) -> None:
+def _check_lead(grove: _Grove, tree: _GrowingTree) -> None:
     """Say at once when the map and the automaton together allow no mission."""
     from pareto_ltl.kernels.dijkstra import shortest_lead
 
-    v = nursery.vertices
-    start = int(v.q[0]) * len(problem.labels) + int(v.cell[0])
-    if len(shortest_lead(graph, nursery.growing.members, nursery.growing.selected, start)) == 0:
+    problem, vertices, state = grove.problem, tree.search.tree, tree.search.state
+    start = int(vertices.q[0]) * len(problem.labels) + int(vertices.cell[0])
+    if len(shortest_lead(grove.graph, state.members, state.selected, start)) == 0:
         raise InfeasibleError(
             f"no way through the map completes {problem.automaton.formula!r}: a region it needs cannot be "
             "reached from the start, or the start's own label breaks the mission at once; move the start, a "
@@ -220,51 +294,45 @@ def _check_lead(problem: Problem, graph: Product, nursery: _Nursery) -> None:
         )
 
 
-def _grow(
-    nursery: _Nursery, problem: Problem, graph: Product, fan: Fans, n_max: int, deadline: float
-) -> None:
+def _grow_to_end(grove: _Grove, tree: _GrowingTree, deadline: float) -> None:
     """Grow one tree to its end, looking at the clock between chunks."""
-    began = time.perf_counter()
-    iterations, tally = ITERATIONS_PER_VERTEX * n_max, nursery.growing.tally
-    while nursery.size < n_max and tally[kernel.ITERATIONS] < iterations and time.perf_counter() < deadline:
-        limit = min(n_max, nursery.size + CHUNK)
-        until = min(iterations, int(tally[kernel.ITERATIONS]) + CHUNK)
-        _call(nursery, problem, graph, fan, limit, until)
-        if tally[kernel.STALLED] or (nursery.habits.stop_at_first and tally[kernel.ACCEPTED]):
+    began, n_max = time.perf_counter(), grove.cfg.n_max
+    iterations, tally = ITERATIONS_PER_VERTEX * n_max, tree.tally
+    while tree.size < n_max and tally[kt.ITERATIONS] < iterations and time.perf_counter() < deadline:
+        limit = min(n_max, tree.size + CHUNK)
+        grove.grow(tree, limit, min(iterations, int(tally[kt.ITERATIONS]) + CHUNK))
+        if tally[kt.STALLED] or (tree.search.settings.stop_at_first and tally[kt.ACCEPTED]):
             break
-    nursery.seconds = time.perf_counter() - began
+    tree.seconds = time.perf_counter() - began
 
 
-def _call(nursery: _Nursery, problem: Problem, graph: Product, fan: Fans, limit: int, until: int) -> None:
-    n = nursery
-    kernel.grow(problem.tables, graph, fan, n.habits, n.vertices, n.growing, limit, until, n.rng)
-
-
-def _finish(nursery: _Nursery) -> Tree:
-    v, tally, n = nursery.vertices, nursery.growing.tally, nursery.size
+def _finished_tree(tree: _GrowingTree) -> Tree:
+    v, tally, n = tree.search.tree, tree.tally, tree.size
     np.maximum(v.risk, 0.0, out=v.risk)
     return Tree(
-        x=_rows(v.x, n), parent=v.parent[:n].astype(np.int64), step=v.step[:n].astype(np.int64),
-        q=v.q[:n].astype(np.int64), cell=v.cell[:n].astype(np.int64), length=_rows(v.length, n),
-        risk=_rows(v.risk, n), swaps=nursery.growing.swaps[: tally[kernel.SWAPS]].copy(),
-        beta=nursery.beta, seconds=nursery.seconds,
+        x=_first_rows(v.x, n), parent=v.parent[:n].astype(np.int64), step=v.step[:n].astype(np.int64),
+        q=v.q[:n].astype(np.int64), cell=v.cell[:n].astype(np.int64), length=_first_rows(v.length, n),
+        risk=_first_rows(v.risk, n), swaps=tree.search.state.swaps[: tally[kt.SWAPS]].copy(),
+        beta=tree.beta, seconds=tree.seconds,
         reach={
-            "extensions": float(tally[kernel.ITERATIONS]), "blocked": float(tally[kernel.BLOCKED]),
-            "windbound": float(tally[kernel.WINDBOUND]), "beyond": float(tally[kernel.BEYOND]),
-            "trapped": float(tally[kernel.TRAPPED]), "reselected": float(tally[kernel.SWAPS]),
+            "extensions": float(tally[kt.ITERATIONS]), "blocked": float(tally[kt.BLOCKED]),
+            "windbound": float(tally[kt.WINDBOUND]), "beyond": float(tally[kt.BEYOND]),
+            "trapped": float(tally[kt.TRAPPED]), "reselected": float(tally[kt.SWAPS]),
         },
     )  # fmt: skip
 
 
-def _rows(array: FloatArray, n: int) -> FloatArray:
+def _first_rows(array: FloatArray, n: int) -> FloatArray:
     """The first n rows; a full tree is handed over as it is."""
     return array if len(array) == n else array[:n].copy()
 
 
+# --- why there is no path ---------------------------------------------------------------------
+
 CAUSES = ("blocked", "windbound", "beyond", "trapped")
 
 
-def explain(cfg: PlannerConfig, problem: Problem, forest: Forest) -> str:
+def explain_no_path(cfg: PlannerConfig, problem: Problem, forest: Forest) -> str:
     """Why no path completes the mission: how far the trees came, and which knob to turn."""
     distance = problem.automaton.distance
     best = min(float(distance[tree.q].min()) for tree in forest.trees)
@@ -272,23 +340,23 @@ def explain(cfg: PlannerConfig, problem: Problem, forest: Forest) -> str:
     return (
         f"no path completes the mission: {sum(map(len, forest.trees))} vertices reached automaton states "
         f"{states} of {problem.automaton.n_states}, the nearest still {best:.0f} transition(s) from "
-        f"acceptance{_miss(problem, forest)}; {_knob(cfg, problem, forest)}"
+        f"acceptance{_nearest_miss(problem, forest)}; {_advice(cfg, problem, forest)}"
     )
 
 
-def _knob(cfg: PlannerConfig, problem: Problem, forest: Forest) -> str:
+def _advice(cfg: PlannerConfig, problem: Problem, forest: Forest) -> str:
     """What most extensions failed of, and the setting that changes it."""
     counts = {cause: sum(tree.reach[cause] for tree in forest.trees) for cause in CAUSES}
     worst = max(counts, key=lambda cause: counts[cause])
     more = f"raise planner.n_max (now {cfg.n_max})"
     if counts[worst] == 0:
         return more
-    end = problem.horizon * problem.tables.motion.dt / 3600
-    speed = float(np.median(np.linalg.norm(problem.tables.wind.mean, axis=-1)))
+    end = problem.horizon * problem.motion.dt / 3600
+    speed = float(np.median(np.linalg.norm(problem.wind.mean, axis=-1)))
     advice = {
         "blocked": "came too close to obstacles: raise planner.epsilon or move the obstacles",
         "windbound": f"could not make way against the wind (half the map has {speed:.1f} m/s or more): raise "
-        f"robot.u_max (now {problem.tables.motion.u_max:g} m/s)",
+        f"robot.u_max (now {problem.motion.u_max:g} m/s)",
         "beyond": f"outlasted the wind data or planner.max_steps ({end:.1f} h): give later wind fields, "
         "set wind.hold_last=true, or raise planner.max_steps",
         "trapped": "broke the mission: move the regions that it forbids",
@@ -296,18 +364,16 @@ def _knob(cfg: PlannerConfig, problem: Problem, forest: Forest) -> str:
     return f"{counts[worst]:.0f} extensions {advice[worst]}; or {more}"
 
 
-def _miss(problem: Problem, forest: Forest) -> str:
+def _nearest_miss(problem: Problem, forest: Forest) -> str:
     """How near the most advanced vertices came to a region that would take them on."""
-    from pareto_ltl.kernels.geometry import slack
-
-    logic, cells = problem.tables.logic, problem.tables.cells
+    logic, cells = problem.world.logic, problem.world.cells
     best = min(float(logic.distance[tree.q].min()) for tree in forest.trees)
     miss, name = np.inf, ""
     for tree in forest.trees:
         for q in np.unique(tree.q[logic.distance[tree.q] == best]):
             points = tree.x[tree.q == q]
             for cell in np.flatnonzero(logic.distance[logic.delta[q, :-1]] < best):
-                gaps = np.array([-slack(cells.faces, int(cell), x, y) for x, y in points])
+                gaps = np.array([-face_slack(cells.faces, int(cell), kd.Point(x, y)) for x, y in points])
                 if gaps.min() < miss:
                     miss, name = float(gaps.min()), "/".join(sorted(problem.labels[cell]))
     return f", {max(miss, 0.0) / 1000:.1f} km short of {name or 'open space'}" if np.isfinite(miss) else ""

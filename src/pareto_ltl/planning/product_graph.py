@@ -11,18 +11,18 @@ import numpy as np
 
 from pareto_ltl.kernels.data import Logic
 from pareto_ltl.kernels.dijkstra import Product
-from pareto_ltl.kernels.tree import Fans
+from pareto_ltl.kernels.growth import Fans
 from pareto_ltl.support.arrays import FloatArray, IntArray
 from pareto_ltl.world.cells import Decomposition, moments
 
 
-def product(decomposition: Decomposition, logic: Logic, bounds: FloatArray) -> Product:
+def product_graph(decomposition: Decomposition, logic: Logic, bounds: FloatArray) -> Product:
     """The product graph as arrays for Dijkstra."""
     cells, states = len(decomposition.cells), len(logic.distance)
     shapes = [moments(cell) for cell in decomposition.cells]
     area, centre = np.array([a for a, _ in shapes]), np.array([c for _, c in shapes])
     diagonal = float(np.linalg.norm(bounds[1] - bounds[0]))
-    rows = _edges(decomposition.doors, logic, cells)
+    rows = _product_edges(decomposition.doors, logic, cells)
     tail, head = rows[:, 0], rows[:, 1]
     metres = np.linalg.norm(centre[tail % cells] - centre[head % cells], axis=1) / diagonal
     metres = np.maximum(metres, 1e-3)  # reading a label again costs a step as well
@@ -36,7 +36,7 @@ def product(decomposition: Decomposition, logic: Logic, bounds: FloatArray) -> P
     )
 
 
-def _edges(doors: IntArray, logic: Logic, cells: int) -> IntArray:
+def _product_edges(doors: IntArray, logic: Logic, cells: int) -> IntArray:
     """Rows (z, z') sorted by z."""
     both = np.vstack(
         [doors.reshape(-1, 2), doors.reshape(-1, 2)[:, ::-1], np.repeat(np.arange(cells), 2).reshape(-1, 2)]
@@ -50,7 +50,7 @@ def _edges(doors: IntArray, logic: Logic, cells: int) -> IntArray:
     return rows[np.lexsort((rows[:, 1], rows[:, 0]))]
 
 
-def fans(decomposition: Decomposition) -> Fans:
+def cell_fans(decomposition: Decomposition) -> Fans:
     """Cells as fans of triangles, for uniform samples."""
     corners, shares, ptr = [], [], [0]
     for cell in decomposition.cells:

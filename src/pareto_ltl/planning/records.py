@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+import numpy as np
+
 from pareto_ltl.support.arrays import FloatArray, IntArray
 
 
@@ -75,13 +77,23 @@ class Forest:
 
 @dataclass(frozen=True, slots=True)
 class Objectives:
-    """What a plan costs. ``mission_risk_paper`` is Theorem 2's f_o, ``mission_risk`` the ordered bound V,
-    ``collision_risk`` the path bound R (probabilities), ``length`` in metres."""
+    """What a path costs: probabilities, and the length in metres.
+
+    ``mission_risk`` is what a plan is judged by: the bound that ``fidelity.mission_bound`` names.
+    ``collision_risk`` is R. For the record stand beside it ``mission_risk_paper``, the f_o of Theorem 2 with
+    the paper's covariance, and ``mission_risk_ordered``, the ordered bound V.
+    """
 
     length: float
     mission_risk_paper: float
     mission_risk: float
     collision_risk: float
+    mission_risk_ordered: float
+
+
+def objective_row(o: Objectives) -> FloatArray:
+    """(mission risk, collision risk, length), what paths are compared by."""
+    return np.array([o.mission_risk, o.collision_risk, o.length])
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,16 +132,14 @@ class PlannedPath:
 class Front:
     """Non-dominated paths, sorted by mission risk.
 
-    ``raw`` holds the objectives of the front before smoothing, for the record of what smoothing brought;
-    ``full`` says whether mission risk is V or the paper's f_o. ``estimates`` are the failure rates of full
-    fidelity's linear Monte Carlo, one a path.
+    ``raw`` holds the objectives of the front before smoothing, for the record of what smoothing brought.
+    ``estimates`` are failure rates by linear Monte Carlo, one a path, with ``fidelity.judge=flights``.
     """
 
     paths: tuple[PlannedPath, ...]
     raw: tuple[Objectives, ...]
     hypervolume: float
     reference: FloatArray
-    full: bool = False
     estimates: tuple[float, ...] = ()
 
 

@@ -2,24 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 
 import numpy as np
 
-from pareto_ltl.planning.problem import Problem, evaluate
-from pareto_ltl.planning.records import Forest, Front, Objectives, PlannedPath
+from pareto_ltl.planning.evaluate import evaluate_path
+from pareto_ltl.planning.growth import mission_columns
+from pareto_ltl.planning.problem import Problem
+from pareto_ltl.planning.records import Forest, Front, PlannedPath, objective_row
 from pareto_ltl.settings import SelectionConfig
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 from pareto_ltl.support.errors import InfeasibleError
 
 RISK_FLOOR = 1e-6  # risks below it count as equal
-MOST = 64  # paths of full fidelity's tree front that are evaluated, the safest first
-
-
-def objective_row(o: Objectives, full: bool = False) -> FloatArray:
-    """(mission risk, collision risk, length); mission risk is the paper's f_o, or V of full fidelity."""
-    return np.array([o.mission_risk if full else o.mission_risk_paper, o.collision_risk, o.length])
+MOST = 64  # paths of a tree front with three objectives that are evaluated, the safest first
 
 
 def non_dominated(rows: FloatArray) -> BoolArray:
@@ -39,48 +36,47 @@ def hypervolume(rows: FloatArray, reference: FloatArray) -> float:
     return float(moocore.hypervolume(inside, ref=np.ones(len(reference))))
 
 
-def accepted_rows(forest: Forest, full: bool = False) -> FloatArray:
-    """Objectives of every accepted vertex, in the order of ``forest.accepted``: (f_o, length), or (V, R,
-    length).
+def accepted_rows(problem: Problem, forest: Forest) -> FloatArray:
+    """Objectives of every accepted vertex, in the order of ``forest.accepted``.
+
+    The mission risk, at most 1, then the collision risk where the bound keeps one, then the length.
     """
+    columns = mission_columns(problem)
     rows = [np.append(forest.trees[j].risk[v], forest.trees[j].length[v]) for j, v in forest.accepted]
     if not rows:
-        return np.empty((0, 3 if full else 2))
+        return np.empty((0, 2))
     table = np.array(rows)
-    if full:
-        return table
-    return np.column_stack([np.minimum(table[:, :-1].sum(axis=1), 1.0), table[:, -1]])
+    mission = np.minimum(table[:, :columns].sum(axis=1), 1.0)
+    return np.column_stack([mission, table[:, columns:]])
 
 
 def tree_front(problem: Problem, forest: Forest) -> tuple[PlannedPath, ...]:
     """Non-dominated paths of the trees, by mission risk.
 
-    The paper's objectives are mission risk and length, collisions a constraint (Eqs. 8 and 9): the front is
-    taken in these two, which every vertex knows, and R is worked out for its members. Of full fidelity the
-    front is taken in (V, R, length); of its members those are evaluated that differ by more than a few per
-    cent.
+    The front is taken in the objectives that every vertex knows. The paper's are mission risk and length,
+    collisions a constraint (Eqs. 8 and 9), and R is worked out for the members; under the path bound R is
+    one of them, and of the many members those are evaluated that differ by more than a few per cent.
     """
-    full = problem.tables.full
-    rows = accepted_rows(forest, full)
+    rows = accepted_rows(problem, forest)
     if len(rows) == 0:
         return ()
     keep = np.flatnonzero(non_dominated(rows))
-    if full:
-        keep = keep[apart(rows[keep])]
+    if rows.shape[1] == 3:
+        keep = keep[unlike_rows(rows[keep])]
     paths = []
     for k in keep:
         # R may lie above delta where growth trusted the reflection and the deviations shrink.
         with suppress(InfeasibleError):
-            paths.append(evaluate(problem, *_path(forest, int(k))))
-    return tuple(sorted(paths, key=lambda p: tuple(objective_row(p.objectives, full))))
+            paths.append(evaluate_path(problem, *_tree_path(forest, int(k))))
+    return tuple(sorted(paths, key=lambda p: tuple(objective_row(p.objectives))))
 
 
-def _path(forest: Forest, k: int) -> tuple[FloatArray, str]:
+def _tree_path(forest: Forest, k: int) -> tuple[FloatArray, str]:
     j, v = (int(i) for i in forest.accepted[k])
     return forest.trees[j].path(v), f"tree {j} vertex {v}"
 
 
-def apart(rows: FloatArray) -> IntArray:
+def unlike_rows(rows: FloatArray) -> IntArray:
     """Numbers of rows (V, R, length) of which no two are alike: the safest of each box of 10 % risk and 1 %
     length.
     """
@@ -94,27 +90,26 @@ def apart(rows: FloatArray) -> IntArray:
     )
 
 
-def orders(problem: Problem, forest: Forest) -> tuple[PlannedPath, ...]:
+def order_representatives(problem: Problem, forest: Forest) -> tuple[PlannedPath, ...]:
     """For every mission order that some accepted path of the trees follows, the best such path.
 
     An order is the sequence of automaton states and labels at which the state changes. The front alone may
     show but one of them, while another, smoothed, is better. R comes in
     its looser form and may lie above delta: these paths are where smoothing begins.
     """
-    full = problem.tables.full
-    rows = accepted_rows(forest, full)
+    rows = accepted_rows(problem, forest)
     if len(rows) == 0:
         return ()
-    signs = [_signs(problem, forest, j) for j in range(len(forest.trees))]
+    signs = [_order_hashes(problem, forest, j) for j in range(len(forest.trees))]
     best: dict[int, int] = {}
     risk = rows[:, :-1].sum(axis=1)
     for k in np.lexsort((rows[:, -1], risk)):
         j, v = forest.accepted[k]
         best.setdefault(signs[j][v], int(k))
-    return tuple(evaluate(problem, *_path(forest, k), tight=False) for k in best.values())
+    return tuple(evaluate_path(problem, *_tree_path(forest, k), tight=False) for k in best.values())
 
 
-def _signs(problem: Problem, forest: Forest, j: int) -> list[int]:
+def _order_hashes(problem: Problem, forest: Forest, j: int) -> list[int]:
     """A hash of the mission order of every vertex of tree ``j``."""
     tree = forest.trees[j]
     shown = [hash(tuple(sorted(label))) for label in problem.labels]
@@ -129,49 +124,68 @@ def _signs(problem: Problem, forest: Forest, j: int) -> list[int]:
     return signs
 
 
-def front(smoothed: Sequence[PlannedPath], raw: Sequence[PlannedPath], full: bool = False) -> Front:
-    """Non-dominated among the trees' paths and their smoothed versions."""
+def build_front(smoothed: Sequence[PlannedPath], raw: Sequence[PlannedPath]) -> Front:
+    """Non-dominated among the trees' paths and their smoothed versions.
+
+    Raises
+    ------
+    InfeasibleError
+        Where there is no path at all.
+    """
     paths = [*raw, *smoothed]
     if not paths:
         raise InfeasibleError(
             "no path completes the mission within planner.delta; raise it, or planner.n_max"
         )
-    rows = np.array([objective_row(p.objectives, full) for p in paths])
+    rows = np.array([objective_row(p.objectives) for p in paths])
     kept = [p for p, keep in zip(paths, non_dominated(rows), strict=True) if keep]
-    kept.sort(key=lambda p: tuple(objective_row(p.objectives, full)))
+    kept.sort(key=lambda p: tuple(objective_row(p.objectives)))
     reference = np.array([1.0, 1.0, 2.0 * rows[:, 2].max()])
-    volume = hypervolume(np.array([objective_row(p.objectives, full) for p in kept]), reference)
-    return Front(tuple(kept), tuple(p.objectives for p in raw), volume, reference, full)
+    volume = hypervolume(np.array([objective_row(p.objectives) for p in kept]), reference)
+    return Front(tuple(kept), tuple(p.objectives for p in raw), volume, reference)
 
 
-def choose(cfg: SelectionConfig, front: Front) -> PlannedPath:
-    """Pick one path of the front.
-
-    ``priority``: completion, then mission risk, then length (the paper's); of full fidelity the estimated
-    failure rate comes first, where the front has estimates, then V + R, then length. ``weighted``: least
-    g_w(ξ, λ) = Σ_j λ_j f_j, length in units of the shortest on the front. ``threshold``: the shortest with
-    mission risk + collision risk ≤ alpha.
+def choose_path(cfg: SelectionConfig, front: Front) -> PlannedPath:
+    """Pick one path of the front by ``cfg.rule``, one of :data:`SELECTION_RULES`.
 
     Raises
     ------
     InfeasibleError
         For ``threshold``, where no path is safe enough; the text gives the least risk there is.
     """
-    rows = np.array([objective_row(p.objectives, front.full) for p in front.paths])
-    if cfg.rule == "priority" and front.full:
-        first = np.array(front.estimates) if front.estimates else rows[:, :2].sum(axis=1)
-        return front.paths[int(np.lexsort((rows[:, 2], rows[:, :2].sum(axis=1), first))[0])]
-    if cfg.rule == "priority":
-        return front.paths[int(np.lexsort((rows[:, 2], rows[:, 1], rows[:, 0]))[0])]
-    if cfg.rule == "weighted":
-        weights = np.array(cfg.weights) / sum(cfg.weights)
-        scaled = rows / [1.0, 1.0, rows[:, 2].min() or 1.0]
-        return front.paths[int(np.argmin(scaled @ weights))]
-    risk = np.array([p.objectives.mission_risk + p.objectives.collision_risk for p in front.paths])
+    rows = np.array([objective_row(p.objectives) for p in front.paths])
+    return front.paths[SELECTION_RULES[cfg.rule](cfg, front, rows)]
+
+
+def _by_priority(cfg: SelectionConfig, front: Front, rows: FloatArray) -> int:
+    """Mission risk, then collision risk, then length (the paper's); estimated failure rates, where the front
+    has them, come first, and then the sum of both risks."""
+    if front.estimates:
+        return int(np.lexsort((rows[:, 2], rows[:, :2].sum(axis=1), np.array(front.estimates)))[0])
+    return int(np.lexsort((rows[:, 2], rows[:, 1], rows[:, 0]))[0])
+
+
+def _by_weights(cfg: SelectionConfig, front: Front, rows: FloatArray) -> int:
+    """Least g_w(ξ, λ) = Σ_j λ_j f_j, length in units of the shortest on the front."""
+    weights = np.array(cfg.weights) / sum(cfg.weights)
+    return int(np.argmin(rows / [1.0, 1.0, rows[:, 2].min() or 1.0] @ weights))
+
+
+def _by_threshold(cfg: SelectionConfig, front: Front, rows: FloatArray) -> int:
+    """The shortest with mission risk + collision risk ≤ alpha."""
+    risk = rows[:, :2].sum(axis=1)
     safe = np.flatnonzero(risk <= cfg.alpha)
     if len(safe) == 0:
         raise InfeasibleError(
             f"no path keeps mission risk + collision risk within selection.alpha = {cfg.alpha:g}; the safest "
             f"has {risk.min():.3g}: raise selection.alpha, lower planner.epsilon, or raise planner.n_max"
         )
-    return front.paths[int(safe[np.argmin(rows[safe, 2])])]
+    return int(safe[np.argmin(rows[safe, 2])])
+
+
+SelectionRule = Callable[[SelectionConfig, Front, FloatArray], int]
+SELECTION_RULES: dict[str, SelectionRule] = {
+    "priority": _by_priority,
+    "weighted": _by_weights,
+    "threshold": _by_threshold,
+}

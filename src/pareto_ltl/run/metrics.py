@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from pareto_ltl.planning.problem import Forecast
+    from pareto_ltl.planning.evaluate import Forecast
     from pareto_ltl.planning.records import Acceptance, Forest, Front, Plan
     from pareto_ltl.simulation.records import Deployment
     from pareto_ltl.studies.records import Study
@@ -102,9 +102,9 @@ def _acceptance(verdict: Acceptance | None) -> dict[str, float]:
 
 
 def _deployments(deployments: Mapping[str, Deployment]) -> dict[str, float]:
-    from pareto_ltl.simulation.flights import rates
+    from pareto_ltl.simulation.flights import flight_rates
 
-    return {name: rate for flights in deployments.values() for name, rate in rates(flights).items()}
+    return {name: rate for flights in deployments.values() for name, rate in flight_rates(flights).items()}
 
 
 def _study(study: Study) -> dict[str, float]:

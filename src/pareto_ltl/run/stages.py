@@ -22,7 +22,8 @@ if TYPE_CHECKING:
     from numpy.random import SeedSequence
 
     from pareto_ltl.logic import Automaton
-    from pareto_ltl.planning.problem import Forecast, Problem
+    from pareto_ltl.planning.evaluate import Forecast
+    from pareto_ltl.planning.problem import Problem
     from pareto_ltl.planning.records import Forest, Front, Plan, PlannedPath
     from pareto_ltl.settings import (
         DeploymentConfig,
@@ -113,17 +114,17 @@ def problem(
     decomposition: Decomposition,
     automaton: Automaton,
 ) -> Problem:
-    from pareto_ltl.planning.problem import build
+    from pareto_ltl.planning.pack import build_problem
 
     robot, planner, wind_cfg = settings.robot, settings.planner, settings.wind
-    return build(robot, planner, wind_cfg, scene, wind, decomposition, automaton, settings.fidelity)
+    return build_problem(robot, planner, wind_cfg, scene, wind, decomposition, automaton, settings.fidelity)
 
 
 @stage
 def forest(planner_cfg: PlannerConfig, problem: Problem, seeds: SeedSequence, progress: Progress) -> Forest:
     from pareto_ltl.planning import growth
 
-    return growth.forest(planner_cfg, problem, seeds, progress)
+    return growth.grow_forest(planner_cfg, problem, seeds, progress)
 
 
 @stage
@@ -140,19 +141,20 @@ def front(
     from pareto_ltl.planning import growth, selection
 
     if not len(forest.accepted):
-        raise InfeasibleError(growth.explain(planner_cfg, problem, forest))
-    raw, full = selection.tree_front(problem, forest), problem.tables.full
+        raise InfeasibleError(growth.explain_no_path(planner_cfg, problem, forest))
+    raw = selection.tree_front(problem, forest)
     smoothed: tuple[PlannedPath, ...] = ()
     if settings.fidelity.refine == "convex":
-        from pareto_ltl.planning.refine import smooth
+        from pareto_ltl.planning.refine import smooth_paths
 
-        smoothed = smooth(smoothing_cfg, problem, (*raw, *selection.orders(problem, forest)), progress)
-    found = selection.front(smoothed, raw, full)
-    if not full:
+        candidates = (*raw, *selection.order_representatives(problem, forest))
+        smoothed = smooth_paths(smoothing_cfg, problem, candidates, progress)
+    found = selection.build_front(smoothed, raw)
+    if settings.fidelity.judge == "bound":
         return found
-    from pareto_ltl.simulation.acceptance import ranked
+    from pareto_ltl.simulation.acceptance import rank_front
 
-    return ranked(problem, found, selection_cfg.draws, seeds)
+    return rank_front(problem, found, selection_cfg.draws, seeds)
 
 
 @stage
@@ -165,13 +167,13 @@ def plan(
     seeds: SeedSequence,
 ) -> Plan:
     from pareto_ltl.planning.records import Plan
-    from pareto_ltl.planning.selection import choose
-    from pareto_ltl.simulation.acceptance import accept
+    from pareto_ltl.planning.selection import choose_path
+    from pareto_ltl.simulation.acceptance import accept_path
 
-    if front.full:
-        path, acceptance = accept(selection_cfg, problem, wind, front, seeds)
+    if settings.fidelity.judge == "flights":
+        path, acceptance = accept_path(selection_cfg, problem, wind, front, seeds)
     else:
-        path, acceptance = choose(selection_cfg, front), None
+        path, acceptance = choose_path(selection_cfg, front), None
     return Plan(
         path=path,
         formula=problem.automaton.formula,
@@ -189,7 +191,7 @@ def plan(
 @ingredient
 def forecasts(deployment_cfg: DeploymentConfig, problem: Problem, plan: Plan) -> Mapping[str, Forecast]:
     """V and R of the plan under every law that it will be deployed in."""
-    from pareto_ltl.planning.problem import forecast
+    from pareto_ltl.planning.evaluate import forecast
 
     return {law: forecast(problem, plan.path.u, law) for law in deployment_cfg.laws}
 
@@ -202,9 +204,9 @@ def deployment(
     forecasts: Mapping[str, Forecast],
     seeds: SeedSequence,
 ) -> Mapping[str, Deployment]:
-    from pareto_ltl.simulation.flights import deploy
+    from pareto_ltl.simulation.flights import deploy_plan
 
-    return deploy(deployment_cfg, problem, plan, seeds)
+    return deploy_plan(deployment_cfg, problem, plan, seeds)
 
 
 @stage

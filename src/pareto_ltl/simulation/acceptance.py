@@ -15,11 +15,18 @@ import numpy as np
 from numpy.random import SeedSequence
 
 from pareto_ltl.kernels import flight as rollout
-from pareto_ltl.planning.problem import Problem, linear_law
+from pareto_ltl.planning.evaluate import propagate
+from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import Acceptance, Front, PlannedPath
-from pareto_ltl.planning.selection import choose
+from pareto_ltl.planning.selection import choose_path
 from pareto_ltl.settings import SelectionConfig
-from pareto_ltl.simulation.flights import clopper_pearson, draw, fly
+from pareto_ltl.simulation.flights import (
+    clopper_pearson,
+    draw_coherent,
+    flight_judge,
+    simulate_flights,
+    unspawned,
+)
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.wind.records import WindField
 
@@ -27,33 +34,42 @@ LOG = logging.getLogger(__name__)
 LINEAR = 0.35  # standard deviation over length scale: beyond it the linearised law is unreliable
 
 
-def ranked(problem: Problem, front: Front, draws: int, seed: SeedSequence) -> Front:
-    """``front`` with the failure rate of every path under the linearised coherent law, ``draws`` flights
-    each.
+def rank_front(problem: Problem, front: Front, draws: int, seed: SeedSequence) -> Front:
+    """``front`` with the failure rate of every path under the linearised coherent law, ``draws`` flights each.
 
     All paths meet the same winds (common random numbers), so that their rates compare better than each is
     known.
     """
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(unspawned(seed))
     steps = max(len(path.u) for path in front.paths)
-    winds = draw(problem, "coherent", draws, steps, rng)
+    winds = draw_coherent(problem, draws, steps, rng)
     start = math.sqrt(problem.start_variance) * rng.standard_normal((draws, 2))
     estimates = []
     for path in front.paths:
-        if (
-            path.fixes
-        ):  # what the robot does after a fix is not linear: it keeps within u_max, or misses the landmark
-            flights = fly(problem, path.u, draws, "coherent", seed, path.x)
+        if path.fixes:  # after a fix the robot is not linear: it keeps within u_max, or misses the landmark
+            flights = simulate_flights(problem, path.u, draws, "coherent", seed, path.x)
             estimates.append(float((~flights.accepted | flights.collided).mean()))
-            continue
-        failed, collided = np.empty(draws, bool), np.empty(draws, bool)
-        law = linear_law(problem, path.x)
-        rollout.fly_linear(problem.tables, path.x, *law, winds.white, winds.theta, start, failed, collided)
-        estimates.append(float(failed.mean()))
+        else:
+            estimates.append(linear_failure_rate(problem, path, winds, start))
     return replace(front, estimates=tuple(estimates))
 
 
-def accept(
+def linear_failure_rate(
+    problem: Problem, path: PlannedPath, winds: rollout.CoherentDraws, start: FloatArray
+) -> float:
+    """Share of flights that fail in winds linearised about ``path``; ``start`` (n, 2) = e_0 [m]."""
+    flight, motion = propagate(problem, path.x, winds.law), problem.motion
+    mean = (flight.free - flight.x[:-1] @ motion.a.T) / motion.dt
+    slope = (flight.F - motion.closed) / motion.dt
+    draws = rollout.LinearisedDraws(winds.law, winds.white, winds.theta, flight, mean, slope)
+    n = len(start)
+    outcome = rollout.Outcome(np.empty((n, len(path.x), 2)), np.empty(n, bool), np.empty(n, bool))
+    outcome.x[:, 0] = path.x[0] + start
+    rollout.fly(flight_judge(problem), draws, rollout.Autopilot(path.u, flight.x), outcome)
+    return float((~outcome.accepted | outcome.collided).mean())
+
+
+def accept_path(
     cfg: SelectionConfig, problem: Problem, wind: WindField, front: Front, seed: SeedSequence
 ) -> tuple[PlannedPath, Acceptance]:
     """The path that the rule picks, once the simulation does not contradict its bound.
@@ -63,9 +79,9 @@ def accept(
     """
     left, seen = front, []
     for _ in range(cfg.examined):
-        path = choose(cfg, left)
+        path = choose_path(cfg, left)
         k = next(i for i, other in enumerate(left.paths) if other is path)
-        verdict = examine(
+        verdict = examine_path(
             problem, wind, path, cfg.runs, seed, left.estimates[k] if left.estimates else math.nan
         )
         seen.append((path, verdict))
@@ -77,7 +93,7 @@ def accept(
         )  # fmt: skip
         if len(left.paths) == 1:
             break
-        left = without(left, k)
+        left = front_without(left, k)
     path, verdict = seen[-1] if seen[-1][1].passed else min(seen, key=lambda s: s[1].failures)
     if verdict.linearity > LINEAR:
         LOG.warning(
@@ -89,19 +105,17 @@ def accept(
     return path, verdict
 
 
-def without(front: Front, k: int) -> Front:
+def front_without(front: Front, k: int) -> Front:
     """The front less its path number ``k``."""
     paths = front.paths[:k] + front.paths[k + 1 :]
     return replace(front, paths=paths, estimates=front.estimates[:k] + front.estimates[k + 1 :])
 
 
-def examine(
+def examine_path(
     problem: Problem, wind: WindField, path: PlannedPath, runs: int, seed: SeedSequence, estimate: float
 ) -> Acceptance:
     """Fly ``path`` ``runs`` times through coherent winds."""
-    flights = fly(
-        problem, path.u, runs, "coherent", SeedSequence(seed.entropy, spawn_key=seed.spawn_key), path.x
-    )
+    flights = simulate_flights(problem, path.u, runs, "coherent", seed, path.x)
     failures = int((~flights.accepted | flights.collided).sum())
     low, high = clopper_pearson(failures, runs)
     bound = path.objectives.mission_risk + path.objectives.collision_risk
@@ -115,5 +129,5 @@ def linearity(problem: Problem, wind: WindField, cov: FloatArray) -> float:
     if wind.modes is None or len(cov) < 2:
         return 0.0
     widest = np.sqrt(np.linalg.eigvalsh(cov[:-1])[:, 1])
-    scale = wind.modes.length.min(axis=1)[problem.tables.modes.slot[: len(cov) - 1]]
+    scale = wind.modes.length.min(axis=1)[problem.modes.slot[: len(cov) - 1]]
     return float((widest / scale).max())

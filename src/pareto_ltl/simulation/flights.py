@@ -1,19 +1,23 @@
-"""Deployment: the plan's controls flown many times through the wind (Section V).
+"""Simulated flights: the plan's controls flown many times through the wind (Section V).
 
 A wind law says how the wind of a flight is drawn. Every law flies the same blocks of runs with the same
-seeds, so two plans deployed with one seed meet the same winds (common random numbers): a block draws
-step by step, and a longer plan only draws further.
+seeds, so two plans flown with one seed meet the same winds (common random numbers): a block draws step by
+step, and a longer plan only draws further.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.random import Generator, SeedSequence
 
-from pareto_ltl.kernels import flight as rollout
+from pareto_ltl.kernels import data as kd
+from pareto_ltl.kernels import flight as kernel
+from pareto_ltl.planning.evaluate import propagate
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import Plan
 from pareto_ltl.settings import DeploymentConfig
@@ -24,36 +28,37 @@ from pareto_ltl.support.errors import InfeasibleError
 
 BLOCK = 250  # runs that share a generator, whatever the number of threads
 
-LAWS = ("independent", "coherent")
+# --- winds ------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True, slots=True)
-class Winds:
-    """Draws of one block of flights: ``theta`` (n, K, 2, P) of the coherent field, ``white`` (T, n, 2)."""
+def draw_independent(problem: Problem, runs: int, steps: int, rng: Generator) -> kernel.IndependentDraws:
+    """Winds of ``runs`` flights that are new at every step."""
+    law = problem.laws["independent"]
+    assert isinstance(law, kd.IndependentLaw)
+    return kernel.IndependentDraws(law, rng.standard_normal((steps, runs, 2)))
 
-    theta: Float32Array
-    white: FloatArray
 
+def draw_coherent(problem: Problem, runs: int, steps: int, rng: Generator) -> kernel.CoherentDraws:
+    """One field for each of ``runs`` flights, drawn for all slots, so that it does not depend on ``steps``.
 
-def draw(problem: Problem, law: str, runs: int, steps: int, rng: Generator) -> Winds:
-    """Winds of ``runs`` flights. The field is drawn for all slots, so that it does not depend on ``steps``.
-
-    θ_0 ~ N(0, I), θ_{k+1} = ρ_k θ_k + √(1 - ρ_k²) η: independent for ρ = 0, one frozen field for ρ = 1.
+    θ_0 ~ N(0, I),    θ_{k+1} = ρ_k θ_k + √(1 - ρ_k²) η:    independent for ρ = 0, one field for ρ = 1.
     """
-    modes = problem.tables.modes
-    slots, count = len(modes.psi), modes.psi.shape[-1]
-    if law == "coherent":
-        theta = rng.standard_normal((runs, slots, 2, count), np.float32)
-        for k, rho in enumerate(persistence(problem), start=1):
-            theta[:, k] = rho * theta[:, k - 1] + np.float32(np.sqrt(1.0 - rho**2)) * theta[:, k]
-    else:
-        theta = np.empty((runs, 0, 2, count), np.float32)
-    return Winds(theta, rng.standard_normal((steps, runs, 2)))
+    law, modes = problem.laws["coherent"], problem.modes
+    assert not isinstance(law, kd.IndependentLaw)
+    theta = rng.standard_normal((runs, len(modes.psi), 2, modes.psi.shape[-1]), np.float32)
+    for k, rho in enumerate(slot_persistence(modes), start=1):
+        theta[:, k] = rho * theta[:, k - 1] + np.float32(np.sqrt(1.0 - rho**2)) * theta[:, k]
+    return kernel.CoherentDraws(law, rng.standard_normal((steps, runs, 2)), theta)
 
 
-def persistence(problem: Problem) -> Float32Array:
+DRAWS: dict[str, Callable[[Problem, int, int, Generator], Any]] = {
+    "independent": draw_independent,
+    "coherent": draw_coherent,
+}
+
+
+def slot_persistence(modes: kd.Modes) -> Float32Array:
     """ρ from each slot to the next, as the planner's steps have it; 1 where no step falls between them."""
-    modes = problem.tables.modes
     rho = np.ones(max(len(modes.psi) - 1, 0), np.float32)
     for step in range(1, len(modes.slot)):
         first, last = int(modes.slot[step - 1]), int(modes.slot[step])
@@ -62,82 +67,118 @@ def persistence(problem: Problem) -> Float32Array:
     return rho
 
 
-def deploy(cfg: DeploymentConfig, problem: Problem, plan: Plan, seeds: SeedSequence) -> dict[str, Deployment]:
+# --- flights ----------------------------------------------------------------------------------
+
+
+def deploy_plan(
+    cfg: DeploymentConfig, problem: Problem, plan: Plan, seeds: SeedSequence
+) -> dict[str, Deployment]:
     """Fly ``plan`` ``cfg.runs`` times under every law of ``cfg.laws``.
 
-    Each law has its own child of ``seeds``, in the order of :data:`LAWS`, so that adding one law leaves the
+    Each law has its own child of ``seeds``, in the order of :data:`DRAWS`, so that adding one law leaves the
     winds of the others alone.
     """
-    children = dict(zip(LAWS, seeds.spawn(len(LAWS)), strict=True))
-    return {law: fly(problem, plan.path.u, cfg.runs, law, children[law], plan.path.x) for law in cfg.laws}
+    children = dict(zip(DRAWS, seeds.spawn(len(DRAWS)), strict=True))
+    return {
+        law: simulate_flights(problem, plan.path.u, cfg.runs, law, children[law], plan.path.x)
+        for law in cfg.laws
+    }
 
 
-def fly(
+def simulate_flights(
     problem: Problem, u: FloatArray, runs: int, law: str, seed: SeedSequence, mean: FloatArray | None = None
 ) -> Deployment:
-    """Fly the controls ``u`` (T, 2) ``runs`` times under one law; feedback, if any, holds on to ``mean``
-    (T+1, 2).
+    """Fly the controls ``u`` (T, 2) ``runs`` times under one law.
+
+    Feedback and fixes, if any, hold on to ``mean`` (T+1, 2). The same ``seed`` gives the same flights,
+    whether or not it has spawned before.
 
     Raises
     ------
     InfeasibleError
         Where the wind is not known for so long.
     """
-    known, motion = len(problem.tables.wind.slot), problem.tables.motion
+    _refuse_unknown_wind(problem, u)
+    if mean is None and problem.motion.gain > 0.0:
+        raise ValueError("feedback needs the planned positions to hold on to: give mean")
+    flights = _Flights(problem, u, DRAWS[law], _navigator(problem, u, mean, law))
+    x = np.empty((runs, len(u) + 1, 2))
+    accepted, collided = np.empty(runs, bool), np.empty(runs, bool)
+    blocks = [slice(first, min(first + BLOCK, runs)) for first in range(0, runs, BLOCK)]
+
+    def one(block: slice, child: SeedSequence) -> None:
+        outcome = kernel.Outcome(x[block], accepted[block], collided[block])
+        flights.fly_block(outcome, np.random.default_rng(child))
+
+    with ThreadPoolExecutor(cores()) as pool:
+        list(pool.map(one, blocks, unspawned(seed).spawn(len(blocks))))
+    return Deployment(law, x, accepted, collided)
+
+
+def unspawned(seed: SeedSequence) -> SeedSequence:
+    """The same seed with no child yet: a SeedSequence counts its children, and would give others next time."""
+    return SeedSequence(seed.entropy, spawn_key=seed.spawn_key, pool_size=seed.pool_size)
+
+
+def _refuse_unknown_wind(problem: Problem, u: FloatArray) -> None:
+    known = len(problem.wind.slot)
     if len(u) > known:
         raise InfeasibleError(
             f"a plan of {len(u)} steps outlasts the wind, which is known for {known}: give later fields, "
             "set wind.hold_last=true, or raise planner.max_steps"
         )
-    if mean is None and motion.gain > 0.0:
-        raise ValueError("feedback needs the planned positions to hold on to: give mean")
+
+
+PilotMaker = Callable[[int, Generator], Any]
+
+
+@dataclass(frozen=True, slots=True)
+class _Flights:
+    """What all blocks of flights of one plan share."""
+
+    problem: Problem
+    u: FloatArray
+    draw: Callable[[Problem, int, int, Generator], Any]
+    pilot: PilotMaker
+
+    def fly_block(self, outcome: kernel.Outcome, rng: Generator) -> None:
+        """Fill ``outcome`` with flights drawn from ``rng``."""
+        problem, runs = self.problem, len(outcome.x)
+        start = rng.standard_normal((BLOCK, 2))[:runs]
+        outcome.x[:, 0] = problem.scene.start + np.sqrt(problem.start_variance) * start
+        draws = self.draw(problem, runs, len(self.u), rng)
+        kernel.fly(flight_judge(problem), draws, self.pilot(runs, rng), outcome)
+
+
+def flight_judge(problem: Problem) -> kernel.Judge:
+    """What decides whether a flight completes the mission and meets an obstacle."""
+    return kernel.Judge(problem.world.cells, problem.world.logic, problem.obstacles, problem.motion)
+
+
+def _navigator(problem: Problem, u: FloatArray, mean: FloatArray | None, law: str) -> PilotMaker:
+    """What flies the controls: an autopilot, or a robot that takes fixes along ``mean`` (T+1, 2)."""
     held = np.zeros((len(u) + 1, 2)) if mean is None else np.ascontiguousarray(mean)
-    b = np.asarray(np.linalg.inv(motion.b_inv), float)
-    estimator = _estimator(problem, held, law) if mean is not None else None
-    x = np.empty((runs, len(u) + 1, 2))
-    accepted, collided = np.empty(runs, bool), np.empty(runs, bool)
-    blocks = [slice(first, min(first + BLOCK, runs)) for first in range(0, runs, BLOCK)]
-    rngs = [np.random.default_rng(child) for child in seed.spawn(len(blocks))]
+    autopilot = kernel.Autopilot(u, held)
+    planned = problem.laws["coherent"]
+    if mean is None or not isinstance(planned, kd.LandmarkLaw):
+        return lambda runs, rng: autopilot
+    path, modes = propagate(problem, held, planned), planned.modes
+    path.u[:] = u
+    if not path.gain.any():
+        return lambda runs, rng: autopilot
+    # A wind that is new at every step tells nothing about the next one.
+    learnt = np.zeros_like(path.learnt) if law == "independent" else path.learnt
+    fix_sd = np.sqrt(planned.landmarks.variance)
 
-    def one(block: slice, rng: Generator) -> None:
-        start = rng.standard_normal((BLOCK, 2))[: block.stop - block.start]
-        x[block, 0] = problem.scene.start + np.sqrt(problem.start_variance) * start
-        winds = draw(problem, law, block.stop - block.start, len(u), rng)
-        if estimator is not None:
-            noise = np.sqrt(motion.fix_variance) * rng.standard_normal((len(u), block.stop - block.start, 2))
-            rollout.fly_fixed(
-                problem.tables, b, u, held, *estimator, noise, winds.white, winds.theta, law == "coherent",
-                x[block], accepted[block], collided[block],
-            )  # fmt: skip
-            return
-        rollout.fly(
-            problem.tables, b, u, held, winds.white, winds.theta, law == "coherent", x[block],
-            accepted[block], collided[block],
-        )  # fmt: skip
+    def navigator(runs: int, rng: Generator) -> kernel.Navigator:
+        noise = fix_sd * rng.standard_normal((len(u), runs, 2))
+        field = np.empty((2, modes.psi.shape[-1]), np.float32)
+        return kernel.Navigator(path, planned.landmarks, learnt, noise, modes.keep, field, np.zeros(3))
 
-    with ThreadPoolExecutor(cores()) as pool:
-        list(pool.map(one, blocks, rngs))
-    return Deployment(law, x, accepted, collided)
+    return navigator
 
 
-def _estimator(
-    problem: Problem, mean: FloatArray, law: str
-) -> tuple[FloatArray, Float32Array, FloatArray, Float32Array] | None:
-    """F_t, ψ_t and the Kalman gains of a robot that takes fixes along ``mean`` (T+1, 2); None without
-    fixes.
-    """
-    from pareto_ltl.kernels import path as kernel
-    from pareto_ltl.planning.problem import linear_law, trail
-
-    if len(problem.tables.landmarks.ptr) < 2:
-        return None
-    F, psi, _ = linear_law(problem, mean)
-    gain, learnt = np.zeros((len(F), 2, 2)), np.zeros((len(F), 2, *psi.shape[1:]), np.float32)
-    course = trail(problem, len(mean))
-    kernel.estimator(problem.tables, mean, problem.start_variance, course, gain, learnt)
-    if law == "independent":  # a wind that is new at every step tells nothing about the next one
-        learnt[:] = 0.0
-    return (F, psi, gain, learnt) if gain.any() else None
+# --- rates ------------------------------------------------------------------------------------
 
 
 def clopper_pearson(failures: int, runs: int, confidence: float = 0.95) -> tuple[float, float]:
@@ -150,7 +191,7 @@ def clopper_pearson(failures: int, runs: int, confidence: float = 0.95) -> tuple
     return low, high
 
 
-def rates(deployment: Deployment) -> dict[str, float]:
+def flight_rates(deployment: Deployment) -> dict[str, float]:
     """The metrics of one law: a flight fails where the mission is not accepted or an obstacle was met."""
     failed = ~deployment.accepted | deployment.collided
     low, high = clopper_pearson(int(failed.sum()), len(failed))

@@ -177,10 +177,10 @@ def mean_path(problem: Problem, u: FloatArray) -> FloatArray:
     """x̂_{t+1} = A x̂_t + dt (B u_t + μ(x̂_t, t)), (T+1, 2)."""
     from pareto_ltl.planning.reference import interpolate
 
-    motion = problem.tables.motion
+    motion = problem.motion
     b, x = np.linalg.inv(motion.b_inv), [np.asarray(problem.scene.start, float)]
     for t in range(len(u)):
-        mu = interpolate(problem, problem.tables.wind.mean, t, x[-1])
+        mu = interpolate(problem.wind, problem.wind.mean, t, x[-1])
         x.append(motion.a @ x[-1] + motion.dt * (b @ u[t] + mu))
     return np.array(x)
 

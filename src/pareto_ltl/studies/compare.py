@@ -20,7 +20,8 @@ from typing import Any
 
 import numpy as np
 
-from pareto_ltl.planning.problem import Problem, forecast
+from pareto_ltl.planning.evaluate import forecast
+from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import Plan
 from pareto_ltl.settings import Settings, preset
 from pareto_ltl.studies import parts

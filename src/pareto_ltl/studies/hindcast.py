@@ -17,7 +17,8 @@ from typing import Any
 
 import numpy as np
 
-from pareto_ltl.planning.problem import Problem, forecast
+from pareto_ltl.planning.evaluate import forecast
+from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import Front, PlannedPath
 from pareto_ltl.run.results import whole
 from pareto_ltl.settings import PRESETS, IngestConfig, MissionConfig, Settings, WindConfig, preset

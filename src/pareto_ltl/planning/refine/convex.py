@@ -3,28 +3,27 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pareto_ltl.kernels import data as kt
+from pareto_ltl.kernels import data as kd
+from pareto_ltl.planning.evaluate import propagate
 from pareto_ltl.planning.problem import Problem
-from pareto_ltl.planning.refine.obligations import _deviation, allowed, duties, mean_shift, wind_and_gradient
+from pareto_ltl.planning.reference import wind_and_gradient
+from pareto_ltl.planning.refine.obligations import face_deviations, path_obligations
+from pareto_ltl.planning.refine.risk_sharing import ROWS, RiskSharing, risk_sharing
 from pareto_ltl.planning.refine.taut_lines import CAP, MARGIN
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 
 if TYPE_CHECKING:
     import cvxpy as cp
 
-SHARE = 0.995  # of epsilon planned with: tangents lie below the curve, and σ moves with the path
-ROWS = 3  # half planes a point keeps to, the tightest ones
 FINEST = 1e-3  # smallest standard deviation that the risk model resolves, in full steps
 RELIEF = 50.0  # price of breaking a constraint by a full step; above every multiplier met
 PIECES = (0.5, 1.0, 1.5, 2.0, 2.4, 2.8, 3.2, 3.6, 4.1)  # tangents of 1 - Φ for witnesses
-TAIL = (2.6, 3.4)  # and for obstacles, where s ≥ z
-FULL_TAIL = (0.5, 1.2, 1.8, 2.4, 3.0)  # of full fidelity, whose faces share epsilon as they need it
 FAR = 10.0  # standard deviations that count as certainty
 
 
@@ -95,24 +94,51 @@ class Programme:
         )  # fmt: skip
 
 
-def programme(problem: Problem, steps: int, witnesses: int, faces: int) -> Programme:
-    """minimise  Σ ‖x_{t+1} - x_t‖ / L₀ + λ (Σ_w Σ_j ρ_wj + Σ_t χ_t) + relief
-    subject to   ‖B⁻¹ (x_{t+1} - F_t x_t - g_t)‖ ≤ u_max dt,  F_t = A + dt Dμ(x̄_t)
-                 c' x_t ≥ d + z σ         one face of every obstacle for both ends of a step a_j' x_w ≤ b_j
-                 at the witness steps ρ_wj ≥ tangents of 1 - Φ at (b_j - a_j' x_w) / σ_j, one of them that
-                 of the last iterate χ_t  ≥ tangents of 1 - Φ at (c' x_t - d) / σ for the nearest faces Σ_k
-                 χ_tk ≤ ε             of full fidelity, with z = 0 above: risk is allocated, not shared
-                 equally |x_t - x̄_t| ≤ trust,  x_t on the map.
+@dataclass(frozen=True, slots=True)
+class _Unknowns:
+    """Variables of the programme; ``near`` models the risk of the nearest faces at each step."""
 
-    Relief makes every instance feasible, so that a line which is not yet flyable can be mended.
+    x: Any
+    y: Any
+    relief: Any
+    near: Any
+    length: Any
+    risk: Any
+    at: Any
+
+    def dot(self, normal: Any, row: int) -> Any:
+        """Half plane ``row`` of every point: c' x."""
+        return _dot(normal, row, self.x, self.y)
+
+
+def _dot(normal: Any, row: int, u: Any, v: Any) -> Any:
+    import cvxpy as cp
+
+    return cp.multiply(normal[:, 2 * row], u) + cp.multiply(normal[:, 2 * row + 1], v)
+
+
+def smoothing_programme(problem: Problem, steps: int, witnesses: int, faces: int) -> Programme:
+    """The convex programme about an iterate x̄, for paths of at most ``steps`` steps.
+
+        minimise    Σ ‖x_{t+1} - x_t‖ / L₀ + λ (Σ_w Σ_j ρ_wj + Σ_t χ_t) + relief
+        subject to  ‖B⁻¹ (x_{t+1} - F_t x_t - g_t)‖ ≤ u_max dt,    F_t = A + dt Dμ(x̄_t)
+                    c' x_t ≥ d + z σ            one face of every obstacle for both ends of a step
+                    a_j' x_w ≤ b_j              at the witness steps
+                    ρ_wj ≥ tangents of 1 - Φ at (b_j - a_j' x_w) / σ_j, one of them that of x̄
+                    χ_t  ≥ tangents of 1 - Φ at (c' x_t - d) / σ for the nearest faces
+                    |x_t - x̄_t| ≤ trust,       x_t on the map,
+
+    and what :mod:`~pareto_ltl.planning.refine.risk_sharing` adds. Relief makes every instance feasible, so
+    that a line which is not yet flyable can be mended.
     """
     import cvxpy as cp
 
-    n, b_inv, full = steps + 1, problem.tables.motion.b_inv, problem.tables.full
-    x, y, relief = cp.Variable(n), cp.Variable(n), cp.Variable(n, nonneg=True)
-    near = cp.Variable((n, ROWS if full else 1), nonneg=True)
-    length, risk = cp.Variable(steps), cp.Variable((witnesses, faces), nonneg=True)
-    at = cp.Variable((witnesses, 2))
+    n, sharing = steps + 1, risk_sharing(problem)
+    v = _Unknowns(
+        cp.Variable(n), cp.Variable(n), cp.Variable(n, nonneg=True),
+        cp.Variable((n, sharing.columns), nonneg=True), cp.Variable(steps),
+        cp.Variable((witnesses, faces), nonneg=True), cp.Variable((witnesses, 2)),
+    )  # fmt: skip
     shapes: dict[str, tuple[int, ...]] = {
         "cap": (steps,), "low": (n, 2), "high": (n, 2), "F": (steps, 4), "g": (steps, 2),
         "c": (n, 2 * ROWS), "d": (n, ROWS), "c_sd": (n, 2 * ROWS), "d_sd": (n, ROWS),
@@ -120,53 +146,65 @@ def programme(problem: Problem, steps: int, witnesses: int, faces: int) -> Progr
         "inside": (witnesses, faces), "slope": (witnesses, 2 * faces), "height": (witnesses, faces),
     }  # fmt: skip
     given: dict[str, Any] = {key: cp.Parameter(shape) for key, shape in shapes.items()}
-    if full:
-        given["counted"] = cp.Parameter((n, ROWS), nonneg=True)
-        given["steep"], given["level"] = cp.Parameter((n, 2 * ROWS)), cp.Parameter((n, ROWS))
+    given |= sharing.parameters(n)
     given |= {key: cp.Parameter(nonneg=True) for key in ("per_length", "weight")}
+    constraints = [
+        *_motion_constraints(problem, given, v),
+        *_clearance_constraints(sharing, given, v),
+        *_witness_constraints(given, v, faces),
+    ]
+    cost = (
+        given["per_length"] * cp.sum(v.length)
+        + given["weight"] * (cp.sum(v.risk) + cp.sum(v.near))
+        + RELIEF * cp.sum(v.relief)
+    )
+    ids = (v.x.id, v.y.id)
+    return Programme(cp.Problem(cp.Minimize(cost), constraints), given, ids, steps, witnesses, faces, {})
 
-    def dot(normal: Any, row: int, u: Any, v: Any) -> Any:
-        return cp.multiply(normal[:, 2 * row], u) + cp.multiply(normal[:, 2 * row + 1], v)
+
+def _motion_constraints(problem: Problem, given: Mapping[str, Any], v: _Unknowns) -> list[Any]:
+    """Airspeed of each step, its length, the box of the trust region."""
+    import cvxpy as cp
+
+    b_inv, x, y = problem.motion.b_inv, v.x, v.y
 
     def push(row: int) -> Any:
         moved = b_inv[row, 0] * x[1:] + b_inv[row, 1] * y[1:]
-        return moved - dot(given["F"], row, x[:-1], y[:-1]) - given["g"][:, row]
+        return moved - _dot(given["F"], row, x[:-1], y[:-1]) - given["g"][:, row]
 
-    constraints = [
-        cp.SOC(given["cap"] + relief[1:], cp.vstack([push(0), push(1)]), axis=0),
-        cp.SOC(length, cp.vstack([x[1:] - x[:-1], y[1:] - y[:-1]]), axis=0),
+    return [
+        cp.SOC(given["cap"] + v.relief[1:], cp.vstack([push(0), push(1)]), axis=0),
+        cp.SOC(v.length, cp.vstack([x[1:] - x[:-1], y[1:] - y[:-1]]), axis=0),
         x >= given["low"][:, 0], x <= given["high"][:, 0], y >= given["low"][:, 1], y <= given["high"][:, 1],
-        at[:, 0] == given["pick"] @ x, at[:, 1] == given["pick"] @ y,
+        v.at[:, 0] == given["pick"] @ x, v.at[:, 1] == given["pick"] @ y,
     ]  # fmt: skip
+
+
+def _clearance_constraints(sharing: RiskSharing, given: Mapping[str, Any], v: _Unknowns) -> list[Any]:
+    """Half planes that each point keeps to, and the risk that is left there."""
+    constraints = []
     for k in range(ROWS):
-        constraints.append(dot(given["c"], k, x, y) + relief >= given["d"][:, k])
-        constraints += [
-            near[:, k if full else 0] >= piece
-            for piece in _tangents(
-                FULL_TAIL if full else TAIL, dot(given["c_sd"], k, x, y) - given["d_sd"][:, k]
-            )
-        ]
-        if full:
-            constraints.append(near[:, k] >= given["level"][:, k] - dot(given["steep"], k, x, y))
-    if full:
-        counted = cp.sum(cp.multiply(given["counted"], near), axis=1)
-        constraints.append(counted <= SHARE * problem.tables.epsilon + 0.05 * relief)
+        constraints.append(v.dot(given["c"], k) + v.relief >= given["d"][:, k])
+        near = v.near[:, sharing.column(k)]
+        s = v.dot(given["c_sd"], k) - given["d_sd"][:, k]
+        constraints += [near >= piece for piece in tail_tangents(sharing.tangents, s)]
+        constraints += sharing.row_constraints(given, near, lambda normal, k=k: v.dot(normal, k), k)
+    return constraints + sharing.limits(given, v.near, v.relief)
+
+
+def _witness_constraints(given: Mapping[str, Any], v: _Unknowns, faces: int) -> list[Any]:
+    """Where the mission is witnessed: inside the region, and the risk of missing it."""
+    constraints = []
     for k in range(faces):
-        s = given["b"][:, k] - dot(given["a"], k, at[:, 0], at[:, 1])
+        s = given["b"][:, k] - _dot(given["a"], k, v.at[:, 0], v.at[:, 1])
         constraints.append(s >= given["inside"][:, k])
-        constraints += [risk[:, k] >= piece for piece in _tangents(PIECES, s)]
-        constraints.append(risk[:, k] >= given["height"][:, k] + dot(given["slope"], k, at[:, 0], at[:, 1]))
-    cost = (
-        given["per_length"] * cp.sum(length)
-        + given["weight"] * (cp.sum(risk) + cp.sum(near))
-        + RELIEF * cp.sum(relief)
-    )
-    return Programme(
-        cp.Problem(cp.Minimize(cost), constraints), given, (x.id, y.id), steps, witnesses, faces, {}
-    )
+        constraints += [v.risk[:, k] >= piece for piece in tail_tangents(PIECES, s)]
+        tangent = given["height"][:, k] + _dot(given["slope"], k, v.at[:, 0], v.at[:, 1])
+        constraints.append(v.risk[:, k] >= tangent)
+    return constraints
 
 
-def _tangents(points: Sequence[float], s: Any) -> list[Any]:
+def tail_tangents(points: Sequence[float], s: Any) -> list[Any]:
     """Tangents of 1 - Φ, which is convex for s ≥ 0: their maximum is its model."""
     return [
         0.5 * math.erfc(m / math.sqrt(2)) - math.exp(-m * m / 2) / math.sqrt(2 * math.pi) * (s - m)
@@ -174,7 +212,7 @@ def _tangents(points: Sequence[float], s: Any) -> list[Any]:
     ]
 
 
-def bend(
+def bend_path(
     model: Programme,
     problem: Problem,
     x: FloatArray,
@@ -186,7 +224,7 @@ def bend(
     """One convex solve about the iterate ``x`` (T+1, 2)."""
     centre, unit, n = problem.scene.bounds.mean(axis=0), problem.reach, len(x)
     scaled = (x - centre) / unit
-    todo = duties(problem, x, cov)
+    todo = path_obligations(problem, x, cov)
     if len(todo.witness) > model.witnesses:
         return None
     set_motion(model, problem, x)
@@ -207,11 +245,12 @@ def set_motion(model: Programme, problem: Problem, x: FloatArray) -> None:
     """Airspeed left for the control, and F_t and g_t of B⁻¹ (x_{t+1} - F_t x_t - g_t); steps beyond the
     path stand still in still air.
     """
-    motion, centre, unit = problem.tables.motion, problem.scene.bounds.mean(axis=0), problem.reach
+    motion, centre, unit = problem.motion, problem.scene.bounds.mean(axis=0), problem.reach
     T = len(x) - 1
-    mean, gradient = wind_and_gradient(problem, x[:-1])
-    mean = mean + mean_shift(problem, x)
-    cap = CAP * allowed(problem, x)
+    flight = propagate(problem, x)
+    mean, gradient = wind_and_gradient(problem.wind, x[:-1])
+    mean = mean + flight.shift
+    cap = CAP * (flight.speed / motion.u_max)
     model.give(cap=np.concatenate([cap, np.ones(model.steps - T)]))
     F = motion.a + motion.dt * gradient
     g = ((motion.a @ centre - centre) + motion.dt * mean) / unit
@@ -223,7 +262,7 @@ def set_motion(model: Programme, problem: Problem, x: FloatArray) -> None:
     )
 
 
-def separating(faces: kt.Faces, clearance: FloatArray) -> IntArray:
+def separating(faces: kd.Faces, clearance: FloatArray) -> IntArray:
     """For every step and obstacle the face of largest least ``clearance`` (T+1, F) at both ends, (T, m)."""
     both = np.minimum(clearance[:-1], clearance[1:])
     # Where faces tie, as at a corner, the one that clears more in all goes first.
@@ -238,7 +277,8 @@ def set_clearance(
     """The tightest half planes of every point: obstacles' faces for its two steps, forbidden cells' faces."""
     from scipy.special import ndtr
 
-    normal, offset, sd, room, before = tightest(problem, x, cov, avoid)
+    sharing = risk_sharing(problem)
+    normal, offset, sd, room, before = tightest_planes(problem, x, cov, avoid)
     centre, unit, n = problem.scene.bounds.mean(axis=0), problem.reach, len(x)
     c, d = np.zeros((model.steps + 1, ROWS, 2)), np.full((model.steps + 1, ROWS), -FAR)
     c_sd, d_sd, counted = np.zeros_like(c), np.full_like(d, -FAR), np.zeros_like(d)
@@ -249,7 +289,7 @@ def set_clearance(
         t = np.arange(n)[:, None]
         normal, reach = normal[t, rows], (offset[t, rows] - normal[t, rows] @ centre) / unit
         spread, known = sd[t, rows] / unit, np.isfinite(room[t, rows])
-        z = np.where(spread > 0, least_deviations(problem), 0.0)
+        z = np.where(spread > 0, sharing.deviations, 0.0)
         need = reach + z * spread + MARGIN / unit
         c[:n, :count] = np.where(known[..., None], normal, 0.0)
         d[:n, :count] = np.where(known, need, -FAR)
@@ -267,28 +307,17 @@ def set_clearance(
         model.give(counted=counted, steep=steep.reshape(-1, 2 * ROWS), level=level)
 
 
-def least_deviations(problem: Problem) -> float:
-    """Standard deviations kept from every face at least: Eq. (9)'s equal shares; none of full fidelity,
-    where the sum over
-    the faces keeps to epsilon."""
-    return 0.0 if problem.tables.full else problem.tables.z
-
-
-def tightest(
+def tightest_planes(
     problem: Problem, x: FloatArray, cov: FloatArray, avoid: BoolArray
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, BoolArray]:
     """Half planes that each point keeps to: normals (T+1, P, 2), and offsets, σ and room left (T+1, P).
 
     σ is 0 at forbidden cells, whose label the mean alone decides; room is inf where nothing is asked. The
-    last array says which belong to the step that ends at the point: those make up its collision risk. Paper
-    fidelity counts room in metres, full fidelity in standard deviations, as its faces are chosen by their
-    risk.
+    last array says which belong to the step that ends at the point: those make up its collision risk.
     """
-    faces, n = problem.tables.obstacles, len(x)
-    sd = _deviation(faces.normal, cov)
-    room = x @ faces.normal.T - faces.offset - least_deviations(problem) * sd
-    if problem.tables.full:
-        room = room / np.maximum(sd, FINEST * problem.reach)
+    faces, n = problem.obstacles, len(x)
+    sd = face_deviations(faces.normal, cov)
+    room = risk_sharing(problem).room(x @ faces.normal.T - faces.offset, sd, FINEST * problem.reach)
     chosen = separating(faces, room) if len(faces.ptr) > 1 else np.empty((n - 1, 0), np.int64)
     rows = np.hstack(
         [np.vstack([chosen[:1], chosen]), np.vstack([chosen, chosen[-1:]])]
@@ -299,7 +328,7 @@ def tightest(
     before = np.zeros(rows.shape, bool)
     before[:, :m] = True
     parts = [(faces.normal[rows], faces.offset[rows], sd[t, rows], left, before)]
-    cells = problem.tables.cells.faces
+    cells = problem.world.cells.faces
     for cell in np.flatnonzero(avoid.any(axis=0)):
         own = slice(cells.ptr[cell], cells.ptr[cell + 1])
         gap = x @ cells.normal[own].T - cells.offset[own]
@@ -318,7 +347,7 @@ def set_witnesses(
     """Regions that hold the position at a step; without ``soft`` their faces are only not crossed."""
     from scipy.special import ndtr
 
-    faces, centre, unit = problem.tables.regions.faces, problem.scene.bounds.mean(axis=0), problem.reach
+    faces, centre, unit = problem.theorem2.faces, problem.scene.bounds.mean(axis=0), problem.reach
     pick = np.zeros((model.witnesses, model.steps + 1))
     pick[:, 0] = 1.0  # a place left empty looks at the start and asks nothing
     a, b = np.zeros((model.witnesses, model.faces, 2)), np.full((model.witnesses, model.faces), FAR)
@@ -326,7 +355,7 @@ def set_witnesses(
     for k, (t, part) in enumerate(witness):
         rows = slice(faces.ptr[part], faces.ptr[part + 1])
         normal, n = faces.normal[rows], int(faces.ptr[part + 1] - faces.ptr[part])
-        fine = np.maximum(_deviation(normal, cov[t : t + 1])[0] / unit, FINEST) if soft else np.ones(n)
+        fine = np.maximum(face_deviations(normal, cov[t : t + 1])[0] / unit, FINEST) if soft else np.ones(n)
         pick[k, 0], pick[k, t] = 0.0, 1.0
         a[k, :n] = normal / fine[:, None]
         b[k, :n] = (faces.offset[rows] - normal @ centre) / unit / fine

@@ -9,12 +9,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pareto_ltl.kernels import data as kt
-from pareto_ltl.planning.problem import Problem, half_planes
-from pareto_ltl.planning.problem import faces as faces_of
+from pareto_ltl.kernels import data as kd
+from pareto_ltl.planning.pack import pack_faces
+from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import PlannedPath
-from pareto_ltl.planning.refine.obligations import _deviation
+from pareto_ltl.planning.reference import wind_at_place
+from pareto_ltl.planning.refine.obligations import face_deviations
 from pareto_ltl.support.arrays import BoolArray, FloatArray
+from pareto_ltl.world.cells import half_planes
 
 MARGIN = 2.0  # [m] kept from every face, so that the solver's rounding harms nobody
 CAP = 0.999  # share of u_max planned with: the wind is not quite linear over a trust region
@@ -23,18 +25,18 @@ TOUCH = 1e-3  # [m] a place this much too near still lies on the margin
 ANCHOR = 0.02  # how far from a region's rim towards its middle a line may touch it
 
 
-def walk(problem: Problem, line: FloatArray) -> FloatArray | None:
+def walk_line(problem: Problem, line: FloatArray) -> FloatArray | None:
     """Means (T+1, 2) along ``line`` (n, 2) through all its corners, in steps as long as the wind allows.
 
     None where the wind is too strong, or known no longer.
     """
-    motion = problem.tables.motion
+    motion = problem.motion
     x, last = [line[0]], problem.horizon
     for corner in line[1:]:
         while np.linalg.norm(corner - x[-1]) > MARGIN:
             if len(x) > last:
                 return None
-            s = _longest(motion, x[-1], corner, _wind(problem.tables.wind, x[-1], len(x) - 1))
+            s = _longest_share(motion, x[-1], corner, wind_at_place(problem.wind, len(x) - 1, x[-1]))
             if s <= 1e-3:
                 return None
             x.append(corner if s >= 1.0 else x[-1] + s * (corner - x[-1]))
@@ -42,24 +44,7 @@ def walk(problem: Problem, line: FloatArray) -> FloatArray | None:
     return np.array(x)
 
 
-def _wind(wind: kt.Wind, x: FloatArray, step: int) -> FloatArray:
-    """μ at one place and step, for loops in Python: a tenth of the time of :func:`wind_and_gradient`."""
-    gx, gy = (float(x[0]) - wind.west) * wind.per_metre, (float(x[1]) - wind.south) * wind.per_metre
-    nx, ny = wind.mean.shape[1:3]
-    gx, gy = min(max(gx, 0.0), nx - 1.0), min(max(gy, 0.0), ny - 1.0)
-    i, j = min(int(gx), nx - 2), min(int(gy), ny - 2)
-    k, w = wind.slot[step], wind.weight[step]
-    block = wind.mean[k, i : i + 2, j : j + 2]
-    if w > 0.0:
-        block = (1 - w) * block + w * wind.mean[k + 1, i : i + 2, j : j + 2]
-    fx, fy = gx - i, gy - j
-    return np.asarray(
-        (1 - fx) * ((1 - fy) * block[0, 0] + fy * block[0, 1])
-        + fx * ((1 - fy) * block[1, 0] + fy * block[1, 1])
-    )
-
-
-def _longest(motion: kt.Motion, x: FloatArray, goal: FloatArray, wind: FloatArray) -> float:
+def _longest_share(motion: kd.Motion, x: FloatArray, goal: FloatArray, wind: FloatArray) -> float:
     """Largest s ≤ 1 such that one step reaches x + s (goal - x): ‖c + s g‖ ≤ u_max is a quadratic."""
     c = motion.b_inv @ (x - motion.a @ x - motion.dt * wind) / motion.dt
     g = motion.b_inv @ (goal - x) / motion.dt
@@ -68,7 +53,7 @@ def _longest(motion: kt.Motion, x: FloatArray, goal: FloatArray, wind: FloatArra
     return 0.0 if disc < 0.0 else min(1.0, (math.sqrt(disc) - bb) / aa)
 
 
-def _corners(polygons: Sequence[FloatArray]) -> tuple[FloatArray, FloatArray]:
+def _bend_places(polygons: Sequence[FloatArray]) -> tuple[FloatArray, FloatArray]:
     """Where a taut line may bend: corners, and vectors v such that corner + r v clears both faces by r."""
     at, out = [np.empty((0, 2))], [np.empty((0, 2))]
     for polygon in polygons:
@@ -80,7 +65,7 @@ def _corners(polygons: Sequence[FloatArray]) -> tuple[FloatArray, FloatArray]:
     return np.vstack(at), np.vstack(out)
 
 
-def _gates(faces: kt.Faces, widest: float) -> tuple[FloatArray, FloatArray]:
+def _gates(faces: kd.Faces, widest: float) -> tuple[FloatArray, FloatArray]:
     """Where a taut line may bend in a gap too narrow for the corners themselves.
 
     With the distance r to keep, the gap between two obstacles is the meeting of half planes ``c' x ≥ d + r``,
@@ -105,39 +90,39 @@ def _gates(faces: kt.Faces, widest: float) -> tuple[FloatArray, FloatArray]:
 
 
 @dataclass(frozen=True, slots=True)
-class Order:
+class MissionOrder:
     """A mission order: the label read at each transition, and the automaton state before it."""
 
     labels: tuple[frozenset[str], ...]
     states: tuple[int, ...]
 
 
-def order(problem: Problem, path: PlannedPath) -> Order | None:
+def mission_order(problem: Problem, path: PlannedPath) -> MissionOrder | None:
     """The order in which ``path`` visits; None where a transition needs no region at all."""
-    before = np.concatenate([[problem.tables.logic.initial], path.q[:-1]])
+    before = np.concatenate([[problem.world.logic.initial], path.q[:-1]])
     turns = np.flatnonzero(path.q != before)
     labels = tuple(path.label[t] & set(problem.atoms) for t in turns)
-    return Order(labels, tuple(int(before[t]) for t in turns)) if all(labels) else None
+    return MissionOrder(labels, tuple(int(before[t]) for t in turns)) if all(labels) else None
 
 
-def possible_orders(problem: Problem, most: int) -> list[Order]:
+def possible_orders(problem: Problem, most: int) -> list[MissionOrder]:
     """Orders that the automaton allows, every transition one nearer to acceptance; ``most`` at most.
 
     Trees find the order that suited their samples; another one may be better once smoothed.
     """
-    logic, atoms = problem.tables.logic, set(problem.atoms)
+    logic, atoms = problem.world.logic, set(problem.atoms)
     shown = sorted(
         {(tuple(sorted(label & atoms)), c) for c, label in enumerate(problem.labels) if label & atoms}
     )
     column = dict(reversed([(frozenset(names), c) for names, c in shown]))
-    found: list[Order] = []
+    found: list[MissionOrder] = []
     start = int(logic.delta[logic.initial, problem.locate(problem.scene.start[None])[0]])
     queue: list[tuple[tuple[frozenset[str], ...], tuple[int, ...], int]] = [((), (), start)]
     while queue and len(found) < most:
         labels, states, q = queue.pop(0)
         if logic.distance[q] == 0.0:
             if labels:
-                found.append(Order(labels, states))
+                found.append(MissionOrder(labels, states))
             continue
         for label, c in column.items():
             then = int(logic.delta[q, c])
@@ -147,7 +132,7 @@ def possible_orders(problem: Problem, most: int) -> list[Order]:
 
 
 @dataclass(frozen=True, slots=True)
-class _Floor:
+class _Stage:
     """Places to be at while one transition is awaited, and the walls in between.
 
     Place k lies at ``at[k] + r grow[k]`` where r is the distance to keep on arrival, and has ``room[k] +
@@ -156,38 +141,40 @@ class _Floor:
 
     at: FloatArray
     grow: FloatArray
-    faces: kt.Faces
+    faces: kd.Faces
     margin: FloatArray
     room: FloatArray
     more: FloatArray
     first_goal: int
 
 
-def _floor(
+def _await_label(
     problem: Problem, at: FloatArray, grow: FloatArray, label: frozenset[str], state: int, depth: float
-) -> _Floor:
+) -> _Stage:
     """Goals show ``label``; cells whose label spoils waiting in ``state`` are walls as obstacles are."""
-    logic, polygons = problem.tables.logic, problem.decomposition.cells
+    logic, polygons = problem.world.logic, problem.decomposition.cells
     spoils = ~logic.covers[logic.delta[state, :-1], state]
     walls = [
         cell for cell, shown, bad in zip(polygons, problem.labels, spoils, strict=True)
         if bad and shown and shown & set(problem.atoms) != label
     ]  # fmt: skip
     goals = _anchors(problem, label, depth)
-    bends, out = _corners(walls)
+    bends, out = _bend_places(walls)
     places = np.vstack([at, bends + MARGIN * out, goals])
     growth = np.vstack([grow, np.zeros((len(places) - len(grow), 2))])
-    hard, soft = problem.tables.obstacles, faces_of(walls)
-    faces = kt.Faces(
+    hard, soft = problem.obstacles, pack_faces(walls)
+    faces = kd.Faces(
         np.concatenate([hard.ptr, hard.ptr[-1] + soft.ptr[1:]]), np.vstack([hard.normal, soft.normal]),
         np.concatenate([hard.offset, soft.offset]),
     )  # fmt: skip
     margin = np.concatenate([np.ones(len(hard.offset)), np.zeros(len(soft.offset))])
     room, more = places @ faces.normal.T - faces.offset, growth @ faces.normal.T - margin
-    return _Floor(places, growth, faces, margin, room, more, len(places) - len(goals))
+    return _Stage(places, growth, faces, margin, room, more, len(places) - len(goals))
 
 
-def taut(problem: Problem, plan: Order, path: PlannedPath, depth: float) -> FloatArray | None:
+def taut_line(
+    problem: Problem, plan: MissionOrder, path: PlannedPath, depth: float, z: float
+) -> FloatArray | None:
     """The shortest line (n, 2) that visits in the given order and keeps z σ from every obstacle.
 
     Dijkstra over (transitions done, place) in a visibility graph of the vertices of ``path``, corners of
@@ -197,17 +184,17 @@ def taut(problem: Problem, plan: Order, path: PlannedPath, depth: float) -> Floa
     """
     low, high = problem.scene.bounds + np.array([[MARGIN], [-MARGIN]])
     sd = np.sqrt(np.maximum(np.linalg.eigvalsh(path.cov)[:, -1], 0.0))
-    at, grow = _corners(problem.decomposition.obstacles)
-    gates, wider = _gates(problem.tables.obstacles, problem.tables.z * float(sd.max()))
+    at, grow = _bend_places(problem.decomposition.obstacles)
+    gates, wider = _gates(problem.obstacles, z * float(sd.max()))
     at, grow = np.vstack([at, gates, path.x]), np.vstack([grow, wider, np.zeros_like(path.x)])
-    floors = [
-        _floor(problem, at, grow, label, state, depth)
+    stages = [
+        _await_label(problem, at, grow, label, state, depth)
         for label, state in zip(plan.labels, plan.states, strict=True)
     ]
 
     def keep(metres: FloatArray) -> FloatArray:
         step = np.minimum(metres / problem.reach, len(sd) - 1.0)
-        return np.asarray(problem.tables.z * np.interp(step, np.arange(len(sd)), sd) + MARGIN, float)
+        return np.asarray(z * np.interp(step, np.arange(len(sd)), sd) + MARGIN, float)
 
     best: dict[tuple[int, int], float] = {(0, -1): 0.0}
     came: dict[tuple[int, int], tuple[int, int]] = {}
@@ -217,18 +204,18 @@ def taut(problem: Problem, plan: Order, path: PlannedPath, depth: float) -> Floa
         length, here = heapq.heappop(queue)
         if length > best[here]:
             continue
-        if here[0] == len(floors):
+        if here[0] == len(stages):
             return _trace(came, where, here)
-        x, floor = where[here], floors[here[0]]
-        ends = floor.at + floor.grow * keep(length + np.linalg.norm(floor.at - x, axis=1))[:, None]
+        x, stage = where[here], stages[here[0]]
+        ends = stage.at + stage.grow * keep(length + np.linalg.norm(stage.at - x, axis=1))[:, None]
         total = length + np.linalg.norm(ends - x, axis=1)
         own = (
-            x @ floor.faces.normal.T - floor.faces.offset - keep(np.array([length])) * floor.margin >= -TOUCH
+            x @ stage.faces.normal.T - stage.faces.offset - keep(np.array([length])) * stage.margin >= -TOUCH
         )
-        seen = _share(floor.faces, (floor.room + keep(total)[:, None] * floor.more >= -TOUCH) & own)
+        seen = _share_face(stage.faces, (stage.room + keep(total)[:, None] * stage.more >= -TOUCH) & own)
         seen &= np.all((ends >= low) & (ends <= high), axis=1)
         for k in np.flatnonzero(seen):
-            there = (here[0] + int(k >= floor.first_goal), int(k))
+            there = (here[0] + int(k >= stage.first_goal), int(k))
             if total[k] < best.get(there, math.inf):
                 best[there], came[there], where[there] = float(total[k]), here, ends[k]
                 heapq.heappush(queue, (float(total[k]), there))
@@ -258,25 +245,25 @@ def _anchors(problem: Problem, label: frozenset[str], depth: float) -> FloatArra
     return np.vstack(found)
 
 
-def _share(faces: kt.Faces, clear: BoolArray) -> BoolArray:
+def _share_face(faces: kd.Faces, clear: BoolArray) -> BoolArray:
     """Which rows of ``clear`` (P, F) have a face of every obstacle."""
     if len(faces.ptr) == 1:
         return np.ones(len(clear), bool)
     return np.asarray(np.logical_or.reduceat(clear, faces.ptr[:-1], axis=1).all(axis=1), bool)
 
 
-def pull(problem: Problem, x: FloatArray, cov: FloatArray, keep: Sequence[int]) -> FloatArray:
+def pull_taut(problem: Problem, x: FloatArray, cov: FloatArray, keep: Sequence[int], z: float) -> FloatArray:
     """The shortest line through vertices of ``x`` (T+1, 2) from the first to the last past those in ``keep``.
 
     Vertices i < j may be joined if one face of every obstacle is cleared at both.
     """
-    faces = problem.tables.obstacles
-    clear = x @ faces.normal.T - faces.offset >= problem.tables.z * _deviation(faces.normal, cov) - TOUCH
+    faces = problem.obstacles
+    clear = x @ faces.normal.T - faces.offset >= z * face_deviations(faces.normal, cov) - TOUCH
     stops = np.array(sorted({0, *keep}))
     cost, previous = np.zeros(len(x)), np.zeros(len(x), np.int64)
     for j in range(1, len(x)):
         first = stops[np.searchsorted(stops, j) - 1]
-        joined = _share(faces, clear[first:j] & clear[j])
+        joined = _share_face(faces, clear[first:j] & clear[j])
         joined[-1] = True  # as flown
         reach = cost[first:j] + np.linalg.norm(x[first:j] - x[j], axis=1)
         k = int(np.argmin(np.where(joined, reach, np.inf)))

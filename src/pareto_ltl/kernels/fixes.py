@@ -1,0 +1,216 @@
+"""Position fixes at landmarks: the coherent law of a robot that sometimes learns where it is.
+
+A robot inside a landmark learns its position, and with it something of the field it flies in (a Kalman
+update of (e, θ) by y = e + ν). From then on it knows a part of its deviation, e = ê + ẽ: it flies a share κ
+of ê back in every step and steers against the wind ψ' θ̂ that it now expects. What is unknown goes on as
+before with what is left of Cov(θ),
+
+    ẽ' = F ẽ + dt (ψ' θ̃ + gust),    Cov(θ̃) = I - Σ_f s_f² D_f' D_f,    D = L⁻¹ C,  L L' = Σ̃ + fix²,
+    ê' = (F - κ) ê,                  Cov(e) = Cov(ẽ) + Cov(ê)   (orthogonal),
+
+with s_f the product of ρ since the fix. Missing the landmark is counted as failure: P(fail) <= P(miss) +
+P(fail with the fix), since flights that enter it are those of the law with the fix.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from pareto_ltl.kernels.data import (
+    Ahead,
+    CoherentLaw,
+    Cov,
+    Gaussian,
+    IndependentLaw,
+    LandmarkLaw,
+    LandmarkMemory,
+    Landmarks,
+    Linear,
+    Point,
+    Square,
+)
+from pareto_ltl.kernels.geometry import face_slack
+from pareto_ltl.kernels.interpolation import Weights, corner_weights, mode_square, mode_value
+from pareto_ltl.kernels.jit import by_type, implements, kernel, vector
+from pareto_ltl.kernels.polygon import polygon_probability
+from pareto_ltl.kernels.propagation import advance, airspeed_left, carry, clear_theta, closed_loop, forget
+from pareto_ltl.support.arrays import Float32Array
+
+F32 = np.float32
+FADED = 1e-3  # of what a fix told: less is left out
+
+
+@kernel
+def landmark_at(landmarks: Landmarks, at: Point) -> int:
+    """Number of the landmark that holds a point, -1 for none."""
+    for k in range(len(landmarks.faces.ptr) - 1):
+        if face_slack(landmarks.faces, k, at) >= 0.0:
+            return k
+    return -1
+
+
+@by_type
+def fix_missed(law, memory, row, here):  # type: ignore[no-untyped-def]
+    """P(landmark missed) where the plan counts on a fix at ``here``, -1 where it does not."""
+
+
+@implements(fix_missed, IndependentLaw, CoherentLaw)
+def _no_fix(law, memory, row, here):  # type: ignore[no-untyped-def]
+    return -1.0
+
+
+@implements(fix_missed, LandmarkLaw)
+def _fix_missed(law, memory, row, here):  # type: ignore[no-untyped-def]
+    # A fix is worth its risk while half of the variance or more is unknown, so a robot that crosses a
+    # landmark in several steps counts on the first.
+    cov = here.cov
+    if 2.0 * (memory.known[row, 0] + memory.known[row, 2]) > cov.xx + cov.yy:
+        return -1.0
+    k = landmark_at(law.landmarks, here.mean)
+    if k < 0 or cov.xx <= 0.0 or cov.yy <= 0.0:
+        return -1.0
+    miss = 1.0 - polygon_probability(law.landmarks.corners, k, here)
+    return miss if miss <= law.landmarks.risk else -1.0
+
+
+@implements(forget, LandmarkLaw)
+def _forget_fixes(law, memory):  # type: ignore[no-untyped-def]
+    clear_theta(memory.theta)
+    memory.known[0, 0], memory.known[0, 1], memory.known[0, 2] = 0.0, 0.0, 0.0
+    memory.fix[0], memory.faded[0] = -1, 1.0
+    memory.used[0] = 0
+
+
+@implements(advance, LandmarkLaw)
+def _advance_with_fixes(law, memory, step, here, row, target):  # type: ignore[no-untyped-def]
+    motion, marks = law.motion, law.landmarks
+    known = Cov(memory.known[row, 0], memory.known[row, 1], memory.known[row, 2])
+    unknown = without(here.cov, known)
+    fix, faded = memory.fix[row], memory.faded[row]
+    if row != target:
+        copy_theta(memory.theta, row, target)
+    if fix_missed(law, memory, row, here) >= 0.0 and memory.used[0] < len(memory.previous):
+        f = memory.used[0]
+        memory.used[0] += 1
+        memory.previous[f], memory.share[f] = fix, faded
+        gained = learn(memory, target, f, unknown, marks.variance)
+        known = Cov(known.xx + gained.xx, known.xy + gained.xy, known.yy + gained.yy)
+        unknown = without(unknown, gained)
+        fix, faded = f, 1.0
+    mean, cov = carry(law, step, Gaussian(here.mean, unknown), memory.theta, target, target)
+    steered = steer_against(law, memory, step, here.mean, fix, faded, target)
+    after = known_after(closed_loop(law, step, here.mean), marks.gain, known)
+    memory.known[target, 0], memory.known[target, 1], memory.known[target, 2] = after
+    memory.fix[target], memory.faded[target] = fix, faded * law.modes.keep[step + 1]
+    share, k2, dt2 = motion.gain * motion.gain, marks.gain * marks.gain, motion.dt * motion.dt
+    speed = airspeed_left(
+        motion,
+        Cov(
+            share * unknown.xx + k2 * known.xx + dt2 * steered.xx,
+            share * unknown.xy + k2 * known.xy + dt2 * steered.xy,
+            share * unknown.yy + k2 * known.yy + dt2 * steered.yy,
+        ),
+    )
+    total = Cov(
+        cov.xx - dt2 * steered.xx + after.xx,
+        cov.xy - dt2 * steered.xy + after.xy,
+        cov.yy - dt2 * steered.yy + after.yy,
+    )
+    return Ahead(mean, total, speed)
+
+
+@kernel
+def without(total: Cov, known: Cov) -> Cov:
+    """Σ - Σ^ with variances of at least 0."""
+    return Cov(max(total.xx - known.xx, 0.0), total.xy - known.xy, max(total.yy - known.yy, 0.0))
+
+
+@kernel
+def known_after(f: Linear, back: float, known: Cov) -> Cov:
+    """Cov(ê') = (F - κ) Cov(ê) (F - κ)'."""
+    f00, f11 = f.xx - back, f.yy - back
+    p0, p1 = f00 * known.xx + f.xy * known.xy, f00 * known.xy + f.xy * known.yy
+    q0, q1 = f.yx * known.xx + f11 * known.xy, f.yx * known.xy + f11 * known.yy
+    return Cov(p0 * f00 + p1 * f.xy, p0 * f.yx + p1 * f11, q0 * f.yx + q1 * f11)
+
+
+@vector
+def copy_theta(theta: Float32Array, row: int, target: int) -> None:
+    """Row ``target`` of ``theta`` becomes row ``row``."""
+    for r in range(2):
+        for c in range(2):
+            for m in range(theta.shape[3]):
+                theta[target, r, c, m] = theta[row, r, c, m]
+
+
+@vector
+def learn(memory: LandmarkMemory, v: int, f: int, unknown: Cov, variance: float) -> Cov:
+    """Kalman update of row ``v`` of ``theta``, whose Cov(ẽ) is given; fix ``f`` gets its D.
+
+    Returns what is now known, Σ̃ S⁻¹ Σ̃.
+    """
+    uxx, uxy, uyy = unknown
+    a, b, c = uxx + variance, uxy, uyy + variance
+    l00 = math.sqrt(a)
+    l10 = b / l00
+    l11 = math.sqrt(max(c - l10 * l10, 1e-9 * c))
+    det = a * c - b * b
+    g00, g01 = (uxx * c - uxy * b) / det, (uxy * a - uxx * b) / det
+    g10, g11 = (uxy * c - uyy * b) / det, (uyy * a - uxy * b) / det
+    i00, i10, i11 = F32(1.0 / l00), F32(-l10 / (l00 * l11)), F32(1.0 / l11)
+    k00, k01, k10, k11 = F32(g00), F32(g01), F32(g10), F32(g11)
+    theta = memory.theta
+    for w in range(2):
+        for m in range(theta.shape[3]):
+            p, q = theta[v, 0, w, m], theta[v, 1, w, m]
+            memory.gain[f, 0, w, m] = i00 * p
+            memory.gain[f, 1, w, m] = i10 * p + i11 * q
+            theta[v, 0, w, m] = p - k00 * p - k01 * q
+            theta[v, 1, w, m] = q - k10 * p - k11 * q
+    return Cov(g00 * uxx + g01 * uxy, g00 * uxy + g01 * uyy, g10 * uxy + g11 * uyy)
+
+
+@kernel
+def steer_against(
+    law: LandmarkLaw, memory: LandmarkMemory, step: int, at: Point, fix: int, faded: float, target: int
+) -> Cov:
+    """Take what the fixes tell of the wind out of row ``target`` of ``theta``.
+
+    Returns the covariance of that wind [m²/s²]. It goes back from ``fix``, whose share is ``faded``.
+    """
+    modes, dt = law.modes, law.motion.dt
+    slot, keep, square = modes.slot[step], modes.keep[step + 1], mode_square(modes, at)
+    weights = corner_weights(square)
+    xx, xy, yy = 0.0, 0.0, 0.0
+    f, s = fix, faded
+    while f >= 0 and s > FADED:
+        for r in range(2):
+            e = s * expected_wind(modes.psi, slot, square, weights, memory.gain[f, r, 0], 0)
+            n = s * expected_wind(modes.psi, slot, square, weights, memory.gain[f, r, 1], 1)
+            xx, xy, yy = xx + e * e, xy + e * n, yy + n * n
+            subtract_fix(memory.theta[target, 0], memory.gain[f, r], keep * dt * e * s)
+            subtract_fix(memory.theta[target, 1], memory.gain[f, r], keep * dt * n * s)
+        s, f = s * memory.share[f], memory.previous[f]
+    return Cov(xx, xy, yy)
+
+
+@vector
+def expected_wind(
+    psi: Float32Array, slot: int, square: Square, weights: Weights, coefficients: Float32Array, c: int
+) -> float:
+    """ψ(x)' times ``coefficients`` (P,), for component ``c`` of the wind."""
+    total = F32(0.0)
+    for m in range(psi.shape[4]):
+        total += mode_value(psi, slot, square, weights, c, m) * coefficients[m]
+    return total  # type: ignore[return-value]
+
+
+@vector
+def subtract_fix(theta: Float32Array, gain: Float32Array, factor: float) -> None:
+    """``theta`` (2, P) less ``factor`` times ``gain`` (2, P)."""
+    weight = F32(factor)
+    for c in range(2):
+        for m in range(theta.shape[1]):
+            theta[c, m] -= weight * gain[c, m]

@@ -1,0 +1,201 @@
+"""Growth of one search tree: Algorithm 1 of the paper."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.random import Generator
+
+from pareto_ltl.kernels.data import Cov, Gaussian, Point
+from pareto_ltl.kernels.dijkstra import Product, find_lead, weigh
+from pareto_ltl.kernels.geometry import locate_cell
+from pareto_ltl.kernels.jit import entry, kernel
+from pareto_ltl.kernels.neighbours import kd_nearest
+from pareto_ltl.kernels.propagation import forget
+from pareto_ltl.kernels.tree import (
+    ACCEPTED,
+    AGE,
+    BEST,
+    BEYOND,
+    BLOCKED,
+    ITERATIONS,
+    LEAD,
+    STALLED,
+    TRAPPED,
+    VERTICES,
+    WINDBOUND,
+    Search,
+    add_vertex,
+    choose_parent,
+    distance,
+    file_vertex,
+    in_time,
+    look_ahead,
+    note_swap,
+    propose,
+    steer,
+    vertex_point,
+)
+from pareto_ltl.kernels.tree_models import (
+    appraise_collision,
+    appraise_mission,
+    plant_collision,
+    plant_mission,
+)
+from pareto_ltl.support.arrays import FloatArray, IntArray
+
+
+class Fans(NamedTuple):
+    """Cells as fans of triangles: ``share`` is the running sum of areas within a cell, ending at 1."""
+
+    ptr: IntArray
+    corner: FloatArray  # (T, 3, 2)
+    share: FloatArray
+
+
+@kernel
+def sample_cell(fans: Fans, cell: int, rng: Generator) -> Point:
+    """A uniform point of a cell."""
+    pick = rng.random()
+    k = fans.ptr[cell]
+    while k + 1 < fans.ptr[cell + 1] and fans.share[k] < pick:
+        k += 1
+    a, b = rng.random(), rng.random()
+    if a + b > 1.0:
+        a, b = 1.0 - a, 1.0 - b
+    c = fans.corner
+    return Point(
+        c[k, 0, 0] + a * (c[k, 1, 0] - c[k, 0, 0]) + b * (c[k, 2, 0] - c[k, 0, 0]),
+        c[k, 0, 1] + a * (c[k, 1, 1] - c[k, 0, 1]) + b * (c[k, 2, 1] - c[k, 0, 1]),
+    )
+
+
+@kernel
+def extend(s: Search, v: int, target: Point, limit: int, rng: Generator) -> None:
+    """Walk from ``v`` towards a point; stop at the first step that is infeasible (Section IV-C)."""
+    world, tree, state = s.world, s.tree, s.state
+    tally, best = state.tally, int(np.int64(BEST))
+    while tally[VERTICES] < limit:
+        start, free = vertex_point(tree, v), Point(tree.free[v, 0], tree.free[v, 1])
+        there, moved = steer(world.law.motion, start, free, tree.speed[v], target)
+        if not moved:
+            tally[WINDBOUND] += 1
+            return
+        cell = locate_cell(world.cells, there)
+        if cell < 0:
+            tally[BLOCKED] += 1
+            return
+        q = world.logic.delta[tree.q[v], cell]
+        if world.logic.distance[q] == math.inf:
+            tally[TRAPPED] += 1
+            return
+        if not in_time(s, tree.step[v] + 1, q):
+            tally[BEYOND] += 1
+            return
+        new = propose(s, v, there, cell, q, best)
+        if not appraise_collision(world.collision, tree, state, new):
+            tally[BLOCKED] += 1
+            return
+        appraise_mission(world.mission, tree, state, new)
+        length = tree.length[v] + distance(start, there)
+        parent = v
+        if s.settings.reselect:
+            parent, q_new, length_new = choose_parent(s, new, length, rng)
+            if parent != v:
+                note_swap(s, q, length, q_new, length_new)
+                q, length = q_new, length_new
+        v = add_vertex(s, there, cell, q, parent, length, rng)
+        if world.logic.distance[q] == 0.0 or (there.x == target.x and there.y == target.y):
+            return
+
+
+@kernel
+def pick_state(s: Search, rng: Generator) -> int:
+    """Position on the lead of the state to expand, -1 where the tree has none of them.
+
+    Candidates are the occupied states taken backwards from the end of the lead, with probability 1/2 of
+    stopping after each; one is drawn with probability proportional to its weight (reservoir of one).
+    """
+    state = s.state
+    total, chosen = 0.0, -1
+    for i in range(state.tally[LEAD] - 2, -1, -1):
+        z = state.lead[i]
+        if state.members[z] == 0:
+            continue
+        total += state.weight[z]
+        if rng.random() * total < state.weight[z]:
+            chosen = i
+        if rng.random() < 0.5:
+            break
+    return chosen
+
+
+@kernel
+def pick_target(s: Search, fans: Fans, position: int, rng: Generator) -> Point:
+    """A target in the successor on the lead; sometimes in a later state, sometimes anywhere."""
+    c, state = s.world.cells, s.state
+    cells = len(c.faces.ptr) - 1
+    after = position + 1
+    if rng.random() < s.settings.explore:
+        if rng.random() < 0.5:
+            x = c.west + rng.random() * (c.east - c.west)
+            return Point(x, c.south + rng.random() * (c.north - c.south))
+        after += int(rng.random() * (state.tally[LEAD] - after))
+    return sample_cell(fans, state.lead[after] % cells, rng)
+
+
+@entry
+def grow(s: Search, product: Product, fans: Fans, limit: int, iterations: int, rng: Generator) -> None:
+    """Grow until ``limit`` vertices or ``iterations`` extensions in all; can be called again to go on."""
+    tree, state = s.tree, s.state
+    tally = state.tally
+    cells = len(s.world.cells.faces.ptr) - 1
+    start = tree.q[0] * cells + tree.cell[0]
+    while tally[VERTICES] < limit and tally[ITERATIONS] < iterations:
+        if tally[AGE] % s.settings.refresh == 0:
+            weigh(product, state.members, state.selected, state.weight)
+            tally[LEAD] = find_lead(product, state.weight, start, state.heap, state.lead)
+        tally[AGE] += 1
+        tally[ITERATIONS] += 1
+        position = pick_state(s, rng)
+        if position < 0:
+            tally[STALLED] += 1
+            return
+        z = state.lead[position]
+        state.selected[z] += 1
+        target = pick_target(s, fans, position, rng)
+        before = tally[VERTICES]
+        v = kd_nearest(tree.x, tree.child, state.root, z, target, state.stack)
+        extend(s, v, target, limit, rng)
+        if tally[VERTICES] == before:
+            # A door that the wind or Eq. (9) keeps shut: charge the far side too, so that leads go round.
+            state.selected[state.lead[position + 1]] += 1
+        if s.settings.stop_at_first and tally[ACCEPTED] > 0:
+            return
+
+
+@entry
+def plant(s: Search, start: Point, variance: float, rng: Generator) -> bool:
+    """Make the root. Returns False where the start itself breaks the chance constraint."""
+    world, tree, state = s.world, s.tree, s.state
+    root = int(np.int64(0))  # a literal 0 would be a type of its own, and all below compiled for it
+    here = Gaussian(start, Cov(variance, 0.0, variance))
+    cell = locate_cell(world.cells, start)
+    q = world.logic.delta[world.logic.initial, cell]
+    tree.x[0, 0], tree.x[0, 1] = start
+    tree.parent[0], tree.step[0], tree.q[0], tree.cell[0] = -1, 0, q, cell
+    tree.length[0] = 0.0
+    tree.child[0, 0], tree.child[0, 1] = -1, -1
+    forget(world.law, tree.memory)
+    if not plant_collision(world.collision, tree, here):
+        return False
+    plant_mission(world.mission, tree, here)
+    state.tally[VERTICES] = 1
+    if world.logic.distance[q] == 0.0:
+        state.tally[ACCEPTED] = 1
+    if len(world.law.wind.slot) > 0:
+        look_ahead(s, root, root, here.cov)
+    file_vertex(s, root, rng)
+    return True

@@ -1,0 +1,112 @@
+"""Which of two parents is better: the rules of re-selection, Eqs. (11) and (12) and ours."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from pareto_ltl.kernels.jit import by_type, implements, kernel
+from pareto_ltl.support.arrays import FloatArray
+
+FLOOR = 1e-6  # risks below it count as equal where their logarithms are compared
+
+
+class Dominance(NamedTuple):
+    """The paper's rule. Slack of Eq. (11): ``beta_length`` [m] and ``beta_risk``, added to each risk."""
+
+    beta_length: float
+    beta_risk: float
+
+
+class Scaled(NamedTuple):
+    """d_A first, then logarithms of risks and the length.
+
+    Slack of the risks is the factor 1 + ``beta_risk``. Where ``weight`` (3,) is not 0, one augmented
+    Tchebycheff score of mission risk, collision risk and length decides instead; ``per_length`` [1/m]
+    scales the length in it. Both are one type, because one forest grows trees of both kinds: the kernels
+    then compile once. ``missions`` is the number of columns that hold mission risk; the collision risk
+    follows, where the bound has one.
+    """
+
+    beta_length: float
+    beta_risk: float
+    weight: FloatArray
+    per_length: float
+    missions: int
+    scored: bool
+
+
+class Candidate(NamedTuple):
+    """A parent under comparison: d_A and length [m] of the new vertex, and its row of the risks."""
+
+    distance: float
+    length: float
+    row: int
+
+
+@by_type
+def improves(rule, risks, new, old, strict):  # type: ignore[no-untyped-def]
+    """Whether parent ``new`` may replace ``old``: Eqs. (11) and (12), with ``strict`` Eq. (12) alone.
+
+    ``risks`` (rows, columns): objectives of the candidates, -1 for a proposition not visited yet.
+    """
+
+
+@by_type
+def collision_limit(rule, risk, delta):  # type: ignore[no-untyped-def]
+    """The largest collision risk that a candidate may have to improve on a parent of the given ``risk``."""
+
+
+@implements(improves, Dominance)
+def _dominates(rule, risks, new, old, strict):  # type: ignore[no-untyped-def]
+    better = new.distance < old.distance or new.length < old.length
+    for i in range(risks.shape[1]):
+        risk, rival = max(risks[new.row, i], 0.0), max(risks[old.row, i], 0.0)
+        better = better or risk < rival
+        if not strict and risk > rival + rule.beta_risk:
+            return False
+    return better and (strict or new.length <= old.length + rule.beta_length)
+
+
+@implements(collision_limit, Dominance)
+def _limit_added(rule, risk, delta):  # type: ignore[no-untyped-def]
+    return min(delta, risk + rule.beta_risk)
+
+
+@implements(improves, Scaled)
+def _improves_scaled(rule, risks, new, old, strict):  # type: ignore[no-untyped-def]
+    if new.distance != old.distance:
+        return new.distance < old.distance
+    if rule.scored:
+        return tchebycheff(rule, risks, new) < tchebycheff(rule, risks, old) - 1e-9
+    better = new.length < old.length * (1.0 - 1e-9)
+    for i in range(risks.shape[1]):
+        risk, rival = max(risks[new.row, i], 0.0) + FLOOR, max(risks[old.row, i], 0.0) + FLOOR
+        better = better or risk < rival * (1.0 - 1e-6)
+        if not strict and risk > rival * (1.0 + rule.beta_risk) * (1.0 + 1e-9):
+            return False
+    return better and (strict or new.length <= old.length + rule.beta_length)
+
+
+@implements(collision_limit, Scaled)
+def _limit_scaled(rule, risk, delta):  # type: ignore[no-untyped-def]
+    return delta if rule.scored else min(delta, (risk + FLOOR) * (1.0 + rule.beta_risk))
+
+
+@kernel
+def tchebycheff(rule: Scaled, risks: FloatArray, candidate: Candidate) -> float:
+    """max_i λ_i z_i + 0.05 Σ_i λ_i z_i, z the scaled logarithms of mission and collision risk and the length.
+
+    The augmented Tchebycheff score of Steuer and Choo, Math. Programming 26 (1983), doi:10.1007/BF02591870.
+    """
+    mission, collision = 0.0, 0.0
+    for i in range(risks.shape[1]):
+        if i < rule.missions:
+            mission += max(risks[candidate.row, i], 0.0)
+        else:
+            collision += risks[candidate.row, i]
+    w = rule.weight
+    v = w[0] * (math.log10(mission + FLOOR) + 6.0) / 6.0
+    c = w[1] * (math.log10(collision + FLOOR) + 6.0) / 6.0
+    d = w[2] * candidate.length * rule.per_length
+    return float(max(v, c, d) + 0.05 * (v + c + d))

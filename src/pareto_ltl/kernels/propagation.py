@@ -1,0 +1,293 @@
+"""One step of the Gaussian, under each wind law (``advance``).
+
+With e = x - m the deviation from the mean and θ the coefficients of the field, the coherent law is
+
+    e' = F e + dt ψ(m)' θ + dt gust,    F = A - K + dt Dμ(m),
+    Σ' = F Σ F' + dt (F C ψ + (F C ψ)') + dt² (ψ' ψ + white),    C = Cov(e, θ),
+    C' = ρ (F C + dt ψ'),               ρ = 1 within a slot,
+    m' = A m + dt (B u + μ(m) + ½ D²μ : Σ + ∂ψ : C).
+
+The last two terms are the mean shift, the second order of E[w(x)]; planned controls steer against it.
+Nothing but m depends on the control, so a vertex knows the covariance of all its children.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from pareto_ltl.kernels.data import (
+    Ahead,
+    CoherentLaw,
+    Cov,
+    Gaussian,
+    IndependentLaw,
+    LandmarkLaw,
+    Linear,
+    Modes,
+    Motion,
+    Point,
+    Square,
+    Wind,
+)
+from pareto_ltl.kernels.interpolation import (
+    bilinear,
+    corner_weights,
+    gust_variance,
+    mode_square,
+    mode_value,
+    pair_at,
+    wind_at,
+    wind_square,
+)
+from pareto_ltl.kernels.jit import by_type, implements, kernel, vector
+from pareto_ltl.support.arrays import Float32Array
+
+F32 = np.float32
+
+# The maximum-trace rule looks at the centre and at eight points of the ball's rim: the latent variance is
+# smooth at the size of the ball, so that its largest value there lies at the centre or on the rim.
+_HALF = math.sqrt(0.5)
+BALL = (
+    (1.0, 0.0), (_HALF, _HALF), (0.0, 1.0), (-_HALF, _HALF), (-1.0, 0.0), (-_HALF, -_HALF), (0.0, -1.0),
+    (_HALF, -_HALF),
+)  # fmt: skip
+
+# --- what all laws share ----------------------------------------------------------------------
+
+
+@kernel
+def airspeed(motion: Motion, dx: float, dy: float) -> float:
+    """‖u‖ that moves the drift by (dx, dy) in one step [m/s]."""
+    b = motion.b_inv
+    ux, uy = (b[0, 0] * dx + b[0, 1] * dy) / motion.dt, (b[1, 0] * dx + b[1, 1] * dy) / motion.dt
+    return math.sqrt(ux * ux + uy * uy)
+
+
+@kernel
+def airspeed_left(motion: Motion, correction: Cov) -> float:
+    """Airspeed left for the planned control: u_max less what feedback asks for but seldom exceeds.
+
+    Feedback is B⁻¹ c / dt with c of the given covariance [m²], and P(‖B⁻¹ c‖ > r) <= exp(-r² / 2 λ) with λ
+    the largest eigenvalue of B⁻¹ Cov(c) B⁻': ``effort`` is r / √λ for the probability allowed.
+    """
+    cxx, cxy, cyy = correction
+    if cxx <= 0.0 and cyy <= 0.0:
+        return motion.u_max
+    b = motion.b_inv
+    ex, ey = b[0, 0] * cxx + b[0, 1] * cxy, b[0, 0] * cxy + b[0, 1] * cyy
+    nx, ny = b[1, 0] * cxx + b[1, 1] * cxy, b[1, 0] * cxy + b[1, 1] * cyy
+    ee, en, nn = ex * b[0, 0] + ey * b[0, 1], ex * b[1, 0] + ey * b[1, 1], nx * b[1, 0] + ny * b[1, 1]
+    widest = 0.5 * (ee + nn) + math.sqrt(0.25 * (ee - nn) * (ee - nn) + en * en)
+    return max(motion.u_max - motion.effort / motion.dt * math.sqrt(max(widest, 0.0)), 0.0)
+
+
+@kernel
+def scaled_cov(factor: float, cov: Cov) -> Cov:
+    """``factor`` Σ."""
+    return Cov(factor * cov.xx, factor * cov.xy, factor * cov.yy)
+
+
+@by_type
+def advance(law, memory, step, here, row, target):  # type: ignore[no-untyped-def]
+    """One step ahead of the Gaussian ``here`` under a wind law: an :class:`~pareto_ltl.kernels.data.Ahead`.
+
+    ``row`` of ``memory`` belongs to the vertex before ``here``, ``target`` to ``here`` itself (both 0 at
+    the start); what the children of ``here`` start from is written to ``target``.
+    """
+
+
+# --- independent law --------------------------------------------------------------------------
+
+
+@kernel
+def worst_variance(wind: Wind, step: int, at: Point, radius: float) -> tuple[float, float]:
+    """Σ_w at the point of largest trace in the ball B(x, radius), by sampling (Section III)."""
+    best_e, best_n = wind_at(wind.latent, wind, step, at)
+    if radius > 0.0:
+        for dx, dy in BALL:
+            e, n = wind_at(wind.latent, wind, step, Point(at.x + radius * dx, at.y + radius * dy))
+            if e + n > best_e + best_n:
+                best_e, best_n = e, n
+    gust_e, gust_n = gust_variance(wind, step)
+    return best_e + gust_e, best_n + gust_n
+
+
+@kernel
+def drift(wind: Wind, motion: Motion, step: int, at: Point) -> Point:
+    """Expected position one step later with zero airspeed: A x + dt μ(x, t)."""
+    e, n = wind_at(wind.mean, wind, step, at)
+    a, dt = motion.a, motion.dt
+    return Point(
+        a[0, 0] * at.x + a[0, 1] * at.y + dt * e, a[1, 0] * at.x + a[1, 1] * at.y + dt * n
+    )  # fmt: skip
+
+
+@kernel
+def spread(wind: Wind, motion: Motion, step: int, here: Gaussian) -> Cov:
+    """Covariance one step later: A Σ A' + dt² Σ_w(x*), whatever the control; A - K in place of A with
+    feedback."""
+    cxx, cxy, cyy = here.cov
+    radius = motion.ball * math.sqrt(0.5 * (cxx + cyy))
+    ve, vn = worst_variance(wind, step, here.mean, radius)
+    a, dt2 = motion.closed, motion.dt * motion.dt
+    p0, p1 = a[0, 0] * cxx + a[0, 1] * cxy, a[0, 0] * cxy + a[0, 1] * cyy
+    q0, q1 = a[1, 0] * cxx + a[1, 1] * cxy, a[1, 0] * cxy + a[1, 1] * cyy
+    return Cov(
+        p0 * a[0, 0] + p1 * a[0, 1] + dt2 * ve,
+        p0 * a[1, 0] + p1 * a[1, 1],
+        q0 * a[1, 0] + q1 * a[1, 1] + dt2 * vn,
+    )
+
+
+@implements(advance, IndependentLaw)
+def _advance_independent(law, memory, step, here, row, target):  # type: ignore[no-untyped-def]
+    motion = law.motion
+    speed = airspeed_left(motion, scaled_cov(motion.gain * motion.gain, here.cov))
+    return Ahead(drift(law.wind, motion, step, here.mean), spread(law.wind, motion, step, here), speed)
+
+
+# --- coherent law -----------------------------------------------------------------------------
+
+
+@kernel
+def closed_loop(law: CoherentLaw | LandmarkLaw, step: int, at: Point) -> Linear:
+    """F = A - K + dt Dμ(x)."""
+    square = wind_square(law.wind, at)
+    xx, xy = pair_at(law.modes.slope, law.wind, step, square, 0)
+    yx, yy = pair_at(law.modes.slope, law.wind, step, square, 2)
+    f, dt = law.motion.closed, law.motion.dt
+    return Linear(f[0, 0] + dt * xx, f[0, 1] + dt * xy, f[1, 0] + dt * yx, f[1, 1] + dt * yy)
+
+
+@kernel
+def curvature(law: CoherentLaw | LandmarkLaw, step: int, here: Gaussian) -> tuple[float, float]:
+    """½ D²μ : Σ, the part of the mean shift that the curvature of the expected wind makes [m/s]."""
+    square = wind_square(law.wind, here.mean)
+    k, w = law.wind.slot[step], law.wind.weight[step]
+    east, north = _slot_curvature(law.modes, k, square, here.cov)
+    if w > 0.0:
+        e1, n1 = _slot_curvature(law.modes, k + 1, square, here.cov)
+        east, north = (1 - w) * east + w * e1, (1 - w) * north + w * n1
+    return east, north
+
+
+@kernel
+def _slot_curvature(modes: Modes, slot: int, square: Square, cov: Cov) -> tuple[float, float]:
+    exx, exy = bilinear(modes.bend, slot, square, 0)
+    eyy, nxx = bilinear(modes.bend, slot, square, 2)
+    nxy, nyy = bilinear(modes.bend, slot, square, 4)
+    return (
+        0.5 * (exx * cov.xx + 2.0 * exy * cov.xy + eyy * cov.yy),
+        0.5 * (nxx * cov.xx + 2.0 * nxy * cov.xy + nyy * cov.yy),
+    )
+
+
+@kernel
+def white_variance(
+    law: CoherentLaw | LandmarkLaw, step: int, at: Point, ee: float, nn: float
+) -> tuple[float, float]:
+    """Variance of the part that is new at every step: gusts, and what ``ee``, ``nn`` = |ψ|² leave of the
+    latent variance, so that both laws have the same wind at one place and time."""
+    ge, gn = gust_variance(law.wind, step)
+    ve, vn = wind_at(law.wind.latent, law.wind, step, at)
+    share = law.modes.white
+    return share * (ge + max(ve - ee, 0.0)), share * (gn + max(vn - nn, 0.0))
+
+
+@vector
+def carry_modes(
+    modes: Modes, step: int, square: Square, c: int, theta: Float32Array, rows: tuple[int, int],
+    f: Linear, dt: float,
+) -> tuple[float, float, float, float]:  # fmt: skip
+    """Component c of the field: C' into row ``rows[1]`` of ``theta`` from C in row ``rows[0]``.
+
+    Returns |ψ|², (C ψ) for both rows of C, and ∂ψ : C.
+    """
+    psi, k, keep = modes.psi, modes.slot[step], modes.keep[step + 1]
+    i, j, fx, fy = square
+    row, target = rows
+    weights = corner_weights(square)
+    lower, upper, left, right = F32(1 - fy), F32(fy), F32(1 - fx), F32(fx)
+    east, north = F32(keep * dt * (1 - c)), F32(keep * dt * c)
+    a00, a01, a10, a11 = F32(keep * f.xx), F32(keep * f.xy), F32(keep * f.yx), F32(keep * f.yy)
+    size, cx, cy, shift = F32(0.0), F32(0.0), F32(0.0), F32(0.0)
+    for m in range(psi.shape[4]):
+        p00, p10 = psi[k, i, j, c, m], psi[k, i + 1, j, c, m]
+        p01, p11 = psi[k, i, j + 1, c, m], psi[k, i + 1, j + 1, c, m]
+        p = mode_value(psi, k, square, weights, c, m)
+        ox, oy = theta[row, 0, c, m], theta[row, 1, c, m]
+        size += p * p
+        cx += ox * p
+        cy += oy * p
+        shift += (lower * (p10 - p00) + upper * (p11 - p01)) * ox
+        shift += (left * (p01 - p00) + right * (p11 - p10)) * oy
+        theta[target, 0, c, m] = a00 * ox + a01 * oy + east * p
+        theta[target, 1, c, m] = a10 * ox + a11 * oy + north * p
+    return size, cx, cy, shift * modes.per_metre  # type: ignore[return-value]
+
+
+@kernel
+def carry(
+    law: CoherentLaw | LandmarkLaw, step: int, here: Gaussian, theta: Float32Array, row: int, target: int
+) -> tuple[Point, Cov]:
+    """Mean with zero airspeed and covariance one step later; C' into ``theta[target]`` (2, 2, P).
+
+    C = Cov(e, θ) by row of e and component of the wind is read from ``theta[row]``; both may be one row.
+    """
+    modes, motion, at = law.modes, law.motion, here.mean
+    dt = motion.dt
+    f = closed_loop(law, step, at)
+    square, rows = mode_square(modes, at), (row, target)
+    ee, exx, eyx, east = carry_modes(modes, step, square, 0, theta, rows, f, dt)
+    nn, nxx, nyx, north = carry_modes(modes, step, square, 1, theta, rows, f, dt)
+    white_e, white_n = white_variance(law, step, at, ee, nn)
+    cxx, cxy, cyy = here.cov
+    p0, p1 = f.xx * cxx + f.xy * cxy, f.xx * cxy + f.xy * cyy
+    q0, q1 = f.yx * cxx + f.yy * cxy, f.yx * cxy + f.yy * cyy
+    m00, m01 = f.xx * exx + f.xy * eyx, f.xx * nxx + f.xy * nyx
+    m10, m11 = f.yx * exx + f.yy * eyx, f.yx * nxx + f.yy * nyx
+    cov = Cov(
+        p0 * f.xx + p1 * f.xy + 2.0 * dt * m00 + dt * dt * (ee + white_e),
+        p0 * f.yx + p1 * f.yy + dt * (m01 + m10),
+        q0 * f.yx + q1 * f.yy + 2.0 * dt * m11 + dt * dt * (nn + white_n),
+    )
+    we, wn = wind_at(law.wind.mean, law.wind, step, at)
+    be, bn = curvature(law, step, here)
+    a = motion.a
+    return Point(
+        a[0, 0] * at.x + a[0, 1] * at.y + dt * (we + be + east),
+        a[1, 0] * at.x + a[1, 1] * at.y + dt * (wn + bn + north),
+    ), cov  # fmt: skip
+
+
+@implements(advance, CoherentLaw)
+def _advance_coherent(law, memory, step, here, row, target):  # type: ignore[no-untyped-def]
+    mean, cov = carry(law, step, here, memory.theta, row, target)
+    motion = law.motion
+    return Ahead(mean, cov, airspeed_left(motion, scaled_cov(motion.gain * motion.gain, here.cov)))
+
+
+@by_type
+def forget(law, memory):  # type: ignore[no-untyped-def]
+    """Make row 0 of the memory of a law that of a start about whose field nothing is known."""
+
+
+@implements(forget, IndependentLaw)
+def _forget_nothing(law, memory):  # type: ignore[no-untyped-def]
+    pass
+
+
+@kernel
+def clear_theta(theta: Float32Array) -> None:
+    """Row 0 of ``theta`` (N, 2, 2, P) becomes 0."""
+    for r in range(2):
+        for c in range(2):
+            for m in range(theta.shape[3]):
+                theta[0, r, c, m] = F32(0.0)
+
+
+@implements(forget, CoherentLaw)
+def _forget_field(law, memory):  # type: ignore[no-untyped-def]
+    clear_theta(memory.theta)

@@ -1,0 +1,273 @@
+"""Paths, exactly: the one pass along a path, what it costs, and what its controls promise under a law."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pareto_ltl.kernels import data as kd
+from pareto_ltl.planning.problem import Problem
+from pareto_ltl.planning.records import Objectives, PlannedPath
+from pareto_ltl.support.arrays import FloatArray, IntArray
+from pareto_ltl.support.errors import InfeasibleError
+
+if TYPE_CHECKING:
+    from pareto_ltl.kernels.collision_risk import GaussianPath
+    from pareto_ltl.kernels.path import Flight
+
+FAULTS = (
+    "",
+    "needs more airspeed than robot.u_max",
+    "outlasts the wind data",
+    "leaves the map or enters an obstacle",
+    "comes closer to an obstacle than planner.epsilon allows",
+)
+
+# --- memory of the models ---------------------------------------------------------------------
+
+
+def _no_memory(law: kd.IndependentLaw, rows: int) -> None:
+    return None
+
+
+def _coherent_memory(law: kd.CoherentLaw, rows: int) -> kd.CoherentMemory:
+    return kd.CoherentMemory(np.zeros((rows, 2, 2, law.modes.psi.shape[-1]), np.float32))
+
+
+def _landmark_memory(law: kd.LandmarkLaw, rows: int) -> kd.LandmarkMemory:
+    modes = law.modes.psi.shape[-1]
+    return kd.LandmarkMemory(
+        theta=np.zeros((rows, 2, 2, modes), np.float32), known=np.empty((rows, 3)),
+        fix=np.full(rows, -1, np.int64), faded=np.ones(rows),
+        gain=np.empty((rows, 2, 2, modes), np.float32), previous=np.empty(rows, np.int64),
+        share=np.empty(rows), used=np.zeros(1, np.int64),
+    )  # fmt: skip
+
+
+LAW_MEMORY: dict[type, Callable[[Any, int], kd.Memory]] = {
+    kd.IndependentLaw: _no_memory,
+    kd.CoherentLaw: _coherent_memory,
+    kd.LandmarkLaw: _landmark_memory,
+}
+COLLISION_MEMORY: dict[type, Callable[[int, int], kd.CollisionMemory]] = {
+    kd.StepBound: lambda rows, obstacles: kd.StepMemory(np.zeros((rows, obstacles), np.int64)),
+    kd.PathBound: lambda rows, obstacles: kd.PathMemory(
+        np.empty((rows, 3)),
+        np.full((rows, obstacles), -1, np.int32),
+        np.zeros((rows, obstacles, 3), np.float32),
+    ),
+}
+
+
+def law_memory(law: kd.Law, rows: int) -> kd.Memory:
+    """Room for what a wind law remembers of ``rows`` vertices or steps."""
+    return LAW_MEMORY[type(law)](law, rows)
+
+
+# --- one pass ---------------------------------------------------------------------------------
+
+
+def propagate(problem: Problem, x: FloatArray, law: kd.Law | None = None) -> Flight:
+    """Everything about flying the means ``x`` (T+1, 2), whether or not that is allowed.
+
+    ``law`` defaults to the one that the problem is planned in.
+    """
+    from pareto_ltl.kernels import path as kernel
+
+    flight = _empty_flight(problem.world.law if law is None else law, len(x))
+    flight.x[:] = x
+    kernel.propagate(problem.world.law if law is None else law, flight, problem.start_variance, False)
+    return flight
+
+
+def propagate_controls(problem: Problem, u: FloatArray, law: kd.Law) -> Flight:
+    """The same for the controls ``u`` (T, 2), from the start of the scene."""
+    from pareto_ltl.kernels import path as kernel
+
+    flight = _empty_flight(law, len(u) + 1)
+    flight.x[0], flight.u[:] = problem.scene.start, u
+    kernel.propagate(law, flight, problem.start_variance, True)
+    return flight
+
+
+def _empty_flight(law: kd.Law, n: int) -> Flight:
+    from pareto_ltl.kernels.path import Flight
+
+    steps, modes = n - 1, 0 if isinstance(law, kd.IndependentLaw) else law.modes.psi.shape[-1]
+    fixes = steps if isinstance(law, kd.LandmarkLaw) else 0
+    return Flight(
+        x=np.empty((n, 2)), u=np.empty((steps, 2)), cov=np.empty((n, 3)), free=np.empty((steps, 2)),
+        shift=np.empty((steps, 2)), speed=np.empty(steps), miss=np.zeros(n), F=np.empty((steps, 2, 2)),
+        psi=np.empty((steps, 2, modes), np.float32), white=np.empty((steps, 2)),
+        gain=np.zeros((fixes, 2, 2)), learnt=np.zeros((fixes, 2, 2, modes), np.float32),
+        memory=law_memory(law, n),
+    )  # fmt: skip
+
+
+def fix_steps(flight: Flight) -> tuple[int, ...]:
+    """Steps of a path at which it counts on a position fix."""
+    if not isinstance(flight.memory, kd.LandmarkMemory):
+        return ()
+    fix = flight.memory.fix[: len(flight.u)]
+    return tuple(int(t) for t in np.flatnonzero(np.diff(fix, prepend=-1) > 0))
+
+
+def square_matrices(cov3: FloatArray) -> FloatArray:
+    """Covariances (T+1, 2, 2) from rows (xx, xy, yy)."""
+    return cov3[:, [0, 1, 1, 2]].reshape(-1, 2, 2)
+
+
+# --- what a path costs ------------------------------------------------------------------------
+
+
+def evaluate_path(
+    problem: Problem, x: FloatArray, origin: str, tolerance: float = 1e-6, *, tight: bool = True
+) -> PlannedPath:
+    """Fly the means ``x`` (T+1, 2) and return the path with its exact cost.
+
+    ``tight=False`` leaves out what only the final verdict needs: the tighter form of R under the coherent
+    law, which asks for the correlation of all pairs of steps, and planner.delta.
+
+    Raises
+    ------
+    InfeasibleError
+        With what is wrong and at which step.
+    """
+    flight = propagate(problem, x)
+    q, cell = _checked(problem, flight, 1.0 + tolerance)
+    collision = collision_risk(problem, flight, problem.world.law, tight=tight)
+    allowed = getattr(problem.world.collision, "delta", math.inf)
+    if tight and collision > allowed:
+        raise InfeasibleError(
+            f"the path may collide with probability {collision:.3f}, above planner.delta = {allowed:g}"
+        )
+    steps = len(x)
+    return PlannedPath(
+        t=problem.motion.dt * np.arange(steps, dtype=float),
+        x=x,
+        cov=square_matrices(flight.cov),
+        q=q,
+        label=tuple(problem.labels[c] for c in cell),
+        u=flight.u,
+        objectives=_objectives(problem, flight, cell, collision),
+        origin=origin,
+        fixes=fix_steps(flight),
+    )
+
+
+def _checked(problem: Problem, flight: Flight, fast: float) -> tuple[IntArray, IntArray]:
+    """Automaton state and cell of every step of a path without a fault."""
+    from pareto_ltl.kernels import path as kernel
+
+    n, world = len(flight.x), problem.world
+    q, cell = np.empty(n, np.int64), np.empty(n, np.int64)
+    memory = COLLISION_MEMORY[type(world.collision)](2, len(problem.obstacles.ptr) - 1)
+    known = min(n - 1, len(problem.wind.slot))
+    fault, where = kernel.check_path(world, flight, known, fast, memory, q, cell)
+    if fault != kernel.FLOWN:
+        raise InfeasibleError(f"the path {FAULTS[fault]} at step {where} of {n - 1}")
+    return q, cell
+
+
+def _objectives(problem: Problem, flight: Flight, cell: IntArray, collision: float) -> Objectives:
+    """All risks of a path; the bound that the problem is planned with is the one that judges it."""
+    independent = problem.laws["independent"]
+    alone = flight if problem.world.law is independent else propagate(problem, flight.x, independent)
+    ordered = ordered_mission_risk(problem, flight)
+    paper = theorem2_mission_risk(problem, alone, cell)
+    judged = {
+        kd.Theorem2: lambda: paper if alone is flight else theorem2_mission_risk(problem, flight, cell),
+        kd.Ordered: lambda: ordered,
+    }[type(problem.world.mission)]()
+    return Objectives(
+        length=float(np.linalg.norm(np.diff(flight.x, axis=0), axis=1).sum()),
+        mission_risk=judged,
+        collision_risk=collision,
+        mission_risk_paper=paper,
+        mission_risk_ordered=ordered,
+    )
+
+
+def theorem2_mission_risk(problem: Problem, flight: Flight, cell: IntArray) -> float:
+    """f_o of Theorem 2 for the Gaussian of ``flight``, at most 1."""
+    from pareto_ltl.kernels.mission_risk import theorem2_risks
+
+    return min(1.0, float(theorem2_risks(problem.theorem2, flight.x, flight.cov, cell).sum()))
+
+
+def ordered_mission_risk(problem: Problem, flight: Flight) -> float:
+    """The ordered bound V for the Gaussian of ``flight``."""
+    from pareto_ltl.kernels.mission_risk import ordered_risk
+
+    return float(ordered_risk(problem.ordered, flight.x, flight.cov, flight.miss))
+
+
+def collision_risk(problem: Problem, flight: Flight, law: kd.Law, *, tight: bool = True) -> float:
+    """R of a path under the law it was propagated in; ``tight`` as for :func:`evaluate_path`."""
+    from pareto_ltl.kernels.collision_risk import collision_bound
+
+    return float(collision_bound(problem.obstacles, gaussian_path(law, flight, tight=tight)))
+
+
+def gaussian_path(law: kd.Law, flight: Flight, *, tight: bool = True) -> GaussianPath:
+    """What R reads of a flight: when the reflection 2 Φ is allowed depends on the law."""
+    from pareto_ltl.kernels import collision_risk as kernel
+
+    none = np.empty((0, 0, 2, 2))
+    if isinstance(law, kd.IndependentLaw):
+        walk = bool(np.array_equal(law.motion.closed, np.eye(2)))
+        return kernel.GaussianPath(flight.x, flight.cov, none, kernel.REFLECT if walk else kernel.SUM_ONLY)
+    if not tight or fix_steps(flight):
+        return kernel.GaussianPath(flight.x, flight.cov, none, kernel.SUM_ONLY)
+    cross = cross_covariance(law, flight)
+    return kernel.GaussianPath(flight.x, flight.cov, cross, kernel.REFLECT_WHERE_GROWING)
+
+
+def cross_covariance(law: kd.CoherentLaw | kd.LandmarkLaw, flight: Flight) -> FloatArray:
+    """Cov(e_t, e_s) along a path under the coherent law, (T+1, T+1, 2, 2), for s <= t; without fixes."""
+    from pareto_ltl.kernels.path import covariance_across_time
+
+    cross = np.zeros((len(flight.x), len(flight.x), 2, 2))
+    covariance_across_time(law, flight, cross)
+    return cross
+
+
+def completes_mission(problem: Problem, path: PlannedPath) -> bool:
+    """Whether the expected path completes the mission, Eq. (3)."""
+    return bool(problem.automaton.distance[path.q[-1]] == 0.0)
+
+
+# --- what controls promise --------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class Forecast:
+    """The Gaussian of a flight of given controls under one wind law, and what it promises.
+
+    Attributes
+    ----------
+    x : (T+1, 2) float, cov : (T+1, 2, 2) float
+        Mean [m] and covariance [m²].
+    mission_risk, collision_risk : float
+        V and R under this law.
+    """
+
+    law: str
+    x: FloatArray
+    cov: FloatArray
+    mission_risk: float
+    collision_risk: float
+
+
+def forecast(problem: Problem, u: FloatArray, law: str) -> Forecast:
+    """What the controls ``u`` (T, 2) promise under a wind law, whatever law they were planned with."""
+    model = problem.laws[law]
+    flight = propagate_controls(problem, u, model)
+    return Forecast(
+        law, flight.x, square_matrices(flight.cov), ordered_mission_risk(problem, flight),
+        collision_risk(problem, flight, model),
+    )  # fmt: skip

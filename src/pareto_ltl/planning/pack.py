@@ -1,0 +1,239 @@
+"""Scene, wind, automaton and robot as the named tuples of arrays that kernels read, made once a run."""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from pareto_ltl.kernels import data as kd
+from pareto_ltl.logic.automaton import Automaton
+from pareto_ltl.planning.problem import Problem
+from pareto_ltl.settings import PAPER, FidelityConfig, PlannerConfig, RobotConfig, WindConfig
+from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.support.errors import DataError
+from pareto_ltl.wind.records import WindField
+from pareto_ltl.world.cells import Decomposition, half_planes, locator
+from pareto_ltl.world.scene import Scene
+
+LOG = logging.getLogger(__name__)
+
+EPSILON = {"step": 0.05, "path": 0.1}  # where planner.epsilon is left to the collision bound
+
+# --- the map ----------------------------------------------------------------------------------
+
+
+def pack_faces(polygons: Sequence[FloatArray]) -> kd.Faces:
+    """Half planes of convex polygons, one after another."""
+    ptr = np.concatenate([[0], np.cumsum([len(p) for p in polygons])]).astype(np.int64)
+    if not polygons:
+        return kd.Faces(ptr, np.empty((0, 2)), np.empty(0))
+    parts = [half_planes(p) for p in polygons]
+    return kd.Faces(ptr, np.vstack([n for n, _ in parts]), np.concatenate([b for _, b in parts]))
+
+
+def pack_cells(bounds: FloatArray, decomposition: Decomposition, atoms: Sequence[str]) -> kd.Cells:
+    """Cells behind their grid of buckets, with the propositions that hold in each."""
+    (west, south), (east, north) = bounds
+    grid = locator(decomposition, bounds)
+    holds = np.array([[atom in label for atom in atoms] for label in decomposition.labels], bool)
+    return kd.Cells(
+        float(west), float(south), float(east), float(north), int(grid.shape[0]), grid.ptr, grid.index,
+        pack_faces(decomposition.cells), holds.reshape(len(decomposition.cells), len(atoms)),
+    )  # fmt: skip
+
+
+def pack_corners(cell: Sequence[int], corners: Sequence[FloatArray]) -> kd.Corners:
+    """Polygons as corners, with a circle around each."""
+    middle = np.array([polygon.mean(axis=0) for polygon in corners]).reshape(-1, 2)
+    radius = [np.linalg.norm(polygon - m, axis=1).max() for polygon, m in zip(corners, middle, strict=True)]
+    return kd.Corners(
+        np.array(cell, np.int64), middle, np.array(radius, float),
+        np.concatenate([[0], np.cumsum([len(polygon) for polygon in corners])]).astype(np.int64),
+        np.vstack([np.empty((0, 2)), *corners]),
+    )  # fmt: skip
+
+
+def pack_logic(automaton: Automaton, labels: Sequence[frozenset[str]]) -> kd.Logic:
+    """The automaton with one column a cell instead of one a letter, and one for no label at all."""
+    column = [automaton.letter_index(label) for label in (*labels, frozenset())]
+    delta = np.ascontiguousarray(automaton.delta[:, column])
+    covers = np.ascontiguousarray(automaton.preorder, bool)
+    return kd.Logic(
+        delta, np.asarray(automaton.distance, float), covers, np.ascontiguousarray(~covers[delta]),
+        int(automaton.initial),
+    )  # fmt: skip
+
+
+# --- wind and motion --------------------------------------------------------------------------
+
+
+def pack_wind(field: WindField, dt: float, max_steps: int) -> kd.Wind:
+    """The lattice, and for every step the slots between which it lies.
+
+    Raises
+    ------
+    DataError
+        Where the wind is not known at departure.
+    """
+    t = dt * np.arange(max_steps)
+    if not field.hold_last:
+        t = t[t <= field.times[-1] + 1e-6]
+    if len(t) == 0 or field.times[0] > 1e-6:
+        raise DataError(
+            f"the wind is known from {field.times[0]:.0f} s to {field.times[-1]:.0f} s after departure, "
+            "not at departure itself; give mission.start_time within the data"
+        )
+    slot = np.clip(np.searchsorted(field.times, t, side="right") - 1, 0, max(len(field.times) - 2, 0))
+    if len(field.times) == 1:
+        weight = np.zeros(len(t))
+    else:
+        weight = np.clip((t - field.times[slot]) / np.diff(field.times)[slot], 0.0, 1.0)
+    return kd.Wind(
+        float(field.origin[0]), float(field.origin[1]), 1.0 / field.spacing, slot.astype(np.int64), weight,
+        np.ascontiguousarray(field.mean), np.ascontiguousarray(field.latent_var),
+        np.ascontiguousarray(field.gust_var),
+    )  # fmt: skip
+
+
+def pack_modes(field: WindField, wind: kd.Wind, dt: float) -> kd.Modes:
+    """The coherent law: every step belongs to the slot nearest in time, and θ persists from slot to slot."""
+    steps, times = len(wind.slot), field.times
+    slot = np.where(wind.weight > 0.5, wind.slot + 1, wind.slot)
+    if field.modes is None:
+        origin, spacing, rho, gap = np.zeros(2), 1.0, 1.0, 1.0
+        psi = np.zeros((len(times), 2, 2, 2, 0), np.float32)
+    else:
+        m = field.modes
+        origin, spacing, psi, rho, gap = m.origin, m.spacing, m.psi, m.rho, m.gap
+    passed = np.diff(times[slot], prepend=times[slot[0]]) / gap
+    keep = np.ones(steps + 1)
+    keep[:steps] = np.where(passed > 0.0, rho ** np.maximum(passed, 0.0), 1.0)
+    slope, bend = mean_derivatives(field.mean, field.spacing)
+    return kd.Modes(
+        float(origin[0]), float(origin[1]), 1.0 / spacing, slot.astype(np.int64), keep,
+        np.ascontiguousarray(psi, np.float32), slope, bend, field.gust_time / dt,
+    )  # fmt: skip
+
+
+def mean_derivatives(mean: FloatArray, spacing: float) -> tuple[FloatArray, FloatArray]:
+    """First (K, NX, NY, 4) and second (K, NX, NY, 6) central differences of the expected wind."""
+
+    def along(table: FloatArray, axis: int) -> FloatArray:
+        return np.asarray(np.gradient(table, spacing, axis=axis), float)
+
+    x, y = along(mean, 1), along(mean, 2)
+    slope = np.stack([x[..., 0], y[..., 0], x[..., 1], y[..., 1]], axis=-1)
+    xx, xy, yy = along(x, 1), 0.5 * (along(x, 2) + along(y, 1)), along(y, 2)
+    bend = np.stack([d[..., c] for c in (0, 1) for d in (xx, xy, yy)], axis=-1)
+    return np.ascontiguousarray(slope), np.ascontiguousarray(bend)
+
+
+def pack_motion(robot: RobotConfig, ball: float) -> kd.Motion:
+    """Matrices, feedback and bounds of the robot; ``ball`` is that of the maximum-trace rule."""
+    a, b = np.array(robot.a, float), np.array(robot.b, float)
+    return kd.Motion(
+        a=a,
+        closed=a - robot.feedback * np.eye(2),
+        gain=robot.feedback,
+        effort=math.sqrt(-2.0 * math.log(robot.effort_risk)),
+        b=b,
+        b_inv=np.linalg.inv(b),
+        dt=robot.dt,
+        u_max=robot.u_max,
+        ball=ball,
+    )
+
+
+def pack_landmarks(robot: RobotConfig, marks: Sequence[FloatArray]) -> kd.Landmarks:
+    """Landmarks, and how a robot that passes one uses its fix."""
+    return kd.Landmarks(
+        pack_faces(marks), pack_corners(range(len(marks)), marks), robot.fix_gain, robot.fix_sd**2,
+        robot.fix_risk,
+    )  # fmt: skip
+
+
+# --- models -----------------------------------------------------------------------------------
+
+
+def pack_theorem2(decomposition: Decomposition, cells: kd.Cells, atoms: Sequence[str]) -> kd.Theorem2:
+    """The paper's bound: convex parts of the regions that the mission speaks of."""
+    parts = [(atoms.index(name), part) for name in atoms for part in decomposition.regions.get(name, ())]
+    owner = np.array([atom for atom, _ in parts], np.int64)
+    return kd.Theorem2(pack_faces([part for _, part in parts]), owner, cells.atoms)
+
+
+def pack_ordered(decomposition: Decomposition, cells: kd.Cells, logic: kd.Logic) -> kd.Ordered:
+    """The ordered bound: the cells with a label, as corners in their order."""
+    cell = [c for c, label in enumerate(decomposition.labels) if label]
+    return kd.Ordered(pack_corners(cell, [decomposition.cells[c] for c in cell]), cells, logic)
+
+
+def pack_laws(
+    robot: RobotConfig, planner: PlannerConfig, ball: float, wind: WindField, marks: Sequence[FloatArray]
+) -> dict[str, kd.Law]:
+    """Every wind law by name; with landmarks the coherent one uses their fixes."""
+    motion, lattice = pack_motion(robot, ball), pack_wind(wind, robot.dt, planner.max_steps)
+    modes = pack_modes(wind, lattice, robot.dt)
+    coherent: kd.Law = kd.CoherentLaw(lattice, modes, motion)
+    if marks:
+        coherent = kd.LandmarkLaw(lattice, modes, motion, pack_landmarks(robot, marks))
+    return {"independent": kd.IndependentLaw(lattice, motion), "coherent": coherent}
+
+
+def pack_collision(kind: str, obstacles: kd.Faces, epsilon: float, delta: float) -> kd.CollisionBound:
+    """The collision bound of a kind: equal shares of epsilon at each step, or epsilon and delta of paths."""
+    from scipy.special import ndtri
+
+    if kind == "path":
+        return kd.PathBound(obstacles, epsilon, delta)
+    return kd.StepBound(obstacles, float(-ndtri(epsilon / max(len(obstacles.ptr) - 1, 1))))
+
+
+def build_problem(
+    robot: RobotConfig, planner: PlannerConfig, wind_cfg: WindConfig, scene: Scene, wind: WindField,
+    decomposition: Decomposition, automaton: Automaton, fidelity: FidelityConfig = PAPER,
+) -> Problem:  # fmt: skip
+    """Check what only shows when everything is together, and pack it.
+
+    Raises
+    ------
+    DataError
+        Where the wind is not known at departure, or the robot cannot hold its own against it anywhere.
+    """
+    atoms = tuple(automaton.atoms)
+    epsilon = EPSILON[fidelity.collision_bound] if planner.epsilon is None else planner.epsilon
+    marks = scene.landmarks if fidelity.law == "coherent" else ()
+    if scene.landmarks and not marks:
+        LOG.warning("scene.landmarks are left unused: only fidelity.law=coherent knows position fixes")
+    _refuse_gale(robot, wind)
+    laws = pack_laws(robot, planner, wind_cfg.ball, wind, marks)
+    cells, logic = pack_cells(scene.bounds, decomposition, atoms), pack_logic(automaton, decomposition.labels)
+    theorem2, ordered = pack_theorem2(decomposition, cells, atoms), pack_ordered(decomposition, cells, logic)
+    obstacles = pack_faces(decomposition.obstacles)
+    mission: kd.MissionBound = {"theorem2": theorem2, "ordered": ordered}[fidelity.mission_bound]
+    collision = pack_collision(fidelity.collision_bound, obstacles, epsilon, planner.delta)
+    return Problem(
+        scene=scene,
+        decomposition=decomposition,
+        world=kd.World(laws[fidelity.law], mission, collision, cells, logic),
+        laws=laws,
+        theorem2=theorem2,
+        ordered=ordered,
+        automaton=automaton,
+        fidelity=fidelity,
+        start_variance=robot.start_sd**2,
+        epsilon=epsilon,
+        max_steps=planner.max_steps,
+    )
+
+
+def _refuse_gale(robot: RobotConfig, wind: WindField) -> None:
+    calmest = float(np.linalg.norm(wind.mean, axis=-1).min())
+    if calmest > robot.u_max:
+        raise DataError(
+            f"robot.u_max = {robot.u_max:g} m/s is below the wind everywhere on the map (at least "
+            f"{calmest:.1f} m/s): the robot could only drift; raise robot.u_max or change mission.start_time"
+        )

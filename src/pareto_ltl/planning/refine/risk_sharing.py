@@ -1,0 +1,121 @@
+"""How the obstacles share the collision probability allowed at a step, in the convex programme."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+
+from pareto_ltl.kernels.data import CollisionBound, PathBound, StepBound
+from pareto_ltl.planning.problem import Problem
+from pareto_ltl.support.arrays import FloatArray
+
+ROWS = 3  # half planes a point keeps to, the tightest ones
+SHARE = 0.995  # of epsilon planned with: tangents lie below the curve, and σ moves with the path
+
+
+class RiskSharing(Protocol):
+    """What a collision bound asks of the programme."""
+
+    columns: int  # of the variable ``near``
+    tangents: tuple[float, ...]  # of 1 - Φ, in standard deviations
+
+    @property
+    def deviations(self) -> float:
+        """Standard deviations kept from every face at least."""
+
+    def column(self, row: int) -> int:
+        """The column of ``near`` that models half plane ``row``."""
+
+    def room(self, gap: FloatArray, sd: FloatArray, finest: float) -> FloatArray:
+        """How far each point is from breaking a half plane, by which faces are chosen."""
+
+    def parameters(self, n: int) -> dict[str, Any]:
+        """Further parameters of a programme of ``n`` points."""
+
+    def row_constraints(
+        self, given: Mapping[str, Any], near: Any, dot: Callable[[Any], Any], row: int
+    ) -> list[Any]:
+        """Further constraints on the risk of half plane ``row``."""
+
+    def limits(self, given: Mapping[str, Any], near: Any, relief: Any) -> list[Any]:
+        """Constraints on the risk of each step."""
+
+
+@dataclass(frozen=True, slots=True)
+class EqualShares:
+    """Eq. (9): every obstacle has an equal share of epsilon, and every face is kept z deviations away."""
+
+    bound: StepBound
+    columns: int = 1
+    tangents: tuple[float, ...] = (2.6, 3.4)  # where s ≥ z
+
+    @property
+    def deviations(self) -> float:
+        return self.bound.z
+
+    def column(self, row: int) -> int:
+        return 0
+
+    def room(self, gap: FloatArray, sd: FloatArray, finest: float) -> FloatArray:
+        """In metres."""
+        return np.asarray(gap - self.bound.z * sd, float)
+
+    def parameters(self, n: int) -> dict[str, Any]:
+        return {}
+
+    def row_constraints(
+        self, given: Mapping[str, Any], near: Any, dot: Callable[[Any], Any], row: int
+    ) -> list[Any]:
+        return []
+
+    def limits(self, given: Mapping[str, Any], near: Any, relief: Any) -> list[Any]:
+        return []
+
+
+@dataclass(frozen=True, slots=True)
+class AllocatedRisk:
+    """Σ_k χ_tk ≤ epsilon: the faces of a step share it as they need it, each with a tangent at the iterate."""
+
+    bound: PathBound
+    columns: int = ROWS
+    tangents: tuple[float, ...] = (0.5, 1.2, 1.8, 2.4, 3.0)
+
+    @property
+    def deviations(self) -> float:
+        return 0.0
+
+    def column(self, row: int) -> int:
+        return row
+
+    def room(self, gap: FloatArray, sd: FloatArray, finest: float) -> FloatArray:
+        """In standard deviations, as faces are chosen by their risk."""
+        return np.asarray(gap / np.maximum(sd, finest), float)
+
+    def parameters(self, n: int) -> dict[str, Any]:
+        import cvxpy as cp
+
+        return {
+            "counted": cp.Parameter((n, ROWS), nonneg=True),
+            "steep": cp.Parameter((n, 2 * ROWS)),
+            "level": cp.Parameter((n, ROWS)),
+        }
+
+    def row_constraints(
+        self, given: Mapping[str, Any], near: Any, dot: Callable[[Any], Any], row: int
+    ) -> list[Any]:
+        return [near >= given["level"][:, row] - dot(given["steep"])]
+
+    def limits(self, given: Mapping[str, Any], near: Any, relief: Any) -> list[Any]:
+        import cvxpy as cp
+
+        counted = cp.sum(cp.multiply(given["counted"], near), axis=1)
+        return [counted <= SHARE * self.bound.epsilon + 0.05 * relief]
+
+
+def risk_sharing(problem: Problem) -> RiskSharing:
+    """How the collision bound of ``problem`` shares the risk of a step."""
+    bound: CollisionBound = problem.world.collision
+    return AllocatedRisk(bound) if isinstance(bound, PathBound) else EqualShares(bound)
