@@ -7,7 +7,17 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pareto_ltl.kernels.data import Cov, Faces, Gaussian, PathBound, PathMemory, StepBound
+from pareto_ltl.kernels.data import (
+    CollisionBound,
+    CollisionMemory,
+    Cov,
+    Faces,
+    Gaussian,
+    PathBound,
+    PathMemory,
+    StepBound,
+    StepMemory,
+)
 from pareto_ltl.kernels.gaussian import SQRT_HALF, tail, variance_along
 from pareto_ltl.kernels.geometry import SLACK
 from pareto_ltl.kernels.jit import allocating, by_type, implements, kernel
@@ -143,15 +153,18 @@ def pass_obstacle(
 
 
 @by_type
-def step_allowed(bound, memory, t, before, here):  # type: ignore[no-untyped-def]
+def step_allowed(
+    bound: CollisionBound, memory: CollisionMemory, t: int, before: Gaussian, here: Gaussian
+) -> bool:
     """Whether the step from ``before`` to ``here`` keeps to the chance constraint of a bound.
 
     Rows t and t - 1 of ``memory`` are taken modulo 2; step 0 begins and ends at ``here``.
     """
+    raise NotImplementedError
 
 
 @implements(step_allowed, StepBound)
-def _step_keeps_faces(bound, memory, t, before, here):  # type: ignore[no-untyped-def]
+def _step_keeps_faces(bound: StepBound, memory: StepMemory, t: int, before: Gaussian, here: Gaussian) -> bool:
     cleared, now = memory.cleared, t % 2
     if not clear_faces(bound.obstacles, bound.z, here, cleared, now):
         return False
@@ -163,7 +176,9 @@ def _step_keeps_faces(bound, memory, t, before, here):  # type: ignore[no-untype
 
 
 @implements(step_allowed, PathBound)
-def _step_keeps_epsilon(bound, memory, t, before, here):  # type: ignore[no-untyped-def]
+def _step_keeps_epsilon(
+    bound: PathBound, memory: PathMemory, t: int, before: Gaussian, here: Gaussian
+) -> bool:
     risk, _ = pass_obstacles(bound.obstacles, before, here, memory, (t + 1) % 2, memory, t % 2)
     return risk <= bound.epsilon
 

@@ -100,7 +100,8 @@ def interpolate(wind: Wind, table: FloatArray, step: int, point: FloatArray) -> 
     """A table (K, NX, NY, n) at a step and a point, (n,)."""
     now = interpolate_time(wind, table, step)[None]
     corners, (fraction,), _ = lattice_corners(wind, now, np.zeros(1, np.int64), point[None])
-    return bilinear_value(corners, *fraction)[0]
+    value: FloatArray = bilinear_value(corners, *fraction)[0]
+    return value
 
 
 def wind_at_place(wind: Wind, step: int, point: FloatArray) -> FloatArray:

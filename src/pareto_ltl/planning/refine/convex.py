@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -188,7 +189,7 @@ def _clearance_constraints(sharing: RiskSharing, given: Mapping[str, Any], v: _U
         near = v.near[:, sharing.column(k)]
         s = v.dot(given["c_sd"], k) - given["d_sd"][:, k]
         constraints += [near >= piece for piece in tail_tangents(sharing.tangents, s)]
-        constraints += sharing.row_constraints(given, near, lambda normal, k=k: v.dot(normal, k), k)
+        constraints += sharing.row_constraints(given, near, partial(v.dot, row=k), k)
     return constraints + sharing.limits(given, v.near, v.relief)
 
 
