@@ -25,7 +25,7 @@ from pareto_ltl.support.arrays import FloatArray, IntArray
 
 # Standard deviations beyond which an obstacle, at below 3e-7, is not looked at (growth runs a sixth
 # faster than with seven). R of a finished path leaves nothing out.
-FAR = 5.0
+FAR_DEVIATIONS = 5.0
 
 
 # --- at each step, Eqs. (9) and (10) ----------------------------------------------------------
@@ -90,7 +90,7 @@ def pass_obstacles(
     ``last`` is that of the step before. The first figure is Σ_j p_tj <= epsilon, inf where an obstacle
     has no common face.
     """
-    leg = Leg(here, there, FAR * largest_sd(here.cov), FAR * largest_sd(there.cov))
+    leg = Leg(here, there, FAR_DEVIATIONS * largest_sd(here.cov), FAR_DEVIATIONS * largest_sd(there.cov))
     normal, offset = obstacles.normal, obstacles.offset
     at_step, grows = 0.0, 0.0
     for j in range(len(obstacles.ptr) - 1):

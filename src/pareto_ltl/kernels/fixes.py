@@ -16,8 +16,6 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from pareto_ltl.kernels.data import (
     Ahead,
     CoherentLaw,
@@ -35,13 +33,12 @@ from pareto_ltl.kernels.data import (
     Square,
 )
 from pareto_ltl.kernels.geometry import face_slack
-from pareto_ltl.kernels.interpolation import Weights, corner_weights, mode_square, mode_value
+from pareto_ltl.kernels.interpolation import F32, Weights, corner_weights, mode_square, mode_value
 from pareto_ltl.kernels.jit import by_type, implements, kernel, vector
 from pareto_ltl.kernels.polygon import polygon_probability
 from pareto_ltl.kernels.propagation import advance, airspeed_left, carry, clear_theta, closed_loop, forget
 from pareto_ltl.support.arrays import Float32Array
 
-F32 = np.float32
 FADED = 1e-3  # of what a fix told: less is left out
 
 

@@ -9,8 +9,6 @@ from __future__ import annotations
 import math
 from typing import NamedTuple, TypeAlias
 
-import numpy as np
-
 from pareto_ltl.kernels.data import (
     Cells,
     CoherentLaw,
@@ -26,6 +24,7 @@ from pareto_ltl.kernels.data import (
 from pareto_ltl.kernels.fixes import landmark_at
 from pareto_ltl.kernels.geometry import locate_cell, segment_touches
 from pareto_ltl.kernels.interpolation import (
+    F32,
     corner_weights,
     gust_variance,
     mode_square,
@@ -36,8 +35,6 @@ from pareto_ltl.kernels.jit import allocating, by_type, implements, kernel, vect
 from pareto_ltl.kernels.path import Flight
 from pareto_ltl.kernels.propagation import white_variance
 from pareto_ltl.support.arrays import BoolArray, Float32Array, FloatArray
-
-F32 = np.float32
 
 # --- winds ------------------------------------------------------------------------------------
 

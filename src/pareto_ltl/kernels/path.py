@@ -29,7 +29,7 @@ FLOWN, TOO_FAST, UNKNOWN_WIND, OFF_MAP, CROSSING = range(5)
 
 
 class Flight(NamedTuple):
-    """A path of T steps under one wind law, filled by :func:`propagate`.
+    """A path of T steps under one wind law, filled by :func:`propagate_flight`.
 
     Attributes
     ----------
@@ -152,7 +152,7 @@ def _note_fix(law: LandmarkLaw, flight: Flight, t: int, here: Gaussian) -> None:
 
 
 @allocating
-def propagate(law: Law, flight: Flight, variance: float, steered: bool) -> int:
+def propagate_flight(law: Law, flight: Flight, variance: float, steered: bool) -> int:
     """Fly a path from a start of the given ``variance`` [m²] under one wind law.
 
     With ``steered`` the controls ``flight.u`` are given and the means follow from them, else the means

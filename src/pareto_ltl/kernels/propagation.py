@@ -15,8 +15,6 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from pareto_ltl.kernels.data import (
     Ahead,
     CoherentLaw,
@@ -35,6 +33,7 @@ from pareto_ltl.kernels.data import (
     Wind,
 )
 from pareto_ltl.kernels.interpolation import (
+    F32,
     bilinear,
     corner_weights,
     gust_variance,
@@ -46,8 +45,6 @@ from pareto_ltl.kernels.interpolation import (
 )
 from pareto_ltl.kernels.jit import by_type, implements, kernel, vector
 from pareto_ltl.support.arrays import Float32Array
-
-F32 = np.float32
 
 # The maximum-trace rule looks at the centre and at eight points of the ball's rim: the latent variance is
 # smooth at the size of the ball, so that its largest value there lies at the centre or on the rim.

@@ -41,7 +41,7 @@ def inside_bound(normals: FloatArray, offsets: FloatArray, mean: FloatArray, cov
     return float(min(1.0, _tail(normals @ mean - offsets, deviation(normals, cov)).min()))
 
 
-def polygon_probability(polygon: FloatArray, mean: FloatArray, cov: FloatArray) -> float:
+def gaussian_in_polygon(polygon: FloatArray, mean: FloatArray, cov: FloatArray) -> float:
     """P(N(mean, cov) in polygon), exact in two dimensions.
 
     Whitened by the Cholesky factor, with h the signed distance of a directed edge from the origin and
@@ -278,5 +278,5 @@ def _cell_probability(problem: Problem, cell: int, x: FloatArray, cov: FloatArra
     known = sd.max(axis=1) == 0.0  # a position known exactly lies in one cell
     P[known] = (problem.locate(x[known]) == cell).astype(float)
     for t in np.flatnonzero(exact):
-        P[t] = polygon_probability(polygon, x[t], cov[t])
+        P[t] = gaussian_in_polygon(polygon, x[t], cov[t])
     return np.asarray(P, float)
