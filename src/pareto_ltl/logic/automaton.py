@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 
 from pareto_ltl.logic import dfa as tables
-from pareto_ltl.logic.dfa import Table
-from pareto_ltl.logic.formula import Formula, caret, parse, positive
+from pareto_ltl.logic.dfa import TransitionTable
+from pareto_ltl.logic.formula import Formula, caret_lines, parse_formula, positive_normal_form
 from pareto_ltl.logic.progression import Progression
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 from pareto_ltl.support.errors import FormulaError
@@ -85,7 +85,7 @@ class Automaton:
     @cached_property
     def preorder(self) -> BoolArray:
         """``[p, q]``: is L_q a subset of L_p (p >= q, p is at least as far)? Shape (Q, Q)."""
-        return tables.inclusion(self.delta, self.distance)
+        return tables.language_inclusion(self.delta, self.distance)
 
     @property
     def tautology(self) -> bool:
@@ -115,7 +115,7 @@ class Automaton:
         if column is None:
             raise ValueError(
                 f"letter {show_letter(seen)} is none of the {len(self.letters)} that this automaton was made "
-                f"for ({_listed(self.letters)}); pass it in `letters` when you translate"
+                f"for ({_list_letters(self.letters)}); pass it in `letters` when you translate"
             )
         return column
 
@@ -191,23 +191,25 @@ def translate(
         ``Automaton.contradiction``.
     """
     text = str(formula)
-    tree = parse(formula) if isinstance(formula, str) else formula
+    tree = parse_formula(formula) if isinstance(formula, str) else formula
     try:
-        normal = positive(tree)
+        normal = positive_normal_form(tree)
     except FormulaError as error:
         if error.column is not None and isinstance(formula, str):
-            error.add_note(caret(formula, error.column))
+            error.add_note(caret_lines(formula, error.column))
         raise
     atoms = tree.atoms
     alphabet = alphabet_of(atoms, letters)
     codes = letter_codes(atoms, alphabet)
     progression = Progression(atoms, max_states)
-    return build(progression.table(progression.read(normal), codes), alphabet, atoms, text)
+    return automaton_from_table(progression.table(progression.read(normal), codes), alphabet, atoms, text)
 
 
-def build(table: Table, alphabet: tuple[Letter, ...], atoms: tuple[str, ...], text: str) -> Automaton:
+def automaton_from_table(
+    table: TransitionTable, alphabet: tuple[Letter, ...], atoms: tuple[str, ...], text: str
+) -> Automaton:
     """The record of any complete table whose initial state is 0, made minimal."""
-    (delta, accepting), distance = tables.minimal(table)
+    (delta, accepting), distance = tables.minimal_table(table)
     return Automaton(delta.astype(np.int64), alphabet, 0, accepting, distance, atoms, text)
 
 
@@ -241,7 +243,7 @@ def show_letter(letter: Iterable[str]) -> str:
     return f"{{{', '.join(sorted(letter))}}}"
 
 
-def _listed(letters: tuple[Letter, ...], most: int = 6) -> str:
+def _list_letters(letters: tuple[Letter, ...], most: int = 6) -> str:
     shown = [show_letter(letter) for letter in letters[:most]]
     return ", ".join(shown + ["..."] * (len(letters) > most))
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from pareto_ltl.logic import hoa, patterns
 from pareto_ltl.logic.automaton import Automaton, translate
-from pareto_ltl.logic.formula import check_names, parse
+from pareto_ltl.logic.formula import check_names, parse_formula
 from pareto_ltl.support.errors import ConfigError, DataError
 
 if TYPE_CHECKING:
@@ -33,7 +33,7 @@ def automaton_of(
     if mission.automaton is not None:
         if text:
             raise ConfigError("mission.automaton is set, and so is a formula or pattern; choose one")
-        result = hoa.read(mission.automaton, letters)
+        result = hoa.read_hoa(mission.automaton, letters)
         missing = [name for name in result.atoms if regions is not None and name not in set(regions)]
         if missing:
             have = ", ".join(sorted(set(regions or ()))) or "none"
@@ -41,7 +41,7 @@ def automaton_of(
         return result
     if not text.strip():
         raise ConfigError("mission.formula is missing: give a formula, a pattern or an automaton")
-    tree = parse(text)
+    tree = parse_formula(text)
     if regions is not None:
         check_names(tree, regions)
     return translate(text, letters, max_states)

@@ -19,22 +19,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pareto_ltl.logic import dfa as tables
-from pareto_ltl.logic.dfa import Table
+from pareto_ltl.logic.dfa import TransitionTable
 from pareto_ltl.logic.formula import Formula
 from pareto_ltl.support.arrays import IntArray
 
-State = tuple[int, ...]  # clauses; a clause is a set of obligations, one bit each
-DUTIES = ("X", "U", "+", "-")  # what clauses are made of
-DONE: State = (0,)
-LOST: State = ()
+ProgressionState = tuple[int, ...]  # clauses; a clause is a set of obligations, one bit each
+OBLIGATION_KINDS = ("X", "U", "+", "-")  # what clauses are made of
+DONE_STATE: ProgressionState = (0,)
+LOST_STATE: ProgressionState = ()
 
 
-class Node:
+class ProgressionNode:
     """A shared node of the normal form; the same formula is the same object."""
 
     __slots__ = ("args", "bit", "eventual", "now", "op", "temporal")
 
-    def __init__(self, op: str, args: tuple[Node, ...], now: int, bit: int) -> None:
+    def __init__(self, op: str, args: tuple[ProgressionNode, ...], now: int, bit: int) -> None:
         self.temporal: bool
         self.op = op  # true, false, +, - (literals), &, |, X, U
         self.args = args
@@ -53,40 +53,40 @@ class Progression:
     def __init__(self, atoms: tuple[str, ...], max_states: int) -> None:
         self.place = {name: 1 << i for i, name in enumerate(atoms)}
         self.max_states = max_states
-        self.nodes: list[Node] = []
-        self.shared: dict[tuple[object, ...], Node] = {}
+        self.nodes: list[ProgressionNode] = []
+        self.shared: dict[tuple[object, ...], ProgressionNode] = {}
         self.implied: dict[tuple[int, int], bool] = {}
         self.known: dict[int, int] = {}  # consequences of one obligation, of a clause
         self.closures: dict[int, int] = {}
-        self.steps: dict[tuple[int, int], State] = {}
+        self.steps: dict[tuple[int, int], ProgressionState] = {}
         self.true = self.make("true", ())
         self.false = self.make("false", ())
 
     # Nodes
 
-    def make(self, op: str, args: tuple[Node, ...], atom: int = 0) -> Node:
+    def make(self, op: str, args: tuple[ProgressionNode, ...], atom: int = 0) -> ProgressionNode:
         key = (op, atom, *[arg.bit for arg in args])
         if key not in self.shared:
             now = atom
             if op != "X":
                 for arg in args:
                     now |= arg.now
-            node = self.shared[key] = Node(op, args, now, 1 << len(self.nodes))
+            node = self.shared[key] = ProgressionNode(op, args, now, 1 << len(self.nodes))
             self.nodes.append(node)
         return self.shared[key]
 
-    def read(self, tree: Formula) -> Node:
+    def read(self, tree: Formula) -> ProgressionNode:
         """Share a positive normal form, simplified."""
-        done: dict[int, Node] = {}
+        done: dict[int, ProgressionNode] = {}
 
-        def node(tree: Formula) -> Node:
+        def node(tree: Formula) -> ProgressionNode:
             if id(tree) not in done:
                 done[id(tree)] = self.build(tree, node)
             return done[id(tree)]
 
         return node(tree)
 
-    def build(self, tree: Formula, node: Callable[[Formula], Node]) -> Node:
+    def build(self, tree: Formula, node: Callable[[Formula], ProgressionNode]) -> ProgressionNode:
         if tree.op == "true":
             return self.true
         if tree.op == "false":
@@ -108,20 +108,20 @@ class Progression:
             return self.until(args[1], self.combine("&", args))
         return self.until(*args)
 
-    def next(self, p: Node) -> Node:
+    def next(self, p: ProgressionNode) -> ProgressionNode:
         return p if p.op in ("true", "false") else self.make("X", (p,))
 
-    def until(self, p: Node, q: Node) -> Node:
+    def until(self, p: ProgressionNode, q: ProgressionNode) -> ProgressionNode:
         if q.eventual or p.op == "false" or self.implies(p, q):
             return q
         if q.op == "U" and q.args[0] is p:  # p U (p U q)
             return q
         return self.make("U", (p, q))
 
-    def combine(self, op: str, args: Iterable[Node]) -> Node:
+    def combine(self, op: str, args: Iterable[ProgressionNode]) -> ProgressionNode:
         """``&`` or ``|`` of ``args``: flat, without repetitions and without parts that others make idle."""
         unit, zero = (self.true, self.false) if op == "&" else (self.false, self.true)
-        flat: dict[int, Node] = {}
+        flat: dict[int, ProgressionNode] = {}
         for arg in args:
             for part in arg.args if arg.op == op else (arg,):
                 flat[part.bit] = part
@@ -134,9 +134,9 @@ class Progression:
             return parts[0] if parts else unit
         return self.make(op, tuple(sorted(parts, key=lambda part: part.bit)))
 
-    def merge(self, op: str, parts: list[Node]) -> list[Node]:
+    def merge(self, op: str, parts: list[ProgressionNode]) -> list[ProgressionNode]:
         """``X p & X q = X (p & q)``, the same for ``|``, and ``p U q | p U r = p U (q | r)``."""
-        groups: dict[tuple[str, int], list[Node]] = {}
+        groups: dict[tuple[str, int], list[ProgressionNode]] = {}
         for part in parts:
             own = part.args[0].bit if part.op == "U" else part.bit
             mergeable = part.op == "X" or (part.op == "U" and op == "|")
@@ -155,30 +155,30 @@ class Progression:
                 )
         return merged  # what until() returns may be a chain again; that costs states, not correctness
 
-    def clash(self, parts: list[Node]) -> bool:
+    def clash(self, parts: list[ProgressionNode]) -> bool:
         plus, minus = ({part.now for part in parts if part.op == sign} for sign in "+-")
         return bool(plus & minus)
 
-    def strongest(self, parts: list[Node]) -> list[Node]:
+    def strongest(self, parts: list[ProgressionNode]) -> list[ProgressionNode]:
         for part in list(parts):
             if part in parts:
                 parts = [other for other in parts if other is part or not self.implies(part, other)]
         return parts
 
-    def weakest(self, parts: list[Node]) -> list[Node]:
+    def weakest(self, parts: list[ProgressionNode]) -> list[ProgressionNode]:
         for part in list(parts):
             if part in parts:
                 parts = [other for other in parts if other is part or not self.implies(other, part)]
         return parts
 
-    def implies(self, p: Node, q: Node) -> bool:
+    def implies(self, p: ProgressionNode, q: ProgressionNode) -> bool:
         """Sound, not complete: may the shape of ``p`` and ``q`` alone show that ``p`` implies ``q``?"""
         key = p.bit, q.bit
         if key not in self.implied:
             self.implied[key] = self.shows(p, q)
         return self.implied[key]
 
-    def shows(self, p: Node, q: Node) -> bool:
+    def shows(self, p: ProgressionNode, q: ProgressionNode) -> bool:
         if p is q or p.op == "false" or q.op == "true":
             return True
         if p.op == "true" or q.op == "false":
@@ -210,7 +210,7 @@ class Progression:
             return True
         return self.each(p.args, q)
 
-    def each(self, parts: tuple[Node, ...], q: Node) -> bool:
+    def each(self, parts: tuple[ProgressionNode, ...], q: ProgressionNode) -> bool:
         for part in parts:  # noqa: SIM110
             if not self.implies(part, q):
                 return False
@@ -218,18 +218,18 @@ class Progression:
 
     # States
 
-    def start(self, node: Node) -> State:
+    def start(self, node: ProgressionNode) -> ProgressionState:
         """The state that asks for ``node`` from the next letter on."""
         if node.op == "true":
-            return DONE
+            return DONE_STATE
         if node.op == "false":
-            return LOST
+            return LOST_STATE
         if node.op not in "&|":
             return (node.bit,)
         parts = [self.start(arg) for arg in node.args]
         return self.all(parts) if node.op == "&" else self.any(parts)
 
-    def step(self, node: Node, letter: int) -> State:
+    def step(self, node: ProgressionNode, letter: int) -> ProgressionState:
         """What ``node`` asks for after ``letter``, a set of propositions as bits."""
         key = node.bit, letter & node.now
         found = self.steps.get(key)
@@ -237,51 +237,51 @@ class Progression:
             found = self.steps[key] = self.read_letter(node, letter)
         return found
 
-    def read_letter(self, node: Node, letter: int) -> State:
+    def read_letter(self, node: ProgressionNode, letter: int) -> ProgressionState:
         op, args = node.op, node.args
         if op in ("true", "false"):
             return self.start(node)
         if op == "+":
-            return DONE if letter & node.now else LOST
+            return DONE_STATE if letter & node.now else LOST_STATE
         if op == "-":
-            return LOST if letter & node.now else DONE
+            return LOST_STATE if letter & node.now else DONE_STATE
         if op == "X":
             return self.start(args[0])
         if op == "U":
             here = self.step(args[1], letter)
             return (
                 here
-                if here == DONE
+                if here == DONE_STATE
                 else self.any([here, self.all([self.step(args[0], letter), (node.bit,)])])
             )
         parts = []
         for arg in args:
             part = self.step(arg, letter)
-            if part == (LOST if op == "&" else DONE):
+            if part == (LOST_STATE if op == "&" else DONE_STATE):
                 return part
             parts.append(part)
         return self.all(parts) if op == "&" else self.any(parts)
 
-    def all(self, parts: Iterable[State]) -> State:
+    def all(self, parts: Iterable[ProgressionState]) -> ProgressionState:
         """Conjunction: every choice of one clause from each part."""
-        result = DONE
+        result = DONE_STATE
         for part in parts:
-            if part == DONE:
+            if part == DONE_STATE:
                 continue
-            result = part if result == DONE else self.any([[a | b for a in result for b in part]])
+            result = part if result == DONE_STATE else self.any([[a | b for a in result for b in part]])
             if not result:
-                return LOST
+                return LOST_STATE
         return result
 
-    def any(self, parts: Iterable[Iterable[int]]) -> State:
+    def any(self, parts: Iterable[Iterable[int]]) -> ProgressionState:
         """Disjunction: all clauses, less those that imply another."""
         clauses = {self.core(clause) for part in parts for clause in part}
         if len(clauses) < 2:
             return tuple(clauses)
         if 0 in clauses:
-            return DONE
+            return DONE_STATE
         if len(clauses) > self.max_states:
-            raise tables.too_many(self.max_states)
+            raise tables.too_many_states(self.max_states)
         kept = sorted(clauses)
         for clause in kept[:]:
             if clause in kept:
@@ -290,7 +290,7 @@ class Progression:
 
     def core(self, clause: int) -> int:
         """``clause`` without the obligations that its others imply."""
-        for bit in bits(clause):
+        for bit in set_bits(clause):
             if clause & bit and clause != bit:
                 clause &= ~self.consequences(bit) | bit
         return clause
@@ -300,7 +300,7 @@ class Progression:
         result = self.closures.get(clause)
         if result is None:
             result = 0
-            for bit in bits(clause):
+            for bit in set_bits(clause):
                 result |= self.consequences(bit)
             self.closures[clause] = result
         return result
@@ -312,14 +312,14 @@ class Progression:
             node = self.nodes[bit.bit_length() - 1]
             implied = 0
             for other in self.nodes:
-                if other.op in DUTIES and self.implies(node, other):
+                if other.op in OBLIGATION_KINDS and self.implies(node, other):
                     implied |= other.bit
             self.known[bit] = implied
         return implied
 
     # Tables
 
-    def table(self, node: Node, letters: IntArray) -> Table:
+    def table(self, node: ProgressionNode, letters: IntArray) -> TransitionTable:
         """The automaton of ``node``: by products at ``&`` and ``|``, by progression below them."""
         if node.op in ("&", "|"):
             parts = [part for part in node.args if part.temporal]
@@ -327,19 +327,21 @@ class Progression:
                 plain = [part for part in node.args if not part.temporal]
                 parts += [self.combine(node.op, plain)] if plain else []
                 return self.fold([self.table(part, letters) for part in parts], node.op == "&")
-        return tables.minimal(self.explore(node, letters))[0]
+        return tables.minimal_table(self.explore(node, letters))[0]
 
-    def fold(self, parts: list[Table], both: bool) -> Table:
+    def fold(self, parts: list[TransitionTable], both: bool) -> TransitionTable:
         """Products of neighbours, then of neighbouring products, each made minimal at once."""
         while len(parts) > 1:
             pairs = zip(parts[::2], parts[1::2], strict=False)
-            products = [tables.minimal(tables.product(a, b, both, self.max_states))[0] for a, b in pairs]
+            products = [
+                tables.minimal_table(tables.product_table(a, b, both, self.max_states))[0] for a, b in pairs
+            ]
             parts = products + parts[2 * len(products) :]
         return parts[0]
 
-    def explore(self, node: Node, letters: IntArray) -> Table:
+    def explore(self, node: ProgressionNode, letters: IntArray) -> TransitionTable:
         """Follow every letter from every state that can be reached."""
-        states: dict[State, int] = {self.start(node): 0}
+        states: dict[ProgressionState, int] = {self.start(node): 0}
         groups: dict[int, tuple[list[int], IntArray]] = {}
         rows: list[NDArray[np.int32]] = []
         queue = list(states)
@@ -357,32 +359,34 @@ class Progression:
                     queue.append(after)
                 row.append(states[after])
             rows.append(np.array(row, dtype=np.int32)[which])
-            tables.check_size(len(states), len(letters), self.max_states)
-        accepting = np.array([state == DONE for state in queue])
-        return Table(np.array(rows), accepting)
+            tables.check_table_size(len(states), len(letters), self.max_states)
+        accepting = np.array([state == DONE_STATE for state in queue])
+        return TransitionTable(np.array(rows), accepting)
 
-    def reads(self, state: State) -> int:
+    def reads(self, state: ProgressionState) -> int:
         """The propositions that matter to the next step from ``state``."""
         now = 0
         for clause in state:
-            for bit in bits(clause):
+            for bit in set_bits(clause):
                 now |= self.nodes[bit.bit_length() - 1].now
         return now
 
-    def after(self, state: State, letter: int) -> State:
-        return state if state in (DONE, LOST) else self.any([self.advance(c, letter) for c in state])
+    def after(self, state: ProgressionState, letter: int) -> ProgressionState:
+        return (
+            state if state in (DONE_STATE, LOST_STATE) else self.any([self.advance(c, letter) for c in state])
+        )
 
-    def advance(self, clause: int, letter: int) -> State:
+    def advance(self, clause: int, letter: int) -> ProgressionState:
         parts = []
-        for bit in bits(clause):
+        for bit in set_bits(clause):
             part = self.step(self.nodes[bit.bit_length() - 1], letter)
             if not part:
-                return LOST
+                return LOST_STATE
             parts.append(part)
         return self.all(parts)
 
 
-def bits(clause: int) -> Iterator[int]:
+def set_bits(clause: int) -> Iterator[int]:
     """The bits that are set, lowest first."""
     while clause:
         bit = clause & -clause

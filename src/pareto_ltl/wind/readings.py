@@ -56,7 +56,7 @@ def iso(time: float) -> str:
     return datetime.fromtimestamp(time, UTC).isoformat(timespec="seconds").replace("+00:00", "Z")
 
 
-def check(
+def check_readings(
     points: FloatArray,
     winds: FloatArray,
     geographic: bool,
@@ -64,19 +64,19 @@ def check(
     where: Callable[[int], str],
 ) -> None:
     """Refuse the first reading that cannot be true; ``where(i)`` names row i of the arrays."""
-    bad = _first(~(np.isfinite(points).all(axis=1) & np.isfinite(winds).all(axis=1)))
+    bad = _first_true(~(np.isfinite(points).all(axis=1) & np.isfinite(winds).all(axis=1)))
     if bad is not None:
         raise DataError(f"{where(bad)}: expected finite numbers, got NaN or infinity; drop the reading")
     if geographic:
         lon, lat = points.T
-        bad = _first((np.abs(lat) > 90) | (lon < -180) | (lon > 360))
+        bad = _first_true((np.abs(lat) > 90) | (lon < -180) | (lon > 360))
         if bad is not None:
             raise DataError(
                 f"{where(bad)}: latitude {lat[bad]:g}, longitude {lon[bad]:g} is no place on Earth; "
                 "expected -90..90 and -180..360 [deg]"
             )
     speed = np.hypot(winds[:, 0], winds[:, 1])
-    bad = _first(speed > max_speed)
+    bad = _first_true(speed > max_speed)
     if bad is not None:
         raise DataError(
             f"{where(bad)}: wind speed {speed[bad]:.1f} m/s is not plausible; "
@@ -84,7 +84,7 @@ def check(
         )
 
 
-def wrap(lon: FloatArray) -> FloatArray:
+def wrap_longitude(lon: FloatArray) -> FloatArray:
     """Longitudes in -180..180 [deg]."""
     return (lon + 180.0) % 360.0 - 180.0
 
@@ -107,9 +107,9 @@ def farthest_points(points: FloatArray, count: int, first: int) -> IntArray:
     return chosen
 
 
-def _first(mask: NDArray[np.bool_] | np.bool_) -> int | None:
+def _first_true(mask: NDArray[np.bool_] | np.bool_) -> int | None:
     rows = np.flatnonzero(mask)
     return int(rows[0]) if len(rows) else None
 
 
-__all__ = ["Readings", "check", "farthest_points", "iso", "on_sphere", "seconds", "wrap"]
+__all__ = ["Readings", "check_readings", "farthest_points", "iso", "on_sphere", "seconds", "wrap_longitude"]

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     import pyproj
 
 
-def plane(lat: float, lon: float) -> str:
+def local_plane(lat: float, lon: float) -> str:
     """PROJ string of the conformal plane that touches the Earth at ``lat``, ``lon`` [deg]."""
     if not -90 <= lat <= 90 or not -180 <= lon <= 360:
         raise DataError(
@@ -32,7 +32,9 @@ def plane(lat: float, lon: float) -> str:
 
 def to_plane(crs: str, lon: FloatArray, lat: FloatArray) -> FloatArray:
     """Positions of ``lon``, ``lat`` (N,) [deg] in the plane, shape (N, 2) [m]."""
-    x, y = _proj(crs)(np.atleast_1d(np.asarray(lon, float)), np.atleast_1d(np.asarray(lat, float)))
+    x, y = _cached_projection(crs)(
+        np.atleast_1d(np.asarray(lon, float)), np.atleast_1d(np.asarray(lat, float))
+    )
     xy: FloatArray = np.stack([x, y], axis=-1)
     if not np.isfinite(xy).all():
         bad = int(np.flatnonzero(~np.isfinite(xy).all(axis=-1).ravel())[0])
@@ -44,22 +46,22 @@ def to_plane(crs: str, lon: FloatArray, lat: FloatArray) -> FloatArray:
 def to_geographic(crs: str, xy: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Longitude and latitude [deg] of positions ``xy`` (N, 2) [m], each of shape (N,)."""
     xy = np.atleast_2d(np.asarray(xy, float))
-    lon, lat = _proj(crs)(xy[..., 0], xy[..., 1], inverse=True)
+    lon, lat = _cached_projection(crs)(xy[..., 0], xy[..., 1], inverse=True)
     if not (np.isfinite(lon).all() and np.isfinite(lat).all()):
         raise DataError(f"a position lies outside the plane {crs!r}: check that coordinates are in metres")
     return np.asarray(lon, float), np.asarray(lat, float)
 
 
-def convergence(crs: str, lon: FloatArray, lat: FloatArray) -> FloatArray:
+def meridian_convergence(crs: str, lon: FloatArray, lat: FloatArray) -> FloatArray:
     """Angle from the plane's +y to true north, counter-clockwise, shape (N,) [rad]."""
-    factors = _proj(crs).get_factors(
+    factors = _cached_projection(crs).get_factors(
         np.atleast_1d(np.asarray(lon, float)), np.atleast_1d(np.asarray(lat, float)), errcheck=True
     )
     angle: FloatArray = np.deg2rad(np.asarray(factors.meridian_convergence, float))
     return angle
 
 
-def turn(vectors: FloatArray, angle: FloatArray) -> FloatArray:
+def rotate_vectors(vectors: FloatArray, angle: FloatArray) -> FloatArray:
     """``vectors`` (N, 2) turned counter-clockwise by ``angle`` (N,) [rad]."""
     cos, sin = np.cos(angle), np.sin(angle)
     x, y = vectors[..., 0], vectors[..., 1]
@@ -67,7 +69,7 @@ def turn(vectors: FloatArray, angle: FloatArray) -> FloatArray:
 
 
 @lru_cache(maxsize=32)
-def _proj(crs: str) -> pyproj.Proj:
+def _cached_projection(crs: str) -> pyproj.Proj:
     import pyproj  # here: it costs 0.2 s, and planar scenes never need it
 
     try:
@@ -80,4 +82,4 @@ def _proj(crs: str) -> pyproj.Proj:
     return proj
 
 
-__all__ = ["convergence", "plane", "to_geographic", "to_plane", "turn"]
+__all__ = ["local_plane", "meridian_convergence", "rotate_vectors", "to_geographic", "to_plane"]
