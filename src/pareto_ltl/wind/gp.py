@@ -14,13 +14,13 @@ from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.cores import cores
 from pareto_ltl.wind.records import WindObservations
 
-# Where the search for hyperparameters starts, in standardised units: for readings spread over the
-# contiguous US these are a length of 470 km, an amplitude of 3 m/s and noise of 1.5 m/s.
+# Start of the search for hyperparameters, in standardised units. For readings over the contiguous US they are
+# a length of 470 km, an amplitude of 3 m/s and a noise of 1.5 m/s.
 START_LENGTH, START_AMPLITUDE, START_NOISE = 0.45, 0.9, 0.45
 NORMAL_QUANTILE_95 = (
-    1.6448536269514722  # 90 % of a normal variable lies within ± this many standard deviations
+    1.6448536269514722  # a normal variable lies within ± this many standard deviations with 90 %
 )
-RELATIVE_JITTER = 1e-10  # smallest noise variance relative to the amplitude that a Cholesky factor bears
+RELATIVE_JITTER = 1e-10  # added noise variance over amplitude², for the Cholesky factor
 
 
 class Hyper(NamedTuple):
@@ -41,13 +41,13 @@ class WindPosterior:
     times : (K,) float
         [s since time_zero]
     points, winds : tuple of (n_k, 2) float
-        What they are conditioned on [m], [m/s].
+        Positions [m] and winds [m/s] of the readings.
     kernel : str
         ``matern32`` or ``rbf``.
     hyper : tuple of K pairs of Hyper
-        For the x and the y component at each time.
+        For the x and y component at each time.
     score : mapping of str to float
-        ``gp_z_sd`` and ``gp_coverage_90`` of the readings held out of a first fit.
+        ``gp_z_sd`` and ``gp_coverage_90`` of readings that a first fit did not use.
     """
 
     times: FloatArray
@@ -77,13 +77,16 @@ class WindPosterior:
 def fit_posterior(cfg: WindConfig, observations: WindObservations) -> WindPosterior:
     """Condition a Gaussian process on the readings of every time and component.
 
-    A reading is w_i = m + f(x_i) + e_i with e_i ~ N(0, σ²) and f of covariance, for r = ‖x - x'‖ / ℓ,
+    A reading is the sum of a constant, a Gaussian process and noise (Rasmussen and Williams, Gaussian
+    Processes for Machine Learning, 2006, chapter 2)::
 
-        k(x, x') = α² (1 + √3 r) exp(-√3 r)   (``matern32``),   α² exp(-r²/2)   (``rbf``),
+        w_i = m + f(x_i) + e_i,  e_i ~ N(0, σ²),  r = ‖x - x'‖ / ℓ
 
-    m the mean of the readings; α, ℓ, σ maximise the marginal likelihood of the standardised readings at
-    standardised positions (one scale for both axes: ℓ is the same in all directions) under
-    σ ≥ ``cfg.noise_min``. The score comes from a first fit that has never seen ``cfg.holdout`` of them.
+        matern32:  k(x, x') = α² (1 + √3 r) exp(-√3 r)
+        rbf:       k(x, x') = α² exp(-r² / 2)
+
+    m is the mean of the readings. α, ℓ and σ >= ``cfg.noise_min`` maximise the marginal likelihood; ℓ is the
+    same in all directions. The score is that of a first fit without a share ``cfg.holdout`` of the readings.
     """
     from joblib import Parallel, delayed
     from sklearn.exceptions import ConvergenceWarning
@@ -92,9 +95,9 @@ def fit_posterior(cfg: WindConfig, observations: WindObservations) -> WindPoster
     jobs = [
         (cfg, k, p, w) for k, (p, w) in enumerate(zip(observations.points, observations.winds, strict=True))
     ]
-    # One BLAS thread for each of ours: more would fight for the cores over matrices of 120 rows.
+    # One BLAS thread per job: the matrices have about 120 rows, and more threads compete for the cores.
     with warnings.catch_warnings(), threadpool_limits(1):
-        warnings.simplefilter("ignore", ConvergenceWarning)  # a bound that is reached is an answer
+        warnings.simplefilter("ignore", ConvergenceWarning)  # a hyperparameter at its bound is valid
         fits = Parallel(n_jobs=min(len(jobs), cores()), prefer="threads")(
             delayed(_fit_slot)(*j) for j in jobs
         )
@@ -116,8 +119,8 @@ def fit_posterior(cfg: WindConfig, observations: WindObservations) -> WindPoster
 def _fit_slot(
     cfg: WindConfig, slot: int, points: FloatArray, winds: FloatArray
 ) -> tuple[tuple[Hyper, Hyper], FloatArray]:
-    """Hyperparameters of both components at one time, and z-scores of what was held out."""
-    shuffled = np.random.default_rng(slot).permutation(len(points))  # another fifth at every time
+    """Hyperparameters of both components at one time, and z-scores of the readings held out."""
+    shuffled = np.random.default_rng(slot).permutation(len(points))  # another share at every time
     count = min(max(1, round(cfg.holdout * len(points))), len(points) - 3)
     out, kept = shuffled[:count], shuffled[count:]
     near, cross = (
@@ -134,7 +137,7 @@ def _fit_slot(
 
 
 def _maximise_likelihood(cfg: WindConfig, points: FloatArray, wind: FloatArray, start: Hyper | None) -> Hyper:
-    """Maximum-likelihood hyperparameters of one component, in SI units, sought from ``start``."""
+    """Maximum-likelihood hyperparameters of one component, in SI units; the search begins at ``start``."""
     from sklearn.gaussian_process import GaussianProcessRegressor
     from sklearn.gaussian_process.kernels import RBF, ConstantKernel, Matern, WhiteKernel
 
@@ -157,9 +160,13 @@ def _maximise_likelihood(cfg: WindConfig, points: FloatArray, wind: FloatArray, 
 def _condition_gp(
     kernel: str, h: Hyper, near: FloatArray, cross: FloatArray, wind: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Mean and latent variance from distances ``near`` (n, n) and ``cross`` (n, P) [m].
+    """Posterior mean and latent variance (P,) from distances ``near`` (n, n) and ``cross`` (n, P) [m].
 
-    With L L' = K + σ² I:  μ = m + k*' (L L')⁻¹ (w - m),  Var f = α² - ‖L⁻¹ k*‖².
+    Rasmussen and Williams (2006), Algorithm 2.1::
+
+        L L'  = K + σ² I
+        μ     = m + k*' (L L')⁻¹ (w - m)
+        Var f = α² - ‖L⁻¹ k*‖²
     """
     from scipy.linalg import cho_solve, solve_triangular
 
@@ -188,7 +195,7 @@ CORRELATIONS: dict[str, Callable[[FloatArray], FloatArray]] = {"matern32": _mate
 
 
 def pairwise_distances(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Distances (n, m) between ``a`` (n, 2) and ``b`` (m, 2)."""
+    """Distances (n, m) between points ``a`` (n, 2) and ``b`` (m, 2)."""
     from scipy.spatial.distance import cdist
 
     between: FloatArray = cdist(a, b)
@@ -196,7 +203,7 @@ def pairwise_distances(a: FloatArray, b: FloatArray) -> FloatArray:
 
 
 def _typical_gap(points: FloatArray) -> float:
-    """Median distance to the nearest neighbour; what varies faster than that looks white."""
+    """Median distance to the nearest neighbour, below which no length scale can be resolved."""
     gaps = pairwise_distances(points, points)
     np.fill_diagonal(gaps, np.inf)
     return float(np.median(gaps.min(axis=1)))

@@ -18,10 +18,16 @@ from pareto_ltl.wind.sources.csv_files import replace_text, write_csv_table
 
 
 def ingest_readings(cfg: WindConfig, ingest: IngestConfig, out: Path) -> Path:
-    """Write ``ingest.points`` nodes of a geographic source as a table, and beside it where it came from.
+    """Write ``ingest.points`` nodes of a geographic source as a CSV table to ``out``; return ``out``.
 
-    The nodes are the same at all times: those inside ``ingest.area`` that every time has, thinned by
-    farthest-point sampling from the middle of the area. ``out.json`` names the source files by SHA-256.
+    The nodes are the same at all times: nodes inside ``ingest.area`` that every time has, thinned by
+    farthest-point sampling from the middle of the area. ``out`` with the suffix .json gets the origin of the
+    data, with the SHA-256 of each source file.
+
+    Raises
+    ------
+    DataError
+        If the source is planar, has no time in the interval, or has too few common nodes in the area.
     """
     readings = read_source(cfg)
     if not readings.geographic:
@@ -36,6 +42,7 @@ def ingest_readings(cfg: WindConfig, ingest: IngestConfig, out: Path) -> Path:
 
 
 def _times_between(readings: Readings, ingest: IngestConfig) -> IntArray:
+    """Indices of the times from ``ingest.first`` to ``ingest.last``."""
     limits = []
     for key, text, default in (("first", ingest.first, -np.inf), ("last", ingest.last, np.inf)):
         try:
@@ -52,7 +59,7 @@ def _times_between(readings: Readings, ingest: IngestConfig) -> IntArray:
 
 
 def common_nodes(readings: Readings, kept: IntArray, ingest: IngestConfig) -> FloatArray:
-    """Nodes (N, 2) [deg] inside the area that every kept time has, thinned, from north-west to south-east."""
+    """Nodes (N, 2) [deg] in the area that all times ``kept`` have, thinned, sorted from north to south."""
     common = set(map(tuple, readings.points[kept[0]].tolist()))
     for k in kept[1:]:
         common &= set(map(tuple, readings.points[k].tolist()))
@@ -73,7 +80,7 @@ def common_nodes(readings: Readings, kept: IntArray, ingest: IngestConfig) -> Fl
 
 
 def winds_at_nodes(readings: Readings, k: int, nodes: FloatArray) -> FloatArray:
-    """Winds (N, 2) of time k at ``nodes``, which it has."""
+    """Winds (N, 2) [m/s] of time k at ``nodes`` (N, 2) [deg], which must be nodes of that time."""
     rows = {(lon, lat): i for i, (lon, lat) in enumerate(readings.points[k].tolist())}
     return readings.winds[k][[rows[lon, lat] for lon, lat in nodes.tolist()]]
 

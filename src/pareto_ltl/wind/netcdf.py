@@ -25,9 +25,9 @@ NetcdfVariable = tuple[str, tuple[str, ...], Any, dict[str, Any]]  # name, dimen
 
 
 def write_netcdf(field: WindField, path: Path, scene: Scene | None = None) -> Path:
-    """Write ``field`` as CF NetCDF; with ``scene`` its clock and projection are named.
+    """Write ``field`` as CF NetCDF; return ``path``. With ``scene``, the file has its time and grid mapping.
 
-    Straight through h5netcdf: xarray opens the file, but its import would take a fifth of a whole run.
+    It is written with h5netcdf. xarray can open the file, but importing it takes a fifth of a run.
     """
     import h5netcdf
 
@@ -50,7 +50,13 @@ def write_netcdf(field: WindField, path: Path, scene: Scene | None = None) -> Pa
 
 
 def read_netcdf(path: Path) -> WindField:
-    """Read what :func:`write_netcdf` wrote."""
+    """The wind field in a file of :func:`write_netcdf`.
+
+    Raises
+    ------
+    DataError
+        If there is no file or its content is not as expected.
+    """
     import h5netcdf
 
     if not path.is_file():
@@ -80,7 +86,7 @@ def _file_attributes(field: WindField) -> dict[str, Any]:
 
 
 def _field_variables(field: WindField, scene: Scene | None) -> Iterator[NetcdfVariable]:
-    """Coordinates, then lattice arrays (time, x, y) as CF variables (time, y, x)."""
+    """Coordinates, then lattice arrays (time, x, y), transposed to CF order (time, y, x)."""
     x, y = (field.origin[i] + field.spacing * np.arange(field.mean.shape[i + 1]) for i in (0, 1))
     yield "time", ("time",), field.times, {"standard_name": "time", "axis": "T", **_time_attributes(scene)}
     yield "y", ("y",), y, {"standard_name": "projection_y_coordinate", "units": "m", "axis": "Y"}
@@ -107,7 +113,7 @@ def _field_variables(field: WindField, scene: Scene | None) -> Iterator[NetcdfVa
 
 
 def _mode_variables(found: WindModes) -> Iterator[NetcdfVariable]:
-    """ψ with the coordinates of its lattice, and what belongs to each slot."""
+    """ψ with the coordinates of its lattice; length scale and carried variance of each slot."""
     x, y = (found.origin[i] + found.spacing * np.arange(found.psi.shape[i + 1]) for i in (0, 1))
     yield "mode_y", ("mode_y",), y, {"units": "m", "long_name": "y of the modes' lattice"}
     yield "mode_x", ("mode_x",), x, {"units": "m", "long_name": "x of the modes' lattice"}
@@ -145,7 +151,7 @@ def _variable_attributes(long_name: str, units: str, standard_name: str | None =
 
 
 def _grid_mapping(crs: str) -> dict[str, Any]:
-    """CF grid mapping, so that maps find their place."""
+    """CF grid mapping of ``crs``, without empty attributes."""
     import pyproj
 
     described = pyproj.CRS.from_user_input(crs).to_cf()

@@ -13,15 +13,23 @@ from pareto_ltl.wind.sources import read_source
 from pareto_ltl.world.scene import Scene
 
 FEWEST_READINGS = 5  # readings near the scene, at each time
-FIT_RADIUS = 500e3  # [m]; about one correlation length of 10 m wind over land
-HORIZON_ANGLE = np.deg2rad(45.0)  # readings farther round the Earth say nothing here, and planes distort
+FIT_RADIUS = 500e3  # [m], about one correlation length of the 10 m wind over land
+HORIZON_ANGLE = np.deg2rad(45.0)  # readings farther away carry no information and are distorted in the plane
 
 
 def observe_wind(cfg: WindConfig, scene: Scene) -> WindObservations:
-    """Wind readings in the plane of ``scene``, from the last time at or before departure onwards.
+    """Wind readings in the plane of ``scene``, from the last time at or before departure on.
 
-    Earth-relative winds are turned by the meridian convergence; their length stays that on the ground.
-    Calm wind is one time without readings.
+    Earth-relative winds are rotated by the meridian convergence; their speed is not scaled. Calm wind is one
+    time without readings.
+
+    Raises
+    ------
+    DataError
+        If the frames of readings and scene differ, the readings do not cover the departure, or too few lie
+        near the scene.
+    ConfigError
+        If the departure is not an ISO 8601 time.
     """
     if cfg.source == "calm":
         return WindObservations(np.zeros(1), (np.empty((0, 2)),), (np.empty((0, 2)),), "calm")
@@ -48,7 +56,7 @@ def _refuse_other_frame(readings: Readings, scene: Scene) -> None:
 
 
 def _departure_time(scene: Scene, readings: Readings) -> float:
-    """Departure [s since 1970]."""
+    """Departure [s since 1970]: that of the scene, else the first time of the readings."""
     if scene.time_zero is None:
         return float(readings.times[0])
     try:
@@ -60,7 +68,7 @@ def _departure_time(scene: Scene, readings: Readings) -> float:
 
 
 def _slots_from_departure(cfg: WindConfig, readings: Readings, zero: float) -> IntArray:
-    """Indices of the times that matter from departure onwards."""
+    """Indices of the times from the last one at or before departure ``zero`` [s since 1970] on."""
     times = readings.times
     spell = f"{iso(times[0])} .. {iso(times[-1])}"
     name = readings.files[0].name
@@ -81,7 +89,7 @@ def _slots_from_departure(cfg: WindConfig, readings: Readings, zero: float) -> I
 def _readings_in_plane(
     cfg: WindConfig, scene: Scene, readings: Readings, k: int
 ) -> tuple[FloatArray, FloatArray]:
-    """Positions [m] and winds [m/s] in the plane, at most ``wind.max_points`` of time k."""
+    """Positions [m] and winds [m/s] of time k in the plane, at most ``wind.max_points``."""
     points, winds = readings.points[k], readings.winds[k]
     reach = max(cfg.padding, float(np.max(scene.bounds[1] - scene.bounds[0])))
     if readings.geographic:
@@ -102,7 +110,7 @@ def _readings_in_plane(
 def project_readings(
     crs: str, centre: FloatArray, lonlat: FloatArray, winds: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Readings within ``HORIZON_ANGLE`` of the scene's centre, in its plane."""
+    """Positions [m] and winds [m/s], in the plane ``crs``, of readings within ``HORIZON_ANGLE`` of ``centre``."""
     from pareto_ltl.world import projection
 
     middle = on_sphere(np.stack(projection.to_geographic(crs, centre), axis=1))
@@ -115,14 +123,14 @@ def project_readings(
 
 
 def _distance_to_box(bounds: FloatArray, points: FloatArray) -> FloatArray:
-    """Distance (N,) from ``points`` to the rectangle ``bounds``, 0 inside [m]."""
+    """Distance (N,) [m] from ``points`` (N, 2) to the rectangle ``bounds``; 0 inside."""
     outside = np.maximum(0.0, np.maximum(bounds[0] - points, points - bounds[1]))
     distance: FloatArray = np.hypot(outside[:, 0], outside[:, 1])
     return distance
 
 
 def _readings_for_fit(cfg: WindConfig, centre: FloatArray, points: FloatArray, gap: FloatArray) -> IntArray:
-    """Which readings the fit uses: all, or an even spread inside the lattice, or the nearest."""
+    """Indices of the readings for the fit: all, or an even selection inside the lattice, or the nearest."""
     if len(points) <= cfg.max_points:
         return np.arange(len(points))
     inside = np.flatnonzero(gap <= cfg.padding)

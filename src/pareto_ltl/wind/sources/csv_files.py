@@ -18,7 +18,13 @@ PLANAR_COLUMNS = ("time", "x", "y", "u", "v")
 
 
 def read_csv_files(files: tuple[Path, ...], max_speed: float) -> Readings:
-    """Read tables that share one frame; rows may come in any order."""
+    """The readings of all tables in ``files``; rows may have any order.
+
+    Raises
+    ------
+    DataError
+        If a file or row cannot be read, the frames differ, or two rows have the same time and place.
+    """
     parts = [_read_csv_file(file, max_speed) for file in files]
     if len({geographic for *_, geographic in parts}) > 1:
         raise DataError(f"{files[0].parent}: some tables have lat,lon and some x,y; expected one kind")
@@ -41,7 +47,7 @@ def read_csv_files(files: tuple[Path, ...], max_speed: float) -> Readings:
 def write_csv_table(
     path: Path, times: FloatArray, points: FloatArray, winds: FloatArray, decimals: int = 2
 ) -> None:
-    """Write winds (K, N, 2) at longitudes and latitudes ``points`` (N, 2); readers never see half a file."""
+    """Write winds (K, N, 2) [m/s] at ``times`` (K,) [s since 1970] and ``points`` (N, 2), lon, lat [deg]."""
     lines = [",".join(GEOGRAPHIC_COLUMNS)]
     for time, rows in zip(times, winds, strict=True):
         stamp = iso(time)
@@ -59,7 +65,7 @@ def replace_text(path: Path, text: str) -> None:
 
 
 def _read_csv_file(file: Path, max_speed: float) -> tuple[FloatArray, FloatArray, FloatArray, IntArray, bool]:
-    """Times (N,), points (N, 2), winds (N, 2), row numbers (N,) and whether the frame is geographic."""
+    """Times (N,), points (N, 2), winds (N, 2), row numbers (N,), and whether the frame is geographic."""
     try:
         with file.open(encoding="utf-8-sig", newline="") as stream:
             reader = csv.reader(stream)
@@ -120,4 +126,4 @@ def _refuse_duplicates(stamps: FloatArray, points: FloatArray, owners: list[str]
         raise DataError(f"wind readings of {one} and {two} are at the same time and place; keep one of them")
 
 
-_cached_seconds = lru_cache(maxsize=4096)(seconds)  # a table repeats few times in many rows
+_cached_seconds = lru_cache(maxsize=4096)(seconds)  # many rows share few times

@@ -25,11 +25,11 @@ WIND_COMPONENTS = {"10u": "u", "u": "u", "10v": "v", "v": "v"}
 
 @dataclass(frozen=True, slots=True)
 class _GribField:
-    """One component at one time: where it came from and, unless only headers were read, its values."""
+    """One wind component at one time; ``lonlat`` and ``values`` are empty if only the header was read."""
 
     component: str
-    time: float  # valid at [s since 1970]
-    lead: float  # ... which is so long after the start of the forecast [s]
+    time: float  # validity [s since 1970]
+    lead: float  # validity minus start of the forecast [s]
     file: Path
     lonlat: FloatArray  # (N, 2) [deg]
     values: FloatArray  # (N,) [m/s]
@@ -37,7 +37,7 @@ class _GribField:
 
 
 def read_grib_files(files: tuple[Path, ...], max_speed: float) -> Readings:
-    """Read every time the files hold; where two forecasts reach one time, the later one counts."""
+    """The 10 m wind of every time in ``files``; of several forecasts for one time, the latest."""
     pairs: dict[float, dict[float, dict[str, _GribField]]] = {}
     for field in _grib_fields(files, values=True):
         pair = pairs.setdefault(field.time, {}).setdefault(field.lead, {})
@@ -62,7 +62,7 @@ def read_grib_files(files: tuple[Path, ...], max_speed: float) -> Readings:
 
 
 def first_grib_time(files: tuple[Path, ...]) -> float:
-    """The first time [s since 1970], from the headers alone."""
+    """The first time [s since 1970], from the headers of the messages."""
     return min(field.time for field in _grib_fields(files, values=False))
 
 
@@ -79,7 +79,7 @@ def _join_components(pair: dict[str, _GribField], max_speed: float) -> tuple[Flo
     if u.lonlat.shape != v.lonlat.shape or not np.array_equal(u.lonlat, v.lonlat):
         raise DataError(f"wind file {some.file}: u and v at {iso(some.time)} are on different grids")
     winds = np.stack([u.values, v.values], axis=1)
-    here = np.isfinite(winds).all(axis=1)  # a bitmap marks nodes outside the model's domain
+    here = np.isfinite(winds).all(axis=1)  # nodes outside the domain of the model are missing
     winds = winds if u.twist is None else rotate_vectors(winds, -u.twist)
     check_readings(
         u.lonlat[here], winds[here], True, max_speed, lambda _: f"wind file {u.file}, {iso(u.time)}"
@@ -88,9 +88,9 @@ def _join_components(pair: dict[str, _GribField], max_speed: float) -> tuple[Flo
 
 
 def _grib_fields(files: tuple[Path, ...], values: bool) -> Iterator[_GribField]:
-    """The 10 m wind components in ``files``; every file must have some."""
+    """The 10 m wind components in ``files``; a file without any is an error."""
     eccodes = _import_eccodes(files[0])
-    grids: dict[str, tuple[FloatArray, FloatArray | None]] = {}  # decoded once for each distinct grid
+    grids: dict[str, tuple[FloatArray, FloatArray | None]] = {}  # each distinct grid is decoded once
     for file in files:
         found = False
         with _open_grib(file, eccodes) as stream:
@@ -109,9 +109,9 @@ def _grib_fields(files: tuple[Path, ...], values: bool) -> Iterator[_GribField]:
 
 @contextmanager
 def _open_grib(file: Path, eccodes: Any) -> Iterator[Any]:
-    """The open file, with ecCodes' failures in our words."""
+    """The open file; errors of ecCodes become DataErrors."""
     try:
-        with file.open("rb", buffering=0) as stream:  # ecCodes reads on from the descriptor's own position
+        with file.open("rb", buffering=0) as stream:  # ecCodes reads from the position of the file descriptor
             head = stream.read(64).lstrip()
             stream.seek(0)
             if not head:
@@ -161,13 +161,13 @@ def _decode_message(
 
 
 def _grid_nodes(eccodes: Any, message: int, file: Path) -> tuple[FloatArray, FloatArray | None]:
-    """Nodes (N, 2) [deg], and the angle from grid north to true north (N,) [rad] if winds follow the grid."""
+    """Nodes (N, 2) [deg], and the angle (N,) [rad] from grid north to true north for grid-relative winds."""
     lon = wrap_longitude(np.asarray(eccodes.codes_get_array(message, "longitudes"), float))
     lat = np.asarray(eccodes.codes_get_array(message, "latitudes"), float)
     lonlat = np.stack([lon, lat], axis=1)
     kind = eccodes.codes_get(message, "gridType")
     if not eccodes.codes_get(message, "uvRelativeToGrid") or kind in ("regular_ll", "regular_gg", "mercator"):
-        return lonlat, None  # on these grids the axes are east and north
+        return lonlat, None  # the axes of these grids are east and north
     crs = _grid_crs(lambda name: eccodes.codes_get(message, name, float), kind)
     if crs is None:
         raise DataError(
@@ -178,7 +178,7 @@ def _grid_nodes(eccodes: Any, message: int, file: Path) -> tuple[FloatArray, Flo
 
 
 def _grid_crs(number: Any, kind: str) -> str | None:
-    """PROJ string of a model's own plane; directions do not depend on the radius of its sphere."""
+    """PROJ string of the plane of the model; directions do not depend on the radius of its sphere."""
     if kind == "lambert":
         return (
             f"+proj=lcc +lat_1={number('Latin1InDegrees')} +lat_2={number('Latin2InDegrees')} "
