@@ -1,7 +1,7 @@
-"""Transition tables as arrays: products, good prefixes, the minimal table, language inclusion.
+"""Deterministic finite automata as arrays: product, good prefixes, minimisation, language inclusion.
 
-A table is complete and deterministic: ``delta`` (Q, L) gives the state after each letter, state 0 is
-initial. Every function works on whole columns at once; none of them knows formulas.
+A transition table is complete and deterministic: ``delta`` (Q, L) is the state after each letter, state 0 is
+initial. The functions work on whole columns.
 """
 
 from __future__ import annotations
@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 from pareto_ltl.support.errors import FormulaError
 
-MAX_ENTRIES = 2**24  # states x letters; 128 MiB as int64, and a few times that while it is made
-SIFTING_LETTERS = 64  # letters that sift all pairs of states; the others look at what is left
-CHUNK_ENTRIES = 2**20  # table entries, or pairs of states, handled at once
+MAX_ENTRIES = 2**24  # states x letters; 128 MiB as int64
+SIFTING_LETTERS = 64  # letters applied to all pairs of states; the others to the remaining pairs
+CHUNK_ENTRIES = 2**20  # table entries, or pairs of states, per block
 
 TransitionArray = NDArray[np.integer]
 
@@ -30,6 +30,7 @@ class TransitionTable(NamedTuple):
 
 
 def too_many_states(max_states: int) -> FormulaError:
+    """The error of an automaton with more than ``max_states`` states."""
     return FormulaError(
         f"the automaton has more than {max_states} states; simplify the formula, pass only the letters "
         "that can occur, or raise logic.max_states"
@@ -37,7 +38,7 @@ def too_many_states(max_states: int) -> FormulaError:
 
 
 def check_table_size(states: int, letters: int, max_states: int) -> None:
-    """Stop a translation that explodes before it fills the memory."""
+    """Raise a FormulaError if the table has too many states or entries."""
     if states > max_states:
         raise too_many_states(max_states)
     if states * letters > MAX_ENTRIES:
@@ -48,10 +49,10 @@ def check_table_size(states: int, letters: int, max_states: int) -> None:
 
 
 def product_table(a: TransitionTable, b: TransitionTable, both: bool, max_states: int) -> TransitionTable:
-    """Automaton of ``a & b`` (``both``) or ``a | b``: the pairs of states that can be reached.
+    """Table of ``a & b`` if ``both``, else of ``a | b``; its states are the reachable pairs of states.
 
-    Pairs whose fate is sealed (one in a trap under ``&``, one accepting under ``|``) are one state, the last.
-    Both tables must be minimal.
+    Decided pairs (one state is a trap for ``&``, one accepts for ``|``) are merged into the last state. Both
+    tables must be minimal. Raises a FormulaError if there are more than ``max_states`` states.
     """
     letters, wide = a.delta.shape[1], len(b.delta)
     if len(a.delta) * wide >= 2**31:
@@ -88,7 +89,7 @@ def product_table(a: TransitionTable, b: TransitionTable, both: bool, max_states
 def first_occurrences(values: Any, scratch: NDArray[np.int32]) -> IntArray:
     """``values`` without repetitions, in the order of their first occurrence, in linear time.
 
-    ``scratch`` is any array that ``values`` can index; of repeated writes the last one stays.
+    ``scratch`` is a work array that ``values`` can index.
     """
     places = np.arange(len(values), dtype=np.int32)
     scratch[values[::-1]] = places[::-1]
@@ -97,15 +98,16 @@ def first_occurrences(values: Any, scratch: NDArray[np.int32]) -> IntArray:
 
 
 def trap_states(table: TransitionTable) -> BoolArray:
-    """States of a minimal table that no word leads out of and that do not accept, shape (Q,); at most one."""
+    """Whether a state of a minimal table does not accept and is never left, shape (Q,); at most one is."""
     stay: BoolArray = (table.delta == np.arange(len(table.delta))[:, None]).all(axis=1)
     return stay & ~table.accepting
 
 
 def certain_states(delta: TransitionArray, accepting: BoolArray) -> BoolArray:
-    """States that every infinite word leads to acceptance, shape (Q,).
+    """States from which every infinite word reaches acceptance, shape (Q,) bool.
 
-    They are what good prefixes lead to: in a state outside, some letter keeps outside, and so on for ever.
+    Good prefixes lead to these states: from any other state, some letter leads to another such state, for
+    ever.
     """
     while True:
         more = accepting | accepting[delta].all(axis=1)
@@ -115,7 +117,7 @@ def certain_states(delta: TransitionArray, accepting: BoolArray) -> BoolArray:
 
 
 def acceptance_distances(delta: TransitionArray, accepting: BoolArray) -> FloatArray:
-    """Fewest letters to acceptance, d_A, shape (Q,); inf where there is no way."""
+    """Smallest number of letters to acceptance, d_A, shape (Q,); inf if there is no way."""
     distance = np.where(accepting, 0.0, np.inf)
     near, steps = accepting, 0
     while near.any():
@@ -126,10 +128,10 @@ def acceptance_distances(delta: TransitionArray, accepting: BoolArray) -> FloatA
 
 
 def minimal_table(table: TransitionTable) -> tuple[TransitionTable, FloatArray]:
-    """The minimal table of the good prefixes, states in breadth-first order, and its distances.
+    """The minimal table of the good prefixes, and its distances to acceptance (Q,).
 
-    States are numbered as a breadth-first search over the letters in their order meets them, so equal
-    languages over equal letters give equal tables.
+    States are numbered in the order of a breadth-first search, so that equal languages over equal letters
+    give equal tables.
     """
     delta = table.delta
     accepting = certain_states(delta, table.accepting)
@@ -146,13 +148,13 @@ def minimal_table(table: TransitionTable) -> tuple[TransitionTable, FloatArray]:
 
 
 def refine_partition(delta: TransitionArray, block: IntArray) -> IntArray:
-    """The coarsest partition finer than ``block`` (Q,) whose blocks step to one block a letter.
+    """The coarsest refinement of the partition ``block`` (Q,) in which a letter maps a block into one block.
 
-    Hopcroft's rule: when a block falls apart its largest part keeps the name, and only states with a
-    successor among the renamed are looked at again. A state's signature is a random linear form of the
-    blocks of its successors; two that should differ agree with probability 2^-50 or so, and the result is
-    checked. Starting from the distances to acceptance, which equivalent states share, 1 to 3 rounds are
-    common where acceptance alone took as many as d_A.
+    As in Hopcroft's algorithm (1971), the largest part of a split block keeps its number, and only
+    predecessors of the other parts are processed again. The signature of a state is a random linear form of
+    the blocks of its successors. Different states have equal signatures with a probability of about 2^-50,
+    and the result is checked. ``block`` comes from the distances to acceptance, which equivalent states
+    share: then 1 to 3 iterations are typical, instead of up to max d_A iterations from acceptance alone.
     """
     random = np.random.default_rng(len(delta))
     while True:
@@ -176,7 +178,7 @@ def _split_blocks(
         edge = np.append(True, (b[1:] != b[:-1]) | (s[1:] != s[:-1]))
         start = np.flatnonzero(edge)
         size = np.diff(start, append=len(order))
-        ranked = np.lexsort((-size, b[start]))  # parts, by block, the largest first
+        ranked = np.lexsort((-size, b[start]))  # parts by block, the largest first
         owner = b[start][ranked]
         renamed = ranked[np.append(False, owner[1:] == owner[:-1])]
         name = b[start]
@@ -192,7 +194,7 @@ def _split_blocks(
 
 
 def breadth_first_order(delta: TransitionArray, initial: int) -> IntArray:
-    """States in the order in which a breadth-first search over the letters meets them."""
+    """States in the order of a breadth-first search from ``initial`` over the letters."""
     met = np.zeros(len(delta), np.bool_)
     met[initial] = True
     scratch = np.empty(len(delta), np.int32)
@@ -206,10 +208,10 @@ def breadth_first_order(delta: TransitionArray, initial: int) -> IntArray:
 
 
 def language_inclusion(delta: TransitionArray, distance: FloatArray) -> BoolArray:
-    """``[p, q]``: does ``p`` accept every word that ``q`` accepts? Shape (Q, Q).
+    """Shape (Q, Q) bool: ``[p, q]`` is True if ``p`` accepts every word that ``q`` accepts.
 
-    The largest relation with d(p) <= d(q) that every letter keeps. (Where q accepts a word and p does
-    not, some prefix leads to a pair with d(q) = 0 < d(p).)
+    It is the largest relation with d(p) <= d(q) that every letter preserves: if q accepts a word and p does
+    not, some prefix of it leads to a pair with d(q) = 0 < d(p).
     """
     columns = np.unique(delta, axis=1).T
     holds = _never_farther(columns[:SIFTING_LETTERS], distance)
@@ -226,7 +228,7 @@ def language_inclusion(delta: TransitionArray, distance: FloatArray) -> BoolArra
 
 
 def _never_farther(columns: TransitionArray, distance: FloatArray) -> BoolArray:
-    """Is p at most as far as q, now and after each letter? Leaves few pairs at 1 ns a pair and letter."""
+    """Pairs (p, q) with d(p) <= d(q), now and after each letter; 1 ns per pair and letter."""
     rank = np.unique(distance, return_inverse=True)[1].astype(np.int32)
     if rank.max() < 2**15:
         rank = rank.astype(np.int16)
@@ -242,7 +244,7 @@ def _never_farther(columns: TransitionArray, distance: FloatArray) -> BoolArray:
 
 
 def _undecided_pairs(holds: BoolArray, distance: FloatArray) -> Iterator[tuple[IntArray, IntArray]]:
-    """The pairs of ``holds`` that may yet fail, some rows at a time."""
+    """The pairs of ``holds`` that further letters may exclude, in blocks of rows."""
     height = max(1, CHUNK_ENTRIES // len(holds))
     for top in range(0, len(holds), height):
         p, q = np.nonzero(holds[top : top + height])

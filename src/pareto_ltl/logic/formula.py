@@ -1,6 +1,7 @@
-"""Mission formulas: text to syntax tree and back, and the positive normal form that decides co-safety.
+"""Mission formulas: parser, text output, and the positive normal form, which decides co-safety.
 
-Grammar, loosest first; ``&`` and ``|`` chains are one node, ``U R W M`` and ``->`` associate to the right::
+Grammar, weakest binding first. A chain of ``&`` or ``|`` is one node; ``U R W M`` and ``->`` associate to the
+right::
 
     formula  = implies {("<->" | "xor") implies}
     implies  = or ["->" implies]
@@ -10,7 +11,7 @@ Grammar, loosest first; ``&`` and ``|`` chains are one node, ``U R W M`` and ``-
     unary    = ("!" | "~" | "not" | "X" | "next" | "F" | "eventually" | "<>" | "G" | "[]") unary | atom
     atom     = "true" | "false" | name | "(" formula ")"
 
-``G``, ``R`` and ``W`` are read, so that a formula can be refused with a reason instead of a syntax error.
+``G``, ``R`` and ``W`` are part of the grammar, so that the error can name the operator that is not co-safe.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from dataclasses import dataclass, field
 
 from pareto_ltl.support.errors import FormulaError
 
-MAX_DEPTH = 200  # nesting; a sequence of n goals has 2 n levels. Keeps recursion clear of Python's limit.
+MAX_DEPTH = 200  # nesting levels, below the recursion limit of Python; a sequence of n goals has 2 n
 
 UNARY_OPERATORS = ("!", "X", "F", "G")
 BINARY_STRENGTH = {
@@ -34,10 +35,10 @@ BINARY_STRENGTH = {
     "R": 5,
     "W": 5,
     "M": 5,
-}  # by binding strength
+}  # binding strength
 RIGHT_ASSOCIATIVE = ("->", "U", "R", "W", "M")
 FOREVER_OPERATORS = ("G", "R", "W")
-_UNARY_STRENGTH = 6  # binding strength of unary operators; atoms bind tighter still
+_UNARY_STRENGTH = 6  # binding strength of unary operators; that of atoms is higher
 
 _SPELLINGS = {
     **{"~": "!", "not": "!", "next": "X", "eventually": "F", "<>": "F", "[]": "G", "until": "U"},
@@ -60,7 +61,7 @@ _OPERAND_TEXT = "a proposition, 'true', 'false', '(' or one of ! X F"
 
 @dataclass(frozen=True, slots=True)
 class Formula:
-    """A node of the syntax tree; equal trees are equal wherever their text stood.
+    """A node of the syntax tree; comparison ignores the position in the text.
 
     Attributes
     ----------
@@ -69,11 +70,11 @@ class Formula:
     args : tuple of Formula
         Operands; two or more for ``&`` and ``|``.
     name : str
-        The proposition, where ``op`` is ``name``.
+        The proposition if ``op`` is ``name``.
     column : int
-        Zero-based position of the operator or name in the text it was read from.
+        Zero-based position of the operator or name in the text.
     word : str
-        The operator as the user wrote it.
+        The operator as written by the user.
     """
 
     op: str
@@ -86,7 +87,7 @@ class Formula:
         return _formula_text(self)
 
     def walk(self) -> Iterator[Formula]:
-        """This node and all below it, shared nodes once, in the order of the text."""
+        """This node and all nodes below it in the order of the text, shared nodes once."""
         stack, seen = [self], set()
         while stack:
             node = stack.pop()
@@ -105,29 +106,34 @@ TRUE_FORMULA, FALSE_FORMULA = Formula("true"), Formula("false")
 
 
 def parse_formula(text: str) -> Formula:
-    """Read a formula; a :class:`FormulaError` points at the column where reading had to stop."""
+    """The syntax tree of ``text``; a :class:`FormulaError` has the column of a syntax error."""
     return _FormulaParser(text).formula()
 
 
 def caret_lines(text: str, column: int) -> str:
-    """Two lines: the formula, and a caret under ``column``."""
+    """Two lines: the formula, and a caret under the zero-based ``column``."""
     line = re.sub(r"\s", " ", text)
     return f"{line}\n{' ' * column}^"
 
 
 def positive_normal_form(tree: Formula) -> Formula:
-    """The positive normal form: negation on propositions only, operators ``& | X F U M``.
+    """The positive normal form, with negation of propositions only and operators ``& | X F U M``.
 
-    ``!X p = X !p``, ``!(p R q) = !p U !q``, ``!(p W q) = !p M !q``, ``!G p = F !p``. A formula with these
-    operators only is syntactically co-safe: every word that satisfies it does so after a finite prefix
-    (Kupferman and Vardi, 2001). What would need ``G``, ``R`` or ``W`` is refused, naming the operator as it
-    was written.
+        !X p = X !p,   !(p R q) = !p U !q,   !(p W q) = !p M !q,   !G p = F !p
+
+    A formula with these operators only is syntactically co-safe: every word that satisfies it has a finite
+    prefix that decides so (Kupferman and Vardi, 2001, doi:10.1023/A:1011254632723).
+
+    Raises
+    ------
+    FormulaError
+        If the normal form needs ``G``, ``R`` or ``W``; the message names the operator as the user wrote it.
     """
     return _NormalForm().of(tree, None)
 
 
 def check_names(tree: Formula, names: Iterable[str]) -> None:
-    """Refuse a formula that speaks of propositions other than ``names``, the regions of a map."""
+    """Raise a FormulaError if a proposition of ``tree`` is not in ``names``, the regions of a map."""
     known = set(names)
     for node in tree.walk():
         if node.op == "name" and node.name not in known:
@@ -156,7 +162,7 @@ class _FormulaToken:
 
 
 class _FormulaParser:
-    """Precedence climbing over the tokens of one text."""
+    """Precedence climbing parser of one text."""
 
     def __init__(self, text: str) -> None:
         self.text = text
@@ -183,7 +189,7 @@ class _FormulaParser:
         return _formula_error(f"{expected}, found {here}{self.hint()}", self.text, here.column)
 
     def hint(self) -> str:
-        """``FF a`` reads as a proposition ``FF`` and an ``a`` too many: say so."""
+        """Advice for ``FF a``, which is read as a proposition ``FF`` followed by ``a``."""
         before = self.text[: self.here.column].rstrip()
         glued = re.search(r"\b[XFG]{2,}$", before)
         return f"; to apply operators one after the other write '{' '.join(glued[0])}'" if glued else ""
@@ -272,7 +278,7 @@ def _binding_strength(node: Formula) -> int:
 
 
 def _formula_text(node: Formula, word: str = "") -> str:
-    """A text with few parentheses that reads back as the same tree, its operator shown as ``word``."""
+    """Text with few parentheses and the syntax tree ``node``; ``word`` replaces its operator if given."""
     if not node.args:
         return node.name or node.op
     own, op = _binding_strength(node), word or node.op
@@ -284,7 +290,7 @@ def _formula_text(node: Formula, word: str = "") -> str:
         return f"{op} {inner}" if op.isalpha() else f"{op}{inner}"
     loose = (
         len(node.args) - 1 if node.op in RIGHT_ASSOCIATIVE else 0
-    )  # the operand that may bind as loosely as we do
+    )  # index of the operand that may have the same binding strength
     if node.op in "&|":
         loose = -1
     parts = []
@@ -292,7 +298,7 @@ def _formula_text(node: Formula, word: str = "") -> str:
         text = _formula_text(arg)
         bare = _binding_strength(arg) > own or (i == loose and _binding_strength(arg) == own)
         if op in "&|" and _binding_strength(arg) == BINARY_STRENGTH["U"]:
-            bare = False  # (a U b) & c would not need them, but reads better
+            bare = False  # optional parentheses in (a U b) & c, for readability
         parts.append(text if bare else f"({text})")
     return f" {op} ".join(parts)
 
@@ -301,13 +307,13 @@ def _formula_text(node: Formula, word: str = "") -> str:
 
 
 class _NormalForm:
-    """One conversion; ``<->`` uses both signs of its operands, so results are shared."""
+    """One conversion; results are shared, since ``<->`` needs both signs of its operands."""
 
     def __init__(self) -> None:
         self.done: dict[tuple[int, bool], Formula] = {}
 
     def of(self, node: Formula, negation: Formula | None) -> Formula:
-        """``node``, or its negation where ``negation`` is the operator of the user that negates it."""
+        """Normal form of ``node``, or of its negation if the operator ``negation`` negates it."""
         key = id(node), negation is not None
         if key not in self.done:
             self.done[key] = self.rewrite(node, negation)
@@ -339,7 +345,10 @@ class _NormalForm:
         return Formula(op, tuple(new), column=node.column, word=node.word)
 
     def either_sign(self, node: Formula, negative: bool) -> Formula:
-        """``p <-> q = (p & q) | (!p & !q)``, ``p xor q = (p & !q) | (!p & q)``; negation swaps the two."""
+        """Normal form of ``<->`` and ``xor``; negation exchanges the two.
+
+        p <-> q = (p & q) | (!p & !q),   p xor q = (p & !q) | (!p & q)
+        """
         p, q = node.args
         differ = (node.op == "xor") is not negative
         pairs = ((None, node), (node, None)) if differ else ((None, None), (node, node))
@@ -350,6 +359,7 @@ _DUAL_OPERATORS = {"X": "X", "F": "G", "G": "F", "U": "R", "R": "U", "W": "M", "
 
 
 def flat_chain(op: str, args: list[Formula]) -> Formula:
+    """``args`` joined by ``op`` (``&`` or ``|``); arguments with the same operator are merged."""
     flat: list[Formula] = []
     for arg in args:
         flat.extend(arg.args if arg.op == op else [arg])

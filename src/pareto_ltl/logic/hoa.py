@@ -1,8 +1,9 @@
-"""Automata in the Hanoi Omega-Automata format, version 1 (http://adl.github.io/hoaf/).
+"""Automata in the Hanoi Omega-Automata (HOA) format, version 1.
 
-What is written is deterministic, complete and terminal: one Büchi-accepting state that nothing leaves. What
-is read may come from another tool (``ltl2tgba -D -B 'F(a & F b)' > mission.hoa``), as long as it means the
-same kind of mission: deterministic, state-based Büchi acceptance, accepting states that cannot be left.
+Format: http://adl.github.io/hoaf/ and Babiak et al. (2015), doi:10.1007/978-3-319-21690-4_31. Written
+automata are deterministic, complete and terminal: one Büchi-accepting state that is never left. Files of
+other tools can be read (``ltl2tgba -D -B 'F(a & F b)' > mission.hoa``) if they are deterministic, with
+state-based Büchi acceptance and accepting states that are never left.
 """
 
 from __future__ import annotations
@@ -31,14 +32,14 @@ _HOA_PATTERN = re.compile(
 def hoa_text(automaton: Automaton) -> str:
     """The automaton as HOA text.
 
-    Where not all subsets of the propositions can occur, a header ``letters`` (which other tools skip) lists
-    those that can, as bit sets over ``AP``; edges are then free for the others.
+    If not all subsets of the propositions can occur, a header ``letters`` lists those that can, as bit sets
+    over ``AP``; other tools ignore this header. Letters that are not listed may take any edge.
     """
     codes = letter_codes(automaton.atoms, automaton.letters)
-    names = " ".join(_quoted_string(name) for name in automaton.atoms)
+    names = " ".join(labels.quoted_text(name) for name in automaton.atoms)
     lines = [
         "HOA: v1",
-        f"name: {_quoted_string(automaton.formula)}",
+        f"name: {labels.quoted_text(automaton.formula)}",
         'tool: "pareto_ltl"',
         f"States: {automaton.n_states}",
         f"Start: {automaton.initial}",
@@ -68,8 +69,8 @@ def write_hoa(automaton: Automaton, path: str | Path) -> None:
 def read_hoa(path: str | Path, letters: Iterable[Iterable[str]] | None = None) -> Automaton:
     """The minimal automaton of a HOA file over ``letters``.
 
-    Default for ``letters`` is what the file lists in a header ``letters``, else all subsets of its
-    propositions.
+    By default, ``letters`` are those of the header ``letters`` of the file, else all subsets of its
+    propositions. Raises a DataError if the file cannot be read or is not an automaton of a finite mission.
     """
     try:
         text = Path(path).read_text(encoding="utf-8")
@@ -82,7 +83,7 @@ def read_hoa(path: str | Path, letters: Iterable[Iterable[str]] | None = None) -
 def parse_hoa(
     text: str, letters: Iterable[Iterable[str]] | None = None, source: str = "HOA text"
 ) -> Automaton:
-    """Like :func:`read_hoa`, from text; ``source`` names it in errors."""
+    """As :func:`read_hoa`, from text; ``source`` names it in errors."""
     file = _HoaReader(text, source).file()
     atoms = tuple(sorted(file.atoms))
     if letters is None and file.letters is not None:
@@ -120,7 +121,7 @@ class _HoaFile:
 def _table_of_file(
     file: _HoaFile, codes: IntArray, alphabet: tuple[frozenset[str], ...]
 ) -> tuple[IntArray, BoolArray]:
-    """``delta`` with the start at 0; a trap, the last state, takes what the file leaves out."""
+    """``delta`` with the start as state 0; missing transitions lead to a trap, the last state."""
     order = [file.start, *(q for q in file.states if q != file.start)]
     number = {q: i for i, q in enumerate(order)}
     trap = len(order)
@@ -159,7 +160,7 @@ class _LabelExpression:
         self.op, self.args, self.place = op, args, place
 
     def on(self, codes: IntArray) -> BoolArray:
-        """Which letters satisfy it."""
+        """Which letters in ``codes`` (L,) satisfy the expression, shape (L,) bool."""
         if self.op in "tf":
             return np.full(len(codes), self.op == "t")
         if self.op == "ap":
@@ -181,6 +182,8 @@ class _HoaToken:
 
 
 class _HoaReader:
+    """Recursive-descent parser of one HOA text."""
+
     def __init__(self, text: str, source: str) -> None:
         self.source = source
         self.tokens = self.split(text)
@@ -203,7 +206,7 @@ class _HoaReader:
         return [*tokens, _HoaToken("end", "the end of the file", line)]
 
     def without_comments(self, text: str) -> str:
-        """Comments nest; their lines stay, so that errors name the right one."""
+        """``text`` without (nested) comments; line breaks are kept for the line numbers of errors."""
         kept, depth = [], 0
         for part in re.findall(r'"(?:[^"\\]|\\.)*"|/\*|\*/|.|\n', text):
             depth += part == "/*"
@@ -227,7 +230,7 @@ class _HoaReader:
         return token
 
     def sign(self, text: str) -> bool:
-        """Take this sign if it comes next."""
+        """Consume the sign ``text`` if it is next; return whether it was."""
         found = self.here.kind == "sign" and self.here.text == text
         self.at += found
         return found
@@ -294,7 +297,7 @@ class _HoaReader:
             self.skip()
 
     def skip(self, *kinds: str) -> list[str]:
-        """The tokens up to the next header; only of these ``kinds``, where given."""
+        """Consume the tokens up to the next header, only those of ``kinds`` if given; return their texts."""
         texts = []
         while self.here.kind not in ("head", "mark", "end") and (not kinds or self.here.kind in kinds):
             texts.append(self.here.text)
@@ -369,7 +372,7 @@ class _HoaReader:
             state.edges.append((label, target, where))
 
     def marks(self) -> bool:
-        """An acceptance signature ``{0}``, if there is one."""
+        """Whether an acceptance signature ``{0}`` follows."""
         if not self.sign("{"):
             return False
         sets = [self.number("an acceptance set")] if self.here.kind == "int" else []
@@ -415,10 +418,6 @@ class _HoaReader:
         return self.refuse(
             f"{token.text} is no label; expected t, f, a proposition's number or an alias", token.line
         )
-
-
-def _quoted_string(text: str) -> str:
-    return '"' + text.replace("\\", "\\\\").replace('"', '\\"') + '"'
 
 
 def _unquoted_string(text: str) -> str:

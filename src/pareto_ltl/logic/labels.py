@@ -1,7 +1,7 @@
-"""Sets of letters as short Boolean texts: ``b & !c`` instead of 64 letters.
+"""Sets of letters as short Boolean expressions, e.g. ``b & !c`` instead of 64 letters.
 
-A cube (care, value) holds the letters whose bits in ``care`` equal ``value``. Letters that cannot occur are
-free to fall on either side, which keeps labels short where regions are disjoint.
+A cube (care, value) is the set of letters whose bits in ``care`` are those of ``value``. Letters that cannot
+occur are don't-cares, which keeps labels short for disjoint regions.
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ DecisionTree = int | tuple[int, "DecisionTree", "DecisionTree"]
 
 
 def disjoint_cubes(codes: IntArray, targets: IntArray) -> Iterator[tuple[Cube, int]]:
-    """Cubes that overlap nowhere and give every letter in ``codes`` (L,) its target (L,).
+    """Disjoint cubes, each with the target of its letters in ``codes`` (L,), ``targets`` (L,).
 
-    They are the leaves of a decision tree and fill the space of all letters, so a table written with them
-    stays complete and deterministic.
+    They are the leaves of a decision tree and cover all letters, so that a table written with them is
+    complete and deterministic.
     """
     stack = [(0, 0, _decision_tree(codes, targets))]
     while stack:
@@ -35,10 +35,10 @@ def disjoint_cubes(codes: IntArray, targets: IntArray) -> Iterator[tuple[Cube, i
 
 
 def _decision_tree(codes: IntArray, targets: IntArray) -> DecisionTree:
-    """(bit, tree where it is 0, tree where it is 1), or the target that all share; no idle questions."""
+    """(bit, tree if it is 0, tree if it is 1), or the target that all letters share."""
     if (targets == targets[0]).all():
         return int(targets[0])
-    differ = int(np.bitwise_or.reduce(codes ^ codes[0]))  # on other propositions the letters agree
+    differ = int(np.bitwise_or.reduce(codes ^ codes[0]))  # the letters agree in all other bits
     bit = differ & -differ
     yes = (codes & bit) != 0
     without, with_ = _decision_tree(codes[~yes], targets[~yes]), _decision_tree(codes[yes], targets[yes])
@@ -46,10 +46,10 @@ def _decision_tree(codes: IntArray, targets: IntArray) -> DecisionTree:
 
 
 def covering_cubes(inside: IntArray, outside: IntArray, width: int) -> list[Cube]:
-    """Few short cubes that hold all codes ``inside`` and none ``outside``, over ``width`` propositions.
+    """Few short cubes that contain all codes ``inside`` and none of ``outside``, over ``width`` propositions.
 
-    Each cube is grown from a letter by dropping literals while it stays clear of ``outside`` (so it is
-    prime), and a cube whose letters the others hold is left out.
+    Each is a prime cube, made from a letter by dropping literals while it contains no code of ``outside``. A
+    cube whose letters the others contain is removed.
     """
     cubes: list[Cube] = []
     left = inside
@@ -65,7 +65,7 @@ def covering_cubes(inside: IntArray, outside: IntArray, width: int) -> list[Cube
 
 
 def _prime_cube(code: int, outside: IntArray, width: int) -> Cube:
-    """Drop negative literals first: a label that names what is seen reads better."""
+    """A prime cube that contains ``code``; negative literals are dropped first, for readable labels."""
     care = (1 << width) - 1
     bits = [1 << i for i in reversed(range(width))]
     for bit in sorted(bits, key=lambda bit: bool(code & bit)):
@@ -76,7 +76,7 @@ def _prime_cube(code: int, outside: IntArray, width: int) -> Cube:
 
 
 def cubes_text(cubes: list[Cube], names: tuple[str, ...], always: str = "true") -> str:
-    """``a & !b | c``; ``always`` for the cube without literals."""
+    """Text of a union of cubes, e.g. ``a & !b | c``; ``always`` for the cube without literals."""
     return " | ".join(" & ".join(_cube_literals(cube, names)) or always for cube in cubes)
 
 
@@ -86,7 +86,7 @@ def _cube_literals(cube: Cube, names: tuple[str, ...]) -> list[str]:
 
 
 def edge_labels(automaton: Automaton) -> dict[tuple[int, int], str]:
-    """Label of every edge (from, to): the letters that take it, or ``!(those that do not)`` if shorter."""
+    """Label of each edge (from, to): the letters that take it, or ``!(other letters)`` if that is shorter."""
     codes = letter_codes(automaton.atoms, automaton.letters)
     result = {}
     for q, row in enumerate(automaton.delta):
@@ -103,4 +103,9 @@ def _shorter_label(inside: IntArray, outside: IntArray, names: tuple[str, ...]) 
     return denied if len(denied) < len(said) else said
 
 
-__all__ = ["Cube", "covering_cubes", "cubes_text", "disjoint_cubes", "edge_labels"]
+def quoted_text(text: str) -> str:
+    """``text`` in double quotes, with backslashes in front of quotes and backslashes (HOA, Graphviz)."""
+    return '"' + text.replace("\\", "\\\\").replace('"', '\\"') + '"'
+
+
+__all__ = ["Cube", "covering_cubes", "cubes_text", "disjoint_cubes", "edge_labels", "quoted_text"]

@@ -1,4 +1,4 @@
-"""From the settings of a mission to its automaton."""
+"""The automaton of the settings in section ``mission``."""
 
 from __future__ import annotations
 
@@ -25,9 +25,16 @@ def automaton_of(
     Parameters
     ----------
     letters : iterable of sets of names, optional
-        The label sets that the map can show; default all subsets.
+        The labels that can occur on the map; default: all subsets of the propositions.
     regions : iterable of str, optional
-        The names that the map knows; a mission that speaks of others is refused.
+        Names of the regions of the map; other names in the mission are an error.
+
+    Raises
+    ------
+    ConfigError
+        If no mission is given, or more than one.
+    FormulaError, DataError
+        If the formula or the file cannot be used, or names an unknown region.
     """
     text = patterns.formula_of(mission)
     if mission.automaton is not None:

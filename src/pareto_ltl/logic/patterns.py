@@ -1,8 +1,7 @@
-"""Missions that recur, as formulas.
+"""Common missions as functions that return the text of a formula.
 
-Every argument is the name of a region or any formula. The patterns speak of *letters*, the labels a flight
-shows step by step: where regions overlap, one letter may serve two goals; ``strict=True`` asks for a later
-one.
+Each argument is the name of a region or a formula. In overlapping regions, one step can fulfil two
+consecutive goals of a sequence; ``strict=True`` requires a later step for the second goal.
 """
 
 from __future__ import annotations
@@ -10,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from typing import TYPE_CHECKING
 
-from pareto_ltl.logic.formula import Formula, parse_formula
+from pareto_ltl.logic.formula import Formula, flat_chain, parse_formula
 from pareto_ltl.support.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -18,17 +17,17 @@ if TYPE_CHECKING:
 
 
 def sequence(*goals: str, strict: bool = False) -> str:
-    """One after the other, other visits allowed in between: ``F(a & F(b & F c))``."""
+    """Visit ``goals`` in this order, other visits are allowed in between: ``F(a & F(b & F c))``."""
     return str(_nested_visits(_goal_formulas(goals, 1, "sequence"), strict))
 
 
 def coverage(*goals: str) -> str:
-    """All of them, in any order: ``F a & F b & F c``."""
+    """Visit all ``goals`` in any order: ``F a & F b & F c``."""
     return str(_conjunction([_eventually_formula(goal) for goal in _goal_formulas(goals, 1, "coverage")]))
 
 
 def ordered_coverage(goals: Sequence[str], order: Iterable[Sequence[str]]) -> str:
-    """All of ``goals``, and for each pair (first, then) of ``order`` nothing of ``then`` before ``first``.
+    """Visit all ``goals``; for each pair (first, then) of ``order``, do not visit ``then`` before ``first``.
 
     ``ordered_coverage(["a", "b", "c"], [("a", "b")])`` is ``F a & F b & F c & (!b U a)``.
     """
@@ -37,24 +36,24 @@ def ordered_coverage(goals: Sequence[str], order: Iterable[Sequence[str]]) -> st
 
 
 def patrol(*goals: str) -> str:
-    """Once around, back to the first: ``F(a & F(b & F(c & F a)))``."""
+    """Visit ``goals`` in this order and return to the first: ``F(a & F(b & F(c & F a)))``."""
     trees = _goal_formulas(goals, 2, "patrol")
     return str(_nested_visits([*trees, trees[0]], strict=False))
 
 
 def either(*missions: str) -> str:
-    """Any one of several missions: ``F(a & F c) | F(b & F c)``."""
+    """Complete one of several missions: ``F(a & F c) | F(b & F c)``."""
     trees = _goal_formulas(missions, 1, "either")
-    return str(trees[0] if len(trees) == 1 else _chain("|", trees))
+    return str(trees[0] if len(trees) == 1 else flat_chain("|", trees))
 
 
 def avoid_until(avoid: str | Sequence[str], until: str) -> str:
-    """Stay out of ``avoid`` until ``until``, which must come: ``!b U a``."""
+    """Stay out of ``avoid`` until ``until`` is visited, which is required: ``!b U a``."""
     return str(_avoid_formula(_one_or_more(avoid, "avoid_until"), parse_formula(until)))
 
 
 def reach_avoid(goals: str | Sequence[str], avoid: str | Sequence[str]) -> str:
-    """``goals`` in this order, never in ``avoid`` before the last: ``!x U (a & (!x U b))``."""
+    """Visit ``goals`` in this order, and stay out of ``avoid`` until the last: ``!x U (a & (!x U b))``."""
     result: Formula | None = None
     no_go = _one_or_more(avoid, "reach_avoid")
     for goal in reversed(_one_or_more(goals, "reach_avoid")):
@@ -63,7 +62,7 @@ def reach_avoid(goals: str | Sequence[str], avoid: str | Sequence[str]) -> str:
 
 
 def key_door(*pairs: Sequence[str], goal: str | None = None) -> str:
-    """For each pair (key, door) the door only after the key, and through all doors, or to ``goal`` if given.
+    """For each pair (key, door), visit the door only after the key; visit all doors, or ``goal`` if given.
 
     ``key_door(("k", "d"))`` is ``(!d U k) & F d``; with ``goal="g"`` it is ``(!d U k) & F g``.
     """
@@ -87,7 +86,7 @@ PATTERNS: dict[str, Callable[[MissionConfig], str]] = {
 
 
 def formula_of(mission: MissionConfig) -> str:
-    """The formula that the settings ask for, written out or by pattern."""
+    """The formula of ``mission.formula`` or ``mission.pattern``; ConfigError if both are set."""
     if mission.pattern is None:
         return mission.formula
     if mission.formula:
@@ -111,17 +110,12 @@ def _eventually_formula(goal: Formula) -> Formula:
 
 
 def _conjunction(parts: list[Formula]) -> Formula:
-    return parts[0] if len(parts) == 1 else _chain("&", parts)
-
-
-def _chain(op: str, parts: list[Formula]) -> Formula:
-    flat = [piece for part in parts for piece in (part.args if part.op == op else (part,))]
-    return Formula(op, tuple(flat))
+    return parts[0] if len(parts) == 1 else flat_chain("&", parts)
 
 
 def _avoid_formula(no_go: list[Formula], until: Formula) -> Formula:
     """``!(x | y) U until``"""
-    zone = no_go[0] if len(no_go) == 1 else _chain("|", no_go)
+    zone = no_go[0] if len(no_go) == 1 else flat_chain("|", no_go)
     return Formula("U", (Formula("!", (zone,)), until))
 
 

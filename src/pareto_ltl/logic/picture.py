@@ -1,4 +1,4 @@
-"""Pictures of automata: Graphviz text, and a figure without Graphviz."""
+"""Drawings of automata: Graphviz text, and figures without Graphviz."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.path import Path as Curve
 
-MAX_DRAWN = 40  # states; more make no picture
+MAX_DRAWN = 40  # states; figures with more are not readable
 STATE_RADIUS = 0.32
-STATE_COLOUR, TRAP_COLOUR, GOAL_COLOUR = "#222222", "#999999", "#0072b2"  # Okabe-Ito blue for acceptance
+STATE_COLOUR, TRAP_COLOUR, GOAL_COLOUR = "#222222", "#999999", "#0072b2"  # acceptance: blue of Okabe and Ito
 
 
 def dot_text(automaton: Automaton) -> str:
-    """Graphviz text, left to right; accepting states have two rings, the trap is dashed."""
+    """Graphviz text; accepting states have two circles, the trap is dashed."""
     lines = [
         "digraph mission {",
         "  rankdir=LR;",
-        f"  label={_quoted(automaton.formula)}; labelloc=t;",
+        f"  label={labels.quoted_text(automaton.formula)}; labelloc=t;",
         "  node [shape=circle];",
         "  start [shape=point];",
         f"  start -> {automaton.initial};",
@@ -37,12 +37,12 @@ def dot_text(automaton: Automaton) -> str:
         elif q == automaton.trap:
             lines.append(f"  {q} [style=dashed];")
     for (p, q), label in labels.edge_labels(automaton).items():
-        lines.append(f"  {p} -> {q} [label={_quoted(label)}];")
+        lines.append(f"  {p} -> {q} [label={labels.quoted_text(label)}];")
     return "\n".join([*lines, "}", ""])
 
 
 def save_picture(automaton: Automaton, path: str | Path, dpi: int = 150) -> None:
-    """Draw the automaton into a file; its ending (png, svg, pdf) chooses the format."""
+    """Draw the automaton into a file (png, svg, pdf); ValueError for more than ``MAX_DRAWN`` states."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -68,7 +68,7 @@ def save_picture(automaton: Automaton, path: str | Path, dpi: int = 150) -> None
 def draw_automaton(
     axes: Axes, automaton: Automaton, place: FloatArray, texts: dict[tuple[int, int], str]
 ) -> None:
-    """States as circles at ``place`` (Q, 2), edges as arrows with their ``texts``."""
+    """Draw states as circles at ``place`` (Q, 2) and edges as arrows with ``texts``."""
     from matplotlib.patches import Circle, FancyArrowPatch
 
     head: dict[str, Any] = {"arrowstyle": "-|>", "mutation_scale": 11, "lw": 1.0}
@@ -105,9 +105,9 @@ def draw_automaton(
 
 
 def state_positions(automaton: Automaton) -> FloatArray:
-    """Positions (Q, 2): columns from left to right by the longest way from the start, the trap below.
+    """Positions of the states, shape (Q, 2): columns by the longest path from the start, the trap below.
 
-    States that can reach each other share a depth and stand side by side in the order of their numbers.
+    States of a cycle are placed side by side in the order of their numbers.
     """
     import networkx as nx
 
@@ -136,28 +136,28 @@ def state_positions(automaton: Automaton) -> FloatArray:
 
 
 class _OccupiedBoxes:
-    """Boxes (centre and half size) that labels keep clear of: states, and the labels before."""
+    """Boxes (centre, half size) that labels should not cover: states and earlier labels."""
 
     def __init__(self, place: FloatArray) -> None:
         self.boxes = [(point, np.array([STATE_RADIUS, STATE_RADIUS])) for point in place]
 
     def spot(self, curve: FloatArray, text: str, loop: bool) -> FloatArray:
-        """The point of ``curve`` where a label covers least, the middle where that is free."""
+        """The point of ``curve`` where a label covers the least area, the middle if that is free."""
         lines = text.split("\n")
-        half = np.array([0.04 * max(map(len, lines)), 0.1 * len(lines)])  # of 7.5 point type
+        half = np.array([0.04 * max(map(len, lines)), 0.1 * len(lines)])  # for text of 7.5 pt
         spots = [_bezier_point(curve, t) for t in ((0.5,) if loop else (0.5, 0.4, 0.6, 0.3, 0.7, 0.22, 0.78))]
         best = min(spots, key=lambda spot: self.covered(spot, half))
         self.boxes.append((best, half))
         return best
 
     def covered(self, spot: FloatArray, half: FloatArray) -> float:
-        """Area of the boxes under a label."""
+        """Area of the boxes that a label covers."""
         sides = (np.maximum(0.0, half + size - np.abs(spot - centre)) for centre, size in self.boxes)
         return float(sum(a * b for a, b in sides))
 
 
 def _bent_edge(place: FloatArray, p: int, q: int, both: bool) -> FloatArray:
-    """Control points (3, 2) of an edge that bends around the states between its ends."""
+    """Control points (3, 2) of an edge, bent if states lie between its ends."""
     start, end = place[p], place[q]
     along = (end - start) / np.linalg.norm(end - start)
     side = np.array([-along[1], along[0]])
@@ -199,7 +199,7 @@ def _bezier_point(curve: FloatArray, t: float) -> FloatArray:
 
 
 def _wrapped_formula(text: str, width: int) -> str:
-    """Break lines behind ``|`` and ``&``."""
+    """``text`` with line breaks after ``|`` and ``&``."""
     lines, line = [], ""
     for word in text.replace(" & ", " &\x00").replace(" | ", " |\x00").split("\x00"):
         if line and len(line) + len(word) > width:
@@ -207,10 +207,6 @@ def _wrapped_formula(text: str, width: int) -> str:
             line = ""
         line += f"{word} " if word.endswith(("&", "|")) else word
     return "\n".join([*lines, line.strip()])
-
-
-def _quoted(text: str) -> str:
-    return '"' + text.replace("\\", "\\\\").replace('"', '\\"') + '"'
 
 
 __all__ = ["dot_text", "draw_automaton", "save_picture", "state_positions"]

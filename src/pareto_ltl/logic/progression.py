@@ -1,14 +1,17 @@
-"""Formula progression: what is left to do after a letter, explored into a transition table.
+"""Formula progression: the obligations that remain after each letter, explored into a transition table.
 
-A positive normal form is a graph of shared nodes with literals, ``&``, ``|``, ``X`` and ``U`` (``F p = true
-U p``, ``p M q = q U (p & q)``). What is left of a mission is a disjunction of conjunctions of such nodes,
-an antichain of bit sets, so it takes finitely many values. Reading a letter (Bacchus and Kabanza, 1998)::
+A positive normal form is a graph of shared nodes with literals, ``&``, ``|``, ``X`` and ``U``::
 
-    step(p U q) = step(q) | (step(p) & p U q),    step(X p) = p,    a literal becomes true or false
+    F p = true U p,    p M q = q U (p & q)
 
-Two things keep the state space near minimal: parts that another part implies are dropped (after ``a`` in
-``F(a & F b)``, ``F b`` makes ``F(a & F b)`` idle), and letters are told apart only by the propositions that
-a state reads now.
+A state is a disjunction of conjunctions of such nodes, stored as an antichain of bit sets, so there are
+finitely many. Progression by a letter (Bacchus and Kabanza, 1998, doi:10.1023/A:1018985923441)::
+
+    step(p U q) = step(q) | (step(p) & p U q),    step(X p) = p,    step(literal) = true or false
+
+Two simplifications keep the number of states close to the minimum. Parts that another part implies are
+dropped: after ``a`` in ``F(a & F b)``, ``F b`` implies ``F(a & F b)``. And letters are distinguished only by
+the propositions that a state reads at the next step.
 """
 
 from __future__ import annotations
@@ -23,14 +26,14 @@ from pareto_ltl.logic.dfa import TransitionTable
 from pareto_ltl.logic.formula import Formula
 from pareto_ltl.support.arrays import IntArray
 
-ProgressionState = tuple[int, ...]  # clauses; a clause is a set of obligations, one bit each
-OBLIGATION_KINDS = ("X", "U", "+", "-")  # what clauses are made of
+ProgressionState = tuple[int, ...]  # clauses; a clause is a set of obligations, one bit for each
+OBLIGATION_KINDS = ("X", "U", "+", "-")  # operators of the nodes in clauses
 DONE_STATE: ProgressionState = (0,)
 LOST_STATE: ProgressionState = ()
 
 
 class ProgressionNode:
-    """A shared node of the normal form; the same formula is the same object."""
+    """A shared node of the normal form; equal formulas are the same object."""
 
     __slots__ = ("args", "bit", "eventual", "now", "op", "temporal")
 
@@ -38,17 +41,17 @@ class ProgressionNode:
         self.temporal: bool
         self.op = op  # true, false, +, - (literals), &, |, X, U
         self.args = args
-        self.now = now  # propositions read by the next step
-        self.bit = bit  # its place in clauses
+        self.now = now  # bits of the propositions that the next step reads
+        self.bit = bit  # its bit in clauses
         self.temporal = op in "XU" or any(arg.temporal for arg in args)
-        # Eventual: stays true when letters are put in front, so F p = p and q U p = p.
+        # Eventual: stays true if letters are inserted in front, so that F p = p and q U p = p.
         self.eventual = op in ("true", "false") or (op == "U" and args[0].op == "true")
         if op in "&|X":
             self.eventual = all(arg.eventual for arg in args)
 
 
 class Progression:
-    """All nodes of one translation, and what they become letter by letter."""
+    """All nodes of one translation and their progression."""
 
     def __init__(self, atoms: tuple[str, ...], max_states: int) -> None:
         self.place = {name: 1 << i for i, name in enumerate(atoms)}
@@ -76,7 +79,7 @@ class Progression:
         return self.shared[key]
 
     def read(self, tree: Formula) -> ProgressionNode:
-        """Share a positive normal form, simplified."""
+        """The simplified shared node of a positive normal form."""
         done: dict[int, ProgressionNode] = {}
 
         def node(tree: Formula) -> ProgressionNode:
@@ -119,7 +122,7 @@ class Progression:
         return self.make("U", (p, q))
 
     def combine(self, op: str, args: Iterable[ProgressionNode]) -> ProgressionNode:
-        """``&`` or ``|`` of ``args``: flat, without repetitions and without parts that others make idle."""
+        """``&`` or ``|`` of ``args``, flat, without repetitions and redundant parts."""
         unit, zero = (self.true, self.false) if op == "&" else (self.false, self.true)
         flat: dict[int, ProgressionNode] = {}
         for arg in args:
@@ -153,7 +156,7 @@ class Progression:
                 merged.append(
                     self.until(group[0].args[0], self.combine(op, [part.args[1] for part in group]))
                 )
-        return merged  # what until() returns may be a chain again; that costs states, not correctness
+        return merged  # until() may return a chain again, which costs states but is correct
 
     def clash(self, parts: list[ProgressionNode]) -> bool:
         plus, minus = ({part.now for part in parts if part.op == sign} for sign in "+-")
@@ -172,7 +175,7 @@ class Progression:
         return parts
 
     def implies(self, p: ProgressionNode, q: ProgressionNode) -> bool:
-        """Sound, not complete: may the shape of ``p`` and ``q`` alone show that ``p`` implies ``q``?"""
+        """Whether the syntax of ``p`` and ``q`` shows that ``p`` implies ``q``; sound, not complete."""
         key = p.bit, q.bit
         if key not in self.implied:
             self.implied[key] = self.shows(p, q)
@@ -219,7 +222,7 @@ class Progression:
     # States
 
     def start(self, node: ProgressionNode) -> ProgressionState:
-        """The state that asks for ``node`` from the next letter on."""
+        """The state in which ``node`` must hold from the next letter on."""
         if node.op == "true":
             return DONE_STATE
         if node.op == "false":
@@ -230,7 +233,7 @@ class Progression:
         return self.all(parts) if node.op == "&" else self.any(parts)
 
     def step(self, node: ProgressionNode, letter: int) -> ProgressionState:
-        """What ``node`` asks for after ``letter``, a set of propositions as bits."""
+        """The obligations of ``node`` after ``letter``, propositions as bits."""
         key = node.bit, letter & node.now
         found = self.steps.get(key)
         if found is None:
@@ -263,7 +266,7 @@ class Progression:
         return self.all(parts) if op == "&" else self.any(parts)
 
     def all(self, parts: Iterable[ProgressionState]) -> ProgressionState:
-        """Conjunction: every choice of one clause from each part."""
+        """Conjunction: all unions of one clause from each part."""
         result = DONE_STATE
         for part in parts:
             if part == DONE_STATE:
@@ -274,7 +277,7 @@ class Progression:
         return result
 
     def any(self, parts: Iterable[Iterable[int]]) -> ProgressionState:
-        """Disjunction: all clauses, less those that imply another."""
+        """Disjunction: all clauses except those that imply another one."""
         clauses = {self.core(clause) for part in parts for clause in part}
         if len(clauses) < 2:
             return tuple(clauses)
@@ -289,7 +292,7 @@ class Progression:
         return tuple(kept)
 
     def core(self, clause: int) -> int:
-        """``clause`` without the obligations that its others imply."""
+        """``clause`` without obligations that its other obligations imply."""
         for bit in set_bits(clause):
             if clause & bit and clause != bit:
                 clause &= ~self.consequences(bit) | bit
@@ -306,7 +309,7 @@ class Progression:
         return result
 
     def consequences(self, bit: int) -> int:
-        """The obligations that the node of ``bit`` implies, itself among them."""
+        """The obligations that the node of ``bit`` implies, itself included."""
         implied = self.known.get(bit)
         if implied is None:
             node = self.nodes[bit.bit_length() - 1]
@@ -320,7 +323,7 @@ class Progression:
     # Tables
 
     def table(self, node: ProgressionNode, letters: IntArray) -> TransitionTable:
-        """The automaton of ``node``: by products at ``&`` and ``|``, by progression below them."""
+        """The transition table of ``node``: products for ``&`` and ``|``, progression below them."""
         if node.op in ("&", "|"):
             parts = [part for part in node.args if part.temporal]
             if len(parts) > 1:
@@ -330,7 +333,7 @@ class Progression:
         return tables.minimal_table(self.explore(node, letters))[0]
 
     def fold(self, parts: list[TransitionTable], both: bool) -> TransitionTable:
-        """Products of neighbours, then of neighbouring products, each made minimal at once."""
+        """The product of ``parts`` as a balanced tree of products, each minimised at once."""
         while len(parts) > 1:
             pairs = zip(parts[::2], parts[1::2], strict=False)
             products = [
@@ -340,12 +343,12 @@ class Progression:
         return parts[0]
 
     def explore(self, node: ProgressionNode, letters: IntArray) -> TransitionTable:
-        """Follow every letter from every state that can be reached."""
+        """Breadth-first exploration of all letters from all reachable states."""
         states: dict[ProgressionState, int] = {self.start(node): 0}
         groups: dict[int, tuple[list[int], IntArray]] = {}
         rows: list[NDArray[np.int32]] = []
         queue = list(states)
-        for state in queue:  # grows while we walk it
+        for state in queue:  # grows during the loop
             now = self.reads(state)
             if now not in groups:
                 kinds, which = np.unique(letters & now, return_inverse=True)
@@ -364,7 +367,7 @@ class Progression:
         return TransitionTable(np.array(rows), accepting)
 
     def reads(self, state: ProgressionState) -> int:
-        """The propositions that matter to the next step from ``state``."""
+        """Bits of the propositions that the next step from ``state`` reads."""
         now = 0
         for clause in state:
             for bit in set_bits(clause):
@@ -387,7 +390,7 @@ class Progression:
 
 
 def set_bits(clause: int) -> Iterator[int]:
-    """The bits that are set, lowest first."""
+    """The bits of ``clause`` that are set, the lowest first."""
     while clause:
         bit = clause & -clause
         clause ^= bit

@@ -7,13 +7,9 @@ import logging
 import warnings
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from pareto_ltl.support import cache
 from pareto_ltl.wind import gp, modes, tabulate
-
-if TYPE_CHECKING:
-    pass
 from pareto_ltl.wind.tabulate import WindTable, WindTask, tabulate_wind
 
 LOG = logging.getLogger(__name__)

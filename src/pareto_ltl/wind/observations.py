@@ -110,7 +110,7 @@ def _readings_in_plane(
 def project_readings(
     crs: str, centre: FloatArray, lonlat: FloatArray, winds: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Positions [m] and winds [m/s], in the plane ``crs``, of readings within ``HORIZON_ANGLE`` of ``centre``."""
+    """Positions [m] and winds [m/s], in the plane ``crs``, of readings near ``centre`` (2,) [m]."""
     from pareto_ltl.world import projection
 
     middle = on_sphere(np.stack(projection.to_geographic(crs, centre), axis=1))

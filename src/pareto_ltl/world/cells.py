@@ -1,8 +1,8 @@
-"""Free space as few convex cells: Scene -> Decomposition, and questions about where a point lies.
+"""Decomposition of the free space of a scene into convex cells, and location of points in it.
 
-All outlines are snapped to a grid of a millionth of a millionth of the map (1 µm on 1000 km). Their
-arrangement is noded there once, so that neighbours share corners exactly and doors are a matter of
-comparing integers, not of tolerances.
+All outlines are snapped to a grid with a step of 1e-12 of the map (1 µm on 1000 km), and their arrangement is
+computed once on the grid. Neighbours then share corners exactly, and shared edges are found by comparing
+integers.
 """
 
 from __future__ import annotations
@@ -24,24 +24,24 @@ if TYPE_CHECKING:
     import networkx as nx
     import shapely
 
-GRID_FRACTION = 2.0**-40  # of the map's size
-EDGE_FRACTION = 1e-11  # of the map's size: how far outside an edge a point still lies on it
-MAX_FACES = 32  # of a convex obstacle part, at most: kernels keep them in the bits of an integer
-LOCATOR_BUCKETS = 64  # of a locator, along each axis
-SHORTEST_DOOR = 4.0  # grid steps: shorter contacts are rounding
+GRID_FRACTION = 2.0**-40  # grid step over the size of the map
+EDGE_FRACTION = 1e-11  # of the size of the map; a point this close to an edge lies on it
+MAX_FACES = 32  # of a convex part of an obstacle; kernels store them as bits of an integer
+LOCATOR_BUCKETS = 64  # of a Locator, along each axis
+SHORTEST_DOOR = 4.0  # [grid steps]; shorter contacts are rounding errors
 
 
 @dataclass(frozen=True, slots=True)
 class Decomposition:
-    """Free space as convex cells that touch along edges and overlap nowhere.
+    """Free space as convex cells that share edges and do not overlap.
 
     Attributes
     ----------
     cells : tuple of (n, 2) float
-        Convex, counter-clockwise [m]. Cells with more labels come first, so that the first cell that
-        holds a point on a shared boundary is the one inside the region.
+        Convex, counter-clockwise [m]. Cells with more labels come first: for a point on the boundary of a
+        region, the first cell that contains it lies in the region.
     labels : tuple of frozenset of str
-        The regions each cell lies in.
+        The regions that contain each cell.
     doors : (D, 2) int
         Pairs of cells (i < j) that share an edge of positive length.
     obstacles : tuple of (n, 2) float
@@ -58,27 +58,27 @@ class Decomposition:
 
     @property
     def letters(self) -> tuple[frozenset[str], ...]:
-        """The label sets that a robot can read, smallest first, then by name.
+        """The labels that can occur, by size, then by name.
 
-        The empty one is always among them: obstacles and what lies off the map show it.
+        The empty label is always one of them; it is that of obstacles and of points outside the bounds.
         """
         return tuple(sorted({frozenset[str](), *self.labels}, key=lambda s: (len(s), sorted(s))))
 
 
 @dataclass(frozen=True, slots=True)
 class Locator:
-    """A coarse grid over the bounds that says which cells a point may lie in.
+    """A coarse grid over the bounds with the cells that may contain a point of each bucket.
 
     Attributes
     ----------
     origin : (2,) float
         South-west corner [m].
     inverse : (2,) float
-        Buckets a metre along x and y [1/m].
+        Number of buckets per metre along x and y [1/m].
     shape : (2,) int
-        Buckets along x and y; bucket (i, j) has the number ``i * shape[1] + j``.
+        Number of buckets along x and y; bucket (i, j) has the number ``i * shape[1] + j``.
     ptr : (shape[0] * shape[1] + 1,) int, index : (ptr[-1],) int
-        Bucket k lists its cells, lowest first, in ``index[ptr[k]:ptr[k + 1]]``.
+        The cells of bucket k, in ascending order, are ``index[ptr[k]:ptr[k + 1]]``.
     """
 
     origin: FloatArray
@@ -89,12 +89,17 @@ class Locator:
 
 
 def decompose(scene: Scene) -> Decomposition:
-    """Bounds minus obstacles as convex cells that know which regions they lie in.
+    """Decompose the bounds minus the obstacles into convex cells with labels.
 
-    Outlines of obstacles and regions cut the bounds into faces; each face outside all obstacles is split
-    into convex cells. Overlapping regions thus give cells with several labels. Overlapping obstacles stay as
-    they were drawn (but for one that lies within another): a union would be less convex and need more parts,
-    and the risk bounds merely count what is common twice, on the safe side.
+    The outlines of obstacles and regions cut the bounds into faces; each face outside all obstacles is split
+    into convex cells. Overlapping regions give cells with several labels. Overlapping obstacles are not
+    merged, since their union would need more convex parts; the risk bounds count their common area twice,
+    which is conservative. An obstacle inside another is dropped.
+
+    Raises
+    ------
+    DataError
+        If the obstacles cover the whole map.
     """
     step = _grid_step(scene)
     obstacles = _outermost_polygons([_snapped_polygon(corners, step) for corners in scene.obstacles])
@@ -138,24 +143,27 @@ def cell_graph(decomposition: Decomposition) -> nx.Graph:
 
 
 def half_planes(polygon: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Unit outward normals a (n, 2) and offsets b (n,) [m] of a convex polygon: a' x <= b inside."""
+    """Outward unit normals a (n, 2) and offsets b (n,) [m] of a convex polygon: a' x <= b inside."""
     along = np.roll(polygon, -1, axis=0) - polygon
     normals = np.stack([along[:, 1], -along[:, 0]], axis=1) / np.linalg.norm(along, axis=1, keepdims=True)
     return normals, np.sum(normals * polygon, axis=1)
 
 
 def inside_depth(polygon: FloatArray, points: FloatArray) -> FloatArray:
-    """min_k (b_k - a_k' x), shape (P,) [m]: how deep ``points`` (P, 2) lie inside, negative outside."""
+    """Depth of ``points`` (P, 2) [m] inside a convex polygon, shape (P,) [m]; negative outside.
+
+    min_k (b_k - a_k' x)
+    """
     normals, offsets = half_planes(polygon)
     least: FloatArray = (offsets - points @ normals.T).min(axis=1)
     return least
 
 
 def locate_cells(decomposition: Decomposition, points: FloatArray) -> IntArray:
-    """The cell of every point, shape (P,); -1 outside the bounds and strictly inside an obstacle.
+    """The cell of each point, shape (P,); -1 outside the bounds and strictly inside an obstacle.
 
-    The first cell that holds the point, so that an edge of a region belongs to the region. Beside all cells
-    by rounding, the one with the largest smallest slack.
+    It is the first cell that contains the point, so that an edge of a region belongs to the region. A point
+    that rounding puts outside all cells gets the cell with the largest :func:`inside_depth`.
     """
     points = np.asarray(points, float).reshape(-1, 2)
     close = EDGE_FRACTION * _map_size(decomposition)
@@ -169,10 +177,10 @@ def locate_cells(decomposition: Decomposition, points: FloatArray) -> IntArray:
 
 
 def locator(decomposition: Decomposition, bounds: FloatArray) -> Locator:
-    """Candidate cells of every bucket of a 64 x 64 grid over ``bounds`` (2, 2).
+    """Candidate cells of each bucket of a 64 x 64 grid over ``bounds`` (2, 2) [m].
 
-    A cell is a candidate where no face of either separates it from the bucket (separating axes), each bucket
-    being taken a little larger, so that rounding never hides a cell.
+    A cell is a candidate unless a face of the cell or of the bucket separates the two (separating axis
+    theorem). Buckets are enlarged by 1e-6, so that rounding does not exclude a cell.
     """
     size = (bounds[1] - bounds[0]) / LOCATOR_BUCKETS
     west_to_east, south_to_north = (
@@ -192,7 +200,7 @@ def locator(decomposition: Decomposition, bounds: FloatArray) -> Locator:
 
 
 def _reachable_cells(doors: IntArray, start: int) -> set[int]:
-    """Cells that doors join to ``start``. (networkx would cost a run a third of a second to import.)"""
+    """Cells connected to ``start`` by ``doors``. (Importing networkx for this takes 0.3 s.)"""
     reached, fresh = {start}, {start}
     while fresh:
         ahead = doors[np.isin(doors, list(fresh)).any(axis=1)]
@@ -202,7 +210,15 @@ def _reachable_cells(doors: IntArray, start: int) -> set[int]:
 
 
 def unreachable_regions(decomposition: Decomposition, scene: Scene, atoms: Iterable[str]) -> tuple[str, ...]:
-    """Names among ``atoms`` that no chain of doors joins to the start; unknown names are an error."""
+    """Names in ``atoms`` whose regions no sequence of doors connects to the start.
+
+    Raises
+    ------
+    ConfigError
+        If a name is not a region of the scene.
+    DataError
+        If the start lies inside an obstacle.
+    """
     names = sorted(set(atoms))
     for name in names:
         if name not in scene.regions:
@@ -230,14 +246,14 @@ def unreachable_regions(decomposition: Decomposition, scene: Scene, atoms: Itera
 
 
 def _grid_step(scene: Scene) -> float:
-    """A power of two [m], so that grid coordinates are exact; never below what floats tell apart."""
+    """Grid step [m], a power of two, so that coordinates are exact; not below the resolution of floats."""
     size = float((scene.bounds[1] - scene.bounds[0]).max())
     step = 2.0 ** math.ceil(math.log2(size)) * GRID_FRACTION
     return max(step, 2.0 ** math.ceil(math.log2(16 * np.spacing(np.abs(scene.bounds).max()))))
 
 
 def _snapped_polygon(corners: FloatArray, step: float) -> shapely.Geometry:
-    """A polygon in grid steps, still valid where snapping made corners or edges meet."""
+    """A valid polygon in grid steps, also if snapping made corners or edges coincide."""
     import shapely
 
     return shapely.set_precision(shapely.Polygon(np.rint(corners / step)), 1.0)
@@ -249,7 +265,7 @@ def _box_outline(bounds: FloatArray) -> FloatArray:
 
 
 def _outermost_polygons(polygons: Sequence[shapely.Geometry]) -> list[shapely.Geometry]:
-    """``polygons`` without those that lie within another."""
+    """``polygons`` without those inside another one."""
     import shapely
 
     if not polygons:
@@ -263,7 +279,7 @@ def _outermost_polygons(polygons: Sequence[shapely.Geometry]) -> list[shapely.Ge
 
 
 def _polygon_rings(face: Any) -> list[GridRing]:
-    """Outline (counter-clockwise) and holes (clockwise) of a polygon on the grid."""
+    """Outline (counter-clockwise) and holes (clockwise) of a polygon, in grid steps."""
     import shapely
 
     face = shapely.orient_polygons(face)
@@ -324,7 +340,7 @@ def _points_within(polygons: Sequence[shapely.Geometry], points: Any) -> BoolArr
 
 
 def _shared_edges(rings: Sequence[GridRing]) -> IntArray:
-    """Pairs (D, 2) of cells with a common edge: one walks it forth, the other back."""
+    """Pairs (D, 2) of cells with a common edge, which they traverse in opposite directions."""
     owner = {edge: i for i, ring in enumerate(rings) for edge in ring_edges(ring)}
     width: dict[tuple[int, int], float] = {}
     for (a, b), i in owner.items():
@@ -343,7 +359,7 @@ def _map_size(decomposition: Decomposition) -> float:
 
 
 def _covered_points(decomposition: Decomposition, points: FloatArray) -> BoolArray:
-    """Which points lie in an obstacle, its edges and the seams between its parts included."""
+    """Which points lie in an obstacle or on its edges."""
     covered = np.zeros(len(points), bool)
     for part in decomposition.obstacles:
         covered |= inside_depth(part, points) >= 0

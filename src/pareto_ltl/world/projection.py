@@ -1,9 +1,12 @@
-"""The local plane that a geographic scene is flown in.
+"""The local plane of a geographic scene.
 
-A plane is named by its PROJ string, so it travels inside ``Scene.crs`` and ``scene.json``. Ours is the
-oblique stereographic one: conformal everywhere, so that turning a wind vector is one angle for all
-directions, defined at every latitude, and true to scale within ``(r / 2R)²`` at a distance r of its
-centre (0.3 % at 700 km).
+A plane is named by its PROJ string, which is stored in ``Scene.crs`` and ``scene.json``. We use the oblique
+stereographic projection. It is defined at every latitude and conformal, so that one angle rotates wind
+vectors of all directions. Its relative scale error at a distance r from the centre is
+
+    (r / 2R)²
+
+with the radius R of the Earth: 0.3 % at 700 km.
 """
 
 from __future__ import annotations
@@ -21,7 +24,7 @@ if TYPE_CHECKING:
 
 
 def local_plane(lat: float, lon: float) -> str:
-    """PROJ string of the conformal plane that touches the Earth at ``lat``, ``lon`` [deg]."""
+    """PROJ string of the stereographic plane at ``lat``, ``lon`` [deg]; DataError if out of range."""
     if not -90 <= lat <= 90 or not -180 <= lon <= 360:
         raise DataError(
             f"latitude {lat:g}, longitude {lon:g} is no place on Earth: expected -90..90 and -180..180"
@@ -53,7 +56,7 @@ def to_geographic(crs: str, xy: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def meridian_convergence(crs: str, lon: FloatArray, lat: FloatArray) -> FloatArray:
-    """Angle from the plane's +y to true north, counter-clockwise, shape (N,) [rad]."""
+    """Angle from +y of the plane to true north, counter-clockwise, shape (N,) [rad]."""
     factors = _cached_projection(crs).get_factors(
         np.atleast_1d(np.asarray(lon, float)), np.atleast_1d(np.asarray(lat, float)), errcheck=True
     )
@@ -62,7 +65,7 @@ def meridian_convergence(crs: str, lon: FloatArray, lat: FloatArray) -> FloatArr
 
 
 def rotate_vectors(vectors: FloatArray, angle: FloatArray) -> FloatArray:
-    """``vectors`` (N, 2) turned counter-clockwise by ``angle`` (N,) [rad]."""
+    """``vectors`` (N, 2) rotated counter-clockwise by ``angle`` (N,) [rad]."""
     cos, sin = np.cos(angle), np.sin(angle)
     x, y = vectors[..., 0], vectors[..., 1]
     return np.stack([cos * x - sin * y, sin * x + cos * y], axis=-1)
@@ -70,7 +73,7 @@ def rotate_vectors(vectors: FloatArray, angle: FloatArray) -> FloatArray:
 
 @lru_cache(maxsize=32)
 def _cached_projection(crs: str) -> pyproj.Proj:
-    import pyproj  # here: it costs 0.2 s, and planar scenes never need it
+    import pyproj  # takes 0.2 s, and planar scenes do not need it
 
     try:
         proj = pyproj.Proj(crs)

@@ -1,4 +1,4 @@
-"""Maps drawn at random, to see what a planner does beyond the maps it was made for."""
+"""Maps with random regions and obstacles, to test planners on many maps."""
 
 from __future__ import annotations
 
@@ -12,23 +12,23 @@ from pareto_ltl.settings import SceneConfig
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import ConfigError
 
-PLACEMENT_TRIES = 20_000  # darts thrown for one place
-CORNER_RANGE = (5, 9)  # of a polygon: fewest, one more than most
+PLACEMENT_TRIES = 20_000  # random positions tried for one disc
+CORNER_RANGE = (5, 9)  # of a polygon: smallest number, largest number + 1
 
 PlacedDisc = tuple[float, float, float]
 
 
 def add_random_places(cfg: SceneConfig) -> SceneConfig:
-    """``cfg`` with the regions and obstacles that ``cfg.random`` asks for, in the units of the scene.
+    """``cfg`` with the regions and obstacles of ``cfg.random``, in the units of the scene.
 
-    Discs are thrown until they keep ``gap`` from each other, from the start and from what the scene names;
-    each holds a convex polygon with corners on its rim. Gaps all around leave a way to every region, and the
-    same ``random.seed`` gives the same map.
+    Each lies in a random disc that keeps a distance ``random.gap`` from the other discs, the start, and the
+    named regions and obstacles; it is a convex polygon with corners on the circle. The gaps leave a way to
+    every region. The same ``random.seed`` gives the same map.
 
     Raises
     ------
     ConfigError
-        Where they do not fit.
+        If there is no place for one of them.
     """
     wanted = cfg.random
     if wanted.regions + wanted.obstacles == 0:
@@ -52,7 +52,7 @@ def add_random_places(cfg: SceneConfig) -> SceneConfig:
 
 
 def _existing_discs(cfg: SceneConfig) -> list[PlacedDisc]:
-    """Discs around the start and around everything that has a place already."""
+    """Discs around the start and around the regions and obstacles of ``cfg``."""
     circles: list[PlacedDisc] = [(float(cfg.start[0]), float(cfg.start[1]), 0.0)] if cfg.start else []
     for polygon in (*cfg.regions.values(), *cfg.obstacles):
         corners = np.array(polygon, float)
@@ -84,7 +84,7 @@ def _free_disc(
 
 
 def _inscribed_polygon(rng: Generator, circle: PlacedDisc) -> list[list[float]]:
-    """Corners on the rim, one in each of equal arcs: convex, and never a sliver."""
+    """Corners of a convex polygon on the circle, one at a random place in each of equal arcs."""
     x, y, radius = circle
     corners = int(rng.integers(*CORNER_RANGE))
     angles = 2 * np.pi * (np.arange(corners) + rng.uniform(0.1, 0.9, corners)) / corners

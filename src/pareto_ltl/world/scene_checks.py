@@ -1,4 +1,4 @@
-"""Checks of a whole map, in metres."""
+"""Checks of a whole map in metres: names, outlines, bounds, overlaps."""
 
 from __future__ import annotations
 
@@ -12,17 +12,24 @@ import numpy as np
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.world.scene import Scene
+from pareto_ltl.world.scene_sketch import SceneSketch
 
 if TYPE_CHECKING:
     import shapely
-from pareto_ltl.world.scene_sketch import SceneSketch
 
-RESERVED_WORDS = frozenset(  # of the formula language: no names for regions
+RESERVED_WORDS = frozenset(  # of the formula language, not allowed as names of regions
     ["true", "false", "not", "and", "or", "xor", "next", "eventually", "until", *"XFUMGRW"]
 )
 
 
 def checked_scene(sketch: SceneSketch) -> Scene:
+    """The scene of ``sketch``: outlines counter-clockwise, obstacles clipped at the bounds.
+
+    Raises
+    ------
+    DataError
+        If something is missing, degenerate, outside of the bounds, or overlaps.
+    """
     if not sketch.regions:
         raise DataError(f"{sketch.where} has no regions; a mission needs at least one place to visit")
     if len(sketch.start) == 0:
@@ -55,7 +62,7 @@ def _check_landmarks(
     landmarks: Sequence[tuple[str, FloatArray]],
     obstacles: Sequence[tuple[str, FloatArray]],
 ) -> None:
-    """A robot must be able to be in all of a landmark: inside the map, convex, clear of obstacles."""
+    """Refuse a landmark outside of the bounds, one that is not convex, or one that overlaps an obstacle."""
     import shapely
 
     for what, corners in landmarks:
@@ -89,7 +96,7 @@ def _check_region_name(sketch: SceneSketch, name: str) -> None:
 
 
 def _simple_outline(sketch: SceneSketch, what: str, corners: FloatArray) -> FloatArray:
-    """``corners`` of a simple polygon with an inside, counter-clockwise."""
+    """``corners`` in counter-clockwise order; refuse a polygon that is degenerate or crosses itself."""
     import shapely
 
     if _is_flat(corners, sketch.tolerance):
@@ -129,7 +136,7 @@ def _check_inside(sketch: SceneSketch, what: str, points: FloatArray) -> None:
 
 
 def _clipped_obstacle(sketch: SceneSketch, corners: FloatArray) -> list[FloatArray]:
-    """The parts of an obstacle within the bounds; untouched where nothing sticks out."""
+    """The parts of an obstacle inside the bounds; the obstacle itself if it lies inside."""
     low, high = sketch.bounds
     if (corners >= low).all() and (corners <= high).all():
         return [corners]
@@ -160,7 +167,7 @@ def _check_start_free(sketch: SceneSketch, obstacles: Sequence[tuple[str, FloatA
 def _check_overlaps(
     sketch: SceneSketch, regions: Mapping[str, FloatArray], obstacles: Sequence[tuple[str, FloatArray]]
 ) -> None:
-    """Touching is fine: what counts is common area, beyond what rounding makes."""
+    """Refuse an obstacle and a region with a common area larger than rounding errors."""
     import shapely
 
     names = list(regions)

@@ -1,11 +1,11 @@
-"""Scenes in files: GeoJSON in degrees, and the `scene.json` of a run."""
+"""Scenes in files: a GeoJSON FeatureCollection in degrees, and the ``scene.json`` of a run in metres."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -13,9 +13,6 @@ from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.world import projection
 from pareto_ltl.world.scene import Scene
-
-if TYPE_CHECKING:
-    pass
 from pareto_ltl.world.scene_sketch import (
     SceneSketch,
     numbered_outlines,
@@ -25,13 +22,13 @@ from pareto_ltl.world.scene_sketch import (
     read_start,
 )
 
-BOUNDS_MARGIN = 0.05  # of the drawing's size, around a GeoJSON map without bounds
+BOUNDS_MARGIN = 0.05  # of the extent of a GeoJSON map without bounds
 FEATURE_ROLES = ("region", "obstacle", "start", "bounds", "landmark")
 HOLE_ADVICE = "draw it as several features, one outline each"
 
 
 def scene_to_dict(scene: Scene) -> dict[str, Any]:
-    """``scene`` as plain containers, the content of ``scene.json``."""
+    """``scene`` as dicts and lists, the content of ``scene.json``."""
     return {
         "bounds": scene.bounds.tolist(),
         "start": scene.start.tolist(),
@@ -44,7 +41,7 @@ def scene_to_dict(scene: Scene) -> dict[str, Any]:
 
 
 def scene_from_dict(data: Mapping[str, Any]) -> Scene:
-    """The scene that :func:`scene_to_dict` wrote, bit by bit."""
+    """The inverse of :func:`scene_to_dict`, exact to the bit; DataError if a key is missing."""
     missing = [key for key in ("bounds", "start", "regions", "obstacles") if key not in data]
     if missing:
         raise DataError(f"scene.json lacks {', '.join(missing)}; was it written by this program?")
@@ -60,6 +57,7 @@ def scene_from_dict(data: Mapping[str, Any]) -> Scene:
 
 
 def sketch_file(path: Path) -> SceneSketch:
+    """The map in a GeoJSON file or a ``scene.json``; DataError if it is neither or cannot be read."""
     where = f"scene file {path}"
     try:
         data = json.loads(path.read_text(encoding="utf-8"))
@@ -96,13 +94,13 @@ def _sketch_results(where: str, data: Mapping[str, Any]) -> SceneSketch:
 
 
 def _sketch_geojson(where: str, features: Sequence[Any]) -> SceneSketch:
-    """A plane that touches the Earth in the middle of the drawing; straight edges stay straight in it."""
+    """The map in a plane centred on it; edges between corners are straight lines in this plane."""
     drawn = list(_drawn_features(where, features))
     everything = np.concatenate([corners for _, _, corners in drawn]) if drawn else np.zeros((0, 2))
     if len(everything) == 0:
         raise DataError(f"{where} has no features; expected a role ({', '.join(FEATURE_ROLES)}) on each")
     _check_degrees(where, everything)
-    wrap = everything[:, 0].max() - everything[:, 0].min() > 180  # drawn across the 180th meridian
+    wrap = everything[:, 0].max() - everything[:, 0].min() > 180  # the map crosses the 180th meridian
 
     def degrees(corners: FloatArray) -> FloatArray:
         return np.stack([corners[:, 0] % 360 if wrap else corners[:, 0], corners[:, 1]], axis=1)
@@ -161,7 +159,7 @@ def _drawn_features(where: str, features: Sequence[Any]) -> Iterator[tuple[str, 
 
 
 def _feature_outlines(where: str, what: str, role: str, geometry: Mapping[str, Any]) -> list[FloatArray]:
-    """The outlines of one feature; an obstacle may have several, or holes, and is then cut up."""
+    """The outlines of one feature; an obstacle with several parts or holes gives several outlines."""
     kind, coordinates = geometry.get("type"), geometry.get("coordinates")
     if role == "start":
         if kind != "Point":
@@ -181,7 +179,7 @@ def _feature_outlines(where: str, what: str, role: str, geometry: Mapping[str, A
 
 
 def _without_holes(where: str, what: str, rings: list[FloatArray]) -> list[FloatArray]:
-    """A polygon with holes as triangles (an obstacle may well enclose free space)."""
+    """A polygon with holes as triangles, since an obstacle may enclose free space."""
     if len(rings) == 1:
         return rings
     import shapely
@@ -201,7 +199,7 @@ def _check_degrees(where: str, corners: FloatArray) -> None:
 
 
 def _subdivided_outline(corners: FloatArray) -> FloatArray:
-    """``corners`` with points along each edge: parallels bulge in the plane, and the box must hold them."""
+    """``corners`` with points along each edge, since parallels are curved in the plane."""
     steps = np.linspace(0, 1, 33)[:-1, None]
     return np.concatenate(
         [a + steps * (b - a) for a, b in zip(corners, np.roll(corners, -1, 0), strict=True)]

@@ -1,10 +1,9 @@
-"""The scene of the settings."""
+"""From the settings of section ``scene`` to a checked scene in metres."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,9 +11,6 @@ from pareto_ltl.settings import SceneConfig
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.world import projection
 from pareto_ltl.world.scene import Scene
-
-if TYPE_CHECKING:
-    pass
 from pareto_ltl.world.scene_checks import checked_scene
 from pareto_ltl.world.scene_files import sketch_file
 from pareto_ltl.world.scene_sketch import (
@@ -27,15 +23,23 @@ from pareto_ltl.world.scene_sketch import (
 
 
 def scene_from_settings(cfg: SceneConfig, time_zero: str | None = None) -> Scene:
-    """The map of ``cfg``, checked, in metres.
+    """The checked scene of ``cfg``, in metres.
 
     Parameters
     ----------
     cfg : SceneConfig
-        With ``file`` set, the file alone says where things are. Otherwise ``x = (coordinate - c) unit``,
-        where c is the middle of the bounds if the map has a ``centre`` on Earth, and 0 if it has none.
+        If ``file`` is set, the scene is that of the file. Otherwise positions are
+
+            x = (coordinate - c) * unit
+
+        with c the middle of the bounds if ``centre`` is set, else 0.
     time_zero : str or None
-        Departure, ISO 8601 UTC; None keeps what the file says.
+        Departure, ISO 8601 UTC; None keeps that of the file.
+
+    Raises
+    ------
+    DataError
+        If the scene is incomplete or inconsistent.
     """
     sketch = sketch_file(Path(cfg.file).expanduser()) if cfg.file else _sketch_settings(cfg)
     scene = checked_scene(sketch)

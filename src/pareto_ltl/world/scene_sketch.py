@@ -1,29 +1,36 @@
-"""A map as its author typed it: numbers read and checked one by one, outlines in metres."""
+"""A map before the checks of the whole: each number and outline is read and checked on its own.
+
+Harmless variations are accepted: a repeated closing corner is removed here, and ``scene_checks`` reverses
+clockwise outlines and clips obstacles at the bounds. All other errors raise a DataError with one line in the
+coordinates of the author.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
 
-if TYPE_CHECKING:
-    pass
-
-
-RELATIVE_TOLERANCE = 1e-9  # of the map's size: lengths below are rounding
+RELATIVE_TOLERANCE = 1e-9  # of the size of the map; smaller lengths are rounding errors
 
 
 @dataclass(frozen=True, slots=True)
 class SceneSketch:
-    """A map before its checks: every outline (n, 2) already in metres, under the name users know it by.
+    """A map before its checks, in metres.
 
-    ``show`` writes a point of the plane in the author's coordinates, ``key`` turns a field into how
-    the author spells it, ``where`` opens every message.
+    Attributes
+    ----------
+    where : str
+        Start of every message, e.g. ``scene file map.geojson``.
+    regions, obstacles, landmarks : tuple of (name, (n, 2) float)
+        Outlines [m] with the name used in messages.
+    show : callable
+        Text of a point (2,) [m] in the coordinates of the author.
     """
 
     where: str
@@ -38,11 +45,12 @@ class SceneSketch:
 
     @property
     def tolerance(self) -> float:
+        """Length below which differences are rounding errors [m]."""
         return RELATIVE_TOLERANCE * float((self.bounds[1] - self.bounds[0]).max())
 
 
 def read_bounds(where: str, key: str, value: Any) -> FloatArray:
-    """South-west and north-east corner (2, 2), in the author's unit."""
+    """South-west and north-east corner (2, 2) in the unit of the author; ``key`` names them in messages."""
     expected = "expected [[west, south], [east, north]]"
     if value is None or len(value) == 0:
         raise DataError(f"{where} has no bounds; give {key} as [[west, south], [east, north]]")
@@ -61,6 +69,7 @@ def read_bounds(where: str, key: str, value: Any) -> FloatArray:
 
 
 def read_start(where: str, key: str, value: Any) -> FloatArray:
+    """The start (2,) in the unit of the author; ``key`` names it in messages."""
     if value is None or len(value) == 0:
         raise DataError(f"{where} has no start; give {key} as [x, y]")
     start = _number_array(value)
@@ -70,19 +79,21 @@ def read_start(where: str, key: str, value: Any) -> FloatArray:
 
 
 def numbered_outlines(polygons: Sequence[Any]) -> list[tuple[str, Any]]:
+    """Outlines without names, numbered from 1."""
     return [(str(number), polygon) for number, polygon in enumerate(polygons, 1)]
 
 
 def read_outlines(
     where: str, kind: str, items: Any, metres: Callable[[FloatArray], FloatArray]
 ) -> Iterator[tuple[str, FloatArray]]:
+    """Names and corners of ``items``, pairs of name and corners, converted by ``metres``."""
     for name, polygon in items:
         what = f"region {name!r}" if kind == "region" else f"{kind} {name}"
         yield str(name) if kind == "region" else what, metres(read_corners(where, what, polygon))
 
 
 def read_corners(where: str, what: str, polygon: Any) -> FloatArray:
-    """Corners (n, 2) without repetitions, in the author's unit."""
+    """Corners (n, 2) of ``polygon`` without repetitions, in the unit of the author."""
     if not isinstance(polygon, list | tuple | np.ndarray):
         raise DataError(f"{where}: {what} is {polygon!r}; expected a list of corners [[x, y], ...]")
     for number, corner in enumerate(polygon, 1):
