@@ -1,4 +1,4 @@
-"""Full fidelity's budgets, on the real sample of winds: modes, growth, bounds, ranking, flights.
+"""Budgets with ``fidelity=full`` and the wind sample: modes, growth, bounds, ranking, flights.
 
 python -m pytest benchmarks/bench_full.py
 """
@@ -47,7 +47,7 @@ def section(kind, name):
 
 @pytest.fixture(scope="module", params=["phi1", "phi2"])
 def mission(request):
-    """Problem and scene, kernels compiled by a first small forest."""
+    """Problem and scene; kernels are compiled by a first small forest."""
     cfg = WindConfig()
     scene = scene_from_settings(SceneConfig(**section("scene", request.param)), sources.first_wind_time(cfg))
     wind = field(cfg, observe_wind(cfg, scene), scene, 200 * 1800.0)
@@ -109,7 +109,7 @@ def test_what_a_full_vertex_keeps(benchmark, mission):
 
 
 def test_growth_without_v_and_r(benchmark, mission):
-    """Their cost in the profile: the same trees with no obstacle and no label to look at."""
+    """Cost of the bounds: the same trees without obstacles and labels."""
     bare = replace(
         mission,
         tables=mission.tables._replace(

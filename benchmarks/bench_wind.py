@@ -1,4 +1,4 @@
-"""Wind budgets: 28 processes of 120 readings in 4 s, the lattice in 2 s, both from memory in 0.1 s.
+"""Wind budgets: 28 processes of 120 readings in 4 s, the lattice in 2 s, both from the cache in 0.1 s.
 
     python -m pytest benchmarks/bench_wind.py --benchmark-columns=min,median,rounds
 

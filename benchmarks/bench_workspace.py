@@ -1,4 +1,4 @@
-"""Reading and decomposing the shipped maps (phi2: 50 ms, warm) and maps of hundreds of obstacles."""
+"""Reading and decomposing the maps of the package (phi2: 50 ms) and maps with hundreds of obstacles."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def shipped(name: str) -> Scene:
 
 
 def crowded(side: int) -> Scene:
-    """side x side hexagons of random size on a square grid; the last one is the region."""
+    """``side`` x ``side`` hexagons of random size on a square grid; the last one is the region."""
     rng = np.random.default_rng(7)
     angles = np.arange(6) * np.pi / 3
     circle = np.stack([np.cos(angles), np.sin(angles)], axis=1)

@@ -57,13 +57,12 @@ def product_table(a: TransitionTable, b: TransitionTable, both: bool, max_states
     letters, wide = a.delta.shape[1], len(b.delta)
     if len(a.delta) * wide >= 2**31:
         raise too_many_states(max_states)
-    sealed_a, sealed_b = (trap_states(t) if both else t.accepting for t in (a, b))
-    if sealed_a[0] or sealed_b[0]:
+    decided_a, decided_b = (trap_states(t) if both else t.accepting for t in (a, b))
+    if decided_a[0] or decided_b[0]:
         return TransitionTable(np.zeros((1, letters), np.int64), np.array([not both]))
     da, db = a.delta.astype(np.int64) * wide, b.delta.astype(np.int64)
-    number = np.zeros(
-        len(da) * wide, np.int32
-    )  # of each pair, from 1; -1 sealed, 0 not met. Untouched pages are free
+    # number of each pair, from 1; -1 decided, 0 not met; pages that are never written use no memory
+    number = np.zeros(len(da) * wide, np.int32)
     number[0] = 1
     scratch = np.empty(len(number), np.int32)
     pairs, rows, done, width = np.array([0]), [], 0, max(1, CHUNK_ENTRIES // letters)
@@ -73,9 +72,9 @@ def product_table(a: TransitionTable, b: TransitionTable, both: bool, max_states
         after = da[now // wide] + db[now % wide]
         rows.append(after)
         fresh = first_occurrences(after[number[after] == 0], scratch)
-        sealed = sealed_a[fresh // wide] | sealed_b[fresh % wide]
-        number[fresh[sealed]] = -1
-        fresh = fresh[~sealed]
+        decided = decided_a[fresh // wide] | decided_b[fresh % wide]
+        number[fresh[decided]] = -1
+        fresh = fresh[~decided]
         number[fresh] = np.arange(len(pairs), len(pairs) + len(fresh)) + 1
         pairs = np.concatenate([pairs, fresh])
         check_table_size(len(pairs) + 1, letters, max_states)

@@ -64,3 +64,6 @@ def draw_run_figures(folder: Path, cfg: ReportConfig, run: DrawnRun) -> tuple[Pa
             for name, figure in figures.items()
             for path in style.save_figure(figure, folder, name, cfg.dpi)
         )
+
+
+__all__ = ["DrawnRun", "draw_run_figures"]

@@ -173,3 +173,6 @@ def _front_legend(figure: Figure, cloud: FloatArray, before: FloatArray, plan: P
         columnspacing=1.2,
         labelspacing=0.35,
     )
+
+
+__all__ = ["accepted_vertices", "front_figure", "judged_risk", "mission_risk_label", "power_of_ten"]

@@ -152,3 +152,6 @@ def risk_percent(probability: float) -> str:
         raised = str(int(power)).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
         return f"{mantissa}·10{raised}\N{NO-BREAK SPACE}%"
     return f"{100 * probability:.2g}\N{NO-BREAK SPACE}%"
+
+
+__all__ = ["plan_figure", "risk_percent"]

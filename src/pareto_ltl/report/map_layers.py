@@ -188,3 +188,22 @@ def draw_endpoints(chart: MapAxes, scene: Scene, plan: Plan | None) -> None:
             zorder=8,
             clip_on=False,
         )
+
+
+__all__ = [
+    "DRAWN_VERTICES",
+    "MapAxes",
+    "draw_covariances",
+    "draw_endpoints",
+    "draw_flights",
+    "draw_graticule",
+    "draw_ground",
+    "draw_lines",
+    "draw_mean_path",
+    "draw_polygons",
+    "draw_trees",
+    "label_position",
+    "length_unit",
+    "map_axes",
+    "tree_edges",
+]

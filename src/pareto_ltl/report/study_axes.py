@@ -105,3 +105,23 @@ def legend_above(figure: Figure, keys: Sequence[Artist], height: float, left: fl
         columnspacing=1.1,
         labelspacing=0.35,
     )
+
+
+__all__ = [
+    "BOUND_COLOUR",
+    "GRID_COLOUR",
+    "LAW_COLOURS",
+    "PROMISE_DASHES",
+    "FigureRow",
+    "column_values",
+    "decade_above",
+    "decade_below",
+    "hide_frame",
+    "law_colour",
+    "law_mark",
+    "laws_of",
+    "legend_above",
+    "rate_tick_text",
+    "save_figures",
+    "scale_rate_axis",
+]

@@ -65,3 +65,6 @@ def _edition() -> str:
     """Digest of the code that makes a table, so that other code does not read its entries."""
     text = b"".join(Path(file).read_bytes() for file in (tabulate.__file__, modes.__file__, gp.__file__))
     return hashlib.sha256(text).hexdigest()
+
+
+__all__ = ["cache_folder", "cached_wind_table"]

@@ -105,3 +105,6 @@ def _table_provenance(
         "area": ", ".join(f"{lon:g} {lat:g}" for lon, lat in ingest.area),
         "files": {file.name: hashlib.sha256(file.read_bytes()).hexdigest() for file in files},
     }
+
+
+__all__ = ["common_nodes", "ingest_readings", "winds_at_nodes"]

@@ -189,3 +189,6 @@ def _read_modes(file: h5netcdf.File) -> WindModes:
         length=np.stack([np.asarray(file[f"{name}_length"][...], float) for name in "uv"], axis=-1),
         energy=np.stack([np.asarray(file[f"{name}_energy"][...], float) for name in "uv"], axis=-1),
     )
+
+
+__all__ = ["read_netcdf", "write_netcdf"]

@@ -138,3 +138,6 @@ def _readings_for_fit(cfg: WindConfig, centre: FloatArray, points: FloatArray, g
         return np.sort(np.argsort(gap, kind="stable")[: cfg.max_points])
     first = int(np.argmin(np.sum((points[inside] - centre) ** 2, axis=1)))
     return np.sort(inside[farthest_points(points[inside], cfg.max_points, first)])
+
+
+__all__ = ["FEWEST_READINGS", "observe_wind", "project_readings"]

@@ -125,3 +125,6 @@ class WindField:
         require_shape("gust_var", self.gust_var, len(self.times), 2)
         if self.modes is not None and len(self.modes.psi) != len(self.times):
             raise ValueError(f"modes must have {len(self.times)} slots, got {len(self.modes.psi)}")
+
+
+__all__ = ["WindField", "WindModes", "WindObservations"]

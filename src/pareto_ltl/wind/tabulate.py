@@ -82,3 +82,6 @@ def tabulate_wind(task: WindTask, edition: str = "") -> WindTable:
         "rho": modes.error_persistence(posterior),
         "length": np.array([[h.length for h in pair] for pair in posterior.hyper]),
     }
+
+
+__all__ = ["NodeLattice", "WindTable", "WindTask", "tabulate_wind"]

@@ -43,3 +43,6 @@ class Scene:
         require_shape("start", self.start, 2)
         for polygon in (*self.regions.values(), *self.obstacles, *self.landmarks):
             require_shape("polygon", polygon, None, 2)
+
+
+__all__ = ["Scene"]

@@ -183,3 +183,6 @@ def _check_overlaps(
                     f"{sketch.where}: {what} overlaps region {names[hit]!r} at {sketch.show(at)}; "
                     f"they may touch, not overlap: cut the obstacle out of the region, or move one"
                 )
+
+
+__all__ = ["checked_scene"]

@@ -69,3 +69,6 @@ def _sketch_settings(cfg: SceneConfig) -> SceneSketch:
         crs=projection.local_plane(*cfg.centre) if cfg.centre is not None else None,
         landmarks=tuple(read_outlines(where, "landmark", numbered_outlines(cfg.landmarks), metres)),
     )
+
+
+__all__ = ["scene_from_settings"]

@@ -120,3 +120,6 @@ def _number_array(value: Any) -> FloatArray | None:
 
 def _typed_text(value: Any) -> str:
     return str(value.tolist() if isinstance(value, np.ndarray) else value)
+
+
+__all__ = ["SceneSketch", "numbered_outlines", "read_bounds", "read_corners", "read_outlines", "read_start"]

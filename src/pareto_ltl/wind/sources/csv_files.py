@@ -127,3 +127,6 @@ def _refuse_duplicates(stamps: FloatArray, points: FloatArray, owners: list[str]
 
 
 _cached_seconds = lru_cache(maxsize=4096)(seconds)  # many rows share few times
+
+
+__all__ = ["read_csv_files", "replace_text", "write_csv_table"]

@@ -211,3 +211,6 @@ def _import_eccodes(file: Path) -> Any:
             f"reading GRIB ({file}) needs ecCodes: pip install 'pareto-ltl[grib]', or use wind.source=csv"
         ) from None
     return eccodes
+
+
+__all__ = ["first_grib_time", "read_grib_files"]
