@@ -59,8 +59,8 @@ def test_time_a_vertex_at_a_million(benchmark, problem):
 def test_first_accepted_path(benchmark, problem):
     """One tree per repetition, each with another seed.
 
-    Not every seed finds a path: a tree whose first vertices in a region are late may reach the end of the wind
-    data.
+    Not every seed finds a path: if the first vertices in a region are late, the tree may reach the end of the
+    wind data.
     """
     cfg = PlannerConfig(trees=1, n_max=10_000)
     seeds, found = iter(SeedSequence(0).spawn(1000)), []

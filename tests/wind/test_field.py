@@ -20,6 +20,7 @@ from pareto_ltl.wind.fit_cache import _warn_once
 from pareto_ltl.wind.netcdf import read_netcdf, write_netcdf
 from pareto_ltl.wind.observations import observe_wind
 from pareto_ltl.wind.records import WindField, WindObservations
+from pareto_ltl.wind.tabulate import NodeLattice
 from pareto_ltl.world import projection
 from pareto_ltl.world.scene import Scene
 
@@ -80,6 +81,12 @@ def test_the_lattice_covers_the_scene_and_resolves_it(width, height):
     assert (end - scene.bounds[1] <= padding + spacing).all()
     assert spacing <= max(width, height) / 20
     assert max(shape) <= 402
+
+
+def test_nodes_are_listed_from_the_origin_with_y_fastest():
+    lattice = NodeLattice(np.array([1.0, 2.0]), 0.5, (2, 3))
+    expected = [[1.0, 2.0], [1.0, 2.5], [1.0, 3.0], [1.5, 2.0], [1.5, 2.5], [1.5, 3.0]]
+    np.testing.assert_array_equal(lattice.nodes(), expected)
 
 
 def test_the_packaged_missions_get_25_km():

@@ -11,7 +11,7 @@ import pytest
 import yaml
 
 from noaa import NOAA, ROOT, needs_noaa
-from pareto_ltl.settings import IngestConfig, WindConfig
+from pareto_ltl.settings import WIND_SOURCES, IngestConfig, WindConfig
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.wind import sources
 from pareto_ltl.wind.ingest import ingest_readings
@@ -44,6 +44,10 @@ def write(path, lines, header="time,lat,lon,u,v"):
 
 def read(cfg, where=None):
     return observe_wind(cfg, where or scene())
+
+
+def test_every_source_of_the_settings_has_a_reader():
+    assert {*sources.SOURCE_FORMATS, "calm"} == set(WIND_SOURCES)
 
 
 # --- frames and clocks
@@ -288,7 +292,7 @@ def message(eccodes, short, values, hour=0, step=0, level=10, **extra):
 
 @pytest.fixture
 def eccodes():
-    pytest.importorskip("pyproj")  # first: see wind/grib.py
+    pytest.importorskip("pyproj")  # first: see wind/sources/grib_files.py
     return pytest.importorskip("eccodes", reason="the extra `grib` is not installed")
 
 

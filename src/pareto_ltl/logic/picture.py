@@ -73,14 +73,14 @@ def draw_automaton(
 
     head: dict[str, Any] = {"arrowstyle": "-|>", "mutation_scale": 11, "lw": 1.0}
     for q, (x, y) in enumerate(place):
-        color = (
+        colour = (
             GOAL_COLOUR if automaton.accepting[q] else TRAP_COLOUR if q == automaton.trap else STATE_COLOUR
         )
         style = "--" if q == automaton.trap else "-"
-        axes.add_patch(Circle((x, y), STATE_RADIUS, fill=False, ec=color, ls=style, lw=1.3))
+        axes.add_patch(Circle((x, y), STATE_RADIUS, fill=False, ec=colour, ls=style, lw=1.3))
         if automaton.accepting[q]:
-            axes.add_patch(Circle((x, y), STATE_RADIUS - 0.06, fill=False, ec=color, lw=1.0))
-        axes.text(x, y, str(q), ha="center", va="center", color=color, fontsize=10)
+            axes.add_patch(Circle((x, y), STATE_RADIUS - 0.06, fill=False, ec=colour, lw=1.0))
+        axes.text(x, y, str(q), ha="center", va="center", color=colour, fontsize=10)
     x, y = place[automaton.initial]
     axes.add_patch(
         FancyArrowPatch(
@@ -94,10 +94,10 @@ def draw_automaton(
     )
     taken = _OccupiedBoxes(place)
     for (p, q), text in texts.items():
-        color = TRAP_COLOUR if q == automaton.trap else STATE_COLOUR
+        colour = TRAP_COLOUR if q == automaton.trap else STATE_COLOUR
         curve = _loop_edge(place[p]) if p == q else _bent_edge(place, p, q, (q, p) in texts)
-        axes.add_patch(FancyArrowPatch(path=_curve_path(curve), color=color, **head))
-        font = {"ha": "center", "va": "center", "fontsize": 7.5, "color": color}
+        axes.add_patch(FancyArrowPatch(path=_curve_path(curve), color=colour, **head))
+        font = {"ha": "center", "va": "center", "fontsize": 7.5, "color": colour}
         box = {"boxstyle": "round,pad=0.15", "fc": "white", "ec": "none"}
         said = _wrapped_formula(text, 22)
         spot = taken.spot(curve, said, p == q)
