@@ -22,7 +22,6 @@ from pareto_ltl.logic.dfa import MAX_ENTRIES, TransitionTable
 from pareto_ltl.support.arrays import BoolArray, IntArray
 from pareto_ltl.support.errors import DataError
 
-_KNOWN_HEADERS = ("HOA", "States", "Start", "AP", "Alias", "Acceptance")
 _HOA_PATTERN = re.compile(
     r'\s+|(?P<string>"(?:[^"\\]|\\.)*")|(?P<mark>--(?:BODY|END|ABORT)--)|(?P<head>[A-Za-z_][\w-]*:)'
     r"|(?P<alias>@[\w-]+)|(?P<int>\d+)|(?P<word>[A-Za-z_][\w-]*)|(?P<sign>[][{}()!&|])",

@@ -27,7 +27,7 @@ from pareto_ltl.support.arrays import FloatArray
 COLUMN_WIDTH, PAGE_WIDTH = 3.5, 7.16  # widths of a column and of a page [in]
 
 BLACK, ORANGE, SKY, GREEN = "#000000", "#E69F00", "#56B4E9", "#009E73"
-YELLOW, BLUE, VERMILLION, PURPLE = "#F0E442", "#0072B2", "#D55E00", "#CC79A7"
+BLUE, VERMILLION, PURPLE = "#0072B2", "#D55E00", "#CC79A7"
 FLIGHT_COLOURS = (ORANGE, PURPLE)  # one per wind law
 INK, STONE, MIST = "#333333", "#8C8C8C", "#B8B8B8"
 

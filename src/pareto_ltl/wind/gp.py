@@ -18,7 +18,7 @@ from pareto_ltl.wind.records import WindObservations
 # a length of 470 km, an amplitude of 3 m/s and a noise of 1.5 m/s.
 START_LENGTH, START_AMPLITUDE, START_NOISE = 0.45, 0.9, 0.45
 NORMAL_QUANTILE_95 = (
-    1.6448536269514722  # a normal variable lies within ± this many standard deviations with 90 %
+    1.6448536269514722  # 90 % of a normal variable lie within ± this many standard deviations
 )
 RELATIVE_JITTER = 1e-10  # added noise variance over amplitude², for the Cholesky factor
 
