@@ -1,4 +1,4 @@
-"""Smoothing budgets: a warm convex solve in 10 ms, a path of 100 steps past 10 obstacles in 150 ms.
+"""Smoothing budgets: a repeated convex solve in 10 ms, 100 steps past 10 obstacles in 150 ms.
 
 python -m pytest benchmarks/bench_smoothing.py
 """
@@ -17,7 +17,7 @@ from pareto_ltl.settings import PlannerConfig, RobotConfig, SceneConfig, Smoothi
 from pareto_ltl.support.resources import folder
 from pareto_ltl.wind.records import WindField
 from pareto_ltl.world import cells as workspace
-from pareto_ltl.world.scene_files import read_scene
+from pareto_ltl.world.scene_settings import scene_from_settings
 
 FORMULAS = {"phi1": "F(a & F b & F c)", "phi2": "F(a & F(b & F c)) | F(a & F(d & F c))"}
 DT = 600.0  # [s] steps short enough for about 100 of them
@@ -40,7 +40,7 @@ def wind(speed, variance):
 
 def planned(mission, dt, speed, variance):
     """The problem and the front of its trees."""
-    scene = read_scene(
+    scene = scene_from_settings(
         SceneConfig(**yaml.safe_load((folder("conf") / "scene" / f"{mission}.yaml").read_text()))
     )
     cells = workspace.decompose(scene)
@@ -54,7 +54,7 @@ def planned(mission, dt, speed, variance):
 
 @pytest.fixture(scope="module")
 def long():
-    """A line of about 100 steps on the map with 10 obstacles, and its programme, warm."""
+    """A path of about 100 steps on the map with 10 obstacles, and its convex programme, solved once."""
     task, paths = planned("phi2", DT, 5.0, 1.5)
     x = smoothing.shortened(task, paths[0].x)
     assert 95 <= len(x) - 1 <= 110, f"the budgets speak of 100 steps, this line has {len(x) - 1}: change DT"
@@ -72,7 +72,7 @@ def test_a_warm_convex_solve(benchmark, long):
 
 @pytest.mark.parametrize("weights", [(10.0,), (100.0, 10.0, 1.0)], ids=["one weight", "three weights"])
 def test_a_path_of_100_steps_past_10_obstacles(benchmark, long, weights):
-    """Everything that one tree path goes through: pulled, walked, bent, shortened, bent again."""
+    """All iterations of the smoothing of one path of a tree."""
     task, paths, _, model = long
     length = paths[0].objectives.length
 

@@ -8,8 +8,9 @@ from pareto_ltl.planning import growth, problem, selection
 from pareto_ltl.planning import refine as smoothing
 from pareto_ltl.simulation import flights as deployment
 from pareto_ltl.wind import field, sources
+from pareto_ltl.wind.observations import observe_wind
 from pareto_ltl.world import cells as workspace
-from pareto_ltl.world.scene_files import read_scene
+from pareto_ltl.world.scene_settings import scene_from_settings as read_scene
 
 cfg = config.Settings(
     scene=config.SceneConfig(
@@ -25,8 +26,8 @@ cfg = config.Settings(
     ),
     planner=config.PlannerConfig(trees=4, n_max=1500),
 )
-world = read_scene(cfg.scene, sources.first_time(cfg.wind))
-wind = field.wind(cfg.wind, sources.observations(cfg.wind, world), world)
+world = read_scene(cfg.scene, sources.first_wind_time(cfg.wind))
+wind = field.fit_wind_field(cfg.wind, observe_wind(cfg.wind, world), world)
 cells = workspace.decompose(world)
 mission = logic.translate("F(a & F b)", cells.letters)
 task = problem.build(cfg.robot, cfg.planner, cfg.wind, world, wind, cells, mission)

@@ -49,7 +49,7 @@ def test_the_python_example_reports_a_promise_and_what_came_of_it(tmp_path):
 
 def test_the_map_of_the_examples_is_read():
     from pareto_ltl.settings import SceneConfig
-    from pareto_ltl.world.scene_files import read_scene
+    from pareto_ltl.world.scene_settings import scene_from_settings as read_scene
 
     scene = read_scene(SceneConfig(file=str(ROOT / "examples" / "ozarks.geojson")), None)
     assert set(scene.regions) == {"springfield", "cairo", "memphis"}

@@ -23,7 +23,9 @@ from pareto_ltl.settings import (
 from pareto_ltl.simulation import acceptance
 from pareto_ltl.simulation import flights as deployment
 from pareto_ltl.support.errors import ConfigError, DataError
-from pareto_ltl.world.scene_files import from_dict, read_scene, to_dict
+from pareto_ltl.world.scene_files import scene_from_dict as from_dict
+from pareto_ltl.world.scene_files import scene_to_dict as to_dict
+from pareto_ltl.world.scene_settings import scene_from_settings as read_scene
 from problems import KM, box, make_problem, make_scene, smooth_wind
 
 ROBOT = RobotConfig(dt=100.0, u_max=10.0)

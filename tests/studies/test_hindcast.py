@@ -20,7 +20,7 @@ from pareto_ltl.studies import hindcast
 from pareto_ltl.studies import random_missions as missions
 from pareto_ltl.studies import true_fields as nature
 from pareto_ltl.support.errors import ConfigError, DataError
-from pareto_ltl.wind import sources
+from pareto_ltl.wind.observations import project_readings
 from pareto_ltl.wind.readings import Readings, iso
 from pareto_ltl.wind.records import WindField
 from pareto_ltl.world import projection
@@ -51,7 +51,7 @@ def readings(hours=(0, 3, 6, 9), lonlat=None, winds=None) -> Readings:
 
 def scene(lat=40.0, lon=-100.0, side=600e3) -> Scene:
     bounds = side / 2 * np.array([[-1.0, -1.0], [1.0, 1.0]])
-    return Scene(bounds, np.zeros(2), {}, (), projection.plane(lat, lon), iso(START))
+    return Scene(bounds, np.zeros(2), {}, (), projection.local_plane(lat, lon), iso(START))
 
 
 # --- full fields -----------------------------------------------------------------------------
@@ -85,7 +85,7 @@ def test_fields_are_turned_into_the_plane_as_readings_are() -> None:
     full, here = readings(), scene()
     near = np.abs(full.points[0][:, 0] - 260) + np.abs(full.points[0][:, 1] - 40) < 5
     nodes, winds = full.points[1][near], full.winds[1][near]
-    points, turned = sources._project(str(here.crs), np.zeros(2), nodes, winds)
+    points, turned = project_readings(str(here.crs), np.zeros(2), nodes, winds)
     found = nature.at_times(full, here, np.array([10800.0]), points)[0]
     np.testing.assert_allclose(found, turned, atol=1e-6)
     assert np.abs(found - winds).max() > 0.01  # the turn is visible

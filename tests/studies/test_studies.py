@@ -335,11 +335,12 @@ def test_steps_cannot_be_cut_where_the_motion_has_dynamics_of_its_own(
 def test_every_study_draws_its_figures(
     cfg: Settings, world: dict[str, Any], compared: Study, converged: Study, tmp_path: Path
 ) -> None:
-    from pareto_ltl.report import study_figures as report
+    from pareto_ltl.report.study_comparison import draw_comparison
+    from pareto_ltl.report.study_convergence import draw_convergence
 
     drawn = [
-        *report.draw_comparison(tmp_path, cfg.report, world["scene"], world["decomposition"], compared),
-        *report.draw_convergence(tmp_path, cfg.report, converged),
+        *draw_comparison(tmp_path, cfg.report, world["scene"], world["decomposition"], compared),
+        *draw_convergence(tmp_path, cfg.report, converged),
     ]
     assert {path.name for path in drawn} == {
         f"{name}.{kind}" for name in ("figure1", "outcomes", "figure2") for kind in ("png", "svg")

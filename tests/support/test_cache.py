@@ -17,22 +17,22 @@ FIT = """
 import sys
 import numpy as np
 from pareto_ltl.settings import SceneConfig, WindConfig
-from pareto_ltl.world.scene_files import read_scene
+from pareto_ltl.world.scene_settings import scene_from_settings as read_scene
 from pareto_ltl.wind.records import WindObservations
 from pareto_ltl.wind import field, gp as regression
 
-whole = regression.fit
+whole = regression.fit_posterior
 def noted(cfg, seen):
     with open("fits.txt", "a") as file:
         file.write("fit\\n")
     return whole(cfg, seen)
-regression.fit = noted
+regression.fit_posterior = noted
 place = {"a": [[5e5, 5e5], [6e5, 5e5], [5e5, 6e5]]}
 scene = read_scene(SceneConfig(bounds=[[0, 0], [1e6, 1e6]], start=[1e5, 1e5], regions=place), None)
 rng = np.random.default_rng(int(sys.argv[1]))
 points = rng.uniform(0, 1e6, (30, 2))
 seen = WindObservations(np.zeros(1), (points,), (rng.normal(0, 3, (30, 2)),), "made up")
-print(repr(float(field.wind(WindConfig(), seen, scene).mean.sum())))
+print(repr(float(field.fit_wind_field(WindConfig(), seen, scene).mean.sum())))
 """
 
 

@@ -12,7 +12,10 @@ import numpy as np
 from pareto_ltl.logic import hoa
 from pareto_ltl.logic import picture as draw
 from pareto_ltl.logic.automaton import Automaton, show_letter, translate
-from pareto_ltl.logic.formula import Formula, caret, parse, positive
+from pareto_ltl.logic.formula import Formula
+from pareto_ltl.logic.formula import caret_lines as caret
+from pareto_ltl.logic.formula import parse_formula as parse
+from pareto_ltl.logic.formula import positive_normal_form as positive
 from pareto_ltl.support.errors import ConfigError, FormulaError, ParetoLtlError
 
 
@@ -31,11 +34,11 @@ def main(argv: list[str]) -> int:
         automaton = translate(text, _letters(tree, options), options.max_states)
         print("\n".join(describe(tree, automaton)))
         if options.dot:
-            _save(options.dot, draw.dot(automaton))
+            _save(options.dot, draw.dot_text(automaton))
         if options.hoa:
-            _save(options.hoa, hoa.dumps(automaton))
+            _save(options.hoa, hoa.hoa_text(automaton))
         if options.picture:
-            draw.picture(automaton, options.picture)
+            draw.save_picture(automaton, options.picture)
     except SystemExit as leave:  # --help
         return int(leave.code or 0)
     except (ParetoLtlError, OSError, ValueError) as error:

@@ -81,7 +81,8 @@ def _check_mission(settings: Settings, wanted: set[str]) -> None:
         )
     if "automaton" not in wanted or settings.mission.automaton:
         return
-    from pareto_ltl.logic.formula import parse, positive
+    from pareto_ltl.logic.formula import parse_formula as parse
+    from pareto_ltl.logic.formula import positive_normal_form as positive
     from pareto_ltl.logic.patterns import formula_of
 
     formula = formula_of(settings.mission)

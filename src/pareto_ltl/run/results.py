@@ -143,13 +143,13 @@ def _inside(place: Path | str, name: str) -> Path:
 
 
 def write_scene(directory: Path, scene: Scene) -> None:
-    from pareto_ltl.world.scene_files import to_dict
+    from pareto_ltl.world.scene_files import scene_to_dict as to_dict
 
     write_json(directory / "scene.json", to_dict(scene))
 
 
 def read_scene(place: Path | str) -> Scene:
-    from pareto_ltl.world.scene_files import from_dict
+    from pareto_ltl.world.scene_files import scene_from_dict as from_dict
 
     path = _inside(place, "scene.json")
     content = read_json(path)
@@ -179,7 +179,7 @@ def _polygons(lists: list[Any]) -> tuple[NDArray[np.float64], ...]:
 
 
 def write_automaton(directory: Path, automaton: Automaton) -> None:
-    from pareto_ltl.logic.hoa import dumps
+    from pareto_ltl.logic.hoa import hoa_text as dumps
 
     content = {
         "formula": automaton.formula,
@@ -196,14 +196,14 @@ def write_automaton(directory: Path, automaton: Automaton) -> None:
 
 def write_wind(directory: Path, wind: WindField) -> None:
     """With the scene beside it, where there is one, the file's clock and projection are named too."""
-    from pareto_ltl.wind.field import to_netcdf
+    from pareto_ltl.wind.netcdf import write_netcdf as to_netcdf
 
     scene = read_scene(directory) if (directory / "scene.json").is_file() else None
     to_netcdf(wind, directory / "wind.nc", scene)
 
 
 def read_wind(place: Path | str) -> WindField:
-    from pareto_ltl.wind.field import from_netcdf
+    from pareto_ltl.wind.netcdf import read_netcdf as from_netcdf
 
     return from_netcdf(_inside(place, "wind.nc"))
 

@@ -62,18 +62,18 @@ def ingredient(make: Callable[..., Any]) -> Callable[..., Any]:
 
 @ingredient
 def scene(scene_cfg: SceneConfig, mission_cfg: MissionConfig, wind_cfg: WindConfig) -> Scene:
-    from pareto_ltl.wind.sources import first_time
-    from pareto_ltl.world.random_maps import populated
-    from pareto_ltl.world.scene_files import read_scene
+    from pareto_ltl.wind.sources import first_wind_time as first_time
+    from pareto_ltl.world.random_maps import add_random_places as populated
+    from pareto_ltl.world.scene_settings import scene_from_settings as read_scene
 
     return read_scene(populated(scene_cfg), mission_cfg.start_time or first_time(wind_cfg))
 
 
 @stage
 def observations(wind_cfg: WindConfig, scene: Scene) -> WindObservations:
-    from pareto_ltl.wind import sources
+    from pareto_ltl.wind.observations import observe_wind
 
-    return sources.observations(wind_cfg, scene)
+    return observe_wind(wind_cfg, scene)
 
 
 @stage
@@ -81,7 +81,7 @@ def wind(settings: Settings, wind_cfg: WindConfig, observations: WindObservation
     from pareto_ltl.wind import field
 
     horizon = settings.planner.max_steps * settings.robot.dt
-    return field.wind(wind_cfg, observations, scene, horizon)
+    return field.fit_wind_field(wind_cfg, observations, scene, horizon)
 
 
 @stage
@@ -101,7 +101,7 @@ def automaton(
 
     letters = {*decomposition.letters, frozenset[str]()}
     result = automaton_of(mission_cfg, letters, logic_cfg.max_states, scene.regions)
-    if cut_off := workspace.check_mission(decomposition, scene, result.atoms):
+    if cut_off := workspace.unreachable_regions(decomposition, scene, result.atoms):
         log.warning("no way on the map leads from the start to %s", ", ".join(cut_off))
     return result
 
@@ -224,16 +224,16 @@ def report(
     """Pictures of what there is: a mission that failed shows how far its trees came."""
     if not report_cfg.figures:
         return ()
-    from pareto_ltl.report.plan_figures import draw
+    from pareto_ltl.report.figures import DrawnRun, draw_run_figures
 
-    folder = directory / "figures"
-    return draw(folder, report_cfg, scene, decomposition, wind, forest, front, plan, deployment)
+    run = DrawnRun(scene, decomposition, wind, forest, front, plan, deployment or {})
+    return draw_run_figures(directory / "figures", report_cfg, run)
 
 
 @stage
 def table(wind_cfg: WindConfig, ingest_cfg: IngestConfig) -> Path:
     """The wind table of ``pipelines=ingest``; its path counts from the current folder."""
-    from pareto_ltl.wind.sources import ingest
+    from pareto_ltl.wind.ingest import ingest_readings as ingest
 
     return ingest(wind_cfg, ingest_cfg, Path(ingest_cfg.out))
 

@@ -31,9 +31,11 @@ from pareto_ltl.studies.records import Study
 from pareto_ltl.studies.tables import Row, markdown, number, percent, share, with_interval
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError, InfeasibleError
-from pareto_ltl.wind import grib, sources
+from pareto_ltl.wind import sources
+from pareto_ltl.wind.ingest import common_nodes, winds_at_nodes
 from pareto_ltl.wind.readings import Readings, iso
 from pareto_ltl.wind.records import WindField
+from pareto_ltl.wind.sources.grib_files import read_grib_files
 
 RIM = 4.0  # readings are kept so far outside ``hindcast.area``, for scenes at its edge [deg]
 NORMAL_90 = 1.6448536269514722  # a standard normal stays within with probability 0.9
@@ -51,7 +53,7 @@ def study(settings: Settings, directory: Path, progress: Progress | None = None)
     """Plan and fly ``hindcast.missions`` missions."""
     cfg = settings.hindcast
     files = full_fields(cfg.truth, nature.folder(cfg))
-    readings = grib.read(files, settings.wind.max_speed)
+    readings = read_grib_files(files, settings.wind.max_speed)
     spells = tuple(nature.spells(readings, cfg))
     tables = {spell.name: thinned(settings, readings, spell, directory) for spell in spells}
     context = Context(settings, readings, tables, spells)
@@ -63,7 +65,7 @@ def study(settings: Settings, directory: Path, progress: Progress | None = None)
 
 def full_fields(asked: str | None, folder: Path) -> tuple[Path, ...]:
     """The data files of the folder."""
-    files = tuple(sorted(f for f in folder.iterdir() if f.is_file() and sources._is_data(f)))
+    files = tuple(sorted(f for f in folder.iterdir() if f.is_file() and sources.is_data_file(f)))
     if not files:
         raise DataError(f"hindcast.truth={asked or folder}: the folder holds no GRIB2 file")
     return files
@@ -86,10 +88,10 @@ def thinned(settings: Settings, readings: Readings, spell: nature.Spell, directo
     outline = [list(map(float, corner)) for corner in rim.exterior.coords[:-1]]
     out = directory / f"readings_{spell.name}.csv"
     kept = np.arange(spell.first, spell.last + 1)
-    nodes = sources._common_nodes(readings, kept, IngestConfig(points=cfg.points, area=outline))
+    nodes = common_nodes(readings, kept, IngestConfig(points=cfg.points, area=outline))
     lines = ["time,lat,lon,u,v"]
     for k in kept:
-        winds = sources._winds_at(readings, int(k), nodes)
+        winds = winds_at_nodes(readings, int(k), nodes)
         lines += [
             f"{iso(readings.times[k])},{lat:g},{lon:g},{u:.2f},{v:.2f}"
             for (lon, lat), (u, v) in zip(nodes.tolist(), winds.tolist(), strict=True)

@@ -83,7 +83,7 @@ def comparison_figures(
 ) -> tuple[Path, ...]:
     if not report_cfg.figures:
         return ()
-    from pareto_ltl.report.study_figures import draw_comparison
+    from pareto_ltl.report.study_comparison import draw_comparison
 
     return draw_comparison(directory / "figures", report_cfg, scene, decomposition, comparison)
 
@@ -92,7 +92,7 @@ def comparison_figures(
 def convergence_figures(report_cfg: ReportConfig, directory: Path, convergence: Study) -> tuple[Path, ...]:
     if not report_cfg.figures:
         return ()
-    from pareto_ltl.report.study_figures import draw_convergence
+    from pareto_ltl.report.study_convergence import draw_convergence
 
     return draw_convergence(directory / "figures", report_cfg, convergence)
 
@@ -101,7 +101,7 @@ def convergence_figures(report_cfg: ReportConfig, directory: Path, convergence: 
 def ablation_figures(report_cfg: ReportConfig, directory: Path, ablation: Study) -> tuple[Path, ...]:
     if not report_cfg.figures:
         return ()
-    from pareto_ltl.report.study_figures import draw_ablation
+    from pareto_ltl.report.study_ablation import draw_ablation
 
     return draw_ablation(directory / "figures", report_cfg, ablation)
 
@@ -110,7 +110,7 @@ def ablation_figures(report_cfg: ReportConfig, directory: Path, ablation: Study)
 def hindcast_figures(report_cfg: ReportConfig, directory: Path, hindcast: Study) -> tuple[Path, ...]:
     if not report_cfg.figures:
         return ()
-    from pareto_ltl.report.study_figures import draw_hindcast
+    from pareto_ltl.report.study_hindcast import draw_hindcast
 
     return draw_hindcast(directory / "figures", report_cfg, hindcast)
 

@@ -1,4 +1,4 @@
-"""The map of a mission."""
+"""The record of a map."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pareto_ltl.support.arrays import FloatArray, require_shape
 
 @dataclass(frozen=True, slots=True)
 class Scene:
-    """A map: where the robot starts, what it must visit and what it must not touch.
+    """A map: start of the robot, regions to visit, obstacles not to touch.
 
     Attributes
     ----------
@@ -23,11 +23,11 @@ class Scene:
     obstacles : tuple of (n, 2) float
         Simple polygons, counter-clockwise [m].
     landmarks : tuple of (n, 2) float
-        Convex polygons in which the robot learns its position [m] (fidelity=full).
+        Convex polygons in which the robot gets a position fix [m].
     crs : str or None
-        PROJ string of the plane; None for a plane that lies nowhere on Earth.
+        PROJ string of the plane; None for a plane without position on Earth.
     time_zero : str or None
-        Departure, ISO 8601 UTC; times everywhere else are seconds since then.
+        Departure, ISO 8601 UTC; all other times are seconds since then.
     """
 
     bounds: FloatArray
@@ -43,3 +43,6 @@ class Scene:
         require_shape("start", self.start, 2)
         for polygon in (*self.regions.values(), *self.obstacles, *self.landmarks):
             require_shape("polygon", polygon, None, 2)
+
+
+__all__ = ["Scene"]

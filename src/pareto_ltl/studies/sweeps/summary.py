@@ -143,7 +143,7 @@ def _figure(summary: Summary, out: Path) -> str | None:
     figure = chosen(summary)
     if figure is None:
         return None
-    from pareto_ltl.report.sweep_figures import draw
+    from pareto_ltl.report.sweep_figures import draw_sweep_figure as draw
 
     series = points(summary, figure)
     folder = out / "figures"

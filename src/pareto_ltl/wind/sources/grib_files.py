@@ -1,7 +1,7 @@
-"""Wind 10 m above ground from GRIB files (GFS, NAM, RAP, HRRR...), by ecCodes.
+"""Wind 10 m above ground from GRIB files (GFS, NAM, RAP, HRRR), read with ecCodes.
 
-Messages are decoded one by one rather than through cfgrib, which loses a component of a truncated file
-with no more than a log line.
+ecCodes decodes the messages one by one. cfgrib drops a component of a truncated file and reports this in its
+log only.
 """
 
 from __future__ import annotations
@@ -17,29 +17,29 @@ import numpy as np
 
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.wind.readings import Readings, check, iso, wrap
-from pareto_ltl.world.projection import convergence, turn
+from pareto_ltl.wind.readings import Readings, check_readings, iso, wrap_longitude
+from pareto_ltl.world.projection import meridian_convergence, rotate_vectors
 
-COMPONENTS = {"10u": "u", "u": "u", "10v": "v", "v": "v"}
+WIND_COMPONENTS = {"10u": "u", "u": "u", "10v": "v", "v": "v"}
 
 
 @dataclass(frozen=True, slots=True)
-class _Field:
-    """One component at one time: where it came from and, unless only headers were read, its values."""
+class _GribField:
+    """One wind component at one time; ``lonlat`` and ``values`` are empty if only the header was read."""
 
     component: str
-    time: float  # valid at [s since 1970]
-    lead: float  # ... which is so long after the start of the forecast [s]
+    time: float  # validity [s since 1970]
+    lead: float  # validity minus start of the forecast [s]
     file: Path
     lonlat: FloatArray  # (N, 2) [deg]
     values: FloatArray  # (N,) [m/s]
     twist: FloatArray | None  # (N,) from grid north to true north [rad]; None where winds are earth-relative
 
 
-def read(files: tuple[Path, ...], max_speed: float) -> Readings:
-    """Read every time the files hold; where two forecasts reach one time, the later one counts."""
-    pairs: dict[float, dict[float, dict[str, _Field]]] = {}
-    for field in _fields(files, values=True):
+def read_grib_files(files: tuple[Path, ...], max_speed: float) -> Readings:
+    """The 10 m wind of every time in ``files``; of several forecasts for one time, the latest."""
+    pairs: dict[float, dict[float, dict[str, _GribField]]] = {}
+    for field in _grib_fields(files, values=True):
         pair = pairs.setdefault(field.time, {}).setdefault(field.lead, {})
         if field.component in pair:
             raise DataError(
@@ -49,24 +49,24 @@ def read(files: tuple[Path, ...], max_speed: float) -> Readings:
         pair[field.component] = field
     times = sorted(pairs)
     best = [pairs[time][min(pairs[time])] for time in times]
-    merged = [_merge(pair, max_speed) for pair in best]
+    merged = [_join_components(pair, max_speed) for pair in best]
     return Readings(
         times=np.array(times),
         points=tuple(points for points, _ in merged),
         winds=tuple(winds for _, winds in merged),
         geographic=True,
         files=files,
-        remarks=tuple(_remark(min(pairs[time])) for time in times),
+        remarks=tuple(_lead_text(min(pairs[time])) for time in times),
         origins=tuple(tuple({field.file: None for field in pair.values()}) for pair in best),
     )
 
 
-def first_time(files: tuple[Path, ...]) -> float:
-    """The first time [s since 1970], from the headers alone."""
-    return min(field.time for field in _fields(files, values=False))
+def first_grib_time(files: tuple[Path, ...]) -> float:
+    """The first time [s since 1970], from the headers of the messages."""
+    return min(field.time for field in _grib_fields(files, values=False))
 
 
-def _merge(pair: dict[str, _Field], max_speed: float) -> tuple[FloatArray, FloatArray]:
+def _join_components(pair: dict[str, _GribField], max_speed: float) -> tuple[FloatArray, FloatArray]:
     """Points (N, 2) [deg] and earth-relative winds (N, 2) [m/s] of one time."""
     some = next(iter(pair.values()))
     missing = {"u", "v"} - set(pair)
@@ -79,24 +79,26 @@ def _merge(pair: dict[str, _Field], max_speed: float) -> tuple[FloatArray, Float
     if u.lonlat.shape != v.lonlat.shape or not np.array_equal(u.lonlat, v.lonlat):
         raise DataError(f"wind file {some.file}: u and v at {iso(some.time)} are on different grids")
     winds = np.stack([u.values, v.values], axis=1)
-    here = np.isfinite(winds).all(axis=1)  # a bitmap marks nodes outside the model's domain
-    winds = winds if u.twist is None else turn(winds, -u.twist)
-    check(u.lonlat[here], winds[here], True, max_speed, lambda _: f"wind file {u.file}, {iso(u.time)}")
+    here = np.isfinite(winds).all(axis=1)  # nodes outside the domain of the model are missing
+    winds = winds if u.twist is None else rotate_vectors(winds, -u.twist)
+    check_readings(
+        u.lonlat[here], winds[here], True, max_speed, lambda _: f"wind file {u.file}, {iso(u.time)}"
+    )
     return u.lonlat[here], winds[here]
 
 
-def _fields(files: tuple[Path, ...], values: bool) -> Iterator[_Field]:
-    """The 10 m wind components in ``files``; every file must have some."""
-    eccodes = _eccodes(files[0])
-    grids: dict[str, tuple[FloatArray, FloatArray | None]] = {}  # decoded once for each distinct grid
+def _grib_fields(files: tuple[Path, ...], values: bool) -> Iterator[_GribField]:
+    """The 10 m wind components in ``files``; a file without any is an error."""
+    eccodes = _import_eccodes(files[0])
+    grids: dict[str, tuple[FloatArray, FloatArray | None]] = {}  # each distinct grid is decoded once
     for file in files:
         found = False
-        with _opened(file, eccodes) as stream:
+        with _open_grib(file, eccodes) as stream:
             while (message := eccodes.codes_grib_new_from_file(stream)) is not None:
                 try:
                     if _is_wind_at_10_m(eccodes, message):
                         found = True
-                        yield _decode(eccodes, message, file, grids if values else None)
+                        yield _decode_message(eccodes, message, file, grids if values else None)
                 finally:
                     eccodes.codes_release(message)
         if not found:
@@ -106,10 +108,10 @@ def _fields(files: tuple[Path, ...], values: bool) -> Iterator[_Field]:
 
 
 @contextmanager
-def _opened(file: Path, eccodes: Any) -> Iterator[Any]:
-    """The open file, with ecCodes' failures in our words."""
+def _open_grib(file: Path, eccodes: Any) -> Iterator[Any]:
+    """The open file; errors of ecCodes become DataErrors."""
     try:
-        with file.open("rb", buffering=0) as stream:  # ecCodes reads on from the descriptor's own position
+        with file.open("rb", buffering=0) as stream:  # ecCodes reads from the position of the file descriptor
             head = stream.read(64).lstrip()
             stream.seek(0)
             if not head:
@@ -131,51 +133,52 @@ def _opened(file: Path, eccodes: Any) -> Iterator[Any]:
 def _is_wind_at_10_m(eccodes: Any, message: int) -> bool:
     get = eccodes.codes_get
     return (
-        get(message, "shortName") in COMPONENTS
+        get(message, "shortName") in WIND_COMPONENTS
         and get(message, "typeOfLevel") == "heightAboveGround"
         and get(message, "level") == 10
     )
 
 
-def _decode(
+def _decode_message(
     eccodes: Any, message: int, file: Path, grids: dict[str, tuple[FloatArray, FloatArray | None]] | None
-) -> _Field:
+) -> _GribField:
     get = eccodes.codes_get
     valid, start = (
-        _stamp(get(message, f"{kind}Date"), get(message, f"{kind}Time")) for kind in ("validity", "data")
+        _message_time(get(message, f"{kind}Date"), get(message, f"{kind}Time"))
+        for kind in ("validity", "data")
     )
-    component = COMPONENTS[get(message, "shortName")]
+    component = WIND_COMPONENTS[get(message, "shortName")]
     if grids is None:
-        return _Field(component, valid, valid - start, file, np.empty((0, 2)), np.empty(0), None)
+        return _GribField(component, valid, valid - start, file, np.empty((0, 2)), np.empty(0), None)
     key = str(get(message, "md5GridSection"))
     if key not in grids:
-        grids[key] = _grid(eccodes, message, file)
+        grids[key] = _grid_nodes(eccodes, message, file)
     lonlat, twist = grids[key]
     values = np.array(eccodes.codes_get_values(message), dtype=float)
     if get(message, "bitmapPresent"):
         values[values == get(message, "missingValue", float)] = np.nan
-    return _Field(component, valid, valid - start, file, lonlat, values, twist)
+    return _GribField(component, valid, valid - start, file, lonlat, values, twist)
 
 
-def _grid(eccodes: Any, message: int, file: Path) -> tuple[FloatArray, FloatArray | None]:
-    """Nodes (N, 2) [deg], and the angle from grid north to true north (N,) [rad] if winds follow the grid."""
-    lon = wrap(np.asarray(eccodes.codes_get_array(message, "longitudes"), float))
+def _grid_nodes(eccodes: Any, message: int, file: Path) -> tuple[FloatArray, FloatArray | None]:
+    """Nodes (N, 2) [deg], and the angle (N,) [rad] from grid north to true north for grid-relative winds."""
+    lon = wrap_longitude(np.asarray(eccodes.codes_get_array(message, "longitudes"), float))
     lat = np.asarray(eccodes.codes_get_array(message, "latitudes"), float)
     lonlat = np.stack([lon, lat], axis=1)
     kind = eccodes.codes_get(message, "gridType")
     if not eccodes.codes_get(message, "uvRelativeToGrid") or kind in ("regular_ll", "regular_gg", "mercator"):
-        return lonlat, None  # on these grids the axes are east and north
+        return lonlat, None  # the axes of these grids are east and north
     crs = _grid_crs(lambda name: eccodes.codes_get(message, name, float), kind)
     if crs is None:
         raise DataError(
             f"wind file {file}: winds follow a grid of type {kind}, which cannot be turned to the east; "
             "expected lambert, polar_stereographic or a latitude-longitude grid"
         )
-    return lonlat, convergence(crs, lon, lat)
+    return lonlat, meridian_convergence(crs, lon, lat)
 
 
 def _grid_crs(number: Any, kind: str) -> str | None:
-    """PROJ string of a model's own plane; directions do not depend on the radius of its sphere."""
+    """PROJ string of the plane of the model; directions do not depend on the radius of its sphere."""
     if kind == "lambert":
         return (
             f"+proj=lcc +lat_1={number('Latin1InDegrees')} +lat_2={number('Latin2InDegrees')} "
@@ -189,16 +192,16 @@ def _grid_crs(number: Any, kind: str) -> str | None:
     return None
 
 
-def _stamp(date: int, clock: int) -> float:
+def _message_time(date: int, clock: int) -> float:
     """Seconds since 1970 of YYYYMMDD and HHMM."""
     return datetime.strptime(f"{date:08d}{clock:04d}", "%Y%m%d%H%M").replace(tzinfo=UTC).timestamp()
 
 
-def _remark(lead: float) -> str:
+def _lead_text(lead: float) -> str:
     return "analysis" if lead == 0 else f"{lead / 3600:g} h forecast"
 
 
-def _eccodes(file: Path) -> Any:
+def _import_eccodes(file: Path) -> Any:
     import pyproj  # noqa: F401 - before ecCodes: each brings its own PROJ, and the other order can crash
 
     try:
@@ -210,4 +213,4 @@ def _eccodes(file: Path) -> Any:
     return eccodes
 
 
-__all__ = ["first_time", "read"]
+__all__ = ["first_grib_time", "read_grib_files"]

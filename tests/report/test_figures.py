@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 
 from pareto_ltl.planning.records import Forest, Front, Objectives, Plan, PlannedPath, Tree
-from pareto_ltl.report import plan_figures as figures
+from pareto_ltl.report.figures import DrawnRun, draw_run_figures
+from pareto_ltl.report.front import front_figure
 from pareto_ltl.settings import ReportConfig
 from pareto_ltl.simulation.records import Deployment
 from pareto_ltl.wind.records import WindField
@@ -202,7 +203,7 @@ def records():
 
 
 def drawn(folder: pathlib.Path, records: dict[str, Any], **changes: Any) -> dict[str, pathlib.Path]:
-    files = figures.draw(folder, ReportConfig(dpi=60), **(records | changes))
+    files = draw_run_figures(folder, ReportConfig(dpi=60), DrawnRun(**(records | changes)))
     return {file.name: file for file in files}
 
 
@@ -229,7 +230,7 @@ def test_plan_front_and_wind_are_written_as_png_and_svg(tmp_path, records):
 
 def test_the_resolution_is_the_one_asked_for(tmp_path, records):
     coarse = size_of(drawn(tmp_path / "coarse", records)["plan.png"])
-    fine = figures.draw(tmp_path / "fine", ReportConfig(dpi=120), **records)
+    fine = draw_run_figures(tmp_path / "fine", ReportConfig(dpi=120), DrawnRun(**records))
     twice = size_of(next(file for file in fine if file.name == "plan.png"))
     np.testing.assert_allclose(twice, np.multiply(coarse, 2), atol=2)
 
@@ -262,6 +263,30 @@ def test_a_risk_of_zero_is_shown_at_a_floor_that_says_so(tmp_path, records):
     front = front_of(scene, risks=(0.0, 0.01), collisions=(0.0, 0.02))
     words = text_of(drawn(tmp_path, records, front=front, plan=plan_of(front.paths[0]))["front.svg"])
     assert r"$\leq10^{" in words
+
+
+@pytest.mark.parametrize(
+    ("full", "label", "risks"),
+    [
+        (True, "mission risk, bound V", [0.2, 0.1]),
+        (False, "mission risk, bound f_o of the paper", [0.004, 0.002]),
+    ],
+)
+def test_the_front_shows_the_judged_risk_under_its_name_without_a_plan_too(
+    tmp_path, records, full, label, risks
+):
+    scene = records["scene"]
+    paths = tuple(
+        replace(path, objectives=replace(path.objectives, mission_risk=v, mission_risk_paper=f))
+        for path, v, f in zip(front_of(scene).paths, (0.2, 0.1), (0.004, 0.002), strict=False)
+    )
+    front = Front(paths, tuple(path.objectives for path in paths), 0.5, np.ones(3), full)
+    words = text_of(drawn(tmp_path, records, front=front, plan=None, deployments={})["front.svg"])
+    assert label in words
+    figure = front_figure(scene, None, front, None, label)
+    axes = figure.axes[0]
+    assert axes.get_ylabel() == label
+    np.testing.assert_allclose(axes.collections[-1].get_offsets()[:, 1], risks)
 
 
 def test_a_plane_that_lies_nowhere_on_earth_has_no_meridians(tmp_path, records):
