@@ -46,26 +46,36 @@ class Declaration:
     distinct: bool = False
     remark: str = ""
 
-    def range_words(self) -> str:
-        """The range as it is printed after "must"; empty where every value is allowed."""
-        unit = f" [{self.unit}]" if self.unit else ""
+    def range_text(self) -> str:
+        """The range in words, e.g. "at least 1"; empty where every value is allowed."""
+        remark = f" ({self.remark})" if self.remark else ""
         if self.choices:
-            return f"be one of {', '.join(self.choices)}"
+            return f"one of {', '.join(self.choices)}"
         if self.above is not None and self.below is not None:
-            return f"lie between {self.above:g} and {self.below:g}, both excluded"
+            return f"between {self.above:g} and {self.below:g}, both excluded{remark}"
         if self.least is not None and self.most is not None:
-            return f"lie in [{self.least:g}, {self.most:g}]{f' ({self.remark})' if self.remark else ''}"
+            return f"in [{self.least:g}, {self.most:g}]{remark}"
         if self.above == 0:
-            return f"be positive{unit}"
+            return f"positive{remark}"
         if self.not_negative:
-            return f"not be negative{unit}"
-        return f"be at least {self.least:g}{unit}" if self.least is not None else ""
+            return f"not negative{remark}"
+        return f"at least {self.least:g}{remark}" if self.least is not None else ""
+
+    def demand(self) -> str:
+        """The range as an error message says it after "must", e.g. "be positive [s]"."""
+        text = self.range_text()
+        if text.startswith("one of"):
+            return f"be {text}"
+        if text.startswith(("between", "in ")):
+            return f"lie {text}"
+        unit = f" [{self.unit}]" if self.unit else ""
+        return f"{text.replace('not ', 'not be ') if self.not_negative else f'be {text}'}{unit}"
 
     def allows(self, value: Any) -> bool:
         """Whether one value (an item, where the setting is a list) lies in the range; never for NaN."""
         if self.choices:
             return value in self.choices
-        if not self.range_words():
+        if not self.range_text():
             return True
         least = 0.0 if self.not_negative else self.least
         return math.isfinite(value) and (
@@ -113,7 +123,7 @@ def check_value(key: str, value: Any, declared: Declaration) -> None:
     for item in value if isinstance(value, list) else [value]:
         if item is not None and not declared.allows(item):
             found = f"; got {item!r}" if declared.choices else f", got {item}"
-            raise ConfigError(f"{key} must {declared.range_words()}{found}")
+            raise ConfigError(f"{key} must {declared.demand()}{found}")
 
 
 def _check_distinct(key: str, values: list[Any], declared: Declaration) -> None:
