@@ -10,14 +10,20 @@ from contextlib import suppress
 from pareto_ltl.cli.commands import COMMANDS, PIPELINE_COMMANDS
 from pareto_ltl.cli.composition import config_name, opened_hydra, parse_flags
 from pareto_ltl.cli.error_lines import CONFIGURATION_ERRORS
+from pareto_ltl.support.errors import ConfigError
 
 SETTINGS_WORDS = {"sweep", *(command.name for command in PIPELINE_COMMANDS)}  # settings follow these commands
 
 
 def complete_shell(arguments: argparse.Namespace) -> int:
     """Install, remove or answer tab completion: ``-sc install=bash``, ``-sc query=bash``; return 0."""
+    asked = [word.partition("=")[0] for word in arguments.overrides]
+    if asked not in (["install"], ["uninstall"], ["query"]):
+        raise ConfigError(
+            "-sc needs install=SHELL, uninstall=SHELL or query=SHELL; SHELL is bash, zsh or fish"
+        )
     sys.argv[:1] = ["pareto-ltl"]  # the program that Hydra completes, also under python -m
-    if not any(word.startswith("query=") for word in arguments.overrides):
+    if asked != ["query"]:
         with opened_hydra(arguments) as hydra:
             hydra.shell_completion(config_name(arguments), arguments.overrides)
         return 0

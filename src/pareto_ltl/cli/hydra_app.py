@@ -8,13 +8,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from hydra.core.hydra_config import HydraConfig
-from hydra.main import _get_rerun_conf
 from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
 
 from pareto_ltl.cli.arguments import print_problem, run_reported
 from pareto_ltl.cli.commands import command_named
-from pareto_ltl.cli.completion import complete_shell
 from pareto_ltl.cli.composition import (
     ComposedHydra,
     composed_config,
@@ -24,9 +22,7 @@ from pareto_ltl.cli.composition import (
     prepare,
 )
 from pareto_ltl.cli.error_lines import CONFIGURATION_ERRORS, explain_error
-from pareto_ltl.cli.help_text import command_help, full_help, group_choices, short_help
 from pareto_ltl.cli.setting_keys import settings_from
-from pareto_ltl.cli.summary import print_summary
 from pareto_ltl.run import pipeline
 from pareto_ltl.run.provenance import one_line
 from pareto_ltl.settings import Settings
@@ -49,8 +45,12 @@ def _run_arguments(argv: Sequence[str], command: str | None, typed: Sequence[str
         print(_help_for(arguments, command))
         return 0
     if arguments.shell_completion:
+        from pareto_ltl.cli.completion import complete_shell
+
         return complete_shell(arguments)
     if arguments.experimental_rerun is not None:
+        from hydra.main import _get_rerun_conf
+
         return HydraJob(tuple(typed))(_get_rerun_conf(arguments.experimental_rerun, arguments.overrides))
     with opened_hydra(arguments) as hydra:
         if arguments.hydra_help or arguments.cfg or arguments.info:
@@ -76,6 +76,8 @@ def _apply_command(arguments: argparse.Namespace, command: str | None) -> None:
 
 
 def _help_for(arguments: argparse.Namespace, command: str | None) -> str:
+    from pareto_ltl.cli.help_text import command_help, full_help, group_choices, short_help
+
     groups = group_choices(arguments.config_path, arguments.config_dir)
     if arguments.help == "all":
         with opened_hydra(arguments) as hydra:
@@ -132,6 +134,8 @@ class HydraJob:
         self.codes[:] = [0 if set(counts) <= {"ok", "infeasible"} else 2]
 
     def _single_job(self, config: DictConfig) -> int:
+        from pareto_ltl.cli.summary import print_summary
+
         directory = Path(HydraConfig.get().runtime.output_dir)
         shown = _relative_path(directory)
         try:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from pareto_ltl.cli.arguments import CommandArguments, run_reported
+from pareto_ltl.support.errors import ConfigError
 
 
 def sweep_command(argv: Sequence[str]) -> int:
@@ -22,6 +23,11 @@ def sweep_command(argv: Sequence[str]) -> int:
 
 def _summarize_sweep(argv: Sequence[str]) -> int:
     options = _sweep_arguments().parse_args(argv)
+    if options.directory is None:
+        raise ConfigError(
+            "name the folder of a sweep (multirun/phi2), or settings to run (+experiment=phi2 seed=0,1); "
+            "see pareto-ltl sweep --help"
+        )
     from pareto_ltl.studies.sweeps import summary
     from pareto_ltl.studies.sweeps.manifest import HISTORY, Figure
 
@@ -40,7 +46,7 @@ def _sweep_arguments() -> CommandArguments:
         "as pareto-ltl -m. With a folder: write summary.csv, timings.csv, summary.json and summary.html of "
         "the sweep in it anew.",
     )
-    parser.add_argument("directory", type=Path, metavar="DIR", help="for example multirun/phi2")
+    parser.add_argument("directory", type=Path, nargs="?", metavar="DIR", help="for example multirun/phi2")
     parser.add_argument("--sweep", metavar="KEY", help="an older sweep into the same folder: sweeps/KEY.json")
     parser.add_argument("--x", help="horizontal axis of the figure: a swept setting or a metric")
     parser.add_argument("--y", help="vertical axis of the figure: a metric")
