@@ -231,7 +231,7 @@ def test_a_hindcast_of_real_fields_from_the_command_line(
         f"hindcast.truth={NOAA / 'gfs_1p00_10m'}",
         "hydra.run.dir=out",
     ]
-    assert app.main(command) == 0
+    assert app.run_hydra(command) == 0
     metrics = json.loads(Path("out/metrics.json").read_text())
     assert metrics["missions"] == 2.0
     assert metrics["plans"] >= 1

@@ -19,8 +19,9 @@ import pytest
 from scipy.stats import binomtest
 
 from pareto_ltl import settings as config
+from pareto_ltl.cli import composition
 from pareto_ltl.cli import hydra_app as app
-from pareto_ltl.cli.sweep import main as command
+from pareto_ltl.cli.sweep_command import sweep_command as command
 from pareto_ltl.run import provenance
 from pareto_ltl.run.results import write_json
 from pareto_ltl.settings import Settings
@@ -217,7 +218,7 @@ def test_submitit_waits_for_all_jobs_when_one_is_killed_and_runs_that_one_again(
 def test_a_point_in_the_middle_that_cannot_be_stops_the_sweep_before_its_first_job(
     here: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert app.main(["-m", "+experiment=phi1", "planner.n_max=100,1,200"]) == 2
+    assert app.run_hydra(["-m", "+experiment=phi1", "planner.n_max=100,1,200"]) == 2
     assert "planner.n_max must be at least 2, got 1" in capsys.readouterr().err
     assert list(here.iterdir()) == []
 
@@ -225,7 +226,7 @@ def test_a_point_in_the_middle_that_cannot_be_stops_the_sweep_before_its_first_j
 def test_a_figure_by_what_is_not_varied_stops_the_sweep_before_its_first_job(
     here: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert app.main(["-m", "+experiment=phi1", "seed=0,1", "sweep.by=planner.n_max"]) == 2
+    assert app.run_hydra(["-m", "+experiment=phi1", "seed=0,1", "sweep.by=planner.n_max"]) == 2
     assert "sweep.by=planner.n_max is no setting that this sweep varies; there are seed" in (
         capsys.readouterr().err
     )
@@ -233,22 +234,23 @@ def test_a_figure_by_what_is_not_varied_stops_the_sweep_before_its_first_job(
 
 
 def test_a_ready_sweep_without_its_flag_is_refused(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert app.main(["+experiment=phi1", "+sweep=seeds"]) == 2
+    assert app.run_hydra(["+experiment=phi1", "+sweep=seeds"]) == 2
     assert "a sweep over seed=range(0,20): add -m to run it" in capsys.readouterr().err
     assert list(here.iterdir()) == []
 
 
 @pytest.mark.parametrize("name", choices("sweep"))
 def test_every_ready_sweep_composes_with_a_mission(name: str) -> None:
-    app.register()
-    app.validate(app.parse(["-m", "+experiment=phi2", f"+sweep={name}"]))
+    arguments = composition.parse_flags(["-m", "+experiment=phi2", f"+sweep={name}"])
+    with composition.opened_hydra(arguments) as hydra:
+        assert isinstance(composition.prepare(hydra, arguments), composition.PreparedSweep)
 
 
 def test_a_launcher_that_is_not_installed_is_named_with_its_extra(
     here: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(app, "find_spec", lambda name: None)
-    assert app.main(["-m", "+experiment=phi1", "seed=0,1", "hydra/launcher=joblib"]) == 2
+    monkeypatch.setattr(composition, "find_spec", lambda name: None)
+    assert app.run_hydra(["-m", "+experiment=phi1", "seed=0,1", "hydra/launcher=joblib"]) == 2
     assert "pip install 'pareto-ltl[sweep]'" in capsys.readouterr().err
 
 

@@ -35,7 +35,9 @@ class PointsSweeper(BasicSweeper):
 
     def sweep(self, arguments: list[str]) -> Any:
         """Check all points, run those without an answer, write the summary."""
-        from pareto_ltl.cli import hydra_app as app
+        from pareto_ltl.cli.arguments import print_problem
+        from pareto_ltl.cli.composition import check_settings
+        from pareto_ltl.cli.setting_keys import settings_from
         from pareto_ltl.run.provenance import config_hash
         from pareto_ltl.studies.sweeps import conduct, jobs, summary
         from pareto_ltl.studies.sweeps.manifest import Figure, Manifest, Point
@@ -48,8 +50,8 @@ class PointsSweeper(BasicSweeper):
         points: list[Point] = []
         compose = Composer(self._loader(), self.config)
         for line in _product(list(overrides.values())):
-            settings = app.settings_of(compose(line))
-            app.check(settings)
+            settings = settings_from(compose(line))
+            check_settings(settings)
             job = config_hash(settings)[: jobs.HASH]
             if job not in words:  # two ways to write the same settings are one job
                 words[job] = [*line, f"hydra.sweep.subdir='{job}'"]
@@ -70,7 +72,7 @@ class PointsSweeper(BasicSweeper):
             OmegaConf.save(self.config, place / "multirun.yaml")
             todo = conduct.unsettled(place, manifest, resume=settings.sweep.resume)
             print(_plan_of(len(points), len(todo), place), flush=True)
-            conductor = conduct.Conductor(place, launch, app.complain)
+            conductor = conduct.Conductor(place, launch, print_problem)
             try:
                 conductor.conduct(todo)
             finally:

@@ -6,17 +6,14 @@ cache`` shows and clears it. Jobs at work together share it: who needs an entry 
 
 from __future__ import annotations
 
-import argparse
 import fcntl
 import os
 import shutil
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import NoReturn
 
-from pareto_ltl.support.errors import ConfigError, ParetoLtlError
+from pareto_ltl.support.errors import ConfigError
 
 LIMIT = 1024  # [MiB]
 LOCKS = "locks"
@@ -73,36 +70,3 @@ def clear(folder: Path) -> None:
     for name in ("wind", LOCKS):
         if (folder / name).exists():
             shutil.rmtree(folder / name)
-
-
-def main(argv: list[str]) -> int:
-    """``pareto-ltl cache``: its place and size; ``pareto-ltl cache clear``: gone."""
-    try:
-        options = _arguments().parse_args(argv)
-        folder = root()
-        files, total = size(folder)
-        if options.action == "clear":
-            clear(folder)
-            print(f"cleared {total / 2**20:.1f} MiB from {folder}")
-        else:
-            print(f"{folder}: {files} files, {total / 2**20:.1f} of {limit() / 2**20:.0f} MiB")
-    except SystemExit as leave:  # --help
-        return int(leave.code or 0)
-    except (ParetoLtlError, OSError) as error:
-        print(f"pareto-ltl: {error}", file=sys.stderr)
-        return 2
-    return 0
-
-
-class _Arguments(argparse.ArgumentParser):
-    def error(self, message: str) -> NoReturn:
-        raise ConfigError(f"{message}; see pareto-ltl cache --help")
-
-
-def _arguments() -> argparse.ArgumentParser:
-    parser = _Arguments(
-        prog="pareto-ltl cache",
-        description="What is remembered between runs: its place and size, or none of it any more.",
-    )
-    parser.add_argument("action", nargs="?", choices=("size", "clear"), default="size")
-    return parser

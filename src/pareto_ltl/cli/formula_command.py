@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Iterable
-from typing import NoReturn
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
+from pareto_ltl.cli.arguments import CommandArguments
 from pareto_ltl.logic import hoa
 from pareto_ltl.logic import picture as draw
 from pareto_ltl.logic.automaton import Automaton, show_letter, translate
@@ -16,27 +16,22 @@ from pareto_ltl.logic.formula import Formula
 from pareto_ltl.logic.formula import caret_lines as caret
 from pareto_ltl.logic.formula import parse_formula as parse
 from pareto_ltl.logic.formula import positive_normal_form as positive
-from pareto_ltl.support.errors import ConfigError, FormulaError, ParetoLtlError
+from pareto_ltl.support.errors import FormulaError, ParetoLtlError
 
 
-class _Arguments(argparse.ArgumentParser):
-    def error(self, message: str) -> NoReturn:
-        raise ConfigError(f"{message}; see pareto-ltl formula --help")
-
-
-def main(argv: list[str]) -> int:
+def formula_command(argv: Sequence[str]) -> int:
     """Print what a formula means; 0, or 2 with one line (and a caret) for one that cannot be flown."""
     text = ""
     try:
-        options = _arguments().parse_args(argv)
+        options = _formula_arguments().parse_args(argv)
         text = options.formula
         tree = parse(text)
-        automaton = translate(text, _letters(tree, options), options.max_states)
-        print("\n".join(describe(tree, automaton)))
+        automaton = translate(text, _alphabet(tree, options), options.max_states)
+        print("\n".join(describe_formula(tree, automaton)))
         if options.dot:
-            _save(options.dot, draw.dot_text(automaton))
+            _write_text(options.dot, draw.dot_text(automaton))
         if options.hoa:
-            _save(options.hoa, hoa.hoa_text(automaton))
+            _write_text(options.hoa, hoa.hoa_text(automaton))
         if options.picture:
             draw.save_picture(automaton, options.picture)
     except SystemExit as leave:  # --help
@@ -49,7 +44,7 @@ def main(argv: list[str]) -> int:
     return 0
 
 
-def describe(tree: Formula, automaton: Automaton) -> list[str]:
+def describe_formula(tree: Formula, automaton: Automaton) -> list[str]:
     """The lines that the command prints."""
     normal = str(positive(tree))
     free = 2 ** len(automaton.atoms)
@@ -58,20 +53,20 @@ def describe(tree: Formula, automaton: Automaton) -> list[str]:
         "normal form": normal if len(normal) < 1000 else f"{normal[:997]}...",
         "propositions": ", ".join(automaton.atoms) or "none",
         "letters": f"{len(automaton.letters)}" + " (all subsets)" * (len(automaton.letters) == free),
-        "states": f"{automaton.n_states} ({_roles(automaton)})",
-        "d_A(initial)": _distance(automaton),
-        "extra visits": _visits(automaton),
+        "states": f"{automaton.n_states} ({_state_roles(automaton)})",
+        "d_A(initial)": _initial_distance(automaton),
+        "extra visits": _extra_visits(automaton),
     }
     return [f"{name:<14}{value}" for name, value in lines.items()]
 
 
-def _roles(automaton: Automaton) -> str:
+def _state_roles(automaton: Automaton) -> str:
     accepting = np.flatnonzero(automaton.accepting).tolist()
     trap = f"trap {automaton.trap}" if automaton.trap >= 0 else "no trap"
     return f"initial {automaton.initial}, accepting {accepting[0] if accepting else 'none'}, {trap}"
 
 
-def _distance(automaton: Automaton) -> str:
+def _initial_distance(automaton: Automaton) -> str:
     if automaton.tautology:
         return "0: a tautology, complete before the flight starts"
     if automaton.contradiction:
@@ -80,7 +75,7 @@ def _distance(automaton: Automaton) -> str:
     return f"{steps} letter{'s' * (steps > 1)} at least, the start position's among them"
 
 
-def _visits(automaton: Automaton) -> str:
+def _extra_visits(automaton: Automaton) -> str:
     harm = automaton.harm()
     if harm is None:
         return "harmless: letters put in anywhere never spoil a flight (insertion-closed)"
@@ -91,19 +86,19 @@ def _visits(automaton: Automaton) -> str:
     return f"not harmless: in state {state} an extra {letter} {what}"
 
 
-def _letters(tree: Formula, options: argparse.Namespace) -> Iterable[Iterable[str]] | None:
+def _alphabet(tree: Formula, options: argparse.Namespace) -> Iterable[Iterable[str]] | None:
     if options.disjoint:
         return [(), *((name,) for name in tree.atoms)]
     return None
 
 
-def _save(path: str, text: str) -> None:
+def _write_text(path: str, text: str) -> None:
     with open(path, "w", encoding="utf-8") as file:
         file.write(text)
 
 
-def _arguments() -> argparse.ArgumentParser:
-    parser = _Arguments(
+def _formula_arguments() -> CommandArguments:
+    parser = CommandArguments(
         prog="pareto-ltl formula",
         description="Show what a mission formula means: normal form, automaton, whether extra visits hurt.",
     )
@@ -120,4 +115,4 @@ def _arguments() -> argparse.ArgumentParser:
     return parser
 
 
-__all__ = ["describe", "main"]
+__all__ = ["describe_formula", "formula_command"]

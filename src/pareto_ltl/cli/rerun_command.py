@@ -2,40 +2,38 @@
 
 from __future__ import annotations
 
-import argparse
-import sys
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any
 
-from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError, ParetoLtlError
+from pareto_ltl.cli.arguments import CommandArguments, run_reported
+from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
 
-COMPARED = ("plan.json", "front.csv")
-CODE = ("version", "code_hash", "python")
-
-
-class _Arguments(argparse.ArgumentParser):
-    def error(self, message: str) -> NoReturn:
-        raise ConfigError(f"{message}; see pareto-ltl rerun --help")
+COMPARED_FILES = ("plan.json", "front.csv")
+CODE_VERSIONS = ("version", "code_hash", "python")
 
 
-def main(argv: list[str]) -> int:
+def rerun_command(argv: Sequence[str]) -> int:
     """0 where the result is the same, 1 where it differs, 2 with one line where it cannot be made again."""
-    try:
-        options = _arguments().parse_args(argv)
-        with _place(options.into) as place:
-            return rerun(options.directory, place)
-    except SystemExit as leave:  # --help
-        return int(leave.code or 0)
-    except (ParetoLtlError, OSError) as error:
-        print(f"pareto-ltl: {error}", file=sys.stderr)
-        return 2
+    return run_reported(lambda: _rerun_arguments(argv))
+
+
+def _rerun_arguments(argv: Sequence[str]) -> int:
+    parser = CommandArguments(
+        prog="pareto-ltl rerun",
+        description="Make a result again from its own settings and compare both, byte by byte.",
+    )
+    parser.add_argument("directory", type=Path, help="for example multirun/phi2/04b3a3fb44baa8a5")
+    parser.add_argument("--into", type=Path, metavar="FOLDER", help="keep the second result there")
+    options = parser.parse_args(argv)
+    with _second_place(options.into) as place:
+        return rerun_and_compare(options.directory, place)
 
 
 @contextmanager
-def _place(into: Path | None) -> Iterator[Path]:
+def _second_place(into: Path | None) -> Iterator[Path]:
     """Where the second result goes: a folder to keep, or one for the comparison only."""
     if into is None:
         with tempfile.TemporaryDirectory(prefix="pareto_ltl_rerun_") as folder:
@@ -46,9 +44,9 @@ def _place(into: Path | None) -> Iterator[Path]:
     yield into
 
 
-def rerun(directory: Path, place: Path) -> int:
+def rerun_and_compare(directory: Path, place: Path) -> int:
     """Run the settings of ``directory`` into ``place`` and say what differs."""
-    from pareto_ltl.cli import hydra_app as app
+    from pareto_ltl.cli.setting_keys import read_run_settings
     from pareto_ltl.run import pipeline, provenance
     from pareto_ltl.run.results import read_json
 
@@ -57,8 +55,8 @@ def rerun(directory: Path, place: Path) -> int:
         raise DataError(
             f"{directory}: its run ended as {before.get('status')!r}; there is nothing to compare"
         )
-    settings = app.read_settings(directory / "config_resolved.yaml")
-    for line in _changes(before, provenance.begin(settings, ())):
+    settings = read_run_settings(directory / "config_resolved.yaml")
+    for line in _code_changes(before, provenance.begin(settings, ())):
         print(f"note: {line}")
     moved = [name for name, digest in before["inputs"].items() if not provenance.unchanged({name: digest})]
     for name in moved:
@@ -69,14 +67,15 @@ def rerun(directory: Path, place: Path) -> int:
         same = before["status"] == "infeasible" and before["error"] == provenance.one_line(error)
         print("infeasible again, for the same reason" if same else f"now infeasible: {error}")
         return 0 if same else 1
-    differ = [unlike for name in COMPARED if (unlike := _difference(directory / name, place / name))]
-    print("\n".join(differ) or f"the same, byte for byte: {', '.join(COMPARED)}")
+    pairs = [(directory / name, place / name) for name in COMPARED_FILES]
+    differ = [unlike for pair in pairs if (unlike := _file_difference(*pair))]
+    print("\n".join(differ) or f"the same, byte for byte: {', '.join(COMPARED_FILES)}")
     return 1 if differ else 0
 
 
-def _changes(before: Mapping[str, Any], now: Mapping[str, Any]) -> Iterator[str]:
+def _code_changes(before: Mapping[str, Any], now: Mapping[str, Any]) -> Iterator[str]:
     """What is different about the code and the packages, which may explain a difference."""
-    for name in CODE:
+    for name in CODE_VERSIONS:
         if before.get(name) != now[name]:
             yield f"{name} was {str(before.get(name))[:12]}, is {now[name][:12]}"
     for package, here in now["packages"].items():
@@ -84,7 +83,7 @@ def _changes(before: Mapping[str, Any], now: Mapping[str, Any]) -> Iterator[str]
             yield f"{package} was {before['packages'].get(package)}, is {here}"
 
 
-def _difference(one: Path, two: Path) -> str | None:
+def _file_difference(one: Path, two: Path) -> str | None:
     """Where two files part, or None."""
     if not one.is_file() or not two.is_file():
         missing = [str(path) for path in (one, two) if not path.is_file()]
@@ -100,13 +99,3 @@ def _difference(one: Path, two: Path) -> str | None:
         else "end"
     )
     return f"{one.name} differs, first in line {line} ({what})"
-
-
-def _arguments() -> argparse.ArgumentParser:
-    parser = _Arguments(
-        prog="pareto-ltl rerun",
-        description="Make a result again from its own settings and compare both, byte by byte.",
-    )
-    parser.add_argument("directory", type=Path, help="for example multirun/phi2/04b3a3fb44baa8a5")
-    parser.add_argument("--into", type=Path, metavar="FOLDER", help="keep the second result there")
-    return parser
