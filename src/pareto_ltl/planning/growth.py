@@ -209,7 +209,8 @@ def grow_forest(
     trees = tuple(_finished_tree(tree) for tree in growing)
     accepted = [np.flatnonzero(problem.automaton.distance[tree.q] == 0.0) for tree in trees]
     pairs = [np.column_stack([np.full(len(v), j), v]) for j, v in enumerate(accepted)]
-    return Forest(trees, np.vstack(pairs).astype(np.int64), time.perf_counter() - began)
+    accepted_rows = np.vstack(pairs).astype(np.int64)
+    return Forest(trees, accepted_rows, time.perf_counter() - began, mission_columns(problem))
 
 
 def _plant(grove: _Grove, seed: SeedSequence, number: int, options: GrowthOptions) -> _GrowingTree:

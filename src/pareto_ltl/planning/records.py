@@ -68,11 +68,14 @@ class Forest:
     ----------
     accepted : (A, 2) int
         Tree and vertex of every accepted vertex.
+    mission_columns : int
+        How many of the first columns of ``Tree.risk`` add up to the mission risk; the rest is collision risk.
     """
 
     trees: tuple[Tree, ...]
     accepted: IntArray
     seconds: float
+    mission_columns: int = 1
 
 
 @dataclass(frozen=True, slots=True)

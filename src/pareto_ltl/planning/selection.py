@@ -8,7 +8,6 @@ from contextlib import suppress
 import numpy as np
 
 from pareto_ltl.planning.evaluate import evaluate_path
-from pareto_ltl.planning.growth import mission_columns
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import Forest, Front, PlannedPath, objective_row
 from pareto_ltl.settings import SelectionConfig
@@ -36,12 +35,12 @@ def hypervolume(rows: FloatArray, reference: FloatArray) -> float:
     return float(moocore.hypervolume(inside, ref=np.ones(len(reference))))
 
 
-def accepted_rows(problem: Problem, forest: Forest) -> FloatArray:
+def accepted_rows(forest: Forest) -> FloatArray:
     """Objectives of every accepted vertex, in the order of ``forest.accepted``.
 
     The mission risk, at most 1, then the collision risk where the bound keeps one, then the length.
     """
-    columns = mission_columns(problem)
+    columns = forest.mission_columns
     rows = [np.append(forest.trees[j].risk[v], forest.trees[j].length[v]) for j, v in forest.accepted]
     if not rows:
         return np.empty((0, 2))
@@ -57,7 +56,7 @@ def tree_front(problem: Problem, forest: Forest) -> tuple[PlannedPath, ...]:
     collisions a constraint (Eqs. 8 and 9), and R is worked out for the members; under the path bound R is
     one of them, and of the many members those are evaluated that differ by more than a few per cent.
     """
-    rows = accepted_rows(problem, forest)
+    rows = accepted_rows(forest)
     if len(rows) == 0:
         return ()
     keep = np.flatnonzero(non_dominated(rows))
@@ -97,7 +96,7 @@ def order_representatives(problem: Problem, forest: Forest) -> tuple[PlannedPath
     show but one of them, while another, smoothed, is better. R comes in
     its looser form and may lie above delta: these paths are where smoothing begins.
     """
-    rows = accepted_rows(problem, forest)
+    rows = accepted_rows(forest)
     if len(rows) == 0:
         return ()
     signs = [_order_hashes(problem, forest, j) for j in range(len(forest.trees))]

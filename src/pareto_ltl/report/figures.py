@@ -12,7 +12,7 @@ from pathlib import Path
 
 from pareto_ltl.planning.records import Forest, Front, Plan
 from pareto_ltl.report import style
-from pareto_ltl.report.front import front_figure, mission_risk_label
+from pareto_ltl.report.front import RISK_LABELS, front_figure
 from pareto_ltl.report.map import plan_figure
 from pareto_ltl.report.wind import wind_figure
 from pareto_ltl.settings import ReportConfig
@@ -30,6 +30,8 @@ class DrawnRun:
     ----------
     forest, front, plan : or None
         None where the run did not make it; the map then says that there is no plan.
+    mission_bound : str
+        The bound that paths are judged by, ``fidelity.mission_bound``.
     deployments : mapping of wind law to Deployment
         Simulated flights; the first ``report.paths`` of each law are drawn.
     """
@@ -40,6 +42,7 @@ class DrawnRun:
     forest: Forest | None = None
     front: Front | None = None
     plan: Plan | None = None
+    mission_bound: str = "theorem2"
     deployments: Mapping[str, Deployment] = field(default_factory=dict)
 
 
@@ -57,7 +60,7 @@ def draw_run_figures(folder: Path, cfg: ReportConfig, run: DrawnRun) -> tuple[Pa
             "wind": wind_figure(run.scene, run.wind, run.plan),
         }
         if run.front is not None and run.front.paths:
-            label = mission_risk_label(run.front.full)
+            label = RISK_LABELS[run.mission_bound]
             figures["front"] = front_figure(run.scene, run.forest, run.front, run.plan, label)
         return tuple(
             path

@@ -19,17 +19,7 @@ from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.world.scene import Scene
 
 FRONT_HEIGHT = 2.75  # height of the figure [in]
-RISK_LABELS = {True: "mission risk, bound V", False: "mission risk, bound f_o of the paper"}
-
-
-def mission_risk_label(full: bool) -> str:
-    """Label of the risk axis: names the bound that paths are judged by."""
-    return RISK_LABELS[full]
-
-
-def judged_risk(objectives: Objectives, full: bool) -> float:
-    """The bound on mission failure that a path is judged by: V if ``full``, else f_o of Theorem 2."""
-    return objectives.mission_risk if full else objectives.mission_risk_paper
+RISK_LABELS = {"ordered": "mission risk, bound V", "theorem2": "mission risk, bound f_o of the paper"}
 
 
 def front_figure(
@@ -44,12 +34,12 @@ def front_figure(
     plan : Plan or None
         The selected path is marked with a ring.
     risk_label : str
-        Label of the vertical axis, see :func:`mission_risk_label`.
+        Label of the vertical axis: names the bound that paths are judged by, see :data:`RISK_LABELS`.
     """
     unit, per_metre = length_unit(scene)
-    after = _front_rows([path.objectives for path in front.paths], front.full) * [per_metre, 1.0, 1.0]
-    before = _front_rows(front.raw, front.full) * [per_metre, 1.0, 1.0]
-    cloud = accepted_vertices(forest, front.full) * [per_metre, 1.0]
+    after = _front_rows([path.objectives for path in front.paths]) * [per_metre, 1.0, 1.0]
+    before = _front_rows(front.raw) * [per_metre, 1.0, 1.0]
+    cloud = accepted_vertices(forest, forest.mission_columns if forest is not None else 0) * [per_metre, 1.0]
     figure = style.blank_figure(style.COLUMN_WIDTH, FRONT_HEIGHT)
     ax = style.axes_at(figure, 0.58, 0.38, 2.22, 1.82)
     low, hidden = style.log_axis_end(np.concatenate([after[:, 1], before[:, 1], cloud[:, 1]]))
@@ -59,7 +49,7 @@ def front_figure(
     _scatter_front(ax, before, low, norm, marker="s", s=13.0, edgecolors=style.STONE, zorder=3)
     _scatter_front(ax, after, low, norm, marker="o", s=24.0, edgecolors="black", zorder=4)
     if plan is not None:
-        _ring_plan(ax, _front_rows([plan.path.objectives], front.full)[0] * [per_metre, 1.0, 1.0], low)
+        _ring_plan(ax, _front_rows([plan.path.objectives])[0] * [per_metre, 1.0, 1.0], low)
     _scale_risk_axis(ax, low, hidden)
     ax.set(xlabel=f"path length [{unit}]", ylabel=risk_label)
     ax.xaxis.set_major_locator(MaxNLocator(5))
@@ -68,9 +58,9 @@ def front_figure(
     return figure
 
 
-def _front_rows(objectives: Sequence[Objectives], full: bool) -> FloatArray:
+def _front_rows(objectives: Sequence[Objectives]) -> FloatArray:
     """Length [m], judged mission risk and collision risk of each path, shape (n, 3)."""
-    rows = [[o.length, judged_risk(o, full), o.collision_risk] for o in objectives]
+    rows = [[o.length, o.mission_risk, o.collision_risk] for o in objectives]
     return np.array(rows, float).reshape(-1, 3)
 
 
@@ -96,14 +86,17 @@ def _ring_plan(ax: Axes, row: FloatArray, low: float) -> None:
     )
 
 
-def accepted_vertices(forest: Forest | None, full: bool = False) -> FloatArray:
-    """Length [m] and mission risk of every accepted vertex, shape (A, 2): V if ``full``, else f_o."""
+def accepted_vertices(forest: Forest | None, columns: int) -> FloatArray:
+    """Length [m] and mission risk of every accepted vertex, shape (A, 2).
+
+    The mission risk is the sum of the first ``columns`` columns of ``Tree.risk``, at most 1.
+    """
     if forest is None or not len(forest.accepted):
         return np.empty((0, 2))
     rows = []
     for tree_number in np.unique(forest.accepted[:, 0]):
         tree, vertices = forest.trees[tree_number], forest.accepted[forest.accepted[:, 0] == tree_number, 1]
-        risk = tree.risk[vertices, 0] if full else tree.risk[vertices].sum(axis=1)
+        risk = tree.risk[vertices, :columns].sum(axis=1)
         rows.append(np.column_stack([tree.length[vertices], np.minimum(1.0, risk)]))
     return np.concatenate(rows)
 
@@ -175,4 +168,4 @@ def _front_legend(figure: Figure, cloud: FloatArray, before: FloatArray, plan: P
     )
 
 
-__all__ = ["accepted_vertices", "front_figure", "judged_risk", "mission_risk_label", "power_of_ten"]
+__all__ = ["RISK_LABELS", "accepted_vertices", "front_figure", "power_of_ten"]

@@ -14,7 +14,6 @@ from matplotlib.patches import Patch
 
 from pareto_ltl.planning.records import Forest, Plan
 from pareto_ltl.report import style
-from pareto_ltl.report.front import judged_risk
 from pareto_ltl.report.map_layers import (
     DRAWN_VERTICES,
     draw_covariances,
@@ -137,7 +136,7 @@ def _plan_heading(
             f"Trees as far as they came{grown}",
         ]
     o = plan.path.objectives
-    mission = risk_percent(judged_risk(o, plan.fidelity == "full"))
+    mission = risk_percent(o.mission_risk)
     collision = risk_percent(o.collision_risk)
     promise = f"length {o.length / 1000:,.0f} km, mission risk ≤ {mission}, collision risk ≤ {collision}"
     return [*textwrap.wrap(plan.formula, 52, max_lines=2, placeholder=" …"), *textwrap.wrap(promise, 62)]

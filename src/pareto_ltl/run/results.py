@@ -35,6 +35,7 @@ if TYPE_CHECKING:
 
 PLAN_SCHEMA = "pareto_ltl.plan/1"
 EPOCH = (1980, 1, 1, 0, 0, 0)  # the earliest date a zip archive can carry
+COLLISION_COLUMNS = "collision_columns"  # of Tree.risk, the last ones; absent where there are none
 TREE_ARRAYS = ("x", "parent", "step", "q", "cell", "length", "risk", "swaps", "beta")
 
 # --- files that appear whole -----------------------------------------------------------------
@@ -213,6 +214,8 @@ def read_wind(place: Path | str) -> WindField:
 
 def write_forest(directory: Path, forest: Forest) -> None:
     arrays: dict[str, NDArray[Any]] = {"accepted": forest.accepted}
+    if collision := forest.trees[0].risk.shape[1] - forest.mission_columns:
+        arrays[COLLISION_COLUMNS] = np.array(collision)
     for number, tree in enumerate(forest.trees):
         arrays |= {f"tree_{number:03d}/{name}": getattr(tree, name) for name in TREE_ARRAYS}
         causes = sorted(tree.reach)
@@ -227,7 +230,9 @@ def read_forest(place: Path | str) -> Forest:
     arrays = read_npz(path)
     with _shaped(path, "a forest"):
         names = sorted({key.partition("/")[0] for key in arrays if "/" in key})
-        return Forest(tuple(_tree(arrays, name) for name in names), arrays["accepted"], math.nan)
+        trees = tuple(_tree(arrays, name) for name in names)
+        columns = trees[0].risk.shape[1] - int(arrays.get(COLLISION_COLUMNS, 0))
+        return Forest(trees, arrays["accepted"], math.nan, columns)
 
 
 def _tree(arrays: Mapping[str, NDArray[Any]], name: str) -> Tree:

@@ -88,21 +88,21 @@ def _look(context: Context, forest: Forest, n: int, seed: int) -> Row:
         plan = shop.make("plan")
     except InfeasibleError:
         return look | {"planned": False}
-    objectives, full = asdict(plan.path.objectives), shop.make("problem").tables.full
+    objectives = asdict(plan.path.objectives)
     return look | {
         "planned": True,
         "objectives": objectives,
-        "mission_bound": objectives["mission_risk" if full else "mission_risk_paper"],
-        "front": trade_offs(forest, full),
+        "mission_bound": objectives["mission_risk"],
+        "front": trade_offs(forest),
         "laws": outcomes(context.truth, plan.path.u, plan.path.x, context.runs, context.laws, seed),
     }
 
 
-def trade_offs(forest: Forest, full: bool) -> FloatArray:
-    """Non-dominated (risk, length) of the accepted vertices: f_o, or V + R of full fidelity."""
+def trade_offs(forest: Forest) -> FloatArray:
+    """Non-dominated (risk, length) of the accepted vertices: mission risk, and collision risk if trees keep it."""
     from pareto_ltl.planning.selection import accepted_rows, non_dominated
 
-    rows = accepted_rows(forest, full)
+    rows = accepted_rows(forest)
     table = np.column_stack([np.minimum(1.0, rows[:, :-1].sum(axis=1)), rows[:, -1]])
     return np.asarray(table[non_dominated(table)], float)
 
@@ -110,7 +110,7 @@ def trade_offs(forest: Forest, full: bool) -> FloatArray:
 def snapshot(forest: Forest, n: int) -> Forest:
     """The forest as it was when each tree had ``n`` vertices."""
     old = forest.accepted[forest.accepted[:, 1] < n]
-    return Forest(tuple(_first(tree, n) for tree in forest.trees), old, forest.seconds)
+    return replace(forest, trees=tuple(_first(tree, n) for tree in forest.trees), accepted=old)
 
 
 def _first(tree: Tree, n: int) -> Tree:
