@@ -99,7 +99,7 @@ def _look(context: Context, forest: Forest, n: int, seed: int) -> Row:
 
 
 def trade_offs(forest: Forest) -> FloatArray:
-    """Non-dominated (risk, length) of the accepted vertices: mission risk, and collision risk if trees keep it."""
+    """Non-dominated (risk, length) of the accepted vertices; risk is all that trees keep of it."""
     from pareto_ltl.planning.selection import accepted_rows, non_dominated
 
     rows = accepted_rows(forest)
