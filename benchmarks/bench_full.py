@@ -48,8 +48,8 @@ def section(kind, name):
 def mission(request):
     """Problem and scene, kernels compiled by a first small forest."""
     cfg = WindConfig()
-    scene = read_scene(SceneConfig(**section("scene", request.param)), sources.first_time(cfg))
-    wind = field(cfg, sources.observations(cfg, scene), scene, 200 * 1800.0)
+    scene = read_scene(SceneConfig(**section("scene", request.param)), sources.read_readings(cfg).first_time)
+    wind = field(cfg, sources.place_readings(cfg, sources.read_readings(cfg), scene), scene, 200 * 1800.0)
     cells = workspace.decompose(scene)
     automaton = automaton_of(
         MissionConfig(**section("mission", request.param)), set(cells.letters), 1000, scene.regions
@@ -70,8 +70,8 @@ def speed(forest: Forest) -> float:
 
 def test_modes_of_all_slots(benchmark):
     cfg = WindConfig()
-    scene = read_scene(SceneConfig(**section("scene", "phi1")), sources.first_time(cfg))
-    posterior = regression.fit(cfg, sources.observations(cfg, scene))
+    scene = read_scene(SceneConfig(**section("scene", "phi1")), sources.read_readings(cfg).first_time)
+    posterior = regression.fit(cfg, sources.place_readings(cfg, sources.read_readings(cfg), scene))
     origin, spacing, shape = modes_lattice(cfg, scene)
     nodes = origin + spacing * np.stack(np.meshgrid(*map(np.arange, shape), indexing="ij"), axis=-1).reshape(
         -1, 2

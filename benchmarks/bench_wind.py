@@ -29,14 +29,18 @@ SCENE = Scene(
 )
 
 
+def observed(cfg, scene):
+    return sources.place_readings(cfg, sources.read_readings(cfg), scene)
+
+
 @pytest.fixture(scope="module")
 def seen():
-    return sources.observations(WindConfig(), SCENE)
+    return observed(WindConfig(), SCENE)
 
 
 def test_read_the_sample(benchmark, seen):
     benchmark.extra_info["budget"] = 0.1
-    assert len(benchmark(sources.observations, WindConfig(), SCENE).times) == 14
+    assert len(benchmark(observed, WindConfig(), SCENE).times) == 14
 
 
 @pytest.mark.skipif(not NOAA.is_dir(), reason="the NOAA files are not beside this checkout")
@@ -44,7 +48,7 @@ def test_read_22_global_grib_fields(benchmark):
     pytest.importorskip("eccodes")
     cfg = WindConfig(source="grib", path=str(NOAA / "gfs_1p00_10m"))
     benchmark.extra_info["budget"] = 1.0
-    found = benchmark.pedantic(sources.observations, (cfg, SCENE), rounds=3)
+    found = benchmark.pedantic(observed, (cfg, SCENE), rounds=3)
     assert len(found.times) == 22
 
 

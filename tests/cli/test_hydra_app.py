@@ -5,15 +5,17 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from pareto_ltl.cli import hydra_app as app
-from pareto_ltl.planning.records import Forest
-from pareto_ltl.run import pipeline, stages
+from pareto_ltl.cli import stage_table
+from pareto_ltl.run.records import RecordKey
 from pareto_ltl.run.results import Results
+from pareto_ltl.run.stage_table import Stage, StageInputs
 from pareto_ltl.settings import Settings
 from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
 from pareto_ltl.support.resources import choices
@@ -30,8 +32,13 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 @pytest.fixture
 def stage(monkeypatch: pytest.MonkeyPatch) -> Any:
-    """Adds a stage for the duration of a test."""
-    return lambda make: monkeypatch.setitem(stages.STAGES, make.__name__, make)
+    """Adds a stage, which has the name of its function, for the duration of a test."""
+
+    def add(make: Callable[[StageInputs], Any]) -> None:
+        added = Stage(make.__name__, makes=RecordKey[Any](make.__name__), make=make)
+        monkeypatch.setattr(stage_table, "STUDY_STAGES", (*stage_table.STUDY_STAGES, added))
+
+    return add
 
 
 def validated(*argv: str) -> list[str]:
@@ -60,8 +67,9 @@ BAD = {
     "pipelines=plans": "there is no pipeline 'plans'; there are ",
     "pipelines.stages=[]": "pipelines.stages is empty",
     "pipelines.stages=[winds]": "there is no stage 'winds'; there are ",
-    "pipelines.stages=[observations,observations]": "twice",
-    "pipelines.stages=[observations,decomposition,wind,forest]": "'forest' needs automaton, which no earlier",
+    "pipelines.stages=[readings,readings]": "twice",
+    "pipelines.stages=[readings,scene,decomposition,forest]": "'forest' needs problem, which no earlier",
+    "pipelines.stages=[readings,scene,decomposition,wind]": "'wind' needs observations, which no earlier",
     "seed=1,2": "add -m to run each",
     "mission.formula=F(a & F b)": "two pairs of quotes",
     "mission.formula=''": "mission.formula is missing",
@@ -162,10 +170,11 @@ def only(pattern: str) -> Path:
 def test_a_finished_run_leaves_its_settings_its_record_and_metrics_last(
     here: Path, stage: Any, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def probe(settings: Settings, directory: Path) -> int:
+    def probe(inputs: StageInputs) -> int:
+        directory = inputs.directory
         assert not (directory / "metrics.json").exists()
         assert json.loads((directory / "run.json").read_text())["status"] == "running"
-        return settings.seed
+        return inputs.settings.seed
 
     stage(probe)
     assert app.main(["pipelines.stages=[probe]", "seed=7", "name=trial"]) == 0
@@ -196,7 +205,7 @@ def test_a_finished_run_leaves_its_settings_its_record_and_metrics_last(
 def test_a_failure_is_one_line_an_exit_code_and_a_record(
     error: BaseException, code: int, status: str, here: Path, stage: Any, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def burst() -> None:
+    def burst(inputs: StageInputs) -> None:
         raise error
 
     stage(burst)
@@ -217,10 +226,10 @@ def test_a_failure_is_one_line_an_exit_code_and_a_record(
 def test_a_sweep_goes_on_after_a_failed_job_and_keeps_all_in_one_folder(
     here: Path, stage: Any, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def picky(settings: Settings) -> int:
-        if settings.seed == 2:
+    def picky(inputs: StageInputs) -> int:
+        if inputs.settings.seed == 2:
             raise DataError("two is not to my taste")
-        return settings.seed
+        return inputs.settings.seed
 
     stage(picky)
     assert app.main(["-m", "pipelines.stages=[picky]", "seed=1,2,3", "name=x,y"]) == 2
@@ -233,7 +242,7 @@ def test_a_sweep_goes_on_after_a_failed_job_and_keeps_all_in_one_folder(
 
 
 def test_an_unwritable_place_is_one_line(here: Path, stage: Any, capsys: pytest.CaptureFixture[str]) -> None:
-    def idle() -> int:
+    def idle(inputs: StageInputs) -> int:
         return 0
 
     stage(idle)
@@ -270,91 +279,10 @@ def test_start_up_loads_no_numerical_package() -> None:
     assert done.stdout == "[]\n"
 
 
-# --- the runner ------------------------------------------------------------------------------
-
-
-def test_ingredients_are_made_once_and_stages_in_order(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    made = []
-
-    def flour() -> str:
-        made.append("flour")
-        return "flour"
-
-    def dough(flour: str) -> str:
-        made.append("dough")
-        return flour + " dough"
-
-    def bread(dough: str, flour: str) -> str:
-        made.append("bread")
-        return f"bread of {dough} on {flour}"
-
-    monkeypatch.setattr(stages, "STAGES", {"dough": dough, "bread": bread})
-    monkeypatch.setattr(stages, "INGREDIENTS", {"flour": flour})
-    settings = Settings()
-    settings.pipelines.stages = ["dough", "bread"]
-    pipeline.run(settings, here / "out")
-    assert made == ["flour", "dough", "bread"]
-    settings.pipelines.stages = ["bread", "dough"]
-    with pytest.raises(ConfigError, match="'bread' needs dough, which no earlier stage makes"):
-        pipeline.run(settings, here / "other")
-    assert not (here / "other").exists()
-
-
-def test_a_stage_draws_the_same_numbers_in_every_pipeline(
-    here: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def dice(seeds: Any) -> list[int]:
-        return [int(n) for n in seeds.generate_state(4)]
-
-    def other(seeds: Any) -> list[int]:
-        return [int(n) for n in seeds.generate_state(4)]
-
-    monkeypatch.setattr(stages, "STAGES", {"dice": dice, "other": other})
-    drawn = []
-    for listed in (["dice"], ["other", "dice"]):
-        settings = Settings(seed=5)
-        settings.pipelines.stages = listed
-        run = pipeline.Run(settings, here, pipeline.ProgressBar())
-        pipeline.make_all(run)
-        drawn.append(run.records)
-    assert drawn[0]["dice"] == drawn[1]["dice"]
-    assert drawn[1]["other"] != drawn[1]["dice"]
-
-
-def test_an_infeasible_mission_still_gets_its_trees_its_picture_and_metrics(
-    here: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    import numpy as np
-
-    drawn = []
-
-    def forest() -> Forest:
-        return Forest((), np.empty((0, 2), np.int64), 0.1)
-
-    def front(forest: Forest) -> None:
-        raise InfeasibleError("no path")
-
-    def plan(front: object) -> None:
-        raise AssertionError("a plan without a front")
-
-    def report(forest: Forest, plan: object | None = None) -> None:
-        drawn.append(plan)
-
-    monkeypatch.setattr(stages, "STAGES", {f.__name__: f for f in (forest, front, plan, report)})
-    settings = Settings()
-    settings.pipelines.stages = ["forest", "front", "plan", "report"]
-    with pytest.raises(InfeasibleError, match="no path"):
-        pipeline.run(settings, here)
-    assert drawn == [None]
-    assert (here / "trees.npz").is_file()
-    assert json.loads((here / "metrics.json").read_text())["completed"] == 0.0
-    assert json.loads((here / "run.json").read_text())["status"] == "infeasible"
-
-
 def test_warnings_go_to_the_log_of_the_run(
     here: Path, stage: Any, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def uneasy() -> int:
+    def uneasy(inputs: StageInputs) -> int:
         import warnings
 
         warnings.showwarning("the ice is thin", UserWarning, "lake.py", 1)

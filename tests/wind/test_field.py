@@ -39,7 +39,7 @@ def cache(tmp_path, monkeypatch):
 
 @pytest.fixture(scope="module")
 def sample():
-    return sources.observations(WindConfig(), CONUS)
+    return sources.place_readings(WindConfig(), sources.read_readings(WindConfig()), CONUS)
 
 
 @pytest.fixture(scope="module")
@@ -107,7 +107,7 @@ def test_nodes_hold_the_posterior_and_the_space_between_is_close(sample):
 
 def test_calm_air_is_zero_for_ever():
     cfg = WindConfig(source="calm")
-    wind = field.wind(cfg, sources.observations(cfg, CONUS), CONUS)
+    wind = field.wind(cfg, sources.place_readings(cfg, sources.read_readings(cfg), CONUS), CONUS)
     assert wind.hold_last
     np.testing.assert_array_equal(wind.times, [0.0])
     assert not wind.mean.any()
@@ -235,7 +235,9 @@ def test_a_remembered_field_does_not_load_scikit_learn(few, cache, tmp_path):
         from pareto_ltl.wind import field, sources
         bounds = np.array([[-5e5, -5e5], [5e5, 5e5]])
         scene = Scene(bounds, np.zeros(2), {}, (), projection.plane(37.0, -92.0), "2018-10-10T12:00:00Z")
-        wind = field.wind(WindConfig(), sources.observations(WindConfig(), scene), scene)
+        cfg = WindConfig()
+        seen = sources.place_readings(cfg, sources.read_readings(cfg), scene)
+        wind = field.wind(cfg, seen, scene)
         print(len(wind.times), "sklearn" in sys.modules, "pandas" in sys.modules)
     """)
     run = [sys.executable, "-c", script]

@@ -30,7 +30,7 @@ def observed(seed=0, n=60, times=1, noise=1.0, length=400e3, amplitude=3.0):
 @pytest.fixture(scope="module")
 def sample():
     scene = Scene(np.array([[-5e5, -5e5], [5e5, 5e5]]), np.zeros(2), {}, (), projection.plane(37, -92))
-    return sources.observations(WindConfig(), scene)
+    return sources.place_readings(WindConfig(), sources.read_readings(WindConfig()), scene)
 
 
 def dense(kernel, h, points, wind, at):

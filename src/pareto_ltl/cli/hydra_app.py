@@ -37,6 +37,7 @@ from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf, open_dict
 from omegaconf.errors import MissingMandatoryValue, OmegaConfBaseException
 
+from pareto_ltl.cli.stage_table import application_stages
 from pareto_ltl.cli.summary import print_summary
 from pareto_ltl.run import pipeline
 from pareto_ltl.run.provenance import one_line
@@ -188,12 +189,16 @@ def validate(arguments: argparse.Namespace) -> list[str]:
 
 def check(settings: Settings) -> None:
     """Checks across sections; those of one section ran when the settings were made."""
+    _checked(settings)
+
+
+def _checked(settings: Settings) -> pipeline.Pipeline:
     if not NAME.fullmatch(settings.name):
         raise ConfigError(
             "name must be letters, digits, dots, dashes or underscores (it names a folder), "
             f"got {settings.name!r}"
         )
-    pipeline.check(settings)
+    return pipeline.check_pipeline(settings, application_stages(settings))
 
 
 def settings_of(config: DictConfig) -> Settings:
@@ -393,8 +398,7 @@ def run(config: DictConfig, argv: Sequence[str]) -> int:
     shown = _short(directory)
     try:
         settings = settings_of(config)
-        check(settings)
-        metrics = pipeline.run(settings, directory, argv, _overrides())
+        metrics = pipeline.run_pipeline(_checked(settings), directory, argv, _overrides())
     except (ParetoLtlError, OmegaConfBaseException, OSError) as error:
         complain(f"{explain(error)} [{shown}]")
         return 2
@@ -416,7 +420,7 @@ def run_once(config: DictConfig, argv: Sequence[str]) -> int:
         metrics: dict[str, float] = {}
 
         def work() -> None:
-            metrics.update(pipeline.run(settings, directory, argv, _overrides()))
+            metrics.update(pipeline.run_pipeline(_checked(settings), directory, argv, _overrides()))
 
         done = jobs.once(directory, work, resume=settings.sweep.resume)
         print(f"{told}: " + (f"ok in {metrics['run_seconds']:.1f} s" if done else "done already"), flush=True)

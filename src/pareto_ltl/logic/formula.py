@@ -18,6 +18,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
+from functools import lru_cache
 
 from pareto_ltl.support.errors import FormulaError
 
@@ -85,8 +86,9 @@ class Formula:
 TRUE, FALSE = Formula("true"), Formula("false")
 
 
+@lru_cache(maxsize=256)
 def parse(text: str) -> Formula:
-    """Read a formula; a :class:`FormulaError` points at the column where reading had to stop."""
+    """Read a formula, each text once a process; a :class:`FormulaError` points at the column of the fault."""
     return _Parser(text).formula()
 
 

@@ -9,7 +9,6 @@ import numpy as np
 
 from pareto_ltl.planning.problem import Problem, evaluate
 from pareto_ltl.planning.records import Forest, Front, Objectives, PlannedPath
-from pareto_ltl.settings import SelectionConfig
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 from pareto_ltl.support.errors import InfeasibleError
 
@@ -142,36 +141,3 @@ def front(smoothed: Sequence[PlannedPath], raw: Sequence[PlannedPath], full: boo
     reference = np.array([1.0, 1.0, 2.0 * rows[:, 2].max()])
     volume = hypervolume(np.array([objective_row(p.objectives, full) for p in kept]), reference)
     return Front(tuple(kept), tuple(p.objectives for p in raw), volume, reference, full)
-
-
-def choose(cfg: SelectionConfig, front: Front) -> PlannedPath:
-    """Pick one path of the front.
-
-    ``priority``: completion, then mission risk, then length (the paper's); of full fidelity the estimated
-    failure rate comes first, where the front has estimates, then V + R, then length. ``weighted``: least
-    g_w(ξ, λ) = Σ_j λ_j f_j, length in units of the shortest on the front. ``threshold``: the shortest with
-    mission risk + collision risk ≤ alpha.
-
-    Raises
-    ------
-    InfeasibleError
-        For ``threshold``, where no path is safe enough; the text gives the least risk there is.
-    """
-    rows = np.array([objective_row(p.objectives, front.full) for p in front.paths])
-    if cfg.rule == "priority" and front.full:
-        first = np.array(front.estimates) if front.estimates else rows[:, :2].sum(axis=1)
-        return front.paths[int(np.lexsort((rows[:, 2], rows[:, :2].sum(axis=1), first))[0])]
-    if cfg.rule == "priority":
-        return front.paths[int(np.lexsort((rows[:, 2], rows[:, 1], rows[:, 0]))[0])]
-    if cfg.rule == "weighted":
-        weights = np.array(cfg.weights) / sum(cfg.weights)
-        scaled = rows / [1.0, 1.0, rows[:, 2].min() or 1.0]
-        return front.paths[int(np.argmin(scaled @ weights))]
-    risk = np.array([p.objectives.mission_risk + p.objectives.collision_risk for p in front.paths])
-    safe = np.flatnonzero(risk <= cfg.alpha)
-    if len(safe) == 0:
-        raise InfeasibleError(
-            f"no path keeps mission risk + collision risk within selection.alpha = {cfg.alpha:g}; the safest "
-            f"has {risk.min():.3g}: raise selection.alpha, lower planner.epsilon, or raise planner.n_max"
-        )
-    return front.paths[int(safe[np.argmin(rows[safe, 2])])]

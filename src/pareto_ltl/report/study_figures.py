@@ -23,8 +23,8 @@ from matplotlib.ticker import FixedLocator, FuncFormatter, NullFormatter
 
 from pareto_ltl.report import plan_figures as figures
 from pareto_ltl.report import style
+from pareto_ltl.report.records import Study
 from pareto_ltl.settings import ReportConfig
-from pareto_ltl.studies.records import Study
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.world.cells import Decomposition
 from pareto_ltl.world.scene import Scene

@@ -3,23 +3,42 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+from pareto_ltl.report.records import Study
+from pareto_ltl.run.records import DEPLOYMENTS, FORECASTS, FOREST, FRONT, PLAN, WIND, Records
 
 if TYPE_CHECKING:
     from pareto_ltl.planning.problem import Forecast
     from pareto_ltl.planning.records import Acceptance, Forest, Front, Plan
     from pareto_ltl.simulation.records import Deployment
-    from pareto_ltl.studies.records import Study
     from pareto_ltl.wind.records import WindField
 
 
-def metrics(records: Mapping[str, Any], seconds: Mapping[str, float]) -> dict[str, float]:
-    """Numbers from whatever records there are; ``completed`` says whether a plan is among them."""
-    table: dict[str, float] = {"completed": float("plan" in records)}
-    for name, count in COUNTERS.items():
-        if name in records:
-            table |= count(records[name])
+def run_metrics(records: Records, seconds: Mapping[str, float]) -> dict[str, float]:
+    """Numbers from the records that there are; ``completed`` is 1 if a plan or a study is among them.
+
+    A record of another package takes part with an attribute ``numbers``, a mapping of name to float.
+    """
+    table: dict[str, float] = {"completed": float(PLAN in records)}
+    if (wind := records.get(WIND)) is not None:
+        table |= _wind(wind)
+    if (forest := records.get(FOREST)) is not None:
+        table |= _forest(forest)
+    if (front := records.get(FRONT)) is not None:
+        table |= _front(front)
+    if (plan := records.get(PLAN)) is not None:
+        table |= _plan(plan)
+    if (forecasts := records.get(FORECASTS)) is not None:
+        table |= _forecasts(forecasts)
+    if (deployments := records.get(DEPLOYMENTS)) is not None:
+        table |= _deployments(deployments)
+    for record in records.values():
+        if isinstance(record, Study):
+            table |= {"completed": 1.0}
+        if isinstance(numbers := getattr(record, "numbers", None), Mapping):
+            table |= numbers
     table |= {f"seconds_{name}": spent for name, spent in seconds.items()}
     table["run_seconds"] = math.fsum(seconds.values())
     table["memory_mib"] = _peak_memory()
@@ -107,26 +126,8 @@ def _deployments(deployments: Mapping[str, Deployment]) -> dict[str, float]:
     return {name: rate for flights in deployments.values() for name, rate in rates(flights).items()}
 
 
-def _study(study: Study) -> dict[str, float]:
-    return {"completed": 1.0, **study.numbers}
-
-
 def _peak_memory() -> float:
     """Largest memory this process has held [MiB]."""
     import resource
 
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024  # kibibytes on Linux
-
-
-COUNTERS: dict[str, Callable[[Any], dict[str, float]]] = {
-    "wind": _wind,
-    "forest": _forest,
-    "front": _front,
-    "plan": _plan,
-    "forecasts": _forecasts,
-    "deployment": _deployments,
-    "comparison": _study,
-    "convergence": _study,
-    "ablation": _study,
-    "hindcast": _study,
-}

@@ -17,14 +17,25 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pareto_ltl.planning.records import Acceptance, Forest, Front, Objectives, Plan, PlannedPath, Tree
+from pareto_ltl.report.records import Study
+from pareto_ltl.run.records import (
+    AUTOMATON,
+    DECOMPOSITION,
+    DEPLOYMENTS,
+    FOREST,
+    FRONT,
+    PLAN,
+    SCENE,
+    WIND,
+    RecordKey,
+)
 from pareto_ltl.simulation.records import Deployment
-from pareto_ltl.studies.records import Study
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.wind.records import WindField
 from pareto_ltl.world.cells import Decomposition
@@ -32,6 +43,8 @@ from pareto_ltl.world.scene import Scene
 
 if TYPE_CHECKING:
     from pareto_ltl.logic import Automaton
+
+T = TypeVar("T")
 
 PLAN_SCHEMA = "pareto_ltl.plan/1"
 EPOCH = (1980, 1, 1, 0, 0, 0)  # the earliest date a zip archive can carry
@@ -405,20 +418,24 @@ def write_study(directory: Path, study: Study) -> None:
 
 # --- the directory ---------------------------------------------------------------------------
 
-WRITERS: dict[str, Callable[[Path, Any], None]] = {
-    "scene": write_scene,
-    "wind": write_wind,
-    "decomposition": write_decomposition,
-    "automaton": write_automaton,
-    "forest": write_forest,
-    "front": write_front,
-    "plan": write_plan,
-    "deployment": write_deployments,
-    "comparison": write_study,
-    "convergence": write_study,
-    "ablation": write_study,
-    "hindcast": write_study,
+WRITERS: dict[RecordKey[Any], Callable[[Path, Any], None]] = {
+    SCENE: write_scene,
+    WIND: write_wind,
+    DECOMPOSITION: write_decomposition,
+    AUTOMATON: write_automaton,
+    FOREST: write_forest,
+    FRONT: write_front,
+    PLAN: write_plan,
+    DEPLOYMENTS: write_deployments,
 }
+
+
+def save_record(directory: Path, key: RecordKey[T], record: T) -> None:
+    """Write ``record`` into ``directory`` if it has a place on disk."""
+    if key in WRITERS:
+        WRITERS[key](directory, record)
+    elif isinstance(record, Study):
+        write_study(directory, record)
 
 
 @dataclass(frozen=True, slots=True)
@@ -429,11 +446,6 @@ class Results:
 
     def __init__(self, directory: Path | str) -> None:
         object.__setattr__(self, "directory", Path(directory))
-
-    def save(self, name: str, record: Any) -> None:
-        """Write what stage ``name`` made, where it has a place on disk."""
-        if name in WRITERS:
-            WRITERS[name](self.directory, record)
 
     @property
     def done(self) -> bool:

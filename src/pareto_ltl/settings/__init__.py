@@ -10,7 +10,9 @@ import math
 from dataclasses import dataclass, field
 from typing import Any
 
+from pareto_ltl.support import extensions
 from pareto_ltl.support.errors import ConfigError
+from pareto_ltl.support.extensions import extension_names
 
 LAWS = ("independent", "coherent")
 MISSION_BOUNDS = ("theorem2", "ordered")
@@ -20,7 +22,7 @@ REFINEMENTS = ("none", "convex")
 JUDGES = ("bound", "flights")
 WIND_SOURCES = ("sample", "csv", "grib", "calm")
 KERNELS = ("matern32", "rbf")
-RULES = ("priority", "weighted", "threshold")
+SELECTION_RULES = ("priority", "weighted", "threshold")
 
 
 def _positive(key: str, value: float, unit: str = "") -> None:
@@ -46,6 +48,12 @@ def _probability(key: str, value: float) -> None:
 def _one_of(key: str, value: str, choices: tuple[str, ...]) -> None:
     if value not in choices:
         raise ConfigError(f"{key} must be one of {', '.join(choices)}; got {value!r}")
+
+
+def _kind_of(key: str, value: str, own: tuple[str, ...], group: str) -> None:
+    """Like :func:`_one_of`, with the names that other packages add to ``group``."""
+    if value not in own:
+        _one_of(key, value, (*own, *extension_names(group)))
 
 
 def _rows(value: Any, width: int) -> bool:
@@ -186,7 +194,7 @@ class WindConfig:
     cache: bool = True
 
     def __post_init__(self) -> None:
-        _one_of("wind.source", self.source, WIND_SOURCES)
+        _kind_of("wind.source", self.source, WIND_SOURCES, extensions.WIND_SOURCE_GROUP)
         _one_of("wind.kernel", self.kernel, KERNELS)
         _positive("wind.noise_min", self.noise_min, "m/s")
         _positive("wind.spacing", self.spacing, "m")
@@ -328,7 +336,7 @@ class SelectionConfig:
     examined: int = 5  # paths examined, at most, until one keeps its promise
 
     def __post_init__(self) -> None:
-        _one_of("selection.rule", self.rule, RULES)
+        _kind_of("selection.rule", self.rule, SELECTION_RULES, extensions.SELECTION_RULE_GROUP)
         _probability("selection.alpha", self.alpha)
         for key in ("draws", "runs", "examined"):
             _at_least(f"selection.{key}", getattr(self, key), 1)

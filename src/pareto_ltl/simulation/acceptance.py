@@ -17,7 +17,7 @@ from numpy.random import SeedSequence
 from pareto_ltl.kernels import flight as rollout
 from pareto_ltl.planning.problem import Problem, linear_law
 from pareto_ltl.planning.records import Acceptance, Front, PlannedPath
-from pareto_ltl.planning.selection import choose
+from pareto_ltl.planning.selection_rules import choose_path
 from pareto_ltl.settings import SelectionConfig
 from pareto_ltl.simulation.flights import clopper_pearson, draw, fly
 from pareto_ltl.support.arrays import FloatArray
@@ -63,7 +63,7 @@ def accept(
     """
     left, seen = front, []
     for _ in range(cfg.examined):
-        path = choose(cfg, left)
+        path = choose_path(cfg, left)
         k = next(i for i, other in enumerate(left.paths) if other is path)
         verdict = examine(
             problem, wind, path, cfg.runs, seed, left.estimates[k] if left.estimates else math.nan

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from pareto_ltl.support.errors import DataError
+from pareto_ltl.support.errors import ConfigError, DataError
+from pareto_ltl.support.extensions import extension_folders
 
 PACKAGE = Path(__file__).resolve().parents[1]
 
@@ -24,16 +25,36 @@ def folder(name: str) -> Path:
     raise DataError(f"folder {name}/ is missing beside {PACKAGE}: reinstall pareto-ltl")
 
 
+def choice_folders(group: str) -> list[Path]:
+    """Folders that hold the YAML files of ``group``: ours first, then those of other packages."""
+    own = folder("pipelines") if group == "pipelines" else folder("conf") / group
+    return [own, *(place / group for place in extension_folders())]
+
+
 def choices(group: str) -> list[str]:
     """Names of the YAML files in ``group``: a folder of ``conf/``, or ``pipelines``."""
-    place = folder("pipelines") if group == "pipelines" else folder("conf") / group
-    return sorted(path.stem for path in place.glob("*.yaml"))
+    return sorted({path.stem for place in choice_folders(group) for path in place.glob("*.yaml")})
+
+
+def choice_file(group: str, name: str) -> Path:
+    """The YAML file of choice ``name`` in ``group``.
+
+    Raises
+    ------
+    ConfigError
+        If there is none; the text lists the choices.
+    """
+    for place in choice_folders(group):
+        if (place / f"{name}.yaml").is_file():
+            return place / f"{name}.yaml"
+    raise ConfigError(f"there is no {group} {name!r}; there are {', '.join(choices(group))}")
 
 
 def groups() -> list[str]:
     """Every group that has a choice."""
-    found = [path.name for path in folder("conf").iterdir() if path.is_dir() and any(path.glob("*.yaml"))]
-    return sorted([*found, "pipelines"])
+    roots = (folder("conf"), *extension_folders())
+    found = {path.name for root in roots for path in root.iterdir() if any(path.glob("*.yaml"))}
+    return sorted(found | {"pipelines"})
 
 
 def packaged_data() -> list[Path]:

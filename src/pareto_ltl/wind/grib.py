@@ -25,7 +25,7 @@ COMPONENTS = {"10u": "u", "u": "u", "10v": "v", "v": "v"}
 
 @dataclass(frozen=True, slots=True)
 class _Field:
-    """One component at one time: where it came from and, unless only headers were read, its values."""
+    """One component at one time: where it came from and its values."""
 
     component: str
     time: float  # valid at [s since 1970]
@@ -39,7 +39,7 @@ class _Field:
 def read(files: tuple[Path, ...], max_speed: float) -> Readings:
     """Read every time the files hold; where two forecasts reach one time, the later one counts."""
     pairs: dict[float, dict[float, dict[str, _Field]]] = {}
-    for field in _fields(files, values=True):
+    for field in _fields(files):
         pair = pairs.setdefault(field.time, {}).setdefault(field.lead, {})
         if field.component in pair:
             raise DataError(
@@ -61,11 +61,6 @@ def read(files: tuple[Path, ...], max_speed: float) -> Readings:
     )
 
 
-def first_time(files: tuple[Path, ...]) -> float:
-    """The first time [s since 1970], from the headers alone."""
-    return min(field.time for field in _fields(files, values=False))
-
-
 def _merge(pair: dict[str, _Field], max_speed: float) -> tuple[FloatArray, FloatArray]:
     """Points (N, 2) [deg] and earth-relative winds (N, 2) [m/s] of one time."""
     some = next(iter(pair.values()))
@@ -85,7 +80,7 @@ def _merge(pair: dict[str, _Field], max_speed: float) -> tuple[FloatArray, Float
     return u.lonlat[here], winds[here]
 
 
-def _fields(files: tuple[Path, ...], values: bool) -> Iterator[_Field]:
+def _fields(files: tuple[Path, ...]) -> Iterator[_Field]:
     """The 10 m wind components in ``files``; every file must have some."""
     eccodes = _eccodes(files[0])
     grids: dict[str, tuple[FloatArray, FloatArray | None]] = {}  # decoded once for each distinct grid
@@ -96,7 +91,7 @@ def _fields(files: tuple[Path, ...], values: bool) -> Iterator[_Field]:
                 try:
                     if _is_wind_at_10_m(eccodes, message):
                         found = True
-                        yield _decode(eccodes, message, file, grids if values else None)
+                        yield _decode(eccodes, message, file, grids)
                 finally:
                     eccodes.codes_release(message)
         if not found:
@@ -138,15 +133,13 @@ def _is_wind_at_10_m(eccodes: Any, message: int) -> bool:
 
 
 def _decode(
-    eccodes: Any, message: int, file: Path, grids: dict[str, tuple[FloatArray, FloatArray | None]] | None
+    eccodes: Any, message: int, file: Path, grids: dict[str, tuple[FloatArray, FloatArray | None]]
 ) -> _Field:
     get = eccodes.codes_get
     valid, start = (
         _stamp(get(message, f"{kind}Date"), get(message, f"{kind}Time")) for kind in ("validity", "data")
     )
     component = COMPONENTS[get(message, "shortName")]
-    if grids is None:
-        return _Field(component, valid, valid - start, file, np.empty((0, 2)), np.empty(0), None)
     key = str(get(message, "md5GridSection"))
     if key not in grids:
         grids[key] = _grid(eccodes, message, file)
@@ -210,4 +203,4 @@ def _eccodes(file: Path) -> Any:
     return eccodes
 
 
-__all__ = ["first_time", "read"]
+__all__ = ["read"]

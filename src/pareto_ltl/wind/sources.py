@@ -1,7 +1,7 @@
 """Wind readings from files, turned into the plane and the clock of a scene.
 
-``observations`` is the stage; ``ingest`` writes a small table from large files; ``first_time`` is the
-default departure.
+``SOURCES`` is the table of sources; ``read_readings`` and ``place_readings`` are the stages that make
+readings and observations; ``write_wind_table`` writes a small table from large files.
 """
 
 from __future__ import annotations
@@ -9,16 +9,19 @@ from __future__ import annotations
 import glob
 import hashlib
 import json
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from pareto_ltl.settings import IngestConfig, WindConfig
+from pareto_ltl.support import extensions
 from pareto_ltl.support.arrays import FloatArray, IntArray
 from pareto_ltl.support.errors import ConfigError, DataError
-from pareto_ltl.wind import csv_table as table
-from pareto_ltl.wind import grib
-from pareto_ltl.wind.readings import Readings, farthest_points, iso, on_sphere, seconds
+from pareto_ltl.support.extensions import known_kind
+from pareto_ltl.wind import csv_table, grib
+from pareto_ltl.wind.readings import CALM, Readings, farthest_points, iso, on_sphere, seconds
 from pareto_ltl.wind.records import WindObservations
 from pareto_ltl.world.scene import Scene
 
@@ -28,64 +31,8 @@ NEAR = 500e3  # [m]; about one correlation length of 10 m wind over land
 HORIZON = np.deg2rad(45.0)  # readings farther round the Earth say nothing here, and planes distort
 
 
-def observations(cfg: WindConfig, scene: Scene) -> WindObservations:
-    """Wind readings in the plane of ``scene``, from the last time at or before departure onwards.
-
-    Earth-relative winds are turned by the meridian convergence; their length stays that on the ground.
-    Calm wind is one time without readings.
-    """
-    if cfg.source == "calm":
-        return WindObservations(np.zeros(1), (np.empty((0, 2)),), (np.empty((0, 2)),), "calm")
-    readings = _read(cfg)
-    _refuse_other_frame(readings, scene)
-    zero = _departure(scene, readings)
-    kept = _slots(cfg, readings, zero)
-    placed = [_place(cfg, scene, readings, k) for k in kept]
-    return WindObservations(
-        times=readings.times[kept] - zero,
-        points=tuple(points for points, _ in placed),
-        winds=tuple(winds for _, winds in placed),
-        source=f"{cfg.source}: {', '.join(file.name for file in readings.files[:8])}"
-        + (f" and {len(readings.files) - 8} more" if len(readings.files) > 8 else ""),
-    )
-
-
-def first_time(cfg: WindConfig) -> str | None:
-    """The first time a source holds, ISO 8601 UTC; None where time does not matter (calm)."""
-    if cfg.source == "calm":
-        return None
-    if cfg.source == "grib":
-        return iso(grib.first_time(_files(cfg)))
-    return iso(_read(cfg).times[0])
-
-
-def ingest(cfg: WindConfig, ingest: IngestConfig, out: Path) -> Path:
-    """Write ``ingest.points`` nodes of a geographic source as a table, and beside it where it came from.
-
-    The nodes are the same at all times: those inside ``ingest.area`` that every time has, thinned by
-    farthest-point sampling from the middle of the area. ``out.json`` names the source files by SHA-256.
-    """
-    readings = _read(cfg)
-    if not readings.geographic:
-        raise DataError(f"{readings.files[0]} has x,y columns; ingest expects latitude and longitude")
-    kept = _between(readings, ingest)
-    nodes = _common_nodes(readings, kept, ingest)
-    winds = np.stack([_winds_at(readings, k, nodes) for k in kept])
-    table.write(out, readings.times[kept], nodes, winds)
-    text = json.dumps(_provenance(cfg, ingest, readings, kept, nodes), indent=1, ensure_ascii=False)
-    table.replace_text(out.with_suffix(".json"), text + "\n")
-    return out
-
-
-def _read(cfg: WindConfig) -> Readings:
-    read = grib.read if cfg.source == "grib" else table.read
-    return read(_files(cfg), cfg.max_speed)
-
-
-def _files(cfg: WindConfig) -> tuple[Path, ...]:
+def data_files(cfg: WindConfig) -> tuple[Path, ...]:
     """The files that ``wind.path`` names: a file, all data files of a folder, or a pattern."""
-    if cfg.source == "sample":
-        return (SAMPLE,)
     path = Path(str(cfg.path)).expanduser()
     if path.is_dir():
         wanted = "*.csv" if cfg.source == "csv" else "*"
@@ -103,10 +50,113 @@ def _is_data(file: Path) -> bool:
     return not file.name.startswith(".") and file.suffix.lower() not in (".idx", ".md", ".txt", ".json")
 
 
+@dataclass(frozen=True, slots=True)
+class WindSource:
+    """One value of ``wind.source``.
+
+    Attributes
+    ----------
+    read : callable
+        From the settings of the wind to :class:`Readings`, every value checked; raises ``DataError``.
+    files : callable
+        The files that ``read`` opens, for the records of a run; raises ``DataError``.
+    """
+
+    read: Callable[[WindConfig], Readings]
+    files: Callable[[WindConfig], tuple[Path, ...]]
+
+
+def _sample_files(cfg: WindConfig) -> tuple[Path, ...]:
+    return (SAMPLE,)
+
+
+def _no_files(cfg: WindConfig) -> tuple[Path, ...]:
+    return ()
+
+
+def _read_sample(cfg: WindConfig) -> Readings:
+    return csv_table.read(_sample_files(cfg), cfg.max_speed)
+
+
+def _read_csv(cfg: WindConfig) -> Readings:
+    return csv_table.read(data_files(cfg), cfg.max_speed)
+
+
+def _read_grib(cfg: WindConfig) -> Readings:
+    return grib.read(data_files(cfg), cfg.max_speed)
+
+
+def _read_calm(cfg: WindConfig) -> Readings:
+    return CALM
+
+
+SOURCES = {
+    "sample": WindSource(_read_sample, _sample_files),
+    "csv": WindSource(_read_csv, data_files),
+    "grib": WindSource(_read_grib, data_files),
+    "calm": WindSource(_read_calm, _no_files),
+}
+
+
+def wind_source(cfg: WindConfig) -> WindSource:
+    """The source that ``wind.source`` names: one of ``SOURCES``, or one of another package."""
+
+    def expected(loaded: object) -> bool:
+        return isinstance(loaded, WindSource)
+
+    return known_kind(extensions.WIND_SOURCE_GROUP, SOURCES, cfg.source, expected)
+
+
+def read_readings(cfg: WindConfig) -> Readings:
+    """All readings of the source, each file read once; no times in calm wind."""
+    return wind_source(cfg).read(cfg)
+
+
+def place_readings(cfg: WindConfig, readings: Readings, scene: Scene) -> WindObservations:
+    """Wind readings in the plane of ``scene``, from the last time at or before departure onwards.
+
+    Earth-relative winds are turned by the meridian convergence; their length stays that on the ground.
+    Calm wind is one time without readings.
+    """
+    if not len(readings.times):
+        return WindObservations(np.zeros(1), (np.empty((0, 2)),), (np.empty((0, 2)),), cfg.source)
+    _refuse_other_frame(readings, scene)
+    zero = _departure(scene, readings)
+    kept = _slots(cfg, readings, zero)
+    placed = [_place(cfg, scene, readings, k) for k in kept]
+    return WindObservations(
+        times=readings.times[kept] - zero,
+        points=tuple(points for points, _ in placed),
+        winds=tuple(winds for _, winds in placed),
+        source=f"{cfg.source}: {', '.join(file.name for file in readings.files[:8])}"
+        + (f" and {len(readings.files) - 8} more" if len(readings.files) > 8 else ""),
+    )
+
+
+def write_wind_table(cfg: WindConfig, readings: Readings, ingest: IngestConfig, out: Path) -> Path:
+    """Write ``ingest.points`` nodes of geographic readings as a table, and beside it where it came from.
+
+    The nodes are the same at all times: those inside ``ingest.area`` that every time has, thinned by
+    farthest-point sampling from the middle of the area. ``out.json`` names the source files by SHA-256.
+    Returns ``out``.
+    """
+    if not len(readings.times):
+        raise DataError(f"wind.source={cfg.source} holds no readings; ingest needs wind files (wind=grib)")
+    if not readings.geographic:
+        raise DataError(f"{readings.name} has x,y columns; ingest expects latitude and longitude")
+    kept = _between(readings, ingest)
+    nodes = _common_nodes(readings, kept, ingest)
+    winds = np.stack([_winds_at(readings, k, nodes) for k in kept])
+    csv_table.write(out, readings.times[kept], nodes, winds)
+    text = json.dumps(_provenance(cfg, ingest, readings, kept, nodes), indent=1, ensure_ascii=False)
+    csv_table.replace_text(out.with_suffix(".json"), text + "\n")
+    return out
+
+
 def _refuse_other_frame(readings: Readings, scene: Scene) -> None:
     if readings.geographic and scene.crs is None:
         raise DataError(
-            f"{readings.files[0].name} is in degrees but the scene lies nowhere on Earth; set scene.centre "
+            f"{readings.name} is in degrees but the scene lies nowhere on Earth; set scene.centre "
             "(latitude, longitude), or use wind.source=csv with columns time,x,y,u,v or wind.source=calm"
         )
 
@@ -127,7 +177,7 @@ def _slots(cfg: WindConfig, readings: Readings, zero: float) -> IntArray:
     """Indices of the times that matter from departure onwards."""
     times = readings.times
     spell = f"{iso(times[0])} .. {iso(times[-1])}"
-    name = readings.files[0].name
+    name = readings.name
     if len(times) == 1 and not cfg.hold_last:
         raise DataError(
             f"{name} holds one wind time only ({iso(times[0])}), which covers no flight; "
@@ -153,7 +203,7 @@ def _place(cfg: WindConfig, scene: Scene, readings: Readings, k: int) -> tuple[F
     near = int(np.sum(gap <= reach))
     if near < ENOUGH:
         raise DataError(
-            f"{readings.files[0].name}: {near} wind readings within {reach / 1e3:g} km of the scene at "
+            f"{readings.name}: {near} wind readings within {reach / 1e3:g} km of the scene at "
             f"{iso(readings.times[k])}, expected at least {ENOUGH}; is the scene where the wind data is?"
         )
     chosen = _thin(cfg, scene.bounds.mean(axis=0), points, gap)
@@ -256,6 +306,3 @@ def _provenance(
         "area": ", ".join(f"{lon:g} {lat:g}" for lon, lat in ingest.area),
         "files": {file.name: hashlib.sha256(file.read_bytes()).hexdigest() for file in files},
     }
-
-
-__all__ = ["first_time", "ingest", "observations"]
