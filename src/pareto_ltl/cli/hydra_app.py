@@ -130,8 +130,8 @@ def register() -> None:
     for name in LAUNCHERS:
         launchers.pop(f"{name}.yaml", None)  # ... for which there are better ones in conf/hydra/launcher
     store.store(name="settings", node=Settings)
-    for name in choices("pipelines"):
-        store.store(group="pipelines", name=name, node=OmegaConf.load(folder("pipelines") / f"{name}.yaml"))
+    for path in sorted(folder("pipelines").glob("*.yaml")):  # those of other packages: their search path
+        store.store(group="pipelines", name=path.stem, node=OmegaConf.load(path))
 
 
 # --- checks before anything is made ----------------------------------------------------------

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from pareto_ltl.support.arrays import FloatArray, IntArray
+from pareto_ltl.support.display import Displayed, distance_text
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,8 +59,8 @@ class Tree:
         return self.x[rows[::-1]]
 
 
-@dataclass(frozen=True, slots=True)
-class Forest:
+@dataclass(frozen=True, slots=True, repr=False)
+class Forest(Displayed):
     """The trees of one run and the vertices that complete the mission.
 
     Attributes
@@ -71,6 +72,13 @@ class Forest:
     trees: tuple[Tree, ...]
     accepted: IntArray
     seconds: float
+
+    def facts(self) -> Mapping[str, str]:
+        return {
+            "trees": f"{len(self.trees)}",
+            "vertices": f"{sum(map(len, self.trees)):,}",
+            "accepted": f"{len(self.accepted):,}",
+        }
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,8 +124,8 @@ class PlannedPath:
     fixes: tuple[int, ...] = ()
 
 
-@dataclass(frozen=True, slots=True)
-class Front:
+@dataclass(frozen=True, slots=True, repr=False)
+class Front(Displayed):
     """Non-dominated paths, sorted by mission risk.
 
     ``raw`` holds the objectives of the front before smoothing, for the record of what smoothing brought;
@@ -131,6 +139,15 @@ class Front:
     reference: FloatArray
     full: bool = False
     estimates: tuple[float, ...] = ()
+
+    def facts(self) -> Mapping[str, str]:
+        lengths = [path.objectives.length for path in self.paths] or [0.0]
+        risks = [path.objectives.mission_risk for path in self.paths] or [0.0]
+        return {
+            "paths": f"{len(self.paths)}",
+            "length": f"{distance_text(min(lengths))} to {distance_text(max(lengths))}",
+            "mission risk": f"{min(risks):.2g} to {max(risks):.2g}",
+        }
 
 
 @dataclass(frozen=True, slots=True)
@@ -163,8 +180,8 @@ class Acceptance:
     linearity: float
 
 
-@dataclass(frozen=True, slots=True)
-class Plan:
+@dataclass(frozen=True, slots=True, repr=False)
+class Plan(Displayed):
     """The path to fly, and what it was chosen by."""
 
     path: PlannedPath
@@ -177,3 +194,14 @@ class Plan:
     rule: str
     weights: tuple[float, ...]
     acceptance: Acceptance | None = None
+
+    def facts(self) -> Mapping[str, str]:
+        o = self.path.objectives
+        return {
+            "formula": self.formula,
+            "length": distance_text(o.length),
+            "steps": f"{len(self.path.u)}",
+            "mission risk": f"{o.mission_risk:.2g}",
+            "collision risk": f"{o.collision_risk:.2g}",
+            "fidelity": self.fidelity,
+        }

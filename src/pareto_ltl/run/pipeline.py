@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -39,8 +39,8 @@ class Pipeline:
     stages: tuple[Stage[Any], ...]
 
 
-def check_pipeline(settings: Settings, table: StageTable) -> Pipeline:
-    """The stages that ``settings.pipelines.stages`` lists.
+def check_pipeline(settings: Settings, table: StageTable, given: Collection[RecordKey[Any]] = ()) -> Pipeline:
+    """The stages that ``settings.pipelines.stages`` lists, without those that make a ``given`` record.
 
     Raises
     ------
@@ -51,22 +51,25 @@ def check_pipeline(settings: Settings, table: StageTable) -> Pipeline:
     if not listed:
         raise ConfigError(f"pipelines.stages is empty: list at least one of {known}")
     stages: list[Stage[Any]] = []
+    seen: set[str] = set()
     for name in listed:
         if name not in table:
             raise ConfigError(f"pipelines.stages: there is no stage {name!r}; there are {known}")
-        stage = table[name]
-        if stage in stages:
+        if name in seen:
             raise ConfigError(f"pipelines.stages lists {name!r} twice; once is enough")
-        _check_stage(stage, stages)
-        stages.append(stage)
+        seen.add(name)
+        stage = table[name]
+        if stage.makes not in given:
+            _check_stage(stage, stages, given)
+            stages.append(stage)
     _check_mission(settings, [stage.makes for stage in stages])
     return Pipeline(settings, table, tuple(stages))
 
 
-def _check_stage(stage: Stage[Any], before: Sequence[Stage[Any]]) -> None:
+def _check_stage(stage: Stage[Any], before: Sequence[Stage[Any]], given: Collection[RecordKey[Any]]) -> None:
     """Refuse a stage that lacks a record, or makes one that is there already."""
     makers = {other.makes: other.name for other in before}
-    if missing := [key.name for key in stage.needs if key not in makers]:
+    if missing := [key.name for key in stage.needs if key not in makers and key not in given]:
         raise ConfigError(
             f"pipelines.stages: {stage.name!r} needs {', '.join(missing)}, which no earlier stage makes; "
             f"list {'it' if len(missing) == 1 else 'them'} before {stage.name!r}"
@@ -230,6 +233,7 @@ def _recorded(
     try:
         provenance.write_settings(place, run.settings)
         provenance.write(place, record)
+        _save_given(run, place)
         make_all(run, stages)
         table = _close(run, place, record, "ok")
     except BaseException as error:
@@ -240,6 +244,14 @@ def _recorded(
             _close(run, place, record, status, error)
         raise
     return table
+
+
+def _save_given(run: Run, place: Path) -> None:
+    """Write the records that were given, so that the directory is complete."""
+    for key in run.records:
+        from pareto_ltl.run.results import save_record
+
+        save_record(place, key, run.records[key])
 
 
 def _close(

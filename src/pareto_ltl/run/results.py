@@ -35,7 +35,10 @@ from pareto_ltl.run.records import (
     WIND,
     RecordKey,
 )
+from pareto_ltl.settings import Settings
+from pareto_ltl.settings.building import read_settings_file
 from pareto_ltl.simulation.records import Deployment
+from pareto_ltl.support.display import Displayed
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.wind.records import WindField
 from pareto_ltl.world.cells import Decomposition
@@ -438,8 +441,8 @@ def save_record(directory: Path, key: RecordKey[T], record: T) -> None:
         write_study(directory, record)
 
 
-@dataclass(frozen=True, slots=True)
-class Results:
+@dataclass(frozen=True, slots=True, repr=False)
+class Results(Displayed):
     """One results directory, read lazily: ``Results("outputs/phi1/...").plan.path.objectives``."""
 
     directory: Path
@@ -447,8 +450,25 @@ class Results:
     def __init__(self, directory: Path | str) -> None:
         object.__setattr__(self, "directory", Path(directory))
 
+    def facts(self) -> Mapping[str, str]:
+        record = self.run if (self.directory / "run.json").is_file() else {}
+        names = ("name", "seed", "fidelity", "status")
+        return {"directory": str(self.directory)} | {name: str(record.get(name)) for name in names}
+
+    def plot(self, **options: Any) -> Any:
+        """The map with trees and plan, as a ``Drawing``."""
+        from pareto_ltl.report.notebook import mission_drawing
+
+        return mission_drawing(self.scene, self.decomposition, self.wind, self.forest, self.plan)
+
+    @property
+    def settings(self) -> Settings:
+        """The settings that the run was made with."""
+        return read_settings_file(self.directory / "config_resolved.yaml")
+
     @property
     def done(self) -> bool:
+        """Whether the run has ended with an answer: ``metrics.json`` is there."""
         return (self.directory / "metrics.json").is_file()
 
     @property

@@ -25,10 +25,32 @@ def folder(name: str) -> Path:
     raise DataError(f"folder {name}/ is missing beside {PACKAGE}: reinstall pareto-ltl")
 
 
+def added_folders() -> tuple[Path, ...]:
+    """Folders of YAML choices that other packages add.
+
+    Raises
+    ------
+    ConfigError
+        If a choice of one has the name of a choice of pareto_ltl or of another package.
+    """
+    places = extension_folders()
+    if not places:
+        return ()
+    seen = {f"conf/{path.parent.name}/{path.stem}" for path in folder("conf").glob("*/*.yaml")}
+    seen |= {f"conf/pipelines/{path.stem}" for path in folder("pipelines").glob("*.yaml")}
+    for place in places:
+        for path in sorted(place.glob("*/*.yaml")):
+            name = f"conf/{path.parent.name}/{path.stem}"
+            if name in seen:
+                raise ConfigError(f"{path}: there is another choice {name}; rename this one, or uninstall it")
+            seen.add(name)
+    return places
+
+
 def choice_folders(group: str) -> list[Path]:
     """Folders that hold the YAML files of ``group``: ours first, then those of other packages."""
     own = folder("pipelines") if group == "pipelines" else folder("conf") / group
-    return [own, *(place / group for place in extension_folders())]
+    return [own, *(place / group for place in added_folders())]
 
 
 def choices(group: str) -> list[str]:
@@ -52,7 +74,7 @@ def choice_file(group: str, name: str) -> Path:
 
 def groups() -> list[str]:
     """Every group that has a choice."""
-    roots = (folder("conf"), *extension_folders())
+    roots = (folder("conf"), *added_folders())
     found = {path.name for root in roots for path in root.iterdir() if any(path.glob("*.yaml"))}
     return sorted(found | {"pipelines"})
 

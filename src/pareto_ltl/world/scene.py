@@ -6,10 +6,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from pareto_ltl.support.arrays import FloatArray, require_shape
+from pareto_ltl.support.display import Displayed, distance_text, listed_text
 
 
-@dataclass(frozen=True, slots=True)
-class Scene:
+@dataclass(frozen=True, slots=True, repr=False)
+class Scene(Displayed):
     """A map: where the robot starts, what it must visit and what it must not touch.
 
     Attributes
@@ -43,3 +44,12 @@ class Scene:
         require_shape("start", self.start, 2)
         for polygon in (*self.regions.values(), *self.obstacles, *self.landmarks):
             require_shape("polygon", polygon, None, 2)
+
+    def facts(self) -> Mapping[str, str]:
+        east, north = (float(side) for side in self.bounds[1] - self.bounds[0])
+        return {
+            "size": f"{distance_text(east)} x {distance_text(north)}",
+            "regions": listed_text(self.regions),
+            "obstacles": f"{len(self.obstacles)}",
+            "departure": self.time_zero or "not set",
+        }
