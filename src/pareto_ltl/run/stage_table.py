@@ -86,7 +86,7 @@ class StageInputs:
 
     @property
     def progress(self) -> Progress | None:
-        """A function to call with (done, total), or None if nobody looks."""
+        """A function to call with (done, total), or None if no progress is shown."""
         return self._context.stage_progress
 
 
