@@ -21,12 +21,12 @@ if TYPE_CHECKING:
 
 def sequence(*goals: str, strict: bool = False) -> str:
     """One after the other, other visits allowed in between: ``F(a & F(b & F c))``."""
-    return str(_sequence(_trees(goals, 1, "sequence"), strict))
+    return str(_sequence(_goal_trees(goals, 1, "sequence"), strict))
 
 
 def coverage(*goals: str) -> str:
     """All of them, in any order: ``F a & F b & F c``."""
-    return str(_all([_eventually(goal) for goal in _trees(goals, 1, "coverage")]))
+    return str(_all([_eventually(goal) for goal in _goal_trees(goals, 1, "coverage")]))
 
 
 def ordered_coverage(goals: Sequence[str], order: Iterable[Sequence[str]]) -> str:
@@ -34,20 +34,20 @@ def ordered_coverage(goals: Sequence[str], order: Iterable[Sequence[str]]) -> st
 
     ``ordered_coverage(["a", "b", "c"], [("a", "b")])`` is ``F a & F b & F c & (!b U a)``.
     """
-    trees = [_eventually(goal) for goal in _trees(goals, 1, "ordered_coverage")]
+    trees = [_eventually(goal) for goal in _goal_trees(goals, 1, "ordered_coverage")]
     return str(_all(trees + [_before(pair, "ordered_coverage") for pair in order]))
 
 
 def patrol(*goals: str) -> str:
     """Once around, back to the first: ``F(a & F(b & F(c & F a)))``."""
-    trees = _trees(goals, 2, "patrol")
+    trees = _goal_trees(goals, 2, "patrol")
     return str(_sequence([*trees, trees[0]], strict=False))
 
 
 def either(*missions: str) -> str:
     """Any one of several missions: ``F(a & F c) | F(b & F c)``."""
-    trees = _trees(missions, 1, "either")
-    return str(trees[0] if len(trees) == 1 else _chain("|", trees))
+    trees = _goal_trees(missions, 1, "either")
+    return str(trees[0] if len(trees) == 1 else _flat_chain("|", trees))
 
 
 def avoid_until(avoid: str | Sequence[str], until: str) -> str:
@@ -115,17 +115,17 @@ def _eventually(goal: Formula) -> Formula:
 
 
 def _all(parts: list[Formula]) -> Formula:
-    return parts[0] if len(parts) == 1 else _chain("&", parts)
+    return parts[0] if len(parts) == 1 else _flat_chain("&", parts)
 
 
-def _chain(op: str, parts: list[Formula]) -> Formula:
+def _flat_chain(op: str, parts: list[Formula]) -> Formula:
     flat = [piece for part in parts for piece in (part.args if part.op == op else (part,))]
     return Formula(op, tuple(flat))
 
 
 def _clear(no_go: list[Formula], until: Formula) -> Formula:
     """``!(x | y) U until``"""
-    zone = no_go[0] if len(no_go) == 1 else _chain("|", no_go)
+    zone = no_go[0] if len(no_go) == 1 else _flat_chain("|", no_go)
     return Formula("U", (Formula("!", (zone,)), until))
 
 
@@ -138,10 +138,10 @@ def _before(pair: Sequence[str], pattern: str) -> Formula:
 
 
 def _several(names: str | Sequence[str], pattern: str) -> list[Formula]:
-    return _trees([names] if isinstance(names, str) else names, 1, pattern)
+    return _goal_trees([names] if isinstance(names, str) else names, 1, pattern)
 
 
-def _trees(goals: Sequence[str], least: int, pattern: str) -> list[Formula]:
+def _goal_trees(goals: Sequence[str], least: int, pattern: str) -> list[Formula]:
     if len(goals) < least:
         raise ConfigError(f"mission pattern {pattern} needs at least {least} regions, got {list(goals)}")
     return [parse(goal) for goal in goals]

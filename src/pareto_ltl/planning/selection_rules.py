@@ -37,7 +37,7 @@ def by_priority(cfg: SelectionConfig, front: Front) -> int:
 
     Where the front has estimates of the failure rate, the least estimate, then V + R, then the shortest.
     """
-    rows = _rows(front)
+    rows = _objective_rows(front)
     if not front.full:
         return int(np.lexsort((rows[:, 2], rows[:, 1], rows[:, 0]))[0])
     bound = rows[:, :2].sum(axis=1)
@@ -47,7 +47,7 @@ def by_priority(cfg: SelectionConfig, front: Front) -> int:
 
 def by_weights(cfg: SelectionConfig, front: Front) -> int:
     """The least g_w(ξ, λ) = Σ_j λ_j f_j, with length in units of the shortest path of the front."""
-    rows = _rows(front)
+    rows = _objective_rows(front)
     weights = np.array(cfg.weights) / sum(cfg.weights)
     return int(np.argmin(rows / [1.0, 1.0, rows[:, 2].min() or 1.0] @ weights))
 
@@ -67,10 +67,10 @@ def by_threshold(cfg: SelectionConfig, front: Front) -> int:
             f"no path keeps mission risk + collision risk within selection.alpha = {cfg.alpha:g}; the safest "
             f"has {risk.min():.3g}: raise selection.alpha, lower planner.epsilon, or raise planner.n_max"
         )
-    return int(safe[np.argmin(_rows(front)[safe, 2])])
+    return int(safe[np.argmin(_objective_rows(front)[safe, 2])])
 
 
-def _rows(front: Front) -> FloatArray:
+def _objective_rows(front: Front) -> FloatArray:
     """(mission risk, collision risk, length) of every path, shape (P, 3)."""
     return np.array([objective_row(path.objectives, front.full) for path in front.paths])
 

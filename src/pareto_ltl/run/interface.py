@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 
 from pareto_ltl.run.pipeline import Run, carry_out, check_pipeline
 from pareto_ltl.run.records import (
@@ -23,6 +23,7 @@ from pareto_ltl.run.records import (
     WIND,
     RecordKey,
     Records,
+    T,
 )
 from pareto_ltl.run.results import Results
 from pareto_ltl.run.stage_table import with_extension_stages
@@ -42,8 +43,6 @@ if TYPE_CHECKING:
     from pareto_ltl.simulation.records import Deployment
     from pareto_ltl.wind.records import WindField
     from pareto_ltl.world.cells import Decomposition
-
-T = TypeVar("T")
 
 
 @dataclass(frozen=True, slots=True, repr=False)

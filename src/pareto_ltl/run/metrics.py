@@ -23,17 +23,17 @@ def run_metrics(records: Records, seconds: Mapping[str, float]) -> dict[str, flo
     """
     table: dict[str, float] = {"completed": float(PLAN in records)}
     if (wind := records.get(WIND)) is not None:
-        table |= _wind(wind)
+        table |= _wind_numbers(wind)
     if (forest := records.get(FOREST)) is not None:
-        table |= _forest(forest)
+        table |= _forest_numbers(forest)
     if (front := records.get(FRONT)) is not None:
-        table |= _front(front)
+        table |= _front_numbers(front)
     if (plan := records.get(PLAN)) is not None:
-        table |= _plan(plan)
+        table |= _plan_numbers(plan)
     if (forecasts := records.get(FORECASTS)) is not None:
-        table |= _forecasts(forecasts)
+        table |= _forecast_numbers(forecasts)
     if (deployments := records.get(DEPLOYMENTS)) is not None:
-        table |= _deployments(deployments)
+        table |= _deployment_numbers(deployments)
     for record in records.values():
         if isinstance(record, Study):
             table |= {"completed": 1.0}
@@ -45,7 +45,7 @@ def run_metrics(records: Records, seconds: Mapping[str, float]) -> dict[str, flo
     return table
 
 
-def _wind(wind: WindField) -> dict[str, float]:
+def _wind_numbers(wind: WindField) -> dict[str, float]:
     table = {name: float(value) for name, value in sorted(wind.score.items())}
     if wind.modes is not None:
         table |= {
@@ -56,7 +56,7 @@ def _wind(wind: WindField) -> dict[str, float]:
     return table
 
 
-def _forecasts(forecasts: Mapping[str, Forecast]) -> dict[str, float]:
+def _forecast_numbers(forecasts: Mapping[str, Forecast]) -> dict[str, float]:
     """What the plan promises under each wind law, whatever law it was planned for."""
     table: dict[str, float] = {}
     for law, seen in forecasts.items():
@@ -68,7 +68,7 @@ def _forecasts(forecasts: Mapping[str, Forecast]) -> dict[str, float]:
     return table
 
 
-def _forest(forest: Forest) -> dict[str, float]:
+def _forest_numbers(forest: Forest) -> dict[str, float]:
     nodes = sum(len(tree) for tree in forest.trees)
     return {
         "trees": len(forest.trees),
@@ -79,7 +79,7 @@ def _forest(forest: Forest) -> dict[str, float]:
     }
 
 
-def _front(front: Front) -> dict[str, float]:
+def _front_numbers(front: Front) -> dict[str, float]:
     table: dict[str, float] = {"front_size": len(front.paths), "hypervolume": front.hypervolume}
     if front.raw and front.paths:
         table |= {
@@ -92,7 +92,7 @@ def _front(front: Front) -> dict[str, float]:
     return table
 
 
-def _plan(plan: Plan) -> dict[str, float]:
+def _plan_numbers(plan: Plan) -> dict[str, float]:
     o = plan.path.objectives
     return {
         "length_m": o.length,
@@ -101,11 +101,11 @@ def _plan(plan: Plan) -> dict[str, float]:
         "collision_risk": o.collision_risk,
         "steps": len(plan.path.u),
         "duration_s": float(plan.path.t[-1] - plan.path.t[0]),
-        **_acceptance(plan.acceptance),
+        **_acceptance_numbers(plan.acceptance),
     }
 
 
-def _acceptance(verdict: Acceptance | None) -> dict[str, float]:
+def _acceptance_numbers(verdict: Acceptance | None) -> dict[str, float]:
     if verdict is None:
         return {}
     return {
@@ -120,7 +120,7 @@ def _acceptance(verdict: Acceptance | None) -> dict[str, float]:
     }
 
 
-def _deployments(deployments: Mapping[str, Deployment]) -> dict[str, float]:
+def _deployment_numbers(deployments: Mapping[str, Deployment]) -> dict[str, float]:
     from pareto_ltl.simulation.flights import rates
 
     return {name: rate for flights in deployments.values() for name, rate in rates(flights).items()}

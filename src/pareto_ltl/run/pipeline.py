@@ -12,19 +12,17 @@ from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 from pareto_ltl.run import provenance
 from pareto_ltl.run.progress import ProgressBar
-from pareto_ltl.run.records import AUTOMATON, FOREST, SCENE, RecordKey, Records
+from pareto_ltl.run.records import AUTOMATON, FOREST, SCENE, RecordKey, Records, T
 from pareto_ltl.run.stage_table import Progress, Stage, StageInputs, StageTable
 from pareto_ltl.run.stages import PLAN_TABLE
 from pareto_ltl.settings import Settings
 from pareto_ltl.support.errors import ConfigError, InfeasibleError, ParetoLtlError
 
-T = TypeVar("T")
-
-log = logging.getLogger("pareto_ltl")
+LOG = logging.getLogger("pareto_ltl")
 
 
 # --- checks before anything is made ------------------------------------------------------------
@@ -159,7 +157,7 @@ class Run:
         finally:
             self.seconds[stage.name] = time.perf_counter() - start
         if self.directory is not None:
-            log.info("%s done in %.3f s", stage.name, self.seconds[stage.name])
+            LOG.info("%s done in %.3f s", stage.name, self.seconds[stage.name])
         return record
 
     def has_all(self, keys: Sequence[RecordKey[Any]]) -> bool:
@@ -195,7 +193,7 @@ def _make_rest(run: Run, stages: Sequence[Stage[Any]]) -> None:
             try:
                 run.perform(stage)
             except Exception:
-                log.exception("stage %s failed after the mission turned out infeasible", stage.name)
+                LOG.exception("stage %s failed after the mission turned out infeasible", stage.name)
 
 
 # --- a run with a results directory --------------------------------------------------------------
@@ -229,7 +227,7 @@ def _recorded(
     run: Run, stages: Sequence[Stage[Any]], place: Path, record: dict[str, Any]
 ) -> dict[str, float]:
     """Make all stages, with ``run.json`` telling at any moment how far that has come."""
-    log.info("run %s, seed %d", run.settings.name, run.settings.seed)
+    LOG.info("run %s, seed %d", run.settings.name, run.settings.seed)
     try:
         provenance.write_settings(place, run.settings)
         provenance.write(place, record)
@@ -238,7 +236,7 @@ def _recorded(
         table = _close(run, place, record, "ok")
     except BaseException as error:
         expected = isinstance(error, ParetoLtlError | OSError | KeyboardInterrupt)
-        log.error("%s", provenance.one_line(error), exc_info=None if expected else error)
+        LOG.error("%s", provenance.one_line(error), exc_info=None if expected else error)
         with suppress(OSError):  # a full disk must not hide what filled it
             status = "infeasible" if isinstance(error, InfeasibleError) else "failed"
             _close(run, place, record, status, error)
@@ -275,7 +273,7 @@ def logging_to(path: Path) -> Iterator[None]:
     """The messages of the package and the warnings of Python go to the file ``path``."""
     handler = logging.FileHandler(path, encoding="utf-8")
     handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(name)s: %(message)s"))
-    heard = (log, logging.getLogger("py.warnings"))
+    heard = (LOG, logging.getLogger("py.warnings"))
     before = [(logger, logger.level, logger.propagate) for logger in heard]
     for logger in heard:
         logger.addHandler(handler)

@@ -17,7 +17,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,6 +34,7 @@ from pareto_ltl.run.records import (
     SCENE,
     WIND,
     RecordKey,
+    T,
 )
 from pareto_ltl.settings import Settings
 from pareto_ltl.settings.building import read_settings_file
@@ -46,8 +47,6 @@ from pareto_ltl.world.scene import Scene
 
 if TYPE_CHECKING:
     from pareto_ltl.logic import Automaton
-
-T = TypeVar("T")
 
 PLAN_SCHEMA = "pareto_ltl.plan/1"
 EPOCH = (1980, 1, 1, 0, 0, 0)  # the earliest date a zip archive can carry

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, Protocol
 from zlib import crc32
 
-from pareto_ltl.run.records import RecordKey, Records
+from pareto_ltl.run.records import RecordKey, Records, T
 from pareto_ltl.settings import Settings
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.extensions import STAGE_GROUP, extension_names, load_extension
@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from numpy.random import SeedSequence
-
-T = TypeVar("T")
 
 Progress = Callable[[int, int], None]  # called with (done, total)
 

@@ -55,7 +55,7 @@ if TYPE_CHECKING:
     from pareto_ltl.world.cells import Decomposition
     from pareto_ltl.world.scene import Scene
 
-log = logging.getLogger(__name__)
+LOG = logging.getLogger(__name__)
 
 
 def make_readings(inputs: StageInputs) -> Readings:
@@ -90,7 +90,7 @@ def make_automaton(inputs: StageInputs) -> Automaton:
     letters = {*decomposition.letters, frozenset[str]()}
     result = automaton_of(settings.mission, letters, settings.logic.max_states, scene.regions)
     if cut_off := cells.check_mission(decomposition, scene, result.atoms):
-        log.warning("no way on the map leads from the start to %s", ", ".join(cut_off))
+        LOG.warning("no way on the map leads from the start to %s", ", ".join(cut_off))
     return result
 
 

@@ -98,20 +98,20 @@ def _typed(kind: Any, value: Any, key: str) -> Any:
         if is_dataclass(value):
             return value
     elif typing.get_origin(kind) is list:
-        if isinstance(value := _plain(value), list):
+        if isinstance(value := _as_lists(value), list):
             return [_typed(typing.get_args(kind)[0], item, key) for item in value]
     elif typing.get_origin(kind) is dict:
         if isinstance(value, Mapping):
-            return {str(name): _plain(item) for name, item in value.items()}
+            return {str(name): _as_lists(item) for name, item in value.items()}
     elif kind is float:
         return _number(value, key)
     elif kind is str and isinstance(value, str | Path):
         return str(value)
     elif kind is Any or (type(value) is kind):
-        return _plain(value)
+        return _as_lists(value)
     elif kind is int and hasattr(value, "__index__") and not isinstance(value, bool):
         return int(value)
-    raise ConfigError(f"{key} must be {_word(kind)}, got {value!r}")
+    raise ConfigError(f"{key} must be {_kind_text(kind)}, got {value!r}")
 
 
 def _number(value: Any, key: str) -> float:
@@ -123,16 +123,16 @@ def _number(value: Any, key: str) -> float:
         raise ConfigError(f"{key} must be a number, got {value!r}") from None
 
 
-def _plain(value: Any) -> Any:
+def _as_lists(value: Any) -> Any:
     """Arrays and tuples as lists, at any depth."""
     if hasattr(value, "tolist"):
         return value.tolist()
     if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
+        return [_as_lists(item) for item in value]
     return value
 
 
-def _word(kind: Any) -> str:
+def _kind_text(kind: Any) -> str:
     names = {int: "a whole number", str: "text", bool: "true or false"}
     if is_dataclass(kind):
         return "a choice, a mapping or a settings object"

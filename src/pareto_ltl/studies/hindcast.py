@@ -64,7 +64,7 @@ def study(settings: Settings, directory: Path, progress: Progress | None = None)
 
 def full_fields(asked: str | None, folder: Path) -> tuple[Path, ...]:
     """The data files of the folder."""
-    files = tuple(sorted(f for f in folder.iterdir() if f.is_file() and sources._is_data(f)))
+    files = tuple(sorted(f for f in folder.iterdir() if f.is_file() and sources.is_data_file(f)))
     if not files:
         raise DataError(f"hindcast.truth={asked or folder}: the folder holds no GRIB2 file")
     return files
@@ -87,10 +87,10 @@ def thinned(settings: Settings, readings: Readings, spell: nature.Spell, directo
     outline = [list(map(float, corner)) for corner in rim.exterior.coords[:-1]]
     out = directory / f"readings_{spell.name}.csv"
     kept = np.arange(spell.first, spell.last + 1)
-    nodes = sources._common_nodes(readings, kept, IngestConfig(points=cfg.points, area=outline))
+    nodes = sources.common_nodes(readings, kept, IngestConfig(points=cfg.points, area=outline))
     lines = ["time,lat,lon,u,v"]
     for k in kept:
-        winds = sources._winds_at(readings, int(k), nodes)
+        winds = sources.winds_at(readings, int(k), nodes)
         lines += [
             f"{iso(readings.times[k])},{lat:g},{lon:g},{u:.2f},{v:.2f}"
             for (lon, lat), (u, v) in zip(nodes.tolist(), winds.tolist(), strict=True)

@@ -59,7 +59,7 @@ def extension_names(group: str, own: Iterable[str] = ()) -> tuple[str, ...]:
     for name in own:
         if name in names:
             raise ConfigError(
-                f"{_named(names[name])} has the name of a part of pareto_ltl; rename it, or uninstall it"
+                f"{_entry_text(names[name])} has the name of a part of pareto_ltl; rename it, or uninstall it"
             )
     return tuple(names)
 
@@ -81,10 +81,12 @@ def load_extension(group: str, name: str, expected: Callable[[Any], bool]) -> An
         loaded = entry.load()
     except Exception as error:
         reason = f"{type(error).__name__}: {' '.join(str(error).split())}"
-        raise ConfigError(f"{_named(entry)} cannot be loaded ({reason}); repair or uninstall it") from error
+        raise ConfigError(
+            f"{_entry_text(entry)} cannot be loaded ({reason}); repair or uninstall it"
+        ) from error
     if not expected(loaded):
         raise ConfigError(
-            f"{_named(entry)} is a {type(loaded).__name__}, which this group does not take; see "
+            f"{_entry_text(entry)} is a {type(loaded).__name__}, which this group does not take; see "
             "examples/extension"
         )
     return loaded
@@ -102,10 +104,10 @@ def _folder(entry: EntryPoint) -> Path:
         found = PathFinder.find_spec(part, search)
         search = list(found.submodule_search_locations or ()) if found is not None else []
         if not search:
-            raise ConfigError(f"{_named(entry)} names no folder of a package; repair or uninstall it")
+            raise ConfigError(f"{_entry_text(entry)} names no folder of a package; repair or uninstall it")
     return Path((search or [""])[0])
 
 
-def _named(entry: EntryPoint) -> str:
+def _entry_text(entry: EntryPoint) -> str:
     package = f" of {entry.dist.name}" if entry.dist is not None else ""
     return f"entry point {entry.name!r} ({entry.value}) in {entry.group}{package}"

@@ -27,7 +27,7 @@ from pareto_ltl.world.scene import Scene
 
 SAMPLE = Path(__file__).parents[1] / "support" / "data" / "gfs_conus_20181009.csv"
 ENOUGH = 5  # readings near the scene, at each time
-NEAR = 500e3  # [m]; about one correlation length of 10 m wind over land
+NEARBY = 500e3  # [m]; about one correlation length of 10 m wind over land
 HORIZON = np.deg2rad(45.0)  # readings farther round the Earth say nothing here, and planes distort
 
 
@@ -36,7 +36,7 @@ def data_files(cfg: WindConfig) -> tuple[Path, ...]:
     path = Path(str(cfg.path)).expanduser()
     if path.is_dir():
         wanted = "*.csv" if cfg.source == "csv" else "*"
-        found = [file for file in path.glob(wanted) if file.is_file() and _is_data(file)]
+        found = [file for file in path.glob(wanted) if file.is_file() and is_data_file(file)]
     elif path.is_file():
         found = [path]
     else:
@@ -46,7 +46,7 @@ def data_files(cfg: WindConfig) -> tuple[Path, ...]:
     return tuple(sorted(found))
 
 
-def _is_data(file: Path) -> bool:
+def is_data_file(file: Path) -> bool:
     return not file.name.startswith(".") and file.suffix.lower() not in (".idx", ".md", ".txt", ".json")
 
 
@@ -121,9 +121,9 @@ def place_readings(cfg: WindConfig, readings: Readings, scene: Scene) -> WindObs
     if not len(readings.times):
         return WindObservations(np.zeros(1), (np.empty((0, 2)),), (np.empty((0, 2)),), cfg.source)
     _refuse_other_frame(readings, scene)
-    zero = _departure(scene, readings)
+    zero = _departure_time(scene, readings)
     kept = _slots(cfg, readings, zero)
-    placed = [_place(cfg, scene, readings, k) for k in kept]
+    placed = [_placed_slot(cfg, scene, readings, k) for k in kept]
     return WindObservations(
         times=readings.times[kept] - zero,
         points=tuple(points for points, _ in placed),
@@ -145,8 +145,8 @@ def write_wind_table(cfg: WindConfig, readings: Readings, ingest: IngestConfig, 
     if not readings.geographic:
         raise DataError(f"{readings.name} has x,y columns; ingest expects latitude and longitude")
     kept = _between(readings, ingest)
-    nodes = _common_nodes(readings, kept, ingest)
-    winds = np.stack([_winds_at(readings, k, nodes) for k in kept])
+    nodes = common_nodes(readings, kept, ingest)
+    winds = np.stack([winds_at(readings, k, nodes) for k in kept])
     csv_table.write(out, readings.times[kept], nodes, winds)
     text = json.dumps(_provenance(cfg, ingest, readings, kept, nodes), indent=1, ensure_ascii=False)
     csv_table.replace_text(out.with_suffix(".json"), text + "\n")
@@ -161,7 +161,7 @@ def _refuse_other_frame(readings: Readings, scene: Scene) -> None:
         )
 
 
-def _departure(scene: Scene, readings: Readings) -> float:
+def _departure_time(scene: Scene, readings: Readings) -> float:
     """Departure [s since 1970]."""
     if scene.time_zero is None:
         return float(readings.times[0])
@@ -192,13 +192,13 @@ def _slots(cfg: WindConfig, readings: Readings, zero: float) -> IntArray:
     return np.arange(start, len(times))
 
 
-def _place(cfg: WindConfig, scene: Scene, readings: Readings, k: int) -> tuple[FloatArray, FloatArray]:
+def _placed_slot(cfg: WindConfig, scene: Scene, readings: Readings, k: int) -> tuple[FloatArray, FloatArray]:
     """Positions [m] and winds [m/s] in the plane, at most ``wind.max_points`` of time k."""
     points, winds = readings.points[k], readings.winds[k]
     reach = max(cfg.padding, float(np.max(scene.bounds[1] - scene.bounds[0])))
     if readings.geographic:
         points, winds = _project(str(scene.crs), scene.bounds.mean(axis=0), points, winds)
-        reach = max(cfg.padding, NEAR)
+        reach = max(cfg.padding, NEARBY)
     gap = _distance_to(scene.bounds, points)
     near = int(np.sum(gap <= reach))
     if near < ENOUGH:
@@ -206,7 +206,7 @@ def _place(cfg: WindConfig, scene: Scene, readings: Readings, k: int) -> tuple[F
             f"{readings.name}: {near} wind readings within {reach / 1e3:g} km of the scene at "
             f"{iso(readings.times[k])}, expected at least {ENOUGH}; is the scene where the wind data is?"
         )
-    chosen = _thin(cfg, scene.bounds.mean(axis=0), points, gap)
+    chosen = _thinned_rows(cfg, scene.bounds.mean(axis=0), points, gap)
     return points[chosen], winds[chosen]
 
 
@@ -232,7 +232,7 @@ def _distance_to(bounds: FloatArray, points: FloatArray) -> FloatArray:
     return distance
 
 
-def _thin(cfg: WindConfig, centre: FloatArray, points: FloatArray, gap: FloatArray) -> IntArray:
+def _thinned_rows(cfg: WindConfig, centre: FloatArray, points: FloatArray, gap: FloatArray) -> IntArray:
     """Which readings the fit uses: all, or an even spread inside the lattice, or the nearest."""
     if len(points) <= cfg.max_points:
         return np.arange(len(points))
@@ -259,7 +259,7 @@ def _between(readings: Readings, ingest: IngestConfig) -> IntArray:
     return kept
 
 
-def _common_nodes(readings: Readings, kept: IntArray, ingest: IngestConfig) -> FloatArray:
+def common_nodes(readings: Readings, kept: IntArray, ingest: IngestConfig) -> FloatArray:
     """Nodes (N, 2) [deg] inside the area that every kept time has, thinned, from north-west to south-east."""
     common = set(map(tuple, readings.points[kept[0]].tolist()))
     for k in kept[1:]:
@@ -280,7 +280,7 @@ def _common_nodes(readings: Readings, kept: IntArray, ingest: IngestConfig) -> F
     return chosen[np.lexsort((chosen[:, 0], -chosen[:, 1]))]
 
 
-def _winds_at(readings: Readings, k: int, nodes: FloatArray) -> FloatArray:
+def winds_at(readings: Readings, k: int, nodes: FloatArray) -> FloatArray:
     """Winds (N, 2) of time k at ``nodes``, which it has."""
     rows = {(lon, lat): i for i, (lon, lat) in enumerate(readings.points[k].tolist())}
     return readings.winds[k][[rows[lon, lat] for lon, lat in nodes.tolist()]]
