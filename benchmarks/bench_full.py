@@ -1,4 +1,4 @@
-"""Budgets with ``fidelity=full`` and the wind sample: modes, growth, bounds, ranking, flights.
+"""Full fidelity's budgets, on the real sample of winds: modes, growth, bounds, ranking, flights.
 
 python -m pytest benchmarks/bench_full.py
 """
@@ -32,11 +32,10 @@ from pareto_ltl.simulation import acceptance
 from pareto_ltl.simulation import flights as deployment
 from pareto_ltl.wind import gp as regression
 from pareto_ltl.wind import modes, sources
-from pareto_ltl.wind.field import fit_wind_field as field
 from pareto_ltl.wind.field import modes_lattice
-from pareto_ltl.wind.observations import observe_wind
+from pareto_ltl.wind.field import wind as field
 from pareto_ltl.world import cells as workspace
-from pareto_ltl.world.scene_settings import scene_from_settings
+from pareto_ltl.world.scene_files import read_scene
 
 CONF = Path(__file__).parents[1] / "conf"
 
@@ -47,10 +46,10 @@ def section(kind, name):
 
 @pytest.fixture(scope="module", params=["phi1", "phi2"])
 def mission(request):
-    """Problem and scene; kernels are compiled by a first small forest."""
+    """Problem and scene, kernels compiled by a first small forest."""
     cfg = WindConfig()
-    scene = scene_from_settings(SceneConfig(**section("scene", request.param)), sources.first_wind_time(cfg))
-    wind = field(cfg, observe_wind(cfg, scene), scene, 200 * 1800.0)
+    scene = read_scene(SceneConfig(**section("scene", request.param)), sources.read_readings(cfg).first_time)
+    wind = field(cfg, sources.place_readings(cfg, sources.read_readings(cfg), scene), scene, 200 * 1800.0)
     cells = workspace.decompose(scene)
     automaton = automaton_of(
         MissionConfig(**section("mission", request.param)), set(cells.letters), 1000, scene.regions
@@ -71,14 +70,14 @@ def speed(forest: Forest) -> float:
 
 def test_modes_of_all_slots(benchmark):
     cfg = WindConfig()
-    scene = scene_from_settings(SceneConfig(**section("scene", "phi1")), sources.first_wind_time(cfg))
-    posterior = regression.fit_posterior(cfg, observe_wind(cfg, scene))
+    scene = read_scene(SceneConfig(**section("scene", "phi1")), sources.read_readings(cfg).first_time)
+    posterior = regression.fit(cfg, sources.place_readings(cfg, sources.read_readings(cfg), scene))
     origin, spacing, shape = modes_lattice(cfg, scene)
     nodes = origin + spacing * np.stack(np.meshgrid(*map(np.arange, shape), indexing="ij"), axis=-1).reshape(
         -1, 2
     )
     benchmark.extra_info["budget"] = 2.0
-    benchmark.pedantic(modes.posterior_modes, (posterior, nodes, cfg.energy, cfg.modes_max), rounds=3)
+    benchmark.pedantic(modes.modes, (posterior, nodes, cfg.energy, cfg.modes_max), rounds=3)
 
 
 def test_full_vertices_a_second_on_one_core(benchmark, mission):
@@ -109,7 +108,7 @@ def test_what_a_full_vertex_keeps(benchmark, mission):
 
 
 def test_growth_without_v_and_r(benchmark, mission):
-    """Cost of the bounds: the same trees without obstacles and labels."""
+    """Their cost in the profile: the same trees with no obstacle and no label to look at."""
     bare = replace(
         mission,
         tables=mission.tables._replace(

@@ -19,6 +19,7 @@ from hypothesis.extra import numpy as hnp
 
 from pareto_ltl.planning.records import Forest, Front, Objectives, Plan, PlannedPath, Tree
 from pareto_ltl.run import results as store
+from pareto_ltl.run.records import RecordKey
 from pareto_ltl.simulation.records import Deployment
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.world.cells import Decomposition
@@ -132,7 +133,7 @@ FILES = {
 @pytest.mark.parametrize("name", RECORDS)
 def test_a_record_comes_back_bit_by_bit(name: str, tmp_path: Path) -> None:
     make, read = RECORDS[name]
-    store.Results(tmp_path).save(name, make())
+    store.save_record(tmp_path, RecordKey(name), make())
     assert same(read(tmp_path), make())
     assert same(read(tmp_path / FILES[name]), make())
 
@@ -142,10 +143,10 @@ def test_the_same_record_gives_the_same_bytes(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     make, _ = RECORDS[name]
-    store.Results(tmp_path).save(name, make())
+    store.save_record(tmp_path, RecordKey(name), make())
     first = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
     monkeypatch.setattr("time.time", lambda: 2e9)  # another day
-    store.Results(tmp_path).save(name, make())
+    store.save_record(tmp_path, RecordKey(name), make())
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == first
 
 
@@ -153,7 +154,7 @@ def test_the_same_record_gives_the_same_bytes(
 @pytest.mark.parametrize("spoil", ["missing", "cut", "foreign"])
 def test_a_spoilt_file_is_named_in_one_line(name: str, spoil: str, tmp_path: Path) -> None:
     make, read = RECORDS[name]
-    store.Results(tmp_path).save(name, make())
+    store.save_record(tmp_path, RecordKey(name), make())
     path = tmp_path / FILES[name]
     if spoil == "missing":
         path.unlink()

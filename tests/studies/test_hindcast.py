@@ -203,10 +203,11 @@ def test_the_brier_score_is_least_for_the_true_probability() -> None:
 
 
 def test_a_front_is_flown_from_its_safest_to_its_shortest() -> None:
-    from pareto_ltl.studies.planning import Workshop
+    from pareto_ltl.run.records import FRONT
+    from pareto_ltl.studies.planning import study_run
 
     cfg = small_study.settings()
-    front = Workshop(cfg, small_study.world(cfg)).make("front")
+    front = study_run(cfg, small_study.world(cfg)).make(FRONT)
     chosen = hindcast.picked(front, 3)
     assert chosen[0] is front.paths[0]
     assert chosen[-1] is front.paths[-1]

@@ -49,7 +49,7 @@ BAD = {
     "hindcast.formulas=[]": "hindcast.formulas is empty",
     "hindcast.area=[[0.0,0.0]]": "hindcast.area must be at least three corners",
     "pipelines.stages=[comparison]": "'comparison' needs observations, decomposition, automaton",
-    "pipelines.stages=[decomposition,comparison_figures]": "needs comparison, which no earlier stage makes",
+    "pipelines.stages=[readings,scene,decomposition,comparison_figures]": "needs comparison, which no",
     "pipelines=comparison": "there is no pipeline 'comparison'; there are ",
 }
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import os
 import signal
 import statistics
 import subprocess
@@ -38,7 +39,10 @@ SMALL = (
     "+experiment=phi1", "name=plan", "wind=calm", "planner.trees=2", "planner.n_max=600",
     "fidelity.refine=none",     "deployment.runs=20", "report=none",
 )  # fmt: skip
-PLANNED = "pipelines.stages=[trouble,decomposition,automaton,observations,wind,forest,front,plan,deployment]"
+PLANNED = (
+    "pipelines.stages=[trouble,readings,scene,decomposition,automaton,observations,wind,problem,forest,front,"
+    "plan,forecasts,deployment]"
+)
 
 
 @pytest.fixture
@@ -53,7 +57,9 @@ def asked(here: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     folder = here / "asked"
     folder.mkdir()
     monkeypatch.setenv("TROUBLE", str(folder))
-    monkeypatch.setenv("PYTHONPATH", str(FAULTS))
+    monkeypatch.setenv(
+        "PYTHONPATH", os.pathsep.join([str(FAULTS), *filter(None, [os.environ.get("PYTHONPATH")])])
+    )
     return folder
 
 

@@ -183,7 +183,7 @@ def check_settings(settings: Settings) -> None:
             "name must be letters, digits, dots, dashes or underscores (it names a folder), "
             f"got {settings.name!r}"
         )
-    pipeline.check(settings)
+    checked_pipeline(settings)
 
 
 def _prepare_sweep(

@@ -47,6 +47,7 @@ def _second_place(into: Path | None) -> Iterator[Path]:
 def rerun_and_compare(directory: Path, place: Path) -> int:
     """Run the settings of ``directory`` into ``place`` and say what differs."""
     from pareto_ltl.cli.setting_keys import read_run_settings
+    from pareto_ltl.cli.stage_table import application_stages
     from pareto_ltl.run import pipeline, provenance
     from pareto_ltl.run.results import read_json
 
@@ -62,7 +63,8 @@ def rerun_and_compare(directory: Path, place: Path) -> int:
     for name in moved:
         print(f"note: {name} is not what the run read")
     try:
-        pipeline.run(settings, place, before["argv"], before.get("overrides", ()))
+        checked = pipeline.check_pipeline(settings, application_stages(settings))
+        pipeline.run_pipeline(checked, place, before["argv"], before.get("overrides", ()))
     except InfeasibleError as error:
         same = before["status"] == "infeasible" and before["error"] == provenance.one_line(error)
         print("infeasible again, for the same reason" if same else f"now infeasible: {error}")

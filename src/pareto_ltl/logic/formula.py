@@ -19,6 +19,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
+from functools import lru_cache
 
 from pareto_ltl.support.errors import FormulaError
 
@@ -105,6 +106,7 @@ class Formula:
 TRUE_FORMULA, FALSE_FORMULA = Formula("true"), Formula("false")
 
 
+@lru_cache(maxsize=256)
 def parse_formula(text: str) -> Formula:
     """The syntax tree of ``text``; a :class:`FormulaError` has the column of a syntax error."""
     return _FormulaParser(text).formula()

@@ -10,7 +10,9 @@ from collections.abc import Callable, Iterable, Sequence
 from typing import TYPE_CHECKING
 
 from pareto_ltl.logic.formula import Formula, flat_chain, parse_formula
+from pareto_ltl.support import extensions
 from pareto_ltl.support.errors import ConfigError
+from pareto_ltl.support.extensions import extension_names, known_kind
 
 if TYPE_CHECKING:
     from pareto_ltl.settings import MissionConfig
@@ -91,9 +93,11 @@ def formula_of(mission: MissionConfig) -> str:
         return mission.formula
     if mission.formula:
         raise ConfigError(f"mission.pattern={mission.pattern} and mission.formula are both set; choose one")
-    make = PATTERNS.get(mission.pattern)
-    if make is None:
-        raise ConfigError(f"mission.pattern must be one of {', '.join(PATTERNS)}; got {mission.pattern!r}")
+    try:
+        make = known_kind(extensions.PATTERN_GROUP, PATTERNS, mission.pattern, callable)
+    except KeyError:
+        known = ", ".join((*PATTERNS, *extension_names(extensions.PATTERN_GROUP)))
+        raise ConfigError(f"mission.pattern must be one of {known}; got {mission.pattern!r}") from None
     return make(mission)
 
 

@@ -23,8 +23,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pareto_ltl.planning.records import Acceptance, Forest, Front, Objectives, Plan, PlannedPath, Tree
+from pareto_ltl.report.records import Study
+from pareto_ltl.run.records import (
+    AUTOMATON,
+    DECOMPOSITION,
+    DEPLOYMENTS,
+    FOREST,
+    FRONT,
+    PLAN,
+    SCENE,
+    WIND,
+    RecordKey,
+    T,
+)
+from pareto_ltl.settings import Settings
+from pareto_ltl.settings.building import read_settings_file
 from pareto_ltl.simulation.records import Deployment
-from pareto_ltl.studies.records import Study
+from pareto_ltl.support.display import Displayed
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.wind.records import WindField
 from pareto_ltl.world.cells import Decomposition
@@ -410,24 +425,28 @@ def write_study(directory: Path, study: Study) -> None:
 
 # --- the directory ---------------------------------------------------------------------------
 
-WRITERS: dict[str, Callable[[Path, Any], None]] = {
-    "scene": write_scene,
-    "wind": write_wind,
-    "decomposition": write_decomposition,
-    "automaton": write_automaton,
-    "forest": write_forest,
-    "front": write_front,
-    "plan": write_plan,
-    "deployment": write_deployments,
-    "comparison": write_study,
-    "convergence": write_study,
-    "ablation": write_study,
-    "hindcast": write_study,
+WRITERS: dict[RecordKey[Any], Callable[[Path, Any], None]] = {
+    SCENE: write_scene,
+    WIND: write_wind,
+    DECOMPOSITION: write_decomposition,
+    AUTOMATON: write_automaton,
+    FOREST: write_forest,
+    FRONT: write_front,
+    PLAN: write_plan,
+    DEPLOYMENTS: write_deployments,
 }
 
 
-@dataclass(frozen=True, slots=True)
-class Results:
+def save_record(directory: Path, key: RecordKey[T], record: T) -> None:
+    """Write ``record`` into ``directory`` if it has a place on disk."""
+    if key in WRITERS:
+        WRITERS[key](directory, record)
+    elif isinstance(record, Study):
+        write_study(directory, record)
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class Results(Displayed):
     """One results directory, read lazily: ``Results("outputs/phi1/...").plan.path.objectives``."""
 
     directory: Path
@@ -435,13 +454,25 @@ class Results:
     def __init__(self, directory: Path | str) -> None:
         object.__setattr__(self, "directory", Path(directory))
 
-    def save(self, name: str, record: Any) -> None:
-        """Write what stage ``name`` made, where it has a place on disk."""
-        if name in WRITERS:
-            WRITERS[name](self.directory, record)
+    def facts(self) -> Mapping[str, str]:
+        record = self.run if (self.directory / "run.json").is_file() else {}
+        names = ("name", "seed", "fidelity", "status")
+        return {"directory": str(self.directory)} | {name: str(record.get(name)) for name in names}
+
+    def plot(self, **options: Any) -> Any:
+        """The map with trees and plan, as a ``Drawing``."""
+        from pareto_ltl.report.notebook import mission_drawing
+
+        return mission_drawing(self.scene, self.decomposition, self.wind, self.forest, self.plan)
+
+    @property
+    def settings(self) -> Settings:
+        """The settings that the run was made with."""
+        return read_settings_file(self.directory / "config_resolved.yaml")
 
     @property
     def done(self) -> bool:
+        """Whether the run has ended with an answer: ``metrics.json`` is there."""
         return (self.directory / "metrics.json").is_file()
 
     @property

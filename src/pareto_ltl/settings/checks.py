@@ -13,6 +13,7 @@ from dataclasses import Field, dataclass, field, fields
 from typing import Any, ClassVar
 
 from pareto_ltl.support.errors import ConfigError
+from pareto_ltl.support.extensions import extension_names
 
 DECLARED = "declared"  # key of a field's metadata
 
@@ -33,6 +34,8 @@ class Declaration:
         A list that is not empty and holds no value twice.
     remark : str
         What the limits stand for; printed in brackets after them.
+    group : str
+        Entry points whose names are choices too (``support.extensions``).
     """
 
     meaning: str
@@ -45,12 +48,17 @@ class Declaration:
     choices: tuple[str, ...] = ()
     distinct: bool = False
     remark: str = ""
+    group: str = ""
+
+    def all_choices(self) -> tuple[str, ...]:
+        """Our own choices, then those that other packages add."""
+        return (*self.choices, *(extension_names(self.group) if self.group else ()))
 
     def range_text(self) -> str:
         """The range in words, e.g. "at least 1"; empty where every value is allowed."""
         remark = f" ({self.remark})" if self.remark else ""
         if self.choices:
-            return f"one of {', '.join(self.choices)}"
+            return f"one of {', '.join(self.all_choices())}"
         if self.above is not None and self.below is not None:
             return f"between {self.above:g} and {self.below:g}, both excluded{remark}"
         if self.least is not None and self.most is not None:
@@ -74,7 +82,7 @@ class Declaration:
     def allows(self, value: Any) -> bool:
         """Whether one value (an item, where the setting is a list) lies in the range; never for NaN."""
         if self.choices:
-            return value in self.choices
+            return value in self.choices or value in self.all_choices()
         if not self.range_text():
             return True
         least = 0.0 if self.not_negative else self.least

@@ -8,6 +8,7 @@ from typing import ClassVar
 
 from pareto_ltl.settings.checks import CheckedSettings, setting
 from pareto_ltl.support.errors import ConfigError
+from pareto_ltl.support.extensions import SELECTION_RULE_GROUP
 
 SELECTION_RULES = ("priority", "weighted", "threshold")
 
@@ -74,7 +75,7 @@ class SelectionConfig(CheckedSettings):
     """Which path of the front becomes the plan."""
 
     section: ClassVar[str] = "selection"
-    rule: str = setting("priority", "how a path is chosen", choices=SELECTION_RULES)
+    rule: str = setting("priority", "how a path is chosen", choices=SELECTION_RULES, group=SELECTION_RULE_GROUP)
     weights: list[float] = setting(
         [0.5, 0.25, 0.25], "weights of mission risk, collision risk and length, with rule=weighted"
     )

@@ -7,6 +7,7 @@ from typing import ClassVar
 
 from pareto_ltl.settings.checks import CheckedSettings, setting
 from pareto_ltl.support.errors import ConfigError
+from pareto_ltl.support.extensions import WIND_SOURCE_GROUP
 
 WIND_SOURCES = ("sample", "csv", "grib", "calm")
 GP_KERNELS = ("matern32", "rbf")
@@ -17,7 +18,7 @@ class WindConfig(CheckedSettings):
     """Wind readings, the Gaussian process through them, and the modes of its error."""
 
     section: ClassVar[str] = "wind"
-    source: str = setting("sample", "where readings come from", choices=WIND_SOURCES)
+    source: str = setting("sample", "where readings come from", choices=WIND_SOURCES, group=WIND_SOURCE_GROUP)
     path: str | None = setting(None, "file, folder or pattern, for source=csv and source=grib")
     kernel: str = setting("matern32", "kernel of the Gaussian process", choices=GP_KERNELS)
     noise_min: float = setting(0.3, "lower bound of the white-noise standard deviation", unit="m/s", above=0)

@@ -18,7 +18,7 @@ from pareto_ltl.kernels import flight as rollout
 from pareto_ltl.planning.evaluate import propagate
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import Acceptance, Front, PlannedPath
-from pareto_ltl.planning.selection import choose_path
+from pareto_ltl.planning.selection_rules import choose_path
 from pareto_ltl.settings import SelectionConfig
 from pareto_ltl.simulation.flights import (
     clopper_pearson,

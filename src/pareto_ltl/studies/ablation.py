@@ -22,12 +22,14 @@ from typing import Any
 import numpy as np
 
 from pareto_ltl.planning.problem import Problem
+from pareto_ltl.report.records import Study
+from pareto_ltl.run.pipeline import Run
+from pareto_ltl.run.records import PLAN, PROBLEM, Records
 from pareto_ltl.settings import Settings
 from pareto_ltl.studies import parts
 from pareto_ltl.studies.compare import bound, failed, outcomes, truth
 from pareto_ltl.studies.parts import Part, Progress
-from pareto_ltl.studies.planning import Workshop, unsmoothed, with_wind
-from pareto_ltl.studies.records import Study
+from pareto_ltl.studies.planning import study_run, unsmoothed, with_wind
 from pareto_ltl.studies.tables import Row, flags, kilometres, markdown, quartiles, rate, spread, with_interval
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import ConfigError, InfeasibleError
@@ -45,9 +47,9 @@ NAMES = {
 
 @dataclass(frozen=True, slots=True)
 class Context:
-    """``shops`` and ``worlds``: what plans are made in and what they are flown in, by (factor, level)."""
+    """``runs_of`` and ``worlds``: what plans are made in and what they are flown in, by (factor, level)."""
 
-    shops: Mapping[tuple[str, Any], Workshop]
+    runs_of: Mapping[tuple[str, Any], Run]
     worlds: Mapping[tuple[str, Any], Problem]
     truth: Problem
     runs: int
@@ -77,9 +79,7 @@ def changed(settings: Settings, factor: str, level: Any) -> Settings:
     return settings
 
 
-def study(
-    settings: Settings, world: Mapping[str, Any], directory: Path, progress: Progress | None = None
-) -> Study:
+def study(settings: Settings, world: Records, directory: Path, progress: Progress | None = None) -> Study:
     """Plan with every level and seed, and fly all plans."""
     _check(settings)
     context, todo = _context(settings, world), []
@@ -101,30 +101,30 @@ def _check(settings: Settings) -> None:
         )
 
 
-def _context(settings: Settings, world: Mapping[str, Any]) -> Context:
+def _context(settings: Settings, world: Records) -> Context:
     mine = unsmoothed(settings)
     mine = replace(mine, planner=replace(mine.planner, threads=1))
     whole = with_wind(mine, world)
-    reference = Workshop(mine, dict(whole))
-    reference.make("problem")
-    shops, worlds = {}, {}
+    reference = study_run(mine, whole)
+    reference.make(PROBLEM)
+    runs_of, worlds = {}, {}
     for factor, level in levels(settings):
         other = changed(mine, factor, level)
         refitted = factor == "kernel" and other != mine
-        shop = reference if other == mine else Workshop(other, dict(world if refitted else whole))
-        shop.make("problem")
-        shops[factor, level] = shop
+        run = reference if other == mine else study_run(other, world if refitted else whole)
+        run.make(PROBLEM)
+        runs_of[factor, level] = run
         if factor == "dt":
             worlds[factor, level] = truth(cut(settings, level), world)
     return Context(
-        shops, worlds, truth(settings, whole), settings.deployment.runs, tuple(settings.evaluation.laws)
+        runs_of, worlds, truth(settings, whole), settings.deployment.runs, tuple(settings.evaluation.laws)
     )
 
 
 def _key(settings: Settings, context: Context, factor: str, level: Any, seed: int) -> str:
     """Levels that come to the default settings share their parts."""
     pieces = level if factor == "dt" else 1
-    mine = replace(context.shops[factor, level].settings, seed=seed)
+    mine = replace(context.runs_of[factor, level].settings, seed=seed)
     return parts.key(mine, "ablation", pieces, as_flown(settings), context.runs, context.laws)
 
 
@@ -167,9 +167,9 @@ def one(context: Context, factor: str, level: Any, seed: int) -> Row:
 def _plan(context: Context, factor: str, level: Any, seed: int) -> Any:
     """Made once for all time steps."""
     if factor != "dt":
-        return context.shops[factor, level].with_seed(seed).make("plan")
+        return context.runs_of[factor, level].with_seed(seed).make(PLAN)
     if seed not in context.kept:
-        context.kept[seed] = context.shops[factor, level].with_seed(seed).make("plan")
+        context.kept[seed] = context.runs_of[factor, level].with_seed(seed).make(PLAN)
     return context.kept[seed]
 
 

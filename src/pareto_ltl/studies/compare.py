@@ -23,11 +23,13 @@ import numpy as np
 from pareto_ltl.planning.evaluate import forecast
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import Plan
+from pareto_ltl.report.records import Study
+from pareto_ltl.run.pipeline import Run
+from pareto_ltl.run.records import PLAN, PROBLEM, WIND, Records
 from pareto_ltl.settings import Settings, preset
 from pareto_ltl.studies import parts
 from pareto_ltl.studies.parts import Part, Progress
-from pareto_ltl.studies.planning import Workshop, fly, still, with_wind
-from pareto_ltl.studies.records import Study
+from pareto_ltl.studies.planning import fly, still, study_run, with_wind
 from pareto_ltl.studies.tables import (
     Row,
     bits,
@@ -60,14 +62,14 @@ COSTS = ("mission_risk_paper", "mission_risk", "collision_risk")
 class Context:
     """What all parts of a comparison share: the problem of each method, and the one all are flown in."""
 
-    methods: Mapping[str, Workshop]
+    methods: Mapping[str, Run]
     truth: Problem
     runs: int
     laws: tuple[str, ...]
     kept: dict[str, Plan] = field(default_factory=dict)  # plans that no seed changes, once a process
 
 
-def method(name: str, settings: Settings, world: Mapping[str, Any]) -> Workshop:
+def method(name: str, settings: Settings, world: Records) -> Run:
     """The planner called ``name``: the settings it has and the world it believes in."""
     models = preset("full" if name == "full" else "paper")
     if name not in ("smoothed", "full", "calm_shortest"):
@@ -79,25 +81,22 @@ def method(name: str, settings: Settings, world: Mapping[str, Any]) -> Workshop:
     )
     if name == "cc_rrt":
         mine = replace(mine, planner=replace(mine.planner, near=0))  # no parents tried: no re-selection
-    shop = Workshop(mine, dict(world))
-    shop.make("wind")
+    run = study_run(mine, world)
+    wind = run.make(WIND)
     if name in ("ml_rrt", "calm_shortest"):
-        shop.records["wind"] = still(shop.records["wind"])
-    shop.make("problem")
-    return shop
+        run = run.with_record(WIND, still(wind))
+    run.make(PROBLEM)
+    return run
 
 
-def truth(settings: Settings, world: Mapping[str, Any]) -> Problem:
+def truth(settings: Settings, world: Records) -> Problem:
     """The world plans are flown in: everything that is modelled, all laws."""
     laws = list(settings.evaluation.laws)
     real = replace(settings, fidelity=preset("full"), deployment=replace(settings.deployment, laws=laws))
-    problem: Problem = Workshop(real, dict(world)).make("problem")
-    return problem
+    return study_run(real, world).make(PROBLEM)
 
 
-def study(
-    settings: Settings, world: Mapping[str, Any], directory: Path, progress: Progress | None = None
-) -> Study:
+def study(settings: Settings, world: Records, directory: Path, progress: Progress | None = None) -> Study:
     """Plan with every method and seed, fly all, and compare."""
     cfg, names = settings.evaluation, tuple(settings.compare.methods)
     world = with_wind(settings, world)
@@ -142,10 +141,9 @@ def one(context: Context, name: str, seed: int) -> Row:
 def _plan(context: Context, name: str, seed: int) -> Plan:
     """The plan of one seed; the shortest path in still air is the same for all, to a thousandth."""
     if name != "calm_shortest":
-        plan: Plan = context.methods[name].with_seed(seed).make("plan")
-        return plan
+        return context.methods[name].with_seed(seed).make(PLAN)
     if name not in context.kept:
-        context.kept[name] = context.methods[name].make("plan")
+        context.kept[name] = context.methods[name].make(PLAN)
     return context.kept[name]
 
 
@@ -304,9 +302,9 @@ def _panels(settings: Settings, context: Context, found: Found) -> list[Row]:
 
 def _wind(context: Context) -> Any:
     """The expected wind, for the arrows."""
-    for shop in context.methods.values():
-        if shop.records["wind"].mean.any():
-            return shop.records["wind"]
+    for run in context.methods.values():
+        if run[WIND].mean.any():
+            return run[WIND]
     return None
 
 

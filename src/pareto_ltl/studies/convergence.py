@@ -21,12 +21,15 @@ import numpy as np
 
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import Forest, Tree
+from pareto_ltl.report.records import Study
+from pareto_ltl.run.pipeline import Run
+from pareto_ltl.run.records import FOREST, PLAN, PROBLEM, Records
+from pareto_ltl.run.stage_table import stage_seeds
 from pareto_ltl.settings import Settings
 from pareto_ltl.studies import parts
 from pareto_ltl.studies.compare import bound, failed, outcomes, truth
 from pareto_ltl.studies.parts import Part, Progress
-from pareto_ltl.studies.planning import Workshop, stream, unsmoothed, with_wind
-from pareto_ltl.studies.records import Study
+from pareto_ltl.studies.planning import study_run, unsmoothed, with_wind
 from pareto_ltl.studies.tables import Row, flags, kilometres, markdown, number, quartiles, rate, spread
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import InfeasibleError
@@ -38,24 +41,22 @@ BY_CREATION = ("swaps", "beta")  # arrays of a tree that have no row a vertex
 
 @dataclass(frozen=True, slots=True)
 class Context:
-    shop: Workshop
+    run: Run
     truth: Problem
     sizes: tuple[int, ...]
     runs: int
     laws: tuple[str, ...]
 
 
-def study(
-    settings: Settings, world: Mapping[str, Any], directory: Path, progress: Progress | None = None
-) -> Study:
+def study(settings: Settings, world: Records, directory: Path, progress: Progress | None = None) -> Study:
     """Grow one forest a seed and look at it at every size."""
     cfg, sizes = settings.evaluation, tuple(sorted(settings.convergence.sizes))
     mine = unsmoothed(settings)
     mine = replace(mine, planner=replace(mine.planner, n_max=sizes[-1], threads=1))
     world = with_wind(settings, world)
-    shop = Workshop(mine, dict(world))
-    shop.make("problem")
-    context = Context(shop, truth(settings, world), sizes, settings.deployment.runs, tuple(cfg.laws))
+    run = study_run(mine, world)
+    run.make(PROBLEM)
+    context = Context(run, truth(settings, world), sizes, settings.deployment.runs, tuple(cfg.laws))
     todo = [
         Part(f"seed-{seed}", (seed,), parts.key(replace(mine, seed=seed), "convergence", *_matters(context)))
         for seed in cfg.seeds
@@ -73,19 +74,18 @@ def _matters(context: Context) -> tuple[Any, ...]:
 
 def one(context: Context, seed: int) -> Row:
     """One forest at every size, and how long its first answer took."""
-    shop = context.shop.with_seed(seed)
-    forest: Forest = shop.make("forest")
+    run = context.run.with_seed(seed)
+    forest = run.make(FOREST)
     looks = [_look(context, snapshot(forest, n), n, seed) for n in context.sizes]
-    return {"looks": looks, "nodes_per_second": _rate(forest), **first_answer(shop, seed)}
+    return {"looks": looks, "nodes_per_second": _rate(forest), **first_answer(run)}
 
 
 def _look(context: Context, forest: Forest, n: int, seed: int) -> Row:
     """What a run that had stopped at ``n`` vertices a tree would have selected."""
-    shop = context.shop.with_seed(seed)
-    shop.records["forest"] = forest
+    run = context.run.with_seed(seed).with_record(FOREST, forest)
     look: Row = {"size": n, "vertices": sum(map(len, forest.trees)), "accepted": len(forest.accepted)}
     try:
-        plan = shop.make("plan")
+        plan = run.make(PLAN)
     except InfeasibleError:
         return look | {"planned": False}
     objectives = asdict(plan.path.objectives)
@@ -129,12 +129,12 @@ def _rate(forest: Forest) -> float:
     return sum(map(len, forest.trees)) / spent if spent > 0 else float("nan")
 
 
-def first_answer(shop: Workshop, seed: int) -> Row:
+def first_answer(run: Run) -> Row:
     """Vertices that the quickest tree of the forest needs to complete the mission, and its time."""
     from pareto_ltl.planning import growth
 
-    cfg = shop.settings.planner
-    forest = growth.forest(cfg, shop.make("problem"), stream(seed, "forest"), stop_at_first=True)
+    seeds = stage_seeds(run.settings.seed, "forest")
+    forest = growth.forest(run.settings.planner, run.make(PROBLEM), seeds, stop_at_first=True)
     there = np.unique(forest.accepted[:, 0])
     if not len(there):
         return {"first_seconds": None, "first_vertices": None, "trees_done": 0}

@@ -20,14 +20,16 @@ import numpy as np
 from pareto_ltl.planning.evaluate import forecast
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import Front, PlannedPath
+from pareto_ltl.report.records import Study
+from pareto_ltl.run.pipeline import Run
+from pareto_ltl.run.records import AUTOMATON, DECOMPOSITION, FRONT, PROBLEM, SCENE, WIND, Records
 from pareto_ltl.run.results import whole
 from pareto_ltl.settings import PRESETS, IngestConfig, MissionConfig, Settings, WindConfig, preset
 from pareto_ltl.studies import parts
 from pareto_ltl.studies import true_fields as nature
 from pareto_ltl.studies.parts import Part, Progress
-from pareto_ltl.studies.planning import Workshop, fly
+from pareto_ltl.studies.planning import fly, study_run
 from pareto_ltl.studies.random_missions import Mission, mission
-from pareto_ltl.studies.records import Study
 from pareto_ltl.studies.tables import Row, markdown, number, percent, share, with_interval
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError, InfeasibleError
@@ -117,14 +119,14 @@ def one(context: Context, k: int) -> Row:
     }
     plans: list[Row] = []
     for fidelity in PRESETS:
-        shop = workshop(context, task, fidelity)
+        run = mission_run(context, task, fidelity)
         try:
-            front = shop.make("front")
+            front = run.make(FRONT)
         except (InfeasibleError, DataError) as error:
             row |= {f"reason_{fidelity}": str(error)}
             continue
-        real = reality(context, shop)
-        row |= calibration(context, shop)
+        real = reality(context, run)
+        row |= calibration(context, run)
         models = believed(context, task)
         plans += [
             _flown(context, task, fidelity, path, real, models)
@@ -133,7 +135,7 @@ def one(context: Context, k: int) -> Row:
     return row | {"plans": plans}
 
 
-def workshop(context: Context, task: Mission, fidelity: str) -> Workshop:
+def mission_run(context: Context, task: Mission, fidelity: str) -> Run:
     """The planner, which knows the thinned readings and no more."""
     settings, cfg = context.settings, context.settings.hindcast
     steps = int(cfg.hours * 3600 // settings.robot.dt)
@@ -146,7 +148,7 @@ def workshop(context: Context, task: Mission, fidelity: str) -> Workshop:
         planner=replace(settings.planner, max_steps=min(settings.planner.max_steps, steps), threads=1),
         deployment=replace(settings.deployment, laws=list(settings.evaluation.laws)),
     )
-    return Workshop(mine, {"scene": task.scene})
+    return study_run(mine, Records({SCENE: task.scene}))
 
 
 def seen(wind: WindConfig, table: Path) -> WindConfig:
@@ -155,24 +157,28 @@ def seen(wind: WindConfig, table: Path) -> WindConfig:
 
 def believed(context: Context, task: Mission) -> Problem:
     """The model that plans are simulated in: everything that is modelled, all laws."""
-    problem: Problem = workshop(context, task, "full").make("problem")
-    return problem
+    return mission_run(context, task, "full").make(PROBLEM)
 
 
-def reality(context: Context, shop: Workshop) -> Problem:
+def reality(context: Context, run: Run) -> Problem:
     """The same map in the wind that there was."""
-    cfg, scene = context.settings.hindcast, shop.make("scene")
-    real = nature.real_wind(cfg, shop.settings.wind, context.readings, scene, shop.make("wind"))
-    world = {name: shop.make(name) for name in ("scene", "observations", "decomposition", "automaton")}
-    problem: Problem = Workshop(
-        replace(shop.settings, fidelity=preset("paper")), world | {"wind": real}
-    ).make("problem")
-    return problem
+    cfg, scene = context.settings.hindcast, run.make(SCENE)
+    real = nature.real_wind(cfg, run.settings.wind, context.readings, scene, run.make(WIND))
+    settings = replace(run.settings, fidelity=preset("paper"))
+    return study_run(settings, _world(run).replaced(WIND, real)).make(PROBLEM)
 
 
-def calibration(context: Context, shop: Workshop) -> Row:
+def _world(run: Run) -> Records:
+    """Map and automaton of ``run``, which do not depend on the fidelity."""
+    world = Records({SCENE: run.make(SCENE)})
+    world[DECOMPOSITION] = run.make(DECOMPOSITION)
+    world[AUTOMATON] = run.make(AUTOMATON)
+    return world
+
+
+def calibration(context: Context, run: Run) -> Row:
     """How the fit predicts the full fields inside the map: sd of z = (truth - mean)/sd, share within 90 %."""
-    scene, wind = shop.make("scene"), shop.make("wind")
+    scene, wind = run.make(SCENE), run.make(WIND)
     z = scores(context.readings, scene, wind)
     return {"z_sd": float(np.sqrt((z**2).mean())), "coverage_90": float((np.abs(z) <= NORMAL_90).mean())}
 

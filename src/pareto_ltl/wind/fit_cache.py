@@ -2,22 +2,22 @@
 
 from __future__ import annotations
 
-import hashlib
 import logging
 import warnings
 from functools import lru_cache
 from pathlib import Path
 
 from pareto_ltl.support import cache
-from pareto_ltl.wind import gp, modes, tabulate
+from pareto_ltl.support.fingerprints import code_fingerprint
 from pareto_ltl.wind.tabulate import WindTable, WindTask, tabulate_wind
 
 LOG = logging.getLogger(__name__)
+TABLE_CODE = ("wind.tabulate", "wind.gp", "wind.modes")  # the code that a table depends on
 
 
 def cache_folder() -> Path:
     """The folder of the cached tables."""
-    return cache.root() / "wind"
+    return cache.cache_root() / "wind"
 
 
 def cached_wind_table(task: WindTask) -> WindTable:
@@ -27,7 +27,7 @@ def cached_wind_table(task: WindTask) -> WindTable:
     """
     from joblib import Memory, hash
 
-    folder, arguments = cache_folder(), (task, _edition())
+    folder, arguments = cache_folder(), (task, code_fingerprint(*TABLE_CODE))
     try:
         memory = Memory(folder, verbose=0)
         recall = memory.cache(tabulate_wind)
@@ -37,9 +37,9 @@ def cached_wind_table(task: WindTask) -> WindTable:
             if recall.check_call_in_cache(*arguments):
                 table: WindTable = recall(*arguments)
             else:
-                with cache.alone(hash(arguments)):  # jobs that start together fit once
+                with cache.lock_entry(hash(arguments)):  # jobs that start together fit once
                     table = recall(*arguments)
-                    memory.reduce_size(bytes_limit=cache.limit())
+                    memory.reduce_size(bytes_limit=cache.cache_limit())
     except OSError as error:
         _warn_once(folder, str(error))
         return tabulate_wind(*arguments)
@@ -58,13 +58,6 @@ def _warn_once(folder: Path, reason: str) -> None:
     LOG.warning(
         "wind fits are not remembered in %s: %s; set PARETO_LTL_CACHE to another folder", folder, reason
     )
-
-
-@lru_cache(maxsize=1)
-def _edition() -> str:
-    """Digest of the code that makes a table, so that other code does not read its entries."""
-    text = b"".join(Path(file).read_bytes() for file in (tabulate.__file__, modes.__file__, gp.__file__))
-    return hashlib.sha256(text).hexdigest()
 
 
 __all__ = ["cache_folder", "cached_wind_table"]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 from pathlib import Path
 
@@ -11,13 +10,14 @@ import numpy as np
 from pareto_ltl.settings import IngestConfig, WindConfig
 from pareto_ltl.support.arrays import FloatArray, IntArray
 from pareto_ltl.support.errors import ConfigError, DataError
+from pareto_ltl.support.files import write_text
+from pareto_ltl.support.fingerprints import file_fingerprint
 from pareto_ltl.wind.observations import FEWEST_READINGS
 from pareto_ltl.wind.readings import Readings, farthest_points, iso, on_sphere, seconds
-from pareto_ltl.wind.sources import read_source
-from pareto_ltl.wind.sources.csv_files import replace_text, write_csv_table
+from pareto_ltl.wind.sources.csv_files import write_csv_table
 
 
-def ingest_readings(cfg: WindConfig, ingest: IngestConfig, out: Path) -> Path:
+def write_wind_table(cfg: WindConfig, readings: Readings, ingest: IngestConfig, out: Path) -> Path:
     """Write ``ingest.points`` nodes of a geographic source as a CSV table to ``out``; return ``out``.
 
     The nodes are the same at all times: nodes inside ``ingest.area`` that every time has, thinned by
@@ -29,15 +29,16 @@ def ingest_readings(cfg: WindConfig, ingest: IngestConfig, out: Path) -> Path:
     DataError
         If the source is planar, has no time in the interval, or has too few common nodes in the area.
     """
-    readings = read_source(cfg)
+    if not len(readings.times):
+        raise DataError(f"wind.source={cfg.source} holds no readings; ingest needs wind files (wind=grib)")
     if not readings.geographic:
-        raise DataError(f"{readings.files[0]} has x,y columns; ingest expects latitude and longitude")
+        raise DataError(f"{readings.name} has x,y columns; ingest expects latitude and longitude")
     kept = _times_between(readings, ingest)
     nodes = common_nodes(readings, kept, ingest)
-    winds = np.stack([winds_at_nodes(readings, k, nodes) for k in kept])
+    winds = np.stack([winds_at(readings, k, nodes) for k in kept])
     write_csv_table(out, readings.times[kept], nodes, winds)
     text = json.dumps(_table_provenance(cfg, ingest, readings, kept, nodes), indent=1, ensure_ascii=False)
-    replace_text(out.with_suffix(".json"), text + "\n")
+    write_text(out.with_suffix(".json"), text + "\n")
     return out
 
 
@@ -79,7 +80,7 @@ def common_nodes(readings: Readings, kept: IntArray, ingest: IngestConfig) -> Fl
     return chosen[np.lexsort((chosen[:, 0], -chosen[:, 1]))]
 
 
-def winds_at_nodes(readings: Readings, k: int, nodes: FloatArray) -> FloatArray:
+def winds_at(readings: Readings, k: int, nodes: FloatArray) -> FloatArray:
     """Winds (N, 2) [m/s] of time k at ``nodes`` (N, 2) [deg], which must be nodes of that time."""
     rows = {(lon, lat): i for i, (lon, lat) in enumerate(readings.points[k].tolist())}
     return readings.winds[k][[rows[lon, lat] for lon, lat in nodes.tolist()]]
@@ -103,8 +104,8 @@ def _table_provenance(
         "selection": "the same nodes at all times: farthest-point sampling (great circle) of the nodes inside"
         " the area, from the one nearest to their middle; no interpolation",
         "area": ", ".join(f"{lon:g} {lat:g}" for lon, lat in ingest.area),
-        "files": {file.name: hashlib.sha256(file.read_bytes()).hexdigest() for file in files},
+        "files": {file.name: file_fingerprint(file) for file in files},
     }
 
 
-__all__ = ["common_nodes", "ingest_readings", "winds_at_nodes"]
+__all__ = ["common_nodes", "write_wind_table", "winds_at"]

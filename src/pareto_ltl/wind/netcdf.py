@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,6 +11,7 @@ import numpy as np
 
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
+from pareto_ltl.support.files import whole_file
 from pareto_ltl.wind.records import WindField, WindModes
 from pareto_ltl.world.scene import Scene
 
@@ -32,8 +32,7 @@ def write_netcdf(field: WindField, path: Path, scene: Scene | None = None) -> Pa
     import h5netcdf
 
     path.parent.mkdir(parents=True, exist_ok=True)
-    draft = path.with_name(f".{path.name}.{os.getpid()}")
-    with h5netcdf.File(draft, "w") as file:
+    with whole_file(path) as draft, h5netcdf.File(draft, "w") as file:
         file.attrs.update(_file_attributes(field))
         file.dimensions.update(
             zip(GRID_DIMENSIONS, (len(field.times), *field.mean.shape[2:0:-1]), strict=True)
@@ -45,7 +44,6 @@ def write_netcdf(field: WindField, path: Path, scene: Scene | None = None) -> Pa
             )
         for name, dimensions, values, attributes in _field_variables(field, scene):
             file.create_variable(name, dimensions, data=values).attrs.update(attributes)
-    draft.replace(path)
     return path
 
 

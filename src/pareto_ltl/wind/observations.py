@@ -9,7 +9,6 @@ from pareto_ltl.support.arrays import FloatArray, IntArray
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.wind.readings import Readings, farthest_points, iso, on_sphere, seconds
 from pareto_ltl.wind.records import WindObservations
-from pareto_ltl.wind.sources import read_source
 from pareto_ltl.world.scene import Scene
 
 FEWEST_READINGS = 5  # readings near the scene, at each time
@@ -17,7 +16,7 @@ FIT_RADIUS = 500e3  # [m], about one correlation length of the 10 m wind over la
 HORIZON_ANGLE = np.deg2rad(45.0)  # readings farther away carry no information and are distorted in the plane
 
 
-def observe_wind(cfg: WindConfig, scene: Scene) -> WindObservations:
+def place_readings(cfg: WindConfig, readings: Readings, scene: Scene) -> WindObservations:
     """Wind readings in the plane of ``scene``, from the last time at or before departure on.
 
     Earth-relative winds are rotated by the meridian convergence; their speed is not scaled. Calm wind is one
@@ -31,9 +30,8 @@ def observe_wind(cfg: WindConfig, scene: Scene) -> WindObservations:
     ConfigError
         If the departure is not an ISO 8601 time.
     """
-    if cfg.source == "calm":
-        return WindObservations(np.zeros(1), (np.empty((0, 2)),), (np.empty((0, 2)),), "calm")
-    readings = read_source(cfg)
+    if not len(readings.times):
+        return WindObservations(np.zeros(1), (np.empty((0, 2)),), (np.empty((0, 2)),), cfg.source)
     _refuse_other_frame(readings, scene)
     zero = _departure_time(scene, readings)
     kept = _slots_from_departure(cfg, readings, zero)
@@ -50,7 +48,7 @@ def observe_wind(cfg: WindConfig, scene: Scene) -> WindObservations:
 def _refuse_other_frame(readings: Readings, scene: Scene) -> None:
     if readings.geographic and scene.crs is None:
         raise DataError(
-            f"{readings.files[0].name} is in degrees but the scene lies nowhere on Earth; set scene.centre "
+            f"{readings.name} is in degrees but the scene lies nowhere on Earth; set scene.centre "
             "(latitude, longitude), or use wind.source=csv with columns time,x,y,u,v or wind.source=calm"
         )
 
@@ -71,7 +69,7 @@ def _slots_from_departure(cfg: WindConfig, readings: Readings, zero: float) -> I
     """Indices of the times from the last one at or before departure ``zero`` [s since 1970] on."""
     times = readings.times
     spell = f"{iso(times[0])} .. {iso(times[-1])}"
-    name = readings.files[0].name
+    name = readings.name
     if len(times) == 1 and not cfg.hold_last:
         raise DataError(
             f"{name} holds one wind time only ({iso(times[0])}), which covers no flight; "
@@ -99,7 +97,7 @@ def _readings_in_plane(
     near = int(np.sum(gap <= reach))
     if near < FEWEST_READINGS:
         raise DataError(
-            f"{readings.files[0].name}: {near} wind readings within {reach / 1e3:g} km of the scene at "
+            f"{readings.name}: {near} wind readings within {reach / 1e3:g} km of the scene at "
             f"{iso(readings.times[k])}, expected at least {FEWEST_READINGS}; "
             "is the scene where the wind data is?"
         )
@@ -140,4 +138,4 @@ def _readings_for_fit(cfg: WindConfig, centre: FloatArray, points: FloatArray, g
     return np.sort(inside[farthest_points(points[inside], cfg.max_points, first)])
 
 
-__all__ = ["FEWEST_READINGS", "observe_wind", "project_readings"]
+__all__ = ["FEWEST_READINGS", "place_readings", "project_readings"]

@@ -44,6 +44,16 @@ class Readings:
     remarks: tuple[str, ...]
     origins: tuple[tuple[Path, ...], ...]
 
+    @property
+    def name(self) -> str:
+        """Name of the first file, for messages."""
+        return self.files[0].name if self.files else "the wind source"
+
+    @property
+    def first_time(self) -> str | None:
+        """The first time, ISO 8601 UTC; None if there are no readings."""
+        return iso(float(self.times[0])) if len(self.times) else None
+
 
 def seconds(text: str) -> float:
     """Seconds since 1970 of an ISO 8601 time; UTC if it has no offset. ValueError if it is not a time."""
@@ -54,6 +64,9 @@ def seconds(text: str) -> float:
 def iso(time: float) -> str:
     """ISO 8601 UTC text of ``time`` [s since 1970]."""
     return datetime.fromtimestamp(time, UTC).isoformat(timespec="seconds").replace("+00:00", "Z")
+
+
+CALM = Readings(np.empty(0), (), (), geographic=False, files=(), remarks=(), origins=())
 
 
 def check_readings(

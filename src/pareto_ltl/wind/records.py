@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pareto_ltl.support.arrays import FloatArray, require_shape
+from pareto_ltl.support.display import Displayed
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,8 +79,8 @@ class WindModes:
             raise ValueError(f"rho must lie in [0, 1], got {self.rho}")
 
 
-@dataclass(frozen=True, slots=True)
-class WindField:
+@dataclass(frozen=True, slots=True, repr=False)
+class WindField(Displayed):
     """Posterior wind on a regular lattice, linear in time between its slots.
 
     Attributes
@@ -126,5 +127,13 @@ class WindField:
         if self.modes is not None and len(self.modes.psi) != len(self.times):
             raise ValueError(f"modes must have {len(self.times)} slots, got {len(self.modes.psi)}")
 
+    def facts(self) -> Mapping[str, str]:
+        k, east, north = self.mean.shape[:3]
+        return {
+            "slots": f"{k} over {float(self.times[-1] - self.times[0]) / 3600:.1f} h",
+            "lattice": f"{east} x {north} nodes, {self.spacing / 1e3:g} km apart",
+            "mean speed": f"{float(np.linalg.norm(self.mean, axis=-1).mean()):.1f} m/s",
+            "source": self.source or "unknown",
+        }
 
 __all__ = ["WindField", "WindModes", "WindObservations"]

@@ -6,10 +6,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from pareto_ltl.support.arrays import FloatArray, require_shape
+from pareto_ltl.support.display import Displayed, distance_text, listed_text
 
 
-@dataclass(frozen=True, slots=True)
-class Scene:
+@dataclass(frozen=True, slots=True, repr=False)
+class Scene(Displayed):
     """A map: start of the robot, regions to visit, obstacles not to touch.
 
     Attributes
@@ -44,5 +45,13 @@ class Scene:
         for polygon in (*self.regions.values(), *self.obstacles, *self.landmarks):
             require_shape("polygon", polygon, None, 2)
 
+    def facts(self) -> Mapping[str, str]:
+        east, north = (float(side) for side in self.bounds[1] - self.bounds[0])
+        return {
+            "size": f"{distance_text(east)} x {distance_text(north)}",
+            "regions": listed_text(self.regions),
+            "obstacles": f"{len(self.obstacles)}",
+            "departure": self.time_zero or "not set",
+        }
 
 __all__ = ["Scene"]

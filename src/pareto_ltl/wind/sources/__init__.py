@@ -1,7 +1,6 @@
 """Where wind readings come from: one module per file format, all with the result :class:`Readings`.
 
-A new format is a module with a function ``(files, max_speed) -> Readings`` and an entry in
-``SOURCE_FORMATS``.
+``SOURCES`` is the table of the values of ``wind.source``; other packages add theirs by entry points.
 """
 
 from __future__ import annotations
@@ -12,53 +11,17 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from pareto_ltl.settings import WindConfig
+from pareto_ltl.support import extensions
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.wind.readings import Readings, iso
+from pareto_ltl.support.extensions import known_kind
+from pareto_ltl.wind.readings import CALM, Readings
 from pareto_ltl.wind.sources.csv_files import read_csv_files
-from pareto_ltl.wind.sources.grib_files import first_grib_time, read_grib_files
+from pareto_ltl.wind.sources.grib_files import read_grib_files
 
 SAMPLE_FILE = Path(__file__).parents[2] / "support" / "data" / "gfs_conus_20181009.csv"
 
 
-@dataclass(frozen=True, slots=True)
-class SourceFormat:
-    """A file format of wind readings.
-
-    Attributes
-    ----------
-    read : (files, largest plausible wind speed [m/s]) -> Readings
-    first_time : (files) -> float, or None
-        First time [s since 1970] from the headers of the files; None if only ``read`` finds it.
-    pattern : str
-        Files that belong to the format in a folder.
-    """
-
-    read: Callable[[tuple[Path, ...], float], Readings]
-    first_time: Callable[[tuple[Path, ...]], float] | None = None
-    pattern: str = "*"
-
-
-SOURCE_FORMATS = {
-    "sample": SourceFormat(read_csv_files),
-    "csv": SourceFormat(read_csv_files, pattern="*.csv"),
-    "grib": SourceFormat(read_grib_files, first_grib_time),
-}
-
-
-def read_source(cfg: WindConfig) -> Readings:
-    """The readings of ``wind.source``, which must not be ``calm``."""
-    return SOURCE_FORMATS[cfg.source].read(source_files(cfg), cfg.max_speed)
-
-
-def first_wind_time(cfg: WindConfig) -> str | None:
-    """The first time of the source, ISO 8601 UTC, which is the default departure; None for calm wind."""
-    if cfg.source == "calm":
-        return None
-    first_time = SOURCE_FORMATS[cfg.source].first_time
-    return iso(read_source(cfg).times[0] if first_time is None else first_time(source_files(cfg)))
-
-
-def source_files(cfg: WindConfig) -> tuple[Path, ...]:
+def data_files(cfg: WindConfig) -> tuple[Path, ...]:
     """The files of ``wind.path``, sorted: one file, all data files of a folder, or the matches of a pattern.
 
     Raises
@@ -66,12 +29,10 @@ def source_files(cfg: WindConfig) -> tuple[Path, ...]:
     DataError
         If there is no such file.
     """
-    if cfg.source == "sample":
-        return (SAMPLE_FILE,)
     path = Path(str(cfg.path)).expanduser()
     if path.is_dir():
-        matches = path.glob(SOURCE_FORMATS[cfg.source].pattern)
-        found = [file for file in matches if file.is_file() and is_data_file(file)]
+        pattern = "*.csv" if cfg.source == "csv" else "*"
+        found = [file for file in path.glob(pattern) if file.is_file() and is_data_file(file)]
     elif path.is_file():
         found = [path]
     else:
@@ -86,12 +47,74 @@ def is_data_file(file: Path) -> bool:
     return not file.name.startswith(".") and file.suffix.lower() not in (".idx", ".md", ".txt", ".json")
 
 
+@dataclass(frozen=True, slots=True)
+class WindSource:
+    """One value of ``wind.source``.
+
+    Attributes
+    ----------
+    read : callable
+        From the settings of the wind to checked :class:`Readings`; raises a DataError.
+    files : callable
+        The files that ``read`` opens, for the records of a run; raises a DataError.
+    """
+
+    read: Callable[[WindConfig], Readings]
+    files: Callable[[WindConfig], tuple[Path, ...]]
+
+
+def _sample_files(cfg: WindConfig) -> tuple[Path, ...]:
+    return (SAMPLE_FILE,)
+
+
+def _no_files(cfg: WindConfig) -> tuple[Path, ...]:
+    return ()
+
+
+def _read_sample(cfg: WindConfig) -> Readings:
+    return read_csv_files(_sample_files(cfg), cfg.max_speed)
+
+
+def _read_csv(cfg: WindConfig) -> Readings:
+    return read_csv_files(data_files(cfg), cfg.max_speed)
+
+
+def _read_grib(cfg: WindConfig) -> Readings:
+    return read_grib_files(data_files(cfg), cfg.max_speed)
+
+
+def _read_calm(cfg: WindConfig) -> Readings:
+    return CALM
+
+
+SOURCES = {
+    "sample": WindSource(_read_sample, _sample_files),
+    "csv": WindSource(_read_csv, data_files),
+    "grib": WindSource(_read_grib, data_files),
+    "calm": WindSource(_read_calm, _no_files),
+}
+
+
+def wind_source(cfg: WindConfig) -> WindSource:
+    """The source ``wind.source``: one of ``SOURCES``, or one of another package."""
+
+    def expected(loaded: object) -> bool:
+        return isinstance(loaded, WindSource)
+
+    return known_kind(extensions.WIND_SOURCE_GROUP, SOURCES, cfg.source, expected)
+
+
+def read_readings(cfg: WindConfig) -> Readings:
+    """All readings of the source, each file read once; calm wind has no times."""
+    return wind_source(cfg).read(cfg)
+
+
 __all__ = [
     "SAMPLE_FILE",
-    "SOURCE_FORMATS",
-    "SourceFormat",
-    "first_wind_time",
+    "SOURCES",
+    "WindSource",
+    "data_files",
     "is_data_file",
-    "read_source",
-    "source_files",
+    "read_readings",
+    "wind_source",
 ]

@@ -25,7 +25,7 @@ WIND_COMPONENTS = {"10u": "u", "u": "u", "10v": "v", "v": "v"}
 
 @dataclass(frozen=True, slots=True)
 class _GribField:
-    """One wind component at one time; ``lonlat`` and ``values`` are empty if only the header was read."""
+    """One wind component at one time."""
 
     component: str
     time: float  # validity [s since 1970]
@@ -39,7 +39,7 @@ class _GribField:
 def read_grib_files(files: tuple[Path, ...], max_speed: float) -> Readings:
     """The 10 m wind of every time in ``files``; of several forecasts for one time, the latest."""
     pairs: dict[float, dict[float, dict[str, _GribField]]] = {}
-    for field in _grib_fields(files, values=True):
+    for field in _grib_fields(files):
         pair = pairs.setdefault(field.time, {}).setdefault(field.lead, {})
         if field.component in pair:
             raise DataError(
@@ -59,11 +59,6 @@ def read_grib_files(files: tuple[Path, ...], max_speed: float) -> Readings:
         remarks=tuple(_lead_text(min(pairs[time])) for time in times),
         origins=tuple(tuple({field.file: None for field in pair.values()}) for pair in best),
     )
-
-
-def first_grib_time(files: tuple[Path, ...]) -> float:
-    """The first time [s since 1970], from the headers of the messages."""
-    return min(field.time for field in _grib_fields(files, values=False))
 
 
 def _join_components(pair: dict[str, _GribField], max_speed: float) -> tuple[FloatArray, FloatArray]:
@@ -87,7 +82,7 @@ def _join_components(pair: dict[str, _GribField], max_speed: float) -> tuple[Flo
     return u.lonlat[here], winds[here]
 
 
-def _grib_fields(files: tuple[Path, ...], values: bool) -> Iterator[_GribField]:
+def _grib_fields(files: tuple[Path, ...]) -> Iterator[_GribField]:
     """The 10 m wind components in ``files``; a file without any is an error."""
     eccodes = _import_eccodes(files[0])
     grids: dict[str, tuple[FloatArray, FloatArray | None]] = {}  # each distinct grid is decoded once
@@ -98,7 +93,7 @@ def _grib_fields(files: tuple[Path, ...], values: bool) -> Iterator[_GribField]:
                 try:
                     if _is_wind_at_10_m(eccodes, message):
                         found = True
-                        yield _decode_message(eccodes, message, file, grids if values else None)
+                        yield _decode_message(eccodes, message, file, grids)
                 finally:
                     eccodes.codes_release(message)
         if not found:
@@ -140,7 +135,7 @@ def _is_wind_at_10_m(eccodes: Any, message: int) -> bool:
 
 
 def _decode_message(
-    eccodes: Any, message: int, file: Path, grids: dict[str, tuple[FloatArray, FloatArray | None]] | None
+    eccodes: Any, message: int, file: Path, grids: dict[str, tuple[FloatArray, FloatArray | None]]
 ) -> _GribField:
     get = eccodes.codes_get
     valid, start = (
@@ -148,8 +143,6 @@ def _decode_message(
         for kind in ("validity", "data")
     )
     component = WIND_COMPONENTS[get(message, "shortName")]
-    if grids is None:
-        return _GribField(component, valid, valid - start, file, np.empty((0, 2)), np.empty(0), None)
     key = str(get(message, "md5GridSection"))
     if key not in grids:
         grids[key] = _grid_nodes(eccodes, message, file)
@@ -213,4 +206,4 @@ def _import_eccodes(file: Path) -> Any:
     return eccodes
 
 
-__all__ = ["first_grib_time", "read_grib_files"]
+__all__ = ["read_grib_files"]

@@ -1,4 +1,6 @@
-"""On ``PYTHONPATH`` of a test's processes: a stage ``trouble`` that fails as the folder ``$TROUBLE`` asks.
+"""A stage ``trouble`` that fails as the folder ``$TROUBLE`` asks.
+
+This folder is on ``PYTHONPATH`` of a test's processes; the metadata beside this file make the stage known.
 
 ``kill_3`` there: the job of seed 3 kills itself, once. ``kill_always_3``: every time. ``full_3``: nothing
 can be written any more. ``none_3``: there is no plan. ``slow``: every job takes half a second more.
@@ -11,13 +13,17 @@ import os
 import signal
 import time
 from pathlib import Path
-from typing import Any
+
+from pareto_ltl.run.records import RecordKey
+from pareto_ltl.run.stage_table import Stage, StageInputs
 
 
-def trouble(settings: Any, directory: Path) -> int:
+def make_trouble(inputs: StageInputs) -> int:
+    """The seed, unless something was asked for."""
     from pareto_ltl.run import results as store
     from pareto_ltl.support.errors import InfeasibleError
 
+    settings, directory = inputs.settings, inputs.directory
     asked = Path(os.environ["TROUBLE"])
     with (asked / "begun.txt").open("a") as file:
         file.write(f"{settings.seed}\n")
@@ -40,7 +46,4 @@ def trouble(settings: Any, directory: Path) -> int:
     return settings.seed
 
 
-if "TROUBLE" in os.environ:
-    from pareto_ltl.run import stages
-
-    stages.STAGES["trouble"] = trouble
+TROUBLE = Stage("trouble", makes=RecordKey[int]("trouble"), make=make_trouble)
