@@ -15,7 +15,7 @@ from typing import Any
 
 
 def trouble(settings: Any, directory: Path) -> int:
-    from pareto_ltl.run import results as store
+    from pareto_ltl.support import files
     from pareto_ltl.support.errors import InfeasibleError
 
     asked = Path(os.environ["TROUBLE"])
@@ -29,14 +29,14 @@ def trouble(settings: Any, directory: Path) -> int:
         os.kill(os.getpid(), signal.SIGKILL)
     if (asked / f"none_{settings.seed}").exists():
         raise InfeasibleError("no way from a to b; raise planner.n_max")
-    real = store.write_bytes
+    real = files.write_bytes
 
     def write_bytes(path: Path, data: bytes) -> None:
         if path.parent == directory and (asked / f"full_{settings.seed}").exists():
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
         real(path, data)
 
-    store.write_bytes = write_bytes
+    files.write_bytes = write_bytes
     return settings.seed
 
 

@@ -407,7 +407,7 @@ def run(config: DictConfig, argv: Sequence[str]) -> int:
 
 def run_once(config: DictConfig, argv: Sequence[str]) -> int:
     """One job of a sweep, unless it has its answer; one line about it."""
-    from pareto_ltl.studies.sweeps import jobs
+    from pareto_ltl.studies.sweeps.runs import RunJob
 
     directory = Path(HydraConfig.get().runtime.output_dir)
     told = ", ".join(word for word in _overrides() if word not in argv) or settings_name(config)
@@ -418,7 +418,7 @@ def run_once(config: DictConfig, argv: Sequence[str]) -> int:
         def work() -> None:
             metrics.update(pipeline.run(settings, directory, argv, _overrides()))
 
-        done = jobs.once(directory, work, resume=settings.sweep.resume)
+        done = RunJob(directory).do_once(work, resume=settings.sweep.resume)
         print(f"{told}: " + (f"ok in {metrics['run_seconds']:.1f} s" if done else "done already"), flush=True)
     except InfeasibleError:
         print(f"{told}: infeasible", flush=True)  # an answer; the table says why

@@ -50,7 +50,7 @@ def rerun(directory: Path, place: Path) -> int:
     """Run the settings of ``directory`` into ``place`` and say what differs."""
     from pareto_ltl.cli import hydra_app as app
     from pareto_ltl.run import pipeline, provenance
-    from pareto_ltl.run.results import read_json
+    from pareto_ltl.support.files import read_json
 
     before = read_json(directory / "run.json")
     if before.get("status") not in ("ok", "infeasible"):

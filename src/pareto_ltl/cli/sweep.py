@@ -19,12 +19,12 @@ def main(argv: list[str]) -> int:
     """Write the summary; 0, or 2 with one line."""
     try:
         options = _arguments().parse_args(argv)
-        from pareto_ltl.studies.sweeps import summary
-        from pareto_ltl.studies.sweeps.manifest import HISTORY, Figure
+        from pareto_ltl.studies.sweeps.manifest import OLDER_SWEEPS, FigureChoice
+        from pareto_ltl.studies.sweeps.summary import write_summary
 
-        figure = Figure(options.x, options.y, options.by)
-        found = summary.build(options.directory, options.sweep, figure)
-        out = options.directory / HISTORY / options.sweep if options.sweep else options.directory
+        figure = FigureChoice(options.x, options.y, options.by)
+        found = write_summary(options.directory, options.sweep, figure)
+        out = options.directory / OLDER_SWEEPS / options.sweep if options.sweep else options.directory
         print(f"{found.line()}\nsummary in {out / 'summary.html'}")
     except SystemExit as leave:  # --help
         return int(leave.code or 0)

@@ -202,7 +202,7 @@ def _close(
 ) -> dict[str, float]:
     """Write how the run ended. A failed run has no metrics; an infeasible one that grew trees has."""
     from pareto_ltl.run.metrics import metrics
-    from pareto_ltl.run.results import write_json
+    from pareto_ltl.support.files import write_json
 
     table = metrics(run.records, run.seconds)
     measured = status == "ok" or (status == "infeasible" and "forest" in run.records)

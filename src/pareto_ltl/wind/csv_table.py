@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import os
 from functools import lru_cache
 from pathlib import Path
 
@@ -11,6 +10,7 @@ import numpy as np
 
 from pareto_ltl.support.arrays import FloatArray, IntArray
 from pareto_ltl.support.errors import DataError
+from pareto_ltl.support.files import write_text
 from pareto_ltl.wind.readings import Readings, check, iso, seconds, wrap
 
 ON_EARTH = ("time", "lat", "lon", "u", "v")
@@ -45,15 +45,8 @@ def write(path: Path, times: FloatArray, points: FloatArray, winds: FloatArray, 
         stamp = iso(time)
         for (lon, lat), (u, v) in zip(points, rows, strict=True):
             lines.append(f"{stamp},{lat:.8g},{lon:.8g},{u + 0.0:.{decimals}f},{v + 0.0:.{decimals}f}")
-    replace_text(path, "\n".join(lines) + "\n")
-
-
-def replace_text(path: Path, text: str) -> None:
-    """Write ``text`` beside ``path`` and move it there in one step."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    draft = path.with_name(f".{path.name}.{os.getpid()}")
-    draft.write_text(text, encoding="utf-8")
-    draft.replace(path)
+    write_text(path, "\n".join(lines) + "\n")
 
 
 def _read_file(file: Path, max_speed: float) -> tuple[FloatArray, FloatArray, FloatArray, IntArray, bool]:
@@ -118,4 +111,4 @@ def _refuse_duplicates(stamps: FloatArray, points: FloatArray, owners: list[str]
 
 _seconds = lru_cache(maxsize=4096)(seconds)  # a table repeats few times in many rows
 
-__all__ = ["read", "replace_text", "write"]
+__all__ = ["read", "write"]

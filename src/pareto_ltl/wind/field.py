@@ -5,10 +5,8 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import logging
-import os
 import warnings
 from collections.abc import Iterator
 from functools import lru_cache
@@ -21,6 +19,8 @@ from pareto_ltl.settings import WindConfig
 from pareto_ltl.support import cache
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
+from pareto_ltl.support.files import whole_file
+from pareto_ltl.support.fingerprints import code_fingerprint
 from pareto_ltl.wind import gp, modes
 from pareto_ltl.wind.records import WindField, WindModes, WindObservations
 from pareto_ltl.world.scene import Scene
@@ -31,6 +31,8 @@ if TYPE_CHECKING:
 LOG = logging.getLogger(__name__)
 MODES_COARSEST, MODES_FINEST = 10, 24  # squares of the modes' lattice along the scene's longer side
 COARSEST, FINEST = 20, 400  # nodes along the longer side: of the scene at least, of the lattice at most
+
+TABLE_CODE = ("wind.field", "wind.gp", "wind.modes")  # what a table depends on: other code, other entries
 
 GRID = ("time", "y", "x")
 MODE_GRID = ("time", "mode_y", "mode_x", "mode")
@@ -61,9 +63,8 @@ def wind(
     settings = (cfg.kernel, cfg.noise_min, cfg.holdout)
     coarse = modes_lattice(cfg, scene)
     kept = (cfg.energy, cfg.modes_max)
-    arguments = (
-        settings, seen.times, seen.points, seen.winds, origin, spacing, shape, coarse, kept, _edition()
-    )  # fmt: skip
+    code = code_fingerprint(*TABLE_CODE)
+    arguments = (settings, seen.times, seen.points, seen.winds, origin, spacing, shape, coarse, kept, code)
     table = _remembered(*arguments) if cfg.cache else _tabulate(*arguments)
     return WindField(
         origin=origin,
@@ -130,8 +131,7 @@ def to_netcdf(field: WindField, path: Path, scene: Scene | None = None) -> Path:
     import h5netcdf
 
     path.parent.mkdir(parents=True, exist_ok=True)
-    draft = path.with_name(f".{path.name}.{os.getpid()}")
-    with h5netcdf.File(draft, "w") as file:
+    with whole_file(path) as draft, h5netcdf.File(draft, "w") as file:
         file.attrs.update(_about(field))
         file.dimensions.update(zip(GRID, (len(field.times), *field.mean.shape[2:0:-1]), strict=True))
         if field.modes is not None:
@@ -141,7 +141,6 @@ def to_netcdf(field: WindField, path: Path, scene: Scene | None = None) -> Path:
             )
         for name, dimensions, values, attributes in _variables(field, scene):
             file.create_variable(name, dimensions, data=values).attrs.update(attributes)
-    draft.replace(path)
     return path
 
 
@@ -205,7 +204,7 @@ def _tabulate(
 
 def cache_folder() -> Path:
     """Where fits are remembered."""
-    return cache.root() / "wind"
+    return cache.cache_root() / "wind"
 
 
 def _remembered(*arguments: Any) -> Table:
@@ -222,9 +221,9 @@ def _remembered(*arguments: Any) -> Table:
             if recall.check_call_in_cache(*arguments):
                 table: Table = recall(*arguments)
             else:
-                with cache.alone(hash(arguments)):  # jobs that begin together fit once
+                with cache.lock_entry(hash(arguments)):  # jobs that begin together fit once
                     table = recall(*arguments)
-                    memory.reduce_size(bytes_limit=cache.limit())
+                    memory.reduce_size(bytes_limit=cache.cache_limit())
     except OSError as error:
         _complain(folder, str(error))
         return _tabulate(*arguments)
@@ -243,13 +242,6 @@ def _complain(folder: Path, reason: str) -> None:
     LOG.warning(
         "wind fits are not remembered in %s: %s; set PARETO_LTL_CACHE to another folder", folder, reason
     )
-
-
-@lru_cache(maxsize=1)
-def _edition() -> str:
-    """Digest of the code that makes a table: another edition must not read this one's entries."""
-    text = b"".join(Path(file).read_bytes() for file in (__file__, modes.__file__, gp.__file__))
-    return hashlib.sha256(text).hexdigest()
 
 
 def _about(field: WindField) -> dict[str, Any]:

@@ -7,7 +7,6 @@ default departure.
 from __future__ import annotations
 
 import glob
-import hashlib
 import json
 from pathlib import Path
 
@@ -16,6 +15,8 @@ import numpy as np
 from pareto_ltl.settings import IngestConfig, WindConfig
 from pareto_ltl.support.arrays import FloatArray, IntArray
 from pareto_ltl.support.errors import ConfigError, DataError
+from pareto_ltl.support.files import write_text
+from pareto_ltl.support.fingerprints import file_fingerprint
 from pareto_ltl.wind import csv_table as table
 from pareto_ltl.wind import grib
 from pareto_ltl.wind.readings import Readings, farthest_points, iso, on_sphere, seconds
@@ -73,7 +74,7 @@ def ingest(cfg: WindConfig, ingest: IngestConfig, out: Path) -> Path:
     winds = np.stack([_winds_at(readings, k, nodes) for k in kept])
     table.write(out, readings.times[kept], nodes, winds)
     text = json.dumps(_provenance(cfg, ingest, readings, kept, nodes), indent=1, ensure_ascii=False)
-    table.replace_text(out.with_suffix(".json"), text + "\n")
+    write_text(out.with_suffix(".json"), text + "\n")
     return out
 
 
@@ -254,7 +255,7 @@ def _provenance(
         "selection": "the same nodes at all times: farthest-point sampling (great circle) of the nodes inside"
         " the area, from the one nearest to their middle; no interpolation",
         "area": ", ".join(f"{lon:g} {lat:g}" for lon, lat in ingest.area),
-        "files": {file.name: hashlib.sha256(file.read_bytes()).hexdigest() for file in files},
+        "files": {file.name: file_fingerprint(file) for file in files},
     }
 
 
