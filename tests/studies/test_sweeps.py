@@ -11,6 +11,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
 from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
@@ -428,6 +429,25 @@ def test_to_be_at_work_beside_a_killed_job_costs_a_job_none_of_its_tries(tmp_pat
     queue.run(runs_in(tmp_path, 2))
     assert launches == [["0", "1"], ["0"], ["1"], ["1"]]
     assert queue.given_up == {}
+
+
+def test_a_job_that_a_dying_pool_has_just_begun_is_launched_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A pool raises before it kills its other processes: one of them begins job 1 after all was quiet."""
+    first, second = runs_in(tmp_path, 2)
+    launch = Breaking({"0": 1}, LEAVE["killed"])
+    with ExitStack() as survivor:
+
+        def begin_another(batch: Sequence[jobs.Job]) -> None:
+            second.directory.mkdir(exist_ok=True)
+            survivor.enter_context(locks.hold_lock(second.lock, note="process 1"))
+
+        monkeypatch.setattr(jobs, "_wait_for_survivors", begin_another)
+        queue = JobQueue(launch, lambda line: None)
+        queue.run([first, second])
+    assert launch.launches == [["0"], ["0"], ["1"]]
+    assert (first.look().status, queue.given_up) == ("ok", {})
 
 
 def test_a_job_killed_twice_alone_is_given_up_and_says_so(tmp_path: Path) -> None:

@@ -67,6 +67,14 @@ class JobState:
         """Whether there is nothing left to do."""
         return self.status in ANSWERS
 
+    @property
+    def cut_off(self) -> bool:
+        """Whether a job that began has not ended by itself: it was killed, or is about to be.
+
+        A pool raises before it kills its other processes, so that one of them may begin another job.
+        """
+        return self.error == KILLED or self.status in ("running", "pending")
+
 
 class Job(ABC):
     """Something to be done once; what is known of it is on disk."""
@@ -211,7 +219,7 @@ class JobQueue(Generic[AnyJob]):
         _wait_for_survivors(batch)
         began = {job.key for job in batch if job.stamps() != before[job.key]}
         fresh = [job for job in batch if job.key not in began]
-        killed = [job for job in batch if job.key in began and job.look().error == KILLED]
+        killed = [job for job in batch if job.key in began and job.look().cut_off]
         if len(batch) == 1:
             return [batch] if self._deserves_another(batch[0], bool(killed), reason) else []
         if killed:
