@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import subprocess
 import sys
 from dataclasses import replace
@@ -148,3 +149,54 @@ def test_resuming_nothing_says_so(tmp_path: Path) -> None:
     with pytest.raises(DataError, match=r"evaluation\.resume=.*no folder parts/"):
         parts.work_parts(EvaluationConfig(resume=str(tmp_path)), tmp_path / "new", square, 0, some(1))
     assert not (tmp_path / "new").exists()
+
+
+def fatal(context: Path, k: int) -> dict[str, float]:
+    """Kills its process while there are files that ask for it, one for each time."""
+    for order in sorted(context.glob(f"kill_{k}_*"))[:1]:
+        order.unlink()
+        os.kill(os.getpid(), signal.SIGKILL)
+    return {"value": float(k)}
+
+
+def test_a_part_whose_process_is_killed_is_worked_out_again(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "kill_1_a").touch()
+    done = parts.work_parts(EvaluationConfig(jobs=2), tmp_path, fatal, tmp_path, some(4))
+    assert [result["value"] for result in done] == [0, 1, 2, 3]
+    assert "were killed; going on with the others" in capsys.readouterr().err
+
+
+def test_a_part_that_is_killed_every_time_is_named_and_the_others_are_kept(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for time in "abc":
+        (tmp_path / f"kill_2_{time}").touch()
+    with pytest.raises(DataError, match=r"1 of 4 parts have no result: square-2 \(was given up \(killed"):
+        parts.work_parts(EvaluationConfig(jobs=2), tmp_path, fatal, tmp_path, some(4))
+    kept = files(tmp_path / parts.PARTS_FOLDER)
+    assert sorted(kept) == sorted(part.file for part in some(4))
+    capsys.readouterr()
+    parts.work_parts(EvaluationConfig(jobs=2), tmp_path, fatal, tmp_path, some(4))
+    err = capsys.readouterr().err
+    assert f"{some(4)[2].file} was given up" in err
+    assert err.count("\n") == 1
+
+
+def test_a_part_at_work_elsewhere_is_waited_for_and_taken_over(tmp_path: Path) -> None:
+    """Two studies that share a folder: the second waits for the lock and finds the result."""
+    (part,) = some(1)
+    place = parts.parts_folder(ONE, tmp_path)
+    code = (
+        "import sys, time\nfrom pathlib import Path\nfrom pareto_ltl.studies.parts import Part, PartJob\n"
+        "def slow(context):\n    print('held', flush=True)\n    time.sleep(0.5)\n    return {'value': 7.0}\n"
+        "PartJob(Path(sys.argv[1]), Part(sys.argv[2], (), sys.argv[3])).keep_result(slow, None)\n"
+    )
+    words = [sys.executable, "-c", code, str(place), part.name, part.key]
+    with subprocess.Popen(words, stdout=subprocess.PIPE, text=True) as other:
+        assert other.stdout is not None
+        assert other.stdout.readline() == "held\n"
+        assert parts.PartJob(place, part).look().status == "running"
+        assert parts.work_parts(ONE, tmp_path, square, 0, [part]) == [{"value": 7.0}]
+    assert CALLS == []

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import hashlib
 import json
 import os
 import signal
@@ -488,6 +489,7 @@ def test_a_job_killed_before_it_wrote_anything_was_at_work(tmp_path: Path) -> No
     queue = JobQueue(launch, lambda line: None)
     queue.run([job])
     assert queue.given_up == {"0": "killed (exit code -9)"}
+    assert job.look().error == "killed (exit code -9)"
 
 
 def test_an_answer_left_beside_the_lock_of_a_killed_process_is_not_believed(tmp_path: Path) -> None:
@@ -641,6 +643,15 @@ def test_every_fidelity_and_law_of_the_settings_can_be_swept() -> None:
     (group,) = table.seed_groups([row])
     assert set(group.rates) == rates | {"completed"}
     assert all(group.rates[name]["events"] == 5 for name in rates)
+
+
+def test_files_of_a_sweep_keep_the_names_of_their_formats(tmp_path: Path) -> None:
+    found = made(tmp_path)
+    summary.write_summary(tmp_path)
+    listed, told = (json.loads((tmp_path / name).read_text()) for name in ("sweep.json", "summary.json"))
+    assert (listed["schema"], told["schema"]) == ("pareto_ltl.sweep/1", "pareto_ltl.summary/1")
+    names = "\n".join(point.job for point in found.points)
+    assert listed["sweep"] == told["sweep"] == hashlib.sha256(names.encode()).hexdigest()[:12]
 
 
 def test_a_manifest_of_another_schema_is_refused(tmp_path: Path) -> None:

@@ -248,6 +248,7 @@ class JobQueue(Generic[AnyJob]):
         self.given_up[job.key] = error
         try:
             job.note_failure(error)
+            job.lock.unlink(missing_ok=True)  # or the kill would outlive the note
         except OSError as obstacle:
             JOB_LOG.info("%s: cannot be written (%s)", job.name, obstacle)
 

@@ -92,7 +92,6 @@ class RunJob(Job):
     def note_failure(self, error: str) -> None:
         self.directory.mkdir(exist_ok=True)
         provenance.write(self.directory, {**self.look().record, "status": "failed", "error": error})
-        self.lock.unlink(missing_ok=True)
 
 
 def read_metrics(path: Path) -> Metrics:
