@@ -440,7 +440,7 @@ def test_a_job_that_a_dying_pool_has_just_begun_is_launched_again(
     launch = Breaking({"0": 1}, LEAVE["killed"])
     with ExitStack() as survivor:
 
-        def begin_another(batch: Sequence[jobs.Job]) -> None:
+        def begin_another(batch: Sequence[jobs.StoredJob]) -> None:
             second.directory.mkdir(exist_ok=True)
             survivor.enter_context(locks.hold_lock(second.lock, note="process 1"))
 

@@ -1,4 +1,4 @@
-"""``python -m pareto_ltl.studies.sweeps DIR``: the summary of a sweep, from its directories alone."""
+"""``python -m pareto_ltl.cli.sweep DIR``: the summary of a sweep, from its directories alone."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pareto_ltl.support.errors import ConfigError, ParetoLtlError
 
 class _Arguments(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
-        raise ConfigError(f"{message}; see python -m pareto_ltl.studies.sweeps --help")
+        raise ConfigError(f"{message}; see python -m pareto_ltl.cli.sweep --help")
 
 
 def main(argv: list[str]) -> int:
@@ -36,7 +36,7 @@ def main(argv: list[str]) -> int:
 
 def _arguments() -> argparse.ArgumentParser:
     parser = _Arguments(
-        prog="python -m pareto_ltl.studies.sweeps",
+        prog="python -m pareto_ltl.cli.sweep",
         description="Write summary.csv, timings.csv, summary.json and summary.html of a sweep anew.",
     )
     parser.add_argument("directory", type=Path, help="for example multirun/phi2")

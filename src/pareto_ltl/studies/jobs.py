@@ -76,7 +76,7 @@ class JobState:
         return self.error == KILLED or self.status in ("running", "pending")
 
 
-class Job(ABC):
+class StoredJob(ABC):
     """Something to be done once; what is known of it is on disk."""
 
     @property
@@ -174,7 +174,7 @@ def claim_folder(lock: Path, what: str, instead: str) -> Iterator[None]:
         ) from None
 
 
-AnyJob = TypeVar("AnyJob", bound=Job)
+AnyJob = TypeVar("AnyJob", bound=StoredJob)
 
 
 @dataclass(slots=True)
@@ -253,7 +253,7 @@ class JobQueue(Generic[AnyJob]):
             JOB_LOG.info("%s: cannot be written (%s)", job.name, obstacle)
 
 
-def _wait_for_survivors(jobs: Sequence[Job]) -> None:
+def _wait_for_survivors(jobs: Sequence[StoredJob]) -> None:
     """Wait for jobs that go on although their launch broke, as those on a cluster do."""
     while any(is_held(job.lock) for job in jobs):
         time.sleep(0.1)

@@ -17,7 +17,7 @@ from typing import Any
 
 from pareto_ltl.run.stages import input_files
 from pareto_ltl.settings import EvaluationConfig, Settings, as_dict
-from pareto_ltl.studies.jobs import KILLED, Job, JobQueue, JobState
+from pareto_ltl.studies.jobs import KILLED, JobQueue, JobState, StoredJob
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.files import plain_data, read_json, remove_dead_drafts, write_json
 from pareto_ltl.support.fingerprints import code_fingerprint, data_fingerprint, file_fingerprint
@@ -90,7 +90,7 @@ def parts_folder(cfg: EvaluationConfig, directory: Path) -> Path:
 
 
 @dataclass(frozen=True, slots=True)
-class PartJob(Job):
+class PartJob(StoredJob):
     """A part with its place on disk."""
 
     folder: Path

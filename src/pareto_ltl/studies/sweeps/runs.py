@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from pareto_ltl.run import provenance
-from pareto_ltl.studies.jobs import ANSWERS, KILLED, Job, JobState, Metrics
+from pareto_ltl.studies.jobs import ANSWERS, KILLED, JobState, Metrics, StoredJob
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.files import read_json
 from pareto_ltl.support.locks import is_held
@@ -19,7 +19,7 @@ KEY_DIGITS = 16  # digits of the fingerprint that name a directory
 
 
 @dataclass(frozen=True, slots=True)
-class RunJob(Job):
+class RunJob(StoredJob):
     """The run in ``directory``, whose name is the beginning of the fingerprint of its settings."""
 
     directory: Path
