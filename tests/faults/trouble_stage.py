@@ -20,7 +20,7 @@ from pareto_ltl.run.stage_table import Stage, StageInputs
 
 def make_trouble(inputs: StageInputs) -> int:
     """The seed, unless something was asked for."""
-    from pareto_ltl.run import results as store
+    from pareto_ltl.support import files
     from pareto_ltl.support.errors import InfeasibleError
 
     settings, directory = inputs.settings, inputs.directory
@@ -35,14 +35,14 @@ def make_trouble(inputs: StageInputs) -> int:
         os.kill(os.getpid(), signal.SIGKILL)
     if (asked / f"none_{settings.seed}").exists():
         raise InfeasibleError("no way from a to b; raise planner.n_max")
-    real = store.write_bytes
+    real = files.write_bytes
 
     def write_bytes(path: Path, data: bytes) -> None:
         if path.parent == directory and (asked / f"full_{settings.seed}").exists():
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
         real(path, data)
 
-    store.write_bytes = write_bytes
+    files.write_bytes = write_bytes
     return settings.seed
 
 

@@ -85,7 +85,7 @@ def test_the_command_tells_the_size_and_clears(folder: Path, capsys: pytest.Capt
 def test_a_limit_that_is_no_number_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PARETO_LTL_CACHE_MIB", "1 GB")
     with pytest.raises(ConfigError, match="whole number of MiB, got '1 GB'"):
-        cache.limit()
+        cache.cache_limit()
 
 
 def test_a_run_takes_the_cores_it_was_given(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -31,7 +31,7 @@ from omegaconf import DictConfig, OmegaConf
 
 from pareto_ltl.cli.arguments import CommandArguments
 from pareto_ltl.cli.setting_keys import refuse_unknown_key, settings_from
-from pareto_ltl.run import pipeline
+from pareto_ltl.run.pipeline import Pipeline, check_pipeline
 from pareto_ltl.settings import Settings
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.resources import choices, folder
@@ -69,8 +69,8 @@ def register_schema() -> None:
     for name in LAUNCHER_EXTRAS:
         launchers.pop(f"{name}.yaml", None)  # ... which conf/hydra/launcher replaces
     store.store(name="settings", node=Settings)
-    for name in choices("pipelines"):
-        store.store(group="pipelines", name=name, node=OmegaConf.load(folder("pipelines") / f"{name}.yaml"))
+    for path in sorted(folder("pipelines").glob("*.yaml")):  # those of other packages: their search path
+        store.store(group="pipelines", name=path.stem, node=OmegaConf.load(path))
 
 
 # --- one composition -------------------------------------------------------------------------
@@ -169,21 +169,20 @@ def prepare(hydra: ComposedHydra, arguments: argparse.Namespace) -> PreparedRun 
     _refuse_sweep(overrides)
     if own_grid := _grid_of(config):
         raise ConfigError(f"a sweep over {', '.join(own_grid)}: add -m to run it")
-    settings = settings_from(config)
-    check_settings(settings)
+    checked = check_settings(settings_from(config))
     if config.hydra.mode is None:
         _pin(config, "hydra.mode", RunMode.RUN.name)
-    return PreparedRun(config, settings)
+    return PreparedRun(config, checked)
 
 
-def check_settings(settings: Settings) -> None:
-    """Checks across sections; those of one section ran when the settings were made."""
+def check_settings(settings: Settings) -> Pipeline:
+    """The pipeline of ``settings``, checked across sections; each section was checked when it was made."""
     if not FOLDER_NAME.fullmatch(settings.name):
         raise ConfigError(
             "name must be letters, digits, dots, dashes or underscores (it names a folder), "
             f"got {settings.name!r}"
         )
-    checked_pipeline(settings)
+    return check_pipeline(settings, application_stages(settings))
 
 
 def _prepare_sweep(

@@ -15,6 +15,7 @@ from pareto_ltl.cli.arguments import print_problem, run_reported
 from pareto_ltl.cli.commands import command_named
 from pareto_ltl.cli.composition import (
     ComposedHydra,
+    check_settings,
     composed_config,
     config_name,
     opened_hydra,
@@ -23,7 +24,7 @@ from pareto_ltl.cli.composition import (
 )
 from pareto_ltl.cli.error_lines import CONFIGURATION_ERRORS, explain_error
 from pareto_ltl.cli.setting_keys import settings_from
-from pareto_ltl.run import pipeline
+from pareto_ltl.run.pipeline import Pipeline, run_pipeline
 from pareto_ltl.run.provenance import one_line
 from pareto_ltl.settings import Settings
 from pareto_ltl.support.errors import ConfigError, InfeasibleError
@@ -57,7 +58,7 @@ def _run_arguments(argv: Sequence[str], command: str | None, typed: Sequence[str
             _show_configuration(hydra, arguments)
             return 0
         prepared = prepare(hydra, arguments)
-        job = HydraJob(tuple(typed), tuple(arguments.overrides), prepared.settings)
+        job = HydraJob(tuple(typed), tuple(arguments.overrides), prepared.pipeline)
         prepared.start(hydra, config_name(arguments), job)
     return max(job.codes, default=0)
 
@@ -119,7 +120,7 @@ class HydraJob:
 
     argv: tuple[str, ...]
     overrides: tuple[str, ...] = ()
-    settings: Settings | None = None
+    pipeline: Pipeline | None = None
     codes: list[int] = field(default_factory=list)
 
     def __call__(self, config: DictConfig) -> int:
@@ -139,32 +140,32 @@ class HydraJob:
         directory = Path(HydraConfig.get().runtime.output_dir)
         shown = _relative_path(directory)
         try:
-            settings = self.settings or settings_from(config)
-            metrics = pipeline.run(settings, directory, self.argv, _task_overrides())
+            checked = self.pipeline or check_settings(settings_from(config))
+            metrics = run_pipeline(checked, directory, self.argv, _task_overrides())
         except CONFIGURATION_ERRORS as error:
             print_problem(f"{explain_error(error)} [{shown}]")
             return 2
         except Exception as error:
             print_problem(f"{one_line(error)} (this is a bug; the traceback is in {shown / 'run.log'})")
             return 1
-        print_summary(settings, shown, metrics)
+        print_summary(checked.settings, shown, metrics)
         return 0
 
     def _sweep_job(self, config: DictConfig) -> int:
         """One job of a sweep, unless it has its answer; print one line about it."""
-        from pareto_ltl.studies.sweeps import jobs
+        from pareto_ltl.studies.sweeps.runs import RunJob
 
         directory = Path(HydraConfig.get().runtime.output_dir)
         varied = [word for word in _task_overrides() if word not in self.overrides]
         told = ", ".join(varied) or str(config.get("name"))
         try:
-            settings = settings_from(config)
+            checked = check_settings(settings_from(config))
             metrics: dict[str, float] = {}
 
             def work() -> None:
-                metrics.update(pipeline.run(settings, directory, self.argv, _task_overrides()))
+                metrics.update(run_pipeline(checked, directory, self.argv, _task_overrides()))
 
-            done = jobs.once(directory, work, resume=settings.sweep.resume)
+            done = RunJob(directory).do_once(work, resume=checked.settings.sweep.resume)
             ended = f"ok in {metrics['run_seconds']:.1f} s" if done else "done already"
             print(f"{told}: {ended}", flush=True)
         except InfeasibleError:

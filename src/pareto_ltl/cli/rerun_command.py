@@ -49,7 +49,7 @@ def rerun_and_compare(directory: Path, place: Path) -> int:
     from pareto_ltl.cli.setting_keys import read_run_settings
     from pareto_ltl.cli.stage_table import application_stages
     from pareto_ltl.run import pipeline, provenance
-    from pareto_ltl.run.results import read_json
+    from pareto_ltl.support.files import read_json
 
     before = read_json(directory / "run.json")
     if before.get("status") not in ("ok", "infeasible"):

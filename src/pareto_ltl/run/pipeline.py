@@ -258,7 +258,7 @@ def _close(
 ) -> dict[str, float]:
     """Write how the run ended. A failed run has no metrics; an infeasible one that grew trees has."""
     from pareto_ltl.run.metrics import run_metrics
-    from pareto_ltl.run.results import write_json
+    from pareto_ltl.support.files import write_json
 
     table = run_metrics(run.records, run.seconds)
     measured = status == "ok" or (status == "infeasible" and FOREST in run.records)

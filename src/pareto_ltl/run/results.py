@@ -1,19 +1,14 @@
 """Results on disk: one directory a run, files that others may rely on.
 
-Every file appears whole or not at all (written beside its place, then moved), and the same records
-give the same bytes: archives carry a fixed date, JSON keeps its order and prints the shortest digits
-that read back to the same number. ``metrics.json`` comes last; its presence means that the run is done.
+Every file appears whole or not at all, and the same records give the same bytes (``support.files``).
+``metrics.json`` comes last; its presence means that the run is done.
 """
 
 from __future__ import annotations
 
 import csv
-import io
-import json
 import math
-import os
-import zipfile
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -41,6 +36,7 @@ from pareto_ltl.settings.building import read_settings_file
 from pareto_ltl.simulation.records import Deployment
 from pareto_ltl.support.display import Displayed
 from pareto_ltl.support.errors import DataError
+from pareto_ltl.support.files import read_json, read_npz, write_bytes, write_csv, write_json, write_npz
 from pareto_ltl.wind.records import WindField
 from pareto_ltl.world.cells import Decomposition
 from pareto_ltl.world.scene import Scene
@@ -49,95 +45,8 @@ if TYPE_CHECKING:
     from pareto_ltl.logic import Automaton
 
 PLAN_SCHEMA = "pareto_ltl.plan/1"
-EPOCH = (1980, 1, 1, 0, 0, 0)  # the earliest date a zip archive can carry
 COLLISION_COLUMNS = "collision_columns"  # of Tree.risk, the last ones; absent where there are none
 TREE_ARRAYS = ("x", "parent", "step", "q", "cell", "length", "risk", "swaps", "beta")
-
-# --- files that appear whole -----------------------------------------------------------------
-
-
-@contextmanager
-def whole(path: Path) -> Iterator[Path]:
-    """A place to write to; it becomes ``path`` when the block ends well, and vanishes when it does not."""
-    draft = path.with_name(f".{os.getpid()}.{path.name}")
-    try:
-        yield draft
-        os.replace(draft, path)
-    finally:
-        draft.unlink(missing_ok=True)
-
-
-def write_bytes(path: Path, data: bytes) -> None:
-    with whole(path) as draft, draft.open("wb") as file:
-        file.write(data)
-        file.flush()
-        os.fsync(file.fileno())
-
-
-def write_json(path: Path, content: Mapping[str, Any]) -> None:
-    """One line a key, in the order given; NaN and infinity become null."""
-    lines = [
-        f" {json.dumps(key)}: {json.dumps(plain(value), allow_nan=False)}" for key, value in content.items()
-    ]
-    write_bytes(path, ("{\n" + ",\n".join(lines) + "\n}\n").encode())
-
-
-def plain(value: Any) -> Any:
-    """Arrays, records, sets and odd numbers as what JSON knows."""
-    if isinstance(value, np.ndarray | np.generic):
-        return plain(value.tolist())
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    if isinstance(value, Mapping):
-        return {str(key): plain(item) for key, item in value.items()}
-    if isinstance(value, frozenset | set):
-        return sorted(plain(item) for item in value)
-    if isinstance(value, list | tuple):
-        return [plain(item) for item in value]
-    return value
-
-
-def write_npz(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
-    """``numpy.savez`` whose bytes depend on the arrays alone: names sorted, one date for all."""
-    archive = io.BytesIO()
-    with zipfile.ZipFile(archive, "w") as zipped:
-        for name in sorted(arrays):
-            content = io.BytesIO()
-            np.lib.format.write_array(content, np.ascontiguousarray(arrays[name]), allow_pickle=False)
-            entry = zipfile.ZipInfo(f"{name}.npy", EPOCH)
-            entry.external_attr = 0o644 << 16
-            zipped.writestr(entry, content.getvalue(), zipfile.ZIP_DEFLATED, compresslevel=1)
-    write_bytes(path, archive.getvalue())
-
-
-def write_csv(path: Path, header: Iterable[str], rows: Iterable[Iterable[Any]]) -> None:
-    text = io.StringIO(newline="")
-    table = csv.writer(text, lineterminator="\n")
-    table.writerow(header)
-    table.writerows([plain(cell) for cell in row] for row in rows)
-    write_bytes(path, text.getvalue().encode())
-
-
-def read_json(path: Path) -> dict[str, Any]:
-    try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise DataError(f"{path}: cannot be read ({error.strerror}); is this a results directory?") from error
-    except ValueError as error:
-        raise DataError(f"{path}: not JSON ({error}); run the plan again") from error
-    if not isinstance(content, dict):
-        raise DataError(f"{path}: expected a JSON object, found {type(content).__name__}; run the plan again")
-    return content
-
-
-def read_npz(path: Path) -> dict[str, NDArray[Any]]:
-    try:
-        with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
-            return {name: archive[name] for name in archive.files}
-    except OSError as error:
-        raise DataError(f"{path}: cannot be read ({error}); is this a results directory?") from error
-    except (ValueError, zipfile.BadZipFile, EOFError) as error:
-        raise DataError(f"{path}: not an archive of arrays ({error}); run the plan again") from error
 
 
 @contextmanager

@@ -23,16 +23,17 @@ from pareto_ltl.planning.records import Front, PlannedPath
 from pareto_ltl.report.records import Study
 from pareto_ltl.run.pipeline import Run
 from pareto_ltl.run.records import AUTOMATON, DECOMPOSITION, FRONT, PROBLEM, SCENE, WIND, Records
-from pareto_ltl.run.results import whole
 from pareto_ltl.settings import PRESETS, IngestConfig, MissionConfig, Settings, WindConfig, preset
-from pareto_ltl.studies import parts
 from pareto_ltl.studies import true_fields as nature
-from pareto_ltl.studies.parts import Part, Progress
+from pareto_ltl.studies.parts import Part, PartsProgress, part_key, work_parts
 from pareto_ltl.studies.planning import fly, study_run
 from pareto_ltl.studies.random_missions import Mission, mission
-from pareto_ltl.studies.tables import Row, markdown, number, percent, share, with_interval
+from pareto_ltl.studies.statistics import Columns, mean_chance_columns
+from pareto_ltl.studies.tables import interval_text, markdown_table, number_or_nan, percent_text
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError, InfeasibleError
+from pareto_ltl.support.files import write_text
+from pareto_ltl.support.fingerprints import file_fingerprint
 from pareto_ltl.wind import sources
 from pareto_ltl.wind.ingest import common_nodes, winds_at_nodes
 from pareto_ltl.wind.readings import Readings, iso
@@ -51,7 +52,7 @@ class Context:
     spells: tuple[nature.Spell, ...]
 
 
-def study(settings: Settings, directory: Path, progress: Progress | None = None) -> Study:
+def study(settings: Settings, directory: Path, progress: PartsProgress | None = None) -> Study:
     """Plan and fly ``hindcast.missions`` missions."""
     cfg = settings.hindcast
     files = full_fields(cfg.truth, nature.folder(cfg))
@@ -59,9 +60,9 @@ def study(settings: Settings, directory: Path, progress: Progress | None = None)
     spells = tuple(nature.spells(readings, cfg))
     tables = {spell.name: thinned(settings, readings, spell, directory) for spell in spells}
     context = Context(settings, readings, tables, spells)
-    base = parts.key(settings, "hindcast", _matters(settings), parts.inputs(files))
-    todo = [Part(f"mission-{k}", (k,), parts.key(settings, base, k)) for k in range(cfg.missions)]
-    results = parts.work(settings.evaluation, directory, one, context, todo, progress)
+    base = part_key(settings, "hindcast", _matters(settings), [file_fingerprint(file) for file in files])
+    todo = [Part(f"mission-{k}", (k,), part_key(settings, base, k)) for k in range(cfg.missions)]
+    results = work_parts(settings.evaluation, directory, one, context, todo, progress)
     return _study(settings, results)
 
 
@@ -73,7 +74,7 @@ def full_fields(asked: str | None, folder: Path) -> tuple[Path, ...]:
     return files
 
 
-def _matters(settings: Settings) -> Row:
+def _matters(settings: Settings) -> Columns:
     """Settings of this study on which a mission depends."""
     kept = asdict(settings.hindcast)
     for name in ("truth", "missions", "bins"):
@@ -98,18 +99,17 @@ def thinned(settings: Settings, readings: Readings, spell: nature.Spell, directo
             f"{iso(readings.times[k])},{lat:g},{lon:g},{u:.2f},{v:.2f}"
             for (lon, lat), (u, v) in zip(nodes.tolist(), winds.tolist(), strict=True)
         ]
-    with whole(out) as draft:
-        draft.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    write_text(out, "\n".join(lines) + "\n")
     return out
 
 
 # --- one mission -----------------------------------------------------------------------------
 
 
-def one(context: Context, k: int) -> Row:
+def one(context: Context, k: int) -> Columns:
     """A mission, the plans made for it in each fidelity, and what became of them."""
     task = mission(context.settings.hindcast, context.settings.seed, k, context.spells)
-    row: Row = {
+    row: Columns = {
         "formula": task.formula,
         "departure": task.scene.time_zero,
         "latitude": task.latitude,
@@ -117,7 +117,7 @@ def one(context: Context, k: int) -> Row:
         "side": float(np.ptp(task.scene.bounds[:, 0])),
         "obstacles": len(task.scene.obstacles),
     }
-    plans: list[Row] = []
+    plans: list[Columns] = []
     for fidelity in PRESETS:
         run = mission_run(context, task, fidelity)
         try:
@@ -176,7 +176,7 @@ def _world(run: Run) -> Records:
     return world
 
 
-def calibration(context: Context, run: Run) -> Row:
+def calibration(context: Context, run: Run) -> Columns:
     """How the fit predicts the full fields inside the map: sd of z = (truth - mean)/sd, share within 90 %."""
     scene, wind = run.make(SCENE), run.make(WIND)
     z = scores(context.readings, scene, wind)
@@ -203,7 +203,7 @@ def picked(front: Front, count: int) -> list[PlannedPath]:
 
 def _flown(
     context: Context, task: Mission, fidelity: str, path: PlannedPath, real: Problem, models: Problem
-) -> Row:
+) -> Columns:
     settings, seed = context.settings, context.settings.seed + task.number
     runs = settings.deployment.runs
     flights = fly(real, path.u, runs if settings.hindcast.gusts > 0 else 1, "independent", seed, path.x)
@@ -230,12 +230,12 @@ def _flown(
 # --- all missions ----------------------------------------------------------------------------
 
 
-def plan_rows(results: Sequence[Mapping[str, Any]]) -> list[Row]:
+def plan_rows(results: Sequence[Mapping[str, Any]]) -> list[Columns]:
     """One row a plan: its mission, its promises, what was realised."""
     rows = []
     for k, result in enumerate(results):
         for plan in result["plans"]:
-            costs = {name: number(value) for name, value in plan["objectives"].items()}
+            costs = {name: number_or_nan(value) for name, value in plan["objectives"].items()}
             row = {"mission": k} | {
                 name: result[name] for name in ("formula", "departure", "latitude", "longitude")
             }
@@ -248,12 +248,12 @@ def plan_rows(results: Sequence[Mapping[str, Any]]) -> list[Row]:
     return rows
 
 
-def promises(row: Row) -> list[str]:
+def promises(row: Columns) -> list[str]:
     """Columns that promise a probability of failure."""
     return [name for name in row if name.startswith(("bound_", "simulated_"))]
 
 
-def reliability(rows: Sequence[Row], bins: int) -> list[Row]:
+def reliability(rows: Sequence[Columns], bins: int) -> list[Columns]:
     """For every fidelity and promise, plans in ``bins`` groups of equal size, by what was promised.
 
     Flights of one mission share one wind, and its plans one map: a mission is one trial. Its plans in a group
@@ -269,22 +269,22 @@ def reliability(rows: Sequence[Row], bins: int) -> list[Row]:
     return table
 
 
-def _group(fidelity: str, name: str, rows: Sequence[Row]) -> Row:
+def _group(fidelity: str, name: str, rows: Sequence[Columns]) -> Columns:
     chances: dict[int, list[float]] = {}
     for row in rows:
         chances.setdefault(row["mission"], []).append(row["failure"])
     total = math.fsum(float(np.mean(values)) for values in chances.values())
     promised = [row[name] for row in rows]
-    group: Row = {"fidelity": fidelity, "promise": name, "plans": len(rows), "missions": len(chances)}
+    group: Columns = {"fidelity": fidelity, "promise": name, "plans": len(rows), "missions": len(chances)}
     group |= {
         "promised": float(np.mean(promised)),
         "promised_least": promised[0],
         "promised_most": promised[-1],
     }
-    return group | share("realised", total, len(chances))
+    return group | mean_chance_columns("realised", total, len(chances))
 
 
-def scorecard(rows: Sequence[Row]) -> list[Row]:
+def scorecard(rows: Sequence[Columns]) -> list[Columns]:
     """All plans of each fidelity: mean promise, mean realised, Brier score."""
     table = []
     for fidelity in dict.fromkeys(row["fidelity"] for row in rows):
@@ -339,8 +339,8 @@ def _reason(result: Mapping[str, Any]) -> str:
     return next((str(value) for name, value in result.items() if name.startswith("reason_")), "no plan")
 
 
-def _text(settings: Settings, cards: Sequence[Row], numbers: Mapping[str, float]) -> str:
-    table = markdown(
+def _text(settings: Settings, cards: Sequence[Columns], numbers: Mapping[str, float]) -> str:
+    table = markdown_table(
         f"{numbers['plans']:.0f} plans for {numbers['missions_planned']:.0f} of {numbers['missions']:.0f} "
         "random missions, flown through the full fields; a mission is one trial for the 95 % interval",
         (
@@ -355,9 +355,9 @@ def _text(settings: Settings, cards: Sequence[Row], numbers: Mapping[str, float]
             (
                 card["fidelity"],
                 SAID.get(card["promise"], card["promise"].replace("simulated_", "simulated, ")),
-                percent(card["promised"]),
-                with_interval(card, "realised"),
-                percent(card["above_promise"]),
+                percent_text(card["promised"]),
+                interval_text(card, "realised"),
+                percent_text(card["above_promise"]),
                 f"{card['brier']:.4f}",
             )
             for card in cards
@@ -365,7 +365,7 @@ def _text(settings: Settings, cards: Sequence[Row], numbers: Mapping[str, float]
     )
     return table + (
         f"\nThe fit against the full fields inside the maps: z-score sd {numbers['z_sd']:.2f}, "
-        f"90 % intervals hold {percent(numbers['coverage_90'])}; gusts x {settings.hindcast.gusts:g}.\n"
+        f"90 % intervals hold {percent_text(numbers['coverage_90'])}; gusts x {settings.hindcast.gusts:g}.\n"
     )
 
 
