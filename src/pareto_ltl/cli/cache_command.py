@@ -15,13 +15,13 @@ def cache_command(argv: Sequence[str]) -> int:
 
 def _show_or_clear(argv: Sequence[str]) -> int:
     action = _cache_arguments().parse_args(argv).action
-    folder = cache.root()
-    files, total = cache.size(folder)
+    folder = cache.cache_root()
+    files, total = cache.folder_size(folder)
     if action == "clear":
-        cache.clear(folder)
+        cache.clear_cache(folder)
         print(f"cleared {total / 2**20:.1f} MiB from {folder}")
     else:
-        print(f"{folder}: {files} files, {total / 2**20:.1f} of {cache.limit() / 2**20:.0f} MiB")
+        print(f"{folder}: {files} files, {total / 2**20:.1f} of {cache.cache_limit() / 2**20:.0f} MiB")
     return 0
 
 

@@ -31,10 +31,11 @@ from omegaconf import DictConfig, OmegaConf
 
 from pareto_ltl.cli.arguments import CommandArguments
 from pareto_ltl.cli.setting_keys import refuse_unknown_key, settings_from
+from pareto_ltl.cli.stage_table import application_stages
 from pareto_ltl.run.pipeline import Pipeline, check_pipeline
 from pareto_ltl.settings import Settings
 from pareto_ltl.support.errors import ConfigError
-from pareto_ltl.support.resources import choices, folder
+from pareto_ltl.support.resources import folder
 
 VERSION_BASE = "1.3"
 CONFIG_NAME = "config"
@@ -132,10 +133,10 @@ def composed_config(hydra: ComposedHydra, arguments: argparse.Namespace, mode: R
 
 @dataclass(frozen=True, slots=True)
 class PreparedRun:
-    """One run: its settings, made and checked once."""
+    """One run: its settings and stages, made and checked once."""
 
     config: DictConfig
-    settings: Settings
+    pipeline: Pipeline
 
     def start(self, hydra: ComposedHydra, name: str, job: TaskFunction) -> None:
         """Let Hydra make the directory and call ``job`` in it."""
@@ -147,7 +148,7 @@ class PreparedSweep:
     """Many runs: each job makes its own settings."""
 
     config: DictConfig
-    settings: None = None
+    pipeline: None = None
 
     def start(self, hydra: ComposedHydra, name: str, job: TaskFunction) -> None:
         """Hand over to the sweeper and the launcher of the configuration."""

@@ -26,7 +26,6 @@ from pareto_ltl.cli.error_lines import CONFIGURATION_ERRORS, explain_error
 from pareto_ltl.cli.setting_keys import settings_from
 from pareto_ltl.run.pipeline import Pipeline, run_pipeline
 from pareto_ltl.run.provenance import one_line
-from pareto_ltl.settings import Settings
 from pareto_ltl.support.errors import ConfigError, InfeasibleError
 
 
@@ -112,8 +111,8 @@ class HydraJob:
     ----------
     argv, overrides : tuple of str
         The command line as typed, and the settings that all jobs share.
-    settings : Settings or None
-        Those of a single run, made already; None: made from the configuration of each job.
+    pipeline : Pipeline or None
+        That of a single run, checked already; None: made from the configuration of each job.
     codes : list of int
         Exit codes of the jobs so far.
     """

@@ -28,12 +28,12 @@ def _summarize_sweep(argv: Sequence[str]) -> int:
             "name the folder of a sweep (multirun/phi2), or settings to run (+experiment=phi2 seed=0,1); "
             "see pareto-ltl sweep --help"
         )
-    from pareto_ltl.studies.sweeps import summary
-    from pareto_ltl.studies.sweeps.manifest import HISTORY, Figure
+    from pareto_ltl.studies.sweeps.manifest import OLDER_SWEEPS, FigureChoice
+    from pareto_ltl.studies.sweeps.summary import write_summary
 
-    figure = Figure(options.x, options.y, options.by)
-    found = summary.build(options.directory, options.sweep, figure)
-    out = options.directory / HISTORY / options.sweep if options.sweep else options.directory
+    figure = FigureChoice(options.x, options.y, options.by)
+    found = write_summary(options.directory, options.sweep, figure)
+    out = options.directory / OLDER_SWEEPS / options.sweep if options.sweep else options.directory
     print(f"{found.line()}\nsummary in {out / 'summary.html'}")
     return 0
 

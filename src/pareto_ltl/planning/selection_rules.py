@@ -34,8 +34,8 @@ def choose_path(cfg: SelectionConfig, front: Front) -> PlannedPath:
 def by_priority(cfg: SelectionConfig, front: Front) -> int:
     """The least mission risk, then the least collision risk, then the shortest (the paper's rule).
 
-    Where the front has estimates of the failure rate, the least estimate, then the least sum of both risks, then the
-    shortest.
+    Where the front has estimates of the failure rate, the least estimate, then the least sum of both
+    risks, then the shortest.
     """
     rows = _objective_rows(front)
     if not front.estimates:

@@ -15,7 +15,8 @@ from matplotlib.figure import Figure
 
 from pareto_ltl.planning.records import Forest, Front, Plan
 from pareto_ltl.report import style
-from pareto_ltl.report.plan_figures import edges, plan_figure
+from pareto_ltl.report.map import plan_figure
+from pareto_ltl.report.map_layers import tree_edges
 from pareto_ltl.settings import ReportConfig
 from pareto_ltl.simulation.records import Deployment
 from pareto_ltl.support.arrays import FloatArray
@@ -40,14 +41,14 @@ class Drawing:
     figure: Figure
 
     def _repr_png_(self) -> bytes:
-        with style.styled():
+        with style.report_style():
             image = io.BytesIO()
             self.figure.savefig(image, format="png", dpi=160, metadata={"Software": None})
         return image.getvalue()
 
     def save(self, path: Path | str, dpi: int = 200) -> Path:
         """Write the figure in the format of the suffix of ``path``; return the path."""
-        with style.styled():
+        with style.report_style():
             self.figure.savefig(path, dpi=dpi)
         return Path(path)
 
@@ -60,11 +61,11 @@ def draw_record(record: Any, scene: Scene | None = None) -> Drawing:
     TypeError
         If there is no figure of this type of record.
     """
-    with style.styled():
+    with style.report_style():
         if isinstance(record, Front):
             return Drawing(_front_chart(record))
-        figure = style.blank(style.COLUMN, 3.1)
-        ax = style.box(figure, 0.5, 0.4, 2.85, 2.55)
+        figure = style.blank_figure(style.COLUMN_WIDTH, 3.1)
+        ax = style.axes_at(figure, 0.5, 0.4, 2.85, 2.55)
         if isinstance(record, WindField):
             _draw_wind(figure, ax, record)
         elif isinstance(record, Forest):
@@ -91,7 +92,7 @@ def mission_drawing(
     deployments: Mapping[str, Deployment] | None = None,
 ) -> Drawing:
     """The map with trees, plan and flights, as ``figures/plan.png`` of a run shows it."""
-    with style.styled():
+    with style.report_style():
         cfg = ReportConfig()
         return Drawing(plan_figure(cfg, scene, decomposition, wind, forest, plan, deployments or {}))
 
@@ -111,14 +112,14 @@ def _draw_scene(ax: Axes, scene: Scene) -> None:
 
 def _draw_path(ax: Axes, plan: Plan) -> None:
     """The expected positions, with the 95 % ellipse of every fourth."""
-    rings = KILOMETRE * style.ellipses(plan.path.x[::4], plan.path.cov[::4])
+    rings = KILOMETRE * style.confidence_ellipses(plan.path.x[::4], plan.path.cov[::4])
     ax.add_collection(PolyCollection(list(rings), facecolors="none", edgecolors=style.SKY, lw=0.6, zorder=2))
     ax.plot(*(KILOMETRE * plan.path.x.T), color=style.BLUE, lw=1.2, zorder=3)
     ax.plot(*(KILOMETRE * plan.path.x[-1]), "o", color=style.VERMILLION, ms=4, zorder=4)
 
 
 def _draw_edges(ax: Axes, forest: Forest) -> None:
-    ax.add_collection(LineCollection(list(KILOMETRE * edges(forest)), colors=style.MIST, lw=0.3))
+    ax.add_collection(LineCollection(list(KILOMETRE * tree_edges(forest)), colors=style.MIST, lw=0.3))
 
 
 def _draw_wind(figure: Figure, ax: Axes, wind: WindField) -> None:
@@ -135,8 +136,8 @@ def _draw_wind(figure: Figure, ax: Axes, wind: WindField) -> None:
 
 def _front_chart(front: Front) -> Figure:
     """Mission risk against length of every path, the collision risk as color."""
-    figure = style.blank(style.COLUMN, 2.6)
-    ax = style.box(figure, 0.6, 0.42, 2.2, 1.95)
+    figure = style.blank_figure(style.COLUMN_WIDTH, 2.6)
+    ax = style.axes_at(figure, 0.6, 0.42, 2.2, 1.95)
     rows: FloatArray = np.array(
         [[o.length, o.mission_risk, o.collision_risk] for o in (path.objectives for path in front.paths)]
     ).reshape(-1, 3)

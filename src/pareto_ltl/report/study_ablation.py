@@ -33,7 +33,7 @@ from pareto_ltl.settings import ReportConfig
 from pareto_ltl.support.arrays import FloatArray
 
 if TYPE_CHECKING:
-    from pareto_ltl.studies.records import Study
+    from pareto_ltl.report.records import Study
 
 FACTOR_LABELS = {
     "trees": "trees",

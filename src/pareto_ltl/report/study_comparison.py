@@ -35,7 +35,7 @@ from pareto_ltl.world.cells import Decomposition
 from pareto_ltl.world.scene import Scene
 
 if TYPE_CHECKING:
-    from pareto_ltl.studies.records import Study
+    from pareto_ltl.report.records import Study
 
 
 def draw_comparison(

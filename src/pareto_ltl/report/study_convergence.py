@@ -34,7 +34,7 @@ from pareto_ltl.report.study_axes import (
 from pareto_ltl.settings import ReportConfig
 
 if TYPE_CHECKING:
-    from pareto_ltl.studies.records import Study
+    from pareto_ltl.report.records import Study
 
 
 def draw_convergence(folder: Path, cfg: ReportConfig, study: Study) -> tuple[Path, ...]:

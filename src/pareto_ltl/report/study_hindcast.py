@@ -24,7 +24,7 @@ from pareto_ltl.report.study_axes import (
 from pareto_ltl.settings import ReportConfig
 
 if TYPE_CHECKING:
-    from pareto_ltl.studies.records import Study
+    from pareto_ltl.report.records import Study
 
 PROMISE_LABELS = {
     "bound_paper": "Theorem 2 + R, as planned",

@@ -14,7 +14,8 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from pareto_ltl.logic import Automaton
-    from pareto_ltl.planning.problem import Forecast, Problem
+    from pareto_ltl.planning.evaluate import Forecast
+    from pareto_ltl.planning.problem import Problem
     from pareto_ltl.planning.records import Forest, Front, Plan
     from pareto_ltl.simulation.records import Deployment
     from pareto_ltl.wind.readings import Readings

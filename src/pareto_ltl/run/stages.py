@@ -97,7 +97,7 @@ def make_automaton(inputs: StageInputs) -> Automaton:
 
 def make_observations(inputs: StageInputs) -> WindObservations:
     """The readings that matter, in the plane and the clock of the map."""
-    from pareto_ltl.wind.sources import place_readings
+    from pareto_ltl.wind.observations import place_readings
 
     return place_readings(inputs.settings.wind, inputs[READINGS], inputs[SCENE])
 
@@ -218,7 +218,7 @@ def make_report(inputs: StageInputs) -> tuple[Path, ...]:
 
 def make_wind_table(inputs: StageInputs) -> Path:
     """The wind table of ``pipelines=ingest``; its path counts from the current folder."""
-    from pareto_ltl.wind.sources import write_wind_table
+    from pareto_ltl.wind.ingest import write_wind_table
 
     ingest = inputs.settings.ingest
     return write_wind_table(inputs.settings.wind, inputs[READINGS], ingest, Path(ingest.out))

@@ -75,7 +75,9 @@ class SelectionConfig(CheckedSettings):
     """Which path of the front becomes the plan."""
 
     section: ClassVar[str] = "selection"
-    rule: str = setting("priority", "how a path is chosen", choices=SELECTION_RULES, group=SELECTION_RULE_GROUP)
+    rule: str = setting(
+        "priority", "how a path is chosen", choices=SELECTION_RULES, group=SELECTION_RULE_GROUP
+    )
     weights: list[float] = setting(
         [0.5, 0.25, 0.25], "weights of mission risk, collision risk and length, with rule=weighted"
     )

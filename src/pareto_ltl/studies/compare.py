@@ -28,7 +28,7 @@ from pareto_ltl.run.pipeline import Run
 from pareto_ltl.run.records import PLAN, PROBLEM, WIND, Records
 from pareto_ltl.settings import Settings, preset
 from pareto_ltl.studies.parts import Part, PartsProgress, part_key, work_parts
-from pareto_ltl.studies.planning import fly, still, study_run, with_wind
+from pareto_ltl.studies.planning import fly_seeded, still, study_run, with_wind
 from pareto_ltl.studies.statistics import Columns, mcnemar_test, mean_interval, quartile_columns, rate_columns
 from pareto_ltl.studies.tables import (
     flags_to_text,
@@ -150,7 +150,7 @@ def outcomes(
     """Per law, which flights completed the mission, which met an obstacle, and what V + R says of them."""
     found: dict[str, Columns] = {}
     for law in laws:
-        flown, promise = fly(problem, u, runs, law, seed, x), forecast(problem, u, law)
+        flown, promise = fly_seeded(problem, u, runs, law, seed, x), forecast(problem, u, law)
         found[law] = {"accepted": flags_to_text(flown.accepted), "collided": flags_to_text(flown.collided)}
         found[law] |= {"promised": min(1.0, promise.mission_risk + promise.collision_risk)}
     return found
@@ -288,7 +288,7 @@ def _panels(settings: Settings, context: Context, found: Found) -> list[Columns]
         if result["planned"]:
             u = np.array(result["u"], float).reshape(-1, 2)
             x = np.array(result["x"], float)
-            flown = {law: fly(context.truth, u, context.runs, law, seed, x) for law in context.laws}
+            flown = {law: fly_seeded(context.truth, u, context.runs, law, seed, x) for law in context.laws}
             panel |= {
                 "x": np.array(result["x"], float),
                 "flights": flown,

@@ -142,7 +142,8 @@ def first_answer(run: Run) -> Columns:
     from pareto_ltl.planning import growth
 
     seeds = stage_seeds(run.settings.seed, "forest")
-    forest = growth.forest(run.settings.planner, run.make(PROBLEM), seeds, stop_at_first=True)
+    options = growth.GrowthOptions(stop_at_first=True)
+    forest = growth.grow_forest(run.settings.planner, run.make(PROBLEM), seeds, None, options)
     there = np.unique(forest.accepted[:, 0])
     if not len(there):
         return {"first_seconds": None, "first_vertices": None, "trees_done": 0}

@@ -26,7 +26,7 @@ from pareto_ltl.run.records import AUTOMATON, DECOMPOSITION, FRONT, PROBLEM, SCE
 from pareto_ltl.settings import PRESETS, IngestConfig, MissionConfig, Settings, WindConfig, preset
 from pareto_ltl.studies import true_fields as nature
 from pareto_ltl.studies.parts import Part, PartsProgress, part_key, work_parts
-from pareto_ltl.studies.planning import fly, study_run
+from pareto_ltl.studies.planning import fly_seeded, study_run
 from pareto_ltl.studies.random_missions import Mission, mission
 from pareto_ltl.studies.statistics import Columns, mean_chance_columns
 from pareto_ltl.studies.tables import interval_text, markdown_table, number_or_nan, percent_text
@@ -35,7 +35,7 @@ from pareto_ltl.support.errors import DataError, InfeasibleError
 from pareto_ltl.support.files import write_text
 from pareto_ltl.support.fingerprints import file_fingerprint
 from pareto_ltl.wind import sources
-from pareto_ltl.wind.ingest import common_nodes, winds_at_nodes
+from pareto_ltl.wind.ingest import common_nodes, winds_at
 from pareto_ltl.wind.readings import Readings, iso
 from pareto_ltl.wind.records import WindField
 from pareto_ltl.wind.sources.grib_files import read_grib_files
@@ -94,7 +94,7 @@ def thinned(settings: Settings, readings: Readings, spell: nature.Spell, directo
     nodes = common_nodes(readings, kept, IngestConfig(points=cfg.points, area=outline))
     lines = ["time,lat,lon,u,v"]
     for k in kept:
-        winds = winds_at_nodes(readings, int(k), nodes)
+        winds = winds_at(readings, int(k), nodes)
         lines += [
             f"{iso(readings.times[k])},{lat:g},{lon:g},{u:.2f},{v:.2f}"
             for (lon, lat), (u, v) in zip(nodes.tolist(), winds.tolist(), strict=True)
@@ -206,10 +206,12 @@ def _flown(
 ) -> Columns:
     settings, seed = context.settings, context.settings.seed + task.number
     runs = settings.deployment.runs
-    flights = fly(real, path.u, runs if settings.hindcast.gusts > 0 else 1, "independent", seed, path.x)
+    flights = fly_seeded(
+        real, path.u, runs if settings.hindcast.gusts > 0 else 1, "independent", seed, path.x
+    )
     promised = {}
     for law in settings.evaluation.laws:
-        model = fly(models, path.u, runs, law, seed, path.x)
+        model = fly_seeded(models, path.u, runs, law, seed, path.x)
         promised[f"simulated_{law}"] = float((~model.accepted | model.collided).mean())
         said = forecast(models, path.u, law)
         promised[f"bound_{law}"] = min(1.0, said.mission_risk + said.collision_risk)

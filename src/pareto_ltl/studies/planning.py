@@ -51,16 +51,14 @@ def unsmoothed(settings: Settings) -> Settings:
     return replace(settings, fidelity=replace(settings.fidelity, refine="none"))
 
 
-def fly(
+def fly_seeded(
     truth: Problem, u: FloatArray, runs: int, law: str, seed: int, mean: FloatArray | None = None
 ) -> Deployment:
     """Fly ``u`` in the winds that the deployment of a run with ``seed`` draws; feedback holds on to ``mean``.
 
     One seed, one law: the same winds for all plans (common random numbers).
     """
-    from pareto_ltl.simulation import flights as deployment
+    from pareto_ltl.simulation.flights import DRAWS, simulate_flights
 
-    children = dict(
-        zip(deployment.LAWS, stage_seeds(seed, "deployment").spawn(len(deployment.LAWS)), strict=True)
-    )
-    return deployment.fly(truth, u, runs, law, children[law], mean)
+    children = dict(zip(DRAWS, stage_seeds(seed, "deployment").spawn(len(DRAWS)), strict=True))
+    return simulate_flights(truth, u, runs, law, children[law], mean)

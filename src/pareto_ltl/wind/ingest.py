@@ -108,4 +108,4 @@ def _table_provenance(
     }
 
 
-__all__ = ["common_nodes", "write_wind_table", "winds_at"]
+__all__ = ["common_nodes", "winds_at", "write_wind_table"]

@@ -136,4 +136,5 @@ class WindField(Displayed):
             "source": self.source or "unknown",
         }
 
+
 __all__ = ["WindField", "WindModes", "WindObservations"]

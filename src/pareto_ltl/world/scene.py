@@ -54,4 +54,5 @@ class Scene(Displayed):
             "departure": self.time_zero or "not set",
         }
 
+
 __all__ = ["Scene"]
