@@ -144,6 +144,6 @@ def _front_chart(front: Front) -> Figure:
     points = ax.scatter(
         KILOMETRE * rows[:, 0], np.maximum(rows[:, 1], RISK_LEAST), c=rows[:, 2], cmap="cividis", s=18
     )
-    ax.set(xlabel="path length [km]", ylabel="mission risk (bound V)", yscale="log")
-    figure.colorbar(points, ax=ax, label="collision risk (bound R)")
+    ax.set(xlabel="path length [km]", ylabel="mission risk (bound)", yscale="log")
+    figure.colorbar(points, ax=ax, label="collision risk (bound)")
     return figure
