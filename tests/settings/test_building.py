@@ -8,8 +8,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hydra.types import RunMode
 
-from pareto_ltl.cli import hydra_app as app
+from pareto_ltl.cli import composition
+from pareto_ltl.cli.setting_keys import settings_from
 from pareto_ltl.run import provenance
 from pareto_ltl.settings import PRESETS, PlannerConfig, Settings, as_dict, preset
 from pareto_ltl.settings.building import build_settings, read_settings_file, section_of
@@ -21,9 +23,9 @@ NEEDS_A_FILE = {"csv", "grib"}
 
 def composed(*overrides: str) -> Settings:
     """What the command line makes of ``overrides``."""
-    app.register()
-    with app.initialize_config_dir(str(app.folder("conf")), version_base="1.3"):
-        return app.settings_of(app.compose("config", list(overrides)))
+    arguments = composition.parse_flags(overrides)
+    with composition.opened_hydra(arguments) as hydra:
+        return settings_from(composition.composed_config(hydra, arguments, RunMode.RUN))
 
 
 def test_nothing_said_is_the_default() -> None:

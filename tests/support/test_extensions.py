@@ -16,9 +16,9 @@ import pytest
 from pareto_ltl.logic.patterns import formula_of
 from pareto_ltl.run.stage_table import with_extension_stages
 from pareto_ltl.run.stages import PLAN_STAGES
-from pareto_ltl.settings import SELECTION_RULES as RULE_NAMES
-from pareto_ltl.settings import WIND_SOURCES as SOURCE_NAMES
 from pareto_ltl.settings import MissionConfig, SelectionConfig, Settings, WindConfig
+from pareto_ltl.settings.planner import SELECTION_RULES as RULE_NAMES
+from pareto_ltl.settings.wind import WIND_SOURCES as SOURCE_NAMES
 from pareto_ltl.support import extensions, resources
 from pareto_ltl.support.errors import ConfigError
 
@@ -103,7 +103,7 @@ def test_the_example_package_does_not_slow_the_start(installed: dict[str, str], 
     code = (
         "import sys\n"
         "from pareto_ltl.cli import hydra_app as app\n"
-        f"assert app.main([*{ARGUMENTS!r}, 'planner.trees=0']) == 2\n"
+        f"assert app.run_hydra([*{ARGUMENTS!r}, 'planner.trees=0']) == 2\n"
         "print([name for name in 'numpy scipy numba cvxpy shapely'.split() if name in sys.modules])\n"
     )
     done = subprocess.run([sys.executable, "-c", code], env=installed, capture_output=True, text=True)
