@@ -194,7 +194,9 @@ def test_the_plan_has_the_keys_of_its_contract(tmp_path: Path) -> None:
     assert content["schema"] == "pareto_ltl.plan/1"
     wanted = "formula atoms dt u_max epsilon fidelity t x cov q label u objectives selection"
     assert set(wanted.split()) <= set(content)
-    assert content["objectives"].keys() == {"length", "mission_risk_paper", "mission_risk", "collision_risk"}
+    assert content["objectives"].keys() == {
+        "length", "mission_risk_paper", "mission_risk", "collision_risk", "mission_risk_ordered",
+    }  # fmt: skip
     assert content["selection"] == {"rule": "weighted", "weights": [0.5, 0.25, 0.25]}
     assert content["label"][-1] == ["a", "b"]
 
