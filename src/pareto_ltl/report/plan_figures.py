@@ -606,7 +606,7 @@ def front_figure(scene: Scene, forest: Forest | None, front: Front, plan: Plan |
         )
         for rows in ([p.objectives for p in front.paths], front.raw)
     )
-    cloud = accepted(forest, front.full) * [per_metre, 1.0]
+    cloud = accepted(forest, plan is not None and plan.fidelity == "full") * [per_metre, 1.0]
     figure = style.blank(style.COLUMN, 2.75)
     ax = style.box(figure, 0.58, 0.38, 2.22, 1.82)
     low, hidden = style.floor_of(np.concatenate([after[:, 1], before[:, 1], cloud[:, 1]]))
