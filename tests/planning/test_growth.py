@@ -8,10 +8,12 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from numpy.random import SeedSequence
+from scipy.special import ndtr
 
 from pareto_ltl.kernels.tree import ROUNDING
 from pareto_ltl.planning import growth
 from pareto_ltl.planning import reference as risk
+from pareto_ltl.planning.evaluate import evaluate_path
 from pareto_ltl.planning.growth import GrowthOptions
 from pareto_ltl.planning.selection import hypervolume, non_dominated
 from pareto_ltl.settings import PlannerConfig, RobotConfig
@@ -317,6 +319,25 @@ def test_a_start_too_close_to_an_obstacle_is_refused_by_name():
         grown(problem)
     exact = make_problem("F a", scene)  # a start known exactly may be this close
     assert len(grown(exact).accepted) > 0
+
+
+def test_a_start_too_close_names_the_limit_that_trees_keep_to():
+    """Under the path bound trees keep to half of epsilon: this start keeps to epsilon, but not to half."""
+    scene = make_scene({"a": box(15, 15, 17, 17)}, [box(5, 5, 8, 8)], start=(5 - 0.145, 6.5))
+    robot = RobotConfig(dt=100.0, u_max=10.0, start_sd=100.0)
+
+    def problem(epsilon):
+        return make_problem(
+            "F a", scene, robot=robot, planner=PlannerConfig(epsilon=epsilon), fidelity="full"
+        )
+
+    risk_there = ndtr(-1.45)
+    assert 0.05 < risk_there < 0.1
+    assert len(evaluate_path(problem(0.1), scene.start[None], "").x) == 1
+    expected = r"trees may spend \(0\.05, 0\.5 of planner\.epsilon\); .* planner\.epsilon \(now 0\.1\)$"
+    with pytest.raises(InfeasibleError, match=expected):
+        grown(problem(0.1))
+    assert len(grown(problem(0.2)).trees[0]) > 1
 
 
 def test_a_walled_in_region_is_reported_before_any_growth():

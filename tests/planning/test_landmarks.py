@@ -1,4 +1,4 @@
-"""Position fixes at landmarks: what a plan counts on, what robots do with them, how they are asked for."""
+"""Position fixes at landmarks: what a plan counts on, and how scenes and settings ask for them."""
 
 from __future__ import annotations
 
@@ -6,64 +6,34 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.random import SeedSequence
 
+from landmarks import LANDMARK_SCENE, LANDMARK_WAY, landmark_problem
 from pareto_ltl.planning.evaluate import evaluate_path, propagate
-from pareto_ltl.settings import PlannerConfig, RobotConfig, SceneConfig
-from pareto_ltl.simulation.flights import simulate_flights
+from pareto_ltl.settings import RobotConfig, SceneConfig
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.world.scene_files import from_dict, read_scene, to_dict
-from problems import KM, box, make_problem, make_scene, smooth_wind
-
-MARKED = replace(make_scene({"a": box(13, 13, 19, 19)}, start=(2.0, 2.0)), landmarks=(box(4, 4, 12.5, 12.5),))
-WAY = np.linspace([2.0, 2.0], [16.0, 16.0], 29) * KM
-
-
-def marked(scene=MARKED, **robot):
-    options = {"dt": 100.0, "u_max": 25.0, "start_sd": 300.0, "fix_sd": 50.0} | robot
-    wind = smooth_wind(scene, speed=2.0, sd=0.7, gust=0.3, rho=0.9)
-    return make_problem("F a", scene, wind, RobotConfig(**options), PlannerConfig(), fidelity="full")
+from problems import box
 
 
 def test_a_landmark_collapses_what_is_unknown_and_lowers_the_risk():
-    with_fix = evaluate_path(marked(), WAY, "")
-    without = evaluate_path(marked(replace(MARKED, landmarks=())), WAY, "")
+    with_fix = evaluate_path(landmark_problem(), LANDMARK_WAY, "")
+    without = evaluate_path(landmark_problem(replace(LANDMARK_SCENE, landmarks=())), LANDMARK_WAY, "")
     assert len(with_fix.fixes) >= 1
     first = with_fix.fixes[0]
     np.testing.assert_allclose(with_fix.cov[: first + 1], without.cov[: first + 1], rtol=1e-5)
     assert np.trace(with_fix.cov[-1]) < 0.5 * np.trace(without.cov[-1])
 
 
-@pytest.mark.statistical
-def test_flights_with_fixes_spread_as_foreseen():
-    """The robot of the simulation runs the estimator itself. The few flights that miss the landmark count
-    as failed,
-    and what is foreseen is how the others go on."""
-    p = marked()
-    path = evaluate_path(p, WAY, "")
-    flights = simulate_flights(p, path.u, 20_000, "coherent", SeedSequence(1), path.x)
-    at_fix = flights.x[:, path.fixes[0]]
-    found_it = np.all((at_fix >= 4.0 * KM) & (at_fix <= 12.5 * KM), axis=1)
-    assert 0.97 < found_it.mean() < 1.0
-    for t in (path.fixes[0], path.fixes[0] + 1, path.fixes[0] + 4, len(WAY) - 1):
-        found = np.cov(flights.x[found_it, t].T)
-        expected = path.cov[t]
-        wide = np.sqrt(np.trace(expected))
-        assert np.sqrt(np.trace(found)) == pytest.approx(wide, rel=0.1)
-    failures = int((~flights.accepted).sum())
-    assert failures / 20_000 - 5 * np.sqrt(failures + 1) / 20_000 <= path.objectives.mission_risk
-
-
 def test_a_fix_that_may_well_be_missed_is_not_counted_on():
-    small = replace(MARKED, landmarks=(box(8.9, 8.9, 9.1, 9.1),))
-    assert evaluate_path(marked(small, fix_risk=0.02), WAY, "").fixes == ()
+    small = replace(LANDMARK_SCENE, landmarks=(box(8.9, 8.9, 9.1, 9.1),))
+    assert evaluate_path(landmark_problem(small, fix_risk=0.02), LANDMARK_WAY, "").fixes == ()
 
 
 def test_feedback_and_fixes_leave_less_airspeed_for_the_path():
-    p = marked(fix_gain=0.5)
-    steps = len(WAY) - 1
-    room = propagate(p, WAY).speed / p.motion.u_max
-    first = evaluate_path(p, WAY, "").fixes[0]
+    p = landmark_problem(fix_gain=0.5)
+    steps = len(LANDMARK_WAY) - 1
+    room = propagate(p, LANDMARK_WAY).speed / p.motion.u_max
+    first = evaluate_path(p, LANDMARK_WAY, "").fixes[0]
     assert room.shape == (steps,)
     assert np.all(room[:first] == 1.0)
     assert room[first] < 1.0

@@ -164,6 +164,25 @@ def test_priority_breaks_ties_by_collisions_then_length():
     assert chosen(front_of(*tied), rule="priority") == tied[1]
 
 
+def test_priority_takes_the_least_estimated_failure_rate_where_flights_judge():
+    front = front_of(*CHOICE)
+    assert [o.length for o in (p.objectives for p in front.paths)] == [300.0, 200.0, 150.0, 120.0]
+    for best in range(4):
+        estimates = tuple(0.1 if k == best else 0.2 + 0.01 * k for k in range(4))
+        assert chosen(replace(front, estimates=estimates), rule="priority") == CHOICE[best]
+
+
+def test_priority_breaks_ties_of_estimates_by_the_sum_of_both_risks_then_length():
+    """Of four paths three share the least estimate; two of these have the least sum, 3/64 in all."""
+    rows = ((1 / 64, 4 / 64, 100.0), (2 / 64, 1 / 64, 300.0), (5 / 128, 1 / 128, 200.0), (9 / 128, 0.0, 50.0))
+    front = front_of(*rows)
+    assert len(front.paths) == 4
+    tied = replace(front, estimates=(0.25, 0.25, 0.25, 0.5))
+    assert chosen(tied, rule="priority") == rows[2]
+    assert chosen(replace(front, estimates=(0.25, 0.25, 0.5, 0.5)), rule="priority") == rows[1]
+    assert chosen(replace(front, estimates=(0.25, 0.5, 0.5, 0.25)), rule="priority") == rows[3]
+
+
 @some
 @given(tables, st.tuples(grid, grid, grid).filter(any))
 def test_weighted_takes_the_least_weighted_sum(costs, weights):

@@ -164,6 +164,19 @@ def test_the_same_seed_flies_the_same_winds_whatever_the_threads(planned, monkey
     assert not np.array_equal(first.x, fly(problem, path.u, seed=SEED + 1).x)
 
 
+@pytest.mark.parametrize("law", ["independent", "coherent"])
+def test_a_seed_that_has_spawned_before_flies_the_same_winds(planned, law):
+    problem, path = planned
+    seed = SeedSequence(SEED)
+    first = deployment.simulate_flights(problem, path.u, 300, law, seed, path.x)
+    seed.spawn(3)
+    again = deployment.simulate_flights(problem, path.u, 300, law, seed, path.x)
+    np.testing.assert_array_equal(first.x, again.x)
+    child = seed.spawn(1)[0]  # and children differ from one another
+    other = deployment.simulate_flights(problem, path.u, 300, law, child, path.x)
+    assert not np.array_equal(first.x, other.x)
+
+
 def test_no_two_flights_meet_the_same_wind(planned):
     problem, path = planned
     ends = fly(problem, path.u, runs=600).x[:, -1]
