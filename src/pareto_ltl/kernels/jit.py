@@ -73,7 +73,9 @@ class ChosenByType:
     def missing(self, model: type) -> str:
         """What to do where a model has no code."""
         name, known = self.chosen.__name__, ", ".join(sorted(t.__name__ for t in self.implementations))
-        return f"{name} has no code for {model.__name__}, only for {known}; add it with @implements({name}, ...)"
+        return (
+            f"{name} has no code for {model.__name__}, only for {known}; add it with @implements({name}, ...)"
+        )
 
     def register(self, *models: type) -> Callable[[F], F]:
         """Make the decorated function the implementation for ``models``."""
