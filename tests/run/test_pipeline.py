@@ -117,14 +117,14 @@ def test_the_formula_is_parsed_once(monkeypatch: pytest.MonkeyPatch) -> None:
     from pareto_ltl.logic import formula
 
     parsed: list[str] = []
-    original = formula._Parser.__init__
+    original = formula._FormulaParser.__init__
 
     def counted(self: Any, text: str) -> None:
         parsed.append(text)
         original(self, text)
 
-    formula.parse.cache_clear()
-    monkeypatch.setattr(formula._Parser, "__init__", counted)
+    formula.parse_formula.cache_clear()
+    monkeypatch.setattr(formula._FormulaParser, "__init__", counted)
     cfg = small_study.settings()
     cfg.scene.bounds = [[0, 0], [1, 1]]
     cfg.pipelines.stages = ["readings", "scene", "decomposition", "automaton"]
@@ -135,9 +135,10 @@ def test_the_formula_is_parsed_once(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_each_wind_file_is_opened_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     from pareto_ltl.wind import csv_table
+    from pareto_ltl.wind.sources.csv_files import _read_csv_file
 
     opened: list[Path] = []
-    original = csv_table._read_file
+    original = _read_csv_file
 
     def counted(file: Path, max_speed: float) -> Any:
         opened.append(file)

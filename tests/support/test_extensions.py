@@ -16,9 +16,9 @@ import pytest
 from pareto_ltl.logic.patterns import formula_of
 from pareto_ltl.run.stage_table import with_extension_stages
 from pareto_ltl.run.stages import PLAN_STAGES
-from pareto_ltl.settings import SELECTION_RULES as RULE_NAMES
-from pareto_ltl.settings import WIND_SOURCES as SOURCE_NAMES
 from pareto_ltl.settings import MissionConfig, SelectionConfig, Settings, WindConfig
+from pareto_ltl.settings.planner import SELECTION_RULES as RULE_NAMES
+from pareto_ltl.settings.wind import WIND_SOURCES as SOURCE_NAMES
 from pareto_ltl.support import extensions, resources
 from pareto_ltl.support.errors import ConfigError
 
