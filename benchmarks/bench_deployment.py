@@ -21,7 +21,7 @@ def mission():
     problem = paper_problem("phi2", slots=18)
     angle = np.linspace(0, 2 * np.pi, STEPS, endpoint=False)
     u = 12.0 * np.column_stack([np.cos(angle), np.sin(angle)])
-    deployment.fly(problem, u, 2, "independent", SeedSequence(0))
+    deployment.simulate_flights(problem, u, 2, "independent", SeedSequence(0))
     return problem, u
 
 
@@ -30,8 +30,7 @@ def test_flights_of_100_steps(benchmark, mission, runs, budget):
     problem, u = mission
     benchmark.extra_info["budget"] = budget
     rounds = 20 if runs < 1000 else 3
-    result = benchmark.pedantic(
-        deployment.fly, (problem, u, runs, "independent", SeedSequence(1)), rounds=rounds, warmup_rounds=1
-    )
+    arguments = (problem, u, runs, "independent", SeedSequence(1))
+    result = benchmark.pedantic(deployment.simulate_flights, arguments, rounds=rounds, warmup_rounds=1)
     assert result.x.shape == (runs, STEPS + 1, 2)
     assert np.isfinite(result.x).all()

@@ -13,12 +13,14 @@ import pytest
 import yaml
 from numpy.random import SeedSequence
 
-from pareto_ltl.kernels.mission_risk import mission_bound
+from pareto_ltl.kernels.mission_risk import ordered_risk
 from pareto_ltl.logic.mission import automaton_of
-from pareto_ltl.planning import growth, problem, selection
+from pareto_ltl.planning import growth, selection
 from pareto_ltl.planning import reference as risk
-from pareto_ltl.planning import refine as smoothing
+from pareto_ltl.planning.evaluate import evaluate_path
+from pareto_ltl.planning.pack import build_problem, pack_faces
 from pareto_ltl.planning.records import Forest
+from pareto_ltl.planning.refine import smooth_paths
 from pareto_ltl.settings import (
     MissionConfig,
     PlannerConfig,
@@ -32,10 +34,12 @@ from pareto_ltl.simulation import acceptance
 from pareto_ltl.simulation import flights as deployment
 from pareto_ltl.wind import gp as regression
 from pareto_ltl.wind import modes, sources
+from pareto_ltl.wind.field import fit_wind_field as field
 from pareto_ltl.wind.field import modes_lattice
-from pareto_ltl.wind.field import wind as field
+from pareto_ltl.wind.observations import place_readings
 from pareto_ltl.world import cells as workspace
-from pareto_ltl.world.scene_files import read_scene
+from pareto_ltl.world.scene_settings import scene_from_settings
+from problems import three_columns
 
 CONF = Path(__file__).parents[1] / "conf"
 
@@ -48,20 +52,22 @@ def section(kind, name):
 def mission(request):
     """Problem and scene, kernels compiled by a first small forest."""
     cfg = WindConfig()
-    scene = read_scene(SceneConfig(**section("scene", request.param)), sources.read_readings(cfg).first_time)
-    wind = field(cfg, sources.place_readings(cfg, sources.read_readings(cfg), scene), scene, 200 * 1800.0)
+    scene = scene_from_settings(
+        SceneConfig(**section("scene", request.param)), sources.read_readings(cfg).first_time
+    )
+    wind = field(cfg, place_readings(cfg, sources.read_readings(cfg), scene), scene, 200 * 1800.0)
     cells = workspace.decompose(scene)
     automaton = automaton_of(
         MissionConfig(**section("mission", request.param)), set(cells.letters), 1000, scene.regions
     )
-    made = problem.build(RobotConfig(), PlannerConfig(), cfg, scene, wind, cells, automaton, preset("full"))
-    growth.forest(PlannerConfig(trees=1, n_max=50), made, SeedSequence(0))
+    made = build_problem(RobotConfig(), PlannerConfig(), cfg, scene, wind, cells, automaton, preset("full"))
+    growth.grow_forest(PlannerConfig(trees=1, n_max=50), made, SeedSequence(0))
     return made
 
 
 @pytest.fixture(scope="module")
 def paths(mission):
-    return selection.tree_front(mission, growth.forest(PlannerConfig(), mission, SeedSequence(0)))
+    return selection.tree_front(mission, growth.grow_forest(PlannerConfig(), mission, SeedSequence(0)))
 
 
 def speed(forest: Forest) -> float:
@@ -70,20 +76,22 @@ def speed(forest: Forest) -> float:
 
 def test_modes_of_all_slots(benchmark):
     cfg = WindConfig()
-    scene = read_scene(SceneConfig(**section("scene", "phi1")), sources.read_readings(cfg).first_time)
-    posterior = regression.fit(cfg, sources.place_readings(cfg, sources.read_readings(cfg), scene))
+    scene = scene_from_settings(
+        SceneConfig(**section("scene", "phi1")), sources.read_readings(cfg).first_time
+    )
+    posterior = regression.fit_posterior(cfg, place_readings(cfg, sources.read_readings(cfg), scene))
     origin, spacing, shape = modes_lattice(cfg, scene)
     nodes = origin + spacing * np.stack(np.meshgrid(*map(np.arange, shape), indexing="ij"), axis=-1).reshape(
         -1, 2
     )
     benchmark.extra_info["budget"] = 2.0
-    benchmark.pedantic(modes.modes, (posterior, nodes, cfg.energy, cfg.modes_max), rounds=3)
+    benchmark.pedantic(modes.posterior_modes, (posterior, nodes, cfg.energy, cfg.modes_max), rounds=3)
 
 
 def test_full_vertices_a_second_on_one_core(benchmark, mission):
     cfg = PlannerConfig(trees=8, n_max=2500, threads=1)
     forests: list[Forest] = []
-    benchmark.pedantic(lambda: forests.append(growth.forest(cfg, mission, SeedSequence(0))), rounds=5)
+    benchmark.pedantic(lambda: forests.append(growth.grow_forest(cfg, mission, SeedSequence(0))), rounds=5)
     benchmark.extra_info["figures"] = [("vertices/s", max(map(speed, forests)), 50_000)]
     benchmark.extra_info["sense"] = ">="
 
@@ -91,52 +99,63 @@ def test_full_vertices_a_second_on_one_core(benchmark, mission):
 def test_full_ten_trees_on_two_threads(benchmark, mission):
     cfg = PlannerConfig(trees=10, n_max=2500, threads=2)
     benchmark.extra_info["budget"] = 0.5
-    forest = benchmark.pedantic(growth.forest, (cfg, mission, SeedSequence(0)), rounds=5, warmup_rounds=1)
+    forest = benchmark.pedantic(
+        growth.grow_forest, (cfg, mission, SeedSequence(0)), rounds=5, warmup_rounds=1
+    )
     assert len(forest.accepted) > 0
 
 
 def test_what_a_full_vertex_keeps(benchmark, mission):
-    full, cells = mission.tables, len(mission.tables.obstacles.ptr) - 1
-    states, columns = len(full.logic.distance), full.modes.psi.shape[-1]
     rows = 1000
 
     def size() -> float:
-        vertices = growth._vertices(rows, 2, cells, states, columns, full=True, landmarks=False)
-        return sum(a.nbytes for a in (*vertices[:-1], *vertices.track)) / rows
+        vertices = growth._vertices(mission, rows, columns=2)
+        return nbytes(vertices) / rows
 
     benchmark.extra_info["figures"] = [("bytes", benchmark(size), 2000)]
 
 
+def nbytes(record: object) -> int:
+    """Bytes of all arrays in a tuple and in the tuples within it."""
+    if isinstance(record, tuple):
+        return sum(nbytes(part) for part in record)
+    return getattr(record, "nbytes", 0)
+
+
 def test_growth_without_v_and_r(benchmark, mission):
     """Their cost in the profile: the same trees with no obstacle and no label to look at."""
+    world = mission.world
+    unseen = world.mission.labelled._replace(cell=np.empty(0, np.int64))
     bare = replace(
         mission,
-        tables=mission.tables._replace(
-            labelled=mission.tables.labelled._replace(cell=np.empty(0, np.int64)),
-            obstacles=problem.faces([]),
+        world=world._replace(
+            mission=world.mission._replace(labelled=unseen),
+            collision=world.collision._replace(obstacles=pack_faces([])),
         ),
+        ordered=mission.ordered._replace(labelled=unseen),
     )
     cfg = PlannerConfig(trees=8, n_max=2500, threads=1)
-    growth.forest(cfg, bare, SeedSequence(0))
-    benchmark.pedantic(growth.forest, (cfg, bare, SeedSequence(0)), rounds=5)
+    growth.grow_forest(cfg, bare, SeedSequence(0))
+    benchmark.pedantic(growth.grow_forest, (cfg, bare, SeedSequence(0)), rounds=5)
 
 
 def test_mission_bound_of_a_path(benchmark, mission, paths):
     path = paths[0]
-    three = np.ascontiguousarray(path.cov.reshape(-1, 4)[:, [0, 1, 3]])
     nothing = np.zeros(len(path.x))
-    found = benchmark(mission_bound, mission.tables, path.x, three, nothing)
-    assert found == pytest.approx(risk.ordered_mission_risk(mission, path.x, path.cov), abs=1e-12)
+    found = benchmark(ordered_risk, mission.ordered, path.x, three_columns(path.cov), nothing)
+    assert found == pytest.approx(risk.ordered_bound(mission, path.x, path.cov), abs=1e-12)
 
 
 def test_exact_evaluation_of_a_path(benchmark, mission, paths):
-    benchmark(problem.evaluate, mission, paths[0].x, "")
+    benchmark(evaluate_path, mission, paths[0].x, "")
 
 
 def test_ranking_a_path_by_2000_linear_flights(benchmark, mission, paths):
-    front = selection.front((), paths[:4], full=True)
+    front = selection.build_front((), paths[:4])
     seconds: list[float] = []
-    benchmark.pedantic(acceptance.ranked, (mission, front, 2000, SeedSequence(0)), rounds=5, warmup_rounds=1)
+    benchmark.pedantic(
+        acceptance.rank_front, (mission, front, 2000, SeedSequence(0)), rounds=5, warmup_rounds=1
+    )
     seconds.append(benchmark.stats.stats.median / len(front.paths))
     benchmark.extra_info["figures"] = [("ms a path", 1e3 * seconds[-1], 60.0)]
 
@@ -145,8 +164,10 @@ def test_ranking_a_path_by_2000_linear_flights(benchmark, mission, paths):
 def test_coherent_flights(benchmark, mission, paths, runs, budget):
     benchmark.extra_info["budget"] = budget
     arguments = (mission, paths[0].u, runs, "coherent", SeedSequence(1), paths[0].x)
-    benchmark.pedantic(deployment.fly, arguments, rounds=3 if runs > 10_000 else 10, warmup_rounds=1)
+    benchmark.pedantic(
+        deployment.simulate_flights, arguments, rounds=3 if runs > 10_000 else 10, warmup_rounds=1
+    )
 
 
 def test_full_smoothing(benchmark, mission, paths):
-    benchmark.pedantic(smoothing.smooth, (SmoothingConfig(), mission, paths), rounds=3, warmup_rounds=1)
+    benchmark.pedantic(smooth_paths, (SmoothingConfig(), mission, paths), rounds=3, warmup_rounds=1)

@@ -13,6 +13,7 @@ import pytest
 from numpy.random import SeedSequence
 
 from pareto_ltl.planning import growth
+from pareto_ltl.planning.growth import GrowthOptions
 from pareto_ltl.planning.records import Forest
 from pareto_ltl.settings import PlannerConfig
 from problems import paper_problem
@@ -22,7 +23,7 @@ from problems import paper_problem
 def problem(request):
     """A mission; kernels are compiled by a first small forest."""
     made = paper_problem(request.param)
-    growth.forest(PlannerConfig(trees=1, n_max=50), made, SeedSequence(0))
+    growth.grow_forest(PlannerConfig(trees=1, n_max=50), made, SeedSequence(0))
     return made
 
 
@@ -34,7 +35,7 @@ def speed(forest: Forest) -> float:
 def test_vertices_a_second_on_one_core(benchmark, problem):
     cfg = PlannerConfig(trees=8, n_max=2500, threads=1)
     forests: list[Forest] = []
-    benchmark.pedantic(lambda: forests.append(growth.forest(cfg, problem, SeedSequence(0))), rounds=5)
+    benchmark.pedantic(lambda: forests.append(growth.grow_forest(cfg, problem, SeedSequence(0))), rounds=5)
     benchmark.extra_info["figures"] = [("vertices/s", max(map(speed, forests)), 300_000)]
     benchmark.extra_info["sense"] = ">="
 
@@ -42,7 +43,9 @@ def test_vertices_a_second_on_one_core(benchmark, problem):
 def test_ten_trees_on_two_threads(benchmark, problem):
     cfg = PlannerConfig(trees=10, n_max=2500, threads=2)
     benchmark.extra_info["budget"] = 0.1
-    forest = benchmark.pedantic(growth.forest, (cfg, problem, SeedSequence(0)), rounds=5, warmup_rounds=1)
+    forest = benchmark.pedantic(
+        growth.grow_forest, (cfg, problem, SeedSequence(0)), rounds=5, warmup_rounds=1
+    )
     assert len(forest.accepted) > 0
 
 
@@ -50,8 +53,8 @@ def test_time_a_vertex_at_a_million(benchmark, problem):
     """Time per vertex at 10^6 vertices over that at 10^4; takes minutes if the budget is exceeded."""
     small = PlannerConfig(trees=1, n_max=10_000)
     large = PlannerConfig(trees=1, n_max=1_000_000)
-    few = max(speed(growth.forest(small, problem, SeedSequence(seed))) for seed in range(3))
-    forest = benchmark.pedantic(growth.forest, (large, problem, SeedSequence(0)), rounds=1)
+    few = max(speed(growth.grow_forest(small, problem, SeedSequence(seed))) for seed in range(3))
+    forest = benchmark.pedantic(growth.grow_forest, (large, problem, SeedSequence(0)), rounds=1)
     assert len(forest.trees[0]) == 1_000_000
     benchmark.extra_info["figures"] = [("times the cost at 10^4", few / speed(forest), 2.0)]
 
@@ -66,7 +69,13 @@ def test_first_accepted_path(benchmark, problem):
     seeds, found = iter(SeedSequence(0).spawn(1000)), []
 
     def first() -> None:
-        found.append(len(growth.forest(cfg, problem, next(seeds), stop_at_first=True).accepted))
+        found.append(
+            len(
+                growth.grow_forest(
+                    cfg, problem, next(seeds), options=GrowthOptions(stop_at_first=True)
+                ).accepted
+            )
+        )
 
     benchmark.extra_info["budget"] = 0.020
     benchmark.pedantic(first, rounds=40)
@@ -81,7 +90,7 @@ def test_bytes_a_vertex(benchmark, problem):
 
     def peak() -> float:
         tracemalloc.start()
-        growth.forest(cfg, problem, SeedSequence(0))
+        growth.grow_forest(cfg, problem, SeedSequence(0))
         most = tracemalloc.get_traced_memory()[1]
         tracemalloc.stop()
         return most / n

@@ -18,7 +18,7 @@ from problems import paper_problem
 @pytest.fixture(scope="module", params=["phi1", "phi2"])
 def planted(request):
     problem = paper_problem(request.param)
-    return problem, growth.forest(PlannerConfig(), problem, SeedSequence(0))
+    return problem, growth.grow_forest(PlannerConfig(), problem, SeedSequence(0))
 
 
 @pytest.mark.parametrize("rows", [25_000, 250_000])
@@ -40,4 +40,4 @@ def test_ordered_bound_of_one_path(benchmark, planted):
     problem, forest = planted
     path = selection.tree_front(problem, forest)[0]
     benchmark.extra_info["budget"] = 0.05
-    benchmark(risk.ordered_mission_risk, problem, path.x, path.cov)
+    benchmark(risk.ordered_bound, problem, path.x, path.cov)

@@ -1,4 +1,4 @@
-"""Smoothing budgets: a repeated convex solve in 10 ms, 100 steps past 10 obstacles in 150 ms.
+"""Smoothing budgets: a warm convex solve in 10 ms, a path of 100 steps past 10 obstacles in 150 ms.
 
 python -m pytest benchmarks/bench_smoothing.py
 """
@@ -11,8 +11,10 @@ import yaml
 from numpy.random import SeedSequence
 
 from pareto_ltl.logic import translate
-from pareto_ltl.planning import growth, problem, selection
-from pareto_ltl.planning import refine as smoothing
+from pareto_ltl.planning import growth, selection
+from pareto_ltl.planning.evaluate import completes_mission
+from pareto_ltl.planning.pack import build_problem
+from pareto_ltl.planning.refine import convex, smoothing
 from pareto_ltl.settings import PlannerConfig, RobotConfig, SceneConfig, SmoothingConfig, WindConfig
 from pareto_ltl.support.resources import folder
 from pareto_ltl.wind.records import WindField
@@ -44,24 +46,25 @@ def planned(mission, dt, speed, variance):
         SceneConfig(**yaml.safe_load((folder("conf") / "scene" / f"{mission}.yaml").read_text()))
     )
     cells = workspace.decompose(scene)
-    task = problem.build(
+    task = build_problem(
         RobotConfig(dt=dt), PlannerConfig(), WindConfig(), scene, wind(speed, variance), cells,
         translate(FORMULAS[mission], cells.letters),
     )  # fmt: skip
-    forest = growth.forest(PlannerConfig(), task, SeedSequence(0))
+    forest = growth.grow_forest(PlannerConfig(), task, SeedSequence(0))
     return task, selection.tree_front(task, forest)
 
 
 @pytest.fixture(scope="module")
 def long():
-    """A path of about 100 steps on the map with 10 obstacles, and its convex programme, solved once."""
+    """A line of about 100 steps on the map with 10 obstacles, and its programme, warm."""
     task, paths = planned("phi2", DT, 5.0, 1.5)
-    x = smoothing.shortened(task, paths[0].x)
+    x = smoothing.shortened_path(task, paths[0].x)
     assert 95 <= len(x) - 1 <= 110, f"the budgets speak of 100 steps, this line has {len(x) - 1}: change DT"
     start = smoothing.Start(x, None, "")
-    model = smoothing.fitting(task, [start])
-    smoothing.rounds(SmoothingConfig(), model, task, x, 10.0, paths[0].objectives.length)
-    return task, paths, start, model
+    model = smoothing.fitting_programme(task, [start])
+    shared = smoothing.SmoothingTask(SmoothingConfig(), model, task, paths[0].objectives.length)
+    smoothing.iterate(shared, x, 10.0)
+    return task, paths, shared, model
 
 
 def test_a_warm_convex_solve(benchmark, long):
@@ -72,19 +75,18 @@ def test_a_warm_convex_solve(benchmark, long):
 
 @pytest.mark.parametrize("weights", [(10.0,), (100.0, 10.0, 1.0)], ids=["one weight", "three weights"])
 def test_a_path_of_100_steps_past_10_obstacles(benchmark, long, weights):
-    """All iterations of the smoothing of one path of a tree."""
-    task, paths, _, model = long
-    length = paths[0].objectives.length
+    """Everything that one tree path goes through: pulled, walked, bent, shortened, bent again."""
+    task, paths, shared, _ = long
 
     def in_all():
-        x, path = smoothing.shortened(task, paths[0].x), None
+        x, path = smoothing.shortened_path(task, paths[0].x), None
         for weight in weights:
-            path = smoothing.improve(SmoothingConfig(), model, task, x, weight, length)
+            path = smoothing.improve(shared, x, weight)
             x = path.x
         return path
 
     benchmark.extra_info["budget"] = 0.150
-    assert problem.accepted(task, benchmark.pedantic(in_all, rounds=7, warmup_rounds=1))
+    assert completes_mission(task, benchmark.pedantic(in_all, rounds=7, warmup_rounds=1))
 
 
 def test_building_the_programme(benchmark, long):
@@ -92,7 +94,7 @@ def test_building_the_programme(benchmark, long):
     task = long[0]
 
     def build():
-        fresh = smoothing.programme(task, model.steps, model.witnesses, model.faces)
+        fresh = convex.smoothing_programme(task, model.steps, model.witnesses, model.faces)
         for key, parameter in model.given.items():
             fresh.given[key].value = parameter.value
         return fresh.solve()
@@ -106,9 +108,10 @@ def test_a_front_in_rough_wind(benchmark, mission):
     task, paths = planned(mission, 1800.0, 5.0, 1.5)
     cfg = SmoothingConfig(candidates=4, weights=[1.0, 10.0, 100.0])
     benchmark.extra_info["budget"] = 1.0
-    smoothed = benchmark.pedantic(smoothing.smooth, (cfg, task, paths), rounds=3, warmup_rounds=1)
+    smoothed = benchmark.pedantic(smoothing.smooth_paths, (cfg, task, paths), rounds=3, warmup_rounds=1)
     length = min(path.objectives.length for path in paths)
-    old, new = (min(smoothing.merit(p, 10.0, length) for p in group) for group in (paths, smoothed))
+    shared = smoothing.SmoothingTask(cfg, None, task, length)
+    old, new = (min(shared.merit(p, 10.0) for p in group) for group in (paths, smoothed))
     benchmark.extra_info["figures"] = [("weighted cost over that of the trees", new / old, 1.0)]
 
 
@@ -117,7 +120,7 @@ def test_calm_length(benchmark, mission):
     task, paths = planned(mission, 1800.0, 0.0, 0.0)
     benchmark.extra_info["budget"] = 1.0
     smoothed = benchmark.pedantic(
-        smoothing.smooth, (SmoothingConfig(), task, paths), rounds=3, warmup_rounds=1
+        smoothing.smooth_paths, (SmoothingConfig(), task, paths), rounds=3, warmup_rounds=1
     )
     ratio = min(path.objectives.length for path in smoothed) / CALM_OPTIMUM[mission]
     benchmark.extra_info["figures"] = [("length over the optimum", ratio, 1.01)]

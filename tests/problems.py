@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path as FilePath
 
 import numpy as np
@@ -14,9 +15,10 @@ import yaml
 
 from pareto_ltl.kernels.data import Faces
 from pareto_ltl.logic import translate
-from pareto_ltl.planning.problem import Problem, build
+from pareto_ltl.planning.pack import build_problem
+from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import Tree
-from pareto_ltl.settings import PlannerConfig, RobotConfig, SceneConfig, WindConfig, preset
+from pareto_ltl.settings import FidelityConfig, PlannerConfig, RobotConfig, SceneConfig, WindConfig, preset
 from pareto_ltl.support.arrays import FloatArray, IntArray
 from pareto_ltl.wind.records import WindField, WindModes
 from pareto_ltl.world import cells as workspace
@@ -141,11 +143,14 @@ def make_problem(
     robot: RobotConfig | None = None,
     planner: PlannerConfig | None = None,
     ball: float = 2.0,
-    fidelity: str = "paper",
+    fidelity: str | FidelityConfig = "paper",
 ) -> Problem:
-    """Scene, wind and formula as one bundle, through the real decomposition and the real translator."""
+    """Scene, wind and formula as one bundle, through the real decomposition and the real translator.
+
+    ``fidelity`` names a preset or is a choice of models of its own.
+    """
     decomposition = workspace.decompose(scene)
-    return build(
+    return build_problem(
         robot or RobotConfig(dt=100.0, u_max=10.0),
         planner or PlannerConfig(),
         WindConfig(ball=ball),
@@ -153,7 +158,7 @@ def make_problem(
         wind or steady_wind(scene),
         decomposition,
         translate(formula, decomposition.letters),
-        preset(fidelity),
+        preset(fidelity) if isinstance(fidelity, str) else fidelity,
     )
 
 
@@ -195,6 +200,20 @@ def leaves(tree: Tree) -> IntArray:
     childless = np.ones(len(tree), bool)
     childless[tree.parent[1:]] = False
     return np.flatnonzero(childless)
+
+
+def three_columns(cov: FloatArray) -> FloatArray:
+    """Covariances (T, 2, 2) as rows (xx, xy, yy)."""
+    return np.ascontiguousarray(cov.reshape(-1, 4)[:, [0, 1, 3]])
+
+
+def along(*corners: Sequence[float], step: float = 0.4) -> FloatArray:
+    """Positions (T+1, 2) [m], ``step`` km apart along straight legs between ``corners`` [km]."""
+    legs = []
+    for p, q in pairwise(np.array(corners, float)):
+        n = max(1, int(np.ceil(np.linalg.norm(q - p) / step)))
+        legs.append(p + np.arange(n)[:, None] / n * (q - p))
+    return np.vstack([*legs, [corners[-1]]]) * KM
 
 
 def random_covariances(rng: np.random.Generator, n: int, scale: float) -> FloatArray:

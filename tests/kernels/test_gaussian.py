@@ -9,14 +9,20 @@ from hypothesis import strategies as st
 from scipy.stats import norm
 
 from pareto_ltl.kernels import gaussian
+from pareto_ltl.kernels.data import Cov, Gaussian, Point
 from pareto_ltl.planning import reference as risk
-from pareto_ltl.planning.problem import faces
+from pareto_ltl.planning.pack import pack_faces
 from pareto_ltl.world.cells import half_planes
 from problems import box, make_problem, make_scene, random_covariances
 from strategies import convex_polygons
 
 some = settings(deadline=None, max_examples=40)
 seeds = st.integers(0, 2**32 - 1)
+
+
+def round_at(x, y, variance):
+    """A Gaussian with the same variance in all directions."""
+    return Gaussian(Point(x, y), Cov(variance, 0.0, variance))
 
 
 @some
@@ -37,7 +43,7 @@ def test_a_certain_position_has_a_step_for_a_tail():
 def test_variance_along_a_direction_is_a_quadratic_form(seed):
     rng = np.random.default_rng(seed)
     (cov,), n = random_covariances(rng, 1, 10.0), rng.standard_normal(2)
-    found = gaussian.variance_along(*n, cov[0, 0], cov[0, 1], cov[1, 1])
+    found = gaussian.variance_along(*n, Cov(cov[0, 0], cov[0, 1], cov[1, 1]))
     np.testing.assert_allclose(found, n @ cov @ n, rtol=1e-9, atol=1e-9)
 
 
@@ -45,36 +51,39 @@ def test_variance_along_a_direction_is_a_quadratic_form(seed):
 @given(convex_polygons(), seeds)
 def test_both_bounds_are_those_of_the_reference_and_hold(polygon, seed):
     rng = np.random.default_rng(seed)
-    ring, (normals, offsets) = faces([polygon]), half_planes(polygon)
+    ring, (normals, offsets) = pack_faces([polygon]), half_planes(polygon)
     for cov in random_covariances(rng, 5, 200.0):
         mean = polygon.mean(axis=0) + rng.uniform(-300, 300, 2)
-        given_ = (ring, 0, *mean, cov[0, 0], cov[0, 1], cov[1, 1])
-        out, in_ = gaussian.outside(*given_), gaussian.inside(*given_)
+        here = Gaussian(Point(*mean), Cov(cov[0, 0], cov[0, 1], cov[1, 1]))
+        out, in_ = gaussian.outside(ring, 0, here), gaussian.inside(ring, 0, here)
         np.testing.assert_allclose(out, risk.outside_bound(normals, offsets, mean, cov), rtol=1e-9)
         np.testing.assert_allclose(in_, risk.inside_bound(normals, offsets, mean, cov), rtol=1e-9)
-        exact = risk.polygon_probability(polygon, mean, cov)
+        exact = risk.gaussian_in_polygon(polygon, mean, cov)
         assert out >= 1 - exact - 1e-9
         assert in_ >= exact - 1e-9
 
 
 def test_only_the_asked_polygon_of_several_counts():
-    ring = faces([box(0, 0, 1, 1), box(5, 5, 9, 6), box(-3, -3, -2, -1)])
+    ring = pack_faces([box(0, 0, 1, 1), box(5, 5, 9, 6), box(-3, -3, -2, -1)])
     for part, (x, y) in enumerate([(500.0, 500.0), (7000.0, 5500.0), (-2500.0, -2000.0)]):
-        assert gaussian.outside(ring, part, x, y, 1.0, 0.0, 1.0) < 1e-12
+        assert gaussian.outside(ring, part, round_at(x, y, 1.0)) < 1e-12
         for other in {0, 1, 2} - {part}:
-            assert gaussian.inside(ring, other, x, y, 1.0, 0.0, 1.0) < 1e-12
+            assert gaussian.inside(ring, other, round_at(x, y, 1.0)) < 1e-12
 
 
 def test_a_region_of_several_parts_is_missed_by_its_best_part():
     ell = np.array([[2, 2], [8, 2], [8, 4], [4, 4], [4, 8], [2, 8]]) * 1000.0
     problem = make_problem("F a & F b", make_scene({"a": ell, "b": box(12, 12, 13, 13)}))
-    regions = problem.tables.regions
-    parts = np.flatnonzero(regions.atom == 0)
+    bound = problem.theorem2
+    parts = np.flatnonzero(bound.atom == 0)
     assert len(parts) == 2
+
+    def missed(atom, here):
+        return gaussian.region_missed(bound.faces, bound.atom, atom, here)
+
     for x, y in ((7000.0, 3000.0), (3000.0, 7000.0), (3000.0, 3000.0)):
-        bounds = [gaussian.outside(regions.faces, k, x, y, 9e4, 0.0, 9e4) for k in parts]
-        assert gaussian.missed(regions, 0, x, y, 9e4, 0.0, 9e4) == pytest.approx(min(1.0, *bounds))
-    assert (
-        gaussian.missed(regions, 0, 12_500.0, 12_500.0, 9e4, 0.0, 9e4) == 1.0
-    )  # several faces missed: not 2
-    assert gaussian.missed(regions, 1, 12_500.0, 12_500.0, 1.0, 0.0, 1.0) < 1e-12
+        here = round_at(x, y, 9e4)
+        bounds = [gaussian.outside(bound.faces, k, here) for k in parts]
+        assert missed(0, here) == pytest.approx(min(1.0, *bounds))
+    assert missed(0, round_at(12_500.0, 12_500.0, 9e4)) == 1.0  # several faces missed: not 2
+    assert missed(1, round_at(12_500.0, 12_500.0, 1.0)) < 1e-12

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from pareto_ltl.kernels.data import Point
 from pareto_ltl.kernels.neighbours import kd_insert, kd_nearest, remember
 from problems import RARE, chi_square_chance
 
@@ -25,7 +26,7 @@ def planted(points, groups):
 
 
 def nearest(index, group, point):
-    return kd_nearest(*index, group, *map(float, point), np.empty((256, 4)))
+    return kd_nearest(*index, group, Point(*map(float, point)), np.empty((256, 4)))
 
 
 @some

@@ -8,10 +8,13 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from numpy.random import SeedSequence
+from scipy.special import ndtr
 
 from pareto_ltl.kernels.tree import ROUNDING
 from pareto_ltl.planning import growth
 from pareto_ltl.planning import reference as risk
+from pareto_ltl.planning.evaluate import evaluate_path
+from pareto_ltl.planning.growth import GrowthOptions
 from pareto_ltl.planning.selection import hypervolume, non_dominated
 from pareto_ltl.settings import PlannerConfig, RobotConfig
 from pareto_ltl.support.errors import InfeasibleError
@@ -36,8 +39,8 @@ TURNED = RobotConfig(
 ORDERED = "F(a & F(b & F a)) & (!b U a)"
 
 
-def grown(problem, cfg=SMALL, seed=0, **how):
-    return growth.forest(cfg, problem, SeedSequence(seed), **how)
+def grown(problem, cfg=SMALL, seed=0, progress=None, **options):
+    return growth.grow_forest(cfg, problem, SeedSequence(seed), progress, GrowthOptions(**options))
 
 
 @pytest.fixture(scope="module")
@@ -58,7 +61,7 @@ def walk_ways(problem, tree):
     """Every path from the root to a leaf with its reference covariances and controls."""
     for leaf in leaves(tree):
         rows = rows_to(tree, leaf)
-        cov, u = risk.propagate(problem, tree.x[rows])
+        cov, u = risk.propagate_independent(problem, tree.x[rows])
         yield rows, tree.x[rows], cov, u
 
 
@@ -74,8 +77,8 @@ CASES = {
 def test_every_edge_of_every_tree_is_what_the_reference_computes(case):
     problem = CASES[case]()
     forest = grown(problem, replace(SMALL, n_max=150))
-    limit = problem.epsilon / (len(problem.tables.obstacles.ptr) - 1) * (1 + 1e-6)
-    u_max = problem.tables.motion.u_max * ROUNDING * (1 + 1e-12)
+    limit = problem.epsilon / (len(problem.obstacles.ptr) - 1) * (1 + 1e-6)
+    u_max = problem.motion.u_max * ROUNDING * (1 + 1e-12)
     for tree in forest.trees:
         assert len(tree) == 150
         seen = np.zeros(len(tree), bool)
@@ -101,8 +104,8 @@ def check_states(problem, tree, rows):
 
 def check_obstacles(problem, x, cov, limit):
     """Eq. (9) by the bound (10), and one face of every obstacle for both ends of a step."""
-    z = problem.tables.z
-    for normals, offsets in polygon_faces(problem.tables.obstacles):
+    z = problem.world.collision.z
+    for normals, offsets in polygon_faces(problem.obstacles):
         touch = [risk.inside_bound(normals, offsets, m, c) for m, c in zip(x, cov, strict=True)]
         assert max(touch) <= limit
         gap = x @ normals.T - offsets
@@ -115,7 +118,7 @@ def check_risks(problem, tree, rows, x, cov):
     """f_o^i of every vertex on the way: running minima over the visits so far."""
     cells = tree.cell[rows]
     for k in {len(rows) - 1, len(rows) // 2, len(rows) // 4}:
-        expected = risk.mission_risk_paper(problem, x[: k + 1], cov[: k + 1], cells[: k + 1])
+        expected = risk.theorem2_bound(problem, x[: k + 1], cov[: k + 1], cells[: k + 1])
         np.testing.assert_allclose(tree.risk[rows[k]], expected, rtol=1e-7, atol=1e-15)
 
 
@@ -211,7 +214,7 @@ def test_every_re_selection_improves_some_weighted_sum(swapped):
 
 def test_progress_in_the_automaton_is_never_lost_along_a_path(phi1, swapped):
     """Visits stay visited: each vertex accepts all that its parent accepted."""
-    covers = phi1.tables.logic.covers
+    covers = phi1.world.logic.covers
     for tree in swapped.trees:
         assert np.all(covers[tree.q[1:], tree.q[tree.parent[1:]]])
 
@@ -318,6 +321,25 @@ def test_a_start_too_close_to_an_obstacle_is_refused_by_name():
     assert len(grown(exact).accepted) > 0
 
 
+def test_a_start_too_close_names_the_limit_that_trees_keep_to():
+    """Under the path bound trees keep to half of epsilon: this start keeps to epsilon, but not to half."""
+    scene = make_scene({"a": box(15, 15, 17, 17)}, [box(5, 5, 8, 8)], start=(5 - 0.145, 6.5))
+    robot = RobotConfig(dt=100.0, u_max=10.0, start_sd=100.0)
+
+    def problem(epsilon):
+        return make_problem(
+            "F a", scene, robot=robot, planner=PlannerConfig(epsilon=epsilon), fidelity="full"
+        )
+
+    risk_there = ndtr(-1.45)
+    assert 0.05 < risk_there < 0.1
+    assert len(evaluate_path(problem(0.1), scene.start[None], "").x) == 1
+    expected = r"trees may spend \(0\.05, 0\.5 of planner\.epsilon\); .* planner\.epsilon \(now 0\.1\)$"
+    with pytest.raises(InfeasibleError, match=expected):
+        grown(problem(0.1))
+    assert len(grown(problem(0.2)).trees[0]) > 1
+
+
 def test_a_walled_in_region_is_reported_before_any_growth():
     walls = [box(11, 11, 19, 12), box(11, 18, 19, 19), box(11, 12, 12, 18), box(18, 12, 19, 18)]
     scene = make_scene({"a": box(14, 14, 16, 16), "b": box(2, 2, 4, 4)}, walls)
@@ -344,7 +366,7 @@ def test_too_few_vertices_say_how_far_they_came_and_which_knob_to_turn():
     cfg = PlannerConfig(trees=2, n_max=5)
     forest = grown(problem, cfg)
     assert len(forest.accepted) == 0
-    text = growth.explain(cfg, problem, forest)
+    text = growth.explain_no_path(cfg, problem, forest)
     assert "10 vertices reached automaton states [0] of 3" in text
     assert "the nearest still 2 transition(s) from acceptance" in text
     points = np.vstack([tree.x for tree in forest.trees])
@@ -361,7 +383,7 @@ def test_wind_that_holds_the_robot_back_is_named():
     problem = make_problem("F a", scene, wind, planner=cfg)
     forest = grown(problem, cfg)
     assert len(forest.accepted) == 0
-    text = growth.explain(cfg, problem, forest)
+    text = growth.explain_no_path(cfg, problem, forest)
     assert "outlasted the wind data or planner.max_steps (0.7 h)" in text
     assert "wind.hold_last=true, or raise planner.max_steps" in text
 
@@ -371,7 +393,7 @@ def test_wind_that_holds_the_robot_back_is_named():
     problem = make_problem("F a", scene, storm, planner=cfg)
     forest = grown(problem, cfg)
     assert len(forest.accepted) == 0
-    assert "raise robot.u_max" in growth.explain(cfg, problem, forest)
+    assert "raise robot.u_max" in growth.explain_no_path(cfg, problem, forest)
 
 
 def test_a_gap_that_is_too_narrow_for_epsilon_is_named():
@@ -381,7 +403,9 @@ def test_a_gap_that_is_too_narrow_for_epsilon_is_named():
     problem = make_problem("F a", scene, steady_wind(scene, gust=(4.0, 4.0)), planner=cfg)
     forest = grown(problem, cfg)
     assert len(forest.accepted) == 0
-    assert "came too close to obstacles: raise planner.epsilon" in growth.explain(cfg, problem, forest)
+    assert "came too close to obstacles: raise planner.epsilon" in growth.explain_no_path(
+        cfg, problem, forest
+    )
 
 
 # --- near the optimum --------------------------------------------------------------------------------

@@ -10,10 +10,10 @@ import pytest
 import shapely
 from scipy.stats import norm
 
-from pareto_ltl.planning import problem as room
 from pareto_ltl.planning import reference as risk
+from pareto_ltl.planning.pack import pack_faces, pack_wind
 from pareto_ltl.settings import PlannerConfig, RobotConfig
-from pareto_ltl.support.errors import DataError, InfeasibleError
+from pareto_ltl.support.errors import DataError
 from pareto_ltl.world import cells as workspace
 from problems import KM, box, make_problem, make_scene, rough_wind, steady_wind, two_goals
 
@@ -27,16 +27,16 @@ def problem():
 
 def test_polygons_keep_their_own_faces():
     polygons = [box(0, 0, 1, 1), np.array([[5.0, 5.0], [9.0, 5.0], [7.0, 8.0]]), box(2, 2, 3, 4)]
-    faces = room.faces(polygons)
+    faces = pack_faces(polygons)
     assert faces.ptr.tolist() == [0, 4, 7, 11]
     for j, polygon in enumerate(polygons):
         rows = slice(faces.ptr[j], faces.ptr[j + 1])
         np.testing.assert_allclose(faces.offset[rows], workspace.half_planes(polygon)[1])
-    assert room.faces([]).ptr.tolist() == [0]
+    assert pack_faces([]).ptr.tolist() == [0]
 
 
 def test_every_bucket_lists_the_cells_that_reach_into_it(problem):
-    cells, shapes = problem.tables.cells, [shapely.Polygon(c) for c in problem.decomposition.cells]
+    cells, shapes = problem.world.cells, [shapely.Polygon(c) for c in problem.decomposition.cells]
     n, width = cells.buckets, (cells.east - cells.west) / cells.buckets
     rng = np.random.default_rng(0)
     for column, row in rng.integers(0, n, (200, 2)):
@@ -54,10 +54,10 @@ def test_propositions_hold_in_the_cells_of_their_regions():
     problem = make_problem("F a & F b", scene)
     assert problem.atoms == ("a", "b")
     for cell, label in enumerate(problem.labels):
-        assert problem.tables.cells.atoms[cell].tolist() == ["a" in label, "b" in label]
+        assert problem.world.cells.atoms[cell].tolist() == ["a" in label, "b" in label]
     both = problem.locate(np.array([[8, 8]]) * KM)[0]
-    assert problem.tables.cells.atoms[both].tolist() == [True, True]
-    assert set(problem.tables.regions.atom) == {0, 1}
+    assert problem.world.cells.atoms[both].tolist() == [True, True]
+    assert set(problem.theorem2.atom) == {0, 1}
 
 
 # --- logic ------------------------------------------------------------------------------------------------
@@ -71,7 +71,7 @@ def test_a_state_covers_another_iff_it_accepts_all_words_that_one_accepts(formul
     """The order of growth's exchanges, by trying all words of up to five letters from every state."""
     regions = {name: box(4 * i + 1, 8, 4 * i + 3, 10) for i, name in enumerate("abcd")}
     problem = make_problem(formula, make_scene(regions))
-    logic = problem.tables.logic
+    logic = problem.world.logic
     columns = list({label: k for k, label in enumerate(problem.labels)}.values())
     states = len(logic.distance)
     accepted = [set() for _ in range(states)]
@@ -89,7 +89,7 @@ def test_a_state_covers_another_iff_it_accepts_all_words_that_one_accepts(formul
 
 
 def test_the_automaton_reads_cells_as_it_reads_their_labels(problem):
-    automaton, logic = problem.automaton, problem.tables.logic
+    automaton, logic = problem.automaton, problem.world.logic
     for q in range(automaton.n_states):
         for cell, label in enumerate(problem.labels):
             assert logic.delta[q, cell] == automaton.step(q, label)
@@ -103,7 +103,7 @@ def test_the_automaton_reads_cells_as_it_reads_their_labels(problem):
 def test_steps_lie_between_their_slots():
     scene = make_scene({"a": box(10, 10, 12, 12)})
     field = replace(rough_wind(scene, slots=3), times=np.array([-700.0, 450.0, 1000.0]))
-    wind = room.wind_tables(field, 100.0, 200)
+    wind = pack_wind(field, 100.0, 200)
     assert len(wind.slot) == 11  # 0 s to 1000 s
     np.testing.assert_allclose(
         field.times[wind.slot] + wind.weight * np.diff(field.times)[wind.slot], 100.0 * np.arange(11)
@@ -126,7 +126,7 @@ def test_a_single_field_serves_departure_alone_unless_held():
     assert make_problem("F a", scene, field).horizon == 1
     held = make_problem("F a", scene, replace(field, hold_last=True))
     assert held.horizon == 200
-    here, later = (risk.interpolate(held, field.mean, t, np.array([4e3, 5e3])) for t in (0, 150))
+    here, later = (risk.interpolate(held.wind, field.mean, t, np.array([4e3, 5e3])) for t in (0, 150))
     np.testing.assert_allclose(later, here)
 
 
@@ -145,7 +145,7 @@ def test_a_robot_slower_than_the_wind_everywhere_is_refused():
     assert make_problem("F a", scene, steady_wind(scene, mean=(8.0, 5.0))).horizon > 0
 
 
-# --- Eq. (9) and paths ------------------------------------------------------------------------------------
+# --- Eq. (9)  ------------------------------------------------------------------------------------
 
 
 def test_the_share_of_an_obstacle_sets_the_quantile():
@@ -153,64 +153,8 @@ def test_the_share_of_an_obstacle_sets_the_quantile():
         walls = [box(3 * i + 2, 15, 3 * i + 3, 16) for i in range(count)]
         scene = make_scene({"a": box(10, 10, 12, 12)}, walls)
         problem = make_problem("F a", scene, planner=PlannerConfig(epsilon=0.02))
-        assert norm.sf(problem.tables.z) == pytest.approx(0.02 / count)
+        assert norm.sf(problem.world.collision.z) == pytest.approx(0.02 / count)
 
 
 def test_reach_is_a_full_step_in_still_air(problem):
     assert problem.reach == pytest.approx(1000.0)
-
-
-WAY = np.array([[2.0, 3.0], [2.5, 3.5], [3.0, 4.2]]) * KM
-
-
-def test_an_evaluated_path_carries_its_cost(problem):
-    path = room.evaluate(problem, WAY, "by hand")
-    cov, u = risk.propagate(problem, WAY)
-    np.testing.assert_allclose(path.cov, cov, rtol=1e-9)
-    np.testing.assert_allclose(path.u, u, rtol=1e-9)
-    assert path.t.tolist() == [0.0, 100.0, 200.0]
-    assert path.origin == "by hand"
-    assert path.label == (frozenset(),) * 3
-    assert path.objectives.length == pytest.approx(500 * np.sqrt(2) + np.hypot(500, 700))
-    assert path.objectives.mission_risk_paper == 0.0  # nothing visited, nothing missed, says the paper
-    assert path.objectives.mission_risk == 1.0  # but the mission is not done
-    assert not room.accepted(problem, path)
-
-
-def test_a_start_in_the_goal_is_a_path_of_no_steps():
-    problem = make_problem("F a", make_scene({"a": box(0, 0, 4, 4)}, start=(2, 2)))
-    path = room.evaluate(problem, np.array([[2.0, 2.0]]) * KM, "stay")
-    assert room.accepted(problem, path)
-    assert path.u.shape == (0, 2)
-    assert (path.objectives.length, path.objectives.mission_risk, path.objectives.collision_risk) == (0, 0, 0)
-
-
-@pytest.mark.parametrize(
-    ("corner", "text"),
-    [
-        ((4.0, 6.0), r"needs more airspeed than robot\.u_max at step 3 of 3"),
-        ((3.0, 4.2), None),
-    ],
-)
-def test_a_path_that_cannot_be_flown_says_where(problem, corner, text):
-    x = np.vstack([WAY, np.array(corner) * KM])
-    if text is None:
-        assert len(room.evaluate(problem, x, "").x) == 4
-        return
-    with pytest.raises(InfeasibleError, match=text):
-        room.evaluate(problem, x, "")
-
-
-def test_paths_off_the_map_or_too_near_an_obstacle_are_refused(problem):
-    start = problem.scene.start
-    off = np.vstack([start - np.array([0.0, 500.0 * i]) for i in range(8)])
-    with pytest.raises(InfeasibleError, match="leaves the map or enters an obstacle at step 7 of 7"):
-        room.evaluate(problem, off, "")
-    near = np.vstack([start + np.array([490.0 * i, 0.0]) for i in range(11)])
-    with pytest.raises(
-        InfeasibleError, match=r"closer to an obstacle than planner\.epsilon allows at step \d+"
-    ):
-        room.evaluate(problem, near, "")
-    brief = two_goals(wind=rough_wind(problem.scene, slots=2, hours=1 / 36))
-    with pytest.raises(InfeasibleError, match="outlasts the wind data at step 3 of 4"):
-        room.evaluate(brief, np.vstack([WAY, WAY[2:], WAY[2:]]), "")

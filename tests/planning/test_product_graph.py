@@ -23,7 +23,7 @@ some = settings(deadline=None, max_examples=40)
 
 
 def graph_of(problem):
-    return guide.product(problem.decomposition, problem.tables.logic, problem.scene.bounds)
+    return guide.product_graph(problem.decomposition, problem.world.logic, problem.scene.bounds)
 
 
 @pytest.mark.parametrize("formula", ["F(a & F b)", "!b U a", "F(a & X b)", "F a & F b"])
@@ -79,14 +79,14 @@ def test_the_lead_is_a_run_of_the_automaton_through_doors():
 def test_a_label_that_must_be_read_twice_is_an_edge_from_a_cell_to_itself():
     """F(a & X a): one stays in region a for a step; no door is passed."""
     problem = make_problem("F(a & X a)", make_scene({"a": box(8, 8, 12, 12)}))
-    assert len(growth.forest(PlannerConfig(trees=2, n_max=400), problem, SeedSequence(0)).accepted) > 0
+    assert len(growth.grow_forest(PlannerConfig(trees=2, n_max=400), problem, SeedSequence(0)).accepted) > 0
 
 
 @some
 @given(scenes())
 def test_fans_tile_their_cells(scene):
     decomposition = workspace.decompose(scene)
-    fans = guide.fans(decomposition)
+    fans = guide.cell_fans(decomposition)
     for k, cell in enumerate(decomposition.cells):
         rows = slice(fans.ptr[k], fans.ptr[k + 1])
         triangles, whole = shapely.polygons(fans.corner[rows]), shapely.Polygon(cell)
@@ -97,6 +97,6 @@ def test_fans_tile_their_cells(scene):
 
 
 def test_fans_of_a_box_are_two_halves():
-    fans = guide.fans(workspace.decompose(make_scene({"a": box(0, 0, 20, 20)}, start=(1, 1))))
+    fans = guide.cell_fans(workspace.decompose(make_scene({"a": box(0, 0, 20, 20)}, start=(1, 1))))
     np.testing.assert_allclose(fans.share, [0.5, 1.0])
     assert shapely.area(shapely.polygons(fans.corner)).sum() == pytest.approx((20 * KM) ** 2)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
-
 import numpy as np
 import pytest
 import shapely
@@ -13,11 +11,11 @@ from numpy.random import SeedSequence
 from scipy.stats import binom, multivariate_normal
 
 from pareto_ltl.planning import reference as risk
-from pareto_ltl.planning.problem import evaluate
+from pareto_ltl.planning.evaluate import evaluate_path
 from pareto_ltl.settings import PlannerConfig
 from pareto_ltl.simulation import flights as deployment
 from pareto_ltl.world.cells import half_planes
-from problems import KM, RARE, box, make_problem, make_scene, random_covariances, steady_wind
+from problems import KM, RARE, along, box, make_problem, make_scene, random_covariances, steady_wind
 from strategies import convex_polygons, star_polygons
 
 some = settings(deadline=None, max_examples=40)
@@ -39,7 +37,7 @@ def test_the_probability_of_a_box_is_that_of_scipy(seed):
     # inclusion and exclusion of corners: scipy integrates quadrants of two dimensions exactly
     cdf = multivariate_normal(mean, cov).cdf
     expected = cdf(high) - cdf([low[0], high[1]]) - cdf([high[0], low[1]]) + cdf(low)
-    assert risk.polygon_probability(polygon, mean, cov) == pytest.approx(expected, abs=2e-8)
+    assert risk.gaussian_in_polygon(polygon, mean, cov) == pytest.approx(expected, abs=2e-8)
 
 
 @pytest.mark.statistical
@@ -52,7 +50,7 @@ def test_the_probability_of_a_polygon_is_the_share_of_samples_in_it(polygon, see
     n = 20_000
     samples = rng.multivariate_normal(mean, cov, n)
     hits = int(shapely.contains_xy(shapely.Polygon(polygon), samples).sum())
-    p = risk.polygon_probability(polygon, mean, cov)
+    p = risk.gaussian_in_polygon(polygon, mean, cov)
     assert min(binom.cdf(hits, n, p + 1e-12), binom.sf(hits - 1, n, p + 1e-12)) > RARE / 100
 
 
@@ -62,20 +60,20 @@ def test_pieces_add_up_and_moving_the_world_changes_nothing(polygon, seed):
     rng = np.random.default_rng(seed)
     (cov,) = random_covariances(rng, 1, 150.0)
     mean, shift = polygon.mean(axis=0) + rng.uniform(-400, 400, 2), rng.uniform(-1e4, 1e4, 2)
-    whole = risk.polygon_probability(polygon, mean, cov)
+    whole = risk.gaussian_in_polygon(polygon, mean, cov)
     pieces = [np.array([polygon[0], polygon[i], polygon[i + 1]]) for i in range(1, len(polygon) - 1)]
-    assert sum(risk.polygon_probability(p, mean, cov) for p in pieces) == pytest.approx(whole, abs=1e-10)
-    assert risk.polygon_probability(polygon + shift, mean + shift, cov) == pytest.approx(whole, abs=1e-9)
-    assert risk.polygon_probability(3 * polygon, 3 * mean, 9 * cov) == pytest.approx(whole, abs=1e-10)
+    assert sum(risk.gaussian_in_polygon(p, mean, cov) for p in pieces) == pytest.approx(whole, abs=1e-10)
+    assert risk.gaussian_in_polygon(polygon + shift, mean + shift, cov) == pytest.approx(whole, abs=1e-9)
+    assert risk.gaussian_in_polygon(3 * polygon, 3 * mean, 9 * cov) == pytest.approx(whole, abs=1e-10)
 
 
 def test_a_mean_on_an_edge_or_a_corner_is_no_special_case():
     cov, big = np.eye(2), 50.0  # so large that only the nearest faces count
     square = np.array([[0, 0], [big, 0], [big, big], [0, big]])
-    assert risk.polygon_probability(square, np.array([25.0, 0.0]), cov) == pytest.approx(0.5, abs=1e-12)
-    assert risk.polygon_probability(square, np.array([0.0, 0.0]), cov) == pytest.approx(0.25, abs=1e-12)
-    assert risk.polygon_probability(square, np.array([25.0, 25.0]), cov) == pytest.approx(1.0, abs=1e-12)
-    assert risk.polygon_probability(square, np.array([-40.0, 25.0]), cov) == pytest.approx(0.0, abs=1e-12)
+    assert risk.gaussian_in_polygon(square, np.array([25.0, 0.0]), cov) == pytest.approx(0.5, abs=1e-12)
+    assert risk.gaussian_in_polygon(square, np.array([0.0, 0.0]), cov) == pytest.approx(0.25, abs=1e-12)
+    assert risk.gaussian_in_polygon(square, np.array([25.0, 25.0]), cov) == pytest.approx(1.0, abs=1e-12)
+    assert risk.gaussian_in_polygon(square, np.array([-40.0, 25.0]), cov) == pytest.approx(0.0, abs=1e-12)
 
 
 @some
@@ -85,7 +83,7 @@ def test_the_half_plane_bounds_hold(polygon, seed):
     normals, offsets = half_planes(polygon)
     for cov in random_covariances(rng, 5, 200.0):
         mean = polygon.mean(axis=0) + rng.uniform(-400, 400, 2)
-        exact = risk.polygon_probability(polygon, mean, cov)
+        exact = risk.gaussian_in_polygon(polygon, mean, cov)
         assert risk.inside_bound(normals, offsets, mean, cov) >= exact - 1e-9
         assert risk.outside_bound(normals, offsets, mean, cov) >= 1 - exact - 1e-9
 
@@ -101,18 +99,9 @@ def test_a_certain_position_is_inside_or_outside():
 # --- missions ------------------------------------------------------------------------------------------
 
 
-def along(*corners, step=0.8):
-    """Positions ``step`` km apart along straight legs [m]."""
-    legs = []
-    for p, q in itertools.pairwise(np.array(corners, float)):
-        n = max(1, int(np.ceil(np.linalg.norm(q - p) / step)))
-        legs.append(p + np.arange(n)[:, None] / n * (q - p))
-    return np.vstack([*legs, [corners[-1]]]) * KM
-
-
 def simulated(problem, path, runs=20_000, seed=1):
     """Flights whose positions are exactly Gaussian (the wind is the same everywhere)."""
-    return deployment.fly(problem, path.u, runs, "independent", SeedSequence(seed))
+    return deployment.simulate_flights(problem, path.u, runs, "independent", SeedSequence(seed))
 
 
 def keeps(bound, failures, runs):
@@ -151,7 +140,7 @@ def flown(name):
     formula, regions, way = MISSIONS[name]
     scene = make_scene(regions, start=way[0])
     problem = make_problem(formula, scene, steady_wind(scene, mean=(1.5, -1.0), latent=(1.0, 0.5), gust=MILD))
-    return problem, evaluate(problem, along(*way), name)
+    return problem, evaluate_path(problem, along(*way, step=0.8), name)
 
 
 @pytest.mark.statistical
@@ -161,8 +150,8 @@ def test_simulated_flights_fail_no_more_often_than_the_ordered_bound(name):
     result = simulated(problem, path)
     failures, runs = int((~result.accepted).sum()), len(result.accepted)
     assert failures > 20  # otherwise the scene tests nothing
-    assert 0.0 < path.objectives.mission_risk < 1.0
-    assert keeps(path.objectives.mission_risk, failures, runs)
+    assert 0.0 < path.objectives.mission_risk_ordered < 1.0
+    assert keeps(path.objectives.mission_risk_ordered, failures, runs)
 
 
 @pytest.mark.statistical
@@ -178,9 +167,9 @@ def test_the_ordered_bound_is_not_far_above_the_truth_for_one_visit():
     """With one step in reach of the goal V is exact."""
     scene = make_scene({"a": box(9, 9, 11, 11)}, start=(9.1, 8.1))
     problem = make_problem("F a", scene, steady_wind(scene, gust=STRONG))
-    path = evaluate(problem, np.array([[9.1, 8.1], [9.8, 9.8 - 1.1]]) * KM, "one step")
-    exact = 1 - risk.polygon_probability(box(9, 9, 11, 11), path.x[1], path.cov[1])
-    assert path.objectives.mission_risk == pytest.approx(exact, rel=1e-9)
+    path = evaluate_path(problem, np.array([[9.1, 8.1], [9.8, 9.8 - 1.1]]) * KM, "one step")
+    exact = 1 - risk.gaussian_in_polygon(box(9, 9, 11, 11), path.x[1], path.cov[1])
+    assert path.objectives.mission_risk_ordered == pytest.approx(exact, rel=1e-9)
     failures = int((~simulated(problem, path).accepted).sum())
     assert keeps(exact, failures, 20_000)
     assert keeps(1 - exact, 20_000 - failures, 20_000)
@@ -191,13 +180,13 @@ def test_a_visit_made_too_early_fools_the_paper_but_not_the_ordered_bound():
     """F(a & F b): b is crossed safely on the way to a, and only grazed when it counts."""
     scene = make_scene({"a": box(13, 1, 19, 7), "b": box(2, 1, 6, 7)}, start=(1, 4))
     problem = make_problem("F(a & F b)", scene, steady_wind(scene, gust=STRONG))
-    path = evaluate(problem, along((1, 4), (4, 4), (16, 4), (5.4, 6.2)), "there and back")
+    path = evaluate_path(problem, along((1, 4), (4, 4), (16, 4), (5.4, 6.2), step=0.8), "there and back")
     result = simulated(problem, path)
     failures, runs = int((~result.accepted).sum()), len(result.accepted)
     assert problem.automaton.accepting[path.q[-1]]
     assert breaks(path.objectives.mission_risk_paper, failures, runs)
-    assert keeps(path.objectives.mission_risk, failures, runs)
-    assert path.objectives.mission_risk < 1.0
+    assert keeps(path.objectives.mission_risk_ordered, failures, runs)
+    assert path.objectives.mission_risk_ordered < 1.0
 
 
 @pytest.mark.statistical
@@ -205,18 +194,20 @@ def test_a_forbidden_region_close_by_fools_the_paper_but_not_the_ordered_bound()
     """!b U a, past b at a small distance: the paper counts the visit of a alone."""
     scene = make_scene({"a": box(11, 1, 19, 7), "b": box(4, 4.6, 9, 9)}, start=(1, 4))
     problem = make_problem("!b U a", scene, steady_wind(scene, gust=(6.0, 6.0)))
-    path = evaluate(problem, along((1, 4), (15, 4)), "past b")
+    path = evaluate_path(problem, along((1, 4), (15, 4), step=0.8), "past b")
     result = simulated(problem, path)
     failures, runs = int((~result.accepted).sum()), len(result.accepted)
     assert breaks(path.objectives.mission_risk_paper, failures, runs)
-    assert keeps(path.objectives.mission_risk, failures, runs)
+    assert keeps(path.objectives.mission_risk_ordered, failures, runs)
 
 
 def test_without_uncertainty_the_ordered_bound_is_the_run_of_the_automaton():
     scene = make_scene({"a": box(13, 1, 19, 7), "b": box(2, 1, 6, 7)}, start=(1, 4))
     problem = make_problem("F(a & F b)", scene, steady_wind(scene, gust=(0.0, 0.0)))
-    assert evaluate(problem, along((1, 4), (16, 4)), "half").objectives.mission_risk == 1.0
-    assert evaluate(problem, along((1, 4), (16, 4), (5, 4)), "whole").objectives.mission_risk == 0.0
+    half = evaluate_path(problem, along((1, 4), (16, 4), step=0.8), "half")
+    whole = evaluate_path(problem, along((1, 4), (16, 4), (5, 4), step=0.8), "whole")
+    assert half.objectives.mission_risk_ordered == 1.0
+    assert whole.objectives.mission_risk_ordered == 0.0
 
 
 def by_states(problem, x, cov):
@@ -228,7 +219,7 @@ def by_states(problem, x, cov):
         P = dict.fromkeys(letters, 0.0)
         for cell, label in zip(problem.decomposition.cells, problem.labels, strict=True):
             if label:
-                P[label] += risk.polygon_probability(cell, mean, c)
+                P[label] += risk.gaussian_in_polygon(cell, mean, c)
         P[frozenset()] = 1.0 - sum(p for label, p in P.items() if label)
         V = [
             min(
@@ -248,9 +239,9 @@ def test_the_ordered_bound_is_its_recursion(name):
     problem, path = flown(name)
     later = slice(1, None)  # the start is known exactly and lies in no region
     expected = by_states(problem, path.x[later], path.cov[later])
-    found = risk.ordered_mission_risk(problem, path.x[later], path.cov[later])
+    found = risk.ordered_bound(problem, path.x[later], path.cov[later])
     assert found == pytest.approx(expected, rel=1e-9, abs=1e-12)
-    assert found == pytest.approx(path.objectives.mission_risk, rel=1e-9, abs=1e-12)
+    assert found == pytest.approx(path.objectives.mission_risk_ordered, rel=1e-9, abs=1e-12)
 
 
 def test_labels_are_shown_with_probabilities_that_sum_to_one():
@@ -263,7 +254,7 @@ def test_labels_are_shown_with_probabilities_that_sum_to_one():
     assert P[0].tolist() == [0.0] * (len(columns) - 1) + [1.0]
     mean, cov = path.x[-1], path.cov[-1]
     for k, cell in enumerate(columns[:-1]):
-        exact = risk.polygon_probability(problem.decomposition.cells[cell], mean, cov)
+        exact = risk.gaussian_in_polygon(problem.decomposition.cells[cell], mean, cov)
         assert P[-1, k] == pytest.approx(exact, abs=1e-13)
 
 
@@ -273,7 +264,7 @@ def test_labels_are_shown_with_probabilities_that_sum_to_one():
 def test_the_papers_risk_is_the_best_visit_of_each_region():
     problem, path = flown("both")
     cells = problem.locate(path.x)
-    found = risk.mission_risk_paper(problem, path.x, path.cov, cells)
+    found = risk.theorem2_bound(problem, path.x, path.cov, cells)
     for i, name in enumerate(problem.atoms):
         normals, offsets = half_planes(problem.scene.regions[name])
         visits = [t for t, label in enumerate(path.label) if name in label]
@@ -300,7 +291,7 @@ def test_simulated_flights_collide_no_more_often_than_the_path_bound(name, gust)
     scene = make_scene({"a": box(18, 18, 19, 19)}, OBSTACLES, start=WAYS[name][0])
     wind = steady_wind(scene, mean=(1.0, -2.0), gust=gust)
     problem = make_problem("F a", scene, wind, planner=PlannerConfig(epsilon=0.9))
-    path = evaluate(problem, along(*WAYS[name], step=0.7), name)
+    path = evaluate_path(problem, along(*WAYS[name], step=0.7), name)
     result = simulated(problem, path)
     hits = int(result.collided.sum())
     assert hits > 20

@@ -12,9 +12,8 @@ from hypothesis import strategies as st
 from numpy.random import SeedSequence
 
 from pareto_ltl.planning import growth, selection
-from pareto_ltl.planning.problem import evaluate
-from pareto_ltl.planning.records import Front, Objectives, PlannedPath
-from pareto_ltl.planning.selection_rules import choose_path
+from pareto_ltl.planning.evaluate import evaluate_path
+from pareto_ltl.planning.records import Front, Objectives, PlannedPath, objective_row
 from pareto_ltl.settings import PlannerConfig, SelectionConfig
 from pareto_ltl.support.errors import InfeasibleError
 from problems import two_goals
@@ -30,9 +29,10 @@ def dominates(winner, loser):
     return bool(np.all(winner <= loser) and np.any(winner < loser))
 
 
-def path_of(mission, collision, length, ordered=None, origin=""):
-    """A path that is nothing but its objectives."""
-    objectives = Objectives(length, mission, mission if ordered is None else ordered, collision)
+def path_of(mission, collision, length, judged=None, origin=""):
+    """A path that is nothing but its objectives; ``judged`` is its mission risk where it is not f_o."""
+    judged = mission if judged is None else judged
+    objectives = Objectives(length, mission, judged, collision, judged)
     empty = np.zeros((1, 2))
     nowhere = np.zeros(1, np.int64)
     return PlannedPath(
@@ -41,7 +41,7 @@ def path_of(mission, collision, length, ordered=None, origin=""):
 
 
 def front_of(*rows, **how):
-    return selection.front([], [path_of(*row, **how) for row in rows])
+    return selection.build_front([], [path_of(*row, **how) for row in rows])
 
 
 # --- the front ---------------------------------------------------------------------------------------------
@@ -69,8 +69,8 @@ def test_the_front_does_not_depend_on_row_order(costs, random):
 @some
 @given(tables)
 def test_paths_of_a_front_are_sorted_and_do_not_dominate_one_another(costs):
-    front = selection.front([], [path_of(*row) for row in costs + METRE])
-    rows = [selection.objective_row(p.objectives) for p in front.paths]
+    front = selection.build_front([], [path_of(*row) for row in costs + METRE])
+    rows = [objective_row(p.objectives) for p in front.paths]
     assert [tuple(row) for row in rows] == sorted(tuple(row) for row in rows)
     assert not any(dominates(a, b) or dominates(b, a) for a, b in combinations(rows, 2))
     assert len(front.raw) == len(costs)
@@ -79,15 +79,15 @@ def test_paths_of_a_front_are_sorted_and_do_not_dominate_one_another(costs):
 def test_a_smoothed_path_replaces_what_it_dominates():
     raw = [path_of(0.1, 0.0, 100.0, origin="tree"), path_of(0.01, 0.0, 150.0, origin="tree")]
     smoothed = [path_of(0.1, 0.0, 90.0, origin="smoothed"), path_of(0.5, 0.1, 95.0, origin="smoothed")]
-    front = selection.front(smoothed, raw)
+    front = selection.build_front(smoothed, raw)
     assert [(p.origin, p.objectives.length) for p in front.paths] == [("tree", 150.0), ("smoothed", 90.0)]
     assert [o.length for o in front.raw] == [100.0, 150.0]
-    assert front.hypervolume > selection.front([], raw).hypervolume
+    assert front.hypervolume > selection.build_front([], raw).hypervolume
 
 
 def test_no_paths_are_no_front():
     with pytest.raises(InfeasibleError, match="no path completes the mission"):
-        selection.front([], [])
+        selection.build_front([], [])
 
 
 def test_the_hypervolume_of_two_boxes_is_their_union():
@@ -116,12 +116,12 @@ def test_more_rows_never_make_the_hypervolume_smaller(costs, more):
 @pytest.fixture(scope="module")
 def planted():
     problem = two_goals()
-    return problem, growth.forest(PlannerConfig(trees=3, n_max=400), problem, SeedSequence(0))
+    return problem, growth.grow_forest(PlannerConfig(trees=3, n_max=400), problem, SeedSequence(0))
 
 
 def test_the_front_of_the_trees_holds_every_trade_off_between_risk_and_length(planted):
     problem, forest = planted
-    rows = selection.accepted_rows(forest)
+    rows = selection.accepted_rows(problem, forest)
     front = selection.tree_front(problem, forest)
     found = [(p.objectives.mission_risk_paper, p.objectives.length) for p in front]
     expected = sorted({tuple(r) for r in rows if not any(dominates(s, r) for s in rows)})
@@ -131,7 +131,7 @@ def test_the_front_of_the_trees_holds_every_trade_off_between_risk_and_length(pl
         assert problem.automaton.accepting[path.q[-1]]
         _, j, _, v = path.origin.split()
         np.testing.assert_array_equal(path.x, forest.trees[int(j)].path(int(v)))
-        again = evaluate(problem, path.x, path.origin)
+        again = evaluate_path(problem, path.x, path.origin)
         assert again.objectives == path.objectives
 
 
@@ -151,7 +151,7 @@ CHOICE = (
 
 
 def chosen(front: Front, **settings):
-    o = choose_path(SelectionConfig(**settings), front).objectives
+    o = selection.choose_path(SelectionConfig(**settings), front).objectives
     return o.mission_risk_paper, o.collision_risk, o.length
 
 
@@ -164,11 +164,30 @@ def test_priority_breaks_ties_by_collisions_then_length():
     assert chosen(front_of(*tied), rule="priority") == tied[1]
 
 
+def test_priority_takes_the_least_estimated_failure_rate_where_flights_judge():
+    front = front_of(*CHOICE)
+    assert [o.length for o in (p.objectives for p in front.paths)] == [300.0, 200.0, 150.0, 120.0]
+    for best in range(4):
+        estimates = tuple(0.1 if k == best else 0.2 + 0.01 * k for k in range(4))
+        assert chosen(replace(front, estimates=estimates), rule="priority") == CHOICE[best]
+
+
+def test_priority_breaks_ties_of_estimates_by_the_sum_of_both_risks_then_length():
+    """Of four paths three share the least estimate; two of these have the least sum, 3/64 in all."""
+    rows = ((1 / 64, 4 / 64, 100.0), (2 / 64, 1 / 64, 300.0), (5 / 128, 1 / 128, 200.0), (9 / 128, 0.0, 50.0))
+    front = front_of(*rows)
+    assert len(front.paths) == 4
+    tied = replace(front, estimates=(0.25, 0.25, 0.25, 0.5))
+    assert chosen(tied, rule="priority") == rows[2]
+    assert chosen(replace(front, estimates=(0.25, 0.25, 0.5, 0.5)), rule="priority") == rows[1]
+    assert chosen(replace(front, estimates=(0.25, 0.5, 0.5, 0.25)), rule="priority") == rows[3]
+
+
 @some
 @given(tables, st.tuples(grid, grid, grid).filter(any))
 def test_weighted_takes_the_least_weighted_sum(costs, weights):
     front = front_of(*(costs + METRE) / [4, 4, 1])
-    rows = np.array([selection.objective_row(p.objectives) for p in front.paths])
+    rows = np.array([objective_row(p.objectives) for p in front.paths])
     sums = rows / [1, 1, rows[:, 2].min()] @ weights
     found = np.array(chosen(front, rule="weighted", weights=list(weights)))
     assert found / [1, 1, rows[:, 2].min()] @ weights == pytest.approx(sums.min())
@@ -189,13 +208,13 @@ def test_threshold_takes_the_shortest_that_is_safe_enough():
     assert chosen(front, rule="threshold", alpha=0.9) == CHOICE[3]
 
 
-def test_threshold_trusts_the_ordered_bound_and_not_the_papers():
-    front = front_of((0.001, 0.0, 100.0), (0.0005, 0.0, 200.0), ordered=0.2)
+def test_threshold_trusts_the_bound_that_judges_the_plan_and_not_the_papers():
+    front = front_of((0.001, 0.0, 100.0), (0.0005, 0.0, 200.0), judged=0.2)
     with pytest.raises(InfeasibleError):
-        choose_path(SelectionConfig(rule="threshold", alpha=0.1), front)
+        selection.choose_path(SelectionConfig(rule="threshold", alpha=0.1), front)
 
 
 def test_a_threshold_that_nothing_keeps_says_what_could_be_kept():
     expected = r"selection\.alpha = 0\.01; the safest has 0\.02: raise selection\.alpha"
     with pytest.raises(InfeasibleError, match=expected):
-        choose_path(SelectionConfig(rule="threshold", alpha=0.01), front_of(*CHOICE))
+        selection.choose_path(SelectionConfig(rule="threshold", alpha=0.01), front_of(*CHOICE))

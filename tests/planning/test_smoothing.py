@@ -14,9 +14,14 @@ from scipy.optimize import minimize
 from scipy.special import ndtr
 
 from pareto_ltl.logic import translate
-from pareto_ltl.planning import growth, problem, selection
+from pareto_ltl.planning import growth, selection
 from pareto_ltl.planning import reference as risk
-from pareto_ltl.planning import refine as smoothing
+from pareto_ltl.planning.evaluate import completes_mission, evaluate_path, propagate
+from pareto_ltl.planning.pack import build_problem
+from pareto_ltl.planning.records import objective_row
+from pareto_ltl.planning.refine import convex, smoothing
+from pareto_ltl.planning.refine.obligations import path_obligations
+from pareto_ltl.planning.refine.taut_lines import CAP, pull_taut, walk_line
 from pareto_ltl.settings import PlannerConfig, RobotConfig, SmoothingConfig, WindConfig
 from pareto_ltl.wind.records import WindField
 from pareto_ltl.world import cells as workspace
@@ -58,14 +63,14 @@ def build(formula, start, regions, obstacles=(), wind=None, size=1000.0, planner
         KM * np.array([[0, 0], [size, size]]), KM * np.array(start, float), regions, tuple(obstacles)
     )
     cells = workspace.decompose(scene)
-    return problem.build(
+    return build_problem(
         RobotConfig(), planner or PlannerConfig(), WindConfig(), scene, wind or still_air(size), cells,
         translate(formula, cells.letters),
     )  # fmt: skip
 
 
 def flown(task, corners, origin="by hand"):
-    return problem.evaluate(task, smoothing.walk(task, KM * np.array(corners, float)), origin)
+    return evaluate_path(task, walk_line(task, KM * np.array(corners, float)), origin)
 
 
 def shortest(paths):
@@ -78,7 +83,7 @@ def windy():
     obstacles = [box(250, 200, 400, 600), box(550, 450, 700, 900), box(450, 0, 520, 250)]
     regions = {"a": box(100, 700, 300, 900), "b": box(780, 500, 960, 700)}
     task = build("F(a & F b)", (80, 80), regions, obstacles, rough_air())
-    forest = growth.forest(PlannerConfig(trees=3, n_max=1500, threads=1), task, SeedSequence(3))
+    forest = growth.grow_forest(PlannerConfig(trees=3, n_max=1500, threads=1), task, SeedSequence(3))
     return task, selection.tree_front(task, forest)
 
 
@@ -89,7 +94,7 @@ def test_without_obstacles_the_way_to_a_region_becomes_a_straight_line():
     region = box(700, 600, 800, 700)
     task = build("F a", (100, 100), {"a": region})
     crooked = flown(task, [(100, 100), (200, 500), (500, 300), (750, 650)])
-    best = shortest(smoothing.smooth(SmoothingConfig(), task, [crooked]))
+    best = shortest(smoothing.smooth_paths(SmoothingConfig(), task, [crooked]))
     straight = shapely.Polygon(region).distance(shapely.Point(100 * KM, 100 * KM))
     assert straight <= best <= straight + 10.0
 
@@ -97,7 +102,7 @@ def test_without_obstacles_the_way_to_a_region_becomes_a_straight_line():
 def test_the_way_around_an_obstacle_bends_at_its_corner():
     task = build("F a", (100, 100), {"a": box(700, 80, 800, 120)}, [box(300, 0, 400, 300)])
     crooked = flown(task, [(100, 100), (200, 600), (600, 500), (750, 100)])
-    best = shortest(smoothing.smooth(SmoothingConfig(), task, [crooked]))
+    best = shortest(smoothing.smooth_paths(SmoothingConfig(), task, [crooked]))
     exact = KM * (math.hypot(200, 200) + 100 + math.hypot(300, 180))
     assert exact - 1.0 <= best <= 1.0005 * exact
 
@@ -105,7 +110,7 @@ def test_the_way_around_an_obstacle_bends_at_its_corner():
 def test_the_other_side_of_an_obstacle_is_found_where_it_is_shorter():
     task = build("F a", (100, 500), {"a": box(700, 480, 800, 520)}, [box(300, 450, 400, 900)])
     crooked = flown(task, [(100, 500), (250, 950), (450, 950), (750, 500)])
-    best = shortest(smoothing.smooth(SmoothingConfig(), task, [crooked]))
+    best = shortest(smoothing.smooth_paths(SmoothingConfig(), task, [crooked]))
     exact = KM * (math.hypot(200, 50) + 100 + math.hypot(300, 30))
     assert exact - 1.0 <= best <= 1.0005 * exact
 
@@ -121,7 +126,7 @@ def test_a_convex_optimum_agrees_with_a_general_purpose_optimiser():
     first = flown(task, [(100, 100), (120, 200), (250, 200)])
     weight, length0 = 3.0, first.objectives.length
     steps, cov = len(first.x) - 1, first.cov[-1]
-    normal, offset = problem.half_planes(task.decomposition.regions["a"][0])
+    normal, offset = workspace.half_planes(task.decomposition.regions["a"][0])
     sd = risk.deviation(normal, cov)
     wind = np.array([2.0, -1.0])
 
@@ -139,9 +144,9 @@ def test_a_convex_optimum_agrees_with_a_general_purpose_optimiser():
         cost, middle.ravel() + 1e-3, constraints={"type": "ineq", "fun": spare}, method="SLSQP", tol=1e-10,
         options={"maxiter": 500},
     )  # fmt: skip
-    model = smoothing.programme(task, steps, 1, 4)
-    cfg = SmoothingConfig(rounds=6)
-    ours = smoothing.rounds(cfg, model, task, first.x, weight, length0)
+    model = convex.smoothing_programme(task, steps, 1, 4)
+    shared = smoothing.SmoothingTask(SmoothingConfig(rounds=6), model, task, length0)
+    ours = smoothing.iterate(shared, first.x, weight)
     value = ours.objectives.length / length0 + weight * ours.objectives.mission_risk_paper
     assert independent.success
     assert value == pytest.approx(independent.fun, abs=1e-3)
@@ -163,11 +168,11 @@ def test_calm_missions_end_within_a_thousandth_of_the_exact_optimum(name, formul
     scene = read_scene(SceneConfig(**settings_))
     cells = workspace.decompose(scene)
     shifted = wind_of(lambda x, y, k: (0 * x, 0 * x), 0.0, 0.0, 1000.0)
-    task = problem.build(
+    task = build_problem(
         RobotConfig(), PlannerConfig(), WindConfig(), scene, shifted, cells, translate(formula, cells.letters)
     )
-    forest = growth.forest(PlannerConfig(trees=2, threads=1), task, SeedSequence(0))
-    best = shortest(smoothing.smooth(SmoothingConfig(), task, selection.tree_front(task, forest)))
+    forest = growth.grow_forest(PlannerConfig(trees=2, threads=1), task, SeedSequence(0))
+    best = shortest(smoothing.smooth_paths(SmoothingConfig(), task, selection.tree_front(task, forest)))
     assert 0.999 * optimum * 1e5 <= best <= 1.001 * optimum * 1e5
 
 
@@ -176,22 +181,22 @@ def test_calm_missions_end_within_a_thousandth_of_the_exact_optimum(name, formul
 
 def test_every_smoothed_path_flies_and_completes_the_mission(windy):
     task, paths = windy
-    smoothed = smoothing.smooth(SmoothingConfig(), task, paths)
+    smoothed = smoothing.smooth_paths(SmoothingConfig(), task, paths)
     assert smoothed
     for path in smoothed:
-        again = problem.evaluate(task, path.x, path.origin)
-        assert problem.accepted(task, again)
+        again = evaluate_path(task, path.x, path.origin)
+        assert completes_mission(task, again)
         assert again.objectives == path.objectives
-        assert np.linalg.norm(path.u, axis=1).max() <= task.tables.motion.u_max * (1 + 1e-6)
+        assert np.linalg.norm(path.u, axis=1).max() <= task.motion.u_max * (1 + 1e-6)
         assert "smoothed at risk weight" in path.origin
         assert path.origin.startswith("tree ")
 
 
 def test_no_smoothed_path_is_dominated_by_a_tree_path(windy):
     task, paths = windy
-    old = np.array([selection.objective_row(p.objectives) for p in paths])
-    for path in smoothing.smooth(SmoothingConfig(), task, paths):
-        row = selection.objective_row(path.objectives)
+    old = np.array([objective_row(p.objectives) for p in paths])
+    for path in smoothing.smooth_paths(SmoothingConfig(), task, paths):
+        row = objective_row(path.objectives)
         assert not ((old <= row).all(axis=1)).any()
 
 
@@ -199,29 +204,29 @@ def test_no_smoothed_path_is_dominated_by_a_tree_path(windy):
 def test_smoothing_lowers_the_weighted_cost_of_the_best_tree_path(windy, weight):
     task, paths = windy
     length = shortest(paths)
+    shared = smoothing.SmoothingTask(SmoothingConfig(), None, task, length)
     old, new = (
-        min(smoothing.merit(path, weight, length) for path in group)
-        for group in (paths, smoothing.smooth(SmoothingConfig(), task, paths))
+        min(shared.merit(path, weight) for path in group)
+        for group in (paths, smoothing.smooth_paths(SmoothingConfig(), task, paths))
     )
     assert new < 0.95 * old
 
 
 def test_a_larger_weight_buys_a_smaller_risk(windy):
     task, paths = windy
-    begun = smoothing.starts(SmoothingConfig(), task, paths)
-    model = smoothing.fitting(task, begun)
+    begun = smoothing.taut_starts(SmoothingConfig(), task, paths)
+    model = smoothing.fitting_programme(task, begun)
+    shared = smoothing.SmoothingTask(SmoothingConfig(), model, task, paths[0].objectives.length)
     risks = []
     for weight in (1.0, 10.0, 100.0):
-        path = smoothing.rounds(
-            SmoothingConfig(), model, task, begun[0].x, weight, paths[0].objectives.length
-        )
+        path = smoothing.iterate(shared, begun[0].x, weight)
         risks.append(path.objectives.mission_risk_paper + path.objectives.collision_risk)
     assert risks[0] > risks[1] > risks[2] * 0.999
 
 
 def test_the_same_input_gives_the_same_paths(windy):
     task, paths = windy
-    one, two = (smoothing.smooth(SmoothingConfig(), task, paths) for _ in range(2))
+    one, two = (smoothing.smooth_paths(SmoothingConfig(), task, paths) for _ in range(2))
     assert [p.origin for p in one] == [p.origin for p in two]
     for p, q in zip(one, two, strict=True):
         np.testing.assert_array_equal(p.x, q.x)
@@ -229,20 +234,20 @@ def test_the_same_input_gives_the_same_paths(windy):
 
 def test_without_paths_there_is_nothing_to_smooth(windy):
     task, _ = windy
-    assert smoothing.smooth(SmoothingConfig(), task, []) == ()
+    assert smoothing.smooth_paths(SmoothingConfig(), task, []) == ()
 
 
 def test_progress_counts_to_the_end(windy):
     task, paths = windy
     calls = []
-    smoothing.smooth(SmoothingConfig(rounds=1, weights=[1.0]), task, paths, lambda *c: calls.append(c))
+    smoothing.smooth_paths(SmoothingConfig(rounds=1, weights=[1.0]), task, paths, lambda *c: calls.append(c))
     assert calls == [(k + 1, calls[-1][1]) for k in range(calls[-1][1])]
 
 
 def test_where_the_solver_fails_nothing_is_returned(windy, monkeypatch):
     task, paths = windy
-    monkeypatch.setattr(smoothing.Programme, "solve", lambda self: None)
-    assert smoothing.smooth(SmoothingConfig(), task, paths) == ()
+    monkeypatch.setattr(convex.Programme, "solve", lambda self: None)
+    assert smoothing.smooth_paths(SmoothingConfig(), task, paths) == ()
 
 
 @pytest.mark.parametrize(
@@ -266,7 +271,7 @@ def test_only_solved_statuses_are_believed(windy, monkeypatch, status):
             return self.answer
 
     monkeypatch.setattr(clarabel, "DefaultSolver", Broken)
-    assert smoothing.smooth(SmoothingConfig(rounds=1), task, paths) == ()
+    assert smoothing.smooth_paths(SmoothingConfig(rounds=1), task, paths) == ()
 
 
 def test_an_iterate_that_does_not_fly_is_drawn_back_to_the_one_that_did(windy):
@@ -274,12 +279,12 @@ def test_an_iterate_that_does_not_fly_is_drawn_back_to_the_one_that_did(windy):
     old = paths[0].x
     wild = old.copy()
     wild[len(old) // 2] += 0.9 * STEP
-    assert smoothing.fly(task, wild) is None
-    path = smoothing.damped(task, old, wild)
-    assert path is None or problem.accepted(task, path)
+    assert smoothing.flown_path(task, wild) is None
+    path = smoothing.damped_path(task, old, wild)
+    assert path is None or completes_mission(task, path)
     tame = old.copy()
     tame[1:-1] += 1e-3
-    assert smoothing.damped(task, old, tame) is not None
+    assert smoothing.damped_path(task, old, tame) is not None
 
 
 # --- what a step owes the mission --------------------------------------------------------------
@@ -290,10 +295,10 @@ def test_steps_that_must_be_seen_are_witnesses_and_their_safest_step_is_chosen()
         "F(a & F b)", (100, 100), {"a": box(300, 50, 500, 150), "b": box(700, 50, 900, 150)}, wind=rough_air()
     )
     path = flown(task, [(100, 100), (800, 100)])
-    cov = smoothing.propagate(task, path.x)
-    owed = smoothing.duties(task, path.x, cov)
+    cov = propagate(task, path.x).cov
+    owed = path_obligations(task, path.x, cov)
     seen = [
-        {task.atoms[task.tables.regions.atom[part]] for t, part in owed.witness if t == step}
+        {task.atoms[task.theorem2.atom[part]] for t, part in owed.witness if t == step}
         for step, _ in owed.witness
     ]
     assert seen == [{"a"}, {"b"}]
@@ -306,10 +311,10 @@ def test_a_region_that_must_not_be_seen_yet_is_avoided():
     regions = {"a": box(700, 80, 800, 120), "b": box(300, 50, 420, 400)}
     task = build("!b U a", (100, 100), regions)
     around = flown(task, [(100, 100), (300, 450), (450, 450), (750, 100)])
-    owed = smoothing.duties(task, around.x, smoothing.propagate(task, around.x))
+    owed = path_obligations(task, around.x, propagate(task, around.x).cov)
     b = [label == {"b"} for label in task.labels]
     assert owed.avoid[1:-1][:, b].all()
-    smoothed = smoothing.smooth(SmoothingConfig(), task, [around])
+    smoothed = smoothing.smooth_paths(SmoothingConfig(), task, [around])
     assert shortest(smoothed) < around.objectives.length
     for path in smoothed:
         assert not any("b" in label for label in path.label)
@@ -318,9 +323,9 @@ def test_a_region_that_must_not_be_seen_yet_is_avoided():
 def test_pulling_keeps_witnesses_and_never_lengthens(windy):
     task, paths = windy
     for path in paths[:5]:
-        cov = smoothing.propagate(task, path.x)
-        keep = [t for t, _ in smoothing.duties(task, path.x, cov).witness]
-        line = smoothing.pull(task, path.x, cov, keep)
+        cov = propagate(task, path.x).cov
+        keep = [t for t, _ in path_obligations(task, path.x, cov).witness]
+        line = pull_taut(task, path.x, cov, keep, task.world.collision.z)
         assert np.linalg.norm(np.diff(line, axis=0), axis=1).sum() <= path.objectives.length + 1e-6
         for t in keep:
             assert (np.abs(line - path.x[t]).sum(axis=1) == 0).any()
@@ -329,9 +334,9 @@ def test_pulling_keeps_witnesses_and_never_lengthens(windy):
 def test_walking_takes_the_fewest_steps_and_keeps_corners():
     task = build("F a", (100, 100), {"a": box(700, 600, 800, 700)})
     corners = KM * np.array([(100, 100), (333, 100), (333, 480), (750, 650)], float)
-    x = smoothing.walk(task, corners)
+    x = walk_line(task, corners)
     legs = np.linalg.norm(np.diff(corners, axis=0), axis=1)
-    assert len(x) - 1 == np.ceil(legs / (STEP * smoothing.CAP)).sum()
+    assert len(x) - 1 == np.ceil(legs / (STEP * CAP)).sum()
     assert np.linalg.norm(np.diff(x, axis=0), axis=1).max() <= STEP
     for corner in corners:
         assert (np.linalg.norm(x - corner, axis=1) < 1e-6).any()
@@ -340,7 +345,7 @@ def test_walking_takes_the_fewest_steps_and_keeps_corners():
 def test_walking_against_a_wind_too_strong_ends():
     gale = wind_of(lambda x, y, k: (np.where(x > 3e5, -35.0, 0.0), 0 * x), 0.0, 0.0, 1000.0)
     task = build("F a", (100, 100), {"a": box(700, 80, 800, 120)}, wind=gale)
-    assert smoothing.walk(task, KM * np.array([(100, 100), (750, 100)], float)) is None
+    assert walk_line(task, KM * np.array([(100, 100), (750, 100)], float)) is None
 
 
 # --- numbers -----------------------------------------------------------------------------------
@@ -349,40 +354,38 @@ def test_walking_against_a_wind_too_strong_ends():
 def test_the_wind_gradient_agrees_with_differences(windy):
     task, paths = windy
     x = paths[0].x[:-1]
-    mean, gradient = smoothing.wind_and_gradient(task, x)
+    mean, gradient = risk.wind_and_gradient(task.wind, x)
     h = 1.0
     for t in range(len(x)):
-        np.testing.assert_allclose(
-            mean[t], risk.interpolate(task, task.tables.wind.mean, t, x[t]), atol=1e-10
-        )
-        np.testing.assert_allclose(mean[t], smoothing._wind(task.tables.wind, x[t], t), atol=1e-10)
+        np.testing.assert_allclose(mean[t], risk.interpolate(task.wind, task.wind.mean, t, x[t]), atol=1e-10)
+        np.testing.assert_allclose(mean[t], risk.wind_at_place(task.wind, t, x[t]), atol=1e-10)
         for axis in range(2):
             e = h * np.eye(2)[axis]
-            ahead = risk.interpolate(task, task.tables.wind.mean, t, x[t] + e)
-            behind = risk.interpolate(task, task.tables.wind.mean, t, x[t] - e)
+            ahead = risk.interpolate(task.wind, task.wind.mean, t, x[t] + e)
+            behind = risk.interpolate(task.wind, task.wind.mean, t, x[t] - e)
             np.testing.assert_allclose(gradient[t][:, axis], (ahead - behind) / (2 * h), atol=1e-8)
 
 
 def test_propagation_on_an_empty_map_is_that_of_the_reference(windy):
     task, paths = windy
     x = paths[0].x + 10 * STEP * np.linspace(0, 1, len(paths[0].x))[:, None] ** 3  # through walls, too fast
-    cov, _ = risk.propagate(task, x)
-    np.testing.assert_allclose(smoothing.propagate(task, x), cov[:, [0, 0, 1], [0, 1, 1]], rtol=1e-9)
+    cov, _ = risk.propagate_independent(task, x)
+    np.testing.assert_allclose(propagate(task, x).cov, cov[:, [0, 0, 1], [0, 1, 1]], rtol=1e-9)
 
 
 def test_tangents_lie_below_the_tail_of_the_normal_law():
     s = np.linspace(0, 6, 601)
-    model = np.max(smoothing._tangents(smoothing.PIECES, s), axis=0)
+    model = np.max(convex.tail_tangents(convex.PIECES, s), axis=0)
     assert (model <= ndtr(-s) + 1e-15).all()
     assert (ndtr(-s) - np.maximum(model, 0.0)).max() < 0.1
 
 
 def test_separating_faces_serve_both_ends_of_a_step():
     task = build("F a", (100, 100), {"a": box(700, 600, 800, 700)}, [box(300, 300, 500, 500)])
-    faces = task.tables.obstacles
+    faces = task.obstacles
     x = KM * np.array([(200, 200), (310, 250), (520, 290), (600, 450)], float)
     clearance = x @ faces.normal.T - faces.offset
-    chosen = smoothing.separating(faces, clearance)
+    chosen = convex.separating(faces, clearance)
     south, east = (int(np.flatnonzero((faces.normal == n).all(axis=1))[0]) for n in ([0.0, -1.0], [1.0, 0.0]))
     assert chosen[:, 0].tolist() == [south, south, east]
 
@@ -401,10 +404,10 @@ def test_random_maps_keep_every_promise(places, seed):
         obstacles,
         rough_air(),
     )
-    forest = growth.forest(PlannerConfig(trees=1, n_max=1000, threads=1), task, SeedSequence(seed))
+    forest = growth.grow_forest(PlannerConfig(trees=1, n_max=1000, threads=1), task, SeedSequence(seed))
     paths = selection.tree_front(task, forest)
     cfg = SmoothingConfig(candidates=1, weights=[10.0])
-    for path in smoothing.smooth(cfg, task, paths):
-        assert problem.accepted(task, problem.evaluate(task, path.x, path.origin))
-        row = selection.objective_row(path.objectives)
-        assert not any((selection.objective_row(p.objectives) <= row).all() for p in paths)
+    for path in smoothing.smooth_paths(cfg, task, paths):
+        assert completes_mission(task, evaluate_path(task, path.x, path.origin))
+        row = objective_row(path.objectives)
+        assert not any((objective_row(p.objectives) <= row).all() for p in paths)

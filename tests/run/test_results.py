@@ -53,7 +53,7 @@ def flight(steps: int = 4, seed: int = 1) -> PlannedPath:
         q=np.arange(steps + 1),
         label=(frozenset(),) * steps + (frozenset({"b", "a"}),),
         u=rng.normal(size=(steps, 2)),
-        objectives=Objectives(1234567.891, 1e-17, 0.1 + 0.2, 0.0),
+        objectives=Objectives(1234567.891, 1e-17, 0.1 + 0.2, 0.0, 0.7),
         origin="tree 3 vertex 1207",
     )
 
@@ -196,7 +196,9 @@ def test_the_plan_has_the_keys_of_its_contract(tmp_path: Path) -> None:
     assert content["schema"] == "pareto_ltl.plan/1"
     wanted = "formula atoms dt u_max epsilon fidelity t x cov q label u objectives selection"
     assert set(wanted.split()) <= set(content)
-    assert content["objectives"].keys() == {"length", "mission_risk_paper", "mission_risk", "collision_risk"}
+    assert content["objectives"].keys() == {
+        "length", "mission_risk_paper", "mission_risk", "collision_risk", "mission_risk_ordered",
+    }  # fmt: skip
     assert content["selection"] == {"rule": "weighted", "weights": [0.5, 0.25, 0.25]}
     assert content["label"][-1] == ["a", "b"]
 

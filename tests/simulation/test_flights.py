@@ -29,14 +29,14 @@ SEED = 11
 
 
 def fly(problem, u, runs=500, seed=SEED):
-    return deployment.fly(problem, u, runs, "independent", SeedSequence(seed))
+    return deployment.simulate_flights(problem, u, runs, "independent", SeedSequence(seed))
 
 
 @pytest.fixture(scope="module")
 def planned():
     """A problem and the least risky path of a small forest."""
     problem = two_goals()
-    forest = growth.forest(PlannerConfig(trees=3, n_max=600), problem, SeedSequence(0))
+    forest = growth.grow_forest(PlannerConfig(trees=3, n_max=600), problem, SeedSequence(0))
     return problem, selection.tree_front(problem, forest)[0]
 
 
@@ -45,7 +45,7 @@ def planned():
 
 def plain(problem, u, draws, x0):
     """One flight with given standard normal draws (T, 2), in NumPy and shapely."""
-    motion, wind, automaton = problem.tables.motion, problem.tables.wind, problem.automaton
+    motion, wind, automaton = problem.motion, problem.wind, problem.automaton
     B = np.linalg.inv(motion.b_inv)
     blocks = [shapely.Polygon(o).buffer(-1e-6) for o in problem.decomposition.obstacles]
     cells = [shapely.Polygon(c) for c in problem.decomposition.cells]
@@ -56,9 +56,9 @@ def plain(problem, u, draws, x0):
 
     x, q, hit = [np.array(x0)], automaton.step(automaton.initial, label(x0)), False
     for t, control in enumerate(u):
-        mean = risk.interpolate(problem, wind.mean, t, x[-1])
-        variance = risk.interpolate(problem, wind.latent, t, x[-1])
-        variance = variance + risk.interpolate_time(problem, wind.gust, t)
+        mean = risk.interpolate(problem.wind, wind.mean, t, x[-1])
+        variance = risk.interpolate(problem.wind, wind.latent, t, x[-1])
+        variance = variance + risk.interpolate_time(problem.wind, wind.gust, t)
         w = mean + np.sqrt(variance) * draws[t]
         x.append(motion.a @ x[-1] + motion.dt * (B @ control + w))
         leg = shapely.LineString([x[-2], x[-1]])
@@ -76,15 +76,15 @@ def test_flights_are_those_of_a_plain_simulation_with_the_same_draws(robot, plan
     x = np.empty((runs, len(u) + 1, 2))
     x[:, 0] = problem.scene.start + rng.normal(0, 300, (runs, 2))
     draws = rng.standard_normal((len(u), runs, 2))
-    accepted, collided = np.empty(runs, bool), np.empty(runs, bool)
-    b = np.linalg.inv(problem.tables.motion.b_inv)
-    still = np.empty((len(x), 0, 2, 0), np.float32)
-    rollout.fly(problem.tables, b, u, np.zeros((len(u) + 1, 2)), draws, still, False, x, accepted, collided)
+    law = problem.laws["independent"]
+    outcome = rollout.Outcome(x, np.empty(runs, bool), np.empty(runs, bool))
+    pilot = rollout.Autopilot(u, np.zeros((len(u) + 1, 2)))
+    rollout.fly(deployment.flight_judge(problem), rollout.IndependentDraws(law, draws), pilot, outcome)
     outcomes = set()
     for i in range(runs):
         way, done, hit = plain(problem, u, draws[:, i], x[i, 0])
         np.testing.assert_allclose(x[i], way, rtol=1e-9, atol=1e-6)
-        assert (accepted[i], collided[i]) == (done, hit)
+        assert (outcome.accepted[i], outcome.collided[i]) == (done, hit)
         outcomes.add((done, hit))
     assert robot or len(outcomes) > 1
 
@@ -114,7 +114,7 @@ def test_segments_between_steps_collide_too():
 
 def test_without_uncertainty_every_flight_is_the_plan():
     problem = two_goals(wind=rough_wind(two_goals().scene, variance=0.0))
-    forest = growth.forest(PlannerConfig(trees=2, n_max=600), problem, SeedSequence(0))
+    forest = growth.grow_forest(PlannerConfig(trees=2, n_max=600), problem, SeedSequence(0))
     for path in selection.tree_front(problem, forest):
         result = fly(problem, path.u, runs=3)
         np.testing.assert_allclose(result.x, np.tile(path.x, (3, 1, 1)), atol=1e-5)
@@ -141,9 +141,9 @@ def test_positions_have_the_planned_mean_and_covariance_in_an_even_wind():
     u = np.random.default_rng(0).uniform(0, 6, (12, 2))
     x = [problem.scene.start]
     for control in u:
-        motion = problem.tables.motion
+        motion = problem.motion
         x.append(motion.a @ x[-1] + 100.0 * (np.array(TURNED.b) @ control + [2.0, -1.0]))
-    cov, _ = risk.propagate(problem, np.array(x))
+    cov, _ = risk.propagate_independent(problem, np.array(x))
     runs = 20_000
     result = fly(problem, u, runs)
     for t in (0, 1, 6, 12):
@@ -162,6 +162,19 @@ def test_the_same_seed_flies_the_same_winds_whatever_the_threads(planned, monkey
         np.testing.assert_array_equal(first.accepted, again.accepted)
         np.testing.assert_array_equal(first.collided, again.collided)
     assert not np.array_equal(first.x, fly(problem, path.u, seed=SEED + 1).x)
+
+
+@pytest.mark.parametrize("law", ["independent", "coherent"])
+def test_a_seed_that_has_spawned_before_flies_the_same_winds(planned, law):
+    problem, path = planned
+    seed = SeedSequence(SEED)
+    first = deployment.simulate_flights(problem, path.u, 300, law, seed, path.x)
+    seed.spawn(3)
+    again = deployment.simulate_flights(problem, path.u, 300, law, seed, path.x)
+    np.testing.assert_array_equal(first.x, again.x)
+    child = seed.spawn(1)[0]  # and children differ from one another
+    other = deployment.simulate_flights(problem, path.u, 300, law, child, path.x)
+    assert not np.array_equal(first.x, other.x)
 
 
 def test_no_two_flights_meet_the_same_wind(planned):
@@ -205,12 +218,12 @@ def test_missions_of_visits_fail_no_more_often_than_the_papers_bound(formula):
     """
     scene = two_goals().scene
     problem = two_goals(formula, wind=steady_wind(scene, mean=(2.0, 1.0), latent=(0.4, 0.2), gust=(0.5, 0.4)))
-    forest = growth.forest(PlannerConfig(trees=3, n_max=800), problem, SeedSequence(0))
+    forest = growth.grow_forest(PlannerConfig(trees=3, n_max=800), problem, SeedSequence(0))
     front = selection.tree_front(problem, forest)
     informative = 0
     for path in front:
         result, costs = fly(problem, path.u, runs=10_000), path.objectives
-        promises = [(~result.accepted, costs.mission_risk), (result.collided, costs.collision_risk)]
+        promises = [(~result.accepted, costs.mission_risk_ordered), (result.collided, costs.collision_risk)]
         if formula != "F(a & F b)" or visits_in_order(path):
             promises.append((~result.accepted, costs.mission_risk_paper))
         for failed, bound in promises:
@@ -234,7 +247,7 @@ def test_the_interval_is_that_of_clopper_and_pearson(runs, share, confidence):
 def test_rates_count_a_flight_once_however_it_fails():
     accepted = np.array([True, True, False, False, True, True, True, True, True, True])
     collided = np.array([False, True, True, False, False, False, False, False, False, False])
-    rates = deployment.rates(Deployment("independent", np.zeros((10, 2, 2)), accepted, collided))
+    rates = deployment.flight_rates(Deployment("independent", np.zeros((10, 2, 2)), accepted, collided))
     low, high = deployment.clopper_pearson(3, 10)
     assert rates == {
         "runs_independent": 10.0,
@@ -250,10 +263,10 @@ def test_a_plan_is_deployed_under_every_law_asked_for(planned):
     problem, path = planned
     plan = Plan(path, "F(a & F b)", problem.atoms, 100.0, 10.0, 0.05, "paper", "priority", (1.0, 0.0, 0.0))
     cfg = DeploymentConfig(runs=40)
-    found = deployment.deploy(cfg, problem, plan, SeedSequence(5))
+    found = deployment.deploy_plan(cfg, problem, plan, SeedSequence(5))
     assert list(found) == ["independent", "coherent"]
     result = found["independent"]
     assert result.x.shape == (40, len(path.x), 2)
     assert result.accepted.shape == result.collided.shape == (40,)
-    again = deployment.deploy(cfg, problem, plan, SeedSequence(5))["independent"]
+    again = deployment.deploy_plan(cfg, problem, plan, SeedSequence(5))["independent"]
     np.testing.assert_array_equal(result.x, again.x)

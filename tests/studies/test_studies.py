@@ -25,7 +25,7 @@ from pareto_ltl.settings import (
     Settings,
 )
 from pareto_ltl.studies import ablation, compare, convergence
-from pareto_ltl.studies.planning import fly, still, study_run, unsmoothed
+from pareto_ltl.studies.planning import fly_seeded, still, study_run, unsmoothed
 from pareto_ltl.support.errors import ConfigError
 
 
@@ -123,7 +123,7 @@ def test_one_seed_is_one_wind_whatever_flies(cfg: Settings, world: Records) -> N
     truth = compare.truth(cfg, world)
     u = np.tile([4.0, 3.0], (8, 1))
     first, again, longer, other = (
-        fly(truth, controls, 40, "independent", seed).x
+        fly_seeded(truth, controls, 40, "independent", seed).x
         for controls, seed in ((u, 5), (u, 5), (np.vstack([u, u]), 5), (u, 6))
     )
     np.testing.assert_array_equal(first, again)
@@ -320,7 +320,7 @@ def test_a_flight_to_the_last_hour_of_the_wind_can_be_cut_into_pieces(cfg: Setti
         finer = compare.truth(ablation.cut(cfg, pieces), world)
         controls = np.repeat(u, pieces, axis=0)
         assert np.isfinite(ablation.mean_path(finer, controls)).all()
-        assert np.isfinite(fly(finer, controls, 3, "independent", 0).x).all()
+        assert np.isfinite(fly_seeded(finer, controls, 3, "independent", 0).x).all()
 
 
 def test_steps_cannot_be_cut_where_the_motion_has_dynamics_of_its_own(
@@ -337,11 +337,12 @@ def test_steps_cannot_be_cut_where_the_motion_has_dynamics_of_its_own(
 def test_every_study_draws_its_figures(
     cfg: Settings, world: Records, compared: Study, converged: Study, tmp_path: Path
 ) -> None:
-    from pareto_ltl.report import study_figures as report
+    from pareto_ltl.report.study_comparison import draw_comparison
+    from pareto_ltl.report.study_convergence import draw_convergence
 
     drawn = [
-        *report.draw_comparison(tmp_path, cfg.report, world[SCENE], world[DECOMPOSITION], compared),
-        *report.draw_convergence(tmp_path, cfg.report, converged),
+        *draw_comparison(tmp_path, cfg.report, world[SCENE], world[DECOMPOSITION], compared),
+        *draw_convergence(tmp_path, cfg.report, converged),
     ]
     assert {path.name for path in drawn} == {
         f"{name}.{kind}" for name in ("figure1", "outcomes", "figure2") for kind in ("png", "svg")

@@ -14,6 +14,8 @@ from noaa import NOAA, ROOT, needs_noaa
 from pareto_ltl.settings import IngestConfig, WindConfig
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.wind import sources
+from pareto_ltl.wind.ingest import write_wind_table
+from pareto_ltl.wind.observations import place_readings
 from pareto_ltl.wind.readings import farthest_points
 from pareto_ltl.world import projection
 from pareto_ltl.world.scene import Scene
@@ -24,7 +26,7 @@ HOURS = ("2018-10-09T00:00:00Z", "2018-10-09T03:00:00Z", "2018-10-09T06:00:00Z")
 def scene(lat=37.0, lon=-92.0, side=1e6, time_zero=None):
     half = side / 2
     bounds = np.array([[-half, -half], [half, half]])
-    return Scene(bounds, np.zeros(2), {}, (), projection.plane(lat, lon), time_zero)
+    return Scene(bounds, np.zeros(2), {}, (), projection.local_plane(lat, lon), time_zero)
 
 
 def lab(side=100.0, time_zero=None):
@@ -41,11 +43,11 @@ def write(path, lines, header="time,lat,lon,u,v"):
 
 
 def read(cfg, where=None):
-    return sources.place_readings(cfg, sources.read_readings(cfg), where or scene())
+    return place_readings(cfg, sources.read_readings(cfg), where or scene())
 
 
 def ingested(cfg, ingest, out):
-    return sources.write_wind_table(cfg, sources.read_readings(cfg), ingest, out)
+    return write_wind_table(cfg, sources.read_readings(cfg), ingest, out)
 
 
 # --- frames and clocks
@@ -493,8 +495,8 @@ def test_the_packaged_sample_is_what_ingest_writes(eccodes, tmp_path):
     chosen = yaml.safe_load((ROOT / "conf" / "ingest" / "conus.yaml").read_text())
     when = {"first": "2018-10-09T00:00:00Z", "last": "2018-10-10T15:00:00Z"}
     out = ingested(grib(NOAA / "gfs_1p00_10m"), IngestConfig(**chosen, **when), tmp_path / "sample.csv")
-    assert out.read_bytes() == sources.SAMPLE.read_bytes()
-    assert out.with_suffix(".json").read_bytes() == sources.SAMPLE.with_suffix(".json").read_bytes()
+    assert out.read_bytes() == sources.SAMPLE_FILE.read_bytes()
+    assert out.with_suffix(".json").read_bytes() == sources.SAMPLE_FILE.with_suffix(".json").read_bytes()
 
 
 @needs_noaa

@@ -224,19 +224,19 @@ def _command_navigator(pilot: Navigator, motion: Motion, t: int, i: int, at: Poi
         fade_field(pilot.field, pilot.keep[t])
     if (path.gain[t, 0, 0] != 0.0 or path.gain[t, 1, 1] != 0.0) and landmark_at(pilot.landmarks, at) >= 0:
         take_fix(pilot, t, i, at)
-    ux, uy = held_to(motion, path.u, path.x, t, at)
+    held_x, held_y = held_to(motion, path.u, path.x, t, at)
     if estimate[2] == 0.0:
-        return within_airspeed(motion, ux, uy) if motion.gain > 0.0 else (ux, uy)
+        return within_airspeed(motion, held_x, held_y) if motion.gain > 0.0 else (held_x, held_y)
     ex, ey, b_inv, b, dt, F = estimate[0], estimate[1], motion.b_inv, motion.b, motion.dt, path.F
     hx, hy = known_wind(path.psi, pilot.field, t, 0), known_wind(path.psi, pilot.field, t, 1)
     cx, cy = pilot.landmarks.gain * ex / dt + hx, pilot.landmarks.gain * ey / dt + hy
-    ux -= b_inv[0, 0] * cx + b_inv[0, 1] * cy
-    uy -= b_inv[1, 0] * cx + b_inv[1, 1] * cy
+    ux = held_x - (b_inv[0, 0] * cx + b_inv[0, 1] * cy)
+    uy = held_y - (b_inv[1, 0] * cx + b_inv[1, 1] * cy)
     ux, uy = within_airspeed(motion, ux, uy)
-    # The robot knows what it commands, feedback included: F without its -K moves the estimate.
-    du, dv, back = ux - path.u[t, 0], uy - path.u[t, 1], motion.gain
-    estimate[0] = (F[t, 0, 0] + back) * ex + F[t, 0, 1] * ey + dt * (hx + b[0, 0] * du + b[0, 1] * dv)
-    estimate[1] = F[t, 1, 0] * ex + (F[t, 1, 1] + back) * ey + dt * (hy + b[1, 0] * du + b[1, 1] * dv)
+    # Feedback moves the unknown part of a deviation and the known one alike, which F = A - K + dt Dμ says.
+    du, dv = ux - held_x, uy - held_y
+    estimate[0] = F[t, 0, 0] * ex + F[t, 0, 1] * ey + dt * (hx + b[0, 0] * du + b[0, 1] * dv)
+    estimate[1] = F[t, 1, 0] * ex + F[t, 1, 1] * ey + dt * (hy + b[1, 0] * du + b[1, 1] * dv)
     return ux, uy
 
 

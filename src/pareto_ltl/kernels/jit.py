@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, TypeVar, cast
 
 from numba import njit
+from numba.core.errors import TypingError
 from numba.extending import overload
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -56,13 +57,25 @@ class ChosenByType:
 
         @wraps(function)
         def chosen(*arguments: Any) -> Any:
+            if type(arguments[0]) not in table:
+                raise TypeError(self.missing(type(arguments[0])))
             return table[type(arguments[0])](*arguments)
 
         def implementation(first: Any, *_: Any) -> Callable[..., Any]:
-            return table[first.instance_class]
+            model = getattr(first, "instance_class", type(first))
+            if model not in table:
+                raise TypingError(self.missing(model))
+            return table[model]
 
         overload(chosen, strict=False, jit_options=PLAIN)(implementation)
         self.chosen = chosen
+
+    def missing(self, model: type) -> str:
+        """What to do where a model has no code."""
+        name, known = self.chosen.__name__, ", ".join(sorted(t.__name__ for t in self.implementations))
+        return (
+            f"{name} has no code for {model.__name__}, only for {known}; add it with @implements({name}, ...)"
+        )
 
     def register(self, *models: type) -> Callable[[F], F]:
         """Make the decorated function the implementation for ``models``."""

@@ -170,6 +170,7 @@ FRONT_HEADER = (
     "mission_risk_paper",
     "mission_risk",
     "collision_risk",
+    "mission_risk_ordered",
     "steps",
     "duration_s",
     "failure_estimate",
@@ -186,9 +187,9 @@ def write_front(directory: Path, front: Front) -> None:
     write_csv(directory / "front.csv", FRONT_HEADER, rows)
 
 
-def _costs(objectives: Objectives) -> tuple[float, float, float, float]:
+def _costs(objectives: Objectives) -> tuple[float, ...]:
     o = objectives
-    return o.length, o.mission_risk_paper, o.mission_risk, o.collision_risk
+    return o.length, o.mission_risk_paper, o.mission_risk, o.collision_risk, o.mission_risk_ordered
 
 
 def read_front(place: Path | str) -> list[tuple[Objectives, str]]:
@@ -200,7 +201,7 @@ def read_front(place: Path | str) -> list[tuple[Objectives, str]]:
         raise DataError(f"{path}: cannot be read ({error.strerror}); is this a results directory?") from error
     with _shaped(path, "a front"):
         return [
-            (Objectives(*(float(row[name]) for name in FRONT_HEADER[1:5])), row["origin"])
+            (Objectives(*(float(row[name]) for name in FRONT_HEADER[1:6])), row["origin"])
             for row in csv.DictReader(text.splitlines())
         ]
 

@@ -1,0 +1,113 @@
+"""Models by type: every model has its code, and one without is named."""
+
+from __future__ import annotations
+
+import importlib
+import pkgutil
+from typing import NamedTuple, get_args
+
+import pytest
+from numba import config
+
+import pareto_ltl.kernels
+from pareto_ltl.kernels import data, flight
+from pareto_ltl.kernels.jit import IMPLEMENTATIONS, by_type, implements, kernel
+from pareto_ltl.kernels.parents import Dominance, Scaled
+from pareto_ltl.planning import evaluate, growth
+from pareto_ltl.planning.refine import smoothing
+from pareto_ltl.settings import LAWS
+from pareto_ltl.settings.fidelity import PARENT_RULES
+from pareto_ltl.simulation import flights
+
+for module in pkgutil.iter_modules(pareto_ltl.kernels.__path__):
+    importlib.import_module(f"pareto_ltl.kernels.{module.name}")
+PACKAGED = [chosen for chosen in IMPLEMENTATIONS.values() if chosen.chosen.__module__ != __name__]
+
+FAMILIES = {
+    "law": set(get_args(data.Law)),
+    "mission": set(get_args(data.MissionBound)),
+    "collision": set(get_args(data.CollisionBound)),
+    "rule": {Dominance, Scaled},
+    "draws": {flight.IndependentDraws, flight.CoherentDraws, flight.LinearisedDraws},
+    "pilot": {flight.Autopilot, flight.Navigator},
+}
+CHOSEN_BY = {
+    "law": {"advance", "forget", "fix_missed", "note_linear_law", "note_fix"},
+    "mission": {"plant_mission", "appraise_mission", "keep_mission"},
+    "collision": {
+        "plant_collision", "appraise_collision", "keep_collision", "keep_covariance", "collision_column",
+        "largest_risk", "judge_candidate", "step_allowed",
+    },
+    "rule": {"improves", "collision_limit"},
+    "draws": {"wind_met"},
+    "pilot": {"begin_flight", "command"},
+}  # fmt: skip
+
+
+class Square(NamedTuple):
+    """A model with code."""
+
+    side: float
+
+
+class Circle(NamedTuple):
+    """A model with other code."""
+
+    radius: float
+
+
+class Stranger(NamedTuple):
+    """A model that nobody wrote code for."""
+
+    size: float
+
+
+@by_type
+def area(model):
+    """Area of a model."""
+
+
+@implements(area, Square)
+def _square_area(model):
+    return model.side * model.side
+
+
+@implements(area, Circle)
+def _circle_area(model):
+    return 3.0 * model.radius * model.radius
+
+
+def twice_the_area(model):
+    return 2.0 * area(model)
+
+
+def test_the_type_of_the_first_argument_picks_the_code():
+    compiled = kernel(twice_the_area)
+    for road in (twice_the_area, compiled):
+        assert road(Square(3.0)) == 18.0
+        assert road(Circle(2.0)) == 24.0
+
+
+def test_a_model_without_code_is_named_with_those_that_have_it():
+    expected = r"area has no code for Stranger, only for Circle, Square; add it with @implements\(area, "
+    with pytest.raises(TypeError, match=expected):
+        twice_the_area(Stranger(1.0))
+    if not config.DISABLE_JIT:
+        from numba.core.errors import TypingError
+
+        with pytest.raises(TypingError, match=expected):
+            kernel(twice_the_area)(Stranger(1.0))
+
+
+def test_every_function_has_code_for_every_model_of_its_family():
+    found = {chosen.chosen.__name__: set(chosen.implementations) for chosen in PACKAGED}
+    expected = {name: FAMILIES[family] for family, names in CHOSEN_BY.items() for name in names}
+    assert found == expected
+
+
+def test_every_model_has_its_memory_its_strategy_and_its_name():
+    assert set(evaluate.LAW_MEMORY) == FAMILIES["law"]
+    assert set(evaluate.COLLISION_MEMORY) == FAMILIES["collision"]
+    assert set(smoothing.STRATEGIES) == FAMILIES["collision"]
+    assert set(flights.DRAWS) == set(LAWS)
+    assert set(growth.RULE_MAKERS) == set(PARENT_RULES)

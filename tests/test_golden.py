@@ -1,0 +1,46 @@
+"""Results that must not change by accident: the paper's planner on both missions, three seeds each.
+
+On a machine like the one that made ``golden.json`` the files are equal byte for byte; on any other one, where
+BLAS and libm round differently, the numbers in them are equal to 1e-6. ``tests/golden.py`` makes them anew.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import golden
+
+KEPT = golden.reference()
+CLOSE = 1e-6  # relative
+
+
+def differences(expected, found):
+    """Names of the numbers that differ by more than 1e-6."""
+    assert found.keys() == expected.keys()
+    return [
+        name
+        for name in expected
+        if len(found[name]) != len(expected[name])
+        or not np.allclose(found[name], expected[name], rtol=CLOSE, atol=1e-300)
+    ]
+
+
+@pytest.mark.parametrize(("mission", "seed"), golden.CASES)
+def test_a_run_of_the_papers_planner_gives_the_same_results(mission, seed, tmp_path):
+    expected = KEPT["cases"][f"{mission}_{seed}"]
+    directory = golden.run_case(mission, seed, tmp_path)
+    assert differences(expected["numbers"], golden.numbers(directory)) == []
+    if golden.fingerprint() == KEPT["fingerprint"]:
+        assert golden.digests(directory) == expected["digests"]
+
+
+@pytest.mark.parametrize("case", KEPT["cases"])
+def test_numbers_that_change_in_the_sixth_place_are_noticed(case):
+    """The comparison on other machines accepts rounding and nothing else."""
+    kept = KEPT["cases"][case]["numbers"]
+    assert differences(kept, {k: [v * (1 + 1e-9) for v in values] for k, values in kept.items()}) == []
+    for name, values in kept.items():
+        changed = kept | {name: [values[0] * (1 + 3e-6), *values[1:]]}
+        assert differences(kept, changed) == [name]
+        assert differences(kept, kept | {name: values[1:]}) == [name]
