@@ -40,7 +40,7 @@ def both(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactor
     place = tmp_path_factory.mktemp(request.param)
     models = (f"fidelity={request.param}", "selection.draws=100", "selection.runs=100", "seed=1")
     argv = ["+experiment=phi1", *ARGUMENTS, *models, f"hydra.run.dir={place / 'line'}"]
-    assert app.main(argv) == 0
+    assert app.run_hydra(argv) == 0
     pareto_ltl.plan(
         "phi1",
         PHI1,

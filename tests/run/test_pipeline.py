@@ -134,17 +134,16 @@ def test_the_formula_is_parsed_once(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_each_wind_file_is_opened_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from pareto_ltl.wind import csv_table
-    from pareto_ltl.wind.sources.csv_files import _read_csv_file
+    from pareto_ltl.wind.sources import csv_files
 
     opened: list[Path] = []
-    original = _read_csv_file
+    original = csv_files._read_csv_file
 
     def counted(file: Path, max_speed: float) -> Any:
         opened.append(file)
         return original(file, max_speed)
 
-    monkeypatch.setattr(csv_table, "_read_file", counted)
+    monkeypatch.setattr(csv_files, "_read_csv_file", counted)
     settings = listing("readings", "scene", "decomposition", "observations", "wind")
     settings.scene = phi1()
     run_pipeline(check_pipeline(settings, PLAN_TABLE), tmp_path)

@@ -103,7 +103,7 @@ def test_the_example_package_does_not_slow_the_start(installed: dict[str, str], 
     code = (
         "import sys\n"
         "from pareto_ltl.cli import hydra_app as app\n"
-        f"assert app.main([*{ARGUMENTS!r}, 'planner.trees=0']) == 2\n"
+        f"assert app.run_hydra([*{ARGUMENTS!r}, 'planner.trees=0']) == 2\n"
         "print([name for name in 'numpy scipy numba cvxpy shapely'.split() if name in sys.modules])\n"
     )
     done = subprocess.run([sys.executable, "-c", code], env=installed, capture_output=True, text=True)
