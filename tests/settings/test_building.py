@@ -8,24 +8,24 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hydra import compose, initialize_config_dir
+from hydra.types import RunMode
 
-from pareto_ltl.cli.composition import register_schema
+from pareto_ltl.cli import composition
 from pareto_ltl.cli.setting_keys import settings_from
 from pareto_ltl.run import provenance
 from pareto_ltl.settings import PRESETS, PlannerConfig, Settings, as_dict, preset
 from pareto_ltl.settings.building import build_settings, read_settings_file, section_of
 from pareto_ltl.support.errors import ConfigError, DataError
-from pareto_ltl.support.resources import choices, folder
+from pareto_ltl.support.resources import choices
 
 NEEDS_A_FILE = {"csv", "grib"}
 
 
 def composed(*overrides: str) -> Settings:
     """What the command line makes of ``overrides``."""
-    register_schema()
-    with initialize_config_dir(str(folder("conf")), version_base="1.3"):
-        return settings_from(compose("config", list(overrides)))
+    arguments = composition.parse_flags(overrides)
+    with composition.opened_hydra(arguments) as hydra:
+        return settings_from(composition.composed_config(hydra, arguments, RunMode.RUN))
 
 
 def test_nothing_said_is_the_default() -> None:

@@ -12,7 +12,7 @@ from typing import Any
 from pareto_ltl.cli.commands import COMMANDS, Command
 from pareto_ltl.settings import Declaration, Settings, declarations
 from pareto_ltl.support.errors import ConfigError
-from pareto_ltl.support.resources import folder
+from pareto_ltl.support.resources import added_folders, folder
 
 Groups = Mapping[str, list[str]]
 
@@ -99,6 +99,7 @@ def command_help(command: Command, groups: Groups) -> str:
 def group_choices(config_path: str | None, config_dir: str | None) -> dict[str, list[str]]:
     """Every group with its choices, shipped and of ``--config-dir``; nested groups as ``hydra/launcher``."""
     roots = [Path(config_path) if config_path else folder("conf")]
+    roots += added_folders()
     if config_dir is not None:
         roots.append(Path(config_dir))
     found: dict[str, set[str]] = {"pipelines": {path.stem for path in folder("pipelines").glob("*.yaml")}}

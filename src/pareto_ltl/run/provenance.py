@@ -14,7 +14,6 @@ from typing import Any
 from pareto_ltl.settings import Settings, as_dict
 from pareto_ltl.support.cores import cores
 from pareto_ltl.support.errors import ParetoLtlError
-from pareto_ltl.support.files import write_bytes, write_json
 from pareto_ltl.support.fingerprints import code_fingerprint, data_fingerprint, file_fingerprint
 from pareto_ltl.support.resources import checkout
 
@@ -77,12 +76,17 @@ def end(
 
 
 def write(directory: Path, record: Mapping[str, Any]) -> None:
+    """Write ``record`` as ``run.json``."""
+    from pareto_ltl.support.files import write_json  # it loads NumPy, which an error of settings must not
+
     write_json(directory / "run.json", record)
 
 
 def write_settings(directory: Path, settings: Settings) -> None:
     """Every setting of the run, ready to be read back."""
     import yaml
+
+    from pareto_ltl.support.files import write_bytes
 
     text = yaml.safe_dump(as_dict(settings), sort_keys=False, default_flow_style=None, width=110)
     write_bytes(directory / "config_resolved.yaml", text.encode())
