@@ -17,7 +17,7 @@ STEPS = 100
 
 @pytest.fixture(scope="module")
 def mission():
-    """phi2 and the controls of a wide circle through its obstacles, flown once to compile."""
+    """phi2 and the controls of a wide circle through its obstacles; one simulation compiles the kernels."""
     problem = paper_problem("phi2", slots=18)
     angle = np.linspace(0, 2 * np.pi, STEPS, endpoint=False)
     u = 12.0 * np.column_stack([np.cos(angle), np.sin(angle)])

@@ -1,4 +1,4 @@
-"""The studies of the paper's evaluation as a user starts them, on all cores.
+"""The studies of the evaluation of the paper, by the command line, on all cores.
 
 python -m pytest benchmarks/bench_evaluation.py
 """

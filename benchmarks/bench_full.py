@@ -34,10 +34,11 @@ from pareto_ltl.simulation import acceptance
 from pareto_ltl.simulation import flights as deployment
 from pareto_ltl.wind import gp as regression
 from pareto_ltl.wind import modes, sources
+from pareto_ltl.wind.field import fit_wind_field as field
 from pareto_ltl.wind.field import modes_lattice
-from pareto_ltl.wind.field import wind as field
+from pareto_ltl.wind.observations import place_readings
 from pareto_ltl.world import cells as workspace
-from pareto_ltl.world.scene_files import read_scene
+from pareto_ltl.world.scene_settings import scene_from_settings
 from problems import three_columns
 
 CONF = Path(__file__).parents[1] / "conf"
@@ -51,8 +52,10 @@ def section(kind, name):
 def mission(request):
     """Problem and scene, kernels compiled by a first small forest."""
     cfg = WindConfig()
-    scene = read_scene(SceneConfig(**section("scene", request.param)), sources.first_time(cfg))
-    wind = field(cfg, sources.observations(cfg, scene), scene, 200 * 1800.0)
+    scene = scene_from_settings(
+        SceneConfig(**section("scene", request.param)), sources.read_readings(cfg).first_time
+    )
+    wind = field(cfg, place_readings(cfg, sources.read_readings(cfg), scene), scene, 200 * 1800.0)
     cells = workspace.decompose(scene)
     automaton = automaton_of(
         MissionConfig(**section("mission", request.param)), set(cells.letters), 1000, scene.regions
@@ -73,14 +76,16 @@ def speed(forest: Forest) -> float:
 
 def test_modes_of_all_slots(benchmark):
     cfg = WindConfig()
-    scene = read_scene(SceneConfig(**section("scene", "phi1")), sources.first_time(cfg))
-    posterior = regression.fit(cfg, sources.observations(cfg, scene))
+    scene = scene_from_settings(
+        SceneConfig(**section("scene", "phi1")), sources.read_readings(cfg).first_time
+    )
+    posterior = regression.fit_posterior(cfg, place_readings(cfg, sources.read_readings(cfg), scene))
     origin, spacing, shape = modes_lattice(cfg, scene)
     nodes = origin + spacing * np.stack(np.meshgrid(*map(np.arange, shape), indexing="ij"), axis=-1).reshape(
         -1, 2
     )
     benchmark.extra_info["budget"] = 2.0
-    benchmark.pedantic(modes.modes, (posterior, nodes, cfg.energy, cfg.modes_max), rounds=3)
+    benchmark.pedantic(modes.posterior_modes, (posterior, nodes, cfg.energy, cfg.modes_max), rounds=3)
 
 
 def test_full_vertices_a_second_on_one_core(benchmark, mission):

@@ -1,4 +1,4 @@
-"""Growth budgets: vertices a second, time to the first path, cost at a million vertices, bytes a vertex.
+"""Growth budgets: vertices per second, time to the first path, cost at a million vertices, bytes per vertex.
 
     python -m pytest benchmarks/bench_growth.py
 
@@ -21,14 +21,14 @@ from problems import paper_problem
 
 @pytest.fixture(scope="module", params=["phi1", "phi2"])
 def problem(request):
-    """A mission, with the kernels compiled by a first small forest."""
+    """A mission; kernels are compiled by a first small forest."""
     made = paper_problem(request.param)
     growth.grow_forest(PlannerConfig(trees=1, n_max=50), made, SeedSequence(0))
     return made
 
 
 def speed(forest: Forest) -> float:
-    """Vertices a second and core."""
+    """Vertices per second and core."""
     return sum(map(len, forest.trees)) / sum(tree.seconds for tree in forest.trees)
 
 
@@ -50,7 +50,7 @@ def test_ten_trees_on_two_threads(benchmark, problem):
 
 
 def test_time_a_vertex_at_a_million(benchmark, problem):
-    """A vertex of a tree of 10^6 against one of a tree of 10^4; takes minutes while the budget is missed."""
+    """Time per vertex at 10^6 vertices over that at 10^4; takes minutes if the budget is exceeded."""
     small = PlannerConfig(trees=1, n_max=10_000)
     large = PlannerConfig(trees=1, n_max=1_000_000)
     few = max(speed(growth.grow_forest(small, problem, SeedSequence(seed))) for seed in range(3))
@@ -60,8 +60,11 @@ def test_time_a_vertex_at_a_million(benchmark, problem):
 
 
 def test_first_accepted_path(benchmark, problem):
-    """One tree a round, each with a seed of its own. A tree whose first vertices come late to a region may
-    run out of wind data for good, so not every seed finds a path."""
+    """One tree per repetition, each with another seed.
+
+    Not every seed finds a path: if the first vertices in a region are late, the tree may reach the end of the
+    wind data.
+    """
     cfg = PlannerConfig(trees=1, n_max=10_000)
     seeds, found = iter(SeedSequence(0).spawn(1000)), []
 
@@ -81,7 +84,7 @@ def test_first_accepted_path(benchmark, problem):
 
 
 def test_bytes_a_vertex(benchmark, problem):
-    """The peak while a tree grows and its record is made, tables of the high-level planner included."""
+    """Peak memory of the growth of a tree and of its record, with the tables of the product graph."""
     n = 100_000
     cfg = PlannerConfig(trees=1, n_max=n)
 

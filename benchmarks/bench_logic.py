@@ -49,4 +49,4 @@ def test_six_keys_and_doors_over_all_letters(benchmark):
 def test_hoa_of_ten_fold_coverage(benchmark):
     names = [f"p{i}" for i in range(10)]
     automaton = translate(patterns.coverage(*names), disjoint(names))
-    assert len(benchmark.pedantic(hoa.dumps, (automaton,), rounds=3)) > 1000
+    assert len(benchmark.pedantic(hoa.hoa_text, (automaton,), rounds=3)) > 1000

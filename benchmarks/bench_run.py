@@ -1,4 +1,4 @@
-"""Whole runs as a user starts them: the missions, a configuration error, the calm optimum, memory.
+"""Whole runs by the command line: the missions, a configuration error, the optimum in calm wind, memory.
 
 python -m pytest benchmarks/bench_run.py
 """

@@ -1,4 +1,4 @@
-"""Selection: the filter of 25,000 accepted vertices, and the exact costs of the front's paths.
+"""Selection: the filter of 25,000 accepted vertices, and the evaluation of the paths on the front.
 
 python -m pytest benchmarks/bench_selection.py
 """

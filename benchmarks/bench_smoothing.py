@@ -19,7 +19,7 @@ from pareto_ltl.settings import PlannerConfig, RobotConfig, SceneConfig, Smoothi
 from pareto_ltl.support.resources import folder
 from pareto_ltl.wind.records import WindField
 from pareto_ltl.world import cells as workspace
-from pareto_ltl.world.scene_files import read_scene
+from pareto_ltl.world.scene_settings import scene_from_settings
 
 FORMULAS = {"phi1": "F(a & F b & F c)", "phi2": "F(a & F(b & F c)) | F(a & F(d & F c))"}
 DT = 600.0  # [s] steps short enough for about 100 of them
@@ -42,7 +42,7 @@ def wind(speed, variance):
 
 def planned(mission, dt, speed, variance):
     """The problem and the front of its trees."""
-    scene = read_scene(
+    scene = scene_from_settings(
         SceneConfig(**yaml.safe_load((folder("conf") / "scene" / f"{mission}.yaml").read_text()))
     )
     cells = workspace.decompose(scene)

@@ -1,4 +1,4 @@
-"""Sweeps: what a job costs beyond its planning, 200 small jobs, the summary of 2,000.
+"""Sweeps: overhead of a job, 200 small jobs, the summary of 2,000 jobs.
 
 python -m pytest benchmarks/bench_sweep.py
 """
@@ -33,7 +33,7 @@ def seconds_of_runs(place: Path) -> list[float]:
 
 
 def test_two_hundred_small_jobs(benchmark, tmp_path):
-    """The whole sweep, and what is left of it, a job and core, when the time of the runs is taken off."""
+    """Time of the whole sweep, and its overhead per job and core without the time of the runs."""
     benchmark.extra_info["budget"] = 240.0
     cores = len(os.sched_getaffinity(0))
     began = time.perf_counter()
@@ -51,7 +51,7 @@ def test_a_sweep_that_is_done_already(benchmark, tmp_path):
 
 
 def test_summary_of_two_thousand_jobs(benchmark, tmp_path):
-    """Copies of one job under other names, with the sweep's list to match."""
+    """Copies of one job with other names, and the list of jobs of the sweep."""
     benchmark.extra_info["budget"] = 10.0
     place = sweep(tmp_path, "seed=range(0,2)", "planner.epsilon=0.05,0.1")
     content = json.loads((place / "sweep.json").read_text())
@@ -69,6 +69,6 @@ def test_summary_of_two_thousand_jobs(benchmark, tmp_path):
             }
         )
     (place / "sweep.json").write_text(json.dumps(content | {"points": points}))
-    words = [sys.executable, "-m", "pareto_ltl.studies.sweeps", str(place)]
+    words = [sys.executable, "-m", "pareto_ltl.cli.sweep", str(place)]
     done = benchmark.pedantic(subprocess.run, (words,), {"capture_output": True, "text": True}, rounds=2)
     assert done.stdout.startswith("2000 ok of 2000 jobs"), done.stderr

@@ -1,4 +1,4 @@
-"""Reading and decomposing the shipped maps (phi2: 50 ms, warm) and maps of hundreds of obstacles."""
+"""Reading and decomposing the maps of the package (phi2: 50 ms) and maps with hundreds of obstacles."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ import yaml
 from pareto_ltl.settings import SceneConfig
 from pareto_ltl.world import cells as workspace
 from pareto_ltl.world.scene import Scene
-from pareto_ltl.world.scene_files import read_scene
+from pareto_ltl.world.scene_settings import scene_from_settings
 
 SCENES = Path(__file__).parents[1] / "conf" / "scene"
 
 
 def shipped(name: str) -> Scene:
-    return read_scene(SceneConfig(**yaml.safe_load((SCENES / f"{name}.yaml").read_text())))
+    return scene_from_settings(SceneConfig(**yaml.safe_load((SCENES / f"{name}.yaml").read_text())))
 
 
 def crowded(side: int) -> Scene:
-    """side x side hexagons of random size on a square grid; the last one is the region."""
+    """``side`` x ``side`` hexagons of random size on a square grid; the last one is the region."""
     rng = np.random.default_rng(7)
     angles = np.arange(6) * np.pi / 3
     circle = np.stack([np.cos(angles), np.sin(angles)], axis=1)
@@ -34,7 +34,7 @@ def crowded(side: int) -> Scene:
 @pytest.mark.parametrize("name", ["phi1", "phi2"])
 def test_read_a_shipped_map(benchmark, name):
     cfg = SceneConfig(**yaml.safe_load((SCENES / f"{name}.yaml").read_text()))
-    benchmark(read_scene, cfg)
+    benchmark(scene_from_settings, cfg)
 
 
 @pytest.mark.parametrize("name", ["phi1", "phi2"])
@@ -57,4 +57,4 @@ def test_build_a_locator(benchmark):
 def test_locate_ten_thousand_points_in_numpy(benchmark):
     scene = shipped("phi2")
     points = np.random.default_rng(0).uniform(*scene.bounds, (10_000, 2))
-    benchmark(workspace.locate, workspace.decompose(scene), points)
+    benchmark(workspace.locate_cells, workspace.decompose(scene), points)

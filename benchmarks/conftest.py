@@ -1,7 +1,7 @@
-"""The budgets at the end: what DESIGN asks for, what was reached.
+"""A table of budgets at the end of the terminal output: measured value and limit.
 
-A benchmark states its budget in ``benchmark.extra_info``: ``budget`` [s] for its median time; or, for figures
-that are no time, ``figures`` = [(name, reached, limit), ...] with ``sense`` "<=" (default) or ">=".
+A benchmark sets its budget in ``benchmark.extra_info``: ``budget`` [s] for its median time, or, for other
+figures, ``figures`` = [(name, reached, limit), ...] with ``sense`` "<=" (default) or ">=".
 """
 
 from __future__ import annotations

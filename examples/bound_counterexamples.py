@@ -9,12 +9,12 @@
 import numpy as np
 from numpy.random import SeedSequence
 
-from pareto_ltl import logic
 from pareto_ltl.planning import problem
-from pareto_ltl.settings import PlannerConfig, RobotConfig, WindConfig
-from pareto_ltl.simulation import flights as deployment
+from pareto_ltl.run.pipeline import Run
+from pareto_ltl.run.records import PROBLEM, SCENE, WIND, Records
+from pareto_ltl.settings import MissionConfig, RobotConfig, Settings
+from pareto_ltl.simulation import flights
 from pareto_ltl.wind.records import WindField
-from pareto_ltl.world import cells as workspace
 from pareto_ltl.world.scene import Scene
 
 KM, RUNS = 1000.0, 20_000
@@ -41,13 +41,11 @@ def judge(formula, regions, path):
     scene = Scene(KM * np.array([[0.0, 0.0], [20.0, 20.0]]), path[0], regions)
     still, gusts = np.zeros((1, 2, 2, 2)), np.ones((1, 2))
     wind = WindField(np.zeros(2), 20 * KM, np.zeros(1), still, still, gusts, hold_last=True)
-    cells = workspace.decompose(scene)
-    mission = logic.translate(formula, cells.letters)
-    robot = RobotConfig(dt=100.0, u_max=10.5)
-    task = problem.build(robot, PlannerConfig(), WindConfig(), scene, wind, cells, mission)
+    settings = Settings(mission=MissionConfig(formula=formula), robot=RobotConfig(dt=100.0, u_max=10.5))
+    task = Run(settings, records=Records({SCENE: scene, WIND: wind})).make(PROBLEM)
     plan = problem.evaluate(task, path, "by hand")
-    missed = ~deployment.fly(task, plan.u, RUNS, "independent", SeedSequence(1)).accepted
-    low, high = deployment.clopper_pearson(int(missed.sum()), RUNS)
+    missed = ~flights.fly(task, plan.u, RUNS, "independent", SeedSequence(1)).accepted
+    low, high = flights.clopper_pearson(int(missed.sum()), RUNS)
     print(f"{formula}: Theorem 2 promises {plan.objectives.mission_risk_paper:.2g}, ", end="")
     print(f"the ordered bound {plan.objectives.mission_risk:.4f}; ", end="")
     print(f"{missed.mean():.4f} of {RUNS} flights missed it (95 %: {low:.4f} to {high:.4f})")

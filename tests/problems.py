@@ -23,7 +23,7 @@ from pareto_ltl.support.arrays import FloatArray, IntArray
 from pareto_ltl.wind.records import WindField, WindModes
 from pareto_ltl.world import cells as workspace
 from pareto_ltl.world.scene import Scene
-from pareto_ltl.world.scene_files import read_scene
+from pareto_ltl.world.scene_settings import scene_from_settings as read_scene
 
 KM = 1000.0
 SCENES = FilePath(__file__).parents[1] / "conf" / "scene"

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from pareto_ltl.run.records import AUTOMATON, DECOMPOSITION, OBSERVATIONS, SCENE, Records
 from pareto_ltl.settings import (
     DeploymentConfig,
     EvaluationConfig,
@@ -18,7 +19,7 @@ from pareto_ltl.settings import (
     Settings,
     SmoothingConfig,
 )
-from pareto_ltl.studies.planning import Workshop
+from pareto_ltl.studies.planning import study_run
 from pareto_ltl.wind.records import WindObservations
 from problems import box, make_scene
 
@@ -37,7 +38,7 @@ def settings(**changes: Any) -> Settings:
     return replace(plain, **changes)
 
 
-def world(cfg: Settings) -> dict[str, Any]:
+def world(cfg: Settings) -> Records:
     """What the stages before a study make."""
     scene = make_scene(
         {"a": box(13, 2, 17, 6), "b": box(3, 13, 7, 17)}, [box(9, 8, 12, 11)], start=(2.0, 3.0)
@@ -50,8 +51,10 @@ def world(cfg: Settings) -> dict[str, Any]:
         for k in range(3)
     ]
     seen = WindObservations(np.array([0.0, 9000.0, 30000.0]), (grid,) * 3, tuple(winds), "by hand")
-    shop = Workshop(cfg, {"scene": scene, "observations": seen})
-    return {name: shop.make(name) for name in ("scene", "observations", "decomposition", "automaton")}
+    run = study_run(cfg, Records({SCENE: scene, OBSERVATIONS: seen}))
+    run.make(DECOMPOSITION)
+    run.make(AUTOMATON)
+    return run.records
 
 
 def files(folder: Path) -> dict[str, bytes]:

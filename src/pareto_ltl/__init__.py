@@ -1,25 +1,69 @@
 """Risk-aware temporal-logic mission planning in uncertain wind, without position fixes.
 
-The stages of a run, each a function of settings and records, in the order in which they are called:
+    import pareto_ltl
 
-==============  ===============================================================================
-``scene``       ``read_scene``: settings or a map file -> ``Scene``
-``wind``        ``sources.observations`` -> ``field.wind``: NOAA readings -> ``WindField``
-``workspace``   ``decompose``: ``Scene`` -> ``Decomposition`` (convex cells)
-``logic``       ``translate``: formula -> minimal ``Automaton``
-``problem``     ``build``: all of these -> ``Problem``
-``growth``      ``forest``: ``Problem`` -> ``Forest`` of search trees
-``smoothing``   ``smooth``: convex smoothing of the best paths
-``selection``   ``tree_front``, ``front``, ``choose``: the non-dominated paths and the one to fly
-``deployment``  ``fly``: simulated flights of a path
-==============  ===============================================================================
+    result = pareto_ltl.plan("phi1", "F(a & F b & F c)", wind="calm")
+    result.plan, result.front, result.wind       # the records, each with a short repr and plot()
+    pareto_ltl.simulate(result, runs=1000, law="coherent")
+    pareto_ltl.load_results("outputs/phi1/...")  # a run of the command line
 
-``examples/plan_from_python.py`` calls them in fifteen lines; the command line is
-``python -m pareto_ltl +experiment=phi1``.
+The command line is ``python -m pareto_ltl +experiment=phi1``. The names below are imported when they are
+used, so that ``import pareto_ltl`` loads no numerical package.
 """
 
 from __future__ import annotations
 
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from pareto_ltl.run.interface import PlanningResult, load_results, plan, simulate
+    from pareto_ltl.run.results import Results
+    from pareto_ltl.settings import Settings
+    from pareto_ltl.support.errors import (
+        ConfigError,
+        DataError,
+        FormulaError,
+        InfeasibleError,
+        ParetoLtlError,
+    )
+    from pareto_ltl.world.scene import Scene
+
 __version__ = "0.1.0"
 
-__all__ = ["__version__"]
+__all__ = [
+    "ConfigError",
+    "DataError",
+    "FormulaError",
+    "InfeasibleError",
+    "ParetoLtlError",
+    "PlanningResult",
+    "Results",
+    "Scene",
+    "Settings",
+    "__version__",
+    "load_results",
+    "plan",
+    "simulate",
+]
+
+_HOMES = {
+    "pareto_ltl.run.interface": ("PlanningResult", "load_results", "plan", "simulate"),
+    "pareto_ltl.run.results": ("Results",),
+    "pareto_ltl.settings": ("Settings",),
+    "pareto_ltl.support.errors": (
+        "ConfigError", "DataError", "FormulaError", "InfeasibleError", "ParetoLtlError",
+    ),
+    "pareto_ltl.world.scene": ("Scene",),
+}  # fmt: skip
+
+
+def __getattr__(name: str) -> Any:
+    for module, names in _HOMES.items():
+        if name in names:
+            return getattr(import_module(module), name)
+    raise AttributeError(f"module 'pareto_ltl' has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -6,29 +6,10 @@ import sys
 
 
 def main() -> None:
-    """Sub-commands that need no configuration come first; everything else goes to Hydra."""
-    argv = sys.argv[1:]
-    if argv[:1] == ["formula"]:
-        from pareto_ltl.cli.formula import main as formula
+    """Run the command line and leave with its exit code."""
+    from pareto_ltl.cli.commands import run_command_line
 
-        sys.exit(formula(argv[1:]))
-    if argv[:1] == ["rerun"]:
-        from pareto_ltl.cli.rerun import main as rerun
-
-        sys.exit(rerun(argv[1:]))
-    if argv[:1] == ["cache"]:
-        from pareto_ltl.support.cache import main as cache
-
-        sys.exit(cache(argv[1:]))
-    if argv == ["--version"]:
-        from importlib.metadata import version
-
-        print(f"pareto-ltl {version('pareto-ltl')}")
-        sys.exit(0)
-
-    from pareto_ltl.cli.hydra_app import main as app
-
-    sys.exit(app(argv))
+    sys.exit(run_command_line(sys.argv[1:]))
 
 
 if __name__ == "__main__":

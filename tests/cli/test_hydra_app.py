@@ -5,15 +5,20 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
+from hydra.types import RunMode
 
+from pareto_ltl.cli import composition, stage_table
 from pareto_ltl.cli import hydra_app as app
-from pareto_ltl.planning.records import Forest
-from pareto_ltl.run import pipeline, stages
+from pareto_ltl.cli.setting_keys import settings_from
+from pareto_ltl.run.provenance import one_line
+from pareto_ltl.run.records import RecordKey
 from pareto_ltl.run.results import Results
+from pareto_ltl.run.stage_table import Stage, StageInputs
 from pareto_ltl.settings import Settings
 from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
 from pareto_ltl.support.resources import choices
@@ -30,13 +35,29 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 @pytest.fixture
 def stage(monkeypatch: pytest.MonkeyPatch) -> Any:
-    """Adds a stage for the duration of a test."""
-    return lambda make: monkeypatch.setitem(stages.STAGES, make.__name__, make)
+    """Adds a stage, which has the name of its function, for the duration of a test."""
+
+    def add(make: Callable[[StageInputs], Any]) -> None:
+        added = Stage(make.__name__, makes=RecordKey[Any](make.__name__), make=make)
+        monkeypatch.setattr(stage_table, "STUDY_STAGES", (*stage_table.STUDY_STAGES, added))
+
+    return add
 
 
-def validated(*argv: str) -> list[str]:
-    app.register()
-    return app.validate(app.parse(argv))
+def validated(*argv: str) -> Settings:
+    """The settings of one run, composed and checked; nothing runs."""
+    arguments = composition.parse_flags(argv)
+    with composition.opened_hydra(arguments) as hydra:
+        prepared = composition.prepare(hydra, arguments)
+    assert isinstance(prepared, composition.PreparedRun)
+    return prepared.settings
+
+
+def composed(*argv: str) -> Settings:
+    """The settings that a command line comes to, without a check that they can run."""
+    arguments = composition.parse_flags(argv)
+    with composition.opened_hydra(arguments) as hydra:
+        return settings_from(composition.composed_config(hydra, arguments, RunMode.RUN))
 
 
 BAD = {
@@ -60,8 +81,9 @@ BAD = {
     "pipelines=plans": "there is no pipeline 'plans'; there are ",
     "pipelines.stages=[]": "pipelines.stages is empty",
     "pipelines.stages=[winds]": "there is no stage 'winds'; there are ",
-    "pipelines.stages=[observations,observations]": "twice",
-    "pipelines.stages=[observations,decomposition,wind,forest]": "'forest' needs automaton, which no earlier",
+    "pipelines.stages=[readings,readings]": "twice",
+    "pipelines.stages=[readings,scene,decomposition,forest]": "'forest' needs problem, which no earlier",
+    "pipelines.stages=[readings,scene,decomposition,wind]": "'wind' needs observations, which no earlier",
     "seed=1,2": "add -m to run each",
     "mission.formula=F(a & F b)": "two pairs of quotes",
     "mission.formula=''": "mission.formula is missing",
@@ -79,7 +101,7 @@ def test_a_wrong_argument_costs_one_line_and_no_directory(
     argument: str, here: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     experiment = [] if "experiment" in argument else ["+experiment=phi1"]
-    assert app.main([*experiment, argument]) == 2
+    assert app.run_hydra([*experiment, argument]) == 2
     out, err = capsys.readouterr()
     assert out == ""
     assert err.count("\n") == 1
@@ -91,45 +113,41 @@ def test_a_wrong_argument_costs_one_line_and_no_directory(
 def test_both_ends_of_a_sweep_are_checked_before_its_first_job(
     values: str, here: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert app.main(["-m", "+experiment=phi1", values]) == 2
+    assert app.run_hydra(["-m", "+experiment=phi1", values]) == 2
     assert capsys.readouterr().err.count("\n") == 1
     assert list(here.iterdir()) == []
 
 
 def test_without_a_map_the_ready_missions_are_named(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert app.main([]) == 2
+    assert app.run_hydra([]) == 2
     err = capsys.readouterr().err
     assert all(name in err for name in choices("experiment"))
 
 
 @pytest.mark.parametrize("experiment", choices("experiment"))
 def test_every_experiment_composes(experiment: str) -> None:
-    assert validated(f"+experiment={experiment}") == []
+    assert validated(f"+experiment={experiment}").scene.regions
 
 
 @pytest.mark.parametrize("choice", [f"{section}={name}" for section in SECTIONS for name in choices(section)])
 def test_every_choice_composes_with_a_mission(choice: str) -> None:
-    assert validated("+experiment=phi1", choice, *FILES.get(choice.removeprefix("wind="), [])) == []
+    assert validated("+experiment=phi1", choice, *FILES.get(choice.removeprefix("wind="), [])).name == "phi1"
 
 
 def test_ingest_needs_no_mission() -> None:
-    assert validated("pipelines=ingest", "wind=grib", "wind.path=folder") == []
+    assert validated("pipelines=ingest", "wind=grib", "wind.path=folder").pipelines.stages == ["table"]
 
 
 def test_an_experiment_changes_only_what_it_names() -> None:
-    app.register()
-    with app.initialize_config_dir(str(app.folder("conf")), version_base="1.3"):
-        plain = app.settings_of(app.compose("config"))
-        mission = app.settings_of(app.compose("config", ["+experiment=phi2"]))
+    plain = composed()
+    mission = composed("+experiment=phi2")
     assert mission.scene.regions.keys() == {"a", "b", "c", "d"}
     mission.scene, mission.mission, mission.name = plain.scene, plain.mission, plain.name
     assert mission == plain
 
 
 def test_the_shipped_configuration_is_the_default_of_the_schema() -> None:
-    app.register()
-    with app.initialize_config_dir(str(app.folder("conf")), version_base="1.3"):
-        settings = app.settings_of(app.compose("config"))
+    settings = composed()
     settings.pipelines.stages = []
     assert settings == Settings()
 
@@ -140,7 +158,7 @@ def test_a_key_that_only_a_file_adds_is_refused_too(
     extra = tmp_path_factory.mktemp("conf")
     (extra / "planner").mkdir()
     (extra / "planner" / "mine.yaml").write_text("treez: 3\n")
-    assert app.main(["--config-dir", str(extra), "+experiment=phi1", "planner=mine"]) == 2
+    assert app.run_hydra(["--config-dir", str(extra), "+experiment=phi1", "planner=mine"]) == 2
     assert "treez" in capsys.readouterr().err
     assert list(here.iterdir()) == []
 
@@ -148,7 +166,7 @@ def test_a_key_that_only_a_file_adds_is_refused_too(
 def test_a_configuration_of_ones_own_is_found_beside_the_shipped_one(tmp_path: Path) -> None:
     (tmp_path / "planner").mkdir()
     (tmp_path / "planner" / "mine.yaml").write_text("trees: 3\n")
-    assert validated("--config-dir", str(tmp_path), "+experiment=phi1", "planner=mine") == []
+    assert validated("--config-dir", str(tmp_path), "+experiment=phi1", "planner=mine").planner.trees == 3
 
 
 # --- how runs end ----------------------------------------------------------------------------
@@ -162,13 +180,14 @@ def only(pattern: str) -> Path:
 def test_a_finished_run_leaves_its_settings_its_record_and_metrics_last(
     here: Path, stage: Any, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def probe(settings: Settings, directory: Path) -> int:
+    def probe(inputs: StageInputs) -> int:
+        directory = inputs.directory
         assert not (directory / "metrics.json").exists()
         assert json.loads((directory / "run.json").read_text())["status"] == "running"
-        return settings.seed
+        return inputs.settings.seed
 
     stage(probe)
-    assert app.main(["pipelines.stages=[probe]", "seed=7", "name=trial"]) == 0
+    assert app.run_hydra(["pipelines.stages=[probe]", "seed=7", "name=trial"]) == 0
     place = only("outputs/trial/*")
     record = json.loads((place / "run.json").read_text())
     assert record["status"] == "ok"
@@ -196,18 +215,18 @@ def test_a_finished_run_leaves_its_settings_its_record_and_metrics_last(
 def test_a_failure_is_one_line_an_exit_code_and_a_record(
     error: BaseException, code: int, status: str, here: Path, stage: Any, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def burst() -> None:
+    def burst(inputs: StageInputs) -> None:
         raise error
 
     stage(burst)
-    assert app.main(["pipelines.stages=[burst]"]) == code
+    assert app.run_hydra(["pipelines.stages=[burst]"]) == code
     out, err = capsys.readouterr()
     assert out == ""
     assert err.count("\n") == 1
     assert "Traceback" not in err
     place = only("outputs/plan/*")
     record = json.loads((place / "run.json").read_text())
-    assert (record["status"], record["error"]) == (status, app.one_line(error))
+    assert (record["status"], record["error"]) == (status, one_line(error))
     assert not (place / "metrics.json").exists()
     if code == 1:  # a bug: the line says where the traceback is
         assert str(place / "run.log") in err
@@ -217,13 +236,13 @@ def test_a_failure_is_one_line_an_exit_code_and_a_record(
 def test_a_sweep_goes_on_after_a_failed_job_and_keeps_all_in_one_folder(
     here: Path, stage: Any, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def picky(settings: Settings) -> int:
-        if settings.seed == 2:
+    def picky(inputs: StageInputs) -> int:
+        if inputs.settings.seed == 2:
             raise DataError("two is not to my taste")
-        return settings.seed
+        return inputs.settings.seed
 
     stage(picky)
-    assert app.main(["-m", "pipelines.stages=[picky]", "seed=1,2,3", "name=x,y"]) == 2
+    assert app.run_hydra(["-m", "pipelines.stages=[picky]", "seed=1,2,3", "name=x,y"]) == 2
     (folder,) = Path("multirun").glob("*")
     jobs = [point["job"] for point in json.loads((folder / "sweep.json").read_text())["points"]]
     states = [json.loads((folder / job / "run.json").read_text()) for job in jobs]
@@ -233,23 +252,13 @@ def test_a_sweep_goes_on_after_a_failed_job_and_keeps_all_in_one_folder(
 
 
 def test_an_unwritable_place_is_one_line(here: Path, stage: Any, capsys: pytest.CaptureFixture[str]) -> None:
-    def idle() -> int:
+    def idle(inputs: StageInputs) -> int:
         return 0
 
     stage(idle)
     Path("outputs").write_text("a file where the folder should be")
-    assert app.main(["pipelines.stages=[idle]"]) == 2
+    assert app.run_hydra(["pipelines.stages=[idle]"]) == 2
     assert capsys.readouterr().err.count("\n") == 1
-
-
-def test_help_names_every_group_and_makes_nothing(here: Path) -> None:
-    done = subprocess.run(
-        [sys.executable, "-m", "pareto_ltl", "--help"], capture_output=True, text=True, check=True
-    )
-    for group in (*SECTIONS, "experiment", "pipelines"):
-        assert f"\n  {group}: {', '.join(choices(group))}\n" in done.stdout
-    assert "\n  seed: 0\n" in done.stdout
-    assert list(here.iterdir()) == []
 
 
 def test_the_module_ends_with_the_exit_code_of_the_run(here: Path) -> None:
@@ -262,7 +271,7 @@ def test_start_up_loads_no_numerical_package() -> None:
     code = (
         "import sys\n"
         "from pareto_ltl.cli import hydra_app as app\n"
-        "assert app.main(['planner.trees=0', '+experiment=phi1']) == 2\n"
+        "assert app.run_hydra(['planner.trees=0', '+experiment=phi1']) == 2\n"
         "heavy = 'numpy scipy numba cvxpy sklearn matplotlib shapely xarray pyproj networkx rich'\n"
         "print([name for name in heavy.split() if name in sys.modules])\n"
     )
@@ -270,98 +279,17 @@ def test_start_up_loads_no_numerical_package() -> None:
     assert done.stdout == "[]\n"
 
 
-# --- the runner ------------------------------------------------------------------------------
-
-
-def test_ingredients_are_made_once_and_stages_in_order(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    made = []
-
-    def flour() -> str:
-        made.append("flour")
-        return "flour"
-
-    def dough(flour: str) -> str:
-        made.append("dough")
-        return flour + " dough"
-
-    def bread(dough: str, flour: str) -> str:
-        made.append("bread")
-        return f"bread of {dough} on {flour}"
-
-    monkeypatch.setattr(stages, "STAGES", {"dough": dough, "bread": bread})
-    monkeypatch.setattr(stages, "INGREDIENTS", {"flour": flour})
-    settings = Settings()
-    settings.pipelines.stages = ["dough", "bread"]
-    pipeline.run(settings, here / "out")
-    assert made == ["flour", "dough", "bread"]
-    settings.pipelines.stages = ["bread", "dough"]
-    with pytest.raises(ConfigError, match="'bread' needs dough, which no earlier stage makes"):
-        pipeline.run(settings, here / "other")
-    assert not (here / "other").exists()
-
-
-def test_a_stage_draws_the_same_numbers_in_every_pipeline(
-    here: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def dice(seeds: Any) -> list[int]:
-        return [int(n) for n in seeds.generate_state(4)]
-
-    def other(seeds: Any) -> list[int]:
-        return [int(n) for n in seeds.generate_state(4)]
-
-    monkeypatch.setattr(stages, "STAGES", {"dice": dice, "other": other})
-    drawn = []
-    for listed in (["dice"], ["other", "dice"]):
-        settings = Settings(seed=5)
-        settings.pipelines.stages = listed
-        run = pipeline.Run(settings, here, pipeline.ProgressBar())
-        pipeline.make_all(run)
-        drawn.append(run.records)
-    assert drawn[0]["dice"] == drawn[1]["dice"]
-    assert drawn[1]["other"] != drawn[1]["dice"]
-
-
-def test_an_infeasible_mission_still_gets_its_trees_its_picture_and_metrics(
-    here: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    import numpy as np
-
-    drawn = []
-
-    def forest() -> Forest:
-        return Forest((), np.empty((0, 2), np.int64), 0.1)
-
-    def front(forest: Forest) -> None:
-        raise InfeasibleError("no path")
-
-    def plan(front: object) -> None:
-        raise AssertionError("a plan without a front")
-
-    def report(forest: Forest, plan: object | None = None) -> None:
-        drawn.append(plan)
-
-    monkeypatch.setattr(stages, "STAGES", {f.__name__: f for f in (forest, front, plan, report)})
-    settings = Settings()
-    settings.pipelines.stages = ["forest", "front", "plan", "report"]
-    with pytest.raises(InfeasibleError, match="no path"):
-        pipeline.run(settings, here)
-    assert drawn == [None]
-    assert (here / "trees.npz").is_file()
-    assert json.loads((here / "metrics.json").read_text())["completed"] == 0.0
-    assert json.loads((here / "run.json").read_text())["status"] == "infeasible"
-
-
 def test_warnings_go_to_the_log_of_the_run(
     here: Path, stage: Any, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def uneasy() -> int:
+    def uneasy(inputs: StageInputs) -> int:
         import warnings
 
         warnings.showwarning("the ice is thin", UserWarning, "lake.py", 1)
         return 1
 
     stage(uneasy)
-    assert app.main(["pipelines.stages=[uneasy]"]) == 0
+    assert app.run_hydra(["pipelines.stages=[uneasy]"]) == 0
     assert "the ice is thin" in only("outputs/plan/*/run.log").read_text()
     assert capsys.readouterr().err == ""
 
@@ -393,7 +321,7 @@ NUMBERS = {
 def test_the_same_command_gives_the_same_files_with_any_number_of_threads(here: Path) -> None:
     results = []
     for threads in (1, 2):
-        assert app.main([*SMALL, f"planner.threads={threads}", f"name=threads{threads}"]) == 0
+        assert app.run_hydra([*SMALL, f"planner.threads={threads}", f"name=threads{threads}"]) == 0
         results.append(Results(only(f"outputs/threads{threads}/*")))
     one, two = (result.directory for result in results)
     assert {path.name for path in one.iterdir()} == MADE
@@ -416,7 +344,7 @@ def test_trees_that_find_no_way_are_kept_with_their_picture(
     here: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     few = ["+experiment=phi1", "planner.trees=1", "planner.n_max=20", "report.dpi=50"]
-    assert app.main(few) == 2
+    assert app.run_hydra(few) == 2
     err = capsys.readouterr().err
     place = only("outputs/phi1/*")
     assert err.count("\n") == 1

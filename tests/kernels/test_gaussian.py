@@ -58,7 +58,7 @@ def test_both_bounds_are_those_of_the_reference_and_hold(polygon, seed):
         out, in_ = gaussian.outside(ring, 0, here), gaussian.inside(ring, 0, here)
         np.testing.assert_allclose(out, risk.outside_bound(normals, offsets, mean, cov), rtol=1e-9)
         np.testing.assert_allclose(in_, risk.inside_bound(normals, offsets, mean, cov), rtol=1e-9)
-        exact = risk.polygon_probability(polygon, mean, cov)
+        exact = risk.gaussian_in_polygon(polygon, mean, cov)
         assert out >= 1 - exact - 1e-9
         assert in_ >= exact - 1e-9
 

@@ -45,7 +45,7 @@ def test_slack_is_the_distance_to_the_nearest_face_line(polygon, seed):
     points = np.random.default_rng(seed).uniform(-300, 1300, (20, 2))
     ring = pack_faces([polygon])
     found = [geometry.face_slack(ring, 0, Point(x, y)) for x, y in points]
-    np.testing.assert_allclose(found, workspace.slack(polygon, points), atol=1e-8)
+    np.testing.assert_allclose(found, workspace.inside_depth(polygon, points), atol=1e-8)
     inside = shapely.contains_xy(shapely.Polygon(polygon), points)
     depth = shapely.distance(shapely.Polygon(polygon).exterior, shapely.points(points))
     np.testing.assert_allclose(np.array(found)[inside], depth[inside], atol=1e-8)
@@ -73,13 +73,13 @@ def test_both_roads_name_the_same_cell(scene, seed):
     decomposition, cells = tables(scene)
     points = points_in(scene, np.random.default_rng(seed), 60)
     rings = [*decomposition.cells, *decomposition.obstacles]
-    edge = np.min([np.abs(workspace.slack(ring, points)) for ring in rings], axis=0)
+    edge = np.min([np.abs(workspace.inside_depth(ring, points)) for ring in rings], axis=0)
     clear = edge > 1e-5  # beside an edge the two roads may round differently
     blocked = geometry.locate_cells(cells, points)
-    expected = workspace.locate(decomposition, points)
+    expected = workspace.locate_cells(decomposition, points)
     shallow = (expected == -1) & (blocked >= 0)  # the kernel forgives a metre
     for point in points[shallow]:
-        assert max(float(workspace.slack(o, point[None])[0]) for o in decomposition.obstacles) < 1.0
+        assert max(float(workspace.inside_depth(o, point[None])[0]) for o in decomposition.obstacles) < 1.0
     np.testing.assert_array_equal(blocked[clear & ~shallow], expected[clear & ~shallow])
 
 

@@ -15,7 +15,8 @@ from pareto_ltl.kernels.jit import IMPLEMENTATIONS, by_type, implements, kernel
 from pareto_ltl.kernels.parents import Dominance, Scaled
 from pareto_ltl.planning import evaluate, growth
 from pareto_ltl.planning.refine import smoothing
-from pareto_ltl.settings import LAWS, PARENT_RULES
+from pareto_ltl.settings import LAWS
+from pareto_ltl.settings.fidelity import PARENT_RULES
 from pareto_ltl.simulation import flights
 
 for module in pkgutil.iter_modules(pareto_ltl.kernels.__path__):
@@ -109,4 +110,4 @@ def test_every_model_has_its_memory_its_strategy_and_its_name():
     assert set(evaluate.COLLISION_MEMORY) == FAMILIES["collision"]
     assert set(smoothing.STRATEGIES) == FAMILIES["collision"]
     assert set(flights.DRAWS) == set(LAWS)
-    assert set(growth.PARENT_RULES) == set(PARENT_RULES)
+    assert set(growth.RULE_MAKERS) == set(PARENT_RULES)

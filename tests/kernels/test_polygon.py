@@ -37,6 +37,6 @@ def test_polygon_probabilities_of_the_kernel_are_the_references(seed):
     x = rng.standard_normal((20, 2)) * 2
     half = rng.standard_normal((20, 2, 2))
     cov = half @ half.transpose(0, 2, 1) + 0.01 * np.eye(2)
-    expected = [risk.polygon_probability(polygon, m, c) for m, c in zip(x, cov, strict=True)]
+    expected = [risk.gaussian_in_polygon(polygon, m, c) for m, c in zip(x, cov, strict=True)]
     found = kernel.polygon_probabilities(corners, x, three_columns(cov))
     np.testing.assert_allclose(found, expected, atol=1e-13)

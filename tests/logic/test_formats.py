@@ -13,8 +13,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pareto_ltl.cli import formula as command
-from pareto_ltl.logic import FormulaError, hoa, parse, patterns, translate
+from pareto_ltl.cli.formula_command import formula_command
+from pareto_ltl.logic import FormulaError, hoa, parse_formula, patterns, translate
 from pareto_ltl.logic import picture as draw
 from pareto_ltl.logic.formula import Formula
 from pareto_ltl.settings import MissionConfig
@@ -53,15 +53,15 @@ formulas = st.recursive(
 @given(formulas)
 def test_an_automaton_comes_back_from_hoa(f):
     automaton = translate(str(f))
-    assert hoa.loads(hoa.dumps(automaton)) == automaton
+    assert hoa.parse_hoa(hoa.hoa_text(automaton)) == automaton
 
 
 @pytest.mark.parametrize("formula", MISSIONS)
 def test_a_file_serves_as_a_mission(formula, tmp_path):
     automaton = translate(formula)
     file = tmp_path / "mission.hoa"
-    hoa.write(automaton, file)
-    assert hoa.read(file) == automaton
+    hoa.write_hoa(automaton, file)
+    assert hoa.read_hoa(file) == automaton
 
 
 VALID = """HOA: v1
@@ -81,7 +81,7 @@ State: 1 {0}
 
 
 def test_a_hand_written_file_is_read():
-    assert hoa.loads(VALID) == translate("F a")
+    assert hoa.parse_hoa(VALID) == translate("F a")
 
 
 @pytest.mark.parametrize(
@@ -103,7 +103,7 @@ def test_a_file_that_is_not_a_deterministic_state_based_automaton_is_refused_in_
     text = VALID.replace(old, new)
     assert text != VALID
     try:
-        automaton = hoa.loads(text, source="m.hoa")
+        automaton = hoa.parse_hoa(text, source="m.hoa")
     except ParetoLtlError as error:
         assert "m.hoa" in str(error)
         assert "\n" not in str(error)
@@ -115,7 +115,7 @@ def test_a_file_that_is_not_a_deterministic_state_based_automaton_is_refused_in_
 def test_an_acceptance_that_is_not_absorbing_is_no_mission():
     recurring = VALID.replace("[t] 1", "[!0] 0\n[0] 1")
     with pytest.raises(ParetoLtlError, match=r"m\.hoa"):
-        hoa.loads(recurring, source="m.hoa")
+        hoa.parse_hoa(recurring, source="m.hoa")
 
 
 # --- an independent judge ------------------------------------------------------------------------
@@ -206,7 +206,7 @@ def test_mona_agrees(tmp_path_factory, f):
     ],
 )
 def test_a_pattern_is_the_formula_it_stands_for(text, formula):
-    assert parse(text) == parse(formula)
+    assert parse_formula(text) == parse_formula(formula)
 
 
 def test_a_strict_sequence_asks_for_a_later_letter():
@@ -234,7 +234,7 @@ def test_a_pattern_that_lacks_something_says_so(mission, what):
 
 
 def test_dot_names_every_state_and_guard():
-    text = draw.dot(translate("F(a & F b & F c)"))
+    text = draw.dot_text(translate("F(a & F b & F c)"))
     assert text.startswith("digraph")
     assert "doublecircle" in text
     assert 'label="b & !c"' in text
@@ -242,30 +242,30 @@ def test_dot_names_every_state_and_guard():
 
 @pytest.mark.parametrize("formula", MISSIONS)
 def test_a_picture_is_drawn(formula, tmp_path):
-    draw.picture(translate(formula), tmp_path / "automaton.png", dpi=40)
+    draw.save_picture(translate(formula), tmp_path / "automaton.png", dpi=40)
     assert (tmp_path / "automaton.png").read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
 
 
 def test_the_command_tells_what_a_formula_means(capsys, tmp_path):
     files = [tmp_path / name for name in ("m.hoa", "m.dot", "m.png")]
     argv = [f for pair in zip(("--hoa", "--dot", "--picture"), map(str, files), strict=True) for f in pair]
-    assert command.main(["F(a & F b)", *argv]) == 0
+    assert formula_command(["F(a & F b)", *argv]) == 0
     told = capsys.readouterr().out
     for word in ("normal form", "states        3", "insertion-closed"):
         assert word in told
     assert all(file.stat().st_size > 0 for file in files)
-    assert hoa.read(files[0]) == translate("F(a & F b)")
+    assert hoa.read_hoa(files[0]) == translate("F(a & F b)")
 
 
 def test_the_command_points_at_a_mistake(capsys):
-    assert command.main(["F(a & (b"]) == 2
+    assert formula_command(["F(a & (b"]) == 2
     line, text, caret = capsys.readouterr().err.splitlines()
     assert line.startswith("error: expected")
     assert caret.index("^") == len(text)
 
 
 def test_harmful_visits_are_named(capsys):
-    assert command.main(["!b U a"]) == 0
+    assert formula_command(["!b U a"]) == 0
     assert "an extra {b} loses the mission" in capsys.readouterr().out
 
 
@@ -291,5 +291,5 @@ def test_contradictions_and_tautologies_are_said():
 
 def test_a_formula_error_is_also_a_value_error():
     with pytest.raises(ValueError):
-        parse("F(")
+        parse_formula("F(")
     assert issubclass(FormulaError, ParetoLtlError)

@@ -6,8 +6,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pareto_ltl.logic import FormulaError, parse, positive, translate
-from pareto_ltl.logic.formula import BINARY, MAX_DEPTH, UNARY, Formula, caret, check_names
+from pareto_ltl.logic import FormulaError, parse_formula, positive_normal_form, translate
+from pareto_ltl.logic.formula import (
+    BINARY_STRENGTH,
+    MAX_DEPTH,
+    UNARY_OPERATORS,
+    Formula,
+    caret_lines,
+    check_names,
+)
 
 names = st.sampled_from(["a", "b", "c", "Goal_1", "x2", "2nd", "höhe", "Fa"]).map(
     lambda name: Formula("name", name=name)
@@ -16,8 +23,10 @@ leaves = names | st.sampled_from([Formula("true"), Formula("false")])
 
 
 def branches(trees):
-    unary = st.builds(lambda op, p: Formula(op, (p,)), st.sampled_from(UNARY), trees)
-    pair = st.builds(lambda op, p, q: Formula(op, (p, q)), st.sampled_from(list(BINARY)), trees, trees)
+    unary = st.builds(lambda op, p: Formula(op, (p,)), st.sampled_from(UNARY_OPERATORS), trees)
+    pair = st.builds(
+        lambda op, p, q: Formula(op, (p, q)), st.sampled_from(list(BINARY_STRENGTH)), trees, trees
+    )
     chain = st.builds(
         lambda op, parts: Formula(op, tuple(parts)),
         st.sampled_from("&|"),
@@ -31,23 +40,23 @@ trees = st.recursive(leaves, branches, max_leaves=12)
 
 @given(trees)
 def test_what_is_printed_reads_back_as_the_same_tree(tree):
-    assert parse(str(tree)) == tree
+    assert parse_formula(str(tree)) == tree
 
 
 @given(trees)
 def test_printing_is_stable(tree):
-    assert str(parse(str(tree))) == str(tree)
+    assert str(parse_formula(str(tree))) == str(tree)
 
 
 @given(st.text(alphabet="abXFUGM&|!()-<> ~trueor[]$1\n", max_size=25))
 def test_any_text_is_read_or_refused_in_one_line_that_points_into_it(text):
     try:
-        tree = parse(text)
+        tree = parse_formula(text)
     except FormulaError as error:
         assert "\n" not in str(error)
         assert 0 <= error.column <= len(text)
     else:
-        assert parse(str(tree)) == tree
+        assert parse_formula(str(tree)) == tree
 
 
 @pytest.mark.parametrize(
@@ -68,7 +77,7 @@ def test_any_text_is_read_or_refused_in_one_line_that_points_into_it(text):
     ],
 )
 def test_operators_bind_in_the_promised_order(text, meaning):
-    assert parse(text) == parse(meaning)
+    assert parse_formula(text) == parse_formula(meaning)
 
 
 @pytest.mark.parametrize(
@@ -87,7 +96,7 @@ def test_operators_bind_in_the_promised_order(text, meaning):
     ],
 )
 def test_spellings_mean_the_same(text, same):
-    assert parse(text) == parse(same)
+    assert parse_formula(text) == parse_formula(same)
 
 
 @pytest.mark.parametrize(
@@ -112,14 +121,14 @@ def test_spellings_mean_the_same(text, same):
 )
 def test_a_syntax_error_points_at_its_column_and_says_what_was_expected(text, column, said):
     with pytest.raises(FormulaError) as caught:
-        parse(text)
+        parse_formula(text)
     assert caught.value.column == column
     assert said in str(caught.value)
     assert "\n" not in str(caught.value)
 
 
 def test_the_caret_stands_under_the_column():
-    assert caret("F(a &\t)", 6) == "F(a & )\n      ^"
+    assert caret_lines("F(a &\t)", 6) == "F(a & )\n      ^"
 
 
 @pytest.mark.parametrize(
@@ -140,7 +149,7 @@ def test_the_caret_stands_under_the_column():
     ],
 )
 def test_a_refused_formula_names_the_operator_as_it_was_written_and_why(text, column, said):
-    for judge in (lambda: positive(parse(text)), lambda: translate(text)):
+    for judge in (lambda: positive_normal_form(parse_formula(text)), lambda: translate(text)):
         with pytest.raises(FormulaError) as caught:
             judge()
         assert caught.value.column == column
@@ -169,13 +178,13 @@ def test_a_refused_formula_names_the_operator_as_it_was_written_and_why(text, co
     ],
 )
 def test_negation_is_pushed_to_the_propositions(text, normal):
-    assert positive(parse(text)) == parse(normal)
+    assert positive_normal_form(parse_formula(text)) == parse_formula(normal)
 
 
 @given(trees)
 def test_the_normal_form_has_only_the_operators_of_co_safety(tree):
     try:
-        normal = positive(tree)
+        normal = positive_normal_form(tree)
     except FormulaError as error:
         assert any(node.op in "GRWFUM" for node in tree.walk())
         assert error.column is not None
@@ -186,20 +195,20 @@ def test_the_normal_form_has_only_the_operators_of_co_safety(tree):
 
 def test_deep_sequences_and_long_chains_are_no_problem():
     deep = "F(a & " * (MAX_DEPTH // 2) + "b" + ")" * (MAX_DEPTH // 2)
-    assert parse(str(positive(parse(deep)))) == parse(deep)
+    assert parse_formula(str(positive_normal_form(parse_formula(deep)))) == parse_formula(deep)
     wide = " & ".join(f"F p{i}" for i in range(2000))
-    assert len(positive(parse(wide)).args) == 2000
+    assert len(positive_normal_form(parse_formula(wide)).args) == 2000
 
 
 def test_nested_equivalences_do_not_explode():
-    tree = parse(" <-> ".join(f"p{i}" for i in range(150)))
-    assert len(list(positive(tree).walk())) < 1500
+    tree = parse_formula(" <-> ".join(f"p{i}" for i in range(150)))
+    assert len(list(positive_normal_form(tree).walk())) < 1500
 
 
 def test_an_unknown_region_is_named_with_its_column():
-    check_names(parse("F(a & F b)"), ["a", "b", "c"])
+    check_names(parse_formula("F(a & F b)"), ["a", "b", "c"])
     with pytest.raises(FormulaError, match="unknown region 'e' in the formula: the map has a, b") as caught:
-        check_names(parse("F(a & F e)"), ["b", "a"])
+        check_names(parse_formula("F(a & F e)"), ["b", "a"])
     assert caught.value.column == 8
 
 

@@ -14,7 +14,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from pareto_ltl.logic import FormulaError, parse, positive, translate
+from pareto_ltl.logic import FormulaError, parse_formula, positive_normal_form, translate
 from pareto_ltl.logic.formula import Formula
 
 ATOMS = ("a", "b")
@@ -155,7 +155,7 @@ def test_semantics_on_the_edges(formula, word, accepted):
 @pytest.mark.parametrize("operator", ["G a", "a R b", "a W b", "!F a", "!(a U b)"])
 def test_formulas_that_promise_for_ever_are_refused_with_their_place(operator):
     with pytest.raises(FormulaError, match="for ever") as caught:
-        positive(parse(f"F b & ({operator})"))
+        positive_normal_form(parse_formula(f"F b & ({operator})"))
     assert caught.value.column is not None
 
 

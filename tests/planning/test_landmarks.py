@@ -11,7 +11,8 @@ from landmarks import LANDMARK_SCENE, LANDMARK_WAY, landmark_problem
 from pareto_ltl.planning.evaluate import evaluate_path, propagate
 from pareto_ltl.settings import RobotConfig, SceneConfig
 from pareto_ltl.support.errors import ConfigError, DataError
-from pareto_ltl.world.scene_files import from_dict, read_scene, to_dict
+from pareto_ltl.world.scene_files import scene_from_dict, scene_to_dict
+from pareto_ltl.world.scene_settings import scene_from_settings
 from problems import box
 
 
@@ -48,9 +49,9 @@ def settings_of(**changes):
 
 
 def test_landmarks_survive_the_way_through_scene_json():
-    scene = read_scene(settings_of(landmarks=[[[5, 5], [8, 5], [8, 8]]]))
+    scene = scene_from_settings(settings_of(landmarks=[[[5, 5], [8, 5], [8, 8]]]))
     assert len(scene.landmarks) == 1
-    again = from_dict(to_dict(scene))
+    again = scene_from_dict(scene_to_dict(scene))
     np.testing.assert_array_equal(again.landmarks[0], scene.landmarks[0])
 
 
@@ -67,7 +68,7 @@ def test_landmarks_survive_the_way_through_scene_json():
 )
 def test_a_landmark_that_no_robot_can_use_is_refused(changes, message):
     with pytest.raises(DataError, match=message):
-        read_scene(settings_of(**changes))
+        scene_from_settings(settings_of(**changes))
 
 
 @pytest.mark.parametrize(

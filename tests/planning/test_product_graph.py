@@ -33,7 +33,7 @@ def test_edges_follow_doors_and_the_automaton(formula):
     cells, diagonal = len(problem.labels), np.linalg.norm(np.diff(problem.scene.bounds, axis=0))
     doors = {tuple(d) for d in problem.decomposition.doors.tolist()}
     doors |= {(j, i) for i, j in doors}
-    net = workspace.graph(problem.decomposition)
+    net = workspace.cell_graph(problem.decomposition)
     for q in range(automaton.n_states):
         for r in range(cells):
             z = q * cells + r

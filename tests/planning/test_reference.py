@@ -37,7 +37,7 @@ def test_the_probability_of_a_box_is_that_of_scipy(seed):
     # inclusion and exclusion of corners: scipy integrates quadrants of two dimensions exactly
     cdf = multivariate_normal(mean, cov).cdf
     expected = cdf(high) - cdf([low[0], high[1]]) - cdf([high[0], low[1]]) + cdf(low)
-    assert risk.polygon_probability(polygon, mean, cov) == pytest.approx(expected, abs=2e-8)
+    assert risk.gaussian_in_polygon(polygon, mean, cov) == pytest.approx(expected, abs=2e-8)
 
 
 @pytest.mark.statistical
@@ -50,7 +50,7 @@ def test_the_probability_of_a_polygon_is_the_share_of_samples_in_it(polygon, see
     n = 20_000
     samples = rng.multivariate_normal(mean, cov, n)
     hits = int(shapely.contains_xy(shapely.Polygon(polygon), samples).sum())
-    p = risk.polygon_probability(polygon, mean, cov)
+    p = risk.gaussian_in_polygon(polygon, mean, cov)
     assert min(binom.cdf(hits, n, p + 1e-12), binom.sf(hits - 1, n, p + 1e-12)) > RARE / 100
 
 
@@ -60,20 +60,20 @@ def test_pieces_add_up_and_moving_the_world_changes_nothing(polygon, seed):
     rng = np.random.default_rng(seed)
     (cov,) = random_covariances(rng, 1, 150.0)
     mean, shift = polygon.mean(axis=0) + rng.uniform(-400, 400, 2), rng.uniform(-1e4, 1e4, 2)
-    whole = risk.polygon_probability(polygon, mean, cov)
+    whole = risk.gaussian_in_polygon(polygon, mean, cov)
     pieces = [np.array([polygon[0], polygon[i], polygon[i + 1]]) for i in range(1, len(polygon) - 1)]
-    assert sum(risk.polygon_probability(p, mean, cov) for p in pieces) == pytest.approx(whole, abs=1e-10)
-    assert risk.polygon_probability(polygon + shift, mean + shift, cov) == pytest.approx(whole, abs=1e-9)
-    assert risk.polygon_probability(3 * polygon, 3 * mean, 9 * cov) == pytest.approx(whole, abs=1e-10)
+    assert sum(risk.gaussian_in_polygon(p, mean, cov) for p in pieces) == pytest.approx(whole, abs=1e-10)
+    assert risk.gaussian_in_polygon(polygon + shift, mean + shift, cov) == pytest.approx(whole, abs=1e-9)
+    assert risk.gaussian_in_polygon(3 * polygon, 3 * mean, 9 * cov) == pytest.approx(whole, abs=1e-10)
 
 
 def test_a_mean_on_an_edge_or_a_corner_is_no_special_case():
     cov, big = np.eye(2), 50.0  # so large that only the nearest faces count
     square = np.array([[0, 0], [big, 0], [big, big], [0, big]])
-    assert risk.polygon_probability(square, np.array([25.0, 0.0]), cov) == pytest.approx(0.5, abs=1e-12)
-    assert risk.polygon_probability(square, np.array([0.0, 0.0]), cov) == pytest.approx(0.25, abs=1e-12)
-    assert risk.polygon_probability(square, np.array([25.0, 25.0]), cov) == pytest.approx(1.0, abs=1e-12)
-    assert risk.polygon_probability(square, np.array([-40.0, 25.0]), cov) == pytest.approx(0.0, abs=1e-12)
+    assert risk.gaussian_in_polygon(square, np.array([25.0, 0.0]), cov) == pytest.approx(0.5, abs=1e-12)
+    assert risk.gaussian_in_polygon(square, np.array([0.0, 0.0]), cov) == pytest.approx(0.25, abs=1e-12)
+    assert risk.gaussian_in_polygon(square, np.array([25.0, 25.0]), cov) == pytest.approx(1.0, abs=1e-12)
+    assert risk.gaussian_in_polygon(square, np.array([-40.0, 25.0]), cov) == pytest.approx(0.0, abs=1e-12)
 
 
 @some
@@ -83,7 +83,7 @@ def test_the_half_plane_bounds_hold(polygon, seed):
     normals, offsets = half_planes(polygon)
     for cov in random_covariances(rng, 5, 200.0):
         mean = polygon.mean(axis=0) + rng.uniform(-400, 400, 2)
-        exact = risk.polygon_probability(polygon, mean, cov)
+        exact = risk.gaussian_in_polygon(polygon, mean, cov)
         assert risk.inside_bound(normals, offsets, mean, cov) >= exact - 1e-9
         assert risk.outside_bound(normals, offsets, mean, cov) >= 1 - exact - 1e-9
 
@@ -168,7 +168,7 @@ def test_the_ordered_bound_is_not_far_above_the_truth_for_one_visit():
     scene = make_scene({"a": box(9, 9, 11, 11)}, start=(9.1, 8.1))
     problem = make_problem("F a", scene, steady_wind(scene, gust=STRONG))
     path = evaluate_path(problem, np.array([[9.1, 8.1], [9.8, 9.8 - 1.1]]) * KM, "one step")
-    exact = 1 - risk.polygon_probability(box(9, 9, 11, 11), path.x[1], path.cov[1])
+    exact = 1 - risk.gaussian_in_polygon(box(9, 9, 11, 11), path.x[1], path.cov[1])
     assert path.objectives.mission_risk_ordered == pytest.approx(exact, rel=1e-9)
     failures = int((~simulated(problem, path).accepted).sum())
     assert keeps(exact, failures, 20_000)
@@ -219,7 +219,7 @@ def by_states(problem, x, cov):
         P = dict.fromkeys(letters, 0.0)
         for cell, label in zip(problem.decomposition.cells, problem.labels, strict=True):
             if label:
-                P[label] += risk.polygon_probability(cell, mean, c)
+                P[label] += risk.gaussian_in_polygon(cell, mean, c)
         P[frozenset()] = 1.0 - sum(p for label, p in P.items() if label)
         V = [
             min(
@@ -254,7 +254,7 @@ def test_labels_are_shown_with_probabilities_that_sum_to_one():
     assert P[0].tolist() == [0.0] * (len(columns) - 1) + [1.0]
     mean, cov = path.x[-1], path.cov[-1]
     for k, cell in enumerate(columns[:-1]):
-        exact = risk.polygon_probability(problem.decomposition.cells[cell], mean, cov)
+        exact = risk.gaussian_in_polygon(problem.decomposition.cells[cell], mean, cov)
         assert P[-1, k] == pytest.approx(exact, abs=1e-13)
 
 

@@ -162,7 +162,7 @@ def test_calm_missions_end_within_a_thousandth_of_the_exact_optimum(name, formul
 
     from pareto_ltl.settings import SceneConfig
     from pareto_ltl.support.resources import folder
-    from pareto_ltl.world.scene_files import read_scene
+    from pareto_ltl.world.scene_settings import scene_from_settings as read_scene
 
     settings_ = yaml.safe_load((folder("conf") / "scene" / f"{name}.yaml").read_text())
     scene = read_scene(SceneConfig(**settings_))

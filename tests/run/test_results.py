@@ -19,8 +19,10 @@ from hypothesis.extra import numpy as hnp
 
 from pareto_ltl.planning.records import Forest, Front, Objectives, Plan, PlannedPath, Tree
 from pareto_ltl.run import results as store
+from pareto_ltl.run.records import RecordKey
 from pareto_ltl.simulation.records import Deployment
 from pareto_ltl.support.errors import DataError
+from pareto_ltl.support.files import read_json, whole_file, write_json, write_npz
 from pareto_ltl.world.cells import Decomposition
 from pareto_ltl.world.scene import Scene
 
@@ -132,7 +134,7 @@ FILES = {
 @pytest.mark.parametrize("name", RECORDS)
 def test_a_record_comes_back_bit_by_bit(name: str, tmp_path: Path) -> None:
     make, read = RECORDS[name]
-    store.Results(tmp_path).save(name, make())
+    store.save_record(tmp_path, RecordKey(name), make())
     assert same(read(tmp_path), make())
     assert same(read(tmp_path / FILES[name]), make())
 
@@ -142,10 +144,10 @@ def test_the_same_record_gives_the_same_bytes(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     make, _ = RECORDS[name]
-    store.Results(tmp_path).save(name, make())
+    store.save_record(tmp_path, RecordKey(name), make())
     first = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
     monkeypatch.setattr("time.time", lambda: 2e9)  # another day
-    store.Results(tmp_path).save(name, make())
+    store.save_record(tmp_path, RecordKey(name), make())
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == first
 
 
@@ -153,7 +155,7 @@ def test_the_same_record_gives_the_same_bytes(
 @pytest.mark.parametrize("spoil", ["missing", "cut", "foreign"])
 def test_a_spoilt_file_is_named_in_one_line(name: str, spoil: str, tmp_path: Path) -> None:
     make, read = RECORDS[name]
-    store.Results(tmp_path).save(name, make())
+    store.save_record(tmp_path, RecordKey(name), make())
     path = tmp_path / FILES[name]
     if spoil == "missing":
         path.unlink()
@@ -162,7 +164,7 @@ def test_a_spoilt_file_is_named_in_one_line(name: str, spoil: str, tmp_path: Pat
     elif path.suffix == ".json":
         path.write_text('{"schema": "pareto_ltl.plan/1", "something": "else"}')
     else:
-        store.write_npz(path, {"some/thing": np.zeros(3)})
+        write_npz(path, {"some/thing": np.zeros(3)})
     with pytest.raises(DataError) as caught:
         read(tmp_path)
     assert "\n" not in str(caught.value)
@@ -221,7 +223,7 @@ def test_the_front_lists_every_path_with_its_costs(tmp_path: Path) -> None:
 
 
 def test_numbers_that_json_lacks_become_null(tmp_path: Path) -> None:
-    store.write_json(tmp_path / "a.json", {"x": math.nan, "y": [math.inf, 1.0], "z": np.array([np.nan, 2.0])})
+    write_json(tmp_path / "a.json", {"x": math.nan, "y": [math.inf, 1.0], "z": np.array([np.nan, 2.0])})
     assert json.loads((tmp_path / "a.json").read_text()) == {"x": None, "y": [None, 1.0], "z": [None, 2.0]}
     assert "NaN" not in (tmp_path / "a.json").read_text()
 
@@ -231,8 +233,8 @@ def test_json_keeps_every_digit_of_a_number(
     numbers: list[float], tmp_path_factory: pytest.TempPathFactory
 ) -> None:
     path = tmp_path_factory.getbasetemp() / "numbers.json"
-    store.write_json(path, {"numbers": np.array(numbers, float)})
-    back = store.read_json(path)["numbers"]
+    write_json(path, {"numbers": np.array(numbers, float)})
+    back = read_json(path)["numbers"]
     assert [struct.pack("d", n) for n in back] == [struct.pack("d", n) for n in numbers]
 
 
@@ -244,7 +246,7 @@ def test_json_keeps_every_digit_of_a_number(
 )
 def test_archives_are_what_numpy_reads(array: Any, tmp_path_factory: pytest.TempPathFactory) -> None:
     path = tmp_path_factory.getbasetemp() / "arrays.npz"
-    store.write_npz(path, {"b/second": array, "a": np.arange(3)})
+    write_npz(path, {"b/second": array, "a": np.arange(3)})
     with np.load(path) as archive:
         assert archive.files == ["a", "b/second"]
         np.testing.assert_array_equal(archive["b/second"], array)
@@ -254,31 +256,31 @@ def test_archives_are_what_numpy_reads(array: Any, tmp_path_factory: pytest.Temp
 
 def test_the_order_of_arrays_does_not_change_an_archive(tmp_path: Path) -> None:
     a, b = np.arange(3), np.eye(2)
-    store.write_npz(tmp_path / "one.npz", {"a": a, "b": b})
-    store.write_npz(tmp_path / "two.npz", {"b": b, "a": a})
+    write_npz(tmp_path / "one.npz", {"a": a, "b": b})
+    write_npz(tmp_path / "two.npz", {"b": b, "a": a})
     assert (tmp_path / "one.npz").read_bytes() == (tmp_path / "two.npz").read_bytes()
 
 
 def _write_half(path: Path) -> None:
-    with store.whole(path) as draft:
+    with whole_file(path) as draft:
         draft.write_text("half of ")
         raise TypeError
 
 
 def test_a_write_that_fails_leaves_the_old_file_and_nothing_else(tmp_path: Path) -> None:
-    store.write_json(tmp_path / "a.json", {"x": 1})
+    write_json(tmp_path / "a.json", {"x": 1})
     with pytest.raises(TypeError):
-        store.write_json(tmp_path / "a.json", {"x": object()})
+        write_json(tmp_path / "a.json", {"x": object()})
     with pytest.raises(TypeError):
         _write_half(tmp_path / "a.json")
     assert [path.name for path in tmp_path.iterdir()] == ["a.json"]
-    assert store.read_json(tmp_path / "a.json") == {"x": 1}
+    assert read_json(tmp_path / "a.json") == {"x": 1}
 
 
 def test_metrics_are_what_says_that_a_run_is_done(tmp_path: Path) -> None:
     results = store.Results(tmp_path)
     assert not results.done
-    store.write_json(tmp_path / "metrics.json", {"completed": 1.0, "gp_z_sd": math.nan})
+    write_json(tmp_path / "metrics.json", {"completed": 1.0, "gp_z_sd": math.nan})
     assert results.done
     assert results.metrics["completed"] == 1.0
     assert math.isnan(results.metrics["gp_z_sd"])

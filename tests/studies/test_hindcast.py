@@ -20,7 +20,7 @@ from pareto_ltl.studies import hindcast
 from pareto_ltl.studies import random_missions as missions
 from pareto_ltl.studies import true_fields as nature
 from pareto_ltl.support.errors import ConfigError, DataError
-from pareto_ltl.wind import sources
+from pareto_ltl.wind.observations import project_readings
 from pareto_ltl.wind.readings import Readings, iso
 from pareto_ltl.wind.records import WindField
 from pareto_ltl.world import projection
@@ -51,7 +51,7 @@ def readings(hours=(0, 3, 6, 9), lonlat=None, winds=None) -> Readings:
 
 def scene(lat=40.0, lon=-100.0, side=600e3) -> Scene:
     bounds = side / 2 * np.array([[-1.0, -1.0], [1.0, 1.0]])
-    return Scene(bounds, np.zeros(2), {}, (), projection.plane(lat, lon), iso(START))
+    return Scene(bounds, np.zeros(2), {}, (), projection.local_plane(lat, lon), iso(START))
 
 
 # --- full fields -----------------------------------------------------------------------------
@@ -85,7 +85,7 @@ def test_fields_are_turned_into_the_plane_as_readings_are() -> None:
     full, here = readings(), scene()
     near = np.abs(full.points[0][:, 0] - 260) + np.abs(full.points[0][:, 1] - 40) < 5
     nodes, winds = full.points[1][near], full.winds[1][near]
-    points, turned = sources._project(str(here.crs), np.zeros(2), nodes, winds)
+    points, turned = project_readings(str(here.crs), np.zeros(2), nodes, winds)
     found = nature.at_times(full, here, np.array([10800.0]), points)[0]
     np.testing.assert_allclose(found, turned, atol=1e-6)
     assert np.abs(found - winds).max() > 0.01  # the turn is visible
@@ -203,10 +203,11 @@ def test_the_brier_score_is_least_for_the_true_probability() -> None:
 
 
 def test_a_front_is_flown_from_its_safest_to_its_shortest() -> None:
-    from pareto_ltl.studies.planning import Workshop
+    from pareto_ltl.run.records import FRONT
+    from pareto_ltl.studies.planning import study_run
 
     cfg = small_study.settings()
-    front = Workshop(cfg, small_study.world(cfg)).make("front")
+    front = study_run(cfg, small_study.world(cfg)).make(FRONT)
     chosen = hindcast.picked(front, 3)
     assert chosen[0] is front.paths[0]
     assert chosen[-1] is front.paths[-1]
@@ -231,7 +232,7 @@ def test_a_hindcast_of_real_fields_from_the_command_line(
         f"hindcast.truth={NOAA / 'gfs_1p00_10m'}",
         "hydra.run.dir=out",
     ]
-    assert app.main(command) == 0
+    assert app.run_hydra(command) == 0
     metrics = json.loads(Path("out/metrics.json").read_text())
     assert metrics["missions"] == 2.0
     assert metrics["plans"] >= 1

@@ -12,6 +12,9 @@ import pytest
 
 import small_study
 from pareto_ltl.planning import growth
+from pareto_ltl.report.records import Study
+from pareto_ltl.run.records import DECOMPOSITION, FOREST, PLAN, PROBLEM, SCENE, WIND, Records
+from pareto_ltl.run.stage_table import stage_seeds
 from pareto_ltl.settings import (
     METHODS,
     PRESETS,
@@ -22,8 +25,7 @@ from pareto_ltl.settings import (
     Settings,
 )
 from pareto_ltl.studies import ablation, compare, convergence
-from pareto_ltl.studies.planning import Workshop, fly, still, stream, unsmoothed
-from pareto_ltl.studies.records import Study
+from pareto_ltl.studies.planning import fly_seeded, still, study_run, unsmoothed
 from pareto_ltl.support.errors import ConfigError
 
 
@@ -33,17 +35,17 @@ def cfg() -> Settings:
 
 
 @pytest.fixture(scope="module")
-def world(cfg: Settings) -> dict[str, Any]:
+def world(cfg: Settings) -> Records:
     return small_study.world(cfg)
 
 
 @pytest.fixture(scope="module")
-def compared(cfg: Settings, world: dict[str, Any], tmp_path_factory: pytest.TempPathFactory) -> Study:
+def compared(cfg: Settings, world: Records, tmp_path_factory: pytest.TempPathFactory) -> Study:
     return compare.study(cfg, world, tmp_path_factory.mktemp("compare"))
 
 
 @pytest.fixture(scope="module")
-def converged(cfg: Settings, world: dict[str, Any], tmp_path_factory: pytest.TempPathFactory) -> Study:
+def converged(cfg: Settings, world: Records, tmp_path_factory: pytest.TempPathFactory) -> Study:
     grown = replace(cfg, convergence=ConvergenceConfig(sizes=[400, 20, 100, 200]))
     return convergence.study(grown, world, tmp_path_factory.mktemp("convergence"))
 
@@ -59,6 +61,7 @@ def row_of(study: Study, method: str) -> dict[str, Any]:
 def test_a_plan_of_a_study_is_the_plan_of_the_pipeline(cfg: Settings, tmp_path: Path) -> None:
     from pareto_ltl.run import pipeline
     from pareto_ltl.run.results import Results
+    from pareto_ltl.run.stages import PLAN_TABLE
     from pareto_ltl.settings import SceneConfig, WindConfig
 
     # not the small world: its wind is no file
@@ -68,39 +71,42 @@ def test_a_plan_of_a_study_is_the_plan_of_the_pipeline(cfg: Settings, tmp_path: 
         regions={"a": [[13e3, 2e3], [17e3, 2e3], [17e3, 6e3]], "b": [[3e3, 13e3], [7e3, 13e3], [7e3, 17e3]]},
     )  # fmt: skip
     mine.wind = WindConfig(source="calm", hold_last=True)
-    mine.pipelines.stages = ["decomposition", "automaton", "observations", "wind", "forest", "front", "plan"]
+    mine.pipelines.stages = [
+        "readings", "scene", "decomposition", "automaton", "observations", "wind",
+        "problem", "forest", "front", "plan",
+    ]  # fmt: skip
     mine.seed = 3
-    pipeline.run(mine, tmp_path)
-    path = Workshop(replace(mine, seed=0)).with_seed(3).make("plan").path
+    pipeline.run_pipeline(pipeline.check_pipeline(mine, PLAN_TABLE), tmp_path)
+    path = pipeline.Run(replace(mine, seed=0)).with_seed(3).make(PLAN).path
     np.testing.assert_array_equal(Results(tmp_path).plan.path.x, path.x)
 
 
-def test_cc_rrt_grows_the_forest_without_reselection(cfg: Settings, world: dict[str, Any]) -> None:
+def test_cc_rrt_grows_the_forest_without_reselection(cfg: Settings, world: Records) -> None:
     shop = compare.method("cc_rrt", cfg, world)
-    plain = growth.forest(cfg.planner, shop.make("problem"), stream(cfg.seed, "forest"), reselect=False)
-    for one, other in zip(shop.make("forest").trees, plain.trees, strict=True):
+    plain = growth.forest(cfg.planner, shop.make(PROBLEM), stage_seeds(cfg.seed, "forest"), reselect=False)
+    for one, other in zip(shop.make(FOREST).trees, plain.trees, strict=True):
         np.testing.assert_array_equal(one.x, other.x)
         np.testing.assert_array_equal(one.parent, other.parent)
-    proposed = compare.method("paper", cfg, world).make("forest")
+    proposed = compare.method("paper", cfg, world).make(FOREST)
     assert sum(tree.reach["reselected"] for tree in proposed.trees) > 0
     assert sum(tree.reach["reselected"] for tree in plain.trees) == 0
 
 
-def test_ml_rrt_knows_of_no_wind(cfg: Settings, world: dict[str, Any]) -> None:
+def test_ml_rrt_knows_of_no_wind(cfg: Settings, world: Records) -> None:
     shop = compare.method("ml_rrt", cfg, world)
-    wind = shop.make("problem").tables.wind
+    wind = shop.make(PROBLEM).tables.wind
     assert not wind.mean.any()
     assert not wind.latent.any()
     assert not wind.gust.any()
-    assert not shop.make("problem").tables.modes.psi.any()
-    assert compare.method("paper", cfg, world).make("problem").tables.modes.psi.any()
-    plan = shop.make("plan")
+    assert not shop.make(PROBLEM).tables.modes.psi.any()
+    assert compare.method("paper", cfg, world).make(PROBLEM).tables.modes.psi.any()
+    plan = shop.make(PLAN)
     assert plan.path.objectives.mission_risk_paper == 0.0
     np.testing.assert_allclose(np.diff(plan.path.x, axis=0), plan.path.u * cfg.robot.dt, atol=1e-6)
 
 
-def test_a_still_field_keeps_its_lattice_and_its_clock(cfg: Settings, world: dict[str, Any]) -> None:
-    wind = Workshop(cfg, dict(world)).make("wind")
+def test_a_still_field_keeps_its_lattice_and_its_clock(cfg: Settings, world: Records) -> None:
+    wind = study_run(cfg, world).make(WIND)
     calm = still(wind)
     assert not calm.mean.any()
     assert wind.mean.any()
@@ -113,11 +119,11 @@ def test_every_fidelity_and_baseline_can_be_asked_for() -> None:
     assert set(PRESETS) <= set(METHODS)
 
 
-def test_one_seed_is_one_wind_whatever_flies(cfg: Settings, world: dict[str, Any]) -> None:
+def test_one_seed_is_one_wind_whatever_flies(cfg: Settings, world: Records) -> None:
     truth = compare.truth(cfg, world)
     u = np.tile([4.0, 3.0], (8, 1))
     first, again, longer, other = (
-        fly(truth, controls, 40, "independent", seed).x
+        fly_seeded(truth, controls, 40, "independent", seed).x
         for controls, seed in ((u, 5), (u, 5), (np.vstack([u, u]), 5), (u, 6))
     )
     np.testing.assert_array_equal(first, again)
@@ -145,7 +151,7 @@ def test_rates_are_those_of_the_flights(compared: Study, cfg: Settings) -> None:
 
 
 def test_both_fidelities_fly_under_both_laws_and_keep_the_promise_of_each(
-    cfg: Settings, world: dict[str, Any], tmp_path: Path
+    cfg: Settings, world: Records, tmp_path: Path
 ) -> None:
     few = EvaluationConfig(seeds=[0], jobs=1, laws=["independent", "coherent"])
     both = CompareConfig(["paper", "full"])
@@ -170,7 +176,7 @@ def test_a_difference_is_that_of_the_two_rates(compared: Study, cfg: Settings) -
 
 
 def test_a_method_without_a_plan_is_counted_and_explained(
-    cfg: Settings, world: dict[str, Any], tmp_path: Path
+    cfg: Settings, world: Records, tmp_path: Path
 ) -> None:
     poor = replace(
         cfg, planner=replace(cfg.planner, trees=1, n_max=3), compare=CompareConfig(["paper", "cc_rrt"])
@@ -200,10 +206,10 @@ def test_panels_show_the_first_seed_of_every_method(compared: Study, cfg: Settin
 # --- convergence -----------------------------------------------------------------------------
 
 
-def test_a_snapshot_is_the_forest_that_had_stopped_there(cfg: Settings, world: dict[str, Any]) -> None:
-    problem = Workshop(cfg, dict(world)).make("problem")
-    big = growth.forest(replace(cfg.planner, n_max=600), problem, stream(1, "forest"))
-    small = growth.forest(replace(cfg.planner, n_max=150), problem, stream(1, "forest"))
+def test_a_snapshot_is_the_forest_that_had_stopped_there(cfg: Settings, world: Records) -> None:
+    problem = study_run(cfg, world).make(PROBLEM)
+    big = growth.forest(replace(cfg.planner, n_max=600), problem, stage_seeds(1, "forest"))
+    small = growth.forest(replace(cfg.planner, n_max=150), problem, stage_seeds(1, "forest"))
     look = convergence.snapshot(big, 150)
     np.testing.assert_array_equal(look.accepted, small.accepted)
     for one, other in zip(look.trees, small.trees, strict=True):
@@ -259,9 +265,7 @@ def test_hypervolume_counts_decades_of_risk() -> None:
 # --- ablation --------------------------------------------------------------------------------
 
 
-def test_levels_that_are_the_default_share_their_parts(
-    cfg: Settings, world: dict[str, Any], tmp_path: Path
-) -> None:
+def test_levels_that_are_the_default_share_their_parts(cfg: Settings, world: Records, tmp_path: Path) -> None:
     wanted = AblationConfig(factors=["trees", "epsilon"], trees=[3, 1], epsilon=[0.07])
     few = replace(
         cfg,
@@ -289,14 +293,14 @@ def test_one_thing_changes_at_a_time(cfg: Settings) -> None:
     assert ablation.changed(cfg, "beta", 0.0).planner.beta_length == 0.0
 
 
-def test_the_mean_path_is_the_planned_one(cfg: Settings, world: dict[str, Any]) -> None:
-    shop = Workshop(unsmoothed(cfg), dict(world))
-    path = shop.make("plan").path
-    np.testing.assert_allclose(ablation.mean_path(shop.make("problem"), path.u), path.x, atol=1e-6)
+def test_the_mean_path_is_the_planned_one(cfg: Settings, world: Records) -> None:
+    shop = study_run(unsmoothed(cfg), world)
+    path = shop.make(PLAN).path
+    np.testing.assert_allclose(ablation.mean_path(shop.make(PROBLEM), path.u), path.x, atol=1e-6)
 
 
 def test_independent_winds_promise_more_the_finer_the_step(
-    cfg: Settings, world: dict[str, Any], tmp_path: Path
+    cfg: Settings, world: Records, tmp_path: Path
 ) -> None:
     """Σ_T = T v² dt: the bound of one flight falls with dt, though nothing about the wind has changed."""
     study = ablation.study(replace(cfg, ablation=AblationConfig(factors=["dt"], dt=[1, 4])), world, tmp_path)
@@ -306,9 +310,7 @@ def test_independent_winds_promise_more_the_finer_the_step(
     assert fine["bound"] < coarse["bound"]
 
 
-def test_a_flight_to_the_last_hour_of_the_wind_can_be_cut_into_pieces(
-    cfg: Settings, world: dict[str, Any]
-) -> None:
+def test_a_flight_to_the_last_hour_of_the_wind_can_be_cut_into_pieces(cfg: Settings, world: Records) -> None:
     """A step may begin with the last field; its pieces must find a wind too."""
     cfg = replace(cfg, planner=replace(cfg.planner, max_steps=400))
     known = len(compare.truth(cfg, world).tables.wind.slot)
@@ -318,11 +320,11 @@ def test_a_flight_to_the_last_hour_of_the_wind_can_be_cut_into_pieces(
         finer = compare.truth(ablation.cut(cfg, pieces), world)
         controls = np.repeat(u, pieces, axis=0)
         assert np.isfinite(ablation.mean_path(finer, controls)).all()
-        assert np.isfinite(fly(finer, controls, 3, "independent", 0).x).all()
+        assert np.isfinite(fly_seeded(finer, controls, 3, "independent", 0).x).all()
 
 
 def test_steps_cannot_be_cut_where_the_motion_has_dynamics_of_its_own(
-    cfg: Settings, world: dict[str, Any], tmp_path: Path
+    cfg: Settings, world: Records, tmp_path: Path
 ) -> None:
     damped = replace(cfg, robot=replace(cfg.robot, a=[[0.9, 0.0], [0.0, 0.9]]))
     with pytest.raises(ConfigError, match="leave dt out"):
@@ -333,13 +335,14 @@ def test_steps_cannot_be_cut_where_the_motion_has_dynamics_of_its_own(
 
 
 def test_every_study_draws_its_figures(
-    cfg: Settings, world: dict[str, Any], compared: Study, converged: Study, tmp_path: Path
+    cfg: Settings, world: Records, compared: Study, converged: Study, tmp_path: Path
 ) -> None:
-    from pareto_ltl.report import study_figures as report
+    from pareto_ltl.report.study_comparison import draw_comparison
+    from pareto_ltl.report.study_convergence import draw_convergence
 
     drawn = [
-        *report.draw_comparison(tmp_path, cfg.report, world["scene"], world["decomposition"], compared),
-        *report.draw_convergence(tmp_path, cfg.report, converged),
+        *draw_comparison(tmp_path, cfg.report, world[SCENE], world[DECOMPOSITION], compared),
+        *draw_convergence(tmp_path, cfg.report, converged),
     ]
     assert {path.name for path in drawn} == {
         f"{name}.{kind}" for name in ("figure1", "outcomes", "figure2") for kind in ("png", "svg")

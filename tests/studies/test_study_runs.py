@@ -13,6 +13,7 @@ from pathlib import Path
 
 import pytest
 
+from pareto_ltl.cli import composition
 from pareto_ltl.cli import hydra_app as app
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.resources import choices
@@ -48,7 +49,7 @@ BAD = {
     "hindcast.formulas=[]": "hindcast.formulas is empty",
     "hindcast.area=[[0.0,0.0]]": "hindcast.area must be at least three corners",
     "pipelines.stages=[comparison]": "'comparison' needs observations, decomposition, automaton",
-    "pipelines.stages=[decomposition,comparison_figures]": "needs comparison, which no earlier stage makes",
+    "pipelines.stages=[readings,scene,decomposition,comparison_figures]": "needs comparison, which no",
     "pipelines=comparison": "there is no pipeline 'comparison'; there are ",
 }
 
@@ -68,7 +69,7 @@ def test_a_wrong_argument_costs_one_line_and_no_directory(
     argument: str, here: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     study = [] if argument.startswith("pipelines=") else ["pipelines=compare"]
-    assert app.main(["+experiment=phi1", *study, argument]) == 2
+    assert app.run_hydra(["+experiment=phi1", *study, argument]) == 2
     out, err = capsys.readouterr()
     assert out == ""
     assert err.count("\n") == 1
@@ -78,7 +79,6 @@ def test_a_wrong_argument_costs_one_line_and_no_directory(
 
 @pytest.mark.parametrize("study", STUDIES)
 def test_every_study_and_every_choice_of_it_composes(study: str) -> None:
-    app.register()
     mission = [] if study == "hindcast" else ["+experiment=phi2"]
     options = [f"{study}={name}" for name in choices(study)] if study != "compare" else []
     for extra in [
@@ -86,18 +86,20 @@ def test_every_study_and_every_choice_of_it_composes(study: str) -> None:
         *([option] for option in options),
         *([f"evaluation={n}"] for n in choices("evaluation")),
     ]:
-        assert app.validate(app.parse([f"pipelines={study}", *mission, *extra])) == []
+        arguments = composition.parse_flags([f"pipelines={study}", *mission, *extra])
+        with composition.opened_hydra(arguments) as hydra:
+            assert isinstance(composition.prepare(hydra, arguments), composition.PreparedRun)
 
 
 def test_a_missing_folder_of_winds_costs_one_line(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert app.main(["pipelines=hindcast", "hindcast.truth=nowhere"]) == 2
+    assert app.run_hydra(["pipelines=hindcast", "hindcast.truth=nowhere"]) == 2
     err = capsys.readouterr().err
     assert "hindcast.truth=nowhere: there is no such folder" in err
     assert err.count("\n") == 1
 
 
 def test_a_run_to_go_on_with_must_exist(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert app.main(["pipelines=compare", "+experiment=phi1", "evaluation.resume=nowhere"]) == 2
+    assert app.run_hydra(["pipelines=compare", "+experiment=phi1", "evaluation.resume=nowhere"]) == 2
     err = capsys.readouterr().err
     assert "evaluation.resume=nowhere" in err
     assert err.count("\n") == 1
@@ -133,7 +135,9 @@ def test_a_killed_run_goes_on_and_ends_as_if_it_had_not_been_stopped(here: Path)
 
 def test_a_study_leaves_tables_figures_and_metrics(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert (
-        app.main(["pipelines=compare", "+experiment=phi2", *SMALL, "evaluation.jobs=1", "hydra.run.dir=out"])
+        app.run_hydra(
+            ["pipelines=compare", "+experiment=phi2", *SMALL, "evaluation.jobs=1", "hydra.run.dir=out"]
+        )
         == 0
     )
     out = Path("out")

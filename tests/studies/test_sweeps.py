@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import csv
+import hashlib
 import json
+import os
 import signal
 import statistics
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
 from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
@@ -19,16 +22,19 @@ import pytest
 from scipy.stats import binomtest
 
 from pareto_ltl import settings as config
+from pareto_ltl.cli import composition
 from pareto_ltl.cli import hydra_app as app
-from pareto_ltl.cli.sweep import main as command
+from pareto_ltl.cli.sweep_command import sweep_command as command
 from pareto_ltl.run import provenance
-from pareto_ltl.run.results import write_json
 from pareto_ltl.settings import Settings
-from pareto_ltl.studies.sweeps import conduct, jobs, manifest, page, summary, table
-from pareto_ltl.studies.sweeps.jobs import State
-from pareto_ltl.studies.sweeps.manifest import Figure, Manifest, Point
+from pareto_ltl.studies import jobs
+from pareto_ltl.studies.jobs import JobQueue, JobState
+from pareto_ltl.studies.sweeps import manifest, page, summary, table
+from pareto_ltl.studies.sweeps.manifest import FigureChoice, SweepManifest, SweepPoint
+from pareto_ltl.studies.sweeps.runs import RunJob
 from pareto_ltl.support import locks
 from pareto_ltl.support.errors import ConfigError, DataError
+from pareto_ltl.support.files import write_json
 from pareto_ltl.support.resources import choices
 
 FAULTS = Path(__file__).parents[1] / "faults"
@@ -37,7 +43,10 @@ SMALL = (
     "+experiment=phi1", "name=plan", "wind=calm", "planner.trees=2", "planner.n_max=600",
     "fidelity.refine=none",     "deployment.runs=20", "report=none",
 )  # fmt: skip
-PLANNED = "pipelines.stages=[trouble,decomposition,automaton,observations,wind,forest,front,plan,deployment]"
+PLANNED = (
+    "pipelines.stages=[trouble,readings,scene,decomposition,automaton,observations,wind,problem,forest,front,"
+    "plan,forecasts,deployment]"
+)
 
 
 @pytest.fixture
@@ -52,7 +61,7 @@ def asked(here: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     folder = here / "asked"
     folder.mkdir()
     monkeypatch.setenv("TROUBLE", str(folder))
-    monkeypatch.setenv("PYTHONPATH", str(FAULTS))
+    monkeypatch.setenv("PYTHONPATH", str(FAULTS), prepend=os.pathsep)
     return folder
 
 
@@ -217,7 +226,7 @@ def test_submitit_waits_for_all_jobs_when_one_is_killed_and_runs_that_one_again(
 def test_a_point_in_the_middle_that_cannot_be_stops_the_sweep_before_its_first_job(
     here: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert app.main(["-m", "+experiment=phi1", "planner.n_max=100,1,200"]) == 2
+    assert app.run_hydra(["-m", "+experiment=phi1", "planner.n_max=100,1,200"]) == 2
     assert "planner.n_max must be at least 2, got 1" in capsys.readouterr().err
     assert list(here.iterdir()) == []
 
@@ -225,7 +234,7 @@ def test_a_point_in_the_middle_that_cannot_be_stops_the_sweep_before_its_first_j
 def test_a_figure_by_what_is_not_varied_stops_the_sweep_before_its_first_job(
     here: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert app.main(["-m", "+experiment=phi1", "seed=0,1", "sweep.by=planner.n_max"]) == 2
+    assert app.run_hydra(["-m", "+experiment=phi1", "seed=0,1", "sweep.by=planner.n_max"]) == 2
     assert "sweep.by=planner.n_max is no setting that this sweep varies; there are seed" in (
         capsys.readouterr().err
     )
@@ -233,22 +242,23 @@ def test_a_figure_by_what_is_not_varied_stops_the_sweep_before_its_first_job(
 
 
 def test_a_ready_sweep_without_its_flag_is_refused(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert app.main(["+experiment=phi1", "+sweep=seeds"]) == 2
+    assert app.run_hydra(["+experiment=phi1", "+sweep=seeds"]) == 2
     assert "a sweep over seed=range(0,20): add -m to run it" in capsys.readouterr().err
     assert list(here.iterdir()) == []
 
 
 @pytest.mark.parametrize("name", choices("sweep"))
 def test_every_ready_sweep_composes_with_a_mission(name: str) -> None:
-    app.register()
-    app.validate(app.parse(["-m", "+experiment=phi2", f"+sweep={name}"]))
+    arguments = composition.parse_flags(["-m", "+experiment=phi2", f"+sweep={name}"])
+    with composition.opened_hydra(arguments) as hydra:
+        assert isinstance(composition.prepare(hydra, arguments), composition.PreparedSweep)
 
 
 def test_a_launcher_that_is_not_installed_is_named_with_its_extra(
     here: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(app, "find_spec", lambda name: None)
-    assert app.main(["-m", "+experiment=phi1", "seed=0,1", "hydra/launcher=joblib"]) == 2
+    monkeypatch.setattr(composition, "find_spec", lambda name: None)
+    assert app.run_hydra(["-m", "+experiment=phi1", "seed=0,1", "hydra/launcher=joblib"]) == 2
     assert "pip install 'pareto-ltl[sweep]'" in capsys.readouterr().err
 
 
@@ -275,21 +285,21 @@ def test_an_answer_counts_only_while_its_code_settings_and_inputs_are_the_same(t
     wind = tmp_path / "wind.csv"
     wind.write_text("one")
     inputs = provenance.file_hashes([wind])
-    assert jobs.settled(answer(tmp_path / ("a" * 16), inputs=inputs))
-    assert not jobs.settled(answer(tmp_path / ("b" * 16), config_hash="c" * 64))
+    assert RunJob(answer(tmp_path / ("a" * 16), inputs=inputs)).settled()
+    assert not RunJob(answer(tmp_path / ("b" * 16), config_hash="c" * 64)).settled()
     wind.write_text("another")
-    assert not jobs.settled(tmp_path / ("a" * 16))
+    assert not RunJob(tmp_path / ("a" * 16)).settled()
     wind.unlink()
-    assert not jobs.settled(tmp_path / ("a" * 16))
+    assert not RunJob(tmp_path / ("a" * 16)).settled()
 
 
 @pytest.mark.parametrize("text", ["", "[]", "{", '{"completed": "yes"}', '{"length_m": 1.0}'])
 def test_damaged_metrics_are_no_answer(text: str, tmp_path: Path) -> None:
     place = answer(tmp_path / "job")
-    assert jobs.settled(place)
+    assert RunJob(place).settled()
     (place / "metrics.json").write_text(text)
-    assert jobs.look(place).status == "failed"
-    assert not jobs.settled(place)
+    assert RunJob(place).look().status == "failed"
+    assert not RunJob(place).settled()
 
 
 def test_a_job_that_says_it_runs_is_believed_only_while_its_process_lives(tmp_path: Path) -> None:
@@ -297,18 +307,18 @@ def test_a_job_that_says_it_runs_is_believed_only_while_its_process_lives(tmp_pa
     (place / "metrics.json").unlink()
     code = (
         "import sys, time\nfrom pathlib import Path\nfrom pareto_ltl.support import locks\n"
-        "with locks.held(Path(sys.argv[1])):\n    print('held', flush=True)\n    time.sleep(60)\n"
+        "with locks.hold_lock(Path(sys.argv[1])):\n    print('held', flush=True)\n    time.sleep(60)\n"
     )
-    words = [sys.executable, "-c", code, str(place / jobs.LOCK)]
+    words = [sys.executable, "-c", code, str(RunJob(place).lock)]
     with subprocess.Popen(words, stdout=subprocess.PIPE, text=True) as other:
         assert other.stdout is not None
         assert other.stdout.readline() == "held\n"
-        assert jobs.look(place).status == "running"
-        with pytest.raises(locks.TakenError), locks.held(place / jobs.LOCK, wait=False):
+        assert RunJob(place).look().status == "running"
+        with pytest.raises(locks.TakenError), locks.hold_lock(RunJob(place).lock, wait=False):
             pass
         other.send_signal(signal.SIGKILL)
         other.wait()
-    assert jobs.look(place) == State("failed", jobs.KILLED, record=jobs.look(place).record)
+    assert RunJob(place).look() == JobState("failed", jobs.KILLED, record=RunJob(place).look().record)
 
 
 def test_a_job_is_done_once_and_what_a_killed_one_left_is_cleared(tmp_path: Path) -> None:
@@ -316,11 +326,11 @@ def test_a_job_is_done_once_and_what_a_killed_one_left_is_cleared(tmp_path: Path
     place.mkdir()
     (place / ".123.plan.json").write_text("half")
     (place / "run.log").write_text("of the first attempt")
-    assert jobs.once(place, lambda: answer(place))
+    assert RunJob(place).do_once(lambda: answer(place))
     assert not (place / ".123.plan.json").exists()
     assert (place / "run.log").exists()
-    assert not jobs.once(place, lambda: pytest.fail("done again"))
-    assert jobs.once(place, lambda: answer(place), resume=False)
+    assert not RunJob(place).do_once(lambda: pytest.fail("done again"))
+    assert RunJob(place).do_once(lambda: answer(place), resume=False)
 
 
 def test_the_name_of_a_job_is_the_fingerprint_that_its_run_records(asked: Path) -> None:
@@ -332,7 +342,7 @@ def test_the_name_of_a_job_is_the_fingerprint_that_its_run_records(asked: Path) 
     )
     done = sweep(*names, "name=plan", "seed=3", "planner.epsilon=0.02")
     assert done.returncode == 0, done.stderr
-    points = manifest.read(PLACE).points
+    points = manifest.read_manifest(PLACE).points
     assert len(points) == 8
     for point in points:
         record = json.loads((PLACE / point.job / "run.json").read_text())
@@ -349,52 +359,172 @@ def test_what_no_result_depends_on_changes_no_fingerprint() -> None:
 # --- launches that break -----------------------------------------------------------------------
 
 
-def conducted(
-    place: Path, bad: set[int], break_with: Callable[[Path], None]
-) -> tuple[list[int], dict[str, str]]:
-    """Conduct eight points with a launcher that stops at the first bad one; points launched, given up."""
-    points = [Point(str(i), {}) for i in range(8)]
-    launched: list[int] = []
+class Breaking:
+    """A launcher that stops at the first bad job, which leaves something behind as it breaks."""
 
-    def launch(batch: Sequence[Point]) -> None:
-        for point in batch:
-            launched.append(int(point.job))
-            if int(point.job) in bad:
-                break_with(place / point.job)
+    def __init__(self, bad: Mapping[str, int], leave: Callable[[RunJob], object]) -> None:
+        self.bad, self.leave = dict(bad), leave
+        self.launches: list[list[str]] = []
+
+    def __call__(self, batch: Sequence[RunJob]) -> None:
+        self.launches.append([])
+        for job in batch:
+            self.launches[-1].append(job.name)
+            if self.bad.get(job.name, 0):
+                self.bad[job.name] -= 1
+                self.leave(job)
                 raise OSError("the launcher broke")
-            answer(place / point.job)
+            answer(job.directory)
 
-    conductor = conduct.Conductor(place, launch, lambda line: None)
-    conductor.conduct(points)
-    return launched, conductor.given_up
+    @property
+    def launched(self) -> list[str]:
+        return [name for launch in self.launches for name in launch]
 
 
-def test_every_good_job_is_done_whichever_bad_ones_break_their_launch(tmp_path: Path) -> None:
-    for case, bad in enumerate([set(), {0}, {7}, {3, 4}, {0, 2, 4, 6}, set(range(8))]):
-        for kind, leave in {
-            "silent": lambda _: None,
-            "killed": lambda d: answer(d, status="running"),
-        }.items():
-            place = tmp_path / f"{case}{kind}"
-            place.mkdir()
-            launched, given_up = conducted(place, bad, leave)
-            assert set(given_up) == {str(i) for i in bad}
-            for i in range(8):
-                state = jobs.look(place / str(i))
-                assert state.status == ("failed" if i in bad else "ok")
-            assert max(map(launched.count, range(8))) <= 5  # halving eight
+ALWAYS = 99
+LEAVE: dict[str, Callable[[RunJob], object]] = {
+    "silent": lambda _: None,
+    "killed": lambda job: answer(job.directory, status="running"),
+}
+
+
+def runs_in(place: Path, count: int) -> list[RunJob]:
+    place.mkdir(parents=True, exist_ok=True)
+    return [RunJob(place / str(i)) for i in range(count)]
+
+
+@pytest.mark.parametrize("kind", LEAVE)
+@pytest.mark.parametrize("bad", [set(), {0}, {7}, {3, 4}, {0, 2, 4, 6}, set(range(8))])
+def test_every_good_job_is_done_whichever_bad_ones_break_their_launch(
+    bad: set[int], kind: str, tmp_path: Path
+) -> None:
+    launch = Breaking({str(i): ALWAYS for i in bad}, LEAVE[kind])
+    queue = JobQueue(launch, lambda line: None)
+    jobs_of_all = runs_in(tmp_path, 8)
+    queue.run(jobs_of_all)
+    assert set(queue.given_up) == {str(i) for i in bad}
+    for i, job in enumerate(jobs_of_all):
+        assert job.look().status == ("failed" if i in bad else "ok")
+    assert max(launch.launched.count(str(i)) for i in range(8)) <= 5  # halving eight
+
+
+def test_a_job_that_is_alone_and_killed_once_is_run_again(tmp_path: Path) -> None:
+    """Whether it was alone from the start, or the last of a batch whose other jobs were killed before."""
+    for count in (1, 3):
+        launch = Breaking({str(i): 1 for i in range(count)}, LEAVE["killed"])
+        queue = JobQueue(launch, lambda line: None)
+        queue.run(runs_in(tmp_path / str(count), count))
+        assert queue.given_up == {}
+        assert [job.look().status for job in runs_in(tmp_path / str(count), count)] == ["ok"] * count
+
+
+def test_to_be_at_work_beside_a_killed_job_costs_a_job_none_of_its_tries(tmp_path: Path) -> None:
+    """Job 1 goes down with job 0, is then killed once by itself, and has its answer in the end."""
+    launches: list[list[str]] = []
+    kills = {"1": 1}
+
+    def launch(batch: Sequence[RunJob]) -> None:
+        launches.append([job.name for job in batch])
+        for job in batch:
+            answer(job.directory, status="running")
+        if len(batch) > 1 or kills.pop(batch[0].name, 0):
+            raise OSError("a process was killed")
+        answer(batch[0].directory)
+
+    queue = JobQueue(launch, lambda line: None)
+    queue.run(runs_in(tmp_path, 2))
+    assert launches == [["0", "1"], ["0"], ["1"], ["1"]]
+    assert queue.given_up == {}
+
+
+def test_a_job_that_a_dying_pool_has_just_begun_is_launched_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A pool raises before it kills its other processes: one of them begins job 1 after all was quiet."""
+    first, second = runs_in(tmp_path, 2)
+    launch = Breaking({"0": 1}, LEAVE["killed"])
+    with ExitStack() as survivor:
+
+        def begin_another(batch: Sequence[jobs.StoredJob]) -> None:
+            second.directory.mkdir(exist_ok=True)
+            survivor.enter_context(locks.hold_lock(second.lock, note="process 1"))
+
+        monkeypatch.setattr(jobs, "_wait_for_survivors", begin_another)
+        queue = JobQueue(launch, lambda line: None)
+        queue.run([first, second])
+    assert launch.launches == [["0"], ["0"], ["1"]]
+    assert (first.look().status, queue.given_up) == ("ok", {})
+
+
+def test_a_job_killed_twice_alone_is_given_up_and_says_so(tmp_path: Path) -> None:
+    told: list[str] = []
+    launch = Breaking({"0": ALWAYS}, LEAVE["killed"])
+    queue = JobQueue(launch, told.append)
+    (job,) = runs_in(tmp_path, 1)
+    queue.run([job])
+    assert launch.launches == [["0"], ["0"]]
+    assert told == ["0 was killed; it is run once more"]
+    assert job.look().error == "killed (the launcher broke)"
+
+
+def test_what_an_earlier_sweep_left_does_not_count_as_begun(tmp_path: Path) -> None:
+    """A record that says running, a second old: its job did not begin in the launch that breaks."""
+    told: list[str] = []
+    first, second = runs_in(tmp_path, 2)
+    answer(second.directory, status="running")
+    launch = Breaking({"0": 1}, LEAVE["killed"])
+    JobQueue(launch, told.append).run([first, second])
+    assert told == ["1 of the jobs at work were killed; going on with the others"]
+    assert launch.launches == [["0"], ["1"], ["0"]]
+
+
+def test_a_job_killed_before_it_wrote_anything_was_at_work(tmp_path: Path) -> None:
+    """Its lock is left, with the note of the process that held it."""
+    (job,) = runs_in(tmp_path, 1)
+    code = (
+        "import os, signal, sys\nfrom pathlib import Path\n"
+        "from pareto_ltl.studies.sweeps.runs import RunJob\n"
+        "RunJob(Path(sys.argv[1])).do_once(lambda: os.kill(os.getpid(), signal.SIGKILL))\n"
+    )
+
+    def launch(batch: Sequence[RunJob]) -> None:
+        done = subprocess.run([sys.executable, "-c", code, str(batch[0].directory)], check=False)
+        raise OSError(f"exit code {done.returncode}")
+
+    queue = JobQueue(launch, lambda line: None)
+    queue.run([job])
+    assert queue.given_up == {"0": "killed (exit code -9)"}
+    assert job.look().error == "killed (exit code -9)"
+
+
+def test_an_answer_left_beside_the_lock_of_a_killed_process_is_not_believed(tmp_path: Path) -> None:
+    """Killed after it took the lock and before it cleared what it was to make again."""
+    job = RunJob(answer(tmp_path / ("e" * 16)))
+    assert job.settled()
+    job.lock.write_text("process 1 on some machine")
+    assert job.look().error == jobs.KILLED
+    assert not job.settled()
+    assert job.do_once(lambda: answer(job.directory))
+    assert job.settled()
+    assert not job.lock.exists()
+
+
+def test_an_error_that_is_no_broken_launch_is_passed_on(tmp_path: Path) -> None:
+    queue = JobQueue(Breaking({"0": 1}, LEAVE["killed"]), lambda line: None, breaks=(ZeroDivisionError,))
+    with pytest.raises(OSError, match="the launcher broke"):
+        queue.run(runs_in(tmp_path, 2))
 
 
 # --- the table -------------------------------------------------------------------------------
 
 
-def made(place: Path, runs: int = 200) -> Manifest:
+def made(place: Path, runs: int = 200) -> SweepManifest:
     """A sweep of two settings and five seeds; the last seed of the second setting failed."""
     rng = np.random.default_rng(0)
     points = []
     for n_max in (100, 1000):
         for seed in range(5):
-            point = Point(f"{n_max}x{seed}", {"planner.n_max": str(n_max), "seed": str(seed)})
+            point = SweepPoint(f"{n_max}x{seed}", {"planner.n_max": str(n_max), "seed": str(seed)})
             points.append(point)
             directory = answer(place / point.job)
             failures = int(rng.integers(0, 6))
@@ -406,14 +536,14 @@ def made(place: Path, runs: int = 200) -> Manifest:
                  "nodes_per_second": None, "memory_mib": 300.0},
             )  # fmt: skip
     answer(place / points[-1].job, status="failed", error="<b>no</b> wind & no way")
-    found = Manifest(tuple(points), ("planner.n_max", "seed"), ("+experiment=phi1",))
-    found.write(place)
+    found = SweepManifest(tuple(points), ("planner.n_max", "seed"), ("+experiment=phi1",))
+    found.write_to(place)
     return found
 
 
 def test_rates_are_pooled_over_seeds_with_the_exact_interval(tmp_path: Path) -> None:
-    rows = table.rows(tmp_path, made(tmp_path))
-    first, second = table.groups(rows)
+    rows = table.sweep_rows(tmp_path, made(tmp_path))
+    first, second = table.seed_groups(rows)
     assert first.overrides == {"planner.n_max": "100"}
     assert (first.counts, second.counts) == ({"ok": 5}, {"ok": 4, "failed": 1})
     for group, members in ((first, rows[:5]), (second, rows[5:9])):
@@ -429,7 +559,7 @@ def test_rates_are_pooled_over_seeds_with_the_exact_interval(tmp_path: Path) -> 
 
 def test_the_summary_tells_results_from_times(tmp_path: Path) -> None:
     made(tmp_path)
-    summary.build(tmp_path)
+    summary.write_summary(tmp_path)
     results, times = (csv_rows(tmp_path / name) for name in ("summary.csv", "timings.csv"))
     assert list(results[0])[:5] == ["job", "planner.n_max", "seed", "status", "error"]
     assert not {name for name in results[0] if table.is_clock(name)}
@@ -450,12 +580,12 @@ def test_the_table_comes_back_from_the_directories_alone(tmp_path: Path) -> None
         for n_max in (5, 40):
             words = ["+experiment=phi1", f"seed={seed}", f"planner.n_max={n_max}"]
             answer(tmp_path / f"job{seed}x{n_max}", overrides=words)
-    found = manifest.read(tmp_path)
+    found = manifest.read_manifest(tmp_path)
     assert found.swept == ("seed", "planner.n_max")
     assert found.fixed == ("experiment=phi1",)
     order = [tuple(point.overrides.values()) for point in found.points]
     assert order == [(s, n) for s in ("1", "2", "10") for n in ("5", "40")]
-    assert len(summary.build(tmp_path).rows) == 6
+    assert len(summary.write_summary(tmp_path).rows) == 6
 
 
 def test_a_folder_without_jobs_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -483,7 +613,7 @@ class Cells(HTMLParser):
 
 def test_the_page_shows_every_job_and_takes_no_error_for_markup(tmp_path: Path) -> None:
     made(tmp_path)
-    summary.build(tmp_path)
+    summary.write_summary(tmp_path)
     source = (tmp_path / "summary.html").read_text()
     cells = Cells()
     cells.feed(source)
@@ -496,31 +626,40 @@ def test_the_page_shows_every_job_and_takes_no_error_for_markup(tmp_path: Path) 
 
 def test_the_figure_is_chosen_among_the_columns(tmp_path: Path) -> None:
     made(tmp_path)
-    found = summary.build(tmp_path, figure=Figure("seed", "length_m", "planner.n_max"))
-    drawn = summary.points(found, Figure("seed", "length_m", "planner.n_max"))
+    found = summary.write_summary(tmp_path, figure=FigureChoice("seed", "length_m", "planner.n_max"))
+    drawn = summary.figure_series(found, FigureChoice("seed", "length_m", "planner.n_max"))
     assert {name: len(points) for name, points in drawn.items()} == {"100": 5, "1000": 4}
     assert (tmp_path / "figures" / "length_m_over_seed.svg").exists()
     with pytest.raises(ConfigError, match=r"sweep\.y=colour is not among the columns; there are completed"):
-        summary.build(tmp_path, figure=Figure(y="colour"))
+        summary.write_summary(tmp_path, figure=FigureChoice(y="colour"))
     assert "<svg" not in (tmp_path / "summary.html").read_text()  # the page is there, without it
 
 
 def test_numbers_keep_the_digits_that_matter() -> None:
-    assert [page.number(v) for v in (0.0, 12.0, 0.00123456, 1826879.93, 3.14159)] == [
+    assert [page.short_number(v) for v in (0.0, 12.0, 0.00123456, 1826879.93, 3.14159)] == [
         "0", "12", "0.001235", "1,826,879.9", "3.142",
     ]  # fmt: skip
 
 
 def test_every_fidelity_and_law_of_the_settings_can_be_swept() -> None:
-    rates = {f"{rate}_{law}" for rate in table.RATES for law in config.LAWS}
+    rates = {f"{rate}_{law}" for rate in table.POOLED_RATES for law in config.LAWS}
     metrics = dict.fromkeys(rates, 0.5) | {f"runs_{law}": 10.0 for law in config.LAWS}
-    row = table.Row("job", {}, State("ok", metrics=metrics))
-    (group,) = table.groups([row])
+    row = table.SweepRow("job", {}, JobState("ok", metrics=metrics))
+    (group,) = table.seed_groups([row])
     assert set(group.rates) == rates | {"completed"}
     assert all(group.rates[name]["events"] == 5 for name in rates)
+
+
+def test_files_of_a_sweep_keep_the_names_of_their_formats(tmp_path: Path) -> None:
+    found = made(tmp_path)
+    summary.write_summary(tmp_path)
+    listed, told = (json.loads((tmp_path / name).read_text()) for name in ("sweep.json", "summary.json"))
+    assert (listed["schema"], told["schema"]) == ("pareto_ltl.sweep/1", "pareto_ltl.summary/1")
+    names = "\n".join(point.job for point in found.points)
+    assert listed["sweep"] == told["sweep"] == hashlib.sha256(names.encode()).hexdigest()[:12]
 
 
 def test_a_manifest_of_another_schema_is_refused(tmp_path: Path) -> None:
     (tmp_path / "sweep.json").write_text('{"schema": "other/9"}')
     with pytest.raises(DataError, match="read it with the version"):
-        manifest.read(tmp_path)
+        manifest.read_manifest(tmp_path)

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from pareto_ltl.cli.cache_command import cache_command
 from pareto_ltl.support import cache
 from pareto_ltl.support.cores import GIVEN, cores
 from pareto_ltl.support.errors import ConfigError
@@ -17,22 +18,22 @@ FIT = """
 import sys
 import numpy as np
 from pareto_ltl.settings import SceneConfig, WindConfig
-from pareto_ltl.world.scene_files import read_scene
+from pareto_ltl.world.scene_settings import scene_from_settings as read_scene
 from pareto_ltl.wind.records import WindObservations
 from pareto_ltl.wind import field, gp as regression
 
-whole = regression.fit
+whole = regression.fit_posterior
 def noted(cfg, seen):
     with open("fits.txt", "a") as file:
         file.write("fit\\n")
     return whole(cfg, seen)
-regression.fit = noted
+regression.fit_posterior = noted
 place = {"a": [[5e5, 5e5], [6e5, 5e5], [5e5, 6e5]]}
 scene = read_scene(SceneConfig(bounds=[[0, 0], [1e6, 1e6]], start=[1e5, 1e5], regions=place), None)
 rng = np.random.default_rng(int(sys.argv[1]))
 points = rng.uniform(0, 1e6, (30, 2))
 seen = WindObservations(np.zeros(1), (points,), (rng.normal(0, 3, (30, 2)),), "made up")
-print(repr(float(field.wind(WindConfig(), seen, scene).mean.sum())))
+print(repr(float(field.fit_wind_field(WindConfig(), seen, scene).mean.sum())))
 """
 
 
@@ -71,20 +72,20 @@ def test_the_command_tells_the_size_and_clears(folder: Path, capsys: pytest.Capt
     (folder / "wind" / "entry").write_bytes(bytes(3 * 2**20))
     other = folder / "somebody_elses"
     other.touch()
-    assert cache.main([]) == 0
+    assert cache_command([]) == 0
     assert f"{folder}: 2 files, 3.0 of 1024 MiB" in capsys.readouterr().out
-    assert cache.main(["clear"]) == 0
+    assert cache_command(["clear"]) == 0
     assert "cleared 3.0 MiB" in capsys.readouterr().out
     assert list(folder.iterdir()) == [other]
-    assert cache.main(["clear"]) == 0
-    assert cache.main(["burn"]) == 2
+    assert cache_command(["clear"]) == 0
+    assert cache_command(["burn"]) == 2
     assert capsys.readouterr().err.count("\n") == 1
 
 
 def test_a_limit_that_is_no_number_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PARETO_LTL_CACHE_MIB", "1 GB")
     with pytest.raises(ConfigError, match="whole number of MiB, got '1 GB'"):
-        cache.limit()
+        cache.cache_limit()
 
 
 def test_a_run_takes_the_cores_it_was_given(monkeypatch: pytest.MonkeyPatch) -> None:

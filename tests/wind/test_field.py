@@ -16,6 +16,9 @@ from pareto_ltl.settings import WindConfig
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.wind import field, sources
 from pareto_ltl.wind import gp as regression
+from pareto_ltl.wind.fit_cache import _warn_once
+from pareto_ltl.wind.netcdf import read_netcdf, write_netcdf
+from pareto_ltl.wind.observations import place_readings
 from pareto_ltl.wind.records import WindField, WindObservations
 from pareto_ltl.world import projection
 from pareto_ltl.world.scene import Scene
@@ -25,7 +28,7 @@ CONUS = Scene(
     np.zeros(2),
     {},
     (),
-    projection.plane(37.0, -92.0),
+    projection.local_plane(37.0, -92.0),
     "2018-10-09T00:00:00Z",
 )
 
@@ -33,13 +36,13 @@ CONUS = Scene(
 @pytest.fixture(autouse=True)
 def cache(tmp_path, monkeypatch):
     monkeypatch.setenv("PARETO_LTL_CACHE", str(tmp_path / "cache"))
-    field._complain.cache_clear()
+    _warn_once.cache_clear()
     return tmp_path / "cache"
 
 
 @pytest.fixture(scope="module")
 def sample():
-    return sources.observations(WindConfig(), CONUS)
+    return place_readings(WindConfig(), sources.read_readings(WindConfig()), CONUS)
 
 
 @pytest.fixture(scope="module")
@@ -52,7 +55,7 @@ def few(sample):
 def fits(monkeypatch):
     """Counts calls of the fit."""
     calls = []
-    honest = regression.fit
+    honest = regression.fit_posterior
     monkeypatch.setattr(regression, "fit", lambda *args: calls.append(args) or honest(*args))
     return calls
 
@@ -69,7 +72,7 @@ def corners(wind):
 def test_the_lattice_covers_the_scene_and_resolves_it(width, height):
     scene = Scene(np.array([[10.0, 20.0], [10.0 + width, 20.0 + height]]), np.zeros(2), {})
     cfg = WindConfig()
-    origin, spacing, shape = field.lattice(cfg, scene)
+    origin, spacing, shape = field.wind_lattice(cfg, scene)
     end = origin + spacing * (np.array(shape) - 1)
     padding = min(cfg.padding, max(width, height))
     assert (origin <= scene.bounds[0] - padding * (1 - 1e-9)).all()
@@ -80,15 +83,15 @@ def test_the_lattice_covers_the_scene_and_resolves_it(width, height):
 
 
 def test_the_packaged_missions_get_25_km():
-    origin, spacing, shape = field.lattice(WindConfig(), CONUS)
+    origin, spacing, shape = field.wind_lattice(WindConfig(), CONUS)
     np.testing.assert_array_equal(origin, [-650e3, -650e3])
     assert (spacing, shape) == (25e3, (53, 53))
 
 
 def test_nodes_hold_the_posterior_and_the_space_between_is_close(sample):
     cfg = WindConfig(cache=False)
-    wind = field.wind(cfg, sample, CONUS)
-    posterior = regression.fit(cfg, sample)
+    wind = field.fit_wind_field(cfg, sample, CONUS)
+    posterior = regression.fit_posterior(cfg, sample)
     at = np.random.default_rng(0).uniform(-5e5, 5e5, (400, 2))
     mean, var = posterior.at(at)
     axes = tuple(wind.origin[i] + wind.spacing * np.arange(wind.mean.shape[i + 1]) for i in (0, 1))
@@ -107,7 +110,7 @@ def test_nodes_hold_the_posterior_and_the_space_between_is_close(sample):
 
 def test_calm_air_is_zero_for_ever():
     cfg = WindConfig(source="calm")
-    wind = field.wind(cfg, sources.observations(cfg, CONUS), CONUS)
+    wind = field.fit_wind_field(cfg, place_readings(cfg, sources.read_readings(cfg), CONUS), CONUS)
     assert wind.hold_last
     np.testing.assert_array_equal(wind.times, [0.0])
     assert not wind.mean.any()
@@ -123,16 +126,16 @@ def test_calm_air_is_zero_for_ever():
 )
 def test_times_past_the_horizon_are_left_out(sample, horizon, slots):
     four = WindObservations(sample.times[:4], sample.points[:4], sample.winds[:4], "")
-    assert len(field._until(four, horizon).times) == slots
+    assert len(field._observations_until(four, horizon).times) == slots
     if slots > 1 and horizon:
-        kept = field._until(four, horizon).times
+        kept = field._observations_until(four, horizon).times
         assert kept[-1] >= min(horizon, four.times[-1])
         assert kept[-2] < horizon
 
 
 def test_holding_the_last_field_is_told_to_the_planner(few):
     for hold in (False, True):
-        assert field.wind(WindConfig(hold_last=hold), few, CONUS).hold_last is hold
+        assert field.fit_wind_field(WindConfig(hold_last=hold), few, CONUS).hold_last is hold
 
 
 # --- memory between runs
@@ -145,16 +148,16 @@ def same(a, b):
 
 
 def test_the_same_readings_are_fitted_once(few, fits):
-    first = field.wind(WindConfig(), few, CONUS)
+    first = field.fit_wind_field(WindConfig(), few, CONUS)
     copied = WindObservations(
         few.times.copy(), tuple(p.copy() for p in few.points), tuple(w.copy() for w in few.winds), few.source
     )
-    same(first, field.wind(WindConfig(), copied, CONUS))
+    same(first, field.fit_wind_field(WindConfig(), copied, CONUS))
     assert len(fits) == 1
 
 
 def test_any_change_that_matters_is_fitted_anew(few, fits):
-    field.wind(WindConfig(), few, CONUS)
+    field.fit_wind_field(WindConfig(), few, CONUS)
     winds = (few.winds[0] + [[0.01, 0.0]], few.winds[1])
     moved = WindObservations(few.times, few.points, winds, few.source)
     wider = Scene(CONUS.bounds * 1.1, CONUS.start, {}, (), CONUS.crs)
@@ -167,14 +170,14 @@ def test_any_change_that_matters_is_fitted_anew(few, fits):
         (WindConfig(), few, wider),
     ):
         before = len(fits)
-        field.wind(cfg, seen, scene)
+        field.fit_wind_field(cfg, seen, scene)
         assert len(fits) == before + 1
 
 
 def test_a_change_that_does_not_matter_is_not(few, fits):
-    field.wind(WindConfig(), few, CONUS)
+    field.fit_wind_field(WindConfig(), few, CONUS)
     renamed = WindObservations(few.times, few.points, few.winds, "the same readings from elsewhere")
-    wind = field.wind(WindConfig(hold_last=True, ball=3.0), renamed, CONUS)
+    wind = field.fit_wind_field(WindConfig(hold_last=True, ball=3.0), renamed, CONUS)
     assert len(fits) == 1
     assert wind.hold_last
     assert wind.source == "the same readings from elsewhere"
@@ -182,19 +185,19 @@ def test_a_change_that_does_not_matter_is_not(few, fits):
 
 def test_the_cache_can_be_switched_off(few, fits, cache):
     for _ in range(2):
-        field.wind(WindConfig(cache=False), few, CONUS)
+        field.fit_wind_field(WindConfig(cache=False), few, CONUS)
     assert len(fits) == 2
     assert not cache.exists()
 
 
 @pytest.mark.parametrize("damage", [b"", b"not a pickle", None])
 def test_a_damaged_entry_is_made_again_with_one_warning(few, fits, cache, caplog, damage):
-    first = field.wind(WindConfig(), few, CONUS)
+    first = field.fit_wind_field(WindConfig(), few, CONUS)
     entry = next(cache.rglob("output.pkl"))
     entry.write_bytes(entry.read_bytes()[:1000] if damage is None else damage)
     with caplog.at_level(logging.WARNING):
-        same(first, field.wind(WindConfig(), few, CONUS))
-        same(first, field.wind(WindConfig(), few, CONUS))
+        same(first, field.fit_wind_field(WindConfig(), few, CONUS))
+        same(first, field.fit_wind_field(WindConfig(), few, CONUS))
     assert len(fits) == 2  # the second attempt found the new entry
     assert len(caplog.records) == 1
     assert "\n" not in caplog.text.strip()
@@ -204,7 +207,7 @@ def test_a_damaged_entry_is_made_again_with_one_warning(few, fits, cache, caplog
 def test_a_cache_that_cannot_be_written_costs_time_only(few, fits, cache, caplog):
     cache.write_text("a file where a folder should be")
     with caplog.at_level(logging.WARNING):
-        first, second = (field.wind(WindConfig(), few, CONUS) for _ in range(2))
+        first, second = (field.fit_wind_field(WindConfig(), few, CONUS) for _ in range(2))
     same(first, second)
     assert len(fits) == 2
     assert len(caplog.records) == 1
@@ -219,7 +222,7 @@ def test_a_cache_that_fills_up_while_writing_costs_time_only(few, fits, caplog, 
 
     monkeypatch.setattr(FileSystemStoreBackend, "_open_item", staticmethod(full))
     with caplog.at_level(logging.WARNING):
-        wind = field.wind(WindConfig(), few, CONUS)
+        wind = field.fit_wind_field(WindConfig(), few, CONUS)
     assert wind.score
     assert any("No space left" in record.message for record in caplog.records)
 
@@ -235,7 +238,9 @@ def test_a_remembered_field_does_not_load_scikit_learn(few, cache, tmp_path):
         from pareto_ltl.wind import field, sources
         bounds = np.array([[-5e5, -5e5], [5e5, 5e5]])
         scene = Scene(bounds, np.zeros(2), {}, (), projection.plane(37.0, -92.0), "2018-10-10T12:00:00Z")
-        wind = field.wind(WindConfig(), sources.observations(WindConfig(), scene), scene)
+        cfg = WindConfig()
+        seen = place_readings(cfg, sources.read_readings(cfg), scene)
+        wind = field.wind(cfg, seen, scene)
         print(len(wind.times), "sklearn" in sys.modules, "pandas" in sys.modules)
     """)
     run = [sys.executable, "-c", script]
@@ -251,16 +256,16 @@ def test_a_remembered_field_does_not_load_scikit_learn(few, cache, tmp_path):
 
 
 def test_a_field_comes_back_from_its_file(few, tmp_path):
-    wind = field.wind(WindConfig(hold_last=True), few, CONUS)
-    path = field.to_netcdf(wind, tmp_path / "deep" / "wind.nc", CONUS)
-    same(field.from_netcdf(path), wind)
+    wind = field.fit_wind_field(WindConfig(hold_last=True), few, CONUS)
+    path = write_netcdf(wind, tmp_path / "deep" / "wind.nc", CONUS)
+    same(read_netcdf(path), wind)
     assert [file.name for file in path.parent.iterdir()] == ["wind.nc"]
 
 
 def test_calm_air_comes_back_from_its_file(tmp_path):
     still = np.zeros((1, 3, 4, 2))
     wind = WindField(np.zeros(2), 5.0, np.zeros(1), still, still, np.zeros((1, 2)), True)
-    same(field.from_netcdf(field.to_netcdf(wind, tmp_path / "wind.nc")), wind)
+    same(read_netcdf(write_netcdf(wind, tmp_path / "wind.nc")), wind)
 
 
 def test_the_file_is_what_a_colleague_expects(few, tmp_path):
@@ -268,8 +273,8 @@ def test_the_file_is_what_a_colleague_expects(few, tmp_path):
     import pyproj
     import xarray as xr
 
-    wind = field.wind(WindConfig(), few, CONUS)
-    path = field.to_netcdf(wind, tmp_path / "wind.nc", CONUS)
+    wind = field.fit_wind_field(WindConfig(), few, CONUS)
+    path = write_netcdf(wind, tmp_path / "wind.nc", CONUS)
     with xr.open_dataset(path, engine="h5netcdf") as data:
         assert str(data.attrs["Conventions"]).startswith("CF-")
         for name in ("u", "v", "u_var", "v_var"):
@@ -296,5 +301,5 @@ def test_a_file_that_is_no_field_is_named(content, tmp_path):
     if content is not None:
         path.write_bytes(content)
     with pytest.raises(DataError, match=r"wind.nc .*expected the wind.nc of a run") as caught:
-        field.from_netcdf(path)
+        read_netcdf(path)
     assert "\n" not in str(caught.value)

@@ -10,6 +10,7 @@ import pytest
 from pareto_ltl.settings import WindConfig
 from pareto_ltl.wind import gp as regression
 from pareto_ltl.wind import sources
+from pareto_ltl.wind.observations import place_readings
 from pareto_ltl.wind.records import WindObservations
 from pareto_ltl.world import projection
 from pareto_ltl.world.scene import Scene
@@ -29,8 +30,8 @@ def observed(seed=0, n=60, times=1, noise=1.0, length=400e3, amplitude=3.0):
 
 @pytest.fixture(scope="module")
 def sample():
-    scene = Scene(np.array([[-5e5, -5e5], [5e5, 5e5]]), np.zeros(2), {}, (), projection.plane(37, -92))
-    return sources.observations(WindConfig(), scene)
+    scene = Scene(np.array([[-5e5, -5e5], [5e5, 5e5]]), np.zeros(2), {}, (), projection.local_plane(37, -92))
+    return place_readings(WindConfig(), sources.read_readings(WindConfig()), scene)
 
 
 def dense(kernel, h, points, wind, at):
@@ -47,7 +48,7 @@ def dense(kernel, h, points, wind, at):
 @pytest.mark.parametrize("kernel", ["matern32", "rbf"])
 def test_the_posterior_is_that_of_the_dense_formula(kernel):
     seen = observed(times=2)
-    posterior = regression.fit(WindConfig(kernel=kernel), seen)
+    posterior = regression.fit_posterior(WindConfig(kernel=kernel), seen)
     at = np.random.default_rng(1).uniform(-SIDE / 2, SIDE / 2, (40, 2))
     mean, var = posterior.at(at)
     for k in range(2):
@@ -62,7 +63,7 @@ def test_the_posterior_is_that_of_scikit_learn_with_the_same_hyperparameters():
     from sklearn.gaussian_process.kernels import ConstantKernel, Matern, WhiteKernel
 
     seen = observed(seed=2)
-    posterior = regression.fit(WindConfig(), seen)
+    posterior = regression.fit_posterior(WindConfig(), seen)
     at = np.random.default_rng(3).uniform(-SIDE / 2, SIDE / 2, (30, 2))
     mean, var = posterior.at(at)
     for c, h in enumerate(posterior.hyper[0]):
@@ -83,7 +84,7 @@ def test_no_neighbouring_hyperparameters_are_more_likely(sample):
         y = wind - h.mean
         return -0.5 * y @ np.linalg.solve(K, y) - 0.5 * np.linalg.slogdet(K)[1]
 
-    posterior = regression.fit(WindConfig(), sample)
+    posterior = regression.fit_posterior(WindConfig(), sample)
     for k, pair in enumerate(posterior.hyper):
         for c, h in enumerate(pair):
             best = likelihood(h, sample.points[k], sample.winds[k][:, c])
@@ -97,7 +98,7 @@ def test_no_neighbouring_hyperparameters_are_more_likely(sample):
 
 
 def test_the_hold_out_score_of_the_sample_is_honest(sample):
-    score = regression.fit(WindConfig(), sample).score
+    score = regression.fit_posterior(WindConfig(), sample).score
     assert 0.8 <= score["gp_z_sd"] <= 1.3
     assert 0.84 <= score["gp_coverage_90"] <= 0.95
 
@@ -105,14 +106,14 @@ def test_the_hold_out_score_of_the_sample_is_honest(sample):
 @pytest.mark.statistical
 def test_readings_from_the_assumed_law_are_scored_as_such():
     """1600 z-scores of 8 fields: sd and coverage within what six standard errors and the fit allow."""
-    score = regression.fit(WindConfig(holdout=0.5), observed(seed=4, n=200, times=8)).score
+    score = regression.fit_posterior(WindConfig(holdout=0.5), observed(seed=4, n=200, times=8)).score
     assert abs(score["gp_z_sd"] - 1) < 0.15
     assert abs(score["gp_coverage_90"] - 0.9) < 0.06
 
 
 @pytest.mark.statistical
 def test_noise_and_length_are_found_again():
-    posterior = regression.fit(WindConfig(), observed(seed=5, n=300, times=3))
+    posterior = regression.fit_posterior(WindConfig(), observed(seed=5, n=300, times=3))
     noise = np.sqrt(posterior.gust_var)
     length = np.array([[h.length for h in pair] for pair in posterior.hyper])
     assert abs(noise.mean() - 1.0) < 0.15
@@ -122,12 +123,12 @@ def test_noise_and_length_are_found_again():
 def test_what_is_held_out_does_not_touch_the_score_of_the_rest():
     """A wild reading among those held out spoils its own z-score only."""
     seen = observed(seed=6, n=50)
-    plain = regression.fit(WindConfig(), seen).score["gp_z_sd"]
+    plain = regression.fit_posterior(WindConfig(), seen).score["gp_z_sd"]
     first = np.random.default_rng(0).permutation(50)[0]  # held out at the first time
     winds = seen.winds[0].copy()
     winds[first, 0] += 1000.0
     wild = WindObservations(seen.times, seen.points, (winds,), "spoilt")
-    spoilt = regression.fit(WindConfig(), wild).score["gp_z_sd"]
+    spoilt = regression.fit_posterior(WindConfig(), wild).score["gp_z_sd"]
     # 20 z-scores, one of which grew to about 1000 / its own unchanged standard deviation
     assert spoilt > 50 * plain
     assert 1000 / np.sqrt(20) / 4 < spoilt < 1000 / np.sqrt(20)
@@ -140,7 +141,7 @@ def test_uniform_wind_is_reproduced_without_a_warning(kernel, n):
     seen = WindObservations(np.zeros(1), (points,), (np.tile([4.0, -3.0], (n, 1)),), "uniform")
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        posterior = regression.fit(WindConfig(kernel=kernel), seen)
+        posterior = regression.fit_posterior(WindConfig(kernel=kernel), seen)
     mean, var = posterior.at(np.random.default_rng(8).uniform(-SIDE, SIDE, (20, 2)))
     np.testing.assert_allclose(mean[0], np.tile([4.0, -3.0], (20, 1)), atol=1e-9)
     assert (var >= 0).all()
@@ -149,7 +150,7 @@ def test_uniform_wind_is_reproduced_without_a_warning(kernel, n):
 
 @pytest.mark.parametrize("noise_min", [0.3, 2.0, 6.0])
 def test_noise_never_falls_below_its_bound(noise_min):
-    posterior = regression.fit(WindConfig(noise_min=noise_min), observed(noise=0.01, length=1e6))
+    posterior = regression.fit_posterior(WindConfig(noise_min=noise_min), observed(noise=0.01, length=1e6))
     assert (np.sqrt(posterior.gust_var) >= noise_min * (1 - 1e-9)).all()
 
 
@@ -157,7 +158,7 @@ def test_the_fit_does_not_depend_on_the_unit_of_length():
     """A laboratory of 2 m is a continent in small: everything scales, nothing else changes."""
     seen = observed(seed=9)
     small = WindObservations(seen.times, tuple(p * 1e-6 for p in seen.points), seen.winds, "small")
-    big, lab = (regression.fit(WindConfig(), s) for s in (seen, small))
+    big, lab = (regression.fit_posterior(WindConfig(), s) for s in (seen, small))
     for a, b in zip(big.hyper[0], lab.hyper[0], strict=True):
         np.testing.assert_allclose(b.length * 1e6, a.length, rtol=1e-3)
         np.testing.assert_allclose([b.amplitude, b.noise], [a.amplitude, a.noise], rtol=1e-3)
@@ -165,7 +166,7 @@ def test_the_fit_does_not_depend_on_the_unit_of_length():
 
 def test_far_from_all_readings_the_prior_returns():
     seen = observed(seed=10)
-    posterior = regression.fit(WindConfig(), seen)
+    posterior = regression.fit_posterior(WindConfig(), seen)
     mean, var = posterior.at(np.array([[5e7, 5e7]]))
     for c, h in enumerate(posterior.hyper[0]):
         np.testing.assert_allclose(mean[0, 0, c], seen.winds[0][:, c].mean(), atol=1e-9)
@@ -173,6 +174,6 @@ def test_far_from_all_readings_the_prior_returns():
 
 
 def test_the_same_readings_give_the_same_posterior(sample):
-    one, two = (regression.fit(WindConfig(), sample) for _ in range(2))
+    one, two = (regression.fit_posterior(WindConfig(), sample) for _ in range(2))
     np.testing.assert_allclose(one.hyper, two.hyper, rtol=1e-9)
     assert one.score == pytest.approx(two.score, rel=1e-9)

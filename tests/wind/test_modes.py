@@ -10,8 +10,8 @@ from pareto_ltl.settings import WindConfig
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.wind import gp as regression
 from pareto_ltl.wind import modes
-from pareto_ltl.wind.field import from_netcdf, to_netcdf
-from pareto_ltl.wind.gp import CORRELATION, Hyper, WindPosterior, distances
+from pareto_ltl.wind.gp import CORRELATIONS, Hyper, WindPosterior, pairwise_distances
+from pareto_ltl.wind.netcdf import read_netcdf, write_netcdf
 from pareto_ltl.wind.records import WindModes, WindObservations
 from problems import box, make_scene, smooth_wind
 
@@ -23,7 +23,7 @@ def posterior(slots=2, stations=40, rho=0.7, seed=0, kernel="matern32"):
     """Readings of an AR(1) field of known covariance, with the hyperparameters that made them."""
     rng = np.random.default_rng(seed)
     places = rng.uniform(0, 1000 * KM, (stations, 2))
-    K = HYPER.amplitude**2 * CORRELATION[kernel](distances(places, places) / HYPER.length)
+    K = HYPER.amplitude**2 * CORRELATIONS[kernel](pairwise_distances(places, places) / HYPER.length)
     root = np.linalg.cholesky(K + 1e-9 * np.eye(stations))
     field = [root @ rng.standard_normal((stations, 2))]
     noise = [rng.standard_normal((stations, 2))]
@@ -44,8 +44,8 @@ def nodes(n=12):
 @pytest.mark.parametrize("kernel", ["matern32", "rbf"])
 def test_all_modes_together_are_the_posterior_covariance(kernel):
     post, where = posterior(kernel=kernel), nodes()
-    psi, share = modes.modes(post, where, 0.999999, len(where))
-    C = modes.posterior_covariance(kernel, HYPER, post.points[0], where, distances(where, where))
+    psi, share = modes.posterior_modes(post, where, 0.999999, len(where))
+    C = modes.posterior_covariance(kernel, HYPER, post.points[0], where, pairwise_distances(where, where))
     for c in (0, 1):
         np.testing.assert_allclose(psi[0, :, c] @ psi[0, :, c].T, C, atol=2e-4 * C.max())
     np.testing.assert_allclose(share, 1.0, atol=1e-5)
@@ -56,10 +56,10 @@ def test_all_modes_together_are_the_posterior_covariance(kernel):
 def test_the_energy_asked_for_is_kept_and_the_rest_is_named():
     where = nodes()
     post = posterior()
-    psi, share = modes.modes(post, where, 0.9, len(where))
-    few, least = modes.modes(post, where, 0.99, 8)
+    psi, share = modes.posterior_modes(post, where, 0.9, len(where))
+    few, least = modes.posterior_modes(post, where, 0.99, 8)
     assert np.all(share >= 0.9)
-    assert psi.shape[-1] % modes.LANES == 0
+    assert psi.shape[-1] % modes.MODE_LANES == 0
     assert few.shape[-1] == 8
     assert np.all(least < 0.99)
     _, variance = post.at(where)
@@ -70,9 +70,9 @@ def test_the_energy_asked_for_is_kept_and_the_rest_is_named():
 def test_alignment_rotates_but_keeps_the_covariance():
     rng = np.random.default_rng(0)
     psi, turn = rng.standard_normal((30, 8)), np.linalg.qr(rng.standard_normal((8, 8)))[0]
-    back = modes.aligned(psi @ turn, psi)
+    back = modes.align_modes(psi @ turn, psi)
     np.testing.assert_allclose(back, psi, atol=1e-10)
-    other = modes.aligned(rng.standard_normal((30, 8)), psi)
+    other = modes.align_modes(rng.standard_normal((30, 8)), psi)
     assert np.trace(other.T @ psi) > 0.0
 
 
@@ -80,14 +80,14 @@ def test_neighbouring_slots_look_alike_so_that_rho_ties_the_same_winds():
     """With equal readings and hyperparameters the modes of both slots agree, signs and order included."""
     one = posterior(slots=1)
     two = WindPosterior(np.array([0.0, 3600.0]), one.points * 2, one.winds * 2, one.kernel, one.hyper * 2, {})
-    psi, _ = modes.modes(two, nodes(), 0.99, 60)
+    psi, _ = modes.posterior_modes(two, nodes(), 0.99, 60)
     np.testing.assert_allclose(psi[1], psi[0], atol=1e-3)
 
 
 @pytest.mark.statistical
 @pytest.mark.parametrize("rho", [0.0, 0.5, 0.9])
 def test_the_persistence_of_errors_is_found(rho):
-    found = [modes.persistence(posterior(slots=12, stations=60, rho=rho, seed=s)) for s in range(8)]
+    found = [modes.error_persistence(posterior(slots=12, stations=60, rho=rho, seed=s)) for s in range(8)]
     assert np.mean(found) == pytest.approx(rho, abs=0.08)
 
 
@@ -97,12 +97,12 @@ def test_without_stations_in_common_the_field_counts_as_frozen(caplog):
         np.array([0.0, 3600.0]), one.points + other.points, one.winds + other.winds, one.kernel,
         one.hyper * 2, {},
     )  # fmt: skip
-    assert modes.persistence(moving) == 1.0
+    assert modes.error_persistence(moving) == 1.0
     assert "wind.rho" in caplog.text
 
 
 def test_one_time_needs_no_persistence(caplog):
-    assert modes.persistence(posterior(slots=1)) == 1.0
+    assert modes.error_persistence(posterior(slots=1)) == 1.0
     assert not caplog.text
 
 
@@ -111,18 +111,18 @@ def test_a_singular_covariance_is_no_trouble():
     places = np.array([[0.0, 0.0], [0.0, 0.0], [500 * KM, 0.0]])
     sharp = HYPER._replace(noise=1e-3)
     post = WindPosterior(np.zeros(1), (places,), (np.ones((3, 2)),), "rbf", ((sharp, sharp),), {})
-    psi, share = modes.modes(post, np.vstack([places, places]), 0.99, 6)
+    psi, share = modes.posterior_modes(post, np.vstack([places, places]), 0.99, 6)
     assert np.isfinite(psi).all()
     assert np.all(share <= 1.0 + 1e-9)
-    assert np.isfinite(modes.persistence(post))
+    assert np.isfinite(modes.error_persistence(post))
 
 
 def test_readings_without_wind_give_modes_without_a_fault():
     rng = np.random.default_rng(int(SeedSequence(0).generate_state(1)[0]))
     places = rng.uniform(0, 1000 * KM, (20, 2))
     seen = WindObservations(np.zeros(1), (places,), (np.zeros((20, 2)),), "nothing stirs")
-    post = regression.fit(WindConfig(), seen)
-    psi, _ = modes.modes(post, nodes(6), 0.99, 30)
+    post = regression.fit_posterior(WindConfig(), seen)
+    psi, _ = modes.posterior_modes(post, nodes(6), 0.99, 30)
     assert np.isfinite(psi).all()
 
 
@@ -145,7 +145,7 @@ def test_rho_outside_zero_to_one_is_refused(rho):
 def test_a_stored_field_keeps_its_modes(tmp_path):
     scene = make_scene({"a": box(2, 2, 4, 4)})
     wind = smooth_wind(scene, rho=0.4)
-    again = from_netcdf(to_netcdf(wind, tmp_path / "wind.nc", scene))
+    again = read_netcdf(write_netcdf(wind, tmp_path / "wind.nc", scene))
     assert wind.modes is not None
     assert again.modes is not None
     np.testing.assert_array_equal(again.modes.psi, wind.modes.psi)

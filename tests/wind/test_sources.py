@@ -14,6 +14,8 @@ from noaa import NOAA, ROOT, needs_noaa
 from pareto_ltl.settings import IngestConfig, WindConfig
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.wind import sources
+from pareto_ltl.wind.ingest import write_wind_table
+from pareto_ltl.wind.observations import place_readings
 from pareto_ltl.wind.readings import farthest_points
 from pareto_ltl.world import projection
 from pareto_ltl.world.scene import Scene
@@ -24,7 +26,7 @@ HOURS = ("2018-10-09T00:00:00Z", "2018-10-09T03:00:00Z", "2018-10-09T06:00:00Z")
 def scene(lat=37.0, lon=-92.0, side=1e6, time_zero=None):
     half = side / 2
     bounds = np.array([[-half, -half], [half, half]])
-    return Scene(bounds, np.zeros(2), {}, (), projection.plane(lat, lon), time_zero)
+    return Scene(bounds, np.zeros(2), {}, (), projection.local_plane(lat, lon), time_zero)
 
 
 def lab(side=100.0, time_zero=None):
@@ -41,7 +43,11 @@ def write(path, lines, header="time,lat,lon,u,v"):
 
 
 def read(cfg, where=None):
-    return sources.observations(cfg, where or scene())
+    return place_readings(cfg, sources.read_readings(cfg), where or scene())
+
+
+def ingested(cfg, ingest, out):
+    return write_wind_table(cfg, sources.read_readings(cfg), ingest, out)
 
 
 # --- frames and clocks
@@ -98,7 +104,7 @@ def test_times_are_seconds_since_departure_and_start_with_the_last_before_it(tmp
 
 def test_without_a_departure_the_clock_starts_with_the_wind(tmp_path):
     cfg = write(tmp_path / "w.csv", rows())
-    assert sources.first_time(cfg) == HOURS[0]
+    assert sources.read_readings(cfg).first_time == HOURS[0]
     assert read(cfg).times[0] == 0.0
 
 
@@ -113,7 +119,7 @@ def test_calm_air_needs_no_file_and_has_no_first_time():
     cfg = WindConfig(source="calm")
     seen = read(cfg)
     assert (seen.source, len(seen.times), len(seen.points[0])) == ("calm", 1, 0)
-    assert sources.first_time(cfg) is None
+    assert sources.read_readings(cfg).first_time is None
 
 
 # --- thinning
@@ -249,7 +255,7 @@ def test_a_departure_that_is_no_time_is_refused(tmp_path):
 
 def test_degrees_cannot_be_flown_in_a_plane_that_lies_nowhere():
     with pytest.raises(DataError, match=r"scene.centre"):
-        sources.observations(WindConfig(), lab())
+        read(WindConfig(), lab())
 
 
 # --- GRIB, written here with ecCodes' own samples
@@ -310,7 +316,7 @@ def grib(path, **settings):
 
 
 def table_of(cfg):
-    return sources._read(cfg)
+    return sources.read_readings(cfg)
 
 
 def test_grib_winds_are_found_among_other_messages(gribs):
@@ -321,7 +327,7 @@ def test_grib_winds_are_found_among_other_messages(gribs):
     for k, hour in enumerate((0, 6)):
         np.testing.assert_allclose(readings.winds[k][:, 0], readings.points[k][:, 1] / 10 + hour, atol=1e-5)
         np.testing.assert_allclose(readings.winds[k][:, 1], -2.0, atol=1e-5)
-    assert sources.first_time(grib(gribs)) == "2018-10-09T00:00:00Z"
+    assert sources.read_readings(grib(gribs)).first_time == "2018-10-09T00:00:00Z"
     assert len(read(grib(gribs)).points[0]) == WindConfig().max_points
 
 
@@ -360,7 +366,7 @@ def test_two_members_of_one_time_are_refused(gribs):
 def test_a_file_that_is_no_whole_grib_is_named(spoil, words, gribs):
     file = gribs / "gfs.06"
     file.write_bytes(spoil(file.read_bytes()))
-    for call in (read, sources.first_time):
+    for call in (read, sources.read_readings):
         with pytest.raises(DataError, match=words) as caught:
             call(grib(gribs))
         assert "gfs.06" in str(caught.value)
@@ -437,7 +443,7 @@ def test_grid_relative_winds_are_turned_to_east_and_north(eccodes):
 def test_ingest_writes_the_same_nodes_at_all_times_and_says_from_where(gribs, tmp_path):
     out = tmp_path / "deep" / "table.csv"
     area = [[-98.5, 31.5], [-86.5, 31.5], [-86.5, 42.5], [-98.5, 42.5]]
-    assert sources.ingest(grib(gribs), IngestConfig(points=30, area=area), out) == out
+    assert ingested(grib(gribs), IngestConfig(points=30, area=area), out) == out
     seen = table_of(WindConfig(source="csv", path=str(out)))
     lon, lat = seen.points[0].T
     assert len(lon) == 30
@@ -455,19 +461,19 @@ def test_ingest_writes_the_same_nodes_at_all_times_and_says_from_where(gribs, tm
 
 def test_ingest_keeps_the_times_asked_for_and_names_only_their_files(gribs, tmp_path):
     out = tmp_path / "table.csv"
-    sources.ingest(grib(gribs), IngestConfig(points=9, first="2018-10-09T01:00Z"), out)
-    assert sources.first_time(WindConfig(source="csv", path=str(out))) == "2018-10-09T06:00:00Z"
+    ingested(grib(gribs), IngestConfig(points=9, first="2018-10-09T01:00Z"), out)
+    assert sources.read_readings(WindConfig(source="csv", path=str(out))).first_time == "2018-10-09T06:00:00Z"
     assert list(json.loads(out.with_suffix(".json").read_text())["files"]) == ["gfs.06"]
 
 
 def test_ingest_that_finds_nothing_says_so(gribs, tmp_path):
     out = tmp_path / "table.csv"
     with pytest.raises(DataError, match=r"no wind time between .* 2018-10-09T00.* \.\. 2018-10-09T06"):
-        sources.ingest(grib(gribs), IngestConfig(first="2020-01-01"), out)
+        ingested(grib(gribs), IngestConfig(first="2020-01-01"), out)
     with pytest.raises(ConfigError, match=r"ingest.last 'later'"):
-        sources.ingest(grib(gribs), IngestConfig(last="later"), out)
+        ingested(grib(gribs), IngestConfig(last="later"), out)
     with pytest.raises(DataError, match=r"0 wind nodes lie in ingest.area"):
-        sources.ingest(grib(gribs), IngestConfig(area=[[0, 0], [1, 0], [0, 1]]), out)
+        ingested(grib(gribs), IngestConfig(area=[[0, 0], [1, 0], [0, 1]]), out)
     assert not out.exists()
 
 
@@ -475,7 +481,7 @@ def test_the_packaged_sample_covers_the_contiguous_us_at_fourteen_times():
     readings = table_of(WindConfig())
     assert len(readings.times) == 14
     np.testing.assert_array_equal(np.diff(readings.times), 3 * 3600.0)
-    assert sources.first_time(WindConfig()) == "2018-10-09T00:00:00Z"
+    assert sources.read_readings(WindConfig()).first_time == "2018-10-09T00:00:00Z"
     lon, lat = readings.points[0].T
     assert {len(points) for points in readings.points} == {120}
     assert (lon >= -125).all()
@@ -488,9 +494,9 @@ def test_the_packaged_sample_covers_the_contiguous_us_at_fourteen_times():
 def test_the_packaged_sample_is_what_ingest_writes(eccodes, tmp_path):
     chosen = yaml.safe_load((ROOT / "conf" / "ingest" / "conus.yaml").read_text())
     when = {"first": "2018-10-09T00:00:00Z", "last": "2018-10-10T15:00:00Z"}
-    out = sources.ingest(grib(NOAA / "gfs_1p00_10m"), IngestConfig(**chosen, **when), tmp_path / "sample.csv")
-    assert out.read_bytes() == sources.SAMPLE.read_bytes()
-    assert out.with_suffix(".json").read_bytes() == sources.SAMPLE.with_suffix(".json").read_bytes()
+    out = ingested(grib(NOAA / "gfs_1p00_10m"), IngestConfig(**chosen, **when), tmp_path / "sample.csv")
+    assert out.read_bytes() == sources.SAMPLE_FILE.read_bytes()
+    assert out.with_suffix(".json").read_bytes() == sources.SAMPLE_FILE.with_suffix(".json").read_bytes()
 
 
 @needs_noaa

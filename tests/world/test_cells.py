@@ -17,7 +17,7 @@ from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.world import cells as workspace
 from pareto_ltl.world import polygons as convex
 from pareto_ltl.world.scene import Scene
-from pareto_ltl.world.scene_files import read_scene
+from pareto_ltl.world.scene_settings import scene_from_settings
 from strategies import convex_polygons, lattice_scenes, scenes, star_polygons
 
 SCENES = Path(__file__).parents[2] / "conf" / "scene"
@@ -27,7 +27,7 @@ some = settings(deadline=None, max_examples=30)
 
 
 def shipped(name):
-    return read_scene(SceneConfig(**yaml.safe_load((SCENES / f"{name}.yaml").read_text())))
+    return scene_from_settings(SceneConfig(**yaml.safe_load((SCENES / f"{name}.yaml").read_text())))
 
 
 def box(west, south, east, north):
@@ -127,7 +127,7 @@ def test_labels_say_which_regions_hold_a_point(scene, seed):
     points = np.random.default_rng(seed).uniform(*scene.bounds, (50, 2))
     places = {name: shapely.Polygon(corners) for name, corners in scene.regions.items()}
     outlines = [shapely.Polygon(p).exterior for p in (*scene.obstacles, *scene.regions.values())]
-    for point, cell in zip(shapely.points(points), workspace.locate(made, points), strict=True):
+    for point, cell in zip(shapely.points(points), workspace.locate_cells(made, points), strict=True):
         if shapely.union_all(outlines).distance(point) > 1e-9 * size(scene):
             assert (cell >= 0) == free_space(scene).contains(point)
             if cell >= 0:
@@ -184,7 +184,7 @@ def test_the_shipped_maps_are_tiled_exactly(name):
     made = workspace.decompose(scene)
     areas = [p.area for p in polygons((*made.cells, *made.obstacles))]
     assert sum(areas) == pytest.approx(1e12, rel=1e-12)
-    assert workspace.check_mission(made, scene, scene.regions) == ()
+    assert workspace.unreachable_regions(made, scene, scene.regions) == ()
 
 
 def test_overlapping_regions_give_a_cell_with_both_labels():
@@ -206,14 +206,14 @@ def test_an_enclosed_pocket_has_cells_but_no_door_out():
     ring = [box(3, 3, 7, 4), box(3, 6, 7, 7), box(3, 4, 4, 6), box(6, 4, 7, 6)]
     scene = room(ring, a=box(4.5, 4.5, 5.5, 5.5), b=box(8, 8, 9, 9))
     made = workspace.decompose(scene)
-    assert workspace.locate(made, np.array([[5.0, 5.0]]))[0] >= 0
-    assert workspace.check_mission(made, scene, ["a", "b"]) == ("a",)
+    assert workspace.locate_cells(made, np.array([[5.0, 5.0]]))[0] >= 0
+    assert workspace.unreachable_regions(made, scene, ["a", "b"]) == ("a",)
 
 
 def test_corner_contact_is_no_door():
     scene = room([box(0, 5, 5, 10), box(5, 0, 10, 5)], start=(1, 1), a=box(6, 6, 7, 7))
     made = workspace.decompose(scene)
-    assert workspace.check_mission(made, scene, ["a"]) == ("a",)
+    assert workspace.unreachable_regions(made, scene, ["a"]) == ("a",)
 
 
 @pytest.mark.parametrize("wall", [box(0, 4, 3, 6), box(0, 0, 3, 3), box(2, 0, 4, 10), box(4, 4, 6, 6)])
@@ -286,17 +286,17 @@ def test_triangles_use_every_node_of_an_outline_and_fill_it(scene):
             shapely.get_coordinates(face) % 1, np.zeros_like(shapely.get_coordinates(face))
         ):
             continue  # outlines that cross between lattice points
-        found = convex.triangles(rings)
-        assert all(convex.turn(*t) > 0 for t in found)
-        assert sum(convex.turn(*t) for t in found) == 2 * face.area
-        sides = {edge for t in found for edge in convex.edges(t)}
-        assert {edge for ring in rings for edge in convex.edges(ring)} <= sides
+        found = convex.triangulate(rings)
+        assert all(convex.signed_turn(*t) > 0 for t in found)
+        assert sum(convex.signed_turn(*t) for t in found) == 2 * face.area
+        sides = {edge for t in found for edge in convex.ring_edges(t)}
+        assert {edge for ring in rings for edge in convex.ring_edges(ring)} <= sides
 
 
 def test_flat_corners_of_an_outline_and_a_hole_become_corners_of_triangles():
     outline = [(0, 0), (5, 0), (10, 0), (10, 10), (0, 10)]
     hole = [(2, 2), (2, 4), (3, 4), (4, 4), (4, 2)]
-    assert len(convex.triangles([outline, hole])) == 5 + 5 + 2 - 2
+    assert len(convex.triangulate([outline, hole])) == 5 + 5 + 2 - 2
 
 
 def test_a_corner_made_of_short_edges_is_still_a_corner():
@@ -353,7 +353,7 @@ def edge_points(cells, rng):
 def test_every_point_on_an_edge_or_corner_has_a_cell_that_holds_it(scene, seed):
     made = workspace.decompose(scene)
     points = edge_points(made.cells, np.random.default_rng(seed))
-    found = workspace.locate(made, points)
+    found = workspace.locate_cells(made, points)
     assert np.all(found >= 0)
     cells = np.array(polygons(made.cells))[found]
     assert np.all(shapely.distance(cells, shapely.points(points)) <= 1e-9 * size(scene))
@@ -367,13 +367,13 @@ def test_a_shared_edge_belongs_to_the_first_cell(scene, seed):
     distances = shapely.distance(np.array(polygons(made.cells))[None], shapely.points(points)[:, None])
     first = np.argmax(distances <= 1e-14 * size(scene), axis=1)
     held = distances.min(axis=1) <= 1e-14 * size(scene)
-    assert np.all(workspace.locate(made, points)[held] <= first[held])
+    assert np.all(workspace.locate_cells(made, points)[held] <= first[held])
 
 
 def test_the_edge_of_a_region_belongs_to_the_region():
     made = workspace.decompose(room([box(6, 2, 8, 4)], a=box(2, 2, 6, 6)))
     rim = edge_points([box(2, 2, 6, 6)], np.random.default_rng(0))
-    assert {made.labels[i] for i in workspace.locate(made, rim)} == {frozenset("a")}
+    assert {made.labels[i] for i in workspace.locate_cells(made, rim)} == {frozenset("a")}
 
 
 def test_no_cell_outside_the_bounds_and_inside_an_obstacle():
@@ -381,11 +381,11 @@ def test_no_cell_outside_the_bounds_and_inside_an_obstacle():
     made = workspace.decompose(room([bent], a=box(0, 8, 1, 9)))
     assert len(made.obstacles) == 2
     outside = [[-1, 5], [11, 5], [5, -0.1], [5, 10.1], [7, 3], [3, 3], [7, 7]]
-    assert np.all(workspace.locate(made, np.array(outside, float)) == -1)
+    assert np.all(workspace.locate_cells(made, np.array(outside, float)) == -1)
     line = shapely.Polygon(made.obstacles[0]).intersection(shapely.Polygon(made.obstacles[1]))
     on_seam = shapely.get_coordinates(line.interpolate([0.2, 0.5, 0.8], normalized=True))
     assert line.length > 0
-    assert np.all(workspace.locate(made, on_seam) == -1)
+    assert np.all(workspace.locate_cells(made, on_seam) == -1)
 
 
 @given(every_map, seeds)
@@ -395,7 +395,7 @@ def test_buckets_list_every_cell_that_may_hold_a_point(scene, seed):
     grid = workspace.locator(made, scene.bounds)
     rng = np.random.default_rng(seed)
     points = np.concatenate([edge_points(made.cells, rng), rng.uniform(*scene.bounds, (200, 2))])
-    found = workspace.locate(made, points)
+    found = workspace.locate_cells(made, points)
     column, row = np.clip(((points - grid.origin) * grid.inverse).astype(int), 0, grid.shape - 1).T
     bucket = column * grid.shape[1] + row
     for k, cell in zip(bucket[found >= 0], found[found >= 0], strict=True):
@@ -429,7 +429,7 @@ def test_half_planes_hold_exactly_the_points_inside(corners, seed):
 @some
 def test_the_graph_knows_areas_and_centroids(scene):
     made = workspace.decompose(scene)
-    net = workspace.graph(made)
+    net = workspace.cell_graph(made)
     assert sorted(net.nodes) == list(range(len(made.cells)))
     assert {tuple(sorted(e)) for e in net.edges} == {tuple(d) for d in made.doors.tolist()}
     for i, polygon in enumerate(polygons(made.cells)):
@@ -445,13 +445,13 @@ def test_an_unknown_region_is_named_with_its_closest_match():
     scene = room(harbour=box(1, 1, 2, 2), depot=box(4, 4, 5, 5))
     made = workspace.decompose(scene)
     with pytest.raises(ConfigError, match=r"'harbor'.*it has depot, harbour: did you mean 'harbour'\?"):
-        workspace.check_mission(made, scene, ["depot", "harbor"])
+        workspace.unreachable_regions(made, scene, ["depot", "harbor"])
     with pytest.raises(ConfigError, match=r"'zzz'.*rename it"):
-        workspace.check_mission(made, scene, ["zzz"])
+        workspace.unreachable_regions(made, scene, ["zzz"])
 
 
 def test_a_start_in_an_obstacle_is_refused_by_the_mission_check():
     scene = room([box(4, 4, 6, 6)], a=box(1, 1, 2, 2))
     made = workspace.decompose(scene)
     with pytest.raises(DataError, match="no free cell"):
-        workspace.check_mission(made, replace(scene, start=np.array([5.0, 5.0])), ["a"])
+        workspace.unreachable_regions(made, replace(scene, start=np.array([5.0, 5.0])), ["a"])

@@ -24,7 +24,7 @@ def near(centre, offset):
 @given(centres, offsets)
 @settings(deadline=None, max_examples=50)
 def test_a_position_comes_back_from_the_plane(centre, offset):
-    crs = projection.plane(*centre)
+    crs = projection.local_plane(*centre)
     lon, lat = near(centre, offset)
     back_lon, back_lat = projection.to_geographic(crs, projection.to_plane(crs, lon, lat))
     np.testing.assert_allclose(back_lat, lat, atol=1e-9)
@@ -34,10 +34,10 @@ def test_a_position_comes_back_from_the_plane(centre, offset):
 @given(centres, offsets)
 @settings(deadline=None, max_examples=50)
 def test_a_wind_from_the_south_moves_along_the_drawn_meridian(centre, offset):
-    crs = projection.plane(*centre)
+    crs = projection.local_plane(*centre)
     lon, lat = near(centre, offset)
     moved = projection.to_plane(crs, lon, lat + DEGREE) - projection.to_plane(crs, lon, lat - DEGREE)
-    north = projection.turn(np.array([[0.0, 1.0]]), projection.convergence(crs, lon, lat))
+    north = projection.rotate_vectors(np.array([[0.0, 1.0]]), projection.meridian_convergence(crs, lon, lat))
     np.testing.assert_allclose(north, moved / np.linalg.norm(moved), atol=1e-6)
 
 
@@ -45,7 +45,7 @@ def test_a_wind_from_the_south_moves_along_the_drawn_meridian(centre, offset):
 @settings(deadline=None, max_examples=50)
 def test_the_plane_is_conformal(centre, offset):
     """One angle serves all directions only if east stays at right angles to north, at the same scale."""
-    crs = projection.plane(*centre)
+    crs = projection.local_plane(*centre)
     lon, lat = near(centre, offset)
     north = projection.to_plane(crs, lon, lat + DEGREE) - projection.to_plane(crs, lon, lat - DEGREE)
     east = projection.to_plane(crs, lon + DEGREE, lat) - projection.to_plane(crs, lon - DEGREE, lat)
@@ -58,7 +58,7 @@ def test_lengths_are_true_to_the_promised_scale(bearing):
     """700 km from the centre, (r / 2R)² = 0.3 %: against the distance on the ellipsoid."""
     from pyproj import Geod
 
-    crs = projection.plane(37.0, -92.0)
+    crs = projection.local_plane(37.0, -92.0)
     end = 700e3 * np.array([[np.cos(bearing), np.sin(bearing)]])
     lon, lat = projection.to_geographic(crs, end)
     *_, ground = Geod(ellps="WGS84").inv(-92.0, 37.0, lon[0], lat[0])
@@ -66,22 +66,22 @@ def test_lengths_are_true_to_the_promised_scale(bearing):
 
 
 def test_the_centre_is_the_origin_and_its_north_points_up():
-    crs = projection.plane(37.0, 268.0)  # 92 W, counted eastwards
+    crs = projection.local_plane(37.0, 268.0)  # 92 W, counted eastwards
     lon, lat = np.array([-92.0]), np.array([37.0])
     np.testing.assert_allclose(projection.to_plane(crs, lon, lat), [[0.0, 0.0]], atol=1e-6)
-    np.testing.assert_allclose(projection.convergence(crs, lon, lat), [0.0], atol=1e-12)
-    assert crs == projection.plane(37.0, -92.0)
+    np.testing.assert_allclose(projection.meridian_convergence(crs, lon, lat), [0.0], atol=1e-12)
+    assert crs == projection.local_plane(37.0, -92.0)
 
 
 def test_meridians_lean_towards_the_pole_on_both_sides_of_the_centre():
-    crs = projection.plane(37.0, -92.0)
-    west, east = projection.convergence(crs, np.array([-110.0, -80.0]), np.array([40.0, 40.0]))
+    crs = projection.local_plane(37.0, -92.0)
+    west, east = projection.meridian_convergence(crs, np.array([-110.0, -80.0]), np.array([40.0, 40.0]))
     assert west < 0 < east  # clockwise in the west, counter-clockwise in the east
 
 
 def test_turning_a_quarter_makes_east_north():
     np.testing.assert_allclose(
-        projection.turn(np.array([[2.0, 0.0]]), np.array([np.pi / 2])), [[0.0, 2.0]], atol=1e-15
+        projection.rotate_vectors(np.array([[2.0, 0.0]]), np.array([np.pi / 2])), [[0.0, 2.0]], atol=1e-15
     )
 
 
@@ -100,9 +100,9 @@ def test_a_plane_that_is_none_is_refused(crs, words):
 
 def test_a_place_that_is_none_is_refused():
     with pytest.raises(DataError, match=r"latitude 95, longitude 0"):
-        projection.plane(95.0, 0.0)
+        projection.local_plane(95.0, 0.0)
 
 
 def test_the_far_side_of_the_earth_cannot_be_drawn():
     with pytest.raises(DataError, match="too far"):
-        projection.to_plane(projection.plane(0.0, 0.0), np.array([180.0]), np.array([0.0]))
+        projection.to_plane(projection.local_plane(0.0, 0.0), np.array([180.0]), np.array([0.0]))

@@ -7,7 +7,7 @@ from shapely import Point, Polygon, box
 
 from pareto_ltl.settings import RandomSceneConfig, SceneConfig
 from pareto_ltl.support.errors import ConfigError
-from pareto_ltl.world.random_maps import populated
+from pareto_ltl.world.random_maps import add_random_places
 
 
 def scene(**wanted: object) -> SceneConfig:
@@ -21,7 +21,7 @@ def scene(**wanted: object) -> SceneConfig:
 
 @pytest.mark.parametrize("seed", range(10))
 def test_everything_lies_on_the_map_convex_and_apart(seed: int) -> None:
-    made = populated(scene(seed=seed, regions=3, obstacles=10, gap=0.03))
+    made = add_random_places(scene(seed=seed, regions=3, obstacles=10, gap=0.03))
     assert list(made.regions) == ["a", "b", "c", "d"]
     assert len(made.obstacles) == 10
     shapes = [Polygon(p) for p in (*made.regions.values(), *made.obstacles)]
@@ -34,18 +34,18 @@ def test_everything_lies_on_the_map_convex_and_apart(seed: int) -> None:
 
 
 def test_a_seed_is_a_map_and_another_seed_another() -> None:
-    assert populated(scene(seed=4, obstacles=3)) == populated(scene(seed=4, obstacles=3))
-    assert populated(scene(seed=4, obstacles=3)) != populated(scene(seed=5, obstacles=3))
+    assert add_random_places(scene(seed=4, obstacles=3)) == add_random_places(scene(seed=4, obstacles=3))
+    assert add_random_places(scene(seed=4, obstacles=3)) != add_random_places(scene(seed=5, obstacles=3))
 
 
 def test_without_a_wish_a_scene_stays_as_it_is() -> None:
     plain = scene()
-    assert populated(plain) is plain
+    assert add_random_places(plain) is plain
 
 
 def test_more_than_fits_is_refused_with_what_to_change() -> None:
     with pytest.raises(ConfigError, match="do not fit the map; ask for fewer"):
-        populated(scene(obstacles=400))
+        add_random_places(scene(obstacles=400))
 
 
 @pytest.mark.parametrize(

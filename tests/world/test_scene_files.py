@@ -16,7 +16,8 @@ from pareto_ltl.settings import SceneConfig
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.world import projection
 from pareto_ltl.world.scene import Scene
-from pareto_ltl.world.scene_files import from_dict, read_scene, to_dict
+from pareto_ltl.world.scene_files import scene_from_dict, scene_to_dict
+from pareto_ltl.world.scene_settings import scene_from_settings
 from strategies import lattice_scenes, scenes
 
 SCENES = Path(__file__).parents[2] / "conf" / "scene"
@@ -37,7 +38,7 @@ def config(**changes):
 
 def refusal(**changes):
     with pytest.raises(DataError) as error:
-        read_scene(config(**changes))
+        scene_from_settings(config(**changes))
     message = str(error.value)
     assert "\n" not in message
     return message
@@ -47,7 +48,7 @@ def refusal(**changes):
 
 
 def test_coordinates_are_scaled_to_metres():
-    scene = read_scene(config(unit=100.0))
+    scene = scene_from_settings(config(unit=100.0))
     np.testing.assert_array_equal(scene.bounds, [[0, 0], [1000, 1000]])
     np.testing.assert_array_equal(scene.start, [50, 50])
     np.testing.assert_array_equal(scene.regions["a"], 100 * np.array(SQUARE))
@@ -56,7 +57,7 @@ def test_coordinates_are_scaled_to_metres():
 
 
 def test_a_map_with_a_centre_has_the_middle_of_its_bounds_there():
-    scene = read_scene(config(unit=1e5, centre=[37.0, -92.0]), "2018-10-09T00:00:00Z")
+    scene = scene_from_settings(config(unit=1e5, centre=[37.0, -92.0]), "2018-10-09T00:00:00Z")
     np.testing.assert_array_equal(scene.bounds, [[-5e5, -5e5], [5e5, 5e5]])
     lon, lat = projection.to_geographic(scene.crs, np.zeros((1, 2)))
     np.testing.assert_allclose([lat[0], lon[0]], [37, -92], atol=1e-9)
@@ -65,7 +66,7 @@ def test_a_map_with_a_centre_has_the_middle_of_its_bounds_there():
 
 @pytest.mark.parametrize(("name", "regions", "obstacles"), [("phi1", "abc", 6), ("phi2", "abcd", 10)])
 def test_the_shipped_maps_are_a_thousand_kilometres_wide(name, regions, obstacles):
-    scene = read_scene(SceneConfig(**yaml.safe_load((SCENES / f"{name}.yaml").read_text())))
+    scene = scene_from_settings(SceneConfig(**yaml.safe_load((SCENES / f"{name}.yaml").read_text())))
     np.testing.assert_array_equal(scene.bounds, [[-5e5, -5e5], [5e5, 5e5]])
     assert "".join(scene.regions) == regions
     assert len(scene.obstacles) == obstacles
@@ -77,44 +78,44 @@ def test_the_shipped_maps_are_a_thousand_kilometres_wide(name, regions, obstacle
 @given(st.one_of(scenes(), lattice_scenes()))
 @settings(deadline=None, max_examples=30)
 def test_a_scene_comes_back_from_json_bit_by_bit(scene):
-    again = from_dict(json.loads(json.dumps(to_dict(scene))))
-    assert to_dict(again) == to_dict(scene)
+    again = scene_from_dict(json.loads(json.dumps(scene_to_dict(scene))))
+    assert scene_to_dict(again) == scene_to_dict(scene)
     assert isinstance(again, Scene)
     assert again.bounds.tobytes() == scene.bounds.tobytes()
 
 
 def test_the_scene_file_of_a_run_is_read_as_it_was_written(tmp_path):
-    scene = read_scene(config(unit=1e5, centre=[37.0, -92.0]), "2018-10-09T00:00:00Z")
-    (tmp_path / "scene.json").write_text(json.dumps(to_dict(scene)))
-    again = read_scene(SceneConfig(file=str(tmp_path / "scene.json")))
-    assert to_dict(again) == to_dict(scene)
-    later = read_scene(SceneConfig(file=str(tmp_path / "scene.json")), "2018-10-10T00:00:00Z")
+    scene = scene_from_settings(config(unit=1e5, centre=[37.0, -92.0]), "2018-10-09T00:00:00Z")
+    (tmp_path / "scene.json").write_text(json.dumps(scene_to_dict(scene)))
+    again = scene_from_settings(SceneConfig(file=str(tmp_path / "scene.json")))
+    assert scene_to_dict(again) == scene_to_dict(scene)
+    later = scene_from_settings(SceneConfig(file=str(tmp_path / "scene.json")), "2018-10-10T00:00:00Z")
     assert later.time_zero == "2018-10-10T00:00:00Z"
 
 
 def test_a_scene_without_its_fields_is_refused():
     with pytest.raises(DataError, match="lacks start, regions"):
-        from_dict({"bounds": [[0, 0], [1, 1]], "obstacles": []})
+        scene_from_dict({"bounds": [[0, 0], [1, 1]], "obstacles": []})
 
 
 # --- habits that are put right -------------------------------------------------------------------
 
 
 def test_a_repeated_closing_corner_is_dropped():
-    scene = read_scene(config(regions={"a": [*SQUARE, SQUARE[0]]}, obstacles=[[WALL[0], *WALL]]))
+    scene = scene_from_settings(config(regions={"a": [*SQUARE, SQUARE[0]]}, obstacles=[[WALL[0], *WALL]]))
     assert len(scene.regions["a"]) == len(scene.obstacles[0]) == 4
 
 
 @given(st.permutations([0, 1, 2, 3]).filter(lambda p: abs(p[0] - p[2]) == 2))
 def test_outlines_are_turned_counter_clockwise(order):
-    scene = read_scene(config(regions={"a": [SQUARE[i] for i in order]}, obstacles=[WALL[::-1]]))
+    scene = scene_from_settings(config(regions={"a": [SQUARE[i] for i in order]}, obstacles=[WALL[::-1]]))
     for polygon in (scene.regions["a"], *scene.obstacles):
         assert shapely.is_ccw(shapely.LinearRing(polygon))
 
 
 def test_an_obstacle_that_sticks_out_is_clipped_to_the_bounds():
     comb = [[8, -2], [12, -2], [12, 12], [8, 12], [8, 8], [11, 8], [11, 2], [8, 2]]
-    scene = read_scene(config(obstacles=[WALL, comb, [[20, 20], [21, 20], [21, 21]]]))
+    scene = scene_from_settings(config(obstacles=[WALL, comb, [[20, 20], [21, 20], [21, 21]]]))
     np.testing.assert_array_equal(scene.obstacles[0], WALL)
     assert [shapely.Polygon(o).area for o in scene.obstacles] == [4, 4, 4]
     assert np.concatenate(scene.obstacles).max() == 10
@@ -125,7 +126,7 @@ def test_an_obstacle_that_sticks_out_is_clipped_to_the_bounds():
     "wall", [[[2, 1], [4, 1], [4, 2], [2, 2]], [[2, 2], [4, 2], [4, 4]], [[0, 2], [3, 2], [3, 3]]]
 )
 def test_an_obstacle_may_touch_a_region(wall):
-    assert len(read_scene(config(obstacles=[wall])).obstacles) == 1
+    assert len(scene_from_settings(config(obstacles=[wall])).obstacles) == 1
 
 
 def test_touching_survives_rounding_in_any_unit_and_plane():
@@ -133,11 +134,11 @@ def test_touching_survives_rounding_in_any_unit_and_plane():
     left = [[0.1, 0.1], [1 / 3, 0.1], [1 / 3, 0.9], [0.1, 0.9]]
     for unit in (0.3048, 1852.0, 1e5):
         keys = {"unit": unit, "centre": [60.0, 5.0], "bounds": [[0.0, 0.0], [1.1, 1.3]], "start": [0.9, 0.05]}
-        assert read_scene(config(regions={"a": third}, obstacles=[left], **keys))
+        assert scene_from_settings(config(regions={"a": third}, obstacles=[left], **keys))
 
 
 def test_the_start_may_lie_on_the_edge_of_the_map():
-    np.testing.assert_array_equal(read_scene(config(start=[0.0, 10.0])).start, [0, 10])
+    np.testing.assert_array_equal(scene_from_settings(config(start=[0.0, 10.0])).start, [0, 10])
 
 
 # --- maps that are refused -----------------------------------------------------------------------
@@ -220,7 +221,7 @@ def geojson(tmp_path, *features):
 
 
 def test_a_geojson_map_lies_where_it_was_drawn(tmp_path):
-    scene = read_scene(geojson(tmp_path, *FJORD))
+    scene = scene_from_settings(geojson(tmp_path, *FJORD))
     lon, lat = projection.to_geographic(scene.crs, np.stack([scene.start, scene.regions["a"].mean(axis=0)]))
     np.testing.assert_allclose([lon, lat], [[5, 5.5], [60, 60.5]], atol=1e-4)
     middle = projection.to_geographic(scene.crs, np.zeros((1, 2)))
@@ -229,7 +230,7 @@ def test_a_geojson_map_lies_where_it_was_drawn(tmp_path):
 
 
 def test_bounds_of_a_geojson_map_default_to_the_drawing_and_five_per_cent(tmp_path):
-    scene = read_scene(geojson(tmp_path, *FJORD))
+    scene = scene_from_settings(geojson(tmp_path, *FJORD))
     drawn = np.concatenate([scene.start[None], scene.regions["a"], *scene.obstacles])
     low, high = drawn.min(axis=0), drawn.max(axis=0)
     np.testing.assert_allclose(scene.bounds, [low - 0.05 * (high - low), high + 0.05 * (high - low)])
@@ -238,13 +239,13 @@ def test_bounds_of_a_geojson_map_default_to_the_drawing_and_five_per_cent(tmp_pa
 def test_bounds_drawn_in_degrees_hold_everything_between_their_parallels(tmp_path):
     frame = [[-10, 50], [20, 50], [20, 70], [-10, 70], [-10, 50]]
     low = feature("region", [square(5, 50.11)], name="low")  # at the middle of the southern parallel
-    scene = read_scene(geojson(tmp_path, *FJORD, low, feature("bounds", [frame])))
+    scene = scene_from_settings(geojson(tmp_path, *FJORD, low, feature("bounds", [frame])))
     corner = projection.to_plane(scene.crs, np.array([-10.0]), np.array([50.0]))[0]
     assert scene.bounds[0, 1] < corner[1]
 
 
 def test_a_geojson_map_may_cross_the_180th_meridian(tmp_path):
-    scene = read_scene(
+    scene = scene_from_settings(
         geojson(
             tmp_path,
             feature("start", [179.8, -18.0], "Point"),
@@ -258,7 +259,7 @@ def test_a_geojson_map_may_cross_the_180th_meridian(tmp_path):
 def test_an_obstacle_with_a_hole_or_in_several_parts_is_cut_up(tmp_path):
     holed = feature("obstacle", [square(5.25, 60.25), square(5.25, 60.25, 0.05)])
     parts = feature("obstacle", [[square(5.05, 60.5, 0.02)], [square(5.1, 60.6, 0.02)]], "MultiPolygon")
-    scene = read_scene(geojson(tmp_path, *FJORD[:2], holed, parts))
+    scene = scene_from_settings(geojson(tmp_path, *FJORD[:2], holed, parts))
     centre = projection.to_plane(scene.crs, np.array([5.25]), np.array([60.25]))[0]
     assert not any(shapely.Polygon(o).contains(shapely.Point(centre)) for o in scene.obstacles)
     whole, hole = (shapely.Polygon(_plane(scene, square(5.25, 60.25, half))).area for half in (0.1, 0.05))
@@ -305,7 +306,7 @@ def _plane(scene, corners):
 )
 def test_a_bad_geojson_map_is_refused_in_degrees(tmp_path, features, words):
     with pytest.raises(DataError) as error:
-        read_scene(geojson(tmp_path, *features))
+        scene_from_settings(geojson(tmp_path, *features))
     for word in ["map.geojson", *words]:
         assert word in str(error.value)
     assert "\n" not in str(error.value)
@@ -317,4 +318,4 @@ def test_a_bad_geojson_map_is_refused_in_degrees(tmp_path, features, words):
 def test_a_file_that_is_no_map_is_refused(tmp_path, text, words):
     (tmp_path / "x.json").write_text(text)
     with pytest.raises(DataError, match=words):
-        read_scene(SceneConfig(file=str(tmp_path / "x.json")))
+        scene_from_settings(SceneConfig(file=str(tmp_path / "x.json")))

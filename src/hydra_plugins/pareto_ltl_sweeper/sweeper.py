@@ -2,18 +2,19 @@
 
 Hydra's own sweeper runs every point again. This one names each by the fingerprint of what it comes to, so
 that it knows which are done; it checks every point before it makes a directory, and goes on after jobs or
-launches that were killed. How is said in ``pareto_ltl.studies.sweeps``; here is what needs Hydra.
+launches that were killed (``pareto_ltl.studies.jobs``). This module holds what needs Hydra.
 """
 
 from __future__ import annotations
 
 import copy
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from importlib.util import find_spec
+from itertools import product
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from hydra._internal.config_loader_impl import ConfigLoaderImpl
 from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
@@ -23,7 +24,11 @@ from hydra.core.utils import JobReturn, JobStatus
 from hydra.types import HydraContext, TaskFunction
 from omegaconf import DictConfig, OmegaConf, open_dict
 
-BLAS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
+if TYPE_CHECKING:
+    from pareto_ltl.studies.sweeps.manifest import SweepManifest
+
+SWEEP_LOCK = ".sweep.lock"
+THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 
 
 class PointsSweeper(BasicSweeper):
@@ -35,49 +40,71 @@ class PointsSweeper(BasicSweeper):
 
     def sweep(self, arguments: list[str]) -> Any:
         """Check all points, run those without an answer, write the summary."""
-        from pareto_ltl.cli import hydra_app as app
-        from pareto_ltl.run.provenance import config_hash
-        from pareto_ltl.studies.sweeps import conduct, jobs, summary
-        from pareto_ltl.studies.sweeps.manifest import Figure, Manifest, Point
+        from pareto_ltl.studies.jobs import claim_folder
 
         assert self.config is not None
         place = Path(str(self.config.hydra.sweep.dir))
+        manifest, words, resume = self._points(arguments)
+        another = "give this one a folder of its own with hydra.sweep.dir=FOLDER"
+        with claim_folder(place / SWEEP_LOCK, "a sweep", another):
+            manifest.write_to(place)
+            OmegaConf.save(self.config, place / "multirun.yaml")
+            counts = self._run_points(place, manifest, words, resume=resume)
+        self.task_function.finish(counts)  # type: ignore[attr-defined]
+        return []
+
+    def _points(self, arguments: list[str]) -> tuple[SweepManifest, dict[str, list[str]], bool]:
+        """The points of the grid, the words that Hydra composes each from, and whether to keep answers."""
+        from pareto_ltl.cli.composition import check_settings
+        from pareto_ltl.cli.setting_keys import settings_from
+        from pareto_ltl.run.provenance import config_hash
+        from pareto_ltl.studies.sweeps.manifest import FigureChoice, SweepManifest, SweepPoint
+        from pareto_ltl.studies.sweeps.runs import KEY_DIGITS
+        from pareto_ltl.studies.sweeps.summary import check_figure
+
+        assert self.config is not None
         overrides = self._overrides(arguments)
         swept = {key for key, values in overrides.items() if len(values) > 1}
         words: dict[str, list[str]] = {}
-        points: list[Point] = []
-        compose = Composer(self._loader(), self.config)
-        for line in _product(list(overrides.values())):
-            settings = app.settings_of(compose(line))
-            app.check(settings)
-            job = config_hash(settings)[: jobs.HASH]
+        points: list[SweepPoint] = []
+        compose = PointComposer(self._loader(), self.config)
+        for line in map(list, product(*overrides.values())):
+            settings = settings_from(compose(line))
+            check_settings(settings)
+            job = config_hash(settings)[:KEY_DIGITS]
             if job not in words:  # two ways to write the same settings are one job
                 words[job] = [*line, f"hydra.sweep.subdir='{job}'"]
-                points.append(Point(job, _told(line, swept)))
-        figure = Figure(settings.sweep.x, settings.sweep.y, settings.sweep.by)
-        names = tuple(_name(key) for key in overrides if key in swept)
+                points.append(SweepPoint(job, _swept_values(line, swept)))
+        figure = FigureChoice(settings.sweep.x, settings.sweep.y, settings.sweep.by)
+        names = tuple(_plain_key(key) for key in overrides if key in swept)
         fixed = tuple(values[0] for key, values in overrides.items() if key not in swept)
-        manifest = Manifest(tuple(points), names, fixed, figure)
-        summary.check_figure(figure, names)
+        check_figure(figure, names)
+        return SweepManifest(tuple(points), names, fixed, figure), words, settings.sweep.resume
 
-        def launch(batch: Sequence[Point]) -> None:
+    def _run_points(
+        self, place: Path, manifest: SweepManifest, words: Mapping[str, list[str]], *, resume: bool
+    ) -> dict[str, int]:
+        """Run the points without an answer and write the summary, also when that is interrupted."""
+        from pareto_ltl.cli.arguments import print_problem
+        from pareto_ltl.studies.jobs import JobQueue
+        from pareto_ltl.studies.sweeps.runs import RunJob
+        from pareto_ltl.studies.sweeps.summary import write_summary
+
+        def launch(batch: Sequence[RunJob]) -> None:
             size = self._batch_size() or len(batch)
             for first in range(0, len(batch), size):
-                self._launch([words[point.job] for point in batch[first : first + size]], first)
+                self._launch([words[job.key] for job in batch[first : first + size]], first)
 
-        with conduct.claimed(place):
-            manifest.write(place)
-            OmegaConf.save(self.config, place / "multirun.yaml")
-            todo = conduct.unsettled(place, manifest, resume=settings.sweep.resume)
-            print(_plan_of(len(points), len(todo), place), flush=True)
-            conductor = conduct.Conductor(place, launch, app.complain)
-            try:
-                conductor.conduct(todo)
-            finally:
-                found = summary.build(place, given_up=conductor.given_up)
-                print(f"{found.line()}\nsummary in {place / 'summary.html'}")
-        self.task_function.finish(found.counts)  # type: ignore[attr-defined]
-        return []
+        runs = [RunJob(place / point.job) for point in manifest.points]
+        todo = [run for run in runs if not (resume and run.settled())]
+        print(_opening_line(len(runs), len(todo), place), flush=True)
+        queue = JobQueue(launch, print_problem)
+        try:
+            queue.run(todo)
+        finally:
+            found = write_summary(place, given_up=queue.given_up)
+            print(f"{found.line()}\nsummary in {place / 'summary.html'}")
+        return found.counts
 
     def _overrides(self, arguments: Sequence[str]) -> dict[str, list[str]]:
         """Every key with its values, as words for a command line; what comes later wins."""
@@ -109,11 +136,11 @@ class PointsSweeper(BasicSweeper):
     def _launch(self, lines: list[list[str]], first: int) -> None:
         assert self.launcher is not None
         local = type(self.launcher).__name__ == "LocalLauncher"
-        given = {name: str(self._threads()) for name in BLAS} if local else {}
+        given = {name: str(self._threads()) for name in THREAD_VARIABLES} if local else {}
         kept = {name: os.environ.get(name) for name in given}
         os.environ.update(given)
         try:
-            with patient():
+            with waiting_for_all():
                 results = self.launcher.launch(lines, initial_job_idx=first)
             for result in results:
                 if result.status is JobStatus.FAILED:
@@ -127,7 +154,7 @@ class PointsSweeper(BasicSweeper):
 
 
 @contextmanager
-def patient() -> Iterator[None]:
+def waiting_for_all() -> Iterator[None]:
     """Let submitit wait for all jobs of an array, also when one of them was killed.
 
     Its Hydra launcher raises at the first, with the others still at work or in the queue of the cluster:
@@ -140,8 +167,8 @@ def patient() -> Iterator[None]:
 
     whole = AutoExecutor.map_array
 
-    def map_array(executor: AutoExecutor, *args: Any) -> list[Awaited]:
-        return [Awaited(job) for job in whole(executor, *args)]
+    def map_array(executor: AutoExecutor, *args: Any) -> list[AwaitedJob]:
+        return [AwaitedJob(job) for job in whole(executor, *args)]
 
     AutoExecutor.map_array = map_array  # type: ignore[method-assign, assignment]
     try:
@@ -150,7 +177,7 @@ def patient() -> Iterator[None]:
         del AutoExecutor.map_array  # what it inherits is there again
 
 
-class Awaited:
+class AwaitedJob:
     """A job of submitit whose failure is a result."""
 
     def __init__(self, job: Any) -> None:
@@ -164,7 +191,7 @@ class Awaited:
         return found
 
 
-class Composer:
+class PointComposer:
     """Composes points of a grid; the choices of groups, which take Hydra a tenth of a second, once each."""
 
     def __init__(self, loader: ConfigLoaderImpl, master: DictConfig) -> None:
@@ -198,28 +225,22 @@ class Composer:
         return bool(self._loader.get_group_options(override.key_or_group))
 
 
-def _product(columns: list[list[str]]) -> list[list[str]]:
-    from itertools import product
-
-    return [list(line) for line in product(*columns)]
-
-
-def _name(key: str) -> str:
+def _plain_key(key: str) -> str:
     return key.lstrip("+")
 
 
-def _told(line: Sequence[str], swept: set[str]) -> dict[str, str]:
+def _swept_values(line: Sequence[str], swept: set[str]) -> dict[str, str]:
     """What was varied at one point, without the quotes of a command line."""
     pairs = (word.partition("=") for word in line)
-    return {_name(key): _bare(value) for key, _, value in pairs if key in swept}
+    return {_plain_key(key): _unquoted(value) for key, _, value in pairs if key in swept}
 
 
-def _bare(value: str) -> str:
+def _unquoted(value: str) -> str:
     quoted = len(value) > 1 and value[0] == value[-1] and value[0] in "'\""
     return value[1:-1] if quoted else value
 
 
-def _plan_of(of: int, todo: int, place: Path) -> str:
+def _opening_line(of: int, todo: int, place: Path) -> str:
     done = of - todo
     if not todo:
         return f"all {of} jobs of {place} have their answers"

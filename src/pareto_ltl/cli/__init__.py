@@ -1,1 +1,5 @@
-"""The command line; the only package that knows Hydra."""
+"""The command line; the only package that knows Hydra.
+
+``commands`` holds the table of commands; ``hydra_app`` runs settings and choices, which ``composition``
+composes and checks once; ``setting_keys`` makes :class:`~pareto_ltl.settings.Settings` of them.
+"""

@@ -6,14 +6,14 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from pareto_ltl.settings import Settings
+
 if TYPE_CHECKING:
     from rich.console import Console
 
-Row = tuple[str, str]
-
 
 def print_summary(
-    name: str, directory: Path, metrics: Mapping[str, float], console: Console | None = None
+    settings: Settings, directory: Path, metrics: Mapping[str, float], console: Console | None = None
 ) -> None:
     """Print the numbers a user looks for first, and where all the others are."""
     from rich import box
@@ -21,10 +21,10 @@ def print_summary(
     from rich.table import Table
 
     console = console or Console(highlight=False)
-    table = Table(title=name, box=box.SIMPLE_HEAD, show_header=False)
+    table = Table(title=settings.name, box=box.SIMPLE_HEAD, show_header=False)
     table.add_column(style="bold")
     table.add_column(justify="right")
-    for row in rows(metrics):
+    for row in summary_rows(metrics, settings.fidelity.law):
         table.add_row(*row)
     console.print(table)
     if (directory / "tables.md").is_file():  # of an evaluation
@@ -32,16 +32,16 @@ def print_summary(
     console.print(f"results in {directory}", soft_wrap=True)
 
 
-def rows(metrics: Mapping[str, float]) -> Iterator[Row]:
-    """Names and figures, as far as the pipeline made them."""
+def summary_rows(metrics: Mapping[str, float], law: str) -> Iterator[tuple[str, str]]:
+    """Names and figures, as far as the pipeline made them; ``law`` is the wind law of the plan."""
     if "length_m" in metrics:
-        yield from _plan(metrics)
+        yield from _plan_rows(metrics, law)
     for key in metrics:
         if key.startswith("mission_risk_") and f"collision_risk_{key[13:]}" in metrics:
             promised = metrics[key] + metrics[f"collision_risk_{key[13:]}"]
-            yield f"promised at most, {key[13:]} winds", f"{min(promised, 1.0):.4f}"
+            yield f"promised at most, {key[13:]} winds", probability_text(min(promised, 1.0))
         if key.startswith("failure_") and not key.endswith(("_low", "_high")):
-            yield _failure(metrics, key)
+            yield _simulated_row(metrics, key)
     if "nodes" in metrics:
         yield "tree vertices", f"{metrics['nodes']:,.0f} ({metrics['nodes_per_second']:,.0f} a second)"
     for key, spent in metrics.items():
@@ -50,26 +50,29 @@ def rows(metrics: Mapping[str, float]) -> Iterator[Row]:
     yield "in all", f"{metrics['run_seconds']:.2f} s"
 
 
-def _plan(metrics: Mapping[str, float]) -> Iterator[Row]:
+def probability_text(value: float) -> str:
+    """A probability with three significant digits: 0.0412, 3.2e-05; 0 only where it is 0."""
+    return f"{value:.3g}"
+
+
+def _plan_rows(metrics: Mapping[str, float], law: str) -> Iterator[tuple[str, str]]:
     yield "length", f"{metrics['length_m'] / 1e3:,.1f} km"
     yield "flight time", f"{metrics['duration_s'] / 3600:.1f} h"
-    yield "mission risk, bound of the paper", f"{metrics['mission_risk_paper']:.4f}"
-    yield "mission risk, ordered bound", f"{metrics['mission_risk']:.4f}"
-    yield "collision risk, bound", f"{metrics['collision_risk']:.4f}"
+    yield f"mission risk, Theorem 2, {law} winds", probability_text(metrics["mission_risk_paper"])
+    yield f"mission risk, ordered, {law} winds", probability_text(metrics["mission_risk"])
+    yield f"collision risk, bound, {law} winds", probability_text(metrics["collision_risk"])
     if "acceptance_failure" in metrics:
-        low, high = metrics["acceptance_low"], metrics["acceptance_high"]
-        yield "failure, linear estimate", f"{metrics['acceptance_estimate']:.4f}"
-        yield (
-            f"failure, {metrics['acceptance_runs']:,.0f} flights at acceptance",
-            f"{metrics['acceptance_failure']:.4f} (95 %: {low:.4f} to {high:.4f})",
-        )
+        failed = f"acceptance: failed of {metrics['acceptance_runs']:,.0f}, {law} winds"
+        yield f"failure, linear estimate, {law} winds", probability_text(metrics["acceptance_estimate"])
+        yield failed, _rate_text(metrics, "acceptance_failure", "acceptance")
 
 
-def _failure(metrics: Mapping[str, float], key: str) -> Row:
+def _simulated_row(metrics: Mapping[str, float], key: str) -> tuple[str, str]:
     law = key.removeprefix("failure_")
-    low, high = metrics[f"{key}_low"], metrics[f"{key}_high"]
-    runs = metrics[f"runs_{law}"]
-    return (
-        f"failed of {runs:,.0f} simulated, {law} winds",
-        f"{metrics[key]:.4f} (95 %: {low:.4f} to {high:.4f})",
-    )
+    return f"failed of {metrics[f'runs_{law}']:,.0f} simulated, {law} winds", _rate_text(metrics, key, key)
+
+
+def _rate_text(metrics: Mapping[str, float], key: str, interval: str) -> str:
+    """A rate with its interval, from the metrics ``INTERVAL_low`` and ``INTERVAL_high``."""
+    low, high = (probability_text(metrics[f"{interval}_{end}"]) for end in ("low", "high"))
+    return f"{probability_text(metrics[key])} (95 %: {low} to {high})"

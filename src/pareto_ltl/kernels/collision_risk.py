@@ -7,7 +7,17 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pareto_ltl.kernels.data import Cov, Faces, Gaussian, PathBound, PathMemory, StepBound
+from pareto_ltl.kernels.data import (
+    CollisionBound,
+    CollisionMemory,
+    Cov,
+    Faces,
+    Gaussian,
+    PathBound,
+    PathMemory,
+    StepBound,
+    StepMemory,
+)
 from pareto_ltl.kernels.gaussian import SQRT_HALF, tail, variance_along
 from pareto_ltl.kernels.geometry import SLACK
 from pareto_ltl.kernels.jit import allocating, by_type, implements, kernel
@@ -15,7 +25,7 @@ from pareto_ltl.support.arrays import FloatArray, IntArray
 
 # Standard deviations beyond which an obstacle, at below 3e-7, is not looked at (growth runs a sixth
 # faster than with seven). R of a finished path leaves nothing out.
-FAR = 5.0
+FAR_DEVIATIONS = 5.0
 
 
 # --- at each step, Eqs. (9) and (10) ----------------------------------------------------------
@@ -80,7 +90,7 @@ def pass_obstacles(
     ``last`` is that of the step before. The first figure is Σ_j p_tj <= epsilon, inf where an obstacle
     has no common face.
     """
-    leg = Leg(here, there, FAR * largest_sd(here.cov), FAR * largest_sd(there.cov))
+    leg = Leg(here, there, FAR_DEVIATIONS * largest_sd(here.cov), FAR_DEVIATIONS * largest_sd(there.cov))
     normal, offset = obstacles.normal, obstacles.offset
     at_step, grows = 0.0, 0.0
     for j in range(len(obstacles.ptr) - 1):
@@ -143,15 +153,18 @@ def pass_obstacle(
 
 
 @by_type
-def step_allowed(bound, memory, t, before, here):  # type: ignore[no-untyped-def]
+def step_allowed(
+    bound: CollisionBound, memory: CollisionMemory, t: int, before: Gaussian, here: Gaussian
+) -> bool:
     """Whether the step from ``before`` to ``here`` keeps to the chance constraint of a bound.
 
     Rows t and t - 1 of ``memory`` are taken modulo 2; step 0 begins and ends at ``here``.
     """
+    raise NotImplementedError
 
 
 @implements(step_allowed, StepBound)
-def _step_keeps_faces(bound, memory, t, before, here):  # type: ignore[no-untyped-def]
+def _step_keeps_faces(bound: StepBound, memory: StepMemory, t: int, before: Gaussian, here: Gaussian) -> bool:
     cleared, now = memory.cleared, t % 2
     if not clear_faces(bound.obstacles, bound.z, here, cleared, now):
         return False
@@ -163,7 +176,9 @@ def _step_keeps_faces(bound, memory, t, before, here):  # type: ignore[no-untype
 
 
 @implements(step_allowed, PathBound)
-def _step_keeps_epsilon(bound, memory, t, before, here):  # type: ignore[no-untyped-def]
+def _step_keeps_epsilon(
+    bound: PathBound, memory: PathMemory, t: int, before: Gaussian, here: Gaussian
+) -> bool:
     risk, _ = pass_obstacles(bound.obstacles, before, here, memory, (t + 1) % 2, memory, t % 2)
     return risk <= bound.epsilon
 

@@ -16,29 +16,29 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from pareto_ltl.kernels.data import (
     Ahead,
     CoherentLaw,
+    CoherentMemory,
     Cov,
     Gaussian,
     IndependentLaw,
     LandmarkLaw,
     LandmarkMemory,
     Landmarks,
+    Law,
     Linear,
+    Memory,
     Point,
     Square,
 )
 from pareto_ltl.kernels.geometry import face_slack
-from pareto_ltl.kernels.interpolation import Weights, corner_weights, mode_square, mode_value
+from pareto_ltl.kernels.interpolation import F32, Weights, corner_weights, mode_square, mode_value
 from pareto_ltl.kernels.jit import by_type, implements, kernel, vector
 from pareto_ltl.kernels.polygon import polygon_probability
 from pareto_ltl.kernels.propagation import advance, airspeed_left, carry, clear_theta, closed_loop, forget
 from pareto_ltl.support.arrays import Float32Array
 
-F32 = np.float32
 FADED = 1e-3  # of what a fix told: less is left out
 
 
@@ -52,17 +52,20 @@ def landmark_at(landmarks: Landmarks, at: Point) -> int:
 
 
 @by_type
-def fix_missed(law, memory, row, here):  # type: ignore[no-untyped-def]
+def fix_missed(law: Law, memory: Memory, row: int, here: Gaussian) -> float:
     """P(landmark missed) where the plan counts on a fix at ``here``, -1 where it does not."""
+    raise NotImplementedError
 
 
 @implements(fix_missed, IndependentLaw, CoherentLaw)
-def _no_fix(law, memory, row, here):  # type: ignore[no-untyped-def]
+def _no_fix(
+    law: IndependentLaw | CoherentLaw, memory: CoherentMemory | None, row: int, here: Gaussian
+) -> float:
     return -1.0
 
 
 @implements(fix_missed, LandmarkLaw)
-def _fix_missed(law, memory, row, here):  # type: ignore[no-untyped-def]
+def _fix_missed(law: LandmarkLaw, memory: LandmarkMemory, row: int, here: Gaussian) -> float:
     # A fix is worth its risk while half of the variance or more is unknown, so a robot that crosses a
     # landmark in several steps counts on the first.
     cov = here.cov
@@ -76,7 +79,7 @@ def _fix_missed(law, memory, row, here):  # type: ignore[no-untyped-def]
 
 
 @implements(forget, LandmarkLaw)
-def _forget_fixes(law, memory):  # type: ignore[no-untyped-def]
+def _forget_fixes(law: LandmarkLaw, memory: LandmarkMemory) -> None:
     clear_theta(memory.theta)
     memory.known[0, 0], memory.known[0, 1], memory.known[0, 2] = 0.0, 0.0, 0.0
     memory.fix[0], memory.faded[0] = -1, 1.0
@@ -84,7 +87,9 @@ def _forget_fixes(law, memory):  # type: ignore[no-untyped-def]
 
 
 @implements(advance, LandmarkLaw)
-def _advance_with_fixes(law, memory, step, here, row, target):  # type: ignore[no-untyped-def]
+def _advance_with_fixes(
+    law: LandmarkLaw, memory: LandmarkMemory, step: int, here: Gaussian, row: int, target: int
+) -> Ahead:
     motion, marks = law.motion, law.landmarks
     known = Cov(memory.known[row, 0], memory.known[row, 1], memory.known[row, 2])
     unknown = without(here.cov, known)

@@ -7,9 +7,7 @@ robot knows and commands.
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
-
-import numpy as np
+from typing import NamedTuple, TypeAlias
 
 from pareto_ltl.kernels.data import (
     Cells,
@@ -26,6 +24,7 @@ from pareto_ltl.kernels.data import (
 from pareto_ltl.kernels.fixes import landmark_at
 from pareto_ltl.kernels.geometry import locate_cell, segment_touches
 from pareto_ltl.kernels.interpolation import (
+    F32,
     corner_weights,
     gust_variance,
     mode_square,
@@ -36,8 +35,6 @@ from pareto_ltl.kernels.jit import allocating, by_type, implements, kernel, vect
 from pareto_ltl.kernels.path import Flight
 from pareto_ltl.kernels.propagation import white_variance
 from pareto_ltl.support.arrays import BoolArray, Float32Array, FloatArray
-
-F32 = np.float32
 
 # --- winds ------------------------------------------------------------------------------------
 
@@ -71,13 +68,17 @@ class LinearisedDraws(NamedTuple):
     slope: FloatArray
 
 
+Draws: TypeAlias = IndependentDraws | CoherentDraws | LinearisedDraws
+
+
 @by_type
-def wind_met(draws, t, i, at):  # type: ignore[no-untyped-def]
+def wind_met(draws: Draws, t: int, i: int, at: Point) -> tuple[float, float]:
     """Wind (east, north) that flight ``i`` meets at step ``t`` at a place [m/s]."""
+    raise NotImplementedError
 
 
 @implements(wind_met, IndependentDraws)
-def _independent_wind(draws, t, i, at):  # type: ignore[no-untyped-def]
+def _independent_wind(draws: IndependentDraws, t: int, i: int, at: Point) -> tuple[float, float]:
     wind = draws.law.wind
     we, wn = wind_at(wind.mean, wind, t, at)
     ve, vn = wind_at(wind.latent, wind, t, at)
@@ -87,7 +88,7 @@ def _independent_wind(draws, t, i, at):  # type: ignore[no-untyped-def]
 
 
 @implements(wind_met, CoherentDraws)
-def _coherent_wind(draws, t, i, at):  # type: ignore[no-untyped-def]
+def _coherent_wind(draws: CoherentDraws, t: int, i: int, at: Point) -> tuple[float, float]:
     law, modes, white = draws.law, draws.law.modes, draws.white
     we, wn = wind_at(law.wind.mean, law.wind, t, at)
     square = mode_square(modes, at)
@@ -112,7 +113,7 @@ def field_value(
 
 
 @implements(wind_met, LinearisedDraws)
-def _linearised_wind(draws, t, i, at):  # type: ignore[no-untyped-def]
+def _linearised_wind(draws: LinearisedDraws, t: int, i: int, at: Point) -> tuple[float, float]:
     path, slope, white = draws.path, draws.slope, draws.white
     slot = draws.law.modes.slot[t]
     ex, ey = at.x - path.x[t, 0], at.y - path.x[t, 1]
@@ -162,14 +163,19 @@ class Navigator(NamedTuple):
     estimate: FloatArray
 
 
+Pilot: TypeAlias = Autopilot | Navigator
+
+
 @by_type
-def begin_flight(pilot):  # type: ignore[no-untyped-def]
+def begin_flight(pilot: Pilot) -> None:
     """Forget what an earlier flight has learnt."""
+    raise NotImplementedError
 
 
 @by_type
-def command(pilot, motion, t, i, at):  # type: ignore[no-untyped-def]
+def command(pilot: Pilot, motion: Motion, t: int, i: int, at: Point) -> tuple[float, float]:
     """Control of flight ``i`` at step ``t``, when the robot is at a place, within u_max [m/s]."""
+    raise NotImplementedError
 
 
 @kernel
@@ -194,25 +200,25 @@ def held_to(motion: Motion, u: FloatArray, mean: FloatArray, t: int, at: Point) 
 
 
 @implements(begin_flight, Autopilot)
-def _begin_autopilot(pilot):  # type: ignore[no-untyped-def]
+def _begin_autopilot(pilot: Autopilot) -> None:
     pass
 
 
 @implements(command, Autopilot)
-def _command_autopilot(pilot, motion, t, i, at):  # type: ignore[no-untyped-def]
+def _command_autopilot(pilot: Autopilot, motion: Motion, t: int, i: int, at: Point) -> tuple[float, float]:
     ux, uy = held_to(motion, pilot.u, pilot.mean, t, at)
     return within_airspeed(motion, ux, uy) if motion.gain > 0.0 else (ux, uy)
 
 
 @implements(begin_flight, Navigator)
-def _begin_navigator(pilot):  # type: ignore[no-untyped-def]
+def _begin_navigator(pilot: Navigator) -> None:
     for m in range(pilot.field.shape[1]):
         pilot.field[0, m], pilot.field[1, m] = F32(0.0), F32(0.0)
     pilot.estimate[0], pilot.estimate[1], pilot.estimate[2] = 0.0, 0.0, 0.0
 
 
 @implements(command, Navigator)
-def _command_navigator(pilot, motion, t, i, at):  # type: ignore[no-untyped-def]
+def _command_navigator(pilot: Navigator, motion: Motion, t: int, i: int, at: Point) -> tuple[float, float]:
     path, estimate = pilot.path, pilot.estimate
     if estimate[2] > 0.0:
         fade_field(pilot.field, pilot.keep[t])
@@ -287,7 +293,7 @@ class Outcome(NamedTuple):
 
 
 @allocating
-def fly(judge: Judge, draws: Any, pilot: Any, outcome: Outcome) -> None:
+def fly_batch(judge: Judge, draws: Draws, pilot: Pilot, outcome: Outcome) -> None:
     """Fly one plan once for every row of ``outcome.x``; fills the rest of ``outcome``."""
     motion, logic, x = judge.motion, judge.logic, outcome.x
     a, b, dt = motion.a, motion.b, motion.dt

@@ -44,10 +44,9 @@ def bilinear(table: FloatArray, slot: int, square: Square, first: int) -> tuple[
     i, j, fx, fy = square
     a, b, c, d = (1 - fx) * (1 - fy), fx * (1 - fy), (1 - fx) * fy, fx * fy
     h, l, p, q = i + 1, j + 1, first, first + 1  # noqa: E741
-    return (
-        a * table[slot, i, j, p] + b * table[slot, h, j, p] + c * table[slot, i, l, p] + d * table[slot, h, l, p],
-        a * table[slot, i, j, q] + b * table[slot, h, j, q] + c * table[slot, i, l, q] + d * table[slot, h, l, q],
-    )  # fmt: skip
+    e = a * table[slot, i, j, p] + b * table[slot, h, j, p] + c * table[slot, i, l, p]
+    n = a * table[slot, i, j, q] + b * table[slot, h, j, q] + c * table[slot, i, l, q]
+    return e + d * table[slot, h, l, p], n + d * table[slot, h, l, q]
 
 
 @kernel
@@ -92,4 +91,5 @@ def mode_value(
     i, j = square.i, square.j
     w00, w10, w01, w11 = weights
     low = w00 * psi[slot, i, j, c, m] + w10 * psi[slot, i + 1, j, c, m]
-    return low + (w01 * psi[slot, i, j + 1, c, m] + w11 * psi[slot, i + 1, j + 1, c, m])
+    high = w01 * psi[slot, i, j + 1, c, m] + w11 * psi[slot, i + 1, j + 1, c, m]
+    return low + high  # type: ignore[no-any-return]

@@ -45,20 +45,24 @@ class Candidate(NamedTuple):
 
 
 @by_type
-def improves(rule, risks, new, old, strict):  # type: ignore[no-untyped-def]
+def improves(
+    rule: Dominance | Scaled, risks: FloatArray, new: Candidate, old: Candidate, strict: bool
+) -> bool:
     """Whether parent ``new`` may replace ``old``: Eqs. (11) and (12), with ``strict`` Eq. (12) alone.
 
     ``risks`` (rows, columns): objectives of the candidates, -1 for a proposition not visited yet.
     """
+    raise NotImplementedError
 
 
 @by_type
-def collision_limit(rule, risk, delta):  # type: ignore[no-untyped-def]
+def collision_limit(rule: Dominance | Scaled, risk: float, delta: float) -> float:
     """The largest collision risk that a candidate may have to improve on a parent of the given ``risk``."""
+    raise NotImplementedError
 
 
 @implements(improves, Dominance)
-def _dominates(rule, risks, new, old, strict):  # type: ignore[no-untyped-def]
+def _dominates(rule: Dominance, risks: FloatArray, new: Candidate, old: Candidate, strict: bool) -> bool:
     better = new.distance < old.distance or new.length < old.length
     for i in range(risks.shape[1]):
         risk, rival = max(risks[new.row, i], 0.0), max(risks[old.row, i], 0.0)
@@ -69,12 +73,12 @@ def _dominates(rule, risks, new, old, strict):  # type: ignore[no-untyped-def]
 
 
 @implements(collision_limit, Dominance)
-def _limit_added(rule, risk, delta):  # type: ignore[no-untyped-def]
+def _limit_added(rule: Dominance, risk: float, delta: float) -> float:
     return min(delta, risk + rule.beta_risk)
 
 
 @implements(improves, Scaled)
-def _improves_scaled(rule, risks, new, old, strict):  # type: ignore[no-untyped-def]
+def _improves_scaled(rule: Scaled, risks: FloatArray, new: Candidate, old: Candidate, strict: bool) -> bool:
     if new.distance != old.distance:
         return new.distance < old.distance
     if rule.scored:
@@ -89,7 +93,7 @@ def _improves_scaled(rule, risks, new, old, strict):  # type: ignore[no-untyped-
 
 
 @implements(collision_limit, Scaled)
-def _limit_scaled(rule, risk, delta):  # type: ignore[no-untyped-def]
+def _limit_scaled(rule: Scaled, risk: float, delta: float) -> float:
     return delta if rule.scored else min(delta, (risk + FLOOR) * (1.0 + rule.beta_risk))
 
 

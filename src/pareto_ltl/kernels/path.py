@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -15,7 +15,6 @@ from pareto_ltl.kernels.data import (
     IndependentLaw,
     LandmarkLaw,
     Law,
-    Memory,
     Point,
     World,
 )
@@ -30,7 +29,7 @@ FLOWN, TOO_FAST, UNKNOWN_WIND, OFF_MAP, CROSSING = range(5)
 
 
 class Flight(NamedTuple):
-    """A path of T steps under one wind law, filled by :func:`propagate`.
+    """A path of T steps under one wind law, filled by :func:`propagate_flight`.
 
     Attributes
     ----------
@@ -68,7 +67,7 @@ class Flight(NamedTuple):
     white: FloatArray
     gain: FloatArray
     learnt: Float32Array
-    memory: Memory
+    memory: Any
 
 
 @kernel
@@ -79,12 +78,13 @@ def position(flight: Flight, t: int) -> Gaussian:
 
 
 @by_type
-def note_linear_law(law, flight, t, here):  # type: ignore[no-untyped-def]
+def note_linear_law(law: Law, flight: Flight, t: int, here: Gaussian) -> None:
     """Fill row ``t`` of what a flight records beyond its Gaussian: F, ψ, white variance, mean shift."""
+    raise NotImplementedError
 
 
 @implements(note_linear_law, IndependentLaw)
-def _note_independent(law, flight, t, here):  # type: ignore[no-untyped-def]
+def _note_independent(law: IndependentLaw, flight: Flight, t: int, here: Gaussian) -> None:
     closed, dt2 = law.motion.closed, law.motion.dt * law.motion.dt
     for i in range(2):
         flight.shift[t, i] = 0.0
@@ -100,7 +100,7 @@ def _note_independent(law, flight, t, here):  # type: ignore[no-untyped-def]
 
 
 @implements(note_linear_law, CoherentLaw, LandmarkLaw)
-def _note_coherent(law, flight, t, here):  # type: ignore[no-untyped-def]
+def _note_coherent(law: CoherentLaw | LandmarkLaw, flight: Flight, t: int, here: Gaussian) -> None:
     modes, motion, at, psi = law.modes, law.motion, here.mean, flight.psi
     f = closed_loop(law, t, at)
     flight.F[t, 0, 0], flight.F[t, 0, 1], flight.F[t, 1, 0], flight.F[t, 1, 1] = f
@@ -120,17 +120,18 @@ def _note_coherent(law, flight, t, here):  # type: ignore[no-untyped-def]
 
 
 @by_type
-def note_fix(law, flight, t, here):  # type: ignore[no-untyped-def]
+def note_fix(law: Law, flight: Flight, t: int, here: Gaussian) -> None:
     """Fill row ``t`` of what a robot needs to use a fix at ``here``, where the plan counts on one."""
+    raise NotImplementedError
 
 
 @implements(note_fix, IndependentLaw, CoherentLaw)
-def _note_no_fix(law, flight, t, here):  # type: ignore[no-untyped-def]
+def _note_no_fix(law: IndependentLaw | CoherentLaw, flight: Flight, t: int, here: Gaussian) -> None:
     flight.miss[t] = 0.0
 
 
 @implements(note_fix, LandmarkLaw)
-def _note_fix(law, flight, t, here):  # type: ignore[no-untyped-def]
+def _note_fix(law: LandmarkLaw, flight: Flight, t: int, here: Gaussian) -> None:
     memory, row = flight.memory, max(t - 1, 0)
     missed = fix_missed(law, memory, row, here)
     flight.miss[t] = max(missed, 0.0)
@@ -151,7 +152,7 @@ def _note_fix(law, flight, t, here):  # type: ignore[no-untyped-def]
 
 
 @allocating
-def propagate(law: Law, flight: Flight, variance: float, steered: bool) -> int:
+def propagate_flight(law: Law, flight: Flight, variance: float, steered: bool) -> int:
     """Fly a path from a start of the given ``variance`` [m²] under one wind law.
 
     With ``steered`` the controls ``flight.u`` are given and the means follow from them, else the means
@@ -221,7 +222,7 @@ def check_path(
 
 
 @allocating
-def covariance_across_time(law: CoherentLaw, flight: Flight, cross: FloatArray) -> None:
+def covariance_across_time(law: CoherentLaw | LandmarkLaw, flight: Flight, cross: FloatArray) -> None:
     """Cov(e_t, e_s) for s <= t into ``cross`` (T+1, T+1, 2, 2) along a flight without fixes."""
     n, dt, keep_at = len(flight.cov), law.motion.dt, law.modes.keep
     F, psi, cov, theta = flight.F, flight.psi, flight.cov, flight.memory.theta

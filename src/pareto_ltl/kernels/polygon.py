@@ -60,7 +60,7 @@ def _upper_tail(h: float) -> float:
 
 @kernel
 def polygon_probability(polygons: Corners, part: int, here: Gaussian) -> float:
-    """P(position in the polygon), exact (``planning.reference.polygon_probability``)."""
+    """P(position in the polygon), exact (``planning.reference.gaussian_in_polygon``)."""
     corner, first, last = polygons.corner, polygons.ptr[part], polygons.ptr[part + 1]
     x, y = here.mean
     cxx, cxy, cyy = here.cov

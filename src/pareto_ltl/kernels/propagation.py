@@ -15,16 +15,17 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from pareto_ltl.kernels.data import (
     Ahead,
     CoherentLaw,
+    CoherentMemory,
     Cov,
     Gaussian,
     IndependentLaw,
     LandmarkLaw,
+    Law,
     Linear,
+    Memory,
     Modes,
     Motion,
     Point,
@@ -32,6 +33,7 @@ from pareto_ltl.kernels.data import (
     Wind,
 )
 from pareto_ltl.kernels.interpolation import (
+    F32,
     bilinear,
     corner_weights,
     gust_variance,
@@ -43,8 +45,6 @@ from pareto_ltl.kernels.interpolation import (
 )
 from pareto_ltl.kernels.jit import by_type, implements, kernel, vector
 from pareto_ltl.support.arrays import Float32Array
-
-F32 = np.float32
 
 # The maximum-trace rule looks at the centre and at eight points of the ball's rim: the latent variance is
 # smooth at the size of the ball, so that its largest value there lies at the centre or on the rim.
@@ -90,12 +90,13 @@ def scaled_cov(factor: float, cov: Cov) -> Cov:
 
 
 @by_type
-def advance(law, memory, step, here, row, target):  # type: ignore[no-untyped-def]
+def advance(law: Law, memory: Memory, step: int, here: Gaussian, row: int, target: int) -> Ahead:
     """One step ahead of the Gaussian ``here`` under a wind law: an :class:`~pareto_ltl.kernels.data.Ahead`.
 
     ``row`` of ``memory`` belongs to the vertex before ``here``, ``target`` to ``here`` itself (both 0 at
     the start); what the children of ``here`` start from is written to ``target``.
     """
+    raise NotImplementedError
 
 
 # --- independent law --------------------------------------------------------------------------
@@ -142,7 +143,9 @@ def spread(wind: Wind, motion: Motion, step: int, here: Gaussian) -> Cov:
 
 
 @implements(advance, IndependentLaw)
-def _advance_independent(law, memory, step, here, row, target):  # type: ignore[no-untyped-def]
+def _advance_independent(
+    law: IndependentLaw, memory: None, step: int, here: Gaussian, row: int, target: int
+) -> Ahead:
     motion = law.motion
     speed = airspeed_left(motion, scaled_cov(motion.gain * motion.gain, here.cov))
     return Ahead(drift(law.wind, motion, step, here.mean), spread(law.wind, motion, step, here), speed)
@@ -263,19 +266,21 @@ def carry(
 
 
 @implements(advance, CoherentLaw)
-def _advance_coherent(law, memory, step, here, row, target):  # type: ignore[no-untyped-def]
+def _advance_coherent(
+    law: CoherentLaw, memory: CoherentMemory, step: int, here: Gaussian, row: int, target: int
+) -> Ahead:
     mean, cov = carry(law, step, here, memory.theta, row, target)
     motion = law.motion
     return Ahead(mean, cov, airspeed_left(motion, scaled_cov(motion.gain * motion.gain, here.cov)))
 
 
 @by_type
-def forget(law, memory):  # type: ignore[no-untyped-def]
+def forget(law: Law, memory: Memory) -> None:
     """Make row 0 of the memory of a law that of a start about whose field nothing is known."""
 
 
 @implements(forget, IndependentLaw)
-def _forget_nothing(law, memory):  # type: ignore[no-untyped-def]
+def _forget_nothing(law: IndependentLaw, memory: None) -> None:
     pass
 
 
@@ -289,5 +294,5 @@ def clear_theta(theta: Float32Array) -> None:
 
 
 @implements(forget, CoherentLaw)
-def _forget_field(law, memory):  # type: ignore[no-untyped-def]
+def _forget_field(law: CoherentLaw, memory: CoherentMemory) -> None:
     clear_theta(memory.theta)

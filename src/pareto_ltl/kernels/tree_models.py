@@ -7,14 +7,28 @@ form as the rows of the tree.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from pareto_ltl.kernels.collision_risk import clear_faces, pass_obstacles
-from pareto_ltl.kernels.data import Cov, Gaussian, Ordered, PathBound, Point, StepBound, Theorem2
+from pareto_ltl.kernels.data import (
+    CollisionBound,
+    Cov,
+    Gaussian,
+    MissionBound,
+    Ordered,
+    PathBound,
+    Point,
+    StepBound,
+    Theorem2,
+    World,
+)
 from pareto_ltl.kernels.jit import by_type, implements, kernel
 from pareto_ltl.kernels.mission_risk import add_risk, begin_bound, read_labels, read_letter, visit_risk
-from pareto_ltl.kernels.parents import improves
+from pareto_ltl.kernels.parents import Candidate, Dominance, Scaled, improves
 from pareto_ltl.support.arrays import FloatArray
+
+if TYPE_CHECKING:
+    from pareto_ltl.kernels.tree import TreeState, Vertices
 
 
 class Proposal(NamedTuple):
@@ -39,40 +53,43 @@ def gaussian_at(x: FloatArray, cov: FloatArray, row: int) -> Gaussian:
 
 
 @by_type
-def plant_mission(bound, tree, here):  # type: ignore[no-untyped-def]
+def plant_mission(bound: MissionBound, tree: Vertices, here: Gaussian) -> None:
     """Mission risk of the root at ``here``; its cell and state stand in the tree."""
+    raise NotImplementedError
 
 
 @by_type
-def appraise_mission(bound, tree, scratch, new):  # type: ignore[no-untyped-def]
+def appraise_mission(bound: MissionBound, tree: Vertices, scratch: TreeState, new: Proposal) -> None:
     """Mission risk of a proposal into row ``new.row`` of the scratch."""
+    raise NotImplementedError
 
 
 @by_type
-def keep_mission(bound, scratch, row, memory, target):  # type: ignore[no-untyped-def]
+def keep_mission(bound: MissionBound, scratch: TreeState, row: int, memory: Any, target: int) -> None:
     """Copy what the bound remembers from a scratch row to row ``target`` of ``memory``."""
+    raise NotImplementedError
 
 
 @implements(plant_mission, Theorem2)
-def _plant_theorem2(bound, tree, here):  # type: ignore[no-untyped-def]
+def _plant_theorem2(bound: Theorem2, tree: Vertices, here: Gaussian) -> None:
     for atom in range(bound.holds.shape[1]):
         tree.risk[0, atom] = visit_risk(bound, atom, tree.cell[0], here, -1.0)
 
 
 @implements(appraise_mission, Theorem2)
-def _appraise_theorem2(bound, tree, scratch, new):  # type: ignore[no-untyped-def]
+def _appraise_theorem2(bound: Theorem2, tree: Vertices, scratch: TreeState, new: Proposal) -> None:
     for atom in range(bound.holds.shape[1]):
         before = tree.risk[new.parent, atom]  # -1: not visited yet, T_i is empty
         scratch.risks[new.row, atom] = visit_risk(bound, atom, new.cell, new.there, before)
 
 
 @implements(keep_mission, Theorem2)
-def _keep_theorem2(bound, scratch, row, memory, target):  # type: ignore[no-untyped-def]
+def _keep_theorem2(bound: Theorem2, scratch: TreeState, row: int, memory: Any, target: int) -> None:
     pass
 
 
 @implements(plant_mission, Ordered)
-def _plant_ordered(bound, tree, here):  # type: ignore[no-untyped-def]
+def _plant_ordered(bound: Ordered, tree: Vertices, here: Gaussian) -> None:
     memory = tree.mission
     begin_bound(bound, memory.bound, 1)  # row 1 is free: the root is the first vertex
     read_labels(bound, here, memory.seen)
@@ -81,7 +98,7 @@ def _plant_ordered(bound, tree, here):  # type: ignore[no-untyped-def]
 
 
 @implements(appraise_mission, Ordered)
-def _appraise_ordered(bound, tree, scratch, new):  # type: ignore[no-untyped-def]
+def _appraise_ordered(bound: Ordered, tree: Vertices, scratch: TreeState, new: Proposal) -> None:
     own = scratch.mission
     read_labels(bound, new.there, own.seen)
     read_letter(bound, tree.mission.bound, new.parent, own.seen, own.bound, new.row)
@@ -90,7 +107,7 @@ def _appraise_ordered(bound, tree, scratch, new):  # type: ignore[no-untyped-def
 
 
 @implements(keep_mission, Ordered)
-def _keep_ordered(bound, scratch, row, memory, target):  # type: ignore[no-untyped-def]
+def _keep_ordered(bound: Ordered, scratch: TreeState, row: int, memory: Any, target: int) -> None:
     for p in range(memory.bound.shape[1]):
         memory.bound[target, p] = scratch.mission.bound[row, p]
 
@@ -99,52 +116,61 @@ def _keep_ordered(bound, scratch, row, memory, target):  # type: ignore[no-untyp
 
 
 @by_type
-def plant_collision(bound, tree, here):  # type: ignore[no-untyped-def]
+def plant_collision(bound: CollisionBound, tree: Vertices, here: Gaussian) -> bool:
     """Collision risk of the root at ``here``; False where it breaks the chance constraint already."""
+    raise NotImplementedError
 
 
 @by_type
-def appraise_collision(bound, tree, scratch, new):  # type: ignore[no-untyped-def]
+def appraise_collision(bound: CollisionBound, tree: Vertices, scratch: TreeState, new: Proposal) -> bool:
     """Whether a proposal keeps to the chance constraint; what the bound remembers goes to ``new.row``."""
+    raise NotImplementedError
 
 
 @by_type
-def keep_collision(bound, scratch, row, memory, target):  # type: ignore[no-untyped-def]
+def keep_collision(bound: CollisionBound, scratch: TreeState, row: int, memory: Any, target: int) -> None:
     """Copy what the bound remembers from a scratch row to row ``target`` of ``memory``."""
+    raise NotImplementedError
 
 
 @by_type
-def keep_covariance(bound, memory, v, cov):  # type: ignore[no-untyped-def]
+def keep_covariance(bound: CollisionBound, memory: Any, v: int, cov: Cov) -> None:
     """Store the covariance of vertex ``v`` where the bound needs it."""
+    raise NotImplementedError
 
 
 @by_type
-def collision_column(bound, risks, row):  # type: ignore[no-untyped-def]
+def collision_column(bound: CollisionBound, risks: FloatArray, row: int) -> float:
     """Collision risk in one row of ``risks``, which never falls along an edge; 0 where none is kept."""
+    raise NotImplementedError
 
 
 @by_type
-def largest_risk(bound):  # type: ignore[no-untyped-def]
+def largest_risk(bound: CollisionBound) -> float:
     """The largest collision risk of a path that the bound allows."""
+    raise NotImplementedError
 
 
 @by_type
-def judge_candidate(bound, world, tree, scratch, new, rivals):  # type: ignore[no-untyped-def]
+def judge_candidate(
+    bound: CollisionBound, world: World, tree: Vertices, scratch: TreeState, new: Proposal, rivals: Rivals
+) -> bool:
     """Whether a candidate keeps the constraints and improves on the rivals (:class:`Rivals`)."""
+    raise NotImplementedError
 
 
 class Rivals(NamedTuple):
     """What a candidate must beat: the rule, the candidate itself, the original parent, the best so far."""
 
-    rule: object
-    new: object
-    original: object
-    best: object
+    rule: Dominance | Scaled
+    new: Candidate
+    original: Candidate
+    best: Candidate
     first: bool  # the best so far is the original parent
 
 
 @kernel
-def beats(risks, rivals):  # type: ignore[no-untyped-def]
+def beats(risks: FloatArray, rivals: Rivals) -> bool:
     """Eqs. (11) and (12) against the original parent and (12) against the best so far."""
     if not improves(rivals.rule, risks, rivals.new, rivals.original, False):
         return False
@@ -152,52 +178,54 @@ def beats(risks, rivals):  # type: ignore[no-untyped-def]
 
 
 @implements(plant_collision, StepBound)
-def _plant_step(bound, tree, here):  # type: ignore[no-untyped-def]
+def _plant_step(bound: StepBound, tree: Vertices, here: Gaussian) -> bool:
     return clear_faces(bound.obstacles, bound.z, here, tree.collision.cleared, 0)
 
 
 @implements(appraise_collision, StepBound)
-def _appraise_step(bound, tree, scratch, new):  # type: ignore[no-untyped-def]
+def _appraise_step(bound: StepBound, tree: Vertices, scratch: TreeState, new: Proposal) -> bool:
     # Eq. (9) at the child, and one face of every obstacle that serves both ends of the step.
     cleared, row = scratch.collision.cleared, new.row
     if not clear_faces(bound.obstacles, bound.z, new.there, cleared, row):
         return False
-    for j in range(cleared.shape[1]):
+    for j in range(cleared.shape[1]):  # noqa: SIM110 (numba has no generator expressions)
         if cleared[row, j] & tree.collision.cleared[new.parent, j] == 0:
             return False
     return True
 
 
 @implements(keep_collision, StepBound)
-def _keep_step(bound, scratch, row, memory, target):  # type: ignore[no-untyped-def]
+def _keep_step(bound: StepBound, scratch: TreeState, row: int, memory: Any, target: int) -> None:
     for j in range(memory.cleared.shape[1]):
         memory.cleared[target, j] = scratch.collision.cleared[row, j]
 
 
 @implements(keep_covariance, StepBound)
-def _keep_no_covariance(bound, memory, v, cov):  # type: ignore[no-untyped-def]
+def _keep_no_covariance(bound: StepBound, memory: Any, v: int, cov: Cov) -> None:
     pass
 
 
 @implements(collision_column, StepBound)
-def _no_collision_column(bound, risks, row):  # type: ignore[no-untyped-def]
+def _no_collision_column(bound: StepBound, risks: FloatArray, row: int) -> float:
     return 0.0
 
 
 @implements(largest_risk, StepBound)
-def _no_largest_risk(bound):  # type: ignore[no-untyped-def]
+def _no_largest_risk(bound: StepBound) -> float:
     return math.inf
 
 
 @implements(judge_candidate, StepBound)
-def _judge_step(bound, world, tree, scratch, new, rivals):  # type: ignore[no-untyped-def]
+def _judge_step(
+    bound: StepBound, world: World, tree: Vertices, scratch: TreeState, new: Proposal, rivals: Rivals
+) -> bool:
     # This bound adds no objective, so the constraint comes last: most candidates never get there.
     appraise_mission(world.mission, tree, scratch, new)
     return beats(scratch.risks, rivals) and appraise_collision(bound, tree, scratch, new)
 
 
 @implements(plant_collision, PathBound)
-def _plant_path(bound, tree, here):  # type: ignore[no-untyped-def]
+def _plant_path(bound: PathBound, tree: Vertices, here: Gaussian) -> bool:
     memory = tree.collision
     for j in range(memory.face.shape[1]):
         memory.face[0, j] = -1
@@ -209,7 +237,7 @@ def _plant_path(bound, tree, here):  # type: ignore[no-untyped-def]
 
 
 @implements(appraise_collision, PathBound)
-def _appraise_path(bound, tree, scratch, new):  # type: ignore[no-untyped-def]
+def _appraise_path(bound: PathBound, tree: Vertices, scratch: TreeState, new: Proposal) -> bool:
     own, parent, last = tree.collision, new.parent, scratch.risks.shape[1] - 1
     here = gaussian_at(tree.x, own.cov, parent)
     step, more = pass_obstacles(bound.obstacles, here, new.there, own, parent, scratch.collision, new.row)
@@ -219,7 +247,7 @@ def _appraise_path(bound, tree, scratch, new):  # type: ignore[no-untyped-def]
 
 
 @implements(keep_collision, PathBound)
-def _keep_path(bound, scratch, row, memory, target):  # type: ignore[no-untyped-def]
+def _keep_path(bound: PathBound, scratch: TreeState, row: int, memory: Any, target: int) -> None:
     own = scratch.collision
     for j in range(memory.face.shape[1]):
         memory.face[target, j] = own.face[row, j]
@@ -228,22 +256,24 @@ def _keep_path(bound, scratch, row, memory, target):  # type: ignore[no-untyped-
 
 
 @implements(keep_covariance, PathBound)
-def _keep_covariance(bound, memory, v, cov):  # type: ignore[no-untyped-def]
+def _keep_covariance(bound: PathBound, memory: Any, v: int, cov: Cov) -> None:
     memory.cov[v, 0], memory.cov[v, 1], memory.cov[v, 2] = cov
 
 
 @implements(collision_column, PathBound)
-def _collision_column(bound, risks, row):  # type: ignore[no-untyped-def]
-    return risks[row, risks.shape[1] - 1]
+def _collision_column(bound: PathBound, risks: FloatArray, row: int) -> float:
+    return float(risks[row, risks.shape[1] - 1])
 
 
 @implements(largest_risk, PathBound)
-def _largest_risk(bound):  # type: ignore[no-untyped-def]
+def _largest_risk(bound: PathBound) -> float:
     return bound.delta
 
 
 @implements(judge_candidate, PathBound)
-def _judge_path(bound, world, tree, scratch, new, rivals):  # type: ignore[no-untyped-def]
+def _judge_path(
+    bound: PathBound, world: World, tree: Vertices, scratch: TreeState, new: Proposal, rivals: Rivals
+) -> bool:
     # The collision risk is an objective, and cheaper than the mission risk.
     if not appraise_collision(bound, tree, scratch, new):
         return False

@@ -1,8 +1,8 @@
-"""The automaton of a mission: which flights have completed it, read letter by letter.
+"""The deterministic automaton of a mission, which reads a flight letter by letter.
 
 A letter is the set of propositions (regions) that hold at one step; the first letter is the label of the
-start position. A word is accepted once it is a *good prefix*: every infinite continuation over the letters
-that can occur satisfies the formula. Acceptance is final. The empty word is accepted by tautologies only.
+start. A word is accepted if it is a *good prefix*: all its infinite continuations over the letters that can
+occur satisfy the formula. Acceptance is final. Only the automaton of a tautology accepts the empty word.
 """
 
 from __future__ import annotations
@@ -16,41 +16,41 @@ from typing import Any
 import numpy as np
 
 from pareto_ltl.logic import dfa as tables
-from pareto_ltl.logic.dfa import Table
-from pareto_ltl.logic.formula import Formula, caret, parse, positive
+from pareto_ltl.logic.dfa import TransitionTable
+from pareto_ltl.logic.formula import Formula, caret_lines, parse_formula, positive_normal_form
 from pareto_ltl.logic.progression import Progression
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 from pareto_ltl.support.errors import FormulaError
 
-MAX_ATOMS = 62  # bits of an int64 that can name a letter
-MAX_FREE_ATOMS = 16  # all subsets of more propositions than this are more letters than a table can hold
+MAX_ATOMS = 62  # a letter is stored in the bits of an int64
+MAX_FREE_ATOMS = 16  # subsets of more propositions do not fit into a table
 
 Letter = frozenset[str]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Automaton:
-    """Minimal complete deterministic automaton of a mission's good prefixes.
+    """Minimal complete deterministic automaton of the good prefixes of a mission.
 
-    States are numbered breadth first from 0 over the letters in their order, so equal languages over equal
-    letters give equal automata (``==`` compares everything but the formula's text).
+    States are numbered breadth first from 0 over the letters in their order, so that equal languages over
+    equal letters give equal automata. ``==`` compares everything but the text of the formula.
 
     Attributes
     ----------
     delta : (Q, L) int
         State after each letter.
     letters : tuple of L frozensets of str
-        The letters that can occur, smaller first, equal sizes by their sorted names.
+        The letters that can occur, by size, then by their sorted names.
     initial : int
         State before the first letter; 0.
     accepting : (Q,) bool
-        Where the mission is complete; at most one state, and absorbing.
+        States with a completed mission; at most one, and absorbing.
     distance : (Q,) float
-        d_A, the fewest letters to acceptance; inf in the trap.
+        d_A, the smallest number of letters to acceptance; inf in the trap.
     atoms : tuple of str
-        Propositions of the formula, sorted; other names in a letter are ignored.
+        Propositions of the formula, sorted; letters ignore other names.
     formula : str
-        What the automaton stands for.
+        Text of the mission.
     """
 
     delta: IntArray
@@ -78,44 +78,47 @@ class Automaton:
 
     @cached_property
     def trap(self) -> int:
-        """The state from which nothing is accepted, -1 where none can be reached."""
+        """The state from which no word is accepted; -1 if there is none."""
         lost = np.flatnonzero(np.isinf(self.distance))
         return int(lost[0]) if len(lost) else -1
 
     @cached_property
     def preorder(self) -> BoolArray:
-        """``[p, q]``: is L_q a subset of L_p (p >= q, p is at least as far)? Shape (Q, Q)."""
-        return tables.inclusion(self.delta, self.distance)
+        """p >= q as an array (Q, Q): ``[p, q]`` is True if L_q is a subset of L_p.
+
+        Then p is at least as close to a completed mission as q.
+        """
+        return tables.language_inclusion(self.delta, self.distance)
 
     @property
     def tautology(self) -> bool:
-        """Is the mission complete before it starts?"""
+        """Whether the empty word completes the mission."""
         return bool(self.accepting[self.initial])
 
     @property
     def contradiction(self) -> bool:
-        """Can no flight complete the mission?"""
+        """Whether no word completes the mission."""
         return bool(np.isinf(self.distance[self.initial]))
 
     @cached_property
     def insertion_closed(self) -> bool:
-        """Are extra visits harmless: do accepted words stay accepted with letters put in anywhere?"""
+        """Whether accepted words stay accepted if letters are inserted anywhere (extra visits)."""
         return self.harm() is None
 
     def harm(self) -> tuple[int, int] | None:
-        """A state and a letter that may cost something that was possible before; None where there is none."""
+        """A state and a letter after which fewer words are accepted than before; None if there is none."""
         kept = self.preorder[self.delta, np.arange(self.n_states)[:, None]]
         bad = np.argwhere(~kept)
         return (int(bad[0][0]), int(bad[0][1])) if len(bad) else None
 
     def letter_index(self, letter: Iterable[str]) -> int:
-        """Column of a letter, a set of names; names that the formula does not mention are ignored."""
+        """Column of a letter, a set of names; names that are not in the formula are ignored."""
         seen = self._seen(letter)
         column = self._columns.get(seen)
         if column is None:
             raise ValueError(
                 f"letter {show_letter(seen)} is none of the {len(self.letters)} that this automaton was made "
-                f"for ({_listed(self.letters)}); pass it in `letters` when you translate"
+                f"for ({_list_letters(self.letters)}); pass it in `letters` when you translate"
             )
         return column
 
@@ -124,14 +127,14 @@ class Automaton:
         return int(self.delta[state, self.letter_index(letter)])
 
     def accepts(self, word: Iterable[Iterable[str]]) -> bool:
-        """Is ``word``, a sequence of sets of names, a good prefix?"""
+        """Whether ``word``, a sequence of sets of names, is a good prefix."""
         state = self.initial
         for letter in word:
             state = self.step(state, letter)
         return bool(self.accepting[state])
 
     def as_dict(self) -> dict[str, Any]:
-        """Plain containers, ready for JSON; distance is null in the trap."""
+        """Dicts and lists for JSON; the distance of the trap is null."""
         return {
             "formula": self.formula,
             "atoms": list(self.atoms),
@@ -176,43 +179,44 @@ def translate(
     Parameters
     ----------
     formula : str or Formula
-        Text, or a tree from :func:`parse`.
+        Text, or a tree of :func:`pareto_ltl.logic.parse_formula`.
     letters : iterable of sets of names, optional
-        The label sets that can occur, as far as the formula mentions their names; default all subsets of its
-        propositions. Fewer letters give smaller automata: where regions are disjoint, say so.
+        The labels that can occur; default: all subsets of the propositions. Fewer letters give smaller
+        automata, e.g. those of disjoint regions.
     max_states : int
-        A translation that meets more states, in itself or in a part, is stopped.
+        Limit of the number of states, also of intermediate automata.
 
     Raises
     ------
     FormulaError
-        Where the text cannot be read, no finite flight can complete the mission because of an operator, or
-        the automaton explodes. ``column`` points into the text. Contradictions are no error: see
-        ``Automaton.contradiction``.
+        If the text has a syntax error, is not co-safe, or has too many states. ``column`` is the position in
+        the text. A contradiction is not an error: see ``Automaton.contradiction``.
     """
     text = str(formula)
-    tree = parse(formula) if isinstance(formula, str) else formula
+    tree = parse_formula(formula) if isinstance(formula, str) else formula
     try:
-        normal = positive(tree)
+        normal = positive_normal_form(tree)
     except FormulaError as error:
         if error.column is not None and isinstance(formula, str):
-            error.add_note(caret(formula, error.column))
+            error.add_note(caret_lines(formula, error.column))
         raise
     atoms = tree.atoms
     alphabet = alphabet_of(atoms, letters)
     codes = letter_codes(atoms, alphabet)
     progression = Progression(atoms, max_states)
-    return build(progression.table(progression.read(normal), codes), alphabet, atoms, text)
+    return automaton_from_table(progression.table(progression.read(normal), codes), alphabet, atoms, text)
 
 
-def build(table: Table, alphabet: tuple[Letter, ...], atoms: tuple[str, ...], text: str) -> Automaton:
-    """The record of any complete table whose initial state is 0, made minimal."""
-    (delta, accepting), distance = tables.minimal(table)
+def automaton_from_table(
+    table: TransitionTable, alphabet: tuple[Letter, ...], atoms: tuple[str, ...], text: str
+) -> Automaton:
+    """The minimal automaton of a complete transition table with initial state 0."""
+    (delta, accepting), distance = tables.minimal_table(table)
     return Automaton(delta.astype(np.int64), alphabet, 0, accepting, distance, atoms, text)
 
 
 def alphabet_of(atoms: tuple[str, ...], letters: Iterable[Iterable[str]] | None) -> tuple[Letter, ...]:
-    """The letters as far as ``atoms`` see them, each once: smaller first, then by their sorted names."""
+    """The letters restricted to ``atoms``, without repetitions, by size, then by their sorted names."""
     if len(atoms) > MAX_ATOMS:
         raise FormulaError(f"the mission speaks of {len(atoms)} propositions; {MAX_ATOMS} are the limit")
     if letters is None:
@@ -241,7 +245,7 @@ def show_letter(letter: Iterable[str]) -> str:
     return f"{{{', '.join(sorted(letter))}}}"
 
 
-def _listed(letters: tuple[Letter, ...], most: int = 6) -> str:
+def _list_letters(letters: tuple[Letter, ...], most: int = 6) -> str:
     shown = [show_letter(letter) for letter in letters[:most]]
     return ", ".join(shown + ["..."] * (len(letters) > most))
 

@@ -1,7 +1,7 @@
-"""Transition tables as arrays: products, good prefixes, the minimal table, language inclusion.
+"""Deterministic finite automata as arrays: product, good prefixes, minimisation, language inclusion.
 
-A table is complete and deterministic: ``delta`` (Q, L) gives the state after each letter, state 0 is
-initial. Every function works on whole columns at once; none of them knows formulas.
+A transition table is complete and deterministic: ``delta`` (Q, L) is the state after each letter, state 0 is
+initial. The functions work on whole columns.
 """
 
 from __future__ import annotations
@@ -15,31 +15,32 @@ from numpy.typing import NDArray
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 from pareto_ltl.support.errors import FormulaError
 
-MAX_ENTRIES = 2**24  # states x letters; 128 MiB as int64, and a few times that while it is made
-DENSE = 64  # letters that sift all pairs of states; the others look at what is left
-CHUNK = 2**20  # table entries, or pairs of states, handled at once
+MAX_ENTRIES = 2**24  # states x letters; 128 MiB as int64
+SIFTING_LETTERS = 64  # letters applied to all pairs of states; the others to the remaining pairs
+CHUNK_ENTRIES = 2**20  # table entries, or pairs of states, per block
 
-Delta = NDArray[np.integer]
+TransitionArray = NDArray[np.integer]
 
 
-class Table(NamedTuple):
+class TransitionTable(NamedTuple):
     """``delta`` (Q, L) int, ``accepting`` (Q,) bool; state 0 is initial."""
 
-    delta: Delta
+    delta: TransitionArray
     accepting: BoolArray
 
 
-def too_many(max_states: int) -> FormulaError:
+def too_many_states(max_states: int) -> FormulaError:
+    """The error of an automaton with more than ``max_states`` states."""
     return FormulaError(
         f"the automaton has more than {max_states} states; simplify the formula, pass only the letters "
         "that can occur, or raise logic.max_states"
     )
 
 
-def check_size(states: int, letters: int, max_states: int) -> None:
-    """Stop a translation that explodes before it fills the memory."""
+def check_table_size(states: int, letters: int, max_states: int) -> None:
+    """Raise a FormulaError if the table has too many states or entries."""
     if states > max_states:
-        raise too_many(max_states)
+        raise too_many_states(max_states)
     if states * letters > MAX_ENTRIES:
         raise FormulaError(
             f"the automaton needs a table of more than {states - 1} states x {letters} letters "
@@ -47,48 +48,47 @@ def check_size(states: int, letters: int, max_states: int) -> None:
         )
 
 
-def product(a: Table, b: Table, both: bool, max_states: int) -> Table:
-    """Automaton of ``a & b`` (``both``) or ``a | b``: the pairs of states that can be reached.
+def product_table(a: TransitionTable, b: TransitionTable, both: bool, max_states: int) -> TransitionTable:
+    """Table of ``a & b`` if ``both``, else of ``a | b``; its states are the reachable pairs of states.
 
-    Pairs whose fate is sealed (one in a trap under ``&``, one accepting under ``|``) are one state, the last.
-    Both tables must be minimal.
+    Decided pairs (one state is a trap for ``&``, one accepts for ``|``) are merged into the last state. Both
+    tables must be minimal. Raises a FormulaError if there are more than ``max_states`` states.
     """
     letters, wide = a.delta.shape[1], len(b.delta)
     if len(a.delta) * wide >= 2**31:
-        raise too_many(max_states)
-    sealed_a, sealed_b = (traps(t) if both else t.accepting for t in (a, b))
-    if sealed_a[0] or sealed_b[0]:
-        return Table(np.zeros((1, letters), np.int64), np.array([not both]))
+        raise too_many_states(max_states)
+    decided_a, decided_b = (trap_states(t) if both else t.accepting for t in (a, b))
+    if decided_a[0] or decided_b[0]:
+        return TransitionTable(np.zeros((1, letters), np.int64), np.array([not both]))
     da, db = a.delta.astype(np.int64) * wide, b.delta.astype(np.int64)
-    number = np.zeros(
-        len(da) * wide, np.int32
-    )  # of each pair, from 1; -1 sealed, 0 not met. Untouched pages are free
+    # number of each pair, from 1; -1 decided, 0 not met; pages that are never written use no memory
+    number = np.zeros(len(da) * wide, np.int32)
     number[0] = 1
     scratch = np.empty(len(number), np.int32)
-    pairs, rows, done, width = np.array([0]), [], 0, max(1, CHUNK // letters)
+    pairs, rows, done, width = np.array([0]), [], 0, max(1, CHUNK_ENTRIES // letters)
     while done < len(pairs):
         now = pairs[done : done + width]
         done += len(now)
         after = da[now // wide] + db[now % wide]
         rows.append(after)
-        fresh = first_of_each(after[number[after] == 0], scratch)
-        sealed = sealed_a[fresh // wide] | sealed_b[fresh % wide]
-        number[fresh[sealed]] = -1
-        fresh = fresh[~sealed]
+        fresh = first_occurrences(after[number[after] == 0], scratch)
+        decided = decided_a[fresh // wide] | decided_b[fresh % wide]
+        number[fresh[decided]] = -1
+        fresh = fresh[~decided]
         number[fresh] = np.arange(len(pairs), len(pairs) + len(fresh)) + 1
         pairs = np.concatenate([pairs, fresh])
-        check_size(len(pairs) + 1, letters, max_states)
+        check_table_size(len(pairs) + 1, letters, max_states)
     number[number < 0] = len(pairs) + 1
     last = np.full((1, letters), len(pairs) + 1, np.int32)
     delta = np.concatenate([*(number[after] for after in rows), last]) - 1
     accepting = a.accepting[pairs // wide] & b.accepting[pairs % wide]
-    return Table(delta, np.append(accepting, not both))
+    return TransitionTable(delta, np.append(accepting, not both))
 
 
-def first_of_each(values: Any, scratch: NDArray[np.int32]) -> IntArray:
+def first_occurrences(values: Any, scratch: NDArray[np.int32]) -> IntArray:
     """``values`` without repetitions, in the order of their first occurrence, in linear time.
 
-    ``scratch`` is any array that ``values`` can index; of repeated writes the last one stays.
+    ``scratch`` is a work array that ``values`` can index.
     """
     places = np.arange(len(values), dtype=np.int32)
     scratch[values[::-1]] = places[::-1]
@@ -96,16 +96,17 @@ def first_of_each(values: Any, scratch: NDArray[np.int32]) -> IntArray:
     return first
 
 
-def traps(table: Table) -> BoolArray:
-    """States of a minimal table that no word leads out of and that do not accept, shape (Q,); at most one."""
+def trap_states(table: TransitionTable) -> BoolArray:
+    """Whether a state of a minimal table does not accept and is never left, shape (Q,); at most one is."""
     stay: BoolArray = (table.delta == np.arange(len(table.delta))[:, None]).all(axis=1)
     return stay & ~table.accepting
 
 
-def certain(delta: Delta, accepting: BoolArray) -> BoolArray:
-    """States that every infinite word leads to acceptance, shape (Q,).
+def certain_states(delta: TransitionArray, accepting: BoolArray) -> BoolArray:
+    """States from which every infinite word reaches acceptance, shape (Q,) bool.
 
-    They are what good prefixes lead to: in a state outside, some letter keeps outside, and so on for ever.
+    Good prefixes lead to these states: from any other state, some letter leads to another such state, for
+    ever.
     """
     while True:
         more = accepting | accepting[delta].all(axis=1)
@@ -114,8 +115,8 @@ def certain(delta: Delta, accepting: BoolArray) -> BoolArray:
         accepting = more
 
 
-def distances(delta: Delta, accepting: BoolArray) -> FloatArray:
-    """Fewest letters to acceptance, d_A, shape (Q,); inf where there is no way."""
+def acceptance_distances(delta: TransitionArray, accepting: BoolArray) -> FloatArray:
+    """Smallest number of letters to acceptance, d_A, shape (Q,); inf if there is no way."""
     distance = np.where(accepting, 0.0, np.inf)
     near, steps = accepting, 0
     while near.any():
@@ -125,46 +126,48 @@ def distances(delta: Delta, accepting: BoolArray) -> FloatArray:
     return distance
 
 
-def minimal(table: Table) -> tuple[Table, FloatArray]:
-    """The minimal table of the good prefixes, states in breadth-first order, and its distances.
+def minimal_table(table: TransitionTable) -> tuple[TransitionTable, FloatArray]:
+    """The minimal table of the good prefixes, and its distances to acceptance (Q,).
 
-    States are numbered as a breadth-first search over the letters in their order meets them, so equal
-    languages over equal letters give equal tables.
+    States are numbered in the order of a breadth-first search, so that equal languages over equal letters
+    give equal tables.
     """
     delta = table.delta
-    accepting = certain(delta, table.accepting)
-    distance = distances(delta, accepting)
-    block = refine(delta, np.unique(distance, return_inverse=True)[1])
+    accepting = certain_states(delta, table.accepting)
+    distance = acceptance_distances(delta, accepting)
+    block = refine_partition(delta, np.unique(distance, return_inverse=True)[1])
     member = np.empty(block.max() + 1, np.int64)
     member[block] = np.arange(len(block))
     quotient = block[delta[member]]
-    order = breadth_first(quotient, int(block[0]))
+    order = breadth_first_order(quotient, int(block[0]))
     number = np.empty(len(member), np.int64)
     number[order] = np.arange(len(order))
     member = member[order]
-    return Table(number[quotient[order]], accepting[member]), distance[member]
+    return TransitionTable(number[quotient[order]], accepting[member]), distance[member]
 
 
-def refine(delta: Delta, block: IntArray) -> IntArray:
-    """The coarsest partition finer than ``block`` (Q,) whose blocks step to one block a letter.
+def refine_partition(delta: TransitionArray, block: IntArray) -> IntArray:
+    """The coarsest refinement of the partition ``block`` (Q,) in which a letter maps a block into one block.
 
-    Hopcroft's rule: when a block falls apart its largest part keeps the name, and only states with a
-    successor among the renamed are looked at again. A state's signature is a random linear form of the
-    blocks of its successors; two that should differ agree with probability 2^-50 or so, and the result is
-    checked. Starting from the distances to acceptance, which equivalent states share, 1 to 3 rounds are
-    common where acceptance alone took as many as d_A.
+    As in Hopcroft's algorithm (1971), the largest part of a split block keeps its number, and only
+    predecessors of the other parts are processed again. The signature of a state is a random linear form of
+    the blocks of its successors. Different states have equal signatures with a probability of about 2^-50,
+    and the result is checked. ``block`` comes from the distances to acceptance, which equivalent states
+    share: then 1 to 3 iterations are typical, instead of up to max d_A iterations from acceptance alone.
     """
     random = np.random.default_rng(len(delta))
     while True:
         weights = random.integers(1, 2**63, delta.shape[1], np.uint64)
-        result = _refine(delta, block.astype(np.uint64), weights).astype(np.int64)
+        result = _split_blocks(delta, block.astype(np.uint64), weights).astype(np.int64)
         member = np.empty(result.max() + 1, np.int64)
         member[result] = np.arange(len(result))
         if (result[delta] == result[delta[member]][result]).all():
             return result
 
 
-def _refine(delta: Delta, block: NDArray[np.uint64], weights: NDArray[np.uint64]) -> NDArray[np.uint64]:
+def _split_blocks(
+    delta: TransitionArray, block: NDArray[np.uint64], weights: NDArray[np.uint64]
+) -> NDArray[np.uint64]:
     signature = np.zeros(len(block), np.uint64)
     touched = np.ones(len(block), np.bool_)
     while touched.any():
@@ -174,7 +177,7 @@ def _refine(delta: Delta, block: NDArray[np.uint64], weights: NDArray[np.uint64]
         edge = np.append(True, (b[1:] != b[:-1]) | (s[1:] != s[:-1]))
         start = np.flatnonzero(edge)
         size = np.diff(start, append=len(order))
-        ranked = np.lexsort((-size, b[start]))  # parts, by block, the largest first
+        ranked = np.lexsort((-size, b[start]))  # parts by block, the largest first
         owner = b[start][ranked]
         renamed = ranked[np.append(False, owner[1:] == owner[:-1])]
         name = b[start]
@@ -189,32 +192,32 @@ def _refine(delta: Delta, block: NDArray[np.uint64], weights: NDArray[np.uint64]
     return block
 
 
-def breadth_first(delta: Delta, initial: int) -> IntArray:
-    """States in the order in which a breadth-first search over the letters meets them."""
+def breadth_first_order(delta: TransitionArray, initial: int) -> IntArray:
+    """States in the order of a breadth-first search from ``initial`` over the letters."""
     met = np.zeros(len(delta), np.bool_)
     met[initial] = True
     scratch = np.empty(len(delta), np.int32)
     levels = [np.array([initial])]
     while len(levels[-1]):
         after = delta[levels[-1]].ravel()
-        fresh = first_of_each(after[~met[after]], scratch)
+        fresh = first_occurrences(after[~met[after]], scratch)
         met[fresh] = True
         levels.append(fresh)
     return np.concatenate(levels)
 
 
-def inclusion(delta: Delta, distance: FloatArray) -> BoolArray:
-    """``[p, q]``: does ``p`` accept every word that ``q`` accepts? Shape (Q, Q).
+def language_inclusion(delta: TransitionArray, distance: FloatArray) -> BoolArray:
+    """Shape (Q, Q) bool: ``[p, q]`` is True if ``p`` accepts every word that ``q`` accepts.
 
-    The largest relation with d(p) <= d(q) that every letter keeps. (Where q accepts a word and p does
-    not, some prefix leads to a pair with d(q) = 0 < d(p).)
+    It is the largest relation with d(p) <= d(q) that every letter preserves: if q accepts a word and p does
+    not, some prefix of it leads to a pair with d(q) = 0 < d(p).
     """
     columns = np.unique(delta, axis=1).T
-    holds = _nearer(columns[:DENSE], distance)
+    holds = _never_farther(columns[:SIFTING_LETTERS], distance)
     changed = True
     while changed:
         changed = False
-        for p, q in _pairs(holds, distance):
+        for p, q in _undecided_pairs(holds, distance):
             for after in columns:
                 keep = holds[after[p], after[q]]
                 if not keep.all():
@@ -223,13 +226,13 @@ def inclusion(delta: Delta, distance: FloatArray) -> BoolArray:
     return holds
 
 
-def _nearer(columns: Delta, distance: FloatArray) -> BoolArray:
-    """Is p at most as far as q, now and after each letter? Leaves few pairs at 1 ns a pair and letter."""
+def _never_farther(columns: TransitionArray, distance: FloatArray) -> BoolArray:
+    """Pairs (p, q) with d(p) <= d(q), now and after each letter; 1 ns per pair and letter."""
     rank = np.unique(distance, return_inverse=True)[1].astype(np.int32)
     if rank.max() < 2**15:
         rank = rank.astype(np.int16)
     holds = np.empty((len(rank), len(rank)), np.bool_)
-    height = max(1, CHUNK // len(rank))
+    height = max(1, CHUNK_ENTRIES // len(rank))
     for top in range(0, len(rank), height):
         rows = holds[top : top + height]
         np.less_equal(rank[top : top + height, None], rank, out=rows)
@@ -239,9 +242,9 @@ def _nearer(columns: Delta, distance: FloatArray) -> BoolArray:
     return holds
 
 
-def _pairs(holds: BoolArray, distance: FloatArray) -> Iterator[tuple[IntArray, IntArray]]:
-    """The pairs of ``holds`` that may yet fail, some rows at a time."""
-    height = max(1, CHUNK // len(holds))
+def _undecided_pairs(holds: BoolArray, distance: FloatArray) -> Iterator[tuple[IntArray, IntArray]]:
+    """The pairs of ``holds`` that further letters may exclude, in blocks of rows."""
+    height = max(1, CHUNK_ENTRIES // len(holds))
     for top in range(0, len(holds), height):
         p, q = np.nonzero(holds[top : top + height])
         p += top

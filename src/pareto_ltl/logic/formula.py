@@ -1,6 +1,7 @@
-"""Mission formulas: text to syntax tree and back, and the positive normal form that decides co-safety.
+"""Mission formulas: parser, text output, and the positive normal form, which decides co-safety.
 
-Grammar, loosest first; ``&`` and ``|`` chains are one node, ``U R W M`` and ``->`` associate to the right::
+Grammar, weakest binding first. A chain of ``&`` or ``|`` is one node; ``U R W M`` and ``->`` associate to the
+right::
 
     formula  = implies {("<->" | "xor") implies}
     implies  = or ["->" implies]
@@ -10,7 +11,7 @@ Grammar, loosest first; ``&`` and ``|`` chains are one node, ``U R W M`` and ``-
     unary    = ("!" | "~" | "not" | "X" | "next" | "F" | "eventually" | "<>" | "G" | "[]") unary | atom
     atom     = "true" | "false" | name | "(" formula ")"
 
-``G``, ``R`` and ``W`` are read, so that a formula can be refused with a reason instead of a syntax error.
+``G``, ``R`` and ``W`` are part of the grammar, so that the error can name the operator that is not co-safe.
 """
 
 from __future__ import annotations
@@ -18,30 +19,50 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
+from functools import lru_cache
 
 from pareto_ltl.support.errors import FormulaError
 
-MAX_DEPTH = 200  # nesting; a sequence of n goals has 2 n levels. Keeps recursion clear of Python's limit.
+MAX_DEPTH = 200  # nesting levels, below the recursion limit of Python; a sequence of n goals has 2 n
 
-UNARY = ("!", "X", "F", "G")
-BINARY = {"<->": 1, "xor": 1, "->": 2, "|": 3, "&": 4, "U": 5, "R": 5, "W": 5, "M": 5}  # by binding strength
-RIGHT = ("->", "U", "R", "W", "M")
-FOREVER = ("G", "R", "W")
-_TIGHT = 6  # binding strength of unary operators; atoms bind tighter still
+UNARY_OPERATORS = ("!", "X", "F", "G")
+BINARY_STRENGTH = {
+    "<->": 1,
+    "xor": 1,
+    "->": 2,
+    "|": 3,
+    "&": 4,
+    "U": 5,
+    "R": 5,
+    "W": 5,
+    "M": 5,
+}  # binding strength
+RIGHT_ASSOCIATIVE = ("->", "U", "R", "W", "M")
+FOREVER_OPERATORS = ("G", "R", "W")
+_UNARY_STRENGTH = 6  # binding strength of unary operators; that of atoms is higher
 
 _SPELLINGS = {
     **{"~": "!", "not": "!", "next": "X", "eventually": "F", "<>": "F", "[]": "G", "until": "U"},
     **{"&&": "&", "and": "&", "||": "|", "or": "|"},
-    **{op: op for op in (*UNARY, *BINARY, "(", ")", "true", "false")},
+    **{op: op for op in (*UNARY_OPERATORS, *BINARY_STRENGTH, "(", ")", "true", "false")},
 }
-_TOKEN = re.compile(r"<->|->|<>|\[\]|&&|\|\||[!~&|()]|\w+")
-_FOREIGN = {"/\\": "&", "\\/": "|", "=>": "->", "==": "<->", "^": "xor", "¬": "!", "∧": "&", "∨": "|"}
-_OPERAND = "a proposition, 'true', 'false', '(' or one of ! X F"
+_TOKEN_PATTERN = re.compile(r"<->|->|<>|\[\]|&&|\|\||[!~&|()]|\w+")
+_FOREIGN_OPERATORS = {
+    "/\\": "&",
+    "\\/": "|",
+    "=>": "->",
+    "==": "<->",
+    "^": "xor",
+    "¬": "!",
+    "∧": "&",
+    "∨": "|",
+}
+_OPERAND_TEXT = "a proposition, 'true', 'false', '(' or one of ! X F"
 
 
 @dataclass(frozen=True, slots=True)
 class Formula:
-    """A node of the syntax tree; equal trees are equal wherever their text stood.
+    """A node of the syntax tree; comparison ignores the position in the text.
 
     Attributes
     ----------
@@ -50,11 +71,11 @@ class Formula:
     args : tuple of Formula
         Operands; two or more for ``&`` and ``|``.
     name : str
-        The proposition, where ``op`` is ``name``.
+        The proposition if ``op`` is ``name``.
     column : int
-        Zero-based position of the operator or name in the text it was read from.
+        Zero-based position of the operator or name in the text.
     word : str
-        The operator as the user wrote it.
+        The operator as written by the user.
     """
 
     op: str
@@ -64,10 +85,10 @@ class Formula:
     word: str = field(default="", compare=False)
 
     def __str__(self) -> str:
-        return _show(self)
+        return _formula_text(self)
 
     def walk(self) -> Iterator[Formula]:
-        """This node and all below it, shared nodes once, in the order of the text."""
+        """This node and all nodes below it in the order of the text, shared nodes once."""
         stack, seen = [self], set()
         while stack:
             node = stack.pop()
@@ -82,33 +103,39 @@ class Formula:
         return tuple(sorted({node.name for node in self.walk() if node.op == "name"}))
 
 
-TRUE, FALSE = Formula("true"), Formula("false")
+TRUE_FORMULA, FALSE_FORMULA = Formula("true"), Formula("false")
 
 
-def parse(text: str) -> Formula:
-    """Read a formula; a :class:`FormulaError` points at the column where reading had to stop."""
-    return _Parser(text).formula()
+@lru_cache(maxsize=256)
+def parse_formula(text: str) -> Formula:
+    """The syntax tree of ``text``; a :class:`FormulaError` has the column of a syntax error."""
+    return _FormulaParser(text).formula()
 
 
-def caret(text: str, column: int) -> str:
-    """Two lines: the formula, and a caret under ``column``."""
+def caret_lines(text: str, column: int) -> str:
+    """Two lines: the formula, and a caret under the zero-based ``column``."""
     line = re.sub(r"\s", " ", text)
     return f"{line}\n{' ' * column}^"
 
 
-def positive(tree: Formula) -> Formula:
-    """The positive normal form: negation on propositions only, operators ``& | X F U M``.
+def positive_normal_form(tree: Formula) -> Formula:
+    """The positive normal form, with negation of propositions only and operators ``& | X F U M``.
 
-    ``!X p = X !p``, ``!(p R q) = !p U !q``, ``!(p W q) = !p M !q``, ``!G p = F !p``. A formula with these
-    operators only is syntactically co-safe: every word that satisfies it does so after a finite prefix
-    (Kupferman and Vardi, 2001). What would need ``G``, ``R`` or ``W`` is refused, naming the operator as it
-    was written.
+        !X p = X !p,   !(p R q) = !p U !q,   !(p W q) = !p M !q,   !G p = F !p
+
+    A formula with these operators only is syntactically co-safe: every word that satisfies it has a finite
+    prefix that decides so (Kupferman and Vardi, 2001, doi:10.1023/A:1011254632723).
+
+    Raises
+    ------
+    FormulaError
+        If the normal form needs ``G``, ``R`` or ``W``; the message names the operator as the user wrote it.
     """
-    return _Normal().of(tree, None)
+    return _NormalForm().of(tree, None)
 
 
 def check_names(tree: Formula, names: Iterable[str]) -> None:
-    """Refuse a formula that speaks of propositions other than ``names``, the regions of a map."""
+    """Raise a FormulaError if a proposition of ``tree`` is not in ``names``, the regions of a map."""
     known = set(names)
     for node in tree.walk():
         if node.op == "name" and node.name not in known:
@@ -117,9 +144,9 @@ def check_names(tree: Formula, names: Iterable[str]) -> None:
             raise FormulaError(f"{message} (column {node.column + 1})", node.column)
 
 
-def _error(message: str, text: str, column: int) -> FormulaError:
+def _formula_error(message: str, text: str, column: int) -> FormulaError:
     error = FormulaError(f"{message} (column {column + 1})", column)
-    error.add_note(caret(text, column))
+    error.add_note(caret_lines(text, column))
     return error
 
 
@@ -127,7 +154,7 @@ def _error(message: str, text: str, column: int) -> FormulaError:
 
 
 @dataclass(frozen=True, slots=True)
-class _Token:
+class _FormulaToken:
     op: str  # canonical spelling, "name" or "end"
     word: str
     column: int
@@ -136,12 +163,12 @@ class _Token:
         return "the end of the formula" if self.op == "end" else f"'{self.word}'"
 
 
-class _Parser:
-    """Precedence climbing over the tokens of one text."""
+class _FormulaParser:
+    """Precedence climbing parser of one text."""
 
     def __init__(self, text: str) -> None:
         self.text = text
-        self.tokens = list(_tokens(text))
+        self.tokens = list(_formula_tokens(text))
         self.depth = self.parentheses = 0
 
     def formula(self) -> Formula:
@@ -153,29 +180,29 @@ class _Parser:
         return tree
 
     @property
-    def here(self) -> _Token:
+    def here(self) -> _FormulaToken:
         return self.tokens[0]
 
-    def take(self) -> _Token:
+    def take(self) -> _FormulaToken:
         return self.tokens.pop(0)
 
     def error(self, expected: str) -> FormulaError:
         here = self.here
-        return _error(f"{expected}, found {here}{self.hint()}", self.text, here.column)
+        return _formula_error(f"{expected}, found {here}{self.hint()}", self.text, here.column)
 
     def hint(self) -> str:
-        """``FF a`` reads as a proposition ``FF`` and an ``a`` too many: say so."""
+        """Advice for ``FF a``, which is read as a proposition ``FF`` followed by ``a``."""
         before = self.text[: self.here.column].rstrip()
         glued = re.search(r"\b[XFG]{2,}$", before)
         return f"; to apply operators one after the other write '{' '.join(glued[0])}'" if glued else ""
 
     def binary(self, strength: int) -> Formula:
         left = self.unary()
-        while BINARY.get(self.here.op, 0) >= strength:
+        while BINARY_STRENGTH.get(self.here.op, 0) >= strength:
             token = self.take()
             self.deeper(token)
-            own = BINARY[token.op]
-            right = self.binary(own if token.op in RIGHT else own + 1)
+            own = BINARY_STRENGTH[token.op]
+            right = self.binary(own if token.op in RIGHT_ASSOCIATIVE else own + 1)
             args = [left, right]
             while token.op in "&|" and self.here.op == token.op:  # a chain is one node
                 self.take()
@@ -186,7 +213,7 @@ class _Parser:
 
     def unary(self) -> Formula:
         token = self.here
-        if token.op in UNARY:
+        if token.op in UNARY_OPERATORS:
             self.take()
             self.deeper(token)
             node = Formula(token.op, (self.unary(),), column=token.column, word=token.word)
@@ -203,39 +230,41 @@ class _Parser:
             self.take()
             return node
         if token.op not in ("name", "true", "false"):
-            raise self.error(f"expected {_OPERAND}")
+            raise self.error(f"expected {_OPERAND_TEXT}")
         self.take()
         name = token.word if token.op == "name" else ""
         return Formula(token.op, (), name, token.column, token.word)
 
-    def deeper(self, token: _Token) -> None:
+    def deeper(self, token: _FormulaToken) -> None:
         self.depth += 1
         self.bounded(self.depth, token)
 
-    def bounded(self, depth: int, token: _Token) -> None:
+    def bounded(self, depth: int, token: _FormulaToken) -> None:
         if depth > MAX_DEPTH:
-            raise _error(f"nested deeper than {MAX_DEPTH} levels: simplify it", self.text, token.column)
+            raise _formula_error(
+                f"nested deeper than {MAX_DEPTH} levels: simplify it", self.text, token.column
+            )
 
 
-def _tokens(text: str) -> Iterator[_Token]:
+def _formula_tokens(text: str) -> Iterator[_FormulaToken]:
     column = 0
     while column < len(text):
         if text[column].isspace():
             column += 1
             continue
-        match = _TOKEN.match(text, column)
+        match = _TOKEN_PATTERN.match(text, column)
         if match is None:
-            found, hint = _foreign(text[column:])
-            raise _error(
-                f"'{found}' has no meaning in a formula{hint or '; expected ' + _OPERAND}", text, column
+            found, hint = _foreign_operator(text[column:])
+            raise _formula_error(
+                f"'{found}' has no meaning in a formula{hint or '; expected ' + _OPERAND_TEXT}", text, column
             )
-        yield _Token(_SPELLINGS.get(match[0], "name"), match[0], column)
+        yield _FormulaToken(_SPELLINGS.get(match[0], "name"), match[0], column)
         column = match.end()
-    yield _Token("end", "", len(text))
+    yield _FormulaToken("end", "", len(text))
 
 
-def _foreign(rest: str) -> tuple[str, str]:
-    for spelling, ours in _FOREIGN.items():
+def _foreign_operator(rest: str) -> tuple[str, str]:
+    for spelling, ours in _FOREIGN_OPERATORS.items():
         if rest.startswith(spelling):
             return spelling, f"; write '{ours}'"
     return rest[0], ""
@@ -244,30 +273,34 @@ def _foreign(rest: str) -> tuple[str, str]:
 # Writing
 
 
-def _strength(node: Formula) -> int:
-    return BINARY.get(node.op, _TIGHT if node.op in UNARY else _TIGHT + 1)
+def _binding_strength(node: Formula) -> int:
+    return BINARY_STRENGTH.get(
+        node.op, _UNARY_STRENGTH if node.op in UNARY_OPERATORS else _UNARY_STRENGTH + 1
+    )
 
 
-def _show(node: Formula, word: str = "") -> str:
-    """A text with few parentheses that reads back as the same tree, its operator shown as ``word``."""
+def _formula_text(node: Formula, word: str = "") -> str:
+    """Text with few parentheses and the syntax tree ``node``; ``word`` replaces its operator if given."""
     if not node.args:
         return node.name or node.op
-    own, op = _strength(node), word or node.op
-    if node.op in UNARY:
+    own, op = _binding_strength(node), word or node.op
+    if node.op in UNARY_OPERATORS:
         (arg,) = node.args
-        inner = _show(arg)
-        if _strength(arg) < own:
+        inner = _formula_text(arg)
+        if _binding_strength(arg) < own:
             return f"{op}({inner})"
         return f"{op} {inner}" if op.isalpha() else f"{op}{inner}"
-    loose = len(node.args) - 1 if node.op in RIGHT else 0  # the operand that may bind as loosely as we do
+    loose = (
+        len(node.args) - 1 if node.op in RIGHT_ASSOCIATIVE else 0
+    )  # index of the operand that may have the same binding strength
     if node.op in "&|":
         loose = -1
     parts = []
     for i, arg in enumerate(node.args):
-        text = _show(arg)
-        bare = _strength(arg) > own or (i == loose and _strength(arg) == own)
-        if op in "&|" and _strength(arg) == BINARY["U"]:
-            bare = False  # (a U b) & c would not need them, but reads better
+        text = _formula_text(arg)
+        bare = _binding_strength(arg) > own or (i == loose and _binding_strength(arg) == own)
+        if op in "&|" and _binding_strength(arg) == BINARY_STRENGTH["U"]:
+            bare = False  # optional parentheses in (a U b) & c, for readability
         parts.append(text if bare else f"({text})")
     return f" {op} ".join(parts)
 
@@ -275,14 +308,14 @@ def _show(node: Formula, word: str = "") -> str:
 # Positive normal form
 
 
-class _Normal:
-    """One conversion; ``<->`` uses both signs of its operands, so results are shared."""
+class _NormalForm:
+    """One conversion; results are shared, since ``<->`` needs both signs of its operands."""
 
     def __init__(self) -> None:
         self.done: dict[tuple[int, bool], Formula] = {}
 
     def of(self, node: Formula, negation: Formula | None) -> Formula:
-        """``node``, or its negation where ``negation`` is the operator of the user that negates it."""
+        """Normal form of ``node``, or of its negation if the operator ``negation`` negates it."""
         key = id(node), negation is not None
         if key not in self.done:
             self.done[key] = self.rewrite(node, negation)
@@ -291,7 +324,7 @@ class _Normal:
     def rewrite(self, node: Formula, negation: Formula | None) -> Formula:
         op, args, negative = node.op, node.args, negation is not None
         if op in ("true", "false"):
-            return TRUE if (op == "true") is not negative else FALSE
+            return TRUE_FORMULA if (op == "true") is not negative else FALSE_FORMULA
         if op == "name":
             return Formula("!", (node,), column=node.column) if negative else node
         turned = None if negative else node
@@ -299,53 +332,68 @@ class _Normal:
             return self.of(args[0], turned)
         if op == "->":
             left = self.of(args[0], turned)
-            return _chain("&" if negative else "|", [left, self.of(args[1], negation)])
+            return flat_chain("&" if negative else "|", [left, self.of(args[1], negation)])
         if op in ("<->", "xor"):
             return self.either_sign(node, negative)
         if op not in "&|":
-            op = _DUAL[op] if negative else op
-        if op in FOREVER:
-            raise _refusal(node, negation)
+            op = _DUAL_OPERATORS[op] if negative else op
+        if op in FOREVER_OPERATORS:
+            raise _not_co_safe(node, negation)
         new = []
         for arg in args:
             new.append(self.of(arg, negation))  # noqa: PERF401 - on 3.11 a comprehension recurses twice
         if op in "&|":
-            return _chain("&|"[(op == "&") is negative], new)
+            return flat_chain("&|"[(op == "&") is negative], new)
         return Formula(op, tuple(new), column=node.column, word=node.word)
 
     def either_sign(self, node: Formula, negative: bool) -> Formula:
-        """``p <-> q = (p & q) | (!p & !q)``, ``p xor q = (p & !q) | (!p & q)``; negation swaps the two."""
+        """Normal form of ``<->`` and ``xor``; negation exchanges the two.
+
+        p <-> q = (p & q) | (!p & !q),   p xor q = (p & !q) | (!p & q)
+        """
         p, q = node.args
         differ = (node.op == "xor") is not negative
         pairs = ((None, node), (node, None)) if differ else ((None, None), (node, node))
-        return _chain("|", [_chain("&", [self.of(p, s), self.of(q, t)]) for s, t in pairs])
+        return flat_chain("|", [flat_chain("&", [self.of(p, s), self.of(q, t)]) for s, t in pairs])
 
 
-_DUAL = {"X": "X", "F": "G", "G": "F", "U": "R", "R": "U", "W": "M", "M": "W"}
+_DUAL_OPERATORS = {"X": "X", "F": "G", "G": "F", "U": "R", "R": "U", "W": "M", "M": "W"}
 
 
-def _chain(op: str, args: list[Formula]) -> Formula:
+def flat_chain(op: str, args: list[Formula]) -> Formula:
+    """``args`` joined by ``op`` (``&`` or ``|``); arguments with the same operator are merged."""
     flat: list[Formula] = []
     for arg in args:
         flat.extend(arg.args if arg.op == op else [arg])
     return Formula(op, tuple(flat))
 
 
-def _refusal(node: Formula, negation: Formula | None) -> FormulaError:
+def _not_co_safe(node: Formula, negation: Formula | None) -> FormulaError:
     why = "promises something for ever; no finite flight can complete it"
-    said = _short(_show(node, node.word))
+    said = _elided_text(_formula_text(node, node.word))
     if negation is None:
         advice = {"R": "; 'M' in its place comes to an end", "W": "; 'U' in its place comes to an end"}
         message = f"operator '{node.word}': '{said}' {why}{advice.get(node.op, '')}"
     else:
         where = f"'{negation.word}' of column {negation.column + 1}"
-        means = _short(str(Formula(_DUAL[node.op], tuple(Formula("!", (arg,)) for arg in node.args))))
+        means = _elided_text(
+            str(Formula(_DUAL_OPERATORS[node.op], tuple(Formula("!", (arg,)) for arg in node.args)))
+        )
         message = f"operator '{node.word}': '{said}' is negated by {where}; that is '{means}', which {why}"
     return FormulaError(f"{message} (column {node.column + 1})", node.column)
 
 
-def _short(text: str, width: int = 40) -> str:
+def _elided_text(text: str, width: int = 40) -> str:
     return text if len(text) <= width else f"{text[: width - 3]}..."
 
 
-__all__ = ["FALSE", "MAX_DEPTH", "TRUE", "Formula", "caret", "check_names", "parse", "positive"]
+__all__ = [
+    "FALSE_FORMULA",
+    "MAX_DEPTH",
+    "TRUE_FORMULA",
+    "Formula",
+    "caret_lines",
+    "check_names",
+    "parse_formula",
+    "positive_normal_form",
+]

@@ -1,8 +1,9 @@
-"""Automata in the Hanoi Omega-Automata format, version 1 (http://adl.github.io/hoaf/).
+"""Automata in the Hanoi Omega-Automata (HOA) format, version 1.
 
-What is written is deterministic, complete and terminal: one Büchi-accepting state that nothing leaves. What
-is read may come from another tool (``ltl2tgba -D -B 'F(a & F b)' > mission.hoa``), as long as it means the
-same kind of mission: deterministic, state-based Büchi acceptance, accepting states that cannot be left.
+Format: http://adl.github.io/hoaf/ and Babiak et al. (2015), doi:10.1007/978-3-319-21690-4_31. Written
+automata are deterministic, complete and terminal: one Büchi-accepting state that is never left. Files of
+other tools can be read (``ltl2tgba -D -B 'F(a & F b)' > mission.hoa``) if they are deterministic, with
+state-based Büchi acceptance and accepting states that are never left.
 """
 
 from __future__ import annotations
@@ -16,29 +17,28 @@ from typing import NoReturn
 import numpy as np
 
 from pareto_ltl.logic import labels
-from pareto_ltl.logic.automaton import Automaton, alphabet_of, build, letter_codes, show_letter
-from pareto_ltl.logic.dfa import MAX_ENTRIES, Table
+from pareto_ltl.logic.automaton import Automaton, alphabet_of, automaton_from_table, letter_codes, show_letter
+from pareto_ltl.logic.dfa import MAX_ENTRIES, TransitionTable
 from pareto_ltl.support.arrays import BoolArray, IntArray
 from pareto_ltl.support.errors import DataError
 
-_KNOWN = ("HOA", "States", "Start", "AP", "Alias", "Acceptance")
-_TOKEN = re.compile(
+_HOA_PATTERN = re.compile(
     r'\s+|(?P<string>"(?:[^"\\]|\\.)*")|(?P<mark>--(?:BODY|END|ABORT)--)|(?P<head>[A-Za-z_][\w-]*:)'
     r"|(?P<alias>@[\w-]+)|(?P<int>\d+)|(?P<word>[A-Za-z_][\w-]*)|(?P<sign>[][{}()!&|])",
 )
 
 
-def dumps(automaton: Automaton) -> str:
+def hoa_text(automaton: Automaton) -> str:
     """The automaton as HOA text.
 
-    Where not all subsets of the propositions can occur, a header ``letters`` (which other tools skip) lists
-    those that can, as bit sets over ``AP``; edges are then free for the others.
+    If not all subsets of the propositions can occur, a header ``letters`` lists those that can, as bit sets
+    over ``AP``; other tools ignore this header. Letters that are not listed may take any edge.
     """
     codes = letter_codes(automaton.atoms, automaton.letters)
-    names = " ".join(_quoted(name) for name in automaton.atoms)
+    names = " ".join(labels.quoted_text(name) for name in automaton.atoms)
     lines = [
         "HOA: v1",
-        f"name: {_quoted(automaton.formula)}",
+        f"name: {labels.quoted_text(automaton.formula)}",
         'tool: "pareto_ltl"',
         f"States: {automaton.n_states}",
         f"Start: {automaton.initial}",
@@ -54,34 +54,36 @@ def dumps(automaton: Automaton) -> str:
     for q, row in enumerate(automaton.delta):
         lines.append(f"State: {q} {{0}}" if automaton.accepting[q] else f"State: {q}")
         ways: dict[int, list[labels.Cube]] = {}
-        for cube, target in labels.disjoint(codes, row):
+        for cube, target in labels.disjoint_cubes(codes, row):
             ways.setdefault(target, []).append(cube)
-        lines += [f"[{labels.show(ways[target], places, 't')}] {target}" for target in sorted(ways)]
+        lines += [f"[{labels.cubes_text(ways[target], places, 't')}] {target}" for target in sorted(ways)]
     return "\n".join([*lines, "--END--", ""])
 
 
-def write(automaton: Automaton, path: str | Path) -> None:
+def write_hoa(automaton: Automaton, path: str | Path) -> None:
     """Write the automaton to a ``.hoa`` file."""
-    Path(path).write_text(dumps(automaton), encoding="utf-8")
+    Path(path).write_text(hoa_text(automaton), encoding="utf-8")
 
 
-def read(path: str | Path, letters: Iterable[Iterable[str]] | None = None) -> Automaton:
+def read_hoa(path: str | Path, letters: Iterable[Iterable[str]] | None = None) -> Automaton:
     """The minimal automaton of a HOA file over ``letters``.
 
-    Default for ``letters`` is what the file lists in a header ``letters``, else all subsets of its
-    propositions.
+    By default, ``letters`` are those of the header ``letters`` of the file, else all subsets of its
+    propositions. Raises a DataError if the file cannot be read or is not an automaton of a finite mission.
     """
     try:
         text = Path(path).read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         reason = getattr(error, "strerror", None) or "it is not text in UTF-8"
         raise DataError(f"cannot read the automaton {path}: {reason}") from None
-    return loads(text, letters, str(path))
+    return parse_hoa(text, letters, str(path))
 
 
-def loads(text: str, letters: Iterable[Iterable[str]] | None = None, source: str = "HOA text") -> Automaton:
-    """Like :func:`read`, from text; ``source`` names it in errors."""
-    file = _Reader(text, source).file()
+def parse_hoa(
+    text: str, letters: Iterable[Iterable[str]] | None = None, source: str = "HOA text"
+) -> Automaton:
+    """As :func:`read_hoa`, from text; ``source`` names it in errors."""
+    file = _HoaReader(text, source).file()
     atoms = tuple(sorted(file.atoms))
     if letters is None and file.letters is not None:
         letters = [[name for i, name in enumerate(file.atoms) if code >> i & 1] for code in file.letters]
@@ -91,32 +93,34 @@ def loads(text: str, letters: Iterable[Iterable[str]] | None = None, source: str
         raise DataError(
             f"{source}: {len(file.states)} states x {len(codes)} letters are more than {MAX_ENTRIES}"
         )
-    delta, accepting = _table(file, codes, alphabet)
-    return build(Table(delta, accepting), alphabet, atoms, file.name or source)
+    delta, accepting = _table_of_file(file, codes, alphabet)
+    return automaton_from_table(TransitionTable(delta, accepting), alphabet, atoms, file.name or source)
 
 
 # From the parsed file to a table
 
 
 @dataclass
-class _State:
+class _HoaState:
     line: int
     accepting: bool
-    edges: list[tuple[_Label, int, int]] = field(default_factory=list)  # label, target, line
+    edges: list[tuple[_LabelExpression, int, int]] = field(default_factory=list)  # label, target, line
 
 
 @dataclass
-class _File:
+class _HoaFile:
     source: str
     name: str = ""
     start: int = -1
     atoms: tuple[str, ...] = ()
     letters: list[int] | None = None
-    states: dict[int, _State] = field(default_factory=dict)
+    states: dict[int, _HoaState] = field(default_factory=dict)
 
 
-def _table(file: _File, codes: IntArray, alphabet: tuple[frozenset[str], ...]) -> tuple[IntArray, BoolArray]:
-    """``delta`` with the start at 0; a trap, the last state, takes what the file leaves out."""
+def _table_of_file(
+    file: _HoaFile, codes: IntArray, alphabet: tuple[frozenset[str], ...]
+) -> tuple[IntArray, BoolArray]:
+    """``delta`` with the start as state 0; missing transitions lead to a trap, the last state."""
     order = [file.start, *(q for q in file.states if q != file.start)]
     number = {q: i for i, q in enumerate(order)}
     trap = len(order)
@@ -148,14 +152,14 @@ def _table(file: _File, codes: IntArray, alphabet: tuple[frozenset[str], ...]) -
 # Reading text
 
 
-class _Label:
+class _LabelExpression:
     """A label expression as nested tuples: ("t",), ("f",), ("ap", i), ("!", e), ("&", e...), ("|", e...)."""
 
-    def __init__(self, op: str, args: tuple[_Label, ...] = (), place: int = 0) -> None:
+    def __init__(self, op: str, args: tuple[_LabelExpression, ...] = (), place: int = 0) -> None:
         self.op, self.args, self.place = op, args, place
 
     def on(self, codes: IntArray) -> BoolArray:
-        """Which letters satisfy it."""
+        """Which letters in ``codes`` (L,) satisfy the expression, shape (L,) bool."""
         if self.op in "tf":
             return np.full(len(codes), self.op == "t")
         if self.op == "ap":
@@ -170,36 +174,38 @@ class _Label:
 
 
 @dataclass(frozen=True, slots=True)
-class _Token:
+class _HoaToken:
     kind: str
     text: str
     line: int
 
 
-class _Reader:
+class _HoaReader:
+    """Recursive-descent parser of one HOA text."""
+
     def __init__(self, text: str, source: str) -> None:
         self.source = source
         self.tokens = self.split(text)
         self.at = 0
-        self.aliases: dict[str, _Label] = {}
-        self.result = _File(source)
+        self.aliases: dict[str, _LabelExpression] = {}
+        self.result = _HoaFile(source)
         self.count: int | None = None
 
-    def split(self, text: str) -> list[_Token]:
+    def split(self, text: str) -> list[_HoaToken]:
         text = self.without_comments(text)
         tokens, position, line = [], 0, 1
         while position < len(text):
-            match = _TOKEN.match(text, position)
+            match = _HOA_PATTERN.match(text, position)
             if match is None:
                 self.refuse(f"'{text[position]}' has no meaning here", line)
             if match.lastgroup:
-                tokens.append(_Token(match.lastgroup, match[0], line))
+                tokens.append(_HoaToken(match.lastgroup, match[0], line))
             line += match[0].count("\n")
             position = match.end()
-        return [*tokens, _Token("end", "the end of the file", line)]
+        return [*tokens, _HoaToken("end", "the end of the file", line)]
 
     def without_comments(self, text: str) -> str:
-        """Comments nest; their lines stay, so that errors name the right one."""
+        """``text`` without (nested) comments; line breaks are kept for the line numbers of errors."""
         kept, depth = [], 0
         for part in re.findall(r'"(?:[^"\\]|\\.)*"|/\*|\*/|.|\n', text):
             depth += part == "/*"
@@ -212,10 +218,10 @@ class _Reader:
         raise DataError(f"{self.source}, line {line}: {reason}")
 
     @property
-    def here(self) -> _Token:
+    def here(self) -> _HoaToken:
         return self.tokens[self.at]
 
-    def take(self, kind: str, what: str) -> _Token:
+    def take(self, kind: str, what: str) -> _HoaToken:
         token = self.here
         if token.kind != kind:
             self.refuse(f"expected {what}, found {token.text}", token.line)
@@ -223,7 +229,7 @@ class _Reader:
         return token
 
     def sign(self, text: str) -> bool:
-        """Take this sign if it comes next."""
+        """Consume the sign ``text`` if it is next; return whether it was."""
         found = self.here.kind == "sign" and self.here.text == text
         self.at += found
         return found
@@ -237,7 +243,7 @@ class _Reader:
 
     # Header
 
-    def file(self) -> _File:
+    def file(self) -> _HoaFile:
         if self.here.text != "HOA:":
             self.refuse("not an automaton in HOA format: expected 'HOA: v1'", self.here.line)
         met: set[str] = set()
@@ -263,7 +269,7 @@ class _Reader:
             if version != "v1":
                 self.refuse(f"version {version} of the format; expected v1", line)
         elif key == "name":
-            self.result.name = _plain(self.take("string", "a name in quotes").text)
+            self.result.name = _unquoted_string(self.take("string", "a name in quotes").text)
         elif key == "States":
             self.count = self.number("a number of states")
         elif key == "Start":
@@ -271,7 +277,9 @@ class _Reader:
             self.no_universal()
         elif key == "AP":
             count = self.number("a number of propositions")
-            names = [_plain(self.take("string", "a proposition in quotes").text) for _ in range(count)]
+            names = [
+                _unquoted_string(self.take("string", "a proposition in quotes").text) for _ in range(count)
+            ]
             if len(set(names)) < count:
                 self.refuse("a proposition is listed twice", line)
             self.result.atoms = tuple(names)
@@ -288,7 +296,7 @@ class _Reader:
             self.skip()
 
     def skip(self, *kinds: str) -> list[str]:
-        """The tokens up to the next header; only of these ``kinds``, where given."""
+        """Consume the tokens up to the next header, only those of ``kinds`` if given; return their texts."""
         texts = []
         while self.here.kind not in ("head", "mark", "end") and (not kinds or self.here.kind in kinds):
             texts.append(self.here.text)
@@ -326,7 +334,7 @@ class _Reader:
         states = self.result.states
         if self.count is not None:
             for q in range(self.count):
-                states.setdefault(q, _State(line, False))
+                states.setdefault(q, _HoaState(line, False))
             if len(states) > self.count:
                 self.refuse(
                     f"state {max(states)}, but 'States:' announces {self.count}", states[max(states)].line
@@ -346,7 +354,7 @@ class _Reader:
             self.at += 1
         if q in self.result.states:
             self.refuse(f"state {q} is there twice", line)
-        state = self.result.states[q] = _State(line, self.marks())
+        state = self.result.states[q] = _HoaState(line, self.marks())
         while self.here.kind == "int" or (self.here.kind == "sign" and self.here.text == "["):
             where = self.here.line
             label = self.bracketed() or own
@@ -363,7 +371,7 @@ class _Reader:
             state.edges.append((label, target, where))
 
     def marks(self) -> bool:
-        """An acceptance signature ``{0}``, if there is one."""
+        """Whether an acceptance signature ``{0}`` follows."""
         if not self.sign("{"):
             return False
         sets = [self.number("an acceptance set")] if self.here.kind == "int" else []
@@ -372,51 +380,47 @@ class _Reader:
         self.close("}")
         return bool(sets)
 
-    def bracketed(self) -> _Label | None:
+    def bracketed(self) -> _LabelExpression | None:
         if not self.sign("["):
             return None
         label = self.label_or()
         self.close("]")
         return label
 
-    def label_or(self) -> _Label:
+    def label_or(self) -> _LabelExpression:
         parts = [self.label_and()]
         while self.sign("|"):
             parts.append(self.label_and())
-        return parts[0] if len(parts) == 1 else _Label("|", tuple(parts))
+        return parts[0] if len(parts) == 1 else _LabelExpression("|", tuple(parts))
 
-    def label_and(self) -> _Label:
+    def label_and(self) -> _LabelExpression:
         parts = [self.label_not()]
         while self.sign("&"):
             parts.append(self.label_not())
-        return parts[0] if len(parts) == 1 else _Label("&", tuple(parts))
+        return parts[0] if len(parts) == 1 else _LabelExpression("&", tuple(parts))
 
-    def label_not(self) -> _Label:
+    def label_not(self) -> _LabelExpression:
         token = self.here
         if self.sign("!"):
-            return _Label("!", (self.label_not(),))
+            return _LabelExpression("!", (self.label_not(),))
         if self.sign("("):
             inner = self.label_or()
             self.close(")")
             return inner
         self.at += 1
         if token.text in ("t", "f"):
-            return _Label(token.text)
+            return _LabelExpression(token.text)
         if token.kind == "alias" and token.text in self.aliases:
             return self.aliases[token.text]
         if token.kind == "int" and int(token.text) < len(self.result.atoms):
-            return _Label("ap", place=int(token.text))
+            return _LabelExpression("ap", place=int(token.text))
         return self.refuse(
             f"{token.text} is no label; expected t, f, a proposition's number or an alias", token.line
         )
 
 
-def _quoted(text: str) -> str:
-    return '"' + text.replace("\\", "\\\\").replace('"', '\\"') + '"'
-
-
-def _plain(text: str) -> str:
+def _unquoted_string(text: str) -> str:
     return re.sub(r"\\(.)", r"\1", text[1:-1])
 
 
-__all__ = ["dumps", "loads", "read", "write"]
+__all__ = ["hoa_text", "parse_hoa", "read_hoa", "write_hoa"]

@@ -1,7 +1,7 @@
-"""Sets of letters as short Boolean texts: ``b & !c`` instead of 64 letters.
+"""Sets of letters as short Boolean expressions, e.g. ``b & !c`` instead of 64 letters.
 
-A cube (care, value) holds the letters whose bits in ``care`` equal ``value``. Letters that cannot occur are
-free to fall on either side, which keeps labels short where regions are disjoint.
+A cube (care, value) is the set of letters whose bits in ``care`` are those of ``value``. Letters that cannot
+occur are don't-cares, which keeps labels short for disjoint regions.
 """
 
 from __future__ import annotations
@@ -14,16 +14,16 @@ from pareto_ltl.logic.automaton import Automaton, letter_codes
 from pareto_ltl.support.arrays import IntArray
 
 Cube = tuple[int, int]
-Tree = int | tuple[int, "Tree", "Tree"]
+DecisionTree = int | tuple[int, "DecisionTree", "DecisionTree"]
 
 
-def disjoint(codes: IntArray, targets: IntArray) -> Iterator[tuple[Cube, int]]:
-    """Cubes that overlap nowhere and give every letter in ``codes`` (L,) its target (L,).
+def disjoint_cubes(codes: IntArray, targets: IntArray) -> Iterator[tuple[Cube, int]]:
+    """Disjoint cubes, each with the target of its letters in ``codes`` (L,), ``targets`` (L,).
 
-    They are the leaves of a decision tree and fill the space of all letters, so a table written with them
-    stays complete and deterministic.
+    They are the leaves of a decision tree and cover all letters, so that a table written with them is
+    complete and deterministic.
     """
-    stack = [(0, 0, _decide(codes, targets))]
+    stack = [(0, 0, _decision_tree(codes, targets))]
     while stack:
         care, value, tree = stack.pop()
         if isinstance(tree, int):
@@ -34,27 +34,27 @@ def disjoint(codes: IntArray, targets: IntArray) -> Iterator[tuple[Cube, int]]:
             stack.append((care | bit, value, without))
 
 
-def _decide(codes: IntArray, targets: IntArray) -> Tree:
-    """(bit, tree where it is 0, tree where it is 1), or the target that all share; no idle questions."""
+def _decision_tree(codes: IntArray, targets: IntArray) -> DecisionTree:
+    """(bit, tree if it is 0, tree if it is 1), or the target that all letters share."""
     if (targets == targets[0]).all():
         return int(targets[0])
-    differ = int(np.bitwise_or.reduce(codes ^ codes[0]))  # on other propositions the letters agree
+    differ = int(np.bitwise_or.reduce(codes ^ codes[0]))  # the letters agree in all other bits
     bit = differ & -differ
     yes = (codes & bit) != 0
-    without, with_ = _decide(codes[~yes], targets[~yes]), _decide(codes[yes], targets[yes])
+    without, with_ = _decision_tree(codes[~yes], targets[~yes]), _decision_tree(codes[yes], targets[yes])
     return without if without == with_ else (bit, without, with_)
 
 
-def cover(inside: IntArray, outside: IntArray, width: int) -> list[Cube]:
-    """Few short cubes that hold all codes ``inside`` and none ``outside``, over ``width`` propositions.
+def covering_cubes(inside: IntArray, outside: IntArray, width: int) -> list[Cube]:
+    """Few short cubes that contain all codes ``inside`` and none of ``outside``, over ``width`` propositions.
 
-    Each cube is grown from a letter by dropping literals while it stays clear of ``outside`` (so it is
-    prime), and a cube whose letters the others hold is left out.
+    Each is a prime cube, made from a letter by dropping literals while it contains no code of ``outside``. A
+    cube whose letters the others contain is removed.
     """
     cubes: list[Cube] = []
     left = inside
     while len(left):
-        cube = _grown(int(left[0]), outside, width)
+        cube = _prime_cube(int(left[0]), outside, width)
         cubes.append(cube)
         left = left[(left & cube[0]) != cube[1]]
     for cube in cubes[:-1]:
@@ -64,8 +64,8 @@ def cover(inside: IntArray, outside: IntArray, width: int) -> list[Cube]:
     return cubes
 
 
-def _grown(code: int, outside: IntArray, width: int) -> Cube:
-    """Drop negative literals first: a label that names what is seen reads better."""
+def _prime_cube(code: int, outside: IntArray, width: int) -> Cube:
+    """A prime cube that contains ``code``; negative literals are dropped first, for readable labels."""
     care = (1 << width) - 1
     bits = [1 << i for i in reversed(range(width))]
     for bit in sorted(bits, key=lambda bit: bool(code & bit)):
@@ -75,32 +75,37 @@ def _grown(code: int, outside: IntArray, width: int) -> Cube:
     return care, code & care
 
 
-def show(cubes: list[Cube], names: tuple[str, ...], always: str = "true") -> str:
-    """``a & !b | c``; ``always`` for the cube without literals."""
-    return " | ".join(" & ".join(_literals(cube, names)) or always for cube in cubes)
+def cubes_text(cubes: list[Cube], names: tuple[str, ...], always: str = "true") -> str:
+    """Text of a union of cubes, e.g. ``a & !b | c``; ``always`` for the cube without literals."""
+    return " | ".join(" & ".join(_cube_literals(cube, names)) or always for cube in cubes)
 
 
-def _literals(cube: Cube, names: tuple[str, ...]) -> list[str]:
+def _cube_literals(cube: Cube, names: tuple[str, ...]) -> list[str]:
     care, value = cube
     return [name if value >> i & 1 else f"!{name}" for i, name in enumerate(names) if care >> i & 1]
 
 
-def edges(automaton: Automaton) -> dict[tuple[int, int], str]:
-    """Label of every edge (from, to): the letters that take it, or ``!(those that do not)`` if shorter."""
+def edge_labels(automaton: Automaton) -> dict[tuple[int, int], str]:
+    """Label of each edge (from, to): the letters that take it, or ``!(other letters)`` if that is shorter."""
     codes = letter_codes(automaton.atoms, automaton.letters)
     result = {}
     for q, row in enumerate(automaton.delta):
         for target in np.unique(row).tolist():
-            result[q, target] = _label(codes[row == target], codes[row != target], automaton.atoms)
+            result[q, target] = _shorter_label(codes[row == target], codes[row != target], automaton.atoms)
     return result
 
 
-def _label(inside: IntArray, outside: IntArray, names: tuple[str, ...]) -> str:
-    said = show(cover(inside, outside, len(names)), names)
+def _shorter_label(inside: IntArray, outside: IntArray, names: tuple[str, ...]) -> str:
+    said = cubes_text(covering_cubes(inside, outside, len(names)), names)
     if not len(outside) or "|" not in said:
         return said
-    denied = f"!({show(cover(outside, inside, len(names)), names)})"
+    denied = f"!({cubes_text(covering_cubes(outside, inside, len(names)), names)})"
     return denied if len(denied) < len(said) else said
 
 
-__all__ = ["Cube", "cover", "disjoint", "edges", "show"]
+def quoted_text(text: str) -> str:
+    """``text`` in double quotes, with backslashes in front of quotes and backslashes (HOA, Graphviz)."""
+    return '"' + text.replace("\\", "\\\\").replace('"', '\\"') + '"'
+
+
+__all__ = ["Cube", "covering_cubes", "cubes_text", "disjoint_cubes", "edge_labels", "quoted_text"]

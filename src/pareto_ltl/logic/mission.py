@@ -1,4 +1,4 @@
-"""From the settings of a mission to its automaton."""
+"""The automaton of the settings in section ``mission``."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from pareto_ltl.logic import hoa, patterns
 from pareto_ltl.logic.automaton import Automaton, translate
-from pareto_ltl.logic.formula import check_names, parse
+from pareto_ltl.logic.formula import check_names, parse_formula
 from pareto_ltl.support.errors import ConfigError, DataError
 
 if TYPE_CHECKING:
@@ -25,15 +25,22 @@ def automaton_of(
     Parameters
     ----------
     letters : iterable of sets of names, optional
-        The label sets that the map can show; default all subsets.
+        The labels that can occur on the map; default: all subsets of the propositions.
     regions : iterable of str, optional
-        The names that the map knows; a mission that speaks of others is refused.
+        Names of the regions of the map; other names in the mission are an error.
+
+    Raises
+    ------
+    ConfigError
+        If no mission is given, or more than one.
+    FormulaError, DataError
+        If the formula or the file cannot be used, or names an unknown region.
     """
     text = patterns.formula_of(mission)
     if mission.automaton is not None:
         if text:
             raise ConfigError("mission.automaton is set, and so is a formula or pattern; choose one")
-        result = hoa.read(mission.automaton, letters)
+        result = hoa.read_hoa(mission.automaton, letters)
         missing = [name for name in result.atoms if regions is not None and name not in set(regions)]
         if missing:
             have = ", ".join(sorted(set(regions or ()))) or "none"
@@ -41,7 +48,7 @@ def automaton_of(
         return result
     if not text.strip():
         raise ConfigError("mission.formula is missing: give a formula, a pattern or an automaton")
-    tree = parse(text)
+    tree = parse_formula(text)
     if regions is not None:
         check_names(tree, regions)
     return translate(text, letters, max_states)

@@ -1,8 +1,7 @@
-"""Missions that recur, as formulas.
+"""Common missions as functions that return the text of a formula.
 
-Every argument is the name of a region or any formula. The patterns speak of *letters*, the labels a flight
-shows step by step: where regions overlap, one letter may serve two goals; ``strict=True`` asks for a later
-one.
+Each argument is the name of a region or a formula. In overlapping regions, one step can fulfil two
+consecutive goals of a sequence; ``strict=True`` requires a later step for the second goal.
 """
 
 from __future__ import annotations
@@ -10,68 +9,70 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from typing import TYPE_CHECKING
 
-from pareto_ltl.logic.formula import Formula, parse
+from pareto_ltl.logic.formula import Formula, flat_chain, parse_formula
+from pareto_ltl.support import extensions
 from pareto_ltl.support.errors import ConfigError
+from pareto_ltl.support.extensions import extension_names, known_kind
 
 if TYPE_CHECKING:
     from pareto_ltl.settings import MissionConfig
 
 
 def sequence(*goals: str, strict: bool = False) -> str:
-    """One after the other, other visits allowed in between: ``F(a & F(b & F c))``."""
-    return str(_sequence(_trees(goals, 1, "sequence"), strict))
+    """Visit ``goals`` in this order, other visits are allowed in between: ``F(a & F(b & F c))``."""
+    return str(_nested_visits(_goal_formulas(goals, 1, "sequence"), strict))
 
 
 def coverage(*goals: str) -> str:
-    """All of them, in any order: ``F a & F b & F c``."""
-    return str(_all([_eventually(goal) for goal in _trees(goals, 1, "coverage")]))
+    """Visit all ``goals`` in any order: ``F a & F b & F c``."""
+    return str(_conjunction([_eventually_formula(goal) for goal in _goal_formulas(goals, 1, "coverage")]))
 
 
 def ordered_coverage(goals: Sequence[str], order: Iterable[Sequence[str]]) -> str:
-    """All of ``goals``, and for each pair (first, then) of ``order`` nothing of ``then`` before ``first``.
+    """Visit all ``goals``; for each pair (first, then) of ``order``, do not visit ``then`` before ``first``.
 
     ``ordered_coverage(["a", "b", "c"], [("a", "b")])`` is ``F a & F b & F c & (!b U a)``.
     """
-    trees = [_eventually(goal) for goal in _trees(goals, 1, "ordered_coverage")]
-    return str(_all(trees + [_before(pair, "ordered_coverage") for pair in order]))
+    trees = [_eventually_formula(goal) for goal in _goal_formulas(goals, 1, "ordered_coverage")]
+    return str(_conjunction(trees + [_order_formula(pair, "ordered_coverage") for pair in order]))
 
 
 def patrol(*goals: str) -> str:
-    """Once around, back to the first: ``F(a & F(b & F(c & F a)))``."""
-    trees = _trees(goals, 2, "patrol")
-    return str(_sequence([*trees, trees[0]], strict=False))
+    """Visit ``goals`` in this order and return to the first: ``F(a & F(b & F(c & F a)))``."""
+    trees = _goal_formulas(goals, 2, "patrol")
+    return str(_nested_visits([*trees, trees[0]], strict=False))
 
 
 def either(*missions: str) -> str:
-    """Any one of several missions: ``F(a & F c) | F(b & F c)``."""
-    trees = _trees(missions, 1, "either")
-    return str(trees[0] if len(trees) == 1 else _chain("|", trees))
+    """Complete one of several missions: ``F(a & F c) | F(b & F c)``."""
+    trees = _goal_formulas(missions, 1, "either")
+    return str(trees[0] if len(trees) == 1 else flat_chain("|", trees))
 
 
 def avoid_until(avoid: str | Sequence[str], until: str) -> str:
-    """Stay out of ``avoid`` until ``until``, which must come: ``!b U a``."""
-    return str(_clear(_several(avoid, "avoid_until"), parse(until)))
+    """Stay out of ``avoid`` until ``until`` is visited, which is required: ``!b U a``."""
+    return str(_avoid_formula(_one_or_more(avoid, "avoid_until"), parse_formula(until)))
 
 
 def reach_avoid(goals: str | Sequence[str], avoid: str | Sequence[str]) -> str:
-    """``goals`` in this order, never in ``avoid`` before the last: ``!x U (a & (!x U b))``."""
+    """Visit ``goals`` in this order, and stay out of ``avoid`` until the last: ``!x U (a & (!x U b))``."""
     result: Formula | None = None
-    no_go = _several(avoid, "reach_avoid")
-    for goal in reversed(_several(goals, "reach_avoid")):
-        result = _clear(no_go, goal if result is None else _all([goal, result]))
+    no_go = _one_or_more(avoid, "reach_avoid")
+    for goal in reversed(_one_or_more(goals, "reach_avoid")):
+        result = _avoid_formula(no_go, goal if result is None else _conjunction([goal, result]))
     return str(result)
 
 
 def key_door(*pairs: Sequence[str], goal: str | None = None) -> str:
-    """For each pair (key, door) the door only after the key, and through all doors, or to ``goal`` if given.
+    """For each pair (key, door), visit the door only after the key; visit all doors, or ``goal`` if given.
 
     ``key_door(("k", "d"))`` is ``(!d U k) & F d``; with ``goal="g"`` it is ``(!d U k) & F g``.
     """
     if not pairs:
         raise ConfigError("mission pattern key_door needs at least one pair [key, door]")
-    parts = [_before(pair, "key_door") for pair in pairs]
+    parts = [_order_formula(pair, "key_door") for pair in pairs]
     ends = [goal] if goal is not None else [door for _, door in pairs]
-    return str(_all(parts + [_eventually(parse(end)) for end in ends]))
+    return str(_conjunction(parts + [_eventually_formula(parse_formula(end)) for end in ends]))
 
 
 PATTERNS: dict[str, Callable[[MissionConfig], str]] = {
@@ -80,70 +81,67 @@ PATTERNS: dict[str, Callable[[MissionConfig], str]] = {
     "ordered_coverage": lambda m: ordered_coverage(m.goals, m.order),
     "patrol": lambda m: patrol(*m.goals),
     "either": lambda m: either(*m.goals),
-    "avoid_until": lambda m: avoid_until(m.avoid, _only(m.goals, "avoid_until")),
+    "avoid_until": lambda m: avoid_until(m.avoid, _single_goal(m.goals, "avoid_until")),
     "reach_avoid": lambda m: reach_avoid(m.goals, m.avoid),
-    "key_door": lambda m: key_door(*m.order, goal=_only(m.goals, "key_door") if m.goals else None),
+    "key_door": lambda m: key_door(*m.order, goal=_single_goal(m.goals, "key_door") if m.goals else None),
 }
 
 
 def formula_of(mission: MissionConfig) -> str:
-    """The formula that the settings ask for, written out or by pattern."""
+    """The formula of ``mission.formula`` or ``mission.pattern``; ConfigError if both are set."""
     if mission.pattern is None:
         return mission.formula
     if mission.formula:
         raise ConfigError(f"mission.pattern={mission.pattern} and mission.formula are both set; choose one")
-    make = PATTERNS.get(mission.pattern)
-    if make is None:
-        raise ConfigError(f"mission.pattern must be one of {', '.join(PATTERNS)}; got {mission.pattern!r}")
+    try:
+        make = known_kind(extensions.PATTERN_GROUP, PATTERNS, mission.pattern, callable)
+    except KeyError:
+        known = ", ".join((*PATTERNS, *extension_names(extensions.PATTERN_GROUP)))
+        raise ConfigError(f"mission.pattern must be one of {known}; got {mission.pattern!r}") from None
     return make(mission)
 
 
-def _sequence(goals: list[Formula], strict: bool) -> Formula:
-    result = _eventually(goals[-1])
+def _nested_visits(goals: list[Formula], strict: bool) -> Formula:
+    result = _eventually_formula(goals[-1])
     for goal in reversed(goals[:-1]):
         rest = Formula("X", (result,)) if strict else result
-        result = _eventually(_all([goal, rest]))
+        result = _eventually_formula(_conjunction([goal, rest]))
     return result
 
 
-def _eventually(goal: Formula) -> Formula:
+def _eventually_formula(goal: Formula) -> Formula:
     return Formula("F", (goal,))
 
 
-def _all(parts: list[Formula]) -> Formula:
-    return parts[0] if len(parts) == 1 else _chain("&", parts)
+def _conjunction(parts: list[Formula]) -> Formula:
+    return parts[0] if len(parts) == 1 else flat_chain("&", parts)
 
 
-def _chain(op: str, parts: list[Formula]) -> Formula:
-    flat = [piece for part in parts for piece in (part.args if part.op == op else (part,))]
-    return Formula(op, tuple(flat))
-
-
-def _clear(no_go: list[Formula], until: Formula) -> Formula:
+def _avoid_formula(no_go: list[Formula], until: Formula) -> Formula:
     """``!(x | y) U until``"""
-    zone = no_go[0] if len(no_go) == 1 else _chain("|", no_go)
+    zone = no_go[0] if len(no_go) == 1 else flat_chain("|", no_go)
     return Formula("U", (Formula("!", (zone,)), until))
 
 
-def _before(pair: Sequence[str], pattern: str) -> Formula:
+def _order_formula(pair: Sequence[str], pattern: str) -> Formula:
     """``!then U first``"""
     if isinstance(pair, str) or len(pair) != 2:
         raise ConfigError(f"mission pattern {pattern} takes pairs [first, then], got {pair!r}")
     first, then = pair
-    return _clear([parse(then)], parse(first))
+    return _avoid_formula([parse_formula(then)], parse_formula(first))
 
 
-def _several(names: str | Sequence[str], pattern: str) -> list[Formula]:
-    return _trees([names] if isinstance(names, str) else names, 1, pattern)
+def _one_or_more(names: str | Sequence[str], pattern: str) -> list[Formula]:
+    return _goal_formulas([names] if isinstance(names, str) else names, 1, pattern)
 
 
-def _trees(goals: Sequence[str], least: int, pattern: str) -> list[Formula]:
+def _goal_formulas(goals: Sequence[str], least: int, pattern: str) -> list[Formula]:
     if len(goals) < least:
         raise ConfigError(f"mission pattern {pattern} needs at least {least} regions, got {list(goals)}")
-    return [parse(goal) for goal in goals]
+    return [parse_formula(goal) for goal in goals]
 
 
-def _only(goals: Sequence[str], pattern: str) -> str:
+def _single_goal(goals: Sequence[str], pattern: str) -> str:
     if len(goals) != 1:
         raise ConfigError(f"mission pattern {pattern} takes one goal, got {list(goals)}")
     return goals[0]

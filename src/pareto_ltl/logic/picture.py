@@ -1,4 +1,4 @@
-"""Pictures of automata: Graphviz text, and a figure without Graphviz."""
+"""Drawings of automata: Graphviz text, and figures without Graphviz."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.path import Path as Curve
 
-MAX_DRAWN = 40  # states; more make no picture
-RADIUS = 0.32
-INK, FAINT, GOAL = "#222222", "#999999", "#0072b2"  # Okabe-Ito blue for acceptance
+MAX_DRAWN = 40  # states; figures with more are not readable
+STATE_RADIUS = 0.32
+STATE_COLOUR, TRAP_COLOUR, GOAL_COLOUR = "#222222", "#999999", "#0072b2"  # acceptance: blue of Okabe and Ito
 
 
-def dot(automaton: Automaton) -> str:
-    """Graphviz text, left to right; accepting states have two rings, the trap is dashed."""
+def dot_text(automaton: Automaton) -> str:
+    """Graphviz text; accepting states have two circles, the trap is dashed."""
     lines = [
         "digraph mission {",
         "  rankdir=LR;",
-        f"  label={_quoted(automaton.formula)}; labelloc=t;",
+        f"  label={labels.quoted_text(automaton.formula)}; labelloc=t;",
         "  node [shape=circle];",
         "  start [shape=point];",
         f"  start -> {automaton.initial};",
@@ -36,13 +36,13 @@ def dot(automaton: Automaton) -> str:
             lines.append(f"  {q} [shape=doublecircle];")
         elif q == automaton.trap:
             lines.append(f"  {q} [style=dashed];")
-    for (p, q), label in labels.edges(automaton).items():
-        lines.append(f"  {p} -> {q} [label={_quoted(label)}];")
+    for (p, q), label in labels.edge_labels(automaton).items():
+        lines.append(f"  {p} -> {q} [label={labels.quoted_text(label)}];")
     return "\n".join([*lines, "}", ""])
 
 
-def picture(automaton: Automaton, path: str | Path, dpi: int = 150) -> None:
-    """Draw the automaton into a file; its ending (png, svg, pdf) chooses the format."""
+def save_picture(automaton: Automaton, path: str | Path, dpi: int = 150) -> None:
+    """Draw the automaton into a file (png, svg, pdf); ValueError for more than ``MAX_DRAWN`` states."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -51,52 +51,63 @@ def picture(automaton: Automaton, path: str | Path, dpi: int = 150) -> None:
             f"{automaton.n_states} states make no readable picture ({MAX_DRAWN} are the limit); write them "
             "as HOA or DOT, or give only the letters that can occur"
         )
-    place = layout(automaton)
-    texts = labels.edges(automaton)
+    place = state_positions(automaton)
+    texts = labels.edge_labels(automaton)
     low = place.min(axis=0) - np.array([1.1, 0.9])
     high = place.max(axis=0) + np.array([0.9, 1.3])
     figure = Figure(figsize=(0.85 * (high[0] - low[0]), 0.85 * (high[1] - low[1])), layout="constrained")
     FigureCanvasAgg(figure)
     axes = figure.add_subplot()
-    draw(axes, automaton, place, texts)
+    draw_automaton(axes, automaton, place, texts)
     axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
     axes.set_axis_off()
-    axes.set_title(_wrapped(automaton.formula, 90), fontsize=10)
+    axes.set_title(_wrapped_formula(automaton.formula, 90), fontsize=10)
     figure.savefig(path, dpi=dpi)
 
 
-def draw(axes: Axes, automaton: Automaton, place: FloatArray, texts: dict[tuple[int, int], str]) -> None:
-    """States as circles at ``place`` (Q, 2), edges as arrows with their ``texts``."""
+def draw_automaton(
+    axes: Axes, automaton: Automaton, place: FloatArray, texts: dict[tuple[int, int], str]
+) -> None:
+    """Draw states as circles at ``place`` (Q, 2) and edges as arrows with ``texts``."""
     from matplotlib.patches import Circle, FancyArrowPatch
 
     head: dict[str, Any] = {"arrowstyle": "-|>", "mutation_scale": 11, "lw": 1.0}
     for q, (x, y) in enumerate(place):
-        color = GOAL if automaton.accepting[q] else FAINT if q == automaton.trap else INK
+        colour = (
+            GOAL_COLOUR if automaton.accepting[q] else TRAP_COLOUR if q == automaton.trap else STATE_COLOUR
+        )
         style = "--" if q == automaton.trap else "-"
-        axes.add_patch(Circle((x, y), RADIUS, fill=False, ec=color, ls=style, lw=1.3))
+        axes.add_patch(Circle((x, y), STATE_RADIUS, fill=False, ec=colour, ls=style, lw=1.3))
         if automaton.accepting[q]:
-            axes.add_patch(Circle((x, y), RADIUS - 0.06, fill=False, ec=color, lw=1.0))
-        axes.text(x, y, str(q), ha="center", va="center", color=color, fontsize=10)
+            axes.add_patch(Circle((x, y), STATE_RADIUS - 0.06, fill=False, ec=colour, lw=1.0))
+        axes.text(x, y, str(q), ha="center", va="center", color=colour, fontsize=10)
     x, y = place[automaton.initial]
     axes.add_patch(
-        FancyArrowPatch((x - RADIUS - 0.6, y), (x - RADIUS, y), color=INK, shrinkA=0, shrinkB=0, **head)
+        FancyArrowPatch(
+            (x - STATE_RADIUS - 0.6, y),
+            (x - STATE_RADIUS, y),
+            color=STATE_COLOUR,
+            shrinkA=0,
+            shrinkB=0,
+            **head,
+        )
     )
-    taken = _Taken(place)
+    taken = _OccupiedBoxes(place)
     for (p, q), text in texts.items():
-        color = FAINT if q == automaton.trap else INK
-        curve = _loop(place[p]) if p == q else _bow(place, p, q, (q, p) in texts)
-        axes.add_patch(FancyArrowPatch(path=_path(curve), color=color, **head))
-        font = {"ha": "center", "va": "center", "fontsize": 7.5, "color": color}
+        colour = TRAP_COLOUR if q == automaton.trap else STATE_COLOUR
+        curve = _loop_edge(place[p]) if p == q else _bent_edge(place, p, q, (q, p) in texts)
+        axes.add_patch(FancyArrowPatch(path=_curve_path(curve), color=colour, **head))
+        font = {"ha": "center", "va": "center", "fontsize": 7.5, "color": colour}
         box = {"boxstyle": "round,pad=0.15", "fc": "white", "ec": "none"}
-        said = _wrapped(text, 22)
+        said = _wrapped_formula(text, 22)
         spot = taken.spot(curve, said, p == q)
         axes.text(spot[0], spot[1], said, font, bbox=box)
 
 
-def layout(automaton: Automaton) -> FloatArray:
-    """Positions (Q, 2): columns from left to right by the longest way from the start, the trap below.
+def state_positions(automaton: Automaton) -> FloatArray:
+    """Positions of the states, shape (Q, 2): columns by the longest path from the start, the trap below.
 
-    States that can reach each other share a depth and stand side by side in the order of their numbers.
+    States of a cycle are placed side by side in the order of their numbers.
     """
     import networkx as nx
 
@@ -124,29 +135,29 @@ def layout(automaton: Automaton) -> FloatArray:
     return place
 
 
-class _Taken:
-    """Boxes (centre and half size) that labels keep clear of: states, and the labels before."""
+class _OccupiedBoxes:
+    """Boxes (centre, half size) that labels should not cover: states and earlier labels."""
 
     def __init__(self, place: FloatArray) -> None:
-        self.boxes = [(point, np.array([RADIUS, RADIUS])) for point in place]
+        self.boxes = [(point, np.array([STATE_RADIUS, STATE_RADIUS])) for point in place]
 
     def spot(self, curve: FloatArray, text: str, loop: bool) -> FloatArray:
-        """The point of ``curve`` where a label covers least, the middle where that is free."""
+        """The point of ``curve`` where a label covers the least area, the middle if that is free."""
         lines = text.split("\n")
-        half = np.array([0.04 * max(map(len, lines)), 0.1 * len(lines)])  # of 7.5 point type
-        spots = [_bezier(curve, t) for t in ((0.5,) if loop else (0.5, 0.4, 0.6, 0.3, 0.7, 0.22, 0.78))]
+        half = np.array([0.04 * max(map(len, lines)), 0.1 * len(lines)])  # for text of 7.5 pt
+        spots = [_bezier_point(curve, t) for t in ((0.5,) if loop else (0.5, 0.4, 0.6, 0.3, 0.7, 0.22, 0.78))]
         best = min(spots, key=lambda spot: self.covered(spot, half))
         self.boxes.append((best, half))
         return best
 
     def covered(self, spot: FloatArray, half: FloatArray) -> float:
-        """Area of the boxes under a label."""
+        """Area of the boxes that a label covers."""
         sides = (np.maximum(0.0, half + size - np.abs(spot - centre)) for centre, size in self.boxes)
         return float(sum(a * b for a, b in sides))
 
 
-def _bow(place: FloatArray, p: int, q: int, both: bool) -> FloatArray:
-    """Control points (3, 2) of an edge that bends around the states between its ends."""
+def _bent_edge(place: FloatArray, p: int, q: int, both: bool) -> FloatArray:
+    """Control points (3, 2) of an edge, bent if states lie between its ends."""
     start, end = place[p], place[q]
     along = (end - start) / np.linalg.norm(end - start)
     side = np.array([-along[1], along[0]])
@@ -158,37 +169,37 @@ def _bow(place: FloatArray, p: int, q: int, both: bool) -> FloatArray:
     leave, arrive = middle - start, end - middle
     return np.array(
         [
-            start + RADIUS * leave / np.linalg.norm(leave),
+            start + STATE_RADIUS * leave / np.linalg.norm(leave),
             middle,
-            end - RADIUS * arrive / np.linalg.norm(arrive),
+            end - STATE_RADIUS * arrive / np.linalg.norm(arrive),
         ]
     )
 
 
-def _loop(centre: FloatArray) -> FloatArray:
+def _loop_edge(centre: FloatArray) -> FloatArray:
     """Control points (4, 2) of a loop above a state."""
     angle = math.radians(28)
-    foot = RADIUS * np.array([math.sin(angle), math.cos(angle)])
+    foot = STATE_RADIUS * np.array([math.sin(angle), math.cos(angle)])
     corners: FloatArray = np.array([[-foot[0], foot[1]], [-0.55, 1.0], [0.55, 1.0], foot])
     return corners + centre
 
 
-def _path(curve: FloatArray) -> Curve:
+def _curve_path(curve: FloatArray) -> Curve:
     from matplotlib.path import Path as Curve
 
     code = Curve.CURVE3 if len(curve) == 3 else Curve.CURVE4
     return Curve(curve, [Curve.MOVETO, *[code] * (len(curve) - 1)])
 
 
-def _bezier(curve: FloatArray, t: float) -> FloatArray:
+def _bezier_point(curve: FloatArray, t: float) -> FloatArray:
     while len(curve) > 1:
         curve = (1 - t) * curve[:-1] + t * curve[1:]
     point: FloatArray = curve[0]
     return point
 
 
-def _wrapped(text: str, width: int) -> str:
-    """Break lines behind ``|`` and ``&``."""
+def _wrapped_formula(text: str, width: int) -> str:
+    """``text`` with line breaks after ``|`` and ``&``."""
     lines, line = [], ""
     for word in text.replace(" & ", " &\x00").replace(" | ", " |\x00").split("\x00"):
         if line and len(line) + len(word) > width:
@@ -198,8 +209,4 @@ def _wrapped(text: str, width: int) -> str:
     return "\n".join([*lines, line.strip()])
 
 
-def _quoted(text: str) -> str:
-    return '"' + text.replace("\\", "\\\\").replace('"', '\\"') + '"'
-
-
-__all__ = ["dot", "draw", "layout", "picture"]
+__all__ = ["dot_text", "draw_automaton", "save_picture", "state_positions"]

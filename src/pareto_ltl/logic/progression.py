@@ -1,14 +1,17 @@
-"""Formula progression: what is left to do after a letter, explored into a transition table.
+"""Formula progression: the obligations that remain after each letter, explored into a transition table.
 
-A positive normal form is a graph of shared nodes with literals, ``&``, ``|``, ``X`` and ``U`` (``F p = true
-U p``, ``p M q = q U (p & q)``). What is left of a mission is a disjunction of conjunctions of such nodes,
-an antichain of bit sets, so it takes finitely many values. Reading a letter (Bacchus and Kabanza, 1998)::
+A positive normal form is a graph of shared nodes with literals, ``&``, ``|``, ``X`` and ``U``::
 
-    step(p U q) = step(q) | (step(p) & p U q),    step(X p) = p,    a literal becomes true or false
+    F p = true U p,    p M q = q U (p & q)
 
-Two things keep the state space near minimal: parts that another part implies are dropped (after ``a`` in
-``F(a & F b)``, ``F b`` makes ``F(a & F b)`` idle), and letters are told apart only by the propositions that
-a state reads now.
+A state is a disjunction of conjunctions of such nodes, stored as an antichain of bit sets, so there are
+finitely many. Progression by a letter (Bacchus and Kabanza, 1998, doi:10.1023/A:1018985923441)::
+
+    step(p U q) = step(q) | (step(p) & p U q),    step(X p) = p,    step(literal) = true or false
+
+Two simplifications keep the number of states close to the minimum. Parts that another part implies are
+dropped: after ``a`` in ``F(a & F b)``, ``F b`` implies ``F(a & F b)``. And letters are distinguished only by
+the propositions that a state reads at the next step.
 """
 
 from __future__ import annotations
@@ -19,74 +22,74 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pareto_ltl.logic import dfa as tables
-from pareto_ltl.logic.dfa import Table
+from pareto_ltl.logic.dfa import TransitionTable
 from pareto_ltl.logic.formula import Formula
 from pareto_ltl.support.arrays import IntArray
 
-State = tuple[int, ...]  # clauses; a clause is a set of obligations, one bit each
-DUTIES = ("X", "U", "+", "-")  # what clauses are made of
-DONE: State = (0,)
-LOST: State = ()
+ProgressionState = tuple[int, ...]  # clauses; a clause is a set of obligations, one bit for each
+OBLIGATION_KINDS = ("X", "U", "+", "-")  # operators of the nodes in clauses
+DONE_STATE: ProgressionState = (0,)
+LOST_STATE: ProgressionState = ()
 
 
-class Node:
-    """A shared node of the normal form; the same formula is the same object."""
+class ProgressionNode:
+    """A shared node of the normal form; equal formulas are the same object."""
 
     __slots__ = ("args", "bit", "eventual", "now", "op", "temporal")
 
-    def __init__(self, op: str, args: tuple[Node, ...], now: int, bit: int) -> None:
+    def __init__(self, op: str, args: tuple[ProgressionNode, ...], now: int, bit: int) -> None:
         self.temporal: bool
         self.op = op  # true, false, +, - (literals), &, |, X, U
         self.args = args
-        self.now = now  # propositions read by the next step
-        self.bit = bit  # its place in clauses
+        self.now = now  # bits of the propositions that the next step reads
+        self.bit = bit  # its bit in clauses
         self.temporal = op in "XU" or any(arg.temporal for arg in args)
-        # Eventual: stays true when letters are put in front, so F p = p and q U p = p.
+        # Eventual: stays true if letters are inserted in front, so that F p = p and q U p = p.
         self.eventual = op in ("true", "false") or (op == "U" and args[0].op == "true")
         if op in "&|X":
             self.eventual = all(arg.eventual for arg in args)
 
 
 class Progression:
-    """All nodes of one translation, and what they become letter by letter."""
+    """All nodes of one translation and their progression."""
 
     def __init__(self, atoms: tuple[str, ...], max_states: int) -> None:
         self.place = {name: 1 << i for i, name in enumerate(atoms)}
         self.max_states = max_states
-        self.nodes: list[Node] = []
-        self.shared: dict[tuple[object, ...], Node] = {}
+        self.nodes: list[ProgressionNode] = []
+        self.shared: dict[tuple[object, ...], ProgressionNode] = {}
         self.implied: dict[tuple[int, int], bool] = {}
         self.known: dict[int, int] = {}  # consequences of one obligation, of a clause
         self.closures: dict[int, int] = {}
-        self.steps: dict[tuple[int, int], State] = {}
+        self.steps: dict[tuple[int, int], ProgressionState] = {}
         self.true = self.make("true", ())
         self.false = self.make("false", ())
 
     # Nodes
 
-    def make(self, op: str, args: tuple[Node, ...], atom: int = 0) -> Node:
+    def make(self, op: str, args: tuple[ProgressionNode, ...], atom: int = 0) -> ProgressionNode:
         key = (op, atom, *[arg.bit for arg in args])
         if key not in self.shared:
             now = atom
             if op != "X":
                 for arg in args:
                     now |= arg.now
-            node = self.shared[key] = Node(op, args, now, 1 << len(self.nodes))
+            node = self.shared[key] = ProgressionNode(op, args, now, 1 << len(self.nodes))
             self.nodes.append(node)
         return self.shared[key]
 
-    def read(self, tree: Formula) -> Node:
-        """Share a positive normal form, simplified."""
-        done: dict[int, Node] = {}
+    def read(self, tree: Formula) -> ProgressionNode:
+        """The simplified shared node of a positive normal form."""
+        done: dict[int, ProgressionNode] = {}
 
-        def node(tree: Formula) -> Node:
+        def node(tree: Formula) -> ProgressionNode:
             if id(tree) not in done:
                 done[id(tree)] = self.build(tree, node)
             return done[id(tree)]
 
         return node(tree)
 
-    def build(self, tree: Formula, node: Callable[[Formula], Node]) -> Node:
+    def build(self, tree: Formula, node: Callable[[Formula], ProgressionNode]) -> ProgressionNode:
         if tree.op == "true":
             return self.true
         if tree.op == "false":
@@ -108,20 +111,20 @@ class Progression:
             return self.until(args[1], self.combine("&", args))
         return self.until(*args)
 
-    def next(self, p: Node) -> Node:
+    def next(self, p: ProgressionNode) -> ProgressionNode:
         return p if p.op in ("true", "false") else self.make("X", (p,))
 
-    def until(self, p: Node, q: Node) -> Node:
+    def until(self, p: ProgressionNode, q: ProgressionNode) -> ProgressionNode:
         if q.eventual or p.op == "false" or self.implies(p, q):
             return q
         if q.op == "U" and q.args[0] is p:  # p U (p U q)
             return q
         return self.make("U", (p, q))
 
-    def combine(self, op: str, args: Iterable[Node]) -> Node:
-        """``&`` or ``|`` of ``args``: flat, without repetitions and without parts that others make idle."""
+    def combine(self, op: str, args: Iterable[ProgressionNode]) -> ProgressionNode:
+        """``&`` or ``|`` of ``args``, flat, without repetitions and redundant parts."""
         unit, zero = (self.true, self.false) if op == "&" else (self.false, self.true)
-        flat: dict[int, Node] = {}
+        flat: dict[int, ProgressionNode] = {}
         for arg in args:
             for part in arg.args if arg.op == op else (arg,):
                 flat[part.bit] = part
@@ -134,9 +137,9 @@ class Progression:
             return parts[0] if parts else unit
         return self.make(op, tuple(sorted(parts, key=lambda part: part.bit)))
 
-    def merge(self, op: str, parts: list[Node]) -> list[Node]:
+    def merge(self, op: str, parts: list[ProgressionNode]) -> list[ProgressionNode]:
         """``X p & X q = X (p & q)``, the same for ``|``, and ``p U q | p U r = p U (q | r)``."""
-        groups: dict[tuple[str, int], list[Node]] = {}
+        groups: dict[tuple[str, int], list[ProgressionNode]] = {}
         for part in parts:
             own = part.args[0].bit if part.op == "U" else part.bit
             mergeable = part.op == "X" or (part.op == "U" and op == "|")
@@ -153,32 +156,32 @@ class Progression:
                 merged.append(
                     self.until(group[0].args[0], self.combine(op, [part.args[1] for part in group]))
                 )
-        return merged  # what until() returns may be a chain again; that costs states, not correctness
+        return merged  # until() may return a chain again, which costs states but is correct
 
-    def clash(self, parts: list[Node]) -> bool:
+    def clash(self, parts: list[ProgressionNode]) -> bool:
         plus, minus = ({part.now for part in parts if part.op == sign} for sign in "+-")
         return bool(plus & minus)
 
-    def strongest(self, parts: list[Node]) -> list[Node]:
+    def strongest(self, parts: list[ProgressionNode]) -> list[ProgressionNode]:
         for part in list(parts):
             if part in parts:
                 parts = [other for other in parts if other is part or not self.implies(part, other)]
         return parts
 
-    def weakest(self, parts: list[Node]) -> list[Node]:
+    def weakest(self, parts: list[ProgressionNode]) -> list[ProgressionNode]:
         for part in list(parts):
             if part in parts:
                 parts = [other for other in parts if other is part or not self.implies(other, part)]
         return parts
 
-    def implies(self, p: Node, q: Node) -> bool:
-        """Sound, not complete: may the shape of ``p`` and ``q`` alone show that ``p`` implies ``q``?"""
+    def implies(self, p: ProgressionNode, q: ProgressionNode) -> bool:
+        """Whether the syntax of ``p`` and ``q`` shows that ``p`` implies ``q``; sound, not complete."""
         key = p.bit, q.bit
         if key not in self.implied:
             self.implied[key] = self.shows(p, q)
         return self.implied[key]
 
-    def shows(self, p: Node, q: Node) -> bool:
+    def shows(self, p: ProgressionNode, q: ProgressionNode) -> bool:
         if p is q or p.op == "false" or q.op == "true":
             return True
         if p.op == "true" or q.op == "false":
@@ -210,7 +213,7 @@ class Progression:
             return True
         return self.each(p.args, q)
 
-    def each(self, parts: tuple[Node, ...], q: Node) -> bool:
+    def each(self, parts: tuple[ProgressionNode, ...], q: ProgressionNode) -> bool:
         for part in parts:  # noqa: SIM110
             if not self.implies(part, q):
                 return False
@@ -218,70 +221,70 @@ class Progression:
 
     # States
 
-    def start(self, node: Node) -> State:
-        """The state that asks for ``node`` from the next letter on."""
+    def start(self, node: ProgressionNode) -> ProgressionState:
+        """The state in which ``node`` must hold from the next letter on."""
         if node.op == "true":
-            return DONE
+            return DONE_STATE
         if node.op == "false":
-            return LOST
+            return LOST_STATE
         if node.op not in "&|":
             return (node.bit,)
         parts = [self.start(arg) for arg in node.args]
         return self.all(parts) if node.op == "&" else self.any(parts)
 
-    def step(self, node: Node, letter: int) -> State:
-        """What ``node`` asks for after ``letter``, a set of propositions as bits."""
+    def step(self, node: ProgressionNode, letter: int) -> ProgressionState:
+        """The obligations of ``node`` after ``letter``, propositions as bits."""
         key = node.bit, letter & node.now
         found = self.steps.get(key)
         if found is None:
             found = self.steps[key] = self.read_letter(node, letter)
         return found
 
-    def read_letter(self, node: Node, letter: int) -> State:
+    def read_letter(self, node: ProgressionNode, letter: int) -> ProgressionState:
         op, args = node.op, node.args
         if op in ("true", "false"):
             return self.start(node)
         if op == "+":
-            return DONE if letter & node.now else LOST
+            return DONE_STATE if letter & node.now else LOST_STATE
         if op == "-":
-            return LOST if letter & node.now else DONE
+            return LOST_STATE if letter & node.now else DONE_STATE
         if op == "X":
             return self.start(args[0])
         if op == "U":
             here = self.step(args[1], letter)
             return (
                 here
-                if here == DONE
+                if here == DONE_STATE
                 else self.any([here, self.all([self.step(args[0], letter), (node.bit,)])])
             )
         parts = []
         for arg in args:
             part = self.step(arg, letter)
-            if part == (LOST if op == "&" else DONE):
+            if part == (LOST_STATE if op == "&" else DONE_STATE):
                 return part
             parts.append(part)
         return self.all(parts) if op == "&" else self.any(parts)
 
-    def all(self, parts: Iterable[State]) -> State:
-        """Conjunction: every choice of one clause from each part."""
-        result = DONE
+    def all(self, parts: Iterable[ProgressionState]) -> ProgressionState:
+        """Conjunction: all unions of one clause from each part."""
+        result = DONE_STATE
         for part in parts:
-            if part == DONE:
+            if part == DONE_STATE:
                 continue
-            result = part if result == DONE else self.any([[a | b for a in result for b in part]])
+            result = part if result == DONE_STATE else self.any([[a | b for a in result for b in part]])
             if not result:
-                return LOST
+                return LOST_STATE
         return result
 
-    def any(self, parts: Iterable[Iterable[int]]) -> State:
-        """Disjunction: all clauses, less those that imply another."""
+    def any(self, parts: Iterable[Iterable[int]]) -> ProgressionState:
+        """Disjunction: all clauses except those that imply another one."""
         clauses = {self.core(clause) for part in parts for clause in part}
         if len(clauses) < 2:
             return tuple(clauses)
         if 0 in clauses:
-            return DONE
+            return DONE_STATE
         if len(clauses) > self.max_states:
-            raise tables.too_many(self.max_states)
+            raise tables.too_many_states(self.max_states)
         kept = sorted(clauses)
         for clause in kept[:]:
             if clause in kept:
@@ -289,8 +292,8 @@ class Progression:
         return tuple(kept)
 
     def core(self, clause: int) -> int:
-        """``clause`` without the obligations that its others imply."""
-        for bit in bits(clause):
+        """``clause`` without obligations that its other obligations imply."""
+        for bit in set_bits(clause):
             if clause & bit and clause != bit:
                 clause &= ~self.consequences(bit) | bit
         return clause
@@ -300,50 +303,52 @@ class Progression:
         result = self.closures.get(clause)
         if result is None:
             result = 0
-            for bit in bits(clause):
+            for bit in set_bits(clause):
                 result |= self.consequences(bit)
             self.closures[clause] = result
         return result
 
     def consequences(self, bit: int) -> int:
-        """The obligations that the node of ``bit`` implies, itself among them."""
+        """The obligations that the node of ``bit`` implies, itself included."""
         implied = self.known.get(bit)
         if implied is None:
             node = self.nodes[bit.bit_length() - 1]
             implied = 0
             for other in self.nodes:
-                if other.op in DUTIES and self.implies(node, other):
+                if other.op in OBLIGATION_KINDS and self.implies(node, other):
                     implied |= other.bit
             self.known[bit] = implied
         return implied
 
     # Tables
 
-    def table(self, node: Node, letters: IntArray) -> Table:
-        """The automaton of ``node``: by products at ``&`` and ``|``, by progression below them."""
+    def table(self, node: ProgressionNode, letters: IntArray) -> TransitionTable:
+        """The transition table of ``node``: products for ``&`` and ``|``, progression below them."""
         if node.op in ("&", "|"):
             parts = [part for part in node.args if part.temporal]
             if len(parts) > 1:
                 plain = [part for part in node.args if not part.temporal]
                 parts += [self.combine(node.op, plain)] if plain else []
                 return self.fold([self.table(part, letters) for part in parts], node.op == "&")
-        return tables.minimal(self.explore(node, letters))[0]
+        return tables.minimal_table(self.explore(node, letters))[0]
 
-    def fold(self, parts: list[Table], both: bool) -> Table:
-        """Products of neighbours, then of neighbouring products, each made minimal at once."""
+    def fold(self, parts: list[TransitionTable], both: bool) -> TransitionTable:
+        """The product of ``parts`` as a balanced tree of products, each minimised at once."""
         while len(parts) > 1:
             pairs = zip(parts[::2], parts[1::2], strict=False)
-            products = [tables.minimal(tables.product(a, b, both, self.max_states))[0] for a, b in pairs]
+            products = [
+                tables.minimal_table(tables.product_table(a, b, both, self.max_states))[0] for a, b in pairs
+            ]
             parts = products + parts[2 * len(products) :]
         return parts[0]
 
-    def explore(self, node: Node, letters: IntArray) -> Table:
-        """Follow every letter from every state that can be reached."""
-        states: dict[State, int] = {self.start(node): 0}
+    def explore(self, node: ProgressionNode, letters: IntArray) -> TransitionTable:
+        """Breadth-first exploration of all letters from all reachable states."""
+        states: dict[ProgressionState, int] = {self.start(node): 0}
         groups: dict[int, tuple[list[int], IntArray]] = {}
         rows: list[NDArray[np.int32]] = []
         queue = list(states)
-        for state in queue:  # grows while we walk it
+        for state in queue:  # grows during the loop
             now = self.reads(state)
             if now not in groups:
                 kinds, which = np.unique(letters & now, return_inverse=True)
@@ -357,33 +362,35 @@ class Progression:
                     queue.append(after)
                 row.append(states[after])
             rows.append(np.array(row, dtype=np.int32)[which])
-            tables.check_size(len(states), len(letters), self.max_states)
-        accepting = np.array([state == DONE for state in queue])
-        return Table(np.array(rows), accepting)
+            tables.check_table_size(len(states), len(letters), self.max_states)
+        accepting = np.array([state == DONE_STATE for state in queue])
+        return TransitionTable(np.array(rows), accepting)
 
-    def reads(self, state: State) -> int:
-        """The propositions that matter to the next step from ``state``."""
+    def reads(self, state: ProgressionState) -> int:
+        """Bits of the propositions that the next step from ``state`` reads."""
         now = 0
         for clause in state:
-            for bit in bits(clause):
+            for bit in set_bits(clause):
                 now |= self.nodes[bit.bit_length() - 1].now
         return now
 
-    def after(self, state: State, letter: int) -> State:
-        return state if state in (DONE, LOST) else self.any([self.advance(c, letter) for c in state])
+    def after(self, state: ProgressionState, letter: int) -> ProgressionState:
+        return (
+            state if state in (DONE_STATE, LOST_STATE) else self.any([self.advance(c, letter) for c in state])
+        )
 
-    def advance(self, clause: int, letter: int) -> State:
+    def advance(self, clause: int, letter: int) -> ProgressionState:
         parts = []
-        for bit in bits(clause):
+        for bit in set_bits(clause):
             part = self.step(self.nodes[bit.bit_length() - 1], letter)
             if not part:
-                return LOST
+                return LOST_STATE
             parts.append(part)
         return self.all(parts)
 
 
-def bits(clause: int) -> Iterator[int]:
-    """The bits that are set, lowest first."""
+def set_bits(clause: int) -> Iterator[int]:
+    """The bits of ``clause`` that are set, the lowest first."""
     while clause:
         bit = clause & -clause
         clause ^= bit

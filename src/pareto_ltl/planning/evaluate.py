@@ -80,7 +80,7 @@ def propagate(problem: Problem, x: FloatArray, law: kd.Law | None = None) -> Fli
 
     flight = _empty_flight(problem.world.law if law is None else law, len(x))
     flight.x[:] = x
-    kernel.propagate(problem.world.law if law is None else law, flight, problem.start_variance, False)
+    kernel.propagate_flight(problem.world.law if law is None else law, flight, problem.start_variance, False)
     return flight
 
 
@@ -90,7 +90,7 @@ def propagate_controls(problem: Problem, u: FloatArray, law: kd.Law) -> Flight:
 
     flight = _empty_flight(law, len(u) + 1)
     flight.x[0], flight.u[:] = problem.scene.start, u
-    kernel.propagate(law, flight, problem.start_variance, True)
+    kernel.propagate_flight(law, flight, problem.start_variance, True)
     return flight
 
 
@@ -138,7 +138,7 @@ def evaluate_path(
         With what is wrong and at which step.
     """
     flight = propagate(problem, x)
-    q, cell = _checked(problem, flight, 1.0 + tolerance)
+    q, cell = _check_flown(problem, flight, 1.0 + tolerance)
     collision = collision_risk(problem, flight, problem.world.law, tight=tight)
     allowed = getattr(problem.world.collision, "delta", math.inf)
     if tight and collision > allowed:
@@ -159,7 +159,7 @@ def evaluate_path(
     )
 
 
-def _checked(problem: Problem, flight: Flight, fast: float) -> tuple[IntArray, IntArray]:
+def _check_flown(problem: Problem, flight: Flight, fast: float) -> tuple[IntArray, IntArray]:
     """Automaton state and cell of every step of a path without a fault."""
     from pareto_ltl.kernels import path as kernel
 

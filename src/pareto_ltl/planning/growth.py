@@ -33,7 +33,7 @@ from pareto_ltl.support.cores import cores
 from pareto_ltl.support.errors import InfeasibleError
 
 ITERATIONS_PER_VERTEX = 50  # extensions tried before a tree that does not grow is given up
-CHUNK = 20_000  # vertices between two looks at the clock
+GROWTH_CHUNK = 20_000  # vertices between two looks at the clock
 TREES_KEEP = 0.5  # of epsilon under the path bound: trees that spend all run into delta; bending needs room
 SCALED_SLACK = 1.0  # slack on risks of the scaled rule is a factor drawn between 1 and 1 plus this
 CAPACITY = 8  # vertices that a square keeps as possible parents, for each automaton state
@@ -117,7 +117,7 @@ def _mixed(cfg: PlannerConfig, problem: Problem, number: int, rng: np.random.Gen
     return _scaled(cfg, problem, number, rng, scored=number % 2 == 1)  # half of the trees
 
 
-PARENT_RULES: dict[str, Callable[..., Dominance | Scaled]] = {
+RULE_MAKERS: dict[str, Callable[..., Dominance | Scaled]] = {
     "dominance": _dominance, "scaled": _scaled, "tchebycheff": _tchebycheff, "mixed": _mixed,
 }  # fmt: skip
 
@@ -209,13 +209,14 @@ def grow_forest(
     trees = tuple(_finished_tree(tree) for tree in growing)
     accepted = [np.flatnonzero(problem.automaton.distance[tree.q] == 0.0) for tree in trees]
     pairs = [np.column_stack([np.full(len(v), j), v]) for j, v in enumerate(accepted)]
-    return Forest(trees, np.vstack(pairs).astype(np.int64), time.perf_counter() - began)
+    accepted_rows = np.vstack(pairs).astype(np.int64)
+    return Forest(trees, accepted_rows, time.perf_counter() - began, mission_columns(problem))
 
 
 def _plant(grove: _Grove, seed: SeedSequence, number: int, options: GrowthOptions) -> _GrowingTree:
     cfg, problem = grove.cfg, grove.problem
     rng = np.random.Generator(np.random.PCG64(seed))
-    rule = PARENT_RULES[problem.fidelity.parents](cfg, problem, number, rng)
+    rule = RULE_MAKERS[problem.fidelity.parents](cfg, problem, number, rng)
     settings = _growth_settings(cfg, problem, rule, options)
     columns = mission_columns(problem) + isinstance(problem.world.collision, kd.PathBound)
     vertices = _vertices(problem, cfg.n_max, columns)
@@ -299,8 +300,8 @@ def _grow_to_end(grove: _Grove, tree: _GrowingTree, deadline: float) -> None:
     began, n_max = time.perf_counter(), grove.cfg.n_max
     iterations, tally = ITERATIONS_PER_VERTEX * n_max, tree.tally
     while tree.size < n_max and tally[kt.ITERATIONS] < iterations and time.perf_counter() < deadline:
-        limit = min(n_max, tree.size + CHUNK)
-        grove.grow(tree, limit, min(iterations, int(tally[kt.ITERATIONS]) + CHUNK))
+        limit = min(n_max, tree.size + GROWTH_CHUNK)
+        grove.grow(tree, limit, min(iterations, int(tally[kt.ITERATIONS]) + GROWTH_CHUNK))
         if tally[kt.STALLED] or (tree.search.settings.stop_at_first and tally[kt.ACCEPTED]):
             break
     tree.seconds = time.perf_counter() - began

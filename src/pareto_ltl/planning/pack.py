@@ -213,12 +213,12 @@ def build_problem(
     cells, logic = pack_cells(scene.bounds, decomposition, atoms), pack_logic(automaton, decomposition.labels)
     theorem2, ordered = pack_theorem2(decomposition, cells, atoms), pack_ordered(decomposition, cells, logic)
     obstacles = pack_faces(decomposition.obstacles)
-    mission: kd.MissionBound = {"theorem2": theorem2, "ordered": ordered}[fidelity.mission_bound]
+    missions: dict[str, kd.MissionBound] = {"theorem2": theorem2, "ordered": ordered}
     collision = pack_collision(fidelity.collision_bound, obstacles, epsilon, planner.delta)
     return Problem(
         scene=scene,
         decomposition=decomposition,
-        world=kd.World(laws[fidelity.law], mission, collision, cells, logic),
+        world=kd.World(laws[fidelity.law], missions[fidelity.mission_bound], collision, cells, logic),
         laws=laws,
         theorem2=theorem2,
         ordered=ordered,

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pareto_ltl.support.arrays import FloatArray, IntArray
+from pareto_ltl.support.display import Displayed, distance_text
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,19 +61,29 @@ class Tree:
         return self.x[rows[::-1]]
 
 
-@dataclass(frozen=True, slots=True)
-class Forest:
+@dataclass(frozen=True, slots=True, repr=False)
+class Forest(Displayed):
     """The trees of one run and the vertices that complete the mission.
 
     Attributes
     ----------
     accepted : (A, 2) int
         Tree and vertex of every accepted vertex.
+    mission_columns : int
+        How many of the first columns of ``Tree.risk`` add up to the mission risk; the rest is collision risk.
     """
 
     trees: tuple[Tree, ...]
     accepted: IntArray
     seconds: float
+    mission_columns: int = 1
+
+    def facts(self) -> Mapping[str, str]:
+        return {
+            "trees": f"{len(self.trees)}",
+            "vertices": f"{sum(map(len, self.trees)):,}",
+            "accepted": f"{len(self.accepted):,}",
+        }
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,8 +139,8 @@ class PlannedPath:
     fixes: tuple[int, ...] = ()
 
 
-@dataclass(frozen=True, slots=True)
-class Front:
+@dataclass(frozen=True, slots=True, repr=False)
+class Front(Displayed):
     """Non-dominated paths, sorted by mission risk.
 
     ``raw`` holds the objectives of the front before smoothing, for the record of what smoothing brought.
@@ -141,6 +152,15 @@ class Front:
     hypervolume: float
     reference: FloatArray
     estimates: tuple[float, ...] = ()
+
+    def facts(self) -> Mapping[str, str]:
+        lengths = [path.objectives.length for path in self.paths] or [0.0]
+        risks = [path.objectives.mission_risk for path in self.paths] or [0.0]
+        return {
+            "paths": f"{len(self.paths)}",
+            "length": f"{distance_text(min(lengths))} to {distance_text(max(lengths))}",
+            "mission risk": f"{min(risks):.2g} to {max(risks):.2g}",
+        }
 
 
 @dataclass(frozen=True, slots=True)
@@ -173,8 +193,8 @@ class Acceptance:
     linearity: float
 
 
-@dataclass(frozen=True, slots=True)
-class Plan:
+@dataclass(frozen=True, slots=True, repr=False)
+class Plan(Displayed):
     """The path to fly, and what it was chosen by."""
 
     path: PlannedPath
@@ -187,3 +207,14 @@ class Plan:
     rule: str
     weights: tuple[float, ...]
     acceptance: Acceptance | None = None
+
+    def facts(self) -> Mapping[str, str]:
+        o = self.path.objectives
+        return {
+            "formula": self.formula,
+            "length": distance_text(o.length),
+            "steps": f"{len(self.path.u)}",
+            "mission risk": f"{o.mission_risk:.2g}",
+            "collision risk": f"{o.collision_risk:.2g}",
+            "fidelity": self.fidelity,
+        }

@@ -41,7 +41,7 @@ def inside_bound(normals: FloatArray, offsets: FloatArray, mean: FloatArray, cov
     return float(min(1.0, _tail(normals @ mean - offsets, deviation(normals, cov)).min()))
 
 
-def polygon_probability(polygon: FloatArray, mean: FloatArray, cov: FloatArray) -> float:
+def gaussian_in_polygon(polygon: FloatArray, mean: FloatArray, cov: FloatArray) -> float:
     """P(N(mean, cov) in polygon), exact in two dimensions.
 
     Whitened by the Cholesky factor, with h the signed distance of a directed edge from the origin and
@@ -100,7 +100,8 @@ def interpolate(wind: Wind, table: FloatArray, step: int, point: FloatArray) -> 
     """A table (K, NX, NY, n) at a step and a point, (n,)."""
     now = interpolate_time(wind, table, step)[None]
     corners, (fraction,), _ = lattice_corners(wind, now, np.zeros(1, np.int64), point[None])
-    return bilinear_value(corners, *fraction)[0]
+    value: FloatArray = bilinear_value(corners, *fraction)[0]
+    return value
 
 
 def wind_at_place(wind: Wind, step: int, point: FloatArray) -> FloatArray:
@@ -277,5 +278,5 @@ def _cell_probability(problem: Problem, cell: int, x: FloatArray, cov: FloatArra
     known = sd.max(axis=1) == 0.0  # a position known exactly lies in one cell
     P[known] = (problem.locate(x[known]) == cell).astype(float)
     for t in np.flatnonzero(exact):
-        P[t] = polygon_probability(polygon, x[t], cov[t])
+        P[t] = gaussian_in_polygon(polygon, x[t], cov[t])
     return np.asarray(P, float)

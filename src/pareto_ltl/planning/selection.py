@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 
 import numpy as np
 
 from pareto_ltl.planning.evaluate import evaluate_path
-from pareto_ltl.planning.growth import mission_columns
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import Forest, Front, PlannedPath, objective_row
-from pareto_ltl.settings import SelectionConfig
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 from pareto_ltl.support.errors import InfeasibleError
 
@@ -36,12 +34,12 @@ def hypervolume(rows: FloatArray, reference: FloatArray) -> float:
     return float(moocore.hypervolume(inside, ref=np.ones(len(reference))))
 
 
-def accepted_rows(problem: Problem, forest: Forest) -> FloatArray:
+def accepted_rows(forest: Forest) -> FloatArray:
     """Objectives of every accepted vertex, in the order of ``forest.accepted``.
 
     The mission risk, at most 1, then the collision risk where the bound keeps one, then the length.
     """
-    columns = mission_columns(problem)
+    columns = forest.mission_columns
     rows = [np.append(forest.trees[j].risk[v], forest.trees[j].length[v]) for j, v in forest.accepted]
     if not rows:
         return np.empty((0, 2))
@@ -57,7 +55,7 @@ def tree_front(problem: Problem, forest: Forest) -> tuple[PlannedPath, ...]:
     collisions a constraint (Eqs. 8 and 9), and R is worked out for the members; under the path bound R is
     one of them, and of the many members those are evaluated that differ by more than a few per cent.
     """
-    rows = accepted_rows(problem, forest)
+    rows = accepted_rows(forest)
     if len(rows) == 0:
         return ()
     keep = np.flatnonzero(non_dominated(rows))
@@ -97,7 +95,7 @@ def order_representatives(problem: Problem, forest: Forest) -> tuple[PlannedPath
     show but one of them, while another, smoothed, is better. R comes in
     its looser form and may lie above delta: these paths are where smoothing begins.
     """
-    rows = accepted_rows(problem, forest)
+    rows = accepted_rows(forest)
     if len(rows) == 0:
         return ()
     signs = [_order_hashes(problem, forest, j) for j in range(len(forest.trees))]
@@ -143,49 +141,3 @@ def build_front(smoothed: Sequence[PlannedPath], raw: Sequence[PlannedPath]) -> 
     reference = np.array([1.0, 1.0, 2.0 * rows[:, 2].max()])
     volume = hypervolume(np.array([objective_row(p.objectives) for p in kept]), reference)
     return Front(tuple(kept), tuple(p.objectives for p in raw), volume, reference)
-
-
-def choose_path(cfg: SelectionConfig, front: Front) -> PlannedPath:
-    """Pick one path of the front by ``cfg.rule``, one of :data:`SELECTION_RULES`.
-
-    Raises
-    ------
-    InfeasibleError
-        For ``threshold``, where no path is safe enough; the text gives the least risk there is.
-    """
-    rows = np.array([objective_row(p.objectives) for p in front.paths])
-    return front.paths[SELECTION_RULES[cfg.rule](cfg, front, rows)]
-
-
-def _by_priority(cfg: SelectionConfig, front: Front, rows: FloatArray) -> int:
-    """Mission risk, then collision risk, then length (the paper's); estimated failure rates, where the front
-    has them, come first, and then the sum of both risks."""
-    if front.estimates:
-        return int(np.lexsort((rows[:, 2], rows[:, :2].sum(axis=1), np.array(front.estimates)))[0])
-    return int(np.lexsort((rows[:, 2], rows[:, 1], rows[:, 0]))[0])
-
-
-def _by_weights(cfg: SelectionConfig, front: Front, rows: FloatArray) -> int:
-    """Least g_w(ξ, λ) = Σ_j λ_j f_j, length in units of the shortest on the front."""
-    weights = np.array(cfg.weights) / sum(cfg.weights)
-    return int(np.argmin(rows / [1.0, 1.0, rows[:, 2].min() or 1.0] @ weights))
-
-
-def _by_threshold(cfg: SelectionConfig, front: Front, rows: FloatArray) -> int:
-    """The shortest with mission risk + collision risk ≤ alpha."""
-    risk = rows[:, :2].sum(axis=1)
-    safe = np.flatnonzero(risk <= cfg.alpha)
-    if len(safe) == 0:
-        raise InfeasibleError(
-            f"no path keeps mission risk + collision risk within selection.alpha = {cfg.alpha:g}; the safest "
-            f"has {risk.min():.3g}: raise selection.alpha, lower planner.epsilon, or raise planner.n_max"
-        )
-    return int(safe[np.argmin(rows[safe, 2])])
-
-
-SelectionRule = Callable[[SelectionConfig, Front, FloatArray], int]
-SELECTION_RULES: dict[str, SelectionRule] = {
-    "priority": _by_priority,
-    "weighted": _by_weights,
-    "threshold": _by_threshold,
-}

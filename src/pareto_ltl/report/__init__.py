@@ -1,1 +1,4 @@
-"""Pictures of a run. Only this room knows matplotlib; import it inside the stage that draws."""
+"""Figures of runs, studies and sweeps.
+
+This package imports matplotlib, which is slow: import its modules inside the function that draws.
+"""

@@ -1,8 +1,8 @@
-"""How our pictures look: colours, sizes, ticks, and files that come out the same every time.
+"""Colours, sizes, fonts and ticks of all figures, and files with reproducible bytes.
 
-Figures are made at the width they are printed at (3.5 in a column, 7.16 in a page), so that 7 pt in
-the file is 7 pt on paper. Colours are those of Okabe and Ito, which stay apart for colour-blind readers;
-scales are ``cividis`` and ``viridis``, made for the same readers.
+Figures have the width of a column (3.5 in) or a page (7.16 in), so that 7 pt in the file is 7 pt in print.
+The colours are those of Okabe and Ito (2008), which colour-blind readers can distinguish; the colour maps
+``cividis`` and ``viridis`` are chosen for the same reason.
 """
 
 from __future__ import annotations
@@ -24,17 +24,17 @@ from matplotlib.patheffects import withStroke
 
 from pareto_ltl.support.arrays import FloatArray
 
-COLUMN, PAGE = 3.5, 7.16  # widths of a column and of a page [in]
+COLUMN_WIDTH, PAGE_WIDTH = 3.5, 7.16  # widths of a column and of a page [in]
 
 BLACK, ORANGE, SKY, GREEN = "#000000", "#E69F00", "#56B4E9", "#009E73"
-YELLOW, BLUE, VERMILLION, PURPLE = "#F0E442", "#0072B2", "#D55E00", "#CC79A7"
-FLIGHTS = (ORANGE, PURPLE)  # one colour a wind law
+BLUE, VERMILLION, PURPLE = "#0072B2", "#D55E00", "#CC79A7"
+FLIGHT_COLOURS = (ORANGE, PURPLE)  # one per wind law
 INK, STONE, MIST = "#333333", "#8C8C8C", "#B8B8B8"
 
 CHI2_95 = -2.0 * math.log(0.05)  # 95 % quantile of χ² with two degrees of freedom: its tail is exp(-x/2)
 
-RC: dict[str, Any] = {
-    "font.family": "DejaVu Sans",  # comes with matplotlib, so letters are the same on every machine
+RC_SETTINGS: dict[str, Any] = {
+    "font.family": "DejaVu Sans",  # comes with matplotlib: the same letters on every machine
     "font.size": 7.0,
     "axes.labelsize": 7.0,
     "axes.titlesize": 7.0,
@@ -56,67 +56,65 @@ RC: dict[str, Any] = {
     "xtick.minor.size": 1.5,
     "ytick.minor.size": 1.5,
     "axes.labelpad": 2.5,
-    "svg.hashsalt": "pareto_ltl",  # names inside an SVG would be random otherwise
+    "svg.hashsalt": "pareto_ltl",  # without it, ids in SVG files are random
     "svg.fonttype": "path",
 }
 
-_LOCK = threading.Lock()  # matplotlib's settings belong to the whole process
+_STYLE_LOCK = threading.Lock()  # the settings of matplotlib are global to the process
 
 
 @contextmanager
-def styled() -> Iterator[None]:
-    """Our settings and nothing of a user's matplotlibrc, for one thread at a time."""
-    with _LOCK, matplotlib.style.context(["default", RC]):
+def report_style() -> Iterator[None]:
+    """Apply our settings and ignore the matplotlibrc of the user; one thread at a time."""
+    with _STYLE_LOCK, matplotlib.style.context(["default", RC_SETTINGS]):
         yield
 
 
-def blank(width: float, height: float) -> Figure:
-    """A figure of ``width`` x ``height`` [in] that draws itself without a screen."""
+def blank_figure(width: float, height: float) -> Figure:
+    """An empty figure of ``width`` x ``height`` [in] that needs no display."""
     figure = Figure(figsize=(width, height), facecolor="white")
     FigureCanvasAgg(figure)
     return figure
 
 
-def box(figure: Figure, left: float, bottom: float, width: float, height: float) -> Axes:
-    """Axes at a place given in inches."""
+def axes_at(figure: Figure, left: float, bottom: float, width: float, height: float) -> Axes:
+    """Axes at ``left``, ``bottom`` of ``width`` x ``height``, all in inches."""
     w, h = figure.get_size_inches()
     return figure.add_axes((left / w, bottom / h, width / w, height / h))
 
 
-def note(figure: Figure, left: float, bottom: float, text: str, **kwargs: Any) -> None:
-    """Text at a place given in inches; ``$`` and ``_`` are letters like any other."""
+def text_at(figure: Figure, left: float, bottom: float, text: str, **kwargs: Any) -> None:
+    """Text at ``left``, ``bottom`` [in]; ``$`` and ``_`` have no special meaning."""
     w, h = figure.get_size_inches()
     figure.text(left / w, bottom / h, text, parse_math=False, **kwargs)
 
 
-def halo(width: float = 1.6) -> list[withStroke]:
-    """A white rim that keeps letters and symbols readable on any ground."""
+def white_halo(width: float = 1.6) -> list[withStroke]:
+    """A white outline that keeps text and markers readable on any background."""
     return [withStroke(linewidth=width, foreground="white")]
 
 
-def save(figure: Figure, folder: Path, name: str, dpi: int) -> tuple[Path, Path]:
-    """Write ``name``.png and ``name``.svg without a date or a version inside: the same bytes every time."""
+def save_figure(figure: Figure, folder: Path, name: str, dpi: int) -> tuple[Path, Path]:
+    """Write ``name``.png and ``name``.svg without date or version: equal figures, equal bytes."""
     png, svg = folder / f"{name}.png", folder / f"{name}.svg"
     with warnings.catch_warnings():
-        warnings.filterwarnings(
-            "ignore", "Glyph .* missing from font"
-        )  # a region's name may be in any script
+        warnings.filterwarnings("ignore", "Glyph .* missing from font")  # names of regions may use any script
         figure.savefig(png, dpi=dpi, metadata={"Software": None})
         figure.savefig(svg, dpi=dpi, metadata={"Date": None, "Creator": None})
     return png, svg
 
 
-def nice(value: float) -> float:
-    """The largest of 1, 2, 5 x 10^k that is not above ``value`` > 0."""
+def round_below(value: float) -> float:
+    """The largest number 1, 2 or 5 times 10^k that is at most ``value`` > 0."""
     power = 10.0 ** math.floor(math.log10(value))
     return power * next(m for m in (5.0, 2.0, 1.0) if m * power <= value * (1 + 1e-9) or m == 1.0)
 
 
-def floor_of(values: FloatArray, least: float = 1e-9) -> tuple[float, bool]:
-    """Where a logarithmic axis of probabilities ends, and whether values lie on or below that end.
+def log_axis_end(values: FloatArray, least: float = 1e-9) -> tuple[float, bool]:
+    """Lower end of a logarithmic axis of probabilities, and whether some values lie below it.
 
-    The end is the decade below the smallest value that is at least ``least``: a model of the wind promises
-    nothing about probabilities under 10⁻⁹, and 0 has no place on the axis.
+    The end is the power of ten below the smallest value that is at least ``least``. Smaller probabilities are
+    below the accuracy of the wind model, and 0 cannot be shown on the axis.
     """
     shown = values[values >= least]
     end = 10.0 ** (math.floor(math.log10(shown.min()) + 1e-9)) if len(shown) else least
@@ -124,15 +122,17 @@ def floor_of(values: FloatArray, least: float = 1e-9) -> tuple[float, bool]:
     return (max(end / 10.0, least) if hidden else end), hidden
 
 
-def ellipses(x: FloatArray, cov: FloatArray, corners: int = 48) -> FloatArray:
-    """Outlines that hold 95 % of a Gaussian each, {y : (y - x)' Σ⁻¹ (y - x) = χ²₀.₉₅}, shape (n, corners, 2).
+def confidence_ellipses(x: FloatArray, cov: FloatArray, corners: int = 48) -> FloatArray:
+    """Ellipses that contain 95 % of a Gaussian each, shape (n, corners, 2).
+
+        {y : (y - x)' Σ⁻¹ (y - x) = χ²₀.₉₅}
 
     Parameters
     ----------
     x : (n, 2) float
         Means.
     cov : (n, 2, 2) float
-        Covariances Σ; singular ones give segments and points.
+        Covariances Σ; a singular one gives a segment or a point.
     """
     values, vectors = np.linalg.eigh(cov)
     roots = vectors * np.sqrt(CHI2_95 * np.clip(values, 0.0, None))[:, None, :]
@@ -142,8 +142,8 @@ def ellipses(x: FloatArray, cov: FloatArray, corners: int = 48) -> FloatArray:
     return outlines
 
 
-def crossings(along: FloatArray, value: FloatArray, wanted: int = 4) -> list[tuple[float, float]]:
-    """Where ``value``, monotone on an edge, passes round numbers: pairs (place on the edge, round number)."""
+def round_crossings(along: FloatArray, value: FloatArray, wanted: int = 4) -> list[tuple[float, float]]:
+    """Positions ``along`` an edge where the monotone ``value`` is round: pairs (position, value)."""
     span = float(np.ptp(value))
     if not span > 0:
         return []
@@ -157,7 +157,7 @@ def crossings(along: FloatArray, value: FloatArray, wanted: int = 4) -> list[tup
     return [(float(np.interp(m, value[order], along[order])), float(round(m, 6))) for m in marks]
 
 
-def degrees(value: float, positive: str, negative: str) -> str:
+def degree_text(value: float, positive: str, negative: str) -> str:
     """``92°W`` for (-92, "E", "W")."""
     side = positive if value > 0 else negative if value < 0 else ""
     return f"{abs(value):g}°{side}"

@@ -1,4 +1,4 @@
-"""The figure of a sweep: every job a dot, over numbers the median and quartiles as a line and a band."""
+"""The figure of a sweep: one dot per job; median and quartiles as a line and a band."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from matplotlib.ticker import LogLocator
 from pareto_ltl.report import style
 from pareto_ltl.support.arrays import FloatArray
 
-COLOURS = (style.BLUE, style.VERMILLION, style.GREEN, style.PURPLE, style.ORANGE, style.SKY, style.INK)
-MARKS = ("o", "s", "^", "D", "v", "P", "X")
-WIDTH, HEIGHT = 5.2, 3.0  # [in]
-SPREAD = 0.32  # half of the width in which the dots of a word or of a repeated number lie
+SERIES_COLOURS = (style.BLUE, style.VERMILLION, style.GREEN, style.PURPLE, style.ORANGE, style.SKY, style.INK)
+SERIES_MARKS = ("o", "s", "^", "D", "v", "P", "X")
+SWEEP_WIDTH, SWEEP_HEIGHT = 5.2, 3.0  # [in]
+DOT_SPREAD = 0.32  # half width over which dots of one value are spread, relative to the distance of values
 
-LABELS = {
+AXIS_LABELS = {
     "length_m": "length of the path [km]",
     "duration_s": "flight time [h]",
     "mission_risk_paper": "mission risk, bound of the paper",
@@ -27,34 +27,44 @@ LABELS = {
     "hypervolume": "hypervolume of the front",
     "run_seconds": "time of a run [s]",
     "growth_seconds": "time of growth [s]",
-    "nodes_per_second": "tree vertices a second",
-    "planner.n_max": "vertices a tree (planner.n_max)",
+    "nodes_per_second": "tree vertices per second",
+    "planner.n_max": "vertices per tree (planner.n_max)",
     "planner.epsilon": "collision probability allowed at a step (planner.epsilon)",
     "robot.dt": "time step (robot.dt) [s]",
     "robot.u_max": "largest airspeed (robot.u_max) [m/s]",
 }
-SCALES = {"length_m": 1e-3, "duration_s": 1 / 3600}
-LAWFUL = {  # metrics that end with the law of the winds
+AXIS_SCALES = {"length_m": 1e-3, "duration_s": 1 / 3600}
+LAW_METRICS = {  # metrics whose names end with a wind law
     "failure": "failed flights",
     "mission_failure": "flights that missed the mission",
     "collision": "flights that touched an obstacle",
 }
 
-Series = Mapping[str, Sequence[tuple[str, float]]]
+SweepSeries = Mapping[str, Sequence[tuple[str, float]]]
 
 
-def draw(folder: Path, x: str, y: str, by: str | None, series: Series, dpi: int = 200) -> str:
-    """Write the figure as PNG and SVG into ``folder``; return its SVG, ready for a page."""
-    scale = SCALES.get(y, 1.0)
+def draw_sweep_figure(
+    folder: Path, x: str, y: str, by: str | None, series: SweepSeries, dpi: int = 200
+) -> str:
+    """Write metric ``y`` over setting ``x`` as PNG and SVG into ``folder``; return the SVG element.
+
+    Parameters
+    ----------
+    by : str or None
+        The setting that distinguishes the series; it is the title of the legend.
+    series : mapping of name to sequence of (value of x, value of y)
+        One entry per series.
+    """
+    scale = AXIS_SCALES.get(y, 1.0)
     series = {name: [(at, scale * value) for at, value in points] for name, points in series.items()}
     named = by is not None and len(series) <= 12
-    with style.styled():
-        figure = style.blank(WIDTH, HEIGHT)
-        axes = style.box(figure, 0.62, 0.4, WIDTH - 0.8, HEIGHT - (0.85 if named else 0.5))
-        places = _places([value for points in series.values() for value, _ in points])
+    with style.report_style():
+        figure = style.blank_figure(SWEEP_WIDTH, SWEEP_HEIGHT)
+        axes = style.axes_at(figure, 0.62, 0.4, SWEEP_WIDTH - 0.8, SWEEP_HEIGHT - (0.85 if named else 0.5))
+        places = _axis_places([value for points in series.values() for value, _ in points])
         for index, (name, points) in enumerate(series.items()):
-            _series(axes, places, index, len(series), name, points, joined=not _unordered(x))
-        _axes(axes, x, y, places, series)
+            _draw_series(axes, places, index, len(series), name, points, joined=not _is_unordered(x))
+        _label_axes(axes, x, y, places, series)
         if named:
             axes.legend(
                 title=by,
@@ -66,37 +76,37 @@ def draw(folder: Path, x: str, y: str, by: str | None, series: Series, dpi: int 
                 handletextpad=0.2,
                 columnspacing=1.2,
             )
-        _, svg = style.save(figure, folder, _file_name(y, x), dpi)
+        _, svg = style.save_figure(figure, folder, _file_name(y, x), dpi)
     text = svg.read_text(encoding="utf-8")
     return text[text.index("<svg") :]
 
 
-def _unordered(x: str) -> bool:
-    """Whether neighbours have nothing in common, so that no line may join them."""
+def _is_unordered(x: str) -> bool:
+    """Whether values of ``x`` have no meaningful order, so that no line may join them."""
     return x == "job" or x.rpartition(".")[2] == "seed"
 
 
-def label(name: str) -> str:
-    """What an axis is called: words and units where we know them, else the name itself."""
-    for stem, words in LAWFUL.items():
+def axis_label(name: str) -> str:
+    """Label of an axis: words and unit of known names, else the name itself."""
+    for stem, words in LAW_METRICS.items():
         if name.startswith(f"{stem}_"):
             return f"{words}, {name.removeprefix(f'{stem}_')} winds"
-    return LABELS.get(name, name)
+    return AXIS_LABELS.get(name, name)
 
 
 def _file_name(y: str, x: str) -> str:
     return f"{y}_over_{x}".replace("/", "-").replace(" ", "_")
 
 
-def _places(values: Sequence[str]) -> dict[str, float]:
-    """Where each value stands: numbers where they are, words one after the other."""
+def _axis_places(values: Sequence[str]) -> dict[str, float]:
+    """Position of each value: numbers at their value, words one after the other."""
     try:
         return {value: float(value) for value in values}
     except ValueError:
         return {value: float(i) for i, value in enumerate(dict.fromkeys(values))}
 
 
-def _worded(places: Mapping[str, float]) -> bool:
+def _has_words(places: Mapping[str, float]) -> bool:
     return any(not _is_number(value) for value in places)
 
 
@@ -108,7 +118,7 @@ def _is_number(value: str) -> bool:
     return True
 
 
-def _series(
+def _draw_series(
     axes: Axes,
     places: Mapping[str, float],
     index: int,
@@ -118,19 +128,19 @@ def _series(
     *,
     joined: bool,
 ) -> None:
-    colour, mark = COLOURS[index % len(COLOURS)], MARKS[index % len(MARKS)]
+    colour, mark = SERIES_COLOURS[index % len(SERIES_COLOURS)], SERIES_MARKS[index % len(SERIES_MARKS)]
     at = np.array([places[value] for value, _ in points])
     up = np.array([value for _, value in points])
     columns = np.unique(at)
     repeated = len(columns) < len(at)
-    words = _worded(places)
-    lane = SPREAD * _gap(places)
+    words = _has_words(places)
+    lane = DOT_SPREAD * _smallest_gap(places)
     shift = (index - (of - 1) / 2) * 2 * lane / of
     width = lane / max(of, 1)
     if repeated:
         quartiles = np.array([np.quantile(up[at == column], [0.25, 0.5, 0.75]) for column in columns])
         if words:
-            _boxes(axes, columns + shift, quartiles, width, colour)
+            _draw_boxes(axes, columns + shift, quartiles, width, colour)
         else:
             axes.fill_between(
                 columns, quartiles[:, 0], quartiles[:, 2], color=colour, alpha=0.16, linewidth=0
@@ -145,45 +155,45 @@ def _series(
         axes.plot(at[order], up[order], color=colour, linewidth=0.9, alpha=0.6)
     if words:
         moved = at + shift + _jitter(at, up, columns, width)
-    else:  # a little, so that series do not hide one another; on an axis of ratios not at all
-        moved = at + (0.12 * shift if repeated and not _logarithmic(places) else 0.0)
+    else:  # shift series a little against each other, except on a logarithmic axis
+        moved = at + (0.12 * shift if repeated and not _spans_decade(places) else 0.0)
     axes.plot(
         moved, up, mark, color=colour, markersize=3.2, markeredgecolor="white", markeredgewidth=0.35,
         linestyle="none", alpha=0.85, label=name or None,
     )  # fmt: skip
 
 
-def _boxes(axes: Axes, at: FloatArray, quartiles: FloatArray, width: float, colour: str) -> None:
+def _draw_boxes(axes: Axes, at: FloatArray, quartiles: FloatArray, width: float, colour: str) -> None:
     for x, (low, middle, high) in zip(at, quartiles, strict=True):
         axes.fill_between([x - width, x + width], low, high, color=colour, alpha=0.16, linewidth=0)
         axes.plot([x - width, x + width], [middle, middle], color=colour, linewidth=1.3)
 
 
 def _jitter(at: FloatArray, up: FloatArray, columns: FloatArray, width: float) -> FloatArray:
-    """Dots of one column side by side, in the order of their values: no dot hides another by chance."""
+    """Horizontal shifts (n,) that place the dots of one column side by side, in the order of their values."""
     shift = np.zeros(len(at))
     for column in columns:
         members = np.flatnonzero(at == column)
         rank = np.argsort(np.argsort(up[members], kind="stable"), kind="stable")
-        golden = np.mod(rank * 0.6180339887498949, 1.0) - 0.5  # a low-discrepancy sequence
+        golden = np.mod(rank * 0.6180339887498949, 1.0) - 0.5  # low-discrepancy sequence
         shift[members] = 1.6 * width * golden if len(members) > 1 else 0.0
     return shift
 
 
-def _gap(places: Mapping[str, float]) -> float:
+def _smallest_gap(places: Mapping[str, float]) -> float:
     apart = np.diff(np.unique(list(places.values())))
     return float(apart.min()) if len(apart) else 1.0
 
 
-def _logarithmic(places: Mapping[str, float]) -> bool:
-    """Numbers that span more than a decade are shown by their ratio."""
+def _spans_decade(places: Mapping[str, float]) -> bool:
+    """Whether the values are positive numbers that span more than a factor of ten."""
     values = np.array(list(places.values()))
-    return not _worded(places) and bool(values.min() > 0 and values.max() / values.min() > 10)
+    return not _has_words(places) and bool(values.min() > 0 and values.max() / values.min() > 10)
 
 
-def _axes(axes: Axes, x: str, y: str, places: Mapping[str, float], series: Series) -> None:
-    axes.set_xlabel(label(x), parse_math=False)
-    axes.set_ylabel(label(y), parse_math=False)
+def _label_axes(axes: Axes, x: str, y: str, places: Mapping[str, float], series: SweepSeries) -> None:
+    axes.set_xlabel(axis_label(x), parse_math=False)
+    axes.set_ylabel(axis_label(y), parse_math=False)
     axes.grid(axis="y", color="#E6E6E6", linewidth=0.5)
     for side in ("top", "right"):
         axes.spines[side].set_visible(False)
@@ -194,15 +204,18 @@ def _axes(axes: Axes, x: str, y: str, places: Mapping[str, float], series: Serie
     elif len(up) and up.min() >= 0 and up.min() < 0.5 * up.max():
         axes.set_ylim(bottom=-0.02 * up.max())
     columns = sorted(set(places.values()))
-    if _worded(places):
+    if _has_words(places):
         labels = {place: value for value, place in places.items()}
         shown = [column for column in columns if len(columns) <= 40]
         axes.set_xticks(shown, [labels[column] for column in shown], parse_math=False)
         axes.set_xlim(-0.6, len(columns) - 0.4)
         if max((len(labels[column]) for column in shown), default=0) * len(columns) > 70:
             axes.tick_params(axis="x", labelrotation=30)
-    elif _logarithmic(places):
+    elif _spans_decade(places):
         axes.set_xscale("log")
-    if not _worded(places) and len(columns) <= 8:
+    if not _has_words(places) and len(columns) <= 8:
         axes.set_xticks(columns, [f"{column:g}" for column in columns])
         axes.tick_params(axis="x", which="minor", length=0)
+
+
+__all__ = ["axis_label", "draw_sweep_figure"]

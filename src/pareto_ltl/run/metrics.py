@@ -3,30 +3,49 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+from pareto_ltl.report.records import Study
+from pareto_ltl.run.records import DEPLOYMENTS, FORECASTS, FOREST, FRONT, PLAN, WIND, Records
 
 if TYPE_CHECKING:
     from pareto_ltl.planning.evaluate import Forecast
     from pareto_ltl.planning.records import Acceptance, Forest, Front, Plan
     from pareto_ltl.simulation.records import Deployment
-    from pareto_ltl.studies.records import Study
     from pareto_ltl.wind.records import WindField
 
 
-def metrics(records: Mapping[str, Any], seconds: Mapping[str, float]) -> dict[str, float]:
-    """Numbers from whatever records there are; ``completed`` says whether a plan is among them."""
-    table: dict[str, float] = {"completed": float("plan" in records)}
-    for name, count in COUNTERS.items():
-        if name in records:
-            table |= count(records[name])
+def run_metrics(records: Records, seconds: Mapping[str, float]) -> dict[str, float]:
+    """Numbers from the records that there are; ``completed`` is 1 if a plan or a study is among them.
+
+    A record of another package takes part with an attribute ``numbers``, a mapping of name to float.
+    """
+    table: dict[str, float] = {"completed": float(PLAN in records)}
+    if (wind := records.get(WIND)) is not None:
+        table |= _wind_numbers(wind)
+    if (forest := records.get(FOREST)) is not None:
+        table |= _forest_numbers(forest)
+    if (front := records.get(FRONT)) is not None:
+        table |= _front_numbers(front)
+    if (plan := records.get(PLAN)) is not None:
+        table |= _plan_numbers(plan)
+    if (forecasts := records.get(FORECASTS)) is not None:
+        table |= _forecast_numbers(forecasts)
+    if (deployments := records.get(DEPLOYMENTS)) is not None:
+        table |= _deployment_numbers(deployments)
+    for record in records.values():
+        if isinstance(record, Study):
+            table |= {"completed": 1.0}
+        if isinstance(numbers := getattr(record, "numbers", None), Mapping):
+            table |= numbers
     table |= {f"seconds_{name}": spent for name, spent in seconds.items()}
     table["run_seconds"] = math.fsum(seconds.values())
     table["memory_mib"] = _peak_memory()
     return table
 
 
-def _wind(wind: WindField) -> dict[str, float]:
+def _wind_numbers(wind: WindField) -> dict[str, float]:
     table = {name: float(value) for name, value in sorted(wind.score.items())}
     if wind.modes is not None:
         table |= {
@@ -37,7 +56,7 @@ def _wind(wind: WindField) -> dict[str, float]:
     return table
 
 
-def _forecasts(forecasts: Mapping[str, Forecast]) -> dict[str, float]:
+def _forecast_numbers(forecasts: Mapping[str, Forecast]) -> dict[str, float]:
     """What the plan promises under each wind law, whatever law it was planned for."""
     table: dict[str, float] = {}
     for law, seen in forecasts.items():
@@ -49,7 +68,7 @@ def _forecasts(forecasts: Mapping[str, Forecast]) -> dict[str, float]:
     return table
 
 
-def _forest(forest: Forest) -> dict[str, float]:
+def _forest_numbers(forest: Forest) -> dict[str, float]:
     nodes = sum(len(tree) for tree in forest.trees)
     return {
         "trees": len(forest.trees),
@@ -60,7 +79,7 @@ def _forest(forest: Forest) -> dict[str, float]:
     }
 
 
-def _front(front: Front) -> dict[str, float]:
+def _front_numbers(front: Front) -> dict[str, float]:
     table: dict[str, float] = {"front_size": len(front.paths), "hypervolume": front.hypervolume}
     if front.raw and front.paths:
         table |= {
@@ -73,7 +92,7 @@ def _front(front: Front) -> dict[str, float]:
     return table
 
 
-def _plan(plan: Plan) -> dict[str, float]:
+def _plan_numbers(plan: Plan) -> dict[str, float]:
     o = plan.path.objectives
     return {
         "length_m": o.length,
@@ -82,11 +101,11 @@ def _plan(plan: Plan) -> dict[str, float]:
         "collision_risk": o.collision_risk,
         "steps": len(plan.path.u),
         "duration_s": float(plan.path.t[-1] - plan.path.t[0]),
-        **_acceptance(plan.acceptance),
+        **_acceptance_numbers(plan.acceptance),
     }
 
 
-def _acceptance(verdict: Acceptance | None) -> dict[str, float]:
+def _acceptance_numbers(verdict: Acceptance | None) -> dict[str, float]:
     if verdict is None:
         return {}
     return {
@@ -101,14 +120,10 @@ def _acceptance(verdict: Acceptance | None) -> dict[str, float]:
     }
 
 
-def _deployments(deployments: Mapping[str, Deployment]) -> dict[str, float]:
+def _deployment_numbers(deployments: Mapping[str, Deployment]) -> dict[str, float]:
     from pareto_ltl.simulation.flights import flight_rates
 
     return {name: rate for flights in deployments.values() for name, rate in flight_rates(flights).items()}
-
-
-def _study(study: Study) -> dict[str, float]:
-    return {"completed": 1.0, **study.numbers}
 
 
 def _peak_memory() -> float:
@@ -116,17 +131,3 @@ def _peak_memory() -> float:
     import resource
 
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024  # kibibytes on Linux
-
-
-COUNTERS: dict[str, Callable[[Any], dict[str, float]]] = {
-    "wind": _wind,
-    "forest": _forest,
-    "front": _front,
-    "plan": _plan,
-    "forecasts": _forecasts,
-    "deployment": _deployments,
-    "comparison": _study,
-    "convergence": _study,
-    "ablation": _study,
-    "hindcast": _study,
-}

@@ -1,96 +1,105 @@
-"""The stage runner: makes what a pipeline lists, in order, and leaves a results directory behind."""
+"""The runner: checks a list of stages, makes their records in order, and writes a results directory.
+
+Single runs, studies and the Python interface use the same :class:`Run`. A study has no directory: it gives
+records and asks for others with :meth:`Run.make`.
+"""
 
 from __future__ import annotations
 
-import inspect
 import logging
 import time
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
-from dataclasses import dataclass, field, fields
+from collections.abc import Collection, Iterator, Sequence
+from contextlib import contextmanager, nullcontext, suppress
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
-from zlib import crc32
 
-from pareto_ltl.run import provenance, stages
+from pareto_ltl.run import provenance
 from pareto_ltl.run.progress import ProgressBar
+from pareto_ltl.run.records import AUTOMATON, FOREST, SCENE, RecordKey, Records, T
+from pareto_ltl.run.stage_table import Progress, Stage, StageInputs, StageTable
+from pareto_ltl.run.stages import PLAN_TABLE
 from pareto_ltl.settings import Settings
-from pareto_ltl.studies import stages as studies  # noqa: F401 - makes the studies known by name
 from pareto_ltl.support.errors import ConfigError, InfeasibleError, ParetoLtlError
 
-log = logging.getLogger("pareto_ltl")
-
-AMBIENT = ("settings", "seeds", "progress", "directory")
-SECTION = "_cfg"  # planner_cfg is settings.planner
+LOG = logging.getLogger("pareto_ltl")
 
 
-# --- what a list of stages needs ---------------------------------------------------------------
+# --- checks before anything is made ------------------------------------------------------------
 
 
-def needs(name: str) -> tuple[list[str], list[str]]:
-    """Records that stage or ingredient ``name`` must have, and those it takes when they are there."""
-    make = stages.STAGES.get(name) or stages.INGREDIENTS[name]
-    records = [
-        p
-        for p in inspect.signature(make).parameters.values()
-        if p.name not in AMBIENT and not p.name.endswith(SECTION)
-    ]
-    must = [p.name for p in records if p.default is p.empty]
-    return must, [p.name for p in records if p.default is not p.empty]
+@dataclass(frozen=True, slots=True)
+class Pipeline:
+    """Settings and the stages they list, checked: every stage finds what it needs."""
+
+    settings: Settings
+    table: StageTable
+    stages: tuple[Stage[Any], ...]
 
 
-def lacking(name: str, made: set[str] | Mapping[str, Any]) -> list[str]:
-    """Records that ``name`` still needs, ingredients opened up to what they are made from."""
-    missing: list[str] = []
-    for need in needs(name)[0]:
-        if need in made:
-            continue
-        missing += lacking(need, made) if need in stages.INGREDIENTS else [need]
-    return list(dict.fromkeys(missing))
+def check_pipeline(settings: Settings, table: StageTable, given: Collection[RecordKey[Any]] = ()) -> Pipeline:
+    """The stages that ``settings.pipelines.stages`` lists, without those that make a ``given`` record.
 
-
-def check(settings: Settings) -> None:
-    """Refuse a pipeline that cannot run, before anything is made."""
-    listed = settings.pipelines.stages
-    known = ", ".join(stages.STAGES)
+    Raises
+    ------
+    ConfigError, FormulaError
+        If the list cannot run, or the settings lack the map or the formula that it needs.
+    """
+    listed, known = settings.pipelines.stages, ", ".join(table.known)
     if not listed:
         raise ConfigError(f"pipelines.stages is empty: list at least one of {known}")
-    made: set[str] = set()
+    stages: list[Stage[Any]] = []
+    seen: set[str] = set()
     for name in listed:
-        if name not in stages.STAGES:
+        if name not in table:
             raise ConfigError(f"pipelines.stages: there is no stage {name!r}; there are {known}")
-        if name in made:
+        if name in seen:
             raise ConfigError(f"pipelines.stages lists {name!r} twice; once is enough")
-        if missing := lacking(name, made):
-            raise ConfigError(
-                f"pipelines.stages: {name!r} needs {', '.join(missing)}, which no earlier stage makes; "
-                f"list {'it' if len(missing) == 1 else 'them'} before {name!r}"
-            )
-        made.add(name)
-    _check_mission(settings, {need for name in listed for need in needs(name)[0]} | made)
+        seen.add(name)
+        stage = table[name]
+        if stage.makes not in given:
+            _check_stage(stage, stages, given)
+            stages.append(stage)
+    _check_mission(settings, [stage.makes for stage in stages])
+    return Pipeline(settings, table, tuple(stages))
 
 
-def _check_mission(settings: Settings, wanted: set[str]) -> None:
+def _check_stage(stage: Stage[Any], before: Sequence[Stage[Any]], given: Collection[RecordKey[Any]]) -> None:
+    """Refuse a stage that lacks a record, or makes one that is there already."""
+    makers = {other.makes: other.name for other in before}
+    if missing := [key.name for key in stage.needs if key not in makers and key not in given]:
+        raise ConfigError(
+            f"pipelines.stages: {stage.name!r} needs {', '.join(missing)}, which no earlier stage makes; "
+            f"list {'it' if len(missing) == 1 else 'them'} before {stage.name!r}"
+        )
+    if stage.makes in makers:
+        raise ConfigError(
+            f"pipelines.stages: {makers[stage.makes]!r} and {stage.name!r} both make {stage.makes.name}; "
+            "list one of them"
+        )
+
+
+def _check_mission(settings: Settings, made: Sequence[RecordKey[Any]]) -> None:
     from pareto_ltl.support.resources import choices
 
-    missions = ", ".join(choices("experiment"))
-    if "scene" in wanted and not (settings.scene.bounds or settings.scene.file):
+    if SCENE in made and not (settings.scene.bounds or settings.scene.file):
         raise ConfigError(
-            f"scene is missing: choose a ready mission with +experiment=NAME ({missions}) "
-            f"or a map with scene=NAME ({', '.join(choices('scene'))})"
+            f"scene is missing: choose a ready mission with +experiment=NAME "
+            f"({', '.join(choices('experiment'))}) or a map with scene=NAME ({', '.join(choices('scene'))})"
         )
-    if "automaton" not in wanted or settings.mission.automaton:
+    if AUTOMATON not in made or settings.mission.automaton:
         return
-    from pareto_ltl.logic.formula import parse, positive
+    from pareto_ltl.logic.formula import parse_formula as parse
+    from pareto_ltl.logic.formula import positive_normal_form as positive
     from pareto_ltl.logic.patterns import formula_of
 
     formula = formula_of(settings.mission)
     if not formula.strip():
         raise ConfigError(
-            f"mission.formula is missing: choose a ready mission with +experiment=NAME ({missions}) "
-            "or give one, e.g. \"mission.formula='F(a & F b)'\""
+            "mission.formula is missing: choose a ready mission with +experiment=NAME "
+            f"({', '.join(choices('experiment'))}) or give one, e.g. \"mission.formula='F(a & F b)'\""
         )
-    positive(parse(formula))
+    positive(parse(formula))  # the automaton stage gets the same tree from the cache of ``parse``
 
 
 # --- making ------------------------------------------------------------------------------------
@@ -98,127 +107,174 @@ def _check_mission(settings: Settings, wanted: set[str]) -> None:
 
 @dataclass(slots=True)
 class Run:
-    """Records and times of one run as it proceeds."""
+    """Records and times of one run as it proceeds: ``run[WIND]`` is a record that was made or given.
+
+    Attributes
+    ----------
+    records : Records
+        What was made so far, and what was given at the start.
+    seconds : dict of str to float
+        Time that each stage took, without the stages that it waited for [s].
+    directory : Path or None
+        Where records are written as soon as they are made; None keeps them in memory.
+    progress : ProgressBar or None
+        What shows the stage at work.
+    """
 
     settings: Settings
-    directory: Path
-    progress: ProgressBar
-    records: dict[str, Any] = field(default_factory=dict)
+    table: StageTable = PLAN_TABLE
+    records: Records = field(default_factory=Records)
     seconds: dict[str, float] = field(default_factory=dict)
+    directory: Path | None = None
+    progress: ProgressBar | None = None
 
-    def make(self, name: str) -> Any:
-        """Make record ``name``, and before it the ingredients it lacks; write it where it has a place."""
-        from pareto_ltl.run.results import Results
+    def __getitem__(self, key: RecordKey[T]) -> T:
+        return self.records[key]
 
-        must, may = needs(name)
-        for need in must:
-            if need not in self.records and need in stages.INGREDIENTS:
+    @property
+    def stage_progress(self) -> Progress | None:
+        return self.progress
+
+    def make(self, key: RecordKey[T]) -> T:
+        """The record of ``key``; if it is not there, it is made, and before it what it needs."""
+        if key not in self.records:
+            stage = self.table.maker_of(key)
+            for need in stage.needs:
                 self.make(need)
-        given = {need: self.records[need] for need in (*must, *may) if need in self.records}
-        make = stages.STAGES.get(name) or stages.INGREDIENTS[name]
+            self.perform(stage)
+        return self.records[key]
+
+    def perform(self, stage: Stage[T]) -> T:
+        """Make the record of ``stage`` from records that are there; write it if the run has a directory."""
         start = time.perf_counter()
         try:
-            with self.progress.stage(name):
-                record = make(**given, **self._ambient(name, inspect.signature(make).parameters))
-                self.records[name] = record
-                Results(self.directory).save(name, record)
+            with self.progress.stage(stage.name) if self.progress else nullcontext():
+                record = stage.make(StageInputs(stage, self))
+                self.records[stage.makes] = record
+                if self.directory is not None:
+                    from pareto_ltl.run.results import save_record
+
+                    save_record(self.directory, stage.makes, record)
         finally:
-            self.seconds[name] = time.perf_counter() - start
-        log.info("%s done in %.3f s", name, self.seconds[name])
+            self.seconds[stage.name] = time.perf_counter() - start
+        if self.directory is not None:
+            LOG.info("%s done in %.3f s", stage.name, self.seconds[stage.name])
         return record
 
-    def _ambient(self, name: str, parameters: Mapping[str, Any]) -> dict[str, Any]:
-        from numpy.random import SeedSequence
+    def has_all(self, keys: Sequence[RecordKey[Any]]) -> bool:
+        """Whether there is a record for each of ``keys``."""
+        return all(key in self.records for key in keys)
 
-        # A stage's stream depends on its name alone: another pipeline, the same draws.
-        seeds = SeedSequence(self.settings.seed, spawn_key=(crc32(name.encode()),))
-        ambient = {
-            "settings": self.settings,
-            "seeds": seeds,
-            "progress": self.progress,
-            "directory": self.directory,
-        }
-        sections = {f"{f.name}{SECTION}": getattr(self.settings, f.name) for f in fields(self.settings)}
-        return {key: value for key, value in (ambient | sections).items() if key in parameters}
+    def with_seed(self, seed: int) -> Run:
+        """A run of the same records with another seed; what is still to be made draws from its streams."""
+        return Run(replace(self.settings, seed=seed), self.table, self.records.copy())
+
+    def with_record(self, key: RecordKey[T], record: T) -> Run:
+        """A run in which ``key`` has ``record``."""
+        return Run(self.settings, self.table, self.records.replaced(key, record))
 
 
-def make_all(run: Run) -> None:
-    """Make the listed stages in order.
+def make_all(run: Run, stages: Sequence[Stage[Any]]) -> None:
+    """Make the records of ``stages`` in order.
 
-    Where a mission turns out infeasible, the stages that need none of what is missing still follow (the
-    picture of how far the trees came), then the error does.
+    If a mission turns out infeasible, the stages that need none of what is missing still follow (the figure
+    of how far the trees came), then the error does.
     """
-    listed = run.settings.pipelines.stages
-    for position, name in enumerate(listed):
+    for position, stage in enumerate(stages):
         try:
-            run.make(name)
+            run.perform(stage)
         except InfeasibleError:
-            _make_rest(run, listed[position + 1 :])
+            _make_rest(run, stages[position + 1 :])
             raise
 
 
-def _make_rest(run: Run, names: Sequence[str]) -> None:
-    for name in names:
-        if not lacking(name, run.records):
+def _make_rest(run: Run, stages: Sequence[Stage[Any]]) -> None:
+    for stage in stages:
+        if run.has_all(stage.needs):
             try:
-                run.make(name)
+                run.perform(stage)
             except Exception:
-                log.exception("stage %s failed after the mission turned out infeasible", name)
+                LOG.exception("stage %s failed after the mission turned out infeasible", stage.name)
 
 
-def run(
-    settings: Settings, directory: Path | str, argv: Sequence[str] = (), overrides: Sequence[str] = ()
+# --- a run with a results directory --------------------------------------------------------------
+
+
+def run_pipeline(
+    pipeline: Pipeline, directory: Path | str, argv: Sequence[str] = (), overrides: Sequence[str] = ()
 ) -> dict[str, float]:
-    """Run the pipeline of ``settings`` into ``directory`` and return the metrics.
+    """Run ``pipeline`` into ``directory`` and return the metrics.
 
     What stops a run is noted in ``run.json`` and ``run.log`` first and then raised.
     """
-    check(settings)
-    place = Path(directory)
+    run = Run(pipeline.settings, pipeline.table, directory=Path(directory))
+    return carry_out(run, pipeline.stages, argv, overrides)
+
+
+def carry_out(
+    run: Run, stages: Sequence[Stage[Any]], argv: Sequence[str] = (), overrides: Sequence[str] = ()
+) -> dict[str, float]:
+    """Make the records of ``stages`` in the directory of ``run``; the contract of :func:`run_pipeline`."""
+    place = run.directory
+    if place is None:
+        raise ValueError("the run has no directory: give Run a directory")
     place.mkdir(parents=True, exist_ok=True)
     with logging_to(place / "run.log"), ProgressBar() as bar:
-        return _recorded(Run(settings, place, bar), provenance.begin(settings, argv, overrides))
+        run.progress = bar
+        return _recorded(run, stages, place, provenance.begin(run.settings, argv, overrides))
 
 
-def _recorded(run: Run, record: dict[str, Any]) -> dict[str, float]:
+def _recorded(
+    run: Run, stages: Sequence[Stage[Any]], place: Path, record: dict[str, Any]
+) -> dict[str, float]:
     """Make all stages, with ``run.json`` telling at any moment how far that has come."""
-    log.info("run %s, seed %d", run.settings.name, run.settings.seed)
+    LOG.info("run %s, seed %d", run.settings.name, run.settings.seed)
     try:
-        provenance.write_settings(run.directory, run.settings)
-        provenance.write(run.directory, record)
-        make_all(run)
-        table = _close(run, record, "ok")
+        provenance.write_settings(place, run.settings)
+        provenance.write(place, record)
+        _save_given(run, place)
+        make_all(run, stages)
+        table = _close(run, place, record, "ok")
     except BaseException as error:
         expected = isinstance(error, ParetoLtlError | OSError | KeyboardInterrupt)
-        log.error("%s", provenance.one_line(error), exc_info=None if expected else error)
+        LOG.error("%s", provenance.one_line(error), exc_info=None if expected else error)
         with suppress(OSError):  # a full disk must not hide what filled it
-            _close(run, record, "infeasible" if isinstance(error, InfeasibleError) else "failed", error)
+            status = "infeasible" if isinstance(error, InfeasibleError) else "failed"
+            _close(run, place, record, status, error)
         raise
     return table
 
 
+def _save_given(run: Run, place: Path) -> None:
+    """Write the records that were given, so that the directory is complete."""
+    for key in run.records:
+        from pareto_ltl.run.results import save_record
+
+        save_record(place, key, run.records[key])
+
+
 def _close(
-    run: Run, record: dict[str, Any], status: str, error: BaseException | None = None
+    run: Run, place: Path, record: dict[str, Any], status: str, error: BaseException | None = None
 ) -> dict[str, float]:
     """Write how the run ended. A failed run has no metrics; an infeasible one that grew trees has."""
-    from pareto_ltl.run.metrics import metrics
-    from pareto_ltl.run.results import write_json
+    from pareto_ltl.run.metrics import run_metrics
+    from pareto_ltl.support.files import write_json
 
-    table = metrics(run.records, run.seconds)
-    measured = status == "ok" or (status == "infeasible" and "forest" in run.records)
+    table = run_metrics(run.records, run.seconds)
+    measured = status == "ok" or (status == "infeasible" and FOREST in run.records)
     ended = provenance.end(record, run.settings, status, run.seconds, error)
-    provenance.write(run.directory, ended | {"measured": measured})  # metrics.json is still to come
+    provenance.write(place, ended | {"measured": measured})  # metrics.json is still to come
     if measured:
-        write_json(run.directory / "metrics.json", table)
+        write_json(place / "metrics.json", table)
     return table
 
 
 @contextmanager
 def logging_to(path: Path) -> Iterator[None]:
-    """What the package and Python's warnings have to say goes to ``path``."""
+    """The messages of the package and the warnings of Python go to the file ``path``."""
     handler = logging.FileHandler(path, encoding="utf-8")
     handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(name)s: %(message)s"))
-    heard = (log, logging.getLogger("py.warnings"))
+    heard = (LOG, logging.getLogger("py.warnings"))
     before = [(logger, logger.level, logger.propagate) for logger in heard]
     for logger in heard:
         logger.addHandler(handler)

@@ -1,4 +1,4 @@
-"""What a person at a terminal sees while stages run; nothing at all where nobody looks."""
+"""The progress bar of a run: shown if the error stream is a terminal, silent otherwise."""
 
 from __future__ import annotations
 

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 import os
 import platform
 import subprocess
 from collections.abc import Iterable, Mapping, Sequence
 from datetime import UTC, datetime
-from functools import lru_cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
@@ -17,7 +14,9 @@ from typing import Any
 from pareto_ltl.settings import Settings, as_dict
 from pareto_ltl.support.cores import cores
 from pareto_ltl.support.errors import ParetoLtlError
-from pareto_ltl.support.resources import PACKAGE, checkout
+from pareto_ltl.support.files import write_bytes, write_json
+from pareto_ltl.support.fingerprints import code_fingerprint, data_fingerprint, file_fingerprint
+from pareto_ltl.support.resources import checkout
 
 PACKAGES = (
     "clarabel", "cvxpy", "hydra-core", "moocore", "networkx", "numba", "numpy", "pyproj", "scikit-learn",
@@ -29,17 +28,9 @@ def config_hash(settings: Settings) -> str:
     """Fingerprint of the code and of all settings that a result can depend on."""
     content = as_dict(settings)
     del content["sweep"], content["planner"]["threads"]
-    told = {"version": version("pareto-ltl"), "code": code_hash(), "settings": content}
-    return hashlib.sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()
-
-
-@lru_cache(maxsize=1)
-def code_hash() -> str:
-    """Fingerprint of the package's source: a version number does not change while code is written."""
-    digest = hashlib.sha256()
-    for path in sorted(PACKAGE.rglob("*.py")):
-        digest.update(f"{path.relative_to(PACKAGE)}\0".encode() + path.read_bytes() + b"\0")
-    return digest.hexdigest()
+    # The source counts beside the version, which does not change while code is written.
+    told = {"version": version("pareto-ltl"), "code": code_fingerprint(), "settings": content}
+    return data_fingerprint(told)
 
 
 def begin(settings: Settings, argv: Sequence[str], overrides: Sequence[str] = ()) -> dict[str, Any]:
@@ -59,7 +50,7 @@ def begin(settings: Settings, argv: Sequence[str], overrides: Sequence[str] = ()
         "stages": settings.pipelines.stages,
         "config_hash": config_hash(settings),
         "version": version("pareto-ltl"),
-        "code_hash": code_hash(),
+        "code_hash": code_fingerprint(),
         "git": git_state(checkout()),
         "python": platform.python_version(),
         "packages": {name: _version(name) for name in PACKAGES},
@@ -86,16 +77,12 @@ def end(
 
 
 def write(directory: Path, record: Mapping[str, Any]) -> None:
-    from pareto_ltl.run.results import write_json
-
     write_json(directory / "run.json", record)
 
 
 def write_settings(directory: Path, settings: Settings) -> None:
     """Every setting of the run, ready to be read back."""
     import yaml
-
-    from pareto_ltl.run.results import write_bytes
 
     text = yaml.safe_dump(as_dict(settings), sort_keys=False, default_flow_style=None, width=110)
     write_bytes(directory / "config_resolved.yaml", text.encode())
@@ -113,30 +100,15 @@ def one_line(error: BaseException) -> str:
 
 def file_hashes(paths: Iterable[Path]) -> dict[str, str]:
     """SHA-256 of each file, by its name as given."""
-    hashes = {}
-    for path in paths:
-        with path.open("rb") as file:
-            hashes[str(path)] = hashlib.file_digest(file, "sha256").hexdigest()
-    return hashes
+    return {str(path): file_fingerprint(path) for path in paths}
 
 
 def unchanged(inputs: Mapping[str, str]) -> bool:
     """Whether the files that a run read are still what they were."""
-    return all(_file_hash(name, *_stamp(name)) == digest for name, digest in inputs.items())
-
-
-def _stamp(name: str) -> tuple[int, int]:
     try:
-        stat = os.stat(name)
+        return all(file_fingerprint(Path(name)) == digest for name, digest in inputs.items())
     except OSError:
-        return -1, -1
-    return stat.st_mtime_ns, stat.st_size
-
-
-@lru_cache(maxsize=4096)
-def _file_hash(name: str, changed: int, size: int) -> str:
-    """SHA-256 of a file, read again when its date or size has changed; empty where there is none."""
-    return "" if size < 0 else file_hashes([Path(name)])[name]
+        return False
 
 
 def git_state(root: Path | None) -> dict[str, Any] | None:

@@ -1,19 +1,14 @@
 """Results on disk: one directory a run, files that others may rely on.
 
-Every file appears whole or not at all (written beside its place, then moved), and the same records
-give the same bytes: archives carry a fixed date, JSON keeps its order and prints the shortest digits
-that read back to the same number. ``metrics.json`` comes last; its presence means that the run is done.
+Every file appears whole or not at all, and the same records give the same bytes (``support.files``).
+``metrics.json`` comes last; its presence means that the run is done.
 """
 
 from __future__ import annotations
 
 import csv
-import io
-import json
 import math
-import os
-import zipfile
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -23,9 +18,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pareto_ltl.planning.records import Acceptance, Forest, Front, Objectives, Plan, PlannedPath, Tree
+from pareto_ltl.report.records import Study
+from pareto_ltl.run.records import (
+    AUTOMATON,
+    DECOMPOSITION,
+    DEPLOYMENTS,
+    FOREST,
+    FRONT,
+    PLAN,
+    SCENE,
+    WIND,
+    RecordKey,
+    T,
+)
+from pareto_ltl.settings import Settings
+from pareto_ltl.settings.building import read_settings_file
 from pareto_ltl.simulation.records import Deployment
-from pareto_ltl.studies.records import Study
+from pareto_ltl.support.display import Displayed
 from pareto_ltl.support.errors import DataError
+from pareto_ltl.support.files import read_json, read_npz, write_bytes, write_csv, write_json, write_npz
 from pareto_ltl.wind.records import WindField
 from pareto_ltl.world.cells import Decomposition
 from pareto_ltl.world.scene import Scene
@@ -34,94 +45,8 @@ if TYPE_CHECKING:
     from pareto_ltl.logic import Automaton
 
 PLAN_SCHEMA = "pareto_ltl.plan/1"
-EPOCH = (1980, 1, 1, 0, 0, 0)  # the earliest date a zip archive can carry
+COLLISION_COLUMNS = "collision_columns"  # of Tree.risk, the last ones; absent where there are none
 TREE_ARRAYS = ("x", "parent", "step", "q", "cell", "length", "risk", "swaps", "beta")
-
-# --- files that appear whole -----------------------------------------------------------------
-
-
-@contextmanager
-def whole(path: Path) -> Iterator[Path]:
-    """A place to write to; it becomes ``path`` when the block ends well, and vanishes when it does not."""
-    draft = path.with_name(f".{os.getpid()}.{path.name}")
-    try:
-        yield draft
-        os.replace(draft, path)
-    finally:
-        draft.unlink(missing_ok=True)
-
-
-def write_bytes(path: Path, data: bytes) -> None:
-    with whole(path) as draft, draft.open("wb") as file:
-        file.write(data)
-        file.flush()
-        os.fsync(file.fileno())
-
-
-def write_json(path: Path, content: Mapping[str, Any]) -> None:
-    """One line a key, in the order given; NaN and infinity become null."""
-    lines = [
-        f" {json.dumps(key)}: {json.dumps(plain(value), allow_nan=False)}" for key, value in content.items()
-    ]
-    write_bytes(path, ("{\n" + ",\n".join(lines) + "\n}\n").encode())
-
-
-def plain(value: Any) -> Any:
-    """Arrays, records, sets and odd numbers as what JSON knows."""
-    if isinstance(value, np.ndarray | np.generic):
-        return plain(value.tolist())
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    if isinstance(value, Mapping):
-        return {str(key): plain(item) for key, item in value.items()}
-    if isinstance(value, frozenset | set):
-        return sorted(plain(item) for item in value)
-    if isinstance(value, list | tuple):
-        return [plain(item) for item in value]
-    return value
-
-
-def write_npz(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
-    """``numpy.savez`` whose bytes depend on the arrays alone: names sorted, one date for all."""
-    archive = io.BytesIO()
-    with zipfile.ZipFile(archive, "w") as zipped:
-        for name in sorted(arrays):
-            content = io.BytesIO()
-            np.lib.format.write_array(content, np.ascontiguousarray(arrays[name]), allow_pickle=False)
-            entry = zipfile.ZipInfo(f"{name}.npy", EPOCH)
-            entry.external_attr = 0o644 << 16
-            zipped.writestr(entry, content.getvalue(), zipfile.ZIP_DEFLATED, compresslevel=1)
-    write_bytes(path, archive.getvalue())
-
-
-def write_csv(path: Path, header: Iterable[str], rows: Iterable[Iterable[Any]]) -> None:
-    text = io.StringIO(newline="")
-    table = csv.writer(text, lineterminator="\n")
-    table.writerow(header)
-    table.writerows([plain(cell) for cell in row] for row in rows)
-    write_bytes(path, text.getvalue().encode())
-
-
-def read_json(path: Path) -> dict[str, Any]:
-    try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise DataError(f"{path}: cannot be read ({error.strerror}); is this a results directory?") from error
-    except ValueError as error:
-        raise DataError(f"{path}: not JSON ({error}); run the plan again") from error
-    if not isinstance(content, dict):
-        raise DataError(f"{path}: expected a JSON object, found {type(content).__name__}; run the plan again")
-    return content
-
-
-def read_npz(path: Path) -> dict[str, NDArray[Any]]:
-    try:
-        with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
-            return {name: archive[name] for name in archive.files}
-    except OSError as error:
-        raise DataError(f"{path}: cannot be read ({error}); is this a results directory?") from error
-    except (ValueError, zipfile.BadZipFile, EOFError) as error:
-        raise DataError(f"{path}: not an archive of arrays ({error}); run the plan again") from error
 
 
 @contextmanager
@@ -143,13 +68,13 @@ def _inside(place: Path | str, name: str) -> Path:
 
 
 def write_scene(directory: Path, scene: Scene) -> None:
-    from pareto_ltl.world.scene_files import to_dict
+    from pareto_ltl.world.scene_files import scene_to_dict as to_dict
 
     write_json(directory / "scene.json", to_dict(scene))
 
 
 def read_scene(place: Path | str) -> Scene:
-    from pareto_ltl.world.scene_files import from_dict
+    from pareto_ltl.world.scene_files import scene_from_dict as from_dict
 
     path = _inside(place, "scene.json")
     content = read_json(path)
@@ -179,7 +104,7 @@ def _polygons(lists: list[Any]) -> tuple[NDArray[np.float64], ...]:
 
 
 def write_automaton(directory: Path, automaton: Automaton) -> None:
-    from pareto_ltl.logic.hoa import dumps
+    from pareto_ltl.logic.hoa import hoa_text as dumps
 
     content = {
         "formula": automaton.formula,
@@ -196,14 +121,14 @@ def write_automaton(directory: Path, automaton: Automaton) -> None:
 
 def write_wind(directory: Path, wind: WindField) -> None:
     """With the scene beside it, where there is one, the file's clock and projection are named too."""
-    from pareto_ltl.wind.field import to_netcdf
+    from pareto_ltl.wind.netcdf import write_netcdf as to_netcdf
 
     scene = read_scene(directory) if (directory / "scene.json").is_file() else None
     to_netcdf(wind, directory / "wind.nc", scene)
 
 
 def read_wind(place: Path | str) -> WindField:
-    from pareto_ltl.wind.field import from_netcdf
+    from pareto_ltl.wind.netcdf import read_netcdf as from_netcdf
 
     return from_netcdf(_inside(place, "wind.nc"))
 
@@ -213,6 +138,8 @@ def read_wind(place: Path | str) -> WindField:
 
 def write_forest(directory: Path, forest: Forest) -> None:
     arrays: dict[str, NDArray[Any]] = {"accepted": forest.accepted}
+    if collision := forest.trees[0].risk.shape[1] - forest.mission_columns:
+        arrays[COLLISION_COLUMNS] = np.array(collision)
     for number, tree in enumerate(forest.trees):
         arrays |= {f"tree_{number:03d}/{name}": getattr(tree, name) for name in TREE_ARRAYS}
         causes = sorted(tree.reach)
@@ -227,7 +154,9 @@ def read_forest(place: Path | str) -> Forest:
     arrays = read_npz(path)
     with _shaped(path, "a forest"):
         names = sorted({key.partition("/")[0] for key in arrays if "/" in key})
-        return Forest(tuple(_tree(arrays, name) for name in names), arrays["accepted"], math.nan)
+        trees = tuple(_tree(arrays, name) for name in names)
+        columns = trees[0].risk.shape[1] - int(arrays.get(COLLISION_COLUMNS, 0))
+        return Forest(trees, arrays["accepted"], math.nan, columns)
 
 
 def _tree(arrays: Mapping[str, NDArray[Any]], name: str) -> Tree:
@@ -406,24 +335,28 @@ def write_study(directory: Path, study: Study) -> None:
 
 # --- the directory ---------------------------------------------------------------------------
 
-WRITERS: dict[str, Callable[[Path, Any], None]] = {
-    "scene": write_scene,
-    "wind": write_wind,
-    "decomposition": write_decomposition,
-    "automaton": write_automaton,
-    "forest": write_forest,
-    "front": write_front,
-    "plan": write_plan,
-    "deployment": write_deployments,
-    "comparison": write_study,
-    "convergence": write_study,
-    "ablation": write_study,
-    "hindcast": write_study,
+WRITERS: dict[RecordKey[Any], Callable[[Path, Any], None]] = {
+    SCENE: write_scene,
+    WIND: write_wind,
+    DECOMPOSITION: write_decomposition,
+    AUTOMATON: write_automaton,
+    FOREST: write_forest,
+    FRONT: write_front,
+    PLAN: write_plan,
+    DEPLOYMENTS: write_deployments,
 }
 
 
-@dataclass(frozen=True, slots=True)
-class Results:
+def save_record(directory: Path, key: RecordKey[T], record: T) -> None:
+    """Write ``record`` into ``directory`` if it has a place on disk."""
+    if key in WRITERS:
+        WRITERS[key](directory, record)
+    elif isinstance(record, Study):
+        write_study(directory, record)
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class Results(Displayed):
     """One results directory, read lazily: ``Results("outputs/phi1/...").plan.path.objectives``."""
 
     directory: Path
@@ -431,13 +364,25 @@ class Results:
     def __init__(self, directory: Path | str) -> None:
         object.__setattr__(self, "directory", Path(directory))
 
-    def save(self, name: str, record: Any) -> None:
-        """Write what stage ``name`` made, where it has a place on disk."""
-        if name in WRITERS:
-            WRITERS[name](self.directory, record)
+    def facts(self) -> Mapping[str, str]:
+        record = self.run if (self.directory / "run.json").is_file() else {}
+        names = ("name", "seed", "fidelity", "status")
+        return {"directory": str(self.directory)} | {name: str(record.get(name)) for name in names}
+
+    def plot(self, **options: Any) -> Any:
+        """The map with trees and plan, as a ``Drawing``."""
+        from pareto_ltl.report.notebook import mission_drawing
+
+        return mission_drawing(self.scene, self.decomposition, self.wind, self.forest, self.plan)
+
+    @property
+    def settings(self) -> Settings:
+        """The settings that the run was made with."""
+        return read_settings_file(self.directory / "config_resolved.yaml")
 
     @property
     def done(self) -> bool:
+        """Whether the run has ended with an answer: ``metrics.json`` is there."""
         return (self.directory / "metrics.json").is_file()
 
     @property

@@ -1,179 +1,173 @@
-"""The stages by name: the only place that knows which function of which room makes what.
+"""The stages of a plan: the only place that knows which function of which package makes which record.
 
-A stage's parameters name what it needs: a record that an earlier stage made (``scene``, ``forest``), a
-section of the settings (``planner_cfg`` is ``settings.planner``), all ``settings``, ``seeds`` (a
-``SeedSequence`` of its own), ``progress`` (to call with done and total) or ``directory`` (of the results).
-A parameter with a default may be absent. An ingredient is made when a stage first needs it, and so is
-never listed. Rooms are imported inside, so that a configuration error does not wait for them.
+``PLAN_STAGES`` at the end is the table. Packages are imported inside the functions, so that an error of
+configuration does not wait for them.
 """
 
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Mapping
-from glob import glob
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from pareto_ltl.support import resources
+from pareto_ltl.run.records import (
+    AUTOMATON,
+    DECOMPOSITION,
+    DEPLOYMENTS,
+    FIGURES,
+    FORECASTS,
+    FOREST,
+    FRONT,
+    OBSERVATIONS,
+    PLAN,
+    PROBLEM,
+    READINGS,
+    SCENE,
+    WIND,
+    WIND_TABLE,
+)
+from pareto_ltl.run.stage_table import Stage, StageInputs, StageTable
+from pareto_ltl.settings import (
+    DeploymentConfig,
+    FidelityConfig,
+    IngestConfig,
+    LogicConfig,
+    MissionConfig,
+    PlannerConfig,
+    ReportConfig,
+    RobotConfig,
+    SceneConfig,
+    SelectionConfig,
+    Settings,
+    SmoothingConfig,
+    WindConfig,
+)
 from pareto_ltl.support.errors import InfeasibleError
 
 if TYPE_CHECKING:
-    from numpy.random import SeedSequence
-
     from pareto_ltl.logic import Automaton
     from pareto_ltl.planning.evaluate import Forecast
     from pareto_ltl.planning.problem import Problem
     from pareto_ltl.planning.records import Forest, Front, Plan, PlannedPath
-    from pareto_ltl.settings import (
-        DeploymentConfig,
-        IngestConfig,
-        LogicConfig,
-        MissionConfig,
-        PlannerConfig,
-        ReportConfig,
-        SceneConfig,
-        SelectionConfig,
-        Settings,
-        SmoothingConfig,
-        WindConfig,
-    )
     from pareto_ltl.simulation.records import Deployment
+    from pareto_ltl.wind.readings import Readings
     from pareto_ltl.wind.records import WindField, WindObservations
     from pareto_ltl.world.cells import Decomposition
     from pareto_ltl.world.scene import Scene
 
-log = logging.getLogger(__name__)
-
-Progress = Callable[[int, int], None]
-STAGES: dict[str, Callable[..., Any]] = {}
-INGREDIENTS: dict[str, Callable[..., Any]] = {}
+LOG = logging.getLogger(__name__)
 
 
-def stage(make: Callable[..., Any]) -> Callable[..., Any]:
-    STAGES[make.__name__] = make
-    return make
+def make_readings(inputs: StageInputs) -> Readings:
+    """All wind readings of the source, each file read once."""
+    from pareto_ltl.wind.sources import read_readings
+
+    return read_readings(inputs.settings.wind)
 
 
-def ingredient(make: Callable[..., Any]) -> Callable[..., Any]:
-    INGREDIENTS[make.__name__] = make
-    return make
+def make_scene(inputs: StageInputs) -> Scene:
+    """The map; without ``mission.start_time`` the robot departs at the first wind time."""
+    from pareto_ltl.world.random_maps import add_random_places
+    from pareto_ltl.world.scene_settings import scene_from_settings
+
+    departure = inputs.settings.mission.start_time or inputs[READINGS].first_time
+    return scene_from_settings(add_random_places(inputs.settings.scene), departure)
 
 
-@ingredient
-def scene(scene_cfg: SceneConfig, mission_cfg: MissionConfig, wind_cfg: WindConfig) -> Scene:
-    from pareto_ltl.wind.sources import first_time
-    from pareto_ltl.world.random_maps import populated
-    from pareto_ltl.world.scene_files import read_scene
+def make_decomposition(inputs: StageInputs) -> Decomposition:
+    """The convex cells of the map."""
+    from pareto_ltl.world import cells
 
-    return read_scene(populated(scene_cfg), mission_cfg.start_time or first_time(wind_cfg))
+    return cells.decompose(inputs[SCENE])
 
 
-@stage
-def observations(wind_cfg: WindConfig, scene: Scene) -> WindObservations:
-    from pareto_ltl.wind import sources
-
-    return sources.observations(wind_cfg, scene)
-
-
-@stage
-def wind(settings: Settings, wind_cfg: WindConfig, observations: WindObservations, scene: Scene) -> WindField:
-    from pareto_ltl.wind import field
-
-    horizon = settings.planner.max_steps * settings.robot.dt
-    return field.wind(wind_cfg, observations, scene, horizon)
-
-
-@stage
-def decomposition(scene: Scene) -> Decomposition:
-    from pareto_ltl.world import cells as workspace
-
-    return workspace.decompose(scene)
-
-
-@stage
-def automaton(
-    mission_cfg: MissionConfig, logic_cfg: LogicConfig, scene: Scene, decomposition: Decomposition
-) -> Automaton:
+def make_automaton(inputs: StageInputs) -> Automaton:
     """Over the letters that cells show, and the empty one of a flight that leaves the map."""
     from pareto_ltl.logic.mission import automaton_of
-    from pareto_ltl.world import cells as workspace
+    from pareto_ltl.world import cells
 
+    settings, scene, decomposition = inputs.settings, inputs[SCENE], inputs[DECOMPOSITION]
     letters = {*decomposition.letters, frozenset[str]()}
-    result = automaton_of(mission_cfg, letters, logic_cfg.max_states, scene.regions)
-    if cut_off := workspace.check_mission(decomposition, scene, result.atoms):
-        log.warning("no way on the map leads from the start to %s", ", ".join(cut_off))
+    result = automaton_of(settings.mission, letters, settings.logic.max_states, scene.regions)
+    if cut_off := cells.unreachable_regions(decomposition, scene, result.atoms):
+        LOG.warning("no way on the map leads from the start to %s", ", ".join(cut_off))
     return result
 
 
-@ingredient
-def problem(
-    settings: Settings,
-    scene: Scene,
-    wind: WindField,
-    decomposition: Decomposition,
-    automaton: Automaton,
-) -> Problem:
+def make_observations(inputs: StageInputs) -> WindObservations:
+    """The readings that matter, in the plane and the clock of the map."""
+    from pareto_ltl.wind.observations import place_readings
+
+    return place_readings(inputs.settings.wind, inputs[READINGS], inputs[SCENE])
+
+
+def make_wind(inputs: StageInputs) -> WindField:
+    """The posterior wind for as long as a plan can last."""
+    from pareto_ltl.wind import field
+
+    settings = inputs.settings
+    horizon = settings.planner.max_steps * settings.robot.dt
+    return field.fit_wind_field(settings.wind, inputs[OBSERVATIONS], inputs[SCENE], horizon)
+
+
+def make_problem(inputs: StageInputs) -> Problem:
+    """Map, wind, automaton and robot as the arrays that planning reads."""
     from pareto_ltl.planning.pack import build_problem
 
-    robot, planner, wind_cfg = settings.robot, settings.planner, settings.wind
-    return build_problem(robot, planner, wind_cfg, scene, wind, decomposition, automaton, settings.fidelity)
+    settings = inputs.settings
+    return build_problem(
+        settings.robot,
+        settings.planner,
+        settings.wind,
+        inputs[SCENE],
+        inputs[WIND],
+        inputs[DECOMPOSITION],
+        inputs[AUTOMATON],
+        settings.fidelity,
+    )
 
 
-@stage
-def forest(planner_cfg: PlannerConfig, problem: Problem, seeds: SeedSequence, progress: Progress) -> Forest:
+def make_forest(inputs: StageInputs) -> Forest:
+    """The search trees (Algorithm 1)."""
     from pareto_ltl.planning import growth
 
-    return growth.grow_forest(planner_cfg, problem, seeds, progress)
+    return growth.grow_forest(inputs.settings.planner, inputs[PROBLEM], inputs.seeds, inputs.progress)
 
 
-@stage
-def front(
-    settings: Settings,
-    planner_cfg: PlannerConfig,
-    smoothing_cfg: SmoothingConfig,
-    problem: Problem,
-    selection_cfg: SelectionConfig,
-    forest: Forest,
-    progress: Progress,
-    seeds: SeedSequence,
-) -> Front:
+def make_front(inputs: StageInputs) -> Front:
+    """The non-dominated paths, refined and ranked as ``fidelity`` says."""
     from pareto_ltl.planning import growth, selection
 
+    settings, problem, forest = inputs.settings, inputs[PROBLEM], inputs[FOREST]
     if not len(forest.accepted):
-        raise InfeasibleError(growth.explain_no_path(planner_cfg, problem, forest))
+        raise InfeasibleError(growth.explain_no_path(settings.planner, problem, forest))
     raw = selection.tree_front(problem, forest)
     smoothed: tuple[PlannedPath, ...] = ()
     if settings.fidelity.refine == "convex":
         from pareto_ltl.planning.refine import smooth_paths
 
         candidates = (*raw, *selection.order_representatives(problem, forest))
-        smoothed = smooth_paths(smoothing_cfg, problem, candidates, progress)
+        smoothed = smooth_paths(settings.smoothing, problem, candidates, inputs.progress)
     found = selection.build_front(smoothed, raw)
     if settings.fidelity.judge == "bound":
         return found
     from pareto_ltl.simulation.acceptance import rank_front
 
-    return rank_front(problem, found, selection_cfg.draws, seeds)
+    return rank_front(problem, found, settings.selection.draws, inputs.seeds)
 
 
-@stage
-def plan(
-    settings: Settings,
-    selection_cfg: SelectionConfig,
-    problem: Problem,
-    wind: WindField,
-    front: Front,
-    seeds: SeedSequence,
-) -> Plan:
+def make_plan(inputs: StageInputs) -> Plan:
+    """The path of the front that the rule picks, once it is accepted."""
     from pareto_ltl.planning.records import Plan
-    from pareto_ltl.planning.selection import choose_path
+    from pareto_ltl.planning.selection_rules import choose_path
     from pareto_ltl.simulation.acceptance import accept_path
 
+    settings, problem, front = inputs.settings, inputs[PROBLEM], inputs[FRONT]
     if settings.fidelity.judge == "flights":
-        path, acceptance = accept_path(selection_cfg, problem, wind, front, seeds)
+        path, acceptance = accept_path(settings.selection, problem, inputs[WIND], front, inputs.seeds)
     else:
-        path, acceptance = choose_path(selection_cfg, front), None
+        path, acceptance = choose_path(settings.selection, front), None
     return Plan(
         path=path,
         formula=problem.automaton.formula,
@@ -182,73 +176,147 @@ def plan(
         u_max=settings.robot.u_max,
         epsilon=problem.epsilon,
         fidelity=settings.fidelity.label,
-        rule=selection_cfg.rule,
-        weights=tuple(selection_cfg.weights),
+        rule=settings.selection.rule,
+        weights=tuple(settings.selection.weights),
         acceptance=acceptance,
     )
 
 
-@ingredient
-def forecasts(deployment_cfg: DeploymentConfig, problem: Problem, plan: Plan) -> Mapping[str, Forecast]:
+def make_forecasts(inputs: StageInputs) -> Mapping[str, Forecast]:
     """V and R of the plan under every law that it will be deployed in."""
     from pareto_ltl.planning.evaluate import forecast
 
-    return {law: forecast(problem, plan.path.u, law) for law in deployment_cfg.laws}
+    plan = inputs[PLAN]
+    return {law: forecast(inputs[PROBLEM], plan.path.u, law) for law in inputs.settings.deployment.laws}
 
 
-@stage
-def deployment(
-    deployment_cfg: DeploymentConfig,
-    problem: Problem,
-    plan: Plan,
-    forecasts: Mapping[str, Forecast],
-    seeds: SeedSequence,
-) -> Mapping[str, Deployment]:
+def make_deployments(inputs: StageInputs) -> Mapping[str, Deployment]:
+    """Simulated flights of the plan under every law of ``deployment.laws``."""
     from pareto_ltl.simulation.flights import deploy_plan
 
-    return deploy_plan(deployment_cfg, problem, plan, seeds)
+    return deploy_plan(inputs.settings.deployment, inputs[PROBLEM], inputs[PLAN], inputs.seeds)
 
 
-@stage
-def report(
-    report_cfg: ReportConfig,
-    directory: Path,
-    scene: Scene,
-    decomposition: Decomposition,
-    wind: WindField,
-    forest: Forest | None = None,
-    front: Front | None = None,
-    plan: Plan | None = None,
-    deployment: Mapping[str, Deployment] | None = None,
-) -> tuple[Path, ...]:
-    """Pictures of what there is: a mission that failed shows how far its trees came."""
-    if not report_cfg.figures:
+def make_report(inputs: StageInputs) -> tuple[Path, ...]:
+    """Figures of what there is: a mission that failed shows how far its trees came."""
+    if not inputs.settings.report.figures:
         return ()
-    from pareto_ltl.report.plan_figures import draw
+    from pareto_ltl.report.figures import DrawnRun, draw_run_figures
 
-    folder = directory / "figures"
-    return draw(folder, report_cfg, scene, decomposition, wind, forest, front, plan, deployment)
+    run = DrawnRun(
+        scene=inputs[SCENE],
+        decomposition=inputs[DECOMPOSITION],
+        wind=inputs[WIND],
+        forest=inputs.get(FOREST),
+        front=inputs.get(FRONT),
+        plan=inputs.get(PLAN),
+        mission_bound=inputs.settings.fidelity.mission_bound,
+        deployments=inputs.get(DEPLOYMENTS) or {},
+    )
+    return draw_run_figures(inputs.directory / "figures", inputs.settings.report, run)
 
 
-@stage
-def table(wind_cfg: WindConfig, ingest_cfg: IngestConfig) -> Path:
+def make_wind_table(inputs: StageInputs) -> Path:
     """The wind table of ``pipelines=ingest``; its path counts from the current folder."""
-    from pareto_ltl.wind.sources import ingest
+    from pareto_ltl.wind.ingest import write_wind_table
 
-    return ingest(wind_cfg, ingest_cfg, Path(ingest_cfg.out))
+    ingest = inputs.settings.ingest
+    return write_wind_table(inputs.settings.wind, inputs[READINGS], ingest, Path(ingest.out))
+
+
+PLAN_STAGES = (
+    Stage("readings", makes=READINGS, make=make_readings, settings=(WindConfig,)),
+    Stage("scene", makes=SCENE, make=make_scene, needs=(READINGS,), settings=(SceneConfig, MissionConfig)),
+    Stage("decomposition", makes=DECOMPOSITION, make=make_decomposition, needs=(SCENE,)),
+    Stage(
+        "automaton",
+        makes=AUTOMATON,
+        make=make_automaton,
+        needs=(SCENE, DECOMPOSITION),
+        settings=(MissionConfig, LogicConfig),
+    ),
+    Stage(
+        "observations",
+        makes=OBSERVATIONS,
+        make=make_observations,
+        needs=(READINGS, SCENE),
+        settings=(WindConfig,),
+    ),
+    Stage(
+        "wind",
+        makes=WIND,
+        make=make_wind,
+        needs=(OBSERVATIONS, SCENE),
+        settings=(WindConfig, PlannerConfig, RobotConfig),
+    ),
+    Stage(
+        "problem",
+        makes=PROBLEM,
+        make=make_problem,
+        needs=(SCENE, WIND, DECOMPOSITION, AUTOMATON),
+        settings=(RobotConfig, PlannerConfig, WindConfig, FidelityConfig),
+    ),
+    Stage(
+        "forest",
+        makes=FOREST,
+        make=make_forest,
+        needs=(PROBLEM,),
+        settings=(PlannerConfig,),
+        stream="forest",
+    ),
+    Stage(
+        "front",
+        makes=FRONT,
+        make=make_front,
+        needs=(PROBLEM, FOREST),
+        settings=(PlannerConfig, FidelityConfig, SmoothingConfig, SelectionConfig),
+        stream="front",
+    ),
+    Stage(
+        "plan",
+        makes=PLAN,
+        make=make_plan,
+        needs=(PROBLEM, WIND, FRONT),
+        settings=(SelectionConfig, RobotConfig, FidelityConfig),
+        stream="plan",
+    ),
+    Stage(
+        "forecasts",
+        makes=FORECASTS,
+        make=make_forecasts,
+        needs=(PROBLEM, PLAN),
+        settings=(DeploymentConfig,),
+    ),
+    Stage(
+        "deployment",
+        makes=DEPLOYMENTS,
+        make=make_deployments,
+        needs=(PROBLEM, PLAN),
+        settings=(DeploymentConfig,),
+        stream="deployment",
+    ),
+    Stage(
+        "report",
+        makes=FIGURES,
+        make=make_report,
+        needs=(SCENE, DECOMPOSITION, WIND),
+        uses=(FOREST, FRONT, PLAN, DEPLOYMENTS),
+        settings=(ReportConfig, FidelityConfig),
+    ),
+    Stage(
+        "table",
+        makes=WIND_TABLE,
+        make=make_wind_table,
+        needs=(READINGS,),
+        settings=(WindConfig, IngestConfig),
+    ),
+)
+PLAN_TABLE = StageTable(PLAN_STAGES)
 
 
 def input_files(settings: Settings) -> list[Path]:
-    """The files this run may read, for its records."""
-    if settings.wind.source == "sample":
-        winds = resources.packaged_data()
-    else:
-        winds = matching(settings.wind.path) if settings.wind.path else []
-    return matching(settings.scene.file) + winds if settings.scene.file else winds
+    """The files that a run reads, for its records; raises ``DataError`` if the wind files are missing."""
+    from pareto_ltl.wind.sources import wind_source
 
-
-def matching(name: str) -> list[Path]:
-    """The files that a setting names: one file, all of a folder, or a pattern."""
-    path = Path(name).expanduser()
-    found = path.iterdir() if path.is_dir() else [Path(match) for match in glob(str(path))]
-    return sorted(file for file in found if file.is_file())
+    maps = [Path(settings.scene.file).expanduser()] if settings.scene.file else []
+    return [*maps, *wind_source(settings.wind).files(settings.wind)]

@@ -18,7 +18,7 @@ from pareto_ltl.kernels import flight as rollout
 from pareto_ltl.planning.evaluate import propagate
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import Acceptance, Front, PlannedPath
-from pareto_ltl.planning.selection import choose_path
+from pareto_ltl.planning.selection_rules import choose_path
 from pareto_ltl.settings import SelectionConfig
 from pareto_ltl.simulation.flights import (
     clopper_pearson,
@@ -35,7 +35,7 @@ LINEAR = 0.35  # standard deviation over length scale: beyond it the linearised 
 
 
 def rank_front(problem: Problem, front: Front, draws: int, seed: SeedSequence) -> Front:
-    """``front`` with the failure rate of every path under the linearised coherent law, ``draws`` flights each.
+    """``front`` with the failure rate of every path in ``draws`` flights of the linearised coherent law.
 
     All paths meet the same winds (common random numbers), so that their rates compare better than each is
     known.
@@ -65,7 +65,7 @@ def linear_failure_rate(
     n = len(start)
     outcome = rollout.Outcome(np.empty((n, len(path.x), 2)), np.empty(n, bool), np.empty(n, bool))
     outcome.x[:, 0] = path.x[0] + start
-    rollout.fly(flight_judge(problem), draws, rollout.Autopilot(path.u, flight.x), outcome)
+    rollout.fly_batch(flight_judge(problem), draws, rollout.Autopilot(path.u, flight.x), outcome)
     return float((~outcome.accepted | outcome.collided).mean())
 
 

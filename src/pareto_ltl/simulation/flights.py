@@ -116,7 +116,7 @@ def simulate_flights(
 
 
 def unspawned(seed: SeedSequence) -> SeedSequence:
-    """The same seed with no child yet: a SeedSequence counts its children, and would give others next time."""
+    """The same seed without children: a SeedSequence counts them, and would give others next time."""
     return SeedSequence(seed.entropy, spawn_key=seed.spawn_key, pool_size=seed.pool_size)
 
 
@@ -147,7 +147,7 @@ class _Flights:
         start = rng.standard_normal((BLOCK, 2))[:runs]
         outcome.x[:, 0] = problem.scene.start + np.sqrt(problem.start_variance) * start
         draws = self.draw(problem, runs, len(self.u), rng)
-        kernel.fly(flight_judge(problem), draws, self.pilot(runs, rng), outcome)
+        kernel.fly_batch(flight_judge(problem), draws, self.pilot(runs, rng), outcome)
 
 
 def flight_judge(problem: Problem) -> kernel.Judge:

@@ -22,13 +22,21 @@ from typing import Any
 import numpy as np
 
 from pareto_ltl.planning.problem import Problem
+from pareto_ltl.report.records import Study
+from pareto_ltl.run.pipeline import Run
+from pareto_ltl.run.records import PLAN, PROBLEM, Records
 from pareto_ltl.settings import Settings
-from pareto_ltl.studies import parts
 from pareto_ltl.studies.compare import bound, failed, outcomes, truth
-from pareto_ltl.studies.parts import Part, Progress
-from pareto_ltl.studies.planning import Workshop, unsmoothed, with_wind
-from pareto_ltl.studies.records import Study
-from pareto_ltl.studies.tables import Row, flags, kilometres, markdown, quartiles, rate, spread, with_interval
+from pareto_ltl.studies.parts import Part, PartsProgress, part_key, work_parts
+from pareto_ltl.studies.planning import study_run, unsmoothed, with_wind
+from pareto_ltl.studies.statistics import Columns, quartile_columns, rate_columns
+from pareto_ltl.studies.tables import (
+    interval_text,
+    kilometres_text,
+    markdown_table,
+    quartiles_text,
+    text_to_flags,
+)
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import ConfigError, InfeasibleError
 
@@ -45,9 +53,9 @@ NAMES = {
 
 @dataclass(frozen=True, slots=True)
 class Context:
-    """``shops`` and ``worlds``: what plans are made in and what they are flown in, by (factor, level)."""
+    """``runs_of`` and ``worlds``: what plans are made in and what they are flown in, by (factor, level)."""
 
-    shops: Mapping[tuple[str, Any], Workshop]
+    runs_of: Mapping[tuple[str, Any], Run]
     worlds: Mapping[tuple[str, Any], Problem]
     truth: Problem
     runs: int
@@ -78,7 +86,7 @@ def changed(settings: Settings, factor: str, level: Any) -> Settings:
 
 
 def study(
-    settings: Settings, world: Mapping[str, Any], directory: Path, progress: Progress | None = None
+    settings: Settings, world: Records, directory: Path, progress: PartsProgress | None = None
 ) -> Study:
     """Plan with every level and seed, and fly all plans."""
     _check(settings)
@@ -87,7 +95,7 @@ def study(
         for seed in settings.evaluation.seeds:
             k = _key(settings, context, factor, level, seed)
             todo.append(Part(f"{factor}-{level}-{seed}", (factor, level, seed), k))
-    results = parts.work(settings.evaluation, directory, one, context, todo, progress)
+    results = work_parts(settings.evaluation, directory, one, context, todo, progress)
     found = {part.arguments: result for part, result in zip(todo, results, strict=True)}
     return _study(settings, context, found)
 
@@ -101,36 +109,36 @@ def _check(settings: Settings) -> None:
         )
 
 
-def _context(settings: Settings, world: Mapping[str, Any]) -> Context:
+def _context(settings: Settings, world: Records) -> Context:
     mine = unsmoothed(settings)
     mine = replace(mine, planner=replace(mine.planner, threads=1))
     whole = with_wind(mine, world)
-    reference = Workshop(mine, dict(whole))
-    reference.make("problem")
-    shops, worlds = {}, {}
+    reference = study_run(mine, whole)
+    reference.make(PROBLEM)
+    runs_of, worlds = {}, {}
     for factor, level in levels(settings):
         other = changed(mine, factor, level)
         refitted = factor == "kernel" and other != mine
-        shop = reference if other == mine else Workshop(other, dict(world if refitted else whole))
-        shop.make("problem")
-        shops[factor, level] = shop
+        run = reference if other == mine else study_run(other, world if refitted else whole)
+        run.make(PROBLEM)
+        runs_of[factor, level] = run
         if factor == "dt":
             worlds[factor, level] = truth(cut(settings, level), world)
     return Context(
-        shops, worlds, truth(settings, whole), settings.deployment.runs, tuple(settings.evaluation.laws)
+        runs_of, worlds, truth(settings, whole), settings.deployment.runs, tuple(settings.evaluation.laws)
     )
 
 
 def _key(settings: Settings, context: Context, factor: str, level: Any, seed: int) -> str:
     """Levels that come to the default settings share their parts."""
     pieces = level if factor == "dt" else 1
-    mine = replace(context.shops[factor, level].settings, seed=seed)
-    return parts.key(mine, "ablation", pieces, as_flown(settings), context.runs, context.laws)
+    mine = replace(context.runs_of[factor, level].settings, seed=seed)
+    return part_key(mine, "ablation", pieces, as_flown(settings), context.runs, context.laws)
 
 
 def as_flown(settings: Settings) -> str:
     """The world that plans are flown in, which does not change with the factor."""
-    return parts.key(replace(settings, seed=0))
+    return part_key(replace(settings, seed=0))
 
 
 def cut(settings: Settings, pieces: int) -> Settings:
@@ -147,7 +155,7 @@ def cut(settings: Settings, pieces: int) -> Settings:
 # --- one plan --------------------------------------------------------------------------------
 
 
-def one(context: Context, factor: str, level: Any, seed: int) -> Row:
+def one(context: Context, factor: str, level: Any, seed: int) -> Columns:
     try:
         plan = _plan(context, factor, level, seed)
     except InfeasibleError as error:
@@ -167,9 +175,9 @@ def one(context: Context, factor: str, level: Any, seed: int) -> Row:
 def _plan(context: Context, factor: str, level: Any, seed: int) -> Any:
     """Made once for all time steps."""
     if factor != "dt":
-        return context.shops[factor, level].with_seed(seed).make("plan")
+        return context.runs_of[factor, level].with_seed(seed).make(PLAN)
     if seed not in context.kept:
-        context.kept[seed] = context.shops[factor, level].with_seed(seed).make("plan")
+        context.kept[seed] = context.runs_of[factor, level].with_seed(seed).make(PLAN)
     return context.kept[seed]
 
 
@@ -201,23 +209,27 @@ def _study(settings: Settings, context: Context, found: Mapping[tuple[Any, ...],
     return Study({"ablation": tuple(rows)}, numbers, _text(settings, rows))
 
 
-def _row(settings: Settings, factor: str, level: Any, law: str, results: Sequence[Mapping[str, Any]]) -> Row:
+def _row(
+    settings: Settings, factor: str, level: Any, law: str, results: Sequence[Mapping[str, Any]]
+) -> Columns:
     planned = [result for result in results if result["planned"]]
     lost = [failed(result, law) for result in planned]
-    row: Row = {"factor": factor, "level": level, "law": law, "seeds": len(results)}
+    row: Columns = {"factor": factor, "level": level, "law": law, "seeds": len(results)}
     row |= {"shown": settings.robot.dt / level if factor == "dt" else level}
-    row |= rate("planned", np.array([result["planned"] for result in results]))
-    row |= rate("failure", np.concatenate(lost) if lost else np.empty(0, bool))
-    row |= quartiles("failure_of_a_plan", [f.mean() for f in lost])
-    row |= quartiles("collided_of_a_plan", [flags(r["laws"][law]["collided"]).mean() for r in planned])
-    row |= quartiles("bound_planned", [bound(result, "mission_risk") for result in planned])
-    row |= quartiles("bound", [result["laws"][law]["promised"] for result in planned])
-    return row | quartiles("length_m", [result["objectives"]["length"] for result in planned])
+    row |= rate_columns("planned", np.array([result["planned"] for result in results]))
+    row |= rate_columns("failure", np.concatenate(lost) if lost else np.empty(0, bool))
+    row |= quartile_columns("failure_of_a_plan", [f.mean() for f in lost])
+    row |= quartile_columns(
+        "collided_of_a_plan", [text_to_flags(r["laws"][law]["collided"]).mean() for r in planned]
+    )
+    row |= quartile_columns("bound_planned", [bound(result, "mission_risk") for result in planned])
+    row |= quartile_columns("bound", [result["laws"][law]["promised"] for result in planned])
+    return row | quartile_columns("length_m", [result["objectives"]["length"] for result in planned])
 
 
-def _text(settings: Settings, rows: Sequence[Row]) -> str:
+def _text(settings: Settings, rows: Sequence[Columns]) -> str:
     return "\n".join(
-        markdown(
+        markdown_table(
             f"{NAMES[factor]}: median (quartiles) over seeds; failed of all flights with 95 % interval",
             (
                 NAMES[factor],
@@ -233,10 +245,10 @@ def _text(settings: Settings, rows: Sequence[Row]) -> str:
                     _label(row["shown"]),
                     row["law"],
                     f"{round(row['planned'] * row['seeds'])} of {row['seeds']}",
-                    spread(row, "bound"),
-                    spread(row, "failure_of_a_plan"),
-                    with_interval(row, "failure"),
-                    kilometres(row["length_m"]),
+                    quartiles_text(row, "bound"),
+                    quartiles_text(row, "failure_of_a_plan"),
+                    interval_text(row, "failure"),
+                    kilometres_text(row["length_m"]),
                 )
                 for row in rows
                 if row["factor"] == factor

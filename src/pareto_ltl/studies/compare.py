@@ -23,24 +23,21 @@ import numpy as np
 from pareto_ltl.planning.evaluate import forecast
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import Plan
+from pareto_ltl.report.records import Study
+from pareto_ltl.run.pipeline import Run
+from pareto_ltl.run.records import PLAN, PROBLEM, WIND, Records
 from pareto_ltl.settings import Settings, preset
-from pareto_ltl.studies import parts
-from pareto_ltl.studies.parts import Part, Progress
-from pareto_ltl.studies.planning import Workshop, fly, still, with_wind
-from pareto_ltl.studies.records import Study
+from pareto_ltl.studies.parts import Part, PartsProgress, part_key, work_parts
+from pareto_ltl.studies.planning import fly_seeded, still, study_run, with_wind
+from pareto_ltl.studies.statistics import Columns, mcnemar_test, mean_interval, quartile_columns, rate_columns
 from pareto_ltl.studies.tables import (
-    Row,
-    bits,
-    flags,
-    kilometres,
-    markdown,
-    mcnemar,
-    mean_interval,
-    number,
-    percent,
-    quartiles,
-    rate,
-    with_interval,
+    flags_to_text,
+    interval_text,
+    kilometres_text,
+    markdown_table,
+    number_or_nan,
+    percent_text,
+    text_to_flags,
 )
 from pareto_ltl.support.arrays import BoolArray, FloatArray
 from pareto_ltl.support.errors import InfeasibleError
@@ -60,14 +57,14 @@ COSTS = ("mission_risk_paper", "mission_risk", "collision_risk")
 class Context:
     """What all parts of a comparison share: the problem of each method, and the one all are flown in."""
 
-    methods: Mapping[str, Workshop]
+    methods: Mapping[str, Run]
     truth: Problem
     runs: int
     laws: tuple[str, ...]
     kept: dict[str, Plan] = field(default_factory=dict)  # plans that no seed changes, once a process
 
 
-def method(name: str, settings: Settings, world: Mapping[str, Any]) -> Workshop:
+def method(name: str, settings: Settings, world: Records) -> Run:
     """The planner called ``name``: the settings it has and the world it believes in."""
     models = preset("full" if name == "full" else "paper")
     if name not in ("smoothed", "full", "calm_shortest"):
@@ -79,24 +76,23 @@ def method(name: str, settings: Settings, world: Mapping[str, Any]) -> Workshop:
     )
     if name == "cc_rrt":
         mine = replace(mine, planner=replace(mine.planner, near=0))  # no parents tried: no re-selection
-    shop = Workshop(mine, dict(world))
-    shop.make("wind")
+    run = study_run(mine, world)
+    wind = run.make(WIND)
     if name in ("ml_rrt", "calm_shortest"):
-        shop.records["wind"] = still(shop.records["wind"])
-    shop.make("problem")
-    return shop
+        run = run.with_record(WIND, still(wind))
+    run.make(PROBLEM)
+    return run
 
 
-def truth(settings: Settings, world: Mapping[str, Any]) -> Problem:
+def truth(settings: Settings, world: Records) -> Problem:
     """The world plans are flown in: everything that is modelled, all laws."""
     laws = list(settings.evaluation.laws)
     real = replace(settings, fidelity=preset("full"), deployment=replace(settings.deployment, laws=laws))
-    problem: Problem = Workshop(real, dict(world)).make("problem")
-    return problem
+    return study_run(real, world).make(PROBLEM)
 
 
 def study(
-    settings: Settings, world: Mapping[str, Any], directory: Path, progress: Progress | None = None
+    settings: Settings, world: Records, directory: Path, progress: PartsProgress | None = None
 ) -> Study:
     """Plan with every method and seed, fly all, and compare."""
     cfg, names = settings.evaluation, tuple(settings.compare.methods)
@@ -112,17 +108,17 @@ def study(
         for seed in cfg.seeds
         for name in names
     ]
-    results = parts.work(cfg, directory, one, context, todo, progress)
+    results = work_parts(cfg, directory, one, context, todo, progress)
     found = {part.arguments: result for part, result in zip(todo, results, strict=True)}
     return _study(settings, context, found)
 
 
 def _key(context: Context, settings: Settings, name: str, seed: int) -> str:
     mine = replace(context.methods[name].settings, seed=seed)
-    return parts.key(mine, "compare", name, context.runs, context.laws, settings.fidelity.label)
+    return part_key(mine, "compare", name, context.runs, context.laws, settings.fidelity.label)
 
 
-def one(context: Context, name: str, seed: int) -> Row:
+def one(context: Context, name: str, seed: int) -> Columns:
     """A plan of one method and what became of its flights; or why there is none."""
     began = time.perf_counter()
     try:
@@ -142,21 +138,20 @@ def one(context: Context, name: str, seed: int) -> Row:
 def _plan(context: Context, name: str, seed: int) -> Plan:
     """The plan of one seed; the shortest path in still air is the same for all, to a thousandth."""
     if name != "calm_shortest":
-        plan: Plan = context.methods[name].with_seed(seed).make("plan")
-        return plan
+        return context.methods[name].with_seed(seed).make(PLAN)
     if name not in context.kept:
-        context.kept[name] = context.methods[name].make("plan")
+        context.kept[name] = context.methods[name].make(PLAN)
     return context.kept[name]
 
 
 def outcomes(
     problem: Problem, u: FloatArray, x: FloatArray, runs: int, laws: Sequence[str], seed: int
-) -> dict[str, Row]:
+) -> dict[str, Columns]:
     """Per law, which flights completed the mission, which met an obstacle, and what V + R says of them."""
-    found: dict[str, Row] = {}
+    found: dict[str, Columns] = {}
     for law in laws:
-        flown, promise = fly(problem, u, runs, law, seed, x), forecast(problem, u, law)
-        found[law] = {"accepted": bits(flown.accepted), "collided": bits(flown.collided)}
+        flown, promise = fly_seeded(problem, u, runs, law, seed, x), forecast(problem, u, law)
+        found[law] = {"accepted": flags_to_text(flown.accepted), "collided": flags_to_text(flown.collided)}
         found[law] |= {"promised": min(1.0, promise.mission_risk + promise.collision_risk)}
     return found
 
@@ -169,13 +164,13 @@ Found = Mapping[tuple[Any, ...], Mapping[str, Any]]
 def failed(result: Mapping[str, Any], law: str) -> BoolArray:
     """Flights that missed the mission or met an obstacle."""
     outcome = result["laws"][law]
-    return np.asarray(~flags(outcome["accepted"]) | flags(outcome["collided"]))
+    return np.asarray(~text_to_flags(outcome["accepted"]) | text_to_flags(outcome["collided"]))
 
 
 def bound(result: Mapping[str, Any], mission: str) -> float:
     """P(fail or collide) ≤ mission risk + collision risk."""
     costs = result["objectives"]
-    return min(1.0, number(costs[mission]) + number(costs["collision_risk"]))
+    return min(1.0, number_or_nan(costs[mission]) + number_or_nan(costs["collision_risk"]))
 
 
 def _study(settings: Settings, context: Context, found: Found) -> Study:
@@ -209,34 +204,34 @@ def _study(settings: Settings, context: Context, found: Found) -> Study:
     )
 
 
-def _row(name: str, law: str, results: Sequence[Mapping[str, Any]]) -> Row:
+def _row(name: str, law: str, results: Sequence[Mapping[str, Any]]) -> Columns:
     """All seeds of one method under one law; a seed without a plan has no flights."""
     planned = [result for result in results if result["planned"]]
-    missed = [~flags(result["laws"][law]["accepted"]) for result in planned]
-    hit = [flags(result["laws"][law]["collided"]) for result in planned]
+    missed = [~text_to_flags(result["laws"][law]["accepted"]) for result in planned]
+    hit = [text_to_flags(result["laws"][law]["collided"]) for result in planned]
     lost = [failed(result, law) for result in planned]
     broken = [
-        rate("f", f)["f_low"] > result["laws"][law]["promised"]
+        rate_columns("f", f)["f_low"] > result["laws"][law]["promised"]
         for f, result in zip(lost, planned, strict=True)
     ]
-    row: Row = {"method": name, "title": TITLES[name], "law": law, "seeds": len(results)}
-    row |= rate("planned", np.array([result["planned"] for result in results]))
+    row: Columns = {"method": name, "title": TITLES[name], "law": law, "seeds": len(results)}
+    row |= rate_columns("planned", np.array([result["planned"] for result in results]))
     row |= {"flights": sum(map(len, lost))}
     row |= (
-        rate("failure", _joined(lost))
-        | rate("completion", ~_joined(missed))
-        | rate("collision", _joined(hit))
+        rate_columns("failure", _joined(lost))
+        | rate_columns("completion", ~_joined(missed))
+        | rate_columns("collision", _joined(hit))
     )
-    row |= quartiles("failure_of_a_plan", [f.mean() for f in lost])
-    row |= quartiles("length_m", [result["objectives"]["length"] for result in planned])
+    row |= quartile_columns("failure_of_a_plan", [f.mean() for f in lost])
+    row |= quartile_columns("length_m", [result["objectives"]["length"] for result in planned])
     for cost in COSTS:
-        row |= quartiles(cost, [number(result["objectives"][cost]) for result in planned])
-    row |= quartiles("bound_paper", [bound(result, "mission_risk_paper") for result in planned])
-    row |= quartiles("bound", [bound(result, "mission_risk") for result in planned])
+        row |= quartile_columns(cost, [number_or_nan(result["objectives"][cost]) for result in planned])
+    row |= quartile_columns("bound_paper", [bound(result, "mission_risk_paper") for result in planned])
+    row |= quartile_columns("bound", [bound(result, "mission_risk") for result in planned])
     row |= {"bound_mean": _mean([bound(result, "mission_risk") for result in planned])}
-    row |= quartiles("forecast", [result["laws"][law]["promised"] for result in planned])
+    row |= quartile_columns("forecast", [result["laws"][law]["promised"] for result in planned])
     row |= {"bounds_broken": int(sum(broken))}  # plans that fail significantly more often than the forecast
-    row |= quartiles("plan_seconds", [result["seconds"] for result in results])
+    row |= quartile_columns("plan_seconds", [result["seconds"] for result in results])
     return row
 
 
@@ -248,16 +243,18 @@ def _mean(values: Sequence[float]) -> float:
     return float(np.mean(values)) if values else float("nan")
 
 
-def _flight_row(name: str, seed: int, law: str, result: Mapping[str, Any]) -> Row:
+def _flight_row(name: str, seed: int, law: str, result: Mapping[str, Any]) -> Columns:
     costs = result["objectives"]
-    row: Row = {"method": name, "seed": seed, "law": law, "length_m": costs["length"]}
-    row |= {cost: number(costs[cost]) for cost in COSTS} | {"steps": len(result["u"])}
+    row: Columns = {"method": name, "seed": seed, "law": law, "length_m": costs["length"]}
+    row |= {cost: number_or_nan(costs[cost]) for cost in COSTS} | {"steps": len(result["u"])}
     return (
-        row | rate("failure", failed(result, law)) | rate("collision", flags(result["laws"][law]["collided"]))
+        row
+        | rate_columns("failure", failed(result, law))
+        | rate_columns("collision", text_to_flags(result["laws"][law]["collided"]))
     )
 
 
-def _difference(first: str, other: str, law: str, found: Found, seeds: Sequence[int]) -> Row:
+def _difference(first: str, other: str, law: str, found: Found, seeds: Sequence[int]) -> Columns:
     """Failure of ``other`` minus that of ``first``, flight by flight in the same winds."""
     both = [s for s in seeds if found[first, s]["planned"] and found[other, s]["planned"]]
     pairs = [(failed(found[first, s], law), failed(found[other, s], law)) for s in both]
@@ -277,21 +274,21 @@ def _difference(first: str, other: str, law: str, found: Found, seeds: Sequence[
         "difference_high": high,
         "only_this_failed": other_only,
         "only_the_other_failed": one_only,
-        "mcnemar_p": mcnemar(one_only, other_only),
+        "mcnemar_p": mcnemar_test(one_only, other_only),
     }
 
 
-def _panels(settings: Settings, context: Context, found: Found) -> list[Row]:
+def _panels(settings: Settings, context: Context, found: Found) -> list[Columns]:
     """The first seed's plan of every method with its flights, for Figure 1."""
     seed = settings.evaluation.seeds[0]
     panels = []
     for name in settings.compare.methods:
         result = found[name, seed]
-        panel: Row = {"method": name, "title": TITLES[name], "planned": result["planned"]}
+        panel: Columns = {"method": name, "title": TITLES[name], "planned": result["planned"]}
         if result["planned"]:
             u = np.array(result["u"], float).reshape(-1, 2)
             x = np.array(result["x"], float)
-            flown = {law: fly(context.truth, u, context.runs, law, seed, x) for law in context.laws}
+            flown = {law: fly_seeded(context.truth, u, context.runs, law, seed, x) for law in context.laws}
             panel |= {
                 "x": np.array(result["x"], float),
                 "flights": flown,
@@ -304,14 +301,14 @@ def _panels(settings: Settings, context: Context, found: Found) -> list[Row]:
 
 def _wind(context: Context) -> Any:
     """The expected wind, for the arrows."""
-    for shop in context.methods.values():
-        if shop.records["wind"].mean.any():
-            return shop.records["wind"]
+    for run in context.methods.values():
+        if run[WIND].mean.any():
+            return run[WIND]
     return None
 
 
-def _text(rows: Sequence[Row], pairs: Sequence[Row]) -> str:
-    first = markdown(
+def _text(rows: Sequence[Columns], pairs: Sequence[Columns]) -> str:
+    first = markdown_table(
         "Failure of the flights (missed the mission or touched an obstacle), 95 % intervals; bound = mission "
         "risk (f_o or V) + collision risk R of the plan, also in the winds flown in; medians over seeds",
         (
@@ -331,20 +328,20 @@ def _text(rows: Sequence[Row], pairs: Sequence[Row]) -> str:
                 TITLES[row["method"]],
                 row["law"],
                 f"{round(row['planned'] * row['seeds'])} of {row['seeds']}",
-                kilometres(row["length_m"]),
-                percent(row["bound_paper"]),
-                percent(row["bound"]),
-                percent(row["forecast"]),
-                with_interval(row, "failure"),
-                with_interval(row, "collision"),
-                with_interval(row, "completion"),
+                kilometres_text(row["length_m"]),
+                percent_text(row["bound_paper"]),
+                percent_text(row["bound"]),
+                percent_text(row["forecast"]),
+                interval_text(row, "failure"),
+                interval_text(row, "collision"),
+                interval_text(row, "completion"),
             )
             for row in rows
         ),
     )
     if not pairs:
         return first
-    second = markdown(
+    second = markdown_table(
         f"Failure minus that of {TITLES[pairs[0]['against']]}, in the same winds (95 % interval over seeds)",
         ("method", "winds", "difference", "only this failed", "only the other failed", "McNemar p"),
         (
@@ -362,7 +359,7 @@ def _text(rows: Sequence[Row], pairs: Sequence[Row]) -> str:
     return first + "\n" + second
 
 
-def _points(row: Row) -> str:
+def _points(row: Columns) -> str:
     low, high = row["difference_low"], row["difference_high"]
     return f"{100 * row['difference']:+.2f} % ({100 * low:+.2f} to {100 * high:+.2f})"
 

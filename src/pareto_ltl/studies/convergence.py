@@ -21,13 +21,22 @@ import numpy as np
 
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import Forest, Tree
+from pareto_ltl.report.records import Study
+from pareto_ltl.run.pipeline import Run
+from pareto_ltl.run.records import FOREST, PLAN, PROBLEM, Records
+from pareto_ltl.run.stage_table import stage_seeds
 from pareto_ltl.settings import Settings
-from pareto_ltl.studies import parts
 from pareto_ltl.studies.compare import bound, failed, outcomes, truth
-from pareto_ltl.studies.parts import Part, Progress
-from pareto_ltl.studies.planning import Workshop, stream, unsmoothed, with_wind
-from pareto_ltl.studies.records import Study
-from pareto_ltl.studies.tables import Row, flags, kilometres, markdown, number, quartiles, rate, spread
+from pareto_ltl.studies.parts import Part, PartsProgress, part_key, work_parts
+from pareto_ltl.studies.planning import study_run, unsmoothed, with_wind
+from pareto_ltl.studies.statistics import Columns, quartile_columns, rate_columns
+from pareto_ltl.studies.tables import (
+    kilometres_text,
+    markdown_table,
+    number_or_nan,
+    quartiles_text,
+    text_to_flags,
+)
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import InfeasibleError
 
@@ -38,7 +47,7 @@ BY_CREATION = ("swaps", "beta")  # arrays of a tree that have no row a vertex
 
 @dataclass(frozen=True, slots=True)
 class Context:
-    shop: Workshop
+    run: Run
     truth: Problem
     sizes: tuple[int, ...]
     runs: int
@@ -46,21 +55,21 @@ class Context:
 
 
 def study(
-    settings: Settings, world: Mapping[str, Any], directory: Path, progress: Progress | None = None
+    settings: Settings, world: Records, directory: Path, progress: PartsProgress | None = None
 ) -> Study:
     """Grow one forest a seed and look at it at every size."""
     cfg, sizes = settings.evaluation, tuple(sorted(settings.convergence.sizes))
     mine = unsmoothed(settings)
     mine = replace(mine, planner=replace(mine.planner, n_max=sizes[-1], threads=1))
     world = with_wind(settings, world)
-    shop = Workshop(mine, dict(world))
-    shop.make("problem")
-    context = Context(shop, truth(settings, world), sizes, settings.deployment.runs, tuple(cfg.laws))
+    run = study_run(mine, world)
+    run.make(PROBLEM)
+    context = Context(run, truth(settings, world), sizes, settings.deployment.runs, tuple(cfg.laws))
     todo = [
-        Part(f"seed-{seed}", (seed,), parts.key(replace(mine, seed=seed), "convergence", *_matters(context)))
+        Part(f"seed-{seed}", (seed,), part_key(replace(mine, seed=seed), "convergence", *_matters(context)))
         for seed in cfg.seeds
     ]
-    results = parts.work(cfg, directory, one, context, todo, progress)
+    results = work_parts(cfg, directory, one, context, todo, progress)
     return _study(sizes, context.laws, cfg.seeds, results)
 
 
@@ -71,38 +80,37 @@ def _matters(context: Context) -> tuple[Any, ...]:
 # --- one seed --------------------------------------------------------------------------------
 
 
-def one(context: Context, seed: int) -> Row:
+def one(context: Context, seed: int) -> Columns:
     """One forest at every size, and how long its first answer took."""
-    shop = context.shop.with_seed(seed)
-    forest: Forest = shop.make("forest")
+    run = context.run.with_seed(seed)
+    forest = run.make(FOREST)
     looks = [_look(context, snapshot(forest, n), n, seed) for n in context.sizes]
-    return {"looks": looks, "nodes_per_second": _rate(forest), **first_answer(shop, seed)}
+    return {"looks": looks, "nodes_per_second": _rate(forest), **first_answer(run)}
 
 
-def _look(context: Context, forest: Forest, n: int, seed: int) -> Row:
+def _look(context: Context, forest: Forest, n: int, seed: int) -> Columns:
     """What a run that had stopped at ``n`` vertices a tree would have selected."""
-    shop = context.shop.with_seed(seed)
-    shop.records["forest"] = forest
-    look: Row = {"size": n, "vertices": sum(map(len, forest.trees)), "accepted": len(forest.accepted)}
+    run = context.run.with_seed(seed).with_record(FOREST, forest)
+    look: Columns = {"size": n, "vertices": sum(map(len, forest.trees)), "accepted": len(forest.accepted)}
     try:
-        plan = shop.make("plan")
+        plan = run.make(PLAN)
     except InfeasibleError:
         return look | {"planned": False}
-    objectives, full = asdict(plan.path.objectives), shop.make("problem").tables.full
+    objectives = asdict(plan.path.objectives)
     return look | {
         "planned": True,
         "objectives": objectives,
-        "mission_bound": objectives["mission_risk" if full else "mission_risk_paper"],
-        "front": trade_offs(forest, full),
+        "mission_bound": objectives["mission_risk"],
+        "front": trade_offs(forest),
         "laws": outcomes(context.truth, plan.path.u, plan.path.x, context.runs, context.laws, seed),
     }
 
 
-def trade_offs(forest: Forest, full: bool) -> FloatArray:
-    """Non-dominated (risk, length) of the accepted vertices: f_o, or V + R of full fidelity."""
+def trade_offs(forest: Forest) -> FloatArray:
+    """Non-dominated (risk, length) of the accepted vertices; risk is all that trees keep of it."""
     from pareto_ltl.planning.selection import accepted_rows, non_dominated
 
-    rows = accepted_rows(forest, full)
+    rows = accepted_rows(forest)
     table = np.column_stack([np.minimum(1.0, rows[:, :-1].sum(axis=1)), rows[:, -1]])
     return np.asarray(table[non_dominated(table)], float)
 
@@ -110,7 +118,7 @@ def trade_offs(forest: Forest, full: bool) -> FloatArray:
 def snapshot(forest: Forest, n: int) -> Forest:
     """The forest as it was when each tree had ``n`` vertices."""
     old = forest.accepted[forest.accepted[:, 1] < n]
-    return Forest(tuple(_first(tree, n) for tree in forest.trees), old, forest.seconds)
+    return replace(forest, trees=tuple(_first(tree, n) for tree in forest.trees), accepted=old)
 
 
 def _first(tree: Tree, n: int) -> Tree:
@@ -129,12 +137,13 @@ def _rate(forest: Forest) -> float:
     return sum(map(len, forest.trees)) / spent if spent > 0 else float("nan")
 
 
-def first_answer(shop: Workshop, seed: int) -> Row:
+def first_answer(run: Run) -> Columns:
     """Vertices that the quickest tree of the forest needs to complete the mission, and its time."""
     from pareto_ltl.planning import growth
 
-    cfg = shop.settings.planner
-    forest = growth.forest(cfg, shop.make("problem"), stream(seed, "forest"), stop_at_first=True)
+    seeds = stage_seeds(run.settings.seed, "forest")
+    options = growth.GrowthOptions(stop_at_first=True)
+    forest = growth.grow_forest(run.settings.planner, run.make(PROBLEM), seeds, None, options)
     there = np.unique(forest.accepted[:, 0])
     if not len(there):
         return {"first_seconds": None, "first_vertices": None, "trees_done": 0}
@@ -166,12 +175,12 @@ def _study(
     ]
     firsts = [
         {"seed": seed}
-        | {key: number(result[key]) for key in ("first_seconds", "first_vertices", "nodes_per_second")}
+        | {key: number_or_nan(result[key]) for key in ("first_seconds", "first_vertices", "nodes_per_second")}
         for seed, result in zip(seeds, results, strict=True)
     ]
     numbers = {"seeds": float(len(seeds))}
     for name in ("first_seconds", "first_vertices"):
-        numbers |= quartiles(name, [row[name] for row in firsts])
+        numbers |= quartile_columns(name, [row[name] for row in firsts])
     for row in rows:
         if row["size"] == sizes[-1]:
             numbers |= {
@@ -207,41 +216,41 @@ def decades(risk: float) -> float:
     return 1.0 - math.log10(max(risk, FEWEST)) / math.log10(FEWEST)
 
 
-def _row(n: int, law: str, looks: Sequence[Mapping[str, Any]], volumes: FloatArray) -> Row:
+def _row(n: int, law: str, looks: Sequence[Mapping[str, Any]], volumes: FloatArray) -> Columns:
     """Median and quartiles over the seeds that have a plan at this size."""
     planned = [look for look in looks if look["planned"]]
     lost = [failed(look, law) for look in planned]
-    row: Row = {"size": n, "law": law, "seeds": len(looks)}
-    row |= rate("planned", np.array([look["planned"] for look in looks]))
-    row |= quartiles("mission_bound", [number(look["mission_bound"]) for look in planned])
-    row |= quartiles("bound", [bound(look, "mission_risk") for look in planned])
-    row |= quartiles("failure_of_a_plan", [f.mean() for f in lost])
-    row |= quartiles(
-        "missed_of_a_plan", [1.0 - flags(look["laws"][law]["accepted"]).mean() for look in planned]
+    row: Columns = {"size": n, "law": law, "seeds": len(looks)}
+    row |= rate_columns("planned", np.array([look["planned"] for look in looks]))
+    row |= quartile_columns("mission_bound", [number_or_nan(look["mission_bound"]) for look in planned])
+    row |= quartile_columns("bound", [bound(look, "mission_risk") for look in planned])
+    row |= quartile_columns("failure_of_a_plan", [f.mean() for f in lost])
+    row |= quartile_columns(
+        "missed_of_a_plan", [1.0 - text_to_flags(look["laws"][law]["accepted"]).mean() for look in planned]
     )
     row |= {"bounds_broken": sum(_broken(look, law) for look in planned)}
-    row |= rate("failure", np.concatenate(lost) if lost else np.empty(0, bool))
-    row |= quartiles("length_m", [look["objectives"]["length"] for look in planned])
-    return row | quartiles("hypervolume", volumes)
+    row |= rate_columns("failure", np.concatenate(lost) if lost else np.empty(0, bool))
+    row |= quartile_columns("length_m", [look["objectives"]["length"] for look in planned])
+    return row | quartile_columns("hypervolume", volumes)
 
 
 def _broken(look: Mapping[str, Any], law: str) -> bool:
     """Whether more flights missed the mission than its bound allows, beyond what chance explains (95 %)."""
-    missed = rate("missed", ~flags(look["laws"][law]["accepted"]))["missed_low"]
-    return bool(missed > number(look["mission_bound"]))
+    missed = rate_columns("missed", ~text_to_flags(look["laws"][law]["accepted"]))["missed_low"]
+    return bool(missed > number_or_nan(look["mission_bound"]))
 
 
-def _seed_row(seed: int, law: str, look: Mapping[str, Any], volume: float) -> Row:
-    row: Row = {"seed": seed, "size": look["size"], "law": law, "planned": int(look["planned"])}
+def _seed_row(seed: int, law: str, look: Mapping[str, Any], volume: float) -> Columns:
+    row: Columns = {"seed": seed, "size": look["size"], "law": law, "planned": int(look["planned"])}
     costs = look["objectives"] if look["planned"] else {}
     for name in ("length", "mission_risk_paper", "mission_risk", "collision_risk"):
-        row[name] = number(costs.get(name))
-    row |= rate("failure", failed(look, law) if look["planned"] else np.empty(0, bool))
+        row[name] = number_or_nan(costs.get(name))
+    row |= rate_columns("failure", failed(look, law) if look["planned"] else np.empty(0, bool))
     return row | {"hypervolume": volume, "accepted_vertices": look["accepted"]}
 
 
-def _text(rows: Sequence[Row], numbers: Mapping[str, float]) -> str:
-    table = markdown(
+def _text(rows: Sequence[Columns], numbers: Mapping[str, float]) -> str:
+    table = markdown_table(
         "The selected path as trees grow: median (quartiles) over seeds that have a plan",
         (
             "vertices a tree",
@@ -260,12 +269,12 @@ def _text(rows: Sequence[Row], numbers: Mapping[str, float]) -> str:
                 f"{row['size']:,}",
                 row["law"],
                 f"{round(row['planned'] * row['seeds'])} of {row['seeds']}",
-                spread(row, "mission_bound"),
-                spread(row, "missed_of_a_plan"),
+                quartiles_text(row, "mission_bound"),
+                quartiles_text(row, "missed_of_a_plan"),
                 f"{row['bounds_broken']} of {round(row['planned'] * row['seeds'])}",
-                spread(row, "bound"),
-                spread(row, "failure_of_a_plan"),
-                kilometres(row["length_m"]),
+                quartiles_text(row, "bound"),
+                quartiles_text(row, "failure_of_a_plan"),
+                kilometres_text(row["length_m"]),
                 f"{row['hypervolume']:.3f}",
             )
             for row in rows

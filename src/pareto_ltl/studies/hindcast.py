@@ -20,20 +20,25 @@ import numpy as np
 from pareto_ltl.planning.evaluate import forecast
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import Front, PlannedPath
-from pareto_ltl.run.results import whole
+from pareto_ltl.report.records import Study
+from pareto_ltl.run.pipeline import Run
+from pareto_ltl.run.records import AUTOMATON, DECOMPOSITION, FRONT, PROBLEM, SCENE, WIND, Records
 from pareto_ltl.settings import PRESETS, IngestConfig, MissionConfig, Settings, WindConfig, preset
-from pareto_ltl.studies import parts
 from pareto_ltl.studies import true_fields as nature
-from pareto_ltl.studies.parts import Part, Progress
-from pareto_ltl.studies.planning import Workshop, fly
+from pareto_ltl.studies.parts import Part, PartsProgress, part_key, work_parts
+from pareto_ltl.studies.planning import fly_seeded, study_run
 from pareto_ltl.studies.random_missions import Mission, mission
-from pareto_ltl.studies.records import Study
-from pareto_ltl.studies.tables import Row, markdown, number, percent, share, with_interval
+from pareto_ltl.studies.statistics import Columns, mean_chance_columns
+from pareto_ltl.studies.tables import interval_text, markdown_table, number_or_nan, percent_text
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError, InfeasibleError
-from pareto_ltl.wind import grib, sources
+from pareto_ltl.support.files import write_text
+from pareto_ltl.support.fingerprints import file_fingerprint
+from pareto_ltl.wind import sources
+from pareto_ltl.wind.ingest import common_nodes, winds_at
 from pareto_ltl.wind.readings import Readings, iso
 from pareto_ltl.wind.records import WindField
+from pareto_ltl.wind.sources.grib_files import read_grib_files
 
 RIM = 4.0  # readings are kept so far outside ``hindcast.area``, for scenes at its edge [deg]
 NORMAL_90 = 1.6448536269514722  # a standard normal stays within with probability 0.9
@@ -47,29 +52,29 @@ class Context:
     spells: tuple[nature.Spell, ...]
 
 
-def study(settings: Settings, directory: Path, progress: Progress | None = None) -> Study:
+def study(settings: Settings, directory: Path, progress: PartsProgress | None = None) -> Study:
     """Plan and fly ``hindcast.missions`` missions."""
     cfg = settings.hindcast
     files = full_fields(cfg.truth, nature.folder(cfg))
-    readings = grib.read(files, settings.wind.max_speed)
+    readings = read_grib_files(files, settings.wind.max_speed)
     spells = tuple(nature.spells(readings, cfg))
     tables = {spell.name: thinned(settings, readings, spell, directory) for spell in spells}
     context = Context(settings, readings, tables, spells)
-    base = parts.key(settings, "hindcast", _matters(settings), parts.inputs(files))
-    todo = [Part(f"mission-{k}", (k,), parts.key(settings, base, k)) for k in range(cfg.missions)]
-    results = parts.work(settings.evaluation, directory, one, context, todo, progress)
+    base = part_key(settings, "hindcast", _matters(settings), [file_fingerprint(file) for file in files])
+    todo = [Part(f"mission-{k}", (k,), part_key(settings, base, k)) for k in range(cfg.missions)]
+    results = work_parts(settings.evaluation, directory, one, context, todo, progress)
     return _study(settings, results)
 
 
 def full_fields(asked: str | None, folder: Path) -> tuple[Path, ...]:
     """The data files of the folder."""
-    files = tuple(sorted(f for f in folder.iterdir() if f.is_file() and sources._is_data(f)))
+    files = tuple(sorted(f for f in folder.iterdir() if f.is_file() and sources.is_data_file(f)))
     if not files:
         raise DataError(f"hindcast.truth={asked or folder}: the folder holds no GRIB2 file")
     return files
 
 
-def _matters(settings: Settings) -> Row:
+def _matters(settings: Settings) -> Columns:
     """Settings of this study on which a mission depends."""
     kept = asdict(settings.hindcast)
     for name in ("truth", "missions", "bins"):
@@ -86,26 +91,25 @@ def thinned(settings: Settings, readings: Readings, spell: nature.Spell, directo
     outline = [list(map(float, corner)) for corner in rim.exterior.coords[:-1]]
     out = directory / f"readings_{spell.name}.csv"
     kept = np.arange(spell.first, spell.last + 1)
-    nodes = sources._common_nodes(readings, kept, IngestConfig(points=cfg.points, area=outline))
+    nodes = common_nodes(readings, kept, IngestConfig(points=cfg.points, area=outline))
     lines = ["time,lat,lon,u,v"]
     for k in kept:
-        winds = sources._winds_at(readings, int(k), nodes)
+        winds = winds_at(readings, int(k), nodes)
         lines += [
             f"{iso(readings.times[k])},{lat:g},{lon:g},{u:.2f},{v:.2f}"
             for (lon, lat), (u, v) in zip(nodes.tolist(), winds.tolist(), strict=True)
         ]
-    with whole(out) as draft:
-        draft.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    write_text(out, "\n".join(lines) + "\n")
     return out
 
 
 # --- one mission -----------------------------------------------------------------------------
 
 
-def one(context: Context, k: int) -> Row:
+def one(context: Context, k: int) -> Columns:
     """A mission, the plans made for it in each fidelity, and what became of them."""
     task = mission(context.settings.hindcast, context.settings.seed, k, context.spells)
-    row: Row = {
+    row: Columns = {
         "formula": task.formula,
         "departure": task.scene.time_zero,
         "latitude": task.latitude,
@@ -113,16 +117,16 @@ def one(context: Context, k: int) -> Row:
         "side": float(np.ptp(task.scene.bounds[:, 0])),
         "obstacles": len(task.scene.obstacles),
     }
-    plans: list[Row] = []
+    plans: list[Columns] = []
     for fidelity in PRESETS:
-        shop = workshop(context, task, fidelity)
+        run = mission_run(context, task, fidelity)
         try:
-            front = shop.make("front")
+            front = run.make(FRONT)
         except (InfeasibleError, DataError) as error:
             row |= {f"reason_{fidelity}": str(error)}
             continue
-        real = reality(context, shop)
-        row |= calibration(context, shop)
+        real = reality(context, run)
+        row |= calibration(context, run)
         models = believed(context, task)
         plans += [
             _flown(context, task, fidelity, path, real, models)
@@ -131,7 +135,7 @@ def one(context: Context, k: int) -> Row:
     return row | {"plans": plans}
 
 
-def workshop(context: Context, task: Mission, fidelity: str) -> Workshop:
+def mission_run(context: Context, task: Mission, fidelity: str) -> Run:
     """The planner, which knows the thinned readings and no more."""
     settings, cfg = context.settings, context.settings.hindcast
     steps = int(cfg.hours * 3600 // settings.robot.dt)
@@ -144,7 +148,7 @@ def workshop(context: Context, task: Mission, fidelity: str) -> Workshop:
         planner=replace(settings.planner, max_steps=min(settings.planner.max_steps, steps), threads=1),
         deployment=replace(settings.deployment, laws=list(settings.evaluation.laws)),
     )
-    return Workshop(mine, {"scene": task.scene})
+    return study_run(mine, Records({SCENE: task.scene}))
 
 
 def seen(wind: WindConfig, table: Path) -> WindConfig:
@@ -153,24 +157,28 @@ def seen(wind: WindConfig, table: Path) -> WindConfig:
 
 def believed(context: Context, task: Mission) -> Problem:
     """The model that plans are simulated in: everything that is modelled, all laws."""
-    problem: Problem = workshop(context, task, "full").make("problem")
-    return problem
+    return mission_run(context, task, "full").make(PROBLEM)
 
 
-def reality(context: Context, shop: Workshop) -> Problem:
+def reality(context: Context, run: Run) -> Problem:
     """The same map in the wind that there was."""
-    cfg, scene = context.settings.hindcast, shop.make("scene")
-    real = nature.real_wind(cfg, shop.settings.wind, context.readings, scene, shop.make("wind"))
-    world = {name: shop.make(name) for name in ("scene", "observations", "decomposition", "automaton")}
-    problem: Problem = Workshop(
-        replace(shop.settings, fidelity=preset("paper")), world | {"wind": real}
-    ).make("problem")
-    return problem
+    cfg, scene = context.settings.hindcast, run.make(SCENE)
+    real = nature.real_wind(cfg, run.settings.wind, context.readings, scene, run.make(WIND))
+    settings = replace(run.settings, fidelity=preset("paper"))
+    return study_run(settings, _world(run).replaced(WIND, real)).make(PROBLEM)
 
 
-def calibration(context: Context, shop: Workshop) -> Row:
+def _world(run: Run) -> Records:
+    """Map and automaton of ``run``, which do not depend on the fidelity."""
+    world = Records({SCENE: run.make(SCENE)})
+    world[DECOMPOSITION] = run.make(DECOMPOSITION)
+    world[AUTOMATON] = run.make(AUTOMATON)
+    return world
+
+
+def calibration(context: Context, run: Run) -> Columns:
     """How the fit predicts the full fields inside the map: sd of z = (truth - mean)/sd, share within 90 %."""
-    scene, wind = shop.make("scene"), shop.make("wind")
+    scene, wind = run.make(SCENE), run.make(WIND)
     z = scores(context.readings, scene, wind)
     return {"z_sd": float(np.sqrt((z**2).mean())), "coverage_90": float((np.abs(z) <= NORMAL_90).mean())}
 
@@ -195,13 +203,15 @@ def picked(front: Front, count: int) -> list[PlannedPath]:
 
 def _flown(
     context: Context, task: Mission, fidelity: str, path: PlannedPath, real: Problem, models: Problem
-) -> Row:
+) -> Columns:
     settings, seed = context.settings, context.settings.seed + task.number
     runs = settings.deployment.runs
-    flights = fly(real, path.u, runs if settings.hindcast.gusts > 0 else 1, "independent", seed, path.x)
+    flights = fly_seeded(
+        real, path.u, runs if settings.hindcast.gusts > 0 else 1, "independent", seed, path.x
+    )
     promised = {}
     for law in settings.evaluation.laws:
-        model = fly(models, path.u, runs, law, seed, path.x)
+        model = fly_seeded(models, path.u, runs, law, seed, path.x)
         promised[f"simulated_{law}"] = float((~model.accepted | model.collided).mean())
         said = forecast(models, path.u, law)
         promised[f"bound_{law}"] = min(1.0, said.mission_risk + said.collision_risk)
@@ -222,12 +232,12 @@ def _flown(
 # --- all missions ----------------------------------------------------------------------------
 
 
-def plan_rows(results: Sequence[Mapping[str, Any]]) -> list[Row]:
+def plan_rows(results: Sequence[Mapping[str, Any]]) -> list[Columns]:
     """One row a plan: its mission, its promises, what was realised."""
     rows = []
     for k, result in enumerate(results):
         for plan in result["plans"]:
-            costs = {name: number(value) for name, value in plan["objectives"].items()}
+            costs = {name: number_or_nan(value) for name, value in plan["objectives"].items()}
             row = {"mission": k} | {
                 name: result[name] for name in ("formula", "departure", "latitude", "longitude")
             }
@@ -240,12 +250,12 @@ def plan_rows(results: Sequence[Mapping[str, Any]]) -> list[Row]:
     return rows
 
 
-def promises(row: Row) -> list[str]:
+def promises(row: Columns) -> list[str]:
     """Columns that promise a probability of failure."""
     return [name for name in row if name.startswith(("bound_", "simulated_"))]
 
 
-def reliability(rows: Sequence[Row], bins: int) -> list[Row]:
+def reliability(rows: Sequence[Columns], bins: int) -> list[Columns]:
     """For every fidelity and promise, plans in ``bins`` groups of equal size, by what was promised.
 
     Flights of one mission share one wind, and its plans one map: a mission is one trial. Its plans in a group
@@ -261,22 +271,22 @@ def reliability(rows: Sequence[Row], bins: int) -> list[Row]:
     return table
 
 
-def _group(fidelity: str, name: str, rows: Sequence[Row]) -> Row:
+def _group(fidelity: str, name: str, rows: Sequence[Columns]) -> Columns:
     chances: dict[int, list[float]] = {}
     for row in rows:
         chances.setdefault(row["mission"], []).append(row["failure"])
     total = math.fsum(float(np.mean(values)) for values in chances.values())
     promised = [row[name] for row in rows]
-    group: Row = {"fidelity": fidelity, "promise": name, "plans": len(rows), "missions": len(chances)}
+    group: Columns = {"fidelity": fidelity, "promise": name, "plans": len(rows), "missions": len(chances)}
     group |= {
         "promised": float(np.mean(promised)),
         "promised_least": promised[0],
         "promised_most": promised[-1],
     }
-    return group | share("realised", total, len(chances))
+    return group | mean_chance_columns("realised", total, len(chances))
 
 
-def scorecard(rows: Sequence[Row]) -> list[Row]:
+def scorecard(rows: Sequence[Columns]) -> list[Columns]:
     """All plans of each fidelity: mean promise, mean realised, Brier score."""
     table = []
     for fidelity in dict.fromkeys(row["fidelity"] for row in rows):
@@ -331,8 +341,8 @@ def _reason(result: Mapping[str, Any]) -> str:
     return next((str(value) for name, value in result.items() if name.startswith("reason_")), "no plan")
 
 
-def _text(settings: Settings, cards: Sequence[Row], numbers: Mapping[str, float]) -> str:
-    table = markdown(
+def _text(settings: Settings, cards: Sequence[Columns], numbers: Mapping[str, float]) -> str:
+    table = markdown_table(
         f"{numbers['plans']:.0f} plans for {numbers['missions_planned']:.0f} of {numbers['missions']:.0f} "
         "random missions, flown through the full fields; a mission is one trial for the 95 % interval",
         (
@@ -347,9 +357,9 @@ def _text(settings: Settings, cards: Sequence[Row], numbers: Mapping[str, float]
             (
                 card["fidelity"],
                 SAID.get(card["promise"], card["promise"].replace("simulated_", "simulated, ")),
-                percent(card["promised"]),
-                with_interval(card, "realised"),
-                percent(card["above_promise"]),
+                percent_text(card["promised"]),
+                interval_text(card, "realised"),
+                percent_text(card["above_promise"]),
                 f"{card['brier']:.4f}",
             )
             for card in cards
@@ -357,7 +367,7 @@ def _text(settings: Settings, cards: Sequence[Row], numbers: Mapping[str, float]
     )
     return table + (
         f"\nThe fit against the full fields inside the maps: z-score sd {numbers['z_sd']:.2f}, "
-        f"90 % intervals hold {percent(numbers['coverage_90'])}; gusts x {settings.hindcast.gusts:g}.\n"
+        f"90 % intervals hold {percent_text(numbers['coverage_90'])}; gusts x {settings.hindcast.gusts:g}.\n"
     )
 
 

@@ -1,48 +1,40 @@
-"""Long work in parts: each part's result is a small file, written whole, and never worked out twice.
+"""Parts of a study: each result is a small file, written whole, and never worked out twice.
 
-A part's file carries a key, the hash of everything its result depends on: settings, arguments, wind files
-and the code. A later run with the same keys reads the files instead. What a killed run leaves half-written
-never has the name of a result.
+A part's file carries a key, the fingerprint of everything its result depends on: settings, arguments, wind
+files and the code. A later run with the same keys reads the files instead. What a killed run leaves
+half-written never has the name of a result.
 """
 
 from __future__ import annotations
 
-import hashlib
-import json
-import os
-import pickle
 import sys
-import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import partial
 from pathlib import Path
 from typing import Any
 
-from pareto_ltl.run.results import plain, read_json, write_json
+from pareto_ltl.run.stages import input_files
 from pareto_ltl.settings import EvaluationConfig, Settings, as_dict
+from pareto_ltl.studies.jobs import KILLED, JobQueue, JobState, StoredJob
 from pareto_ltl.support.errors import DataError
+from pareto_ltl.support.files import plain_data, read_json, remove_dead_drafts, write_json
+from pareto_ltl.support.fingerprints import code_fingerprint, data_fingerprint, file_fingerprint
 
-FOLDER = "parts"
-NO_MATTER = (
-    "name",
-    "report",
-    "pipelines",
-    "ingest",
-    "evaluation",
-    "compare",
-    "convergence",
-    "ablation",
-    "hindcast",
-)
-NO_RESULT = ("report", "cli", "__main__.py")  # code that no result depends on
+PARTS_FOLDER = "parts"
+OTHER_SECTIONS = (  # what no part depends on, or what a study adds to its keys itself
+    "name", "report", "pipelines", "ingest", "evaluation", "compare", "convergence", "ablation", "hindcast",
+)  # fmt: skip
+OTHER_CODE = ("report", "cli", "__main__")  # code that no part depends on
 
-Progress = Callable[[int, int], None]
+PartsProgress = Callable[[int, int], None]  # gets the number of parts that are done, and of all
+PartWork = Callable[..., Mapping[str, Any]]
 
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """One independent piece of work.
+    """One independent piece of a study.
 
     Attributes
     ----------
@@ -51,7 +43,7 @@ class Part:
     arguments : tuple
         Passed to the work function after the context.
     key : str
-        Hash of all that the result depends on.
+        Fingerprint of all that the result depends on.
     """
 
     name: str
@@ -60,171 +52,245 @@ class Part:
 
     @property
     def file(self) -> str:
+        """Name of the file of the result."""
         return f"{self.name}-{self.key[:12]}.json"
 
 
-def key(settings: Settings, *more: Any) -> str:
-    """Hash of the settings that matter to a plan, of ``more``, of the wind files and of the code."""
-    kept = {name: value for name, value in as_dict(settings).items() if name not in NO_MATTER}
+def part_key(settings: Settings, *more: Any) -> str:
+    """Fingerprint of the settings that matter to a plan, of ``more``, of the wind files and of the code."""
+    kept = {name: value for name, value in as_dict(settings).items() if name not in OTHER_SECTIONS}
     kept["planner"].pop("threads")
-    content = [kept, plain(list(more)), inputs(tuple(sorted(_files(settings)))), edition()]
-    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
-
-
-def _files(settings: Settings) -> list[Path]:
-    from pareto_ltl.run.stages import input_files
-
-    return input_files(settings)
-
-
-@lru_cache
-def inputs(files: tuple[Path, ...]) -> list[str]:
-    """SHA-256 of each file; the content counts, not the name."""
-    return [hashlib.sha256(file.read_bytes()).hexdigest() for file in files]
-
-
-@lru_cache
-def edition() -> str:
-    """SHA-256 of the package's code, without what only shows results."""
-    root = Path(__file__).parents[1]
-    digest = hashlib.sha256()
-    for source in sorted(root.rglob("*.py")):
-        if source.relative_to(root).parts[0] not in NO_RESULT:
-            digest.update(source.read_bytes())
-    return digest.hexdigest()
+    inputs = [file_fingerprint(file) for file in sorted(input_files(settings))]
+    code = code_fingerprint(without=OTHER_CODE)
+    return data_fingerprint([kept, plain_data(list(more)), inputs, code])
 
 
 # --- the folder ------------------------------------------------------------------------------
 
 
-def folder(cfg: EvaluationConfig, directory: Path) -> Path:
-    """Where parts are kept: in the results, or in those of the run to go on with."""
+def parts_folder(cfg: EvaluationConfig, directory: Path) -> Path:
+    """Where parts are kept: in the results, or in those of the run to go on with.
+
+    Raises
+    ------
+    DataError
+        If ``evaluation.resume`` names a directory without parts.
+    """
     if cfg.resume is None:
-        place = directory / FOLDER
+        place = directory / PARTS_FOLDER
         place.mkdir(parents=True, exist_ok=True)
         return place
-    place = Path(cfg.resume).expanduser() / FOLDER
+    place = Path(cfg.resume).expanduser() / PARTS_FOLDER
     if not place.is_dir():
         raise DataError(
-            f"evaluation.resume={cfg.resume}: there is no folder {FOLDER}/ in it; name the results directory "
-            "of a run of compare, convergence, ablation or hindcast, or leave evaluation.resume out"
+            f"evaluation.resume={cfg.resume}: there is no folder {PARTS_FOLDER}/ in it; name the results "
+            "directory of a run of compare, convergence, ablation or hindcast, or leave evaluation.resume out"
         )
     return place
 
 
-def finished(part: Part, place: Path) -> dict[str, Any] | None:
-    """The result of ``part`` if it is on disk; a damaged file is named, removed and None returned."""
-    path = place / part.file
-    if not path.exists():
-        return None
-    try:
-        content = read_json(path)
-        if content.get("key") != part.key or not isinstance(content.get("result"), dict):
-            raise DataError(f"{path}: expected the result of {part.name}, found something else")
-    except DataError as error:
-        reason = str(error).removeprefix(f"{path}: ").split("; run the plan")[0]
-        print(f"pareto-ltl: {path} is damaged ({reason}); it is made again", file=sys.stderr)
-        path.unlink()
-        return None
-    return dict(content["result"])
+@dataclass(frozen=True, slots=True)
+class PartJob(StoredJob):
+    """A part with its place on disk."""
 
+    folder: Path
+    part: Part
 
-def sweep(place: Path) -> None:
-    """Remove the drafts of processes that are no more."""
-    for draft in place.glob(".*.json"):
-        owner = draft.name.split(".")[1]
-        if owner.isdigit() and not _alive(int(owner)):
-            draft.unlink(missing_ok=True)
+    @property
+    def name(self) -> str:
+        return self.part.name
 
+    @property
+    def key(self) -> str:
+        return self.part.key
 
-def _alive(process: int) -> bool:
-    try:
-        os.kill(process, 0)
-    except ProcessLookupError:
-        return False
-    except OSError:
-        return True
-    return True
+    @property
+    def path(self) -> Path:
+        """The file of the result."""
+        return self.folder / self.part.file
+
+    @property
+    def lock(self) -> Path:
+        return self.folder / f".{self.part.file}.lock"
+
+    @property
+    def traces(self) -> tuple[Path, ...]:
+        return self.lock, self.path
+
+    def look(self) -> JobState:
+        if self.abandoned():
+            return JobState("failed", KILLED)
+        if not self.path.exists():
+            return JobState("running" if self.lock.exists() else "pending")
+        try:
+            content = read_json(self.path)
+        except DataError as error:
+            reason = str(error).removeprefix(f"{self.path}: ").split("; run the plan")[0]
+            return JobState("failed", f"is damaged ({reason})")
+        mine = content.get("key") == self.key
+        if mine and isinstance(content.get("result"), dict):
+            return JobState("ok", record=content["result"])
+        if mine and isinstance(content.get("error"), str):
+            return JobState("failed", f"was given up ({content['error']})")
+        reason = f"expected the result of {self.name}, found something else"
+        return JobState("failed", f"is damaged ({reason})")
+
+    def settled(self) -> bool:
+        return self.look().answered
+
+    def clear(self) -> None:
+        self.path.unlink(missing_ok=True)
+
+    def note_failure(self, error: str) -> None:
+        write_json(self.path, {"key": self.key, "part": self.name, "error": error})
+
+    def keep_result(self, function: PartWork, context: Any) -> None:
+        """Work the part out and write its result, unless another process does."""
+
+        def work() -> None:
+            result = function(context, *self.part.arguments)
+            write_json(self.path, {"key": self.key, "part": self.name, "result": result})
+
+        self.do_once(work)
 
 
 # --- the work --------------------------------------------------------------------------------
 
 
-def work(
+def work_parts(
     cfg: EvaluationConfig,
     directory: Path,
-    function: Callable[..., Mapping[str, Any]],
+    function: PartWork,
     context: Any,
     parts: Sequence[Part],
-    progress: Progress | None = None,
+    progress: PartsProgress | None = None,
 ) -> list[dict[str, Any]]:
     """Results of ``function(context, *part.arguments)`` for all parts, in their order.
 
     Results are read back from disk even when they are new, so that a run that went on has the bytes of one
-    that was never stopped.
+    that was never stopped. Parts with one key are worked out once.
+
+    Raises
+    ------
+    DataError
+        If parts were given up because they were killed each time; all others are kept.
     """
-    place = folder(cfg, directory)
-    sweep(place)
-    distinct = {part.key: part for part in parts}
-    done = {k: result for k, part in distinct.items() if (result := finished(part, place)) is not None}
-    todo = [part for k, part in distinct.items() if k not in done]
-    count = len(done)
+    place = parts_folder(cfg, directory)
+    remove_dead_drafts(place)
+    jobs = {part.key: PartJob(place, part) for part in parts}
+    todo = [job for job in jobs.values() if not _is_known(job)]
+    tally = _Tally(len(jobs) - len(todo), len(jobs), progress)
+    queue = JobQueue(
+        partial(_launch_parts, process_count(cfg, len(todo)), function, context, tally),
+        lambda line: print(f"pareto-ltl: {line}", file=sys.stderr),
+        breaks=(BrokenProcessPool,),
+    )
     try:
-        for _ in _perform(cfg, place, function, context, todo):
-            count += 1
-            if progress is not None:
-                progress(count, len(distinct))
+        queue.run(todo)
     except KeyboardInterrupt:
-        kept = f"{count} of {len(distinct)} parts are kept"
+        kept = f"{tally.done} of {tally.total} parts are kept"
         print(f"pareto-ltl: {kept}; evaluation.resume={place.parent} goes on with them", file=sys.stderr)
         raise
-    for part in todo:
-        result = finished(part, place)
-        if result is None:
-            raise DataError(f"{place / part.file}: could not be read back; is another run using this folder?")
-        done[part.key] = result
-    return [done[part.key] for part in parts]
+    _refuse_given_up(place, [jobs[key] for key in queue.given_up], len(jobs))
+    results = {key: _result_of(job) for key, job in jobs.items()}
+    return [results[part.key] for part in parts]
 
 
-def processes(cfg: EvaluationConfig, parts: int) -> int:
-    """Not more than there is to do."""
+def process_count(cfg: EvaluationConfig, parts: int) -> int:
+    """How many processes share ``parts``: not more than there is to do."""
     from joblib import cpu_count  # heeds affinity and the limits of containers
 
     return max(1, min(cfg.jobs or int(cpu_count()), parts))
 
 
-def _perform(
-    cfg: EvaluationConfig,
-    place: Path,
-    function: Callable[..., Mapping[str, Any]],
-    context: Any,
-    todo: Sequence[Part],
-) -> Iterator[None]:
-    jobs = processes(cfg, len(todo))
-    if jobs == 1:
-        for part in todo:
-            _keep(place, part, function(context, *part.arguments))
-            yield
+@dataclass(slots=True)
+class _Tally:
+    """Counts parts that are done, and tells of each."""
+
+    done: int
+    total: int
+    progress: PartsProgress | None
+
+    def count_one(self) -> None:
+        self.done += 1
+        if self.progress is not None:
+            self.progress(self.done, self.total)
+
+
+def _is_known(job: PartJob) -> bool:
+    """Whether the result is on disk; a file that holds none is named in one line."""
+    state = job.look()
+    if state.error is not None and job.path.exists():
+        print(f"pareto-ltl: {job.path} {state.error}; it is made again", file=sys.stderr)
+    return state.answered
+
+
+def _result_of(job: PartJob) -> dict[str, Any]:
+    state = job.look()
+    if not state.answered:
+        raise DataError(f"{job.path}: could not be read back; is another run using this folder?")
+    return dict(state.record)
+
+
+def _refuse_given_up(place: Path, jobs: Sequence[PartJob], total: int) -> None:
+    if not jobs:
         return
+    names, first = ", ".join(job.name for job in jobs), jobs[0].look().error
+    raise DataError(
+        f"{place}: {len(jobs)} of {total} parts have no result: {names} ({first}); give the run "
+        f"more memory or fewer processes (evaluation.jobs), and evaluation.resume={place.parent} goes on"
+    )
+
+
+# --- processes -------------------------------------------------------------------------------
+
+
+def _launch_parts(
+    processes: int, function: PartWork, context: Any, tally: _Tally, jobs: Sequence[PartJob]
+) -> None:
+    """Work ``jobs`` out in this process or in several; BrokenProcessPool where one of those was killed."""
+    if processes == 1:
+        done = _in_turn(function, context, jobs)
+    else:
+        done = _spread(processes, function, context, jobs)
+    for _ in done:
+        tally.count_one()
+
+
+def _in_turn(function: PartWork, context: Any, jobs: Sequence[PartJob]) -> Iterator[None]:
+    for job in jobs:
+        job.keep_result(function, context)
+        yield
+
+
+def _spread(processes: int, function: PartWork, context: Any, jobs: Sequence[PartJob]) -> Iterator[None]:
+    """The same in several processes, each of which gets the context once, when it starts."""
     from joblib import Parallel, delayed
 
-    with tempfile.TemporaryDirectory() as scratch:
-        shared = Path(scratch) / "context.pickle"
-        shared.write_bytes(pickle.dumps(context))
-        pool = Parallel(n_jobs=jobs, return_as="generator_unordered", batch_size=1, pre_dispatch="2*n_jobs")
-        for _ in pool(delayed(_remotely)(place, shared, function, part) for part in todo):
-            yield
+    pool = Parallel(
+        n_jobs=processes,
+        return_as="generator_unordered",
+        batch_size=1,
+        pre_dispatch="2*n_jobs",
+        initializer=_share_context,
+        initargs=(_Shared(context),),
+    )
+    yield from pool(delayed(_keep_result_here)(job, function) for job in jobs)
 
 
-def _remotely(place: Path, shared: Path, function: Callable[..., Mapping[str, Any]], part: Part) -> None:
-    _keep(place, part, function(_context(shared), *part.arguments))
+@dataclass(frozen=True, slots=True, eq=False)  # joblib compares these, and arrays have no truth value
+class _Shared:
+    """What all parts of a study have in common."""
+
+    context: Any
 
 
-@lru_cache(maxsize=1)
-def _context(shared: Path) -> Any:
-    """What all parts have in common, loaded once a process."""
-    return pickle.loads(shared.read_bytes())
+_PROCESS: dict[str, _Shared] = {}  # what the process of a pool was given when it started
 
 
-def _keep(place: Path, part: Part, result: Mapping[str, Any]) -> None:
-    write_json(place / part.file, {"key": part.key, "part": part.name, "result": result})
+def _share_context(shared: _Shared) -> None:
+    _PROCESS["shared"] = shared
+
+
+def _keep_result_here(job: PartJob, function: PartWork) -> None:
+    job.keep_result(function, _PROCESS["shared"].context)

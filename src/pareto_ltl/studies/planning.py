@@ -1,20 +1,18 @@
-"""Plans for studies: the stages of ``pipelines/plan.yaml``, called by name, without a results directory.
+"""Planners and flights for studies, on the runs of ``run/pipeline.py`` without a results directory.
 
-A plan made here is the plan that the command line makes with the same settings: the stages are the same
-functions, and each draws from the stream that the runner gives it.
+A plan made here is the plan that the command line makes with the same settings: the stages are the same, and
+each draws from the same stream.
 """
 
 from __future__ import annotations
 
-import inspect
-from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, is_dataclass, replace
+from dataclasses import fields, is_dataclass, replace
 from typing import TYPE_CHECKING, Any
-from zlib import crc32
 
-from numpy.random import SeedSequence
-
-from pareto_ltl.run import stages
+from pareto_ltl.run.pipeline import Run
+from pareto_ltl.run.records import WIND, Records
+from pareto_ltl.run.stage_table import stage_seeds
+from pareto_ltl.run.stages import PLAN_TABLE
 from pareto_ltl.settings import Settings
 
 if TYPE_CHECKING:
@@ -26,44 +24,14 @@ if TYPE_CHECKING:
 OF_THE_LATTICE = ("origin", "spacing", "times", "hold_last", "score", "source")
 
 
-def stream(seed: int, stage: str) -> SeedSequence:
-    """What the runner gives ``stage`` in a run with ``seed``; always a fresh one, since spawning counts."""
-    return SeedSequence(seed, spawn_key=(crc32(stage.encode()),))
+def study_run(settings: Settings, world: Records) -> Run:
+    """A run from the records of ``world``; it does not change ``world``."""
+    return Run(settings, PLAN_TABLE, world.copy())
 
 
-@dataclass(slots=True)
-class Workshop:
-    """Makes records by name from ``settings`` and the records it was given."""
-
-    settings: Settings
-    records: dict[str, Any] = field(default_factory=dict)
-
-    def make(self, name: str) -> Any:
-        """Record ``name``, and before it all that it needs."""
-        if name not in self.records:
-            self.records[name] = self._call(stages.STAGES.get(name) or stages.INGREDIENTS[name], name)
-        return self.records[name]
-
-    def _call(self, function: Any, name: str) -> Any:
-        sections = {f"{f.name}_cfg": getattr(self.settings, f.name) for f in fields(self.settings)}
-        ambient = {"settings": self.settings, "seeds": stream(self.settings.seed, name), "progress": None}
-        known = ambient | sections
-        arguments = {}
-        for parameter in inspect.signature(function).parameters.values():
-            if parameter.name in known:
-                arguments[parameter.name] = known[parameter.name]
-            elif parameter.default is parameter.empty or parameter.name in self.records:
-                arguments[parameter.name] = self.make(parameter.name)
-        return function(**arguments)
-
-    def with_seed(self, seed: int) -> Workshop:
-        """The same problem for another seed; nothing random is taken along."""
-        return Workshop(replace(self.settings, seed=seed), dict(self.records))
-
-
-def with_wind(settings: Settings, world: Mapping[str, Any]) -> dict[str, Any]:
-    """``world`` with its wind field, for all planners that believe in the same one."""
-    return dict(world) | {"wind": Workshop(settings, dict(world)).make("wind")}
+def with_wind(settings: Settings, world: Records) -> Records:
+    """``world`` with its wind field, for all planners that plan in the same one."""
+    return world.replaced(WIND, study_run(settings, world).make(WIND))
 
 
 def still(wind: WindField) -> WindField:
@@ -83,14 +51,14 @@ def unsmoothed(settings: Settings) -> Settings:
     return replace(settings, fidelity=replace(settings.fidelity, refine="none"))
 
 
-def fly(
+def fly_seeded(
     truth: Problem, u: FloatArray, runs: int, law: str, seed: int, mean: FloatArray | None = None
 ) -> Deployment:
     """Fly ``u`` in the winds that the deployment of a run with ``seed`` draws; feedback holds on to ``mean``.
 
     One seed, one law: the same winds for all plans (common random numbers).
     """
-    from pareto_ltl.simulation import flights as deployment
+    from pareto_ltl.simulation.flights import DRAWS, simulate_flights
 
-    children = dict(zip(deployment.LAWS, stream(seed, "deployment").spawn(len(deployment.LAWS)), strict=True))
-    return deployment.fly(truth, u, runs, law, children[law], mean)
+    children = dict(zip(DRAWS, stage_seeds(seed, "deployment").spawn(len(DRAWS)), strict=True))
+    return simulate_flights(truth, u, runs, law, children[law], mean)

@@ -44,7 +44,7 @@ def mission(cfg: HindcastConfig, seed: int, number: int, spells: Sequence[Spell]
     side = float(rng.uniform(cfg.side[0], cfg.side[1]))
     scene = None
     while scene is None:
-        scene = _scene(cfg, rng, side, projection.plane(lat, lon), iso(departure))
+        scene = _scene(cfg, rng, side, projection.local_plane(lat, lon), iso(departure))
     return Mission(number, scene, formula, spell, lat, lon)
 
 

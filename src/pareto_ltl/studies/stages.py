@@ -1,8 +1,6 @@
-"""The studies as stages: what ``pipelines/compare.yaml``, ``convergence``, ``ablation`` and ``hindcast``
-list.
+"""The stages of the studies: compare, convergence, ablation and hindcast of ``pipelines/``.
 
-They join the stages of a plan by name; importing this file makes them known. Rooms are imported inside, as
-in ``stages.py``.
+``STUDY_STAGES`` at the end is the table. Packages are imported inside the functions.
 """
 
 from __future__ import annotations
@@ -10,117 +8,123 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pareto_ltl.run.stages import Progress, stage
+from pareto_ltl.run.records import AUTOMATON, DECOMPOSITION, OBSERVATIONS, SCENE, RecordKey
+from pareto_ltl.run.stage_table import Stage, StageInputs
+from pareto_ltl.settings import ReportConfig, Settings
 
 if TYPE_CHECKING:
-    from pareto_ltl.logic import Automaton
-    from pareto_ltl.settings import ReportConfig, Settings
-    from pareto_ltl.studies.records import Study
-    from pareto_ltl.wind.records import WindObservations
-    from pareto_ltl.world.cells import Decomposition
-    from pareto_ltl.world.scene import Scene
+    from pareto_ltl.report.records import Study
+
+COMPARISON: RecordKey[Study] = RecordKey("comparison")
+CONVERGENCE: RecordKey[Study] = RecordKey("convergence")
+ABLATION: RecordKey[Study] = RecordKey("ablation")
+HINDCAST: RecordKey[Study] = RecordKey("hindcast")
+COMPARISON_FIGURES: RecordKey[tuple[Path, ...]] = RecordKey("comparison_figures")
+CONVERGENCE_FIGURES: RecordKey[tuple[Path, ...]] = RecordKey("convergence_figures")
+ABLATION_FIGURES: RecordKey[tuple[Path, ...]] = RecordKey("ablation_figures")
+HINDCAST_FIGURES: RecordKey[tuple[Path, ...]] = RecordKey("hindcast_figures")
+WORLD = (OBSERVATIONS, DECOMPOSITION, AUTOMATON, SCENE)  # what a study plans from
 
 
-@stage
-def comparison(
-    settings: Settings,
-    scene: Scene,
-    observations: WindObservations,
-    decomposition: Decomposition,
-    automaton: Automaton,
-    directory: Path,
-    progress: Progress,
-) -> Study:
+def make_comparison(inputs: StageInputs) -> Study:
     """One mission, several planners, the same winds."""
     from pareto_ltl.studies import compare
 
-    return compare.study(settings, _world(scene, observations, decomposition, automaton), directory, progress)
+    return compare.study(inputs.settings, inputs.records, inputs.directory, inputs.progress)
 
 
-@stage
-def convergence(
-    settings: Settings,
-    scene: Scene,
-    observations: WindObservations,
-    decomposition: Decomposition,
-    automaton: Automaton,
-    directory: Path,
-    progress: Progress,
-) -> Study:
+def make_convergence(inputs: StageInputs) -> Study:
     """Bound and failure of the selected path as the trees grow."""
-    from pareto_ltl.studies import convergence as room
+    from pareto_ltl.studies import convergence
 
-    return room.study(settings, _world(scene, observations, decomposition, automaton), directory, progress)
+    return convergence.study(inputs.settings, inputs.records, inputs.directory, inputs.progress)
 
 
-@stage
-def ablation(
-    settings: Settings,
-    scene: Scene,
-    observations: WindObservations,
-    decomposition: Decomposition,
-    automaton: Automaton,
-    directory: Path,
-    progress: Progress,
-) -> Study:
+def make_ablation(inputs: StageInputs) -> Study:
     """One setting changed at a time."""
-    from pareto_ltl.studies import ablation as room
+    from pareto_ltl.studies import ablation
 
-    return room.study(settings, _world(scene, observations, decomposition, automaton), directory, progress)
+    return ablation.study(inputs.settings, inputs.records, inputs.directory, inputs.progress)
 
 
-@stage
-def hindcast(settings: Settings, directory: Path, progress: Progress) -> Study:
+def make_hindcast(inputs: StageInputs) -> Study:
     """Planned from thinned readings, flown through the fields they were thinned from."""
-    from pareto_ltl.studies import hindcast as room
+    from pareto_ltl.studies import hindcast
 
-    return room.study(settings, directory, progress)
+    return hindcast.study(inputs.settings, inputs.directory, inputs.progress)
 
 
-@stage
-def comparison_figures(
-    report_cfg: ReportConfig, directory: Path, scene: Scene, decomposition: Decomposition, comparison: Study
-) -> tuple[Path, ...]:
-    if not report_cfg.figures:
+def make_comparison_figures(inputs: StageInputs) -> tuple[Path, ...]:
+    """Figure 1 and the outcomes of every method."""
+    cfg, scene, decomposition = inputs.settings.report, inputs[SCENE], inputs[DECOMPOSITION]
+    if not cfg.figures:
         return ()
-    from pareto_ltl.report.study_figures import draw_comparison
+    from pareto_ltl.report.study_comparison import draw_comparison
 
-    return draw_comparison(directory / "figures", report_cfg, scene, decomposition, comparison)
+    return draw_comparison(inputs.directory / "figures", cfg, scene, decomposition, inputs[COMPARISON])
 
 
-@stage
-def convergence_figures(report_cfg: ReportConfig, directory: Path, convergence: Study) -> tuple[Path, ...]:
-    if not report_cfg.figures:
+def make_convergence_figures(inputs: StageInputs) -> tuple[Path, ...]:
+    """Figure 2."""
+    cfg = inputs.settings.report
+    if not cfg.figures:
         return ()
-    from pareto_ltl.report.study_figures import draw_convergence
+    from pareto_ltl.report.study_convergence import draw_convergence
 
-    return draw_convergence(directory / "figures", report_cfg, convergence)
+    return draw_convergence(inputs.directory / "figures", cfg, inputs[CONVERGENCE])
 
 
-@stage
-def ablation_figures(report_cfg: ReportConfig, directory: Path, ablation: Study) -> tuple[Path, ...]:
-    if not report_cfg.figures:
+def make_ablation_figures(inputs: StageInputs) -> tuple[Path, ...]:
+    """One figure of all factors, and one of the time step."""
+    cfg = inputs.settings.report
+    if not cfg.figures:
         return ()
-    from pareto_ltl.report.study_figures import draw_ablation
+    from pareto_ltl.report.study_ablation import draw_ablation
 
-    return draw_ablation(directory / "figures", report_cfg, ablation)
+    return draw_ablation(inputs.directory / "figures", cfg, inputs[ABLATION])
 
 
-@stage
-def hindcast_figures(report_cfg: ReportConfig, directory: Path, hindcast: Study) -> tuple[Path, ...]:
-    if not report_cfg.figures:
+def make_hindcast_figures(inputs: StageInputs) -> tuple[Path, ...]:
+    """Reliability diagrams."""
+    cfg = inputs.settings.report
+    if not cfg.figures:
         return ()
-    from pareto_ltl.report.study_figures import draw_hindcast
+    from pareto_ltl.report.study_hindcast import draw_hindcast
 
-    return draw_hindcast(directory / "figures", report_cfg, hindcast)
+    return draw_hindcast(inputs.directory / "figures", cfg, inputs[HINDCAST])
 
 
-def _world(
-    scene: Scene, observations: WindObservations, decomposition: Decomposition, automaton: Automaton
-) -> dict[str, object]:
-    return {
-        "scene": scene,
-        "observations": observations,
-        "decomposition": decomposition,
-        "automaton": automaton,
-    }
+STUDY_STAGES = (
+    Stage("comparison", makes=COMPARISON, make=make_comparison, needs=WORLD, settings=(Settings,)),
+    Stage(
+        "comparison_figures",
+        makes=COMPARISON_FIGURES,
+        make=make_comparison_figures,
+        needs=(SCENE, DECOMPOSITION, COMPARISON),
+        settings=(ReportConfig,),
+    ),
+    Stage("convergence", makes=CONVERGENCE, make=make_convergence, needs=WORLD, settings=(Settings,)),
+    Stage(
+        "convergence_figures",
+        makes=CONVERGENCE_FIGURES,
+        make=make_convergence_figures,
+        needs=(CONVERGENCE,),
+        settings=(ReportConfig,),
+    ),
+    Stage("ablation", makes=ABLATION, make=make_ablation, needs=WORLD, settings=(Settings,)),
+    Stage(
+        "ablation_figures",
+        makes=ABLATION_FIGURES,
+        make=make_ablation_figures,
+        needs=(ABLATION,),
+        settings=(ReportConfig,),
+    ),
+    Stage("hindcast", makes=HINDCAST, make=make_hindcast, settings=(Settings,)),
+    Stage(
+        "hindcast_figures",
+        makes=HINDCAST_FIGURES,
+        make=make_hindcast_figures,
+        needs=(HINDCAST,),
+        settings=(ReportConfig,),
+    ),
+)

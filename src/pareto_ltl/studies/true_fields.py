@@ -82,7 +82,7 @@ def real_wind(
     import dataclasses
 
     fine = dataclasses.replace(wind_cfg, spacing=cfg.spacing)
-    origin, spacing, shape = lattices.lattice(fine, scene)
+    origin, spacing, shape = lattices.wind_lattice(fine, scene)
     nodes = np.stack(np.meshgrid(*map(np.arange, shape), indexing="ij"), axis=-1).reshape(-1, 2)
     mean = at_times(readings, scene, believed.times, origin + spacing * nodes)
     table = mean.reshape(len(believed.times), *shape, 2)
@@ -102,7 +102,7 @@ def at_times(readings: Readings, scene: Scene, times: FloatArray, points: FloatA
     """Winds (K, N, 2) in the plane at ``points`` (N, 2) [m] and ``times`` (K,) [s since departure]."""
     crs, zero = str(scene.crs), seconds(str(scene.time_zero))
     lon, lat = projection.to_geographic(crs, points)
-    angle = projection.convergence(crs, lon, lat)
+    angle = projection.meridian_convergence(crs, lon, lat)
     middle = float(projection.to_geographic(crs, scene.bounds.mean(axis=0))[0][0])
     fields = []
     for t in times:
@@ -115,7 +115,7 @@ def at_times(readings: Readings, scene: Scene, times: FloatArray, points: FloatA
                 f"the full fields at {iso(readings.times[k])} do not cover the scene around longitude "
                 f"{middle:.1f}; move hindcast.area inside them"
             )
-        fields.append(projection.turn(earth, angle))
+        fields.append(projection.rotate_vectors(earth, angle))
     return np.stack(fields)
 
 

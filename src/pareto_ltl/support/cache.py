@@ -6,24 +6,21 @@ cache`` shows and clears it. Jobs at work together share it: who needs an entry 
 
 from __future__ import annotations
 
-import argparse
-import fcntl
 import os
 import shutil
-import sys
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
-from typing import NoReturn
 
-from pareto_ltl.support.errors import ConfigError, ParetoLtlError
+from pareto_ltl.support.errors import ConfigError
+from pareto_ltl.support.locks import hold_lock
 
-LIMIT = 1024  # [MiB]
-LOCKS = "locks"
+DEFAULT_LIMIT = 1024  # [MiB]
+LOCKS_FOLDER = "locks"
 
 
-def root() -> Path:
-    """The folder of everything that is remembered."""
+def cache_root() -> Path:
+    """The folder of all that is kept between runs."""
     named = os.environ.get("PARETO_LTL_CACHE")
     if named:
         return Path(named)
@@ -32,34 +29,27 @@ def root() -> Path:
     return Path(platformdirs.user_cache_dir("pareto_ltl"))
 
 
-def limit() -> int:
-    """How large it may grow [bytes]."""
-    text = os.environ.get("PARETO_LTL_CACHE_MIB", str(LIMIT))
+def cache_limit() -> int:
+    """How large the cache may grow [bytes]; ConfigError where the variable is no whole number."""
+    text = os.environ.get("PARETO_LTL_CACHE_MIB", str(DEFAULT_LIMIT))
     if not text.isdecimal():
         raise ConfigError(f"PARETO_LTL_CACHE_MIB must be a whole number of MiB, got {text!r}")
     return int(text) * 2**20
 
 
 @contextmanager
-def alone(key: str) -> Iterator[None]:
-    """One process at a time for ``key``; where locks cannot be had, all go on without waiting."""
-    folder = root() / LOCKS
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        handle = os.open(folder / key, os.O_RDWR | os.O_CREAT, 0o644)
-    except OSError:
-        yield
-        return
-    try:
+def lock_entry(key: str) -> Iterator[None]:
+    """Let one process at a time make the entry ``key``; where no lock can be had, all go on without one."""
+    folder = cache_root() / LOCKS_FOLDER
+    with ExitStack() as held:
         with suppress(OSError):
-            fcntl.flock(handle, fcntl.LOCK_EX)
+            folder.mkdir(parents=True, exist_ok=True)
+            held.enter_context(hold_lock(folder / key))
         yield
-    finally:
-        os.close(handle)
 
 
-def size(folder: Path) -> tuple[int, int]:
-    """Files and bytes below ``folder``; what vanishes meanwhile does not count."""
+def folder_size(folder: Path) -> tuple[int, int]:
+    """Number of files below ``folder`` and their bytes; files removed meanwhile do not count."""
     files = total = 0
     for path in folder.rglob("*"):
         with suppress(OSError):
@@ -68,41 +58,8 @@ def size(folder: Path) -> tuple[int, int]:
     return files, total
 
 
-def clear(folder: Path) -> None:
-    """Remove what is remembered; a job that reads it meanwhile makes its entry again."""
-    for name in ("wind", LOCKS):
+def clear_cache(folder: Path) -> None:
+    """Remove all entries; a job that reads one meanwhile makes it again."""
+    for name in ("wind", LOCKS_FOLDER):
         if (folder / name).exists():
             shutil.rmtree(folder / name)
-
-
-def main(argv: list[str]) -> int:
-    """``pareto-ltl cache``: its place and size; ``pareto-ltl cache clear``: gone."""
-    try:
-        options = _arguments().parse_args(argv)
-        folder = root()
-        files, total = size(folder)
-        if options.action == "clear":
-            clear(folder)
-            print(f"cleared {total / 2**20:.1f} MiB from {folder}")
-        else:
-            print(f"{folder}: {files} files, {total / 2**20:.1f} of {limit() / 2**20:.0f} MiB")
-    except SystemExit as leave:  # --help
-        return int(leave.code or 0)
-    except (ParetoLtlError, OSError) as error:
-        print(f"pareto-ltl: {error}", file=sys.stderr)
-        return 2
-    return 0
-
-
-class _Arguments(argparse.ArgumentParser):
-    def error(self, message: str) -> NoReturn:
-        raise ConfigError(f"{message}; see pareto-ltl cache --help")
-
-
-def _arguments() -> argparse.ArgumentParser:
-    parser = _Arguments(
-        prog="pareto-ltl cache",
-        description="What is remembered between runs: its place and size, or none of it any more.",
-    )
-    parser.add_argument("action", nargs="?", choices=("size", "clear"), default="size")
-    return parser

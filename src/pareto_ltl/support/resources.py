@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from pareto_ltl.support.errors import DataError
+from pareto_ltl.support.errors import ConfigError, DataError
+from pareto_ltl.support.extensions import extension_folders
 
 PACKAGE = Path(__file__).resolve().parents[1]
 
@@ -24,16 +25,58 @@ def folder(name: str) -> Path:
     raise DataError(f"folder {name}/ is missing beside {PACKAGE}: reinstall pareto-ltl")
 
 
+def added_folders() -> tuple[Path, ...]:
+    """Folders of YAML choices that other packages add.
+
+    Raises
+    ------
+    ConfigError
+        If a choice of one has the name of a choice of pareto_ltl or of another package.
+    """
+    places = extension_folders()
+    if not places:
+        return ()
+    seen = {f"conf/{path.parent.name}/{path.stem}" for path in folder("conf").glob("*/*.yaml")}
+    seen |= {f"conf/pipelines/{path.stem}" for path in folder("pipelines").glob("*.yaml")}
+    for place in places:
+        for path in sorted(place.glob("*/*.yaml")):
+            name = f"conf/{path.parent.name}/{path.stem}"
+            if name in seen:
+                raise ConfigError(f"{path}: there is another choice {name}; rename this one, or uninstall it")
+            seen.add(name)
+    return places
+
+
+def choice_folders(group: str) -> list[Path]:
+    """Folders that hold the YAML files of ``group``: ours first, then those of other packages."""
+    own = folder("pipelines") if group == "pipelines" else folder("conf") / group
+    return [own, *(place / group for place in added_folders())]
+
+
 def choices(group: str) -> list[str]:
     """Names of the YAML files in ``group``: a folder of ``conf/``, or ``pipelines``."""
-    place = folder("pipelines") if group == "pipelines" else folder("conf") / group
-    return sorted(path.stem for path in place.glob("*.yaml"))
+    return sorted({path.stem for place in choice_folders(group) for path in place.glob("*.yaml")})
+
+
+def choice_file(group: str, name: str) -> Path:
+    """The YAML file of choice ``name`` in ``group``.
+
+    Raises
+    ------
+    ConfigError
+        If there is none; the text lists the choices.
+    """
+    for place in choice_folders(group):
+        if (place / f"{name}.yaml").is_file():
+            return place / f"{name}.yaml"
+    raise ConfigError(f"there is no {group} {name!r}; there are {', '.join(choices(group))}")
 
 
 def groups() -> list[str]:
     """Every group that has a choice."""
-    found = [path.name for path in folder("conf").iterdir() if path.is_dir() and any(path.glob("*.yaml"))]
-    return sorted([*found, "pipelines"])
+    roots = (folder("conf"), *added_folders())
+    found = {path.name for root in roots for path in root.iterdir() if any(path.glob("*.yaml"))}
+    return sorted(found | {"pipelines"})
 
 
 def packaged_data() -> list[Path]:

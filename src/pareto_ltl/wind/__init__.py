@@ -1,4 +1,6 @@
-"""From NOAA data to a wind field with honest uncertainty.
+"""From wind readings to a wind field with its uncertainty.
 
-``sources`` reads and projects, ``gp`` fits, ``field`` tabulates, caches and stores.
+``sources`` reads files, ``observations`` projects readings into the plane of a scene, ``gp`` and ``modes``
+fit the posterior, ``field`` tabulates it, ``fit_cache`` keeps the tables, ``netcdf`` stores a field,
+``ingest`` writes a small table from large files.
 """

@@ -14,11 +14,13 @@ from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.cores import cores
 from pareto_ltl.wind.records import WindObservations
 
-# Where the search for hyperparameters starts, in standardised units: for readings spread over the
-# contiguous US these are a length of 470 km, an amplitude of 3 m/s and noise of 1.5 m/s.
-LENGTH, AMPLITUDE, NOISE = 0.45, 0.9, 0.45
-Z90 = 1.6448536269514722  # 90 % of a normal variable lies within ± this many standard deviations
-CONDITION = 1e-10  # smallest noise variance relative to the amplitude that a Cholesky factor bears
+# Start of the search for hyperparameters, in standardised units. For readings over the contiguous US they are
+# a length of 470 km, an amplitude of 3 m/s and a noise of 1.5 m/s.
+START_LENGTH, START_AMPLITUDE, START_NOISE = 0.45, 0.9, 0.45
+NORMAL_QUANTILE_95 = (
+    1.6448536269514722  # 90 % of a normal variable lie within ± this many standard deviations
+)
+RELATIVE_JITTER = 1e-10  # added noise variance over amplitude², for the Cholesky factor
 
 
 class Hyper(NamedTuple):
@@ -39,13 +41,13 @@ class WindPosterior:
     times : (K,) float
         [s since time_zero]
     points, winds : tuple of (n_k, 2) float
-        What they are conditioned on [m], [m/s].
+        Positions [m] and winds [m/s] of the readings.
     kernel : str
         ``matern32`` or ``rbf``.
     hyper : tuple of K pairs of Hyper
-        For the x and the y component at each time.
+        For the x and y component at each time.
     score : mapping of str to float
-        ``gp_z_sd`` and ``gp_coverage_90`` of the readings held out of a first fit.
+        ``gp_z_sd`` and ``gp_coverage_90`` of readings that a first fit did not use.
     """
 
     times: FloatArray
@@ -65,23 +67,26 @@ class WindPosterior:
         mean = np.empty((len(self.times), len(points), 2))
         var = np.empty_like(mean)
         for k, pair in enumerate(self.hyper):
-            near = distances(self.points[k], self.points[k])
-            cross = distances(self.points[k], points)
+            near = pairwise_distances(self.points[k], self.points[k])
+            cross = pairwise_distances(self.points[k], points)
             for c, h in enumerate(pair):
-                mean[k, :, c], var[k, :, c] = _posterior(self.kernel, h, near, cross, self.winds[k][:, c])
+                mean[k, :, c], var[k, :, c] = _condition_gp(self.kernel, h, near, cross, self.winds[k][:, c])
         return mean, var
 
 
-def fit(cfg: WindConfig, observations: WindObservations) -> WindPosterior:
+def fit_posterior(cfg: WindConfig, observations: WindObservations) -> WindPosterior:
     """Condition a Gaussian process on the readings of every time and component.
 
-    A reading is w_i = m + f(x_i) + e_i with e_i ~ N(0, σ²) and f of covariance, for r = ‖x - x'‖ / ℓ,
+    A reading is the sum of a constant, a Gaussian process and noise (Rasmussen and Williams, Gaussian
+    Processes for Machine Learning, 2006, chapter 2)::
 
-        k(x, x') = α² (1 + √3 r) exp(-√3 r)   (``matern32``),   α² exp(-r²/2)   (``rbf``),
+        w_i = m + f(x_i) + e_i,  e_i ~ N(0, σ²),  r = ‖x - x'‖ / ℓ
 
-    m the mean of the readings; α, ℓ, σ maximise the marginal likelihood of the standardised readings at
-    standardised positions (one scale for both axes: ℓ is the same in all directions) under
-    σ ≥ ``cfg.noise_min``. The score comes from a first fit that has never seen ``cfg.holdout`` of them.
+        matern32:  k(x, x') = α² (1 + √3 r) exp(-√3 r)
+        rbf:       k(x, x') = α² exp(-r² / 2)
+
+    m is the mean of the readings. α, ℓ and σ >= ``cfg.noise_min`` maximise the marginal likelihood; ℓ is the
+    same in all directions. The score is that of a first fit without a share ``cfg.holdout`` of the readings.
     """
     from joblib import Parallel, delayed
     from sklearn.exceptions import ConvergenceWarning
@@ -90,14 +95,17 @@ def fit(cfg: WindConfig, observations: WindObservations) -> WindPosterior:
     jobs = [
         (cfg, k, p, w) for k, (p, w) in enumerate(zip(observations.points, observations.winds, strict=True))
     ]
-    # One BLAS thread for each of ours: more would fight for the cores over matrices of 120 rows.
+    # One BLAS thread per job: the matrices have about 120 rows, and more threads compete for the cores.
     with warnings.catch_warnings(), threadpool_limits(1):
-        warnings.simplefilter("ignore", ConvergenceWarning)  # a bound that is reached is an answer
+        warnings.simplefilter("ignore", ConvergenceWarning)  # a hyperparameter at its bound is valid
         fits = Parallel(n_jobs=min(len(jobs), cores()), prefer="threads")(
-            delayed(_fit_time)(*j) for j in jobs
+            delayed(_fit_slot)(*j) for j in jobs
         )
     z = np.concatenate([scores for _, scores in fits])
-    score = {"gp_z_sd": float(np.sqrt(np.mean(z**2))), "gp_coverage_90": float(np.mean(np.abs(z) <= Z90))}
+    score = {
+        "gp_z_sd": float(np.sqrt(np.mean(z**2))),
+        "gp_coverage_90": float(np.mean(np.abs(z) <= NORMAL_QUANTILE_95)),
+    }
     return WindPosterior(
         times=observations.times,
         points=observations.points,
@@ -108,25 +116,28 @@ def fit(cfg: WindConfig, observations: WindObservations) -> WindPosterior:
     )
 
 
-def _fit_time(
+def _fit_slot(
     cfg: WindConfig, slot: int, points: FloatArray, winds: FloatArray
 ) -> tuple[tuple[Hyper, Hyper], FloatArray]:
-    """Hyperparameters of both components at one time, and z-scores of what was held out."""
-    shuffled = np.random.default_rng(slot).permutation(len(points))  # another fifth at every time
+    """Hyperparameters of both components at one time, and z-scores of the readings held out."""
+    shuffled = np.random.default_rng(slot).permutation(len(points))  # another share at every time
     count = min(max(1, round(cfg.holdout * len(points))), len(points) - 3)
     out, kept = shuffled[:count], shuffled[count:]
-    near, cross = distances(points[kept], points[kept]), distances(points[kept], points[out])
+    near, cross = (
+        pairwise_distances(points[kept], points[kept]),
+        pairwise_distances(points[kept], points[out]),
+    )
     pair, scores = [], []
     for wind in winds.T:
-        trial = _maximise(cfg, points[kept], wind[kept], None)
-        mean, var = _posterior(cfg.kernel, trial, near, cross, wind[kept])
+        trial = _maximise_likelihood(cfg, points[kept], wind[kept], None)
+        mean, var = _condition_gp(cfg.kernel, trial, near, cross, wind[kept])
         scores.append((wind[out] - mean) / np.sqrt(var + trial.noise**2))
-        pair.append(_maximise(cfg, points, wind, trial))
+        pair.append(_maximise_likelihood(cfg, points, wind, trial))
     return (pair[0], pair[1]), np.concatenate(scores)
 
 
-def _maximise(cfg: WindConfig, points: FloatArray, wind: FloatArray, start: Hyper | None) -> Hyper:
-    """Maximum-likelihood hyperparameters of one component, in SI units, sought from ``start``."""
+def _maximise_likelihood(cfg: WindConfig, points: FloatArray, wind: FloatArray, start: Hyper | None) -> Hyper:
+    """Maximum-likelihood hyperparameters of one component, in SI units; the search begins at ``start``."""
     from sklearn.gaussian_process import GaussianProcessRegressor
     from sklearn.gaussian_process.kernels import RBF, ConstantKernel, Matern, WhiteKernel
 
@@ -135,29 +146,33 @@ def _maximise(cfg: WindConfig, points: FloatArray, wind: FloatArray, start: Hype
     x, y = (points - points.mean(axis=0)) / reach, (wind - mean) / scale
     shortest = max(0.02, 0.5 * _typical_gap(x))
     bounds = [(1e-2, 1e1), (shortest, 1e1), (cfg.noise_min / scale, 3.0)]
-    first = (AMPLITUDE, LENGTH, NOISE)
+    first = (START_AMPLITUDE, START_LENGTH, START_NOISE)
     if start is not None:
         first = (start.amplitude / scale, start.length / reach, start.noise / scale)
     (a, la), (ell, ll), (s, ls) = ((float(np.clip(f, *b)), b) for f, b in zip(first, bounds, strict=True))
     smooth = Matern(ell, ll, nu=1.5) if cfg.kernel == "matern32" else RBF(ell, ll)
-    kernel = ConstantKernel(a**2, _squared(la)) * smooth + WhiteKernel(s**2, _squared(ls))
-    model = GaussianProcessRegressor(kernel, alpha=CONDITION).fit(x, y)
+    kernel = ConstantKernel(a**2, _squared_bounds(la)) * smooth + WhiteKernel(s**2, _squared_bounds(ls))
+    model = GaussianProcessRegressor(kernel, alpha=RELATIVE_JITTER).fit(x, y)
     alpha2, length, sigma2 = np.exp(model.kernel_.theta)
     return Hyper(mean, float(np.sqrt(alpha2)) * scale, float(length) * reach, float(np.sqrt(sigma2)) * scale)
 
 
-def _posterior(
+def _condition_gp(
     kernel: str, h: Hyper, near: FloatArray, cross: FloatArray, wind: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Mean and latent variance from distances ``near`` (n, n) and ``cross`` (n, P) [m].
+    """Posterior mean and latent variance (P,) from distances ``near`` (n, n) and ``cross`` (n, P) [m].
 
-    With L L' = K + σ² I:  μ = m + k*' (L L')⁻¹ (w - m),  Var f = α² - ‖L⁻¹ k*‖².
+    Rasmussen and Williams (2006), Algorithm 2.1::
+
+        L L'  = K + σ² I
+        μ     = m + k*' (L L')⁻¹ (w - m)
+        Var f = α² - ‖L⁻¹ k*‖²
     """
     from scipy.linalg import cho_solve, solve_triangular
 
-    k = CORRELATION[kernel]
+    k = CORRELATIONS[kernel]
     K = h.amplitude**2 * k(near / h.length)
-    K[np.diag_indices_from(K)] += h.noise**2 + CONDITION * h.amplitude**2
+    K[np.diag_indices_from(K)] += h.noise**2 + RELATIVE_JITTER * h.amplitude**2
     L = np.linalg.cholesky(K)
     k_star = h.amplitude**2 * k(cross / h.length)
     mean = h.mean + k_star.T @ cho_solve((L, True), wind - h.mean)
@@ -176,11 +191,11 @@ def _rbf(r: FloatArray) -> FloatArray:
     return rho
 
 
-CORRELATION: dict[str, Callable[[FloatArray], FloatArray]] = {"matern32": _matern32, "rbf": _rbf}
+CORRELATIONS: dict[str, Callable[[FloatArray], FloatArray]] = {"matern32": _matern32, "rbf": _rbf}
 
 
-def distances(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Distances (n, m) between ``a`` (n, 2) and ``b`` (m, 2)."""
+def pairwise_distances(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Distances (n, m) between points ``a`` (n, 2) and ``b`` (m, 2)."""
     from scipy.spatial.distance import cdist
 
     between: FloatArray = cdist(a, b)
@@ -188,14 +203,14 @@ def distances(a: FloatArray, b: FloatArray) -> FloatArray:
 
 
 def _typical_gap(points: FloatArray) -> float:
-    """Median distance to the nearest neighbour; what varies faster than that looks white."""
-    gaps = distances(points, points)
+    """Median distance to the nearest neighbour, below which no length scale can be resolved."""
+    gaps = pairwise_distances(points, points)
     np.fill_diagonal(gaps, np.inf)
     return float(np.median(gaps.min(axis=1)))
 
 
-def _squared(bounds: tuple[float, float]) -> tuple[float, float]:
+def _squared_bounds(bounds: tuple[float, float]) -> tuple[float, float]:
     return bounds[0] ** 2, bounds[1] ** 2
 
 
-__all__ = ["CORRELATION", "Hyper", "WindPosterior", "distances", "fit"]
+__all__ = ["CORRELATIONS", "Hyper", "WindPosterior", "fit_posterior", "pairwise_distances"]

@@ -1,4 +1,4 @@
-"""Wind readings as a file holds them: checked, but not yet in the plane of a scene."""
+"""Wind readings as they stand in files: the schema that all sources share, and its checks."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from pareto_ltl.support.errors import DataError
 
 @dataclass(frozen=True, slots=True)
 class Readings:
-    """Wind at places and times.
+    """Wind readings at positions and times, not yet projected into the plane of a scene.
 
     Attributes
     ----------
@@ -27,13 +27,13 @@ class Readings:
     winds : tuple of (n_k, 2) float
         Towards east and north (earth-relative), or towards x and y [m/s].
     geographic : bool
-        Which of the two frames it is.
+        True for longitude and latitude, False for x and y.
     files : tuple of Path
-        Where they were read.
+        The files of the source.
     remarks : tuple of K str
-        What the source says about each time, e.g. ``3 h forecast``.
+        Description of each time, e.g. ``3 h forecast``.
     origins : tuple of K tuples of Path
-        The files that each time may come from.
+        The files that hold each time.
     """
 
     times: FloatArray
@@ -44,9 +44,19 @@ class Readings:
     remarks: tuple[str, ...]
     origins: tuple[tuple[Path, ...], ...]
 
+    @property
+    def name(self) -> str:
+        """Name of the first file, for messages."""
+        return self.files[0].name if self.files else "the wind source"
+
+    @property
+    def first_time(self) -> str | None:
+        """The first time, ISO 8601 UTC; None if there are no readings."""
+        return iso(float(self.times[0])) if len(self.times) else None
+
 
 def seconds(text: str) -> float:
-    """Seconds since 1970 of an ISO 8601 time; UTC unless it says otherwise."""
+    """Seconds since 1970 of an ISO 8601 time; UTC if it has no offset. ValueError if it is not a time."""
     stamp = datetime.fromisoformat(text.strip())
     return (stamp if stamp.tzinfo else stamp.replace(tzinfo=UTC)).timestamp()
 
@@ -56,27 +66,30 @@ def iso(time: float) -> str:
     return datetime.fromtimestamp(time, UTC).isoformat(timespec="seconds").replace("+00:00", "Z")
 
 
-def check(
+CALM = Readings(np.empty(0), (), (), geographic=False, files=(), remarks=(), origins=())
+
+
+def check_readings(
     points: FloatArray,
     winds: FloatArray,
     geographic: bool,
     max_speed: float,
     where: Callable[[int], str],
 ) -> None:
-    """Refuse the first reading that cannot be true; ``where(i)`` names row i of the arrays."""
-    bad = _first(~(np.isfinite(points).all(axis=1) & np.isfinite(winds).all(axis=1)))
+    """Raise a DataError for the first implausible reading; ``where(i)`` names row i of the arrays."""
+    bad = _first_true(~(np.isfinite(points).all(axis=1) & np.isfinite(winds).all(axis=1)))
     if bad is not None:
         raise DataError(f"{where(bad)}: expected finite numbers, got NaN or infinity; drop the reading")
     if geographic:
         lon, lat = points.T
-        bad = _first((np.abs(lat) > 90) | (lon < -180) | (lon > 360))
+        bad = _first_true((np.abs(lat) > 90) | (lon < -180) | (lon > 360))
         if bad is not None:
             raise DataError(
                 f"{where(bad)}: latitude {lat[bad]:g}, longitude {lon[bad]:g} is no place on Earth; "
                 "expected -90..90 and -180..360 [deg]"
             )
     speed = np.hypot(winds[:, 0], winds[:, 1])
-    bad = _first(speed > max_speed)
+    bad = _first_true(speed > max_speed)
     if bad is not None:
         raise DataError(
             f"{where(bad)}: wind speed {speed[bad]:.1f} m/s is not plausible; "
@@ -84,19 +97,22 @@ def check(
         )
 
 
-def wrap(lon: FloatArray) -> FloatArray:
-    """Longitudes in -180..180 [deg]."""
+def wrap_longitude(lon: FloatArray) -> FloatArray:
+    """The same longitudes in -180..180 [deg]."""
     return (lon + 180.0) % 360.0 - 180.0
 
 
 def on_sphere(lonlat: FloatArray) -> FloatArray:
-    """Unit vectors (N, 3) of longitudes and latitudes (N, 2) [deg]; chords order like arcs."""
+    """Unit vectors (N, 3) of longitudes and latitudes (N, 2) [deg]; a longer arc has a longer chord."""
     lon, lat = np.deg2rad(lonlat).T
     return np.stack([np.cos(lat) * np.cos(lon), np.cos(lat) * np.sin(lon), np.sin(lat)], axis=1)
 
 
 def farthest_points(points: FloatArray, count: int, first: int) -> IntArray:
-    """Indices of ``count`` of ``points`` (N, d), each the farthest from all before it (Gonzalez 1985)."""
+    """Indices of ``count`` of ``points`` (N, d): ``first``, then always the farthest from all chosen before.
+
+    Gonzalez (1985), doi:10.1016/0304-3975(85)90224-5.
+    """
     chosen = np.empty(min(count, len(points)), dtype=np.int64)
     gap = np.full(len(points), np.inf)
     candidate = first
@@ -107,9 +123,10 @@ def farthest_points(points: FloatArray, count: int, first: int) -> IntArray:
     return chosen
 
 
-def _first(mask: NDArray[np.bool_] | np.bool_) -> int | None:
+def _first_true(mask: NDArray[np.bool_] | np.bool_) -> int | None:
+    """Index of the first True; None if there is none."""
     rows = np.flatnonzero(mask)
     return int(rows[0]) if len(rows) else None
 
 
-__all__ = ["Readings", "check", "farthest_points", "iso", "on_sphere", "seconds", "wrap"]
+__all__ = ["Readings", "check_readings", "farthest_points", "iso", "on_sphere", "seconds", "wrap_longitude"]

@@ -1,4 +1,4 @@
-"""Wind as stages hand it on: readings in the plane of a scene, and the fitted field."""
+"""Records of wind: readings in the plane of a scene, modes, and the fitted field."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pareto_ltl.support.arrays import FloatArray, require_shape
+from pareto_ltl.support.display import Displayed
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,11 +21,11 @@ class WindObservations:
     times : (K,) float
         Increasing [s since time_zero].
     points : tuple of (n_k, 2) float
-        Where each time's readings were taken [m].
+        Positions of the readings at each time [m].
     winds : tuple of (n_k, 2) float
         Towards +x and +y of the plane [m/s].
     source : str
-        What the readings are, for the records of the run.
+        Description of the readings for the records of the run.
     """
 
     times: FloatArray
@@ -41,17 +42,19 @@ class WindObservations:
 
 @dataclass(frozen=True, slots=True)
 class WindModes:
-    """Karhunen-Loeve modes of the posterior: w(x) = μ(x) + ψ(x)' θ, one θ ~ N(0, I) a flight, slot and
-    component.
+    """Karhunen-Loeve modes of the posterior wind, one θ per flight, slot and component::
+
+        w(x)    = μ(x) + ψ(x)' θ,            θ ~ N(0, I)
+        θ_{k+1} = ρ θ_k + √(1 - ρ²) η,       η ~ N(0, I)
 
     Attributes
     ----------
     origin : (2,) float
-        South-west node of the modes' own lattice [m]; neighbours are ``spacing`` [m] apart.
+        South-west node of the lattice of the modes [m]; neighbours are ``spacing`` [m] apart.
     psi : (K, MX, MY, 2, P) float32
-        U √Λ [m/s]; modes that a slot does not need are 0.
+        U √Λ [m/s]; unused modes of a slot are 0.
     rho : float
-        θ_{k+1} = ρ θ_k + √(1 - ρ²) η between slots ``gap`` [s] apart; 0 independent, 1 frozen.
+        Correlation of θ between slots ``gap`` [s] apart: 0 for independent slots, 1 for a constant field.
     gap : float
         Median time between slots [s].
     length : (K, 2) float
@@ -76,8 +79,8 @@ class WindModes:
             raise ValueError(f"rho must lie in [0, 1], got {self.rho}")
 
 
-@dataclass(frozen=True, slots=True)
-class WindField:
+@dataclass(frozen=True, slots=True, repr=False)
+class WindField(Displayed):
     """Posterior wind on a regular lattice, linear in time between its slots.
 
     Attributes
@@ -91,17 +94,17 @@ class WindField:
     latent_var : (K, NX, NY, 2) float
         Variance of the smooth field, per component [m²/s²].
     gust_var : (K, 2) float
-        Variance of the white part, independent from step to step [m²/s²].
+        Variance of the white part, which is independent from step to step [m²/s²].
     hold_last : bool
-        Whether the last slot stands in for all later times.
+        Whether the last slot holds for all later times.
     score : mapping of name to float
-        How well the fit predicts held-out readings (``gp_z_sd``, ``gp_coverage_90``).
+        Accuracy of predictions of held-out readings: ``gp_z_sd``, ``gp_coverage_90``.
     source : str
-        What the field was made from.
+        Description of the readings.
     modes : WindModes or None
-        How the smooth part hangs together over a flight; None where nothing is uncertain.
+        Modes of the smooth part for the coherent law; None if its variance is 0.
     gust_time : float
-        Integral time scale of the white part [s] in the coherent law.
+        Integral time scale of the white part under the coherent law [s].
     """
 
     origin: FloatArray
@@ -123,3 +126,15 @@ class WindField:
         require_shape("gust_var", self.gust_var, len(self.times), 2)
         if self.modes is not None and len(self.modes.psi) != len(self.times):
             raise ValueError(f"modes must have {len(self.times)} slots, got {len(self.modes.psi)}")
+
+    def facts(self) -> Mapping[str, str]:
+        k, east, north = self.mean.shape[:3]
+        return {
+            "slots": f"{k} over {float(self.times[-1] - self.times[0]) / 3600:.1f} h",
+            "lattice": f"{east} x {north} nodes, {self.spacing / 1e3:g} km apart",
+            "mean speed": f"{float(np.linalg.norm(self.mean, axis=-1).mean()):.1f} m/s",
+            "source": self.source or "unknown",
+        }
+
+
+__all__ = ["WindField", "WindModes", "WindObservations"]

@@ -1,1 +1,1 @@
-"""The map: scenes, polygons, cells."""
+"""The map of a mission: scenes and their files, projection, polygons, cells of free space, random maps."""

@@ -1,8 +1,8 @@
-"""Free space as few convex cells: Scene -> Decomposition, and questions about where a point lies.
+"""Decomposition of the free space of a scene into convex cells, and location of points in it.
 
-All outlines are snapped to a grid of a millionth of a millionth of the map (1 µm on 1000 km). Their
-arrangement is noded there once, so that neighbours share corners exactly and doors are a matter of
-comparing integers, not of tolerances.
+All outlines are snapped to a grid with a step of 1e-12 of the map (1 µm on 1000 km), and their arrangement is
+computed once on the grid. Neighbours then share corners exactly, and shared edges are found by comparing
+integers.
 """
 
 from __future__ import annotations
@@ -17,31 +17,31 @@ import numpy as np
 
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 from pareto_ltl.support.errors import ConfigError, DataError
-from pareto_ltl.world.polygons import Ring, convex_parts, cut_round, drop_flat, edges
+from pareto_ltl.world.polygons import GridRing, convex_parts, cut_round, drop_flat, ring_edges
 from pareto_ltl.world.scene import Scene
 
 if TYPE_CHECKING:
     import networkx as nx
     import shapely
 
-GRID = 2.0**-40  # of the map's size
-CLOSE = 1e-11  # of the map's size: how far outside an edge a point still lies on it
-FACES = 32  # of a convex obstacle part, at most: kernels keep them in the bits of an integer
-BUCKETS = 64  # of a locator, along each axis
-DOOR = 4.0  # grid steps: shorter contacts are rounding
+GRID_FRACTION = 2.0**-40  # grid step over the size of the map
+EDGE_FRACTION = 1e-11  # of the size of the map; a point this close to an edge lies on it
+MAX_FACES = 32  # of a convex part of an obstacle; kernels store them as bits of an integer
+LOCATOR_BUCKETS = 64  # of a Locator, along each axis
+SHORTEST_DOOR = 4.0  # [grid steps]; shorter contacts are rounding errors
 
 
 @dataclass(frozen=True, slots=True)
 class Decomposition:
-    """Free space as convex cells that touch along edges and overlap nowhere.
+    """Free space as convex cells that share edges and do not overlap.
 
     Attributes
     ----------
     cells : tuple of (n, 2) float
-        Convex, counter-clockwise [m]. Cells with more labels come first, so that the first cell that
-        holds a point on a shared boundary is the one inside the region.
+        Convex, counter-clockwise [m]. Cells with more labels come first: for a point on the boundary of a
+        region, the first cell that contains it lies in the region.
     labels : tuple of frozenset of str
-        The regions each cell lies in.
+        The regions that contain each cell.
     doors : (D, 2) int
         Pairs of cells (i < j) that share an edge of positive length.
     obstacles : tuple of (n, 2) float
@@ -58,27 +58,27 @@ class Decomposition:
 
     @property
     def letters(self) -> tuple[frozenset[str], ...]:
-        """The label sets that a robot can read, smallest first, then by name.
+        """The labels that can occur, by size, then by name.
 
-        The empty one is always among them: obstacles and what lies off the map show it.
+        The empty label is always one of them; it is that of obstacles and of points outside the bounds.
         """
         return tuple(sorted({frozenset[str](), *self.labels}, key=lambda s: (len(s), sorted(s))))
 
 
 @dataclass(frozen=True, slots=True)
 class Locator:
-    """A coarse grid over the bounds that says which cells a point may lie in.
+    """A coarse grid over the bounds with the cells that may contain a point of each bucket.
 
     Attributes
     ----------
     origin : (2,) float
         South-west corner [m].
     inverse : (2,) float
-        Buckets a metre along x and y [1/m].
+        Number of buckets per metre along x and y [1/m].
     shape : (2,) int
-        Buckets along x and y; bucket (i, j) has the number ``i * shape[1] + j``.
+        Number of buckets along x and y; bucket (i, j) has the number ``i * shape[1] + j``.
     ptr : (shape[0] * shape[1] + 1,) int, index : (ptr[-1],) int
-        Bucket k lists its cells, lowest first, in ``index[ptr[k]:ptr[k + 1]]``.
+        The cells of bucket k, in ascending order, are ``index[ptr[k]:ptr[k + 1]]``.
     """
 
     origin: FloatArray
@@ -89,38 +89,44 @@ class Locator:
 
 
 def decompose(scene: Scene) -> Decomposition:
-    """Bounds minus obstacles as convex cells that know which regions they lie in.
+    """Decompose the bounds minus the obstacles into convex cells with labels.
 
-    Outlines of obstacles and regions cut the bounds into faces; each face outside all obstacles is split
-    into convex cells. Overlapping regions thus give cells with several labels. Overlapping obstacles stay as
-    they were drawn (but for one that lies within another): a union would be less convex and need more parts,
-    and the risk bounds merely count what is common twice, on the safe side.
+    The outlines of obstacles and regions cut the bounds into faces; each face outside all obstacles is split
+    into convex cells. Overlapping regions give cells with several labels. Overlapping obstacles are not
+    merged, since their union would need more convex parts; the risk bounds count their common area twice,
+    which is conservative. An obstacle inside another is dropped.
+
+    Raises
+    ------
+    DataError
+        If the obstacles cover the whole map.
     """
     step = _grid_step(scene)
-    obstacles = _outer([_snapped(corners, step) for corners in scene.obstacles])
-    regions = {name: _snapped(corners, step) for name, corners in scene.regions.items()}
-    cells = _cells(_snapped(_box(scene.bounds), step), obstacles, regions)
+    obstacles = _outermost_polygons([_snapped_polygon(corners, step) for corners in scene.obstacles])
+    regions = {name: _snapped_polygon(corners, step) for name, corners in scene.regions.items()}
+    cells = _labelled_cells(_snapped_polygon(_box_outline(scene.bounds), step), obstacles, regions)
     if not cells:
         raise DataError(
             "the obstacles cover the whole map, no free space is left; remove one or widen the bounds"
         )
     return Decomposition(
-        cells=tuple(_metres(drop_flat(ring), step) for ring, _ in cells),
+        cells=tuple(_ring_in_metres(drop_flat(ring), step) for ring, _ in cells),
         labels=tuple(label for _, label in cells),
-        doors=_doors([ring for ring, _ in cells]),
+        doors=_shared_edges([ring for ring, _ in cells]),
         obstacles=tuple(
-            _metres(part, step)
+            _ring_in_metres(part, step)
             for polygon in obstacles
-            for ring in _split(polygon)
-            for part in cut_round(ring, FACES)
+            for ring in _convex_rings(polygon)
+            for part in cut_round(ring, MAX_FACES)
         ),
         regions={
-            name: tuple(_metres(ring, step) for ring in _split(polygon)) for name, polygon in regions.items()
+            name: tuple(_ring_in_metres(ring, step) for ring in _convex_rings(polygon))
+            for name, polygon in regions.items()
         },
     )
 
 
-def graph(decomposition: Decomposition) -> nx.Graph:
+def cell_graph(decomposition: Decomposition) -> nx.Graph:
     """Cells as nodes (``centroid`` (2,) [m], ``area`` [m²], ``label``), doors as edges.
 
     An edge carries the ``distance`` [m] between the two centroids.
@@ -137,57 +143,64 @@ def graph(decomposition: Decomposition) -> nx.Graph:
 
 
 def half_planes(polygon: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Unit outward normals a (n, 2) and offsets b (n,) [m] of a convex polygon: a' x <= b inside."""
+    """Outward unit normals a (n, 2) and offsets b (n,) [m] of a convex polygon: a' x <= b inside."""
     along = np.roll(polygon, -1, axis=0) - polygon
     normals = np.stack([along[:, 1], -along[:, 0]], axis=1) / np.linalg.norm(along, axis=1, keepdims=True)
     return normals, np.sum(normals * polygon, axis=1)
 
 
-def slack(polygon: FloatArray, points: FloatArray) -> FloatArray:
-    """min_k (b_k - a_k' x), shape (P,) [m]: how deep ``points`` (P, 2) lie inside, negative outside."""
+def inside_depth(polygon: FloatArray, points: FloatArray) -> FloatArray:
+    """Depth of ``points`` (P, 2) [m] inside a convex polygon, shape (P,) [m]; negative outside.
+
+    min_k (b_k - a_k' x)
+    """
     normals, offsets = half_planes(polygon)
     least: FloatArray = (offsets - points @ normals.T).min(axis=1)
     return least
 
 
-def locate(decomposition: Decomposition, points: FloatArray) -> IntArray:
-    """The cell of every point, shape (P,); -1 outside the bounds and strictly inside an obstacle.
+def locate_cells(decomposition: Decomposition, points: FloatArray) -> IntArray:
+    """The cell of each point, shape (P,); -1 outside the bounds and strictly inside an obstacle.
 
-    The first cell that holds the point, so that an edge of a region belongs to the region. Beside all cells
-    by rounding, the one with the largest smallest slack.
+    It is the first cell that contains the point, so that an edge of a region belongs to the region. A point
+    that rounding puts outside all cells gets the cell with the largest :func:`inside_depth`.
     """
     points = np.asarray(points, float).reshape(-1, 2)
-    close = CLOSE * _size(decomposition)
-    room = np.stack([slack(cell, points) for cell in decomposition.cells], axis=1)
+    close = EDGE_FRACTION * _map_size(decomposition)
+    room = np.stack([inside_depth(cell, points) for cell in decomposition.cells], axis=1)
     holds = room >= -close
     found = np.where(holds.any(axis=1), holds.argmax(axis=1), room.argmax(axis=1))
-    nowhere = ~holds.any(axis=1) & (_covered(decomposition, points) | (room.max(axis=1) < -100 * close))
+    nowhere = ~holds.any(axis=1) & (
+        _covered_points(decomposition, points) | (room.max(axis=1) < -100 * close)
+    )
     return np.where(nowhere, -1, found)
 
 
 def locator(decomposition: Decomposition, bounds: FloatArray) -> Locator:
-    """Candidate cells of every bucket of a 64 x 64 grid over ``bounds`` (2, 2).
+    """Candidate cells of each bucket of a 64 x 64 grid over ``bounds`` (2, 2) [m].
 
-    A cell is a candidate where no face of either separates it from the bucket (separating axes), each bucket
-    being taken a little larger, so that rounding never hides a cell.
+    A cell is a candidate unless a face of the cell or of the bucket separates the two (separating axis
+    theorem). Buckets are enlarged by 1e-6, so that rounding does not exclude a cell.
     """
-    size = (bounds[1] - bounds[0]) / BUCKETS
-    west_to_east, south_to_north = (bounds[0][:, None] + size[:, None] * (np.arange(BUCKETS) + 0.5)).tolist()
+    size = (bounds[1] - bounds[0]) / LOCATOR_BUCKETS
+    west_to_east, south_to_north = (
+        bounds[0][:, None] + size[:, None] * (np.arange(LOCATOR_BUCKETS) + 0.5)
+    ).tolist()
     middle = np.array([[x, y] for x in west_to_east for y in south_to_north])
     half = 0.5 * size * (1 + 1e-6)
-    near = np.stack([_meets(cell, middle, half) for cell in decomposition.cells], axis=1)
+    near = np.stack([_cell_meets_boxes(cell, middle, half) for cell in decomposition.cells], axis=1)
     ptr = np.concatenate([[0], np.cumsum(near.sum(axis=1))])
     return Locator(
         origin=np.array(bounds[0]),
         inverse=1 / size,
-        shape=np.array([BUCKETS, BUCKETS]),
+        shape=np.array([LOCATOR_BUCKETS, LOCATOR_BUCKETS]),
         ptr=ptr.astype(np.int64),
         index=np.nonzero(near)[1].astype(np.int64),
     )
 
 
-def _reachable(doors: IntArray, start: int) -> set[int]:
-    """Cells that doors join to ``start``. (networkx would cost a run a third of a second to import.)"""
+def _reachable_cells(doors: IntArray, start: int) -> set[int]:
+    """Cells connected to ``start`` by ``doors``. (Importing networkx for this takes 0.3 s.)"""
     reached, fresh = {start}, {start}
     while fresh:
         ahead = doors[np.isin(doors, list(fresh)).any(axis=1)]
@@ -196,8 +209,16 @@ def _reachable(doors: IntArray, start: int) -> set[int]:
     return reached
 
 
-def check_mission(decomposition: Decomposition, scene: Scene, atoms: Iterable[str]) -> tuple[str, ...]:
-    """Names among ``atoms`` that no chain of doors joins to the start; unknown names are an error."""
+def unreachable_regions(decomposition: Decomposition, scene: Scene, atoms: Iterable[str]) -> tuple[str, ...]:
+    """Names in ``atoms`` whose regions no sequence of doors connects to the start.
+
+    Raises
+    ------
+    ConfigError
+        If a name is not a region of the scene.
+    DataError
+        If the start lies inside an obstacle.
+    """
     names = sorted(set(atoms))
     for name in names:
         if name not in scene.regions:
@@ -211,12 +232,12 @@ def check_mission(decomposition: Decomposition, scene: Scene, atoms: Iterable[st
                 f"mission.formula names region {name!r}, which the scene does not have; "
                 f"it has {', '.join(sorted(scene.regions))}: {hint}"
             )
-    start = int(locate(decomposition, scene.start[None])[0])
+    start = int(locate_cells(decomposition, scene.start[None])[0])
     if start < 0:
         raise DataError(
             f"the start {scene.start.tolist()} [m] lies in no free cell; move it out of the obstacle"
         )
-    reached = _reachable(decomposition.doors, start)
+    reached = _reachable_cells(decomposition.doors, start)
     shown = frozenset[str]().union(*(decomposition.labels[i] for i in reached))
     return tuple(name for name in names if name not in shown)
 
@@ -225,26 +246,26 @@ def check_mission(decomposition: Decomposition, scene: Scene, atoms: Iterable[st
 
 
 def _grid_step(scene: Scene) -> float:
-    """A power of two [m], so that grid coordinates are exact; never below what floats tell apart."""
+    """Grid step [m], a power of two, so that coordinates are exact; not below the resolution of floats."""
     size = float((scene.bounds[1] - scene.bounds[0]).max())
-    step = 2.0 ** math.ceil(math.log2(size)) * GRID
+    step = 2.0 ** math.ceil(math.log2(size)) * GRID_FRACTION
     return max(step, 2.0 ** math.ceil(math.log2(16 * np.spacing(np.abs(scene.bounds).max()))))
 
 
-def _snapped(corners: FloatArray, step: float) -> shapely.Geometry:
-    """A polygon in grid steps, still valid where snapping made corners or edges meet."""
+def _snapped_polygon(corners: FloatArray, step: float) -> shapely.Geometry:
+    """A valid polygon in grid steps, also if snapping made corners or edges coincide."""
     import shapely
 
     return shapely.set_precision(shapely.Polygon(np.rint(corners / step)), 1.0)
 
 
-def _box(bounds: FloatArray) -> FloatArray:
+def _box_outline(bounds: FloatArray) -> FloatArray:
     (west, south), (east, north) = bounds.tolist()
     return np.array([[west, south], [east, south], [east, north], [west, north]])
 
 
-def _outer(polygons: Sequence[shapely.Geometry]) -> list[shapely.Geometry]:
-    """``polygons`` without those that lie within another."""
+def _outermost_polygons(polygons: Sequence[shapely.Geometry]) -> list[shapely.Geometry]:
+    """``polygons`` without those inside another one."""
     import shapely
 
     if not polygons:
@@ -257,8 +278,8 @@ def _outer(polygons: Sequence[shapely.Geometry]) -> list[shapely.Geometry]:
     ]
 
 
-def _rings(face: Any) -> list[Ring]:
-    """Outline (counter-clockwise) and holes (clockwise) of a polygon on the grid."""
+def _polygon_rings(face: Any) -> list[GridRing]:
+    """Outline (counter-clockwise) and holes (clockwise) of a polygon, in grid steps."""
     import shapely
 
     face = shapely.orient_polygons(face)
@@ -266,22 +287,22 @@ def _rings(face: Any) -> list[Ring]:
     return [[(int(x), int(y)) for x, y in ring] for ring in rings]
 
 
-def _split(polygon: shapely.Geometry) -> list[Ring]:
+def _convex_rings(polygon: shapely.Geometry) -> list[GridRing]:
     """Convex parts of an outline, without flat corners."""
     import shapely
 
     found = []
     for piece in shapely.get_parts(polygon):
-        outline, *holes = _rings(piece)
+        outline, *holes = _polygon_rings(piece)
         found += [drop_flat(ring) for ring in convex_parts(outline, holes)]
     return [_first_corner(ring) for ring in found if ring]
 
 
-def _metres(ring: Ring, step: float) -> FloatArray:
+def _ring_in_metres(ring: GridRing, step: float) -> FloatArray:
     return np.array(ring, float) * step
 
 
-def _first_corner(ring: Ring) -> Ring:
+def _first_corner(ring: GridRing) -> GridRing:
     i = ring.index(min(ring))
     return ring[i:] + ring[:i]
 
@@ -289,26 +310,26 @@ def _first_corner(ring: Ring) -> Ring:
 # --- cells ------------------------------------------------------------------------------------------
 
 
-def _cells(
+def _labelled_cells(
     box: shapely.Geometry, obstacles: Sequence[shapely.Geometry], regions: dict[str, shapely.Geometry]
-) -> list[tuple[Ring, frozenset[str]]]:
+) -> list[tuple[GridRing, frozenset[str]]]:
     """Convex rings with all shared corners, and their labels; most labels first, then by name and place."""
     import shapely
 
     outlines = shapely.boundary([box, *obstacles, *regions.values()])
     faces = shapely.get_parts(shapely.polygonize([shapely.union_all(outlines, grid_size=1.0)]))
     inside = shapely.point_on_surface(faces)
-    free = _within([box], inside) & ~_within(obstacles, inside)
-    holds = {name: _within([polygon], inside) for name, polygon in regions.items()}
+    free = _points_within([box], inside) & ~_points_within(obstacles, inside)
+    holds = {name: _points_within([polygon], inside) for name, polygon in regions.items()}
     found = []
     for k in np.flatnonzero(free):
         label = frozenset(name for name, held in holds.items() if held[k])
-        outline, *holes = _rings(faces[k])
+        outline, *holes = _polygon_rings(faces[k])
         found += [(_first_corner(ring), label) for ring in convex_parts(outline, holes) if drop_flat(ring)]
     return sorted(found, key=lambda cell: (-len(cell[1]), sorted(cell[1]), cell[0]))
 
 
-def _within(polygons: Sequence[shapely.Geometry], points: Any) -> BoolArray:
+def _points_within(polygons: Sequence[shapely.Geometry], points: Any) -> BoolArray:
     """Which ``points`` lie in any of the ``polygons``."""
     import shapely
 
@@ -318,34 +339,34 @@ def _within(polygons: Sequence[shapely.Geometry], points: Any) -> BoolArray:
     return inside
 
 
-def _doors(rings: Sequence[Ring]) -> IntArray:
-    """Pairs (D, 2) of cells with a common edge: one walks it forth, the other back."""
-    owner = {edge: i for i, ring in enumerate(rings) for edge in edges(ring)}
+def _shared_edges(rings: Sequence[GridRing]) -> IntArray:
+    """Pairs (D, 2) of cells with a common edge, which they traverse in opposite directions."""
+    owner = {edge: i for i, ring in enumerate(rings) for edge in ring_edges(ring)}
     width: dict[tuple[int, int], float] = {}
     for (a, b), i in owner.items():
         j = owner.get((b, a), -1)
         if i < j:
             width[i, j] = width.get((i, j), 0.0) + math.dist(a, b)
-    doors = sorted(pair for pair, length in width.items() if length > DOOR)
+    doors = sorted(pair for pair, length in width.items() if length > SHORTEST_DOOR)
     return np.array(doors, np.int64).reshape(-1, 2)
 
 
 # --- points -----------------------------------------------------------------------------------------
 
 
-def _size(decomposition: Decomposition) -> float:
+def _map_size(decomposition: Decomposition) -> float:
     return float(np.ptp(np.concatenate([*decomposition.cells, *decomposition.obstacles]), axis=0).max())
 
 
-def _covered(decomposition: Decomposition, points: FloatArray) -> BoolArray:
-    """Which points lie in an obstacle, its edges and the seams between its parts included."""
+def _covered_points(decomposition: Decomposition, points: FloatArray) -> BoolArray:
+    """Which points lie in an obstacle or on its edges."""
     covered = np.zeros(len(points), bool)
     for part in decomposition.obstacles:
-        covered |= slack(part, points) >= 0
+        covered |= inside_depth(part, points) >= 0
     return covered
 
 
-def _meets(cell: FloatArray, middle: FloatArray, half: FloatArray) -> BoolArray:
+def _cell_meets_boxes(cell: FloatArray, middle: FloatArray, half: FloatArray) -> BoolArray:
     """Which boxes ``middle`` (B, 2) +- ``half`` (2,) touch a convex cell."""
     normals, offsets = half_planes(cell)
     faces = (middle @ normals.T - np.abs(normals) @ half <= offsets).all(axis=1)
@@ -364,12 +385,12 @@ def moments(polygon: FloatArray) -> tuple[float, FloatArray]:
 
 __all__ = [
     "Locator",
-    "check_mission",
+    "cell_graph",
     "decompose",
-    "graph",
     "half_planes",
-    "locate",
+    "inside_depth",
+    "locate_cells",
     "locator",
     "moments",
-    "slack",
+    "unreachable_regions",
 ]

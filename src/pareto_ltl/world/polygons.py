@@ -1,9 +1,9 @@
-"""A polygon with holes as few convex parts, on an integer grid where every decision is exact.
+"""Decomposition of a polygon with holes into few convex parts, with exact predicates on an integer grid.
 
-The triangles of a constrained Delaunay triangulation are merged across every diagonal whose two ends
-stay convex (Hertel and Mehlhorn, 1983), long diagonals first. On the two shipped maps this ends one
-part above the fewest that are possible without new corners (30 for 29 and 38 for 37 cells; an integer
-programme over all diagonals says so, and takes 0.9 s), short diagonals first ends 4 to 7 above.
+The triangles of a constrained Delaunay triangulation are merged across every diagonal whose two ends stay
+convex (Hertel and Mehlhorn, 1983, doi:10.1007/3-540-12689-9_105), long diagonals first. On the two maps of
+the package this gives one part more than the minimum without new corners (30 instead of 29 and 38 instead of
+37 cells; an integer programme finds the minimum in 0.9 s). Short diagonals first gives 4 to 7 parts more.
 """
 
 from __future__ import annotations
@@ -13,51 +13,57 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-Node = tuple[int, int]
-Ring = list[Node]
-Edge = tuple[Node, Node]
-Corner = tuple[Node, Node, Node]  # previous node, node, next node; the polygon lies to the left
+GridNode = tuple[int, int]
+GridRing = list[GridNode]
+GridEdge = tuple[GridNode, GridNode]
+GridCorner = tuple[
+    GridNode, GridNode, GridNode
+]  # previous node, node, next node; the polygon lies to the left
 
-BEND = 2.0  # grid steps: snapped crossings bend an edge by up to one
-KINK = 1e-6  # [rad]
+BEND_STEPS = 2.0  # [grid steps]; snapping a crossing to the grid bends an edge by up to 1
+KINK_ANGLE = 1e-6  # [rad]
 
 
-def turn(a: Node, b: Node, c: Node) -> int:
+def signed_turn(a: GridNode, b: GridNode, c: GridNode) -> int:
     """Twice the signed area of a, b, c: positive for a left turn at ``b``."""
     return (b[0] - a[0]) * (c[1] - b[1]) - (b[1] - a[1]) * (c[0] - b[0])
 
 
-def edges(ring: Sequence[Node]) -> Iterator[Edge]:
+def ring_edges(ring: Sequence[GridNode]) -> Iterator[GridEdge]:
+    """Pairs of neighbouring nodes."""
     return zip(ring, [*ring[1:], ring[0]], strict=True)
 
 
-def corners(ring: Sequence[Node]) -> Iterator[Corner]:
+def ring_corners(ring: Sequence[GridNode]) -> Iterator[GridCorner]:
+    """Triples of neighbouring nodes, one per node."""
     return zip([ring[-1], *ring[:-1]], ring, [*ring[1:], ring[0]], strict=True)
 
 
-def is_left(a: Node, b: Node, c: Node) -> bool:
-    """Whether a, b, c turn left or go straight on, but for what snapping to the grid bends.
+def is_left(a: GridNode, b: GridNode, c: GridNode) -> bool:
+    """Whether a, b, c turn left or go straight on; a right turn due to snapping to the grid is allowed.
 
-    Such a bend keeps ``b`` within ``BEND`` of the line a, c and turns by less than ``KINK``; the second
-    matters between nodes a few steps apart, where every corner, however sharp, is close to the line.
+    Such a turn keeps ``b`` within ``BEND_STEPS`` of the line a, c, and its angle is below ``KINK_ANGLE``. The
+    second condition is needed for nodes a few steps apart, where every corner is close to the line.
     """
-    bend = turn(a, b, c)
-    return bend >= 0 or -bend <= min(BEND * math.dist(a, c), KINK * math.dist(a, b) * math.dist(b, c))
+    bend = signed_turn(a, b, c)
+    return bend >= 0 or -bend <= min(
+        BEND_STEPS * math.dist(a, c), KINK_ANGLE * math.dist(a, b) * math.dist(b, c)
+    )
 
 
-def convex_parts(outline: Ring, holes: Sequence[Ring] = ()) -> list[Ring]:
-    """Convex rings that tile the polygon, counter-clockwise, with only its own corners.
+def convex_parts(outline: GridRing, holes: Sequence[GridRing] = ()) -> list[GridRing]:
+    """Counter-clockwise convex rings that tile the polygon, without new corners.
 
-    ``outline`` runs counter-clockwise, ``holes`` clockwise. Parts keep corners at which they go
-    straight on, so that neighbours share whole edges; :func:`drop_flat` removes them.
+    ``outline`` is counter-clockwise, ``holes`` are clockwise. Rings keep corners at which they go straight
+    on, so that neighbours share whole edges; :func:`drop_flat` removes these corners.
     """
-    if not holes and all(is_left(*corner) for corner in corners(outline)):
+    if not holes and all(is_left(*corner) for corner in ring_corners(outline)):
         return [outline]
-    return merge(triangles([outline, *holes]))
+    return merge_triangles(triangulate([outline, *holes]))
 
 
-def cut_round(ring: Ring, faces: int) -> list[Ring]:
-    """A convex ring cut by diagonals into the fewest parts of at most ``faces`` edges."""
+def cut_round(ring: GridRing, faces: int) -> list[GridRing]:
+    """A convex ring cut by diagonals into the smallest number of parts with at most ``faces`` edges."""
     parts = -(-(len(ring) - 2) // (faces - 2))
     if parts <= 1:
         return [ring]
@@ -65,13 +71,13 @@ def cut_round(ring: Ring, faces: int) -> list[Ring]:
     return cut_round(ring[: i + 1], faces) + cut_round([*ring[i:], ring[0]], faces)
 
 
-def drop_flat(ring: Ring) -> Ring:
-    """``ring`` without corners at which it goes straight on; empty if nothing is left."""
+def drop_flat(ring: GridRing) -> GridRing:
+    """``ring`` without corners at which it goes straight on; empty if its area is 0."""
     ring = list(ring)
-    i, kept = 0, 0  # kept: corners in a row that were found sharp
+    i, kept = 0, 0  # kept: number of consecutive corners that turn left
     while len(ring) > 2 and kept < len(ring):
         i %= len(ring)
-        if turn(ring[i - 1], ring[i], ring[(i + 1) % len(ring)]) > 0:
+        if signed_turn(ring[i - 1], ring[i], ring[(i + 1) % len(ring)]) > 0:
             i, kept = i + 1, kept + 1
         else:
             ring.pop(i)
@@ -82,39 +88,39 @@ def drop_flat(ring: Ring) -> Ring:
 # --- triangles ------------------------------------------------------------------------------------
 
 
-def triangles(rings: Sequence[Ring]) -> list[Corner]:
-    """Constrained Delaunay triangles of a polygon, counter-clockwise, whose corners are all of its nodes."""
+def triangulate(rings: Sequence[GridRing]) -> list[GridCorner]:
+    """Constrained Delaunay triangles of a polygon, counter-clockwise; they use its corners only."""
     import shapely
 
     polygon = shapely.Polygon(rings[0], rings[1:])
     found = shapely.get_coordinates(shapely.constrained_delaunay_triangles(polygon)).astype(np.int64)
-    return [_left(*((x, y) for x, y in three)) for three in found.reshape(-1, 4, 2)[:, :3].tolist()]
+    return [_oriented_left(*((x, y) for x, y in three)) for three in found.reshape(-1, 4, 2)[:, :3].tolist()]
 
 
-def _left(a: Node, b: Node, c: Node) -> Corner:
-    return (a, b, c) if turn(a, b, c) > 0 else (a, c, b)
+def _oriented_left(a: GridNode, b: GridNode, c: GridNode) -> GridCorner:
+    return (a, b, c) if signed_turn(a, b, c) > 0 else (a, c, b)
 
 
 # --- merging --------------------------------------------------------------------------------------
 
 
-def merge(found: Sequence[Corner]) -> list[Ring]:
-    """Triangles merged into convex rings. One pass is enough: what could not go before cannot go later."""
-    cells: list[Ring] = [list(three) for three in found]
-    owner = {edge: i for i, ring in enumerate(cells) for edge in edges(ring)}
+def merge_triangles(found: Sequence[GridCorner]) -> list[GridRing]:
+    """Triangles merged into convex rings, in one pass: a diagonal that was needed once stays needed."""
+    cells: list[GridRing] = [list(three) for three in found]
+    owner = {edge: i for i, ring in enumerate(cells) for edge in ring_edges(ring)}
     diagonals = [(a, b) for a, b in owner if a < b and (b, a) in owner]
     for a, b in sorted(diagonals, key=lambda edge: (-math.dist(*edge), edge)):
         i, j = owner[a, b], owner[b, a]
-        left, right = _from(cells[i], b), _from(cells[j], a)  # b ... a and a ... b
+        left, right = _rotated_ring(cells[i], b), _rotated_ring(cells[j], a)  # b ... a and a ... b
         if is_left(left[-2], a, right[1]) and is_left(right[-2], b, left[1]):
             cells[i], cells[j] = left[:-1] + right[:-1], []
-            owner.update((edge, i) for edge in edges(cells[i]))
+            owner.update((edge, i) for edge in ring_edges(cells[i]))
     return [ring for ring in cells if ring]
 
 
-def _from(ring: Ring, node: Node) -> Ring:
+def _rotated_ring(ring: GridRing, node: GridNode) -> GridRing:
     i = ring.index(node)
     return ring[i:] + ring[:i]
 
 
-__all__ = ["Node", "Ring", "convex_parts", "cut_round", "drop_flat", "edges"]
+__all__ = ["GridNode", "GridRing", "convex_parts", "cut_round", "drop_flat", "ring_edges"]

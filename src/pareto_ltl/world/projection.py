@@ -1,9 +1,12 @@
-"""The local plane that a geographic scene is flown in.
+"""The local plane of a geographic scene.
 
-A plane is named by its PROJ string, so it travels inside ``Scene.crs`` and ``scene.json``. Ours is the
-oblique stereographic one: conformal everywhere, so that turning a wind vector is one angle for all
-directions, defined at every latitude, and true to scale within ``(r / 2R)²`` at a distance r of its
-centre (0.3 % at 700 km).
+A plane is named by its PROJ string, which is stored in ``Scene.crs`` and ``scene.json``. We use the oblique
+stereographic projection. It is defined at every latitude and conformal, so that one angle rotates wind
+vectors of all directions. Its relative scale error at a distance r from the centre is
+
+    (r / 2R)²
+
+with the radius R of the Earth: 0.3 % at 700 km.
 """
 
 from __future__ import annotations
@@ -20,8 +23,8 @@ if TYPE_CHECKING:
     import pyproj
 
 
-def plane(lat: float, lon: float) -> str:
-    """PROJ string of the conformal plane that touches the Earth at ``lat``, ``lon`` [deg]."""
+def local_plane(lat: float, lon: float) -> str:
+    """PROJ string of the stereographic plane at ``lat``, ``lon`` [deg]; DataError if out of range."""
     if not -90 <= lat <= 90 or not -180 <= lon <= 360:
         raise DataError(
             f"latitude {lat:g}, longitude {lon:g} is no place on Earth: expected -90..90 and -180..180"
@@ -32,7 +35,9 @@ def plane(lat: float, lon: float) -> str:
 
 def to_plane(crs: str, lon: FloatArray, lat: FloatArray) -> FloatArray:
     """Positions of ``lon``, ``lat`` (N,) [deg] in the plane, shape (N, 2) [m]."""
-    x, y = _proj(crs)(np.atleast_1d(np.asarray(lon, float)), np.atleast_1d(np.asarray(lat, float)))
+    x, y = _cached_projection(crs)(
+        np.atleast_1d(np.asarray(lon, float)), np.atleast_1d(np.asarray(lat, float))
+    )
     xy: FloatArray = np.stack([x, y], axis=-1)
     if not np.isfinite(xy).all():
         bad = int(np.flatnonzero(~np.isfinite(xy).all(axis=-1).ravel())[0])
@@ -44,31 +49,31 @@ def to_plane(crs: str, lon: FloatArray, lat: FloatArray) -> FloatArray:
 def to_geographic(crs: str, xy: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Longitude and latitude [deg] of positions ``xy`` (N, 2) [m], each of shape (N,)."""
     xy = np.atleast_2d(np.asarray(xy, float))
-    lon, lat = _proj(crs)(xy[..., 0], xy[..., 1], inverse=True)
+    lon, lat = _cached_projection(crs)(xy[..., 0], xy[..., 1], inverse=True)
     if not (np.isfinite(lon).all() and np.isfinite(lat).all()):
         raise DataError(f"a position lies outside the plane {crs!r}: check that coordinates are in metres")
     return np.asarray(lon, float), np.asarray(lat, float)
 
 
-def convergence(crs: str, lon: FloatArray, lat: FloatArray) -> FloatArray:
-    """Angle from the plane's +y to true north, counter-clockwise, shape (N,) [rad]."""
-    factors = _proj(crs).get_factors(
+def meridian_convergence(crs: str, lon: FloatArray, lat: FloatArray) -> FloatArray:
+    """Angle from +y of the plane to true north, counter-clockwise, shape (N,) [rad]."""
+    factors = _cached_projection(crs).get_factors(
         np.atleast_1d(np.asarray(lon, float)), np.atleast_1d(np.asarray(lat, float)), errcheck=True
     )
     angle: FloatArray = np.deg2rad(np.asarray(factors.meridian_convergence, float))
     return angle
 
 
-def turn(vectors: FloatArray, angle: FloatArray) -> FloatArray:
-    """``vectors`` (N, 2) turned counter-clockwise by ``angle`` (N,) [rad]."""
+def rotate_vectors(vectors: FloatArray, angle: FloatArray) -> FloatArray:
+    """``vectors`` (N, 2) rotated counter-clockwise by ``angle`` (N,) [rad]."""
     cos, sin = np.cos(angle), np.sin(angle)
     x, y = vectors[..., 0], vectors[..., 1]
     return np.stack([cos * x - sin * y, sin * x + cos * y], axis=-1)
 
 
 @lru_cache(maxsize=32)
-def _proj(crs: str) -> pyproj.Proj:
-    import pyproj  # here: it costs 0.2 s, and planar scenes never need it
+def _cached_projection(crs: str) -> pyproj.Proj:
+    import pyproj  # takes 0.2 s, and planar scenes do not need it
 
     try:
         proj = pyproj.Proj(crs)
@@ -80,4 +85,4 @@ def _proj(crs: str) -> pyproj.Proj:
     return proj
 
 
-__all__ = ["convergence", "plane", "to_geographic", "to_plane", "turn"]
+__all__ = ["local_plane", "meridian_convergence", "rotate_vectors", "to_geographic", "to_plane"]

@@ -1,4 +1,4 @@
-"""Maps drawn at random, to see what a planner does beyond the maps it was made for."""
+"""Maps with random regions and obstacles, to test planners on many maps."""
 
 from __future__ import annotations
 
@@ -12,23 +12,23 @@ from pareto_ltl.settings import SceneConfig
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import ConfigError
 
-TRIES = 20_000  # darts thrown for one place
-CORNERS = (5, 9)  # of a polygon: fewest, one more than most
+PLACEMENT_TRIES = 20_000  # random positions tried for one disc
+CORNER_RANGE = (5, 9)  # of a polygon: smallest number, largest number + 1
 
-Circle = tuple[float, float, float]
+PlacedDisc = tuple[float, float, float]
 
 
-def populated(cfg: SceneConfig) -> SceneConfig:
-    """``cfg`` with the regions and obstacles that ``cfg.random`` asks for, in the units of the scene.
+def add_random_places(cfg: SceneConfig) -> SceneConfig:
+    """``cfg`` with the regions and obstacles of ``cfg.random``, in the units of the scene.
 
-    Discs are thrown until they keep ``gap`` from each other, from the start and from what the scene names;
-    each holds a convex polygon with corners on its rim. Gaps all around leave a way to every region, and the
-    same ``random.seed`` gives the same map.
+    Each lies in a random disc that keeps a distance ``random.gap`` from the other discs, the start, and the
+    named regions and obstacles; it is a convex polygon with corners on the circle. The gaps leave a way to
+    every region. The same ``random.seed`` gives the same map.
 
     Raises
     ------
     ConfigError
-        Where they do not fit.
+        If there is no place for one of them.
     """
     wanted = cfg.random
     if wanted.regions + wanted.obstacles == 0:
@@ -36,12 +36,12 @@ def populated(cfg: SceneConfig) -> SceneConfig:
     low, high = np.array(cfg.bounds, float)
     side = float((high - low).min())
     rng = np.random.default_rng(wanted.seed)
-    circles = _named(cfg)
+    circles = _existing_discs(cfg)
     polygons = []
     for _ in range(wanted.regions + wanted.obstacles):
-        circle = _place(rng, low, high, side, circles, cfg)
+        circle = _free_disc(rng, low, high, side, circles, cfg)
         circles.append(circle)
-        polygons.append(_polygon(rng, circle))
+        polygons.append(_inscribed_polygon(rng, circle))
     names = [name for name in ascii_lowercase if name not in cfg.regions][: wanted.regions]
     return replace(
         cfg,
@@ -51,9 +51,9 @@ def populated(cfg: SceneConfig) -> SceneConfig:
     )
 
 
-def _named(cfg: SceneConfig) -> list[Circle]:
-    """Discs around the start and around everything that has a place already."""
-    circles: list[Circle] = [(float(cfg.start[0]), float(cfg.start[1]), 0.0)] if cfg.start else []
+def _existing_discs(cfg: SceneConfig) -> list[PlacedDisc]:
+    """Discs around the start and around the regions and obstacles of ``cfg``."""
+    circles: list[PlacedDisc] = [(float(cfg.start[0]), float(cfg.start[1]), 0.0)] if cfg.start else []
     for polygon in (*cfg.regions.values(), *cfg.obstacles):
         corners = np.array(polygon, float)
         middle = corners.mean(axis=0)
@@ -61,12 +61,17 @@ def _named(cfg: SceneConfig) -> list[Circle]:
     return circles
 
 
-def _place(
-    rng: Generator, low: FloatArray, high: FloatArray, side: float, circles: list[Circle], cfg: SceneConfig
-) -> Circle:
+def _free_disc(
+    rng: Generator,
+    low: FloatArray,
+    high: FloatArray,
+    side: float,
+    circles: list[PlacedDisc],
+    cfg: SceneConfig,
+) -> PlacedDisc:
     gap, (smallest, largest) = cfg.random.gap * side, cfg.random.radius
     others = np.array(circles).reshape(-1, 3)
-    for _ in range(TRIES):
+    for _ in range(PLACEMENT_TRIES):
         radius = side * rng.uniform(smallest, largest)
         middle = rng.uniform(low + radius + gap, high - radius - gap)
         apart = np.linalg.norm(others[:, :2] - middle, axis=1)
@@ -78,9 +83,12 @@ def _place(
     )
 
 
-def _polygon(rng: Generator, circle: Circle) -> list[list[float]]:
-    """Corners on the rim, one in each of equal arcs: convex, and never a sliver."""
+def _inscribed_polygon(rng: Generator, circle: PlacedDisc) -> list[list[float]]:
+    """Corners of a convex polygon on the circle, one at a random place in each of equal arcs."""
     x, y, radius = circle
-    corners = int(rng.integers(*CORNERS))
+    corners = int(rng.integers(*CORNER_RANGE))
     angles = 2 * np.pi * (np.arange(corners) + rng.uniform(0.1, 0.9, corners)) / corners
     return [[x + radius * float(np.cos(a)), y + radius * float(np.sin(a))] for a in angles]
+
+
+__all__ = ["add_random_places"]

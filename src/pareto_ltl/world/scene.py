@@ -1,4 +1,4 @@
-"""The map of a mission."""
+"""The record of a map."""
 
 from __future__ import annotations
 
@@ -6,11 +6,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from pareto_ltl.support.arrays import FloatArray, require_shape
+from pareto_ltl.support.display import Displayed, distance_text, listed_text
 
 
-@dataclass(frozen=True, slots=True)
-class Scene:
-    """A map: where the robot starts, what it must visit and what it must not touch.
+@dataclass(frozen=True, slots=True, repr=False)
+class Scene(Displayed):
+    """A map: start of the robot, regions to visit, obstacles not to touch.
 
     Attributes
     ----------
@@ -23,11 +24,11 @@ class Scene:
     obstacles : tuple of (n, 2) float
         Simple polygons, counter-clockwise [m].
     landmarks : tuple of (n, 2) float
-        Convex polygons in which the robot learns its position [m] (fidelity=full).
+        Convex polygons in which the robot gets a position fix [m].
     crs : str or None
-        PROJ string of the plane; None for a plane that lies nowhere on Earth.
+        PROJ string of the plane; None for a plane without position on Earth.
     time_zero : str or None
-        Departure, ISO 8601 UTC; times everywhere else are seconds since then.
+        Departure, ISO 8601 UTC; all other times are seconds since then.
     """
 
     bounds: FloatArray
@@ -43,3 +44,15 @@ class Scene:
         require_shape("start", self.start, 2)
         for polygon in (*self.regions.values(), *self.obstacles, *self.landmarks):
             require_shape("polygon", polygon, None, 2)
+
+    def facts(self) -> Mapping[str, str]:
+        east, north = (float(side) for side in self.bounds[1] - self.bounds[0])
+        return {
+            "size": f"{distance_text(east)} x {distance_text(north)}",
+            "regions": listed_text(self.regions),
+            "obstacles": f"{len(self.obstacles)}",
+            "departure": self.time_zero or "not set",
+        }
+
+
+__all__ = ["Scene"]

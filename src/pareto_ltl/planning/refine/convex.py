@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,7 +16,7 @@ from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.reference import wind_and_gradient
 from pareto_ltl.planning.refine.obligations import face_deviations, path_obligations
 from pareto_ltl.planning.refine.risk_sharing import ROWS, RiskSharing, risk_sharing
-from pareto_ltl.planning.refine.taut_lines import CAP, MARGIN
+from pareto_ltl.planning.refine.taut_lines import CAP, FACE_MARGIN
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 
 if TYPE_CHECKING:
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
 FINEST = 1e-3  # smallest standard deviation that the risk model resolves, in full steps
 RELIEF = 50.0  # price of breaking a constraint by a full step; above every multiplier met
 PIECES = (0.5, 1.0, 1.5, 2.0, 2.4, 2.8, 3.2, 3.6, 4.1)  # tangents of 1 - Φ for witnesses
-FAR = 10.0  # standard deviations that count as certainty
+SURE_DEVIATIONS = 10.0  # standard deviations that count as certainty
 
 
 @dataclass(frozen=True, slots=True)
@@ -188,7 +189,7 @@ def _clearance_constraints(sharing: RiskSharing, given: Mapping[str, Any], v: _U
         near = v.near[:, sharing.column(k)]
         s = v.dot(given["c_sd"], k) - given["d_sd"][:, k]
         constraints += [near >= piece for piece in tail_tangents(sharing.tangents, s)]
-        constraints += sharing.row_constraints(given, near, lambda normal, k=k: v.dot(normal, k), k)
+        constraints += sharing.row_constraints(given, near, partial(v.dot, row=k), k)
     return constraints + sharing.limits(given, v.near, v.relief)
 
 
@@ -228,7 +229,7 @@ def bend_path(
     if len(todo.witness) > model.witnesses:
         return None
     set_motion(model, problem, x)
-    low, high = (problem.scene.bounds + np.array([[MARGIN], [-MARGIN]]) - centre) / unit
+    low, high = (problem.scene.bounds + np.array([[FACE_MARGIN], [-FACE_MARGIN]]) - centre) / unit
     padded = np.vstack([scaled, np.repeat(scaled[-1:], model.steps + 1 - n, axis=0)])
     lower = np.minimum(np.maximum(padded - trust, low), high)
     upper = np.maximum(np.minimum(padded + trust, high), low)
@@ -280,8 +281,8 @@ def set_clearance(
     sharing = risk_sharing(problem)
     normal, offset, sd, room, before = tightest_planes(problem, x, cov, avoid)
     centre, unit, n = problem.scene.bounds.mean(axis=0), problem.reach, len(x)
-    c, d = np.zeros((model.steps + 1, ROWS, 2)), np.full((model.steps + 1, ROWS), -FAR)
-    c_sd, d_sd, counted = np.zeros_like(c), np.full_like(d, -FAR), np.zeros_like(d)
+    c, d = np.zeros((model.steps + 1, ROWS, 2)), np.full((model.steps + 1, ROWS), -SURE_DEVIATIONS)
+    c_sd, d_sd, counted = np.zeros_like(c), np.full_like(d, -SURE_DEVIATIONS), np.zeros_like(d)
     steep, level = np.zeros_like(c), np.zeros_like(d)
     if room.shape[1]:
         count = min(ROWS, room.shape[1])
@@ -290,14 +291,14 @@ def set_clearance(
         normal, reach = normal[t, rows], (offset[t, rows] - normal[t, rows] @ centre) / unit
         spread, known = sd[t, rows] / unit, np.isfinite(room[t, rows])
         z = np.where(spread > 0, sharing.deviations, 0.0)
-        need = reach + z * spread + MARGIN / unit
+        need = reach + z * spread + FACE_MARGIN / unit
         c[:n, :count] = np.where(known[..., None], normal, 0.0)
-        d[:n, :count] = np.where(known, need, -FAR)
+        d[:n, :count] = np.where(known, need, -SURE_DEVIATIONS)
         if soft:
             known &= spread > 0
             fine = np.maximum(spread, FINEST)
             c_sd[:n, :count] = np.where(known[..., None], normal / fine[..., None], 0.0)
-            d_sd[:n, :count] = np.where(known, reach / fine, -FAR)
+            d_sd[:n, :count] = np.where(known, reach / fine, -SURE_DEVIATIONS)
             counted[:n, :count] = known & before[t, rows]
             s = np.maximum(np.einsum("tki,ti->tk", c_sd[:n], (x - centre) / unit) - d_sd[:n], 0.0)
             slope = np.exp(-s * s / 2) / math.sqrt(2 * math.pi)
@@ -350,8 +351,11 @@ def set_witnesses(
     faces, centre, unit = problem.theorem2.faces, problem.scene.bounds.mean(axis=0), problem.reach
     pick = np.zeros((model.witnesses, model.steps + 1))
     pick[:, 0] = 1.0  # a place left empty looks at the start and asks nothing
-    a, b = np.zeros((model.witnesses, model.faces, 2)), np.full((model.witnesses, model.faces), FAR)
-    inside, height, slope = np.full_like(b, -FAR), np.zeros_like(b), np.zeros_like(a)
+    a, b = (
+        np.zeros((model.witnesses, model.faces, 2)),
+        np.full((model.witnesses, model.faces), SURE_DEVIATIONS),
+    )
+    inside, height, slope = np.full_like(b, -SURE_DEVIATIONS), np.zeros_like(b), np.zeros_like(a)
     for k, (t, part) in enumerate(witness):
         rows = slice(faces.ptr[part], faces.ptr[part + 1])
         normal, n = faces.normal[rows], int(faces.ptr[part + 1] - faces.ptr[part])
@@ -359,7 +363,7 @@ def set_witnesses(
         pick[k, 0], pick[k, t] = 0.0, 1.0
         a[k, :n] = normal / fine[:, None]
         b[k, :n] = (faces.offset[rows] - normal @ centre) / unit / fine
-        inside[k, :n] = MARGIN / unit / fine
+        inside[k, :n] = FACE_MARGIN / unit / fine
         if soft:
             s = np.maximum(b[k, :n] - a[k, :n] @ (x[t] - centre) / unit, 0.0)
             steep = np.exp(-s * s / 2) / math.sqrt(2 * math.pi)

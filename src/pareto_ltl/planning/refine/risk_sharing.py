@@ -19,8 +19,13 @@ SHARE = 0.995  # of epsilon planned with: tangents lie below the curve, and σ m
 class RiskSharing(Protocol):
     """What a collision bound asks of the programme."""
 
-    columns: int  # of the variable ``near``
-    tangents: tuple[float, ...]  # of 1 - Φ, in standard deviations
+    @property
+    def columns(self) -> int:
+        """Columns of the variable ``near``."""
+
+    @property
+    def tangents(self) -> tuple[float, ...]:
+        """Where 1 - Φ has tangents, in standard deviations."""
 
     @property
     def deviations(self) -> float:
@@ -77,7 +82,7 @@ class EqualShares:
 
 @dataclass(frozen=True, slots=True)
 class AllocatedRisk:
-    """Σ_k χ_tk ≤ epsilon: the faces of a step share it as they need it, each with a tangent at the iterate."""
+    """Σ_k χ_tk ≤ epsilon: the faces of a step share it as they need it; each has a tangent at the iterate."""
 
     bound: PathBound
     columns: int = ROWS

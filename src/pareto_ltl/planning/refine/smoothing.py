@@ -40,7 +40,7 @@ GAIN = 1e-4  # of the merit: less ends the iterations
 LONG = 1.25  # lines of this many times the fewest steps are not worth the solver's time
 ALIKE = 1e-3  # objectives that differ by less are the same
 
-Progress: TypeAlias = Callable[[int, int], None] | None
+OptionalProgress: TypeAlias = Callable[[int, int], None] | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +73,7 @@ class SmoothingTask:
 
 
 def smooth_paths(
-    cfg: SmoothingConfig, problem: Problem, paths: Sequence[PlannedPath], progress: Progress = None
+    cfg: SmoothingConfig, problem: Problem, paths: Sequence[PlannedPath], progress: OptionalProgress = None
 ) -> tuple[PlannedPath, ...]:
     """Smoothed versions of ``paths``, every one flown and accepted, none dominated by another.
 
@@ -194,7 +194,7 @@ def shortened_path(problem: Problem, x: FloatArray) -> FloatArray | None:
 
 
 def bend_each(
-    task: SmoothingTask, begun: Sequence[Start], weights: Sequence[float], progress: Progress
+    task: SmoothingTask, begun: Sequence[Start], weights: Sequence[float], progress: OptionalProgress
 ) -> list[PlannedPath]:
     """Every start at every weight."""
     found: list[PlannedPath] = []
@@ -285,7 +285,7 @@ def spaced_starts(cfg: SmoothingConfig, problem: Problem, paths: Sequence[Planne
 
 
 def bend_best(
-    task: SmoothingTask, begun: Sequence[Start], weights: Sequence[float], progress: Progress
+    task: SmoothingTask, begun: Sequence[Start], weights: Sequence[float], progress: OptionalProgress
 ) -> list[PlannedPath]:
     """Every start at the safest weight, then the best of them with other numbers of steps, and what comes of
     these at the other weights."""
@@ -370,7 +370,7 @@ class SmoothingStrategy:
     """Where smoothing begins and how it goes on, for one collision bound."""
 
     starts: Callable[[SmoothingConfig, Problem, Sequence[PlannedPath]], list[Start]]
-    bend_all: Callable[[SmoothingTask, Sequence[Start], Sequence[float], Progress], list[PlannedPath]]
+    bend_all: Callable[[SmoothingTask, Sequence[Start], Sequence[float], OptionalProgress], list[PlannedPath]]
 
 
 STRATEGIES = {

@@ -18,7 +18,7 @@ from pareto_ltl.planning.refine.obligations import face_deviations
 from pareto_ltl.support.arrays import BoolArray, FloatArray
 from pareto_ltl.world.cells import half_planes
 
-MARGIN = 2.0  # [m] kept from every face, so that the solver's rounding harms nobody
+FACE_MARGIN = 2.0  # [m] kept from every face, so that the solver's rounding harms nobody
 CAP = 0.999  # share of u_max planned with: the wind is not quite linear over a trust region
 BESIDE = 1.3  # a gate lies within this many margins of both its obstacles
 TOUCH = 1e-3  # [m] a place this much too near still lies on the margin
@@ -33,7 +33,7 @@ def walk_line(problem: Problem, line: FloatArray) -> FloatArray | None:
     motion = problem.motion
     x, last = [line[0]], problem.horizon
     for corner in line[1:]:
-        while np.linalg.norm(corner - x[-1]) > MARGIN:
+        while np.linalg.norm(corner - x[-1]) > FACE_MARGIN:
             if len(x) > last:
                 return None
             s = _longest_share(motion, x[-1], corner, wind_at_place(problem.wind, len(x) - 1, x[-1]))
@@ -160,7 +160,7 @@ def _await_label(
     ]  # fmt: skip
     goals = _anchors(problem, label, depth)
     bends, out = _bend_places(walls)
-    places = np.vstack([at, bends + MARGIN * out, goals])
+    places = np.vstack([at, bends + FACE_MARGIN * out, goals])
     growth = np.vstack([grow, np.zeros((len(places) - len(grow), 2))])
     hard, soft = problem.obstacles, pack_faces(walls)
     faces = kd.Faces(
@@ -182,7 +182,7 @@ def taut_line(
     Two places see each other if one face of every obstacle is cleared at both (Section 4.5). ``depth`` in
     [0, 1] says how deep into a region a visit goes: 0 the rim, 1 the middle.
     """
-    low, high = problem.scene.bounds + np.array([[MARGIN], [-MARGIN]])
+    low, high = problem.scene.bounds + np.array([[FACE_MARGIN], [-FACE_MARGIN]])
     sd = np.sqrt(np.maximum(np.linalg.eigvalsh(path.cov)[:, -1], 0.0))
     at, grow = _bend_places(problem.decomposition.obstacles)
     gates, wider = _gates(problem.obstacles, z * float(sd.max()))
@@ -194,7 +194,7 @@ def taut_line(
 
     def keep(metres: FloatArray) -> FloatArray:
         step = np.minimum(metres / problem.reach, len(sd) - 1.0)
-        return np.asarray(z * np.interp(step, np.arange(len(sd)), sd) + MARGIN, float)
+        return np.asarray(z * np.interp(step, np.arange(len(sd)), sd) + FACE_MARGIN, float)
 
     best: dict[tuple[int, int], float] = {(0, -1): 0.0}
     came: dict[tuple[int, int], tuple[int, int]] = {}

@@ -1,13 +1,11 @@
-"""Many runs, one table: jobs that are never done twice, and what they come to.
+"""Sweeps: many runs, one table.
 
 ==============  ===============================================================================
-``locks``       who is at work where; a lock dies with its process
-``jobs``        what a job's directory says of it; one job, once
-``manifest``    the points of a sweep, on disk
-``conduct``     all points of a sweep, whatever kills jobs or launchers
-``table``       one row a job, one group for each setting without its seeds
-``page``        ``summary.html``
+``runs``        a run as a job (``studies.jobs``): what its directory says of it
+``manifest``    the list of a sweep on disk: its points, and what was varied
+``table``       one row a run, one group for each setting without its seeds
 ``summary``     ``summary.csv``, ``summary.json`` and the page, from the directories alone
+``page``        ``summary.html``
 ==============  ===============================================================================
 
 Nothing in here knows Hydra; ``hydra_plugins.pareto_ltl_sweeper`` joins the two.

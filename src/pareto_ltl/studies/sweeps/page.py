@@ -6,16 +6,23 @@ from collections.abc import Iterable, Sequence
 from html import escape
 from typing import TYPE_CHECKING
 
-from pareto_ltl.studies.sweeps import table as tables
+from pareto_ltl.studies.sweeps.table import column_names, is_seed
 
 if TYPE_CHECKING:
-    from pareto_ltl.studies.sweeps.summary import Summary
-    from pareto_ltl.studies.sweeps.table import Group, Row
+    from pareto_ltl.studies.sweeps.summary import SweepSummary
+    from pareto_ltl.studies.sweeps.table import SeedGroup, SweepRow
 
-SHOWN = ("length_m", "mission_risk_paper", "mission_risk", "collision_risk", "front_size", "hypervolume")
-BREAK = "<wbr>"  # where the head of a narrow column may be broken
+SHOWN_METRICS = (
+    "length_m",
+    "mission_risk_paper",
+    "mission_risk",
+    "collision_risk",
+    "front_size",
+    "hypervolume",
+)
+LINE_BREAK = "<wbr>"  # where the head of a narrow column may be broken
 
-STYLE = """
+PAGE_STYLE = """
 :root { --ink: #222; --stone: #6b6b6b; --line: #e2e2e2; --ground: #fafafa }
 body { font: 13px/1.4 system-ui, "DejaVu Sans", sans-serif; color: var(--ink);
   margin: 2rem auto; max-width: 80rem; padding: 0 1.2rem }
@@ -38,7 +45,7 @@ figure svg { width: 46rem; max-width: 100%; height: auto }
 .failed::before { background: #d55e00 } .running::before { background: #56b4e9 }
 a { color: #0072b2; text-decoration: none }
 """
-SORT = """
+SORT_SCRIPT = """
 for (const head of document.querySelectorAll(".sortable th")) head.onclick = () => {
   const body = head.closest("table").tBodies[0], i = head.cellIndex, down = head.dataset.down !== "1";
   head.dataset.down = down ? "1" : "0";
@@ -52,40 +59,42 @@ for (const head of document.querySelectorAll(".sortable th")) head.onclick = () 
 """
 
 
-def render(summary: Summary, picture: str | None, way: str = "") -> str:
-    """The page; ``way`` leads from it to the directories of the jobs."""
+def render_page(summary: SweepSummary, picture: str | None, way: str = "") -> str:
+    """The page as HTML; ``way`` leads from it to the directories of the jobs."""
     name = summary.place.resolve().name
     fixed = " ".join(f"<code>{escape(word)}</code>" for word in summary.manifest.fixed)
     parts = [
         f"<!doctype html><html lang=en><head><meta charset=utf-8><title>{escape(name)}: sweep</title>"
         "<meta name=viewport content='width=device-width'>"
-        f"<style>{STYLE}</style></head><body>",
+        f"<style>{PAGE_STYLE}</style></head><body>",
         f"<h1>{escape(name)}</h1><p>{escape(summary.line())}{', with ' + fixed if fixed else ''}</p>",
         f"<figure>{picture}</figure>" if picture else "",
-        _groups(summary),
-        _jobs(summary, way),
-        f"<script>{SORT}</script></body></html>\n",
+        _groups_section(summary),
+        _jobs_section(summary, way),
+        f"<script>{SORT_SCRIPT}</script></body></html>\n",
     ]
     return "\n".join(part for part in parts if part)
 
 
-def _groups(summary: Summary) -> str:
-    keys = [key for key in summary.manifest.swept if not tables.is_seed(key)]
-    quartiles = [name for name in SHOWN if any(name in group.quartiles for group in summary.groups)]
-    rates = tables.columns(group.rates for group in summary.groups)
+def _groups_section(summary: SweepSummary) -> str:
+    keys = [key for key in summary.manifest.swept if not is_seed(key)]
+    quartiles = [name for name in SHOWN_METRICS if any(name in group.quartiles for group in summary.groups)]
+    rates = column_names(group.rates for group in summary.groups)
     head = [*keys, "jobs", *rates, *quartiles]
-    lines = ([*_settings(group, keys), *_measured(group, rates, quartiles)] for group in summary.groups)
+    lines = (
+        [*_setting_cells(group, keys), *_measured_cells(group, rates, quartiles)] for group in summary.groups
+    )
     return (
         "<h2>Over seeds</h2><p>Rates: pooled over all flights, with exact 95 % intervals (Clopper-Pearson); "
-        "other figures: medians with quartiles.</p>" + _table(head, lines, words=len(keys))
+        "other figures: medians with quartiles.</p>" + _html_table(head, lines, words=len(keys))
     )
 
 
-def _settings(group: Group, keys: Sequence[str]) -> list[str]:
-    return [_word(group.overrides.get(key, "")) for key in keys]
+def _setting_cells(group: SeedGroup, keys: Sequence[str]) -> list[str]:
+    return [_word_cell(group.overrides.get(key, "")) for key in keys]
 
 
-def _measured(group: Group, rates: Sequence[str], quartiles: Sequence[str]) -> list[str]:
+def _measured_cells(group: SeedGroup, rates: Sequence[str], quartiles: Sequence[str]) -> list[str]:
     told = ", ".join(f"{number} {status}" for status, number in group.counts.items())
     cells = [f"<td>{told}</td>"]
     for name in rates:
@@ -93,7 +102,7 @@ def _measured(group: Group, rates: Sequence[str], quartiles: Sequence[str]) -> l
         cells.append(
             "<td></td>"
             if rate is None
-            else _cell(
+            else _number_cell(
                 rate["rate"], f"{rate['rate']:.4f} <small>{rate['low']:.4f}&#8211;{rate['high']:.4f}</small>"
             )
         )
@@ -102,44 +111,46 @@ def _measured(group: Group, rates: Sequence[str], quartiles: Sequence[str]) -> l
         cells.append(
             "<td></td>"
             if spread is None
-            else _cell(spread[1], _spread(spread, single=sum(group.counts.values()) == 1))
+            else _number_cell(spread[1], _median_text(spread, single=sum(group.counts.values()) == 1))
         )
     return cells
 
 
-def _spread(quartiles: Sequence[float], *, single: bool) -> str:
+def _median_text(quartiles: Sequence[float], *, single: bool) -> str:
     """A median, and its quartiles where there is more than one job."""
-    low, middle, high = map(number, quartiles)
+    low, middle, high = map(short_number, quartiles)
     return middle if single else f"{middle} <small>{low}&#8211;{high}</small>"
 
 
-def _jobs(summary: Summary, way: str) -> str:
+def _jobs_section(summary: SweepSummary, way: str) -> str:
     keys = list(summary.manifest.swept)
-    results = tables.columns(row.results for row in summary.rows)
+    results = column_names(row.results for row in summary.rows)
     laws = [name for name in results if name.startswith("failure_") and not name.endswith(("_low", "_high"))]
-    shown = [name for name in (*laws, *SHOWN) if name in results]
+    shown = [name for name in (*laws, *SHOWN_METRICS) if name in results]
     failed = any(row.state.error for row in summary.rows)
     head = ["job", *keys, "status", *shown, "run_seconds", *(["error"] if failed else [])]
-    lines = (_job(row, keys, shown, failed, way) for row in summary.rows)
+    lines = (_job_cells(row, keys, shown, failed, way) for row in summary.rows)
     words = 2 + len(keys)
-    return f"<h2>Jobs</h2>{_table(head, lines, words=words, sortable=True)}"
+    return f"<h2>Jobs</h2>{_html_table(head, lines, words=words, sortable=True)}"
 
 
-def _job(row: Row, keys: Sequence[str], shown: Sequence[str], failed: bool, way: str) -> list[str]:
+def _job_cells(row: SweepRow, keys: Sequence[str], shown: Sequence[str], failed: bool, way: str) -> list[str]:
     cells = [f"<td class=word><a href='{way}{row.job}/'>{row.job[:8]}</a></td>"]
-    cells += [_word(row.overrides.get(key, "")) for key in keys]
+    cells += [_word_cell(row.overrides.get(key, "")) for key in keys]
     cells.append(f"<td class=word><span class='status {row.state.status}'>{row.state.status}</span></td>")
     for name in (*shown, "run_seconds"):
         value = row.state.metrics.get(name)
-        cells.append("<td></td>" if value is None else _cell(value, number(value)))
+        cells.append("<td></td>" if value is None else _number_cell(value, short_number(value)))
     if failed:
         cells.append(f"<td class=error>{escape(row.state.error or '')}</td>")
     return cells
 
 
-def _table(head: Sequence[str], lines: Iterable[Sequence[str]], words: int, sortable: bool = False) -> str:
+def _html_table(
+    head: Sequence[str], lines: Iterable[Sequence[str]], words: int, sortable: bool = False
+) -> str:
     cells = "".join(
-        f"<th{' class=word' if i < words else ''}>{_head(name)}</th>" for i, name in enumerate(head)
+        f"<th{' class=word' if i < words else ''}>{_broken_name(name)}</th>" for i, name in enumerate(head)
     )
     body = "\n".join(f"<tr>{''.join(line)}</tr>" for line in lines)
     kind = " class=sortable" if sortable else ""
@@ -148,19 +159,19 @@ def _table(head: Sequence[str], lines: Iterable[Sequence[str]], words: int, sort
     )
 
 
-def _head(name: str) -> str:
-    return escape(name).replace("_", f"_{BREAK}").replace(".", f".{BREAK}")
+def _broken_name(name: str) -> str:
+    return escape(name).replace("_", f"_{LINE_BREAK}").replace(".", f".{LINE_BREAK}")
 
 
-def _word(text: str) -> str:
+def _word_cell(text: str) -> str:
     return f"<td class=word>{escape(text)}</td>"
 
 
-def _cell(value: float, shown: str) -> str:
+def _number_cell(value: float, shown: str) -> str:
     return f"<td data-value={value!r}>{shown}</td>"
 
 
-def number(value: float) -> str:
+def short_number(value: float) -> str:
     """A number with as many digits as a reader needs."""
     if value == 0 or (float(value).is_integer() and abs(value) < 1e7):
         return f"{value:,.0f}"

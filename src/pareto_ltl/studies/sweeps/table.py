@@ -1,55 +1,54 @@
-"""One row a job, and one group for each combination of swept settings without its seeds."""
+"""One row a run, and one group for each combination of swept settings without its seeds."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
+from pareto_ltl.studies.jobs import JobState, Metrics
+from pareto_ltl.studies.statistics import PooledRate, pooled_shares, quartiles_of
+from pareto_ltl.studies.sweeps.manifest import SweepManifest
+from pareto_ltl.studies.sweeps.runs import RunJob
 
-from pareto_ltl.simulation.flights import clopper_pearson
-from pareto_ltl.studies.sweeps import jobs
-from pareto_ltl.studies.sweeps.jobs import State
-from pareto_ltl.studies.sweeps.manifest import Manifest
-
-CLOCK = ("memory_mib",)
-STATUSES = ("ok", "infeasible", "failed", "running", "pending")
-RATES = ("failure", "mission_failure", "collision")  # of deployments, one a law
+CLOCK_METRICS = ("memory_mib",)
+JOB_STATUSES = ("ok", "infeasible", "failed", "running", "pending")
+POOLED_RATES = ("failure", "mission_failure", "collision")  # of deployments, one a law
 
 
 @dataclass(frozen=True, slots=True)
-class Row:
-    """A job as the table shows it; numbers of the clock are kept apart from results."""
+class SweepRow:
+    """A run as the table shows it; numbers of the clock are kept apart from results."""
 
     job: str
     overrides: Mapping[str, str]
-    state: State
+    state: JobState
 
     @property
     def results(self) -> dict[str, float | None]:
+        """Metrics that settings and seeds determine."""
         return {name: value for name, value in self.state.metrics.items() if not is_clock(name)}
 
     @property
     def clock(self) -> dict[str, float | None]:
+        """Metrics that differ from one execution to the next."""
         return {name: value for name, value in self.state.metrics.items() if is_clock(name)}
 
 
 @dataclass(frozen=True, slots=True)
-class Group:
-    """Jobs that differ in their seeds alone.
+class SeedGroup:
+    """Runs that differ in their seeds alone.
 
     Attributes
     ----------
     counts : mapping of str to int
-        Jobs by status.
+        Runs by status.
     quartiles : mapping of str to (3,) list
-        Lower quartile, median, upper quartile of every metric over the jobs that have it.
+        Lower quartile, median, upper quartile of every metric over the runs that have it.
     rates : mapping of str to dict
         Pooled over all simulated flights: ``events`` of ``runs``, their ``rate`` and its exact 95 %
-        interval, ``low`` and ``high``. ``completed`` counts jobs that found a plan, of those with an answer.
+        interval, ``low`` and ``high``. ``completed`` counts runs that found a plan, of those with an answer.
     """
 
     overrides: Mapping[str, str]
@@ -59,80 +58,83 @@ class Group:
 
 
 def is_seed(key: str) -> bool:
-    """Whether a setting is one more throw of the dice: ``seed``, ``scene.random.seed``."""
+    """Whether a setting only draws other random numbers: ``seed``, ``scene.random.seed``."""
     return key.rpartition(".")[2] == "seed"
 
 
 def is_clock(name: str) -> bool:
     """Whether a metric differs from one execution to the next."""
-    return name.startswith("seconds_") or name.endswith(("_seconds", "_per_second")) or name in CLOCK
+    return name.startswith("seconds_") or name.endswith(("_seconds", "_per_second")) or name in CLOCK_METRICS
 
 
-def rows(place: Path, manifest: Manifest, given_up: Mapping[str, str] | None = None) -> list[Row]:
+def sweep_rows(
+    place: Path, manifest: SweepManifest, given_up: Mapping[str, str] | None = None
+) -> list[SweepRow]:
     """Every point of the sweep in the order of its grid, with what its directory says."""
     known = given_up or {}
-    table = []
+    rows = []
     for point in manifest.points:
-        state = jobs.look(place / point.job)
+        state = RunJob(place / point.job).look()
         if not state.answered and point.job in known:
-            state = State("failed", known[point.job], record=state.record)
-        table.append(Row(point.job, point.overrides, state))
-    return table
+            state = JobState("failed", known[point.job], record=state.record)
+        rows.append(SweepRow(point.job, point.overrides, state))
+    return rows
 
 
-def counts(table: Sequence[Row]) -> dict[str, int]:
-    """Rows by status."""
-    found = [row.state.status for row in table]
-    return {status: found.count(status) for status in STATUSES if status in found}
+def status_counts(rows: Sequence[SweepRow]) -> dict[str, int]:
+    """Number of rows by status, answers first."""
+    found = [row.state.status for row in rows]
+    return {status: found.count(status) for status in JOB_STATUSES if status in found}
 
 
-def columns(tables: Iterable[Mapping[str, Any]]) -> list[str]:
-    """Names in the order in which they first appear."""
-    return list(dict.fromkeys(name for table in tables for name in table))
+def column_names(mappings: Iterable[Mapping[str, Any]]) -> list[str]:
+    """Keys of all ``mappings`` in the order in which they first appear."""
+    return list(dict.fromkeys(name for mapping in mappings for name in mapping))
 
 
-def groups(table: Sequence[Row]) -> list[Group]:
+def seed_groups(rows: Sequence[SweepRow]) -> list[SeedGroup]:
     """The rows by all their settings but the seeds, in the order of the grid."""
-    members: dict[tuple[tuple[str, str], ...], list[Row]] = {}
-    for row in table:
+    members: dict[tuple[tuple[str, str], ...], list[SweepRow]] = {}
+    for row in rows:
         key = tuple((name, value) for name, value in row.overrides.items() if not is_seed(name))
         members.setdefault(key, []).append(row)
-    return [_group(dict(key), found) for key, found in members.items()]
+    return [_seed_group(dict(key), found) for key, found in members.items()]
 
 
-def _group(overrides: Mapping[str, str], members: Sequence[Row]) -> Group:
+def _seed_group(overrides: Mapping[str, str], members: Sequence[SweepRow]) -> SeedGroup:
     answered = [row for row in members if row.state.answered]
     metrics = [row.state.metrics for row in answered]
-    return Group(overrides, counts(members), _quartiles(metrics), _rates(answered, metrics))
+    quartiles, rates = _metric_quartiles(metrics), _pooled_rates(answered, metrics)
+    return SeedGroup(overrides, status_counts(members), quartiles, rates)
 
 
-def _quartiles(metrics: Sequence[jobs.Metrics]) -> dict[str, list[float]]:
-    summary = {}
-    for name in columns(metrics):
-        values = [value for table in metrics if (value := table.get(name)) is not None]
-        if values:
-            summary[name] = [float(q) for q in np.quantile(values, [0.25, 0.5, 0.75])]
-    return summary
+def _metric_quartiles(metrics: Sequence[Metrics]) -> dict[str, list[float]]:
+    quartiles = {}
+    for name in column_names(metrics):
+        if values := [value for run in metrics if (value := run.get(name)) is not None]:
+            quartiles[name] = list(quartiles_of(values))
+    return quartiles
 
 
-def _rates(answered: Sequence[Row], metrics: Sequence[jobs.Metrics]) -> dict[str, dict[str, float]]:
-    """Rates over all flights of all jobs, as if they were one experiment."""
+def _pooled_rates(answered: Sequence[SweepRow], metrics: Sequence[Metrics]) -> dict[str, dict[str, float]]:
+    """Rates over all flights of all runs, as if they were one experiment."""
     pooled = {}
     if answered:
-        pooled["completed"] = _rate(sum(row.state.status == "ok" for row in answered), len(answered))
-    laws = [name.removeprefix("runs_") for name in columns(metrics) if name.startswith("runs_")]
-    for name in (f"{rate}_{law}" for law in laws for rate in RATES):
-        law = next(law for law in laws if name.endswith(f"_{law}"))
-        pairs = [
-            (share * runs, runs)
-            for table in metrics
-            if (share := table.get(name)) is not None and (runs := table.get(f"runs_{law}")) is not None
-        ]
-        if pairs:
-            pooled[name] = _rate(round(math.fsum(e for e, _ in pairs)), round(math.fsum(n for _, n in pairs)))
+        plans = sum(row.state.status == "ok" for row in answered)
+        pooled["completed"] = _rate_entry(PooledRate(plans, len(answered)))
+    laws = [name.removeprefix("runs_") for name in column_names(metrics) if name.startswith("runs_")]
+    for law in laws:
+        for name in (f"{rate}_{law}" for rate in POOLED_RATES):
+            pairs = [
+                (share, runs)
+                for run in metrics
+                if (share := run.get(name)) is not None and (runs := run.get(f"runs_{law}")) is not None
+            ]
+            if pairs:
+                pooled[name] = _rate_entry(pooled_shares(pairs))
     return pooled
 
 
-def _rate(events: int, runs: int) -> dict[str, float]:
-    low, high = clopper_pearson(events, runs)
-    return {"events": events, "runs": runs, "rate": events / runs, "low": low, "high": high}
+def _rate_entry(found: PooledRate) -> dict[str, float]:
+    low, high = found.interval
+    return {"events": found.events, "runs": found.runs, "rate": found.rate, "low": low, "high": high}

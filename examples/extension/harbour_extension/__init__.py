@@ -1,0 +1,75 @@
+"""One of each: a stage, a wind source, a mission pattern, a selection rule, and choices in ``conf/``.
+
+``pyproject.toml`` names them as entry points. Packages are imported inside the functions, so that a wrong
+setting is reported without waiting for them.
+"""
+
+from __future__ import annotations
+
+from itertools import combinations
+from pathlib import Path
+
+from pareto_ltl.run.records import PLAN, SCENE, RecordKey
+from pareto_ltl.run.stage_table import Stage, StageInputs
+from pareto_ltl.settings import MissionConfig, RobotConfig, SelectionConfig, WindConfig
+
+BRIEFING: RecordKey[Path] = RecordKey("briefing")
+
+
+def make_briefing(inputs: StageInputs) -> Path:
+    """A text file with the formula, the regions and the flight time."""
+    plan, scene = inputs[PLAN], inputs[SCENE]
+    hours = len(plan.path.u) * inputs.settings.robot.dt / 3600
+    path = inputs.directory / "briefing.txt"
+    path.write_text(f"{plan.formula}\nregions: {', '.join(scene.regions)}\nflight time: {hours:.1f} h\n")
+    return path
+
+
+BRIEFING_STAGE = Stage(
+    "briefing", makes=BRIEFING, make=make_briefing, needs=(PLAN, SCENE), settings=(RobotConfig,)
+)
+
+
+def read_steady(cfg: WindConfig):
+    """5 m/s towards the east with noise of 1 m/s, at 49 places every six hours of 9 October 2018."""
+    import numpy as np
+
+    from pareto_ltl.wind.readings import Readings, seconds
+
+    places = np.array([[lon, lat] for lon in range(-96, -88, 1) for lat in range(34, 41)], float)
+    times = seconds("2018-10-09T00:00:00Z") + 3600.0 * np.arange(0, 49, 6)
+    noise = np.random.default_rng(0).standard_normal((len(times), len(places), 2))
+    return Readings(
+        times=times,
+        points=tuple(places for _ in times),
+        winds=tuple(np.array([5.0, 0.0]) + noise),
+        geographic=True,
+        files=(),
+        remarks=("steady wind",) * len(times),
+        origins=((),) * len(times),
+    )
+
+
+def _steady_wind():
+    from pareto_ltl.wind.sources import WindSource
+
+    return WindSource(read=read_steady, files=lambda cfg: ())
+
+
+def __getattr__(name: str):
+    """``STEADY_WIND`` is made when it is asked for: its type lives beside numerical packages."""
+    if name == "STEADY_WIND":
+        return _steady_wind()
+    raise AttributeError(name)
+
+
+def all_but_one(mission: MissionConfig) -> str:
+    """All goals except one, in any order: ``F a & F b | F a & F c | F b & F c``."""
+    choices = combinations(mission.goals, max(1, len(mission.goals) - 1))
+    return " | ".join(" & ".join(f"F {goal}" for goal in goals) for goals in choices)
+
+
+def shortest_path(cfg: SelectionConfig, front) -> int:
+    """The number of the shortest path of the front, whatever its risk."""
+    lengths = [path.objectives.length for path in front.paths]
+    return lengths.index(min(lengths))

@@ -1,0 +1,1 @@
+"""Tells Hydra of the folders of YAML choices that other packages add."""

@@ -1,0 +1,17 @@
+"""The folders of the entry points ``pareto_ltl.conf`` on Hydra's search path, behind those of pareto_ltl."""
+
+from __future__ import annotations
+
+from hydra.core.config_search_path import ConfigSearchPath
+from hydra.plugins.search_path_plugin import SearchPathPlugin
+
+
+class ExtensionSearchPath(SearchPathPlugin):
+    """Adds one folder for each entry point."""
+
+    def manipulate_search_path(self, search_path: ConfigSearchPath) -> None:
+        """Append the folders; Hydra takes the first file of a name."""
+        from pareto_ltl.support.resources import added_folders
+
+        for place in added_folders():
+            search_path.append("pareto_ltl extension", f"file://{place}")

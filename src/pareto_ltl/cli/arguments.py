@@ -1,0 +1,65 @@
+"""What all commands share: an argument parser, and how errors become one line and an exit code."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+import tempfile
+import traceback
+from collections.abc import Callable
+from typing import NoReturn
+
+from pareto_ltl.run.provenance import one_line
+from pareto_ltl.support.errors import ConfigError, ParetoLtlError
+
+EXPECTED_ERRORS: tuple[type[Exception], ...] = (ParetoLtlError, OSError)
+
+
+class CommandArguments(argparse.ArgumentParser):
+    """An argument parser that raises ConfigError instead of leaving the program."""
+
+    def error(self, message: str) -> NoReturn:
+        """Raise ConfigError with ``message`` and where the help is."""
+        raise ConfigError(f"{message}; see {self.prog} --help")
+
+
+def run_reported(
+    work: Callable[[], int],
+    expected: tuple[type[Exception], ...] = EXPECTED_ERRORS,
+    describe_error: Callable[[BaseException], str] = one_line,
+) -> int:
+    """Call ``work`` and return its exit code, or print one line and return that of the error.
+
+    2 for an ``expected`` error, 130 for an interrupt, 141 for a closed pipe, 1 for any other error; the
+    line of the last names a file with the traceback.
+    """
+    try:
+        return work()
+    except SystemExit as leave:  # --help and --version of argparse
+        return int(leave.code or 0)
+    except BrokenPipeError:  # the reader of the output, e.g. head, has left
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 141
+    except expected as error:
+        print_problem(describe_error(error))
+        return 2
+    except KeyboardInterrupt:
+        print_problem("interrupted")
+        return 130
+    except Exception as error:
+        print_problem(f"{one_line(error)} (this is a bug; the traceback is in {_write_traceback()})")
+        return 1
+
+
+def print_problem(line: str) -> None:
+    """Print ``line`` to standard error, after the name of the program."""
+    print(f"pareto-ltl: {line}", file=sys.stderr)
+
+
+def _write_traceback() -> str:
+    """Write the traceback of the present error to a new file, outside any results directory."""
+    handle, path = tempfile.mkstemp(prefix="pareto_ltl_", suffix=".log")
+    with os.fdopen(handle, "w", encoding="utf-8") as file:
+        file.write(traceback.format_exc())
+    return path

@@ -1,0 +1,34 @@
+"""``pareto-ltl cache``: where fits of the wind are kept, and how to remove them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from pareto_ltl.cli.arguments import CommandArguments, run_reported
+from pareto_ltl.support import cache
+
+
+def cache_command(argv: Sequence[str]) -> int:
+    """Print place and size of the cache, or clear it; 0, or 2 with one line."""
+    return run_reported(lambda: _show_or_clear(argv))
+
+
+def _show_or_clear(argv: Sequence[str]) -> int:
+    action = _cache_arguments().parse_args(argv).action
+    folder = cache.cache_root()
+    files, total = cache.folder_size(folder)
+    if action == "clear":
+        cache.clear_cache(folder)
+        print(f"cleared {total / 2**20:.1f} MiB from {folder}")
+    else:
+        print(f"{folder}: {files} files, {total / 2**20:.1f} of {cache.cache_limit() / 2**20:.0f} MiB")
+    return 0
+
+
+def _cache_arguments() -> CommandArguments:
+    parser = CommandArguments(
+        prog="pareto-ltl cache",
+        description="Show where fits of the wind are kept and how large they are, or remove them.",
+    )
+    parser.add_argument("action", nargs="?", choices=("size", "clear"), default="size")
+    return parser

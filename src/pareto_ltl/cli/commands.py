@@ -1,0 +1,121 @@
+"""The commands of ``pareto-ltl``, in one table. Without a command, a command line is in the Hydra form."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+
+from pareto_ltl.cli.arguments import run_reported
+from pareto_ltl.support.errors import ConfigError
+
+VALUE_FLAGS = (
+    *("--config-dir", "-cd", "--config-path", "-cp", "--config-name", "-cn"),
+    *("--cfg", "-c", "--package", "-p", "--info", "-i", "--experimental-rerun"),
+)  # flags whose value is the next word
+
+
+@dataclass(frozen=True, slots=True)
+class Command:
+    """A command: what it does and the function that does it.
+
+    Attributes
+    ----------
+    run : callable
+        Takes the other words of the command line and returns the exit code.
+    sections : tuple of str
+        Of a pipeline: the sections of the settings that its help explains first.
+    """
+
+    name: str
+    meaning: str
+    run: Callable[[Sequence[str]], int]
+    sections: tuple[str, ...] = ()
+
+
+def _run_settings(command: str, argv: Sequence[str]) -> int:
+    from pareto_ltl.cli.hydra_app import run_hydra
+
+    return run_hydra(argv, command)
+
+
+def _run_formula(argv: Sequence[str]) -> int:
+    from pareto_ltl.cli.formula_command import formula_command
+
+    return formula_command(argv)
+
+
+def _run_rerun(argv: Sequence[str]) -> int:
+    from pareto_ltl.cli.rerun_command import rerun_command
+
+    return rerun_command(argv)
+
+
+def _run_sweep(argv: Sequence[str]) -> int:
+    from pareto_ltl.cli.sweep_command import sweep_command
+
+    return sweep_command(argv)
+
+
+def _run_cache(argv: Sequence[str]) -> int:
+    from pareto_ltl.cli.cache_command import cache_command
+
+    return cache_command(argv)
+
+
+def _pipeline(name: str, meaning: str, *sections: str) -> Command:
+    return Command(name, meaning, partial(_run_settings, name), sections)
+
+
+PIPELINE_COMMANDS = (
+    _pipeline("plan", "plan a mission, simulate the plan and draw it", "mission", "planner", "selection"),
+    _pipeline("compare", "several planners in the same winds", "compare", "evaluation"),
+    _pipeline("convergence", "bound and simulated failure as the trees grow", "convergence", "evaluation"),
+    _pipeline("ablation", "one setting changed at a time", "ablation", "evaluation"),
+    _pipeline("hindcast", "plans from few readings, flown in full wind fields", "hindcast", "evaluation"),
+    _pipeline("ingest", "wind files to one small table of readings", "ingest", "wind"),
+)
+COMMANDS = (
+    *PIPELINE_COMMANDS,
+    Command("sweep", "many runs and one table; with a folder, its summary written anew", _run_sweep),
+    Command("formula", "what a mission formula means", _run_formula),
+    Command("rerun", "make a result again and compare it byte by byte", _run_rerun),
+    Command("cache", "place and size of the fits that are kept between runs; cache clear", _run_cache),
+)
+
+
+def run_command_line(argv: Sequence[str]) -> int:
+    """Do what the command line asks for; return the exit code."""
+    if list(argv) == ["--version"]:
+        from importlib.metadata import version
+
+        print(f"pareto-ltl {version('pareto-ltl')}")
+        return 0
+    place = _command_place(argv)
+    if place is None:
+        from pareto_ltl.cli.hydra_app import run_hydra
+
+        return run_hydra(argv)
+    rest = [*argv[:place], *argv[place + 1 :]]
+    return run_reported(lambda: command_named(argv[place]).run(rest))
+
+
+def _command_place(argv: Sequence[str]) -> int | None:
+    """Where the command stands: the first word that is no flag, no value of a flag and no setting."""
+    for place, word in enumerate(argv):
+        if word.startswith("-") or (place and argv[place - 1] in VALUE_FLAGS):
+            continue
+        return None if "=" in word or word.startswith(("+", "~")) else place
+    return None
+
+
+def command_named(name: str) -> Command:
+    """The command of that name; ConfigError with the nearest one where there is none."""
+    from difflib import get_close_matches
+
+    table = {command.name: command for command in COMMANDS}
+    if name not in table:
+        near = get_close_matches(name, table, n=1)
+        hint = f"did you mean {near[0]}?" if near else f"there are {', '.join(table)}"
+        raise ConfigError(f"unknown command {name!r}; {hint} (a setting is written key=value)")
+    return table[name]

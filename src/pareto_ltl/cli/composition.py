@@ -1,0 +1,274 @@
+"""Hydra composes ``conf/`` once for each command; the checks and the run use the same configuration.
+
+What a user can get wrong is checked here, before Hydra makes a directory: a mistake costs one line.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import re
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from importlib.metadata import version as installed_version
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+from hydra import version as hydra_version
+from hydra._internal.hydra import Hydra
+from hydra._internal.utils import create_config_search_path, get_args_parser
+from hydra.core.config_loader import ConfigLoader
+from hydra.core.config_search_path import SearchPathQuery
+from hydra.core.config_store import ConfigStore
+from hydra.core.global_hydra import GlobalHydra
+from hydra.core.override_parser.overrides_parser import OverridesParser
+from hydra.core.override_parser.types import Override
+from hydra.core.plugins import Plugins
+from hydra.types import RunMode, TaskFunction
+from omegaconf import DictConfig, OmegaConf
+
+from pareto_ltl.cli.arguments import CommandArguments
+from pareto_ltl.cli.setting_keys import refuse_unknown_key, settings_from
+from pareto_ltl.cli.stage_table import application_stages
+from pareto_ltl.run.pipeline import Pipeline, check_pipeline
+from pareto_ltl.settings import Settings
+from pareto_ltl.support.errors import ConfigError
+from pareto_ltl.support.resources import folder
+
+VERSION_BASE = "1.3"
+CONFIG_NAME = "config"
+LAUNCHER_EXTRAS = {"joblib": "sweep", "submitit_local": "cluster", "submitit_slurm": "cluster"}
+FOLDER_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]*")
+HELP_FLAGS = {"-h": "short", "--help": "short", "--help=all": "all", "--help-all": "all"}
+
+
+# --- flags and schema ------------------------------------------------------------------------
+
+
+def parse_flags(argv: Sequence[str]) -> argparse.Namespace:
+    """Hydra's flags, in any place of ``argv``, and the overrides; ``help`` is "", "short" or "all"."""
+    parser = CommandArguments(
+        prog="pareto-ltl", add_help=False, parents=[get_args_parser()], conflict_handler="resolve"
+    )
+    told = f"pareto-ltl {installed_version('pareto-ltl')}"
+    parser.add_argument("--version", action="version", version=told)
+    arguments = parser.parse_intermixed_args([word for word in argv if word not in HELP_FLAGS])
+    wanted = [HELP_FLAGS[word] for word in argv if word in HELP_FLAGS]
+    arguments.help = "all" if "all" in wanted else next(iter(wanted), "")
+    if arguments.config_dir is not None and not Path(arguments.config_dir).is_dir():
+        raise ConfigError(f"--config-dir {arguments.config_dir}: there is no such folder")
+    return arguments
+
+
+def register_schema() -> None:
+    """Tell Hydra of the schema, and of the pipelines, which live in a folder of their own."""
+    Plugins.instance()  # they register launchers ...
+    store = ConfigStore.instance()
+    launchers = store.repo.get("hydra", {}).get("launcher", {})
+    for name in LAUNCHER_EXTRAS:
+        launchers.pop(f"{name}.yaml", None)  # ... which conf/hydra/launcher replaces
+    store.store(name="settings", node=Settings)
+    for path in sorted(folder("pipelines").glob("*.yaml")):  # those of other packages: their search path
+        store.store(group="pipelines", name=path.stem, node=OmegaConf.load(path))
+
+
+# --- one composition -------------------------------------------------------------------------
+
+
+class ComposedHydra(Hydra):
+    """Hydra with one configuration: the first one composed serves the checks and the run."""
+
+    composed: DictConfig | None = None
+
+    def compose_config(self, *args: Any, **kwargs: Any) -> DictConfig:
+        """Compose at the first call; return the same configuration at every other."""
+        if self.composed is None:
+            self.composed = super().compose_config(*args, **kwargs)
+        return self.composed
+
+
+@contextmanager
+def opened_hydra(arguments: argparse.Namespace) -> Iterator[ComposedHydra]:
+    """Hydra with the shipped configuration folder and that of ``--config-dir``."""
+    register_schema()
+    hydra_version.setbase(VERSION_BASE)
+    place = str(arguments.config_path or folder("conf"))
+    search = create_config_search_path(place if "://" in place else os.path.abspath(place))
+    if arguments.config_dir is not None:
+        search.prepend(
+            provider="command-line",
+            path=f"file://{os.path.abspath(arguments.config_dir)}",
+            anchor=SearchPathQuery(provider="schema"),
+        )
+    hydra = ComposedHydra.create_main_hydra2("pareto_ltl", search)
+    assert isinstance(hydra, ComposedHydra)
+    try:
+        yield hydra
+    finally:
+        GlobalHydra.instance().clear()
+
+
+def config_name(arguments: argparse.Namespace) -> str:
+    """The primary configuration: ``config``, unless ``--config-name`` names another."""
+    return str(arguments.config_name or CONFIG_NAME)
+
+
+def composed_config(hydra: ComposedHydra, arguments: argparse.Namespace, mode: RunMode) -> DictConfig:
+    """Compose what the command line asks for; unknown keys are refused first."""
+    for override in _parse_overrides(hydra.config_loader, arguments.overrides):
+        refuse_unknown_key(override, hydra.config_loader)
+    return hydra.compose_config(
+        config_name=config_name(arguments),
+        overrides=list(arguments.overrides),
+        run_mode=mode,
+        with_log_configuration=True,
+        from_shell=False,
+    )
+
+
+# --- a run or a sweep, checked ---------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class PreparedRun:
+    """One run: its settings and stages, made and checked once."""
+
+    config: DictConfig
+    pipeline: Pipeline
+
+    def start(self, hydra: ComposedHydra, name: str, job: TaskFunction) -> None:
+        """Let Hydra make the directory and call ``job`` in it."""
+        hydra.run(config_name=name, task_function=job, overrides=[])
+
+
+@dataclass(frozen=True, slots=True)
+class PreparedSweep:
+    """Many runs: each job makes its own settings."""
+
+    config: DictConfig
+    pipeline: None = None
+
+    def start(self, hydra: ComposedHydra, name: str, job: TaskFunction) -> None:
+        """Hand over to the sweeper and the launcher of the configuration."""
+        hydra.multirun(config_name=name, task_function=job, overrides=[])
+
+
+def prepare(hydra: ComposedHydra, arguments: argparse.Namespace) -> PreparedRun | PreparedSweep:
+    """Compose what the command line asks for and run every check; nothing is written.
+
+    Of a sweep, the first and the last point are checked here, all of them by its sweeper.
+    """
+    if arguments.run and arguments.multirun:
+        raise ConfigError("--run and --multirun exclude each other; leave one out")
+    overrides = _parse_overrides(hydra.config_loader, arguments.overrides)
+    several = arguments.multirun or any(override.is_sweep_override() for override in overrides)
+    config = composed_config(hydra, arguments, RunMode.MULTIRUN if several else RunMode.RUN)
+    if arguments.multirun or config.hydra.mode == RunMode.MULTIRUN:
+        return _prepare_sweep(hydra, arguments, config, overrides)
+    _refuse_sweep(overrides)
+    if own_grid := _grid_of(config):
+        raise ConfigError(f"a sweep over {', '.join(own_grid)}: add -m to run it")
+    checked = check_settings(settings_from(config))
+    if config.hydra.mode is None:
+        _pin(config, "hydra.mode", RunMode.RUN.name)
+    return PreparedRun(config, checked)
+
+
+def check_settings(settings: Settings) -> Pipeline:
+    """The pipeline of ``settings``, checked across sections; each section was checked when it was made."""
+    if not FOLDER_NAME.fullmatch(settings.name):
+        raise ConfigError(
+            "name must be letters, digits, dots, dashes or underscores (it names a folder), "
+            f"got {settings.name!r}"
+        )
+    return check_pipeline(settings, application_stages(settings))
+
+
+def _prepare_sweep(
+    hydra: ComposedHydra, arguments: argparse.Namespace, config: DictConfig, overrides: Sequence[Override]
+) -> PreparedSweep:
+    _check_launcher(config)
+    grid = [*_parse_overrides(hydra.config_loader, _grid_of(config)), *overrides]
+    grid = list({override.get_key_element(): override for override in grid}.values())  # the last one counts
+    names = []
+    for first in (True, False):
+        point = hydra.config_loader.load_configuration(
+            config_name(arguments), _corner(grid, first=first), RunMode.RUN, from_shell=False
+        )
+        settings = settings_from(point)
+        check_settings(settings)
+        names.append(settings.name)
+    # All jobs go to one folder, whatever their names are.
+    place = str(config.hydra.sweep._get_node("dir")._value())  # with ${name} still in it
+    place = place.replace("${name}", "-".join(dict.fromkeys(names)))
+    _pin(config, "hydra.sweep.dir", place, written=f"'{place}'")
+    if config.hydra.mode != RunMode.MULTIRUN:
+        _pin(config, "hydra.mode", RunMode.MULTIRUN.name)
+    return PreparedSweep(config)
+
+
+def _pin(config: DictConfig, key: str, value: str, written: str | None = None) -> None:
+    """Set a value of Hydra's own in the composed configuration, and for the jobs of a sweep."""
+    OmegaConf.update(config, key, value)
+    config.hydra.overrides.hydra.append(f"{key}={written or value}")
+
+
+def _check_launcher(config: DictConfig) -> None:
+    """Refuse a launcher that is not installed, in one line that says what to install."""
+    module = str(config.hydra.launcher.get("_target_")).rpartition(".")[0]
+    name = config.hydra.runtime.choices.get("hydra/launcher")
+    try:
+        found = find_spec(module) is not None
+    except ModuleNotFoundError:
+        found = False
+    if not found and name in LAUNCHER_EXTRAS:
+        raise ConfigError(
+            f"hydra/launcher={name} is not installed; "
+            f"it comes with pip install 'pareto-ltl[{LAUNCHER_EXTRAS[name]}]'"
+        )
+
+
+# --- overrides -------------------------------------------------------------------------------
+
+
+def _parse_overrides(loader: ConfigLoader, words: Sequence[str]) -> list[Override]:
+    return OverridesParser.create(config_loader=loader).parse_overrides(list(words))
+
+
+def _grid_of(config: DictConfig) -> list[str]:
+    """The grid that a configuration carries itself, as words of a command line."""
+    grid = OmegaConf.select(config, "hydra.sweeper.params") or {}
+    return [f"{key}={value}" for key, value in grid.items()]
+
+
+def _corner(grid: Sequence[Override], *, first: bool) -> list[str]:
+    """The first or the last point of ``grid``."""
+    return [
+        _end_of(override, first=first) if override.is_sweep_override() else _words_of(override)
+        for override in grid
+    ]
+
+
+def _end_of(override: Override, *, first: bool) -> str:
+    if not override.is_discrete_sweep():
+        raise ConfigError(f"{_words_of(override)}: an interval cannot be swept; use range(first,beyond,step)")
+    values = list(override.sweep_string_iterator())
+    if not values:
+        raise ConfigError(f"{_words_of(override)} holds no value to sweep")
+    return f"{override.get_key_element()}={values[0 if first else -1]}"
+
+
+def _words_of(override: Override) -> str:
+    assert override.input_line is not None
+    return override.input_line
+
+
+def _refuse_sweep(overrides: Sequence[Override]) -> None:
+    for override in overrides:
+        if override.is_sweep_override():
+            key, value = override.get_key_element(), override.get_value_string()
+            raise ConfigError(
+                f"{key}={value} is several values: add -m to run each, or write a list as {key}=[{value}]"
+            )

@@ -1,0 +1,176 @@
+"""The texts of ``--help``: short, complete, and of one command."""
+
+from __future__ import annotations
+
+import json
+import textwrap
+from collections.abc import Iterator, Mapping
+from dataclasses import fields, is_dataclass
+from pathlib import Path
+from typing import Any
+
+from pareto_ltl.cli.commands import COMMANDS, Command
+from pareto_ltl.settings import Declaration, Settings, declarations
+from pareto_ltl.support.errors import ConfigError
+from pareto_ltl.support.resources import folder
+
+Groups = Mapping[str, list[str]]
+
+WIDTH = 110
+COLUMN = 36  # where explanations begin
+ADDED_GROUPS = ("experiment", "sweep")  # chosen with + in front
+COMMON_GROUPS = ("experiment", "fidelity", "wind", "selection", "report")
+COMMON_SETTINGS = (
+    "name", "seed", "mission.formula", "planner.n_max", "planner.trees", "robot.dt", "robot.u_max",
+    "selection.alpha", "deployment.runs", "scene.file", "wind.path",
+)  # fmt: skip
+ABOUT = "Risk-aware temporal-logic mission planning in uncertain wind, without position fixes."
+EXAMPLES = """\
+  pareto-ltl plan +experiment=phi1                         plan one of the ready missions
+  pareto-ltl plan +experiment=phi2 planner.n_max=5000      with another setting
+  pareto-ltl plan +experiment=phi1 "mission.formula='F(a & F b)'"
+  pareto-ltl compare +experiment=phi1                      several planners in the same winds
+  pareto-ltl sweep +experiment=phi2 'seed=range(0,99)' hydra/launcher=joblib
+  pareto-ltl ingest wind=grib wind.path=DIR                a wind table from GRIB2 files
+  pareto-ltl formula "F(a & F b)"                          what a formula means
+  pareto-ltl +experiment=phi1 seed=1,2 -m                  the Hydra form: plan, with every combination"""
+FLAGS = """\
+  -m, --multirun  run every combination of key=value1,value2 or key=range(first,beyond)
+  --config-dir    a folder with choices of your own
+  --cfg job       show the settings that a command line comes to, and run nothing
+  --help          this text; --help=all: every choice and every setting
+  --version       the version
+  --hydra-help    Hydra's own flags"""
+MORE = """\
+  pareto-ltl COMMAND --help                the settings of one command
+  pareto-ltl --help=all                    every choice and every setting, with unit, range and meaning
+  eval "$(pareto-ltl -sc install=bash)"    tab completion (also zsh and fish)"""
+
+
+def short_help(groups: Groups) -> str:
+    """Usage, commands, and the choices and settings that are used most."""
+    everything = dict(_described(Settings()))
+    settings = [_entry(key, *everything[key]) for key in COMMON_SETTINGS]
+    return _page(
+        ("", ABOUT),
+        ("Usage", "  pareto-ltl [COMMAND] [group=choice ...] [key=value ...] [flags]"),
+        ("Commands (plan, where none is given)", _command_lines()),
+        ("Examples", EXAMPLES),
+        ("Choices used most", _group_lines({name: groups.get(name, []) for name in COMMON_GROUPS})),
+        ("Settings used most", "\n".join(settings)),
+        ("Flags", FLAGS),
+        ("More", MORE),
+    )
+
+
+def full_help(settings: Settings, groups: Groups) -> str:
+    """Every choice of every group and every setting: its value, meaning, unit and range."""
+    return _page(
+        ("", ABOUT),
+        ("Usage", "  pareto-ltl [COMMAND] [group=choice ...] [key=value ...] [flags]"),
+        ("Commands (plan, where none is given)", _command_lines()),
+        ("Examples", EXAMPLES),
+        ("Choices (group=choice; +experiment=choice, +sweep=choice)", _group_lines(groups, plus=False)),
+        ("Settings (key=value; values are those of this command line)", _section_lines(settings)),
+        ("Flags", FLAGS),
+        ("More", MORE),
+    )
+
+
+def command_help(command: Command, groups: Groups) -> str:
+    """What a pipeline does, its stages, and the settings of its own sections."""
+    import yaml
+
+    stages = yaml.safe_load((folder("pipelines") / f"{command.name}.yaml").read_text())["stages"]
+    settings = Settings()
+    own = "\n".join(_one_section(getattr(settings, name)) for name in command.sections)
+    return _page(
+        ("", f"pareto-ltl {command.name}: {command.meaning}."),
+        ("Usage", f"  pareto-ltl {command.name} [group=choice ...] [key=value ...] [flags]\n"
+                  f"  The same as pareto-ltl pipelines={command.name} ..."),
+        ("Stages", f"  {', '.join(stages)}"),
+        ("Choices used most", _group_lines({name: groups.get(name, []) for name in COMMON_GROUPS})),
+        ("Settings", own),
+        ("Flags", FLAGS),
+        ("More", MORE),
+    )  # fmt: skip
+
+
+def group_choices(config_path: str | None, config_dir: str | None) -> dict[str, list[str]]:
+    """Every group with its choices, shipped and of ``--config-dir``; nested groups as ``hydra/launcher``."""
+    roots = [Path(config_path) if config_path else folder("conf")]
+    if config_dir is not None:
+        roots.append(Path(config_dir))
+    found: dict[str, set[str]] = {"pipelines": {path.stem for path in folder("pipelines").glob("*.yaml")}}
+    for root in roots:
+        if not root.is_dir():
+            raise ConfigError(f"{root}: there is no such folder")
+        for path in root.rglob("*.yaml"):
+            if path.parent != root:
+                found.setdefault(path.parent.relative_to(root).as_posix(), set()).add(path.stem)
+    return {group: sorted(names) for group, names in sorted(found.items())}
+
+
+# --- pieces ----------------------------------------------------------------------------------
+
+
+def _page(*parts: tuple[str, str]) -> str:
+    return "\n\n".join(f"{title}\n{body}" if title else body for title, body in parts if body)
+
+
+def _command_lines() -> str:
+    return "\n".join(f"  {command.name:<14}{command.meaning}" for command in COMMANDS)
+
+
+def _group_lines(groups: Groups, *, plus: bool = True) -> str:
+    lines = []
+    for group, names in groups.items():
+        key = f"+{group}=" if group in ADDED_GROUPS else f"{group}="
+        lines.append(f"  {key:<14}{', '.join(names)}" if plus else f"  {group}: {', '.join(names)}")
+    return "\n".join(lines)
+
+
+def _section_lines(settings: Settings) -> str:
+    sections = [settings, *(getattr(settings, item.name) for item in fields(settings))]
+    return "\n".join(_one_section(section) for section in sections if is_dataclass(section))
+
+
+def _one_section(section: Any) -> str:
+    """A section under its name, and those inside it."""
+    title = " ".join((type(section).__doc__ or "").split())
+    lines = [f"\n  {section.section or 'the run'}: {title}"] if section.section else [""]
+    lines += [_entry(key, value, declared) for key, (value, declared) in _described(section, inner=False)]
+    for item in fields(section):
+        if section.section and is_dataclass(getattr(section, item.name)):
+            lines.append(_one_section(getattr(section, item.name)))
+    return "\n".join(lines)
+
+
+def _described(section: Any, *, inner: bool = True) -> Iterator[tuple[str, tuple[Any, Declaration]]]:
+    """Keys as a user types them, with value and declaration; ``inner``: also of the sections inside."""
+    prefix = f"{section.section}." if section.section else ""
+    for item, declared in declarations(section):
+        yield f"{prefix}{item.name}", (getattr(section, item.name), declared)
+    for item in fields(section) if inner else ():
+        if is_dataclass(value := getattr(section, item.name)):
+            yield from _described(value)
+
+
+def _entry(key: str, value: Any, declared: Declaration) -> str:
+    """``key=value`` and what it means, wrapped into two columns."""
+    unit = f" [{declared.unit}]" if declared.unit else ""
+    limits = declared.range_text()
+    text = f"{declared.meaning}{unit}{f'; {limits}' if limits else ''}"
+    left = f"  {key}={_shown(value)}"
+    blank = " " * COLUMN
+    lines = textwrap.wrap(text, WIDTH, initial_indent=blank, subsequent_indent=blank)
+    if len(left) + 2 <= COLUMN:
+        lines[0] = left + lines[0][len(left) :]
+        return "\n".join(lines)
+    return "\n".join([left, *lines])
+
+
+def _shown(value: Any) -> str:
+    """A value as it is typed, cut where it is long."""
+    text = value if isinstance(value, str) else json.dumps(value, separators=(",", ":"))
+    return text if len(text) <= 60 else f"{text[:57]}..."

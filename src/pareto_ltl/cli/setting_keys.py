@@ -1,0 +1,84 @@
+"""From a composed configuration to :class:`Settings`; keys that do not exist are refused on the way."""
+
+from __future__ import annotations
+
+import copy
+import difflib
+import typing
+from dataclasses import fields, is_dataclass
+from pathlib import Path
+from typing import Any
+
+from hydra.core.config_loader import ConfigLoader
+from hydra.core.override_parser.types import Override
+from omegaconf import DictConfig, OmegaConf, open_dict
+
+from pareto_ltl.cli.error_lines import explain_error
+from pareto_ltl.settings import Settings
+from pareto_ltl.support.errors import ConfigError, DataError
+
+GROUPS_WITHOUT_SECTION = ("experiment", "sweep")  # groups that are no section of the settings
+
+
+def settings_from(config: DictConfig) -> Settings:
+    """The composed configuration as plain settings, which checks types and ranges; ``config`` is kept."""
+    if "hydra" in config:
+        config = copy.deepcopy(config)
+        with open_dict(config):
+            del config["hydra"]
+    _refuse_extra_keys(config, Settings, "")
+    settings = OmegaConf.to_object(config)
+    assert isinstance(settings, Settings)
+    return settings
+
+
+def read_run_settings(path: Path) -> Settings:
+    """The settings that a run left in its ``config_resolved.yaml``; DataError where there are none."""
+    try:
+        config = OmegaConf.merge(OmegaConf.structured(Settings), OmegaConf.load(path))
+    except OSError as error:
+        raise DataError(f"{path}: cannot be read ({error.strerror}); is this a results directory?") from error
+    except Exception as error:
+        raise DataError(f"{path}: not the settings of a run ({explain_error(error)})") from error
+    assert isinstance(config, DictConfig)
+    return settings_from(config)
+
+
+def refuse_unknown_key(override: Override, loader: ConfigLoader) -> None:
+    """Raise ConfigError for a key that is no setting and no group, with the nearest one that exists."""
+    key = override.key_or_group
+    if key == "hydra" or override.is_hydra_override() or loader.get_group_options(key):
+        return
+    known: Any = Settings
+    section = ""
+    for part in key.split("."):
+        if not is_dataclass(known):
+            return  # inside a mapping or a list: values are checked when they are merged
+        types = _field_types(known)
+        if part not in types:
+            groups = [] if section else [g for g in GROUPS_WITHOUT_SECTION if loader.get_group_options(g)]
+            raise _unknown_setting(section, part, [*types, *groups])
+        known, section = types[part], f"{section}{part}."
+
+
+def _refuse_extra_keys(config: DictConfig, schema: Any, section: str) -> None:
+    """Refuse keys that the schema lacks, wherever they came from: Hydra lets ``+`` and files add them."""
+    types = _field_types(schema)
+    for key in config:
+        if key not in types:
+            raise _unknown_setting(section, str(key), list(types))
+        inner = config._get_node(key)
+        if is_dataclass(types[str(key)]) and isinstance(inner, DictConfig):
+            _refuse_extra_keys(inner, types[str(key)], f"{section}{key}.")
+
+
+def _field_types(schema: Any) -> dict[str, Any]:
+    hints = typing.get_type_hints(schema)
+    return {item.name: hints[item.name] for item in fields(schema)}
+
+
+def _unknown_setting(section: str, part: str, known: list[str]) -> ConfigError:
+    known = list(dict.fromkeys(known))  # sweep is a group and a section
+    near = next(iter(difflib.get_close_matches(part, known, n=1)), None)
+    hint = f"did you mean {section}{near}?" if near else f"there are {', '.join(known)}"
+    return ConfigError(f"unknown setting {section}{part}; {hint}")

@@ -1,0 +1,54 @@
+"""``pareto-ltl sweep``: many runs, or the summary of a sweep written anew from its folder."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from pareto_ltl.cli.arguments import CommandArguments, run_reported
+from pareto_ltl.support.errors import ConfigError
+
+
+def sweep_command(argv: Sequence[str]) -> int:
+    """Run a sweep where ``argv`` holds a setting (key=value), else summarize the folder it names.
+
+    ``pareto-ltl sweep +experiment=phi2 seed=0,1`` is ``pareto-ltl -m +experiment=phi2 seed=0,1``.
+    """
+    if any("=" in word and not word.startswith("-") for word in argv):
+        from pareto_ltl.cli.hydra_app import run_hydra
+
+        return run_hydra(argv, "sweep")
+    return run_reported(lambda: _summarize_sweep(argv))
+
+
+def _summarize_sweep(argv: Sequence[str]) -> int:
+    options = _sweep_arguments().parse_args(argv)
+    if options.directory is None:
+        raise ConfigError(
+            "name the folder of a sweep (multirun/phi2), or settings to run (+experiment=phi2 seed=0,1); "
+            "see pareto-ltl sweep --help"
+        )
+    from pareto_ltl.studies.sweeps.manifest import OLDER_SWEEPS, FigureChoice
+    from pareto_ltl.studies.sweeps.summary import write_summary
+
+    figure = FigureChoice(options.x, options.y, options.by)
+    found = write_summary(options.directory, options.sweep, figure)
+    out = options.directory / OLDER_SWEEPS / options.sweep if options.sweep else options.directory
+    print(f"{found.line()}\nsummary in {out / 'summary.html'}")
+    return 0
+
+
+def _sweep_arguments() -> CommandArguments:
+    parser = CommandArguments(
+        prog="pareto-ltl sweep",
+        usage="pareto-ltl sweep [key=value ...] [group=choice ...]  or  pareto-ltl sweep DIR [options]",
+        description="With settings (key=value1,value2): run every combination and write one table; the same "
+        "as pareto-ltl -m. With a folder: write summary.csv, timings.csv, summary.json and summary.html of "
+        "the sweep in it anew.",
+    )
+    parser.add_argument("directory", type=Path, nargs="?", metavar="DIR", help="for example multirun/phi2")
+    parser.add_argument("--sweep", metavar="KEY", help="an older sweep into the same folder: sweeps/KEY.json")
+    parser.add_argument("--x", help="horizontal axis of the figure: a swept setting or a metric")
+    parser.add_argument("--y", help="vertical axis of the figure: a metric")
+    parser.add_argument("--by", help="one color in the figure for each value of this swept setting")
+    return parser

@@ -1,0 +1,209 @@
+"""Layers of a map figure: scene, cells, trees, paths, flights."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.ticker import MaxNLocator
+
+from pareto_ltl.planning.records import Forest, Plan
+from pareto_ltl.report import style
+from pareto_ltl.simulation.records import Deployment
+from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.world.cells import Decomposition, moments
+from pareto_ltl.world.scene import Scene
+
+DRAWN_VERTICES = 50_000  # tree vertices drawn, at most; more of them merge into one grey area
+DRAWN_ELLIPSES = 14  # approximate number of covariance ellipses along a path
+
+
+@dataclass(frozen=True, slots=True)
+class MapAxes:
+    """Axes of a map with equal scales; ``per_metre`` is the number of ``unit`` in a metre."""
+
+    ax: Axes
+    unit: str
+    per_metre: float
+
+
+def length_unit(scene: Scene) -> tuple[str, float]:
+    """Name of the length unit of a map, and units per metre: m if the scene is smaller than 2 km, else km."""
+    return ("km", 1e-3) if np.ptp(scene.bounds, axis=0).max() >= 2000.0 else ("m", 1.0)
+
+
+def map_axes(scene: Scene, ax: Axes) -> MapAxes:
+    """Set limits, labels and ticks of ``ax`` for the bounds of ``scene``."""
+    unit, per_metre = length_unit(scene)
+    (west, south), (east, north) = scene.bounds * per_metre
+    ax.set(xlim=(west, east), ylim=(south, north), xlabel=f"east [{unit}]", ylabel=f"north [{unit}]")
+    ax.set_aspect("equal", adjustable="box", anchor="SW")
+    for axis in (ax.xaxis, ax.yaxis):
+        axis.set_major_locator(MaxNLocator(5, steps=[1, 2, 2.5, 5, 10]))
+    return MapAxes(ax, unit, per_metre)
+
+
+def draw_graticule(chart: MapAxes, scene: Scene) -> None:
+    """Ticks of longitude on the northern edge and of latitude on the eastern edge, for a scene with a CRS."""
+    if scene.crs is None:
+        return
+    from pareto_ltl.world.projection import to_geographic
+
+    (west, south), (east, north) = scene.bounds
+    x, y = np.linspace(west, east, 101), np.linspace(south, north, 101)
+    lon = np.unwrap(to_geographic(scene.crs, np.column_stack([x, np.full_like(x, north)]))[0], period=360.0)
+    lat = to_geographic(scene.crs, np.column_stack([np.full_like(y, east), y]))[1]
+    meridians = [
+        (p, style.degree_text((d + 180.0) % 360.0 - 180.0, "E", "W"))
+        for p, d in style.round_crossings(x, lon)
+    ]
+    parallels = [(p, style.degree_text(d, "N", "S")) for p, d in style.round_crossings(y, lat)]
+    for axis, marks in (
+        (chart.ax.secondary_xaxis("top").xaxis, meridians),
+        (chart.ax.secondary_yaxis("right").yaxis, parallels),
+    ):
+        axis.set_ticks([place * chart.per_metre for place, _ in marks], [text for _, text in marks])
+        axis.set_tick_params(pad=1.5, colors=style.STONE, labelsize=6.0)
+
+
+def draw_polygons(chart: MapAxes, polygons: Iterable[FloatArray], **look: Any) -> None:
+    """``polygons`` (n, 2) [m] each, with the properties ``look`` of a PolyCollection."""
+    collection = PolyCollection([polygon * chart.per_metre for polygon in polygons], **look)
+    chart.ax.add_collection(collection, autolim=False)
+
+
+def draw_lines(chart: MapAxes, lines: Iterable[FloatArray], **look: Any) -> None:
+    """``lines`` (n, 2) [m] each, as pixels in vector files, with the properties ``look``."""
+    collection = LineCollection([line * chart.per_metre for line in lines], rasterized=True, **look)
+    chart.ax.add_collection(collection, autolim=False)
+
+
+def draw_ground(chart: MapAxes, scene: Scene, decomposition: Decomposition) -> None:
+    """Cells dotted, obstacles filled, landmarks dashed, regions with their names."""
+    cells, obstacles = decomposition.cells, scene.obstacles
+    draw_polygons(
+        chart, cells, facecolors="none", edgecolors=style.MIST, linewidths=0.35, linestyles=":", zorder=1.5
+    )
+    draw_polygons(chart, obstacles, facecolors="#6E6E6E", edgecolors="#4A4A4A", linewidths=0.5, zorder=3)
+    landmark: dict[str, Any] = {
+        "facecolors": "none",
+        "edgecolors": style.PURPLE,
+        "linewidths": 0.9,
+        "linestyles": "--",
+    }
+    draw_polygons(chart, scene.landmarks, **landmark, zorder=2.6)
+    region: dict[str, Any] = {"facecolors": style.GREEN + "30", "edgecolors": style.GREEN, "linewidths": 1.0}
+    draw_polygons(chart, scene.regions.values(), **region, zorder=2.5)
+    _name_regions(chart, scene, decomposition)
+
+
+def _name_regions(chart: MapAxes, scene: Scene, decomposition: Decomposition) -> None:
+    for name, polygon in scene.regions.items():
+        x, y = label_position(decomposition.regions.get(name, (polygon,))) * chart.per_metre
+        chart.ax.text(
+            x,
+            y,
+            name,
+            ha="center",
+            va="center",
+            fontsize=8.5,
+            fontweight="bold",
+            color="#00523C",
+            zorder=9,
+            path_effects=style.white_halo(2.0),
+            parse_math=False,
+        )
+
+
+def label_position(parts: Sequence[FloatArray]) -> FloatArray:
+    """Centroid (2,) [m] of the largest convex part of a region; it lies inside the region."""
+    return max((moments(part) for part in parts), key=lambda found: found[0])[1]
+
+
+def tree_edges(forest: Forest, limit: int = DRAWN_VERTICES) -> FloatArray:
+    """Edges (n, 2, 2) [m] of all trees; of each tree the oldest ``limit / trees`` vertices."""
+    share = max(1, limit // max(1, len(forest.trees)))
+    pieces = []
+    for tree in forest.trees:
+        child = np.flatnonzero(tree.parent[:share] >= 0)
+        pieces.append(np.stack([tree.x[tree.parent[child]], tree.x[child]], axis=1))
+    return np.concatenate(pieces) if pieces else np.empty((0, 2, 2))
+
+
+def draw_trees(chart: MapAxes, forest: Forest) -> None:
+    """All edges of :func:`tree_edges`; the more there are, the more transparent."""
+    lines = tree_edges(forest)
+    alpha = float(np.clip(2500.0 / max(1, len(lines)), 0.10, 0.5))
+    draw_lines(chart, lines, colors=style.STONE, linewidths=0.3, alpha=alpha, zorder=1.0)
+
+
+def draw_covariances(chart: MapAxes, x: FloatArray, cov: FloatArray) -> None:
+    """95 % ellipses of about ``DRAWN_ELLIPSES`` steps, the last one included."""
+    stride = max(1, -(-(len(x) - 1) // DRAWN_ELLIPSES))
+    rows = np.arange(len(x) - 1, 0, -stride)
+    outlines = style.confidence_ellipses(x[rows], cov[rows])
+    draw_polygons(
+        chart, outlines, facecolors=style.BLUE + "14", edgecolors=style.BLUE, linewidths=0.5, zorder=5
+    )
+
+
+def draw_flights(chart: MapAxes, deployment: Deployment, count: int, colour: str) -> None:
+    """The first ``count`` flights in ``colour``, failed ones in vermillion.
+
+    Failed flights are not picked: their share in the figure estimates the failure rate.
+    """
+    good = (deployment.accepted & ~deployment.collided)[:count]
+    for rows, shade, z in ((good, colour, 4.5), (~good, style.VERMILLION, 4.6)):
+        lines = deployment.x[: len(good)][rows]
+        draw_lines(chart, lines, colors=shade, linewidths=0.45, alpha=0.6, zorder=z)
+
+
+def draw_mean_path(chart: MapAxes, x: FloatArray) -> None:
+    """The expected positions ``x`` (T+1, 2) [m] as a line."""
+    chart.ax.plot(
+        *(x * chart.per_metre).T,
+        color=style.BLUE,
+        lw=1.3,
+        zorder=6,
+        path_effects=style.white_halo(2.2),
+        solid_joinstyle="round",
+    )
+
+
+def draw_endpoints(chart: MapAxes, scene: Scene, plan: Plan | None) -> None:
+    """A circle at the start, and a square at the last expected position of ``plan``."""
+    marks = [(scene.start, "o", 4.0)] + ([(plan.path.x[-1], "s", 4.0)] if plan is not None else [])
+    for place, marker, size in marks:
+        chart.ax.plot(
+            *(place * chart.per_metre),
+            marker=marker,
+            ms=size,
+            mfc="white",
+            mec="black",
+            mew=0.9,
+            zorder=8,
+            clip_on=False,
+        )
+
+
+__all__ = [
+    "DRAWN_VERTICES",
+    "MapAxes",
+    "draw_covariances",
+    "draw_endpoints",
+    "draw_flights",
+    "draw_graticule",
+    "draw_ground",
+    "draw_lines",
+    "draw_mean_path",
+    "draw_polygons",
+    "draw_trees",
+    "label_position",
+    "length_unit",
+    "map_axes",
+    "tree_edges",
+]

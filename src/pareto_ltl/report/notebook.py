@@ -1,0 +1,149 @@
+"""Figures of single records, for notebooks: ``plan.plot()``, ``front.plot()``, ``wind.plot()``."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.figure import Figure
+
+from pareto_ltl.planning.records import Forest, Front, Plan
+from pareto_ltl.report import style
+from pareto_ltl.report.map import plan_figure
+from pareto_ltl.report.map_layers import tree_edges
+from pareto_ltl.settings import ReportConfig
+from pareto_ltl.simulation.records import Deployment
+from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.wind.records import WindField
+from pareto_ltl.world.cells import Decomposition
+from pareto_ltl.world.scene import Scene
+
+KILOMETRE = 1e-3
+RISK_LEAST = 1e-9  # smaller risks are drawn here
+
+
+@dataclass(frozen=True, slots=True)
+class Drawing:
+    """A figure that a notebook shows without pyplot.
+
+    Attributes
+    ----------
+    figure : matplotlib.figure.Figure
+        To be changed at will.
+    """
+
+    figure: Figure
+
+    def _repr_png_(self) -> bytes:
+        with style.report_style():
+            image = io.BytesIO()
+            self.figure.savefig(image, format="png", dpi=160, metadata={"Software": None})
+        return image.getvalue()
+
+    def save(self, path: Path | str, dpi: int = 200) -> Path:
+        """Write the figure in the format of the suffix of ``path``; return the path."""
+        with style.report_style():
+            self.figure.savefig(path, dpi=dpi)
+        return Path(path)
+
+
+def draw_record(record: Any, scene: Scene | None = None) -> Drawing:
+    """The figure of a plan, front, forest, wind field or scene; ``scene`` is the map to draw under it.
+
+    Raises
+    ------
+    TypeError
+        If there is no figure of this type of record.
+    """
+    with style.report_style():
+        if isinstance(record, Front):
+            return Drawing(_front_chart(record))
+        figure = style.blank_figure(style.COLUMN_WIDTH, 3.1)
+        ax = style.axes_at(figure, 0.5, 0.4, 2.85, 2.55)
+        if isinstance(record, WindField):
+            _draw_wind(figure, ax, record)
+        elif isinstance(record, Forest):
+            _draw_edges(ax, record)
+        elif isinstance(record, Plan):
+            _draw_path(ax, record)
+        elif isinstance(record, Scene):
+            scene = record
+        else:
+            raise TypeError(f"there is no figure of a {type(record).__name__}")
+        if scene is not None:
+            _draw_scene(ax, scene)
+        ax.set(xlabel="east [km]", ylabel="north [km]", aspect="equal")
+        ax.autoscale_view()
+        return Drawing(figure)
+
+
+def mission_drawing(
+    scene: Scene,
+    decomposition: Decomposition,
+    wind: WindField,
+    forest: Forest | None = None,
+    plan: Plan | None = None,
+    deployments: Mapping[str, Deployment] | None = None,
+) -> Drawing:
+    """The map with trees, plan and flights, as ``figures/plan.png`` of a run shows it."""
+    with style.report_style():
+        cfg = ReportConfig()
+        return Drawing(plan_figure(cfg, scene, decomposition, wind, forest, plan, deployments or {}))
+
+
+def _draw_scene(ax: Axes, scene: Scene) -> None:
+    outlines = {style.GREEN: list(scene.regions.values()), style.STONE: list(scene.obstacles)}
+    for color, polygons in outlines.items():
+        scaled = [KILOMETRE * polygon for polygon in polygons]
+        ax.add_collection(PolyCollection(scaled, facecolors=color, edgecolors=color, alpha=0.45, zorder=1))
+    for name, polygon in scene.regions.items():
+        x, y = KILOMETRE * polygon.mean(axis=0)
+        ax.text(x, y, name, ha="center", va="center", parse_math=False)
+    ax.plot(*(KILOMETRE * scene.start), "s", color=style.INK, ms=4)
+    (west, south), (east, north) = KILOMETRE * scene.bounds
+    ax.set(xlim=(west, east), ylim=(south, north))
+
+
+def _draw_path(ax: Axes, plan: Plan) -> None:
+    """The expected positions, with the 95 % ellipse of every fourth."""
+    rings = KILOMETRE * style.confidence_ellipses(plan.path.x[::4], plan.path.cov[::4])
+    ax.add_collection(PolyCollection(list(rings), facecolors="none", edgecolors=style.SKY, lw=0.6, zorder=2))
+    ax.plot(*(KILOMETRE * plan.path.x.T), color=style.BLUE, lw=1.2, zorder=3)
+    ax.plot(*(KILOMETRE * plan.path.x[-1]), "o", color=style.VERMILLION, ms=4, zorder=4)
+
+
+def _draw_edges(ax: Axes, forest: Forest) -> None:
+    ax.add_collection(LineCollection(list(KILOMETRE * tree_edges(forest)), colors=style.MIST, lw=0.3))
+
+
+def _draw_wind(figure: Figure, ax: Axes, wind: WindField) -> None:
+    """Speed of the expected wind at the first time, and arrows."""
+    mean = wind.mean[0]
+    x, y = (KILOMETRE * (wind.origin[k] + wind.spacing * np.arange(mean.shape[k])) for k in (0, 1))
+    speed = np.hypot(mean[..., 0], mean[..., 1])
+    image = ax.pcolormesh(x, y, speed.T, shading="nearest", cmap="viridis", rasterized=True)
+    step = max(1, len(x) // 16)
+    u, v = (mean[::step, ::step, k].T for k in (0, 1))
+    ax.quiver(x[::step], y[::step], u, v, color="white", width=0.004)
+    figure.colorbar(image, ax=ax, label="expected wind [m/s]", shrink=0.8)
+
+
+def _front_chart(front: Front) -> Figure:
+    """Mission risk against length of every path, the collision risk as color."""
+    figure = style.blank_figure(style.COLUMN_WIDTH, 2.6)
+    ax = style.axes_at(figure, 0.6, 0.42, 2.2, 1.95)
+    rows: FloatArray = np.array(
+        [[o.length, o.mission_risk, o.collision_risk] for o in (path.objectives for path in front.paths)]
+    ).reshape(-1, 3)
+    points = ax.scatter(
+        KILOMETRE * rows[:, 0], np.maximum(rows[:, 1], RISK_LEAST), c=rows[:, 2], cmap="cividis", s=18
+    )
+    ax.set(xlabel="path length [km]", ylabel="mission risk (bound)", yscale="log")
+    figure.colorbar(points, ax=ax, label="collision risk (bound)")
+    return figure

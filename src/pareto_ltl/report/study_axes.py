@@ -1,0 +1,127 @@
+"""Axes, legends and colours that the figures of the studies share."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import FixedLocator, FuncFormatter, NullFormatter
+
+from pareto_ltl.report import style
+from pareto_ltl.settings import ReportConfig
+from pareto_ltl.support.arrays import FloatArray
+
+FigureRow = Mapping[str, Any]
+LAW_COLOURS = {"independent": style.BLUE, "coherent": style.ORANGE}
+LAW_MARKS = {"independent": "o", "coherent": "s"}
+BOUND_COLOUR = style.VERMILLION  # red, as the bound in the paper's figures
+LOWEST_RATE = 1e-5  # studies have too few flights to resolve smaller rates; they are drawn here
+GRID_COLOUR = "#E5E5E5"
+PROMISE_DASHES = (0, (3.0, 1.5))  # line style of a bound
+
+
+def save_figures(
+    folder: Path, cfg: ReportConfig, made: Mapping[str, Callable[[], Figure]]
+) -> tuple[Path, ...]:
+    """Draw the figures in ``made``, write each as .png and .svg into ``folder``, return the paths."""
+    folder.mkdir(parents=True, exist_ok=True)
+    with style.report_style():
+        return tuple(
+            path for name, make in made.items() for path in style.save_figure(make(), folder, name, cfg.dpi)
+        )
+
+
+def law_colour(law: str) -> str:
+    """Line colour of a wind law."""
+    return LAW_COLOURS.get(law, style.PURPLE)
+
+
+def law_mark(law: str) -> str:
+    """Marker of a wind law."""
+    return LAW_MARKS.get(law, "D")
+
+
+def laws_of(rows: Sequence[FigureRow]) -> list[str]:
+    """The wind laws in ``rows``, in the order of their first occurrence."""
+    return list(dict.fromkeys(row["law"] for row in rows))
+
+
+def column_values(rows: Sequence[FigureRow], name: str) -> FloatArray:
+    """One column of a table, shape (rows,)."""
+    return np.array([row[name] for row in rows], float)
+
+
+def scale_rate_axis(ax: Axes, axis: str, low: float = LOWEST_RATE, high: float = 1.0) -> None:
+    """Make ``axis`` (x or y) a logarithmic axis of probabilities, ticks in per cent, ``≤`` at ``low``."""
+    getattr(ax, f"set_{axis}scale")("log")
+    getattr(ax, f"set_{axis}lim")(low, high)
+    side = ax.xaxis if axis == "x" else ax.yaxis
+    powers = [10.0**k for k in range(math.ceil(math.log10(low) - 1e-9), 1)]
+    side.set_major_locator(FixedLocator(powers))
+    side.set_major_formatter(FuncFormatter(lambda value, _: rate_tick_text(value, low)))
+    side.set_minor_formatter(NullFormatter())
+    ax.grid(axis=axis, color=GRID_COLOUR, lw=0.4)  # type: ignore[arg-type]
+
+
+def rate_tick_text(value: float, low: float) -> str:
+    """``value`` in per cent; with ``≤`` at the end ``low`` of the axis."""
+    return ("≤ " if value <= low * 1.01 else "") + f"{100 * value:g}"
+
+
+def decade_below(values: FloatArray) -> float:
+    """The power of ten below the smallest value above ``LOWEST_RATE``; 1e-3 if there is none."""
+    seen = values[np.isfinite(values) & (values > LOWEST_RATE)]
+    return max(LOWEST_RATE, 10.0 ** math.floor(math.log10(seen.min()))) if len(seen) else 1e-3
+
+
+def decade_above(values: FloatArray) -> float:
+    """The power of ten above the largest value, at most 1."""
+    seen = values[np.isfinite(values) & (values > 0)]
+    return min(1.0, 10.0 ** math.ceil(math.log10(seen.max()) + 1e-9)) if len(seen) else 1.0
+
+
+def hide_frame(ax: Axes) -> None:
+    """Remove the upper and the right spine."""
+    ax.spines[["top", "right"]].set_visible(False)
+
+
+def legend_above(figure: Figure, keys: Sequence[Artist], height: float, left: float, columns: int) -> None:
+    """Legend along the upper edge of a figure of ``height`` [in], from ``left`` [in], with ``columns``."""
+    w, h = figure.get_size_inches()
+    figure.legend(
+        handles=list(keys),
+        ncols=columns,
+        loc="upper left",
+        bbox_to_anchor=(left / w, (height - 0.05) / h),
+        borderaxespad=0.0,
+        borderpad=0.0,
+        handlelength=1.8,
+        columnspacing=1.1,
+        labelspacing=0.35,
+    )
+
+
+__all__ = [
+    "BOUND_COLOUR",
+    "GRID_COLOUR",
+    "LAW_COLOURS",
+    "PROMISE_DASHES",
+    "FigureRow",
+    "column_values",
+    "decade_above",
+    "decade_below",
+    "hide_frame",
+    "law_colour",
+    "law_mark",
+    "laws_of",
+    "legend_above",
+    "rate_tick_text",
+    "save_figures",
+    "scale_rate_axis",
+]

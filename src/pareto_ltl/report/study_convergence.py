@@ -1,0 +1,136 @@
+"""The figure of ``pipelines=convergence``."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from matplotlib.ticker import FuncFormatter
+
+from pareto_ltl.report import style
+from pareto_ltl.report.study_axes import (
+    BOUND_COLOUR,
+    GRID_COLOUR,
+    FigureRow,
+    column_values,
+    decade_above,
+    decade_below,
+    hide_frame,
+    law_colour,
+    law_mark,
+    laws_of,
+    legend_above,
+    save_figures,
+    scale_rate_axis,
+)
+from pareto_ltl.settings import ReportConfig
+
+if TYPE_CHECKING:
+    from pareto_ltl.report.records import Study
+
+
+def draw_convergence(folder: Path, cfg: ReportConfig, study: Study) -> tuple[Path, ...]:
+    """Write ``figure2``; return its paths."""
+    return save_figures(
+        folder, cfg, {"figure2": lambda: convergence_figure(study.tables["convergence"], study.numbers)}
+    )
+
+
+def convergence_figure(rows: Sequence[FigureRow], numbers: Mapping[str, float]) -> Figure:
+    """Bound and failure rate, hypervolume, and share of seeds with a plan, against vertices per tree."""
+    height, inner = 2.22, 1.72
+    figure = style.blank_figure(style.PAGE_WIDTH, height)
+    lefts = (0.62, 0.62 + inner + 0.66, 0.62 + 2 * (inner + 0.66))
+    axes = [style.axes_at(figure, left, 0.38, inner, 1.45) for left in lefts]
+    some = laws_of(rows)
+    one = [row for row in rows if row["law"] == some[0]]
+    _bound_and_failure(axes[0], rows, one, some)
+    _quartile_band(axes[1], one, "hypervolume", style.GREEN)
+    axes[1].set(ylabel="hypervolume of the front")
+    axes[1].set_ylim(bottom=0.0)
+    _planned_share(axes[2], one)
+    for ax, title in zip(axes, ("(a) selected path", "(b) front", "(c) seeds with a plan"), strict=True):
+        ax.set_xscale("log")
+        ax.set_xlabel("vertices per tree")
+        ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:,.0f}"))
+        ax.grid(color=GRID_COLOUR, lw=0.4)
+        hide_frame(ax)
+        left = ax.get_position().x0 * style.PAGE_WIDTH
+        style.text_at(figure, left, 1.86, title, va="bottom", fontweight="bold")
+    if math.isfinite(numbers["first_seconds"]):
+        text = f"first answer of a forest:\n{1e3 * numbers['first_seconds']:.2g} ms (median)"
+        axes[2].text(0.97, 0.08, text, transform=axes[2].transAxes, ha="right", va="bottom", fontsize=6.5)
+    keys: list[Artist] = [Line2D([], [], color=BOUND_COLOUR, lw=1.4, label="bound on mission failure")]
+    keys += [
+        Line2D(
+            [],
+            [],
+            color=law_colour(law),
+            marker=law_mark(law),
+            ms=3,
+            lw=1.2,
+            label=f"missions missed, {law} winds",
+        )
+        for law in some
+    ]
+    keys += [Patch(fc="#00000022", label=f"quartiles over {one[0]['seeds']} seeds")]
+    legend_above(figure, keys, height, left=0.55, columns=len(keys))
+    return figure
+
+
+def _bound_and_failure(
+    ax: Axes, rows: Sequence[FigureRow], one: Sequence[FigureRow], laws: Sequence[str]
+) -> None:
+    """Mission bound and simulated mission failure of the selected paths, cut at the end of the axis."""
+    values = [
+        column_values(one, "mission_bound_q25"),
+        *(column_values(rows, f"missed_of_a_plan{end}") for end in ("", "_q25")),
+    ]
+    low = decade_below(np.concatenate(values))
+    _quartile_band(ax, one, "mission_bound", BOUND_COLOUR, low, marker="")
+    for law in laws:
+        mine = [row for row in rows if row["law"] == law]
+        _quartile_band(ax, mine, "missed_of_a_plan", law_colour(law), low, law_mark(law))
+    scale_rate_axis(
+        ax, "y", low, decade_above(np.concatenate([*values, column_values(one, "mission_bound_q75")]))
+    )
+    ax.set_ylabel("mission failure [%]")
+    ax.set_xlim(column_values(one, "size").min() / 1.25, column_values(one, "size").max() * 1.25)
+
+
+def _quartile_band(
+    ax: Axes, rows: Sequence[FigureRow], name: str, colour: str, low: float | None = None, marker: str = "o"
+) -> None:
+    """Median of column ``name`` as a line, its quartiles as a band."""
+    x = column_values(rows, "size")
+    middle, bottom, top = (column_values(rows, f"{name}{end}") for end in ("", "_q25", "_q75"))
+    if low is not None:
+        middle, bottom, top = (np.maximum(values, low) for values in (middle, bottom, top))
+    ax.fill_between(x, bottom, top, color=colour, alpha=0.18, lw=0)
+    ax.plot(x, middle, color=colour, lw=1.3, marker=marker, ms=3)
+
+
+def _planned_share(ax: Axes, rows: Sequence[FigureRow]) -> None:
+    """Share of seeds with a plan and its 95 % interval."""
+    x = column_values(rows, "size")
+    ax.fill_between(
+        x,
+        column_values(rows, "planned_low"),
+        column_values(rows, "planned_high"),
+        color=style.PURPLE,
+        alpha=0.18,
+        lw=0,
+    )
+    ax.plot(x, column_values(rows, "planned"), color=style.PURPLE, lw=1.3, marker="o", ms=3)
+    ax.set(ylim=(-0.02, 1.02), ylabel="share (95 % interval)")
+
+
+__all__ = ["convergence_figure", "draw_convergence"]

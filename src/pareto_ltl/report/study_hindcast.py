@@ -1,0 +1,124 @@
+"""The figures of ``pipelines=hindcast``."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from pareto_ltl.report import style
+from pareto_ltl.report.study_axes import (
+    BOUND_COLOUR,
+    LAW_COLOURS,
+    FigureRow,
+    column_values,
+    hide_frame,
+    save_figures,
+    scale_rate_axis,
+)
+from pareto_ltl.settings import ReportConfig
+
+if TYPE_CHECKING:
+    from pareto_ltl.report.records import Study
+
+PROMISE_LABELS = {
+    "bound_paper": "Theorem 2 + R, as planned",
+    "bound_independent": "V + R, independent winds",
+    "bound_coherent": "V + R, coherent winds",
+    "simulated_independent": "simulated, independent winds",
+    "simulated_coherent": "simulated, coherent winds",
+}
+
+
+def draw_hindcast(folder: Path, cfg: ReportConfig, study: Study) -> tuple[Path, ...]:
+    """Write ``reliability_F`` for each planning fidelity F; return the paths."""
+    groups, plans = study.tables["reliability"], study.tables["hindcast"]
+    made = {
+        f"reliability_{name}": partial(
+            reliability_figure,
+            [row for row in groups if row["fidelity"] == name],
+            [row for row in plans if row["fidelity"] == name],
+        )
+        for name in dict.fromkeys(row["fidelity"] for row in groups)
+    }
+    return save_figures(folder, cfg, made)
+
+
+def reliability_figure(groups: Sequence[FigureRow], plans: Sequence[FigureRow]) -> Figure:
+    """Realised against promised failure of groups of plans, one panel per bound.
+
+    The intervals count one trial per mission. Dots are single plans.
+    """
+    order = [name for name in PROMISE_LABELS if any(row["promise"] == name for row in groups)]
+    columns = 3 if len(order) > 4 else len(order)
+    rows = -(-len(order) // columns)
+    gap, west, above = 0.26, 0.62, 0.62
+    inner = min(2.1, (style.PAGE_WIDTH - west - 0.1 - (columns - 1) * gap) / columns)
+    width, height = west + columns * (inner + gap), rows * (inner + above) - 0.02
+    figure, low = style.blank_figure(width, height), 1e-4
+    for k, name in enumerate(order):
+        left, bottom = (
+            west + (k % columns) * (inner + gap),
+            (rows - 1 - k // columns) * (inner + above) + 0.38,
+        )
+        ax = style.axes_at(figure, left, bottom, inner, inner)
+        mine = [row for row in groups if row["promise"] == name]
+        _draw_reliability(ax, mine, [row for row in plans if name in row], name, low)
+        ax.set_xlabel("promised [%]")
+        if k % columns:
+            ax.tick_params(labelleft=False)
+        else:
+            ax.set_ylabel("failed in the full fields [%]")
+        style.text_at(
+            figure, left, bottom + inner + 0.04, PROMISE_LABELS[name], va="bottom", fontweight="bold"
+        )
+    return figure
+
+
+def _draw_reliability(
+    ax: Axes, groups: Sequence[FigureRow], plans: Sequence[FigureRow], name: str, low: float
+) -> None:
+    ax.fill_between([low, 1.0], [low, 1.0], [1.0, 1.0], color=BOUND_COLOUR, alpha=0.06, lw=0)
+    ax.plot([low, 1.0], [low, 1.0], color=style.STONE, lw=0.8, ls=(0, (3, 2)))
+    ax.scatter(
+        np.maximum(column_values(plans, name), low),
+        np.maximum(column_values(plans, "failure"), low),
+        s=3,
+        color=style.MIST,
+        lw=0,
+        zorder=2,
+        clip_on=False,
+    )
+    colour = LAW_COLOURS.get(name.partition("_")[2], style.BLACK)
+    for row in groups:
+        x, y = max(row["promised"], low), max(row["realised"], low)
+        ax.plot(
+            [x, x],
+            [max(row["realised_low"], low), max(row["realised_high"], low)],
+            color=colour,
+            lw=1.2,
+            zorder=3,
+        )
+        ax.plot(x, y, "o", color=colour, ms=4.5, mec="white", mew=0.6, zorder=4, clip_on=False)
+    scale_rate_axis(ax, "x", low)
+    scale_rate_axis(ax, "y", low)
+    ax.text(
+        0.04,
+        0.96,
+        "fails more often\nthan promised",
+        transform=ax.transAxes,
+        va="top",
+        fontsize=6.0,
+        color=BOUND_COLOUR,
+        path_effects=style.white_halo(1.6),
+        zorder=6,
+    )
+    hide_frame(ax)
+
+
+__all__ = ["draw_hindcast", "reliability_figure"]

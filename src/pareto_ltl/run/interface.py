@@ -1,0 +1,240 @@
+"""The Python interface: ``pareto_ltl.plan``, ``simulate`` and ``load_results``.
+
+They go through the runner of the command line: the same settings and seed give the same plan.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pareto_ltl.run.pipeline import Run, carry_out, check_pipeline
+from pareto_ltl.run.records import (
+    AUTOMATON,
+    DECOMPOSITION,
+    DEPLOYMENTS,
+    FOREST,
+    FRONT,
+    PLAN,
+    PROBLEM,
+    SCENE,
+    WIND,
+    RecordKey,
+    Records,
+    T,
+)
+from pareto_ltl.run.results import Results
+from pareto_ltl.run.stage_table import with_extension_stages
+from pareto_ltl.run.stages import PLAN_STAGES
+from pareto_ltl.settings import DeploymentConfig, MissionConfig, SceneConfig, Settings
+from pareto_ltl.settings.building import build_settings, section_of
+from pareto_ltl.support.display import Displayed
+from pareto_ltl.support.errors import ConfigError, DataError
+from pareto_ltl.support.resources import choices
+from pareto_ltl.world.scene import Scene
+
+if TYPE_CHECKING:
+    from pareto_ltl.logic import Automaton
+    from pareto_ltl.planning.problem import Problem
+    from pareto_ltl.planning.records import Forest, Front, Plan
+    from pareto_ltl.report.notebook import Drawing
+    from pareto_ltl.simulation.records import Deployment
+    from pareto_ltl.wind.records import WindField
+    from pareto_ltl.world.cells import Decomposition
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class PlanningResult(Displayed):
+    """What :func:`plan` made. Every record of the run is an attribute, or ``result[KEY]``.
+
+    Attributes
+    ----------
+    run : Run
+        The records, the settings and the time of every stage.
+    """
+
+    run: Run
+
+    def __getitem__(self, key: RecordKey[T]) -> T:
+        return self.run.make(key)
+
+    @property
+    def settings(self) -> Settings:
+        """The settings of the run."""
+        return self.run.settings
+
+    @property
+    def scene(self) -> Scene:
+        """The map."""
+        return self[SCENE]
+
+    @property
+    def decomposition(self) -> Decomposition:
+        """The convex cells of the map."""
+        return self[DECOMPOSITION]
+
+    @property
+    def automaton(self) -> Automaton:
+        """The minimal automaton of the mission."""
+        return self[AUTOMATON]
+
+    @property
+    def wind(self) -> WindField:
+        """The wind that the plan was made for."""
+        return self[WIND]
+
+    @property
+    def problem(self) -> Problem:
+        """All of these as the arrays that planning reads."""
+        return self[PROBLEM]
+
+    @property
+    def forest(self) -> Forest:
+        """The search trees."""
+        return self[FOREST]
+
+    @property
+    def front(self) -> Front:
+        """The non-dominated paths."""
+        return self[FRONT]
+
+    @property
+    def plan(self) -> Plan:
+        """The path to fly."""
+        return self[PLAN]
+
+    @property
+    def metrics(self) -> dict[str, float]:
+        """The numbers of ``metrics.json``, as far as the stages made them."""
+        from pareto_ltl.run.metrics import run_metrics
+
+        return run_metrics(self.run.records, self.run.seconds)
+
+    def facts(self) -> Mapping[str, str]:
+        facts = dict(self.plan.facts()) | {"front": f"{len(self.front.paths)} paths"}
+        where = self.run.directory
+        return facts if where is None else facts | {"directory": str(where)}
+
+    def plot(self, **options: Any) -> Drawing:
+        """The map with trees, plan and simulated flights."""
+        from pareto_ltl.report.notebook import mission_drawing
+
+        flights = self.run.records.get(DEPLOYMENTS)
+        return mission_drawing(self.scene, self.decomposition, self.wind, self.forest, self.plan, flights)
+
+
+def plan(
+    scene: str | Path | Mapping[str, Any] | SceneConfig | Scene,
+    formula: str | Mapping[str, Any] | MissionConfig,
+    *,
+    seed: int = 0,
+    out: str | Path | None = None,
+    **sections: Any,
+) -> PlanningResult:
+    """Plan ``formula`` on ``scene``; the same settings give the same bytes as the command line.
+
+    Parameters
+    ----------
+    scene : str, Path, mapping, SceneConfig or Scene
+        The name of a ready map (``"phi2"``), a GeoJSON or ``scene.json`` file, the keys of ``scene``, or a
+        map in metres.
+    formula : str, mapping or MissionConfig
+        A formula over the regions of the map (``"F(a & F b)"``), or the keys of ``mission``.
+    seed : int
+        Another seed gives other trees.
+    out : path, optional
+        Run the whole pipeline into this results directory. Without it, the stages up to the plan run and
+        nothing is written.
+    sections : mapping, str or settings object
+        Any section of :class:`Settings`: ``wind="calm"``, ``robot={"u_max": 20}``, ``fidelity="full"``,
+        ``planner={"trees": 4}``. A string names a choice in ``conf/``.
+
+    Raises
+    ------
+    ConfigError, FormulaError, DataError
+        If a setting, the formula, the map or the wind is wrong.
+    InfeasibleError
+        If no path completes the mission.
+    """
+    given = Records({SCENE: scene}) if isinstance(scene, Scene) else Records()
+    settings = build_settings(
+        {"pipelines": "plan", "seed": seed}
+        | ({} if isinstance(scene, Scene) else {"scene": _map_settings(scene)})
+        | {"mission": {"formula": formula} if isinstance(formula, str) else formula}
+        | sections
+    )
+    table = with_extension_stages(PLAN_STAGES, settings.pipelines.stages)
+    pipeline = check_pipeline(settings, table, tuple(given))
+    run = Run(settings, table, given, directory=None if out is None else Path(out))
+    if out is not None:
+        carry_out(run, pipeline.stages)
+    else:
+        for stage in pipeline.stages:
+            run.perform(stage)
+            if stage.makes == PLAN:
+                break
+    if PLAN not in run.records:
+        raise ConfigError(f"pipelines.stages makes no plan; it lists {', '.join(settings.pipelines.stages)}")
+    return PlanningResult(run)
+
+
+def simulate(
+    planned: PlanningResult | Results | str | Path,
+    runs: int = 500,
+    law: str = "coherent",
+    *,
+    seed: int | None = None,
+) -> Deployment:
+    """Fly a plan ``runs`` times in winds drawn by ``law``: ``independent`` or ``coherent``.
+
+    Parameters
+    ----------
+    planned : PlanningResult, Results or path
+        What :func:`plan` returned, or a results directory.
+    seed : int, optional
+        Seed of the winds; default that of the plan. One seed gives the same winds to every plan.
+    """
+    run = planned.run if isinstance(planned, PlanningResult) else _run_of(load_results(planned))
+    settings = replace(
+        run.settings,
+        seed=run.settings.seed if seed is None else seed,
+        deployment=DeploymentConfig(runs=runs, laws=[law]),
+    )
+    records = Records({PROBLEM: run.make(PROBLEM), PLAN: run.make(PLAN)})
+    return Run(settings, run.table, records).make(DEPLOYMENTS)[law]
+
+
+def load_results(directory: str | Path | Results) -> Results:
+    """The results directory of a finished run; its records are read when they are asked for.
+
+    Raises
+    ------
+    DataError
+        If the directory holds no run.
+    """
+    results = directory if isinstance(directory, Results) else Results(directory)
+    if not (results.directory / "run.json").is_file():
+        raise DataError(f"{results.directory}: there is no run.json; name a results directory")
+    return results
+
+
+def _run_of(results: Results) -> Run:
+    """The run of a results directory, with its map, its wind and its plan."""
+    settings = results.settings
+    table = with_extension_stages(PLAN_STAGES, settings.pipelines.stages)
+    given = Records({SCENE: results.scene, WIND: results.wind, PLAN: results.plan})
+    return Run(settings, table, given)
+
+
+def _map_settings(scene: str | Path | Mapping[str, Any] | SceneConfig) -> SceneConfig:
+    """Settings of the map from its keys, its name or its file."""
+    if isinstance(scene, str | Path) and str(scene) not in choices("scene"):
+        if not Path(scene).expanduser().is_file():
+            ready = ", ".join(choices("scene"))
+            raise ConfigError(f"scene {str(scene)!r} is neither a file nor a ready map; there are {ready}")
+        return SceneConfig(file=str(scene))
+    built = section_of("scene", str(scene) if isinstance(scene, Path) else scene)
+    assert isinstance(built, SceneConfig)
+    return built

@@ -1,0 +1,90 @@
+"""The records of a run: a store with typed keys, and the keys of the records that a plan is made of.
+
+A key stands for a type without importing it: ``records[WIND]`` is a ``WindField`` to an editor and to mypy,
+and a wrong setting is reported before any numerical package is loaded.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from pareto_ltl.logic import Automaton
+    from pareto_ltl.planning.evaluate import Forecast
+    from pareto_ltl.planning.problem import Problem
+    from pareto_ltl.planning.records import Forest, Front, Plan
+    from pareto_ltl.simulation.records import Deployment
+    from pareto_ltl.wind.readings import Readings
+    from pareto_ltl.wind.records import WindField, WindObservations
+    from pareto_ltl.world.cells import Decomposition
+    from pareto_ltl.world.scene import Scene
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class RecordKey(Generic[T]):
+    """The key of a record of type ``T``; ``name`` is that of the stage that makes it."""
+
+    name: str
+
+
+READINGS: RecordKey[Readings] = RecordKey("readings")
+SCENE: RecordKey[Scene] = RecordKey("scene")
+DECOMPOSITION: RecordKey[Decomposition] = RecordKey("decomposition")
+AUTOMATON: RecordKey[Automaton] = RecordKey("automaton")
+OBSERVATIONS: RecordKey[WindObservations] = RecordKey("observations")
+WIND: RecordKey[WindField] = RecordKey("wind")
+PROBLEM: RecordKey[Problem] = RecordKey("problem")
+FOREST: RecordKey[Forest] = RecordKey("forest")
+FRONT: RecordKey[Front] = RecordKey("front")
+PLAN: RecordKey[Plan] = RecordKey("plan")
+FORECASTS: RecordKey[Mapping[str, Forecast]] = RecordKey("forecasts")  # by wind law
+DEPLOYMENTS: RecordKey[Mapping[str, Deployment]] = RecordKey("deployment")  # by wind law
+FIGURES: RecordKey[tuple[Path, ...]] = RecordKey("report")
+WIND_TABLE: RecordKey[Path] = RecordKey("table")
+
+
+class Records:
+    """Records by key; each value has the type of its key. :meth:`replaced` makes a changed copy."""
+
+    __slots__ = ("_content",)
+
+    def __init__(self, content: Mapping[RecordKey[Any], Any] | None = None) -> None:
+        self._content = dict(content or {})
+
+    def __getitem__(self, key: RecordKey[T]) -> T:
+        if key not in self._content:
+            have = ", ".join(known.name for known in self._content) or "none"
+            raise KeyError(f"there is no record {key.name!r}; there are {have}")
+        record: T = self._content[key]
+        return record
+
+    def __setitem__(self, key: RecordKey[T], record: T) -> None:
+        self._content[key] = record
+
+    def __contains__(self, key: RecordKey[Any]) -> bool:
+        return key in self._content
+
+    def __iter__(self) -> Iterator[RecordKey[Any]]:
+        return iter(self._content)
+
+    def get(self, key: RecordKey[T]) -> T | None:
+        """The record of ``key``, or None if it was not made."""
+        return self._content.get(key)
+
+    def values(self) -> Iterator[object]:
+        """The records, in the order in which they were made."""
+        return iter(self._content.values())
+
+    def copy(self) -> Records:
+        """Another store of the same records."""
+        return Records(self._content)
+
+    def replaced(self, key: RecordKey[T], record: T) -> Records:
+        """A copy in which ``key`` has ``record``."""
+        return Records(self._content | {key: record})

@@ -1,0 +1,174 @@
+"""What a stage is: a function, the records it needs, the record it makes, the settings it reads.
+
+``run/stages.py`` holds the stages of a plan, ``studies/stages.py`` those of the studies, and
+``cli/stage_table.py`` joins both and those of other packages into the table of the application.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Generic, Protocol
+from zlib import crc32
+
+from pareto_ltl.run.records import RecordKey, Records, T
+from pareto_ltl.settings import Settings
+from pareto_ltl.support.errors import ConfigError
+from pareto_ltl.support.extensions import STAGE_GROUP, extension_names, load_extension
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from numpy.random import SeedSequence
+
+Progress = Callable[[int, int], None]  # called with (done, total)
+
+
+class StageContext(Protocol):
+    """What a stage gets its inputs from: a ``Run`` (``run/pipeline.py``)."""
+
+    settings: Settings
+    records: Records
+    directory: Path | None
+
+    @property
+    def stage_progress(self) -> Progress | None: ...
+
+
+class StageInputs:
+    """What one stage may read: the records it declares, the settings, its random stream.
+
+    ``inputs[WIND]`` is a record that the stage needs, ``inputs.get(PLAN)`` one that it may use.
+    """
+
+    __slots__ = ("_context", "_stage")
+
+    def __init__(self, stage: Stage[Any], context: StageContext) -> None:
+        self._stage = stage
+        self._context = context
+
+    def __getitem__(self, key: RecordKey[T]) -> T:
+        if key not in self._stage.needs:
+            raise ValueError(f"stage {self._stage.name!r} asks for {key.name!r}: add its key to needs")
+        return self._context.records[key]
+
+    def get(self, key: RecordKey[T]) -> T | None:
+        """The record of ``key``, one of the stage's ``uses``; None if no earlier stage made it."""
+        if key not in self._stage.uses:
+            raise ValueError(f"stage {self._stage.name!r} asks for {key.name!r}: add its key to uses")
+        return self._context.records.get(key)
+
+    @property
+    def records(self) -> Records:
+        """The records that the stage needs, as a store of their own, for studies that plan anew."""
+        return Records({key: self[key] for key in self._stage.needs})
+
+    @property
+    def settings(self) -> Settings:
+        """All settings of the run."""
+        return self._context.settings
+
+    @property
+    def seeds(self) -> SeedSequence:
+        """The random stream of the stage, from the start: it depends on the run's seed and on ``stream``."""
+        if self._stage.stream is None:
+            raise ValueError(f"stage {self._stage.name!r} draws random numbers: give it a stream")
+        return stage_seeds(self.settings.seed, self._stage.stream)
+
+    @property
+    def directory(self) -> Path:
+        """The results directory. A run without one raises ``ConfigError``."""
+        if self._context.directory is None:
+            raise ConfigError(f"stage {self._stage.name!r} writes files: run it with a results directory")
+        return self._context.directory
+
+    @property
+    def progress(self) -> Progress | None:
+        """A function to call with (done, total), or None if no progress is shown."""
+        return self._context.stage_progress
+
+
+@dataclass(frozen=True)
+class Stage(Generic[T]):
+    """One step of a pipeline.
+
+    Attributes
+    ----------
+    name : str
+        The name in ``pipelines/*.yaml`` and in the log.
+    makes : RecordKey
+        Key of the record that ``make`` returns.
+    make : callable
+        From :class:`StageInputs` to the record. It imports heavy packages in its body.
+    needs : tuple of RecordKey
+        Records that earlier stages must have made.
+    uses : tuple of RecordKey
+        Records that are used where there are some.
+    settings : tuple of type
+        Sections of the settings that ``make`` reads; ``Settings`` stands for all.
+    stream : str or None
+        Names the random stream of a stage that draws; another name means other draws.
+    """
+
+    name: str
+    makes: RecordKey[T]
+    make: Callable[[StageInputs], T]
+    needs: tuple[RecordKey[Any], ...] = ()
+    uses: tuple[RecordKey[Any], ...] = ()
+    settings: tuple[type[Any], ...] = ()
+    stream: str | None = None
+
+
+def stage_seeds(seed: int, stream: str) -> SeedSequence:
+    """The random stream ``stream`` of a run with ``seed``; a new object each time, since spawning counts."""
+    from numpy.random import SeedSequence
+
+    return SeedSequence(seed, spawn_key=(crc32(stream.encode()),))
+
+
+class StageTable:
+    """Stages by name, in order."""
+
+    __slots__ = ("_stages", "known")
+
+    def __init__(self, stages: Iterable[Stage[Any]], known: Iterable[str] = ()) -> None:
+        self._stages: dict[str, Stage[Any]] = {}
+        for stage in stages:
+            if stage.name in self._stages:
+                raise ValueError(f"two stages have the name {stage.name!r}")
+            self._stages[stage.name] = stage
+        self.known = tuple(dict.fromkeys((*self._stages, *known)))  # also names that were not loaded
+
+    def __getitem__(self, name: str) -> Stage[Any]:
+        return self._stages[name]
+
+    def __contains__(self, name: str) -> bool:
+        return name in self._stages
+
+    def maker_of(self, key: RecordKey[T]) -> Stage[T]:
+        """The first stage that makes ``key``; ``KeyError`` if there is none."""
+        for stage in self._stages.values():
+            if stage.makes == key:
+                return stage
+        raise KeyError(f"no stage makes {key.name!r}")
+
+
+def with_extension_stages(own: Iterable[Stage[Any]], listed: Iterable[str]) -> StageTable:
+    """The table of ``own`` stages and of those among ``listed`` that other packages add.
+
+    Raises
+    ------
+    ConfigError
+        If an added stage has the name of one of ``own``, does not load, or is no :class:`Stage`.
+    """
+    stages = list(own)
+    added = extension_names(STAGE_GROUP, [stage.name for stage in stages])
+    for name in dict.fromkeys(listed):
+        if name in added:
+            stage = load_extension(STAGE_GROUP, name, lambda loaded: isinstance(loaded, Stage))
+            if stage.name != name:
+                raise ConfigError(
+                    f"entry point {name!r} in {STAGE_GROUP} is the stage {stage.name!r}; give both one name"
+                )
+            stages.append(stage)
+    return StageTable(stages, known=added)

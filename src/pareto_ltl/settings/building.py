@@ -1,0 +1,139 @@
+"""Settings from plain Python: names of YAML choices, mappings and settings objects, without Hydra.
+
+The result is the same :class:`Settings` that the command line composes from the same values.
+"""
+
+from __future__ import annotations
+
+import difflib
+import typing
+from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
+from pathlib import Path
+from types import NoneType, UnionType
+from typing import Any
+
+from pareto_ltl.settings import FidelityConfig, Settings, preset
+from pareto_ltl.support.errors import ConfigError, DataError
+from pareto_ltl.support.resources import choice_file
+
+
+def build_settings(sections: Mapping[str, Any]) -> Settings:
+    """Settings from ``sections``; what is not named has its default.
+
+    Parameters
+    ----------
+    sections : mapping of str
+        For each field of :class:`Settings` a value of its type. For a section also the name of a choice in
+        ``conf/`` (``"calm"`` for ``wind``) or a mapping of its keys.
+
+    Raises
+    ------
+    ConfigError
+        If a key is unknown, or a value of the wrong type or out of range.
+    """
+    values = {name: _value(name, value) for name, value in sections.items()}
+    built = _record(Settings, values, "")
+    assert isinstance(built, Settings)
+    return built
+
+
+def read_settings_file(path: Path) -> Settings:
+    """The settings that a run wrote as ``config_resolved.yaml``; ``DataError`` if the file is damaged."""
+    try:
+        content = _yaml(path)
+    except OSError as error:
+        raise DataError(f"{path}: cannot be read ({error.strerror}); is this a results directory?") from error
+    return build_settings(content)
+
+
+def section_of(section: str, value: Any) -> Any:
+    """The settings of one section: ``value`` is a settings object, a mapping, or the name of a choice."""
+    return getattr(build_settings({section: value}), section)
+
+
+def _value(section: str, value: Any) -> Any:
+    """A choice as the mapping that its file holds; a mapping of ``fidelity`` on top of its preset."""
+    schema = typing.get_type_hints(Settings).get(section)
+    if isinstance(value, str) and is_dataclass(schema):
+        return _yaml(choice_file(section, value))
+    if schema is FidelityConfig and isinstance(value, Mapping):
+        base = preset(str(value.get("name", "paper")))
+        return {f.name: getattr(base, f.name) for f in fields(base)} | dict(value)
+    return value
+
+
+def _yaml(path: Path) -> dict[str, Any]:
+    import yaml
+
+    try:
+        content = yaml.safe_load(path.read_text(encoding="utf-8")) or {}
+    except yaml.YAMLError as error:
+        raise DataError(f"{path}: not YAML ({' '.join(str(error).split())})") from error
+    if not isinstance(content, dict):
+        raise DataError(f"{path}: expected keys and values, found {type(content).__name__}")
+    return content
+
+
+def _record(schema: Any, values: Mapping[str, Any], where: str) -> Any:
+    """``schema(**values)`` with every value in the type of its field."""
+    types = typing.get_type_hints(schema)
+    for name in values:
+        if name not in types:
+            near = difflib.get_close_matches(str(name), types, n=1)
+            hint = f"did you mean {where}{near[0]}?" if near else f"there are {', '.join(types)}"
+            raise ConfigError(f"unknown setting {where}{name}; {hint}")
+    return schema(**{name: _typed(types[name], value, where + name) for name, value in values.items()})
+
+
+def _typed(kind: Any, value: Any, key: str) -> Any:
+    """``value`` as ``kind``: whole numbers become floats, arrays and tuples lists, paths text."""
+    if isinstance(kind, UnionType):
+        if value is None and NoneType in kind.__args__:
+            return None
+        (kind,) = (arm for arm in kind.__args__ if arm is not NoneType)
+    if is_dataclass(kind):
+        if isinstance(value, Mapping):
+            return _record(kind, value, f"{key}.")
+        if is_dataclass(value):
+            return value
+    elif typing.get_origin(kind) is list:
+        if isinstance(value := _as_lists(value), list):
+            return [_typed(typing.get_args(kind)[0], item, key) for item in value]
+    elif typing.get_origin(kind) is dict:
+        if isinstance(value, Mapping):
+            return {str(name): _as_lists(item) for name, item in value.items()}
+    elif kind is float:
+        return _number(value, key)
+    elif kind is str and isinstance(value, str | Path):
+        return str(value)
+    elif kind is Any or (type(value) is kind):
+        return _as_lists(value)
+    elif kind is int and hasattr(value, "__index__") and not isinstance(value, bool):
+        return int(value)
+    raise ConfigError(f"{key} must be {_kind_text(kind)}, got {value!r}")
+
+
+def _number(value: Any, key: str) -> float:
+    try:
+        if isinstance(value, bool):
+            raise TypeError
+        return float(value)
+    except (TypeError, ValueError):
+        raise ConfigError(f"{key} must be a number, got {value!r}") from None
+
+
+def _as_lists(value: Any) -> Any:
+    """Arrays and tuples as lists, at any depth."""
+    if hasattr(value, "tolist"):
+        return value.tolist()
+    if isinstance(value, list | tuple):
+        return [_as_lists(item) for item in value]
+    return value
+
+
+def _kind_text(kind: Any) -> str:
+    names = {int: "a whole number", str: "text", bool: "true or false"}
+    if is_dataclass(kind):
+        return "a choice, a mapping or a settings object"
+    return names.get(kind, str(getattr(kind, "__name__", kind)))

@@ -1,0 +1,61 @@
+"""The models that plans are made with, and their presets."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from pareto_ltl.settings.checks import CheckedSettings, setting
+
+LAWS = ("independent", "coherent")
+MISSION_BOUNDS = ("theorem2", "ordered")
+COLLISION_BOUNDS = ("step", "path")
+PARENT_RULES = ("dominance", "scaled", "tchebycheff", "mixed")
+REFINEMENTS = ("none", "convex")
+JUDGES = ("bound", "flights")
+
+PRESETS: dict[str, dict[str, str]] = {
+    "paper": {
+        "law": "independent", "mission_bound": "theorem2", "collision_bound": "step",
+        "parents": "dominance", "refine": "convex", "judge": "bound",
+    },
+    "full": {
+        "law": "coherent", "mission_bound": "ordered", "collision_bound": "path",
+        "parents": "mixed", "refine": "convex", "judge": "flights",
+    },
+}  # fmt: skip
+
+
+@dataclass
+class FidelityConfig(CheckedSettings):
+    """The models that plans are made with; fidelity=NAME sets all of them, and each can be set alone."""
+
+    section: ClassVar[str] = "fidelity"
+    name: str = setting("paper", "the preset that the models below begin with", choices=tuple(PRESETS))
+    law: str = setting("independent", "wind law that plans are judged in", choices=LAWS)
+    mission_bound: str = setting(
+        "theorem2", "mission risk: f_o of the paper (theorem2) or V (ordered)", choices=MISSION_BOUNDS
+    )
+    collision_bound: str = setting(
+        "step", "collision risk: Eqs. 9 and 10 of the paper (step) or R (path)", choices=COLLISION_BOUNDS
+    )
+    parents: str = setting(
+        "dominance", "rule of parent re-selection; dominance is Eqs. 11 and 12", choices=PARENT_RULES
+    )
+    refine: str = setting("convex", "what is done to the paths of the trees", choices=REFINEMENTS)
+    judge: str = setting("bound", "what ranks the front and accepts the plan", choices=JUDGES)
+
+    @property
+    def label(self) -> str:
+        """``full``, or ``full with parents=scaled`` where a choice of the preset was changed."""
+        usual = PRESETS[self.name]
+        changed = [f"{key}={getattr(self, key)}" for key in usual if getattr(self, key) != usual[key]]
+        return f"{self.name} with {', '.join(changed)}" if changed else self.name
+
+
+def preset(name: str) -> FidelityConfig:
+    """The models of ``fidelity=NAME``; KeyError for a name that is not in ``PRESETS``."""
+    return FidelityConfig(name=name, **PRESETS[name])
+
+
+PAPER = preset("paper")

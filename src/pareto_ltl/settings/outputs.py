@@ -1,0 +1,64 @@
+"""Settings of simulated flights, figures, wind tables, pipelines and sweeps."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+from pareto_ltl.settings.checks import CheckedSettings, check_outline, setting
+from pareto_ltl.settings.fidelity import LAWS
+
+
+@dataclass
+class DeploymentConfig(CheckedSettings):
+    """Simulated flights of the plan."""
+
+    section: ClassVar[str] = "deployment"
+    runs: int = setting(500, "flights simulated under each wind law", least=1)
+    laws: list[str] = setting(list(LAWS), "wind laws that are simulated", choices=LAWS)
+
+
+@dataclass
+class ReportConfig(CheckedSettings):
+    """Figures."""
+
+    section: ClassVar[str] = "report"
+    figures: bool = setting(True, "whether figures are drawn")
+    dpi: int = setting(200, "resolution of PNG figures, in dots per inch", least=30)
+    paths: int = setting(40, "simulated flights that are drawn", least=0)
+
+
+@dataclass
+class IngestConfig(CheckedSettings):
+    """The table of readings that pipelines=ingest writes."""
+
+    section: ClassVar[str] = "ingest"
+    out: str = setting("wind_table.csv", "file that is written")
+    points: int = setting(120, "readings at each time, by farthest-point sampling", least=3)
+    area: list[Any] = setting([], "outline of the area, corners [longitude, latitude]", unit="deg")
+    first: str | None = setting(None, "first time, ISO 8601 UTC; null: from the beginning")
+    last: str | None = setting(None, "last time, ISO 8601 UTC; null: to the end")
+
+    def check_combinations(self) -> None:
+        check_outline("ingest.area", self.area)
+
+
+@dataclass
+class PipelineConfig(CheckedSettings):
+    """What a run does."""
+
+    section: ClassVar[str] = "pipelines"
+    stages: list[str] = setting([], "stages in the order in which they run")
+
+
+@dataclass
+class SweepConfig(CheckedSettings):
+    """How many runs are carried out and shown together; no result depends on it."""
+
+    section: ClassVar[str] = "sweep"
+    resume: bool = setting(True, "keep finished jobs and run only those that failed, were killed or are new")
+    x: str | None = setting(
+        None, "horizontal axis of the figure: a swept setting or a metric; null: the first swept setting"
+    )
+    y: str | None = setting(None, "vertical axis of the figure: a metric; null: the failure rate")
+    by: str | None = setting(None, "one color in the figure for each value of this swept setting")

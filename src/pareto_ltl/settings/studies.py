@@ -1,0 +1,128 @@
+"""Settings of the studies: pipelines compare, convergence, ablation and hindcast."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+from pareto_ltl.settings.checks import CheckedSettings, check_outline, setting
+from pareto_ltl.settings.fidelity import LAWS
+from pareto_ltl.settings.wind import GP_KERNELS
+from pareto_ltl.support.errors import ConfigError
+
+METHODS = ("paper", "smoothed", "full", "cc_rrt", "ml_rrt", "calm_shortest")
+ABLATION_FACTORS = ("trees", "beta", "epsilon", "n_max", "dt", "kernel", "ball")
+INLAND_OUTLINE = (  # the contiguous United States without their rim [longitude, latitude] [deg]
+    (-120.0, 46.5), (-118.5, 37.0), (-111.0, 33.5), (-103.0, 31.5), (-98.5, 29.0), (-91.0, 31.5),
+    (-84.0, 32.5), (-80.5, 35.0), (-76.5, 40.5), (-84.0, 43.0), (-90.0, 45.5), (-97.0, 47.0), (-111.0, 47.0),
+)  # fmt: skip
+
+
+@dataclass
+class EvaluationConfig(CheckedSettings):
+    """What the studies (pipelines compare, convergence, ablation, hindcast) share."""
+
+    section: ClassVar[str] = "evaluation"
+    seeds: list[int] = setting(
+        list(range(20)), "seeds of the planner, one plan for each", not_negative=True, distinct=True
+    )
+    laws: list[str] = setting(list(LAWS), "wind laws that plans are flown under", choices=LAWS, distinct=True)
+    jobs: int = setting(0, "processes; 0: one for each core", least=0)
+    resume: str | None = setting(None, "results directory of a run that is continued")
+
+
+@dataclass
+class CompareConfig(CheckedSettings):
+    """Which planners pipelines=compare compares."""
+
+    section: ClassVar[str] = "compare"
+    methods: list[str] = setting(
+        list(METHODS),
+        "planners; differences are taken to the first one",
+        choices=METHODS,
+        distinct=True,
+    )
+
+
+@dataclass
+class ConvergenceConfig(CheckedSettings):
+    """At which sizes pipelines=convergence looks at the growing trees."""
+
+    section: ClassVar[str] = "convergence"
+    sizes: list[int] = setting(
+        [100, 200, 500, 1000, 2500, 5000, 10_000, 20_000], "vertices of a tree", least=2, distinct=True
+    )
+
+
+@dataclass
+class AblationConfig(CheckedSettings):
+    """What pipelines=ablation changes, one factor at a time, and the values it takes."""
+
+    section: ClassVar[str] = "ablation"
+    factors: list[str] = setting(
+        list(ABLATION_FACTORS), "factors that are changed", choices=ABLATION_FACTORS, distinct=True
+    )
+    trees: list[int] = setting([1, 2, 5, 10, 20], "values of planner.trees", least=1, distinct=True)
+    beta: list[float] = setting(
+        [0.0, 1.0, 10.0],
+        "factors that multiply planner.beta_risk and planner.beta_length",
+        not_negative=True,
+        distinct=True,
+    )
+    epsilon: list[float] = setting(
+        [0.01, 0.02, 0.05, 0.1, 0.2], "values of planner.epsilon", above=0, below=1, distinct=True
+    )
+    n_max: list[int] = setting(
+        [500, 1000, 2500, 5000, 10_000], "values of planner.n_max", least=1, distinct=True
+    )
+    dt: list[int] = setting([1, 2, 4, 8, 16], "pieces that a time step is cut into", least=1, distinct=True)
+    kernel: list[str] = setting(list(GP_KERNELS), "values of wind.kernel", choices=GP_KERNELS, distinct=True)
+    ball: list[float] = setting([0.0, 1.0, 2.0, 3.0], "values of wind.ball", not_negative=True, distinct=True)
+
+
+@dataclass
+class HindcastConfig(CheckedSettings):
+    """Random missions that pipelines=hindcast plans from few readings and flies through full fields."""
+
+    section: ClassVar[str] = "hindcast"
+    truth: str | None = setting(
+        None, "folder of GRIB2 files with the full fields; null: the NOAA files beside the checkout"
+    )
+    missions: int = setting(100, "number of random missions", least=1)
+    plans: int = setting(
+        3, "plans of each mission's front: the safest, the shortest and those between", least=1
+    )
+    points: int = setting(120, "readings at each time that planning sees, spread over area", least=5)
+    area: list[Any] = setting(
+        [list(corner) for corner in INLAND_OUTLINE],
+        "outline that holds the centres of scenes, corners [longitude, latitude]",
+        unit="deg",
+    )
+    side: list[float] = setting([400_000.0, 800_000.0], "smallest and largest side of a scene", unit="m")
+    obstacles: list[int] = setting([2, 7], "least and most obstacles of a scene")
+    formulas: list[str] = setting(
+        ["F(a & F b)", "F(a & F b & F c)", "F(a & F(b & F c))", "!b U a & F c"],
+        "missions, over the regions a, b and c",
+    )
+    hours: float = setting(18.0, "wind that must be left after departure", unit="h", above=0)
+    max_gap: float = setting(
+        6.0, "fields farther apart than this belong to different periods", unit="h", above=0
+    )
+    gusts: float = setting(
+        1.0, "share of the fitted white standard deviation added to the real fields", not_negative=True
+    )
+    spacing: float = setting(20_000.0, "spacing of the lattice of the real fields", unit="m", above=0)
+    bins: int = setting(8, "bins of the reliability diagram", least=2)
+
+    def check_combinations(self) -> None:
+        for key, pair in (("side", self.side), ("obstacles", self.obstacles)):
+            if len(pair) != 2 or not 0 <= pair[0] <= pair[1] < math.inf:
+                raise ConfigError(f"hindcast.{key} must be [least, most], got {pair}")
+        if self.side[0] == 0:
+            raise ConfigError(f"hindcast.side must be positive [m], got {self.side[0]}")
+        check_outline("hindcast.area", self.area)
+        if len(self.area) < 3:
+            raise ConfigError("hindcast.area must be at least three corners [longitude, latitude]")
+        if not self.formulas:
+            raise ConfigError("hindcast.formulas is empty: list at least one, over the regions a, b and c")

@@ -1,0 +1,78 @@
+"""Settings of the map and of the mission."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
+
+from pareto_ltl.settings.checks import CheckedSettings, setting
+from pareto_ltl.support.errors import ConfigError
+
+
+@dataclass
+class RandomSceneConfig(CheckedSettings):
+    """Regions and obstacles at random places, beside those that the scene names."""
+
+    section: ClassVar[str] = "scene.random"
+    seed: int = setting(0, "seed of the map; the seed of the planner is the setting seed", least=0)
+    regions: int = setting(0, "number of random regions", least=0, most=26, remark="they are named a to z")
+    obstacles: int = setting(0, "number of random obstacles", least=0)
+    radius: list[float] = setting(
+        [0.05, 0.1], "smallest and largest radius, as a share of the map's shorter side, below 0.5"
+    )
+    gap: float = setting(
+        0.02, "smallest gap between any two of them, as a share of the map's shorter side", not_negative=True
+    )
+
+    def check_combinations(self) -> None:
+        if len(self.radius) != 2 or not 0 < self.radius[0] <= self.radius[1] < 0.5:
+            raise ConfigError(
+                "scene.random.radius must be [smallest, largest], between 0 and 0.5 of the map's shorter "
+                f"side, got {self.radius}"
+            )
+
+
+@dataclass
+class SceneConfig(CheckedSettings):
+    """The map, in units of scene.unit; with scene.centre, a plane that touches the Earth there."""
+
+    # Numbers of the map are checked when the scene is built: a schema of floats would refuse a corner [1, 2].
+    section: ClassVar[str] = "scene"
+    name: str = setting("scene", "name of the map")
+    file: str | None = setting(
+        None, "map file instead of the keys below: GeoJSON (degrees) or scene.json (metres)"
+    )
+    unit: float = setting(1.0, "length of a coordinate unit", unit="m", above=0)
+    centre: list[float] | None = setting(
+        None, "[latitude, longitude] of the middle of the bounds", unit="deg"
+    )
+    bounds: list[Any] = setting([], "[[west, south], [east, north]] of the map", unit="units")
+    start: list[Any] = setting([], "start position [east, north]", unit="units")
+    regions: dict[str, Any] = setting({}, "name: corners of each region of the formula", unit="units")
+    obstacles: list[Any] = setting([], "corners of each obstacle", unit="units")
+    landmarks: list[Any] = setting(
+        [], "corners of each area where the robot measures its position", unit="units"
+    )
+    random: RandomSceneConfig = field(default_factory=RandomSceneConfig)
+
+    def check_combinations(self) -> None:
+        if self.centre is not None and (
+            len(self.centre) != 2 or not -89 <= self.centre[0] <= 89 or not -180 <= self.centre[1] <= 360
+        ):
+            raise ConfigError(f"scene.centre must be [latitude, longitude] in degrees, got {self.centre}")
+
+
+@dataclass
+class MissionConfig(CheckedSettings):
+    """What the robot must do, as a formula, a pattern or an automaton."""
+
+    section: ClassVar[str] = "mission"
+    formula: str = setting("", "co-safe temporal-logic formula over the regions, e.g. F(a & F b)")
+    start_time: str | None = setting(None, "departure, ISO 8601 UTC; null: the first wind time")
+    pattern: str | None = setting(
+        None, "instead of the formula: sequence, coverage, ... (the choices of the group mission)"
+    )
+    goals: list[str] = setting([], "regions or formulas that the pattern visits")
+    avoid: list[str] = setting([], "regions that the pattern keeps out of")
+    order: list[list[str]] = setting([], "pairs [first, then] of goals that the pattern orders")
+    automaton: str | None = setting(None, "instead of the formula: a file in the HOA format")

@@ -1,0 +1,96 @@
+"""Rates with exact intervals, quartiles, and tests for pairs: the statistics of sweeps and studies."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from pareto_ltl.simulation.flights import clopper_pearson
+from pareto_ltl.support.arrays import BoolArray, FloatArray
+
+Columns = dict[str, Any]  # columns of a table by name, or one of its rows
+
+
+@dataclass(frozen=True, slots=True)
+class PooledRate:
+    """``events`` of ``runs``, as one experiment, with the exact 95 % interval of Clopper and Pearson.
+
+    Without runs the rate and its interval are NaN.
+    """
+
+    events: int
+    runs: int
+
+    @property
+    def rate(self) -> float:
+        return self.events / self.runs if self.runs else math.nan
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        return clopper_pearson(self.events, self.runs) if self.runs else (math.nan, math.nan)
+
+
+def pooled_shares(pairs: Iterable[tuple[float, float]]) -> PooledRate:
+    """The rate over all runs of experiments that are given as (share of events, number of runs)."""
+    known = list(pairs)
+    events = math.fsum(share * runs for share, runs in known)
+    return PooledRate(round(events), round(math.fsum(runs for _, runs in known)))
+
+
+def rate_columns(name: str, hits: BoolArray) -> Columns:
+    """``name``, ``name_low`` and ``name_high``: the share of ``hits`` (N,) and its interval; NaN if N = 0."""
+    found = PooledRate(int(hits.sum()), len(hits))
+    low, high = found.interval
+    return {name: found.rate, f"{name}_low": low, f"{name}_high": high}
+
+
+def mean_chance_columns(name: str, total: float, n: int) -> Columns:
+    """The mean of ``n`` probabilities that sum to ``total``, with an interval that is not too narrow.
+
+    Each probability p_i is known, its outcome is not: outcomes ~ Bernoulli(p_i) vary more than the p_i do, so
+    the Clopper-Pearson intervals of the neighbouring whole counts cover the mean. NaN if n = 0.
+    """
+    if n == 0:
+        return {name: math.nan, f"{name}_low": math.nan, f"{name}_high": math.nan}
+    low, _ = clopper_pearson(math.floor(total + 1e-9), n)
+    _, high = clopper_pearson(math.ceil(total - 1e-9), n)
+    return {name: total / n, f"{name}_low": low, f"{name}_high": high}
+
+
+def quartiles_of(values: Sequence[float] | FloatArray) -> tuple[float, float, float]:
+    """Lower quartile, median and upper quartile of the finite ``values``; NaN if there are none."""
+    known = np.asarray(values, float)
+    known = known[np.isfinite(known)]
+    if not len(known):
+        return math.nan, math.nan, math.nan
+    low, middle, high = np.quantile(known, [0.25, 0.5, 0.75])
+    return float(low), float(middle), float(high)
+
+
+def quartile_columns(name: str, values: Sequence[float] | FloatArray) -> Columns:
+    """``name``, ``name_q25`` and ``name_q75``: median and quartiles of the finite ``values``."""
+    low, middle, high = quartiles_of(values)
+    return {name: middle, f"{name}_q25": low, f"{name}_q75": high}
+
+
+def mcnemar_test(first_only: int, second_only: int) -> float:
+    """Two-sided exact p-value of McNemar's test: of the pairs that differ, each side has half (Binomial)."""
+    from scipy.stats import binomtest
+
+    n = first_only + second_only
+    return 1.0 if n == 0 else float(binomtest(first_only, n, 0.5).pvalue)
+
+
+def mean_interval(values: FloatArray) -> tuple[float, float]:
+    """95 % interval of a mean over seeds (Student's t); NaN of fewer than two ``values`` (N,)."""
+    from scipy.special import stdtrit
+
+    if len(values) < 2:
+        return math.nan, math.nan
+    middle, half = values.mean(), values.std(ddof=1) / math.sqrt(len(values))
+    half *= float(stdtrit(len(values) - 1, 0.975))
+    return float(middle - half), float(middle + half)

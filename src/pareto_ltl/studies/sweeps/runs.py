@@ -1,0 +1,106 @@
+"""A run of a sweep as a job: a results directory, named by the fingerprint of its settings and the code."""
+
+from __future__ import annotations
+
+import shutil
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from pareto_ltl.run import provenance
+from pareto_ltl.studies.jobs import ANSWERS, KILLED, JobState, Metrics, StoredJob
+from pareto_ltl.support.errors import DataError
+from pareto_ltl.support.files import read_json
+from pareto_ltl.support.locks import is_held
+
+RUN_LOCK = "run.lock"
+SURVIVORS = (RUN_LOCK, ".hydra", "run.log")  # what stays of a run that is made again
+KEY_DIGITS = 16  # digits of the fingerprint that name a directory
+
+
+@dataclass(frozen=True, slots=True)
+class RunJob(StoredJob):
+    """The run in ``directory``, whose name is the beginning of the fingerprint of its settings."""
+
+    directory: Path
+
+    @property
+    def name(self) -> str:
+        return self.directory.name
+
+    @property
+    def key(self) -> str:
+        return self.directory.name
+
+    @property
+    def lock(self) -> Path:
+        return self.directory / RUN_LOCK
+
+    @property
+    def traces(self) -> tuple[Path, ...]:
+        return self.lock, self.directory / "run.json"
+
+    def look(self) -> JobState:
+        path = self.directory / "run.json"
+        if not path.is_file():
+            return self._unfinished({})
+        try:
+            record = read_json(path)
+        except DataError:
+            return JobState("failed", "run.json cannot be read")
+        status, error = str(record.get("status")), record.get("error")
+        if status == "running" or self.abandoned():
+            return self._unfinished(record)
+        if status not in ANSWERS:
+            return JobState("failed", str(error), record=record)
+        if not record.get("measured", status == "ok"):
+            return JobState(status, error, record=record)
+        try:
+            return JobState(status, error, read_metrics(self.directory / "metrics.json"), record)
+        except DataError:
+            if is_held(self.lock):  # run.json comes just before metrics.json
+                return JobState("running", record=record)
+            return JobState("failed", "metrics.json is missing or damaged", record=record)
+
+    def _unfinished(self, record: dict[str, Any]) -> JobState:
+        """State of a run that has not written how it ended."""
+        if is_held(self.lock):
+            return JobState("running", record=record)
+        if not record and not self.abandoned():
+            return JobState("pending")
+        return JobState("failed", KILLED, record=record)
+
+    def settled(self) -> bool:
+        """Whether the answer was made by this code from these settings, and from files that are the same."""
+        state = self.look()
+        return (
+            state.answered
+            and str(state.record.get("config_hash", "")).startswith(self.key)
+            and provenance.unchanged(state.record.get("inputs") or {})
+        )
+
+    def clear(self) -> None:
+        """Remove what an earlier attempt left behind; its log stays."""
+        for path in self.directory.iterdir():
+            if path.name in SURVIVORS:
+                continue
+            if path.is_dir() and not path.is_symlink():
+                shutil.rmtree(path)
+            else:
+                path.unlink()
+
+    def note_failure(self, error: str) -> None:
+        self.directory.mkdir(exist_ok=True)
+        provenance.write(self.directory, {**self.look().record, "status": "failed", "error": error})
+
+
+def read_metrics(path: Path) -> Metrics:
+    """The metrics of a finished run; DataError where the file is missing or holds something else."""
+    table = read_json(path)
+    numbers = all(
+        value is None or (isinstance(value, float | int) and not isinstance(value, bool))
+        for value in table.values()
+    )
+    if "completed" not in table or not numbers:
+        raise DataError(f"{path}: not the metrics of a run")
+    return table

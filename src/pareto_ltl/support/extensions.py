@@ -1,0 +1,113 @@
+"""Parts that other packages add: Python entry points in the groups below.
+
+``pareto_ltl.stages``           a ``Stage`` of a pipeline (``run/stage_table.py``)
+``pareto_ltl.wind_sources``     a ``WindSource`` (``wind/sources``)
+``pareto_ltl.patterns``         a function from ``MissionConfig`` to a formula (``logic/patterns.py``)
+``pareto_ltl.selection_rules``  a function that picks a path of a front (``planning/selection_rules.py``)
+``pareto_ltl.conf``             a folder of YAML choices: ``robot/``, ``scene/``, ``pipelines/`` and so on
+
+An entry point is imported when its name is asked for, not before. ``examples/extension/`` shows one of each.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from functools import lru_cache
+from importlib.machinery import PathFinder
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from pareto_ltl.support.errors import ConfigError
+
+if TYPE_CHECKING:
+    from importlib.metadata import EntryPoint
+
+Kind = TypeVar("Kind")
+
+STAGE_GROUP = "pareto_ltl.stages"
+WIND_SOURCE_GROUP = "pareto_ltl.wind_sources"
+PATTERN_GROUP = "pareto_ltl.patterns"
+SELECTION_RULE_GROUP = "pareto_ltl.selection_rules"
+CONF_GROUP = "pareto_ltl.conf"
+
+
+@lru_cache
+def _entries(group: str) -> dict[str, EntryPoint]:
+    """The entry points of ``group`` by name."""
+    from importlib.metadata import entry_points
+
+    found: dict[str, EntryPoint] = {}
+    for entry in sorted(entry_points(group=group), key=lambda entry: (entry.name, entry.value)):
+        other = found.get(entry.name)
+        if other is not None and other.value != entry.value:
+            raise ConfigError(
+                f"two packages add {group} {entry.name!r}: {other.value} and {entry.value}; uninstall one"
+            )
+        found[entry.name] = entry
+    return found
+
+
+def extension_names(group: str, own: Iterable[str] = ()) -> tuple[str, ...]:
+    """Names that other packages add to ``group``, sorted; ``own`` are the names that pareto_ltl has itself.
+
+    Raises
+    ------
+    ConfigError
+        If an added name is one of ``own``.
+    """
+    names = _entries(group)
+    for name in own:
+        if name in names:
+            raise ConfigError(
+                f"{_entry_text(names[name])} has the name of a part of pareto_ltl; rename it, or uninstall it"
+            )
+    return tuple(names)
+
+
+def known_kind(group: str, own: Mapping[str, Kind], name: str, expected: Callable[[Any], bool]) -> Kind:
+    """What ``name`` stands for: an entry of ``own``, or the loaded entry point of ``group``.
+
+    ``expected`` tells whether a loaded object is of the right kind. Raises ``KeyError`` if the name is
+    unknown and ``ConfigError`` if an entry point clashes, does not load or is of another kind.
+    """
+    extension_names(group, own)
+    return own[name] if name in own else load_extension(group, name, expected)
+
+
+def load_extension(group: str, name: str, expected: Callable[[Any], bool]) -> Any:
+    """The object of entry point ``name``; the errors are those of :func:`known_kind`."""
+    entry = _entries(group)[name]
+    try:
+        loaded = entry.load()
+    except Exception as error:
+        reason = f"{type(error).__name__}: {' '.join(str(error).split())}"
+        raise ConfigError(
+            f"{_entry_text(entry)} cannot be loaded ({reason}); repair or uninstall it"
+        ) from error
+    if not expected(loaded):
+        raise ConfigError(
+            f"{_entry_text(entry)} is a {type(loaded).__name__}, which this group does not take; see "
+            "examples/extension"
+        )
+    return loaded
+
+
+def extension_folders() -> tuple[Path, ...]:
+    """Folders of YAML choices that other packages add, in the order of their names."""
+    return tuple(_folder(entry) for entry in _entries(CONF_GROUP).values())
+
+
+def _folder(entry: EntryPoint) -> Path:
+    """The folder of the package that the entry point names, without importing it."""
+    search: list[str] | None = None
+    for part in entry.value.split("."):
+        found = PathFinder.find_spec(part, search)
+        search = list(found.submodule_search_locations or ()) if found is not None else []
+        if not search:
+            raise ConfigError(f"{_entry_text(entry)} names no folder of a package; repair or uninstall it")
+    return Path((search or [""])[0])
+
+
+def _entry_text(entry: EntryPoint) -> str:
+    package = f" of {entry.dist.name}" if entry.dist is not None else ""
+    return f"entry point {entry.name!r} ({entry.value}) in {entry.group}{package}"

@@ -1,0 +1,145 @@
+"""Files that appear whole or not at all, and whose bytes depend on their content alone.
+
+A file is written beside its place, forced to the disk and then moved: a reader never sees half of it, and a
+write that fails leaves the file that was there before. Archives carry a fixed date; JSON keeps the order of
+its keys and prints the shortest digits that read back to the same number.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import math
+import os
+import zipfile
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pareto_ltl.support.errors import DataError
+
+ARCHIVE_DATE = (1980, 1, 1, 0, 0, 0)  # the earliest date that a zip archive can carry
+
+
+@contextmanager
+def whole_file(path: Path) -> Iterator[Path]:
+    """A draft to write to; it replaces ``path`` when the block ends, and is removed when the block raises."""
+    draft = path.with_name(f".{os.getpid()}.{path.name}")
+    try:
+        yield draft
+        with draft.open("r+b") as file:
+            os.fsync(file.fileno())
+        os.replace(draft, path)
+    finally:
+        draft.unlink(missing_ok=True)
+
+
+def remove_dead_drafts(folder: Path) -> None:
+    """Remove the drafts of :func:`whole_file` in ``folder`` whose process of this machine has ended."""
+    for draft in folder.glob(".*.*"):
+        owner = draft.name.split(".")[1]
+        if owner.isdigit() and not process_lives(int(owner)):
+            draft.unlink(missing_ok=True)
+
+
+def process_lives(number: int) -> bool:
+    """Whether a process with this number runs on this machine, whoever owns it."""
+    try:
+        os.kill(number, 0)
+    except ProcessLookupError:
+        return False
+    except OSError:
+        return True
+    return True
+
+
+# --- writing ---------------------------------------------------------------------------------
+
+
+def write_bytes(path: Path, data: bytes) -> None:
+    """Write ``data`` as the whole file ``path``; its folder must exist."""
+    with whole_file(path) as draft:
+        draft.write_bytes(data)
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write ``text`` in UTF-8 with the line ends it has."""
+    write_bytes(path, text.encode())
+
+
+def write_json(path: Path, content: Mapping[str, Any]) -> None:
+    """Write one line a key, in the order given; NaN and infinity become null."""
+    lines = [
+        f" {json.dumps(key)}: {json.dumps(plain_data(value), allow_nan=False)}"
+        for key, value in content.items()
+    ]
+    write_text(path, "{\n" + ",\n".join(lines) + "\n}\n")
+
+
+def plain_data(value: Any) -> Any:
+    """``value`` in what JSON has: arrays as lists, sets sorted, NaN and infinity as None."""
+    if isinstance(value, np.ndarray | np.generic):
+        return plain_data(value.tolist())
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, Mapping):
+        return {str(key): plain_data(item) for key, item in value.items()}
+    if isinstance(value, frozenset | set):
+        return sorted(plain_data(item) for item in value)
+    if isinstance(value, list | tuple):
+        return [plain_data(item) for item in value]
+    return value
+
+
+def write_npz(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
+    """Write what ``numpy.load`` reads, with bytes that depend on the arrays alone: names sorted, one date."""
+    archive = io.BytesIO()
+    with zipfile.ZipFile(archive, "w") as zipped:
+        for name in sorted(arrays):
+            content = io.BytesIO()
+            np.lib.format.write_array(content, np.ascontiguousarray(arrays[name]), allow_pickle=False)
+            entry = zipfile.ZipInfo(f"{name}.npy", ARCHIVE_DATE)
+            entry.external_attr = 0o644 << 16
+            zipped.writestr(entry, content.getvalue(), zipfile.ZIP_DEFLATED, compresslevel=1)
+    write_bytes(path, archive.getvalue())
+
+
+def write_csv(path: Path, header: Iterable[str], rows: Iterable[Iterable[Any]]) -> None:
+    """Write a table with one header line; NaN, infinity and None become empty cells."""
+    text = io.StringIO(newline="")
+    table = csv.writer(text, lineterminator="\n")
+    table.writerow(header)
+    table.writerows([plain_data(cell) for cell in row] for row in rows)
+    write_text(path, text.getvalue())
+
+
+# --- reading ---------------------------------------------------------------------------------
+
+
+def read_json(path: Path) -> dict[str, Any]:
+    """The JSON object in ``path``; a DataError in one line where there is none."""
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise DataError(f"{path}: cannot be read ({error.strerror}); is this a results directory?") from error
+    except ValueError as error:
+        raise DataError(f"{path}: not JSON ({error}); run the plan again") from error
+    if not isinstance(content, dict):
+        raise DataError(f"{path}: expected a JSON object, found {type(content).__name__}; run the plan again")
+    return content
+
+
+def read_npz(path: Path) -> dict[str, NDArray[Any]]:
+    """The arrays in the archive ``path`` by name, no pickled objects; a DataError where it is no archive."""
+    try:
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
+            return {name: archive[name] for name in archive.files}
+    except OSError as error:
+        raise DataError(f"{path}: cannot be read ({error}); is this a results directory?") from error
+    except (ValueError, zipfile.BadZipFile, EOFError) as error:
+        raise DataError(f"{path}: not an archive of arrays ({error}); run the plan again") from error

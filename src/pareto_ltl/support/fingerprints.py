@@ -1,0 +1,80 @@
+"""Fingerprints: SHA-256 of data, of files and of the package's own source, as 64 hexadecimal digits.
+
+A result is made again when a fingerprint of what it depends on has changed.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import time
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+from pareto_ltl.support.resources import PACKAGE
+
+FRESH = 2.0  # [s] a file changed so recently may change again without a new date
+
+
+def data_fingerprint(content: Any) -> str:
+    """Fingerprint of ``content``, which is what JSON can write; the order of keys does not count."""
+    return text_fingerprint(json.dumps(content, sort_keys=True))
+
+
+def text_fingerprint(text: str) -> str:
+    """Fingerprint of ``text`` in UTF-8."""
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def file_fingerprint(path: Path) -> str:
+    """Fingerprint of the bytes of ``path``; OSError where it cannot be read.
+
+    A file is read once in a process, and again when its date or size has changed. The date of a file that
+    was written less than :data:`FRESH` seconds ago proves nothing: such a file is read every time.
+    """
+    stat = os.stat(path)
+    if abs(time.time() - stat.st_mtime) < FRESH:
+        return _file_fingerprint.__wrapped__(str(path), stat.st_mtime_ns, stat.st_size)
+    return _file_fingerprint(str(path), stat.st_mtime_ns, stat.st_size)
+
+
+@lru_cache(maxsize=4096)
+def _file_fingerprint(path: str, changed: int, size: int) -> str:
+    with open(path, "rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+@lru_cache
+def code_fingerprint(*names: str, without: tuple[str, ...] = ()) -> str:
+    """Fingerprint of the package's source: all of it, or the modules and packages called ``names``.
+
+    Parameters
+    ----------
+    names : str
+        For example ``"kernels"`` (a package with all that is in it) or ``"wind.gp"`` (a module).
+    without : tuple of str
+        What is left out, named in the same way.
+
+    Raises
+    ------
+    ValueError
+        If the package has no module of such a name.
+    """
+    left_out = {source for name in without for source in _source_files(name)}
+    sources = {source for name in names or ("",) for source in _source_files(name)} - left_out
+    digest = hashlib.sha256()
+    for source in sorted(sources):
+        digest.update(f"{source.relative_to(PACKAGE).as_posix()}\0".encode() + source.read_bytes() + b"\0")
+    return digest.hexdigest()
+
+
+def _source_files(name: str) -> list[Path]:
+    """The files of a module or of a package and all below it."""
+    place = PACKAGE.joinpath(*name.split("."))
+    module = place.with_name(f"{place.name}.py")
+    sources = list(place.rglob("*.py")) if place.is_dir() else [module] if module.is_file() else []
+    if not sources:
+        raise ValueError(f"pareto_ltl has no module or package {name!r}")
+    return sources

@@ -1,0 +1,111 @@
+"""A small table of readings from large files."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+
+from pareto_ltl.settings import IngestConfig, WindConfig
+from pareto_ltl.support.arrays import FloatArray, IntArray
+from pareto_ltl.support.errors import ConfigError, DataError
+from pareto_ltl.support.files import write_text
+from pareto_ltl.support.fingerprints import file_fingerprint
+from pareto_ltl.wind.observations import FEWEST_READINGS
+from pareto_ltl.wind.readings import Readings, farthest_points, iso, on_sphere, seconds
+from pareto_ltl.wind.sources.csv_files import write_csv_table
+
+
+def write_wind_table(cfg: WindConfig, readings: Readings, ingest: IngestConfig, out: Path) -> Path:
+    """Write ``ingest.points`` nodes of a geographic source as a CSV table to ``out``; return ``out``.
+
+    The nodes are the same at all times: nodes inside ``ingest.area`` that every time has, thinned by
+    farthest-point sampling from the middle of the area. ``out`` with the suffix .json gets the origin of the
+    data, with the SHA-256 of each source file.
+
+    Raises
+    ------
+    DataError
+        If the source is planar, has no time in the interval, or has too few common nodes in the area.
+    """
+    if not len(readings.times):
+        raise DataError(f"wind.source={cfg.source} holds no readings; ingest needs wind files (wind=grib)")
+    if not readings.geographic:
+        raise DataError(f"{readings.name} has x,y columns; ingest expects latitude and longitude")
+    kept = _times_between(readings, ingest)
+    nodes = common_nodes(readings, kept, ingest)
+    winds = np.stack([winds_at(readings, k, nodes) for k in kept])
+    write_csv_table(out, readings.times[kept], nodes, winds)
+    text = json.dumps(_table_provenance(cfg, ingest, readings, kept, nodes), indent=1, ensure_ascii=False)
+    write_text(out.with_suffix(".json"), text + "\n")
+    return out
+
+
+def _times_between(readings: Readings, ingest: IngestConfig) -> IntArray:
+    """Indices of the times from ``ingest.first`` to ``ingest.last``."""
+    limits = []
+    for key, text, default in (("first", ingest.first, -np.inf), ("last", ingest.last, np.inf)):
+        try:
+            limits.append(default if text is None else seconds(text))
+        except ValueError:
+            raise ConfigError(
+                f"ingest.{key} {text!r} is no ISO 8601 time; expected e.g. 2018-10-09T00:00:00Z"
+            ) from None
+    kept = np.flatnonzero((readings.times >= limits[0]) & (readings.times <= limits[1]))
+    if not len(kept):
+        spell = f"{iso(readings.times[0])} .. {iso(readings.times[-1])}"
+        raise DataError(f"no wind time between ingest.first and ingest.last; the source has {spell}")
+    return kept
+
+
+def common_nodes(readings: Readings, kept: IntArray, ingest: IngestConfig) -> FloatArray:
+    """Nodes (N, 2) [deg] in the area that all times ``kept`` have, thinned, sorted from north to south."""
+    common = set(map(tuple, readings.points[kept[0]].tolist()))
+    for k in kept[1:]:
+        common &= set(map(tuple, readings.points[k].tolist()))
+    nodes = np.array(sorted(common), dtype=float).reshape(-1, 2)
+    if ingest.area:
+        import shapely
+
+        nodes = nodes[shapely.contains_xy(shapely.Polygon(ingest.area), nodes)]
+    if len(nodes) < FEWEST_READINGS:
+        raise DataError(
+            f"{len(nodes)} wind nodes lie in ingest.area at every time, expected at least {FEWEST_READINGS}; "
+            "check the outline ([longitude, latitude], west negative) and that all files share one grid"
+        )
+    sphere = on_sphere(nodes)
+    first = int(np.argmax(sphere @ sphere.mean(axis=0)))
+    chosen = nodes[farthest_points(sphere, ingest.points, first)]
+    return chosen[np.lexsort((chosen[:, 0], -chosen[:, 1]))]
+
+
+def winds_at(readings: Readings, k: int, nodes: FloatArray) -> FloatArray:
+    """Winds (N, 2) [m/s] of time k at ``nodes`` (N, 2) [deg], which must be nodes of that time."""
+    rows = {(lon, lat): i for i, (lon, lat) in enumerate(readings.points[k].tolist())}
+    return readings.winds[k][[rows[lon, lat] for lon, lat in nodes.tolist()]]
+
+
+def _table_provenance(
+    cfg: WindConfig, ingest: IngestConfig, readings: Readings, kept: IntArray, nodes: FloatArray
+) -> dict[str, object]:
+    files = {file: None for k in kept for file in readings.origins[k]}
+    return {
+        "columns": {
+            "time": "valid time, ISO 8601 UTC",
+            "lat, lon": "degrees, west negative",
+            "u, v": "wind towards east and north, earth-relative, 10 m above ground, m/s, rounded to 0.01",
+        },
+        "source": "US National Oceanic and Atmospheric Administration (NOAA), public domain (17 U.S.C. 105); "
+        "a selection, not an official NOAA product",
+        "kind": cfg.source,
+        "times": {iso(readings.times[k]): readings.remarks[k] for k in kept},
+        "points": len(nodes),
+        "selection": "the same nodes at all times: farthest-point sampling (great circle) of the nodes inside"
+        " the area, from the one nearest to their middle; no interpolation",
+        "area": ", ".join(f"{lon:g} {lat:g}" for lon, lat in ingest.area),
+        "files": {file.name: file_fingerprint(file) for file in files},
+    }
+
+
+__all__ = ["common_nodes", "winds_at", "write_wind_table"]

@@ -1,0 +1,192 @@
+"""A wind field as a CF NetCDF file."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.support.errors import DataError
+from pareto_ltl.support.files import whole_file
+from pareto_ltl.wind.records import WindField, WindModes
+from pareto_ltl.world.scene import Scene
+
+if TYPE_CHECKING:
+    import h5netcdf
+
+
+GRID_DIMENSIONS = ("time", "y", "x")
+MODE_DIMENSIONS = ("time", "mode_y", "mode_x", "mode")
+NetcdfVariable = tuple[str, tuple[str, ...], Any, dict[str, Any]]  # name, dimensions, values, attributes
+
+
+def write_netcdf(field: WindField, path: Path, scene: Scene | None = None) -> Path:
+    """Write ``field`` as CF NetCDF; return ``path``. With ``scene``, the file has its time and grid mapping.
+
+    It is written with h5netcdf. xarray can open the file, but importing it takes a fifth of a run.
+    """
+    import h5netcdf
+
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with whole_file(path) as draft, h5netcdf.File(draft, "w") as file:
+        file.attrs.update(_file_attributes(field))
+        file.dimensions.update(
+            zip(GRID_DIMENSIONS, (len(field.times), *field.mean.shape[2:0:-1]), strict=True)
+        )
+        if field.modes is not None:
+            psi = field.modes.psi
+            file.dimensions.update(
+                zip(MODE_DIMENSIONS[1:], (psi.shape[2], psi.shape[1], psi.shape[4]), strict=True)
+            )
+        for name, dimensions, values, attributes in _field_variables(field, scene):
+            file.create_variable(name, dimensions, data=values).attrs.update(attributes)
+    return path
+
+
+def read_netcdf(path: Path) -> WindField:
+    """The wind field in a file of :func:`write_netcdf`.
+
+    Raises
+    ------
+    DataError
+        If there is no file or its content is not as expected.
+    """
+    import h5netcdf
+
+    if not path.is_file():
+        raise DataError(f"wind field {path} does not exist; expected the wind.nc of a run")
+    try:
+        with h5netcdf.File(path, "r") as file:
+            return _read_field(file)
+    except (OSError, KeyError, ValueError) as error:
+        reason = str(error).splitlines()[0]
+        raise DataError(
+            f"wind field {path} cannot be read ({reason}); expected the wind.nc of a run"
+        ) from None
+
+
+def _file_attributes(field: WindField) -> dict[str, Any]:
+    return {
+        "Conventions": "CF-1.11",
+        "title": "Posterior wind of a pareto_ltl run",
+        "source": field.source,
+        "origin": field.origin,
+        "spacing": field.spacing,
+        "hold_last": int(field.hold_last),
+        "gust_time": field.gust_time,
+        **({} if field.modes is None else {"rho": field.modes.rho, "rho_gap": field.modes.gap}),
+        "score": json.dumps(dict(field.score), sort_keys=True),
+    }
+
+
+def _field_variables(field: WindField, scene: Scene | None) -> Iterator[NetcdfVariable]:
+    """Coordinates, then lattice arrays (time, x, y), transposed to CF order (time, y, x)."""
+    x, y = (field.origin[i] + field.spacing * np.arange(field.mean.shape[i + 1]) for i in (0, 1))
+    yield "time", ("time",), field.times, {"standard_name": "time", "axis": "T", **_time_attributes(scene)}
+    yield "y", ("y",), y, {"standard_name": "projection_y_coordinate", "units": "m", "axis": "Y"}
+    yield "x", ("x",), x, {"standard_name": "projection_x_coordinate", "units": "m", "axis": "X"}
+    placed: dict[str, Any] = {}
+    if scene is not None and scene.crs is not None:
+        yield "crs", (), 0, _grid_mapping(scene.crs)
+        placed = {"grid_mapping": "crs"}
+    for c, name in enumerate("uv"):
+        axis = "xy"[c]
+        mean, var = (a[..., c].transpose(0, 2, 1) for a in (field.mean, field.latent_var))
+        expected = _variable_attributes(f"expected wind towards +{axis}", "m s-1", f"{axis}_wind")
+        yield name, GRID_DIMENSIONS, mean, expected | placed
+        yield (
+            f"{name}_var",
+            GRID_DIMENSIONS,
+            var,
+            _variable_attributes(f"variance of the smooth part of {name}", "m2 s-2") | placed,
+        )
+        white = f"variance of the part of {name} that is independent from step to step"
+        yield f"{name}_gust_var", ("time",), field.gust_var[:, c], _variable_attributes(white, "m2 s-2")
+    if field.modes is not None:
+        yield from _mode_variables(field.modes)
+
+
+def _mode_variables(found: WindModes) -> Iterator[NetcdfVariable]:
+    """ψ with the coordinates of its lattice; length scale and carried variance of each slot."""
+    x, y = (found.origin[i] + found.spacing * np.arange(found.psi.shape[i + 1]) for i in (0, 1))
+    yield "mode_y", ("mode_y",), y, {"units": "m", "long_name": "y of the modes' lattice"}
+    yield "mode_x", ("mode_x",), x, {"units": "m", "long_name": "x of the modes' lattice"}
+    for c, name in enumerate("uv"):
+        psi = found.psi[..., c, :].transpose(0, 2, 1, 3)
+        yield (
+            f"{name}_modes",
+            MODE_DIMENSIONS,
+            psi,
+            _variable_attributes(f"Karhunen-Loeve modes of {name}, U sqrt(Lambda)", "m s-1"),
+        )
+        yield (
+            f"{name}_length",
+            ("time",),
+            found.length[:, c],
+            _variable_attributes(f"length scale of {name}", "m"),
+        )
+        yield (
+            f"{name}_energy",
+            ("time",),
+            found.energy[:, c],
+            _variable_attributes(f"share of variance in {name}_modes", "1"),
+        )
+
+
+def _time_attributes(scene: Scene | None) -> dict[str, Any]:
+    if scene is None or scene.time_zero is None:
+        return {"units": "s"}
+    return {"units": f"seconds since {scene.time_zero}", "calendar": "standard"}
+
+
+def _variable_attributes(long_name: str, units: str, standard_name: str | None = None) -> dict[str, Any]:
+    named = {"standard_name": standard_name} if standard_name else {}
+    return {"long_name": long_name, "units": units, **named}
+
+
+def _grid_mapping(crs: str) -> dict[str, Any]:
+    """CF grid mapping of ``crs``, without empty attributes."""
+    import pyproj
+
+    described = pyproj.CRS.from_user_input(crs).to_cf()
+    return {key: value for key, value in described.items() if value is not None}
+
+
+def _read_field(file: h5netcdf.File) -> WindField:
+    def stack(*names: str) -> FloatArray:
+        return np.stack([np.asarray(file[name][...], float) for name in names], axis=-1)
+
+    return WindField(
+        origin=np.asarray(file.attrs["origin"], float),
+        spacing=float(file.attrs["spacing"]),
+        times=np.asarray(file["time"][...], float),
+        mean=np.ascontiguousarray(stack("u", "v").transpose(0, 2, 1, 3)),
+        latent_var=np.ascontiguousarray(stack("u_var", "v_var").transpose(0, 2, 1, 3)),
+        gust_var=stack("u_gust_var", "v_gust_var"),
+        hold_last=bool(file.attrs["hold_last"]),
+        score=json.loads(file.attrs["score"]),
+        source=str(file.attrs["source"]),
+        modes=_read_modes(file) if "u_modes" in file else None,
+        gust_time=float(file.attrs["gust_time"]),
+    )
+
+
+def _read_modes(file: h5netcdf.File) -> WindModes:
+    x, y = np.asarray(file["mode_x"][...], float), np.asarray(file["mode_y"][...], float)
+    psi = np.stack([np.asarray(file[f"{name}_modes"][...], np.float32) for name in "uv"], axis=-2)
+    return WindModes(
+        origin=np.array([x[0], y[0]]),
+        spacing=float(x[1] - x[0]),
+        psi=np.ascontiguousarray(psi.transpose(0, 2, 1, 3, 4)),
+        rho=float(file.attrs["rho"]),
+        gap=float(file.attrs["rho_gap"]),
+        length=np.stack([np.asarray(file[f"{name}_length"][...], float) for name in "uv"], axis=-1),
+        energy=np.stack([np.asarray(file[f"{name}_energy"][...], float) for name in "uv"], axis=-1),
+    )
+
+
+__all__ = ["read_netcdf", "write_netcdf"]

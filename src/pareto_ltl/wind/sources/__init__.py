@@ -1,0 +1,120 @@
+"""Where wind readings come from: one module per file format, all with the result :class:`Readings`.
+
+``SOURCES`` is the table of the values of ``wind.source``; other packages add theirs by entry points.
+"""
+
+from __future__ import annotations
+
+import glob
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from pareto_ltl.settings import WindConfig
+from pareto_ltl.support import extensions
+from pareto_ltl.support.errors import DataError
+from pareto_ltl.support.extensions import known_kind
+from pareto_ltl.wind.readings import CALM, Readings
+from pareto_ltl.wind.sources.csv_files import read_csv_files
+from pareto_ltl.wind.sources.grib_files import read_grib_files
+
+SAMPLE_FILE = Path(__file__).parents[2] / "support" / "data" / "gfs_conus_20181009.csv"
+
+
+def data_files(cfg: WindConfig) -> tuple[Path, ...]:
+    """The files of ``wind.path``, sorted: one file, all data files of a folder, or the matches of a pattern.
+
+    Raises
+    ------
+    DataError
+        If there is no such file.
+    """
+    path = Path(str(cfg.path)).expanduser()
+    if path.is_dir():
+        pattern = "*.csv" if cfg.source == "csv" else "*"
+        found = [file for file in path.glob(pattern) if file.is_file() and is_data_file(file)]
+    elif path.is_file():
+        found = [path]
+    else:
+        found = [Path(name) for name in glob.glob(str(path), recursive=True) if Path(name).is_file()]
+    if not found:
+        raise DataError(f"wind.path={cfg.path}: no {cfg.source} file, folder or pattern of that name")
+    return tuple(sorted(found))
+
+
+def is_data_file(file: Path) -> bool:
+    """Whether ``file`` may hold readings: False for hidden files, indices, texts and JSON."""
+    return not file.name.startswith(".") and file.suffix.lower() not in (".idx", ".md", ".txt", ".json")
+
+
+@dataclass(frozen=True, slots=True)
+class WindSource:
+    """One value of ``wind.source``.
+
+    Attributes
+    ----------
+    read : callable
+        From the settings of the wind to checked :class:`Readings`; raises a DataError.
+    files : callable
+        The files that ``read`` opens, for the records of a run; raises a DataError.
+    """
+
+    read: Callable[[WindConfig], Readings]
+    files: Callable[[WindConfig], tuple[Path, ...]]
+
+
+def _sample_files(cfg: WindConfig) -> tuple[Path, ...]:
+    return (SAMPLE_FILE,)
+
+
+def _no_files(cfg: WindConfig) -> tuple[Path, ...]:
+    return ()
+
+
+def _read_sample(cfg: WindConfig) -> Readings:
+    return read_csv_files(_sample_files(cfg), cfg.max_speed)
+
+
+def _read_csv(cfg: WindConfig) -> Readings:
+    return read_csv_files(data_files(cfg), cfg.max_speed)
+
+
+def _read_grib(cfg: WindConfig) -> Readings:
+    return read_grib_files(data_files(cfg), cfg.max_speed)
+
+
+def _read_calm(cfg: WindConfig) -> Readings:
+    return CALM
+
+
+SOURCES = {
+    "sample": WindSource(_read_sample, _sample_files),
+    "csv": WindSource(_read_csv, data_files),
+    "grib": WindSource(_read_grib, data_files),
+    "calm": WindSource(_read_calm, _no_files),
+}
+
+
+def wind_source(cfg: WindConfig) -> WindSource:
+    """The source ``wind.source``: one of ``SOURCES``, or one of another package."""
+
+    def expected(loaded: object) -> bool:
+        return isinstance(loaded, WindSource)
+
+    return known_kind(extensions.WIND_SOURCE_GROUP, SOURCES, cfg.source, expected)
+
+
+def read_readings(cfg: WindConfig) -> Readings:
+    """All readings of the source, each file read once; calm wind has no times."""
+    return wind_source(cfg).read(cfg)
+
+
+__all__ = [
+    "SAMPLE_FILE",
+    "SOURCES",
+    "WindSource",
+    "data_files",
+    "is_data_file",
+    "read_readings",
+    "wind_source",
+]

@@ -1,0 +1,49 @@
+"""A stage ``trouble`` that fails as the folder ``$TROUBLE`` asks.
+
+This folder is on ``PYTHONPATH`` of a test's processes; the metadata beside this file make the stage known.
+
+``kill_3`` there: the job of seed 3 kills itself, once. ``kill_always_3``: every time. ``full_3``: nothing
+can be written any more. ``none_3``: there is no plan. ``slow``: every job takes half a second more.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+import signal
+import time
+from pathlib import Path
+
+from pareto_ltl.run.records import RecordKey
+from pareto_ltl.run.stage_table import Stage, StageInputs
+
+
+def make_trouble(inputs: StageInputs) -> int:
+    """The seed, unless something was asked for."""
+    from pareto_ltl.support import files
+    from pareto_ltl.support.errors import InfeasibleError
+
+    settings, directory = inputs.settings, inputs.directory
+    asked = Path(os.environ["TROUBLE"])
+    with (asked / "begun.txt").open("a") as file:
+        file.write(f"{settings.seed}\n")
+    if (asked / "slow").exists():
+        time.sleep(0.5)
+    once = asked / f"kill_{settings.seed}"
+    if once.exists() or (asked / f"kill_always_{settings.seed}").exists():
+        once.unlink(missing_ok=True)
+        os.kill(os.getpid(), signal.SIGKILL)
+    if (asked / f"none_{settings.seed}").exists():
+        raise InfeasibleError("no way from a to b; raise planner.n_max")
+    real = files.write_bytes
+
+    def write_bytes(path: Path, data: bytes) -> None:
+        if path.parent == directory and (asked / f"full_{settings.seed}").exists():
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        real(path, data)
+
+    files.write_bytes = write_bytes
+    return settings.seed
+
+
+TROUBLE = Stage("trouble", makes=RecordKey[int]("trouble"), make=make_trouble)

@@ -1,0 +1,190 @@
+"""The Python interface: the plans of the command line, shown and simulated."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import pareto_ltl
+from pareto_ltl.cli import hydra_app as app
+from pareto_ltl.run.interface import PlanningResult
+from pareto_ltl.run.records import FOREST, PLAN, PROBLEM
+from pareto_ltl.settings import MissionConfig, SceneConfig
+from problems import box, make_scene
+
+SMALL = {
+    "planner": {"trees": 4, "n_max": 1500},
+    "smoothing": {"candidates": 1, "weights": [10.0]},
+    "deployment": {"runs": 40},
+    "report": "none",
+}
+ARGUMENTS = (
+    "planner.trees=4", "planner.n_max=1500", "smoothing.candidates=1", "smoothing.weights=[10.0]",
+    "deployment.runs=40", "report=none",
+)  # fmt: skip
+PHI1 = "F(a & F b & F c)"
+
+
+@pytest.fixture(scope="module")
+def planned() -> PlanningResult:
+    return pareto_ltl.plan("phi1", PHI1, **SMALL)
+
+
+@pytest.fixture(scope="module", params=["paper", "full"])
+def both(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    """One mission planned by the command line and from Python, with results directories."""
+    place = tmp_path_factory.mktemp(request.param)
+    models = (f"fidelity={request.param}", "selection.draws=100", "selection.runs=100", "seed=1")
+    argv = ["+experiment=phi1", *ARGUMENTS, *models, f"hydra.run.dir={place / 'line'}"]
+    assert app.main(argv) == 0
+    pareto_ltl.plan(
+        "phi1",
+        PHI1,
+        seed=1,
+        fidelity=request.param,
+        selection={"draws": 100, "runs": 100},
+        name="phi1",
+        out=place / "python",
+        **SMALL,
+    )
+    return place / "line", place / "python"
+
+
+@pytest.mark.parametrize(
+    "name", ["plan.json", "front.csv", "trees.npz", "scene.json", "wind.nc", "deployments.npz", "plan.csv"]
+)
+def test_the_interface_writes_the_bytes_of_the_command_line(name: str, both: tuple[Path, Path]) -> None:
+    line, python = both
+    assert (line / name).read_bytes() == (python / name).read_bytes()
+
+
+def test_the_settings_are_those_of_the_command_line(both: tuple[Path, Path]) -> None:
+    line, python = (pareto_ltl.load_results(place) for place in both)
+    assert line.run["config_hash"] == python.run["config_hash"]
+    assert line.settings == python.settings
+
+
+def test_a_results_directory_flies_as_its_own_run_did(both: tuple[Path, Path]) -> None:
+    results = pareto_ltl.load_results(both[0])
+    flights = pareto_ltl.simulate(results, runs=40, law="coherent")
+    np.testing.assert_array_equal(flights.x, results.deployments["coherent"].x)
+    np.testing.assert_array_equal(flights.accepted, results.deployments["coherent"].accepted)
+
+
+def test_in_memory_the_plan_is_the_same_and_nothing_is_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, planned: PlanningResult
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    written = pareto_ltl.plan("phi1", PHI1, out="here", **SMALL)
+    np.testing.assert_array_equal(written.plan.path.x, planned.plan.path.x)
+    assert [path.name for path in tmp_path.iterdir()] == ["here"]
+
+
+def test_a_result_has_every_record_of_the_run(planned: PlanningResult) -> None:
+    assert planned.plan is planned[PLAN]
+    assert planned.forest is planned[FOREST]
+    assert planned.problem is planned[PROBLEM]
+    assert planned.scene.regions.keys() == {"a", "b", "c"}
+    assert planned.automaton.formula == PHI1
+    assert planned.metrics["nodes"] == sum(map(len, planned.forest.trees))
+    assert planned.metrics["length_m"] == planned.plan.path.objectives.length
+    assert planned.plan.path in planned.front.paths
+    assert len(planned.decomposition.cells) > 0
+    assert planned.settings.planner.trees == 4
+
+
+def test_one_seed_is_one_wind_and_another_is_another(planned: PlanningResult) -> None:
+    first, again, other = (pareto_ltl.simulate(planned, 30, "independent", seed=seed).x for seed in (5, 5, 6))
+    np.testing.assert_array_equal(first, again)
+    assert not np.array_equal(first, other)
+    assert pareto_ltl.simulate(planned, 30, "coherent").law == "coherent"
+
+
+def test_a_map_comes_as_settings_as_a_mapping_as_a_file_or_as_a_record(tmp_path: Path) -> None:
+    corners = [[13e3, 2e3], [17e3, 2e3], [17e3, 6e3], [13e3, 6e3]]
+    keys = {"bounds": [[0, 0], [2e4, 2e4]], "start": [2e3, 3e3], "regions": {"a": corners}}
+    record = make_scene({"a": box(13, 2, 17, 6)}, start=(2.0, 3.0))
+    options = {"wind": "calm", "robot": {"dt": 100, "u_max": 12}, "planner": {"trees": 1, "n_max": 200}}
+    first = pareto_ltl.plan(keys, "F a", out=tmp_path / "keys", **options)
+    file = tmp_path / "keys" / "scene.json"
+    given = (SceneConfig(**keys), file, str(file), record)
+    for scene in given:
+        other = pareto_ltl.plan(scene, MissionConfig(formula="F a"), **options)
+        np.testing.assert_allclose(other.plan.path.x, first.plan.path.x, atol=1e-9)
+    kept = pareto_ltl.plan(record, "F a", out=tmp_path / "record", **options)
+    assert (tmp_path / "record" / "scene.json").is_file()
+    assert (tmp_path / "record" / "plan.json").read_bytes() == (tmp_path / "keys" / "plan.json").read_bytes()
+    assert kept.scene is record
+    back = pareto_ltl.load_results(tmp_path / "record")
+    assert pareto_ltl.simulate(back, 10).x.shape == (10, len(kept.plan.path.u) + 1, 2)
+
+
+@pytest.mark.parametrize(
+    ("scene", "formula", "options", "message"),
+    [
+        ("phi9", "F a", {}, "scene 'phi9' is neither a file nor a ready map; there are phi1, phi2"),
+        ("phi1", "", {}, "mission.formula is missing"),
+        ("phi1", "F a", {"planner": {"treez": 1}}, "did you mean planner.trees"),
+        ("phi1", "F a", {"pipelines": {"stages": ["readings"]}}, "pipelines.stages makes no plan; it lists"),
+        ({}, "F a", {}, "scene is missing"),
+    ],
+)
+def test_what_is_wrong_is_a_config_error(
+    scene: object, formula: str, options: dict[str, object], message: str
+) -> None:
+    with pytest.raises(pareto_ltl.ConfigError, match=message):
+        pareto_ltl.plan(scene, formula, **options)  # type: ignore[arg-type]
+
+
+def test_a_folder_without_a_run_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(pareto_ltl.DataError, match=r"there is no run\.json; name a results directory"):
+        pareto_ltl.load_results(tmp_path)
+
+
+# --- how records show themselves -----------------------------------------------------------------
+
+
+def test_records_are_one_line_and_a_table(planned: PlanningResult, both: tuple[Path, Path]) -> None:
+    results = pareto_ltl.load_results(both[0])
+    records = (planned, planned.plan, planned.front, planned.forest, planned.wind, planned.scene, results)
+    for record in records:
+        line = repr(record)
+        assert line.startswith(f"{type(record).__name__}(")
+        assert "\n" not in line
+        assert len(line) < 250
+        table = record._repr_html_()
+        assert table.startswith("<table>")
+        assert all(name in table for name in record.facts())
+    assert "F(a &amp; F b &amp; F c)" in planned.plan._repr_html_()
+
+
+def test_records_draw_themselves(planned: PlanningResult, both: tuple[Path, Path], tmp_path: Path) -> None:
+    results = pareto_ltl.load_results(both[0])
+    records = (planned, planned.plan, planned.front, planned.forest, planned.wind, planned.scene, results)
+    for number, record in enumerate(records):
+        drawing = record.plot()
+        assert drawing._repr_png_().startswith(b"\x89PNG")
+        assert drawing.save(tmp_path / f"{number}.svg").stat().st_size > 2000
+    with_map = planned.plan.plot(scene=planned.scene)
+    assert {text.get_text() for text in with_map.figure.axes[0].texts} == {"a", "b", "c"}
+
+
+def test_the_package_is_light_until_it_is_used() -> None:
+    code = (
+        "import sys, pareto_ltl\n"
+        "heavy = 'numpy scipy numba cvxpy sklearn matplotlib shapely xarray pyproj hydra'.split()\n"
+        "print([name for name in heavy if name in sys.modules])\n"
+        "print(sorted(set(pareto_ltl.__all__) - set(dir(pareto_ltl))))\n"
+        "pareto_ltl.Settings, pareto_ltl.ConfigError\n"
+        "print([name for name in heavy if name in sys.modules])\n"
+        "print(pareto_ltl.plan.__name__, pareto_ltl.Scene.__name__)\n"
+        "print('matplotlib' in sys.modules, 'hydra' in sys.modules, 'cvxpy' in sys.modules)\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines() == ["[]", "[]", "[]", "plan Scene", "False False False"]
+    with pytest.raises(AttributeError, match="has no attribute 'plann'"):
+        _ = pareto_ltl.plann  # type: ignore[attr-defined]

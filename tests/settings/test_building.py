@@ -1,0 +1,123 @@
+"""Settings from plain Python: the same as the command line composes, with the same refusals."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pareto_ltl.cli import hydra_app as app
+from pareto_ltl.run import provenance
+from pareto_ltl.settings import PRESETS, PlannerConfig, Settings, as_dict, preset
+from pareto_ltl.settings.building import build_settings, read_settings_file, section_of
+from pareto_ltl.support.errors import ConfigError, DataError
+from pareto_ltl.support.resources import choices
+
+NEEDS_A_FILE = {"csv", "grib"}
+
+
+def composed(*overrides: str) -> Settings:
+    """What the command line makes of ``overrides``."""
+    app.register()
+    with app.initialize_config_dir(str(app.folder("conf")), version_base="1.3"):
+        return app.settings_of(app.compose("config", list(overrides)))
+
+
+def test_nothing_said_is_the_default() -> None:
+    assert build_settings({}) == Settings()
+
+
+@pytest.mark.parametrize(
+    ("section", "name"),
+    [
+        (section, name)
+        for section in ("scene", "mission", "robot", "wind", "planner", "fidelity", "selection", "report")
+        for name in choices(section)
+        if name not in NEEDS_A_FILE
+    ],
+)
+def test_a_choice_has_the_values_that_the_command_line_composes(section: str, name: str) -> None:
+    assert repr(section_of(section, name)) == repr(getattr(composed(f"{section}={name}"), section))
+
+
+def test_values_have_the_types_of_the_settings_whatever_was_given() -> None:
+    built = build_settings(
+        {
+            "seed": np.int64(3),
+            "robot": {"dt": 600, "u_max": np.float32(20), "a": np.eye(2)},
+            "planner": {"n_max": 500, "epsilon": None},
+            "smoothing": {"weights": (1, 10)},
+            "scene": {
+                "bounds": ((0, 0), (1, 1)),
+                "random": {"regions": 2},
+                "regions": {"a": [(0, 0), (1, 1)]},
+            },
+        }
+    )
+    assert repr(asdict(built.robot)["dt"]) == "600.0"
+    assert repr(built.robot.u_max) == "20.0"
+    assert built.robot.a == [[1.0, 0.0], [0.0, 1.0]]
+    assert repr(built.smoothing.weights) == "[1.0, 10.0]"
+    assert built.scene.bounds == [[0, 0], [1, 1]]
+    assert built.scene.regions == {"a": [[0, 0], [1, 1]]}
+    assert built.scene.random.regions == 2
+    assert type(built.seed) is int
+    assert built.planner.epsilon is None
+
+
+def test_a_settings_object_is_taken_as_it_is() -> None:
+    mine = PlannerConfig(trees=3)
+    assert build_settings({"planner": mine}).planner is mine
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_one_model_changes_on_top_of_its_preset(name: str) -> None:
+    built = section_of("fidelity", {"name": name, "refine": "none"})
+    assert built.label == f"{name} with refine=none"
+    assert built.law == preset(name).law
+
+
+@pytest.mark.parametrize(
+    ("sections", "message"),
+    [
+        ({"planner": {"treez": 3}}, "unknown setting planner.treez; did you mean planner.trees?"),
+        ({"plannr": {}}, "unknown setting plannr; did you mean planner?"),
+        ({"planner": {"trees": 2.5}}, "planner.trees must be a whole number, got 2.5"),
+        ({"planner": {"trees": True}}, "planner.trees must be a whole number, got True"),
+        ({"planner": {"trees": 0}}, "planner.trees must be at least 1, got 0"),
+        ({"robot": {"dt": "soon"}}, "robot.dt must be a number, got 'soon'"),
+        ({"robot": 30}, "robot must be a choice, a mapping or a settings object, got 30"),
+        ({"wind": "storm"}, "there is no wind 'storm'; there are calm, "),
+        ({"mission": {"goals": "a"}}, "mission.goals must be "),
+        ({"report": {"figures": 1}}, "report.figures must be true or false, got 1"),
+        ({"scene": {"random": {"gaps": 1}}}, "unknown setting scene.random.gaps; did you mean"),
+    ],
+)
+def test_what_is_wrong_is_said_in_one_line(sections: dict[str, Any], message: str) -> None:
+    with pytest.raises(ConfigError) as caught:
+        build_settings(sections)
+    assert message in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_settings_come_back_from_the_file_of_a_run(tmp_path: Path) -> None:
+    settings = composed("+experiment=phi2", "robot.u_max=25", "planner.epsilon=0.04", "wind.rho=0.5")
+    provenance.write_settings(tmp_path, settings)
+    back = read_settings_file(tmp_path / "config_resolved.yaml")
+    assert as_dict(back) == as_dict(settings)
+    assert provenance.config_hash(back) == provenance.config_hash(settings)
+
+
+@pytest.mark.parametrize(
+    ("content", "message"), [(None, "cannot be read"), ("a: [", "not YAML"), ("3", "keys")]
+)
+def test_a_spoilt_file_of_settings_is_named(content: str | None, message: str, tmp_path: Path) -> None:
+    path = tmp_path / "config_resolved.yaml"
+    if content is not None:
+        path.write_text(content)
+    with pytest.raises(DataError, match=message) as caught:
+        read_settings_file(path)
+    assert str(path) in str(caught.value)

@@ -1,0 +1,191 @@
+"""The settings: each has a meaning, and what is out of range is refused in one line."""
+
+from __future__ import annotations
+
+import math
+import pickle
+from collections.abc import Iterator
+from dataclasses import fields, is_dataclass
+from typing import Any
+
+import pytest
+import yaml
+from hypothesis import given
+from hypothesis import strategies as st
+from omegaconf import OmegaConf
+
+from pareto_ltl import settings as package
+from pareto_ltl.settings import PRESETS, FidelityConfig, SelectionConfig, Settings, as_dict, preset
+from pareto_ltl.settings.checks import CheckedSettings, Declaration, check_value, declarations
+from pareto_ltl.support.errors import ConfigError
+from pareto_ltl.support.resources import choices, folder
+
+
+def sections(section: CheckedSettings) -> Iterator[CheckedSettings]:
+    yield section
+    for item in fields(section):  # type: ignore[arg-type]
+        if is_dataclass(inner := getattr(section, item.name)):
+            yield from sections(inner)  # type: ignore[arg-type]
+
+
+ALL = list(sections(Settings()))
+DECLARED = [
+    pytest.param(section, item.name, declared, id=f"{section.section}.{item.name}".lstrip("."))
+    for section in ALL
+    for item, declared in declarations(section)
+]
+NUMERIC = [case for case in DECLARED if case.values[2].range_text() and not case.values[2].choices]  # type: ignore[union-attr]
+
+
+def made_with(section: CheckedSettings, name: str, value: Any) -> CheckedSettings:
+    listed = isinstance(getattr(section, name), list)
+    return type(section)(**{name: [value] if listed else value})
+
+
+def test_every_setting_is_declared_or_a_section() -> None:
+    for section in ALL:
+        declared = {item.name for item, _ in declarations(section)}
+        for item in fields(section):  # type: ignore[arg-type]
+            assert item.name in declared or is_dataclass(getattr(section, item.name)), (section, item.name)
+
+
+def test_a_section_knows_the_key_under_which_it_stands() -> None:
+    for item in fields(Settings):
+        inner = getattr(Settings(), item.name)
+        assert not is_dataclass(inner) or inner.section == item.name  # type: ignore[attr-defined]
+    assert Settings().scene.random.section == "scene.random"
+
+
+@pytest.mark.parametrize(("section", "name", "declared"), DECLARED)
+def test_every_setting_says_what_it_means(section: Any, name: str, declared: Declaration) -> None:
+    assert declared.meaning
+    assert not declared.meaning.endswith(".")
+    assert "\n" not in declared.meaning
+
+
+@pytest.mark.parametrize("wrong", [math.nan, math.inf, -math.inf, -1.0, -1])
+@pytest.mark.parametrize(("section", "name", "declared"), NUMERIC)
+def test_a_number_that_is_none_or_negative_is_refused(
+    section: Any, name: str, declared: Declaration, wrong: float
+) -> None:
+    key = f"{section.section}.{name}".lstrip(".")
+    with pytest.raises(ConfigError) as caught:
+        made_with(section, name, wrong)
+    assert str(caught.value) == f"{key} must {declared.demand()}, got {wrong}"
+
+
+@pytest.mark.parametrize(("section", "name", "declared"), NUMERIC)
+def test_the_ends_of_a_range_are_in_it_or_out_as_declared(
+    section: Any, name: str, declared: Declaration
+) -> None:
+    assert not [
+        end for end in (declared.least, declared.most) if end is not None and not declared.allows(end)
+    ]
+    assert not [end for end in (declared.above, declared.below) if end is not None and declared.allows(end)]
+    assert declared.allows(0.0) or not declared.not_negative
+
+
+@pytest.mark.parametrize(
+    ("section", "name", "declared"),
+    [case for case in DECLARED if case.values[2].choices],  # type: ignore[union-attr]
+)
+def test_a_word_that_is_no_choice_is_refused_with_the_choices(
+    section: Any, name: str, declared: Declaration
+) -> None:
+    with pytest.raises(ConfigError) as caught:
+        made_with(section, name, "elsewhere")
+    listed = ", ".join(declared.choices)
+    assert str(caught.value) == f"{section.section}.{name} must be one of {listed}; got 'elsewhere'"
+
+
+@pytest.mark.parametrize(
+    ("limits", "value", "line"),
+    [
+        ({"above": 0, "unit": "s"}, 0.0, "key must be positive [s], got 0.0"),
+        ({"not_negative": True, "unit": "m"}, -2.0, "key must not be negative [m], got -2.0"),
+        ({"not_negative": True}, -2, "key must not be negative, got -2"),
+        ({"least": 2}, 1, "key must be at least 2, got 1"),
+        ({"above": 0, "below": 1}, 1.0, "key must lie between 0 and 1, both excluded, got 1.0"),
+        ({"least": 0, "most": 1}, 1.5, "key must lie in [0, 1], got 1.5"),
+        ({"least": 0, "most": 1, "remark": "0: no"}, 2.0, "key must lie in [0, 1] (0: no), got 2.0"),
+        ({"choices": ("a", "b")}, "c", "key must be one of a, b; got 'c'"),
+        ({"distinct": True}, [], "key is empty: list at least one value, e.g. key=[1,2,3]"),
+        ({"distinct": True, "choices": ("a", "b")}, [], "key is empty: list at least one of a, b"),
+        ({"distinct": True}, [1, 2, 1], "key lists a value twice, got [1, 2, 1]"),
+        ({"least": 1}, [3, 0], "key must be at least 1, got 0"),
+    ],
+)
+def test_a_refusal_is_one_line_with_key_range_and_value(
+    limits: dict[str, Any], value: Any, line: str
+) -> None:
+    with pytest.raises(ConfigError) as caught:
+        check_value("key", value, Declaration("meaning", **limits))
+    assert str(caught.value) == line
+
+
+@given(st.floats(), st.floats(-5, 5), st.floats(0, 5))
+def test_a_number_is_allowed_exactly_inside_its_limits(value: float, low: float, width: float) -> None:
+    closed = Declaration("m", least=low, most=low + width)
+    opened = Declaration("m", above=low, below=low + width)
+    assert closed.allows(value) == (low <= value <= low + width)
+    assert opened.allows(value) == (low < value < low + width)
+
+
+def test_nothing_given_is_allowed_where_it_is_the_default() -> None:
+    assert Settings().planner.epsilon is None
+    assert Settings().wind.rho is None
+
+
+@pytest.mark.parametrize(
+    "weights", [[math.nan, 1.0, 1.0], [math.inf, 1.0, 1.0], [-1.0, 1.0, 1.0], [0.0, 0.0, 0.0], [1.0]]
+)
+def test_weights_that_weigh_nothing_are_refused(weights: list[float]) -> None:
+    with pytest.raises(ConfigError, match=r"selection\.weights must be three numbers >= 0, not all 0"):
+        SelectionConfig(weights=weights)
+
+
+@pytest.mark.parametrize(
+    ("section", "changes", "line"),
+    [
+        ("RandomSceneConfig", {"regions": 27}, "scene.random.regions must lie in [0, 26]"),
+        ("RandomSceneConfig", {"radius": [0.2, 0.1]}, "scene.random.radius must be [smallest, largest]"),
+        ("RandomSceneConfig", {"radius": [math.nan, 0.1]}, "scene.random.radius must be"),
+        ("SceneConfig", {"centre": [95.0, 0.0]}, "scene.centre must be [latitude, longitude]"),
+        ("RobotConfig", {"a": [[1.0, math.nan], [0, 1]]}, "robot.a must be a 2 x 2 matrix"),
+        ("RobotConfig", {"b": [[1, 2], [2, 4]]}, "robot.b must be invertible"),
+        ("WindConfig", {"source": "csv"}, "wind.path is missing: wind.source=csv"),
+        ("SmoothingConfig", {"weights": []}, "smoothing.weights is empty"),
+        ("IngestConfig", {"area": [[1.0]]}, "ingest.area must be a list of [longitude, latitude]"),
+        ("HindcastConfig", {"side": [1.0, math.inf]}, "hindcast.side must be [least, most]"),
+        ("HindcastConfig", {"side": [0.0, 1.0]}, "hindcast.side must be positive [m]"),
+        ("HindcastConfig", {"obstacles": [3]}, "hindcast.obstacles must be [least, most]"),
+    ],
+)
+def test_values_that_do_not_fit_together_are_refused(section: str, changes: Any, line: str) -> None:
+    with pytest.raises(ConfigError) as caught:
+        getattr(package, section)(**changes)
+    assert str(caught.value).startswith(line)
+
+
+def test_the_files_of_conf_fidelity_are_the_presets() -> None:
+    assert choices("fidelity") == sorted(PRESETS)
+    for name in PRESETS:
+        written = yaml.safe_load((folder("conf") / "fidelity" / f"{name}.yaml").read_text())
+        assert written == {"name": name, **PRESETS[name]}
+        assert preset(name) == FidelityConfig(**written)
+        assert preset(name).label == name
+    assert FidelityConfig(parents="scaled").label == "paper with parents=scaled"
+
+
+def test_the_schema_gives_the_settings_back() -> None:
+    back = OmegaConf.to_object(OmegaConf.structured(Settings))
+    assert back == Settings()
+    assert pickle.loads(pickle.dumps(back)) == Settings()
+
+
+def test_two_settings_share_no_list() -> None:
+    one, two = Settings(), Settings()
+    one.robot.a[0][0] = 2.0
+    one.hindcast.area[0][0] = 0.0
+    assert two == Settings()
+    assert as_dict(two) != as_dict(one)

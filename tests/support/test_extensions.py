@@ -1,0 +1,203 @@
+"""What other packages add: found by entry points, used by the command line and from Python alike."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+import tomllib
+from collections.abc import Iterator
+from importlib.metadata import EntryPoint
+from pathlib import Path
+
+import pytest
+
+from pareto_ltl.logic.patterns import formula_of
+from pareto_ltl.run.stage_table import with_extension_stages
+from pareto_ltl.run.stages import PLAN_STAGES
+from pareto_ltl.settings import MissionConfig, SelectionConfig, Settings, WindConfig
+from pareto_ltl.settings.planner import SELECTION_RULES as RULE_NAMES
+from pareto_ltl.settings.wind import WIND_SOURCES as SOURCE_NAMES
+from pareto_ltl.support import extensions, resources
+from pareto_ltl.support.errors import ConfigError
+
+ROOT = Path(__file__).parents[2]
+EXAMPLE = ROOT / "examples" / "extension"
+SMALL = {"planner": {"trees": 2, "n_max": 500}, "fidelity": {"refine": "none"}}
+ARGUMENTS = (
+    "pipelines=briefed", "scene=harbour", "robot=glider", "wind=steady", "mission.pattern=all_but_one",
+    "mission.goals=[a,b,c]", "selection.rule=shortest", "planner.trees=2", "planner.n_max=500",
+    "fidelity.refine=none",
+)  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def installed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
+    """An environment with the example package as an installer leaves it: the code and its metadata."""
+    site = tmp_path_factory.mktemp("site")
+    shutil.copytree(EXAMPLE / "harbour_extension", site / "harbour_extension")
+    project = tomllib.loads((EXAMPLE / "pyproject.toml").read_text())["project"]
+    info = site / f"{project['name'].replace('-', '_')}-{project['version']}.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text(
+        f"Metadata-Version: 2.1\nName: {project['name']}\nVersion: {project['version']}\n"
+    )
+    lines = [
+        f"[{group}]\n" + "".join(f"{name} = {value}\n" for name, value in entries.items())
+        for group, entries in project["entry-points"].items()
+    ]
+    (info / "entry_points.txt").write_text("\n".join(lines))
+    paths = [str(site), os.environ.get("PYTHONPATH", "")]
+    return os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, paths))}
+
+
+def test_the_example_package_plans_from_the_command_line_and_from_python(
+    installed: dict[str, str], tmp_path: Path
+) -> None:
+    command = [sys.executable, "-m", "pareto_ltl", *ARGUMENTS, "hydra.run.dir=one"]
+    done = subprocess.run(command, cwd=tmp_path, env=installed, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    script = (
+        "import pareto_ltl\n"
+        "mission = {'pattern': 'all_but_one', 'goals': ['a', 'b', 'c']}\n"
+        "result = pareto_ltl.plan('harbour', mission, robot='glider', wind='steady', pipelines='briefed',\n"
+        f"    selection={{'rule': 'shortest'}}, out='two', **{SMALL!r})\n"
+        "lengths = [path.objectives.length for path in result.front.paths]\n"
+        "assert result.plan.path.objectives.length == min(lengths)\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", script], cwd=tmp_path, env=installed, capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stderr
+    for name in ("plan.json", "front.csv", "briefing.txt"):
+        assert (tmp_path / "one" / name).read_bytes() == (tmp_path / "two" / name).read_bytes()
+    briefing = (tmp_path / "one" / "briefing.txt").read_text()
+    assert briefing.startswith("F a & F b | F a & F c | F b & F c\nregions: a, b, c\n")
+
+
+@pytest.mark.parametrize(
+    ("argument", "names"),
+    [
+        ("wind.source=storm", "calm, steady; got 'storm'"),
+        ("selection.rule=best", "threshold, shortest; got 'best'"),
+        ("mission.pattern=zigzag", "key_door, all_but_one; got 'zigzag'"),
+        ("robot=submarine", "there is no robot 'submarine'; there are airframe, glider"),
+        ("pipelines.stages=[briefings]", "briefing"),
+        ("pipelines.stages=[briefing]", "'briefing' needs plan, scene, which no earlier stage makes"),
+    ],
+)
+def test_messages_list_what_other_packages_add(
+    argument: str, names: str, installed: dict[str, str], tmp_path: Path
+) -> None:
+    kept = [word for word in ARGUMENTS if word.split("=")[0] != argument.split("=")[0]]
+    command = [sys.executable, "-m", "pareto_ltl", *kept, argument]
+    done = subprocess.run(command, cwd=tmp_path, env=installed, capture_output=True, text=True)
+    assert done.returncode == 2
+    assert done.stderr.count("\n") == 1
+    assert names in done.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_example_package_does_not_slow_the_start(installed: dict[str, str], tmp_path: Path) -> None:
+    code = (
+        "import sys\n"
+        "from pareto_ltl.cli import hydra_app as app\n"
+        f"assert app.main([*{ARGUMENTS!r}, 'planner.trees=0']) == 2\n"
+        "print([name for name in 'numpy scipy numba cvxpy shapely'.split() if name in sys.modules])\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], env=installed, capture_output=True, text=True)
+    assert done.stdout == "[]\n", done.stderr
+
+
+# --- entry points that are wrong -----------------------------------------------------------------
+
+
+@pytest.fixture
+def added(monkeypatch: pytest.MonkeyPatch) -> Iterator[dict[str, dict[str, str]]]:
+    """Entry points by group and name, instead of those that are installed."""
+    table: dict[str, dict[str, str]] = {}
+
+    def entry_points(group: str) -> list[EntryPoint]:
+        return [EntryPoint(name, value, group) for name, value in table.get(group, {}).items()]
+
+    monkeypatch.setattr("importlib.metadata.entry_points", entry_points)
+    extensions._entries.cache_clear()
+    yield table
+    extensions._entries.cache_clear()
+
+
+def test_a_name_that_is_taken_is_refused(added: dict[str, dict[str, str]]) -> None:
+    added["pareto_ltl.stages"] = {"forest": "os:path"}
+    added["pareto_ltl.wind_sources"] = {"csv": "os:path"}
+    added["pareto_ltl.patterns"] = {"patrol": "os:path"}
+    added["pareto_ltl.selection_rules"] = {"priority": "os:path"}
+    from pareto_ltl.planning.records import Front
+    from pareto_ltl.planning.selection_rules import choose_path
+    from pareto_ltl.wind.sources import wind_source
+
+    taken = "has the name of a part of pareto_ltl; rename it, or uninstall it"
+    with pytest.raises(ConfigError, match=f"entry point 'forest' .* {taken}"):
+        with_extension_stages(PLAN_STAGES, [])
+    with pytest.raises(ConfigError, match=f"entry point 'csv' .* {taken}"):
+        wind_source(WindConfig())
+    with pytest.raises(ConfigError, match=f"entry point 'patrol' .* {taken}"):
+        formula_of(MissionConfig(pattern="sequence", goals=["a"]))
+    with pytest.raises(ConfigError, match=f"entry point 'priority' .* {taken}"):
+        choose_path(SelectionConfig(), Front((), (), 0.0, None))  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("value", "reason"),
+    [
+        ("no_such_module:STAGE", "cannot be loaded (ModuleNotFoundError: No module named 'no_such_module')"),
+        ("os:no_such_name", "cannot be loaded (AttributeError"),
+        ("os:getcwd", "is a builtin_function_or_method, which this group does not take"),
+        ("pareto_ltl.run.stages:PLAN_TABLE", "is a StageTable, which this group does not take"),
+    ],
+)
+def test_an_entry_point_that_does_not_work_is_one_line(
+    value: str, reason: str, added: dict[str, dict[str, str]]
+) -> None:
+    added["pareto_ltl.stages"] = {"mine": value}
+    assert with_extension_stages(PLAN_STAGES, ["forest"]).known[-1] == "mine"  # known, and not loaded
+    with pytest.raises(ConfigError) as caught:
+        with_extension_stages(PLAN_STAGES, ["mine"])
+    assert reason in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_two_packages_with_one_name_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    pair = [EntryPoint("mine", value, "pareto_ltl.stages") for value in ("a:A", "b:B")]
+    monkeypatch.setattr("importlib.metadata.entry_points", lambda group: pair)
+    extensions._entries.cache_clear()
+    try:
+        with pytest.raises(ConfigError, match=r"two packages add pareto_ltl\.stages 'mine': a:A and b:B"):
+            extensions.extension_names("pareto_ltl.stages")
+    finally:
+        extensions._entries.cache_clear()
+
+
+def test_a_folder_that_is_not_there_is_refused(added: dict[str, dict[str, str]]) -> None:
+    added["pareto_ltl.conf"] = {"mine": "pareto_ltl.no_such_folder"}
+    with pytest.raises(ConfigError, match="names no folder of a package"):
+        extensions.extension_folders()
+
+
+def test_a_choice_with_the_name_of_another_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "robot").mkdir()
+    (tmp_path / "robot" / "airframe.yaml").touch()
+    monkeypatch.setattr(resources, "extension_folders", lambda: (tmp_path,))
+    with pytest.raises(ConfigError, match="there is another choice conf/robot/airframe; rename this one"):
+        resources.choices("wind")
+
+
+def test_the_names_in_the_settings_are_those_of_the_tables() -> None:
+    from pareto_ltl.planning.selection_rules import RULE_FUNCTIONS
+    from pareto_ltl.wind.sources import SOURCES
+
+    assert tuple(SOURCES) == SOURCE_NAMES
+    assert tuple(RULE_FUNCTIONS) == RULE_NAMES
+    assert Settings().wind.source in SOURCES
