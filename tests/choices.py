@@ -20,15 +20,8 @@ from pareto_ltl.planning.evaluate import COLLISION_MEMORY, evaluate_path, propag
 from pareto_ltl.planning.growth import grow_forest, mission_columns
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import Tree
-from pareto_ltl.settings import (
-    COLLISION_BOUNDS,
-    LAWS,
-    MISSION_BOUNDS,
-    PARENT_RULES,
-    FidelityConfig,
-    PlannerConfig,
-    RobotConfig,
-)
+from pareto_ltl.settings import FidelityConfig, PlannerConfig, RobotConfig
+from pareto_ltl.settings.fidelity import COLLISION_BOUNDS, LAWS, MISSION_BOUNDS, PARENT_RULES
 from pareto_ltl.support.arrays import FloatArray
 from problems import box, make_problem, make_scene, smooth_wind
 
