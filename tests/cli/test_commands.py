@@ -17,11 +17,12 @@ from pareto_ltl.cli import arguments, composition
 from pareto_ltl.cli import hydra_app as app
 from pareto_ltl.cli.commands import COMMANDS, PIPELINE_COMMANDS, run_command_line
 from pareto_ltl.run import pipeline
+from pareto_ltl.run.pipeline import Pipeline
 from pareto_ltl.settings import Settings
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.resources import choices, folder
 
-CELLS = ("+experiment=phi1", "pipelines.stages=[decomposition]")
+CELLS = ("+experiment=phi1", "pipelines.stages=[readings,scene,decomposition]")
 NEEDS = {"ingest": ["wind=grib", "wind.path=DIR"]}
 
 
@@ -36,11 +37,11 @@ def ran(monkeypatch: pytest.MonkeyPatch) -> list[Settings]:
     """The settings of the runs that were started; nothing is made."""
     found: list[Settings] = []
 
-    def run(settings: Settings, *_: Any) -> dict[str, float]:
-        found.append(settings)
+    def run(pipeline: Pipeline, *_: Any) -> dict[str, float]:
+        found.append(pipeline.settings)
         return {"run_seconds": 0.0}
 
-    monkeypatch.setattr(app.pipeline, "run", run)
+    monkeypatch.setattr(app, "run_pipeline", run)
     return found
 
 

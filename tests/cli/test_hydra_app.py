@@ -50,7 +50,7 @@ def validated(*argv: str) -> Settings:
     with composition.opened_hydra(arguments) as hydra:
         prepared = composition.prepare(hydra, arguments)
     assert isinstance(prepared, composition.PreparedRun)
-    return prepared.settings
+    return prepared.pipeline.settings
 
 
 def composed(*argv: str) -> Settings:

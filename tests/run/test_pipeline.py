@@ -135,10 +135,9 @@ def test_the_formula_is_parsed_once(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_each_wind_file_is_opened_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     from pareto_ltl.wind.sources import csv_files
-    from pareto_ltl.wind.sources.csv_files import _read_csv_file
 
     opened: list[Path] = []
-    original = _read_csv_file
+    original = csv_files._read_csv_file
 
     def counted(file: Path, max_speed: float) -> Any:
         opened.append(file)

@@ -1,0 +1,38 @@
+"""Independent choices of models: every combination plans, and its trees cost what exact evaluation says."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from numba import config
+
+import choices
+
+TESTS = Path(choices.__file__).parent
+
+
+def test_every_combination_of_models_prices_its_vertices_exactly(tmp_path):
+    """Uncompiled, in a process of its own: a combination would compile for half a minute."""
+    assert len(choices.CHOICES) == 32
+    environment = os.environ | {
+        "NUMBA_DISABLE_JIT": "1",
+        "PYTHONPATH": os.pathsep.join([str(TESTS), *sys.path]),
+    }
+    done = subprocess.run(
+        [sys.executable, TESTS / "choices.py"],
+        env=environment, cwd=tmp_path, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    lines = done.stdout.splitlines()
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert [line.split()[1:5] for line in lines] == [list(choice) for choice in choices.CHOICES]
+    assert all(line.startswith("ok ") for line in lines)
+
+
+@pytest.mark.skipif(config.DISABLE_JIT, reason="the test above covers it")
+@pytest.mark.parametrize("choice", [("coherent", "theorem2", "path", "dominance")])
+def test_a_combination_of_both_presets_compiles(choice):
+    assert "accepted" in choices.check_choice(choices.tiny_problem(*choice))
