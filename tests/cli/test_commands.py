@@ -16,8 +16,8 @@ from hydra._internal.config_loader_impl import ConfigLoaderImpl
 from pareto_ltl.cli import arguments, composition
 from pareto_ltl.cli import hydra_app as app
 from pareto_ltl.cli.commands import COMMANDS, PIPELINE_COMMANDS, run_command_line
-from pareto_ltl.run import pipeline
-from pareto_ltl.run.pipeline import Pipeline
+from pareto_ltl.cli.stage_table import application_stages
+from pareto_ltl.run.pipeline import Pipeline, check_pipeline
 from pareto_ltl.settings import Settings
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.resources import choices, folder
@@ -226,6 +226,6 @@ def test_a_configuration_is_shown_and_nothing_runs(here: Path, capsys: pytest.Ca
     assert list(here.iterdir()) == []
 
 
-def test_settings_made_by_hand_are_checked_by_the_runner(here: Path) -> None:
+def test_settings_made_by_hand_are_checked_by_the_runner() -> None:
     with pytest.raises(ConfigError, match=r"pipelines\.stages is empty"):
-        pipeline.run(Settings(), here / "out")
+        check_pipeline(Settings(), application_stages(Settings()))

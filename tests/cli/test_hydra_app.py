@@ -135,7 +135,10 @@ def test_every_choice_composes_with_a_mission(choice: str) -> None:
 
 
 def test_ingest_needs_no_mission() -> None:
-    assert validated("pipelines=ingest", "wind=grib", "wind.path=folder").pipelines.stages == ["table"]
+    assert validated("pipelines=ingest", "wind=grib", "wind.path=folder").pipelines.stages == [
+        "readings",
+        "table",
+    ]
 
 
 def test_an_experiment_changes_only_what_it_names() -> None:

@@ -237,10 +237,12 @@ def test_a_remembered_field_does_not_load_scikit_learn(few, cache, tmp_path):
         from pareto_ltl.world import projection
         from pareto_ltl.wind import field, sources
         bounds = np.array([[-5e5, -5e5], [5e5, 5e5]])
-        scene = Scene(bounds, np.zeros(2), {}, (), projection.plane(37.0, -92.0), "2018-10-10T12:00:00Z")
+        crs = projection.local_plane(37.0, -92.0)
+        scene = Scene(bounds, np.zeros(2), {}, (), crs, "2018-10-10T12:00:00Z")
         cfg = WindConfig()
+        from pareto_ltl.wind.observations import place_readings
         seen = place_readings(cfg, sources.read_readings(cfg), scene)
-        wind = field.wind(cfg, seen, scene)
+        wind = field.fit_wind_field(cfg, seen, scene)
         print(len(wind.times), "sklearn" in sys.modules, "pandas" in sys.modules)
     """)
     run = [sys.executable, "-c", script]
