@@ -138,8 +138,9 @@ def read_wind(place: Path | str) -> WindField:
 
 def write_forest(directory: Path, forest: Forest) -> None:
     arrays: dict[str, NDArray[Any]] = {"accepted": forest.accepted}
-    if collision := forest.trees[0].risk.shape[1] - forest.mission_columns:
-        arrays[COLLISION_COLUMNS] = np.array(collision)
+    columns = {tree.risk.shape[1] for tree in forest.trees}
+    if collision := max(columns, default=forest.mission_columns) - forest.mission_columns:
+        arrays[COLLISION_COLUMNS] = np.array(collision)  # write_npz stores it with shape (1,)
     for number, tree in enumerate(forest.trees):
         arrays |= {f"tree_{number:03d}/{name}": getattr(tree, name) for name in TREE_ARRAYS}
         causes = sorted(tree.reach)
@@ -155,7 +156,7 @@ def read_forest(place: Path | str) -> Forest:
     with _shaped(path, "a forest"):
         names = sorted({key.partition("/")[0] for key in arrays if "/" in key})
         trees = tuple(_tree(arrays, name) for name in names)
-        columns = trees[0].risk.shape[1] - int(arrays.get(COLLISION_COLUMNS, 0))
+        columns = trees[0].risk.shape[1] - int(np.asarray(arrays.get(COLLISION_COLUMNS, 0)).item())
         return Forest(trees, arrays["accepted"], math.nan, columns)
 
 
