@@ -94,7 +94,7 @@ def test_the_first_tree_only_takes_parents_that_are_no_worse_in_any_objective(fo
 def test_half_of_the_trees_choose_by_a_tchebycheff_score(task):
     def scored(parents, number):
         rng = np.random.default_rng(number)
-        rule = growth.PARENT_RULES[parents](PLANNER, task, number, rng)
+        rule = growth.RULE_MAKERS[parents](PLANNER, task, number, rng)
         assert rule.scored == bool(np.any(rule.weight != 0.0))
         return rule.scored
 

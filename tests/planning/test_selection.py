@@ -14,6 +14,7 @@ from numpy.random import SeedSequence
 from pareto_ltl.planning import growth, selection
 from pareto_ltl.planning.evaluate import evaluate_path
 from pareto_ltl.planning.records import Front, Objectives, PlannedPath, objective_row
+from pareto_ltl.planning.selection_rules import choose_path
 from pareto_ltl.settings import PlannerConfig, SelectionConfig
 from pareto_ltl.support.errors import InfeasibleError
 from problems import two_goals
@@ -121,7 +122,7 @@ def planted():
 
 def test_the_front_of_the_trees_holds_every_trade_off_between_risk_and_length(planted):
     problem, forest = planted
-    rows = selection.accepted_rows(problem, forest)
+    rows = selection.accepted_rows(forest)
     front = selection.tree_front(problem, forest)
     found = [(p.objectives.mission_risk_paper, p.objectives.length) for p in front]
     expected = sorted({tuple(r) for r in rows if not any(dominates(s, r) for s in rows)})
@@ -151,7 +152,7 @@ CHOICE = (
 
 
 def chosen(front: Front, **settings):
-    o = selection.choose_path(SelectionConfig(**settings), front).objectives
+    o = choose_path(SelectionConfig(**settings), front).objectives
     return o.mission_risk_paper, o.collision_risk, o.length
 
 
@@ -211,10 +212,10 @@ def test_threshold_takes_the_shortest_that_is_safe_enough():
 def test_threshold_trusts_the_bound_that_judges_the_plan_and_not_the_papers():
     front = front_of((0.001, 0.0, 100.0), (0.0005, 0.0, 200.0), judged=0.2)
     with pytest.raises(InfeasibleError):
-        selection.choose_path(SelectionConfig(rule="threshold", alpha=0.1), front)
+        choose_path(SelectionConfig(rule="threshold", alpha=0.1), front)
 
 
 def test_a_threshold_that_nothing_keeps_says_what_could_be_kept():
     expected = r"selection\.alpha = 0\.01; the safest has 0\.02: raise selection\.alpha"
     with pytest.raises(InfeasibleError, match=expected):
-        selection.choose_path(SelectionConfig(rule="threshold", alpha=0.01), front_of(*CHOICE))
+        choose_path(SelectionConfig(rule="threshold", alpha=0.01), front_of(*CHOICE))

@@ -266,22 +266,28 @@ def test_a_risk_of_zero_is_shown_at_a_floor_that_says_so(tmp_path, records):
 
 
 @pytest.mark.parametrize(
-    ("full", "label", "risks"),
+    ("bound", "label", "risks"),
     [
-        (True, "mission risk, bound V", [0.2, 0.1]),
-        (False, "mission risk, bound f_o of the paper", [0.004, 0.002]),
+        ("ordered", "mission risk, bound V", [0.2, 0.1]),
+        ("theorem2", "mission risk, bound f_o of the paper", [0.004, 0.002]),
     ],
 )
 def test_the_front_shows_the_judged_risk_under_its_name_without_a_plan_too(
-    tmp_path, records, full, label, risks
+    tmp_path, records, bound, label, risks
 ):
     scene = records["scene"]
+
+    def costs(objectives, v, f):
+        judged = {"ordered": v, "theorem2": f}[bound]
+        return replace(objectives, mission_risk=judged, mission_risk_paper=f, mission_risk_ordered=v)
+
     paths = tuple(
-        replace(path, objectives=replace(path.objectives, mission_risk=v, mission_risk_paper=f))
+        replace(path, objectives=costs(path.objectives, v, f))
         for path, v, f in zip(front_of(scene).paths, (0.2, 0.1), (0.004, 0.002), strict=False)
     )
-    front = Front(paths, tuple(path.objectives for path in paths), 0.5, np.ones(3), full)
-    words = text_of(drawn(tmp_path, records, front=front, plan=None, deployments={})["front.svg"])
+    front = Front(paths, tuple(path.objectives for path in paths), 0.5, np.ones(3))
+    changes = {"front": front, "plan": None, "deployments": {}, "mission_bound": bound}
+    words = text_of(drawn(tmp_path, records, **changes)["front.svg"])
     assert label in words
     figure = front_figure(scene, None, front, None, label)
     axes = figure.axes[0]

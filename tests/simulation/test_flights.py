@@ -79,7 +79,7 @@ def test_flights_are_those_of_a_plain_simulation_with_the_same_draws(robot, plan
     law = problem.laws["independent"]
     outcome = rollout.Outcome(x, np.empty(runs, bool), np.empty(runs, bool))
     pilot = rollout.Autopilot(u, np.zeros((len(u) + 1, 2)))
-    rollout.fly(deployment.flight_judge(problem), rollout.IndependentDraws(law, draws), pilot, outcome)
+    rollout.fly_batch(deployment.flight_judge(problem), rollout.IndependentDraws(law, draws), pilot, outcome)
     outcomes = set()
     for i in range(runs):
         way, done, hit = plain(problem, u, draws[:, i], x[i, 0])
