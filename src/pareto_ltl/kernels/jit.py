@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Callable
-from functools import lru_cache, wraps
-from pathlib import Path
+from functools import wraps
 from typing import Any, TypeVar, cast
 
 from numba import njit
 from numba.core.errors import TypingError
 from numba.extending import overload
+
+from pareto_ltl.support.fingerprints import code_fingerprint
 
 F = TypeVar("F", bound=Callable[..., Any])
 PLAIN = {"_nrt": False, "error_model": "numpy"}
@@ -109,16 +109,8 @@ def _stamped(compiled: Any) -> Any:
     """
     file = getattr(getattr(compiled, "_cache", None), "_cache_file", None)
     if file is not None:
-        file._source_stamp = (file._source_stamp, _kernel_sources())
+        file._source_stamp = (file._source_stamp, code_fingerprint("kernels"))
     return compiled
-
-
-@lru_cache
-def _kernel_sources() -> str:
-    digest = hashlib.sha256()
-    for source in sorted(Path(__file__).parent.glob("*.py")):
-        digest.update(source.read_bytes())
-    return digest.hexdigest()
 
 
 __all__ = ["allocating", "by_type", "entry", "implements", "kernel", "vector"]

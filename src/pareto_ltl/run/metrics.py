@@ -86,8 +86,8 @@ def _front_numbers(front: Front) -> dict[str, float]:
             "front_size_raw": len(front.raw),
             "shortest_raw_m": min(o.length for o in front.raw),
             "shortest_m": min(path.objectives.length for path in front.paths),
-            "safest_raw": min(o.mission_risk_paper for o in front.raw),
-            "safest": min(path.objectives.mission_risk_paper for path in front.paths),
+            "safest_raw": min(o.mission_risk for o in front.raw),
+            "safest": min(path.objectives.mission_risk for path in front.paths),
         }
     return table
 
@@ -98,6 +98,7 @@ def _plan_numbers(plan: Plan) -> dict[str, float]:
         "length_m": o.length,
         "mission_risk_paper": o.mission_risk_paper,
         "mission_risk": o.mission_risk,
+        "mission_risk_ordered": o.mission_risk_ordered,
         "collision_risk": o.collision_risk,
         "steps": len(plan.path.u),
         "duration_s": float(plan.path.t[-1] - plan.path.t[0]),

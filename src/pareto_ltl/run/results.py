@@ -278,8 +278,10 @@ def read_plan(place: Path | str) -> Plan:
 
 
 def _flight(content: Mapping[str, Any]) -> PlannedPath:
+    costs = content["objectives"]  # without the ordered bound by that name before it had one
     objectives = {
-        key: math.nan if value is None else float(value) for key, value in content["objectives"].items()
+        key: math.nan if value is None else float(value)
+        for key, value in ({"mission_risk_ordered": costs["mission_risk"]} | costs).items()
     }
     flight = PlannedPath(
         t=np.array(content["t"], float),
