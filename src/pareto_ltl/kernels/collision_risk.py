@@ -20,7 +20,7 @@ from pareto_ltl.kernels.data import (
 )
 from pareto_ltl.kernels.gaussian import SQRT_HALF, tail, variance_along
 from pareto_ltl.kernels.geometry import SLACK
-from pareto_ltl.kernels.jit import allocating, by_type, implements, kernel
+from pareto_ltl.kernels.jit import allocating, by_type, implements, inlined, kernel
 from pareto_ltl.support.arrays import FloatArray, IntArray
 
 # Standard deviations beyond which an obstacle, at below 3e-7, is not looked at (growth runs a sixth
@@ -54,13 +54,13 @@ def clear_faces(obstacles: Faces, z: float, here: Gaussian, cleared: IntArray, r
 # --- along a path -----------------------------------------------------------------------------
 
 
-@kernel
+@inlined
 def largest_sd(cov: Cov) -> float:
     """An upper bound of the largest standard deviation (Gershgorin) [m]."""
     return math.sqrt(max(cov.xx, cov.yy) + abs(cov.xy))
 
 
-@kernel
+@inlined
 def run_cost(total: float, least: float, widest: float) -> float:
     """min(Σ p, 2 Φ(-least / √widest)) of one run."""
     if total <= 0.0 or widest <= 0.0:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from pareto_ltl.kernels.data import Cov, Faces, Gaussian
-from pareto_ltl.kernels.jit import kernel
+from pareto_ltl.kernels.jit import inlined, kernel
 from pareto_ltl.support.arrays import IntArray
 
 SQRT_HALF = math.sqrt(0.5)
@@ -19,7 +19,7 @@ def tail(distance: float, variance: float) -> float:
     return 0.5 * math.erfc(SQRT_HALF * distance / math.sqrt(variance))
 
 
-@kernel
+@inlined
 def variance_along(nx: float, ny: float, cov: Cov) -> float:
     """n' Σ n."""
     return nx * nx * cov.xx + 2.0 * nx * ny * cov.xy + ny * ny * cov.yy

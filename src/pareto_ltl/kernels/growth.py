@@ -11,7 +11,7 @@ from numpy.random import Generator
 from pareto_ltl.kernels.data import Cov, Gaussian, Point
 from pareto_ltl.kernels.dijkstra import Product, find_lead, weigh
 from pareto_ltl.kernels.geometry import locate_cell
-from pareto_ltl.kernels.jit import entry, kernel
+from pareto_ltl.kernels.jit import entry, inlined, kernel
 from pareto_ltl.kernels.neighbours import kd_nearest
 from pareto_ltl.kernels.propagation import forget
 from pareto_ltl.kernels.tree import (
@@ -111,7 +111,7 @@ def extend(s: Search, v: int, target: Point, limit: int, rng: Generator) -> None
             return
 
 
-@kernel
+@inlined
 def pick_state(s: Search, rng: Generator) -> int:
     """Position on the lead of the state to expand, -1 where the tree has none of them.
 
@@ -132,7 +132,7 @@ def pick_state(s: Search, rng: Generator) -> int:
     return chosen
 
 
-@kernel
+@inlined
 def pick_target(s: Search, fans: Fans, position: int, rng: Generator) -> Point:
     """A target in the successor on the lead; sometimes in a later state, sometimes anywhere."""
     c, state = s.world.cells, s.state

@@ -10,14 +10,14 @@ from typing import TypeAlias
 import numpy as np
 
 from pareto_ltl.kernels.data import Modes, Point, Square, Wind
-from pareto_ltl.kernels.jit import kernel, vector
+from pareto_ltl.kernels.jit import inlined, kernel, vector
 from pareto_ltl.support.arrays import Float32Array, FloatArray
 
 F32 = np.float32
 Weights: TypeAlias = tuple[np.float32, np.float32, np.float32, np.float32]
 
 
-@kernel
+@inlined
 def lattice_square(lattice: Wind | Modes, nx: int, ny: int, at: Point) -> Square:
     """The square of a lattice of ``nx`` by ``ny`` nodes that holds a place, clamped to the lattice."""
     gx = min(max((at.x - lattice.west) * lattice.per_metre, 0.0), nx - 1.0)
@@ -26,13 +26,13 @@ def lattice_square(lattice: Wind | Modes, nx: int, ny: int, at: Point) -> Square
     return Square(i, j, gx - i, gy - j)
 
 
-@kernel
+@inlined
 def wind_square(wind: Wind, at: Point) -> Square:
     """The square of the wind's lattice that holds a place."""
     return lattice_square(wind, wind.mean.shape[1], wind.mean.shape[2], at)
 
 
-@kernel
+@inlined
 def mode_square(modes: Modes, at: Point) -> Square:
     """The square of the lattice of the modes that holds a place."""
     return lattice_square(modes, modes.psi.shape[1], modes.psi.shape[2], at)
@@ -60,7 +60,7 @@ def pair_at(table: FloatArray, wind: Wind, step: int, square: Square, first: int
     return e, n
 
 
-@kernel
+@inlined
 def wind_at(table: FloatArray, wind: Wind, step: int, at: Point) -> tuple[float, float]:
     """Both components of ``table`` (K, NX, NY, 2) at a place and a step."""
     return pair_at(table, wind, step, wind_square(wind, at), 0)

@@ -43,7 +43,7 @@ from pareto_ltl.kernels.interpolation import (
     wind_at,
     wind_square,
 )
-from pareto_ltl.kernels.jit import by_type, implements, kernel, vector
+from pareto_ltl.kernels.jit import by_type, implements, inlined, kernel, vector
 from pareto_ltl.support.arrays import Float32Array
 
 # The maximum-trace rule looks at the centre and at eight points of the ball's rim: the latent variance is
@@ -57,7 +57,7 @@ BALL = (
 # --- what all laws share ----------------------------------------------------------------------
 
 
-@kernel
+@inlined
 def airspeed(motion: Motion, dx: float, dy: float) -> float:
     """‖u‖ that moves the drift by (dx, dy) in one step [m/s]."""
     b = motion.b_inv
@@ -83,7 +83,7 @@ def airspeed_left(motion: Motion, correction: Cov) -> float:
     return max(motion.u_max - motion.effort / motion.dt * math.sqrt(max(widest, 0.0)), 0.0)
 
 
-@kernel
+@inlined
 def scaled_cov(factor: float, cov: Cov) -> Cov:
     """``factor`` Σ."""
     return Cov(factor * cov.xx, factor * cov.xy, factor * cov.yy)

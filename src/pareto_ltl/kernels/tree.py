@@ -11,7 +11,7 @@ from numpy.random import Generator
 from pareto_ltl.kernels.data import Cov, Gaussian, Memory, Motion, Point, World
 from pareto_ltl.kernels.dijkstra import Heap
 from pareto_ltl.kernels.fixes import fix_missed
-from pareto_ltl.kernels.jit import kernel
+from pareto_ltl.kernels.jit import inlined, kernel
 from pareto_ltl.kernels.neighbours import kd_insert, remember
 from pareto_ltl.kernels.parents import Candidate, collision_limit
 from pareto_ltl.kernels.propagation import advance, airspeed
@@ -108,19 +108,19 @@ class Search(NamedTuple):
     settings: GrowthSettings
 
 
-@kernel
+@inlined
 def vertex_point(tree: Vertices, v: int) -> Point:
     """Mean position of a vertex [m]."""
     return Point(tree.x[v, 0], tree.x[v, 1])
 
 
-@kernel
+@inlined
 def child_covariance(tree: Vertices, v: int) -> Cov:
     """Covariance of every child of a vertex [m²]."""
     return Cov(tree.spread[v, 0], tree.spread[v, 1], tree.spread[v, 2])
 
 
-@kernel
+@inlined
 def distance(start: Point, end: Point) -> float:
     """Length of a straight line [m]."""
     dx, dy = end.x - start.x, end.y - start.y
@@ -154,7 +154,7 @@ def steer(motion: Motion, start: Point, free: Point, speed: float, target: Point
     return Point(start.x + s * ex, start.y + s * ey), True
 
 
-@kernel
+@inlined
 def square_of(settings: GrowthSettings, at: Point) -> tuple[int, int]:
     """Column and row of a point in the grid of possible parents."""
     i = min(max(int((at.x - settings.west) * settings.per_metre), 0), settings.columns - 1)
@@ -169,7 +169,7 @@ def in_time(s: Search, step: int, q: int) -> bool:
     return step < last or (step == last and s.world.logic.distance[q] == 0.0)
 
 
-@kernel
+@inlined
 def propose(s: Search, parent: int, there: Point, cell: int, q: int, row: int) -> Proposal:
     """A child of ``parent`` at ``there``, to be appraised in scratch row ``row``."""
     here = Gaussian(there, child_covariance(s.tree, parent))
@@ -206,7 +206,7 @@ def add_vertex(
     return v
 
 
-@kernel
+@inlined
 def look_ahead(s: Search, v: int, parent: int, cov: Cov) -> None:
     """Mean and covariance one step after ``v``, whose own covariance is given."""
     tree = s.tree
@@ -218,7 +218,7 @@ def look_ahead(s: Search, v: int, parent: int, cov: Cov) -> None:
     tree.spread[v, 0], tree.spread[v, 1], tree.spread[v, 2] = ahead.cov
 
 
-@kernel
+@inlined
 def file_vertex(s: Search, v: int, rng: Generator) -> None:
     """Make ``v`` known to both indexes."""
     tree, state, settings = s.tree, s.state, s.settings
@@ -315,7 +315,7 @@ def choose_parent(s: Search, first: Proposal, length0: float, rng: Generator) ->
     return best, best_q, best_length
 
 
-@kernel
+@inlined
 def adopt_proposal(s: Search) -> None:
     """The proposal becomes the best so far."""
     state, best, proposed = s.state, int(np.int64(BEST)), int(np.int64(PROPOSED))
@@ -325,7 +325,7 @@ def adopt_proposal(s: Search) -> None:
     keep_collision(s.world.collision, state, proposed, state.collision, best)
 
 
-@kernel
+@inlined
 def note_swap(s: Search, q0: int, length0: float, q: int, length: float) -> None:
     """Record a re-selection for the check of Theorems 4 and 5."""
     state, distances = s.state, s.world.logic.distance

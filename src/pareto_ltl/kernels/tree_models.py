@@ -22,7 +22,7 @@ from pareto_ltl.kernels.data import (
     Theorem2,
     World,
 )
-from pareto_ltl.kernels.jit import by_type, implements, kernel
+from pareto_ltl.kernels.jit import by_type, implements, inlined
 from pareto_ltl.kernels.mission_risk import add_risk, begin_bound, read_labels, read_letter, visit_risk
 from pareto_ltl.kernels.parents import Candidate, Dominance, Scaled, improves
 from pareto_ltl.support.arrays import FloatArray
@@ -43,7 +43,7 @@ class Proposal(NamedTuple):
     row: int
 
 
-@kernel
+@inlined
 def gaussian_at(x: FloatArray, cov: FloatArray, row: int) -> Gaussian:
     """The Gaussian of one row of ``x`` (N, 2) and ``cov`` (N, 3)."""
     return Gaussian(Point(x[row, 0], x[row, 1]), Cov(cov[row, 0], cov[row, 1], cov[row, 2]))
@@ -169,7 +169,7 @@ class Rivals(NamedTuple):
     first: bool  # the best so far is the original parent
 
 
-@kernel
+@inlined
 def beats(risks: FloatArray, rivals: Rivals) -> bool:
     """Eqs. (11) and (12) against the original parent and (12) against the best so far."""
     if not improves(rivals.rule, risks, rivals.new, rivals.original, False):
