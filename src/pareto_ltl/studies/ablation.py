@@ -52,7 +52,7 @@ NAMES = {
 
 
 @dataclass(frozen=True, slots=True)
-class Context:
+class AblationContext:
     """``runs_of`` and ``worlds``: what plans are made in and what they are flown in, by (factor, level)."""
 
     runs_of: Mapping[tuple[str, Any], Run]
@@ -85,19 +85,19 @@ def changed(settings: Settings, factor: str, level: Any) -> Settings:
     return settings
 
 
-def study(
+def run_ablation(
     settings: Settings, world: Records, directory: Path, progress: PartsProgress | None = None
 ) -> Study:
     """Plan with every level and seed, and fly all plans."""
     _check(settings)
-    context, todo = _context(settings, world), []
+    context, todo = _ablation_context(settings, world), []
     for factor, level in levels(settings):
         for seed in settings.evaluation.seeds:
-            k = _key(settings, context, factor, level, seed)
+            k = _ablation_key(settings, context, factor, level, seed)
             todo.append(Part(f"{factor}-{level}-{seed}", (factor, level, seed), k))
-    results = work_parts(settings.evaluation, directory, one, context, todo, progress)
+    results = work_parts(settings.evaluation, directory, ablation_part, context, todo, progress)
     found = {part.arguments: result for part, result in zip(todo, results, strict=True)}
-    return _study(settings, context, found)
+    return _collect_ablation(settings, context, found)
 
 
 def _check(settings: Settings) -> None:
@@ -109,7 +109,7 @@ def _check(settings: Settings) -> None:
         )
 
 
-def _context(settings: Settings, world: Records) -> Context:
+def _ablation_context(settings: Settings, world: Records) -> AblationContext:
     mine = unsmoothed(settings)
     mine = replace(mine, planner=replace(mine.planner, threads=1))
     whole = with_wind(mine, world)
@@ -124,12 +124,12 @@ def _context(settings: Settings, world: Records) -> Context:
         runs_of[factor, level] = run
         if factor == "dt":
             worlds[factor, level] = truth(cut(settings, level), world)
-    return Context(
+    return AblationContext(
         runs_of, worlds, truth(settings, whole), settings.deployment.runs, tuple(settings.evaluation.laws)
     )
 
 
-def _key(settings: Settings, context: Context, factor: str, level: Any, seed: int) -> str:
+def _ablation_key(settings: Settings, context: AblationContext, factor: str, level: Any, seed: int) -> str:
     """Levels that come to the default settings share their parts."""
     pieces = level if factor == "dt" else 1
     mine = replace(context.runs_of[factor, level].settings, seed=seed)
@@ -155,9 +155,9 @@ def cut(settings: Settings, pieces: int) -> Settings:
 # --- one plan --------------------------------------------------------------------------------
 
 
-def one(context: Context, factor: str, level: Any, seed: int) -> Columns:
+def ablation_part(context: AblationContext, factor: str, level: Any, seed: int) -> Columns:
     try:
-        plan = _plan(context, factor, level, seed)
+        plan = _ablation_plan(context, factor, level, seed)
     except InfeasibleError as error:
         return {"planned": False, "reason": str(error)}
     path, world = plan.path, context.truth
@@ -172,7 +172,7 @@ def one(context: Context, factor: str, level: Any, seed: int) -> Columns:
     }
 
 
-def _plan(context: Context, factor: str, level: Any, seed: int) -> Any:
+def _ablation_plan(context: AblationContext, factor: str, level: Any, seed: int) -> Any:
     """Made once for all time steps."""
     if factor != "dt":
         return context.runs_of[factor, level].with_seed(seed).make(PLAN)
@@ -196,20 +196,22 @@ def mean_path(problem: Problem, u: FloatArray) -> FloatArray:
 # --- tables ----------------------------------------------------------------------------------
 
 
-def _study(settings: Settings, context: Context, found: Mapping[tuple[Any, ...], Mapping[str, Any]]) -> Study:
+def _collect_ablation(
+    settings: Settings, context: AblationContext, found: Mapping[tuple[Any, ...], Mapping[str, Any]]
+) -> Study:
     seeds = settings.evaluation.seeds
     rows = [
-        _row(settings, factor, level, law, [found[factor, level, seed] for seed in seeds])
+        _ablation_row(settings, factor, level, law, [found[factor, level, seed] for seed in seeds])
         for factor, level in levels(settings)
         for law in context.laws
     ]
     numbers = {"seeds": float(len(seeds))} | {
         f"{row['factor']}_{row['level']}_failure_{row['law']}": row["failure"] for row in rows
     }
-    return Study({"ablation": tuple(rows)}, numbers, _text(settings, rows))
+    return Study({"ablation": tuple(rows)}, numbers, _ablation_text(settings, rows))
 
 
-def _row(
+def _ablation_row(
     settings: Settings, factor: str, level: Any, law: str, results: Sequence[Mapping[str, Any]]
 ) -> Columns:
     planned = [result for result in results if result["planned"]]
@@ -227,7 +229,7 @@ def _row(
     return row | quartile_columns("length_m", [result["objectives"]["length"] for result in planned])
 
 
-def _text(settings: Settings, rows: Sequence[Columns]) -> str:
+def _ablation_text(settings: Settings, rows: Sequence[Columns]) -> str:
     return "\n".join(
         markdown_table(
             f"{NAMES[factor]}: median (quartiles) over seeds; failed of all flights with 95 % interval",
