@@ -13,6 +13,7 @@ import pytest
 import small_study
 from pareto_ltl.planning import growth
 from pareto_ltl.report.records import Study
+from pareto_ltl.report.study_ablation import FACTOR_LABELS
 from pareto_ltl.run.records import DECOMPOSITION, FOREST, PLAN, PROBLEM, SCENE, WIND, Records
 from pareto_ltl.run.stage_table import stage_seeds
 from pareto_ltl.settings import (
@@ -24,9 +25,12 @@ from pareto_ltl.settings import (
     EvaluationConfig,
     Settings,
 )
+from pareto_ltl.settings.studies import MODEL_FACTORS
 from pareto_ltl.studies import ablation, compare, convergence
 from pareto_ltl.studies.planning import fly_seeded, still, study_run, unsmoothed
 from pareto_ltl.support.errors import ConfigError
+
+DEFAULT_MODELS = (("parents", "dominance"), ("collision_bound", "step"), ("refine", "none"))
 
 
 @pytest.fixture(scope="module")
@@ -293,6 +297,47 @@ def test_one_thing_changes_at_a_time(cfg: Settings) -> None:
         assert back == cfg
     assert ablation.changed(cfg, "beta", 1.0) == cfg
     assert ablation.changed(cfg, "beta", 0.0).planner.beta_length == 0.0
+
+
+@pytest.mark.parametrize("factor", MODEL_FACTORS)
+def test_one_model_changes_at_a_time(cfg: Settings, factor: str) -> None:
+    usual = getattr(cfg.fidelity, factor)
+    levels = getattr(AblationConfig(), factor)
+    assert usual in levels
+    for level in levels:
+        other = ablation.changed(cfg, factor, level)
+        assert getattr(other.fidelity, factor) == level
+        assert ablation.changed(other, factor, usual) == cfg
+
+
+def test_models_are_not_changed_unless_asked_for() -> None:
+    assert not set(AblationConfig().factors) & set(MODEL_FACTORS)
+    assert {*AblationConfig().factors, *MODEL_FACTORS} == set(ablation.FACTOR_TITLES) == set(FACTOR_LABELS)
+
+
+def test_plans_of_every_model_meet_the_same_winds(cfg: Settings, world: Records, tmp_path: Path) -> None:
+    """Parts of the default are shared; the flights of a level are those of its plan in the run's world."""
+    wanted = AblationConfig(
+        factors=["parents", "collision_bound", "refine"], parents=["dominance", "tchebycheff"]
+    )
+    one_seed = EvaluationConfig(seeds=[0], jobs=1, laws=["independent", "coherent"])
+    few = replace(cfg, ablation=wanted, evaluation=one_seed)
+    study = ablation.run_ablation(few, world, tmp_path)
+    assert len(list((tmp_path / "parts").iterdir())) == 4  # default, tchebycheff, path, convex
+    rows = {(row["factor"], row["level"], row["law"]): row for row in study.tables["ablation"]}
+    assert len(rows) == 12
+    truth = compare.truth(few, world)
+    for factor, level in ablation.levels(few):
+        plan = study_run(ablation.changed(unsmoothed(few), factor, level), world).make(PLAN)
+        for law in one_seed.laws:
+            flown = fly_seeded(truth, plan.path.u, few.deployment.runs, law, 0, plan.path.x)
+            row = rows[factor, level, law]
+            assert row["failure"] == pytest.approx((~flown.accepted | flown.collided).mean())
+            assert row["length_m"] == pytest.approx(plan.path.objectives.length)
+    for law in one_seed.laws:
+        usual = [rows[f, level, law] for f, level in DEFAULT_MODELS]
+        assert len({row["failure"] for row in usual}) == 1
+        assert rows["refine", "convex", law]["length_m"] < rows["refine", "none", law]["length_m"]
 
 
 def test_the_mean_path_is_the_planned_one(cfg: Settings, world: Records) -> None:

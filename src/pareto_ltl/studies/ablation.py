@@ -7,9 +7,15 @@
 ``ball``               radius of the maximum-trace ball
 ``dt``                 the default plan flown with every step cut into pieces of equal control
 
-The last is about the wind laws, not the planner: the flight is the same, only how often it is looked at
-changes. Independent draws average out, so that under this law bound and failure go to 0 with the time step;
-the same flight through a coherent wind does not get any safer by being computed in finer steps.
+``law``, ``mission_bound``, ``collision_bound``, ``parents``, ``refine``
+                       one model of ``fidelity``: what planning assumes; flights stay in the world of the run.
+                       With ``planner.epsilon=null`` each collision bound has its own default ε.
+
+Plans are paths of the trees without refinement (``refine=none``), except at the level ``refine=convex``.
+
+``dt`` is about the wind laws, not the planner: the flight is the same, only the number of its steps changes.
+Independent draws average out, so that under this law bound and failure go to 0 with the time step; the same
+flight through a coherent wind does not get any safer by being computed in finer steps.
 """
 
 from __future__ import annotations
@@ -26,6 +32,7 @@ from pareto_ltl.report.records import Study
 from pareto_ltl.run.pipeline import Run
 from pareto_ltl.run.records import PLAN, PROBLEM, Records
 from pareto_ltl.settings import Settings
+from pareto_ltl.settings.studies import MODEL_FACTORS
 from pareto_ltl.studies.compare import bound, failed, outcomes, truth
 from pareto_ltl.studies.parts import Part, PartsProgress, part_key, work_parts
 from pareto_ltl.studies.planning import study_run, unsmoothed, with_wind
@@ -40,7 +47,7 @@ from pareto_ltl.studies.tables import (
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import ConfigError, InfeasibleError
 
-NAMES = {
+FACTOR_TITLES = {
     "trees": "trees",
     "beta": "β, times the default",
     "epsilon": "ε",
@@ -48,6 +55,11 @@ NAMES = {
     "dt": "time step [s]",
     "kernel": "kernel",
     "ball": "radius of the ball [sd]",
+    "law": "wind law of the planner",
+    "mission_bound": "mission bound",
+    "collision_bound": "collision bound",
+    "parents": "parent rule",
+    "refine": "refinement",
 }
 
 
@@ -82,6 +94,8 @@ def changed(settings: Settings, factor: str, level: Any) -> Settings:
         return replace(settings, planner=replace(planner, **{factor: level}))
     if factor in ("kernel", "ball"):
         return replace(settings, wind=replace(wind, **{factor: level}))
+    if factor in MODEL_FACTORS:
+        return replace(settings, fidelity=replace(settings.fidelity, **{factor: level}))
     return settings
 
 
@@ -232,9 +246,9 @@ def _ablation_row(
 def _ablation_text(settings: Settings, rows: Sequence[Columns]) -> str:
     return "\n".join(
         markdown_table(
-            f"{NAMES[factor]}: median (quartiles) over seeds; failed of all flights with 95 % interval",
+            f"{FACTOR_TITLES[factor]}: median (quartiles) over seeds; failed of all flights with 95 % interval",
             (
-                NAMES[factor],
+                FACTOR_TITLES[factor],
                 "winds",
                 "with a plan",
                 "V + R in these winds",
