@@ -246,7 +246,8 @@ def _ablation_row(
 def _ablation_text(settings: Settings, rows: Sequence[Columns]) -> str:
     return "\n".join(
         markdown_table(
-            f"{FACTOR_TITLES[factor]}: median (quartiles) over seeds; failed of all flights with 95 % interval",
+            f"{FACTOR_TITLES[factor]}: median (quartiles) over seeds; "
+            "failed of all flights with 95 % interval",
             (
                 FACTOR_TITLES[factor],
                 "winds",
