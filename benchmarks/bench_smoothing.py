@@ -16,7 +16,7 @@ from pareto_ltl.planning.evaluate import completes_mission
 from pareto_ltl.planning.pack import build_problem
 from pareto_ltl.planning.refine import convex, smoothing
 from pareto_ltl.settings import PlannerConfig, RobotConfig, SceneConfig, SmoothingConfig, WindConfig
-from pareto_ltl.support.resources import folder
+from pareto_ltl.support.resources import resource_folder
 from pareto_ltl.wind.records import WindField
 from pareto_ltl.world import cells as workspace
 from pareto_ltl.world.scene_settings import scene_from_settings
@@ -43,7 +43,7 @@ def wind(speed, variance):
 def planned(mission, dt, speed, variance):
     """The problem and the front of its trees."""
     scene = scene_from_settings(
-        SceneConfig(**yaml.safe_load((folder("conf") / "scene" / f"{mission}.yaml").read_text()))
+        SceneConfig(**yaml.safe_load((resource_folder("conf") / "scene" / f"{mission}.yaml").read_text()))
     )
     cells = workspace.decompose(scene)
     task = build_problem(

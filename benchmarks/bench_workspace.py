@@ -57,4 +57,4 @@ def test_build_a_locator(benchmark):
 def test_locate_ten_thousand_points_in_numpy(benchmark):
     scene = shipped("phi2")
     points = np.random.default_rng(0).uniform(*scene.bounds, (10_000, 2))
-    benchmark(workspace.locate_cells, workspace.decompose(scene), points)
+    benchmark(workspace.cells_of_points, workspace.decompose(scene), points)

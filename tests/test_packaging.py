@@ -24,8 +24,8 @@ LOCK = (ROOT / "requirements.lock").read_text()
 
 def test_a_checkout_finds_its_own_folders() -> None:
     assert resources.checkout() == ROOT
-    assert resources.folder("conf") == ROOT / "conf"
-    assert resources.folder("pipelines") == ROOT / "pipelines"
+    assert resources.resource_folder("conf") == ROOT / "conf"
+    assert resources.resource_folder("pipelines") == ROOT / "pipelines"
 
 
 def test_a_wheel_finds_the_folders_inside_the_package(
@@ -39,7 +39,7 @@ def test_a_wheel_finds_the_folders_inside_the_package(
     (tmp_path / "lib" / "pyproject.toml").touch()
     monkeypatch.setattr(resources, "PACKAGE", package)
     assert resources.checkout() is None
-    assert resources.folder("conf") == package / "conf"
+    assert resources.resource_folder("conf") == package / "conf"
     assert resources.choices("wind") == ["calm"]
 
 

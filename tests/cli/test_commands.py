@@ -20,7 +20,7 @@ from pareto_ltl.cli.stage_table import application_stages
 from pareto_ltl.run.pipeline import Pipeline, check_pipeline
 from pareto_ltl.settings import Settings
 from pareto_ltl.support.errors import ConfigError
-from pareto_ltl.support.resources import choices, folder
+from pareto_ltl.support.resources import choices, resource_folder
 
 CELLS = ("+experiment=phi1", "pipelines.stages=[readings,scene,decomposition]")
 NEEDS = {"ingest": ["wind=grib", "wind.path=DIR"]}
@@ -222,7 +222,7 @@ def test_a_configuration_is_shown_and_nothing_runs(here: Path, capsys: pytest.Ca
     assert "Hydra" in capsys.readouterr().out
     info = [sys.executable, "-m", "pareto_ltl", "--info", "searchpath"]  # it changes the root logger
     done = subprocess.run(info, capture_output=True, text=True, check=True)
-    assert str(folder("conf")) in done.stdout
+    assert str(resource_folder("conf")) in done.stdout
     assert list(here.iterdir()) == []
 
 

@@ -13,7 +13,7 @@ import pytest
 from pareto_ltl.cli.commands import COMMANDS, PIPELINE_COMMANDS, Command, run_command_line
 from pareto_ltl.cli.help_text import COMMON_SETTINGS, group_choices
 from pareto_ltl.settings import Settings, declarations
-from pareto_ltl.support.resources import choices, folder
+from pareto_ltl.support.resources import choices, resource_folder
 
 SECTIONS = ("scene", "mission", "robot", "wind", "planner", "fidelity", "selection", "deployment", "report")
 
@@ -180,4 +180,4 @@ def test_completion_is_for_the_program_also_under_the_module(shell: str, here: P
         capture_output=True, text=True, check=True,
     )  # fmt: skip
     assert done.stdout.strip().splitlines()[-1].count("pareto-ltl") == 1
-    assert folder("conf").is_dir()
+    assert resource_folder("conf").is_dir()

@@ -76,7 +76,7 @@ def test_both_roads_name_the_same_cell(scene, seed):
     edge = np.min([np.abs(workspace.inside_depth(ring, points)) for ring in rings], axis=0)
     clear = edge > 1e-5  # beside an edge the two roads may round differently
     blocked = geometry.locate_cells(cells, points)
-    expected = workspace.locate_cells(decomposition, points)
+    expected = workspace.cells_of_points(decomposition, points)
     shallow = (expected == -1) & (blocked >= 0)  # the kernel forgives a metre
     for point in points[shallow]:
         assert max(float(workspace.inside_depth(o, point[None])[0]) for o in decomposition.obstacles) < 1.0

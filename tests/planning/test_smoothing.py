@@ -161,10 +161,10 @@ def test_calm_missions_end_within_a_thousandth_of_the_exact_optimum(name, formul
     import yaml
 
     from pareto_ltl.settings import SceneConfig
-    from pareto_ltl.support.resources import folder
+    from pareto_ltl.support.resources import resource_folder
     from pareto_ltl.world.scene_settings import scene_from_settings as read_scene
 
-    settings_ = yaml.safe_load((folder("conf") / "scene" / f"{name}.yaml").read_text())
+    settings_ = yaml.safe_load((resource_folder("conf") / "scene" / f"{name}.yaml").read_text())
     scene = read_scene(SceneConfig(**settings_))
     cells = workspace.decompose(scene)
     shifted = wind_of(lambda x, y, k: (0 * x, 0 * x), 0.0, 0.0, 1000.0)

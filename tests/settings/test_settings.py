@@ -18,7 +18,7 @@ from pareto_ltl import settings as package
 from pareto_ltl.settings import PRESETS, FidelityConfig, SelectionConfig, Settings, as_dict, preset
 from pareto_ltl.settings.checks import CheckedSettings, Declaration, check_value, declarations
 from pareto_ltl.support.errors import ConfigError
-from pareto_ltl.support.resources import choices, folder
+from pareto_ltl.support.resources import choices, resource_folder
 
 
 def sections(section: CheckedSettings) -> Iterator[CheckedSettings]:
@@ -170,7 +170,7 @@ def test_values_that_do_not_fit_together_are_refused(section: str, changes: Any,
 def test_the_files_of_conf_fidelity_are_the_presets() -> None:
     assert choices("fidelity") == sorted(PRESETS)
     for name in PRESETS:
-        written = yaml.safe_load((folder("conf") / "fidelity" / f"{name}.yaml").read_text())
+        written = yaml.safe_load((resource_folder("conf") / "fidelity" / f"{name}.yaml").read_text())
         assert written == {"name": name, **PRESETS[name]}
         assert preset(name) == FidelityConfig(**written)
         assert preset(name).label == name

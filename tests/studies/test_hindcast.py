@@ -124,12 +124,12 @@ def test_spells_end_where_fields_are_missing() -> None:
 
 def test_folders_of_full_fields_are_checked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(ConfigError, match="no such folder"):
-        nature.folder(HindcastConfig(truth=str(tmp_path / "none")))
+        nature.true_fields_folder(HindcastConfig(truth=str(tmp_path / "none")))
     with pytest.raises(DataError, match="holds no GRIB2 file"):
         hindcast.full_fields(None, tmp_path)
     monkeypatch.setattr(nature, "checkout", lambda: None)
     with pytest.raises(ConfigError, match=r"hindcast\.truth is missing"):
-        nature.folder(HindcastConfig())
+        nature.true_fields_folder(HindcastConfig())
 
 
 # --- missions --------------------------------------------------------------------------------

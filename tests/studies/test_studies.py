@@ -13,6 +13,7 @@ import pytest
 import small_study
 from pareto_ltl.planning import growth
 from pareto_ltl.report.records import Study
+from pareto_ltl.report.study_ablation import FACTOR_LABELS
 from pareto_ltl.run.records import DECOMPOSITION, FOREST, PLAN, PROBLEM, SCENE, WIND, Records
 from pareto_ltl.run.stage_table import stage_seeds
 from pareto_ltl.settings import (
@@ -24,9 +25,12 @@ from pareto_ltl.settings import (
     EvaluationConfig,
     Settings,
 )
+from pareto_ltl.settings.studies import MODEL_FACTORS
 from pareto_ltl.studies import ablation, compare, convergence
 from pareto_ltl.studies.planning import fly_seeded, still, study_run, unsmoothed
 from pareto_ltl.support.errors import ConfigError
+
+DEFAULT_MODELS = (("parents", "dominance"), ("collision_bound", "step"), ("refine", "none"))
 
 
 @pytest.fixture(scope="module")
@@ -41,13 +45,13 @@ def world(cfg: Settings) -> Records:
 
 @pytest.fixture(scope="module")
 def compared(cfg: Settings, world: Records, tmp_path_factory: pytest.TempPathFactory) -> Study:
-    return compare.study(cfg, world, tmp_path_factory.mktemp("compare"))
+    return compare.run_comparison(cfg, world, tmp_path_factory.mktemp("compare"))
 
 
 @pytest.fixture(scope="module")
 def converged(cfg: Settings, world: Records, tmp_path_factory: pytest.TempPathFactory) -> Study:
     grown = replace(cfg, convergence=ConvergenceConfig(sizes=[400, 20, 100, 200]))
-    return convergence.study(grown, world, tmp_path_factory.mktemp("convergence"))
+    return convergence.run_convergence(grown, world, tmp_path_factory.mktemp("convergence"))
 
 
 def row_of(study: Study, method: str) -> dict[str, Any]:
@@ -83,7 +87,9 @@ def test_a_plan_of_a_study_is_the_plan_of_the_pipeline(cfg: Settings, tmp_path: 
 
 def test_cc_rrt_grows_the_forest_without_reselection(cfg: Settings, world: Records) -> None:
     shop = compare.method("cc_rrt", cfg, world)
-    plain = growth.forest(cfg.planner, shop.make(PROBLEM), stage_seeds(cfg.seed, "forest"), reselect=False)
+    options = growth.GrowthOptions(reselect=False)
+    seeds = stage_seeds(cfg.seed, "forest")
+    plain = growth.grow_forest(cfg.planner, shop.make(PROBLEM), seeds, None, options)
     for one, other in zip(shop.make(FOREST).trees, plain.trees, strict=True):
         np.testing.assert_array_equal(one.x, other.x)
         np.testing.assert_array_equal(one.parent, other.parent)
@@ -94,12 +100,12 @@ def test_cc_rrt_grows_the_forest_without_reselection(cfg: Settings, world: Recor
 
 def test_ml_rrt_knows_of_no_wind(cfg: Settings, world: Records) -> None:
     shop = compare.method("ml_rrt", cfg, world)
-    wind = shop.make(PROBLEM).tables.wind
+    wind = shop.make(PROBLEM).wind
     assert not wind.mean.any()
     assert not wind.latent.any()
     assert not wind.gust.any()
-    assert not shop.make(PROBLEM).tables.modes.psi.any()
-    assert compare.method("paper", cfg, world).make(PROBLEM).tables.modes.psi.any()
+    assert not shop.make(PROBLEM).modes.psi.any()
+    assert compare.method("paper", cfg, world).make(PROBLEM).modes.psi.any()
     plan = shop.make(PLAN)
     assert plan.path.objectives.mission_risk_paper == 0.0
     np.testing.assert_allclose(np.diff(plan.path.x, axis=0), plan.path.u * cfg.robot.dt, atol=1e-6)
@@ -155,7 +161,7 @@ def test_both_fidelities_fly_under_both_laws_and_keep_the_promise_of_each(
 ) -> None:
     few = EvaluationConfig(seeds=[0], jobs=1, laws=["independent", "coherent"])
     both = CompareConfig(["paper", "full"])
-    study = compare.study(replace(cfg, evaluation=few, compare=both), world, tmp_path)
+    study = compare.run_comparison(replace(cfg, evaluation=few, compare=both), world, tmp_path)
     rows = {(row["method"], row["law"]): row for row in study.tables["compare"]}
     assert len(rows) == 4
     for row in rows.values():
@@ -181,7 +187,7 @@ def test_a_method_without_a_plan_is_counted_and_explained(
     poor = replace(
         cfg, planner=replace(cfg.planner, trees=1, n_max=3), compare=CompareConfig(["paper", "cc_rrt"])
     )
-    study = compare.study(poor, world, tmp_path)
+    study = compare.run_comparison(poor, world, tmp_path)
     row = row_of(study, "paper")
     assert row["planned"] == 0.0
     assert row["flights"] == 0
@@ -208,8 +214,8 @@ def test_panels_show_the_first_seed_of_every_method(compared: Study, cfg: Settin
 
 def test_a_snapshot_is_the_forest_that_had_stopped_there(cfg: Settings, world: Records) -> None:
     problem = study_run(cfg, world).make(PROBLEM)
-    big = growth.forest(replace(cfg.planner, n_max=600), problem, stage_seeds(1, "forest"))
-    small = growth.forest(replace(cfg.planner, n_max=150), problem, stage_seeds(1, "forest"))
+    big = growth.grow_forest(replace(cfg.planner, n_max=600), problem, stage_seeds(1, "forest"))
+    small = growth.grow_forest(replace(cfg.planner, n_max=150), problem, stage_seeds(1, "forest"))
     look = convergence.snapshot(big, 150)
     np.testing.assert_array_equal(look.accepted, small.accepted)
     for one, other in zip(look.trees, small.trees, strict=True):
@@ -273,7 +279,7 @@ def test_levels_that_are_the_default_share_their_parts(cfg: Settings, world: Rec
         ablation=wanted,
         evaluation=EvaluationConfig(seeds=[0], jobs=1, laws=["independent"]),
     )
-    study = ablation.study(few, world, tmp_path)
+    study = ablation.run_ablation(few, world, tmp_path)
     assert len(list((tmp_path / "parts").iterdir())) == 2  # three trees, one tree
     by_level = {(row["factor"], row["level"]): row for row in study.tables["ablation"]}
     assert by_level["trees", 3]["failure"] == by_level["epsilon", 0.07]["failure"]
@@ -293,6 +299,47 @@ def test_one_thing_changes_at_a_time(cfg: Settings) -> None:
     assert ablation.changed(cfg, "beta", 0.0).planner.beta_length == 0.0
 
 
+@pytest.mark.parametrize("factor", MODEL_FACTORS)
+def test_one_model_changes_at_a_time(cfg: Settings, factor: str) -> None:
+    usual = getattr(cfg.fidelity, factor)
+    levels = getattr(AblationConfig(), factor)
+    assert usual in levels
+    for level in levels:
+        other = ablation.changed(cfg, factor, level)
+        assert getattr(other.fidelity, factor) == level
+        assert ablation.changed(other, factor, usual) == cfg
+
+
+def test_models_are_not_changed_unless_asked_for() -> None:
+    assert not set(AblationConfig().factors) & set(MODEL_FACTORS)
+    assert {*AblationConfig().factors, *MODEL_FACTORS} == set(ablation.FACTOR_TITLES) == set(FACTOR_LABELS)
+
+
+def test_plans_of_every_model_meet_the_same_winds(cfg: Settings, world: Records, tmp_path: Path) -> None:
+    """Parts of the default are shared; the flights of a level are those of its plan in the run's world."""
+    wanted = AblationConfig(
+        factors=["parents", "collision_bound", "refine"], parents=["dominance", "tchebycheff"]
+    )
+    one_seed = EvaluationConfig(seeds=[0], jobs=1, laws=["independent", "coherent"])
+    few = replace(cfg, ablation=wanted, evaluation=one_seed)
+    study = ablation.run_ablation(few, world, tmp_path)
+    assert len(list((tmp_path / "parts").iterdir())) == 4  # default, tchebycheff, path, convex
+    rows = {(row["factor"], row["level"], row["law"]): row for row in study.tables["ablation"]}
+    assert len(rows) == 12
+    truth = compare.truth(few, world)
+    for factor, level in ablation.levels(few):
+        plan = study_run(ablation.changed(unsmoothed(few), factor, level), world).make(PLAN)
+        for law in one_seed.laws:
+            flown = fly_seeded(truth, plan.path.u, few.deployment.runs, law, 0, plan.path.x)
+            row = rows[factor, level, law]
+            assert row["failure"] == pytest.approx((~flown.accepted | flown.collided).mean())
+            assert row["length_m"] == pytest.approx(plan.path.objectives.length)
+    for law in one_seed.laws:
+        usual = [rows[f, level, law] for f, level in DEFAULT_MODELS]
+        assert len({row["failure"] for row in usual}) == 1
+        assert rows["refine", "convex", law]["length_m"] < rows["refine", "none", law]["length_m"]
+
+
 def test_the_mean_path_is_the_planned_one(cfg: Settings, world: Records) -> None:
     shop = study_run(unsmoothed(cfg), world)
     path = shop.make(PLAN).path
@@ -303,7 +350,9 @@ def test_independent_winds_promise_more_the_finer_the_step(
     cfg: Settings, world: Records, tmp_path: Path
 ) -> None:
     """Σ_T = T v² dt: the bound of one flight falls with dt, though nothing about the wind has changed."""
-    study = ablation.study(replace(cfg, ablation=AblationConfig(factors=["dt"], dt=[1, 4])), world, tmp_path)
+    study = ablation.run_ablation(
+        replace(cfg, ablation=AblationConfig(factors=["dt"], dt=[1, 4])), world, tmp_path
+    )
     coarse, fine = study.tables["ablation"]
     assert (coarse["shown"], fine["shown"]) == (100.0, 25.0)
     assert fine["length_m"] == pytest.approx(coarse["length_m"], rel=0.01)
@@ -313,7 +362,7 @@ def test_independent_winds_promise_more_the_finer_the_step(
 def test_a_flight_to_the_last_hour_of_the_wind_can_be_cut_into_pieces(cfg: Settings, world: Records) -> None:
     """A step may begin with the last field; its pieces must find a wind too."""
     cfg = replace(cfg, planner=replace(cfg.planner, max_steps=400))
-    known = len(compare.truth(cfg, world).tables.wind.slot)
+    known = len(compare.truth(cfg, world).wind.slot)
     assert known == 301  # the wind ends before planner.max_steps does
     u = np.zeros((known, 2))
     for pieces in (1, 4):
@@ -328,7 +377,7 @@ def test_steps_cannot_be_cut_where_the_motion_has_dynamics_of_its_own(
 ) -> None:
     damped = replace(cfg, robot=replace(cfg.robot, a=[[0.9, 0.0], [0.0, 0.9]]))
     with pytest.raises(ConfigError, match="leave dt out"):
-        ablation.study(damped, world, tmp_path)
+        ablation.run_ablation(damped, world, tmp_path)
 
 
 # --- pictures --------------------------------------------------------------------------------

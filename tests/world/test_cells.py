@@ -127,7 +127,7 @@ def test_labels_say_which_regions_hold_a_point(scene, seed):
     points = np.random.default_rng(seed).uniform(*scene.bounds, (50, 2))
     places = {name: shapely.Polygon(corners) for name, corners in scene.regions.items()}
     outlines = [shapely.Polygon(p).exterior for p in (*scene.obstacles, *scene.regions.values())]
-    for point, cell in zip(shapely.points(points), workspace.locate_cells(made, points), strict=True):
+    for point, cell in zip(shapely.points(points), workspace.cells_of_points(made, points), strict=True):
         if shapely.union_all(outlines).distance(point) > 1e-9 * size(scene):
             assert (cell >= 0) == free_space(scene).contains(point)
             if cell >= 0:
@@ -206,7 +206,7 @@ def test_an_enclosed_pocket_has_cells_but_no_door_out():
     ring = [box(3, 3, 7, 4), box(3, 6, 7, 7), box(3, 4, 4, 6), box(6, 4, 7, 6)]
     scene = room(ring, a=box(4.5, 4.5, 5.5, 5.5), b=box(8, 8, 9, 9))
     made = workspace.decompose(scene)
-    assert workspace.locate_cells(made, np.array([[5.0, 5.0]]))[0] >= 0
+    assert workspace.cells_of_points(made, np.array([[5.0, 5.0]]))[0] >= 0
     assert workspace.unreachable_regions(made, scene, ["a", "b"]) == ("a",)
 
 
@@ -353,7 +353,7 @@ def edge_points(cells, rng):
 def test_every_point_on_an_edge_or_corner_has_a_cell_that_holds_it(scene, seed):
     made = workspace.decompose(scene)
     points = edge_points(made.cells, np.random.default_rng(seed))
-    found = workspace.locate_cells(made, points)
+    found = workspace.cells_of_points(made, points)
     assert np.all(found >= 0)
     cells = np.array(polygons(made.cells))[found]
     assert np.all(shapely.distance(cells, shapely.points(points)) <= 1e-9 * size(scene))
@@ -367,13 +367,13 @@ def test_a_shared_edge_belongs_to_the_first_cell(scene, seed):
     distances = shapely.distance(np.array(polygons(made.cells))[None], shapely.points(points)[:, None])
     first = np.argmax(distances <= 1e-14 * size(scene), axis=1)
     held = distances.min(axis=1) <= 1e-14 * size(scene)
-    assert np.all(workspace.locate_cells(made, points)[held] <= first[held])
+    assert np.all(workspace.cells_of_points(made, points)[held] <= first[held])
 
 
 def test_the_edge_of_a_region_belongs_to_the_region():
     made = workspace.decompose(room([box(6, 2, 8, 4)], a=box(2, 2, 6, 6)))
     rim = edge_points([box(2, 2, 6, 6)], np.random.default_rng(0))
-    assert {made.labels[i] for i in workspace.locate_cells(made, rim)} == {frozenset("a")}
+    assert {made.labels[i] for i in workspace.cells_of_points(made, rim)} == {frozenset("a")}
 
 
 def test_no_cell_outside_the_bounds_and_inside_an_obstacle():
@@ -381,11 +381,11 @@ def test_no_cell_outside_the_bounds_and_inside_an_obstacle():
     made = workspace.decompose(room([bent], a=box(0, 8, 1, 9)))
     assert len(made.obstacles) == 2
     outside = [[-1, 5], [11, 5], [5, -0.1], [5, 10.1], [7, 3], [3, 3], [7, 7]]
-    assert np.all(workspace.locate_cells(made, np.array(outside, float)) == -1)
+    assert np.all(workspace.cells_of_points(made, np.array(outside, float)) == -1)
     line = shapely.Polygon(made.obstacles[0]).intersection(shapely.Polygon(made.obstacles[1]))
     on_seam = shapely.get_coordinates(line.interpolate([0.2, 0.5, 0.8], normalized=True))
     assert line.length > 0
-    assert np.all(workspace.locate_cells(made, on_seam) == -1)
+    assert np.all(workspace.cells_of_points(made, on_seam) == -1)
 
 
 @given(every_map, seeds)
@@ -395,7 +395,7 @@ def test_buckets_list_every_cell_that_may_hold_a_point(scene, seed):
     grid = workspace.locator(made, scene.bounds)
     rng = np.random.default_rng(seed)
     points = np.concatenate([edge_points(made.cells, rng), rng.uniform(*scene.bounds, (200, 2))])
-    found = workspace.locate_cells(made, points)
+    found = workspace.cells_of_points(made, points)
     column, row = np.clip(((points - grid.origin) * grid.inverse).astype(int), 0, grid.shape - 1).T
     bucket = column * grid.shape[1] + row
     for k, cell in zip(bucket[found >= 0], found[found >= 0], strict=True):

@@ -35,7 +35,7 @@ from pareto_ltl.cli.stage_table import application_stages
 from pareto_ltl.run.pipeline import Pipeline, check_pipeline
 from pareto_ltl.settings import Settings
 from pareto_ltl.support.errors import ConfigError
-from pareto_ltl.support.resources import folder
+from pareto_ltl.support.resources import resource_folder
 
 VERSION_BASE = "1.3"
 CONFIG_NAME = "config"
@@ -70,7 +70,9 @@ def register_schema() -> None:
     for name in LAUNCHER_EXTRAS:
         launchers.pop(f"{name}.yaml", None)  # ... which conf/hydra/launcher replaces
     store.store(name="settings", node=Settings)
-    for path in sorted(folder("pipelines").glob("*.yaml")):  # those of other packages: their search path
+    for path in sorted(
+        resource_folder("pipelines").glob("*.yaml")
+    ):  # those of other packages: their search path
         store.store(group="pipelines", name=path.stem, node=OmegaConf.load(path))
 
 
@@ -94,7 +96,7 @@ def opened_hydra(arguments: argparse.Namespace) -> Iterator[ComposedHydra]:
     """Hydra with the shipped configuration folder and that of ``--config-dir``."""
     register_schema()
     hydra_version.setbase(VERSION_BASE)
-    place = str(arguments.config_path or folder("conf"))
+    place = str(arguments.config_path or resource_folder("conf"))
     search = create_config_search_path(place if "://" in place else os.path.abspath(place))
     if arguments.config_dir is not None:
         search.prepend(

@@ -12,7 +12,7 @@ from typing import Any
 from pareto_ltl.cli.commands import COMMANDS, Command
 from pareto_ltl.settings import Declaration, Settings, declarations
 from pareto_ltl.support.errors import ConfigError
-from pareto_ltl.support.resources import added_folders, folder
+from pareto_ltl.support.resources import added_folders, resource_folder
 
 Groups = Mapping[str, list[str]]
 
@@ -81,7 +81,7 @@ def command_help(command: Command, groups: Groups) -> str:
     """What a pipeline does, its stages, and the settings of its own sections."""
     import yaml
 
-    stages = yaml.safe_load((folder("pipelines") / f"{command.name}.yaml").read_text())["stages"]
+    stages = yaml.safe_load((resource_folder("pipelines") / f"{command.name}.yaml").read_text())["stages"]
     settings = Settings()
     own = "\n".join(_one_section(getattr(settings, name)) for name in command.sections)
     return _page(
@@ -98,11 +98,13 @@ def command_help(command: Command, groups: Groups) -> str:
 
 def group_choices(config_path: str | None, config_dir: str | None) -> dict[str, list[str]]:
     """Every group with its choices, shipped and of ``--config-dir``; nested groups as ``hydra/launcher``."""
-    roots = [Path(config_path) if config_path else folder("conf")]
+    roots = [Path(config_path) if config_path else resource_folder("conf")]
     roots += added_folders()
     if config_dir is not None:
         roots.append(Path(config_dir))
-    found: dict[str, set[str]] = {"pipelines": {path.stem for path in folder("pipelines").glob("*.yaml")}}
+    found: dict[str, set[str]] = {
+        "pipelines": {path.stem for path in resource_folder("pipelines").glob("*.yaml")}
+    }
     for root in roots:
         if not root.is_dir():
             raise ConfigError(f"{root}: there is no such folder")

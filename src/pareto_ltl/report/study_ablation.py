@@ -43,6 +43,11 @@ FACTOR_LABELS = {
     "dt": "time step [s]",
     "kernel": "kernel of the wind regression",
     "ball": "radius of the ball [sd]",
+    "law": "wind law of the planner",
+    "mission_bound": "mission bound",
+    "collision_bound": "collision bound",
+    "parents": "parent rule",
+    "refine": "refinement",
 }
 LOG_FACTORS = ("trees", "epsilon", "n_max", "dt")
 
@@ -114,6 +119,8 @@ def _draw_factor(ax: Axes, rows: Sequence[FigureRow], factor: str, low: float, h
         ax.xaxis.set_minor_locator(FixedLocator([]))
     ax.xaxis.set_major_locator(FixedLocator(list(x)))
     labels = [row["shown"] if named else f"{row['shown']:g}" for row in one]
+    if named and len(labels) > 3:  # names would run into each other: every second one goes a line lower
+        labels = [f"\n{label}" if k % 2 else label for k, label in enumerate(labels)]
     ax.set_xticks(x, labels, fontsize=6.0)
     if named or factor == "beta":
         ax.set_xlim(-0.5, len(one) - 0.5)

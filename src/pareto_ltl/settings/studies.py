@@ -7,12 +7,20 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from pareto_ltl.settings.checks import CheckedSettings, check_outline, setting
-from pareto_ltl.settings.fidelity import LAWS
+from pareto_ltl.settings.fidelity import (
+    COLLISION_BOUNDS,
+    LAWS,
+    MISSION_BOUNDS,
+    PARENT_RULES,
+    REFINEMENTS,
+)
 from pareto_ltl.settings.wind import GP_KERNELS
 from pareto_ltl.support.errors import ConfigError
 
 METHODS = ("paper", "smoothed", "full", "cc_rrt", "ml_rrt", "calm_shortest")
-ABLATION_FACTORS = ("trees", "beta", "epsilon", "n_max", "dt", "kernel", "ball")
+SETTING_FACTORS = ("trees", "beta", "epsilon", "n_max", "dt", "kernel", "ball")
+MODEL_FACTORS = ("law", "mission_bound", "collision_bound", "parents", "refine")  # of ``fidelity``
+ABLATION_FACTORS = SETTING_FACTORS + MODEL_FACTORS
 INLAND_OUTLINE = (  # the contiguous United States without their rim [longitude, latitude] [deg]
     (-120.0, 46.5), (-118.5, 37.0), (-111.0, 33.5), (-103.0, 31.5), (-98.5, 29.0), (-91.0, 31.5),
     (-84.0, 32.5), (-80.5, 35.0), (-76.5, 40.5), (-84.0, 43.0), (-90.0, 45.5), (-97.0, 47.0), (-111.0, 47.0),
@@ -57,11 +65,14 @@ class ConvergenceConfig(CheckedSettings):
 
 @dataclass
 class AblationConfig(CheckedSettings):
-    """What pipelines=ablation changes, one factor at a time, and the values it takes."""
+    """What pipelines=ablation changes, one factor at a time, and the values it takes.
+
+    The factors of ``SETTING_FACTORS`` are the default; those of ``MODEL_FACTORS`` are asked for by name.
+    """
 
     section: ClassVar[str] = "ablation"
     factors: list[str] = setting(
-        list(ABLATION_FACTORS), "factors that are changed", choices=ABLATION_FACTORS, distinct=True
+        list(SETTING_FACTORS), "factors that are changed", choices=ABLATION_FACTORS, distinct=True
     )
     trees: list[int] = setting([1, 2, 5, 10, 20], "values of planner.trees", least=1, distinct=True)
     beta: list[float] = setting(
@@ -79,6 +90,19 @@ class AblationConfig(CheckedSettings):
     dt: list[int] = setting([1, 2, 4, 8, 16], "pieces that a time step is cut into", least=1, distinct=True)
     kernel: list[str] = setting(list(GP_KERNELS), "values of wind.kernel", choices=GP_KERNELS, distinct=True)
     ball: list[float] = setting([0.0, 1.0, 2.0, 3.0], "values of wind.ball", not_negative=True, distinct=True)
+    law: list[str] = setting(list(LAWS), "values of fidelity.law", choices=LAWS, distinct=True)
+    mission_bound: list[str] = setting(
+        list(MISSION_BOUNDS), "values of fidelity.mission_bound", choices=MISSION_BOUNDS, distinct=True
+    )
+    collision_bound: list[str] = setting(
+        list(COLLISION_BOUNDS), "values of fidelity.collision_bound", choices=COLLISION_BOUNDS, distinct=True
+    )
+    parents: list[str] = setting(
+        list(PARENT_RULES), "values of fidelity.parents", choices=PARENT_RULES, distinct=True
+    )
+    refine: list[str] = setting(
+        list(REFINEMENTS), "values of fidelity.refine", choices=REFINEMENTS, distinct=True
+    )
 
 
 @dataclass

@@ -7,9 +7,15 @@
 ``ball``               radius of the maximum-trace ball
 ``dt``                 the default plan flown with every step cut into pieces of equal control
 
-The last is about the wind laws, not the planner: the flight is the same, only how often it is looked at
-changes. Independent draws average out, so that under this law bound and failure go to 0 with the time step;
-the same flight through a coherent wind does not get any safer by being computed in finer steps.
+``law``, ``mission_bound``, ``collision_bound``, ``parents``, ``refine``
+                       one model of ``fidelity``: what planning assumes; flights stay in the world of the run.
+                       With ``planner.epsilon=null`` each collision bound has its own default ε.
+
+Plans are paths of the trees without refinement (``refine=none``), except at the level ``refine=convex``.
+
+``dt`` is about the wind laws, not the planner: the flight is the same, only the number of its steps changes.
+Independent draws average out, so that under this law bound and failure go to 0 with the time step; the same
+flight through a coherent wind does not get any safer by being computed in finer steps.
 """
 
 from __future__ import annotations
@@ -26,6 +32,7 @@ from pareto_ltl.report.records import Study
 from pareto_ltl.run.pipeline import Run
 from pareto_ltl.run.records import PLAN, PROBLEM, Records
 from pareto_ltl.settings import Settings
+from pareto_ltl.settings.studies import MODEL_FACTORS
 from pareto_ltl.studies.compare import bound, failed, outcomes, truth
 from pareto_ltl.studies.parts import Part, PartsProgress, part_key, work_parts
 from pareto_ltl.studies.planning import study_run, unsmoothed, with_wind
@@ -40,7 +47,7 @@ from pareto_ltl.studies.tables import (
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import ConfigError, InfeasibleError
 
-NAMES = {
+FACTOR_TITLES = {
     "trees": "trees",
     "beta": "β, times the default",
     "epsilon": "ε",
@@ -48,11 +55,16 @@ NAMES = {
     "dt": "time step [s]",
     "kernel": "kernel",
     "ball": "radius of the ball [sd]",
+    "law": "wind law of the planner",
+    "mission_bound": "mission bound",
+    "collision_bound": "collision bound",
+    "parents": "parent rule",
+    "refine": "refinement",
 }
 
 
 @dataclass(frozen=True, slots=True)
-class Context:
+class AblationContext:
     """``runs_of`` and ``worlds``: what plans are made in and what they are flown in, by (factor, level)."""
 
     runs_of: Mapping[tuple[str, Any], Run]
@@ -82,22 +94,24 @@ def changed(settings: Settings, factor: str, level: Any) -> Settings:
         return replace(settings, planner=replace(planner, **{factor: level}))
     if factor in ("kernel", "ball"):
         return replace(settings, wind=replace(wind, **{factor: level}))
+    if factor in MODEL_FACTORS:
+        return replace(settings, fidelity=replace(settings.fidelity, **{factor: level}))
     return settings
 
 
-def study(
+def run_ablation(
     settings: Settings, world: Records, directory: Path, progress: PartsProgress | None = None
 ) -> Study:
     """Plan with every level and seed, and fly all plans."""
     _check(settings)
-    context, todo = _context(settings, world), []
+    context, todo = _ablation_context(settings, world), []
     for factor, level in levels(settings):
         for seed in settings.evaluation.seeds:
-            k = _key(settings, context, factor, level, seed)
+            k = _ablation_key(settings, context, factor, level, seed)
             todo.append(Part(f"{factor}-{level}-{seed}", (factor, level, seed), k))
-    results = work_parts(settings.evaluation, directory, one, context, todo, progress)
+    results = work_parts(settings.evaluation, directory, ablation_part, context, todo, progress)
     found = {part.arguments: result for part, result in zip(todo, results, strict=True)}
-    return _study(settings, context, found)
+    return _collect_ablation(settings, context, found)
 
 
 def _check(settings: Settings) -> None:
@@ -109,7 +123,7 @@ def _check(settings: Settings) -> None:
         )
 
 
-def _context(settings: Settings, world: Records) -> Context:
+def _ablation_context(settings: Settings, world: Records) -> AblationContext:
     mine = unsmoothed(settings)
     mine = replace(mine, planner=replace(mine.planner, threads=1))
     whole = with_wind(mine, world)
@@ -124,12 +138,12 @@ def _context(settings: Settings, world: Records) -> Context:
         runs_of[factor, level] = run
         if factor == "dt":
             worlds[factor, level] = truth(cut(settings, level), world)
-    return Context(
+    return AblationContext(
         runs_of, worlds, truth(settings, whole), settings.deployment.runs, tuple(settings.evaluation.laws)
     )
 
 
-def _key(settings: Settings, context: Context, factor: str, level: Any, seed: int) -> str:
+def _ablation_key(settings: Settings, context: AblationContext, factor: str, level: Any, seed: int) -> str:
     """Levels that come to the default settings share their parts."""
     pieces = level if factor == "dt" else 1
     mine = replace(context.runs_of[factor, level].settings, seed=seed)
@@ -155,9 +169,9 @@ def cut(settings: Settings, pieces: int) -> Settings:
 # --- one plan --------------------------------------------------------------------------------
 
 
-def one(context: Context, factor: str, level: Any, seed: int) -> Columns:
+def ablation_part(context: AblationContext, factor: str, level: Any, seed: int) -> Columns:
     try:
-        plan = _plan(context, factor, level, seed)
+        plan = _ablation_plan(context, factor, level, seed)
     except InfeasibleError as error:
         return {"planned": False, "reason": str(error)}
     path, world = plan.path, context.truth
@@ -172,7 +186,7 @@ def one(context: Context, factor: str, level: Any, seed: int) -> Columns:
     }
 
 
-def _plan(context: Context, factor: str, level: Any, seed: int) -> Any:
+def _ablation_plan(context: AblationContext, factor: str, level: Any, seed: int) -> Any:
     """Made once for all time steps."""
     if factor != "dt":
         return context.runs_of[factor, level].with_seed(seed).make(PLAN)
@@ -196,20 +210,22 @@ def mean_path(problem: Problem, u: FloatArray) -> FloatArray:
 # --- tables ----------------------------------------------------------------------------------
 
 
-def _study(settings: Settings, context: Context, found: Mapping[tuple[Any, ...], Mapping[str, Any]]) -> Study:
+def _collect_ablation(
+    settings: Settings, context: AblationContext, found: Mapping[tuple[Any, ...], Mapping[str, Any]]
+) -> Study:
     seeds = settings.evaluation.seeds
     rows = [
-        _row(settings, factor, level, law, [found[factor, level, seed] for seed in seeds])
+        _ablation_row(settings, factor, level, law, [found[factor, level, seed] for seed in seeds])
         for factor, level in levels(settings)
         for law in context.laws
     ]
     numbers = {"seeds": float(len(seeds))} | {
         f"{row['factor']}_{row['level']}_failure_{row['law']}": row["failure"] for row in rows
     }
-    return Study({"ablation": tuple(rows)}, numbers, _text(settings, rows))
+    return Study({"ablation": tuple(rows)}, numbers, _ablation_text(settings, rows))
 
 
-def _row(
+def _ablation_row(
     settings: Settings, factor: str, level: Any, law: str, results: Sequence[Mapping[str, Any]]
 ) -> Columns:
     planned = [result for result in results if result["planned"]]
@@ -227,12 +243,13 @@ def _row(
     return row | quartile_columns("length_m", [result["objectives"]["length"] for result in planned])
 
 
-def _text(settings: Settings, rows: Sequence[Columns]) -> str:
+def _ablation_text(settings: Settings, rows: Sequence[Columns]) -> str:
     return "\n".join(
         markdown_table(
-            f"{NAMES[factor]}: median (quartiles) over seeds; failed of all flights with 95 % interval",
+            f"{FACTOR_TITLES[factor]}: median (quartiles) over seeds; "
+            "failed of all flights with 95 % interval",
             (
-                NAMES[factor],
+                FACTOR_TITLES[factor],
                 "winds",
                 "with a plan",
                 "V + R in these winds",

@@ -54,7 +54,7 @@ COSTS = ("mission_risk_paper", "mission_risk", "collision_risk")
 
 
 @dataclass(frozen=True, slots=True)
-class Context:
+class ComparisonContext:
     """What all parts of a comparison share: the problem of each method, and the one all are flown in."""
 
     methods: Mapping[str, Run]
@@ -91,38 +91,38 @@ def truth(settings: Settings, world: Records) -> Problem:
     return study_run(real, world).make(PROBLEM)
 
 
-def study(
+def run_comparison(
     settings: Settings, world: Records, directory: Path, progress: PartsProgress | None = None
 ) -> Study:
     """Plan with every method and seed, fly all, and compare."""
     cfg, names = settings.evaluation, tuple(settings.compare.methods)
     world = with_wind(settings, world)
-    context = Context(
+    context = ComparisonContext(
         {name: method(name, settings, world) for name in names},
         truth(settings, world),
         settings.deployment.runs,
         tuple(cfg.laws),
     )
     todo = [
-        Part(f"{name}-{seed}", (name, seed), _key(context, settings, name, seed))
+        Part(f"{name}-{seed}", (name, seed), _comparison_key(context, settings, name, seed))
         for seed in cfg.seeds
         for name in names
     ]
-    results = work_parts(cfg, directory, one, context, todo, progress)
+    results = work_parts(cfg, directory, comparison_part, context, todo, progress)
     found = {part.arguments: result for part, result in zip(todo, results, strict=True)}
-    return _study(settings, context, found)
+    return _collect_comparison(settings, context, found)
 
 
-def _key(context: Context, settings: Settings, name: str, seed: int) -> str:
+def _comparison_key(context: ComparisonContext, settings: Settings, name: str, seed: int) -> str:
     mine = replace(context.methods[name].settings, seed=seed)
     return part_key(mine, "compare", name, context.runs, context.laws, settings.fidelity.label)
 
 
-def one(context: Context, name: str, seed: int) -> Columns:
+def comparison_part(context: ComparisonContext, name: str, seed: int) -> Columns:
     """A plan of one method and what became of its flights; or why there is none."""
     began = time.perf_counter()
     try:
-        plan = _plan(context, name, seed)
+        plan = _comparison_plan(context, name, seed)
     except InfeasibleError as error:
         return {"planned": False, "reason": str(error), "seconds": time.perf_counter() - began}
     return {
@@ -135,7 +135,7 @@ def one(context: Context, name: str, seed: int) -> Columns:
     }
 
 
-def _plan(context: Context, name: str, seed: int) -> Plan:
+def _comparison_plan(context: ComparisonContext, name: str, seed: int) -> Plan:
     """The plan of one seed; the shortest path in still air is the same for all, to a thousandth."""
     if name != "calm_shortest":
         return context.methods[name].with_seed(seed).make(PLAN)
@@ -173,9 +173,11 @@ def bound(result: Mapping[str, Any], mission: str) -> float:
     return min(1.0, number_or_nan(costs[mission]) + number_or_nan(costs["collision_risk"]))
 
 
-def _study(settings: Settings, context: Context, found: Found) -> Study:
+def _collect_comparison(settings: Settings, context: ComparisonContext, found: Found) -> Study:
     names, seeds, laws = settings.compare.methods, settings.evaluation.seeds, context.laws
-    rows = [_row(name, law, [found[name, seed] for seed in seeds]) for name in names for law in laws]
+    rows = [
+        _comparison_row(name, law, [found[name, seed] for seed in seeds]) for name in names for law in laws
+    ]
     each = [
         _flight_row(name, seed, law, found[name, seed])
         for name in names
@@ -200,11 +202,14 @@ def _study(settings: Settings, context: Context, found: Found) -> Study:
     numbers |= {"seeds": float(len(seeds))}
     pictures = {"panels": _panels(settings, context, found), "wind": _wind(context)}
     return Study(
-        {name: tuple(table) for name, table in tables.items()}, numbers, _text(rows, pairs), pictures
+        {name: tuple(table) for name, table in tables.items()},
+        numbers,
+        _comparison_text(rows, pairs),
+        pictures,
     )
 
 
-def _row(name: str, law: str, results: Sequence[Mapping[str, Any]]) -> Columns:
+def _comparison_row(name: str, law: str, results: Sequence[Mapping[str, Any]]) -> Columns:
     """All seeds of one method under one law; a seed without a plan has no flights."""
     planned = [result for result in results if result["planned"]]
     missed = [~text_to_flags(result["laws"][law]["accepted"]) for result in planned]
@@ -278,7 +283,7 @@ def _difference(first: str, other: str, law: str, found: Found, seeds: Sequence[
     }
 
 
-def _panels(settings: Settings, context: Context, found: Found) -> list[Columns]:
+def _panels(settings: Settings, context: ComparisonContext, found: Found) -> list[Columns]:
     """The first seed's plan of every method with its flights, for Figure 1."""
     seed = settings.evaluation.seeds[0]
     panels = []
@@ -299,7 +304,7 @@ def _panels(settings: Settings, context: Context, found: Found) -> list[Columns]
     return panels
 
 
-def _wind(context: Context) -> Any:
+def _wind(context: ComparisonContext) -> Any:
     """The expected wind, for the arrows."""
     for run in context.methods.values():
         if run[WIND].mean.any():
@@ -307,7 +312,7 @@ def _wind(context: Context) -> Any:
     return None
 
 
-def _text(rows: Sequence[Columns], pairs: Sequence[Columns]) -> str:
+def _comparison_text(rows: Sequence[Columns], pairs: Sequence[Columns]) -> str:
     first = markdown_table(
         "Failure of the flights (missed the mission or touched an obstacle), 95 % intervals; bound = mission "
         "risk (f_o or V) + collision risk R of the plan, also in the winds flown in; medians over seeds",

@@ -46,7 +46,7 @@ BY_CREATION = ("swaps", "beta")  # arrays of a tree that have no row a vertex
 
 
 @dataclass(frozen=True, slots=True)
-class Context:
+class ConvergenceContext:
     run: Run
     truth: Problem
     sizes: tuple[int, ...]
@@ -54,7 +54,7 @@ class Context:
     laws: tuple[str, ...]
 
 
-def study(
+def run_convergence(
     settings: Settings, world: Records, directory: Path, progress: PartsProgress | None = None
 ) -> Study:
     """Grow one forest a seed and look at it at every size."""
@@ -64,23 +64,29 @@ def study(
     world = with_wind(settings, world)
     run = study_run(mine, world)
     run.make(PROBLEM)
-    context = Context(run, truth(settings, world), sizes, settings.deployment.runs, tuple(cfg.laws))
+    context = ConvergenceContext(
+        run, truth(settings, world), sizes, settings.deployment.runs, tuple(cfg.laws)
+    )
     todo = [
-        Part(f"seed-{seed}", (seed,), part_key(replace(mine, seed=seed), "convergence", *_matters(context)))
+        Part(
+            f"seed-{seed}",
+            (seed,),
+            part_key(replace(mine, seed=seed), "convergence", *_convergence_inputs(context)),
+        )
         for seed in cfg.seeds
     ]
-    results = work_parts(cfg, directory, one, context, todo, progress)
-    return _study(sizes, context.laws, cfg.seeds, results)
+    results = work_parts(cfg, directory, convergence_part, context, todo, progress)
+    return _collect_convergence(sizes, context.laws, cfg.seeds, results)
 
 
-def _matters(context: Context) -> tuple[Any, ...]:
+def _convergence_inputs(context: ConvergenceContext) -> tuple[Any, ...]:
     return context.sizes, context.runs, context.laws
 
 
 # --- one seed --------------------------------------------------------------------------------
 
 
-def one(context: Context, seed: int) -> Columns:
+def convergence_part(context: ConvergenceContext, seed: int) -> Columns:
     """One forest at every size, and how long its first answer took."""
     run = context.run.with_seed(seed)
     forest = run.make(FOREST)
@@ -88,7 +94,7 @@ def one(context: Context, seed: int) -> Columns:
     return {"looks": looks, "nodes_per_second": _rate(forest), **first_answer(run)}
 
 
-def _look(context: Context, forest: Forest, n: int, seed: int) -> Columns:
+def _look(context: ConvergenceContext, forest: Forest, n: int, seed: int) -> Columns:
     """What a run that had stopped at ``n`` vertices a tree would have selected."""
     run = context.run.with_seed(seed).with_record(FOREST, forest)
     look: Columns = {"size": n, "vertices": sum(map(len, forest.trees)), "accepted": len(forest.accepted)}
@@ -158,12 +164,12 @@ def first_answer(run: Run) -> Columns:
 # --- all seeds -------------------------------------------------------------------------------
 
 
-def _study(
+def _collect_convergence(
     sizes: Sequence[int], laws: Sequence[str], seeds: Sequence[int], results: Sequence[Mapping[str, Any]]
 ) -> Study:
     volumes = hypervolumes(results)
     rows = [
-        _row(n, law, [result["looks"][k] for result in results], volumes[:, k])
+        _convergence_row(n, law, [result["looks"][k] for result in results], volumes[:, k])
         for k, n in enumerate(sizes)
         for law in laws
     ]
@@ -188,7 +194,7 @@ def _study(
                 f"median_failure_{row['law']}": row["failure_of_a_plan"],
             }
     tables = {"convergence": tuple(rows), "convergence_seeds": tuple(each), "first_answer": tuple(firsts)}
-    return Study(tables, numbers, _text(rows, numbers))
+    return Study(tables, numbers, _convergence_text(rows, numbers))
 
 
 def hypervolumes(results: Sequence[Mapping[str, Any]]) -> FloatArray:
@@ -216,7 +222,7 @@ def decades(risk: float) -> float:
     return 1.0 - math.log10(max(risk, FEWEST)) / math.log10(FEWEST)
 
 
-def _row(n: int, law: str, looks: Sequence[Mapping[str, Any]], volumes: FloatArray) -> Columns:
+def _convergence_row(n: int, law: str, looks: Sequence[Mapping[str, Any]], volumes: FloatArray) -> Columns:
     """Median and quartiles over the seeds that have a plan at this size."""
     planned = [look for look in looks if look["planned"]]
     lost = [failed(look, law) for look in planned]
@@ -249,7 +255,7 @@ def _seed_row(seed: int, law: str, look: Mapping[str, Any], volume: float) -> Co
     return row | {"hypervolume": volume, "accepted_vertices": look["accepted"]}
 
 
-def _text(rows: Sequence[Columns], numbers: Mapping[str, float]) -> str:
+def _convergence_text(rows: Sequence[Columns], numbers: Mapping[str, float]) -> str:
     table = markdown_table(
         "The selected path as trees grow: median (quartiles) over seeds that have a plan",
         (

@@ -45,25 +45,27 @@ NORMAL_90 = 1.6448536269514722  # a standard normal stays within with probabilit
 
 
 @dataclass(frozen=True, slots=True)
-class Context:
+class HindcastContext:
     settings: Settings
     readings: Readings
     tables: Mapping[str, Path]
     spells: tuple[nature.Spell, ...]
 
 
-def study(settings: Settings, directory: Path, progress: PartsProgress | None = None) -> Study:
+def run_hindcast(settings: Settings, directory: Path, progress: PartsProgress | None = None) -> Study:
     """Plan and fly ``hindcast.missions`` missions."""
     cfg = settings.hindcast
-    files = full_fields(cfg.truth, nature.folder(cfg))
+    files = full_fields(cfg.truth, nature.true_fields_folder(cfg))
     readings = read_grib_files(files, settings.wind.max_speed)
     spells = tuple(nature.spells(readings, cfg))
     tables = {spell.name: thinned(settings, readings, spell, directory) for spell in spells}
-    context = Context(settings, readings, tables, spells)
-    base = part_key(settings, "hindcast", _matters(settings), [file_fingerprint(file) for file in files])
+    context = HindcastContext(settings, readings, tables, spells)
+    base = part_key(
+        settings, "hindcast", _hindcast_inputs(settings), [file_fingerprint(file) for file in files]
+    )
     todo = [Part(f"mission-{k}", (k,), part_key(settings, base, k)) for k in range(cfg.missions)]
-    results = work_parts(settings.evaluation, directory, one, context, todo, progress)
-    return _study(settings, results)
+    results = work_parts(settings.evaluation, directory, hindcast_part, context, todo, progress)
+    return _collect_hindcast(settings, results)
 
 
 def full_fields(asked: str | None, folder: Path) -> tuple[Path, ...]:
@@ -74,7 +76,7 @@ def full_fields(asked: str | None, folder: Path) -> tuple[Path, ...]:
     return files
 
 
-def _matters(settings: Settings) -> Columns:
+def _hindcast_inputs(settings: Settings) -> Columns:
     """Settings of this study on which a mission depends."""
     kept = asdict(settings.hindcast)
     for name in ("truth", "missions", "bins"):
@@ -106,7 +108,7 @@ def thinned(settings: Settings, readings: Readings, spell: nature.Spell, directo
 # --- one mission -----------------------------------------------------------------------------
 
 
-def one(context: Context, k: int) -> Columns:
+def hindcast_part(context: HindcastContext, k: int) -> Columns:
     """A mission, the plans made for it in each fidelity, and what became of them."""
     task = mission(context.settings.hindcast, context.settings.seed, k, context.spells)
     row: Columns = {
@@ -135,7 +137,7 @@ def one(context: Context, k: int) -> Columns:
     return row | {"plans": plans}
 
 
-def mission_run(context: Context, task: Mission, fidelity: str) -> Run:
+def mission_run(context: HindcastContext, task: Mission, fidelity: str) -> Run:
     """The planner, which knows the thinned readings and no more."""
     settings, cfg = context.settings, context.settings.hindcast
     steps = int(cfg.hours * 3600 // settings.robot.dt)
@@ -155,12 +157,12 @@ def seen(wind: WindConfig, table: Path) -> WindConfig:
     return replace(wind, source="csv", path=str(table), hold_last=False)
 
 
-def believed(context: Context, task: Mission) -> Problem:
+def believed(context: HindcastContext, task: Mission) -> Problem:
     """The model that plans are simulated in: everything that is modelled, all laws."""
     return mission_run(context, task, "full").make(PROBLEM)
 
 
-def reality(context: Context, run: Run) -> Problem:
+def reality(context: HindcastContext, run: Run) -> Problem:
     """The same map in the wind that there was."""
     cfg, scene = context.settings.hindcast, run.make(SCENE)
     real = nature.real_wind(cfg, run.settings.wind, context.readings, scene, run.make(WIND))
@@ -176,7 +178,7 @@ def _world(run: Run) -> Records:
     return world
 
 
-def calibration(context: Context, run: Run) -> Columns:
+def calibration(context: HindcastContext, run: Run) -> Columns:
     """How the fit predicts the full fields inside the map: sd of z = (truth - mean)/sd, share within 90 %."""
     scene, wind = run.make(SCENE), run.make(WIND)
     z = scores(context.readings, scene, wind)
@@ -202,7 +204,7 @@ def picked(front: Front, count: int) -> list[PlannedPath]:
 
 
 def _flown(
-    context: Context, task: Mission, fidelity: str, path: PlannedPath, real: Problem, models: Problem
+    context: HindcastContext, task: Mission, fidelity: str, path: PlannedPath, real: Problem, models: Problem
 ) -> Columns:
     settings, seed = context.settings, context.settings.seed + task.number
     runs = settings.deployment.runs
@@ -302,7 +304,7 @@ def scorecard(rows: Sequence[Columns]) -> list[Columns]:
     return table
 
 
-def _study(settings: Settings, results: Sequence[Mapping[str, Any]]) -> Study:
+def _collect_hindcast(settings: Settings, results: Sequence[Mapping[str, Any]]) -> Study:
     rows = plan_rows(results)
     planned = sum(bool(result["plans"]) for result in results)
     if not rows:
@@ -333,7 +335,9 @@ def _study(settings: Settings, results: Sequence[Mapping[str, Any]]) -> Study:
         "no_plan": unplanned,
     }
     return Study(
-        {name: tuple(table) for name, table in tables.items()}, numbers, _text(settings, cards, numbers)
+        {name: tuple(table) for name, table in tables.items()},
+        numbers,
+        _hindcast_text(settings, cards, numbers),
     )
 
 
@@ -341,7 +345,7 @@ def _reason(result: Mapping[str, Any]) -> str:
     return next((str(value) for name, value in result.items() if name.startswith("reason_")), "no plan")
 
 
-def _text(settings: Settings, cards: Sequence[Columns], numbers: Mapping[str, float]) -> str:
+def _hindcast_text(settings: Settings, cards: Sequence[Columns], numbers: Mapping[str, float]) -> str:
     table = markdown_table(
         f"{numbers['plans']:.0f} plans for {numbers['missions_planned']:.0f} of {numbers['missions']:.0f} "
         "random missions, flown through the full fields; a mission is one trial for the 95 % interval",

@@ -30,28 +30,28 @@ def make_comparison(inputs: StageInputs) -> Study:
     """One mission, several planners, the same winds."""
     from pareto_ltl.studies import compare
 
-    return compare.study(inputs.settings, inputs.records, inputs.directory, inputs.progress)
+    return compare.run_comparison(inputs.settings, inputs.records, inputs.directory, inputs.progress)
 
 
 def make_convergence(inputs: StageInputs) -> Study:
     """Bound and failure of the selected path as the trees grow."""
     from pareto_ltl.studies import convergence
 
-    return convergence.study(inputs.settings, inputs.records, inputs.directory, inputs.progress)
+    return convergence.run_convergence(inputs.settings, inputs.records, inputs.directory, inputs.progress)
 
 
 def make_ablation(inputs: StageInputs) -> Study:
     """One setting changed at a time."""
     from pareto_ltl.studies import ablation
 
-    return ablation.study(inputs.settings, inputs.records, inputs.directory, inputs.progress)
+    return ablation.run_ablation(inputs.settings, inputs.records, inputs.directory, inputs.progress)
 
 
 def make_hindcast(inputs: StageInputs) -> Study:
     """Planned from thinned readings, flown through the fields they were thinned from."""
     from pareto_ltl.studies import hindcast
 
-    return hindcast.study(inputs.settings, inputs.directory, inputs.progress)
+    return hindcast.run_hindcast(inputs.settings, inputs.directory, inputs.progress)
 
 
 def make_comparison_figures(inputs: StageInputs) -> tuple[Path, ...]:

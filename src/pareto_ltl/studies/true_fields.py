@@ -35,7 +35,7 @@ class Spell:
         return iso(self.start).replace(":", "").replace("-", "")[:11]
 
 
-def folder(cfg: HindcastConfig) -> Path:
+def true_fields_folder(cfg: HindcastConfig) -> Path:
     """Where the full fields are: what the settings name, or the files beside the checkout."""
     if cfg.truth is not None:
         place = Path(cfg.truth).expanduser()

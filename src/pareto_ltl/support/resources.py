@@ -16,7 +16,7 @@ def checkout() -> Path | None:
     return root if PACKAGE.parent.name == "src" and (root / "pyproject.toml").is_file() else None
 
 
-def folder(name: str) -> Path:
+def resource_folder(name: str) -> Path:
     """Folder ``name`` (``conf`` or ``pipelines``): in the package in a wheel, at top level in a checkout."""
     roots = [root for root in (checkout(), PACKAGE) if root is not None]
     for root in roots:
@@ -36,8 +36,8 @@ def added_folders() -> tuple[Path, ...]:
     places = extension_folders()
     if not places:
         return ()
-    seen = {f"conf/{path.parent.name}/{path.stem}" for path in folder("conf").glob("*/*.yaml")}
-    seen |= {f"conf/pipelines/{path.stem}" for path in folder("pipelines").glob("*.yaml")}
+    seen = {f"conf/{path.parent.name}/{path.stem}" for path in resource_folder("conf").glob("*/*.yaml")}
+    seen |= {f"conf/pipelines/{path.stem}" for path in resource_folder("pipelines").glob("*.yaml")}
     for place in places:
         for path in sorted(place.glob("*/*.yaml")):
             name = f"conf/{path.parent.name}/{path.stem}"
@@ -49,7 +49,7 @@ def added_folders() -> tuple[Path, ...]:
 
 def choice_folders(group: str) -> list[Path]:
     """Folders that hold the YAML files of ``group``: ours first, then those of other packages."""
-    own = folder("pipelines") if group == "pipelines" else folder("conf") / group
+    own = resource_folder("pipelines") if group == "pipelines" else resource_folder("conf") / group
     return [own, *(place / group for place in added_folders())]
 
 
@@ -74,7 +74,7 @@ def choice_file(group: str, name: str) -> Path:
 
 def groups() -> list[str]:
     """Every group that has a choice."""
-    roots = (folder("conf"), *added_folders())
+    roots = (resource_folder("conf"), *added_folders())
     found = {path.name for root in roots for path in root.iterdir() if any(path.glob("*.yaml"))}
     return sorted(found | {"pipelines"})
 

@@ -159,7 +159,7 @@ def inside_depth(polygon: FloatArray, points: FloatArray) -> FloatArray:
     return least
 
 
-def locate_cells(decomposition: Decomposition, points: FloatArray) -> IntArray:
+def cells_of_points(decomposition: Decomposition, points: FloatArray) -> IntArray:
     """The cell of each point, shape (P,); -1 outside the bounds and strictly inside an obstacle.
 
     It is the first cell that contains the point, so that an edge of a region belongs to the region. A point
@@ -232,7 +232,7 @@ def unreachable_regions(decomposition: Decomposition, scene: Scene, atoms: Itera
                 f"mission.formula names region {name!r}, which the scene does not have; "
                 f"it has {', '.join(sorted(scene.regions))}: {hint}"
             )
-    start = int(locate_cells(decomposition, scene.start[None])[0])
+    start = int(cells_of_points(decomposition, scene.start[None])[0])
     if start < 0:
         raise DataError(
             f"the start {scene.start.tolist()} [m] lies in no free cell; move it out of the obstacle"
@@ -386,10 +386,10 @@ def moments(polygon: FloatArray) -> tuple[float, FloatArray]:
 __all__ = [
     "Locator",
     "cell_graph",
+    "cells_of_points",
     "decompose",
     "half_planes",
     "inside_depth",
-    "locate_cells",
     "locator",
     "moments",
     "unreachable_regions",
