@@ -57,7 +57,7 @@ def _wind_numbers(wind: WindField) -> dict[str, float]:
 
 
 def _forecast_numbers(forecasts: Mapping[str, Forecast]) -> dict[str, float]:
-    """What the plan promises under each wind law, whatever law it was planned for."""
+    """V, R and the spread at the end under each wind law of the deployment."""
     table: dict[str, float] = {}
     for law, seen in forecasts.items():
         table |= {
@@ -86,8 +86,8 @@ def _front_numbers(front: Front) -> dict[str, float]:
             "front_size_raw": len(front.raw),
             "shortest_raw_m": min(o.length for o in front.raw),
             "shortest_m": min(path.objectives.length for path in front.paths),
-            "safest_raw": min(o.mission_risk_paper for o in front.raw),
-            "safest": min(path.objectives.mission_risk_paper for path in front.paths),
+            "safest_raw": min(o.mission_risk for o in front.raw),
+            "safest": min(path.objectives.mission_risk for path in front.paths),
         }
     return table
 

@@ -1,4 +1,4 @@
-"""Many jobs, each done once, whatever kills jobs, launchers or machines.
+"""Many jobs, each done once, even if a job, a launcher or the machine is killed.
 
 A job has a name, a key (the fingerprint of all that its result depends on) and a place on disk, which alone
 says how far it is. Two kinds exist: a run of a sweep (``sweeps.runs``: a results directory) and a part of a
@@ -131,7 +131,7 @@ class StoredJob(ABC):
         return True
 
     def abandoned(self) -> bool:
-        """Whether the last process at work was killed: its note is there, and nobody holds the lock."""
+        """Whether the last process at work was killed: its note is there, and no process holds the lock."""
         try:
             return self.lock.stat().st_size > 0 and not is_held(self.lock)
         except OSError:
