@@ -7,8 +7,8 @@
     pareto_ltl.simulate(result, runs=1000, law="coherent")
     pareto_ltl.load_results("outputs/phi1/...")  # a run of the command line
 
-The command line is ``pareto-ltl plan +experiment=phi1``, or ``python -m pareto_ltl +experiment=phi1``. The names below are imported when they are
-used, so that ``import pareto_ltl`` loads no numerical package.
+The command line is ``pareto-ltl plan +experiment=phi1``, or ``python -m pareto_ltl +experiment=phi1``. The
+names below are imported when they are used, so that ``import pareto_ltl`` loads no numerical package.
 """
 
 from __future__ import annotations

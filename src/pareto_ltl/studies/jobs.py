@@ -151,7 +151,7 @@ def _file_stamp(path: Path) -> tuple[int, int] | None:
 
 
 def process_note() -> str:
-    """Who holds a lock, for whoever finds it taken."""
+    """The holder of a lock as text, for the message of a process that finds the lock taken."""
     return f"process {os.getpid()} on {platform.node()}, since {datetime.now(UTC):%Y-%m-%d %H:%M:%S} UTC"
 
 

@@ -130,7 +130,7 @@ def smoothing_programme(problem: Problem, steps: int, witnesses: int, faces: int
                     |x_t - x̄_t| ≤ trust,       x_t on the map,
 
     and what :mod:`~pareto_ltl.planning.refine.risk_sharing` adds. Relief makes every instance feasible, so
-    that a line which is not yet flyable can be mended.
+    that an iterate which breaks a constraint can be corrected.
     """
     import cvxpy as cp
 

@@ -1,4 +1,4 @@
-"""Smoothing as a whole: where to begin, iterations of bending, what is worth keeping."""
+"""Smoothing as a whole: where to begin, iterations of bending, which results are kept."""
 
 from __future__ import annotations
 
