@@ -98,6 +98,7 @@ def _plan_numbers(plan: Plan) -> dict[str, float]:
         "length_m": o.length,
         "mission_risk_paper": o.mission_risk_paper,
         "mission_risk": o.mission_risk,
+        "mission_risk_ordered": o.mission_risk_ordered,
         "collision_risk": o.collision_risk,
         "steps": len(plan.path.u),
         "duration_s": float(plan.path.t[-1] - plan.path.t[0]),
