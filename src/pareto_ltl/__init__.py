@@ -7,8 +7,8 @@
     pareto_ltl.simulate(result, runs=1000, law="coherent")
     pareto_ltl.load_results("outputs/phi1/...")  # a run of the command line
 
-The command line is ``python -m pareto_ltl +experiment=phi1``. The names below are imported when they are
-used, so that ``import pareto_ltl`` loads no numerical package.
+The command line is ``pareto-ltl plan +experiment=phi1``, or ``python -m pareto_ltl +experiment=phi1``. The
+names below are imported when they are used, so that ``import pareto_ltl`` loads no numerical package.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ __all__ = [
     "simulate",
 ]
 
-_HOMES = {
+_EXPORTS = {
     "pareto_ltl.run.interface": ("PlanningResult", "load_results", "plan", "simulate"),
     "pareto_ltl.run.results": ("Results",),
     "pareto_ltl.settings": ("Settings",),
@@ -59,7 +59,7 @@ _HOMES = {
 
 
 def __getattr__(name: str) -> Any:
-    for module, names in _HOMES.items():
+    for module, names in _EXPORTS.items():
         if name in names:
             return getattr(import_module(module), name)
     raise AttributeError(f"module 'pareto_ltl' has no attribute {name!r}")

@@ -13,7 +13,7 @@ from pareto_ltl.settings import Settings, preset
 
 METRICS = {
     "length_m": 1.5e6, "duration_s": 90_000.0,
-    "mission_risk_paper": 0.01234567, "mission_risk": 3.21e-5, "mission_risk_ordered": 3.21e-5,
+    "mission_risk_paper": 0.01234567, "mission_risk": 0.5, "mission_risk_ordered": 3.21e-5,
     "collision_risk": 0.0,
     "acceptance_estimate": 0.0123, "acceptance_runs": 2000.0, "acceptance_failure": 0.0015,
     "acceptance_low": 0.0003, "acceptance_high": 0.0044,

@@ -1,4 +1,4 @@
-"""Growth and smoothing of full fidelity."""
+"""Growth and smoothing with ``fidelity=full``."""
 
 from __future__ import annotations
 

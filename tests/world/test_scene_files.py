@@ -1,4 +1,4 @@
-"""Maps are read into metres, harmless habits are put right, and the rest is refused in one line."""
+"""Maps are read into metres, harmless mistakes are corrected, and the rest is refused in one line."""
 
 from __future__ import annotations
 
@@ -98,7 +98,7 @@ def test_a_scene_without_its_fields_is_refused():
         scene_from_dict({"bounds": [[0, 0], [1, 1]], "obstacles": []})
 
 
-# --- habits that are put right -------------------------------------------------------------------
+# --- mistakes that are corrected ------------------------------------------------------------------
 
 
 def test_a_repeated_closing_corner_is_dropped():

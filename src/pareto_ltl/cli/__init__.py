@@ -1,4 +1,4 @@
-"""The command line; the only package that knows Hydra.
+"""The command line; the only package that imports Hydra.
 
 ``commands`` holds the table of commands; ``hydra_app`` runs settings and choices, which ``composition``
 composes and checks once; ``setting_keys`` makes :class:`~pareto_ltl.settings.Settings` of them.

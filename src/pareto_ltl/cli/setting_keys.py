@@ -62,7 +62,7 @@ def refuse_unknown_key(override: Override, loader: ConfigLoader) -> None:
 
 
 def _refuse_extra_keys(config: DictConfig, schema: Any, section: str) -> None:
-    """Refuse keys that the schema lacks, wherever they came from: Hydra lets ``+`` and files add them."""
+    """Refuse keys that the schema lacks: Hydra lets ``+`` and files add them."""
     types = _field_types(schema)
     for key in config:
         if key not in types:

@@ -156,7 +156,7 @@ def pass_obstacle(
 def step_allowed(
     bound: CollisionBound, memory: CollisionMemory, t: int, before: Gaussian, here: Gaussian
 ) -> bool:
-    """Whether the step from ``before`` to ``here`` keeps to the chance constraint of a bound.
+    """Whether the step from ``before`` to ``here`` satisfies the chance constraint of a bound.
 
     Rows t and t - 1 of ``memory`` are taken modulo 2; step 0 begins and ends at ``here``.
     """

@@ -123,7 +123,7 @@ def plant_collision(bound: CollisionBound, tree: Vertices, here: Gaussian) -> bo
 
 @by_type
 def appraise_collision(bound: CollisionBound, tree: Vertices, scratch: TreeState, new: Proposal) -> bool:
-    """Whether a proposal keeps to the chance constraint; what the bound remembers goes to ``new.row``."""
+    """Whether a proposal satisfies the chance constraint; what the bound keeps goes to row ``new.row``."""
     raise NotImplementedError
 
 

@@ -1,1 +1,1 @@
-"""From a problem to the path that is flown: trees, front, refinement, selection."""
+"""From a problem to a plan: search trees, evaluation of paths, refinement, front, selection."""

@@ -64,7 +64,7 @@ COLLISION_MEMORY: dict[type, Callable[[int, int], kd.CollisionMemory]] = {
 
 
 def law_memory(law: kd.Law, rows: int) -> kd.Memory:
-    """Room for what a wind law remembers of ``rows`` vertices or steps."""
+    """Arrays for what a wind law keeps of ``rows`` vertices or steps; None for the independent law."""
     return LAW_MEMORY[type(law)](law, rows)
 
 
@@ -264,7 +264,7 @@ class Forecast:
 
 
 def forecast(problem: Problem, u: FloatArray, law: str) -> Forecast:
-    """What the controls ``u`` (T, 2) promise under a wind law, whatever law they were planned with."""
+    """V and R of the controls ``u`` (T, 2) under any wind law, planned with it or not."""
     model = problem.laws[law]
     flight = propagate_controls(problem, u, model)
     return Forecast(

@@ -34,7 +34,7 @@ from pareto_ltl.support.errors import InfeasibleError
 
 ITERATIONS_PER_VERTEX = 50  # extensions tried before a tree that does not grow is given up
 GROWTH_CHUNK = 20_000  # vertices between two looks at the clock
-TREES_KEEP = 0.5  # of epsilon under the path bound: trees that spend all run into delta; bending needs room
+TREES_KEEP = 0.5  # share of epsilon that trees use under the path bound: smoothing and delta need the rest
 SCALED_SLACK = 1.0  # slack on risks of the scaled rule is a factor drawn between 1 and 1 plus this
 CAPACITY = 8  # vertices that a square keeps as possible parents, for each automaton state
 SQUARES = 400  # at most, along one side of the grid of possible parents
@@ -159,7 +159,7 @@ def _collision_rows(problem: Problem, rows: int, mask: type = np.uint32) -> kd.C
 
 
 def _for_trees(problem: Problem) -> Problem:
-    """The problem that trees see: under the path bound they keep to a share of epsilon."""
+    """The problem that trees see: under the path bound, epsilon is a share of the one that is set."""
     bound = problem.world.collision
     if not isinstance(bound, kd.PathBound):
         return problem
@@ -231,7 +231,7 @@ def _plant(grove: _Grove, seed: SeedSequence, number: int, options: GrowthOption
 
 
 def _start_too_close(problem: Problem) -> str:
-    """The limit that the start breaks: under the path bound trees keep to a share of epsilon."""
+    """The error for a start that breaks the limit of the trees; under the path bound, a share of epsilon."""
     bound, said = problem.world.collision, f"planner.epsilon = {problem.epsilon:g} allows"
     if isinstance(bound, kd.PathBound):
         said = f"trees may spend ({bound.epsilon:g}, {TREES_KEEP:g} of planner.epsilon)"

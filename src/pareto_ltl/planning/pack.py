@@ -201,7 +201,7 @@ def build_problem(
     Raises
     ------
     DataError
-        Where the wind is not known at departure, or the robot cannot hold its own against it anywhere.
+        If the wind is not known at departure, or is faster than the robot everywhere.
     """
     atoms = tuple(automaton.atoms)
     epsilon = EPSILON[fidelity.collision_bound] if planner.epsilon is None else planner.epsilon

@@ -165,7 +165,7 @@ class Front(Displayed):
 
 @dataclass(frozen=True, slots=True)
 class Acceptance:
-    """The last examination of a path of full fidelity: bound, linear estimate and simulated failure rate.
+    """The last check of a path with ``fidelity.judge=flights``: its bound, its estimate, its simulated rate.
 
     Attributes
     ----------

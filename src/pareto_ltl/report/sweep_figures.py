@@ -21,7 +21,7 @@ AXIS_LABELS = {
     "length_m": "length of the path [km]",
     "duration_s": "flight time [h]",
     "mission_risk_paper": "mission risk, bound of the paper",
-    "mission_risk": "mission risk, the bound that judges",
+    "mission_risk": "mission risk, bound that judges the plan",
     "mission_risk_ordered": "mission risk, ordered bound",
     "collision_risk": "collision risk, bound",
     "front_size": "paths on the front",

@@ -1,1 +1,1 @@
-"""One run: its stages, its results directory, where it came from."""
+"""One run: stages, runner, results directory, provenance, and the Python interface."""

@@ -57,7 +57,7 @@ def _wind_numbers(wind: WindField) -> dict[str, float]:
 
 
 def _forecast_numbers(forecasts: Mapping[str, Forecast]) -> dict[str, float]:
-    """What the plan promises under each wind law, whatever law it was planned for."""
+    """V, R and the spread at the end under each wind law of the deployment."""
     table: dict[str, float] = {}
     for law, seen in forecasts.items():
         table |= {

@@ -2,7 +2,7 @@
 
 The files of ``conf/`` hold values; these dataclasses are their schema. Each setting carries its unit, range
 and meaning (:func:`pareto_ltl.settings.checks.setting`). ``cli`` turns a composed configuration into a
-:class:`Settings`; no other package knows Hydra. Every error names the key as a user types it.
+:class:`Settings`; no other package imports Hydra. Every error names the key as a user types it.
 """
 
 from __future__ import annotations

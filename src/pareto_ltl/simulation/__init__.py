@@ -1,1 +1,1 @@
-"""Flights of a plan through drawn winds, and what they say of its promise."""
+"""Simulated flights of a plan, and the ranking and acceptance of plans by them."""

@@ -1,4 +1,4 @@
-"""Ranking and final acceptance of full fidelity's paths by simulation.
+"""Ranking and final acceptance of paths by simulation (``fidelity.judge=flights``).
 
 Bounds hold but are loose; rates are close but have sampling error. The front is therefore ranked by Monte
 Carlo over the linearised coherent law, which costs little and meets the same winds for every path, and the

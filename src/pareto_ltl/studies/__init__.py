@@ -1,7 +1,7 @@
-"""The paper's evaluation and more, as pipelines: who fails how often, how fast it gets better, what matters.
+"""The paper's evaluation and more, as stages of pipelines.
 
-``compare`` sets planners side by side in the same winds, ``convergence`` watches trees grow, ``ablation``
-changes one setting at a time, ``hindcast`` flies plans through winds that no model drew. Each is a list of
-independent parts (a method and a seed, say), spread over processes and kept on disk as they finish
-(``parts.py``), so that a run that was stopped goes on where it was.
+``compare`` runs several planners in the same winds, ``convergence`` measures plans as trees grow,
+``ablation`` changes one setting at a time, ``hindcast`` flies plans through full wind fields from GRIB files.
+Each consists of independent pieces (a method and a seed, for example): ``parts`` spreads them over processes
+and keeps each result on disk, so that a stopped run continues. ``jobs`` is the engine of studies and sweeps.
 """

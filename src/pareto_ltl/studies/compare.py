@@ -2,7 +2,7 @@
 
 ``paper``            the proposed planner as the paper has it: its trees' paths as they are
 ``smoothed``         the same with convex smoothing: what ``pipelines=plan fidelity=paper`` flies
-``full``             full fidelity, smoothed and ranked: what ``pipelines=plan fidelity=full`` flies
+``full``             smoothed and ranked by flights: what ``pipelines=plan fidelity=full`` flies
 ``cc_rrt``           plain CC-RRT: chance constraints, no re-selection of parents (lines 5-13 of Algorithm 2)
 ``ml_rrt``           the same planner without any knowledge of wind, μ = 0 and Σ = 0 (the paper's baseline)
 ``calm_shortest``    the shortest path in still air, by convex smoothing of ``ml_rrt``; one path for all seeds

@@ -1,4 +1,4 @@
-"""Many jobs, each done once, whatever kills jobs, launchers or machines.
+"""Many jobs, each done once, even if a job, a launcher or the machine is killed.
 
 A job has a name, a key (the fingerprint of all that its result depends on) and a place on disk, which alone
 says how far it is. Two kinds exist: a run of a sweep (``sweeps.runs``: a results directory) and a part of a
@@ -131,7 +131,7 @@ class StoredJob(ABC):
         return True
 
     def abandoned(self) -> bool:
-        """Whether the last process at work was killed: its note is there, and nobody holds the lock."""
+        """Whether the last process at work was killed: its note is there, and no process holds the lock."""
         try:
             return self.lock.stat().st_size > 0 and not is_held(self.lock)
         except OSError:
@@ -151,7 +151,7 @@ def _file_stamp(path: Path) -> tuple[int, int] | None:
 
 
 def process_note() -> str:
-    """Who holds a lock, for whoever finds it taken."""
+    """The holder of a lock as text, for the message of a process that finds the lock taken."""
     return f"process {os.getpid()} on {platform.node()}, since {datetime.now(UTC):%Y-%m-%d %H:%M:%S} UTC"
 
 

@@ -1,4 +1,4 @@
-"""Parts of a study: each result is a small file, written whole, and never worked out twice.
+"""Resumable pieces (parts) of a study: each result is a small file, written whole, and computed once.
 
 A part's file carries a key, the fingerprint of everything its result depends on: settings, arguments, wind
 files and the code. A later run with the same keys reads the files instead. What a killed run leaves

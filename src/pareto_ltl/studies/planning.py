@@ -35,7 +35,7 @@ def with_wind(settings: Settings, world: Records) -> Records:
 
 
 def still(wind: WindField) -> WindField:
-    """The field of a planner that knows of no wind: no mean, no uncertainty, whatever a field consists of."""
+    """The field of a planner that ignores the wind: mean and uncertainty are 0."""
     import numpy as np
 
     values = {f.name: getattr(wind, f.name) for f in fields(wind) if f.name not in OF_THE_LATTICE}

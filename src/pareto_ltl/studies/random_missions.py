@@ -1,6 +1,6 @@
 """Random missions over real ground: a place, a departure, three regions, a few obstacles, a formula.
 
-Each has a generator of its own, so that mission 17 is the same whatever else is asked for.
+Each has a generator of its own, so that mission 17 does not depend on the others that are asked for.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from pareto_ltl.world.scene import Scene
 
 REGIONS = ("a", "b", "c")
 REGION, OBSTACLE = (0.06, 0.11), (0.05, 0.13)  # radii in sides of the map
-APART, ASIDE = 0.05, 0.02  # free room around regions and the start, and between obstacles, in sides
+APART, ASIDE = 0.05, 0.02  # free space around regions and the start, and between obstacles, in sides
 TRIES = 2000  # places tried for a polygon before the map is begun anew
 
 
@@ -71,7 +71,7 @@ def _place(cfg: HindcastConfig, rng: Generator) -> tuple[float, float]:
 
 
 def _scene(cfg: HindcastConfig, rng: Generator, side: float, crs: str, time_zero: str) -> Scene | None:
-    """Regions, start and obstacles that keep apart; None where they found no room."""
+    """Regions, start and obstacles that keep apart; None where there is not enough space."""
     import shapely
 
     bounds = side / 2 * np.array([[-1.0, -1.0], [1.0, 1.0]])

@@ -1,1 +1,1 @@
-"""What every package may lean on: errors, arrays, files, caches, cores."""
+"""What every package may import: errors, arrays, files, locks, caches, fingerprints, entry points."""

@@ -1,4 +1,4 @@
-"""Names for the arrays that travel through the house."""
+"""Type aliases of arrays."""
 
 from __future__ import annotations
 

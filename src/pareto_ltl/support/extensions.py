@@ -1,4 +1,4 @@
-"""Parts that other packages add: Python entry points in the groups below.
+"""Extensions by other packages: Python entry points in the groups below.
 
 ``pareto_ltl.stages``           a ``Stage`` of a pipeline (``run/stage_table.py``)
 ``pareto_ltl.wind_sources``     a ``WindSource`` (``wind/sources``)

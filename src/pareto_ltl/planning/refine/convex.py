@@ -1,4 +1,4 @@
-"""Bend: the convex programme about an iterate (the only room that knows cvxpy)."""
+"""Bend: the convex programme about an iterate (the only module that imports cvxpy)."""
 
 from __future__ import annotations
 
@@ -130,7 +130,7 @@ def smoothing_programme(problem: Problem, steps: int, witnesses: int, faces: int
                     |x_t - x̄_t| ≤ trust,       x_t on the map,
 
     and what :mod:`~pareto_ltl.planning.refine.risk_sharing` adds. Relief makes every instance feasible, so
-    that a line which is not yet flyable can be mended.
+    that an iterate which breaks a constraint can be corrected.
     """
     import cvxpy as cp
 
@@ -182,7 +182,7 @@ def _motion_constraints(problem: Problem, given: Mapping[str, Any], v: _Unknowns
 
 
 def _clearance_constraints(sharing: RiskSharing, given: Mapping[str, Any], v: _Unknowns) -> list[Any]:
-    """Half planes that each point keeps to, and the risk that is left there."""
+    """Constraints that keep each point in its half planes, and the model of the risk that remains."""
     constraints = []
     for k in range(ROWS):
         constraints.append(v.dot(given["c"], k) + v.relief >= given["d"][:, k])
@@ -311,10 +311,10 @@ def set_clearance(
 def tightest_planes(
     problem: Problem, x: FloatArray, cov: FloatArray, avoid: BoolArray
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, BoolArray]:
-    """Half planes that each point keeps to: normals (T+1, P, 2), and offsets, σ and room left (T+1, P).
+    """Half planes that bound each point: normals (T+1, P, 2), and offsets, σ and clearance left (T+1, P).
 
-    σ is 0 at forbidden cells, whose label the mean alone decides; room is inf where nothing is asked. The
-    last array says which belong to the step that ends at the point: those make up its collision risk.
+    σ is 0 at forbidden cells, whose label the mean alone decides; clearance is inf where there is no bound.
+    The last array says which belong to the step that ends at the point: those make up its collision risk.
     """
     faces, n = problem.obstacles, len(x)
     sd = face_deviations(faces.normal, cov)

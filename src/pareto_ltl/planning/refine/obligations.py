@@ -33,7 +33,7 @@ class Obligations:
 def path_obligations(problem: Problem, x: FloatArray, cov: FloatArray) -> Obligations:
     """Read off what must hold for the means ``x`` (T+1, 2) to do what they do.
 
-    A transition is put off to the safest step of the same visit, where the automaton does not mind.
+    A transition is moved to the safest step of the same visit if the automaton allows it.
     """
     logic = problem.world.logic
     cell = problem.locate(x)

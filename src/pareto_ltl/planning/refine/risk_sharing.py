@@ -12,7 +12,7 @@ from pareto_ltl.kernels.data import CollisionBound, PathBound, StepBound
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.support.arrays import FloatArray
 
-ROWS = 3  # half planes a point keeps to, the tightest ones
+ROWS = 3  # half planes that bound a point, the tightest ones
 SHARE = 0.995  # of epsilon planned with: tangents lie below the curve, and σ moves with the path
 
 

@@ -1,4 +1,4 @@
-"""Smoothing as a whole: where to begin, iterations of bending, what is worth keeping."""
+"""Smoothing as a whole: where to begin, iterations of bending, which results are kept."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from pareto_ltl.settings import SmoothingConfig
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import InfeasibleError
 
-SPARE = 2  # steps added to a tree path, whose steps are at full speed and leave no room for change
+SPARE = 2  # steps added to a tree path, whose steps are at full speed and cannot bend otherwise
 DISTANCES = (2.6, 2.0, 1.4, 0.8)  # standard deviations that taut lines try to keep from obstacles
 STRIDES = (-6, -3, -1, 1)  # changes of the number of steps that are tried, each as long as it pays
 RETIMED = 2  # starts that are bent with other numbers of steps as well

@@ -18,7 +18,7 @@ from pareto_ltl.planning.refine.obligations import face_deviations
 from pareto_ltl.support.arrays import BoolArray, FloatArray
 from pareto_ltl.world.cells import half_planes
 
-FACE_MARGIN = 2.0  # [m] kept from every face, so that the solver's rounding harms nobody
+FACE_MARGIN = 2.0  # [m] kept from every face: larger than the solver's rounding error
 CAP = 0.999  # share of u_max planned with: the wind is not quite linear over a trust region
 BESIDE = 1.3  # a gate lies within this many margins of both its obstacles
 TOUCH = 1e-3  # [m] a place this much too near still lies on the margin

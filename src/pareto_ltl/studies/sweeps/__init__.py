@@ -8,5 +8,5 @@
 ``page``        ``summary.html``
 ==============  ===============================================================================
 
-Nothing in here knows Hydra; ``hydra_plugins.pareto_ltl_sweeper`` joins the two.
+Nothing in here imports Hydra; ``hydra_plugins.pareto_ltl_sweeper`` joins the two.
 """
