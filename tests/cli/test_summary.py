@@ -37,7 +37,7 @@ def test_every_probability_stands_beside_its_wind_law() -> None:
     assert rows == {
         "length": "1,500.0 km",
         "flight time": "25.0 h",
-        "mission risk, Theorem 2, coherent winds": "0.0123",
+        "mission risk, Theorem 2, independent winds": "0.0123",
         "mission risk, ordered, coherent winds": "3.21e-05",
         "collision risk, bound, coherent winds": "0",
         "failure, linear estimate, coherent winds": "0.0123",

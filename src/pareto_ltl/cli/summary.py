@@ -58,7 +58,7 @@ def probability_text(value: float) -> str:
 def _plan_rows(metrics: Mapping[str, float], law: str) -> Iterator[tuple[str, str]]:
     yield "length", f"{metrics['length_m'] / 1e3:,.1f} km"
     yield "flight time", f"{metrics['duration_s'] / 3600:.1f} h"
-    yield f"mission risk, Theorem 2, {law} winds", probability_text(metrics["mission_risk_paper"])
+    yield "mission risk, Theorem 2, independent winds", probability_text(metrics["mission_risk_paper"])
     yield f"mission risk, ordered, {law} winds", probability_text(metrics["mission_risk_ordered"])
     yield f"collision risk, bound, {law} winds", probability_text(metrics["collision_risk"])
     if "acceptance_failure" in metrics:
