@@ -78,7 +78,7 @@ class _GrowingTree:
 
 
 @dataclass(frozen=True, slots=True)
-class _Grove:
+class _GrowthTask:
     """What all trees of a run share."""
 
     cfg: PlannerConfig
@@ -193,14 +193,14 @@ def grow_forest(
     """
     problem = _for_trees(problem)
     graph = product_graph(problem.decomposition, problem.world.logic, problem.scene.bounds)
-    grove = _Grove(cfg, problem, graph, cell_fans(problem.decomposition))
-    growing = [_plant(grove, child, j, options) for j, child in enumerate(seeds.spawn(cfg.trees))]
-    _check_lead(grove, growing[0])
-    grove.grow(growing[0], 0, 0)  # machine code is loaded here, not on the clock
+    task = _GrowthTask(cfg, problem, graph, cell_fans(problem.decomposition))
+    growing = [_plant(task, child, j, options) for j, child in enumerate(seeds.spawn(cfg.trees))]
+    _check_lead(task, growing[0])
+    task.grow(growing[0], 0, 0)  # machine code is loaded here, not on the clock
     began = time.perf_counter()
     threads = min(cfg.trees, cfg.threads or cores())
     with ThreadPoolExecutor(threads) as pool:
-        jobs = [pool.submit(_grow_to_end, grove, tree, began + cfg.max_seconds) for tree in growing]
+        jobs = [pool.submit(_grow_to_end, task, tree, began + cfg.max_seconds) for tree in growing]
         while progress is not None and not all(job.done() for job in jobs):
             progress(sum(tree.size for tree in growing), cfg.trees * cfg.n_max)
             time.sleep(0.05)
@@ -213,8 +213,8 @@ def grow_forest(
     return Forest(trees, accepted_rows, time.perf_counter() - began, mission_columns(problem))
 
 
-def _plant(grove: _Grove, seed: SeedSequence, number: int, options: GrowthOptions) -> _GrowingTree:
-    cfg, problem = grove.cfg, grove.problem
+def _plant(task: _GrowthTask, seed: SeedSequence, number: int, options: GrowthOptions) -> _GrowingTree:
+    cfg, problem = task.cfg, task.problem
     rng = np.random.Generator(np.random.PCG64(seed))
     rule = RULE_MAKERS[problem.fidelity.parents](cfg, problem, number, rng)
     settings = _growth_settings(cfg, problem, rule, options)
@@ -222,7 +222,7 @@ def _plant(grove: _Grove, seed: SeedSequence, number: int, options: GrowthOption
     vertices = _vertices(problem, cfg.n_max, columns)
     groups = settings.columns * settings.rows * len(problem.automaton.distance)
     swaps = cfg.n_max if options.record_swaps else 0
-    state = _tree_state(grove, groups, columns, swaps)
+    state = _tree_state(task, groups, columns, swaps)
     search = kt.Search(problem.world, vertices, state, settings)
     x, y = problem.scene.start
     if not kernel.plant(search, kd.Point(float(x), float(y)), problem.start_variance, rng):
@@ -265,8 +265,8 @@ def _vertices(problem: Problem, n: int, columns: int) -> kt.Vertices:
     )  # fmt: skip
 
 
-def _tree_state(grove: _Grove, groups: int, columns: int, swaps: int) -> kt.TreeState:
-    states, edges = len(grove.graph.goal), len(grove.graph.head)
+def _tree_state(task: _GrowthTask, groups: int, columns: int, swaps: int) -> kt.TreeState:
+    states, edges = len(task.graph.goal), len(task.graph.head)
     heap = Heap(
         np.empty(edges + 1), np.empty(edges + 1, np.int64), np.empty(states), np.empty(states, np.int64)
     )
@@ -274,20 +274,20 @@ def _tree_state(grove: _Grove, groups: int, columns: int, swaps: int) -> kt.Tree
         root=np.full(states, -1, np.int64), members=np.zeros(states, np.int64),
         selected=np.zeros(states, np.int64),
         weight=np.empty(states), lead=np.empty(states, np.int64), heap=heap,
-        kept=np.empty((groups, CAPACITY), np.int64), pool=np.empty(grove.cfg.near, np.int64),
+        kept=np.empty((groups, CAPACITY), np.int64), pool=np.empty(task.cfg.near, np.int64),
         seen=np.zeros(groups, np.int64), swaps=np.empty((swaps, 2, 2 + columns)),
         tally=np.zeros(kt.TALLIES, np.int64), stack=np.empty((256, 4)), risks=np.zeros((3, columns)),
-        mission=_mission_rows(grove.problem, 2), collision=_collision_rows(grove.problem, 2, np.int64),
+        mission=_mission_rows(task.problem, 2), collision=_collision_rows(task.problem, 2, np.int64),
     )  # fmt: skip
 
 
-def _check_lead(grove: _Grove, tree: _GrowingTree) -> None:
+def _check_lead(task: _GrowthTask, tree: _GrowingTree) -> None:
     """Say at once when the map and the automaton together allow no mission."""
     from pareto_ltl.kernels.dijkstra import shortest_lead
 
-    problem, vertices, state = grove.problem, tree.search.tree, tree.search.state
+    problem, vertices, state = task.problem, tree.search.tree, tree.search.state
     start = int(vertices.q[0]) * len(problem.labels) + int(vertices.cell[0])
-    if len(shortest_lead(grove.graph, state.members, state.selected, start)) == 0:
+    if len(shortest_lead(task.graph, state.members, state.selected, start)) == 0:
         raise InfeasibleError(
             f"no way through the map completes {problem.automaton.formula!r}: a region it needs cannot be "
             "reached from the start, or the start's own label breaks the mission at once; move the start, a "
@@ -295,13 +295,13 @@ def _check_lead(grove: _Grove, tree: _GrowingTree) -> None:
         )
 
 
-def _grow_to_end(grove: _Grove, tree: _GrowingTree, deadline: float) -> None:
+def _grow_to_end(task: _GrowthTask, tree: _GrowingTree, deadline: float) -> None:
     """Grow one tree to its end, looking at the clock between chunks."""
-    began, n_max = time.perf_counter(), grove.cfg.n_max
+    began, n_max = time.perf_counter(), task.cfg.n_max
     iterations, tally = ITERATIONS_PER_VERTEX * n_max, tree.tally
     while tree.size < n_max and tally[kt.ITERATIONS] < iterations and time.perf_counter() < deadline:
         limit = min(n_max, tree.size + GROWTH_CHUNK)
-        grove.grow(tree, limit, min(iterations, int(tally[kt.ITERATIONS]) + GROWTH_CHUNK))
+        task.grow(tree, limit, min(iterations, int(tally[kt.ITERATIONS]) + GROWTH_CHUNK))
         if tally[kt.STALLED] or (tree.search.settings.stop_at_first and tally[kt.ACCEPTED]):
             break
     tree.seconds = time.perf_counter() - began

@@ -208,7 +208,7 @@ def build_problem(
     marks = scene.landmarks if fidelity.law == "coherent" else ()
     if scene.landmarks and not marks:
         LOG.warning("scene.landmarks are left unused: only fidelity.law=coherent knows position fixes")
-    _refuse_gale(robot, wind)
+    _refuse_strong_wind(robot, wind)
     laws = pack_laws(robot, planner, wind_cfg.ball, wind, marks)
     cells, logic = pack_cells(scene.bounds, decomposition, atoms), pack_logic(automaton, decomposition.labels)
     theorem2, ordered = pack_theorem2(decomposition, cells, atoms), pack_ordered(decomposition, cells, logic)
@@ -230,7 +230,7 @@ def build_problem(
     )
 
 
-def _refuse_gale(robot: RobotConfig, wind: WindField) -> None:
+def _refuse_strong_wind(robot: RobotConfig, wind: WindField) -> None:
     calmest = float(np.linalg.norm(wind.mean, axis=-1).min())
     if calmest > robot.u_max:
         raise DataError(
