@@ -33,7 +33,7 @@ class Bench:
     def __init__(self, problem, beta=(0.0, 0.0)):
         cfg = PlannerConfig(trees=1, n_max=50)
         graph = product_graph(problem.decomposition, problem.world.logic, problem.scene.bounds)
-        grove = growth._Grove(cfg, problem, graph, cell_fans(problem.decomposition))
+        grove = growth._GrowthTask(cfg, problem, graph, cell_fans(problem.decomposition))
         self.problem = problem
         self.tree = growth._plant(grove, SeedSequence(0), 0, GrowthOptions())
         search = self.tree.search

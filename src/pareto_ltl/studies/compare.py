@@ -50,7 +50,7 @@ TITLES = {
     "ml_rrt": "ML-RRT (no wind)",
     "calm_shortest": "shortest in calm air",
 }
-COSTS = ("mission_risk_paper", "mission_risk", "collision_risk")
+COSTS = ("mission_risk_paper", "mission_risk_ordered", "collision_risk")
 
 
 @dataclass(frozen=True, slots=True)
@@ -232,8 +232,8 @@ def _comparison_row(name: str, law: str, results: Sequence[Mapping[str, Any]]) -
     for cost in COSTS:
         row |= quartile_columns(cost, [number_or_nan(result["objectives"][cost]) for result in planned])
     row |= quartile_columns("bound_paper", [bound(result, "mission_risk_paper") for result in planned])
-    row |= quartile_columns("bound", [bound(result, "mission_risk") for result in planned])
-    row |= {"bound_mean": _mean([bound(result, "mission_risk") for result in planned])}
+    row |= quartile_columns("bound", [bound(result, "mission_risk_ordered") for result in planned])
+    row |= {"bound_mean": _mean([bound(result, "mission_risk_ordered") for result in planned])}
     row |= quartile_columns("forecast", [result["laws"][law]["promised"] for result in planned])
     row |= {"bounds_broken": int(sum(broken))}  # plans that fail significantly more often than the forecast
     row |= quartile_columns("plan_seconds", [result["seconds"] for result in results])
@@ -299,7 +299,7 @@ def _panels(settings: Settings, context: ComparisonContext, found: Found) -> lis
                 "flights": flown,
                 "length_m": result["objectives"]["length"],
             }
-            panel |= {"bound": bound(result, "mission_risk")}
+            panel |= {"bound": bound(result, "mission_risk_ordered")}
         panels.append(panel)
     return panels
 

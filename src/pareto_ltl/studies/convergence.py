@@ -229,7 +229,7 @@ def _convergence_row(n: int, law: str, looks: Sequence[Mapping[str, Any]], volum
     row: Columns = {"size": n, "law": law, "seeds": len(looks)}
     row |= rate_columns("planned", np.array([look["planned"] for look in looks]))
     row |= quartile_columns("mission_bound", [number_or_nan(look["mission_bound"]) for look in planned])
-    row |= quartile_columns("bound", [bound(look, "mission_risk") for look in planned])
+    row |= quartile_columns("bound", [bound(look, "mission_risk_ordered") for look in planned])
     row |= quartile_columns("failure_of_a_plan", [f.mean() for f in lost])
     row |= quartile_columns(
         "missed_of_a_plan", [1.0 - text_to_flags(look["laws"][law]["accepted"]).mean() for look in planned]
@@ -249,7 +249,7 @@ def _broken(look: Mapping[str, Any], law: str) -> bool:
 def _seed_row(seed: int, law: str, look: Mapping[str, Any], volume: float) -> Columns:
     row: Columns = {"seed": seed, "size": look["size"], "law": law, "planned": int(look["planned"])}
     costs = look["objectives"] if look["planned"] else {}
-    for name in ("length", "mission_risk_paper", "mission_risk", "collision_risk"):
+    for name in ("length", "mission_risk_paper", "mission_risk_ordered", "collision_risk"):
         row[name] = number_or_nan(costs.get(name))
     row |= rate_columns("failure", failed(look, law) if look["planned"] else np.empty(0, bool))
     return row | {"hypervolume": volume, "accepted_vertices": look["accepted"]}
