@@ -77,10 +77,3 @@ def groups() -> list[str]:
     roots = (resource_folder("conf"), *added_folders())
     found = {path.name for root in roots for path in root.iterdir() if any(path.glob("*.yaml"))}
     return sorted(found | {"pipelines"})
-
-
-def packaged_data() -> list[Path]:
-    """Data files inside the package."""
-    return sorted(
-        path for path in (PACKAGE / "support" / "data").glob("*") if path.is_file() and path.suffix != ".py"
-    )
