@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 import json
+import logging
+import os
+import resource
+import signal
 import subprocess
 import sys
 from collections.abc import Callable
@@ -212,7 +216,7 @@ def test_a_finished_run_leaves_its_settings_its_record_and_metrics_last(
         (InfeasibleError("no way; raise planner.n_max"), 2, "infeasible"),
         (RuntimeError("oops"), 1, "failed"),
         (AssertionError(), 1, "failed"),
-        (KeyboardInterrupt(), 130, "failed"),
+        (KeyboardInterrupt(), 130, "stopped"),
     ],
 )
 def test_a_failure_is_one_line_an_exit_code_and_a_record(
@@ -234,6 +238,46 @@ def test_a_failure_is_one_line_an_exit_code_and_a_record(
     if code == 1:  # a bug: the line says where the traceback is
         assert str(place / "run.log") in err
         assert "Traceback" in (place / "run.log").read_text()
+
+
+@pytest.mark.parametrize("name", ["SIGTERM", "SIGHUP"])
+def test_a_run_that_is_asked_to_end_notes_it_and_ends_with_the_code_of_the_signal(
+    name: str, here: Path, stage: Any, capsys: pytest.CaptureFixture[str]
+) -> None:
+    number = signal.Signals[name]
+
+    def busy(inputs: StageInputs) -> None:
+        os.kill(os.getpid(), number)
+
+    stage(busy)
+    assert app.run_hydra(["pipelines.stages=[busy]"]) == 128 + number
+    out, err = capsys.readouterr()
+    assert (out, err) == ("", f"pareto-ltl: stopped by {name}\n")
+    place = only("outputs/plan/*")
+    record = json.loads((place / "run.json").read_text())
+    assert (record["status"], record["error"]) == ("stopped", f"stopped by {name}")
+    assert f"ERROR pareto_ltl: stopped by {name}" in (place / "run.log").read_text()
+
+
+def test_a_log_that_cannot_be_written_is_one_line(
+    here: Path, stage: Any, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def chatty(inputs: StageInputs) -> None:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (10_000, before[1]))
+        for _ in range(1000):
+            logging.getLogger("pareto_ltl").info("a line of the log")
+
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    stage(chatty)
+    try:
+        assert app.run_hydra(["pipelines.stages=[chatty]"]) == 2
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err.count("\n") == 1
+    assert "File too large" in err
+    assert json.loads((only("outputs/plan/*") / "run.json").read_text())["status"] == "failed"
 
 
 def test_a_sweep_goes_on_after_a_failed_job_and_keeps_all_in_one_folder(

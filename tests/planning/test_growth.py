@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import fields, replace
 from itertools import pairwise
 
@@ -52,6 +53,17 @@ def phi1():
 def swapped(phi1):
     """A forest with its re-selections on record."""
     return grown(phi1, PlannerConfig(trees=4, n_max=1500), record_swaps=True)
+
+
+def test_an_interrupt_ends_the_threads_that_grow_trees(monkeypatch):
+    def interrupt(done, total):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(growth._GrowthTask, "grow", lambda *arguments: time.sleep(0.001))
+    began = time.perf_counter()
+    with pytest.raises(KeyboardInterrupt):
+        grown(two_goals(), replace(SMALL, max_seconds=60.0), progress=interrupt)
+    assert time.perf_counter() - began < 60.0
 
 
 # --- every edge, by the formulas -----------------------------------------------------------------------

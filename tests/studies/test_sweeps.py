@@ -128,6 +128,20 @@ def test_a_launcher_killed_in_the_middle_and_started_again_gives_the_same_summar
         assert (PLACE / job.parent.name / "plan.json").read_bytes() == job.read_bytes()
 
 
+def test_a_sweep_that_is_asked_to_end_ends_its_jobs_and_goes_on_later(asked: Path) -> None:
+    (asked / "slow").touch()
+    with start(*TROUBLED) as process:
+        until(lambda: len(list(PLACE.glob("*/run.json"))) >= 2)
+        process.terminate()
+        _, err = process.communicate(timeout=120)
+    assert process.returncode == 143, err
+    assert [line for line in err.splitlines() if "stopped" in line] == ["pareto-ltl: stopped by SIGTERM"]
+    found = [json.loads(path.read_text())["status"] for path in PLACE.glob("*/run.json")]
+    assert "stopped" in found
+    assert set(found) <= {"ok", "stopped"}
+    assert sweep(*TROUBLED).returncode == 0
+
+
 def test_half_the_jobs_killed_once_are_run_again_by_the_same_command(asked: Path) -> None:
     for seed in (1, 3, 5):
         (asked / f"kill_{seed}").touch()

@@ -12,6 +12,7 @@ from typing import NoReturn
 
 from pareto_ltl.run.provenance import one_line
 from pareto_ltl.support.errors import ConfigError, ParetoLtlError
+from pareto_ltl.support.stopping import StoppedError, signals_raise
 
 EXPECTED_ERRORS: tuple[type[Exception], ...] = (ParetoLtlError, OSError)
 
@@ -31,11 +32,14 @@ def run_reported(
 ) -> int:
     """Call ``work`` and return its exit code, or print one line and return that of the error.
 
-    2 for an ``expected`` error, 130 for an interrupt, 141 for a closed pipe, 1 for any other error; the
-    line of the last names a file with the traceback.
+    2 for an ``expected`` error, 130 for an interrupt, 143 for SIGTERM and 129 for SIGHUP, 141 for a closed
+    pipe, 1 for any other error; the line of the last names a file with the traceback.
     """
     try:
-        return work()
+        with signals_raise():
+            code = work()
+            sys.stdout.flush()  # a full disk behind the output is an error like others
+        return code
     except SystemExit as leave:  # --help and --version of argparse
         return int(leave.code or 0)
     except BrokenPipeError:  # the reader of the output, e.g. head, has left
@@ -44,6 +48,9 @@ def run_reported(
     except expected as error:
         print_problem(describe_error(error))
         return 2
+    except StoppedError as stop:
+        print_problem(one_line(stop))
+        return stop.exit_code
     except KeyboardInterrupt:
         print_problem("interrupted")
         return 130

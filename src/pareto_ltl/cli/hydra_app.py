@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import argparse
+import os
 from collections.abc import Mapping, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -27,6 +29,7 @@ from pareto_ltl.cli.setting_keys import settings_from
 from pareto_ltl.run.pipeline import Pipeline, run_pipeline
 from pareto_ltl.run.provenance import one_line
 from pareto_ltl.support.errors import ConfigError, InfeasibleError
+from pareto_ltl.support.stopping import ends_process
 
 
 def run_hydra(argv: Sequence[str], command: str | None = None) -> int:
@@ -115,17 +118,21 @@ class HydraJob:
         That of a single run, checked already; None: made from the configuration of each job.
     codes : list of int
         Exit codes of the jobs so far.
+    process : int
+        The process of the command line; a launcher may call the job in another.
     """
 
     argv: tuple[str, ...]
     overrides: tuple[str, ...] = ()
     pipeline: Pipeline | None = None
     codes: list[int] = field(default_factory=list)
+    process: int = field(default_factory=os.getpid)
 
     def __call__(self, config: DictConfig) -> int:
         """Run one job in the directory that Hydra made; return its exit code."""
         one_of_many = not OmegaConf.is_missing(HydraConfig.get().job, "num")
-        code = self._sweep_job(config) if one_of_many else self._single_job(config)
+        with nullcontext() if self.process == os.getpid() else ends_process():
+            code = self._sweep_job(config) if one_of_many else self._single_job(config)
         self.codes.append(code)
         return code
 

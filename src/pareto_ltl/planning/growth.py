@@ -8,7 +8,7 @@ number of threads.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import Any
@@ -75,6 +75,16 @@ class _GrowingTree:
     @property
     def size(self) -> int:
         return int(self.tally[kt.VERTICES])
+
+
+@dataclass(slots=True)
+class _Deadline:
+    """When growth ends, on the clock of ``time.perf_counter`` [s]; threads look at it between two chunks."""
+
+    end: float
+
+    def passed(self) -> bool:
+        return time.perf_counter() >= self.end
 
 
 @dataclass(frozen=True, slots=True)
@@ -198,19 +208,33 @@ def grow_forest(
     _check_lead(task, growing[0])
     task.grow(growing[0], 0, 0)  # machine code is loaded here, not on the clock
     began = time.perf_counter()
-    threads = min(cfg.trees, cfg.threads or cores())
-    with ThreadPoolExecutor(threads) as pool:
-        jobs = [pool.submit(_grow_to_end, task, tree, began + cfg.max_seconds) for tree in growing]
-        while progress is not None and not all(job.done() for job in jobs):
-            progress(sum(tree.size for tree in growing), cfg.trees * cfg.n_max)
-            time.sleep(0.05)
-        for job in jobs:
-            job.result()
+    _grow_all(task, growing, _Deadline(began + cfg.max_seconds), progress)
     trees = tuple(_finished_tree(tree) for tree in growing)
     accepted = [np.flatnonzero(problem.automaton.distance[tree.q] == 0.0) for tree in trees]
     pairs = [np.column_stack([np.full(len(v), j), v]) for j, v in enumerate(accepted)]
     accepted_rows = np.vstack(pairs).astype(np.int64)
     return Forest(trees, accepted_rows, time.perf_counter() - began, mission_columns(problem))
+
+
+def _grow_all(
+    task: _GrowthTask,
+    growing: Sequence[_GrowingTree],
+    deadline: _Deadline,
+    progress: Callable[[int, int], None] | None,
+) -> None:
+    """Grow all trees in threads; an exception here, that of Ctrl-C for example, ends the threads soon."""
+    cfg = task.cfg
+    with ThreadPoolExecutor(min(cfg.trees, cfg.threads or cores())) as pool:
+        jobs = [pool.submit(_grow_to_end, task, tree, deadline) for tree in growing]
+        try:
+            while progress is not None and not all(job.done() for job in jobs):
+                progress(sum(tree.size for tree in growing), cfg.trees * cfg.n_max)
+                time.sleep(0.05)
+            for job in jobs:
+                job.result()
+        except BaseException:
+            deadline.end = 0.0
+            raise
 
 
 def _plant(task: _GrowthTask, seed: SeedSequence, number: int, options: GrowthOptions) -> _GrowingTree:
@@ -295,11 +319,11 @@ def _check_lead(task: _GrowthTask, tree: _GrowingTree) -> None:
         )
 
 
-def _grow_to_end(task: _GrowthTask, tree: _GrowingTree, deadline: float) -> None:
+def _grow_to_end(task: _GrowthTask, tree: _GrowingTree, deadline: _Deadline) -> None:
     """Grow one tree to its end, looking at the clock between chunks."""
     began, n_max = time.perf_counter(), task.cfg.n_max
     iterations, tally = ITERATIONS_PER_VERTEX * n_max, tree.tally
-    while tree.size < n_max and tally[kt.ITERATIONS] < iterations and time.perf_counter() < deadline:
+    while tree.size < n_max and tally[kt.ITERATIONS] < iterations and not deadline.passed():
         limit = min(n_max, tree.size + GROWTH_CHUNK)
         task.grow(tree, limit, min(iterations, int(tally[kt.ITERATIONS]) + GROWTH_CHUNK))
         if tally[kt.STALLED] or (tree.search.settings.stop_at_first and tally[kt.ACCEPTED]):

@@ -228,8 +228,8 @@ def _recorded(
     run: Run, stages: Sequence[Stage[Any]], place: Path, record: dict[str, Any]
 ) -> dict[str, float]:
     """Make all stages, with ``run.json`` telling at any moment how far that has come."""
-    LOG.info("run %s, seed %d", run.settings.name, run.settings.seed)
     try:
+        LOG.info("run %s, seed %d", run.settings.name, run.settings.seed)
         provenance.write_settings(place, run.settings)
         provenance.write(place, record)
         _save_given(run, place)
@@ -237,12 +237,18 @@ def _recorded(
         table = _close(run, place, record, "ok")
     except BaseException as error:
         expected = isinstance(error, ParetoLtlError | OSError | KeyboardInterrupt)
-        LOG.error("%s", provenance.one_line(error), exc_info=None if expected else error)
         with suppress(OSError):  # a full disk must not hide what filled it
-            status = "infeasible" if isinstance(error, InfeasibleError) else "failed"
-            _close(run, place, record, status, error)
+            LOG.error("%s", provenance.one_line(error), exc_info=None if expected else error)
+        with suppress(OSError):
+            _close(run, place, record, _end_status(error), error)
         raise
     return table
+
+
+def _end_status(error: BaseException) -> str:
+    if isinstance(error, KeyboardInterrupt):  # SIGTERM is one, too (support/stopping.py)
+        return "stopped"
+    return "infeasible" if isinstance(error, InfeasibleError) else "failed"
 
 
 def _save_given(run: Run, place: Path) -> None:
@@ -269,10 +275,21 @@ def _close(
     return table
 
 
+class RunLogFile(logging.FileHandler):
+    """A log that raises what keeps it from being written, a full disk for example, as any other file does."""
+
+    def handleError(self, record: logging.LogRecord) -> None:  # noqa: N802 - the name is that of logging
+        raise
+
+    def close(self) -> None:
+        with suppress(OSError):  # what could not be written was raised before
+            super().close()
+
+
 @contextmanager
 def logging_to(path: Path) -> Iterator[None]:
     """The messages of the package and the warnings of Python go to the file ``path``."""
-    handler = logging.FileHandler(path, encoding="utf-8")
+    handler = RunLogFile(path, encoding="utf-8")
     handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(name)s: %(message)s"))
     heard = (LOG, logging.getLogger("py.warnings"))
     before = [(logger, logger.level, logger.propagate) for logger in heard]

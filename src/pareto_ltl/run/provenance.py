@@ -96,7 +96,7 @@ def one_line(error: BaseException) -> str:
     """The text of an error without line breaks; its kind where it has no text or is no error of ours."""
     text = " ".join(str(error).split())
     if isinstance(error, KeyboardInterrupt):
-        return "interrupted"
+        return text or "interrupted"
     if isinstance(error, ParetoLtlError | OSError) and text:
         return text
     return f"{type(error).__name__}: {text}" if text else type(error).__name__

@@ -69,11 +69,12 @@ class JobState:
 
     @property
     def cut_off(self) -> bool:
-        """Whether a job that began has not ended by itself: it was killed, or is about to be.
+        """Whether a job that began has not ended by itself: it was killed or stopped, or is about to be.
 
         A pool raises before it kills its other processes, so that one of them may begin another job.
         """
-        return self.error == KILLED or self.status in ("running", "pending")
+        stopped = self.record.get("status") == "stopped"
+        return stopped or self.error == KILLED or self.status in ("running", "pending")
 
 
 class StoredJob(ABC):

@@ -1,0 +1,67 @@
+"""Requests to end: an exception in the main thread, passed on to child processes, and no second one."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+
+import pytest
+
+from pareto_ltl.support.stopping import SIGNALS, StoppedError, signals_raise
+
+
+@pytest.mark.parametrize("number", SIGNALS)
+def test_a_request_to_end_is_an_exception_with_the_exit_code_of_its_signal(number: int) -> None:
+    before = signal.getsignal(number)
+    with pytest.raises(StoppedError) as caught, signals_raise():
+        os.kill(os.getpid(), number)
+    assert caught.value.exit_code == 128 + number
+    assert str(caught.value) == f"stopped by {signal.Signals(number).name}"
+    assert signal.getsignal(number) is before
+
+
+def test_a_second_request_does_not_interrupt_the_clean_up() -> None:
+    cleaned: list[bool] = []
+
+    def work() -> None:
+        try:
+            os.kill(os.getpid(), signal.SIGTERM)
+        finally:
+            os.kill(os.getpid(), signal.SIGTERM)
+            cleaned.append(True)
+
+    with pytest.raises(StoppedError), signals_raise():
+        work()
+    assert cleaned == [True]
+
+
+def test_a_signal_that_was_ignored_stays_ignored() -> None:
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        with signals_raise():
+            os.kill(os.getpid(), signal.SIGHUP)
+    finally:
+        signal.signal(signal.SIGHUP, before)
+
+
+def test_a_thread_that_may_set_no_handler_runs_the_block() -> None:
+    ran: list[bool] = []
+
+    def work() -> None:
+        with signals_raise():
+            ran.append(True)
+
+    thread = threading.Thread(target=work)
+    thread.start()
+    thread.join()
+    assert ran == [True]
+
+
+def test_child_processes_are_asked_to_end_first() -> None:
+    child = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(600)"])
+    with pytest.raises(StoppedError), signals_raise():
+        os.kill(os.getpid(), signal.SIGTERM)
+    assert child.wait(timeout=60) == -signal.SIGTERM
