@@ -264,6 +264,30 @@ def test_a_field_comes_back_from_its_file(few, tmp_path):
     assert [file.name for file in path.parent.iterdir()] == ["wind.nc"]
 
 
+def test_the_file_holds_what_the_field_was_fitted_from(few, tmp_path):
+    """A CF ragged array of the readings, and hyperparameters that give the field again at its nodes."""
+    import xarray as xr
+
+    cfg = WindConfig(kernel="rbf")
+    wind = field.fit_wind_field(cfg, few, CONUS)
+    path = write_netcdf(wind, tmp_path / "wind.nc", CONUS)
+    again = read_netcdf(path).evidence
+    assert again is not None
+    for k, (points, winds) in enumerate(zip(again.points, again.winds, strict=True)):
+        np.testing.assert_array_equal(points, few.points[k])
+        np.testing.assert_array_equal(winds, few.winds[k])
+    hyper = tuple((regression.Hyper(*east), regression.Hyper(*north)) for east, north in again.hyper)
+    seen = regression.WindPosterior(wind.times, again.points, again.winds, again.kernel, hyper, {})
+    mean, var = seen.at(wind.origin + wind.spacing * np.array([[3, 5], [20, 40]]))
+    np.testing.assert_allclose(mean, wind.mean[:, [3, 20], [5, 40]])
+    np.testing.assert_allclose(var, wind.latent_var[:, [3, 20], [5, 40]])
+    with xr.open_dataset(path, engine="h5netcdf") as data:
+        assert data["reading_count"].attrs["sample_dimension"] == "reading"
+        assert int(data["reading_count"].sum()) == data.sizes["reading"] == sum(map(len, few.points))
+        assert data["u_prior_length"].attrs["units"] == "m"
+        np.testing.assert_allclose(data["v_noise_sd"] ** 2, wind.gust_var[:, 1])
+
+
 def test_calm_air_comes_back_from_its_file(tmp_path):
     still = np.zeros((1, 3, 4, 2))
     wind = WindField(np.zeros(2), 5.0, np.zeros(1), still, still, np.zeros((1, 2)), True)

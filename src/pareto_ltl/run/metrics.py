@@ -81,6 +81,7 @@ def _forest_numbers(forest: Forest) -> dict[str, float]:
 
 def _front_numbers(front: Front) -> dict[str, float]:
     table: dict[str, float] = {"front_size": len(front.paths), "hypervolume": front.hypervolume}
+    table["hypervolume_length_m"] = float(front.reference[2])  # of its box; both risks reach 1
     if front.raw and front.paths:
         table |= {
             "front_size_raw": len(front.raw),

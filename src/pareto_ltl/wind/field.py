@@ -7,13 +7,15 @@ import numpy as np
 from pareto_ltl.settings import WindConfig
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.wind.fit_cache import cached_wind_table
-from pareto_ltl.wind.records import WindField, WindModes, WindObservations
+from pareto_ltl.wind.gp import Hyper
+from pareto_ltl.wind.records import WindEvidence, WindField, WindModes, WindObservations
 from pareto_ltl.wind.tabulate import NodeLattice, WindTable, WindTask, tabulate_wind
 from pareto_ltl.world.scene import Scene
 
 FEWEST_MODE_CELLS, MOST_MODE_CELLS = 10, 24  # of the lattice of the modes, along the longer side of the scene
 FEWEST_CELLS = 20  # of the lattice, along the longer side of the scene
 MOST_CELLS = 400  # of the lattice, along its longer side
+LENGTH = Hyper._fields.index("length")
 
 
 def fit_wind_field(
@@ -57,6 +59,7 @@ def fit_wind_field(
         source=seen.source,
         modes=_wind_modes(cfg, seen.times, task.mode_lattice, table),
         gust_time=cfg.gust_time,
+        evidence=WindEvidence(seen.points, seen.winds, cfg.kernel, table["hyper"]),
     )
 
 
@@ -86,7 +89,7 @@ def _wind_modes(
         psi=table["psi"],
         rho=table["rho"] if cfg.rho is None else cfg.rho,
         gap=float(np.median(np.diff(times))) if len(times) > 1 else 1.0,
-        length=table["length"],
+        length=table["hyper"][:, :, LENGTH],
         energy=table["energy"],
     )
 

@@ -12,7 +12,7 @@ import numpy as np
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.files import whole_file
-from pareto_ltl.wind.records import WindField, WindModes
+from pareto_ltl.wind.records import WindEvidence, WindField, WindModes
 from pareto_ltl.world.scene import Scene
 
 if TYPE_CHECKING:
@@ -21,6 +21,12 @@ if TYPE_CHECKING:
 
 GRID_DIMENSIONS = ("time", "y", "x")
 MODE_DIMENSIONS = ("time", "mode_y", "mode_x", "mode")
+HYPERPARAMETERS = {
+    "prior_mean": ("mean of {} far from all readings", "m s-1"),
+    "prior_sd": ("standard deviation of the smooth part of {} far from all readings", "m s-1"),
+    "prior_length": ("length scale of the smooth part of {}", "m"),
+    "noise_sd": ("standard deviation of the white part of a reading of {}", "m s-1"),
+}  # columns of WindEvidence.hyper
 NetcdfVariable = tuple[str, tuple[str, ...], Any, dict[str, Any]]  # name, dimensions, values, attributes
 
 
@@ -42,6 +48,8 @@ def write_netcdf(field: WindField, path: Path, scene: Scene | None = None) -> Pa
             file.dimensions.update(
                 zip(MODE_DIMENSIONS[1:], (psi.shape[2], psi.shape[1], psi.shape[4]), strict=True)
             )
+        if field.evidence is not None:
+            file.dimensions["reading"] = sum(map(len, field.evidence.points))
         for name, dimensions, values, attributes in _field_variables(field, scene):
             file.create_variable(name, dimensions, data=values).attrs.update(attributes)
     return path
@@ -79,6 +87,7 @@ def _file_attributes(field: WindField) -> dict[str, Any]:
         "hold_last": int(field.hold_last),
         "gust_time": field.gust_time,
         **({} if field.modes is None else {"rho": field.modes.rho, "rho_gap": field.modes.gap}),
+        **({} if field.evidence is None else {"kernel": field.evidence.kernel}),
         "score": json.dumps(dict(field.score), sort_keys=True),
     }
 
@@ -108,6 +117,8 @@ def _field_variables(field: WindField, scene: Scene | None) -> Iterator[NetcdfVa
         yield f"{name}_gust_var", ("time",), field.gust_var[:, c], _variable_attributes(white, "m2 s-2")
     if field.modes is not None:
         yield from _mode_variables(field.modes)
+    if field.evidence is not None:
+        yield from _evidence_variables(field.evidence)
 
 
 def _mode_variables(found: WindModes) -> Iterator[NetcdfVariable]:
@@ -135,6 +146,22 @@ def _mode_variables(found: WindModes) -> Iterator[NetcdfVariable]:
             found.energy[:, c],
             _variable_attributes(f"share of variance in {name}_modes", "1"),
         )
+
+
+def _evidence_variables(found: WindEvidence) -> Iterator[NetcdfVariable]:
+    """Readings as a CF contiguous ragged array, slot after slot; hyperparameters of each slot."""
+    counts = np.array([len(points) for points in found.points])
+    described = {"long_name": "number of readings", "sample_dimension": "reading"}
+    yield "reading_count", ("time",), counts, described
+    points, winds = np.concatenate(found.points), np.concatenate(found.winds)
+    for c, (axis, name) in enumerate(zip("xy", "uv", strict=True)):
+        place = _variable_attributes(f"{axis} of a reading", "m", f"projection_{axis}_coordinate")
+        yield f"reading_{axis}", ("reading",), points[:, c], place
+        value = _variable_attributes(f"reading of the wind towards +{axis}", "m s-1", f"{axis}_wind")
+        yield f"reading_{name}", ("reading",), winds[:, c], value
+        for column, (key, (meaning, unit)) in enumerate(HYPERPARAMETERS.items()):
+            attributes = _variable_attributes(meaning.format(name), unit)
+            yield f"{name}_{key}", ("time",), found.hyper[:, c, column], attributes
 
 
 def _time_attributes(scene: Scene | None) -> dict[str, Any]:
@@ -172,6 +199,7 @@ def _read_field(file: h5netcdf.File) -> WindField:
         source=str(file.attrs["source"]),
         modes=_read_modes(file) if "u_modes" in file else None,
         gust_time=float(file.attrs["gust_time"]),
+        evidence=_read_evidence(file) if "reading_count" in file else None,
     )
 
 
@@ -186,6 +214,20 @@ def _read_modes(file: h5netcdf.File) -> WindModes:
         gap=float(file.attrs["rho_gap"]),
         length=np.stack([np.asarray(file[f"{name}_length"][...], float) for name in "uv"], axis=-1),
         energy=np.stack([np.asarray(file[f"{name}_energy"][...], float) for name in "uv"], axis=-1),
+    )
+
+
+def _read_evidence(file: h5netcdf.File) -> WindEvidence:
+    def columns(*names: str) -> FloatArray:
+        return np.stack([np.asarray(file[name][...], float) for name in names], axis=-1)
+
+    ends = np.cumsum(np.asarray(file["reading_count"][...], int))[:-1]
+    points, winds = columns("reading_x", "reading_y"), columns("reading_u", "reading_v")
+    return WindEvidence(
+        points=tuple(np.split(points, ends)),
+        winds=tuple(np.split(winds, ends)),
+        kernel=str(file.attrs["kernel"]),
+        hyper=np.stack([columns(*(f"{name}_{key}" for key in HYPERPARAMETERS)) for name in "uv"], axis=1),
     )
 
 

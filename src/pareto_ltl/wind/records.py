@@ -79,6 +79,31 @@ class WindModes:
             raise ValueError(f"rho must lie in [0, 1], got {self.rho}")
 
 
+@dataclass(frozen=True, slots=True)
+class WindEvidence:
+    """What a field was fitted from, so that it can be fitted again.
+
+    Attributes
+    ----------
+    points, winds : tuple of K (n_k, 2) float
+        Positions [m] and winds [m/s] of the readings of each slot.
+    kernel : str
+        ``matern32`` or ``rbf``.
+    hyper : (K, 2, 4) float
+        Prior mean, amplitude [m/s], length scale [m] and noise [m/s] of each process.
+    """
+
+    points: tuple[FloatArray, ...]
+    winds: tuple[FloatArray, ...]
+    kernel: str
+    hyper: FloatArray
+
+    def __post_init__(self) -> None:
+        require_shape("hyper", self.hyper, len(self.points), 2, 4)
+        if [p.shape for p in self.points] != [w.shape for w in self.winds]:
+            raise ValueError("points and winds must have the same shapes")
+
+
 @dataclass(frozen=True, slots=True, repr=False)
 class WindField(Displayed):
     """Posterior wind on a regular lattice, linear in time between its slots.
@@ -105,6 +130,8 @@ class WindField(Displayed):
         Modes of the smooth part for the coherent law; None if its variance is 0.
     gust_time : float
         Integral time scale of the white part under the coherent law [s].
+    evidence : WindEvidence or None
+        Readings and hyperparameters of the fit; None if the field was not fitted.
     """
 
     origin: FloatArray
@@ -118,6 +145,7 @@ class WindField(Displayed):
     source: str = ""
     modes: WindModes | None = None
     gust_time: float = 1800.0
+    evidence: WindEvidence | None = None
 
     def __post_init__(self) -> None:
         require_shape("mean", self.mean, len(self.times), None, None, 2)
@@ -126,6 +154,8 @@ class WindField(Displayed):
         require_shape("gust_var", self.gust_var, len(self.times), 2)
         if self.modes is not None and len(self.modes.psi) != len(self.times):
             raise ValueError(f"modes must have {len(self.times)} slots, got {len(self.modes.psi)}")
+        if self.evidence is not None and len(self.evidence.points) != len(self.times):
+            raise ValueError(f"evidence must have {len(self.times)} slots, got {len(self.evidence.points)}")
 
     def facts(self) -> Mapping[str, str]:
         k, east, north = self.mean.shape[:3]
@@ -137,4 +167,4 @@ class WindField(Displayed):
         }
 
 
-__all__ = ["WindField", "WindModes", "WindObservations"]
+__all__ = ["WindEvidence", "WindField", "WindModes", "WindObservations"]

@@ -65,7 +65,8 @@ def tabulate_wind(task: WindTask, edition: str = "") -> WindTable:
     -------
     dict
         ``mean`` [m/s] and ``latent_var`` [m²/s²] (K, NX, NY, 2), ``gust_var`` (K, 2) [m²/s²], ``score``,
-        ``psi`` (K, MX, MY, 2, P) [m/s], ``energy`` (K, 2), ``rho``, ``length`` (K, 2) [m].
+        ``psi`` (K, MX, MY, 2, P) [m/s], ``energy`` (K, 2), ``rho``, ``hyper`` (K, 2, 4) = prior
+        mean, amplitude [m/s], length scale [m], noise [m/s].
     """
     cfg = WindConfig(kernel=task.kernel, noise_min=task.noise_min, holdout=task.holdout)
     posterior = gp.fit_posterior(cfg, WindObservations(task.times, task.points, task.winds, ""))
@@ -80,7 +81,7 @@ def tabulate_wind(task: WindTask, edition: str = "") -> WindTable:
         "psi": psi.reshape(slots, *task.mode_lattice.shape, 2, -1),
         "energy": energy,
         "rho": modes.error_persistence(posterior),
-        "length": np.array([[h.length for h in pair] for pair in posterior.hyper]),
+        "hyper": np.array(posterior.hyper),
     }
 
 
