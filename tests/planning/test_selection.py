@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from itertools import combinations
 
@@ -216,6 +217,10 @@ def test_threshold_trusts_the_bound_that_judges_the_plan_and_not_the_papers():
 
 
 def test_a_threshold_that_nothing_keeps_says_what_could_be_kept():
-    expected = r"selection\.alpha = 0\.01; the safest has 0\.02: raise selection\.alpha"
-    with pytest.raises(InfeasibleError, match=expected):
-        choose_path(SelectionConfig(rule="threshold", alpha=0.01), front_of(*CHOICE))
+    front = front_of(*CHOICE)
+    with pytest.raises(InfeasibleError, match=r"f_o \+ R in independent winds .* = 0\.01;") as told:
+        choose_path(SelectionConfig(rule="threshold", alpha=0.01), front)
+    assert "the least risk is 2 %" in str(told.value)
+    advised = re.search(r"set selection\.alpha=(\S+),", str(told.value))
+    assert advised is not None
+    choose_path(SelectionConfig(rule="threshold", alpha=float(advised[1])), front)

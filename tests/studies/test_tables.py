@@ -73,23 +73,6 @@ def test_a_rate_of_nothing_is_not_zero() -> None:
     assert math.isnan(statistics.rate_columns("f", np.empty(0, bool))["f"])
 
 
-@pytest.mark.parametrize(
-    ("value", "text"),
-    [
-        (0.0, "0 %"),
-        (1.0, "100 %"),
-        (0.0123, "1.2 %"),
-        (0.4567, "45.7 %"),
-        (0.99982, "99.98 %"),
-        (1 - 1e-9, "99.99 %"),
-        (1e-12, "< 1e-5 %"),
-        (math.nan, "-"),
-    ],
-)
-def test_percentages_as_people_read_them(value: float, text: str) -> None:
-    assert tables.percent_text(value) == text
-
-
 def test_a_markdown_table_has_as_many_columns_in_every_line() -> None:
     text = tables.markdown_table("What it is", ("one", "two"), [("1", "2"), ("3", "4")])
     lines = text.strip().splitlines()

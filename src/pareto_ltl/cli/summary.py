@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pareto_ltl.settings import Settings
+from pareto_ltl.support.display import probability_text, rate_text
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -39,7 +40,7 @@ def summary_rows(metrics: Mapping[str, float], law: str) -> Iterator[tuple[str, 
     for key in metrics:
         if key.startswith("mission_risk_") and f"collision_risk_{key[13:]}" in metrics:
             promised = metrics[key] + metrics[f"collision_risk_{key[13:]}"]
-            yield f"promised at most, {key[13:]} winds", probability_text(min(promised, 1.0))
+            yield f"promised at most (V + R), {key[13:]} winds", probability_text(promised)
         if key.startswith("failure_") and not key.endswith(("_low", "_high")):
             yield _simulated_row(metrics, key)
     if "nodes" in metrics:
@@ -50,17 +51,12 @@ def summary_rows(metrics: Mapping[str, float], law: str) -> Iterator[tuple[str, 
     yield "in all", f"{metrics['run_seconds']:.2f} s"
 
 
-def probability_text(value: float) -> str:
-    """A probability with three significant digits: 0.0412, 3.2e-05; 0 only where it is 0."""
-    return f"{value:.3g}"
-
-
 def _plan_rows(metrics: Mapping[str, float], law: str) -> Iterator[tuple[str, str]]:
     yield "length", f"{metrics['length_m'] / 1e3:,.1f} km"
     yield "flight time", f"{metrics['duration_s'] / 3600:.1f} h"
-    yield "mission risk, Theorem 2, independent winds", probability_text(metrics["mission_risk_paper"])
-    yield f"mission risk, ordered, {law} winds", probability_text(metrics["mission_risk_ordered"])
-    yield f"collision risk, bound, {law} winds", probability_text(metrics["collision_risk"])
+    yield "mission risk f_o (paper), independent winds", probability_text(metrics["mission_risk_paper"])
+    yield f"mission risk V, {law} winds", probability_text(metrics["mission_risk_ordered"])
+    yield f"collision risk R, {law} winds", probability_text(metrics["collision_risk"])
     if "acceptance_failure" in metrics:
         failed = f"acceptance: failed of {metrics['acceptance_runs']:,.0f}, {law} winds"
         yield f"failure, linear estimate, {law} winds", probability_text(metrics["acceptance_estimate"])
@@ -74,5 +70,4 @@ def _simulated_row(metrics: Mapping[str, float], key: str) -> tuple[str, str]:
 
 def _rate_text(metrics: Mapping[str, float], key: str, interval: str) -> str:
     """A rate with its interval, from the metrics ``INTERVAL_low`` and ``INTERVAL_high``."""
-    low, high = (probability_text(metrics[f"{interval}_{end}"]) for end in ("low", "high"))
-    return f"{probability_text(metrics[key])} (95 %: {low} to {high})"
+    return rate_text(metrics[key], metrics[f"{interval}_low"], metrics[f"{interval}_high"])

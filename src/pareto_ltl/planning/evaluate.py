@@ -13,6 +13,7 @@ from pareto_ltl.kernels import data as kd
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import Objectives, PlannedPath
 from pareto_ltl.support.arrays import FloatArray, IntArray
+from pareto_ltl.support.display import probability_text
 from pareto_ltl.support.errors import InfeasibleError
 
 if TYPE_CHECKING:
@@ -143,7 +144,8 @@ def evaluate_path(
     allowed = getattr(problem.world.collision, "delta", math.inf)
     if tight and collision > allowed:
         raise InfeasibleError(
-            f"the path may collide with probability {collision:.3f}, above planner.delta = {allowed:g}"
+            f"the path may collide with a probability of {probability_text(collision)} in "
+            f"{problem.fidelity.law} winds, above planner.delta = {allowed:g}"
         )
     steps = len(x)
     return PlannedPath(

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
+from pareto_ltl.settings import FidelityConfig, models_of
 from pareto_ltl.support.arrays import FloatArray, IntArray
-from pareto_ltl.support.display import Displayed, distance_text
+from pareto_ltl.support.display import Displayed, distance_text, interval_text, probability_text
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,6 +146,7 @@ class Front(Displayed):
 
     ``raw`` holds the objectives of the front before smoothing, for the record of what smoothing brought.
     ``estimates`` are failure rates by linear Monte Carlo, one a path, with ``fidelity.judge=flights``.
+    ``models`` are those that the paths were planned with: every risk holds under their wind law.
     """
 
     paths: tuple[PlannedPath, ...]
@@ -152,6 +154,7 @@ class Front(Displayed):
     hypervolume: float
     reference: FloatArray
     estimates: tuple[float, ...] = ()
+    models: FidelityConfig = field(default_factory=FidelityConfig)
 
     def facts(self) -> Mapping[str, str]:
         lengths = [path.objectives.length for path in self.paths] or [0.0]
@@ -159,7 +162,9 @@ class Front(Displayed):
         return {
             "paths": f"{len(self.paths)}",
             "length": f"{distance_text(min(lengths))} to {distance_text(max(lengths))}",
-            "mission risk": f"{min(risks):.2g} to {max(risks):.2g}",
+            f"mission risk {self.models.mission_symbol} in {self.models.law} winds": interval_text(
+                min(risks), max(risks)
+            ),
         }
 
 
@@ -170,7 +175,7 @@ class Acceptance:
     Attributes
     ----------
     bound : float
-        V + R.
+        V + R, at most 1.
     estimate : float
         Failure rate under the linearised coherent law; NaN where it was not asked for.
     runs, failures : int
@@ -208,13 +213,21 @@ class Plan(Displayed):
     weights: tuple[float, ...]
     acceptance: Acceptance | None = None
 
+    def __post_init__(self) -> None:
+        models_of(self.fidelity)
+
+    @property
+    def models(self) -> FidelityConfig:
+        """The models that the plan was made with; its risks hold under their wind law."""
+        return models_of(self.fidelity)
+
     def facts(self) -> Mapping[str, str]:
-        o = self.path.objectives
+        o, models = self.path.objectives, self.models
         return {
             "formula": self.formula,
             "length": distance_text(o.length),
             "steps": f"{len(self.path.u)}",
-            "mission risk": f"{o.mission_risk:.2g}",
-            "collision risk": f"{o.collision_risk:.2g}",
+            f"mission risk {models.mission_symbol} in {models.law} winds": probability_text(o.mission_risk),
+            f"collision risk R in {models.law} winds": probability_text(o.collision_risk),
             "fidelity": self.fidelity,
         }

@@ -10,6 +10,7 @@ import numpy as np
 from pareto_ltl.planning.evaluate import evaluate_path
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import Forest, Front, PlannedPath, objective_row
+from pareto_ltl.settings import PAPER, FidelityConfig
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 from pareto_ltl.support.errors import InfeasibleError
 
@@ -122,8 +123,10 @@ def _order_hashes(problem: Problem, forest: Forest, j: int) -> list[int]:
     return signs
 
 
-def build_front(smoothed: Sequence[PlannedPath], raw: Sequence[PlannedPath]) -> Front:
-    """Non-dominated among the trees' paths and their smoothed versions.
+def build_front(
+    smoothed: Sequence[PlannedPath], raw: Sequence[PlannedPath], models: FidelityConfig = PAPER
+) -> Front:
+    """Non-dominated among the trees' paths and their smoothed versions, planned with ``models``.
 
     Raises
     ------
@@ -140,4 +143,4 @@ def build_front(smoothed: Sequence[PlannedPath], raw: Sequence[PlannedPath]) -> 
     kept.sort(key=lambda p: tuple(objective_row(p.objectives)))
     reference = np.array([1.0, 1.0, 2.0 * rows[:, 2].max()])
     volume = hypervolume(np.array([objective_row(p.objectives) for p in kept]), reference)
-    return Front(tuple(kept), tuple(p.objectives for p in raw), volume, reference)
+    return Front(tuple(kept), tuple(p.objectives for p in raw), volume, reference, models=models)

@@ -13,6 +13,7 @@ from pareto_ltl.planning.records import Front, PlannedPath, objective_row
 from pareto_ltl.settings import SelectionConfig
 from pareto_ltl.support import extensions
 from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.support.display import probability_text, round_up
 from pareto_ltl.support.errors import InfeasibleError
 from pareto_ltl.support.extensions import known_kind
 
@@ -62,10 +63,17 @@ def by_threshold(cfg: SelectionConfig, front: Front) -> int:
     safe = np.flatnonzero(risk <= cfg.alpha)
     if len(safe) == 0:
         raise InfeasibleError(
-            f"no path keeps mission risk + collision risk within selection.alpha = {cfg.alpha:g}; the safest "
-            f"has {risk.min():.3g}: raise selection.alpha, lower planner.epsilon, or raise planner.n_max"
+            f"no path keeps {front.models.mission_symbol} + R in {front.models.law} winds within "
+            f"selection.alpha = {cfg.alpha:g}; the least risk is {probability_text(risk.min())}: "
+            f"{_alpha_advice(float(risk.min()))}lower planner.epsilon, or raise planner.n_max"
         )
     return int(safe[np.argmin(_objective_rows(front)[safe, 2])])
+
+
+def _alpha_advice(least: float) -> str:
+    """The setting of alpha that accepts the risk ``least``; none does where it is 1 or more."""
+    alpha = round_up(least)
+    return f"set selection.alpha={alpha:g}, " if alpha < 1.0 else ""
 
 
 def _objective_rows(front: Front) -> FloatArray:

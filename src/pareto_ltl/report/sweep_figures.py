@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import LogLocator
 
 from pareto_ltl.report import style
+from pareto_ltl.report.metric_names import is_probability, metric_label
 from pareto_ltl.support.arrays import FloatArray
 
 SERIES_COLOURS = (style.BLUE, style.VERMILLION, style.GREEN, style.PURPLE, style.ORANGE, style.SKY, style.INK)
@@ -17,29 +18,7 @@ SERIES_MARKS = ("o", "s", "^", "D", "v", "P", "X")
 SWEEP_WIDTH, SWEEP_HEIGHT = 5.2, 3.0  # [in]
 DOT_SPREAD = 0.32  # half width over which dots of one value are spread, relative to the distance of values
 
-AXIS_LABELS = {
-    "length_m": "length of the path [km]",
-    "duration_s": "flight time [h]",
-    "mission_risk_paper": "mission risk, bound of the paper",
-    "mission_risk": "mission risk, bound that judges the plan",
-    "mission_risk_ordered": "mission risk, ordered bound",
-    "collision_risk": "collision risk, bound",
-    "front_size": "paths on the front",
-    "hypervolume": "hypervolume of the front",
-    "run_seconds": "time of a run [s]",
-    "growth_seconds": "time of growth [s]",
-    "nodes_per_second": "tree vertices per second",
-    "planner.n_max": "vertices per tree (planner.n_max)",
-    "planner.epsilon": "collision probability allowed at a step (planner.epsilon)",
-    "robot.dt": "time step (robot.dt) [s]",
-    "robot.u_max": "largest airspeed (robot.u_max) [m/s]",
-}
 AXIS_SCALES = {"length_m": 1e-3, "duration_s": 1 / 3600}
-LAW_METRICS = {  # metrics whose names end with a wind law
-    "failure": "failed flights",
-    "mission_failure": "flights that missed the mission",
-    "collision": "flights that touched an obstacle",
-}
 
 SweepSeries = Mapping[str, Sequence[tuple[str, float]]]
 
@@ -56,7 +35,7 @@ def draw_sweep_figure(
     series : mapping of name to sequence of (value of x, value of y)
         One entry per series.
     """
-    scale = AXIS_SCALES.get(y, 1.0)
+    scale = axis_scale(y)
     series = {name: [(at, scale * value) for at, value in points] for name, points in series.items()}
     named = by is not None and len(series) <= 12
     with style.report_style():
@@ -88,11 +67,13 @@ def _is_unordered(x: str) -> bool:
 
 
 def axis_label(name: str) -> str:
-    """Label of an axis: words and unit of known names, else the name itself."""
-    for stem, words in LAW_METRICS.items():
-        if name.startswith(f"{stem}_"):
-            return f"{words}, {name.removeprefix(f'{stem}_')} winds"
-    return AXIS_LABELS.get(name, name)
+    """Label of an axis: words and unit of known names, else the name itself; probabilities in per cent."""
+    return f"{metric_label(name)} [%]" if is_probability(name) else metric_label(name)
+
+
+def axis_scale(name: str) -> float:
+    """Factor from a metric to what its axis shows."""
+    return 100.0 if is_probability(name) else AXIS_SCALES.get(name, 1.0)
 
 
 def _file_name(y: str, x: str) -> str:

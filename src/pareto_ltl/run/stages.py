@@ -149,7 +149,7 @@ def make_front(inputs: StageInputs) -> Front:
 
         candidates = (*raw, *selection.order_representatives(problem, forest))
         smoothed = smooth_paths(settings.smoothing, problem, candidates, inputs.progress)
-    found = selection.build_front(smoothed, raw)
+    found = selection.build_front(smoothed, raw, settings.fidelity)
     if settings.fidelity.judge == "bound":
         return found
     from pareto_ltl.simulation.acceptance import rank_front

@@ -11,7 +11,7 @@ from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from pareto_ltl.settings.checks import CheckedSettings, Declaration, declarations, setting
-from pareto_ltl.settings.fidelity import LAWS, PAPER, PRESETS, FidelityConfig, preset
+from pareto_ltl.settings.fidelity import LAWS, PAPER, PRESETS, FidelityConfig, models_of, preset
 from pareto_ltl.settings.outputs import (
     DeploymentConfig,
     IngestConfig,
@@ -94,5 +94,6 @@ __all__ = [
     "WindConfig",
     "as_dict",
     "declarations",
+    "models_of",
     "preset",
 ]

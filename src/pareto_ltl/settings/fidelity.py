@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 from pareto_ltl.settings.checks import CheckedSettings, setting
@@ -52,10 +52,24 @@ class FidelityConfig(CheckedSettings):
         changed = [f"{key}={getattr(self, key)}" for key in usual if getattr(self, key) != usual[key]]
         return f"{self.name} with {', '.join(changed)}" if changed else self.name
 
+    @property
+    def mission_symbol(self) -> str:
+        """The mission risk that paths are judged by: ``f_o`` or ``V``; its wind law is ``law``."""
+        return {"theorem2": "f_o", "ordered": "V"}[self.mission_bound]
+
 
 def preset(name: str) -> FidelityConfig:
     """The models of ``fidelity=NAME``; KeyError for a name that is not in ``PRESETS``."""
     return FidelityConfig(name=name, **PRESETS[name])
+
+
+def models_of(label: str) -> FidelityConfig:
+    """The models that :attr:`FidelityConfig.label` names; ValueError for any other text."""
+    name, _, changed = label.partition(" with ")
+    try:
+        return replace(preset(name), **dict(word.split("=") for word in changed.split(", ") if word))
+    except (KeyError, TypeError, ValueError) as error:
+        raise ValueError(f"{label!r} is no label of a fidelity, e.g. 'full with parents=scaled'") from error
 
 
 PAPER = preset("paper")

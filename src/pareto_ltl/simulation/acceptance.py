@@ -28,6 +28,7 @@ from pareto_ltl.simulation.flights import (
     unspawned,
 )
 from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.support.display import interval_text, probability_text
 from pareto_ltl.wind.records import WindField
 
 LOG = logging.getLogger(__name__)
@@ -88,8 +89,10 @@ def accept_path(
         if verdict.passed:
             break
         LOG.warning(
-            "%s: simulation fails %.3f to %.3f of the flights, its bound is %.3f; the next choice is taken",
-            path.origin, verdict.low, verdict.high, verdict.bound,
+            "%s: %s of the flights simulated in coherent winds fail (95 %% interval), more than its bound "
+            "%s + R in %s winds, %s; the next choice is taken",
+            path.origin, interval_text(verdict.low, verdict.high), problem.fidelity.mission_symbol,
+            problem.fidelity.law, probability_text(verdict.bound),
         )  # fmt: skip
         if len(left.paths) == 1:
             break
@@ -98,9 +101,9 @@ def accept_path(
     if verdict.linearity > LINEAR:
         LOG.warning(
             "the position's standard deviation reaches %.2f of the wind's length scale (%.2f is safe): "
-            "bounds and estimates, which linearise the wind, are unreliable; go by the simulated rate, "
-            "%.3f to %.3f",
-            verdict.linearity, LINEAR, verdict.low, verdict.high,
+            "bounds and estimates, which linearise the wind, are unreliable; go by the rate simulated in "
+            "coherent winds, %s",
+            verdict.linearity, LINEAR, interval_text(verdict.low, verdict.high),
         )  # fmt: skip
     return path, verdict
 
@@ -118,7 +121,7 @@ def examine_path(
     flights = simulate_flights(problem, path.u, runs, "coherent", seed, path.x)
     failures = int((~flights.accepted | flights.collided).sum())
     low, high = clopper_pearson(failures, runs)
-    bound = path.objectives.mission_risk + path.objectives.collision_risk
+    bound = min(1.0, path.objectives.mission_risk + path.objectives.collision_risk)
     return Acceptance(
         bound, estimate, runs, failures, low, high, low <= bound, linearity(problem, wind, path.cov)
     )

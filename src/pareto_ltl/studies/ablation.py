@@ -38,10 +38,10 @@ from pareto_ltl.studies.parts import Part, PartsProgress, part_key, work_parts
 from pareto_ltl.studies.planning import study_run, unsmoothed, with_wind
 from pareto_ltl.studies.statistics import Columns, quartile_columns, rate_columns
 from pareto_ltl.studies.tables import (
-    interval_text,
     kilometres_text,
     markdown_table,
-    quartiles_text,
+    quartiles_cell,
+    rate_cell,
     text_to_flags,
 )
 from pareto_ltl.support.arrays import FloatArray
@@ -262,9 +262,9 @@ def _ablation_text(settings: Settings, rows: Sequence[Columns]) -> str:
                     _label(row["shown"]),
                     row["law"],
                     f"{round(row['planned'] * row['seeds'])} of {row['seeds']}",
-                    quartiles_text(row, "bound"),
-                    quartiles_text(row, "failure_of_a_plan"),
-                    interval_text(row, "failure"),
+                    quartiles_cell(row, "bound"),
+                    quartiles_cell(row, "failure_of_a_plan"),
+                    rate_cell(row, "failure"),
                     kilometres_text(row["length_m"]),
                 )
                 for row in rows

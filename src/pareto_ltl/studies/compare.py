@@ -32,14 +32,14 @@ from pareto_ltl.studies.planning import fly_seeded, still, study_run, with_wind
 from pareto_ltl.studies.statistics import Columns, mcnemar_test, mean_interval, quartile_columns, rate_columns
 from pareto_ltl.studies.tables import (
     flags_to_text,
-    interval_text,
     kilometres_text,
     markdown_table,
     number_or_nan,
-    percent_text,
+    rate_cell,
     text_to_flags,
 )
 from pareto_ltl.support.arrays import BoolArray, FloatArray
+from pareto_ltl.support.display import probability_text
 from pareto_ltl.support.errors import InfeasibleError
 
 TITLES = {
@@ -314,15 +314,16 @@ def _wind(context: ComparisonContext) -> Any:
 
 def _comparison_text(rows: Sequence[Columns], pairs: Sequence[Columns]) -> str:
     first = markdown_table(
-        "Failure of the flights (missed the mission or touched an obstacle), 95 % intervals; bound = mission "
-        "risk (f_o or V) + collision risk R of the plan, also in the winds flown in; medians over seeds",
+        "Failure of the flights (missed the mission or touched an obstacle), 95 % intervals; bounds: mission "
+        "risk (f_o or V) + collision risk R, in the winds that the plan was made for and in those flown in; "
+        "medians over seeds",
         (
             "method",
             "winds",
             "planned",
             "length [km]",
-            "bound f_o + R",
-            "bound V + R",
+            "f_o + R, as planned",
+            "V + R, as planned",
             "V + R in these winds",
             "failed",
             "collided",
@@ -334,12 +335,12 @@ def _comparison_text(rows: Sequence[Columns], pairs: Sequence[Columns]) -> str:
                 row["law"],
                 f"{round(row['planned'] * row['seeds'])} of {row['seeds']}",
                 kilometres_text(row["length_m"]),
-                percent_text(row["bound_paper"]),
-                percent_text(row["bound"]),
-                percent_text(row["forecast"]),
-                interval_text(row, "failure"),
-                interval_text(row, "collision"),
-                interval_text(row, "completion"),
+                _planned_risk(row, "bound_paper"),
+                _planned_risk(row, "bound"),
+                probability_text(row["forecast"]),
+                rate_cell(row, "failure"),
+                rate_cell(row, "collision"),
+                rate_cell(row, "completion"),
             )
             for row in rows
         ),
@@ -362,6 +363,19 @@ def _comparison_text(rows: Sequence[Columns], pairs: Sequence[Columns]) -> str:
         ),
     )
     return first + "\n" + second
+
+
+def planned_law(method: str) -> str:
+    """The wind law that a method plans for."""
+    return preset("full" if method == "full" else "paper").law
+
+
+def _planned_risk(row: Columns, name: str) -> str:
+    """A bound of the plan with its law; f_o always speaks of independent winds, so that some have none."""
+    law = planned_law(row["method"])
+    if name == "bound_paper" and law != "independent":
+        return "-"
+    return f"{probability_text(row[name])} in {law} winds"
 
 
 def _points(row: Columns) -> str:

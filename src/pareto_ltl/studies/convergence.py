@@ -25,7 +25,7 @@ from pareto_ltl.report.records import Study
 from pareto_ltl.run.pipeline import Run
 from pareto_ltl.run.records import FOREST, PLAN, PROBLEM, Records
 from pareto_ltl.run.stage_table import stage_seeds
-from pareto_ltl.settings import Settings
+from pareto_ltl.settings import FidelityConfig, Settings
 from pareto_ltl.studies.compare import bound, failed, outcomes, truth
 from pareto_ltl.studies.parts import Part, PartsProgress, part_key, work_parts
 from pareto_ltl.studies.planning import study_run, unsmoothed, with_wind
@@ -34,7 +34,7 @@ from pareto_ltl.studies.tables import (
     kilometres_text,
     markdown_table,
     number_or_nan,
-    quartiles_text,
+    quartiles_cell,
     text_to_flags,
 )
 from pareto_ltl.support.arrays import FloatArray
@@ -76,7 +76,7 @@ def run_convergence(
         for seed in cfg.seeds
     ]
     results = work_parts(cfg, directory, convergence_part, context, todo, progress)
-    return _collect_convergence(sizes, context.laws, cfg.seeds, results)
+    return _collect_convergence(mine, context.laws, results)
 
 
 def _convergence_inputs(context: ConvergenceContext) -> tuple[Any, ...]:
@@ -165,11 +165,13 @@ def first_answer(run: Run) -> Columns:
 
 
 def _collect_convergence(
-    sizes: Sequence[int], laws: Sequence[str], seeds: Sequence[int], results: Sequence[Mapping[str, Any]]
+    settings: Settings, laws: Sequence[str], results: Sequence[Mapping[str, Any]]
 ) -> Study:
+    sizes, seeds = tuple(sorted(settings.convergence.sizes)), settings.evaluation.seeds
     volumes = hypervolumes(results)
     rows = [
         _convergence_row(n, law, [result["looks"][k] for result in results], volumes[:, k])
+        | {"planned_law": settings.fidelity.law}
         for k, n in enumerate(sizes)
         for law in laws
     ]
@@ -194,7 +196,7 @@ def _collect_convergence(
                 f"median_failure_{row['law']}": row["failure_of_a_plan"],
             }
     tables = {"convergence": tuple(rows), "convergence_seeds": tuple(each), "first_answer": tuple(firsts)}
-    return Study(tables, numbers, _convergence_text(rows, numbers))
+    return Study(tables, numbers, _convergence_text(rows, numbers, settings.fidelity))
 
 
 def hypervolumes(results: Sequence[Mapping[str, Any]]) -> FloatArray:
@@ -255,17 +257,17 @@ def _seed_row(seed: int, law: str, look: Mapping[str, Any], volume: float) -> Co
     return row | {"hypervolume": volume, "accepted_vertices": look["accepted"]}
 
 
-def _convergence_text(rows: Sequence[Columns], numbers: Mapping[str, float]) -> str:
+def _convergence_text(rows: Sequence[Columns], numbers: Mapping[str, float], models: FidelityConfig) -> str:
     table = markdown_table(
         "The selected path as trees grow: median (quartiles) over seeds that have a plan",
         (
             "vertices a tree",
             "winds",
             "with a plan",
-            "bound, mission",
+            f"bound {models.mission_symbol} on missed, {models.law} winds",
             "missed",
             "broken",
-            "bound V + R",
+            f"bound V + R, {models.law} winds",
             "failed",
             "length [km]",
             "hypervolume",
@@ -275,11 +277,11 @@ def _convergence_text(rows: Sequence[Columns], numbers: Mapping[str, float]) -> 
                 f"{row['size']:,}",
                 row["law"],
                 f"{round(row['planned'] * row['seeds'])} of {row['seeds']}",
-                quartiles_text(row, "mission_bound"),
-                quartiles_text(row, "missed_of_a_plan"),
+                quartiles_cell(row, "mission_bound"),
+                quartiles_cell(row, "missed_of_a_plan"),
                 f"{row['bounds_broken']} of {round(row['planned'] * row['seeds'])}",
-                quartiles_text(row, "bound"),
-                quartiles_text(row, "failure_of_a_plan"),
+                quartiles_cell(row, "bound"),
+                quartiles_cell(row, "failure_of_a_plan"),
                 kilometres_text(row["length_m"]),
                 f"{row['hypervolume']:.3f}",
             )

@@ -29,8 +29,9 @@ from pareto_ltl.studies.parts import Part, PartsProgress, part_key, work_parts
 from pareto_ltl.studies.planning import fly_seeded, study_run
 from pareto_ltl.studies.random_missions import Mission, mission
 from pareto_ltl.studies.statistics import Columns, mean_chance_columns
-from pareto_ltl.studies.tables import interval_text, markdown_table, number_or_nan, percent_text
+from pareto_ltl.studies.tables import markdown_table, number_or_nan, rate_cell
 from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.support.display import probability_text
 from pareto_ltl.support.errors import DataError, InfeasibleError
 from pareto_ltl.support.files import write_text
 from pareto_ltl.support.fingerprints import file_fingerprint
@@ -360,10 +361,10 @@ def _hindcast_text(settings: Settings, cards: Sequence[Columns], numbers: Mappin
         (
             (
                 card["fidelity"],
-                SAID.get(card["promise"], card["promise"].replace("simulated_", "simulated, ")),
-                percent_text(card["promised"]),
-                interval_text(card, "realised"),
-                percent_text(card["above_promise"]),
+                promise_text(card["fidelity"], card["promise"]),
+                probability_text(card["promised"]),
+                rate_cell(card, "realised"),
+                probability_text(card["above_promise"]),
                 f"{card['brier']:.4f}",
             )
             for card in cards
@@ -371,12 +372,16 @@ def _hindcast_text(settings: Settings, cards: Sequence[Columns], numbers: Mappin
     )
     return table + (
         f"\nThe fit against the full fields inside the maps: z-score sd {numbers['z_sd']:.2f}, "
-        f"90 % intervals hold {percent_text(numbers['coverage_90'])}; gusts x {settings.hindcast.gusts:g}.\n"
+        f"90 % intervals hold {probability_text(numbers['coverage_90'])}; "
+        f"gusts x {settings.hindcast.gusts:g}.\n"
     )
 
 
-SAID = {
-    "bound_paper": "f_o + R, as planned",
-    "bound_independent": "V + R, independent",
-    "bound_coherent": "V + R, coherent",
-}
+def promise_text(fidelity: str, promise: str) -> str:
+    """What a column of promises holds, with its wind law: ``V + R, coherent winds``."""
+    kind, _, law = promise.partition("_")
+    if promise == "bound_paper":
+        planned = preset(fidelity).law
+        same = planned == "independent"
+        return "f_o + R, independent winds" if same else f"f_o, independent winds, + R, {planned} winds"
+    return f"{'V + R' if kind == 'bound' else kind}, {law} winds"

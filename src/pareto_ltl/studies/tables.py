@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from pareto_ltl.support.arrays import BoolArray
+from pareto_ltl.support.display import interval_text, probability_text
 
 # --- values in files -------------------------------------------------------------------------
 
@@ -31,35 +32,21 @@ def number_or_nan(value: float | None) -> float:
 # --- values on a page ------------------------------------------------------------------------
 
 
-def percent_text(value: float) -> str:
-    """As many digits as tell something: 0.12 %, 4.5 %, 45.7 %, 99.98 %."""
-    if not math.isfinite(value):
-        return "-"
-    if 0 < value < 1e-7:
-        return "< 1e-5 %"
-    value *= 100
-    if value in (0, 100):
-        return f"{value:.0f} %"
-    if value > 99:
-        return f"{min(value, 99.99):.2f} %"
-    return f"{value:.2g} %" if value < 10 else f"{value:.1f} %"
+def rate_cell(row: Mapping[str, Any], name: str) -> str:
+    """A rate of ``row`` with its interval: ``1.2 % (0.9 to 1.5 %)``."""
+    return _cell_with_ends(row, name, "low", "high")
 
 
-def interval_text(row: Mapping[str, Any], name: str) -> str:
-    """A rate of ``row`` with its interval: ``1.2 % (0.9 to 1.5)``."""
-    return _ends_text(row, name, "low", "high")
+def quartiles_cell(row: Mapping[str, Any], name: str) -> str:
+    """A median of ``row`` with its quartiles: ``1.2 % (0.9 to 1.5 %)``."""
+    return _cell_with_ends(row, name, "q25", "q75")
 
 
-def quartiles_text(row: Mapping[str, Any], name: str) -> str:
-    """A median of ``row`` with its quartiles: ``1.2 % (0.9 to 1.5)``."""
-    return _ends_text(row, name, "q25", "q75")
-
-
-def _ends_text(row: Mapping[str, Any], name: str, *ends: str) -> str:
+def _cell_with_ends(row: Mapping[str, Any], name: str, *ends: str) -> str:
     if not math.isfinite(row[name]):
         return "-"
-    low, high = (percent_text(row[f"{name}_{end}"]).removesuffix(" %") for end in ends)
-    return f"{percent_text(row[name])} ({low} to {high})"
+    low, high = (row[f"{name}_{end}"] for end in ends)
+    return f"{probability_text(row[name])} ({interval_text(low, high)})"
 
 
 def kilometres_text(metres: float) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from html import escape
 from importlib import import_module
@@ -35,6 +36,47 @@ class Displayed:
     def plot(self, **options: Any) -> Any:
         """A ``Drawing``: a notebook shows it, ``save`` writes it, ``figure`` is the matplotlib figure."""
         return import_module("pareto_ltl.report.notebook").draw_record(self, **options)
+
+
+NEGLIGIBLE = 1e-9  # smaller probabilities are below the accuracy of any wind model
+
+
+def probability_text(value: float) -> str:
+    """A probability in per cent with the digits that tell something, at most 100 %; a dash for NaN.
+
+    0.12 %, 4.5 %, 45.7 %, 99.98 %, 3.2e-5 %; 0 % and 100 % stand for exactly 0 and 1 (or more).
+    """
+    if math.isnan(value):
+        return "-"
+    if 0 < value < NEGLIGIBLE:
+        return "< 1e-7 %"
+    percent = 100.0 * min(value, 1.0)
+    if percent in (0.0, 100.0):
+        return f"{percent:.0f} %"
+    if percent > 99.0:
+        return f"{min(percent, 99.99):.2f} %"
+    if percent >= 9.95:
+        return f"{percent:.1f} %"
+    if percent >= 1e-3:
+        return f"{percent:.2g} %"
+    digits, power = f"{percent:.1e}".split("e")
+    return f"{digits.removesuffix('.0')}e{int(power)} %"
+
+
+def round_up(probability: float) -> float:
+    """``probability`` > 0 rounded up to two digits, as a limit that allows it."""
+    power = 10.0 ** (math.floor(math.log10(probability)) - 1)
+    return float(f"{math.ceil(probability / power) * power:.2g}")
+
+
+def interval_text(low: float, high: float) -> str:
+    """Two probabilities in per cent: ``0.12 to 1.7 %``."""
+    return f"{probability_text(low).removesuffix(' %')} to {probability_text(high)}"
+
+
+def rate_text(rate: float, low: float, high: float) -> str:
+    """A simulated rate with its 95 % interval: ``0.6 % (95 %: 0.12 to 1.7 %)``."""
+    return f"{probability_text(rate)} (95 %: {interval_text(low, high)})"
 
 
 def distance_text(metres: float) -> str:

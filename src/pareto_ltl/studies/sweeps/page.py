@@ -6,17 +6,19 @@ from collections.abc import Iterable, Sequence
 from html import escape
 from typing import TYPE_CHECKING
 
+from pareto_ltl.report.metric_names import is_probability, metric_label
+from pareto_ltl.settings import LAWS
 from pareto_ltl.studies.sweeps.table import column_names, is_seed
+from pareto_ltl.support.display import interval_text, probability_text
 
 if TYPE_CHECKING:
     from pareto_ltl.studies.sweeps.summary import SweepSummary
     from pareto_ltl.studies.sweeps.table import SeedGroup, SweepRow
 
-SHOWN_METRICS = (
+SHOWN_METRICS = (  # risks by wind law: that of fidelity.law may differ from job to job
     "length_m",
     "mission_risk_paper",
-    "mission_risk",
-    "collision_risk",
+    *(f"{risk}_{law}" for law in LAWS for risk in ("mission_risk", "collision_risk")),
     "front_size",
     "hypervolume",
 )
@@ -103,7 +105,9 @@ def _measured_cells(group: SeedGroup, rates: Sequence[str], quartiles: Sequence[
             "<td></td>"
             if rate is None
             else _number_cell(
-                rate["rate"], f"{rate['rate']:.4f} <small>{rate['low']:.4f}&#8211;{rate['high']:.4f}</small>"
+                rate["rate"],
+                metric_text(name, rate["rate"])
+                + f" <small>{escape(interval_text(rate['low'], rate['high']))}</small>",
             )
         )
     for name in quartiles:
@@ -111,15 +115,15 @@ def _measured_cells(group: SeedGroup, rates: Sequence[str], quartiles: Sequence[
         cells.append(
             "<td></td>"
             if spread is None
-            else _number_cell(spread[1], _median_text(spread, single=sum(group.counts.values()) == 1))
+            else _number_cell(spread[1], _median_text(name, spread, single=sum(group.counts.values()) == 1))
         )
     return cells
 
 
-def _median_text(quartiles: Sequence[float], *, single: bool) -> str:
+def _median_text(name: str, quartiles: Sequence[float], *, single: bool) -> str:
     """A median, and its quartiles where there is more than one job."""
-    low, middle, high = map(short_number, quartiles)
-    return middle if single else f"{middle} <small>{low}&#8211;{high}</small>"
+    low, middle, high = (metric_text(name, value) for value in quartiles)
+    return middle if single else f"{middle} <small>{low} to {high}</small>"
 
 
 def _jobs_section(summary: SweepSummary, way: str) -> str:
@@ -140,7 +144,7 @@ def _job_cells(row: SweepRow, keys: Sequence[str], shown: Sequence[str], failed:
     cells.append(f"<td class=word><span class='status {row.state.status}'>{row.state.status}</span></td>")
     for name in (*shown, "run_seconds"):
         value = row.state.metrics.get(name)
-        cells.append("<td></td>" if value is None else _number_cell(value, short_number(value)))
+        cells.append("<td></td>" if value is None else _number_cell(value, metric_text(name, value)))
     if failed:
         cells.append(f"<td class=error>{escape(row.state.error or '')}</td>")
     return cells
@@ -150,7 +154,9 @@ def _html_table(
     head: Sequence[str], lines: Iterable[Sequence[str]], words: int, sortable: bool = False
 ) -> str:
     cells = "".join(
-        f"<th{' class=word' if i < words else ''}>{_broken_name(name)}</th>" for i, name in enumerate(head)
+        f"<th{' class=word' if i < words else ''} title='{escape(name)}'>{_broken_name(metric_label(name))}"
+        "</th>"
+        for i, name in enumerate(head)
     )
     body = "\n".join(f"<tr>{''.join(line)}</tr>" for line in lines)
     kind = " class=sortable" if sortable else ""
@@ -169,6 +175,13 @@ def _word_cell(text: str) -> str:
 
 def _number_cell(value: float, shown: str) -> str:
     return f"<td data-value={value!r}>{shown}</td>"
+
+
+def metric_text(name: str, value: float) -> str:
+    """A metric as a reader needs it; probabilities in per cent."""
+    if is_probability(name):
+        return escape(probability_text(value))
+    return f"{value / 1e3:,.1f}" if name == "length_m" else short_number(value)
 
 
 def short_number(value: float) -> str:

@@ -1,0 +1,60 @@
+"""Names of metrics in words, each probability with its wind law; used on axes and heads of tables."""
+
+from __future__ import annotations
+
+from pareto_ltl.settings import LAWS
+
+METRIC_LABELS = {
+    "length_m": "length of the path [km]",
+    "duration_s": "flight time [h]",
+    "mission_risk_paper": "mission risk f_o of the paper, independent winds",
+    "mission_risk": "mission risk that judges the plan, winds of fidelity.law",
+    "mission_risk_ordered": "mission risk V, winds of fidelity.law",
+    "collision_risk": "collision risk R, winds of fidelity.law",
+    "safest": "least mission risk of the front, winds of fidelity.law",
+    "safest_raw": "least mission risk of the trees, winds of fidelity.law",
+    "acceptance_bound": "bound of the accepted plan, winds of fidelity.law",
+    "acceptance_estimate": "failed flights, linear estimate, coherent winds",
+    "acceptance_failure": "failed flights at acceptance, coherent winds",
+    "acceptance_low": "failed flights at acceptance, lower end, coherent winds",
+    "acceptance_high": "failed flights at acceptance, upper end, coherent winds",
+    "completed": "runs with a plan",
+    "front_size": "paths on the front",
+    "hypervolume": "hypervolume of the front",
+    "run_seconds": "time of a run [s]",
+    "growth_seconds": "time of growth [s]",
+    "nodes_per_second": "tree vertices per second",
+    "planner.n_max": "vertices per tree (planner.n_max)",
+    "planner.epsilon": "collision probability allowed at a step (planner.epsilon)",
+    "robot.dt": "time step (robot.dt) [s]",
+    "robot.u_max": "largest airspeed (robot.u_max) [m/s]",
+}
+LAW_METRICS = {  # metrics whose names end with a wind law
+    "failure": "failed flights",
+    "mission_failure": "flights that missed the mission",
+    "collision": "flights that touched an obstacle",
+    "mission_risk": "mission risk V",
+    "collision_risk": "collision risk R",
+}
+ENDS = {"": "", "_low": ", lower end", "_high": ", upper end"}  # of an interval
+LAW_NAMES = {
+    f"{stem}_{law}{end}": f"{words}{where}, {law} winds"
+    for stem, words in LAW_METRICS.items()
+    for law in LAWS
+    for end, where in ENDS.items()
+}
+SHARES = ("mission_risk", "collision_risk", "safest", "acceptance_", "completed")
+COUNTS = ("acceptance_runs", "acceptance_passed")
+
+
+def metric_label(name: str) -> str:
+    """Words and unit of a known metric or setting, else the name itself."""
+    return LAW_NAMES.get(name) or METRIC_LABELS.get(name, name)
+
+
+def is_probability(name: str) -> bool:
+    """Whether a metric is a probability or a share of flights or runs."""
+    return name in LAW_NAMES or (name.startswith(SHARES) and name not in COUNTS)
+
+
+__all__ = ["is_probability", "metric_label"]
