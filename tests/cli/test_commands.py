@@ -41,7 +41,7 @@ def ran(monkeypatch: pytest.MonkeyPatch) -> list[Settings]:
         found.append(pipeline.settings)
         return {"run_seconds": 0.0}
 
-    monkeypatch.setattr(app, "run_pipeline", run)
+    monkeypatch.setattr(app, "run_claimed", run)
     return found
 
 

@@ -33,11 +33,13 @@ def test_a_run_is_made_again_byte_by_byte_and_a_changed_plan_is_noticed(
 ) -> None:
     place = made("planner.n_max=800", "planner.threads=1")
     assert rerun_command([str(place)]) == 0
-    assert "the same, byte for byte: plan.json, front.csv" in capsys.readouterr().out
+    told = capsys.readouterr().out.splitlines()[-1]
+    assert told.startswith("the same, byte for byte: scene.json, ")
+    assert told.endswith("wind.nc, trees.npz, front.csv, plan.json, plan.csv, deployments.npz")
     assert rerun_command([str(place), "--into", "again"]) == 0
     assert (here / "again" / "plan.json").read_bytes() == (place / "plan.json").read_bytes()
     assert rerun_command([str(place), "--into", "again"]) == 2
-    assert "the folder is not empty" in capsys.readouterr().err
+    assert "it is there already and not empty" in capsys.readouterr().err
 
     plan, record = place / "plan.json", place / "run.json"
     plan.write_text(plan.read_text().replace('"dt": 1800.0', '"dt": 1800.5'))
@@ -76,3 +78,87 @@ def test_what_cannot_be_made_again_is_one_line(
     expected = {"nothing": "is this a results directory?", "status": "ended as 'failed'", "settings": "seed"}
     assert expected[what] in err
     assert list(here.iterdir()) == [place]
+
+
+def test_a_result_of_which_nothing_is_left_is_not_called_the_same(
+    here: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    place = made("planner.n_max=800")
+    (place / "plan.json").unlink()
+    assert rerun_command([str(place)]) == 1
+    assert f"{place / 'plan.json'} missing" in capsys.readouterr().out
+
+    settings = (place / "config_resolved.yaml").read_text()
+    stages = settings.index("stages: [")
+    (place / "config_resolved.yaml").write_text(
+        settings[:stages] + "stages: [readings]" + settings[settings.index("]", stages) + 1 :]
+    )
+    assert rerun_command([str(place)]) == 2
+    assert "holds none of the files that its pipeline writes" in capsys.readouterr().err
+
+
+def test_the_tables_of_a_study_are_compared_but_for_seconds(
+    here: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    quick = ("evaluation.seeds=[0]", "compare.methods=[paper]", "hydra.run.dir=study", "planner.n_max=800")
+    assert app.run_hydra([*SMALL, *quick, "pipelines=compare"]) == 0
+    assert rerun_command(["study"]) == 0
+    told = capsys.readouterr().out.splitlines()[-1]
+    assert "compare.csv, compare_seeds.csv" in told
+    table = Path("study/compare_seeds.csv")
+    table.write_text(table.read_text().replace("paper", "forged"))
+    assert rerun_command(["study"]) == 1
+    assert "compare_seeds.csv differs, first in line" in capsys.readouterr().out
+
+
+def ingested(folder: Path) -> Path:
+    """A run of ``pipelines=ingest``, which wrote ``table.csv`` outside of its directory."""
+    rows = [f"2018-10-09T00:00:00Z,{30 + i},{-90 + j},{i},{j}" for i in range(4) for j in range(4)]
+    (folder / "winds.csv").write_text("\n".join(["time,lat,lon,u,v", *rows]) + "\n")
+    words = (
+        "wind=csv",
+        "wind.path=winds.csv",
+        "ingest.out=table.csv",
+        "ingest.points=8",
+        "hydra.run.dir=run",
+    )
+    assert app.run_hydra(["pipelines=ingest", *words]) == 0
+    return folder / "run"
+
+
+def test_the_second_result_stays_in_its_own_folder(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    place, table = ingested(here), here / "table.csv"
+    assert rerun_command([str(place)]) == 0
+    assert "the same, byte for byte: table.csv" in capsys.readouterr().out
+
+    victim = here / "victim.csv"
+    victim.write_text("precious")
+    settings = place / "config_resolved.yaml"
+    settings.write_text(settings.read_text().replace("out: table.csv", f"out: {victim}"))
+    before = {path: path.read_bytes() for path in here.rglob("*") if path.is_file()}
+    assert rerun_command([str(place)]) == 1  # the table that the run wrote is not made again
+    assert {path: path.read_bytes() for path in here.rglob("*") if path.is_file()} == before
+    assert victim.read_text() == "precious"
+    assert table.is_file()
+
+
+def test_an_edited_digest_of_a_table_elsewhere_is_noticed(
+    here: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    place = ingested(here)
+    record = json.loads((place / "run.json").read_text())
+    (place / "run.json").write_text(json.dumps(record | {"outputs": {"table.csv": "0" * 64}}))
+    assert rerun_command([str(place)]) == 1
+    assert "table.csv has other bytes" in capsys.readouterr().out
+
+
+def test_settings_of_a_directory_do_not_read_the_environment(
+    here: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("SECRET", "hush")
+    place = made("planner.n_max=20")
+    settings = place / "config_resolved.yaml"
+    settings.write_text(settings.read_text().replace("name: phi1", "name: ${oc.env:SECRET}", 1))
+    rerun_command([str(place), "--into", "second"])
+    text = "".join(path.read_text(errors="replace") for path in Path("second").rglob("*") if path.is_file())
+    assert "hush" not in text + "".join(capsys.readouterr())

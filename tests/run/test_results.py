@@ -277,8 +277,10 @@ def test_a_write_that_fails_leaves_the_old_file_and_nothing_else(tmp_path: Path)
     assert read_json(tmp_path / "a.json") == {"x": 1}
 
 
-def test_metrics_are_what_says_that_a_run_is_done(tmp_path: Path) -> None:
+def test_a_run_is_done_when_its_status_says_so_and_its_metrics_are_there(tmp_path: Path) -> None:
     results = store.Results(tmp_path)
+    assert not results.done
+    write_json(tmp_path / "run.json", {"status": "ok"})
     assert not results.done
     write_json(tmp_path / "metrics.json", {"completed": 1.0, "gp_z_sd": math.nan})
     assert results.done

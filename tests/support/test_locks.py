@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 
+from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.locks import TakenError, hold_lock, hold_passing_lock, is_held
 
 HOLDER = """
@@ -42,7 +43,7 @@ def test_who_finds_a_lock_taken_reads_the_note_and_a_killed_holder_blocks_nobody
     assert not is_held(path)
     with hold_passing_lock(path, wait=False, note="the second") as left:
         assert left == "the first"  # it was killed: its note is still there
-        assert path.read_text() == "the second"
+        assert path.read_text().strip() == "the second"
     assert not path.exists()
     with hold_passing_lock(path) as left:
         assert left == ""
@@ -94,3 +95,32 @@ def test_where_a_file_system_has_no_locks_the_work_is_done_and_the_log_says_so(
         pass
     assert "no locks on this file system" in caplog.text
     assert not is_held(tmp_path / "lock")
+
+
+def test_a_link_at_the_place_of_a_lock_is_refused_and_what_it_names_is_kept(tmp_path: Path) -> None:
+    (tmp_path / "precious").write_text("kept")
+    (tmp_path / "lock").symlink_to(tmp_path / "precious")
+    with pytest.raises(DataError, match="is a symbolic link"), hold_lock(tmp_path / "lock", note="written"):
+        pass
+    assert not is_held(tmp_path / "lock")
+    assert (tmp_path / "precious").read_text() == "kept"
+
+
+def test_whoever_asks_whether_a_lock_is_held_keeps_nobody_from_taking_it(tmp_path: Path) -> None:
+    path = tmp_path / "lock"
+    path.touch()
+    stop = threading.Event()
+
+    def ask_often() -> None:
+        while not stop.is_set():
+            is_held(path)
+
+    asking = threading.Thread(target=ask_often)
+    asking.start()
+    try:
+        for _ in range(200):
+            with hold_lock(path, wait=False):
+                pass
+    finally:
+        stop.set()
+        asking.join()

@@ -442,6 +442,7 @@ def test_grid_relative_winds_are_turned_to_east_and_north(eccodes):
 
 def test_ingest_writes_the_same_nodes_at_all_times_and_says_from_where(gribs, tmp_path):
     out = tmp_path / "deep" / "table.csv"
+    out.parent.mkdir()
     area = [[-98.5, 31.5], [-86.5, 31.5], [-86.5, 42.5], [-98.5, 42.5]]
     assert ingested(grib(gribs), IngestConfig(points=30, area=area), out) == out
     seen = table_of(WindConfig(source="csv", path=str(out)))
@@ -457,6 +458,20 @@ def test_ingest_writes_the_same_nodes_at_all_times_and_says_from_where(gribs, tm
     assert all(len(digest) == 64 for digest in told["files"].values())
     assert told["times"] == {"2018-10-09T00:00:00Z": "analysis", "2018-10-09T06:00:00Z": "analysis"}
     assert sorted(file.name for file in out.parent.iterdir()) == ["table.csv", "table.json"]
+
+
+def test_ingest_makes_no_folders_and_overwrites_nothing_that_it_reads(gribs, tmp_path):
+    with pytest.raises(ConfigError, match="there is no folder .*deep; make it"):
+        ingested(grib(gribs), IngestConfig(points=9), tmp_path / "deep" / "table.csv")
+    assert not (tmp_path / "deep").exists()
+    first = tmp_path / "table.csv"
+    ingested(grib(gribs), IngestConfig(points=9), first)
+    kept = first.read_bytes()
+    around = first.parent / "." / first.name
+    for out in (first, around, tmp_path / "table.json"):
+        with pytest.raises(ConfigError, match="name (it|another)"):
+            ingested(WindConfig(source="csv", path=str(first)), IngestConfig(points=5), out)
+    assert first.read_bytes() == kept
 
 
 def test_ingest_keeps_the_times_asked_for_and_names_only_their_files(gribs, tmp_path):

@@ -40,7 +40,7 @@ class PointsSweeper(BasicSweeper):
 
     def sweep(self, arguments: list[str]) -> Any:
         """Check all points, run those without an answer, write the summary."""
-        from pareto_ltl.studies.jobs import claim_folder
+        from pareto_ltl.support.locks import claim_folder
 
         assert self.config is not None
         place = Path(str(self.config.hydra.sweep.dir))

@@ -32,6 +32,7 @@ from omegaconf import DictConfig, OmegaConf
 from pareto_ltl.cli.arguments import CommandArguments
 from pareto_ltl.cli.setting_keys import refuse_unknown_key, settings_from
 from pareto_ltl.cli.stage_table import application_stages
+from pareto_ltl.run.directory import claimed_directory
 from pareto_ltl.run.pipeline import Pipeline, check_pipeline
 from pareto_ltl.settings import Settings
 from pareto_ltl.support.errors import ConfigError
@@ -141,8 +142,11 @@ class PreparedRun:
     pipeline: Pipeline
 
     def start(self, hydra: ComposedHydra, name: str, job: TaskFunction) -> None:
-        """Let Hydra make the directory and call ``job`` in it."""
-        hydra.run(config_name=name, task_function=job, overrides=[])
+        """Let Hydra call ``job`` in the directory, which this run has for itself."""
+        directory = Path(str(self.config.hydra.run.dir))
+        OmegaConf.update(self.config, "hydra.run.dir", str(directory))  # one time for both
+        with claimed_directory(directory, self.pipeline.table.files):
+            hydra.run(config_name=name, task_function=job, overrides=[])
 
 
 @dataclass(frozen=True, slots=True)

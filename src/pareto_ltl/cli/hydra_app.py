@@ -26,7 +26,7 @@ from pareto_ltl.cli.composition import (
 )
 from pareto_ltl.cli.error_lines import CONFIGURATION_ERRORS, explain_error
 from pareto_ltl.cli.setting_keys import settings_from
-from pareto_ltl.run.pipeline import Pipeline, run_pipeline
+from pareto_ltl.run.pipeline import Pipeline, run_claimed
 from pareto_ltl.run.provenance import one_line
 from pareto_ltl.support.errors import ConfigError, InfeasibleError
 from pareto_ltl.support.stopping import ends_process
@@ -52,9 +52,7 @@ def _run_arguments(argv: Sequence[str], command: str | None, typed: Sequence[str
 
         return complete_shell(arguments)
     if arguments.experimental_rerun is not None:
-        from hydra.main import _get_rerun_conf
-
-        return HydraJob(tuple(typed))(_get_rerun_conf(arguments.experimental_rerun, arguments.overrides))
+        raise ConfigError("--experimental-rerun runs code that a file holds; use pareto-ltl rerun DIR")
     with opened_hydra(arguments) as hydra:
         if arguments.hydra_help or arguments.cfg or arguments.info:
             _show_configuration(hydra, arguments)
@@ -147,7 +145,7 @@ class HydraJob:
         shown = _relative_path(directory)
         try:
             checked = self.pipeline or check_settings(settings_from(config))
-            metrics = run_pipeline(checked, directory, self.argv, _task_overrides())
+            metrics = run_claimed(checked, directory, self.argv, _task_overrides())
         except CONFIGURATION_ERRORS as error:
             print_problem(f"{explain_error(error)} [{shown}]")
             return 2
@@ -169,7 +167,7 @@ class HydraJob:
             metrics: dict[str, float] = {}
 
             def work() -> None:
-                metrics.update(run_pipeline(checked, directory, self.argv, _task_overrides()))
+                metrics.update(run_claimed(checked, directory, self.argv, _task_overrides()))
 
             done = RunJob(directory).do_once(work, resume=checked.settings.sweep.resume)
             ended = f"ok in {metrics['run_seconds']:.1f} s" if done else "done already"

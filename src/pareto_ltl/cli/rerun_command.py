@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
+import csv
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from pareto_ltl.cli.arguments import CommandArguments, run_reported
 from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
 
-COMPARED_FILES = ("plan.json", "front.csv")
+if TYPE_CHECKING:
+    from pareto_ltl.run.pipeline import Pipeline
+    from pareto_ltl.settings import Settings
+
 CODE_VERSIONS = ("version", "code_hash", "python")
+TIME_COLUMN = "second"  # part of the name of a column that tells how long something took
 
 
 def rerun_command(argv: Sequence[str]) -> int:
@@ -23,7 +29,8 @@ def rerun_command(argv: Sequence[str]) -> int:
 def _rerun_arguments(argv: Sequence[str]) -> int:
     parser = CommandArguments(
         prog="pareto-ltl rerun",
-        description="Make a result again from its own settings and compare both, byte by byte.",
+        description="Make a result again from its own settings and compare both, byte by byte. Nothing is "
+        "written outside of the second folder.",
     )
     parser.add_argument("directory", type=Path, help="for example multirun/phi2/04b3a3fb44baa8a5")
     parser.add_argument("--into", type=Path, metavar="FOLDER", help="keep the second result there")
@@ -39,40 +46,69 @@ def _second_place(into: Path | None) -> Iterator[Path]:
         with tempfile.TemporaryDirectory(prefix="pareto_ltl_rerun_") as folder:
             yield Path(folder)
         return
-    if into.exists() and any(into.iterdir()):
-        raise ConfigError(f"--into {into}: the folder is not empty; name a new one")
+    if into.exists() and (not into.is_dir() or any(into.iterdir())):
+        raise ConfigError(f"--into {into}: it is there already and not empty; name a new folder")
     yield into
 
 
 def rerun_and_compare(directory: Path, place: Path) -> int:
-    """Run the settings of ``directory`` into ``place`` and say what differs."""
-    from pareto_ltl.cli.setting_keys import read_run_settings
+    """Run the settings of ``directory`` into ``place`` and say what differs.
+
+    Raises
+    ------
+    DataError
+        If the directory holds no result, or if none of its files can be compared.
+    """
     from pareto_ltl.cli.stage_table import application_stages
     from pareto_ltl.run import pipeline, provenance
-    from pareto_ltl.support.files import read_json
+    from pareto_ltl.settings.building import read_settings_file
 
-    before = read_json(directory / "run.json")
-    if before.get("status") not in ("ok", "infeasible"):
-        raise DataError(
-            f"{directory}: its run ended as {before.get('status')!r}; there is nothing to compare"
-        )
-    settings = read_run_settings(directory / "config_resolved.yaml")
-    for line in _code_changes(before, provenance.begin(settings, ())):
+    before = _finished_record(directory)
+    settings = _kept_inside(read_settings_file(directory / "config_resolved.yaml"), place)
+    for line in (
+        *_code_changes(before, provenance.begin(settings, ())),
+        *_changed_inputs(before["inputs"]),
+    ):
         print(f"note: {line}")
-    moved = [name for name, digest in before["inputs"].items() if not provenance.unchanged({name: digest})]
-    for name in moved:
-        print(f"note: {name} is not what the run read")
+    checked = pipeline.check_pipeline(settings, application_stages(settings))
     try:
-        checked = pipeline.check_pipeline(settings, application_stages(settings))
-        pipeline.run_pipeline(checked, place, before["argv"], before.get("overrides", ()))
+        pipeline.run_pipeline(checked, place, before["argv"], before["overrides"])
     except InfeasibleError as error:
         same = before["status"] == "infeasible" and before["error"] == provenance.one_line(error)
         print("infeasible again, for the same reason" if same else f"now infeasible: {error}")
         return 0 if same else 1
-    pairs = [(directory / name, place / name) for name in COMPARED_FILES]
-    differ = [unlike for pair in pairs if (unlike := _file_difference(*pair))]
-    print("\n".join(differ) or f"the same, byte for byte: {', '.join(COMPARED_FILES)}")
-    return 1 if differ else 0
+    if before["status"] == "infeasible":
+        print(f"now there is an answer; before: {before['error']}")
+        return 1
+    return _compare_results(directory, place, before, checked)
+
+
+def _finished_record(directory: Path) -> dict[str, Any]:
+    """``run.json`` of a run that ended with an answer."""
+    from pareto_ltl.run.provenance import ANSWERS
+    from pareto_ltl.support.files import read_json
+
+    expected = {"argv": list, "overrides": list, "inputs": dict, "packages": dict}
+    record = {name: kind() for name, kind in expected.items()} | read_json(directory / "run.json")
+    if wrong := [name for name, kind in expected.items() if not isinstance(record[name], kind)]:
+        raise DataError(
+            f"{directory / 'run.json'}: {', '.join(wrong)} is not what a run writes; run the plan again"
+        )
+    if record.get("status") not in ANSWERS:
+        raise DataError(
+            f"{directory}: its run ended as {record.get('status')!r}; there is nothing to compare"
+        )
+    return record
+
+
+def _kept_inside(settings: Settings, place: Path) -> Settings:
+    """``settings`` with which a run writes into ``place`` alone and takes no answers from elsewhere."""
+    table = place / Path(settings.ingest.out).name
+    return replace(
+        settings,
+        ingest=replace(settings.ingest, out=str(table)),
+        evaluation=replace(settings.evaluation, resume=None),
+    )
 
 
 def _code_changes(before: Mapping[str, Any], now: Mapping[str, Any]) -> Iterator[str]:
@@ -85,12 +121,54 @@ def _code_changes(before: Mapping[str, Any], now: Mapping[str, Any]) -> Iterator
             yield f"{package} was {before['packages'].get(package)}, is {here}"
 
 
+def _changed_inputs(inputs: Mapping[str, Any]) -> Iterator[str]:
+    from pareto_ltl.run.provenance import unchanged
+
+    for name, digest in inputs.items():
+        if not unchanged({name: digest}):
+            yield f"{name} is not what the run read"
+
+
+# --- comparing -------------------------------------------------------------------------------
+
+
+def _compare_results(one: Path, two: Path, before: Mapping[str, Any], pipeline: Pipeline) -> int:
+    """0 if all files that the stages of ``pipeline`` write are the same in both folders, else 1."""
+    names = _written_names(pipeline, one, two)
+    differ = {name: unlike for name in names if (unlike := _file_difference(one / name, two / name))}
+    tables = _tables_elsewhere(before, two)
+    differ |= {name: f"{name} has other bytes" for name, same in tables.items() if not same}
+    compared = [*names, *tables]
+    if not compared:
+        raise DataError(
+            f"{one} holds none of the files that its pipeline writes; there is nothing to compare"
+        )
+    print("\n".join(differ.values()) or f"the same, byte for byte: {', '.join(compared)}")
+    return 1 if differ else 0
+
+
+def _written_names(pipeline: Pipeline, *places: Path) -> list[str]:
+    """Files in one of ``places`` that the stages of ``pipeline`` write, in the order of the stages."""
+    patterns = [pattern for stage in pipeline.stages for pattern in stage.writes]
+    found = (path.relative_to(place) for p in patterns for place in places for path in sorted(place.glob(p)))
+    return list(dict.fromkeys(path.as_posix() for path in found))
+
+
+def _tables_elsewhere(before: Mapping[str, Any], place: Path) -> dict[str, bool]:
+    """Of each file that the run wrote outside of its directory: whether the second run made the same."""
+    from pareto_ltl.support.fingerprints import file_fingerprint
+
+    outputs = before.get("outputs")
+    made = ((str(name), place / Path(str(name)).name, digest) for name, digest in (outputs or {}).items())
+    return {name: path.is_file() and file_fingerprint(path) == digest for name, path, digest in made}
+
+
 def _file_difference(one: Path, two: Path) -> str | None:
-    """Where two files part, or None."""
-    if not one.is_file() or not two.is_file():
-        missing = [str(path) for path in (one, two) if not path.is_file()]
-        return f"{' and '.join(missing)} missing" if len(missing) == 1 else None
-    before, after = one.read_bytes().splitlines(), two.read_bytes().splitlines()
+    """Where two files part, or None. Columns of seconds do not count."""
+    missing = [str(path) for path in (one, two) if not path.is_file()]
+    if missing:
+        return f"{' and '.join(missing)} missing"
+    before, after = _compared_lines(one), _compared_lines(two)
     if before == after:
         return None
     pairs = enumerate(zip(before, after, strict=False), 1)
@@ -101,3 +179,12 @@ def _file_difference(one: Path, two: Path) -> str | None:
         else "end"
     )
     return f"{one.name} differs, first in line {line} ({what})"
+
+
+def _compared_lines(path: Path) -> list[bytes]:
+    data = path.read_bytes()
+    if path.suffix != ".csv" or TIME_COLUMN.encode() not in data.split(b"\n", 1)[0]:
+        return data.splitlines()
+    rows = list(csv.reader(data.decode(errors="replace").splitlines()))
+    kept = [column for column, name in enumerate(rows[0]) if TIME_COLUMN not in name]
+    return [",".join(row[column] for column in kept if column < len(row)).encode() for row in rows]

@@ -6,16 +6,14 @@ import copy
 import difflib
 import typing
 from dataclasses import fields, is_dataclass
-from pathlib import Path
 from typing import Any
 
 from hydra.core.config_loader import ConfigLoader
 from hydra.core.override_parser.types import Override
 from omegaconf import DictConfig, OmegaConf, open_dict
 
-from pareto_ltl.cli.error_lines import explain_error
 from pareto_ltl.settings import Settings
-from pareto_ltl.support.errors import ConfigError, DataError
+from pareto_ltl.support.errors import ConfigError
 
 GROUPS_WITHOUT_SECTION = ("experiment", "sweep")  # groups that are no section of the settings
 
@@ -30,18 +28,6 @@ def settings_from(config: DictConfig) -> Settings:
     settings = OmegaConf.to_object(config)
     assert isinstance(settings, Settings)
     return settings
-
-
-def read_run_settings(path: Path) -> Settings:
-    """The settings that a run left in its ``config_resolved.yaml``; DataError where there are none."""
-    try:
-        config = OmegaConf.merge(OmegaConf.structured(Settings), OmegaConf.load(path))
-    except OSError as error:
-        raise DataError(f"{path}: cannot be read ({error.strerror}); is this a results directory?") from error
-    except Exception as error:
-        raise DataError(f"{path}: not the settings of a run ({explain_error(error)})") from error
-    assert isinstance(config, DictConfig)
-    return settings_from(config)
 
 
 def refuse_unknown_key(override: Override, loader: ConfigLoader) -> None:

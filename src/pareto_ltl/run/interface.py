@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from pareto_ltl.run.directory import claimed_directory
 from pareto_ltl.run.pipeline import Run, carry_out, check_pipeline
 from pareto_ltl.run.records import (
     AUTOMATON,
@@ -169,7 +170,8 @@ def plan(
     pipeline = check_pipeline(settings, table, tuple(given))
     run = Run(settings, table, given, directory=None if out is None else Path(out))
     if out is not None:
-        carry_out(run, pipeline.stages)
+        with claimed_directory(Path(out), table.files):
+            carry_out(run, pipeline.stages)
     else:
         for stage in pipeline.stages:
             run.perform(stage)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
@@ -130,6 +131,11 @@ def _deployment_numbers(deployments: Mapping[str, Deployment]) -> dict[str, floa
 
 def _peak_memory() -> float:
     """Largest memory this process has held [MiB]."""
-    import resource
+    try:
+        import resource
+    except ImportError:  # Windows
+        import psutil
 
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024  # kibibytes on Linux
+        return float(psutil.Process().memory_info().peak_wset) / 2**20  # type: ignore[attr-defined, unused-ignore]
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return peak / (2**20 if sys.platform == "darwin" else 2**10)  # bytes on macOS, kibibytes on Linux

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from pareto_ltl.run import provenance
+from pareto_ltl.run.directory import RUN_LOG, claimed_directory
 from pareto_ltl.run.progress import ProgressBar
 from pareto_ltl.run.records import AUTOMATON, FOREST, SCENE, RecordKey, Records, T
 from pareto_ltl.run.stage_table import Progress, Stage, StageInputs, StageTable
@@ -203,10 +204,19 @@ def _make_rest(run: Run, stages: Sequence[Stage[Any]]) -> None:
 def run_pipeline(
     pipeline: Pipeline, directory: Path | str, argv: Sequence[str] = (), overrides: Sequence[str] = ()
 ) -> dict[str, float]:
-    """Run ``pipeline`` into ``directory`` and return the metrics.
+    """Run ``pipeline`` into ``directory``, which is locked and cleared first, and return the metrics.
 
-    What stops a run is noted in ``run.json`` and ``run.log`` first and then raised.
+    What stops a run is noted in ``run.json`` and ``run.log`` first and then raised. ConfigError if another
+    run is at work in the directory.
     """
+    with claimed_directory(Path(directory), pipeline.table.files):
+        return run_claimed(pipeline, directory, argv, overrides)
+
+
+def run_claimed(
+    pipeline: Pipeline, directory: Path | str, argv: Sequence[str] = (), overrides: Sequence[str] = ()
+) -> dict[str, float]:
+    """:func:`run_pipeline` in a directory that this process has for itself already."""
     run = Run(pipeline.settings, pipeline.table, directory=Path(directory))
     return carry_out(run, pipeline.stages, argv, overrides)
 
@@ -214,12 +224,12 @@ def run_pipeline(
 def carry_out(
     run: Run, stages: Sequence[Stage[Any]], argv: Sequence[str] = (), overrides: Sequence[str] = ()
 ) -> dict[str, float]:
-    """Make the records of ``stages`` in the directory of ``run``; the contract of :func:`run_pipeline`."""
+    """Make the records of ``stages`` in the directory of ``run``; the contract of :func:`run_claimed`."""
     place = run.directory
     if place is None:
         raise ValueError("the run has no directory: give Run a directory")
     place.mkdir(parents=True, exist_ok=True)
-    with logging_to(place / "run.log"), ProgressBar() as bar:
+    with logging_to(place / RUN_LOG), ProgressBar() as bar:
         run.progress = bar
         return _recorded(run, stages, place, provenance.begin(run.settings, argv, overrides))
 
@@ -269,6 +279,7 @@ def _close(
     table = run_metrics(run.records, run.seconds)
     measured = status == "ok" or (status == "infeasible" and FOREST in run.records)
     ended = provenance.end(record, run.settings, status, run.seconds, error)
+    ended |= {"outputs": provenance.file_hashes(_tables_elsewhere(run))}
     provenance.write(place, ended | {"measured": measured})  # metrics.json is still to come
     if measured:
         write_json(place / "metrics.json", table)
@@ -284,6 +295,11 @@ class RunLogFile(logging.FileHandler):
     def close(self) -> None:
         with suppress(OSError):  # what could not be written was raised before
             super().close()
+
+
+def _tables_elsewhere(run: Run) -> list[Path]:
+    """Files that stages wrote outside of the results directory: their record is the path."""
+    return [record for record in run.records.values() if isinstance(record, Path)]
 
 
 @contextmanager

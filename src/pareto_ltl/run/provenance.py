@@ -17,6 +17,7 @@ from pareto_ltl.support.errors import ParetoLtlError
 from pareto_ltl.support.fingerprints import code_fingerprint, data_fingerprint, file_fingerprint
 from pareto_ltl.support.resources import checkout
 
+ANSWERS = ("ok", "infeasible")  # that a mission has no plan is an answer too
 PACKAGES = (
     "clarabel", "cvxpy", "hydra-core", "moocore", "networkx", "numba", "numpy", "pyproj", "scikit-learn",
     "scipy", "shapely", "xarray",

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from pareto_ltl.planning.records import Acceptance, Forest, Front, Objectives, Plan, PlannedPath, Tree
 from pareto_ltl.report.records import Study
+from pareto_ltl.run import provenance
 from pareto_ltl.run.records import (
     AUTOMATON,
     DECOMPOSITION,
@@ -385,8 +386,12 @@ class Results(Displayed):
 
     @property
     def done(self) -> bool:
-        """Whether the run has ended with an answer: ``metrics.json`` is there."""
-        return (self.directory / "metrics.json").is_file()
+        """Whether the run has ended with an answer: a plan, tables, or that there is none."""
+        if not (self.directory / "run.json").is_file():
+            return False
+        record = self.run
+        answered = record.get("status") in provenance.ANSWERS
+        return answered and (not record.get("measured", True) or (self.directory / "metrics.json").is_file())
 
     @property
     def metrics(self) -> dict[str, float]:

@@ -108,6 +108,11 @@ class Stage(Generic[T]):
         Sections of the settings that ``make`` reads; ``Settings`` stands for all.
     stream : str or None
         Names the random stream of a stage that draws; another name means other draws.
+    writes : tuple of str
+        Files of the record in the results directory: the same settings give the same bytes, but for columns
+        of seconds. ``*`` stands for any name.
+    shows : tuple of str
+        Files for people, figures and texts, which may tell how long something took.
     """
 
     name: str
@@ -117,6 +122,8 @@ class Stage(Generic[T]):
     uses: tuple[RecordKey[Any], ...] = ()
     settings: tuple[type[Any], ...] = ()
     stream: str | None = None
+    writes: tuple[str, ...] = ()
+    shows: tuple[str, ...] = ()
 
 
 def stage_seeds(seed: int, stream: str) -> SeedSequence:
@@ -144,6 +151,11 @@ class StageTable:
 
     def __contains__(self, name: str) -> bool:
         return name in self._stages
+
+    @property
+    def files(self) -> tuple[str, ...]:
+        """Patterns of all files that the stages write or show."""
+        return tuple(name for stage in self._stages.values() for name in (*stage.writes, *stage.shows))
 
     def maker_of(self, key: RecordKey[T]) -> Stage[T]:
         """The first stage that makes ``key``; ``KeyError`` if there is none."""

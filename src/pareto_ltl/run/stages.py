@@ -224,16 +224,27 @@ def make_wind_table(inputs: StageInputs) -> Path:
     return write_wind_table(inputs.settings.wind, inputs[READINGS], ingest, Path(ingest.out))
 
 
+FIGURE_FILES = ("figures/*.png", "figures/*.svg")
 PLAN_STAGES = (
     Stage("readings", makes=READINGS, make=make_readings, settings=(WindConfig,)),
-    Stage("scene", makes=SCENE, make=make_scene, needs=(READINGS,), settings=(SceneConfig, MissionConfig)),
-    Stage("decomposition", makes=DECOMPOSITION, make=make_decomposition, needs=(SCENE,)),
+    Stage(
+        "scene",
+        makes=SCENE,
+        make=make_scene,
+        needs=(READINGS,),
+        settings=(SceneConfig, MissionConfig),
+        writes=("scene.json",),
+    ),
+    Stage(
+        "decomposition", makes=DECOMPOSITION, make=make_decomposition, needs=(SCENE,), writes=("cells.json",)
+    ),
     Stage(
         "automaton",
         makes=AUTOMATON,
         make=make_automaton,
         needs=(SCENE, DECOMPOSITION),
         settings=(MissionConfig, LogicConfig),
+        writes=("automaton.json", "automaton.hoa"),
     ),
     Stage(
         "observations",
@@ -248,6 +259,7 @@ PLAN_STAGES = (
         make=make_wind,
         needs=(OBSERVATIONS, SCENE),
         settings=(WindConfig, PlannerConfig, RobotConfig),
+        writes=("wind.nc",),
     ),
     Stage(
         "problem",
@@ -263,6 +275,7 @@ PLAN_STAGES = (
         needs=(PROBLEM,),
         settings=(PlannerConfig,),
         stream="forest",
+        writes=("trees.npz",),
     ),
     Stage(
         "front",
@@ -271,6 +284,7 @@ PLAN_STAGES = (
         needs=(PROBLEM, FOREST),
         settings=(PlannerConfig, FidelityConfig, SmoothingConfig, SelectionConfig),
         stream="front",
+        writes=("front.csv",),
     ),
     Stage(
         "plan",
@@ -279,6 +293,7 @@ PLAN_STAGES = (
         needs=(PROBLEM, WIND, FRONT),
         settings=(SelectionConfig, RobotConfig, FidelityConfig),
         stream="plan",
+        writes=("plan.json", "plan.csv"),
     ),
     Stage(
         "forecasts",
@@ -294,6 +309,7 @@ PLAN_STAGES = (
         needs=(PROBLEM, PLAN),
         settings=(DeploymentConfig,),
         stream="deployment",
+        writes=("deployments.npz",),
     ),
     Stage(
         "report",
@@ -302,6 +318,7 @@ PLAN_STAGES = (
         needs=(SCENE, DECOMPOSITION, WIND),
         uses=(FOREST, FRONT, PLAN, DEPLOYMENTS),
         settings=(ReportConfig, FidelityConfig),
+        shows=FIGURE_FILES,
     ),
     Stage(
         "table",

@@ -16,25 +16,19 @@ To be at work beside a job that is killed costs a job nothing: only launches of 
 from __future__ import annotations
 
 import logging
-import os
-import platform
 import time
 from abc import ABC, abstractmethod
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
-from pareto_ltl.run.provenance import one_line
-from pareto_ltl.support.errors import ConfigError
-from pareto_ltl.support.locks import TakenError, hold_lock, hold_passing_lock, is_held
+from pareto_ltl.run.provenance import ANSWERS, one_line
+from pareto_ltl.support.locks import has_note, hold_passing_lock, is_held, process_note
 
 JOB_LOG = logging.getLogger(__name__)
 
-ANSWERS = ("ok", "infeasible")  # that a mission has no plan is an answer too
 KILLED = "ended without a word: killed, out of memory, or its disk was full"
 TRIES_ALONE = 2  # launches of its own in which a job may be killed
 
@@ -133,10 +127,7 @@ class StoredJob(ABC):
 
     def abandoned(self) -> bool:
         """Whether the last process at work was killed: its note is there, and no process holds the lock."""
-        try:
-            return self.lock.stat().st_size > 0 and not is_held(self.lock)
-        except OSError:
-            return False
+        return has_note(self.lock) and not is_held(self.lock)
 
     def stamps(self) -> tuple[tuple[int, int] | None, ...]:
         """Date and inode of each trace: other ones after a launch say that the job began in it."""
@@ -149,30 +140,6 @@ def _file_stamp(path: Path) -> tuple[int, int] | None:
     except OSError:
         return None
     return stat.st_mtime_ns, stat.st_ino
-
-
-def process_note() -> str:
-    """The holder of a lock as text, for the message of a process that finds the lock taken."""
-    return f"process {os.getpid()} on {platform.node()}, since {datetime.now(UTC):%Y-%m-%d %H:%M:%S} UTC"
-
-
-@contextmanager
-def claim_folder(lock: Path, what: str, instead: str) -> Iterator[None]:
-    """Have the folder of ``lock`` for one queue alone.
-
-    Raises
-    ------
-    ConfigError
-        If ``what``, for example "a sweep", is at work there already; ``instead`` names another way.
-    """
-    lock.parent.mkdir(parents=True, exist_ok=True)
-    try:
-        with hold_lock(lock, wait=False, note=process_note()):
-            yield
-    except TakenError as other:
-        raise ConfigError(
-            f"{what} is at work in {lock.parent} already ({other}): wait for it, or {instead}"
-        ) from None
 
 
 AnyJob = TypeVar("AnyJob", bound=StoredJob)

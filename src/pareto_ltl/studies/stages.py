@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from pareto_ltl.run.records import AUTOMATON, DECOMPOSITION, OBSERVATIONS, SCENE, RecordKey
 from pareto_ltl.run.stage_table import Stage, StageInputs
+from pareto_ltl.run.stages import FIGURE_FILES
 from pareto_ltl.settings import ReportConfig, Settings
 
 if TYPE_CHECKING:
@@ -94,37 +95,73 @@ def make_hindcast_figures(inputs: StageInputs) -> tuple[Path, ...]:
     return draw_hindcast(inputs.directory / "figures", cfg, inputs[HINDCAST])
 
 
+TABLES_TEXT = ("tables.md",)
 STUDY_STAGES = (
-    Stage("comparison", makes=COMPARISON, make=make_comparison, needs=WORLD, settings=(Settings,)),
+    Stage(
+        "comparison",
+        makes=COMPARISON,
+        make=make_comparison,
+        needs=WORLD,
+        settings=(Settings,),
+        writes=("compare.csv", "compare_seeds.csv", "differences.csv", "no_plan.csv"),
+        shows=TABLES_TEXT,
+    ),
     Stage(
         "comparison_figures",
         makes=COMPARISON_FIGURES,
         make=make_comparison_figures,
         needs=(SCENE, DECOMPOSITION, COMPARISON),
         settings=(ReportConfig,),
+        shows=FIGURE_FILES,
     ),
-    Stage("convergence", makes=CONVERGENCE, make=make_convergence, needs=WORLD, settings=(Settings,)),
+    Stage(
+        "convergence",
+        makes=CONVERGENCE,
+        make=make_convergence,
+        needs=WORLD,
+        settings=(Settings,),
+        writes=("convergence.csv", "convergence_seeds.csv", "first_answer.csv"),
+        shows=TABLES_TEXT,
+    ),
     Stage(
         "convergence_figures",
         makes=CONVERGENCE_FIGURES,
         make=make_convergence_figures,
         needs=(CONVERGENCE,),
         settings=(ReportConfig,),
+        shows=FIGURE_FILES,
     ),
-    Stage("ablation", makes=ABLATION, make=make_ablation, needs=WORLD, settings=(Settings,)),
+    Stage(
+        "ablation",
+        makes=ABLATION,
+        make=make_ablation,
+        needs=WORLD,
+        settings=(Settings,),
+        writes=("ablation.csv",),
+        shows=TABLES_TEXT,
+    ),
     Stage(
         "ablation_figures",
         makes=ABLATION_FIGURES,
         make=make_ablation_figures,
         needs=(ABLATION,),
         settings=(ReportConfig,),
+        shows=FIGURE_FILES,
     ),
-    Stage("hindcast", makes=HINDCAST, make=make_hindcast, settings=(Settings,)),
+    Stage(
+        "hindcast",
+        makes=HINDCAST,
+        make=make_hindcast,
+        settings=(Settings,),
+        writes=("hindcast.csv", "reliability.csv", "scorecard.csv", "no_plan.csv"),
+        shows=TABLES_TEXT,
+    ),
     Stage(
         "hindcast_figures",
         makes=HINDCAST_FIGURES,
         make=make_hindcast_figures,
         needs=(HINDCAST,),
         settings=(ReportConfig,),
+        shows=FIGURE_FILES,
     ),
 )

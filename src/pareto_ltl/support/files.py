@@ -30,6 +30,8 @@ ARCHIVE_DATE = (1980, 1, 1, 0, 0, 0)  # the earliest date that a zip archive can
 def whole_file(path: Path) -> Iterator[Path]:
     """A draft to write to; it replaces ``path`` when the block ends, and is removed when the block raises."""
     draft = path.with_name(f".{os.getpid()}.{path.name}")
+    draft.unlink(missing_ok=True)
+    os.close(os.open(draft, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))  # never through a planted link
     try:
         yield draft
         with draft.open("r+b") as file:
@@ -49,13 +51,9 @@ def remove_dead_drafts(folder: Path) -> None:
 
 def process_lives(number: int) -> bool:
     """Whether a process with this number runs on this machine, whoever owns it."""
-    try:
-        os.kill(number, 0)
-    except ProcessLookupError:
-        return False
-    except OSError:
-        return True
-    return True
+    import psutil
+
+    return bool(psutil.pid_exists(number))
 
 
 # --- writing ---------------------------------------------------------------------------------

@@ -1,22 +1,32 @@
 """File locks that the operating system takes back when their holder dies, on one machine or a shared disk.
 
-``flock`` needs no clean-up after SIGKILL, and Linux carries it over NFS. Where a file system has no locks,
-the work is done without one, and the log says so.
+``filelock`` locks an open file: with ``flock`` on Linux and macOS, where it needs no clean-up after SIGKILL
+and goes over NFS, and with ``LockFileEx`` on Windows. Where a file system has no locks, the work is done
+without one, and the log says so. A note of the holder stands behind the first byte, since Windows lets nobody
+else read that one.
 """
 
 from __future__ import annotations
 
 import errno
-import fcntl
 import logging
 import os
+import platform
+import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from datetime import UTC, datetime
 from pathlib import Path
+
+from pareto_ltl.support.errors import ConfigError, DataError
 
 LOCK_LOG = logging.getLogger(__name__)
 
 NO_LOCKS = (errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP)  # what a file system without locks answers
+NO_LINK = getattr(os, "O_NOFOLLOW", 0)  # a link planted at the place of a lock is not written through
+NOTE_START = 1  # byte 0 is the one that is locked
+NOTE_LENGTH = 200
+ATTEMPTS, PAUSE = 5, 0.02  # times and [s]; a process that asks is_held has the lock for a moment
 
 
 class TakenError(Exception):
@@ -40,18 +50,13 @@ def hold_lock(path: Path, *, wait: bool = True, note: str = "") -> Iterator[str]
     ------
     TakenError
         If another process holds it and ``wait`` is false.
+    DataError
+        If ``path`` is a symbolic link.
     OSError
         If the file cannot be made or opened.
     """
-    handle = _locked_handle(path, wait)
-    try:
-        left = _read_note(handle)
-        if note:
-            os.ftruncate(handle, 0)
-            os.pwrite(handle, note.encode(), 0)
+    with _held(path, wait, note) as (_, left):
         yield left
-    finally:
-        os.close(handle)
 
 
 @contextmanager
@@ -60,34 +65,81 @@ def hold_passing_lock(path: Path, *, wait: bool = True, note: str = "") -> Itera
 
     A note that is found in it then says that its last holder was killed.
     """
-    with hold_lock(path, wait=wait, note=note) as left:
+    with _held(path, wait, note) as (handle, left):
         try:
             yield left
         finally:
-            path.unlink(missing_ok=True)
+            os.ftruncate(handle, 0)  # the file tells of no kill, also where it cannot be removed
+            with suppress(PermissionError, FileNotFoundError):
+                path.unlink()
+    if os.name == "nt":  # where a file that is open cannot be removed
+        with suppress(OSError):
+            path.unlink()
+
+
+@contextmanager
+def claim_folder(lock: Path, what: str, instead: str) -> Iterator[None]:
+    """Have the folder of ``lock`` for this process alone; the file goes when the block ends.
+
+    Raises
+    ------
+    ConfigError
+        If ``what``, for example "a sweep", is at work there already; ``instead`` names another way.
+    """
+    lock.parent.mkdir(parents=True, exist_ok=True)
+    try:
+        with hold_passing_lock(lock, wait=False, note=process_note()):
+            yield
+    except TakenError as other:
+        raise ConfigError(
+            f"{what} is at work in {lock.parent} already ({other}): wait for it, or {instead}"
+        ) from None
+
+
+def process_note() -> str:
+    """The holder of a lock as text, for the message of a process that finds the lock taken."""
+    return f"process {os.getpid()} on {platform.node()}, since {datetime.now(UTC):%Y-%m-%d %H:%M:%S} UTC"
+
+
+def has_note(path: Path) -> bool:
+    """Whether a holder left its note in ``path``: it is at work, or it was killed."""
+    try:
+        return path.stat().st_size > NOTE_START
+    except OSError:
+        return False
 
 
 def is_held(path: Path) -> bool:
     """Whether a living process holds the lock ``path``."""
     try:
-        handle = os.open(path, os.O_RDONLY)
+        handle = os.open(path, os.O_RDONLY | NO_LINK)
     except OSError:
         return False
     try:
-        fcntl.flock(handle, fcntl.LOCK_SH | fcntl.LOCK_NB)
-    except BlockingIOError:
-        return True
+        return not _try_lock(handle, wait=False)
     except OSError:
         return False
     finally:
         os.close(handle)
-    return False
+
+
+@contextmanager
+def _held(path: Path, wait: bool, note: str) -> Iterator[tuple[int, str]]:
+    """The open and locked file with ``note`` in it, and the note that was there before."""
+    handle = _locked_handle(path, wait)
+    try:
+        left = _read_note(handle)
+        if note:
+            _write_note(handle, note)
+        yield handle, left
+    finally:
+        os.close(handle)
 
 
 def _locked_handle(path: Path, wait: bool) -> int:
     """Open ``path`` and lock it; once more where the file was removed or replaced while this one waited."""
     while True:
-        handle = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
+        handle = _open_lock(path)
         try:
             _lock_handle(handle, path, wait)
             if _is_still(handle, path):
@@ -98,24 +150,53 @@ def _locked_handle(path: Path, wait: bool) -> int:
         os.close(handle)
 
 
+def _open_lock(path: Path) -> int:
+    try:
+        return os.open(path, os.O_RDWR | os.O_CREAT | NO_LINK, 0o644)
+    except OSError as error:
+        if error.errno == errno.ELOOP:
+            raise DataError(
+                f"{path} is a symbolic link, and a lock must be a plain file: remove the link"
+            ) from None
+        raise
+
+
 def _lock_handle(handle: int, path: Path, wait: bool) -> None:
     try:
-        fcntl.flock(handle, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
-    except BlockingIOError:
-        raise TakenError(_read_note(handle)) from None
+        if not _try_lock(handle, wait):
+            raise TakenError(_read_note(handle))
     except OSError as error:
         if error.errno not in NO_LOCKS:
             raise
         LOCK_LOG.warning("%s: no locks on this file system; do not start the same work twice", path.parent)
 
 
+def _try_lock(handle: int, wait: bool) -> bool:
+    from filelock import lock_descriptor
+
+    if wait:
+        return lock_descriptor(handle, poll_interval=PAUSE)
+    for _ in range(ATTEMPTS):
+        if lock_descriptor(handle, blocking=False):
+            return True
+        time.sleep(PAUSE)
+    return False
+
+
 def _read_note(handle: int) -> str:
-    return os.pread(handle, 200, 0).decode(errors="replace").strip()
+    os.lseek(handle, NOTE_START, os.SEEK_SET)
+    return os.read(handle, NOTE_LENGTH).decode(errors="replace").strip()
+
+
+def _write_note(handle: int, note: str) -> None:
+    os.ftruncate(handle, 0)
+    os.lseek(handle, 0, os.SEEK_SET)
+    os.write(handle, b" " * NOTE_START + note.encode()[:NOTE_LENGTH])
 
 
 def _is_still(handle: int, path: Path) -> bool:
     """Whether ``path`` is the file that ``handle`` has open."""
     try:
-        return os.path.samestat(os.fstat(handle), os.stat(path))
+        return os.path.samestat(os.fstat(handle), os.stat(path, follow_symlinks=False))
     except FileNotFoundError:
         return False

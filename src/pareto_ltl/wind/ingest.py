@@ -26,9 +26,12 @@ def write_wind_table(cfg: WindConfig, readings: Readings, ingest: IngestConfig, 
 
     Raises
     ------
+    ConfigError
+        If ``out`` is one of the files that are read, or its folder does not exist.
     DataError
         If the source is planar, has no time in the interval, or has too few common nodes in the area.
     """
+    _check_place(out, readings)
     if not len(readings.times):
         raise DataError(f"wind.source={cfg.source} holds no readings; ingest needs wind files (wind=grib)")
     if not readings.geographic:
@@ -40,6 +43,19 @@ def write_wind_table(cfg: WindConfig, readings: Readings, ingest: IngestConfig, 
     text = json.dumps(_table_provenance(cfg, ingest, readings, kept, nodes), indent=1, ensure_ascii=False)
     write_text(out.with_suffix(".json"), text + "\n")
     return out
+
+
+def _check_place(out: Path, readings: Readings) -> None:
+    sources = {file.resolve() for file in readings.files}
+    for path in (out, out.with_suffix(".json")):
+        if path.resolve() in sources:
+            raise ConfigError(f"ingest.out={out} would overwrite {path}, which is read; name another file")
+    if not out.parent.is_dir():
+        raise ConfigError(f"ingest.out={out}: there is no folder {out.parent}; make it, or name another file")
+    if out.suffix == ".json":
+        raise ConfigError(
+            f"ingest.out={out}: the table is CSV, and its origin goes to a .json beside it; name it .csv"
+        )
 
 
 def _times_between(readings: Readings, ingest: IngestConfig) -> IntArray:

@@ -8,13 +8,13 @@ from pathlib import Path
 from typing import Any
 
 from pareto_ltl.run import provenance
-from pareto_ltl.studies.jobs import ANSWERS, KILLED, JobState, Metrics, StoredJob
+from pareto_ltl.run.directory import RUN_LOCK, RUN_LOG
+from pareto_ltl.studies.jobs import KILLED, JobState, Metrics, StoredJob
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.files import read_json
 from pareto_ltl.support.locks import is_held
 
-RUN_LOCK = "run.lock"
-SURVIVORS = (RUN_LOCK, ".hydra", "run.log")  # what stays of a run that is made again
+SURVIVORS = (RUN_LOCK, RUN_LOG, ".hydra")  # what stays of a run that is made again
 KEY_DIGITS = 16  # digits of the fingerprint that name a directory
 
 
@@ -51,7 +51,7 @@ class RunJob(StoredJob):
         status, error = str(record.get("status")), record.get("error")
         if status == "running" or self.abandoned():
             return self._unfinished(record)
-        if status not in ANSWERS:
+        if status not in provenance.ANSWERS:
             return JobState("failed", str(error), record=record)
         if not record.get("measured", status == "ok"):
             return JobState(status, error, record=record)

@@ -53,7 +53,6 @@ def write_csv_table(
         stamp = iso(time)
         for (lon, lat), (u, v) in zip(points, rows, strict=True):
             lines.append(f"{stamp},{lat:.8g},{lon:.8g},{u + 0.0:.{decimals}f},{v + 0.0:.{decimals}f}")
-    path.parent.mkdir(parents=True, exist_ok=True)
     write_text(path, "\n".join(lines) + "\n")
 
 

@@ -1,0 +1,58 @@
+"""One directory, one run: locked while a run is at work in it, and cleared of what an earlier run left."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from pareto_ltl.support.errors import DataError
+from pareto_ltl.support.locks import claim_folder
+
+RUN_LOCK = "run.lock"
+RUN_LOG = "run.log"
+BOOKKEEPING = (  # the first goes first: without it, the rest is no result
+    "metrics.json", "run.json", "config_resolved.yaml", RUN_LOG,
+    ".hydra/config.yaml", ".hydra/hydra.yaml", ".hydra/overrides.yaml",
+)  # fmt: skip
+RECORD_FILES = (
+    "scene.json", "cells.json", "automaton.json", "automaton.hoa", "wind.nc", "trees.npz", "front.csv",
+    "plan.json", "plan.csv", "deployments.npz", "figures/*.png", "figures/*.svg", "tables.md",
+    "compare.csv", "compare_seeds.csv", "differences.csv", "no_plan.csv", "convergence.csv",
+    "convergence_seeds.csv", "first_answer.csv", "ablation.csv", "hindcast.csv", "reliability.csv",
+    "scorecard.csv",
+)  # fmt: skip
+
+
+@contextmanager
+def claimed_directory(directory: Path, written: Iterable[str] = ()) -> Iterator[None]:
+    """Have ``directory`` for one run: made where it is missing, locked, cleared of an earlier run's files.
+
+    Parts of a study stay: they are named by all that they depend on, and ``evaluation.resume`` reads them.
+
+    Parameters
+    ----------
+    written : iterable of str
+        Patterns of files that the run writes besides :data:`RECORD_FILES`, as stages of other packages do.
+
+    Raises
+    ------
+    ConfigError
+        If another run is at work in it.
+    DataError
+        If there is a file in its place.
+    """
+    if directory.exists() and not directory.is_dir():
+        raise DataError(f"{directory} is a file, and results need a folder: name another one")
+    with claim_folder(directory / RUN_LOCK, "a run", "name another folder (hydra.run.dir=FOLDER)"):
+        clear_results(directory, written)
+        yield
+
+
+def clear_results(directory: Path, written: Iterable[str] = ()) -> None:
+    """Remove what a run writes from ``directory``; all other files stay."""
+    for pattern in dict.fromkeys((*BOOKKEEPING, *RECORD_FILES, *written)):
+        for path in directory.glob(pattern):
+            linked = path.parent != directory and path.parent.is_symlink()
+            if not linked and (path.is_symlink() or path.is_file()):
+                path.unlink()

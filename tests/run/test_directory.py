@@ -1,0 +1,135 @@
+"""One directory, one run: an earlier run is cleared away, other files stay, two at once do not mix."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import pareto_ltl
+from pareto_ltl.cli.stage_table import application_stages
+from pareto_ltl.run.directory import BOOKKEEPING, RECORD_FILES, RUN_LOCK, claimed_directory
+from pareto_ltl.run.pipeline import Run, check_pipeline, run_pipeline
+from pareto_ltl.settings import Settings
+from pareto_ltl.settings.building import build_settings
+from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
+from pareto_ltl.support.locks import hold_lock
+
+MAP = {
+    "bounds": [[0, 0], [1e6, 1e6]],
+    "start": [1e5, 1e5],
+    "regions": {"a": [[4e5, 4e5], [7e5, 4e5], [5e5, 7e5]]},
+}
+QUICK = {
+    "planner": {"trees": 1, "n_max": 300},
+    "deployment": {"runs": 5},
+    "wind": "calm",
+    "report": {"figures": False},
+}
+
+
+def made(place: Path, **sections: object) -> None:
+    pareto_ltl.plan(MAP, "F a", out=place, **QUICK | sections)
+
+
+def test_nothing_of_an_earlier_run_is_left_beside_the_answer_of_a_later_one(tmp_path: Path) -> None:
+    made(tmp_path)
+    (tmp_path / "notes.txt").write_text("mine")
+    (tmp_path / "figures").mkdir()
+    (tmp_path / "figures" / "old.png").touch()
+    (tmp_path / "compare.csv").touch()
+    assert pareto_ltl.load_results(tmp_path).done
+    with pytest.raises(InfeasibleError):
+        made(tmp_path, planner={"trees": 1, "n_max": 2}, robot={"u_max": 1})
+    left = {path.name for path in tmp_path.iterdir() if path.is_file()}
+    assert left.isdisjoint({"plan.json", "plan.csv", "front.csv", "deployments.npz", "compare.csv", RUN_LOCK})
+    assert not list((tmp_path / "figures").iterdir())
+    assert "notes.txt" in left
+    assert json.loads((tmp_path / "run.json").read_text())["status"] == "infeasible"
+    assert pareto_ltl.load_results(tmp_path).done  # that there is no plan is an answer
+    assert (tmp_path / "run.log").read_text().count("run plan, seed 0") == 1
+
+
+def test_a_failed_run_leaves_no_answer_of_an_earlier_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made(tmp_path)
+
+    def broken(run: Run, stage: object) -> None:
+        raise DataError("no such wind")
+
+    monkeypatch.setattr(Run, "perform", broken)
+    with pytest.raises(DataError):
+        made(tmp_path)
+    assert not pareto_ltl.load_results(tmp_path).done
+    assert not (tmp_path / "metrics.json").exists()
+    assert not (tmp_path / "plan.json").exists()
+
+
+def test_done_means_that_the_status_says_so(tmp_path: Path) -> None:
+    made(tmp_path)
+    results = pareto_ltl.load_results(tmp_path)
+    record = json.loads((tmp_path / "run.json").read_text())
+    for status in ("running", "failed", "stopped"):
+        (tmp_path / "run.json").write_text(json.dumps(record | {"status": status}))
+        assert not results.done
+    (tmp_path / "run.json").unlink()
+    assert not results.done
+
+
+def test_a_second_run_into_a_directory_at_work_is_refused_and_touches_nothing(tmp_path: Path) -> None:
+    made(tmp_path)
+    before = {path.name: path.read_bytes() for path in tmp_path.iterdir() if path.is_file()}
+    with hold_lock(tmp_path / RUN_LOCK, note="process 1 on moon"):
+        with pytest.raises(ConfigError, match=r"a run is at work in .* already \(process 1 on moon\)"):
+            made(tmp_path)
+        command = [sys.executable, "-m", "pareto_ltl", "+experiment=phi1", f"hydra.run.dir={tmp_path}"]
+        second = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path.parent, check=False)
+    assert second.returncode == 2
+    assert second.stderr.count("\n") == 1
+    assert "a run is at work in" in second.stderr
+    assert not (tmp_path / ".hydra").exists()
+    (tmp_path / RUN_LOCK).unlink()
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir() if path.is_file()} == before
+
+
+def test_a_folder_that_is_a_link_is_not_cleared_through(tmp_path: Path) -> None:
+    album = tmp_path / "album"
+    album.mkdir()
+    (album / "holiday.png").touch()
+    place = tmp_path / "place"
+    place.mkdir()
+    os.symlink(album, place / "figures")
+    with claimed_directory(place):
+        pass
+    assert (album / "holiday.png").exists()
+
+
+def test_a_file_in_the_place_of_a_directory_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    with (
+        pytest.raises(DataError, match="is a file, and results need a folder"),
+        claimed_directory(tmp_path / "file"),
+    ):
+        pass
+
+
+def test_every_file_of_a_stage_is_among_those_that_are_cleared() -> None:
+    declared = set(application_stages(Settings()).files)
+    assert declared <= {*RECORD_FILES, *BOOKKEEPING}
+
+
+def test_a_run_writes_what_its_stages_declare_and_nothing_else(tmp_path: Path) -> None:
+    settings = build_settings(
+        {"pipelines": "plan", "scene": MAP, "mission": {"formula": "F a"}} | QUICK | {"report": {"dpi": 30}}
+    )
+    pipeline = check_pipeline(settings, application_stages(settings))
+    run_pipeline(pipeline, tmp_path)
+    declared = {name for stage in pipeline.stages for name in (*stage.writes, *stage.shows)}
+    found = {path for pattern in (*declared, *BOOKKEEPING) for path in tmp_path.glob(pattern)}
+    assert found == {path for path in tmp_path.rglob("*") if path.is_file()}
+    assert all(any(tmp_path.glob(pattern)) for pattern in declared)
