@@ -461,7 +461,7 @@ def test_ingest_writes_the_same_nodes_at_all_times_and_says_from_where(gribs, tm
 
 
 def test_ingest_makes_no_folders_and_overwrites_nothing_that_it_reads(gribs, tmp_path):
-    with pytest.raises(ConfigError, match="there is no folder .*deep; make it"):
+    with pytest.raises(ConfigError, match=r"there is no folder .*deep; make it"):
         ingested(grib(gribs), IngestConfig(points=9), tmp_path / "deep" / "table.csv")
     assert not (tmp_path / "deep").exists()
     first = tmp_path / "table.csv"
@@ -469,7 +469,7 @@ def test_ingest_makes_no_folders_and_overwrites_nothing_that_it_reads(gribs, tmp
     kept = first.read_bytes()
     around = first.parent / "." / first.name
     for out in (first, around, tmp_path / "table.json"):
-        with pytest.raises(ConfigError, match="name (it|another)"):
+        with pytest.raises(ConfigError, match=r"name (it|another)"):
             ingested(WindConfig(source="csv", path=str(first)), IngestConfig(points=5), out)
     assert first.read_bytes() == kept
 
