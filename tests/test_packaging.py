@@ -15,7 +15,7 @@ import yaml
 import pareto_ltl
 from pareto_ltl.run import provenance
 from pareto_ltl.settings import Settings, as_dict
-from pareto_ltl.support import resources
+from pareto_ltl.support import resources, schemas
 
 ROOT = Path(__file__).resolve().parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
@@ -46,6 +46,28 @@ def test_a_wheel_finds_the_folders_inside_the_package(
 def test_the_wheel_carries_configuration_and_pipelines() -> None:
     forced = PROJECT["tool"]["hatch"]["build"]["targets"]["wheel"]["force-include"]
     assert forced == {"conf": "pareto_ltl/conf", "pipelines": "pareto_ltl/pipelines"}
+
+
+def test_the_schemas_lie_in_the_package_which_the_wheel_carries_whole() -> None:
+    packages = PROJECT["tool"]["hatch"]["build"]["targets"]["wheel"]["packages"]
+    for name in schemas.SCHEMA_NAMES:
+        path = schemas.FOLDER / f"{name}.schema.json"
+        assert path.is_file()
+        assert any(path.is_relative_to(ROOT / package) for package in packages)
+        assert subprocess.run(["git", "-C", str(ROOT), "check-ignore", "-q", str(path)]).returncode != 0
+
+
+def test_help_and_a_wrong_setting_do_not_load_jsonschema(tmp_path: Path) -> None:
+    for words in (["--help"], ["+experiment=phi1", "seed=-x"], ["rerun", "nowhere"]):
+        check = (
+            "import sys; from pareto_ltl.__main__ import main\n"
+            f"sys.argv[1:] = {words}\ntry: main()\nexcept SystemExit: pass\n"
+            "assert 'jsonschema' not in sys.modules"
+        )
+        done = subprocess.run(
+            [sys.executable, "-c", check], cwd=tmp_path, capture_output=True, text=True, check=False
+        )
+        assert done.returncode == 0, done.stderr
 
 
 def test_the_source_archive_names_only_what_is_there() -> None:

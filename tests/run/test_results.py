@@ -17,12 +17,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from pareto_ltl.planning.records import Forest, Front, Objectives, Plan, PlannedPath, Tree
+from pareto_ltl.planning.records import Acceptance, Forest, Front, Objectives, Plan, PlannedPath, Tree
 from pareto_ltl.run import results as store
 from pareto_ltl.run.records import RecordKey
 from pareto_ltl.simulation.records import Deployment
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.support.files import read_json, whole_file, write_json, write_npz
+from pareto_ltl.support.files import whole_file, write_json, write_npz
+from pareto_ltl.support.reading import read_json
 from pareto_ltl.world.cells import Decomposition
 from pareto_ltl.world.scene import Scene
 
@@ -139,6 +140,13 @@ def test_a_record_comes_back_bit_by_bit(name: str, tmp_path: Path) -> None:
     assert same(read(tmp_path / FILES[name]), make())
 
 
+def test_a_plan_with_fixes_and_a_failed_check_comes_back(tmp_path: Path) -> None:
+    checked = Acceptance(0.1, math.nan, 2000, 300, 0.13, 0.17, False, 0.2)
+    made = replace(plan(), path=replace(flight(), fixes=(1, 3)), acceptance=checked)
+    store.write_plan(tmp_path, made)
+    assert same(store.read_plan(tmp_path), made)
+
+
 @pytest.mark.parametrize("name", RECORDS)
 def test_the_same_record_gives_the_same_bytes(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -175,9 +183,7 @@ def test_a_plan_of_another_schema_is_refused_by_name(tmp_path: Path) -> None:
     store.write_plan(tmp_path, plan())
     path = tmp_path / "plan.json"
     path.write_text(path.read_text().replace("pareto_ltl.plan/1", "pareto_ltl.plan/9"))
-    with pytest.raises(
-        DataError, match=r"expected a plan of schema 'pareto_ltl.plan/1', found 'pareto_ltl.plan/9'"
-    ):
+    with pytest.raises(DataError, match=r"expected schema 'pareto_ltl.plan/1', found \"pareto_ltl.plan/9\""):
         store.read_plan(path)
 
 

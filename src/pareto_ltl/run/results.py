@@ -10,7 +10,7 @@ import csv
 import math
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -35,9 +35,12 @@ from pareto_ltl.run.records import (
 from pareto_ltl.settings import Settings
 from pareto_ltl.settings.building import read_settings_file
 from pareto_ltl.simulation.records import Deployment
+from pareto_ltl.support.archives import read_npz
 from pareto_ltl.support.display import Displayed
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.support.files import read_json, read_npz, write_bytes, write_csv, write_json, write_npz
+from pareto_ltl.support.files import write_bytes, write_csv, write_json, write_npz
+from pareto_ltl.support.reading import read_json, read_text
+from pareto_ltl.support.schemas import read_document
 from pareto_ltl.wind.records import WindField
 from pareto_ltl.world.cells import Decomposition
 from pareto_ltl.world.scene import Scene
@@ -54,7 +57,7 @@ TREE_ARRAYS = ("x", "parent", "step", "q", "cell", "length", "risk", "swaps", "b
 def _shaped(path: Path, what: str) -> Iterator[None]:
     try:
         yield
-    except (KeyError, TypeError, ValueError, AttributeError, IndexError) as error:
+    except (KeyError, TypeError, ValueError, AttributeError, IndexError, OverflowError) as error:
         reason = f"{error} is missing" if isinstance(error, KeyError) else str(error)
         raise DataError(f"{path}: not {what} ({reason}); run the plan again") from error
 
@@ -78,7 +81,7 @@ def read_scene(place: Path | str) -> Scene:
     from pareto_ltl.world.scene_files import scene_from_dict as from_dict
 
     path = _inside(place, "scene.json")
-    content = read_json(path)
+    content = read_document(path, "scene")
     with _shaped(path, "a scene"):
         return from_dict(content)
 
@@ -89,7 +92,7 @@ def write_decomposition(directory: Path, decomposition: Decomposition) -> None:
 
 def read_decomposition(place: Path | str) -> Decomposition:
     path = _inside(place, "cells.json")
-    content = read_json(path)
+    content = read_document(path, "cells")
     with _shaped(path, "a decomposition"):
         return Decomposition(
             cells=_polygons(content["cells"]),
@@ -123,8 +126,10 @@ def write_automaton(directory: Path, automaton: Automaton) -> None:
 def write_wind(directory: Path, wind: WindField) -> None:
     """With the scene beside it, where there is one, the file's clock and projection are named too."""
     from pareto_ltl.wind.netcdf import write_netcdf as to_netcdf
+    from pareto_ltl.world.scene_files import scene_from_dict as from_dict
 
-    scene = read_scene(directory) if (directory / "scene.json").is_file() else None
+    path = directory / "scene.json"  # this run's own: a check against its schema would cost 0.2 s
+    scene = from_dict(read_json(path)) if path.is_file() else None
     to_netcdf(wind, directory / "wind.nc", scene)
 
 
@@ -197,10 +202,7 @@ def _costs(objectives: Objectives) -> tuple[float, ...]:
 def read_front(place: Path | str) -> list[tuple[Objectives, str]]:
     """Objectives and origin of every path of the front."""
     path = _inside(place, "front.csv")
-    try:
-        text = path.read_text(encoding="utf-8")
-    except OSError as error:
-        raise DataError(f"{path}: cannot be read ({error.strerror}); is this a results directory?") from error
+    text = read_text(path)
     with _shaped(path, "a front"):
         return [
             (Objectives(*(float(row[name]) for name in FRONT_HEADER[1:6])), row["origin"])
@@ -257,12 +259,7 @@ def _plan_row(path: PlannedPath, step: int) -> tuple[Any, ...]:
 def read_plan(place: Path | str) -> Plan:
     """The plan in a results directory, or in a file of the same form."""
     path = _inside(place, "plan.json")
-    content = read_json(path)
-    if content.get("schema") != PLAN_SCHEMA:
-        raise DataError(
-            f"{path}: expected a plan of schema {PLAN_SCHEMA!r}, found {content.get('schema')!r}; "
-            "read it with the version of pareto-ltl that wrote it"
-        )
+    content = read_document(path, "plan", version=PLAN_SCHEMA)
     with _shaped(path, "a plan"):
         return Plan(
             path=_flight(content),
@@ -274,8 +271,18 @@ def read_plan(place: Path | str) -> Plan:
             fidelity=content["fidelity"],
             rule=content["selection"]["rule"],
             weights=tuple(content["selection"]["weights"]),
-            acceptance=Acceptance(**content["acceptance"]) if content.get("acceptance") else None,
+            acceptance=_acceptance(content.get("acceptance")),
         )
+
+
+def _acceptance(content: Mapping[str, Any] | None) -> Acceptance | None:
+    if content is None:
+        return None
+    known: dict[str, Any] = {
+        field.name: math.nan if content[field.name] is None else content[field.name]
+        for field in fields(Acceptance)
+    }
+    return Acceptance(**known)
 
 
 def _flight(content: Mapping[str, Any]) -> PlannedPath:
@@ -395,12 +402,12 @@ class Results(Displayed):
 
     @property
     def metrics(self) -> dict[str, float]:
-        content = read_json(self.directory / "metrics.json")
+        content = read_document(self.directory / "metrics.json", "metrics")
         return {name: math.nan if value is None else value for name, value in content.items()}
 
     @property
     def run(self) -> dict[str, Any]:
-        return read_json(self.directory / "run.json")
+        return read_document(self.directory / "run.json", "run")
 
     @property
     def scene(self) -> Scene:

@@ -19,8 +19,9 @@ from pareto_ltl.run.stages import input_files
 from pareto_ltl.settings import EvaluationConfig, Settings, as_dict
 from pareto_ltl.studies.jobs import KILLED, JobQueue, JobState, StoredJob
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.support.files import plain_data, read_json, remove_dead_drafts, write_json
+from pareto_ltl.support.files import plain_data, remove_dead_drafts, write_json
 from pareto_ltl.support.fingerprints import code_fingerprint, data_fingerprint, file_fingerprint
+from pareto_ltl.support.reading import read_json
 
 PARTS_FOLDER = "parts"
 OTHER_SECTIONS = (  # what no part depends on, or what a study adds to its keys itself

@@ -21,8 +21,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pareto_ltl.support.errors import DataError
-
 ARCHIVE_DATE = (1980, 1, 1, 0, 0, 0)  # the earliest date that a zip archive can carry
 
 
@@ -114,30 +112,3 @@ def write_csv(path: Path, header: Iterable[str], rows: Iterable[Iterable[Any]]) 
     table.writerow(header)
     table.writerows([plain_data(cell) for cell in row] for row in rows)
     write_text(path, text.getvalue())
-
-
-# --- reading ---------------------------------------------------------------------------------
-
-
-def read_json(path: Path) -> dict[str, Any]:
-    """The JSON object in ``path``; a DataError in one line where there is none."""
-    try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise DataError(f"{path}: cannot be read ({error.strerror}); is this a results directory?") from error
-    except ValueError as error:
-        raise DataError(f"{path}: not JSON ({error}); run the plan again") from error
-    if not isinstance(content, dict):
-        raise DataError(f"{path}: expected a JSON object, found {type(content).__name__}; run the plan again")
-    return content
-
-
-def read_npz(path: Path) -> dict[str, NDArray[Any]]:
-    """The arrays in the archive ``path`` by name, no pickled objects; a DataError where it is no archive."""
-    try:
-        with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
-            return {name: archive[name] for name in archive.files}
-    except OSError as error:
-        raise DataError(f"{path}: cannot be read ({error}); is this a results directory?") from error
-    except (ValueError, zipfile.BadZipFile, EOFError) as error:
-        raise DataError(f"{path}: not an archive of arrays ({error}); run the plan again") from error

@@ -8,12 +8,15 @@ from pathlib import Path
 from typing import Any
 
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.support.files import read_json, write_json
+from pareto_ltl.support.files import write_json
 from pareto_ltl.support.fingerprints import text_fingerprint
+from pareto_ltl.support.reading import Advice
+from pareto_ltl.support.schemas import read_document
 
 MANIFEST_SCHEMA = "pareto_ltl.sweep/1"
 NEWEST_SWEEP = "sweep.json"
 OLDER_SWEEPS = "sweeps"
+SWEEP_FILES = Advice("is this the folder of a sweep?", "run the sweep again")
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,12 +87,7 @@ def read_manifest(place: Path, key: str | None = None) -> SweepManifest:
     if not path.is_file():
         there = ", ".join(sorted(file.stem for file in (place / OLDER_SWEEPS).glob("*.json"))) or "none"
         raise DataError(f"{place} holds no sweep {key!r}; there are: {there}")
-    content = read_json(path)
-    if content.get("schema") != MANIFEST_SCHEMA:
-        raise DataError(
-            f"{path}: expected schema {MANIFEST_SCHEMA!r}, found {content.get('schema')!r}; "
-            "read it with the version of pareto-ltl that wrote it"
-        )
+    content = read_document(path, "sweep", SWEEP_FILES, version=MANIFEST_SCHEMA)
     return _manifest_from(content)
 
 
@@ -123,7 +121,7 @@ def manifest_of_runs(place: Path) -> SweepManifest:
 
 def _recorded_overrides(path: Path) -> dict[str, str]:
     try:
-        words: Sequence[str] = read_json(path).get("overrides") or ()
+        words: Sequence[str] = read_document(path, "run").get("overrides") or ()
     except DataError:
         return {}
     return {key.lstrip("+"): value for key, _, value in (word.partition("=") for word in words)}

@@ -11,8 +11,8 @@ from pareto_ltl.run import provenance
 from pareto_ltl.run.directory import RUN_LOCK, RUN_LOG
 from pareto_ltl.studies.jobs import KILLED, JobState, Metrics, StoredJob
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.support.files import read_json
 from pareto_ltl.support.locks import is_held
+from pareto_ltl.support.schemas import read_document
 
 SURVIVORS = (RUN_LOCK, RUN_LOG, ".hydra")  # what stays of a run that is made again
 KEY_DIGITS = 16  # digits of the fingerprint that name a directory
@@ -45,7 +45,7 @@ class RunJob(StoredJob):
         if not path.is_file():
             return self._unfinished({})
         try:
-            record = read_json(path)
+            record = read_document(path, "run")
         except DataError:
             return JobState("failed", "run.json cannot be read")
         status, error = str(record.get("status")), record.get("error")
@@ -96,11 +96,4 @@ class RunJob(StoredJob):
 
 def read_metrics(path: Path) -> Metrics:
     """The metrics of a finished run; DataError where the file is missing or holds something else."""
-    table = read_json(path)
-    numbers = all(
-        value is None or (isinstance(value, float | int) and not isinstance(value, bool))
-        for value in table.values()
-    )
-    if "completed" not in table or not numbers:
-        raise DataError(f"{path}: not the metrics of a run")
-    return table
+    return read_document(path, "metrics")

@@ -1,0 +1,32 @@
+"""Experiments write JSON that fits the schemas, and their files can be read back."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from pareto_ltl.cli.commands import run_command_line
+from pareto_ltl.run.results import Results
+from pareto_ltl.support.resources import choices
+from pareto_ltl.support.schemas import SCHEMA_NAMES, read_document
+
+SMALL = ("planner.trees=2", "planner.n_max=800", "deployment.runs=20", "report=none")
+COMPILED_ALONE = {"phi1_feedback", "phi1_landmarks"}  # kernels that no other test needs: half a minute each
+
+
+@pytest.mark.parametrize("experiment", sorted(set(choices("experiment")) - COMPILED_ALONE))
+def test_the_files_of_an_experiment_fit_their_schemas(experiment: str, tmp_path: Path) -> None:
+    place = tmp_path / "run"
+    assert run_command_line([f"+experiment={experiment}", *SMALL, f"hydra.run.dir={place}"]) == 0
+    written = {path.stem for path in place.glob("*.json")}
+    assert written == set(SCHEMA_NAMES) - {"sweep"}
+    for name in written:
+        assert read_document(place / f"{name}.json", name)
+    results = Results(place)
+    assert len(results.plan.path.u) == len(results.deployments["independent"].x[0]) - 1
+    assert results.forest.trees
+    assert results.front
+    assert results.wind.times.size
+    assert results.decomposition.cells
+    assert results.settings.name == results.run["name"]
