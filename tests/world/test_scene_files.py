@@ -183,7 +183,7 @@ def test_the_start_may_lie_on_the_edge_of_the_map():
         ({"regions": {"a b": SQUARE}}, ["region name 'a b'", "e.g. 'a_b'"]),
         ({"regions": {"1": SQUARE}}, ["region name '1'", "e.g. 'r1'"]),
         ({"regions": {"F": SQUARE}}, ["region name 'F' is an operator", "'region_F'"]),
-        ({"file": "no/such/file.json"}, ["no/such/file.json cannot be read"]),
+        ({"file": "no/such/file.json"}, ["no/such/file.json: cannot be read", "check scene.file"]),
     ],
 )
 def test_a_bad_map_is_refused_with_the_place_and_the_way_out(changes, words):
@@ -313,9 +313,71 @@ def test_a_bad_geojson_map_is_refused_in_degrees(tmp_path, features, words):
 
 
 @pytest.mark.parametrize(
-    ("text", "words"), [("{", "is not JSON"), ("[]", "neither a GeoJSON"), ('{"a": 1}', "neither")]
+    ("text", "words"), [("{", "not JSON"), ("[]", "neither a GeoJSON"), ('{"a": 1}', "neither")]
 )
 def test_a_file_that_is_no_map_is_refused(tmp_path, text, words):
     (tmp_path / "x.json").write_text(text)
     with pytest.raises(DataError, match=words):
         scene_from_settings(SceneConfig(file=str(tmp_path / "x.json")))
+
+
+def member(name, value):
+    return {**FJORD[0], name: value}
+
+
+@pytest.mark.parametrize(
+    ("features", "words"),
+    [
+        (1, "/features: expected an array of features, got 1"),
+        (None, "/features: expected an array of features, got null"),
+        ([1], "feature 1: expected an object 'properties' in an object, got 1"),
+        ([None], "feature 1: expected an object 'properties'"),
+        ([member("properties", [])], "feature 1: expected an object 'properties' in an object, got []"),
+        ([member("geometry", "Point")], "feature 1: expected an object 'geometry'"),
+        ([member("properties", {"role": ["start"]})], "feature 1 has role ['start']"),
+        ([feature("region", [], name=["a"])], "feature 1: expected a text as name"),
+        ([feature("start", 5, "Point")], "start is 5; expected [x, y]"),
+        ([feature("start", {"x": 1}, "Point")], "expected [x, y]"),
+        ([feature("start", ["5", "60"], "Point")], "start is ['5', '60']; expected [x, y]"),
+        ([feature("start", [True, False], "Point")], "expected [x, y]"),
+        ([feature("start", [10**30, 1], "Point")], "expected [x, y]"),
+        ([feature("region", 5, name="a")], "coordinates of region 'a' are no Polygon"),
+        ([feature("region", [5], name="a")], "coordinates of region 'a' are no Polygon"),
+        ([feature("region", {"a": 1}, name="a")], "coordinates of region 'a' are no Polygon"),
+        ([feature("region", [[{}, {}, {}]], name="a")], "coordinates of region 'a' are no Polygon"),
+        ([feature("region", ["abc"], "MultiPolygon", name="a")], "no MultiPolygon"),
+    ],
+)
+def test_a_feature_of_another_shape_is_refused_by_its_number(tmp_path, features, words):
+    (tmp_path / "map.geojson").write_text(json.dumps({"type": "FeatureCollection", "features": features}))
+    with pytest.raises(DataError) as error:
+        scene_from_settings(SceneConfig(file=str(tmp_path / "map.geojson")))
+    assert words in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"bounds": 1}, "/bounds: expected two corners, [[west, south], [east, north]], got 1"),
+        ({"start": {"x": 1}}, "/start: expected an array of 2 numbers"),
+        ({"regions": [SQUARE]}, "/regions: expected an object of outlines by name"),
+        ({"obstacles": {"a": SQUARE}}, "/obstacles: expected an array of outlines"),
+        ({"landmarks": [[["a", 1]] * 3]}, "/landmarks/0/0/0: expected a number of metres, at most 1e9"),
+        ({"time_zero": "tomorrow"}, "time_zero is 'tomorrow'; expected an ISO 8601 time"),
+        ({"crs": ["wgs84"]}, "/crs: expected text or null"),
+    ],
+)  # fmt: skip
+def test_a_scene_json_of_another_shape_is_refused_with_the_place(tmp_path, changes, words):
+    content = scene_to_dict(scene_from_settings(config())) | changes
+    (tmp_path / "scene.json").write_text(json.dumps(content))
+    with pytest.raises(DataError) as error:
+        scene_from_settings(SceneConfig(file=str(tmp_path / "scene.json")))
+    assert words in str(error.value)
+    assert "scene.json" in str(error.value)
+
+
+def test_a_map_saved_with_a_byte_order_mark_is_read(tmp_path):
+    text = json.dumps({"type": "FeatureCollection", "features": FJORD})
+    (tmp_path / "map.geojson").write_text(text, encoding="utf-8-sig")
+    assert scene_from_settings(SceneConfig(file=str(tmp_path / "map.geojson"))).regions

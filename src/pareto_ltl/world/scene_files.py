@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Mapping, Sequence
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +11,8 @@ import numpy as np
 
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
+from pareto_ltl.support.reading import Advice, read_json_value, shown_value
+from pareto_ltl.support.schemas import check_document
 from pareto_ltl.world import projection
 from pareto_ltl.world.scene import Scene
 from pareto_ltl.world.scene_sketch import (
@@ -24,6 +26,7 @@ from pareto_ltl.world.scene_sketch import (
 
 BOUNDS_MARGIN = 0.05  # of the extent of a GeoJSON map without bounds
 FEATURE_ROLES = ("region", "obstacle", "start", "bounds", "landmark")
+SCENE_FILES = Advice("check scene.file", "correct the map: GeoJSON or a run's scene.json")
 HOLE_ADVICE = "draw it as several features, one outline each"
 
 
@@ -45,6 +48,7 @@ def scene_from_dict(data: Mapping[str, Any]) -> Scene:
     missing = [key for key in ("bounds", "start", "regions", "obstacles") if key not in data]
     if missing:
         raise DataError(f"scene.json lacks {', '.join(missing)}; was it written by this program?")
+    _check_departure("scene.json", data.get("time_zero"))
     return Scene(
         bounds=np.array(data["bounds"], float),
         start=np.array(data["start"], float),
@@ -58,43 +62,48 @@ def scene_from_dict(data: Mapping[str, Any]) -> Scene:
 
 def sketch_file(path: Path) -> SceneSketch:
     """The map in a GeoJSON file or a ``scene.json``; DataError if it is neither or cannot be read."""
+    data = read_json_value(path, SCENE_FILES)
     where = f"scene file {path}"
-    try:
-        data = json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise DataError(f"{where} cannot be read ({error.strerror or error}); check scene.file") from None
-    except ValueError as error:
-        raise DataError(f"{where} is not JSON ({error}); expected GeoJSON or a run's scene.json") from None
     if isinstance(data, dict) and data.get("type") == "FeatureCollection":
-        return _sketch_geojson(where, data.get("features") or [])
+        return _sketch_geojson(where, data.get("features", []))
     if isinstance(data, dict) and "bounds" in data:
-        return _sketch_results(where, data)
+        return _sketch_results(path, data)
     raise DataError(
         f"{where} is neither a GeoJSON FeatureCollection nor a run's scene.json; expected one of the two"
     )
 
 
-def _sketch_results(where: str, data: Mapping[str, Any]) -> SceneSketch:
-    regions, obstacles = data.get("regions") or {}, data.get("obstacles") or []
-    if not isinstance(regions, dict) or not isinstance(obstacles, list):
-        raise DataError(f"{where}: expected regions as {{name: corners}} and obstacles as a list of corners")
+def _sketch_results(path: Path, data: Mapping[str, Any]) -> SceneSketch:
+    check_document(data, "scene", str(path), SCENE_FILES)
+    where = f"scene file {path}"
+    _check_departure(where, data.get("time_zero"))
+    obstacles, landmarks = (numbered_outlines(data.get(key, ())) for key in ("obstacles", "landmarks"))
     return SceneSketch(
         where=where,
         bounds=read_bounds(where, "bounds", data["bounds"]),
         start=read_start(where, "start", data.get("start") or []),
-        regions=tuple(read_outlines(where, "region", regions.items(), np.copy)),
-        obstacles=tuple(read_outlines(where, "obstacle", numbered_outlines(obstacles), np.copy)),
+        regions=tuple(read_outlines(where, "region", data["regions"].items(), np.copy)),
+        obstacles=tuple(read_outlines(where, "obstacle", obstacles, np.copy)),
         show=lambda point: f"({point[0]:.6g} m, {point[1]:.6g} m)",
         crs=data.get("crs"),
         time_zero=data.get("time_zero"),
-        landmarks=tuple(
-            read_outlines(where, "landmark", numbered_outlines(data.get("landmarks") or []), np.copy)
-        ),
+        landmarks=tuple(read_outlines(where, "landmark", landmarks, np.copy)),
     )
 
 
-def _sketch_geojson(where: str, features: Sequence[Any]) -> SceneSketch:
+def _check_departure(where: str, time_zero: str | None) -> None:
+    try:
+        datetime.fromisoformat(time_zero or "2000-01-01")
+    except ValueError:
+        raise DataError(
+            f"{where}: time_zero is {time_zero!r}; expected an ISO 8601 time such as 2018-10-09T18:00:00Z"
+        ) from None
+
+
+def _sketch_geojson(where: str, features: Any) -> SceneSketch:
     """The map in a plane centred on it; edges between corners are straight lines in this plane."""
+    if not isinstance(features, list):
+        raise DataError(f"{where}: /features: expected an array of features, got {shown_value(features)}")
     drawn = list(_drawn_features(where, features))
     everything = np.concatenate([corners for _, _, corners in drawn]) if drawn else np.zeros((0, 2))
     if len(everything) == 0:
@@ -137,7 +146,7 @@ def _drawn_features(where: str, features: Sequence[Any]) -> Iterator[tuple[str, 
     seen: set[tuple[str, str]] = set()
     counts: dict[str, int] = {}
     for number, feature in enumerate(features, 1):
-        properties = (feature.get("properties") or {}) if isinstance(feature, dict) else {}
+        properties = _member(where, number, feature, "properties")
         role, name = properties.get("role"), properties.get("name")
         if role not in FEATURE_ROLES:
             raise DataError(
@@ -145,6 +154,8 @@ def _drawn_features(where: str, features: Sequence[Any]) -> Iterator[tuple[str, 
             )
         if role == "region" and not name:
             raise DataError(f"{where}: feature {number} is a region; give it the property name")
+        if not isinstance(name, str | int | None):
+            raise DataError(f"{where}: feature {number}: expected a text as name, got {shown_value(name)}")
         many = role in ("obstacle", "landmark")
         counts[role] = counts.get(role, 0) + 1
         what = {"region": f"region {name!r}"}.get(role, f"{role} {name or counts[role]}" if many else role)
@@ -154,8 +165,18 @@ def _drawn_features(where: str, features: Sequence[Any]) -> Iterator[tuple[str, 
                 f"{where} has {what} twice; keep one" + (f", or {HOLE_ADVICE}" * (role == "region"))
             )
         seen.add(key)
-        for corners in _feature_outlines(where, what, role, feature.get("geometry") or {}):
+        for corners in _feature_outlines(where, what, role, _member(where, number, feature, "geometry")):
             yield role, str(name) if role == "region" else what, corners
+
+
+def _member(where: str, number: int, feature: Any, name: str) -> Mapping[str, Any]:
+    """The object ``name`` of a feature; empty where it is missing or null."""
+    member = feature.get(name) if isinstance(feature, dict) else feature
+    if feature is None or not isinstance(member, dict | None):
+        raise DataError(
+            f"{where}: feature {number}: expected an object {name!r} in an object, got {shown_value(member)}"
+        )
+    return member or {}
 
 
 def _feature_outlines(where: str, what: str, role: str, geometry: Mapping[str, Any]) -> list[FloatArray]:
@@ -164,18 +185,26 @@ def _feature_outlines(where: str, what: str, role: str, geometry: Mapping[str, A
     if role == "start":
         if kind != "Point":
             raise DataError(f"{where}: the start is a {kind}; expected a Point")
-        return [read_start(where, "start", list(coordinates or [])[:2])[None]]
+        place = coordinates[:2] if isinstance(coordinates, list) else coordinates
+        return [read_start(where, "start", place)[None]]
     if kind not in ("Polygon", "MultiPolygon") or not coordinates:
         raise DataError(f"{where}: {what} is a {kind}; expected a Polygon")
-    polygons = [coordinates] if kind == "Polygon" else list(coordinates)
-    try:
-        outlines = [[[corner[:2] for corner in ring] for ring in rings] for rings in polygons]
-    except TypeError:
-        raise DataError(f"{where}: the coordinates of {what} are no {kind} as GeoJSON writes it") from None
-    rings = [[read_corners(where, what, ring) for ring in rings] for rings in outlines]
+    polygons: Any = [coordinates] if kind == "Polygon" else coordinates
+    if not _are_nested_lists(polygons, 4):
+        raise DataError(f"{where}: the coordinates of {what} are no {kind} as GeoJSON writes it")
+    rings = [
+        [read_corners(where, what, [corner[:2] for corner in ring]) for ring in rings] for rings in polygons
+    ]
     if role != "obstacle" and (len(rings) != 1 or len(rings[0]) != 1):
         raise DataError(f"{where}: {what} has a hole or several parts; {HOLE_ADVICE}")
     return [part for polygon in rings for part in _without_holes(where, what, polygon)]
+
+
+def _are_nested_lists(value: Any, levels: int) -> bool:
+    """Whether ``value`` is a list of lists of lists ..., with ``levels`` levels or more."""
+    return isinstance(value, list) and (
+        levels == 1 or all(_are_nested_lists(item, levels - 1) for item in value)
+    )
 
 
 def _without_holes(where: str, what: str, rings: list[FloatArray]) -> list[FloatArray]:

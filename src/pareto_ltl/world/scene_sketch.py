@@ -15,6 +15,7 @@ import numpy as np
 
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
+from pareto_ltl.support.reading import SHOWN
 
 RELATIVE_TOLERANCE = 1e-9  # of the size of the map; smaller lengths are rounding errors
 
@@ -52,7 +53,7 @@ class SceneSketch:
 def read_bounds(where: str, key: str, value: Any) -> FloatArray:
     """South-west and north-east corner (2, 2) in the unit of the author; ``key`` names them in messages."""
     expected = "expected [[west, south], [east, north]]"
-    if value is None or len(value) == 0:
+    if value is None or _is_empty(value):
         raise DataError(f"{where} has no bounds; give {key} as [[west, south], [east, north]]")
     bounds = _number_array(value)
     if bounds is None or bounds.shape != (2, 2):
@@ -70,7 +71,7 @@ def read_bounds(where: str, key: str, value: Any) -> FloatArray:
 
 def read_start(where: str, key: str, value: Any) -> FloatArray:
     """The start (2,) in the unit of the author; ``key`` names it in messages."""
-    if value is None or len(value) == 0:
+    if value is None or _is_empty(value):
         raise DataError(f"{where} has no start; give {key} as [x, y]")
     start = _number_array(value)
     if start is None or start.shape != (2,) or not np.isfinite(start).all():
@@ -95,7 +96,9 @@ def read_outlines(
 def read_corners(where: str, what: str, polygon: Any) -> FloatArray:
     """Corners (n, 2) of ``polygon`` without repetitions, in the unit of the author."""
     if not isinstance(polygon, list | tuple | np.ndarray):
-        raise DataError(f"{where}: {what} is {polygon!r}; expected a list of corners [[x, y], ...]")
+        raise DataError(
+            f"{where}: {what} is {_typed_text(polygon)}; expected a list of corners [[x, y], ...]"
+        )
     for number, corner in enumerate(polygon, 1):
         point = _number_array(corner)
         if point is None or point.shape != (2,):
@@ -112,14 +115,21 @@ def read_corners(where: str, what: str, polygon: Any) -> FloatArray:
 
 
 def _number_array(value: Any) -> FloatArray | None:
+    """``value`` as an array; None for anything but numbers: texts, truth values, rows of several lengths."""
     try:
-        return np.array(value, float)
-    except (TypeError, ValueError):
+        array = np.array(value)
+    except (TypeError, ValueError, OverflowError):
         return None
+    return array.astype(float) if array.dtype.kind in "iuf" else None
+
+
+def _is_empty(value: Any) -> bool:
+    return hasattr(value, "__len__") and len(value) == 0
 
 
 def _typed_text(value: Any) -> str:
-    return str(value.tolist() if isinstance(value, np.ndarray) else value)
+    text = str(value.tolist() if isinstance(value, np.ndarray) else value)
+    return text if len(text) <= SHOWN else f"{text[: SHOWN - 3]}..."
 
 
 __all__ = ["SceneSketch", "numbered_outlines", "read_bounds", "read_corners", "read_outlines", "read_start"]
