@@ -51,6 +51,12 @@ def _run_rerun(argv: Sequence[str]) -> int:
     return rerun_command(argv)
 
 
+def _run_verify(argv: Sequence[str]) -> int:
+    from pareto_ltl.cli.verify_command import verify_command
+
+    return verify_command(argv)
+
+
 def _run_sweep(argv: Sequence[str]) -> int:
     from pareto_ltl.cli.sweep_command import sweep_command
 
@@ -80,6 +86,7 @@ COMMANDS = (
     Command("sweep", "many runs and one table; with a folder, its summary written anew", _run_sweep),
     Command("formula", "what a mission formula means", _run_formula),
     Command("rerun", "make a result again and compare it byte by byte", _run_rerun),
+    Command("verify", "derive every claim of a result again, without the planner", _run_verify),
     Command("cache", "place and size of the fits that are kept between runs; cache clear", _run_cache),
 )
 

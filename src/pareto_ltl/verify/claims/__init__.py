@@ -1,0 +1,1 @@
+"""What is judged: one table of small functions for each file that a run writes."""

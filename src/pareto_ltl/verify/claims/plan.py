@@ -1,0 +1,385 @@
+"""Claims about the plan: motion, Gaussian, mission, obstacles, and the bounds on failure."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from functools import partial
+
+import numpy as np
+from scipy.special import ndtri
+
+from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.verify.claims.verdict import Claim, Verdict, no_fault, number, same, within
+from pareto_ltl.verify.evidence import LAWS, Evidence
+from pareto_ltl.verify.flights import clopper_pearson
+from pareto_ltl.verify.gaussians import step_margin, step_risk, theorem2
+from pareto_ltl.verify.geometry import met_by_any
+from pareto_ltl.verify.laws import Course
+
+METRE = 1e-3  # [m] the largest difference of two positions
+SPREAD = (
+    1e-4  # the largest relative difference of two covariances; the planner keeps modes in single precision
+)
+RISK, LEAST_RISK = 2e-3, 1e-9  # the same of two bounds, relative and absolute
+FAST = 2e-6  # the share by which rounding may exceed an airspeed
+TOUCH = 0.1  # [m] how deep the expected path may touch an obstacle by rounding
+OBJECTIVES = {
+    "length_m": "length", "mission_risk_paper": "mission_risk_paper", "mission_risk": "mission_risk",
+    "collision_risk": "collision_risk", "mission_risk_ordered": "mission_risk_ordered",
+}  # fmt: skip
+
+
+# --- motion -----------------------------------------------------------------------------------
+
+
+def shapes(result: Evidence) -> Verdict:
+    """All arrays of plan.json have one length."""
+    plan, n = result.plan, len(result.plan["t"])
+    wanted = {"x": (n, 2), "cov": (n, 2, 2), "q": (n,), "u": (n - 1, 2)}
+    faults = [
+        name
+        for name, shape in wanted.items()
+        if np.array(plan[name], float).reshape(len(plan[name]), *shape[1:]).shape != shape
+    ]
+    faults += ["label"] * (len(plan["label"]) != n)
+    return no_fault(f"{n} positions", faults)
+
+
+def settings_named(result: Evidence) -> Verdict:
+    """plan.json names the settings that it was made with."""
+    plan, told = result.plan, result.settings
+    pairs = {
+        "dt": (plan["dt"], told["robot"]["dt"]),
+        "u_max": (plan["u_max"], told["robot"]["u_max"]),
+        "epsilon": (plan["epsilon"], result.epsilon),
+        "rule": (plan["selection"]["rule"], told["selection"]["rule"]),
+        "weights": (plan["selection"]["weights"], told["selection"]["weights"]),
+        "fidelity": (plan["fidelity"], result.run["fidelity"]),
+    }
+    return no_fault(", ".join(pairs), [f"{name} {a} is {b}" for name, (a, b) in pairs.items() if a != b])
+
+
+def fidelity_name(result: Evidence) -> Verdict:
+    """The text of the fidelity names the preset and every choice that is not its own."""
+    told = result.settings["fidelity"]
+    preset = {
+        "paper": ("independent", "theorem2", "step", "dominance", "convex", "bound"),
+        "full": ("coherent", "ordered", "path", "mixed", "convex", "flights"),
+    }[told["name"]]
+    keys = ("law", "mission_bound", "collision_bound", "parents", "refine", "judge")
+    changed = [f"{key}={told[key]}" for key, usual in zip(keys, preset, strict=True) if told[key] != usual]
+    label = told["name"] + (f" with {', '.join(changed)}" if changed else "")
+    return same(result.run["fidelity"], label)
+
+
+def start(result: Evidence) -> Verdict:
+    """The plan begins at the start of the map, with the variance of the start."""
+    gap = float(np.abs(result.x[0] - result.start).max())
+    cov = np.abs(np.array(result.plan["cov"][0]) - result.robot.start_sd**2 * np.eye(2)).max()
+    return within(str(result.start.tolist()), max(gap, float(cov)), METRE, " m")
+
+
+def times(result: Evidence) -> Verdict:
+    """Step t begins at t dt."""
+    t = np.array(result.plan["t"], float)
+    return within(
+        f"{len(t) - 1} steps of {result.robot.dt:g} s",
+        float(np.abs(t - result.robot.dt * np.arange(len(t))).max()),
+        1e-6,
+        " s",
+    )
+
+
+def motion(result: Evidence) -> Verdict:
+    """x_{t+1} = A x_t + dt (B u_t + μ(x_t) and, in the coherent law, its second-order shift)."""
+    robot, course = result.robot, result.course
+    ahead = result.x[:-1] @ robot.a.T + robot.dt * (result.u @ robot.b.T + course.drift)
+    gap = np.abs(ahead - result.x[1:]).max(initial=0.0)
+    return within(f"{len(result.u)} steps, law {result.planned_law}", float(gap), 0.5, " m")
+
+
+def airspeed(result: Evidence) -> Verdict:
+    """No control exceeds u_max less what feedback and fixes need."""
+    speed = np.linalg.norm(result.u, axis=1)
+    over = np.max(speed - result.course.speed * (1 + FAST), initial=-math.inf)
+    return Verdict(
+        f"at most {result.robot.u_max:g} m/s",
+        f"{speed.max(initial=0.0):.6g} m/s",
+        bool(over <= 1e-6 * result.robot.u_max),
+    )
+
+
+def covariance(result: Evidence) -> Verdict:
+    """The covariance of every position, propagated from the start."""
+    said, found = np.array(result.plan["cov"], float), result.course.cov
+    size = np.maximum(np.trace(found, axis1=1, axis2=2), 1e-6)
+    worst = float((np.abs(said - found).max(axis=(1, 2)) / size).max())
+    sd = math.sqrt(np.trace(said[-1]) / 2)
+    return Verdict(f"sd {sd / 1e3:.4g} km at the end", f"{worst:.1g} off", worst <= SPREAD)
+
+
+def fixes(result: Evidence) -> Verdict:
+    """The steps at which the plan counts on a position fix."""
+    return same(list(result.plan["fixes"]), sorted(result.course.gains))
+
+
+# --- mission and obstacles --------------------------------------------------------------------
+
+
+def labels(result: Evidence) -> Verdict:
+    """The label of every position is the set of regions around it."""
+    faults = []
+    either = [result.ground.labels(result.x, slack) for slack in (METRE, -METRE)]
+    for t, said in enumerate(result.plan["label"]):
+        if frozenset(said) not in (result.labels[t], either[0][t], either[1][t]):
+            faults.append(f"step {t} is {sorted(result.labels[t])}")
+    return no_fault(f"{sum(map(bool, result.plan['label']))} steps in regions", faults)
+
+
+def states(result: Evidence) -> Verdict:
+    """The automaton states follow from the labels."""
+    q, faults = result.dfa.initial, []
+    for t, label in enumerate(result.plan["label"]):
+        q = result.dfa.read(label, q)
+        if q != result.plan["q"][t]:
+            faults.append(f"state {q} at step {t}")
+    return no_fault(f"states {sorted(set(result.plan['q']))}", faults)
+
+
+def accepted(result: Evidence) -> Verdict:
+    """The expected path completes the mission."""
+    q = result.dfa.initial
+    for label in result.plan["label"]:
+        q = result.dfa.read(label, q)
+    return Verdict("mission complete", f"state {q}", bool(result.dfa.accepting[q]))
+
+
+def clearance(result: Evidence) -> Verdict:
+    """The expected path stays on the map and out of obstacles, between steps too."""
+    low, high = result.ground.bounds
+    hit = met_by_any(result.obstacles, result.x[:-1], result.x[1:], TOUCH)
+    faults = [f"step {t} meets an obstacle" for t in np.flatnonzero(hit)]
+    faults += ["it leaves the map"] * bool((result.x < low - TOUCH).any() or (result.x > high + TOUCH).any())
+    return no_fault("clear of obstacles", faults)
+
+
+def chance_constraint(result: Evidence) -> Verdict:
+    """Eqs. (9) and (10) at every step, or epsilon for all obstacles of a step together."""
+    cov, parts = result.course.cov, result.obstacles
+    if result.settings["fidelity"]["collision_bound"] == "path":
+        worst = step_risk(parts, result.x, cov)
+        return Verdict(
+            f"at most {result.epsilon:g} a step", f"{worst:.4g}", worst <= result.epsilon * (1 + RISK)
+        )
+    z = -float(ndtri(result.epsilon / max(len(parts), 1)))
+    margin = step_margin(parts, result.x, cov, z)
+    size = float(np.ptp(result.ground.bounds, axis=0).max())
+    return Verdict(
+        f"epsilon {result.epsilon:g}, {len(parts)} parts",
+        f"{margin / 1e3:.4g} km to spare",
+        margin >= -1e-6 * size,
+    )
+
+
+# --- what it costs ----------------------------------------------------------------------------
+
+
+def length(result: Evidence) -> Verdict:
+    """Length of the expected path [m]."""
+    found = float(np.linalg.norm(np.diff(result.x, axis=0), axis=1).sum())
+    return number(result.plan["objectives"]["length"], found, rel=1e-9)
+
+
+def _risk(claimed: float, found: float) -> Verdict:
+    return number(claimed, found, rel=RISK, least=LEAST_RISK)
+
+
+def _f_o(result: Evidence, course: Course) -> float:
+    parts = [(name, result.regions[name]) for name in result.dfa.atoms]
+    return theorem2(parts, course.x, course.cov, [frozenset(label) for label in result.plan["label"]])
+
+
+def risk_of_paper(result: Evidence) -> Verdict:
+    """f_o of Theorem 2 under the independent law."""
+    return _risk(result.plan["objectives"]["mission_risk_paper"], _f_o(result, result.paper_course))
+
+
+def ordered_bound(result: Evidence) -> Verdict:
+    """V under the law of the plan."""
+    return _risk(result.plan["objectives"]["mission_risk_ordered"], result.mission_bound(result.course))
+
+
+def judged_risk(result: Evidence) -> Verdict:
+    """The mission risk is the bound that the settings name, under the law of the plan."""
+    bound = result.settings["fidelity"]["mission_bound"]
+    found = result.mission_bound(result.course) if bound == "ordered" else _f_o(result, result.course)
+    return _risk(result.plan["objectives"]["mission_risk"], found)
+
+
+def _between(claimed: float, bounds: tuple[float, float]) -> Verdict:
+    low, high = bounds
+    holds = low * (1 - RISK) - LEAST_RISK <= claimed <= high * (1 + RISK) + LEAST_RISK
+    return Verdict(
+        f"{claimed:.6g}", f"{low:.6g}" if high - low <= RISK * high else f"{low:.6g} to {high:.6g}", holds
+    )
+
+
+def collision_bound(result: Evidence) -> Verdict:
+    """R under the law of the plan."""
+    bounds = result.collision_bounds(result.law(result.planned_law), result.course)
+    return _between(float(result.plan["objectives"]["collision_risk"]), bounds)
+
+
+def allowed_collisions(result: Evidence) -> Verdict | None:
+    """R is at most planner.delta, with the path bound."""
+    if result.settings["fidelity"]["collision_bound"] != "path":
+        return None
+    delta = result.settings["planner"]["delta"]
+    return Verdict(
+        f"at most {delta:g}",
+        f"{result.plan['objectives']['collision_risk']:.4g}",
+        result.plan["objectives"]["collision_risk"] <= delta,
+    )
+
+
+def forecast(law: str, judge: Callable[[Evidence, str], Verdict], result: Evidence) -> Verdict | None:
+    """A claim about the planned controls under a law, where the metrics speak of it."""
+    return judge(result, law) if law in result.forecasts else None
+
+
+def forecast_mission(result: Evidence, law: str) -> Verdict:
+    """V of the controls under a law."""
+    return _risk(result.metrics[f"mission_risk_{law}"], result.mission_bound(result.forecasts[law]))
+
+
+def forecast_collision(result: Evidence, law: str) -> Verdict:
+    """R of the controls under a law."""
+    bounds = result.collision_bounds(result.law(law), result.forecasts[law])
+    return _between(float(result.metrics[f"collision_risk_{law}"]), bounds)
+
+
+def forecast_spread(result: Evidence, law: str) -> Verdict:
+    """Standard deviation of the position at the end under a law [m]."""
+    found = math.sqrt(float(np.trace(result.forecasts[law].cov[-1])) / 2)
+    return number(result.metrics[f"end_sd_{law}_m"], found, rel=SPREAD, least=METRE)
+
+
+def forecast_laws(result: Evidence) -> Verdict:
+    """The metrics speak of every law of deployment.laws."""
+    told = result.settings["deployment"]["laws"] if "forecasts" in result.run["stages"] else []
+    return same(sorted(result.forecasts), sorted(told))
+
+
+# --- acceptance and copies --------------------------------------------------------------------
+
+
+def acceptance(result: Evidence) -> Verdict | None:
+    """With judge=flights: the bound is V + R, the interval that of the count, and the verdict follows."""
+    told = result.plan["acceptance"]
+    if result.settings["fidelity"]["judge"] != "flights":
+        return same(told, None)
+    costs = result.plan["objectives"]
+    low, high = clopper_pearson(told["failures"], told["runs"])
+    pairs = {
+        "bound": costs["mission_risk"] + costs["collision_risk"],
+        "low": low,
+        "high": high,
+        "passed": float(low <= told["bound"]),
+        "runs": result.settings["selection"]["runs"],
+        "linearity": _linearity(result),
+    }
+    faults = [
+        f"{name} {told[name]} is {v:.6g}"
+        for name, v in pairs.items()
+        if not math.isclose(told[name], v, rel_tol=SPREAD, abs_tol=1e-9)
+    ]
+    return no_fault(f"{told['failures']} of {told['runs']} flights fail", faults)
+
+
+def _linearity(result: Evidence) -> float:
+    """Largest standard deviation of the position over the shorter length scale of its slot."""
+    modes = result.wind.modes
+    if modes is None or len(result.x) < 2:
+        return 0.0
+    widest = np.sqrt(np.linalg.eigvalsh(result.course.cov[:-1])[:, 1])
+    scale: FloatArray = modes.length.min(axis=1)[result.times.nearest[: len(widest)]]
+    return float((widest / scale).max())
+
+
+def table(result: Evidence) -> Verdict:
+    """plan.csv is plan.json."""
+    plan, rows, faults = result.plan, result.table("plan.csv"), []
+    faults += [f"{len(rows)} rows"] * (len(rows) != len(plan["t"]))
+    for t, row in enumerate(rows[: len(plan["t"])]):
+        (xx, xy), (_, yy) = plan["cov"][t]
+        u = plan["u"][t] if t < len(plan["u"]) else ["", ""]
+        wanted = [
+            t,
+            plan["t"][t],
+            *plan["x"][t],
+            *u,
+            xx,
+            xy,
+            yy,
+            plan["q"][t],
+            " ".join(sorted(plan["label"][t])),
+        ]
+        if [str(value) for value in wanted] != list(row.values()):
+            faults.append(f"row {t}")
+    return no_fault(f"{len(rows)} rows", faults)
+
+
+def metrics(result: Evidence) -> Verdict:
+    """The metrics of the plan are those of plan.json."""
+    plan, told = result.plan, result.metrics
+    pairs = {name: plan["objectives"][key] for name, key in OBJECTIVES.items()}
+    pairs |= {"steps": len(plan["u"]), "duration_s": plan["t"][-1] - plan["t"][0]}
+    if plan["acceptance"]:
+        seen = plan["acceptance"]
+        pairs |= {
+            f"acceptance_{key}": seen[key] for key in ("bound", "estimate", "runs", "low", "high", "passed")
+        }
+        pairs |= {"acceptance_failure": seen["failures"] / seen["runs"], "linearity": seen["linearity"]}
+    faults = [
+        f"{name} {told.get(name)} is {value}" for name, value in pairs.items() if told.get(name) != value
+    ]
+    return no_fault(f"{len(pairs)} numbers of the plan", faults)
+
+
+FILES = ("plan.json", "scene.json", "cells.json", "automaton.json", "wind.nc")
+CLAIMS = (
+    Claim("plan: arrays of one length", ("plan.json",), shapes),
+    Claim("plan: settings it names", ("plan.json",), settings_named),
+    Claim("plan: text of the fidelity", (), fidelity_name),
+    Claim("plan: start", FILES, start),
+    Claim("plan: times", FILES, times),
+    Claim("plan: motion", FILES, motion),
+    Claim("plan: airspeed", FILES, airspeed),
+    Claim("plan: covariance", FILES, covariance),
+    Claim("plan: position fixes", FILES, fixes),
+    Claim("plan: labels", FILES, labels),
+    Claim("plan: automaton states", FILES, states),
+    Claim("plan: completes the mission", FILES, accepted),
+    Claim("plan: clear of obstacles", FILES, clearance),
+    Claim("plan: chance constraint of each step", FILES, chance_constraint),
+    Claim("plan: length", FILES, length),
+    Claim("plan: f_o of Theorem 2", FILES, risk_of_paper),
+    Claim("plan: ordered bound V", FILES, ordered_bound),
+    Claim("plan: mission risk", FILES, judged_risk),
+    Claim("plan: collision bound R", FILES, collision_bound),
+    Claim("plan: R within planner.delta", FILES, allowed_collisions),
+    Claim("plan: acceptance by flights", FILES, acceptance),
+    Claim("plan: laws of the forecasts", FILES, forecast_laws),
+    *(
+        Claim(f"{law}: {name}", FILES, partial(forecast, law, judge))
+        for law in LAWS
+        for name, judge in (
+            ("V of the controls", forecast_mission),
+            ("R of the controls", forecast_collision),
+            ("spread at the end", forecast_spread),
+        )
+    ),
+    Claim("plan: plan.csv is plan.json", ("plan.json", "plan.csv"), table),
+    Claim("plan: metrics", ("plan.json",), metrics),
+)

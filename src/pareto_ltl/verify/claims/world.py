@@ -1,0 +1,208 @@
+"""Claims about the map, its cells and the automaton."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.verify import formula
+from pareto_ltl.verify.claims.verdict import Claim, Verdict, no_fault, same
+from pareto_ltl.verify.evidence import Evidence
+from pareto_ltl.verify.geometry import convex, deepest, outline_distance, signed_area
+from pareto_ltl.verify.geometry import within as lies_within
+
+SAMPLES = 20_000  # points of the map at which cells, parts and polygons are compared
+RELATIVE = 1e-9  # of areas and lengths
+
+
+def drawn_map(result: Evidence) -> Verdict | None:
+    """scene.json is the map of the settings: bounds, start, regions, obstacles and landmarks."""
+    told, scene = result.settings["scene"], result.scene
+    if told["file"] or told["random"]["regions"] or told["random"]["obstacles"]:
+        return None
+    middle = np.mean(told["bounds"], axis=0) if told["centre"] else np.zeros(2)
+
+    def metres(corners: Any) -> FloatArray:
+        return np.asarray((np.array(corners, float) - middle) * told["unit"], float)
+
+    size = float(np.ptp(metres(told["bounds"]), axis=0).max())
+    pairs = [
+        ("bounds", metres(told["bounds"]), scene["bounds"]),
+        ("start", metres([told["start"]]), [scene["start"]]),
+    ]
+    faults = [f"regions {sorted(scene['regions'])}"] * (set(scene["regions"]) != set(told["regions"]))
+    pairs += [
+        (f"region {name}", metres(told["regions"][name]), scene["regions"].get(name, []))
+        for name in told["regions"]
+    ]
+    for kind in ("obstacles", "landmarks"):
+        drawn, kept = told[kind], scene.get(kind) or []
+        faults += [f"{len(kept)} {kind} of {len(drawn)}"] * (len(kept) != len(drawn))
+        pairs += [
+            (f"{kind} {i}", metres(one), other)
+            for i, (one, other) in enumerate(zip(drawn, kept, strict=False))
+        ]
+    faults += [f"{name} differs" for name, one, other in pairs if not _same_outline(one, other, 1e-9 * size)]
+    return no_fault(f"{len(pairs)} outlines of the settings", faults)
+
+
+def _same_outline(one: FloatArray, other: Any, tolerance: float) -> bool:
+    """Whether two outlines have the same corners, whatever the first one and the direction."""
+    kept = np.array(other, float).reshape(-1, 2)
+    if len(kept) != len(one):
+        return False
+    turns = (np.roll(way, k, axis=0) for way in (kept, kept[::-1]) for k in range(len(kept)))
+    return any(np.abs(one - turn).max() <= tolerance for turn in turns)
+
+
+def convex_parts(result: Evidence) -> Verdict:
+    """The convex parts in cells.json cover exactly the polygons of scene.json."""
+    scene, points = result.scene, _sample_points(result)
+    groups = {name: ([np.array(scene["regions"][name])], parts) for name, parts in result.regions.items()}
+    outlines = [np.array(polygon) for polygon in scene["obstacles"]]
+    groups["obstacles"] = (_outermost(outlines), result.obstacles)
+    faults = [f"region {name} is missing" for name in scene["regions"] if name not in groups]
+    for name, (polygons, parts) in groups.items():
+        area = sum(abs(signed_area(polygon)) for polygon in polygons)
+        found = sum(signed_area(part.corners) for part in parts)
+        if not math.isclose(area, found, rel_tol=1e-7):
+            faults.append(f"{name}: area {found:.6g} of {area:.6g} m2")
+        inside = np.any(
+            [lies_within(polygon, points) for polygon in polygons] or [np.zeros(len(points), bool)], axis=0
+        )
+        edge = np.min(
+            [outline_distance(polygon, points) for polygon in polygons] or [np.full(len(points), np.inf)],
+            axis=0,
+        )
+        if ((deepest(parts, points) >= 0) != inside)[edge > 1.0].any():
+            faults.append(f"{name}: parts and polygon lie apart")
+    return no_fault(f"parts of {len(groups) - 1} regions and {len(outlines)} obstacles", faults)
+
+
+def _outermost(polygons: list[FloatArray]) -> list[FloatArray]:
+    """Those of which some corner or middle of an edge lies outside each of the others."""
+    probes = [np.concatenate([p, 0.5 * (p + np.roll(p, -1, axis=0))]) for p in polygons]
+    return [
+        own
+        for i, own in enumerate(polygons)
+        if not any(
+            (
+                (lies_within(other, probes[i]) | (outline_distance(other, probes[i]) < 1e-3)).all()
+                and abs(signed_area(other)) > abs(signed_area(own))
+            )
+            for j, other in enumerate(polygons)
+            if i != j
+        )
+    ]
+
+
+def _sample_points(result: Evidence) -> FloatArray:
+    bounds = np.array(result.scene["bounds"])
+    drawn: FloatArray = bounds[0] + (bounds[1] - bounds[0]) * np.random.default_rng(2).random((SAMPLES, 2))
+    return drawn
+
+
+def cell_cover(result: Evidence) -> Verdict:
+    """Every place of the map lies in an obstacle or in one cell, which has the label of the place."""
+    points = _sample_points(result)
+    cells = [convex(cell) for cell in result.cells["cells"]]
+    depth = np.array([cell.depth(points) for cell in cells])
+    inside = deepest(result.obstacles, points)
+    clear = (np.abs(depth) > 1.0).all(axis=0) & (np.abs(inside) > 1.0)
+    count = (depth > 0).sum(axis=0)
+    wrong = clear & (count != (inside < 0))
+    faults = [f"{points[i].round()} m lies in {count[i]} cells" for i in np.flatnonzero(wrong)[:1]]
+    shown = [frozenset(label) for label in result.cells["labels"]]
+    labels = result.ground.labels(points)
+    for i in np.flatnonzero(clear & ~wrong & (inside < 0)):
+        if shown[int(depth[:, i].argmax())] != labels[i]:
+            faults.append(f"{points[i].round()} m is {sorted(labels[i])}, its cell is not")
+            break
+    return no_fault(f"{len(cells)} cells, {int(clear.sum())} places", faults)
+
+
+def doors(result: Evidence) -> Verdict:
+    """Two cells with a door between them share an edge."""
+    cells = [convex(cell) for cell in result.cells["cells"]]
+    apart = []
+    for i, j in result.cells["doors"]:
+        gap = cells[i].normals @ cells[j].normals.T
+        facing = np.argwhere(gap < -1 + 1e-6)
+        if not any(abs(cells[i].offsets[a] + cells[j].offsets[b]) < 1.0 for a, b in facing):
+            apart.append(f"cells {i} and {j} share no edge")
+    return no_fault(f"{len(result.cells['doors'])} doors", apart)
+
+
+def letters(result: Evidence) -> Verdict:
+    """The automaton reads every label that the map can show, and the empty one."""
+    atoms = frozenset(result.dfa.atoms)
+    shown = {frozenset(label) & atoms for label in result.cells["labels"]} | {frozenset[str]()}
+    said = {frozenset(letter) for letter in result.automaton["letters"]}
+    return same(sorted(map(sorted, said)), sorted(map(sorted, shown)))
+
+
+def whose_formula(result: Evidence) -> Verdict:
+    """Settings, automaton and plan name one formula."""
+    told = result.settings["mission"]
+    names = {"automaton.json": result.automaton["formula"]}
+    if result.has("plan.json"):
+        names["plan.json"] = result.plan["formula"]
+        if list(result.plan["atoms"]) != list(result.automaton["atoms"]):
+            return Verdict("one list of atoms", "plan.json and automaton.json differ", False)
+    if told["formula"] and not told["automaton"]:
+        names["the settings"] = told["formula"]
+    meant = {_meaning(text) for text in names.values()} if not told["automaton"] else set(names.values())
+    return Verdict(str(result.automaton["formula"])[:44], " and ".join(names), len(meant) == 1)
+
+
+def _meaning(text: str) -> formula.Node:
+    return formula.normal_form(formula.read_formula(text))
+
+
+def meaning(result: Evidence) -> Verdict | None:
+    """The automaton accepts exactly the words that complete the formula."""
+    if result.settings["mission"]["automaton"]:
+        return None  # the mission is a file, its text no formula
+    text = result.automaton["formula"]
+    word = formula.first_difference(result.dfa, text)
+    return Verdict(text[:44], "the same words" if word is None else f"differ on {word}"[:44], word is None)
+
+
+def hoa(result: Evidence) -> Verdict:
+    """automaton.hoa and automaton.json are one automaton."""
+    text = (result.directory / "automaton.hoa").read_text(encoding="utf-8")
+    other = formula.read_hoa(text, result.dfa.letters)
+    agree = (
+        other.initial == result.dfa.initial
+        and other.delta == result.dfa.delta
+        and set(other.atoms) == set(result.dfa.atoms)
+    )
+    word = formula.unlike(result.dfa, other)
+    named = f'name: "{result.automaton["formula"]}"' in text.replace("\\", "")
+    if not named:
+        return Verdict("automaton.hoa", "names another formula", False)
+    return Verdict(
+        "automaton.hoa", "the same" if word is None else f"differs on {word}"[:44], agree and word is None
+    )
+
+
+def distance(result: Evidence) -> Verdict:
+    """d_A is the fewest letters to acceptance."""
+    said = [math.inf if d is None else float(d) for d in result.automaton["d_A"]]
+    return same(said, formula.distances(result.dfa))
+
+
+CLAIMS = (
+    Claim("map: scene.json is the map of the settings", ("scene.json",), drawn_map),
+    Claim("map: convex parts are the polygons", ("scene.json", "cells.json"), convex_parts),
+    Claim("map: cells cover the free space once", ("scene.json", "cells.json"), cell_cover),
+    Claim("map: doors join cells that touch", ("cells.json",), doors),
+    Claim("mission: one formula in all files", ("automaton.json",), whose_formula),
+    Claim("mission: automaton is that of the formula", ("automaton.json",), meaning),
+    Claim("mission: automaton.hoa is automaton.json", ("automaton.json", "automaton.hoa"), hoa),
+    Claim("mission: letters are the labels of the map", ("automaton.json", "cells.json"), letters),
+    Claim("mission: distance to acceptance", ("automaton.json",), distance),
+)

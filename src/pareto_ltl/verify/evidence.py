@@ -1,0 +1,272 @@
+"""A results directory as evidence: its files, and what follows from them by code that plans nothing."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pareto_ltl.support.archives import read_npz
+from pareto_ltl.support.arrays import BoolArray, FloatArray
+from pareto_ltl.support.errors import DataError
+from pareto_ltl.support.reading import read_json, read_text
+from pareto_ltl.verify import laws
+from pareto_ltl.verify.flights import Ground, Simulator
+from pareto_ltl.verify.formula import Dfa, covers
+from pareto_ltl.verify.gaussians import growing, label_masses, ordered, path_bound
+from pareto_ltl.verify.geometry import Convex, convex
+from pareto_ltl.verify.laws import Coherent, Course, Independent, Law, Robot
+from pareto_ltl.verify.wind_tables import Clock, WindFile, clock, read_wind_file
+
+LAWS = ("independent", "coherent")
+EPSILON = {"step": 0.05, "path": 0.1}  # where planner.epsilon is null
+OUTPUTS = {
+    "scene": ("scene.json",),
+    "decomposition": ("cells.json",),
+    "automaton": ("automaton.json", "automaton.hoa"),
+    "wind": ("wind.nc",),
+    "forest": ("trees.npz",),
+    "front": ("front.csv",),
+    "plan": ("plan.json", "plan.csv"),
+    "deployment": ("deployments.npz",),
+}  # the files of each stage
+
+
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """One finished result. Files are read when a claim asks for them, and what is derived is kept."""
+
+    directory: Path
+    run: Mapping[str, Any]
+    metrics: Mapping[str, Any]
+    settings: Mapping[str, Any]
+
+    def has(self, name: str) -> bool:
+        """Whether the directory holds the file ``name``."""
+        return (self.directory / name).is_file()
+
+    # --- files --------------------------------------------------------------------------------
+
+    @cached_property
+    def scene(self) -> dict[str, Any]:
+        return read_json(self.directory / "scene.json")
+
+    @cached_property
+    def cells(self) -> dict[str, Any]:
+        return read_json(self.directory / "cells.json")
+
+    @cached_property
+    def automaton(self) -> dict[str, Any]:
+        return read_json(self.directory / "automaton.json")
+
+    @cached_property
+    def plan(self) -> dict[str, Any]:
+        return read_json(self.directory / "plan.json")
+
+    @cached_property
+    def front(self) -> list[dict[str, str]]:
+        return self.table("front.csv")
+
+    @cached_property
+    def trees(self) -> dict[str, NDArray[Any]]:
+        return read_npz(self.directory / "trees.npz")
+
+    @cached_property
+    def flights(self) -> dict[str, NDArray[Any]]:
+        return read_npz(self.directory / "deployments.npz")
+
+    @cached_property
+    def wind(self) -> WindFile:
+        return read_wind_file(self.directory / "wind.nc")
+
+    def table(self, name: str) -> list[dict[str, str]]:
+        """The rows of a CSV file."""
+        with (self.directory / name).open(encoding="utf-8", newline="") as file:
+            return list(csv.DictReader(file))
+
+    # --- the world ----------------------------------------------------------------------------
+
+    @cached_property
+    def dfa(self) -> Dfa:
+        content = self.automaton
+        return Dfa(
+            letters=tuple(frozenset(letter) for letter in content["letters"]),
+            atoms=tuple(content["atoms"]),
+            delta=tuple(tuple(row) for row in content["delta"]),
+            initial=content["initial"],
+            accepting=tuple(content["accepting"]),
+        )
+
+    @cached_property
+    def regions(self) -> dict[str, tuple[Convex, ...]]:
+        return {name: tuple(map(convex, parts)) for name, parts in self.cells["regions"].items()}
+
+    @cached_property
+    def obstacles(self) -> tuple[Convex, ...]:
+        return tuple(map(convex, self.cells["obstacles"]))
+
+    @cached_property
+    def labelled(self) -> tuple[tuple[Convex, frozenset[str]], ...]:
+        """The cells that show a label."""
+        pairs = zip(self.cells["cells"], self.cells["labels"], strict=True)
+        return tuple((convex(cell), frozenset(label)) for cell, label in pairs if label)
+
+    @cached_property
+    def ground(self) -> Ground:
+        return Ground(np.array(self.scene["bounds"]), self.regions, self.obstacles, self.dfa)
+
+    @cached_property
+    def robot(self) -> Robot:
+        told = self.settings["robot"]
+        return Robot(
+            a=np.array(told["a"], float), b=np.array(told["b"], float), ball=self.settings["wind"]["ball"],
+            **{key: told[key] for key in (
+                "dt", "u_max", "start_sd", "feedback", "effort_risk", "fix_sd", "fix_gain", "fix_risk"
+            )},
+        )  # fmt: skip
+
+    @property
+    def epsilon(self) -> float:
+        told = self.settings["planner"]["epsilon"]
+        return float(EPSILON[self.settings["fidelity"]["collision_bound"]] if told is None else told)
+
+    # --- the plan -----------------------------------------------------------------------------
+
+    @cached_property
+    def x(self) -> FloatArray:
+        return np.array(self.plan["x"], float)
+
+    @cached_property
+    def u(self) -> FloatArray:
+        return np.array(self.plan["u"], float).reshape(-1, 2)
+
+    @cached_property
+    def start(self) -> FloatArray:
+        return np.array(self.scene["start"], float)
+
+    @cached_property
+    def labels(self) -> list[frozenset[str]]:
+        """Labels of the planned positions, from the polygons."""
+        return self.ground.labels(self.x)
+
+    @cached_property
+    def times(self) -> Clock:
+        return clock(self.wind, self.robot.dt, len(self.u))
+
+    def law(self, name: str, steps: int | None = None) -> Law:
+        """A wind law for ``steps`` steps, those of the plan by default."""
+        times = self.times if steps is None else clock(self.wind, self.robot.dt, steps)
+        if name == "independent":
+            return Independent(self.wind, times, self.robot)
+        marks = self.scene.get("landmarks") or [] if self.planned_law == "coherent" else []
+        return Coherent(self.wind, times, self.robot, tuple(map(convex, marks)))
+
+    @property
+    def planned_law(self) -> str:
+        return str(self.settings["fidelity"]["law"])
+
+    @cached_property
+    def course(self) -> Course:
+        """Along the planned means, under the law that the plan is judged in."""
+        return laws.fly_means(self.law(self.planned_law), self.x)
+
+    @cached_property
+    def paper_course(self) -> Course:
+        """The same under the independent law, for f_o of the paper."""
+        return laws.fly_means(self.law("independent"), self.x)
+
+    @cached_property
+    def forecasts(self) -> dict[str, Course]:
+        """The planned controls under each law that the metrics speak of."""
+        told = [name for name in LAWS if f"mission_risk_{name}" in self.metrics]
+        return {name: laws.fly_controls(self.law(name), self.start, self.u) for name in told}
+
+    # --- bounds -------------------------------------------------------------------------------
+
+    def mission_bound(self, course: Course) -> float:
+        """V of a course."""
+        dfa = self.dfa
+        masses = label_masses(self.labelled, course.x, course.cov)
+        read = [{s: dfa.read(s, q) for seen in masses for s in seen} for q in range(len(dfa.delta))]
+        return ordered(masses, read, covers(dfa), dfa.initial, dfa.accepting, course.miss)
+
+    def collision_bounds(self, law: Law, course: Course) -> tuple[float, float]:
+        """R of a course, with the test of growing deviations a little looser and a little stricter."""
+        low, high = (
+            path_bound(self.obstacles, course.x, course.cov, self._growth(law, course, share))
+            for share in (1e-6, -1e-7)
+        )
+        return low, high
+
+    def _growth(self, law: Law, course: Course, share: float) -> list[BoolArray]:
+        """For each obstacle (faces, r, t): whether the deviation along a normal grows from r to t."""
+        n = len(course.x)
+        if isinstance(law, Coherent) and not course.gains:
+            cross = laws.covariance_across(law, course)
+            return [growing(part, cross, share) for part in self.obstacles]
+        walks = isinstance(law, Independent) and np.array_equal(law.robot.closed, np.eye(2))
+        return [np.full((len(part.offsets), n, n), walks) for part in self.obstacles]
+
+    # --- flights ------------------------------------------------------------------------------
+
+    def simulator(self, name: str) -> Simulator:
+        """New flights of the plan under a law."""
+        planned = self.law("coherent")
+        marks = planned.landmarks if isinstance(planned, Coherent) else ()
+        guide = laws.fly_means(planned, self.x) if marks else None
+        return Simulator(self.law(name), guide if guide and guide.gains else None, self.x, self.u, marks)
+
+    @cached_property
+    def new_flights(self) -> dict[str, FloatArray]:
+        """As many new flights as the results hold, at least 2,000, under each law."""
+        found = {}
+        for number, name in enumerate(LAWS):
+            if f"{name}/x" in self.flights:
+                runs = min(max(len(self.flights[f"{name}/x"]), 2000), 10_000)
+                found[name] = self.simulator(name).fly(runs, np.random.default_rng([20181009, number]))
+        return found
+
+
+def open_evidence(directory: Path) -> Evidence:
+    """The evidence in ``directory``.
+
+    Raises
+    ------
+    DataError
+        If it holds no finished result of a plan.
+    """
+    if not directory.is_dir():
+        raise DataError(f"{directory}: no such folder; give a results directory")
+    run = read_json(directory / "run.json")
+    if run.get("status") not in ("ok", "infeasible"):
+        raise DataError(
+            f"{directory}: no finished result, its run ended as {run.get('status')!r}; run the plan again"
+        )
+    stages = run.get("stages")
+    if not isinstance(stages, list) or "plan" not in stages:
+        raise DataError(
+            f"{directory}: holds no plan, its stages are {stages}; verify judges the results of the "
+            "command plan"
+        )
+    return Evidence(directory, run, read_json(directory / "metrics.json"), _settings(directory))
+
+
+def _settings(directory: Path) -> dict[str, Any]:
+    import yaml
+
+    path = directory / "config_resolved.yaml"
+    try:
+        content = yaml.safe_load(read_text(path))
+    except yaml.YAMLError as error:
+        raise DataError(f"{path}: not YAML ({' '.join(str(error).split())}); run the plan again") from error
+    if not isinstance(content, dict):
+        raise DataError(
+            f"{path}: expected keys and values, found {type(content).__name__}; run the plan again"
+        )
+    return content

@@ -1,0 +1,237 @@
+"""Flights: those of the results judged again, and new ones with random numbers of their own."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import betaincinv
+from scipy.stats import chi2, hypergeom, ks_2samp
+
+from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
+from pareto_ltl.verify.formula import Dfa
+from pareto_ltl.verify.gaussians import ON_EDGE
+from pareto_ltl.verify.geometry import Convex, deepest, met_by_any
+from pareto_ltl.verify.laws import Coherent, Course, Independent, Law
+from pareto_ltl.verify.wind_tables import at_step, square_of
+
+RARE = 1e-7  # chance at which one statistical claim about honest results may fail
+NEAR = 1.0  # [m] so close to an obstacle's face a position may count on either side
+
+
+@dataclass(frozen=True, slots=True)
+class Ground:
+    """What flights are judged by: bounds (2, 2) [m], convex parts of regions and obstacles, the automaton."""
+
+    bounds: FloatArray
+    regions: Mapping[str, Sequence[Convex]]
+    obstacles: Sequence[Convex]
+    dfa: Dfa
+
+    def labels(self, points: FloatArray, slack: float = 0.0) -> list[frozenset[str]]:
+        """Label of each of ``points`` (P, 2); none in obstacles and beyond the bounds.
+
+        ``slack`` [m] widens the regions and the free space.
+        """
+        free = ((points >= self.bounds[0]) & (points <= self.bounds[1])).all(axis=1)
+        free &= deepest(self.obstacles, points) <= ON_EDGE + max(slack, 0.0)
+        inside = {
+            name: free & (deepest(parts, points) >= -ON_EDGE - slack) for name, parts in self.regions.items()
+        }
+        return [frozenset(name for name in inside if inside[name][i]) for i in range(len(points))]
+
+    def columns(self, points: FloatArray, slack: float = 0.0) -> IntArray:
+        """The automaton's letter at each of ``points``, as its number."""
+        seen = frozenset(self.dfa.atoms)
+        place = {letter: i for i, letter in enumerate(self.dfa.letters)}
+        return np.array([place.get(label & seen, -1) for label in self.labels(points, slack)], int)
+
+    def accepted(self, x: FloatArray, slack: float = 0.0) -> BoolArray:
+        """Which flights ``x`` (n, T+1, 2) complete the mission."""
+        delta, done = np.array(self.dfa.delta), np.array(self.dfa.accepting)
+        state = np.full(len(x), self.dfa.initial)
+        for t in range(x.shape[1]):
+            state = delta[state, self.columns(x[:, t], slack)]
+        return np.asarray(done[state], bool)
+
+    def collided(self, x: FloatArray, margin: float = ON_EDGE) -> BoolArray:
+        """Which flights come deeper than ``margin`` [m] into an obstacle, between steps too."""
+        hit = np.zeros(len(x), bool)
+        for t in range(x.shape[1] - 1):
+            hit |= met_by_any(self.obstacles, x[:, t], x[:, t + 1], margin)
+        return hit
+
+
+def misjudged(ground: Ground, x: FloatArray, accepted: BoolArray, collided: BoolArray) -> int:
+    """Number of flights whose verdict is not that of their positions; on a face it may be either."""
+    wrong = np.flatnonzero(ground.accepted(x) != accepted)
+    near = [
+        w
+        for w in wrong
+        if accepted[w] not in {ground.accepted(x[w, None], s)[0] for s in (-1e-3, 1e-3, NEAR)}
+    ]
+    hit = np.flatnonzero(ground.collided(x) != collided)
+    far = [h for h in hit if collided[h] not in {ground.collided(x[h, None], m)[0] for m in (-1e-3, 1e-3)}]
+    return len({*near, *far})
+
+
+# --- new flights ------------------------------------------------------------------------------
+
+
+@dataclass(slots=True)
+class Pilots:
+    """What n robots know from fixes: ``deviation`` ê (n, 2), ``field`` θ̂ (n, 2P), and who had a fix."""
+
+    deviation: FloatArray
+    field: FloatArray
+    fixed: BoolArray
+
+
+@dataclass(frozen=True, slots=True)
+class Simulator:
+    """Flies the controls of ``course`` under ``law``; ``guide`` is the course with the fixes to use."""
+
+    law: Law
+    guide: Course | None
+    mean: FloatArray
+    u: FloatArray
+    landmarks: Sequence[Convex]
+
+    def fly(self, runs: int, rng: np.random.Generator) -> FloatArray:
+        """Positions (runs, T+1, 2) [m]."""
+        robot, steps = self.law.robot, len(self.u)
+        x = np.empty((runs, steps + 1, 2))
+        x[:, 0] = self.mean[0] + robot.start_sd * rng.standard_normal((runs, 2))
+        modes = 0 if self.guide is None else self.guide.psi.shape[2]
+        pilots = Pilots(np.zeros((runs, 2)), np.zeros((runs, modes)), np.zeros(runs, bool))
+        theta = rng.standard_normal((runs, self.law.modes))
+        for t in range(steps):
+            if t and (keep := self.law.times.keep[t]) < 1:
+                theta = keep * theta + math.sqrt(1 - keep**2) * rng.standard_normal(theta.shape)
+            wind = self._wind(x[:, t], t, theta, rng)
+            flown = self._commands(x[:, t], t, pilots, rng)
+            x[:, t + 1] = x[:, t] @ robot.a.T + robot.dt * (flown @ robot.b.T + wind)
+        return x
+
+    def _wind(self, x: FloatArray, t: int, theta: FloatArray, rng: np.random.Generator) -> FloatArray:
+        """Wind that each flight meets at its own position, (n, 2) [m/s]."""
+        law, wind = self.law, self.law.wind
+        square = square_of(wind.x, wind.y, x)
+        met = square.value(at_step(wind.mean, law.times, t))
+        latent = square.value(at_step(wind.latent, law.times, t))
+        white = at_step(wind.gust, law.times, t) + latent
+        if isinstance(law, Coherent):
+            white = white - latent
+            carried = np.zeros_like(latent)
+            if wind.modes is not None:
+                psi = square_of(wind.modes.x, wind.modes.y, x).value(wind.modes.psi[law.times.nearest[t]])
+                met = met + np.einsum("ncp,ncp->nc", psi, theta.reshape(len(x), 2, -1))
+                carried = (psi**2).sum(axis=2)
+            white = wind.gust_time / law.robot.dt * (white + np.maximum(latent - carried, 0.0))
+        return np.asarray(met + np.sqrt(white) * rng.standard_normal(met.shape), float)
+
+    def _commands(self, x: FloatArray, t: int, pilots: Pilots, rng: np.random.Generator) -> FloatArray:
+        """Planned control, feedback, and what fixes have taught, cut to the largest airspeed."""
+        robot, guide = self.law.robot, self.guide
+        held = self.u[t] - robot.feedback / robot.dt * np.linalg.solve(robot.b, (x - self.mean[t]).T).T
+        cut = self._within_speed(held) if robot.feedback > 0 else held
+        if guide is None:
+            return cut
+        if (keep := self.law.times.keep[t]) < 1:
+            pilots.field *= keep
+        if t in guide.gains:
+            self._take_fixes(x, t, pilots, rng)
+        expected = pilots.field @ guide.psi[t].T
+        back = np.linalg.solve(robot.b, (robot.fix_gain / robot.dt * pilots.deviation + expected).T).T
+        flown = self._within_speed(held - back)
+        moved = pilots.deviation @ guide.F[t].T + robot.dt * (expected + (flown - held) @ robot.b.T)
+        pilots.deviation = np.where(pilots.fixed[:, None], moved, 0.0)
+        return np.where(pilots.fixed[:, None], flown, cut)
+
+    def _within_speed(self, u: FloatArray) -> FloatArray:
+        size = np.linalg.norm(u, axis=1, keepdims=True)
+        return np.asarray(u * np.minimum(1.0, self.law.robot.u_max / np.maximum(size, 1e-12)), float)
+
+    def _take_fixes(self, x: FloatArray, t: int, pilots: Pilots, rng: np.random.Generator) -> None:
+        """Kalman update of those inside a landmark, by a position read with noise."""
+        assert self.guide is not None
+        gain, learnt = self.guide.gains[t]
+        here = deepest(self.landmarks, x) >= 0
+        read = x + self.law.robot.fix_sd * rng.standard_normal(x.shape)
+        news = np.where(here[:, None], read - self.mean[t] - pilots.deviation, 0.0)
+        pilots.deviation = pilots.deviation + news @ gain.T
+        if isinstance(self.law, Coherent):
+            pilots.field += news @ learnt.T
+        pilots.fixed |= here
+
+
+# --- statistics -------------------------------------------------------------------------------
+
+
+def clopper_pearson(failures: int, runs: int) -> tuple[float, float]:
+    """Exact 95 % interval of a rate."""
+    low = float(betaincinv(failures, runs - failures + 1, 0.025)) if failures else 0.0
+    high = float(betaincinv(failures + 1, runs - failures, 0.975)) if failures < runs else 1.0
+    return low, high
+
+
+def same_rate(failures: int, runs: int, others: int, other_runs: int) -> float:
+    """Chance of counts at least as unlike as these if both rates are equal (Fisher's exact test)."""
+    law = hypergeom(runs + other_runs, failures + others, runs)
+    return float(min(1.0, 2 * min(law.cdf(failures), law.sf(failures - 1))))
+
+
+def same_distribution(a: FloatArray, b: FloatArray) -> float:
+    """Least chance, times their number, of Kolmogorov-Smirnov tests of coordinates (n, T, 2) and (m, T, 2).
+
+    0 or 1 for coordinates that do not vary by a millimetre.
+    """
+    chances = []
+    for t in range(a.shape[1]):
+        for c in (0, 1):
+            one, two = a[:, t, c], b[:, t, c]
+            if max(np.ptp(one), np.ptp(two)) < 2e-3:
+                chances.append(float(abs(one.mean() - two.mean()) < 2e-3))
+            else:
+                chances.append(float(ks_2samp(one, two, method="asymp").pvalue))
+    return min(1.0, min(chances) * len(chances))
+
+
+def winds_as_drawn(law: Independent, x: FloatArray, u: FloatArray) -> float:
+    """Chance of winds at least as unlike N(μ, Σ_w) as those of flights ``x`` with open-loop controls ``u``.
+
+    The wind of a step is what the motion leaves, standardised at the position where it was met; the sum of
+    squares of all of them is chi-squared, and so is, scaled, the square of their sum.
+    """
+    robot, wind = law.robot, law.wind
+    squares, total, count = 0.0, np.zeros(2), 0
+    for t in range(len(u)):
+        square = square_of(wind.x, wind.y, x[:, t])
+        met = (x[:, t + 1] - x[:, t] @ robot.a.T) / robot.dt - u[t] @ robot.b.T
+        gap = met - square.value(at_step(wind.mean, law.times, t))
+        sd = np.sqrt(square.value(at_step(wind.latent, law.times, t)) + at_step(wind.gust, law.times, t))
+        if (np.abs(gap[sd <= 1e-9]) > 1e-6).any():
+            return 0.0
+        z = gap / np.maximum(sd, 1e-9) * (sd > 1e-9)
+        squares, total, count = (
+            squares + float((z * z).sum()),
+            total + z.sum(axis=0),
+            count + int((sd > 1e-9).sum()),
+        )
+    if not count:
+        return 1.0
+    spread = 2 * min(float(chi2.cdf(squares, count)), float(chi2.sf(squares, count)))
+    drift = float(chi2.sf((total**2).sum() / (count / 2), 2))
+    return min(1.0, 2 * min(spread, drift))
+
+
+def rates(accepted: BoolArray, collided: BoolArray) -> dict[str, float]:
+    """Failure, its interval, and its two parts."""
+    failed = ~accepted | collided
+    low, high = clopper_pearson(int(failed.sum()), len(failed))
+    return {
+        "runs": float(len(failed)), "failure": float(failed.mean()), "low": low, "high": high,
+        "mission": float((~accepted).mean()), "collision": float(collided.mean()),
+    }  # fmt: skip

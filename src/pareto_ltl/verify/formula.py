@@ -1,0 +1,281 @@
+"""Formulas and automata, read and compared by code of their own.
+
+A co-safe formula is rewritten letter by letter: what is left to satisfy after a letter is a set of
+alternatives, each a set of subformulas that must all hold from the next letter on. A word completes the
+mission if no infinite word after it can avoid that some alternative becomes empty.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from pareto_ltl.support.errors import DataError
+
+Node = tuple[Any, ...]  # (operator, argument, ...); a proposition is ("ap", name)
+Rest = frozenset[frozenset[Node]]  # alternatives of obligations
+
+MOST_RESTS = 50_000  # what is left of a formula, in different forms, before this judge gives up
+DONE: Rest = frozenset({frozenset()})
+NEVER: Rest = frozenset()
+
+WORDS = {
+    **{"~": "!", "not": "!", "next": "X", "eventually": "F", "<>": "F", "until": "U"},
+    **{"&&": "&", "and": "&", "||": "|", "or": "|", "[]": "G", "t": "true", "f": "false"},
+}
+LEVELS = (("<->", "xor"), ("->",), ("|",), ("&",), ("U", "R", "W", "M"))  # the weakest first
+TO_THE_RIGHT = ("->", "U", "R", "W", "M")
+DUAL = {"&": "|", "|": "&", "X": "X", "F": "G", "G": "F", "U": "R", "R": "U", "W": "M", "M": "W"}
+
+
+# --- reading ----------------------------------------------------------------------------------
+
+
+def read_formula(text: str, short: bool = False) -> Node:
+    """The tree of a formula; ``short`` allows ``t`` and ``f`` for true and false, as in HOA labels."""
+    words = re.findall(r"<->|->|<>|\[\]|&&|\|\||[!~&|()]|\w+|\S", text)
+    names = WORDS if short else {key: value for key, value in WORDS.items() if key not in ("t", "f")}
+    tokens = [names.get(word, word) for word in words]
+    tree = _binary(tokens, 0)
+    if tokens:
+        raise DataError(f"formula {text!r}: {tokens[0]!r} is not expected")
+    return tree
+
+
+def _binary(tokens: list[str], level: int) -> Node:
+    if level == len(LEVELS):
+        return _unary(tokens)
+    left = _binary(tokens, level + 1)
+    while tokens and tokens[0] in LEVELS[level]:
+        operator = tokens.pop(0)
+        right = _binary(tokens, level if operator in TO_THE_RIGHT else level + 1)
+        left = (operator, left, right)
+    return left
+
+
+def _unary(tokens: list[str]) -> Node:
+    if not tokens:
+        raise DataError("the formula ends too early")
+    token = tokens.pop(0)
+    if token in ("!", "X", "F", "G"):
+        return (token, _unary(tokens))
+    if token == "(":
+        inner = _binary(tokens, 0)
+        if not tokens or tokens.pop(0) != ")":
+            raise DataError("the formula lacks a ')'")
+        return inner
+    return (token,) if token in ("true", "false") else ("ap", token)
+
+
+def normal_form(node: Node, negated: bool = False) -> Node:
+    """Negation moved to the propositions; ``->``, ``<->`` and ``xor`` written out."""
+    operator, *args = node
+    if operator in ("true", "false"):
+        return ("false" if (operator == "true") is negated else "true",)
+    if operator == "ap":
+        return ("not", *args) if negated else node
+    if operator == "!":
+        return normal_form(args[0], not negated)
+    if operator == "->":
+        return normal_form(("|", ("!", args[0]), args[1]), negated)
+    if operator in ("<->", "xor"):
+        p, q = args
+        other = ("!", q) if operator == "xor" else q
+        same = ("|", ("&", p, other), ("&", ("!", p), ("!", other)))
+        return normal_form(same, negated)
+    return (DUAL[operator] if negated else operator, *(normal_form(arg, negated) for arg in args))
+
+
+# --- meaning ----------------------------------------------------------------------------------
+
+
+def _either(p: Rest, q: Rest) -> Rest:
+    both = p | q
+    return frozenset(one for one in both if not any(other < one for other in both))
+
+
+def _both(p: Rest, q: Rest) -> Rest:
+    return _either(frozenset(one | other for one in p for other in q), NEVER)
+
+
+def after_letter(node: Node, letter: frozenset[str]) -> Rest:
+    """What is left of a formula in normal form after ``letter``.
+
+    p U q = q | p & X (p U q),    F q = q | X F q,    p M q = q & (p | X (p M q))
+    """
+    operator, *args = node
+    if operator in ("true", "false"):
+        return DONE if operator == "true" else NEVER
+    if operator in ("ap", "not"):
+        return DONE if (args[0] in letter) is (operator == "ap") else NEVER
+    if operator == "X":
+        return frozenset({frozenset({args[0]})})
+    again: Rest = frozenset({frozenset({node})})
+    values = [after_letter(arg, letter) for arg in args]
+    if operator == "&":
+        return _both(*values)
+    if operator == "|":
+        return _either(*values)
+    if operator == "F":
+        return _either(values[0], again)
+    if operator == "U":
+        return _either(values[1], _both(values[0], again))
+    if operator == "M":
+        return _both(values[1], _either(values[0], again))
+    raise DataError(f"operator {operator} promises something for ever; no finite flight completes it")
+
+
+def rest_after(rest: Rest, letter: frozenset[str]) -> Rest:
+    """What is left of ``rest`` after one more letter."""
+    left = NEVER
+    for obligations in rest:
+        together = DONE
+        for node in obligations:
+            together = _both(together, after_letter(node, letter))
+        left = _either(left, together)
+    return left
+
+
+def completed(rests: Mapping[Rest, Sequence[Rest]]) -> set[Rest]:
+    """Those after which every infinite word satisfies the formula: none can avoid ``DONE`` for ever."""
+    avoid = {rest for rest in rests if rest != DONE}
+    while True:
+        forced = {rest for rest in avoid if not any(ahead in avoid for ahead in rests[rest])}
+        if not forced:
+            return {rest for rest in rests if rest not in avoid}
+        avoid -= forced
+
+
+def rest_graph(formula: str, letters: Sequence[frozenset[str]]) -> tuple[Rest, dict[Rest, list[Rest]]]:
+    """The first rest, and for every rest that can come up the next one after each letter."""
+    first: Rest = frozenset({frozenset({normal_form(read_formula(formula))})})
+    graph: dict[Rest, list[Rest]] = {}
+    fresh = [first]
+    while fresh:
+        rest = fresh.pop()
+        if rest in graph:
+            continue
+        if len(graph) >= MOST_RESTS:
+            raise DataError(f"formula {formula!r} is too large for this judge")
+        graph[rest] = [rest_after(rest, letter) for letter in letters]
+        fresh += graph[rest]
+    return first, graph
+
+
+# --- automata ---------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class Dfa:
+    """``delta[q][i]`` is the state after ``letters[i]``; acceptance is final."""
+
+    letters: tuple[frozenset[str], ...]
+    atoms: tuple[str, ...]
+    delta: tuple[tuple[int, ...], ...]
+    initial: int
+    accepting: tuple[bool, ...]
+
+    def read(self, label: Iterable[str], state: int) -> int:
+        """State after the propositions of ``label`` that the formula names."""
+        return self.delta[state][self.letters.index(frozenset(label) & frozenset(self.atoms))]
+
+
+def first_difference(dfa: Dfa, formula: str) -> str | None:
+    """A shortest word on which automaton and formula disagree; None if there is none."""
+    first, graph = rest_graph(formula, dfa.letters)
+    good = completed(graph)
+    return _walk_together(
+        dfa, first, lambda rest, i: graph[rest][i], lambda q, rest: dfa.accepting[q] == (rest in good)
+    )
+
+
+def unlike(dfa: Dfa, other: Dfa) -> str | None:
+    """The same for two automata over the same propositions."""
+    place = [other.letters.index(letter) for letter in dfa.letters]
+    return _walk_together(
+        dfa,
+        other.initial,
+        lambda p, i: other.delta[p][place[i]],
+        lambda q, p: dfa.accepting[q] == other.accepting[p],
+    )
+
+
+def _walk_together(
+    dfa: Dfa, start: Any, step: Callable[[Any, int], Any], agree: Callable[[int, Any], bool]
+) -> str | None:
+    """Breadth first through the pairs that one word leads to; the word of the first pair that disagrees."""
+    seen, fresh = {(dfa.initial, start)}, [(dfa.initial, start, "")]
+    while fresh:
+        ahead = []
+        for q, other, word in fresh:
+            if not agree(q, other):
+                return word.strip() or "the empty word"
+            for i, letter in enumerate(dfa.letters):
+                pair = (dfa.delta[q][i], step(other, i))
+                if pair not in seen:
+                    seen.add(pair)
+                    ahead.append((*pair, f"{word} {{{','.join(sorted(letter))}}}"))
+        fresh = ahead
+    return None
+
+
+def distances(dfa: Dfa) -> list[float]:
+    """d_A: fewest letters to acceptance, inf where it is out of reach."""
+    found = [0.0 if yes else float("inf") for yes in dfa.accepting]
+    for _ in dfa.delta:
+        found = [
+            min(own, 1.0 + min(found[p] for p in row)) for own, row in zip(found, dfa.delta, strict=True)
+        ]
+    return found
+
+
+def covers(dfa: Dfa) -> list[list[bool]]:
+    """``[q][p]``: q accepts every word that p accepts."""
+    n = len(dfa.delta)
+    fails = {(q, p) for q in range(n) for p in range(n) if dfa.accepting[p] and not dfa.accepting[q]}
+    while True:
+        more = {
+            (q, p)
+            for q in range(n)
+            for p in range(n)
+            if (q, p) not in fails
+            and any(pair in fails for pair in zip(dfa.delta[q], dfa.delta[p], strict=True))
+        }
+        if not more:
+            return [[(q, p) not in fails for p in range(n)] for q in range(n)]
+        fails |= more
+
+
+def read_hoa(text: str, letters: Sequence[frozenset[str]]) -> Dfa:
+    """The deterministic automaton of a HOA file, over ``letters``."""
+    start = re.search(r"^Start:\s*(\d+)", text, re.M)
+    names = re.search(r"^AP:\s*\d+(.*)$", text, re.M)
+    if start is None or names is None or "--BODY--" not in text:
+        raise DataError("automaton.hoa has no Start, AP or body")
+    atoms = [re.sub(r"\\(.)", r"\1", quoted) for quoted in re.findall(r'"((?:[^"\\]|\\.)*)"', names[1])]
+    blocks = re.split(r"^State:", text.split("--BODY--")[1].split("--END--")[0], flags=re.M)[1:]
+    rows: dict[int, tuple[bool, tuple[int, ...]]] = {}
+    for block in blocks:
+        head, *edges = block.strip().splitlines()
+        state = int(head.split()[0])
+        rows[state] = ("{0}" in head, tuple(_edge(edges, atoms, letter) for letter in letters))
+    order = sorted(rows)
+    return Dfa(
+        tuple(letters), tuple(atoms), tuple(rows[q][1] for q in order), int(start[1]),
+        tuple(rows[q][0] for q in order),
+    )  # fmt: skip
+
+
+def _edge(edges: Sequence[str], atoms: Sequence[str], letter: frozenset[str]) -> int:
+    """Target of the one edge whose label holds for ``letter``."""
+    codes = frozenset(str(i) for i, name in enumerate(atoms) if name in letter)
+    targets = set()
+    for edge in edges:
+        label, target = re.fullmatch(r"\s*\[(.*)\]\s*(\d+)\s*", edge).groups()  # type: ignore[union-attr]
+        if after_letter(normal_form(read_formula(label, short=True)), codes) == DONE:
+            targets.add(int(target))
+    if len(targets) != 1:
+        raise DataError(f"automaton.hoa: letter {sorted(letter)} has {len(targets)} ways out of one state")
+    return targets.pop()

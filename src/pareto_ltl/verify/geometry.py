@@ -1,0 +1,88 @@
+"""Points, segments and polygons, for positions that are judged again."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pareto_ltl.support.arrays import BoolArray, FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class Convex:
+    """A convex polygon as half planes ``normals @ x <= offsets``; ``corners`` (n, 2) [m] turn left."""
+
+    corners: FloatArray
+    normals: FloatArray
+    offsets: FloatArray
+
+    def depth(self, points: FloatArray) -> FloatArray:
+        """Distance from ``points`` (P, 2) to the nearest face line [m], positive inside."""
+        return np.asarray((self.offsets - points @ self.normals.T).min(axis=1), float)
+
+    def met_by(self, start: FloatArray, end: FloatArray, margin: float) -> BoolArray:
+        """Which segments (S, 2) to (S, 2) come deeper than ``margin`` [m] into the polygon.
+
+        The part of a segment beyond no face is found by cutting it at every face line.
+        """
+        gap = (self.offsets - margin) - start @ self.normals.T
+        rate = (end - start) @ self.normals.T
+        with np.errstate(divide="ignore", invalid="ignore"):
+            cut = gap / rate
+        leave = np.where(rate > 0, cut, np.inf).min(axis=1)
+        enter = np.where(rate < 0, cut, -np.inf).max(axis=1)
+        beside = ((rate == 0) & (gap <= 0)).any(axis=1)
+        met: BoolArray = ~beside & (np.maximum(enter, 0.0) < np.minimum(leave, 1.0))
+        return met
+
+
+def convex(corners: Iterable[Iterable[float]]) -> Convex:
+    """The half planes of a convex polygon whose corners are counter-clockwise."""
+    points = np.array([list(corner) for corner in corners], float)
+    along = np.roll(points, -1, axis=0) - points
+    normals = np.column_stack([along[:, 1], -along[:, 0]]) / np.linalg.norm(along, axis=1)[:, None]
+    return Convex(points, normals, np.einsum("ij,ij->i", normals, points))
+
+
+def deepest(parts: Sequence[Convex], points: FloatArray) -> FloatArray:
+    """Largest depth of ``points`` (P, 2) in any of ``parts`` [m]; -inf without parts."""
+    if not parts:
+        return np.full(len(points), -np.inf)
+    return np.asarray(np.max([part.depth(points) for part in parts], axis=0), float)
+
+
+def met_by_any(parts: Sequence[Convex], start: FloatArray, end: FloatArray, margin: float) -> BoolArray:
+    """Which segments come deeper than ``margin`` [m] into any of ``parts``."""
+    met = np.zeros(len(start), bool)
+    for part in parts:
+        met |= part.met_by(start, end, margin)
+    return met
+
+
+def signed_area(corners: FloatArray) -> float:
+    """Area of a simple polygon [m²], positive where its corners are counter-clockwise."""
+    x, y = (corners - corners[0]).T
+    return 0.5 * float(x @ np.roll(y, -1) - y @ np.roll(x, -1))
+
+
+def within(corners: FloatArray, points: FloatArray) -> BoolArray:
+    """Which ``points`` (P, 2) lie in a simple polygon: a ray to the east crosses its outline an odd number of
+    times."""
+    ahead = np.roll(corners, -1, axis=0)
+    odd = np.zeros(len(points), bool)
+    for (x0, y0), (x1, y1) in zip(corners, ahead, strict=True):
+        between = (y0 > points[:, 1]) != (y1 > points[:, 1])
+        if y0 != y1:
+            odd ^= between & (points[:, 0] < x0 + (points[:, 1] - y0) * (x1 - x0) / (y1 - y0))
+    return odd
+
+
+def outline_distance(corners: FloatArray, points: FloatArray) -> FloatArray:
+    """Distance of ``points`` (P, 2) from the outline of a polygon [m]."""
+    along = np.roll(corners, -1, axis=0) - corners
+    offset = points[:, None] - corners
+    share = np.einsum("pij,ij->pi", offset, along) / np.einsum("ij,ij->i", along, along)
+    nearest = np.clip(share, 0.0, 1.0)[..., None] * along
+    return np.asarray(np.linalg.norm(offset - nearest, axis=2).min(axis=1), float)

@@ -1,0 +1,67 @@
+"""All claims of a results directory, judged one after another."""
+
+from __future__ import annotations
+
+import csv
+import zlib
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from pareto_ltl.support.errors import ParetoLtlError
+from pareto_ltl.verify.claims import flights, plan, record, search, wind, world
+from pareto_ltl.verify.claims.verdict import Claim, Verdict
+from pareto_ltl.verify.evidence import Evidence, open_evidence
+
+CLAIMS: tuple[Claim, ...] = (
+    *record.CLAIMS, *world.CLAIMS, *wind.CLAIMS, *plan.CLAIMS, *search.CLAIMS, *flights.CLAIMS,
+)  # fmt: skip
+UNUSABLE = (
+    ParetoLtlError, ArithmeticError, AttributeError, LookupError, OSError, RuntimeError, TypeError,
+    ValueError, csv.Error, zlib.error,
+)  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """A claim by name, what the result says, what follows from its files, and whether they agree."""
+
+    claim: str
+    claimed: str
+    derived: str
+    holds: bool
+
+
+def judge_results(directory: Path | str) -> tuple[Finding, ...]:
+    """Judge every claim that the results in ``directory`` make.
+
+    Raises
+    ------
+    DataError
+        If there is no finished result of a plan.
+    """
+    from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
+
+    with threadpool_limits(1):  # matrices are small, and more threads wait for each other
+        return tuple(findings(open_evidence(Path(directory))))
+
+
+def findings(result: Evidence, claims: Iterable[Claim] = CLAIMS) -> Iterator[Finding]:
+    """The findings in the order of ``claims``; those that the result does not make are left out."""
+    for claim in claims:
+        if all(result.has(name) for name in claim.needs):
+            verdict = _judged(claim, result)
+            if verdict is not None:
+                yield Finding(claim.name, *verdict)
+
+
+def _judged(claim: Claim, result: Evidence) -> Verdict | None:
+    """The verdict; a claim that cannot be worked out from the files does not hold."""
+    try:
+        return claim.judge(result)
+    except UNUSABLE as error:
+        reason = " ".join(f"{type(error).__name__}: {error}".split())
+        return Verdict("cannot be judged", reason[:80], False)
+
+
+__all__ = ["CLAIMS", "Finding", "findings", "judge_results"]

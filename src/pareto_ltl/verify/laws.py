@@ -1,0 +1,280 @@
+"""The Gaussian of a flight along a path, step by step, under each wind law.
+
+Both laws are written with full matrices. The coherent law carries the joint covariance of the deviation e and
+of the coefficients θ of the wind field, so that a position fix is a textbook Kalman update of (e, θ).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.verify.gaussians import in_polygon
+from pareto_ltl.verify.geometry import Convex
+from pareto_ltl.verify.wind_tables import Clock, WindFile, at_step, square_of
+
+RIM = np.array([(math.cos(a), math.sin(a)) for a in np.arange(8) * math.pi / 4])  # of the maximum-trace ball
+
+
+@dataclass(frozen=True, slots=True)
+class Robot:
+    """Dynamics x' = A x + dt (B u + w) and what the robot does about deviations; SI units."""
+
+    a: FloatArray
+    b: FloatArray
+    dt: float
+    u_max: float
+    start_sd: float
+    feedback: float
+    effort_risk: float
+    fix_sd: float
+    fix_gain: float
+    fix_risk: float
+    ball: float
+
+    @property
+    def closed(self) -> FloatArray:
+        """A - K, which moves deviations."""
+        return self.a - self.feedback * np.eye(2)
+
+    def speed_left(self, correction: FloatArray) -> float:
+        """Airspeed left for the plan [m/s] where corrections of this covariance [m²] are flown too.
+
+        P(‖c‖ > r) <= exp(-r² / 2 λ) with λ the largest eigenvalue of the covariance.
+        """
+        turned = np.linalg.solve(self.b, np.linalg.solve(self.b, correction).T)
+        widest = max(float(np.linalg.eigvalsh(0.5 * (turned + turned.T))[-1]), 0.0)
+        reserve = math.sqrt(-2.0 * math.log(self.effort_risk) * widest) / self.dt
+        return max(self.u_max - reserve, 0.0)
+
+
+@dataclass(slots=True)
+class Course:
+    """A path of T steps under one law, filled step by step.
+
+    Attributes
+    ----------
+    x (T+1, 2), cov (T+1, 2, 2)
+        Mean [m] and covariance [m²].
+    u (T, 2), speed (T,)
+        Control and the airspeed left for it [m/s].
+    miss : dict of step to float
+        P(landmark missed) where the plan counts on a fix.
+    F (T, 2, 2), psi (T, 2, 2P), white (T, 2), drift (T, 2)
+        The law linearised about the path: e' = F e + dt (ψ θ + white); drift is μ and its mean shift.
+    cross : list of T+1 (2, 2P)
+        Cov(e_t, θ_t).
+    gains : dict of step to ((2, 2), (2P, 2))
+        Kalman gains of e and θ.
+    """
+
+    x: FloatArray
+    u: FloatArray
+    cov: FloatArray
+    speed: FloatArray
+    drift: FloatArray
+    F: FloatArray
+    psi: FloatArray
+    white: FloatArray
+    miss: dict[int, float] = field(default_factory=dict)
+    cross: list[FloatArray] = field(default_factory=list)
+    gains: dict[int, tuple[FloatArray, FloatArray]] = field(default_factory=dict)
+
+
+@dataclass(slots=True)
+class Belief:
+    """What is uncertain before a step: ``unknown`` Cov(ẽ) and ``known`` Cov(ê) (2, 2), ``cross`` Cov(ẽ, θ̃)
+    (2, 2P), ``theta`` Cov(θ̃) (2P, 2P)."""
+
+    unknown: FloatArray
+    known: FloatArray
+    cross: FloatArray
+    theta: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class Independent:
+    """The wind of every step is drawn anew; Σ_w is that of largest trace in a ball around the mean."""
+
+    wind: WindFile
+    times: Clock
+    robot: Robot
+    modes = 0
+
+    def advance(self, course: Course, t: int, belief: Belief) -> Belief:
+        """Fill row t of ``course`` and return what is uncertain one step later."""
+        robot, wind = self.robot, self.wind
+        reach = robot.ball * math.sqrt(float(np.trace(belief.unknown)) / 2)
+        around = course.x[t] + reach * np.vstack([[0.0, 0.0], RIM if reach > 0 else RIM[:0]])
+        square = square_of(wind.x, wind.y, around)
+        latent = square.value(at_step(wind.latent, self.times, t))
+        course.white[t] = latent[np.argmax(latent.sum(axis=1))] + at_step(wind.gust, self.times, t)
+        course.drift[t] = square.value(at_step(wind.mean, self.times, t))[0]
+        course.F[t] = robot.closed
+        course.speed[t] = robot.speed_left(robot.feedback**2 * belief.unknown)
+        spread = robot.closed @ belief.unknown @ robot.closed.T + robot.dt**2 * np.diag(course.white[t])
+        return Belief(spread, belief.known, belief.cross, belief.theta)
+
+
+@dataclass(frozen=True, slots=True)
+class Coherent:
+    """A flight meets one field, w(x) = μ(x) + ψ(x)' θ; at ``landmarks`` the robot learns its position."""
+
+    wind: WindFile
+    times: Clock
+    robot: Robot
+    landmarks: tuple[Convex, ...] = ()
+
+    @property
+    def modes(self) -> int:
+        """2P, the coefficients of both components."""
+        return 0 if self.wind.modes is None else 2 * self.wind.modes.psi.shape[-1]
+
+    def advance(self, course: Course, t: int, belief: Belief) -> Belief:
+        """Fill row t of ``course`` and return what is uncertain one step later."""
+        belief = self._with_fix(course, t, belief)
+        robot, dt = self.robot, self.robot.dt
+        self._linearise(course, t, belief)
+        F, psi, keep = course.F[t], course.psi[t], self.times.keep[t + 1]
+        mixed = dt * F @ belief.cross @ psi.T
+        unknown = F @ belief.unknown @ F.T + mixed + mixed.T
+        unknown += dt**2 * (psi @ belief.theta @ psi.T + np.diag(course.white[t]))
+        steered = psi @ (np.eye(len(belief.theta)) - belief.theta) @ psi.T
+        back = F - robot.fix_gain * np.eye(2)
+        course.speed[t] = robot.speed_left(
+            robot.feedback**2 * belief.unknown + robot.fix_gain**2 * belief.known + dt**2 * steered
+        )
+        return Belief(
+            unknown=unknown,
+            known=back @ belief.known @ back.T,
+            cross=keep * (F @ belief.cross + dt * psi @ belief.theta),
+            theta=keep**2 * belief.theta + (1 - keep**2) * np.eye(len(belief.theta)),
+        )
+
+    def _linearise(self, course: Course, t: int, belief: Belief) -> None:
+        """F, ψ, the white variance and the expected wind with its second-order shift at the mean.
+
+        ½ D²μ : Σ + ∂ψ : C, with central differences of μ at the nodes.
+        """
+        wind, robot = self.wind, self.robot
+        square = square_of(wind.x, wind.y, course.x[t, None])
+        mean = at_step(wind.mean, self.times, t)
+        first = [np.gradient(mean, square.side, axis=axis) for axis in (0, 1)]
+        D = np.stack([square.value(d)[0] for d in first], axis=1)  # (component, direction)
+        course.F[t] = robot.closed + robot.dt * D
+        H = [[square.value(np.gradient(d, square.side, axis=axis))[0] for axis in (0, 1)] for d in first]
+        bend = 0.5 * np.einsum("ijc,ij->c", np.array(H), belief.unknown)
+        psi, swept = self._field_at(course.x[t], t, belief.cross)
+        course.psi[t] = psi
+        left = np.maximum(square.value(at_step(wind.latent, self.times, t))[0] - (psi**2).sum(axis=1), 0.0)
+        course.white[t] = wind.gust_time / robot.dt * (at_step(wind.gust, self.times, t) + left)
+        course.drift[t] = square.value(mean)[0] + bend + swept
+
+    def _field_at(self, x: FloatArray, t: int, cross: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """ψ = blkdiag(ψ_x', ψ_y') (2, 2P) and ∂ψ : C (2,)."""
+        psi = np.zeros((2, self.modes))
+        swept = np.zeros(2)
+        found = self.wind.modes
+        if found is None:
+            return psi, swept
+        table = found.psi[self.times.nearest[t]]
+        square = square_of(found.x, found.y, x[None])
+        value, slopes = square.value(table)[0], square.slopes(table)
+        half = self.modes // 2
+        for c in (0, 1):
+            own = slice(c * half, (c + 1) * half)
+            psi[c, own] = value[c]
+            swept[c] = sum(slope[0, c] @ cross[d, own] for d, slope in enumerate(slopes))
+        return psi, swept
+
+    def _with_fix(self, course: Course, t: int, belief: Belief) -> Belief:
+        """The belief after a position fix, where the plan counts on one at step t."""
+        total = belief.unknown + belief.known
+        if 2 * np.trace(belief.known) > np.trace(total) or np.diag(total).min() <= 0:
+            return belief
+        for mark in self.landmarks:
+            if mark.depth(course.x[t, None])[0] >= 0:
+                miss = 1.0 - in_polygon(mark, course.x[t], total)
+                if miss > self.robot.fix_risk:
+                    return belief
+                course.miss[t] = miss
+                return self._updated(course, t, belief)
+        return belief
+
+    def _updated(self, course: Course, t: int, belief: Belief) -> Belief:
+        """Kalman update of (ẽ, θ̃) by a position read with ``fix_sd``."""
+        S = belief.unknown + self.robot.fix_sd**2 * np.eye(2)
+        gain: FloatArray = np.asarray(np.linalg.solve(S, belief.unknown).T, float)
+        learnt: FloatArray = np.asarray(np.linalg.solve(S, belief.cross).T, float)
+        course.gains[t] = gain, learnt
+        return Belief(
+            unknown=belief.unknown - gain @ belief.unknown,
+            known=belief.known + gain @ belief.unknown,
+            cross=belief.cross - gain @ belief.cross,
+            theta=belief.theta - learnt @ belief.cross,
+        )
+
+
+Law = Independent | Coherent
+
+
+def fly_means(law: Law, x: FloatArray) -> Course:
+    """The course along the means ``x`` (T+1, 2), with the controls that they need."""
+    course = _empty(law, len(x) - 1)
+    course.x[:] = x
+    robot = law.robot
+
+    def steer(t: int) -> None:
+        free = robot.a @ x[t] + robot.dt * course.drift[t]
+        course.u[t] = np.linalg.solve(robot.b, x[t + 1] - free) / robot.dt
+
+    return _flown(law, course, steer)
+
+
+def fly_controls(law: Law, start: FloatArray, u: FloatArray) -> Course:
+    """The course of the controls ``u`` (T, 2) from ``start`` (2,)."""
+    course = _empty(law, len(u))
+    course.x[0], course.u[:] = start, u
+    robot = law.robot
+
+    def move(t: int) -> None:
+        course.x[t + 1] = robot.a @ course.x[t] + robot.dt * (robot.b @ u[t] + course.drift[t])
+
+    return _flown(law, course, move)
+
+
+def _empty(law: Law, steps: int) -> Course:
+    pairs = np.empty((5, steps, 2))
+    return Course(
+        x=np.empty((steps + 1, 2)), u=pairs[0], cov=np.empty((steps + 1, 2, 2)), speed=np.empty(steps),
+        drift=pairs[1], F=np.empty((steps, 2, 2)), psi=np.zeros((steps, 2, law.modes)), white=pairs[2],
+    )  # fmt: skip
+
+
+def _flown(law: Law, course: Course, finish_step: Callable[[int], None]) -> Course:
+    n = law.modes
+    belief = Belief(law.robot.start_sd**2 * np.eye(2), np.zeros((2, 2)), np.zeros((2, n)), np.eye(n))
+    for t in range(len(course.u)):
+        course.cov[t] = belief.unknown + belief.known
+        course.cross.append(belief.cross)
+        belief = law.advance(course, t, belief)
+        finish_step(t)
+    course.cov[-1] = belief.unknown + belief.known
+    course.cross.append(belief.cross)
+    return course
+
+
+def covariance_across(law: Law, course: Course) -> FloatArray:
+    """Cov(e_t, e_s) for s <= t, (T+1, T+1, 2, 2), of a course without fixes."""
+    n, dt = len(course.x), law.robot.dt
+    cross = np.zeros((n, n, 2, 2))
+    for s in range(n):
+        cross[s, s], held = course.cov[s], course.cross[s].T  # Cov(θ_s, e_s)
+        for t in range(s, n - 1):
+            cross[t + 1, s] = course.F[t] @ cross[t, s] + dt * course.psi[t] @ held
+            held = law.times.keep[t + 1] * held
+    return cross

@@ -1,0 +1,14 @@
+"""Results that lie: each lie edits the files of an honest result and names the claims that must fail.
+
+Numbers that stand in several files are changed in all of them, so that only what is derived again can give
+the lie away.
+"""
+
+from lies.about_plans import PLAN_LIES
+from lies.about_runs import FLIGHT_LIES, RECORD_LIES, SEARCH_LIES
+from lies.about_worlds import WIND_LIES, WORLD_LIES
+from lies.editing import Lie, edited
+
+LIES = (*PLAN_LIES, *WORLD_LIES, *WIND_LIES, *SEARCH_LIES, *FLIGHT_LIES, *RECORD_LIES)
+
+__all__ = ["LIES", "Lie", "edited"]

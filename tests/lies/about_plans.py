@@ -1,0 +1,135 @@
+"""Lies about the plan and its bounds."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from lies.editing import (
+    Lie,
+    both,
+    in_json,
+    in_metrics,
+    in_plan,
+    put,
+    recosted,
+    scaled,
+    setting,
+)
+from pareto_ltl.verify.flights import clopper_pearson
+
+
+def _shift_step(plan: dict[str, Any]) -> None:
+    plan["x"][5][0] += 2000.0
+
+
+def _cut_end(plan: dict[str, Any]) -> None:
+    first = plan["q"].index(plan["q"][-1])  # the step that completes the mission
+    for key in ("t", "x", "cov", "q", "label"):
+        plan[key] = plan[key][:first]
+    plan["u"] = plan["u"][: first - 1]
+
+
+def _swap_label(plan: dict[str, Any]) -> None:
+    place = next(t for t, label in enumerate(plan["label"]) if label == ["a"])
+    plan["label"][place] = ["b"]
+
+
+def _slow_clock(plan: dict[str, Any]) -> None:
+    plan["dt"] = 3600.0
+    plan["t"] = [2.0 * t for t in plan["t"]]
+
+
+def _other_failures(plan: dict[str, Any]) -> None:
+    told = plan["acceptance"]
+    told["failures"] += 60
+    told["low"], told["high"] = clopper_pearson(told["failures"], told["runs"])
+
+
+PLAN_LIES = (
+    Lie("a step is shifted", in_plan(_shift_step), ("plan: motion",)),
+    Lie(
+        "a control is faster than the robot",
+        in_plan(lambda p: scaled(p, "u", 5, factor=3.0)),
+        ("plan: airspeed",),
+    ),
+    Lie("the covariance is smaller", in_plan(lambda p: scaled(p, "cov", factor=0.9)), ("plan: covariance",)),
+    Lie(
+        "one covariance is smaller",
+        in_plan(lambda p: scaled(p, "cov", 9, factor=0.99)),
+        ("plan: covariance",),
+    ),
+    Lie("a label is another", in_plan(_swap_label), ("plan: labels",)),
+    Lie("a state is another", in_plan(lambda p: put(p, "q", 3, value=1)), ("plan: automaton states",)),
+    Lie("the plan ends too early", in_plan(_cut_end), ("plan: completes the mission",)),
+    Lie("the start is another", in_plan(lambda p: scaled(p, "x", 0, factor=0.99)), ("plan: start",)),
+    Lie("a time is another", in_plan(lambda p: put(p, "t", 4, value=7000.0)), ("plan: times",)),
+    Lie("V is halved", recosted("mission_risk_ordered", 0.5), ("plan: ordered bound V",)),
+    Lie("V is a hundredth less", recosted("mission_risk_ordered", 0.99), ("plan: ordered bound V",)),
+    Lie("the mission risk is halved", recosted("mission_risk", 0.5), ("plan: mission risk",)),
+    Lie("f_o is another", recosted("mission_risk_paper", 0.1), ("plan: f_o of Theorem 2",)),
+    Lie("R is zero", recosted("collision_risk", 0.0), ("plan: collision bound R",)),
+    Lie("R is doubled", recosted("collision_risk", 2.0), ("plan: collision bound R",)),
+    Lie("the length is shorter", recosted("length", 0.999), ("plan: length",)),
+    Lie("dt of the plan is another", in_plan(_slow_clock), ("plan: settings it names", "plan: times")),
+    Lie(
+        "dt is another everywhere",
+        both(in_plan(_slow_clock), setting("robot", "dt", 3600.0)),
+        ("plan: motion", "run: fingerprint of the settings"),
+    ),
+    Lie("u_max is raised", in_plan(lambda p: p.update(u_max=60.0)), ("plan: settings it names",)),
+    Lie(
+        "u_max is raised everywhere",
+        both(in_plan(lambda p: p.update(u_max=60.0)), setting("robot", "u_max", 60.0)),
+        ("run: fingerprint of the settings",),
+    ),
+    Lie("epsilon is smaller", in_plan(lambda p: p.update(epsilon=0.001)), ("plan: settings it names",)),
+    Lie(
+        "the rule is another",
+        in_plan(lambda p: put(p, "selection", "rule", value="weighted")),
+        ("plan: settings it names",),
+    ),
+    Lie("a fix is made up", in_plan(lambda p: p.update(fixes=[3])), ("plan: position fixes",)),
+    Lie(
+        "plan.csv differs",
+        lambda place: (place / "plan.csv").write_text(
+            (place / "plan.csv").read_text().replace("1800.0", "1801.0")
+        ),
+        ("plan: plan.csv is plan.json",),
+    ),
+    Lie("the length of the metrics is another", in_metrics({"length_m": 1e6}), ("plan: metrics",)),
+    Lie(
+        "the fidelity has another name",
+        both(
+            in_plan(lambda p: p.update(fidelity="better")),
+            in_json("run.json", lambda r: r.update(fidelity="better")),
+        ),
+        ("plan: text of the fidelity",),
+    ),
+    Lie(
+        "another count of failures accepts the plan",
+        in_plan(_other_failures),
+        ("plan: failures in its acceptance",),
+        "full",
+    ),
+    Lie(
+        "the acceptance interval is narrower",
+        in_plan(lambda p: put(p, "acceptance", "high", value=p["acceptance"]["low"])),
+        ("plan: acceptance by flights",),
+        "full",
+    ),
+    Lie(
+        "V of the other law",
+        in_json("metrics.json", lambda m: m.update(mission_risk_coherent=m["mission_risk_independent"])),
+        ("coherent: V of the controls",),
+    ),
+    Lie(
+        "R of the other law",
+        in_json("metrics.json", lambda m: m.update(collision_risk_coherent=m["collision_risk_independent"])),
+        ("coherent: R of the controls",),
+    ),
+    Lie(
+        "a narrow end",
+        in_json("metrics.json", lambda m: m.update(end_sd_coherent_m=m["end_sd_independent_m"])),
+        ("coherent: spread at the end",),
+    ),
+)

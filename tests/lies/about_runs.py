@@ -1,0 +1,206 @@
+"""Lies about trees, front, flights and the run."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lies.editing import (
+    COSTS,
+    Lie,
+    both,
+    counted,
+    in_arrays,
+    in_flights,
+    in_front,
+    in_json,
+    in_metrics,
+    setting,
+)
+from pareto_ltl.support.reading import read_json
+
+
+def _other_parent(trees: dict[str, NDArray[Any]]) -> None:
+    trees["tree_000/parent"][20] = (trees["tree_000/parent"][20] + 1) % 20
+
+
+def _accept_less(place: Path) -> None:
+    in_arrays("trees.npz", lambda t: t.update(accepted=t["accepted"][1:]))(place)
+    metrics = read_json(place / "metrics.json")
+    in_metrics({"accepted_nodes": metrics["accepted_nodes"] - 1})(place)
+
+
+def _lower_risks(trees: dict[str, NDArray[Any]]) -> None:
+    for j, v in trees["accepted"]:
+        trees[f"tree_{j:03d}/risk"][v, 0] *= 0.5
+
+
+def _add_dominated(rows: list[dict[str, str]]) -> None:
+    worse = {key: repr(1.1 * float(rows[-1][key])) for key in COSTS.values()}
+    rows.append(rows[-1] | worse | {"path": str(len(rows))})
+
+
+SEARCH_LIES = (
+    Lie(
+        "a vertex is farther along",
+        in_arrays("trees.npz", lambda t: t["tree_000/length"].__setitem__(9, 1.0)),
+        ("trees: vertices follow their parents",),
+    ),
+    Lie(
+        "a vertex is elsewhere",
+        in_arrays("trees.npz", lambda t: t["tree_001/x"].__setitem__((7, 0), 0.0)),
+        ("trees: vertices follow their parents",),
+    ),
+    Lie(
+        "a parent is another",
+        in_arrays("trees.npz", _other_parent),
+        ("trees: vertices follow their parents",),
+    ),
+    Lie(
+        "a state of a vertex is another",
+        in_arrays("trees.npz", lambda t: t["tree_000/q"].__setitem__(9, 3)),
+        ("trees: vertices follow their parents",),
+    ),
+    Lie("an accepted vertex is left out", _accept_less, ("trees: accepted vertices",)),
+    Lie("risks of vertices are halved", in_arrays("trees.npz", _lower_risks), ("trees: risks of vertices",)),
+    Lie("there are more vertices", in_metrics({"nodes": 10**6}), ("trees: numbers of vertices",)),
+    Lie("a row of the front is gone", in_front(lambda rows: rows.pop()), ("front: hypervolume",)),
+    Lie("a dominated row is added", in_front(_add_dominated), ("front: no path is dominated",)),
+    Lie(
+        "a row of the front is better",
+        in_front(lambda rows: rows[-1].update(length_m="1e6")),
+        ("front: hypervolume", "front: numbers"),
+    ),
+    Lie("the hypervolume is larger", in_metrics({"hypervolume": 0.99}), ("front: hypervolume",)),
+    Lie(
+        "the plan is not on the front",
+        in_front(lambda rows: [row.update(origin="elsewhere") for row in rows]),
+        ("front: the plan is on it",),
+    ),
+)
+
+
+def _all_well(law: str) -> Callable[[dict[str, NDArray[Any]]], Any]:
+    def change(flights: dict[str, NDArray[Any]]) -> None:
+        flights[f"{law}/accepted"][:] = True
+        flights[f"{law}/collided"][:] = False
+
+    return change
+
+
+def _blown(flights: dict[str, NDArray[Any]]) -> None:
+    flights["independent/x"][:, 1:4] += 2000.0
+
+
+def _steady(flights: dict[str, NDArray[Any]]) -> None:
+    x = flights["coherent/x"]
+    x[:] = x.mean(axis=0) + 0.5 * (x - x.mean(axis=0))
+
+
+def _other_law(flights: dict[str, NDArray[Any]]) -> None:
+    for name in ("x", "accepted", "collided"):
+        flights[f"coherent/{name}"] = flights[f"independent/{name}"]
+
+
+def _twice(flights: dict[str, NDArray[Any]]) -> None:
+    for name in list(flights):
+        flights[name] = np.concatenate([flights[name]] * 2)
+
+
+def _survivors(flights: dict[str, NDArray[Any]]) -> None:
+    well = flights["coherent/accepted"] & ~flights["coherent/collided"]
+    chosen = np.resize(np.flatnonzero(well), len(well))
+    for name in ("x", "accepted", "collided"):
+        flights[f"coherent/{name}"] = flights[f"coherent/{name}"][chosen]
+
+
+FLIGHT_LIES = (
+    Lie(
+        "fewer flights fail in the metrics",
+        in_metrics({"failure_coherent": 0.001}),
+        ("coherent: rates and interval",),
+    ),
+    Lie(
+        "the interval is narrower",
+        in_json("metrics.json", lambda m: m.update(failure_coherent_high=m["failure_coherent"])),
+        ("coherent: rates and interval",),
+    ),
+    Lie("there are more runs", in_metrics({"runs_coherent": 10**5}), ("coherent: rates and interval",)),
+    Lie(
+        "flights are counted twice",
+        both(in_arrays("deployments.npz", _twice), counted("independent", "coherent")),
+        ("flights: laws and numbers",),
+    ),
+    Lie(
+        "failed flights are said to be well",
+        in_flights("coherent", _all_well("coherent")),
+        ("coherent: verdicts of the flights",),
+    ),
+    Lie(
+        "flights are blown elsewhere",
+        in_flights("independent", _blown),
+        ("independent: winds of the flights",),
+    ),
+    Lie("flights keep together", in_flights("coherent", _steady), ("coherent: positions of the flights",)),
+    Lie(
+        "flights of the other law",
+        in_flights("coherent", _other_law),
+        ("coherent: positions of the flights",),
+    ),
+    Lie(
+        "failed flights are replaced",
+        in_flights("coherent", _survivors),
+        ("coherent: failure rate of new flights",),
+        "paper",
+    ),
+    Lie(
+        "a law is left out",
+        in_arrays(
+            "deployments.npz", lambda f: [f.pop(f"coherent/{n}") for n in ("x", "accepted", "collided")]
+        ),
+        ("flights: laws and numbers", "flights: laws of the metrics"),
+    ),
+)
+
+
+RECORD_LIES = (
+    Lie(
+        "the run is said to be infeasible",
+        in_json("run.json", lambda r: r.update(status="infeasible", error="no path")),
+        ("run: how it ended",),
+    ),
+    Lie(
+        "the run is said to be complete",
+        lambda place: [(place / name).unlink() for name in ("plan.json", "plan.csv")],
+        ("run: how it ended", "run: files of all stages"),
+    ),
+    Lie("a file is gone", lambda place: (place / "deployments.npz").unlink(), ("run: files of all stages",)),
+    Lie(
+        "the seed is another",
+        in_json("run.json", lambda r: r.update(seed=77)),
+        ("run: name, seed and stages",),
+    ),
+    Lie("a setting is another", setting("planner", "n_max", 100_000), ("run: fingerprint of the settings",)),
+    Lie(
+        "an input is another",
+        in_json("run.json", lambda r: r.update(inputs=dict.fromkeys(r["inputs"], "0" * 64))),
+        ("run: fingerprints of the inputs",),
+    ),
+    Lie("the run was faster", in_metrics({"run_seconds": 0.1}), ("run: times",)),
+    Lie("growth was faster", in_metrics({"nodes_per_second": 1e9}), ("run: times",)),
+    Lie("a probability is above 1", in_metrics({"collision_risk_coherent": 1.5}), ("metrics: ranges",)),
+    Lie(
+        "a number is missing",
+        in_metrics({"failure_coherent": None}),
+        ("metrics: ranges", "coherent: rates and interval"),
+    ),
+    Lie(
+        "the parts exceed the whole",
+        in_metrics({"collision_coherent": 0.9}),
+        ("metrics: rates and intervals", "coherent: rates and interval"),
+    ),
+)

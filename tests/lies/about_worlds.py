@@ -1,0 +1,188 @@
+"""Lies about the map, the mission and the wind."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from lies.editing import (
+    Lie,
+    both,
+    in_json,
+    in_metrics,
+    in_plan,
+    in_wind,
+    moved,
+    put,
+    setting,
+    shrunk,
+)
+
+
+def _shrink_obstacle(content: dict[str, Any]) -> None:
+    content["obstacles"][0] = shrunk(content["obstacles"][0])
+
+
+def _move_region(content: dict[str, Any]) -> None:
+    content["regions"]["a"] = moved(content["regions"]["a"], 5000.0)
+
+
+def _move_part(content: dict[str, Any]) -> None:
+    content["regions"]["a"][0] = moved(content["regions"]["a"][0], 5000.0)
+
+
+def _unlabel(content: dict[str, Any]) -> None:
+    content["labels"][content["labels"].index(["b"])] = []
+
+
+def _shortcut(content: dict[str, Any]) -> None:
+    last = len(content["delta"]) - 1
+    content["delta"][0] = [last if target else target for target in content["delta"][0]]
+
+
+def _other_formula(place: Path) -> None:
+    text = "F(a & F(b & F c))"
+    in_json("automaton.json", lambda a: a.update(formula=text))(place)
+    in_plan(lambda p: p.update(formula=text))(place)
+    hoa = place / "automaton.hoa"
+    hoa.write_text(hoa.read_text().replace("F(a & F b & F c)", text))
+    setting("mission", "formula", text)(place)
+
+
+def _hoa_edge(place: Path) -> None:
+    hoa = place / "automaton.hoa"
+    hoa.write_text(hoa.read_text().replace("State: 0\n[!0] 0\n[0] 1\n", "State: 0\n[!1] 0\n[1] 1\n"))
+
+
+WORLD_LIES = (
+    Lie(
+        "an obstacle is smaller in scene.json",
+        in_json("scene.json", _shrink_obstacle),
+        ("map: scene.json is the map of the settings", "map: convex parts are the polygons"),
+    ),
+    Lie(
+        "an obstacle is smaller in both files",
+        both(in_json("scene.json", _shrink_obstacle), in_json("cells.json", _shrink_obstacle)),
+        ("map: scene.json is the map of the settings", "map: cells cover the free space once"),
+    ),
+    Lie(
+        "an obstacle is gone",
+        both(*(in_json(name, lambda c: c["obstacles"].pop(0)) for name in ("scene.json", "cells.json"))),
+        ("map: scene.json is the map of the settings",),
+    ),
+    Lie(
+        "a region is elsewhere",
+        in_json("scene.json", _move_region),
+        ("map: scene.json is the map of the settings", "map: convex parts are the polygons"),
+    ),
+    Lie(
+        "a part is elsewhere",
+        in_json("cells.json", _move_part),
+        ("map: convex parts are the polygons", "map: cells cover the free space once"),
+    ),
+    Lie(
+        "a cell has lost its label",
+        in_json("cells.json", _unlabel),
+        ("map: cells cover the free space once",),
+    ),
+    Lie(
+        "a cell is gone",
+        in_json("cells.json", lambda c: (c["cells"].pop(), c["labels"].pop())),
+        ("map: cells cover the free space once",),
+    ),
+    Lie(
+        "a door joins cells that are apart",
+        in_json("cells.json", lambda c: c["doors"].append([0, 1])),
+        ("map: doors join cells that touch",),
+    ),
+    Lie(
+        "a transition is another",
+        in_json("automaton.json", _shortcut),
+        ("mission: automaton is that of the formula", "mission: automaton.hoa is automaton.json"),
+    ),
+    Lie(
+        "a state accepts",
+        in_json("automaton.json", lambda a: put(a, "accepting", 1, value=True)),
+        ("mission: automaton is that of the formula",),
+    ),
+    Lie("an edge of the HOA file is another", _hoa_edge, ("mission: automaton.hoa is automaton.json",)),
+    Lie("the formula is another everywhere", _other_formula, ("mission: automaton is that of the formula",)),
+    Lie(
+        "the formula of the plan is another",
+        in_plan(lambda p: p.update(formula="F a")),
+        ("mission: one formula in all files",),
+    ),
+    Lie(
+        "a distance is another",
+        in_json("automaton.json", lambda a: put(a, "d_A", 0, value=1.0)),
+        ("mission: distance to acceptance",),
+    ),
+    Lie(
+        "a letter is gone",
+        in_json("automaton.json", lambda a: (a["letters"].pop(), [row.pop() for row in a["delta"]])),
+        ("mission: letters are the labels of the map",),
+    ),
+)
+
+
+def _times(name: str, factor: float) -> Callable[[Any], Any]:
+    def change(file: Any) -> None:
+        file[name][...] = file[name][...] * factor
+
+    return change
+
+
+def _forget_readings(file: Any) -> None:
+    for name in [name for name in file if name.startswith("reading_")]:
+        del file[name]
+
+
+def _quieter(file: Any) -> None:
+    _times("u_gust_var", 0.5)(file)
+    _times("u_noise_sd", 0.5**0.5)(file)
+
+
+def _one_node(file: Any) -> None:
+    values = file["u"][...]
+    values[0, 2, 3] += 0.5
+    file["u"][...] = values
+
+
+WIND_LIES = (
+    Lie("the mean wind is weaker", in_wind(_times("u", 0.9)), ("wind: mean and variance are the posterior",)),
+    Lie(
+        "the mean wind of one node is another",
+        in_wind(_one_node),
+        ("wind: mean and variance are the posterior",),
+    ),
+    Lie(
+        "the variance is halved",
+        in_wind(_times("v_var", 0.5)),
+        ("wind: mean and variance are the posterior",),
+    ),
+    Lie("the gust variance is halved", in_wind(_times("u_gust_var", 0.5)), ("wind: white variance",)),
+    Lie("gusts and noise are halved", in_wind(_quieter), ("wind: mean and variance are the posterior",)),
+    Lie(
+        "the modes are smaller", in_wind(_times("v_modes", 0.9)), ("wind: modes are those of the posterior",)
+    ),
+    Lie(
+        "the readings are weaker",
+        in_wind(_times("reading_u", 0.9)),
+        ("wind: mean and variance are the posterior", "wind: prior mean, noise and kernel"),
+    ),
+    Lie(
+        "the readings are gone", in_wind(_forget_readings), ("wind: there are readings, or the air is calm",)
+    ),
+    Lie(
+        "errors last less long",
+        both(in_wind(lambda f: f.attrs.update(rho=0.2)), in_metrics({"wind_rho": 0.2})),
+        ("wind: persistence rho",),
+    ),
+    Lie(
+        "gusts last less long",
+        in_wind(lambda f: f.attrs.update(gust_time=100.0)),
+        ("wind: lattice, slots and settings",),
+    ),
+    Lie("the score is better", in_metrics({"gp_z_sd": 1.0}), ("wind: metrics",)),
+)

@@ -1,0 +1,156 @@
+"""Honest results pass the judge, and every planted lie is caught."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import pareto_ltl
+from lies import LIES, Lie, edited
+from pareto_ltl.cli.commands import run_command_line
+from pareto_ltl.support.errors import InfeasibleError
+from pareto_ltl.verify.evidence import open_evidence
+from pareto_ltl.verify.judge import CLAIMS, findings, judge_results
+
+SMALL = {
+    "planner": {"trees": 2, "n_max": 1500, "max_steps": 80},
+    "smoothing": {"candidates": 1, "weights": [10.0, 100.0]},
+    "selection": {"draws": 200, "runs": 1000},
+    "wind": {"max_points": 40, "modes_max": 16, "spacing": 100e3, "modes_spacing": 100e3},
+    "deployment": {"runs": 1000},
+    "report": "none",
+}
+PRESETS = ("paper", "full")
+CASES = [(lie, preset) for lie in LIES for preset in PRESETS if lie.only in ("", preset)]
+
+
+@pytest.fixture(scope="module")
+def honest(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """A small result of each preset."""
+    place = tmp_path_factory.mktemp("honest")
+    for preset in PRESETS:
+        pareto_ltl.plan("phi1", "F(a & F b & F c)", fidelity=preset, out=place / preset, **SMALL)
+    return {preset: place / preset for preset in PRESETS}
+
+
+@pytest.mark.parametrize("preset", PRESETS)
+def test_an_honest_result_passes(preset: str, honest: dict[str, Path]) -> None:
+    found = judge_results(honest[preset])
+    assert [finding for finding in found if not finding.holds] == []
+    assert len(found) >= 80
+    assert len({finding.claim for finding in found}) == len(found)
+
+
+@pytest.mark.parametrize(("lie", "preset"), CASES, ids=[f"{lie.name}-{preset}" for lie, preset in CASES])
+def test_a_lie_is_caught(lie: Lie, preset: str, honest: dict[str, Path], tmp_path: Path) -> None:
+    result = open_evidence(edited(honest[preset], tmp_path / "lie", lie))
+    claims = {claim.name: claim for claim in CLAIMS}
+    for name in lie.caught:
+        (finding,) = findings(result, [claims[name]])
+        assert not finding.holds, finding
+
+
+def test_each_lie_has_a_name_of_its_own() -> None:
+    assert len({lie.name for lie in LIES}) == len(LIES) >= 60
+    assert {name for lie in LIES for name in lie.caught} <= {claim.name for claim in CLAIMS}
+
+
+# --- the command ------------------------------------------------------------------------------
+
+
+def test_the_command_prints_a_table_and_counts_failures(
+    honest: dict[str, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run_command_line(["verify", str(honest["paper"])]) == 0
+    out = capsys.readouterr().out.splitlines()
+    assert out[0].split() == ["claim", "claimed", "re-derived", "verdict"]
+    assert all(line.endswith(" holds") for line in out[1:-1])
+    assert out[-1] == f"{len(out) - 2} claims hold"
+
+    lie = next(lie for lie in LIES if lie.name == "the covariance is smaller")
+    place = edited(honest["paper"], tmp_path / "lie", lie)
+    assert run_command_line(["verify", "--failed", str(place)]) == 1
+    out = capsys.readouterr().out.splitlines()
+    assert [line.split("  ")[0] for line in out[1:-1]] == ["plan: covariance"]
+    assert out[-1].startswith("1 of ")
+
+
+@pytest.mark.parametrize(
+    ("damage", "words"),
+    [
+        (lambda place: shutil.rmtree(place), "no such folder"),
+        (lambda place: (place / "run.json").unlink(), "is this a results directory?"),
+        (lambda place: (place / "metrics.json").unlink(), "is this a results directory?"),
+        (lambda place: (place / "metrics.json").write_text("{"), "not JSON"),
+        (lambda place: (place / "config_resolved.yaml").unlink(), "is this a results directory?"),
+        (lambda place: (place / "config_resolved.yaml").write_text("a: [b"), "not YAML"),
+        (lambda place: (place / "config_resolved.yaml").write_bytes(b"a: \xff"), "is not UTF-8"),
+        (lambda place: (place / "config_resolved.yaml").write_text("5"), "expected keys and values"),
+        (lambda place: _rewrite(place, status="running"), "its run ended as 'running'"),
+        (lambda place: _rewrite(place, stages=["compare"]), "holds no plan, its stages are ['compare']"),
+        (lambda place: _rewrite(place, stages=None), "holds no plan"),
+    ],
+)
+def test_what_is_no_finished_plan_is_one_line(
+    damage: Callable[[Path], Any],
+    words: str,
+    honest: dict[str, Path],
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    place = tmp_path / "place"
+    shutil.copytree(honest["paper"], place)
+    damage(place)
+    assert run_command_line(["verify", str(place)]) == 2
+    err = capsys.readouterr().err
+    assert words in err
+    assert err.count("\n") == 1
+
+
+def _rewrite(place: Path, **changes: Any) -> None:
+    path = place / "run.json"
+    path.write_text(json.dumps(json.loads(path.read_text()) | changes))
+
+
+@pytest.mark.parametrize(
+    "name", ["plan.json", "scene.json", "cells.json", "automaton.json", "wind.nc", "trees.npz", "front.csv"]
+)
+def test_a_damaged_file_is_a_claim_that_fails(
+    name: str, honest: dict[str, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    place = tmp_path / "place"
+    shutil.copytree(honest["full"], place)
+    content = (place / name).read_bytes()
+    (place / name).write_bytes(content[: len(content) // 2])
+    assert run_command_line(["verify", "--failed", str(place)]) == 1
+    captured = capsys.readouterr()
+    assert ("cannot be judged" in captured.out) is (name != "front.csv")  # half a table is a table
+    assert captured.err == ""
+
+
+def test_the_judge_loads_no_compiled_code_of_the_planner(honest: dict[str, Path]) -> None:
+    script = (
+        "import sys; from pareto_ltl.cli.commands import run_command_line;"
+        f"code = run_command_line(['verify', '--failed', {str(honest['paper'])!r}]);"
+        "print(code, [name for name in ('numba', 'cvxpy', 'sklearn', 'shapely') if name in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines()[-1] == "0 []"
+
+
+def test_an_infeasible_run_is_judged_by_what_is_there(tmp_path: Path) -> None:
+    settings = SMALL | {"planner": {"trees": 1, "n_max": 20}}
+    with pytest.raises(InfeasibleError):
+        pareto_ltl.plan("phi1", "F(a & F b & F c)", fidelity="paper", out=tmp_path / "none", **settings)
+    found = judge_results(tmp_path / "none")
+    assert [finding for finding in found if not finding.holds] == []
+    assert {finding.claim.partition(":")[0] for finding in found} == {
+        "run", "metrics", "map", "mission", "wind", "plan", "trees",
+    }  # fmt: skip
