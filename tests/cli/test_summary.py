@@ -32,7 +32,7 @@ def test_every_probability_stands_beside_its_wind_law() -> None:
         "mission risk V, coherent winds": "0.0032 %",
         "collision risk R, coherent winds": "0 %",
         "failure, linear estimate, coherent winds": "1.2 %",
-        "acceptance: failed of 2,000, coherent winds": "0.15 % (95 %: 0.03 to 0.44 %)",
+        "acceptance: failed of 2,000, coherent winds": "0.15 % (95 %: 0.030 to 0.44 %)",
         "promised at most (V + R), coherent winds": "100 %",
         "failed of 500 simulated, coherent winds": "0 % (95 %: 0 to 0.73 %)",
         "  forest": "0.25 s",

@@ -220,7 +220,7 @@ def test_a_threshold_that_nothing_keeps_says_what_could_be_kept():
     front = front_of(*CHOICE)
     with pytest.raises(InfeasibleError, match=r"f_o \+ R in independent winds .* = 0\.01;") as told:
         choose_path(SelectionConfig(rule="threshold", alpha=0.01), front)
-    assert "the least risk is 2 %" in str(told.value)
+    assert "the least risk is 2.0 %" in str(told.value)
     advised = re.search(r"set selection\.alpha=(\S+),", str(told.value))
     assert advised is not None
     choose_path(SelectionConfig(rule="threshold", alpha=float(advised[1])), front)

@@ -12,9 +12,10 @@ import numpy as np
 import pytest
 
 from pareto_ltl.planning.records import Forest, Front, Objectives, Plan, PlannedPath, Tree
-from pareto_ltl.report.figures import DrawnRun, draw_run_figures
+from pareto_ltl.report.figures import draw_run_figures
 from pareto_ltl.report.front import front_figure
-from pareto_ltl.settings import ReportConfig
+from pareto_ltl.report.records import DrawnRun
+from pareto_ltl.settings import ReportConfig, preset
 from pareto_ltl.simulation.records import Deployment
 from pareto_ltl.wind.records import WindField
 from pareto_ltl.world.cells import Decomposition
@@ -216,7 +217,8 @@ def size_of(png: pathlib.Path) -> tuple[int, int]:
 
 def text_of(svg: pathlib.Path) -> str:
     """What the drawing says: glyphs are drawn as outlines, the strings stand in comments."""
-    return " ".join(re.findall(r"<!-- (.*?) -->", svg.read_text(encoding="utf-8")))
+    said = " ".join(re.findall(r"<!-- (.*?) -->", svg.read_text(encoding="utf-8")))
+    return said.replace("\N{NO-BREAK SPACE}", " ")
 
 
 def test_plan_front_and_wind_are_written_as_png_and_svg(tmp_path, records):
@@ -248,7 +250,7 @@ def test_the_map_names_its_regions_and_states_the_promise(tmp_path, records):
     assert "north [km]" in words
     for name in REGIONS:
         assert re.search(rf"\b{name}\b", words)
-    assert "mission risk" in words
+    assert "planned in independent winds: f_o ≤ 0.020 %, R ≤ 0.30 %" in words
 
 
 def test_without_a_plan_trees_and_wind_are_still_drawn(tmp_path, records):
@@ -262,14 +264,14 @@ def test_a_risk_of_zero_is_shown_at_a_floor_that_says_so(tmp_path, records):
     scene = records["scene"]
     front = front_of(scene, risks=(0.0, 0.01), collisions=(0.0, 0.02))
     words = text_of(drawn(tmp_path, records, front=front, plan=plan_of(front.paths[0]))["front.svg"])
-    assert r"$\leq10^{" in words
+    assert "≤ " in words
 
 
 @pytest.mark.parametrize(
     ("bound", "label", "risks"),
     [
-        ("ordered", "mission risk, bound V", [0.2, 0.1]),
-        ("theorem2", "mission risk, bound f_o of the paper", [0.004, 0.002]),
+        ("ordered", "mission risk V, coherent winds [%]", [0.2, 0.1]),
+        ("theorem2", "mission risk f_o, independent winds [%]", [0.004, 0.002]),
     ],
 )
 def test_the_front_shows_the_judged_risk_under_its_name_without_a_plan_too(
@@ -285,11 +287,12 @@ def test_the_front_shows_the_judged_risk_under_its_name_without_a_plan_too(
         replace(path, objectives=costs(path.objectives, v, f))
         for path, v, f in zip(front_of(scene).paths, (0.2, 0.1), (0.004, 0.002), strict=False)
     )
-    front = Front(paths, tuple(path.objectives for path in paths), 0.5, np.ones(3))
-    changes = {"front": front, "plan": None, "deployments": {}, "mission_bound": bound}
+    models = preset("full" if bound == "ordered" else "paper")
+    front = Front(paths, tuple(path.objectives for path in paths), 0.5, np.ones(3), models=models)
+    changes = {"front": front, "plan": None, "deployments": {}}
     words = text_of(drawn(tmp_path, records, **changes)["front.svg"])
     assert label in words
-    figure = front_figure(scene, None, front, None, label)
+    figure = front_figure(scene, None, front, None)
     axes = figure.axes[0]
     assert axes.get_ylabel() == label
     np.testing.assert_allclose(axes.collections[-1].get_offsets()[:, 1], risks)

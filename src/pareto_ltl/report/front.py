@@ -10,21 +10,20 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, MaxNLocator, NullFormatter
+from matplotlib.ticker import MaxNLocator
 
 from pareto_ltl.planning.records import Forest, Front, Objectives, Plan
 from pareto_ltl.report import style
 from pareto_ltl.report.map_layers import length_unit
+from pareto_ltl.report.rate_axes import scale_rate_axis, set_rate_ticks
+from pareto_ltl.settings import FidelityConfig
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.world.scene import Scene
 
 FRONT_HEIGHT = 2.75  # height of the figure [in]
-RISK_LABELS = {"ordered": "mission risk, bound V", "theorem2": "mission risk, bound f_o of the paper"}
 
 
-def front_figure(
-    scene: Scene, forest: Forest | None, front: Front, plan: Plan | None, risk_label: str
-) -> Figure:
+def front_figure(scene: Scene, forest: Forest | None, front: Front, plan: Plan | None) -> Figure:
     """Mission risk against path length, collision risk as colour, before and after smoothing.
 
     Parameters
@@ -33,8 +32,6 @@ def front_figure(
         Its accepted vertices are drawn as a cloud of dots.
     plan : Plan or None
         The selected path is marked with a ring.
-    risk_label : str
-        Label of the vertical axis: names the bound that paths are judged by, see :data:`RISK_LABELS`.
     """
     unit, per_metre = length_unit(scene)
     after = _front_rows([path.objectives for path in front.paths]) * [per_metre, 1.0, 1.0]
@@ -51,9 +48,9 @@ def front_figure(
     if plan is not None:
         _ring_plan(ax, _front_rows([plan.path.objectives])[0] * [per_metre, 1.0, 1.0], low)
     _scale_risk_axis(ax, low, hidden)
-    ax.set(xlabel=f"path length [{unit}]", ylabel=risk_label)
+    ax.set(xlabel=f"path length [{unit}]", ylabel=mission_risk_label(front.models))
     ax.xaxis.set_major_locator(MaxNLocator(5))
-    _collision_bar(figure, ax, lowest)
+    _collision_bar(figure, ax, lowest, collision_risk_label(front.models))
     _front_legend(figure, cloud, before, plan)
     return figure
 
@@ -101,28 +98,23 @@ def accepted_vertices(forest: Forest | None, columns: int) -> FloatArray:
     return np.concatenate(rows)
 
 
+def mission_risk_label(models: FidelityConfig) -> str:
+    """Axis of the mission risk that paths are judged by, with its wind law."""
+    return f"mission risk {models.mission_symbol}, {models.law} winds [%]"
+
+
+def collision_risk_label(models: FidelityConfig) -> str:
+    """Colour bar of the collision risk, with its wind law."""
+    return f"collision risk R, {models.law} winds [%]"
+
+
 def _scale_risk_axis(ax: Axes, low: float, hidden: bool) -> None:
     """Logarithmic axis from ``low`` to 1; if ``hidden``, smaller values are drawn at ``low``, with ``≤``."""
-    ax.set_yscale("log")
-    ax.set_ylim(low, 1.0)
-    ax.yaxis.set_major_locator(LogLocator(numticks=7))
+    scale_rate_axis(ax, "y", low, hidden=hidden)
     if hidden:
-        ax.yaxis.set_major_locator(
-            FixedLocator([low, *(t for t in ax.yaxis.get_majorticklocs() if low < t <= 1.0)])
-        )
-        ax.yaxis.set_major_formatter(
-            FuncFormatter(lambda value, _: power_of_ten(value, bound=value <= low * 1.01))
-        )
         ax.axhline(low, color=style.STONE, lw=1.0, ls=(0, (2, 2)), zorder=2, clip_on=False)
         ax.spines["bottom"].set_visible(False)
-    ax.grid(axis="y", color="#E5E5E5", lw=0.4)
     ax.spines[["top", "right"]].set_visible(False)
-
-
-def power_of_ten(value: float, bound: bool = False) -> str:
-    """Tick text of 10^k, with ``≤`` in front if ``bound``."""
-    exponent = round(float(np.log10(value)))
-    return f"$\\leq10^{{{exponent}}}$" if bound else f"$10^{{{exponent}}}$"
 
 
 def _collision_scale(risks: FloatArray) -> tuple[LogNorm, bool]:
@@ -132,16 +124,11 @@ def _collision_scale(risks: FloatArray) -> tuple[LogNorm, bool]:
     return LogNorm(low, high), hidden
 
 
-def _collision_bar(figure: Figure, ax: Axes, hidden: bool) -> None:
-    bar = figure.colorbar(ax.collections[-1], cax=style.axes_at(figure, 2.92, 0.38, 0.09, 1.82))
-    bar.set_label("collision risk (bound)")
+def _collision_bar(figure: Figure, ax: Axes, hidden: bool, label: str) -> None:
+    bar = figure.colorbar(ax.collections[-1], cax=style.axes_at(figure, 2.86, 0.38, 0.09, 1.82))
+    bar.set_label(label)
     bar.outline.set_linewidth(0.5)
-    bar.ax.yaxis.set_minor_formatter(NullFormatter())
-    low = float(bar.norm.vmin or 0.0)
-    if hidden:
-        bar.ax.yaxis.set_major_formatter(
-            FuncFormatter(lambda value, _: power_of_ten(value, bound=value <= low * 1.01))
-        )
+    set_rate_ticks(bar.ax.yaxis, float(bar.norm.vmin or 0.0), float(bar.norm.vmax or 1.0), hidden=hidden)
 
 
 def _front_legend(figure: Figure, cloud: FloatArray, before: FloatArray, plan: Plan | None) -> None:
@@ -168,4 +155,4 @@ def _front_legend(figure: Figure, cloud: FloatArray, before: FloatArray, plan: P
     )
 
 
-__all__ = ["RISK_LABELS", "accepted_vertices", "front_figure", "power_of_ten"]
+__all__ = ["accepted_vertices", "collision_risk_label", "front_figure", "mission_risk_label"]

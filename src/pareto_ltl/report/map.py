@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import textwrap
-from collections.abc import Mapping
-from itertools import cycle
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -14,8 +13,10 @@ from matplotlib.patches import Patch
 
 from pareto_ltl.planning.records import Forest, Plan
 from pareto_ltl.report import style
+from pareto_ltl.report.map_labels import dense_path
 from pareto_ltl.report.map_layers import (
     DRAWN_VERTICES,
+    MapAxes,
     draw_covariances,
     draw_endpoints,
     draw_flights,
@@ -24,133 +25,224 @@ from pareto_ltl.report.map_layers import (
     draw_mean_path,
     draw_trees,
     map_axes,
+    name_regions,
 )
+from pareto_ltl.report.records import DrawnRun
 from pareto_ltl.report.wind import draw_wind_arrows, flight_midpoint
 from pareto_ltl.settings import ReportConfig
 from pareto_ltl.simulation.records import Deployment
-from pareto_ltl.wind.records import WindField
-from pareto_ltl.world.cells import Decomposition
+from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.support.display import distance_text, probability_text
 from pareto_ltl.world.scene import Scene
 
 TEXT_LINE = 0.15  # height of a line of small text [in]
+LEFT = 0.10  # left edge of headings and legends [in]
+WEST = 0.50  # left edge of the map [in]
 
 
-def plan_figure(
-    cfg: ReportConfig,
-    scene: Scene,
-    decomposition: Decomposition,
-    wind: WindField,
-    forest: Forest | None,
-    plan: Plan | None,
-    deployments: Mapping[str, Deployment],
-) -> Figure:
+@dataclass(frozen=True, slots=True)
+class _Sheet:
+    """Heights of the parts of the figure, from below [in]."""
+
+    keys: list[Artist]
+    flights: list[Artist]
+    title: list[str]
+    inner: float
+    height: float
+
+    @property
+    def legend_top(self) -> float:
+        return TEXT_LINE * (-(-len(self.keys) // 2) + _key_lines(self.flights)) + 0.08
+
+    @property
+    def bottom(self) -> float:
+        """Lower edge of the map; the scale of the wind arrows and the name of the axis stand below it."""
+        return self.legend_top + 0.60
+
+    @property
+    def total(self) -> float:
+        return self.bottom + self.height + 0.26 + TEXT_LINE * len(self.title)
+
+
+def plan_figure(cfg: ReportConfig, run: DrawnRun) -> Figure:
     """Map with trees, expected wind, planned path, 95 % ellipses and flights, as Figure 1 of the paper.
 
-    Without ``plan`` the wind is that at departure, and the heading says why there is no plan.
+    Without a plan the wind is that at departure, and the heading says why there is no plan. Every
+    probability stands beside its wind law.
     """
-    title = _plan_heading(plan, forest, deployments)
-    keys = _plan_legend(forest, plan, deployments, cfg.paths)
-    if scene.landmarks:
-        keys.append(Patch(fc="none", ec=style.PURPLE, lw=0.9, ls="--", label="landmark"))
-    rows = (len(keys) + 1) // 2 + 1
-    width, bottom, top = style.COLUMN_WIDTH, 0.42 + TEXT_LINE * rows, 0.26 + TEXT_LINE * len(title)
-    west, east = 0.50, 0.42 if scene.crs else 0.12
-    span = np.ptp(scene.bounds, axis=0)
-    inner = width - west - east
+    sheet = _sheet(cfg, run)
+    figure = style.blank_figure(style.COLUMN_WIDTH, sheet.total)
+    chart = map_axes(run.scene, style.axes_at(figure, WEST, sheet.bottom, sheet.inner, sheet.height))
+    draw_graticule(chart, run.scene)
+    _draw_layers(chart, cfg, run)
+    t, moment = flight_midpoint(run.scene, run.plan)
+    draw_wind_arrows(
+        chart, run.scene, run.wind, t, f"expected wind {moment}", LEFT + 0.02, sheet.bottom - 0.46
+    )
+    below = _add_legend(figure, sheet.flights, sheet.legend_top, columns=1)
+    _add_legend(figure, sheet.keys, below, columns=2)
+    for row, line in enumerate(reversed(sheet.title)):
+        place = sheet.bottom + sheet.height + 0.22 + TEXT_LINE * row
+        style.text_at(figure, LEFT, place, line, va="bottom")
+    return figure
+
+
+def _sheet(cfg: ReportConfig, run: DrawnRun) -> _Sheet:
+    inner = style.COLUMN_WIDTH - WEST - (0.42 if run.scene.crs else 0.12)
+    span = np.ptp(run.scene.bounds, axis=0)
     height = inner * float(np.clip(span[1] / span[0], 0.35, 1.6))
-    figure = style.blank_figure(width, bottom + height + top)
-    chart = map_axes(scene, style.axes_at(figure, west, bottom, inner, height))
-    draw_graticule(chart, scene)
-    draw_ground(chart, scene, decomposition)
-    if forest is not None:
-        draw_trees(chart, forest)
-    if plan is not None:
-        draw_covariances(chart, plan.path.x, plan.path.cov)
-    for colour, deployment in zip(cycle(style.FLIGHT_COLOURS), deployments.values(), strict=False):
-        draw_flights(chart, deployment, cfg.paths, colour)
-    if plan is not None:
-        draw_mean_path(chart, plan.path.x)
-    draw_endpoints(chart, scene, plan)
-    t, moment = flight_midpoint(scene, plan)
-    draw_wind_arrows(chart, scene, wind, t, f"expected wind {moment}", west, bottom - 0.40)
+    return _Sheet(_map_keys(run), _flight_keys(cfg, run), _heading(run), inner, height)
+
+
+def _draw_layers(chart: MapAxes, cfg: ReportConfig, run: DrawnRun) -> None:
+    draw_ground(chart, run.scene, run.decomposition)
+    if run.forest is not None:
+        draw_trees(chart, run.forest)
+    if run.plan is not None:
+        draw_covariances(chart, run.plan.path.x, run.plan.path.cov)
+    for deployment in _widest_first(run):
+        draw_flights(chart, deployment, cfg.paths)
+    if run.plan is not None:
+        draw_mean_path(chart, run.plan.path.x)
+    draw_endpoints(chart, run.scene, run.plan)
+    name_regions(chart, run.scene, run.decomposition, _taken_points(run.scene, run.plan))
+
+
+def _widest_first(run: DrawnRun) -> list[Deployment]:
+    """Simulated flights, the law with the widest spread first, so that it does not cover the others."""
+    return sorted(run.deployments.values(), key=lambda d: -float(d.x[:, -1].std(axis=0).sum()))
+
+
+def _taken_points(scene: Scene, plan: Plan | None) -> FloatArray:
+    """Points that names of regions keep off: start, planned path and end, (n, 2) [m]."""
+    start = np.asarray(scene.start, float)[None]
+    return start if plan is None else np.vstack([start, dense_path(plan.path.x)])
+
+
+# --- text ---------------------------------------------------------------------------------------
+
+
+def _heading(run: DrawnRun) -> list[str]:
+    """Lines above the map: formula, length and the risks planned with, or why there is no plan."""
+    width, size = style.COLUMN_WIDTH - 2 * LEFT, float(style.RC_SETTINGS["font.size"])
+    if run.plan is None:
+        return _failure_heading(run.forest)
+    path, models = run.plan.path, run.plan.models
+    hours, steps = (path.t[-1] - path.t[0]) / 3600, len(path.u)
+    lines = [
+        f"{distance_text(path.objectives.length)}, {hours:,.1f} h, {steps} steps of {run.plan.dt:,.4g} s",
+        f"planned in {models.law} winds: {models.mission_symbol} ≤ "
+        f"{shown_probability(path.objectives.mission_risk)}, "
+        f"R ≤ {shown_probability(path.objectives.collision_risk)}",
+    ]
+    formula = style.fitted_lines(run.plan.formula, width, size)
+    return [*formula, *(line for text in lines for line in style.fitted_lines(text, width, size))]
+
+
+def _failure_heading(forest: Forest | None) -> list[str]:
+    trees = (
+        "" if forest is None else f" ({len(forest.trees)} trees, {sum(map(len, forest.trees)):,} vertices)"
+    )
+    return [
+        "No plan: no path completes the mission"
+        if forest is None or not len(forest.accepted)
+        else "No plan: no path satisfies the selection rule",
+        f"Trees as far as they came{trees}",
+    ]
+
+
+def shown_probability(probability: float) -> str:
+    """The text of a probability as figures set it: a true minus and raised powers, no break before %."""
+    text = probability_text(probability)
+    digits, _, power = text.removesuffix(" %").partition("e")
+    raised = power.translate(style.SUPERSCRIPTS)
+    return f"{digits}·10{raised}\N{NO-BREAK SPACE}%" if power else text.replace(" ", "\N{NO-BREAK SPACE}")
+
+
+def flight_text(run: DrawnRun, law: str, count: int) -> str:
+    """What was simulated and promised in the winds of ``law``; at most ``count`` flights are drawn."""
+    deployment = run.deployments[law]
+    failed, runs = int((~deployment.accepted | deployment.collided).sum()), len(deployment.x)
+    told = f"{law} winds: {failed:,} of {runs:,} flights failed ({shown_probability(failed / runs)})"
+    told += f", {min(count, runs)} drawn"
+    if law not in run.forecasts:
+        return told
+    promised = run.forecasts[law].mission_risk + run.forecasts[law].collision_risk
+    return f"{told}\npromised at most {shown_probability(promised)} (V + R)"
+
+
+# --- legends ------------------------------------------------------------------------------------
+
+
+def _flight_keys(cfg: ReportConfig, run: DrawnRun) -> list[Artist]:
+    """One entry for each wind law, and one for the flights that failed."""
+    keys: list[Artist] = [
+        Line2D(
+            [],
+            [],
+            color=style.law_colour(law),
+            ls=style.law_dashes(law),
+            lw=1.0,
+            label=flight_text(run, law, cfg.paths),
+        )
+        for law in run.deployments
+    ]
+    if keys:
+        look: dict[str, Any] = {"marker": "x", "ms": 3.2, "mew": 0.7, "lw": 0.8}
+        keys.append(Line2D([], [], color=style.FAILED, label="flights that failed, with their ends", **look))
+    return keys
+
+
+def _map_keys(run: DrawnRun) -> list[Artist]:
+    """What else the map shows."""
+    keys: list[Artist] = []
+    look: dict[str, Any] = {"ls": "", "ms": 4, "mfc": "white", "mec": "black", "mew": 0.9}
+    if run.plan is not None:
+        keys.append(Line2D([], [], color=style.BLACK, lw=1.3, label="planned path (mean)"))
+        law = run.plan.models.law
+        keys.append(Patch(fc=style.INK + "10", ec=style.INK, lw=0.5, label=f"95 % of positions, {law} winds"))
+    keys.append(Line2D([], [], marker="o", label="start", **look))
+    if run.plan is not None:
+        keys.append(Line2D([], [], marker="s", label="end", **look))
+    keys.append(Patch(fc=style.GREEN + "30", ec=style.GREEN, lw=1.0, label="region"))
+    if run.scene.obstacles:
+        keys.append(Patch(fc="#6E6E6E", ec="#4A4A4A", lw=0.5, label="obstacle"))
+    if run.scene.landmarks:
+        keys.append(Patch(fc="none", ec=style.PURPLE, lw=0.9, ls="--", label="landmark"))
+    if run.forest is not None:
+        keys.append(Line2D([], [], color=style.STONE, lw=0.6, alpha=0.8, label=_vertices_text(run.forest)))
+    keys.append(Line2D([], [], color=style.MIST, lw=0.7, ls=":", label="cells"))
+    return keys
+
+
+def _vertices_text(forest: Forest) -> str:
+    total = sum(map(len, forest.trees))
+    few = total <= DRAWN_VERTICES
+    return f"{total:,} vertices" if few else f"{DRAWN_VERTICES:,} of {total:,} vertices"
+
+
+def _add_legend(figure: Figure, keys: list[Artist], top: float, columns: int) -> float:
+    """A legend whose upper edge lies at ``top`` [in]; return where the next one begins."""
+    if not keys:
+        return top
+    w, h = figure.get_size_inches()
     figure.legend(
         handles=keys,
-        ncols=2,
+        ncols=columns,
         loc="upper left",
         borderaxespad=0.0,
         borderpad=0.0,
         handlelength=1.6,
         columnspacing=1.2,
         labelspacing=0.35,
-        bbox_to_anchor=((west - 0.02) / width, (bottom - 0.52) / figure.get_size_inches()[1]),
+        bbox_to_anchor=(LEFT / w, top / h),
     )
-    for row, line in enumerate(reversed(title)):
-        style.text_at(figure, west, bottom + height + 0.24 + TEXT_LINE * row, line, va="bottom")
-    return figure
+    return top - TEXT_LINE * _key_lines(keys)
 
 
-def _plan_legend(
-    forest: Forest | None, plan: Plan | None, deployments: Mapping[str, Deployment], count: int
-) -> list[Artist]:
-    """Legend entries; for flights and vertices they give the number drawn and the total."""
-    keys: list[Artist] = []
-    if plan is not None:
-        keys.append(Line2D([], [], color=style.BLUE, lw=1.3, label="planned path (mean)"))
-        keys.append(Patch(fc=style.BLUE + "14", ec=style.BLUE, lw=0.5, label="95 % of positions"))
-    for colour, (law, d) in zip(cycle(style.FLIGHT_COLOURS), deployments.items(), strict=False):
-        name = f"{law} winds: " if len(deployments) > 1 else "flights: "
-        keys.append(Line2D([], [], color=colour, lw=0.8, label=f"{name}{min(count, len(d.x))} of {len(d.x)}"))
-    if deployments:
-        bad = " and ".join(str(int((~d.accepted | d.collided).sum())) for d in deployments.values())
-        runs = max(len(d.x) for d in deployments.values())
-        keys.append(Line2D([], [], color=style.VERMILLION, lw=0.8, label=f"failed: {bad} of {runs}"))
-    keys.append(Patch(fc=style.GREEN + "30", ec=style.GREEN, lw=1.0, label="region"))
-    keys.append(Patch(fc="#6E6E6E", ec="#4A4A4A", lw=0.5, label="obstacle"))
-    if forest is not None:
-        total = sum(map(len, forest.trees))
-        label = (
-            f"{total:,} vertices" if total <= DRAWN_VERTICES else f"{DRAWN_VERTICES:,} of {total:,} vertices"
-        )
-        keys.append(Line2D([], [], color=style.STONE, lw=0.6, alpha=0.8, label=label))
-    keys.append(Line2D([], [], color=style.MIST, lw=0.7, ls=":", label="cells"))
-    keys.append(Line2D([], [], ls="", marker="o", ms=4, mfc="white", mec="black", mew=0.9, label="start"))
-    if plan is not None:
-        keys.append(Line2D([], [], ls="", marker="s", ms=4, mfc="white", mec="black", mew=0.9, label="end"))
-    return keys
+def _key_lines(keys: list[Artist]) -> int:
+    """Lines of text of a legend of one column."""
+    return sum(str(key.get_label()).count("\n") + 1 for key in keys)
 
 
-def _plan_heading(
-    plan: Plan | None, forest: Forest | None, deployments: Mapping[str, Deployment]
-) -> list[str]:
-    """Lines above the map: the formula and its bounds, or the reason why there is no plan."""
-    if plan is None:
-        grown = (
-            ""
-            if forest is None
-            else f" ({len(forest.trees)} trees, {sum(map(len, forest.trees)):,} vertices)"
-        )
-        return [
-            "No plan: no path completes the mission"
-            if forest is None or not len(forest.accepted)
-            else "No plan: no path satisfies the selection rule",
-            f"Trees as far as they came{grown}",
-        ]
-    o = plan.path.objectives
-    mission = risk_percent(o.mission_risk)
-    collision = risk_percent(o.collision_risk)
-    promise = f"length {o.length / 1000:,.0f} km, mission risk ≤ {mission}, collision risk ≤ {collision}"
-    return [*textwrap.wrap(plan.formula, 52, max_lines=2, placeholder=" …"), *textwrap.wrap(promise, 62)]
-
-
-def risk_percent(probability: float) -> str:
-    """``0.62 %``; a probability below 1e-9 is shown as 1e-9, the accuracy of the wind model."""
-    if probability < 1e-9:
-        return "10⁻⁷\N{NO-BREAK SPACE}%"
-    if probability < 1e-5:
-        mantissa, power = f"{100 * probability:.1e}".split("e")
-        raised = str(int(power)).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
-        return f"{mantissa}·10{raised}\N{NO-BREAK SPACE}%"
-    return f"{100 * probability:.2g}\N{NO-BREAK SPACE}%"
-
-
-__all__ = ["plan_figure", "risk_percent"]
+__all__ = ["flight_text", "plan_figure", "shown_probability"]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,12 +13,14 @@ from matplotlib.ticker import MaxNLocator
 
 from pareto_ltl.planning.records import Forest, Plan
 from pareto_ltl.report import style
+from pareto_ltl.report.map_labels import label_half_size, label_position
 from pareto_ltl.simulation.records import Deployment
 from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.world.cells import Decomposition, moments
+from pareto_ltl.world.cells import Decomposition
 from pareto_ltl.world.scene import Scene
 
 DRAWN_VERTICES = 50_000  # tree vertices drawn, at most; more of them merge into one grey area
+NAME_SIZE = 8.5  # of the letters of a region's name [pt]
 DRAWN_ELLIPSES = 14  # approximate number of covariance ellipses along a path
 
 
@@ -83,7 +85,7 @@ def draw_lines(chart: MapAxes, lines: Iterable[FloatArray], **look: Any) -> None
 
 
 def draw_ground(chart: MapAxes, scene: Scene, decomposition: Decomposition) -> None:
-    """Cells dotted, obstacles filled, landmarks dashed, regions with their names."""
+    """Cells dotted, obstacles filled, landmarks dashed, regions outlined."""
     cells, obstacles = decomposition.cells, scene.obstacles
     draw_polygons(
         chart, cells, facecolors="none", edgecolors=style.MIST, linewidths=0.35, linestyles=":", zorder=1.5
@@ -98,19 +100,23 @@ def draw_ground(chart: MapAxes, scene: Scene, decomposition: Decomposition) -> N
     draw_polygons(chart, scene.landmarks, **landmark, zorder=2.6)
     region: dict[str, Any] = {"facecolors": style.GREEN + "30", "edgecolors": style.GREEN, "linewidths": 1.0}
     draw_polygons(chart, scene.regions.values(), **region, zorder=2.5)
-    _name_regions(chart, scene, decomposition)
 
 
-def _name_regions(chart: MapAxes, scene: Scene, decomposition: Decomposition) -> None:
+def name_regions(
+    chart: MapAxes, scene: Scene, decomposition: Decomposition, taken: FloatArray | None = None
+) -> None:
+    """Names of the regions at places that do not cover the points ``taken`` (n, 2) [m]."""
     for name, polygon in scene.regions.items():
-        x, y = label_position(decomposition.regions.get(name, (polygon,))) * chart.per_metre
+        half = label_half_size(name, NAME_SIZE, metres_per_inch(chart))
+        parts = decomposition.regions.get(name, (polygon,))
+        x, y = label_position(parts, half, taken, scene.bounds) * chart.per_metre
         chart.ax.text(
             x,
             y,
             name,
             ha="center",
             va="center",
-            fontsize=8.5,
+            fontsize=NAME_SIZE,
             fontweight="bold",
             color="#00523C",
             zorder=9,
@@ -119,9 +125,12 @@ def _name_regions(chart: MapAxes, scene: Scene, decomposition: Decomposition) ->
         )
 
 
-def label_position(parts: Sequence[FloatArray]) -> FloatArray:
-    """Centroid (2,) [m] of the largest convex part of a region; it lies inside the region."""
-    return max((moments(part) for part in parts), key=lambda found: found[0])[1]
+def metres_per_inch(chart: MapAxes) -> float:
+    """Metres on the ground of an inch on paper."""
+    west, east = chart.ax.get_xlim()
+    figure = chart.ax.figure
+    inches = chart.ax.get_position().width * float(figure.get_size_inches()[0])  # type: ignore[union-attr]
+    return (east - west) / chart.per_metre / inches
 
 
 def tree_edges(forest: Forest, limit: int = DRAWN_VERTICES) -> FloatArray:
@@ -147,26 +156,30 @@ def draw_covariances(chart: MapAxes, x: FloatArray, cov: FloatArray) -> None:
     rows = np.arange(len(x) - 1, 0, -stride)
     outlines = style.confidence_ellipses(x[rows], cov[rows])
     draw_polygons(
-        chart, outlines, facecolors=style.BLUE + "14", edgecolors=style.BLUE, linewidths=0.5, zorder=5
+        chart, outlines, facecolors=style.INK + "10", edgecolors=style.INK, linewidths=0.5, zorder=5
     )
 
 
-def draw_flights(chart: MapAxes, deployment: Deployment, count: int, colour: str) -> None:
-    """The first ``count`` flights in ``colour``, failed ones in vermillion.
+def draw_flights(chart: MapAxes, deployment: Deployment, count: int) -> None:
+    """The first ``count`` flights in the colour and dashes of their law; failed ones dark, with a cross.
 
     Failed flights are not picked: their share in the figure estimates the failure rate.
     """
+    law, flights = deployment.law, deployment.x[:count]
     good = (deployment.accepted & ~deployment.collided)[:count]
-    for rows, shade, z in ((good, colour, 4.5), (~good, style.VERMILLION, 4.6)):
-        lines = deployment.x[: len(good)][rows]
-        draw_lines(chart, lines, colors=shade, linewidths=0.45, alpha=0.6, zorder=z)
+    flown: dict[str, Any] = {"colors": style.law_colour(law), "linestyles": [style.law_dashes(law)]}
+    draw_lines(chart, flights[good], **flown, linewidths=0.45, alpha=0.6, zorder=4.5)
+    failed: dict[str, Any] = {"colors": style.FAILED, "linestyles": [style.law_dashes(law)]}
+    draw_lines(chart, flights[~good], **failed, linewidths=0.5, alpha=0.7, zorder=4.6)
+    ends = flights[~good][:, -1] * chart.per_metre
+    chart.ax.plot(*ends.T, "x", color=style.FAILED, ms=3.2, mew=0.7, zorder=6.5)
 
 
 def draw_mean_path(chart: MapAxes, x: FloatArray) -> None:
     """The expected positions ``x`` (T+1, 2) [m] as a line."""
     chart.ax.plot(
         *(x * chart.per_metre).T,
-        color=style.BLUE,
+        color=style.BLACK,
         lw=1.3,
         zorder=6,
         path_effects=style.white_halo(2.2),
@@ -185,7 +198,7 @@ def draw_endpoints(chart: MapAxes, scene: Scene, plan: Plan | None) -> None:
             mfc="white",
             mec="black",
             mew=0.9,
-            zorder=8,
+            zorder=9.5,
             clip_on=False,
         )
 
@@ -202,8 +215,9 @@ __all__ = [
     "draw_mean_path",
     "draw_polygons",
     "draw_trees",
-    "label_position",
     "length_unit",
     "map_axes",
+    "metres_per_inch",
+    "name_regions",
     "tree_edges",
 ]

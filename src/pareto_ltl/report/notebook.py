@@ -15,8 +15,11 @@ from matplotlib.figure import Figure
 
 from pareto_ltl.planning.records import Forest, Front, Plan
 from pareto_ltl.report import style
+from pareto_ltl.report.front import collision_risk_label, mission_risk_label
 from pareto_ltl.report.map import plan_figure
 from pareto_ltl.report.map_layers import tree_edges
+from pareto_ltl.report.rate_axes import scale_rate_axis
+from pareto_ltl.report.records import DrawnRun
 from pareto_ltl.settings import ReportConfig
 from pareto_ltl.simulation.records import Deployment
 from pareto_ltl.support.arrays import FloatArray
@@ -25,7 +28,6 @@ from pareto_ltl.world.cells import Decomposition
 from pareto_ltl.world.scene import Scene
 
 KILOMETRE = 1e-3
-RISK_LEAST = 1e-9  # smaller risks are drawn here
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,9 +94,9 @@ def mission_drawing(
     deployments: Mapping[str, Deployment] | None = None,
 ) -> Drawing:
     """The map with trees, plan and flights, as ``figures/plan.png`` of a run shows it."""
+    drawn = DrawnRun(scene, decomposition, wind, forest, None, plan, deployments or {})
     with style.report_style():
-        cfg = ReportConfig()
-        return Drawing(plan_figure(cfg, scene, decomposition, wind, forest, plan, deployments or {}))
+        return Drawing(plan_figure(ReportConfig(), drawn))
 
 
 def _draw_scene(ax: Axes, scene: Scene) -> None:
@@ -114,8 +116,8 @@ def _draw_path(ax: Axes, plan: Plan) -> None:
     """The expected positions, with the 95 % ellipse of every fourth."""
     rings = KILOMETRE * style.confidence_ellipses(plan.path.x[::4], plan.path.cov[::4])
     ax.add_collection(PolyCollection(list(rings), facecolors="none", edgecolors=style.SKY, lw=0.6, zorder=2))
-    ax.plot(*(KILOMETRE * plan.path.x.T), color=style.BLUE, lw=1.2, zorder=3)
-    ax.plot(*(KILOMETRE * plan.path.x[-1]), "o", color=style.VERMILLION, ms=4, zorder=4)
+    ax.plot(*(KILOMETRE * plan.path.x.T), color=style.BLACK, lw=1.2, zorder=3)
+    ax.plot(*(KILOMETRE * plan.path.x[-1]), "s", mfc="white", mec="black", ms=4, zorder=4)
 
 
 def _draw_edges(ax: Axes, forest: Forest) -> None:
@@ -137,13 +139,16 @@ def _draw_wind(figure: Figure, ax: Axes, wind: WindField) -> None:
 def _front_chart(front: Front) -> Figure:
     """Mission risk against length of every path, the collision risk as color."""
     figure = style.blank_figure(style.COLUMN_WIDTH, 2.6)
-    ax = style.axes_at(figure, 0.6, 0.42, 2.2, 1.95)
+    ax = style.axes_at(figure, 0.6, 0.42, 2.1, 1.95)
     rows: FloatArray = np.array(
         [[o.length, o.mission_risk, o.collision_risk] for o in (path.objectives for path in front.paths)]
     ).reshape(-1, 3)
+    low, hidden = style.log_axis_end(rows[:, 1])
     points = ax.scatter(
-        KILOMETRE * rows[:, 0], np.maximum(rows[:, 1], RISK_LEAST), c=rows[:, 2], cmap="cividis", s=18
+        KILOMETRE * rows[:, 0], np.maximum(rows[:, 1], low), c=100 * rows[:, 2], cmap="cividis", s=18
     )
-    ax.set(xlabel="path length [km]", ylabel="mission risk (bound)", yscale="log")
-    figure.colorbar(points, ax=ax, label="collision risk (bound)")
+    scale_rate_axis(ax, "y", low, hidden=hidden)
+    ax.set(xlabel="path length [km]", ylabel=mission_risk_label(front.models))
+    bar = figure.colorbar(points, cax=style.axes_at(figure, 2.82, 0.42, 0.09, 1.95))
+    bar.set_label(collision_risk_label(front.models))
     return figure

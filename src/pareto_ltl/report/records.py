@@ -1,10 +1,42 @@
-"""What a study hands on."""
+"""What figures are drawn from: a run, or a study."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from pareto_ltl.planning.evaluate import Forecast
+    from pareto_ltl.planning.records import Forest, Front, Plan
+    from pareto_ltl.simulation.records import Deployment
+    from pareto_ltl.wind.records import WindField
+    from pareto_ltl.world.cells import Decomposition
+    from pareto_ltl.world.scene import Scene
+
+
+@dataclass(frozen=True, slots=True)
+class DrawnRun:
+    """The records of a run that its figures show.
+
+    Attributes
+    ----------
+    forest, front, plan : or None
+        None where the run did not make it; the map then says that there is no plan.
+    deployments : mapping of wind law to Deployment
+        Simulated flights; the first ``report.paths`` of each law are drawn.
+    forecasts : mapping of wind law to Forecast
+        V and R of the plan under each law.
+    """
+
+    scene: Scene
+    decomposition: Decomposition
+    wind: WindField
+    forest: Forest | None = None
+    front: Front | None = None
+    plan: Plan | None = None
+    deployments: Mapping[str, Deployment] = field(default_factory=dict)
+    forecasts: Mapping[str, Forecast] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,6 +15,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import FixedLocator
 
 from pareto_ltl.report import style
+from pareto_ltl.report.rate_axes import scale_rate_axis
 from pareto_ltl.report.study_axes import (
     PROMISE_DASHES,
     FigureRow,
@@ -22,12 +23,9 @@ from pareto_ltl.report.study_axes import (
     decade_above,
     decade_below,
     hide_frame,
-    law_colour,
-    law_mark,
     laws_of,
     legend_above,
     save_figures,
-    scale_rate_axis,
 )
 from pareto_ltl.settings import ReportConfig
 from pareto_ltl.support.arrays import FloatArray
@@ -89,8 +87,8 @@ def ablation_figure(rows: Sequence[FigureRow], factors: Sequence[str]) -> Figure
         Line2D(
             [],
             [],
-            color=law_colour(law),
-            marker=law_mark(law),
+            color=style.law_colour(law),
+            marker=style.law_mark(law),
             ms=3.5,
             lw=1.2,
             label=f"failed, {law} winds",
@@ -111,7 +109,7 @@ def _draw_factor(ax: Axes, rows: Sequence[FigureRow], factor: str, low: float, h
     x = np.arange(len(one), dtype=float) if named or factor == "beta" else column_values(one, "shown")
     for law in laws:
         mine = [row for row in rows if row["law"] == law]
-        colour = law_colour(law)
+        colour = style.law_colour(law)
         ax.plot(x, np.clip(column_values(mine, "bound"), low, high), color=colour, lw=1.0, ls=PROMISE_DASHES)
         _quartile_bars(ax, x, mine, "failure_of_a_plan", law, low)
     if factor in LOG_FACTORS:
@@ -133,13 +131,13 @@ def _quartile_bars(
     ax: Axes, x: FloatArray, rows: Sequence[FigureRow], name: str, law: str, low: float
 ) -> None:
     """Median of column ``name`` as a line, its quartiles as vertical bars, not below ``low``."""
-    colour = law_colour(law)
+    colour = style.law_colour(law)
     middle, bottom, top = (
         np.maximum(column_values(rows, f"{name}{end}"), low) for end in ("", "_q25", "_q75")
     )
     for place, a, b in zip(x, bottom, top, strict=True):
         ax.plot([place, place], [a, b], color=colour, lw=2.5, alpha=0.35, solid_capstyle="butt")
-    ax.plot(x, middle, color=colour, lw=1.1, marker=law_mark(law), ms=4, clip_on=False)
+    ax.plot(x, middle, color=colour, lw=1.1, marker=style.law_mark(law), ms=4, clip_on=False)
 
 
 __all__ = ["ablation_figure", "draw_ablation"]

@@ -11,18 +11,14 @@ import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import FixedLocator, FuncFormatter, NullFormatter
 
 from pareto_ltl.report import style
 from pareto_ltl.settings import ReportConfig
 from pareto_ltl.support.arrays import FloatArray
 
 FigureRow = Mapping[str, Any]
-LAW_COLOURS = {"independent": style.BLUE, "coherent": style.ORANGE}
-LAW_MARKS = {"independent": "o", "coherent": "s"}
-BOUND_COLOUR = style.VERMILLION  # red, as the bound in the paper's figures
+BOUND_COLOUR = style.BLACK  # no law has it
 LOWEST_RATE = 1e-5  # studies have too few flights to resolve smaller rates; they are drawn here
-GRID_COLOUR = "#E5E5E5"
 PROMISE_DASHES = (0, (3.0, 1.5))  # line style of a bound
 
 
@@ -37,16 +33,6 @@ def save_figures(
         )
 
 
-def law_colour(law: str) -> str:
-    """Line colour of a wind law."""
-    return LAW_COLOURS.get(law, style.PURPLE)
-
-
-def law_mark(law: str) -> str:
-    """Marker of a wind law."""
-    return LAW_MARKS.get(law, "D")
-
-
 def laws_of(rows: Sequence[FigureRow]) -> list[str]:
     """The wind laws in ``rows``, in the order of their first occurrence."""
     return list(dict.fromkeys(row["law"] for row in rows))
@@ -55,23 +41,6 @@ def laws_of(rows: Sequence[FigureRow]) -> list[str]:
 def column_values(rows: Sequence[FigureRow], name: str) -> FloatArray:
     """One column of a table, shape (rows,)."""
     return np.array([row[name] for row in rows], float)
-
-
-def scale_rate_axis(ax: Axes, axis: str, low: float = LOWEST_RATE, high: float = 1.0) -> None:
-    """Make ``axis`` (x or y) a logarithmic axis of probabilities, ticks in per cent, ``≤`` at ``low``."""
-    getattr(ax, f"set_{axis}scale")("log")
-    getattr(ax, f"set_{axis}lim")(low, high)
-    side = ax.xaxis if axis == "x" else ax.yaxis
-    powers = [10.0**k for k in range(math.ceil(math.log10(low) - 1e-9), 1)]
-    side.set_major_locator(FixedLocator(powers))
-    side.set_major_formatter(FuncFormatter(lambda value, _: rate_tick_text(value, low)))
-    side.set_minor_formatter(NullFormatter())
-    ax.grid(axis=axis, color=GRID_COLOUR, lw=0.4)  # type: ignore[arg-type]
-
-
-def rate_tick_text(value: float, low: float) -> str:
-    """``value`` in per cent; with ``≤`` at the end ``low`` of the axis."""
-    return ("≤ " if value <= low * 1.01 else "") + f"{100 * value:g}"
 
 
 def decade_below(values: FloatArray) -> float:
@@ -109,19 +78,13 @@ def legend_above(figure: Figure, keys: Sequence[Artist], height: float, left: fl
 
 __all__ = [
     "BOUND_COLOUR",
-    "GRID_COLOUR",
-    "LAW_COLOURS",
     "PROMISE_DASHES",
     "FigureRow",
     "column_values",
     "decade_above",
     "decade_below",
     "hide_frame",
-    "law_colour",
-    "law_mark",
     "laws_of",
     "legend_above",
-    "rate_tick_text",
     "save_figures",
-    "scale_rate_axis",
 ]

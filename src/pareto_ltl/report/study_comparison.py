@@ -15,22 +15,22 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from pareto_ltl.report import style
-from pareto_ltl.report.map_layers import MapAxes, draw_flights, draw_ground, map_axes
+from pareto_ltl.report.map_labels import dense_path
+from pareto_ltl.report.map_layers import MapAxes, draw_flights, draw_ground, map_axes, name_regions
+from pareto_ltl.report.rate_axes import scale_rate_axis
 from pareto_ltl.report.study_axes import (
     BOUND_COLOUR,
     FigureRow,
     column_values,
     decade_below,
     hide_frame,
-    law_colour,
-    law_mark,
     laws_of,
     legend_above,
     save_figures,
-    scale_rate_axis,
 )
 from pareto_ltl.report.wind import draw_wind_arrows
 from pareto_ltl.settings import ReportConfig
+from pareto_ltl.support.display import distance_text, probability_text
 from pareto_ltl.world.cells import Decomposition
 from pareto_ltl.world.scene import Scene
 
@@ -61,7 +61,8 @@ def comparison_figure(
     """Planned path and simulated flights, one panel per method, as in Figure 1 of the paper."""
     columns = 3 if len(panels) not in (1, 2, 4) else min(2, len(panels))
     rows = -(-len(panels) // columns)
-    gap, west, top, foot = 0.12, 0.50, 0.34, 0.78
+    lines = 1 + max(len(_panel_caption(panel)) for panel in panels)
+    gap, west, top, foot = 0.12, 0.50, 0.12 + 0.11 * lines, 0.78
     inner = (style.PAGE_WIDTH - west - 0.08 - (columns - 1) * gap) / columns
     span = np.ptp(scene.bounds, axis=0)
     height = inner * float(np.clip(span[1] / span[0], 0.35, 1.6))
@@ -80,21 +81,11 @@ def comparison_figure(
         if wind is not None:
             key = (west, 0.30) if k == 0 else (-9.0, -9.0)  # one key for all
             draw_wind_arrows(chart, scene, wind, 0.0, "expected wind at departure", *key)
-        style.text_at(
-            figure,
-            left,
-            bottom + height + 0.15,
-            f"({chr(97 + k)}) {panel['title']}",
-            va="bottom",
-            fontweight="bold",
-        )
-        style.text_at(figure, left, bottom + height + 0.03, _panel_caption(panel), va="bottom", fontsize=6.0)
+        caption = [f"({chr(97 + k)}) {panel['title']}", *_panel_caption(panel)]
+        for line, text in enumerate(reversed(caption)):
+            look: dict[str, Any] = {"fontweight": "bold"} if line == len(caption) - 1 else {"fontsize": 6.0}
+            style.text_at(figure, left, bottom + height + 0.03 + 0.11 * line, text, va="bottom", **look)
     _panel_legend(figure, cfg, panels, west)
-    laws = next((list(panel["flights"]) for panel in panels if panel["planned"]), [])
-    if len(laws) > 1:
-        style.text_at(
-            figure, style.PAGE_WIDTH / 2, 0.30, f"failed: {' / '.join(laws)} winds", va="center", fontsize=6.5
-        )
     return figure
 
 
@@ -103,9 +94,10 @@ def _draw_panel(
 ) -> None:
     """The map of one method: its planned path and flights of the first wind law."""
     draw_ground(chart, scene, decomposition)
+    name_regions(chart, scene, decomposition, dense_path(panel["x"]) if panel["planned"] else None)
     if panel["planned"]:
-        law, flights = next(iter(panel["flights"].items()))  # flights of two laws would cover each other
-        draw_flights(chart, flights, cfg.paths, law_colour(law))
+        flights = next(iter(panel["flights"].values()))  # flights of two laws would cover each other
+        draw_flights(chart, flights, cfg.paths)
         chart.ax.plot(
             *(panel["x"] * chart.per_metre).T,
             color=style.BLACK,
@@ -119,11 +111,13 @@ def _draw_panel(
     )
 
 
-def _panel_caption(panel: FigureRow) -> str:
+def _panel_caption(panel: FigureRow) -> list[str]:
+    """Length, and the failure rate in each wind law, one a line."""
     if not panel["planned"]:
-        return "no plan"
-    lost = " / ".join(f"{100 * (~f.accepted | f.collided).mean():.1f}" for f in panel["flights"].values())
-    return f"{panel['length_m'] / 1e3:,.0f} km; {lost} % failed"
+        return ["no plan"]
+    length = distance_text(panel["length_m"])
+    rates = {law: float((~f.accepted | f.collided).mean()) for law, f in panel["flights"].items()}
+    return [length, *(f"failed in {law} winds: {probability_text(rate)}" for law, rate in rates.items())]
 
 
 def _panel_legend(figure: Figure, cfg: ReportConfig, panels: Sequence[FigureRow], left: float) -> None:
@@ -135,14 +129,14 @@ def _panel_legend(figure: Figure, cfg: ReportConfig, panels: Sequence[FigureRow]
         Line2D(
             [],
             [],
-            color=law_colour(law),
+            color=style.law_colour(law),
             lw=0.9,
             label=f"first {cfg.paths} flights, {law} winds",
         )
         for law in laws
     ]
     keys += [
-        Line2D([], [], color=style.VERMILLION, lw=0.9, label="... that failed"),
+        Line2D([], [], color=style.FAILED, marker="x", ms=3.2, mew=0.7, lw=0.9, label="... that failed"),
         Patch(fc=style.GREEN + "30", ec=style.GREEN, lw=1.0, label="region"),
         Patch(fc="#6E6E6E", ec="#4A4A4A", lw=0.5, label="obstacle"),
     ]
@@ -197,7 +191,7 @@ def outcomes_figure(rows: Sequence[FigureRow], each: Sequence[FigureRow]) -> Fig
 
 def _draw_outcome(ax: Axes, y: float, row: FigureRow, dots: Sequence[float], low: float) -> None:
     """One method in one wind law at height ``y``; rates below ``low`` are drawn there."""
-    colour, marker = law_colour(row["law"]), law_mark(row["law"])
+    colour, marker = style.law_colour(row["law"]), style.law_mark(row["law"])
     ax.plot(
         np.maximum(dots, low),
         np.full(len(dots), y),
@@ -217,12 +211,19 @@ def _draw_outcome(ax: Axes, y: float, row: FigureRow, dots: Sequence[float], low
 def _outcome_keys(laws: Sequence[str]) -> list[Line2D]:
     look: dict[str, Any] = {"ms": 4.5, "mec": "white", "lw": 2.2}
     keys = [
-        Line2D([], [], color=law_colour(law), marker=law_mark(law), label=f"{law} winds, 95 %", **look)
+        Line2D(
+            [],
+            [],
+            color=style.law_colour(law),
+            marker=style.law_mark(law),
+            label=f"{law} winds, 95 %",
+            **look,
+        )
         for law in laws
     ]
     keys += [
         Line2D([], [], ls="", marker="|", ms=5, mew=0.8, color=style.STONE, label="one plan"),
-        Line2D([], [], ls="", marker="|", ms=9, mew=1.6, color=BOUND_COLOUR, label="promised (V + R, mean)"),
+        Line2D([], [], ls="", marker="|", ms=9, mew=1.6, color=BOUND_COLOUR, label="V + R as planned (mean)"),
     ]
     return keys
 

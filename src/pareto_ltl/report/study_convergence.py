@@ -13,23 +13,21 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from matplotlib.ticker import FuncFormatter
+from matplotlib.ticker import FuncFormatter, NullFormatter
 
 from pareto_ltl.report import style
+from pareto_ltl.report.rate_axes import GRID_COLOUR, scale_rate_axis
 from pareto_ltl.report.study_axes import (
     BOUND_COLOUR,
-    GRID_COLOUR,
+    PROMISE_DASHES,
     FigureRow,
     column_values,
     decade_above,
     decade_below,
     hide_frame,
-    law_colour,
-    law_mark,
     laws_of,
     legend_above,
     save_figures,
-    scale_rate_axis,
 )
 from pareto_ltl.settings import ReportConfig
 
@@ -60,7 +58,10 @@ def convergence_figure(rows: Sequence[FigureRow], numbers: Mapping[str, float]) 
     for ax, title in zip(axes, ("(a) selected path", "(b) front", "(c) seeds with a plan"), strict=True):
         ax.set_xscale("log")
         ax.set_xlabel("vertices per tree")
+        sizes = sorted({int(row["size"]) for row in rows})
+        ax.set_xticks(sizes[:: -(-len(sizes) // 5)])
         ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:,.0f}"))
+        ax.xaxis.set_minor_formatter(NullFormatter())
         ax.grid(color=GRID_COLOUR, lw=0.4)
         hide_frame(ax)
         left = ax.get_position().x0 * style.PAGE_WIDTH
@@ -68,16 +69,25 @@ def convergence_figure(rows: Sequence[FigureRow], numbers: Mapping[str, float]) 
     if math.isfinite(numbers["first_seconds"]):
         text = f"first answer of a forest:\n{1e3 * numbers['first_seconds']:.2g} ms (median)"
         axes[2].text(0.97, 0.08, text, transform=axes[2].transAxes, ha="right", va="bottom", fontsize=6.5)
-    keys: list[Artist] = [Line2D([], [], color=BOUND_COLOUR, lw=1.4, label="bound on mission failure")]
+    keys: list[Artist] = [
+        Line2D(
+            [],
+            [],
+            color=BOUND_COLOUR,
+            lw=1.4,
+            ls=PROMISE_DASHES,
+            label=f"bound, {one[0]['planned_law']} winds",
+        )
+    ]
     keys += [
         Line2D(
             [],
             [],
-            color=law_colour(law),
-            marker=law_mark(law),
+            color=style.law_colour(law),
+            marker=style.law_mark(law),
             ms=3,
             lw=1.2,
-            label=f"missions missed, {law} winds",
+            label=f"missed, {law} winds",
         )
         for law in some
     ]
@@ -98,7 +108,7 @@ def _bound_and_failure(
     _quartile_band(ax, one, "mission_bound", BOUND_COLOUR, low, marker="")
     for law in laws:
         mine = [row for row in rows if row["law"] == law]
-        _quartile_band(ax, mine, "missed_of_a_plan", law_colour(law), low, law_mark(law))
+        _quartile_band(ax, mine, "missed_of_a_plan", style.law_colour(law), low, style.law_mark(law))
     scale_rate_axis(
         ax, "y", low, decade_above(np.concatenate([*values, column_values(one, "mission_bound_q75")]))
     )
@@ -115,7 +125,7 @@ def _quartile_band(
     if low is not None:
         middle, bottom, top = (np.maximum(values, low) for values in (middle, bottom, top))
     ax.fill_between(x, bottom, top, color=colour, alpha=0.18, lw=0)
-    ax.plot(x, middle, color=colour, lw=1.3, marker=marker, ms=3)
+    ax.plot(x, middle, color=colour, lw=1.3, marker=marker, ms=3, ls="-" if marker else PROMISE_DASHES)
 
 
 def _planned_share(ax: Axes, rows: Sequence[FigureRow]) -> None:

@@ -12,22 +12,21 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from pareto_ltl.report import style
+from pareto_ltl.report.rate_axes import scale_rate_axis
 from pareto_ltl.report.study_axes import (
     BOUND_COLOUR,
-    LAW_COLOURS,
     FigureRow,
     column_values,
     hide_frame,
     save_figures,
-    scale_rate_axis,
 )
-from pareto_ltl.settings import ReportConfig
+from pareto_ltl.settings import ReportConfig, preset
 
 if TYPE_CHECKING:
     from pareto_ltl.report.records import Study
 
 PROMISE_LABELS = {
-    "bound_paper": "Theorem 2 + R, as planned",
+    "bound_paper": "f_o + R, independent winds",
     "bound_independent": "V + R, independent winds",
     "bound_coherent": "V + R, coherent winds",
     "simulated_independent": "simulated, independent winds",
@@ -74,10 +73,17 @@ def reliability_figure(groups: Sequence[FigureRow], plans: Sequence[FigureRow]) 
             ax.tick_params(labelleft=False)
         else:
             ax.set_ylabel("failed in the full fields [%]")
-        style.text_at(
-            figure, left, bottom + inner + 0.04, PROMISE_LABELS[name], va="bottom", fontweight="bold"
-        )
+        title = _promise_label(name, mine)
+        style.text_at(figure, left, bottom + inner + 0.04, title, va="bottom", fontweight="bold")
     return figure
+
+
+def _promise_label(name: str, rows: Sequence[FigureRow]) -> str:
+    """What was promised, with its wind law: R of a plan is that of the law it was planned in."""
+    law = preset(rows[0].get("fidelity", "paper")).law
+    if name == "bound_paper" and law != "independent":
+        return f"f_o, independent, + R, {law} winds"
+    return PROMISE_LABELS[name]
 
 
 def _draw_reliability(
@@ -94,7 +100,7 @@ def _draw_reliability(
         zorder=2,
         clip_on=False,
     )
-    colour = LAW_COLOURS.get(name.partition("_")[2], style.BLACK)
+    colour = style.LAW_COLOURS.get(name.partition("_")[2], style.BLACK)
     for row in groups:
         x, y = max(row["promised"], low), max(row["realised"], low)
         ax.plot(

@@ -8,6 +8,7 @@ The colours are those of Okabe and Ito (2008), which colour-blind readers can di
 from __future__ import annotations
 
 import math
+import re
 import threading
 import warnings
 from collections.abc import Iterator
@@ -21,6 +22,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
+from matplotlib.textpath import TextPath
 
 from pareto_ltl.support.arrays import FloatArray
 
@@ -28,8 +30,13 @@ COLUMN_WIDTH, PAGE_WIDTH = 3.5, 7.16  # widths of a column and of a page [in]
 
 BLACK, ORANGE, SKY, GREEN = "#000000", "#E69F00", "#56B4E9", "#009E73"
 BLUE, VERMILLION, PURPLE = "#0072B2", "#D55E00", "#CC79A7"
-FLIGHT_COLOURS = (ORANGE, PURPLE)  # one per wind law
+LAW_COLOURS = {"independent": BLUE, "coherent": ORANGE}  # in every figure
+LAW_MARKS = {"independent": "o", "coherent": "s"}
+LAW_DASHES: dict[str, Any] = {"independent": "-", "coherent": (0, (5.0, 1.2))}
+FAILED = "#7A0018"  # darker than any colour of a law, in grey too; failed flights also end in a cross
 INK, STONE, MIST = "#333333", "#8C8C8C", "#B8B8B8"
+
+SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 CHI2_95 = -2.0 * math.log(0.05)  # 95 % quantile of χ² with two degrees of freedom: its tail is exp(-x/2)
 
@@ -92,6 +99,55 @@ def text_at(figure: Figure, left: float, bottom: float, text: str, **kwargs: Any
 def white_halo(width: float = 1.6) -> list[withStroke]:
     """A white outline that keeps text and markers readable on any background."""
     return [withStroke(linewidth=width, foreground="white")]
+
+
+def law_colour(law: str) -> str:
+    """Line colour of a wind law."""
+    return LAW_COLOURS.get(law, PURPLE)
+
+
+def law_mark(law: str) -> str:
+    """Marker of a wind law."""
+    return LAW_MARKS.get(law, "D")
+
+
+def law_dashes(law: str) -> Any:
+    """Line style of flights in a wind law."""
+    return LAW_DASHES.get(law, (0, (1.5, 1.0)))
+
+
+def text_width(text: str, size: float) -> float:
+    """Width of ``text`` [in] in letters of ``size`` [pt]."""
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "Glyph .* missing from font")
+        outline = TextPath((0.0, 0.0), text.replace("$", r"\$"), size=size, usetex=False)
+        return float(outline.get_extents().width) / 72.0 if len(outline.vertices) else 0.0
+
+
+def fitted_lines(text: str, width: float, size: float, most: int = 2) -> list[str]:
+    """``text`` in at most ``most`` lines of ``width`` [in], broken after spaces and ``&`` or ``|``.
+
+    What does not fit is cut, with ``...`` at its end.
+    """
+    lines = [""]
+    for piece in re.findall(r"[^\s&|]+[&|]*\s*|[&|]+\s*", text):
+        if lines[-1] and text_width((lines[-1] + piece).rstrip(), size) > width:
+            lines.append("")
+        lines[-1] += piece
+    shown = [_cut(line.rstrip(), width, size, mark="") for line in lines[:most]]
+    if len(lines) > most:
+        shown[-1] = _cut(shown[-1], width, size, mark=" ...")
+    return shown
+
+
+def _cut(line: str, width: float, size: float, mark: str) -> str:
+    """The longest beginning of ``line`` that fits into ``width`` [in] with ``mark`` after it."""
+    if text_width(line + mark, size) <= width:
+        return line + mark
+    mark = mark or "..."
+    while line and text_width(line + mark, size) > width:
+        line = line[:-1]
+    return line.rstrip() + mark
 
 
 def save_figure(figure: Figure, folder: Path, name: str, dpi: int) -> tuple[Path, Path]:

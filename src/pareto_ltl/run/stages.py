@@ -201,7 +201,8 @@ def make_report(inputs: StageInputs) -> tuple[Path, ...]:
     """Figures of what there is: a mission that failed shows how far its trees came."""
     if not inputs.settings.report.figures:
         return ()
-    from pareto_ltl.report.figures import DrawnRun, draw_run_figures
+    from pareto_ltl.report.figures import draw_run_figures
+    from pareto_ltl.report.records import DrawnRun
 
     run = DrawnRun(
         scene=inputs[SCENE],
@@ -210,8 +211,8 @@ def make_report(inputs: StageInputs) -> tuple[Path, ...]:
         forest=inputs.get(FOREST),
         front=inputs.get(FRONT),
         plan=inputs.get(PLAN),
-        mission_bound=inputs.settings.fidelity.mission_bound,
         deployments=inputs.get(DEPLOYMENTS) or {},
+        forecasts=inputs.get(FORECASTS) or {},
     )
     return draw_run_figures(inputs.directory / "figures", inputs.settings.report, run)
 
@@ -316,8 +317,8 @@ PLAN_STAGES = (
         makes=FIGURES,
         make=make_report,
         needs=(SCENE, DECOMPOSITION, WIND),
-        uses=(FOREST, FRONT, PLAN, DEPLOYMENTS),
-        settings=(ReportConfig, FidelityConfig),
+        uses=(FOREST, FRONT, PLAN, DEPLOYMENTS, FORECASTS),
+        settings=(ReportConfig,),
         shows=FIGURE_FILES,
     ),
     Stage(

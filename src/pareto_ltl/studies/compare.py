@@ -365,21 +365,23 @@ def _comparison_text(rows: Sequence[Columns], pairs: Sequence[Columns]) -> str:
     return first + "\n" + second
 
 
-def planned_law(method: str) -> str:
-    """The wind law that a method plans for."""
-    return preset("full" if method == "full" else "paper").law
+def planned_winds(method: str) -> str:
+    """The winds that a method plans for."""
+    if method in ("ml_rrt", "calm_shortest"):
+        return "calm air"
+    return f"{preset('full' if method == 'full' else 'paper').law} winds"
 
 
 def _planned_risk(row: Columns, name: str) -> str:
-    """A bound of the plan with its law; f_o always speaks of independent winds, so that some have none."""
-    law = planned_law(row["method"])
-    if name == "bound_paper" and law != "independent":
+    """A bound of the plan with its winds; f_o never speaks of coherent ones."""
+    winds = planned_winds(row["method"])
+    if name == "bound_paper" and winds == "coherent winds":
         return "-"
-    return f"{probability_text(row[name])} in {law} winds"
+    return f"{probability_text(row[name])} in {winds}"
 
 
 def _points(row: Columns) -> str:
-    low, high = row["difference_low"], row["difference_high"]
+    low, high = max(row["difference_low"], -1.0), min(row["difference_high"], 1.0)
     return f"{100 * row['difference']:+.2f} % ({100 * low:+.2f} to {100 * high:+.2f})"
 
 

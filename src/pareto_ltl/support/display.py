@@ -58,7 +58,7 @@ def probability_text(value: float) -> str:
     if percent >= 9.95:
         return f"{percent:.1f} %"
     if percent >= 1e-3:
-        return f"{percent:.2g} %"
+        return f"{percent:#.2g} %"
     digits, power = f"{percent:.1e}".split("e")
     return f"{digits.removesuffix('.0')}e{int(power)} %"
 
@@ -75,7 +75,7 @@ def interval_text(low: float, high: float) -> str:
 
 
 def rate_text(rate: float, low: float, high: float) -> str:
-    """A simulated rate with its 95 % interval: ``0.6 % (95 %: 0.12 to 1.7 %)``."""
+    """A simulated rate with its 95 % interval: ``0.60 % (95 %: 0.12 to 1.7 %)``."""
     return f"{probability_text(rate)} (95 %: {interval_text(low, high)})"
 
 
