@@ -72,9 +72,25 @@ BAD = {
     "+typo=3": "unknown setting typo",
     "planner.n_max=many": "planner.n_max",
     "planner.n_max=2.5": "planner.n_max",
-    "planner.n_max=1": "planner.n_max must be at least 2, got 1",
-    "seed=-1": "seed must not be negative",
+    "planner.n_max=1": "planner.n_max must lie in [2, 1e8], got 1",
+    "seed=-1": "seed must lie in [0, 9.22337e18], got -1",
     "seed=???": "seed",
+    "seed=" + "9" * 5000: "so many digits",
+    "robot.dt=" + "9" * 400: "robot.dt holds a number with",
+    "planner.n_max=1e7": "write it in digits, 10000000",
+    "planner.trees=null": "planner.trees must be a whole number, got None",
+    "planner=null": "planner must be one of default, dense, quick (a choice), got None",
+    "planner=3": "planner must be one of default, dense, quick (a choice), got 3",
+    "scene.regions=[]": "scene.regions must be a mapping of names to values",
+    "mission.order=[a,b]": "mission.order must be a list",
+    "mission.start_time=yesterday": "mission.start_time 'yesterday' is no ISO 8601 time",
+    "name=CON": "name must not begin with 'CON', a device on Windows",
+    "name=x" + "x" * 300: "name must be at most 100 letters",
+    "scene.obstacles=" + "[" * 5000 + "]" * 5000: "nested too deeply",
+    "planner=" + "x" * 5000: "File name too long",
+    "pipelines.stages=[" + "x" * 5000 + "]": "there is no stage 'xxx",
+    "wind.path=größe.csv": "letters beyond ASCII need two pairs of quotes",
+    "hydra.run.dir=": "hydra.run.dir is empty",
     "robot.a=[[1.0]]": "robot.a must be a 2 x 2 matrix",
     "selection.rule=best": "priority, weighted, threshold",
     "selection.weights=[1.0]": "selection.weights must be three numbers",
@@ -110,6 +126,8 @@ def test_a_wrong_argument_costs_one_line_and_no_directory(
     assert out == ""
     assert err.count("\n") == 1
     assert BAD[argument] in err
+    assert len(err) < 500
+    assert err.strip().isprintable()
     assert list(here.iterdir()) == []
 
 

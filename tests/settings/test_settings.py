@@ -34,7 +34,7 @@ DECLARED = [
     for section in ALL
     for item, declared in declarations(section)
 ]
-NUMERIC = [case for case in DECLARED if case.values[2].range_text() and not case.values[2].choices]  # type: ignore[union-attr]
+RANGED = [case for case in DECLARED if case.values[2].range_text() and not case.values[2].choices]  # type: ignore[union-attr]
 
 
 def made_with(section: CheckedSettings, name: str, value: Any) -> CheckedSettings:
@@ -63,18 +63,15 @@ def test_every_setting_says_what_it_means(section: Any, name: str, declared: Dec
     assert "\n" not in declared.meaning
 
 
-@pytest.mark.parametrize("wrong", [math.nan, math.inf, -math.inf, -1.0, -1])
-@pytest.mark.parametrize(("section", "name", "declared"), NUMERIC)
-def test_a_number_that_is_none_or_negative_is_refused(
-    section: Any, name: str, declared: Declaration, wrong: float
-) -> None:
+@pytest.mark.parametrize(("section", "name", "declared"), RANGED)
+def test_a_negative_number_is_refused(section: Any, name: str, declared: Declaration) -> None:
     key = f"{section.section}.{name}".lstrip(".")
     with pytest.raises(ConfigError) as caught:
-        made_with(section, name, wrong)
-    assert str(caught.value) == f"{key} must {declared.demand()}, got {wrong}"
+        made_with(section, name, -1)
+    assert str(caught.value) == f"{key} must {declared.demand()}, got -1"
 
 
-@pytest.mark.parametrize(("section", "name", "declared"), NUMERIC)
+@pytest.mark.parametrize(("section", "name", "declared"), RANGED)
 def test_the_ends_of_a_range_are_in_it_or_out_as_declared(
     section: Any, name: str, declared: Declaration
 ) -> None:
@@ -105,6 +102,8 @@ def test_a_word_that_is_no_choice_is_refused_with_the_choices(
         ({"not_negative": True, "unit": "m"}, -2.0, "key must not be negative [m], got -2.0"),
         ({"not_negative": True}, -2, "key must not be negative, got -2"),
         ({"least": 2}, 1, "key must be at least 2, got 1"),
+        ({"above": 0, "most": 9, "unit": "s"}, 10.0, "key must be positive and at most 9 [s], got 10.0"),
+        ({"least": 0, "most": 9, "unit": "s"}, 10.0, "key must lie in [0, 9] [s], got 10.0"),
         ({"above": 0, "below": 1}, 1.0, "key must lie between 0 and 1, both excluded, got 1.0"),
         ({"least": 0, "most": 1}, 1.5, "key must lie in [0, 1], got 1.5"),
         ({"least": 0, "most": 1, "remark": "0: no"}, 2.0, "key must lie in [0, 1] (0: no), got 2.0"),
@@ -136,9 +135,7 @@ def test_nothing_given_is_allowed_where_it_is_the_default() -> None:
     assert Settings().wind.rho is None
 
 
-@pytest.mark.parametrize(
-    "weights", [[math.nan, 1.0, 1.0], [math.inf, 1.0, 1.0], [-1.0, 1.0, 1.0], [0.0, 0.0, 0.0], [1.0]]
-)
+@pytest.mark.parametrize("weights", [[0.0, 0.0, 0.0], [1.0], []])
 def test_weights_that_weigh_nothing_are_refused(weights: list[float]) -> None:
     with pytest.raises(ConfigError, match=r"selection\.weights must be three numbers >= 0, not all 0"):
         SelectionConfig(weights=weights)
@@ -149,14 +146,14 @@ def test_weights_that_weigh_nothing_are_refused(weights: list[float]) -> None:
     [
         ("RandomSceneConfig", {"regions": 27}, "scene.random.regions must lie in [0, 26]"),
         ("RandomSceneConfig", {"radius": [0.2, 0.1]}, "scene.random.radius must be [smallest, largest]"),
-        ("RandomSceneConfig", {"radius": [math.nan, 0.1]}, "scene.random.radius must be"),
+        ("RandomSceneConfig", {"radius": [math.nan, 0.1]}, "scene.random.radius must lie between 0 and 0.5"),
         ("SceneConfig", {"centre": [95.0, 0.0]}, "scene.centre must be [latitude, longitude]"),
         ("RobotConfig", {"a": [[1.0, math.nan], [0, 1]]}, "robot.a must be a 2 x 2 matrix"),
         ("RobotConfig", {"b": [[1, 2], [2, 4]]}, "robot.b must be invertible"),
         ("WindConfig", {"source": "csv"}, "wind.path is missing: wind.source=csv"),
         ("SmoothingConfig", {"weights": []}, "smoothing.weights is empty"),
         ("IngestConfig", {"area": [[1.0]]}, "ingest.area must be a list of [longitude, latitude]"),
-        ("HindcastConfig", {"side": [1.0, math.inf]}, "hindcast.side must be [least, most]"),
+        ("HindcastConfig", {"side": [1.0, math.inf]}, "hindcast.side must lie in [0, 1e7] [m]"),
         ("HindcastConfig", {"side": [0.0, 1.0]}, "hindcast.side must be positive [m]"),
         ("HindcastConfig", {"obstacles": [3]}, "hindcast.obstacles must be [least, most]"),
     ],

@@ -12,6 +12,7 @@ from typing import NoReturn
 
 from pareto_ltl.run.provenance import one_line
 from pareto_ltl.support.errors import ConfigError, ParetoLtlError
+from pareto_ltl.support.messages import shown_line
 from pareto_ltl.support.stopping import StoppedError, signals_raise
 
 EXPECTED_ERRORS: tuple[type[Exception], ...] = (ParetoLtlError, OSError)
@@ -61,7 +62,7 @@ def run_reported(
 
 def print_problem(line: str) -> None:
     """Print ``line`` to standard error, after the name of the program."""
-    print(f"pareto-ltl: {line}", file=sys.stderr)
+    print(f"pareto-ltl: {shown_line(line)}", file=sys.stderr)
 
 
 def _write_traceback() -> str:

@@ -8,6 +8,7 @@ from functools import partial
 
 from pareto_ltl.cli.arguments import run_reported
 from pareto_ltl.support.errors import ConfigError
+from pareto_ltl.support.messages import shown_value
 
 VALUE_FLAGS = (
     *("--config-dir", "-cd", "--config-path", "-cp", "--config-name", "-cn"),
@@ -124,5 +125,5 @@ def command_named(name: str) -> Command:
     if name not in table:
         near = get_close_matches(name, table, n=1)
         hint = f"did you mean {near[0]}?" if near else f"there are {', '.join(table)}"
-        raise ConfigError(f"unknown command {name!r}; {hint} (a setting is written key=value)")
+        raise ConfigError(f"unknown command {shown_value(name)}; {hint} (a setting is written key=value)")
     return table[name]

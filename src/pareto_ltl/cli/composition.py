@@ -36,12 +36,12 @@ from pareto_ltl.run.directory import claimed_directory
 from pareto_ltl.run.pipeline import Pipeline, check_pipeline
 from pareto_ltl.settings import Settings
 from pareto_ltl.support.errors import ConfigError
+from pareto_ltl.support.messages import shown_text
 from pareto_ltl.support.resources import resource_folder
 
 VERSION_BASE = "1.3"
 CONFIG_NAME = "config"
 LAUNCHER_EXTRAS = {"joblib": "sweep", "submitit_local": "cluster", "submitit_slurm": "cluster"}
-FOLDER_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]*")
 HELP_FLAGS = {"-h": "short", "--help": "short", "--help=all": "all", "--help-all": "all"}
 
 
@@ -177,6 +177,8 @@ def prepare(hydra: ComposedHydra, arguments: argparse.Namespace) -> PreparedRun 
     if own_grid := _grid_of(config):
         raise ConfigError(f"a sweep over {', '.join(own_grid)}: add -m to run it")
     checked = check_settings(settings_from(config))
+    if not str(config.hydra.run.dir).strip():
+        raise ConfigError("hydra.run.dir is empty: name a folder for the results, or leave it out")
     if config.hydra.mode is None:
         _pin(config, "hydra.mode", RunMode.RUN.name)
     return PreparedRun(config, checked)
@@ -184,11 +186,6 @@ def prepare(hydra: ComposedHydra, arguments: argparse.Namespace) -> PreparedRun 
 
 def check_settings(settings: Settings) -> Pipeline:
     """The pipeline of ``settings``, checked across sections; each section was checked when it was made."""
-    if not FOLDER_NAME.fullmatch(settings.name):
-        raise ConfigError(
-            "name must be letters, digits, dots, dashes or underscores (it names a folder), "
-            f"got {settings.name!r}"
-        )
     return check_pipeline(settings, application_stages(settings))
 
 
@@ -240,6 +237,9 @@ def _check_launcher(config: DictConfig) -> None:
 
 
 def _parse_overrides(loader: ConfigLoader, words: Sequence[str]) -> list[Override]:
+    for word in words:
+        if re.search(r"\d{1000}", word):  # Python reads no number of more than 4,300 digits
+            raise ConfigError(f"{shown_text(word)}: a number with so many digits can be no setting")
     return OverridesParser.create(config_loader=loader).parse_overrides(list(words))
 
 

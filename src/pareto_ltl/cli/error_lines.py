@@ -2,17 +2,25 @@
 
 from __future__ import annotations
 
+import re
+
 from hydra.errors import HydraException, MissingConfigException, OverrideParseException
-from omegaconf.errors import MissingMandatoryValue, OmegaConfBaseException
+from omegaconf.errors import MissingMandatoryValue, OmegaConfBaseException, ValidationError
 
 from pareto_ltl.cli.arguments import EXPECTED_ERRORS
 from pareto_ltl.run.provenance import one_line
+from pareto_ltl.settings import Settings
+from pareto_ltl.settings.kinds import kind_at, kind_problem, kind_text
+from pareto_ltl.support.messages import shown_text, shown_value
 
 CONFIGURATION_ERRORS: tuple[type[Exception], ...] = (
     *EXPECTED_ERRORS,
     HydraException,
     OmegaConfBaseException,
+    RecursionError,
 )
+LINE_WIDTH = 300  # characters of a message of Hydra's own that are kept
+LETTERS = "letters beyond ASCII need two pairs of quotes: \"wind.path='größe.csv'\""
 QUOTES = "a value with spaces or ( ) & | ! needs two pairs of quotes: \"mission.formula='F(a & F b)'\""
 
 
@@ -20,18 +28,47 @@ def explain_error(error: BaseException) -> str:
     """What was wrong, in one line."""
     if isinstance(error, MissingConfigException) and error.options:
         group, _, choice = (error.missing_cfg_file or "").rpartition("/")
-        return f"there is no {group.removesuffix('s')} {choice!r}; there are {', '.join(error.options)}"
+        known = ", ".join(error.options)
+        return f"there is no {group.removesuffix('s')} {shown_value(choice)}; there are {known}"
     if isinstance(error, OverrideParseException):
-        return f"cannot read {error.override!r} ({_first_line(error)}); {QUOTES}"
+        return f"cannot read {shown_value(error.override)}; {_cure_of(str(error.override))}"
+    if isinstance(error, RecursionError):
+        return "a setting or a file of settings is nested too deeply to be read; use fewer brackets"
     if isinstance(error, MissingMandatoryValue):
         return f"a setting is missing: {_first_line(error)}"
     if isinstance(error, HydraException) and isinstance(error.__cause__, OmegaConfBaseException):
-        return f"{_full_key(error.__cause__) or _first_line(error)}: {_first_line(error.__cause__)}"
+        return _explain_value(error.__cause__, _overridden_key(error))
     if isinstance(error, OmegaConfBaseException):
-        return f"{_full_key(error)}: {_first_line(error)}" if _full_key(error) else _first_line(error)
+        return _explain_value(error, "")
     if isinstance(error, HydraException):
-        return " ".join(str(error).split("full_key:")[0].split())
+        return shown_text(" ".join(str(error).split("full_key:")[0].split()), LINE_WIDTH)
     return one_line(error)
+
+
+def _overridden_key(error: HydraException) -> str:
+    """The key of a setting that could not be merged; what Hydra says where it names none."""
+    found = re.search(r"override '?[+~]*([\w.]+)", _first_line(error))
+    return found[1] if found else shown_text(_first_line(error))
+
+
+def _explain_value(error: OmegaConfBaseException, place: str) -> str:
+    """What is wrong with a value, in the words of the settings where its key is one of ours."""
+    key = _full_key(error) or place
+    setting = key.partition("[")[0]  # the list of an item
+    kind = kind_at(Settings, setting) if setting else None
+    reason = shown_text(_first_line(error), LINE_WIDTH)
+    if isinstance(error, ValidationError) and kind is not None:
+        return kind_problem(setting, error.value, kind)
+    if kind is not None:
+        return f"{setting} must be {kind_text(kind)} ({reason})"
+    return f"{key}: {reason}" if key else reason
+
+
+def _cure_of(override: str) -> str:
+    """What to do about a setting that Hydra cannot read."""
+    if not override.isascii() or any(ord(character) < 32 for character in override):
+        return LETTERS
+    return QUOTES
 
 
 def _first_line(error: BaseException) -> str:

@@ -17,6 +17,7 @@ from pareto_ltl.logic.formula import caret_lines as caret
 from pareto_ltl.logic.formula import parse_formula as parse
 from pareto_ltl.logic.formula import positive_normal_form as positive
 from pareto_ltl.support.errors import FormulaError, ParetoLtlError
+from pareto_ltl.support.messages import shown_line, shown_text
 
 
 def formula_command(argv: Sequence[str]) -> int:
@@ -37,7 +38,7 @@ def formula_command(argv: Sequence[str]) -> int:
     except SystemExit as leave:  # --help
         return int(leave.code or 0)
     except (ParetoLtlError, OSError, ValueError) as error:
-        print(f"error: {error}", file=sys.stderr)
+        print(f"error: {shown_line(str(error))}", file=sys.stderr)
         if isinstance(error, FormulaError) and error.column is not None:
             print(caret(text, error.column), file=sys.stderr)
         return 2
@@ -49,8 +50,8 @@ def describe_formula(tree: Formula, automaton: Automaton) -> list[str]:
     normal = str(positive(tree))
     free = 2 ** len(automaton.atoms)
     lines = {
-        "formula": str(tree),
-        "normal form": normal if len(normal) < 1000 else f"{normal[:997]}...",
+        "formula": shown_text(str(tree), 1000),
+        "normal form": shown_text(normal, 1000),
         "propositions": ", ".join(automaton.atoms) or "none",
         "letters": f"{len(automaton.letters)}" + " (all subsets)" * (len(automaton.letters) == free),
         "states": f"{automaton.n_states} ({_state_roles(automaton)})",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import difflib
+import sys
 import typing
 from dataclasses import fields, is_dataclass
 from typing import Any
@@ -14,6 +15,7 @@ from omegaconf import DictConfig, OmegaConf, open_dict
 
 from pareto_ltl.settings import Settings
 from pareto_ltl.support.errors import ConfigError
+from pareto_ltl.support.messages import shown_text, shown_value
 
 GROUPS_WITHOUT_SECTION = ("experiment", "sweep")  # groups that are no section of the settings
 
@@ -33,7 +35,11 @@ def settings_from(config: DictConfig) -> Settings:
 def refuse_unknown_key(override: Override, loader: ConfigLoader) -> None:
     """Raise ConfigError for a key that is no setting and no group, with the nearest one that exists."""
     key = override.key_or_group
-    if key == "hydra" or override.is_hydra_override() or loader.get_group_options(key):
+    if key == "hydra" or override.is_hydra_override():
+        return
+    _refuse_huge_number(key, None if override.is_sweep_override() else override.value())
+    if choices := loader.get_group_options(key):
+        _refuse_odd_choice(override, choices)
         return
     known: Any = Settings
     section = ""
@@ -45,6 +51,26 @@ def refuse_unknown_key(override: Override, loader: ConfigLoader) -> None:
             groups = [] if section else [g for g in GROUPS_WITHOUT_SECTION if loader.get_group_options(g)]
             raise _unknown_setting(section, part, [*types, *groups])
         known, section = types[part], f"{section}{part}."
+
+
+def _refuse_huge_number(key: str, value: Any) -> None:
+    """Raise ConfigError for a whole number that is no float either: OmegaConf raises OverflowError for it."""
+    if isinstance(value, list | dict):
+        for item in value.values() if isinstance(value, dict) else value:
+            _refuse_huge_number(key, item)
+    elif isinstance(value, int) and abs(value) > sys.float_info.max:
+        raise ConfigError(
+            f"{key} holds a number with {len(hex(value)) * 6 // 5} digits, which no setting can be"
+        )
+
+
+def _refuse_odd_choice(override: Override, choices: list[str]) -> None:
+    """Raise ConfigError for a group that is set to a number or to nothing, which Hydra does not expect."""
+    value = override.value()
+    if override.is_delete() or override.is_sweep_override() or isinstance(value, str | list):
+        return
+    names = ", ".join(choices)
+    raise ConfigError(f"{override.key_or_group} must be one of {names} (a choice), got {shown_value(value)}")
 
 
 def _refuse_extra_keys(config: DictConfig, schema: Any, section: str) -> None:
@@ -67,4 +93,4 @@ def _unknown_setting(section: str, part: str, known: list[str]) -> ConfigError:
     known = list(dict.fromkeys(known))  # sweep is a group and a section
     near = next(iter(difflib.get_close_matches(part, known, n=1)), None)
     hint = f"did you mean {section}{near}?" if near else f"there are {', '.join(known)}"
-    return ConfigError(f"unknown setting {section}{part}; {hint}")
+    return ConfigError(f"unknown setting {shown_text(section + part)}; {hint}")

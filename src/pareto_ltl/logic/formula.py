@@ -21,7 +21,9 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from functools import lru_cache
 
+from pareto_ltl.support.display import listed_text
 from pareto_ltl.support.errors import FormulaError
+from pareto_ltl.support.messages import SHOWN_WIDTH, shown_text
 
 MAX_DEPTH = 200  # nesting levels, below the recursion limit of Python; a sequence of n goals has 2 n
 
@@ -113,9 +115,11 @@ def parse_formula(text: str) -> Formula:
 
 
 def caret_lines(text: str, column: int) -> str:
-    """Two lines: the formula, and a caret under the zero-based ``column``."""
-    line = re.sub(r"\s", " ", text)
-    return f"{line}\n{' ' * column}^"
+    """Two lines: the formula near the zero-based ``column``, and a caret under it."""
+    line = "".join(character if character.isprintable() else " " for character in text)
+    first, beyond = max(0, column - SHOWN_WIDTH // 2), column + SHOWN_WIDTH // 2
+    before, after = "..." if first else "", "..." if len(line) > beyond else ""
+    return f"{before}{line[first:beyond]}{after}\n{' ' * (len(before) + column - first)}^"
 
 
 def positive_normal_form(tree: Formula) -> Formula:
@@ -139,8 +143,8 @@ def check_names(tree: Formula, names: Iterable[str]) -> None:
     known = set(names)
     for node in tree.walk():
         if node.op == "name" and node.name not in known:
-            have = ", ".join(sorted(known)) or "none"
-            message = f"unknown region '{node.name}' in the formula: the map has {have}"
+            have = listed_text(sorted(known), 26)
+            message = f"unknown region '{shown_text(node.name)}' in the formula: the map has {have}"
             raise FormulaError(f"{message} (column {node.column + 1})", node.column)
 
 
@@ -160,7 +164,7 @@ class _FormulaToken:
     column: int
 
     def __str__(self) -> str:
-        return "the end of the formula" if self.op == "end" else f"'{self.word}'"
+        return "the end of the formula" if self.op == "end" else f"'{shown_text(self.word)}'"
 
 
 class _FormulaParser:
@@ -256,7 +260,9 @@ def _formula_tokens(text: str) -> Iterator[_FormulaToken]:
         if match is None:
             found, hint = _foreign_operator(text[column:])
             raise _formula_error(
-                f"'{found}' has no meaning in a formula{hint or '; expected ' + _OPERAND_TEXT}", text, column
+                f"'{shown_text(found)}' has no meaning in a formula{hint or '; expected ' + _OPERAND_TEXT}",
+                text,
+                column,
             )
         yield _FormulaToken(_SPELLINGS.get(match[0], "name"), match[0], column)
         column = match.end()

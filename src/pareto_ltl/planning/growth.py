@@ -31,6 +31,7 @@ from pareto_ltl.settings import PlannerConfig
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.cores import cores
 from pareto_ltl.support.errors import InfeasibleError
+from pareto_ltl.support.messages import shown_value
 
 ITERATIONS_PER_VERTEX = 50  # extensions tried before a tree that does not grow is given up
 GROWTH_CHUNK = 20_000  # vertices between two looks at the clock
@@ -313,9 +314,9 @@ def _check_lead(task: _GrowthTask, tree: _GrowingTree) -> None:
     start = int(vertices.q[0]) * len(problem.labels) + int(vertices.cell[0])
     if len(shortest_lead(task.graph, state.members, state.selected, start)) == 0:
         raise InfeasibleError(
-            f"no way through the map completes {problem.automaton.formula!r}: a region it needs cannot be "
-            "reached from the start, or the start's own label breaks the mission at once; move the start, a "
-            "region or an obstacle"
+            f"no way through the map completes {shown_value(problem.automaton.formula)}: a region it needs "
+            "cannot be reached from the start, or the start's own label breaks the mission at once; move the "
+            "start, a region or an obstacle"
         )
 
 

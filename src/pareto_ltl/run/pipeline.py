@@ -22,6 +22,7 @@ from pareto_ltl.run.stage_table import Progress, Stage, StageInputs, StageTable
 from pareto_ltl.run.stages import PLAN_TABLE
 from pareto_ltl.settings import Settings
 from pareto_ltl.support.errors import ConfigError, InfeasibleError, ParetoLtlError
+from pareto_ltl.support.messages import shown_value
 
 LOG = logging.getLogger("pareto_ltl")
 
@@ -53,7 +54,7 @@ def check_pipeline(settings: Settings, table: StageTable, given: Collection[Reco
     seen: set[str] = set()
     for name in listed:
         if name not in table:
-            raise ConfigError(f"pipelines.stages: there is no stage {name!r}; there are {known}")
+            raise ConfigError(f"pipelines.stages: there is no stage {shown_value(name)}; there are {known}")
         if name in seen:
             raise ConfigError(f"pipelines.stages lists {name!r} twice; once is enough")
         seen.add(name)

@@ -15,6 +15,7 @@ from pareto_ltl.settings import Settings, as_dict
 from pareto_ltl.support.cores import cores
 from pareto_ltl.support.errors import ParetoLtlError
 from pareto_ltl.support.fingerprints import code_fingerprint, data_fingerprint, file_fingerprint
+from pareto_ltl.support.messages import shown_line
 from pareto_ltl.support.resources import checkout
 
 ANSWERS = ("ok", "infeasible")  # that a mission has no plan is an answer too
@@ -95,7 +96,7 @@ def write_settings(directory: Path, settings: Settings) -> None:
 
 def one_line(error: BaseException) -> str:
     """The text of an error without line breaks; its kind where it has no text or is no error of ours."""
-    text = " ".join(str(error).split())
+    text = shown_line(str(error))
     if isinstance(error, KeyboardInterrupt):
         return text or "interrupted"
     if isinstance(error, ParetoLtlError | OSError) and text:

@@ -10,7 +10,14 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
-from pareto_ltl.settings.checks import CheckedSettings, Declaration, declarations, setting
+from pareto_ltl.settings.checks import (
+    LARGEST_SEED,
+    CheckedSettings,
+    Declaration,
+    check_folder_name,
+    declarations,
+    setting,
+)
 from pareto_ltl.settings.fidelity import LAWS, PAPER, PRESETS, FidelityConfig, models_of, preset
 from pareto_ltl.settings.outputs import (
     DeploymentConfig,
@@ -38,7 +45,7 @@ class Settings(CheckedSettings):
     """Everything a run needs."""
 
     name: str = setting("plan", "name of the run and of the folder of its results")
-    seed: int = setting(0, "seed of all random numbers but those of the map", not_negative=True)
+    seed: int = setting(0, "seed of all random numbers but those of the map", least=0, most=LARGEST_SEED)
     fidelity: FidelityConfig = field(default_factory=FidelityConfig)
     scene: SceneConfig = field(default_factory=SceneConfig)
     mission: MissionConfig = field(default_factory=MissionConfig)
@@ -58,6 +65,9 @@ class Settings(CheckedSettings):
     ablation: AblationConfig = field(default_factory=AblationConfig)
     hindcast: HindcastConfig = field(default_factory=HindcastConfig)
     sweep: SweepConfig = field(default_factory=SweepConfig)
+
+    def check_combinations(self) -> None:
+        check_folder_name("name", self.name)
 
 
 def as_dict(settings: Any) -> dict[str, Any]:

@@ -13,8 +13,10 @@ from pathlib import Path
 from types import NoneType, UnionType
 from typing import Any
 
-from pareto_ltl.settings import FidelityConfig, Settings, preset
+from pareto_ltl.settings import PRESETS, FidelityConfig, Settings, preset
+from pareto_ltl.settings.kinds import field_kinds, kind_problem
 from pareto_ltl.support.errors import ConfigError, DataError
+from pareto_ltl.support.messages import shown_text
 from pareto_ltl.support.resources import choice_file
 
 
@@ -54,11 +56,12 @@ def section_of(section: str, value: Any) -> Any:
 
 def _value(section: str, value: Any) -> Any:
     """A choice as the mapping that its file holds; a mapping of ``fidelity`` on top of its preset."""
-    schema = typing.get_type_hints(Settings).get(section)
+    schema = field_kinds(Settings).get(section)
     if isinstance(value, str) and is_dataclass(schema):
         return _yaml(choice_file(section, value))
     if schema is FidelityConfig and isinstance(value, Mapping):
-        base = preset(str(value.get("name", "paper")))
+        name = str(value.get("name", "paper"))
+        base = preset(name if name in PRESETS else "paper")  # another name is refused with the other values
         return {f.name: getattr(base, f.name) for f in fields(base)} | dict(value)
     return value
 
@@ -77,12 +80,12 @@ def _yaml(path: Path) -> dict[str, Any]:
 
 def _record(schema: Any, values: Mapping[str, Any], where: str) -> Any:
     """``schema(**values)`` with every value in the type of its field."""
-    types = typing.get_type_hints(schema)
+    types = field_kinds(schema)
     for name in values:
         if name not in types:
             near = difflib.get_close_matches(str(name), types, n=1)
             hint = f"did you mean {where}{near[0]}?" if near else f"there are {', '.join(types)}"
-            raise ConfigError(f"unknown setting {where}{name}; {hint}")
+            raise ConfigError(f"unknown setting {shown_text(f'{where}{name}')}; {hint}")
     return schema(**{name: _typed(types[name], value, where + name) for name, value in values.items()})
 
 
@@ -111,7 +114,7 @@ def _typed(kind: Any, value: Any, key: str) -> Any:
         return _as_lists(value)
     elif kind is int and hasattr(value, "__index__") and not isinstance(value, bool):
         return int(value)
-    raise ConfigError(f"{key} must be {_kind_text(kind)}, got {value!r}")
+    raise ConfigError(kind_problem(key, value, kind))
 
 
 def _number(value: Any, key: str) -> float:
@@ -119,8 +122,8 @@ def _number(value: Any, key: str) -> float:
         if isinstance(value, bool):
             raise TypeError
         return float(value)
-    except (TypeError, ValueError):
-        raise ConfigError(f"{key} must be a number, got {value!r}") from None
+    except (TypeError, ValueError, OverflowError):
+        raise ConfigError(kind_problem(key, value, float)) from None
 
 
 def _as_lists(value: Any) -> Any:
@@ -130,10 +133,3 @@ def _as_lists(value: Any) -> Any:
     if isinstance(value, list | tuple):
         return [_as_lists(item) for item in value]
     return value
-
-
-def _kind_text(kind: Any) -> str:
-    names = {int: "a whole number", str: "text", bool: "true or false"}
-    if is_dataclass(kind):
-        return "a choice, a mapping or a settings object"
-    return names.get(kind, str(getattr(kind, "__name__", kind)))

@@ -7,15 +7,24 @@ is made. ``pareto-ltl --help=all`` prints the same words.
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator
 from copy import deepcopy
 from dataclasses import Field, dataclass, field, fields
+from datetime import datetime
+from numbers import Integral, Real
 from typing import Any, ClassVar
 
+from pareto_ltl.settings.kinds import field_kinds, fits_kind, kind_problem
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.extensions import extension_names
+from pareto_ltl.support.messages import shown_value
 
 DECLARED = "declared"  # key of a field's metadata
+FIRST_YEAR, LAST_YEAR = 1900, 2200  # of a departure or a wind time; a year beyond is a slip
+LARGEST_SEED = 2**63 - 1
+FOLDER_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,99}(?<!\.)")  # Windows drops a dot at the end
+DEVICES = ("con", "prn", "aux", "nul", *(f"{port}{n}" for port in ("com", "lpt") for n in range(10)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,21 +71,22 @@ class Declaration:
         if self.above is not None and self.below is not None:
             return f"between {self.above:g} and {self.below:g}, both excluded{remark}"
         if self.least is not None and self.most is not None:
-            return f"in [{self.least:g}, {self.most:g}]{remark}"
+            return f"in [{limit_text(self.least)}, {limit_text(self.most)}]{remark}"
         if self.above == 0:
-            return f"positive{remark}"
+            upper = "" if self.most is None else f" and at most {limit_text(self.most)}"
+            return f"positive{upper}{remark}"
         if self.not_negative:
             return f"not negative{remark}"
-        return f"at least {self.least:g}{remark}" if self.least is not None else ""
+        return f"at least {limit_text(self.least)}{remark}" if self.least is not None else ""
 
     def demand(self) -> str:
         """The range as an error message says it after "must", e.g. "be positive [s]"."""
         text = self.range_text()
         if text.startswith("one of"):
             return f"be {text}"
-        if text.startswith(("between", "in ")):
-            return f"lie {text}"
         unit = f" [{self.unit}]" if self.unit else ""
+        if text.startswith(("between", "in ")):
+            return f"lie {text}{unit}"
         return f"{text.replace('not ', 'not be ') if self.not_negative else f'be {text}'}{unit}"
 
     def allows(self, value: Any) -> bool:
@@ -86,12 +96,27 @@ class Declaration:
         if not self.range_text():
             return True
         least = 0.0 if self.not_negative else self.least
-        return math.isfinite(value) and (
+        return is_finite(value) and (
             (least is None or value >= least)
             and (self.most is None or value <= self.most)
             and (self.above is None or value > self.above)
             and (self.below is None or value < self.below)
         )
+
+
+def is_number(value: Any) -> bool:
+    """Whether ``value`` is a number, of Python or of NumPy."""
+    return isinstance(value, Real) and not isinstance(value, bool)
+
+
+def is_finite(value: Any) -> bool:
+    """Whether ``value`` is a number that is neither NaN nor infinite."""
+    return is_number(value) and (isinstance(value, Integral) or math.isfinite(value))
+
+
+def limit_text(limit: float) -> str:
+    """A limit in digits up to a million, else as a power of ten."""
+    return f"{limit:.10g}" if abs(limit) <= 1e6 else f"{limit:g}".replace("e+0", "e").replace("e+", "e")
 
 
 def setting(default: Any, meaning: str, **limits: Any) -> Any:
@@ -115,9 +140,14 @@ class CheckedSettings:
     section: ClassVar[str] = ""
 
     def __post_init__(self) -> None:
-        for item, declared in declarations(self):
+        kinds: dict[str, Any] = field_kinds(type(self))  # type: ignore[arg-type]  # classes have a hash
+        for item in fields(self):  # type: ignore[arg-type]
             key = f"{self.section}.{item.name}" if self.section else item.name
-            check_value(key, getattr(self, item.name), declared)
+            value = getattr(self, item.name)
+            if not fits_kind(value, kinds[item.name]):
+                raise ConfigError(kind_problem(key, value, kinds[item.name]))
+            if DECLARED in item.metadata:
+                check_value(key, value, item.metadata[DECLARED])
         self.check_combinations()
 
     def check_combinations(self) -> None:
@@ -130,8 +160,8 @@ def check_value(key: str, value: Any, declared: Declaration) -> None:
         _check_distinct(key, value, declared)
     for item in value if isinstance(value, list) else [value]:
         if item is not None and not declared.allows(item):
-            found = f"; got {item!r}" if declared.choices else f", got {item}"
-            raise ConfigError(f"{key} must {declared.demand()}{found}")
+            found = "; got" if declared.choices else ", got"
+            raise ConfigError(f"{key} must {declared.demand()}{found} {shown_value(item)}")
 
 
 def _check_distinct(key: str, values: list[Any], declared: Declaration) -> None:
@@ -140,7 +170,7 @@ def _check_distinct(key: str, values: list[Any], declared: Declaration) -> None:
     if not values:
         raise ConfigError(f"{key} is empty: list at least one value, e.g. {key}=[1,2,3]")
     if len({str(value) for value in values}) < len(values):
-        raise ConfigError(f"{key} lists a value twice, got {values}")
+        raise ConfigError(f"{key} lists a value twice, got {shown_value(values)}")
 
 
 def are_number_rows(value: Any, width: int) -> bool:
@@ -149,9 +179,7 @@ def are_number_rows(value: Any, width: int) -> bool:
     A schema of floats would refuse ``[1, 0]``, which holds whole numbers.
     """
     return isinstance(value, list) and all(
-        isinstance(row, list)
-        and len(row) == width
-        and all(isinstance(number, int | float) and math.isfinite(number) for number in row)
+        isinstance(row, list) and len(row) == width and all(is_finite(number) for number in row)
         for row in value
     )
 
@@ -159,10 +187,38 @@ def are_number_rows(value: Any, width: int) -> bool:
 def check_matrix(key: str, value: Any) -> None:
     """Raise :class:`ConfigError` unless ``value`` is a 2 x 2 matrix of finite numbers."""
     if not are_number_rows(value, 2) or len(value) != 2:
-        raise ConfigError(f"{key} must be a 2 x 2 matrix of numbers, got {value}")
+        raise ConfigError(f"{key} must be a 2 x 2 matrix of numbers, got {shown_value(value)}")
 
 
 def check_outline(key: str, value: Any) -> None:
     """Raise :class:`ConfigError` unless ``value`` is a list of pairs of finite numbers."""
     if not are_number_rows(value, 2):
-        raise ConfigError(f"{key} must be a list of [longitude, latitude] in degrees, got {value}")
+        raise ConfigError(
+            f"{key} must be a list of [longitude, latitude] in degrees, got {shown_value(value)}"
+        )
+
+
+def check_time(key: str, text: str | None) -> None:
+    """Raise :class:`ConfigError` unless ``text`` is None or an ISO 8601 time of our age."""
+    if text is None:
+        return
+    expected = "expected e.g. 2018-10-09T18:00:00Z"
+    try:
+        stamp = datetime.fromisoformat(text.strip())
+    except ValueError:
+        raise ConfigError(f"{key} {shown_value(text)} is no ISO 8601 time; {expected}") from None
+    if not FIRST_YEAR <= stamp.year <= LAST_YEAR:
+        raise ConfigError(
+            f"{key} {shown_value(text)} is not between {FIRST_YEAR} and {LAST_YEAR}; {expected}"
+        )
+
+
+def check_folder_name(key: str, name: str) -> None:
+    """Raise :class:`ConfigError` unless ``name`` can name a folder on every system."""
+    if not FOLDER_NAME.fullmatch(name):
+        raise ConfigError(
+            f"{key} must be at most 100 letters (a to z), digits, dots, dashes or underscores, no dot at the "
+            f"end (it names a folder), got {shown_value(name)}"
+        )
+    if (device := name.split(".")[0]).lower() in DEVICES:
+        raise ConfigError(f"{key} must not begin with {device!r}, a device on Windows; write e.g. my_{name}")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from pareto_ltl.settings.checks import CheckedSettings, check_outline, setting
+from pareto_ltl.settings.checks import CheckedSettings, check_outline, check_time, setting
 from pareto_ltl.settings.fidelity import LAWS
 
 
@@ -14,8 +14,8 @@ class DeploymentConfig(CheckedSettings):
     """Simulated flights of the plan."""
 
     section: ClassVar[str] = "deployment"
-    runs: int = setting(500, "flights simulated under each wind law", least=1)
-    laws: list[str] = setting(list(LAWS), "wind laws that are simulated", choices=LAWS)
+    runs: int = setting(500, "flights simulated under each wind law", least=1, most=1e8)
+    laws: list[str] = setting(list(LAWS), "wind laws that are simulated", choices=LAWS, distinct=True)
 
 
 @dataclass
@@ -24,8 +24,8 @@ class ReportConfig(CheckedSettings):
 
     section: ClassVar[str] = "report"
     figures: bool = setting(True, "whether figures are drawn")
-    dpi: int = setting(200, "resolution of PNG figures, in dots per inch", least=30)
-    paths: int = setting(40, "simulated flights that are drawn", least=0)
+    dpi: int = setting(200, "resolution of PNG figures, in dots per inch", least=30, most=1200)
+    paths: int = setting(40, "simulated flights that are drawn", least=0, most=10_000)
 
 
 @dataclass
@@ -34,13 +34,15 @@ class IngestConfig(CheckedSettings):
 
     section: ClassVar[str] = "ingest"
     out: str = setting("wind_table.csv", "file that is written")
-    points: int = setting(120, "readings at each time, by farthest-point sampling", least=3)
+    points: int = setting(120, "readings at each time, by farthest-point sampling", least=3, most=1e6)
     area: list[Any] = setting([], "outline of the area, corners [longitude, latitude]", unit="deg")
     first: str | None = setting(None, "first time, ISO 8601 UTC; null: from the beginning")
     last: str | None = setting(None, "last time, ISO 8601 UTC; null: to the end")
 
     def check_combinations(self) -> None:
         check_outline("ingest.area", self.area)
+        check_time("ingest.first", self.first)
+        check_time("ingest.last", self.last)
 
 
 @dataclass

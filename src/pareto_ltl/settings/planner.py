@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import ClassVar
 
 from pareto_ltl.settings.checks import CheckedSettings, setting
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.extensions import SELECTION_RULE_GROUP
+from pareto_ltl.support.messages import shown_value
 
 SELECTION_RULES = ("priority", "weighted", "threshold")
 
@@ -18,7 +18,7 @@ class LogicConfig(CheckedSettings):
     """The automaton of the mission."""
 
     section: ClassVar[str] = "logic"
-    max_states: int = setting(10_000, "stop translating a formula beyond this many states", least=2)
+    max_states: int = setting(10_000, "stop translating a formula beyond this many states", least=2, most=1e6)
 
 
 @dataclass
@@ -26,8 +26,8 @@ class PlannerConfig(CheckedSettings):
     """The search trees."""
 
     section: ClassVar[str] = "planner"
-    trees: int = setting(10, "search trees grown in parallel", least=1)
-    n_max: int = setting(2500, "vertices of a tree", least=2)
+    trees: int = setting(10, "search trees grown in parallel", least=1, most=10_000)
+    n_max: int = setting(2500, "vertices of a tree", least=2, most=1e8)
     epsilon: float | None = setting(
         None,
         "collision probability allowed at a step; null: 0.05 shared equally by the obstacles with "
@@ -41,18 +41,18 @@ class PlannerConfig(CheckedSettings):
         above=0,
         below=1,
     )
-    max_steps: int = setting(200, "steps of the longest path", least=1)
-    near: int = setting(64, "largest number of parents tried for a new vertex", least=0)
+    max_steps: int = setting(200, "steps of the longest path", least=1, most=1e6)
+    near: int = setting(64, "largest number of parents tried for a new vertex", least=0, most=10_000)
     beta_risk: float = setting(
-        0.05, "the slack of Eq. (11) for risks is drawn between 0 and this", not_negative=True
+        0.05, "the slack of Eq. (11) for risks is drawn between 0 and this", least=0, most=1e6
     )
     beta_length: float = setting(
-        1.0, "the slack of Eq. (11) for length is drawn between 0 and this many full steps", not_negative=True
+        1.0, "the slack of Eq. (11) for length is drawn between 0 and this many full steps", least=0, most=1e6
     )
     explore: float = setting(0.1, "probability of a target beyond the next cell of the lead", least=0, most=1)
-    refresh: int = setting(16, "extensions between two leads of the high-level planner", least=1)
-    max_seconds: float = setting(600.0, "growth ends after this time", unit="s", above=0)
-    threads: int = setting(0, "threads that grow trees; 0: one for each core", least=0)
+    refresh: int = setting(16, "extensions between two leads of the high-level planner", least=1, most=1e6)
+    max_seconds: float = setting(600.0, "growth ends after this time", unit="s", least=1e-3, most=1e9)
+    threads: int = setting(0, "threads that grow trees; 0: one for each core", least=0, most=1024)
 
 
 @dataclass
@@ -60,10 +60,10 @@ class SmoothingConfig(CheckedSettings):
     """Convex smoothing of the best paths."""
 
     section: ClassVar[str] = "smoothing"
-    candidates: int = setting(4, "largest number of paths of the front that are smoothed", least=1)
-    rounds: int = setting(3, "iterations of linearise, solve and propagate", least=1)
-    weights: list[float] = setting([1.0, 10.0, 100.0], "weights of risk against length", not_negative=True)
-    trust: float = setting(1.0, "trust region, in full steps", above=0)
+    candidates: int = setting(4, "largest number of paths of the front that are smoothed", least=1, most=1000)
+    rounds: int = setting(3, "iterations of linearise, solve and propagate", least=1, most=1000)
+    weights: list[float] = setting([1.0, 10.0, 100.0], "weights of risk against length", least=0, most=1e6)
+    trust: float = setting(1.0, "trust region, in full steps", above=0, most=1000)
 
     def check_combinations(self) -> None:
         if not self.weights:
@@ -79,21 +79,25 @@ class SelectionConfig(CheckedSettings):
         "priority", "how a path is chosen", choices=SELECTION_RULES, group=SELECTION_RULE_GROUP
     )
     weights: list[float] = setting(
-        [0.5, 0.25, 0.25], "weights of mission risk, collision risk and length, with rule=weighted"
+        [0.5, 0.25, 0.25],
+        "weights of mission risk, collision risk and length, with rule=weighted",
+        least=0,
+        most=1e6,
     )
     alpha: float = setting(0.05, "largest risk, with rule=threshold", above=0, below=1)
     draws: int = setting(
-        2000, "linear flights that rank a path of the front, with fidelity.judge=flights", least=1
+        2000, "linear flights that rank a path of the front, with fidelity.judge=flights", least=1, most=1e8
     )
     runs: int = setting(
-        2000, "nonlinear flights that examine the chosen path, with fidelity.judge=flights", least=1
+        2000, "nonlinear flights that examine the chosen path, with fidelity.judge=flights", least=1, most=1e8
     )
-    examined: int = setting(5, "largest number of paths examined until one keeps its promise", least=1)
+    examined: int = setting(
+        5, "largest number of paths examined until one keeps its promise", least=1, most=1000
+    )
 
     def check_combinations(self) -> None:
-        right = len(self.weights) == 3 and all(math.isfinite(w) and w >= 0 for w in self.weights)
-        if not right or sum(self.weights) <= 0:
+        if len(self.weights) != 3 or sum(self.weights) <= 0:
             raise ConfigError(
                 "selection.weights must be three numbers >= 0, not all 0 "
-                f"(mission risk, collision risk, length), got {self.weights}"
+                f"(mission risk, collision risk, length), got {shown_value(self.weights)}"
             )

@@ -7,6 +7,7 @@ from typing import Any, ClassVar
 
 from pareto_ltl.settings.checks import CheckedSettings, check_matrix, setting
 from pareto_ltl.support.errors import ConfigError
+from pareto_ltl.support.messages import shown_value
 
 
 @dataclass
@@ -14,11 +15,11 @@ class RobotConfig(CheckedSettings):
     """The robot: x' = A x + dt B u + dt w, ‖u‖ ≤ u_max."""
 
     section: ClassVar[str] = "robot"
-    dt: float = setting(1800.0, "time step", unit="s", above=0)
-    u_max: float = setting(30.0, "largest airspeed", unit="m/s", above=0)
+    dt: float = setting(1800.0, "time step", unit="s", least=1e-3, most=1e6)
+    u_max: float = setting(30.0, "largest airspeed", unit="m/s", least=1e-3, most=1e4)
     a: list[Any] = setting([[1.0, 0.0], [0.0, 1.0]], "matrix A of the dynamics (2 x 2)")
     b: list[Any] = setting([[1.0, 0.0], [0.0, 1.0]], "matrix B of the dynamics (2 x 2, invertible)")
-    start_sd: float = setting(0.0, "standard deviation of the start position", unit="m", not_negative=True)
+    start_sd: float = setting(0.0, "standard deviation of the start position", unit="m", least=0, most=1e6)
     feedback: float = setting(
         0.0,
         "gain K: share of a deviation that position feedback takes back in one step",
@@ -29,7 +30,9 @@ class RobotConfig(CheckedSettings):
     effort_risk: float = setting(
         0.05, "probability that the feedback of a step asks for more than u_max", above=0, below=1
     )
-    fix_sd: float = setting(100.0, "standard deviation of a position fix at a landmark", unit="m", above=0)
+    fix_sd: float = setting(
+        100.0, "standard deviation of a position fix at a landmark", unit="m", above=0, most=1e6
+    )
     fix_gain: float = setting(
         0.25, "share of a deviation known from a fix that is flown back in one step", least=0, most=1
     )
@@ -42,4 +45,4 @@ class RobotConfig(CheckedSettings):
         check_matrix("robot.b", self.b)
         (p, q), (r, s) = self.b
         if abs(p * s - q * r) < 1e-9:
-            raise ConfigError(f"robot.b must be invertible, got {self.b}")
+            raise ConfigError(f"robot.b must be invertible, got {shown_value(self.b)}")

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from pareto_ltl.settings.checks import CheckedSettings, check_outline, setting
+from pareto_ltl.settings.checks import LARGEST_SEED, CheckedSettings, check_outline, setting
 from pareto_ltl.settings.fidelity import (
     COLLISION_BOUNDS,
     LAWS,
@@ -16,6 +15,7 @@ from pareto_ltl.settings.fidelity import (
 )
 from pareto_ltl.settings.wind import GP_KERNELS
 from pareto_ltl.support.errors import ConfigError
+from pareto_ltl.support.messages import shown_value
 
 METHODS = ("paper", "smoothed", "full", "cc_rrt", "ml_rrt", "calm_shortest")
 SETTING_FACTORS = ("trees", "beta", "epsilon", "n_max", "dt", "kernel", "ball")
@@ -33,10 +33,10 @@ class EvaluationConfig(CheckedSettings):
 
     section: ClassVar[str] = "evaluation"
     seeds: list[int] = setting(
-        list(range(20)), "seeds of the planner, one plan for each", not_negative=True, distinct=True
+        list(range(20)), "seeds of the planner, one plan for each", least=0, most=LARGEST_SEED, distinct=True
     )
     laws: list[str] = setting(list(LAWS), "wind laws that plans are flown under", choices=LAWS, distinct=True)
-    jobs: int = setting(0, "processes; 0: one for each core", least=0)
+    jobs: int = setting(0, "processes; 0: one for each core", least=0, most=1024)
     resume: str | None = setting(None, "results directory of a run that is continued")
 
 
@@ -59,7 +59,11 @@ class ConvergenceConfig(CheckedSettings):
 
     section: ClassVar[str] = "convergence"
     sizes: list[int] = setting(
-        [100, 200, 500, 1000, 2500, 5000, 10_000, 20_000], "vertices of a tree", least=2, distinct=True
+        [100, 200, 500, 1000, 2500, 5000, 10_000, 20_000],
+        "vertices of a tree",
+        least=2,
+        most=1e8,
+        distinct=True,
     )
 
 
@@ -74,22 +78,27 @@ class AblationConfig(CheckedSettings):
     factors: list[str] = setting(
         list(SETTING_FACTORS), "factors that are changed", choices=ABLATION_FACTORS, distinct=True
     )
-    trees: list[int] = setting([1, 2, 5, 10, 20], "values of planner.trees", least=1, distinct=True)
+    trees: list[int] = setting(
+        [1, 2, 5, 10, 20], "values of planner.trees", least=1, most=10_000, distinct=True
+    )
     beta: list[float] = setting(
         [0.0, 1.0, 10.0],
         "factors that multiply planner.beta_risk and planner.beta_length",
-        not_negative=True,
+        least=0,
+        most=1e6,
         distinct=True,
     )
     epsilon: list[float] = setting(
         [0.01, 0.02, 0.05, 0.1, 0.2], "values of planner.epsilon", above=0, below=1, distinct=True
     )
     n_max: list[int] = setting(
-        [500, 1000, 2500, 5000, 10_000], "values of planner.n_max", least=1, distinct=True
+        [500, 1000, 2500, 5000, 10_000], "values of planner.n_max", least=2, most=1e8, distinct=True
     )
-    dt: list[int] = setting([1, 2, 4, 8, 16], "pieces that a time step is cut into", least=1, distinct=True)
+    dt: list[int] = setting(
+        [1, 2, 4, 8, 16], "pieces that a time step is cut into", least=1, most=10_000, distinct=True
+    )
     kernel: list[str] = setting(list(GP_KERNELS), "values of wind.kernel", choices=GP_KERNELS, distinct=True)
-    ball: list[float] = setting([0.0, 1.0, 2.0, 3.0], "values of wind.ball", not_negative=True, distinct=True)
+    ball: list[float] = setting([0.0, 1.0, 2.0, 3.0], "values of wind.ball", least=0, most=100, distinct=True)
     law: list[str] = setting(list(LAWS), "values of fidelity.law", choices=LAWS, distinct=True)
     mission_bound: list[str] = setting(
         list(MISSION_BOUNDS), "values of fidelity.mission_bound", choices=MISSION_BOUNDS, distinct=True
@@ -113,36 +122,42 @@ class HindcastConfig(CheckedSettings):
     truth: str | None = setting(
         None, "folder of GRIB2 files with the full fields; null: the NOAA files beside the checkout"
     )
-    missions: int = setting(100, "number of random missions", least=1)
+    missions: int = setting(100, "number of random missions", least=1, most=1e6)
     plans: int = setting(
-        3, "plans of each mission's front: the safest, the shortest and those between", least=1
+        3, "plans of each mission's front: the safest, the shortest and those between", least=1, most=1000
     )
-    points: int = setting(120, "readings at each time that planning sees, spread over area", least=5)
+    points: int = setting(
+        120, "readings at each time that planning sees, spread over area", least=5, most=10_000
+    )
     area: list[Any] = setting(
         [list(corner) for corner in INLAND_OUTLINE],
         "outline that holds the centres of scenes, corners [longitude, latitude]",
         unit="deg",
     )
-    side: list[float] = setting([400_000.0, 800_000.0], "smallest and largest side of a scene", unit="m")
-    obstacles: list[int] = setting([2, 7], "least and most obstacles of a scene")
+    side: list[float] = setting(
+        [400_000.0, 800_000.0], "smallest and largest side of a scene", unit="m", least=0, most=1e7
+    )
+    obstacles: list[int] = setting([2, 7], "least and most obstacles of a scene", least=0, most=1000)
     formulas: list[str] = setting(
         ["F(a & F b)", "F(a & F b & F c)", "F(a & F(b & F c))", "!b U a & F c"],
         "missions, over the regions a, b and c",
     )
-    hours: float = setting(18.0, "wind that must be left after departure", unit="h", above=0)
+    hours: float = setting(18.0, "wind that must be left after departure", unit="h", above=0, most=1e5)
     max_gap: float = setting(
-        6.0, "fields farther apart than this belong to different periods", unit="h", above=0
+        6.0, "fields farther apart than this belong to different periods", unit="h", above=0, most=1e5
     )
     gusts: float = setting(
-        1.0, "share of the fitted white standard deviation added to the real fields", not_negative=True
+        1.0, "share of the fitted white standard deviation added to the real fields", least=0, most=100
     )
-    spacing: float = setting(20_000.0, "spacing of the lattice of the real fields", unit="m", above=0)
-    bins: int = setting(8, "bins of the reliability diagram", least=2)
+    spacing: float = setting(
+        20_000.0, "spacing of the lattice of the real fields", unit="m", least=1, most=1e7
+    )
+    bins: int = setting(8, "bins of the reliability diagram", least=2, most=1000)
 
     def check_combinations(self) -> None:
         for key, pair in (("side", self.side), ("obstacles", self.obstacles)):
-            if len(pair) != 2 or not 0 <= pair[0] <= pair[1] < math.inf:
-                raise ConfigError(f"hindcast.{key} must be [least, most], got {pair}")
+            if len(pair) != 2 or pair[0] > pair[1]:
+                raise ConfigError(f"hindcast.{key} must be [least, most], got {shown_value(pair)}")
         if self.side[0] == 0:
             raise ConfigError(f"hindcast.side must be positive [m], got {self.side[0]}")
         check_outline("hindcast.area", self.area)

@@ -21,23 +21,30 @@ class WindConfig(CheckedSettings):
     source: str = setting("sample", "where readings come from", choices=WIND_SOURCES, group=WIND_SOURCE_GROUP)
     path: str | None = setting(None, "file, folder or pattern, for source=csv and source=grib")
     kernel: str = setting("matern32", "kernel of the Gaussian process", choices=GP_KERNELS)
-    noise_min: float = setting(0.3, "lower bound of the white-noise standard deviation", unit="m/s", above=0)
-    spacing: float = setting(25_000.0, "spacing of the wind lattice", unit="m", above=0)
-    padding: float = setting(
-        150_000.0, "how far the lattice reaches past the scene", unit="m", not_negative=True
+    noise_min: float = setting(
+        0.3, "lower bound of the white-noise standard deviation", unit="m/s", above=0, most=100
     )
-    ball: float = setting(2.0, "radius of the maximum-trace ball, in standard deviations", not_negative=True)
+    spacing: float = setting(25_000.0, "spacing of the wind lattice", unit="m", above=0, most=1e7)
+    padding: float = setting(
+        150_000.0, "how far the lattice reaches past the scene", unit="m", least=0, most=1e7
+    )
+    ball: float = setting(2.0, "radius of the maximum-trace ball, in standard deviations", least=0, most=100)
     hold_last: bool = setting(False, "use the last wind field for later times")
-    max_speed: float = setting(75.0, "readings above this are refused", unit="m/s", above=0)
+    max_speed: float = setting(75.0, "readings above this are refused", unit="m/s", above=0, most=1000)
     holdout: float = setting(0.2, "share of the readings kept out to score the fit", above=0, below=1)
     max_points: int = setting(
-        150, "readings at each time that the fit uses, spread evenly where there are more", least=5
+        150,
+        "readings at each time that the fit uses, spread evenly where there are more",
+        least=5,
+        most=10_000,
     )
     energy: float = setting(
         0.99, "share of the posterior variance in the coherent modes; the rest is white", above=0, below=1
     )
-    modes_max: int = setting(96, "largest number of modes of a time slot and component", least=1)
-    modes_spacing: float = setting(50_000.0, "spacing of the lattice of the modes", unit="m", above=0)
+    modes_max: int = setting(96, "largest number of modes of a time slot and component", least=1, most=10_000)
+    modes_spacing: float = setting(
+        50_000.0, "spacing of the lattice of the modes", unit="m", above=0, most=1e7
+    )
     rho: float | None = setting(
         None,
         "correlation of wind errors from one time slot to the next; null: fitted",
@@ -46,7 +53,7 @@ class WindConfig(CheckedSettings):
         remark="0: a new field at every wind time, 1: one frozen field",
     )
     gust_time: float = setting(
-        1800.0, "how long the white part lasts at the robot, with law=coherent", unit="s", above=0
+        1800.0, "how long the white part lasts at the robot, with law=coherent", unit="s", above=0, most=1e9
     )
     cache: bool = setting(True, "keep fits between runs")
 

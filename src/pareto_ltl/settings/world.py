@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
-from pareto_ltl.settings.checks import CheckedSettings, setting
+from pareto_ltl.settings.checks import LARGEST_SEED, CheckedSettings, check_time, setting
 from pareto_ltl.support.errors import ConfigError
+from pareto_ltl.support.messages import shown_value
 
 
 @dataclass
@@ -14,21 +15,26 @@ class RandomSceneConfig(CheckedSettings):
     """Regions and obstacles at random places, beside those that the scene names."""
 
     section: ClassVar[str] = "scene.random"
-    seed: int = setting(0, "seed of the map; the seed of the planner is the setting seed", least=0)
+    seed: int = setting(
+        0, "seed of the map; the seed of the planner is the setting seed", least=0, most=LARGEST_SEED
+    )
     regions: int = setting(0, "number of random regions", least=0, most=26, remark="they are named a to z")
-    obstacles: int = setting(0, "number of random obstacles", least=0)
+    obstacles: int = setting(0, "number of random obstacles", least=0, most=10_000)
     radius: list[float] = setting(
-        [0.05, 0.1], "smallest and largest radius, as a share of the map's shorter side, below 0.5"
+        [0.05, 0.1],
+        "smallest and largest radius, as a share of the map's shorter side, below 0.5",
+        above=0,
+        below=0.5,
     )
     gap: float = setting(
-        0.02, "smallest gap between any two of them, as a share of the map's shorter side", not_negative=True
+        0.02, "smallest gap between any two of them, as a share of the map's shorter side", least=0, most=0.5
     )
 
     def check_combinations(self) -> None:
-        if len(self.radius) != 2 or not 0 < self.radius[0] <= self.radius[1] < 0.5:
+        if len(self.radius) != 2 or self.radius[0] > self.radius[1]:
             raise ConfigError(
-                "scene.random.radius must be [smallest, largest], between 0 and 0.5 of the map's shorter "
-                f"side, got {self.radius}"
+                "scene.random.radius must be [smallest, largest], shares of the map's shorter side, "
+                f"got {shown_value(self.radius)}"
             )
 
 
@@ -42,7 +48,7 @@ class SceneConfig(CheckedSettings):
     file: str | None = setting(
         None, "map file instead of the keys below: GeoJSON (degrees) or scene.json (metres)"
     )
-    unit: float = setting(1.0, "length of a coordinate unit", unit="m", above=0)
+    unit: float = setting(1.0, "length of a coordinate unit", unit="m", least=1e-3, most=1e7)
     centre: list[float] | None = setting(
         None, "[latitude, longitude] of the middle of the bounds", unit="deg"
     )
@@ -59,7 +65,9 @@ class SceneConfig(CheckedSettings):
         if self.centre is not None and (
             len(self.centre) != 2 or not -89 <= self.centre[0] <= 89 or not -180 <= self.centre[1] <= 360
         ):
-            raise ConfigError(f"scene.centre must be [latitude, longitude] in degrees, got {self.centre}")
+            raise ConfigError(
+                f"scene.centre must be [latitude, longitude] in degrees, got {shown_value(self.centre)}"
+            )
 
 
 @dataclass
@@ -76,3 +84,6 @@ class MissionConfig(CheckedSettings):
     avoid: list[str] = setting([], "regions that the pattern keeps out of")
     order: list[list[str]] = setting([], "pairs [first, then] of goals that the pattern orders")
     automaton: str | None = setting(None, "instead of the formula: a file in the HOA format")
+
+    def check_combinations(self) -> None:
+        check_time("mission.start_time", self.start_time)

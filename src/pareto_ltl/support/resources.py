@@ -6,6 +6,7 @@ from pathlib import Path
 
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.extensions import extension_folders
+from pareto_ltl.support.messages import shown_value
 
 PACKAGE = Path(__file__).resolve().parents[1]
 
@@ -69,7 +70,7 @@ def choice_file(group: str, name: str) -> Path:
     for place in choice_folders(group):
         if (place / f"{name}.yaml").is_file():
             return place / f"{name}.yaml"
-    raise ConfigError(f"there is no {group} {name!r}; there are {', '.join(choices(group))}")
+    raise ConfigError(f"there is no {group} {shown_value(name)}; there are {', '.join(choices(group))}")
 
 
 def groups() -> list[str]:

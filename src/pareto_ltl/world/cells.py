@@ -17,6 +17,7 @@ import numpy as np
 
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 from pareto_ltl.support.errors import ConfigError, DataError
+from pareto_ltl.support.messages import shown_value
 from pareto_ltl.world.polygons import GridRing, convex_parts, cut_round, drop_flat, ring_edges
 from pareto_ltl.world.scene import Scene
 
@@ -229,7 +230,7 @@ def unreachable_regions(decomposition: Decomposition, scene: Scene, atoms: Itera
                 else "rename it in the formula, or draw it in the scene"
             )
             raise ConfigError(
-                f"mission.formula names region {name!r}, which the scene does not have; "
+                f"mission.formula names region {shown_value(name)}, which the scene does not have; "
                 f"it has {', '.join(sorted(scene.regions))}: {hint}"
             )
     start = int(cells_of_points(decomposition, scene.start[None])[0])

@@ -1,0 +1,73 @@
+"""Types of settings: what fits one, and how a message names it."""
+
+from __future__ import annotations
+
+import typing
+from dataclasses import is_dataclass
+from functools import lru_cache
+from numbers import Integral, Real
+from types import NoneType, UnionType
+from typing import Any
+
+from pareto_ltl.support.messages import shown_value
+
+KIND_TEXTS = {int: "a whole number", float: "a number", str: "text", bool: "true or false"}
+ITEM_TEXTS = {int: "whole numbers", float: "numbers", str: "texts"}
+
+
+@lru_cache(maxsize=64)
+def field_kinds(schema: Any) -> dict[str, Any]:
+    """The type of each field of a section, by its name."""
+    return typing.get_type_hints(schema, include_extras=False)
+
+
+def kind_at(schema: type, key: str) -> Any:
+    """The type of the setting ``key`` below ``schema``, e.g. ``planner.trees``; None if there is none."""
+    kind: Any = schema
+    for part in key.split("."):
+        if not is_dataclass(kind):
+            return None
+        kind = field_kinds(typing.cast(type, kind)).get(part)
+    return kind
+
+
+def fits_kind(value: Any, kind: Any) -> bool:
+    """Whether ``value`` has the type ``kind``; numbers of NumPy do, booleans are no numbers."""
+    if kind is Any:
+        return True
+    if isinstance(kind, UnionType):
+        return any(fits_kind(value, arm) for arm in kind.__args__)
+    if kind is NoneType:
+        return value is None
+    if typing.get_origin(kind) is list:
+        (item,) = typing.get_args(kind)
+        return isinstance(value, list) and all(fits_kind(part, item) for part in value)
+    if typing.get_origin(kind) is dict:
+        return isinstance(value, dict)
+    if kind in (int, float):
+        return isinstance(value, Integral if kind is int else Real) and not isinstance(value, bool)
+    return isinstance(value, kind)
+
+
+def kind_text(kind: Any) -> str:
+    """A type in words: "a whole number", "a list of numbers", "text or null"."""
+    if isinstance(kind, UnionType):
+        return " or ".join("null" if arm is NoneType else kind_text(arm) for arm in kind.__args__)
+    if typing.get_origin(kind) is list:
+        (item,) = typing.get_args(kind)
+        return f"a list of {ITEM_TEXTS[item]}" if item in ITEM_TEXTS else "a list"
+    if typing.get_origin(kind) is dict:
+        return "a mapping of names to values"
+    if is_dataclass(kind):
+        return "a choice, a mapping or a settings object"
+    return KIND_TEXTS.get(kind, str(getattr(kind, "__name__", kind)))
+
+
+def kind_problem(key: str, value: Any, kind: Any) -> str:
+    """The message for a value of the wrong type."""
+    whole = kind is int and isinstance(value, float) and value.is_integer()
+    cure = f"; write it in digits, {int(value)}" if whole and abs(value) < 1e18 else ""
+    return f"{key} must be {kind_text(kind)}, got {shown_value(value)}{cure}"
+
+
+__all__ = ["field_kinds", "fits_kind", "kind_at", "kind_problem", "kind_text"]

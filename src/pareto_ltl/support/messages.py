@@ -1,0 +1,41 @@
+"""What a user typed, as a message repeats it: one line, printable, and short."""
+
+from __future__ import annotations
+
+from typing import Any
+
+SHOWN_WIDTH = 80  # characters of a user's text that a message repeats
+LONGEST_WORD = 255  # of a line: the longest name of a file
+LONGEST_LINE = 1000
+
+
+def shown_text(text: str, width: int = SHOWN_WIDTH) -> str:
+    """``text`` in at most ``width`` printable characters, with "..." in place of the middle of a long one."""
+    if len(text) > width:
+        tail = (width - 3) // 2
+        return f"{_printable(text[:width])[: width - 3 - tail]}...{_printable(text[-tail:])[-tail:]}"
+    line = _printable(text)
+    return line if len(line) <= width else f"{line[: width - 3]}..."
+
+
+def shown_value(value: Any, width: int = SHOWN_WIDTH) -> str:
+    """``value`` as Python writes it, in at most ``width`` characters."""
+    try:
+        return shown_text(repr(value), width)
+    except ValueError:  # Python prints no number with more than 4,300 digits
+        return "a number with thousands of digits"
+    except RecursionError:
+        return "a value that is nested too deeply to be shown"
+
+
+def shown_line(line: str) -> str:
+    """A whole message in printable characters, with what is longer than any name of a file cut short."""
+    words = [shown_text(word) if len(word) > LONGEST_WORD else _printable(word) for word in line.split()]
+    return shown_text(" ".join(words), LONGEST_LINE)
+
+
+def _printable(text: str) -> str:
+    return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
+
+
+__all__ = ["SHOWN_WIDTH", "shown_line", "shown_text", "shown_value"]
