@@ -121,6 +121,11 @@ class Evidence:
     def ground(self) -> Ground:
         return Ground(np.array(self.scene["bounds"]), self.regions, self.obstacles, self.dfa)
 
+    @property
+    def grain(self) -> float:
+        """A millionth of the size of the map [m]: what lies so close to an edge may count on either side."""
+        return 1e-6 * float(np.ptp(np.array(self.scene["bounds"], float), axis=0).max())
+
     @cached_property
     def robot(self) -> Robot:
         told = self.settings["robot"]

@@ -64,16 +64,16 @@ class Ground:
         return hit
 
 
-def misjudged(ground: Ground, x: FloatArray, accepted: BoolArray, collided: BoolArray) -> int:
+def misjudged(ground: Ground, x: FloatArray, accepted: BoolArray, collided: BoolArray, grain: float) -> int:
     """Number of flights whose verdict is not that of their positions; on a face it may be either."""
     wrong = np.flatnonzero(ground.accepted(x) != accepted)
     near = [
         w
         for w in wrong
-        if accepted[w] not in {ground.accepted(x[w, None], s)[0] for s in (-1e-3, 1e-3, NEAR)}
+        if accepted[w] not in {ground.accepted(x[w, None], s)[0] for s in (-grain, grain, NEAR)}
     ]
     hit = np.flatnonzero(ground.collided(x) != collided)
-    far = [h for h in hit if collided[h] not in {ground.collided(x[h, None], m)[0] for m in (-1e-3, 1e-3)}]
+    far = [h for h in hit if collided[h] not in {ground.collided(x[h, None], m)[0] for m in (-grain, grain)}]
     return len({*near, *far})
 
 
@@ -183,17 +183,17 @@ def same_rate(failures: int, runs: int, others: int, other_runs: int) -> float:
     return float(min(1.0, 2 * min(law.cdf(failures), law.sf(failures - 1))))
 
 
-def same_distribution(a: FloatArray, b: FloatArray) -> float:
+def same_distribution(a: FloatArray, b: FloatArray, grain: float) -> float:
     """Least chance, times their number, of Kolmogorov-Smirnov tests of coordinates (n, T, 2) and (m, T, 2).
 
-    0 or 1 for coordinates that do not vary by a millimetre.
+    0 or 1 for coordinates that do not vary by ``grain`` [m].
     """
     chances = []
     for t in range(a.shape[1]):
         for c in (0, 1):
             one, two = a[:, t, c], b[:, t, c]
-            if max(np.ptp(one), np.ptp(two)) < 2e-3:
-                chances.append(float(abs(one.mean() - two.mean()) < 2e-3))
+            if max(np.ptp(one), np.ptp(two)) < grain:
+                chances.append(float(abs(one.mean() - two.mean()) < grain))
             else:
                 chances.append(float(ks_2samp(one, two, method="asymp").pvalue))
     return min(1.0, min(chances) * len(chances))

@@ -66,6 +66,8 @@ def _unary(tokens: list[str]) -> Node:
         if not tokens or tokens.pop(0) != ")":
             raise DataError("the formula lacks a ')'")
         return inner
+    if not re.fullmatch(r"\w+", token):
+        raise DataError(f"the formula has {token!r} where a proposition is expected")
     return (token,) if token in ("true", "false") else ("ap", token)
 
 

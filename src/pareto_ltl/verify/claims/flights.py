@@ -53,14 +53,14 @@ def counts(result: Evidence, law: str) -> Verdict:
 def judged_again(result: Evidence, law: str) -> Verdict:
     """Every flight's verdict follows from its positions: labels at steps, obstacles on segments."""
     x, accepted, collided = (result.flights[f"{law}/{name}"] for name in ("x", "accepted", "collided"))
-    wrong = misjudged(result.ground, x, accepted, collided)
+    wrong = misjudged(result.ground, x, accepted, collided, 1e-3 * result.grain)
     return Verdict(f"{len(x)} flights", f"{wrong} judged otherwise", wrong == 0)
 
 
 def starts(result: Evidence, law: str) -> Verdict:
     """Flights begin about the start of the map."""
     gap = np.abs(result.flights[f"{law}/x"][:, 0] - result.start).max()
-    return within("the start", float(gap), 8 * result.robot.start_sd + 1e-3, " m")
+    return within("the start", float(gap), 8 * result.robot.start_sd + result.grain, " m")
 
 
 def drawn_winds(result: Evidence, law: str) -> Verdict | None:
@@ -76,7 +76,9 @@ def new_positions(result: Evidence, law: str) -> Verdict:
     """Positions are distributed like those of new flights."""
     old, new = result.flights[f"{law}/x"], result.new_flights[law]
     steps = np.unique(np.linspace(1, old.shape[1] - 1, LOOKS).astype(int))
-    return likely(f"{len(old)} flights", same_distribution(old[:, steps], new[:, steps]), RARE)
+    return likely(
+        f"{len(old)} flights", same_distribution(old[:, steps], new[:, steps], 2e-3 * result.grain), RARE
+    )
 
 
 def new_rate(result: Evidence, law: str) -> Verdict:

@@ -17,13 +17,13 @@ from pareto_ltl.verify.gaussians import step_margin, step_risk, theorem2
 from pareto_ltl.verify.geometry import met_by_any
 from pareto_ltl.verify.laws import Course
 
-METRE = 1e-3  # [m] the largest difference of two positions
+POSITION = 1e-3  # the largest difference of two positions, in grains
 SPREAD = (
     1e-4  # the largest relative difference of two covariances; the planner keeps modes in single precision
 )
 RISK, LEAST_RISK = 2e-3, 1e-9  # the same of two bounds, relative and absolute
 FAST = 2e-6  # the share by which rounding may exceed an airspeed
-TOUCH = 0.1  # [m] how deep the expected path may touch an obstacle by rounding
+TOUCH = 0.1  # how deep the expected path may touch an obstacle by rounding, in grains
 OBJECTIVES = {
     "length_m": "length", "mission_risk_paper": "mission_risk_paper", "mission_risk": "mission_risk",
     "collision_risk": "collision_risk", "mission_risk_ordered": "mission_risk_ordered",
@@ -77,7 +77,7 @@ def start(result: Evidence) -> Verdict:
     """The plan begins at the start of the map, with the variance of the start."""
     gap = float(np.abs(result.x[0] - result.start).max())
     cov = np.abs(np.array(result.plan["cov"][0]) - result.robot.start_sd**2 * np.eye(2)).max()
-    return within(str(result.start.tolist()), max(gap, float(cov)), METRE, " m")
+    return within(str(result.start.tolist()), max(gap, math.sqrt(cov)), POSITION * result.grain, " m")
 
 
 def times(result: Evidence) -> Verdict:
@@ -96,7 +96,7 @@ def motion(result: Evidence) -> Verdict:
     robot, course = result.robot, result.course
     ahead = result.x[:-1] @ robot.a.T + robot.dt * (result.u @ robot.b.T + course.drift)
     gap = np.abs(ahead - result.x[1:]).max(initial=0.0)
-    return within(f"{len(result.u)} steps, law {result.planned_law}", float(gap), 0.5, " m")
+    return within(f"{len(result.u)} steps, law {result.planned_law}", float(gap), 0.5 * result.grain, " m")
 
 
 def airspeed(result: Evidence) -> Verdict:
@@ -130,7 +130,9 @@ def fixes(result: Evidence) -> Verdict:
 def labels(result: Evidence) -> Verdict:
     """The label of every position is the set of regions around it."""
     faults = []
-    either = [result.ground.labels(result.x, slack) for slack in (METRE, -METRE)]
+    either = [
+        result.ground.labels(result.x, slack) for slack in (POSITION * result.grain, -POSITION * result.grain)
+    ]
     for t, said in enumerate(result.plan["label"]):
         if frozenset(said) not in (result.labels[t], either[0][t], either[1][t]):
             faults.append(f"step {t} is {sorted(result.labels[t])}")
@@ -157,10 +159,10 @@ def accepted(result: Evidence) -> Verdict:
 
 def clearance(result: Evidence) -> Verdict:
     """The expected path stays on the map and out of obstacles, between steps too."""
-    low, high = result.ground.bounds
-    hit = met_by_any(result.obstacles, result.x[:-1], result.x[1:], TOUCH)
+    (low, high), touch = result.ground.bounds, TOUCH * result.grain
+    hit = met_by_any(result.obstacles, result.x[:-1], result.x[1:], touch)
     faults = [f"step {t} meets an obstacle" for t in np.flatnonzero(hit)]
-    faults += ["it leaves the map"] * bool((result.x < low - TOUCH).any() or (result.x > high + TOUCH).any())
+    faults += ["it leaves the map"] * bool((result.x < low - touch).any() or (result.x > high + touch).any())
     return no_fault("clear of obstacles", faults)
 
 
@@ -174,11 +176,10 @@ def chance_constraint(result: Evidence) -> Verdict:
         )
     z = -float(ndtri(result.epsilon / max(len(parts), 1)))
     margin = step_margin(parts, result.x, cov, z)
-    size = float(np.ptp(result.ground.bounds, axis=0).max())
     return Verdict(
         f"epsilon {result.epsilon:g}, {len(parts)} parts",
         f"{margin / 1e3:.4g} km to spare",
-        margin >= -1e-6 * size,
+        margin >= -result.grain,
     )
 
 
@@ -262,7 +263,7 @@ def forecast_collision(result: Evidence, law: str) -> Verdict:
 def forecast_spread(result: Evidence, law: str) -> Verdict:
     """Standard deviation of the position at the end under a law [m]."""
     found = math.sqrt(float(np.trace(result.forecasts[law].cov[-1])) / 2)
-    return number(result.metrics[f"end_sd_{law}_m"], found, rel=SPREAD, least=METRE)
+    return number(result.metrics[f"end_sd_{law}_m"], found, rel=SPREAD, least=POSITION * result.grain)
 
 
 def forecast_laws(result: Evidence) -> Verdict:

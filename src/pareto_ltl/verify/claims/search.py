@@ -71,7 +71,7 @@ def _link_faults(result: Evidence, name: str, cells: list[Convex], column: IntAr
     if parent[0] != -1 or not ((before >= 0) & (before < own)).all():
         yield "a parent is not an earlier vertex"
         return
-    if np.abs(x[0] - result.start).max() > 1e-3 or step[0] or length[0]:
+    if np.abs(x[0] - result.start).max() > result.grain or step[0] or length[0]:
         yield "the root is not the start"
     if (step[1:] != step[before] + 1).any():
         yield "a step does not follow that of its parent"
@@ -84,7 +84,7 @@ def _link_faults(result: Evidence, name: str, cells: list[Convex], column: IntAr
     ):
         yield "a state does not follow from the label"
     for number_, polygon in enumerate(cells):
-        if (polygon.depth(x[cell == number_]) < -1.0).any():
+        if (polygon.depth(x[cell == number_]) < -result.grain).any():
             yield f"a vertex is not in its cell {number_}"
 
 

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
 
-from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.support.arrays import BoolArray, FloatArray
 from pareto_ltl.verify import formula
 from pareto_ltl.verify.claims.verdict import Claim, Verdict, no_fault, same
 from pareto_ltl.verify.evidence import Evidence
@@ -15,43 +16,79 @@ from pareto_ltl.verify.geometry import convex, deepest, outline_distance, signed
 from pareto_ltl.verify.geometry import within as lies_within
 
 SAMPLES = 20_000  # points of the map at which cells, parts and polygons are compared
-RELATIVE = 1e-9  # of areas and lengths
+RELATIVE = 1e-9  # of coordinates
 
 
 def drawn_map(result: Evidence) -> Verdict | None:
-    """scene.json is the map of the settings: bounds, start, regions, obstacles and landmarks."""
+    """scene.json is the map of the settings: bounds, start, regions, obstacles and landmarks.
+
+    Of a map with random places, those that the settings name are in it.
+    """
     told, scene = result.settings["scene"], result.scene
-    if told["file"] or told["random"]["regions"] or told["random"]["obstacles"]:
+    if told["file"]:
         return None
-    middle = np.mean(told["bounds"], axis=0) if told["centre"] else np.zeros(2)
-
-    def metres(corners: Any) -> FloatArray:
-        return np.asarray((np.array(corners, float) - middle) * told["unit"], float)
-
-    size = float(np.ptp(metres(told["bounds"]), axis=0).max())
     pairs = [
-        ("bounds", metres(told["bounds"]), scene["bounds"]),
-        ("start", metres([told["start"]]), [scene["start"]]),
+        ("bounds", _metres(told, told["bounds"]), scene["bounds"]),
+        ("start", _metres(told, [told["start"]]), [scene["start"]]),
     ]
-    faults = [f"regions {sorted(scene['regions'])}"] * (set(scene["regions"]) != set(told["regions"]))
-    pairs += [
-        (f"region {name}", metres(told["regions"][name]), scene["regions"].get(name, []))
-        for name in told["regions"]
-    ]
-    for kind in ("obstacles", "landmarks"):
-        drawn, kept = told[kind], scene.get(kind) or []
-        faults += [f"{len(kept)} {kind} of {len(drawn)}"] * (len(kept) != len(drawn))
-        pairs += [
-            (f"{kind} {i}", metres(one), other)
-            for i, (one, other) in enumerate(zip(drawn, kept, strict=False))
-        ]
-    faults += [f"{name} differs" for name, one, other in pairs if not _same_outline(one, other, 1e-9 * size)]
-    return no_fault(f"{len(pairs)} outlines of the settings", faults)
+    for name, corners in told["regions"].items():
+        pairs.append((f"region {name}", _outline(told, corners), scene["regions"].get(name, [])))
+    faults = [f"{name} differs" for name, one, other in pairs if not _same_outline(one, other)]
+    if not told["random"]["regions"] and set(scene["regions"]) - set(told["regions"]):
+        faults.append(f"regions {sorted(scene['regions'])}")
+    faults += [fault for kind in ("obstacles", "landmarks") for fault in _area_faults(result, kind)]
+    return no_fault("the outlines of the settings", faults)
 
 
-def _same_outline(one: FloatArray, other: Any, tolerance: float) -> bool:
+def _metres(told: Mapping[str, Any], corners: Any) -> FloatArray:
+    """Coordinates of the settings in the plane of the map."""
+    middle = np.mean(told["bounds"], axis=0) if told["centre"] else np.zeros(2)
+    return np.asarray((np.array(corners, float) - middle) * told["unit"], float)
+
+
+def _outline(told: Mapping[str, Any], corners: Any) -> FloatArray:
+    """The same without corners that are repeated."""
+    points = _metres(told, corners)
+    return points[np.any(points != np.roll(points, 1, axis=0), axis=1)]
+
+
+def _area_faults(result: Evidence, kind: str) -> Iterator[str]:
+    """Obstacles or landmarks of the settings that are not in the map, and others in it.
+
+    Outlines within the bounds are kept as they are; those beyond are cut, and compared at sample points.
+    """
+    told, bounds = result.settings["scene"], np.array(result.scene["bounds"])
+    kept = [np.array(corners) for corners in result.scene.get(kind) or []]
+    drawn = [_outline(told, corners) for corners in told[kind]]
+    whole = [((one >= bounds[0] - result.grain) & (one <= bounds[1] + result.grain)).all() for one in drawn]
+    for number, one in enumerate(drawn):
+        if whole[number]:
+            place = next((i for i, other in enumerate(kept) if _same_outline(one, other)), None)
+            if place is None:
+                yield f"{kind} {number} differs"
+            else:
+                kept.pop(place)
+    if kind == "obstacles" and told["random"]["obstacles"]:
+        return
+    cut = [one for one, inside in zip(drawn, whole, strict=True) if not inside]
+    points = _sample_points(result)
+    edge = np.min([outline_distance(one, points) for one in (*cut, *kept)] or [np.ones(len(points))], axis=0)
+    if (_covered(cut, points) != _covered(kept, points))[edge > result.grain].any():
+        yield f"{kind} that are not in the settings"
+
+
+def _covered(polygons: list[FloatArray], points: FloatArray) -> BoolArray:
+    """Which points lie in any of the polygons."""
+    covered = np.zeros(len(points), bool)
+    for polygon in polygons:
+        covered |= lies_within(polygon, points)
+    return covered
+
+
+def _same_outline(one: FloatArray, other: Any) -> bool:
     """Whether two outlines have the same corners, whatever the first one and the direction."""
     kept = np.array(other, float).reshape(-1, 2)
+    tolerance = RELATIVE * max(float(np.abs(one).max()), 1.0)
     if len(kept) != len(one):
         return False
     turns = (np.roll(way, k, axis=0) for way in (kept, kept[::-1]) for k in range(len(kept)))
@@ -63,26 +100,24 @@ def convex_parts(result: Evidence) -> Verdict:
     scene, points = result.scene, _sample_points(result)
     groups = {name: ([np.array(scene["regions"][name])], parts) for name, parts in result.regions.items()}
     outlines = [np.array(polygon) for polygon in scene["obstacles"]]
-    groups["obstacles"] = (_outermost(outlines), result.obstacles)
+    groups["obstacles"] = (_outermost(outlines, result.grain), result.obstacles)
     faults = [f"region {name} is missing" for name in scene["regions"] if name not in groups]
     for name, (polygons, parts) in groups.items():
         area = sum(abs(signed_area(polygon)) for polygon in polygons)
         found = sum(signed_area(part.corners) for part in parts)
         if not math.isclose(area, found, rel_tol=1e-7):
             faults.append(f"{name}: area {found:.6g} of {area:.6g} m2")
-        inside = np.any(
-            [lies_within(polygon, points) for polygon in polygons] or [np.zeros(len(points), bool)], axis=0
-        )
+        inside = _covered(polygons, points)
         edge = np.min(
             [outline_distance(polygon, points) for polygon in polygons] or [np.full(len(points), np.inf)],
             axis=0,
         )
-        if ((deepest(parts, points) >= 0) != inside)[edge > 1.0].any():
+        if ((deepest(parts, points) >= 0) != inside)[edge > result.grain].any():
             faults.append(f"{name}: parts and polygon lie apart")
     return no_fault(f"parts of {len(groups) - 1} regions and {len(outlines)} obstacles", faults)
 
 
-def _outermost(polygons: list[FloatArray]) -> list[FloatArray]:
+def _outermost(polygons: list[FloatArray], grain: float) -> list[FloatArray]:
     """Those of which some corner or middle of an edge lies outside each of the others."""
     probes = [np.concatenate([p, 0.5 * (p + np.roll(p, -1, axis=0))]) for p in polygons]
     return [
@@ -90,7 +125,7 @@ def _outermost(polygons: list[FloatArray]) -> list[FloatArray]:
         for i, own in enumerate(polygons)
         if not any(
             (
-                (lies_within(other, probes[i]) | (outline_distance(other, probes[i]) < 1e-3)).all()
+                (lies_within(other, probes[i]) | (outline_distance(other, probes[i]) < grain)).all()
                 and abs(signed_area(other)) > abs(signed_area(own))
             )
             for j, other in enumerate(polygons)
@@ -111,7 +146,7 @@ def cell_cover(result: Evidence) -> Verdict:
     cells = [convex(cell) for cell in result.cells["cells"]]
     depth = np.array([cell.depth(points) for cell in cells])
     inside = deepest(result.obstacles, points)
-    clear = (np.abs(depth) > 1.0).all(axis=0) & (np.abs(inside) > 1.0)
+    clear = (np.abs(depth) > result.grain).all(axis=0) & (np.abs(inside) > result.grain)
     count = (depth > 0).sum(axis=0)
     wrong = clear & (count != (inside < 0))
     faults = [f"{points[i].round()} m lies in {count[i]} cells" for i in np.flatnonzero(wrong)[:1]]
@@ -131,7 +166,7 @@ def doors(result: Evidence) -> Verdict:
     for i, j in result.cells["doors"]:
         gap = cells[i].normals @ cells[j].normals.T
         facing = np.argwhere(gap < -1 + 1e-6)
-        if not any(abs(cells[i].offsets[a] + cells[j].offsets[b]) < 1.0 for a, b in facing):
+        if not any(abs(cells[i].offsets[a] + cells[j].offsets[b]) < result.grain for a, b in facing):
             apart.append(f"cells {i} and {j} share no edge")
     return no_fault(f"{len(result.cells['doors'])} doors", apart)
 
