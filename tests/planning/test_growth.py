@@ -18,7 +18,8 @@ from pareto_ltl.planning.evaluate import evaluate_path
 from pareto_ltl.planning.growth import GrowthOptions
 from pareto_ltl.planning.selection import hypervolume, non_dominated
 from pareto_ltl.settings import PlannerConfig, RobotConfig
-from pareto_ltl.support.errors import InfeasibleError
+from pareto_ltl.support import memory
+from pareto_ltl.support.errors import ConfigError, InfeasibleError
 from problems import (
     KM,
     box,
@@ -64,6 +65,12 @@ def test_an_interrupt_ends_the_threads_that_grow_trees(monkeypatch):
     with pytest.raises(KeyboardInterrupt):
         grown(two_goals(), replace(SMALL, max_seconds=60.0), progress=interrupt)
     assert time.perf_counter() - began < 60.0
+
+
+def test_trees_that_do_not_fit_into_memory_are_refused_with_the_bytes_of_a_vertex(monkeypatch):
+    monkeypatch.setattr(memory, "available_memory", lambda: 1e9)
+    with pytest.raises(ConfigError, match=r"planner\.n_max=9000000 needs .* 2 trees \(\d+ bytes a vertex\)"):
+        grown(two_goals(), replace(SMALL, n_max=9_000_000))
 
 
 # --- every edge, by the formulas -----------------------------------------------------------------------

@@ -18,9 +18,11 @@ CONFIGURATION_ERRORS: tuple[type[Exception], ...] = (
     HydraException,
     OmegaConfBaseException,
     RecursionError,
+    MemoryError,
 )
 LINE_WIDTH = 300  # characters of a message of Hydra's own that are kept
 LETTERS = "letters beyond ASCII need two pairs of quotes: \"wind.path='größe.csv'\""
+SMALLER = "lower planner.n_max, planner.trees, deployment.runs or report.dpi"
 QUOTES = "a value with spaces or ( ) & | ! needs two pairs of quotes: \"mission.formula='F(a & F b)'\""
 
 
@@ -32,6 +34,8 @@ def explain_error(error: BaseException) -> str:
         return f"there is no {group.removesuffix('s')} {shown_value(choice)}; there are {known}"
     if isinstance(error, OverrideParseException):
         return f"cannot read {shown_value(error.override)}; {_cure_of(str(error.override))}"
+    if isinstance(error, MemoryError):
+        return f"there is not enough memory ({shown_text(str(error)) or 'out of memory'}); {SMALLER}"
     if isinstance(error, RecursionError):
         return "a setting or a file of settings is nested too deeply to be read; use fewer brackets"
     if isinstance(error, MissingMandatoryValue):

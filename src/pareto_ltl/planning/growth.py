@@ -31,12 +31,14 @@ from pareto_ltl.settings import PlannerConfig
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.cores import cores
 from pareto_ltl.support.errors import InfeasibleError
+from pareto_ltl.support.memory import require_memory
 from pareto_ltl.support.messages import shown_value
 
 ITERATIONS_PER_VERTEX = 50  # extensions tried before a tree that does not grow is given up
 GROWTH_CHUNK = 20_000  # vertices between two looks at the clock
 TREES_KEEP = 0.5  # share of epsilon that trees use under the path bound: smoothing and delta need the rest
 SCALED_SLACK = 1.0  # slack on risks of the scaled rule is a factor drawn between 1 and 1 plus this
+PACKED_BYTES = 80  # of a vertex, in whole numbers of 64 bits and in the archive of the trees
 CAPACITY = 8  # vertices that a square keeps as possible parents, for each automaton state
 SQUARES = 400  # at most, along one side of the grid of possible parents
 
@@ -205,6 +207,7 @@ def grow_forest(
     problem = _for_trees(problem)
     graph = product_graph(problem.decomposition, problem.world.logic, problem.scene.bounds)
     task = _GrowthTask(cfg, problem, graph, cell_fans(problem.decomposition))
+    _require_memory(cfg, problem)
     growing = [_plant(task, child, j, options) for j, child in enumerate(seeds.spawn(cfg.trees))]
     _check_lead(task, growing[0])
     task.grow(growing[0], 0, 0)  # machine code is loaded here, not on the clock
@@ -215,6 +218,22 @@ def grow_forest(
     pairs = [np.column_stack([np.full(len(v), j), v]) for j, v in enumerate(accepted)]
     accepted_rows = np.vstack(pairs).astype(np.int64)
     return Forest(trees, accepted_rows, time.perf_counter() - began, mission_columns(problem))
+
+
+def _require_memory(cfg: PlannerConfig, problem: Problem) -> None:
+    """Refuse trees that do not fit into memory; what a vertex needs depends on the models."""
+    rows = 64
+    columns = mission_columns(problem) + isinstance(problem.world.collision, kd.PathBound)
+    vertex = _array_bytes(_vertices(problem, rows, columns)) / rows + PACKED_BYTES
+    trees = f"{cfg.trees} trees ({vertex:.0f} bytes a vertex)"
+    require_memory(cfg.trees * vertex, "planner.n_max", cfg.n_max, trees, "planner.trees")
+
+
+def _array_bytes(record: Any) -> int:
+    """Size of all arrays in a named tuple, at any depth."""
+    if isinstance(record, np.ndarray):
+        return record.nbytes
+    return sum(_array_bytes(part) for part in record) if isinstance(record, tuple) else 0
 
 
 def _grow_all(

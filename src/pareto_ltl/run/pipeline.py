@@ -18,6 +18,7 @@ from pareto_ltl.run import provenance
 from pareto_ltl.run.directory import RUN_LOG, claimed_directory
 from pareto_ltl.run.progress import ProgressBar
 from pareto_ltl.run.records import AUTOMATON, FOREST, SCENE, RecordKey, Records, T
+from pareto_ltl.run.sizes import check_sizes
 from pareto_ltl.run.stage_table import Progress, Stage, StageInputs, StageTable
 from pareto_ltl.run.stages import PLAN_TABLE
 from pareto_ltl.settings import Settings
@@ -63,6 +64,7 @@ def check_pipeline(settings: Settings, table: StageTable, given: Collection[Reco
             _check_stage(stage, stages, given)
             stages.append(stage)
     _check_mission(settings, [stage.makes for stage in stages])
+    check_sizes(settings, listed)
     return Pipeline(settings, table, tuple(stages))
 
 

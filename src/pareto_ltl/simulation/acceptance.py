@@ -29,6 +29,7 @@ from pareto_ltl.simulation.flights import (
 )
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import interval_text, probability_text
+from pareto_ltl.support.memory import require_memory
 from pareto_ltl.wind.records import WindField
 
 LOG = logging.getLogger(__name__)
@@ -43,6 +44,8 @@ def rank_front(problem: Problem, front: Front, draws: int, seed: SeedSequence) -
     """
     rng = np.random.default_rng(unspawned(seed))
     steps = max(len(path.u) for path in front.paths)
+    fields = 8 * len(problem.modes.psi) * problem.modes.psi.shape[-1]  # bytes of the winds of a flight
+    require_memory(fields + 48 * steps, "selection.draws", draws, "flights that rank the front")
     winds = draw_coherent(problem, draws, steps, rng)
     start = math.sqrt(problem.start_variance) * rng.standard_normal((draws, 2))
     estimates = []
@@ -118,6 +121,7 @@ def examine_path(
     problem: Problem, wind: WindField, path: PlannedPath, runs: int, seed: SeedSequence, estimate: float
 ) -> Acceptance:
     """Fly ``path`` ``runs`` times through coherent winds."""
+    require_memory(path.x.nbytes, "selection.runs", runs, "flights that examine a path")
     flights = simulate_flights(problem, path.u, runs, "coherent", seed, path.x)
     failures = int((~flights.accepted | flights.collided).sum())
     low, high = clopper_pearson(failures, runs)

@@ -25,7 +25,9 @@ from pareto_ltl.simulation.records import Deployment
 from pareto_ltl.support.arrays import Float32Array, FloatArray
 from pareto_ltl.support.cores import cores
 from pareto_ltl.support.errors import InfeasibleError
+from pareto_ltl.support.memory import require_memory
 
+FLIGHT_COPIES = 2  # of the positions of a flight: one in memory, one in the archive that is written
 BLOCK = 250  # runs that share a generator, whatever the number of threads
 
 # --- winds ------------------------------------------------------------------------------------
@@ -78,6 +80,8 @@ def deploy_plan(
     Each law has its own child of ``seeds``, in the order of :data:`DRAWS`, so that adding one law leaves the
     winds of the others alone.
     """
+    each = FLIGHT_COPIES * len(cfg.laws) * plan.path.x.nbytes
+    require_memory(each, "deployment.runs", cfg.runs, f"flights of {len(plan.path.u)} steps")
     children = dict(zip(DRAWS, seeds.spawn(len(DRAWS)), strict=True))
     return {
         law: simulate_flights(problem, plan.path.u, cfg.runs, law, children[law], plan.path.x)
