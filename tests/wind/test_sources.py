@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import json
 import sys
 from datetime import UTC, datetime
@@ -17,6 +18,7 @@ from pareto_ltl.wind import sources
 from pareto_ltl.wind.ingest import write_wind_table
 from pareto_ltl.wind.observations import place_readings
 from pareto_ltl.wind.readings import farthest_points
+from pareto_ltl.wind.sources import csv_files
 from pareto_ltl.world import projection
 from pareto_ltl.world.scene import Scene
 
@@ -90,6 +92,79 @@ def test_a_folder_and_a_pattern_read_all_their_tables(tmp_path):
     for path in (tmp_path, tmp_path / "*.csv"):
         seen = read(WindConfig(source="csv", path=str(path)))
         np.testing.assert_array_equal(seen.times, [0.0, 10800.0, 21600.0])
+
+
+@pytest.mark.parametrize("header", ["u_kt,v_kt", "u [kn],v (knots)", "U_KTS, v_kn"])
+def test_speeds_in_knots_become_metres_a_second(tmp_path, header):
+    plain = read(write(tmp_path / "a.csv", rows()))
+    knots = read(write(tmp_path / "b.csv", rows(), f"time,lat,lon,{header}"))
+    np.testing.assert_allclose(knots.winds[0], plain.winds[0] * 1852.0 / 3600.0)
+
+
+def test_a_speed_column_may_name_metres_a_second_and_each_has_its_own_unit(tmp_path):
+    plain = read(write(tmp_path / "a.csv", rows()), scene(lon=-92.0))
+    mixed = read(write(tmp_path / "b.csv", rows(), "time,lat,lon,u [m/s],v_kmh"))
+    middle = np.abs(plain.points[0][:, 0]) < 1.0  # on the meridian of the plane, east is x
+    np.testing.assert_allclose(mixed.winds[0][middle, 0], plain.winds[0][middle, 0], atol=1e-5)
+    np.testing.assert_allclose(mixed.winds[0][middle, 1], plain.winds[0][middle, 1] / 3.6, atol=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("header", "words"),
+    [
+        (
+            "u_furlongs,v",
+            "column 'u_furlongs' has the unit 'furlongs'; expected u in m/s, or one of the units",
+        ),
+        ("u [ft/s],v", "has the unit 'ft/s'"),
+        ("u,v,u_kt", "column u is there as u and as u_kt; keep one"),
+        ("speed,direction", "missing column u, v"),
+    ],
+)
+def test_a_unit_that_is_not_known_is_refused_with_those_that_are(tmp_path, header, words):
+    with pytest.raises(DataError) as caught:
+        read(write(tmp_path / "w.csv", [f"{row},1" for row in rows()], f"time,lat,lon,{header}"))
+    assert words in str(caught.value)
+
+
+def test_a_packed_table_is_read_as_the_table_it_holds(tmp_path):
+    plain = read(write(tmp_path / "w.csv", rows()))
+    (tmp_path / "packed").mkdir()
+    packed = tmp_path / "packed" / "w.csv.gz"
+    packed.write_bytes(gzip.compress(b"\xef\xbb\xbf" + (tmp_path / "w.csv").read_bytes()))
+    for path in (packed, packed.parent):
+        np.testing.assert_array_equal(read(WindConfig(source="csv", path=str(path))).winds[0], plain.winds[0])
+
+
+@pytest.mark.parametrize(
+    ("spoil", "words"),
+    [
+        (lambda data: b"time,lat,lon,u,v", "cannot be read: Not a gzipped file"),
+        (lambda data: data[:-20], "damaged or cut off"),
+        (lambda data: data[:30] + b"\x00\xff" * 20 + data[70:], "damaged or cut off|cannot be read"),
+        (lambda data: gzip.compress(b"\xff\xfe\x00"), "is no CSV text"),
+    ],
+)
+def test_a_packed_table_that_is_damaged_is_refused(tmp_path, spoil, words):
+    whole = gzip.compress("\n".join(["time,lat,lon,u,v", *rows()]).encode())
+    (tmp_path / "w.csv.gz").write_bytes(spoil(whole))
+    with pytest.raises(DataError, match=words) as caught:
+        read(WindConfig(source="csv", path=str(tmp_path / "w.csv.gz")))
+    assert "\n" not in str(caught.value)
+
+
+def test_a_packed_table_that_fills_the_memory_is_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr(csv_files, "MOST_UNPACKED", 1000)
+    (tmp_path / "w.csv.gz").write_bytes(gzip.compress(b"time,lat,lon,u,v\n" * 100))
+    with pytest.raises(DataError, match="unpacks to more than"):
+        read(WindConfig(source="csv", path=str(tmp_path / "w.csv.gz")))
+
+
+def test_a_path_with_spaces_and_other_letters_is_read(tmp_path):
+    place = tmp_path / "Größe und Höhe 風"
+    place.mkdir()
+    read(write(place / "Wind 1.csv", rows()))
+    read(WindConfig(source="csv", path=str(place)))
 
 
 def test_times_are_seconds_since_departure_and_start_with_the_last_before_it(tmp_path):

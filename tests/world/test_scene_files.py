@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 
 import numpy as np
+import pyproj
 import pytest
 import shapely
 import yaml
@@ -381,3 +382,60 @@ def test_a_map_saved_with_a_byte_order_mark_is_read(tmp_path):
     text = json.dumps({"type": "FeatureCollection", "features": FJORD})
     (tmp_path / "map.geojson").write_text(text, encoding="utf-8-sig")
     assert scene_from_settings(SceneConfig(file=str(tmp_path / "map.geojson"))).regions
+
+
+def with_crs(tmp_path, crs, features=None):
+    """FJORD in the coordinates of a system that PROJ knows, with the member crs."""
+    text = {"type": "FeatureCollection", "crs": crs, "features": FJORD if features is None else features}
+    (tmp_path / "crs.geojson").write_text(json.dumps(text))
+    return SceneConfig(file=str(tmp_path / "crs.geojson"))
+
+
+def named(name):
+    return {"type": "name", "properties": {"name": name}}
+
+
+def moved(coordinates, change):
+    if isinstance(coordinates[0], list | tuple):
+        return [moved(part, change) for part in coordinates]
+    return list(change.transform(*coordinates))
+
+
+@pytest.mark.parametrize("name", ["urn:ogc:def:crs:EPSG::3857", "EPSG:3857", "EPSG:32632", "EPSG:4258"])
+def test_a_geojson_map_in_another_system_lies_where_it_was_drawn(tmp_path, name):
+    change = pyproj.Transformer.from_crs("EPSG:4326", name, always_xy=True)
+    features = json.loads(json.dumps(FJORD))
+    for one in features:
+        one["geometry"]["coordinates"] = moved(one["geometry"]["coordinates"], change)
+    plain = scene_from_settings(geojson(tmp_path, *FJORD))
+    scene = scene_from_settings(with_crs(tmp_path, named(name), features))
+    np.testing.assert_allclose(scene.bounds, plain.bounds, atol=1.0)
+    for region, corners in plain.regions.items():
+        np.testing.assert_allclose(scene.regions[region], corners, atol=1.0)
+
+
+@pytest.mark.parametrize(
+    "crs",
+    [None, named("urn:ogc:def:crs:OGC:1.3:CRS84"), named("EPSG:4326"), named("urn:ogc:def:crs:EPSG::4326")],
+)
+def test_degrees_need_no_system_and_may_name_theirs(tmp_path, crs):
+    plain = scene_from_settings(geojson(tmp_path, *FJORD))
+    np.testing.assert_array_equal(scene_from_settings(with_crs(tmp_path, crs)).bounds, plain.bounds)
+
+
+@pytest.mark.parametrize(
+    ("crs", "words"),
+    [
+        (named("EPSG:999999"), "crs 'EPSG:999999' is no coordinate system that PROJ knows"),
+        (named("x" * 10_000), "is no coordinate system"),
+        (named(3), "expected a name such as urn:ogc:def:crs:EPSG::3857"),
+        ({"type": "link", "properties": {"href": "http://example.org"}}, "expected a name such as"),
+        ("EPSG:4326", "expected a name such as"),
+    ],
+)
+def test_a_system_that_is_not_known_is_refused(tmp_path, crs, words):
+    with pytest.raises(DataError) as caught:
+        scene_from_settings(with_crs(tmp_path, crs))
+    assert words in str(caught.value)
+    assert "\n" not in str(caught.value)
+    assert len(str(caught.value)) < 400 + len(str(tmp_path))

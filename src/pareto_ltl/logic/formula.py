@@ -27,6 +27,8 @@ from pareto_ltl.support.messages import SHOWN_WIDTH, shown_text
 
 MAX_DEPTH = 200  # nesting levels, below the recursion limit of Python; a sequence of n goals has 2 n
 
+BYTE_ORDER_MARK = "\ufeff"  # at the start of a text that was saved on Windows
+
 UNARY_OPERATORS = ("!", "X", "F", "G")
 BINARY_STRENGTH = {
     "<->": 1,
@@ -253,7 +255,7 @@ class _FormulaParser:
 def _formula_tokens(text: str) -> Iterator[_FormulaToken]:
     column = 0
     while column < len(text):
-        if text[column].isspace():
+        if text[column].isspace() or text[column] == BYTE_ORDER_MARK:
             column += 1
             continue
         match = _TOKEN_PATTERN.match(text, column)

@@ -72,7 +72,7 @@ def read_hoa(path: str | Path, letters: Iterable[Iterable[str]] | None = None) -
     propositions. Raises a DataError if the file cannot be read or is not an automaton of a finite mission.
     """
     try:
-        text = Path(path).read_text(encoding="utf-8")
+        text = Path(path).read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
         reason = getattr(error, "strerror", None) or "it is not text in UTF-8"
         raise DataError(f"cannot read the automaton {path}: {reason}") from None

@@ -393,7 +393,10 @@ def _advice(cfg: PlannerConfig, problem: Problem, forest: Forest) -> str:
     """What most extensions failed of, and the setting that changes it."""
     counts = {cause: sum(tree.reach[cause] for tree in forest.trees) for cause in CAUSES}
     worst = max(counts, key=lambda cause: counts[cause])
+    late = forest.seconds >= cfg.max_seconds
     more = f"raise planner.n_max (now {cfg.n_max})"
+    if late:
+        more = f"raise planner.max_seconds (now {cfg.max_seconds:g} s), which ended the growth"
     if counts[worst] == 0:
         return more
     end = problem.horizon * problem.motion.dt / 3600

@@ -18,6 +18,7 @@ import numpy as np
 
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
+from pareto_ltl.support.messages import shown_value
 
 if TYPE_CHECKING:
     import pyproj
@@ -55,6 +56,34 @@ def to_geographic(crs: str, xy: FloatArray) -> tuple[FloatArray, FloatArray]:
     return np.asarray(lon, float), np.asarray(lat, float)
 
 
+def degrees_of(where: str, crs: str, points: FloatArray) -> FloatArray:
+    """Longitude and latitude (N, 2) [deg] of ``points`` (N, 2) in the system ``crs``, e.g. ``EPSG:3857``.
+
+    The order of the axes is east, north (or longitude, latitude), whatever the definition of ``crs`` says.
+
+    Raises
+    ------
+    DataError
+        If the system is unknown or a point lies outside of it; ``where`` begins the message.
+    """
+    import pyproj
+
+    try:
+        change = pyproj.Transformer.from_crs(crs, "EPSG:4326", always_xy=True)
+    except pyproj.exceptions.ProjError:
+        raise DataError(
+            f"{where}: crs {shown_value(crs)} is no coordinate system that PROJ knows; convert the map to "
+            "longitude and latitude and leave crs out"
+        ) from None
+    lonlat = np.column_stack(change.transform(points[:, 0], points[:, 1]))
+    if not np.isfinite(lonlat).all():
+        x, y = points[~np.isfinite(lonlat).all(axis=1)][0]
+        raise DataError(
+            f"{where}: ({x:.6g}, {y:.6g}) lies outside of crs {shown_value(crs)}; check the units"
+        )
+    return lonlat
+
+
 def meridian_convergence(crs: str, lon: FloatArray, lat: FloatArray) -> FloatArray:
     """Angle from +y of the plane to true north, counter-clockwise, shape (N,) [rad]."""
     factors = _cached_projection(crs).get_factors(
@@ -85,4 +114,4 @@ def _cached_projection(crs: str) -> pyproj.Proj:
     return proj
 
 
-__all__ = ["local_plane", "meridian_convergence", "rotate_vectors", "to_geographic", "to_plane"]
+__all__ = ["degrees_of", "local_plane", "meridian_convergence", "rotate_vectors", "to_geographic", "to_plane"]

@@ -65,7 +65,7 @@ def sketch_file(path: Path) -> SceneSketch:
     data = read_json_value(path, SCENE_FILES)
     where = f"scene file {path}"
     if isinstance(data, dict) and data.get("type") == "FeatureCollection":
-        return _sketch_geojson(where, data.get("features", []))
+        return _sketch_geojson(where, data.get("features", []), _crs_name(where, data.get("crs")))
     if isinstance(data, dict) and "bounds" in data:
         return _sketch_results(path, data)
     raise DataError(
@@ -100,11 +100,16 @@ def _check_departure(where: str, time_zero: str | None) -> None:
         ) from None
 
 
-def _sketch_geojson(where: str, features: Any) -> SceneSketch:
-    """The map in a plane centred on it; edges between corners are straight lines in this plane."""
+def _sketch_geojson(where: str, features: Any, crs_name: str | None) -> SceneSketch:
+    """The map in a plane centred on it; edges between corners are straight lines in this plane.
+
+    Coordinates of ``crs_name`` become degrees first; None stands for degrees (WGS 84).
+    """
     if not isinstance(features, list):
         raise DataError(f"{where}: /features: expected an array of features, got {shown_value(features)}")
     drawn = list(_drawn_features(where, features))
+    if crs_name is not None:
+        drawn = [(role, name, projection.degrees_of(where, crs_name, c)) for role, name, c in drawn]
     everything = np.concatenate([corners for _, _, corners in drawn]) if drawn else np.zeros((0, 2))
     if len(everything) == 0:
         raise DataError(f"{where} has no features; expected a role ({', '.join(FEATURE_ROLES)}) on each")
@@ -139,6 +144,23 @@ def _sketch_geojson(where: str, features: Any) -> SceneSketch:
         crs=crs,
         landmarks=tuple((name, metres(c)) for role, name, c in drawn if role == "landmark"),
     )
+
+
+def _crs_name(where: str, member: Any) -> str | None:
+    """The name in the member ``crs``, which GeoJSON had before RFC 7946; None for degrees (WGS 84)."""
+    if member is None:
+        return None
+    name = member.get("properties", {}).get("name") if _is_named_crs(member) else None
+    if not isinstance(name, str):
+        raise DataError(
+            f"{where}: crs is {shown_value(member)}; expected a name such as urn:ogc:def:crs:EPSG::3857, or "
+            "no crs for longitude and latitude"
+        )
+    return None if name.upper().endswith(("CRS84", "EPSG::4326", "EPSG:4326")) else name
+
+
+def _is_named_crs(member: Any) -> bool:
+    return isinstance(member, dict) and isinstance(member.get("properties"), dict)
 
 
 def _drawn_features(where: str, features: Sequence[Any]) -> Iterator[tuple[str, str, FloatArray]]:

@@ -31,8 +31,9 @@ def data_files(cfg: WindConfig) -> tuple[Path, ...]:
     """
     path = Path(str(cfg.path)).expanduser()
     if path.is_dir():
-        pattern = "*.csv" if cfg.source == "csv" else "*"
-        found = [file for file in path.glob(pattern) if file.is_file() and is_data_file(file)]
+        ends = (".csv", ".csv.gz") if cfg.source == "csv" else ("",)
+        files = [file for file in path.iterdir() if file.name.lower().endswith(ends)]
+        found = [file for file in files if file.is_file() and is_data_file(file)]
     elif path.is_file():
         found = [path]
     else:

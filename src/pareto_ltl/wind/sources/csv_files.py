@@ -1,19 +1,36 @@
-"""Wind readings as CSV tables: ``time,lat,lon,u,v`` on Earth, ``time,x,y,u,v`` in a plane."""
+"""Wind readings as CSV tables: ``time,lat,lon,u,v`` on Earth, ``time,x,y,u,v`` in a plane.
+
+Speeds are in m/s, or in the unit that the title of their column names: ``u_kt``, ``v [km/h]``. A table may be
+packed: ``winds.csv.gz``.
+"""
 
 from __future__ import annotations
 
 import csv
+import gzip
+import io
+import re
+import zlib
 from functools import lru_cache
 from pathlib import Path
+from typing import IO
 
 import numpy as np
 
 from pareto_ltl.support.arrays import FloatArray, IntArray
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.files import write_text
+from pareto_ltl.support.messages import shown_value
 from pareto_ltl.wind.readings import Readings, check_readings, iso, seconds, wrap_longitude
 
 GEOGRAPHIC_COLUMNS = ("time", "lat", "lon", "u", "v")
+MOST_UNPACKED = 2**28  # [bytes] of a packed table
+KNOT = 1852.0 / 3600.0  # [m/s]
+SPEED_UNITS = {  # [m/s], by what stands in the title of a column; without a unit it is m/s
+    "": 1.0, "m/s": 1.0, "m s-1": 1.0, "ms": 1.0, "mps": 1.0,
+    "kt": KNOT, "kts": KNOT, "kn": KNOT, "knot": KNOT, "knots": KNOT,
+    "km/h": 1.0 / 3.6, "kmh": 1.0 / 3.6, "mph": 0.44704,
+}  # fmt: skip
 PLANAR_COLUMNS = ("time", "x", "y", "u", "v")
 
 
@@ -59,13 +76,15 @@ def write_csv_table(
 def _read_csv_file(file: Path, max_speed: float) -> tuple[FloatArray, FloatArray, FloatArray, IntArray, bool]:
     """Times (N,), points (N, 2), winds (N, 2), row numbers (N,), and whether the frame is geographic."""
     try:
-        with file.open(encoding="utf-8-sig", newline="") as stream:
+        with _open_text(file) as stream:
             reader = csv.reader(stream)
             header = [name.strip().lower() for name in next(reader, [])]
-            columns = _find_columns(file, header)
+            columns, speeds = _find_columns(file, header)
             cells = [(reader.line_num, row) for row in reader if any(cell.strip() for cell in row)]
     except OSError as error:
-        raise DataError(f"wind file {file} cannot be read: {error.strerror}") from None
+        raise DataError(f"wind file {file} cannot be read: {error.strerror or error}") from None
+    except (EOFError, zlib.error) as error:
+        raise DataError(f"wind file {file} is damaged or cut off ({error}); fetch it again") from None
     except (UnicodeDecodeError, csv.Error) as error:
         raise DataError(
             f"wind file {file} is no CSV text ({error}); expected {','.join(GEOGRAPHIC_COLUMNS)}"
@@ -75,26 +94,67 @@ def _read_csv_file(file: Path, max_speed: float) -> tuple[FloatArray, FloatArray
     table = np.array([_parse_row(f"wind file {file}, row {number}", row, columns) for number, row in cells])
     numbers = np.array([number for number, _ in cells], dtype=np.int64)
     geographic = columns[1][0] == "lat"
-    points, winds = (table[:, [2, 1]] if geographic else table[:, 1:3]), table[:, 3:5]
+    points, winds = (table[:, [2, 1]] if geographic else table[:, 1:3]), table[:, 3:5] * speeds
     check_readings(points, winds, geographic, max_speed, lambda i: f"wind file {file}, row {numbers[i]}")
     if geographic:
         points[:, 0] = wrap_longitude(points[:, 0])
     return table[:, 0], points, winds, numbers, geographic
 
 
-def _find_columns(file: Path, header: list[str]) -> list[tuple[str, int]]:
-    """Name and position of the five columns."""
+def _open_text(file: Path) -> IO[str]:
+    """The text of ``file``, which gzip may have packed."""
+    if file.suffix.lower() != ".gz":
+        return file.open(encoding="utf-8-sig", newline="")
+    with gzip.open(file) as packed:
+        data = packed.read(MOST_UNPACKED + 1)
+    if len(data) > MOST_UNPACKED:
+        raise DataError(
+            f"wind file {file} unpacks to more than {MOST_UNPACKED / 2**20:g} MiB; split it into several"
+        )
+    return io.StringIO(data.decode("utf-8-sig"), newline="")
+
+
+def _find_columns(file: Path, header: list[str]) -> tuple[list[tuple[str, int]], FloatArray]:
+    """Name and position of the five columns, and the factors (2,) from the units of u and v to m/s."""
     if not header:
         raise DataError(f"wind file {file} is empty; expected a table with {','.join(GEOGRAPHIC_COLUMNS)}")
+    speeds = {name: [found for found in header if _speed_unit(name, found) is not None] for name in "uv"}
     wanted = PLANAR_COLUMNS if {"x", "y"} <= set(header) else GEOGRAPHIC_COLUMNS
-    missing = [name for name in wanted if name not in header]
+    missing = [name for name in wanted if not speeds.get(name, name in header)]
     if missing:
-        found = ",".join(header)
+        found = shown_value(",".join(header), 60)
         raise DataError(
             f"wind file {file}: missing column {', '.join(missing)}; expected {','.join(GEOGRAPHIC_COLUMNS)} "
-            f"(or {','.join(PLANAR_COLUMNS)} in a plane), found {found[:60]!r}"
+            f"(or {','.join(PLANAR_COLUMNS)} in a plane), found {found}"
         )
-    return [(name, header.index(name)) for name in wanted]
+    titles = [_only_one(file, name, speeds.get(name, [name])) for name in wanted]
+    factors = [_speed_factor(file, name, title) for name, title in zip("uv", titles[3:], strict=True)]
+    columns = [(name, header.index(title)) for name, title in zip(wanted, titles, strict=True)]
+    return columns, np.array(factors)
+
+
+def _speed_unit(name: str, title: str) -> str | None:
+    """The unit in the title of a speed column: "" for ``u``, "kt" for ``u_kt`` and ``u [kt]``; else None."""
+    found = re.fullmatch(rf"{name}(?:[ _]*[\[(]([^\])]*)[\])]|_([a-z/]+))?", title)
+    return None if found is None else (found[1] or found[2] or "").strip()
+
+
+def _only_one(file: Path, name: str, titles: list[str]) -> str:
+    if len(titles) > 1:
+        raise DataError(f"wind file {file}: column {name} is there as {' and as '.join(titles)}; keep one")
+    return titles[0]
+
+
+def _speed_factor(file: Path, name: str, title: str) -> float:
+    """Metres per second in one unit of the speed column ``title``."""
+    unit = _speed_unit(name, title) or ""
+    if unit not in SPEED_UNITS:
+        known = ", ".join(unit for unit in SPEED_UNITS if unit)
+        raise DataError(
+            f"wind file {file}: column {title!r} has the unit {shown_value(unit)}; expected {name} in m/s, "
+            f"or one of the units {known}"
+        )
+    return SPEED_UNITS[unit]
 
 
 def _parse_row(where: str, row: list[str], columns: list[tuple[str, int]]) -> tuple[float, ...]:

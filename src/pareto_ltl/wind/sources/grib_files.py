@@ -20,6 +20,7 @@ from pareto_ltl.support.errors import DataError
 from pareto_ltl.wind.readings import Readings, check_readings, iso, wrap_longitude
 from pareto_ltl.world.projection import meridian_convergence, rotate_vectors
 
+SPEED_UNITS = ("m s**-1", "m s-1", "m/s")
 WIND_COMPONENTS = {"10u": "u", "u": "u", "10v": "v", "v": "v"}
 
 
@@ -147,6 +148,8 @@ def _decode_message(
     if key not in grids:
         grids[key] = _grid_nodes(eccodes, message, file)
     lonlat, twist = grids[key]
+    if (unit := get(message, "units")) not in SPEED_UNITS:
+        raise DataError(f"wind file {file}: {component} is in {unit}; expected m s-1: convert the file")
     values = np.array(eccodes.codes_get_values(message), dtype=float)
     if get(message, "bitmapPresent"):
         values[values == get(message, "missingValue", float)] = np.nan
