@@ -60,11 +60,21 @@ def test_the_cache_keeps_below_its_limit(folder: Path, monkeypatch: pytest.Monke
     monkeypatch.setenv("PARETO_LTL_CACHE_MIB", "0")
     with fit() as process:
         assert process.wait(timeout=120) == 0
-    assert list((folder / "wind").rglob("output.pkl")) == []
+    assert list((folder / "wind").iterdir()) == []
     monkeypatch.delenv("PARETO_LTL_CACHE_MIB")
     with fit() as process:
         assert process.wait(timeout=120) == 0
-    assert len(list((folder / "wind").rglob("output.pkl"))) == 1
+    assert [path.suffix for path in sorted((folder / "wind").iterdir())] == [".json", ".npz"]
+
+
+def test_the_entries_that_were_not_used_for_longest_go_first(tmp_path: Path) -> None:
+    for number, name in enumerate(("old", "used", "new")):
+        (tmp_path / f"{name}.npz").write_bytes(bytes(100))
+        (tmp_path / f"{name}.json").touch()
+        os.utime(tmp_path / f"{name}.npz", (number, number))
+    cache.mark_used(tmp_path / "old.npz")
+    cache.trim_folder(tmp_path, 250)
+    assert {path.name for path in tmp_path.iterdir()} == {"old.npz", "old.json", "new.npz", "new.json"}
 
 
 def test_the_command_tells_the_size_and_clears(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import logging
 import os
 import subprocess
@@ -14,7 +15,9 @@ from scipy.interpolate import RegularGridInterpolator
 
 from pareto_ltl.settings import WindConfig
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.wind import field, sources
+from pareto_ltl.support.files import read_json, read_npz, write_json, write_npz
+from pareto_ltl.support.fingerprints import PACKAGE, file_fingerprint
+from pareto_ltl.wind import field, fit_cache, sources
 from pareto_ltl.wind import gp as regression
 from pareto_ltl.wind.fit_cache import _warn_once
 from pareto_ltl.wind.netcdf import read_netcdf, write_netcdf
@@ -190,11 +193,51 @@ def test_the_cache_can_be_switched_off(few, fits, cache):
     assert not cache.exists()
 
 
-@pytest.mark.parametrize("damage", [b"", b"not a pickle", None])
+def arrays_changed(**changes):
+    """An entry whose arrays were changed by somebody who knows how to make the checksum fit."""
+
+    def change(arrays, numbers):
+        content = {name: table.copy() for name, table in read_npz(arrays).items()}
+        for name, value in changes.items():
+            content[name] = value(content[name])
+        write_npz(arrays, content)
+        write_json(numbers, read_json(numbers) | {"sha256": file_fingerprint(arrays)})
+
+    return change
+
+
+def not_a_number(array):
+    array.flat[array.size // 2] = np.nan
+    return array
+
+
+DAMAGES = {
+    "empty": lambda arrays, numbers: arrays.write_bytes(b""),
+    "no archive": lambda arrays, numbers: arrays.write_bytes(b"not an archive"),
+    "cut": lambda arrays, numbers: arrays.write_bytes(arrays.read_bytes()[:1000]),
+    "other bytes": lambda arrays, numbers: arrays.write_bytes(arrays.read_bytes() + b" "),
+    "no numbers": lambda arrays, numbers: numbers.write_text("{}"),
+    "no object": lambda arrays, numbers: numbers.write_text("[]"),
+    "no rho": lambda arrays, numbers: write_json(
+        numbers, {k: v for k, v in read_json(numbers).items() if k != "rho"}
+    ),
+    "rho 2": lambda arrays, numbers: write_json(numbers, read_json(numbers) | {"rho": 2.0}),
+    "rho nan": lambda arrays, numbers: write_json(numbers, read_json(numbers) | {"rho": None}),
+    "score": lambda arrays, numbers: write_json(numbers, read_json(numbers) | {"score": 3}),
+    "nan": arrays_changed(mean=not_a_number),
+    "nan in modes": arrays_changed(psi=not_a_number),
+    "shape": arrays_changed(mean=lambda array: array[:, 1:]),
+    "one component": arrays_changed(latent_var=lambda array: array[..., :1]),
+    "whole numbers": arrays_changed(mean=lambda array: array.astype(int)),
+    "negative": arrays_changed(gust_var=lambda array: -array),
+}
+
+
+@pytest.mark.parametrize("damage", DAMAGES)
 def test_a_damaged_entry_is_made_again_with_one_warning(few, fits, cache, caplog, damage):
     first = field.fit_wind_field(WindConfig(), few, CONUS)
-    entry = next(cache.rglob("output.pkl"))
-    entry.write_bytes(entry.read_bytes()[:1000] if damage is None else damage)
+    arrays = next(cache.rglob("*.npz"))
+    DAMAGES[damage](arrays, arrays.with_suffix(".json"))
     with caplog.at_level(logging.WARNING):
         same(first, field.fit_wind_field(WindConfig(), few, CONUS))
         same(first, field.fit_wind_field(WindConfig(), few, CONUS))
@@ -202,6 +245,69 @@ def test_a_damaged_entry_is_made_again_with_one_warning(few, fits, cache, caplog
     assert len(caplog.records) == 1
     assert "\n" not in caplog.text.strip()
     assert str(cache) in caplog.text
+
+
+class Planted:
+    """An object that, unpickled, would write a file."""
+
+    def __init__(self, mark):
+        self.mark = mark
+
+    def __reduce__(self):
+        return (open, (str(self.mark), "w"))
+
+
+def test_planted_code_in_an_entry_is_not_executed(few, fits, cache, tmp_path):
+    first = field.fit_wind_field(WindConfig(), few, CONUS)
+    arrays = next(cache.rglob("*.npz"))
+    mark = tmp_path / "executed"
+    np.savez(arrays, allow_pickle=True, mean=np.array([Planted(mark)], object))
+    numbers = arrays.with_suffix(".json")
+    write_json(numbers, read_json(numbers) | {"sha256": file_fingerprint(arrays)})
+    same(first, field.fit_wind_field(WindConfig(), few, CONUS))
+    assert len(fits) == 2
+    assert not mark.exists()
+
+
+UNPICKLING = {"pickle", "marshal", "shelve", "dill", "cloudpickle", "read_pickle"}
+
+
+def test_no_module_of_the_package_reads_pickles():
+    """What is unpickled is executed."""
+    sources = [*PACKAGE.rglob("*.py"), *(PACKAGE.parent / "hydra_plugins").rglob("*.py")]
+    assert len(sources) > 100
+    for path in sources:
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            names = {getattr(node, key, None) for key in ("id", "attr", "name", "module")}
+            assert not names & UNPICKLING, path
+            if isinstance(node, ast.ImportFrom) and node.module == "joblib":  # its Memory keeps pickles
+                assert {alias.name for alias in node.names} <= {"Parallel", "delayed", "cpu_count"}, path
+            if isinstance(node, ast.keyword) and node.arg == "allow_pickle":
+                assert isinstance(node.value, ast.Constant), path
+                assert node.value.value is False, path
+
+
+@pytest.mark.skipif(os.name == "nt", reason="folders of Windows have no such mode")
+@pytest.mark.parametrize("which", ["wind", ""])
+def test_a_cache_that_others_may_write_is_not_used(few, fits, cache, caplog, which):
+    field.fit_wind_field(WindConfig(), few, CONUS)
+    (cache / which).chmod(0o777)
+    with caplog.at_level(logging.WARNING):
+        field.fit_wind_field(WindConfig(), few, CONUS)
+    assert len(fits) == 2
+    assert "may be written by others (mode 777); give it to you alone (chmod 700)" in caplog.text
+    (cache / which).chmod(0o700)
+    field.fit_wind_field(WindConfig(), few, CONUS)
+    assert len(fits) == 2
+
+
+def test_folders_of_the_cache_are_made_for_their_owner_alone(few, cache):
+    before = os.umask(0)
+    try:
+        field.fit_wind_field(WindConfig(), few, CONUS)
+    finally:
+        os.umask(before)
+    assert [path.stat().st_mode & 0o777 for path in (cache, cache / "wind")] == [0o700, 0o700]
 
 
 def test_a_cache_that_cannot_be_written_costs_time_only(few, fits, cache, caplog):
@@ -215,15 +321,14 @@ def test_a_cache_that_cannot_be_written_costs_time_only(few, fits, cache, caplog
 
 
 def test_a_cache_that_fills_up_while_writing_costs_time_only(few, fits, caplog, monkeypatch):
-    from joblib._store_backends import FileSystemStoreBackend
-
     def full(*args, **kwargs):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(FileSystemStoreBackend, "_open_item", staticmethod(full))
+    monkeypatch.setattr(fit_cache, "write_npz", full)
     with caplog.at_level(logging.WARNING):
         wind = field.fit_wind_field(WindConfig(), few, CONUS)
     assert wind.score
+    assert len(fits) == 1  # what was worked out is used
     assert any("No space left" in record.message for record in caplog.records)
 
 

@@ -51,15 +51,15 @@ def fit_wind_field(
         origin=lattice.origin,
         spacing=lattice.spacing,
         times=seen.times,
-        mean=table["mean"],
-        latent_var=table["latent_var"],
-        gust_var=table["gust_var"],
+        mean=table.mean,
+        latent_var=table.latent_var,
+        gust_var=table.gust_var,
         hold_last=cfg.hold_last,
-        score=table["score"],
+        score=table.score,
         source=seen.source,
         modes=_wind_modes(cfg, seen.times, task.mode_lattice, table),
         gust_time=cfg.gust_time,
-        evidence=WindEvidence(seen.points, seen.winds, cfg.kernel, table["hyper"]),
+        evidence=WindEvidence(seen.points, seen.winds, cfg.kernel, table.hyper),
     )
 
 
@@ -81,16 +81,16 @@ def _wind_modes(
     cfg: WindConfig, times: FloatArray, lattice: NodeLattice, table: WindTable
 ) -> WindModes | None:
     """The modes in ``table``; None if there are none, that is, if the variance is 0."""
-    if table["psi"].shape[-1] == 0:
+    if table.psi.shape[-1] == 0:
         return None
     return WindModes(
         origin=lattice.origin,
         spacing=lattice.spacing,
-        psi=table["psi"],
-        rho=table["rho"] if cfg.rho is None else cfg.rho,
+        psi=table.psi,
+        rho=table.rho if cfg.rho is None else cfg.rho,
         gap=float(np.median(np.diff(times))) if len(times) > 1 else 1.0,
-        length=table["hyper"][:, :, LENGTH],
-        energy=table["energy"],
+        length=table.hyper[:, :, LENGTH],
+        energy=table.energy,
     )
 
 

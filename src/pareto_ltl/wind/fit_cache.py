@@ -1,18 +1,30 @@
-"""Fitted wind tables, kept on disk between runs."""
+"""Fitted wind tables, kept on disk between runs: arrays in ``KEY.npz``, numbers and checksum in ``KEY.json``.
+
+KEY is the fingerprint of all that a table depends on. An entry holds data alone: nothing in it is executed.
+One that is damaged, or has other shapes than its task, is made again.
+"""
 
 from __future__ import annotations
 
+import hashlib
 import logging
-import warnings
+import math
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
+
+import numpy as np
 
 from pareto_ltl.support import cache
-from pareto_ltl.support.fingerprints import code_fingerprint
+from pareto_ltl.support.errors import DataError
+from pareto_ltl.support.files import read_json, read_npz, write_json, write_npz
+from pareto_ltl.support.fingerprints import code_fingerprint, file_fingerprint
 from pareto_ltl.wind.tabulate import WindTable, WindTask, tabulate_wind
 
 LOG = logging.getLogger(__name__)
 TABLE_CODE = ("wind.tabulate", "wind.gp", "wind.modes")  # the code that a table depends on
+TABLE_SCHEMA = "pareto_ltl.wind_table/1"
+ARRAYS = tuple(name for name in WindTable._fields if name not in ("rho", "score"))
 
 
 def cache_folder() -> Path:
@@ -23,41 +35,90 @@ def cache_folder() -> Path:
 def cached_wind_table(task: WindTask) -> WindTable:
     """:func:`tabulate_wind` of ``task``, read from the cache if it is there.
 
-    If the cache cannot be read or written, the table is computed and a warning logged.
+    If the cache cannot be used, the table is computed and a warning logged.
     """
-    from joblib import Memory, hash
-
-    folder, arguments = cache_folder(), (task, code_fingerprint(*TABLE_CODE))
+    folder, key = cache_folder(), task_key(task)
     try:
-        memory = Memory(folder, verbose=0)
-        recall = memory.cache(tabulate_wind)
-        recall.warn = lambda _: _warn_once(folder, "an entry is damaged and is made again")
-        with warnings.catch_warnings(record=True) as caught:
-            warnings.simplefilter("always")
-            if recall.check_call_in_cache(*arguments):
-                table: WindTable = recall(*arguments)
-            else:
-                with cache.lock_entry(hash(arguments)):  # jobs that start together fit once
-                    table = recall(*arguments)
-                    memory.reduce_size(bytes_limit=cache.cache_limit())
-    except OSError as error:
-        _warn_once(folder, str(error))
-        return tabulate_wind(*arguments)
-    for warning in caught:
-        if warning.category.__module__.startswith("joblib"):
-            _warn_once(folder, str(warning.message))
-        else:  # a warning of the fit
-            warnings.warn_explicit(warning.message, warning.category, warning.filename, warning.lineno)
+        cache.make_private(folder)
+    except (OSError, DataError) as error:
+        return _unkept(folder, error, tabulate_wind(task))
+    if (table := _kept_table(folder, key, task)) is not None:
+        return table
+    with cache.lock_entry(key):  # jobs that start together fit once
+        table = _kept_table(folder, key, task) or tabulate_wind(task)
+        try:
+            _keep_table(folder, key, table)
+        except OSError as error:
+            return _unkept(folder, error, table)
     return table
 
 
-@lru_cache(maxsize=8)
-def _warn_once(folder: Path, reason: str) -> None:
-    """Log once that the cache does not work, and why."""
-    reason = reason.splitlines()[0]
-    LOG.warning(
-        "wind fits are not remembered in %s: %s; set PARETO_LTL_CACHE to another folder", folder, reason
+def _unkept(folder: Path, error: Exception, table: WindTable) -> WindTable:
+    """``table``, after the log was told why it is not kept."""
+    _warn_once(f"wind fits are not remembered in {folder}: {error}")
+    return table
+
+
+def task_key(task: WindTask) -> str:
+    """Fingerprint of the task and of the code that works it out, 64 hexadecimal digits."""
+    digest = hashlib.sha256(code_fingerprint(*TABLE_CODE).encode())
+    _add_content(digest, task)
+    return digest.hexdigest()
+
+
+def _add_content(digest: Any, content: Any) -> None:
+    """Add numbers, texts, arrays and tuples of these to ``digest``; types and shapes count."""
+    if isinstance(content, tuple):
+        digest.update(f"{len(content)} items\0".encode())
+        for item in content:
+            _add_content(digest, item)
+    elif isinstance(content, np.ndarray):
+        digest.update(f"{content.dtype.str} {content.shape}\0".encode())
+        digest.update(np.ascontiguousarray(content).tobytes())
+    else:
+        digest.update(f"{type(content).__name__} {content!r}\0".encode())
+
+
+def _kept_table(folder: Path, key: str, task: WindTask) -> WindTable | None:
+    """The entry ``key``; None if there is none, or a damaged one, which the log tells."""
+    arrays, numbers = folder / f"{key}.npz", folder / f"{key}.json"
+    if not (arrays.is_file() and numbers.is_file()):
+        return None
+    try:
+        table = _read_table(arrays, numbers)
+        table.check_for(task)
+    except (DataError, ValueError, TypeError, KeyError) as error:
+        _warn_once(f"{arrays} is damaged and is made again: {error}")
+        return None
+    cache.mark_used(arrays)
+    return table
+
+
+def _read_table(arrays: Path, numbers: Path) -> WindTable:
+    told = read_json(numbers)
+    if told.get("schema") != TABLE_SCHEMA or told.get("sha256") != file_fingerprint(arrays):
+        raise DataError(f"{numbers.name} does not belong to it")
+    if not isinstance(told.get("score"), dict):
+        raise DataError(f"{numbers.name} has no scores")
+    score = {str(name): math.nan if value is None else float(value) for name, value in told["score"].items()}
+    content = read_npz(arrays)
+    return WindTable(rho=float(told["rho"]), score=score, **{name: content[name] for name in ARRAYS})
+
+
+def _keep_table(folder: Path, key: str, table: WindTable) -> None:
+    arrays = folder / f"{key}.npz"
+    write_npz(arrays, {name: getattr(table, name) for name in ARRAYS})
+    write_json(
+        folder / f"{key}.json",
+        {"schema": TABLE_SCHEMA, "sha256": file_fingerprint(arrays), "rho": table.rho, "score": table.score},
     )
+    cache.trim_folder(folder, cache.cache_limit())
 
 
-__all__ = ["cache_folder", "cached_wind_table"]
+@lru_cache(maxsize=8)
+def _warn_once(reason: str) -> None:
+    """Log once that the cache does not work, and why."""
+    LOG.warning("%s; PARETO_LTL_CACHE names another folder", reason)
+
+
+__all__ = ["cache_folder", "cached_wind_table", "task_key"]

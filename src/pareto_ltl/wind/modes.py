@@ -15,7 +15,7 @@ import logging
 
 import numpy as np
 
-from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.support.arrays import Float32Array, FloatArray
 from pareto_ltl.support.cores import cores
 from pareto_ltl.wind.gp import CORRELATIONS, Hyper, WindPosterior, pairwise_distances
 
@@ -29,7 +29,7 @@ RELATIVE_RIDGE = 1e-9  # added noise variance over amplitude², for the Cholesky
 
 def posterior_modes(
     posterior: WindPosterior, nodes: FloatArray, energy: float, most: int
-) -> tuple[FloatArray, FloatArray]:
+) -> tuple[Float32Array, FloatArray]:
     """ψ at ``nodes`` (N, 2) [m] for every slot and component, and the variance it carries.
 
     Parameters

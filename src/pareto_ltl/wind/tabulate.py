@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from pareto_ltl.settings import WindConfig
-from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.support.arrays import Float32Array, FloatArray, require_shape
 from pareto_ltl.wind import gp, modes
 from pareto_ltl.wind.records import WindObservations
-
-WindTable = dict[str, Any]
 
 
 class NodeLattice(NamedTuple):
@@ -53,36 +51,71 @@ class WindTask(NamedTuple):
     mode_lattice: NodeLattice
 
 
-def tabulate_wind(task: WindTask, edition: str = "") -> WindTable:
-    """Fit the readings of ``task`` and evaluate the posterior on its lattices.
+class WindTable(NamedTuple):
+    """The posterior wind on the lattices of a task with K times.
 
-    Parameters
+    Attributes
     ----------
-    edition : str
-        Digest of the code; it only distinguishes the entries of the cache.
-
-    Returns
-    -------
-    dict
-        ``mean`` [m/s] and ``latent_var`` [m²/s²] (K, NX, NY, 2), ``gust_var`` (K, 2) [m²/s²], ``score``,
-        ``psi`` (K, MX, MY, 2, P) [m/s], ``energy`` (K, 2), ``rho``, ``hyper`` (K, 2, 4) = prior
-        mean, amplitude [m/s], length scale [m], noise [m/s].
+    mean : (K, NX, NY, 2) float
+        Expected wind [m/s].
+    latent_var : (K, NX, NY, 2) float
+        Variance of the smooth part [m²/s²].
+    gust_var : (K, 2) float
+        Variance of the white part [m²/s²].
+    psi : (K, MX, MY, 2, P) float
+        Modes [m/s].
+    energy : (K, 2) float
+        Share of the variance that the modes hold.
+    hyper : (K, 2, 4) float
+        Prior mean [m/s], amplitude [m/s], length scale [m], noise [m/s].
+    rho : float
+        Correlation of the errors of one time with those of the next.
+    score : dict of str to float
+        Scores of readings that were kept out; NaN where there were too few.
     """
+
+    mean: FloatArray
+    latent_var: FloatArray
+    gust_var: FloatArray
+    psi: Float32Array
+    energy: FloatArray
+    hyper: FloatArray
+    rho: float
+    score: dict[str, float]
+
+    def check_for(self, task: WindTask) -> None:
+        """Raise ``ValueError`` if this cannot be the table of ``task``: a wrong shape, NaN, out of range."""
+        slots, nodes, modes = len(task.times), task.lattice.shape, task.mode_lattice.shape
+        require_shape("mean", self.mean, slots, *nodes, 2)
+        require_shape("latent_var", self.latent_var, slots, *nodes, 2)
+        require_shape("gust_var", self.gust_var, slots, 2)
+        require_shape("psi", self.psi, slots, *modes, 2, None)
+        require_shape("energy", self.energy, slots, 2)
+        require_shape("hyper", self.hyper, slots, 2, 4)
+        for name, array in self._asdict().items():
+            if isinstance(array, np.ndarray) and not (array.dtype.kind == "f" and np.isfinite(array).all()):
+                raise ValueError(f"{name} is not finite")
+        if not (min(self.latent_var.min(), self.gust_var.min()) >= 0 and 0 <= self.rho <= 1):
+            raise ValueError("a variance is negative, or rho is not between 0 and 1")
+
+
+def tabulate_wind(task: WindTask) -> WindTable:
+    """Fit the readings of ``task`` and evaluate the posterior on its lattices."""
     cfg = WindConfig(kernel=task.kernel, noise_min=task.noise_min, holdout=task.holdout)
     posterior = gp.fit_posterior(cfg, WindObservations(task.times, task.points, task.winds, ""))
     mean, var = posterior.at(task.lattice.nodes())
     psi, energy = modes.posterior_modes(posterior, task.mode_lattice.nodes(), task.energy, task.modes_max)
     slots = len(task.times)
-    return {
-        "mean": mean.reshape(slots, *task.lattice.shape, 2),
-        "latent_var": var.reshape(slots, *task.lattice.shape, 2),
-        "gust_var": posterior.gust_var,
-        "score": posterior.score,
-        "psi": psi.reshape(slots, *task.mode_lattice.shape, 2, -1),
-        "energy": energy,
-        "rho": modes.error_persistence(posterior),
-        "hyper": np.array(posterior.hyper),
-    }
+    return WindTable(
+        mean=mean.reshape(slots, *task.lattice.shape, 2),
+        latent_var=var.reshape(slots, *task.lattice.shape, 2),
+        gust_var=posterior.gust_var,
+        psi=psi.reshape(slots, *task.mode_lattice.shape, 2, -1),
+        energy=energy,
+        hyper=np.array(posterior.hyper),
+        rho=modes.error_persistence(posterior),
+        score=posterior.score,
+    )
 
 
 __all__ = ["NodeLattice", "WindTable", "WindTask", "tabulate_wind"]
