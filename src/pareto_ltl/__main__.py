@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import sys
 
 
@@ -9,6 +10,9 @@ def main() -> None:
     """Run the command line and leave with its exit code."""
     from pareto_ltl.cli.commands import run_command_line
 
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):  # a terminal may lack a letter that a message has
+            stream.reconfigure(errors="replace")
     sys.exit(run_command_line(sys.argv[1:]))
 
 

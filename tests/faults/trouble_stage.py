@@ -3,7 +3,7 @@
 This folder is on ``PYTHONPATH`` of a test's processes; the metadata beside this file make the stage known.
 
 ``kill_3`` there: the job of seed 3 kills itself, once. ``kill_always_3``: every time. ``full_3``: nothing
-can be written any more. ``none_3``: there is no plan. ``slow``: every job takes half a second more.
+can be written any more. ``none_3``: there is no plan. ``hold_3``: the job waits until this file is gone.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ def make_trouble(inputs: StageInputs) -> int:
     asked = Path(os.environ["TROUBLE"])
     with (asked / "begun.txt").open("a") as file:
         file.write(f"{settings.seed}\n")
-    if (asked / "slow").exists():
-        time.sleep(0.5)
+    while (asked / f"hold_{settings.seed}").exists():
+        time.sleep(0.02)
     once = asked / f"kill_{settings.seed}"
     if once.exists() or (asked / f"kill_always_{settings.seed}").exists():
         once.unlink(missing_ok=True)

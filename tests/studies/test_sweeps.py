@@ -10,7 +10,6 @@ import signal
 import statistics
 import subprocess
 import sys
-import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from html.parser import HTMLParser
@@ -36,6 +35,7 @@ from pareto_ltl.support import locks
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.files import write_json
 from pareto_ltl.support.resources import choices
+from patience import PATIENCE, wait_until
 
 FAULTS = Path(__file__).parents[1] / "faults"
 PLACE = Path("multirun/plan")
@@ -74,7 +74,7 @@ def start(*argv: str) -> subprocess.Popen[str]:
 
 def sweep(*argv: str) -> subprocess.CompletedProcess[str]:
     with start(*argv) as process:
-        out, err = process.communicate(timeout=300)
+        out, err = process.communicate(timeout=PATIENCE)
     return subprocess.CompletedProcess(argv, process.returncode, out, err)
 
 
@@ -88,14 +88,8 @@ def statuses(place: Path = PLACE) -> dict[str, str]:
 
 
 def begun(asked: Path) -> list[str]:
-    return sorted((asked / "begun.txt").read_text().split())
-
-
-def until(true: Callable[[], bool], seconds: float = 120.0) -> None:
-    end = time.monotonic() + seconds
-    while not true():
-        assert time.monotonic() < end
-        time.sleep(0.02)
+    told = asked / "begun.txt"
+    return sorted(told.read_text().split()) if told.exists() else []
 
 
 TROUBLED = (
@@ -111,11 +105,14 @@ TROUBLED = (
 
 def test_a_launcher_killed_in_the_middle_and_started_again_gives_the_same_summary(asked: Path) -> None:
     argv = (*SMALL, PLANNED, "seed=range(0,5)", "hydra/launcher=joblib", "hydra.launcher.n_jobs=2")
-    (asked / "slow").touch()
+    for seed in (3, 4):
+        (asked / f"hold_{seed}").touch()
     with start(*argv) as process:
-        until(lambda: len(list(PLACE.glob("*/metrics.json"))) >= 2)
+        wait_until(lambda: len(list(PLACE.glob("*/metrics.json"))) == 3)
         process.kill()
-    assert len(list(PLACE.glob("*/metrics.json"))) < 5
+    assert len(list(PLACE.glob("*/metrics.json"))) == 3
+    for seed in (3, 4):
+        (asked / f"hold_{seed}").unlink()
     again = sweep(*argv)
     assert again.returncode == 0, again.stderr
     assert "of 5 have their answers already" in again.stdout
@@ -129,16 +126,19 @@ def test_a_launcher_killed_in_the_middle_and_started_again_gives_the_same_summar
 
 
 def test_a_sweep_that_is_asked_to_end_ends_its_jobs_and_goes_on_later(asked: Path) -> None:
-    (asked / "slow").touch()
+    for seed in range(6):
+        (asked / f"hold_{seed}").touch()
     with start(*TROUBLED) as process:
-        until(lambda: len(list(PLACE.glob("*/run.json"))) >= 2)
+        wait_until(lambda: len(begun(asked)) == 2)
         process.terminate()
-        _, err = process.communicate(timeout=120)
+        _, err = process.communicate(timeout=PATIENCE)
     assert process.returncode == 143, err
     assert [line for line in err.splitlines() if "stopped" in line] == ["pareto-ltl: stopped by SIGTERM"]
     found = [json.loads(path.read_text())["status"] for path in PLACE.glob("*/run.json")]
     assert "stopped" in found
     assert set(found) <= {"ok", "stopped"}
+    for seed in range(6):
+        (asked / f"hold_{seed}").unlink()
     assert sweep(*TROUBLED).returncode == 0
 
 
@@ -190,11 +190,12 @@ def test_a_full_disk_an_infeasible_job_and_a_damaged_result_leave_the_others_alo
 
 
 def test_the_same_sweep_started_twice_at_once_is_done_once(asked: Path) -> None:
-    (asked / "slow").touch()
+    (asked / "hold_5").touch()
     with start(*TROUBLED) as first:
-        until(lambda: (asked / "begun.txt").exists())
+        wait_until(lambda: bool(begun(asked)))
         second = sweep(*TROUBLED)
-        _, err = first.communicate(timeout=120)
+        (asked / "hold_5").unlink()
+        _, err = first.communicate(timeout=PATIENCE)
     assert first.returncode == 0, err
     assert second.returncode == 2
     assert second.stderr.count("\n") == 1
@@ -229,10 +230,13 @@ def test_submitit_runs_the_same_sweep(asked: Path) -> None:
 
 def test_submitit_waits_for_all_jobs_when_one_is_killed_and_runs_that_one_again(asked: Path) -> None:
     (asked / "kill_0").touch()
-    (asked / "slow").touch()
+    (asked / "hold_1").touch()
     argv = ("pipelines.stages=[trouble]", "seed=0,1", "hydra/launcher=submitit_local")
-    done = sweep(*argv, "hydra.sweeper.max_batch_size=2")
-    assert done.returncode == 0, done.stdout + done.stderr
+    with start(*argv, "hydra.sweeper.max_batch_size=2") as process:
+        wait_until(lambda: not (asked / "kill_0").exists())
+        (asked / "hold_1").unlink()
+        out, err = process.communicate(timeout=PATIENCE)
+    assert process.returncode == 0, out + err
     assert set(statuses().values()) == {"ok"}
     assert begun(asked) == ["0", "0", "1"]  # nothing that was at work was started anew
 
@@ -538,7 +542,7 @@ def made(place: Path, runs: int = 200) -> SweepManifest:
     points = []
     for n_max in (100, 1000):
         for seed in range(5):
-            point = SweepPoint(f"{n_max}x{seed}", {"planner.n_max": str(n_max), "seed": str(seed)})
+            point = SweepPoint(f"{n_max:08}{seed:08}", {"planner.n_max": str(n_max), "seed": str(seed)})
             points.append(point)
             directory = answer(place / point.job)
             failures = int(rng.integers(0, 6))
@@ -636,6 +640,26 @@ def test_the_page_shows_every_job_and_takes_no_error_for_markup(tmp_path: Path) 
     assert "<b>no</b> wind & no way" in cells.text
     assert cells.fetched == []  # the page is whole without a network
     assert (tmp_path / "figures" / "failure_independent_over_planner.n_max.png").stat().st_size > 0
+
+
+def test_the_name_of_a_folder_is_no_markup_either(tmp_path: Path) -> None:
+    name = "x'><script>alert(1)<"  # what Hydra's own sweeper or a planted folder might be called
+    (tmp_path / name).mkdir()
+    write_json(tmp_path / name / "run.json", {"status": "<b>", "error": "<i>", "overrides": ["seed=<u>"]})
+    summary.write_summary(tmp_path)
+    source = (tmp_path / "summary.html").read_text()
+    assert not any(f"<{mark}" in source for mark in ("script>alert", "i>", "u>"))
+    assert "<b>" not in source
+
+
+@pytest.mark.parametrize("job", ["../../elsewhere", "0123456789abcdef\n", "0123", "x' onclick='y", ""])
+def test_only_fingerprints_name_the_jobs_of_a_sweep(tmp_path: Path, job: str) -> None:
+    made(tmp_path)
+    content = json.loads((tmp_path / "sweep.json").read_text())
+    content["points"][0]["job"] = job
+    write_json(tmp_path / "sweep.json", content)
+    with pytest.raises(DataError, match="/points/0/job: expected 16 hexadecimal digits"):
+        summary.write_summary(tmp_path)
 
 
 def test_the_figure_is_chosen_among_the_columns(tmp_path: Path) -> None:

@@ -13,6 +13,7 @@ from pareto_ltl.cli.cache_command import cache_command
 from pareto_ltl.support import cache
 from pareto_ltl.support.cores import GIVEN, cores
 from pareto_ltl.support.errors import ConfigError
+from patience import PATIENCE
 
 FIT = """
 import sys
@@ -50,7 +51,7 @@ def fit(seed: int = 0) -> subprocess.Popen[str]:
 
 def test_processes_that_begin_together_fit_the_wind_once_and_agree(folder: Path) -> None:
     processes = [fit() for _ in range(3)]
-    outputs = {process.communicate(timeout=120)[0] for process in processes}
+    outputs = {process.communicate(timeout=PATIENCE)[0] for process in processes}
     assert [process.returncode for process in processes] == [0, 0, 0]
     assert len(outputs) == 1
     assert Path("fits.txt").read_text().split() == ["fit"]
@@ -59,11 +60,11 @@ def test_processes_that_begin_together_fit_the_wind_once_and_agree(folder: Path)
 def test_the_cache_keeps_below_its_limit(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PARETO_LTL_CACHE_MIB", "0")
     with fit() as process:
-        assert process.wait(timeout=120) == 0
+        assert process.wait(timeout=PATIENCE) == 0
     assert list((folder / "wind").iterdir()) == []
     monkeypatch.delenv("PARETO_LTL_CACHE_MIB")
     with fit() as process:
-        assert process.wait(timeout=120) == 0
+        assert process.wait(timeout=PATIENCE) == 0
     assert [path.suffix for path in sorted((folder / "wind").iterdir())] == [".json", ".npz"]
 
 

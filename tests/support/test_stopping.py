@@ -11,6 +11,7 @@ import threading
 import pytest
 
 from pareto_ltl.support.stopping import SIGNALS, StoppedError, signals_raise
+from patience import PATIENCE
 
 
 @pytest.mark.parametrize("number", SIGNALS)
@@ -64,4 +65,4 @@ def test_child_processes_are_asked_to_end_first() -> None:
     child = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(600)"])
     with pytest.raises(StoppedError), signals_raise():
         os.kill(os.getpid(), signal.SIGTERM)
-    assert child.wait(timeout=60) == -signal.SIGTERM
+    assert child.wait(timeout=PATIENCE) == -signal.SIGTERM

@@ -14,9 +14,11 @@ import pytest
 from scipy.interpolate import RegularGridInterpolator
 
 from pareto_ltl.settings import WindConfig
+from pareto_ltl.support.archives import read_npz
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.support.files import read_json, read_npz, write_json, write_npz
+from pareto_ltl.support.files import write_json, write_npz
 from pareto_ltl.support.fingerprints import PACKAGE, file_fingerprint
+from pareto_ltl.support.reading import read_json
 from pareto_ltl.wind import field, fit_cache, sources
 from pareto_ltl.wind import gp as regression
 from pareto_ltl.wind.fit_cache import _warn_once

@@ -7,6 +7,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from pareto_ltl.support.errors import DataError
+from pareto_ltl.support.files import remove_dead_drafts
 from pareto_ltl.support.locks import claim_folder
 
 RUN_LOCK = "run.lock"
@@ -22,6 +23,8 @@ RECORD_FILES = (
     "convergence_seeds.csv", "first_answer.csv", "ablation.csv", "hindcast.csv", "reliability.csv",
     "scorecard.csv",
 )  # fmt: skip
+
+FOLDERS = tuple({name.partition("/")[0] for name in (*BOOKKEEPING, *RECORD_FILES) if "/" in name})
 
 
 @contextmanager
@@ -50,7 +53,10 @@ def claimed_directory(directory: Path, written: Iterable[str] = ()) -> Iterator[
 
 
 def clear_results(directory: Path, written: Iterable[str] = ()) -> None:
-    """Remove what a run writes from ``directory``; all other files stay."""
+    """Remove what a run writes from ``directory``, also half-written; all other files stay."""
+    for folder in (directory, *(directory / name for name in FOLDERS)):
+        if not folder.is_symlink():
+            remove_dead_drafts(folder)
     for pattern in dict.fromkeys((*BOOKKEEPING, *RECORD_FILES, *written)):
         for path in directory.glob(pattern):
             linked = path.parent != directory and path.parent.is_symlink()

@@ -42,7 +42,7 @@ def run_metrics(records: Records, seconds: Mapping[str, float]) -> dict[str, flo
             table |= numbers
     table |= {f"seconds_{name}": spent for name, spent in seconds.items()}
     table["run_seconds"] = math.fsum(seconds.values())
-    table["memory_mib"] = _peak_memory()
+    table["memory_mib"] = peak_memory()
     return table
 
 
@@ -129,13 +129,14 @@ def _deployment_numbers(deployments: Mapping[str, Deployment]) -> dict[str, floa
     return {name: rate for flights in deployments.values() for name, rate in flight_rates(flights).items()}
 
 
-def _peak_memory() -> float:
+def peak_memory() -> float:
     """Largest memory this process has held [MiB]."""
     try:
         import resource
-    except ImportError:  # Windows
+    except ImportError:  # Windows, which has a peak of its own; elsewhere what is held now is the best guess
         import psutil
 
-        return float(psutil.Process().memory_info().peak_wset) / 2**20  # type: ignore[attr-defined, unused-ignore]
+        held = psutil.Process().memory_info()
+        return float(getattr(held, "peak_wset", held.rss)) / 2**20
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     return peak / (2**20 if sys.platform == "darwin" else 2**10)  # bytes on macOS, kibibytes on Linux

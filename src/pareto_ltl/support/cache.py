@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import os
 import shutil
+import tempfile
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
@@ -27,7 +28,11 @@ def cache_root() -> Path:
         return Path(named)
     import platformdirs
 
-    return Path(platformdirs.user_cache_dir("pareto_ltl"))
+    place = Path(platformdirs.user_cache_dir("pareto_ltl"))
+    if place.is_absolute():
+        return place
+    owner = os.geteuid() if hasattr(os, "geteuid") else "user"  # there is no home, as in many containers
+    return Path(tempfile.gettempdir()) / f"pareto_ltl-{owner}"
 
 
 def cache_limit() -> int:

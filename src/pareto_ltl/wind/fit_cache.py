@@ -16,9 +16,11 @@ from typing import Any
 import numpy as np
 
 from pareto_ltl.support import cache
+from pareto_ltl.support.archives import read_npz
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.support.files import read_json, read_npz, write_json, write_npz
+from pareto_ltl.support.files import write_json, write_npz
 from pareto_ltl.support.fingerprints import code_fingerprint, file_fingerprint
+from pareto_ltl.support.reading import read_json
 from pareto_ltl.wind.tabulate import WindTable, WindTask, tabulate_wind
 
 LOG = logging.getLogger(__name__)

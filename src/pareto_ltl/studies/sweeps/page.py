@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from html import escape
 from typing import TYPE_CHECKING
+from urllib.parse import quote
 
 from pareto_ltl.report.metric_names import is_probability, metric_label
 from pareto_ltl.settings import LAWS
@@ -139,7 +140,7 @@ def _jobs_section(summary: SweepSummary, way: str) -> str:
 
 
 def _job_cells(row: SweepRow, keys: Sequence[str], shown: Sequence[str], failed: bool, way: str) -> list[str]:
-    cells = [f"<td class=word><a href='{way}{row.job}/'>{row.job[:8]}</a></td>"]
+    cells = [f"<td class=word><a href='{way}{quote(row.job, safe='')}/'>{escape(row.job[:8])}</a></td>"]
     cells += [_word_cell(row.overrides.get(key, "")) for key in keys]
     cells.append(f"<td class=word><span class='status {row.state.status}'>{row.state.status}</span></td>")
     for name in (*shown, "run_seconds"):
