@@ -178,7 +178,7 @@ def paper_problem(name: str, planner: PlannerConfig | None = None, *, slots: int
     settings = yaml.safe_load((SCENES / f"{name}.yaml").read_text())
     scene = replace(read_scene(SceneConfig(**settings), None), crs=None)
     wind = rough_wind(scene, speed=10.0, variance=3.0, slots=slots, hours=3.0)
-    return make_problem(MISSIONS[name], scene, wind, RobotConfig(), planner)
+    return make_problem(MISSIONS[name], scene, wind, RobotConfig(dt=1800.0), planner)
 
 
 def polygon_faces(faces: Faces) -> Iterator[tuple[FloatArray, FloatArray]]:

@@ -11,7 +11,7 @@ from pareto_ltl.cli.summary import print_summary, summary_rows
 from pareto_ltl.settings import Settings, preset
 
 METRICS = {
-    "length_m": 1.5e6, "duration_s": 90_000.0,
+    "length_m": 1.5e6, "duration_s": 90_000.0, "dt_s": 1800.0,
     "mission_risk_paper": 0.01234567, "mission_risk": 0.5, "mission_risk_ordered": 3.21e-5,
     "collision_risk": 0.0,
     "acceptance_estimate": 0.0123, "acceptance_runs": 2000.0, "acceptance_failure": 0.0015,
@@ -27,7 +27,7 @@ def test_every_probability_stands_beside_its_wind_law() -> None:
     rows = dict(summary_rows(METRICS, "coherent"))
     assert rows == {
         "length": "1,500.0 km",
-        "flight time": "25.0 h",
+        "flight time": "25.00 h in steps of 1,800 s",
         "mission risk f_o (paper), independent winds": "1.2 %",
         "mission risk V, coherent winds": "0.0032 %",
         "collision risk R, coherent winds": "0 %",

@@ -64,8 +64,8 @@ def build(formula, start, regions, obstacles=(), wind=None, size=1000.0, planner
     )
     cells = workspace.decompose(scene)
     return build_problem(
-        RobotConfig(), planner or PlannerConfig(), WindConfig(), scene, wind or still_air(size), cells,
-        translate(formula, cells.letters),
+        RobotConfig(dt=1800.0), planner or PlannerConfig(), WindConfig(), scene, wind or still_air(size),
+        cells, translate(formula, cells.letters),
     )  # fmt: skip
 
 
@@ -169,7 +169,13 @@ def test_calm_missions_end_within_a_thousandth_of_the_exact_optimum(name, formul
     cells = workspace.decompose(scene)
     shifted = wind_of(lambda x, y, k: (0 * x, 0 * x), 0.0, 0.0, 1000.0)
     task = build_problem(
-        RobotConfig(), PlannerConfig(), WindConfig(), scene, shifted, cells, translate(formula, cells.letters)
+        RobotConfig(dt=1800.0),
+        PlannerConfig(),
+        WindConfig(),
+        scene,
+        shifted,
+        cells,
+        translate(formula, cells.letters),
     )
     forest = growth.grow_forest(PlannerConfig(trees=2, threads=1), task, SeedSequence(0))
     best = shortest(smoothing.smooth_paths(SmoothingConfig(), task, selection.tree_front(task, forest)))

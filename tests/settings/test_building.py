@@ -90,7 +90,7 @@ def test_one_model_changes_on_top_of_its_preset(name: str) -> None:
         ({"planner": {"trees": 2.5}}, "planner.trees must be a whole number, got 2.5"),
         ({"planner": {"trees": True}}, "planner.trees must be a whole number, got True"),
         ({"planner": {"trees": 0}}, "planner.trees must lie in [1, 10000], got 0"),
-        ({"robot": {"dt": "soon"}}, "robot.dt must be a number, got 'soon'"),
+        ({"robot": {"dt": "soon"}}, "robot.dt must lie in [0.001, 1000000] [s] or be auto, got 'soon'"),
         ({"robot": 30}, "robot must be a choice, a mapping or a settings object, got 30"),
         ({"wind": "storm"}, "there is no wind 'storm'; there are calm, "),
         ({"mission": {"goals": "a"}}, "mission.goals must be "),

@@ -53,7 +53,8 @@ def summary_rows(metrics: Mapping[str, float], law: str) -> Iterator[tuple[str, 
 
 def _plan_rows(metrics: Mapping[str, float], law: str) -> Iterator[tuple[str, str]]:
     yield "length", f"{metrics['length_m'] / 1e3:,.1f} km"
-    yield "flight time", f"{metrics['duration_s'] / 3600:.1f} h"
+    steps = f" in steps of {metrics['dt_s']:,.6g} s" if "dt_s" in metrics else ""
+    yield "flight time", f"{metrics['duration_s'] / 3600:,.2f} h{steps}"
     yield "mission risk f_o (paper), independent winds", probability_text(metrics["mission_risk_paper"])
     yield f"mission risk V, {law} winds", probability_text(metrics["mission_risk_ordered"])
     yield f"collision risk R, {law} winds", probability_text(metrics["collision_risk"])

@@ -17,6 +17,7 @@ from pareto_ltl.support.errors import DataError
 from pareto_ltl.wind.records import WindField
 from pareto_ltl.world.cells import Decomposition, half_planes, locator
 from pareto_ltl.world.scene import Scene
+from pareto_ltl.world.time_step import with_time_step
 
 LOG = logging.getLogger(__name__)
 
@@ -203,6 +204,7 @@ def build_problem(
     DataError
         If the wind is not known at departure, or is faster than the robot everywhere.
     """
+    robot = with_time_step(robot, scene, planner.max_steps)
     atoms = tuple(automaton.atoms)
     epsilon = EPSILON[fidelity.collision_bound] if planner.epsilon is None else planner.epsilon
     marks = scene.landmarks if fidelity.law == "coherent" else ()

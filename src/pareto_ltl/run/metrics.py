@@ -103,6 +103,7 @@ def _plan_numbers(plan: Plan) -> dict[str, float]:
         "mission_risk_ordered": o.mission_risk_ordered,
         "collision_risk": o.collision_risk,
         "steps": len(plan.path.u),
+        "dt_s": plan.dt,
         "duration_s": float(plan.path.t[-1] - plan.path.t[0]),
         **_acceptance_numbers(plan.acceptance),
     }

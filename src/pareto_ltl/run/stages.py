@@ -105,9 +105,11 @@ def make_observations(inputs: StageInputs) -> WindObservations:
 def make_wind(inputs: StageInputs) -> WindField:
     """The posterior wind for as long as a plan can last."""
     from pareto_ltl.wind import field
+    from pareto_ltl.world.time_step import step_of
 
     settings = inputs.settings
-    horizon = settings.planner.max_steps * settings.robot.dt
+    steps = settings.planner.max_steps
+    horizon = steps * step_of(settings.robot, inputs[SCENE], steps)
     return field.fit_wind_field(settings.wind, inputs[OBSERVATIONS], inputs[SCENE], horizon)
 
 
@@ -172,7 +174,7 @@ def make_plan(inputs: StageInputs) -> Plan:
         path=path,
         formula=problem.automaton.formula,
         atoms=tuple(problem.atoms),
-        dt=settings.robot.dt,
+        dt=problem.motion.dt,
         u_max=settings.robot.u_max,
         epsilon=problem.epsilon,
         fidelity=settings.fidelity.label,

@@ -10,7 +10,7 @@ import math
 import re
 from collections.abc import Iterator
 from copy import deepcopy
-from dataclasses import Field, dataclass, field, fields
+from dataclasses import Field, dataclass, field, fields, replace
 from datetime import datetime
 from numbers import Integral, Real
 from typing import Any, ClassVar
@@ -45,6 +45,8 @@ class Declaration:
         What the limits stand for; printed in brackets after them.
     group : str
         Entry points whose names are choices too (``support.extensions``).
+    words : tuple of str
+        Words that may stand in place of a number, e.g. ``auto``; the setting has the type Any.
     """
 
     meaning: str
@@ -58,6 +60,7 @@ class Declaration:
     distinct: bool = False
     remark: str = ""
     group: str = ""
+    words: tuple[str, ...] = ()
 
     def all_choices(self) -> tuple[str, ...]:
         """Our own choices, then those that other packages add."""
@@ -65,6 +68,9 @@ class Declaration:
 
     def range_text(self) -> str:
         """The range in words, e.g. "at least 1"; empty where every value is allowed."""
+        return " or ".join([self._number_range(), *self.words])
+
+    def _number_range(self) -> str:
         remark = f" ({self.remark})" if self.remark else ""
         if self.choices:
             return f"one of {', '.join(self.all_choices())}"
@@ -81,7 +87,9 @@ class Declaration:
 
     def demand(self) -> str:
         """The range as an error message says it after "must", e.g. "be positive [s]"."""
-        text = self.range_text()
+        text = self._number_range()
+        if self.words:
+            return f"{replace(self, words=()).demand()} or be {' or '.join(self.words)}"
         if text.startswith("one of"):
             return f"be {text}"
         unit = f" [{self.unit}]" if self.unit else ""
@@ -93,7 +101,7 @@ class Declaration:
         """Whether one value (an item, where the setting is a list) lies in the range; never for NaN."""
         if self.choices:
             return value in self.choices or value in self.all_choices()
-        if not self.range_text():
+        if not self.range_text() or (isinstance(value, str) and value in self.words):
             return True
         least = 0.0 if self.not_negative else self.least
         return is_finite(value) and (
@@ -155,11 +163,14 @@ class CheckedSettings:
 
 
 def check_value(key: str, value: Any, declared: Declaration) -> None:
-    """Raise :class:`ConfigError` if ``value`` (or an item of a list) is out of range; None is allowed."""
+    """Raise :class:`ConfigError` if ``value`` (or an item of a list) is out of range.
+
+    None is allowed, except where a word may stand in place of a number.
+    """
     if declared.distinct:
         _check_distinct(key, value, declared)
-    for item in value if isinstance(value, list) else [value]:
-        if item is not None and not declared.allows(item):
+    for item in value if isinstance(value, list) and not declared.words else [value]:
+        if (item is not None or declared.words) and not declared.allows(item):
             found = "; got" if declared.choices else ", got"
             raise ConfigError(f"{key} must {declared.demand()}{found} {shown_value(item)}")
 

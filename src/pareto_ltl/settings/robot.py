@@ -15,7 +15,15 @@ class RobotConfig(CheckedSettings):
     """The robot: x' = A x + dt B u + dt w, ‖u‖ ≤ u_max."""
 
     section: ClassVar[str] = "robot"
-    dt: float = setting(1800.0, "time step", unit="s", least=1e-3, most=1e6)
+    dt: Any = setting(
+        "auto",
+        "time step; auto: one that is short for the regions and passages of the map, and long enough for "
+        "planner.max_steps (world/time_step.py)",
+        unit="s",
+        least=1e-3,
+        most=1e6,
+        words=("auto",),
+    )
     u_max: float = setting(30.0, "largest airspeed", unit="m/s", least=1e-3, most=1e4)
     a: list[Any] = setting([[1.0, 0.0], [0.0, 1.0]], "matrix A of the dynamics (2 x 2)")
     b: list[Any] = setting([[1.0, 0.0], [0.0, 1.0]], "matrix B of the dynamics (2 x 2, invertible)")
@@ -41,6 +49,8 @@ class RobotConfig(CheckedSettings):
     )
 
     def check_combinations(self) -> None:
+        if not isinstance(self.dt, str):
+            self.dt = float(self.dt)
         check_matrix("robot.a", self.a)
         check_matrix("robot.b", self.b)
         (p, q), (r, s) = self.b

@@ -30,7 +30,7 @@ import numpy as np
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.report.records import Study
 from pareto_ltl.run.pipeline import Run
-from pareto_ltl.run.records import PLAN, PROBLEM, Records
+from pareto_ltl.run.records import PLAN, PROBLEM, SCENE, Records
 from pareto_ltl.settings import Settings
 from pareto_ltl.settings.studies import MODEL_FACTORS
 from pareto_ltl.studies.compare import bound, failed, outcomes, truth
@@ -46,6 +46,7 @@ from pareto_ltl.studies.tables import (
 )
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import ConfigError, InfeasibleError
+from pareto_ltl.world.time_step import step_of
 
 FACTOR_TITLES = {
     "trees": "trees",
@@ -104,6 +105,8 @@ def run_ablation(
 ) -> Study:
     """Plan with every level and seed, and fly all plans."""
     _check(settings)
+    dt = step_of(settings.robot, world[SCENE], settings.planner.max_steps)
+    settings = replace(settings, robot=replace(settings.robot, dt=dt))
     context, todo = _ablation_context(settings, world), []
     for factor, level in levels(settings):
         for seed in settings.evaluation.seeds:

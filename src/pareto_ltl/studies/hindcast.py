@@ -43,6 +43,7 @@ from pareto_ltl.wind.sources.grib_files import read_grib_files
 
 RIM = 4.0  # readings are kept so far outside ``hindcast.area``, for scenes at its edge [deg]
 NORMAL_90 = 1.6448536269514722  # a standard normal stays within with probability 0.9
+HALF_HOUR = 1800.0  # time step of robot.dt=auto here [s]
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,13 +142,15 @@ def hindcast_part(context: HindcastContext, k: int) -> Columns:
 def mission_run(context: HindcastContext, task: Mission, fidelity: str) -> Run:
     """The planner, which knows the thinned readings and no more."""
     settings, cfg = context.settings, context.settings.hindcast
-    steps = int(cfg.hours * 3600 // settings.robot.dt)
+    dt = HALF_HOUR if isinstance(settings.robot.dt, str) else settings.robot.dt  # one step for all maps
+    steps = int(cfg.hours * 3600 // dt)
     mine = replace(
         settings,
         fidelity=preset(fidelity),
         seed=settings.seed + task.number,
         mission=MissionConfig(formula=task.formula, start_time=task.scene.time_zero),
         wind=seen(settings.wind, context.tables[task.spell.name]),
+        robot=replace(settings.robot, dt=dt),
         planner=replace(settings.planner, max_steps=min(settings.planner.max_steps, steps), threads=1),
         deployment=replace(settings.deployment, laws=list(settings.evaluation.laws)),
     )

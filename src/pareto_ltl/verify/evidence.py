@@ -129,6 +129,8 @@ class Evidence:
     @cached_property
     def robot(self) -> Robot:
         told = self.settings["robot"]
+        if isinstance(told["dt"], str):  # auto: the plan says what it came to
+            told = told | {"dt": self.plan["dt"]}
         return Robot(
             a=np.array(told["a"], float), b=np.array(told["b"], float), ball=self.settings["wind"]["ball"],
             **{key: told[key] for key in (

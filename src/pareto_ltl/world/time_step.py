@@ -1,0 +1,211 @@
+"""The time step of a map: ``robot.dt=auto``, and what is said of a step that is too long for the map.
+
+A step is long for a map if the robot flies over a region or a passage in one step. It is short if a flight
+takes more steps than a path may have.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pareto_ltl.settings import RobotConfig
+from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.support.display import distance_text
+from pareto_ltl.world.scene import Scene
+
+LOG = logging.getLogger(__name__)
+
+STEPS_ACROSS = 18.0  # full steps along the longer side of a map, at least
+SHARE_OF_PLACE = 0.6  # a full step, of the narrowest region or passage
+SLOW = 0.6  # ground speed on the way, of the largest airspeed
+DETOUR = 1.5  # length of a flight, of that of the tour of all regions
+RASTER = 160  # cells along the longer side of the map on which passages are measured
+READABLE = (
+    *(m * 10.0**k for k in range(-3, 1) for m in (1.0, 2.0, 5.0)),
+    10.0, 15.0, 20.0, 30.0, 60.0, 120.0, 180.0, 300.0, 600.0, 900.0, 1200.0, 1800.0,
+    3600.0, 7200.0, 10_800.0, 21_600.0, 43_200.0, 86_400.0,
+)  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Narrowest:
+    """The narrowest place that a flight has to meet: ``what`` it is, and how wide [m]."""
+
+    what: str
+    width: float
+
+
+def with_time_step(robot: RobotConfig, scene: Scene, max_steps: int) -> RobotConfig:
+    """``robot`` with a number for ``dt`` [s]: that of the settings, or for ``auto`` one that fits the map.
+
+    Logs what ``auto`` comes to, and warns of a step that is longer than a region or a passage.
+    """
+    if isinstance(robot.dt, str):
+        dt = fitting_step(robot, scene, max_steps)
+        LOG.info("robot.dt=auto: %g s, a full step of %s", dt, distance_text(robot.u_max * dt))
+        return replace(robot, dt=dt)
+    if warning := too_long(robot, scene, max_steps):
+        LOG.warning("%s", warning)
+    return robot
+
+
+def fitting_step(robot: RobotConfig, scene: Scene, max_steps: int) -> float:
+    """The longest readable time step [s] that is short for the map, unless a flight then has too many steps.
+
+        u_max dt <= min(side / 18, 0.6 width),    dt >= 1.5 tour / (0.6 u_max max_steps)
+
+    with the longer side of the map, the width of the narrowest region or passage and the length of a tour of
+    all regions. The second limit is the stronger one.
+    """
+    side = float(np.ptp(scene.bounds, axis=0).max())
+    longest = min(side / STEPS_ACROSS, SHARE_OF_PLACE * narrowest_place(scene).width) / robot.u_max
+    least = DETOUR * tour_length(scene) / (SLOW * robot.u_max * max_steps)
+    below = [dt for dt in READABLE if dt <= longest * (1 + 1e-9)]
+    dt = below[-1] if below else longest
+    return dt if dt >= least else next((s for s in READABLE if s >= least), least)
+
+
+def too_long(robot: RobotConfig, scene: Scene, max_steps: int) -> str:
+    """What is wrong with a full step longer than a region or a passage, and a step that fits; else empty."""
+    place, step = narrowest_place(scene), robot.u_max * float(robot.dt)
+    fits = fitting_step(robot, scene, max_steps)
+    if step <= place.width or fits >= robot.dt:
+        return ""
+    return (
+        f"a full step of {distance_text(step)} (robot.dt={robot.dt:g} at {robot.u_max:g} m/s) is longer than "
+        f"{place.what} is wide ({distance_text(place.width)}): set robot.dt={fits:g}, or robot.dt=auto"
+    )
+
+
+def narrowest_place(scene: Scene) -> Narrowest:
+    """The narrowest region, or the narrowest passage that no flight to all regions can avoid."""
+    places = [
+        Narrowest(f"region {name!r}", polygon_width(corners)) for name, corners in scene.regions.items()
+    ]
+    passage = passage_width(scene)
+    if math.isfinite(passage):
+        places.append(Narrowest("the narrowest passage between obstacles", passage))
+    side = Narrowest("the map", float(np.ptp(scene.bounds, axis=0).min()))
+    return min(places, key=lambda place: place.width, default=side)
+
+
+def polygon_width(corners: FloatArray) -> float:
+    """Least distance [m] between two parallel lines that enclose the polygon."""
+    along = np.roll(corners, -1, axis=0) - corners
+    length = np.linalg.norm(along, axis=1)
+    along = along[length > 0] / length[length > 0, None]
+    across = np.stack([-along[:, 1], along[:, 0]]).T @ corners.T
+    return float(np.ptp(across, axis=1).min())
+
+
+def tour_length(scene: Scene) -> float:
+    """Length [m] of a tour from the start to all regions, always to the nearest one that is left."""
+    here = np.asarray(scene.start, float)
+    left = [corners.mean(axis=0) for corners in scene.regions.values()]
+    total = 0.0
+    while left:
+        gaps = [float(np.linalg.norm(place - here)) for place in left]
+        nearest = int(np.argmin(gaps))
+        total += gaps[nearest]
+        here = left.pop(nearest)
+    return total
+
+
+def passage_width(scene: Scene) -> float:
+    """Width [m] of the narrowest passage on the widest ways from the start to all regions; inf without any.
+
+    Measured on a raster: twice the largest clearance c for which the start and all regions lie in one
+    connected part of the points that are at least c away from every obstacle. What lies near the start, or is
+    part of a region, counts as wide.
+    """
+    if not scene.obstacles:
+        return math.inf
+    grid = _Raster.of(scene)
+    clearance, wide = grid.clearance(), grid.wide_points(scene)
+    levels = np.unique(clearance[clearance > 0])
+    low, high = -1, len(levels)
+    while high - low > 1:  # the parts at least levels[low] away are connected, those of levels[high] not
+        middle = (low + high) // 2
+        if _all_connected((clearance >= levels[middle]) | (wide > 0), wide):
+            low = middle
+        else:
+            high = middle
+    if low == len(levels) - 1:
+        return math.inf
+    return 2.0 * float(levels[low]) if low >= 0 else grid.spacing
+
+
+@dataclass(frozen=True, slots=True)
+class _Raster:
+    """Points (NX, NY, 2) over the map [m], their spacing [m], and which of them are free of obstacles."""
+
+    points: FloatArray
+    spacing: float
+    free: NDArray[np.bool_]
+
+    @classmethod
+    def of(cls, scene: Scene) -> _Raster:
+        import shapely
+
+        low, high = scene.bounds
+        spacing = float((high - low).max()) / RASTER
+        axes = [np.arange(low[k] + spacing / 2, high[k], spacing) for k in (0, 1)]
+        points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
+        blocked = shapely.union_all([shapely.Polygon(corners) for corners in scene.obstacles])
+        shapely.prepare(blocked)
+        return cls(points, spacing, ~shapely.contains_xy(blocked, points[..., 0], points[..., 1]))
+
+    def clearance(self) -> FloatArray:
+        """Distance of each point to the nearest obstacle [m]; 0 inside of one."""
+        from scipy.ndimage import distance_transform_edt
+
+        if self.free.all():
+            return np.full(self.free.shape, math.inf)
+        distance = np.asarray(distance_transform_edt(self.free, sampling=self.spacing), float)
+        return np.maximum(distance - self.spacing / 2, 0.0)
+
+    def wide_points(self, scene: Scene) -> NDArray[np.int64]:
+        """1 near the start, 2 and more in and near the regions, one number a region; 0 elsewhere."""
+        import shapely
+
+        wide = np.zeros(self.free.shape, np.int64)
+        places = [
+            shapely.Point(scene.start),
+            *(shapely.Polygon(corners) for corners in scene.regions.values()),
+        ]
+        for number, place in enumerate(places, start=1):
+            around = shapely.buffer(place, (4.0 if number == 1 else 1.0) * self.spacing)
+            shapely.prepare(around)
+            inside = shapely.contains_xy(around, self.points[..., 0], self.points[..., 1])
+            wide[inside & self.free] = number
+        return wide
+
+
+def _all_connected(open_points: NDArray[np.bool_], wide: NDArray[np.int64]) -> bool:
+    """Whether one connected part of ``open_points`` meets the start and every region."""
+    from scipy.ndimage import label
+
+    parts, _ = label(open_points)
+    meets = [set(parts[wide == number].tolist()) - {0} for number in range(1, int(wide.max()) + 1)]
+    return bool(set.intersection(*meets)) if all(meets) else False
+
+
+def step_of(robot: RobotConfig, scene: Scene, max_steps: int) -> float:
+    """The time step [s] that :func:`with_time_step` comes to, without a word."""
+    return fitting_step(robot, scene, max_steps) if isinstance(robot.dt, str) else float(robot.dt)
+
+
+__all__ = [
+    "Narrowest",
+    "fitting_step",
+    "narrowest_place",
+    "passage_width",
+    "step_of",
+    "too_long",
+    "with_time_step",
+]
