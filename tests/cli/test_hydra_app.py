@@ -24,6 +24,7 @@ from pareto_ltl.run.records import RecordKey
 from pareto_ltl.run.results import Results
 from pareto_ltl.run.stage_table import Stage, StageInputs
 from pareto_ltl.settings import Settings
+from pareto_ltl.support import memory
 from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
 from pareto_ltl.support.resources import choices
 
@@ -91,6 +92,7 @@ BAD = {
     "pipelines.stages=[" + "x" * 5000 + "]": "there is no stage 'xxx",
     "wind.path=größe.csv": "letters beyond ASCII need two pairs of quotes",
     "hydra.run.dir=": "hydra.run.dir is empty",
+    "planner.n_max=100000000": "planner.n_max=100000000 needs",
     "robot.a=[[1.0]]": "robot.a must be a 2 x 2 matrix",
     "selection.rule=best": "priority, weighted, threshold",
     "selection.weights=[1.0]": "selection.weights must be three numbers",
@@ -118,8 +120,9 @@ BAD = {
 
 @pytest.mark.parametrize("argument", BAD)
 def test_a_wrong_argument_costs_one_line_and_no_directory(
-    argument: str, here: Path, capsys: pytest.CaptureFixture[str]
+    argument: str, here: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr(memory, "available_memory", lambda: 1e9)
     experiment = [] if "experiment" in argument else ["+experiment=phi1"]
     assert app.run_hydra([*experiment, argument]) == 2
     out, err = capsys.readouterr()
@@ -138,6 +141,48 @@ def test_both_ends_of_a_sweep_are_checked_before_its_first_job(
     assert app.run_hydra(["-m", "+experiment=phi1", values]) == 2
     assert capsys.readouterr().err.count("\n") == 1
     assert list(here.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    "values", ["seed=range(0,1000000000)", "seed=range(0,1000) scene.random.seed=range(0,1000)"]
+)
+def test_a_sweep_that_nobody_waits_for_is_refused(
+    values: str, here: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert app.run_hydra(["-m", "+experiment=phi1", *values.split()]) == 2
+    err = capsys.readouterr().err
+    assert err.count("\n") == 1
+    assert "expected at most 100000" in err
+    assert list(here.iterdir()) == []
+
+
+def test_results_go_where_they_are_said_to_be_when_a_job_changes_its_folder(
+    here: Path, stage: Any, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def idle(inputs: StageInputs) -> int:
+        return 0
+
+    stage(idle)
+    assert app.run_hydra(["pipelines.stages=[idle]", "hydra.job.chdir=true"]) == 0
+    place = only("outputs/plan/*").absolute()
+    assert Path.cwd() == here
+    told = capsys.readouterr().out.split("results in ")[1].strip()
+    assert told == str(place)
+    assert json.loads((place / "metrics.json").read_text())["completed"] == 0.0
+    assert not list(place.glob("outputs*"))
+
+
+def test_a_folder_with_spaces_and_other_letters_holds_results(
+    here: Path, stage: Any, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def idle(inputs: StageInputs) -> int:
+        return 0
+
+    stage(idle)
+    place = Path("Ergebnis Größe 風")
+    assert app.run_hydra(["pipelines.stages=[idle]", f"hydra.run.dir='{place}'"]) == 0
+    assert f"results in {place}" in capsys.readouterr().out
+    assert (place / "metrics.json").is_file()
 
 
 def test_without_a_map_the_ready_missions_are_named(here: Path, capsys: pytest.CaptureFixture[str]) -> None:

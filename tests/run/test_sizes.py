@@ -23,8 +23,12 @@ def _two_gigabytes_free(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize(
     ("sections", "stages", "words"),
     [
-        ({"planner": {"n_max": 10_000_000}}, PLAN, ("planner.n_max=10000000 needs 15 GB", "1333333 fits")),
-        ({"deployment": {"runs": 10**8}}, PLAN, ("deployment.runs=100000000 needs", "15625000 fits")),
+        (
+            {"planner": {"n_max": 10_000_000}},
+            PLAN,
+            ("planner.n_max=10000000 needs 15 GB", "at most 1333333 fits"),
+        ),
+        ({"deployment": {"runs": 10**8}}, PLAN, ("deployment.runs=100000000 needs", "at most 15625000 fits")),
         (
             {"planner": {"n_max": 10**6}, "evaluation": {"jobs": 4}},
             ("comparison",),

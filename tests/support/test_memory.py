@@ -20,7 +20,7 @@ def test_what_does_not_fit_is_refused_with_the_largest_value_that_does() -> None
     with pytest.raises(ConfigError) as caught:
         memory.require_memory(1000.0, "planner.n_max", 10**7, "10 trees", "planner.trees")
     assert str(caught.value) == (
-        "planner.n_max=10000000 needs 10 GB of memory for 10 trees, and 1 GB are free: 1000000 fits, "
+        "planner.n_max=10000000 needs 10 GB of memory for 10 trees, and 1 GB are free: at most 1000000 fits, "
         "or lower planner.trees"
     )
     memory.require_memory(1000.0, "planner.n_max", 1_000_000, "10 trees")

@@ -439,3 +439,12 @@ def test_a_system_that_is_not_known_is_refused(tmp_path, crs, words):
     assert words in str(caught.value)
     assert "\n" not in str(caught.value)
     assert len(str(caught.value)) < 400 + len(str(tmp_path))
+
+
+@pytest.mark.parametrize("unit", [1e-3, 1e7])
+def test_a_map_larger_than_the_earth_or_smaller_than_any_robot_is_refused(unit):
+    size = 0.1 if unit < 1 else 100
+    outline = [[0.1 * size, 0.1 * size], [0.2 * size, 0.1 * size], [0.2 * size, 0.2 * size]]
+    made = SceneConfig(unit=unit, bounds=[[0, 0], [size, size]], start=[0, 0], regions={"a": outline})
+    with pytest.raises(DataError, match=r"the map is .* m x .* m; expected sides between .*scene\.unit"):
+        scene_from_settings(made)

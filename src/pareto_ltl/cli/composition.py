@@ -6,6 +6,7 @@ What a user can get wrong is checked here, before Hydra makes a directory: a mis
 from __future__ import annotations
 
 import argparse
+import math
 import os
 import re
 from collections.abc import Iterator, Sequence
@@ -24,7 +25,7 @@ from hydra.core.config_search_path import SearchPathQuery
 from hydra.core.config_store import ConfigStore
 from hydra.core.global_hydra import GlobalHydra
 from hydra.core.override_parser.overrides_parser import OverridesParser
-from hydra.core.override_parser.types import Override
+from hydra.core.override_parser.types import Override, RangeSweep
 from hydra.core.plugins import Plugins
 from hydra.types import RunMode, TaskFunction
 from omegaconf import DictConfig, OmegaConf
@@ -40,6 +41,7 @@ from pareto_ltl.support.messages import shown_text
 from pareto_ltl.support.resources import resource_folder
 
 VERSION_BASE = "1.3"
+MOST_POINTS = 100_000  # of a sweep
 CONFIG_NAME = "config"
 LAUNCHER_EXTRAS = {"joblib": "sweep", "submitit_local": "cluster", "submitit_slurm": "cluster"}
 HELP_FLAGS = {"-h": "short", "--help": "short", "--help=all": "all", "--help-all": "all"}
@@ -195,6 +197,7 @@ def _prepare_sweep(
     _check_launcher(config)
     grid = [*_parse_overrides(hydra.config_loader, _grid_of(config)), *overrides]
     grid = list({override.get_key_element(): override for override in grid}.values())  # the last one counts
+    _check_sweep_size(grid)
     names = []
     for first in (True, False):
         point = hydra.config_loader.load_configuration(
@@ -255,6 +258,23 @@ def _corner(grid: Sequence[Override], *, first: bool) -> list[str]:
         _end_of(override, first=first) if override.is_sweep_override() else _words_of(override)
         for override in grid
     ]
+
+
+def _check_sweep_size(grid: Sequence[Override]) -> None:
+    """Refuse a grid of more points than anybody waits for, before it is written out."""
+    points = math.prod(_sweep_length(override) for override in grid if override.is_discrete_sweep())
+    if points > MOST_POINTS:
+        raise ConfigError(
+            f"the sweep has {points:g} points, expected at most {MOST_POINTS}: sweep fewer values"
+        )
+
+
+def _sweep_length(override: Override) -> int:
+    """How many values a discrete sweep has."""
+    sweep = override.value()
+    if isinstance(sweep, RangeSweep) and sweep.start is not None and sweep.stop is not None and sweep.step:
+        return max(0, math.ceil((sweep.stop - sweep.start) / sweep.step))
+    return sum(1 for _ in override.sweep_string_iterator())
 
 
 def _end_of(override: Override, *, first: bool) -> str:

@@ -190,5 +190,8 @@ def _task_overrides() -> list[str]:
 
 
 def _relative_path(directory: Path) -> Path:
+    """``directory`` from the folder of the command line; absolute where Hydra has changed the folder."""
     here = Path.cwd()
+    if not here.samefile(HydraConfig.get().runtime.cwd):
+        return directory
     return directory.relative_to(here) if directory.is_relative_to(here) else directory

@@ -44,7 +44,7 @@ def require_memory(each: float, setting: str, count: int, what: str, also: str =
     if needed < SMALL or needed <= (free := available_memory()):
         return
     most = int(free / each)
-    fits = f"{most} fits" if most else "no value fits"
+    fits = f"at most {most} fits" if most else "no value fits"
     other = f", or lower {also}" if also else ""
     raise ConfigError(
         f"{setting}={count} needs {needed / GIGABYTE:.3g} GB of memory for {what}, and "

@@ -17,6 +17,7 @@ from pareto_ltl.world.scene_sketch import SceneSketch
 if TYPE_CHECKING:
     import shapely
 
+LEAST_SIDE, MOST_SIDE = 1e-3, 4.1e7  # of a map [m]; the Earth is 40,075 km round
 RESERVED_WORDS = frozenset(  # of the formula language, not allowed as names of regions
     ["true", "false", "not", "and", "or", "xor", "next", "eventually", "until", *"XFUMGRW"]
 )
@@ -34,6 +35,7 @@ def checked_scene(sketch: SceneSketch) -> Scene:
         raise DataError(f"{sketch.where} has no regions; a mission needs at least one place to visit")
     if len(sketch.start) == 0:
         raise DataError(f"{sketch.where} has no start; add a Point with the property role: start")
+    _check_size(sketch)
     for name, _ in sketch.regions:
         _check_region_name(sketch, name)
     regions = {name: _simple_outline(sketch, f"region {name!r}", corners) for name, corners in sketch.regions}
@@ -78,6 +80,16 @@ def _check_landmarks(
                     f"{sketch.where}: {what} overlaps {name} at {sketch.show(at)}, where no robot can be; "
                     "move one, or cut the obstacle out of the landmark"
                 )
+
+
+def _check_size(sketch: SceneSketch) -> None:
+    """Refuse a map that is larger than the Earth or smaller than any robot: a slip of units."""
+    sides = sketch.bounds[1] - sketch.bounds[0]
+    if not (sides.min() >= LEAST_SIDE and sides.max() <= MOST_SIDE):
+        raise DataError(
+            f"{sketch.where}: the map is {sides[0]:.3g} m x {sides[1]:.3g} m; expected sides between "
+            f"{LEAST_SIDE:g} m and {MOST_SIDE:.3g} m: check scene.unit and the bounds"
+        )
 
 
 def _check_region_name(sketch: SceneSketch, name: str) -> None:
