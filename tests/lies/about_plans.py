@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 from lies.editing import (
     Lie,
     both,
+    in_front,
     in_json,
     in_metrics,
     in_plan,
@@ -45,7 +47,14 @@ def _other_failures(plan: dict[str, Any]) -> None:
     told["low"], told["high"] = clopper_pearson(told["failures"], told["runs"])
 
 
+def _other_estimate(place: Path) -> None:
+    in_plan(lambda p: put(p, "acceptance", "estimate", value=0.5))(place)
+    in_front(lambda rows: [row.update(failure_estimate="0.5") for row in rows])(place)
+    in_metrics({"acceptance_estimate": 0.5})(place)
+
+
 PLAN_LIES = (
+    Lie("the estimate is another", _other_estimate, ("plan: estimate of its acceptance",), "full"),
     Lie("a step is shifted", in_plan(_shift_step), ("plan: motion",)),
     Lie(
         "a control is faster than the robot",

@@ -57,6 +57,26 @@ def _hoa_edge(place: Path) -> None:
 
 WORLD_LIES = (
     Lie(
+        "a door is gone",
+        in_json("cells.json", lambda c: c["doors"].pop(5)),
+        ("map: doors join all cells that touch",),
+    ),
+    Lie(
+        "a door leads elsewhere",
+        in_json("cells.json", lambda c: put(c, "doors", 0, 1, value=c["doors"][0][1] + 2)),
+        ("map: doors join all cells that touch",),
+    ),
+    Lie(
+        "the map is elsewhere",
+        in_json("scene.json", lambda c: c.update(crs=c["crs"].replace("lat_0=37", "lat_0=38"))),
+        ("map: projection",),
+    ),
+    Lie(
+        "the departure is another",
+        in_json("scene.json", lambda c: c.update(time_zero="2018-10-09T06:00:00Z")),
+        ("map: departure",),
+    ),
+    Lie(
         "an obstacle is smaller in scene.json",
         in_json("scene.json", _shrink_obstacle),
         ("map: scene.json is the map of the settings", "map: convex parts are the polygons"),
@@ -94,7 +114,7 @@ WORLD_LIES = (
     Lie(
         "a door joins cells that are apart",
         in_json("cells.json", lambda c: c["doors"].append([0, 1])),
-        ("map: doors join cells that touch",),
+        ("map: doors join all cells that touch",),
     ),
     Lie(
         "a transition is another",

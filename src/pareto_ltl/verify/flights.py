@@ -167,6 +167,20 @@ class Simulator:
         pilots.fixed |= here
 
 
+def linear_flights(law: Coherent, course: Course, runs: int, rng: np.random.Generator) -> FloatArray:
+    """Positions (runs, T+1, 2) [m] in winds linearised about ``course``, e' = F e + dt (ψ θ + white)."""
+    e = law.robot.start_sd * rng.standard_normal((runs, 2))
+    theta = rng.standard_normal((runs, law.modes))
+    x = [course.x[0] + e]
+    for t in range(len(course.u)):
+        if t and (keep := law.times.keep[t]) < 1:
+            theta = keep * theta + math.sqrt(1 - keep**2) * rng.standard_normal(theta.shape)
+        met = theta @ course.psi[t].T + np.sqrt(course.white[t]) * rng.standard_normal((runs, 2))
+        e = e @ course.F[t].T + law.robot.dt * met
+        x.append(course.x[t + 1] + e)
+    return np.stack(x, axis=1)
+
+
 # --- statistics -------------------------------------------------------------------------------
 
 

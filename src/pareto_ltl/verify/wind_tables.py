@@ -49,7 +49,8 @@ class Modes:
 
 @dataclass(frozen=True, slots=True)
 class WindFile:
-    """Mean and variance of the smooth part (K, NX, NY, 2) on nodes ``x``, ``y`` [m]; gust (K, 2)."""
+    """Mean and variance of the smooth part (K, NX, NY, 2) on nodes ``x``, ``y`` [m], gust (K, 2); ``clock``
+    is the unit of time."""
 
     x: FloatArray
     y: FloatArray
@@ -62,6 +63,7 @@ class WindFile:
     score: dict[str, float]
     modes: Modes | None
     fit: Fit | None
+    clock: str
 
 
 def read_wind_file(path: Path) -> WindFile:
@@ -92,6 +94,7 @@ def _wind_file(file: Any) -> WindFile:
         score=json.loads(file.attrs["score"]),
         modes=_modes(file) if "u_modes" in file else None,
         fit=_fit(file) if "reading_count" in file else None,
+        clock=str(file["time"].attrs["units"]),
     )
 
 

@@ -9,8 +9,16 @@ import numpy as np
 
 from pareto_ltl.verify.claims.verdict import Claim, Verdict, close, likely, no_fault, same, within
 from pareto_ltl.verify.evidence import LAWS, Evidence
-from pareto_ltl.verify.flights import RARE, misjudged, rates, same_distribution, same_rate, winds_as_drawn
-from pareto_ltl.verify.laws import Independent
+from pareto_ltl.verify.flights import (
+    RARE,
+    linear_flights,
+    misjudged,
+    rates,
+    same_distribution,
+    same_rate,
+    winds_as_drawn,
+)
+from pareto_ltl.verify.laws import Coherent, Independent, fly_means
 
 LOOKS = 4  # steps at which positions of old and new flights are compared
 METRICS = {
@@ -105,6 +113,27 @@ def accepted_rate(result: Evidence) -> Verdict | None:
     )
 
 
+def estimate(result: Evidence) -> Verdict | None:
+    """The estimate that ranked the plan is that of its row of the front, and of new linear flights.
+
+    With feedback or fixes the flights are not linear, and the two copies are compared only.
+    """
+    told, law = result.plan["acceptance"], result.law("coherent")
+    if not told or not isinstance(law, Coherent):
+        return None
+    rows = [row["failure_estimate"] for row in result.front if row["origin"] == result.plan["origin"]]
+    if told["estimate"] not in map(float, filter(None, rows)):
+        return same(told["estimate"], rows)
+    course = fly_means(law, result.x)
+    if result.robot.feedback > 0 or course.gains:
+        return same(told["estimate"], told["estimate"])
+    draws = result.settings["selection"]["draws"]
+    x = linear_flights(law, course, 2000, np.random.default_rng([20181009, 2]))
+    again = int((~result.ground.accepted(x) | result.ground.collided(x)).sum())
+    chance = same_rate(round(told["estimate"] * draws), draws, again, len(x))
+    return Verdict(f"{told['estimate']:.4g}", f"{again / len(x):.4g}, chance {chance:.1g}", chance >= RARE)
+
+
 def reported_laws(result: Evidence) -> Verdict:
     """The metrics speak of the laws that were flown and of no other."""
     said = sorted(law for law in LAWS if f"failure_{law}" in result.metrics)
@@ -128,4 +157,5 @@ CLAIMS = (
         )
     ),
     Claim("plan: failures in its acceptance", FILES, accepted_rate),
+    Claim("plan: estimate of its acceptance", (*FILES, "front.csv"), estimate),
 )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -12,7 +12,7 @@ from pareto_ltl.support.arrays import BoolArray, FloatArray
 from pareto_ltl.verify import formula
 from pareto_ltl.verify.claims.verdict import Claim, Verdict, no_fault, same
 from pareto_ltl.verify.evidence import Evidence
-from pareto_ltl.verify.geometry import convex, deepest, outline_distance, signed_area
+from pareto_ltl.verify.geometry import Convex, convex, deepest, outline_distance, signed_area
 from pareto_ltl.verify.geometry import within as lies_within
 
 SAMPLES = 20_000  # points of the map at which cells, parts and polygons are compared
@@ -38,6 +38,31 @@ def drawn_map(result: Evidence) -> Verdict | None:
         faults.append(f"regions {sorted(scene['regions'])}")
     faults += [fault for kind in ("obstacles", "landmarks") for fault in _area_faults(result, kind)]
     return no_fault("the outlines of the settings", faults)
+
+
+def projection(result: Evidence) -> Verdict | None:
+    """The plane of the map touches the Earth at the centre that the settings name."""
+    from pyproj import CRS
+
+    told, crs = result.settings["scene"], result.scene["crs"]
+    if told["file"]:
+        return None
+    if crs is None or told["centre"] is None:
+        return same(crs, told["centre"])
+    plane = CRS.from_user_input(crs).coordinate_operation
+    found = {parameter.name: parameter.value for parameter in plane.params} if plane else {}
+    lat, lon = (next((v for k, v in found.items() if k.startswith(w)), math.nan) for w in ("Lat", "Long"))
+    turn = (lon - told["centre"][1] + 180) % 360 - 180
+    return Verdict(str(told["centre"]), f"[{lat}, {lon}]", abs(lat - told["centre"][0]) + abs(turn) < 1e-6)
+
+
+def departure(result: Evidence) -> Verdict:
+    """The clock of the map begins at mission.start_time, if it is set; that of the wind is the same."""
+    told, zero = result.settings["mission"]["start_time"], result.scene["time_zero"]
+    units = "s" if zero is None else f"seconds since {zero}"
+    if told is not None and told != zero:
+        return same(told, zero)
+    return same(result.wind.clock if result.has("wind.nc") else units, units)
 
 
 def _metres(told: Mapping[str, Any], corners: Any) -> FloatArray:
@@ -160,15 +185,31 @@ def cell_cover(result: Evidence) -> Verdict:
 
 
 def doors(result: Evidence) -> Verdict:
-    """Two cells with a door between them share an edge."""
+    """Two cells have a door between them if they share a piece of an edge, and only then."""
     cells = [convex(cell) for cell in result.cells["cells"]]
-    apart = []
-    for i, j in result.cells["doors"]:
-        gap = cells[i].normals @ cells[j].normals.T
-        facing = np.argwhere(gap < -1 + 1e-6)
-        if not any(abs(cells[i].offsets[a] + cells[j].offsets[b]) < result.grain for a, b in facing):
-            apart.append(f"cells {i} and {j} share no edge")
-    return no_fault(f"{len(result.cells['doors'])} doors", apart)
+    said = {(int(i), int(j)) for i, j in result.cells["doors"]}
+    found = {pair: length for pair, length in _contacts(cells, result.grain) if pair[0] < pair[1]}
+    faults = [f"cells {i} and {j} share no edge" for i, j in sorted(said - set(found))]
+    wide = {pair for pair, length in found.items() if length > result.grain}
+    faults += [f"cells {i} and {j} have no door" for i, j in sorted(wide - said)]
+    return no_fault(f"{len(said)} doors", faults)
+
+
+def _contacts(cells: Sequence[Convex], grain: float) -> Iterator[tuple[tuple[int, int], float]]:
+    """Pairs of cells with edges on one line that face each other, and the length they share [m]."""
+    owner = np.concatenate([np.full(len(cell.offsets), i) for i, cell in enumerate(cells)])
+    first = np.concatenate([cell.corners for cell in cells])
+    last = np.concatenate([np.roll(cell.corners, -1, axis=0) for cell in cells])
+    normals = np.concatenate([cell.normals for cell in cells])
+    offsets = np.concatenate([cell.offsets for cell in cells])
+    for e in range(len(owner)):
+        along = np.array([-normals[e, 1], normals[e, 0]])
+        facing = (normals @ normals[e] < -1 + 1e-9) & (np.abs(offsets + offsets[e]) < grain)
+        for other in np.flatnonzero(facing & (owner != owner[e])):
+            start = max(first[e] @ along, last[other] @ along)
+            length = float(min(last[e] @ along, first[other] @ along) - start)
+            if length > 0:
+                yield (int(owner[e]), int(owner[other])), length
 
 
 def letters(result: Evidence) -> Verdict:
@@ -232,9 +273,11 @@ def distance(result: Evidence) -> Verdict:
 
 CLAIMS = (
     Claim("map: scene.json is the map of the settings", ("scene.json",), drawn_map),
+    Claim("map: projection", ("scene.json",), projection),
+    Claim("map: departure", ("scene.json",), departure),
     Claim("map: convex parts are the polygons", ("scene.json", "cells.json"), convex_parts),
     Claim("map: cells cover the free space once", ("scene.json", "cells.json"), cell_cover),
-    Claim("map: doors join cells that touch", ("cells.json",), doors),
+    Claim("map: doors join all cells that touch", ("cells.json", "scene.json"), doors),
     Claim("mission: one formula in all files", ("automaton.json",), whose_formula),
     Claim("mission: automaton is that of the formula", ("automaton.json",), meaning),
     Claim("mission: automaton.hoa is automaton.json", ("automaton.json", "automaton.hoa"), hoa),
