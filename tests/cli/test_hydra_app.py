@@ -134,7 +134,9 @@ def test_a_wrong_argument_costs_one_line_and_no_directory(
     assert list(here.iterdir()) == []
 
 
-@pytest.mark.parametrize("values", ["seed=x,1", "seed=1,x", "seed=range(3,-2,-1)", "planner.epsilon=0.1,1.5"])
+@pytest.mark.parametrize(
+    "values", ["seed=x,1", "seed=1,x", "seed=range(3,-2,-1)", "planner.epsilon=0.1,1.5", "planner=null,quick"]
+)
 def test_both_ends_of_a_sweep_are_checked_before_its_first_job(
     values: str, here: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -183,6 +185,22 @@ def test_a_folder_with_spaces_and_other_letters_holds_results(
     assert app.run_hydra(["pipelines.stages=[idle]", f"hydra.run.dir='{place}'"]) == 0
     assert f"results in {place}" in capsys.readouterr().out
     assert (place / "metrics.json").is_file()
+
+
+def test_files_differ_by_more_than_case_where_regions_do_not(here: Path) -> None:
+    names = "scene.regions={a:[[1,1],[2,1],[2,2]],A:[[4,4],[5,4],[5,5]]}"
+    words = [
+        "scene.bounds=[[0,0],[9,9]]",
+        "scene.start=[0,0]",
+        "scene.unit=1000",
+        "mission.formula='F a & F A'",
+    ]
+    stages = "pipelines.stages=[readings,scene,decomposition,automaton,observations,wind]"
+    assert app.run_hydra([names, *words, stages, "wind=calm", "name=Aa"]) == 0
+    place = only("outputs/Aa/*")
+    assert Results(place).scene.regions.keys() == {"a", "A"}
+    files = [str(path.relative_to(place)) for path in place.rglob("*")]
+    assert len({name.lower() for name in files}) == len(files)
 
 
 def test_without_a_map_the_ready_missions_are_named(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -341,6 +359,26 @@ def test_a_log_that_cannot_be_written_is_one_line(
     assert err.count("\n") == 1
     assert "File too large" in err
     assert json.loads((only("outputs/plan/*") / "run.json").read_text())["status"] == "failed"
+
+
+def test_a_disk_that_is_full_is_one_line_whatever_file_fills_it(here: Path) -> None:
+    """In processes of their own: a library that writes to the disk itself could end the process."""
+    words = [
+        "+experiment=phi1_calm",
+        "pipelines.stages=[readings,scene,observations,wind]",
+        "hydra.run.dir=out",
+    ]
+    for limit in (500, 5_000, 50_000):
+        code = (
+            "import resource, sys; from pareto_ltl.cli.commands import run_command_line as run;"
+            f"resource.setrlimit(resource.RLIMIT_FSIZE, ({limit}, resource.RLIM_INFINITY));"
+            f"sys.exit(run({words!r}))"
+        )
+        done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+        assert done.returncode == 2, done.stderr
+        assert done.stderr.count("\n") == 1
+        assert "File too large" in done.stderr
+        assert not list(here.glob("out/.[0-9]*"))
 
 
 def test_a_sweep_goes_on_after_a_failed_job_and_keeps_all_in_one_folder(

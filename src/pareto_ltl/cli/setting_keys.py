@@ -10,7 +10,7 @@ from dataclasses import fields, is_dataclass
 from typing import Any
 
 from hydra.core.config_loader import ConfigLoader
-from hydra.core.override_parser.types import Override
+from hydra.core.override_parser.types import ChoiceSweep, Override, QuotedString
 from omegaconf import DictConfig, OmegaConf, open_dict
 
 from pareto_ltl.settings import Settings
@@ -67,10 +67,13 @@ def _refuse_huge_number(key: str, value: Any) -> None:
 def _refuse_odd_choice(override: Override, choices: list[str]) -> None:
     """Raise ConfigError for a group that is set to a number or to nothing, which Hydra does not expect."""
     value = override.value()
-    if override.is_delete() or override.is_sweep_override() or isinstance(value, str | list):
+    if override.is_delete() or (override.is_sweep_override() and not isinstance(value, ChoiceSweep)):
         return
     names = ", ".join(choices)
-    raise ConfigError(f"{override.key_or_group} must be one of {names} (a choice), got {shown_value(value)}")
+    for one in value.list if isinstance(value, ChoiceSweep) else [value]:
+        if not isinstance(one, str | list | QuotedString):
+            key = override.key_or_group
+            raise ConfigError(f"{key} must be one of {names} (a choice), got {shown_value(one)}")
 
 
 def _refuse_extra_keys(config: DictConfig, schema: Any, section: str) -> None:

@@ -24,6 +24,8 @@ PACKAGES = (
     "scipy", "shapely", "xarray",
 )  # fmt: skip
 
+PLACE_CURE = "check the path, its permissions and the space on the disk"
+
 
 def config_hash(settings: Settings) -> str:
     """Fingerprint of the code and of all settings that a result can depend on."""
@@ -99,6 +101,9 @@ def one_line(error: BaseException) -> str:
     text = shown_line(str(error))
     if isinstance(error, KeyboardInterrupt):
         return text or "interrupted"
+    if isinstance(error, OSError) and error.strerror:
+        place = f"{error.filename}: " if error.filename else ""
+        return shown_line(f"{place}{error.strerror}; {PLACE_CURE}")
     if isinstance(error, ParetoLtlError | OSError) and text:
         return text
     return f"{type(error).__name__}: {text}" if text else type(error).__name__

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 from collections.abc import Iterator
 from pathlib import Path
@@ -11,7 +12,7 @@ import numpy as np
 
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.support.files import whole_file
+from pareto_ltl.support.files import write_bytes
 from pareto_ltl.wind.records import WindEvidence, WindField, WindModes
 from pareto_ltl.world.scene import Scene
 
@@ -38,7 +39,8 @@ def write_netcdf(field: WindField, path: Path, scene: Scene | None = None) -> Pa
     import h5netcdf
 
     path.parent.mkdir(parents=True, exist_ok=True)
-    with whole_file(path) as draft, h5netcdf.File(draft, "w") as file:
+    content = io.BytesIO()  # on a disk that is full the HDF5 library ends the process
+    with h5netcdf.File(content, "w") as file:
         file.attrs.update(_file_attributes(field))
         file.dimensions.update(
             zip(GRID_DIMENSIONS, (len(field.times), *field.mean.shape[2:0:-1]), strict=True)
@@ -52,6 +54,7 @@ def write_netcdf(field: WindField, path: Path, scene: Scene | None = None) -> Pa
             file.dimensions["reading"] = sum(map(len, field.evidence.points))
         for name, dimensions, values, attributes in _field_variables(field, scene):
             file.create_variable(name, dimensions, data=values).attrs.update(attributes)
+    write_bytes(path, content.getvalue())
     return path
 
 

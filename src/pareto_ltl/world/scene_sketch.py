@@ -17,6 +17,7 @@ from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.reading import SHOWN
 
+MOST_COORDINATE = 1e15  # in any unit
 RELATIVE_TOLERANCE = 1e-9  # of the size of the map; smaller lengths are rounding errors
 
 
@@ -58,7 +59,7 @@ def read_bounds(where: str, key: str, value: Any) -> FloatArray:
     bounds = _number_array(value)
     if bounds is None or bounds.shape != (2, 2):
         raise DataError(f"{where}: {key} is {_typed_text(value)}; {expected}")
-    if not np.isfinite(bounds).all():
+    if not _are_finite(bounds):
         raise DataError(f"{where}: {key} {_typed_text(value)} has a number that is not finite; {expected}")
     (west, south), (east, north) = bounds.tolist()
     if west >= east or south >= north:
@@ -74,7 +75,7 @@ def read_start(where: str, key: str, value: Any) -> FloatArray:
     if value is None or _is_empty(value):
         raise DataError(f"{where} has no start; give {key} as [x, y]")
     start = _number_array(value)
-    if start is None or start.shape != (2,) or not np.isfinite(start).all():
+    if start is None or start.shape != (2,) or not _are_finite(start):
         raise DataError(f"{where}: {key} is {_typed_text(value)}; expected [x, y], two finite numbers")
     return start
 
@@ -103,7 +104,7 @@ def read_corners(where: str, what: str, polygon: Any) -> FloatArray:
         point = _number_array(corner)
         if point is None or point.shape != (2,):
             raise DataError(f"{where}: {what}: corner {number} is {_typed_text(corner)}; expected [x, y]")
-        if not np.isfinite(point).all():
+        if not _are_finite(point):
             raise DataError(
                 f"{where}: {what}: corner {number} is {_typed_text(corner)}; expected finite numbers"
             )
@@ -112,6 +113,11 @@ def read_corners(where: str, what: str, polygon: Any) -> FloatArray:
     if len(corners) < 3:
         raise DataError(f"{where}: {what} has {len(corners)} distinct corners; a polygon needs at least 3")
     return corners
+
+
+def _are_finite(numbers: FloatArray) -> bool:
+    """Whether no number is NaN, infinite, or so large that its square is."""
+    return bool((np.abs(numbers) < MOST_COORDINATE).all())
 
 
 def _number_array(value: Any) -> FloatArray | None:
