@@ -19,9 +19,17 @@ import numpy as np
 from pareto_ltl.logic import labels
 from pareto_ltl.logic.automaton import Automaton, alphabet_of, automaton_from_table, letter_codes, show_letter
 from pareto_ltl.logic.dfa import MAX_ENTRIES, TransitionTable
+from pareto_ltl.logic.hoa_labels import LabelExpression
 from pareto_ltl.support.arrays import BoolArray, IntArray
 from pareto_ltl.support.errors import DataError
+from pareto_ltl.support.reading import SHOWN, Advice, read_text
 
+MAX_HOA_BYTES = 8 * 2**20
+MAX_LABEL_DEPTH = 200  # brackets and negations of a label, with those of its aliases
+MAX_ALIASES = 1000
+MAX_LABEL_WORK = 2**32  # operators of all labels times letters; a few seconds
+MAX_DIGITS = 18  # of a number; no file holds so many states
+HOA_FILES = Advice("check mission.automaton", "write it anew, e.g. with ltl2tgba -D -B")
 _HOA_PATTERN = re.compile(
     r'\s+|(?P<string>"(?:[^"\\]|\\.)*")|(?P<mark>--(?:BODY|END|ABORT)--)|(?P<head>[A-Za-z_][\w-]*:)'
     r"|(?P<alias>@[\w-]+)|(?P<int>\d+)|(?P<word>[A-Za-z_][\w-]*)|(?P<sign>[][{}()!&|])",
@@ -71,12 +79,7 @@ def read_hoa(path: str | Path, letters: Iterable[Iterable[str]] | None = None) -
     By default, ``letters`` are those of the header ``letters`` of the file, else all subsets of its
     propositions. Raises a DataError if the file cannot be read or is not an automaton of a finite mission.
     """
-    try:
-        text = Path(path).read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, "strerror", None) or "it is not text in UTF-8"
-        raise DataError(f"cannot read the automaton {path}: {reason}") from None
-    return parse_hoa(text, letters, str(path))
+    return parse_hoa(read_text(Path(path), HOA_FILES, MAX_HOA_BYTES), letters, str(path))
 
 
 def parse_hoa(
@@ -93,6 +96,11 @@ def parse_hoa(
         raise DataError(
             f"{source}: {len(file.states)} states x {len(codes)} letters are more than {MAX_ENTRIES}"
         )
+    if file.operators * len(codes) > MAX_LABEL_WORK:
+        raise DataError(
+            f"{source}: labels with {file.operators} operators are too long for {len(codes)} letters; "
+            "write them with aliases, or name fewer letters"
+        )
     delta, accepting = _table_of_file(file, codes, alphabet)
     return automaton_from_table(TransitionTable(delta, accepting), alphabet, atoms, file.name or source)
 
@@ -104,7 +112,7 @@ def parse_hoa(
 class _HoaState:
     line: int
     accepting: bool
-    edges: list[tuple[_LabelExpression, int, int]] = field(default_factory=list)  # label, target, line
+    edges: list[tuple[LabelExpression, int, int]] = field(default_factory=list)  # label, target, line
 
 
 @dataclass
@@ -115,6 +123,7 @@ class _HoaFile:
     atoms: tuple[str, ...] = ()
     letters: list[int] | None = None
     states: dict[int, _HoaState] = field(default_factory=dict)
+    operators: int = 0  # of all labels
 
 
 def _table_of_file(
@@ -125,10 +134,11 @@ def _table_of_file(
     number = {q: i for i, q in enumerate(order)}
     trap = len(order)
     delta = np.full((trap + 1, len(codes)), trap, np.int64)
+    known: dict[int, BoolArray] = {}
     for q, state in file.states.items():
         row = delta[number[q]]
         for label, target, line in state.edges:
-            takes = label.on(codes)
+            takes = label.on(codes, known)
             clash = takes & (row != trap) & (row != number[target])
             if clash.any():
                 letter = show_letter(alphabet[int(np.flatnonzero(clash)[0])])
@@ -152,27 +162,6 @@ def _table_of_file(
 # Reading text
 
 
-class _LabelExpression:
-    """A label expression as nested tuples: ("t",), ("f",), ("ap", i), ("!", e), ("&", e...), ("|", e...)."""
-
-    def __init__(self, op: str, args: tuple[_LabelExpression, ...] = (), place: int = 0) -> None:
-        self.op, self.args, self.place = op, args, place
-
-    def on(self, codes: IntArray) -> BoolArray:
-        """Which letters in ``codes`` (L,) satisfy the expression, shape (L,) bool."""
-        if self.op in "tf":
-            return np.full(len(codes), self.op == "t")
-        if self.op == "ap":
-            holds: BoolArray = (codes & (1 << self.place)) != 0
-            return holds
-        parts = [arg.on(codes) for arg in self.args]
-        if self.op == "!":
-            return ~parts[0]
-        join = np.logical_and if self.op == "&" else np.logical_or
-        joined: BoolArray = join.reduce(parts)
-        return joined
-
-
 @dataclass(frozen=True, slots=True)
 class _HoaToken:
     kind: str
@@ -187,9 +176,10 @@ class _HoaReader:
         self.source = source
         self.tokens = self.split(text)
         self.at = 0
-        self.aliases: dict[str, _LabelExpression] = {}
+        self.aliases: dict[str, LabelExpression] = {}
         self.result = _HoaFile(source)
         self.count: int | None = None
+        self.brackets = 0
 
     def split(self, text: str) -> list[_HoaToken]:
         text = self.without_comments(text)
@@ -224,7 +214,7 @@ class _HoaReader:
     def take(self, kind: str, what: str) -> _HoaToken:
         token = self.here
         if token.kind != kind:
-            self.refuse(f"expected {what}, found {token.text}", token.line)
+            self.refuse(f"expected {what}, found {token.text[:SHOWN]}", token.line)
         self.at += 1
         return token
 
@@ -236,10 +226,13 @@ class _HoaReader:
 
     def close(self, text: str) -> None:
         if not self.sign(text):
-            self.refuse(f"expected '{text}', found {self.here.text}", self.here.line)
+            self.refuse(f"expected '{text}', found {self.here.text[:SHOWN]}", self.here.line)
 
     def number(self, what: str) -> int:
-        return int(self.take("int", what).text)
+        token = self.take("int", what)
+        if len(token.text) > MAX_DIGITS:
+            self.refuse(f"{what} has {len(token.text)} digits; expected at most {MAX_DIGITS}", token.line)
+        return int(token.text)
 
     # Header
 
@@ -286,14 +279,28 @@ class _HoaReader:
         elif key == "Alias":
             name = self.take("alias", "an alias").text
             self.aliases[name] = self.label_or()
+            self.aliases[name].alias = True
+            if len(self.aliases) > MAX_ALIASES:
+                self.refuse(f"more than {MAX_ALIASES} aliases", line)
         elif key == "Acceptance":
             self.acceptance(line)
         elif key == "letters":
-            self.result.letters = [int(token) for token in self.skip("int")]
+            self.result.letters = self.letter_codes(line)
         elif key[0].isupper():
             self.refuse(f"header '{key}:' changes the meaning in a way that is not known here", line)
         else:
             self.skip()
+
+    def letter_codes(self, line: int) -> list[int]:
+        """The letters of the header, as bit sets over the propositions, which stand above it."""
+        codes = []
+        while self.here.kind == "int":
+            codes.append(self.number("a letter"))
+        if any(code >> len(self.result.atoms) for code in codes):
+            self.refuse(
+                f"a letter has more bits than there are propositions ({len(self.result.atoms)})", line
+            )
+        return codes
 
     def skip(self, *kinds: str) -> list[str]:
         """Consume the tokens up to the next header, only those of ``kinds`` if given; return their texts."""
@@ -333,6 +340,8 @@ class _HoaReader:
     def check_targets(self, line: int) -> None:
         states = self.result.states
         if self.count is not None:
+            if self.count > MAX_ENTRIES:
+                self.refuse(f"{self.count} states; {MAX_ENTRIES} are the limit", line)
             for q in range(self.count):
                 states.setdefault(q, _HoaState(line, False))
             if len(states) > self.count:
@@ -380,42 +389,56 @@ class _HoaReader:
         self.close("}")
         return bool(sets)
 
-    def bracketed(self) -> _LabelExpression | None:
+    def bracketed(self) -> LabelExpression | None:
         if not self.sign("["):
             return None
         label = self.label_or()
         self.close("]")
         return label
 
-    def label_or(self) -> _LabelExpression:
+    def label_or(self) -> LabelExpression:
         parts = [self.label_and()]
         while self.sign("|"):
             parts.append(self.label_and())
-        return parts[0] if len(parts) == 1 else _LabelExpression("|", tuple(parts))
+        return parts[0] if len(parts) == 1 else self.bounded_label("|", *parts)
 
-    def label_and(self) -> _LabelExpression:
+    def label_and(self) -> LabelExpression:
         parts = [self.label_not()]
         while self.sign("&"):
             parts.append(self.label_not())
-        return parts[0] if len(parts) == 1 else _LabelExpression("&", tuple(parts))
+        return parts[0] if len(parts) == 1 else self.bounded_label("&", *parts)
 
-    def label_not(self) -> _LabelExpression:
+    def bounded_label(self, op: str, *parts: LabelExpression) -> LabelExpression:
+        label = LabelExpression(op, parts)
+        if label.depth > MAX_LABEL_DEPTH:
+            self.refuse(f"a label nested deeper than {MAX_LABEL_DEPTH} levels", self.here.line)
+        return label
+
+    def label_not(self) -> LabelExpression:
         token = self.here
+        self.result.operators += 1
+        if token.text in ("!", "("):
+            self.brackets += 1
+            if self.brackets > MAX_LABEL_DEPTH:
+                self.refuse(f"a label nested deeper than {MAX_LABEL_DEPTH} levels", token.line)
         if self.sign("!"):
-            return _LabelExpression("!", (self.label_not(),))
+            inner = self.bounded_label("!", self.label_not())
+            self.brackets -= 1
+            return inner
         if self.sign("("):
             inner = self.label_or()
             self.close(")")
+            self.brackets -= 1
             return inner
         self.at += 1
         if token.text in ("t", "f"):
-            return _LabelExpression(token.text)
+            return LabelExpression(token.text)
         if token.kind == "alias" and token.text in self.aliases:
             return self.aliases[token.text]
-        if token.kind == "int" and int(token.text) < len(self.result.atoms):
-            return _LabelExpression("ap", place=int(token.text))
+        if token.kind == "int" and len(token.text) <= MAX_DIGITS and int(token.text) < len(self.result.atoms):
+            return LabelExpression("ap", place=int(token.text))
         return self.refuse(
-            f"{token.text} is no label; expected t, f, a proposition's number or an alias", token.line
+            f"{token.text[:SHOWN]} is no label; expected t, f, a proposition's number or an alias", token.line
         )
 
 

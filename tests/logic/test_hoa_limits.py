@@ -1,0 +1,68 @@
+"""HOA files that ask for more than a machine has are refused in one line."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from pareto_ltl.logic import hoa
+from pareto_ltl.support.errors import DataError, ParetoLtlError
+
+
+def text(header: str = "", label: str = "0", states: str = "States: 2") -> str:
+    return (
+        f'HOA: v1\n{states}\nStart: 0\nAP: 2 "a" "b"\nAcceptance: 1 Inf(0)\n{header}\n--BODY--\n'
+        f"State: 0\n[{label}] 1\n[!({label})] 0\nState: 1 {{0}}\n[t] 1\n--END--\n"
+    )
+
+
+def refusal(content: str) -> str:
+    with pytest.raises(ParetoLtlError) as caught:
+        hoa.parse_hoa(content)
+    message = str(caught.value)
+    assert "\n" not in message
+    assert len(message) < 300
+    return message
+
+
+def test_aliases_that_double_are_worked_out_once_each() -> None:
+    lines = ["Alias: @a0 0", *(f"Alias: @a{i + 1} @a{i} & @a{i}" for i in range(150))]
+    found = hoa.parse_hoa(text("\n".join(lines), "@a150"))
+    plain = hoa.parse_hoa(text())
+    np.testing.assert_array_equal(found.delta, plain.delta)
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (text(states="States: 1000000000"), "1000000000 states; 16777216 are the limit"),
+        (text(states=f"States: {'9' * 5000}"), "line 2: a number of states has 5000 digits"),
+        (text(label="9" * 5000), "is no label"),
+        (text(label="(" * 5000 + "0"), "line 9: a label nested deeper than 200 levels"),
+        (text(label="!" * 5000 + "0"), "nested deeper than 200 levels"),
+        (text("\n".join(["Alias: @a 0", *["Alias: @a !@a"] * 300]), "@a"), "nested deeper than 200 levels"),
+        (text("\n".join(f"Alias: @a{i} 0" for i in range(2000))), "more than 1000 aliases"),
+        (text("letters: 0 4"), "a letter has more bits than there are propositions (2)"),
+        (text(f"letters: {'9' * 30}"), "a letter has 30 digits"),
+        (text().replace('AP: 2 "a" "b"', f"AP: {'9' * 18}"), "expected a proposition in quotes"),
+    ],
+)
+def test_a_file_beyond_the_limits_is_refused(content: str, words: str) -> None:
+    assert words in refusal(content)
+
+
+def test_labels_that_take_too_much_work_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(hoa, "MAX_LABEL_WORK", 1000)
+    assert "too long for 4 letters" in refusal(text(label=" | ".join(["0"] * 200)))
+
+
+@pytest.mark.parametrize("data", [b"HOA: v1\n\xff", b"\xff\xfeH\0O\0A\0"])
+def test_a_file_that_is_no_text_is_refused_with_its_line(data: bytes, tmp_path) -> None:
+    (tmp_path / "a.hoa").write_bytes(data)
+    with pytest.raises(DataError, match=r"a\.hoa: line \d: byte 0xff is not UTF-8"):
+        hoa.read_hoa(tmp_path / "a.hoa")
+
+
+def test_a_byte_order_mark_is_no_part_of_an_automaton(tmp_path) -> None:
+    (tmp_path / "a.hoa").write_text(text(), encoding="utf-8-sig")
+    assert hoa.read_hoa(tmp_path / "a.hoa") == hoa.parse_hoa(text())
