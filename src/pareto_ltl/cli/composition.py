@@ -31,6 +31,7 @@ from hydra.types import RunMode, TaskFunction
 from omegaconf import DictConfig, OmegaConf
 
 from pareto_ltl.cli.arguments import CommandArguments
+from pareto_ltl.cli.config_files import bound_sources, described_composition
 from pareto_ltl.cli.setting_keys import refuse_unknown_key, settings_from
 from pareto_ltl.cli.stage_table import application_stages
 from pareto_ltl.run.directory import claimed_directory
@@ -90,7 +91,8 @@ class ComposedHydra(Hydra):
     def compose_config(self, *args: Any, **kwargs: Any) -> DictConfig:
         """Compose at the first call; return the same configuration at every other."""
         if self.composed is None:
-            self.composed = super().compose_config(*args, **kwargs)
+            with described_composition():
+                self.composed = super().compose_config(*args, **kwargs)
         return self.composed
 
 
@@ -109,6 +111,7 @@ def opened_hydra(arguments: argparse.Namespace) -> Iterator[ComposedHydra]:
         )
     hydra = ComposedHydra.create_main_hydra2("pareto_ltl", search)
     assert isinstance(hydra, ComposedHydra)
+    bound_sources(hydra.config_loader)
     try:
         yield hydra
     finally:
@@ -200,9 +203,10 @@ def _prepare_sweep(
     _check_sweep_size(grid)
     names = []
     for first in (True, False):
-        point = hydra.config_loader.load_configuration(
-            config_name(arguments), _corner(grid, first=first), RunMode.RUN, from_shell=False
-        )
+        with described_composition():
+            point = hydra.config_loader.load_configuration(
+                config_name(arguments), _corner(grid, first=first), RunMode.RUN, from_shell=False
+            )
         settings = settings_from(point)
         check_settings(settings)
         names.append(settings.name)

@@ -18,6 +18,7 @@ from pareto_ltl.settings.kinds import field_kinds, kind_problem
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.messages import shown_text
 from pareto_ltl.support.resources import choice_file
+from pareto_ltl.support.yaml_files import read_yaml
 
 
 def build_settings(sections: Mapping[str, Any]) -> Settings:
@@ -42,11 +43,7 @@ def build_settings(sections: Mapping[str, Any]) -> Settings:
 
 def read_settings_file(path: Path) -> Settings:
     """The settings that a run wrote as ``config_resolved.yaml``; ``DataError`` if the file is damaged."""
-    try:
-        content = _yaml(path)
-    except OSError as error:
-        raise DataError(f"{path}: cannot be read ({error.strerror}); is this a results directory?") from error
-    return build_settings(content)
+    return build_settings(_yaml(path))
 
 
 def section_of(section: str, value: Any) -> Any:
@@ -67,15 +64,10 @@ def _value(section: str, value: Any) -> Any:
 
 
 def _yaml(path: Path) -> dict[str, Any]:
-    import yaml
-
-    try:
-        content = yaml.safe_load(path.read_text(encoding="utf-8")) or {}
-    except yaml.YAMLError as error:
-        raise DataError(f"{path}: not YAML ({' '.join(str(error).split())})") from error
-    if not isinstance(content, dict):
+    content = read_yaml(path)
+    if not isinstance(content, dict | None):
         raise DataError(f"{path}: expected keys and values, found {type(content).__name__}")
-    return content
+    return content or {}
 
 
 def _record(schema: Any, values: Mapping[str, Any], where: str) -> Any:

@@ -1,0 +1,106 @@
+"""YAML from outside: bounded in size, in depth and in what its aliases stand for.
+
+An alias (``*name``) repeats what an anchor (``&name``) marks, so that 30 lines can stand for 2^30 values.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from pareto_ltl.support.errors import DataError
+from pareto_ltl.support.reading import RESULTS, Advice, read_text
+
+MAX_YAML_BYTES = 4 * 2**20
+MAX_VALUES = 1_000_000  # with each alias counted as often as it is used
+MAX_YAML_DEPTH = 64
+
+
+class _UnboundedError(ValueError):
+    """A document that is too large, too deep, or ambiguous; the text says where."""
+
+
+def read_yaml(path: Path, advice: Advice = RESULTS) -> Any:
+    """The one document in ``path``; None where the file is empty.
+
+    Raises
+    ------
+    DataError
+        If the file cannot be read, is no YAML, or stands for more than :data:`MAX_VALUES` values.
+    """
+    import yaml
+
+    text = read_text(path, advice, MAX_YAML_BYTES)
+    with _described_flaws(path, advice):
+        kind: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+        _check_nesting(yaml.parse(text, Loader=kind))
+        loader = kind(text)
+        try:
+            node = loader.get_single_node()
+            if node is None:
+                return None
+            _check_node(node, {})
+            return loader.construct_document(node)
+        finally:
+            loader.dispose()
+
+
+@contextmanager
+def _described_flaws(path: Path, advice: Advice) -> Iterator[None]:
+    import yaml
+
+    try:
+        yield
+    except _UnboundedError as error:
+        raise DataError(f"{path}: {error}; {advice.damaged}") from None
+    except RecursionError:
+        raise DataError(f"{path}: is nested deeper than {MAX_YAML_DEPTH} levels; {advice.damaged}") from None
+    except yaml.YAMLError as error:
+        raise DataError(f"{path}: not YAML ({' '.join(str(error).split())}); {advice.damaged}") from error
+    except (ValueError, TypeError, OverflowError) as error:  # a date or a number that there cannot be
+        raise DataError(f"{path}: a value cannot be read ({error}); {advice.damaged}") from error
+
+
+def _check_nesting(events: Iterable[Any]) -> None:
+    """Raise where lists and mappings are nested too deeply: libyaml would end the process with its stack."""
+    import yaml
+
+    depth = 0
+    for event in events:
+        depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
+        if depth > MAX_YAML_DEPTH:
+            line = event.start_mark.line + 1
+            raise _UnboundedError(f"line {line}: nested deeper than {MAX_YAML_DEPTH} levels")
+
+
+def _check_node(node: Any, known: dict[int, tuple[int, int]]) -> tuple[int, int]:
+    """Number of values and levels that ``node`` stands for; raise where they are too many."""
+    place = f"line {node.start_mark.line + 1}"
+    if id(node) in known:
+        size, levels = known[id(node)]
+        if levels == 0:
+            raise _UnboundedError(f"{place}: an anchor holds its own alias")
+        return size, levels
+    known[id(node)] = 0, 0  # at work
+    parts = [_check_node(child, known) for child in _children(node, place)]
+    size, levels = 1 + sum(size for size, _ in parts), 1 + max((levels for _, levels in parts), default=0)
+    if size > MAX_VALUES:
+        raise _UnboundedError(f"{place}: its aliases stand for more than {MAX_VALUES:,} values")
+    if levels > MAX_YAML_DEPTH:
+        raise _UnboundedError(f"{place}: its aliases are nested deeper than {MAX_YAML_DEPTH} levels")
+    known[id(node)] = size, levels
+    return size, levels
+
+
+def _children(node: Any, place: str) -> list[Any]:
+    if isinstance(node.value, str):
+        return []
+    if node.id == "sequence":
+        return list(node.value)
+    names = [key.value for key, _ in node.value if isinstance(key.value, str)]
+    if len(set(names)) < len(names):
+        twice = next(name for name in names if names.count(name) > 1)
+        raise _UnboundedError(f"{place}: the key {twice[:60]!r} is there twice")
+    return [part for pair in node.value for part in pair]
