@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import io
 import json
+import math
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
@@ -20,6 +22,22 @@ if TYPE_CHECKING:
     import h5netcdf
 
 
+DAMAGE = (  # what h5netcdf and h5py raise for a file that is none, or is damaged
+    *(
+        OSError,
+        LookupError,
+        ValueError,
+        TypeError,
+        AttributeError,
+        RuntimeError,
+        OverflowError,
+        ArithmeticError,
+    ),
+    *(AssertionError, NotImplementedError),
+)
+FREE_BYTES = 16 * 2**20  # of a variable, however small the file
+LARGEST = 1e18  # of any number of a field; its square is finite
+MAX_RATIO = 20  # of the bytes of a variable to those of the file, beyond FREE_BYTES
 GRID_DIMENSIONS = ("time", "y", "x")
 MODE_DIMENSIONS = ("time", "mode_y", "mode_x", "mode")
 HYPERPARAMETERS = {
@@ -73,8 +91,8 @@ def read_netcdf(path: Path) -> WindField:
     try:
         with h5netcdf.File(path, "r") as file:
             return _read_field(file)
-    except (OSError, KeyError, ValueError) as error:
-        reason = str(error).splitlines()[0]
+    except DAMAGE as error:
+        reason = " ".join(str(error).split())[:200] or type(error).__name__
         raise DataError(
             f"wind field {path} cannot be read ({reason}); expected the wind.nc of a run"
         ) from None
@@ -188,43 +206,83 @@ def _grid_mapping(crs: str) -> dict[str, Any]:
 
 def _read_field(file: h5netcdf.File) -> WindField:
     def stack(*names: str) -> FloatArray:
-        return np.stack([np.asarray(file[name][...], float) for name in names], axis=-1)
+        return np.stack([_values(file, name) for name in names], axis=-1)
 
-    return WindField(
+    field = WindField(
         origin=np.asarray(file.attrs["origin"], float),
         spacing=float(file.attrs["spacing"]),
-        times=np.asarray(file["time"][...], float),
+        times=_values(file, "time"),
         mean=np.ascontiguousarray(stack("u", "v").transpose(0, 2, 1, 3)),
         latent_var=np.ascontiguousarray(stack("u_var", "v_var").transpose(0, 2, 1, 3)),
         gust_var=stack("u_gust_var", "v_gust_var"),
         hold_last=bool(file.attrs["hold_last"]),
-        score=json.loads(file.attrs["score"]),
+        score=_read_score(str(file.attrs["score"])),
         source=str(file.attrs["source"]),
         modes=_read_modes(file) if "u_modes" in file else None,
         gust_time=float(file.attrs["gust_time"]),
         evidence=_read_evidence(file) if "reading_count" in file else None,
     )
+    _check_field(field)
+    return field
+
+
+def _values(file: h5netcdf.File, name: str, kind: type = float) -> NDArray[Any]:
+    """All values of a variable of numbers; ValueError where it claims far more than the file can hold."""
+    variable = file[name]
+    claimed = math.prod(variable.shape) * max(np.dtype(variable.dtype).itemsize, 8)
+    if claimed > FREE_BYTES + MAX_RATIO * Path(file.filename).stat().st_size:
+        raise ValueError(f"{name} claims {claimed:,} bytes, far more than the file has")
+    if np.dtype(variable.dtype).kind not in "biuf":
+        raise ValueError(f"{name} holds {variable.dtype}; expected numbers")
+    return np.asarray(variable[...], kind)
+
+
+def _read_score(text: str) -> dict[str, float]:
+    score = json.loads(text)  # NaN is allowed here: a score that could not be taken
+    if not isinstance(score, dict):
+        raise ValueError("the attribute score is no JSON object")
+    return {name: float(value) for name, value in score.items()}
+
+
+def _check_field(field: WindField) -> None:
+    """ValueError for what no fit makes: numbers that are not finite, negative variances, disordered times."""
+    arrays = {
+        "origin": field.origin,
+        "spacing": np.array(field.spacing),
+        "time": field.times,
+        "u, v": field.mean,
+    }
+    arrays |= {"u_var, v_var": field.latent_var, "u_gust_var, v_gust_var": field.gust_var}
+    for name, array in arrays.items():
+        if not (np.isfinite(array).all() and (np.abs(array) < LARGEST).all()):
+            raise ValueError(f"{name} holds a number that is not finite, or above {LARGEST:g}")
+    if field.origin.shape != (2,) or field.spacing <= 0 or min(field.mean.shape[:3]) < 1:
+        raise ValueError("the lattice has no nodes, or no spacing")
+    if (field.latent_var < 0).any() or (field.gust_var < 0).any():
+        raise ValueError("a variance is negative")
+    if (np.diff(field.times) <= 0).any():
+        raise ValueError("the times do not increase")
 
 
 def _read_modes(file: h5netcdf.File) -> WindModes:
-    x, y = np.asarray(file["mode_x"][...], float), np.asarray(file["mode_y"][...], float)
-    psi = np.stack([np.asarray(file[f"{name}_modes"][...], np.float32) for name in "uv"], axis=-2)
+    x, y = _values(file, "mode_x"), _values(file, "mode_y")
+    psi = np.stack([_values(file, f"{name}_modes", np.float32) for name in "uv"], axis=-2)
     return WindModes(
         origin=np.array([x[0], y[0]]),
         spacing=float(x[1] - x[0]),
         psi=np.ascontiguousarray(psi.transpose(0, 2, 1, 3, 4)),
         rho=float(file.attrs["rho"]),
         gap=float(file.attrs["rho_gap"]),
-        length=np.stack([np.asarray(file[f"{name}_length"][...], float) for name in "uv"], axis=-1),
-        energy=np.stack([np.asarray(file[f"{name}_energy"][...], float) for name in "uv"], axis=-1),
+        length=np.stack([_values(file, f"{name}_length") for name in "uv"], axis=-1),
+        energy=np.stack([_values(file, f"{name}_energy") for name in "uv"], axis=-1),
     )
 
 
 def _read_evidence(file: h5netcdf.File) -> WindEvidence:
     def columns(*names: str) -> FloatArray:
-        return np.stack([np.asarray(file[name][...], float) for name in names], axis=-1)
+        return np.stack([_values(file, name) for name in names], axis=-1)
 
-    ends = np.cumsum(np.asarray(file["reading_count"][...], int))[:-1]
+    ends = np.cumsum(_values(file, "reading_count", int))[:-1]
     points, winds = columns("reading_x", "reading_y"), columns("reading_u", "reading_v")
     return WindEvidence(
         points=tuple(np.split(points, ends)),

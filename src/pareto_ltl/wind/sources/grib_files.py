@@ -6,6 +6,8 @@ log only.
 
 from __future__ import annotations
 
+import os
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -18,6 +20,7 @@ import numpy as np
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.wind.readings import Readings, check_readings, iso, wrap_longitude
+from pareto_ltl.wind.sources.grib_framing import check_frames
 from pareto_ltl.world.projection import meridian_convergence, rotate_vectors
 
 SPEED_UNITS = ("m s**-1", "m s-1", "m/s")
@@ -90,17 +93,39 @@ def _grib_fields(files: tuple[Path, ...]) -> Iterator[_GribField]:
     for file in files:
         found = False
         with _open_grib(file, eccodes) as stream:
-            while (message := eccodes.codes_grib_new_from_file(stream)) is not None:
+            while (message := _next_message(eccodes, stream)) is not None:
                 try:
-                    if _is_wind_at_10_m(eccodes, message):
-                        found = True
-                        yield _decode_message(eccodes, message, file, grids)
+                    with quiet_library():
+                        field = _decode_message(eccodes, message, file, grids)
                 finally:
                     eccodes.codes_release(message)
+                if field is not None:
+                    found = True
+                    yield field
         if not found:
             raise DataError(
                 f"wind file {file} holds no wind 10 m above ground; expected GRIB messages UGRD and VGRD"
             )
+
+
+def _next_message(eccodes: Any, stream: Any) -> int | None:
+    with quiet_library():
+        message: int | None = eccodes.codes_grib_new_from_file(stream)
+    return message
+
+
+@contextmanager
+def quiet_library() -> Iterator[None]:
+    """Keep what ecCodes prints of a damaged message off the terminal: its error says the same in one line."""
+    sys.stderr.flush()
+    kept, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
+    try:
+        os.dup2(nowhere, 2)
+        yield
+    finally:
+        os.dup2(kept, 2)
+        os.close(kept)
+        os.close(nowhere)
 
 
 @contextmanager
@@ -116,12 +141,16 @@ def _open_grib(file: Path, eccodes: Any) -> Iterator[Any]:
                 raise DataError(
                     f"wind file {file} is a web page, not GRIB (a failed download?); fetch it again"
                 )
+            check_frames(file, stream)
             eccodes.codes_grib_multi_support_on()  # RAP and NAM nests pack u and v in one message
             yield stream
     except OSError as error:
         raise DataError(f"wind file {file} cannot be read: {error.strerror}") from None
     except eccodes.CodesInternalError as error:
         raise DataError(f"wind file {file} is damaged or truncated ({error}); download it again") from None
+    except (ValueError, ArithmeticError, RuntimeError, TypeError) as error:  # a date, a grid that cannot be
+        reason = " ".join(str(error).split())[:200]
+        raise DataError(f"wind file {file} is damaged ({reason}); download it again") from error
     finally:
         eccodes.codes_grib_multi_support_off()
 
@@ -137,7 +166,10 @@ def _is_wind_at_10_m(eccodes: Any, message: int) -> bool:
 
 def _decode_message(
     eccodes: Any, message: int, file: Path, grids: dict[str, tuple[FloatArray, FloatArray | None]]
-) -> _GribField:
+) -> _GribField | None:
+    """The wind component that ``message`` holds; None where it holds something else."""
+    if not _is_wind_at_10_m(eccodes, message):
+        return None
     get = eccodes.codes_get
     valid, start = (
         _message_time(get(message, f"{kind}Date"), get(message, f"{kind}Time"))
