@@ -108,7 +108,7 @@ def _described(schema: Mapping[str, Any]) -> str:
         "minItems": "at least",
     }
     told = [f"{text} {schema[key]:g}" for key, text in limits.items() if key in schema]
-    return " ".join([words, " and ".join(told)]).strip()
+    return ", ".join([words, *told])
 
 
 # --- the validator ---------------------------------------------------------------------------

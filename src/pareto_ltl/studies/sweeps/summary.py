@@ -23,6 +23,7 @@ from pareto_ltl.studies.sweeps.table import (
 )
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.files import write_csv, write_json, write_text
+from pareto_ltl.support.messages import shown_text
 
 SUMMARY_SCHEMA = "pareto_ltl.summary/1"
 
@@ -173,7 +174,8 @@ def chosen_figure(summary: SweepSummary) -> FigureChoice | None:
     by = asked.by or (others[0] if others else None)
     for role, name, known in (("x", x, [*swept, *metrics, "job"]), ("y", y, metrics), ("by", by, swept)):
         if name is not None and name not in known:
-            raise ConfigError(f"sweep.{role}={name} is not among the columns; there are {', '.join(known)}")
+            there = ", ".join(known)
+            raise ConfigError(f"sweep.{role}={shown_text(name)} is not among the columns; there are {there}")
     return FigureChoice(x, y, by)
 
 
