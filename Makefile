@@ -1,16 +1,18 @@
 # make demo   plan the first mission, offline, on the packaged wind
 # make test   run the tests
+# make fuzz   read CASES=100000 spoilt files and texts of every kind (ARGS="scenes automata" for some kinds)
 # Both install exactly requirements.lock into .venv first, with uv where it is on PATH, else with pip.
 # Another interpreter: make demo PYTHON=python3.12
 
 PYTHON ?= python3
 VENV ?= .venv
 ARGS ?=
+CASES ?= 100000
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 UV := $(shell command -v uv 2>/dev/null)
 
-.PHONY: demo test bench lint types lock install clean
+.PHONY: demo test fuzz bench lint types lock install clean
 .DELETE_ON_ERROR:
 
 demo: $(READY)
@@ -18,6 +20,9 @@ demo: $(READY)
 
 test: $(READY)
 	$(BIN)/python -m pytest $(ARGS)
+
+fuzz: $(READY)
+	cd tests && $(abspath $(BIN))/python -m fuzz.harness --cases $(CASES) $(ARGS)
 
 bench: $(READY)
 	$(BIN)/python -m pytest benchmarks/bench_*.py $(ARGS)

@@ -1,0 +1,237 @@
+"""Small valid files that mutations start from, written by the program itself where it can write them."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+from noaa import NOAA
+from pareto_ltl.logic import translate
+from pareto_ltl.planning.records import Acceptance, Forest, Front, Objectives, Plan, PlannedPath, Tree
+from pareto_ltl.run import results
+from pareto_ltl.settings import Settings, as_dict
+from pareto_ltl.simulation.records import Deployment
+from pareto_ltl.studies.sweeps.manifest import SweepManifest, SweepPoint
+from pareto_ltl.support.files import write_json
+from pareto_ltl.wind.netcdf import write_netcdf
+from pareto_ltl.wind.records import WindField, WindModes
+from pareto_ltl.world.cells import decompose
+from pareto_ltl.world.scene import Scene
+
+FORMULAS = (
+    *("F(a & F b & F c)", "!a U b", "F(a & F(b & F c)) | F(a & F(d & F c))", "true", "X X a", "a M b"),
+    *("F a & F b & F c & F d", "G a", "!(a W b)", "(a <-> b) xor !c", "F (a -> X b)", "[] a", "<> höhe"),
+)
+HOA = (
+    'HOA: v1\nname: "F a"\nStates: 2\nStart: 0\nAP: 2 "a" "b"\nacc-name: Buchi\nAcceptance: 1 Inf(0)\n'
+    "properties: trans-labels explicit-labels state-acc deterministic\n--BODY--\nState: 0\n[!0] 0\n[0] 1\n"
+    "State: 1 {0}\n[t] 1\n--END--\n",
+    'HOA: v1\nStates: 2\nStart: 0\nAP: 2 "a" "b"\nAlias: @x 0 & !1\nAlias: @y (@x | @x) & !@x\n'
+    "Alias: @z !@y\nAcceptance: 1 Inf(0) /* a comment */\n--BODY--\nState: 0\n[@x] 1\n[!@x & @z] 0\n"
+    "State: 1 {0}\n[t] 1\n--END--\n",
+)
+CSV = (
+    b"time,lat,lon,u,v\n2018-10-09T00:00:00Z,30,-90,1.5,-2\n2018-10-09T00:00:00Z,31,-90,2.5,0\n"
+    b"2018-10-09T06:00:00Z,30,-90,1,1\n2018-10-09T06:00:00+01:00,31,-91,1,1\n",
+    b'"time","x","y","u","v","note"\n2018-10-09,0,1000,1.5,-2,"a, b"\n2018-10-09,1000,0,2.5,0,\n',
+)
+SQUARE = [[1.0, 1.0], [2.0, 1.0], [2.0, 2.0], [1.0, 2.0]]
+
+
+def ring(lon: float, lat: float, half: float = 0.1) -> list[list[float]]:
+    """A closed square of GeoJSON [deg]."""
+    west, south, east, north = lon - half, lat - half, lon + half, lat + half
+    return [[west, south], [east, south], [east, north], [west, north], [west, south]]
+
+
+def feature(role: str, kind: str, coordinates: Any, **properties: Any) -> dict[str, Any]:
+    shape = {"type": kind, "coordinates": coordinates}
+    return {"type": "Feature", "properties": {"role": role, **properties}, "geometry": shape}
+
+
+GEOJSON = {
+    "type": "FeatureCollection",
+    "features": [
+        feature("start", "Point", [5.0, 60.0]),
+        feature("region", "Polygon", [ring(5.5, 60.5)], name="a"),
+        feature("obstacle", "Polygon", [ring(5.25, 60.25), ring(5.25, 60.25, 0.05)], name="Stord"),
+        feature("obstacle", "MultiPolygon", [[ring(5.05, 60.5, 0.02)], [ring(5.1, 60.6, 0.02)]]),
+        feature("landmark", "Polygon", [ring(5.5, 60.1)]),
+        feature("bounds", "Polygon", [ring(5.3, 60.3, 0.6)]),
+    ],
+}
+
+
+def scene() -> Scene:
+    square = np.array(SQUARE) * 1e5
+    east = np.array([3e5, 0.0])
+    return Scene(
+        bounds=np.array([[0.0, 0.0], [1e6, 1e6]]),
+        start=np.array([5e4, 1e5 / 3]),
+        regions={"a": square, "b": square + 2 * east},
+        obstacles=(square + east,),
+        crs="+proj=stere +lat_0=37 +lon_0=-92 +k=1 +datum=WGS84 +units=m +no_defs",
+        time_zero="2018-10-09T00:00:00Z",
+        landmarks=(square + np.array([0.0, 5e5]),),
+    )
+
+
+def settings() -> dict[str, Any]:
+    """All settings of a run, as ``config_resolved.yaml`` has them."""
+    made = Settings()
+    made.scene.regions, made.scene.obstacles = {"a": SQUARE}, [SQUARE]
+    made.scene.bounds, made.scene.start = [[0.0, 0.0], [10.0, 10.0]], [0.5, 0.5]
+    made.mission.formula = "F a"
+    return as_dict(made)
+
+
+def flight(steps: int = 3) -> PlannedPath:
+    rng = np.random.default_rng(1)
+    return PlannedPath(
+        t=1800.0 * np.arange(steps + 1),
+        x=rng.normal(scale=1e5, size=(steps + 1, 2)),
+        cov=np.tile(np.eye(2), (steps + 1, 1, 1)),
+        q=np.arange(steps + 1),
+        label=(frozenset(),) * steps + (frozenset({"a", "b"}),),
+        u=rng.normal(size=(steps, 2)),
+        objectives=Objectives(1234.5, 1e-17, 0.3, 0.0, 0.7),
+        origin="tree 3 vertex 1207",
+        fixes=(1,),
+    )
+
+
+def tree(nodes: int = 4) -> Tree:
+    rng = np.random.default_rng(2)
+    whole, part = np.arange(nodes), rng.random(nodes)
+    return Tree(
+        *(rng.normal(size=(nodes, 2)), whole - 1, whole, 0 * whole, 0 * whole, part),
+        *(rng.random((nodes, 2)), rng.random((2, 2, 4)), rng.random(2), 0.0, {"blocked": 3.0}),
+    )
+
+
+def wind() -> WindField:
+    rng = np.random.default_rng(3)
+    modes = WindModes(
+        *(np.zeros(2), 5e5, rng.normal(size=(2, 2, 2, 2, 3)).astype(np.float32), 0.5, 21600.0),
+        *(np.full((2, 2), 4e5), np.full((2, 2), 0.9)),
+    )
+    mean = rng.normal(size=(2, 3, 3, 2))
+    return WindField(
+        *(np.zeros(2), 5e5, np.array([0.0, 21600.0]), mean, mean**2, np.ones((2, 2))),
+        score={"gp_z_sd": 1.0},
+        source="two fields",
+        modes=modes,
+    )
+
+
+def write_run(place: Path, seed: int = 0) -> None:
+    """A results directory of small records."""
+    place.mkdir(parents=True)
+    results.write_scene(place, scene())
+    results.write_decomposition(place, decompose(scene()))
+    results.write_automaton(place, translate("F(a & F b)", [(), ("a",), ("b",)]))
+    write_netcdf(wind(), place / "wind.nc", scene())
+    results.write_forest(place, Forest((tree(), tree()), np.array([[0, 3], [1, 2]]), 0.0))
+    results.write_front(place, Front((flight(), flight(2)), (), 0.5, np.ones(3)))
+    checked = Acceptance(0.1, 0.08, 2000, 300, 0.13, 0.17, False, 0.2)
+    told = ("F(a & F b)", ("a", "b"), 1800.0, 30.0, 0.05, "full", "weighted", (0.5, 0.25, 0.25), checked)
+    results.write_plan(place, Plan(flight(), *told))
+    x = np.zeros((5, 4, 2))
+    results.write_deployments(place, {"coherent": Deployment("coherent", x, x[:, 0, 0] == 0, x[:, 0, 1] > 0)})
+    (place / "config_resolved.yaml").write_text(yaml.safe_dump(settings(), sort_keys=False))
+    record = {"status": "ok", "error": None, "measured": True, "argv": ["+experiment=phi1"], "inputs": {}}
+    record |= {
+        "overrides": [f"seed={seed}", "+experiment=phi1"],
+        "packages": {"numpy": "2.1"},
+        "name": "phi1",
+    }
+    record |= {"config_hash": "0" * 64, "name": "phi1", "seed": seed, "seconds": {"forest": 0.5}}
+    write_json(place / "run.json", record)
+    rates = {"runs_coherent": 200.0, "failure_coherent": 0.1, "failure_coherent_low": 0.05}
+    rates |= {"completed": 1.0, "length_m": 1e6 + seed, "nodes_per_second": None, "run_seconds": 2.0}
+    write_json(place / "metrics.json", rates)
+
+
+def write_sweep(place: Path) -> None:
+    """A sweep of two settings with two seeds each."""
+    points = []
+    for number in range(4):
+        job = f"{number:016x}"
+        write_run(place / job, number)
+        points.append(SweepPoint(job, {"planner.n_max": str(100 * (number // 2)), "seed": str(number % 2)}))
+    SweepManifest(tuple(points), ("planner.n_max", "seed"), ("+experiment=phi1",)).write_to(place)
+
+
+def small_gribs() -> tuple[bytes, ...]:
+    """The 10 m wind of a real GFS file, cut down to a few nodes; empty without the NOAA files."""
+    import eccodes
+
+    from pareto_ltl.wind.sources.grib_files import read_grib_files  # noqa: F401 - PROJ before ecCodes
+
+    if not NOAA.is_dir():
+        return ()
+    files = sorted((NOAA / "gfs_1p00_10m").glob("gfs*f000*"))[:2]
+    return tuple(b"".join(_small_messages(eccodes, file)) for file in files)
+
+
+def _small_messages(eccodes: Any, file: Path) -> list[bytes]:
+    found = []
+    with file.open("rb") as stream:
+        while (message := eccodes.codes_grib_new_from_file(stream)) is not None:
+            side = 6
+            for key, value in {"Ni": side, "Nj": side, "La2": 85, "Lo2": 5}.items():
+                eccodes.codes_set(message, key, value if not key.startswith("L") else value * 1_000_000)
+            eccodes.codes_set(
+                message, "packingType", "grid_simple"
+            )  # of which the reader can check the sizes
+            eccodes.codes_set_values(message, np.linspace(-5.0, 5.0, side * side))
+            found.append(eccodes.codes_get_message(message))
+            eccodes.codes_release(message)
+    return found
+
+
+def words() -> tuple[str, ...]:
+    """Words of command lines: some right, some wrong, some foreign to Hydra."""
+    return (
+        *("+experiment=phi1", "seed=3", "planner.n_max=500", "scene=phi2", "fidelity=full", "wind=calm"),
+        *("seed=0,1", "seed=range(0,3)", "mission.formula='F(a & F b)'", "mission.formula=F(a)", "-m"),
+        *("scene.regions={a: [[0,0],[1,0],[0,1]]}", "planner.trees=1e9", "robot.dt=nan", "~scene", "--run"),
+        *(
+            "hydra.run.dir=/nowhere",
+            "name=${seed}",
+            "wind.path=${oc.env:HOME}",
+            "scene.unit=1e308",
+            "++a.b=c",
+        ),
+        *(
+            "planner.trees=",
+            "=3",
+            "a=b=c",
+            "seed=[1,2",
+            "name='",
+            "\\",
+            "--config-dir",
+            "nowhere",
+            "-c",
+            "é=ü",
+        ),
+        *(
+            "+experiment=nothing",
+            "experiment=phi1",
+            "pipelines=compare",
+            "pipelines.stages=[plan]",
+            "+hydra=x",
+        ),
+        *("robot.u_max=1e400", "scene.bounds=[[0,0],[1,1]]", "name=../x", "hydra.job.chdir=true", "seed=-1"),
+        *("planner.epsilon=glob(*)", "planner.epsilon=interval(0,1)", "a.b.c.d=1", "seed=0x10", "--cfg=job"),
+        "seed=" + "9" * 5000,
+    )
+
+
+def json_trees(place: Path) -> dict[str, Any]:
+    """The content of every JSON file of ``place``."""
+    return {path.name: json.loads(path.read_text()) for path in place.glob("*.json")}

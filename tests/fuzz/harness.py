@@ -1,0 +1,248 @@
+"""Fuzzing of every reader, each target in a process of its own.
+
+    make fuzz CASES=100000        or, from tests/, python -m fuzz.harness [--cases N] [target ...]
+
+A case must end within :data:`SECONDS`, make the process grow by at most :data:`GROWTH`, and end with a value
+or with one of the package's errors, in one line. The process has a limit on its memory, and a case at which
+it dies is shown. Hypothesis makes a failing case smaller. Cases come in blocks of 2,000 with the seeds 0, 1,
+and so on: the same number of cases is the same cases.
+"""
+
+from __future__ import annotations
+
+import argparse
+import faulthandler
+import json
+import os
+import pickle
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+import traceback
+import warnings
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import psutil
+from hypothesis import HealthCheck, Phase, given, seed, settings
+from hypothesis.errors import HypothesisWarning
+
+from fuzz.targets import CASES, TARGETS, Fuzz, Target
+
+SECONDS = 10.0  # of one case
+GROWTH = 2**30  # [bytes] of the process
+LAST_CASE = "last_case.pickle"
+SKIPPED = "cannot run here"
+
+
+@dataclass(frozen=True, slots=True)
+class Report:
+    """What one target came to: cases read, seconds, and the text of each fault."""
+
+    name: str
+    cases: int = 0
+    seconds: float = 0.0
+    faults: tuple[str, ...] = ()
+    skipped: bool = False
+
+    def line(self) -> str:
+        rate = self.cases / max(self.seconds, 1e-9)
+        told = (
+            SKIPPED if self.skipped else f"{self.cases:>8} cases {self.seconds:>7.1f} s {rate:>7.0f} cases/s"
+        )
+        return f"{self.name:<16}{SKIPPED if self.skipped else told}   {len(self.faults)} faults"
+
+
+class SlowCaseError(BaseException):
+    """A case took too long; no reader catches this."""
+
+
+# --- in the process of a target --------------------------------------------------------------
+
+
+def fuzz_here(target: Target, cases: int, place: Path) -> Report:
+    """Read ``cases`` cases of ``target`` in this process; stop a block of cases at its first fault."""
+    prepared = target.prepare(place)
+    if prepared is None:
+        return Report(target.name, skipped=True)
+    prepared = _warmed(prepared, target)
+    warnings.simplefilter("error")
+    warnings.simplefilter("ignore", HypothesisWarning)  # that a case is long
+    _limit_memory()
+    read, faults, start = 0, [], time.perf_counter()
+    for block in range(-(-cases // CASES)):
+        size = min(CASES, cases - block * CASES)
+        counted: list[int] = []
+        try:
+            _read_block(target, prepared, place, block, size, counted)
+        except SlowCaseError as error:
+            faults.append(f"block {block}: {error}")
+        except Exception as error:
+            faults += [f"block {block}: {_fault_text(one)}" for one in _single_errors(error)]
+        read += len(counted)
+    return Report(target.name, read, time.perf_counter() - start, tuple(faults))
+
+
+def _warmed(prepared: Fuzz, target: Target) -> Fuzz:
+    """Import what the readers import, before memory is limited: what that takes is no growth of a case."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+
+        @seed(10**6)
+        @_house(20)
+        @given(prepared.cases)
+        def warm(case: Any) -> None:
+            try:
+                prepared.read(case)
+            except Exception:
+                return
+
+        warm()
+    return prepared
+
+
+def _house(cases: int) -> Any:
+    return settings(
+        max_examples=cases,
+        deadline=None,
+        database=None,
+        phases=[Phase.generate, Phase.shrink],
+        suppress_health_check=list(HealthCheck),
+    )
+
+
+def _read_block(
+    target: Target, prepared: Fuzz, place: Path, block: int, size: int, counted: list[int]
+) -> None:
+    with (place / LAST_CASE).open("wb", buffering=0) as last:
+
+        @seed(block)
+        @_house(size)
+        @given(prepared.cases)
+        def read(case: Any) -> None:
+            _note_case(last, case, counted)
+            signal.setitimer(signal.ITIMER_REAL, SECONDS)
+            try:
+                prepared.read(case)
+            except target.allowed as error:
+                _check_line(str(error))
+            finally:
+                signal.setitimer(signal.ITIMER_REAL, 0)
+
+        signal.signal(signal.SIGALRM, _out_of_time)
+        read()
+
+
+def _note_case(last: Any, case: Any, counted: list[int]) -> None:
+    """Keep ``case`` for the case that the process dies; end the process where C code does not come back."""
+    if len(counted) % 50 == 0:
+        faulthandler.dump_traceback_later(6 * SECONDS, exit=True)
+    counted.append(1)
+    last.seek(0)
+    last.truncate()
+    last.write(pickle.dumps(case))
+
+
+def _check_line(text: str) -> None:
+    """A message is one line of text, not empty, not endless, and can be printed."""
+    assert text.strip(), "an error without a message"
+    assert "\n" not in text, f"a message of several lines: {text!r}"
+    assert len(text) < 1000, f"a message of {len(text)} characters: {text[:300]!r}"
+    text.encode()
+
+
+def _out_of_time(number: int, frame: Any) -> None:
+    where = "".join(traceback.format_stack(frame)[-3:])
+    raise SlowCaseError(f"a case took more than {SECONDS:g} s at\n{where}")
+
+
+def _limit_memory() -> None:
+    """An end to the address space, where the system has one; else growth is seen at the end only."""
+    try:
+        import resource
+    except ImportError:
+        return
+    most = psutil.Process().memory_info().vms + GROWTH
+    resource.setrlimit(resource.RLIMIT_AS, (most, most))
+
+
+def _single_errors(error: BaseException) -> list[BaseException]:
+    """Hypothesis raises all distinct faults of a block together."""
+    if isinstance(error, BaseExceptionGroup):
+        return [one for part in error.exceptions for one in _single_errors(part)]
+    return [error]
+
+
+def _fault_text(error: BaseException) -> str:
+    """The last calls of the traceback and the case, each cut to a readable length."""
+    trace = "".join(traceback.format_exception(type(error), error, error.__traceback__.tb_next)[-5:])  # type: ignore[union-attr]
+    notes = [note if len(note) < 1500 else f"{note[:1500]}..." for note in getattr(error, "__notes__", [])]
+    lines = [line for line in trace.splitlines() if line not in "\n".join(getattr(error, "__notes__", []))]
+    return "\n".join([*lines[-12:], *notes])
+
+
+# --- from outside ----------------------------------------------------------------------------
+
+
+def fuzz_target(target: Target, cases: int) -> Report:
+    """Read ``cases`` cases of ``target`` in a process of its own; its death is a fault."""
+    memory = Path("/dev/shm")  # opening a file takes 2 ms on a disk
+    with tempfile.TemporaryDirectory(prefix="fuzz_", dir=memory if memory.is_dir() else None) as folder:
+        place = Path(folder)
+        command = [
+            sys.executable,
+            "-m",
+            "fuzz.harness",
+            "--child",
+            str(place),
+            "--cases",
+            str(cases),
+            target.name,
+        ]
+        tests = Path(__file__).parents[1]
+        path = os.pathsep.join([str(tests), os.environ.get("PYTHONPATH", "")])
+        environment = os.environ | {"PYTHONPATH": path, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+        done = subprocess.run(
+            command, capture_output=True, text=True, check=False, cwd=place, env=environment
+        )
+        try:
+            content = json.loads((place / "report.json").read_text())
+            return Report(**(content | {"faults": tuple(content["faults"])}))
+        except OSError:
+            last = place / LAST_CASE
+            case = repr(pickle.loads(last.read_bytes()))[:3000] if last.exists() else "none"
+            fault = f"the process ended with {done.returncode} at the case {case}\n{done.stderr[-3000:]}"
+            return Report(target.name, faults=(fault,))
+
+
+def _child_environment() -> dict[str, str]:
+    """The tests can be imported; no thread takes memory of its own."""
+    path = os.pathsep.join([str(Path(__file__).parents[1]), os.environ.get("PYTHONPATH", "")])
+    return {"PYTHONPATH": path, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+
+
+def main() -> int:
+    """Fuzz the targets named on the command line, or all; 1 where there is a fault."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("targets", nargs="*", metavar="target")
+    parser.add_argument("--cases", type=int, default=CASES, help="of each target (times its share)")
+    parser.add_argument("--child", type=Path, help=argparse.SUPPRESS)
+    options = parser.parse_args()
+    chosen = [target for target in TARGETS if target.name in (options.targets or [t.name for t in TARGETS])]
+    if options.child is not None:
+        report = fuzz_here(chosen[0], options.cases, options.child)
+        (options.child / "report.json").write_text(json.dumps(asdict(report)))
+        return 0
+    faults = 0
+    for target in chosen:
+        report = fuzz_target(target, max(1, round(options.cases * target.share)))
+        print(report.line(), *report.faults, sep="\n", flush=True)
+        faults += len(report.faults)
+    return 1 if faults else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

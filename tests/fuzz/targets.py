@@ -1,0 +1,310 @@
+"""The table of what is fuzzed: a name, how a case is made, what reads it, and how many cases a test takes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import yaml
+from hypothesis import strategies as st
+
+from fuzz import corpora
+from fuzz.mutations import json_bytes, mutants, tree_mutants, yaml_bytes
+from pareto_ltl.support.errors import ConfigError, ParetoLtlError
+
+CASES = 2000  # of a target in the suite
+Read = Callable[[Any], object]
+
+
+@dataclass(frozen=True, slots=True)
+class Fuzz:
+    """One prepared target.
+
+    Attributes
+    ----------
+    cases : SearchStrategy
+        Makes one case: bytes of a file, a text, or words.
+    read : callable
+        The function under test.
+    """
+
+    cases: st.SearchStrategy[Any]
+    read: Read
+
+
+@dataclass(frozen=True, slots=True)
+class Target:
+    """A row of the table; ``prepare`` gets an empty folder and returns None where the target cannot run here.
+
+    ``share`` is the part of :data:`CASES` that the suite takes: below 1 where one case takes long.
+    """
+
+    name: str
+    prepare: Callable[[Path], Fuzz | None]
+    allowed: tuple[type[Exception], ...] = (ParetoLtlError, OSError)
+    share: float = 1.0
+
+
+def _from_file(path: Path, read: Callable[[Path], object]) -> Read:
+    """Write a case to ``path``, then read that."""
+
+    def write_and_read(case: bytes) -> object:
+        path.write_bytes(case)
+        return read(path)
+
+    return write_and_read
+
+
+# --- formulas and automata -------------------------------------------------------------------
+
+
+def formulas(place: Path) -> Fuzz:
+    from pareto_ltl.logic import parse_formula, translate
+
+    def read(text: str) -> object:
+        tree = parse_formula(text)
+        assert parse_formula(str(tree)) == tree
+        return translate(text, [(), *((name,) for name in tree.atoms)], 50)
+
+    signs = ["X", "F", "U", "M", "G", "W", "R", "&", "|", "!", "->", "<->", "xor", "(", ")", "[]", "<>"]
+    names = ["a", "b", "true", "false", "and", "not", "é", "1", "\n", "$"]
+    words = st.lists(st.sampled_from(signs + names), max_size=20)
+    openings = st.sampled_from(["F ", "!", "(", "X", "a & ("])
+    ends = st.sampled_from(["a", "", "a)"])
+    nested = st.builds(lambda op, n, end: n * op + end, openings, st.integers(0, 3000), ends)
+    seeds = [text.encode() for text in corpora.FORMULAS]
+    changed = mutants(seeds).map(lambda data: data.decode(errors="replace"))
+    texts = st.one_of(words.map(" ".join), words.map("".join), changed, nested, st.text(max_size=40))
+    return Fuzz(texts, read)
+
+
+def automata(place: Path) -> Fuzz:
+    from pareto_ltl.logic.hoa import read_hoa
+
+    seeds = [text.encode() for text in corpora.HOA]
+    return Fuzz(mutants(seeds), _from_file(place / "a.hoa", read_hoa))
+
+
+# --- maps ------------------------------------------------------------------------------------
+
+
+def _read_map(path: Path) -> object:
+    from pareto_ltl.settings import SceneConfig
+    from pareto_ltl.world.scene_settings import scene_from_settings
+
+    return scene_from_settings(SceneConfig(file=str(path)))
+
+
+def geojson(place: Path) -> Fuzz:
+    return Fuzz(tree_mutants([corpora.GEOJSON], json_bytes), _from_file(place / "map.geojson", _read_map))
+
+
+def scenes(place: Path) -> Fuzz:
+    from pareto_ltl.world.scene_files import scene_to_dict
+
+    trees = [scene_to_dict(corpora.scene())]
+    return Fuzz(tree_mutants(trees, json_bytes), _from_file(place / "scene.json", _read_map))
+
+
+# --- settings --------------------------------------------------------------------------------
+
+
+def settings_files(place: Path) -> Fuzz:
+    from pareto_ltl.settings.building import read_settings_file
+
+    whole = corpora.settings()
+    trees = [{key: whole[key]} for key in whole] + [{"seed": 1, "scene": whole["scene"], "name": "x"}]
+    return Fuzz(
+        tree_mutants(trees, yaml_bytes), _from_file(place / "config_resolved.yaml", read_settings_file)
+    )
+
+
+def _compose(words: Sequence[str]) -> object:
+    from pareto_ltl.cli.composition import opened_hydra, parse_flags, prepare
+    from pareto_ltl.cli.error_lines import CONFIGURATION_ERRORS, explain_error
+
+    try:
+        arguments = parse_flags(words)
+        with opened_hydra(arguments) as hydra:
+            return prepare(hydra, arguments)
+    except CONFIGURATION_ERRORS as error:
+        raise ConfigError(explain_error(error)) from error  # what the command line prints
+
+
+def config_files(place: Path) -> Fuzz:
+    folder = place / "conf"
+    (folder / "experiment").mkdir(parents=True)
+    trees = [
+        {"seed": 3, "name": "x", "planner": {"n_max": 500, "trees": 2}},
+        {"defaults": [{"override /scene": "phi1"}, {"override /mission": "phi1"}], "robot": {"dt": 900}},
+    ]
+    header = b"# @package _global_\n"
+    words = ["+experiment=mine", f"--config-dir={folder}"]
+    read = _from_file(folder / "experiment" / "mine.yaml", lambda _: _compose(words))
+    return Fuzz(tree_mutants(trees, lambda tree: header + yaml_bytes(tree)), read)
+
+
+def _command_lines() -> st.SearchStrategy[list[str]]:
+    known = st.sampled_from(corpora.words())
+    spoilt = mutants([word.encode() for word in corpora.words()]).map(
+        lambda data: data.decode(errors="replace").replace("\0", "")
+    )
+    return st.lists(st.one_of(known, spoilt), min_size=1, max_size=4)
+
+
+def command_words(place: Path) -> Fuzz:
+    """Words as far as they can be judged without composing the configuration, which takes 0.1 s."""
+    from pareto_ltl.cli import composition
+    from pareto_ltl.cli.error_lines import CONFIGURATION_ERRORS, explain_error
+    from pareto_ltl.cli.setting_keys import refuse_unknown_key
+
+    with composition.opened_hydra(composition.parse_flags([])) as hydra:
+        loader = hydra.config_loader
+
+    def read(words: list[str]) -> None:
+        try:
+            arguments = composition.parse_flags(words)
+            for override in composition._parse_overrides(loader, arguments.overrides):
+                refuse_unknown_key(override, loader)
+        except SystemExit:  # --version
+            pass
+        except CONFIGURATION_ERRORS as error:
+            raise ConfigError(explain_error(error)) from error
+
+    return Fuzz(_command_lines(), read)
+
+
+def command_lines(place: Path) -> Fuzz:
+    def read(words: list[str]) -> object:
+        try:
+            return _compose(words)
+        except SystemExit:
+            return None
+
+    return Fuzz(_command_lines(), read)
+
+
+# --- winds -----------------------------------------------------------------------------------
+
+
+def csv_winds(place: Path) -> Fuzz:
+    from pareto_ltl.wind.sources.csv_files import read_csv_files
+
+    return Fuzz(
+        mutants(corpora.CSV), _from_file(place / "wind.csv", lambda path: read_csv_files((path,), 150.0))
+    )
+
+
+def grib_winds(place: Path) -> Fuzz | None:
+    from pareto_ltl.wind.sources.grib_files import read_grib_files
+
+    seeds = corpora.small_gribs()
+    if not seeds:
+        return None
+    return Fuzz(mutants(seeds), _from_file(place / "wind.grib", lambda path: read_grib_files((path,), 150.0)))
+
+
+def netcdf_winds(place: Path) -> Fuzz:
+    from pareto_ltl.wind.netcdf import read_netcdf, write_netcdf
+
+    write_netcdf(corpora.wind(), place / "seed.nc", corpora.scene())
+    return Fuzz(mutants([(place / "seed.nc").read_bytes()]), _from_file(place / "wind.nc", read_netcdf))
+
+
+# --- results ---------------------------------------------------------------------------------
+
+
+def results(place: Path) -> Fuzz:
+    """One file of a results directory is changed; everything that reads this file is called."""
+    from pareto_ltl.cli.rerun_command import _finished_record
+    from pareto_ltl.run.results import Results
+    from pareto_ltl.studies.sweeps.runs import RunJob
+
+    run = place / "run"
+    corpora.write_run(run)
+    found = Results(run)
+    readers: dict[str, tuple[Callable[[], object], ...]] = {
+        "scene.json": (lambda: found.scene,),
+        "cells.json": (lambda: found.decomposition,),
+        "plan.json": (lambda: found.plan, lambda: repr(found.plan)),
+        "front.csv": (lambda: found.front,),
+        "metrics.json": (lambda: found.metrics, lambda: RunJob(run).look()),
+        "run.json": (
+            lambda: (found.done, repr(found), RunJob(run).look(), RunJob(run).settled()),
+            lambda: _finished_record(run),
+        ),
+        "trees.npz": (lambda: [tree.path(len(tree) - 1) for tree in found.forest.trees],),
+        "deployments.npz": (lambda: found.deployments,),
+    }  # fmt: skip
+    whole = {name: (run / name).read_bytes() for name in readers}
+    trees = corpora.json_trees(run)
+
+    def case(name: str) -> st.SearchStrategy[tuple[str, bytes]]:
+        changed = tree_mutants([trees[name]], json_bytes) if name in trees else mutants([whole[name]])
+        return st.tuples(st.just(name), changed)
+
+    def read(changed: tuple[str, bytes]) -> None:
+        name, data = changed
+        (run / name).write_bytes(data)
+        try:
+            for reader in readers[name]:
+                reader()
+        finally:
+            (run / name).write_bytes(whole[name])
+
+    return Fuzz(st.sampled_from(sorted(readers)).flatmap(case), read)
+
+
+def sweeps(place: Path) -> Fuzz:
+    """``sweep.json`` or a file of one of its runs is changed; the summary is made from the folder."""
+    from pareto_ltl.studies.sweeps import summary
+
+    sweep = place / "sweep"
+    corpora.write_sweep(sweep)
+    names = ["sweep.json", "0000000000000001/run.json", "0000000000000001/metrics.json"]
+    whole = {name: (sweep / name).read_bytes() for name in names}
+    trees = {name: yaml.safe_load(data) for name, data in whole.items()}
+
+    def read(changed: tuple[str, bytes]) -> None:
+        name, data = changed
+        (sweep / name).write_bytes(data)
+        try:
+            for newest in (True, False):
+                _summarize(summary, sweep)
+                if newest and name != "sweep.json":
+                    (sweep / "sweep.json").unlink()  # what the directories say themselves
+        finally:
+            for name, data in whole.items():
+                (sweep / name).write_bytes(data)
+
+    cases = [st.tuples(st.just(name), tree_mutants([trees[name]], json_bytes)) for name in names]
+    return Fuzz(st.one_of(*cases).map(tuple), read)
+
+
+def _summarize(summary: Any, sweep: Path) -> None:
+    """The summary without its figure."""
+    manifest = summary.read_manifest(sweep)
+    rows = summary.sweep_rows(sweep, manifest)
+    made = summary.SweepSummary(sweep, manifest, rows, summary.seed_groups(rows))
+    summary._summary_content(made)
+    if figure := summary.chosen_figure(made):
+        summary.figure_series(made, figure)
+
+
+TARGETS = (
+    Target("formulas", formulas),
+    Target("automata", automata),
+    Target("geojson", geojson),
+    Target("scenes", scenes),
+    Target("settings_files", settings_files),
+    Target("config_files", config_files, share=0.025),  # Hydra composes for 0.1 s and more
+    Target("command_words", command_words, share=0.25),  # Hydra takes 30 ms for a long word
+    Target("command_lines", command_lines, share=0.025),
+    Target("csv_winds", csv_winds),
+    Target("grib_winds", grib_winds),
+    Target("netcdf_winds", netcdf_winds, share=0.2),  # HDF5 takes 10 ms to open a file
+    Target("results", results),
+    Target("sweeps", sweeps),
+)
