@@ -42,8 +42,11 @@ def test_aliases_that_double_are_worked_out_once_each() -> None:
         (text(label="!" * 5000 + "0"), "nested deeper than 200 levels"),
         (text("\n".join(["Alias: @a 0", *["Alias: @a !@a"] * 300]), "@a"), "nested deeper than 200 levels"),
         (text("\n".join(f"Alias: @a{i} 0" for i in range(2000))), "more than 1000 aliases"),
-        (text("letters: 0 4"), "a letter has more bits than there are propositions (2)"),
+        (text("letters: 0 4"), "a letter has more bits than the 2 propositions"),
         (text(f"letters: {'9' * 30}"), "a letter has 30 digits"),
+        (text().replace("v1", "v" * 5000), "line 1: version vvv"),
+        (text('Alias: "\n'), "has no meaning here"),
+        (text('Alias: "a\nb"'), 'line 6: expected an alias, found "a b"'),
         (text().replace('AP: 2 "a" "b"', f"AP: {'9' * 18}"), "expected a proposition in quotes"),
     ],
 )

@@ -347,6 +347,10 @@ def member(name, value):
         ([feature("region", {"a": 1}, name="a")], "coordinates of region 'a' are no Polygon"),
         ([feature("region", [[{}, {}, {}]], name="a")], "coordinates of region 'a' are no Polygon"),
         ([feature("region", ["abc"], "MultiPolygon", name="a")], "no MultiPolygon"),
+        ([feature("obstacle", [[]], "MultiPolygon")], "no MultiPolygon"),
+        ([feature("region", [[]], "Poly\ngon" + "x" * 500, name="a")], "region 'a' is a Poly\\ngonxxx"),
+        ([feature("region", [square(5, 60)], name="a b" * 100), FJORD[0]], "region name 'a ba b"),
+        ([feature("obstacle", [square(5, 60), [[0, 0], [1e308, 0], [0, 1]]])], "expected finite numbers"),
     ],
 )
 def test_a_feature_of_another_shape_is_refused_by_its_number(tmp_path, features, words):

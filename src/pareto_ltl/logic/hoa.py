@@ -22,9 +22,10 @@ from pareto_ltl.logic.dfa import MAX_ENTRIES, TransitionTable
 from pareto_ltl.logic.hoa_labels import LabelExpression
 from pareto_ltl.support.arrays import BoolArray, IntArray
 from pareto_ltl.support.errors import DataError
+from pareto_ltl.support.messages import shown_line, shown_text
 from pareto_ltl.support.reading import SHOWN, Advice, read_text
 
-MAX_HOA_BYTES = 8 * 2**20
+MAX_HOA_BYTES = 2**23
 MAX_LABEL_DEPTH = 200  # brackets and negations of a label, with those of its aliases
 MAX_ALIASES = 1000
 MAX_LABEL_WORK = 2**32  # operators of all labels times letters; a few seconds
@@ -141,7 +142,7 @@ def _table_of_file(
             takes = label.on(codes, known)
             clash = takes & (row != trap) & (row != number[target])
             if clash.any():
-                letter = show_letter(alphabet[int(np.flatnonzero(clash)[0])])
+                letter = shown_text(show_letter(alphabet[int(np.flatnonzero(clash)[0])]))
                 raise DataError(
                     f"{file.source}, line {line}: state {q} has two ways on {letter}; expected a "
                     "deterministic automaton (ltl2tgba -D, autfilt -D)"
@@ -153,8 +154,8 @@ def _table_of_file(
         i, column = (int(k) for k in np.argwhere(leaves)[0])
         raise DataError(
             f"{file.source}, line {file.states[order[i]].line}: accepting state {order[i]} can be left by "
-            f"{show_letter(alphabet[column])}; a mission that a finite flight completes has accepting states "
-            "that only lead to accepting states"
+            f"{shown_text(show_letter(alphabet[column]))}; a mission that a finite flight completes has "
+            "accepting states that only lead to accepting states"
         )
     return delta, accepting
 
@@ -205,7 +206,7 @@ class _HoaReader:
         return "".join(kept)
 
     def refuse(self, reason: str, line: int) -> NoReturn:
-        raise DataError(f"{self.source}, line {line}: {reason}")
+        raise DataError(shown_line(f"{self.source}, line {line}: {reason}"))
 
     @property
     def here(self) -> _HoaToken:
@@ -297,9 +298,7 @@ class _HoaReader:
         while self.here.kind == "int":
             codes.append(self.number("a letter"))
         if any(code >> len(self.result.atoms) for code in codes):
-            self.refuse(
-                f"a letter has more bits than there are propositions ({len(self.result.atoms)})", line
-            )
+            self.refuse(f"a letter has more bits than the {len(self.result.atoms)} propositions", line)
         return codes
 
     def skip(self, *kinds: str) -> list[str]:

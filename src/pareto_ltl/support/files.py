@@ -16,10 +16,10 @@ import zipfile
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import numpy as np
-from numpy.typing import NDArray
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 ARCHIVE_DATE = (1980, 1, 1, 0, 0, 0)  # the earliest date that a zip archive can carry
 
@@ -79,7 +79,7 @@ def write_json(path: Path, content: Mapping[str, Any]) -> None:
 
 def plain_data(value: Any) -> Any:
     """``value`` in what JSON has: arrays as lists, sets sorted, NaN and infinity as None."""
-    if isinstance(value, np.ndarray | np.generic):
+    if hasattr(value, "tolist"):  # an array or a number of NumPy, which a wrong setting need not load
         return plain_data(value.tolist())
     if isinstance(value, float):
         return value if math.isfinite(value) else None
@@ -94,6 +94,8 @@ def plain_data(value: Any) -> Any:
 
 def write_npz(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
     """Write what ``numpy.load`` reads, with bytes that depend on the arrays alone: names sorted, one date."""
+    import numpy as np
+
     archive = io.BytesIO()
     with zipfile.ZipFile(archive, "w") as zipped:
         for name in sorted(arrays):

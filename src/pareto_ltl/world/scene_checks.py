@@ -11,6 +11,7 @@ import numpy as np
 
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
+from pareto_ltl.support.messages import shown_text
 from pareto_ltl.world.scene import Scene
 from pareto_ltl.world.scene_sketch import SceneSketch
 
@@ -38,11 +39,14 @@ def checked_scene(sketch: SceneSketch) -> Scene:
     _check_size(sketch)
     for name, _ in sketch.regions:
         _check_region_name(sketch, name)
-    regions = {name: _simple_outline(sketch, f"region {name!r}", corners) for name, corners in sketch.regions}
+    regions = {
+        name: _simple_outline(sketch, f"region {shown_text(name)!r}", corners)
+        for name, corners in sketch.regions
+    }
     obstacles = [(what, _simple_outline(sketch, what, corners)) for what, corners in sketch.obstacles]
     _check_inside(sketch, "start", sketch.start[None])
     for name, corners in regions.items():
-        _check_inside(sketch, f"region {name!r}", corners)
+        _check_inside(sketch, f"region {shown_text(name)!r}", corners)
     clipped = [(what, part) for what, corners in obstacles for part in _clipped_obstacle(sketch, corners)]
     _check_start_free(sketch, clipped)
     _check_overlaps(sketch, regions, clipped)
@@ -97,8 +101,8 @@ def _check_region_name(sketch: SceneSketch, name: str) -> None:
         better = re.sub(r"\W+", "_", name, flags=re.ASCII).strip("_") or "goal"
         better = better if not better[0].isdigit() else f"r{better}"
         raise DataError(
-            f"{sketch.where}: region name {name!r} cannot stand in a formula; use letters, digits and _, "
-            f"not a digit first, e.g. {better!r}"
+            f"{sketch.where}: region name {shown_text(name)!r} cannot stand in a formula; use letters, "
+            f"digits and _, not a digit first, e.g. {better[:20]!r}"
         )
     if name in RESERVED_WORDS:
         raise DataError(

@@ -11,6 +11,7 @@ import numpy as np
 
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
+from pareto_ltl.support.messages import shown_text
 from pareto_ltl.support.reading import Advice, read_json_value, shown_value
 from pareto_ltl.support.schemas import check_document
 from pareto_ltl.world import projection
@@ -171,16 +172,16 @@ def _drawn_features(where: str, features: Sequence[Any]) -> Iterator[tuple[str, 
         properties = _member(where, number, feature, "properties")
         role, name = properties.get("role"), properties.get("name")
         if role not in FEATURE_ROLES:
-            raise DataError(
-                f"{where}: feature {number} has role {role!r}; expected {', '.join(FEATURE_ROLES)}"
-            )
+            roles = ", ".join(FEATURE_ROLES)
+            raise DataError(f"{where}: feature {number} has role {shown_text(repr(role))}; expected {roles}")
         if role == "region" and not name:
             raise DataError(f"{where}: feature {number} is a region; give it the property name")
         if not isinstance(name, str | int | None):
             raise DataError(f"{where}: feature {number}: expected a text as name, got {shown_value(name)}")
         many = role in ("obstacle", "landmark")
         counts[role] = counts.get(role, 0) + 1
-        what = {"region": f"region {name!r}"}.get(role, f"{role} {name or counts[role]}" if many else role)
+        named = shown_text(str(name or counts[role]))
+        what = {"region": f"region {named!r}"}.get(role, f"{role} {named}" if many else role)
         key = (role, str(name) if role == "region" else "")
         if not many and key in seen:
             raise DataError(
@@ -203,7 +204,7 @@ def _member(where: str, number: int, feature: Any, name: str) -> Mapping[str, An
 
 def _feature_outlines(where: str, what: str, role: str, geometry: Mapping[str, Any]) -> list[FloatArray]:
     """The outlines of one feature; an obstacle with several parts or holes gives several outlines."""
-    kind, coordinates = geometry.get("type"), geometry.get("coordinates")
+    kind, coordinates = shown_text(str(geometry.get("type"))), geometry.get("coordinates")
     if role == "start":
         if kind != "Point":
             raise DataError(f"{where}: the start is a {kind}; expected a Point")
@@ -212,7 +213,7 @@ def _feature_outlines(where: str, what: str, role: str, geometry: Mapping[str, A
     if kind not in ("Polygon", "MultiPolygon") or not coordinates:
         raise DataError(f"{where}: {what} is a {kind}; expected a Polygon")
     polygons: Any = [coordinates] if kind == "Polygon" else coordinates
-    if not _are_nested_lists(polygons, 4):
+    if not _are_nested_lists(polygons, 4) or not all(polygons):
         raise DataError(f"{where}: the coordinates of {what} are no {kind} as GeoJSON writes it")
     rings = [
         [read_corners(where, what, [corner[:2] for corner in ring]) for ring in rings] for rings in polygons

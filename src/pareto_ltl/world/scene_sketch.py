@@ -15,7 +15,7 @@ import numpy as np
 
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.support.reading import SHOWN
+from pareto_ltl.support.messages import shown_text
 
 MOST_COORDINATE = 1e15  # in any unit
 RELATIVE_TOLERANCE = 1e-9  # of the size of the map; smaller lengths are rounding errors
@@ -90,7 +90,7 @@ def read_outlines(
 ) -> Iterator[tuple[str, FloatArray]]:
     """Names and corners of ``items``, pairs of name and corners, converted by ``metres``."""
     for name, polygon in items:
-        what = f"region {name!r}" if kind == "region" else f"{kind} {name}"
+        what = f"region {shown_text(str(name))!r}" if kind == "region" else f"{kind} {name}"
         yield str(name) if kind == "region" else what, metres(read_corners(where, what, polygon))
 
 
@@ -134,8 +134,7 @@ def _is_empty(value: Any) -> bool:
 
 
 def _typed_text(value: Any) -> str:
-    text = str(value.tolist() if isinstance(value, np.ndarray) else value)
-    return text if len(text) <= SHOWN else f"{text[: SHOWN - 3]}..."
+    return shown_text(str(value.tolist() if isinstance(value, np.ndarray) else value))
 
 
 __all__ = ["SceneSketch", "numbered_outlines", "read_bounds", "read_corners", "read_outlines", "read_start"]

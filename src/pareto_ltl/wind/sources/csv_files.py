@@ -151,8 +151,8 @@ def _speed_factor(file: Path, name: str, title: str) -> float:
     if unit not in SPEED_UNITS:
         known = ", ".join(unit for unit in SPEED_UNITS if unit)
         raise DataError(
-            f"wind file {file}: column {title!r} has the unit {shown_value(unit)}; expected {name} in m/s, "
-            f"or one of the units {known}"
+            f"wind file {file}: column {shown_value(title)} has the unit {shown_value(unit)}; "
+            f"expected {name} in m/s, or one of the units {known}"
         )
     return SPEED_UNITS[unit]
 
@@ -165,7 +165,7 @@ def _parse_row(where: str, row: list[str], columns: list[tuple[str, int]]) -> tu
             values.append(_cached_seconds(text) if name == "time" else float(text))
         except ValueError:
             wanted = "an ISO 8601 time such as 2018-10-09T18:00:00Z" if name == "time" else "a number"
-            raise DataError(f"{where}: {name} is {text!r}; expected {wanted}") from None
+            raise DataError(f"{where}: {name} is {shown_value(text)}; expected {wanted}") from None
     return tuple(values)
 
 
