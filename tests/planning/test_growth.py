@@ -12,7 +12,7 @@ from numpy.random import SeedSequence
 from scipy.special import ndtr
 
 from pareto_ltl.kernels.tree import ROUNDING
-from pareto_ltl.planning import growth
+from pareto_ltl.planning import growth, no_path
 from pareto_ltl.planning import reference as risk
 from pareto_ltl.planning.evaluate import evaluate_path
 from pareto_ltl.planning.growth import GrowthOptions
@@ -385,7 +385,7 @@ def test_too_few_vertices_say_how_far_they_came_and_which_knob_to_turn():
     cfg = PlannerConfig(trees=2, n_max=5)
     forest = grown(problem, cfg)
     assert len(forest.accepted) == 0
-    text = growth.explain_no_path(cfg, problem, forest)
+    text = no_path.explain_no_path(cfg, problem, forest)
     assert "10 vertices reached automaton states [0] of 3" in text
     assert "the nearest still 2 transition(s) from acceptance" in text
     points = np.vstack([tree.x for tree in forest.trees])
@@ -402,7 +402,7 @@ def test_wind_that_holds_the_robot_back_is_named():
     problem = make_problem("F a", scene, wind, planner=cfg)
     forest = grown(problem, cfg)
     assert len(forest.accepted) == 0
-    text = growth.explain_no_path(cfg, problem, forest)
+    text = no_path.explain_no_path(cfg, problem, forest)
     assert "outlasted the wind data or planner.max_steps (0.7 h)" in text
     assert "wind.hold_last=true, or raise planner.max_steps" in text
 
@@ -412,7 +412,7 @@ def test_wind_that_holds_the_robot_back_is_named():
     problem = make_problem("F a", scene, storm, planner=cfg)
     forest = grown(problem, cfg)
     assert len(forest.accepted) == 0
-    assert "raise robot.u_max" in growth.explain_no_path(cfg, problem, forest)
+    assert "raise robot.u_max" in no_path.explain_no_path(cfg, problem, forest)
 
 
 def test_a_gap_that_is_too_narrow_for_epsilon_is_named():
@@ -422,7 +422,7 @@ def test_a_gap_that_is_too_narrow_for_epsilon_is_named():
     problem = make_problem("F a", scene, steady_wind(scene, gust=(4.0, 4.0)), planner=cfg)
     forest = grown(problem, cfg)
     assert len(forest.accepted) == 0
-    assert "came too close to obstacles: raise planner.epsilon" in growth.explain_no_path(
+    assert "came too close to obstacles: make the passages wider" in no_path.explain_no_path(
         cfg, problem, forest
     )
 

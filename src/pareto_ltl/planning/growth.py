@@ -20,7 +20,6 @@ from pareto_ltl.kernels import data as kd
 from pareto_ltl.kernels import growth as kernel
 from pareto_ltl.kernels import tree as kt
 from pareto_ltl.kernels.dijkstra import Heap, Product
-from pareto_ltl.kernels.geometry import face_slack
 from pareto_ltl.kernels.growth import Fans
 from pareto_ltl.kernels.parents import Dominance, Scaled
 from pareto_ltl.planning.evaluate import law_memory
@@ -370,58 +369,3 @@ def _finished_tree(tree: _GrowingTree) -> Tree:
 def _first_rows(array: FloatArray, n: int) -> FloatArray:
     """The first n rows; a full tree is handed over as it is."""
     return array if len(array) == n else array[:n].copy()
-
-
-# --- why there is no path ---------------------------------------------------------------------
-
-CAUSES = ("blocked", "windbound", "beyond", "trapped")
-
-
-def explain_no_path(cfg: PlannerConfig, problem: Problem, forest: Forest) -> str:
-    """Why no path completes the mission: how far the trees came, and which knob to turn."""
-    distance = problem.automaton.distance
-    best = min(float(distance[tree.q].min()) for tree in forest.trees)
-    states = sorted({int(q) for tree in forest.trees for q in np.unique(tree.q)})
-    return (
-        f"no path completes the mission: {sum(map(len, forest.trees))} vertices reached automaton states "
-        f"{states} of {problem.automaton.n_states}, the nearest still {best:.0f} transition(s) from "
-        f"acceptance{_nearest_miss(problem, forest)}; {_advice(cfg, problem, forest)}"
-    )
-
-
-def _advice(cfg: PlannerConfig, problem: Problem, forest: Forest) -> str:
-    """What most extensions failed of, and the setting that changes it."""
-    counts = {cause: sum(tree.reach[cause] for tree in forest.trees) for cause in CAUSES}
-    worst = max(counts, key=lambda cause: counts[cause])
-    late = forest.seconds >= cfg.max_seconds
-    more = f"raise planner.n_max (now {cfg.n_max})"
-    if late:
-        more = f"raise planner.max_seconds (now {cfg.max_seconds:g} s), which ended the growth"
-    if counts[worst] == 0:
-        return more
-    end = problem.horizon * problem.motion.dt / 3600
-    speed = float(np.median(np.linalg.norm(problem.wind.mean, axis=-1)))
-    advice = {
-        "blocked": "came too close to obstacles: raise planner.epsilon or move the obstacles",
-        "windbound": f"could not make way against the wind (half the map has {speed:.1f} m/s or more): raise "
-        f"robot.u_max (now {problem.motion.u_max:g} m/s)",
-        "beyond": f"outlasted the wind data or planner.max_steps ({end:.1f} h): give later wind fields, "
-        "set wind.hold_last=true, or raise planner.max_steps",
-        "trapped": "broke the mission: move the regions that it forbids",
-    }
-    return f"{counts[worst]:.0f} extensions {advice[worst]}; or {more}"
-
-
-def _nearest_miss(problem: Problem, forest: Forest) -> str:
-    """How near the most advanced vertices came to a region that would take them on."""
-    logic, cells = problem.world.logic, problem.world.cells
-    best = min(float(logic.distance[tree.q].min()) for tree in forest.trees)
-    miss, name = np.inf, ""
-    for tree in forest.trees:
-        for q in np.unique(tree.q[logic.distance[tree.q] == best]):
-            points = tree.x[tree.q == q]
-            for cell in np.flatnonzero(logic.distance[logic.delta[q, :-1]] < best):
-                gaps = np.array([-face_slack(cells.faces, int(cell), kd.Point(x, y)) for x, y in points])
-                if gaps.min() < miss:
-                    miss, name = float(gaps.min()), "/".join(sorted(problem.labels[cell]))
-    return f", {max(miss, 0.0) / 1000:.1f} km short of {name or 'open space'}" if np.isfinite(miss) else ""

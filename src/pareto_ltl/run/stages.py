@@ -27,7 +27,7 @@ from pareto_ltl.run.records import (
     WIND,
     WIND_TABLE,
 )
-from pareto_ltl.run.stage_table import Stage, StageInputs, StageTable
+from pareto_ltl.run.stage_table import Stage, StageInputs, StageTable, stage_seeds
 from pareto_ltl.settings import (
     DeploymentConfig,
     FidelityConfig,
@@ -57,6 +57,7 @@ if TYPE_CHECKING:
     from pareto_ltl.world.scene import Scene
 
 LOG = logging.getLogger(__name__)
+FOREST_STREAM = "forest"  # of the random numbers of growth
 
 
 def make_readings(inputs: StageInputs) -> Readings:
@@ -139,11 +140,12 @@ def make_forest(inputs: StageInputs) -> Forest:
 
 def make_front(inputs: StageInputs) -> Front:
     """The non-dominated paths, refined and ranked as ``fidelity`` says."""
-    from pareto_ltl.planning import growth, selection
+    from pareto_ltl.planning import no_path, selection
 
     settings, problem, forest = inputs.settings, inputs[PROBLEM], inputs[FOREST]
+    grown_from = stage_seeds(settings.seed, FOREST_STREAM)
     if not len(forest.accepted):
-        raise InfeasibleError(growth.explain_no_path(settings.planner, problem, forest))
+        raise InfeasibleError(no_path.explain_no_path(settings.planner, problem, forest, grown_from))
     raw = selection.tree_front(problem, forest)
     smoothed: tuple[PlannedPath, ...] = ()
     if settings.fidelity.refine == "convex":
@@ -151,6 +153,10 @@ def make_front(inputs: StageInputs) -> Front:
 
         candidates = (*raw, *selection.order_representatives(problem, forest))
         smoothed = smooth_paths(settings.smoothing, problem, candidates, inputs.progress)
+    if not raw and not smoothed:
+        why = no_path.explain_no_safe_path(settings.planner, problem, grown_from)
+        if why:
+            raise InfeasibleError(why)
     found = selection.build_front(smoothed, raw, settings.fidelity)
     if settings.fidelity.judge == "bound":
         return found
@@ -277,7 +283,7 @@ PLAN_STAGES = (
         make=make_forest,
         needs=(PROBLEM,),
         settings=(PlannerConfig,),
-        stream="forest",
+        stream=FOREST_STREAM,
         writes=("trees.npz",),
     ),
     Stage(

@@ -70,11 +70,11 @@ def fitting_step(robot: RobotConfig, scene: Scene, max_steps: int) -> float:
     return dt if dt >= least else next((s for s in READABLE if s >= least), least)
 
 
-def too_long(robot: RobotConfig, scene: Scene, max_steps: int) -> str:
-    """What is wrong with a full step longer than a region or a passage, and a step that fits; else empty."""
+def too_long(robot: RobotConfig, scene: Scene, max_steps: int, times: float = 1.0) -> str:
+    """What is wrong with a full step longer than ``times`` the narrowest place, and one that fits."""
     place, step = narrowest_place(scene), robot.u_max * float(robot.dt)
     fits = fitting_step(robot, scene, max_steps)
-    if step <= place.width or fits >= robot.dt:
+    if step <= times * place.width or fits >= robot.dt:
         return ""
     return (
         f"a full step of {distance_text(step)} (robot.dt={robot.dt:g} at {robot.u_max:g} m/s) is longer than "

@@ -1,0 +1,200 @@
+"""Why no path completes the mission, and the setting that changes it.
+
+Whether risk is what forbids every path is found by growing the same trees again with higher limits: the
+setting that the text advises has been tried.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.random import SeedSequence
+
+from pareto_ltl.kernels import data as kd
+from pareto_ltl.kernels.geometry import face_slack
+from pareto_ltl.planning.growth import grow_forest
+from pareto_ltl.planning.pack import pack_collision
+from pareto_ltl.planning.problem import Problem
+from pareto_ltl.planning.records import Forest, PlannedPath
+from pareto_ltl.planning.selection import tree_front
+from pareto_ltl.settings import PlannerConfig, RobotConfig
+from pareto_ltl.support.display import probability_text, round_up
+from pareto_ltl.support.errors import InfeasibleError
+from pareto_ltl.world.time_step import too_long
+
+EPSILONS = (0.02, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.99)
+LARGEST_DELTA = 0.999  # no limit on the collision risk of a path
+MORE_VERTICES = (4, 16)  # times as many, tried where risk alone is not the reason
+FAR_TOO_LONG = 3.0  # a full step, in widths of the narrowest place: then it is the reason
+PATIENCE = 30.0  # no trial begins after this time [s]
+
+CAUSES = ("blocked", "windbound", "beyond", "trapped")
+
+
+@dataclass(frozen=True, slots=True)
+class _Trials:
+    """Growths of the same trees under other limits, until ``deadline``."""
+
+    cfg: PlannerConfig
+    problem: Problem
+    seeds: SeedSequence
+    deadline: float
+
+    def late(self) -> bool:
+        return time.monotonic() > self.deadline
+
+    def paths(self, epsilon: float, delta: float, n_max: int) -> tuple[PlannedPath, ...]:
+        """The front of the trees; empty where no path completes the mission within the limits."""
+        cfg = replace(self.cfg, n_max=n_max, max_seconds=min(self.cfg.max_seconds, PATIENCE))
+        problem = with_limits(self.problem, epsilon, delta)
+        seeds = SeedSequence(self.seeds.entropy, spawn_key=self.seeds.spawn_key)
+        try:
+            return tree_front(problem, grow_forest(cfg, problem, seeds))
+        except InfeasibleError:
+            return ()
+
+
+def with_limits(problem: Problem, epsilon: float, delta: float) -> Problem:
+    """``problem`` with other values of planner.epsilon and planner.delta."""
+    kind = problem.fidelity.collision_bound
+    collision = pack_collision(kind, problem.obstacles, epsilon, delta)
+    return replace(problem, epsilon=epsilon, world=problem.world._replace(collision=collision))
+
+
+def explain_no_path(
+    cfg: PlannerConfig, problem: Problem, forest: Forest, seeds: SeedSequence | None = None
+) -> str:
+    """Why no path completes the mission: how far the trees came, and which setting to change.
+
+    Parameters
+    ----------
+    seeds : SeedSequence, optional
+        Those that the forest was grown from; without them nothing is tried.
+    """
+    long_step = _step_advice(cfg, problem, FAR_TOO_LONG)
+    if seeds is not None and not long_step and (advised := _tried_advice(cfg, problem, forest, seeds)):
+        return advised
+    distance = problem.automaton.distance
+    best = min(float(distance[tree.q].min()) for tree in forest.trees)
+    states = sorted({int(q) for tree in forest.trees for q in np.unique(tree.q)})
+    return (
+        f"no path completes the mission: {sum(map(len, forest.trees))} vertices reached automaton states "
+        f"{states} of {problem.automaton.n_states}, the nearest still {best:.0f} transition(s) from "
+        f"acceptance{_nearest_miss(problem, forest)}; {long_step or _advice(cfg, problem, forest)}"
+    )
+
+
+def explain_no_safe_path(cfg: PlannerConfig, problem: Problem, seeds: SeedSequence) -> str:
+    """Why no path of trees that complete the mission is kept: all break planner.delta."""
+    trials = _Trials(cfg, problem, seeds, time.monotonic() + PATIENCE)
+    paths = trials.paths(problem.epsilon, LARGEST_DELTA, cfg.n_max)
+    return _risk_text(trials, problem.epsilon, paths) if paths else ""
+
+
+def _tried_advice(cfg: PlannerConfig, problem: Problem, forest: Forest, seeds: SeedSequence) -> str:
+    """The advice that a growth under other limits has confirmed; empty where none is found."""
+    trials = _Trials(cfg, problem, seeds, time.monotonic() + PATIENCE)
+    blocked = sum(tree.reach["blocked"] for tree in forest.trees) > 0
+    for n_max in (cfg.n_max, *(times * cfg.n_max for times in MORE_VERTICES)):
+        if trials.late():
+            return ""
+        if n_max > cfg.n_max and trials.paths(problem.epsilon, cfg.delta, n_max):
+            return (
+                f"no path completes the mission with {sum(map(len, forest.trees)):,} vertices"
+                f"{_nearest_miss(problem, forest)}: set planner.n_max={n_max}, which finds one"
+            )
+        wider = replace(trials, cfg=replace(cfg, n_max=n_max))
+        if blocked and (found := _least_epsilon(wider)):
+            return _risk_text(wider, *found, more=n_max > cfg.n_max)
+    return ""
+
+
+def _least_epsilon(trials: _Trials) -> tuple[float, tuple[PlannedPath, ...]] | None:
+    """The least epsilon of the ladder that gives a path, and the paths; None where the largest gives none."""
+    delta, n_max = max(LARGEST_DELTA, trials.cfg.delta), trials.cfg.n_max
+    ladder = [epsilon for epsilon in EPSILONS if epsilon > trials.problem.epsilon]
+    if not ladder or not (paths := trials.paths(ladder[-1], delta, n_max)):
+        return None
+    low, high = -1, len(ladder) - 1
+    while high - low > 1 and not trials.late():
+        middle = (low + high) // 2
+        if seen := trials.paths(ladder[middle], delta, n_max):
+            high, paths = middle, seen
+        else:
+            low = middle
+    return ladder[high], paths
+
+
+def _risk_text(trials: _Trials, epsilon: float, paths: tuple[PlannedPath, ...], *, more: bool = False) -> str:
+    """What the least risk of ``paths`` is, and the limits that allow it; ``more``: with more vertices."""
+    problem, models = trials.problem, trials.problem.fidelity
+    least = min(path.objectives.mission_risk + path.objectives.collision_risk for path in paths)
+    settings = [f"planner.epsilon={epsilon:g}"] if epsilon > problem.epsilon else []
+    limits = f"planner.epsilon = {problem.epsilon:g}"
+    if isinstance(problem.world.collision, kd.PathBound):
+        limits += f" and planner.delta = {trials.cfg.delta:g}"
+        settings += _delta_settings(trials, epsilon, paths)
+    if more:
+        settings.append(f"planner.n_max={trials.cfg.n_max}")
+    return (
+        f"no plan keeps the collision risk within {limits} in {models.law} winds; the least risk found, "
+        f"{models.mission_symbol} + R, is {probability_text(least)}: allow it with {' '.join(settings)}, or "
+        f"make the passages wider or the time in the wind shorter"
+    )
+
+
+def _delta_settings(trials: _Trials, epsilon: float, paths: tuple[PlannedPath, ...]) -> Iterator[str]:
+    """planner.delta where it must be raised: to the least value that has been seen to give a path."""
+    cfg = trials.cfg
+    if not trials.late() and trials.paths(epsilon, cfg.delta, cfg.n_max):
+        return
+    least = round_up(min(path.objectives.collision_risk for path in paths))
+    enough = 0.0 < least < 1.0 and not trials.late() and trials.paths(epsilon, least, cfg.n_max)
+    yield f"planner.delta={least if enough else LARGEST_DELTA:g}"
+
+
+def _step_advice(cfg: PlannerConfig, problem: Problem, times: float) -> str:
+    """What is wrong with a step longer than ``times`` the narrowest place of the map."""
+    robot = RobotConfig(dt=problem.motion.dt, u_max=problem.motion.u_max)
+    return too_long(robot, problem.scene, cfg.max_steps, times)
+
+
+def _advice(cfg: PlannerConfig, problem: Problem, forest: Forest) -> str:
+    """What most extensions failed of, and the setting that changes it."""
+    counts = {cause: sum(tree.reach[cause] for tree in forest.trees) for cause in CAUSES}
+    worst = max(counts, key=lambda cause: counts[cause])
+    late = forest.seconds >= cfg.max_seconds
+    more = f"raise planner.n_max (now {cfg.n_max})"
+    if late:
+        more = f"raise planner.max_seconds (now {cfg.max_seconds:g} s), which ended the growth"
+    if counts[worst] == 0:
+        return more
+    end = problem.horizon * problem.motion.dt / 3600
+    speed = float(np.median(np.linalg.norm(problem.wind.mean, axis=-1)))
+    advice = {
+        "blocked": "came too close to obstacles: make the passages wider, or let the robot reach them sooner",
+        "windbound": f"could not make way against the wind (half the map has {speed:.1f} m/s or more): raise "
+        f"robot.u_max (now {problem.motion.u_max:g} m/s)",
+        "beyond": f"outlasted the wind data or planner.max_steps ({end:.1f} h): give later wind fields, "
+        "set wind.hold_last=true, or raise planner.max_steps",
+        "trapped": "broke the mission: move the regions that it forbids",
+    }
+    return f"{counts[worst]:.0f} extensions {advice[worst]}; or {more}"
+
+
+def _nearest_miss(problem: Problem, forest: Forest) -> str:
+    """How near the most advanced vertices came to a region that would take them on."""
+    logic, cells = problem.world.logic, problem.world.cells
+    best = min(float(logic.distance[tree.q].min()) for tree in forest.trees)
+    miss, name = np.inf, ""
+    for tree in forest.trees:
+        for q in np.unique(tree.q[logic.distance[tree.q] == best]):
+            points = tree.x[tree.q == q]
+            for cell in np.flatnonzero(logic.distance[logic.delta[q, :-1]] < best):
+                gaps = np.array([-face_slack(cells.faces, int(cell), kd.Point(x, y)) for x, y in points])
+                if gaps.min() < miss:
+                    miss, name = float(gaps.min()), "/".join(sorted(problem.labels[cell]))
+    return f", {max(miss, 0.0) / 1000:.1f} km short of {name or 'open space'}" if np.isfinite(miss) else ""

@@ -1,0 +1,125 @@
+"""Why there is no path: the reason is told from others, and the setting that is advised works."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import pytest
+from numpy.random import SeedSequence
+
+from pareto_ltl.planning.growth import grow_forest
+from pareto_ltl.planning.no_path import explain_no_path, explain_no_safe_path
+from pareto_ltl.planning.problem import Problem
+from pareto_ltl.planning.selection import tree_front
+from pareto_ltl.settings import PlannerConfig, RobotConfig
+from pareto_ltl.world.scene import Scene
+from problems import box, make_problem, make_scene, smooth_wind, steady_wind
+
+SEEDS = SeedSequence(11)
+CFG = PlannerConfig(trees=2, n_max=300, threads=1)
+
+
+def corridor(width: float) -> Scene:
+    """A wall with one gap ``width`` km wide."""
+    walls = [box(9, 0, 11, 10 - width / 2), box(9, 10 + width / 2, 11, 20)]
+    return make_scene({"a": box(14, 8, 18, 12)}, walls, start=(3, 10))
+
+
+def task(
+    scene: Scene, cfg: PlannerConfig, fidelity: str = "paper", formula: str = "F a", **wind: Any
+) -> Problem:
+    options = {"speed": 1.0, "sd": 0.5, "gust": 1.0} | wind
+    robot = RobotConfig(dt=100.0, u_max=10.0)
+    return make_problem(formula, scene, smooth_wind(scene, **options), robot, cfg, fidelity=fidelity)
+
+
+def advised_settings(text: str) -> Mapping[str, float]:
+    """The settings of section planner that ``text`` advises."""
+    return {name: float(value) for name, value in re.findall(r"planner\.(\w+)=([\d.e-]+)", text)}
+
+
+def follow(cfg: PlannerConfig, text: str) -> PlannerConfig:
+    found = advised_settings(text)
+    assert found, text
+    return replace(cfg, **{name: int(v) if name == "n_max" else v for name, v in found.items()})
+
+
+def plans(cfg: PlannerConfig, problem: Problem) -> int:
+    return len(tree_front(problem, grow_forest(cfg, problem, SeedSequence(11))))
+
+
+@pytest.mark.parametrize(
+    ("width", "fidelity"), [(0.8, "paper"), (1.5, "paper"), (1.5, "full"), (2.5, "full")]
+)
+def test_a_gap_that_is_only_risky_is_told_with_limits_that_let_a_path_through(
+    width: float, fidelity: str
+) -> None:
+    cfg = replace(CFG, epsilon=0.001, delta=0.01)
+    problem = task(corridor(width), cfg, fidelity)
+    forest = grow_forest(cfg, problem, SeedSequence(11))
+    assert len(forest.accepted) == 0
+    text = explain_no_path(cfg, problem, forest, SEEDS)
+    law = {"paper": "independent", "full": "coherent"}[fidelity]
+    assert f"in {law} winds; the least risk found" in text
+    assert re.search(r"is [\d.e-]+ %: allow it with planner\.", text)
+    better = follow(cfg, text)
+    assert plans(better, task(corridor(width), better, fidelity)) > 0
+
+
+def test_paths_that_break_delta_alone_name_the_delta_that_keeps_one() -> None:
+    cfg = replace(CFG, epsilon=0.5, delta=1e-4)
+    problem = task(corridor(1.5), cfg, "full")
+    assert plans(cfg, problem) == 0
+    text = explain_no_safe_path(cfg, problem, SEEDS)
+    assert set(advised_settings(text)) == {"delta"}
+    better = follow(cfg, text)
+    assert plans(better, task(corridor(1.5), better, "full")) > 0
+
+
+def test_too_few_vertices_are_told_with_a_number_that_finds_a_path() -> None:
+    scene = make_scene({"a": box(8, 2, 10, 4), "b": box(14, 14, 16, 16)})
+    cfg = replace(CFG, n_max=12)
+    problem = make_problem("F(a & F b)", scene, planner=cfg)
+    forest = grow_forest(cfg, problem, SeedSequence(11))
+    assert len(forest.accepted) == 0
+    text = explain_no_path(cfg, problem, forest, SEEDS)
+    assert re.search(r"set planner\.n_max=\d+, which finds one", text)
+    better = follow(cfg, text)
+    assert plans(better, make_problem("F(a & F b)", scene, planner=better)) > 0
+
+
+def test_wind_stronger_than_the_robot_is_not_called_risk() -> None:
+    scene = make_scene({"a": box(15, 8, 17, 12)}, start=(3, 10))
+    wind = steady_wind(scene, mean=(-10.5, 0.0), hold_last=True)
+    wind.mean[:, 0, 0] = 0.0
+    problem = make_problem("F a", scene, wind, planner=CFG)
+    text = explain_no_path(CFG, problem, grow_forest(CFG, problem, SeedSequence(11)), SEEDS)
+    assert "could not make way against the wind" in text
+    assert "raise robot.u_max (now 10 m/s)" in text
+
+
+def test_too_few_steps_are_not_called_risk() -> None:
+    scene = make_scene({"a": box(15, 8, 17, 12)}, start=(3, 10))
+    cfg = replace(CFG, max_steps=5)
+    problem = make_problem("F a", scene, planner=cfg)
+    text = explain_no_path(cfg, problem, grow_forest(cfg, problem, SeedSequence(11)), SEEDS)
+    assert "raise planner.max_steps" in text
+
+
+def test_a_step_too_long_for_the_map_is_told_first() -> None:
+    scene = make_scene({"a": box(15, 15, 16, 16)}, [box(6, 6, 9, 9)], start=(1, 1))
+    robot = RobotConfig(dt=1800.0, u_max=10.0)
+    problem = make_problem("F a", scene, steady_wind(scene, gust=(3.0, 3.0)), robot, CFG)
+    text = explain_no_path(CFG, problem, grow_forest(CFG, problem, SeedSequence(11)), SEEDS)
+    assert "a full step of 18.0 km (robot.dt=1800 at 10 m/s) is longer than region 'a' is wide" in text
+    assert "set robot.dt=" in text
+
+
+def test_a_gap_that_no_limit_lets_a_path_through_is_not_called_risky() -> None:
+    problem = task(corridor(0.4), CFG, "full", sd=3.0)
+    text = explain_no_path(CFG, problem, grow_forest(CFG, problem, SeedSequence(11)), SEEDS)
+    assert "make the passages wider" in text
+    assert advised_settings(text) == {}
