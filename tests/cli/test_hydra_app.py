@@ -80,6 +80,8 @@ BAD = {
     "robot.dt=" + "9" * 400: "robot.dt holds a number with",
     "planner.n_max=1e7": "write it in digits, 10000000",
     "planner.trees=null": "planner.trees must be a whole number, got None",
+    "scene.regions.z=[[1,1],[2,1],[2,2]]": "scene.regions.z is not there yet; write +scene.regions.z=...",
+    "ingest.out=table.json": "ingest.out must end in .csv",
     "planner=null": "planner must be one of default, dense, quick (a choice), got None",
     "planner=3": "planner must be one of default, dense, quick (a choice), got 3",
     "scene.regions=[]": "scene.regions must be a mapping of names to values",
@@ -188,7 +190,7 @@ def test_a_folder_with_spaces_and_other_letters_holds_results(
 
 
 def test_files_differ_by_more_than_case_where_regions_do_not(here: Path) -> None:
-    names = "scene.regions={a:[[1,1],[2,1],[2,2]],A:[[4,4],[5,4],[5,5]]}"
+    names = "+scene.regions={a:[[1,1],[2,1],[2,2]],A:[[4,4],[5,4],[5,5]]}"
     words = [
         "scene.bounds=[[0,0],[9,9]]",
         "scene.start=[0,0]",

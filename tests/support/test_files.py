@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from pareto_ltl.support import fingerprints
+from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.files import remove_dead_drafts, whole_file, write_text
 from pareto_ltl.support.fingerprints import code_fingerprint, data_fingerprint, file_fingerprint
 from pareto_ltl.support.resources import PACKAGE
@@ -101,3 +102,14 @@ def test_a_module_that_does_not_exist_is_refused() -> None:
         code_fingerprint("wind.elsewhere")
     assert code_fingerprint("support", "wind.gp") != code_fingerprint("support")
     assert (PACKAGE / "support" / "fingerprints.py").is_file()
+
+
+def test_a_device_or_a_folder_is_never_replaced(tmp_path: Path) -> None:
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    (tmp_path / "link").symlink_to(pipe)
+    for place in (pipe, tmp_path / "link", tmp_path):
+        with pytest.raises(DataError, match="is a folder or a device"):
+            write_text(place, "x")
+    assert pipe.is_fifo()
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["link", "pipe"]

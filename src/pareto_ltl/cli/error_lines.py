@@ -5,7 +5,13 @@ from __future__ import annotations
 import re
 
 from hydra.errors import HydraException, MissingConfigException, OverrideParseException
-from omegaconf.errors import MissingMandatoryValue, OmegaConfBaseException, ValidationError
+from omegaconf.errors import (
+    ConfigAttributeError,
+    ConfigKeyError,
+    MissingMandatoryValue,
+    OmegaConfBaseException,
+    ValidationError,
+)
 
 from pareto_ltl.cli.arguments import EXPECTED_ERRORS
 from pareto_ltl.run.provenance import one_line
@@ -63,6 +69,11 @@ def _explain_value(error: OmegaConfBaseException, place: str) -> str:
     reason = shown_text(_first_line(error), LINE_WIDTH)
     if isinstance(error, ValidationError) and kind is not None:
         return kind_problem(setting, error.value, kind)
+    if (
+        isinstance(error, ConfigKeyError | ConfigAttributeError)
+        and kind_at(Settings, key.rpartition(".")[0]) is not None
+    ):
+        return f"{shown_text(key)} is not there yet; write +{shown_text(key)}=... to add it"
     if kind is not None:
         return f"{setting} must be {kind_text(kind)} ({reason})"
     return f"{key}: {reason}" if key else reason

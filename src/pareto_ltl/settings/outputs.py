@@ -7,6 +7,8 @@ from typing import Any, ClassVar
 
 from pareto_ltl.settings.checks import CheckedSettings, check_outline, check_time, setting
 from pareto_ltl.settings.fidelity import LAWS
+from pareto_ltl.support.errors import ConfigError
+from pareto_ltl.support.messages import shown_value
 
 
 @dataclass
@@ -40,6 +42,10 @@ class IngestConfig(CheckedSettings):
     last: str | None = setting(None, "last time, ISO 8601 UTC; null: to the end")
 
     def check_combinations(self) -> None:
+        if not self.out.lower().endswith(".csv"):
+            raise ConfigError(
+                f"ingest.out must end in .csv (its origin goes to .json), got {shown_value(self.out)}"
+            )
         check_outline("ingest.area", self.area)
         check_time("ingest.first", self.first)
         check_time("ingest.last", self.last)

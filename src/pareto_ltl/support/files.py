@@ -21,12 +21,16 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+from pareto_ltl.support.errors import DataError
+
 ARCHIVE_DATE = (1980, 1, 1, 0, 0, 0)  # the earliest date that a zip archive can carry
 
 
 @contextmanager
 def whole_file(path: Path) -> Iterator[Path]:
     """A draft to write to; it replaces ``path`` when the block ends, and is removed when the block raises."""
+    if path.exists() and not path.is_file():
+        raise DataError(f"{path} is a folder or a device, which no file may replace; name another place")
     draft = path.with_name(f".{os.getpid()}.{path.name}")
     draft.unlink(missing_ok=True)
     os.close(os.open(draft, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))  # never through a planted link
