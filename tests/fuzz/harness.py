@@ -31,6 +31,7 @@ from hypothesis import HealthCheck, Phase, given, seed, settings
 from hypothesis.errors import HypothesisWarning
 
 from fuzz.targets import CASES, TARGETS, Fuzz, Target
+from pareto_ltl.support.messages import LONGEST_LINE
 
 SECONDS = 10.0  # of one case
 GROWTH = 2**30  # [bytes] of the process
@@ -124,16 +125,22 @@ def _read_block(
         @given(prepared.cases)
         def read(case: Any) -> None:
             _note_case(last, case, counted)
-            signal.setitimer(signal.ITIMER_REAL, SECONDS)
+            _set_alarm(SECONDS)
             try:
                 prepared.read(case)
             except target.allowed as error:
                 _check_line(str(error))
             finally:
-                signal.setitimer(signal.ITIMER_REAL, 0)
+                _set_alarm(0.0)
 
-        signal.signal(signal.SIGALRM, _out_of_time)
         read()
+
+
+def _set_alarm(seconds: float) -> None:
+    """Raise :class:`SlowCaseError` after ``seconds``; never for 0, or where the system has no such alarm."""
+    if hasattr(signal, "setitimer"):
+        signal.signal(signal.SIGALRM, _out_of_time)
+        signal.setitimer(signal.ITIMER_REAL, seconds)
 
 
 def _note_case(last: Any, case: Any, counted: list[int]) -> None:
@@ -150,7 +157,7 @@ def _check_line(text: str) -> None:
     """A message is one line of text, not empty, not endless, and can be printed."""
     assert text.strip(), "an error without a message"
     assert "\n" not in text, f"a message of several lines: {text!r}"
-    assert len(text) < 1000, f"a message of {len(text)} characters: {text[:300]!r}"
+    assert len(text) <= LONGEST_LINE, f"a message of {len(text)} characters: {text[:300]!r}"
     text.encode()
 
 

@@ -45,6 +45,7 @@ def test_aliases_that_double_are_worked_out_once_each() -> None:
         (text("letters: 0 4"), "a letter has more bits than the 2 propositions"),
         (text(f"letters: {'9' * 30}"), "a letter has 30 digits"),
         (text().replace("v1", "v" * 5000), "line 1: version vvv"),
+        (text().replace("1 Inf(0)", "[" * 5000), "acceptance '[ [ [ "),
         (text('Alias: "\n'), "has no meaning here"),
         (text('Alias: "a\nb"'), 'line 6: expected an alias, found "a b"'),
         (text().replace('AP: 2 "a" "b"', f"AP: {'9' * 18}"), "expected a proposition in quotes"),

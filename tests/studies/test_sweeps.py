@@ -671,6 +671,8 @@ def test_the_figure_is_chosen_among_the_columns(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"sweep\.y=colour is not among the columns; there are completed"):
         summary.write_summary(tmp_path, figure=FigureChoice(y="colour"))
     assert "<svg" not in (tmp_path / "summary.html").read_text()  # the page is there, without it
+    with pytest.raises(ConfigError, match=r"sweep\.x=a{10,80}\.\.\.a{10,80} is not among the columns"):
+        summary.write_summary(tmp_path, figure=FigureChoice(x="a" * 100_000))
 
 
 def test_numbers_keep_the_digits_that_matter() -> None:

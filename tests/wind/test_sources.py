@@ -244,6 +244,9 @@ BAD_TABLES = {
     "nan": ([*GOOD[:4], "2018-10-09T00:00:00Z,35,-90,nan,1", *GOOD[4:]], r"row 6: expected finite.*NaN"),
     "infinite": ([*GOOD, "2018-10-09T00:00:00Z,35,-90,inf,1"], r"row 38: expected finite"),
     "word": ([*GOOD, "2018-10-09T00:00:00Z,35,-90,strong,1"], r"row 38: u is 'strong'; expected a number"),
+    "long word": ([*GOOD, f"{'9' * 5000},35,-90,1,1"], r"row 38: time is '9{20,80}\.\.\.9{20,80}'; expected"),
+    "open quote": ([*GOOD[:4], '"' + "x" * 200_000, *GOOD[4:]], r"no CSV text \(field larger than"),
+    "NUL": ([*GOOD, "2018-10-09T00:00:00Z,35,-90,1\0,1"], r"row 38: u is '1.x00'; expected a number"),
     "short row": ([*GOOD, "2018-10-09T00:00:00Z,35,-90"], r"row 38: u is ''"),
     "time": (["yesterday,35,-90,1,1", *GOOD], r"row 2: time is 'yesterday'; expected an ISO 8601 time"),
     "latitude": (["2018-10-09T00:00:00Z,135,-90,1,1", *GOOD], r"row 2: latitude 135, longitude -90"),
@@ -446,6 +449,17 @@ def test_a_file_that_is_no_whole_grib_is_named(spoil, words, gribs):
             call(grib(gribs))
         assert "gfs.06" in str(caught.value)
         assert "\n" not in str(caught.value)
+
+
+def test_a_message_with_a_date_that_there_cannot_be_is_named(gribs):
+    file = gribs / "gfs.06"
+    raw = file.read_bytes()
+    day = bytes([2018 // 256, 2018 % 256, 10, 9])
+    assert raw.count(day) == 4
+    file.write_bytes(raw.replace(day, bytes([255, 255, 60, 77])))
+    with pytest.raises(DataError, match=r"gfs.06 is damaged \(.*\); download it again") as caught:
+        read(grib(gribs))
+    assert "\n" not in str(caught.value)
 
 
 def test_a_file_cut_between_its_messages_lacks_a_component(gribs, eccodes):
