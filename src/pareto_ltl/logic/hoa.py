@@ -313,8 +313,8 @@ class _HoaReader:
         condition = " ".join(self.skip())
         if condition.replace(" ", "") != "1Inf(0)":
             self.refuse(
-                f"acceptance '{shown_text(condition)}'; expected Büchi, '1 Inf(0)' (ltl2tgba -B, autfilt -B): "
-                "a mission is complete once an accepting state is reached",
+                f"acceptance '{shown_text(condition)}'; expected Büchi, '1 Inf(0)' "
+                "(ltl2tgba -B, autfilt -B): a mission is complete once an accepting state is reached",
                 line,
             )
 
