@@ -54,6 +54,7 @@ def _other_estimate(place: Path) -> None:
 
 
 PLAN_LIES = (
+    Lie("the time step of the metrics is another", in_metrics({"dt_s": 900.0}), ("plan: metrics",)),
     Lie("the estimate is another", _other_estimate, ("plan: estimate of its acceptance",), "full"),
     Lie("a step is shifted", in_plan(_shift_step), ("plan: motion",)),
     Lie(

@@ -14,12 +14,14 @@ import pytest
 
 import pareto_ltl
 from lies import LIES, Lie, edited
+from lies.editing import setting
 from pareto_ltl.cli.commands import run_command_line
 from pareto_ltl.support.errors import InfeasibleError
 from pareto_ltl.verify.evidence import open_evidence
 from pareto_ltl.verify.judge import CLAIMS, findings, judge_results
 
 SMALL = {
+    "robot": {"dt": 1800.0},
     "planner": {"trees": 2, "n_max": 1500, "max_steps": 80},
     "smoothing": {"candidates": 1, "weights": [10.0, 100.0]},
     "selection": {"draws": 200, "runs": 1000},
@@ -146,7 +148,7 @@ def test_the_judge_loads_no_compiled_code_of_the_planner(honest: dict[str, Path]
 
 
 def test_an_infeasible_run_is_judged_by_what_is_there(tmp_path: Path) -> None:
-    settings = SMALL | {"planner": {"trees": 1, "n_max": 20}}
+    settings = SMALL | {"planner": {"trees": 1, "n_max": 20}, "robot": {}}
     with pytest.raises(InfeasibleError):
         pareto_ltl.plan("phi1", "F(a & F b & F c)", fidelity="paper", out=tmp_path / "none", **settings)
     found = judge_results(tmp_path / "none")
@@ -154,3 +156,12 @@ def test_an_infeasible_run_is_judged_by_what_is_there(tmp_path: Path) -> None:
     assert {finding.claim.partition(":")[0] for finding in found} == {
         "run", "metrics", "map", "mission", "wind", "plan", "trees",
     }  # fmt: skip
+
+
+def test_a_time_step_that_was_left_to_the_planner_is_that_of_the_metrics(
+    honest: dict[str, Path], tmp_path: Path
+) -> None:
+    lie = Lie("dt is open", setting("robot", "dt", "auto"), ())
+    result = open_evidence(edited(honest["paper"], tmp_path / "open", lie))
+    wrong = [finding.claim for finding in findings(result) if not finding.holds]
+    assert wrong == ["run: fingerprint of the settings"]

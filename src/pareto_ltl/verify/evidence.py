@@ -129,14 +129,19 @@ class Evidence:
     @cached_property
     def robot(self) -> Robot:
         told = self.settings["robot"]
-        if isinstance(told["dt"], str):  # auto: the plan says what it came to
-            told = told | {"dt": self.plan["dt"]}
+        if isinstance(told["dt"], str):  # auto: the metrics say what it came to
+            told = told | {"dt": float(self.metrics["dt_s"])}
         return Robot(
             a=np.array(told["a"], float), b=np.array(told["b"], float), ball=self.settings["wind"]["ball"],
             **{key: told[key] for key in (
                 "dt", "u_max", "start_sd", "feedback", "effort_risk", "fix_sd", "fix_gain", "fix_risk"
             )},
         )  # fmt: skip
+
+    @property
+    def step_is_open(self) -> bool:
+        """Whether the time step was left to the planner; the metrics of a plan say what it chose."""
+        return isinstance(self.settings["robot"]["dt"], str)
 
     @property
     def epsilon(self) -> float:

@@ -50,7 +50,7 @@ def settings_named(result: Evidence) -> Verdict:
     """plan.json names the settings that it was made with."""
     plan, told = result.plan, result.settings
     pairs = {
-        "dt": (plan["dt"], told["robot"]["dt"]),
+        "dt": (plan["dt"], result.robot.dt),  # with robot.dt=auto, what the metrics say
         "u_max": (plan["u_max"], told["robot"]["u_max"]),
         "epsilon": (plan["epsilon"], result.epsilon),
         "rule": (plan["selection"]["rule"], told["selection"]["rule"]),
@@ -335,7 +335,7 @@ def metrics(result: Evidence) -> Verdict:
     """The metrics of the plan are those of plan.json."""
     plan, told = result.plan, result.metrics
     pairs = {name: plan["objectives"][key] for name, key in OBJECTIVES.items()}
-    pairs |= {"steps": len(plan["u"]), "duration_s": plan["t"][-1] - plan["t"][0]}
+    pairs |= {"steps": len(plan["u"]), "duration_s": plan["t"][-1] - plan["t"][0], "dt_s": plan["dt"]}
     if plan["acceptance"]:
         seen = plan["acceptance"]
         pairs |= {

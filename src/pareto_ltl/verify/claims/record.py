@@ -38,6 +38,7 @@ def status(result: Evidence) -> Verdict:
         if said == fitting
         else [f"plan.json {'is' if planned else 'is not'} there, metrics completed {said[1]:g}"]
     )
+    faults += ["measured"] * (result.run["measured"] is not True)
     faults += ["an error is noted"] * ((result.run["error"] is not None) == planned)
     return no_fault(str(said[0]), faults)
 

@@ -90,7 +90,7 @@ def _link_faults(result: Evidence, name: str, cells: list[Convex], column: IntAr
 
 def airspeeds(result: Evidence) -> Verdict | None:
     """No edge needs more than u_max in the expected wind; only for laws that do not shift it."""
-    if result.planned_law != "independent":
+    if result.planned_law != "independent" or (result.step_is_open and not result.has("plan.json")):
         return None
     robot, worst = result.robot, 0.0
     times = result.law(
