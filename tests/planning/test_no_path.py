@@ -14,7 +14,7 @@ from pareto_ltl.planning.growth import grow_forest
 from pareto_ltl.planning.no_path import explain_no_path, explain_no_safe_path
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.selection import tree_front
-from pareto_ltl.settings import PlannerConfig, RobotConfig
+from pareto_ltl.settings import FidelityConfig, PlannerConfig, RobotConfig
 from pareto_ltl.world.scene import Scene
 from problems import box, make_problem, make_scene, smooth_wind, steady_wind
 
@@ -29,11 +29,15 @@ def corridor(width: float) -> Scene:
 
 
 def task(
-    scene: Scene, cfg: PlannerConfig, fidelity: str = "paper", formula: str = "F a", **wind: Any
+    scene: Scene,
+    cfg: PlannerConfig,
+    fidelity: str | FidelityConfig = "paper",
+    formula: str = "F a",
+    **wind: Any,
 ) -> Problem:
     options = {"speed": 1.0, "sd": 0.5, "gust": 1.0} | wind
     robot = RobotConfig(dt=100.0, u_max=10.0)
-    return make_problem(formula, scene, smooth_wind(scene, **options), robot, cfg, fidelity=fidelity)
+    return make_problem("F a", scene, smooth_wind(scene, **options), robot, cfg, fidelity=fidelity)
 
 
 def advised_settings(text: str) -> Mapping[str, float]:
@@ -118,8 +122,11 @@ def test_a_step_too_long_for_the_map_is_told_first() -> None:
     assert "set robot.dt=" in text
 
 
-def test_a_gap_that_no_limit_lets_a_path_through_is_not_called_risky() -> None:
-    problem = task(corridor(0.4), CFG, "full", sd=3.0)
+def test_a_gap_beyond_every_limit_of_the_path_bound_is_told_with_the_step_bound() -> None:
+    problem = task(corridor(0.8), CFG, "full")
     text = explain_no_path(CFG, problem, grow_forest(CFG, problem, SeedSequence(11)), SEEDS)
-    assert "make the passages wider" in text
-    assert advised_settings(text) == {}
+    assert "in coherent winds" in text
+    assert "fidelity.collision_bound=step" in text
+    better = follow(CFG, text)
+    models = replace(problem.fidelity, collision_bound="step")
+    assert plans(better, task(corridor(0.8), better, models)) > 0

@@ -109,7 +109,30 @@ def _tried_advice(cfg: PlannerConfig, problem: Problem, forest: Forest, seeds: S
         wider = replace(trials, cfg=replace(cfg, n_max=n_max))
         if blocked and (found := _least_epsilon(wider)):
             return _risk_text(wider, *found, more=n_max > cfg.n_max)
-    return ""
+    return _step_bound_advice(trials) if blocked and isinstance(problem.world.collision, kd.PathBound) else ""
+
+
+def _step_bound_advice(trials: _Trials) -> str:
+    """The advice where R of every path is above 1: the step bound limits the risk of single steps alone."""
+    problem = trials.problem
+    models = replace(problem.fidelity, collision_bound="step")
+    stepwise = with_limits(replace(problem, fidelity=models), EPSILONS[0], trials.cfg.delta)
+    deadline = time.monotonic() + 2 * PATIENCE
+    for n_max in (trials.cfg.n_max, MORE_VERTICES[0] * trials.cfg.n_max):
+        cfg = replace(trials.cfg, n_max=n_max)
+        if found := _least_epsilon(replace(trials, cfg=cfg, problem=stepwise, deadline=deadline)):
+            break
+    else:
+        return ""
+    epsilon, paths = found
+    more = f" planner.n_max={n_max}" if n_max > trials.cfg.n_max else ""
+    least = min(path.objectives.mission_risk + path.objectives.collision_risk for path in paths)
+    return (
+        f"no plan keeps the collision risk R within any planner.epsilon and planner.delta in {models.law} "
+        f"winds; the least risk found, {models.mission_symbol} + R, is {probability_text(least)}: allow it "
+        f"with fidelity.collision_bound=step planner.epsilon={epsilon:g}{more}, which limits each step, "
+        "or make the passages wider"
+    )
 
 
 def _least_epsilon(trials: _Trials) -> tuple[float, tuple[PlannedPath, ...]] | None:
