@@ -12,7 +12,7 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 UV := $(shell command -v uv 2>/dev/null)
 
-.PHONY: demo test fuzz bench lint types lock install clean
+.PHONY: demo test fuzz faults bench lint types lock install clean
 .DELETE_ON_ERROR:
 
 demo: $(READY)
@@ -23,6 +23,10 @@ test: $(READY)
 
 fuzz: $(READY)
 	cd tests && $(abspath $(BIN))/python -m fuzz.harness --cases $(CASES) $(ARGS)
+
+# Kill runs and sweeps at 200 random moments each, which takes about half an hour.
+faults: $(READY)
+	PARETO_LTL_FAULTS=200 $(BIN)/python -m pytest tests/run/test_faults.py -v $(ARGS)
 
 bench: $(READY)
 	$(BIN)/python -m pytest benchmarks/bench_*.py $(ARGS)
