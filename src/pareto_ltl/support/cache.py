@@ -28,10 +28,11 @@ def cache_root() -> Path:
         return Path(named)
     import platformdirs
 
-    place = Path(platformdirs.user_cache_dir("pareto_ltl"))
-    if place.is_absolute():
-        return place
-    owner = os.geteuid() if hasattr(os, "geteuid") else "user"  # there is no home, as in many containers
+    with suppress(RuntimeError):  # there is no home, as in many containers
+        place = Path(platformdirs.user_cache_dir("pareto_ltl"))
+        if place.is_absolute():
+            return place
+    owner = os.geteuid() if hasattr(os, "geteuid") else "user"
     return Path(tempfile.gettempdir()) / f"pareto_ltl-{owner}"
 
 
