@@ -184,11 +184,10 @@ def _single_errors(error: BaseException) -> list[BaseException]:
 
 
 def _fault_text(error: BaseException) -> str:
-    """The last calls of the traceback and the case, each cut to a readable length."""
-    trace = "".join(traceback.format_exception(type(error), error, error.__traceback__.tb_next)[-5:])  # type: ignore[union-attr]
+    """Kind and message, the last calls, and the case, each cut to a readable length."""
+    calls = traceback.format_list(traceback.extract_tb(error.__traceback__)[-4:])
     notes = [note if len(note) < 1500 else f"{note[:1500]}..." for note in getattr(error, "__notes__", [])]
-    lines = [line for line in trace.splitlines() if line not in "\n".join(getattr(error, "__notes__", []))]
-    return "\n".join([*lines[-12:], *notes])
+    return "\n".join([f"{type(error).__name__}: {str(error)[:500]}", *calls, *notes])
 
 
 # --- from outside ----------------------------------------------------------------------------

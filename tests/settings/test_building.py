@@ -123,3 +123,11 @@ def test_a_spoilt_file_of_settings_is_named(content: str | None, message: str, t
     with pytest.raises(DataError, match=message) as caught:
         read_settings_file(path)
     assert str(path) in str(caught.value)
+
+
+@pytest.mark.parametrize("name", ["a" * 100_000, "../scene/phi1", "no\0name", "", "*"])
+def test_a_choice_that_is_no_name_of_a_file_is_refused_in_one_line(name: str) -> None:
+    with pytest.raises(ConfigError, match=r"there is no scene .*; there are") as caught:
+        build_settings({"scene": name})
+    assert "\n" not in str(caught.value)
+    assert len(str(caught.value)) < 500

@@ -68,8 +68,9 @@ def choice_file(group: str, name: str) -> Path:
         If there is none; the text lists the choices.
     """
     for place in choice_folders(group):
-        if (place / f"{name}.yaml").is_file():
-            return place / f"{name}.yaml"
+        for path in place.glob("*.yaml"):  # a name is compared, not looked up: it may be no name of a file
+            if path.stem == name:
+                return path
     raise ConfigError(f"there is no {group} {shown_value(name)}; there are {', '.join(choices(group))}")
 
 

@@ -18,7 +18,7 @@ import numpy as np
 
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.support.messages import shown_value
+from pareto_ltl.support.messages import shown_text, shown_value
 
 if TYPE_CHECKING:
     import pyproj
@@ -43,7 +43,9 @@ def to_plane(crs: str, lon: FloatArray, lat: FloatArray) -> FloatArray:
     if not np.isfinite(xy).all():
         bad = int(np.flatnonzero(~np.isfinite(xy).all(axis=-1).ravel())[0])
         where = f"longitude {np.ravel(lon)[bad]:g}, latitude {np.ravel(lat)[bad]:g}"
-        raise DataError(f"{where} cannot be drawn in the plane {crs!r}: it lies too far from its centre")
+        raise DataError(
+            f"{where} cannot be drawn in the plane {shown_value(crs)}: it lies too far from its centre"
+        )
     return xy
 
 
@@ -52,7 +54,9 @@ def to_geographic(crs: str, xy: FloatArray) -> tuple[FloatArray, FloatArray]:
     xy = np.atleast_2d(np.asarray(xy, float))
     lon, lat = _cached_projection(crs)(xy[..., 0], xy[..., 1], inverse=True)
     if not (np.isfinite(lon).all() and np.isfinite(lat).all()):
-        raise DataError(f"a position lies outside the plane {crs!r}: check that coordinates are in metres")
+        raise DataError(
+            f"a position lies outside the plane {shown_value(crs)}: check that coordinates are in metres"
+        )
     return np.asarray(lon, float), np.asarray(lat, float)
 
 
@@ -108,9 +112,11 @@ def _cached_projection(crs: str) -> pyproj.Proj:
         proj = pyproj.Proj(crs)
     except pyproj.exceptions.CRSError as error:
         reason = str(error).splitlines()[0]
-        raise DataError(f"scene.crs {crs!r} is no coordinate system that PROJ knows: {reason}") from None
+        raise DataError(
+            f"scene.crs {shown_value(crs)} is no coordinate system that PROJ knows: {shown_text(reason)}"
+        ) from None
     if proj.crs.is_geographic:
-        raise DataError(f"scene.crs {crs!r} is in degrees; expected a plane in metres")
+        raise DataError(f"scene.crs {shown_value(crs)} is in degrees; expected a plane in metres")
     return proj
 
 

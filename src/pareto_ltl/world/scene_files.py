@@ -97,7 +97,8 @@ def _check_departure(where: str, time_zero: str | None) -> None:
         datetime.fromisoformat(time_zero or "2000-01-01")
     except ValueError:
         raise DataError(
-            f"{where}: time_zero is {time_zero!r}; expected an ISO 8601 time such as 2018-10-09T18:00:00Z"
+            f"{where}: time_zero is {shown_text(repr(time_zero))}; expected an ISO 8601 time such as "
+            "2018-10-09T18:00:00Z"
         ) from None
 
 
