@@ -21,6 +21,7 @@ from pareto_ltl.planning.records import Acceptance, Forest, Front, Objectives, P
 from pareto_ltl.run import results as store
 from pareto_ltl.run.records import RecordKey
 from pareto_ltl.simulation.records import Deployment
+from pareto_ltl.support.archives import read_npz
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.files import whole_file, write_json, write_npz
 from pareto_ltl.support.reading import read_json
@@ -177,6 +178,22 @@ def test_a_spoilt_file_is_named_in_one_line(name: str, spoil: str, tmp_path: Pat
         read(tmp_path)
     assert "\n" not in str(caught.value)
     assert name == "scene" or FILES[name] in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("name", "array", "words"),
+    [
+        ("parent", np.array([-1, 2, 1, 0, 0]), "a vertex of tree_003 does not come after its parent"),
+        ("x", np.zeros((5, 3)), "tree_003/x must have shape"),
+        ("q", np.zeros(4, np.int64), "tree_003/q must have shape"),
+    ],
+)
+def test_a_tree_that_no_growth_makes_is_refused(name: str, array: Any, words: str, tmp_path: Path) -> None:
+    store.write_forest(tmp_path, forest())
+    arrays = read_npz(tmp_path / "trees.npz")
+    write_npz(tmp_path / "trees.npz", arrays | {f"tree_003/{name}": array})
+    with pytest.raises(DataError, match=words):
+        store.read_forest(tmp_path)
 
 
 def test_a_plan_of_another_schema_is_refused_by_name(tmp_path: Path) -> None:

@@ -36,6 +36,7 @@ from pareto_ltl.settings import Settings
 from pareto_ltl.settings.building import read_settings_file
 from pareto_ltl.simulation.records import Deployment
 from pareto_ltl.support.archives import read_npz
+from pareto_ltl.support.arrays import require_shape
 from pareto_ltl.support.display import Displayed
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.files import write_bytes, write_csv, write_json, write_npz
@@ -168,7 +169,15 @@ def read_forest(place: Path | str) -> Forest:
 
 def _tree(arrays: Mapping[str, NDArray[Any]], name: str) -> Tree:
     counts = zip(arrays[f"{name}/causes"].tolist(), arrays[f"{name}/counts"].tolist(), strict=True)
-    return Tree(**{key: arrays[f"{name}/{key}"] for key in TREE_ARRAYS}, seconds=math.nan, reach=dict(counts))
+    tree = Tree(**{key: arrays[f"{name}/{key}"] for key in TREE_ARRAYS}, seconds=math.nan, reach=dict(counts))
+    size = len(tree.parent)
+    require_shape(f"{name}/x", tree.x, size, 2)
+    require_shape(f"{name}/risk", tree.risk, size, None)
+    for key in ("step", "q", "cell", "length"):
+        require_shape(f"{name}/{key}", getattr(tree, key), size)
+    if (tree.parent >= np.arange(size)).any() or (tree.parent < -1).any():
+        raise ValueError(f"a vertex of {name} does not come after its parent")
+    return tree
 
 
 FRONT_HEADER = (
