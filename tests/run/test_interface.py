@@ -45,6 +45,7 @@ def both(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactor
         "phi1",
         PHI1,
         seed=1,
+        robot={"dt": 1800.0},
         fidelity=request.param,
         selection={"draws": 100, "runs": 100},
         name="phi1",
