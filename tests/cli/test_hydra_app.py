@@ -233,6 +233,7 @@ def test_an_experiment_changes_only_what_it_names() -> None:
     mission = composed("+experiment=phi2")
     assert mission.scene.regions.keys() == {"a", "b", "c", "d"}
     mission.scene, mission.mission, mission.name = plain.scene, plain.mission, plain.name
+    mission.robot.dt = plain.robot.dt
     assert mission == plain
 
 
