@@ -627,3 +627,10 @@ def test_the_packaged_sample_agrees_with_another_extraction_of_the_same_fields()
                 )  # rounded to 0.1 and to 0.01
                 common += 1
     assert common > 50
+
+
+def test_a_header_with_a_column_many_times_is_refused_in_a_short_line(tmp_path):
+    (tmp_path / "a.csv").write_text("time,lat,lon,v" + 1000 * ",u" + "\n")
+    with pytest.raises(DataError, match="column u is there as u and as u") as caught:
+        sources.read_readings(WindConfig(source="csv", path=str(tmp_path / "a.csv")))
+    assert len(str(caught.value)) < 300

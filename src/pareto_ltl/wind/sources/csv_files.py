@@ -20,7 +20,7 @@ import numpy as np
 from pareto_ltl.support.arrays import FloatArray, IntArray
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.files import write_text
-from pareto_ltl.support.messages import shown_value
+from pareto_ltl.support.messages import shown_text, shown_value
 from pareto_ltl.wind.readings import Readings, check_readings, iso, seconds, wrap_longitude
 
 GEOGRAPHIC_COLUMNS = ("time", "lat", "lon", "u", "v")
@@ -141,7 +141,8 @@ def _speed_unit(name: str, title: str) -> str | None:
 
 def _only_one(file: Path, name: str, titles: list[str]) -> str:
     if len(titles) > 1:
-        raise DataError(f"wind file {file}: column {name} is there as {' and as '.join(titles)}; keep one")
+        there = shown_text(" and as ".join(titles))
+        raise DataError(f"wind file {file}: column {name} is there as {there}; keep one")
     return titles[0]
 
 
