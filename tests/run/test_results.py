@@ -245,6 +245,12 @@ def test_the_front_lists_every_path_with_its_costs(tmp_path: Path) -> None:
     assert [row["steps"] for row in rows] == ["4", "6"]
 
 
+def test_a_front_with_an_endless_field_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "front.csv").write_text('"' + "x" * 200_000)
+    with pytest.raises(DataError, match=r"front\.csv: not a front \(field larger than"):
+        store.read_front(tmp_path)
+
+
 def test_numbers_that_json_lacks_become_null(tmp_path: Path) -> None:
     write_json(tmp_path / "a.json", {"x": math.nan, "y": [math.inf, 1.0], "z": np.array([np.nan, 2.0])})
     assert json.loads((tmp_path / "a.json").read_text()) == {"x": None, "y": [None, 1.0], "z": [None, 2.0]}

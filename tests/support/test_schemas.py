@@ -57,6 +57,7 @@ def test_every_schema_of_the_folder_has_a_name() -> None:
         ("metrics", {"completed": 1, "length_m": 1e308}, "/length_m: expected a number or null"),
         ("run", {**RUN, "inputs": {"a": 1}}, "/inputs/a: expected text, got 1"),
         ("run", {**RUN, "git": "main"}, '/git: expected an object, or null, got "main"'),
+        ("run", {"status": "a" * 5000}, '/status: expected a word, got "aaa'),
         ("run", {}, "lacks 'status'"),
     ],
 )  # fmt: skip
@@ -70,7 +71,7 @@ def test_what_does_not_fit_is_named_with_its_place(name: str, content: Any, mess
 
 def test_a_long_wrong_value_is_cut(tmp_path: Path) -> None:
     (tmp_path / "run.json").write_text(json.dumps({"status": ["running"] * 1000}))
-    with pytest.raises(DataError, match=r'/status: expected text, got \["running", .*\.\.\.; run'):
+    with pytest.raises(DataError, match=r'/status: expected a word, got \["running", .*\.\.\.; run'):
         read_document(tmp_path / "run.json", "run")
 
 

@@ -58,7 +58,7 @@ TREE_ARRAYS = ("x", "parent", "step", "q", "cell", "length", "risk", "swaps", "b
 def _shaped(path: Path, what: str) -> Iterator[None]:
     try:
         yield
-    except (KeyError, TypeError, ValueError, AttributeError, IndexError, OverflowError) as error:
+    except (KeyError, TypeError, ValueError, AttributeError, IndexError, OverflowError, csv.Error) as error:
         reason = f"{error} is missing" if isinstance(error, KeyError) else str(error)
         raise DataError(f"{path}: not {what} ({reason}); run the plan again") from error
 
