@@ -6,9 +6,8 @@ setting that the text advises has been tried.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.random import SeedSequence
@@ -29,26 +28,34 @@ EPSILONS = (0.02, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9,
 LARGEST_DELTA = 0.999  # no limit on the collision risk of a path
 MORE_VERTICES = (4, 16)  # times as many, tried where risk alone is not the reason
 FAR_TOO_LONG = 3.0  # a full step, in widths of the narrowest place: then it is the reason
-PATIENCE = 30.0  # no trial begins after this time [s]
+MOST_VERTICES = 1_500_000  # of all trials of one kind; no clock, so that a text is the same on every machine
 
 CAUSES = ("blocked", "windbound", "beyond", "trapped")
 
 
+@dataclass(slots=True)
+class _Budget:
+    """Vertices that trials may still ask for; the last trial may ask for more than is left."""
+
+    left: int = MOST_VERTICES
+
+
 @dataclass(frozen=True, slots=True)
 class _Trials:
-    """Growths of the same trees under other limits, until ``deadline``."""
+    """Growths of the same trees under other limits, until the budget is spent."""
 
     cfg: PlannerConfig
     problem: Problem
     seeds: SeedSequence
-    deadline: float
+    budget: _Budget = field(default_factory=_Budget)
 
-    def late(self) -> bool:
-        return time.monotonic() > self.deadline
+    def spent(self) -> bool:
+        return self.budget.left <= 0
 
     def paths(self, epsilon: float, delta: float, n_max: int) -> tuple[PlannedPath, ...]:
         """The front of the trees; empty where no path completes the mission within the limits."""
-        cfg = replace(self.cfg, n_max=n_max, max_seconds=min(self.cfg.max_seconds, PATIENCE))
+        cfg = replace(self.cfg, n_max=n_max)
+        self.budget.left -= cfg.trees * n_max
         problem = with_limits(self.problem, epsilon, delta)
         seeds = SeedSequence(self.seeds.entropy, spawn_key=self.seeds.spawn_key)
         try:
@@ -89,17 +96,17 @@ def explain_no_path(
 
 def explain_no_safe_path(cfg: PlannerConfig, problem: Problem, seeds: SeedSequence) -> str:
     """Why no path of trees that complete the mission is kept: all break planner.delta."""
-    trials = _Trials(cfg, problem, seeds, time.monotonic() + PATIENCE)
+    trials = _Trials(cfg, problem, seeds)
     paths = trials.paths(problem.epsilon, LARGEST_DELTA, cfg.n_max)
     return _risk_text(trials, problem.epsilon, paths) if paths else ""
 
 
 def _tried_advice(cfg: PlannerConfig, problem: Problem, forest: Forest, seeds: SeedSequence) -> str:
     """The advice that a growth under other limits has confirmed; empty where none is found."""
-    trials = _Trials(cfg, problem, seeds, time.monotonic() + PATIENCE)
+    trials = _Trials(cfg, problem, seeds)
     blocked = sum(tree.reach["blocked"] for tree in forest.trees) > 0
     for n_max in (cfg.n_max, *(times * cfg.n_max for times in MORE_VERTICES)):
-        if trials.late():
+        if trials.spent():
             return ""
         if n_max > cfg.n_max and trials.paths(problem.epsilon, cfg.delta, n_max):
             return (
@@ -117,10 +124,10 @@ def _step_bound_advice(trials: _Trials) -> str:
     problem = trials.problem
     models = replace(problem.fidelity, collision_bound="step")
     stepwise = with_limits(replace(problem, fidelity=models), EPSILONS[0], trials.cfg.delta)
-    deadline = time.monotonic() + 2 * PATIENCE
+    trials = replace(trials, budget=_Budget())
     for n_max in (trials.cfg.n_max, MORE_VERTICES[0] * trials.cfg.n_max):
         cfg = replace(trials.cfg, n_max=n_max)
-        if found := _least_epsilon(replace(trials, cfg=cfg, problem=stepwise, deadline=deadline)):
+        if found := _least_epsilon(replace(trials, cfg=cfg, problem=stepwise)):
             break
     else:
         return ""
@@ -142,7 +149,7 @@ def _least_epsilon(trials: _Trials) -> tuple[float, tuple[PlannedPath, ...]] | N
     if not ladder or not (paths := trials.paths(ladder[-1], delta, n_max)):
         return None
     low, high = -1, len(ladder) - 1
-    while high - low > 1 and not trials.late():
+    while high - low > 1 and not trials.spent():
         middle = (low + high) // 2
         if seen := trials.paths(ladder[middle], delta, n_max):
             high, paths = middle, seen
@@ -172,10 +179,10 @@ def _risk_text(trials: _Trials, epsilon: float, paths: tuple[PlannedPath, ...], 
 def _delta_settings(trials: _Trials, epsilon: float, paths: tuple[PlannedPath, ...]) -> Iterator[str]:
     """planner.delta where it must be raised: to the least value that has been seen to give a path."""
     cfg = trials.cfg
-    if not trials.late() and trials.paths(epsilon, cfg.delta, cfg.n_max):
+    if not trials.spent() and trials.paths(epsilon, cfg.delta, cfg.n_max):
         return
     least = round_up(min(path.objectives.collision_risk for path in paths))
-    enough = 0.0 < least < 1.0 and not trials.late() and trials.paths(epsilon, least, cfg.n_max)
+    enough = 0.0 < least < 1.0 and not trials.spent() and trials.paths(epsilon, least, cfg.n_max)
     yield f"planner.delta={least if enough else LARGEST_DELTA:g}"
 
 

@@ -112,7 +112,7 @@ def json_kind(value: Any) -> str:
     return kinds.get(type(value)) or json.dumps(value)
 
 
-def shown_value(value: Any) -> str:
+def shown_json(value: Any) -> str:
     """``value`` as JSON on one line, cut after :data:`SHOWN` characters."""
     text = json.dumps(value)
     return text if len(text) <= SHOWN else f"{text[: SHOWN - 3]}..."
@@ -127,7 +127,7 @@ def _unique_names(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     if len(table) < len(pairs):
         seen: set[str] = set()
         twice = next(name for name, _ in pairs if name in seen or seen.add(name))  # type: ignore[func-returns-value]
-        raise _RepeatedNameError(f"the name {shown_value(twice)} is there twice in one object")
+        raise _RepeatedNameError(f"the name {shown_json(twice)} is there twice in one object")
     return table
 
 

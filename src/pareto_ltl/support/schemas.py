@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.support.reading import RESULTS, Advice, pointer_part, read_json, shown_value
+from pareto_ltl.support.reading import RESULTS, Advice, pointer_part, read_json, shown_json
 from pareto_ltl.support.resources import PACKAGE
 
 if TYPE_CHECKING:
@@ -64,7 +64,7 @@ def read_document(
     """
     content = read_json(path, advice)
     if version is not None and content.get("schema") != version:
-        found = shown_value(content.get("schema"))
+        found = shown_json(content.get("schema"))
         raise DataError(
             f"{path}: expected schema {version!r}, found {found}; "
             "read it with the version of pareto-ltl that wrote it"
@@ -89,14 +89,14 @@ def _misfit(error: ValidationError) -> str:
         return f"lacks {', '.join(map(repr, missing))}"
     if error.validator == "additionalProperties":
         unknown = next(key for key in found if key not in schema["properties"])
-        return f"unknown key {shown_value(unknown)}; there are {', '.join(schema['properties'])}"
-    return f"expected {schema.get('title') or _described(schema)}, got {shown_value(found)}"
+        return f"unknown key {shown_json(unknown)}; there are {', '.join(schema['properties'])}"
+    return f"expected {schema.get('title') or _described(schema)}, got {shown_json(found)}"
 
 
 def _described(schema: Mapping[str, Any]) -> str:
     """The keywords of ``schema`` in words."""
     if "const" in schema:
-        return shown_value(schema["const"])
+        return shown_json(schema["const"])
     if "enum" in schema:
         return f"one of {', '.join(map(json.dumps, schema['enum']))}"
     kinds = schema.get("type", "text")

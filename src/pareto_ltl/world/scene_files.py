@@ -12,7 +12,7 @@ import numpy as np
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.messages import shown_text
-from pareto_ltl.support.reading import Advice, read_json_value, shown_value
+from pareto_ltl.support.reading import Advice, read_json_value, shown_json
 from pareto_ltl.support.schemas import check_document
 from pareto_ltl.world import projection
 from pareto_ltl.world.scene import Scene
@@ -108,7 +108,7 @@ def _sketch_geojson(where: str, features: Any, crs_name: str | None) -> SceneSke
     Coordinates of ``crs_name`` become degrees first; None stands for degrees (WGS 84).
     """
     if not isinstance(features, list):
-        raise DataError(f"{where}: /features: expected an array of features, got {shown_value(features)}")
+        raise DataError(f"{where}: /features: expected an array of features, got {shown_json(features)}")
     drawn = list(_drawn_features(where, features))
     if crs_name is not None:
         drawn = [(role, name, projection.degrees_of(where, crs_name, c)) for role, name, c in drawn]
@@ -155,7 +155,7 @@ def _crs_name(where: str, member: Any) -> str | None:
     name = member.get("properties", {}).get("name") if _is_named_crs(member) else None
     if not isinstance(name, str):
         raise DataError(
-            f"{where}: crs is {shown_value(member)}; expected a name such as urn:ogc:def:crs:EPSG::3857, or "
+            f"{where}: crs is {shown_json(member)}; expected a name such as urn:ogc:def:crs:EPSG::3857, or "
             "no crs for longitude and latitude"
         )
     return None if name.upper().endswith(("CRS84", "EPSG::4326", "EPSG:4326")) else name
@@ -178,7 +178,7 @@ def _drawn_features(where: str, features: Sequence[Any]) -> Iterator[tuple[str, 
         if role == "region" and not name:
             raise DataError(f"{where}: feature {number} is a region; give it the property name")
         if not isinstance(name, str | int | None):
-            raise DataError(f"{where}: feature {number}: expected a text as name, got {shown_value(name)}")
+            raise DataError(f"{where}: feature {number}: expected a text as name, got {shown_json(name)}")
         many = role in ("obstacle", "landmark")
         counts[role] = counts.get(role, 0) + 1
         named = shown_text(str(name or counts[role]))
@@ -198,7 +198,7 @@ def _member(where: str, number: int, feature: Any, name: str) -> Mapping[str, An
     member = feature.get(name) if isinstance(feature, dict) else feature
     if feature is None or not isinstance(member, dict | None):
         raise DataError(
-            f"{where}: feature {number}: expected an object {name!r} in an object, got {shown_value(member)}"
+            f"{where}: feature {number}: expected an object {name!r} in an object, got {shown_json(member)}"
         )
     return member or {}
 
