@@ -19,6 +19,8 @@ from pareto_ltl.wind.ingest import write_wind_table
 from pareto_ltl.wind.observations import place_readings
 from pareto_ltl.wind.readings import farthest_points
 from pareto_ltl.wind.sources import csv_files
+from pareto_ltl.wind.sources.grib_apart import read_grib_apart
+from pareto_ltl.wind.sources.grib_files import read_grib_files
 from pareto_ltl.world import projection
 from pareto_ltl.world.scene import Scene
 
@@ -490,7 +492,27 @@ def test_nodes_outside_the_models_domain_are_left_out(eccodes, tmp_path):
 def test_without_eccodes_the_message_names_the_extra(gribs, monkeypatch):
     monkeypatch.setitem(sys.modules, "eccodes", None)
     with pytest.raises(DataError, match=r"pip install 'pareto-ltl\[grib\]'"):
-        read(grib(gribs))
+        read_grib_files((gribs / "gfs.00",), 75.0)
+
+
+def test_winds_decoded_apart_are_those_decoded_here(gribs):
+    files = tuple(sorted(gribs.iterdir()))
+    here, apart = read_grib_files(files, 75.0), read_grib_apart(files, 75.0)
+    np.testing.assert_array_equal(here.times, apart.times)
+    for ours, theirs in ((here.points, apart.points), (here.winds, apart.winds)):
+        for one, other in zip(ours, theirs, strict=True):
+            np.testing.assert_array_equal(one, other)
+    assert (here.files, here.remarks, here.origins) == (apart.files, apart.remarks, apart.origins)
+
+
+def test_a_decoder_that_dies_is_one_line_about_the_file_that_it_had_open(gribs, tmp_path, monkeypatch):
+    """ecCodes aborts on some damaged messages, which no code of ours can catch."""
+    died = tmp_path / "died"
+    died.write_text("#!/bin/sh\necho first.grib\necho second.grib\nkill -ABRT $$\n")
+    died.chmod(0o755)
+    monkeypatch.setattr(sys, "executable", str(died))
+    with pytest.raises(DataError, match=r"^wind file second\.grib is damaged: ecCodes.*code -6; download it"):
+        read_grib_apart((gribs / "gfs.00",), 75.0)
 
 
 @needs_noaa

@@ -39,7 +39,7 @@ from pareto_ltl.wind import sources
 from pareto_ltl.wind.ingest import common_nodes, winds_at
 from pareto_ltl.wind.readings import Readings, iso
 from pareto_ltl.wind.records import WindField
-from pareto_ltl.wind.sources.grib_files import read_grib_files
+from pareto_ltl.wind.sources.grib_apart import read_grib_apart
 
 RIM = 4.0  # readings are kept so far outside ``hindcast.area``, for scenes at its edge [deg]
 NORMAL_90 = 1.6448536269514722  # a standard normal stays within with probability 0.9
@@ -58,7 +58,7 @@ def run_hindcast(settings: Settings, directory: Path, progress: PartsProgress | 
     """Plan and fly ``hindcast.missions`` missions."""
     cfg = settings.hindcast
     files = full_fields(cfg.truth, nature.true_fields_folder(cfg))
-    readings = read_grib_files(files, settings.wind.max_speed)
+    readings = read_grib_apart(files, settings.wind.max_speed)
     spells = tuple(nature.spells(readings, cfg))
     tables = {spell.name: thinned(settings, readings, spell, directory) for spell in spells}
     context = HindcastContext(settings, readings, tables, spells)

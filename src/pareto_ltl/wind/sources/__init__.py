@@ -16,7 +16,7 @@ from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.extensions import known_kind
 from pareto_ltl.wind.readings import CALM, Readings
 from pareto_ltl.wind.sources.csv_files import read_csv_files
-from pareto_ltl.wind.sources.grib_files import read_grib_files
+from pareto_ltl.wind.sources.grib_apart import read_grib_apart
 
 SAMPLE_FILE = Path(__file__).parents[2] / "support" / "data" / "gfs_conus_20181009.csv"
 
@@ -81,7 +81,7 @@ def _read_csv(cfg: WindConfig) -> Readings:
 
 
 def _read_grib(cfg: WindConfig) -> Readings:
-    return read_grib_files(data_files(cfg), cfg.max_speed)
+    return read_grib_apart(data_files(cfg), cfg.max_speed)
 
 
 def _read_calm(cfg: WindConfig) -> Readings:

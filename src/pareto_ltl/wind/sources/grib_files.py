@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -40,10 +40,15 @@ class _GribField:
     twist: FloatArray | None  # (N,) from grid north to true north [rad]; None where winds are earth-relative
 
 
-def read_grib_files(files: tuple[Path, ...], max_speed: float) -> Readings:
-    """The 10 m wind of every time in ``files``; of several forecasts for one time, the latest."""
+def read_grib_files(
+    files: tuple[Path, ...], max_speed: float, tell: Callable[[Path], None] | None = None
+) -> Readings:
+    """The 10 m wind of every time in ``files``; of several forecasts for one time, the latest.
+
+    ``tell`` is called with each file before it is opened.
+    """
     pairs: dict[float, dict[float, dict[str, _GribField]]] = {}
-    for field in _grib_fields(files):
+    for field in _grib_fields(files, tell):
         pair = pairs.setdefault(field.time, {}).setdefault(field.lead, {})
         if field.component in pair:
             raise DataError(
@@ -86,11 +91,13 @@ def _join_components(pair: dict[str, _GribField], max_speed: float) -> tuple[Flo
     return u.lonlat[here], winds[here]
 
 
-def _grib_fields(files: tuple[Path, ...]) -> Iterator[_GribField]:
+def _grib_fields(files: tuple[Path, ...], tell: Callable[[Path], None] | None) -> Iterator[_GribField]:
     """The 10 m wind components in ``files``; a file without any is an error."""
     eccodes = _import_eccodes(files[0])
     grids: dict[str, tuple[FloatArray, FloatArray | None]] = {}  # each distinct grid is decoded once
     for file in files:
+        if tell is not None:
+            tell(file)
         found = False
         with _open_grib(file, eccodes) as stream:
             while (message := _next_message(eccodes, stream)) is not None:
