@@ -26,6 +26,22 @@ def test_the_place_of_a_file_is_empty_or_old_until_the_new_one_is_whole(tmp_path
     assert list(tmp_path.iterdir()) == [path]
 
 
+def test_an_error_names_the_file_and_not_its_draft(tmp_path: Path) -> None:
+    path = tmp_path / "missing" / "a.txt"
+    with pytest.raises(OSError, match="No such file or directory") as failed:
+        write_text(path, "new")
+    assert str(failed.value).endswith(f"'{path}'")
+
+
+def test_a_link_at_the_place_of_a_draft_is_not_written_through(tmp_path: Path) -> None:
+    precious = tmp_path / "precious"
+    precious.write_text("kept")
+    (tmp_path / f".{os.getpid()}.a.txt").symlink_to(precious)
+    write_text(tmp_path / "a.txt", "new")
+    assert precious.read_text() == "kept"
+    assert not (tmp_path / "a.txt").is_symlink()
+
+
 def test_only_drafts_of_ended_processes_are_removed(tmp_path: Path) -> None:
     kept = [
         tmp_path / name for name in (f".{os.getpid()}.a.json", ".hidden.json", "2.json", ".x-1.json.lock")

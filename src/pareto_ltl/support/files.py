@@ -32,13 +32,17 @@ def whole_file(path: Path) -> Iterator[Path]:
     if path.exists() and not path.is_file():
         raise DataError(f"{path} is a folder or a device, which no file may replace; name another place")
     draft = path.with_name(f".{os.getpid()}.{path.name}")
-    draft.unlink(missing_ok=True)
-    os.close(os.open(draft, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))  # never through a planted link
     try:
+        draft.unlink(missing_ok=True)
+        os.close(os.open(draft, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))  # never through a planted link
         yield draft
         with draft.open("r+b") as file:
             os.fsync(file.fileno())
         os.replace(draft, path)
+    except OSError as error:
+        if str(error.filename) == str(draft):  # the user knows the file by its own name
+            raise OSError(error.errno, error.strerror, str(path)) from error
+        raise
     finally:
         draft.unlink(missing_ok=True)
 
