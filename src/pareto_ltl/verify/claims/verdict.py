@@ -58,7 +58,7 @@ def within(said: str, worst: float, most: float, unit: str = "") -> Verdict:
 
 def no_fault(said: str, faults: list[str]) -> Verdict:
     """A list of faults that must be empty; the first is shown."""
-    return Verdict(said, _short(faults[0]) if faults else "none found", not faults)
+    return Verdict(said, _short(faults[0]) if faults else "no fault found", not faults)
 
 
 def likely(said: str, chance: float, rare: float) -> Verdict:
