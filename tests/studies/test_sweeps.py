@@ -111,11 +111,13 @@ def test_a_launcher_killed_in_the_middle_and_started_again_gives_the_same_summar
         wait_until(lambda: len(list(PLACE.glob("*/metrics.json"))) == 3)
         process.kill()
     assert len(list(PLACE.glob("*/metrics.json"))) == 3
-    for seed in (3, 4):
-        (asked / f"hold_{seed}").unlink()
-    again = sweep(*argv)
-    assert again.returncode == 0, again.stderr
-    assert "of 5 have their answers already" in again.stdout
+    with start(*argv) as again:  # what it finds, while the jobs of the killed launcher are still at work
+        assert again.stdout is not None
+        assert "3 of 5 have their answers already" in again.stdout.readline()
+        for seed in (3, 4):
+            (asked / f"hold_{seed}").unlink()
+        _, err = again.communicate(timeout=PATIENCE)
+    assert again.returncode == 0, err
     undisturbed = sweep(*argv, "hydra.sweep.dir=undisturbed")
     assert undisturbed.returncode == 0, undisturbed.stderr
     whole = Path("undisturbed/summary.csv").read_bytes()
