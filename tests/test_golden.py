@@ -2,6 +2,8 @@
 
 On a machine like the one that made ``golden.json`` the files are equal byte for byte; on any other one, where
 BLAS and libm round differently, the numbers in them are equal to 1e-6. ``tests/golden.py`` makes them anew.
+With other versions of the libraries, which the lock file picks for other versions of Python, fits of the wind
+end elsewhere within their tolerance, and nothing is compared.
 """
 
 from __future__ import annotations
@@ -28,6 +30,12 @@ def differences(expected, found):
 
 @pytest.mark.parametrize(("mission", "seed"), golden.CASES)
 def test_a_run_of_the_papers_planner_gives_the_same_results(mission, seed, tmp_path):
+    kept, here = (
+        {name: told[name] for name in golden.LIBRARIES}
+        for told in (KEPT["fingerprint"], golden.fingerprint())
+    )
+    if kept != here:
+        pytest.skip(f"the reference was made with other versions, whose fits round differently: {kept}")
     expected = KEPT["cases"][f"{mission}_{seed}"]
     directory = golden.run_case(mission, seed, tmp_path)
     assert differences(expected["numbers"], golden.numbers(directory)) == []

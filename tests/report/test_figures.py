@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from pareto_ltl.planning.records import Forest, Front, Objectives, Plan, PlannedPath, Tree
+from pareto_ltl.report import style
 from pareto_ltl.report.figures import draw_run_figures
 from pareto_ltl.report.front import front_figure
 from pareto_ltl.report.records import DrawnRun
@@ -313,3 +314,14 @@ def test_a_small_map_is_labelled_in_metres(tmp_path):
         "forest": forest_of(scene), "front": front, "plan": plan_of(front.paths[0]), "deployments": {},
     }  # fmt: skip
     assert "east [m]" in text_of(drawn(tmp_path, records)["plan.svg"])
+
+
+def test_a_word_without_end_is_cut_with_few_measurements(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[int] = []
+    honest = style.text_width
+    monkeypatch.setattr(style, "text_width", lambda text, size: asked.append(len(text)) or honest(text, size))
+    (line,) = style.fitted_lines("a" * 5000, 3.0, 10.0, most=1)
+    assert line.endswith("...")
+    assert 2.5 < honest(line, 10.0) <= 3.0
+    assert honest(line[:-3] + "a...", 10.0) > 3.0
+    assert len(asked) < 15

@@ -179,6 +179,13 @@ def test_any_change_that_matters_is_fitted_anew(few, fits):
         assert len(fits) == before + 1
 
 
+def test_another_version_of_a_package_is_another_fit(few, fits, monkeypatch):
+    field.fit_wind_field(WindConfig(), few, CONUS)
+    monkeypatch.setattr(fit_cache, "version", lambda package: "0.0")
+    field.fit_wind_field(WindConfig(), few, CONUS)
+    assert len(fits) == 2
+
+
 def test_a_change_that_does_not_matter_is_not(few, fits):
     field.fit_wind_field(WindConfig(), few, CONUS)
     renamed = WindObservations(few.times, few.points, few.winds, "the same readings from elsewhere")

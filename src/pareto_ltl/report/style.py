@@ -11,6 +11,7 @@ import math
 import re
 import threading
 import warnings
+from bisect import bisect_right
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -116,6 +117,9 @@ def law_dashes(law: str) -> Any:
     return LAW_DASHES.get(law, (0, (1.5, 1.0)))
 
 
+NARROWEST = 0.15  # width of the narrowest letter, in its size
+
+
 def text_width(text: str, size: float) -> float:
     """Width of ``text`` [in] in letters of ``size`` [pt]."""
     with warnings.catch_warnings():
@@ -142,12 +146,13 @@ def fitted_lines(text: str, width: float, size: float, most: int = 2) -> list[st
 
 def _cut(line: str, width: float, size: float, mark: str) -> str:
     """The longest beginning of ``line`` that fits into ``width`` [in] with ``mark`` after it."""
-    if text_width(line + mark, size) <= width:
+    longest = int(width * 72.0 / (NARROWEST * size))
+    if len(line) <= longest and text_width(line + mark, size) <= width:
         return line + mark
     mark = mark or "..."
-    while line and text_width(line + mark, size) > width:
-        line = line[:-1]
-    return line.rstrip() + mark
+    lengths = range(min(len(line), longest) + 1)  # to measure an outline takes a millisecond a letter
+    fitting = bisect_right(lengths, width, key=lambda n: text_width(line[:n] + mark, size)) - 1
+    return line[: max(fitting, 0)].rstrip() + mark
 
 
 def save_figure(figure: Figure, folder: Path, name: str, dpi: int) -> tuple[Path, Path]:

@@ -10,6 +10,7 @@ import hashlib
 import logging
 import math
 from functools import lru_cache
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +26,7 @@ from pareto_ltl.wind.tabulate import WindTable, WindTask, tabulate_wind
 
 LOG = logging.getLogger(__name__)
 TABLE_CODE = ("wind.tabulate", "wind.gp", "wind.modes")  # the code that a table depends on
+TABLE_PACKAGES = ("numpy", "scipy", "scikit-learn")  # other versions round differently
 TABLE_SCHEMA = "pareto_ltl.wind_table/1"
 ARRAYS = tuple(name for name in WindTable._fields if name not in ("rho", "score"))
 
@@ -62,8 +64,9 @@ def _unkept(folder: Path, error: Exception, table: WindTable) -> WindTable:
 
 
 def task_key(task: WindTask) -> str:
-    """Fingerprint of the task and of the code that works it out, 64 hexadecimal digits."""
-    digest = hashlib.sha256(code_fingerprint(*TABLE_CODE).encode())
+    """Fingerprint of the task and of the code and packages that work it out, 64 hexadecimal digits."""
+    editions = [code_fingerprint(*TABLE_CODE), *map(version, TABLE_PACKAGES)]
+    digest = hashlib.sha256(" ".join(editions).encode())
     _add_content(digest, task)
     return digest.hexdigest()
 
