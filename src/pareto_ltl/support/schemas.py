@@ -39,7 +39,6 @@ TYPE_WORDS = {
     "boolean": "true or false",
     "null": "null",
 }
-LIMIT_WORDS = {"minimum": "at least", "exclusiveMinimum": "above", "maximum": "at most"}
 
 
 def schema_text(name: str) -> str:
