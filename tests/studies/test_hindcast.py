@@ -46,6 +46,7 @@ def readings(hours=(0, 3, 6, 9), lonlat=None, winds=None) -> Readings:
         (Path("made"),),
         ("",) * count,
         ((Path("made"),),) * count,
+        np.zeros(count),
     )
 
 

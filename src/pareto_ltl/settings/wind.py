@@ -29,7 +29,20 @@ class WindConfig(CheckedSettings):
         150_000.0, "how far the lattice reaches past the scene", unit="m", least=0, most=1e7
     )
     ball: float = setting(2.0, "radius of the maximum-trace ball, in standard deviations", least=0, most=100)
-    hold_last: bool = setting(False, "use the last wind field for later times")
+    level: str = setting("10m", "height of the wind, e.g. 10m, 80m or 925hPa")
+    forecast_error: str = setting(
+        "auto",
+        "law of forecast errors: none, gfs or a file of `pareto-ltl wind-error`; auto is none for the "
+        "packaged sample and gfs for all other sources",
+    )
+    max_gap: float = setting(
+        6.0,
+        "longest time between two fields that is bridged, and that hold_last holds",
+        unit="h",
+        above=0,
+        most=1e5,
+    )
+    hold_last: bool = setting(False, "use the last wind field for later times, at most max_gap long")
     max_speed: float = setting(75.0, "readings above this are refused", unit="m/s", above=0, most=1000)
     holdout: float = setting(0.2, "share of the readings kept out to score the fit", above=0, below=1)
     max_points: int = setting(

@@ -34,6 +34,13 @@ class Readings:
         Description of each time, e.g. ``3 h forecast``.
     origins : tuple of K tuples of Path
         The files that hold each time.
+    leads : (K,) float
+        Valid time minus the time at which the forecast began [s]: 0 for analyses and observations, NaN where
+        the source does not say.
+    level : str
+        Height of the wind: ``10m``, ``80m``, ``925hPa``; ``0m`` down to ``1000m depth`` for currents.
+    notes : tuple of str
+        What quality control left out, and other remarks about the whole source, one clear line each.
     """
 
     times: FloatArray
@@ -43,6 +50,9 @@ class Readings:
     files: tuple[Path, ...]
     remarks: tuple[str, ...]
     origins: tuple[tuple[Path, ...], ...]
+    leads: FloatArray
+    level: str = "10m"
+    notes: tuple[str, ...] = ()
 
     @property
     def name(self) -> str:
@@ -66,7 +76,7 @@ def iso(time: float) -> str:
     return datetime.fromtimestamp(time, UTC).isoformat(timespec="seconds").replace("+00:00", "Z")
 
 
-CALM = Readings(np.empty(0), (), (), geographic=False, files=(), remarks=(), origins=())
+CALM = Readings(np.empty(0), (), (), geographic=False, files=(), remarks=(), origins=(), leads=np.empty(0))
 
 
 def check_readings(

@@ -58,10 +58,13 @@ class WindSource:
         From the settings of the wind to checked :class:`Readings`; raises a DataError.
     files : callable
         The files that ``read`` opens, for the records of a run; raises a DataError.
+    forecast_error : str
+        What ``wind.forecast_error=auto`` stands for.
     """
 
     read: Callable[[WindConfig], Readings]
     files: Callable[[WindConfig], tuple[Path, ...]]
+    forecast_error: str = "gfs"
 
 
 def _sample_files(cfg: WindConfig) -> tuple[Path, ...]:
@@ -89,10 +92,10 @@ def _read_calm(cfg: WindConfig) -> Readings:
 
 
 SOURCES = {
-    "sample": WindSource(_read_sample, _sample_files),
+    "sample": WindSource(_read_sample, _sample_files, forecast_error="none"),
     "csv": WindSource(_read_csv, data_files),
     "grib": WindSource(_read_grib, data_files),
-    "calm": WindSource(_read_calm, _no_files),
+    "calm": WindSource(_read_calm, _no_files, forecast_error="none"),
 }
 
 

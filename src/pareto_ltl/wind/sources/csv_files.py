@@ -58,6 +58,7 @@ def read_csv_files(files: tuple[Path, ...], max_speed: float) -> Readings:
         files=files,
         remarks=("",) * len(times),
         origins=(files,) * len(times),
+        leads=np.full(len(times), np.nan),
     )
 
 

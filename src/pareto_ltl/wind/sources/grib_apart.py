@@ -59,6 +59,7 @@ def _readings_of(place: Path, files: tuple[Path, ...]) -> Readings:
             files=files,
             remarks=tuple(told["remarks"]),
             origins=tuple(tuple(files[at] for at in owners) for owners in told["origins"]),
+            leads=arrays["leads"],
         )
 
 
@@ -78,7 +79,7 @@ def _tell(file: Path) -> None:
 
 
 def _content(place: Path, readings: Readings, files: tuple[Path, ...]) -> dict[str, Any]:
-    arrays = {"times": readings.times}
+    arrays = {"times": readings.times, "leads": readings.leads}
     for k, (points, winds) in enumerate(zip(readings.points, readings.winds, strict=True)):
         arrays |= {f"points_{k}": points, f"winds_{k}": winds}
     np.savez(place / ARRAYS, **arrays)  # type: ignore[arg-type, unused-ignore]

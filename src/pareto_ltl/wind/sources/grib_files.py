@@ -67,6 +67,7 @@ def read_grib_files(
         files=files,
         remarks=tuple(_lead_text(min(pairs[time])) for time in times),
         origins=tuple(tuple({field.file: None for field in pair.values()}) for pair in best),
+        leads=np.array([min(pairs[time]) for time in times]),
     )
 
 
