@@ -15,11 +15,12 @@ from noaa import NOAA, ROOT, needs_noaa
 from pareto_ltl.settings import IngestConfig, WindConfig
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.wind import sources
+from pareto_ltl.wind.area import GeoBox
 from pareto_ltl.wind.ingest import write_wind_table
 from pareto_ltl.wind.observations import place_readings
 from pareto_ltl.wind.readings import farthest_points
 from pareto_ltl.wind.sources import csv_files
-from pareto_ltl.wind.sources.grib_apart import read_grib_apart
+from pareto_ltl.wind.sources.grib_apart import read_grib_apart, read_grib_snapshots
 from pareto_ltl.wind.sources.grib_files import read_grib_files
 from pareto_ltl.world import projection
 from pareto_ltl.world.scene import Scene
@@ -513,6 +514,108 @@ def test_a_decoder_that_dies_is_one_line_about_the_file_that_it_had_open(gribs, 
     monkeypatch.setattr(sys, "executable", str(died))
     with pytest.raises(DataError, match=r"^wind file second\.grib is damaged: ecCodes.*code -6; download it"):
         read_grib_apart((gribs / "gfs.00",), 75.0)
+
+
+def test_every_cycle_and_time_is_a_snapshot_of_its_own(gribs, eccodes):
+    old = [message(eccodes, short, 50.0, 0, step=6) for short in ("10u", "10v")]
+    (gribs / "gfs.00f6").write_bytes(b"".join(old))
+    found = read_grib_snapshots(tuple(sorted(gribs.iterdir())), 75.0)
+    hours = [((snap.time - found[0].time) / 3600, snap.lead / 3600) for snap in found]
+    assert hours == [(0, 0), (6, 0), (6, 6)]
+    assert found[2].files == (gribs / "gfs.00f6",)
+    np.testing.assert_allclose(found[2].winds, 50.0, atol=1e-4)
+
+
+def test_another_level_is_read_when_asked_for(eccodes, tmp_path):
+    levels = [message(eccodes, short, value, level=height) for height, value in ((10, 3.0), (80, 7.0))
+              for short in ("u", "v")]  # fmt: skip
+    (tmp_path / "hrrr").write_bytes(b"".join(levels))
+    found = read_grib_apart((tmp_path / "hrrr",), 75.0, "80 m")
+    assert found.level == "80m"
+    np.testing.assert_allclose(found.winds[0], 7.0, atol=1e-5)
+    with pytest.raises(DataError, match=r"hrrr holds no wind at 925 hPa; it has 10m, 80m: set wind.level"):
+        read_grib_apart((tmp_path / "hrrr",), 75.0, "925hPa")
+
+
+@needs_noaa
+def test_nodes_below_ground_are_left_out_at_a_level_of_pressure(eccodes):
+    """The Rocky Mountains rise above 850 hPa; the surface pressure of the same file says where."""
+    file = NOAA / "nam_awip21" / "nam.t00z.awp21100.tm00.grib2"
+    low, high = (read_grib_apart((file,), 75.0, level) for level in ("850hPa", "500hPa"))
+    gone = set(map(tuple, high.points[0].tolist())) - set(map(tuple, low.points[0].tolist()))
+    assert len(high.points[0]) == 93 * 65
+    assert 300 < len(gone) < 1500
+    assert np.mean([-120 < lon < -100 for lon, _ in gone]) > 0.8
+    assert low.notes[0].startswith(f"{len(gone)} of 6045 values at 850hPa lie below ground")
+    assert high.notes[0].startswith("0 of 6045")
+    with pytest.raises(DataError, match=r"it has 10m, 100hPa, 150hPa, .* and \d+ more: set wind.level"):
+        read_grib_apart((file,), 75.0, "20m")
+
+
+def test_nodes_that_cannot_be_checked_against_the_ground_are_named(eccodes, tmp_path):
+    raw = [message(eccodes, short, 3.0, typeOfLevel="isobaricInhPa", level=925) for short in ("u", "v")]
+    (tmp_path / "gfs").write_bytes(b"".join(raw))
+    (note,) = read_grib_apart((tmp_path / "gfs",), 75.0, "925hPa").notes
+    assert note.startswith("1 fields at 925hPa come without surface pressure")
+
+
+def test_averages_and_maxima_beside_instants_are_left_out_and_counted(eccodes, tmp_path):
+    means = [
+        message(eccodes, short, 9.0, productDefinitionTemplateNumber=8, stepType="avg", stepRange="0-3")
+        for short in ("10u", "10v")
+    ]
+    (tmp_path / "means").write_bytes(b"".join(means))
+    with pytest.raises(DataError, match=r"holds the wind 10 m above ground as average only; expected values"):
+        read_grib_apart((tmp_path / "means",), 75.0)
+    plain = [message(eccodes, short, 3.0) for short in ("10u", "10v")]
+    (tmp_path / "means").write_bytes(b"".join(means + plain))
+    found = read_grib_apart((tmp_path / "means",), 75.0)
+    np.testing.assert_allclose(found.winds[0], 3.0, atol=1e-5)
+    assert found.notes == (
+        "2 GRIB messages hold the average of the wind, not its value at an instant: left out",
+    )
+
+
+def test_members_of_an_ensemble_are_snapshots_with_their_numbers(eccodes, tmp_path):
+    raw = [
+        message(eccodes, short, float(member), productDefinitionTemplateNumber=1, perturbationNumber=member)
+        for member in (1, 2)
+        for short in ("10u", "10v")
+    ]
+    (tmp_path / "gefs").write_bytes(b"".join(raw))
+    found = read_grib_snapshots((tmp_path / "gefs",), 75.0)
+    assert [snap.member for snap in found] == ["01", "02"]
+    assert [float(snap.winds[0, 0]) for snap in found] == [1.0, 2.0]
+    with pytest.raises(DataError, match=r"gefs both? hold.* with the same lead; .*wind.source=ensemble"):
+        read_grib_apart((tmp_path / "gefs",), 75.0)
+
+
+def test_only_the_nodes_of_an_area_are_kept_and_an_empty_one_says_what_the_file_covers(gribs):
+    area = GeoBox(-95.0, 33.0, 4.0, 40.0)
+    whole, part = (read_grib_apart((gribs / "gfs.00",), 75.0, area=box) for box in (None, area))
+    inside = area.contains(whole.points[0])
+    assert 0 < inside.sum() < len(inside)
+    np.testing.assert_array_equal(part.points[0], whole.points[0][inside])
+    np.testing.assert_array_equal(part.winds[0], whole.winds[0][inside])
+    words = (
+        r"gfs.00 covers latitude 30..44, longitude -100..-84; the scene needs latitude 55..60, longitude 5..9"
+    )
+    with pytest.raises(DataError, match=words):
+        read_grib_apart((gribs / "gfs.00",), 75.0, area=GeoBox(5.0, 55.0, 4.0, 60.0))
+
+
+@pytest.mark.parametrize(
+    ("head", "words"),
+    [
+        (b"\x89HDF\r\n\x1a\n", "is NetCDF, not GRIB; read it with wind.source=netcdf"),
+        (b"CDF\x01", "is NetCDF, not GRIB"),
+        (b"\x1f\x8b\x08", "is packed with gzip, not GRIB; unpack it"),
+    ],
+)
+def test_another_format_given_as_grib_is_named_with_the_cure(head, words, eccodes, tmp_path):
+    (tmp_path / "file").write_bytes(head + bytes(500))
+    with pytest.raises(DataError, match=words):
+        read_grib_apart((tmp_path / "file",), 75.0)
 
 
 @needs_noaa

@@ -9,31 +9,57 @@ from __future__ import annotations
 import subprocess
 import sys
 import tempfile
+from dataclasses import astuple
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from pareto_ltl.support.errors import DataError
+from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.files import write_json
 from pareto_ltl.support.reading import read_json
+from pareto_ltl.wind.area import GeoBox
+from pareto_ltl.wind.levels import parse_level
 from pareto_ltl.wind.readings import Readings
-from pareto_ltl.wind.sources.grib_files import read_grib_files
+from pareto_ltl.wind.snapshots import Snapshot, latest_readings
+from pareto_ltl.wind.sources.grib_files import grib_snapshots
 
 TASK, ANSWER, ARRAYS = "task.json", "answer.json", "arrays.npz"
 
 
-def read_grib_apart(files: tuple[Path, ...], max_speed: float) -> Readings:
-    """:func:`read_grib_files` in another process.
+def read_grib_apart(
+    files: tuple[Path, ...], max_speed: float, level: str = "10m", area: GeoBox | None = None
+) -> Readings:
+    """:func:`read_grib_files` in another process: of several forecasts for one time, the latest.
 
     Raises
     ------
     DataError
         As there, and if the process ends without an answer.
     """
+    snapshots, notes = _snapshots_and_notes(files, max_speed, level, area)
+    return latest_readings(snapshots, files, notes)
+
+
+def read_grib_snapshots(
+    files: tuple[Path, ...], max_speed: float, level: str = "10m", area: GeoBox | None = None
+) -> tuple[Snapshot, ...]:
+    """Every valid time of every cycle and member in ``files``; the errors are those of `read_grib_apart`."""
+    return _snapshots_and_notes(files, max_speed, level, area)[0]
+
+
+def _snapshots_and_notes(
+    files: tuple[Path, ...], max_speed: float, level: str, area: GeoBox | None
+) -> tuple[tuple[Snapshot, ...], tuple[str, ...]]:
+    parse_level(level)
     with tempfile.TemporaryDirectory(prefix="pareto_ltl_grib_") as folder:
         place = Path(folder)
-        write_json(place / TASK, {"files": list(map(str, files)), "max_speed": max_speed})
+        box = None if area is None else astuple(area)
+        write_json(
+            place / TASK,
+            {"files": list(map(str, files)), "max_speed": max_speed, "level": level, "area": box},
+        )
         command = [sys.executable, "-m", __name__, folder]
         done = subprocess.run(command, capture_output=True, text=True, errors="replace", check=False)
         if not (place / ANSWER).is_file():
@@ -42,34 +68,41 @@ def read_grib_apart(files: tuple[Path, ...], max_speed: float) -> Readings:
                 f"wind file {at[0]} is damaged: ecCodes, its decoder, ended with code {done.returncode}; "
                 "download it again"
             )
-        return _readings_of(place, files)
+        return _answer_of(place, files)
 
 
-def _readings_of(place: Path, files: tuple[Path, ...]) -> Readings:
+def _answer_of(place: Path, files: tuple[Path, ...]) -> tuple[tuple[Snapshot, ...], tuple[str, ...]]:
     told = read_json(place / ANSWER)
     if "error" in told:
         raise DataError(told["error"])
     with np.load(place / ARRAYS, allow_pickle=False) as arrays:
-        slots = range(len(told["remarks"]))
-        return Readings(
-            times=arrays["times"],
-            points=tuple(arrays[f"points_{k}"] for k in slots),
-            winds=tuple(arrays[f"winds_{k}"] for k in slots),
-            geographic=True,
-            files=files,
-            remarks=tuple(told["remarks"]),
-            origins=tuple(tuple(files[at] for at in owners) for owners in told["origins"]),
-            leads=arrays["leads"],
+        grids = {name: arrays[name] for name in arrays.files if name.startswith("grid_")}
+        snapshots = tuple(
+            Snapshot(
+                time=float(time),
+                lead=float(lead),
+                points=grids[f"grid_{row['grid']}"],
+                winds=arrays[f"winds_{k}"],
+                level=row["level"],
+                files=tuple(files[at] for at in row["files"]),
+                member=row["member"],
+            )
+            for k, (time, lead, row) in enumerate(
+                zip(arrays["times"], arrays["leads"], told["rows"], strict=True)
+            )
         )
+    return snapshots, tuple(told["notes"])
 
 
 def _answer(place: Path) -> None:
     """Do the task in ``place``."""
     task = read_json(place / TASK)
     files = tuple(map(Path, task["files"]))
+    area = None if task["area"] is None else GeoBox(*task["area"])
     try:
-        content = _content(place, read_grib_files(files, task["max_speed"], tell=_tell), files)
-    except DataError as error:
+        snapshots, _, notes = grib_snapshots(files, task["max_speed"], task["level"], area, _tell)
+        content = {"rows": _write_snapshots(place, snapshots, files), "notes": notes}
+    except (DataError, ConfigError) as error:
         content = {"error": str(error)}
     write_json(place / ANSWER, content)
 
@@ -78,13 +111,23 @@ def _tell(file: Path) -> None:
     print(file, flush=True)
 
 
-def _content(place: Path, readings: Readings, files: tuple[Path, ...]) -> dict[str, Any]:
-    arrays = {"times": readings.times, "leads": readings.leads}
-    for k, (points, winds) in enumerate(zip(readings.points, readings.winds, strict=True)):
-        arrays |= {f"points_{k}": points, f"winds_{k}": winds}
+def _write_snapshots(
+    place: Path, snapshots: tuple[Snapshot, ...], files: tuple[Path, ...]
+) -> list[dict[str, Any]]:
+    """Write the arrays, each grid once; return the rest of each snapshot."""
+    arrays: dict[str, FloatArray] = {
+        "times": np.array([snap.time for snap in snapshots]),
+        "leads": np.array([snap.lead for snap in snapshots]),
+    }
+    grids: dict[int, int] = {}
+    rows = []
+    for k, snap in enumerate(snapshots):
+        grid = grids.setdefault(id(snap.points), len(grids))
+        arrays |= {f"grid_{grid}": snap.points, f"winds_{k}": snap.winds}
+        owners = [files.index(file) for file in snap.files]
+        rows.append({"grid": grid, "level": snap.level, "files": owners, "member": snap.member})
     np.savez(place / ARRAYS, **arrays)  # type: ignore[arg-type, unused-ignore]
-    origins = [[files.index(file) for file in owners] for owners in readings.origins]
-    return {"remarks": readings.remarks, "origins": origins}
+    return rows
 
 
 if __name__ == "__main__":

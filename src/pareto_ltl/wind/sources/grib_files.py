@@ -1,4 +1,4 @@
-"""Wind 10 m above ground from GRIB files (GFS, NAM, RAP, HRRR), read with ecCodes.
+"""Wind at one level from GRIB files (GFS, GEFS, NAM, RAP, HRRR), read with ecCodes.
 
 ecCodes decodes the messages one by one. cfgrib drops a component of a truncated file and reports this in its
 log only.
@@ -10,8 +10,6 @@ import os
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -19,101 +17,147 @@ import numpy as np
 
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.wind.readings import Readings, check_readings, iso, wrap_longitude
+from pareto_ltl.wind.area import GeoBox
+from pareto_ltl.wind.levels import PRESSURE, Level, level_list, parse_level
+from pareto_ltl.wind.readings import Readings, check_readings, iso
+from pareto_ltl.wind.snapshots import Snapshot, latest_readings
 from pareto_ltl.wind.sources.grib_framing import check_frames
-from pareto_ltl.world.projection import meridian_convergence, rotate_vectors
+from pareto_ltl.wind.sources.grib_messages import SURFACE_PRESSURE, GribField, GribScan, decode_message
+from pareto_ltl.wind.sources.magic import refuse_other_format
+from pareto_ltl.world.projection import rotate_vectors
 
-SPEED_UNITS = ("m s**-1", "m s-1", "m/s")
-WIND_COMPONENTS = {"10u": "u", "u": "u", "10v": "v", "v": "v"}
-
-
-@dataclass(frozen=True, slots=True)
-class _GribField:
-    """One wind component at one time."""
-
-    component: str
-    time: float  # validity [s since 1970]
-    lead: float  # validity minus start of the forecast [s]
-    file: Path
-    lonlat: FloatArray  # (N, 2) [deg]
-    values: FloatArray  # (N,) [m/s]
-    twist: FloatArray | None  # (N,) from grid north to true north [rad]; None where winds are earth-relative
+FieldKey = tuple[float, float, str]  # time, lead, member
+Tell = Callable[[Path], None]
 
 
 def read_grib_files(
-    files: tuple[Path, ...], max_speed: float, tell: Callable[[Path], None] | None = None
+    files: tuple[Path, ...],
+    max_speed: float,
+    level: str = "10m",
+    area: GeoBox | None = None,
+    tell: Tell | None = None,
 ) -> Readings:
-    """The 10 m wind of every time in ``files``; of several forecasts for one time, the latest.
+    """The wind of every time in ``files``; of several forecasts for one time, the latest."""
+    return latest_readings(*grib_snapshots(files, max_speed, level, area, tell))
+
+
+def grib_snapshots(
+    files: tuple[Path, ...],
+    max_speed: float,
+    level: str = "10m",
+    area: GeoBox | None = None,
+    tell: Tell | None = None,
+) -> tuple[tuple[Snapshot, ...], tuple[Path, ...], tuple[str, ...]]:
+    """Every wind at ``level`` in ``files``, the files, and notes of quality control.
 
     ``tell`` is called with each file before it is opened.
+
+    Raises
+    ------
+    DataError
+        If a file is damaged, has no wind at the level or lacks a component, or two messages hold the same.
     """
-    pairs: dict[float, dict[float, dict[str, _GribField]]] = {}
-    for field in _grib_fields(files, tell):
-        pair = pairs.setdefault(field.time, {}).setdefault(field.lead, {})
-        if field.component in pair:
+    pairs: dict[FieldKey, dict[str, GribField]] = {}
+    scan = GribScan(parse_level(level), area)
+    for field in _grib_fields(files, scan, tell):
+        pair = pairs.setdefault((field.time, field.lead, field.member), {})
+        if field.component in pair and field.component != SURFACE_PRESSURE:
             raise DataError(
                 f"wind files {pair[field.component].file.name} and {field.file.name} both hold "
                 f"{field.component} at {iso(field.time)} with the same lead; keep one member"
             )
         pair[field.component] = field
-    times = sorted(pairs)
-    best = [pairs[time][min(pairs[time])] for time in times]
-    merged = [_join_components(pair, max_speed) for pair in best]
-    return Readings(
-        times=np.array(times),
-        points=tuple(points for points, _ in merged),
-        winds=tuple(winds for _, winds in merged),
-        geographic=True,
-        files=files,
-        remarks=tuple(_lead_text(min(pairs[time])) for time in times),
-        origins=tuple(tuple({field.file: None for field in pair.values()}) for pair in best),
-        leads=np.array([min(pairs[time]) for time in times]),
-    )
+    notes = [
+        f"{count} GRIB messages hold the {kind} of the wind, not its value at an instant: left out"
+        for kind, count in sorted(scan.left_out.items())
+    ]
+    kept = [pairs[key] for key in sorted(pairs) if pairs[key].keys() - {SURFACE_PRESSURE}]
+    found = [_snapshot(pair, scan.level, max_speed) for pair in kept]
+    snapshots = tuple(snapshot for snapshot, _ in found)
+    return snapshots, files, (*notes, *_ground_notes(scan.level, [masked for _, masked in found]))
 
 
-def _join_components(pair: dict[str, _GribField], max_speed: float) -> tuple[FloatArray, FloatArray]:
-    """Points (N, 2) [deg] and earth-relative winds (N, 2) [m/s] of one time."""
-    some = next(iter(pair.values()))
+def _snapshot(pair: dict[str, GribField], level: Level, max_speed: float) -> tuple[Snapshot, FloatArray]:
+    """Earth-relative winds, and (nodes, nodes without a value, nodes below ground or NaN if not known)."""
+    some = pair.get("u") or pair["v"]
     missing = {"u", "v"} - set(pair)
     if missing:
         raise DataError(
-            f"wind file {some.file}: {iso(some.time)} has no {missing.pop()} component 10 m above ground; "
+            f"wind file {some.file}: {iso(some.time)} has no {missing.pop()} component {level.phrase}; "
             "expected u and v (is the file truncated?)"
         )
     u, v = pair["u"], pair["v"]
-    if u.lonlat.shape != v.lonlat.shape or not np.array_equal(u.lonlat, v.lonlat):
+    lonlat = u.grid.lonlat
+    if u.grid is not v.grid and not np.array_equal(lonlat, v.grid.lonlat):
         raise DataError(f"wind file {some.file}: u and v at {iso(some.time)} are on different grids")
     winds = np.stack([u.values, v.values], axis=1)
-    here = np.isfinite(winds).all(axis=1)  # nodes outside the domain of the model are missing
-    winds = winds if u.twist is None else rotate_vectors(winds, -u.twist)
-    check_readings(
-        u.lonlat[here], winds[here], True, max_speed, lambda _: f"wind file {u.file}, {iso(u.time)}"
-    )
-    return u.lonlat[here], winds[here]
+    here = np.asarray(np.isfinite(winds).all(axis=1))  # nodes outside the domain of the model are missing
+    count = [len(here), len(here) - int(here.sum()), np.nan]
+    pressure = pair.get(SURFACE_PRESSURE)
+    if level.kind == PRESSURE and pressure is not None and len(pressure.values) == len(here):
+        below = here & (pressure.values < level.value)
+        count[2], here = int(below.sum()), here & ~below
+    winds = winds if u.grid.twist is None else rotate_vectors(winds, -u.grid.twist)
+    points, winds = (lonlat, winds) if here.all() else (lonlat[here], winds[here])
+    check_readings(points, winds, True, max_speed, lambda _: f"wind file {u.file}, {iso(u.time)}")
+    owners = tuple(dict.fromkeys(field.file for field in (u, v)))
+    return Snapshot(u.time, u.lead, points, winds, level.text, owners, u.member), np.array(count, float)
 
 
-def _grib_fields(files: tuple[Path, ...], tell: Callable[[Path], None] | None) -> Iterator[_GribField]:
-    """The 10 m wind components in ``files``; a file without any is an error."""
+def _ground_notes(level: Level, counts: list[FloatArray]) -> Iterator[str]:
+    """What was left out at a level of pressure, which can lie below the ground."""
+    if level.kind != PRESSURE or not counts:
+        return
+    nodes, missing, below = np.array(counts).T
+    checked = np.isfinite(below)
+    if checked.any():
+        yield (
+            f"{int(below[checked].sum())} of {int(nodes[checked].sum())} values at {level.text} lie below "
+            "ground, where the surface pressure is lower, and are left out"
+        )
+    if missing.any():
+        yield f"{int(missing.sum())} nodes have no value at {level.text} and are left out"
+    if not checked.all():
+        yield (
+            f"{int((~checked).sum())} fields at {level.text} come without surface pressure: whether nodes "
+            "lie below ground could not be checked"
+        )
+
+
+def _grib_fields(files: tuple[Path, ...], scan: GribScan, tell: Tell | None) -> Iterator[GribField]:
+    """The fields that ``scan`` looks for in ``files``; a file without any is an error."""
     eccodes = _import_eccodes(files[0])
-    grids: dict[str, tuple[FloatArray, FloatArray | None]] = {}  # each distinct grid is decoded once
     for file in files:
         if tell is not None:
             tell(file)
         found = False
+        scan.levels.clear()
         with _open_grib(file, eccodes) as stream:
             while (message := _next_message(eccodes, stream)) is not None:
                 try:
                     with quiet_library():
-                        field = _decode_message(eccodes, message, file, grids)
+                        field = decode_message(eccodes, message, file, scan)
                 finally:
                     eccodes.codes_release(message)
                 if field is not None:
-                    found = True
+                    found = found or field.component != SURFACE_PRESSURE
                     yield field
         if not found:
-            raise DataError(
-                f"wind file {file} holds no wind 10 m above ground; expected GRIB messages UGRD and VGRD"
-            )
+            raise DataError(_nothing_found(file, scan))
+
+
+def _nothing_found(file: Path, scan: GribScan) -> str:
+    level = scan.level
+    if level in scan.levels:
+        kinds = " and ".join(sorted(scan.left_out))
+        return (
+            f"wind file {file} holds the wind {level.phrase} as {kinds} only; expected values of an instant"
+        )
+    if scan.levels:
+        there = f"it has {level_list(scan.levels)}: set wind.level to one of them"
+    else:
+        there = "expected GRIB messages UGRD and VGRD"
+    return f"wind file {file} holds no wind {level.phrase}; {there}"
 
 
 def _next_message(eccodes: Any, stream: Any) -> int | None:
@@ -141,14 +185,11 @@ def _open_grib(file: Path, eccodes: Any) -> Iterator[Any]:
     """The open file; errors of ecCodes become DataErrors."""
     try:
         with file.open("rb", buffering=0) as stream:  # ecCodes reads from the position of the file descriptor
-            head = stream.read(64).lstrip()
+            head = stream.read(64)
             stream.seek(0)
-            if not head:
+            if not head.strip():
                 raise DataError(f"wind file {file} is empty; download it again")
-            if head[:1] == b"<":
-                raise DataError(
-                    f"wind file {file} is a web page, not GRIB (a failed download?); fetch it again"
-                )
+            refuse_other_format(f"wind file {file}", head, "GRIB")
             check_frames(file, stream)
             eccodes.codes_grib_multi_support_on()  # RAP and NAM nests pack u and v in one message
             yield stream
@@ -163,80 +204,6 @@ def _open_grib(file: Path, eccodes: Any) -> Iterator[Any]:
         eccodes.codes_grib_multi_support_off()
 
 
-def _is_wind_at_10_m(eccodes: Any, message: int) -> bool:
-    get = eccodes.codes_get
-    return (
-        get(message, "shortName") in WIND_COMPONENTS
-        and get(message, "typeOfLevel") == "heightAboveGround"
-        and get(message, "level") == 10
-    )
-
-
-def _decode_message(
-    eccodes: Any, message: int, file: Path, grids: dict[str, tuple[FloatArray, FloatArray | None]]
-) -> _GribField | None:
-    """The wind component that ``message`` holds; None where it holds something else."""
-    if not _is_wind_at_10_m(eccodes, message):
-        return None
-    get = eccodes.codes_get
-    valid, start = (
-        _message_time(get(message, f"{kind}Date"), get(message, f"{kind}Time"))
-        for kind in ("validity", "data")
-    )
-    component = WIND_COMPONENTS[get(message, "shortName")]
-    key = str(get(message, "md5GridSection"))
-    if key not in grids:
-        grids[key] = _grid_nodes(eccodes, message, file)
-    lonlat, twist = grids[key]
-    if (unit := get(message, "units")) not in SPEED_UNITS:
-        raise DataError(f"wind file {file}: {component} is in {unit}; expected m s-1: convert the file")
-    values = np.array(eccodes.codes_get_values(message), dtype=float)
-    if get(message, "bitmapPresent"):
-        values[values == get(message, "missingValue", float)] = np.nan
-    return _GribField(component, valid, valid - start, file, lonlat, values, twist)
-
-
-def _grid_nodes(eccodes: Any, message: int, file: Path) -> tuple[FloatArray, FloatArray | None]:
-    """Nodes (N, 2) [deg], and the angle (N,) [rad] from grid north to true north for grid-relative winds."""
-    lon = wrap_longitude(np.asarray(eccodes.codes_get_array(message, "longitudes"), float))
-    lat = np.asarray(eccodes.codes_get_array(message, "latitudes"), float)
-    lonlat = np.stack([lon, lat], axis=1)
-    kind = eccodes.codes_get(message, "gridType")
-    if not eccodes.codes_get(message, "uvRelativeToGrid") or kind in ("regular_ll", "regular_gg", "mercator"):
-        return lonlat, None  # the axes of these grids are east and north
-    crs = _grid_crs(lambda name: eccodes.codes_get(message, name, float), kind)
-    if crs is None:
-        raise DataError(
-            f"wind file {file}: winds follow a grid of type {kind}, which cannot be turned to the east; "
-            "expected lambert, polar_stereographic or a latitude-longitude grid"
-        )
-    return lonlat, meridian_convergence(crs, lon, lat)
-
-
-def _grid_crs(number: Any, kind: str) -> str | None:
-    """PROJ string of the plane of the model; directions do not depend on the radius of its sphere."""
-    if kind == "lambert":
-        return (
-            f"+proj=lcc +lat_1={number('Latin1InDegrees')} +lat_2={number('Latin2InDegrees')} "
-            f"+lat_0={number('LaDInDegrees')} +lon_0={number('LoVInDegrees')} +R=6371229 +no_defs"
-        )
-    if kind == "polar_stereographic":
-        pole = -90 if number("southPoleOnProjectionPlane") else 90
-        lon = number("orientationOfTheGridInDegrees")
-        lat = number("LaDInDegrees")
-        return f"+proj=stere +lat_0={pole} +lat_ts={lat} +lon_0={lon} +R=6371229 +no_defs"
-    return None
-
-
-def _message_time(date: int, clock: int) -> float:
-    """Seconds since 1970 of YYYYMMDD and HHMM."""
-    return datetime.strptime(f"{date:08d}{clock:04d}", "%Y%m%d%H%M").replace(tzinfo=UTC).timestamp()
-
-
-def _lead_text(lead: float) -> str:
-    return "analysis" if lead == 0 else f"{lead / 3600:g} h forecast"
-
-
 def _import_eccodes(file: Path) -> Any:
     import pyproj  # noqa: F401 - before ecCodes: each brings its own PROJ, and the other order can crash
 
@@ -249,4 +216,4 @@ def _import_eccodes(file: Path) -> Any:
     return eccodes
 
 
-__all__ = ["read_grib_files"]
+__all__ = ["grib_snapshots", "read_grib_files"]

@@ -1,0 +1,74 @@
+"""A box of longitudes and latitudes: the part of a large file that a scene can need."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.support.errors import DataError
+
+DEGREE = 111_195.0  # [m] of latitude
+POLAR = 85.0  # [deg] a box that reaches farther holds all longitudes
+
+
+@dataclass(frozen=True, slots=True)
+class GeoBox:
+    """Longitudes from ``west`` eastwards for ``width``, latitudes from ``south`` to ``north``, all [deg]."""
+
+    west: float
+    south: float
+    width: float
+    north: float
+
+    def contains(self, lonlat: FloatArray) -> NDArray[np.bool_]:
+        """Which of the points (N, 2) [deg] lie inside, shape (N,)."""
+        east_of = (lonlat[:, 0] - self.west) % 360.0
+        inside: NDArray[np.bool_] = (
+            (east_of <= self.width) & (lonlat[:, 1] >= self.south) & (lonlat[:, 1] <= self.north)
+        )
+        return inside
+
+    @property
+    def text(self) -> str:
+        """For messages: ``latitude 30..44, longitude -100..-84``."""
+        if self.width >= 360.0:
+            return f"latitude {self.south:.4g}..{self.north:.4g}, all longitudes"
+        west = (self.west + 180.0) % 360.0 - 180.0
+        east = (self.west + self.width + 180.0) % 360.0 - 180.0
+        return f"latitude {self.south:.4g}..{self.north:.4g}, longitude {west:.4g}..{east:.4g}"
+
+    def widened(self, margin: float) -> GeoBox:
+        """The box with ``margin`` [m] more on each side."""
+        south = max(-90.0, self.south - margin / DEGREE)
+        north = min(90.0, self.north + margin / DEGREE)
+        highest = max(abs(south), abs(north))
+        if highest > POLAR:
+            return GeoBox(-180.0, south, 360.0, north)
+        more = margin / DEGREE / np.cos(np.deg2rad(highest))
+        width = min(360.0, self.width + 2 * more)
+        return GeoBox(-180.0 if width == 360.0 else self.west - more, south, width, north)
+
+
+def box_of(lonlat: FloatArray) -> GeoBox:
+    """The smallest box around points (N, 2) [deg]; its longitudes leave out the widest empty arc."""
+    south, north = lonlat[:, 1].min(), lonlat[:, 1].max()
+    lon = np.unique(lonlat[:, 0] % 360.0)
+    gaps = np.diff(np.append(lon, lon[0] + 360.0))
+    widest = int(np.argmax(gaps))
+    west = float(lon[(widest + 1) % len(lon)])
+    return GeoBox(west, float(south), float(360.0 - gaps[widest]), float(north))
+
+
+def refuse_empty_crop(where: str, lonlat: FloatArray, area: GeoBox) -> None:
+    """Raise a DataError that tells what a file covers, of which no node lies in ``area``."""
+    finite = lonlat[np.isfinite(lonlat).all(axis=1)]
+    covers = box_of(finite).text if len(finite) else "no place on Earth"
+    raise DataError(
+        f"{where} covers {covers}; the scene needs {area.text}: is the scene where the wind data is?"
+    )
+
+
+__all__ = ["GeoBox", "box_of", "refuse_empty_crop"]

@@ -1,0 +1,73 @@
+"""Heights at which a wind or current is known: ``10m`` above ground, ``925hPa``, ``50m depth``."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from pareto_ltl.support.errors import ConfigError
+from pareto_ltl.support.messages import shown_value
+
+HEIGHT, PRESSURE, DEPTH = "height", "pressure", "depth"
+UNITS = {"m": 1.0, "km": 1000.0, "pa": 1.0, "hpa": 100.0, "mb": 100.0, "mbar": 100.0}
+SHOWN_LEVELS = 12
+
+
+@dataclass(frozen=True, slots=True, order=True)
+class Level:
+    """One level.
+
+    Attributes
+    ----------
+    kind : str
+        ``height`` above ground, ``pressure``, or ``depth`` below the surface of the sea.
+    value : float
+        Height or depth [m], or pressure [Pa].
+    """
+
+    kind: str
+    value: float
+
+    @property
+    def text(self) -> str:
+        """As ``wind.level`` has it: ``10m``, ``925hPa``; of a current ``0m depth``."""
+        if self.kind == PRESSURE:
+            return f"{self.value / 100:.10g}hPa"
+        return f"{self.value:.10g}m" + (" depth" if self.kind == DEPTH else "")
+
+    @property
+    def phrase(self) -> str:
+        """For messages: ``10 m above ground``, ``at 925 hPa``, ``50 m below the surface``."""
+        if self.kind == PRESSURE:
+            return f"at {self.value / 100:.10g} hPa"
+        return f"{self.value:.10g} m {'below the surface' if self.kind == DEPTH else 'above ground'}"
+
+
+def parse_level(text: str) -> Level:
+    """The level of ``wind.level``; ConfigError where it is none.
+
+    Examples
+    --------
+    >>> parse_level("80 m"), parse_level("92500Pa").text
+    (Level(kind='height', value=80.0), '925hPa')
+    """
+    found = re.fullmatch(r"(\d+(?:\.\d*)?)\s*(km|m|hpa|pa|mbar|mb)(\s*depth)?", text.strip().lower())
+    value = float(found[1]) * UNITS[found[2]] if found else -1.0
+    pressure = found is not None and found[2] not in ("m", "km")
+    if found is None or not value <= 1e6 or (pressure and (value == 0 or found[3])):
+        raise ConfigError(
+            f"wind.level {shown_value(text)} is no level; expected a height above ground (10m, 80m), "
+            "a pressure (925hPa), or for currents a depth (0m, 50m)"
+        )
+    return Level(PRESSURE if pressure else DEPTH if found[3] else HEIGHT, value)
+
+
+def level_list(levels: Iterable[Level]) -> str:
+    """Levels found in a file, for messages: ``10m, 80m, 1000hPa and 3 more``."""
+    texts = [level.text for level in sorted(set(levels))]
+    more = f" and {len(texts) - SHOWN_LEVELS} more" if len(texts) > SHOWN_LEVELS else ""
+    return ", ".join(texts[:SHOWN_LEVELS]) + more
+
+
+__all__ = ["DEPTH", "HEIGHT", "PRESSURE", "Level", "level_list", "parse_level"]
