@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gzip
 import json
+import re
 import sys
 from datetime import UTC, datetime
 
@@ -163,6 +164,47 @@ def test_a_packed_table_that_fills_the_memory_is_refused(tmp_path, monkeypatch):
         read(WindConfig(source="csv", path=str(tmp_path / "w.csv.gz")))
 
 
+def test_leads_in_hours_are_read_per_time_and_the_largest_counts(tmp_path):
+    leads = {HOURS[0]: "0", HOURS[1]: "3", HOURS[2]: ""}
+    lines = [f"{row},{leads[row.split(',')[0]]}" for row in rows()]
+    plain = sources.read_readings(write(tmp_path / "a.csv", lines, "time,lat,lon,u,v,lead_hours"))
+    np.testing.assert_array_equal(plain.leads, [0.0, 3 * 3600.0, np.nan])
+    assert plain.remarks == ("analysis", "3 h forecast", "")
+    assert plain.notes == ()
+    lines[0] = lines[0][:-1] + "6"
+    mixed = sources.read_readings(write(tmp_path / "b.csv", lines, "time,lat,lon,u,v,lead_hours"))
+    assert mixed.leads[0] == 6 * 3600.0
+    assert mixed.notes == (f"rows of {HOURS[0]} differ in lead_hours: the largest counts for the whole time",)
+
+
+@pytest.mark.parametrize("lead", ["-3", "nan", "inf", "soon", "1e9"])
+def test_a_lead_that_cannot_be_is_refused(tmp_path, lead):
+    with pytest.raises(DataError, match=r"row 2: lead_hours is .*expected hours since the forecast began"):
+        read(write(tmp_path / "a.csv", [f"{row},{lead}" for row in rows()], "time,lat,lon,u,v,lead_hours"))
+
+
+def test_a_table_without_a_column_of_leads_has_none_and_ingest_writes_none(tmp_path):
+    cfg = write(tmp_path / "a.csv", rows())
+    assert np.isnan(sources.read_readings(cfg).leads).all()
+    out = ingested(cfg, IngestConfig(points=9), tmp_path / "out.csv")
+    assert out.read_text().splitlines()[0] == "time,lat,lon,u,v"
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (b"GRIB" + bytes(50), "w.csv is GRIB, not a CSV table; read it with wind.source=grib"),
+        (b"CDF\x01" + bytes(50), "w.csv is NetCDF, not a CSV table; read it with wind.source=netcdf"),
+        (gzip.compress(b"time,lat,lon,u,v"), "w.csv is packed with gzip, not a CSV table"),
+        (b"\n <!DOCTYPE html>", "w.csv is a web page, not a CSV table; a failed download? fetch it again"),
+    ],
+)
+def test_another_format_given_as_csv_is_named_with_the_cure(content, words, tmp_path):
+    (tmp_path / "w.csv").write_bytes(content)
+    with pytest.raises(DataError, match=re.escape(words)):
+        read(WindConfig(source="csv", path=str(tmp_path / "w.csv")))
+
+
 def test_a_path_with_spaces_and_other_letters_is_read(tmp_path):
     place = tmp_path / "Größe und Höhe 風"
     place.mkdir()
@@ -282,7 +324,6 @@ def test_rows_are_counted_as_an_editor_counts_them(tmp_path):
     [
         (b"", "is empty"),
         (b"time,lat,u,v\n", "missing column lon"),
-        (b"<!DOCTYPE html>\n<html>", "missing column time, lat, lon, u, v"),
         (b"\x00\xff\xfe\x80GRIB", "no CSV text"),
     ],
 )
@@ -731,7 +772,12 @@ def test_the_packaged_sample_is_what_ingest_writes(eccodes, tmp_path):
     chosen = yaml.safe_load((ROOT / "conf" / "ingest" / "conus.yaml").read_text())
     when = {"first": "2018-10-09T00:00:00Z", "last": "2018-10-10T15:00:00Z"}
     out = ingested(grib(NOAA / "gfs_1p00_10m"), IngestConfig(**chosen, **when), tmp_path / "sample.csv")
-    assert out.read_bytes() == sources.SAMPLE_FILE.read_bytes()
+    lines = [line.rsplit(",", 1) for line in out.read_text().splitlines()]
+    assert "\n".join(line[0] for line in lines) + "\n" == sources.SAMPLE_FILE.read_text()
+    assert lines[0][1] == "lead_hours"
+    assert {line[0][11:13]: line[1] for line in lines[1:]} == {
+        f"{hour:02d}": "0" if hour % 6 == 0 else "3" for hour in range(0, 24, 3)
+    }
     assert out.with_suffix(".json").read_bytes() == sources.SAMPLE_FILE.with_suffix(".json").read_bytes()
 
 

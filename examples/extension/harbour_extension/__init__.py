@@ -30,7 +30,7 @@ BRIEFING_STAGE = Stage(
 )
 
 
-def read_steady(cfg: WindConfig):
+def read_steady(cfg: WindConfig, wanted):
     """5 m/s towards the east with noise of 1 m/s, at 49 places every six hours of 9 October 2018."""
     import numpy as np
 
@@ -47,13 +47,14 @@ def read_steady(cfg: WindConfig):
         files=(),
         remarks=("steady wind",) * len(times),
         origins=((),) * len(times),
+        leads=np.zeros(len(times)),
     )
 
 
 def _steady_wind():
     from pareto_ltl.wind.sources import WindSource
 
-    return WindSource(read=read_steady, files=lambda cfg: ())
+    return WindSource(read=read_steady, files=lambda cfg, wanted: ())
 
 
 def __getattr__(name: str):

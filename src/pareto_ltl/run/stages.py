@@ -34,6 +34,7 @@ from pareto_ltl.settings import (
     IngestConfig,
     LogicConfig,
     MissionConfig,
+    PipelineConfig,
     PlannerConfig,
     ReportConfig,
     RobotConfig,
@@ -51,6 +52,7 @@ if TYPE_CHECKING:
     from pareto_ltl.planning.problem import Problem
     from pareto_ltl.planning.records import Forest, Front, Plan, PlannedPath
     from pareto_ltl.simulation.records import Deployment
+    from pareto_ltl.wind.area import Wanted
     from pareto_ltl.wind.readings import Readings
     from pareto_ltl.wind.records import WindField, WindObservations
     from pareto_ltl.world.cells import Decomposition
@@ -61,10 +63,24 @@ FOREST_STREAM = "forest"  # of the random numbers of growth
 
 
 def make_readings(inputs: StageInputs) -> Readings:
-    """All wind readings of the source, each file read once."""
+    """All wind readings of the source, each file read once; of large files, where the scene will be."""
     from pareto_ltl.wind.sources import read_readings
 
-    return read_readings(inputs.settings.wind)
+    settings = inputs.settings
+    readings = read_readings(settings.wind, _wanted_wind(settings))
+    for note in readings.notes:
+        LOG.info("%s: %s", readings.name, note)
+    return readings
+
+
+def _wanted_wind(settings: Settings) -> Wanted:
+    """Where and when the wind matters: all that there is, unless a map is planned on."""
+    from pareto_ltl.wind.area import ALL_WIND, Wanted, neighbourhood
+
+    scene, start, padding = settings.scene, settings.mission.start_time, settings.wind.padding
+    if "scene" not in settings.pipelines.stages:
+        return ALL_WIND
+    return Wanted(neighbourhood(scene, padding), start)
 
 
 def make_scene(inputs: StageInputs) -> Scene:
@@ -235,7 +251,12 @@ def make_wind_table(inputs: StageInputs) -> Path:
 
 FIGURE_FILES = ("figures/*.png", "figures/*.svg")
 PLAN_STAGES = (
-    Stage("readings", makes=READINGS, make=make_readings, settings=(WindConfig,)),
+    Stage(
+        "readings",
+        makes=READINGS,
+        make=make_readings,
+        settings=(WindConfig, SceneConfig, MissionConfig, PipelineConfig),
+    ),
     Stage(
         "scene",
         makes=SCENE,
@@ -345,4 +366,4 @@ def input_files(settings: Settings) -> list[Path]:
     from pareto_ltl.wind.sources import wind_source
 
     maps = [Path(settings.scene.file).expanduser()] if settings.scene.file else []
-    return [*maps, *wind_source(settings.wind).files(settings.wind)]
+    return [*maps, *wind_source(settings.wind).files(settings.wind, _wanted_wind(settings))]

@@ -7,11 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from pareto_ltl.settings import SceneConfig
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
 
 DEGREE = 111_195.0  # [m] of latitude
 POLAR = 85.0  # [deg] a box that reaches farther holds all longitudes
+MARGIN = 1e6  # [m] around a scene, twice as far as readings are looked for
+SAMPLES = 21  # positions along each side of a scene, whose degrees are taken
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,6 +55,25 @@ class GeoBox:
         return GeoBox(-180.0 if width == 360.0 else self.west - more, south, width, north)
 
 
+@dataclass(frozen=True, slots=True)
+class Wanted:
+    """What a run needs of the wind; a source may leave out the rest.
+
+    Attributes
+    ----------
+    area : GeoBox or None
+        Where; None: everywhere.
+    start : str or None
+        Departure, ISO 8601; None: at the first wind time.
+    """
+
+    area: GeoBox | None = None
+    start: str | None = None
+
+
+ALL_WIND = Wanted()
+
+
 def box_of(lonlat: FloatArray) -> GeoBox:
     """The smallest box around points (N, 2) [deg]; its longitudes leave out the widest empty arc."""
     south, north = lonlat[:, 1].min(), lonlat[:, 1].max()
@@ -60,6 +82,25 @@ def box_of(lonlat: FloatArray) -> GeoBox:
     widest = int(np.argmax(gaps))
     west = float(lon[(widest + 1) % len(lon)])
     return GeoBox(west, float(south), float(360.0 - gaps[widest]), float(north))
+
+
+def neighbourhood(scene: SceneConfig, padding: float = 0.0) -> GeoBox | None:
+    """The box around the map of ``scene`` with all that can matter; None where it lies nowhere on Earth.
+
+    ``padding`` [m] is how far the lattice of the wind reaches past the map.
+    """
+    from pareto_ltl.world import projection
+    from pareto_ltl.world.scene_settings import scene_sketch
+
+    if not scene.file and (scene.centre is None or not scene.bounds):
+        return None
+    sketch = scene_sketch(scene)
+    if sketch.crs is None:
+        return None
+    sides = np.linspace(sketch.bounds[0], sketch.bounds[1], SAMPLES)
+    places = np.stack(np.meshgrid(*sides.T), axis=-1).reshape(-1, 2)
+    lonlat = np.stack(projection.to_geographic(sketch.crs, places), axis=1)
+    return box_of(lonlat).widened(max(MARGIN, 2 * padding))
 
 
 def refuse_empty_crop(where: str, lonlat: FloatArray, area: GeoBox) -> None:
@@ -71,4 +112,4 @@ def refuse_empty_crop(where: str, lonlat: FloatArray, area: GeoBox) -> None:
     )
 
 
-__all__ = ["GeoBox", "box_of", "refuse_empty_crop"]
+__all__ = ["ALL_WIND", "GeoBox", "Wanted", "box_of", "neighbourhood", "refuse_empty_crop"]

@@ -12,6 +12,7 @@ from pareto_ltl.support.arrays import FloatArray, IntArray
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.files import write_text
 from pareto_ltl.support.fingerprints import file_fingerprint
+from pareto_ltl.wind.levels import parse_level
 from pareto_ltl.wind.observations import FEWEST_READINGS
 from pareto_ltl.wind.readings import Readings, farthest_points, iso, on_sphere, seconds
 from pareto_ltl.wind.sources.csv_files import write_csv_table
@@ -39,7 +40,7 @@ def write_wind_table(cfg: WindConfig, readings: Readings, ingest: IngestConfig, 
     kept = _times_between(readings, ingest)
     nodes = common_nodes(readings, kept, ingest)
     winds = np.stack([winds_at(readings, k, nodes) for k in kept])
-    write_csv_table(out, readings.times[kept], nodes, winds)
+    write_csv_table(out, readings.times[kept], nodes, winds, leads=readings.leads[kept])
     text = json.dumps(_table_provenance(cfg, ingest, readings, kept, nodes), indent=1, ensure_ascii=False)
     write_text(out.with_suffix(".json"), text + "\n")
     return out
@@ -105,12 +106,13 @@ def winds_at(readings: Readings, k: int, nodes: FloatArray) -> FloatArray:
 def _table_provenance(
     cfg: WindConfig, ingest: IngestConfig, readings: Readings, kept: IntArray, nodes: FloatArray
 ) -> dict[str, object]:
+    level = parse_level(readings.level).phrase
     files = {file: None for k in kept for file in readings.origins[k]}
     return {
         "columns": {
             "time": "valid time, ISO 8601 UTC",
             "lat, lon": "degrees, west negative",
-            "u, v": "wind towards east and north, earth-relative, 10 m above ground, m/s, rounded to 0.01",
+            "u, v": f"wind towards east and north, earth-relative, {level}, m/s, rounded to 0.01",
         },
         "source": "US National Oceanic and Atmospheric Administration (NOAA), public domain (17 U.S.C. 105); "
         "a selection, not an official NOAA product",

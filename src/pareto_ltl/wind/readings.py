@@ -76,6 +76,13 @@ def iso(time: float) -> str:
     return datetime.fromtimestamp(time, UTC).isoformat(timespec="seconds").replace("+00:00", "Z")
 
 
+def lead_text(lead: float) -> str:
+    """``analysis`` or ``3 h forecast`` for a lead [s]; empty where it is not known."""
+    if np.isnan(lead):
+        return ""
+    return "analysis" if lead == 0 else f"{lead / 3600:g} h forecast"
+
+
 CALM = Readings(np.empty(0), (), (), geographic=False, files=(), remarks=(), origins=(), leads=np.empty(0))
 
 
@@ -139,4 +146,13 @@ def _first_true(mask: NDArray[np.bool_] | np.bool_) -> int | None:
     return int(rows[0]) if len(rows) else None
 
 
-__all__ = ["Readings", "check_readings", "farthest_points", "iso", "on_sphere", "seconds", "wrap_longitude"]
+__all__ = [
+    "Readings",
+    "check_readings",
+    "farthest_points",
+    "iso",
+    "lead_text",
+    "on_sphere",
+    "seconds",
+    "wrap_longitude",
+]

@@ -10,7 +10,7 @@ import numpy as np
 
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.wind.readings import Readings, iso
+from pareto_ltl.wind.readings import Readings, iso, lead_text
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,9 +51,7 @@ class Snapshot:
     @property
     def remark(self) -> str:
         """``analysis`` or ``3 h forecast``; empty where the lead is not known."""
-        if np.isnan(self.lead):
-            return ""
-        return "analysis" if self.lead == 0 else f"{self.lead / 3600:g} h forecast"
+        return lead_text(self.lead)
 
 
 def latest_readings(

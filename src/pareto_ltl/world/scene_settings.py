@@ -41,9 +41,13 @@ def scene_from_settings(cfg: SceneConfig, time_zero: str | None = None) -> Scene
     DataError
         If the scene is incomplete or inconsistent.
     """
-    sketch = sketch_file(Path(cfg.file).expanduser()) if cfg.file else _sketch_settings(cfg)
-    scene = checked_scene(sketch)
+    scene = checked_scene(scene_sketch(cfg))
     return replace(scene, time_zero=time_zero) if time_zero else scene
+
+
+def scene_sketch(cfg: SceneConfig) -> SceneSketch:
+    """The map of ``cfg`` in metres, before it is checked as a whole; DataError where it cannot be read."""
+    return sketch_file(Path(cfg.file).expanduser()) if cfg.file else _sketch_settings(cfg)
 
 
 def _sketch_settings(cfg: SceneConfig) -> SceneSketch:
@@ -71,4 +75,4 @@ def _sketch_settings(cfg: SceneConfig) -> SceneSketch:
     )
 
 
-__all__ = ["scene_from_settings"]
+__all__ = ["scene_from_settings", "scene_sketch"]

@@ -14,6 +14,7 @@ from pareto_ltl.settings import WindConfig
 from pareto_ltl.support import extensions
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.extensions import known_kind
+from pareto_ltl.wind.area import ALL_WIND, Wanted
 from pareto_ltl.wind.readings import CALM, Readings
 from pareto_ltl.wind.sources.csv_files import read_csv_files
 from pareto_ltl.wind.sources.grib_apart import read_grib_apart
@@ -21,7 +22,7 @@ from pareto_ltl.wind.sources.grib_apart import read_grib_apart
 SAMPLE_FILE = Path(__file__).parents[2] / "support" / "data" / "gfs_conus_20181009.csv"
 
 
-def data_files(cfg: WindConfig) -> tuple[Path, ...]:
+def data_files(cfg: WindConfig, wanted: Wanted = ALL_WIND) -> tuple[Path, ...]:
     """The files of ``wind.path``, sorted: one file, all data files of a folder, or the matches of a pattern.
 
     Raises
@@ -55,39 +56,40 @@ class WindSource:
     Attributes
     ----------
     read : callable
-        From the settings of the wind to checked :class:`Readings`; raises a DataError.
+        From the settings of the wind, and where and when it matters, to checked :class:`Readings`; raises a
+        DataError.
     files : callable
         The files that ``read`` opens, for the records of a run; raises a DataError.
     forecast_error : str
         What ``wind.forecast_error=auto`` stands for.
     """
 
-    read: Callable[[WindConfig], Readings]
-    files: Callable[[WindConfig], tuple[Path, ...]]
+    read: Callable[[WindConfig, Wanted], Readings]
+    files: Callable[[WindConfig, Wanted], tuple[Path, ...]]
     forecast_error: str = "gfs"
 
 
-def _sample_files(cfg: WindConfig) -> tuple[Path, ...]:
+def _sample_files(cfg: WindConfig, wanted: Wanted = ALL_WIND) -> tuple[Path, ...]:
     return (SAMPLE_FILE,)
 
 
-def _no_files(cfg: WindConfig) -> tuple[Path, ...]:
+def _no_files(cfg: WindConfig, wanted: Wanted) -> tuple[Path, ...]:
     return ()
 
 
-def _read_sample(cfg: WindConfig) -> Readings:
+def _read_sample(cfg: WindConfig, wanted: Wanted) -> Readings:
     return read_csv_files(_sample_files(cfg), cfg.max_speed)
 
 
-def _read_csv(cfg: WindConfig) -> Readings:
+def _read_csv(cfg: WindConfig, wanted: Wanted) -> Readings:
     return read_csv_files(data_files(cfg), cfg.max_speed)
 
 
-def _read_grib(cfg: WindConfig) -> Readings:
-    return read_grib_apart(data_files(cfg), cfg.max_speed)
+def _read_grib(cfg: WindConfig, wanted: Wanted) -> Readings:
+    return read_grib_apart(data_files(cfg), cfg.max_speed, cfg.level, wanted.area)
 
 
-def _read_calm(cfg: WindConfig) -> Readings:
+def _read_calm(cfg: WindConfig, wanted: Wanted) -> Readings:
     return CALM
 
 
@@ -108,9 +110,9 @@ def wind_source(cfg: WindConfig) -> WindSource:
     return known_kind(extensions.WIND_SOURCE_GROUP, SOURCES, cfg.source, expected)
 
 
-def read_readings(cfg: WindConfig) -> Readings:
-    """All readings of the source, each file read once; calm wind has no times."""
-    return wind_source(cfg).read(cfg)
+def read_readings(cfg: WindConfig, wanted: Wanted = ALL_WIND) -> Readings:
+    """All readings of the source, of large files those that are ``wanted``; calm wind has no times."""
+    return wind_source(cfg).read(cfg, wanted)
 
 
 __all__ = [

@@ -1,7 +1,8 @@
 """Wind readings as CSV tables: ``time,lat,lon,u,v`` on Earth, ``time,x,y,u,v`` in a plane.
 
-Speeds are in m/s, or in the unit that the title of their column names: ``u_kt``, ``v [km/h]``. A table may be
-packed: ``winds.csv.gz``.
+Speeds are in m/s, or in the unit that the title of their column names: ``u_kt``, ``v [km/h]``. A column
+``lead_hours`` tells how long before the time of a row its forecast began; 0 is an analysis or observation. A
+table may be packed: ``winds.csv.gz``.
 """
 
 from __future__ import annotations
@@ -11,6 +12,8 @@ import gzip
 import io
 import re
 import zlib
+from collections.abc import Callable
+from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 from typing import IO
@@ -21,7 +24,8 @@ from pareto_ltl.support.arrays import FloatArray, IntArray
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.files import write_text
 from pareto_ltl.support.messages import shown_text, shown_value
-from pareto_ltl.wind.readings import Readings, check_readings, iso, seconds, wrap_longitude
+from pareto_ltl.wind.readings import Readings, check_readings, iso, lead_text, seconds, wrap_longitude
+from pareto_ltl.wind.sources.magic import format_of, refuse_other_format
 
 GEOGRAPHIC_COLUMNS = ("time", "lat", "lon", "u", "v")
 MOST_UNPACKED = 2**28  # [bytes] of a packed table
@@ -32,6 +36,9 @@ SPEED_UNITS = {  # [m/s], by what stands in the title of a column; without a uni
     "km/h": 1.0 / 3.6, "kmh": 1.0 / 3.6, "mph": 0.44704,
 }  # fmt: skip
 PLANAR_COLUMNS = ("time", "x", "y", "u", "v")
+LEAD_COLUMN = "lead_hours"
+LONGEST_LEAD = 10_000.0  # [h]
+HOUR = 3600.0  # [s]
 
 
 def read_csv_files(files: tuple[Path, ...], max_speed: float) -> Readings:
@@ -43,39 +50,73 @@ def read_csv_files(files: tuple[Path, ...], max_speed: float) -> Readings:
         If a file or row cannot be read, the frames differ, or two rows have the same time and place.
     """
     parts = [_read_csv_file(file, max_speed) for file in files]
-    if len({geographic for *_, geographic in parts}) > 1:
+    if len({part.geographic for part in parts}) > 1:
         raise DataError(f"{files[0].parent}: some tables have lat,lon and some x,y; expected one kind")
-    stamps, points, winds = (np.concatenate([part[i] for part in parts]) for i in range(3))
-    owners = [f"{file.name}, row {row}" for file, part in zip(files, parts, strict=True) for row in part[3]]
+    stamps, leads = (np.concatenate([getattr(part, name) for part in parts]) for name in ("times", "leads"))
+    points, winds = (np.concatenate([getattr(part, name) for part in parts]) for name in ("points", "winds"))
+    owners = [f"{f.name}, row {row}" for f, part in zip(files, parts, strict=True) for row in part.numbers]
     _refuse_duplicates(stamps, points, owners)
     times = np.unique(stamps)
     rows = [np.flatnonzero(stamps == time) for time in times]
+    mixed = [time for time, r in zip(times, rows, strict=True) if len(np.unique(leads[r])) > 1]
+    most = np.array([np.nan if np.isnan(leads[r]).all() else np.nanmax(leads[r]) for r in rows])
     return Readings(
         times=times,
         points=tuple(points[r] for r in rows),
         winds=tuple(winds[r] for r in rows),
-        geographic=parts[0][4],
+        geographic=parts[0].geographic,
         files=files,
-        remarks=("",) * len(times),
+        remarks=tuple(lead_text(lead) for lead in most),
         origins=(files,) * len(times),
-        leads=np.full(len(times), np.nan),
+        leads=most,
+        notes=_lead_notes(mixed),
     )
 
 
+def _lead_notes(mixed: list[float]) -> tuple[str, ...]:
+    if not mixed:
+        return ()
+    more = f" and {len(mixed) - 1} more times" if len(mixed) > 1 else ""
+    return (f"rows of {iso(mixed[0])}{more} differ in lead_hours: the largest counts for the whole time",)
+
+
 def write_csv_table(
-    path: Path, times: FloatArray, points: FloatArray, winds: FloatArray, decimals: int = 2
+    path: Path,
+    times: FloatArray,
+    points: FloatArray,
+    winds: FloatArray,
+    decimals: int = 2,
+    leads: FloatArray | None = None,
 ) -> None:
-    """Write winds (K, N, 2) [m/s] at ``times`` (K,) [s since 1970] and ``points`` (N, 2), lon, lat [deg]."""
-    lines = [",".join(GEOGRAPHIC_COLUMNS)]
-    for time, rows in zip(times, winds, strict=True):
+    """Write winds (K, N, 2) [m/s] at ``times`` (K,) [s since 1970] and ``points`` (N, 2), lon, lat [deg].
+
+    ``leads`` (K,) [s] make the column ``lead_hours``; where none is known, there is no such column.
+    """
+    known = leads is not None and bool(np.isfinite(leads).any())
+    lines = [",".join((*GEOGRAPHIC_COLUMNS, LEAD_COLUMN) if known else GEOGRAPHIC_COLUMNS)]
+    each = leads if known and leads is not None else np.full(len(times), np.nan)
+    for time, lead, rows in zip(times, each, winds, strict=True):
         stamp = iso(time)
+        end = "" if not known else "," if np.isnan(lead) else f",{lead / HOUR:.6g}"
         for (lon, lat), (u, v) in zip(points, rows, strict=True):
-            lines.append(f"{stamp},{lat:.8g},{lon:.8g},{u + 0.0:.{decimals}f},{v + 0.0:.{decimals}f}")
+            lines.append(f"{stamp},{lat:.8g},{lon:.8g},{u + 0.0:.{decimals}f},{v + 0.0:.{decimals}f}{end}")
     write_text(path, "\n".join(lines) + "\n")
 
 
-def _read_csv_file(file: Path, max_speed: float) -> tuple[FloatArray, FloatArray, FloatArray, IntArray, bool]:
-    """Times (N,), points (N, 2), winds (N, 2), row numbers (N,), and whether the frame is geographic."""
+@dataclass(frozen=True, slots=True)
+class _Table:
+    """The rows of one file: times (N,), leads (N,) [s], points (N, 2), winds (N, 2), row numbers (N,)."""
+
+    times: FloatArray
+    leads: FloatArray
+    points: FloatArray
+    winds: FloatArray
+    numbers: IntArray
+    geographic: bool
+
+
+def _read_csv_file(file: Path, max_speed: float) -> _Table:
+    """The checked rows of ``file``."""
     try:
         with _open_text(file) as stream:
             reader = csv.reader(stream)
@@ -99,11 +140,16 @@ def _read_csv_file(file: Path, max_speed: float) -> tuple[FloatArray, FloatArray
     check_readings(points, winds, geographic, max_speed, lambda i: f"wind file {file}, row {numbers[i]}")
     if geographic:
         points[:, 0] = wrap_longitude(points[:, 0])
-    return table[:, 0], points, winds, numbers, geographic
+    leads = table[:, 5] * HOUR if len(columns) > 5 else np.full(len(table), np.nan)
+    return _Table(table[:, 0], leads, points, winds, numbers, geographic)
 
 
 def _open_text(file: Path) -> IO[str]:
     """The text of ``file``, which gzip may have packed."""
+    with file.open("rb") as raw:
+        head = raw.read(64)
+    if format_of(head) != "packed with gzip" or file.suffix.lower() != ".gz":
+        refuse_other_format(f"wind file {file}", head, "a CSV table")
     if file.suffix.lower() != ".gz":
         return file.open(encoding="utf-8-sig", newline="")
     with gzip.open(file) as packed:
@@ -116,7 +162,7 @@ def _open_text(file: Path) -> IO[str]:
 
 
 def _find_columns(file: Path, header: list[str]) -> tuple[list[tuple[str, int]], FloatArray]:
-    """Name and position of the five columns, and the factors (2,) from the units of u and v to m/s."""
+    """Name and position of the columns, ``lead_hours`` last, and the factors (2,) from u and v to m/s."""
     if not header:
         raise DataError(f"wind file {file} is empty; expected a table with {','.join(GEOGRAPHIC_COLUMNS)}")
     speeds = {name: [found for found in header if _speed_unit(name, found) is not None] for name in "uv"}
@@ -131,6 +177,8 @@ def _find_columns(file: Path, header: list[str]) -> tuple[list[tuple[str, int]],
     titles = [_only_one(file, name, speeds.get(name, [name])) for name in wanted]
     factors = [_speed_factor(file, name, title) for name, title in zip("uv", titles[3:], strict=True)]
     columns = [(name, header.index(title)) for name, title in zip(wanted, titles, strict=True)]
+    if LEAD_COLUMN in header:
+        columns.append((LEAD_COLUMN, header.index(LEAD_COLUMN)))
     return columns, np.array(factors)
 
 
@@ -164,9 +212,9 @@ def _parse_row(where: str, row: list[str], columns: list[tuple[str, int]]) -> tu
     for name, at in columns:
         text = row[at].strip() if at < len(row) else ""
         try:
-            values.append(_cached_seconds(text) if name == "time" else float(text))
+            values.append(CELLS.get(name, float)(text))
         except ValueError:
-            wanted = "an ISO 8601 time such as 2018-10-09T18:00:00Z" if name == "time" else "a number"
+            wanted = EXPECTED.get(name, "a number")
             raise DataError(f"{where}: {name} is {shown_value(text)}; expected {wanted}") from None
     return tuple(values)
 
@@ -180,7 +228,22 @@ def _refuse_duplicates(stamps: FloatArray, points: FloatArray, owners: list[str]
         raise DataError(f"wind readings of {one} and {two} are at the same time and place; keep one of them")
 
 
-_cached_seconds = lru_cache(maxsize=4096)(seconds)  # many rows share few times
+def _lead_hours(text: str) -> float:
+    """Hours from 0 to :data:`LONGEST_LEAD`; NaN of an empty cell."""
+    hours = float(text) if text else np.nan
+    if text and not 0.0 <= hours <= LONGEST_LEAD:
+        raise ValueError
+    return hours
+
+
+CELLS: dict[str, Callable[[str], float]] = {
+    "time": lru_cache(maxsize=4096)(seconds),  # many rows share few times
+    LEAD_COLUMN: _lead_hours,
+}
+EXPECTED = {
+    "time": "an ISO 8601 time such as 2018-10-09T18:00:00Z",
+    LEAD_COLUMN: f"hours since the forecast began, 0 to {LONGEST_LEAD:g}, or nothing",
+}
 
 
 __all__ = ["read_csv_files", "write_csv_table"]

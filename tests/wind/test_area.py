@@ -1,0 +1,82 @@
+"""The box around a scene: what of a large file can matter."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pareto_ltl.settings import SceneConfig
+from pareto_ltl.support.errors import ConfigError
+from pareto_ltl.wind.area import GeoBox, box_of, neighbourhood
+from pareto_ltl.wind.levels import Level, level_list, parse_level
+from pareto_ltl.wind.readings import on_sphere
+from pareto_ltl.world import projection
+
+SQUARE = {"unit": 1e5, "bounds": [[0, 0], [10, 10]], "start": [1, 1]}
+places = st.tuples(st.floats(-180, 180), st.floats(-89, 89))
+
+
+@given(st.lists(places, min_size=1, max_size=8))
+def test_the_box_of_points_holds_them_whichever_way_round_the_earth_they_lie(found):
+    lonlat = np.array(found)
+    box = box_of(lonlat).widened(1.0)
+    assert box.contains(lonlat).all()
+    assert box.contains(lonlat + np.array([360.0, 0.0])).all()
+
+
+def test_a_box_across_the_180th_meridian_is_narrow():
+    box = box_of(np.array([[179.0, 0.0], [-178.0, 2.0]]))
+    assert box.width == pytest.approx(3.0)
+    assert box.text == "latitude 0..2, longitude 179..-178"
+    assert list(box.contains(np.array([[180.0, 1.0], [0.0, 1.0]]))) == [True, False]
+
+
+@given(places, places)
+def test_a_widened_box_holds_all_that_is_within_the_margin(centre, other):
+    margin = 1e6
+    box = GeoBox(centre[0], centre[1], 0.0, centre[1]).widened(margin * 1.01)
+    near = np.linalg.norm(np.diff(on_sphere(np.array([centre, other])), axis=0)) * 6.371e6 <= margin
+    assert box.contains(np.array([other]))[0] or not near
+
+
+@given(st.floats(-89, 89), st.floats(-180, 180))
+def test_the_neighbourhood_of_a_scene_holds_500_km_around_it(lat, lon):
+    box = neighbourhood(SceneConfig(centre=[lat, lon], **SQUARE))
+    crs = projection.local_plane(lat, lon)
+    around = np.linspace(0, 2 * np.pi, 40)
+    ring = 5e5 * np.sqrt(2) * np.stack([np.cos(around), np.sin(around)], axis=1)
+    ring = ring * (1 + 5e5 / 7.1e5)
+    lonlat = np.stack(projection.to_geographic(crs, ring), axis=1)
+    assert box is not None
+    assert box.contains(lonlat).all()
+
+
+def test_a_scene_that_lies_nowhere_has_no_neighbourhood():
+    assert neighbourhood(SceneConfig(**SQUARE)) is None
+    assert neighbourhood(SceneConfig()) is None
+
+
+@pytest.mark.parametrize(
+    ("text", "shown"),
+    [("10m", "10m"), ("80 m", "80m"), ("0.5 KM", "500m"), ("925hPa", "925hPa"), ("925mb", "925hPa"),
+     ("92500 Pa", "925hPa"), ("0m depth", "0m depth"), ("10m depth", "10m depth")],
+)  # fmt: skip
+def test_levels_are_read_in_the_units_that_people_use(text, shown):
+    assert parse_level(text).text == shown
+    assert parse_level(parse_level(text).text) == parse_level(text)
+
+
+@pytest.mark.parametrize(
+    "text", ["", "surface", "10", "-5m", "10 ft", "925hPa depth", "0hPa", "9" * 400 + "m"]
+)
+def test_what_is_no_level_is_refused_with_examples(text):
+    with pytest.raises(ConfigError, match=r"is no level; expected a height above ground \(10m, 80m\)"):
+        parse_level(text)
+
+
+def test_many_levels_are_listed_shortly():
+    texts = level_list([Level("pressure", 1000.0 * k) for k in range(1, 20)])
+    assert texts.endswith("and 7 more")
+    assert texts.startswith("10hPa, 20hPa")
