@@ -58,6 +58,12 @@ def _run_verify(argv: Sequence[str]) -> int:
     return verify_command(argv)
 
 
+def _run_wind_error(argv: Sequence[str]) -> int:
+    from pareto_ltl.cli.wind_error_command import wind_error_command
+
+    return wind_error_command(argv)
+
+
 def _run_sweep(argv: Sequence[str]) -> int:
     from pareto_ltl.cli.sweep_command import sweep_command
 
@@ -88,6 +94,7 @@ COMMANDS = (
     Command("formula", "what a mission formula means", _run_formula),
     Command("rerun", "make a result again and compare it byte by byte", _run_rerun),
     Command("verify", "derive every claim of a result again, without the planner", _run_verify),
+    Command("wind-error", "the law of forecast errors, from past forecasts and analyses", _run_wind_error),
     Command("cache", "place and size of the fits that are kept between runs; cache clear", _run_cache),
 )
 

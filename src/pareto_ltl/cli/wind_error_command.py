@@ -1,0 +1,213 @@
+"""``pareto-ltl wind-error DIR``: how wrong past forecasts were, as a law to plan with and a figure."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pareto_ltl.cli.arguments import CommandArguments, run_reported
+from pareto_ltl.support.errors import ConfigError, DataError
+from pareto_ltl.support.messages import shown_value
+
+if TYPE_CHECKING:
+    from pareto_ltl.wind.block_bootstrap import Interval
+    from pareto_ltl.wind.error_estimate import ErrorEstimate, ErrorTable
+    from pareto_ltl.wind.forecast_error import ForecastError
+    from pareto_ltl.wind.snapshots import Snapshot
+
+HOUR = 3600.0
+EVERYWHERE = "all"
+LONGEST_NAME = 200  # as the schema has it
+
+
+def wind_error_command(argv: Sequence[str]) -> int:
+    """0, or 2 with one line where the files tell nothing about errors."""
+    return run_reported(lambda: _estimate_and_write(_wind_error_arguments().parse_args(argv)))
+
+
+def _estimate_and_write(options: argparse.Namespace) -> int:
+    area = outline_of(options.area)
+    files = _files_in(options.directory)
+    _check_out(options.out, options.directory)
+
+    from pareto_ltl.report.wind_error import draw_wind_error
+    from pareto_ltl.support.files import write_json
+    from pareto_ltl.wind.block_bootstrap import Resampling
+    from pareto_ltl.wind.error_document import error_document, estimated_law
+    from pareto_ltl.wind.error_estimate import estimate_errors
+    from pareto_ltl.wind.forecast_error import forecast_error_law
+
+    snapshots = _snapshots(files, options.level, area)
+    draws = Resampling(options.seed, options.block)
+    estimate = estimate_errors(snapshots, area, draws, HOUR * options.max_lag)
+    usual = forecast_error_law("gfs", "gfs")
+    law = estimated_law(estimate, options.name or options.directory.resolve().name[:LONGEST_NAME], usual)
+    told = "not estimated: no station reports were given"
+    write_json(options.out, error_document(estimate, law, usual.name, files, told))
+    drawn = draw_wind_error(options.out.parent, options.out.stem, estimate, law, usual)
+    print("\n".join(estimate_lines(estimate, law, usual)))
+    print(f"analysis error: {told}")
+    print(f"wrote {', '.join(map(str, (options.out, *drawn)))}")
+    return 0
+
+
+def outline_of(text: str | None) -> list[list[float]] | None:
+    """Corners of ``--area``; None for all nodes; the contiguous United States where it is not given.
+
+    Raises
+    ------
+    ConfigError
+        If it is not at least three corners ``longitude,latitude`` of a simple outline.
+    """
+    from pareto_ltl.settings.checks import check_outline
+    from pareto_ltl.settings.studies import INLAND_OUTLINE
+
+    if text is None:
+        return [list(corner) for corner in INLAND_OUTLINE]
+    if text == EVERYWHERE:
+        return None
+    try:
+        corners = [[float(number) for number in corner.split(",")] for corner in text.split()]
+    except ValueError:
+        corners = []
+    if len(corners) < 3 or any(len(corner) != 2 for corner in corners):
+        raise ConfigError(
+            f"--area {shown_value(text)}: expected at least three corners longitude,latitude with spaces "
+            f"between them, for example --area '-100,30 -90,30 -95,40', or {EVERYWHERE}"
+        )
+    check_outline("--area", corners)
+    return corners
+
+
+def _check_out(out: Path, read: Path) -> None:
+    if out.suffix != ".json":
+        raise ConfigError(f"--out {out}: the law is written as JSON; name it .json")
+    if out.parent.resolve() == read.resolve():
+        raise ConfigError(f"--out {out}: this is the folder that is read; write into another one")
+    if not out.parent.is_dir():
+        raise ConfigError(f"--out {out}: there is no folder {out.parent}; make it, or name another file")
+
+
+def _files_in(folder: Path) -> tuple[Path, ...]:
+    from pareto_ltl.wind.sources import is_data_file
+
+    if not folder.is_dir():
+        raise ConfigError(f"{folder}: there is no such folder; name one with GRIB files of past forecasts")
+    files = tuple(sorted(file for file in folder.iterdir() if file.is_file() and is_data_file(file)))
+    if not files:
+        raise DataError(f"{folder}: the folder holds no GRIB file; name one with past forecasts and analyses")
+    return files
+
+
+def _snapshots(
+    files: tuple[Path, ...], level: str, area: Sequence[Sequence[float]] | None
+) -> tuple[Snapshot, ...]:
+    import numpy as np
+
+    from pareto_ltl.settings import WindConfig
+    from pareto_ltl.wind.area import box_of
+    from pareto_ltl.wind.sources.grib_apart import read_grib_snapshots
+
+    box = None if area is None else box_of(np.array(area, float))
+    return read_grib_snapshots(files, WindConfig().max_speed, level, box)
+
+
+# --- what is printed -------------------------------------------------------------------------
+
+
+def estimate_lines(estimate: ErrorEstimate, law: ForecastError, usual: ForecastError) -> Iterator[str]:
+    """The tables beside the packaged law, the scalars, and what the data cannot tell."""
+    from pareto_ltl.wind.error_document import unknown_parts
+
+    other = usual.for_winds(estimate.level, estimate.spread)
+    yield (
+        f"{estimate.cycles} cycles, {estimate.nodes} nodes, winds at {estimate.level} that spread by "
+        f"{estimate.spread:.2f} m/s; sd of one component, 95 % intervals"
+    )
+    if estimate.forecast is not None:
+        at = other.forecast_variance(estimate.forecast.at) ** 0.5
+        yield from _table_lines("lead", estimate.forecast, at.tolist(), usual.name)
+    at = other.change_variance(estimate.change.at) ** 0.5
+    yield from _table_lines("change", estimate.change, at.tolist(), usual.name)
+    lengths = (
+        ("length of the error", estimate.forecast_length.length, law.forecast_length),
+        ("length of the change", estimate.change_length.length, law.change_length),
+    )
+    for name, found, used in lengths:
+        yield f"{name:<22}{used / 1e3:.0f} km {_interval(found, 1e-3, 0)}"
+    found = estimate.persistence.value
+    step = law.persistence_time / HOUR
+    yield f"{'persistence':<22}{law.persistence:.2f} over {step:g} h {_interval(found, 1.0, 2)}"
+    for what, why in unknown_parts(estimate).items():
+        yield f"note: {what}: {why}; kept from {usual.name}"
+    for note in estimate.notes:
+        yield f"note: {note}"
+
+
+def _table_lines(what: str, table: ErrorTable, usual: Sequence[float], name: str) -> Iterator[str]:
+    yield f"{what:<8}{'m/s':>6}  {'95 % interval':<15}{name:>6}{'pairs':>7}  from"
+    for at, sd, other, pairs, way in zip(table.at, table.sd, usual, table.pairs, table.ways, strict=True):
+        ends = f"{sd.low:.2f} to {sd.high:.2f}"
+        yield f"{f'{at / HOUR:g} h':<8}{sd.value:>6.2f}  {ends:<15}{other:>6.2f}{pairs:>7}  {way}"
+
+
+def _interval(found: Interval | None, unit: float, digits: int) -> str:
+    if found is None:
+        return "(not from these data)"
+    return f"(95 %: {found.low * unit:.{digits}f} to {found.high * unit:.{digits}f})"
+
+
+def _wind_error_arguments() -> CommandArguments:
+    parser = CommandArguments(
+        prog="pareto-ltl wind-error",
+        description="Estimate the error of forecasts and the change of the wind from a folder of past GRIB "
+        "files, analyses among them, and write the law as JSON and as a figure (.png, .svg beside it). Plan "
+        "with it: wind.forecast_error=FILE.json.",
+    )
+    parser.add_argument("directory", type=Path, metavar="DIR", help="folder of GRIB files of one grid")
+    parser.add_argument("--out", type=Path, default=Path("wind_error.json"), metavar="FILE.json",
+                        help="where the law goes (default wind_error.json)")  # fmt: skip
+    parser.add_argument("--level", default="10m", help="level of the winds, for example 80m or 925hPa")
+    parser.add_argument("--area", metavar="CORNERS", help="outline of the nodes, 'lon,lat lon,lat ...', or "
+                        "all (default: the contiguous United States without their rim)")  # fmt: skip
+    parser.add_argument(
+        "--name", type=_short, help="name of the law in reports (default: that of the folder)"
+    )
+    parser.add_argument("--max-lag", type=_positive, default=48.0, metavar="HOURS",
+                        help="longest change of the wind (default 48)")  # fmt: skip
+    parser.add_argument("--seed", type=_count, default=0, help="of the bootstrap (default 0)")
+    parser.add_argument("--block", type=_block, metavar="CYCLES", help="successive cycles that the bootstrap "
+                        "draws together (default: the cube root of their number)")  # fmt: skip
+    return parser
+
+
+def _short(text: str) -> str:
+    if not 0 < len(text) <= LONGEST_NAME:
+        raise argparse.ArgumentTypeError(f"a name has 1 to {LONGEST_NAME} characters")
+    return text
+
+
+def _positive(text: str) -> float:
+    value = float(text)
+    if not 0 < value < 1e6:
+        raise argparse.ArgumentTypeError(f"{text} is not a number of hours above 0")
+    return value
+
+
+def _count(text: str) -> int:
+    value = int(text)
+    if not 0 <= value < 2**63:
+        raise argparse.ArgumentTypeError(f"{text} is no seed; expected a whole number from 0")
+    return value
+
+
+def _block(text: str) -> int:
+    value = int(text)
+    if value < 1:
+        raise argparse.ArgumentTypeError(f"{text} is not a number of cycles, at least 1")
+    return value
+
+
+__all__ = ["estimate_lines", "outline_of", "wind_error_command"]
