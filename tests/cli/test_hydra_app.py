@@ -29,7 +29,7 @@ from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
 from pareto_ltl.support.resources import choices
 
 SECTIONS = ("scene", "mission", "robot", "wind", "planner", "fidelity", "selection", "deployment", "report")
-FILES = {"csv": ["wind.path=wind.csv"], "grib": ["wind.path=wind.grib"]}
+FILES = {name: [f"wind.path=wind.{name}"] for name in ("csv", "currents", "grib", "netcdf", "stations")}
 
 
 @pytest.fixture

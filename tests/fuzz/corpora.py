@@ -39,6 +39,13 @@ CSV = (
     b"2018-10-09T06:00:00Z,30,-90,1,1\n2018-10-09T06:00:00+01:00,31,-91,1,1\n",
     b'"time","x","y","u","v","note"\n2018-10-09,0,1000,1.5,-2,"a, b"\n2018-10-09,1000,0,2.5,0,\n',
 )
+STATIONS = (
+    b"No errors\n5 results\nraw_text,station_id,observation_time,latitude,longitude,wind_dir_degrees,"
+    b"wind_speed_kt,wind_gust_kt\nKBCT 220253Z 35007KT,KBCT,2022-10-22T02:53:00Z,26.38,-80.1,350,7,\n"
+    b"KREO,KREO,2022-10-22T02:52:00Z,42.58,-117.87,0,3,20\n,PAFM,2022-10-22T03:52:00Z,67.1,-157,9,,\n",
+    b"station,valid,lon,lat,drct,sknt,gust,uwind,vwind\nYUM,1993-03-12 06:00:00,-114.6,32.6,330,9,,4.5,-7\n"
+    b"SDB,1993-03-12 06:59:00,-118.7253,34.7434,M,M,M,,\n",
+)
 SQUARE = [[1.0, 1.0], [2.0, 1.0], [2.0, 2.0], [1.0, 2.0]]
 
 
@@ -192,6 +199,37 @@ def _small_messages(eccodes: Any, file: Path) -> list[bytes]:
             found.append(eccodes.codes_get_message(message))
             eccodes.codes_release(message)
     return found
+
+
+def small_netcdfs(place: Path) -> tuple[bytes, ...]:
+    """One field with packed values and 2-d latitudes, in both formats of NetCDF."""
+    import h5netcdf
+    from scipy.io import netcdf_file
+
+    lat, lon = np.meshgrid(np.arange(30.0, 34.0), np.arange(-95.0, -92.0), indexing="ij")
+    values = np.arange(24, dtype=np.int16).reshape(2, 4, 3)
+    told = {"units": "m s-1", "scale_factor": 0.1, "_FillValue": np.int16(7), "coordinates": "lat lon"}
+    variables: dict[str, tuple[tuple[str, ...], Any, dict[str, Any]]] = {
+        "time": (("time",), np.array([0.0, 6.0]), {"units": "hours since 2018-10-09 00:00"}),
+        "lat": (("y", "x"), lat, {"units": "degrees_north"}),
+        "lon": (("y", "x"), lon, {"units": "degrees_east"}),
+        "u10": (("time", "y", "x"), values, {"standard_name": "eastward_wind", **told}),
+        "v10": (("time", "y", "x"), values, {"standard_name": "northward_wind", **told}),
+    }
+    sizes = {"time": 2, "y": 4, "x": 3}
+    with h5netcdf.File(place / "new.nc", "w") as file:
+        file.dimensions = sizes
+        for name, (dims, data, attributes) in variables.items():
+            file.create_variable(name, dims, data=data).attrs.update(attributes)
+    with netcdf_file(place / "old.nc", "w") as file:
+        for name, size in sizes.items():
+            file.createDimension(name, size)
+        for name, (dims, data, attributes) in variables.items():
+            made = file.createVariable(name, data.dtype, dims)
+            made[...] = data
+            for key, value in attributes.items():
+                setattr(made, key, value)
+    return tuple((place / name).read_bytes() for name in ("new.nc", "old.nc"))
 
 
 def words() -> tuple[str, ...]:

@@ -206,6 +206,25 @@ def grib_winds(place: Path) -> Fuzz | None:
     return Fuzz(mutants(seeds), _from_file(place / "wind.grib", lambda path: read_grib_files((path,), 150.0)))
 
 
+def cf_winds(place: Path) -> Fuzz:
+    from pareto_ltl.wind.sources.netcdf_files import WINDS, read_netcdf_files
+
+    seeds = corpora.small_netcdfs(place)
+    return Fuzz(
+        mutants(seeds),
+        _from_file(place / "wind.nc", lambda path: read_netcdf_files((path,), WINDS, "10m", 150.0)),
+    )
+
+
+def stations(place: Path) -> Fuzz:
+    from pareto_ltl.wind.sources.station_files import read_station_files
+
+    return Fuzz(
+        mutants(corpora.STATIONS),
+        _from_file(place / "metars.csv", lambda path: read_station_files((path,), 150.0)),
+    )
+
+
 def netcdf_winds(place: Path) -> Fuzz:
     from pareto_ltl.wind.netcdf import read_netcdf, write_netcdf
 
@@ -304,6 +323,8 @@ TARGETS = (
     Target("command_lines", command_lines, share=0.025),
     Target("csv_winds", csv_winds),
     Target("grib_winds", grib_winds),
+    Target("cf_winds", cf_winds, share=0.2),
+    Target("stations", stations),
     Target("netcdf_winds", netcdf_winds, share=0.2),  # HDF5 takes 10 ms to open a file
     Target("results", results),
     Target("sweeps", sweeps, share=0.5),  # a case is two summaries

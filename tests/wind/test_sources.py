@@ -336,7 +336,7 @@ def test_a_file_that_is_no_table_is_refused(content, words, tmp_path):
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize("source", ["csv", "grib"])
+@pytest.mark.parametrize("source", ["csv", "grib", "netcdf", "currents", "stations"])
 def test_a_missing_file_is_named(source, tmp_path):
     with pytest.raises(DataError, match=rf"nowhere: no {source} file, folder or pattern"):
         read(WindConfig(source=source, path=str(tmp_path / "nowhere")))

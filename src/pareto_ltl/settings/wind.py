@@ -9,7 +9,8 @@ from pareto_ltl.settings.checks import CheckedSettings, setting
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.extensions import WIND_SOURCE_GROUP
 
-WIND_SOURCES = ("sample", "csv", "grib", "calm")
+WIND_SOURCES = ("sample", "csv", "grib", "netcdf", "stations", "currents", "calm")
+FILE_SOURCES = ("csv", "grib", "netcdf", "stations", "currents")
 GP_KERNELS = ("matern32", "rbf")
 
 
@@ -19,7 +20,7 @@ class WindConfig(CheckedSettings):
 
     section: ClassVar[str] = "wind"
     source: str = setting("sample", "where readings come from", choices=WIND_SOURCES, group=WIND_SOURCE_GROUP)
-    path: str | None = setting(None, "file, folder or pattern, for source=csv and source=grib")
+    path: str | None = setting(None, "file, folder or pattern, for the sources that read files")
     kernel: str = setting("matern32", "kernel of the Gaussian process", choices=GP_KERNELS)
     noise_min: float = setting(
         0.3, "lower bound of the white-noise standard deviation", unit="m/s", above=0, most=100
@@ -71,5 +72,5 @@ class WindConfig(CheckedSettings):
     cache: bool = setting(True, "keep fits between runs")
 
     def check_combinations(self) -> None:
-        if self.source in ("csv", "grib") and not self.path:
+        if self.source in FILE_SOURCES and not self.path:
             raise ConfigError(f"wind.path is missing: wind.source={self.source} needs a file to read")

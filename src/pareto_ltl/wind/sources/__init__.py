@@ -18,6 +18,8 @@ from pareto_ltl.wind.area import ALL_WIND, Wanted
 from pareto_ltl.wind.readings import CALM, Readings
 from pareto_ltl.wind.sources.csv_files import read_csv_files
 from pareto_ltl.wind.sources.grib_apart import read_grib_apart
+from pareto_ltl.wind.sources.netcdf_files import CURRENTS, WINDS, read_netcdf_files
+from pareto_ltl.wind.sources.station_files import read_station_files
 
 SAMPLE_FILE = Path(__file__).parents[2] / "support" / "data" / "gfs_conus_20181009.csv"
 
@@ -32,7 +34,7 @@ def data_files(cfg: WindConfig, wanted: Wanted = ALL_WIND) -> tuple[Path, ...]:
     """
     path = Path(str(cfg.path)).expanduser()
     if path.is_dir():
-        ends = (".csv", ".csv.gz") if cfg.source == "csv" else ("",)
+        ends = (".csv", ".csv.gz") if cfg.source in ("csv", "stations") else ("",)
         files = [file for file in path.iterdir() if file.name.lower().endswith(ends)]
         found = [file for file in files if file.is_file() and is_data_file(file)]
     elif path.is_file():
@@ -89,6 +91,18 @@ def _read_grib(cfg: WindConfig, wanted: Wanted) -> Readings:
     return read_grib_apart(data_files(cfg), cfg.max_speed, cfg.level, wanted.area)
 
 
+def _read_netcdf(cfg: WindConfig, wanted: Wanted) -> Readings:
+    return read_netcdf_files(data_files(cfg), WINDS, cfg.level, cfg.max_speed, wanted.area)
+
+
+def _read_currents(cfg: WindConfig, wanted: Wanted) -> Readings:
+    return read_netcdf_files(data_files(cfg), CURRENTS, cfg.level, cfg.max_speed, wanted.area)
+
+
+def _read_stations(cfg: WindConfig, wanted: Wanted) -> Readings:
+    return read_station_files(data_files(cfg), cfg.max_speed, wanted.area)
+
+
 def _read_calm(cfg: WindConfig, wanted: Wanted) -> Readings:
     return CALM
 
@@ -97,6 +111,9 @@ SOURCES = {
     "sample": WindSource(_read_sample, _sample_files, forecast_error="none"),
     "csv": WindSource(_read_csv, data_files),
     "grib": WindSource(_read_grib, data_files),
+    "netcdf": WindSource(_read_netcdf, data_files),
+    "currents": WindSource(_read_currents, data_files, forecast_error="none"),
+    "stations": WindSource(_read_stations, data_files, forecast_error="none"),
     "calm": WindSource(_read_calm, _no_files, forecast_error="none"),
 }
 

@@ -118,7 +118,7 @@ class _Table:
 def _read_csv_file(file: Path, max_speed: float) -> _Table:
     """The checked rows of ``file``."""
     try:
-        with _open_text(file) as stream:
+        with open_table(file) as stream:
             reader = csv.reader(stream)
             header = [name.strip().lower() for name in next(reader, [])]
             columns, speeds = _find_columns(file, header)
@@ -144,7 +144,7 @@ def _read_csv_file(file: Path, max_speed: float) -> _Table:
     return _Table(table[:, 0], leads, points, winds, numbers, geographic)
 
 
-def _open_text(file: Path) -> IO[str]:
+def open_table(file: Path) -> IO[str]:
     """The text of ``file``, which gzip may have packed."""
     with file.open("rb") as raw:
         head = raw.read(64)
@@ -246,4 +246,4 @@ EXPECTED = {
 }
 
 
-__all__ = ["read_csv_files", "write_csv_table"]
+__all__ = ["open_table", "read_csv_files", "write_csv_table"]

@@ -15,14 +15,14 @@ from typing import Any
 
 import numpy as np
 
-from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.wind.area import GeoBox
-from pareto_ltl.wind.levels import PRESSURE, Level, level_list, parse_level
+from pareto_ltl.wind.levels import Level, level_list, parse_level
 from pareto_ltl.wind.readings import Readings, check_readings, iso
 from pareto_ltl.wind.snapshots import Snapshot, latest_readings
 from pareto_ltl.wind.sources.grib_framing import check_frames
 from pareto_ltl.wind.sources.grib_messages import SURFACE_PRESSURE, GribField, GribScan, decode_message
+from pareto_ltl.wind.sources.ground import LeftOut, left_out_notes, nodes_in_the_air
 from pareto_ltl.wind.sources.magic import refuse_other_format
 from pareto_ltl.world.projection import rotate_vectors
 
@@ -74,11 +74,11 @@ def grib_snapshots(
     kept = [pairs[key] for key in sorted(pairs) if pairs[key].keys() - {SURFACE_PRESSURE}]
     found = [_snapshot(pair, scan.level, max_speed) for pair in kept]
     snapshots = tuple(snapshot for snapshot, _ in found)
-    return snapshots, files, (*notes, *_ground_notes(scan.level, [masked for _, masked in found]))
+    return snapshots, files, (*notes, *left_out_notes(scan.level, [count for _, count in found]))
 
 
-def _snapshot(pair: dict[str, GribField], level: Level, max_speed: float) -> tuple[Snapshot, FloatArray]:
-    """Earth-relative winds, and (nodes, nodes without a value, nodes below ground or NaN if not known)."""
+def _snapshot(pair: dict[str, GribField], level: Level, max_speed: float) -> tuple[Snapshot, LeftOut]:
+    """Earth-relative winds, and what of their field is left out."""
     some = pair.get("u") or pair["v"]
     missing = {"u", "v"} - set(pair)
     if missing:
@@ -90,38 +90,14 @@ def _snapshot(pair: dict[str, GribField], level: Level, max_speed: float) -> tup
     lonlat = u.grid.lonlat
     if u.grid is not v.grid and not np.array_equal(lonlat, v.grid.lonlat):
         raise DataError(f"wind file {some.file}: u and v at {iso(some.time)} are on different grids")
-    winds = np.stack([u.values, v.values], axis=1)
-    here = np.asarray(np.isfinite(winds).all(axis=1))  # nodes outside the domain of the model are missing
-    count = [len(here), len(here) - int(here.sum()), np.nan]
     pressure = pair.get(SURFACE_PRESSURE)
-    if level.kind == PRESSURE and pressure is not None and len(pressure.values) == len(here):
-        below = here & (pressure.values < level.value)
-        count[2], here = int(below.sum()), here & ~below
+    winds = np.stack([u.values, v.values], axis=1)  # nodes outside the domain of the model are missing
+    here, count = nodes_in_the_air(level, winds, None if pressure is None else pressure.values)
     winds = winds if u.grid.twist is None else rotate_vectors(winds, -u.grid.twist)
     points, winds = (lonlat, winds) if here.all() else (lonlat[here], winds[here])
     check_readings(points, winds, True, max_speed, lambda _: f"wind file {u.file}, {iso(u.time)}")
     owners = tuple(dict.fromkeys(field.file for field in (u, v)))
-    return Snapshot(u.time, u.lead, points, winds, level.text, owners, u.member), np.array(count, float)
-
-
-def _ground_notes(level: Level, counts: list[FloatArray]) -> Iterator[str]:
-    """What was left out at a level of pressure, which can lie below the ground."""
-    if level.kind != PRESSURE or not counts:
-        return
-    nodes, missing, below = np.array(counts).T
-    checked = np.isfinite(below)
-    if checked.any():
-        yield (
-            f"{int(below[checked].sum())} of {int(nodes[checked].sum())} values at {level.text} lie below "
-            "ground, where the surface pressure is lower, and are left out"
-        )
-    if missing.any():
-        yield f"{int(missing.sum())} nodes have no value at {level.text} and are left out"
-    if not checked.all():
-        yield (
-            f"{int((~checked).sum())} fields at {level.text} come without surface pressure: whether nodes "
-            "lie below ground could not be checked"
-        )
+    return Snapshot(u.time, u.lead, points, winds, level.text, owners, u.member), count
 
 
 def _grib_fields(files: tuple[Path, ...], scan: GribScan, tell: Tell | None) -> Iterator[GribField]:

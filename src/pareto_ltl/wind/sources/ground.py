@@ -1,0 +1,60 @@
+"""What of a field is left out: nodes without a value, and nodes below the ground at a level of pressure."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.wind.levels import PRESSURE, Level
+
+
+@dataclass(frozen=True, slots=True)
+class LeftOut:
+    """Numbers of nodes of one field: all, without a value, below ground (None if that is not known)."""
+
+    nodes: int
+    missing: int
+    below: int | None
+
+
+def nodes_in_the_air(
+    level: Level, winds: FloatArray, pressure: FloatArray | None
+) -> tuple[NDArray[np.bool_], LeftOut]:
+    """Which nodes of ``winds`` (N, 2) have a value above ground, shape (N,), and how many have not.
+
+    ``pressure`` (N,) [Pa] is that of the surface; it matters at a level of pressure alone.
+    """
+    here = np.asarray(np.isfinite(winds).all(axis=1))
+    missing = len(here) - int(here.sum())
+    if level.kind != PRESSURE or pressure is None or len(pressure) != len(here):
+        return here, LeftOut(len(here), missing, None)
+    below = here & (pressure < level.value)
+    return here & ~below, LeftOut(len(here), missing, int(below.sum()))
+
+
+def left_out_notes(level: Level, counts: Sequence[LeftOut]) -> Iterator[str]:
+    """One line for each kind of node that is left out, and one where the ground could not be checked."""
+    nodes = sum(count.nodes for count in counts)
+    if missing := sum(count.missing for count in counts):
+        yield f"{missing} of {nodes} values at {level.text} are missing in the file and left out"
+    if level.kind != PRESSURE or not counts:
+        return
+    checked = [count for count in counts if count.below is not None]
+    if checked:
+        below = sum(count.below or 0 for count in checked)
+        yield (
+            f"{below} of {sum(count.nodes for count in checked)} values at {level.text} lie below ground, "
+            "where the surface pressure is lower, and are left out"
+        )
+    if len(checked) < len(counts):
+        yield (
+            f"{len(counts) - len(checked)} fields at {level.text} come without surface pressure: whether "
+            "nodes lie below ground could not be checked"
+        )
+
+
+__all__ = ["LeftOut", "left_out_notes", "nodes_in_the_air"]
