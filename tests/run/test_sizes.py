@@ -45,7 +45,9 @@ def test_a_size_that_cannot_fit_is_refused(
     assert not [word for word in words if word not in str(caught.value)], str(caught.value)
 
 
-@pytest.mark.parametrize("stages", [PLAN, ("comparison",), ("convergence",), ("hindcast",)])
+@pytest.mark.parametrize(
+    "stages", [PLAN, ("comparison",), ("convergence",), ("hindcast",), ("forecast_test",)]
+)
 def test_the_defaults_fit(stages: tuple[str, ...]) -> None:
     check_sizes(Settings(), stages)
 

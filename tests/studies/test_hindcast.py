@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +14,7 @@ import small_study
 from noaa import NOAA, needs_noaa
 from pareto_ltl.cli import hydra_app as app
 from pareto_ltl.settings import HindcastConfig, WindConfig
-from pareto_ltl.simulation.flights import clopper_pearson
+from pareto_ltl.studies import field_missions as shared
 from pareto_ltl.studies import hindcast
 from pareto_ltl.studies import random_missions as missions
 from pareto_ltl.studies import true_fields as nature
@@ -101,10 +100,11 @@ def test_the_real_wind_has_gusts_and_no_other_doubt() -> None:
     )
     real = nature.real_wind(HindcastConfig(gusts=0.5), WindConfig(), full, here, believed)
     assert not real.latent_var.any()
-    np.testing.assert_allclose(real.gust_var, 0.25 * believed.gust_var)
+    assert real.times.tolist() == [0.0, 10800.0, 21600.0, 32400.0]  # all that a flight can meet
+    np.testing.assert_allclose(real.gust_var, 0.25 * believed.gust_var[[0, 1, 1, 1]])
     i, j = 4, 7
     node = real.origin + real.spacing * np.array([[i, j]])
-    np.testing.assert_allclose(real.mean[:, i, j], nature.at_times(full, here, times, node)[:, 0])
+    np.testing.assert_allclose(real.mean[:, i, j], nature.at_times(full, here, real.times, node)[:, 0])
 
 
 def test_fields_that_do_not_reach_the_scene_are_refused() -> None:
@@ -127,7 +127,7 @@ def test_folders_of_full_fields_are_checked(tmp_path: Path, monkeypatch: pytest.
     with pytest.raises(ConfigError, match="no such folder"):
         nature.true_fields_folder(HindcastConfig(truth=str(tmp_path / "none")))
     with pytest.raises(DataError, match="holds no GRIB2 file"):
-        hindcast.full_fields(None, tmp_path)
+        shared.full_fields(HindcastConfig(), tmp_path)
     monkeypatch.setattr(nature, "checkout", lambda: None)
     with pytest.raises(ConfigError, match=r"hindcast\.truth is missing"):
         nature.true_fields_folder(HindcastConfig())
@@ -170,37 +170,7 @@ def test_a_mission_does_not_depend_on_how_many_there_are() -> None:
     assert not np.array_equal(one.scene.start, other.scene.start)
 
 
-# --- promises --------------------------------------------------------------------------------
-
-
-def plan(mission: int, promised: float, failure: float) -> dict[str, float | str]:
-    return {"mission": mission, "fidelity": "paper", "bound_paper": promised, "failure": failure}
-
-
-def test_groups_are_of_equal_size_and_ordered_by_promise() -> None:
-    rng = np.random.default_rng(3)
-    rows = [plan(k, p, float(rng.uniform())) for k, p in enumerate(rng.uniform(size=20))]
-    groups = hindcast.reliability(rows, 4)
-    assert [group["plans"] for group in groups] == [5, 5, 5, 5]
-    ends = [(group["promised_least"], group["promised_most"]) for group in groups]
-    assert all(a[1] <= b[0] for a, b in pairwise(ends))
-    for group in groups:
-        assert group["promised_least"] <= group["promised"] <= group["promised_most"]
-    mean = np.mean([row["failure"] for row in rows])
-    assert np.mean([group["realised"] for group in groups]) == pytest.approx(mean)
-
-
-def test_a_mission_is_one_trial_however_many_plans_it_has() -> None:
-    rows = [plan(0, 0.1, 1.0), plan(0, 0.1, 0.0), plan(0, 0.1, 0.5), plan(1, 0.1, 0.5)]
-    (group,) = hindcast.reliability(rows, 1)
-    assert (group["plans"], group["missions"], group["realised"]) == (4, 2, 0.5)
-    assert (group["realised_low"], group["realised_high"]) == clopper_pearson(1, 2)
-
-
-def test_the_brier_score_is_least_for_the_true_probability() -> None:
-    scores = {p: hindcast.scorecard([plan(k, p, 0.3) for k in range(4)])[0]["brier"] for p in (0.1, 0.3, 0.5)}
-    assert scores[0.3] == pytest.approx(0.3 * 0.7)
-    assert scores[0.3] < min(scores[0.1], scores[0.5])
+# --- plans -----------------------------------------------------------------------------------
 
 
 def test_a_front_is_flown_from_its_safest_to_its_shortest() -> None:
@@ -243,5 +213,8 @@ def test_a_hindcast_of_real_fields_from_the_command_line(
     assert len(tables) == 2  # two spells of weather
     lines = tables[0].read_text().splitlines()
     assert len(lines) == 1 + 14 * HindcastConfig().points
+    kinds = {line.split(",")[6] for line in Path("out/hindcast.csv").read_text().splitlines()}
+    assert kinds == {"kind", "front", "chosen"}
+    assert "test of interpolation" in Path("out/tables.md").read_text()
     for name in ("hindcast.csv", "reliability.csv", "scorecard.csv", "figures/reliability_paper.png"):
         assert (Path("out") / name).stat().st_size > 0

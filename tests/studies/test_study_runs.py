@@ -19,7 +19,7 @@ from pareto_ltl.support.resources import choices
 from patience import wait_until
 from test_examples import ROOT
 
-STUDIES = ("compare", "convergence", "ablation", "hindcast")
+STUDIES = ("compare", "convergence", "ablation", "hindcast", "forecast_test")
 SMALL = (
     "planner.trees=2",
     "planner.n_max=700",
@@ -51,6 +51,10 @@ BAD = {
     "hindcast.missions=0": "hindcast.missions must lie in [1, 1000000]",
     "hindcast.formulas=[]": "hindcast.formulas is empty",
     "hindcast.area=[[0.0,0.0]]": "hindcast.area must be at least three corners",
+    "forecast_test.side=[2,1]": "forecast_test.side must be [least, most]",
+    "forecast_test.delay=-1": "forecast_test.delay must lie in [0, 100000] [h]",
+    "forecast_test.points=3": "forecast_test.points must lie in [5, 10000]",
+    "forecast_test.fidelities=[]": "forecast_test.fidelities is empty: list at least one of paper, full",
     "pipelines.stages=[comparison]": "'comparison' needs observations, decomposition, automaton",
     "pipelines.stages=[readings,scene,decomposition,comparison_figures]": "needs comparison, which no",
     "pipelines=comparison": "there is no pipeline 'comparison'; there are ",
@@ -82,7 +86,7 @@ def test_a_wrong_argument_costs_one_line_and_no_directory(
 
 @pytest.mark.parametrize("study", STUDIES)
 def test_every_study_and_every_choice_of_it_composes(study: str) -> None:
-    mission = [] if study == "hindcast" else ["+experiment=phi2"]
+    mission = [] if study in ("hindcast", "forecast_test") else ["+experiment=phi2"]
     options = [f"{study}={name}" for name in choices(study)] if study != "compare" else []
     for extra in [
         [],

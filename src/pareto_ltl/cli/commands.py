@@ -85,7 +85,15 @@ PIPELINE_COMMANDS = (
     _pipeline("compare", "several planners in the same winds", "compare", "evaluation"),
     _pipeline("convergence", "bound and simulated failure as the trees grow", "convergence", "evaluation"),
     _pipeline("ablation", "one setting changed at a time", "ablation", "evaluation"),
-    _pipeline("hindcast", "plans from few readings, flown in full wind fields", "hindcast", "evaluation"),
+    _pipeline(
+        "hindcast",
+        "a test of interpolation: plans from few readings, flown in full fields",
+        "hindcast",
+        "evaluation",
+    ),
+    _pipeline(
+        "forecast_test", "plans made hours ahead, flown through later winds", "forecast_test", "evaluation"
+    ),
     _pipeline("ingest", "wind files to one small table of readings", "ingest", "wind"),
 )
 COMMANDS = (

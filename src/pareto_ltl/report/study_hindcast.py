@@ -51,7 +51,8 @@ def draw_hindcast(folder: Path, cfg: ReportConfig, study: Study) -> tuple[Path, 
 def reliability_figure(groups: Sequence[FigureRow], plans: Sequence[FigureRow]) -> Figure:
     """Realised against promised failure of groups of plans, one panel per bound.
 
-    The intervals count one trial per mission. Dots are single plans.
+    Filled marks are plans along the fronts, hollow ones those that selection picks. The intervals count one
+    trial per mission. Dots are single plans.
     """
     order = [name for name in PROMISE_LABELS if any(row["promise"] == name for row in groups)]
     columns = 3 if len(order) > 4 else len(order)
@@ -110,7 +111,10 @@ def _draw_reliability(
             lw=1.2,
             zorder=3,
         )
-        ax.plot(x, y, "o", color=colour, ms=4.5, mec="white", mew=0.6, zorder=4, clip_on=False)
+        if row.get("kind") == "chosen":
+            ax.plot(x, y, "D", mfc="white", mec=colour, ms=3.2, mew=0.9, zorder=5, clip_on=False)
+        else:
+            ax.plot(x, y, "o", color=colour, ms=4.5, mec="white", mew=0.6, zorder=4, clip_on=False)
     scale_rate_axis(ax, "x", low)
     scale_rate_axis(ax, "y", low)
     ax.text(

@@ -21,7 +21,7 @@ RECORD_FILES = (
     "plan.json", "plan.csv", "deployments.npz", "figures/*.png", "figures/*.svg", "tables.md",
     "compare.csv", "compare_seeds.csv", "differences.csv", "no_plan.csv", "convergence.csv",
     "convergence_seeds.csv", "first_answer.csv", "ablation.csv", "hindcast.csv", "reliability.csv",
-    "scorecard.csv",
+    "scorecard.csv", "forecast_test.csv", "regions.csv",
 )  # fmt: skip
 
 FOLDERS = tuple({name.partition("/")[0] for name in (*BOOKKEEPING, *RECORD_FILES) if "/" in name})

@@ -34,6 +34,8 @@ from pareto_ltl.settings.studies import (
     CompareConfig,
     ConvergenceConfig,
     EvaluationConfig,
+    FieldMissionsConfig,
+    ForecastTestConfig,
     HindcastConfig,
 )
 from pareto_ltl.settings.wind import WindConfig
@@ -64,6 +66,7 @@ class Settings(CheckedSettings):
     convergence: ConvergenceConfig = field(default_factory=ConvergenceConfig)
     ablation: AblationConfig = field(default_factory=AblationConfig)
     hindcast: HindcastConfig = field(default_factory=HindcastConfig)
+    forecast_test: ForecastTestConfig = field(default_factory=ForecastTestConfig)
     sweep: SweepConfig = field(default_factory=SweepConfig)
 
     def check_combinations(self) -> None:
@@ -87,6 +90,8 @@ __all__ = [
     "DeploymentConfig",
     "EvaluationConfig",
     "FidelityConfig",
+    "FieldMissionsConfig",
+    "ForecastTestConfig",
     "HindcastConfig",
     "IngestConfig",
     "LogicConfig",

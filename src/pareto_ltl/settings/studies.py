@@ -1,4 +1,4 @@
-"""Settings of the studies: pipelines compare, convergence, ablation and hindcast."""
+"""Settings of the studies: pipelines compare, convergence, ablation, hindcast and forecast_test."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from pareto_ltl.settings.fidelity import (
     LAWS,
     MISSION_BOUNDS,
     PARENT_RULES,
+    PRESETS,
     REFINEMENTS,
 )
 from pareto_ltl.settings.wind import GP_KERNELS
@@ -29,7 +30,7 @@ INLAND_OUTLINE = (  # the contiguous United States without their rim [longitude,
 
 @dataclass
 class EvaluationConfig(CheckedSettings):
-    """What the studies (pipelines compare, convergence, ablation, hindcast) share."""
+    """What the studies (pipelines compare, convergence, ablation, hindcast, forecast_test) share."""
 
     section: ClassVar[str] = "evaluation"
     seeds: list[int] = setting(
@@ -115,20 +116,14 @@ class AblationConfig(CheckedSettings):
 
 
 @dataclass
-class HindcastConfig(CheckedSettings):
-    """Random missions that pipelines=hindcast plans from few readings and flies through full fields."""
+class FieldMissionsConfig(CheckedSettings):
+    """Random missions that are flown through the full wind fields of GRIB files."""
 
-    section: ClassVar[str] = "hindcast"
+    section: ClassVar[str] = ""
     truth: str | None = setting(
         None, "folder of GRIB2 files with the full fields; null: the NOAA files beside the checkout"
     )
     missions: int = setting(100, "number of random missions", least=1, most=1e6)
-    plans: int = setting(
-        3, "plans of each mission's front: the safest, the shortest and those between", least=1, most=1000
-    )
-    points: int = setting(
-        120, "readings at each time that planning sees, spread over area", least=5, most=10_000
-    )
     area: list[Any] = setting(
         [list(corner) for corner in INLAND_OUTLINE],
         "outline that holds the centres of scenes, corners [longitude, latitude]",
@@ -154,14 +149,60 @@ class HindcastConfig(CheckedSettings):
     )
     bins: int = setting(8, "bins of the reliability diagram", least=2, most=1000)
 
+    @property
+    def wait(self) -> float:
+        """Hours between the first field of a period and the earliest departure."""
+        return 0.0
+
     def check_combinations(self) -> None:
         for key, pair in (("side", self.side), ("obstacles", self.obstacles)):
             if len(pair) != 2 or pair[0] > pair[1]:
-                raise ConfigError(f"hindcast.{key} must be [least, most], got {shown_value(pair)}")
+                raise ConfigError(f"{self.section}.{key} must be [least, most], got {shown_value(pair)}")
         if self.side[0] == 0:
-            raise ConfigError(f"hindcast.side must be positive [m], got {self.side[0]}")
-        check_outline("hindcast.area", self.area)
+            raise ConfigError(f"{self.section}.side must be positive [m], got {self.side[0]}")
+        check_outline(f"{self.section}.area", self.area)
         if len(self.area) < 3:
-            raise ConfigError("hindcast.area must be at least three corners [longitude, latitude]")
+            raise ConfigError(f"{self.section}.area must be at least three corners [longitude, latitude]")
         if not self.formulas:
-            raise ConfigError("hindcast.formulas is empty: list at least one, over the regions a, b and c")
+            raise ConfigError(
+                f"{self.section}.formulas is empty: list at least one, over the regions a, b and c"
+            )
+
+
+@dataclass
+class HindcastConfig(FieldMissionsConfig):
+    """Random missions that pipelines=hindcast plans from few readings and flies through full fields."""
+
+    section: ClassVar[str] = "hindcast"
+    plans: int = setting(
+        3, "plans of each mission's front: the safest, the shortest and those between", least=1, most=1000
+    )
+    points: int = setting(
+        120, "readings at each time that planning sees, spread over area", least=5, most=10_000
+    )
+
+
+@dataclass
+class ForecastTestConfig(FieldMissionsConfig):
+    """Random missions that pipelines=forecast_test plans from what was known and flies through what came."""
+
+    section: ClassVar[str] = "forecast_test"
+    hours: float = setting(12.0, "wind that must be left after departure", unit="h", above=0, most=1e5)
+    bins: int = setting(5, "bins of the reliability diagram", least=2, most=1000)
+    delay: float = setting(
+        4.0, "age of the newest cycle that planning knows, at departure", unit="h", least=0, most=1e5
+    )
+    points: int | None = setting(
+        120,
+        "readings at each time that planning sees, spread over area; null: every node",
+        least=5,
+        most=10_000,
+    )
+    fidelities: list[str] = setting(
+        ["full"], "presets of fidelity that plans are made with", choices=tuple(PRESETS), distinct=True
+    )
+
+    @property
+    def wait(self) -> float:
+        """Hours between the first cycle of a period and the earliest departure that knows it."""
+        return self.delay

@@ -12,7 +12,7 @@ from zlib import crc32
 import numpy as np
 from numpy.random import Generator, SeedSequence
 
-from pareto_ltl.settings import HindcastConfig
+from pareto_ltl.settings import FieldMissionsConfig
 from pareto_ltl.studies.true_fields import Spell
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.wind.readings import iso
@@ -35,9 +35,9 @@ class Mission:
     longitude: float
 
 
-def mission(cfg: HindcastConfig, seed: int, number: int, spells: Sequence[Spell]) -> Mission:
+def mission(cfg: FieldMissionsConfig, seed: int, number: int, spells: Sequence[Spell]) -> Mission:
     """Mission ``number`` of seed ``seed``."""
-    rng = np.random.default_rng(SeedSequence(seed, spawn_key=(crc32(b"hindcast"), number)))
+    rng = np.random.default_rng(SeedSequence(seed, spawn_key=(crc32(cfg.section.encode()), number)))
     spell, departure = _departure(cfg, rng, spells)
     lon, lat = _place(cfg, rng)
     formula = str(cfg.formulas[int(rng.integers(len(cfg.formulas)))])
@@ -48,17 +48,17 @@ def mission(cfg: HindcastConfig, seed: int, number: int, spells: Sequence[Spell]
     return Mission(number, scene, formula, spell, lat, lon)
 
 
-def _departure(cfg: HindcastConfig, rng: Generator, spells: Sequence[Spell]) -> tuple[Spell, float]:
-    """A full hour from which the wind is known for ``hindcast.hours``, all such hours alike."""
-    counts = np.array([int((s.end - s.start) / 3600 - cfg.hours) + 1 for s in spells])
+def _departure(cfg: FieldMissionsConfig, rng: Generator, spells: Sequence[Spell]) -> tuple[Spell, float]:
+    """A full hour after the ``wait`` with wind for ``hours`` from then on, all such hours alike."""
+    counts = np.array([int((s.end - s.start) / 3600 - cfg.wait - cfg.hours) + 1 for s in spells])
     pick = int(rng.integers(counts.sum()))
     k = int(np.searchsorted(np.cumsum(counts), pick, side="right"))
     hour = pick - int(counts[:k].sum())
-    return spells[k], spells[k].start + 3600.0 * hour
+    return spells[k], spells[k].start + 3600.0 * (cfg.wait + hour)
 
 
-def _place(cfg: HindcastConfig, rng: Generator) -> tuple[float, float]:
-    """A point of ``hindcast.area``, all of its surface alike."""
+def _place(cfg: FieldMissionsConfig, rng: Generator) -> tuple[float, float]:
+    """A point of the area, all of its surface alike."""
     import shapely
 
     area = shapely.Polygon(cfg.area)
@@ -70,7 +70,7 @@ def _place(cfg: HindcastConfig, rng: Generator) -> tuple[float, float]:
             return lon, lat
 
 
-def _scene(cfg: HindcastConfig, rng: Generator, side: float, crs: str, time_zero: str) -> Scene | None:
+def _scene(cfg: FieldMissionsConfig, rng: Generator, side: float, crs: str, time_zero: str) -> Scene | None:
     """Regions, start and obstacles that keep apart; None where there is not enough space."""
     import shapely
 

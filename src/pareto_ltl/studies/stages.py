@@ -1,4 +1,4 @@
-"""The stages of the studies: compare, convergence, ablation and hindcast of ``pipelines/``.
+"""The stages of the studies: compare, convergence, ablation, hindcast and forecast_test of ``pipelines/``.
 
 ``STUDY_STAGES`` at the end is the table. Packages are imported inside the functions.
 """
@@ -20,10 +20,12 @@ COMPARISON: RecordKey[Study] = RecordKey("comparison")
 CONVERGENCE: RecordKey[Study] = RecordKey("convergence")
 ABLATION: RecordKey[Study] = RecordKey("ablation")
 HINDCAST: RecordKey[Study] = RecordKey("hindcast")
+FORECAST_TEST: RecordKey[Study] = RecordKey("forecast_test")
 COMPARISON_FIGURES: RecordKey[tuple[Path, ...]] = RecordKey("comparison_figures")
 CONVERGENCE_FIGURES: RecordKey[tuple[Path, ...]] = RecordKey("convergence_figures")
 ABLATION_FIGURES: RecordKey[tuple[Path, ...]] = RecordKey("ablation_figures")
 HINDCAST_FIGURES: RecordKey[tuple[Path, ...]] = RecordKey("hindcast_figures")
+FORECAST_TEST_FIGURES: RecordKey[tuple[Path, ...]] = RecordKey("forecast_test_figures")
 WORLD = (OBSERVATIONS, DECOMPOSITION, AUTOMATON, SCENE)  # what a study plans from
 
 
@@ -53,6 +55,13 @@ def make_hindcast(inputs: StageInputs) -> Study:
     from pareto_ltl.studies import hindcast
 
     return hindcast.run_hindcast(inputs.settings, inputs.directory, inputs.progress)
+
+
+def make_forecast_test(inputs: StageInputs) -> Study:
+    """Planned from what was known hours before departure, flown through what came."""
+    from pareto_ltl.studies import forecast_test
+
+    return forecast_test.run_forecast_test(inputs.settings, inputs.directory, inputs.progress)
 
 
 def make_comparison_figures(inputs: StageInputs) -> tuple[Path, ...]:
@@ -93,6 +102,16 @@ def make_hindcast_figures(inputs: StageInputs) -> tuple[Path, ...]:
     from pareto_ltl.report.study_hindcast import draw_hindcast
 
     return draw_hindcast(inputs.directory / "figures", cfg, inputs[HINDCAST])
+
+
+def make_forecast_test_figures(inputs: StageInputs) -> tuple[Path, ...]:
+    """Reliability, by region, and sharpness."""
+    cfg = inputs.settings.report
+    if not cfg.figures:
+        return ()
+    from pareto_ltl.report.study_forecast_test import draw_forecast_test
+
+    return draw_forecast_test(inputs.directory / "figures", cfg, inputs[FORECAST_TEST])
 
 
 TABLES_TEXT = ("tables.md",)
@@ -161,6 +180,22 @@ STUDY_STAGES = (
         makes=HINDCAST_FIGURES,
         make=make_hindcast_figures,
         needs=(HINDCAST,),
+        settings=(ReportConfig,),
+        shows=FIGURE_FILES,
+    ),
+    Stage(
+        "forecast_test",
+        makes=FORECAST_TEST,
+        make=make_forecast_test,
+        settings=(Settings,),
+        writes=("forecast_test.csv", "reliability.csv", "regions.csv", "scorecard.csv", "no_plan.csv"),
+        shows=TABLES_TEXT,
+    ),
+    Stage(
+        "forecast_test_figures",
+        makes=FORECAST_TEST_FIGURES,
+        make=make_forecast_test_figures,
+        needs=(FORECAST_TEST,),
         settings=(ReportConfig,),
         shows=FIGURE_FILES,
     ),

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pareto_ltl.settings import HindcastConfig, WindConfig
+from pareto_ltl.settings import FieldMissionsConfig, WindConfig
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.resources import checkout
@@ -35,67 +35,78 @@ class Spell:
         return iso(self.start).replace(":", "").replace("-", "")[:11]
 
 
-def true_fields_folder(cfg: HindcastConfig) -> Path:
+def true_fields_folder(cfg: FieldMissionsConfig) -> Path:
     """Where the full fields are: what the settings name, or the files beside the checkout."""
     if cfg.truth is not None:
         place = Path(cfg.truth).expanduser()
         if not place.is_dir():
             raise ConfigError(
-                f"hindcast.truth={cfg.truth}: there is no such folder; name one with GRIB2 files"
+                f"{cfg.section}.truth={cfg.truth}: there is no such folder; name one with GRIB2 files"
             )
         return place
     root = checkout()
     if root is not None and (root.parent / BESIDE_CHECKOUT).is_dir():
         return root.parent / BESIDE_CHECKOUT
     raise ConfigError(
-        "hindcast.truth is missing: name a folder of GRIB2 files with 10 m winds every few hours, e.g. GFS "
-        "1-degree analyses (hindcast.truth=DIR)"
+        f"{cfg.section}.truth is missing: name a folder of GRIB2 files with 10 m winds every few hours, e.g. "
+        f"GFS 1-degree analyses ({cfg.section}.truth=DIR)"
     )
 
 
-def spells(readings: Readings, cfg: HindcastConfig) -> list[Spell]:
-    """Runs of fields at most ``hindcast.max_gap`` apart that are long enough for a mission."""
+def spells(readings: Readings, cfg: FieldMissionsConfig) -> list[Spell]:
+    """Runs of fields at most ``max_gap`` apart that are long enough for a mission."""
     times = readings.times
     breaks = np.flatnonzero(np.diff(times) > cfg.max_gap * 3600 + 1)
     firsts, lasts = np.concatenate([[0], breaks + 1]), np.concatenate([breaks, [len(times) - 1]])
     found = [
         Spell(int(i), int(j), float(times[i]), float(times[j])) for i, j in zip(firsts, lasts, strict=True)
     ]
-    long = [spell for spell in found if spell.end - spell.start >= cfg.hours * 3600]
+    needed = cfg.wait + cfg.hours
+    long = [spell for spell in found if spell.end - spell.start >= needed * 3600]
     if not long:
         longest = max(spell.end - spell.start for spell in found) / 3600
         raise DataError(
-            f"hindcast.truth holds no spell of {cfg.hours:g} h without a gap of more than {cfg.max_gap:g} h "
-            f"(the longest has {longest:g} h): lower hindcast.hours, raise hindcast.max_gap, or add fields"
+            f"{cfg.section}.truth holds no spell of {needed:g} h without a gap of more than "
+            f"{cfg.max_gap:g} h (the longest has {longest:g} h): lower {cfg.section}.hours, raise "
+            f"{cfg.section}.max_gap, or add fields"
         )
     return long
 
 
 def real_wind(
-    cfg: HindcastConfig, wind_cfg: WindConfig, readings: Readings, scene: Scene, believed: WindField
+    cfg: FieldMissionsConfig, wind_cfg: WindConfig, readings: Readings, scene: Scene, believed: WindField
 ) -> WindField:
-    """The full fields over ``scene`` at the times of ``believed``, with its white part as gusts and no other
-    doubt.
+    """The full fields over ``scene`` from departure on, with the white part of ``believed`` as gusts and no
+    other doubt.
 
-    Interpolated bilinearly between the nodes of their own grid and turned by the meridian convergence.
+    Interpolated bilinearly between the nodes of their own grid and turned by the meridian convergence. Gusts
+    at a field's time are those of the nearest slot of ``believed``.
     """
     import dataclasses
 
     fine = dataclasses.replace(wind_cfg, spacing=cfg.spacing)
     origin, spacing, shape = lattices.wind_lattice(fine, scene)
     nodes = np.stack(np.meshgrid(*map(np.arange, shape), indexing="ij"), axis=-1).reshape(-1, 2)
-    mean = at_times(readings, scene, believed.times, origin + spacing * nodes)
-    table = mean.reshape(len(believed.times), *shape, 2)
+    times = flight_times(cfg, readings, scene)
+    table = at_times(readings, scene, times, origin + spacing * nodes).reshape(len(times), *shape, 2)
+    slots = np.abs(believed.times[None] - times[:, None]).argmin(axis=1)
     return WindField(
         origin=origin,
         spacing=spacing,
-        times=believed.times,
+        times=times,
         mean=table,
         latent_var=np.zeros_like(table),
-        gust_var=cfg.gusts**2 * believed.gust_var,
-        hold_last=believed.hold_last,
+        gust_var=cfg.gusts**2 * believed.gust_var[slots],
         source="full fields",
     )
+
+
+def flight_times(cfg: FieldMissionsConfig, readings: Readings, scene: Scene) -> FloatArray:
+    """Times of the fields that a flight can meet, from the last one at or before departure [s since then]."""
+    times = readings.times - seconds(str(scene.time_zero))
+    first = max(int(np.searchsorted(times, 0.0, side="right")) - 1, 0)
+    last = int(np.searchsorted(times, 3600 * cfg.hours))
+    return np.asarray(times[first : last + 1], float)
 
 
 def at_times(readings: Readings, scene: Scene, times: FloatArray, points: FloatArray) -> FloatArray:
@@ -113,7 +124,7 @@ def at_times(readings: Readings, scene: Scene, times: FloatArray, points: FloatA
         if not np.isfinite(earth).all():
             raise DataError(
                 f"the full fields at {iso(readings.times[k])} do not cover the scene around longitude "
-                f"{middle:.1f}; move hindcast.area inside them"
+                f"{middle:.1f}; move the area of the missions inside them"
             )
         fields.append(projection.rotate_vectors(earth, angle))
     return np.stack(fields)

@@ -1,0 +1,160 @@
+"""Promises held against what happened: reliability, sharpness and scores of plans flown in real winds.
+
+A row is a plan: its mission, what kind of plan it is, what was promised (columns ``bound_*`` and
+``simulated_*``) and the share of flights that failed (``failure``). Flights of one mission share one wind,
+and its plans one map: a mission is one trial. Its plans in a group are averaged, and the interval is that of
+as many trials as there are missions.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from pareto_ltl.settings import preset
+from pareto_ltl.studies.statistics import Columns, mean_chance_columns
+from pareto_ltl.studies.tables import markdown_table, rate_cell
+from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.support.display import interval_text, probability_text
+
+KEYS = ("fidelity", "kind")  # rows that differ in one of these are never in one group
+FRONT, CHOSEN = "front", "chosen"
+SMALLEST = 0.5 / 500  # least chance that a log score counts with: half a failure of 500 flights
+
+Rows = Sequence[Columns]
+
+
+def promises(row: Mapping[str, Any]) -> list[str]:
+    """Columns that promise a probability of failure."""
+    return [name for name in row if name.startswith(("bound_", "simulated_"))]
+
+
+def reliability(rows: Rows, bins: int, keys: Sequence[str] = KEYS) -> list[Columns]:
+    """For every promise of rows that agree in ``keys``, plans in ``bins`` groups of equal size by promise."""
+    table = []
+    for head, name, known in _promised(rows, keys):
+        parts = np.array_split(np.arange(len(known)), max(1, min(bins, len(known))))
+        table += [head | _group(name, [known[k] for k in part]) for part in parts if len(part)]
+    return table
+
+
+def scorecard(rows: Rows, keys: Sequence[str] = KEYS) -> list[Columns]:
+    """All plans that agree in ``keys``: mean promise, mean realised, scores.
+
+    With p promised and f realised, the Brier score is the mean of f (1 - p)² + (1 - f) p², the log score that
+    of -f ln p - (1 - f) ln(1 - p); both are least where p = f. ``promised_sd`` tells how sharp promises are.
+    """
+    table = []
+    for head, name, known in _promised(rows, keys):
+        p, f = (np.array([row[key] for row in known], float) for key in (name, "failure"))
+        entry = head | _group(name, known) | {"brier": float((f * (1 - p) ** 2 + (1 - f) * p**2).mean())}
+        entry |= {"log_score": log_score(p, f), "promised_sd": float(p.std())}
+        table.append(entry | {"above_promise": float((f > p).mean())})
+    return table
+
+
+def log_score(promised: FloatArray, realised: FloatArray) -> float:
+    """Mean of -f ln p - (1 - f) ln(1 - p); p counts as at least ``SMALLEST`` and at most 1 - ``SMALLEST``."""
+    p = np.clip(promised, SMALLEST, 1 - SMALLEST)
+    return float(-(realised * np.log(p) + (1 - realised) * np.log1p(-p)).mean())
+
+
+def _promised(rows: Rows, keys: Sequence[str]) -> Iterable[tuple[Columns, str, list[Columns]]]:
+    """Values of the keys, name of a promise, and the rows that hold it, ordered by it."""
+    for values in dict.fromkeys(tuple(row[key] for key in keys) for row in rows):
+        mine = [row for row in rows if tuple(row[key] for key in keys) == values]
+        for name in dict.fromkeys(name for row in mine for name in promises(row)):
+            known = [row for row in mine if math.isfinite(row.get(name, math.nan))]
+            if known:
+                yield (
+                    dict(zip(keys, values, strict=True)),
+                    name,
+                    sorted(known, key=lambda row: float(row[name])),
+                )
+
+
+def _group(name: str, rows: Rows) -> Columns:
+    chances: dict[int, list[float]] = {}
+    for row in rows:
+        chances.setdefault(row["mission"], []).append(row["failure"])
+    total = math.fsum(float(np.mean(values)) for values in chances.values())
+    promised = [row[name] for row in rows]
+    group: Columns = {"promise": name, "plans": len(rows), "missions": len(chances)}
+    group |= {
+        "promised": float(np.mean(promised)),
+        "promised_least": promised[0],
+        "promised_most": promised[-1],
+    }
+    group |= mean_chance_columns("realised", total, len(chances))
+    return group | {"kept": group["promised"] >= group["realised_low"]}
+
+
+# --- texts -----------------------------------------------------------------------------------
+
+
+def promise_text(fidelity: str, promise: str) -> str:
+    """What a column of promises holds, with its wind law: ``V + R, coherent winds``."""
+    kind, _, law = promise.partition("_")
+    if promise == "bound_paper":
+        planned = preset(fidelity).law
+        same = planned == "independent"
+        return "f_o + R, independent winds" if same else f"f_o, independent winds, + R, {planned} winds"
+    return f"{'V + R' if kind == 'bound' else kind}, {law} winds"
+
+
+def score_table(title: str, cards: Rows, keys: Sequence[str] = KEYS) -> str:
+    """The scorecard in Markdown; ``keys`` are its first columns."""
+    head = ["planner" if key == "fidelity" else "plans" if key == "kind" else key for key in keys]
+    columns = (*head, "promise", "promised, mean", "failed in the full fields", "plans above their promise")
+    return markdown_table(
+        title,
+        (*columns, "Brier score", "log score"),
+        (
+            (
+                *(str(card[key]) for key in keys),
+                promise_text(card["fidelity"], card["promise"]),
+                probability_text(card["promised"]),
+                rate_cell(card, "realised"),
+                probability_text(card["above_promise"]),
+                f"{card['brier']:.4f}",
+                f"{card['log_score']:.3f}",
+            )
+            for card in cards
+        ),
+    )
+
+
+def bin_table(title: str, groups: Rows) -> str:
+    """Reliability bins in Markdown."""
+    return markdown_table(
+        title,
+        ("planner", "promise", "missions", "promised, least to most", "promised, mean", "failed", "kept"),
+        (
+            (
+                group["fidelity"],
+                promise_text(group["fidelity"], group["promise"]),
+                f"{group['missions']}",
+                interval_text(group["promised_least"], group["promised_most"]),
+                probability_text(group["promised"]),
+                rate_cell(group, "realised"),
+                "yes" if group["kept"] else "no",
+            )
+            for group in groups
+        ),
+    )
+
+
+__all__ = [
+    "CHOSEN",
+    "FRONT",
+    "bin_table",
+    "log_score",
+    "promise_text",
+    "promises",
+    "reliability",
+    "score_table",
+    "scorecard",
+]

@@ -1,0 +1,146 @@
+"""Random missions flown through full wind fields: what ``hindcast`` and ``forecast_test`` have in common."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pareto_ltl.planning.problem import Problem
+from pareto_ltl.planning.records import PlannedPath
+from pareto_ltl.run.pipeline import Run
+from pareto_ltl.run.records import AUTOMATON, DECOMPOSITION, PROBLEM, SCENE, WIND, Records
+from pareto_ltl.settings import FieldMissionsConfig, MissionConfig, Settings, WindConfig, preset
+from pareto_ltl.studies import true_fields as nature
+from pareto_ltl.studies.planning import fly_seeded, study_run
+from pareto_ltl.studies.random_missions import Mission
+from pareto_ltl.studies.statistics import Columns
+from pareto_ltl.support.errors import DataError, InfeasibleError
+from pareto_ltl.wind import sources
+from pareto_ltl.wind.readings import Readings
+
+RIM = 4.0  # readings are kept so far outside the area of the missions, for scenes at its edge [deg]
+HALF_HOUR = 1800.0  # time step of robot.dt=auto here [s]
+UNIMPORTANT = ("truth", "missions", "bins")  # settings on which no single mission depends
+
+
+def full_fields(cfg: FieldMissionsConfig, folder: Path) -> tuple[Path, ...]:
+    """The data files of the folder."""
+    files = tuple(sorted(f for f in folder.iterdir() if f.is_file() and sources.is_data_file(f)))
+    if not files:
+        raise DataError(f"{cfg.section}.truth={cfg.truth or folder}: the folder holds no GRIB2 file")
+    return files
+
+
+def rim_outline(cfg: FieldMissionsConfig) -> list[list[float]]:
+    """Corners of the area with a rim of ``RIM`` degrees."""
+    import shapely
+
+    rim = shapely.Polygon(cfg.area).buffer(RIM)
+    return [list(map(float, corner)) for corner in rim.exterior.coords[:-1]]
+
+
+def mission_inputs(cfg: FieldMissionsConfig, laws: Sequence[str]) -> Columns:
+    """Settings of a study on which a mission depends."""
+    return {key: value for key, value in asdict(cfg).items() if key not in UNIMPORTANT} | {"laws": laws}
+
+
+def mission_row(task: Mission) -> Columns:
+    """What a mission is, for the tables."""
+    return {
+        "formula": task.formula,
+        "departure": task.scene.time_zero,
+        "latitude": task.latitude,
+        "longitude": task.longitude,
+        "side": float(np.ptp(task.scene.bounds[:, 0])),
+        "obstacles": len(task.scene.obstacles),
+    }
+
+
+def mission_settings(
+    settings: Settings, cfg: FieldMissionsConfig, task: Mission, fidelity: str, wind: WindConfig
+) -> Settings:
+    """The settings that mission ``task`` is planned with: flights end where the wind does."""
+    dt = HALF_HOUR if isinstance(settings.robot.dt, str) else settings.robot.dt  # one step for all maps
+    steps = int(cfg.hours * 3600 // dt)
+    return replace(
+        settings,
+        fidelity=preset(fidelity),
+        seed=settings.seed + task.number,
+        mission=MissionConfig(formula=task.formula, start_time=task.scene.time_zero),
+        wind=wind,
+        robot=replace(settings.robot, dt=dt),
+        planner=replace(settings.planner, max_steps=min(settings.planner.max_steps, steps), threads=1),
+        deployment=replace(settings.deployment, laws=list(settings.evaluation.laws)),
+    )
+
+
+def reality(cfg: FieldMissionsConfig, run: Run, readings: Readings) -> Problem:
+    """The map of ``run`` in the wind that there was, judged as its plans are."""
+    real = nature.real_wind(cfg, run.settings.wind, readings, run.make(SCENE), run.make(WIND))
+    models = preset("paper")  # without modes: the field is known, and gusts are drawn anew at each step
+    settings = replace(run.settings, fidelity=models)
+    world = Records({SCENE: run.make(SCENE)})  # the map and the automaton do not depend on the fidelity
+    world[DECOMPOSITION] = run.make(DECOMPOSITION)
+    world[AUTOMATON] = run.make(AUTOMATON)
+    return study_run(settings, world.replaced(WIND, real)).make(PROBLEM)
+
+
+def realised(
+    cfg: FieldMissionsConfig, settings: Settings, real: Problem, path: PlannedPath, seed: int
+) -> Columns:
+    """What became of the flights of a plan in the wind that there was."""
+    runs = settings.deployment.runs if cfg.gusts > 0 else 1
+    flights = fly_seeded(real, path.u, runs, "independent", seed, path.x)
+    return {
+        "failure": float((~flights.accepted | flights.collided).mean()),
+        "missed": float((~flights.accepted).mean()),
+        "collided": float(flights.collided.mean()),
+        "miss_m": float(np.linalg.norm(flights.x[:, -1].mean(axis=0) - path.x[-1])),
+        "sd_m": float(np.sqrt(np.trace(path.cov[-1]) / 2)),
+    }
+
+
+def simulated_failure(model: Problem, path: PlannedPath, runs: int, law: str, seed: int) -> float:
+    """Share of flights that fail in the winds that planning believed in."""
+    flights = fly_seeded(model, path.u, runs, law, seed, path.x)
+    return float((~flights.accepted | flights.collided).mean())
+
+
+# --- missions without a plan -----------------------------------------------------------------
+
+
+def refuse_no_plans(cfg: FieldMissionsConfig, results: Sequence[Mapping[str, Any]]) -> None:
+    """Raise an InfeasibleError if no mission has a plan."""
+    if not any(result["plans"] for result in results):
+        raise InfeasibleError(
+            f"none of {len(results)} random missions has a plan ({reason_of(results[0])}); raise "
+            f"planner.n_max or robot.u_max, or lower {cfg.section}.side"
+        )
+
+
+def unplanned_rows(results: Sequence[Mapping[str, Any]]) -> list[Columns]:
+    """Missions without a plan, and why."""
+    return [{"mission": k, "reason": reason_of(r)} for k, r in enumerate(results) if not r["plans"]]
+
+
+def reason_of(result: Mapping[str, Any]) -> str:
+    """Why a mission has no plan."""
+    return next((str(value) for name, value in result.items() if name.startswith("reason_")), "no plan")
+
+
+__all__ = [
+    "full_fields",
+    "mission_inputs",
+    "mission_row",
+    "mission_settings",
+    "realised",
+    "reality",
+    "refuse_no_plans",
+    "rim_outline",
+    "simulated_failure",
+    "unplanned_rows",
+]

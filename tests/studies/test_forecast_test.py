@@ -1,0 +1,248 @@
+"""The forecast test: what planning knows, what it is flown through, and what is made of both."""
+
+from __future__ import annotations
+
+import csv
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+from figure_texts import texts_of, texts_outside, wrong_texts
+from noaa import NOAA, needs_noaa
+from pareto_ltl.cli import hydra_app as app
+from pareto_ltl.report import style
+from pareto_ltl.report.study_forecast_test import forecast_test_figure
+from pareto_ltl.settings import (
+    DeploymentConfig,
+    EvaluationConfig,
+    ForecastTestConfig,
+    PlannerConfig,
+    SelectionConfig,
+    Settings,
+    SmoothingConfig,
+)
+from pareto_ltl.studies import forecast_test as study
+from pareto_ltl.studies.random_missions import Mission, mission
+from pareto_ltl.support.errors import DataError, InfeasibleError
+from pareto_ltl.wind.readings import seconds
+from pareto_ltl.wind.snapshots import Snapshot
+
+START, HOUR = 1.5e9, 3600.0
+LON, LAT = np.meshgrid(np.arange(-112.0, -87.0), np.arange(29.0, 49.0))
+NODES = np.column_stack([LON.ravel(), LAT.ravel()])
+AREA = [[-101.0, 37.0], [-99.0, 37.0], [-99.0, 39.0], [-101.0, 39.0]]
+
+
+def snapshots(wind: object, hours: int = 30, leads: tuple[int, ...] = (0, 3)) -> tuple[Snapshot, ...]:
+    """Six-hourly cycles of a wind that is alike everywhere, ``wind(hour)`` [m/s]; forecasts are right."""
+    found = []
+    for cycle in range(0, hours + 1, 6):
+        for lead in leads:
+            here = np.tile(wind(cycle + lead), (len(NODES), 1))  # type: ignore[operator]
+            ripple = 0.2 * np.sin(NODES[:, ::-1] / 3.0)  # a field to fit, not a constant
+            file = Path(f"folder/c{cycle}f{lead}")
+            found.append(
+                Snapshot(START + HOUR * (cycle + lead), HOUR * lead, NODES, here + ripple, "10m", (file,))
+            )
+    return tuple(found)
+
+
+def settings(**changes: object) -> Settings:
+    """Small missions, planned in seconds."""
+    cfg = ForecastTestConfig(
+        missions=2,
+        area=AREA,
+        side=[300e3, 350e3],
+        obstacles=[0, 1],
+        formulas=["F(a & F b)"],
+        hours=10.0,
+        points=40,
+    )
+    return Settings(
+        planner=PlannerConfig(trees=3, n_max=1200),
+        smoothing=SmoothingConfig(candidates=1, weights=[10.0]),
+        selection=SelectionConfig(draws=200, runs=300),
+        deployment=DeploymentConfig(runs=200),
+        evaluation=EvaluationConfig(jobs=1),
+        forecast_test=replace(cfg, **changes),  # type: ignore[arg-type]
+    )
+
+
+def calm(hour: float) -> tuple[float, float]:
+    return 3.0, 1.0
+
+
+def context_of(told: tuple[Snapshot, ...], cfg: Settings) -> study.ForecastTestContext:
+    return study.shared_context(cfg, told, tuple(file for snap in told for file in snap.files))
+
+
+def task_of(context: study.ForecastTestContext, number: int = 0) -> Mission:
+    return mission(context.settings.forecast_test, context.settings.seed, number, context.spells)
+
+
+# --- what is known ---------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("number", range(10))
+@pytest.mark.parametrize("delay", [0.0, 4.0, 7.5])
+def test_planning_knows_no_cycle_younger_than_the_delay(number: int, delay: float) -> None:
+    context = context_of(snapshots(calm), settings(delay=delay))
+    task = task_of(context, number)
+    departure = seconds(str(task.scene.time_zero))
+    known = study.known_readings(context, task)
+    cycles = known.times - known.leads
+    assert cycles.max() <= departure - delay * HOUR
+    assert cycles.max() > departure - (delay + 6) * HOUR  # and the newest of those
+    assert known.times[-1] == cycles.max() + 3 * HOUR  # with its forecast
+    assert departure + 10 * HOUR <= context.truth.times[-1]
+
+
+def test_of_one_time_planning_knows_the_newest_cycle_and_truth_the_analysis() -> None:
+    context = context_of(snapshots(calm, leads=(0, 3, 6, 9)), settings())
+    known = study.known_readings(context, task_of(context, 3))
+    young = known.leads[known.times <= known.times[-1] - 9 * HOUR]
+    assert set(young.tolist()) == {0.0, 3 * HOUR}
+    assert known.leads[-1] == 9 * HOUR
+    assert set(context.truth.leads[:-2].tolist()) == {0.0, 3 * HOUR}
+
+
+def test_readings_are_thinned_to_the_same_nodes_or_are_every_node() -> None:
+    few = context_of(snapshots(calm), settings())
+    every = context_of(snapshots(calm), settings(points=None))
+    for context, count in ((few, 40), (every, len(NODES))):
+        known = study.known_readings(context, task_of(context))
+        assert {len(points) for points in known.points} == {count}
+        table = {
+            tuple(node): wind for node, wind in zip(NODES.tolist(), snapshots(calm)[0].winds, strict=True)
+        }
+        expected = np.array([table[tuple(node)] for node in known.points[0].tolist()])
+        np.testing.assert_array_equal(known.winds[0], expected)
+
+
+def test_a_period_that_is_too_short_for_the_delay_is_refused() -> None:
+    with pytest.raises(DataError, match=r"forecast_test\.truth holds no spell of 40 h .* has 33 h"):
+        context_of(snapshots(calm), settings(delay=30.0))
+
+
+# --- what becomes of plans -------------------------------------------------------------------
+
+
+def test_a_wind_that_stays_as_it_was_keeps_the_promise_and_one_that_turns_breaks_it() -> None:
+    def turning(hour: float) -> tuple[float, float]:  # steady as far as the cycle at hour 0 can tell
+        return (3.0, 1.0) if hour <= 3 else (18.0, -14.0)
+
+    cfg = settings(delay=6.0, hours=21.0)  # so that every departure is at hour 6
+    outcomes = {}
+    for name, wind in (("steady", calm), ("turning", turning)):
+        context = context_of(snapshots(wind, hours=24), cfg)
+        (plan,) = study.forecast_part(context, 0)["plans"]
+        outcomes[name] = plan
+        assert plan["promised"].keys() == {"simulated_coherent", "bound_coherent"}
+        assert plan["known_hours"] == -3.0
+    steady, turned = outcomes["steady"], outcomes["turning"]
+    assert steady["failure"] <= steady["promised"]["simulated_coherent"] + 0.05
+    assert turned["failure"] > 0.95
+    assert turned["promised"]["simulated_coherent"] < 0.9
+
+
+# --- tables ----------------------------------------------------------------------------------
+
+
+def result(longitude: float, promised: float, failure: float, fidelity: str = "full") -> dict[str, object]:
+    law = {"full": "coherent", "paper": "independent"}[fidelity]
+    plan = {
+        "fidelity": fidelity, "steps": 9, "known_hours": -3.0, "objectives": {"length": 1e5},
+        "promised": {f"simulated_{law}": promised, f"bound_{law}": min(1.0, 2 * promised)},
+        "failure": failure, "missed": failure, "collided": 0.0, "miss_m": 1e3, "sd_m": 1e3,
+    }  # fmt: skip
+    return {"formula": "F a", "departure": "now", "latitude": 40.0, "longitude": longitude, "plans": [plan]}
+
+
+def results() -> list[dict[str, object]]:
+    """Sixty missions: honest in the west, twice as bold in the east."""
+    rng = np.random.default_rng(5)
+    promised = rng.beta(0.8, 2.0, 60)
+    places = np.tile([-110.0, -97.0, -80.0], 20)
+    failure = np.where(places > -90, np.minimum(1.0, promised + 0.5), promised)
+    return [result(*map(float, row)) for row in zip(places, promised, failure, strict=True)]
+
+
+def test_regions_bins_and_verdicts_are_told() -> None:
+    found = study.collect_forecast_test(settings(bins=3), results())
+    assert [group["missions"] for group in found.tables["reliability"]] == [20] * 6  # two promises
+    regions = [row for row in found.tables["regions"] if row["promise"] == "simulated_coherent"]
+    assert [(row["region"], row["missions"], row["kept"]) for row in regions] == [
+        ("west of 105 W", 20, True),
+        ("105 to 90 W", 20, True),
+        ("east of 90 W", 20, False),
+    ]
+    assert found.numbers["full_bins"] == 3.0
+    assert "of 3 bins of at least 20 missions keep their promise" in found.text
+    assert "Not covered" in found.text
+    assert wrong_texts(found.text.splitlines()) == []
+
+
+def test_plans_of_two_fidelities_share_a_table() -> None:
+    told = [result(-100.0, 0.1, 0.2), result(-100.0, 0.1, 0.2, "paper")]
+    rows = study.collect_forecast_test(settings(fidelities=["full", "paper"]), told).tables["forecast_test"]
+    assert len({tuple(row) for row in rows}) == 1  # the same columns
+    assert np.isnan(rows[0]["simulated_independent"])
+
+
+def test_missions_without_a_plan_are_told_with_their_reason() -> None:
+    lost = result(-100.0, 0.1, 0.1) | {"plans": [], "reason_full": "no way"}
+    found = study.collect_forecast_test(settings(), [*results(), lost])
+    assert found.tables["no_plan"] == ({"mission": 60, "reason": "no way"},)
+    with pytest.raises(InfeasibleError, match=r"none of 1 random missions has a plan \(no way\)"):
+        study.collect_forecast_test(settings(), [lost])
+
+
+def test_the_figure_shows_every_bin_and_region_within_its_page() -> None:
+    found = study.collect_forecast_test(settings(bins=3), results())
+    own = [
+        [row for row in found.tables[name] if row["promise"] == "simulated_coherent"]
+        for name in ("reliability", "regions")
+    ]
+    with style.report_style():
+        figure: Figure = forecast_test_figure(*own, found.tables["forecast_test"], "simulated_coherent")
+    assert texts_outside(figure) == []
+    assert wrong_texts(texts_of(figure)) == []
+    marks = [line for line in figure.axes[0].lines if line.get_marker() == "o"]
+    assert len(marks) == 3
+    hollow = [line for line in figure.axes[1].lines if line.get_markerfacecolor() == "white"]
+    assert len(hollow) == 1
+    assert sum(patch.get_height() for patch in figure.axes[2].patches) == 60  # type: ignore[attr-defined]
+
+
+@needs_noaa
+def test_a_forecast_test_of_real_fields_from_the_command_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    command = [
+        "pipelines=forecast_test",
+        "forecast_test.missions=2",
+        "forecast_test.side=[300000.0,400000.0]",
+        "planner.trees=4",
+        "planner.n_max=1500",
+        "fidelity.refine=none",
+        "selection.runs=200",
+        "selection.draws=100",
+        "deployment.runs=50",
+        "evaluation.jobs=1",
+        "report.dpi=40",
+        f"forecast_test.truth={NOAA / 'gfs_1p00_10m'}",
+        "hydra.run.dir=out",
+    ]
+    assert app.run_hydra(command) == 0
+    metrics = json.loads(Path("out/metrics.json").read_text())
+    assert metrics["missions"] == 2.0
+    assert 0 <= metrics["full_realised"] <= 1
+    rows = list(csv.DictReader(Path("out/forecast_test.csv").read_text().splitlines()))
+    assert all(float(row["known_hours"]) < 0 for row in rows)  # f003 of a cycle 4 h old has passed
+    for name in ("reliability.csv", "regions.csv", "scorecard.csv", "figures/forecast_test_full.png"):
+        assert (Path("out") / name).stat().st_size > 0
