@@ -77,6 +77,7 @@ BAD = {
     ("past", "--out", "law.txt"): "--out law.txt: the law is written as JSON",
     ("past", "--out", "none/law.json"): "there is no folder none",
     ("past", "--out", "past/law.json"): "this is the folder that is read",
+    ("past", "--stations", "none.csv"): "--stations none.csv: there is no such file",
     ("past", "--max-lag", "0"): "0 is not a number of hours above 0",
     ("past", "--max-lag", "inf"): "inf is not a number of hours above 0",
     ("past", "--block", "0"): "0 is not a number of cycles",
@@ -121,11 +122,16 @@ def test_an_area_is_read_as_it_is_typed() -> None:
 def test_the_shared_cycles_are_estimated_by_asymmetry_and_say_what_they_cannot_tell(
     here: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert run_command_line(["wind-error", str(NOAA / "gfs_1p00_10m")]) == 0
+    stations = [str(file) for file in sorted((NOAA / "metar").glob("*.csv.gz"))]
+    assert len(stations) == 5
+    command_line = ["wind-error", str(NOAA / "gfs_1p00_10m"), "--stations", *stations]
+    assert run_command_line(command_line) == 0
     told = json.loads(Path("wind_error.json").read_text())
     assert told["forecast"]["lead_hours"] == [0, 3]
     assert told["forecast"]["ways"][1] == "asymmetry"
-    assert len(told["files"]) == 22
+    assert len(told["files"]) == 22 + 5
+    assert told["analysis_error"].startswith("the data cannot tell: station reports (1993-03-12")
+    assert told["analysis_error"].endswith("have no time in common")
     assert "persistence kept from gfs" in told["origin"]
     usual = json.loads((LAWS_FOLDER / "gfs.json").read_text())
     columns = (told["change"][name] for name in ("lag_hours", "sd_low", "sd_high"))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,7 +12,7 @@ from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.messages import shown_value
 
 if TYPE_CHECKING:
-    from pareto_ltl.wind.block_bootstrap import Interval
+    from pareto_ltl.wind.block_bootstrap import Interval, Resampling
     from pareto_ltl.wind.error_estimate import ErrorEstimate, ErrorTable
     from pareto_ltl.wind.forecast_error import ForecastError
     from pareto_ltl.wind.snapshots import Snapshot
@@ -31,6 +31,7 @@ def _estimate_and_write(options: argparse.Namespace) -> int:
     area = outline_of(options.area)
     files = _files_in(options.directory)
     _check_out(options.out, options.directory)
+    reports = _station_files(options.stations)
 
     from pareto_ltl.report.wind_error import draw_wind_error
     from pareto_ltl.support.files import write_json
@@ -44,11 +45,11 @@ def _estimate_and_write(options: argparse.Namespace) -> int:
     estimate = estimate_errors(snapshots, area, draws, HOUR * options.max_lag)
     usual = forecast_error_law("gfs", "gfs")
     law = estimated_law(estimate, options.name or options.directory.resolve().name[:LONGEST_NAME], usual)
-    told = "not estimated: no station reports were given"
-    write_json(options.out, error_document(estimate, law, usual.name, files, told))
+    told = _told_by_stations(snapshots, reports, area, draws)
+    write_json(options.out, error_document(estimate, law, usual.name, (*files, *reports), told))
     drawn = draw_wind_error(options.out.parent, options.out.stem, estimate, law, usual)
     print("\n".join(estimate_lines(estimate, law, usual)))
-    print(f"analysis error: {told}")
+    print(f"analysis error: {analysis_text(told)}")
     print(f"wrote {', '.join(map(str, (options.out, *drawn)))}")
     return 0
 
@@ -114,6 +115,34 @@ def _snapshots(
     return read_grib_snapshots(files, WindConfig().max_speed, level, box)
 
 
+def _station_files(named: Sequence[Path]) -> tuple[Path, ...]:
+    for file in named:
+        if not file.is_file():
+            raise ConfigError(f"--stations {file}: there is no such file; name tables of METAR reports")
+    return tuple(named)
+
+
+def _told_by_stations(
+    snapshots: Sequence[Snapshot],
+    files: tuple[Path, ...],
+    area: Sequence[Sequence[float]] | None,
+    draws: Resampling,
+) -> dict[str, float] | str:
+    """What reports tell of the analyses' error, or why nothing is known of it."""
+    if not files:
+        return "not estimated: no station reports were given (--stations)"
+    import numpy as np
+
+    from pareto_ltl.settings import WindConfig
+    from pareto_ltl.wind.analysis_error import analysis_error
+    from pareto_ltl.wind.area import box_of
+    from pareto_ltl.wind.sources.station_files import read_station_files
+
+    box = None if area is None else box_of(np.array(area, float))
+    found = analysis_error(snapshots, read_station_files(files, WindConfig().max_speed, box), draws)
+    return found if isinstance(found, str) else found.document()
+
+
 # --- what is printed -------------------------------------------------------------------------
 
 
@@ -146,6 +175,17 @@ def estimate_lines(estimate: ErrorEstimate, law: ForecastError, usual: ForecastE
         yield f"note: {note}"
 
 
+def analysis_text(told: Mapping[str, float] | str) -> str:
+    """The error of analyses in words."""
+    if isinstance(told, str):
+        return told
+    return (
+        f"{told['sd']:.2f} m/s (95 %: {told['sd_low']:.2f} to {told['sd_high']:.2f}) from "
+        f"{told['reports']:,} reports at {told['times']} times; a station's own noise "
+        f"{told['station_noise']:.2f} m/s"
+    )
+
+
 def _table_lines(what: str, table: ErrorTable, usual: Sequence[float], name: str) -> Iterator[str]:
     yield f"{what:<8}{'m/s':>6}  {'95 % interval':<15}{name:>6}{'pairs':>7}  from"
     for at, sd, other, pairs, way in zip(table.at, table.sd, usual, table.pairs, table.ways, strict=True):
@@ -172,6 +212,8 @@ def _wind_error_arguments() -> CommandArguments:
     parser.add_argument("--level", default="10m", help="level of the winds, for example 80m or 925hPa")
     parser.add_argument("--area", metavar="CORNERS", help="outline of the nodes, 'lon,lat lon,lat ...', or "
                         "all (default: the contiguous United States without their rim)")  # fmt: skip
+    parser.add_argument("--stations", type=Path, nargs="+", default=(), metavar="FILE",
+                        help="METAR tables of the same times, for the error of analyses")  # fmt: skip
     parser.add_argument(
         "--name", type=_short, help="name of the law in reports (default: that of the folder)"
     )
@@ -210,4 +252,4 @@ def _block(text: str) -> int:
     return value
 
 
-__all__ = ["estimate_lines", "outline_of", "wind_error_command"]
+__all__ = ["analysis_text", "estimate_lines", "outline_of", "wind_error_command"]

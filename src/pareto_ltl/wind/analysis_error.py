@@ -1,0 +1,109 @@
+"""The error of analyses, as station reports of the same times tell it.
+
+At stations, d = report - analysis has two parts: what the analysis has wrong over distances that its grid can
+hold, which near stations share, and what is the station's own (its instrument, its surroundings, gusts)::
+
+    e²(0) = mean of d_i d_j over pairs of stations nearer than NEAR
+    station noise² = mean of d_i² - e²(0)
+
+Both are of one component, means over the two components. Errors of near stations that are alike for another
+reason, for example a valley, count as the analysis's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.wind.block_bootstrap import Interval, Resampling
+from pareto_ltl.wind.matched_fields import EARTH_RADIUS
+from pareto_ltl.wind.readings import Readings, iso, on_sphere
+from pareto_ltl.wind.snapshots import Snapshot
+
+NEAR = 60_000.0  # [m], half the spacing of a one-degree grid
+FEWEST_TIMES = 5
+FEWEST_PAIRS = 20  # of near stations, at each time
+SAME_TIME = 1.0  # [s]
+
+
+@dataclass(frozen=True, slots=True)
+class AnalysisError:
+    """What stations tell.
+
+    Attributes
+    ----------
+    error : Interval
+        e(0) of one component [m/s].
+    station_noise : float
+        Standard deviation of what is a station's own [m/s].
+    times, reports, pairs : int
+        How many there were.
+    """
+
+    error: Interval
+    station_noise: float
+    times: int
+    reports: int
+    pairs: int
+
+    def document(self) -> dict[str, float]:
+        """The numbers as they stand in a file."""
+        sd = {"sd": self.error.value, "sd_low": self.error.low, "sd_high": self.error.high}
+        counts = {"times": self.times, "reports": self.reports, "pairs": self.pairs}
+        return sd | {"station_noise": self.station_noise} | counts
+
+
+def analysis_error(
+    snapshots: Sequence[Snapshot], stations: Readings, draws: Resampling
+) -> AnalysisError | str:
+    """The error of the analyses among ``snapshots``, or one sentence that says why it is not known."""
+    analyses = sorted((snap for snap in snapshots if snap.lead == 0), key=lambda snap: snap.time)
+    rows = []
+    for snap in analyses:
+        k = int(np.argmin(np.abs(stations.times - snap.time)))
+        if abs(stations.times[k] - snap.time) <= SAME_TIME:
+            rows.append((snap.time, *_moments(snap, stations.points[k], stations.winds[k])))
+    if not rows:
+        return (
+            f"the data cannot tell: station reports ({_period(stations.times)}) and analyses "
+            f"({_period(np.array([snap.time for snap in analyses]))}) have no time in common"
+        )
+    table = np.array([row for row in rows if row[4] >= FEWEST_PAIRS])
+    if len(table) < FEWEST_TIMES:
+        return (
+            f"the data cannot tell: {len(table)} times have {FEWEST_PAIRS} pairs of stations within "
+            f"{NEAR / 1e3:g} km in the area, expected at least {FEWEST_TIMES}"
+        )
+    times, square, product, reports, pairs = table.T
+    drawn = draws.means(times, product[:, None])[:, 0]
+    found = draws.interval(times, float(product.mean()), drawn, ratio=False)
+    ends = (float(np.sqrt(max(v, 0.0))) for v in (found.value, found.low, found.high))
+    noise = float(np.sqrt(max(square.mean() - product.mean(), 0.0)))
+    return AnalysisError(Interval(*ends), noise, len(table), int(reports.sum()), int(pairs.sum()))
+
+
+def _moments(snap: Snapshot, places: FloatArray, winds: FloatArray) -> tuple[float, float, int, int]:
+    """Mean square of the differences, mean product of near ones, and how many there are of both."""
+    from scipy.interpolate import LinearNDInterpolator
+
+    here = np.asarray(LinearNDInterpolator(snap.points, snap.winds)(places), float)
+    inside = np.isfinite(here).all(axis=1)
+    difference = winds[inside] - here[inside]
+    sphere = on_sphere(places[inside])
+    near = sphere @ sphere.T >= np.cos(NEAR / EARTH_RADIUS)
+    first, second = np.nonzero(np.triu(near, 1))
+    if not len(first):
+        return 0.0, 0.0, len(difference), 0
+    products = (difference[first] * difference[second]).sum(axis=1) / 2
+    square = (difference**2).sum(axis=1) / 2
+    return float(square.mean()), float(products.mean()), len(difference), len(first)
+
+
+def _period(times: FloatArray) -> str:
+    return f"{iso(float(times.min()))} to {iso(float(times.max()))}"
+
+
+__all__ = ["AnalysisError", "analysis_error"]
