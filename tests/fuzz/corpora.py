@@ -46,6 +46,12 @@ STATIONS = (
     b"station,valid,lon,lat,drct,sknt,gust,uwind,vwind\nYUM,1993-03-12 06:00:00,-114.6,32.6,330,9,,4.5,-7\n"
     b"SDB,1993-03-12 06:59:00,-118.7253,34.7434,M,M,M,,\n",
 )
+INVENTORIES = (
+    b"1:0:d=2018100906:TMP:2 m above ground:3 hour fcst:\n"
+    b"2:150:d=2018100906:UGRD:10 m above ground:3 hour fcst:\n"
+    b"3:290:d=2018100906:VGRD:10 m above ground:3 hour fcst:\n4:400:d=2018100906:PRES:surface:anl:\n",
+    b"77.1:0:d=2018100906:UGRD:10 m above ground:anl:\n77.2:0:d=2018100906:VGRD:10 m above ground:anl:E=+1\n",
+)
 SQUARE = [[1.0, 1.0], [2.0, 1.0], [2.0, 2.0], [1.0, 2.0]]
 
 

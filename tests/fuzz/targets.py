@@ -225,6 +225,16 @@ def stations(place: Path) -> Fuzz:
     )
 
 
+def inventories(place: Path) -> Fuzz:
+    from pareto_ltl.wind.levels import parse_level
+    from pareto_ltl.wind.sources.idx_files import parse_idx, wind_parts
+
+    def read(case: bytes) -> object:
+        return wind_parts(parse_idx(case.decode("utf-8", "replace"), "idx"), parse_level("10m"), "idx")
+
+    return Fuzz(mutants(corpora.INVENTORIES), read)
+
+
 def netcdf_winds(place: Path) -> Fuzz:
     from pareto_ltl.wind.netcdf import read_netcdf, write_netcdf
 
@@ -325,6 +335,7 @@ TARGETS = (
     Target("grib_winds", grib_winds),
     Target("cf_winds", cf_winds, share=0.2),
     Target("stations", stations),
+    Target("inventories", inventories),
     Target("netcdf_winds", netcdf_winds, share=0.2),  # HDF5 takes 10 ms to open a file
     Target("results", results),
     Target("sweeps", sweeps, share=0.5),  # a case is two summaries

@@ -1,4 +1,4 @@
-"""``pareto-ltl cache``: where fits of the wind are kept, and how to remove them."""
+"""``pareto-ltl cache``: where fits of the wind and downloaded winds are kept, and how to remove them."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def _show_or_clear(argv: Sequence[str]) -> int:
 def _cache_arguments() -> CommandArguments:
     parser = CommandArguments(
         prog="pareto-ltl cache",
-        description="Show where fits of the wind are kept and how large they are, or remove them.",
+        description="Show where fits of the wind and downloads are kept and how large they are; remove them.",
     )
     parser.add_argument("action", nargs="?", choices=("size", "clear"), default="size")
     return parser

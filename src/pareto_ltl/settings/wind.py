@@ -5,12 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from pareto_ltl.settings.checks import CheckedSettings, setting
+from pareto_ltl.settings.checks import CheckedSettings, check_time, setting
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.extensions import WIND_SOURCE_GROUP
+from pareto_ltl.support.messages import shown_value
 
-WIND_SOURCES = ("sample", "csv", "grib", "netcdf", "stations", "currents", "calm")
+WIND_SOURCES = ("sample", "csv", "grib", "netcdf", "stations", "noaa", "currents", "calm")
 FILE_SOURCES = ("csv", "grib", "netcdf", "stations", "currents")
+NOAA_MODELS = ("gfs", "hrrr", "gefs")
 GP_KERNELS = ("matern32", "rbf")
 
 
@@ -70,7 +72,26 @@ class WindConfig(CheckedSettings):
         1800.0, "how long the white part lasts at the robot, with law=coherent", unit="s", above=0, most=1e9
     )
     cache: bool = setting(True, "keep fits between runs")
+    model: str = setting("gfs", "model that source=noaa fetches", choices=NOAA_MODELS)
+    cycle: str = setting(
+        "newest", "start of the forecast that source=noaa fetches: newest, or a time, ISO 8601 UTC"
+    )
+    hours: float = setting(
+        36.0, "how long after departure source=noaa fetches the wind", unit="h", above=0, most=384
+    )
+    gefs_members: int = setting(1, "members of model=gefs; 1: the control alone", least=1, most=31)
+    base_url: str | None = setting(
+        None, "where source=noaa fetches instead of NOAA's archive, with the same folders below it"
+    )
+    offline: bool = setting(False, "source=noaa uses only what was fetched before")
+    retries: int = setting(4, "how often source=noaa asks again after a failure", least=0, most=20)
 
     def check_combinations(self) -> None:
         if self.source in FILE_SOURCES and not self.path:
             raise ConfigError(f"wind.path is missing: wind.source={self.source} needs a file to read")
+        if self.cycle != "newest":
+            check_time("wind.cycle", self.cycle)
+        if self.base_url is not None and not self.base_url.startswith(("https://", "http://")):
+            raise ConfigError(
+                f"wind.base_url must begin with https:// (or http://), got {shown_value(self.base_url)}"
+            )

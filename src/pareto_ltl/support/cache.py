@@ -1,4 +1,4 @@
-"""What is remembered between runs: fits of the wind, by their content, up to a size.
+"""What is remembered between runs: fits of the wind and downloaded winds, by their content, up to a size.
 
 The folder is ``PARETO_LTL_CACHE``, or the user's cache; the limit ``PARETO_LTL_CACHE_MIB``. ``pareto-ltl
 cache`` shows and clears it. Jobs at work together share it: who needs an entry first makes it, others wait.
@@ -19,6 +19,7 @@ from pareto_ltl.support.locks import hold_lock
 
 DEFAULT_LIMIT = 1024  # [MiB]
 LOCKS_FOLDER = "locks"
+FITS_FOLDER, DOWNLOADS_FOLDER = "wind", "noaa"
 
 
 def cache_root() -> Path:
@@ -74,13 +75,13 @@ def mark_used(path: Path) -> None:
         os.utime(path)
 
 
-def trim_folder(folder: Path, limit: int) -> None:
+def trim_folder(folder: Path, limit: int, suffix: str = ".npz") -> None:
     """Remove the entries of ``folder`` that were not used for longest until ``limit`` [bytes] is kept.
 
     An entry is all files with one stem; its date and size are those of the largest of them.
     """
     dated: list[tuple[float, int, Path]] = []
-    for path in folder.glob("*.npz"):
+    for path in folder.glob(f"*{suffix}"):
         with suppress(OSError):
             stat = path.stat()
             dated.append((stat.st_mtime, stat.st_size, path))
@@ -117,6 +118,6 @@ def folder_size(folder: Path) -> tuple[int, int]:
 
 def clear_cache(folder: Path) -> None:
     """Remove all entries; a job that reads one meanwhile makes it again."""
-    for name in ("wind", LOCKS_FOLDER):
+    for name in (FITS_FOLDER, DOWNLOADS_FOLDER, LOCKS_FOLDER):
         if (folder / name).exists():
             shutil.rmtree(folder / name)

@@ -43,6 +43,11 @@ class GeoBox:
         east = (self.west + self.width + 180.0) % 360.0 - 180.0
         return f"latitude {self.south:.4g}..{self.north:.4g}, longitude {west:.4g}..{east:.4g}"
 
+    @property
+    def middle(self) -> FloatArray:
+        """Longitude and latitude (1, 2) of the middle [deg]."""
+        return np.array([[self.west + self.width / 2, (self.south + self.north) / 2]])
+
     def widened(self, margin: float) -> GeoBox:
         """The box with ``margin`` [m] more on each side."""
         south = max(-90.0, self.south - margin / DEGREE)

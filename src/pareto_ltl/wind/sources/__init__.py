@@ -19,6 +19,7 @@ from pareto_ltl.wind.readings import CALM, Readings
 from pareto_ltl.wind.sources.csv_files import read_csv_files
 from pareto_ltl.wind.sources.grib_apart import read_grib_apart
 from pareto_ltl.wind.sources.netcdf_files import CURRENTS, WINDS, read_netcdf_files
+from pareto_ltl.wind.sources.noaa import noaa_files, read_noaa
 from pareto_ltl.wind.sources.station_files import read_station_files
 
 SAMPLE_FILE = Path(__file__).parents[2] / "support" / "data" / "gfs_conus_20181009.csv"
@@ -112,8 +113,9 @@ SOURCES = {
     "csv": WindSource(_read_csv, data_files),
     "grib": WindSource(_read_grib, data_files),
     "netcdf": WindSource(_read_netcdf, data_files),
-    "currents": WindSource(_read_currents, data_files, forecast_error="none"),
     "stations": WindSource(_read_stations, data_files, forecast_error="none"),
+    "noaa": WindSource(read_noaa, noaa_files),
+    "currents": WindSource(_read_currents, data_files, forecast_error="none"),
     "calm": WindSource(_read_calm, _no_files, forecast_error="none"),
 }
 

@@ -38,7 +38,7 @@ def read_grib_apart(
     DataError
         As there, and if the process ends without an answer.
     """
-    snapshots, notes = _snapshots_and_notes(files, max_speed, level, area)
+    snapshots, notes = read_grib_with_notes(files, max_speed, level, area)
     return latest_readings(snapshots, files, notes)
 
 
@@ -46,12 +46,13 @@ def read_grib_snapshots(
     files: tuple[Path, ...], max_speed: float, level: str = "10m", area: GeoBox | None = None
 ) -> tuple[Snapshot, ...]:
     """Every valid time of every cycle and member in ``files``; the errors are those of `read_grib_apart`."""
-    return _snapshots_and_notes(files, max_speed, level, area)[0]
+    return read_grib_with_notes(files, max_speed, level, area)[0]
 
 
-def _snapshots_and_notes(
+def read_grib_with_notes(
     files: tuple[Path, ...], max_speed: float, level: str, area: GeoBox | None
 ) -> tuple[tuple[Snapshot, ...], tuple[str, ...]]:
+    """As :func:`read_grib_snapshots`, and notes of quality control."""
     parse_level(level)
     with tempfile.TemporaryDirectory(prefix="pareto_ltl_grib_") as folder:
         place = Path(folder)

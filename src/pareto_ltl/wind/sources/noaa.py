@@ -1,0 +1,175 @@
+"""Winds of GFS, HRRR and GEFS from NOAA's public archives: of each file only the messages that are needed.
+
+The inventory (.idx) beside each GRIB2 file tells where the messages of the wind at ``wind.level`` begin;
+these bytes are fetched and kept (:mod:`noaa_cache`). The newest cycle that covers the flight counts.
+"""
+
+from __future__ import annotations
+
+import logging
+import time
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+from pareto_ltl.settings import WindConfig
+from pareto_ltl.support.download import NotThereError, fetch_bytes
+from pareto_ltl.support.errors import ConfigError, DataError
+from pareto_ltl.wind.area import Wanted
+from pareto_ltl.wind.levels import parse_level
+from pareto_ltl.wind.readings import Readings, iso, seconds
+from pareto_ltl.wind.snapshots import Snapshot, latest_readings
+from pareto_ltl.wind.sources.grib_apart import read_grib_snapshots, read_grib_with_notes
+from pareto_ltl.wind.sources.idx_files import parse_idx, wind_parts
+from pareto_ltl.wind.sources.noaa_cache import DownloadCache
+from pareto_ltl.wind.sources.noaa_models import HOUR, MODELS, NoaaModel
+
+LOG = logging.getLogger(__name__)
+MOST_IDX, MOST_MESSAGE = 4 * 2**20, 64 * 2**20  # [bytes]
+CONNECTIONS = 4  # at a time
+_FETCHED: dict[object, tuple[Path, ...]] = {}  # of this process: files are chosen once
+_CACHES: list[DownloadCache] = []  # folders of this process that may be temporary
+
+
+def read_noaa(cfg: WindConfig, wanted: Wanted) -> Readings:
+    """The winds of one forecast, from departure on for ``wind.hours``.
+
+    Raises
+    ------
+    ConfigError
+        If the model does not cover the scene, or ``wind.cycle`` is no start of a forecast.
+    DataError
+        If no cycle covers the flight, a file cannot be fetched, or (offline) was not fetched before.
+    """
+    files = noaa_files(cfg, wanted)
+    snapshots, notes = read_grib_with_notes(files, cfg.max_speed, cfg.level, wanted.area)
+    cycle = iso(snapshots[0].cycle)
+    told = f"{cfg.model} forecast of {cycle}; wind.cycle={cycle} reads the same one again"
+    return latest_readings(snapshots, files, (told, *notes))
+
+
+def read_noaa_snapshots(cfg: WindConfig, wanted: Wanted) -> tuple[Snapshot, ...]:
+    """Every time and member of one forecast; the errors are those of :func:`read_noaa`."""
+    return read_grib_snapshots(noaa_files(cfg, wanted), cfg.max_speed, cfg.level, wanted.area)
+
+
+def noaa_files(cfg: WindConfig, wanted: Wanted) -> tuple[Path, ...]:
+    """The files with these winds, fetched where they are not there yet."""
+    key = (cfg.model, cfg.cycle, cfg.hours, cfg.level, cfg.base_url, cfg.gefs_members, wanted)
+    if key not in _FETCHED or not all(file.is_file() for file in _FETCHED[key]):
+        _FETCHED[key] = _fetch_forecast(cfg, wanted)
+    return _FETCHED[key]
+
+
+def _fetch_forecast(cfg: WindConfig, wanted: Wanted) -> tuple[Path, ...]:
+    model = MODELS[cfg.model]
+    _refuse_elsewhere(model, wanted)
+    now = _now()
+    first = now if wanted.start is None else seconds(wanted.start)
+    last = first + cfg.hours * HOUR
+    store = DownloadCache()
+    store.trim()  # before and not after: what is fetched now must stay
+    _CACHES.append(store)
+    reasons: list[str] = []
+    for cycle in _candidates(cfg, model, min(first, now)):
+        steps = model.steps_between(cycle, first, last)
+        if not steps:
+            continue
+        try:
+            files = _fetch_cycle(cfg, model, store, cycle, steps)
+        except NotThereError as error:
+            reasons.append(str(error))
+            LOG.info("%s forecast of %s is not there (yet)", model.name, iso(cycle))
+            continue
+        return files
+    raise DataError(_no_cycle(cfg, model, first, last, reasons))
+
+
+def _now() -> float:
+    return time.time()
+
+
+def _refuse_elsewhere(model: NoaaModel, wanted: Wanted) -> None:
+    if model.area is None or wanted.area is None:
+        return
+    if not model.area.contains(wanted.area.middle).all():
+        raise ConfigError(
+            f"wind.model={model.name} covers {model.area.text}; the scene needs {wanted.area.text}: use "
+            "wind.model=gfs"
+        )
+
+
+def _candidates(cfg: WindConfig, model: NoaaModel, newest: float) -> list[float]:
+    """Starts of forecasts [s since 1970] that may be used, best first."""
+    if cfg.cycle == "newest":
+        return list(model.cycles_before(newest))
+    cycle = seconds(cfg.cycle)
+    if not model.is_cycle(cycle):
+        raise ConfigError(
+            f"wind.cycle={cfg.cycle} is no start of a {model.name} forecast; they begin every "
+            f"{model.every} h from 00 UTC on"
+        )
+    return [cycle]
+
+
+def _no_cycle(cfg: WindConfig, model: NoaaModel, first: float, last: float, reasons: list[str]) -> str:
+    spell = f"{iso(first)} .. {iso(last)}"
+    which = "no cycle" if cfg.cycle == "newest" else f"the cycle {cfg.cycle}"
+    if cfg.offline:
+        return (
+            f"wind.offline=true, and {which} of {model.name} that covers {spell} was fetched before; fetch "
+            "it once with wind.offline=false"
+        )
+    if not reasons:
+        return (
+            f"{which} of {model.name} does not cover {spell}; choose an earlier mission.start_time, fewer "
+            "wind.hours or another wind.model"
+        )
+    return (
+        f"{which} of {model.name} that covers {spell} is there ({reasons[-1]}); choose another "
+        "mission.start_time, fewer wind.hours or another wind.model"
+    )
+
+
+def _fetch_cycle(
+    cfg: WindConfig, model: NoaaModel, store: DownloadCache, cycle: float, steps: tuple[int, ...]
+) -> tuple[Path, ...]:
+    """The files of all steps and members; the last step first, since it appears last."""
+    members = range(cfg.gefs_members if model.name == "gefs" else 1)
+    jobs = [(step, member) for step in reversed(steps) for member in members]
+    LOG.info("%s forecast of %s: %d files, the wind at %s", model.name, iso(cycle), len(jobs), cfg.level)
+
+    def fetch(job: tuple[int, int]) -> Path:
+        return _fetch_file(cfg, store, model.address(cfg.base_url, cycle, *job))
+
+    found = [fetch(jobs[0])]
+    with ThreadPoolExecutor(CONNECTIONS) as pool:
+        for path in pool.map(fetch, jobs[1:]):
+            found.append(path)
+            if len(found) % 10 == 0 or len(found) == len(jobs):
+                LOG.info("%d of %d files are there", len(found), len(jobs))
+    return tuple(reversed(found))
+
+
+def _fetch_file(cfg: WindConfig, store: DownloadCache, url: str) -> Path:
+    """The messages of one file that hold the wind, from the cache or from the server."""
+    level = parse_level(cfg.level)
+    if (kept := store.find(url, level.text)) is not None:
+        return kept
+    if cfg.offline:
+        raise NotThereError(f"{url} was not fetched before")
+    idx = fetch_bytes(f"{url}.idx", MOST_IDX, retries=cfg.retries)
+    entries = parse_idx(idx.decode("utf-8", "replace"), f"{url}.idx")
+    messages = []
+    for part in wind_parts(entries, level, f"{url}.idx"):
+        data = fetch_bytes(url, MOST_MESSAGE, part, cfg.retries)
+        if data[:4] != b"GRIB" or data[-4:] != b"7777":
+            raise DataError(
+                f"{url}: the {len(data)} bytes from {part.first} on are no whole GRIB message; the inventory "
+                "is of another file: try again later"
+            )
+        messages.append(data)
+    label = url.rsplit("/", 1)[-1].replace("/", "_")
+    return store.keep(url, level.text, label, b"".join(messages))
+
+
+__all__ = ["noaa_files", "read_noaa", "read_noaa_snapshots"]

@@ -1,0 +1,83 @@
+"""Downloaded winds, kept by their content: ``LABEL.SHA256.grib2``, and what was asked for in ``KEY.json``.
+
+An entry with another checksum than its request noted is fetched anew.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import logging
+import tempfile
+from pathlib import Path
+
+from pareto_ltl.support import cache
+from pareto_ltl.support.errors import DataError
+from pareto_ltl.support.files import write_bytes, write_json
+from pareto_ltl.support.fingerprints import file_fingerprint
+from pareto_ltl.support.reading import read_json
+
+LOG = logging.getLogger(__name__)
+REQUEST_SCHEMA = "pareto_ltl.download/1"
+SHOWN_DIGITS = 16  # of the checksum in the name of a file
+
+
+class DownloadCache:
+    """A folder of downloads; where it cannot be written, a folder that is removed when the program ends."""
+
+    def __init__(self) -> None:
+        self.folder = cache.cache_root() / cache.DOWNLOADS_FOLDER
+        self._own: tempfile.TemporaryDirectory[str] | None = None
+        try:
+            cache.make_private(self.folder)
+        except (OSError, DataError) as error:
+            self._leave(error)
+
+    def find(self, url: str, level: str) -> Path | None:
+        """The file that holds the wind at ``level`` of ``url``; None if there is none, or a damaged one."""
+        request = self._request(url, level)
+        if not request.is_file():
+            return None
+        try:
+            told = read_json(request)
+            path = self.folder / Path(str(told["file"])).name
+            if told.get("schema") != REQUEST_SCHEMA or not path.is_file():
+                return None
+            if file_fingerprint(path) == told.get("sha256"):
+                cache.mark_used(path)
+                return path
+        except (DataError, OSError, KeyError):
+            pass
+        LOG.warning("%s is damaged and is fetched again", request.with_suffix(".grib2").name)
+        return None
+
+    def keep(self, url: str, level: str, label: str, data: bytes) -> Path:
+        """The file with ``data``, which is in the cache from now on if there is room."""
+        digest = hashlib.sha256(data).hexdigest()
+        for _ in range(2):
+            path = self.folder / f"{label}.{digest[:SHOWN_DIGITS]}.grib2"
+            told = {"schema": REQUEST_SCHEMA, "url": url, "level": level, "file": path.name, "sha256": digest}
+            try:
+                write_bytes(path, data)
+                write_json(self._request(url, level), told)
+            except OSError as error:
+                if self._own is not None:
+                    raise DataError(f"{path} cannot be written ({error.strerror}); free some space") from None
+                self._leave(error)
+                continue
+            break
+        return path
+
+    def trim(self) -> None:
+        """Remove what was not used for longest beyond the limit of the cache."""
+        cache.trim_folder(self.folder, cache.cache_limit(), ".grib2")
+
+    def _request(self, url: str, level: str) -> Path:
+        return self.folder / f"{hashlib.sha256(f'{url} {level}'.encode()).hexdigest()}.json"
+
+    def _leave(self, error: Exception) -> None:
+        LOG.warning("downloads are not kept in %s: %s", self.folder, error)
+        self._own = tempfile.TemporaryDirectory(prefix="pareto_ltl_noaa_", ignore_cleanup_errors=True)
+        self.folder = Path(self._own.name)
+
+
+__all__ = ["DownloadCache"]

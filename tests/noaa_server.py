@@ -1,0 +1,106 @@
+"""A local server that stands for NOAA's archives, with every fault that a network can have."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from typing import Any
+
+
+@dataclass
+class NoaaServer:
+    """Files by path, and what goes wrong with which of the requests for a path.
+
+    ``fault(path, count)`` names the fault of the ``count``-th request (from 1): None, a status, ``html``,
+    ``whole`` (no ranges), ``cut`` (the connection ends in the middle), ``slow``, ``drop`` (no answer), or a
+    ``Location`` to go to.
+    """
+
+    files: dict[str, bytes] = field(default_factory=dict)
+    fault: Callable[[str, int], Any] = lambda path, count: None
+    asked: Counter[str] = field(default_factory=Counter)
+    ranges: list[tuple[str, str]] = field(default_factory=list)
+    address: str = ""
+
+
+@contextmanager
+def serving(server: NoaaServer) -> Iterator[NoaaServer]:
+    class Handler(BaseHTTPRequestHandler):
+        def log_message(self, *_: Any) -> None:
+            pass
+
+        def do_GET(self) -> None:
+            path = self.path.lstrip("/")
+            server.asked[path] += 1
+            fault = server.fault(path, server.asked[path])
+            wanted = self.headers.get("Range")
+            server.ranges.append((path, wanted or ""))
+            if fault == "drop":
+                self.close_connection = True
+                return
+            if isinstance(fault, int):
+                self.send_error(fault)
+                return
+            if isinstance(fault, str) and "//" in fault:
+                self.send_response(302)
+                self.send_header("Location", fault)
+                self.end_headers()
+                return
+            data = b"<html>not here</html>" if fault == "html" else server.files.get(path)
+            if data is None:
+                self.send_error(404)
+                return
+            self._answer(data, wanted, fault)
+
+        def _answer(self, data: bytes, wanted: str | None, fault: Any) -> None:
+            first, last = 0, len(data) - 1
+            partial = wanted is not None and fault != "whole"
+            if partial:
+                start, end = str(wanted).removeprefix("bytes=").split("-")
+                first, last = int(start), min(int(end or last), last)
+            self.send_response(206 if partial else 200)
+            if partial:
+                self.send_header("Content-Range", f"bytes {first}-{last}/{len(data)}")
+            body = data[first : last + 1]
+            self.send_header("Content-Length", str(len(body)))
+            self.end_headers()
+            if fault == "cut":
+                self.wfile.write(body[: (len(body) + 1) // 2])
+                self.close_connection = True
+            elif fault == "slow":
+                for k in range(0, len(body), max(1, len(body) // 5)):
+                    self.wfile.write(body[k : k + max(1, len(body) // 5)])
+                    self.wfile.flush()
+                    time.sleep(0.05)
+            else:
+                self.wfile.write(body)
+
+    made = ThreadingHTTPServer(("127.0.0.1", 0), Handler)
+    thread = threading.Thread(target=made.serve_forever, kwargs={"poll_interval": 0.02})
+    thread.start()
+    server.address = f"http://127.0.0.1:{made.server_port}"
+    try:
+        yield server
+    finally:
+        made.shutdown()
+        made.server_close()
+        thread.join()
+
+
+def fake_message(body: bytes) -> bytes:
+    """The frame of a GRIB2 message, without a field in it."""
+    return b"GRIB" + bytes(3) + b"\x02" + (20 + len(body)).to_bytes(8, "big") + body + b"7777"
+
+
+def inventory(fields: list[tuple[str, str, str, bytes]]) -> tuple[bytes, bytes]:
+    """A file of messages (variable, level, forecast, message), and its inventory."""
+    lines, offset = [], 0
+    for number, (variable, level, forecast, message) in enumerate(fields, 1):
+        lines.append(f"{number}:{offset}:d=2018100906:{variable}:{level}:{forecast}:")
+        offset += len(message)
+    return b"".join(message for *_, message in fields), ("\n".join(lines) + "\n").encode()

@@ -1,0 +1,371 @@
+"""Live winds of NOAA, from a local server: cycles, parts, the cache, and every fault of the way."""
+
+from __future__ import annotations
+
+import json
+import os
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from noaa import NOAA, needs_noaa
+from noaa_server import NoaaServer, fake_message, inventory, serving
+from pareto_ltl.settings import WindConfig
+from pareto_ltl.support import download
+from pareto_ltl.support.errors import ConfigError, DataError
+from pareto_ltl.wind.area import ALL_WIND, GeoBox, Wanted
+from pareto_ltl.wind.levels import parse_level
+from pareto_ltl.wind.readings import iso, seconds
+from pareto_ltl.wind.sources import noaa, read_readings
+from pareto_ltl.wind.sources.idx_files import parse_idx, wind_parts
+from pareto_ltl.wind.sources.noaa_models import MODELS
+
+CYCLE = seconds("2018-10-09T06:00:00Z")
+START = Wanted(start="2018-10-09T06:30:00Z")
+GROUND = "10 m above ground"
+
+
+@pytest.fixture(autouse=True)
+def fresh(monkeypatch, tmp_path):
+    for name in ("http_proxy", "https_proxy", "HTTP_PROXY", "HTTPS_PROXY", "all_proxy", "ALL_PROXY"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setenv("PARETO_LTL_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setattr(download, "FIRST_PAUSE", 0.01)
+    monkeypatch.setattr(noaa, "_FETCHED", {})
+    monkeypatch.setattr(noaa, "_now", lambda: seconds("2018-10-09T08:00:00Z"))
+
+
+def path_of(cycle, step, model="gfs", member=0):
+    return MODELS[model].address("x", cycle, step, member).removeprefix("x/")
+
+
+def archive(cycles=(CYCLE,), steps=range(4), model="gfs"):
+    """Files of three messages, of which the last two are the wind 10 m above ground."""
+    files = {}
+    for cycle in cycles:
+        for step in steps:
+            told = f"{model} {iso(cycle)} {step} ".encode()
+            fields = [
+                ("TMP", "2 m above ground", f"{step} hour fcst", fake_message(told + b"T" * 99)),
+                ("UGRD", GROUND, f"{step} hour fcst", fake_message(told + b"U" * 50)),
+                ("VGRD", GROUND, f"{step} hour fcst", fake_message(told + b"V" * 70)),
+            ]
+            path = path_of(cycle, step, model)
+            files[path], files[f"{path}.idx"] = inventory(fields)
+    return files
+
+
+def cfg(server, **more):
+    return WindConfig(source="noaa", base_url=server.address, **{"hours": 2.0, "retries": 1} | more)
+
+
+def test_only_the_messages_of_the_wind_are_fetched():
+    with serving(NoaaServer(archive())) as server:
+        files = noaa.noaa_files(cfg(server), START)
+        asked = [told for path, told in server.ranges if not path.endswith(".idx")]
+    assert [file.name.split(".")[4] for file in files] == ["f000", "f001", "f002", "f003"]
+    for step, file in enumerate(files):
+        data = file.read_bytes()
+        assert data.count(b"GRIB") == 2
+        assert f"gfs 2018-10-09T06:00:00Z {step} UUU".encode() in data
+        assert b"TTT" not in data
+    assert all(told.startswith("bytes=") for told in asked)
+    assert len(asked) == 8
+
+
+def test_a_second_run_fetches_nothing_and_works_without_a_network(monkeypatch):
+    with serving(NoaaServer(archive())) as server:
+        first = noaa.noaa_files(cfg(server), START)
+        count = sum(server.asked.values())
+        monkeypatch.setattr(noaa, "_FETCHED", {})
+        assert noaa.noaa_files(cfg(server), START) == first
+        assert sum(server.asked.values()) == count
+    monkeypatch.setattr(noaa, "_FETCHED", {})
+    assert noaa.noaa_files(cfg(server, offline=True), START) == first
+    monkeypatch.setattr(noaa, "_FETCHED", {})
+    with pytest.raises(DataError, match=r"wind.offline=true, and no cycle of gfs that covers .* was fetched"):
+        noaa.noaa_files(cfg(server, offline=True, hours=9.0), START)
+
+
+def test_the_newest_cycle_that_is_there_and_covers_the_flight_counts():
+    old, new = CYCLE - 6 * 3600, CYCLE
+    with serving(NoaaServer(archive((old,), range(12)) | archive((new,), range(2)))) as server:
+        files = noaa.noaa_files(cfg(server), START)  # the new cycle has not come to its step 3 yet
+    assert [file.name.split(".")[1] + file.name.split(".")[4] for file in files] == [
+        "t00zf006", "t00zf007", "t00zf008", "t00zf009"
+    ]  # fmt: skip
+
+
+def test_a_departure_to_come_needs_a_cycle_that_has_begun():
+    with serving(NoaaServer(archive(steps=range(40)))) as server:
+        files = noaa.noaa_files(cfg(server), Wanted(start="2018-10-10T06:00:00Z"))
+    assert [file.name.split(".")[4] for file in files] == ["f024", "f025", "f026"]
+
+
+def test_a_cycle_may_be_named_and_one_that_is_none_is_refused():
+    with serving(NoaaServer(archive((CYCLE - 6 * 3600, CYCLE), range(12)))) as server:
+        files = noaa.noaa_files(cfg(server, cycle="2018-10-09T00:00:00Z"), START)
+        assert files[0].name.startswith("gfs.t00z.pgrb2.0p25.f006")
+        with pytest.raises(
+            ConfigError, match=r"wind.cycle=2018-10-09T05:00:00Z is no start of a gfs forecast"
+        ):
+            noaa.noaa_files(cfg(server, cycle="2018-10-09T05:00:00Z"), START)
+        with pytest.raises(
+            DataError, match=r"the cycle 2018-10-09T12:00:00Z of gfs does not cover 2018-10-09T06:30"
+        ):
+            noaa.noaa_files(cfg(server, cycle="2018-10-09T12:00:00Z"), START)
+
+
+def test_hrrr_serves_its_area_and_its_long_cycles():
+    there = Wanted(GeoBox(-100.0, 30.0, 10.0, 45.0), START.start)
+    with serving(NoaaServer(archive(steps=range(49), model="hrrr"))) as server:
+        files = noaa.noaa_files(cfg(server, model="hrrr", hours=30.0), there)
+        assert len(files) == 32
+        assert server.asked[path_of(CYCLE, 31, "hrrr")] == 2
+        elsewhere = Wanted(GeoBox(5.0, 55.0, 5.0, 60.0), START.start)
+        with pytest.raises(
+            ConfigError, match=r"hrrr covers latitude 21.1..52.7, .*; the scene needs .*wind.model=gfs"
+        ):
+            noaa.noaa_files(cfg(server, model="hrrr"), elsewhere)
+
+
+def test_members_of_gefs_are_fetched_each():
+    files = {}
+    for member in range(3):
+        for step in (0, 3):
+            name = path_of(CYCLE, step, "gefs", member)
+            fields = [
+                (v, GROUND, "anl", fake_message(f"{v} {member} {step}".encode())) for v in ("UGRD", "VGRD")
+            ]
+            files[name], files[f"{name}.idx"] = inventory(fields)
+    with serving(NoaaServer(files)) as server:
+        found = noaa.noaa_files(cfg(server, model="gefs", gefs_members=3), START)
+    assert sorted({file.name[:5] for file in found}) == ["gec00", "gep01", "gep02"]
+    assert len(found) == 6
+
+
+# --- faults of the way
+
+
+@pytest.mark.parametrize("fault", ["slow", "cut", "drop", 503])
+def test_a_fault_that_passes_changes_nothing(fault):
+    with serving(NoaaServer(archive(), lambda path, count: fault if count == 1 else None)) as server:
+        files = noaa.noaa_files(cfg(server), START)
+    assert [file.read_bytes().count(b"7777") for file in files] == [2] * 4
+
+
+@pytest.mark.parametrize(
+    ("name", "fault", "words"),
+    [
+        (".idx", 404, r"no cycle of gfs that covers .* is there \(.*\.idx is not there \(status 404"),
+        (".idx", 403, r"no cycle of gfs that covers .* is there \(.*\.idx is not there \(status 403"),
+        (".idx", "html", r"\.idx is a web page, not an inventory"),
+        (".idx", "drop", r"cannot be fetched"),
+        ("", "html", r"the server sends other bytes|are no whole GRIB message|cannot be fetched"),
+        ("", "whole", r"the server ignores byte ranges .*expected 206.*wind.base_url"),
+        ("", "cut", None),
+        ("", "drop", r"cannot be fetched \(.*\); try again later"),
+    ],
+)
+def test_a_fault_that_stays_is_one_line_and_leaves_nothing_half_written(name, fault, words, tmp_path):
+    def fails(path, count):
+        return fault if path.endswith(".idx") == (name == ".idx") else None
+
+    with serving(NoaaServer(archive(), fails)) as server:
+        if words is None:  # each answer brings half of what is missing: that is progress
+            assert len(noaa.noaa_files(cfg(server), START)) == 4
+            return
+        with pytest.raises(DataError, match=words) as caught:
+            noaa.noaa_files(cfg(server), START)
+    assert "\n" not in str(caught.value)
+    assert [file.name for file in (tmp_path / "cache" / "noaa").glob("*")] == []
+
+
+def test_an_inventory_of_another_file_is_noticed():
+    files = archive()
+    files[path_of(CYCLE, 2)] = b"x" * 10 + files[path_of(CYCLE, 2)]
+    words = "are no whole GRIB message; the inventory is of another file"
+    with serving(NoaaServer(files)) as server, pytest.raises(DataError, match=words):
+        noaa.noaa_files(cfg(server), START)
+
+
+def test_a_damaged_file_of_the_cache_is_fetched_again(monkeypatch, caplog):
+    with serving(NoaaServer(archive())) as server:
+        files = noaa.noaa_files(cfg(server), START)
+        whole = files[1].read_bytes()
+        files[1].write_bytes(whole[:-5] + b"x7777")
+        monkeypatch.setattr(noaa, "_FETCHED", {})
+        assert noaa.noaa_files(cfg(server), START)[1].read_bytes() == whole
+    assert "is damaged and is fetched again" in caplog.text
+
+
+@pytest.mark.skipif(os.name == "nt", reason="modes of folders")
+def test_a_cache_that_others_may_write_is_not_used(tmp_path, caplog):
+    shared = tmp_path / "cache" / "noaa"
+    shared.mkdir(parents=True)
+    shared.chmod(0o777)
+    with serving(NoaaServer(archive())) as server:
+        files = noaa.noaa_files(cfg(server), START)
+    assert len(files) == 4
+    assert all(file.read_bytes() and shared not in file.parents for file in files)
+    assert list(shared.iterdir()) == []
+    assert "downloads are not kept in" in caplog.text
+
+
+def test_a_full_cache_is_left_for_a_folder_of_the_run(monkeypatch, tmp_path, caplog):
+    from pareto_ltl.wind.sources import noaa_cache
+
+    plain = noaa_cache.write_bytes
+
+    def full(path: Path, data: bytes) -> None:
+        if tmp_path in path.parents:
+            raise OSError(28, "No space left on device", str(path))
+        plain(path, data)
+
+    monkeypatch.setattr(noaa_cache, "write_bytes", full)
+    with serving(NoaaServer(archive())) as server:
+        assert all(file.read_bytes() for file in noaa.noaa_files(cfg(server), START))
+    assert "No space left on device" in caplog.text
+
+
+def test_the_cache_keeps_within_its_limit(monkeypatch, tmp_path):
+    with serving(NoaaServer(archive((CYCLE, CYCLE - 6 * 3600), range(12)))) as server:
+        noaa.noaa_files(cfg(server, cycle="2018-10-09T00:00:00Z"), START)
+        monkeypatch.setenv("PARETO_LTL_CACHE_MIB", "0")
+        files = noaa.noaa_files(cfg(server, cycle="2018-10-09T06:00:00Z"), START)
+    assert all(file.is_file() for file in files)
+    assert sorted((tmp_path / "cache" / "noaa").glob("*.grib2")) == sorted(files)
+
+
+# --- inventories
+
+
+@needs_noaa
+@pytest.mark.parametrize(
+    ("name", "level", "u", "v"),
+    [
+        ("gfs.t00z.pgrb2.0p25.f021.idx", "10m", (428_651_621, 429_621_582), (429_621_583, None)),
+        ("gfs.t00z.pgrb2.0p25.f021.idx", "80m", (501_626_189, 502_609_608), (502_609_609, None)),
+        ("hrrr.t01z.wrfsfcf05.grib2.idx", "10m", (52_586_717, 54_730_188), (54_730_189, None)),
+        ("hrrr.t01z.wrfsubhf09.grib2.idx", "10m", (15_132_671, 17_514_285), (17_514_286, None)),
+    ],
+)
+def test_real_inventories_tell_where_the_wind_is(name, level, u, v):
+    entries = parse_idx((NOAA / "idx" / name).read_text(), name)
+    parts = wind_parts(entries, parse_level(level), name)
+    assert (parts[0].first, parts[0].last) == u
+    assert parts[1].first == v[0]
+    assert len(parts) == 2
+
+
+@needs_noaa
+def test_a_level_that_an_inventory_lacks_is_refused_with_those_it_has():
+    name = "hrrr.t01z.wrfsfcf05.grib2.idx"
+    entries = parse_idx((NOAA / "idx" / name).read_text(), name)
+    with pytest.raises(
+        DataError, match=r"lists no UGRD 100 m above ground; it has 10m, 80m, .*: set wind.level"
+    ):
+        wind_parts(entries, parse_level("100m"), name)
+    gfs = parse_idx((NOAA / "idx" / "gfs.t00z.pgrb2.0p25.f021.idx").read_text(), "gfs")
+    assert len(wind_parts(gfs, parse_level("925hPa"), "gfs")) == 3  # with the surface pressure
+
+
+def test_components_in_one_message_are_fetched_once_and_averages_are_passed_over():
+    text = (
+        "1:0:d=2023110401:UGRD:10 m above ground:0-5 min ave fcst:\n"
+        "2.1:500:d=2023110401:UGRD:10 m above ground:5 hour fcst:\n"
+        "2.2:500:d=2023110401:VGRD:10 m above ground:5 hour fcst:\n"
+        "3:900:d=2023110401:TMP:surface:5 hour fcst:ENS=+1\n"
+    )
+    (part,) = wind_parts(parse_idx(text, "idx"), parse_level("10m"), "idx")
+    assert (part.first, part.last) == (500, 899)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("", "idx is empty; the file is not whole yet"),
+        ("<!DOCTYPE html>", "is a web page, not an inventory"),
+        ("1:0:nonsense", "idx, line 1: '1:0:nonsense' is none of an inventory"),
+        ("1:0:d=2018100900:UGRD:10 m above ground:anl:\n2:x", "line 2"),
+        ("1:9:d=2018100900:A:b:anl:\n2:3:d=2018100900:A:b:anl:", "offsets do not increase"),
+        ("1:" + "9" * 4000 + ":d=2018100900:A:b:anl:", "line 1"),
+    ],
+)
+def test_what_is_no_inventory_is_refused(text, words):
+    with pytest.raises(DataError, match=words) as caught:
+        parse_idx(text, "idx")
+    assert "\n" not in str(caught.value)
+    assert len(str(caught.value)) < 300
+
+
+def test_addresses_are_those_of_the_archives():
+    cycle = datetime(2023, 11, 4, 6, tzinfo=UTC).timestamp()
+    assert MODELS["gfs"].address(None, cycle, 21) == (
+        "https://noaa-gfs-bdp-pds.s3.amazonaws.com/gfs.20231104/06/atmos/gfs.t06z.pgrb2.0p25.f021"
+    )
+    assert MODELS["hrrr"].address(None, cycle, 5) == (
+        "https://noaa-hrrr-bdp-pds.s3.amazonaws.com/hrrr.20231104/conus/hrrr.t06z.wrfsfcf05.grib2"
+    )
+    assert MODELS["gefs"].address("http://x/", cycle, 3, 30) == (
+        "http://x/gefs.20231104/06/atmos/pgrb2sp25/gep30.t06z.pgrb2s.0p25.f003"
+    )
+
+
+def test_steps_reach_around_the_flight():
+    gfs, hrrr = MODELS["gfs"], MODELS["hrrr"]
+    hour = 3600.0
+    assert gfs.steps_between(CYCLE, CYCLE + 1.5 * hour, CYCLE + 3.2 * hour) == (1, 2, 3, 4)
+    assert gfs.steps_between(CYCLE, CYCLE + 119 * hour, CYCLE + 124 * hour) == (119, 120, 123, 126)
+    assert gfs.steps_between(CYCLE, CYCLE - 1, CYCLE + hour) == ()
+    assert hrrr.steps_between(CYCLE, CYCLE, CYCLE + 48 * hour)[-1] == 48
+    assert hrrr.steps_between(CYCLE + hour, CYCLE + hour, CYCLE + 20 * hour) == ()
+
+
+@pytest.mark.parametrize(
+    ("settings", "words"),
+    [
+        ({"base_url": "file:///data"}, "wind.base_url must begin with https"),
+        ({"cycle": "latest"}, "wind.cycle"),
+        ({"model": "ecmwf"}, "wind.model"),
+    ],
+)
+def test_a_wrong_setting_is_refused(settings, words):
+    with pytest.raises(ConfigError, match=words):
+        WindConfig(source="noaa", **settings)
+
+
+# --- the whole way, with real fields
+
+
+@needs_noaa
+def test_readings_of_a_real_field_come_with_their_leads(tmp_path):
+    eccodes = pytest.importorskip("eccodes")
+    field = NOAA / "gfs_1p00_10m" / "gfs.t00z.pgrb2.1p00.f000.2018100906"
+    files = {}
+    for step in range(4):
+        fields = []
+        with field.open("rb") as stream:
+            while (handle := eccodes.codes_grib_new_from_file(stream)) is not None:
+                eccodes.codes_set(handle, "forecastTime", step)
+                name = {"10u": "UGRD", "10v": "VGRD"}[eccodes.codes_get(handle, "shortName")]
+                fields.append((name, GROUND, "anl", eccodes.codes_get_message(handle)))
+                eccodes.codes_release(handle)
+        path = path_of(CYCLE, step)
+        files[path], files[f"{path}.idx"] = inventory(fields)
+    with serving(NoaaServer(files)) as server:
+        found = read_readings(cfg(server), START)
+        cropped = read_readings(cfg(server), Wanted(GeoBox(-100.0, 30.0, 10.0, 40.0), START.start))
+    np.testing.assert_array_equal(found.leads / 3600, range(4))
+    assert found.first_time == "2018-10-09T06:00:00Z"
+    assert len(found.points[0]) == 360 * 181
+    assert len(cropped.points[0]) == 11 * 11
+    assert found.notes[0] == (
+        "gfs forecast of 2018-10-09T06:00:00Z; wind.cycle=2018-10-09T06:00:00Z reads the same one again"
+    )
+    told = json.loads(next((tmp_path / "cache" / "noaa").glob("*.json")).read_text())
+    assert told["url"].startswith(server.address)
+    assert noaa.noaa_files(cfg(server), START) == found.files
+    assert ALL_WIND.start is None
