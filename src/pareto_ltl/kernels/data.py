@@ -123,7 +123,7 @@ class Wind(NamedTuple):
     """Wind on a lattice; step n lies between slots ``slot[n]`` and ``slot[n] + 1`` at ``weight[n]``.
 
     ``mean``, ``latent`` (K, NX, NY, 2); ``gust`` (K, 2); ``slot``, ``weight`` (S,), S the number of
-    steps for which the data reach.
+    steps for which the data reach; ``between`` (S,) the variance of interpolation in time.
     """
 
     west: float
@@ -134,26 +134,34 @@ class Wind(NamedTuple):
     mean: FloatArray
     latent: FloatArray
     gust: FloatArray
+    between: FloatArray
 
 
 class Modes(NamedTuple):
-    """Coherent wind: step n meets mode slot ``slot[n]``, where θ keeps the share ``keep[n]`` of step n - 1.
+    """Coherent wind: step n meets mode slot ``slot[n]`` times ``scale[n]``; G parts of the error persist.
 
-    ``psi`` (K, MX, MY, 2, P) on the lattice of the modes, P = 0 where nothing is uncertain; on the lattice
-    of the mean ``slope`` (K, NX, NY, 4) = ∂μ_x/∂x, ∂μ_x/∂y, ∂μ_y/∂x, ∂μ_y/∂y and ``bend`` (K, NX, NY, 6) =
-    the second derivatives xx, xy, yy of μ_x, then of μ_y. ``white`` is the variance of a step's mean gust
-    over that of a gust.
+    θ of the modes of part g keeps the share ``keep[n, g]`` (S + 1, G) of step n - 1; ``epoch`` (S,) counts
+    the steps where any keeps less than all. ``part`` (P,) of each mode, ``kept`` (S + 1, P) and ``scale``
+    (S, P) by mode; ``psi`` (K, MX, MY, 2, P) on the lattice of the modes, P = 0 where nothing is uncertain;
+    on the lattice of the mean ``slope`` (K, NX, NY, 4) = ∂μ_x/∂x, ∂μ_x/∂y, ∂μ_y/∂x, ∂μ_y/∂y and ``bend``
+    (K, NX, NY, 6) = the second derivatives xx, xy, yy of μ_x, then of μ_y. ``white`` is the variance of a
+    step's mean gust over that of a gust, ``rest`` the same for what the modes leave of the smooth part.
     """
 
     west: float
     south: float
     per_metre: float
     slot: IntArray
+    epoch: IntArray
     keep: FloatArray
+    part: IntArray
+    kept: Float32Array
+    scale: Float32Array
     psi: Float32Array
     slope: FloatArray
     bend: FloatArray
     white: float
+    rest: float
 
 
 class Motion(NamedTuple):
@@ -224,9 +232,9 @@ class CoherentMemory(NamedTuple):
 
 class LandmarkMemory(NamedTuple):
     """Row v is what the children of v start from: ``theta`` (N, 2, 2, P) = Cov(ẽ, θ̃), ``known`` (N, 3) =
-    Cov(ê), the last fix ``fix`` (N,) and ``faded`` (N,), the s of it. Fix f has ``gain`` (M, 2, 2, P) = D,
-    the fix before it ``previous`` and the ``share`` that the latter had then; ``used`` (1,) fixes are in
-    use."""
+    Cov(ê), the last fix ``fix`` (N,) and ``faded`` (N, G), the s of it. Fix f has ``gain`` (M, 2, 2, P) = D,
+    the fix before it ``previous`` and the ``share`` (M, G) that the latter had then; ``used`` (1,) fixes
+    are in use."""
 
     theta: Float32Array
     known: FloatArray

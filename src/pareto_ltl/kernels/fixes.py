@@ -8,13 +8,15 @@ before with what is left of Cov(θ),
     ẽ' = F ẽ + dt (ψ' θ̃ + gust),    Cov(θ̃) = I - Σ_f s_f² D_f' D_f,    D = L⁻¹ C,  L L' = Σ̃ + fix²,
     ê' = (F - κ) ê,                  Cov(e) = Cov(ẽ) + Cov(ê)   (orthogonal),
 
-with s_f the product of ρ since the fix. Missing the landmark is counted as failure: P(fail) <= P(miss) +
-P(fail with the fix), since flights that enter it are those of the law with the fix.
+with s_f the product of ρ since the fix, one for each part of the error. Missing the landmark is counted as
+failure: P(fail) <= P(miss) + P(fail with the fix), since flights that enter it are those of the law with the
+fix.
 """
 
 from __future__ import annotations
 
 import math
+from typing import TypeAlias
 
 from pareto_ltl.kernels.data import (
     Ahead,
@@ -29,17 +31,43 @@ from pareto_ltl.kernels.data import (
     Law,
     Linear,
     Memory,
+    Modes,
     Point,
     Square,
 )
 from pareto_ltl.kernels.geometry import face_slack
-from pareto_ltl.kernels.interpolation import F32, Weights, corner_weights, mode_square, mode_value
+from pareto_ltl.kernels.interpolation import F32, corner_weights, mode_square, mode_value
 from pareto_ltl.kernels.jit import by_type, implements, kernel, vector
 from pareto_ltl.kernels.polygon import polygon_probability
 from pareto_ltl.kernels.propagation import advance, airspeed_left, carry, clear_theta, closed_loop, forget
-from pareto_ltl.support.arrays import Float32Array
+from pareto_ltl.support.arrays import Float32Array, FloatArray, IntArray
 
 FADED = 1e-3  # of what a fix told: less is left out
+Shares: TypeAlias = tuple[float, float, float, float]  # of what a fix told, by part of the error
+
+
+@kernel
+def shares_of(table: FloatArray, row: int) -> Shares:
+    """Row ``row`` of ``table`` (N, 4)."""
+    return table[row, 0], table[row, 1], table[row, 2], table[row, 3]
+
+
+@kernel
+def keep_shares(table: FloatArray, row: int, shares: Shares) -> None:
+    """Row ``row`` of ``table`` (N, 4) becomes ``shares``."""
+    for part in range(4):
+        table[row, part] = shares[part]
+
+
+@kernel
+def faded_by(shares: Shares, table: FloatArray, row: int) -> Shares:
+    """``shares`` times row ``row`` of ``table`` (N, 4)."""
+    return (
+        shares[0] * table[row, 0],
+        shares[1] * table[row, 1],
+        shares[2] * table[row, 2],
+        shares[3] * table[row, 3],
+    )
 
 
 @kernel
@@ -82,7 +110,8 @@ def _fix_missed(law: LandmarkLaw, memory: LandmarkMemory, row: int, here: Gaussi
 def _forget_fixes(law: LandmarkLaw, memory: LandmarkMemory) -> None:
     clear_theta(memory.theta)
     memory.known[0, 0], memory.known[0, 1], memory.known[0, 2] = 0.0, 0.0, 0.0
-    memory.fix[0], memory.faded[0] = -1, 1.0
+    memory.fix[0] = -1
+    keep_shares(memory.faded, 0, (1.0, 1.0, 1.0, 1.0))
     memory.used[0] = 0
 
 
@@ -93,22 +122,24 @@ def _advance_with_fixes(
     motion, marks = law.motion, law.landmarks
     known = Cov(memory.known[row, 0], memory.known[row, 1], memory.known[row, 2])
     unknown = without(here.cov, known)
-    fix, faded = memory.fix[row], memory.faded[row]
+    fix, faded = memory.fix[row], shares_of(memory.faded, row)
     if row != target:
         copy_theta(memory.theta, row, target)
     if fix_missed(law, memory, row, here) >= 0.0 and memory.used[0] < len(memory.previous):
         f = memory.used[0]
         memory.used[0] += 1
-        memory.previous[f], memory.share[f] = fix, faded
+        memory.previous[f] = fix
+        keep_shares(memory.share, f, faded)
         gained = learn(memory, target, f, unknown, marks.variance)
         known = Cov(known.xx + gained.xx, known.xy + gained.xy, known.yy + gained.yy)
         unknown = without(unknown, gained)
-        fix, faded = f, 1.0
+        fix, faded = f, (1.0, 1.0, 1.0, 1.0)
     mean, cov = carry(law, step, Gaussian(here.mean, unknown), memory.theta, target, target)
     steered = steer_against(law, memory, step, here.mean, fix, faded, target)
     after = known_after(closed_loop(law, step, here.mean), marks.gain, known)
     memory.known[target, 0], memory.known[target, 1], memory.known[target, 2] = after
-    memory.fix[target], memory.faded[target] = fix, faded * law.modes.keep[step + 1]
+    memory.fix[target] = fix
+    keep_shares(memory.faded, target, faded_by(faded, law.modes.keep, step + 1))
     share, k2, dt2 = motion.gain * motion.gain, marks.gain * marks.gain, motion.dt * motion.dt
     speed = airspeed_left(
         motion,
@@ -179,43 +210,45 @@ def learn(memory: LandmarkMemory, v: int, f: int, unknown: Cov, variance: float)
 
 @kernel
 def steer_against(
-    law: LandmarkLaw, memory: LandmarkMemory, step: int, at: Point, fix: int, faded: float, target: int
+    law: LandmarkLaw, memory: LandmarkMemory, step: int, at: Point, fix: int, faded: Shares, target: int
 ) -> Cov:
     """Take what the fixes tell of the wind out of row ``target`` of ``theta``.
 
-    Returns the covariance of that wind [m²/s²]. It goes back from ``fix``, whose share is ``faded``.
+    Returns the covariance of that wind [m²/s²]. It goes back from ``fix``, whose shares are ``faded``.
     """
     modes, dt = law.modes, law.motion.dt
-    slot, keep, square = modes.slot[step], modes.keep[step + 1], mode_square(modes, at)
-    weights = corner_weights(square)
+    kept, square = modes.kept[step + 1], mode_square(modes, at)
     xx, xy, yy = 0.0, 0.0, 0.0
     f, s = fix, faded
-    while f >= 0 and s > FADED:
+    while f >= 0 and max(s[0], s[1], s[2], s[3]) > FADED:
         for r in range(2):
-            e = s * expected_wind(modes.psi, slot, square, weights, memory.gain[f, r, 0], 0)
-            n = s * expected_wind(modes.psi, slot, square, weights, memory.gain[f, r, 1], 1)
+            e = expected_wind(modes, step, square, memory.gain[f, r, 0], s, 0)
+            n = expected_wind(modes, step, square, memory.gain[f, r, 1], s, 1)
             xx, xy, yy = xx + e * e, xy + e * n, yy + n * n
-            subtract_fix(memory.theta[target, 0], memory.gain[f, r], keep * dt * e * s)
-            subtract_fix(memory.theta[target, 1], memory.gain[f, r], keep * dt * n * s)
-        s, f = s * memory.share[f], memory.previous[f]
+            subtract_fix(memory.theta[target, 0], memory.gain[f, r], dt * e, kept, modes.part, s)
+            subtract_fix(memory.theta[target, 1], memory.gain[f, r], dt * n, kept, modes.part, s)
+        s, f = faded_by(s, memory.share, f), memory.previous[f]
     return Cov(xx, xy, yy)
 
 
 @vector
 def expected_wind(
-    psi: Float32Array, slot: int, square: Square, weights: Weights, coefficients: Float32Array, c: int
+    modes: Modes, step: int, square: Square, coefficients: Float32Array, s: Shares, c: int
 ) -> float:
-    """ψ(x)' times ``coefficients`` (P,), for component ``c`` of the wind."""
-    total = F32(0.0)
-    for m in range(psi.shape[4]):
-        total += mode_value(psi, slot, square, weights, c, m) * coefficients[m]
+    """ψ(x)' times ``coefficients`` (P,) and the shares of their parts, for component ``c`` of the wind."""
+    weights, slot, scale, total = corner_weights(square), modes.slot[step], modes.scale[step], F32(0.0)
+    for m in range(modes.psi.shape[4]):
+        p = scale[m] * mode_value(modes.psi, slot, square, weights, c, m)
+        total += p * coefficients[m] * F32(s[modes.part[m]])
     return total  # type: ignore[return-value]
 
 
 @vector
-def subtract_fix(theta: Float32Array, gain: Float32Array, factor: float) -> None:
-    """``theta`` (2, P) less ``factor`` times ``gain`` (2, P)."""
+def subtract_fix(
+    theta: Float32Array, gain: Float32Array, factor: float, kept: Float32Array, part: IntArray, s: Shares
+) -> None:
+    """``theta`` (2, P) less ``factor`` times ``gain`` (2, P), ``kept`` (P,) and the shares of its parts."""
     weight = F32(factor)
     for c in range(2):
         for m in range(theta.shape[1]):
-            theta[c, m] -= weight * gain[c, m]
+            theta[c, m] -= weight * kept[m] * F32(s[part[m]]) * gain[c, m]

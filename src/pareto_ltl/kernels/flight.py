@@ -17,6 +17,7 @@ from pareto_ltl.kernels.data import (
     LandmarkLaw,
     Landmarks,
     Logic,
+    Modes,
     Motion,
     Point,
     Square,
@@ -47,7 +48,7 @@ class IndependentDraws(NamedTuple):
 
 
 class CoherentDraws(NamedTuple):
-    """w = μ(x, t) + ψ(x)' θ of the flight's own ``theta`` (n, K, 2, P), plus what the modes leave white."""
+    """w = μ(x, t) + ψ(x)' θ of the flight's own ``theta`` (E, n, 2, P), plus what the modes leave white."""
 
     law: CoherentLaw | LandmarkLaw
     white: FloatArray
@@ -84,7 +85,11 @@ def _independent_wind(draws: IndependentDraws, t: int, i: int, at: Point) -> tup
     ve, vn = wind_at(wind.latent, wind, t, at)
     ge, gn = gust_variance(wind, t)
     white = draws.white
-    return we + math.sqrt(ve + ge) * white[t, i, 0], wn + math.sqrt(vn + gn) * white[t, i, 1]
+    between = wind.between[t]
+    return (
+        we + math.sqrt(ve + ge + between) * white[t, i, 0],
+        wn + math.sqrt(vn + gn + between) * white[t, i, 1],
+    )
 
 
 @implements(wind_met, CoherentDraws)
@@ -92,22 +97,23 @@ def _coherent_wind(draws: CoherentDraws, t: int, i: int, at: Point) -> tuple[flo
     law, modes, white = draws.law, draws.law.modes, draws.white
     we, wn = wind_at(law.wind.mean, law.wind, t, at)
     square = mode_square(modes, at)
-    e, ee = field_value(modes.psi, modes.slot[t], square, 0, draws.theta, i)
-    n, nn = field_value(modes.psi, modes.slot[t], square, 1, draws.theta, i)
+    theta = draws.theta[modes.epoch[t], i]
+    e, ee = field_value(modes, t, square, 0, theta)
+    n, nn = field_value(modes, t, square, 1, theta)
     ve, vn = white_variance(law, t, at, ee, nn)
     return we + e + math.sqrt(ve) * white[t, i, 0], wn + n + math.sqrt(vn) * white[t, i, 1]
 
 
 @vector
 def field_value(
-    psi: Float32Array, slot: int, square: Square, c: int, theta: Float32Array, i: int
-) -> tuple[float, float]:
-    """ψ(x)' θ of component ``c`` for flight ``i``, and |ψ|²; ``theta`` (n, K, 2, P)."""
-    weights = corner_weights(square)
+    modes: Modes, t: int, square: Square, c: int, theta: Float32Array
+) -> tuple[float, float]:  # fmt: skip
+    """ψ(x)' θ of component ``c`` at step ``t``, and |ψ|²; ``theta`` (2, P)."""
+    weights, slot, scale = corner_weights(square), modes.slot[t], modes.scale[t]
     wind, size = F32(0.0), F32(0.0)
-    for m in range(psi.shape[4]):
-        p = mode_value(psi, slot, square, weights, c, m)
-        wind += p * theta[i, slot, c, m]
+    for m in range(modes.psi.shape[4]):
+        p = scale[m] * mode_value(modes.psi, slot, square, weights, c, m)
+        wind += p * theta[c, m]
         size += p * p
     return wind, size  # type: ignore[return-value]
 
@@ -115,21 +121,21 @@ def field_value(
 @implements(wind_met, LinearisedDraws)
 def _linearised_wind(draws: LinearisedDraws, t: int, i: int, at: Point) -> tuple[float, float]:
     path, slope, white = draws.path, draws.slope, draws.white
-    slot = draws.law.modes.slot[t]
+    theta = draws.theta[draws.law.modes.epoch[t], i]
     ex, ey = at.x - path.x[t, 0], at.y - path.x[t, 1]
     we = draws.mean[t, 0] + slope[t, 0, 0] * ex + slope[t, 0, 1] * ey
     wn = draws.mean[t, 1] + slope[t, 1, 0] * ex + slope[t, 1, 1] * ey
-    we += linear_field(path.psi, t, 0, draws.theta, i, slot) + math.sqrt(path.white[t, 0]) * white[t, i, 0]
-    wn += linear_field(path.psi, t, 1, draws.theta, i, slot) + math.sqrt(path.white[t, 1]) * white[t, i, 1]
+    we += linear_field(path.psi, t, 0, theta) + math.sqrt(path.white[t, 0]) * white[t, i, 0]
+    wn += linear_field(path.psi, t, 1, theta) + math.sqrt(path.white[t, 1]) * white[t, i, 1]
     return we, wn
 
 
 @vector
-def linear_field(psi: Float32Array, t: int, c: int, theta: Float32Array, i: int, slot: int) -> float:
-    """ψ_t' θ of component ``c`` for flight ``i``; ``psi`` (T, 2, P), ``theta`` (n, K, 2, P)."""
+def linear_field(psi: Float32Array, t: int, c: int, theta: Float32Array) -> float:
+    """ψ_t' θ of component ``c``; ``psi`` (T, 2, P), ``theta`` (2, P)."""
     wind = F32(0.0)
     for m in range(psi.shape[2]):
-        wind += psi[t, c, m] * theta[i, slot, c, m]
+        wind += psi[t, c, m] * theta[c, m]
     return wind  # type: ignore[return-value]
 
 
@@ -149,8 +155,8 @@ class Navigator(NamedTuple):
     At a step where the plan counts on a fix (``path.gain`` not 0) and the robot is in a landmark, it reads
     its position with ``noise`` (T, n, 2) [m] and updates its estimate ê of the deviation and θ̂ of the
     field. It flies ê back and steers against ψ' θ̂, within u_max, and counts on no more than it could do.
-    ``learnt`` stands for ``path.learnt``; it is 0 where a wind tells nothing about the next one. ``keep``
-    (S + 1,) is the share that θ keeps from step to step. ``field`` (2, P) and ``estimate`` (3,) = (ê_x,
+    ``learnt`` stands for ``path.learnt``; it is 0 where a wind tells nothing about the next one. ``kept``
+    (S + 1, P) is the share that θ keeps from step to step. ``field`` (2, P) and ``estimate`` (3,) = (ê_x,
     ê_y, 1 after the first fix) are scratch.
     """
 
@@ -158,7 +164,7 @@ class Navigator(NamedTuple):
     landmarks: Landmarks
     learnt: Float32Array
     noise: FloatArray
-    keep: FloatArray
+    kept: Float32Array
     field: Float32Array
     estimate: FloatArray
 
@@ -221,7 +227,7 @@ def _begin_navigator(pilot: Navigator) -> None:
 def _command_navigator(pilot: Navigator, motion: Motion, t: int, i: int, at: Point) -> tuple[float, float]:
     path, estimate = pilot.path, pilot.estimate
     if estimate[2] > 0.0:
-        fade_field(pilot.field, pilot.keep[t])
+        fade_field(pilot.field, pilot.kept[t])
     if (path.gain[t, 0, 0] != 0.0 or path.gain[t, 1, 1] != 0.0) and landmark_at(pilot.landmarks, at) >= 0:
         take_fix(pilot, t, i, at)
     held_x, held_y = held_to(motion, path.u, path.x, t, at)
@@ -241,12 +247,11 @@ def _command_navigator(pilot: Navigator, motion: Motion, t: int, i: int, at: Poi
 
 
 @vector
-def fade_field(field: Float32Array, keep: float) -> None:
-    """θ̂ (2, P) keeps the share ``keep``."""
-    if keep < 1.0:
-        for c in range(2):
-            for m in range(field.shape[1]):
-                field[c, m] *= F32(keep)
+def fade_field(field: Float32Array, kept: Float32Array) -> None:
+    """θ̂ (2, P) keeps the shares ``kept`` (P,)."""
+    for c in range(2):
+        for m in range(field.shape[1]):
+            field[c, m] *= kept[m]
 
 
 @kernel

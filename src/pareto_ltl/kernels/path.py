@@ -108,8 +108,9 @@ def _note_coherent(law: CoherentLaw | LandmarkLaw, flight: Flight, t: int, here:
     weights = corner_weights(square)
     ee, nn = 0.0, 0.0
     for m in range(psi.shape[2]):
-        psi[t, 0, m] = mode_value(modes.psi, modes.slot[t], square, weights, 0, m)
-        psi[t, 1, m] = mode_value(modes.psi, modes.slot[t], square, weights, 1, m)
+        scale = modes.scale[t, m]
+        psi[t, 0, m] = scale * mode_value(modes.psi, modes.slot[t], square, weights, 0, m)
+        psi[t, 1, m] = scale * mode_value(modes.psi, modes.slot[t], square, weights, 1, m)
         ee += psi[t, 0, m] * psi[t, 0, m]
         nn += psi[t, 1, m] * psi[t, 1, m]
     flight.white[t, 0], flight.white[t, 1] = white_variance(law, t, at, ee, nn)
@@ -224,7 +225,7 @@ def check_path(
 @allocating
 def covariance_across_time(law: CoherentLaw | LandmarkLaw, flight: Flight, cross: FloatArray) -> None:
     """Cov(e_t, e_s) for s <= t into ``cross`` (T+1, T+1, 2, 2) along a flight without fixes."""
-    n, dt, keep_at = len(flight.cov), law.motion.dt, law.modes.keep
+    n, dt, kept = len(flight.cov), law.motion.dt, law.modes.kept
     F, psi, cov, theta = flight.F, flight.psi, flight.cov, flight.memory.theta
     held = np.empty(theta.shape[1:])
     for s in range(n):
@@ -234,12 +235,11 @@ def covariance_across_time(law: CoherentLaw | LandmarkLaw, flight: Flight, cross
         if s > 0:
             held[:] = theta[s - 1]
         for t in range(s, n - 1):
-            keep = keep_at[t + 1]
             for c in range(2):
                 for r in range(2):
                     pushed = 0.0
                     for m in range(psi.shape[2]):
                         pushed += psi[t, c, m] * held[r, c, m]
-                        held[r, c, m] *= keep
+                        held[r, c, m] *= kept[t + 1, m]
                     moved = F[t, c, 0] * cross[t, s, 0, r] + F[t, c, 1] * cross[t, s, 1, r]
                     cross[t + 1, s, c, r] = moved + dt * pushed

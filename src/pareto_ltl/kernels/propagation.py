@@ -104,7 +104,10 @@ def advance(law: Law, memory: Memory, step: int, here: Gaussian, row: int, targe
 
 @kernel
 def worst_variance(wind: Wind, step: int, at: Point, radius: float) -> tuple[float, float]:
-    """Σ_w at the point of largest trace in the ball B(x, radius), by sampling (Section III)."""
+    """Σ_w at the point of largest trace in the ball B(x, radius), by sampling (Section III).
+
+    With the error of interpolation in time, which is the same everywhere.
+    """
     best_e, best_n = wind_at(wind.latent, wind, step, at)
     if radius > 0.0:
         for dx, dy in BALL:
@@ -112,7 +115,8 @@ def worst_variance(wind: Wind, step: int, at: Point, radius: float) -> tuple[flo
             if e + n > best_e + best_n:
                 best_e, best_n = e, n
     gust_e, gust_n = gust_variance(wind, step)
-    return best_e + gust_e, best_n + gust_n
+    between = wind.between[step]
+    return best_e + gust_e + between, best_n + gust_n + between
 
 
 @kernel
@@ -192,11 +196,11 @@ def white_variance(
     law: CoherentLaw | LandmarkLaw, step: int, at: Point, ee: float, nn: float
 ) -> tuple[float, float]:
     """Variance of the part that is new at every step: gusts, and what ``ee``, ``nn`` = |ψ|² leave of the
-    latent variance, so that both laws have the same wind at one place and time."""
+    smooth error. Both are averages over a step, of the shares ``white`` and ``rest``."""
     ge, gn = gust_variance(law.wind, step)
     ve, vn = wind_at(law.wind.latent, law.wind, step, at)
-    share = law.modes.white
-    return share * (ge + max(ve - ee, 0.0)), share * (gn + max(vn - nn, 0.0))
+    share, rest, between = law.modes.white, law.modes.rest, law.wind.between[step]
+    return share * ge + rest * max(ve + between - ee, 0.0), share * gn + rest * max(vn + between - nn, 0.0)
 
 
 @vector
@@ -208,26 +212,27 @@ def carry_modes(
 
     Returns |ψ|², (C ψ) for both rows of C, and ∂ψ : C.
     """
-    psi, k, keep = modes.psi, modes.slot[step], modes.keep[step + 1]
+    psi, k = modes.psi, modes.slot[step]
+    kept, scale = modes.kept[step + 1], modes.scale[step]
     i, j, fx, fy = square
     row, target = rows
     weights = corner_weights(square)
     lower, upper, left, right = F32(1 - fy), F32(fy), F32(1 - fx), F32(fx)
-    east, north = F32(keep * dt * (1 - c)), F32(keep * dt * c)
-    a00, a01, a10, a11 = F32(keep * f.xx), F32(keep * f.xy), F32(keep * f.yx), F32(keep * f.yy)
+    east, north = F32(dt * (1 - c)), F32(dt * c)
+    a00, a01, a10, a11 = F32(f.xx), F32(f.xy), F32(f.yx), F32(f.yy)
     size, cx, cy, shift = F32(0.0), F32(0.0), F32(0.0), F32(0.0)
     for m in range(psi.shape[4]):
         p00, p10 = psi[k, i, j, c, m], psi[k, i + 1, j, c, m]
         p01, p11 = psi[k, i, j + 1, c, m], psi[k, i + 1, j + 1, c, m]
-        p = mode_value(psi, k, square, weights, c, m)
+        p = scale[m] * mode_value(psi, k, square, weights, c, m)
         ox, oy = theta[row, 0, c, m], theta[row, 1, c, m]
         size += p * p
         cx += ox * p
         cy += oy * p
-        shift += (lower * (p10 - p00) + upper * (p11 - p01)) * ox
-        shift += (left * (p01 - p00) + right * (p11 - p10)) * oy
-        theta[target, 0, c, m] = a00 * ox + a01 * oy + east * p
-        theta[target, 1, c, m] = a10 * ox + a11 * oy + north * p
+        shift += scale[m] * (lower * (p10 - p00) + upper * (p11 - p01)) * ox
+        shift += scale[m] * (left * (p01 - p00) + right * (p11 - p10)) * oy
+        theta[target, 0, c, m] = kept[m] * (a00 * ox + a01 * oy + east * p)
+        theta[target, 1, c, m] = kept[m] * (a10 * ox + a11 * oy + north * p)
     return size, cx, cy, shift * modes.per_metre  # type: ignore[return-value]
 
 

@@ -43,9 +43,9 @@ def _landmark_memory(law: kd.LandmarkLaw, rows: int) -> kd.LandmarkMemory:
     modes = law.modes.psi.shape[-1]
     return kd.LandmarkMemory(
         theta=np.zeros((rows, 2, 2, modes), np.float32), known=np.empty((rows, 3)),
-        fix=np.full(rows, -1, np.int64), faded=np.ones(rows),
+        fix=np.full(rows, -1, np.int64), faded=np.ones((rows, law.modes.keep.shape[1])),
         gain=np.empty((rows, 2, 2, modes), np.float32), previous=np.empty(rows, np.int64),
-        share=np.empty(rows), used=np.zeros(1, np.int64),
+        share=np.empty((rows, law.modes.keep.shape[1])), used=np.zeros(1, np.int64),
     )  # fmt: skip
 
 

@@ -12,15 +12,20 @@ from pareto_ltl.kernels import data as kd
 from pareto_ltl.logic.automaton import Automaton
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.settings import PAPER, FidelityConfig, PlannerConfig, RobotConfig, WindConfig
-from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.support.arrays import FloatArray, IntArray
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.wind.records import WindField
+from pareto_ltl.wind.records import FORECAST, PARTS, SPACE, TIME, WindField, WindModes
 from pareto_ltl.world.cells import Decomposition, half_planes, locator
 from pareto_ltl.world.scene import Scene
 from pareto_ltl.world.time_step import with_time_step
 
 LOG = logging.getLogger(__name__)
 
+HELD_EPOCH = 10_800.0  # [s] in which the error of a held field is taken to keep its pattern
+NO_MODES = WindModes(
+    np.zeros(2), 1.0, np.zeros((1, 2, 2, 2, 0), np.float32), np.zeros(0, np.int64), 1.0, 1.0, np.ones((1, 2)),
+    np.ones((1, 2)),
+)  # fmt: skip
 EPSILON = {"step": 0.05, "path": 0.1}  # where planner.epsilon is left to the collision bound
 
 # --- the map ----------------------------------------------------------------------------------
@@ -79,44 +84,79 @@ def pack_wind(field: WindField, dt: float, max_steps: int) -> kd.Wind:
     DataError
         Where the wind is not known at departure.
     """
-    t = dt * np.arange(max_steps)
-    if not field.hold_last:
-        t = t[t <= field.times[-1] + 1e-6]
+    t: FloatArray = dt * np.arange(max_steps, dtype=float)
+    t = t[t <= field.known_until + 1e-6]
     if len(t) == 0 or field.times[0] > 1e-6:
         raise DataError(
-            f"the wind is known from {field.times[0]:.0f} s to {field.times[-1]:.0f} s after departure, "
+            f"the wind is known from {field.times[0]:.0f} s to {field.known_until:.0f} s after departure, "
             "not at departure itself; give mission.start_time within the data"
         )
     slot = np.clip(np.searchsorted(field.times, t, side="right") - 1, 0, max(len(field.times) - 2, 0))
     if len(field.times) == 1:
-        weight = np.zeros(len(t))
+        weight = np.zeros(len(t), float)
     else:
         weight = np.clip((t - field.times[slot]) / np.diff(field.times)[slot], 0.0, 1.0)
     return kd.Wind(
         float(field.origin[0]), float(field.origin[1]), 1.0 / field.spacing, slot.astype(np.int64), weight,
         np.ascontiguousarray(field.mean), np.ascontiguousarray(field.latent_var),
-        np.ascontiguousarray(field.gust_var),
+        np.ascontiguousarray(field.gust_var), time_variance(field, t, slot, weight),
     )  # fmt: skip
 
 
-def pack_modes(field: WindField, wind: kd.Wind, dt: float) -> kd.Modes:
-    """The coherent law: every step belongs to the slot nearest in time, and θ persists from slot to slot."""
-    steps, times = len(wind.slot), field.times
+def time_variance(field: WindField, t: FloatArray, slot: IntArray, weight: FloatArray) -> FloatArray:
+    """Variance (S,) of interpolation in time at times ``t`` [s] that lie at ``weight`` past ``slot``."""
+    if field.error is None:
+        return np.zeros(len(t))
+    late = t - field.times[-1]
+    if len(field.times) == 1:
+        return field.error.change_variance(np.maximum(late, 0.0))
+    between = field.error.between_variance(weight, np.asarray(np.diff(field.times)[slot], float))
+    return np.where(late > 0.0, field.error.change_variance(np.maximum(late, 0.0)), between)
+
+
+def pack_modes(field: WindField, wind: kd.Wind, dt: float, speed: float) -> kd.Modes:
+    """The coherent law: every step belongs to the slot nearest in time; each part of the error persists.
+
+    What the modes leave is correlated over ``rest_length``, which a robot of ``speed`` [m/s] crosses in a
+    time that takes the place of ``gust_time``, 2 rest_length / speed; never more than the whole flight.
+    """
+    steps = len(wind.slot)
     slot = np.where(wind.weight > 0.5, wind.slot + 1, wind.slot)
-    if field.modes is None:
-        origin, spacing, rho, gap = np.zeros(2), 1.0, 1.0, 1.0
-        psi = np.zeros((len(times), 2, 2, 2, 0), np.float32)
-    else:
-        m = field.modes
-        origin, spacing, psi, rho, gap = m.origin, m.spacing, m.psi, m.rho, m.gap
-    passed = np.diff(times[slot], prepend=times[slot[0]]) / gap
-    keep = np.ones(steps + 1)
-    keep[:steps] = np.where(passed > 0.0, rho ** np.maximum(passed, 0.0), 1.0)
+    found = field.modes or NO_MODES
+    psi = found.psi if field.modes else np.zeros((len(field.times), 2, 2, 2, 0), np.float32)
+    keep = part_persistence(field, wind, slot, dt)
+    part = np.maximum(found.part, 0)
+    scale = np.ones((steps, len(part)), np.float32)
+    scale[:, found.part == TIME] = np.sqrt(wind.between)[:, None]
     slope, bend = mean_derivatives(field.mean, field.spacing)
     return kd.Modes(
-        float(origin[0]), float(origin[1]), 1.0 / spacing, slot.astype(np.int64), keep,
+        float(found.origin[0]), float(found.origin[1]), 1.0 / found.spacing, slot.astype(np.int64),
+        np.cumsum((keep[:steps] < 1.0).any(axis=1)), keep, part, keep[:, part].astype(np.float32), scale,
         np.ascontiguousarray(psi, np.float32), slope, bend, field.gust_time / dt,
+        min(2.0 * found.rest_length / (speed * dt), float(steps)),
     )  # fmt: skip
+
+
+def part_persistence(field: WindField, wind: kd.Wind, slot: IntArray, dt: float) -> FloatArray:
+    """Share (S + 1, parts) that θ of each part of the error keeps of the step before.
+
+    Interpolation in space and forecasts change from slot to slot. Interpolation in time has an error of its
+    own in every gap between fields; of a held field it changes every ``HELD_EPOCH``, as the change of the
+    wind since its time does. An ensemble's members stay who they are.
+    """
+    steps, times = len(wind.slot), field.times
+    keep = np.ones((steps + 1, len(PARTS)))
+    passed = np.diff(times[slot], prepend=times[slot[0]])
+    if field.modes is not None:
+        keep[:steps, SPACE] = field.modes.rho ** (passed / field.modes.gap)
+    if field.error is not None:
+        keep[:steps, FORECAST] = field.error.persistence ** (passed / field.error.persistence_time)
+        late = np.floor((dt * np.arange(steps) - times[-1]) / HELD_EPOCH).astype(int)
+        gap = np.where(late >= 0, len(times) + late, wind.slot)
+        for n in np.flatnonzero(np.diff(gap)) + 1:
+            middles = (late[n - 1] + 0.5) * HELD_EPOCH, (late[n] + 0.5) * HELD_EPOCH
+            keep[n, TIME] = field.error.change_correlation(*middles) if late[n - 1] >= 0 else 0.0
+    return keep
 
 
 def mean_derivatives(mean: FloatArray, spacing: float) -> tuple[FloatArray, FloatArray]:
@@ -177,7 +217,7 @@ def pack_laws(
 ) -> dict[str, kd.Law]:
     """Every wind law by name; with landmarks the coherent one uses their fixes."""
     motion, lattice = pack_motion(robot, ball), pack_wind(wind, robot.dt, planner.max_steps)
-    modes = pack_modes(wind, lattice, robot.dt)
+    modes = pack_modes(wind, lattice, robot.dt, robot.u_max)
     coherent: kd.Law = kd.CoherentLaw(lattice, modes, motion)
     if marks:
         coherent = kd.LandmarkLaw(lattice, modes, motion, pack_landmarks(robot, marks))

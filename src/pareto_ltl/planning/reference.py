@@ -151,6 +151,7 @@ def propagate_independent(problem: Problem, x: FloatArray) -> tuple[FloatArray, 
         around = x[t] + radius * np.vstack([[0.0, 0.0], BALL])
         latent = np.array([interpolate(wind, wind.latent, t, p) for p in around])
         worst = latent[np.argmax(latent.sum(axis=1))] + interpolate_time(wind, wind.gust, t)
+        worst = worst + wind.between[t]
         cov.append(motion.closed @ cov[-1] @ motion.closed.T + motion.dt**2 * np.diag(worst))
         mean = interpolate(wind, wind.mean, t, x[t])
         u.append(motion.b_inv @ (x[t + 1] - motion.a @ x[t] - motion.dt * mean) / motion.dt)
@@ -173,8 +174,8 @@ def propagate_coherent(problem: Problem, x: FloatArray) -> tuple[FloatArray, Flo
         slope, bend = interpolate(wind, modes.slope, t, x[t]), interpolate(wind, modes.bend, t, x[t])
         F = motion.closed + motion.dt * slope.reshape(2, 2)
         psi, east, north = modes_at_place(modes, t, x[t])
-        white = interpolate(wind, wind.latent, t, x[t]) - np.diag(psi @ psi.T)
-        white = modes.white * (np.maximum(white, 0.0) + interpolate_time(wind, wind.gust, t))
+        left = interpolate(wind, wind.latent, t, x[t]) + wind.between[t] - np.diag(psi @ psi.T)
+        white = modes.white * interpolate_time(wind, wind.gust, t) + modes.rest * np.maximum(left, 0.0)
         curved = [
             0.5 * (b[0] * sigma[0, 0] + 2 * b[1] * sigma[0, 1] + b[2] * sigma[1, 1])
             for b in (bend[:3], bend[3:])
@@ -186,14 +187,14 @@ def propagate_coherent(problem: Problem, x: FloatArray) -> tuple[FloatArray, Flo
         u.append(motion.b_inv @ (x[t + 1] - motion.a @ x[t] - motion.dt * drift) / motion.dt)
         mixed = motion.dt * F @ C @ psi.T
         sigma = F @ sigma @ F.T + mixed + mixed.T + motion.dt**2 * (psi @ psi.T + np.diag(white))
-        C = modes.keep[t + 1] * (F @ C + motion.dt * psi)
+        C = np.tile(modes.kept[t + 1], 2) * (F @ C + motion.dt * psi)
         cov.append(sigma)
     return np.array(cov), np.array(u).reshape(-1, 2)
 
 
 def modes_at_place(modes: Modes, step: int, point: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """blkdiag(ψ_x', ψ_y') (2, 2P) at a point, and ψ's derivatives to east and north, (2, P) each [1/s]."""
-    psi = modes.psi[modes.slot[step]].astype(float)[None]
+    psi = (modes.scale[step] * modes.psi[modes.slot[step]]).astype(float)[None]
     corners, ((fx, fy),), _ = lattice_corners(modes, psi, np.zeros(1, np.int64), point[None])
     (a, c), (b, d) = corners[:, :, 0]
     here = bilinear_value(corners, fx, fy)[0]

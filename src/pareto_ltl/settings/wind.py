@@ -13,7 +13,7 @@ from pareto_ltl.support.messages import shown_value
 WIND_SOURCES = ("sample", "csv", "grib", "netcdf", "stations", "noaa", "currents", "calm")
 FILE_SOURCES = ("csv", "grib", "netcdf", "stations", "currents")
 NOAA_MODELS = ("gfs", "hrrr", "gefs")
-GP_KERNELS = ("matern32", "rbf")
+GP_KERNELS = ("matern12", "matern32", "rbf")
 
 
 @dataclass
@@ -23,7 +23,7 @@ class WindConfig(CheckedSettings):
     section: ClassVar[str] = "wind"
     source: str = setting("sample", "where readings come from", choices=WIND_SOURCES, group=WIND_SOURCE_GROUP)
     path: str | None = setting(None, "file, folder or pattern, for the sources that read files")
-    kernel: str = setting("matern32", "kernel of the Gaussian process", choices=GP_KERNELS)
+    kernel: str = setting("matern12", "kernel of the Gaussian process", choices=GP_KERNELS)
     noise_min: float = setting(
         0.3, "lower bound of the white-noise standard deviation", unit="m/s", above=0, most=100
     )
@@ -57,7 +57,7 @@ class WindConfig(CheckedSettings):
     energy: float = setting(
         0.99, "share of the posterior variance in the coherent modes; the rest is white", above=0, below=1
     )
-    modes_max: int = setting(96, "largest number of modes of a time slot and component", least=1, most=10_000)
+    modes_max: int = setting(32, "largest number of modes of a component", least=1, most=10_000)
     modes_spacing: float = setting(
         50_000.0, "spacing of the lattice of the modes", unit="m", above=0, most=1e7
     )

@@ -44,7 +44,9 @@ def rank_front(problem: Problem, front: Front, draws: int, seed: SeedSequence) -
     """
     rng = np.random.default_rng(unspawned(seed))
     steps = max(len(path.u) for path in front.paths)
-    fields = 8 * len(problem.modes.psi) * problem.modes.psi.shape[-1]  # bytes of the winds of a flight
+    fields = (
+        8 * (int(problem.modes.epoch[-1]) + 1) * problem.modes.psi.shape[-1]
+    )  # bytes of the winds of a flight
     require_memory(fields + 48 * steps, "selection.draws", draws, "flights that rank the front")
     winds = draw_coherent(problem, draws, steps, rng)
     start = math.sqrt(problem.start_variance) * rng.standard_normal((draws, 2))

@@ -22,7 +22,7 @@ from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import Plan
 from pareto_ltl.settings import DeploymentConfig
 from pareto_ltl.simulation.records import Deployment
-from pareto_ltl.support.arrays import Float32Array, FloatArray
+from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.cores import cores
 from pareto_ltl.support.errors import InfeasibleError
 from pareto_ltl.support.memory import require_memory
@@ -41,32 +41,27 @@ def draw_independent(problem: Problem, runs: int, steps: int, rng: Generator) ->
 
 
 def draw_coherent(problem: Problem, runs: int, steps: int, rng: Generator) -> kernel.CoherentDraws:
-    """One field for each of ``runs`` flights, drawn for all slots, so that it does not depend on ``steps``.
+    """One field for each of ``runs`` flights: its θ for every epoch, in which no part of the error changes.
 
     θ_0 ~ N(0, I),    θ_{k+1} = ρ_k θ_k + √(1 - ρ_k²) η:    independent for ρ = 0, one field for ρ = 1.
+
+    Fields and white parts have generators of their own, so that a longer plan only draws further.
     """
     law, modes = problem.laws["coherent"], problem.modes
     assert not isinstance(law, kd.IndependentLaw)
-    theta = rng.standard_normal((runs, len(modes.psi), 2, modes.psi.shape[-1]), np.float32)
-    for k, rho in enumerate(slot_persistence(modes), start=1):
-        theta[:, k] = rho * theta[:, k - 1] + np.float32(np.sqrt(1.0 - rho**2)) * theta[:, k]
-    return kernel.CoherentDraws(law, rng.standard_normal((steps, runs, 2)), theta)
+    fields, gusts = rng.spawn(2)
+    epochs = int(modes.epoch[min(steps, len(modes.epoch)) - 1]) + 1 if steps else 1
+    theta = fields.standard_normal((epochs, runs, 2, modes.psi.shape[-1]), np.float32)
+    for step in np.flatnonzero(np.diff(modes.epoch[:steps])) + 1:
+        k, kept = modes.epoch[step], modes.kept[step]
+        theta[k] = kept * theta[k - 1] + np.sqrt(1.0 - kept**2) * theta[k]
+    return kernel.CoherentDraws(law, gusts.standard_normal((steps, runs, 2)), theta)
 
 
 DRAWS: dict[str, Callable[[Problem, int, int, Generator], Any]] = {
     "independent": draw_independent,
     "coherent": draw_coherent,
 }
-
-
-def slot_persistence(modes: kd.Modes) -> Float32Array:
-    """ρ from each slot to the next, as the planner's steps have it; 1 where no step falls between them."""
-    rho = np.ones(max(len(modes.psi) - 1, 0), np.float32)
-    for step in range(1, len(modes.slot)):
-        first, last = int(modes.slot[step - 1]), int(modes.slot[step])
-        if last > first:
-            rho[first:last] = modes.keep[step] ** (1.0 / (last - first))
-    return rho
 
 
 # --- flights ----------------------------------------------------------------------------------
@@ -177,7 +172,7 @@ def _navigator(problem: Problem, u: FloatArray, mean: FloatArray | None, law: st
     def navigator(runs: int, rng: Generator) -> kernel.Navigator:
         noise = fix_sd * rng.standard_normal((len(u), runs, 2))
         field = np.empty((2, modes.psi.shape[-1]), np.float32)
-        return kernel.Navigator(path, planned.landmarks, learnt, noise, modes.keep, field, np.zeros(3))
+        return kernel.Navigator(path, planned.landmarks, learnt, noise, modes.kept, field, np.zeros(3))
 
     return navigator
 

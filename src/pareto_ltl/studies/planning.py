@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from pareto_ltl.support.arrays import FloatArray
     from pareto_ltl.wind.records import WindField
 
-OF_THE_LATTICE = ("origin", "spacing", "times", "hold_last", "score", "source")
+OF_THE_LATTICE = ("origin", "spacing", "times", "until", "ends", "leads", "level", "score", "source")
 
 
 def study_run(settings: Settings, world: Records) -> Run:

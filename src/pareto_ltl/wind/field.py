@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+import logging
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+
 import numpy as np
 
 from pareto_ltl.settings import WindConfig
 from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.support.display import probability_text
 from pareto_ltl.wind.fit_cache import cached_wind_table
 from pareto_ltl.wind.gp import Hyper
 from pareto_ltl.wind.records import WindEvidence, WindField, WindModes, WindObservations
@@ -15,6 +21,9 @@ from pareto_ltl.world.scene import Scene
 FEWEST_MODE_CELLS, MOST_MODE_CELLS = 10, 24  # of the lattice of the modes, along the longer side of the scene
 FEWEST_CELLS = 20  # of the lattice, along the longer side of the scene
 MOST_CELLS = 400  # of the lattice, along its longer side
+LEAST_COVERAGE, MOST_COVERAGE = 0.8, 0.97  # of 90 % intervals, beyond which the log warns
+SAMPLES = 16  # instants at which a variance is averaged over time
+LOG = logging.getLogger(__name__)
 LENGTH = Hyper._fields.index("length")
 
 
@@ -34,7 +43,39 @@ def fit_wind_field(
     if not any(len(points) for points in observations.points):
         return _calm_field(lattice, observations.source)
     seen = _observations_until(observations, horizon)
-    task = WindTask(
+    task = _wind_task(cfg, seen, scene, lattice, horizon)
+    table = cached_wind_table(task) if cfg.cache else tabulate_wind(task)
+    _warn_about_score(table.score)
+    return WindField(
+        origin=lattice.origin,
+        spacing=lattice.spacing,
+        times=seen.times,
+        mean=table.mean,
+        latent_var=table.latent_var,
+        gust_var=table.gust_var,
+        until=seen.until,
+        score=table.score,
+        source=seen.source,
+        modes=_wind_modes(cfg, seen, task.mode_lattice, table),
+        gust_time=cfg.gust_time,
+        evidence=WindEvidence(seen.points, seen.winds, cfg.kernel, table.hyper),
+        leads=seen.leads,
+        level=seen.level,
+        ends=seen.ends,
+        error=None if seen.error is None else seen.error.shared(seen.forecast_share),
+    )
+
+
+def _wind_task(
+    cfg: WindConfig, seen: WindObservations, scene: Scene, lattice: NodeLattice, horizon: float | None
+) -> WindTask:
+    """What is to be fitted and tabulated, with the variances of the parts of the error."""
+    forecast, between, lengths = np.zeros(len(seen.times)), np.zeros(len(seen.times)), (1.0, 1.0)
+    if seen.error is not None:
+        forecast = seen.error.shared(seen.forecast_share).forecast_variance(seen.leads)
+        between = time_variances(seen, horizon)
+        lengths = seen.error.forecast_length, seen.error.change_length
+    return WindTask(
         kernel=cfg.kernel,
         noise_min=cfg.noise_min,
         holdout=cfg.holdout,
@@ -43,24 +84,45 @@ def fit_wind_field(
         times=seen.times,
         points=seen.points,
         winds=seen.winds,
+        members=seen.members,
+        bounds=scene.bounds,
+        forecast_var=forecast,
+        forecast_length=lengths[0],
+        time_var=between,
+        time_length=lengths[1],
         lattice=lattice,
         mode_lattice=modes_lattice(cfg, scene),
     )
-    table = cached_wind_table(task) if cfg.cache else tabulate_wind(task)
-    return WindField(
-        origin=lattice.origin,
-        spacing=lattice.spacing,
-        times=seen.times,
-        mean=table.mean,
-        latent_var=table.latent_var,
-        gust_var=table.gust_var,
-        hold_last=cfg.hold_last,
-        score=table.score,
-        source=seen.source,
-        modes=_wind_modes(cfg, seen.times, task.mode_lattice, table),
-        gust_time=cfg.gust_time,
-        evidence=WindEvidence(seen.points, seen.winds, cfg.kernel, table.hyper),
-    )
+
+
+def time_variances(seen: WindObservations, horizon: float | None) -> FloatArray:
+    """Mean variance of interpolation in time while each slot is the nearest, (K,) [m²/s²]."""
+    law, times = seen.error, seen.times
+    if law is None:
+        return np.zeros(len(times))
+    end = min(times[-1] if seen.until is None else seen.until, np.inf if horizon is None else horizon)
+    share = (np.arange(SAMPLES) + 0.5) / SAMPLES
+    gaps = np.diff(times)
+    halves = [law.between_variance(0.5 * share, np.full(SAMPLES, gap)).mean() for gap in gaps]
+    before = np.concatenate([[0.0], gaps, [0.0]]) / 2
+    weight = np.concatenate([[0.0], halves, [0.0]]) * before
+    total, width = weight[:-1] + weight[1:], before[:-1] + before[1:]
+    if 0.0 < (held := end - times[-1]) < np.inf:
+        total[-1] += held * law.change_variance(held * share).mean()
+        width[-1] += held
+    return np.asarray(np.where(width > 0, total / np.maximum(width, 1e-300), 0.0), float)
+
+
+def _warn_about_score(score: Mapping[str, float]) -> None:
+    """One line in the log if predictions of readings that were kept out say that the fit is off."""
+    covered = score.get("gp_coverage_90", math.nan)
+    if covered < LEAST_COVERAGE or covered > MOST_COVERAGE:
+        LOG.warning(
+            "of the wind readings on the map that the fit did not see, %s lie within its 90 %% intervals "
+            "(expected %s to %s): promised probabilities are %s; try wind.kernel, or more readings",
+            probability_text(covered), probability_text(LEAST_COVERAGE), probability_text(MOST_COVERAGE),
+            "too low" if covered < LEAST_COVERAGE else "higher than they need be",
+        )  # fmt: skip
 
 
 def _calm_field(lattice: NodeLattice, source: str) -> WindField:
@@ -72,25 +134,30 @@ def _calm_field(lattice: NodeLattice, source: str) -> WindField:
         mean=still,
         latent_var=still.copy(),
         gust_var=np.zeros((1, 2)),
-        hold_last=True,
+        until=math.inf,
         source=source,
     )
 
 
 def _wind_modes(
-    cfg: WindConfig, times: FloatArray, lattice: NodeLattice, table: WindTable
+    cfg: WindConfig, seen: WindObservations, lattice: NodeLattice, table: WindTable
 ) -> WindModes | None:
     """The modes in ``table``; None if there are none, that is, if the variance is 0."""
     if table.psi.shape[-1] == 0:
         return None
+    lengths = table.hyper[:, :, LENGTH]
+    if seen.error is not None:
+        lengths = np.minimum(lengths, min(seen.error.forecast_length, seen.error.change_length))
     return WindModes(
         origin=lattice.origin,
         spacing=lattice.spacing,
         psi=table.psi,
+        part=table.part,
         rho=table.rho if cfg.rho is None else cfg.rho,
-        gap=float(np.median(np.diff(times))) if len(times) > 1 else 1.0,
-        length=table.hyper[:, :, LENGTH],
+        gap=float(np.median(np.diff(seen.times))) if len(seen.times) > 1 else 1.0,
+        length=lengths,
         energy=table.energy,
+        rest_length=table.rest_length,
     )
 
 
@@ -127,10 +194,19 @@ def _observations_until(observations: WindObservations, horizon: float | None) -
     """The observations up to the first time at or after ``horizon`` [s since time_zero]."""
     if horizon is None:
         return observations
-    n = int(np.searchsorted(observations.times, horizon)) + 1
-    return WindObservations(
-        observations.times[:n], observations.points[:n], observations.winds[:n], observations.source
+    n = min(int(np.searchsorted(observations.times, horizon)) + 1, len(observations.times))
+    if n == len(observations.times):
+        return observations
+    return replace(
+        observations,
+        times=observations.times[:n],
+        points=observations.points[:n],
+        winds=observations.winds[:n],
+        leads=observations.leads[:n],
+        members=observations.members[:n],
+        until=float(observations.times[n - 1]),
+        ends="planner.max_steps ends there",
     )
 
 
-__all__ = ["fit_wind_field", "modes_lattice", "wind_lattice"]
+__all__ = ["fit_wind_field", "modes_lattice", "time_variances", "wind_lattice"]

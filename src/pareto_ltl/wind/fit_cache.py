@@ -27,8 +27,8 @@ from pareto_ltl.wind.tabulate import WindTable, WindTask, tabulate_wind
 LOG = logging.getLogger(__name__)
 TABLE_CODE = ("wind.tabulate", "wind.gp", "wind.modes")  # the code that a table depends on
 TABLE_PACKAGES = ("numpy", "scipy", "scikit-learn")  # other versions round differently
-TABLE_SCHEMA = "pareto_ltl.wind_table/1"
-ARRAYS = tuple(name for name in WindTable._fields if name not in ("rho", "score"))
+TABLE_SCHEMA = "pareto_ltl.wind_table/2"
+ARRAYS = tuple(name for name in WindTable._fields if name not in ("rho", "rest_length", "score"))
 
 
 def cache_folder() -> Path:
@@ -107,7 +107,12 @@ def _read_table(arrays: Path, numbers: Path) -> WindTable:
         raise DataError(f"{numbers.name} has no scores")
     score = {str(name): math.nan if value is None else float(value) for name, value in told["score"].items()}
     content = read_npz(arrays)
-    return WindTable(rho=float(told["rho"]), score=score, **{name: content[name] for name in ARRAYS})
+    return WindTable(
+        rho=float(told["rho"]),
+        rest_length=float(told["rest_length"]),
+        score=score,
+        **{name: content[name] for name in ARRAYS},
+    )
 
 
 def _keep_table(folder: Path, key: str, table: WindTable) -> None:
@@ -115,7 +120,13 @@ def _keep_table(folder: Path, key: str, table: WindTable) -> None:
     write_npz(arrays, {name: getattr(table, name) for name in ARRAYS})
     write_json(
         folder / f"{key}.json",
-        {"schema": TABLE_SCHEMA, "sha256": file_fingerprint(arrays), "rho": table.rho, "score": table.score},
+        {
+            "schema": TABLE_SCHEMA,
+            "sha256": file_fingerprint(arrays),
+            "rho": table.rho,
+            "rest_length": table.rest_length,
+            "score": table.score,
+        },
     )
     cache.trim_folder(folder, cache.cache_limit())
 

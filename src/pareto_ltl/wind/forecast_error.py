@@ -142,6 +142,10 @@ class ForecastError:
         """The same change of the wind between fields, but no error at the time of a field."""
         return replace(self, name="none", forecast_sd=np.zeros_like(self.forecast_sd))
 
+    def shared(self, share: float) -> ForecastError:
+        """This law with a ``share`` of the variance of forecast errors; an ensemble has the rest."""
+        return self if share == 1.0 else replace(self, forecast_sd=np.sqrt(share) * self.forecast_sd)
+
     def document(self) -> dict[str, Any]:
         """The numbers as they stand in a file."""
         return {

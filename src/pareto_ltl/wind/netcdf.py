@@ -15,7 +15,9 @@ from numpy.typing import NDArray
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.files import write_bytes
-from pareto_ltl.wind.records import WindEvidence, WindField, WindModes
+from pareto_ltl.support.schemas import check_document
+from pareto_ltl.wind.forecast_error import ForecastError, forecast_error_of
+from pareto_ltl.wind.records import PARTS, WindEvidence, WindField, WindModes
 from pareto_ltl.world.scene import Scene
 
 if TYPE_CHECKING:
@@ -105,12 +107,19 @@ def _file_attributes(field: WindField) -> dict[str, Any]:
         "source": field.source,
         "origin": field.origin,
         "spacing": field.spacing,
-        "hold_last": int(field.hold_last),
+        "known_until": field.known_until,
+        "known_until_because": field.ends,
+        "level": field.level,
         "gust_time": field.gust_time,
-        **({} if field.modes is None else {"rho": field.modes.rho, "rho_gap": field.modes.gap}),
+        **({} if field.modes is None else _mode_attributes(field.modes)),
+        **({} if field.error is None else {"forecast_error": json.dumps(field.error.document())}),
         **({} if field.evidence is None else {"kernel": field.evidence.kernel}),
         "score": json.dumps(dict(field.score), sort_keys=True),
     }
+
+
+def _mode_attributes(modes: WindModes) -> dict[str, float]:
+    return {"rho": modes.rho, "rho_gap": modes.gap, "rest_length": modes.rest_length}
 
 
 def _field_variables(field: WindField, scene: Scene | None) -> Iterator[NetcdfVariable]:
@@ -119,6 +128,8 @@ def _field_variables(field: WindField, scene: Scene | None) -> Iterator[NetcdfVa
     yield "time", ("time",), field.times, {"standard_name": "time", "axis": "T", **_time_attributes(scene)}
     yield "y", ("y",), y, {"standard_name": "projection_y_coordinate", "units": "m", "axis": "Y"}
     yield "x", ("x",), x, {"standard_name": "projection_x_coordinate", "units": "m", "axis": "X"}
+    lead = "valid time minus start of the forecast; NaN where it is not known"
+    yield "lead", ("time",), field.leads, _variable_attributes(lead, "s", "forecast_period")
     placed: dict[str, Any] = {}
     if scene is not None and scene.crs is not None:
         yield "crs", (), 0, _grid_mapping(scene.crs)
@@ -132,7 +143,7 @@ def _field_variables(field: WindField, scene: Scene | None) -> Iterator[NetcdfVa
             f"{name}_var",
             GRID_DIMENSIONS,
             var,
-            _variable_attributes(f"variance of the smooth part of {name}", "m2 s-2") | placed,
+            _variable_attributes(f"variance of the smooth part of the error of {name}", "m2 s-2") | placed,
         )
         white = f"variance of the part of {name} that is independent from step to step"
         yield f"{name}_gust_var", ("time",), field.gust_var[:, c], _variable_attributes(white, "m2 s-2")
@@ -147,13 +158,16 @@ def _mode_variables(found: WindModes) -> Iterator[NetcdfVariable]:
     x, y = (found.origin[i] + found.spacing * np.arange(found.psi.shape[i + 1]) for i in (0, 1))
     yield "mode_y", ("mode_y",), y, {"units": "m", "long_name": "y of the modes' lattice"}
     yield "mode_x", ("mode_x",), x, {"units": "m", "long_name": "x of the modes' lattice"}
+    parts = ", ".join(f"{k}: {name}" for k, name in enumerate(PARTS))
+    described = _variable_attributes(f"part of the error ({parts}); -1: unused", "1")
+    yield "mode_part", ("mode",), found.part, described
     for c, name in enumerate("uv"):
         psi = found.psi[..., c, :].transpose(0, 2, 1, 3)
         yield (
             f"{name}_modes",
             MODE_DIMENSIONS,
             psi,
-            _variable_attributes(f"Karhunen-Loeve modes of {name}, U sqrt(Lambda)", "m s-1"),
+            _variable_attributes(f"Karhunen-Loeve modes of the error of {name}, U sqrt(Lambda)", "m s-1"),
         )
         yield (
             f"{name}_length",
@@ -165,7 +179,7 @@ def _mode_variables(found: WindModes) -> Iterator[NetcdfVariable]:
             f"{name}_energy",
             ("time",),
             found.energy[:, c],
-            _variable_attributes(f"share of variance in {name}_modes", "1"),
+            _variable_attributes(f"share of the variance of the error in {name}_modes", "1"),
         )
 
 
@@ -215,12 +229,16 @@ def _read_field(file: h5netcdf.File) -> WindField:
         mean=np.ascontiguousarray(stack("u", "v").transpose(0, 2, 1, 3)),
         latent_var=np.ascontiguousarray(stack("u_var", "v_var").transpose(0, 2, 1, 3)),
         gust_var=stack("u_gust_var", "v_gust_var"),
-        hold_last=bool(file.attrs["hold_last"]),
+        until=float(file.attrs["known_until"]),
         score=_read_score(str(file.attrs["score"])),
         source=str(file.attrs["source"]),
         modes=_read_modes(file) if "u_modes" in file else None,
         gust_time=float(file.attrs["gust_time"]),
         evidence=_read_evidence(file) if "reading_count" in file else None,
+        leads=_values(file, "lead"),
+        level=str(file.attrs["level"]),
+        ends=str(file.attrs["known_until_because"]),
+        error=_read_error(str(file.attrs["forecast_error"])) if "forecast_error" in file.attrs else None,
     )
     _check_field(field)
     return field
@@ -235,6 +253,12 @@ def _values(file: h5netcdf.File, name: str, kind: type = float) -> NDArray[Any]:
     if np.dtype(variable.dtype).kind not in "biuf":
         raise ValueError(f"{name} holds {variable.dtype}; expected numbers")
     return np.asarray(variable[...], kind)
+
+
+def _read_error(text: str) -> ForecastError:
+    told = json.loads(text)
+    check_document(told, "forecast_error", "forecast_error")
+    return forecast_error_of(told)
 
 
 def _read_score(text: str) -> dict[str, float]:
@@ -262,6 +286,8 @@ def _check_field(field: WindField) -> None:
         raise ValueError("a variance is negative")
     if (np.diff(field.times) <= 0).any():
         raise ValueError("the times do not increase")
+    if not field.known_until >= field.times[0]:
+        raise ValueError("known_until lies before the first time")
 
 
 def _read_modes(file: h5netcdf.File) -> WindModes:
@@ -271,10 +297,12 @@ def _read_modes(file: h5netcdf.File) -> WindModes:
         origin=np.array([x[0], y[0]]),
         spacing=float(x[1] - x[0]),
         psi=np.ascontiguousarray(psi.transpose(0, 2, 1, 3, 4)),
+        part=_values(file, "mode_part", int),
         rho=float(file.attrs["rho"]),
         gap=float(file.attrs["rho_gap"]),
         length=np.stack([_values(file, f"{name}_length") for name in "uv"], axis=-1),
         energy=np.stack([_values(file, f"{name}_energy") for name in "uv"], axis=-1),
+        rest_length=float(file.attrs["rest_length"]),
     )
 
 

@@ -7,20 +7,24 @@ import numpy as np
 from pareto_ltl.settings import WindConfig
 from pareto_ltl.support.arrays import FloatArray, IntArray
 from pareto_ltl.support.errors import ConfigError, DataError
+from pareto_ltl.wind.forecast_error import forecast_error_law
 from pareto_ltl.wind.readings import Readings, farthest_points, iso, on_sphere, seconds
 from pareto_ltl.wind.records import WindObservations
+from pareto_ltl.wind.sources import wind_source
 from pareto_ltl.world.scene import Scene
 
 FEWEST_READINGS = 5  # readings near the scene, at each time
+ENOUGH_READINGS = 40  # readings near the scene, at each time, without which those farther away are used too
 FIT_RADIUS = 500e3  # [m], about one correlation length of the 10 m wind over land
 HORIZON_ANGLE = np.deg2rad(45.0)  # readings farther away carry no information and are distorted in the plane
+HOUR = 3600.0
 
 
 def place_readings(cfg: WindConfig, readings: Readings, scene: Scene) -> WindObservations:
     """Wind readings in the plane of ``scene``, from the last time at or before departure on.
 
-    Earth-relative winds are rotated by the meridian convergence; their speed is not scaled. Calm wind is one
-    time without readings.
+    They end before the first gap of more than ``wind.max_gap``. Earth-relative winds are rotated by the
+    meridian convergence; their speed is not scaled. Calm wind is one time without readings.
 
     Raises
     ------
@@ -31,18 +35,33 @@ def place_readings(cfg: WindConfig, readings: Readings, scene: Scene) -> WindObs
         If the departure is not an ISO 8601 time.
     """
     if not len(readings.times):
-        return WindObservations(np.zeros(1), (np.empty((0, 2)),), (np.empty((0, 2)),), cfg.source)
+        nothing = np.empty((0, 2))
+        return WindObservations(np.zeros(1), (nothing,), (nothing,), cfg.source, until=np.inf)
     _refuse_other_frame(readings, scene)
     zero = _departure_time(scene, readings)
-    kept = _slots_from_departure(cfg, readings, zero)
+    kept, until, ends = _slots_from_departure(cfg, readings, zero)
     placed = [_readings_in_plane(cfg, scene, readings, k) for k in kept]
+    law = forecast_error_law(cfg.forecast_error, wind_source(cfg).forecast_error)
+    winds = tuple(winds for _, winds, _ in placed)
     return WindObservations(
         times=readings.times[kept] - zero,
-        points=tuple(points for points, _ in placed),
-        winds=tuple(winds for _, winds in placed),
+        points=tuple(points for points, _, _ in placed),
+        winds=winds,
         source=f"{cfg.source}: {', '.join(file.name for file in readings.files[:8])}"
         + (f" and {len(readings.files) - 8} more" if len(readings.files) > 8 else ""),
+        leads=readings.leads[kept],
+        level=readings.level,
+        until=until - zero,
+        ends=ends,
+        error=law.for_winds(readings.level, _spread(winds)),
+        members=tuple(members for _, _, members in placed) if readings.members else (),
+        forecast_share=readings.forecast_share,
     )
+
+
+def _spread(winds: tuple[FloatArray, ...]) -> float:
+    """Standard deviation of the winds of one time over places, of one component [m/s]."""
+    return float(np.sqrt(np.mean([w.var(axis=0).mean() for w in winds])))
 
 
 def _refuse_other_frame(readings: Readings, scene: Scene) -> None:
@@ -65,59 +84,82 @@ def _departure_time(scene: Scene, readings: Readings) -> float:
         ) from None
 
 
-def _slots_from_departure(cfg: WindConfig, readings: Readings, zero: float) -> IntArray:
-    """Indices of the times from the last one at or before departure ``zero`` [s since 1970] on."""
-    times = readings.times
+def _slots_from_departure(cfg: WindConfig, readings: Readings, zero: float) -> tuple[IntArray, float, str]:
+    """Indices of the times from the last one at or before departure ``zero`` [s since 1970] on, up to a gap.
+
+    Also the end of the time for which they may be used [s since 1970], and why it ends there.
+    """
+    times, name, held = readings.times, readings.name, cfg.max_gap * HOUR if cfg.hold_last else 0.0
     spell = f"{iso(times[0])} .. {iso(times[-1])}"
-    name = readings.name
-    if len(times) == 1 and not cfg.hold_last:
-        raise DataError(
-            f"{name} holds one wind time only ({iso(times[0])}), which covers no flight; "
-            "add later times, or let it stand for all with wind.hold_last=true"
-        )
-    if zero < times[0] or (zero >= times[-1] and not cfg.hold_last):
+    if zero < times[0]:
         raise DataError(
             f"departure {iso(zero)} is not covered by the wind of {name} ({spell}); "
             "choose mission.start_time inside, or add wind files"
         )
     start = int(np.searchsorted(times, zero, side="right")) - 1
-    return np.arange(start, len(times))
+    gaps = np.diff(times[start:])
+    wide = np.flatnonzero(gaps > cfg.max_gap * HOUR + 1.0)
+    last = start + (int(wide[0]) if len(wide) else len(gaps))
+    until, ends = times[last] + held, f"the last wind time of {name} is {iso(times[last])}"
+    if len(wide):
+        ends = (
+            f"{name} has a gap of {gaps[wide[0]] / HOUR:g} h from {iso(times[last])} to "
+            f"{iso(times[last + 1])}, longer than wind.max_gap ({cfg.max_gap:g} h)"
+        )
+    if cfg.hold_last:
+        ends += f", and wind.hold_last holds it for {cfg.max_gap:g} h"
+    if until <= zero:
+        more = "add wind files" if len(wide) else "choose mission.start_time inside, or add wind files"
+        raise DataError(
+            f"departure {iso(zero)} is not covered by the wind of {name} ({spell}): {ends}; {more}, "
+            f"or hold the last field for up to wind.max_gap ({cfg.max_gap:g} h) with wind.hold_last=true"
+        )
+    return np.arange(start, last + 1), until, ends
 
 
 def _readings_in_plane(
     cfg: WindConfig, scene: Scene, readings: Readings, k: int
-) -> tuple[FloatArray, FloatArray]:
-    """Positions [m] and winds [m/s] of time k in the plane, at most ``wind.max_points``."""
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Positions [m], winds [m/s] and deviations of members (n, 2, M) of time k near the scene in its plane,
+    at most ``wind.max_points``."""
     points, winds = readings.points[k], readings.winds[k]
-    reach = max(cfg.padding, float(np.max(scene.bounds[1] - scene.bounds[0])))
+    members = readings.members[k] if readings.members else np.empty((len(points), 2, 0))
+    near = max(cfg.padding, float(np.max(scene.bounds[1] - scene.bounds[0])))
     if readings.geographic:
-        points, winds = project_readings(str(scene.crs), scene.bounds.mean(axis=0), points, winds)
-        reach = max(cfg.padding, FIT_RADIUS)
+        columns = np.concatenate([winds[:, :, None], members], axis=2)
+        points, turned = project_readings(str(scene.crs), scene.bounds.mean(axis=0), points, columns)
+        winds, members = turned[:, :, 0], turned[:, :, 1:]
+        near = max(cfg.padding, FIT_RADIUS)
     gap = _distance_to_box(scene.bounds, points)
-    near = int(np.sum(gap <= reach))
-    if near < FEWEST_READINGS:
+    count = int(np.sum(gap <= near))
+    if count < FEWEST_READINGS:
         raise DataError(
-            f"{readings.name}: {near} wind readings within {reach / 1e3:g} km of the scene at "
+            f"{readings.name}: {count} wind readings within {near / 1e3:g} km of the scene at "
             f"{iso(readings.times[k])}, expected at least {FEWEST_READINGS}; "
             "is the scene where the wind data is?"
         )
-    chosen = _readings_for_fit(cfg, scene.bounds.mean(axis=0), points, gap)
-    return points[chosen], winds[chosen]
+    chosen = _readings_for_fit(cfg, scene.bounds.mean(axis=0), points, gap, near)
+    return points[chosen], winds[chosen], members[chosen]
 
 
 def project_readings(
     crs: str, centre: FloatArray, lonlat: FloatArray, winds: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Positions [m] and winds [m/s], in the plane ``crs``, of readings near ``centre`` (2,) [m]."""
+    """Positions (n, 2) [m] and winds (n, 2, ...) [m/s] in the plane ``crs`` of readings near ``centre`` (2,).
+
+    ``winds`` (N, 2, ...) are towards east and north.
+    """
     from pareto_ltl.world import projection
 
     middle = on_sphere(np.stack(projection.to_geographic(crs, centre), axis=1))
     close = (on_sphere(lonlat) @ middle.T).ravel() >= np.cos(HORIZON_ANGLE)
     lon, lat = lonlat[close].T
     if not len(lon):
-        return np.empty((0, 2)), np.empty((0, 2))
-    turned = projection.rotate_vectors(winds[close], projection.meridian_convergence(crs, lon, lat))
-    return projection.to_plane(crs, lon, lat), turned
+        return np.empty((0, 2)), np.empty((0, *winds.shape[1:]))
+    angle = projection.meridian_convergence(crs, lon, lat)
+    columns = winds[close].reshape(len(lon), 2, -1)
+    turned = np.stack([projection.rotate_vectors(w, angle) for w in np.moveaxis(columns, 2, 0)], axis=2)
+    return projection.to_plane(crs, lon, lat), turned.reshape(len(lon), *winds.shape[1:])
 
 
 def _distance_to_box(bounds: FloatArray, points: FloatArray) -> FloatArray:
@@ -127,15 +169,21 @@ def _distance_to_box(bounds: FloatArray, points: FloatArray) -> FloatArray:
     return distance
 
 
-def _readings_for_fit(cfg: WindConfig, centre: FloatArray, points: FloatArray, gap: FloatArray) -> IntArray:
-    """Indices of the readings for the fit: all, or an even selection inside the lattice, or the nearest."""
-    if len(points) <= cfg.max_points:
-        return np.arange(len(points))
-    inside = np.flatnonzero(gap <= cfg.padding)
-    if len(inside) < cfg.max_points:
-        return np.sort(np.argsort(gap, kind="stable")[: cfg.max_points])
-    first = int(np.argmin(np.sum((points[inside] - centre) ** 2, axis=1)))
-    return np.sort(inside[farthest_points(points[inside], cfg.max_points, first)])
+def _readings_for_fit(
+    cfg: WindConfig, centre: FloatArray, points: FloatArray, gap: FloatArray, near: float
+) -> IntArray:
+    """Indices of the readings for the fit: those ``near`` the scene [m], an even selection if they are many.
+
+    Where few are near, the nearest ``ENOUGH_READINGS``: a process is fitted to the winds around the map,
+    which need not be those of another part of the continent.
+    """
+    close = np.flatnonzero(gap <= near)
+    if len(close) < ENOUGH_READINGS:
+        close = np.argsort(gap, kind="stable")[:ENOUGH_READINGS]
+    if len(close) <= cfg.max_points:
+        return np.sort(close)
+    first = int(np.argmin(np.sum((points[close] - centre) ** 2, axis=1)))
+    return np.sort(close[farthest_points(points[close], cfg.max_points, first)])
 
 
 __all__ = ["FEWEST_READINGS", "place_readings", "project_readings"]

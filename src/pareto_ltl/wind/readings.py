@@ -41,6 +41,11 @@ class Readings:
         Height of the wind: ``10m``, ``80m``, ``925hPa``; ``0m`` down to ``1000m depth`` for currents.
     notes : tuple of str
         What quality control left out, and other remarks about the whole source, one clear line each.
+    members : tuple of K (n_k, 2, M) float
+        Deviations of the members of an ensemble from ``winds`` [m/s], whose squares sum up to the variance;
+        empty without an ensemble.
+    forecast_share : float
+        Share of the variance of the forecast-error law that applies beside the members.
     """
 
     times: FloatArray
@@ -53,6 +58,8 @@ class Readings:
     leads: FloatArray
     level: str = "10m"
     notes: tuple[str, ...] = ()
+    members: tuple[FloatArray, ...] = ()
+    forecast_share: float = 1.0
 
     @property
     def name(self) -> str:

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pareto_ltl.support.arrays import FloatArray, require_shape
+from pareto_ltl.support.arrays import FloatArray, IntArray, require_shape
 from pareto_ltl.support.display import Displayed
+from pareto_ltl.wind.forecast_error import ForecastError
+
+PARTS = ("interpolation in space", "forecast", "interpolation in time", "ensemble")  # of the error of a field
+SPACE, FORECAST, TIME, ENSEMBLE = range(4)
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,14 +31,40 @@ class WindObservations:
         Towards +x and +y of the plane [m/s].
     source : str
         Description of the readings for the records of the run.
+    leads : (K,) float
+        Valid time minus start of the forecast [s]; NaN where the source does not say. Empty: all NaN.
+    level : str
+        Height of the wind, e.g. ``10m``.
+    until : float or None
+        End of the time for which the wind is known [s since time_zero]; None: the last time.
+    ends : str
+        Why it is not known for longer, for messages.
+    error : ForecastError or None
+        Error of forecasts and change of the wind in time; None: neither is covered.
+    members : tuple of K (n_k, 2, M) float
+        Deviations of the members of an ensemble at ``points`` [m/s], whose squares sum up to the variance.
+    forecast_share : float
+        Share of the variance of ``error`` that applies: less than 1 beside an ensemble.
     """
 
     times: FloatArray
     points: tuple[FloatArray, ...]
     winds: tuple[FloatArray, ...]
     source: str
+    leads: FloatArray = field(default_factory=lambda: np.empty(0))
+    level: str = "10m"
+    until: float | None = None
+    ends: str = ""
+    error: ForecastError | None = None
+    members: tuple[FloatArray, ...] = ()
+    forecast_share: float = 1.0
 
     def __post_init__(self) -> None:
+        if not len(self.leads):
+            object.__setattr__(self, "leads", np.full(len(self.times), np.nan))
+        require_shape("leads", self.leads, len(self.times))
+        if self.members and [m.shape[:1] for m in self.members] != [p.shape[:1] for p in self.points]:
+            raise ValueError("members must have one row for each reading")
         if not len(self.times) == len(self.points) == len(self.winds):
             raise ValueError("times, points and winds must have one entry per observation time")
         if np.any(np.diff(self.times) <= 0):
@@ -42,37 +73,51 @@ class WindObservations:
 
 @dataclass(frozen=True, slots=True)
 class WindModes:
-    """Karhunen-Loeve modes of the posterior wind, one θ per flight, slot and component::
+    """Karhunen-Loeve modes of the error of a wind field, one θ per flight, slot and component::
 
         w(x)    = μ(x) + ψ(x)' θ,            θ ~ N(0, I)
         θ_{k+1} = ρ θ_k + √(1 - ρ²) η,       η ~ N(0, I)
+
+    Every mode belongs to a part of the error, and each part has its own ρ (``planning/pack.py``).
 
     Attributes
     ----------
     origin : (2,) float
         South-west node of the lattice of the modes [m]; neighbours are ``spacing`` [m] apart.
     psi : (K, MX, MY, 2, P) float32
-        U √Λ [m/s]; unused modes of a slot are 0.
+        U √Λ [m/s], those of the part ``TIME`` for a variance of 1; unused modes are 0.
+    part : (P,) int
+        Index into ``PARTS`` of each mode, -1 for unused ones.
     rho : float
-        Correlation of θ between slots ``gap`` [s] apart: 0 for independent slots, 1 for a constant field.
+        Correlation of θ of the part ``SPACE`` between slots ``gap`` [s] apart: 0 for independent slots, 1 for
+        a constant field.
     gap : float
         Median time between slots [s].
     length : (K, 2) float
-        Length scale of the Gaussian process [m].
+        Shortest length scale of the parts [m].
     energy : (K, 2) float
-        Share of the posterior variance that the modes carry.
+        Share of the variance of the error that the modes carry.
+    rest_length : float
+        Correlation length [m] of what they leave, the integral of its correlation over the distance.
     """
 
     origin: FloatArray
     spacing: float
     psi: NDArray[np.float32]
+    part: IntArray
     rho: float
     gap: float
     length: FloatArray
     energy: FloatArray
+    rest_length: float = 0.0
 
     def __post_init__(self) -> None:
         require_shape("psi", self.psi, None, None, None, 2, None)
+        require_shape("part", self.part, self.psi.shape[-1])
+        if len(self.part) and not (self.part.min() >= -1 and self.part.max() < len(PARTS)):
+            raise ValueError(f"part must lie in -1..{len(PARTS) - 1}")
+        if not 0.0 <= self.rest_length < math.inf:
+            raise ValueError(f"rest_length must not be negative, got {self.rest_length}")
         require_shape("length", self.length, len(self.psi), 2)
         require_shape("energy", self.energy, len(self.psi), 2)
         if not 0.0 <= self.rho <= 1.0:
@@ -88,7 +133,7 @@ class WindEvidence:
     points, winds : tuple of K (n_k, 2) float
         Positions [m] and winds [m/s] of the readings of each slot.
     kernel : str
-        ``matern32`` or ``rbf``.
+        ``matern12``, ``matern32`` or ``rbf``.
     hyper : (K, 2, 4) float
         Prior mean, amplitude [m/s], length scale [m] and noise [m/s] of each process.
     """
@@ -117,11 +162,12 @@ class WindField(Displayed):
     mean : (K, NX, NY, 2) float
         Expected wind [m/s]; axis 1 runs east, axis 2 runs north.
     latent_var : (K, NX, NY, 2) float
-        Variance of the smooth field, per component [m²/s²].
+        Variance of the smooth part of the error at the time of a slot, per component [m²/s²].
     gust_var : (K, 2) float
         Variance of the white part, which is independent from step to step [m²/s²].
-    hold_last : bool
-        Whether the last slot holds for all later times.
+    until : float or None
+        End of the time for which the wind is known [s since time_zero]: past the last slot, the last slot
+        holds. None: the time of the last slot.
     score : mapping of name to float
         Accuracy of predictions of held-out readings: ``gp_z_sd``, ``gp_coverage_90``.
     source : str
@@ -129,9 +175,18 @@ class WindField(Displayed):
     modes : WindModes or None
         Modes of the smooth part for the coherent law; None if its variance is 0.
     gust_time : float
-        Integral time scale of the white part under the coherent law [s].
+        Time constant of the white part under the coherent law [s]: a flight of length T is moved by it by
+        √(σ² gust_time T). It is twice the integral of the white part's correlation over time.
     evidence : WindEvidence or None
         Readings and hyperparameters of the fit; None if the field was not fitted.
+    leads : (K,) float
+        Lead of the forecast of each slot [s]; NaN where it is not known. Empty: all NaN.
+    level : str
+        Height of the wind, e.g. ``10m``.
+    ends : str
+        Why the wind is not known for longer, for messages.
+    error : ForecastError or None
+        The law of forecast errors that ``latent_var`` includes, and of the change of the wind in time.
     """
 
     origin: FloatArray
@@ -140,14 +195,21 @@ class WindField(Displayed):
     mean: FloatArray
     latent_var: FloatArray
     gust_var: FloatArray
-    hold_last: bool = False
+    until: float | None = None
     score: Mapping[str, float] = field(default_factory=dict)
     source: str = ""
     modes: WindModes | None = None
     gust_time: float = 1800.0
     evidence: WindEvidence | None = None
+    leads: FloatArray = field(default_factory=lambda: np.empty(0))
+    level: str = "10m"
+    ends: str = ""
+    error: ForecastError | None = None
 
     def __post_init__(self) -> None:
+        if not len(self.leads):
+            object.__setattr__(self, "leads", np.full(len(self.times), np.nan))
+        require_shape("leads", self.leads, len(self.times))
         require_shape("mean", self.mean, len(self.times), None, None, 2)
         if self.latent_var.shape != self.mean.shape:
             raise ValueError(f"latent_var must match mean {self.mean.shape}, got {self.latent_var.shape}")
@@ -156,6 +218,11 @@ class WindField(Displayed):
             raise ValueError(f"modes must have {len(self.times)} slots, got {len(self.modes.psi)}")
         if self.evidence is not None and len(self.evidence.points) != len(self.times):
             raise ValueError(f"evidence must have {len(self.times)} slots, got {len(self.evidence.points)}")
+
+    @property
+    def known_until(self) -> float:
+        """End of the time for which the wind is known [s since time_zero]."""
+        return float(self.times[-1]) if self.until is None else self.until
 
     def facts(self) -> Mapping[str, str]:
         k, east, north = self.mean.shape[:3]
@@ -167,4 +234,14 @@ class WindField(Displayed):
         }
 
 
-__all__ = ["WindEvidence", "WindField", "WindModes", "WindObservations"]
+__all__ = [
+    "ENSEMBLE",
+    "FORECAST",
+    "PARTS",
+    "SPACE",
+    "TIME",
+    "WindEvidence",
+    "WindField",
+    "WindModes",
+    "WindObservations",
+]
