@@ -20,7 +20,8 @@ from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import Tree
 from pareto_ltl.settings import FidelityConfig, PlannerConfig, RobotConfig, SceneConfig, WindConfig, preset
 from pareto_ltl.support.arrays import FloatArray, IntArray
-from pareto_ltl.wind.records import WindField, WindModes
+from pareto_ltl.wind.forecast_error import ForecastError
+from pareto_ltl.wind.records import FORECAST, SPACE, TIME, WindField, WindModes
 from pareto_ltl.world import cells as workspace
 from pareto_ltl.world.scene import Scene
 from pareto_ltl.world.scene_settings import scene_from_settings as read_scene
@@ -57,7 +58,7 @@ def steady_wind(
     latent: Sequence[float] = (0.0, 0.0),
     gust: Sequence[float] = (1.0, 1.0),
     hours: float = 24.0,
-    hold_last: bool = False,
+    until: float | None = None,
 ) -> WindField:
     """The same wind everywhere and always: the position is exactly Gaussian."""
     width = scene.bounds[1] - scene.bounds[0]
@@ -69,7 +70,7 @@ def steady_wind(
         mean=table * mean,
         latent_var=table * latent,
         gust_var=np.ones((2, 2)) * gust,
-        hold_last=hold_last,
+        until=until,
     )
 
 
@@ -79,7 +80,7 @@ def rough_wind(
     variance: float = 1.0,
     slots: int = 4,
     hours: float = 2.0,
-    hold_last: bool = False,
+    until: float | None = None,
     nodes: int = 9,
     seed: int = 0,
 ) -> WindField:
@@ -94,7 +95,7 @@ def rough_wind(
         mean=rng.uniform(-speed, speed, shape) / np.sqrt(2),
         latent_var=variance * rng.uniform(0.1, 1.0, shape),
         gust_var=variance * rng.uniform(0.1, 0.5, (slots, 2)),
-        hold_last=hold_last,
+        until=until,
     )
 
 
@@ -107,10 +108,14 @@ def smooth_wind(
     hours: float = 1.0,
     rho: float = 0.6,
     length: float | None = None,
-    hold_last: bool = True,
+    until: float | None = np.inf,
     seed: int = 0,
+    error: ForecastError | None = None,
 ) -> WindField:
-    """A gently curved expected wind, and errors of a squared-exponential covariance as exact modes."""
+    """A gently curved expected wind, and errors of a squared-exponential covariance as exact modes.
+
+    With ``error`` half of the variance is that of forecasts, and interpolation in time adds its own.
+    """
     rng = np.random.default_rng(seed)
     width = float((scene.bounds[1] - scene.bounds[0]).max())
     length = length or 0.5 * width
@@ -124,16 +129,29 @@ def smooth_wind(
     C = sd**2 * np.exp(-0.5 * (((flat[:, None] - flat[None]) / length) ** 2).sum(axis=-1))
     values, vectors = np.linalg.eigh(C)
     psi = (vectors * np.sqrt(np.maximum(values, 0.0)))[:, ::-1][:, :24].reshape(nodes, nodes, 24)
-    table = np.broadcast_to(psi[None, :, :, None], (slots, nodes, nodes, 2, 24)).astype(np.float32)
+    part = np.full(24, SPACE)
+    if error is not None:
+        psi = np.concatenate([np.sqrt(0.5) * psi, np.sqrt(0.5) * psi, psi / sd], axis=-1)
+        part = np.repeat([SPACE, FORECAST, TIME], 24)
+    table = np.broadcast_to(psi[None, :, :, None], (slots, nodes, nodes, 2, len(part))).astype(np.float32)
     return WindField(
         origin=origin, spacing=spacing, times=np.arange(slots) * hours * 3600.0, mean=mean,
         latent_var=np.full((slots, nodes, nodes, 2), sd**2), gust_var=np.full((slots, 2), gust**2),
-        hold_last=hold_last, gust_time=100.0,
+        until=until, gust_time=100.0,
         modes=WindModes(
-            origin=origin, spacing=spacing, psi=np.ascontiguousarray(table), rho=rho, gap=hours * 3600.0,
-            length=np.full((slots, 2), length), energy=np.ones((slots, 2)),
+            origin=origin, spacing=spacing, psi=np.ascontiguousarray(table), part=part, rho=rho,
+            gap=hours * 3600.0, length=np.full((slots, 2), length), energy=np.ones((slots, 2)),
+            rest_length=0.1 * length,
         ),
+        error=error,
     )  # fmt: skip
+
+
+QUICK_ERROR = ForecastError(
+    name="made up", leads=np.array([0.0, 3600.0]), forecast_sd=np.array([0.2, 0.7]), forecast_length=5e3,
+    persistence=0.8, persistence_time=1200.0, lags=np.array([600.0, 1800.0]),
+    change_sd=np.array([0.6, 1.0]), change_length=5e3, level="10m", spread=3.0,
+)  # fmt: skip
 
 
 def make_problem(

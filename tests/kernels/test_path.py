@@ -165,7 +165,7 @@ def test_correlations_between_steps_are_those_of_linear_flights():
     winds = draw_coherent(p, n, len(flight.F), np.random.default_rng(3))
     e = [np.random.default_rng(4).standard_normal((n, 2)) * np.sqrt(p.start_variance)]
     for t, F in enumerate(flight.F):
-        wind = np.einsum("cp,ncp->nc", flight.psi[t], winds.theta[:, modes.slot[t]])
+        wind = np.einsum("cp,ncp->nc", flight.psi[t], winds.theta[modes.epoch[t]])
         e.append(e[-1] @ F.T + dt * (wind + np.sqrt(flight.white[t]) * winds.white[t]))
     cross = cross_covariance(p.world.law, flight)
     for s, t in ((5, 6), (10, 30), (20, 35)):

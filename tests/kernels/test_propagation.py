@@ -15,7 +15,7 @@ from pareto_ltl.kernels.interpolation import gust_variance, wind_at
 from pareto_ltl.planning import reference as risk
 from pareto_ltl.planning.evaluate import evaluate_path, propagate
 from pareto_ltl.settings import RobotConfig
-from problems import KM, box, make_problem, make_scene, random_covariances, rough_wind
+from problems import KM, QUICK_ERROR, box, make_problem, make_scene, random_covariances, rough_wind
 
 SCENE = make_scene({"a": box(10, 10, 12, 12)})
 WIND = rough_wind(SCENE, hours=1.0)
@@ -95,11 +95,12 @@ def test_airspeed_is_the_length_of_the_control_that_makes_the_move(problem, seed
 # --- the coherent law -------------------------------------------------------------------------
 
 
+@pytest.mark.parametrize("error", [None, QUICK_ERROR])
 @pytest.mark.parametrize("gain", [0.0, 0.3])
 @pytest.mark.parametrize("rho", [0.0, 0.6, 1.0])
-def test_covariances_and_controls_are_those_of_the_formula(rho, gain):
+def test_covariances_and_controls_are_those_of_the_formula(rho, gain, error):
     robot = RobotConfig(dt=100.0, u_max=60.0, start_sd=50.0, feedback=gain)
-    p = coherent_problem(rho=rho, robot=robot, hours=0.25)
+    p = coherent_problem(rho=rho, robot=robot, hours=0.25, error=error)
     path = evaluate_path(p, STEPS, "by hand")
     cov, u = risk.propagate_coherent(p, STEPS)
     np.testing.assert_allclose(path.cov, cov, rtol=2e-4, atol=1.0)
@@ -110,9 +111,7 @@ def test_one_frozen_field_spreads_flights_in_proportion_to_time_and_new_ones_to_
     """Calm expected wind, an error that is the same everywhere: sd = s t, or s √(t slot)."""
     ends = {}
     for rho in (0.0, 1.0):
-        p = coherent_problem(
-            speed=0.0, gust=0.0, length=1e7, rho=rho, hours=1 / 36, slots=40, hold_last=False
-        )
+        p = coherent_problem(speed=0.0, gust=0.0, length=1e7, rho=rho, hours=1 / 36, slots=40, until=None)
         path = evaluate_path(p, STEPS, "")
         ends[rho] = np.sqrt((path.cov[-1][0, 0] - 50.0**2) / (len(STEPS) - 1))
     assert ends[1.0] == pytest.approx(100.0 * np.sqrt(len(STEPS) - 1), rel=1e-2)
@@ -122,7 +121,7 @@ def test_one_frozen_field_spreads_flights_in_proportion_to_time_and_new_ones_to_
 def test_both_laws_have_the_same_wind_at_one_place_and_time():
     """ψ' ψ and the white remainder add up to the predictive variance of the independent law."""
     p = coherent_problem(gust=0.7)
-    law = p.world.law._replace(modes=p.modes._replace(white=1.0))
+    law = p.world.law._replace(modes=p.modes._replace(white=1.0, rest=1.0))
     flight, wind = propagate(p, STEPS, law), p.wind
     for t in range(len(flight.psi)):
         marginal = (flight.psi[t] ** 2).sum(axis=1) + flight.white[t]

@@ -315,7 +315,7 @@ def test_the_last_field_is_held_only_when_asked_to():
     scene = two_goals().scene
     brief = rough_wind(scene, slots=2, hours=0.5)
     stopped = grown(two_goals(wind=brief))
-    held = grown(two_goals(wind=replace(brief, hold_last=True)))
+    held = grown(two_goals(wind=replace(brief, until=np.inf)))
     assert max(tree.step.max() for tree in stopped.trees) <= 19
     assert max(tree.step.max() for tree in held.trees) > 25
 
@@ -397,7 +397,7 @@ def test_too_few_vertices_say_how_far_they_came_and_which_knob_to_turn():
 
 def test_wind_that_holds_the_robot_back_is_named():
     scene = make_scene({"a": box(15, 8, 17, 12)}, start=(3, 10))
-    wind = steady_wind(scene, mean=(-9.9, 0.0), hold_last=True)
+    wind = steady_wind(scene, mean=(-9.9, 0.0), until=np.inf)
     cfg = PlannerConfig(trees=2, n_max=60, max_steps=25)
     problem = make_problem("F a", scene, wind, planner=cfg)
     forest = grown(problem, cfg)
@@ -406,7 +406,7 @@ def test_wind_that_holds_the_robot_back_is_named():
     assert "outlasted the wind data or planner.max_steps (0.7 h)" in text
     assert "wind.hold_last=true, or raise planner.max_steps" in text
 
-    storm = steady_wind(scene, mean=(-10.5, 0.0), hold_last=True)  # calm enough somewhere: one node
+    storm = steady_wind(scene, mean=(-10.5, 0.0), until=np.inf)  # calm enough somewhere: one node
     storm.mean[:, 0, 0] = 0.0
     cfg = PlannerConfig(trees=2, n_max=60)
     problem = make_problem("F a", scene, storm, planner=cfg)

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
 import pytest
 from numpy.random import SeedSequence
 
@@ -97,7 +98,7 @@ def test_too_few_vertices_are_told_with_a_number_that_finds_a_path() -> None:
 
 def test_wind_stronger_than_the_robot_is_not_called_risk() -> None:
     scene = make_scene({"a": box(15, 8, 17, 12)}, start=(3, 10))
-    wind = steady_wind(scene, mean=(-10.5, 0.0), hold_last=True)
+    wind = steady_wind(scene, mean=(-10.5, 0.0), until=np.inf)
     wind.mean[:, 0, 0] = 0.0
     problem = make_problem("F a", scene, wind, planner=CFG)
     text = explain_no_path(CFG, problem, grow_forest(CFG, problem, SeedSequence(11)), SEEDS)

@@ -116,7 +116,7 @@ def test_the_horizon_is_where_the_data_or_max_steps_end():
     scene = make_scene({"a": box(10, 10, 12, 12)})
     field = rough_wind(scene, slots=2, hours=1.0)
     for hold, most, horizon in ((False, 200, 37), (False, 20, 20), (True, 200, 200)):
-        wind = replace(field, hold_last=hold)
+        wind = replace(field, until=np.inf if hold else None)
         assert make_problem("F a", scene, wind, planner=PlannerConfig(max_steps=most)).horizon == horizon
 
 
@@ -124,7 +124,7 @@ def test_a_single_field_serves_departure_alone_unless_held():
     scene = make_scene({"a": box(10, 10, 12, 12)})
     field = rough_wind(scene, slots=1)
     assert make_problem("F a", scene, field).horizon == 1
-    held = make_problem("F a", scene, replace(field, hold_last=True))
+    held = make_problem("F a", scene, replace(field, until=np.inf))
     assert held.horizon == 200
     here, later = (risk.interpolate(held.wind, field.mean, t, np.array([4e3, 5e3])) for t in (0, 150))
     np.testing.assert_allclose(later, here)

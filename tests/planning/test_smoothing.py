@@ -54,7 +54,7 @@ def wind_of(mean, latent, gust, size):
     table = np.array([np.stack(mean(x, y, k), axis=-1) for k in range(len(times))])
     return WindField(
         np.full(2, nodes[0]), spacing, times, table, np.full_like(table, latent),
-        np.full((len(times), 2), gust), hold_last=True,
+        np.full((len(times), 2), gust), until=np.inf,
     )  # fmt: skip
 
 

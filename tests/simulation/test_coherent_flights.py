@@ -10,7 +10,8 @@ from coherent import STEPS, coherent_problem, rate_interval
 from pareto_ltl.planning.evaluate import evaluate_path, forecast, propagate
 from pareto_ltl.settings import RobotConfig
 from pareto_ltl.simulation.flights import draw_coherent, simulate_flights
-from problems import KM, box, make_scene
+from pareto_ltl.wind.records import FORECAST, SPACE, TIME
+from problems import KM, QUICK_ERROR, box, make_scene
 
 
 @pytest.mark.statistical
@@ -45,19 +46,66 @@ def test_the_mean_shift_is_what_flights_show():
 
 def test_fields_of_neighbouring_slots_are_correlated_by_rho():
     p = coherent_problem(rho=0.7, hours=0.25)
-    theta = draw_coherent(p, 4000, 10, np.random.default_rng(0)).theta.astype(float)
-    used = np.unique(p.modes.slot)
-    assert len(used) > 2
-    np.testing.assert_allclose(theta.var(axis=0), 1.0, atol=0.15)
-    for k in used[:-1]:
-        assert np.mean(theta[:, k] * theta[:, k + 1]) == pytest.approx(0.7, abs=0.02)
+    theta = draw_coherent(p, 4000, 40, np.random.default_rng(0)).theta.astype(float)
+    assert len(theta) == len(np.unique(p.modes.slot)) > 2
+    np.testing.assert_allclose(theta.var(axis=1), 1.0, atol=0.15)
+    for k in range(len(theta) - 1):
+        assert np.mean(theta[k] * theta[k + 1]) == pytest.approx(0.7, abs=0.02)
+
+
+@pytest.mark.statistical
+def test_each_part_of_the_error_lasts_as_long_as_it_should():
+    """Slots change midway between fields, errors of interpolation in time at the fields themselves."""
+    p = coherent_problem(rho=0.7, hours=0.25, error=QUICK_ERROR)
+    n = 40_000
+    theta = draw_coherent(p, n, 40, np.random.default_rng(0)).theta.astype(float)
+    meets = [theta[epoch] for epoch in p.modes.epoch[:40]]
+    noise = 5.0 / np.sqrt(n * 48)
+
+    def correlation(part, s, t):
+        own = p.modes.part == part
+        return np.mean(meets[s][..., own] * meets[t][..., own])
+
+    # Fields at 0, 900, 1800 s; the nearest one changes at 500 s, 1400 s; steps of 100 s.
+    assert correlation(SPACE, 0, 4) == pytest.approx(1.0, abs=0.02)
+    assert correlation(SPACE, 4, 5) == pytest.approx(0.7, abs=noise)
+    assert correlation(SPACE, 0, 14) == pytest.approx(0.7**2, abs=noise)
+    assert correlation(FORECAST, 4, 5) == pytest.approx(0.8 ** (900 / 1200), abs=noise)
+    assert correlation(TIME, 1, 8) == pytest.approx(1.0, abs=0.02)
+    assert correlation(TIME, 8, 9) == pytest.approx(0.0, abs=noise)
+
+
+@pytest.mark.statistical
+@pytest.mark.parametrize("until", [np.inf, 1800.0 + 1e-3])
+def test_the_covariance_of_flights_is_the_planned_one_with_all_parts_of_the_error(until):
+    """Also past the last field, which is held: there the wind has changed by the square root of D."""
+    wind = {"hours": 0.25, "slots": 3, "rho": 0.6, "speed": 1.0, "error": QUICK_ERROR, "until": until}
+    p = coherent_problem(robot=RobotConfig(dt=100.0, u_max=60.0), **wind)
+    steps = STEPS[: len(p.wind.slot) + 1] if until < np.inf else STEPS
+    flight = propagate(p, steps)
+    n = 60_000
+    ends = simulate_flights(p, flight.u, n, "coherent", SeedSequence(3)).x[:, -1]
+    planned = flight.cov[-1][[0, 1, 1, 2]].reshape(2, 2)
+    np.testing.assert_allclose(np.cov(ends.T) / planned.max(), planned / planned.max(), atol=0.05)
+    steady = coherent_problem(robot=RobotConfig(dt=100.0, u_max=60.0), **wind | {"error": None})
+    assert planned[0, 0] > 1.02 * propagate(steady, steps).cov[-1][0]
+
+
+def test_interpolation_in_time_adds_nothing_at_the_time_of_a_field():
+    p = coherent_problem(hours=0.25, slots=3, error=QUICK_ERROR)
+    at_fields = [0, 9, 18]
+    assert (p.wind.between[at_fields] == 0.0).all()
+    assert (np.delete(p.wind.between[:19], at_fields) > 0.0).all()
+    assert p.wind.between[4] == pytest.approx(p.wind.between[5])  # 400 s after one, 400 s before the next
+    assert p.wind.between[19] == pytest.approx(QUICK_ERROR.change_variance(np.array(100.0)))
+    assert (p.modes.scale[4, p.modes.part == TIME] == np.sqrt(np.float32(p.wind.between[4]))).all()
 
 
 def test_a_longer_plan_meets_the_same_field():
     p = coherent_problem()
     short = draw_coherent(p, 10, 5, np.random.default_rng(0))
     long = draw_coherent(p, 10, 9, np.random.default_rng(0))
-    np.testing.assert_array_equal(short.theta, long.theta)
+    np.testing.assert_array_equal(short.theta, long.theta[: len(short.theta)])
     np.testing.assert_array_equal(short.white, long.white[:5])
 
 

@@ -15,7 +15,7 @@ from pareto_ltl.planning.selection import build_front
 from pareto_ltl.simulation import flights as deployment
 from pareto_ltl.simulation.acceptance import rank_front
 from pareto_ltl.simulation.flights import simulate_flights
-from problems import KM, box
+from problems import KM, QUICK_ERROR, box
 
 
 def pilot_of(problem, u, mean, law="coherent"):
@@ -24,11 +24,11 @@ def pilot_of(problem, u, mean, law="coherent"):
 
 
 @pytest.mark.statistical
-@pytest.mark.parametrize("feedback", [0.0, 0.3])
-def test_flights_with_fixes_spread_as_foreseen(feedback):
+@pytest.mark.parametrize(("feedback", "error"), [(0.0, None), (0.3, None), (0.0, QUICK_ERROR)])
+def test_flights_with_fixes_spread_as_foreseen(feedback, error):
     """The robot of the simulation runs the estimator itself. The few flights that miss the landmark count as
     failed, and what is foreseen is how the others go on."""
-    p = landmark_problem(feedback=feedback)
+    p = landmark_problem(feedback=feedback, error=error)
     path = evaluate_path(p, LANDMARK_WAY, "")
     flights = simulate_flights(p, path.u, 20_000, "coherent", SeedSequence(1), path.x)
     at_fix = flights.x[:, path.fixes[0]]

@@ -8,6 +8,7 @@ import os
 import subprocess
 import sys
 import textwrap
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -116,7 +117,7 @@ def test_nodes_hold_the_posterior_and_the_space_between_is_close(sample):
 def test_calm_air_is_zero_for_ever():
     cfg = WindConfig(source="calm")
     wind = field.fit_wind_field(cfg, place_readings(cfg, sources.read_readings(cfg), CONUS), CONUS)
-    assert wind.hold_last
+    assert wind.until == np.inf
     np.testing.assert_array_equal(wind.times, [0.0])
     assert not wind.mean.any()
     assert not wind.latent_var.any()
@@ -139,8 +140,10 @@ def test_times_past_the_horizon_are_left_out(sample, horizon, slots):
 
 
 def test_holding_the_last_field_is_told_to_the_planner(few):
-    for hold in (False, True):
-        assert field.fit_wind_field(WindConfig(hold_last=hold), few, CONUS).hold_last is hold
+    held = replace(few, until=float(few.times[-1] + 3600.0), ends="it is held for 1 h")
+    wind = field.fit_wind_field(WindConfig(), held, CONUS)
+    assert (wind.known_until, wind.ends) == (few.times[-1] + 3600.0, "it is held for 1 h")
+    assert field.fit_wind_field(WindConfig(), few, CONUS).known_until == few.times[-1]
 
 
 # --- memory between runs
@@ -149,7 +152,7 @@ def test_holding_the_last_field_is_told_to_the_planner(few):
 def same(a, b):
     for name in ("origin", "times", "mean", "latent_var", "gust_var"):
         np.testing.assert_array_equal(getattr(a, name), getattr(b, name))
-    assert (a.spacing, a.hold_last, a.score, a.source) == (b.spacing, b.hold_last, b.score, b.source)
+    assert (a.spacing, a.known_until, a.score, a.source) == (b.spacing, b.known_until, b.score, b.source)
 
 
 def test_the_same_readings_are_fitted_once(few, fits):
@@ -189,9 +192,9 @@ def test_another_version_of_a_package_is_another_fit(few, fits, monkeypatch):
 def test_a_change_that_does_not_matter_is_not(few, fits):
     field.fit_wind_field(WindConfig(), few, CONUS)
     renamed = WindObservations(few.times, few.points, few.winds, "the same readings from elsewhere")
-    wind = field.fit_wind_field(WindConfig(hold_last=True, ball=3.0), renamed, CONUS)
+    wind = field.fit_wind_field(WindConfig(gust_time=60.0, ball=3.0), renamed, CONUS)
     assert len(fits) == 1
-    assert wind.hold_last
+    assert wind.gust_time == 60.0
     assert wind.source == "the same readings from elsewhere"
 
 
@@ -372,7 +375,7 @@ def test_a_remembered_field_does_not_load_scikit_learn(few, cache, tmp_path):
 
 
 def test_a_field_comes_back_from_its_file(few, tmp_path):
-    wind = field.fit_wind_field(WindConfig(hold_last=True), few, CONUS)
+    wind = field.fit_wind_field(WindConfig(), replace(few, until=1e5), CONUS)
     path = write_netcdf(wind, tmp_path / "deep" / "wind.nc", CONUS)
     same(read_netcdf(path), wind)
     assert [file.name for file in path.parent.iterdir()] == ["wind.nc"]

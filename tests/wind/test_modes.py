@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from numpy.random import SeedSequence
 
 from pareto_ltl.settings import WindConfig
@@ -12,8 +16,8 @@ from pareto_ltl.wind import gp as regression
 from pareto_ltl.wind import modes
 from pareto_ltl.wind.gp import CORRELATIONS, Hyper, WindPosterior, pairwise_distances
 from pareto_ltl.wind.netcdf import read_netcdf, write_netcdf
-from pareto_ltl.wind.records import WindModes, WindObservations
-from problems import box, make_scene, smooth_wind
+from pareto_ltl.wind.records import ENSEMBLE, FORECAST, SPACE, TIME, WindModes, WindObservations
+from problems import QUICK_ERROR, box, make_scene, smooth_wind
 
 KM = 1000.0
 HYPER = Hyper(2.0, 3.0, 300 * KM, 1.0)
@@ -33,7 +37,8 @@ def posterior(slots=2, stations=40, rho=0.7, seed=0, kernel="matern32"):
         noise.append(rho * noise[-1] + step * rng.standard_normal((stations, 2)))
     winds = tuple(HYPER.mean + f + HYPER.noise * n for f, n in zip(field, noise, strict=True))
     times = 3600.0 * np.arange(slots)
-    return WindPosterior(times, (places,) * slots, winds, kernel, ((HYPER, HYPER),) * slots, {})
+    hyper = ((HYPER, HYPER),) * slots
+    return WindPosterior(times, (places,) * slots, winds, kernel, hyper, {}, places, np.ones(stations))
 
 
 def nodes(n=12):
@@ -41,30 +46,99 @@ def nodes(n=12):
     return np.stack(np.meshgrid(side, side, indexing="ij"), axis=-1).reshape(-1, 2)
 
 
-@pytest.mark.parametrize("kernel", ["matern32", "rbf"])
+def error_parts(slots, forecast=0.0, between=0.0, members=None):
+    """Variances of forecasts and of interpolation in time, the same in all slots."""
+    none = np.zeros((slots, 144, 2, 0))
+    return modes.ErrorParts(
+        np.full(slots, forecast), 400 * KM, np.full(slots, between), 250 * KM,
+        none if members is None else members,
+    )  # fmt: skip
+
+
+def modes_of(post, energy=0.999999, most=144, **parts):
+    return modes.error_modes(post, error_parts(len(post.times), **parts), (12, 12), nodes(), energy, most)
+
+
+def of_part(found, part, k=0, c=0):
+    psi = found.psi[k, :, c, found.part == part].astype(float).T
+    return psi @ psi.T
+
+
+@pytest.mark.parametrize("kernel", ["matern12", "matern32", "rbf"])
 def test_all_modes_together_are_the_posterior_covariance(kernel):
     post, where = posterior(kernel=kernel), nodes()
-    psi, share = modes.posterior_modes(post, where, 0.999999, len(where))
-    C = modes.posterior_covariance(kernel, HYPER, post.points[0], where, pairwise_distances(where, where))
+    found = modes_of(post)
+    C = modes.posterior_covariance(post, 0, where, pairwise_distances(where, where))
     for c in (0, 1):
-        np.testing.assert_allclose(psi[0, :, c] @ psi[0, :, c].T, C, atol=2e-4 * C.max())
-    np.testing.assert_allclose(share, 1.0, atol=1e-5)
+        np.testing.assert_allclose(of_part(found, SPACE, c=c), C, atol=2e-4 * C.max())
+    np.testing.assert_allclose(found.energy, 1.0, atol=1e-5)
     _, variance = post.at(where)
-    np.testing.assert_allclose((psi**2).sum(axis=-1), variance, atol=2e-3)
+    np.testing.assert_allclose((found.psi**2).sum(axis=-1), variance, atol=2e-3)
+
+
+def test_the_variance_factor_scales_rows_and_columns_of_the_covariance():
+    post, where = posterior(), nodes()
+    rough = replace(post, squares=np.where(post.anchors[:, 0] > 500 * KM, 4.0, 1.0))
+    C = modes.posterior_covariance(rough, 0, where, pairwise_distances(where, where))
+    np.testing.assert_allclose(np.diag(C), rough.at(where)[1][0, :, 0], rtol=1e-6, atol=1e-9)
+    plain = modes.posterior_covariance(post, 0, where, pairwise_distances(where, where))
+    sd, was = np.sqrt(np.diag(C)), np.sqrt(np.diag(plain))
+    np.testing.assert_allclose(C / np.outer(sd, sd), plain / np.outer(was, was), atol=1e-9)
+
+
+def test_the_parts_of_the_error_have_their_own_covariances():
+    found = modes_of(posterior(), forecast=0.5, between=0.3, most=432)
+    apart = pairwise_distances(nodes(), nodes())
+    matern = CORRELATIONS["matern32"]
+    np.testing.assert_allclose(of_part(found, FORECAST), 0.5 * matern(apart / (400 * KM)), atol=1e-3)
+    np.testing.assert_allclose(
+        of_part(found, TIME), matern(apart / (250 * KM)), atol=2e-3
+    )  # of unit variance
+    assert set(found.part) <= {-1, SPACE, FORECAST, TIME}
+    assert (found.psi[..., found.part == -1] == 0.0).all()
+
+
+def test_members_of_an_ensemble_keep_their_covariance_over_space_and_time():
+    rng = np.random.default_rng(3)
+    members = rng.standard_normal((2, 144, 2, 5))
+    found = modes_of(posterior(), members=members, most=432)
+    own = found.part == ENSEMBLE
+    assert own.sum() == 5
+    for c in (0, 1):
+        psi = found.psi[:, :, c, own].astype(float).reshape(288, 5)
+        flat = members[:, :, c].reshape(288, 5)
+        np.testing.assert_allclose(psi @ psi.T, flat @ flat.T, atol=1e-4)
 
 
 def test_the_energy_asked_for_is_kept_and_the_rest_is_named():
-    where = nodes()
     post = posterior()
-    psi, share = modes.posterior_modes(post, where, 0.9, len(where))
-    few, least = modes.posterior_modes(post, where, 0.99, 8)
-    assert np.all(share >= 0.9)
-    assert psi.shape[-1] % modes.MODE_LANES == 0
-    assert few.shape[-1] == 8
-    assert np.all(least < 0.99)
-    _, variance = post.at(where)
-    kept = (few**2).sum(axis=(1, 3)) / variance.sum(axis=1)
-    np.testing.assert_allclose(kept, least, atol=1e-4)
+    most, few = modes_of(post, energy=0.9), modes_of(post, energy=0.99, most=8)
+    assert most.energy.mean() >= 0.9
+    assert most.psi.shape[-1] % modes.MODE_LANES == 0
+    assert few.psi.shape[-1] == 8
+    assert np.all(few.energy < 0.99)
+    _, variance = post.at(nodes())
+    kept = (few.psi**2).sum(axis=(1, 3)) / variance.sum(axis=1)
+    np.testing.assert_allclose(kept, few.energy, atol=1e-4)
+    assert 0.0 < few.rest_length < 300 * KM
+
+
+@pytest.mark.parametrize("most", [8, 24])
+def test_modes_and_remainder_carry_a_straight_flight_as_far_as_the_whole_covariance(most):
+    """The sd of the mean error along a line: exact, and by modes and a white remainder of its length."""
+    post = posterior(stations=30, kernel="matern12")
+    side = np.linspace(0, 1000 * KM, 26)
+    fine = np.stack(np.meshgrid(side, side, indexing="ij"), axis=-1).reshape(-1, 2)
+    nothing = modes.ErrorParts(np.zeros(2), 1.0, np.zeros(2), 1.0, np.zeros((2, 676, 2, 0)))
+    found = modes.error_modes(post, nothing, (26, 26), fine, 0.999, most)
+    C = modes.posterior_covariance(post, 0, fine, pairwise_distances(fine, fine))
+    rest = C - of_part(found, SPACE)
+    ratios = []
+    for row in range(26):  # lines to the north: a row of nodes, 1000 km
+        own = slice(26 * row, 26 * row + 26)
+        carried = (C - rest)[own, own].mean() + np.diag(rest)[own].mean() * 2 * found.rest_length / 1e6
+        ratios.append(np.sqrt(carried / C[own, own].mean()))
+    assert 0.93 < np.mean(ratios) < 1.07
 
 
 def test_alignment_rotates_but_keeps_the_covariance():
@@ -79,23 +153,38 @@ def test_alignment_rotates_but_keeps_the_covariance():
 def test_neighbouring_slots_look_alike_so_that_rho_ties_the_same_winds():
     """With equal readings and hyperparameters the modes of both slots agree, signs and order included."""
     one = posterior(slots=1)
-    two = WindPosterior(np.array([0.0, 3600.0]), one.points * 2, one.winds * 2, one.kernel, one.hyper * 2, {})
-    psi, _ = modes.posterior_modes(two, nodes(), 0.99, 60)
-    np.testing.assert_allclose(psi[1], psi[0], atol=1e-3)
+    two = replace(
+        one, times=np.array([0.0, 3600.0]), points=one.points * 2, winds=one.winds * 2, hyper=one.hyper * 2
+    )
+    found = modes_of(two, most=60)
+    np.testing.assert_allclose(found.psi[1], found.psi[0], atol=1e-3)
 
 
 @pytest.mark.statistical
 @pytest.mark.parametrize("rho", [0.0, 0.5, 0.9])
 def test_the_persistence_of_errors_is_found(rho):
     found = [modes.error_persistence(posterior(slots=12, stations=60, rho=rho, seed=s)) for s in range(8)]
-    assert np.mean(found) == pytest.approx(rho, abs=0.08)
+    assert np.mean(found) == pytest.approx(rho, abs=0.1)
+
+
+@given(st.lists(st.floats(0, 1), min_size=1, max_size=9))
+def test_persistence_has_the_sum_of_the_correlations(correlations):
+    rho = modes.persistence_of(correlations)
+    assert 0.0 <= rho <= 1.0
+    total = sum(rho**j for j in range(1, len(correlations) + 1))
+    assert total == pytest.approx(sum(correlations), abs=1e-6)
+
+
+def test_errors_that_stay_raise_the_persistence():
+    """Half of the variance never changes: after one slot the correlation is 0.6, but it does not fall on."""
+    assert modes.persistence_of([0.6, 0.52, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5]) > 0.75
 
 
 def test_without_stations_in_common_the_field_counts_as_frozen(caplog):
     one, other = posterior(slots=1, seed=0), posterior(slots=1, seed=1)
-    moving = WindPosterior(
-        np.array([0.0, 3600.0]), one.points + other.points, one.winds + other.winds, one.kernel,
-        one.hyper * 2, {},
+    moving = replace(
+        one, times=np.array([0.0, 3600.0]), points=one.points + other.points, winds=one.winds + other.winds,
+        hyper=one.hyper * 2,
     )  # fmt: skip
     assert modes.error_persistence(moving) == 1.0
     assert "wind.rho" in caplog.text
@@ -110,10 +199,13 @@ def test_a_singular_covariance_is_no_trouble():
     """Two stations at one place, and nodes on top of them."""
     places = np.array([[0.0, 0.0], [0.0, 0.0], [500 * KM, 0.0]])
     sharp = HYPER._replace(noise=1e-3)
-    post = WindPosterior(np.zeros(1), (places,), (np.ones((3, 2)),), "rbf", ((sharp, sharp),), {})
-    psi, share = modes.posterior_modes(post, np.vstack([places, places]), 0.99, 6)
-    assert np.isfinite(psi).all()
-    assert np.all(share <= 1.0 + 1e-9)
+    post = WindPosterior(
+        np.zeros(1), (places,), (np.ones((3, 2)),), "rbf", ((sharp, sharp),), {}, places, np.ones(3)
+    )
+    nothing = modes.ErrorParts(np.zeros(1), 1.0, np.zeros(1), 1.0, np.zeros((1, 6, 2, 0)))
+    found = modes.error_modes(post, nothing, (2, 3), np.vstack([places, places]), 0.99, 6)
+    assert np.isfinite(found.psi).all()
+    assert np.all(found.energy <= 1.0 + 1e-9)
     assert np.isfinite(modes.error_persistence(post))
 
 
@@ -122,8 +214,7 @@ def test_readings_without_wind_give_modes_without_a_fault():
     places = rng.uniform(0, 1000 * KM, (20, 2))
     seen = WindObservations(np.zeros(1), (places,), (np.zeros((20, 2)),), "nothing stirs")
     post = regression.fit_posterior(WindConfig(), seen)
-    psi, _ = modes.posterior_modes(post, nodes(6), 0.99, 30)
-    assert np.isfinite(psi).all()
+    assert np.isfinite(modes_of(post, most=30).psi).all()
 
 
 @pytest.mark.parametrize("rho", [-0.1, 1.1])
@@ -135,6 +226,7 @@ def test_rho_outside_zero_to_one_is_refused(rho):
             np.zeros(2),
             1.0,
             np.zeros((1, 2, 2, 2, 8), np.float32),
+            np.zeros(8, int),
             rho,
             1.0,
             np.ones((1, 2)),
@@ -144,12 +236,14 @@ def test_rho_outside_zero_to_one_is_refused(rho):
 
 def test_a_stored_field_keeps_its_modes(tmp_path):
     scene = make_scene({"a": box(2, 2, 4, 4)})
-    wind = smooth_wind(scene, rho=0.4)
+    wind = smooth_wind(scene, rho=0.4, error=QUICK_ERROR)
     again = read_netcdf(write_netcdf(wind, tmp_path / "wind.nc", scene))
     assert wind.modes is not None
     assert again.modes is not None
     np.testing.assert_array_equal(again.modes.psi, wind.modes.psi)
     np.testing.assert_allclose(again.modes.origin, wind.modes.origin)
+    np.testing.assert_array_equal(again.modes.part, wind.modes.part)
     assert (again.modes.rho, again.modes.gap) == (0.4, wind.modes.gap)
+    assert again.modes.rest_length == wind.modes.rest_length
     assert again.modes.spacing == pytest.approx(wind.modes.spacing)
     assert again.gust_time == wind.gust_time

@@ -18,7 +18,7 @@ from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.wind import sources
 from pareto_ltl.wind.area import GeoBox
 from pareto_ltl.wind.ingest import write_wind_table
-from pareto_ltl.wind.observations import place_readings
+from pareto_ltl.wind.observations import FIT_RADIUS, place_readings
 from pareto_ltl.wind.readings import farthest_points
 from pareto_ltl.wind.sources import csv_files
 from pareto_ltl.wind.sources.grib_apart import read_grib_apart, read_grib_snapshots
@@ -250,7 +250,7 @@ def test_a_dense_source_is_thinned_evenly_inside_the_lattice(tmp_path):
     cfg = write(tmp_path / "w.csv", lines)
     cfg.max_points = 60
     seen = read(cfg)
-    reach = 5e5 + cfg.padding
+    reach = 5e5 + FIT_RADIUS
     assert [len(points) for points in seen.points] == [60] * 3
     assert np.abs(seen.points[0]).max() <= reach
     gaps = np.linalg.norm(seen.points[0][:, None] - seen.points[0][None], axis=2) + np.diag([np.inf] * 60)
@@ -361,8 +361,13 @@ def test_a_departure_outside_the_wind_is_refused(when, tmp_path):
 def test_the_last_field_is_held_only_when_asked_to(tmp_path):
     cfg = write(tmp_path / "w.csv", GOOD)
     cfg.hold_last = True
-    late = read(cfg, scene(time_zero="2018-10-10T00:00:00Z"))
-    np.testing.assert_array_equal(late.times, [-18 * 3600.0])
+    late = read(cfg, scene(time_zero="2018-10-09T11:00:00Z"))
+    np.testing.assert_array_equal(late.times, [-5 * 3600.0])
+    assert late.until == 3600.0
+    with pytest.raises(DataError, match=r"wind.hold_last holds it for 6 h; .*wind.max_gap \(6 h\)"):
+        read(cfg, scene(time_zero="2018-10-10T00:00:00Z"))
+    cfg.max_gap = 24.0
+    assert read(cfg, scene(time_zero="2018-10-10T00:00:00Z")).until == 6 * 3600.0
     with pytest.raises(DataError, match="departure"):
         read(cfg, scene(time_zero="2018-10-08T00:00:00Z"))
     single = write(tmp_path / "one.csv", rows(times=HOURS[:1]))

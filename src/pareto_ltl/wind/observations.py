@@ -91,6 +91,11 @@ def _slots_from_departure(cfg: WindConfig, readings: Readings, zero: float) -> t
     """
     times, name, held = readings.times, readings.name, cfg.max_gap * HOUR if cfg.hold_last else 0.0
     spell = f"{iso(times[0])} .. {iso(times[-1])}"
+    if len(times) == 1 and not cfg.hold_last:
+        raise DataError(
+            f"{name} holds one wind time only ({iso(times[0])}), which covers no flight; add later times, or "
+            f"let it stand for up to wind.max_gap ({cfg.max_gap:g} h) with wind.hold_last=true"
+        )
     if zero < times[0]:
         raise DataError(
             f"departure {iso(zero)} is not covered by the wind of {name} ({spell}); "
