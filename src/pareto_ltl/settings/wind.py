@@ -10,8 +10,8 @@ from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.extensions import WIND_SOURCE_GROUP
 from pareto_ltl.support.messages import shown_value
 
-WIND_SOURCES = ("sample", "csv", "grib", "netcdf", "stations", "noaa", "currents", "calm")
-FILE_SOURCES = ("csv", "grib", "netcdf", "stations", "currents")
+WIND_SOURCES = ("sample", "csv", "grib", "netcdf", "stations", "noaa", "currents", "ensemble", "calm")
+FILE_SOURCES = ("csv", "grib", "netcdf", "stations", "currents", "ensemble")
 NOAA_MODELS = ("gfs", "hrrr", "gefs")
 GP_KERNELS = ("matern12", "matern32", "rbf")
 
@@ -37,6 +37,12 @@ class WindConfig(CheckedSettings):
         "auto",
         "law of forecast errors: none, gfs or a file of `pareto-ltl wind-error`; auto is none for the "
         "packaged sample and gfs for all other sources",
+    )
+    ensemble_prior: float = setting(
+        10.0,
+        "weight of the law of forecast errors beside the members of an ensemble, in members",
+        least=0,
+        most=1e6,
     )
     max_gap: float = setting(
         6.0,
@@ -69,7 +75,12 @@ class WindConfig(CheckedSettings):
         remark="0: a new field at every wind time, 1: one frozen field",
     )
     gust_time: float = setting(
-        1800.0, "how long the white part lasts at the robot, with law=coherent", unit="s", above=0, most=1e9
+        1800.0,
+        "time constant of the white part with law=coherent: in a time T it moves a flight by a standard "
+        "deviation of noise times the root of gust_time times T (twice the integral of its correlation)",
+        unit="s",
+        above=0,
+        most=1e9,
     )
     cache: bool = setting(True, "keep fits between runs")
     model: str = setting("gfs", "model that source=noaa fetches", choices=NOAA_MODELS)

@@ -17,6 +17,7 @@ from pareto_ltl.support.extensions import known_kind
 from pareto_ltl.wind.area import ALL_WIND, Wanted
 from pareto_ltl.wind.readings import CALM, Readings
 from pareto_ltl.wind.sources.csv_files import read_csv_files
+from pareto_ltl.wind.sources.ensemble_files import read_ensemble_files
 from pareto_ltl.wind.sources.grib_apart import read_grib_apart
 from pareto_ltl.wind.sources.netcdf_files import CURRENTS, WINDS, read_netcdf_files
 from pareto_ltl.wind.sources.noaa import noaa_files, read_noaa
@@ -96,6 +97,21 @@ def _read_netcdf(cfg: WindConfig, wanted: Wanted) -> Readings:
     return read_netcdf_files(data_files(cfg), WINDS, cfg.level, cfg.max_speed, wanted.area)
 
 
+def _ensemble_files(cfg: WindConfig, wanted: Wanted = ALL_WIND) -> tuple[Path, ...]:
+    """As :func:`data_files`, with the files of a folder for each member."""
+    path = Path(str(cfg.path)).expanduser()
+    below = [file for file in path.glob("*/*") if file.is_file() and is_data_file(file)]
+    if not below:
+        return data_files(cfg, wanted)
+    own = [file for file in path.iterdir() if file.is_file() and is_data_file(file)]
+    return tuple(sorted([*own, *below]))
+
+
+def _read_ensemble(cfg: WindConfig, wanted: Wanted) -> Readings:
+    files = _ensemble_files(cfg, wanted)
+    return read_ensemble_files(files, cfg, wanted.area)
+
+
 def _read_currents(cfg: WindConfig, wanted: Wanted) -> Readings:
     return read_netcdf_files(data_files(cfg), CURRENTS, cfg.level, cfg.max_speed, wanted.area)
 
@@ -113,6 +129,7 @@ SOURCES = {
     "csv": WindSource(_read_csv, data_files),
     "grib": WindSource(_read_grib, data_files),
     "netcdf": WindSource(_read_netcdf, data_files),
+    "ensemble": WindSource(_read_ensemble, _ensemble_files),
     "stations": WindSource(_read_stations, data_files, forecast_error="none"),
     "noaa": WindSource(read_noaa, noaa_files),
     "currents": WindSource(_read_currents, data_files, forecast_error="none"),

@@ -1,0 +1,140 @@
+"""Winds of a forecast ensemble: the mean of its members, and how they deviate from it.
+
+Members are runs of one model with other starts (GEFS), of several models, or of several cycles of one model
+(a time-lagged ensemble). At each valid time with n members w_m on the same nodes::
+
+    μ   = Σ_m w_m / n
+    d_m = √(s (1 + 1/n) / (n - 1)) (w_m - μ),     Σ_m d_m d_m' = s (1 + 1/n) C
+
+with C the covariance of the members; 1 + 1/n is for the error of a mean of n members of which the truth is
+another one. A member is the same one at all times, so that its deviation lasts and moves with its weather.
+
+Few members know little of a covariance. With n of them its share is s = (n - 1) / (n - 1 + ν), and the law of
+forecast errors has the share 1 - s, ν = ``wind.ensemble_prior``: the mean of an inverse Wishart distribution
+of which the parametric law is the prior (Gelman et al., Bayesian Data Analysis, 3rd ed., section 3.6).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.support.errors import DataError
+from pareto_ltl.wind.readings import Readings, iso
+from pareto_ltl.wind.snapshots import Snapshot
+
+FEWEST_MEMBERS = 2
+NEAR_NODE = 1e-3  # [deg] nodes of two members that are closer are the same
+LARGEST_GAP = 3.0  # [deg] a node is left out where another member has none within this
+
+
+def ensemble_readings(
+    snapshots: Sequence[Snapshot], files: tuple[Path, ...], prior: float, notes: tuple[str, ...] = ()
+) -> Readings:
+    """Mean and deviations of the members at every valid time that at least two of them have.
+
+    Parameters
+    ----------
+    prior : float
+        ν, the weight of the law of forecast errors in members; 0 trusts the members alone.
+
+    Raises
+    ------
+    DataError
+        If no valid time has two members, or levels differ.
+    """
+    levels = sorted({snap.level for snap in snapshots})
+    if len(levels) > 1:
+        raise DataError(f"wind files hold several levels ({', '.join(levels)}); pick one with wind.level")
+    groups = _by_time(snapshots)
+    times = sorted(time for time, group in groups.items() if len(group) >= FEWEST_MEMBERS)
+    if not times:
+        raise DataError(
+            f"{files[0].parent}: no valid time has two members ({len(groups)} times, "
+            f"{iso(min(groups))} .. {iso(max(groups))}, one field each); an ensemble needs forecasts "
+            "of several members or cycles for the same times: add them, or use wind.source=grib"
+        )
+    names = sorted({name for time in times for name in groups[time]})
+    fewest = min(len(groups[time]) for time in times)
+    share = (fewest - 1) / (fewest - 1 + prior)
+    found = [_mean_and_deviations(groups[time], names, share) for time in times]
+    left_out = len(groups) - len(times)
+    said = [f"{len(names)} members, at least {fewest} at each time"]
+    said += [f"{left_out} times with a single member left out"] if left_out else []
+    return Readings(
+        times=np.array(times),
+        points=tuple(points for points, _, _ in found),
+        winds=tuple(mean for _, mean, _ in found),
+        geographic=True,
+        files=files,
+        remarks=tuple(f"mean of {len(groups[time])} members" for time in times),
+        origins=tuple(
+            tuple(dict.fromkeys(file for snap in groups[time].values() for file in snap.files))
+            for time in times
+        ),
+        leads=np.array([min(snap.lead for snap in groups[time].values()) for time in times]),
+        level=levels[0],
+        notes=(*notes, *said),
+        members=tuple(deviations for _, _, deviations in found),
+        forecast_share=1.0 - share,
+    )
+
+
+def _files_of(group: dict[str, Snapshot]) -> tuple[Path, ...]:
+    return tuple(dict.fromkeys(file for snap in group.values() for file in snap.files))
+
+
+def _by_time(snapshots: Sequence[Snapshot]) -> dict[float, dict[str, Snapshot]]:
+    """The members of each valid time by name: that in the file, else of its folder, and the cycle."""
+    groups: dict[float, dict[str, Snapshot]] = {}
+    for snap in snapshots:
+        name = f"{snap.member or snap.files[0].parent.name} of {iso(snap.cycle)}"
+        members = groups.setdefault(snap.time, {})
+        if name in members:
+            both = " and ".join(file.name for file in (*members[name].files[:1], *snap.files[:1]))
+            raise DataError(f"wind files {both} both hold the {name} at {iso(snap.time)}; keep one of them")
+        members[name] = snap
+    return groups
+
+
+def _mean_and_deviations(
+    group: dict[str, Snapshot], names: Sequence[str], share: float
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Nodes (N, 2) [deg], mean (N, 2) [m/s] and weighted deviations (N, 2, M) [m/s] of one time; M counts the
+    members of all times, and those that are missing here deviate by 0."""
+    first = next(iter(group.values()))
+    aligned = {name: _at_nodes(snap, first.points) for name, snap in group.items()}
+    everywhere = np.all([np.isfinite(winds).all(axis=1) for winds in aligned.values()], axis=0)
+    stack = np.stack([winds[everywhere] for winds in aligned.values()], axis=-1)
+    mean, n = stack.mean(axis=-1), stack.shape[-1]
+    weight = np.sqrt(share * (1.0 + 1.0 / n) / (n - 1))
+    deviations = np.zeros((*mean.shape, len(names)))
+    columns = [names.index(name) for name in aligned]
+    deviations[..., columns] = weight * (stack - mean[..., None])
+    return first.points[everywhere], mean, deviations
+
+
+def _at_nodes(snap: Snapshot, nodes: FloatArray) -> FloatArray:
+    """Winds (N, 2) of ``snap`` at ``nodes`` (N, 2) [deg]: its own, or linear between them; NaN outside."""
+    if snap.points.shape == nodes.shape and np.abs(snap.points - nodes).max() < NEAR_NODE:
+        return snap.winds
+    from scipy.interpolate import LinearNDInterpolator
+    from scipy.spatial import cKDTree
+
+    middle = float(np.median(nodes[:, 0]))
+    own, there = (np.column_stack([_around(p[:, 0], middle), p[:, 1]]) for p in (snap.points, nodes))
+    found = np.asarray(LinearNDInterpolator(own, snap.winds)(there), float)
+    far = cKDTree(own).query(there)[0] > LARGEST_GAP
+    found[far] = np.nan
+    return found
+
+
+def _around(lon: FloatArray, middle: float) -> FloatArray:
+    """Longitudes counted from ``middle`` [deg], so that a grid may wrap anywhere."""
+    return np.asarray((lon - middle + 180.0) % 360.0 - 180.0, float)
+
+
+__all__ = ["ensemble_readings"]

@@ -1,0 +1,175 @@
+"""Ensembles: mean and covariance of members, shrinkage to the law of forecast errors, time-lagged cycles."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from noaa import NOAA, needs_noaa
+from pareto_ltl.settings import WindConfig
+from pareto_ltl.support.errors import DataError
+from pareto_ltl.wind import ensemble, field
+from pareto_ltl.wind.observations import place_readings
+from pareto_ltl.wind.records import ENSEMBLE
+from pareto_ltl.wind.snapshots import Snapshot
+from pareto_ltl.world import projection
+from pareto_ltl.world.scene import Scene
+
+START = 1539043200.0  # 2018-10-09T00:00:00Z
+LON, LAT = (a.ravel() for a in np.meshgrid(np.arange(-100.0, -83.0), np.arange(30.0, 45.0)))
+NODES = np.stack([LON, LAT], axis=-1)
+SCENE = Scene(
+    np.array([[-4e5, -4e5], [4e5, 4e5]]), np.zeros(2), {}, (), projection.local_plane(37.0, -92.0),
+    "2018-10-09T00:00:00Z",
+)  # fmt: skip
+FILES = (Path("members/one"),)
+
+
+def snapshot(winds, hours=0.0, member="", lead=0.0, points=NODES):
+    return Snapshot(START + 3600 * hours, lead, points, winds, "10m", FILES, member)
+
+
+def members(count, hours=(0.0, 3.0, 6.0), seed=0, length=4.0, sd=2.0):
+    """Members whose deviations are drawn from a squared-exponential law in degrees, the same at all times."""
+    rng = np.random.default_rng(seed)
+    apart = np.linalg.norm(NODES[:, None] - NODES[None], axis=2)
+    root = np.linalg.cholesky(sd**2 * np.exp(-0.5 * (apart / length) ** 2) + 1e-6 * np.eye(len(NODES)))
+    found = []
+    for m in range(count):
+        own = root @ rng.standard_normal((len(NODES), 2))
+        found += [snapshot(5.0 + own, h, f"member {m}", 3600.0 * (6 + h)) for h in hours]
+    return found
+
+
+def read(snapshots, prior=10.0):
+    return ensemble.ensemble_readings(snapshots, FILES, prior)
+
+
+def test_deviations_have_the_covariance_of_the_members():
+    snaps = members(6)
+    found = read(snaps, prior=0.0)
+    stack = np.stack([snap.winds for snap in snaps if snap.time == START])  # (6, N, 2)
+    np.testing.assert_allclose(found.winds[0], stack.mean(axis=0))
+    flat = found.members[0].reshape(-1, 6)
+    expected = np.cov(stack.reshape(6, -1).T) * (1 + 1 / 6)
+    np.testing.assert_allclose(flat @ flat.T, expected, atol=1e-9)
+    assert found.forecast_share == 0.0
+    np.testing.assert_array_equal(found.leads, 3600.0 * np.array([6, 9, 12]))
+
+
+@given(st.integers(2, 31), st.floats(0.5, 50))
+def test_few_members_leave_most_to_the_law_of_forecast_errors(count, prior):
+    """The shares add up to one; the members' share grows with their number."""
+    rng = np.random.default_rng(count)
+    snaps = [snapshot(rng.standard_normal((len(NODES), 2)), member=str(m)) for m in range(count)]
+    found = read(snaps, prior)
+    share = (count - 1) / (count - 1 + prior)
+    assert found.forecast_share == pytest.approx(1 - share)
+    spread = np.stack([snap.winds for snap in snaps]).var(axis=0, ddof=1)
+    np.testing.assert_allclose(
+        (found.members[0] ** 2).sum(axis=-1), share * (1 + 1 / count) * spread, atol=1e-9
+    )
+
+
+@pytest.mark.statistical
+def test_the_field_of_many_members_has_their_law():
+    """From members to modes: variance and correlation at nodes of the map within sampling error."""
+    cfg = WindConfig(source="csv", path="x", forecast_error="none", cache=False, modes_max=64)
+    seen = place_readings(cfg, read(members(40), prior=0.0), SCENE)
+    wind = field.fit_wind_field(cfg, replace(seen, error=None), SCENE)
+    found = wind.modes
+    assert found is not None
+    own = found.part == ENSEMBLE
+    assert own.sum() >= 4
+    psi = found.psi[0, 2:-2, 2:-2, 0][..., own].astype(float)
+    # 40 members of sd 2 m/s: the sd over the map is known within about 2 / sqrt(2 * 39 * 4 patches)
+    assert np.sqrt((psi**2).sum(axis=-1).mean()) == pytest.approx(2.0, rel=0.35)
+    np.testing.assert_allclose(found.psi[0][..., own], found.psi[1][..., own], atol=1e-3)  # it lasts
+    assert np.sqrt(wind.latent_var.mean()) == pytest.approx(2.0, rel=0.35)
+
+
+def test_a_member_that_is_missing_at_one_time_deviates_by_nothing_there():
+    snaps = [s for s in members(4) if not (s.member == "member 2" and s.time > START)]
+    found = read(snaps, prior=0.0)
+    assert (found.members[0] != 0).any(axis=(0, 1)).sum() == 4
+    assert (found.members[1] != 0).any(axis=(0, 1)).sum() == 3
+    three = np.stack([s.winds for s in snaps if s.time == START + 10800])
+    np.testing.assert_allclose(
+        (found.members[1] ** 2).sum(axis=-1), (1 + 1 / 3) * three.var(axis=0, ddof=1), atol=1e-9
+    )
+
+
+def test_models_with_other_grids_are_read_at_the_nodes_of_the_first():
+    """A plane of wind is read exactly; nodes that the other model does not cover are left out."""
+    fine = np.stack(np.meshgrid(np.arange(-99.75, -85.0, 0.5), np.arange(31.0, 44.0, 0.5)), -1).reshape(-1, 2)
+    plane = snapshot(np.stack([LON, LAT], axis=-1), member="coarse")
+    other = snapshot(fine, member="fine", points=fine)
+    found = read([plane, other])
+    np.testing.assert_allclose(found.winds[0], found.points[0], atol=1e-9)
+    np.testing.assert_allclose(found.members[0], 0.0, atol=1e-9)
+    assert 0 < len(found.points[0]) < len(NODES)
+
+
+def test_time_lagged_cycles_of_one_model_are_members():
+    rng = np.random.default_rng(1)
+    snaps = [
+        snapshot(rng.standard_normal((len(NODES), 2)), hours=hours, lead=3600.0 * (hours - cycle))
+        for cycle in (-12, -6, 0)
+        for hours in (0.0, 3.0, 6.0)
+    ]
+    found = read(snaps)
+    assert found.members[0].shape[-1] == 3
+    np.testing.assert_array_equal(found.leads, 3600.0 * np.array([0, 3, 6]))
+
+
+def test_times_with_one_member_are_left_out_and_counted():
+    snaps = [*members(3), snapshot(np.zeros((len(NODES), 2)), hours=9.0)]
+    found = read(snaps)
+    assert len(found.times) == 3
+    assert "1 times with a single member left out" in " ".join(found.notes)
+
+
+@pytest.mark.parametrize(
+    ("snapshots", "message"),
+    [
+        (members(1), r"no valid time has two members \(3 times, .*one field each\).*wind.source=grib"),
+        ([*members(2), members(1)[0]], r"both hold the member 0 of 2018-10-08T18:00:00Z at 2018-10-09T00"),
+        ([*members(1), replace(members(1)[0], level="80m")], r"several levels \(10m, 80m\).*wind.level"),
+    ],
+)
+def test_what_is_no_ensemble_is_refused_in_one_line(snapshots, message):
+    with pytest.raises(DataError, match=message) as caught:
+        read(snapshots)
+    assert "\n" not in str(caught.value)
+
+
+@needs_noaa
+def test_lagged_analyses_of_the_shared_cycles_say_how_far_the_wind_will_change():
+    """Each analysis carried forward by 6 and 12 h stands for a forecast: with the newest three at each time
+    the members' spread and the law of 24 h changes bracket what the next analysis shows."""
+    from pareto_ltl.wind.sources.grib_apart import read_grib_snapshots
+
+    cycles = tuple(sorted((NOAA / "gfs_1p00_10m").iterdir()))
+    analyses = sorted((s for s in read_grib_snapshots(cycles, 75.0) if s.lead == 0.0), key=lambda s: s.time)[
+        :7
+    ]
+    inside = (np.abs(analyses[0].points - [-95.0, 39.0]) < [15.0, 8.0]).all(axis=1)
+    z = []
+    for k in range(2, 6):
+        lagged = [
+            replace(
+                analyses[k - back], time=analyses[k].time, lead=6 * 3600.0 * back,
+                points=analyses[k - back].points[inside], winds=analyses[k - back].winds[inside],
+            )
+            for back in (0, 1, 2)
+        ]  # fmt: skip
+        found = ensemble.ensemble_readings(lagged, FILES, 0.0)
+        sd = np.sqrt((found.members[0] ** 2).sum(axis=-1))
+        z.append((analyses[k + 1].winds[inside] - found.winds[0]) / np.maximum(sd, 0.3))
+    spread = np.sqrt(np.mean(np.square(z)))
+    assert 0.8 < spread < 4.0  # three lagged members know the size, and too small a one: shrinkage is needed
