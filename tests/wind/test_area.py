@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from pareto_ltl.settings import SceneConfig
 from pareto_ltl.support.errors import ConfigError
+from pareto_ltl.wind import area
 from pareto_ltl.wind.area import GeoBox, box_of, neighbourhood
 from pareto_ltl.wind.levels import Level, level_list, parse_level
 from pareto_ltl.wind.readings import on_sphere
@@ -80,3 +81,24 @@ def test_many_levels_are_listed_shortly():
     texts = level_list([Level("pressure", 1000.0 * k) for k in range(1, 20)])
     assert texts.endswith("and 7 more")
     assert texts.startswith("10hPa, 20hPa")
+
+
+def test_of_a_fine_grid_an_even_selection_is_picked_densest_near_the_scene(monkeypatch):
+    lon, lat = np.meshgrid(np.arange(-110, -80, 0.05), np.arange(25, 50, 0.05))
+    lonlat = np.stack([lon, lat], axis=-1).reshape(-1, 2)
+    box = neighbourhood(SceneConfig(centre=[37, -92], unit=1000, bounds=[[0, 0], [2, 2]], start=[1, 1]))
+    assert box is not None
+    monkeypatch.setattr(area, "MOST_NODES", 10_000)
+    picked = lonlat[box.pick(lonlat)]
+    assert box.contains(picked).all()
+    assert 5_000 < len(picked) < 11_000
+    near = np.abs(picked - [-92.0, 37.0]).max(axis=1) < 1.0
+    assert near.sum() == (np.abs(lonlat - [-92.0, 37.0]).max(axis=1) < 1.0).sum()
+    far = picked[np.abs(picked - [-92.0, 37.0]).max(axis=1) > 3.0]
+    taken = {tuple(cell) for cell in np.floor(far).astype(int)}
+    inside = lonlat[box.contains(lonlat)]
+    beyond = inside[np.abs(inside - [-92.0, 37.0]).max(axis=1) > 3.0]
+    cells, counts = np.unique(np.floor(beyond + 1e-6).astype(int), axis=0, return_counts=True)
+    assert {tuple(cell) for cell in cells[counts == 400]} <= taken  # no degree square is empty
+    few = lonlat[::400]
+    assert len(box.pick(few)) == box.contains(few).sum()

@@ -8,23 +8,29 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pareto_ltl.settings import SceneConfig
-from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.support.arrays import FloatArray, IntArray
 from pareto_ltl.support.errors import DataError
 
 DEGREE = 111_195.0  # [m] of latitude
 POLAR = 85.0  # [deg] a box that reaches farther holds all longitudes
 MARGIN = 1e6  # [m] around a scene, twice as far as readings are looked for
+NEAR = 150e3  # [m] around a scene, where nodes of a fine grid are kept most densely
+MOST_NODES = 40_000  # of one grid; the fit takes some hundreds of them
 SAMPLES = 21  # positions along each side of a scene, whose degrees are taken
 
 
 @dataclass(frozen=True, slots=True)
 class GeoBox:
-    """Longitudes from ``west`` eastwards for ``width``, latitudes from ``south`` to ``north``, all [deg]."""
+    """Longitudes from ``west`` eastwards for ``width``, latitudes from ``south`` to ``north``, all [deg].
+
+    ``margin`` [m] is how far the box was widened around what it is about.
+    """
 
     west: float
     south: float
     width: float
     north: float
+    margin: float = 0.0
 
     def contains(self, lonlat: FloatArray) -> NDArray[np.bool_]:
         """Which of the points (N, 2) [deg] lie inside, shape (N,)."""
@@ -54,10 +60,31 @@ class GeoBox:
         north = min(90.0, self.north + margin / DEGREE)
         highest = max(abs(south), abs(north))
         if highest > POLAR:
-            return GeoBox(-180.0, south, 360.0, north)
+            return GeoBox(-180.0, south, 360.0, north, margin)
         more = margin / DEGREE / np.cos(np.deg2rad(highest))
         width = min(360.0, self.width + 2 * more)
-        return GeoBox(-180.0 if width == 360.0 else self.west - more, south, width, north)
+        return GeoBox(-180.0 if width == 360.0 else self.west - more, south, width, north, margin)
+
+    def pick(self, lonlat: FloatArray) -> IntArray:
+        """Indices of the points (N, 2) [deg] inside; of more than :data:`MOST_NODES` an even selection.
+
+        Half of the selection is for what the box is about and :data:`NEAR` around it.
+        """
+        inside = np.flatnonzero(self.contains(lonlat))
+        if len(inside) <= MOST_NODES:
+            return inside
+        near = self._narrowed(self.margin - NEAR).contains(lonlat[inside])
+        parts = [_one_a_cell(lonlat, rows, MOST_NODES // 2) for rows in (inside[near], inside[~near])]
+        return np.sort(np.concatenate(parts))
+
+    def _narrowed(self, margin: float) -> GeoBox:
+        if margin <= 0:
+            return self
+        less = margin / DEGREE
+        lower = less / np.cos(np.deg2rad(min(POLAR, max(abs(self.south), abs(self.north)))))
+        round_earth = self.width >= 360.0 or self.width <= 2 * lower
+        west, width = (self.west, self.width) if round_earth else (self.west + lower, self.width - 2 * lower)
+        return GeoBox(west, self.south + less, width, self.north - less)
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,6 +104,17 @@ class Wanted:
 
 
 ALL_WIND = Wanted()
+
+
+def _one_a_cell(lonlat: FloatArray, rows: IntArray, most: int) -> IntArray:
+    """The first of ``rows`` in each cell of a lattice of about ``most`` cells; all if they are few."""
+    if len(rows) <= most:
+        return rows
+    lon, lat = lonlat[rows].T
+    cells = np.stack([(lon - lon.min()) * np.cos(np.deg2rad(lat.mean())), lat - lat.min()], axis=1)
+    side = float(np.sqrt(max(np.prod(np.ptp(cells, axis=0)), 1e-12) / most))
+    across, up = np.floor(cells / side).astype(np.int64).T
+    return rows[np.unique(up * (int(across.max()) + 1) + across, return_index=True)[1]]
 
 
 def box_of(lonlat: FloatArray) -> GeoBox:

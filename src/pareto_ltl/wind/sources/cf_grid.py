@@ -207,7 +207,9 @@ def _cropped(
         raise DataError(f"wind file {file.path}: a latitude is beyond 90 degrees; expected degrees north")
     if area is not None:
         flat = lonlat.reshape(-1, 2)
-        inside &= area.contains(flat).reshape(inside.shape)
+        chosen = np.zeros(len(flat), bool)
+        chosen[area.pick(flat)] = True
+        inside &= chosen.reshape(inside.shape)
         if not inside.any():
             refuse_empty_crop(f"wind file {file.path}", flat, area)
     if not inside.any():

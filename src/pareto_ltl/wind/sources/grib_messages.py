@@ -163,11 +163,12 @@ def _grid_of(eccodes: Any, message: int, file: Path, scan: GribScan) -> GribGrid
 
 
 def _decode_grid(eccodes: Any, message: int, file: Path, area: GeoBox | None) -> GribGrid:
+    """The nodes of the grid of ``message``, of which those in ``area`` are kept."""
     lon = wrap_longitude(np.asarray(eccodes.codes_get_array(message, "longitudes"), float))
     lat = np.asarray(eccodes.codes_get_array(message, "latitudes"), float)
     lonlat, kept = np.stack([lon, lat], axis=1), None
     if area is not None:
-        inside = np.flatnonzero(area.contains(lonlat))
+        inside = area.pick(lonlat)
         if not len(inside):
             refuse_empty_crop(f"wind file {file}", lonlat, area)
         if len(inside) < len(lonlat):

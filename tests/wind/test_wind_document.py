@@ -1,0 +1,74 @@
+"""The commands of docs/wind.md run as they stand, as far as the wind in the plane of the map."""
+
+from __future__ import annotations
+
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import h5netcdf
+import numpy as np
+import pytest
+import yaml
+
+from noaa import NOAA, ROOT, needs_noaa
+from pareto_ltl.wind.sources import SOURCES
+
+TEXT = (ROOT / "docs" / "wind.md").read_text()
+COMMANDS = [
+    " ".join(found.replace("\\\n", " ").split())
+    for found in re.findall(r"^    (pareto-ltl plan (?:.*\\\n)*.*)$", TEXT, re.MULTILINE)
+]
+STAGES = "pipelines.stages=[readings,scene,observations]"
+
+
+def write_currents(path: Path) -> None:
+    """A gyre on a grid of half a degree, at two depths and six-hourly times."""
+    lat, lon, hours = np.arange(30.0, 44.0, 0.5), np.arange(-100.0, -84.0, 0.5), np.arange(0.0, 73.0, 6.0)
+    shape = (len(hours), 2, len(lat), len(lon))
+    coordinates = {
+        "time": (hours, {"units": "hours since 2018-10-09 00:00", "standard_name": "time"}),
+        "depth": (np.array([0.5, 10.0]), {"units": "m", "positive": "down", "standard_name": "depth"}),
+        "lat": (lat, {"units": "degrees_north"}),
+        "lon": (lon, {"units": "degrees_east"}),
+    }
+    with h5netcdf.File(path, "w") as file:
+        file.dimensions = dict(zip(coordinates, shape, strict=True))
+        for name, (values, told) in coordinates.items():
+            file.create_variable(name, (name,), data=values).attrs.update(told)
+        for name, values in (("uo", -0.05 * (lat - 37)[:, None]), ("vo", 0.05 * (lon + 92)[None])):
+            made = file.create_variable(name, tuple(coordinates), data=np.broadcast_to(values, shape).copy())
+            made.attrs.update({"units": "m s-1", "long_name": f"{name} sea water velocity"})
+
+
+def test_every_source_has_its_line_a_command_and_a_choice():
+    for name in SOURCES:
+        assert f"| `{name}` |" in TEXT
+        choice = yaml.safe_load((ROOT / "conf" / "wind" / f"{name}.yaml").read_text())
+        assert choice["source"] == name
+    documented = {re.search(r"wind=(\w+)", command)[1] for command in COMMANDS}
+    assert documented == set(SOURCES) - {"sample", "calm"}
+
+
+@needs_noaa
+@pytest.mark.parametrize("command", COMMANDS, ids=lambda text: re.search(r"wind=(\w+)", text)[1])
+def test_a_command_of_the_document_runs_as_it_stands(command, tmp_path):
+    if "wind=noaa" in command:
+        pytest.skip("it needs the network; tests/wind/test_noaa_source.py has a server of its own")
+    if "wind=grib" in command:
+        pytest.importorskip("eccodes")
+    write_currents(tmp_path / "currents.nc")
+    words = shlex.split(command.replace("DATA", str(NOAA)).replace("examples/", f"{ROOT}/examples/"))[1:]
+    words = words[1:]  # `plan` is the command that stands for the application itself
+    done = subprocess.run(
+        [sys.executable, "-m", "pareto_ltl", *words, STAGES, f"hydra.run.dir={tmp_path / 'run'}"],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr + done.stdout
+    log = (tmp_path / "run" / "run.log").read_text()
+    assert "observations done" in log
