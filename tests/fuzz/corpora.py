@@ -17,8 +17,9 @@ from pareto_ltl.settings import Settings, as_dict
 from pareto_ltl.simulation.records import Deployment
 from pareto_ltl.studies.sweeps.manifest import SweepManifest, SweepPoint
 from pareto_ltl.support.files import write_json
+from pareto_ltl.wind.forecast_error import forecast_error_law
 from pareto_ltl.wind.netcdf import write_netcdf
-from pareto_ltl.wind.records import WindField, WindModes
+from pareto_ltl.wind.records import FORECAST, SPACE, TIME, WindEvidence, WindField, WindModes
 from pareto_ltl.world.cells import decompose
 from pareto_ltl.world.scene import Scene
 
@@ -38,6 +39,7 @@ CSV = (
     b"time,lat,lon,u,v\n2018-10-09T00:00:00Z,30,-90,1.5,-2\n2018-10-09T00:00:00Z,31,-90,2.5,0\n"
     b"2018-10-09T06:00:00Z,30,-90,1,1\n2018-10-09T06:00:00+01:00,31,-91,1,1\n",
     b'"time","x","y","u","v","note"\n2018-10-09,0,1000,1.5,-2,"a, b"\n2018-10-09,1000,0,2.5,0,\n',
+    b"time,lat,lon,u,v,lead_hours\n2018-10-09T00:00:00Z,30,-90,1.5,-2,0\n2018-10-09T06:00:00Z,30,-90,1,1,6\n",
 )
 STATIONS = (
     b"No errors\n5 results\nraw_text,station_id,observation_time,latitude,longitude,wind_dir_degrees,"
@@ -129,15 +131,22 @@ def tree(nodes: int = 4) -> Tree:
 def wind() -> WindField:
     rng = np.random.default_rng(3)
     modes = WindModes(
-        *(np.zeros(2), 5e5, rng.normal(size=(2, 2, 2, 2, 3)).astype(np.float32), 0.5, 21600.0),
-        *(np.full((2, 2), 4e5), np.full((2, 2), 0.9)),
+        *(np.zeros(2), 5e5, rng.normal(size=(2, 2, 2, 2, 4)).astype(np.float32)),
+        *(np.array([SPACE, FORECAST, TIME, -1]), 0.5, 21600.0, np.full((2, 2), 4e5), np.full((2, 2), 0.9)),
+        rest_length=1e5,
     )
     mean = rng.normal(size=(2, 3, 3, 2))
     return WindField(
-        *(np.zeros(2), 5e5, np.array([0.0, 21600.0]), mean, mean**2, np.ones((2, 2))),
+        *(np.zeros(2), 5e5, np.array([0.0, 21600.0]), mean, mean**2, np.ones((2, 2)), 43200.0),
         score={"gp_z_sd": 1.0},
         source="two fields",
         modes=modes,
+        evidence=WindEvidence(
+            (mean[0, 0], mean[1, 0]), (mean[0, 1], mean[1, 1]), "matern12", np.ones((2, 2, 4))
+        ),
+        leads=np.array([0.0, np.nan]),
+        ends="the last field is held for 6 h",
+        error=forecast_error_law("gfs", "none"),
     )
 
 

@@ -235,6 +235,13 @@ def inventories(place: Path) -> Fuzz:
     return Fuzz(mutants(corpora.INVENTORIES), read)
 
 
+def forecast_errors(place: Path) -> Fuzz:
+    from pareto_ltl.wind.forecast_error import forecast_error_law, read_forecast_error
+
+    trees = [forecast_error_law("gfs", "none").document()]
+    return Fuzz(tree_mutants(trees, json_bytes), _from_file(place / "law.json", read_forecast_error))
+
+
 def netcdf_winds(place: Path) -> Fuzz:
     from pareto_ltl.wind.netcdf import read_netcdf, write_netcdf
 
@@ -336,6 +343,7 @@ TARGETS = (
     Target("cf_winds", cf_winds, share=0.2),
     Target("stations", stations),
     Target("inventories", inventories),
+    Target("forecast_errors", forecast_errors),
     Target("netcdf_winds", netcdf_winds, share=0.2),  # HDF5 takes 10 ms to open a file
     Target("results", results),
     Target("sweeps", sweeps, share=0.5),  # a case is two summaries
