@@ -76,7 +76,7 @@ PLAN_LIES = (
     Lie("V is halved", recosted("mission_risk_ordered", 0.5), ("plan: ordered bound V",)),
     Lie("V is a hundredth less", recosted("mission_risk_ordered", 0.99), ("plan: ordered bound V",)),
     Lie("the mission risk is halved", recosted("mission_risk", 0.5), ("plan: mission risk",)),
-    Lie("f_o is another", recosted("mission_risk_paper", 0.1), ("plan: f_o of Theorem 2",)),
+    Lie("f_o is another", recosted("mission_risk_paper", 0.1), ("plan: f_o of Theorem 2",), only="paper"),
     Lie("R is zero", recosted("collision_risk", 0.0), ("plan: collision bound R",)),
     Lie("R is doubled", recosted("collision_risk", 2.0), ("plan: collision bound R",)),
     Lie("the length is shorter", recosted("length", 0.999), ("plan: length",)),

@@ -1,8 +1,7 @@
-"""Lies about the map, the mission and the wind."""
+"""Lies about the map and the mission."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -10,9 +9,7 @@ from lies.editing import (
     Lie,
     both,
     in_json,
-    in_metrics,
     in_plan,
-    in_wind,
     moved,
     put,
     setting,
@@ -143,66 +140,4 @@ WORLD_LIES = (
         in_json("automaton.json", lambda a: (a["letters"].pop(), [row.pop() for row in a["delta"]])),
         ("mission: letters are the labels of the map",),
     ),
-)
-
-
-def _times(name: str, factor: float) -> Callable[[Any], Any]:
-    def change(file: Any) -> None:
-        file[name][...] = file[name][...] * factor
-
-    return change
-
-
-def _forget_readings(file: Any) -> None:
-    for name in [name for name in file if name.startswith("reading_")]:
-        del file[name]
-
-
-def _quieter(file: Any) -> None:
-    _times("u_gust_var", 0.5)(file)
-    _times("u_noise_sd", 0.5**0.5)(file)
-
-
-def _one_node(file: Any) -> None:
-    values = file["u"][...]
-    values[0, 2, 3] += 0.5
-    file["u"][...] = values
-
-
-WIND_LIES = (
-    Lie("the mean wind is weaker", in_wind(_times("u", 0.9)), ("wind: mean and variance are the posterior",)),
-    Lie(
-        "the mean wind of one node is another",
-        in_wind(_one_node),
-        ("wind: mean and variance are the posterior",),
-    ),
-    Lie(
-        "the variance is halved",
-        in_wind(_times("v_var", 0.5)),
-        ("wind: mean and variance are the posterior",),
-    ),
-    Lie("the gust variance is halved", in_wind(_times("u_gust_var", 0.5)), ("wind: white variance",)),
-    Lie("gusts and noise are halved", in_wind(_quieter), ("wind: mean and variance are the posterior",)),
-    Lie(
-        "the modes are smaller", in_wind(_times("v_modes", 0.9)), ("wind: modes are those of the posterior",)
-    ),
-    Lie(
-        "the readings are weaker",
-        in_wind(_times("reading_u", 0.9)),
-        ("wind: mean and variance are the posterior", "wind: prior mean, noise and kernel"),
-    ),
-    Lie(
-        "the readings are gone", in_wind(_forget_readings), ("wind: there are readings, or the air is calm",)
-    ),
-    Lie(
-        "errors last less long",
-        both(in_wind(lambda f: f.attrs.update(rho=0.2)), in_metrics({"wind_rho": 0.2})),
-        ("wind: persistence rho",),
-    ),
-    Lie(
-        "gusts last less long",
-        in_wind(lambda f: f.attrs.update(gust_time=100.0)),
-        ("wind: lattice, slots and settings",),
-    ),
-    Lie("the score is better", in_metrics({"gp_z_sd": 1.0}), ("wind: metrics",)),
 )

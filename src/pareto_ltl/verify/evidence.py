@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -22,10 +23,12 @@ from pareto_ltl.verify.formula import Dfa, covers
 from pareto_ltl.verify.gaussians import growing, label_masses, ordered, path_bound
 from pareto_ltl.verify.geometry import Convex, convex
 from pareto_ltl.verify.laws import Coherent, Course, Independent, Law, Robot
-from pareto_ltl.verify.wind_tables import Clock, WindFile, clock, read_wind_file
+from pareto_ltl.verify.wind_modes import PartCovariance, part_covariances
+from pareto_ltl.verify.wind_tables import ENSEMBLE, Clock, WindFile, clock, read_wind_file
 
 LAWS = ("independent", "coherent")
 EPSILON = {"step": 0.05, "path": 0.1}  # where planner.epsilon is null
+ONE_FORECAST = ("sample", "csv", "stations", "currents", "calm")  # sources that have no ensemble
 OUTPUTS = {
     "scene": ("scene.json",),
     "decomposition": ("cells.json",),
@@ -84,6 +87,26 @@ class Evidence:
     @cached_property
     def wind(self) -> WindFile:
         return read_wind_file(self.directory / "wind.nc")
+
+    @property
+    def horizon(self) -> float | None:
+        """End of the longest flight [s]; None where the time step was left open and no plan tells it."""
+        if self.step_is_open and "dt_s" not in self.metrics:
+            return None
+        return float(self.robot.dt * self.settings["planner"]["max_steps"])
+
+    @property
+    def has_ensemble(self) -> bool:
+        """Whether members of an ensemble, which are not in wind.nc, are part of the wind's error."""
+        source, modes = self.settings["wind"]["source"], self.wind.modes
+        return source == "ensemble" or (
+            source not in ONE_FORECAST and modes is not None and bool((modes.part == ENSEMBLE).any())
+        )
+
+    @cached_property
+    def error_parts(self) -> dict[int, PartCovariance]:
+        """Covariance of each part of the wind's error, by its number."""
+        return part_covariances(self.wind, math.inf if self.horizon is None else self.horizon)
 
     def table(self, name: str) -> list[dict[str, str]]:
         """The rows of a CSV file."""
@@ -169,11 +192,15 @@ class Evidence:
 
     @cached_property
     def times(self) -> Clock:
-        return clock(self.wind, self.robot.dt, len(self.u))
+        return self.clock_of(len(self.u))
+
+    def clock_of(self, steps: int) -> Clock:
+        """The wind's slots of a flight of ``steps`` steps."""
+        return clock(self.wind, self.robot.dt, steps, int(self.settings["planner"]["max_steps"]))
 
     def law(self, name: str, steps: int | None = None) -> Law:
         """A wind law for ``steps`` steps, those of the plan by default."""
-        times = self.times if steps is None else clock(self.wind, self.robot.dt, steps)
+        times = self.times if steps is None else self.clock_of(steps)
         if name == "independent":
             return Independent(self.wind, times, self.robot)
         marks = self.scene.get("landmarks") or [] if self.planned_law == "coherent" else []

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -108,8 +107,8 @@ class Simulator:
         pilots = Pilots(np.zeros((runs, 2)), np.zeros((runs, modes)), np.zeros(runs, bool))
         theta = rng.standard_normal((runs, self.law.modes))
         for t in range(steps):
-            if t and (keep := self.law.times.keep[t]) < 1:
-                theta = keep * theta + math.sqrt(1 - keep**2) * rng.standard_normal(theta.shape)
+            if t and isinstance(self.law, Coherent):
+                theta = next_field(self.law, t, theta, rng)
             wind = self._wind(x[:, t], t, theta, rng)
             flown = self._commands(x[:, t], t, pilots, rng)
             x[:, t + 1] = x[:, t] @ robot.a.T + robot.dt * (flown @ robot.b.T + wind)
@@ -121,15 +120,15 @@ class Simulator:
         square = square_of(wind.x, wind.y, x)
         met = square.value(at_step(wind.mean, law.times, t))
         latent = square.value(at_step(wind.latent, law.times, t))
-        white = at_step(wind.gust, law.times, t) + latent
-        if isinstance(law, Coherent):
-            white = white - latent
+        if isinstance(law, Independent):
+            white = at_step(wind.gust, law.times, t) + latent + law.times.between[t]
+        else:
             carried = np.zeros_like(latent)
             if wind.modes is not None:
-                psi = square_of(wind.modes.x, wind.modes.y, x).value(wind.modes.psi[law.times.nearest[t]])
+                psi = square_of(wind.modes.x, wind.modes.y, x).value(law.modes_at(t))
                 met = met + np.einsum("ncp,ncp->nc", psi, theta.reshape(len(x), 2, -1))
                 carried = (psi**2).sum(axis=2)
-            white = wind.gust_time / law.robot.dt * (white + np.maximum(latent - carried, 0.0))
+            white = law.white_variance(t, latent, carried)
         return np.asarray(met + np.sqrt(white) * rng.standard_normal(met.shape), float)
 
     def _commands(self, x: FloatArray, t: int, pilots: Pilots, rng: np.random.Generator) -> FloatArray:
@@ -139,8 +138,8 @@ class Simulator:
         cut = self._within_speed(held) if robot.feedback > 0 else held
         if guide is None:
             return cut
-        if (keep := self.law.times.keep[t]) < 1:
-            pilots.field *= keep
+        if isinstance(self.law, Coherent):
+            pilots.field *= self.law.kept(t)
         if t in guide.gains:
             self._take_fixes(x, t, pilots, rng)
         expected = pilots.field @ guide.psi[t].T
@@ -167,14 +166,22 @@ class Simulator:
         pilots.fixed |= here
 
 
+def next_field(law: Coherent, t: int, theta: FloatArray, rng: np.random.Generator) -> FloatArray:
+    """θ (n, 2P) of step t from that of step t - 1: ρ θ + √(1 - ρ²) η, with ρ of the part of each mode."""
+    keep = law.kept(t)
+    if (keep == 1).all():
+        return theta
+    return np.asarray(keep * theta + np.sqrt(1 - keep**2) * rng.standard_normal(theta.shape), float)
+
+
 def linear_flights(law: Coherent, course: Course, runs: int, rng: np.random.Generator) -> FloatArray:
     """Positions (runs, T+1, 2) [m] in winds linearised about ``course``, e' = F e + dt (ψ θ + white)."""
     e = law.robot.start_sd * rng.standard_normal((runs, 2))
     theta = rng.standard_normal((runs, law.modes))
     x = [course.x[0] + e]
     for t in range(len(course.u)):
-        if t and (keep := law.times.keep[t]) < 1:
-            theta = keep * theta + math.sqrt(1 - keep**2) * rng.standard_normal(theta.shape)
+        if t:
+            theta = next_field(law, t, theta, rng)
         met = theta @ course.psi[t].T + np.sqrt(course.white[t]) * rng.standard_normal((runs, 2))
         e = e @ course.F[t].T + law.robot.dt * met
         x.append(course.x[t + 1] + e)
@@ -217,27 +224,24 @@ def winds_as_drawn(law: Independent, x: FloatArray, u: FloatArray) -> float:
     """Chance of winds at least as unlike N(μ, Σ_w) as those of flights ``x`` with open-loop controls ``u``.
 
     The wind of a step is what the motion leaves, standardised at the position where it was met; the sum of
-    squares of all of them is chi-squared, and so is, scaled, the square of their sum.
+    squares of all of them is chi-squared, and so is, scaled, the square of their sum at each step.
     """
     robot, wind = law.robot, law.wind
-    squares, total, count = 0.0, np.zeros(2), 0
+    squares, count, drift = 0.0, 0, 1.0
     for t in range(len(u)):
         square = square_of(wind.x, wind.y, x[:, t])
         met = (x[:, t + 1] - x[:, t] @ robot.a.T) / robot.dt - u[t] @ robot.b.T
         gap = met - square.value(at_step(wind.mean, law.times, t))
-        sd = np.sqrt(square.value(at_step(wind.latent, law.times, t)) + at_step(wind.gust, law.times, t))
+        variance = square.value(at_step(wind.latent, law.times, t)) + at_step(wind.gust, law.times, t)
+        sd = np.sqrt(variance + law.times.between[t])
         if (np.abs(gap[sd <= 1e-9]) > 1e-6).any():
             return 0.0
         z = gap / np.maximum(sd, 1e-9) * (sd > 1e-9)
-        squares, total, count = (
-            squares + float((z * z).sum()),
-            total + z.sum(axis=0),
-            count + int((sd > 1e-9).sum()),
-        )
+        squares, count = squares + float((z * z).sum()), count + int((sd > 1e-9).sum())
+        drift = min(drift, len(u) * float(chi2.sf((z.sum(axis=0) ** 2).sum() / len(z), 2)))
     if not count:
         return 1.0
     spread = 2 * min(float(chi2.cdf(squares, count)), float(chi2.sf(squares, count)))
-    drift = float(chi2.sf((total**2).sum() / (count / 2), 2))
     return min(1.0, 2 * min(spread, drift))
 
 

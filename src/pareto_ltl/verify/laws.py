@@ -15,7 +15,7 @@ import numpy as np
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.verify.gaussians import in_polygon
 from pareto_ltl.verify.geometry import Convex
-from pareto_ltl.verify.wind_tables import Clock, WindFile, at_step, square_of
+from pareto_ltl.verify.wind_tables import TIME, Clock, WindFile, at_step, square_of
 
 RIM = np.array([(math.cos(a), math.sin(a)) for a in np.arange(8) * math.pi / 4])  # of the maximum-trace ball
 
@@ -112,7 +112,8 @@ class Independent:
         around = course.x[t] + reach * np.vstack([[0.0, 0.0], RIM if reach > 0 else RIM[:0]])
         square = square_of(wind.x, wind.y, around)
         latent = square.value(at_step(wind.latent, self.times, t))
-        course.white[t] = latent[np.argmax(latent.sum(axis=1))] + at_step(wind.gust, self.times, t)
+        widest = latent[np.argmax(latent.sum(axis=1))]
+        course.white[t] = widest + at_step(wind.gust, self.times, t) + self.times.between[t]
         course.drift[t] = square.value(at_step(wind.mean, self.times, t))[0]
         course.F[t] = robot.closed
         course.speed[t] = robot.speed_left(robot.feedback**2 * belief.unknown)
@@ -134,12 +135,36 @@ class Coherent:
         """2P, the coefficients of both components."""
         return 0 if self.wind.modes is None else 2 * self.wind.modes.psi.shape[-1]
 
+    def kept(self, t: int) -> FloatArray:
+        """Share of each coefficient that step t keeps of step t - 1, (2P,)."""
+        if self.wind.modes is None:
+            return np.ones(0)
+        return np.tile(self.times.keep[t][self.wind.modes.part], 2)
+
+    def modes_at(self, t: int) -> FloatArray:
+        """ψ of step t at the nodes, (MX, MY, 2, P): those of interpolation in time grow with its error."""
+        found = self.wind.modes
+        assert found is not None
+        grown = np.where(found.part == TIME, math.sqrt(self.times.between[t]), 1.0)
+        return np.asarray(found.psi[self.times.nearest[t]] * grown, float)
+
+    def white_variance(self, t: int, latent: FloatArray, carried: FloatArray) -> FloatArray:
+        """Variance of a step's mean of gusts, and of what modes that carry |ψ|² leave of ``latent`` (..., 2).
+
+        A robot crosses the correlation length of the rest at its airspeed, at the latest in the whole flight.
+        """
+        robot, modes = self.robot, self.wind.modes
+        reach = 0.0 if modes is None else 2 * modes.rest_length / (robot.u_max * robot.dt)
+        left = np.maximum(latent + self.times.between[t] - carried, 0.0)
+        gusts = self.wind.gust_time / robot.dt * at_step(self.wind.gust, self.times, t)
+        return np.asarray(gusts + min(reach, float(self.times.known)) * left, float)
+
     def advance(self, course: Course, t: int, belief: Belief) -> Belief:
         """Fill row t of ``course`` and return what is uncertain one step later."""
         belief = self._with_fix(course, t, belief)
         robot, dt = self.robot, self.robot.dt
         self._linearise(course, t, belief)
-        F, psi, keep = course.F[t], course.psi[t], self.times.keep[t + 1]
+        F, psi, keep = course.F[t], course.psi[t], self.kept(t + 1)
         mixed = dt * F @ belief.cross @ psi.T
         unknown = F @ belief.unknown @ F.T + mixed + mixed.T
         unknown += dt**2 * (psi @ belief.theta @ psi.T + np.diag(course.white[t]))
@@ -152,7 +177,7 @@ class Coherent:
             unknown=unknown,
             known=back @ belief.known @ back.T,
             cross=keep * (F @ belief.cross + dt * psi @ belief.theta),
-            theta=keep**2 * belief.theta + (1 - keep**2) * np.eye(len(belief.theta)),
+            theta=np.outer(keep, keep) * belief.theta + np.diag(1 - keep**2),
         )
 
     def _linearise(self, course: Course, t: int, belief: Belief) -> None:
@@ -170,8 +195,8 @@ class Coherent:
         bend = 0.5 * np.einsum("ijc,ij->c", np.array(H), belief.unknown)
         psi, swept = self._field_at(course.x[t], t, belief.cross)
         course.psi[t] = psi
-        left = np.maximum(square.value(at_step(wind.latent, self.times, t))[0] - (psi**2).sum(axis=1), 0.0)
-        course.white[t] = wind.gust_time / robot.dt * (at_step(wind.gust, self.times, t) + left)
+        latent = square.value(at_step(wind.latent, self.times, t))[0]
+        course.white[t] = self.white_variance(t, latent, (psi**2).sum(axis=1))
         course.drift[t] = square.value(mean)[0] + bend + swept
 
     def _field_at(self, x: FloatArray, t: int, cross: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -181,7 +206,7 @@ class Coherent:
         found = self.wind.modes
         if found is None:
             return psi, swept
-        table = found.psi[self.times.nearest[t]]
+        table = self.modes_at(t)
         square = square_of(found.x, found.y, x[None])
         value, slopes = square.value(table)[0], square.slopes(table)
         half = self.modes // 2
@@ -268,7 +293,7 @@ def _flown(law: Law, course: Course, finish_step: Callable[[int], None]) -> Cour
     return course
 
 
-def covariance_across(law: Law, course: Course) -> FloatArray:
+def covariance_across(law: Coherent, course: Course) -> FloatArray:
     """Cov(e_t, e_s) for s <= t, (T+1, T+1, 2, 2), of a course without fixes."""
     n, dt = len(course.x), law.robot.dt
     cross = np.zeros((n, n, 2, 2))
@@ -276,5 +301,5 @@ def covariance_across(law: Law, course: Course) -> FloatArray:
         cross[s, s], held = course.cov[s], course.cross[s].T  # Cov(θ_s, e_s)
         for t in range(s, n - 1):
             cross[t + 1, s] = course.F[t] @ cross[t, s] + dt * course.psi[t] @ held
-            held = law.times.keep[t + 1] * held
+            held = law.kept(t + 1)[:, None] * held
     return cross

@@ -11,46 +11,46 @@ import numpy as np
 
 from pareto_ltl.support.arrays import FloatArray, IntArray
 from pareto_ltl.support.errors import DataError
+from pareto_ltl.verify.forecast_errors import ErrorLaw, error_law
+from pareto_ltl.verify.wind_fit import Fit
 
 COMPONENTS = ("u", "v")
+PARTS = ("interpolation in space", "forecast", "interpolation in time", "ensemble")  # of the error of a field
+SPACE, FORECAST, TIME, ENSEMBLE = range(4)
+HELD_EPOCH = 10_800.0  # [s] in which the error of a held field keeps its pattern
 HYPER = ("prior_mean", "prior_sd", "prior_length", "noise_sd")
 
 
 @dataclass(frozen=True, slots=True)
-class Fit:
-    """What the field says that it was fitted from.
-
-    Attributes
-    ----------
-    points, winds : list of K (n, 2) float
-        Readings of each slot [m], [m/s].
-    hyper : (K, 2, 4) float
-        Prior mean, prior standard deviation [m/s], length scale [m], noise [m/s].
-    """
-
-    points: list[FloatArray]
-    winds: list[FloatArray]
-    hyper: FloatArray
-    kernel: str
-
-
-@dataclass(frozen=True, slots=True)
 class Modes:
-    """ψ (K, MX, MY, 2, P) on nodes ``x`` (MX,), ``y`` (MY,) [m]; ``energy``, ``length`` (K, 2)."""
+    """ψ (K, MX, MY, 2, P) on nodes ``x`` (MX,), ``y`` (MY,) [m]; ``energy``, ``length`` (K, 2); the ``part``
+    (P,) of the error of each mode, -1 for unused ones; what all leave is correlated over ``rest_length``."""
 
     x: FloatArray
     y: FloatArray
     psi: FloatArray
+    part: IntArray
     rho: float
     gap: float
     energy: FloatArray
     length: FloatArray
+    rest_length: float
+
+    def nodes(self) -> FloatArray:
+        """Positions (N, 2) [m]."""
+        return np.stack(np.meshgrid(self.x, self.y, indexing="ij"), axis=-1).reshape(-1, 2)
+
+    def of(self, part: int) -> FloatArray:
+        """The modes of one part of the error, (K, N, 2, p)."""
+        k, nx, ny, c, _ = self.psi.shape
+        chosen = self.psi[..., self.part == part]
+        return chosen.reshape(k, nx * ny, c, chosen.shape[-1])
 
 
 @dataclass(frozen=True, slots=True)
 class WindFile:
     """Mean and variance of the smooth part (K, NX, NY, 2) on nodes ``x``, ``y`` [m], gust (K, 2); ``clock``
-    is the unit of time."""
+    is the unit of time; the wind is known ``until`` [s], for a reason ``ends``; ``leads`` (K,) [s]."""
 
     x: FloatArray
     y: FloatArray
@@ -58,11 +58,15 @@ class WindFile:
     mean: FloatArray
     latent: FloatArray
     gust: FloatArray
-    hold_last: bool
+    until: float
+    ends: str
+    level: str
+    leads: FloatArray
     gust_time: float
     score: dict[str, float]
     modes: Modes | None
     fit: Fit | None
+    error: ErrorLaw | None
     clock: str
 
 
@@ -73,7 +77,7 @@ def read_wind_file(path: Path) -> WindFile:
     try:
         with h5netcdf.File(path, "r") as file:
             return _wind_file(file)
-    except (OSError, KeyError, ValueError) as error:
+    except (OSError, KeyError, TypeError, ValueError) as error:
         reason = str(error).splitlines()[0]
         raise DataError(f"{path}: not the wind of a run ({reason}); run the plan again") from error
 
@@ -89,11 +93,15 @@ def _wind_file(file: Any) -> WindFile:
         mean=both("").transpose(0, 2, 1, 3),
         latent=both("_var").transpose(0, 2, 1, 3),
         gust=both("_gust_var"),
-        hold_last=bool(file.attrs["hold_last"]),
+        until=float(file.attrs["known_until"]),
+        ends=str(file.attrs["known_until_because"]),
+        level=str(file.attrs["level"]),
+        leads=np.asarray(file["lead"][...], float),
         gust_time=float(file.attrs["gust_time"]),
         score=json.loads(file.attrs["score"]),
         modes=_modes(file) if "u_modes" in file else None,
         fit=_fit(file) if "reading_count" in file else None,
+        error=error_law(json.loads(file.attrs["forecast_error"])) if "forecast_error" in file.attrs else None,
         clock=str(file["time"].attrs["units"]),
     )
 
@@ -104,10 +112,12 @@ def _modes(file: Any) -> Modes:
         x=np.asarray(file["mode_x"][...], float),
         y=np.asarray(file["mode_y"][...], float),
         psi=psi.transpose(0, 2, 1, 3, 4),
+        part=np.asarray(file["mode_part"][...], int),
         rho=float(file.attrs["rho"]),
         gap=float(file.attrs["rho_gap"]),
         energy=np.stack([np.asarray(file[f"{name}_energy"][...], float) for name in COMPONENTS], axis=-1),
         length=np.stack([np.asarray(file[f"{name}_length"][...], float) for name in COMPONENTS], axis=-1),
+        rest_length=float(file.attrs["rest_length"]),
     )
 
 
@@ -173,88 +183,75 @@ def square_of(x: FloatArray, y: FloatArray, points: FloatArray) -> Square:
 
 @dataclass(frozen=True, slots=True)
 class Clock:
-    """Step t lies between slots ``slot[t]`` and ``slot[t] + 1`` at ``weight[t]``; its field is that of slot
-    ``nearest[t]``, of which θ keeps the share ``keep[t]`` of step t - 1."""
+    """Step t lies between slots ``slot[t]`` and ``slot[t] + 1`` at ``weight[t]``; its modes are those of slot
+    ``nearest[t]``, and θ of part g of the error keeps the share ``keep[t, g]`` of step t - 1. ``between``
+    [m²/s²] is the variance of interpolation in time; the wind is ``known`` for so many steps."""
 
     slot: IntArray
     weight: FloatArray
     nearest: IntArray
     keep: FloatArray
+    between: FloatArray
+    known: int
 
 
-def clock(wind: WindFile, dt: float, steps: int) -> Clock:
-    """The slots of steps 0 to ``steps``; DataError where the wind is not known for so long."""
-    t = dt * np.arange(steps + 1)
-    if steps and not wind.hold_last and t[-2] > wind.times[-1] + 1e-6:
-        raise DataError(f"the wind ends {wind.times[-1]:g} s after departure, the plan flies at {t[-2]:g} s")
+def clock(wind: WindFile, dt: float, steps: int, most: int) -> Clock:
+    """The slots of steps 0 to ``steps`` of at most ``most``; DataError if the wind is not known so long."""
+    t: FloatArray = dt * np.arange(steps + 1, dtype=float)
+    if steps and t[-2] > wind.until + 1e-6:
+        raise DataError(f"the wind ends {wind.until:g} s after departure, the plan flies at {t[-2]:g} s")
     if len(wind.times) == 1:
         slot, weight = np.zeros(len(t), int), np.zeros(len(t))
     else:
         slot = np.clip(np.searchsorted(wind.times, t, side="right") - 1, 0, len(wind.times) - 2)
         weight = np.clip((t - wind.times[slot]) / np.diff(wind.times)[slot], 0.0, 1.0)
     nearest = slot + (weight > 0.5)
-    keep = np.ones(len(t))
-    if wind.modes is not None:
-        passed = np.diff(wind.times[nearest], prepend=wind.times[nearest[0]]) / wind.modes.gap
-        keep = np.where(passed > 0, wind.modes.rho**passed, 1.0)
-    return Clock(slot, weight, nearest, keep)
+    keep = np.array([_kept(wind, nearest, t, n) for n in range(len(t))])
+    between = np.array([_between(wind, float(now)) for now in t])
+    known = int((dt * np.arange(most) <= wind.until + 1e-6).sum())
+    return Clock(slot, weight, nearest, keep, between, known)
+
+
+def _between(wind: WindFile, now: float) -> float:
+    """Variance of the error of interpolation in time, or of the last field where it is held."""
+    if wind.error is None:
+        return 0.0
+    if now >= wind.times[-1]:
+        return wind.error.change_variance(now - float(wind.times[-1]))
+    k = int(np.searchsorted(wind.times, now, side="right")) - 1
+    return wind.error.between_variance(now - float(wind.times[k]), float(wind.times[k + 1] - wind.times[k]))
+
+
+def _kept(wind: WindFile, nearest: IntArray, t: FloatArray, n: int) -> FloatArray:
+    """Share of θ of each part that step n keeps of step n - 1.
+
+    Interpolation in space and forecasts: ρ to the power of the time between the slots. Interpolation in time:
+    0 from one gap between fields to the next; of a held field, the correlation of its changes up to the
+    middles of two spells.
+    """
+    keep = np.ones(len(PARTS))
+    if n == 0:
+        return keep
+    passed = float(wind.times[nearest[n]] - wind.times[nearest[n - 1]])
+    if wind.modes is not None and passed > 0:
+        keep[SPACE] = wind.modes.rho ** (passed / wind.modes.gap)
+    if wind.error is None:
+        return keep
+    if passed > 0:
+        keep[FORECAST] = wind.error.persistence ** (passed / wind.error.persistence_time)
+    before, now = t[n - 1] - wind.times[-1], t[n] - wind.times[-1]
+    if now < 0:
+        gaps = np.searchsorted(wind.times, t[n - 1 : n + 1], side="right")
+        keep[TIME] = float(gaps[0] == gaps[1])
+    elif before < 0:
+        keep[TIME] = 0.0
+    elif before // HELD_EPOCH != now // HELD_EPOCH:
+        middles = ((float(late) // HELD_EPOCH + 0.5) * HELD_EPOCH for late in (before, now))
+        keep[TIME] = wind.error.change_correlation(*middles)
+    return keep
 
 
 def at_step(table: FloatArray, times: Clock, t: int) -> FloatArray:
     """``table`` (K, ...) at step t, linear between its slots."""
     k, w = times.slot[t], times.weight[t]
     return np.asarray(table[k] if w == 0 else (1 - w) * table[k] + w * table[k + 1], float)
-
-
-# --- the fit ----------------------------------------------------------------------------------
-
-
-def correlation(kernel: str, r: FloatArray) -> FloatArray:
-    """Matérn 3/2 or squared-exponential correlation at distance ``r`` in length scales."""
-    if kernel == "rbf":
-        return np.asarray(np.exp(-0.5 * r * r), float)
-    if kernel == "matern32":
-        return np.asarray((1 + np.sqrt(3.0) * r) * np.exp(-np.sqrt(3.0) * r), float)
-    raise DataError(f"wind.nc names the kernel {kernel!r}; expected matern32 or rbf")
-
-
-def separation(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Distances (n, m) between points (n, 2) and (m, 2) [m]."""
-    return np.asarray(np.hypot(a[:, None, 0] - b[:, 0], a[:, None, 1] - b[:, 1]), float)
-
-
-def posterior(fit: Fit, k: int, c: int, nodes: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Mean (N,) of component c in slot k at ``nodes`` (N, 2), and V (n, N) = L⁻¹ k(X, nodes), L L' = K + σ²I.
-
-    The posterior covariance of two nodes x, y is k(x, y) - V_x' V_y.
-    """
-    m, amplitude, length, noise = fit.hyper[k, c]
-    points = fit.points[k]
-    K = amplitude**2 * correlation(fit.kernel, separation(points, points) / length)
-    K[np.diag_indices(len(K))] += noise**2
-    cross = amplitude**2 * correlation(fit.kernel, separation(points, nodes) / length)
-    root = np.linalg.inv(np.linalg.cholesky(K))
-    V = root @ cross
-    return m + V.T @ (root @ (fit.winds[k][:, c] - m)), V
-
-
-def persistence(fit: Fit, same_place: float = 1e3, fewest: int = 10) -> float:
-    """ρ: correlation of standardised leave-one-out residuals of readings at one place in successive slots."""
-    z = [np.column_stack([_residuals(fit, k, c) for c in (0, 1)]) for k in range(len(fit.points))]
-    pairs = []
-    for k in range(len(z) - 1):
-        apart = separation(fit.points[k], fit.points[k + 1])
-        i = np.flatnonzero(apart.min(axis=1) < same_place)
-        pairs.append(np.stack([z[k][i], z[k + 1][apart[i].argmin(axis=1)]]))
-    a, b = np.concatenate(pairs, axis=1) if pairs else np.zeros((2, 0, 2))
-    size = float((a * a).sum() * (b * b).sum())
-    if a.size < fewest or size <= 0.0:
-        return 1.0
-    return float(np.clip((a * b).sum() / np.sqrt(size), 0.0, 1.0))
-
-
-def _residuals(fit: Fit, k: int, c: int) -> FloatArray:
-    m, amplitude, length, noise = fit.hyper[k, c]
-    K = amplitude**2 * correlation(fit.kernel, separation(fit.points[k], fit.points[k]) / length)
-    inverse = np.linalg.inv(K + noise**2 * np.eye(len(K)))
-    return np.asarray(inverse @ (fit.winds[k][:, c] - m) / np.sqrt(np.diag(inverse)), float)

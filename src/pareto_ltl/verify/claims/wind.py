@@ -1,22 +1,28 @@
-"""Claims about the wind field: the posterior at its nodes, its modes and its time."""
+"""Claims about the wind field: the posterior at its nodes, its forecasts, its time and its settings."""
 
 from __future__ import annotations
+
+import math
+from pathlib import Path
 
 import numpy as np
 
 from pareto_ltl.support.arrays import FloatArray, IntArray
-from pareto_ltl.verify.claims.verdict import Claim, Verdict, close, no_fault, number, same, within
+from pareto_ltl.support.reading import read_json
+from pareto_ltl.support.resources import PACKAGE
+from pareto_ltl.verify.claims.verdict import Claim, Verdict, close, no_fault, same, within
+from pareto_ltl.verify.claims.wind_modes import CLAIMS as MODE_CLAIMS
 from pareto_ltl.verify.evidence import Evidence
-from pareto_ltl.verify.wind_tables import (
-    Fit,
-    Modes,
-    WindFile,
-    correlation,
-    persistence,
-    posterior,
-    separation,
-)
+from pareto_ltl.verify.forecast_errors import HOUR, ErrorLaw, error_law
+from pareto_ltl.verify.wind_fit import Fit, posterior, scaled
+from pareto_ltl.verify.wind_tables import WindFile
 
+USUAL_LAW = {
+    "sample": "none", "stations": "none", "currents": "none", "csv": "gfs", "grib": "gfs", "netcdf": "gfs",
+    "noaa": "gfs", "ensemble": "gfs",
+}  # fmt: skip
+CHOSEN_LEVEL = ("grib", "netcdf", "noaa", "ensemble")  # sources that read the level of the settings
+PACKAGED_LAW = PACKAGE / "support" / "data" / "forecast_errors" / "gfs.json"
 MOST_NODES = 4000  # of a slot, at which the posterior is worked out
 CLEAR = 2e-6  # largest difference of a posterior, as a share of its prior
 
@@ -53,28 +59,32 @@ def _node_table(wind: WindFile) -> tuple[IntArray, FloatArray]:
 
 
 def posterior_field(result: Evidence) -> Verdict | None:
-    """Mean and variance at the nodes are those of a Gaussian process given the readings."""
+    """Mean and variance at the nodes are those of a Gaussian process given the readings.
+
+    The variance is that of the process times the variance factor, and that of a forecast with the slot's
+    lead. The members of an ensemble are not in the file: they may add to it.
+    """
     fit, wind = _fitted(result), result.wind
     if fit is None:
         return None
     chosen, nodes = _node_table(wind)
-    worst = 0.0
+    factor, worst = fit.factor(nodes), 0.0
+    forecast = np.zeros(len(wind.times)) if wind.error is None else wind.error.forecast_variance(wind.leads)
     for k in range(len(wind.times)):
         for c in (0, 1):
             scale = float(fit.hyper[k, c, 1] + fit.hyper[k, c, 3])
             mean, V = posterior(fit, k, c, nodes)
-            said = wind.mean[k, ..., c].ravel()[chosen], wind.latent[k, ..., c].ravel()[chosen]
-            latent = np.maximum(fit.hyper[k, c, 1] ** 2 - (V * V).sum(axis=0), 0.0)
-            worst = max(
-                worst,
-                float(np.abs(said[0] - mean).max()) / scale,
-                float(np.abs(said[1] - latent).max()) / scale**2,
-            )
+            plain = np.maximum(fit.hyper[k, c, 1] ** 2 - (V * V).sum(axis=0), 0.0)
+            latent = scaled(plain, float(fit.hyper[k, c, 3]), factor) + forecast[k]
+            more = wind.latent[k, ..., c].ravel()[chosen] - latent
+            off = np.maximum(-more, 0.0) if result.has_ensemble else np.abs(more)
+            gap = np.abs(wind.mean[k, ..., c].ravel()[chosen] - mean)
+            worst = max(worst, float(gap.max()) / scale, float(off.max()) / scale**2)
     return within(f"{len(wind.times)} slots, {len(nodes)} nodes", worst, CLEAR)
 
 
 def prior(result: Evidence) -> Verdict | None:
-    """The prior mean is that of the readings; the noise is at least wind.noise_min; positive scales."""
+    """The prior mean is that of the readings, noise at least wind.noise_min; all slots share the scales."""
     fit = _fitted(result)
     if fit is None:
         return None
@@ -85,6 +95,7 @@ def prior(result: Evidence) -> Verdict | None:
             faults.append(f"slot {k}: prior mean")
         if fit.hyper[k, :, 3].min() < least * (1 - 1e-3) or fit.hyper[k, :, 1:3].min() <= 0:
             faults.append(f"slot {k}: scales")
+    faults += ["scales differ"] * bool((fit.hyper[..., 1:] != fit.hyper[0, 0, 1:]).any())
     faults += ["kernel"] * (fit.kernel != result.settings["wind"]["kernel"])
     return no_fault(f"{len(fit.winds)} slots of readings", faults)
 
@@ -111,72 +122,90 @@ def lattice(result: Evidence) -> Verdict:
         )
     faults += ["times do not increase"] * bool((np.diff(wind.times) <= 0).any())
     faults += ["a variance is negative"] * bool(wind.latent.min() < 0 or wind.gust.min() < 0)
-    faults += ["hold_last"] * (
-        wind.hold_last != bool(result.settings["wind"]["hold_last"] or wind.fit is None)
-    )
     faults += ["gust_time"] * (
         wind.fit is not None and wind.gust_time != result.settings["wind"]["gust_time"]
     )
     return no_fault(f"{len(wind.x)} x {len(wind.y)} nodes, {len(wind.times)} slots", faults)
 
 
-def mode_span(result: Evidence) -> Verdict | None:
-    """ψ ψ' is the leading part of the posterior covariance C at the nodes of the modes: C ψ ψ' = (ψ ψ')²."""
-    fit, modes = _fitted(result), result.wind.modes
-    if fit is None or modes is None:
+def known_until(result: Evidence) -> Verdict:
+    """Slots begin at departure, no gap exceeds wind.max_gap, and only wind.hold_last holds the last one."""
+    wind, told = result.wind, result.settings["wind"]
+    if wind.fit is None:
+        return same(wind.until, math.inf)
+    faults = ["slots begin after departure"] * bool(wind.times[0] > 1e-6)
+    faults += ["slots before departure"] * bool((wind.times[1:] < -1e-6).any())
+    widest = float(np.diff(wind.times).max(initial=0.0))
+    faults += [f"a gap of {widest / HOUR:g} h"] * (widest > told["max_gap"] * HOUR + 1)
+    ends = [float(wind.times[-1]) + told["max_gap"] * HOUR * told["hold_last"]]
+    if result.horizon is None or wind.times[-1] >= result.horizon:  # later slots are left out
+        ends.append(float(wind.times[-1]))
+    faults += [f"it ends at {ends[0] / HOUR:g} h"] * (not any(close(wind.until, end, 1e-9) for end in ends))
+    return no_fault(f"{wind.until / HOUR:g} h", faults)
+
+
+def level_and_leads(result: Evidence) -> Verdict:
+    """The level is that of the settings, the sample's is 10 m; no forecast is older than its time."""
+    wind, told = result.wind, result.settings["wind"]
+    named = "10m" if told["source"] == "sample" else wind.level
+    if told["source"] in CHOSEN_LEVEL:
+        named = str(told["level"]).replace(" ", "")
+    faults = [f"level {named}"] * (wind.level.lower() != named.lower())
+    faults += ["a lead is negative"] * bool((wind.leads < 0).any())
+    faults += ["leads of calm air"] * bool(wind.fit is None and np.isfinite(wind.leads).any())
+    return no_fault(f"{wind.level}, {np.isfinite(wind.leads).sum()} leads", faults)
+
+
+def forecast_error(result: Evidence) -> Verdict | None:
+    """The law of forecast errors is that of wind.forecast_error, fitted to the spread of winds of a level."""
+    wind = result.wind
+    if wind.fit is None or wind.error is None:
+        return same("no law" if wind.error is None else "a law", "no law" if wind.fit is None else "a law")
+    name = _named_law(result)
+    path = PACKAGED_LAW if name in ("none", "gfs") else Path(name).expanduser()
+    if not path.is_file():
         return None
-    nodes = np.stack(np.meshgrid(modes.x, modes.y, indexing="ij"), axis=-1).reshape(-1, 2)
-    probe = np.random.default_rng(3).standard_normal((len(nodes), 8))
-    worst = max(_mode_fault(fit, modes, k, c, nodes, probe) for k in range(len(fit.points)) for c in (0, 1))
-    return within(f"{modes.psi.shape[-1]} modes a component", worst, 1e-4)
+    law = error_law(read_json(path))
+    faults = _law_faults(result, wind.error, law, wind.fit)
+    wrong = name != "none" and bool(law.forecast_sd.any())
+    if not result.has_ensemble:
+        faults += ["whether forecasts have errors"] * (wrong != bool(wind.error.forecast_sd.any()))
+    return no_fault(f"{name}, level {wind.error.level}", faults)
 
 
-def _mode_fault(fit: Fit, modes: Modes, k: int, c: int, nodes: FloatArray, probe: FloatArray) -> float:
-    """The larger of what C ψψ' and (ψψ')² differ by, and what the share of the variance is off by."""
-    _, V = posterior(fit, k, c, nodes)
-    between = fit.hyper[k, c, 1] ** 2 * correlation(fit.kernel, separation(nodes, nodes) / fit.hyper[k, c, 2])
-    C = between - V.T @ V
-    psi = modes.psi[k, :, :, c].reshape(len(nodes), -1)
-    carried = psi @ (psi.T @ probe)
-    twice = psi @ (psi.T @ carried)
-    size = max(float(np.abs(twice).max()), 1e-12)
-    share = float((psi**2).sum() / max(np.trace(C), 1e-300))
-    return max(
-        float(np.abs(C @ carried - twice).max()) / size,
-        abs(share - modes.energy[k, c]) if len(psi.T) else 0.0,
-    )
+def _named_law(result: Evidence) -> str:
+    """The law that wind.forecast_error stands for; of a source of another package, the one that is found."""
+    told, law = result.settings["wind"], result.wind.error
+    found = "gfs" if law is not None and law.forecast_sd.any() else "none"
+    asked = str(told["forecast_error"])
+    return USUAL_LAW.get(told["source"], found) if asked == "auto" else asked
 
 
-def mode_count(result: Evidence) -> Verdict | None:
-    """The modes carry wind.energy of the variance, or there are wind.modes_max of them."""
-    modes, told = result.wind.modes, result.settings["wind"]
-    if modes is None:
-        return None
-    used = (np.abs(modes.psi).max(axis=(0, 1, 2, 3)) > 0).sum()
-    full = bool((modes.energy >= told["energy"] - 1e-9).all() or used >= told["modes_max"])
-    return Verdict(
-        f"energy {told['energy']}, most {told['modes_max']}", f"{modes.energy.min():.3f}, {used} modes", full
-    )
+def _law_faults(result: Evidence, said: ErrorLaw, law: ErrorLaw, fit: Fit) -> list[str]:
+    """What differs from the file; beside an ensemble, the standard deviations of forecasts may be smaller."""
+    factor, faults = 1.0, []
+    if result.wind.level != law.level:
+        factor = said.spread / law.spread
+        spread = math.sqrt(float(np.mean([winds.var(axis=0).mean() for winds in fit.winds])))
+        uncut = result.horizon is not None and result.wind.times[-1] < result.horizon
+        faults += [f"spread {spread:.4g} m/s"] * (not close(said.spread, spread, 1e-6 if uncut else 0.5))
+    numbers = ("persistence", "persistence_time", "forecast_length", "change_length")
+    faults += [name for name in numbers if not close(getattr(said, name), getattr(law, name), 1e-9)]
+    tables = {"leads": 1.0, "lags": 1.0, "change_sd": factor}
+    faults += [
+        name for name, times in tables.items() if not _alike(getattr(said, name), times * getattr(law, name))
+    ]
+    wanted = factor * law.forecast_sd if said.forecast_sd.any() else np.zeros(len(law.forecast_sd))
+    share = said.forecast_sd.max(initial=0.0) / max(wanted.max(initial=0.0), 1e-300)
+    if result.has_ensemble and share < 1:
+        wanted = share * wanted
+    faults += ["forecast_sd"] * (not _alike(said.forecast_sd, wanted))
+    faults += ["level"] * (said.level != result.wind.level)
+    return faults
 
 
-def mode_scales(result: Evidence) -> Verdict | None:
-    """Length scales are those of the fit; the gap is the median time between slots."""
-    fit, modes = _fitted(result), result.wind.modes
-    if fit is None or modes is None:
-        return None
-    faults = ["length scales"] * (not np.allclose(modes.length, fit.hyper[..., 2], rtol=1e-9))
-    gap = float(np.median(np.diff(result.wind.times))) if len(result.wind.times) > 1 else 1.0
-    faults += [f"gap {modes.gap:g} s of {gap:g} s"] * (not close(modes.gap, gap))
-    return no_fault("length scales and gap", faults)
-
-
-def rho(result: Evidence) -> Verdict | None:
-    """ρ is the setting, or the correlation of leave-one-out residuals of successive slots."""
-    fit, modes = _fitted(result), result.wind.modes
-    if fit is None or modes is None:
-        return None
-    told = result.settings["wind"]["rho"]
-    return number(modes.rho, persistence(fit) if told is None else float(told), rel=1e-4)
+def _alike(said: FloatArray, found: FloatArray) -> bool:
+    return said.shape == found.shape and bool(np.allclose(said, found, rtol=1e-9, atol=1e-12))
 
 
 def wind_metrics(result: Evidence) -> Verdict:
@@ -194,19 +223,21 @@ def wind_metrics(result: Evidence) -> Verdict:
     )
 
 
-CLAIMS = tuple(
-    Claim(f"wind: {name}", ("wind.nc",), judge)
-    for name, judge in (
-        ("there are readings, or the air is calm", has_fit),
-        ("source of the settings", calm_air),
-        ("mean and variance are the posterior", posterior_field),
-        ("prior mean, noise and kernel", prior),
-        ("white variance", gusts),
-        ("lattice, slots and settings", lattice),
-        ("modes are those of the posterior", mode_span),
-        ("number of modes", mode_count),
-        ("length scales of the modes", mode_scales),
-        ("persistence rho", rho),
-        ("metrics", wind_metrics),
-    )
+CLAIMS = (
+    *(
+        Claim(f"wind: {name}", ("wind.nc",), judge)
+        for name, judge in (
+            ("there are readings, or the air is calm", has_fit),
+            ("source of the settings", calm_air),
+            ("mean and variance are the posterior", posterior_field),
+            ("prior mean, noise and kernel", prior),
+            ("white variance", gusts),
+            ("lattice, slots and settings", lattice),
+            ("known until", known_until),
+            ("level and leads", level_and_leads),
+            ("law of forecast errors", forecast_error),
+            ("metrics", wind_metrics),
+        )
+    ),
+    *MODE_CLAIMS,
 )

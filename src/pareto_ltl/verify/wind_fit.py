@@ -1,0 +1,148 @@
+"""The Gaussian process that a wind field says it was fitted by, worked out again from its readings."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.support.errors import DataError
+
+NEIGHBOURS = 250e3  # [m] over which squared residuals are averaged for the variance factor
+PRIOR_WEIGHT = 0.5  # of the mean squared residual in that average
+SAME_PLACE = 1e3  # [m]
+FEWEST_PAIRS = 10  # of residuals, without which ρ = 1
+DAY = 86_400.0  # [s]
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """What the field says that it was fitted from.
+
+    Attributes
+    ----------
+    points, winds : list of K (n, 2) float
+        Readings of each slot [m], [m/s].
+    hyper : (K, 2, 4) float
+        Prior mean, prior standard deviation [m/s], length scale [m], noise [m/s].
+    """
+
+    points: list[FloatArray]
+    winds: list[FloatArray]
+    hyper: FloatArray
+    kernel: str
+
+    @cached_property
+    def groups(self) -> list[list[int]]:
+        """Slots whose readings stand at the same places."""
+        found: dict[bytes, list[int]] = {}
+        for k, places in enumerate(self.points):
+            found.setdefault(places.tobytes(), []).append(k)
+        return list(found.values())
+
+    @cached_property
+    def residuals(self) -> list[FloatArray]:
+        """Standardised leave-one-out residuals of each slot, (n, 2)."""
+        return [np.column_stack([_residuals(self, k, c) for c in (0, 1)]) for k in range(len(self.points))]
+
+    def factor(self, nodes: FloatArray) -> FloatArray:
+        """s² (N,): mean squared residual about each of ``nodes`` (N, 2), weighted by a Gaussian."""
+        places = np.concatenate([self.points[group[0]] for group in self.groups])
+        squares = np.concatenate(
+            [np.mean([self.residuals[k] ** 2 for k in group], axis=(0, 2)) for group in self.groups]
+        )
+        near = np.exp(-((separation(nodes, places) / NEIGHBOURS) ** 2) / 2)
+        return np.asarray(
+            (near @ squares + PRIOR_WEIGHT * squares.mean()) / (near.sum(axis=1) + PRIOR_WEIGHT), float
+        )
+
+
+def correlation(kernel: str, r: FloatArray) -> FloatArray:
+    """Matérn 1/2, Matérn 3/2 or squared-exponential correlation at distance ``r`` in length scales."""
+    if kernel == "rbf":
+        return np.asarray(np.exp(-0.5 * r * r), float)
+    if kernel == "matern12":
+        return np.asarray(np.exp(-r), float)
+    if kernel == "matern32":
+        return np.asarray((1 + np.sqrt(3.0) * r) * np.exp(-np.sqrt(3.0) * r), float)
+    raise DataError(f"wind.nc names the kernel {kernel!r}; expected matern12, matern32 or rbf")
+
+
+def separation(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Distances (n, m) between points (n, 2) and (m, 2) [m]."""
+    return np.asarray(np.hypot(a[:, None, 0] - b[:, 0], a[:, None, 1] - b[:, 1]), float)
+
+
+def posterior(fit: Fit, k: int, c: int, nodes: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Mean (N,) of component c in slot k at ``nodes`` (N, 2), and V (n, N) = L⁻¹ k(X, nodes), L L' = K + σ²I.
+
+    The posterior covariance of two nodes x, y is k(x, y) - V_x' V_y.
+    """
+    m, amplitude, length, noise = fit.hyper[k, c]
+    points = fit.points[k]
+    K = amplitude**2 * correlation(fit.kernel, separation(points, points) / length)
+    K[np.diag_indices(len(K))] += noise**2
+    cross = amplitude**2 * correlation(fit.kernel, separation(points, nodes) / length)
+    root = np.linalg.inv(np.linalg.cholesky(K))
+    V = root @ cross
+    return m + V.T @ (root @ (fit.winds[k][:, c] - m)), V
+
+
+def scaled(latent: FloatArray, noise: float, factor: FloatArray) -> FloatArray:
+    """Latent variance whose sum with the variance of the noise is ``factor`` times larger; at least 0."""
+    return np.asarray(np.maximum((latent + noise**2) * factor - noise**2, 0.0), float)
+
+
+def posterior_covariance(fit: Fit, k: int, nodes: FloatArray) -> FloatArray:
+    """Covariance (N, N) [m²/s²] of the error of interpolation in space in slot k, with the factor."""
+    _, amplitude, length, noise = fit.hyper[k, 0]
+    _, V = posterior(fit, k, 0, nodes)
+    C = amplitude**2 * correlation(fit.kernel, separation(nodes, nodes) / length) - V.T @ V
+    plain = np.maximum(np.diag(C), 0.0)
+    wanted = scaled(plain, noise, fit.factor(nodes))
+    stretch = np.sqrt(np.divide(wanted, plain, out=np.zeros_like(plain), where=plain > 0))
+    return np.asarray(stretch[:, None] * C * stretch, float)
+
+
+# --- how long errors last ---------------------------------------------------------------------
+
+
+def persistence(fit: Fit, times: FloatArray) -> float:
+    """ρ in [0, 1] whose powers add up to the correlations of residuals 1, 2, ... slots apart within a day."""
+    found: list[float] = []
+    for apart in range(1, len(times)):
+        if found and np.median(times[apart:] - times[:-apart]) > DAY:
+            break
+        pairs = _pairs(fit, apart)
+        size = float((pairs[0] ** 2).sum() * (pairs[1] ** 2).sum())
+        if pairs[0].size < FEWEST_PAIRS or size <= 0.0:
+            break
+        found.append(float((pairs[0] * pairs[1]).sum()) / math.sqrt(size))
+    if not found:
+        return 1.0
+    low, high = 0.0, 1.0
+    for _ in range(60):
+        middle = (low + high) / 2
+        enough = sum(middle**j for j in range(1, len(found) + 1)) >= sum(found)
+        low, high = (low, middle) if enough else (middle, high)
+    return (low + high) / 2
+
+
+def _pairs(fit: Fit, apart: int) -> FloatArray:
+    """Residuals of readings at one place, ``apart`` slots apart, (2, pairs, 2)."""
+    pairs = []
+    for k in range(len(fit.points) - apart):
+        gap = separation(fit.points[k], fit.points[k + apart])
+        i = np.flatnonzero(gap.min(axis=1) < SAME_PLACE)
+        pairs.append(np.stack([fit.residuals[k][i], fit.residuals[k + apart][gap[i].argmin(axis=1)]]))
+    return np.concatenate(pairs, axis=1)
+
+
+def _residuals(fit: Fit, k: int, c: int) -> FloatArray:
+    m, amplitude, length, noise = fit.hyper[k, c]
+    K = amplitude**2 * correlation(fit.kernel, separation(fit.points[k], fit.points[k]) / length)
+    inverse = np.linalg.inv(K + noise**2 * np.eye(len(K)))
+    return np.asarray(inverse @ (fit.winds[k][:, c] - m) / np.sqrt(np.diag(inverse)), float)

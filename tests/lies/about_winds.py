@@ -1,0 +1,203 @@
+"""Lies about the wind: its fit, the parts of its error, and how long they last."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from lies.editing import Lie, both, in_metrics, in_wind, put, scaled
+from pareto_ltl.verify.forecast_errors import error_law
+from pareto_ltl.verify.wind_tables import ENSEMBLE, FORECAST, TIME
+
+
+def _times(name: str, factor: float) -> Callable[[Any], Any]:
+    def change(file: Any) -> None:
+        file[name][...] = file[name][...] * factor
+
+    return change
+
+
+def _forget_readings(file: Any) -> None:
+    for name in [name for name in file if name.startswith("reading_")]:
+        del file[name]
+
+
+def _quieter(file: Any) -> None:
+    _times("u_gust_var", 0.5)(file)
+    _times("u_noise_sd", 0.5**0.5)(file)
+
+
+def _one_node(file: Any) -> None:
+    values = file["u"][...]
+    values[0, 2, 3] += 0.5
+    file["u"][...] = values
+
+
+WIND_LIES = (
+    Lie("the mean wind is weaker", in_wind(_times("u", 0.9)), ("wind: mean and variance are the posterior",)),
+    Lie(
+        "the mean wind of one node is another",
+        in_wind(_one_node),
+        ("wind: mean and variance are the posterior",),
+    ),
+    Lie(
+        "the variance is halved",
+        in_wind(_times("v_var", 0.5)),
+        ("wind: mean and variance are the posterior",),
+    ),
+    Lie("the gust variance is halved", in_wind(_times("u_gust_var", 0.5)), ("wind: white variance",)),
+    Lie("gusts and noise are halved", in_wind(_quieter), ("wind: mean and variance are the posterior",)),
+    Lie("the modes are smaller", in_wind(_times("v_modes", 0.9)), ("wind: modes of interpolation in space",)),
+    Lie(
+        "the readings are weaker",
+        in_wind(_times("reading_u", 0.9)),
+        ("wind: mean and variance are the posterior", "wind: prior mean, noise and kernel"),
+    ),
+    Lie(
+        "the readings are gone", in_wind(_forget_readings), ("wind: there are readings, or the air is calm",)
+    ),
+    Lie(
+        "errors last less long",
+        both(in_wind(lambda f: f.attrs.update(rho=0.2)), in_metrics({"wind_rho": 0.2})),
+        ("wind: persistence rho",),
+    ),
+    Lie(
+        "gusts last less long",
+        in_wind(lambda f: f.attrs.update(gust_time=100.0)),
+        ("wind: lattice, slots and settings",),
+    ),
+    Lie("the score is better", in_metrics({"gp_z_sd": 1.0}), ("wind: metrics",)),
+)
+
+
+def _law(change: Callable[[dict[str, Any]], Any]) -> Callable[[Any], Any]:
+    """Change the law of forecast errors."""
+
+    def edit(file: Any) -> None:
+        told = json.loads(file.attrs["forecast_error"])
+        change(told)
+        file.attrs["forecast_error"] = json.dumps(told)
+
+    return edit
+
+
+def _without_forecasts(file: Any) -> None:
+    law = error_law(json.loads(file.attrs["forecast_error"]))
+    for name in ("u_var", "v_var"):
+        file[name][...] = file[name][...] - law.forecast_variance(file["lead"][...])[:, None, None]
+
+
+def _no_modes_of(part: int) -> Callable[[Any], Any]:
+    def change(file: Any) -> None:
+        owner = file["mode_part"][...]
+        for name in ("u_modes", "v_modes"):
+            file[name][...] = np.where(owner == part, 0.0, file[name][...])
+        file["mode_part"][...] = np.where(owner == part, -1, owner)
+
+    return change
+
+
+def _fine_forecasts(file: Any) -> None:
+    """Forecasts without error, everywhere in the file."""
+    _without_forecasts(file)
+    _no_modes_of(FORECAST)(file)
+    _law(lambda told: put(told, "forecast", "sd", value=[0.0] * len(told["forecast"]["sd"])))(file)
+
+
+def _shorter(name: str, factor: float) -> Callable[[Any], Any]:
+    return lambda file: file.attrs.modify(name, file.attrs[name] * factor)
+
+
+def _modes_of(part: int, factor: float) -> Callable[[Any], Any]:
+    def change(file: Any) -> None:
+        share = np.where(file["mode_part"][...] == part, factor, 1.0)
+        file["u_modes"][...] = file["u_modes"][...] * share
+
+    return change
+
+
+def _turned(file: Any) -> None:
+    """The modes of one slot with other signs: each slot on its own says the same."""
+    values = file["v_modes"][...]
+    values[3] = -values[3]
+    file["v_modes"][...] = values
+
+
+def _other_part(file: Any) -> None:
+    owner = file["mode_part"][...]
+    file["mode_part"][...] = np.where(owner == TIME, ENSEMBLE, owner)
+
+
+ERROR_LIES = (
+    Lie(
+        "forecasts are younger",
+        in_wind(_times("lead", 0.5)),
+        ("wind: mean and variance are the posterior",),
+        only="full",
+    ),
+    Lie(
+        "the variance of forecasts is left out",
+        in_wind(_without_forecasts),
+        ("wind: mean and variance are the posterior",),
+        only="full",
+    ),
+    Lie("forecasts have no error", in_wind(_fine_forecasts), ("wind: law of forecast errors",), only="full"),
+    Lie(
+        "modes of forecasts are smaller",
+        in_wind(_modes_of(FORECAST, 0.9)),
+        ("wind: modes of forecast",),
+        only="full",
+    ),
+    Lie(
+        "errors of forecasts last less long",
+        in_wind(_law(lambda told: put(told, "forecast", "persistence", value=0.1))),
+        ("wind: law of forecast errors",),
+    ),
+    Lie(
+        "the wind changes less between fields",
+        in_wind(_law(lambda told: scaled(told, "change", "sd", factor=0.5))),
+        ("wind: law of forecast errors",),
+    ),
+    Lie(
+        "interpolation in time is left out of the modes",
+        in_wind(_no_modes_of(TIME)),
+        ("wind: number of modes", "wind: share of the variance in the modes"),
+    ),
+    Lie(
+        "modes of interpolation in time are smaller",
+        in_wind(_modes_of(TIME, 0.9)),
+        ("wind: modes of interpolation in time",),
+    ),
+    Lie("interpolation in time is an ensemble", in_wind(_other_part), ("wind: number of modes",)),
+    Lie("the modes of a slot are turned", in_wind(_turned), ("wind: modes of one slot match the next",)),
+    Lie(
+        "the modes carry more",
+        in_wind(_times("u_energy", 1.1)),
+        ("wind: share of the variance in the modes", "wind: metrics"),
+    ),
+    Lie(
+        "what the modes leave averages out sooner",
+        in_wind(_shorter("rest_length", 0.5)),
+        ("wind: length of what the modes leave",),
+    ),
+    Lie(
+        "one slot has another length scale",
+        in_wind(lambda file: file["u_prior_length"].__setitem__(0, 2 * file["u_prior_length"][0])),
+        ("wind: prior mean, noise and kernel",),
+    ),
+    Lie("the wind is known for longer", in_wind(_shorter("known_until", 2.0)), ("wind: known until",)),
+    Lie(
+        "the wind is that of another level",
+        in_wind(lambda file: file.attrs.update(level="100m")),
+        ("wind: law of forecast errors",),
+    ),
+    Lie(
+        "the wind of the sample is that of another level",
+        in_wind(lambda file: file.attrs.update(level="100m")),
+        ("wind: level and leads",),
+        only="paper",
+    ),
+)
