@@ -29,7 +29,8 @@ from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
 from pareto_ltl.support.resources import choices
 
 SECTIONS = ("scene", "mission", "robot", "wind", "planner", "fidelity", "selection", "deployment", "report")
-FILES = {name: [f"wind.path=wind.{name}"] for name in ("csv", "currents", "grib", "netcdf", "stations")}
+NEEDS_A_FILE = ("csv", "currents", "ensemble", "grib", "netcdf", "stations")
+FILES = {name: [f"wind.path=wind.{name}"] for name in NEEDS_A_FILE}
 
 
 @pytest.fixture

@@ -18,7 +18,7 @@ from pareto_ltl.settings.building import build_settings, read_settings_file, sec
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.resources import choices
 
-NEEDS_A_FILE = {"csv", "currents", "grib", "netcdf", "stations"}
+NEEDS_A_FILE = {"csv", "currents", "ensemble", "grib", "netcdf", "stations"}
 
 
 def composed(*overrides: str) -> Settings:

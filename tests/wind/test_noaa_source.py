@@ -340,21 +340,45 @@ def test_a_wrong_setting_is_refused(settings, words):
 # --- the whole way, with real fields
 
 
+def real_fields(eccodes, shift=0.0, **settings):
+    """The 10 m wind of a GFS analysis, with other settings and ``shift`` m/s more."""
+    found = []
+    with (NOAA / "gfs_1p00_10m" / "gfs.t00z.pgrb2.1p00.f000.2018100906").open("rb") as stream:
+        while (handle := eccodes.codes_grib_new_from_file(stream)) is not None:
+            name = {"10u": "UGRD", "10v": "VGRD"}[eccodes.codes_get(handle, "shortName")]
+            for key, value in settings.items():
+                eccodes.codes_set(handle, key, value)
+            if shift:
+                eccodes.codes_set_values(handle, eccodes.codes_get_values(handle) + shift)
+            found.append((name, GROUND, "anl", eccodes.codes_get_message(handle)))
+            eccodes.codes_release(handle)
+    return found
+
+
+@needs_noaa
+def test_several_members_of_gefs_are_an_ensemble():
+    eccodes = pytest.importorskip("eccodes")
+    files = {}
+    for member in range(3):
+        for step in (0, 3):
+            told = {"productDefinitionTemplateNumber": 1, "perturbationNumber": member, "forecastTime": step}
+            path = path_of(CYCLE, step, "gefs", member)
+            files[path], files[f"{path}.idx"] = inventory(real_fields(eccodes, float(member), **told))
+    place = Wanted(GeoBox(-100.0, 30.0, 10.0, 40.0), START.start)
+    with serving(NoaaServer(files)) as server:
+        control = read_readings(cfg(server, model="gefs"), place)
+        every = read_readings(cfg(server, model="gefs", gefs_members=3), place)
+    np.testing.assert_array_equal(every.points[0], control.points[0])
+    np.testing.assert_allclose(every.winds[0], control.winds[0] + 1.0, atol=0.02)
+
+
 @needs_noaa
 def test_readings_of_a_real_field_come_with_their_leads(tmp_path):
     eccodes = pytest.importorskip("eccodes")
-    field = NOAA / "gfs_1p00_10m" / "gfs.t00z.pgrb2.1p00.f000.2018100906"
     files = {}
     for step in range(4):
-        fields = []
-        with field.open("rb") as stream:
-            while (handle := eccodes.codes_grib_new_from_file(stream)) is not None:
-                eccodes.codes_set(handle, "forecastTime", step)
-                name = {"10u": "UGRD", "10v": "VGRD"}[eccodes.codes_get(handle, "shortName")]
-                fields.append((name, GROUND, "anl", eccodes.codes_get_message(handle)))
-                eccodes.codes_release(handle)
         path = path_of(CYCLE, step)
-        files[path], files[f"{path}.idx"] = inventory(fields)
+        files[path], files[f"{path}.idx"] = inventory(real_fields(eccodes, forecastTime=step))
     with serving(NoaaServer(files)) as server:
         found = read_readings(cfg(server), START)
         cropped = read_readings(cfg(server), Wanted(GeoBox(-100.0, 30.0, 10.0, 40.0), START.start))

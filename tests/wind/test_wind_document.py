@@ -43,6 +43,28 @@ def write_currents(path: Path) -> None:
             made.attrs.update({"units": "m s-1", "long_name": f"{name} sea water velocity"})
 
 
+def write_members(path: Path) -> None:
+    """Four members on a grid of one degree, that differ by a steady wind."""
+    lat, lon, hours = np.arange(27.0, 48.0), np.arange(-105.0, -78.0), np.arange(0.0, 49.0, 6.0)
+    shape = (len(hours), 4, len(lat), len(lon))
+    coordinates = {
+        "time": (hours, {"units": "hours since 2018-10-09 00:00", "standard_name": "time"}),
+        "member": (np.arange(4), {"standard_name": "realization"}),
+        "lat": (lat, {"units": "degrees_north"}),
+        "lon": (lon, {"units": "degrees_east"}),
+    }
+    with h5netcdf.File(path, "w") as file:
+        file.dimensions = dict(zip(coordinates, shape, strict=True))
+        for name, (values, told) in coordinates.items():
+            file.create_variable(name, (name,), data=values).attrs.update(told)
+        start = file.create_variable("reftime", (), data=np.array(0.0))
+        start.attrs.update(coordinates["time"][1] | {"standard_name": "forecast_reference_time"})
+        for name, word in (("u10", "eastward"), ("v10", "northward")):
+            values = 0.2 * (lat - 37)[:, None] + np.arange(4.0)[:, None, None]
+            made = file.create_variable(name, tuple(coordinates), data=np.broadcast_to(values, shape).copy())
+            made.attrs.update({"units": "m s-1", "standard_name": f"{word}_wind"})
+
+
 def test_every_source_has_its_line_a_command_and_a_choice():
     for name in SOURCES:
         assert f"| `{name}` |" in TEXT
@@ -60,6 +82,7 @@ def test_a_command_of_the_document_runs_as_it_stands(command, tmp_path):
     if "wind=grib" in command:
         pytest.importorskip("eccodes")
     write_currents(tmp_path / "currents.nc")
+    write_members(tmp_path / "members.nc")
     words = shlex.split(command.replace("DATA", str(NOAA)).replace("examples/", f"{ROOT}/examples/"))[1:]
     words = words[1:]  # `plan` is the command that stands for the application itself
     done = subprocess.run(

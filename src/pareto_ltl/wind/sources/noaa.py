@@ -15,6 +15,7 @@ from pareto_ltl.settings import WindConfig
 from pareto_ltl.support.download import NotThereError, fetch_bytes
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.wind.area import Wanted
+from pareto_ltl.wind.ensemble import ensemble_readings
 from pareto_ltl.wind.levels import parse_level
 from pareto_ltl.wind.readings import Readings, iso, seconds
 from pareto_ltl.wind.snapshots import Snapshot, latest_readings
@@ -31,7 +32,7 @@ _CACHES: list[DownloadCache] = []  # folders of this process that may be tempora
 
 
 def read_noaa(cfg: WindConfig, wanted: Wanted) -> Readings:
-    """The winds of one forecast, from departure on for ``wind.hours``.
+    """The winds of one forecast, from departure on for ``wind.hours``; of several members as an ensemble.
 
     Raises
     ------
@@ -44,6 +45,9 @@ def read_noaa(cfg: WindConfig, wanted: Wanted) -> Readings:
     snapshots, notes = read_grib_with_notes(files, cfg.max_speed, cfg.level, wanted.area)
     cycle = iso(snapshots[0].cycle)
     told = f"{cfg.model} forecast of {cycle}; wind.cycle={cycle} reads the same one again"
+    prior = 0.0 if cfg.forecast_error == "none" else cfg.ensemble_prior
+    if len({snapshot.member for snapshot in snapshots}) > 1:
+        return ensemble_readings(snapshots, files, prior, (told, *notes))
     return latest_readings(snapshots, files, (told, *notes))
 
 
