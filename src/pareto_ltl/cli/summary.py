@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from pareto_ltl.settings import Settings
 from pareto_ltl.support.display import probability_text, rate_text
+from pareto_ltl.support.schemas import read_document
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -28,9 +29,21 @@ def print_summary(
     for row in summary_rows(metrics, settings.fidelity.law):
         table.add_row(*row)
     console.print(table)
+    for paragraph in coverage_paragraphs(directory):
+        console.print(paragraph, markup=False)
     if (directory / "tables.md").is_file():  # of an evaluation
         console.print((directory / "tables.md").read_text(encoding="utf-8"), soft_wrap=True, markup=False)
     console.print(f"results in {directory}", soft_wrap=True)
+
+
+def coverage_paragraphs(directory: Path) -> Iterator[str]:
+    """What the probabilities of the plan in ``directory`` cover and what not; nothing without a plan."""
+    if not (directory / "plan.json").is_file():
+        return
+    plan = read_document(directory / "plan.json", "plan")
+    for key, name in (("covered", "Covered"), ("not_covered", "Not covered")):
+        if plan.get(key):
+            yield f"{name}: {plan[key]}"
 
 
 def summary_rows(metrics: Mapping[str, float], law: str) -> Iterator[tuple[str, str]]:

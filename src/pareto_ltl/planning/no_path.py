@@ -208,7 +208,8 @@ def _advice(cfg: PlannerConfig, problem: Problem, forest: Forest) -> str:
         "blocked": "came too close to obstacles: make the passages wider, or let the robot reach them sooner",
         "windbound": f"could not make way against the wind (half the map has {speed:.1f} m/s or more): raise "
         f"robot.u_max (now {problem.motion.u_max:g} m/s)",
-        "beyond": f"outlasted the wind data or planner.max_steps ({end:.1f} h): give later wind fields, "
+        "beyond": f"outlasted the wind data or planner.max_steps ({end:.1f} h"
+        f"{f'; {problem.wind_ends}' if problem.wind_ends else ''}): give later wind fields, "
         "set wind.hold_last=true, or raise planner.max_steps",
         "trapped": "broke the mission: move the regions that it forbids",
     }

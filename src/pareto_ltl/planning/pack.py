@@ -269,6 +269,7 @@ def build_problem(
         start_variance=robot.start_sd**2,
         epsilon=epsilon,
         max_steps=planner.max_steps,
+        wind_ends=wind.ends,
     )
 
 

@@ -33,6 +33,8 @@ class Problem:
         Collision probability allowed at a step (Eq. 4).
     max_steps : int
         Longest path.
+    wind_ends : str
+        Why the wind is not known for longer, for messages.
     """
 
     scene: Scene
@@ -46,6 +48,7 @@ class Problem:
     start_variance: float
     epsilon: float
     max_steps: int
+    wind_ends: str = ""
 
     @property
     def atoms(self) -> tuple[str, ...]:

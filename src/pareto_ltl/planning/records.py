@@ -212,6 +212,8 @@ class Plan(Displayed):
     rule: str
     weights: tuple[float, ...]
     acceptance: Acceptance | None = None
+    covered: str = ""  # what the probabilities cover of the wind's error, in words
+    not_covered: str = ""
 
     def __post_init__(self) -> None:
         models_of(self.fidelity)

@@ -235,6 +235,8 @@ def write_plan(directory: Path, plan: Plan) -> None:
         "objectives": asdict(path.objectives),
         "selection": {"rule": plan.rule, "weights": plan.weights},
         "acceptance": None if plan.acceptance is None else asdict(plan.acceptance),
+        "covered": plan.covered,
+        "not_covered": plan.not_covered,
         "origin": path.origin,
         "fixes": path.fixes,
         "t": path.t,
@@ -281,6 +283,8 @@ def read_plan(place: Path | str) -> Plan:
             rule=content["selection"]["rule"],
             weights=tuple(content["selection"]["weights"]),
             acceptance=_acceptance(content.get("acceptance")),
+            covered=content.get("covered", ""),
+            not_covered=content.get("not_covered", ""),
         )
 
 

@@ -186,8 +186,10 @@ def make_plan(inputs: StageInputs) -> Plan:
     from pareto_ltl.planning.records import Plan
     from pareto_ltl.planning.selection_rules import choose_path
     from pareto_ltl.simulation.acceptance import accept_path
+    from pareto_ltl.wind.coverage import coverage_of
 
     settings, problem, front = inputs.settings, inputs[PROBLEM], inputs[FRONT]
+    said = coverage_of(inputs[WIND], problem.scene.time_zero)
     if settings.fidelity.judge == "flights":
         path, acceptance = accept_path(settings.selection, problem, inputs[WIND], front, inputs.seeds)
     else:
@@ -203,6 +205,8 @@ def make_plan(inputs: StageInputs) -> Plan:
         rule=settings.selection.rule,
         weights=tuple(settings.selection.weights),
         acceptance=acceptance,
+        covered=said.covered,
+        not_covered=said.not_covered,
     )
 
 

@@ -123,7 +123,8 @@ def _refuse_unknown_wind(problem: Problem, u: FloatArray) -> None:
     known = len(problem.wind.slot)
     if len(u) > known:
         raise InfeasibleError(
-            f"a plan of {len(u)} steps outlasts the wind, which is known for {known}: give later fields, "
+            f"a plan of {len(u)} steps outlasts the wind, which is known for {known}"
+            f"{f' ({problem.wind_ends})' if problem.wind_ends else ''}: give later fields, "
             "set wind.hold_last=true, or raise planner.max_steps"
         )
 

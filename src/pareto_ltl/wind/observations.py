@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import logging
+
 import numpy as np
 
 from pareto_ltl.settings import WindConfig
@@ -18,6 +20,7 @@ ENOUGH_READINGS = 40  # readings near the scene, at each time, without which tho
 FIT_RADIUS = 500e3  # [m], about one correlation length of the 10 m wind over land
 HORIZON_ANGLE = np.deg2rad(45.0)  # readings farther away carry no information and are distorted in the plane
 HOUR = 3600.0
+LOG = logging.getLogger(__name__)
 
 
 def place_readings(cfg: WindConfig, readings: Readings, scene: Scene) -> WindObservations:
@@ -111,6 +114,7 @@ def _slots_from_departure(cfg: WindConfig, readings: Readings, zero: float) -> t
             f"{name} has a gap of {gaps[wide[0]] / HOUR:g} h from {iso(times[last])} to "
             f"{iso(times[last + 1])}, longer than wind.max_gap ({cfg.max_gap:g} h)"
         )
+        LOG.warning("%s; flights must end before it", ends)
     if cfg.hold_last:
         ends += f", and wind.hold_last holds it for {cfg.max_gap:g} h"
     if until <= zero:

@@ -1,0 +1,88 @@
+"""What a probability about a flight covers of the wind, and what it does not, in words."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from pareto_ltl.support.display import probability_text
+from pareto_ltl.wind.forecast_error import HOUR
+from pareto_ltl.wind.readings import iso, seconds
+from pareto_ltl.wind.records import ENSEMBLE, WindField
+
+
+class Coverage(NamedTuple):
+    """Two paragraphs for reports: what of the wind's error ``covered`` is, and what is ``not_covered``."""
+
+    covered: str
+    not_covered: str
+
+
+def coverage_of(field: WindField, time_zero: str | None = None) -> Coverage:
+    """What the laws of ``field`` say about the error of the wind; times are told from ``time_zero``."""
+    if field.evidence is None and not field.gust_var.any():
+        return Coverage(
+            "calm air: no wind at all.",
+            "any wind; the robot's own errors of airspeed, heading and timing.",
+        )
+    covered = [f"wind at {field.level} of {field.source or 'an unknown source'}"]
+    if field.evidence is not None:
+        counts = [len(points) for points in field.evidence.points]
+        covered.append(
+            f"interpolation in space between {_range(counts, 'readings a time')} ({field.evidence.kernel}; "
+            f"of readings on the map that the fit did not see, {_coverage_text(field)})"
+        )
+    left = _forecast_part(field, covered)
+    _time_part(field, time_zero, covered, left)
+    if field.modes is not None and (field.modes.part == ENSEMBLE).any():
+        covered.append("the spread of the members of an ensemble")
+    covered.append(f"a white part of {np.sqrt(field.gust_var.mean()):.2g} m/s")
+    left += [
+        f"winds at other heights than {field.level}, and vertical motion of the air",
+        "errors that are not Gaussian, such as a front or a storm that comes early",
+        "the robot's own errors of airspeed, heading and timing",
+    ]
+    return Coverage("; ".join(covered) + ".", "; ".join(left) + ".")
+
+
+def _coverage_text(field: WindField) -> str:
+    covered = field.score.get("gp_coverage_90", np.nan)
+    return f"{probability_text(covered)} lie in 90 % intervals" if np.isfinite(covered) else "none was scored"
+
+
+def _forecast_part(field: WindField, covered: list[str]) -> list[str]:
+    """Add what is known of forecasts to ``covered``; return what is not covered of them."""
+    leads = field.leads[np.isfinite(field.leads)] / HOUR
+    if field.error is None or not field.error.forecast_sd.any():
+        told = f" (leads {_range(leads.tolist(), 'h')})" if len(leads) else ""
+        return [f"errors of the fields themselves: analyses and forecasts{told} are taken as true"]
+    if not len(leads):
+        return ["forecast error: the readings do not say how old their forecast is (lead_hours)"]
+    sd = np.sqrt(field.error.forecast_variance(leads * HOUR))
+    covered.append(
+        f"forecast error by the law {field.error.name} for leads {_range(leads.tolist(), 'h')}, "
+        f"{_range(sd.tolist(), 'm/s')} a component"
+    )
+    return [] if field.error.forecast_sd[0] > 0 else ["errors of analyses (forecasts of lead 0)"]
+
+
+def _time_part(field: WindField, time_zero: str | None, covered: list[str], left: list[str]) -> None:
+    gaps = np.diff(field.times) / HOUR
+    if field.error is None:
+        left.append("the change of the wind between fields")
+    elif len(gaps):
+        covered.append(f"interpolation in time between fields {_range(gaps.tolist(), 'h')} apart")
+    held = field.known_until - float(field.times[-1])
+    if 0.0 < held < np.inf:
+        when = f" ({iso(seconds(time_zero) + float(field.times[-1]))})" if time_zero else ""
+        covered.append(f"the last field{when} held for up to {held / HOUR:g} h, and the change since then")
+
+
+def _range(values: list[float] | list[int], unit: str) -> str:
+    """``3 h``, ``0 to 6 h``."""
+    low, high = min(values), max(values)
+    return f"{low:.3g} {unit}" if f"{low:.3g}" == f"{high:.3g}" else f"{low:.3g} to {high:.3g} {unit}"
+
+
+__all__ = ["Coverage", "coverage_of"]

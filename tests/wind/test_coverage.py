@@ -1,0 +1,129 @@
+"""Holes in the wind, what is told of them, and what reports say is covered."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pareto_ltl.settings import WindConfig
+from pareto_ltl.support.errors import DataError
+from pareto_ltl.wind import field
+from pareto_ltl.wind.coverage import coverage_of
+from pareto_ltl.wind.forecast_error import forecast_error_law
+from pareto_ltl.wind.observations import place_readings
+from pareto_ltl.wind.readings import CALM, Readings
+from pareto_ltl.world import projection
+from pareto_ltl.world.scene import Scene
+
+START = 1539043200.0  # 2018-10-09T00:00:00Z
+SCENE = Scene(
+    np.array([[-2e5, -2e5], [2e5, 2e5]]), np.zeros(2), {}, (), projection.local_plane(37.0, -92.0),
+    "2018-10-09T01:00:00Z",
+)  # fmt: skip
+
+
+def readings(hours, leads=0.0, level="10m"):
+    rng = np.random.default_rng(0)
+    lon, lat = np.meshgrid(np.arange(-98.0, -85.0, 2.0), np.arange(32.0, 43.0, 2.0))
+    nodes = np.stack([lon.ravel(), lat.ravel()], axis=-1)
+    return Readings(
+        times=START + 3600.0 * np.array(hours, float),
+        points=(nodes,) * len(hours),
+        winds=tuple(rng.normal(0, 3, nodes.shape) for _ in hours),
+        geographic=True,
+        files=(Path("winds.grib2"),),
+        remarks=("",) * len(hours),
+        origins=((Path("winds.grib2"),),) * len(hours),
+        leads=np.broadcast_to(3600.0 * np.asarray(leads, float), len(hours)).copy(),
+        level=level,
+    )
+
+
+def cfg(**changes):
+    return WindConfig(**{"source": "grib", "path": "x", "cache": False} | changes)
+
+
+def test_the_wind_ends_before_a_gap_that_is_too_long(caplog):
+    seen = place_readings(cfg(), readings([0, 3, 6, 99, 102]), SCENE)
+    np.testing.assert_array_equal(seen.times, 3600.0 * np.array([-1, 2, 5]))
+    assert seen.until == 5 * 3600.0
+    assert (
+        "gap of 93 h from 2018-10-09T06:00:00Z to 2018-10-13T03:00:00Z, longer than wind.max_gap (6 h)"
+        in seen.ends
+    )
+    assert "gap of 93 h" in caplog.text
+
+
+def test_a_gap_of_just_the_limit_is_bridged():
+    assert len(place_readings(cfg(), readings([0, 6, 12]), SCENE).times) == 3
+    assert len(place_readings(cfg(max_gap=5.0, hold_last=True), readings([0, 6, 12]), SCENE).times) == 1
+
+
+def test_a_departure_within_a_gap_is_refused_with_its_times():
+    late = replace(SCENE, time_zero="2018-10-10T00:00:00Z")
+    with pytest.raises(DataError, match=r"gap of 93 h from 2018-10-09T06.* to 2018-10-13T03.*add wind files"):
+        place_readings(cfg(), readings([0, 3, 6, 99, 102]), late)
+
+
+def test_the_last_field_is_held_for_max_gap_and_reports_say_so():
+    seen = place_readings(cfg(hold_last=True, max_gap=4.0), readings([0, 3]), SCENE)
+    assert seen.until == (2 + 4) * 3600.0
+    wind = field.fit_wind_field(cfg(), seen, SCENE)
+    assert wind.known_until == seen.until
+    said = coverage_of(wind, SCENE.time_zero).covered
+    assert "the last field (2018-10-09T03:00:00Z) held for up to 4 h" in said
+
+
+def test_a_horizon_before_the_end_leaves_later_slots_out():
+    seen = place_readings(cfg(), readings(range(0, 30, 3)), SCENE)
+    wind = field.fit_wind_field(cfg(), seen, SCENE, horizon=5 * 3600.0)
+    np.testing.assert_array_equal(wind.times, 3600.0 * np.array([-1, 2, 5]))
+    assert wind.ends == "planner.max_steps ends there"
+
+
+def test_forecast_errors_and_interpolation_in_time_make_the_field_less_certain():
+    leads = np.array([6.0, 9.0, 12.0])
+    none = field.fit_wind_field(
+        cfg(), place_readings(cfg(forecast_error="none"), readings([0, 3, 6], leads), SCENE), SCENE
+    )
+    gfs = field.fit_wind_field(cfg(), place_readings(cfg(), readings([0, 3, 6], leads), SCENE), SCENE)
+    e2 = forecast_error_law("gfs", "").forecast_variance(leads * 3600.0)
+    np.testing.assert_allclose(
+        gfs.latent_var - none.latent_var,
+        np.broadcast_to(e2[:, None, None, None], gfs.latent_var.shape),
+        atol=1e-9,
+    )
+    assert (field.time_variances(place_readings(cfg(), readings([0, 3]), SCENE), None) > 0).all()
+
+
+@pytest.mark.parametrize(
+    ("made", "covered", "left"),
+    [
+        ({"leads": [6.0, 9.0]}, "forecast error by the law gfs for leads 6 to 9 h", "errors of analyses"),
+        ({"leads": np.nan}, "interpolation in time between fields 3 h apart", "do not say how old"),
+        ({"level": "80m"}, "wind at 80m", "other heights than 80m"),
+    ],
+)
+def test_reports_name_the_law_the_lead_and_the_level_and_what_is_missing(made, covered, left):
+    said = coverage_of(
+        field.fit_wind_field(cfg(), place_readings(cfg(), readings([0, 3], **made), SCENE), SCENE)
+    )
+    assert covered in said.covered
+    assert left in said.not_covered
+    assert "\n" not in said.covered + said.not_covered
+
+
+def test_readings_taken_as_true_are_named_as_not_covered():
+    seen = place_readings(cfg(forecast_error="none"), readings([0, 3], [0.0, 3.0]), SCENE)
+    said = coverage_of(field.fit_wind_field(cfg(), seen, SCENE))
+    assert "analyses and forecasts (leads 0 to 3 h) are taken as true" in said.not_covered
+
+
+def test_calm_air_covers_no_wind_at_all():
+    still = field.fit_wind_field(WindConfig(), place_readings(WindConfig(source="calm"), CALM, SCENE), SCENE)
+    said = coverage_of(still)
+    assert said.covered == "calm air: no wind at all."
+    assert said.not_covered.startswith("any wind")
