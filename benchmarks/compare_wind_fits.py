@@ -3,9 +3,9 @@
     python benchmarks/compare_wind_fits.py DIR [--readings 120] [--seeds 4]
 
 DIR holds GRIB2 files of the 10 m wind on one grid, e.g. GFS analyses. Of the nodes inside the contiguous
-United States ``--readings`` are fitted, chosen by farthest-point sampling from a random first one, and the others
-judged: mean negative log predictive density of a value (NLPD), root mean square error, share within 90 %
-intervals, standard deviation of z-scores. ``--seeds`` repeats it with other first nodes.
+United States ``--readings`` are fitted, chosen by farthest-point sampling from a random first one, and the
+others judged: mean negative log predictive density of a value (NLPD), root mean square error, share within
+90 % intervals, standard deviation of z-scores. ``--seeds`` repeats it with other first nodes.
 """
 
 from __future__ import annotations

@@ -173,3 +173,22 @@ def test_lagged_analyses_of_the_shared_cycles_say_how_far_the_wind_will_change()
         z.append((analyses[k + 1].winds[inside] - found.winds[0]) / np.maximum(sd, 0.3))
     spread = np.sqrt(np.mean(np.square(z)))
     assert 0.8 < spread < 4.0  # three lagged members know the size, and too small a one: shrinkage is needed
+
+
+@needs_noaa
+def test_a_folder_for_each_member_is_an_ensemble(tmp_path):
+    """Two copies of one analysis under two names: their mean is the analysis, their spread is 0."""
+    import shutil
+
+    from pareto_ltl.wind import sources
+
+    files = sorted((NOAA / "gfs_1p00_10m").glob("*20181009??"))[:2]
+    for name in ("one", "two"):
+        (tmp_path / name).mkdir()
+        for file in files:
+            shutil.copy(file, tmp_path / name)
+    found = sources.read_readings(WindConfig(source="ensemble", path=str(tmp_path)))
+    single = sources.read_readings(WindConfig(source="grib", path=str(tmp_path / "one")))
+    assert found.members[0].shape[-1] == 4  # two members, each of two cycles
+    assert not any(deviations.any() for deviations in found.members)
+    np.testing.assert_allclose(found.winds[1], single.winds[1])
