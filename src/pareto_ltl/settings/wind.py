@@ -35,8 +35,8 @@ class WindConfig(CheckedSettings):
     level: str = setting("10m", "height of the wind, e.g. 10m, 80m or 925hPa")
     forecast_error: str = setting(
         "auto",
-        "law of forecast errors: none, gfs or a file of `pareto-ltl wind-error`; auto is none for "
-        "sample, stations, currents and calm, and gfs for all other sources",
+        "law of forecast errors: none, gfs or a file of `pareto-ltl wind-error`; auto is gfs for tables and "
+        "forecasts, none for the packaged sample, stations and currents",
     )
     ensemble_prior: float = setting(
         10.0,

@@ -129,8 +129,8 @@ def fit_posterior(
     all of them and maximise the product of their likelihoods: those of single times vary by a factor of 4.
     The score is that of a first fit without a share ``cfg.holdout`` of the places, those nearest to the map.
 
-    Measured on withheld nodes of GFS fields (``benchmarks/compare_wind_fits.py``), NLPD a value: 1.91 with matern32
-    fitted at each time, 1.88 with matern12 and common hyperparameters, 1.78 with the variance factor.
+    Measured on withheld nodes of GFS fields (``benchmarks/compare_wind_fits.py``), NLPD a value: 1.92 with
+    matern32 fitted at each time, 1.89 with matern12 and common hyperparameters, 1.78 with the factor, too.
 
     Parameters
     ----------

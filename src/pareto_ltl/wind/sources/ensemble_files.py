@@ -28,7 +28,8 @@ def read_ensemble_files(files: tuple[Path, ...], cfg: WindConfig, area: GeoBox |
         by_format[kind].append(file)
     snapshots: list[Snapshot] = []
     notes: tuple[str, ...] = ()
-    if grib := tuple(by_format["GRIB"]):
+    for folder in dict.fromkeys(file.parent for file in by_format["GRIB"]):  # which may be a member each
+        grib = tuple(file for file in by_format["GRIB"] if file.parent == folder)
         snapshots += read_grib_snapshots(grib, cfg.max_speed, cfg.level, area)
     if netcdf := tuple(by_format["NetCDF"]):
         found, _, notes = netcdf_snapshots(netcdf, WINDS, cfg.level, cfg.max_speed, area)
