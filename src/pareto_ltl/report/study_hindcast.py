@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -32,6 +32,11 @@ PROMISE_LABELS = {
     "simulated_independent": "simulated, independent winds",
     "simulated_coherent": "simulated, coherent winds",
 }
+
+
+CHOSEN = "chosen"  # kind of the plans that selection picks
+FRONT_MARK: dict[str, Any] = {"marker": "o", "ms": 4.5, "mec": "white", "mew": 0.6, "ls": ""}
+CHOSEN_MARK: dict[str, Any] = {"marker": "D", "ms": 3.2, "mfc": "white", "mew": 0.9, "ls": ""}
 
 
 def draw_hindcast(folder: Path, cfg: ReportConfig, study: Study) -> tuple[Path, ...]:
@@ -76,7 +81,17 @@ def reliability_figure(groups: Sequence[FigureRow], plans: Sequence[FigureRow]) 
             ax.set_ylabel("failed in the full fields [%]")
         title = _promise_label(name, mine)
         style.text_at(figure, left, bottom + inner + 0.04, title, va="bottom", fontweight="bold")
+    if any(row.get("kind") == CHOSEN for row in groups):
+        _explain_marks(figure.axes[0])
     return figure
+
+
+def _explain_marks(ax: Axes) -> None:
+    """A legend of the two kinds of plans."""
+    for label, look in (("along the front", FRONT_MARK), ("chosen", CHOSEN_MARK)):
+        ax.plot([], [], **{"mfc": style.BLACK, "mec": style.BLACK} | look, label=label)
+    box = ax.legend(loc="lower right", handlelength=1.0, labelspacing=0.3, frameon=True, edgecolor="none")
+    box.set_zorder(7)
 
 
 def _promise_label(name: str, rows: Sequence[FigureRow]) -> str:
@@ -111,10 +126,8 @@ def _draw_reliability(
             lw=1.2,
             zorder=3,
         )
-        if row.get("kind") == "chosen":
-            ax.plot(x, y, "D", mfc="white", mec=colour, ms=3.2, mew=0.9, zorder=5, clip_on=False)
-        else:
-            ax.plot(x, y, "o", color=colour, ms=4.5, mec="white", mew=0.6, zorder=4, clip_on=False)
+        look = CHOSEN_MARK if row.get("kind") == CHOSEN else FRONT_MARK
+        ax.plot(x, y, **{"mfc": colour, "mec": colour} | look, zorder=4, clip_on=False)
     scale_rate_axis(ax, "x", low)
     scale_rate_axis(ax, "y", low)
     ax.text(
