@@ -129,10 +129,10 @@ SOURCES = {
     "csv": WindSource(_read_csv, data_files),
     "grib": WindSource(_read_grib, data_files),
     "netcdf": WindSource(_read_netcdf, data_files),
-    "ensemble": WindSource(_read_ensemble, _ensemble_files),
     "stations": WindSource(_read_stations, data_files, forecast_error="none"),
     "noaa": WindSource(read_noaa, noaa_files),
     "currents": WindSource(_read_currents, data_files, forecast_error="none"),
+    "ensemble": WindSource(_read_ensemble, _ensemble_files),
     "calm": WindSource(_read_calm, _no_files, forecast_error="none"),
 }
 
