@@ -36,7 +36,7 @@ def wind(speed, variance):
     )
     return WindField(
         nodes[[0, 0]], 25e3, times, speed * mean, np.full_like(mean, variance), np.full((14, 2), variance),
-        hold_last=True,
+        until=np.inf,
     )  # fmt: skip
 
 

@@ -40,7 +40,7 @@ def judge(formula, regions, path):
     """What is promised of ``path``, and how often it fails in winds of 1 m/s drawn anew every 100 s."""
     scene = Scene(KM * np.array([[0.0, 0.0], [20.0, 20.0]]), path[0], regions)
     still, gusts = np.zeros((1, 2, 2, 2)), np.ones((1, 2))
-    wind = WindField(np.zeros(2), 20 * KM, np.zeros(1), still, still, gusts, hold_last=True)
+    wind = WindField(np.zeros(2), 20 * KM, np.zeros(1), still, still, gusts, until=np.inf)
     settings = Settings(mission=MissionConfig(formula=formula), robot=RobotConfig(dt=100.0, u_max=10.5))
     task = Run(settings, records=Records({SCENE: scene, WIND: wind})).make(PROBLEM)
     plan = evaluate_path(task, path, "by hand")
