@@ -30,6 +30,7 @@ from pareto_ltl.studies.random_missions import Mission, mission
 from pareto_ltl.support.errors import DataError, InfeasibleError
 from pareto_ltl.wind.readings import seconds
 from pareto_ltl.wind.snapshots import Snapshot
+from pareto_ltl.world import projection
 
 START, HOUR = 1.5e9, 3600.0
 LON, LAT = np.meshgrid(np.arange(-112.0, -87.0), np.arange(29.0, 49.0))
@@ -121,6 +122,16 @@ def test_readings_are_thinned_to_the_same_nodes_or_are_every_node() -> None:
         }
         expected = np.array([table[tuple(node)] for node in known.points[0].tolist()])
         np.testing.assert_array_equal(known.winds[0], expected)
+
+
+@pytest.mark.parametrize("corner", range(4))
+def test_the_fields_that_are_read_cover_a_scene_at_the_edge_of_the_area(corner: int) -> None:
+    cfg = settings(side=[800e3, 800e3])
+    east, north = AREA[corner]
+    half = 400e3 + cfg.wind.padding
+    outline = half * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+    lon, lat = projection.to_geographic(projection.local_plane(north, east), outline)
+    assert study.needed_area(cfg).contains(np.column_stack([lon, lat])).all()
 
 
 def test_a_period_that_is_too_short_for_the_delay_is_refused() -> None:

@@ -32,8 +32,9 @@ from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import probability_text
 from pareto_ltl.support.errors import DataError, InfeasibleError
 from pareto_ltl.support.fingerprints import file_fingerprint
-from pareto_ltl.wind.area import box_of
+from pareto_ltl.wind.area import GeoBox, box_of
 from pareto_ltl.wind.ingest import common_nodes, winds_at
+from pareto_ltl.wind.observations import FIT_RADIUS
 from pareto_ltl.wind.readings import Readings, seconds
 from pareto_ltl.wind.snapshots import Snapshot, known_at, latest_readings
 from pareto_ltl.wind.sources.grib_apart import read_grib_snapshots
@@ -69,14 +70,21 @@ def run_forecast_test(settings: Settings, directory: Path, progress: PartsProgre
     """Plan ``forecast_test.missions`` missions ahead and fly them through what came."""
     cfg = settings.forecast_test
     files = shared.full_fields(cfg, nature.true_fields_folder(cfg))
-    box = box_of(np.array(shared.rim_outline(cfg)))
-    snapshots = read_grib_snapshots(files, settings.wind.max_speed, settings.wind.level, box)
+    area = needed_area(settings)
+    snapshots = read_grib_snapshots(files, settings.wind.max_speed, settings.wind.level, area)
     context = shared_context(settings, snapshots, files)
     inputs = shared.mission_inputs(cfg, settings.evaluation.laws)
     base = part_key(settings, "forecast_test", inputs, [file_fingerprint(file) for file in files])
     todo = [Part(f"mission-{k}", (k,), part_key(settings, base, k)) for k in range(cfg.missions)]
     results = work_parts(settings.evaluation, directory, forecast_part, context, todo, progress)
     return collect_forecast_test(settings, results)
+
+
+def needed_area(settings: Settings) -> GeoBox:
+    """The part of the fields that a mission can need: the lattice of a scene at the edge, and readings."""
+    cfg = settings.forecast_test
+    margin = cfg.side[1] / 2 + settings.wind.padding + FIT_RADIUS
+    return box_of(np.array(shared.rim_outline(cfg))).widened(margin)
 
 
 def shared_context(
