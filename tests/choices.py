@@ -80,18 +80,18 @@ def check_vertex(problem: Problem, tree: Tree, v: int) -> None:
 def check_collision(problem: Problem, x: FloatArray, column: float) -> None:
     """The column is what the steps add greedily, and never below R with the reflection trusted."""
     bound, flight = problem.world.collision, propagate(problem, x)
-    memory = COLLISION_MEMORY[PathBound](2, len(bound.obstacles.ptr) - 1)
+    memory = COLLISION_MEMORY[PathBound](2, len(bound.barriers.ptr) - 1)
     before, added = None, 0.0
     for t in range(len(x)):
         here = gaussian(x[t], flight.cov[t])
         at_step, more = kernel.pass_obstacles(
-            bound.obstacles, before or here, here, memory, (t + 1) % 2, memory, t % 2
+            bound.barriers, before or here, here, memory, (t + 1) % 2, memory, t % 2
         )
         assert at_step <= problem.epsilon
         before, added = here, added + more
     np.testing.assert_allclose(column, added, rtol=1e-5, atol=1e-8)
     trusted = kernel.GaussianPath(flight.x, flight.cov, np.empty((0, 0, 2, 2)), kernel.REFLECT)
-    assert kernel.collision_bound(bound.obstacles, trusted) <= column * (1 + 1e-5) + 1e-5
+    assert kernel.collision_bound(bound.barriers, trusted) <= column * (1 + 1e-5) + 1e-5
 
 
 def gaussian(x: FloatArray, cov: FloatArray) -> kernel.Gaussian:

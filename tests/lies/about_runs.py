@@ -84,10 +84,14 @@ SEARCH_LIES = (
 )
 
 
+FLIGHT_ARRAYS = ("x", "accepted", "collided", "off_map")
+
+
 def _all_well(law: str) -> Callable[[dict[str, NDArray[Any]]], Any]:
     def change(flights: dict[str, NDArray[Any]]) -> None:
         flights[f"{law}/accepted"][:] = True
         flights[f"{law}/collided"][:] = False
+        flights[f"{law}/off_map"][:] = False
 
     return change
 
@@ -102,23 +106,45 @@ def _steady(flights: dict[str, NDArray[Any]]) -> None:
 
 
 def _other_law(flights: dict[str, NDArray[Any]]) -> None:
-    for name in ("x", "accepted", "collided"):
+    for name in FLIGHT_ARRAYS:
         flights[f"coherent/{name}"] = flights[f"independent/{name}"]
 
 
 def _twice(flights: dict[str, NDArray[Any]]) -> None:
     for name in list(flights):
-        flights[name] = np.concatenate([flights[name]] * 2)
+        if flights[name].ndim:
+            flights[name] = np.concatenate([flights[name]] * 2)
 
 
 def _survivors(flights: dict[str, NDArray[Any]]) -> None:
-    well = flights["coherent/accepted"] & ~flights["coherent/collided"]
+    well = flights["coherent/accepted"] & ~flights["coherent/collided"] & ~flights["coherent/off_map"]
     chosen = np.resize(np.flatnonzero(well), len(well))
-    for name in ("x", "accepted", "collided"):
+    for name in FLIGHT_ARRAYS:
         flights[f"coherent/{name}"] = flights[f"coherent/{name}"][chosen]
 
 
+def _at_home(flights: dict[str, NDArray[Any]]) -> None:
+    flights["coherent/off_map"] = ~flights["coherent/off_map"]
+
+
+def _open_border(place: Path) -> None:
+    in_json(
+        "scene.json", lambda scene: scene.update(border={"wall": "open", "open": "wall"}[scene["border"]])
+    )(place)
+
+
 FLIGHT_LIES = (
+    Lie(
+        "flights left the map where they did not",
+        in_flights(_at_home),
+        ("coherent: verdicts of the flights", "coherent: rates and interval"),
+    ),
+    Lie("the border is another", _open_border, ("map: border",)),
+    Lie(
+        "no flight leaves the map in the metrics",
+        in_metrics({"off_map_coherent": 0.77}),
+        ("coherent: rates and interval",),
+    ),
     Lie(
         "fewer flights fail in the metrics",
         in_json("metrics.json", lambda m: m.update(failure_coherent=0.5 * m["failure_coherent"])),
@@ -159,9 +185,7 @@ FLIGHT_LIES = (
     ),
     Lie(
         "a law is left out",
-        in_arrays(
-            "deployments.npz", lambda f: [f.pop(f"coherent/{n}") for n in ("x", "accepted", "collided")]
-        ),
+        in_arrays("deployments.npz", lambda f: [f.pop(f"coherent/{n}") for n in (*FLIGHT_ARRAYS, "walled")]),
         ("flights: laws and numbers", "flights: laws of the metrics"),
     ),
 )

@@ -164,7 +164,9 @@ def counted(*laws: str) -> Callable[[Path], Any]:
     def edit(place: Path) -> None:
         flights = read_npz(place / "deployments.npz")
         for law in laws:
-            found = rates(flights[f"{law}/accepted"], flights[f"{law}/collided"])
+            found = rates(
+                *(flights[f"{law}/{name}"] for name in ("accepted", "collided", "off_map", "walled"))
+            )
             keys = (
                 "runs_{}",
                 "failure_{}",

@@ -340,8 +340,8 @@ def test_a_start_too_close_to_an_obstacle_is_refused_by_name():
     assert len(grown(exact).accepted) > 0
 
 
-def test_a_start_too_close_names_the_limit_that_trees_keep_to():
-    """Under the path bound trees keep to half of epsilon: this start keeps to epsilon, but not to half."""
+def test_a_start_too_close_names_the_limit_that_it_breaks():
+    """Under the path bound trees keep to epsilon, as finished paths do."""
     scene = make_scene({"a": box(15, 15, 17, 17)}, [box(5, 5, 8, 8)], start=(5 - 0.145, 6.5))
     robot = RobotConfig(dt=100.0, u_max=10.0, start_sd=100.0)
 
@@ -353,10 +353,17 @@ def test_a_start_too_close_names_the_limit_that_trees_keep_to():
     risk_there = ndtr(-1.45)
     assert 0.05 < risk_there < 0.1
     assert len(evaluate_path(problem(0.1), scene.start[None], "").x) == 1
-    expected = r"trees may spend \(0\.05, 0\.5 of planner\.epsilon\); .* planner\.epsilon \(now 0\.1\)$"
-    with pytest.raises(InfeasibleError, match=expected):
-        grown(problem(0.1))
-    assert len(grown(problem(0.2)).trees[0]) > 1
+    with pytest.raises(InfeasibleError, match=r"closer to an obstacle than planner\.epsilon = 0\.05 allows"):
+        grown(problem(0.05))
+    assert len(grown(problem(0.1)).trees[0]) > 1
+
+
+def test_a_start_too_close_to_a_wall_names_the_border():
+    scene = replace(make_scene({"a": box(15, 15, 17, 17)}, start=(0.1, 9.0)), border="wall")
+    robot = RobotConfig(dt=100.0, u_max=10.0, start_sd=100.0)
+    with pytest.raises(InfeasibleError, match=r"an obstacle or the wall .* scene\.border=open"):
+        grown(make_problem("F a", scene, robot=robot, fidelity="full"))
+    assert len(grown(make_problem("F a", replace(scene, border="open"), robot=robot)).trees[0]) > 1
 
 
 def test_a_walled_in_region_is_reported_before_any_growth():

@@ -77,7 +77,7 @@ def test_flights_are_those_of_a_plain_simulation_with_the_same_draws(robot, plan
     x[:, 0] = problem.scene.start + rng.normal(0, 300, (runs, 2))
     draws = rng.standard_normal((len(u), runs, 2))
     law = problem.laws["independent"]
-    outcome = rollout.Outcome(x, np.empty(runs, bool), np.empty(runs, bool))
+    outcome = rollout.Outcome(x, *(np.empty(runs, bool) for _ in range(3)))
     pilot = rollout.Autopilot(u, np.zeros((len(u) + 1, 2)))
     rollout.fly_batch(deployment.flight_judge(problem), rollout.IndependentDraws(law, draws), pilot, outcome)
     outcomes = set()
@@ -244,18 +244,22 @@ def test_the_interval_is_that_of_clopper_and_pearson(runs, share, confidence):
     assert deployment.clopper_pearson(failures, runs, confidence) == pytest.approx(tuple(expected), abs=1e-10)
 
 
-def test_rates_count_a_flight_once_however_it_fails():
+@pytest.mark.parametrize("walled", [False, True])
+def test_rates_count_a_flight_once_however_it_fails(walled):
     accepted = np.array([True, True, False, False, True, True, True, True, True, True])
     collided = np.array([False, True, True, False, False, False, False, False, False, False])
-    rates = deployment.flight_rates(Deployment("independent", np.zeros((10, 2, 2)), accepted, collided))
-    low, high = deployment.clopper_pearson(3, 10)
+    off_map = np.array([False, False, True, False, False, True, False, False, False, False])
+    flights = Deployment("independent", np.zeros((10, 2, 2)), accepted, collided, off_map, walled)
+    rates = deployment.flight_rates(flights)
+    low, high = deployment.clopper_pearson(3 + walled, 10)
     assert rates == {
         "runs_independent": 10.0,
-        "failure_independent": pytest.approx(0.3),
+        "failure_independent": pytest.approx(0.3 + 0.1 * walled),
         "failure_independent_low": low,
         "failure_independent_high": high,
         "mission_failure_independent": pytest.approx(0.2),
         "collision_independent": pytest.approx(0.2),
+        "off_map_independent": pytest.approx(0.2),
     }
 
 

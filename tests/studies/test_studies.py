@@ -206,7 +206,7 @@ def test_panels_show_the_first_seed_of_every_method(compared: Study, cfg: Settin
             r for r in compared.tables["compare_seeds"] if r["method"] == panel["method"] and r["seed"] == 0
         )
         flights = panel["flights"]["independent"]
-        assert (~flights.accepted | flights.collided).mean() == pytest.approx(seed_row["failure"])
+        assert flights.failed.mean() == pytest.approx(seed_row["failure"])
 
 
 # --- convergence -----------------------------------------------------------------------------
@@ -332,7 +332,7 @@ def test_plans_of_every_model_meet_the_same_winds(cfg: Settings, world: Records,
         for law in one_seed.laws:
             flown = fly_seeded(truth, plan.path.u, few.deployment.runs, law, 0, plan.path.x)
             row = rows[factor, level, law]
-            assert row["failure"] == pytest.approx((~flown.accepted | flown.collided).mean())
+            assert row["failure"] == pytest.approx(flown.failed.mean())
             assert row["length_m"] == pytest.approx(plan.path.objectives.length)
     for law in one_seed.laws:
         usual = [rows[f, level, law] for f, level in DEFAULT_MODELS]

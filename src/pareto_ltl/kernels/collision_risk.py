@@ -166,7 +166,7 @@ def step_allowed(
 @implements(step_allowed, StepBound)
 def _step_keeps_faces(bound: StepBound, memory: StepMemory, t: int, before: Gaussian, here: Gaussian) -> bool:
     cleared, now = memory.cleared, t % 2
-    if not clear_faces(bound.obstacles, bound.z, here, cleared, now):
+    if not clear_faces(bound.barriers, bound.z, here, cleared, now):
         return False
     if t > 0:
         for j in range(cleared.shape[1]):
@@ -179,7 +179,7 @@ def _step_keeps_faces(bound: StepBound, memory: StepMemory, t: int, before: Gaus
 def _step_keeps_epsilon(
     bound: PathBound, memory: PathMemory, t: int, before: Gaussian, here: Gaussian
 ) -> bool:
-    risk, _ = pass_obstacles(bound.obstacles, before, here, memory, (t + 1) % 2, memory, t % 2)
+    risk, _ = pass_obstacles(bound.barriers, before, here, memory, (t + 1) % 2, memory, t % 2)
     return risk <= bound.epsilon
 
 
@@ -200,7 +200,8 @@ class GaussianPath(NamedTuple):
 
 @allocating
 def collision_bound(obstacles: Faces, path: GaussianPath) -> float:
-    """R = Σ over (obstacle, run of steps with one separating face) of min(Σ_t p_t, 2 Φ(-min d / max σ)).
+    """R = Σ over (obstacle, run of steps with one separating face) of min(Σ_t p_t, 2 Φ(-min d / max σ)), not
+    cut at 1.
 
     Runs overlap in the step where the face changes, because both ends of every step must clear one face;
     the cheapest division into runs is found by dynamic programming over the steps. The second form holds
@@ -216,7 +217,7 @@ def collision_bound(obstacles: Faces, path: GaussianPath) -> float:
             if before < 1.0:
                 _runs_from(obstacles, j, path, s, before, cheapest)
         total += min(cheapest[-1], 1.0)
-    return min(total, 1.0)
+    return total
 
 
 @kernel

@@ -65,7 +65,7 @@ class Ahead(NamedTuple):
 
 
 class Faces(NamedTuple):
-    """Convex polygons by their half planes ``normal' x <= offset``.
+    """Convex polygons by their half planes ``normal' x <= offset``; one face alone is a half plane.
 
     Polygon j owns rows ``ptr[j]`` to ``ptr[j + 1]``; ``normal`` (F, 2) points outwards, unit length.
     """
@@ -285,9 +285,10 @@ MissionBound: TypeAlias = Theorem2 | Ordered
 
 
 class StepBound(NamedTuple):
-    """Eqs. (9) and (10): equal shares of epsilon; ``z`` is the quantile of 1 - epsilon / m."""
+    """Eqs. (9) and (10): equal shares of epsilon for the m barriers (obstacles and walls); ``z`` is the
+    quantile of 1 - epsilon / m."""
 
-    obstacles: Faces
+    barriers: Faces
     z: float
 
 
@@ -298,9 +299,9 @@ class StepMemory(NamedTuple):
 
 
 class PathBound(NamedTuple):
-    """R of whole paths: ``epsilon`` allowed at a step by all obstacles together, ``delta`` on a path."""
+    """R of whole paths: ``epsilon`` allowed at a step by all barriers together, ``delta`` on a path."""
 
-    obstacles: Faces
+    barriers: Faces
     epsilon: float
     delta: float
 

@@ -23,7 +23,7 @@ from pareto_ltl.kernels.data import (
     Square,
 )
 from pareto_ltl.kernels.fixes import landmark_at
-from pareto_ltl.kernels.geometry import locate_cell, segment_touches
+from pareto_ltl.kernels.geometry import locate_cell, off_map, segment_touches
 from pareto_ltl.kernels.interpolation import (
     F32,
     corner_weights,
@@ -281,7 +281,8 @@ def known_wind(psi: Float32Array, field: Float32Array, t: int, c: int) -> float:
 
 
 class Judge(NamedTuple):
-    """What decides about a flight: cells and automaton, obstacles, motion of the robot."""
+    """What decides about a flight: cells (with the bounds of the map) and automaton, obstacles, motion of
+    the robot."""
 
     cells: Cells
     logic: Logic
@@ -290,11 +291,13 @@ class Judge(NamedTuple):
 
 
 class Outcome(NamedTuple):
-    """``x`` (n, T+1, 2) [m] with the start positions in column 0; ``accepted``, ``collided`` (n,)."""
+    """``x`` (n, T+1, 2) [m] with the start positions in column 0; ``accepted``, ``collided``, ``off_map``
+    (n,)."""
 
     x: FloatArray
     accepted: BoolArray
     collided: BoolArray
+    off_map: BoolArray
 
 
 @allocating
@@ -306,7 +309,7 @@ def fly_batch(judge: Judge, draws: Draws, pilot: Pilot, outcome: Outcome) -> Non
         begin_flight(pilot)
         at = Point(x[i, 0, 0], x[i, 0, 1])
         q = logic.delta[logic.initial, locate_cell(judge.cells, at)]
-        collided = False
+        collided, outside = False, off_map(judge.cells, at)
         for t in range(x.shape[1] - 1):
             we, wn = wind_met(draws, t, i, at)
             ux, uy = command(pilot, motion, t, i, at)
@@ -316,7 +319,8 @@ def fly_batch(judge: Judge, draws: Draws, pilot: Pilot, outcome: Outcome) -> Non
             )
             x[i, t + 1, 0], x[i, t + 1, 1] = there
             collided = collided or segment_touches(judge.obstacles, at, there)
+            outside = outside or off_map(judge.cells, there)
             q = logic.delta[q, locate_cell(judge.cells, there)]
             at = there
-        outcome.collided[i] = collided
+        outcome.collided[i], outcome.off_map[i] = collided, outside
         outcome.accepted[i] = logic.distance[q] == 0.0

@@ -24,6 +24,14 @@ def face_slack(faces: Faces, part: int, at: Point) -> float:
 
 
 @kernel
+def off_map(cells: Cells, at: Point) -> bool:
+    """Whether the point lies beyond the bounds; a segment between two places on the map stays on it."""
+    if at.x < cells.west - SLACK or at.x > cells.east + SLACK:
+        return True
+    return at.y < cells.south - SLACK or at.y > cells.north + SLACK
+
+
+@kernel
 def locate_cell(cells: Cells, at: Point) -> int:
     """The first cell that holds the point; beside every cell by rounding, the nearest candidate.
 

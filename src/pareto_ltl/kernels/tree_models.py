@@ -179,14 +179,14 @@ def beats(risks: FloatArray, rivals: Rivals) -> bool:
 
 @implements(plant_collision, StepBound)
 def _plant_step(bound: StepBound, tree: Vertices, here: Gaussian) -> bool:
-    return clear_faces(bound.obstacles, bound.z, here, tree.collision.cleared, 0)
+    return clear_faces(bound.barriers, bound.z, here, tree.collision.cleared, 0)
 
 
 @implements(appraise_collision, StepBound)
 def _appraise_step(bound: StepBound, tree: Vertices, scratch: TreeState, new: Proposal) -> bool:
     # Eq. (9) at the child, and one face of every obstacle that serves both ends of the step.
     cleared, row = scratch.collision.cleared, new.row
-    if not clear_faces(bound.obstacles, bound.z, new.there, cleared, row):
+    if not clear_faces(bound.barriers, bound.z, new.there, cleared, row):
         return False
     for j in range(cleared.shape[1]):  # noqa: SIM110 (numba has no generator expressions)
         if cleared[row, j] & tree.collision.cleared[new.parent, j] == 0:
@@ -231,7 +231,7 @@ def _plant_path(bound: PathBound, tree: Vertices, here: Gaussian) -> bool:
         memory.face[0, j] = -1
         for i in range(3):
             memory.run[0, j, i] = 0.0
-    step, risk = pass_obstacles(bound.obstacles, here, here, memory, 0, memory, 0)
+    step, risk = pass_obstacles(bound.barriers, here, here, memory, 0, memory, 0)
     tree.risk[0, tree.risk.shape[1] - 1] = risk
     return step <= bound.epsilon
 
@@ -240,7 +240,7 @@ def _plant_path(bound: PathBound, tree: Vertices, here: Gaussian) -> bool:
 def _appraise_path(bound: PathBound, tree: Vertices, scratch: TreeState, new: Proposal) -> bool:
     own, parent, last = tree.collision, new.parent, scratch.risks.shape[1] - 1
     here = gaussian_at(tree.x, own.cov, parent)
-    step, more = pass_obstacles(bound.obstacles, here, new.there, own, parent, scratch.collision, new.row)
+    step, more = pass_obstacles(bound.barriers, here, new.there, own, parent, scratch.collision, new.row)
     risk = tree.risk[parent, last] + more
     scratch.risks[new.row, last] = risk
     return step <= bound.epsilon and risk <= bound.delta

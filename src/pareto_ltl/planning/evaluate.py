@@ -25,7 +25,7 @@ FAULTS = (
     "needs more airspeed than robot.u_max",
     "outlasts the wind data",
     "leaves the map or enters an obstacle",
-    "comes closer to an obstacle than planner.epsilon allows",
+    "comes closer to an obstacle or a wall than planner.epsilon allows",
 )
 
 # --- memory of the models ---------------------------------------------------------------------
@@ -167,7 +167,7 @@ def _check_flown(problem: Problem, flight: Flight, fast: float) -> tuple[IntArra
 
     n, world = len(flight.x), problem.world
     q, cell = np.empty(n, np.int64), np.empty(n, np.int64)
-    memory = COLLISION_MEMORY[type(world.collision)](2, len(problem.obstacles.ptr) - 1)
+    memory = COLLISION_MEMORY[type(world.collision)](2, len(problem.barriers.ptr) - 1)
     known = min(n - 1, len(problem.wind.slot))
     fault, where = kernel.check_path(world, flight, known, fast, memory, q, cell)
     if fault != kernel.FLOWN:
@@ -209,10 +209,14 @@ def ordered_mission_risk(problem: Problem, flight: Flight) -> float:
 
 
 def collision_risk(problem: Problem, flight: Flight, law: kd.Law, *, tight: bool = True) -> float:
-    """R of a path under the law it was propagated in; ``tight`` as for :func:`evaluate_path`."""
+    """R of a path under the law it was propagated in; ``tight`` as for :func:`evaluate_path`.
+
+    The looser form is not cut at 1: smoothing must see that a path with R = 2 is worse than one with 1.5.
+    """
     from pareto_ltl.kernels.collision_risk import collision_bound
 
-    return float(collision_bound(problem.obstacles, gaussian_path(law, flight, tight=tight)))
+    total = float(collision_bound(problem.barriers, gaussian_path(law, flight, tight=tight)))
+    return min(total, 1.0) if tight else total
 
 
 def gaussian_path(law: kd.Law, flight: Flight, *, tight: bool = True) -> GaussianPath:

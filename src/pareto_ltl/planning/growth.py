@@ -7,6 +7,7 @@ number of threads.
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -35,7 +36,6 @@ from pareto_ltl.support.messages import shown_value
 
 ITERATIONS_PER_VERTEX = 50  # extensions tried before a tree that does not grow is given up
 GROWTH_CHUNK = 20_000  # vertices between two looks at the clock
-TREES_KEEP = 0.5  # share of epsilon that trees use under the path bound: smoothing and delta need the rest
 SCALED_SLACK = 1.0  # slack on risks of the scaled rule is a factor drawn between 1 and 1 plus this
 PACKED_BYTES = 80  # of a vertex, in whole numbers of 64 bits and in the archive of the trees
 CAPACITY = 8  # vertices that a square keeps as possible parents, for each automaton state
@@ -160,7 +160,7 @@ def _mission_rows(problem: Problem, rows: int) -> kd.OrderedMemory | None:
 
 
 def _collision_rows(problem: Problem, rows: int, mask: type = np.uint32) -> kd.CollisionMemory:
-    m = len(problem.obstacles.ptr) - 1
+    m = len(problem.barriers.ptr) - 1
     make: dict[type, Callable[[], kd.CollisionMemory]] = {
         kd.StepBound: lambda: kd.StepMemory(np.zeros((rows, m), mask)),
         kd.PathBound: lambda: kd.PathMemory(
@@ -171,12 +171,15 @@ def _collision_rows(problem: Problem, rows: int, mask: type = np.uint32) -> kd.C
 
 
 def _for_trees(problem: Problem) -> Problem:
-    """The problem that trees see: under the path bound, epsilon is a share of the one that is set."""
+    """The problem that trees see: the path bound limits their steps, and R is an objective without limit.
+
+    A tree's path wanders, so its R, a sum over steps, is several times that of the same path smoothed:
+    planner.delta limits the finished paths.
+    """
     bound = problem.world.collision
     if not isinstance(bound, kd.PathBound):
         return problem
-    tighter = bound._replace(epsilon=TREES_KEEP * bound.epsilon)
-    return replace(problem, world=problem.world._replace(collision=tighter))
+    return replace(problem, world=problem.world._replace(collision=bound._replace(delta=math.inf)))
 
 
 # --- growth -----------------------------------------------------------------------------------
@@ -274,13 +277,13 @@ def _plant(task: _GrowthTask, seed: SeedSequence, number: int, options: GrowthOp
 
 
 def _start_too_close(problem: Problem) -> str:
-    """The error for a start that breaks the limit of the trees; under the path bound, a share of epsilon."""
-    bound, said = problem.world.collision, f"planner.epsilon = {problem.epsilon:g} allows"
-    if isinstance(bound, kd.PathBound):
-        said = f"trees may spend ({bound.epsilon:g}, {TREES_KEEP:g} of planner.epsilon)"
+    """The error for a start that breaks the chance constraint already."""
+    walled = problem.scene.walled
+    barrier = "an obstacle or the wall around the map" if walled else "an obstacle"
+    cure = ", raise planner.epsilon or set scene.border=open" if walled else " or raise planner.epsilon"
     return (
-        f"the start lies closer to an obstacle than {said}; move it, lower robot.start_sd or raise "
-        f"planner.epsilon (now {problem.epsilon:g})"
+        f"the start lies closer to {barrier} than planner.epsilon = {problem.epsilon:g} allows; move it, "
+        f"lower robot.start_sd{cure}"
     )
 
 

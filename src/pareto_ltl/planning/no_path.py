@@ -6,6 +6,7 @@ setting that the text advises has been tried.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 
@@ -15,7 +16,7 @@ from numpy.random import SeedSequence
 from pareto_ltl.kernels import data as kd
 from pareto_ltl.kernels.geometry import face_slack
 from pareto_ltl.planning.growth import grow_forest
-from pareto_ltl.planning.pack import pack_collision
+from pareto_ltl.planning.pack import pack_barriers, pack_collision
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import Forest, PlannedPath
 from pareto_ltl.planning.selection import tree_front
@@ -25,7 +26,7 @@ from pareto_ltl.support.errors import InfeasibleError
 from pareto_ltl.world.time_step import too_long
 
 EPSILONS = (0.02, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.99)
-LARGEST_DELTA = 0.999  # no limit on the collision risk of a path
+LARGEST_DELTA = 0.999  # that is advised; trials without a limit on R have delta = inf
 MORE_VERTICES = (4, 16)  # times as many, tried where risk alone is not the reason
 FAR_TOO_LONG = 3.0  # a full step, in widths of the narrowest place: then it is the reason
 MOST_VERTICES = 1_500_000  # of all trials of one kind; no clock, so that a text is the same on every machine
@@ -67,7 +68,7 @@ class _Trials:
 def with_limits(problem: Problem, epsilon: float, delta: float) -> Problem:
     """``problem`` with other values of planner.epsilon and planner.delta."""
     kind = problem.fidelity.collision_bound
-    collision = pack_collision(kind, problem.obstacles, epsilon, delta)
+    collision = pack_collision(kind, pack_barriers(problem.scene, problem.obstacles), epsilon, delta)
     return replace(problem, epsilon=epsilon, world=problem.world._replace(collision=collision))
 
 
@@ -82,8 +83,9 @@ def explain_no_path(
         Those that the forest was grown from; without them nothing is tried.
     """
     long_step = _step_advice(cfg, problem, FAR_TOO_LONG)
+    open_border = "" if seeds is None or long_step else _open_border_advice(_Trials(cfg, problem, seeds))
     if seeds is not None and not long_step and (advised := _tried_advice(cfg, problem, forest, seeds)):
-        return advised
+        return advised + open_border
     distance = problem.automaton.distance
     best = min(float(distance[tree.q].min()) for tree in forest.trees)
     states = sorted({int(q) for tree in forest.trees for q in np.unique(tree.q)})
@@ -91,14 +93,26 @@ def explain_no_path(
         f"no path completes the mission: {sum(map(len, forest.trees))} vertices reached automaton states "
         f"{states} of {problem.automaton.n_states}, the nearest still {best:.0f} transition(s) from "
         f"acceptance{_nearest_miss(problem, forest)}; {long_step or _advice(cfg, problem, forest)}"
+        f"{open_border}"
     )
 
 
 def explain_no_safe_path(cfg: PlannerConfig, problem: Problem, seeds: SeedSequence) -> str:
     """Why no path of trees that complete the mission is kept: all break planner.delta."""
     trials = _Trials(cfg, problem, seeds)
-    paths = trials.paths(problem.epsilon, LARGEST_DELTA, cfg.n_max)
-    return _risk_text(trials, problem.epsilon, paths) if paths else ""
+    paths = trials.paths(problem.epsilon, math.inf, cfg.n_max)
+    return _risk_text(trials, problem.epsilon, paths) + _open_border_advice(trials) if paths else ""
+
+
+def _open_border_advice(trials: _Trials) -> str:
+    """The advice to open the border, where that alone gives a path within the limits; empty otherwise."""
+    problem, cfg = trials.problem, trials.cfg
+    if not problem.scene.walled:
+        return ""
+    free = replace(problem, scene=replace(problem.scene, border="open"))
+    if not replace(trials, problem=free, budget=_Budget()).paths(problem.epsilon, cfg.delta, cfg.n_max):
+        return ""
+    return "; or, if the robot may leave the map, set scene.border=open, which finds one"
 
 
 def _tried_advice(cfg: PlannerConfig, problem: Problem, forest: Forest, seeds: SeedSequence) -> str:
@@ -144,7 +158,7 @@ def _step_bound_advice(trials: _Trials) -> str:
 
 def _least_epsilon(trials: _Trials) -> tuple[float, tuple[PlannedPath, ...]] | None:
     """The least epsilon of the ladder that gives a path, and the paths; None where the largest gives none."""
-    delta, n_max = max(LARGEST_DELTA, trials.cfg.delta), trials.cfg.n_max
+    delta, n_max = math.inf, trials.cfg.n_max
     ladder = [epsilon for epsilon in EPSILONS if epsilon > trials.problem.epsilon]
     if not ladder or not (paths := trials.paths(ladder[-1], delta, n_max)):
         return None

@@ -26,7 +26,7 @@ NO_MODES = WindModes(
     np.zeros(2), 1.0, np.zeros((1, 2, 2, 2, 0), np.float32), np.zeros(0, np.int64), 1.0, 1.0, np.ones((1, 2)),
     np.ones((1, 2)),
 )  # fmt: skip
-EPSILON = {"step": 0.05, "path": 0.1}  # where planner.epsilon is left to the collision bound
+EPSILON = {"step": 0.05, "path": 0.25}  # where planner.epsilon is left to the collision bound
 
 # --- the map ----------------------------------------------------------------------------------
 
@@ -38,6 +38,22 @@ def pack_faces(polygons: Sequence[FloatArray]) -> kd.Faces:
         return kd.Faces(ptr, np.empty((0, 2)), np.empty(0))
     parts = [half_planes(p) for p in polygons]
     return kd.Faces(ptr, np.vstack([n for n, _ in parts]), np.concatenate([b for _, b in parts]))
+
+
+def pack_barriers(scene: Scene, obstacles: kd.Faces) -> kd.Faces:
+    """What may not be met: the obstacles and, where the border is a wall, its sides.
+
+    A side is a polygon with one face: the half plane beyond it, which the normal points away from.
+    """
+    if not scene.walled:
+        return obstacles
+    (west, south), (east, north) = scene.bounds
+    normal = np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
+    return kd.Faces(
+        np.concatenate([obstacles.ptr, obstacles.ptr[-1] + np.arange(1, 5)]),
+        np.vstack([obstacles.normal, normal]),
+        np.concatenate([obstacles.offset, [west, -east, south, -north]]),
+    )
 
 
 def pack_cells(bounds: FloatArray, decomposition: Decomposition, atoms: Sequence[str]) -> kd.Cells:
@@ -224,13 +240,13 @@ def pack_laws(
     return {"independent": kd.IndependentLaw(lattice, motion), "coherent": coherent}
 
 
-def pack_collision(kind: str, obstacles: kd.Faces, epsilon: float, delta: float) -> kd.CollisionBound:
+def pack_collision(kind: str, barriers: kd.Faces, epsilon: float, delta: float) -> kd.CollisionBound:
     """The collision bound of a kind: equal shares of epsilon at each step, or epsilon and delta of paths."""
     from scipy.special import ndtri
 
     if kind == "path":
-        return kd.PathBound(obstacles, epsilon, delta)
-    return kd.StepBound(obstacles, float(-ndtri(epsilon / max(len(obstacles.ptr) - 1, 1))))
+        return kd.PathBound(barriers, epsilon, delta)
+    return kd.StepBound(barriers, float(-ndtri(epsilon / max(len(barriers.ptr) - 1, 1))))
 
 
 def build_problem(
@@ -256,7 +272,8 @@ def build_problem(
     theorem2, ordered = pack_theorem2(decomposition, cells, atoms), pack_ordered(decomposition, cells, logic)
     obstacles = pack_faces(decomposition.obstacles)
     missions: dict[str, kd.MissionBound] = {"theorem2": theorem2, "ordered": ordered}
-    collision = pack_collision(fidelity.collision_bound, obstacles, epsilon, planner.delta)
+    barriers = pack_barriers(scene, obstacles)
+    collision = pack_collision(fidelity.collision_bound, barriers, epsilon, planner.delta)
     return Problem(
         scene=scene,
         decomposition=decomposition,
@@ -266,6 +283,7 @@ def build_problem(
         ordered=ordered,
         automaton=automaton,
         fidelity=fidelity,
+        obstacles=obstacles,
         start_variance=robot.start_sd**2,
         epsilon=epsilon,
         max_steps=planner.max_steps,

@@ -27,6 +27,8 @@ class Problem:
         Every wind law, for forecasts and simulation.
     theorem2, ordered : mission bounds
         Both, since every path reports both.
+    obstacles : Faces
+        Convex parts of the obstacles; the collision bound also has the walls (:attr:`barriers`).
     start_variance : float
         Of the start position, in each direction [m²].
     epsilon : float
@@ -45,6 +47,7 @@ class Problem:
     ordered: kd.Ordered
     automaton: Automaton
     fidelity: FidelityConfig
+    obstacles: kd.Faces
     start_variance: float
     epsilon: float
     max_steps: int
@@ -71,9 +74,9 @@ class Problem:
         return self.world.law.wind
 
     @property
-    def obstacles(self) -> kd.Faces:
-        """Convex parts of the obstacles."""
-        return self.world.collision.obstacles
+    def barriers(self) -> kd.Faces:
+        """Convex parts of the obstacles and, where the border is a wall, its four sides."""
+        return self.world.collision.barriers
 
     @property
     def modes(self) -> kd.Modes:

@@ -162,7 +162,7 @@ def shown_probability(probability: float) -> str:
 def flight_text(run: DrawnRun, law: str, count: int) -> str:
     """What was simulated and promised in the winds of ``law``; at most ``count`` flights are drawn."""
     deployment = run.deployments[law]
-    failed, runs = int((~deployment.accepted | deployment.collided).sum()), len(deployment.x)
+    failed, runs = int(deployment.failed.sum()), len(deployment.x)
     told = f"{law} winds: {failed:,} of {runs:,} flights failed ({shown_probability(failed / runs)})"
     told += f", {min(count, runs)} drawn"
     if law not in run.forecasts:

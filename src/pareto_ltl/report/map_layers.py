@@ -166,7 +166,7 @@ def draw_flights(chart: MapAxes, deployment: Deployment, count: int) -> None:
     Failed flights are not picked: their share in the figure estimates the failure rate.
     """
     law, flights = deployment.law, deployment.x[:count]
-    good = (deployment.accepted & ~deployment.collided)[:count]
+    good = ~deployment.failed[:count]
     flown: dict[str, Any] = {"colors": style.law_colour(law), "linestyles": [style.law_dashes(law)]}
     draw_lines(chart, flights[good], **flown, linewidths=0.45, alpha=0.6, zorder=4.5)
     failed: dict[str, Any] = {"colors": style.FAILED, "linestyles": [style.law_dashes(law)]}

@@ -33,6 +33,7 @@ LAW_METRICS = {  # metrics whose names end with a wind law
     "failure": "failed flights",
     "mission_failure": "flights that missed the mission",
     "collision": "flights that touched an obstacle",
+    "off_map": "flights that left the map",
     "mission_risk": "mission risk V",
     "collision_risk": "collision risk R",
 }

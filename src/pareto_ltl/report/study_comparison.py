@@ -116,7 +116,7 @@ def _panel_caption(panel: FigureRow) -> list[str]:
     if not panel["planned"]:
         return ["no plan"]
     length = distance_text(panel["length_m"])
-    rates = {law: float((~f.accepted | f.collided).mean()) for law, f in panel["flights"].items()}
+    rates = {law: float(f.failed.mean()) for law, f in panel["flights"].items()}
     return [length, *(f"failed in {law} winds: {probability_text(rate)}" for law, rate in rates.items())]
 
 

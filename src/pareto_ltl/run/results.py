@@ -325,11 +325,14 @@ def _flight(content: Mapping[str, Any]) -> PlannedPath:
     return flight
 
 
+FLIGHT_ARRAYS = ("x", "accepted", "collided", "off_map", "walled")
+
+
 def write_deployments(directory: Path, deployments: Mapping[str, Deployment]) -> None:
     arrays = {
-        f"{law}/{name}": getattr(deployment, name)
+        f"{law}/{name}": np.asarray(getattr(deployment, name))
         for law, deployment in deployments.items()
-        for name in ("x", "accepted", "collided")
+        for name in FLIGHT_ARRAYS
     }
     write_npz(directory / "deployments.npz", arrays)
 
@@ -340,9 +343,13 @@ def read_deployments(place: Path | str) -> dict[str, Deployment]:
     with _shaped(path, "deployments"):
         laws = sorted({name.partition("/")[0] for name in arrays})
         return {
-            law: Deployment(law, *(arrays[f"{law}/{name}"] for name in ("x", "accepted", "collided")))
+            law: Deployment(
+                law, x=arrays[f"{law}/x"], accepted=arrays[f"{law}/accepted"],
+                collided=arrays[f"{law}/collided"], off_map=arrays[f"{law}/off_map"],
+                walled=bool(arrays[f"{law}/walled"]),
+            )
             for law in laws
-        }
+        }  # fmt: skip
 
 
 # --- evaluations -----------------------------------------------------------------------------

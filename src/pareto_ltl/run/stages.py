@@ -88,8 +88,9 @@ def make_scene(inputs: StageInputs) -> Scene:
     from pareto_ltl.world.random_maps import add_random_places
     from pareto_ltl.world.scene_settings import scene_from_settings
 
-    departure = inputs.settings.mission.start_time or inputs[READINGS].first_time
-    return scene_from_settings(add_random_places(inputs.settings.scene), departure)
+    settings = inputs.settings
+    departure = settings.mission.start_time or inputs[READINGS].first_time
+    return scene_from_settings(add_random_places(settings.scene), departure, settings.fidelity.border)
 
 
 def make_decomposition(inputs: StageInputs) -> Decomposition:
@@ -266,7 +267,7 @@ PLAN_STAGES = (
         makes=SCENE,
         make=make_scene,
         needs=(READINGS,),
-        settings=(SceneConfig, MissionConfig),
+        settings=(SceneConfig, MissionConfig, FidelityConfig),
         writes=("scene.json",),
     ),
     Stage(

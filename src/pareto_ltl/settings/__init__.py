@@ -18,7 +18,7 @@ from pareto_ltl.settings.checks import (
     declarations,
     setting,
 )
-from pareto_ltl.settings.fidelity import LAWS, PAPER, PRESETS, FidelityConfig, models_of, preset
+from pareto_ltl.settings.fidelity import BORDERS, LAWS, PAPER, PRESETS, FidelityConfig, models_of, preset
 from pareto_ltl.settings.outputs import (
     DeploymentConfig,
     IngestConfig,
@@ -72,6 +72,11 @@ class Settings(CheckedSettings):
     def check_combinations(self) -> None:
         check_folder_name("name", self.name)
 
+    @property
+    def border(self) -> str:
+        """``wall`` where leaving the map is a failure, else ``open``; a map file may say otherwise."""
+        return self.fidelity.border if self.scene.border == "auto" else self.scene.border
+
 
 def as_dict(settings: Any) -> dict[str, Any]:
     """Settings as plain containers, ready for YAML or JSON."""
@@ -79,6 +84,7 @@ def as_dict(settings: Any) -> dict[str, Any]:
 
 
 __all__ = [
+    "BORDERS",
     "LAWS",
     "METHODS",
     "PAPER",

@@ -8,6 +8,7 @@ from typing import ClassVar
 from pareto_ltl.settings.checks import CheckedSettings, setting
 
 LAWS = ("independent", "coherent")
+BORDERS = ("open", "wall")
 MISSION_BOUNDS = ("theorem2", "ordered")
 COLLISION_BOUNDS = ("step", "path")
 PARENT_RULES = ("dominance", "scaled", "tchebycheff", "mixed")
@@ -16,12 +17,12 @@ JUDGES = ("bound", "flights")
 
 PRESETS: dict[str, dict[str, str]] = {
     "paper": {
-        "law": "independent", "mission_bound": "theorem2", "collision_bound": "step",
-        "parents": "dominance", "refine": "convex", "judge": "bound",
+        "law": "independent", "border": "open", "mission_bound": "theorem2",
+        "collision_bound": "step", "parents": "dominance", "refine": "convex", "judge": "bound",
     },
     "full": {
-        "law": "coherent", "mission_bound": "ordered", "collision_bound": "path",
-        "parents": "mixed", "refine": "convex", "judge": "flights",
+        "law": "coherent", "border": "wall", "mission_bound": "ordered",
+        "collision_bound": "path", "parents": "mixed", "refine": "convex", "judge": "flights",
     },
 }  # fmt: skip
 
@@ -33,6 +34,9 @@ class FidelityConfig(CheckedSettings):
     section: ClassVar[str] = "fidelity"
     name: str = setting("paper", "the preset that the models below begin with", choices=tuple(PRESETS))
     law: str = setting("independent", "wind law that plans are judged in", choices=LAWS)
+    border: str = setting(
+        "open", "whether leaving the map is a failure (wall) where scene.border is auto", choices=BORDERS
+    )
     mission_bound: str = setting(
         "theorem2", "mission risk: f_o of the paper (theorem2) or V (ordered)", choices=MISSION_BOUNDS
     )

@@ -36,7 +36,7 @@ class PlannerConfig(CheckedSettings):
         below=1,
     )
     delta: float = setting(
-        0.5,
+        0.8,
         "collision probability allowed on a whole path, with fidelity.collision_bound=path",
         above=0,
         below=1,

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 from pareto_ltl.settings.checks import LARGEST_SEED, CheckedSettings, check_time, setting
+from pareto_ltl.settings.fidelity import BORDERS
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.messages import shown_value
 
@@ -56,6 +57,12 @@ class SceneConfig(CheckedSettings):
     start: list[Any] = setting([], "start position [east, north]", unit="units")
     regions: dict[str, Any] = setting({}, "name: corners of each region of the formula", unit="units")
     obstacles: list[Any] = setting([], "corners of each obstacle", unit="units")
+    border: str = setting(
+        "auto",
+        "whether leaving the map is a failure (wall) or not (open); auto: as the map file says, else as "
+        "fidelity.border",
+        choices=("auto", *BORDERS),
+    )
     landmarks: list[Any] = setting(
         [], "corners of each area where the robot measures its position", unit="units"
     )

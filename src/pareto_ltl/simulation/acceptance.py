@@ -27,6 +27,7 @@ from pareto_ltl.simulation.flights import (
     simulate_flights,
     unspawned,
 )
+from pareto_ltl.simulation.records import Deployment
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import interval_text, probability_text
 from pareto_ltl.support.memory import require_memory
@@ -54,7 +55,7 @@ def rank_front(problem: Problem, front: Front, draws: int, seed: SeedSequence) -
     for path in front.paths:
         if path.fixes:  # after a fix the robot is not linear: it keeps within u_max, or misses the landmark
             flights = simulate_flights(problem, path.u, draws, "coherent", seed, path.x)
-            estimates.append(float((~flights.accepted | flights.collided).mean()))
+            estimates.append(float(flights.failed.mean()))
         else:
             estimates.append(linear_failure_rate(problem, path, winds, start))
     return replace(front, estimates=tuple(estimates))
@@ -69,10 +70,11 @@ def linear_failure_rate(
     slope = (flight.F - motion.closed) / motion.dt
     draws = rollout.LinearisedDraws(winds.law, winds.white, winds.theta, flight, mean, slope)
     n = len(start)
-    outcome = rollout.Outcome(np.empty((n, len(path.x), 2)), np.empty(n, bool), np.empty(n, bool))
+    flags = (np.empty(n, bool) for _ in range(3))
+    outcome = rollout.Outcome(np.empty((n, len(path.x), 2)), *flags)
     outcome.x[:, 0] = path.x[0] + start
     rollout.fly_batch(flight_judge(problem), draws, rollout.Autopilot(path.u, flight.x), outcome)
-    return float((~outcome.accepted | outcome.collided).mean())
+    return float(Deployment("coherent", *outcome, problem.scene.walled).failed.mean())
 
 
 def accept_path(
@@ -125,7 +127,7 @@ def examine_path(
     """Fly ``path`` ``runs`` times through coherent winds."""
     require_memory(path.x.nbytes, "selection.runs", runs, "flights that examine a path")
     flights = simulate_flights(problem, path.u, runs, "coherent", seed, path.x)
-    failures = int((~flights.accepted | flights.collided).sum())
+    failures = int(flights.failed.sum())
     low, high = clopper_pearson(failures, runs)
     bound = min(1.0, path.objectives.mission_risk + path.objectives.collision_risk)
     return Acceptance(

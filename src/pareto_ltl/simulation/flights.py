@@ -102,16 +102,16 @@ def simulate_flights(
         raise ValueError("feedback needs the planned positions to hold on to: give mean")
     flights = _Flights(problem, u, DRAWS[law], _navigator(problem, u, mean, law))
     x = np.empty((runs, len(u) + 1, 2))
-    accepted, collided = np.empty(runs, bool), np.empty(runs, bool)
+    accepted, collided, off_map = (np.empty(runs, bool) for _ in range(3))
     blocks = [slice(first, min(first + BLOCK, runs)) for first in range(0, runs, BLOCK)]
 
     def one(block: slice, child: SeedSequence) -> None:
-        outcome = kernel.Outcome(x[block], accepted[block], collided[block])
+        outcome = kernel.Outcome(x[block], accepted[block], collided[block], off_map[block])
         flights.fly_block(outcome, np.random.default_rng(child))
 
     with ThreadPoolExecutor(cores()) as pool:
         list(pool.map(one, blocks, unspawned(seed).spawn(len(blocks))))
-    return Deployment(law, x, accepted, collided)
+    return Deployment(law, x, accepted, collided, off_map, problem.scene.walled)
 
 
 def unspawned(seed: SeedSequence) -> SeedSequence:
@@ -151,7 +151,7 @@ class _Flights:
 
 
 def flight_judge(problem: Problem) -> kernel.Judge:
-    """What decides whether a flight completes the mission and meets an obstacle."""
+    """What decides whether a flight completes the mission, meets an obstacle and leaves the map."""
     return kernel.Judge(problem.world.cells, problem.world.logic, problem.obstacles, problem.motion)
 
 
@@ -192,8 +192,8 @@ def clopper_pearson(failures: int, runs: int, confidence: float = 0.95) -> tuple
 
 
 def flight_rates(deployment: Deployment) -> dict[str, float]:
-    """The metrics of one law: a flight fails where the mission is not accepted or an obstacle was met."""
-    failed = ~deployment.accepted | deployment.collided
+    """The metrics of one law; ``off_map_L`` is part of ``failure_L`` where the border is a wall."""
+    failed = deployment.failed
     low, high = clopper_pearson(int(failed.sum()), len(failed))
     law = deployment.law
     return {
@@ -203,4 +203,5 @@ def flight_rates(deployment: Deployment) -> dict[str, float]:
         f"failure_{law}_high": high,
         f"mission_failure_{law}": float((~deployment.accepted).mean()),
         f"collision_{law}": float(deployment.collided.mean()),
+        f"off_map_{law}": float(deployment.off_map.mean()),
     }

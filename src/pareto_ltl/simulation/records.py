@@ -15,10 +15,23 @@ class Deployment:
     ----------
     x : (n, T+1, 2) float
         Positions [m].
-    accepted, collided : (n,) bool
+    accepted : (n,) bool
+        Flights that complete the mission.
+    collided, off_map : (n,) bool
+        Flights that met an obstacle, and that left the map.
+    walled : bool
+        Whether leaving the map is a failure (``scene.border=wall``).
     """
 
     law: str
     x: FloatArray
     accepted: BoolArray
     collided: BoolArray
+    off_map: BoolArray
+    walled: bool = False
+
+    @property
+    def failed(self) -> BoolArray:
+        """Flights that miss the mission, meet an obstacle or, where the border is a wall, leave the map."""
+        failed: BoolArray = ~self.accepted | self.collided
+        return failed | self.off_map if self.walled else failed

@@ -50,6 +50,7 @@ TITLES = {
     "ml_rrt": "ML-RRT (no wind)",
     "calm_shortest": "shortest in calm air",
 }
+FLAGS = ("accepted", "collided", "off_map", "failed")
 COSTS = ("mission_risk_paper", "mission_risk_ordered", "collision_risk")
 
 
@@ -147,11 +148,13 @@ def _comparison_plan(context: ComparisonContext, name: str, seed: int) -> Plan:
 def outcomes(
     problem: Problem, u: FloatArray, x: FloatArray, runs: int, laws: Sequence[str], seed: int
 ) -> dict[str, Columns]:
-    """Per law, which flights completed the mission, which met an obstacle, and what V + R says of them."""
+    """Per law, which flights completed the mission, met an obstacle, left the map and failed, and what V + R
+    says of them."""
     found: dict[str, Columns] = {}
     for law in laws:
         flown, promise = fly_seeded(problem, u, runs, law, seed, x), forecast(problem, u, law)
-        found[law] = {"accepted": flags_to_text(flown.accepted), "collided": flags_to_text(flown.collided)}
+        seen = (flown.accepted, flown.collided, flown.off_map, flown.failed)
+        found[law] = dict(zip(FLAGS, map(flags_to_text, seen), strict=True))
         found[law] |= {"promised": min(1.0, promise.mission_risk + promise.collision_risk)}
     return found
 
@@ -162,9 +165,8 @@ Found = Mapping[tuple[Any, ...], Mapping[str, Any]]
 
 
 def failed(result: Mapping[str, Any], law: str) -> BoolArray:
-    """Flights that missed the mission or met an obstacle."""
-    outcome = result["laws"][law]
-    return np.asarray(~text_to_flags(outcome["accepted"]) | text_to_flags(outcome["collided"]))
+    """Flights that failed, as ``Deployment.failed`` has it."""
+    return text_to_flags(result["laws"][law]["failed"])
 
 
 def bound(result: Mapping[str, Any], mission: str) -> float:
@@ -214,6 +216,7 @@ def _comparison_row(name: str, law: str, results: Sequence[Mapping[str, Any]]) -
     planned = [result for result in results if result["planned"]]
     missed = [~text_to_flags(result["laws"][law]["accepted"]) for result in planned]
     hit = [text_to_flags(result["laws"][law]["collided"]) for result in planned]
+    gone = [text_to_flags(result["laws"][law]["off_map"]) for result in planned]
     lost = [failed(result, law) for result in planned]
     broken = [
         rate_columns("f", f)["f_low"] > result["laws"][law]["promised"]
@@ -226,6 +229,7 @@ def _comparison_row(name: str, law: str, results: Sequence[Mapping[str, Any]]) -
         rate_columns("failure", _joined(lost))
         | rate_columns("completion", ~_joined(missed))
         | rate_columns("collision", _joined(hit))
+        | rate_columns("off_map", _joined(gone))
     )
     row |= quartile_columns("failure_of_a_plan", [f.mean() for f in lost])
     row |= quartile_columns("length_m", [result["objectives"]["length"] for result in planned])
@@ -314,7 +318,8 @@ def _wind(context: ComparisonContext) -> Any:
 
 def _comparison_text(rows: Sequence[Columns], pairs: Sequence[Columns]) -> str:
     first = markdown_table(
-        "Failure of the flights (missed the mission or touched an obstacle), 95 % intervals; bounds: mission "
+        "Failure of the flights (missed the mission, touched an obstacle or, where the border is a wall, "
+        "left the map), 95 % intervals; bounds: mission "
         "risk (f_o or V) + collision risk R, in the winds that the plan was made for and in those flown in; "
         "medians over seeds",
         (
@@ -327,6 +332,7 @@ def _comparison_text(rows: Sequence[Columns], pairs: Sequence[Columns]) -> str:
             "V + R in these winds",
             "failed",
             "collided",
+            "left the map",
             "completed",
         ),
         (
@@ -340,6 +346,7 @@ def _comparison_text(rows: Sequence[Columns], pairs: Sequence[Columns]) -> str:
                 probability_text(row["forecast"]),
                 rate_cell(row, "failure"),
                 rate_cell(row, "collision"),
+                rate_cell(row, "off_map"),
                 rate_cell(row, "completion"),
             )
             for row in rows

@@ -43,9 +43,10 @@ def rim_outline(cfg: FieldMissionsConfig) -> list[list[float]]:
     return [list(map(float, corner)) for corner in rim.exterior.coords[:-1]]
 
 
-def mission_inputs(cfg: FieldMissionsConfig, laws: Sequence[str]) -> Columns:
+def mission_inputs(cfg: FieldMissionsConfig, settings: Settings) -> Columns:
     """Settings of a study on which a mission depends."""
-    return {key: value for key, value in asdict(cfg).items() if key not in UNIMPORTANT} | {"laws": laws}
+    kept = {key: value for key, value in asdict(cfg).items() if key not in UNIMPORTANT}
+    return kept | {"laws": settings.evaluation.laws, "border": settings.border}
 
 
 def mission_row(task: Mission) -> Columns:
@@ -96,9 +97,10 @@ def realised(
     runs = settings.deployment.runs if cfg.gusts > 0 else 1
     flights = fly_seeded(real, path.u, runs, "independent", seed, path.x)
     return {
-        "failure": float((~flights.accepted | flights.collided).mean()),
+        "failure": float(flights.failed.mean()),
         "missed": float((~flights.accepted).mean()),
         "collided": float(flights.collided.mean()),
+        "off_map": float(flights.off_map.mean()),
         "miss_m": float(np.linalg.norm(flights.x[:, -1].mean(axis=0) - path.x[-1])),
         "sd_m": float(np.sqrt(np.trace(path.cov[-1]) / 2)),
     }
@@ -107,7 +109,7 @@ def realised(
 def simulated_failure(model: Problem, path: PlannedPath, runs: int, law: str, seed: int) -> float:
     """Share of flights that fail in the winds that planning believed in."""
     flights = fly_seeded(model, path.u, runs, law, seed, path.x)
-    return float((~flights.accepted | flights.collided).mean())
+    return float(flights.failed.mean())
 
 
 # --- missions without a plan -----------------------------------------------------------------

@@ -73,7 +73,7 @@ def run_forecast_test(settings: Settings, directory: Path, progress: PartsProgre
     area = needed_area(settings)
     snapshots = read_grib_snapshots(files, settings.wind.max_speed, settings.wind.level, area)
     context = shared_context(settings, snapshots, files)
-    inputs = shared.mission_inputs(cfg, settings.evaluation.laws)
+    inputs = shared.mission_inputs(cfg, settings)
     base = part_key(settings, "forecast_test", inputs, [file_fingerprint(file) for file in files])
     todo = [Part(f"mission-{k}", (k,), part_key(settings, base, k)) for k in range(cfg.missions)]
     results = work_parts(settings.evaluation, directory, forecast_part, context, todo, progress)
@@ -140,7 +140,7 @@ def mission_run(context: ForecastTestContext, task: Mission, fidelity: str) -> R
 def forecast_part(context: ForecastTestContext, k: int) -> Columns:
     """A mission, the plan chosen for it in each fidelity, and what became of it."""
     settings, cfg = context.settings, context.settings.forecast_test
-    task = mission(cfg, settings.seed, k, context.spells)
+    task = mission(cfg, settings.seed, k, context.spells, settings.border)
     row, plans = shared.mission_row(task), []
     for fidelity in cfg.fidelities:
         run = mission_run(context, task, fidelity)
@@ -192,7 +192,7 @@ def chosen_rows(settings: Settings, results: Sequence[Mapping[str, Any]]) -> lis
             row |= {"region": region_of(result["longitude"]), "kind": calibration.CHOSEN}
             row |= {name: plan[name] for name in ("fidelity", "known_hours", "steps")}
             row |= {"length_m": plan["objectives"]["length"]} | unknown | plan["promised"]
-            names = ("failure", "missed", "collided", "miss_m", "sd_m")
+            names = ("failure", "missed", "collided", "off_map", "miss_m", "sd_m")
             rows.append(row | {name: plan[name] for name in names})
     return rows
 

@@ -63,7 +63,7 @@ def run_hindcast(settings: Settings, directory: Path, progress: PartsProgress | 
     spells = tuple(nature.spells(readings, cfg))
     tables = {spell.name: thinned(settings, readings, spell, directory) for spell in spells}
     context = HindcastContext(settings, readings, tables, spells)
-    inputs = shared.mission_inputs(cfg, settings.evaluation.laws)
+    inputs = shared.mission_inputs(cfg, settings)
     base = part_key(settings, "hindcast", inputs, [file_fingerprint(file) for file in files])
     todo = [Part(f"mission-{k}", (k,), part_key(settings, base, k)) for k in range(cfg.missions)]
     results = work_parts(settings.evaluation, directory, hindcast_part, context, todo, progress)
@@ -92,7 +92,8 @@ def thinned(settings: Settings, readings: Readings, spell: nature.Spell, directo
 
 def hindcast_part(context: HindcastContext, k: int) -> Columns:
     """A mission, the plans made for it in each fidelity, and what became of them."""
-    task = mission(context.settings.hindcast, context.settings.seed, k, context.spells)
+    settings = context.settings
+    task = mission(settings.hindcast, settings.seed, k, context.spells, settings.border)
     row = shared.mission_row(task)
     plans: list[Columns] = []
     for fidelity in PRESETS:
@@ -190,7 +191,11 @@ def plan_rows(results: Sequence[Mapping[str, Any]]) -> list[Columns]:
             row |= {"bound_paper": min(1.0, costs["mission_risk_paper"] + costs["collision_risk"])}
             row |= dict(sorted(plan["promised"].items()))
             rows.append(
-                row | {name: plan[name] for name in ("failure", "missed", "collided", "miss_m", "sd_m")}
+                row
+                | {
+                    name: plan[name]
+                    for name in ("failure", "missed", "collided", "off_map", "miss_m", "sd_m")
+                }
             )
     return rows
 

@@ -6,7 +6,7 @@ Each has a generator of its own, so that mission 17 does not depend on the other
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from zlib import crc32
 
 import numpy as np
@@ -35,8 +35,10 @@ class Mission:
     longitude: float
 
 
-def mission(cfg: FieldMissionsConfig, seed: int, number: int, spells: Sequence[Spell]) -> Mission:
-    """Mission ``number`` of seed ``seed``."""
+def mission(
+    cfg: FieldMissionsConfig, seed: int, number: int, spells: Sequence[Spell], border: str = "open"
+) -> Mission:
+    """Mission ``number`` of seed ``seed`` on a map with the given ``border``."""
     rng = np.random.default_rng(SeedSequence(seed, spawn_key=(crc32(cfg.section.encode()), number)))
     spell, departure = _departure(cfg, rng, spells)
     lon, lat = _place(cfg, rng)
@@ -45,7 +47,7 @@ def mission(cfg: FieldMissionsConfig, seed: int, number: int, spells: Sequence[S
     scene = None
     while scene is None:
         scene = _scene(cfg, rng, side, projection.local_plane(lat, lon), iso(departure))
-    return Mission(number, scene, formula, spell, lat, lon)
+    return Mission(number, replace(scene, border=border), formula, spell, lat, lon)
 
 
 def _departure(cfg: FieldMissionsConfig, rng: Generator, spells: Sequence[Spell]) -> tuple[Spell, float]:

@@ -21,13 +21,13 @@ from pareto_ltl.verify import laws
 from pareto_ltl.verify.flights import Ground, Simulator
 from pareto_ltl.verify.formula import Dfa, covers
 from pareto_ltl.verify.gaussians import growing, label_masses, ordered, path_bound
-from pareto_ltl.verify.geometry import Convex, convex
+from pareto_ltl.verify.geometry import Convex, beyond_bounds, convex
 from pareto_ltl.verify.laws import Coherent, Course, Independent, Law, Robot
 from pareto_ltl.verify.wind_modes import PartCovariance, part_covariances
 from pareto_ltl.verify.wind_tables import ENSEMBLE, Clock, WindFile, clock, read_wind_file
 
 LAWS = ("independent", "coherent")
-EPSILON = {"step": 0.05, "path": 0.1}  # where planner.epsilon is null
+EPSILON = {"step": 0.05, "path": 0.25}  # where planner.epsilon is null
 ONE_FORECAST = ("sample", "csv", "stations", "currents", "calm")  # sources that have no ensemble
 OUTPUTS = {
     "scene": ("scene.json",),
@@ -135,6 +135,12 @@ class Evidence:
         return tuple(map(convex, self.cells["obstacles"]))
 
     @cached_property
+    def barriers(self) -> tuple[Convex, ...]:
+        """The obstacles and, where the border is a wall, what lies beyond each of its sides."""
+        walls = beyond_bounds(self.ground.bounds) if self.ground.walled else ()
+        return (*self.obstacles, *walls)
+
+    @cached_property
     def labelled(self) -> tuple[tuple[Convex, frozenset[str]], ...]:
         """The cells that show a label."""
         pairs = zip(self.cells["cells"], self.cells["labels"], strict=True)
@@ -142,7 +148,8 @@ class Evidence:
 
     @cached_property
     def ground(self) -> Ground:
-        return Ground(np.array(self.scene["bounds"]), self.regions, self.obstacles, self.dfa)
+        bounds = np.array(self.scene["bounds"])
+        return Ground(bounds, self.regions, self.obstacles, self.dfa, self.scene["border"] == "wall")
 
     @property
     def grain(self) -> float:
@@ -238,7 +245,7 @@ class Evidence:
     def collision_bounds(self, law: Law, course: Course) -> tuple[float, float]:
         """R of a course, with the test of growing deviations a little looser and a little stricter."""
         low, high = (
-            path_bound(self.obstacles, course.x, course.cov, self._growth(law, course, share))
+            path_bound(self.barriers, course.x, course.cov, self._growth(law, course, share))
             for share in (1e-6, -1e-7)
         )
         return low, high
@@ -248,9 +255,9 @@ class Evidence:
         n = len(course.x)
         if isinstance(law, Coherent) and not course.gains:
             cross = laws.covariance_across(law, course)
-            return [growing(part, cross, share) for part in self.obstacles]
+            return [growing(part, cross, share) for part in self.barriers]
         walks = isinstance(law, Independent) and np.array_equal(law.robot.closed, np.eye(2))
-        return [np.full((len(part.offsets), n, n), walks) for part in self.obstacles]
+        return [np.full((len(part.offsets), n, n), walks) for part in self.barriers]
 
     # --- flights ------------------------------------------------------------------------------
 

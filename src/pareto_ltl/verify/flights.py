@@ -22,12 +22,14 @@ NEAR = 1.0  # [m] so close to an obstacle's face a position may count on either 
 
 @dataclass(frozen=True, slots=True)
 class Ground:
-    """What flights are judged by: bounds (2, 2) [m], convex parts of regions and obstacles, the automaton."""
+    """What flights are judged by: bounds (2, 2) [m], convex parts of regions and obstacles, the automaton;
+    ``walled`` where the border is a wall."""
 
     bounds: FloatArray
     regions: Mapping[str, Sequence[Convex]]
     obstacles: Sequence[Convex]
     dfa: Dfa
+    walled: bool = False
 
     def labels(self, points: FloatArray, slack: float = 0.0) -> list[frozenset[str]]:
         """Label of each of ``points`` (P, 2); none in obstacles and beyond the bounds.
@@ -62,9 +64,36 @@ class Ground:
             hit |= met_by_any(self.obstacles, x[:, t], x[:, t + 1], margin)
         return hit
 
+    def off_map(self, x: FloatArray, slack: float = ON_EDGE) -> BoolArray:
+        """Which flights have a position more than ``slack`` [m] beyond the bounds."""
+        low, high = self.bounds
+        beyond: BoolArray = ((x < low - slack) | (x > high + slack)).any(axis=(1, 2))
+        return beyond
 
-def misjudged(ground: Ground, x: FloatArray, accepted: BoolArray, collided: BoolArray, grain: float) -> int:
+    def failed(self, x: FloatArray) -> BoolArray:
+        """Which flights miss the mission, meet an obstacle or, where the border is a wall, leave the map."""
+        return failures(self.accepted(x), self.collided(x), self.off_map(x), self.walled)
+
+
+def failures(accepted: BoolArray, collided: BoolArray, off_map: BoolArray, walled: bool) -> BoolArray:
+    """Flights that count as failed."""
+    failed: BoolArray = ~accepted | collided
+    return failed | off_map if walled else failed
+
+
+@dataclass(frozen=True, slots=True)
+class Verdicts:
+    """What the results say of n flights under one law."""
+
+    x: FloatArray
+    accepted: BoolArray
+    collided: BoolArray
+    off_map: BoolArray
+
+
+def misjudged(ground: Ground, said: Verdicts, grain: float) -> int:
     """Number of flights whose verdict is not that of their positions; on a face it may be either."""
+    x, accepted, collided = said.x, said.accepted, said.collided
     wrong = np.flatnonzero(ground.accepted(x) != accepted)
     near = [
         w
@@ -73,7 +102,11 @@ def misjudged(ground: Ground, x: FloatArray, accepted: BoolArray, collided: Bool
     ]
     hit = np.flatnonzero(ground.collided(x) != collided)
     far = [h for h in hit if collided[h] not in {ground.collided(x[h, None], m)[0] for m in (-grain, grain)}]
-    return len({*near, *far})
+    gone = np.flatnonzero(ground.off_map(x) != said.off_map)
+    out = [
+        g for g in gone if said.off_map[g] not in {ground.off_map(x[g, None], m)[0] for m in (-grain, grain)}
+    ]
+    return len({*near, *far, *out})
 
 
 # --- new flights ------------------------------------------------------------------------------
@@ -245,11 +278,12 @@ def winds_as_drawn(law: Independent, x: FloatArray, u: FloatArray) -> float:
     return min(1.0, 2 * min(spread, drift))
 
 
-def rates(accepted: BoolArray, collided: BoolArray) -> dict[str, float]:
-    """Failure, its interval, and its two parts."""
-    failed = ~accepted | collided
+def rates(accepted: BoolArray, collided: BoolArray, off_map: BoolArray, walled: bool) -> dict[str, float]:
+    """Failure, its interval, and its parts; leaving the map is one where the border is a wall."""
+    failed = failures(accepted, collided, off_map, walled)
     low, high = clopper_pearson(int(failed.sum()), len(failed))
     return {
         "runs": float(len(failed)), "failure": float(failed.mean()), "low": low, "high": high,
         "mission": float((~accepted).mean()), "collision": float(collided.mean()),
+        "off_map": float(off_map.mean()),
     }  # fmt: skip

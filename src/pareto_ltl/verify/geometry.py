@@ -46,6 +46,14 @@ def convex(corners: Iterable[Iterable[float]]) -> Convex:
     return Convex(points, normals, np.einsum("ij,ij->i", normals, points))
 
 
+def beyond_bounds(bounds: FloatArray) -> tuple[Convex, ...]:
+    """The half planes beyond each side of a rectangle (2, 2), each as a polygon with one face."""
+    (west, south), (east, north) = bounds.tolist()
+    sides = (((1.0, 0.0), west), ((-1.0, 0.0), -east), ((0.0, 1.0), south), ((0.0, -1.0), -north))
+    nowhere = np.empty((0, 2))
+    return tuple(Convex(nowhere, np.array([normal]), np.array([offset])) for normal, offset in sides)
+
+
 def deepest(parts: Sequence[Convex], points: FloatArray) -> FloatArray:
     """Largest depth of ``points`` (P, 2) in any of ``parts`` [m]; -inf without parts."""
     if not parts:

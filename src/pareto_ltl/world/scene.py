@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from pareto_ltl.settings.fidelity import BORDERS
 from pareto_ltl.support.arrays import FloatArray, require_shape
 from pareto_ltl.support.display import Displayed, distance_text, listed_text
 
@@ -25,6 +26,8 @@ class Scene(Displayed):
         Simple polygons, counter-clockwise [m].
     landmarks : tuple of (n, 2) float
         Convex polygons in which the robot gets a position fix [m].
+    border : str
+        ``wall`` where leaving the map is a failure, else ``open``.
     crs : str or None
         PROJ string of the plane; None for a plane without position on Earth.
     time_zero : str or None
@@ -38,12 +41,20 @@ class Scene(Displayed):
     crs: str | None = None
     time_zero: str | None = None
     landmarks: tuple[FloatArray, ...] = ()
+    border: str = "open"
 
     def __post_init__(self) -> None:
         require_shape("bounds", self.bounds, 2, 2)
         require_shape("start", self.start, 2)
+        if self.border not in BORDERS:
+            raise ValueError(f"border must be one of {', '.join(BORDERS)}, got {self.border!r}")
         for polygon in (*self.regions.values(), *self.obstacles, *self.landmarks):
             require_shape("polygon", polygon, None, 2)
+
+    @property
+    def walled(self) -> bool:
+        """Whether leaving the map is a failure."""
+        return self.border == "wall"
 
     def facts(self) -> Mapping[str, str]:
         east, north = (float(side) for side in self.bounds[1] - self.bounds[0])
@@ -51,6 +62,7 @@ class Scene(Displayed):
             "size": f"{distance_text(east)} x {distance_text(north)}",
             "regions": listed_text(self.regions),
             "obstacles": f"{len(self.obstacles)}",
+            "border": self.border,
             "departure": self.time_zero or "not set",
         }
 

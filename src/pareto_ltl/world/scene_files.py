@@ -39,6 +39,7 @@ def scene_to_dict(scene: Scene) -> dict[str, Any]:
         "regions": {name: polygon.tolist() for name, polygon in scene.regions.items()},
         "obstacles": [polygon.tolist() for polygon in scene.obstacles],
         "landmarks": [polygon.tolist() for polygon in scene.landmarks],
+        "border": scene.border,
         "crs": scene.crs,
         "time_zero": scene.time_zero,
     }
@@ -58,6 +59,7 @@ def scene_from_dict(data: Mapping[str, Any]) -> Scene:
         crs=data.get("crs"),
         time_zero=data.get("time_zero"),
         landmarks=tuple(np.array(polygon, float) for polygon in data.get("landmarks") or ()),
+        border=data.get("border") or "open",
     )
 
 
@@ -89,6 +91,7 @@ def _sketch_results(path: Path, data: Mapping[str, Any]) -> SceneSketch:
         crs=data.get("crs"),
         time_zero=data.get("time_zero"),
         landmarks=tuple(read_outlines(where, "landmark", landmarks, np.copy)),
+        border=data.get("border"),
     )
 
 

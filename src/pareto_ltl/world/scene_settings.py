@@ -22,7 +22,7 @@ from pareto_ltl.world.scene_sketch import (
 )
 
 
-def scene_from_settings(cfg: SceneConfig, time_zero: str | None = None) -> Scene:
+def scene_from_settings(cfg: SceneConfig, time_zero: str | None = None, border: str = "open") -> Scene:
     """The checked scene of ``cfg``, in metres.
 
     Parameters
@@ -35,14 +35,18 @@ def scene_from_settings(cfg: SceneConfig, time_zero: str | None = None) -> Scene
         with c the middle of the bounds if ``centre`` is set, else 0.
     time_zero : str or None
         Departure, ISO 8601 UTC; None keeps that of the file.
+    border : str
+        What ``cfg.border = auto`` stands for where the map file names no border.
 
     Raises
     ------
     DataError
         If the scene is incomplete or inconsistent.
     """
-    scene = checked_scene(scene_sketch(cfg))
-    return replace(scene, time_zero=time_zero) if time_zero else scene
+    sketch = scene_sketch(cfg)
+    scene = checked_scene(sketch)
+    known = (sketch.border or border) if cfg.border == "auto" else cfg.border
+    return replace(scene, time_zero=time_zero or scene.time_zero, border=known)
 
 
 def scene_sketch(cfg: SceneConfig) -> SceneSketch:

@@ -33,6 +33,8 @@ class SceneSketch:
         Outlines [m] with the name used in messages.
     show : callable
         Text of a point (2,) [m] in the coordinates of the author.
+    border : str or None
+        ``wall`` or ``open``; None where the map does not say.
     """
 
     where: str
@@ -44,6 +46,7 @@ class SceneSketch:
     crs: str | None = None
     time_zero: str | None = None
     landmarks: tuple[tuple[str, FloatArray], ...] = ()
+    border: str | None = None
 
     @property
     def tolerance(self) -> float:

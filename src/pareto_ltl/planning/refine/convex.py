@@ -316,7 +316,7 @@ def tightest_planes(
     σ is 0 at forbidden cells, whose label the mean alone decides; clearance is inf where there is no bound.
     The last array says which belong to the step that ends at the point: those make up its collision risk.
     """
-    faces, n = problem.obstacles, len(x)
+    faces, n = problem.barriers, len(x)
     sd = face_deviations(faces.normal, cov)
     room = risk_sharing(problem).room(x @ faces.normal.T - faces.offset, sd, FINEST * problem.reach)
     chosen = separating(faces, room) if len(faces.ptr) > 1 else np.empty((n - 1, 0), np.int64)

@@ -29,7 +29,8 @@ from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import InfeasibleError
 
 SPARE = 2  # steps added to a tree path, whose steps are at full speed and cannot bend otherwise
-DISTANCES = (2.6, 2.0, 1.4, 0.8)  # standard deviations that taut lines try to keep from obstacles
+DISTANCES = (2.6, 2.0, 1.4, 1.1, 0.8)  # standard deviations that taut lines try to keep from obstacles
+STARTS = 2  # times the candidates: each is bent at one weight only
 STRIDES = (-6, -3, -1, 1)  # changes of the number of steps that are tried, each as long as it pays
 RETIMED = 2  # starts that are bent with other numbers of steps as well
 EACH = 2  # tree paths of one mission order that are bent
@@ -259,8 +260,9 @@ def damped_path(problem: Problem, old: FloatArray, new: FloatArray) -> PlannedPa
 def spaced_starts(cfg: SmoothingConfig, problem: Problem, paths: Sequence[PlannedPath]) -> list[Start]:
     """Taut lines for every order that the automaton allows, then the trees' safest paths.
 
-    A line keeps as many standard deviations as lets it through, and is walked with a few steps to spare,
-    which :func:`retimed_path` takes out again. Tree paths fill what is left, the safest of each order first.
+    Lines that keep other numbers of standard deviations may pass obstacles on other sides, and all that are
+    unlike are kept. Each is walked with a few steps to spare, which :func:`retimed_path` takes out again.
+    Tree paths fill what is left, the safest of each order first.
     """
     plans = dict.fromkeys(possible_orders(problem, cfg.candidates))
     plans |= dict.fromkeys(p for p in (mission_order(problem, path) for path in paths) if p is not None)
@@ -271,8 +273,9 @@ def spaced_starts(cfg: SmoothingConfig, problem: Problem, paths: Sequence[Planne
             x = None if line is None else walk_line(problem, line)
             if x is not None and completes(problem, x) and len(x) - 1 + SPARE <= problem.horizon:
                 longer = resampled_path(x, len(x) - 1 + SPARE)
-                found.append(Start(longer, plan, f"drawn taut, {z:g} deviations from obstacles"))
-                break
+                start = Start(longer, plan, f"drawn taut, {z:g} deviations from obstacles")
+                if not any(_alike(problem, start, other) for other in found):
+                    found.append(start)
     ranked = sorted(paths, key=lambda p: p.objectives.mission_risk + p.objectives.collision_risk)
     taken: dict[MissionOrder | None, int] = {}
     for path in ranked:
@@ -281,7 +284,7 @@ def spaced_starts(cfg: SmoothingConfig, problem: Problem, paths: Sequence[Planne
         if taken.get(own, 0) < EACH and not any(_alike(problem, start, other) for other in found):
             taken[own] = taken.get(own, 0) + 1
             found.append(start)
-    return found[: cfg.candidates]
+    return found[: STARTS * cfg.candidates]
 
 
 def bend_best(

@@ -162,7 +162,7 @@ def _await_label(
     bends, out = _bend_places(walls)
     places = np.vstack([at, bends + FACE_MARGIN * out, goals])
     growth = np.vstack([grow, np.zeros((len(places) - len(grow), 2))])
-    hard, soft = problem.obstacles, pack_faces(walls)
+    hard, soft = problem.barriers, pack_faces(walls)
     faces = kd.Faces(
         np.concatenate([hard.ptr, hard.ptr[-1] + soft.ptr[1:]]), np.vstack([hard.normal, soft.normal]),
         np.concatenate([hard.offset, soft.offset]),
@@ -185,7 +185,7 @@ def taut_line(
     low, high = problem.scene.bounds + np.array([[FACE_MARGIN], [-FACE_MARGIN]])
     sd = np.sqrt(np.maximum(np.linalg.eigvalsh(path.cov)[:, -1], 0.0))
     at, grow = _bend_places(problem.decomposition.obstacles)
-    gates, wider = _gates(problem.obstacles, z * float(sd.max()))
+    gates, wider = _gates(problem.barriers, z * float(sd.max()))
     at, grow = np.vstack([at, gates, path.x]), np.vstack([grow, wider, np.zeros_like(path.x)])
     stages = [
         _await_label(problem, at, grow, label, state, depth)
@@ -257,7 +257,7 @@ def pull_taut(problem: Problem, x: FloatArray, cov: FloatArray, keep: Sequence[i
 
     Vertices i < j may be joined if one face of every obstacle is cleared at both.
     """
-    faces = problem.obstacles
+    faces = problem.barriers
     clear = x @ faces.normal.T - faces.offset >= z * face_deviations(faces.normal, cov) - TOUCH
     stops = np.array(sorted({0, *keep}))
     cost, previous = np.zeros(len(x)), np.zeros(len(x), np.int64)

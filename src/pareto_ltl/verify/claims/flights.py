@@ -7,10 +7,13 @@ from functools import partial
 
 import numpy as np
 
+from pareto_ltl.support.arrays import BoolArray
 from pareto_ltl.verify.claims.verdict import Claim, Verdict, close, likely, no_fault, same, within
 from pareto_ltl.verify.evidence import LAWS, Evidence
 from pareto_ltl.verify.flights import (
     RARE,
+    Verdicts,
+    failures,
     linear_flights,
     misjudged,
     rates,
@@ -24,6 +27,7 @@ LOOKS = 4  # steps at which positions of old and new flights are compared
 METRICS = {
     "runs": "runs_{}", "failure": "failure_{}", "low": "failure_{}_low", "high": "failure_{}_high",
     "mission": "mission_failure_{}", "collision": "collision_{}",
+    "off_map": "off_map_{}",
 }  # fmt: skip
 
 
@@ -40,15 +44,30 @@ def flown_laws(result: Evidence) -> Verdict:
     found = {name: array.shape for name, array in result.flights.items()}
     faults += [f"{name} {found[name]}" for name in found if name.endswith("/x") and found[name] != shape]
     faults += [
-        f"{name} {found[name]}" for name in found if not name.endswith("/x") and found[name] != shape[:1]
+        f"{name} {found[name]}"
+        for name in found
+        if not name.endswith("/x") and found[name] != (() if name.endswith("/walled") else shape[:1])
+    ]
+    faults += [
+        name
+        for name in found
+        if name.endswith("/walled") and bool(result.flights[name]) != result.ground.walled
     ]
     faults += [name for name in found if name.partition("/")[0] not in told["laws"]]
     return no_fault(f"{told['runs']} flights, {', '.join(told['laws'])}", faults)
 
 
+def _flags(result: Evidence, law: str) -> tuple[BoolArray, BoolArray, BoolArray]:
+    """Which flights the results call accepted, collided and off the map."""
+    accepted, collided, off_map = (
+        result.flights[f"{law}/{name}"] for name in ("accepted", "collided", "off_map")
+    )
+    return accepted, collided, off_map
+
+
 def counts(result: Evidence, law: str) -> Verdict:
     """The rates and the interval in the metrics are those of the flights."""
-    found = rates(result.flights[f"{law}/accepted"], result.flights[f"{law}/collided"])
+    found = rates(*_flags(result, law), result.ground.walled)
     told = {key: float(result.metrics[name.format(law)]) for key, name in METRICS.items()}
     faults = [
         f"{key} {told[key]} is {found[key]:.6g}"
@@ -59,10 +78,10 @@ def counts(result: Evidence, law: str) -> Verdict:
 
 
 def judged_again(result: Evidence, law: str) -> Verdict:
-    """Every flight's verdict follows from its positions: labels at steps, obstacles on segments."""
-    x, accepted, collided = (result.flights[f"{law}/{name}"] for name in ("x", "accepted", "collided"))
-    wrong = misjudged(result.ground, x, accepted, collided, 1e-3 * result.grain)
-    return Verdict(f"{len(x)} flights", f"{wrong} judged otherwise", wrong == 0)
+    """Every flight's verdict follows from its positions: labels, obstacles on segments, the border."""
+    said = Verdicts(result.flights[f"{law}/x"], *_flags(result, law))
+    wrong = misjudged(result.ground, said, 1e-3 * result.grain)
+    return Verdict(f"{len(said.x)} flights", f"{wrong} judged otherwise", wrong == 0)
 
 
 def starts(result: Evidence, law: str) -> Verdict:
@@ -91,9 +110,8 @@ def new_positions(result: Evidence, law: str) -> Verdict:
 
 def new_rate(result: Evidence, law: str) -> Verdict:
     """The failure rate is that of new flights with other random numbers."""
-    failed = ~result.flights[f"{law}/accepted"] | result.flights[f"{law}/collided"]
-    x = result.new_flights[law]
-    again = ~result.ground.accepted(x) | result.ground.collided(x)
+    failed = failures(*_flags(result, law), result.ground.walled)
+    again = result.ground.failed(result.new_flights[law])
     chance = same_rate(int(failed.sum()), len(failed), int(again.sum()), len(again))
     return Verdict(
         f"{failed.mean():.4g}", f"{again.mean():.4g} of {len(again)}, chance {chance:.1g}", chance >= RARE
@@ -106,7 +124,7 @@ def accepted_rate(result: Evidence) -> Verdict | None:
     if not told or "coherent" not in result.new_flights:
         return None
     x = result.new_flights["coherent"]
-    again = int((~result.ground.accepted(x) | result.ground.collided(x)).sum())
+    again = int(result.ground.failed(x).sum())
     chance = same_rate(told["failures"], told["runs"], again, len(x))
     return Verdict(
         f"{told['failures']} of {told['runs']}", f"{again} of {len(x)}, chance {chance:.1g}", chance >= RARE
@@ -129,7 +147,7 @@ def estimate(result: Evidence) -> Verdict | None:
         return same(told["estimate"], told["estimate"])
     draws = result.settings["selection"]["draws"]
     x = linear_flights(law, course, 2000, np.random.default_rng([20181009, 2]))
-    again = int((~result.ground.accepted(x) | result.ground.collided(x)).sum())
+    again = int(result.ground.failed(x).sum())
     chance = same_rate(round(told["estimate"] * draws), draws, again, len(x))
     return Verdict(f"{told['estimate']:.4g}", f"{again / len(x):.4g}, chance {chance:.1g}", chance >= RARE)
 

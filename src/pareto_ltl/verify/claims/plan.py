@@ -64,10 +64,10 @@ def fidelity_name(result: Evidence) -> Verdict:
     """The text of the fidelity names the preset and every choice that is not its own."""
     told = result.settings["fidelity"]
     preset = {
-        "paper": ("independent", "theorem2", "step", "dominance", "convex", "bound"),
-        "full": ("coherent", "ordered", "path", "mixed", "convex", "flights"),
+        "paper": ("independent", "open", "theorem2", "step", "dominance", "convex", "bound"),
+        "full": ("coherent", "wall", "ordered", "path", "mixed", "convex", "flights"),
     }[told["name"]]
-    keys = ("law", "mission_bound", "collision_bound", "parents", "refine", "judge")
+    keys = ("law", "border", "mission_bound", "collision_bound", "parents", "refine", "judge")
     changed = [f"{key}={told[key]}" for key, usual in zip(keys, preset, strict=True) if told[key] != usual]
     label = told["name"] + (f" with {', '.join(changed)}" if changed else "")
     return same(result.run["fidelity"], label)
@@ -168,7 +168,7 @@ def clearance(result: Evidence) -> Verdict:
 
 def chance_constraint(result: Evidence) -> Verdict:
     """Eqs. (9) and (10) at every step, or epsilon for all obstacles of a step together."""
-    cov, parts = result.course.cov, result.obstacles
+    cov, parts = result.course.cov, result.barriers
     if result.settings["fidelity"]["collision_bound"] == "path":
         worst = step_risk(parts, result.x, cov)
         return Verdict(

@@ -40,6 +40,15 @@ def drawn_map(result: Evidence) -> Verdict | None:
     return no_fault("the outlines of the settings", faults)
 
 
+def border(result: Evidence) -> Verdict | None:
+    """The border is what the settings say: scene.border, or with auto what the fidelity has."""
+    told = result.settings["scene"]
+    if told["border"] == "auto" and told["file"]:  # the map file may name one
+        return None
+    said = result.settings["fidelity"]["border"] if told["border"] == "auto" else told["border"]
+    return same(result.scene["border"], said)
+
+
 def projection(result: Evidence) -> Verdict | None:
     """The plane of the map touches the Earth at the centre that the settings name."""
     from pyproj import CRS
@@ -273,6 +282,7 @@ def distance(result: Evidence) -> Verdict:
 
 CLAIMS = (
     Claim("map: scene.json is the map of the settings", ("scene.json",), drawn_map),
+    Claim("map: border", ("scene.json",), border),
     Claim("map: projection", ("scene.json",), projection),
     Claim("map: departure", ("scene.json",), departure),
     Claim("map: convex parts are the polygons", ("scene.json", "cells.json"), convex_parts),
