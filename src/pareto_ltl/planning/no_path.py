@@ -6,7 +6,6 @@ setting that the text advises has been tried.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 
@@ -26,7 +25,7 @@ from pareto_ltl.support.errors import InfeasibleError
 from pareto_ltl.world.time_step import too_long
 
 EPSILONS = (0.02, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.99)
-LARGEST_DELTA = 0.999  # that is advised; trials without a limit on R have delta = inf
+LARGEST_DELTA = 0.999  # no limit on the collision risk of a path
 MORE_VERTICES = (4, 16)  # times as many, tried where risk alone is not the reason
 FAR_TOO_LONG = 3.0  # a full step, in widths of the narrowest place: then it is the reason
 MOST_VERTICES = 1_500_000  # of all trials of one kind; no clock, so that a text is the same on every machine
@@ -100,8 +99,11 @@ def explain_no_path(
 def explain_no_safe_path(cfg: PlannerConfig, problem: Problem, seeds: SeedSequence) -> str:
     """Why no path of trees that complete the mission is kept: all break planner.delta."""
     trials = _Trials(cfg, problem, seeds)
-    paths = trials.paths(problem.epsilon, math.inf, cfg.n_max)
-    return _risk_text(trials, problem.epsilon, paths) + _open_border_advice(trials) if paths else ""
+    paths, open_border = trials.paths(problem.epsilon, LARGEST_DELTA, cfg.n_max), _open_border_advice(trials)
+    if paths:
+        return _risk_text(trials, problem.epsilon, paths) + open_border
+    within = f"no path completes the mission within planner.delta = {cfg.delta:g}: raise it, or planner.n_max"
+    return within + open_border if open_border else ""
 
 
 def _open_border_advice(trials: _Trials) -> str:
@@ -158,7 +160,7 @@ def _step_bound_advice(trials: _Trials) -> str:
 
 def _least_epsilon(trials: _Trials) -> tuple[float, tuple[PlannedPath, ...]] | None:
     """The least epsilon of the ladder that gives a path, and the paths; None where the largest gives none."""
-    delta, n_max = math.inf, trials.cfg.n_max
+    delta, n_max = max(LARGEST_DELTA, trials.cfg.delta), trials.cfg.n_max
     ladder = [epsilon for epsilon in EPSILONS if epsilon > trials.problem.epsilon]
     if not ladder or not (paths := trials.paths(ladder[-1], delta, n_max)):
         return None
