@@ -74,7 +74,13 @@ def logic_of(delta: IntArray, goal: int) -> Logic:
     """The automaton as kernels read it; the last letter is the empty label."""
     covers = language_inclusion(delta, goal)
     distance = np.where(np.arange(len(delta)) == goal, 0.0, 1.0)
-    return Logic(delta, distance, covers, np.ascontiguousarray(~covers[delta]), 0)
+    harmless = np.zeros(delta.shape, bool)
+    none = Corners(
+        np.zeros(0, np.int64), np.empty((0, 2)), np.empty(0), np.zeros(1, np.int64), np.empty((0, 2))
+    )
+    return Logic(
+        delta, distance, covers, np.ascontiguousarray(~covers[delta]), 0, harmless, harmless.copy(), none
+    )
 
 
 def bound_of_kernel(logic: Logic, goal: int, P: FloatArray) -> float:
@@ -88,7 +94,7 @@ def bound_of_kernel(logic: Logic, goal: int, P: FloatArray) -> float:
     bound, v = Ordered(corners, cells, logic), np.empty((2, len(logic.delta)))
     begin_bound(bound, v, 0)
     for t in range(len(P)):
-        read_letter(bound, v, t % 2, P[t], v, (t + 1) % 2)
+        read_letter(bound, v, t % 2, P[t], np.empty(0), v, (t + 1) % 2)
     return float(v[len(P) % 2, goal])
 
 

@@ -112,7 +112,7 @@ def _other_law(flights: dict[str, NDArray[Any]]) -> None:
 
 def _twice(flights: dict[str, NDArray[Any]]) -> None:
     for name in list(flights):
-        if flights[name].ndim:
+        if not name.endswith("walled"):
             flights[name] = np.concatenate([flights[name]] * 2)
 
 
@@ -136,8 +136,8 @@ def _open_border(place: Path) -> None:
 FLIGHT_LIES = (
     Lie(
         "flights left the map where they did not",
-        in_flights(_at_home),
-        ("coherent: verdicts of the flights", "coherent: rates and interval"),
+        in_flights("coherent", _at_home),
+        ("coherent: verdicts of the flights",),
     ),
     Lie("the border is another", _open_border, ("map: border",)),
     Lie(

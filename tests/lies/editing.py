@@ -164,9 +164,8 @@ def counted(*laws: str) -> Callable[[Path], Any]:
     def edit(place: Path) -> None:
         flights = read_npz(place / "deployments.npz")
         for law in laws:
-            found = rates(
-                *(flights[f"{law}/{name}"] for name in ("accepted", "collided", "off_map", "walled"))
-            )
+            flags = (flights[f"{law}/{name}"] for name in ("accepted", "collided", "off_map"))
+            found = rates(*flags, bool(flights[f"{law}/walled"].all()))
             keys = (
                 "runs_{}",
                 "failure_{}",
@@ -174,6 +173,7 @@ def counted(*laws: str) -> Callable[[Path], Any]:
                 "failure_{}_high",
                 "mission_failure_{}",
                 "collision_{}",
+                "off_map_{}",
             )
             in_metrics({key.format(law): value for key, value in zip(keys, found.values(), strict=True)})(
                 place

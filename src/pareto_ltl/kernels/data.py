@@ -107,6 +107,10 @@ class Logic(NamedTuple):
     ``delta`` (Q, C + 1), the last column for no label (obstacles, off the map); ``distance`` d_A (Q,), inf
     in the trap; ``covers`` (Q, Q): ``covers[q, p]`` iff q accepts all that p accepts (q >= p); ``spoils``
     (Q, C + 1, Q): reading the label in q does not lead to a state that accepts all p accepts.
+
+    On the way from step to step letters that lead away from acceptance are read. ``harm`` (Q, C + 1): the
+    label is worse in q than no label, or ends in the trap; ``hazards`` are the cells that harm in some state;
+    ``loses`` (Q, C + 1): meeting the label may take a state as good as q to one that is not.
     """
 
     delta: IntArray
@@ -114,6 +118,9 @@ class Logic(NamedTuple):
     covers: BoolArray
     spoils: BoolArray
     initial: int
+    harm: BoolArray
+    loses: BoolArray
+    hazards: Corners
 
 
 # --- wind and motion --------------------------------------------------------------------------
@@ -272,10 +279,13 @@ class Ordered(NamedTuple):
 
 
 class OrderedMemory(NamedTuple):
-    """``bound`` (N, Q): V of every automaton state; ``seen`` (L + 1,) scratch: P(each label)."""
+    """``bound`` (N, Q): V of every automaton state; ``cov`` (N, 3) of each vertex, without rows where no cell
+    is a hazard; scratch: ``seen`` (L + 1,) = P(each label), ``met`` (H,) = P(each hazard met)."""
 
     bound: FloatArray
+    cov: FloatArray
     seen: FloatArray
+    met: FloatArray
 
 
 MissionBound: TypeAlias = Theorem2 | Ordered

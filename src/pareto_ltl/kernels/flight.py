@@ -1,4 +1,4 @@
-"""Simulated flights: the real motion, the automaton on real positions, collisions on segments.
+"""Simulated flights: the real motion, the automaton on the real way, collisions on segments.
 
 One loop flies all laws. The type of the draws says what wind a flight meets, the type of the pilot what the
 robot knows and commands.
@@ -33,6 +33,7 @@ from pareto_ltl.kernels.interpolation import (
     wind_at,
 )
 from pareto_ltl.kernels.jit import allocating, by_type, implements, kernel, vector
+from pareto_ltl.kernels.letters import next_state
 from pareto_ltl.kernels.path import Flight
 from pareto_ltl.kernels.propagation import white_variance
 from pareto_ltl.support.arrays import BoolArray, Float32Array, FloatArray
@@ -308,7 +309,8 @@ def fly_batch(judge: Judge, draws: Draws, pilot: Pilot, outcome: Outcome) -> Non
     for i in range(x.shape[0]):
         begin_flight(pilot)
         at = Point(x[i, 0, 0], x[i, 0, 1])
-        q = logic.delta[logic.initial, locate_cell(judge.cells, at)]
+        cell = locate_cell(judge.cells, at)
+        q = int(logic.delta[logic.initial, cell])
         collided, outside = False, off_map(judge.cells, at)
         for t in range(x.shape[1] - 1):
             we, wn = wind_met(draws, t, i, at)
@@ -320,7 +322,8 @@ def fly_batch(judge: Judge, draws: Draws, pilot: Pilot, outcome: Outcome) -> Non
             x[i, t + 1, 0], x[i, t + 1, 1] = there
             collided = collided or segment_touches(judge.obstacles, at, there)
             outside = outside or off_map(judge.cells, there)
-            q = logic.delta[q, locate_cell(judge.cells, there)]
-            at = there
+            last = locate_cell(judge.cells, there)
+            q = next_state(judge.cells, logic, q, at, cell, there, last)
+            at, cell = there, last
         outcome.collided[i], outcome.off_map[i] = collided, outside
         outcome.accepted[i] = logic.distance[q] == 0.0

@@ -54,8 +54,8 @@ def locate_cell(cells: Cells, at: Point) -> int:
 
 
 @kernel
-def segment_hits(faces: Faces, part: int, start: Point, end: Point) -> bool:
-    """Whether the segment meets the interior of the polygon.
+def entry_share(faces: Faces, part: int, start: Point, end: Point) -> float:
+    """The share of the segment at which it enters the interior of the polygon; inf where it never does.
 
     Cyrus and Beck, Computers & Graphics 3 (1978), doi:10.1016/0097-8493(78)90021-3.
     """
@@ -66,14 +66,20 @@ def segment_hits(faces: Faces, part: int, start: Point, end: Point) -> bool:
         rate = nx * (end.x - start.x) + ny * (end.y - start.y)
         if rate == 0.0:
             if gap <= 0.0:
-                return False
+                return math.inf
         elif rate > 0.0:
             leave = min(leave, gap / rate)
         else:
             enter = max(enter, gap / rate)
         if enter >= leave:
-            return False
-    return True
+            return math.inf
+    return enter
+
+
+@kernel
+def segment_hits(faces: Faces, part: int, start: Point, end: Point) -> bool:
+    """Whether the segment meets the interior of the polygon."""
+    return entry_share(faces, part, start, end) < math.inf
 
 
 @kernel

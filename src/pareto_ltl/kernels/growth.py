@@ -12,6 +12,7 @@ from pareto_ltl.kernels.data import Cov, Gaussian, Point
 from pareto_ltl.kernels.dijkstra import Product, find_lead, weigh
 from pareto_ltl.kernels.geometry import locate_cell
 from pareto_ltl.kernels.jit import entry, inlined, kernel
+from pareto_ltl.kernels.letters import next_state
 from pareto_ltl.kernels.neighbours import kd_nearest
 from pareto_ltl.kernels.propagation import forget
 from pareto_ltl.kernels.tree import (
@@ -87,7 +88,7 @@ def extend(s: Search, v: int, target: Point, limit: int, rng: Generator) -> None
         if cell < 0:
             tally[BLOCKED] += 1
             return
-        q = world.logic.delta[tree.q[v], cell]
+        q = next_state(world.cells, world.logic, tree.q[v], start, tree.cell[v], there, cell)
         if world.logic.distance[q] == math.inf:
             tally[TRAPPED] += 1
             return

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from pareto_ltl.kernels.data import Cov, Gaussian, Ordered, Point, Theorem2
-from pareto_ltl.kernels.gaussian import inside, region_missed
+from pareto_ltl.kernels.gaussian import inside, region_missed, tail, variance_along
 from pareto_ltl.kernels.geometry import locate_cell
 from pareto_ltl.kernels.jit import allocating, kernel
 from pareto_ltl.kernels.polygon import polygon_probability
@@ -79,6 +79,55 @@ def read_labels(bound: Ordered, here: Gaussian, seen: FloatArray) -> None:
 
 
 @kernel
+def read_place(bound: Ordered, here: Gaussian, met: FloatArray) -> None:
+    """Fill ``met`` (H,) before the first step: a bound on P(position in each hazard)."""
+    hazards = bound.logic.hazards
+    for h in range(len(hazards.cell)):
+        met[h] = inside(bound.cells.faces, hazards.cell[h], here)
+
+
+@kernel
+def read_way(bound: Ordered, before: Gaussian, here: Gaussian, met: FloatArray) -> None:
+    """Fill ``met`` (H,): a bound on P(segment between two positions meets the hazard)."""
+    for h in range(len(met)):
+        met[h] = meeting_bound(bound, h, before, here)
+
+
+@kernel
+def meeting_bound(bound: Ordered, h: int, before: Gaussian, here: Gaussian) -> float:
+    """P(segment meets hazard h) ≤ min over lines of P(before not beyond) + P(here not beyond).
+
+    A segment with both ends beyond one line that the polygon does not cross does not meet it. The lines are
+    those of its faces, and the one through the corner nearest to the line through both means.
+    """
+    hazards, normal, offset = bound.logic.hazards, bound.cells.faces.normal, bound.cells.faces.offset
+    (ax, ay), (bx, by) = before.mean, here.mean
+    dx, dy = bx - ax, by - ay
+    length = math.sqrt(dx * dx + dy * dy)
+    spread = max(before.cov.xx + before.cov.yy, here.cov.xx + here.cov.yy)
+    reach = hazards.radius[h] + 0.5 * length + CERTAIN * math.sqrt(spread)
+    mx, my = hazards.middle[h, 0] - 0.5 * (ax + bx), hazards.middle[h, 1] - 0.5 * (ay + by)
+    if mx * mx + my * my > reach * reach:
+        return 0.0
+    cell, best = hazards.cell[h], 1.0
+    for k in range(bound.cells.faces.ptr[cell], bound.cells.faces.ptr[cell + 1]):
+        nx, ny = normal[k, 0], normal[k, 1]
+        first = tail(nx * ax + ny * ay - offset[k], variance_along(nx, ny, before.cov))
+        best = min(best, first + tail(nx * bx + ny * by - offset[k], variance_along(nx, ny, here.cov)))
+    if length > 0.0:
+        nx, ny = -dy / length, dx / length
+        low, high = math.inf, -math.inf
+        for k in range(hazards.ptr[h], hazards.ptr[h + 1]):
+            at = nx * (hazards.corner[k, 0] - ax) + ny * (hazards.corner[k, 1] - ay)
+            low, high = min(low, at), max(high, at)
+        gap = max(low, -high)
+        if gap >= 0.0:
+            first = tail(gap, variance_along(nx, ny, before.cov))
+            best = min(best, first + tail(gap, variance_along(nx, ny, here.cov)))
+    return best
+
+
+@kernel
 def begin_bound(bound: Ordered, now: FloatArray, target: int) -> None:
     """V(p) before the first letter: 0 where the initial state accepts all that p accepts, else 1."""
     for p in range(now.shape[1]):
@@ -87,13 +136,16 @@ def begin_bound(bound: Ordered, now: FloatArray, target: int) -> None:
 
 @kernel
 def read_letter(
-    bound: Ordered, before: FloatArray, row: int, seen: FloatArray, now: FloatArray, target: int
-) -> None:
+    bound: Ordered, before: FloatArray, row: int, seen: FloatArray, met: FloatArray, now: FloatArray,
+    target: int,
+) -> None:  # fmt: skip
     """V after one more letter into ``now[target]`` from ``before[row]``, both (., Q),
 
-    V_t(p) = min(1, min_q [V_{t-1}(q) + P(label not in {s : δ(q, s) ≥ p})]).
+    V_t(p) = min(1, min_q [V_{t-1}(q) + P(label not in {s : δ(q, s) ≥ p}) + Σ_h P(hazard h met)]),
+
+    the sum over the hazards whose label loses q. A step into such a cell meets it, and is counted there.
     """
-    spoils, states = bound.logic.spoils, now.shape[1]
+    spoils, loses, hazards, states = bound.logic.spoils, bound.logic.loses, bound.logic.hazards, now.shape[1]
     cells = len(bound.labelled.cell)
     empty = spoils.shape[1] - 1
     for p in range(states):
@@ -105,8 +157,12 @@ def read_letter(
             if spoils[q, empty, p]:
                 v += seen[cells]
             for part in range(cells):
-                if seen[part] > 0.0 and spoils[q, bound.labelled.cell[part], p]:
+                cell = bound.labelled.cell[part]
+                if seen[part] > 0.0 and spoils[q, cell, p] and not loses[q, cell]:
                     v += seen[part]
+            for h in range(len(met)):
+                if loses[q, hazards.cell[h]]:
+                    v += met[h]
             best = min(best, v)
         now[target, p] = best
 
@@ -124,13 +180,19 @@ def ordered_risk(bound: Ordered, x: FloatArray, cov: FloatArray, miss: FloatArra
     """V of a whole path; ``x`` (T+1, 2), ``cov`` (T+1, 3) = (xx, xy, yy), ``miss`` (T+1,) = P(landmark
     missed)."""
     v = np.empty((2, len(bound.logic.distance)))
-    seen = np.empty(len(bound.labelled.cell) + 1)
+    seen, met = np.empty(len(bound.labelled.cell) + 1), np.empty(len(bound.logic.hazards.cell))
     begin_bound(bound, v, 0)
+    before = Gaussian(Point(x[0, 0], x[0, 1]), Cov(cov[0, 0], cov[0, 1], cov[0, 2]))
     for t in range(len(x)):
         here = Gaussian(Point(x[t, 0], x[t, 1]), Cov(cov[t, 0], cov[t, 1], cov[t, 2]))
         read_labels(bound, here, seen)
-        read_letter(bound, v, t % 2, seen, v, (t + 1) % 2)
+        if t == 0:
+            read_place(bound, here, met)
+        else:
+            read_way(bound, before, here, met)
+        read_letter(bound, v, t % 2, seen, met, v, (t + 1) % 2)
         add_risk(v, (t + 1) % 2, miss[t])
+        before = here
     least = 1.0
     for p in range(v.shape[1]):
         if bound.logic.distance[p] == 0.0:

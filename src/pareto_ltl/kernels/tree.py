@@ -12,6 +12,7 @@ from pareto_ltl.kernels.data import Cov, Gaussian, Memory, Motion, Point, World
 from pareto_ltl.kernels.dijkstra import Heap
 from pareto_ltl.kernels.fixes import fix_missed
 from pareto_ltl.kernels.jit import inlined, kernel
+from pareto_ltl.kernels.letters import next_state
 from pareto_ltl.kernels.neighbours import kd_insert, remember
 from pareto_ltl.kernels.parents import Candidate, collision_limit
 from pareto_ltl.kernels.propagation import advance, airspeed
@@ -301,7 +302,10 @@ def choose_parent(s: Search, first: Proposal, length0: float, rng: Generator) ->
         ux, uy = there.x - tree.free[near, 0], there.y - tree.free[near, 1]
         if airspeed(motion, ux, uy) > tree.speed[near] * ROUNDING:
             continue
-        q = logic.delta[tree.q[near], first.cell]
+        at = vertex_point(tree, near)
+        q = next_state(world.cells, logic, tree.q[near], at, tree.cell[near], there, first.cell)
+        if not logic.covers[q, first.q]:  # a letter on the way has spoilt it
+            continue
         if not in_time(s, tree.step[near] + 1, q):
             continue
         new = propose(s, near, there, first.cell, q, proposed)

@@ -23,7 +23,15 @@ from pareto_ltl.kernels.data import (
     World,
 )
 from pareto_ltl.kernels.jit import by_type, implements, inlined
-from pareto_ltl.kernels.mission_risk import add_risk, begin_bound, read_labels, read_letter, visit_risk
+from pareto_ltl.kernels.mission_risk import (
+    add_risk,
+    begin_bound,
+    read_labels,
+    read_letter,
+    read_place,
+    read_way,
+    visit_risk,
+)
 from pareto_ltl.kernels.parents import Candidate, Dominance, Scaled, improves
 from pareto_ltl.support.arrays import FloatArray
 
@@ -93,7 +101,10 @@ def _plant_ordered(bound: Ordered, tree: Vertices, here: Gaussian) -> None:
     memory = tree.mission
     begin_bound(bound, memory.bound, 1)  # row 1 is free: the root is the first vertex
     read_labels(bound, here, memory.seen)
-    read_letter(bound, memory.bound, 1, memory.seen, memory.bound, 0)
+    read_place(bound, here, memory.met)
+    read_letter(bound, memory.bound, 1, memory.seen, memory.met, memory.bound, 0)
+    if len(memory.met) > 0:
+        memory.cov[0, 0], memory.cov[0, 1], memory.cov[0, 2] = here.cov
     tree.risk[0, 0] = memory.bound[0, tree.q[0]]
 
 
@@ -101,7 +112,10 @@ def _plant_ordered(bound: Ordered, tree: Vertices, here: Gaussian) -> None:
 def _appraise_ordered(bound: Ordered, tree: Vertices, scratch: TreeState, new: Proposal) -> None:
     own = scratch.mission
     read_labels(bound, new.there, own.seen)
-    read_letter(bound, tree.mission.bound, new.parent, own.seen, own.bound, new.row)
+    if len(own.met) > 0:
+        read_way(bound, gaussian_at(tree.x, tree.mission.cov, new.parent), new.there, own.met)
+        own.cov[new.row, 0], own.cov[new.row, 1], own.cov[new.row, 2] = new.there.cov
+    read_letter(bound, tree.mission.bound, new.parent, own.seen, own.met, own.bound, new.row)
     add_risk(own.bound, new.row, new.missed)
     scratch.risks[new.row, 0] = own.bound[new.row, new.q]
 
@@ -110,6 +124,9 @@ def _appraise_ordered(bound: Ordered, tree: Vertices, scratch: TreeState, new: P
 def _keep_ordered(bound: Ordered, scratch: TreeState, row: int, memory: Any, target: int) -> None:
     for p in range(memory.bound.shape[1]):
         memory.bound[target, p] = scratch.mission.bound[row, p]
+    if len(memory.met) > 0:
+        for i in range(3):
+            memory.cov[target, i] = scratch.mission.cov[row, i]
 
 
 # --- collision bounds -------------------------------------------------------------------------

@@ -149,11 +149,14 @@ def mission_columns(problem: Problem) -> int:
 
 
 def _mission_rows(problem: Problem, rows: int) -> kd.OrderedMemory | None:
-    labels = len(problem.ordered.labelled.cell) + 1
+    labels, hazards = len(problem.ordered.labelled.cell) + 1, len(problem.world.logic.hazards.cell)
     make: dict[type, Callable[[], kd.OrderedMemory | None]] = {
         kd.Theorem2: lambda: None,
         kd.Ordered: lambda: kd.OrderedMemory(
-            np.zeros((rows, len(problem.automaton.distance))), np.zeros(labels)
+            np.zeros((rows, len(problem.automaton.distance))),
+            np.zeros((rows if hazards else 0, 3)),
+            np.zeros(labels),
+            np.zeros(hazards),
         ),
     }
     return make[type(problem.world.mission)]()

@@ -12,7 +12,7 @@ from pareto_ltl.kernels import data as kd
 from pareto_ltl.logic.automaton import Automaton
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.settings import PAPER, FidelityConfig, PlannerConfig, RobotConfig, WindConfig
-from pareto_ltl.support.arrays import FloatArray, IntArray
+from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.wind.records import FORECAST, PARTS, SPACE, TIME, WindField, WindModes
 from pareto_ltl.world.cells import Decomposition, half_planes, locator
@@ -78,15 +78,34 @@ def pack_corners(cell: Sequence[int], corners: Sequence[FloatArray]) -> kd.Corne
     )  # fmt: skip
 
 
-def pack_logic(automaton: Automaton, labels: Sequence[frozenset[str]]) -> kd.Logic:
+def pack_logic(automaton: Automaton, decomposition: Decomposition) -> kd.Logic:
     """The automaton with one column a cell instead of one a letter, and one for no label at all."""
-    column = [automaton.letter_index(label) for label in (*labels, frozenset())]
+    column = [automaton.letter_index(label) for label in (*decomposition.labels, frozenset())]
     delta = np.ascontiguousarray(automaton.delta[:, column])
     covers = np.ascontiguousarray(automaton.preorder, bool)
+    harm, loses = harmful_letters(automaton)
+    harm, loses = np.ascontiguousarray(harm[:, column]), np.ascontiguousarray(loses[:, column])
+    hazards = np.flatnonzero(harm[:, :-1].any(axis=0)).tolist()
     return kd.Logic(
         delta, np.asarray(automaton.distance, float), covers, np.ascontiguousarray(~covers[delta]),
-        int(automaton.initial),
+        int(automaton.initial), harm, loses, pack_corners(hazards, [decomposition.cells[c] for c in hazards]),
     )  # fmt: skip
+
+
+def harmful_letters(automaton: Automaton) -> tuple[BoolArray, BoolArray]:
+    """Which letters are read between steps, and what they can cost; both (Q, letters).
+
+    A letter does harm in q if it leads to the trap, or if it shows a proposition and the state it leads to
+    does not accept all that is accepted after no label at all. It loses q if it does harm in some state s ≥ q
+    and takes s to a state that is not ≥ q.
+    """
+    delta, covers = automaton.delta, np.asarray(automaton.preorder, bool)
+    trap, nothing = np.isinf(automaton.distance), automaton.letter_index(frozenset())
+    worse = ~covers[delta, delta[:, nothing][:, None]]
+    worse[:, nothing] = False
+    harm = (trap[delta] & ~trap[:, None]) | worse
+    loses = np.array([(covers[:, q, None] & harm & ~covers[delta, q]).any(axis=0) for q in range(len(delta))])
+    return np.asarray(harm, bool), np.asarray(loses, bool).reshape(harm.shape)
 
 
 # --- wind and motion --------------------------------------------------------------------------
@@ -268,7 +287,7 @@ def build_problem(
         LOG.warning("scene.landmarks are left unused: only fidelity.law=coherent knows position fixes")
     _refuse_strong_wind(robot, wind)
     laws = pack_laws(robot, planner, wind_cfg.ball, wind, marks)
-    cells, logic = pack_cells(scene.bounds, decomposition, atoms), pack_logic(automaton, decomposition.labels)
+    cells, logic = pack_cells(scene.bounds, decomposition, atoms), pack_logic(automaton, decomposition)
     theorem2, ordered = pack_theorem2(decomposition, cells, atoms), pack_ordered(decomposition, cells, logic)
     obstacles = pack_faces(decomposition.obstacles)
     missions: dict[str, kd.MissionBound] = {"theorem2": theorem2, "ordered": ordered}

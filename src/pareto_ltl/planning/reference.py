@@ -237,17 +237,22 @@ def ordered_bound(problem: Problem, x: FloatArray, cov: FloatArray) -> float:
 
     V(p) = 0 if q₀ ≥ p else 1 before the first letter; then
 
-        V_t(p) = min(1, min_q [V_{t-1}(q) + P(label(x_t) not in {s : δ(q, s) ≥ p})]);
+        V_t(p) = min(1, min_q [V_{t-1}(q) + P(label(x_t) not in {s : δ(q, s) ≥ p}) + Σ_h P(h met)]),
 
-    the bound is min_{p accepting} V_T(p).
+    the last sum over the hazards whose label loses q (:mod:`reference_segments`), and the labels without
+    these; the bound is min_{p accepting} V_T(p).
     """
+    from pareto_ltl.planning.reference_segments import hazard_costs
+
     logic = problem.world.logic
     column, P = label_probabilities(problem, x, cov)
     spoils = ~logic.covers[logic.delta[:, column]]  # (Q, S, Q): reading s in q does not reach p
+    spoils[:, :-1] &= ~logic.loses[:, column[:-1], None]
+    way = hazard_costs(problem, x, cov)
     V = np.where(logic.covers[logic.initial], 0.0, 1.0)
     for t in range(len(x)):
         fail = np.einsum("qsp,s->qp", spoils, P[t])
-        V = np.minimum(1.0, (V[:, None] + fail).min(axis=0))
+        V = np.minimum(1.0, (V[:, None] + way[t, :, None] + fail).min(axis=0))
     accepting = logic.distance == 0.0
     return float(V[accepting].min()) if accepting.any() else 1.0
 

@@ -346,7 +346,7 @@ def read_deployments(place: Path | str) -> dict[str, Deployment]:
             law: Deployment(
                 law, x=arrays[f"{law}/x"], accepted=arrays[f"{law}/accepted"],
                 collided=arrays[f"{law}/collided"], off_map=arrays[f"{law}/off_map"],
-                walled=bool(arrays[f"{law}/walled"]),
+                walled=bool(arrays[f"{law}/walled"].all()),
             )
             for law in laws
         }  # fmt: skip

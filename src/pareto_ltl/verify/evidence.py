@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -19,8 +19,8 @@ from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.reading import read_json, read_text
 from pareto_ltl.verify import laws
 from pareto_ltl.verify.flights import Ground, Simulator
-from pareto_ltl.verify.formula import Dfa, covers
-from pareto_ltl.verify.gaussians import growing, label_masses, ordered, path_bound
+from pareto_ltl.verify.formula import Dfa, covers, losing
+from pareto_ltl.verify.gaussians import Way, growing, label_masses, ordered, path_bound, way_risks
 from pareto_ltl.verify.geometry import Convex, beyond_bounds, convex
 from pareto_ltl.verify.laws import Coherent, Course, Independent, Law, Robot
 from pareto_ltl.verify.wind_modes import PartCovariance, part_covariances
@@ -240,7 +240,25 @@ class Evidence:
         dfa = self.dfa
         masses = label_masses(self.labelled, course.x, course.cov)
         read = [{s: dfa.read(s, q) for seen in masses for s in seen} for q in range(len(dfa.delta))]
-        return ordered(masses, read, covers(dfa), dfa.initial, dfa.accepting, course.miss)
+        lost = losing(dfa)
+        way = Way(
+            way_risks(self._hazards(lost), course.x, course.cov, len(dfa.delta)),
+            [{s for s in row if s and lost[q][self._letter(s)]} for q, row in enumerate(read)],
+        )
+        return ordered(masses, read, covers(dfa), dfa.initial, dfa.accepting, course.miss, way)
+
+    def _letter(self, label: Iterable[str]) -> int:
+        """The number of the letter that a label shows."""
+        return self.dfa.letters.index(frozenset(label) & frozenset(self.dfa.atoms))
+
+    def _hazards(self, lost: list[list[bool]]) -> list[tuple[Convex, list[bool]]]:
+        """Cells whose letter loses some state of the automaton, and which states."""
+        found = []
+        for cell, label in zip(self.cells["cells"], self.cells["labels"], strict=True):
+            letter = self._letter(label)
+            if any(row[letter] for row in lost):
+                found.append((convex(cell), [row[letter] for row in lost]))
+        return found
 
     def collision_bounds(self, law: Law, course: Course) -> tuple[float, float]:
         """R of a course, with the test of growing deviations a little looser and a little stricter."""

@@ -4,18 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import groupby
 
 import numpy as np
 from scipy.special import betaincinv
 from scipy.stats import chi2, hypergeom, ks_2samp
 
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
-from pareto_ltl.verify.formula import Dfa
+from pareto_ltl.verify.formula import Dfa, harmful
 from pareto_ltl.verify.gaussians import ON_EDGE
-from pareto_ltl.verify.geometry import Convex, deepest, met_by_any
+from pareto_ltl.verify.geometry import Convex, beyond_bounds, deepest, met_by_any
 from pareto_ltl.verify.laws import Coherent, Course, Independent, Law
 from pareto_ltl.verify.wind_tables import at_step, square_of
 
+SHORTEST = 1e-12  # share of a step; shorter pieces of it are rounding
 RARE = 1e-7  # chance at which one statistical claim about honest results may fail
 NEAR = 1.0  # [m] so close to an obstacle's face a position may count on either side
 
@@ -51,11 +53,67 @@ class Ground:
 
     def accepted(self, x: FloatArray, slack: float = 0.0) -> BoolArray:
         """Which flights ``x`` (n, T+1, 2) complete the mission."""
-        delta, done = np.array(self.dfa.delta), np.array(self.dfa.accepting)
-        state = np.full(len(x), self.dfa.initial)
-        for t in range(x.shape[1]):
-            state = delta[state, self.columns(x[:, t], slack)]
-        return np.asarray(done[state], bool)
+        done = np.array(self.dfa.accepting)
+        return np.asarray(done[self.states(x, slack)[:, -1]], bool)
+
+    def states(self, x: FloatArray, slack: float = 0.0) -> IntArray:
+        """Automaton states of flights ``x`` (n, T+1, 2) after each step, (n, T+1)."""
+        seen = [self.columns(x[:, t], slack) for t in range(x.shape[1])]
+        found = [np.array(self.dfa.delta)[np.full(len(x), self.dfa.initial), seen[0]]]
+        for t in range(1, x.shape[1]):
+            legs = Legs(x[:, t - 1], x[:, t], seen[t - 1], seen[t])
+            found.append(self.after_step(found[-1], legs, slack))
+        return np.stack(found, axis=1)
+
+    def after_step(self, state: IntArray, legs: Legs, slack: float = 0.0) -> IntArray:
+        """States after steps: letters that do harm are read on the way, then the label of the end.
+
+        The way of a robot is read where the letter of its start leaves the state alone: otherwise the formula
+        counts steps.
+        """
+        delta, state = np.array(self.dfa.delta), state.copy()
+        harm = np.array(harmful(self.dfa))
+        rows = np.flatnonzero(harm[state].any(axis=1) & (delta[state, legs.first] == state))
+        for i in rows[self._near_harm(legs, rows, harm, slack)]:
+            for letter in self.letters_between(legs.start[i], legs.end[i], slack):
+                if harm[state[i], letter]:
+                    state[i] = delta[state[i], letter]
+        return np.asarray(delta[state, legs.last], int)
+
+    def _near_harm(self, legs: Legs, rows: IntArray, harm: BoolArray, slack: float) -> BoolArray:
+        """Which legs meet a region of a letter that does harm; all, where the empty letter does."""
+        worst = [letter for letter, bad in zip(self.dfa.letters, harm.T, strict=True) if bad.any()]
+        if frozenset() in worst:
+            return np.ones(len(rows), bool)
+        parts = [part for name in frozenset().union(*worst) for part in self.regions.get(name, ())]
+        return met_by_any(parts, legs.start[rows], legs.end[rows], -abs(slack) - ON_EDGE)
+
+    def letters_between(self, start: FloatArray, end: FloatArray, slack: float = 0.0) -> list[int]:
+        """Letters that a segment shows between the first and the last, in order.
+
+        It is cut at every line of a face; a piece shows the letter of its middle. Pieces in obstacles and
+        beyond the bounds show none.
+        """
+        parts = [part for several in self.regions.values() for part in several]
+        parts += [*self.obstacles, *beyond_bounds(self.bounds)]
+        normals = np.vstack([part.normals for part in parts])
+        offsets = np.concatenate([part.offsets for part in parts])
+        with np.errstate(divide="ignore", invalid="ignore"):
+            cut = (offsets - normals @ start) / (normals @ (end - start))
+        cut = np.unique(np.concatenate([[0.0], cut[(cut > 0) & (cut < 1)], [1.0]]))
+        cut = cut[np.append(True, np.diff(cut) > SHORTEST)]
+        middles = start + ((cut[:-1] + cut[1:]) / 2)[:, None] * (end - start)
+        low, high = self.bounds
+        free = ((middles >= low) & (middles <= high)).all(axis=1) & (deepest(self.obstacles, middles) <= 0)
+        letters = self.columns(middles, slack)
+        pieces = [int(letter) if there else -1 for letter, there in zip(letters, free, strict=True)]
+        inner = [key for key, _ in groupby(pieces)]
+        first, last = (int(letter) for letter in self.columns(np.stack([start, end]), slack))
+        if inner and inner[0] == first:
+            inner = inner[1:]
+        if inner and inner[-1] == last:
+            inner = inner[:-1]
+        return [letter for letter in inner if letter >= 0]
 
     def collided(self, x: FloatArray, margin: float = ON_EDGE) -> BoolArray:
         """Which flights come deeper than ``margin`` [m] into an obstacle, between steps too."""
@@ -73,6 +131,16 @@ class Ground:
     def failed(self, x: FloatArray) -> BoolArray:
         """Which flights miss the mission, meet an obstacle or, where the border is a wall, leave the map."""
         return failures(self.accepted(x), self.collided(x), self.off_map(x), self.walled)
+
+
+@dataclass(frozen=True, slots=True)
+class Legs:
+    """Steps from ``start`` (n, 2) to ``end`` (n, 2) [m], and the letters at both, as numbers."""
+
+    start: FloatArray
+    end: FloatArray
+    first: IntArray
+    last: IntArray
 
 
 def failures(accepted: BoolArray, collided: BoolArray, off_map: BoolArray, walled: bool) -> BoolArray:

@@ -7,9 +7,11 @@ mission if no infinite word after it can avoid that some alternative becomes emp
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 from pareto_ltl.support.errors import DataError
@@ -248,6 +250,38 @@ def covers(dfa: Dfa) -> list[list[bool]]:
         if not more:
             return [[(q, p) not in fails for p in range(n)] for q in range(n)]
         fails |= more
+
+
+@cache
+def harmful(dfa: Dfa) -> tuple[tuple[bool, ...], ...]:
+    """``[q][letter]``: letters that are read between steps.
+
+    They lead from a state that can be completed to one that cannot, or show a region and lead to a state that
+    does not accept all that is accepted after the empty letter.
+    """
+    better, lost = covers(dfa), [math.isinf(d) for d in distances(dfa)]
+    nothing = dfa.letters.index(frozenset())
+    return tuple(
+        tuple(
+            (lost[then] and not lost[q]) or (k != nothing and not better[then][row[nothing]])
+            for k, then in enumerate(row)
+        )
+        for q, row in enumerate(dfa.delta)
+    )
+
+
+def losing(dfa: Dfa) -> list[list[bool]]:
+    """``[q][letter]``: the letter does harm in a state s that accepts all q does, and leads to one that does
+    not."""
+    better, harm = covers(dfa), harmful(dfa)
+    states = range(len(dfa.delta))
+    return [
+        [
+            any(better[s][q] and harm[s][k] and not better[dfa.delta[s][k]][q] for s in states)
+            for k in range(len(dfa.letters))
+        ]
+        for q in states
+    ]
 
 
 def read_hoa(text: str, letters: Sequence[frozenset[str]]) -> Dfa:

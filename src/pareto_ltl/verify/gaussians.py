@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.special import ndtr, owens_t
@@ -91,21 +92,75 @@ def label_masses(cells: Sequence[tuple[Convex, frozenset[str]]], x: FloatArray, 
 
 def ordered(
     masses: Masses, read: Sequence[dict[frozenset[str], int]], covers: Sequence[Sequence[bool]],
-    initial: int, accepting: Sequence[bool], miss: dict[int, float],
+    initial: int, accepting: Sequence[bool], miss: dict[int, float], way: Way,
 ) -> float:  # fmt: skip
     """V: an induction over what can spoil each state of the automaton.
 
-    V_t(p) = min(1, min_q [V_{t-1}(q) + P(reading the label in q does not reach p)]) + P(landmark missed)
+    V_t(p) = min(1, min_q [V_{t-1}(q) + P(reading the label in q does not reach p) + P(a cell on the way
+    loses q)]) + P(landmark missed), labels that lose q being counted on the way.
     """
     states = range(len(covers))
     V = [0.0 if covers[initial][p] else 1.0 for p in states]
     for t, seen in enumerate(masses):
         V = [
-            min(1.0, *(V[q] + sum(m for s, m in seen.items() if not covers[read[q][s]][p]) for q in states))
+            min(
+                1.0,
+                *(
+                    V[q]
+                    + way.cost[t][q]
+                    + sum(m for s, m in seen.items() if not covers[read[q][s]][p] and s not in way.lost[q])
+                    for q in states
+                ),
+            )
             for p in states
         ]
         V = [min(1.0, value + miss.get(t, 0.0)) for value in V]
     return min([1.0] + [V[p] for p in states if accepting[p]])
+
+
+@dataclass(frozen=True, slots=True)
+class Way:
+    """What is met between steps: for each step and state the risk of losing it, and for each state the labels
+    that lose it."""
+
+    cost: list[list[float]]
+    lost: list[set[frozenset[str]]]
+
+
+def way_risks(
+    cells: Sequence[tuple[Convex, Sequence[bool]]], x: FloatArray, cov: FloatArray, states: int
+) -> list[list[float]]:
+    """For each step and state the sum over ``cells`` that lose the state of a bound on P(cell met)."""
+    costs = []
+    for t in range(len(x)):
+        met = [crossing(part, x[max(t - 1, 0) : t + 1], cov[max(t - 1, 0) : t + 1]) for part, _ in cells]
+        costs.append(
+            [sum(m for m, (_, loses) in zip(met, cells, strict=True) if loses[q]) for q in range(states)]
+        )
+    return costs
+
+
+def crossing(part: Convex, x: FloatArray, cov: FloatArray) -> float:
+    """P(segment between the positions meets ``part``) ≤ least over lines of Σ P(an end not beyond it).
+
+    The lines are its faces and the two that touch it along the segment of the means. ``x`` (2, 2), or (1, 2)
+    for a single place.
+    """
+    middle, along = part.corners.mean(axis=0), x[-1] - x[0]
+    size = float(np.linalg.norm(part.corners - middle, axis=1).max())
+    spread = max(float(np.trace(c)) for c in cov)
+    far = size + float(np.linalg.norm(along)) / 2 + 8.0 * math.sqrt(spread)
+    if len(x) > 1 and math.dist(middle, (x[0] + x[-1]) / 2) > far:
+        return 0.0
+    normals, offsets = part.normals, part.offsets
+    if along.any():
+        across = np.array([-along[1], along[0]]) / np.linalg.norm(along)
+        normals = np.vstack([normals, across, -across])
+        offsets = np.append(offsets, [(part.corners @ across).max(), -(part.corners @ across).min()])
+    total = np.zeros(len(offsets))
+    for mean, c in zip(x, cov, strict=True):
+        total += beyond(normals @ mean - offsets, spread_along(normals, c))
+    return min(1.0, float(total.min()))
 
 
 # --- obstacles --------------------------------------------------------------------------------

@@ -313,8 +313,8 @@ def tightest_planes(
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, BoolArray]:
     """Half planes that bound each point: normals (T+1, P, 2), and offsets, σ and clearance left (T+1, P).
 
-    σ is 0 at forbidden cells, whose label the mean alone decides; clearance is inf where there is no bound.
-    The last array says which belong to the step that ends at the point: those make up its collision risk.
+    Clearance is inf where there is no bound. The last array says which belong to the step that ends at the
+    point: those make up its collision risk.
     """
     faces, n = problem.barriers, len(x)
     sd = face_deviations(faces.normal, cov)
@@ -329,16 +329,37 @@ def tightest_planes(
     before = np.zeros(rows.shape, bool)
     before[:, :m] = True
     parts = [(faces.normal[rows], faces.offset[rows], sd[t, rows], left, before)]
-    cells = problem.world.cells.faces
     for cell in np.flatnonzero(avoid.any(axis=0)):
-        own = slice(cells.ptr[cell], cells.ptr[cell + 1])
-        gap = x @ cells.normal[own].T - cells.offset[own]
-        k = np.argmax(gap, axis=1)
-        least = np.where(avoid[:, cell], gap.max(axis=1), np.inf)[:, None]
-        parts.append((cells.normal[own][k][:, None], cells.offset[own][k][:, None], np.zeros((n, 1)), least,
-                      np.zeros((n, 1), bool)))  # fmt: skip
+        parts += _forbidden_planes(problem, x, cov, int(cell), avoid[:, cell])
     normal, offset, spread, left, before = (np.concatenate(p, axis=1) for p in zip(*parts, strict=True))
     return normal, offset, spread, left, before
+
+
+def _forbidden_planes(
+    problem: Problem, x: FloatArray, cov: FloatArray, cell: int, avoid: BoolArray
+) -> list[tuple[FloatArray, FloatArray, FloatArray, FloatArray, BoolArray]]:
+    """The planes of :func:`tightest_planes` that keep both ends of each step beyond one face of a cell.
+
+    σ is 0, the mean alone decides, but where V is what the plan is judged by: it counts the risk of meeting
+    the cell.
+    """
+    ptr, n = problem.world.cells.faces.ptr, len(x)
+    own = slice(ptr[cell], ptr[cell + 1])
+    normal, offset = problem.world.cells.faces.normal[own], problem.world.cells.faces.offset[own]
+    counted = isinstance(problem.world.mission, kd.Ordered) and isinstance(
+        problem.world.collision, kd.PathBound
+    )
+    sd = face_deviations(normal, cov) if counted else np.zeros((n, len(offset)))
+    room = risk_sharing(problem).room(x @ normal.T - offset, sd, FINEST * problem.reach)
+    chosen = separating(kd.Faces(np.array([0, len(offset)]), normal, offset), room)[:, 0]
+    t, planes = np.arange(n), []
+    for k in (np.append(chosen[:1], chosen), np.append(chosen, chosen[-1:])):  # step before, step after
+        left = np.where(avoid, room[t, k], np.inf)[:, None]
+        planes.append(
+            (normal[k][:, None], offset[k][:, None], sd[t, k][:, None], left, np.zeros((n, 1), bool))
+        )
+    planes[1][3][:, 0][planes[0][1][:, 0] == planes[1][1][:, 0]] = np.inf  # the same face twice
+    return planes
 
 
 def set_witnesses(

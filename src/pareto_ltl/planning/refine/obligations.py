@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pareto_ltl.kernels.data import Logic
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 
@@ -22,7 +21,7 @@ class Obligations:
     witness : tuple of (step, part)
         Convex parts of regions that hold the position at a step.
     avoid : (T+1, C) bool
-        Cells whose label would spoil the plan at a step.
+        Cells whose label would spoil the plan at a step, or on the way to it or from it.
     """
 
     q: IntArray
@@ -37,7 +36,7 @@ def path_obligations(problem: Problem, x: FloatArray, cov: FloatArray) -> Obliga
     """
     logic = problem.world.logic
     cell = problem.locate(x)
-    q = planned_states(logic, cell)
+    q = planned_states(problem, x)
     missed = _visits_missed(problem, x, cov)
     before = np.concatenate([[logic.initial], q[:-1]])
     planned, witness = q.copy(), []
@@ -56,14 +55,15 @@ def path_obligations(problem: Problem, x: FloatArray, cov: FloatArray) -> Obliga
             best = t + int(np.argmin(np.where(held, risk, np.inf)))
         planned[t:best] = before[t]
         witness += [(int(best), part) for part in parts]
-    return Obligations(planned, tuple(witness), _spoiling_cells(problem, planned))
+    return Obligations(planned, tuple(witness), _spoiling_cells(problem, planned, cell))
 
 
-def planned_states(logic: Logic, cell: IntArray) -> IntArray:
-    q, state = np.empty(len(cell), np.int64), logic.initial
-    for t, c in enumerate(cell):
-        state = q[t] = logic.delta[state, c]  # c = -1 is the column of no label
-    return q
+def planned_states(problem: Problem, x: FloatArray) -> IntArray:
+    """Automaton state after each step of the means ``x`` (T+1, 2), flyable or not."""
+    from pareto_ltl.kernels.letters import states_along
+
+    states: IntArray = states_along(problem.world.cells, problem.world.logic, np.ascontiguousarray(x))
+    return states
 
 
 def _needed_parts(problem: Problem, x: FloatArray, before: int, after: int, cell: int) -> list[int]:
@@ -81,12 +81,16 @@ def _needed_parts(problem: Problem, x: FloatArray, before: int, after: int, cell
     return [int(p[np.argmax(slack[p])]) for p in parts if len(p)]
 
 
-def _spoiling_cells(problem: Problem, q: IntArray) -> BoolArray:
-    """Cells with a label whose reading at step t leads to no state as good as the planned one."""
+def _spoiling_cells(problem: Problem, q: IntArray, cell: IntArray) -> BoolArray:
+    """Cells with a label whose reading at step t leads to no state as good as the planned one, and those that
+    may not be met on the way to or from it; ``cell`` (T+1,) are the planned ones."""
     logic = problem.world.logic
     labelled = np.array([bool(label) for label in problem.labels], bool)
     before = np.concatenate([[logic.initial], q[:-1]])
-    return np.asarray(~logic.covers[logic.delta[before][:, :-1], q[:, None]] & labelled, bool)
+    spoils = ~logic.covers[logic.delta[before][:, :-1], q[:, None]] & labelled
+    met = logic.loses[q][:, :-1] & (np.arange(len(labelled)) != cell[:, None])
+    met[1:] |= logic.loses[q[:-1]][:, :-1] & (np.arange(len(labelled)) != cell[1:, None])
+    return np.asarray(spoils | met, bool)
 
 
 def _part_slack(problem: Problem, x: FloatArray) -> FloatArray:

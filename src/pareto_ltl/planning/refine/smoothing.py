@@ -130,7 +130,7 @@ def fitting_programme(problem: Problem, begun: Sequence[Start]) -> Programme:
 def completes(problem: Problem, x: FloatArray) -> bool:
     """Whether the labels along ``x`` complete the mission, flyable or not."""
     logic = problem.world.logic
-    return bool(logic.distance[planned_states(logic, problem.locate(x))[-1]] == 0.0)
+    return bool(logic.distance[planned_states(problem, x)[-1]] == 0.0)
 
 
 def flown_path(problem: Problem, x: FloatArray) -> PlannedPath | None:

@@ -46,12 +46,12 @@ def flown_laws(result: Evidence) -> Verdict:
     faults += [
         f"{name} {found[name]}"
         for name in found
-        if not name.endswith("/x") and found[name] != (() if name.endswith("/walled") else shape[:1])
+        if not name.endswith("/x") and found[name] != ((1,) if name.endswith("/walled") else shape[:1])
     ]
     faults += [
         name
         for name in found
-        if name.endswith("/walled") and bool(result.flights[name]) != result.ground.walled
+        if name.endswith("/walled") and bool(result.flights[name].all()) != result.ground.walled
     ]
     faults += [name for name in found if name.partition("/")[0] not in told["laws"]]
     return no_fault(f"{told['runs']} flights, {', '.join(told['laws'])}", faults)

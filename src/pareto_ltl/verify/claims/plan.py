@@ -140,20 +140,19 @@ def labels(result: Evidence) -> Verdict:
 
 
 def states(result: Evidence) -> Verdict:
-    """The automaton states follow from the labels."""
-    q, faults = result.dfa.initial, []
-    for t, label in enumerate(result.plan["label"]):
-        q = result.dfa.read(label, q)
-        if q != result.plan["q"][t]:
-            faults.append(f"state {q} at step {t}")
+    """The automaton states follow from the labels, and from letters that do harm on the way."""
+    slack = POSITION * result.grain
+    either = [result.ground.states(result.x[None], s)[0] for s in (0.0, slack, -slack)]
+    said = np.array(result.plan["q"])
+    faults = [f"state {either[0][t]} at step {t}" for t in np.flatnonzero(either[0] != said)]
+    if any(np.array_equal(one, said) for one in either):
+        faults = []
     return no_fault(f"states {sorted(set(result.plan['q']))}", faults)
 
 
 def accepted(result: Evidence) -> Verdict:
     """The expected path completes the mission."""
-    q = result.dfa.initial
-    for label in result.plan["label"]:
-        q = result.dfa.read(label, q)
+    q = int(result.ground.states(result.x[None])[0, -1])
     return Verdict("mission complete", f"state {q}", bool(result.dfa.accepting[q]))
 
 

@@ -130,10 +130,12 @@ def intervals(result: Evidence) -> Verdict | None:
         if f"failure_{law}" not in told:
             continue
         rate, low, high = (told[f"failure_{law}{end}"] for end in ("", "_low", "_high"))
-        mission, collision = told[f"mission_failure_{law}"], told[f"collision_{law}"]
+        parts = [told[f"mission_failure_{law}"], told[f"collision_{law}"]]
+        if result.scene["border"] == "wall":
+            parts.append(told[f"off_map_{law}"])
         faults += [f"failure_{law}"] * (not low <= rate <= high)
         faults += [f"parts of failure_{law}"] * (
-            not max(mission, collision) - 1e-12 <= rate <= mission + collision + 1e-12
+            not max(parts) - 1e-12 <= rate <= min(sum(parts), 1.0) + 1e-12
         )
     return no_fault("rates and their parts", faults)
 

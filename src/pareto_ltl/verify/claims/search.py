@@ -15,6 +15,7 @@ from pareto_ltl.verify import laws
 from pareto_ltl.verify.claims.plan import LEAST_RISK, OBJECTIVES, RISK
 from pareto_ltl.verify.claims.verdict import Claim, Verdict, close, no_fault, number, same
 from pareto_ltl.verify.evidence import Evidence
+from pareto_ltl.verify.flights import Legs
 from pareto_ltl.verify.gaussians import theorem2
 from pareto_ltl.verify.geometry import Convex, convex
 from pareto_ltl.verify.wind_tables import at_step, square_of
@@ -78,10 +79,9 @@ def _link_faults(result: Evidence, name: str, cells: list[Convex], column: IntAr
     gap = np.abs(length[1:] - length[before] - np.linalg.norm(x[1:] - x[before], axis=1))
     if gap.max(initial=0.0) > 1e-6 * max(float(length.max()), 1.0):
         yield "a length is not that of its path"
-    if (
-        q[0] != delta[result.dfa.initial, column[cell[0]]]
-        or (q[1:] != delta[q[before], column[cell[1:]]]).any()
-    ):
+    legs = Legs(x[before], x[1:], column[cell[before]], column[cell[1:]])
+    after = result.ground.after_step(q[before], legs)
+    if q[0] != delta[result.dfa.initial, column[cell[0]]] or (q[1:] != after).any():
         yield "a state does not follow from the label"
     for number_, polygon in enumerate(cells):
         if (polygon.depth(x[cell == number_]) < -result.grain).any():

@@ -1,0 +1,73 @@
+"""What a flight reads: the label of each step and, on the way between steps, letters that do harm.
+
+A proposition that helps is read at the steps alone. A letter that leads away from acceptance is read on the
+whole segment, so that a forbidden region cannot be jumped over.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from pareto_ltl.kernels.data import Cells, Logic, Point
+from pareto_ltl.kernels.geometry import entry_share, locate_cell
+from pareto_ltl.kernels.jit import allocating, inlined, kernel
+from pareto_ltl.support.arrays import FloatArray, IntArray
+
+
+@inlined
+def next_state(cells: Cells, logic: Logic, q: int, start: Point, first: int, end: Point, last: int) -> int:
+    """State after a step from ``start`` in cell ``first`` to ``end`` in cell ``last``; -1 is no cell.
+
+    The way is read only in a state that the label of its start leaves alone: otherwise the formula counts
+    steps (X), and a letter between them is none of them.
+    """
+    state, begun, ended = int(np.int64(q)), int(np.int64(first)), int(np.int64(last))  # one type
+    if len(logic.hazards.cell) > 0 and (begun != ended or begun < 0) and logic.delta[state, begun] == state:
+        state = meet_hazards(cells, logic, state, start, begun, end, ended)
+    return int(logic.delta[state, ended])
+
+
+@kernel
+def meet_hazards(cells: Cells, logic: Logic, q: int, start: Point, first: int, end: Point, last: int) -> int:
+    """State after the cells between start and end that do harm, each read when it is entered.
+
+    The cells of the ends are read as the labels of their steps.
+    """
+    hazards = logic.hazards
+    dx, dy = 0.5 * (end.x - start.x), 0.5 * (end.y - start.y)
+    half = math.sqrt(dx * dx + dy * dy)
+    middle = Point(start.x + dx, start.y + dy)
+    passed = -1.0
+    while True:
+        share, found = math.inf, -1
+        for h in range(len(hazards.cell)):
+            cell = hazards.cell[h]
+            if not logic.harm[q, cell] or cell == first or cell == last:  # noqa: SIM109 (numba: types differ)
+                continue
+            ax, ay = hazards.middle[h, 0] - middle.x, hazards.middle[h, 1] - middle.y
+            reach = hazards.radius[h] + half
+            if ax * ax + ay * ay > reach * reach:
+                continue
+            enters = entry_share(cells.faces, cell, start, end)
+            if passed < enters < share:
+                share, found = enters, cell
+        if found < 0:
+            return q
+        q, passed = int(logic.delta[q, found]), share
+
+
+@allocating
+def states_along(cells: Cells, logic: Logic, x: FloatArray) -> IntArray:
+    """Automaton state after each step of a path ``x`` (T+1, 2), (T+1,)."""
+    states = np.empty(len(x), np.int64)
+    at = Point(x[0, 0], x[0, 1])
+    cell = locate_cell(cells, at)
+    states[0] = logic.delta[logic.initial, cell]
+    for t in range(1, len(x)):
+        there = Point(x[t, 0], x[t, 1])
+        last = locate_cell(cells, there)
+        states[t] = next_state(cells, logic, states[t - 1], at, cell, there, last)
+        at, cell = there, last
+    return states

@@ -1,0 +1,88 @@
+"""What is read on the way between steps, in plain NumPy: the readable road beside ``kernels.letters``."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.special import ndtr
+
+from pareto_ltl.support.arrays import FloatArray, IntArray
+
+if TYPE_CHECKING:
+    from pareto_ltl.planning.problem import Problem
+
+INSIDE = 1e-6  # [m] a way that is not deeper in a cell does not meet it
+
+
+def cells_on_the_way(problem: Problem, start: FloatArray, end: FloatArray) -> IntArray:
+    """Cells whose interior the segment meets, in the order in which it enters them.
+
+    A convex cell holds the shares of the segment between the last face entered and the first one left.
+    """
+    faces = problem.world.cells.faces
+    enters = []
+    for cell in range(len(faces.ptr) - 1):
+        rows = slice(faces.ptr[cell], faces.ptr[cell + 1])
+        gap = faces.offset[rows] - INSIDE - faces.normal[rows] @ start
+        rate = faces.normal[rows] @ (end - start)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            share = gap / rate
+        low = np.max(share[rate < 0], initial=0.0)
+        high = np.min(share[rate > 0], initial=1.0)
+        if low < high and (gap[rate == 0] > 0).all():
+            enters.append((low, cell))
+    return np.array([cell for _, cell in sorted(enters)], np.int64)
+
+
+def states_of_flight(problem: Problem, x: FloatArray) -> IntArray:
+    """Automaton state after each step of ``x`` (T+1, 2): harmful letters on the way, then the label."""
+    logic, cell = problem.world.logic, problem.locate(x)
+    q = int(logic.delta[logic.initial, cell[0]])
+    states = [q]
+    for t in range(1, len(x)):
+        if logic.delta[q, cell[t - 1]] == q:  # otherwise the formula counts steps
+            for met in cells_on_the_way(problem, x[t - 1], x[t]):
+                if met not in (cell[t - 1], cell[t]) and logic.harm[q, met]:
+                    q = int(logic.delta[q, met])
+        q = int(logic.delta[q, cell[t]])
+        states.append(q)
+    return np.array(states, np.int64)
+
+
+def meeting_bounds(problem: Problem, x: FloatArray, cov: FloatArray) -> FloatArray:
+    """Bounds on P(step t meets hazard h), (T+1, H); row 0 bounds P(start in the hazard).
+
+    P(segment meets a convex polygon) ≤ min over lines beside it of P(one end not beyond) + P(other end not
+    beyond): the lines of its faces, and the nearest one along the line through both means.
+    """
+    cells = problem.world.logic.hazards.cell
+    bounds = np.zeros((len(x), len(cells)))
+    for h, cell in enumerate(cells):
+        corners = problem.decomposition.cells[cell]
+        rows = slice(problem.world.cells.faces.ptr[cell], problem.world.cells.faces.ptr[cell + 1])
+        normal, offset = problem.world.cells.faces.normal[rows], problem.world.cells.faces.offset[rows]
+        bounds[0, h] = _beyond(normal, offset, x[0], cov[0]).min()
+        for t in range(1, len(x)):
+            along = x[t] - x[t - 1]
+            lines, offsets = normal, offset
+            if np.linalg.norm(along) > 0:
+                across = np.array([-along[1], along[0]]) / np.linalg.norm(along)
+                lines = np.vstack([normal, across, -across])
+                offsets = np.append(offset, [(corners @ across).max(), -(corners @ across).min()])
+            both = _beyond(lines, offsets, x[t - 1], cov[t - 1]) + _beyond(lines, offsets, x[t], cov[t])
+            bounds[t, h] = min(1.0, both.min())
+    return bounds
+
+
+def _beyond(normal: FloatArray, offset: FloatArray, mean: FloatArray, cov: FloatArray) -> FloatArray:
+    """P(position not beyond each line), a step where it is known."""
+    gap, sd = normal @ mean - offset, np.sqrt(np.einsum("ki,ij,kj->k", normal, cov, normal))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.asarray(np.where(sd > 0, ndtr(-gap / sd), np.where(gap >= 0, 0.0, 1.0)), float)
+
+
+def hazard_costs(problem: Problem, x: FloatArray, cov: FloatArray) -> FloatArray:
+    """Σ_h P(hazard h met), over those whose label loses q, (T+1, Q)."""
+    logic = problem.world.logic
+    return np.asarray(meeting_bounds(problem, x, cov) @ logic.loses[:, logic.hazards.cell].T, float)
