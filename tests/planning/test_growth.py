@@ -361,8 +361,9 @@ def test_a_start_too_close_names_the_limit_that_it_breaks():
 def test_a_start_too_close_to_a_wall_names_the_border():
     scene = replace(make_scene({"a": box(15, 15, 17, 17)}, start=(0.1, 9.0)), border="wall")
     robot = RobotConfig(dt=100.0, u_max=10.0, start_sd=100.0)
+    tight = PlannerConfig(epsilon=0.05)
     with pytest.raises(InfeasibleError, match=r"an obstacle or the wall .* scene\.border=open"):
-        grown(make_problem("F a", scene, robot=robot, fidelity="full"))
+        grown(make_problem("F a", scene, robot=robot, planner=tight, fidelity="full"))
     assert len(grown(make_problem("F a", replace(scene, border="open"), robot=robot)).trees[0]) > 1
 
 

@@ -342,14 +342,8 @@ def read_deployments(place: Path | str) -> dict[str, Deployment]:
     arrays = read_npz(path)
     with _shaped(path, "deployments"):
         laws = sorted({name.partition("/")[0] for name in arrays})
-        return {
-            law: Deployment(
-                law, x=arrays[f"{law}/x"], accepted=arrays[f"{law}/accepted"],
-                collided=arrays[f"{law}/collided"], off_map=arrays[f"{law}/off_map"],
-                walled=bool(arrays[f"{law}/walled"].all()),
-            )
-            for law in laws
-        }  # fmt: skip
+        flights = {law: [arrays[f"{law}/{name}"] for name in FLIGHT_ARRAYS] for law in laws}
+        return {law: Deployment(law, f[0], f[1], f[2], f[3], bool(f[4].all())) for law, f in flights.items()}
 
 
 # --- evaluations -----------------------------------------------------------------------------
