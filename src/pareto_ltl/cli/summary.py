@@ -56,6 +56,8 @@ def summary_rows(metrics: Mapping[str, float], law: str) -> Iterator[tuple[str, 
             yield f"promised at most (V + R), {key[13:]} winds", probability_text(promised)
         if key.startswith("failure_") and not key.endswith(("_low", "_high")):
             yield _simulated_row(metrics, key)
+            if (gone := f"off_map_{key.removeprefix('failure_')}") in metrics:
+                yield f"left the map, {key.removeprefix('failure_')} winds", probability_text(metrics[gone])
     if "nodes" in metrics:
         yield "tree vertices", f"{metrics['nodes']:,.0f} ({metrics['nodes_per_second']:,.0f} a second)"
     for key, spent in metrics.items():

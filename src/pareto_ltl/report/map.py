@@ -165,6 +165,9 @@ def flight_text(run: DrawnRun, law: str, count: int) -> str:
     failed, runs = int(deployment.failed.sum()), len(deployment.x)
     told = f"{law} winds: {failed:,} of {runs:,} flights failed ({shown_probability(failed / runs)})"
     told += f", {min(count, runs)} drawn"
+    if gone := int(deployment.off_map.sum()):
+        told += f"\n{shown_probability(gone / runs)} left the map"
+        told += ", which is a failure" if deployment.walled else ", which is no failure"
     if law not in run.forecasts:
         return told
     promised = run.forecasts[law].mission_risk + run.forecasts[law].collision_risk
