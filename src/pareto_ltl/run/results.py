@@ -325,15 +325,12 @@ def _flight(content: Mapping[str, Any]) -> PlannedPath:
     return flight
 
 
-FLIGHT_ARRAYS = ("x", "accepted", "collided", "off_map", "walled")
+FLIGHT_ARRAYS = "x", "accepted", "collided", "off_map", "walled"
 
 
 def write_deployments(directory: Path, deployments: Mapping[str, Deployment]) -> None:
-    arrays = {
-        f"{law}/{name}": np.asarray(getattr(deployment, name))
-        for law, deployment in deployments.items()
-        for name in FLIGHT_ARRAYS
-    }
+    flights = deployments.items()
+    arrays = {f"{law}/{n}": np.asarray(getattr(flown, n)) for law, flown in flights for n in FLIGHT_ARRAYS}
     write_npz(directory / "deployments.npz", arrays)
 
 
