@@ -26,7 +26,7 @@ def cells_on_the_way(problem: Problem, start: FloatArray, end: FloatArray) -> In
         rows = slice(faces.ptr[cell], faces.ptr[cell + 1])
         gap = faces.offset[rows] - INSIDE - faces.normal[rows] @ start
         rate = faces.normal[rows] @ (end - start)
-        with np.errstate(divide="ignore", invalid="ignore"):
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             share = gap / rate
         low = np.max(share[rate < 0], initial=0.0)
         high = np.min(share[rate > 0], initial=1.0)
