@@ -168,7 +168,7 @@ def result(longitude: float, promised: float, failure: float, fidelity: str = "f
     plan = {
         "fidelity": fidelity, "steps": 9, "known_hours": -3.0, "objectives": {"length": 1e5},
         "promised": {f"simulated_{law}": promised, f"bound_{law}": min(1.0, 2 * promised)},
-        "failure": failure, "missed": failure, "collided": 0.0, "miss_m": 1e3, "sd_m": 1e3,
+        "failure": failure, "missed": failure, "collided": 0.0, "off_map": 0.0, "miss_m": 1e3, "sd_m": 1e3,
     }  # fmt: skip
     return {"formula": "F a", "departure": "now", "latitude": 40.0, "longitude": longitude, "plans": [plan]}
 
