@@ -163,7 +163,8 @@ def write_run(place: Path, seed: int = 0) -> None:
     told = ("F(a & F b)", ("a", "b"), 1800.0, 30.0, 0.05, "full", "weighted", (0.5, 0.25, 0.25), checked)
     results.write_plan(place, Plan(flight(), *told))
     x = np.zeros((5, 4, 2))
-    results.write_deployments(place, {"coherent": Deployment("coherent", x, x[:, 0, 0] == 0, x[:, 0, 1] > 0)})
+    flags = x[:, 0, 0] == 0, x[:, 0, 1] > 0, x[:, 0, 1] < 0
+    results.write_deployments(place, {"coherent": Deployment("coherent", x, *flags)})
     (place / "config_resolved.yaml").write_text(yaml.safe_dump(settings(), sort_keys=False))
     record = {"status": "ok", "error": None, "measured": True, "argv": ["+experiment=phi1"], "inputs": {}}
     record |= {

@@ -68,7 +68,7 @@ def test_paths_off_the_map_or_too_near_an_obstacle_are_refused(problem):
         evaluate_path(problem, off, "")
     near = np.vstack([start + np.array([490.0 * i, 0.0]) for i in range(11)])
     with pytest.raises(
-        InfeasibleError, match=r"closer to an obstacle than planner\.epsilon allows at step \d+"
+        InfeasibleError, match=r"closer to an obstacle or a wall than planner\.epsilon allows at step \d+"
     ):
         evaluate_path(problem, near, "")
     brief = two_goals(wind=rough_wind(problem.scene, slots=2, hours=1 / 36))

@@ -12,6 +12,8 @@ from scipy.stats import binom, multivariate_normal
 
 from pareto_ltl.planning import reference as risk
 from pareto_ltl.planning.evaluate import evaluate_path
+from pareto_ltl.planning.pack import harmful_letters
+from pareto_ltl.planning.reference_segments import meeting_bounds
 from pareto_ltl.settings import PlannerConfig
 from pareto_ltl.simulation import flights as deployment
 from pareto_ltl.world.cells import half_planes
@@ -211,21 +213,34 @@ def test_without_uncertainty_the_ordered_bound_is_the_run_of_the_automaton():
 
 
 def by_states(problem, x, cov):
-    """The recursion of the ordered bound as it is written, one state and one label at a time."""
+    """The recursion of the ordered bound as it is written, one state and one label at a time; the start is
+    known exactly and lies in no region."""
     automaton, states = problem.automaton, range(problem.automaton.n_states)
-    letters = automaton.letters
+    letters, (_, loses) = automaton.letters, harmful_letters(automaton)
+    met, hazards = meeting_bounds(problem, x, cov), problem.world.logic.hazards.cell
     V = [0.0 if automaton.preorder[automaton.initial, p] else 1.0 for p in states]
-    for mean, c in zip(x, cov, strict=True):
+    for t, (mean, c) in enumerate(zip(x, cov, strict=True)):
         P = dict.fromkeys(letters, 0.0)
         for cell, label in zip(problem.decomposition.cells, problem.labels, strict=True):
-            if label:
+            if label and t > 0:
                 P[label] += risk.gaussian_in_polygon(cell, mean, c)
         P[frozenset()] = 1.0 - sum(p for label, p in P.items() if label)
+        lost = [{s for k, s in enumerate(letters) if s and loses[q, k]} for q in states]
+        way = [
+            sum(m for m, cell in zip(met[t], hazards, strict=True) if problem.labels[cell] in lost[q])
+            for q in states
+        ]
         V = [
             min(
                 1.0,
                 *(
-                    V[q] + sum(P[s] for s in letters if not automaton.preorder[automaton.step(q, s), p])
+                    V[q]
+                    + way[q]
+                    + sum(
+                        P[s]
+                        for s in letters
+                        if s not in lost[q] and not automaton.preorder[automaton.step(q, s), p]
+                    )
                     for q in states
                 ),
             )
@@ -237,9 +252,8 @@ def by_states(problem, x, cov):
 @pytest.mark.parametrize("name", MISSIONS)
 def test_the_ordered_bound_is_its_recursion(name):
     problem, path = flown(name)
-    later = slice(1, None)  # the start is known exactly and lies in no region
-    expected = by_states(problem, path.x[later], path.cov[later])
-    found = risk.ordered_bound(problem, path.x[later], path.cov[later])
+    expected = by_states(problem, path.x, path.cov)
+    found = risk.ordered_bound(problem, path.x, path.cov)
     assert found == pytest.approx(expected, rel=1e-9, abs=1e-12)
     assert found == pytest.approx(path.objectives.mission_risk_ordered, rel=1e-9, abs=1e-12)
 

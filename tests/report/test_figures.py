@@ -185,7 +185,7 @@ def flights_of(path: PlannedPath, runs: int = 60, law: str = "independent") -> D
     x = path.x + np.concatenate([np.zeros((runs, 1, 2)), np.cumsum(steps[..., 0], axis=1)], axis=1)
     off = np.hypot(*(x[:, -1] - path.x[-1]).T)
     failed = off >= np.sort(off)[-3]
-    return Deployment(law, x, ~failed, np.zeros(runs, bool))
+    return Deployment(law, x, ~failed, np.zeros(runs, bool), np.zeros(runs, bool))
 
 
 @pytest.fixture(scope="module")

@@ -91,7 +91,9 @@ def deployments() -> dict[str, Deployment]:
     rng = np.random.default_rng(2)
     x = rng.normal(size=(7, 5, 2))
     return {
-        law: Deployment(law, x, rng.random(7) < 0.5, rng.random(7) < 0.1)
+        law: Deployment(
+            law, x, *(rng.random(7) < share for share in (0.5, 0.1, 0.3)), walled=law == "coherent"
+        )
         for law in ("coherent", "independent")
     }
 
