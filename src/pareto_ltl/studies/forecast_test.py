@@ -134,7 +134,8 @@ def mission_run(context: ForecastTestContext, task: Mission, fidelity: str) -> R
     folder = readings.files[0].parent
     wind = held_wind(settings.wind, folder, readings, seconds(str(task.scene.time_zero)), cfg.hours)
     mine = shared.mission_settings(settings, cfg, task, fidelity, wind)
-    return study_run(mine, Records({SCENE: task.scene, READINGS: readings}))
+    scene = replace(task.scene, border=mine.border)  # that of the fidelity, where scene.border is auto
+    return study_run(mine, Records({SCENE: scene, READINGS: readings}))
 
 
 def forecast_part(context: ForecastTestContext, k: int) -> Columns:
