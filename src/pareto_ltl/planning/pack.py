@@ -134,19 +134,8 @@ def pack_wind(field: WindField, dt: float, max_steps: int) -> kd.Wind:
     return kd.Wind(
         float(field.origin[0]), float(field.origin[1]), 1.0 / field.spacing, slot.astype(np.int64), weight,
         np.ascontiguousarray(field.mean), np.ascontiguousarray(field.latent_var),
-        np.ascontiguousarray(field.gust_var), time_variance(field, t, slot, weight),
+        np.ascontiguousarray(field.gust_var), field.time_variance(t),
     )  # fmt: skip
-
-
-def time_variance(field: WindField, t: FloatArray, slot: IntArray, weight: FloatArray) -> FloatArray:
-    """Variance (S,) of interpolation in time at times ``t`` [s] that lie at ``weight`` past ``slot``."""
-    if field.error is None:
-        return np.zeros(len(t))
-    late = t - field.times[-1]
-    if len(field.times) == 1:
-        return field.error.change_variance(np.maximum(late, 0.0))
-    between = field.error.between_variance(weight, np.asarray(np.diff(field.times)[slot], float))
-    return np.where(late > 0.0, field.error.change_variance(np.maximum(late, 0.0)), between)
 
 
 def pack_modes(field: WindField, wind: kd.Wind, dt: float, speed: float) -> kd.Modes:

@@ -127,7 +127,8 @@ def wind_figure(scene: Scene, wind: WindField, plan: Plan | None) -> Figure:
     inner, west = 2.35, 0.48
     height = inner * float(np.clip(np.ptp(y) / max(np.ptp(x), 1.0), 0.35, 1.6))
     figure = style.blank_figure(style.PAGE_WIDTH, height + 0.85)
-    deviation = np.sqrt((latent + gust).mean(axis=-1))  # of one component, averaged over u and v
+    between = float(wind.time_variance(np.array([t]))[0])
+    deviation = np.sqrt((latent + gust).mean(axis=-1) + between)  # of one component, averaged over u and v
     panels = (
         ("(a) Expected wind", "speed [m/s]", np.hypot(mean[..., 0], mean[..., 1]), "viridis"),
         ("(b) Standard deviation of a component", "standard deviation [m/s]", deviation, "cividis"),
@@ -145,11 +146,18 @@ def wind_figure(scene: Scene, wind: WindField, plan: Plan | None) -> Figure:
         bar.set_label(label)
         bar.outline.set_linewidth(0.5)
         style.text_at(figure, left, 0.42 + height + 0.05, title, va="bottom", fontweight="bold")
-    when = ", ".join(
-        text for text in (utc_text(scene, t), moment, f"source: {wind.source}" if wind.source else "") if text
-    )
+    when = ", ".join(text for text in (utc_text(scene, t), moment, _origin_text(wind)) if text)
     style.text_at(figure, west, 0.42 + height + 0.22, when[:1].upper() + when[1:], va="bottom")
     return figure
+
+
+def _origin_text(wind: WindField) -> str:
+    """Level, source and law of forecast errors; empty for a field of unknown source."""
+    if not wind.source:
+        return ""
+    law = "" if wind.error is None else f", forecast errors: {wind.error.name}"
+    first, *others = wind.source.split(", ")
+    return f"wind at {wind.level}{law}, source: {first}{' and others' if others else ''}"
 
 
 def _draw_surface(chart: MapAxes, wind: WindField, values: FloatArray, cmap: str) -> None:

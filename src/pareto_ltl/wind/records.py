@@ -224,6 +224,22 @@ class WindField(Displayed):
         """End of the time for which the wind is known [s since time_zero]."""
         return float(self.times[-1]) if self.until is None else self.until
 
+    def time_variance(self, t: FloatArray) -> FloatArray:
+        """Variance [m²/s²] of interpolation in time at times ``t`` (S,) [s since time_zero], shape (S,).
+
+        0 at the times of the slots; past the last one, which is held, the change of the wind since then.
+        """
+        if self.error is None:
+            return np.zeros(len(t))
+        late = np.maximum(t - self.times[-1], 0.0)
+        held = self.error.change_variance(late)
+        if len(self.times) == 1:
+            return held
+        slot = np.clip(np.searchsorted(self.times, t, side="right") - 1, 0, len(self.times) - 2)
+        gap = np.diff(self.times)[slot]
+        share = np.clip((t - self.times[slot]) / gap, 0.0, 1.0)
+        return np.asarray(np.where(late > 0.0, held, self.error.between_variance(share, gap)), float)
+
     def facts(self) -> Mapping[str, str]:
         k, east, north = self.mean.shape[:3]
         return {
