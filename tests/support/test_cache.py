@@ -24,10 +24,10 @@ from pareto_ltl.wind.records import WindObservations
 from pareto_ltl.wind import field, gp as regression
 
 whole = regression.fit_posterior
-def noted(cfg, seen):
+def noted(cfg, seen, bounds):
     with open("fits.txt", "a") as file:
         file.write("fit\\n")
-    return whole(cfg, seen)
+    return whole(cfg, seen, bounds)
 regression.fit_posterior = noted
 place = {"a": [[5e5, 5e5], [6e5, 5e5], [5e5, 6e5]]}
 scene = read_scene(SceneConfig(bounds=[[0, 0], [1e6, 1e6]], start=[1e5, 1e5], regions=place), None)

@@ -394,7 +394,10 @@ def test_the_file_holds_what_the_field_was_fitted_from(few, tmp_path):
         np.testing.assert_array_equal(points, few.points[k])
         np.testing.assert_array_equal(winds, few.winds[k])
     hyper = tuple((regression.Hyper(*east), regression.Hyper(*north)) for east, north in again.hyper)
-    seen = regression.WindPosterior(wind.times, again.points, again.winds, again.kernel, hyper, {})
+    anchors, squares = regression.squared_residuals(again.kernel, again.points, again.winds, hyper)
+    seen = regression.WindPosterior(
+        wind.times, again.points, again.winds, again.kernel, hyper, {}, anchors, squares
+    )
     mean, var = seen.at(wind.origin + wind.spacing * np.array([[3, 5], [20, 40]]))
     np.testing.assert_allclose(mean, wind.mean[:, [3, 20], [5, 40]])
     np.testing.assert_allclose(var, wind.latent_var[:, [3, 20], [5, 40]])
@@ -407,7 +410,7 @@ def test_the_file_holds_what_the_field_was_fitted_from(few, tmp_path):
 
 def test_calm_air_comes_back_from_its_file(tmp_path):
     still = np.zeros((1, 3, 4, 2))
-    wind = WindField(np.zeros(2), 5.0, np.zeros(1), still, still, np.zeros((1, 2)), True)
+    wind = WindField(np.zeros(2), 5.0, np.zeros(1), still, still, np.zeros((1, 2)), np.inf)
     same(read_netcdf(write_netcdf(wind, tmp_path / "wind.nc")), wind)
 
 

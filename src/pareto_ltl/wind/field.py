@@ -13,6 +13,7 @@ from pareto_ltl.settings import WindConfig
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import probability_text
 from pareto_ltl.wind.fit_cache import cached_wind_table
+from pareto_ltl.wind.forecast_error import HOUR
 from pareto_ltl.wind.gp import Hyper
 from pareto_ltl.wind.records import WindEvidence, WindField, WindModes, WindObservations
 from pareto_ltl.wind.tabulate import NodeLattice, WindTable, WindTask, tabulate_wind
@@ -42,7 +43,7 @@ def fit_wind_field(
     lattice = wind_lattice(cfg, scene)
     if not any(len(points) for points in observations.points):
         return _calm_field(lattice, observations.source)
-    seen = _observations_until(observations, horizon)
+    seen = _held(cfg, _observations_until(observations, horizon))
     task = _wind_task(cfg, seen, scene, lattice, horizon)
     table = cached_wind_table(task) if cfg.cache else tabulate_wind(task)
     _warn_about_score(table.score)
@@ -64,6 +65,11 @@ def fit_wind_field(
         ends=seen.ends,
         error=None if seen.error is None else seen.error.shared(seen.forecast_share),
     )
+
+
+def _held(cfg: WindConfig, seen: WindObservations) -> WindObservations:
+    """The observations, of which ``wind.hold_last`` holds the last field for ``wind.max_gap``."""
+    return replace(seen, until=float(seen.times[-1]) + HOUR * cfg.max_gap) if cfg.hold_last else seen
 
 
 def _wind_task(

@@ -166,7 +166,7 @@ def _fitted(
         (Hyper(float(u), alpha, length, sigma), Hyper(float(v), alpha, length, sigma))
         for u, v in (w.mean(axis=0) for w in winds)
     )
-    anchors, squares = _squared_residuals(cfg.kernel, points, winds, hyper)
+    anchors, squares = squared_residuals(cfg.kernel, points, winds, hyper)
     return WindPosterior(seen.times, points, winds, cfg.kernel, hyper, {}, anchors, squares)
 
 
@@ -277,7 +277,7 @@ def leave_one_out(
     return z
 
 
-def _squared_residuals(
+def squared_residuals(
     kernel: str,
     points: Sequence[FloatArray],
     winds: Sequence[FloatArray],
@@ -403,5 +403,6 @@ __all__ = [
     "maximise_likelihood",
     "pairwise_distances",
     "scaled_variance",
+    "squared_residuals",
     "variance_factor",
 ]
