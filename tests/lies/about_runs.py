@@ -73,7 +73,7 @@ SEARCH_LIES = (
     Lie(
         "a row of the front is better",
         in_front(lambda rows: rows[-1].update(length_m="1e3")),
-        ("front: hypervolume", "front: numbers"),
+        ("front: hypervolume",),
     ),
     Lie("the hypervolume is larger", in_metrics({"hypervolume": 0.99}), ("front: hypervolume",)),
     Lie(
