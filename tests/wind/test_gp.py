@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -176,6 +177,14 @@ def test_uniform_wind_is_reproduced_without_a_warning(kernel, n):
     np.testing.assert_allclose(mean[0], np.tile([4.0, -3.0], (20, 1)), atol=1e-9)
     assert (var >= 0).all()
     assert (np.sqrt(posterior.gust_var) >= WindConfig().noise_min * (1 - 1e-9)).all()
+
+
+def test_the_last_bits_of_the_readings_do_not_change_the_hyperparameters():
+    """Else processors that round differently would plan with different winds."""
+    seen = observed(noise=1.0, length=4e5)
+    other = replace(seen, winds=tuple(w * (1 + 1e-11) for w in seen.winds))
+    one, two = (regression.fit_posterior(WindConfig(), readings).hyper[0][0] for readings in (seen, other))
+    assert (one.amplitude, one.length, one.noise) == (two.amplitude, two.length, two.noise)
 
 
 @pytest.mark.parametrize("noise_min", [0.3, 2.0, 6.0])

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from pareto_ltl.cli.arguments import CommandArguments, run_reported
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.messages import shown_value
+from pareto_ltl.wind.readings import HOUR
 
 if TYPE_CHECKING:
     from pareto_ltl.wind.block_bootstrap import Interval, Resampling
@@ -17,7 +18,6 @@ if TYPE_CHECKING:
     from pareto_ltl.wind.forecast_error import ForecastError
     from pareto_ltl.wind.snapshots import Snapshot
 
-HOUR = 3600.0
 EVERYWHERE = "all"
 LONGEST_NAME = 200  # as the schema has it
 

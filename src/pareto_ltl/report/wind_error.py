@@ -12,9 +12,10 @@ from matplotlib.figure import Figure
 from pareto_ltl.report import style
 from pareto_ltl.report.study_axes import hide_frame
 from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.wind.error_estimate import ASYMMETRY, HOUR, MIXED, ErrorEstimate, ErrorTable, LengthFit
+from pareto_ltl.wind.error_estimate import ASYMMETRY, MIXED, ErrorEstimate, ErrorTable, LengthFit
 from pareto_ltl.wind.forecast_error import ForecastError
 from pareto_ltl.wind.gp import CORRELATIONS
+from pareto_ltl.wind.readings import HOUR
 
 HEIGHT, PANEL, WEST, GAP, BASE, TOP = 2.35, 1.86, 0.44, 0.5, 0.42, 0.3  # [in]
 ERROR_COLOUR, CHANGE_COLOUR = style.VERMILLION, style.BLUE

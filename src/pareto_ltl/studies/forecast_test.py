@@ -35,11 +35,10 @@ from pareto_ltl.support.fingerprints import file_fingerprint
 from pareto_ltl.wind.area import GeoBox, box_of
 from pareto_ltl.wind.ingest import common_nodes, winds_at
 from pareto_ltl.wind.observations import FIT_RADIUS
-from pareto_ltl.wind.readings import Readings, seconds
+from pareto_ltl.wind.readings import HOUR, Readings, seconds
 from pareto_ltl.wind.snapshots import Snapshot, known_at, latest_readings
 from pareto_ltl.wind.sources.grib_apart import read_grib_snapshots
 
-HOUR = 3600.0
 REGIONS = {"west of 105 W": -105.0, "105 to 90 W": -90.0, "east of 90 W": 180.0}  # eastern ends [deg]
 REGION_KEYS = ("fidelity", "region")
 ENOUGH = 20  # missions of a bin whose verdict counts

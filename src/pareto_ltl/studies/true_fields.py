@@ -12,7 +12,7 @@ from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.resources import checkout
 from pareto_ltl.wind import field as lattices
-from pareto_ltl.wind.readings import Readings, iso, seconds
+from pareto_ltl.wind.readings import Readings, iso, seconds, wrap_longitude
 from pareto_ltl.wind.records import WindField
 from pareto_ltl.world import projection
 from pareto_ltl.world.scene import Scene
@@ -137,7 +137,7 @@ def interpolated(
     linear on triangles otherwise. Longitudes count from ``middle``, so that grids may wrap anywhere."""
     from scipy.interpolate import LinearNDInterpolator, RegularGridInterpolator
 
-    east, there = _around(nodes[:, 0], middle), np.stack([_around(lon, middle), lat], axis=-1)
+    east, there = wrap_longitude(nodes[:, 0] - middle), np.stack([wrap_longitude(lon - middle), lat], axis=-1)
     columns, i = np.unique(np.round(east, 6), return_inverse=True)
     rows, j = np.unique(np.round(nodes[:, 1], 6), return_inverse=True)
     if len(columns) * len(rows) == len(nodes):
@@ -150,7 +150,3 @@ def interpolated(
         return np.full((len(lon), 2), np.nan)
     corners = np.stack([east[near], nodes[near, 1]], axis=-1)
     return np.asarray(LinearNDInterpolator(corners, winds[near])(there), float)
-
-
-def _around(lon: FloatArray, middle: float) -> FloatArray:
-    return np.asarray((lon - middle + 180.0) % 360.0 - 180.0, float)

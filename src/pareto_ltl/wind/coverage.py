@@ -7,8 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pareto_ltl.support.display import probability_text
-from pareto_ltl.wind.forecast_error import HOUR
-from pareto_ltl.wind.readings import iso, seconds
+from pareto_ltl.wind.readings import HOUR, iso, seconds
 from pareto_ltl.wind.records import ENSEMBLE, WindField
 
 

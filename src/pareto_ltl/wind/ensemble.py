@@ -23,7 +23,7 @@ import numpy as np
 
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.wind.readings import Readings, iso
+from pareto_ltl.wind.readings import Readings, iso, wrap_longitude
 from pareto_ltl.wind.snapshots import Snapshot
 
 FEWEST_MEMBERS = 2
@@ -125,16 +125,11 @@ def _at_nodes(snap: Snapshot, nodes: FloatArray) -> FloatArray:
     from scipy.spatial import cKDTree
 
     middle = float(np.median(nodes[:, 0]))
-    own, there = (np.column_stack([_around(p[:, 0], middle), p[:, 1]]) for p in (snap.points, nodes))
+    own, there = (np.column_stack([wrap_longitude(p[:, 0] - middle), p[:, 1]]) for p in (snap.points, nodes))
     found = np.asarray(LinearNDInterpolator(own, snap.winds)(there), float)
     far = cKDTree(own).query(there)[0] > LARGEST_GAP
     found[far] = np.nan
     return found
-
-
-def _around(lon: FloatArray, middle: float) -> FloatArray:
-    """Longitudes counted from ``middle`` [deg], so that a grid may wrap anywhere."""
-    return np.asarray((lon - middle + 180.0) % 360.0 - 180.0, float)
 
 
 __all__ = ["ensemble_readings"]

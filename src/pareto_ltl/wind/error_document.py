@@ -12,9 +12,9 @@ import numpy as np
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.fingerprints import file_fingerprint
 from pareto_ltl.wind.block_bootstrap import Interval
-from pareto_ltl.wind.error_estimate import HOUR, ErrorEstimate, ErrorTable
+from pareto_ltl.wind.error_estimate import ErrorEstimate, ErrorTable
 from pareto_ltl.wind.forecast_error import ForecastError
-from pareto_ltl.wind.readings import iso
+from pareto_ltl.wind.readings import HOUR, iso
 
 
 def estimated_law(estimate: ErrorEstimate, name: str, usual: ForecastError) -> ForecastError:

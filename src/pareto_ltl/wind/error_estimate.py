@@ -33,9 +33,9 @@ from pareto_ltl.support.errors import DataError
 from pareto_ltl.wind.block_bootstrap import Interval, Resampling
 from pareto_ltl.wind.gp import CORRELATIONS
 from pareto_ltl.wind.matched_fields import MatchedFields, PairMoments, analyses, forecasts
+from pareto_ltl.wind.readings import HOUR
 from pareto_ltl.wind.snapshots import Snapshot
 
-HOUR = 3600.0
 FEWEST_PAIRS = 5  # for an entry of a table
 LENGTHS = np.geomspace(2e4, 4e6, 1000)  # that are tried [m]
 

@@ -13,8 +13,8 @@ from pareto_ltl.settings import WindConfig
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import probability_text
 from pareto_ltl.wind.fit_cache import cached_wind_table
-from pareto_ltl.wind.forecast_error import HOUR
 from pareto_ltl.wind.gp import Hyper
+from pareto_ltl.wind.readings import HOUR
 from pareto_ltl.wind.records import WindEvidence, WindField, WindModes, WindObservations
 from pareto_ltl.wind.tabulate import NodeLattice, WindTable, WindTask, tabulate_wind
 from pareto_ltl.world.scene import Scene
@@ -63,7 +63,7 @@ def fit_wind_field(
         leads=seen.leads,
         level=seen.level,
         ends=seen.ends,
-        error=None if seen.error is None else seen.error.shared(seen.forecast_share),
+        error=seen.error,
     )
 
 
@@ -76,10 +76,9 @@ def _wind_task(
     cfg: WindConfig, seen: WindObservations, scene: Scene, lattice: NodeLattice, horizon: float | None
 ) -> WindTask:
     """What is to be fitted and tabulated, with the variances of the parts of the error."""
-    forecast, between, lengths = np.zeros(len(seen.times)), np.zeros(len(seen.times)), (1.0, 1.0)
+    forecast, lengths = np.zeros(len(seen.times)), (1.0, 1.0)
     if seen.error is not None:
-        forecast = seen.error.shared(seen.forecast_share).forecast_variance(seen.leads)
-        between = time_variances(seen, horizon)
+        forecast = seen.error.forecast_variance(seen.leads)
         lengths = seen.error.forecast_length, seen.error.change_length
     return WindTask(
         kernel=cfg.kernel,
@@ -94,7 +93,7 @@ def _wind_task(
         bounds=scene.bounds,
         forecast_var=forecast,
         forecast_length=lengths[0],
-        time_var=between,
+        time_var=time_variances(seen, horizon),
         time_length=lengths[1],
         lattice=lattice,
         mode_lattice=modes_lattice(cfg, scene),

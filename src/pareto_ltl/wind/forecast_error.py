@@ -30,6 +30,7 @@ from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.reading import Advice
 from pareto_ltl.support.resources import PACKAGE
 from pareto_ltl.support.schemas import read_document
+from pareto_ltl.wind.readings import HOUR
 
 FORECAST_ERROR_SCHEMA = "pareto_ltl.forecast_error/1"
 LAWS_FOLDER = PACKAGE / "support" / "data" / "forecast_errors"
@@ -37,7 +38,6 @@ LAW_FILE = Advice(
     damaged="expected a file of `pareto-ltl wind-error`", missing="name a file of `pareto-ltl wind-error`"
 )
 SHORT_TIME_POWER = 1.3  # D ~ τ^1.3 below the shortest time of a table, as between 3 and 6 h in GFS winds
-HOUR = 3600.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -77,7 +77,7 @@ class WindPosterior:
         mean = np.empty((len(self.times), len(points), 2))
         var = np.empty_like(mean)
         factor = self.variance_factor(points)
-        for slots in _same_places(self.points):
+        for slots in same_places(self.points):
             near = pairwise_distances(self.points[slots[0]], self.points[slots[0]])
             cross = pairwise_distances(self.points[slots[0]], points)
             h, winds = self.hyper[slots[0]][0], np.stack([self.winds[k] for k in slots], axis=1)
@@ -147,9 +147,7 @@ def fit_posterior(
             start, score = trial.hyper[0][0], _score(trial, observations, out)
         everything = [np.ones(len(points), bool) for points in observations.points]
         posterior = _fitted(cfg, observations, everything, start)
-    return WindPosterior(
-        **{name: getattr(posterior, name) for name in WindPosterior.__slots__ if name != "score"}, score=score
-    )
+    return replace(posterior, score=score)
 
 
 # --- hyperparameters --------------------------------------------------------------------------
@@ -175,11 +173,11 @@ def maximise_likelihood(
 ) -> tuple[float, float, float]:
     """Amplitude [m/s], length scale [m] and noise [m/s] that all times and both components share.
 
-    Times whose readings stand at the same places share one Cholesky factor.
+    Times whose readings stand at the same places share one Cholesky factor. Four significant digits.
     """
     from scipy.optimize import minimize
 
-    groups = [_fit_group(points, winds, slots) for slots in _same_places(points)]
+    groups = [_fit_group(points, winds, slots) for slots in same_places(points)]
     scale = max(float(np.sqrt(np.mean(np.concatenate([y.ravel() for _, y in groups]) ** 2))), cfg.noise_min)
     everywhere = np.concatenate([x for x, _ in groups])
     reach = float(np.sqrt(np.var(everywhere, axis=0).mean()))  # > 0: positions differ
@@ -199,7 +197,20 @@ def maximise_likelihood(
     begin = np.log([f if i == 1 else f**2 for i, f in enumerate(first)])
     found = minimize(loss, np.clip(begin, *limits.T), jac=True, method="L-BFGS-B", bounds=limits)
     alpha2, length, sigma2 = np.exp(found.x)
-    return float(np.sqrt(alpha2)) * scale, float(length) * reach, float(np.sqrt(sigma2)) * scale
+    return (
+        _significant(np.sqrt(alpha2) * scale),
+        _significant(length * reach),
+        max(_significant(np.sqrt(sigma2) * scale), cfg.noise_min),
+    )
+
+
+def _significant(value: float) -> float:
+    """``value`` to four significant digits.
+
+    The search ends within its tolerance, where the last bits of BLAS decide; the likelihood does not tell
+    such values apart, and plans made on different processors should not.
+    """
+    return float(f"{value:.3e}")
 
 
 def _fit_group(
@@ -224,7 +235,7 @@ def _likelihood_model(kernel: str, x: FloatArray, y: FloatArray) -> Any:
     return GaussianProcessRegressor(whole, alpha=RELATIVE_JITTER, optimizer=None).fit(x, y)
 
 
-def _same_places(points: Sequence[FloatArray]) -> list[IntArray]:
+def same_places(points: Sequence[FloatArray]) -> list[IntArray]:
     """Indices of times, grouped by equal places."""
     groups: dict[tuple[tuple[int, ...], bytes], list[int]] = {}
     for k, places in enumerate(points):
@@ -260,21 +271,29 @@ def _condition_gp(
 
 
 def leave_one_out(
-    kernel: str, points: FloatArray, winds: FloatArray, pair: tuple[Hyper, Hyper]
-) -> FloatArray:
-    """Standardised leave-one-out residuals z of one time, shape (n, 2).
+    kernel: str,
+    points: Sequence[FloatArray],
+    winds: Sequence[FloatArray],
+    hyper: Sequence[tuple[Hyper, Hyper]],
+) -> list[FloatArray]:
+    """Standardised leave-one-out residuals z of each time, shapes (n_k, 2).
 
     Rasmussen and Williams (2006), Eqs. 5.10 to 5.12::
 
         r_i = [K⁻¹ (w - m)]_i / [K⁻¹]_ii,   Var r_i = 1 / [K⁻¹]_ii,   z_i = r_i / √(Var r_i)
+
+    Times whose readings stand at the same places share one K⁻¹.
     """
-    h = pair[0]
-    K = h.amplitude**2 * CORRELATIONS[kernel](pairwise_distances(points, points) / h.length)
-    K[np.diag_indices_from(K)] += h.noise**2 + RELATIVE_JITTER * h.amplitude**2
-    K_inv = np.linalg.inv(K)
-    deviations = winds - np.array([each.mean for each in pair])
-    z: FloatArray = K_inv @ deviations / np.sqrt(np.diag(K_inv))[:, None]
-    return z
+    residuals: dict[int, FloatArray] = {}
+    for slots in same_places(points):
+        h, places = hyper[slots[0]][0], points[slots[0]]
+        K = h.amplitude**2 * CORRELATIONS[kernel](pairwise_distances(places, places) / h.length)
+        K[np.diag_indices_from(K)] += h.noise**2 + RELATIVE_JITTER * h.amplitude**2
+        K_inv = np.linalg.inv(K)
+        for k in slots.tolist():
+            deviations = winds[k] - np.array([each.mean for each in hyper[k]])
+            residuals[k] = K_inv @ deviations / np.sqrt(np.diag(K_inv))[:, None]
+    return [residuals[k] for k in range(len(points))]
 
 
 def squared_residuals(
@@ -284,12 +303,9 @@ def squared_residuals(
     hyper: Sequence[tuple[Hyper, Hyper]],
 ) -> tuple[FloatArray, FloatArray]:
     """Places (A, 2), and the mean of z² there over times and components (A,)."""
-    anchors, squares = [], []
-    for slots in _same_places(points):
-        z = np.stack([leave_one_out(kernel, points[k], winds[k], hyper[k]) for k in slots])
-        anchors.append(points[slots[0]])
-        squares.append((z**2).mean(axis=(0, 2)))
-    return np.concatenate(anchors), np.concatenate(squares)
+    residuals, groups = leave_one_out(kernel, points, winds, hyper), same_places(points)
+    squares = [(np.stack([residuals[k] for k in slots]) ** 2).mean(axis=(0, 2)) for slots in groups]
+    return np.concatenate([points[slots[0]] for slots in groups]), np.concatenate(squares)
 
 
 def variance_factor(anchors: FloatArray, squares: FloatArray, points: FloatArray) -> FloatArray:
@@ -337,10 +353,10 @@ def _score(fit: WindPosterior, seen: WindObservations, out: Sequence[BoolArray])
     for k, mask in enumerate(out):
         if not mask.any():
             continue
-        one = WindPosterior(
-            fit.times[k : k + 1], fit.points[k : k + 1], fit.winds[k : k + 1], fit.kernel,
-            fit.hyper[k : k + 1], {}, fit.anchors, fit.squares,
-        )  # fmt: skip
+        own = slice(k, k + 1)
+        one = replace(
+            fit, times=fit.times[own], points=fit.points[own], winds=fit.winds[own], hyper=fit.hyper[own]
+        )
         mean, var = one.at(seen.points[k][mask])
         sd = np.sqrt(var[0] + fit.gust_var[k])
         z.append(((seen.winds[k][mask] - mean[0]) / sd).ravel())
@@ -402,6 +418,7 @@ __all__ = [
     "leave_one_out",
     "maximise_likelihood",
     "pairwise_distances",
+    "same_places",
     "scaled_variance",
     "squared_residuals",
     "variance_factor",

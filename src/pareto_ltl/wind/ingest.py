@@ -14,7 +14,7 @@ from pareto_ltl.support.files import write_text
 from pareto_ltl.support.fingerprints import file_fingerprint
 from pareto_ltl.wind.levels import parse_level
 from pareto_ltl.wind.observations import FEWEST_READINGS
-from pareto_ltl.wind.readings import Readings, farthest_points, iso, on_sphere, seconds
+from pareto_ltl.wind.readings import Readings, farthest_points, iso, node_rows, on_sphere, seconds
 from pareto_ltl.wind.sources.csv_files import write_csv_table
 
 
@@ -99,8 +99,7 @@ def common_nodes(readings: Readings, kept: IntArray, ingest: IngestConfig) -> Fl
 
 def winds_at(readings: Readings, k: int, nodes: FloatArray) -> FloatArray:
     """Winds (N, 2) [m/s] of time k at ``nodes`` (N, 2) [deg], which must be nodes of that time."""
-    rows = {(lon, lat): i for i, (lon, lat) in enumerate(readings.points[k].tolist())}
-    return readings.winds[k][[rows[lon, lat] for lon, lat in nodes.tolist()]]
+    return readings.winds[k][node_rows(readings.points[k], nodes)]
 
 
 def _table_provenance(

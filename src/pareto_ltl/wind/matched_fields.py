@@ -10,7 +10,7 @@ import numpy as np
 
 from pareto_ltl.support.arrays import FloatArray, IntArray
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.wind.readings import iso, on_sphere
+from pareto_ltl.wind.readings import iso, node_rows, on_sphere
 from pareto_ltl.wind.snapshots import Snapshot
 
 EARTH_RADIUS = 6_371_000.0  # [m]
@@ -79,7 +79,7 @@ class MatchedFields:
                     "keep one member"
                 )
             if not np.array_equal(points, snap.points):
-                points, rows = snap.points, _rows(snap.points, self.nodes)
+                points, rows = snap.points, node_rows(snap.points, self.nodes)
             self.winds[key] = snap.winds[rows]
 
     @property
@@ -161,12 +161,6 @@ def _common_nodes(snapshots: Sequence[Snapshot], area: Sequence[Sequence[float]]
             f"{FEWEST_NODES}; name another --area, or files of one grid that cover it"
         )
     return nodes
-
-
-def _rows(points: FloatArray, nodes: FloatArray) -> IntArray:
-    """Rows of ``nodes`` in ``points``."""
-    rows = {(lon, lat): row for row, (lon, lat) in enumerate(points.tolist())}
-    return np.array([rows[lon, lat] for lon, lat in nodes.tolist()])
 
 
 __all__ = ["MatchedFields", "PairMoments", "analyses", "forecasts"]

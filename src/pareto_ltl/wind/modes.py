@@ -29,6 +29,7 @@ from pareto_ltl.wind.gp import (
     WindPosterior,
     leave_one_out,
     pairwise_distances,
+    same_places,
     scaled_variance,
 )
 from pareto_ltl.wind.records import ENSEMBLE, FORECAST, SPACE, TIME
@@ -135,32 +136,18 @@ def _space_spectrum(
         return leading_modes(C, most), float(np.trace(C)), _matrix_lags(C, shape)
 
     # Both components have one covariance, and so have slots with readings at the same places.
-    owners = _first_alike(posterior)
-    distinct = sorted(set(owners))
+    groups = same_places(posterior.points)
     with threadpool_limits(1):
-        found = dict(
-            zip(
-                distinct,
-                Parallel(n_jobs=min(len(distinct), cores()), prefer="threads")(
-                    delayed(one)(k) for k in distinct
-                ),
-                strict=True,
-            )
+        found = Parallel(n_jobs=min(len(groups), cores()), prefer="threads")(
+            delayed(one)(int(slots[0])) for slots in groups
         )
-    columns = max(psi.shape[1] for psi, _, _ in found.values())
-    psi = np.zeros((len(owners), len(nodes), 2, columns))
-    for k, owner in enumerate(owners):
-        psi[k, ..., : found[owner][0].shape[1]] = found[owner][0][:, None]
-    total = np.array([[found[owner][1]] * 2 for owner in owners])
-    return _Spectrum(psi, total, 2.0 * np.sum([found[owner][2] for owner in owners], axis=0))
-
-
-def _first_alike(posterior: WindPosterior) -> list[int]:
-    """For each slot the first one with readings at the same places."""
-    return [
-        next(i for i in range(k + 1) if np.array_equal(posterior.points[i], posterior.points[k]))
-        for k in range(len(posterior.points))
-    ]
+    psi = np.zeros((len(posterior.times), len(nodes), 2, max(leading.shape[1] for leading, _, _ in found)))
+    total, lags = np.zeros((len(posterior.times), 2)), np.zeros_like(found[0][2])
+    for slots, (leading, trace, own) in zip(groups, found, strict=True):
+        psi[slots, ..., : leading.shape[1]] = leading[:, None]
+        total[slots] = trace
+        lags += 2.0 * len(slots) * own
+    return _Spectrum(psi, total, lags)
 
 
 def posterior_covariance(
@@ -323,10 +310,7 @@ def error_persistence(posterior: WindPosterior) -> float:
     ``FEWEST_PAIRS`` pairs, ρ = 1: errors do not change during a flight, the conservative case.
     """
     slots = len(posterior.times)
-    residuals = [
-        leave_one_out(posterior.kernel, posterior.points[k], posterior.winds[k], posterior.hyper[k])
-        for k in range(slots)
-    ]
+    residuals = leave_one_out(posterior.kernel, posterior.points, posterior.winds, posterior.hyper)
     correlations: list[float] = []
     for apart in range(1, slots):
         if correlations and np.median(posterior.times[apart:] - posterior.times[:-apart]) > DAY:

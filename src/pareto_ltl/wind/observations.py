@@ -10,7 +10,7 @@ from pareto_ltl.settings import WindConfig
 from pareto_ltl.support.arrays import FloatArray, IntArray
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.wind.forecast_error import forecast_error_law
-from pareto_ltl.wind.readings import Readings, farthest_points, iso, on_sphere, seconds
+from pareto_ltl.wind.readings import HOUR, Readings, farthest_points, iso, on_sphere, seconds
 from pareto_ltl.wind.records import WindObservations
 from pareto_ltl.wind.sources import wind_source
 from pareto_ltl.world.scene import Scene
@@ -19,7 +19,6 @@ FEWEST_READINGS = 5  # readings near the scene, at each time
 ENOUGH_READINGS = 40  # readings near the scene, at each time, without which those farther away are used too
 FIT_RADIUS = 500e3  # [m], about one correlation length of the 10 m wind over land
 HORIZON_ANGLE = np.deg2rad(45.0)  # readings farther away carry no information and are distorted in the plane
-HOUR = 3600.0
 LOG = logging.getLogger(__name__)
 
 
@@ -56,9 +55,8 @@ def place_readings(cfg: WindConfig, readings: Readings, scene: Scene) -> WindObs
         level=readings.level,
         until=until - zero,
         ends=ends,
-        error=law.for_winds(readings.level, _spread(winds)),
+        error=law.for_winds(readings.level, _spread(winds)).shared(readings.forecast_share),
         members=tuple(members for _, _, members in placed) if readings.members else (),
-        forecast_share=readings.forecast_share,
     )
 
 

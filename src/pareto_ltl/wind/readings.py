@@ -13,6 +13,9 @@ from numpy.typing import NDArray
 from pareto_ltl.support.arrays import FloatArray, IntArray
 from pareto_ltl.support.errors import DataError
 
+HOUR = 3600.0  # [s]
+KNOT = 1852.0 / 3600.0  # [m/s]
+
 
 @dataclass(frozen=True, slots=True)
 class Readings:
@@ -93,6 +96,12 @@ def lead_text(lead: float) -> str:
 CALM = Readings(np.empty(0), (), (), geographic=False, files=(), remarks=(), origins=(), leads=np.empty(0))
 
 
+def node_rows(points: FloatArray, nodes: FloatArray) -> IntArray:
+    """Row in ``points`` (M, 2) of each of ``nodes`` (N, 2), which must be among them, (N,)."""
+    rows = {(lon, lat): row for row, (lon, lat) in enumerate(points.tolist())}
+    return np.array([rows[lon, lat] for lon, lat in nodes.tolist()], np.int64)
+
+
 def check_readings(
     points: FloatArray,
     winds: FloatArray,
@@ -154,11 +163,14 @@ def _first_true(mask: NDArray[np.bool_] | np.bool_) -> int | None:
 
 
 __all__ = [
+    "HOUR",
+    "KNOT",
     "Readings",
     "check_readings",
     "farthest_points",
     "iso",
     "lead_text",
+    "node_rows",
     "on_sphere",
     "seconds",
     "wrap_longitude",

@@ -43,8 +43,6 @@ class WindObservations:
         Error of forecasts and change of the wind in time; None: neither is covered.
     members : tuple of K (n_k, 2, M) float
         Deviations of the members of an ensemble at ``points`` [m/s], whose squares sum up to the variance.
-    forecast_share : float
-        Share of the variance of ``error`` that applies: less than 1 beside an ensemble.
     """
 
     times: FloatArray
@@ -57,7 +55,6 @@ class WindObservations:
     ends: str = ""
     error: ForecastError | None = None
     members: tuple[FloatArray, ...] = ()
-    forecast_share: float = 1.0
 
     def __post_init__(self) -> None:
         if not len(self.leads):

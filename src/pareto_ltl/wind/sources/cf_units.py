@@ -7,8 +7,8 @@ from datetime import UTC, datetime, timedelta, timezone
 
 from pareto_ltl.support.messages import shown_value
 from pareto_ltl.wind.levels import HEIGHT, PRESSURE
+from pareto_ltl.wind.readings import KNOT
 
-KNOT = 1852.0 / 3600.0  # [m/s]
 SPEEDS = {
     **dict.fromkeys(("ms-1", "m/s", "m/sec", "meters/second", "meter/second", "metersecond-1", "mps"), 1.0),
     **dict.fromkeys(("meterspersecond", "meters-1", "metres-1", "msec-1", "ms**-1", "ms^-1"), 1.0),

@@ -12,7 +12,8 @@ import gzip
 import io
 import re
 import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -24,12 +25,20 @@ from pareto_ltl.support.arrays import FloatArray, IntArray
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.files import write_text
 from pareto_ltl.support.messages import shown_text, shown_value
-from pareto_ltl.wind.readings import Readings, check_readings, iso, lead_text, seconds, wrap_longitude
+from pareto_ltl.wind.readings import (
+    HOUR,
+    KNOT,
+    Readings,
+    check_readings,
+    iso,
+    lead_text,
+    seconds,
+    wrap_longitude,
+)
 from pareto_ltl.wind.sources.magic import format_of, refuse_other_format
 
 GEOGRAPHIC_COLUMNS = ("time", "lat", "lon", "u", "v")
 MOST_UNPACKED = 2**28  # [bytes] of a packed table
-KNOT = 1852.0 / 3600.0  # [m/s]
 SPEED_UNITS = {  # [m/s], by what stands in the title of a column; without a unit it is m/s
     "": 1.0, "m/s": 1.0, "m s-1": 1.0, "ms": 1.0, "mps": 1.0,
     "kt": KNOT, "kts": KNOT, "kn": KNOT, "knot": KNOT, "knots": KNOT,
@@ -38,7 +47,6 @@ SPEED_UNITS = {  # [m/s], by what stands in the title of a column; without a uni
 PLANAR_COLUMNS = ("time", "x", "y", "u", "v")
 LEAD_COLUMN = "lead_hours"
 LONGEST_LEAD = 10_000.0  # [h]
-HOUR = 3600.0  # [s]
 
 
 def read_csv_files(files: tuple[Path, ...], max_speed: float) -> Readings:
@@ -117,20 +125,11 @@ class _Table:
 
 def _read_csv_file(file: Path, max_speed: float) -> _Table:
     """The checked rows of ``file``."""
-    try:
-        with open_table(file) as stream:
-            reader = csv.reader(stream)
-            header = [name.strip().lower() for name in next(reader, [])]
-            columns, speeds = _find_columns(file, header)
-            cells = [(reader.line_num, row) for row in reader if any(cell.strip() for cell in row)]
-    except OSError as error:
-        raise DataError(f"wind file {file} cannot be read: {error.strerror or error}") from None
-    except (EOFError, zlib.error) as error:
-        raise DataError(f"wind file {file} is damaged or cut off ({error}); fetch it again") from None
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise DataError(
-            f"wind file {file} is no CSV text ({error}); expected {','.join(GEOGRAPHIC_COLUMNS)}"
-        ) from None
+    with open_table(file, ",".join(GEOGRAPHIC_COLUMNS)) as stream:
+        reader = csv.reader(stream)
+        header = [name.strip().lower() for name in next(reader, [])]
+        columns, speeds = _find_columns(file, header)
+        cells = [(reader.line_num, row) for row in reader if any(cell.strip() for cell in row)]
     if not cells:
         raise DataError(f"wind file {file} has a header but no rows; expected {','.join(GEOGRAPHIC_COLUMNS)}")
     table = np.array([_parse_row(f"wind file {file}, row {number}", row, columns) for number, row in cells])
@@ -144,8 +143,21 @@ def _read_csv_file(file: Path, max_speed: float) -> _Table:
     return _Table(table[:, 0], leads, points, winds, numbers, geographic)
 
 
-def open_table(file: Path) -> IO[str]:
-    """The text of ``file``, which gzip may have packed."""
+@contextmanager
+def open_table(file: Path, expected: str) -> Iterator[IO[str]]:
+    """The text of ``file``, which gzip may have packed; what goes wrong while it is read is a DataError."""
+    try:
+        with _open_text(file) as stream:
+            yield stream
+    except OSError as error:
+        raise DataError(f"wind file {file} cannot be read: {error.strerror or error}") from None
+    except (EOFError, zlib.error) as error:
+        raise DataError(f"wind file {file} is damaged or cut off ({error}); fetch it again") from None
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise DataError(f"wind file {file} is no CSV text ({error}); expected {expected}") from None
+
+
+def _open_text(file: Path) -> IO[str]:
     with file.open("rb") as raw:
         head = raw.read(64)
     if format_of(head) != "packed with gzip" or file.suffix.lower() != ".gz":

@@ -17,12 +17,12 @@ from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.wind.area import Wanted
 from pareto_ltl.wind.ensemble import ensemble_readings
 from pareto_ltl.wind.levels import parse_level
-from pareto_ltl.wind.readings import Readings, iso, seconds
+from pareto_ltl.wind.readings import HOUR, Readings, iso, seconds
 from pareto_ltl.wind.snapshots import Snapshot, latest_readings
 from pareto_ltl.wind.sources.grib_apart import read_grib_snapshots, read_grib_with_notes
 from pareto_ltl.wind.sources.idx_files import parse_idx, wind_parts
 from pareto_ltl.wind.sources.noaa_cache import DownloadCache
-from pareto_ltl.wind.sources.noaa_models import HOUR, MODELS, NoaaModel
+from pareto_ltl.wind.sources.noaa_models import MODELS, NoaaModel
 
 LOG = logging.getLogger(__name__)
 MOST_IDX, MOST_MESSAGE = 4 * 2**20, 64 * 2**20  # [bytes]

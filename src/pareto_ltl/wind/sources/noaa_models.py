@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 
 from pareto_ltl.wind.area import GeoBox
+from pareto_ltl.wind.readings import HOUR
 
-HOUR = 3600.0  # [s]
 OLDEST_CYCLE = 48  # [h] cycles further back than this are not looked for
 Ladder = tuple[tuple[int, int], ...]
 

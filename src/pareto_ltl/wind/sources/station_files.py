@@ -13,7 +13,6 @@ from __future__ import annotations
 import csv
 import io
 import math
-import zlib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -25,11 +24,9 @@ from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.messages import shown_value
 from pareto_ltl.wind.area import GeoBox, refuse_empty_crop
-from pareto_ltl.wind.readings import Readings, check_readings, iso, seconds
-from pareto_ltl.wind.sources.cf_units import KNOT
+from pareto_ltl.wind.readings import HOUR, KNOT, Readings, check_readings, iso, seconds
 from pareto_ltl.wind.sources.csv_files import open_table
 
-HOUR = 3600.0  # [s]
 NAMES = {  # of the columns, by what they hold
     "station": ("station_id", "station", "icao", "icaoid", "usaf"),
     "time": ("observation_time", "valid", "time", "date"),
@@ -148,23 +145,14 @@ def _reports_of(
     file: Path, max_speed: float, dropped: dict[str, int]
 ) -> Iterator[tuple[_Report | None, bool]]:
     """Each report, or None where it is dropped, and whether it tells a gust."""
-    try:
-        with open_table(file) as stream:
-            reader = csv.reader(io.StringIO(stream.read(), newline=""))
-            columns = _columns(file, reader)
-            for row in reader:
-                if any(cell.strip() for cell in row):
-                    cells = {name: row[at].strip() if at < len(row) else "" for name, at in columns.items()}
-                    where = f"wind file {file}, row {reader.line_num}"
-                    yield _report(where, cells, max_speed, dropped), _is_number(cells.get("gust", ""))
-    except OSError as error:
-        raise DataError(f"wind file {file} cannot be read: {error.strerror or error}") from None
-    except (EOFError, zlib.error) as error:
-        raise DataError(f"wind file {file} is damaged or cut off ({error}); fetch it again") from None
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise DataError(
-            f"wind file {file} is no CSV text ({error}); expected a table of METAR reports"
-        ) from None
+    with open_table(file, "a table of METAR reports") as stream:
+        reader = csv.reader(io.StringIO(stream.read(), newline=""))
+        columns = _columns(file, reader)
+        for row in reader:
+            if any(cell.strip() for cell in row):
+                cells = {name: row[at].strip() if at < len(row) else "" for name, at in columns.items()}
+                where = f"wind file {file}, row {reader.line_num}"
+                yield _report(where, cells, max_speed, dropped), _is_number(cells.get("gust", ""))
 
 
 def _columns(file: Path, reader: Iterator[list[str]]) -> dict[str, int]:
