@@ -26,7 +26,13 @@ from pareto_ltl.settings.outputs import (
     ReportConfig,
     SweepConfig,
 )
-from pareto_ltl.settings.planner import LogicConfig, PlannerConfig, SelectionConfig, SmoothingConfig
+from pareto_ltl.settings.planner import (
+    LogicConfig,
+    PlannerConfig,
+    RefineConfig,
+    SelectionConfig,
+    SmoothingConfig,
+)
 from pareto_ltl.settings.robot import RobotConfig
 from pareto_ltl.settings.studies import (
     METHODS,
@@ -56,6 +62,7 @@ class Settings(CheckedSettings):
     logic: LogicConfig = field(default_factory=LogicConfig)
     planner: PlannerConfig = field(default_factory=PlannerConfig)
     smoothing: SmoothingConfig = field(default_factory=SmoothingConfig)
+    refine: RefineConfig = field(default_factory=RefineConfig)
     selection: SelectionConfig = field(default_factory=SelectionConfig)
     deployment: DeploymentConfig = field(default_factory=DeploymentConfig)
     report: ReportConfig = field(default_factory=ReportConfig)
@@ -105,6 +112,7 @@ __all__ = [
     "PipelineConfig",
     "PlannerConfig",
     "RandomSceneConfig",
+    "RefineConfig",
     "ReportConfig",
     "RobotConfig",
     "SceneConfig",

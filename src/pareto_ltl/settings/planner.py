@@ -71,6 +71,21 @@ class SmoothingConfig(CheckedSettings):
 
 
 @dataclass
+class RefineConfig(CheckedSettings):
+    """Sampled refinement, with fidelity.refine=sampled."""
+
+    section: ClassVar[str] = "refine"
+    flights: int = setting(1500, "common flights whose failures are minimised", least=10, most=1e7)
+    sweep_flights: int = setting(250, "of these, flights in the sweep of the length", least=10, most=1e7)
+    classes: int = setting(
+        4, "classes of paths (mission order, sides of the obstacles) that are swept", least=1, most=1000
+    )
+    points: int = setting(
+        20, "largest number of paths that are polished on all flights", least=2, most=10_000
+    )
+
+
+@dataclass
 class SelectionConfig(CheckedSettings):
     """Which path of the front becomes the plan."""
 

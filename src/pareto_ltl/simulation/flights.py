@@ -100,7 +100,7 @@ def simulate_flights(
     _refuse_unknown_wind(problem, u)
     if mean is None and problem.motion.gain > 0.0:
         raise ValueError("feedback needs the planned positions to hold on to: give mean")
-    flights = _Flights(problem, u, DRAWS[law], _navigator(problem, u, mean, law))
+    flights = _Flights(problem, u, DRAWS[law], pilot_maker(problem, u, mean, law))
     x = np.empty((runs, len(u) + 1, 2))
     accepted, collided, off_map = (np.empty(runs, bool) for _ in range(3))
     blocks = [slice(first, min(first + BLOCK, runs)) for first in range(0, runs, BLOCK)]
@@ -155,7 +155,7 @@ def flight_judge(problem: Problem) -> kernel.Judge:
     return kernel.Judge(problem.world.cells, problem.world.logic, problem.obstacles, problem.motion)
 
 
-def _navigator(problem: Problem, u: FloatArray, mean: FloatArray | None, law: str) -> PilotMaker:
+def pilot_maker(problem: Problem, u: FloatArray, mean: FloatArray | None, law: str) -> PilotMaker:
     """What flies the controls: an autopilot, or a robot that takes fixes along ``mean`` (T+1, 2)."""
     held = np.zeros((len(u) + 1, 2)) if mean is None else np.ascontiguousarray(mean)
     autopilot = kernel.Autopilot(u, held)

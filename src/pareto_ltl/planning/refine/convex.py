@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -15,12 +15,10 @@ from pareto_ltl.planning.evaluate import propagate
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.reference import wind_and_gradient
 from pareto_ltl.planning.refine.obligations import face_deviations, path_obligations
+from pareto_ltl.planning.refine.parametrised import ParametrisedProgramme
 from pareto_ltl.planning.refine.risk_sharing import ROWS, RiskSharing, risk_sharing
 from pareto_ltl.planning.refine.taut_lines import CAP, FACE_MARGIN
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
-
-if TYPE_CHECKING:
-    import cvxpy as cp
 
 FINEST = 1e-3  # smallest standard deviation that the risk model resolves, in full steps
 RELIEF = 50.0  # price of breaking a constraint by a full step; above every multiplier met
@@ -32,67 +30,22 @@ SURE_DEVIATIONS = 10.0  # standard deviations that count as certainty
 class Programme:
     """One parametrised problem for all paths of a run of at most ``steps`` steps.
 
-    Lengths are in full steps (u_max dt), positions count from the middle of the map. cvxpy canonicalises
-    once; after that its tensors turn parameters into Clarabel's matrices, and the solver keeps its
-    symbolic factorisation. This takes 1.4 ms less a solve than ``problem.solve``, of 12.5 ms at 132 steps.
+    Lengths are in full steps (u_max dt), positions count from the middle of the map.
     """
 
-    problem: cp.Problem
-    given: dict[str, cp.Parameter]
-    position: tuple[int, int]  # ids of the variables x and y
+    stated: ParametrisedProgramme
     steps: int
     witnesses: int
     faces: int
-    engine: dict[str, Any]
 
     def give(self, **values: Any) -> None:
-        """Set parameters. ``save_value`` leaves out the checks of ``value``, a sixth of a solve's time."""
-        for name, value in values.items():
-            self.given[name].save_value(np.asarray(value))
+        """Set parameters."""
+        self.stated.give(**values)
 
     def solve(self) -> FloatArray | None:
         """Positions (``steps`` + 1, 2), or None where the solver found none."""
-        import clarabel
-
-        if not self.engine:
-            self._start()
-        form = self.engine["form"]
-        q, _, A, b = form.apply_parameters()
-        solver = self.engine.get("solver")
-        if solver is None:
-            P = self.engine["P"]
-            solver = clarabel.DefaultSolver(P, q, -A, b, self.engine["cones"], self.engine["settings"])
-            self.engine["solver"] = solver
-        else:
-            solver.update(q=q, A=-A, b=b)
-        answer = solver.solve()
-        if answer.status not in (clarabel.SolverStatus.Solved, clarabel.SolverStatus.AlmostSolved):
-            return None
-        z = np.array(answer.x)
-        n = self.steps + 1
-        columns = [form.var_id_to_col[key] for key in self.position]
-        found = np.column_stack([z[column : column + n] for column in columns])
-        return found if np.isfinite(found).all() else None
-
-    def _start(self) -> None:
-        import clarabel
-        import cvxpy as cp
-        from cvxpy.reductions.solvers.conic_solvers.clarabel_conif import dims_to_solver_cones
-        from scipy.sparse import csc_array
-
-        data, _, _ = self.problem.get_problem_data(cp.CLARABEL)
-        settings = clarabel.DefaultSettings()
-        settings.verbose, settings.presolve_enable, settings.max_threads = False, False, 1
-        settings.tol_gap_abs = settings.tol_gap_rel = 1e-6
-        settings.tol_feas, settings.iterative_refinement_enable = (
-            1e-7,
-            False,
-        )  # refinement: 16.4 ms a solve for 8.8
-        n = len(data["c"])
-        self.engine.update(
-            form=data[cp.settings.PARAM_PROB], cones=dims_to_solver_cones(data["dims"]), settings=settings,
-            P=csc_array((n, n)),
-        )  # fmt: skip
+        found = self.stated.solve()
+        return None if found is None else np.column_stack(found)
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,8 +112,10 @@ def smoothing_programme(problem: Problem, steps: int, witnesses: int, faces: int
         + given["weight"] * (cp.sum(v.risk) + cp.sum(v.near))
         + RELIEF * cp.sum(v.relief)
     )
-    ids = (v.x.id, v.y.id)
-    return Programme(cp.Problem(cp.Minimize(cost), constraints), given, ids, steps, witnesses, faces, {})
+    stated = ParametrisedProgramme(
+        cp.Problem(cp.Minimize(cost), constraints), given, (v.x, v.y), feasibility=1e-7, scaled=True
+    )
+    return Programme(stated, steps, witnesses, faces)
 
 
 def _motion_constraints(problem: Problem, given: Mapping[str, Any], v: _Unknowns) -> list[Any]:
@@ -304,7 +259,7 @@ def set_clearance(
             slope = np.exp(-s * s / 2) / math.sqrt(2 * math.pi)
             steep[:n], level[:n] = slope[..., None] * c_sd[:n], ndtr(-s) + slope * (s + d_sd[:n])
     model.give(c=c.reshape(-1, 2 * ROWS), d=d, c_sd=c_sd.reshape(-1, 2 * ROWS), d_sd=d_sd)
-    if "counted" in model.given:
+    if "counted" in model.stated.given:
         model.give(counted=counted, steep=steep.reshape(-1, 2 * ROWS), level=level)
 
 

@@ -6,6 +6,7 @@ import heapq
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
@@ -87,6 +88,16 @@ def _gates(faces: kd.Faces, widest: float) -> tuple[FloatArray, FloatArray]:
         beside = (depth[rows, owner[k]] <= BESIDE * r) & (depth[rows, owner[m]] <= BESIDE * r)
         kept |= beside & (depth >= r - TOUCH).all(axis=1)
     return at[kept], grow[kept]
+
+
+class Spread(Protocol):
+    """Places (T+1, 2) [m] that a line may bend at, and the covariance (T+1, 2, 2) [m²] at each step."""
+
+    @property
+    def x(self) -> FloatArray: ...
+
+    @property
+    def cov(self) -> FloatArray: ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -173,7 +184,7 @@ def _await_label(
 
 
 def taut_line(
-    problem: Problem, plan: MissionOrder, path: PlannedPath, depth: float, z: float
+    problem: Problem, plan: MissionOrder, path: Spread, depth: float, z: float
 ) -> FloatArray | None:
     """The shortest line (n, 2) that visits in the given order and keeps z σ from every obstacle.
 

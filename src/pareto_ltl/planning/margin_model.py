@@ -1,0 +1,108 @@
+"""The tables that margins of flights are measured with (:mod:`pareto_ltl.kernels.margin`)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pareto_ltl.kernels import data as kd
+from pareto_ltl.kernels.margin import Claims, Guards, MarginModel, Scratch
+from pareto_ltl.planning.pack import pack_corners, pack_faces
+from pareto_ltl.planning.problem import Problem
+from pareto_ltl.support.arrays import BoolArray, IntArray
+
+
+def margin_model(problem: Problem) -> MarginModel:
+    """Polygons that show letters, transitions between claims, barriers and hazards of ``problem``."""
+    logic, polygons = problem.world.logic, problem.decomposition.cells
+    letters = shown_letters(problem)
+    first = np.concatenate([[0], np.cumsum([len(cells) for cells in letters])]).astype(np.int64)
+    hazards = logic.hazards.cell.tolist()
+    return MarginModel(
+        shown=pack_faces([polygons[c] for cells in letters for c in cells]),
+        first=first,
+        guards=pack_guards(logic, [int(cells[0]) for cells in letters]),
+        faces=problem.barriers,
+        corners=_barrier_corners(problem),
+        hazards=pack_faces([polygons[c] for c in hazards]),
+        cells=problem.world.cells,
+        logic=logic,
+    )
+
+
+def margin_scratch(model: MarginModel, runs: int) -> Scratch:
+    """Memory for the margins of ``runs`` flights."""
+    before, after = (
+        Claims(np.empty(len(model.logic.distance)), np.empty(len(model.logic.distance), np.int64))
+        for _ in "ba"
+    )
+    return Scratch(before, after, np.empty(len(model.first) - 1), np.empty(runs))
+
+
+def shown_letters(problem: Problem) -> list[IntArray]:
+    """The cells of each letter that the automaton tells from no label at all."""
+    delta, atoms = problem.world.logic.delta, set(problem.atoms)
+    groups: dict[frozenset[str], list[int]] = {}
+    for cell, label in enumerate(problem.labels):
+        if (delta[:, cell] != delta[:, -1]).any():
+            groups.setdefault(label & atoms, []).append(cell)
+    return [np.array(cells, np.int64) for cells in groups.values()]
+
+
+def pack_guards(logic: kd.Logic, column: list[int]) -> Guards:
+    """Edges between claims for the letters of ``column`` (of ``logic.delta``) and, last, the empty letter.
+
+    From a claim q edges lead to q itself and to the states that letters lead to: every other state p that a
+    letter can promise is promised through one of these. An edge that another one serves as well is left out.
+    """
+    delta = logic.delta[:, [*column, logic.delta.shape[1] - 1]]
+    source: list[int] = []
+    target: list[int] = []
+    spared: list[bool] = []
+    lists: list[IntArray] = []
+    for q in np.flatnonzero(np.isfinite(logic.distance)).tolist():
+        reached = np.unique(np.append(delta[q], q))
+        reached = reached[np.isfinite(logic.distance[reached])]
+        allowed = logic.covers[delta[q]][:, reached].T  # (claims, letters)
+        for k in _needed_claims(logic.covers[np.ix_(reached, reached)], allowed):
+            on = allowed[k]
+            source.append(q)
+            target.append(int(reached[k]))
+            spared.append(bool(on[-1]))
+            lists.append(np.flatnonzero(on[:-1] != on[-1]).astype(np.int64))
+    ptr = np.concatenate([[0], np.cumsum([len(row) for row in lists])]).astype(np.int64)
+    none = np.empty(0, np.int64)
+    return Guards(
+        np.array(source, np.int64), np.array(target, np.int64), np.array(spared, bool), ptr,
+        np.concatenate([none, *lists]), bool(logic.covers[delta[:, -1], np.arange(len(delta))].all()),
+    )  # fmt: skip
+
+
+def _needed_claims(better: BoolArray, allowed: BoolArray) -> list[int]:
+    """Claims k that some letter allows and no better claim is allowed by the same letters.
+
+    ``better[i, k]``: claim i is at least as strong as k. Of equal claims the first is kept.
+    """
+    kept = []
+    number = np.arange(len(better))
+    for k, on in enumerate(allowed):
+        stronger = better[:, k] & (~better[k] | (number < k))
+        if on.any() and not (stronger & (allowed >= on).all(axis=1)).any():
+            kept.append(k)
+    return kept
+
+
+def _barrier_corners(problem: Problem) -> kd.Corners:
+    """Corners of the obstacles; a wall has none, and is never out of reach."""
+    obstacles = list(problem.decomposition.obstacles)
+    corners = pack_corners(range(len(obstacles)), obstacles)
+    walls = len(problem.barriers.ptr) - 1 - len(obstacles)
+    last = np.full(walls, corners.ptr[-1])
+    return corners._replace(
+        cell=np.arange(len(obstacles) + walls),
+        middle=np.vstack([corners.middle, np.zeros((walls, 2))]),
+        radius=np.append(corners.radius, np.full(walls, np.inf)),
+        ptr=np.append(corners.ptr, last).astype(np.int64),
+    )
+
+
+__all__ = ["margin_model", "pack_guards", "shown_letters"]

@@ -1,0 +1,203 @@
+"""The front of failure and length: sweeps of the length cap in the best classes of paths.
+
+Every start is polished cheaply, the best classes are kept, and each is swept: from its own length the cap
+falls until no path holds it, and rises until a longer path fails no less. A step of the sweep begins with
+the path of the cap before, in several numbers of steps from the fewest upwards. What nothing else beats is
+polished once more on more flights.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pareto_ltl.planning.margin_model import margin_model
+from pareto_ltl.planning.problem import Problem
+from pareto_ltl.planning.refine.path_classes import PathClass, path_class
+from pareto_ltl.planning.refine.sampled import (
+    Candidate,
+    CommonFlights,
+    Polish,
+    Refiner,
+    path_length,
+    resampled_means,
+    steps_needed,
+)
+from pareto_ltl.planning.refine.starts import Start, flipped_starts, unlike_starts
+from pareto_ltl.planning.refine.step_programme import StepProgrammes
+from pareto_ltl.settings import RefineConfig
+from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.support.cores import cores
+
+COARSE = (0.020, 0.007)  # widths of a first look, as shares of the map's size
+WARM = (0.008, 0.004)  # those of a step of a sweep
+FINE = (0.005, 0.003, 0.002)  # those of the last polish
+LOOSE = 1.1  # a start may become this much longer at first
+SPARE = (0, 1, 3)  # steps beyond the fewest that are tried
+SPACING = 1.03  # ratio of neighbouring length caps
+KEPT = 1.002  # a path may exceed its cap by this factor
+HOPELESS = 0.7  # smoothed failure beyond which shorter paths are not looked for
+WORTH = 0.95  # of the failure before: more ends the rising sweep, where it happens twice
+SHORT = 0.87  # of its length, where a start is looked at once more
+FLIPPED = 2  # of the first candidates are tried on the other side of obstacles
+RISING = 2  # classes of a level that the rising sweep goes on with
+
+Progress = Callable[[int, int], None]
+
+
+@dataclass(frozen=True, slots=True)
+class Sweep:
+    """What all polishes of a front share."""
+
+    cfg: RefineConfig
+    problem: Problem
+    refiner: Refiner
+    flights: CommonFlights
+
+    def polish_of(self, widths: Iterable[float], outer: int, inner: int) -> Polish:
+        """Widths in metres from shares of the map."""
+        size = float(np.ptp(self.problem.scene.bounds, axis=0).mean())
+        return Polish(tuple(size * w for w in widths), outer, inner)
+
+    def some(self, runs: int) -> CommonFlights:
+        """The first ``runs`` flights."""
+        return self.flights.only(np.arange(min(runs, len(self.flights))))
+
+
+def refine_front(
+    cfg: RefineConfig, problem: Problem, starts: Mapping[PathClass, Start], flights: CommonFlights,
+    progress: Progress | None = None,
+) -> list[Candidate]:  # fmt: skip
+    """Paths of many lengths that few flights fail on, shortest first.
+
+    None is longer than another that fails no more. ``flights`` are at least ``cfg.flights``.
+    """
+    refiner = Refiner(problem, margin_model(problem), StepProgrammes(problem))
+    sweep = Sweep(cfg, problem, refiner, flights)
+    with ThreadPoolExecutor(cores()) as pool:
+        seen = _first_looks(sweep, pool, starts)
+        levels = _swept_down(sweep, pool, seen)
+        levels += _swept_up(sweep, pool, levels)
+        points = spread_front((k for level in levels for k in level), cfg.points)
+        return front_of(pool.map(lambda k: _finished(sweep, k), points))
+
+
+def _first_looks(
+    sweep: Sweep, pool: ThreadPoolExecutor, starts: Mapping[PathClass, Start]
+) -> list[Candidate]:
+    """Every start polished cheaply at two lengths, and the best of them on the other side of obstacles."""
+    found = [k for pair in pool.map(lambda s: _first_look(sweep, s), starts.values()) for k in pair]
+    best = sorted(front_of(found), key=lambda k: k.smoothed)[:FLIPPED]
+    others = [f for k in best for f in flipped_starts(sweep.problem, k.flight.x, k.origin)]
+    new = [s for kind, s in unlike_starts(sweep.problem, others).items() if kind not in starts]
+    return found + [k for pair in pool.map(lambda s: _first_look(sweep, s), new) for k in pair]
+
+
+def _first_look(sweep: Sweep, start: Start) -> list[Candidate]:
+    """A start polished cheaply in few steps, about as long as it is, and clearly shorter."""
+    how, flights, refiner = sweep.polish_of(COARSE, 1, 4), sweep.some(sweep.cfg.sweep_flights), sweep.refiner
+    x = _timed(sweep.problem, start.x, 1)
+    long = refiner.polish(x, flights, how, LOOSE * path_length(x), start.origin)
+    cap = long.length * SHORT
+    short = refiner.polish(_timed(sweep.problem, long.flight.x, 1), flights, how, cap, start.origin)
+    return [k for k in (long, short) if k.smoothed < HOPELESS]
+
+
+def _timed(problem: Problem, x: FloatArray, spare: int) -> FloatArray:
+    """The line of ``x`` in the fewest steps and ``spare`` more."""
+    steps = int(np.ceil(steps_needed(problem, x).sum() * 1.01)) + spare
+    return resampled_means(problem, x, min(max(steps, 2), problem.horizon))
+
+
+# --- sweeps -----------------------------------------------------------------------------------
+
+
+def _swept_down(sweep: Sweep, pool: ThreadPoolExecutor, seen: Sequence[Candidate]) -> list[list[Candidate]]:
+    """The best classes at falling caps, from the longest length that pays."""
+    if not seen:
+        return []
+    cap, levels = max(k.length for k in front_of(seen)), list[list[Candidate]]()
+    shortest = min(k.length for k in seen)
+    beam: list[Candidate] = []
+    while beam or cap >= shortest:
+        entering = [k for k in seen if cap / SPACING < k.length <= cap]
+        made = _polished_at(sweep, pool, [*beam, *entering], cap, SPARE[:2])
+        beam = best_of_classes(sweep.problem, made, sweep.cfg.classes)
+        levels.append(beam)
+        cap /= SPACING
+    return levels
+
+
+def _swept_up(
+    sweep: Sweep, pool: ThreadPoolExecutor, below: Sequence[Sequence[Candidate]]
+) -> list[list[Candidate]]:
+    """The same at rising caps, from the levels ``below``, and on until longer paths fail no less."""
+    kept = [list(level) for level in reversed(below) if level]
+    if not kept:
+        return []
+    levels, beam, vain, k = list[list[Candidate]](), kept[0], 0, 1
+    cap = max(c.length for c in beam)
+    while k < len(kept) or vain < 2:
+        known = kept[k] if k < len(kept) else []
+        cap = max([c.length for c in known], default=cap * SPACING)
+        made = _polished_at(sweep, pool, beam[:RISING], cap, SPARE[1:])
+        least = beam[0].smoothed
+        beam = best_of_classes(sweep.problem, [*made, *known, *beam], sweep.cfg.classes)
+        vain = 0 if beam[0].smoothed < WORTH * least else vain + 1
+        levels.append(beam)
+        k += 1
+    return levels
+
+
+def _polished_at(
+    sweep: Sweep, pool: ThreadPoolExecutor, begun: Sequence[Candidate], cap: float, spare: Sequence[int]
+) -> list[Candidate]:
+    """``begun`` polished at a length cap in several numbers of steps; those that keep within it."""
+    how, flights = sweep.polish_of(WARM, 1, 3), sweep.some(sweep.cfg.sweep_flights)
+
+    def one(job: tuple[Candidate, int]) -> Candidate:
+        k, more = job
+        x = _timed(sweep.problem, k.flight.x, more)
+        return sweep.refiner.polish(x, flights, how, cap, k.origin)
+
+    made = pool.map(one, [(k, more) for k in begun for more in spare])
+    return [k for k in made if k.length <= KEPT * cap and k.smoothed < HOPELESS]
+
+
+def best_of_classes(problem: Problem, found: Iterable[Candidate], most: int) -> list[Candidate]:
+    """The best candidate of each class, least failure first, ``most`` at most."""
+    best: dict[PathClass, Candidate] = {}
+    for k in sorted(found, key=lambda k: k.smoothed):
+        best.setdefault(path_class(problem, k.flight.x), k)
+    return list(best.values())[:most]
+
+
+# --- fronts -----------------------------------------------------------------------------------
+
+
+def front_of(found: Iterable[Candidate]) -> list[Candidate]:
+    """Those that no other is shorter and fails less than, by length."""
+    kept: list[Candidate] = []
+    for k in sorted(found, key=lambda k: (k.length, k.smoothed)):
+        if not kept or k.smoothed < kept[-1].smoothed:
+            kept.append(k)
+    return kept
+
+
+def spread_front(found: Iterable[Candidate], most: int) -> list[Candidate]:
+    """``most`` points of the front at most, the nearest pairs of lengths thinned first."""
+    kept = front_of(found)
+    while len(kept) > max(most, 2):
+        length = np.log([k.length for k in kept])
+        kept.pop(1 + int(np.argmin(length[2:] - length[:-2])))
+    return kept
+
+
+def _finished(sweep: Sweep, k: Candidate) -> Candidate:
+    """``k`` polished on all flights."""
+    how = sweep.polish_of(FINE, 1, 4)
+    done = sweep.refiner.polish(k.flight.x, sweep.flights, how, k.length, k.origin)
+    return replace(done, origin=k.origin)

@@ -1,0 +1,79 @@
+"""Which way a path goes: its mission order and, for every obstacle, the sides it passes on."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pareto_ltl.planning.problem import Problem
+from pareto_ltl.planning.refine.obligations import planned_states
+from pareto_ltl.support.arrays import FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class PathClass:
+    """Two paths of one class can be bent into each other without meeting an obstacle.
+
+    Attributes
+    ----------
+    order : tuple of (state, cell label)
+        The automaton state after each transition, and what was read there.
+    word : tuple of int
+        Rays crossed, k + 1 to the east and -(k + 1) to the west of obstacle k, without detours: the word of
+        the path in the free group of the obstacles (Bhattacharya, Likhachev and Kumar, Autonomous Robots 33,
+        2012, doi:10.1007/s10514-012-9304-1).
+    """
+
+    order: tuple[tuple[int, frozenset[str]], ...]
+    word: tuple[int, ...]
+
+    @property
+    def state(self) -> int:
+        """The last automaton state; -1 for a path that reads nothing."""
+        return self.order[-1][0] if self.order else -1
+
+
+def path_class(problem: Problem, x: FloatArray) -> PathClass:
+    """The class of the means ``x`` (T+1, 2)."""
+    q, cells = planned_states(problem, x), problem.locate(x)
+    before = np.concatenate([[-1], q[:-1]])
+    atoms = set(problem.atoms)
+    labels = [problem.labels[c] & atoms if c >= 0 else frozenset() for c in cells]
+    order = tuple((int(q[t]), frozenset(labels[t])) for t in np.flatnonzero(q != before))
+    crossed = crossed_rays(problem.decomposition.obstacles, x[:-1], x[1:])
+    word: tuple[int, ...] = ()
+    for t in sorted(crossed):
+        word = reduced_word(word, crossed[t])
+    return PathClass(order, word)
+
+
+def reduced_word(word: tuple[int, ...], letters: tuple[int, ...]) -> tuple[int, ...]:
+    """``word`` followed by ``letters``, neighbours that are inverse to each other taken out."""
+    for letter in letters:
+        word = word[:-1] if word and word[-1] == -letter else (*word, letter)
+    return word
+
+
+def crossed_rays(
+    obstacles: Sequence[FloatArray], start: FloatArray, end: FloatArray
+) -> dict[int, tuple[int, ...]]:
+    """The letters of the rays to the north of the obstacles' middles that segments cross, in order.
+
+    Segment i leads from ``start[i]`` to ``end[i]``, (S, 2); those that cross none are left out.
+    """
+    if not len(obstacles):
+        return {}
+    middle = np.array([polygon.mean(axis=0) for polygon in obstacles])
+    x0, x1 = start[:, None, 0], end[:, None, 0]
+    east, west = (x0 <= middle[:, 0]) & (middle[:, 0] < x1), (x1 <= middle[:, 0]) & (middle[:, 0] < x0)
+    segment, k = np.nonzero(east | west)
+    share = (middle[k, 0] - start[segment, 0]) / (end[segment, 0] - start[segment, 0])
+    north = start[segment, 1] + share * (end[segment, 1] - start[segment, 1]) > middle[k, 1]
+    segment, k, share = segment[north], k[north], share[north]
+    found: dict[int, tuple[int, ...]] = {}
+    for i in np.lexsort((share, segment)):
+        sign = 1 if east[segment[i], k[i]] else -1
+        found[int(segment[i])] = (*found.get(int(segment[i]), ()), sign * int(k[i] + 1))
+    return found

@@ -1,0 +1,198 @@
+"""Sampled refinement: trust-region Newton on the failure of common flights.
+
+The deviations of n flights from the mean are held fixed for a few solves, then flown again. What is
+minimised is the smoothed failure
+
+    mean_i σ(-m_i / τ),     τ falling from a share of the map to a few kilometres,
+
+m_i the margin of flight i (:mod:`pareto_ltl.kernels.margin`), by one second-order cone programme a step with
+the gradient and the Hessian of the binding events, within airspeed, map and the longest length allowed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from pareto_ltl.kernels import margin as km
+from pareto_ltl.kernels.path import Flight
+from pareto_ltl.planning.evaluate import propagate, propagate_controls
+from pareto_ltl.planning.margin_model import margin_scratch
+from pareto_ltl.planning.problem import Problem
+from pareto_ltl.planning.reference import wind_and_gradient
+from pareto_ltl.planning.refine.step_programme import Descent, StepProgrammes
+from pareto_ltl.planning.refine.taut_lines import CAP
+from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
+
+OVERLONG = 20.0  # price of a length above the cap, relative: it outweighs every failure
+SHORTENED = 0.985  # of the length so far is the least that one solve is asked for
+WIDER, NARROWER, NARROWEST = 1.5, 0.35, 0.01  # how the trust region follows success and failure
+INNER_GAIN, OUTER_GAIN = 1e-3, 5e-3  # of the failure: less ends the solves, and the roll-outs, of a width
+COUNTED = 8.0  # widths: flights with a larger margin count for less than 3e-4
+LEAST_VALUE = 1e-6
+SLOWEST = 0.05  # of u_max: a leg against a stronger wind counts as flown at this ground speed
+
+
+class CommonFlights(Protocol):
+    """Flights that every plan meets the same winds in."""
+
+    def fly(self, flight: Flight) -> tuple[FloatArray, BoolArray]:
+        """Positions (n, T+1, 2) [m] of the controls of ``flight``, and which flights fail."""
+
+    def only(self, rows: IntArray) -> CommonFlights:
+        """These flights alone."""
+
+    def __len__(self) -> int: ...
+
+
+@dataclass(frozen=True, slots=True)
+class Polish:
+    """How hard to try: widths τ [m] in turn, roll-outs a width, solves a roll-out, first trust region in full
+    steps."""
+
+    widths: tuple[float, ...]
+    outer: int = 2
+    inner: int = 4
+    trust: float = 0.5
+
+
+@dataclass(frozen=True, slots=True)
+class Candidate:
+    """A path that was polished: its flight, its length [m], its failure on the flights it was polished on."""
+
+    flight: Flight
+    length: float
+    smoothed: float
+    failed: float
+    origin: str = ""
+
+    @property
+    def steps(self) -> int:
+        return len(self.flight.u)
+
+
+def path_length(x: FloatArray) -> float:
+    """Length of the means ``x`` (T+1, 2) [m]."""
+    return float(np.linalg.norm(np.diff(x, axis=0), axis=1).sum())
+
+
+@dataclass(slots=True)
+class Refiner:
+    """What all polishes of one problem share."""
+
+    problem: Problem
+    model: km.MarginModel
+    programmes: StepProgrammes
+
+    # --- means and controls ---
+
+    def flown(self, x: FloatArray) -> Flight:
+        """The flight along ``x`` (T+1, 2), its controls cut to the airspeed that is left."""
+        problem = self.problem
+        flight = propagate(problem, x)
+        for _ in range(2):
+            speed = np.linalg.norm(flight.u, axis=1)
+            allowed = (1.0 - 1e-9) * np.maximum(flight.speed, 0.0)
+            if (speed <= allowed * (1.0 + 1e-9)).all():
+                break
+            cut = flight.u * np.minimum(1.0, CAP * allowed / np.maximum(speed, 1e-9))[:, None]
+            flight = propagate_controls(problem, np.ascontiguousarray(cut), problem.world.law)
+        return flight
+
+    def slope(self, x: FloatArray, off: FloatArray, width: float, runs: int) -> tuple[Descent, FloatArray]:
+        """Smoothed failure of ``x`` + ``off`` (n, T+1, 2) among ``runs`` flights, and their margins (n,).
+
+        Flights that were left out have too large a margin to count.
+        """
+        slope = km.Slope(np.zeros((len(x), 2)), np.zeros((len(x), 3)))
+        scratch = margin_scratch(self.model, len(off))
+        share = len(off) / runs
+        value = share * float(km.smoothed_failure(self.model, x, off, width, slope, scratch))
+        descent = Descent(share * slope.gradient, share * slope.hessian, max(value, LEAST_VALUE))
+        return descent, scratch.margins
+
+    # --- polishing ---
+
+    def polish(
+        self, x: FloatArray, flights: CommonFlights, how: Polish, longest: float, origin: str = ""
+    ) -> Candidate:
+        """The best that trust-region Newton makes of the means ``x`` (T+1, 2), at most ``longest`` [m]."""
+        flight, near, runs = self.flown(x), flights, len(flights)
+        for width in how.widths:
+            flight, near = self._at_width(flight, near, runs, how, width, longest)
+        positions, failed = flights.fly(flight)
+        smoothed = self.slope(flight.x, positions - flight.x, how.widths[-1], runs)[0].value
+        return Candidate(flight, path_length(flight.x), smoothed, float(failed.mean()), origin)
+
+    def _at_width(
+        self, flight: Flight, near: CommonFlights, runs: int, how: Polish, width: float, longest: float
+    ) -> tuple[Flight, CommonFlights]:
+        """Solves at one width; flights that are too far from failing for as far as the path may move are left
+        out from here on."""
+        trust = how.trust
+        for turn in range(how.outer):
+            off = near.fly(flight)[0] - flight.x
+            here, margins = self.slope(flight.x, off, width, runs)
+            if turn == 0:
+                rows = np.flatnonzero(margins < COUNTED * width + how.trust * self.problem.reach)
+                off, near = off[rows], near.only(rows)
+                if len(rows) == 0:
+                    break
+            value = here.value + _overlong(flight, longest)
+            before = value
+            for _ in range(how.inner):
+                cap = max(longest, SHORTENED * path_length(flight.x))
+                y = self.programmes.next_means(flight, here, trust, cap)
+                if y is None:
+                    trust *= NARROWER
+                    continue
+                other = self.flown(y)
+                there, _ = self.slope(other.x, off, width, runs)
+                now = there.value + _overlong(other, longest)
+                if now < value:
+                    gain = (value - now) / value
+                    flight, here, value, trust = other, there, now, min(WIDER * trust, 1.0)
+                    if gain < INNER_GAIN:
+                        break
+                else:
+                    trust *= NARROWER
+                    if trust < NARROWEST:
+                        break
+            if before - value < OUTER_GAIN * before:
+                break
+        return flight, near
+
+
+def _overlong(flight: Flight, longest: float) -> float:
+    return OVERLONG * max(0.0, path_length(flight.x) / longest - 1.0)
+
+
+def steps_needed(problem: Problem, x: FloatArray) -> FloatArray:
+    """Time that each leg of ``x`` (T+1, 2) takes at full airspeed in the expected wind, (T,) [steps].
+
+    Along the direction d the ground speed is d' w + √(u_max² - |w - (d' w) d|²). The wind is that of the
+    leg's own step; B is taken as dt I.
+    """
+    motion = problem.motion
+    wind, _ = wind_and_gradient(problem.wind, x[:-1])
+    leg = np.diff(x, axis=0)
+    length = np.linalg.norm(leg, axis=1)
+    along = np.einsum("ti,ti->t", leg, wind) / np.maximum(length, 1e-9)
+    across = np.maximum((wind**2).sum(axis=1) - along**2, 0.0)
+    speed = along + np.sqrt(np.maximum((CAP * motion.u_max) ** 2 - across, 0.0))
+    return np.asarray(length / (motion.dt * np.maximum(speed, SLOWEST * motion.u_max)), float)
+
+
+def resampled_means(problem: Problem, x: FloatArray, steps: int) -> FloatArray:
+    """The line of ``x`` (T+1, 2) walked in ``steps`` steps that each take the same share of the airspeed."""
+    time = np.concatenate([[0.0], np.cumsum(steps_needed(problem, x) + 1e-6)])
+    at = np.linspace(0.0, time[-1], steps + 1)
+    return np.column_stack([np.interp(at, time, x[:, i]) for i in (0, 1)])
+
+
+__all__: Sequence[str] = [
+    "Candidate", "CommonFlights", "Polish", "Refiner", "path_length", "resampled_means", "steps_needed",
+]  # fmt: skip

@@ -1,0 +1,67 @@
+"""Flights in winds that are drawn once, for plans that are compared or improved on the same winds."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.random import SeedSequence
+
+from pareto_ltl.kernels import flight as kernel
+from pareto_ltl.kernels.path import Flight
+from pareto_ltl.planning.problem import Problem
+from pareto_ltl.simulation.flights import DRAWS, flight_judge, pilot_maker
+from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
+
+
+@dataclass(frozen=True, slots=True)
+class DrawnFlights:
+    """Flights of one wind ``law``, drawn for up to the longest plan.
+
+    Attributes
+    ----------
+    seed : SeedSequence
+        Of the noise of position fixes.
+    start : (n, 2) float
+        Deviations of the start [m].
+    draws : kernels.flight.Draws
+    """
+
+    problem: Problem
+    law: str
+    seed: SeedSequence
+    start: FloatArray
+    draws: Any
+
+    def __len__(self) -> int:
+        return len(self.start)
+
+    def fly(self, flight: Flight) -> tuple[FloatArray, BoolArray]:
+        """Positions (n, T+1, 2) [m] of the controls of ``flight``, and which flights fail."""
+        problem, n = self.problem, len(self)
+        x = np.empty((n, len(flight.x), 2))
+        x[:, 0] = problem.scene.start + self.start
+        flags = [np.empty(n, bool) for _ in range(3)]
+        outcome = kernel.Outcome(x, *flags)
+        pilot = pilot_maker(problem, flight.u, flight.x, self.law)(n, np.random.default_rng(self.seed))
+        kernel.fly_batch(flight_judge(problem), self.draws, pilot, outcome)
+        accepted, collided, off_map = flags
+        failed = ~accepted | collided
+        return x, failed | off_map if problem.scene.walled else failed
+
+    def only(self, rows: IntArray) -> DrawnFlights:
+        """The flights of ``rows``."""
+        draws = self.draws._replace(white=np.ascontiguousarray(self.draws.white[:, rows]))
+        if hasattr(draws, "theta"):
+            draws = draws._replace(theta=np.ascontiguousarray(self.draws.theta[:, rows]))
+        return replace(self, start=self.start[rows], draws=draws)
+
+
+def draw_flights(problem: Problem, law: str, runs: int, seed: SeedSequence) -> DrawnFlights:
+    """Draw the winds of ``runs`` flights for as many steps as any plan may have."""
+    wind, start, fixes = seed.spawn(3)
+    draws = DRAWS[law](problem, runs, problem.horizon, np.random.default_rng(wind))
+    off = math.sqrt(problem.start_variance) * np.random.default_rng(start).standard_normal((runs, 2))
+    return DrawnFlights(problem, law, fixes, off, draws)
