@@ -22,7 +22,7 @@ from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import Plan
 from pareto_ltl.settings import DeploymentConfig
 from pareto_ltl.simulation.records import Deployment
-from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.support.arrays import Float32Array, FloatArray
 from pareto_ltl.support.cores import cores
 from pareto_ltl.support.errors import InfeasibleError
 from pareto_ltl.support.memory import require_memory
@@ -50,12 +50,26 @@ def draw_coherent(problem: Problem, runs: int, steps: int, rng: Generator) -> ke
     law, modes = problem.laws["coherent"], problem.modes
     assert not isinstance(law, kd.IndependentLaw)
     fields, gusts = rng.spawn(2)
-    epochs = int(modes.epoch[min(steps, len(modes.epoch)) - 1]) + 1 if steps else 1
-    theta = fields.standard_normal((epochs, runs, 2, modes.psi.shape[-1]), np.float32)
-    for step in np.flatnonzero(np.diff(modes.epoch[:steps])) + 1:
-        k, kept = modes.epoch[step], modes.kept[step]
-        theta[k] = kept * theta[k - 1] + np.sqrt(1.0 - kept**2) * theta[k]
-    return kernel.CoherentDraws(law, gusts.standard_normal((steps, runs, 2)), theta)
+    kept = kept_by_epoch(modes, steps)
+    theta = fields.standard_normal((len(kept), runs, 2, modes.psi.shape[-1]), np.float32)
+    white = gusts.standard_normal((steps, runs, 2))
+    return kernel.CoherentDraws(law, white, linked_fields(kept, theta))
+
+
+def kept_by_epoch(modes: kd.Modes, steps: int) -> Float32Array:
+    """ρ (epochs, P), the share that θ of each mode keeps at the beginning of each epoch; 0 at the first."""
+    epoch = modes.epoch[:steps]
+    kept = np.zeros((int(epoch.max(initial=0)) + 1, modes.psi.shape[-1]), np.float32)
+    changes = np.flatnonzero(np.diff(epoch)) + 1
+    kept[epoch[changes]] = modes.kept[changes]
+    return kept
+
+
+def linked_fields(kept: Float32Array, theta: Float32Array) -> Float32Array:
+    """θ (epochs, n, 2, P), made in place of its innovations: ``kept`` (epochs, P) of the epoch before."""
+    for k in range(1, len(kept)):
+        theta[k] = kept[k] * theta[k - 1] + np.sqrt(1.0 - kept[k] ** 2) * theta[k]
+    return theta
 
 
 DRAWS: dict[str, Callable[[Problem, int, int, Generator], Any]] = {

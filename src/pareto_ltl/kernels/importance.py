@@ -1,0 +1,140 @@
+"""Importance sampling of rare failures: what is done for every flight.
+
+A flight is a vector z ~ N(0, I): its start, the white part of its winds and the innovations of its field. In
+the law linearised about the plan its deviation e is a linear function of z, and a half-space of deviations is
+one of z, ω' z >= τ with |ω| = 1. The plain counterpart is :mod:`pareto_ltl.planning.reference_importance`.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from pareto_ltl.kernels.data import Point
+from pareto_ltl.kernels.flight import linear_field
+from pareto_ltl.kernels.interpolation import F32
+from pareto_ltl.kernels.jit import allocating, kernel, vector
+from pareto_ltl.support.arrays import Float32Array, FloatArray, IntArray
+
+
+class LinearLaw(NamedTuple):
+    """The coherent law linearised about a path of T steps, e' = F e + dt (ψ' θ + white).
+
+    ``F`` (T, 2, 2), ``psi`` (T, 2, P) [m/s], ``white`` (T, 2) standard deviations [m/s], ``epoch`` (T,) of
+    the field at each step, ``kept`` (E, P) the share that θ keeps at the beginning of each epoch, 0 at that
+    of the first; ``start_sd`` [m].
+    """
+
+    F: FloatArray
+    psi: Float32Array
+    white: FloatArray
+    epoch: IntArray
+    kept: Float32Array
+    dt: float
+    start_sd: float
+
+
+class NormalDraws(NamedTuple):
+    """z of n flights: ``start`` (n, 2), ``white`` (T, n, 2), innovations ``field`` (E, n, 2, P) of θ."""
+
+    start: FloatArray
+    white: FloatArray
+    field: Float32Array
+
+
+class Directions(NamedTuple):
+    """Unit vectors ω of J half-spaces in the space of z, in its parts: ``start`` (J, 2), ``white`` (J, T, 2),
+    ``field`` (J, E, 2, P)."""
+
+    start: FloatArray
+    white: FloatArray
+    field: FloatArray
+
+
+class Mixture(NamedTuple):
+    """Density of a proposal over that of flights: plain + Σ_l share_l #{j : ω_j' z >= level_l τ_j}.
+
+    Half-space j has the ``threshold`` (J,) τ and is ω_j' z = Σ_k ``weight[k]``' e at ``step[k]`` over its
+    rows k from ``ptr[j]`` to ``ptr[j + 1]``. ``level`` (L,) descends from 1.
+    """
+
+    ptr: IntArray
+    step: IntArray
+    weight: FloatArray
+    threshold: FloatArray
+    level: FloatArray
+    share: FloatArray
+    plain: float
+
+
+@allocating
+def push_draws(directions: Directions, event: IntArray, size: FloatArray, draws: NormalDraws) -> None:
+    """Move flight i along ω of half-space ``event[i]`` to ω' z = ``size[i]``; -1 leaves it where it is."""
+    for i in range(len(event)):
+        j = event[i]
+        if j < 0:
+            continue
+        push = size[i] - along_direction(directions, j, draws, i)
+        for c in range(2):
+            draws.start[i, c] += push * directions.start[j, c]
+            for t in range(len(draws.white)):
+                draws.white[t, i, c] += push * directions.white[j, t, c]
+            for k in range(len(draws.field)):
+                for m in range(draws.field.shape[3]):
+                    draws.field[k, i, c, m] += F32(push * directions.field[j, k, c, m])
+
+
+@vector
+def along_direction(directions: Directions, j: int, draws: NormalDraws, i: int) -> float:
+    """ω_j' z of flight ``i``."""
+    total = 0.0
+    for c in range(2):
+        total += directions.start[j, c] * draws.start[i, c]
+        for t in range(len(draws.white)):
+            total += directions.white[j, t, c] * draws.white[t, i, c]
+        for k in range(len(draws.field)):
+            for m in range(draws.field.shape[3]):
+                total += directions.field[j, k, c, m] * draws.field[k, i, c, m]
+    return total
+
+
+@allocating
+def linear_deviations(law: LinearLaw, draws: NormalDraws, theta: Float32Array, e: FloatArray) -> None:
+    """Fill ``e`` (n, T+1, 2) [m]; ``theta`` (E, n, 2, P) is the field whose innovations are in ``draws``."""
+    F, dt = law.F, law.dt
+    for i in range(len(e)):
+        at = Point(law.start_sd * draws.start[i, 0], law.start_sd * draws.start[i, 1])
+        e[i, 0, 0], e[i, 0, 1] = at
+        for t in range(len(law.white)):
+            field = theta[law.epoch[t], i]
+            east = linear_field(law.psi, t, 0, field) + law.white[t, 0] * draws.white[t, i, 0]
+            north = linear_field(law.psi, t, 1, field) + law.white[t, 1] * draws.white[t, i, 1]
+            at = Point(
+                F[t, 0, 0] * at.x + F[t, 0, 1] * at.y + dt * east,
+                F[t, 1, 0] * at.x + F[t, 1, 1] * at.y + dt * north,
+            )
+            e[i, t + 1, 0], e[i, t + 1, 1] = at
+
+
+@allocating
+def mixture_density(mixture: Mixture, e: FloatArray, density: FloatArray) -> None:
+    """Fill ``density`` (n,), that of the proposal over that of flights, for deviations ``e`` (n, T+1, 2)."""
+    for i in range(len(e)):
+        total = mixture.plain
+        for j in range(len(mixture.threshold)):
+            total += half_space_share(mixture, j, e[i])
+        density[i] = total
+
+
+@kernel
+def half_space_share(mixture: Mixture, j: int, e: FloatArray) -> float:
+    """Σ_l share_l over the levels at which ``e`` (T+1, 2) lies in half-space ``j``."""
+    reached = 0.0
+    for k in range(mixture.ptr[j], mixture.ptr[j + 1]):
+        t = mixture.step[k]
+        reached += mixture.weight[k, 0] * e[t, 0] + mixture.weight[k, 1] * e[t, 1]
+    total = 0.0
+    for l in range(len(mixture.level) - 1, -1, -1):  # noqa: E741
+        if reached < mixture.level[l] * mixture.threshold[j]:
+            break
+        total += mixture.share[l]
+    return total

@@ -1,0 +1,76 @@
+"""Importance sampling of flights in plain NumPy: the readable road beside ``kernels.importance``.
+
+Here z is one vector of D = 2 + 2 T + 2 E P numbers, in the order start, white, innovations of the field.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.special import ndtr
+
+from pareto_ltl.support.arrays import FloatArray
+
+if TYPE_CHECKING:
+    from pareto_ltl.kernels.importance import LinearLaw, NormalDraws
+
+
+def joined(draws: NormalDraws) -> FloatArray:
+    """z (n, D) of n flights."""
+    n = len(draws.start)
+    white = np.moveaxis(draws.white, 1, 0).reshape(n, -1)
+    return np.hstack([draws.start, white, np.moveaxis(draws.field, 1, 0).reshape(n, -1).astype(float)])
+
+
+def deviation_map(law: LinearLaw) -> FloatArray:
+    """M (T+1, 2, D) of the deviations e_t = M_t z,
+
+    M_{t+1} = F_t M_t + dt (ψ_t' Θ_k + white_t),    Θ_k = ρ_k Θ_{k-1} + √(1 - ρ_k²) η_k,
+
+    with Θ_k (2, P, D) the rows of θ in epoch k.
+    """
+    steps, (epochs, modes) = len(law.white), law.kept.shape
+    size = 2 + 2 * steps + 2 * epochs * modes
+    unit = np.eye(size)
+    start, white, innovation = unit[:2], unit[2 : 2 + 2 * steps], unit[2 + 2 * steps :]
+    white = white.reshape(steps, 2, size)
+    theta = innovation.reshape(epochs, 2, modes, size).copy()
+    kept = law.kept.astype(float)
+    for k in range(1, epochs):
+        rho = kept[k][None, :, None]
+        theta[k] = rho * theta[k - 1] + np.sqrt(1.0 - rho**2) * theta[k]
+    rows = [law.start_sd * start]
+    for t in range(steps):
+        wind = np.einsum("cm,cmd->cd", law.psi[t].astype(float), theta[law.epoch[t]])
+        rows.append(law.F[t] @ rows[-1] + law.dt * (wind + law.white[t][:, None] * white[t]))
+    return np.array(rows)
+
+
+def half_space_directions(law: LinearLaw, weight: FloatArray) -> FloatArray:
+    """ω (J, D) of Σ_t ``weight[j, t]``' e_t = ω_j' z, for ``weight`` (J, T+1, 2)."""
+    directions: FloatArray = np.einsum("jti,tid->jd", weight, deviation_map(law))
+    return directions
+
+
+def proposal_density(
+    reached: FloatArray, threshold: FloatArray, level: FloatArray, share: FloatArray, plain: float
+) -> FloatArray:
+    """q/φ (n,), component by component: that of half-space j at level l has the probability p_jl and the
+    density φ 1{ω_j' z >= s_l τ_j} / Φ(-s_l τ_j).
+
+        q/φ = α + Σ_l Σ_j p_jl 1{ω_j' z >= s_l τ_j} / Φ(-s_l τ_j),    p_jl = β_l Φ(-s_l τ_j) / Σ_k Φ(-s_l τ_k)
+
+    Parameters
+    ----------
+    reached : (n, J) float
+        ω_j' z.
+    threshold : (J,) float, level, share : (L,) float, plain : float
+        τ, s, β and α.
+    """
+    density = np.full(len(reached), plain)
+    for s, beta in zip(level, share, strict=True):
+        chance = ndtr(-s * threshold)
+        probability = beta * chance / chance.sum()
+        density += ((reached >= s * threshold) * (probability / chance)).sum(axis=1)
+    return density

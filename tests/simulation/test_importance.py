@@ -1,0 +1,380 @@
+"""Importance sampling of rare failures: weights, half-spaces and rates, each on two roads."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.random import SeedSequence
+from scipy.stats import binom, norm
+
+from coherent import SCENE, STEPS, coherent_problem
+from flown import succeeds
+from landmarks import LANDMARK_WAY, landmark_problem
+from pareto_ltl.kernels import importance as kernel
+from pareto_ltl.planning import reference_importance as plain
+from pareto_ltl.planning.evaluate import cross_covariance, evaluate_path, propagate
+from pareto_ltl.planning.problem import Problem
+from pareto_ltl.planning.records import FailureRate, PlannedPath
+from pareto_ltl.settings import PlannerConfig, RobotConfig, preset
+from pareto_ltl.simulation import importance
+from pareto_ltl.simulation.failure_modes import nearest_mixture
+from pareto_ltl.simulation.flights import linked_fields, simulate_flights
+from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.support.errors import InfeasibleError
+from problems import KM, QUICK_ERROR, along, box, make_problem, make_scene, smooth_wind, steady_wind
+
+LOOSE = PlannerConfig(epsilon=0.999, delta=0.999)
+CHANCE = 1e-6  # at which a statistical test may fail
+MAP = {"a": box(13, 13, 19, 19), "b": box(2, 13, 7, 18), "h": box(7.5, 7.5, 10, 10)}
+BLOCKS = [box(8, 1, 12, 5.5), box(9, 15, 11, 20)]
+
+
+def task(
+    formula: str, corners: tuple[tuple[float, float], ...], law: str = "coherent", border: str = "open",
+    feedback: float = 0.0, **wind: float,
+) -> tuple[Problem, PlannedPath]:  # fmt: skip
+    """A plan along ``corners`` [km] in curved winds, and what it is to do."""
+    scene = replace(make_scene(MAP, BLOCKS, start=corners[0]), border=border)
+    models = replace(preset("full"), law=law, border=border)
+    robot = RobotConfig(dt=100.0, u_max=25.0, start_sd=50.0, feedback=feedback)
+    problem = make_problem(formula, scene, smooth_wind(scene, **wind), robot, LOOSE, fidelity=models)
+    return problem, evaluate_path(problem, along(*corners, step=0.8), "by hand")
+
+
+def tasks() -> dict[str, tuple[Problem, PlannedPath]]:
+    """Plans that fail in 0.2 to 4 % of the flights, each in its own way."""
+    sweep = ((2, 3), (6.5, 6.5), (11, 11), (15, 16), (18, 17), (16.5, 14))
+    tour = ((2, 3), (6, 8), (4.5, 15), (8, 13), (12.5, 13), (16, 16))
+    return {
+        "coherent": task("F a", ((2, 3), (6, 8), (11, 12), (16, 16)), sd=0.42, gust=0.3),
+        "sweep": task("F a", sweep, sd=0.7, gust=0.3),
+        "wall": task("F b & F a", tour, border="wall", sd=0.3, gust=0.4),
+        "forbidden": task("!h U a", ((2, 3), (5.5, 9.5), (9, 12), (16, 16)), sd=0.25, gust=0.3),
+        "choice": task("F(a & F b) | F(b & F a)", tour, sd=0.28, gust=0.3),
+        "feedback": task("F a", (*sweep[:3], (16, 16)), feedback=0.05, sd=0.8, gust=0.5),
+        "independent": task("F b & F a", tour, "independent", sd=1.0, gust=1.2),
+    }
+
+
+TASKS = tasks()
+
+
+def proposal_of(name: str, ladder: importance.Ladder = importance.LADDER) -> importance.Proposal:
+    problem, path = TASKS[name]
+    proposal = importance.make_proposal(problem, path, problem.fidelity.law, ladder)
+    assert proposal is not None
+    return proposal
+
+
+def drawn(proposal: importance.Proposal, n: int, seed: int) -> tuple[kernel.NormalDraws, FloatArray]:
+    """z of ``n`` flights and their linear deviations."""
+    choices = importance.component_choices(proposal)
+    z = importance.draw_proposal(proposal, choices, n, np.random.default_rng(seed))
+    e = np.empty((n, len(proposal.law.white) + 1, 2))
+    kernel.linear_deviations(proposal.law, z, linked_fields(proposal.law.kept, z.field.copy()), e)
+    return z, e
+
+
+# --- the linear law and its half-spaces ------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["coherent", "feedback", "independent"])
+def test_linear_deviations_and_directions_are_those_of_a_matrix(name):
+    """The kernel's loop, the adjoint recursion and M z agree."""
+    proposal = proposal_of(name)
+    z, e = drawn(proposal, 40, seed=1)
+    M = plain.deviation_map(proposal.law)
+    rows = plain.joined(z)
+    scale = np.abs(e).max()
+    np.testing.assert_allclose(e, np.einsum("tid,nd->nti", M, rows), atol=2e-5 * scale)
+    omega = plain.half_space_directions(proposal.law, proposal.modes.weight)
+    np.testing.assert_allclose(np.linalg.norm(omega, axis=1), 1.0, atol=1e-6)
+    parts = [part.reshape(len(part), -1) for part in proposal.directions]
+    np.testing.assert_allclose(np.hstack(parts), omega, atol=1e-6)
+
+
+@pytest.mark.parametrize("error", [None, QUICK_ERROR])
+def test_the_covariance_of_deviations_is_the_planned_one(error):
+    """M M' against the recursion of Cov(e_t, e_s) in the propagation, over epochs of all parts."""
+    p = coherent_problem(hours=0.25, rho=0.6, error=error)
+    law = importance.SMOOTH_LAWS["coherent"](p)
+    flight = propagate(p, STEPS, law)
+    M = plain.deviation_map(importance.linear_law(p, flight, law))
+    cross = cross_covariance(law, flight)
+    for t in (0, 5, 17, len(STEPS) - 1):
+        for s in (0, 3, t // 2, t):
+            expected = cross[t, min(s, t)]
+            np.testing.assert_allclose(M[t] @ M[min(s, t)].T, expected, atol=1e-4 * flight.cov.max())
+
+
+@pytest.mark.parametrize("name", list(TASKS))
+def test_half_spaces_cover_the_failures_of_the_linear_law(name):
+    """Of flights drawn far around the half-spaces, those that fail lie in one."""
+    problem = TASKS[name][0]
+    proposal = proposal_of(name)
+    _, e = drawn(proposal, 3000, seed=2)
+    reached = np.einsum("jti,nti->nj", proposal.modes.weight, e)
+    covered = (reached >= proposal.modes.threshold).any(axis=1)
+    fails = np.array([not succeeds(problem, proposal.mean + off) for off in e])
+    assert fails.sum() > 300
+    assert (~covered).sum() > 300
+    assert not (fails & ~covered).any()
+
+
+def test_dividing_half_spaces_brings_the_bound_down_to_the_rate():
+    """A region is swept in several steps; V charges the visit at one of them."""
+    problem, path = TASKS["sweep"]
+    rate = importance.importance_rate(problem, path, 4000, SeedSequence(3)).failure
+    bound = proposal_of("sweep").modes.union_bound
+    risk = path.objectives.mission_risk + path.objectives.collision_risk
+    assert rate < bound < 0.75 * risk
+
+
+@settings(deadline=None, max_examples=100)
+@given(st.floats(0.01, 6.0), st.floats(0.01, 6.0), st.floats(-0.99, 0.99))
+def test_the_nearest_mixture_touches_the_intersection_at_its_nearest_point(first, second, shared):
+    """Against the intersection in the plane of both normals, ray by ray from the origin."""
+    mixed = nearest_mixture(first, np.array([second]), np.array([shared]))
+    axes = np.array([[1.0, 0.0], [shared, math.sqrt(1.0 - shared**2)]])
+    normal = mixed.first[0] * axes[0] + mixed.second[0] * axes[1]
+    angle = np.linspace(0, 2 * np.pi, 20_001)
+    rays = np.column_stack([np.cos(angle), np.sin(angle)])
+    towards = rays @ axes.T
+    hits = (towards > 1e-9).all(axis=1)
+    near = rays[hits] * (np.array([first, second]) / towards[hits]).max(axis=1, keepdims=True)
+    assert mixed.threshold[0] == pytest.approx(np.linalg.norm(near, axis=1).min(), rel=1e-3)
+    assert np.linalg.norm(normal) == pytest.approx(1.0)
+    assert (near @ normal).min() >= mixed.threshold[0] * (1 - 1e-9)
+
+
+# --- weights --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["coherent", "sweep", "independent"])
+def test_densities_are_those_of_the_components(name):
+    proposal = proposal_of(name)
+    _, e = drawn(proposal, 500, seed=3)
+    density = np.empty(500)
+    kernel.mixture_density(proposal.mixture(), e, density)
+    reached = np.einsum("jti,nti->nj", proposal.modes.weight, e)
+    ladder = proposal.ladder
+    expected = plain.proposal_density(reached, proposal.modes.threshold, *ladder)
+    np.testing.assert_allclose(density, expected, rtol=1e-9)
+    assert len(np.unique(density)) > 50
+
+
+def test_draws_are_pushed_into_their_half_space_and_left_alone_beside_it():
+    proposal = proposal_of("coherent")
+    n, modes = 60, len(proposal.modes)
+    z, _ = drawn(replace(proposal, ladder=importance.Ladder(np.ones(1), np.zeros(1), 1.0)), n, seed=4)
+    before = plain.joined(z)
+    event = np.arange(n) % (modes + 1) - 1
+    size = np.linspace(0.0, 6.0, n)
+    kernel.push_draws(proposal.directions, event, size, z)
+    after, omega = plain.joined(z), plain.half_space_directions(proposal.law, proposal.modes.weight)
+    for i in range(n):
+        moved = after[i] - before[i]
+        if event[i] < 0:
+            assert not moved.any()
+        else:
+            own = omega[event[i]]
+            assert after[i] @ own == pytest.approx(size[i], abs=1e-5)
+            np.testing.assert_allclose(moved, (moved @ own) * own, atol=1e-5)
+
+
+@pytest.mark.statistical
+def test_draws_have_the_law_of_their_half_spaces():
+    """Along ω a truncated normal, across it a standard normal; each half-space in proportion to Φ(-τ)."""
+    proposal = proposal_of("coherent", importance.ALOE)
+    n = 20_000
+    z, e = drawn(proposal, n, seed=5)
+    reached = np.einsum("jti,nti->nj", proposal.modes.weight, e)
+    tau = proposal.modes.threshold
+    inside = reached >= tau
+    assert inside.any(axis=1).all()
+    chance = norm.sf(tau)
+    # E_q[1{in j} / S] = Φ(-τ_j) / Σ Φ(-τ) exactly
+    share = (inside / inside.sum(axis=1, keepdims=True)).mean(axis=0)
+    np.testing.assert_allclose(share, chance / chance.sum(), atol=5.5 * 0.5 / math.sqrt(n))
+    rows = plain.joined(z)
+    omega = plain.half_space_directions(proposal.law, proposal.modes.weight)
+    across = rows - (rows @ omega.T) @ np.linalg.pinv(omega.T)  # the part in no half-space's direction
+    left = rows.shape[1] - np.linalg.matrix_rank(omega)
+    assert (across**2).sum() / (n * left) == pytest.approx(1.0, abs=6 * math.sqrt(2 / (n * left)))
+
+
+def test_the_mixture_of_the_paper_never_exceeds_the_union_bound():
+    for name in TASKS:
+        problem, path = TASKS[name]
+        proposal = proposal_of(name, importance.ALOE)
+        weights, _ = importance.weighted_flights(problem, path, proposal, 500, SeedSequence(6))
+        bound = proposal.modes.union_bound
+        assert weights.max() <= bound * (1 + 1e-12)
+        assert weights.mean() <= bound * (1 + 1e-12)
+        assert weights.min() >= bound / len(proposal.modes) * (1 - 1e-12)
+
+
+def test_no_weight_exceeds_what_plain_flights_allow():
+    problem, path = TASKS["coherent"]
+    proposal = proposal_of("coherent")
+    weights, _ = importance.weighted_flights(problem, path, proposal, 5000, SeedSequence(7))
+    assert weights.max() <= 1 / importance.LADDER.plain
+    assert weights.mean() == pytest.approx(1.0, abs=6 * weights.std() / math.sqrt(len(weights)))
+
+
+# --- rates ----------------------------------------------------------------------------------------
+
+
+def straight(offset: float, sigma: float = 3.0, law: str = "independent") -> tuple[Problem, PlannedPath]:
+    """East in an even wind into the half plane x >= 15 km, ``offset`` deviations deep at the last step.
+
+    The step before ends 10 deviations short of it, and everything else is far: P(fail) = Φ(-offset).
+    """
+    scene = make_scene({"a": box(15, 0, 40, 40)}, start=(2.0, 20.0), side=40.0)
+    robot = RobotConfig(dt=100.0, u_max=40.0)
+    models = replace(preset("full"), law=law, border="open")
+    wind = steady_wind(scene, gust=(1.0, 1.0))
+    problem = make_problem("F a", scene, wind, robot, LOOSE, fidelity=models)
+    sd = math.sqrt(8) * 100.0
+    end = 15 * KM + offset * sd
+    x = np.column_stack([np.linspace(2 * KM, end, 9), np.full(9, 20 * KM)])
+    return problem, evaluate_path(problem, x, "by hand")
+
+
+@pytest.mark.parametrize("offset", [2.0, 4.0, 5.5])
+def test_one_half_space_is_exact(offset):
+    """Every draw fails and weighs the same: the rate is Φ(-τ) without sampling error. With lowered thresholds
+    it has one, and stays unbiased."""
+    problem, path = straight(offset)
+    proposal = importance.make_proposal(problem, path, "independent", importance.ALOE)
+    assert proposal is not None
+    weights, failed = importance.weighted_flights(problem, path, proposal, 400, SeedSequence(0))
+    assert failed.all()
+    assert weights == pytest.approx(norm.sf(offset), rel=1e-6)
+    proposal = replace(proposal, ladder=importance.LADDER)
+    weights, failed = importance.weighted_flights(problem, path, proposal, 4000, SeedSequence(1))
+    weighted = np.where(failed, weights, 0.0)
+    low, high = importance.weighted_interval(weighted, proposal.ladder.plain, 1 - CHANCE)
+    assert low <= norm.sf(offset) <= high < 1.6 * low
+
+
+@pytest.mark.statistical
+@pytest.mark.parametrize("name", list(TASKS))
+def test_rates_are_those_of_plain_flights(name):
+    """Nonlinear flights both; a normal deviate of 5.3 is exceeded with a chance of 1e-7."""
+    problem, path = TASKS[name]
+    law, runs, draws = problem.fidelity.law, 40_000, 6000
+    plain_rate = float(simulate_flights(problem, path.u, runs, law, SeedSequence(1), path.x).failed.mean())
+    proposal = proposal_of(name)
+    weights, failed = importance.weighted_flights(problem, path, proposal, draws, SeedSequence(2))
+    weighted = np.where(failed, weights, 0.0)
+    rate, error = weighted.mean(), weighted.std() / math.sqrt(draws)
+    assert error < 0.06 * rate
+    assert abs(rate - plain_rate) < 5.3 * math.hypot(error, math.sqrt(rate * (1 - rate) / runs))
+    found = importance.importance_rate(problem, path, draws, SeedSequence(2))
+    assert found == FailureRate(law, pytest.approx(rate), found.low, found.high, draws, importance.METHOD)
+    assert found.low < rate < found.high
+
+
+@pytest.mark.statistical
+def test_intervals_hold_the_rate_as_often_as_they_say():
+    """400 intervals for a rate that is known exactly, from as few as 40 draws."""
+    problem, path = straight(3.0)
+    proposal = importance.make_proposal(problem, path, "independent")
+    assert proposal is not None
+    for draws in (40, 400):
+        weights, failed = importance.weighted_flights(problem, path, proposal, 400 * draws, SeedSequence(3))
+        rows = np.where(failed, weights, 0.0).reshape(400, draws)
+        ends = np.array([importance.weighted_interval(row, importance.LADDER.plain) for row in rows])
+        missed = int(((ends[:, 0] > norm.sf(3.0)) | (ends[:, 1] < norm.sf(3.0))).sum())
+        assert binom.sf(missed - 1, 400, 0.05) > CHANCE
+        assert (ends[:, 1] - ends[:, 0]).mean() < norm.sf(3.0) * (3.0 if draws == 40 else 0.5)
+
+
+def test_an_interval_without_failures_is_that_of_the_plain_flights_among_the_draws():
+    low, high = importance.weighted_interval(np.zeros(1000), 0.1)
+    assert low == 0.0
+    assert high == pytest.approx(-math.log(0.025) / 100.0)  # 100 flights, none of which fails
+
+
+@settings(deadline=None, max_examples=60)
+@given(st.integers(1, 60), st.floats(1e-6, 1.0), st.integers(100, 2000))
+def test_intervals_of_equal_weights_are_those_of_counts(hits, weight, draws):
+    """Against the quantiles of Poisson counts; two more of them above."""
+    from scipy.stats import gamma
+
+    weights = np.zeros(draws)
+    weights[:hits] = weight
+    low, high = importance.weighted_interval(weights, 0.1)
+    share = 1 - hits / draws  # v is the variance of a binomial count
+    assert low == pytest.approx(min(weight / draws * share * gamma.ppf(0.025, hits / share), 1.0))
+    above, spread = hits + 2, hits * share + 4
+    assert high == pytest.approx(weight / draws * spread / above * gamma.ppf(0.975, above**2 / spread))
+
+
+def test_the_same_seed_gives_the_same_rate_whatever_the_threads(monkeypatch):
+    problem, path = TASKS["wall"]
+    seed = SeedSequence(8)
+    first = importance.importance_rate(problem, path, 900, seed)
+    seed.spawn(2)
+    for count in ("1", "3"):
+        monkeypatch.setenv("OMP_NUM_THREADS", count)
+        assert importance.importance_rate(problem, path, 900, seed) == first
+    assert importance.importance_rate(problem, path, 900, SeedSequence(9)) != first
+
+
+# --- where there is nothing to sample by ----------------------------------------------------------
+
+
+@pytest.mark.parametrize("law", ["coherent", "independent"])
+def test_a_law_without_variance_is_flown_as_it_is(law):
+    problem, path = straight(2.0, law=law)
+    still = make_problem(
+        "F a", problem.scene, steady_wind(problem.scene, gust=(0.0, 0.0)), RobotConfig(dt=100.0, u_max=40.0),
+        LOOSE, fidelity=problem.fidelity,
+    )  # fmt: skip
+    rate = importance.importance_rate(still, path, 100, SeedSequence(0))
+    assert (rate.failure, rate.low, rate.method, rate.runs, rate.law) == (0.0, 0.0, "flights", 100, law)
+    short = replace(path, x=path.x[:-1], u=path.u[:-1])
+    assert importance.importance_rate(still, short, 100, SeedSequence(0)).failure == 1.0
+
+
+def test_a_plan_that_misses_its_region_is_flown_as_it_is():
+    problem, path = straight(-0.5)
+    rate = importance.importance_rate(problem, path, 2000, SeedSequence(0))
+    assert rate.method == "flights"
+    assert rate.low < norm.sf(-0.5) < rate.high
+
+
+def test_a_plan_with_fixes_is_flown_as_it_is():
+    problem = landmark_problem()
+    path = evaluate_path(problem, LANDMARK_WAY, "by hand")
+    assert path.fixes
+    rate = importance.importance_rate(problem, path, 300, SeedSequence(1))
+    flights = simulate_flights(problem, path.u, 300, "coherent", SeedSequence(1), path.x)
+    assert rate.failure == flights.failed.mean()
+    assert rate.method == "flights"
+
+
+def test_a_start_in_the_region_needs_no_step():
+    scene = make_scene({"a": box(1, 1, 4, 4)}, start=(2.0, 2.0))
+    problem = coherent_problem(scene)
+    path = evaluate_path(problem, scene.start[None], "by hand")
+    rate = importance.importance_rate(problem, path, 100, SeedSequence(0))
+    assert rate.failure == 0.0
+
+
+def test_a_plan_that_outlasts_the_wind_and_too_few_draws_are_refused():
+    problem, path = TASKS["coherent"]
+    with pytest.raises(ValueError, match="at least one draw, got draws = 0"):
+        importance.importance_rate(problem, path, 0, SeedSequence(0))
+    longer = np.vstack([path.u] * 200)
+    outlasting = replace(path, u=longer, x=np.vstack([path.x[:1]] * (len(longer) + 1)))
+    known = coherent_problem(SCENE, until=1800.0)
+    with pytest.raises(InfeasibleError, match="outlasts the wind"):
+        importance.importance_rate(known, outlasting, 10, SeedSequence(0))
