@@ -1,4 +1,4 @@
-"""Deployment budgets: 500 flights of 100 steps in 50 ms, 100,000 in 5 s.
+"""Deployment budgets: 500 flights of 100 steps in 50 ms, 100,000 in 5 s; a rare failure within 5 % in 1 s.
 
 python -m pytest benchmarks/bench_deployment.py
 """
@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 from numpy.random import SeedSequence
 
+import pareto_ltl
 from pareto_ltl.simulation import flights as deployment
-from problems import paper_problem
+from pareto_ltl.simulation import importance
+from problems import MISSIONS, paper_problem
 
 STEPS = 100
 
@@ -34,3 +36,25 @@ def test_flights_of_100_steps(benchmark, mission, runs, budget):
     result = benchmark.pedantic(deployment.simulate_flights, arguments, rounds=rounds, warmup_rounds=1)
     assert result.x.shape == (runs, STEPS + 1, 2)
     assert np.isfinite(result.x).all()
+
+
+@pytest.fixture(scope="module")
+def safe_plan():
+    """A plan for phi2 with feedback, in the winds of the sample: it fails in a few of 10,000 flights."""
+    planned = pareto_ltl.plan(
+        "phi2", MISSIONS["phi2"], fidelity="full", robot={"dt": 1800.0, "feedback": 0.1}
+    )
+    importance.importance_rate(planned.problem, planned.plan.path, 250, SeedSequence(0))
+    return planned.problem, planned.plan.path
+
+
+def test_rate_of_a_rare_failure_from_20_000_draws(benchmark, safe_plan):
+    problem, path = safe_plan
+    arguments = (problem, path, 20_000, SeedSequence(1))
+    rate = benchmark.pedantic(importance.importance_rate, arguments, rounds=5, warmup_rounds=1)
+    proposal = importance.make_proposal(problem, path, rate.law)
+    weights, failed = importance.weighted_flights(problem, path, proposal, *arguments[2:])
+    error = float(np.where(failed, weights, 0.0).std()) / np.sqrt(20_000) / rate.failure
+    benchmark.extra_info["budget"] = 1.0
+    benchmark.extra_info["figures"] = [(f"standard error at {rate.failure:.1e}", error, 0.05)]
+    assert rate.method == importance.METHOD

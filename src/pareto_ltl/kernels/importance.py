@@ -12,7 +12,7 @@ from typing import NamedTuple
 from pareto_ltl.kernels.data import Point
 from pareto_ltl.kernels.flight import linear_field
 from pareto_ltl.kernels.interpolation import F32
-from pareto_ltl.kernels.jit import allocating, kernel, vector
+from pareto_ltl.kernels.jit import allocating, vector
 from pareto_ltl.support.arrays import Float32Array, FloatArray, IntArray
 
 
@@ -118,23 +118,16 @@ def linear_deviations(law: LinearLaw, draws: NormalDraws, theta: Float32Array, e
 @allocating
 def mixture_density(mixture: Mixture, e: FloatArray, density: FloatArray) -> None:
     """Fill ``density`` (n,), that of the proposal over that of flights, for deviations ``e`` (n, T+1, 2)."""
+    ptr, step, weight = mixture.ptr, mixture.step, mixture.weight
+    threshold, level, share = mixture.threshold, mixture.level, mixture.share
     for i in range(len(e)):
         total = mixture.plain
-        for j in range(len(mixture.threshold)):
-            total += half_space_share(mixture, j, e[i])
+        for j in range(len(threshold)):
+            reached = 0.0
+            for k in range(ptr[j], ptr[j + 1]):
+                reached += weight[k, 0] * e[i, step[k], 0] + weight[k, 1] * e[i, step[k], 1]
+            for l in range(len(level) - 1, -1, -1):  # noqa: E741
+                if reached < level[l] * threshold[j]:
+                    break
+                total += share[l]
         density[i] = total
-
-
-@kernel
-def half_space_share(mixture: Mixture, j: int, e: FloatArray) -> float:
-    """Σ_l share_l over the levels at which ``e`` (T+1, 2) lies in half-space ``j``."""
-    reached = 0.0
-    for k in range(mixture.ptr[j], mixture.ptr[j + 1]):
-        t = mixture.step[k]
-        reached += mixture.weight[k, 0] * e[t, 0] + mixture.weight[k, 1] * e[t, 1]
-    total = 0.0
-    for l in range(len(mixture.level) - 1, -1, -1):  # noqa: E741
-        if reached < mixture.level[l] * mixture.threshold[j]:
-            break
-        total += mixture.share[l]
-    return total

@@ -1,0 +1,146 @@
+"""Importance sampling's kernels against plain NumPy, and claims about the automaton against all runs."""
+
+from __future__ import annotations
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pareto_ltl.kernels.claims import ClaimCosts, ClaimEdges, cheapest_claims
+from pareto_ltl.kernels.importance import (
+    Directions,
+    LinearLaw,
+    Mixture,
+    NormalDraws,
+    linear_deviations,
+    mixture_density,
+    push_draws,
+)
+from pareto_ltl.planning import reference_importance as plain
+
+some = settings(deadline=None, max_examples=30)
+seeds = st.integers(0, 2**32 - 1)
+N, STEPS, EPOCHS, MODES, EVENTS = 7, 5, 3, 4, 6
+
+
+def linear_law(rng: np.random.Generator, modes: int = MODES) -> LinearLaw:
+    kept = np.zeros((EPOCHS, modes), np.float32)
+    kept[1:] = rng.uniform(0, 1, (EPOCHS - 1, modes))
+    return LinearLaw(
+        np.eye(2) + 0.2 * rng.standard_normal((STEPS, 2, 2)),
+        rng.standard_normal((STEPS, 2, modes)).astype(np.float32), rng.uniform(0, 1, (STEPS, 2)),
+        np.array([0, 0, 1, 2, 2]), kept, 100.0, 30.0,
+    )  # fmt: skip
+
+
+def normal_draws(rng: np.random.Generator, modes: int = MODES) -> NormalDraws:
+    return NormalDraws(
+        rng.standard_normal((N, 2)),
+        rng.standard_normal((STEPS, N, 2)),
+        rng.standard_normal((EPOCHS, N, 2, modes)).astype(np.float32),
+    )
+
+
+def linked(law: LinearLaw, draws: NormalDraws):
+    """θ of the innovations, epoch by epoch."""
+    theta = draws.field.copy()
+    for k in range(1, EPOCHS):
+        theta[k] = law.kept[k] * theta[k - 1] + np.sqrt(1 - law.kept[k] ** 2) * theta[k]
+    return theta
+
+
+@some
+@given(seeds, st.sampled_from([0, 1, MODES]))
+def test_deviations_are_a_matrix_times_the_draws(seed, modes):
+    rng = np.random.default_rng(seed)
+    law, draws = linear_law(rng, modes), normal_draws(rng, modes)
+    e = np.empty((N, STEPS + 1, 2))
+    linear_deviations(law, draws, linked(law, draws), e)
+    expected = np.einsum("tid,nd->nti", plain.deviation_map(law), plain.joined(draws))
+    np.testing.assert_allclose(e, expected, atol=1e-3)
+
+
+@some
+@given(seeds)
+def test_a_push_changes_the_draws_along_one_direction_only(seed):
+    rng = np.random.default_rng(seed)
+    draws = normal_draws(rng)
+    before = plain.joined(draws)
+    omega = rng.standard_normal((EVENTS, before.shape[1]))
+    omega /= np.linalg.norm(omega, axis=1, keepdims=True)
+    white, field = omega[:, 2 : 2 + 2 * STEPS], omega[:, 2 + 2 * STEPS :]
+    directions = Directions(
+        omega[:, :2].copy(),
+        white.reshape(EVENTS, STEPS, 2).copy(),
+        field.reshape(EVENTS, EPOCHS, 2, MODES).copy(),
+    )
+    event, size = rng.integers(-1, EVENTS, N), rng.uniform(0, 6, N)
+    push_draws(directions, event, size, draws)
+    after = plain.joined(draws)
+    for i in range(N):
+        own = omega[event[i]] if event[i] >= 0 else np.zeros(before.shape[1])
+        expected = before[i] + (size[i] - own @ before[i]) * own
+        np.testing.assert_allclose(after[i], expected, atol=1e-5)
+
+
+@some
+@given(seeds)
+def test_the_density_is_the_sum_over_components(seed):
+    rng = np.random.default_rng(seed)
+    e = rng.standard_normal((40, STEPS + 1, 2))
+    weight = rng.standard_normal((EVENTS, STEPS + 1, 2)) * (rng.random((EVENTS, STEPS + 1, 1)) < 0.5)
+    weight[:, 0, 0] += 1.0
+    threshold, level = rng.uniform(0.1, 4, EVENTS), np.array([1.0, 0.9, 0.6])
+    share, left = np.array([0.4, 0.3, 0.2]), 0.1
+    bounds = np.array([sum(0.5 * math.erfc(s * t / math.sqrt(2)) for t in threshold) for s in level])
+    event, step = np.nonzero(weight.any(axis=2))
+    ptr = np.searchsorted(event, np.arange(EVENTS + 1))
+    mixture = Mixture(ptr, step, weight[event, step], threshold, level, share / bounds, left)
+    density = np.empty(40)
+    mixture_density(mixture, e, density)
+    reached = np.einsum("jti,nti->nj", weight, e)
+    expected = plain.proposal_density(reached, threshold, level, share, left)
+    np.testing.assert_allclose(density, expected, rtol=1e-9)
+
+
+@some
+@given(seeds)
+def test_the_cheapest_claims_are_those_of_the_cheapest_run(seed):
+    """Every sequence of edges is tried. Edges ask for a polygon, shun some, or lose to a hazard."""
+    rng = np.random.default_rng(seed)
+    states, count, steps = 3, 5, 4
+    shunned = [rng.choice(2, rng.integers(0, 3), replace=False) for _ in range(count)]
+    edges = ClaimEdges(
+        rng.integers(0, states, count), rng.integers(0, states, count), rng.integers(-1, 2, count),
+        np.cumsum([0, *map(len, shunned)]), np.array([c for own in shunned for c in own], np.int64),
+        rng.random((states, 2)) < 0.4,
+    )  # fmt: skip
+    costs = ClaimCosts(*(rng.uniform(0, 1, (steps, 2)) for _ in range(3)))
+    for table in costs:
+        table[rng.random(table.shape) < 0.2] = math.inf
+    least, via = np.full((steps + 1, states), math.inf), np.empty((steps, states), np.int64)
+    least[0, 0] = 0.0
+    cheapest_claims(edges, costs, least, via)
+
+    def price(t: int, i: int) -> float:
+        asked = costs.shown[t, edges.shown[i]] if edges.shown[i] >= 0 else 0.0
+        return asked + costs.shunned[t, shunned[i]].sum() + costs.way[t, edges.loses[edges.source[i]]].sum()
+
+    best = dict.fromkeys(range(states), math.inf)
+    for run in itertools.product(range(count), repeat=steps):
+        joins = all(edges.target[a] == edges.source[b] for a, b in itertools.pairwise(run))
+        if joins and edges.source[run[0]] == 0:
+            end = int(edges.target[run[-1]])
+            best[end] = min(best[end], sum(price(t, i) for t, i in enumerate(run)))
+    for p in range(states):
+        assert least[steps, p] == pytest.approx(best[p])
+        at, total = p, 0.0
+        for t in range(steps - 1, -1, -1):
+            if best[p] < math.inf:
+                total += price(t, via[t, at])
+                at = int(edges.source[via[t, at]])
+        assert best[p] == math.inf or total == pytest.approx(best[p])
