@@ -11,9 +11,18 @@ import yaml
 
 from noaa import NOAA
 from pareto_ltl.logic import translate
-from pareto_ltl.planning.records import Acceptance, Forest, Front, Objectives, Plan, PlannedPath, Tree
+from pareto_ltl.planning.records import (
+    FailureRate,
+    Forest,
+    Front,
+    Objectives,
+    Plan,
+    PlannedPath,
+    Promise,
+    Tree,
+)
 from pareto_ltl.run import results
-from pareto_ltl.settings import Settings, as_dict
+from pareto_ltl.settings import Settings, as_dict, preset
 from pareto_ltl.simulation.records import Deployment
 from pareto_ltl.studies.sweeps.manifest import SweepManifest, SweepPoint
 from pareto_ltl.support.files import write_json
@@ -21,6 +30,7 @@ from pareto_ltl.wind.forecast_error import forecast_error_law
 from pareto_ltl.wind.netcdf import write_netcdf
 from pareto_ltl.wind.records import FORECAST, SPACE, TIME, WindEvidence, WindField, WindModes
 from pareto_ltl.world.cells import decompose
+from pareto_ltl.world.navigation import navigate
 from pareto_ltl.world.scene import Scene
 
 FORMULAS = (
@@ -158,10 +168,16 @@ def write_run(place: Path, seed: int = 0) -> None:
     results.write_automaton(place, translate("F(a & F b)", [(), ("a",), ("b",)]))
     write_netcdf(wind(), place / "wind.nc", scene())
     results.write_forest(place, Forest((tree(), tree()), np.array([[0, 3], [1, 2]]), 0.0))
-    results.write_front(place, Front((flight(), flight(2)), (), 0.5, np.ones(3)))
-    checked = Acceptance(0.1, 0.08, 2000, 300, 0.13, 0.17, False, 0.2)
-    told = ("F(a & F b)", ("a", "b"), 1800.0, 30.0, 0.05, "full", "weighted", (0.5, 0.25, 0.25), checked)
-    results.write_plan(place, Plan(flight(), *told))
+    rate, flown = FailureRate("coherent", 0.15, 0.13, 0.17, 20), flight()
+    front = Front(
+        (flown, flight(2)), (flown.objectives,), 0.5, np.ones(2), (rate, rate), (rate,),
+        failed=np.zeros((2, 20), bool), models=preset("full"),
+    )  # fmt: skip
+    results.write_front(place, front)
+    told = ("F(a & F b)", ("a", "b"), 1800.0, 30.0, 0.05, "full", "threshold", (0.5, 0.25, 0.25))
+    known = navigate(scene(), flown.t, flown.x, flown.u)
+    made = Plan(flown, *told, {"alpha": 0.1}, Promise(rate, rate, 0.1, 0.2, False), known)
+    results.write_plan(place, made)
     x = np.zeros((5, 4, 2))
     flags = x[:, 0, 0] == 0, x[:, 0, 1] > 0, x[:, 0, 1] < 0
     results.write_deployments(place, {"coherent": Deployment("coherent", x, *flags)})

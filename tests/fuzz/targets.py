@@ -265,7 +265,8 @@ def results(place: Path) -> Fuzz:
         "scene.json": (lambda: found.scene,),
         "cells.json": (lambda: found.decomposition,),
         "plan.json": (lambda: found.plan, lambda: repr(found.plan)),
-        "front.csv": (lambda: found.front,),
+        "front.csv": (lambda: repr(found.front),),
+        "front.npz": (lambda: repr(found.front),),
         "metrics.json": (lambda: found.metrics, lambda: RunJob(run).look()),
         "run.json": (
             lambda: (found.done, repr(found), RunJob(run).look(), RunJob(run).settled()),

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from lies.editing import (
     Lie,
     both,
-    in_front,
     in_json,
     in_metrics,
     in_plan,
@@ -17,6 +18,7 @@ from lies.editing import (
     scaled,
     setting,
 )
+from pareto_ltl.support.reading import read_json
 from pareto_ltl.verify.flights import clopper_pearson
 
 
@@ -41,21 +43,44 @@ def _slow_clock(plan: dict[str, Any]) -> None:
     plan["t"] = [2.0 * t for t in plan["t"]]
 
 
-def _other_failures(plan: dict[str, Any]) -> None:
-    told = plan["acceptance"]
-    told["failures"] += 60
-    told["low"], told["high"] = clopper_pearson(told["failures"], told["runs"])
+def _promised(**changes: Any) -> Callable[[Path], Any]:
+    """Change the promise of the plan, and the metrics with it."""
+
+    def edit(place: Path) -> None:
+        in_plan(lambda plan: plan["promise"].update(changes))(place)
+        names = ("failure", "low", "high", "runs", "bound", "passed")
+        in_metrics({f"promise_{name}": changes[name] for name in names if name in changes})(place)
+
+    return edit
 
 
-def _other_estimate(place: Path) -> None:
-    in_plan(lambda p: put(p, "acceptance", "estimate", value=0.5))(place)
-    in_front(lambda rows: [row.update(failure_estimate="0.5") for row in rows])(place)
-    in_metrics({"acceptance_estimate": 0.5})(place)
+def _other_failures(place: Path) -> None:
+    """A tenth of the flights more fail, with the interval of that (of few failures, half cannot be missed)."""
+    told = read_json(place / "plan.json")["promise"]
+    count = round((told["failure"] + 0.1) * told["runs"])
+    low, high = clopper_pearson(count, told["runs"])
+    _promised(failure=count / told["runs"], low=low, high=high)(place)
 
 
+def _other_claim(place: Path) -> None:
+    """A claim that the fresh flights confirm."""
+
+    def change(plan: dict[str, Any]) -> None:
+        plan["promise"]["claimed"] |= {key: plan["promise"][key] for key in ("failure", "low", "high")}
+
+    in_plan(change)(place)
+    in_metrics({"promise_claimed": read_json(place / "plan.json")["promise"]["failure"]})(place)
+
+
+def _turned(plan: dict[str, Any]) -> None:
+    """Headings from grid north, as a pilot must not fly them."""
+    plan["heading_true"] = [math.degrees(math.atan2(x, y)) % 360 for x, y in plan["u"]]
+
+
+PROMISE = ("plan: promise by flights",)
+EARTH = ("plan: positions and headings on Earth",)
 PLAN_LIES = (
     Lie("the time step of the metrics is another", in_metrics({"dt_s": 900.0}), ("plan: metrics",)),
-    Lie("the estimate is another", _other_estimate, ("plan: estimate of its acceptance",), "full"),
     Lie("a step is shifted", in_plan(_shift_step), ("plan: motion",)),
     Lie(
         "a control is faster than the robot",
@@ -115,17 +140,58 @@ PLAN_LIES = (
         ),
         ("plan: text of the fidelity",),
     ),
+    Lie("another share of fresh flights fails", _other_failures, ("plan: promised rate",), "full"),
+    Lie("the promise is sharper", _promised(high=0.0), PROMISE, "full"),
+    Lie("the promise has more runs", _promised(runs=10**6), PROMISE, "full"),
     Lie(
-        "another count of failures accepts the plan",
-        in_plan(_other_failures),
-        ("plan: failures in its acceptance",),
+        "the promise holds in other winds",
+        _promised(law="independent"),
+        PROMISE,
+        "full",
+    ),
+    Lie("the promise is of another method", _promised(method="prayer"), PROMISE, "full"),
+    Lie("the bound is another", _promised(bound=0.01), PROMISE, "full"),
+    Lie("the linearity is another", _promised(linearity=1e-3), PROMISE, "full"),
+    Lie("the claim did not stand", _promised(passed=False), PROMISE, "full"),
+    Lie("the claim is another", _other_claim, PROMISE, "full"),
+    Lie(
+        "the promise is left out",
+        in_plan(lambda p: p.update(promise=None)),
+        PROMISE,
         "full",
     ),
     Lie(
-        "the acceptance interval is narrower",
-        in_plan(lambda p: put(p, "acceptance", "high", value=p["acceptance"]["low"])),
-        ("plan: acceptance by flights",),
-        "full",
+        "a promise is made up",
+        in_plan(lambda p: p.update(promise={"law": "independent", "failure": 0.0, "runs": 1})),
+        PROMISE,
+        "paper",
+    ),
+    Lie("a model is another", in_plan(lambda p: put(p, "models", "law", value="calm")), ("plan: models",)),
+    Lie("headings are those of the grid", in_plan(_turned), EARTH),
+    Lie(
+        "a place on Earth is another",
+        in_plan(lambda p: scaled(p, "lat", 4, factor=1.00001)),
+        EARTH,
+    ),
+    Lie(
+        "the plane is another",
+        in_plan(lambda p: p.update(crs=None)),
+        EARTH,
+    ),
+    Lie(
+        "an airspeed is lower",
+        in_plan(lambda p: scaled(p, "airspeed", 2, factor=0.9)),
+        ("plan: airspeed of each step",),
+    ),
+    Lie(
+        "the hour is another",
+        in_plan(lambda p: put(p, "time_utc", 3, value=p["time_utc"][2])),
+        ("plan: times in UTC",),
+    ),
+    Lie(
+        "the limit of the rule is another",
+        in_plan(lambda p: put(p, "selection", "alpha", value=0.5)),
+        ("plan: settings it names",),
     ),
     Lie(
         "V of the other law",

@@ -21,7 +21,9 @@ from lies.editing import (
     in_metrics,
     setting,
 )
+from pareto_ltl.support.archives import read_npz
 from pareto_ltl.support.reading import read_json
+from pareto_ltl.verify.flights import clopper_pearson
 
 
 def _other_parent(trees: dict[str, NDArray[Any]]) -> None:
@@ -42,6 +44,36 @@ def _lower_risks(trees: dict[str, NDArray[Any]]) -> None:
 def _add_dominated(rows: list[dict[str, str]]) -> None:
     worse = {key: repr(1.1 * float(rows[-1][key])) for key in COSTS.values()}
     rows.append(rows[-1] | worse | {"path": str(len(rows))})
+
+
+def _other_failures(place: Path) -> None:
+    """A tenth of the flights of each path of the front is said to fail, with the intervals of that."""
+    in_arrays("front.npz", lambda arrays: arrays["failed"][:, ::10].fill(True))(place)
+    failed = read_npz(place / "front.npz")["failed"]
+
+    def count(rows: list[dict[str, str]]) -> None:
+        for row, flights in zip(rows, failed, strict=True):
+            low, high = clopper_pearson(int(flights.sum()), len(flights))
+            row |= {
+                "failure": repr(float(flights.mean())),
+                "failure_low": repr(low),
+                "failure_high": repr(high),
+            }
+
+    in_front(count)(place)
+
+
+def _moved(arrays: dict[str, NDArray[Any]]) -> None:
+    arrays["path_000/x"][4] += 3000.0
+
+
+def _halved_bounds(rows: list[dict[str, str]]) -> None:
+    for row in rows:
+        row["mission_risk_ordered"] = repr(0.5 * float(row["mission_risk_ordered"]))
+
+
+def _relabelled(rows: list[dict[str, str]]) -> None:
+    rows[0]["order"] = "c>b>a"
 
 
 SEARCH_LIES = (
@@ -76,6 +108,28 @@ SEARCH_LIES = (
         ("front: hypervolume",),
     ),
     Lie("the hypervolume is larger", in_metrics({"hypervolume": 0.99}), ("front: hypervolume",)),
+    Lie("other flights of the front fail", _other_failures, ("front: failure rates of new flights",), "full"),
+    Lie(
+        "a rate of the front is lower",
+        in_front(lambda rows: rows[-1].update(failure="0.01")),
+        ("front: failure rates and intervals",),
+        "full",
+    ),
+    Lie(
+        "an interval of the front is narrower",
+        in_front(lambda rows: rows[0].update(failure_high=rows[0]["failure"])),
+        ("front: failure rates and intervals",),
+        "full",
+    ),
+    Lie(
+        "a rate of the front is made up",
+        in_front(lambda rows: rows[0].update(failure="0.0", law="independent")),
+        ("front: failure rates and intervals",),
+        "paper",
+    ),
+    Lie("a path of the front leads elsewhere", in_arrays("front.npz", _moved), ("front: paths",)),
+    Lie("a mission order is another", in_front(_relabelled), ("front: paths",)),
+    Lie("V of the front is halved", in_front(_halved_bounds), ("front: V and R of its paths",)),
     Lie(
         "the plan is not on the front",
         in_front(lambda rows: [row.update(origin="elsewhere") for row in rows]),

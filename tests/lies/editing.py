@@ -141,10 +141,10 @@ def recosted(name: str, factor: float) -> Callable[[Path], Any]:
         plan = read_json(place / "plan.json")
         old = plan["objectives"][name]
         plan["objectives"][name] = new = factor * old
-        if plan["acceptance"]:
+        if plan["promise"]:
             costs = plan["objectives"]
-            plan["acceptance"]["bound"] = bound = costs["mission_risk"] + costs["collision_risk"]
-            in_metrics({"acceptance_bound": bound})(place)
+            plan["promise"]["bound"] = bound = min(1.0, costs["mission_risk"] + costs["collision_risk"])
+            in_metrics({"promise_bound": bound})(place)
         write_json(place / "plan.json", plan)
         in_metrics({COSTS[name]: new})(place)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from dataclasses import replace
 from itertools import combinations
@@ -17,6 +18,7 @@ from pareto_ltl.planning.evaluate import evaluate_path
 from pareto_ltl.planning.records import Front, Objectives, PlannedPath, objective_row
 from pareto_ltl.planning.selection_rules import choose_path
 from pareto_ltl.settings import PlannerConfig, SelectionConfig
+from pareto_ltl.simulation.flights import counted_rate
 from pareto_ltl.support.errors import InfeasibleError
 from problems import two_goals
 
@@ -142,6 +144,30 @@ def test_a_forest_that_completes_nothing_has_no_front(planted):
     assert selection.tree_front(problem, replace(forest, accepted=np.empty((0, 2), np.int64))) == ()
 
 
+def test_flights_judge_paths_of_every_order_and_length_and_not_the_safest_alone(planted):
+    problem, forest = planted
+    rows = selection.accepted_rows(forest)
+    paths = selection.unlike_paths(problem, forest)
+    lengths = np.array([path.objectives.length for path in paths])
+    assert len({path.origin for path in paths}) == len(paths) <= selection.MOST
+    for _, length in rows:  # whatever its risk, something of about its length is flown
+        assert np.abs(np.log(lengths / length)).min() <= 0.02
+    safest = {path.origin for path in selection.tree_front(problem, forest)}
+    assert {path.origin for path in paths} - safest  # bounds rule these out
+    nothing = replace(forest, accepted=np.empty((0, 2), np.int64))
+    assert selection.unlike_paths(problem, nothing) == ()
+
+
+def test_so_many_paths_are_thinned_by_length(planted, monkeypatch):
+    problem, forest = planted
+    monkeypatch.setattr(selection, "MOST", 5)
+    paths = selection.unlike_paths(problem, forest)
+    lengths = sorted(path.objectives.length for path in paths)
+    every = selection.accepted_rows(forest)[:, -1]
+    assert 2 <= len(paths) <= 5
+    assert lengths[-1] / lengths[0] > np.sqrt(every.max() / every.min())  # short ones and long ones
+
+
 # --- the rules ---------------------------------------------------------------------------------------------
 
 CHOICE = (
@@ -166,23 +192,48 @@ def test_priority_breaks_ties_by_collisions_then_length():
     assert chosen(front_of(*tied), rule="priority") == tied[1]
 
 
-def test_priority_takes_the_least_estimated_failure_rate_where_flights_judge():
-    front = front_of(*CHOICE)
-    assert [o.length for o in (p.objectives for p in front.paths)] == [300.0, 200.0, 150.0, 120.0]
-    for best in range(4):
-        estimates = tuple(0.1 if k == best else 0.2 + 0.01 * k for k in range(4))
-        assert chosen(replace(front, estimates=estimates), rule="priority") == CHOICE[best]
+def flown_front(lengths, failed):
+    """A front of paths of ``lengths`` whose flights ``failed`` (P, n)."""
+    failed = np.asarray(failed, bool)
+    paths = tuple(path_of(0.5, 0.0, length) for length in lengths)
+    rates = tuple(counted_rate("coherent", int(row.sum()), failed.shape[1]) for row in failed)
+    return Front(paths, (), 0.0, np.ones(2), rates, failed=failed)
 
 
-def test_priority_breaks_ties_of_estimates_by_the_sum_of_both_risks_then_length():
-    """Of four paths three share the least estimate; two of these have the least sum, 3/64 in all."""
-    rows = ((1 / 64, 4 / 64, 100.0), (2 / 64, 1 / 64, 300.0), (5 / 128, 1 / 128, 200.0), (9 / 128, 0.0, 50.0))
-    front = front_of(*rows)
-    assert len(front.paths) == 4
-    tied = replace(front, estimates=(0.25, 0.25, 0.25, 0.5))
-    assert chosen(tied, rule="priority") == rows[2]
-    assert chosen(replace(front, estimates=(0.25, 0.25, 0.5, 0.5)), rule="priority") == rows[1]
-    assert chosen(replace(front, estimates=(0.25, 0.5, 0.5, 0.25)), rule="priority") == rows[3]
+def same_flights(*counts, runs=1000):
+    """Failed flights (P, runs): each path fails in the worst winds, so that one's failures hold another's."""
+    return np.arange(runs) < np.array(counts)[:, None]
+
+
+def test_priority_takes_the_safest_path_where_flights_judge_and_it_is_safer_beyond_chance():
+    for lengths in ((400.0, 300.0, 200.0), (400.0, 200.0, 300.0)):
+        front = flown_front(lengths, same_flights(20, 60, 100))
+        assert chosen(front, rule="priority")[2] == 400.0
+
+
+def test_priority_takes_the_shortest_of_paths_that_flights_do_not_tell_apart():
+    """Five more failures of a thousand, none fewer: a chance of 1/32, which is above 2.5 %. Six: 1/64."""
+    front = flown_front((400.0, 300.0, 200.0, 100.0), same_flights(20, 23, 25, 26))
+    assert chosen(front, rule="priority")[2] == 200.0
+
+
+def test_common_winds_tell_apart_rates_whose_intervals_overlap():
+    failed = same_flights(40, 52)
+    rates = flown_front((2.0, 1.0), failed).rates
+    assert rates[1].low < rates[0].failure < rates[1].failure < rates[0].high
+    assert chosen(flown_front((2.0, 1.0), failed), rule="priority")[2] == 2.0
+    elsewhere = np.vstack([failed[0], np.roll(failed[1], 500)])  # the same rates in other winds
+    assert chosen(flown_front((2.0, 1.0), elsewhere), rule="priority")[2] == 1.0
+
+
+@some
+@given(st.integers(0, 30), st.integers(0, 30), st.integers(0, 5), st.integers(1, 5))
+def test_the_sign_test_sums_the_binomial_law(worse, better, both, neither):
+    one = np.repeat([True, False, True, False], [worse, better, both, neither])
+    other = np.repeat([False, True, True, False], [worse, better, both, neither])
+    n = worse + better
+    chance = sum(math.comb(n, k) for k in range(worse, n + 1)) / 2**n
+    assert selection.chance_of_failures(one, other) == pytest.approx(chance)
 
 
 @some

@@ -17,15 +17,28 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from pareto_ltl.planning.records import Acceptance, Forest, Front, Objectives, Plan, PlannedPath, Tree
+from pareto_ltl.planning.records import (
+    FailureRate,
+    Forest,
+    Front,
+    Objectives,
+    Plan,
+    PlannedPath,
+    Promise,
+    Tree,
+)
 from pareto_ltl.run import results as store
+from pareto_ltl.run.plan_files import NAVIGATION_KEYS
 from pareto_ltl.run.records import RecordKey
+from pareto_ltl.settings import preset
 from pareto_ltl.simulation.records import Deployment
 from pareto_ltl.support.archives import read_npz
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.files import whole_file, write_json, write_npz
 from pareto_ltl.support.reading import read_json
 from pareto_ltl.world.cells import Decomposition
+from pareto_ltl.world.navigation import navigate
+from pareto_ltl.world.projection import local_plane
 from pareto_ltl.world.scene import Scene
 
 SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
@@ -57,13 +70,49 @@ def flight(steps: int = 4, seed: int = 1) -> PlannedPath:
         u=rng.normal(size=(steps, 2)),
         objectives=Objectives(1234567.891, 1e-17, 0.1 + 0.2, 0.0, 0.7),
         origin="tree 3 vertex 1207",
+        order="a>a+b",
     )
+
+
+def rate(failures: int = 300, runs: int = 2000) -> FailureRate:
+    return FailureRate("coherent", failures / runs, 0.13, 0.17, runs)
+
+
+def bounded_front() -> Front:
+    """The front of judge=bound."""
+    paths = (flight(4, 1), replace(flight(6, 2), origin='smoothed, "weight" 100', order="", fixes=(2, 5)))
+    return Front(paths, (paths[0].objectives,), 0.5, np.array([1.0, 1.0, 3e6]), models=preset("paper"))
+
+
+def flown_front() -> Front:
+    """The front of judge=flights."""
+    failed = np.random.default_rng(4).random((2, 2000)) < 0.15
+    models = replace(preset("full"), parents="scaled")
+    return replace(
+        bounded_front(), reference=np.array([1.0, 3e6]), rates=(rate(300), rate(310)), failed=failed,
+        raw_rates=(rate(80, 500),), models=models,
+    )  # fmt: skip
 
 
 def plan() -> Plan:
+    """A plan on a plane without position on Earth."""
+    flown = flight()
     return Plan(
-        flight(), "F(a & F b)", ("a", "b"), 1800.0, 30.0, 0.05, "paper", "weighted", (0.5, 0.25, 0.25)
-    )
+        flown, "F(a & F b)", ("a", "b"), 1800.0, 30.0, 0.05, "paper", "weighted", (0.5, 0.25, 0.25),
+        navigation=navigate(scene(), flown.t, flown.x, flown.u),
+    )  # fmt: skip
+
+
+def promised_plan() -> Plan:
+    """A plan on Earth that its promise does not pass."""
+    on_earth = replace(scene(), crs=local_plane(37.0, -92.0), time_zero=None)
+    flown = replace(flight(), fixes=(1, 3))
+    flown.u[2] = 0.0  # no heading
+    return replace(
+        plan(), path=flown, rule="threshold", wanted={"alpha": 0.02}, fidelity="full with parents=scaled",
+        promise=Promise(rate(), rate(560, 4000), 0.1 + 0.2, 0.2, False),
+        navigation=navigate(on_earth, flown.t, flown.x, flown.u),
+    )  # fmt: skip
 
 
 def tree(seed: int, nodes: int = 5) -> Tree:
@@ -123,7 +172,8 @@ RECORDS = {
     "scene": (scene, store.read_scene),
     "decomposition": (decomposition, store.read_decomposition),
     "forest": (forest, store.read_forest),
-    "plan": (plan, store.read_plan),
+    "front": (flown_front, store.read_front),
+    "plan": (promised_plan, store.read_plan),
     "deployment": (deployments, store.read_deployments),
 }
 FILES = {
@@ -140,14 +190,79 @@ def test_a_record_comes_back_bit_by_bit(name: str, tmp_path: Path) -> None:
     make, read = RECORDS[name]
     store.save_record(tmp_path, RecordKey(name), make())
     assert same(read(tmp_path), make())
-    assert same(read(tmp_path / FILES[name]), make())
+    if name in FILES:
+        assert same(read(tmp_path / FILES[name]), make())
 
 
-def test_a_plan_with_fixes_and_a_failed_check_comes_back(tmp_path: Path) -> None:
-    checked = Acceptance(0.1, math.nan, 2000, 300, 0.13, 0.17, False, 0.2)
-    made = replace(plan(), path=replace(flight(), fixes=(1, 3)), acceptance=checked)
-    store.write_plan(tmp_path, made)
-    assert same(store.read_plan(tmp_path), made)
+def test_a_plan_without_promise_and_place_on_earth_comes_back(tmp_path: Path) -> None:
+    store.write_plan(tmp_path, plan())
+    assert same(store.read_plan(tmp_path), plan())
+
+
+def test_a_front_that_bounds_judge_comes_back(tmp_path: Path) -> None:
+    store.write_front(tmp_path, bounded_front())
+    assert same(store.read_front(tmp_path), bounded_front())
+    empty = Front((), (), 0.0, np.ones(3), models=preset("paper"))
+    store.write_front(tmp_path, empty)
+    assert same(store.read_front(tmp_path), empty)
+
+
+def test_files_that_hold_other_numbers_of_paths_are_no_front(tmp_path: Path) -> None:
+    store.write_front(tmp_path, flown_front())
+    table = tmp_path / "front.csv"
+    table.write_text("".join(table.read_text().splitlines(keepends=True)[:-1]))
+    with pytest.raises(DataError, match=r"front\.npz: not a front \(it holds 2 paths, and front\.csv 1\)"):
+        store.read_front(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("name", "array", "words"),
+    [
+        ("path_001/x", np.zeros((5, 2)), "path_001/x must have shape"),
+        ("path_000/u", np.zeros((5, 2)), "path_000/u must have shape"),
+        ("failed", np.zeros((3, 2000), bool), "2 rates need flights as rows"),
+        ("fidelity", np.array(["best"]), "'best' is no label of a fidelity"),
+    ],
+)
+def test_an_archive_that_is_no_front_is_refused(name: str, array: Any, words: str, tmp_path: Path) -> None:
+    store.write_front(tmp_path, flown_front())
+    write_npz(tmp_path / "front.npz", read_npz(tmp_path / "front.npz") | {name: array})
+    with pytest.raises(DataError, match=words):
+        store.read_front(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        (",0.15,", ",0.99,", "0 <= low <= failure <= high <= 1"),
+        (",0.15,", ",x,", "could not convert"),
+        (",2000,", ",0,", "at least one flight"),
+        ("failure_low", "low", "failure_low' is missing"),
+    ],
+)
+def test_a_table_that_is_no_front_is_refused(old: str, new: str, words: str, tmp_path: Path) -> None:
+    store.write_front(tmp_path, flown_front())
+    table = tmp_path / "front.csv"
+    table.write_text(table.read_text().replace(old, new, 1))
+    with pytest.raises(DataError, match=rf"front\.csv: not a front \(.*{words}"):
+        store.read_front(tmp_path)
+
+
+def test_a_plan_of_the_first_schema_is_read(tmp_path: Path) -> None:
+    """As runs of version 0.2 wrote it, with its check by flights, which is no promise."""
+    store.write_plan(tmp_path, promised_plan())
+    content = json.loads((tmp_path / "plan.json").read_text())
+    for key in ("models", "promise", "order", *NAVIGATION_KEYS):
+        del content[key]
+    del content["selection"]["alpha"]
+    content["acceptance"] = {
+        "bound": 0.1, "estimate": None, "runs": 2000, "failures": 300, "low": 0.13, "high": 0.17,
+        "passed": False, "linearity": 0.2,
+    }  # fmt: skip
+    write_json(tmp_path / "plan.json", content | {"schema": "pareto_ltl.plan/1"})
+    made = promised_plan()
+    old = replace(made, promise=None, navigation=None, wanted={}, path=replace(made.path, order=""))
+    assert same(store.read_plan(tmp_path), old)
 
 
 @pytest.mark.parametrize("name", RECORDS)
@@ -162,7 +277,7 @@ def test_the_same_record_gives_the_same_bytes(
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == first
 
 
-@pytest.mark.parametrize("name", RECORDS)
+@pytest.mark.parametrize("name", FILES)
 @pytest.mark.parametrize("spoil", ["missing", "cut", "foreign"])
 def test_a_spoilt_file_is_named_in_one_line(name: str, spoil: str, tmp_path: Path) -> None:
     make, read = RECORDS[name]
@@ -173,7 +288,7 @@ def test_a_spoilt_file_is_named_in_one_line(name: str, spoil: str, tmp_path: Pat
     elif spoil == "cut":
         path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
     elif path.suffix == ".json":
-        path.write_text('{"schema": "pareto_ltl.plan/1", "something": "else"}')
+        path.write_text('{"schema": "pareto_ltl.plan/2", "something": "else"}')
     else:
         write_npz(path, {"some/thing": np.zeros(3)})
     with pytest.raises(DataError) as caught:
@@ -201,8 +316,9 @@ def test_a_tree_that_no_growth_makes_is_refused(name: str, array: Any, words: st
 def test_a_plan_of_another_schema_is_refused_by_name(tmp_path: Path) -> None:
     store.write_plan(tmp_path, plan())
     path = tmp_path / "plan.json"
-    path.write_text(path.read_text().replace("pareto_ltl.plan/1", "pareto_ltl.plan/9"))
-    with pytest.raises(DataError, match=r"expected schema 'pareto_ltl.plan/1', found \"pareto_ltl.plan/9\""):
+    path.write_text(path.read_text().replace("pareto_ltl.plan/2", "pareto_ltl.plan/9"))
+    known = "'pareto_ltl.plan/2' or 'pareto_ltl.plan/1'"
+    with pytest.raises(DataError, match=f'expected schema {known}, found "pareto_ltl.plan/9"'):
         store.read_plan(path)
 
 
@@ -218,8 +334,11 @@ def test_a_plan_with_a_row_too_few_is_refused(tmp_path: Path) -> None:
 def test_the_plan_has_the_keys_of_its_contract(tmp_path: Path) -> None:
     store.write_plan(tmp_path, plan())
     content = json.loads((tmp_path / "plan.json").read_text())
-    assert content["schema"] == "pareto_ltl.plan/1"
-    wanted = "formula atoms dt u_max epsilon fidelity t x cov q label u objectives selection"
+    assert content["schema"] == "pareto_ltl.plan/2"
+    wanted = (
+        "formula atoms dt u_max epsilon fidelity t x cov q label u objectives selection models crs time_utc "
+        "lat lon heading_true airspeed promise order covered not_covered origin fixes"
+    )
     assert set(wanted.split()) <= set(content)
     assert content["objectives"].keys() == {
         "length", "mission_risk_paper", "mission_risk", "collision_risk", "mission_risk_ordered",
@@ -239,15 +358,45 @@ def test_the_table_of_a_plan_says_the_same_as_its_json(tmp_path: Path) -> None:
     assert rows[-1]["label"] == "a b"
 
 
-def test_the_front_lists_every_path_with_its_costs(tmp_path: Path) -> None:
-    paths = (flight(4, 1), replace(flight(6, 2), origin="smoothed, weight 100"))
-    store.write_front(tmp_path, Front(paths, (), 0.5, np.ones(3)))
-    assert store.read_front(tmp_path) == [(path.objectives, path.origin) for path in paths]
+def test_a_promise_says_what_it_was_held_against(tmp_path: Path) -> None:
+    store.write_plan(tmp_path, promised_plan())
+    content = json.loads((tmp_path / "plan.json").read_text())
+    assert content["promise"] == {
+        "law": "coherent", "failure": 0.15, "low": 0.13, "high": 0.17, "runs": 2000, "method": "flights",
+        "claimed": {
+            "law": "coherent", "failure": 0.14, "low": 0.13, "high": 0.17, "runs": 4000,
+            "method": "flights",
+        },
+        "bound": 0.1 + 0.2, "linearity": 0.2, "passed": False,
+    }  # fmt: skip
+    assert content["selection"] == {"rule": "threshold", "weights": [0.5, 0.25, 0.25], "alpha": 0.02}
+    assert content["models"]["parents"] == "scaled"
+    assert content["heading_true"][2] is None
+    assert content["airspeed"][2] == 0.0
+
+
+def test_the_front_lists_every_path_with_its_rate_and_costs(tmp_path: Path) -> None:
+    store.write_front(tmp_path, flown_front())
     rows = list(csv.DictReader((tmp_path / "front.csv").read_text().splitlines()))
+    assert list(rows[0]) == [
+        "path", "failure", "failure_low", "failure_high", "law", "runs", "length_m", "mission_risk",
+        "collision_risk", "mission_risk_ordered", "mission_risk_paper", "steps", "duration_s", "order",
+        "origin",
+    ]  # fmt: skip
     assert [row["steps"] for row in rows] == ["4", "6"]
+    assert [(row["failure"], row["failure_low"], row["law"], row["runs"]) for row in rows] == [
+        ("0.15", "0.13", "coherent", "2000"), ("0.155", "0.13", "coherent", "2000"),
+    ]  # fmt: skip
+    assert [row["order"] for row in rows] == ["a>a+b", ""]
+    store.write_front(tmp_path, bounded_front())
+    rows = list(csv.DictReader((tmp_path / "front.csv").read_text().splitlines()))
+    assert {
+        row[name] for row in rows for name in ("failure", "failure_low", "failure_high", "law", "runs")
+    } == {""}
 
 
 def test_a_front_with_an_endless_field_is_refused(tmp_path: Path) -> None:
+    store.write_front(tmp_path, flown_front())
     (tmp_path / "front.csv").write_text('"' + "x" * 200_000)
     with pytest.raises(DataError, match=r"front\.csv: not a front \(field larger than"):
         store.read_front(tmp_path)

@@ -11,16 +11,15 @@ from numpy.random import SeedSequence
 from landmarks import LANDMARK_SCENE, LANDMARK_WAY, landmark_problem
 from pareto_ltl.kernels.flight import Autopilot, Navigator
 from pareto_ltl.planning.evaluate import evaluate_path, propagate
-from pareto_ltl.planning.selection import build_front
 from pareto_ltl.simulation import flights as deployment
-from pareto_ltl.simulation.acceptance import rank_front
 from pareto_ltl.simulation.flights import simulate_flights
+from pareto_ltl.simulation.judging import fly_race
 from problems import KM, QUICK_ERROR, box
 
 
 def pilot_of(problem, u, mean, law="coherent"):
     """What flies the controls."""
-    return deployment._navigator(problem, u, mean, law)(2, np.random.default_rng(0))
+    return deployment.pilot_maker(problem, u, mean, law)(2, np.random.default_rng(0))
 
 
 @pytest.mark.statistical
@@ -74,15 +73,18 @@ def test_without_landmarks_on_the_way_the_controls_are_flown_as_they_are():
     assert isinstance(pilot_of(p, u, LANDMARK_WAY), Autopilot)
 
 
-def test_equal_paths_with_fixes_get_equal_estimates():
+def test_equal_paths_with_fixes_fail_in_the_same_flights():
     """Common random numbers: all paths of a front meet the same winds, the same starts, the same noise."""
     p = landmark_problem()
     way = np.vstack([LANDMARK_WAY[:22], [[13.2 * KM, 13.2 * KM]]])  # just within the region
     path = evaluate_path(p, way, "")
     assert path.fixes
-    front = replace(build_front([], [path]), paths=(path,) * 4)
     seed = SeedSequence(7)
-    ranked = rank_front(p, front, 600, seed)
-    assert 0.0 < ranked.estimates[0] < 1.0
-    assert len(set(ranked.estimates)) == 1
-    assert rank_front(p, front, 600, seed).estimates == ranked.estimates  # the seed is used and not used up
+    race = fly_race(p, (path,) * 4, 600, seed)
+    assert len(race) == 4
+    failed = race[0].failed
+    assert 0 < failed.sum() < 600
+    for flown in (*race, *fly_race(p, (path,), 600, seed)):  # the seed is not used up
+        np.testing.assert_array_equal(flown.failed, failed)
+    alone = simulate_flights(p, path.u, 600, "coherent", seed, path.x)
+    np.testing.assert_array_equal(alone.failed, failed)

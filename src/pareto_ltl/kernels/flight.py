@@ -56,21 +56,7 @@ class CoherentDraws(NamedTuple):
     theta: Float32Array
 
 
-class LinearisedDraws(NamedTuple):
-    """The coherent law linearised about a path: w = μ_t + shift_t + Dμ_t e + ψ_t' θ + white.
-
-    ``mean`` (T, 2) holds μ_t + shift_t [m/s], ``slope`` (T, 2, 2) Dμ_t [1/s].
-    """
-
-    law: CoherentLaw | LandmarkLaw
-    white: FloatArray
-    theta: Float32Array
-    path: Flight
-    mean: FloatArray
-    slope: FloatArray
-
-
-Draws: TypeAlias = IndependentDraws | CoherentDraws | LinearisedDraws
+Draws: TypeAlias = IndependentDraws | CoherentDraws
 
 
 @by_type
@@ -122,27 +108,6 @@ def field_values(
         n += north * theta[1, m]
         nn += north * north
     return e, ee, n, nn  # type: ignore[return-value]
-
-
-@implements(wind_met, LinearisedDraws)
-def _linearised_wind(draws: LinearisedDraws, t: int, i: int, at: Point) -> tuple[float, float]:
-    path, slope, white = draws.path, draws.slope, draws.white
-    theta = draws.theta[draws.law.modes.epoch[t], i]
-    ex, ey = at.x - path.x[t, 0], at.y - path.x[t, 1]
-    we = draws.mean[t, 0] + slope[t, 0, 0] * ex + slope[t, 0, 1] * ey
-    wn = draws.mean[t, 1] + slope[t, 1, 0] * ex + slope[t, 1, 1] * ey
-    we += linear_field(path.psi, t, 0, theta) + math.sqrt(path.white[t, 0]) * white[t, i, 0]
-    wn += linear_field(path.psi, t, 1, theta) + math.sqrt(path.white[t, 1]) * white[t, i, 1]
-    return we, wn
-
-
-@vector
-def linear_field(psi: Float32Array, t: int, c: int, theta: Float32Array) -> float:
-    """ψ_t' θ of component ``c``; ``psi`` (T, 2, P), ``theta`` (2, P)."""
-    wind = F32(0.0)
-    for m in range(psi.shape[2]):
-        wind += psi[t, c, m] * theta[c, m]
-    return wind  # type: ignore[return-value]
 
 
 # --- pilots -----------------------------------------------------------------------------------

@@ -1,4 +1,4 @@
-"""Paths, exactly: the one pass along a path, what it costs, and what its controls promise under a law."""
+"""Paths, exactly: the one pass along a path, what it costs, and the bounds of its controls under a law."""
 
 from __future__ import annotations
 
@@ -131,7 +131,8 @@ def evaluate_path(
     """Fly the means ``x`` (T+1, 2) and return the path with its exact cost.
 
     ``tight=False`` leaves out what only the final verdict needs: the tighter form of R under the coherent
-    law, which asks for the correlation of all pairs of steps, and planner.delta.
+    law, which asks for the correlation of all pairs of steps, and planner.delta. That bound on R is kept
+    where bounds judge; where flights do, a path with a loose R may be the best.
 
     Raises
     ------
@@ -142,7 +143,7 @@ def evaluate_path(
     q, cell = _check_flown(problem, flight, 1.0 + tolerance)
     collision = collision_risk(problem, flight, problem.world.law, tight=tight)
     allowed = getattr(problem.world.collision, "delta", math.inf)
-    if tight and collision > allowed:
+    if tight and collision > allowed and problem.fidelity.judge == "bound":
         raise InfeasibleError(
             f"the path may collide with a probability of {probability_text(collision)} in "
             f"{problem.fidelity.law} winds, above planner.delta = {allowed:g}"
@@ -158,7 +159,19 @@ def evaluate_path(
         objectives=_objectives(problem, flight, cell, collision),
         origin=origin,
         fixes=fix_steps(flight),
+        order=mission_order_text(problem, q, cell),
     )
+
+
+def mission_order_text(problem: Problem, q: IntArray, cell: IntArray) -> str:
+    """The letters at which the automaton state changes, in order: ``a>b>c``.
+
+    Propositions that hold together are joined by ``+``; ``-`` is the empty letter. ``q``, ``cell`` (T+1,).
+    """
+    before = np.concatenate([[problem.automaton.initial], q[:-1]])
+    atoms = frozenset(problem.atoms)
+    letters = (problem.labels[cell[t]] & atoms for t in np.flatnonzero(q != before))
+    return ">".join("+".join(sorted(letter)) or "-" for letter in letters)
 
 
 def _check_flown(problem: Problem, flight: Flight, fast: float) -> tuple[IntArray, IntArray]:
@@ -247,12 +260,12 @@ def completes_mission(problem: Problem, path: PlannedPath) -> bool:
     return bool(problem.automaton.distance[path.q[-1]] == 0.0)
 
 
-# --- what controls promise --------------------------------------------------------------------
+# --- bounds of controls -----------------------------------------------------------------------
 
 
 @dataclass(frozen=True, slots=True)
 class Forecast:
-    """The Gaussian of a flight of given controls under one wind law, and what it promises.
+    """The Gaussian of a flight of given controls under one wind law, and the bounds on its failure.
 
     Attributes
     ----------

@@ -8,8 +8,17 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from pareto_ltl.settings import FidelityConfig, models_of
-from pareto_ltl.support.arrays import FloatArray, IntArray
-from pareto_ltl.support.display import Displayed, distance_text, interval_text, probability_text
+from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
+from pareto_ltl.support.display import (
+    Displayed,
+    distance_text,
+    interval_text,
+    probability_text,
+    rate_text,
+)
+from pareto_ltl.world.navigation import Navigation
+
+FLIGHTS = "flights"  # the method of a failure rate that counts simulated flights
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,6 +136,8 @@ class PlannedPath:
         Where it came from, e.g. ``tree 3 vertex 1207`` or ``smoothed, weight 100``.
     fixes : tuple of int
         Steps at which the plan counts on a position fix.
+    order : str
+        Mission order: the letters that change the automaton state, ``a>b>c`` (:func:`mission_order_text`).
     """
 
     t: FloatArray
@@ -138,6 +149,50 @@ class PlannedPath:
     objectives: Objectives
     origin: str
     fixes: tuple[int, ...] = ()
+    order: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class FailureRate:
+    """How often the flights of a path fail in the winds of one law.
+
+    Attributes
+    ----------
+    law : str
+        Wind law of the flights.
+    failure : float
+        Share of flights that fail.
+    low, high : float
+        95 % interval of the rate.
+    runs : int
+        Number of flights, or of draws of another method.
+    method : str
+        ``flights`` counts simulated flights.
+    """
+
+    law: str
+    failure: float
+    low: float
+    high: float
+    runs: int
+    method: str = FLIGHTS
+
+    def __post_init__(self) -> None:
+        if not 0.0 <= self.low <= self.failure <= self.high <= 1.0:
+            raise ValueError(
+                "a failure rate needs 0 <= low <= failure <= high <= 1, "
+                f"got {self.low:g}, {self.failure:g}, {self.high:g}"
+            )
+        if self.runs < 1:
+            raise ValueError(f"a failure rate needs at least one flight, got runs = {self.runs}")
+
+    @property
+    def failures(self) -> int:
+        """Number of flights that fail; for another method, of as many flights."""
+        return round(self.failure * self.runs)
+
+    def __str__(self) -> str:
+        return f"{rate_text(self.failure, self.low, self.high)}, {self.law} winds"
 
 
 @dataclass(frozen=True, slots=True)
@@ -168,65 +223,99 @@ class FailureRate:
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Front(Displayed):
-    """Non-dominated paths, sorted by mission risk.
+    """Non-dominated paths.
 
-    ``raw`` holds the objectives of the front before smoothing, for the record of what smoothing brought.
-    ``estimates`` are failure rates by linear Monte Carlo, one a path, with ``fidelity.judge=flights``.
-    ``models`` are those that the paths were planned with: every risk holds under their wind law.
+    With ``fidelity.judge=bound`` they are compared by (mission risk, collision risk, length) and sorted by
+    mission risk; with ``flights`` by (failure rate, length) and sorted by failure rate.
+
+    Attributes
+    ----------
+    raw : tuple of Objectives
+        The front before refinement, for the record of what refinement brought.
+    hypervolume : float
+        Share of the box between 0 and ``reference`` that the front dominates.
+    reference : (3,) or (2,) float
+        Upper corner of that box: 1 for each probability, then a length [m].
+    rates, raw_rates : tuple of FailureRate
+        With ``flights``: the rate of each path and of each of ``raw``.
+    failed : (P, n) bool
+        With ``flights``: which flights fail. All paths met the same winds, so that their rates compare better
+        than each of them is known.
+    models : FidelityConfig
+        Those that the paths were planned with: every risk holds under their wind law.
     """
 
     paths: tuple[PlannedPath, ...]
     raw: tuple[Objectives, ...]
     hypervolume: float
     reference: FloatArray
-    estimates: tuple[float, ...] = ()
+    rates: tuple[FailureRate, ...] = ()
+    raw_rates: tuple[FailureRate, ...] = ()
+    failed: BoolArray = field(default_factory=lambda: np.zeros((0, 0), bool))
     models: FidelityConfig = field(default_factory=FidelityConfig)
+
+    def __post_init__(self) -> None:
+        if self.rates and len(self.rates) != len(self.paths):
+            raise ValueError(f"{len(self.paths)} paths need as many rates, got {len(self.rates)}")
+        if self.failed.ndim != 2 or len(self.failed) != len(self.rates):
+            raise ValueError(f"{len(self.rates)} rates need flights as rows, got shape {self.failed.shape}")
 
     def facts(self) -> Mapping[str, str]:
         lengths = [path.objectives.length for path in self.paths] or [0.0]
-        risks = [path.objectives.mission_risk for path in self.paths] or [0.0]
-        return {
+        facts = {
             "paths": f"{len(self.paths)}",
             "length": f"{distance_text(min(lengths))} to {distance_text(max(lengths))}",
-            f"mission risk {self.models.mission_symbol} in {self.models.law} winds": interval_text(
-                min(risks), max(risks)
-            ),
         }
+        if self.rates:
+            failures = [rate.failure for rate in self.rates]
+            return facts | {
+                f"failure in {self.rates[0].law} winds": interval_text(min(failures), max(failures))
+            }
+        risks = [path.objectives.mission_risk for path in self.paths] or [0.0]
+        symbol = f"mission risk {self.models.mission_symbol} in {self.models.law} winds"
+        return facts | {symbol: interval_text(min(risks), max(risks))}
 
 
 @dataclass(frozen=True, slots=True)
-class Acceptance:
-    """The last check of a path with ``fidelity.judge=flights``: its bound, its estimate, its simulated rate.
+class Promise:
+    """What is said of a plan with ``fidelity.judge=flights``: how often fresh flights of it fail.
 
     Attributes
     ----------
+    rate : FailureRate
+        Of flights that neither the optimisation nor the choice has seen.
+    claimed : FailureRate
+        Of the flights that judged the front.
     bound : float
-        V + R, at most 1.
-    estimate : float
-        Failure rate under the linearised coherent law; NaN where it was not asked for.
-    runs, failures : int
-        Nonlinear flights through the coherent law's winds.
-    low, high : float
-        95 % Clopper-Pearson interval of the failure rate.
-    passed : bool
-        False where the simulation contradicts the bound, low > V + R.
+        V + R, at most 1: the bound that guided the search.
     linearity : float
         Largest standard deviation of the position over the wind's length scale there.
+    passed : bool
+        Whether the fresh flights leave the claim standing (``simulation.promise.claim_stands``).
     """
 
+    rate: FailureRate
+    claimed: FailureRate
     bound: float
-    estimate: float
-    runs: int
-    failures: int
-    low: float
-    high: float
-    passed: bool
     linearity: float
+    passed: bool
 
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Plan(Displayed):
-    """The path to fly, and what it was chosen by."""
+    """The path to fly, and what it was chosen by.
+
+    Attributes
+    ----------
+    rule : str
+        Rule of selection; ``weights`` are those of rule ``weighted``.
+    wanted : mapping of str to float
+        The other setting that the rule read, if any, e.g. ``{"alpha": 0.02}``.
+    promise : Promise or None
+        With ``fidelity.judge=flights``.
+    covered, not_covered : str
+        What the probabilities cover of the wind's error, in words, and what not.
+    """
 
     path: PlannedPath
     formula: str
@@ -237,8 +326,10 @@ class Plan(Displayed):
     fidelity: str
     rule: str
     weights: tuple[float, ...]
-    acceptance: Acceptance | None = None
-    covered: str = ""  # what the probabilities cover of the wind's error, in words
+    wanted: Mapping[str, float] = field(default_factory=dict)
+    promise: Promise | None = None
+    navigation: Navigation | None = None  # None in files of schema pareto_ltl.plan/1
+    covered: str = ""
     not_covered: str = ""
 
     def __post_init__(self) -> None:
@@ -251,10 +342,12 @@ class Plan(Displayed):
 
     def facts(self) -> Mapping[str, str]:
         o, models = self.path.objectives, self.models
+        promised = {} if self.promise is None else {"fails": str(self.promise.rate)}
         return {
             "formula": self.formula,
             "length": distance_text(o.length),
             "steps": f"{len(self.path.u)}",
+            **promised,
             f"mission risk {models.mission_symbol} in {models.law} winds": probability_text(o.mission_risk),
             f"collision risk R in {models.law} winds": probability_text(o.collision_risk),
             "fidelity": self.fidelity,

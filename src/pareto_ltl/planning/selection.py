@@ -35,6 +35,20 @@ def hypervolume(rows: FloatArray, reference: FloatArray) -> float:
     return float(moocore.hypervolume(inside, ref=np.ones(len(reference))))
 
 
+def chance_of_failures(failed: BoolArray, others: BoolArray) -> FloatArray:
+    """Chance that a path fails so often where another does not, in the same winds, if it is equally safe.
+
+    Of the flights that only one of both survives, half are expected for each: the sign test (McNemar,
+    Psychometrika 12, 1947, doi:10.1007/BF02295996), exact and one-sided. Small values say that the first path
+    is worse. ``failed``, ``others`` (..., n); shape (...).
+    """
+    from scipy.stats import binom
+
+    worse = (failed & ~others).sum(axis=-1)
+    better = (~failed & others).sum(axis=-1)
+    return np.asarray(binom.sf(worse - 1, worse + better, 0.5), float)
+
+
 def accepted_rows(forest: Forest) -> FloatArray:
     """Objectives of every accepted vertex, in the order of ``forest.accepted``.
 
@@ -96,16 +110,39 @@ def order_representatives(problem: Problem, forest: Forest) -> tuple[PlannedPath
     show but one of them, while another, smoothed, is better. R comes in
     its looser form and may lie above delta: these paths are where smoothing begins.
     """
-    rows = accepted_rows(forest)
+    rows, orders = accepted_rows(forest), _accepted_orders(problem, forest)
+    best: dict[int, int] = {}
+    for k in np.lexsort((rows[:, -1], rows[:, :-1].sum(axis=1))):
+        best.setdefault(orders[k], int(k))
+    return tuple(evaluate_path(problem, *_tree_path(forest, k), tight=False) for k in best.values())
+
+
+def unlike_paths(problem: Problem, forest: Forest) -> tuple[PlannedPath, ...]:
+    """Accepted paths of the trees for flights to judge: no two of one mission order and of like length.
+
+    Lengths are alike within 2 %, or within more if ``MOST`` paths would not do; of paths that are alike, the
+    one with the least risk stands for all. R comes in its looser form.
+    """
+    rows, orders = accepted_rows(forest), np.array(_accepted_orders(problem, forest))
     if len(rows) == 0:
         return ()
+    order = np.argsort(rows[:, :-1].sum(axis=1), kind="stable")
+    width, chosen = 0.02, order
+    while width == 0.02 or len(chosen) > MOST:
+        boxes = np.column_stack([orders, (np.log(rows[:, -1] + 1.0) / width).astype(np.int64)])
+        chosen = order[np.sort(np.unique(boxes[order], axis=0, return_index=True)[1])]
+        width *= 1.5
+    paths = []
+    for k in chosen:
+        with suppress(InfeasibleError):  # rounding at the limit of a constraint
+            paths.append(evaluate_path(problem, *_tree_path(forest, int(k)), tight=False))
+    return tuple(paths)
+
+
+def _accepted_orders(problem: Problem, forest: Forest) -> list[int]:
+    """A hash of the mission order of every accepted vertex."""
     signs = [_order_hashes(problem, forest, j) for j in range(len(forest.trees))]
-    best: dict[int, int] = {}
-    risk = rows[:, :-1].sum(axis=1)
-    for k in np.lexsort((rows[:, -1], risk)):
-        j, v = forest.accepted[k]
-        best.setdefault(signs[j][v], int(k))
-    return tuple(evaluate_path(problem, *_tree_path(forest, k), tight=False) for k in best.values())
+    return [signs[j][v] for j, v in forest.accepted.tolist()]
 
 
 def _order_hashes(problem: Problem, forest: Forest, j: int) -> list[int]:

@@ -10,6 +10,7 @@ from collections.abc import Callable
 import numpy as np
 
 from pareto_ltl.planning.records import Front, PlannedPath, objective_row
+from pareto_ltl.planning.selection import chance_of_failures
 from pareto_ltl.settings import SelectionConfig
 from pareto_ltl.support import extensions
 from pareto_ltl.support.arrays import FloatArray
@@ -17,6 +18,7 @@ from pareto_ltl.support.display import probability_text, round_up
 from pareto_ltl.support.errors import InfeasibleError
 from pareto_ltl.support.extensions import known_kind
 
+WORSE = 0.025  # chance of so many more failures below which a path is not as safe as another
 SelectionRule = Callable[[SelectionConfig, Front], int]
 
 
@@ -35,13 +37,16 @@ def choose_path(cfg: SelectionConfig, front: Front) -> PlannedPath:
 def by_priority(cfg: SelectionConfig, front: Front) -> int:
     """The least mission risk, then the least collision risk, then the shortest (the paper's rule).
 
-    Where the front has estimates of the failure rate, the least estimate, then the least sum of both
-    risks, then the shortest.
+    Where flights judge: the shortest of the paths that are as safe as the safest one. A path is as safe
+    unless it fails more often with a confidence of 97.5 %. All paths met the same winds, so that the flights
+    that only one of two survives tell them apart, also where the intervals of their rates overlap.
     """
     rows = _objective_rows(front)
-    if not front.estimates:
+    if not front.rates:
         return int(np.lexsort((rows[:, 2], rows[:, 1], rows[:, 0]))[0])
-    return int(np.lexsort((rows[:, 2], rows[:, :2].sum(axis=1), np.array(front.estimates)))[0])
+    least = int(np.lexsort((rows[:, 2], front.failed.mean(axis=1)))[0])
+    as_safe = np.flatnonzero(chance_of_failures(front.failed, front.failed[least]) >= WORSE)
+    return int(as_safe[np.argmin(rows[as_safe, 2])])
 
 
 def by_weights(cfg: SelectionConfig, front: Front) -> int:

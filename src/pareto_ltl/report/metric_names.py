@@ -13,11 +13,13 @@ METRIC_LABELS = {
     "collision_risk": "collision risk R, winds of fidelity.law",
     "safest": "least mission risk of the front, winds of fidelity.law",
     "safest_raw": "least mission risk of the trees, winds of fidelity.law",
-    "acceptance_bound": "bound of the accepted plan, winds of fidelity.law",
-    "acceptance_estimate": "failed flights, linear estimate, coherent winds",
-    "acceptance_failure": "failed flights at acceptance, coherent winds",
-    "acceptance_low": "failed flights at acceptance, lower end, coherent winds",
-    "acceptance_high": "failed flights at acceptance, upper end, coherent winds",
+    "least_failure": "least failure rate of the front, winds of fidelity.law",
+    "least_failure_raw": "least failure rate of the trees, winds of fidelity.law",
+    "promise_failure": "failed fresh flights, winds of fidelity.law",
+    "promise_low": "failed fresh flights, lower end, winds of fidelity.law",
+    "promise_high": "failed fresh flights, upper end, winds of fidelity.law",
+    "promise_claimed": "failed flights that judged the front, winds of fidelity.law",
+    "promise_bound": "bound V + R that guided the search, winds of fidelity.law",
     "completed": "runs with a plan",
     "front_size": "paths on the front",
     "hypervolume": "hypervolume of the front",
@@ -44,8 +46,8 @@ LAW_NAMES = {
     for law in LAWS
     for end, where in ENDS.items()
 }
-SHARES = ("mission_risk", "collision_risk", "safest", "acceptance_", "completed")
-COUNTS = ("acceptance_runs", "acceptance_passed")
+SHARES = ("mission_risk", "collision_risk", "safest", "least_failure", "promise_", "completed")
+COUNTS = ("promise_runs", "promise_passed")
 
 
 def metric_label(name: str) -> str:

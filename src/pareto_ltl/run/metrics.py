@@ -12,7 +12,7 @@ from pareto_ltl.run.records import DEPLOYMENTS, FORECASTS, FOREST, FRONT, PLAN, 
 
 if TYPE_CHECKING:
     from pareto_ltl.planning.evaluate import Forecast
-    from pareto_ltl.planning.records import Acceptance, Forest, Front, Plan
+    from pareto_ltl.planning.records import Forest, Front, Plan, Promise
     from pareto_ltl.simulation.records import Deployment
     from pareto_ltl.wind.records import WindField
 
@@ -82,7 +82,7 @@ def _forest_numbers(forest: Forest) -> dict[str, float]:
 
 def _front_numbers(front: Front) -> dict[str, float]:
     table: dict[str, float] = {"front_size": len(front.paths), "hypervolume": front.hypervolume}
-    table["hypervolume_length_m"] = float(front.reference[2])  # of its box; both risks reach 1
+    table["hypervolume_length_m"] = float(front.reference[-1])  # of its box; risks and rates reach 1
     if front.raw and front.paths:
         table |= {
             "front_size_raw": len(front.raw),
@@ -91,6 +91,11 @@ def _front_numbers(front: Front) -> dict[str, float]:
             "safest_raw": min(o.mission_risk for o in front.raw),
             "safest": min(path.objectives.mission_risk for path in front.paths),
         }
+    if front.rates:
+        table["least_failure"] = min(rate.failure for rate in front.rates)
+        table["front_runs"] = front.rates[0].runs
+    if front.raw_rates:
+        table["least_failure_raw"] = min(rate.failure for rate in front.raw_rates)
     return table
 
 
@@ -105,22 +110,22 @@ def _plan_numbers(plan: Plan) -> dict[str, float]:
         "steps": len(plan.path.u),
         "dt_s": plan.dt,
         "duration_s": float(plan.path.t[-1] - plan.path.t[0]),
-        **_acceptance_numbers(plan.acceptance),
+        **_promise_numbers(plan.promise),
     }
 
 
-def _acceptance_numbers(verdict: Acceptance | None) -> dict[str, float]:
-    if verdict is None:
+def _promise_numbers(promise: Promise | None) -> dict[str, float]:
+    if promise is None:
         return {}
     return {
-        "acceptance_bound": verdict.bound,
-        "acceptance_estimate": verdict.estimate,
-        "acceptance_runs": verdict.runs,
-        "acceptance_failure": verdict.failures / verdict.runs,
-        "acceptance_low": verdict.low,
-        "acceptance_high": verdict.high,
-        "acceptance_passed": float(verdict.passed),
-        "linearity": verdict.linearity,
+        "promise_failure": promise.rate.failure,
+        "promise_low": promise.rate.low,
+        "promise_high": promise.rate.high,
+        "promise_runs": promise.rate.runs,
+        "promise_claimed": promise.claimed.failure,
+        "promise_bound": promise.bound,
+        "promise_passed": float(promise.passed),
+        "linearity": promise.linearity,
     }
 
 

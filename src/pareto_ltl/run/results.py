@@ -6,20 +6,21 @@ Every file appears whole or not at all, and the same records give the same bytes
 
 from __future__ import annotations
 
-import csv
 import math
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
-from dataclasses import asdict, dataclass, fields
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pareto_ltl.planning.records import Acceptance, Forest, Front, Objectives, Plan, PlannedPath, Tree
+from pareto_ltl.planning.records import Forest, Front, Plan, Tree
 from pareto_ltl.report.records import Study
 from pareto_ltl.run import provenance
+from pareto_ltl.run.file_shape import inside, shaped
+from pareto_ltl.run.front_files import read_front, write_front
+from pareto_ltl.run.plan_files import read_plan, write_plan
 from pareto_ltl.run.records import (
     AUTOMATON,
     DECOMPOSITION,
@@ -38,9 +39,8 @@ from pareto_ltl.simulation.records import Deployment
 from pareto_ltl.support.archives import read_npz
 from pareto_ltl.support.arrays import require_shape
 from pareto_ltl.support.display import Displayed
-from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.files import write_bytes, write_csv, write_json, write_npz
-from pareto_ltl.support.reading import read_json, read_text
+from pareto_ltl.support.reading import read_json
 from pareto_ltl.support.schemas import read_document
 from pareto_ltl.wind.records import WindField
 from pareto_ltl.world.cells import Decomposition
@@ -49,24 +49,8 @@ from pareto_ltl.world.scene import Scene
 if TYPE_CHECKING:
     from pareto_ltl.logic import Automaton
 
-PLAN_SCHEMA = "pareto_ltl.plan/1"
 COLLISION_COLUMNS = "collision_columns"  # of Tree.risk, the last ones; absent where there are none
 TREE_ARRAYS = ("x", "parent", "step", "q", "cell", "length", "risk", "swaps", "beta")
-
-
-@contextmanager
-def _shaped(path: Path, what: str) -> Iterator[None]:
-    try:
-        yield
-    except (KeyError, TypeError, ValueError, AttributeError, IndexError, OverflowError, csv.Error) as error:
-        reason = f"{error} is missing" if isinstance(error, KeyError) else str(error)
-        raise DataError(f"{path}: not {what} ({reason}); run the plan again") from error
-
-
-def _inside(place: Path | str, name: str) -> Path:
-    """``place`` itself when it is a file, else the file ``name`` in it."""
-    place = Path(place)
-    return place / name if place.is_dir() else place
 
 
 # --- scene, cells, automaton, wind -----------------------------------------------------------
@@ -81,9 +65,9 @@ def write_scene(directory: Path, scene: Scene) -> None:
 def read_scene(place: Path | str) -> Scene:
     from pareto_ltl.world.scene_files import scene_from_dict as from_dict
 
-    path = _inside(place, "scene.json")
+    path = inside(place, "scene.json")
     content = read_document(path, "scene")
-    with _shaped(path, "a scene"):
+    with shaped(path, "a scene"):
         return from_dict(content)
 
 
@@ -92,9 +76,9 @@ def write_decomposition(directory: Path, decomposition: Decomposition) -> None:
 
 
 def read_decomposition(place: Path | str) -> Decomposition:
-    path = _inside(place, "cells.json")
+    path = inside(place, "cells.json")
     content = read_document(path, "cells")
-    with _shaped(path, "a decomposition"):
+    with shaped(path, "a decomposition"):
         return Decomposition(
             cells=_polygons(content["cells"]),
             labels=tuple(frozenset(label) for label in content["labels"]),
@@ -137,10 +121,10 @@ def write_wind(directory: Path, wind: WindField) -> None:
 def read_wind(place: Path | str) -> WindField:
     from pareto_ltl.wind.netcdf import read_netcdf as from_netcdf
 
-    return from_netcdf(_inside(place, "wind.nc"))
+    return from_netcdf(inside(place, "wind.nc"))
 
 
-# --- forest and front ------------------------------------------------------------------------
+# --- forest ----------------------------------------------------------------------------------
 
 
 def write_forest(directory: Path, forest: Forest) -> None:
@@ -158,9 +142,9 @@ def write_forest(directory: Path, forest: Forest) -> None:
 
 def read_forest(place: Path | str) -> Forest:
     """The forest without its times (NaN): an archive must not depend on how fast the machine was."""
-    path = _inside(place, "trees.npz")
+    path = inside(place, "trees.npz")
     arrays = read_npz(path)
-    with _shaped(path, "a forest"):
+    with shaped(path, "a forest"):
         names = sorted({key.partition("/")[0] for key in arrays if "/" in key})
         trees = tuple(_tree(arrays, name) for name in names)
         columns = trees[0].risk.shape[1] - int(np.asarray(arrays.get(COLLISION_COLUMNS, 0)).item())
@@ -180,150 +164,7 @@ def _tree(arrays: Mapping[str, NDArray[Any]], name: str) -> Tree:
     return tree
 
 
-FRONT_HEADER = (
-    "path",
-    "length_m",
-    "mission_risk_paper",
-    "mission_risk",
-    "collision_risk",
-    "mission_risk_ordered",
-    "steps",
-    "duration_s",
-    "failure_estimate",
-    "origin",
-)
-
-
-def write_front(directory: Path, front: Front) -> None:
-    estimates = front.estimates or (math.nan,) * len(front.paths)
-    rows = [
-        (number, *_costs(path.objectives), len(path.u), path.t[-1] - path.t[0], estimate, path.origin)
-        for number, (path, estimate) in enumerate(zip(front.paths, estimates, strict=True))
-    ]
-    write_csv(directory / "front.csv", FRONT_HEADER, rows)
-
-
-def _costs(objectives: Objectives) -> tuple[float, ...]:
-    o = objectives
-    return o.length, o.mission_risk_paper, o.mission_risk, o.collision_risk, o.mission_risk_ordered
-
-
-def read_front(place: Path | str) -> list[tuple[Objectives, str]]:
-    """Objectives and origin of every path of the front."""
-    path = _inside(place, "front.csv")
-    text = read_text(path)
-    with _shaped(path, "a front"):
-        return [
-            (Objectives(*(float(row[name]) for name in FRONT_HEADER[1:6])), row["origin"])
-            for row in csv.DictReader(text.splitlines())
-        ]
-
-
-# --- plan and deployment ---------------------------------------------------------------------
-
-
-def write_plan(directory: Path, plan: Plan) -> None:
-    path = plan.path
-    content = {
-        "schema": PLAN_SCHEMA,
-        "formula": plan.formula,
-        "atoms": plan.atoms,
-        "dt": plan.dt,
-        "u_max": plan.u_max,
-        "epsilon": plan.epsilon,
-        "fidelity": plan.fidelity,
-        "objectives": asdict(path.objectives),
-        "selection": {"rule": plan.rule, "weights": plan.weights},
-        "acceptance": None if plan.acceptance is None else asdict(plan.acceptance),
-        "covered": plan.covered,
-        "not_covered": plan.not_covered,
-        "origin": path.origin,
-        "fixes": path.fixes,
-        "t": path.t,
-        "x": path.x,
-        "cov": path.cov,
-        "q": path.q,
-        "label": path.label,
-        "u": path.u,
-    }
-    write_json(directory / "plan.json", content)
-    header = ("step", "t_s", "x_m", "y_m", "u_x_m_s", "u_y_m_s", "cov_xx", "cov_xy", "cov_yy", "q", "label")
-    write_csv(directory / "plan.csv", header, (_plan_row(path, step) for step in range(len(path.t))))
-
-
-def _plan_row(path: PlannedPath, step: int) -> tuple[Any, ...]:
-    control = path.u[step] if step < len(path.u) else ("", "")  # nothing is flown from the last position
-    (xx, xy), (_, yy) = path.cov[step]
-    return (
-        step,
-        path.t[step],
-        *path.x[step],
-        *control,
-        xx,
-        xy,
-        yy,
-        path.q[step],
-        " ".join(sorted(path.label[step])),
-    )
-
-
-def read_plan(place: Path | str) -> Plan:
-    """The plan in a results directory, or in a file of the same form."""
-    path = _inside(place, "plan.json")
-    content = read_document(path, "plan", version=PLAN_SCHEMA)
-    with _shaped(path, "a plan"):
-        return Plan(
-            path=_flight(content),
-            formula=content["formula"],
-            atoms=tuple(content["atoms"]),
-            dt=content["dt"],
-            u_max=content["u_max"],
-            epsilon=content["epsilon"],
-            fidelity=content["fidelity"],
-            rule=content["selection"]["rule"],
-            weights=tuple(content["selection"]["weights"]),
-            acceptance=_acceptance(content.get("acceptance")),
-            covered=content.get("covered", ""),
-            not_covered=content.get("not_covered", ""),
-        )
-
-
-def _acceptance(content: Mapping[str, Any] | None) -> Acceptance | None:
-    if content is None:
-        return None
-    known: dict[str, Any] = {
-        field.name: math.nan if content[field.name] is None else content[field.name]
-        for field in fields(Acceptance)
-    }
-    return Acceptance(**known)
-
-
-def _flight(content: Mapping[str, Any]) -> PlannedPath:
-    costs = content["objectives"]  # without the ordered bound by that name before it had one
-    objectives = {
-        key: math.nan if value is None else float(value)
-        for key, value in ({"mission_risk_ordered": costs["mission_risk"]} | costs).items()
-    }
-    flight = PlannedPath(
-        t=np.array(content["t"], float),
-        x=np.array(content["x"], float),
-        cov=np.array(content["cov"], float),
-        q=np.array(content["q"], np.int64),
-        label=tuple(frozenset(names) for names in content["label"]),
-        u=np.array(content["u"], float).reshape(-1, 2),
-        objectives=Objectives(**objectives),
-        origin=content["origin"],
-        fixes=tuple(content.get("fixes", ())),
-    )
-    steps = len(flight.t)
-    shapes = {"x": (steps, 2), "cov": (steps, 2, 2), "q": (steps,), "u": (steps - 1, 2)}
-    for name, shape in shapes.items():
-        if getattr(flight, name).shape != shape:
-            raise ValueError(f"{name} must have shape {shape}, got {getattr(flight, name).shape}")
-    if len(flight.label) != steps:
-        raise ValueError(f"label must have {steps} entries, got {len(flight.label)}")
-    return flight
-
+# --- deployments -----------------------------------------------------------------------------
 
 FLIGHT_ARRAYS = "x", "accepted", "collided", "off_map", "walled"
 
@@ -335,9 +176,9 @@ def write_deployments(directory: Path, deployments: Mapping[str, Deployment]) ->
 
 
 def read_deployments(place: Path | str) -> dict[str, Deployment]:
-    path = _inside(place, "deployments.npz")
+    path = inside(place, "deployments.npz")
     arrays = read_npz(path)
-    with _shaped(path, "deployments"):
+    with shaped(path, "deployments"):
         laws = sorted({name.partition("/")[0] for name in arrays})
         flights = {law: [arrays[f"{law}/{name}"] for name in FLIGHT_ARRAYS] for law in laws}
         return {law: Deployment(law, f[0], f[1], f[2], f[3], bool(f[4].all())) for law, f in flights.items()}
@@ -437,7 +278,7 @@ class Results(Displayed):
         return read_forest(self.directory)
 
     @property
-    def front(self) -> list[tuple[Objectives, str]]:
+    def front(self) -> Front:
         return read_front(self.directory)
 
     @property

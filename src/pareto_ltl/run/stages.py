@@ -7,7 +7,7 @@ configuration does not wait for them.
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -60,6 +60,7 @@ if TYPE_CHECKING:
 
 LOG = logging.getLogger(__name__)
 FOREST_STREAM = "forest"  # of the random numbers of growth
+JUDGE_STREAM = "judge"  # of the flights that judge the front: no refinement draws from it
 
 
 def make_readings(inputs: StageInputs) -> Readings:
@@ -156,45 +157,73 @@ def make_forest(inputs: StageInputs) -> Forest:
 
 
 def make_front(inputs: StageInputs) -> Front:
-    """The non-dominated paths, refined and ranked as ``fidelity`` says."""
-    from pareto_ltl.planning import no_path, selection
+    """The non-dominated paths, refined and judged as ``fidelity`` says."""
+    from pareto_ltl.planning import no_path
 
     settings, problem, forest = inputs.settings, inputs[PROBLEM], inputs[FOREST]
-    grown_from = stage_seeds(settings.seed, FOREST_STREAM)
     if not len(forest.accepted):
+        grown_from = stage_seeds(settings.seed, FOREST_STREAM)
         raise InfeasibleError(no_path.explain_no_path(settings.planner, problem, forest, grown_from))
-    raw = selection.tree_front(problem, forest)
-    smoothed: tuple[PlannedPath, ...] = ()
-    if settings.fidelity.refine == "convex":
-        from pareto_ltl.planning.refine import smooth_paths
+    return FRONT_MAKERS[settings.fidelity.judge](inputs)
 
-        candidates = (*raw, *selection.order_representatives(problem, forest))
-        smoothed = smooth_paths(settings.smoothing, problem, candidates, inputs.progress)
-    if not raw and not smoothed:
+
+def _bounded_front(inputs: StageInputs) -> Front:
+    """Compared by mission risk, collision risk and length, as published."""
+    from pareto_ltl.planning import no_path, selection
+
+    settings, problem = inputs.settings, inputs[PROBLEM]
+    raw = selection.tree_front(problem, inputs[FOREST])
+    refined = _refined_paths(inputs, raw)
+    if not raw and not refined:
+        grown_from = stage_seeds(settings.seed, FOREST_STREAM)
         why = no_path.explain_no_safe_path(settings.planner, problem, grown_from)
         if why:
             raise InfeasibleError(why)
-    found = selection.build_front(smoothed, raw, settings.fidelity)
-    if settings.fidelity.judge == "bound":
-        return found
-    from pareto_ltl.simulation.acceptance import rank_front
+    return selection.build_front(refined, raw, settings.fidelity)
 
-    return rank_front(problem, found, settings.selection.draws, inputs.seeds)
+
+def _flown_front(inputs: StageInputs) -> Front:
+    """Compared by failure rate and length, in flights that no refinement has seen."""
+    from pareto_ltl.planning import selection
+    from pareto_ltl.simulation.judging import judge_front
+
+    settings, problem = inputs.settings, inputs[PROBLEM]
+    raw = selection.unlike_paths(problem, inputs[FOREST])
+    refined = _refined_paths(inputs, raw)
+    seeds = stage_seeds(settings.seed, JUDGE_STREAM)
+    return judge_front(problem, refined, raw, settings.selection.draws, seeds)
+
+
+FRONT_MAKERS: dict[str, Callable[[StageInputs], Front]] = {"bound": _bounded_front, "flights": _flown_front}
+
+
+def _refined_paths(inputs: StageInputs, raw: Sequence[PlannedPath]) -> tuple[PlannedPath, ...]:
+    """What ``fidelity.refine`` makes of the paths of the trees."""
+    from pareto_ltl.planning import selection
+
+    settings, problem = inputs.settings, inputs[PROBLEM]
+    if settings.fidelity.refine == "none":
+        return ()
+    from pareto_ltl.planning.refine import smooth_paths
+
+    candidates = (*raw, *selection.order_representatives(problem, inputs[FOREST]))
+    return smooth_paths(settings.smoothing, problem, candidates, inputs.progress)
 
 
 def make_plan(inputs: StageInputs) -> Plan:
-    """The path of the front that the rule picks, once it is accepted."""
+    """The path of the front that the rule picks; with ``judge=flights``, once fresh flights confirm it."""
     from pareto_ltl.planning.records import Plan
     from pareto_ltl.planning.selection_rules import choose_path
-    from pareto_ltl.simulation.acceptance import accept_path
+    from pareto_ltl.simulation.promise import promise_path
     from pareto_ltl.wind.coverage import coverage_of
+    from pareto_ltl.world.navigation import navigate
 
     settings, problem, front = inputs.settings, inputs[PROBLEM], inputs[FRONT]
     said = coverage_of(inputs[WIND], problem.scene.time_zero)
-    if settings.fidelity.judge == "flights":
-        path, acceptance = accept_path(settings.selection, problem, inputs[WIND], front, inputs.seeds)
+    if front.rates:
+        path, promise = promise_path(settings.selection, problem, inputs[WIND], front, inputs.seeds)
     else:
-        path, acceptance = choose_path(settings.selection, front), None
+        path, promise = choose_path(settings.selection, front), None
     return Plan(
         path=path,
         formula=problem.automaton.formula,
@@ -205,7 +234,9 @@ def make_plan(inputs: StageInputs) -> Plan:
         fidelity=settings.fidelity.label,
         rule=settings.selection.rule,
         weights=tuple(settings.selection.weights),
-        acceptance=acceptance,
+        wanted=settings.selection.wanted,
+        promise=promise,
+        navigation=navigate(problem.scene, path.t, path.x, path.u),
         covered=said.covered,
         not_covered=said.not_covered,
     )
@@ -319,7 +350,7 @@ PLAN_STAGES = (
         needs=(PROBLEM, FOREST),
         settings=(PlannerConfig, FidelityConfig, SmoothingConfig, SelectionConfig),
         stream="front",
-        writes=("front.csv",),
+        writes=("front.csv", "front.npz"),
     ),
     Stage(
         "plan",

@@ -11,6 +11,7 @@ from pareto_ltl.support.extensions import SELECTION_RULE_GROUP
 from pareto_ltl.support.messages import shown_value
 
 SELECTION_RULES = ("priority", "weighted", "threshold")
+WANTED = {"threshold": ("alpha",)}  # the settings that a rule reads, besides the weights
 
 
 @dataclass
@@ -101,14 +102,21 @@ class SelectionConfig(CheckedSettings):
     )
     alpha: float = setting(0.05, "largest risk, with rule=threshold", above=0, below=1)
     draws: int = setting(
-        2000, "linear flights that rank a path of the front, with fidelity.judge=flights", least=1, most=1e8
+        4000, "flights that judge a path of the front, with fidelity.judge=flights", least=1, most=1e8
     )
     runs: int = setting(
-        2000, "nonlinear flights that examine the chosen path, with fidelity.judge=flights", least=1, most=1e8
-    )
+        20_000, "fresh flights of the chosen path, which its promise is from, with fidelity.judge=flights",
+        least=1, most=1e8,
+    )  # fmt: skip
     examined: int = setting(
-        5, "largest number of paths examined until one keeps its promise", least=1, most=1000
+        5, "largest number of choices that are flown until fresh flights confirm one", least=1, most=1000
     )
+
+    @property
+    def wanted(self) -> dict[str, float]:
+        """The setting besides the weights that the rule reads, for the record of the plan."""
+        names = WANTED.get(self.rule, ())
+        return {name: getattr(self, name) for name in names}
 
     def check_combinations(self) -> None:
         if len(self.weights) != 3 or sum(self.weights) <= 0:

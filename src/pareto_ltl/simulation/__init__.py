@@ -1,1 +1,1 @@
-"""Simulated flights of a plan, and the ranking and acceptance of plans by them."""
+"""Simulated flights of plans: they judge the front, and say how often the plan fails."""

@@ -19,7 +19,7 @@ from pareto_ltl.kernels import data as kd
 from pareto_ltl.kernels import flight as kernel
 from pareto_ltl.planning.evaluate import propagate
 from pareto_ltl.planning.problem import Problem
-from pareto_ltl.planning.records import Plan
+from pareto_ltl.planning.records import FailureRate, Plan
 from pareto_ltl.settings import DeploymentConfig
 from pareto_ltl.simulation.records import Deployment
 from pareto_ltl.support.arrays import Float32Array, FloatArray
@@ -27,7 +27,9 @@ from pareto_ltl.support.cores import cores
 from pareto_ltl.support.errors import InfeasibleError
 from pareto_ltl.support.memory import require_memory
 
+PilotMaker = Callable[[int, Generator], Any]  # takes the number of flights and what their fixes draw from
 FLIGHT_COPIES = 2  # of the positions of a flight: one in memory, one in the archive that is written
+FIX_NOISE = 2**16  # child of a block's seed that the errors of position fixes are drawn from
 BLOCK = 250  # runs that share a generator, whatever the number of threads
 
 # --- winds ------------------------------------------------------------------------------------
@@ -111,18 +113,16 @@ def simulate_flights(
     InfeasibleError
         Where the wind is not known for so long.
     """
-    _refuse_unknown_wind(problem, u)
-    if mean is None and problem.motion.gain > 0.0:
-        raise ValueError("feedback needs the planned positions to hold on to: give mean")
-    flights = _Flights(problem, u, DRAWS[law], pilot_maker(problem, u, mean, law))
+    require_known_wind(problem, u, mean)
     x = np.empty((runs, len(u) + 1, 2))
     accepted, collided, off_map = (np.empty(runs, bool) for _ in range(3))
-    blocks = [slice(first, min(first + BLOCK, runs)) for first in range(0, runs, BLOCK)]
+    judge, pilot = flight_judge(problem), pilot_maker(problem, u, mean, law)
 
-    def one(block: slice, child: SeedSequence) -> None:
-        outcome = kernel.Outcome(x[block], accepted[block], collided[block], off_map[block])
-        flights.fly_block(outcome, np.random.default_rng(child))
+    def one(rows: slice, child: SeedSequence) -> None:
+        block = draw_block(problem, law, rows.stop - rows.start, len(u), child)
+        fly_block(judge, block, pilot, kernel.Outcome(x[rows], accepted[rows], collided[rows], off_map[rows]))
 
+    blocks = block_rows(runs)
     with ThreadPoolExecutor(cores()) as pool:
         list(pool.map(one, blocks, unspawned(seed).spawn(len(blocks))))
     return Deployment(law, x, accepted, collided, off_map, problem.scene.walled)
@@ -133,35 +133,56 @@ def unspawned(seed: SeedSequence) -> SeedSequence:
     return SeedSequence(seed.entropy, spawn_key=seed.spawn_key, pool_size=seed.pool_size)
 
 
-def _refuse_unknown_wind(problem: Problem, u: FloatArray) -> None:
-    known = len(problem.wind.slot)
-    if len(u) > known:
+def require_known_wind(problem: Problem, u: FloatArray, mean: FloatArray | None) -> None:
+    """Raise InfeasibleError for a plan that outlasts the wind, ValueError for feedback without ``mean``."""
+    steps, known = len(u), len(problem.wind.slot)
+    if steps > known:
         raise InfeasibleError(
-            f"a plan of {len(u)} steps outlasts the wind, which is known for {known}"
+            f"a plan of {steps} steps outlasts the wind, which is known for {known}"
             f"{f' ({problem.wind_ends})' if problem.wind_ends else ''}: give later fields, "
             "set wind.hold_last=true, or raise planner.max_steps"
         )
+    if mean is None and problem.motion.gain > 0.0:
+        raise ValueError("feedback needs the planned positions to hold on to: give mean")
 
 
-PilotMaker = Callable[[int, Generator], Any]
+def block_rows(runs: int) -> list[slice]:
+    """The flights of each block, in order."""
+    return [slice(first, min(first + BLOCK, runs)) for first in range(0, runs, BLOCK)]
 
 
 @dataclass(frozen=True, slots=True)
-class _Flights:
-    """What all blocks of flights of one plan share."""
+class FlightBlock:
+    """What up to ``BLOCK`` flights meet, whatever plan is flown.
 
-    problem: Problem
-    u: FloatArray
-    draw: Callable[[Problem, int, int, Generator], Any]
-    pilot: PilotMaker
+    Attributes
+    ----------
+    start : (n, 2) float
+        Positions at departure [m].
+    draws : IndependentDraws or CoherentDraws
+        Winds for some number of steps; a shorter plan uses the first of them.
+    noise : SeedSequence
+        Of the errors of position fixes.
+    """
 
-    def fly_block(self, outcome: kernel.Outcome, rng: Generator) -> None:
-        """Fill ``outcome`` with flights drawn from ``rng``."""
-        problem, runs = self.problem, len(outcome.x)
-        start = rng.standard_normal((BLOCK, 2))[:runs]
-        outcome.x[:, 0] = problem.scene.start + np.sqrt(problem.start_variance) * start
-        draws = self.draw(problem, runs, len(self.u), rng)
-        kernel.fly_batch(flight_judge(problem), draws, self.pilot(runs, rng), outcome)
+    start: FloatArray
+    draws: Any
+    noise: SeedSequence
+
+
+def draw_block(problem: Problem, law: str, runs: int, steps: int, seed: SeedSequence) -> FlightBlock:
+    """The start positions and winds of ``runs`` flights of at most ``steps`` steps."""
+    rng = np.random.default_rng(unspawned(seed))
+    start = problem.scene.start + np.sqrt(problem.start_variance) * rng.standard_normal((BLOCK, 2))[:runs]
+    noise = SeedSequence(seed.entropy, spawn_key=(*seed.spawn_key, FIX_NOISE), pool_size=seed.pool_size)
+    return FlightBlock(start, DRAWS[law](problem, runs, steps, rng), noise)
+
+
+def fly_block(judge: kernel.Judge, block: FlightBlock, pilot: PilotMaker, outcome: kernel.Outcome) -> None:
+    """Fly one plan once for each flight of ``block``; fills ``outcome``."""
+    outcome.x[:, 0] = block.start
+    rng = np.random.default_rng(block.noise)
+    kernel.fly_batch(judge, block.draws, pilot(len(block.start), rng), outcome)
 
 
 def flight_judge(problem: Problem) -> kernel.Judge:
@@ -203,6 +224,11 @@ def clopper_pearson(failures: int, runs: int, confidence: float = 0.95) -> tuple
     low = 0.0 if failures == 0 else float(betaincinv(failures, runs - failures + 1, tail))
     high = 1.0 if failures == runs else float(betaincinv(failures + 1, runs - failures, 1 - tail))
     return low, high
+
+
+def counted_rate(law: str, failures: int, runs: int) -> FailureRate:
+    """The rate of ``failures`` among ``runs`` flights, with its 95 % Clopper-Pearson interval."""
+    return FailureRate(law, failures / runs, *clopper_pearson(failures, runs), runs)
 
 
 def flight_rates(deployment: Deployment) -> dict[str, float]:

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from jsonschema.protocols import Validator
 
 FOLDER = PACKAGE / "support" / "data" / "schemas"
-SCHEMA_NAMES = ("automaton", "cells", "forecast_error", "metrics", "plan", "run", "scene", "sweep")
+SCHEMA_NAMES = ("automaton", "cells", "forecast_error", "metrics", "plan", "plan_1", "run", "scene", "sweep")
 PYTHON_TYPES: Mapping[str, frozenset[type]] = {
     "number": frozenset({int, float}),
     "integer": frozenset({int}),
@@ -47,12 +47,14 @@ def schema_text(name: str) -> str:
 
 
 def read_document(
-    path: Path, name: str, advice: Advice = RESULTS, version: str | None = None
+    path: Path, name: str | Mapping[str, str], advice: Advice = RESULTS, version: str | None = None
 ) -> dict[str, Any]:
     """The content of the JSON file ``path``, which fits the schema of ``name``.
 
     Parameters
     ----------
+    name : str or mapping of str to str
+        The schema, or the schema of each version that the file's key ``schema`` may say.
     version : str, optional
         What the file's key ``schema`` must say; a file of another version is refused by its name.
 
@@ -62,12 +64,15 @@ def read_document(
         With the place in the file (a JSON pointer), what was expected there and what was found.
     """
     content = read_json(path, advice)
-    if version is not None and content.get("schema") != version:
-        found = shown_json(content.get("schema"))
-        raise DataError(
-            f"{path}: expected schema {version!r}, found {found}; "
-            "read it with the version of pareto-ltl that wrote it"
-        )
+    if version is not None or isinstance(name, Mapping):
+        known = name if isinstance(name, Mapping) else {str(version): name}
+        said = content.get("schema")
+        if not isinstance(said, str) or said not in known:
+            raise DataError(
+                f"{path}: expected schema {' or '.join(map(repr, known))}, found {shown_json(said)}; "
+                "read it with the version of pareto-ltl that wrote it"
+            )
+        name = known[said]
     check_document(content, name, str(path), advice)
     return content
 

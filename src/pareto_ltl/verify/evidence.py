@@ -35,7 +35,7 @@ OUTPUTS = {
     "automaton": ("automaton.json", "automaton.hoa"),
     "wind": ("wind.nc",),
     "forest": ("trees.npz",),
-    "front": ("front.csv",),
+    "front": ("front.csv", "front.npz"),
     "plan": ("plan.json", "plan.csv"),
     "deployment": ("deployments.npz",),
 }  # the files of each stage
@@ -75,6 +75,19 @@ class Evidence:
     @cached_property
     def front(self) -> list[dict[str, str]]:
         return self.table("front.csv")
+
+    @cached_property
+    def front_arrays(self) -> dict[str, NDArray[Any]]:
+        return read_npz(self.directory / "front.npz")
+
+    @property
+    def front_size(self) -> int:
+        """The number of paths in front.npz."""
+        return sum(key.endswith("/x") for key in self.front_arrays)
+
+    def front_x(self, number: int) -> FloatArray:
+        """Positions (T+1, 2) [m] of a path of the front."""
+        return np.asarray(self.front_arrays[f"path_{number:03d}/x"], float)
 
     @cached_property
     def trees(self) -> dict[str, NDArray[Any]]:
@@ -197,6 +210,16 @@ class Evidence:
         """Labels of the planned positions, from the polygons."""
         return self.ground.labels(self.x)
 
+    def orders(self, x: FloatArray) -> list[str]:
+        """Mission order of positions ``x``; on an edge of a region it may be any of several."""
+        found = []
+        for slack in (0.0, 1e-3 * self.grain, -1e-3 * self.grain):
+            states, labels = self.ground.states(x[None], slack)[0], self.ground.labels(x, slack)
+            before = [self.dfa.initial, *states[:-1]]
+            letters = [labels[t] & frozenset(self.dfa.atoms) for t in np.flatnonzero(states != before)]
+            found.append(">".join("+".join(sorted(letter)) or "-" for letter in letters))
+        return found
+
     @cached_property
     def times(self) -> Clock:
         return self.clock_of(len(self.u))
@@ -281,10 +304,18 @@ class Evidence:
 
     def simulator(self, name: str) -> Simulator:
         """New flights of the plan under a law."""
-        planned = self.law("coherent")
+        return self._simulator_of(name, self.x, self.u)
+
+    def front_simulator(self, number: int) -> Simulator:
+        """New flights of a path of the front, under the law that it was planned in."""
+        u = np.asarray(self.front_arrays[f"path_{number:03d}/u"], float)
+        return self._simulator_of(self.planned_law, self.front_x(number), u)
+
+    def _simulator_of(self, name: str, x: FloatArray, u: FloatArray) -> Simulator:
+        planned = self.law("coherent", len(u))
         marks = planned.landmarks if isinstance(planned, Coherent) else ()
-        guide = laws.fly_means(planned, self.x) if marks else None
-        return Simulator(self.law(name), guide if guide and guide.gains else None, self.x, self.u, marks)
+        guide = laws.fly_means(planned, x) if marks else None
+        return Simulator(self.law(name, len(u)), guide if guide and guide.gains else None, x, u, marks)
 
     @cached_property
     def new_flights(self) -> dict[str, FloatArray]:

@@ -275,20 +275,6 @@ def next_field(law: Coherent, t: int, theta: FloatArray, rng: np.random.Generato
     return np.asarray(keep * theta + np.sqrt(1 - keep**2) * rng.standard_normal(theta.shape), float)
 
 
-def linear_flights(law: Coherent, course: Course, runs: int, rng: np.random.Generator) -> FloatArray:
-    """Positions (runs, T+1, 2) [m] in winds linearised about ``course``, e' = F e + dt (ψ θ + white)."""
-    e = law.robot.start_sd * rng.standard_normal((runs, 2))
-    theta = rng.standard_normal((runs, law.modes))
-    x = [course.x[0] + e]
-    for t in range(len(course.u)):
-        if t:
-            theta = next_field(law, t, theta, rng)
-        met = theta @ course.psi[t].T + np.sqrt(course.white[t]) * rng.standard_normal((runs, 2))
-        e = e @ course.F[t].T + law.robot.dt * met
-        x.append(course.x[t + 1] + e)
-    return np.stack(x, axis=1)
-
-
 # --- statistics -------------------------------------------------------------------------------
 
 

@@ -100,15 +100,26 @@ def smooth_paths(
     return worthwhile(problem, strategy.bend_all(task, begun, weights, progress), paths)
 
 
+NEEDLESS: dict[str, Callable[[FloatArray, FloatArray], bool]] = {
+    "bound": lambda other, row: bool((other <= row * (1 + ALIKE)).all()),
+    "flights": lambda other, row: bool((np.abs(other - row) <= ALIKE * row).all()),
+}  # by judge: whether a path with the objectives ``other`` makes one with ``row`` needless
+
+
 def worthwhile(
     problem: Problem, found: Sequence[PlannedPath], paths: Sequence[PlannedPath]
 ) -> tuple[PlannedPath, ...]:
-    """Those of ``found`` that nothing else equals to a thousandth, with their final collision risk."""
+    """Those of ``found`` that bring something, with their final collision risk.
+
+    Where bounds judge, nothing else is as good to a thousandth in every objective. Where flights judge,
+    bounds tell little about which path is better, and only repetitions are left out.
+    """
+    makes_needless = NEEDLESS[problem.fidelity.judge]
     rows = [objective_row(p.objectives) for p in paths]
     kept = []
     for path in sorted(found, key=lambda p: tuple(objective_row(p.objectives))):
         row = objective_row(path.objectives)
-        if not any((other <= row * (1 + ALIKE)).all() for other in rows):
+        if not any(makes_needless(other, row) for other in rows):
             rows.append(row)
             kept.append(path)
     finished = []

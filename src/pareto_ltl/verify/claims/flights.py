@@ -14,14 +14,13 @@ from pareto_ltl.verify.flights import (
     RARE,
     Verdicts,
     failures,
-    linear_flights,
     misjudged,
     rates,
     same_distribution,
     same_rate,
     winds_as_drawn,
 )
-from pareto_ltl.verify.laws import Coherent, Independent, fly_means
+from pareto_ltl.verify.laws import Independent
 
 LOOKS = 4  # steps at which positions of old and new flights are compared
 METRICS = {
@@ -118,40 +117,6 @@ def new_rate(result: Evidence, law: str) -> Verdict:
     )
 
 
-def accepted_rate(result: Evidence) -> Verdict | None:
-    """The count of failures that accepted the plan is that of new flights in coherent winds."""
-    told = result.plan["acceptance"]
-    if not told or "coherent" not in result.new_flights:
-        return None
-    x = result.new_flights["coherent"]
-    again = int(result.ground.failed(x).sum())
-    chance = same_rate(told["failures"], told["runs"], again, len(x))
-    return Verdict(
-        f"{told['failures']} of {told['runs']}", f"{again} of {len(x)}, chance {chance:.1g}", chance >= RARE
-    )
-
-
-def estimate(result: Evidence) -> Verdict | None:
-    """The estimate that ranked the plan is that of its row of the front, and of new linear flights.
-
-    With feedback or fixes the flights are not linear, and the two copies are compared only.
-    """
-    told, law = result.plan["acceptance"], result.law("coherent")
-    if not told or not isinstance(law, Coherent):
-        return None
-    rows = [row["failure_estimate"] for row in result.front if row["origin"] == result.plan["origin"]]
-    if told["estimate"] not in map(float, filter(None, rows)):
-        return same(told["estimate"], rows)
-    course = fly_means(law, result.x)
-    if result.robot.feedback > 0 or course.gains:
-        return same(told["estimate"], told["estimate"])
-    draws = result.settings["selection"]["draws"]
-    x = linear_flights(law, course, 2000, np.random.default_rng([20181009, 2]))
-    again = int(result.ground.failed(x).sum())
-    chance = same_rate(round(told["estimate"] * draws), draws, again, len(x))
-    return Verdict(f"{told['estimate']:.4g}", f"{again / len(x):.4g}, chance {chance:.1g}", chance >= RARE)
-
-
 def reported_laws(result: Evidence) -> Verdict:
     """The metrics speak of the laws that were flown and of no other."""
     said = sorted(law for law in LAWS if f"failure_{law}" in result.metrics)
@@ -174,6 +139,4 @@ CLAIMS = (
             ("failure rate of new flights", new_rate),
         )
     ),
-    Claim("plan: failures in its acceptance", FILES, accepted_rate),
-    Claim("plan: estimate of its acceptance", (*FILES, "front.csv"), estimate),
 )

@@ -9,10 +9,8 @@ from functools import partial
 import numpy as np
 from scipy.special import ndtri
 
-from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.verify.claims.verdict import Claim, Verdict, no_fault, number, same, within
 from pareto_ltl.verify.evidence import LAWS, Evidence
-from pareto_ltl.verify.flights import clopper_pearson
 from pareto_ltl.verify.gaussians import step_margin, step_risk, theorem2
 from pareto_ltl.verify.geometry import met_by_any
 from pareto_ltl.verify.laws import Course
@@ -24,6 +22,7 @@ SPREAD = (
 RISK, LEAST_RISK = 2e-3, 1e-9  # the same of two bounds, relative and absolute
 FAST = 2e-6  # the share by which rounding may exceed an airspeed
 TOUCH = 0.1  # how deep the expected path may touch an obstacle by rounding, in grains
+WANTED = {"threshold": ("alpha",)}  # by rule: the other setting that it reads
 OBJECTIVES = {
     "length_m": "length", "mission_risk_paper": "mission_risk_paper", "mission_risk": "mission_risk",
     "collision_risk": "collision_risk", "mission_risk_ordered": "mission_risk_ordered",
@@ -55,6 +54,10 @@ def settings_named(result: Evidence) -> Verdict:
         "epsilon": (plan["epsilon"], result.epsilon),
         "rule": (plan["selection"]["rule"], told["selection"]["rule"]),
         "weights": (plan["selection"]["weights"], told["selection"]["weights"]),
+        "wanted": (
+            {key: value for key, value in plan["selection"].items() if key not in ("rule", "weights")},
+            {key: told["selection"][key] for key in WANTED.get(told["selection"]["rule"], ())},
+        ),
         "fidelity": (plan["fidelity"], result.run["fidelity"]),
     }
     return no_fault(", ".join(pairs), [f"{name} {a} is {b}" for name, (a, b) in pairs.items() if a != b])
@@ -232,8 +235,9 @@ def collision_bound(result: Evidence) -> Verdict:
 
 
 def allowed_collisions(result: Evidence) -> Verdict | None:
-    """R is at most planner.delta, with the path bound."""
-    if result.settings["fidelity"]["collision_bound"] != "path":
+    """R is at most planner.delta, with the path bound and where bounds judge."""
+    told = result.settings["fidelity"]
+    if told["collision_bound"] != "path" or told["judge"] != "bound":
         return None
     delta = result.settings["planner"]["delta"]
     return Verdict(
@@ -271,40 +275,7 @@ def forecast_laws(result: Evidence) -> Verdict:
     return same(sorted(result.forecasts), sorted(told))
 
 
-# --- acceptance and copies --------------------------------------------------------------------
-
-
-def acceptance(result: Evidence) -> Verdict | None:
-    """With judge=flights: the bound is V + R, the interval that of the count, and the verdict follows."""
-    told = result.plan["acceptance"]
-    if result.settings["fidelity"]["judge"] != "flights":
-        return same(told, None)
-    costs = result.plan["objectives"]
-    low, high = clopper_pearson(told["failures"], told["runs"])
-    pairs = {
-        "bound": costs["mission_risk"] + costs["collision_risk"],
-        "low": low,
-        "high": high,
-        "passed": float(low <= told["bound"]),
-        "runs": result.settings["selection"]["runs"],
-        "linearity": _linearity(result),
-    }
-    faults = [
-        f"{name} {told[name]} is {v:.6g}"
-        for name, v in pairs.items()
-        if not math.isclose(told[name], v, rel_tol=SPREAD, abs_tol=1e-9)
-    ]
-    return no_fault(f"{told['failures']} of {told['runs']} flights fail", faults)
-
-
-def _linearity(result: Evidence) -> float:
-    """Largest standard deviation of the position over the shorter length scale of its slot."""
-    modes = result.wind.modes
-    if modes is None or len(result.x) < 2:
-        return 0.0
-    widest = np.sqrt(np.linalg.eigvalsh(result.course.cov[:-1])[:, 1])
-    scale: FloatArray = modes.length.min(axis=1)[result.times.nearest[: len(widest)]]
-    return float((widest / scale).max())
+# --- copies -----------------------------------------------------------------------------------
 
 
 def table(result: Evidence) -> Verdict:
@@ -335,12 +306,12 @@ def metrics(result: Evidence) -> Verdict:
     plan, told = result.plan, result.metrics
     pairs = {name: plan["objectives"][key] for name, key in OBJECTIVES.items()}
     pairs |= {"steps": len(plan["u"]), "duration_s": plan["t"][-1] - plan["t"][0], "dt_s": plan["dt"]}
-    if plan["acceptance"]:
-        seen = plan["acceptance"]
+    if plan["promise"]:
+        seen = plan["promise"]
         pairs |= {
-            f"acceptance_{key}": seen[key] for key in ("bound", "estimate", "runs", "low", "high", "passed")
+            f"promise_{key}": seen[key] for key in ("failure", "low", "high", "runs", "bound", "passed")
         }
-        pairs |= {"acceptance_failure": seen["failures"] / seen["runs"], "linearity": seen["linearity"]}
+        pairs |= {"promise_claimed": seen["claimed"]["failure"], "linearity": seen["linearity"]}
     faults = [
         f"{name} {told.get(name)} is {value}" for name, value in pairs.items() if told.get(name) != value
     ]
@@ -369,7 +340,6 @@ CLAIMS = (
     Claim("plan: mission risk", FILES, judged_risk),
     Claim("plan: collision bound R", FILES, collision_bound),
     Claim("plan: R within planner.delta", FILES, allowed_collisions),
-    Claim("plan: acceptance by flights", FILES, acceptance),
     Claim("plan: laws of the forecasts", FILES, forecast_laws),
     *(
         Claim(f"{law}: {name}", FILES, partial(forecast, law, judge))

@@ -10,11 +10,14 @@ from pareto_ltl.verify.claims.verdict import Claim, Verdict, close, no_fault
 from pareto_ltl.verify.evidence import OUTPUTS, Evidence
 
 SHARES = (
-    "mission_risk", "collision_risk", "failure", "collision_", "acceptance_low", "acceptance_high",
-    "hypervolume", "acceptance_estimate", "wind_energy", "wind_rho", "gp_coverage", "completed", "safest",
+    "mission_risk", "collision_risk", "failure", "collision_", "promise_failure", "promise_low",
+    "promise_high", "promise_claimed", "promise_bound", "promise_passed", "least_failure", "hypervolume",
+    "wind_energy", "wind_rho", "gp_coverage", "completed", "safest",
 )  # fmt: skip
 COUNTS = (
     "runs",
+    "front_runs",
+    "promise_runs",
     "nodes",
     "trees",
     "front_size",
@@ -113,9 +116,7 @@ def ranges(result: Evidence) -> Verdict:
     faults = []
     for name, value in result.metrics.items():
         if value is None or isinstance(value, bool) or not isinstance(value, int | float):
-            faults += [f"{name} is {value!r}"] * (
-                name not in ("acceptance_estimate", "nodes_per_second") or value is not None
-            )
+            faults += [f"{name} is {value!r}"] * (name != "nodes_per_second" or value is not None)
         elif name.startswith(SHARES) and not name.endswith("_m") and not -1e-12 <= value <= 1 + 1e-12:
             faults.append(f"{name} {value:g} is no probability")
         elif name.startswith(COUNTS) and value < 0:

@@ -1,0 +1,231 @@
+"""The front by flights (``fidelity.judge=flights``): how often every path fails, in the same winds.
+
+Every path meets the same flights (common random numbers), so that two paths are compared by the flights that
+only one of them survives: their difference is known far better than either rate. Where many paths are given,
+they race: after 250, 500, 1000, ... flights, a path that is certainly worse than a shorter one is dropped.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from itertools import pairwise, repeat
+
+import numpy as np
+from numpy.random import SeedSequence
+
+from pareto_ltl.kernels import flight as kernel
+from pareto_ltl.planning.evaluate import evaluate_path
+from pareto_ltl.planning.problem import Problem
+from pareto_ltl.planning.records import FailureRate, Front, PlannedPath
+from pareto_ltl.planning.selection import chance_of_failures, hypervolume, non_dominated
+from pareto_ltl.simulation.flights import (
+    PilotMaker,
+    block_rows,
+    counted_rate,
+    draw_block,
+    flight_judge,
+    fly_block,
+    pilot_maker,
+    require_known_wind,
+    unspawned,
+)
+from pareto_ltl.simulation.records import Deployment
+from pareto_ltl.support.arrays import BoolArray, FloatArray
+from pareto_ltl.support.cores import cores
+from pareto_ltl.support.errors import InfeasibleError
+from pareto_ltl.support.memory import require_memory
+
+RAW_DRAWS = 500  # flights of the race of the trees' paths among themselves
+DROP_CHANCE = 1e-4  # of dropping a path after a look at it although it is no worse than the shorter one
+
+
+def judge_front(
+    problem: Problem,
+    refined: Sequence[PlannedPath],
+    raw: Sequence[PlannedPath],
+    draws: int,
+    seed: SeedSequence,
+) -> Front:
+    """The paths of ``raw`` and ``refined`` that no other one beats in failure rate and in length.
+
+    The trees' paths race among themselves first, in fewer flights: what is left of them is the front before
+    refinement.
+
+    Parameters
+    ----------
+    raw, refined : sequence of PlannedPath
+        Paths of the trees, with R in its looser form, and what refinement made. Bounds play no part here.
+    draws : int
+        Flights of every path that stays in the race, in the winds of ``fidelity.law``.
+    seed : SeedSequence
+        Of the flights; the optimisation must not have seen it, or its paths look better than they are.
+
+    Raises
+    ------
+    InfeasibleError
+        If there is no path, or none that the wind is known for.
+    """
+    if not refined and not raw:
+        raise InfeasibleError("no path completes the mission; raise planner.n_max")
+    trees = fly_race(problem, raw, min(draws, RAW_DRAWS), seed)
+    judged = fly_race(problem, [*refined, *(flown.path for flown in trees)], draws, seed)
+    grown = {id(path) for path in raw}
+    before, after = (
+        [final_bound(problem, flown) if id(flown.path) in grown else flown for flown in unbeaten(paths)]
+        for paths in (trees, judged)
+    )
+    law, longest = problem.fidelity.law, max(path.objectives.length for path in (*refined, *raw))
+    reference = np.array([1.0, 2.0 * longest])
+    return Front(
+        paths=tuple(flown.path for flown in after),
+        raw=tuple(flown.path.objectives for flown in before),
+        hypervolume=hypervolume(np.array([flown.row for flown in after]), reference),
+        reference=reference,
+        rates=tuple(flown.rate(law) for flown in after),
+        raw_rates=tuple(flown.rate(law) for flown in before),
+        failed=np.stack([flown.failed for flown in after]),
+        models=problem.fidelity,
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Flown:
+    """A path that has stayed in the race, and which of its flights ``failed`` (n,)."""
+
+    path: PlannedPath
+    failed: BoolArray
+
+    @property
+    def row(self) -> tuple[float, float]:
+        """Failure rate and length [m]."""
+        return float(self.failed.mean()), self.path.objectives.length
+
+    def rate(self, law: str) -> FailureRate:
+        """The failure rate with its interval."""
+        return counted_rate(law, int(self.failed.sum()), len(self.failed))
+
+
+def final_bound(problem: Problem, flown: Flown) -> Flown:
+    """The same with R in its tighter form."""
+    return replace(flown, path=evaluate_path(problem, flown.path.x, flown.path.origin))
+
+
+def unbeaten(paths: Sequence[Flown]) -> list[Flown]:
+    """Those that no other one beats in failure rate and length, the safest first."""
+    if not paths:
+        return []
+    kept = non_dominated(np.array([flown.row for flown in paths]))
+    return sorted((flown for flown, keep in zip(paths, kept, strict=True) if keep), key=lambda f: f.row)
+
+
+# --- the race ---------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class Race:
+    """What the flights of all paths share.
+
+    Attributes
+    ----------
+    pilots : sequence of callable
+        What flies each path.
+    sizes : sequence of int
+        Steps of each path.
+    blocks : sequence of slice, seeds : sequence of SeedSequence
+        The flights of each block, and what they draw from.
+    """
+
+    problem: Problem
+    pilots: Sequence[PilotMaker]
+    sizes: Sequence[int]
+    blocks: Sequence[slice]
+    seeds: Sequence[SeedSequence]
+
+    def failures(self, number: int, running: Sequence[int]) -> BoolArray:
+        """Which flights of block ``number`` fail, for each of the paths ``running``, (R, n)."""
+        problem, law = self.problem, self.problem.fidelity.law
+        rows = self.blocks[number]
+        block = draw_block(problem, law, rows.stop - rows.start, max(self.sizes), self.seeds[number])
+        judge, n = flight_judge(problem), len(block.start)
+        failed = np.empty((len(running), n), bool)
+        for row, k in enumerate(running):
+            flags = (np.empty(n, bool) for _ in range(3))
+            outcome = kernel.Outcome(np.empty((n, self.sizes[k] + 1, 2)), *flags)
+            fly_block(judge, block, self.pilots[k], outcome)
+            failed[row] = Deployment(law, *outcome, problem.scene.walled).failed
+        return failed
+
+
+def race_of(problem: Problem, paths: Sequence[PlannedPath], runs: int, seed: SeedSequence) -> Race:
+    """The race of ``paths`` through ``runs`` flights; those of ``simulate_flights`` with the same seed."""
+    for path in paths:
+        require_known_wind(problem, path.u, path.x)
+    blocks = block_rows(runs)
+    return Race(
+        problem,
+        [pilot_maker(problem, path.u, path.x, problem.fidelity.law) for path in paths],
+        [len(path.u) for path in paths],
+        blocks,
+        unspawned(seed).spawn(len(blocks)),
+    )
+
+
+def fly_race(problem: Problem, paths: Sequence[PlannedPath], draws: int, seed: SeedSequence) -> list[Flown]:
+    """Those of ``paths`` that ``draws`` flights do not drop."""
+    if not paths:
+        return []
+    require_memory(2.0 * len(paths), "selection.draws", draws, "flights that judge the front")
+    race = race_of(problem, paths, draws, seed)
+    lengths = np.array([path.objectives.length for path in paths])
+    running, failed = np.arange(len(paths)), np.zeros((len(paths), draws), bool)
+    with ThreadPoolExecutor(cores()) as pool:
+        for numbers in looks(len(race.blocks)):
+            flown = pool.map(race.failures, numbers, repeat(running.tolist()))
+            for number, found in zip(numbers, flown, strict=True):
+                failed[running, race.blocks[number]] = found
+            seen = failed[running, : race.blocks[numbers[-1]].stop]
+            running = running[~certainly_beaten(seen, lengths[running])]
+    return [Flown(paths[k], failed[k]) for k in running.tolist()]
+
+
+def count_failures(problem: Problem, path: PlannedPath, runs: int, seed: SeedSequence) -> int:
+    """How many of ``runs`` flights of ``path`` fail, in the winds of ``fidelity.law``."""
+    race = race_of(problem, [path], runs, seed)
+    with ThreadPoolExecutor(cores()) as pool:
+        return sum(
+            int(found.sum()) for found in pool.map(race.failures, range(len(race.blocks)), repeat([0]))
+        )
+
+
+def looks(blocks: int) -> list[range]:
+    """The blocks that are flown before each look at the paths; from look to look the flights double."""
+    ends = [0, 1]
+    while ends[-1] < blocks:
+        ends.append(min(2 * ends[-1], blocks))
+    return [range(begin, end) for begin, end in pairwise(ends)]
+
+
+def certainly_beaten(failed: BoolArray, lengths: FloatArray) -> BoolArray:
+    """Which paths fail more often than one that is no longer, beyond chance.
+
+    Each path is held against the one with the fewest failures among those no longer.
+
+    Parameters
+    ----------
+    failed : (P, n) bool
+        The flights of each path that fail, in the same winds.
+    lengths : (P,) float
+        [m]
+    """
+    order = np.argsort(lengths, kind="stable")
+    counts = failed.sum(axis=1)
+    rivals, best = np.empty(len(order), int), order[0]
+    for k in order:
+        best = k if counts[k] < counts[best] else best
+        rivals[k] = best
+    return np.asarray(chance_of_failures(failed, failed[rivals]) < DROP_CHANCE, bool)
+
+
+__all__ = ["certainly_beaten", "count_failures", "fly_race", "judge_front", "looks"]

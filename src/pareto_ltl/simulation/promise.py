@@ -1,0 +1,110 @@
+"""What is promised of a plan (``fidelity.judge=flights``): how often fresh flights of it fail.
+
+The flights that judged the front also chose the path, so its rate there is the claim of an optimiser: it may
+be too good. Before a path becomes the plan it flies through winds that neither the optimisation nor the
+choice has seen. Where they fail more often than the claim can explain, the rule's next choice is taken.
+"""
+
+from __future__ import annotations
+
+import logging
+from dataclasses import replace
+
+import numpy as np
+from numpy.random import SeedSequence
+
+from pareto_ltl.planning.problem import Problem
+from pareto_ltl.planning.records import FailureRate, Front, PlannedPath, Promise
+from pareto_ltl.planning.selection_rules import choose_path
+from pareto_ltl.settings import SelectionConfig
+from pareto_ltl.simulation.flights import counted_rate
+from pareto_ltl.simulation.judging import count_failures
+from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.support.display import rate_text
+from pareto_ltl.wind.records import WindField
+
+LOG = logging.getLogger(__name__)
+LINEAR = 0.35  # standard deviation over length scale: beyond it the linearised law is unreliable
+DOUBT = 1e-3  # chance at which fresh flights of an honest claim are taken for a broken one
+
+
+def promise_path(
+    cfg: SelectionConfig, problem: Problem, wind: WindField, front: Front, seed: SeedSequence
+) -> tuple[PlannedPath, Promise]:
+    """The path that the rule picks, once fresh flights leave its claim standing, and what they promise.
+
+    A path whose claim falls is passed over for the rule's next choice, ``cfg.examined`` times at most; where
+    all fall, the one with the least rate is flown, and the promise says that it did not pass.
+    """
+    left, seen = front, []
+    for _ in range(cfg.examined):
+        path = choose_path(cfg, left)
+        k = next(i for i, other in enumerate(left.paths) if other is path)
+        promise = fresh_promise(problem, wind, path, left.rates[k], cfg.runs, seed)
+        seen.append((path, promise))
+        if promise.passed or len(left.paths) == 1:
+            break
+        LOG.warning(
+            "%s: %s of %d fresh flights in %s winds fail, more than the %s of %d that judged the front; the "
+            "next choice is taken",
+            path.origin, _rate_words(promise.rate), promise.rate.runs, promise.rate.law,
+            _rate_words(promise.claimed), promise.claimed.runs,
+        )  # fmt: skip
+        left = front_without(left, k)
+    path, promise = seen[-1] if seen[-1][1].passed else min(seen, key=lambda s: s[1].rate.failure)
+    if promise.linearity > LINEAR:
+        LOG.warning(
+            "the position's standard deviation reaches %.2f of the wind's length scale (%.2f is safe): "
+            "bounds, which linearise the wind, are unreliable; go by the rate of flights in %s winds, %s",
+            promise.linearity, LINEAR, promise.rate.law, _rate_words(promise.rate),
+        )  # fmt: skip
+    return path, promise
+
+
+def _rate_words(rate: FailureRate) -> str:
+    return rate_text(rate.failure, rate.low, rate.high)
+
+
+def front_without(front: Front, k: int) -> Front:
+    """The front less its path number ``k``."""
+    return replace(
+        front,
+        paths=front.paths[:k] + front.paths[k + 1 :],
+        rates=front.rates[:k] + front.rates[k + 1 :],
+        failed=np.delete(front.failed, k, axis=0),
+    )
+
+
+def fresh_promise(
+    problem: Problem, wind: WindField, path: PlannedPath, claimed: FailureRate, runs: int, seed: SeedSequence
+) -> Promise:
+    """The promise of ``path`` from ``runs`` flights in the winds of ``fidelity.law``."""
+    law = problem.fidelity.law
+    rate = counted_rate(law, count_failures(problem, path, runs, seed), runs)
+    bound = min(1.0, path.objectives.mission_risk + path.objectives.collision_risk)
+    far = linearity(problem, wind, path.cov)
+    return Promise(rate, claimed, bound, far, claim_stands(rate, claimed))
+
+
+def claim_stands(rate: FailureRate, claimed: FailureRate) -> bool:
+    """Whether the fresh flights do not fail significantly more often than the claim says.
+
+    Fisher's exact test of two counts, one-sided: given all failures of both, the fresh flights have at least
+    as many as they do with a chance of ``DOUBT`` or more if both rates are equal.
+    """
+    from scipy.stats import hypergeom
+
+    both = hypergeom(rate.runs + claimed.runs, rate.failures + claimed.failures, rate.runs)
+    return bool(both.sf(rate.failures - 1) >= DOUBT)
+
+
+def linearity(problem: Problem, wind: WindField, cov: FloatArray) -> float:
+    """Largest standard deviation of the position over the shorter length scale of its slot."""
+    if wind.modes is None or len(cov) < 2:
+        return 0.0
+    widest = np.sqrt(np.linalg.eigvalsh(cov[:-1])[:, 1])
+    scale = wind.modes.length.min(axis=1)[problem.modes.slot[: len(cov) - 1]]
+    return float((widest / scale).max())
+
+
+__all__ = ["claim_stands", "fresh_promise", "linearity", "promise_path"]

@@ -1,0 +1,313 @@
+"""Claims about the front: its paths, their costs and failure rates, and the rule that picked the plan."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Iterator, Mapping
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from scipy.stats import binom
+
+from pareto_ltl.support.arrays import BoolArray, FloatArray
+from pareto_ltl.verify import laws
+from pareto_ltl.verify.claims.plan import LEAST_RISK, OBJECTIVES, RISK
+from pareto_ltl.verify.claims.search import tree_names, vertex_path
+from pareto_ltl.verify.claims.verdict import Claim, Verdict, close, no_fault, number
+from pareto_ltl.verify.evidence import Evidence
+from pareto_ltl.verify.flights import RARE, clopper_pearson, same_rate
+
+MOST_PATHS = 6  # paths of the front whose bounds are worked out again
+FLOWN_PATHS = 3  # paths of the front that are flown again
+NEW_RUNS = 2000
+WORSE = 0.025  # rule priority: chance of so many more failures below which a path is not as safe as another
+
+
+def flights_judge(result: Evidence) -> bool:
+    """Whether the front is one of failure rates."""
+    return str(result.settings["fidelity"]["judge"]) == "flights"
+
+
+def _rows(result: Evidence) -> FloatArray:
+    """(mission risk, collision risk, length) of the front, (P, 3)."""
+    keys = ("mission_risk", "collision_risk", "length_m")
+    return np.array([[float(row[key]) for key in keys] for row in result.front]).reshape(-1, 3)
+
+
+def _judged_rows(result: Evidence) -> FloatArray:
+    """What paths are compared by: (failure rate, length) where flights judge, else the three objectives."""
+    if not flights_judge(result):
+        return _rows(result)
+    rows = [[float(row[key]) for key in ("failure", "length_m")] for row in result.front]
+    return np.array(rows).reshape(-1, 2)
+
+
+def _dominated(rows: FloatArray) -> BoolArray:
+    no_worse = (rows[:, None] <= rows[None]).all(axis=2)
+    better = (rows[:, None] < rows[None]).any(axis=2)
+    return np.asarray((no_worse & better).any(axis=0), bool)
+
+
+def front_rows(result: Evidence) -> Verdict:
+    """No path of the front is dominated; they are numbered and sorted by failure rate or mission risk."""
+    rows = _judged_rows(result)
+    faults = [f"path {k} is dominated" for k in np.flatnonzero(_dominated(rows))]
+    faults += ["numbers"] * ([int(row["path"]) for row in result.front] != list(range(len(rows))))
+    faults += ["order"] * (sorted(map(tuple, rows)) != list(map(tuple, rows)))
+    faults += ["two rows are equal"] * (len({tuple(row) for row in rows}) != len(rows))
+    return no_fault(f"{len(rows)} paths", faults)
+
+
+def front_numbers(result: Evidence) -> Verdict:
+    """Size, shortest and safest path of the front, as the metrics say."""
+    rows, told = _rows(result), result.metrics
+    pairs = {"front_size": len(rows), "shortest_m": rows[:, 2].min(), "safest": rows[:, 0].min()}
+    if flights_judge(result):
+        pairs |= {"least_failure": min(float(row["failure"]) for row in result.front)}
+        pairs |= {"front_runs": int(result.front[0]["runs"])}
+    faults = [
+        f"{name} {told[name]} is {value:g}"
+        for name, value in pairs.items()
+        if name in told and not close(told[name], float(value), 1e-12)
+    ]
+    return no_fault(f"{int(told['front_size'])} paths", faults)
+
+
+def volume(rows: FloatArray, top: FloatArray) -> float:
+    """Share of the box below ``top`` that ``rows`` (P, 2 or 3) dominate, in slices of the first of 3 axes."""
+    inside = np.minimum(rows, top) / top
+    if inside.shape[1] == 2:
+        return _area(inside)
+    levels = np.append(np.unique(inside[:, 0]), 1.0)
+    return float(sum((high - low) * _area(inside[inside[:, 0] <= low, 1:]) for low, high in pairwise(levels)))
+
+
+def _area(rows: FloatArray) -> float:
+    """Area that ``rows`` (P, 2) dominate below (1, 1)."""
+    total, height = 0.0, 1.0
+    for x, y in rows[np.lexsort((rows[:, 1], rows[:, 0]))]:
+        if y < height:
+            total += (1.0 - x) * (height - y)
+            height = y
+    return total
+
+
+def hypervolume(result: Evidence) -> Verdict:
+    """Hypervolume of the front in the box that the metrics name."""
+    rows = _judged_rows(result)
+    top = np.ones(rows.shape[1])
+    top[-1] = result.metrics["hypervolume_length_m"]
+    if top[-1] < 2 * rows[:, -1].max() * (1 - 1e-9):
+        return Verdict("a box twice as long as the front", f"{top[-1]:.6g} m", False)
+    return number(result.metrics["hypervolume"], volume(rows, top), rel=1e-9)
+
+
+def front_risks(result: Evidence) -> Verdict:
+    """The mission risk is the bound that the settings name; V, f_o in [0, 1]."""
+    column = {"theorem2": "mission_risk_paper", "ordered": "mission_risk_ordered"}[
+        result.settings["fidelity"]["mission_bound"]
+    ]
+    plain = column == "mission_risk_ordered" or result.planned_law == "independent"
+    faults = [f"path {row['path']}" for row in result.front if plain and row["mission_risk"] != row[column]]
+    faults += [
+        f"path {row['path']}: duration"
+        for row in result.front
+        if not close(float(row["duration_s"]), int(row["steps"]) * result.robot.dt)
+    ]
+    return no_fault(f"mission_risk is {column}", faults)
+
+
+# --- its paths --------------------------------------------------------------------------------
+
+
+def front_paths(result: Evidence) -> Verdict:
+    """Every row has its path in front.npz: start, length, steps, mission order; those of trees are theirs."""
+    faults = [
+        f"path {k}: {fault}"
+        for k, row in enumerate(result.front)
+        for fault in _path_faults(result, row, result.front_x(k))
+    ]
+    faults += ["other paths"] * (result.front_size != len(result.front))
+    return no_fault(f"{len(result.front)} paths", faults)
+
+
+def _path_faults(result: Evidence, row: Mapping[str, str], x: FloatArray) -> Iterator[str]:
+    found = float(np.linalg.norm(np.diff(x, axis=0), axis=1).sum())
+    if not close(float(row["length_m"]), found, 1e-9):
+        yield f"length {row['length_m']} is {found:.9g}"
+    if len(x) - 1 != int(row["steps"]):
+        yield f"{row['steps']} steps are {len(x) - 1}"
+    if np.abs(x[0] - result.start).max() > result.grain:
+        yield "it does not begin at the start"
+    if row["order"] not in result.orders(x):
+        yield f"order {row['order']} is {result.orders(x)[0]}"
+    tree = re.fullmatch(r"tree (\d+) vertex (\d+)", row["origin"])
+    if tree and result.has("trees.npz"):
+        grown = vertex_path(result, int(tree[1]), int(tree[2]))
+        if grown.shape != x.shape or (grown != x).any():
+            yield f"it is not that of {row['origin']}"
+
+
+def front_costs(result: Evidence) -> Verdict:
+    """V and R of paths of the front, from their positions."""
+    chosen = _spread(len(result.front), MOST_PATHS)
+    faults = [fault for k in chosen for fault in _cost_faults(result, result.front[k], result.front_x(k))]
+    return no_fault(f"{len(chosen)} of {len(result.front)} paths", faults)
+
+
+def _spread(size: int, most: int) -> list[int]:
+    """At most ``most`` numbers from 0 to ``size`` - 1, both ends among them."""
+    return [int(k) for k in np.unique(np.linspace(0, size - 1, min(size, most)).round())]
+
+
+def _cost_faults(result: Evidence, row: Mapping[str, str], x: FloatArray) -> Iterator[str]:
+    law = result.law(result.planned_law, len(x) - 1)
+    course = laws.fly_means(law, x)
+    low, high = result.collision_bounds(law, course)
+    found = {
+        "mission_risk_ordered": result.mission_bound(course),
+        "collision_risk": min(max(float(row["collision_risk"]), low), high),
+    }
+    for name, value in found.items():
+        if not close(float(row[name]), value, RISK, LEAST_RISK):
+            yield f"path {row['path']}: {name} {row[name]} is {value:.6g}"
+
+
+def tree_front(result: Evidence) -> Verdict | None:
+    """Where bounds judge: no accepted vertex beats the whole front in the objectives that vertices know."""
+    if not len(result.trees["accepted"]) or flights_judge(result):
+        return None
+    names = tree_names(result)
+    extra = int(np.asarray(result.trees.get("collision_columns", 0)).item())
+    costs = []
+    for j, v in result.trees["accepted"].tolist():
+        risk = result.trees[f"{names[j]}/risk"][v]
+        columns = len(risk) - extra
+        collision = float(risk[columns]) if extra else math.inf
+        costs.append(
+            (min(float(risk[:columns].sum()), 1.0), collision, float(result.trees[f"{names[j]}/length"][v]))
+        )
+    rows, front = np.array(costs), _rows(result)
+    slack = np.array([1 + RISK, 1 + RISK, 1 + 1e-9])
+    better = (rows[:, None] * slack < front[None]).all(axis=2).all(axis=1)
+    return no_fault(
+        f"{len(rows)} accepted vertices",
+        [f"tree {result.trees['accepted'][k]} beats all" for k in np.flatnonzero(better)],
+    )
+
+
+# --- its failure rates ------------------------------------------------------------------------
+
+RATE_COLUMNS = ("failure", "failure_low", "failure_high", "law", "runs")
+
+
+def front_rates(result: Evidence) -> Verdict:
+    """Rates and intervals are those of the flights in front.npz, in the law and number of the settings."""
+    if not flights_judge(result):
+        told = [row["path"] for row in result.front if any(row[name] for name in RATE_COLUMNS)]
+        return no_fault("no rates", [f"path {name} has a rate" for name in told])
+    failed = result.front_arrays["failed"]
+    law, runs = result.planned_law, int(result.settings["selection"]["draws"])
+    faults = [] if failed.shape == (len(result.front), runs) else [f"flights of shape {failed.shape}"]
+    for row, flights in zip(result.front, failed, strict=False):
+        count = int(flights.sum())
+        wanted = (count / runs, *clopper_pearson(count, runs))
+        said = tuple(float(row[name]) for name in RATE_COLUMNS[:3])
+        near = all(close(a, b, 1e-9, 1e-12) for a, b in zip(said, wanted, strict=True))
+        if not near or (row["law"], row["runs"]) != (law, str(runs)):
+            faults.append(f"path {row['path']}: {count} of {runs} flights fail")
+    return no_fault(f"{runs} flights each, {law} winds", faults)
+
+
+def new_front_rates(result: Evidence) -> Verdict | None:
+    """Failure rates of paths of the front are those of new flights with other random numbers."""
+    if not flights_judge(result):
+        return None
+    chosen, faults = _spread(len(result.front), FLOWN_PATHS), []
+    for k in chosen:
+        x = result.front_simulator(k).fly(NEW_RUNS, np.random.default_rng([20181009, 100 + k]))
+        again, runs = int(result.ground.failed(x).sum()), int(result.front[k]["runs"])
+        chance = same_rate(round(float(result.front[k]["failure"]) * runs), runs, again, NEW_RUNS)
+        faults += [f"path {k}: {again} of {NEW_RUNS}, chance {chance:.1g}"] * (chance < RARE / len(chosen))
+    return no_fault(f"{len(chosen)} of {len(result.front)} paths", faults)
+
+
+# --- the choice -------------------------------------------------------------------------------
+
+
+def plan_on_front(result: Evidence) -> Verdict:
+    """The plan is one path of the front: costs, origin, positions."""
+    costs, x = result.plan["objectives"], result.x
+    rows = [
+        row for k, row in enumerate(result.front)
+        if row["origin"] == result.plan["origin"]
+        and all(float(row[name]) == costs[key] for name, key in OBJECTIVES.items())
+        and np.array_equal(result.front_x(k), x)
+    ]  # fmt: skip
+    return Verdict(result.plan["origin"][:44], f"{len(rows)} such path", len(rows) == 1)
+
+
+def choice(result: Evidence) -> Verdict | None:
+    """The selection rule picks the plan; with judge=flights, one of its first choices."""
+    told = result.settings["selection"]
+    if told["rule"] not in RANKINGS:
+        return None
+    tried = told["examined"] if flights_judge(result) else 1
+    left, place = list(range(len(result.front))), -1
+    for k in range(min(tried, len(left))):
+        ranked = RANKINGS[told["rule"]](result, told, left)
+        if not ranked:
+            break
+        if np.array_equal(result.front_x(ranked[0]), result.x):
+            place = k
+            break
+        left.remove(ranked[0])
+    return Verdict(f"rule {told['rule']}", f"choice {place + 1} of the rule", place >= 0)
+
+
+def _by_priority(result: Evidence, told: Mapping[str, Any], left: list[int]) -> list[int]:
+    rows = _rows(result)[left]
+    if not flights_judge(result):
+        return [left[i] for i in np.lexsort((rows[:, 2], rows[:, 1], rows[:, 0]))]
+    failed = result.front_arrays["failed"][left]
+    safest = failed[np.lexsort((rows[:, 2], failed.sum(axis=1)))[0]]
+    more, fewer = ((failed & ~safest).sum(axis=1), (~failed & safest).sum(axis=1))
+    as_safe = np.flatnonzero(binom.sf(more - 1, more + fewer, 0.5) >= WORSE)
+    return [left[i] for i in as_safe[np.argsort(rows[as_safe, 2], kind="stable")]]
+
+
+def _by_weights(result: Evidence, told: Mapping[str, Any], left: list[int]) -> list[int]:
+    weights, rows = np.array(told["weights"], float), _rows(result)[left]
+    score = rows / [1.0, 1.0, rows[:, 2].min() or 1.0] @ (weights / weights.sum())
+    return [left[i] for i in np.argsort(score, kind="stable")]
+
+
+def _by_threshold(result: Evidence, told: Mapping[str, Any], left: list[int]) -> list[int]:
+    rows = _rows(result)[left]
+    safe = np.flatnonzero(rows[:, :2].sum(axis=1) <= told["alpha"])
+    return [left[i] for i in safe[np.argsort(rows[safe, 2], kind="stable")]]
+
+
+RANKINGS: dict[str, Callable[[Evidence, Mapping[str, Any], list[int]], list[int]]] = {
+    "priority": _by_priority,
+    "weighted": _by_weights,
+    "threshold": _by_threshold,
+}  # by rule of this package: paths of those that are left, the best first
+
+FILES = ("front.csv", "front.npz")
+WORLD = (*FILES, "cells.json", "automaton.json", "scene.json", "wind.nc")
+CLAIMS = (
+    Claim("front: no path is dominated", ("front.csv",), front_rows),
+    Claim("front: numbers", ("front.csv",), front_numbers),
+    Claim("front: hypervolume", ("front.csv",), hypervolume),
+    Claim("front: mission risk of the settings", ("front.csv",), front_risks),
+    Claim("front: paths", WORLD, front_paths),
+    Claim("front: V and R of its paths", WORLD, front_costs),
+    Claim("front: failure rates and intervals", FILES, front_rates),
+    Claim("front: failure rates of new flights", WORLD, new_front_rates),
+    Claim("front: no vertex beats it", ("front.csv", "trees.npz"), tree_front),
+    Claim("front: the plan is on it", (*FILES, "plan.json"), plan_on_front),
+    Claim("front: the rule picks the plan", (*FILES, "plan.json"), choice),
+)
