@@ -55,7 +55,7 @@ def _promised(**changes: Any) -> Callable[[Path], Any]:
 
 
 def _other_failures(place: Path) -> None:
-    """A tenth of the flights more fail, with the interval of that (of few failures, half cannot be missed)."""
+    """A tenth of the flights more fail, with the interval of that; half of few failures are not missed."""
     told = read_json(place / "plan.json")["promise"]
     count = round((told["failure"] + 0.1) * told["runs"])
     low, high = clopper_pearson(count, told["runs"])
