@@ -30,8 +30,8 @@ from pareto_ltl.settings import (
     WindConfig,
     preset,
 )
-from pareto_ltl.simulation import acceptance
 from pareto_ltl.simulation import flights as deployment
+from pareto_ltl.simulation.judging import judge_front
 from pareto_ltl.wind import gp as regression
 from pareto_ltl.wind import modes, sources
 from pareto_ltl.wind.field import fit_wind_field as field
@@ -150,14 +150,21 @@ def test_exact_evaluation_of_a_path(benchmark, mission, paths):
     benchmark(evaluate_path, mission, paths[0].x, "")
 
 
-def test_ranking_a_path_by_2000_linear_flights(benchmark, mission, paths):
-    front = selection.build_front((), paths[:4])
-    seconds: list[float] = []
-    benchmark.pedantic(
-        acceptance.rank_front, (mission, front, 2000, SeedSequence(0)), rounds=5, warmup_rounds=1
-    )
-    seconds.append(benchmark.stats.stats.median / len(front.paths))
-    benchmark.extra_info["figures"] = [("ms a path", 1e3 * seconds[-1], 60.0)]
+def test_judging_paths_by_4000_common_flights(benchmark, mission, paths):
+    """Twenty paths, of which the race drops none: copies of one another."""
+    some = [replace(path, origin=f"{k}") for k in range(5) for path in paths[:4]]
+    arguments = (mission, some[:20], (), 4000, SeedSequence(0))
+    benchmark.extra_info["budget"] = 1.0
+    benchmark.pedantic(judge_front, arguments, rounds=5, warmup_rounds=1)
+
+
+def test_judging_hundreds_of_paths(benchmark, mission):
+    """The race drops most of what a forest finds early; bounds of those that are left come with it."""
+    forest = growth.grow_forest(PlannerConfig(), mission, SeedSequence(0))
+    found = forest.accepted[:300]
+    many = [evaluate_path(mission, forest.trees[j].path(v), f"{j} {v}", tight=False) for j, v in found]
+    benchmark.extra_info["budget"] = 2.0
+    benchmark.pedantic(judge_front, (mission, (), many, 4000, SeedSequence(0)), rounds=3, warmup_rounds=1)
 
 
 @pytest.mark.parametrize(("runs", "budget"), [(500, 0.05), (2000, 0.2), (100_000, 5.0)])

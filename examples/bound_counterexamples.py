@@ -1,4 +1,4 @@
-"""Two missions on which Theorem 2 of the paper promises too much, and the ordered bound does not.
+"""Two missions on which Theorem 2 of the paper bounds too little, and the ordered bound does not.
 
 1. ``F(a & F b)``, b crossed on the way to a: the theorem takes the best of all visits to b, the early one
    included, though only a visit after a counts.
@@ -37,7 +37,7 @@ def line(*corners):
 
 
 def judge(formula, regions, path):
-    """What is promised of ``path``, and how often it fails in winds of 1 m/s drawn anew every 100 s."""
+    """Both bounds of ``path``, and how often it fails in winds of 1 m/s drawn anew every 100 s."""
     scene = Scene(KM * np.array([[0.0, 0.0], [20.0, 20.0]]), path[0], regions)
     still, gusts = np.zeros((1, 2, 2, 2)), np.ones((1, 2))
     wind = WindField(np.zeros(2), 20 * KM, np.zeros(1), still, still, gusts, until=np.inf)
@@ -46,7 +46,7 @@ def judge(formula, regions, path):
     plan = evaluate_path(task, path, "by hand")
     missed = ~flights.simulate_flights(task, plan.u, RUNS, "independent", SeedSequence(1)).accepted
     low, high = flights.clopper_pearson(int(missed.sum()), RUNS)
-    print(f"{formula}: Theorem 2 promises {plan.objectives.mission_risk_paper:.2g}, ", end="")
+    print(f"{formula}: Theorem 2 says {plan.objectives.mission_risk_paper:.2g}, ", end="")
     print(f"the ordered bound {plan.objectives.mission_risk_ordered:.4f}; ", end="")
     print(f"{missed.mean():.4f} of {RUNS} flights missed it (95 %: {low:.4f} to {high:.4f})")
 

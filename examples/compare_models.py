@@ -8,5 +8,5 @@ for fidelity in ("paper", "full"):
     flights = pareto_ltl.simulate(result, runs=1000, law="coherent", seed=7)
     o = result.plan.path.objectives
     failed = flights.failed.mean()
-    print(f"{fidelity}: {o.length / 1e3:.0f} km, promised {o.mission_risk + o.collision_risk:.3f}", end=", ")
+    print(f"{fidelity}: {o.length / 1e3:.0f} km, bound {o.mission_risk + o.collision_risk:.3f}", end=", ")
     print(f"failed {failed:.3f} of 1000 flights")

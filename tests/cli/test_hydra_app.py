@@ -459,7 +459,7 @@ SMALL = (
 MADE = {
     *("run.json", "run.log", "config_resolved.yaml", ".hydra", "metrics.json"),
     *("scene.json", "wind.nc", "automaton.hoa", "automaton.json", "cells.json"),
-    *("trees.npz", "front.csv", "plan.json", "plan.csv", "deployments.npz"),
+    *("trees.npz", "front.csv", "front.npz", "plan.json", "plan.csv", "deployments.npz"),
 }
 TIMED = {"run.json", "run.log", "metrics.json", ".hydra"}
 NUMBERS = {
@@ -485,7 +485,7 @@ def test_the_same_command_gives_the_same_files_with_any_number_of_threads(here: 
     assert metrics["completed"] == 1.0
     assert metrics["nodes"] == sum(len(tree) for tree in results[0].forest.trees)
     assert metrics["length_m"] == results[0].plan.path.objectives.length
-    assert metrics["front_size"] == len(results[0].front)
+    assert metrics["front_size"] == len(results[0].front.paths)
     flights = results[0].deployments["independent"]
     assert metrics["runs_independent"] == len(flights.accepted) == 50
     assert metrics["failure_independent"] == flights.failed.mean()

@@ -14,6 +14,7 @@ from matplotlib.colors import to_rgb
 import small_study
 from figure_texts import texts_of, texts_outside, wrong_texts
 from pareto_ltl.planning.evaluate import Forecast
+from pareto_ltl.planning.records import Promise
 from pareto_ltl.report import style
 from pareto_ltl.report.front import front_figure
 from pareto_ltl.report.map import plan_figure, shown_probability
@@ -37,6 +38,7 @@ from pareto_ltl.settings import (
     ReportConfig,
     preset,
 )
+from pareto_ltl.simulation.flights import counted_rate
 from pareto_ltl.studies import ablation, compare, convergence
 from pareto_ltl.studies.sweeps import page
 from report.test_figures import (
@@ -67,6 +69,21 @@ def run_of(formula: str = "F(a & F b & F c)", fidelity: str = "paper", **changes
     return replace(run, **changes)
 
 
+def flown_run(**changes: Any) -> DrawnRun:
+    """A run whose front flights have judged."""
+    run = run_of(fidelity="full", **changes)
+    assert run.front is not None
+    assert run.plan is not None
+    size = len(run.front.paths)
+    rates = tuple(counted_rate("coherent", 40 * (k + 1), 4000) for k in range(size))
+    front = replace(
+        run.front, rates=rates, failed=np.zeros((size, 4000), bool), reference=np.array([1.0, 5e6]),
+        raw_rates=tuple(counted_rate("coherent", 60, 500) for _ in run.front.raw),
+    )  # fmt: skip
+    promise = Promise(counted_rate("coherent", 1324, 20_000), rates[0], 0.186, 0.1, True)
+    return replace(run, front=front, plan=replace(run.plan, promise=promise))
+
+
 def without_plan() -> DrawnRun:
     scene = scene_of()
     nothing = forest_of(scene, accepted=False)
@@ -76,6 +93,7 @@ def without_plan() -> DrawnRun:
 RUNS = {
     "paper": run_of,
     "full": lambda: run_of(fidelity="full"),
+    "flown": flown_run,
     "a long formula": lambda: run_of(LONG),
     "a formula without a space": lambda: run_of("F(" + "a" * 200 + ")"),
     "no plan": without_plan,
@@ -103,15 +121,17 @@ def test_a_text_with_a_probability_and_no_law_is_found() -> None:
     assert wrong_texts([*wrong, "no plan", "coherent winds: 55 of 500 failed", "100 %"]) == wrong
 
 
-def test_the_map_states_what_failed_and_what_was_promised_in_each_wind() -> None:
+def test_the_map_states_what_fails_and_the_bound_in_each_wind() -> None:
     with style.report_style():
-        said = texts_of(plan_figure(ReportConfig(), run_of(fidelity="full")))
+        said = texts_of(plan_figure(ReportConfig(), flown_run()))
     for law in LAWS:
         assert (
-            f"{law} winds: 3 of 60 flights failed (5.0 %), 40 drawn\npromised at most 100 % (V + R)" in said
+            f"{law} winds: 3 of 60 flights failed (5.0 %), 40 drawn\nbound V + R of the controls 100 %"
+            in said
         )
     assert "planned in coherent winds: V ≤ 0.020 %, R ≤ 0.30 %" in said
     assert "95 % of positions, coherent winds" in said
+    assert any("fails 6.6 %, at most 7.0 % (95 %), coherent winds, 20,000 fresh" in text for text in said)
 
 
 def test_a_law_and_its_failures_are_told_apart_without_colour() -> None:

@@ -19,7 +19,15 @@ from pareto_ltl.planning.refine import smooth_paths
 from pareto_ltl.settings import PlannerConfig, RobotConfig, SelectionConfig, SmoothingConfig, preset
 from pareto_ltl.simulation import judging
 from pareto_ltl.simulation.flights import counted_rate, simulate_flights
-from pareto_ltl.simulation.judging import Flown, certainly_beaten, fly_race, judge_front, looks, unbeaten
+from pareto_ltl.simulation.judging import (
+    Flown,
+    certainly_beaten,
+    fly_race,
+    judge_front,
+    looks,
+    outermost,
+    unbeaten,
+)
 from pareto_ltl.simulation.promise import DOUBT, LINEAR, claim_stands, promise_path
 from problems import KM, box, make_problem, make_scene, smooth_wind
 
@@ -181,6 +189,19 @@ def test_a_path_is_dropped_where_a_shorter_one_is_safer_beyond_chance():
     """13 more failures and none fewer: a chance of 2^-13 = 1.2e-4. 14: 0.6e-4, below 1e-4."""
     failed = np.arange(500) < np.array([20, 33, 34, 400])[:, None]
     assert certainly_beaten(failed, np.array([1.0, 2.0, 3.0, 0.5])).tolist() == [False, False, True, False]
+
+
+@settings(deadline=None, max_examples=40)
+@given(st.lists(st.tuples(st.integers(0, 30), st.integers(0, 30)), min_size=1, max_size=90))
+def test_of_a_crowd_the_front_stays_and_nothing_that_is_behind_what_goes(table):
+    rows = np.array(table, float)
+    stays = outermost(rows[:, 0], rows[:, 1])
+    beaten = [any((o <= r).all() and (o < r).any() for o in rows) for r in rows]
+    assert all(stays[k] for k in range(len(rows)) if not beaten[k])
+    assert stays.sum() <= max(judging.CROWD, len(rows) - sum(beaten))
+    assert stays.all() or len(rows) > judging.CROWD
+    for gone in rows[~stays]:  # whoever beats a path that stays, stays
+        assert not any((gone <= r).all() and (gone < r).any() for r in rows[stays])
 
 
 @pytest.mark.statistical

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from pareto_ltl.planning.records import Forest, Plan
+from pareto_ltl.planning.records import Forest, Plan, Promise
 from pareto_ltl.report import style
 from pareto_ltl.report.map_labels import dense_path
 from pareto_ltl.report.map_layers import (
@@ -134,9 +134,19 @@ def _heading(run: DrawnRun) -> list[str]:
         f"planned in {models.law} winds: {models.mission_symbol} ≤ "
         f"{shown_probability(path.objectives.mission_risk)}, "
         f"R ≤ {shown_probability(path.objectives.collision_risk)}",
+        *promise_lines(run.plan.promise),
     ]
     formula = style.fitted_lines(run.plan.formula, width, size)
     return [*formula, *(line for text in lines for line in style.fitted_lines(text, width, size))]
+
+
+def promise_lines(promise: Promise | None) -> list[str]:
+    """How often fresh flights fail, at most, in which winds, and how many they are; nothing without them."""
+    if promise is None:
+        return []
+    rate = promise.rate
+    fails, most = shown_probability(rate.failure), shown_probability(rate.high)
+    return [f"fails {fails}, at most {most} (95 %), {rate.law} winds, {rate.runs:,} fresh {rate.method}"]
 
 
 def _failure_heading(forest: Forest | None) -> list[str]:
@@ -160,7 +170,7 @@ def shown_probability(probability: float) -> str:
 
 
 def flight_text(run: DrawnRun, law: str, count: int) -> str:
-    """What was simulated and promised in the winds of ``law``; at most ``count`` flights are drawn."""
+    """What was simulated in the winds of ``law``, and V + R there; at most ``count`` flights are drawn."""
     deployment = run.deployments[law]
     failed, runs = int(deployment.failed.sum()), len(deployment.x)
     told = f"{law} winds: {failed:,} of {runs:,} flights failed ({shown_probability(failed / runs)})"
@@ -170,8 +180,8 @@ def flight_text(run: DrawnRun, law: str, count: int) -> str:
         told += ", which is a failure" if deployment.walled else ", which is no failure"
     if law not in run.forecasts:
         return told
-    promised = run.forecasts[law].mission_risk + run.forecasts[law].collision_risk
-    return f"{told}\npromised at most {shown_probability(promised)} (V + R)"
+    bound = run.forecasts[law].mission_risk + run.forecasts[law].collision_risk
+    return f"{told}\nbound V + R of the controls {shown_probability(bound)}"
 
 
 # --- legends ------------------------------------------------------------------------------------

@@ -17,7 +17,7 @@ from matplotlib.ticker import FixedLocator
 from pareto_ltl.report import style
 from pareto_ltl.report.rate_axes import scale_rate_axis
 from pareto_ltl.report.study_axes import (
-    PROMISE_DASHES,
+    BOUND_DASHES,
     FigureRow,
     column_values,
     decade_above,
@@ -81,7 +81,7 @@ def ablation_figure(rows: Sequence[FigureRow], factors: Sequence[str]) -> Figure
         if k % columns:
             ax.tick_params(labelleft=False)
         else:
-            ax.set_ylabel("failed, promised [%]")
+            ax.set_ylabel("failed, bound [%]")
     laws = laws_of(rows)
     keys: list[Artist] = [
         Line2D(
@@ -95,7 +95,7 @@ def ablation_figure(rows: Sequence[FigureRow], factors: Sequence[str]) -> Figure
         )
         for law in laws
     ]
-    keys += [Line2D([], [], color=style.STONE, lw=1.0, ls=PROMISE_DASHES, label="promised (V + R)")]
+    keys += [Line2D([], [], color=style.STONE, lw=1.0, ls=BOUND_DASHES, label="bound (V + R)")]
     keys += [Line2D([], [], color=style.STONE, lw=2.5, alpha=0.5, label="quartiles over seeds")]
     legend_above(figure, keys, height, left=west - 0.05, columns=len(keys) if columns > 1 else 2)
     return figure
@@ -110,7 +110,7 @@ def _draw_factor(ax: Axes, rows: Sequence[FigureRow], factor: str, low: float, h
     for law in laws:
         mine = [row for row in rows if row["law"] == law]
         colour = style.law_colour(law)
-        ax.plot(x, np.clip(column_values(mine, "bound"), low, high), color=colour, lw=1.0, ls=PROMISE_DASHES)
+        ax.plot(x, np.clip(column_values(mine, "bound"), low, high), color=colour, lw=1.0, ls=BOUND_DASHES)
         _quartile_bars(ax, x, mine, "failure_of_a_plan", law, low)
     if factor in LOG_FACTORS:
         ax.set_xscale("log")

@@ -19,7 +19,7 @@ from pareto_ltl.support.arrays import FloatArray
 FigureRow = Mapping[str, Any]
 BOUND_COLOUR = style.BLACK  # no law has it
 LOWEST_RATE = 1e-5  # studies have too few flights to resolve smaller rates; they are drawn here
-PROMISE_DASHES = (0, (3.0, 1.5))  # line style of a bound
+BOUND_DASHES = (0, (3.0, 1.5))  # line style of a bound
 
 
 def save_figures(
@@ -78,7 +78,7 @@ def legend_above(figure: Figure, keys: Sequence[Artist], height: float, left: fl
 
 __all__ = [
     "BOUND_COLOUR",
-    "PROMISE_DASHES",
+    "BOUND_DASHES",
     "FigureRow",
     "column_values",
     "decade_above",

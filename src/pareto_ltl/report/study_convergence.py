@@ -19,7 +19,7 @@ from pareto_ltl.report import style
 from pareto_ltl.report.rate_axes import GRID_COLOUR, scale_rate_axis
 from pareto_ltl.report.study_axes import (
     BOUND_COLOUR,
-    PROMISE_DASHES,
+    BOUND_DASHES,
     FigureRow,
     column_values,
     decade_above,
@@ -75,7 +75,7 @@ def convergence_figure(rows: Sequence[FigureRow], numbers: Mapping[str, float]) 
             [],
             color=BOUND_COLOUR,
             lw=1.4,
-            ls=PROMISE_DASHES,
+            ls=BOUND_DASHES,
             label=f"bound, {one[0]['planned_law']} winds",
         )
     ]
@@ -125,7 +125,7 @@ def _quartile_band(
     if low is not None:
         middle, bottom, top = (np.maximum(values, low) for values in (middle, bottom, top))
     ax.fill_between(x, bottom, top, color=colour, alpha=0.18, lw=0)
-    ax.plot(x, middle, color=colour, lw=1.3, marker=marker, ms=3, ls="-" if marker else PROMISE_DASHES)
+    ax.plot(x, middle, color=colour, lw=1.3, marker=marker, ms=3, ls="-" if marker else BOUND_DASHES)
 
 
 def _planned_share(ax: Axes, rows: Sequence[FigureRow]) -> None:

@@ -25,7 +25,7 @@ from pareto_ltl.settings import ReportConfig, preset
 if TYPE_CHECKING:
     from pareto_ltl.report.records import Study
 
-PROMISE_LABELS = {
+PREDICTION_LABELS = {
     "bound_paper": "f_o + R, independent winds",
     "bound_independent": "V + R, independent winds",
     "bound_coherent": "V + R, coherent winds",
@@ -54,12 +54,12 @@ def draw_hindcast(folder: Path, cfg: ReportConfig, study: Study) -> tuple[Path, 
 
 
 def reliability_figure(groups: Sequence[FigureRow], plans: Sequence[FigureRow]) -> Figure:
-    """Realised against promised failure of groups of plans, one panel per bound.
+    """Realised against predicted failure of groups of plans, one panel per bound or simulation.
 
     Filled marks are plans along the fronts, hollow ones those that selection picks. The intervals count one
     trial per mission. Dots are single plans.
     """
-    order = [name for name in PROMISE_LABELS if any(row["promise"] == name for row in groups)]
+    order = [name for name in PREDICTION_LABELS if any(row["promise"] == name for row in groups)]
     columns = 3 if len(order) > 4 else len(order)
     rows = -(-len(order) // columns)
     gap, west, above = 0.26, 0.62, 0.62
@@ -74,12 +74,12 @@ def reliability_figure(groups: Sequence[FigureRow], plans: Sequence[FigureRow]) 
         ax = style.axes_at(figure, left, bottom, inner, inner)
         mine = [row for row in groups if row["promise"] == name]
         _draw_reliability(ax, mine, [row for row in plans if name in row], name, low)
-        ax.set_xlabel("promised [%]")
+        ax.set_xlabel("bound [%]" if name.startswith("bound") else "simulated [%]")
         if k % columns:
             ax.tick_params(labelleft=False)
         else:
             ax.set_ylabel("failed in the full fields [%]")
-        title = _promise_label(name, mine)
+        title = _prediction_label(name, mine)
         style.text_at(figure, left, bottom + inner + 0.04, title, va="bottom", fontweight="bold")
     if any(row.get("kind") == CHOSEN for row in groups):
         _explain_marks(figure.axes[0])
@@ -94,12 +94,12 @@ def _explain_marks(ax: Axes) -> None:
     box.set_zorder(7)
 
 
-def _promise_label(name: str, rows: Sequence[FigureRow]) -> str:
-    """What was promised, with its wind law: R of a plan is that of the law it was planned in."""
+def _prediction_label(name: str, rows: Sequence[FigureRow]) -> str:
+    """What foresees the failures, with its wind law: R of a plan is that of the law it was planned in."""
     law = preset(rows[0].get("fidelity", "paper")).law
     if name == "bound_paper" and law != "independent":
         return f"f_o, independent, + R, {law} winds"
-    return PROMISE_LABELS[name]
+    return PREDICTION_LABELS[name]
 
 
 def _draw_reliability(
@@ -133,7 +133,7 @@ def _draw_reliability(
     ax.text(
         0.04,
         0.96,
-        "fails more often\nthan promised",
+        "fails more often\nthan foreseen",
         transform=ax.transAxes,
         va="top",
         fontsize=6.0,

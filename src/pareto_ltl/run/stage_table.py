@@ -133,6 +133,13 @@ def stage_seeds(seed: int, stream: str) -> SeedSequence:
     return SeedSequence(seed, spawn_key=(crc32(stream.encode()),))
 
 
+def named_child(seeds: SeedSequence, name: str) -> SeedSequence:
+    """A child of ``seeds`` that ``spawn`` never makes, the same whatever else has drawn from ``seeds``."""
+    from numpy.random import SeedSequence
+
+    return SeedSequence(seeds.entropy, spawn_key=(*seeds.spawn_key, crc32(name.encode())))
+
+
 class StageTable:
     """Stages by name, in order."""
 

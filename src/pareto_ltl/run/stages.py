@@ -27,7 +27,7 @@ from pareto_ltl.run.records import (
     WIND,
     WIND_TABLE,
 )
-from pareto_ltl.run.stage_table import Stage, StageInputs, StageTable, stage_seeds
+from pareto_ltl.run.stage_table import Stage, StageInputs, StageTable, named_child, stage_seeds
 from pareto_ltl.settings import (
     DeploymentConfig,
     FidelityConfig,
@@ -60,7 +60,7 @@ if TYPE_CHECKING:
 
 LOG = logging.getLogger(__name__)
 FOREST_STREAM = "forest"  # of the random numbers of growth
-JUDGE_STREAM = "judge"  # of the flights that judge the front: no refinement draws from it
+JUDGING = "judging"  # the part of the front's stream that no refinement draws from
 
 
 def make_readings(inputs: StageInputs) -> Readings:
@@ -190,7 +190,7 @@ def _flown_front(inputs: StageInputs) -> Front:
     settings, problem = inputs.settings, inputs[PROBLEM]
     raw = selection.unlike_paths(problem, inputs[FOREST])
     refined = _refined_paths(inputs, raw)
-    seeds = stage_seeds(settings.seed, JUDGE_STREAM)
+    seeds = named_child(inputs.seeds, JUDGING)
     return judge_front(problem, refined, raw, settings.selection.draws, seeds)
 
 

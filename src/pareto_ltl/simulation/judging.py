@@ -2,7 +2,8 @@
 
 Every path meets the same flights (common random numbers), so that two paths are compared by the flights that
 only one of them survives: their difference is known far better than either rate. Where many paths are given,
-they race: after 250, 500, 1000, ... flights, a path that is certainly worse than a shorter one is dropped.
+they race: after 250, 500, ... flights, a path that is certainly worse than a shorter one is dropped, and
+of a crowd those farthest behind the front.
 """
 
 from __future__ import annotations
@@ -38,6 +39,7 @@ from pareto_ltl.support.errors import InfeasibleError
 from pareto_ltl.support.memory import require_memory
 
 RAW_DRAWS = 500  # flights of the race of the trees' paths among themselves
+CROWD = 40  # paths that a race keeps beside its front after a look
 DROP_CHANCE = 1e-4  # of dropping a path after a look at it although it is no worse than the shorter one
 
 
@@ -186,7 +188,8 @@ def fly_race(problem: Problem, paths: Sequence[PlannedPath], draws: int, seed: S
             for number, found in zip(numbers, flown, strict=True):
                 failed[running, race.blocks[number]] = found
             seen = failed[running, : race.blocks[numbers[-1]].stop]
-            running = running[~certainly_beaten(seen, lengths[running])]
+            left = ~certainly_beaten(seen, lengths[running])
+            running = running[left][outermost(seen[left].mean(axis=1), lengths[running[left]])]
     return [Flown(paths[k], failed[k]) for k in running.tolist()]
 
 
@@ -205,6 +208,19 @@ def looks(blocks: int) -> list[range]:
     while ends[-1] < blocks:
         ends.append(min(2 * ends[-1], blocks))
     return [range(begin, end) for begin, end in pairwise(ends)]
+
+
+def outermost(rates: FloatArray, lengths: FloatArray) -> BoolArray:
+    """Which paths of a crowd stay: at most ``CROWD`` of them, those that the fewest fronts lie before.
+
+    The first front is that of all, the second that of all others, and so on (Goldberg, Genetic Algorithms in
+    Search, Optimization and Machine Learning, 1989). The first stays whole.
+    """
+    import moocore
+
+    layers = np.asarray(moocore.pareto_rank(np.column_stack([rates, lengths])), int)
+    sizes = np.cumsum(np.bincount(layers)) if len(layers) else np.zeros(0, int)
+    return np.asarray(layers < max(1, int((sizes <= CROWD).sum())), bool)
 
 
 def certainly_beaten(failed: BoolArray, lengths: FloatArray) -> BoolArray:

@@ -242,7 +242,7 @@ def _ablation_row(
         "collided_of_a_plan", [text_to_flags(r["laws"][law]["collided"]).mean() for r in planned]
     )
     row |= quartile_columns("bound_planned", [bound(result, "mission_risk_ordered") for result in planned])
-    row |= quartile_columns("bound", [result["laws"][law]["promised"] for result in planned])
+    row |= quartile_columns("bound", [result["laws"][law]["bound"] for result in planned])
     return row | quartile_columns("length_m", [result["objectives"]["length"] for result in planned])
 
 

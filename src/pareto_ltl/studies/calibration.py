@@ -1,4 +1,4 @@
-"""Promises held against what happened: reliability, sharpness and scores of plans flown in real winds.
+"""Foreseen failures held against what happened: reliability, sharpness, scores of plans flown in real winds.
 
 A row is a plan: its mission, what kind of plan it is, what was promised (columns ``bound_*`` and
 ``simulated_*``) and the share of flights that failed (``failure``). Flights of one mission share one wind,
@@ -108,7 +108,7 @@ def promise_text(fidelity: str, promise: str) -> str:
 def score_table(title: str, cards: Rows, keys: Sequence[str] = KEYS) -> str:
     """The scorecard in Markdown; ``keys`` are its first columns."""
     head = ["planner" if key == "fidelity" else "plans" if key == "kind" else key for key in keys]
-    columns = (*head, "promise", "promised, mean", "failed in the full fields", "plans above their promise")
+    columns = (*head, "foreseen by", "foreseen, mean", "failed in the full fields", "plans above it")
     return markdown_table(
         title,
         (*columns, "Brier score", "log score"),
@@ -131,7 +131,7 @@ def bin_table(title: str, groups: Rows) -> str:
     """Reliability bins in Markdown."""
     return markdown_table(
         title,
-        ("planner", "promise", "missions", "promised, least to most", "promised, mean", "failed", "kept"),
+        ("planner", "foreseen by", "missions", "foreseen, least to most", "foreseen, mean", "failed", "kept"),
         (
             (
                 group["fidelity"],

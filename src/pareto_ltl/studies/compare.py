@@ -152,10 +152,10 @@ def outcomes(
     says of them."""
     found: dict[str, Columns] = {}
     for law in laws:
-        flown, promise = fly_seeded(problem, u, runs, law, seed, x), forecast(problem, u, law)
+        flown, ahead = fly_seeded(problem, u, runs, law, seed, x), forecast(problem, u, law)
         seen = (flown.accepted, flown.collided, flown.off_map, flown.failed)
         found[law] = dict(zip(FLAGS, map(flags_to_text, seen), strict=True))
-        found[law] |= {"promised": min(1.0, promise.mission_risk + promise.collision_risk)}
+        found[law] |= {"bound": min(1.0, ahead.mission_risk + ahead.collision_risk)}
     return found
 
 
@@ -219,7 +219,7 @@ def _comparison_row(name: str, law: str, results: Sequence[Mapping[str, Any]]) -
     gone = [text_to_flags(result["laws"][law]["off_map"]) for result in planned]
     lost = [failed(result, law) for result in planned]
     broken = [
-        rate_columns("f", f)["f_low"] > result["laws"][law]["promised"]
+        rate_columns("f", f)["f_low"] > result["laws"][law]["bound"]
         for f, result in zip(lost, planned, strict=True)
     ]
     row: Columns = {"method": name, "title": TITLES[name], "law": law, "seeds": len(results)}
@@ -238,7 +238,7 @@ def _comparison_row(name: str, law: str, results: Sequence[Mapping[str, Any]]) -
     row |= quartile_columns("bound_paper", [bound(result, "mission_risk_paper") for result in planned])
     row |= quartile_columns("bound", [bound(result, "mission_risk_ordered") for result in planned])
     row |= {"bound_mean": _mean([bound(result, "mission_risk_ordered") for result in planned])}
-    row |= quartile_columns("forecast", [result["laws"][law]["promised"] for result in planned])
+    row |= quartile_columns("forecast", [result["laws"][law]["bound"] for result in planned])
     row |= {"bounds_broken": int(sum(broken))}  # plans that fail significantly more often than the forecast
     row |= quartile_columns("plan_seconds", [result["seconds"] for result in results])
     return row
