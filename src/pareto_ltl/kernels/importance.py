@@ -10,7 +10,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from pareto_ltl.kernels.data import Point
-from pareto_ltl.kernels.flight import linear_field
 from pareto_ltl.kernels.interpolation import F32
 from pareto_ltl.kernels.jit import allocating, vector
 from pareto_ltl.support.arrays import Float32Array, FloatArray, IntArray
@@ -64,6 +63,15 @@ class Mixture(NamedTuple):
     level: FloatArray
     share: FloatArray
     plain: float
+
+
+@vector
+def linear_field(psi: Float32Array, t: int, c: int, theta: Float32Array) -> float:
+    """ψ_t' θ of component ``c``; ``psi`` (T, 2, P), ``theta`` (2, P)."""
+    wind = F32(0.0)
+    for m in range(psi.shape[2]):
+        wind += psi[t, c, m] * theta[c, m]
+    return wind  # type: ignore[return-value]
 
 
 @allocating

@@ -195,32 +195,6 @@ class FailureRate:
         return f"{rate_text(self.failure, self.low, self.high)}, {self.law} winds"
 
 
-@dataclass(frozen=True, slots=True)
-class FailureRate:
-    """How often the flights of a path fail in the winds of one law.
-
-    Attributes
-    ----------
-    law : str
-        Wind law of the flights.
-    failure : float
-        Share of flights that fail.
-    low, high : float
-        95 % interval of the rate.
-    runs : int
-        Number of flights, or of draws of another method.
-    method : str
-        ``flights`` counts simulated flights.
-    """
-
-    law: str
-    failure: float
-    low: float
-    high: float
-    runs: int
-    method: str = "flights"
-
-
 @dataclass(frozen=True, slots=True, repr=False)
 class Front(Displayed):
     """Non-dominated paths.
