@@ -14,10 +14,11 @@ from scipy.stats import fisher_exact
 
 from pareto_ltl.planning import growth, selection
 from pareto_ltl.planning.evaluate import evaluate_path
-from pareto_ltl.planning.records import Objectives, PlannedPath
+from pareto_ltl.planning.records import WEIGHTED, FailureRate, Objectives, PlannedPath
 from pareto_ltl.planning.refine import smooth_paths
 from pareto_ltl.settings import PlannerConfig, RobotConfig, SelectionConfig, SmoothingConfig, preset
 from pareto_ltl.simulation import judging
+from pareto_ltl.simulation import promise as promises
 from pareto_ltl.simulation.flights import counted_rate, simulate_flights
 from pareto_ltl.simulation.judging import (
     Flown,
@@ -264,6 +265,27 @@ def test_where_every_claim_falls_the_plan_says_so(task, wind, front):
         for p in front.paths
     }
     assert rates[id(path)] == min(rates.values())
+
+
+@pytest.mark.statistical
+def test_a_rare_failure_is_promised_from_weighted_flights(task, wind, front, monkeypatch):
+    """With every failure called rare: the rate is that of plain flights to 5.3 standard errors."""
+    monkeypatch.setattr(promises, "RARE", 1.0)
+    path, promise = promise_path(SelectionConfig(runs=4000), task, wind, front, SeedSequence(5))
+    assert promise.rate.method == WEIGHTED
+    assert promise.rate.sample == "4,000 weighted flights"
+    assert promise.passed
+    runs = 40_000
+    plain = simulate_flights(task, path.u, runs, "coherent", SeedSequence(11), path.x).failed.mean()
+    error = (promise.rate.high - promise.rate.low) / 3.92
+    assert abs(promise.rate.failure - plain) < 5.3 * np.hypot(error, np.sqrt(plain * (1 - plain) / runs))
+
+
+def test_weighted_flights_overturn_a_claim_that_they_make_impossible():
+    """No failure among 4,000: a chance of exp(-6.9) = 1e-3 at a rate of 0.00173."""
+    claim = counted_rate("coherent", 0, 4000)
+    assert claim_stands(FailureRate("coherent", 0.002, 0.0017, 0.0023, 100, WEIGHTED), claim)
+    assert not claim_stands(FailureRate("coherent", 0.002, 0.0018, 0.0022, 100, WEIGHTED), claim)
 
 
 def test_an_unreliable_linearisation_is_said(task, front, caplog):

@@ -79,8 +79,9 @@ def _plan_rows(metrics: Mapping[str, float], law: str) -> Iterator[tuple[str, st
 
 def _promise_rows(metrics: Mapping[str, float], law: str) -> Iterator[tuple[str, str]]:
     fails, most = (probability_text(metrics[f"promise_{name}"]) for name in ("failure", "high"))
+    kind = "weighted" if metrics.get("promise_weighted") else "fresh"
     yield (
-        f"fails, {law} winds, {metrics['promise_runs']:,.0f} fresh flights",
+        f"fails, {law} winds, {metrics['promise_runs']:,.0f} {kind} flights",
         f"{fails}, at most {most} (95 %)",
     )
     yield f"V + R that guided the search, {law} winds", probability_text(metrics["promise_bound"])

@@ -18,7 +18,8 @@ from pareto_ltl.support.display import (
 )
 from pareto_ltl.world.navigation import Navigation
 
-FLIGHTS = "flights"  # the method of a failure rate that counts simulated flights
+FLIGHTS, WEIGHTED = "flights", "importance sampling"  # methods of failure rates
+SAMPLES = {FLIGHTS: "flights", WEIGHTED: "weighted flights"}  # what their runs are
 
 
 @dataclass(frozen=True, slots=True)
@@ -167,7 +168,7 @@ class FailureRate:
     runs : int
         Number of flights, or of draws of another method.
     method : str
-        ``flights`` counts simulated flights.
+        ``flights`` counts simulated flights; ``importance sampling`` weighs them (``simulation.importance``).
     """
 
     law: str
@@ -183,13 +184,20 @@ class FailureRate:
                 "a failure rate needs 0 <= low <= failure <= high <= 1, "
                 f"got {self.low:g}, {self.failure:g}, {self.high:g}"
             )
+        if self.method not in SAMPLES:
+            raise ValueError(f"a failure rate is from {' or '.join(SAMPLES)}, got {self.method!r}")
         if self.runs < 1:
             raise ValueError(f"a failure rate needs at least one flight, got runs = {self.runs}")
 
     @property
     def failures(self) -> int:
-        """Number of flights that fail; for another method, of as many flights."""
+        """Number of flights that fail; with weighted flights, of as many plain ones."""
         return round(self.failure * self.runs)
+
+    @property
+    def sample(self) -> str:
+        """What the rate is from: ``20,000 flights``."""
+        return f"{self.runs:,} {SAMPLES[self.method]}"
 
     def __str__(self) -> str:
         return f"{rate_text(self.failure, self.low, self.high)}, {self.law} winds"

@@ -146,7 +146,7 @@ def promise_lines(promise: Promise | None) -> list[str]:
         return []
     rate = promise.rate
     fails, most = shown_probability(rate.failure), shown_probability(rate.high)
-    return [f"fails {fails}, at most {most} (95 %), {rate.law} winds, {rate.runs:,} fresh {rate.method}"]
+    return [f"fails {fails}, at most {most} (95 %), {rate.law} winds, {rate.sample}"]
 
 
 def _failure_heading(forest: Forest | None) -> list[str]:

@@ -47,7 +47,7 @@ LAW_NAMES = {
     for end, where in ENDS.items()
 }
 SHARES = ("mission_risk", "collision_risk", "safest", "least_failure", "promise_", "completed")
-COUNTS = ("promise_runs", "promise_passed")
+COUNTS = ("promise_runs", "promise_passed", "promise_weighted")
 
 
 def metric_label(name: str) -> str:

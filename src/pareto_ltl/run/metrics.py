@@ -117,11 +117,14 @@ def _plan_numbers(plan: Plan) -> dict[str, float]:
 def _promise_numbers(promise: Promise | None) -> dict[str, float]:
     if promise is None:
         return {}
+    from pareto_ltl.planning.records import WEIGHTED
+
     return {
         "promise_failure": promise.rate.failure,
         "promise_low": promise.rate.low,
         "promise_high": promise.rate.high,
         "promise_runs": promise.rate.runs,
+        "promise_weighted": float(promise.rate.method == WEIGHTED),
         "promise_claimed": promise.claimed.failure,
         "promise_bound": promise.bound,
         "promise_passed": float(promise.passed),

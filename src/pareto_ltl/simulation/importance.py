@@ -41,7 +41,7 @@ from pareto_ltl.kernels import importance as kernel
 from pareto_ltl.kernels.path import Flight
 from pareto_ltl.planning.evaluate import propagate, propagate_controls, square_matrices
 from pareto_ltl.planning.problem import Problem
-from pareto_ltl.planning.records import FailureRate, PlannedPath
+from pareto_ltl.planning.records import WEIGHTED, FailureRate, PlannedPath
 from pareto_ltl.simulation.certificates import landscape
 from pareto_ltl.simulation.failure_modes import FailureModes, find_failure_modes
 from pareto_ltl.simulation.flights import (
@@ -57,7 +57,7 @@ from pareto_ltl.simulation.records import Deployment
 from pareto_ltl.support.arrays import BoolArray, Float32Array, FloatArray
 from pareto_ltl.support.cores import cores
 
-METHOD = "importance sampling"
+METHOD = WEIGHTED
 SPARE = 2.0  # largest weights that the upper end of an interval allows for beyond those drawn
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.random import SeedSequence
 
 from pareto_ltl.planning.problem import Problem
-from pareto_ltl.planning.records import FailureRate, Front, PlannedPath, Promise
+from pareto_ltl.planning.records import FLIGHTS, WEIGHTED, FailureRate, Front, PlannedPath, Promise
 from pareto_ltl.planning.selection_rules import choose_path
 from pareto_ltl.settings import SelectionConfig
 from pareto_ltl.simulation.flights import counted_rate
@@ -25,6 +25,8 @@ from pareto_ltl.wind.records import WindField
 
 LOG = logging.getLogger(__name__)
 LINEAR = 0.35  # standard deviation over length scale: beyond it the linearised law is unreliable
+RARE = 1e-3  # lower rates are found with weighted flights: too few plain ones fail
+WEIGHTED_CHILD = 2**17  # child of the seed that weighted flights draw from
 DOUBT = 1e-3  # chance at which fresh flights of an honest claim are taken for a broken one
 
 
@@ -79,23 +81,48 @@ def fresh_promise(
     problem: Problem, wind: WindField, path: PlannedPath, claimed: FailureRate, runs: int, seed: SeedSequence
 ) -> Promise:
     """The promise of ``path`` from ``runs`` flights in the winds of ``fidelity.law``."""
-    law = problem.fidelity.law
-    rate = counted_rate(law, count_failures(problem, path, runs, seed), runs)
+    rate = fresh_rate(problem, path, runs, seed)
     bound = min(1.0, path.objectives.mission_risk + path.objectives.collision_risk)
     far = linearity(problem, wind, path.cov)
     return Promise(rate, claimed, bound, far, claim_stands(rate, claimed))
 
 
-def claim_stands(rate: FailureRate, claimed: FailureRate) -> bool:
-    """Whether the fresh flights do not fail significantly more often than the claim says.
+def fresh_rate(problem: Problem, path: PlannedPath, runs: int, seed: SeedSequence) -> FailureRate:
+    """The rate of ``runs`` flights that nothing has seen; below ``RARE``, of as many weighted ones."""
+    from pareto_ltl.simulation.importance import importance_rate
 
-    Fisher's exact test of two counts, one-sided: given all failures of both, the fresh flights have at least
-    as many as they do with a chance of ``DOUBT`` or more if both rates are equal.
+    rate = counted_rate(problem.fidelity.law, count_failures(problem, path, runs, seed), runs)
+    if rate.failure >= RARE:
+        return rate
+    others = SeedSequence(seed.entropy, spawn_key=(*seed.spawn_key, WEIGHTED_CHILD))
+    weighted = importance_rate(problem, path, runs, others)
+    return weighted if weighted.method == WEIGHTED else rate
+
+
+def claim_stands(rate: FailureRate, claimed: FailureRate) -> bool:
+    """Whether the claim, which is from flights, is not significantly better than the fresh rate.
+
+    It stands if flights as good as those of the claim have a chance of ``DOUBT`` or more.
     """
+    return bool(CHANCES[rate.method](rate, claimed) >= DOUBT)
+
+
+def _chance_among_flights(rate: FailureRate, claimed: FailureRate) -> float:
+    """Fisher's exact test of two counts, one-sided: given all failures of both, that so many are fresh."""
     from scipy.stats import hypergeom
 
     both = hypergeom(rate.runs + claimed.runs, rate.failures + claimed.failures, rate.runs)
-    return bool(both.sf(rate.failures - 1) >= DOUBT)
+    return float(both.sf(rate.failures - 1))
+
+
+def _chance_of_claim(rate: FailureRate, claimed: FailureRate) -> float:
+    """That so few of the claim's flights fail if the lower end of the interval of weighted ones is true."""
+    from scipy.stats import binom
+
+    return float(binom.cdf(claimed.failures, claimed.runs, rate.low))
+
+
+CHANCES = {FLIGHTS: _chance_among_flights, WEIGHTED: _chance_of_claim}
 
 
 def linearity(problem: Problem, wind: WindField, cov: FloatArray) -> float:

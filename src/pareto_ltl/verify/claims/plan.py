@@ -22,6 +22,7 @@ SPREAD = (
 RISK, LEAST_RISK = 2e-3, 1e-9  # the same of two bounds, relative and absolute
 FAST = 2e-6  # the share by which rounding may exceed an airspeed
 TOUCH = 0.1  # how deep the expected path may touch an obstacle by rounding, in grains
+WEIGHTED = "importance sampling"  # the method of a failure rate from weighted flights
 WANTED = {"threshold": ("alpha",)}  # by rule: the other setting that it reads
 OBJECTIVES = {
     "length_m": "length", "mission_risk_paper": "mission_risk_paper", "mission_risk": "mission_risk",
@@ -312,6 +313,7 @@ def metrics(result: Evidence) -> Verdict:
             f"promise_{key}": seen[key] for key in ("failure", "low", "high", "runs", "bound", "passed")
         }
         pairs |= {"promise_claimed": seen["claimed"]["failure"], "linearity": seen["linearity"]}
+        pairs |= {"promise_weighted": float(seen["method"] == WEIGHTED)}
     faults = [
         f"{name} {told.get(name)} is {value}" for name, value in pairs.items() if told.get(name) != value
     ]

@@ -7,16 +7,17 @@ from datetime import UTC, datetime
 from typing import Any
 
 import numpy as np
-from scipy.stats import hypergeom
+from scipy.stats import binom, hypergeom
 
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.verify.claims.front import flights_judge
-from pareto_ltl.verify.claims.plan import SPREAD
+from pareto_ltl.verify.claims.plan import SPREAD, WEIGHTED
 from pareto_ltl.verify.claims.verdict import Claim, Verdict, close, no_fault, same
 from pareto_ltl.verify.evidence import Evidence
 from pareto_ltl.verify.flights import RARE, clopper_pearson, same_rate
 
 DOUBT = 1e-3  # chance at which fresh flights of an honest claim are taken for a broken one
+MOST_WEIGHTED = 0.01  # rates are found with weighted flights below 10^-3 only
 PLACE, ANGLE = 1e-9, 1e-3  # largest differences of positions and of headings [deg]
 AHEAD = 1.0  # [m] how far ahead of a position its heading is read
 RATE = ("failure", "low", "high", "runs", "law", "method")
@@ -39,9 +40,13 @@ def promise(result: Evidence) -> Verdict | None:
 
 
 def _rate_faults(result: Evidence, told: dict[str, Any]) -> Iterator[str]:
-    wanted = (result.planned_law, result.settings["selection"]["runs"], "flights")
-    if (told["law"], told["runs"], told["method"]) != wanted:
+    wanted = (result.planned_law, result.settings["selection"]["runs"])
+    if (told["law"], told["runs"]) != wanted or told["method"] not in CHANCES:
         yield f"{told['runs']} {told['method']} in {told['law']} winds"
+        return
+    if told["method"] == WEIGHTED:  # the weights are not kept
+        if not 0.0 <= told["low"] <= told["failure"] <= told["high"] <= MOST_WEIGHTED:
+            yield f"the interval is {told['low']:.4g} to {told['high']:.4g}"
         return
     count = round(told["failure"] * told["runs"])
     found = (count / told["runs"], *clopper_pearson(count, told["runs"]))
@@ -60,10 +65,26 @@ def _claim_faults(result: Evidence, told: dict[str, Any]) -> Iterator[str]:
 
 
 def stands(told: dict[str, Any]) -> bool:
-    """Whether the fresh flights do not fail significantly more often than claimed (Fisher's exact test)."""
-    counts = [round(one["failure"] * one["runs"]) for one in (told, told["claimed"])]
-    both = told["runs"] + told["claimed"]["runs"]
-    return bool(hypergeom(both, sum(counts), told["runs"]).sf(counts[0] - 1) >= DOUBT)
+    """Whether the claim is not significantly better than the rate of the fresh flights."""
+    return bool(CHANCES[told["method"]](told, told["claimed"]) >= DOUBT)
+
+
+def _count(told: dict[str, Any]) -> int:
+    return round(float(told["failure"]) * int(told["runs"]))
+
+
+def _among_flights(told: dict[str, Any], claimed: dict[str, Any]) -> float:
+    """Fisher's exact test of two counts, one-sided."""
+    both = hypergeom(told["runs"] + claimed["runs"], _count(told) + _count(claimed), told["runs"])
+    return float(both.sf(_count(told) - 1))
+
+
+def _of_claim(told: dict[str, Any], claimed: dict[str, Any]) -> float:
+    """Chance of so few failures of the claim at the lower end of the interval of weighted flights."""
+    return float(binom.cdf(_count(claimed), claimed["runs"], told["low"]))
+
+
+CHANCES = {"flights": _among_flights, WEIGHTED: _of_claim}  # by method
 
 
 def _linearity(result: Evidence) -> float:
@@ -83,7 +104,11 @@ def promised_rate(result: Evidence) -> Verdict | None:
         return None
     x = result.new_flights[told["law"]]
     again = int(result.ground.failed(x).sum())
-    chance = same_rate(round(told["failure"] * told["runs"]), told["runs"], again, len(x))
+    if told["method"] == WEIGHTED:
+        ends = binom.sf(again - 1, len(x), told["high"]), binom.cdf(again, len(x), told["low"])
+        chance = min(1.0, 2 * float(min(ends)))
+    else:
+        chance = same_rate(_count(told), told["runs"], again, len(x))
     return Verdict(f"{told['failure']:.4g}", f"{again} of {len(x)}, chance {chance:.1g}", chance >= RARE)
 
 
