@@ -29,6 +29,7 @@ from pareto_ltl.kernels.letters import meet_hazards
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 
 CERTAIN = 1e18  # [m] margin of what cannot fail
+TINY = 1e-300
 NOWHERE = -1  # number, and step, of no event
 SATURATED = 12.0  # widths of the sigmoid: a margin below so many counts as -CERTAIN, as one of 6e-6 less
 
@@ -130,40 +131,73 @@ def letter_margin(model: MarginModel, letter: int, t: int, at: Point, floor: flo
 
 
 @kernel
-def segment_clearance(
-    faces: Faces, corners: Corners, part: int, t: int, start: Point, end: Point, enough: float
-) -> Event:
-    """Signed distance between a segment and a convex polygon along the best separating direction.
-
-    Directions are the faces and the segment's own normal, which decide whether two convex sets meet. The
-    search stops where the distance is known to be ``enough``.
-    """
-    best = Event(-CERTAIN, t, 0.0, 0.0, 0.0)
+def face_clearance(
+    faces: Faces, part: int, t: int, start: Point, end: Point, enough: float
+) -> tuple[Event, int]:
+    """Distance of a segment from the best separating face, and that face; stops at ``enough``."""
+    best, row = Event(-CERTAIN, t, 0.0, 0.0, 0.0), -1
     for j in range(faces.ptr[part], faces.ptr[part + 1]):
         nx, ny = faces.normal[j, 0], faces.normal[j, 1]
         a = nx * start.x + ny * start.y - faces.offset[j]
         b = nx * end.x + ny * end.y - faces.offset[j]
         if min(a, b) > best.margin:
-            best = Event(a, t, nx, ny, 0.0) if a < b else Event(b, t, nx, ny, 1.0)
+            best, row = Event(a, t, nx, ny, 0.0) if a < b else Event(b, t, nx, ny, 1.0), j
             if best.margin >= enough:
-                return best
+                break
+    return best, row
+
+
+@kernel
+def beside_edge(corners: Corners, part: int, edge: int, at: Point) -> bool:
+    """Whether the point of an edge's line that is nearest to ``at`` lies on the edge."""
+    first = corners.ptr[part] + edge
+    last = first + 1 if first + 1 < corners.ptr[part + 1] else corners.ptr[part]
+    px, py = corners.corner[first, 0], corners.corner[first, 1]
+    ex, ey = corners.corner[last, 0] - px, corners.corner[last, 1] - py
+    along = ex * (at.x - px) + ey * (at.y - py)
+    return bool(0.0 <= along <= ex * ex + ey * ey)
+
+
+@kernel
+def segment_clearance(
+    faces: Faces, corners: Corners, part: int, t: int, start: Point, end: Point, enough: float
+) -> Event:
+    """Distance of a segment from a convex polygon; where they meet, minus the depth to which they do.
+
+    The depth is the least along a face or the segment's own normal. Apart, a corner is nearest, or one end of
+    the segment beside an edge. The search stops where the distance is known to be ``enough``.
+    """
+    best, row = face_clearance(faces, part, t, start, end, enough)
+    first, last = corners.ptr[part], corners.ptr[part + 1]
+    if best.margin >= enough or first == last:
+        return best
     dx, dy = end.x - start.x, end.y - start.y
     length = math.sqrt(dx * dx + dy * dy)
-    if length < 1.0:
-        return best
-    nx, ny = -dy / length, dx / length
+    dx, dy = (dx / length, dy / length) if length > 0.0 else (1.0, 0.0)  # a point has every normal
     low, high, at_low, at_high = CERTAIN, -CERTAIN, 0.0, 0.0
-    for c in range(corners.ptr[part], corners.ptr[part + 1]):
+    near, rx, ry, at_near = CERTAIN, 0.0, 0.0, 0.0
+    for c in range(first, last):
         px, py = corners.corner[c, 0] - start.x, corners.corner[c, 1] - start.y
-        across, along = nx * px + ny * py, (dx * px + dy * py) / (length * length)
+        across, along = dx * py - dy * px, dx * px + dy * py
         if across < low:
             low, at_low = across, along
         if across > high:
             high, at_high = across, along
-    if low < CERTAIN and low > best.margin:  # the polygon lies to the left: the segment must stay right of it
-        best = Event(low, t, -nx, -ny, min(max(at_low, 0.0), 1.0))
-    if high > -CERTAIN and -high > best.margin:
-        best = Event(-high, t, nx, ny, min(max(at_high, 0.0), 1.0))
+        beyond = along - min(max(along, 0.0), length)
+        square = across * across + beyond * beyond
+        if square < near:
+            near, rx, ry, at_near = square, beyond * dx - across * dy, beyond * dy + across * dx, along
+    nearest = end if best.share > 0.0 else start
+    if best.margin > 0.0 and beside_edge(corners, part, row - faces.ptr[part], nearest):
+        return best
+    length = max(length, TINY)
+    if best.margin > 0.0 or low > 0.0 or high < 0.0:
+        near = max(math.sqrt(near), TINY)
+        return Event(near, t, -rx / near, -ry / near, min(max(at_near / length, 0.0), 1.0))
+    if low > best.margin:  # the polygon lies to the left: the segment must stay right of it
+        best = Event(low, t, dy, -dx, min(max(at_low / length, 0.0), 1.0))
+    if -high > best.margin:
+        best = Event(-high, t, -dy, dx, min(max(at_high / length, 0.0), 1.0))
     return best
 
 
@@ -281,8 +315,9 @@ def cross_hazards(
     """
     logic, cells = model.logic, model.logic.hazards.cell
     first, last = ends
-    moved = (first != last or first < 0) and logic.delta[state, first] == state
-    own = meet_hazards(model.cells, logic, state, start, first, end, last) if moved else state
+    reads, own = logic.delta[state, first] == state, state  # otherwise the formula counts steps
+    if reads and (first != last or first < 0):
+        own = meet_hazards(model.cells, logic, state, start, first, end, last)
     held, event = claims.margin[state], claims.event[state]
     for h in range(len(cells)):
         if cells[h] == first or cells[h] == last:
@@ -292,7 +327,7 @@ def cross_hazards(
         for q in range(len(claims.margin)):
             if logic.loses[q, cells[h]] and margin < claims.margin[q]:
                 claims.margin[q], claims.event[q] = margin, number
-        if moved and logic.harm[state, cells[h]] and abs(margin) < held:
+        if reads and logic.harm[state, cells[h]] and abs(margin) < held:
             held, event = abs(margin), hazard_number(model, t, h, margin < 0.0)
     if held > claims.margin[own]:
         claims.margin[own], claims.event[own] = held, event

@@ -73,7 +73,7 @@ def pack_guards(logic: kd.Logic, column: list[int]) -> Guards:
     none = np.empty(0, np.int64)
     return Guards(
         np.array(source, np.int64), np.array(target, np.int64), np.array(spared, bool), ptr,
-        np.concatenate([none, *lists]), bool(logic.covers[delta[:, -1], np.arange(len(delta))].all()),
+        np.concatenate([none, *lists]), bool((delta[:, -1] == np.arange(len(delta))).all()),
     )  # fmt: skip
 
 
