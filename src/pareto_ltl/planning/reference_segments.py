@@ -35,16 +35,24 @@ def cells_on_the_way(problem: Problem, start: FloatArray, end: FloatArray) -> In
     return np.array([cell for _, cell in sorted(enters)], np.int64)
 
 
+def state_on_the_way(problem: Problem, q: int, ends: FloatArray, cells: tuple[int, int]) -> int:
+    """State after the harmful letters between ``ends`` (2, 2), whose own ``cells`` are letters of steps."""
+    logic = problem.world.logic
+    if logic.delta[q, cells[0]] != q:  # the formula counts steps
+        return q
+    for met in cells_on_the_way(problem, *ends):
+        if met not in cells and logic.harm[q, met]:
+            q = int(logic.delta[q, met])
+    return q
+
+
 def states_of_flight(problem: Problem, x: FloatArray) -> IntArray:
     """Automaton state after each step of ``x`` (T+1, 2): harmful letters on the way, then the label."""
     logic, cell = problem.world.logic, problem.locate(x)
     q = int(logic.delta[logic.initial, cell[0]])
     states = [q]
     for t in range(1, len(x)):
-        if logic.delta[q, cell[t - 1]] == q:  # otherwise the formula counts steps
-            for met in cells_on_the_way(problem, x[t - 1], x[t]):
-                if met not in (cell[t - 1], cell[t]) and logic.harm[q, met]:
-                    q = int(logic.delta[q, met])
+        q = state_on_the_way(problem, q, x[t - 1 : t + 1], (int(cell[t - 1]), int(cell[t])))
         q = int(logic.delta[q, cell[t]])
         states.append(q)
     return np.array(states, np.int64)
