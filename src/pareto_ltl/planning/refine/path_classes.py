@@ -19,7 +19,7 @@ class PathClass:
     Attributes
     ----------
     order : tuple of (state, cell label)
-        The automaton state after each transition, and what was read there.
+        The automaton state at the start and after each transition, and what was read there.
     word : tuple of int
         Rays crossed, k + 1 to the east and -(k + 1) to the west of obstacle k, without detours: the word of
         the path in the free group of the obstacles (Bhattacharya, Likhachev and Kumar, Autonomous Robots 33,
@@ -31,8 +31,8 @@ class PathClass:
 
     @property
     def state(self) -> int:
-        """The last automaton state; -1 for a path that reads nothing."""
-        return self.order[-1][0] if self.order else -1
+        """The last automaton state."""
+        return self.order[-1][0]
 
 
 def path_class(problem: Problem, x: FloatArray) -> PathClass:
@@ -42,11 +42,16 @@ def path_class(problem: Problem, x: FloatArray) -> PathClass:
     atoms = set(problem.atoms)
     labels = [problem.labels[c] & atoms if c >= 0 else frozenset() for c in cells]
     order = tuple((int(q[t]), frozenset(labels[t])) for t in np.flatnonzero(q != before))
-    crossed = crossed_rays(problem.decomposition.obstacles, x[:-1], x[1:])
+    return PathClass(order, path_word(problem.decomposition.obstacles, x))
+
+
+def path_word(obstacles: Sequence[FloatArray], x: FloatArray) -> tuple[int, ...]:
+    """The reduced word of the rays that the path ``x`` (T+1, 2) crosses."""
+    crossed = crossed_rays(obstacles, x[:-1], x[1:])
     word: tuple[int, ...] = ()
     for t in sorted(crossed):
         word = reduced_word(word, crossed[t])
-    return PathClass(order, word)
+    return word
 
 
 def reduced_word(word: tuple[int, ...], letters: tuple[int, ...]) -> tuple[int, ...]:
@@ -71,9 +76,10 @@ def crossed_rays(
     segment, k = np.nonzero(east | west)
     share = (middle[k, 0] - start[segment, 0]) / (end[segment, 0] - start[segment, 0])
     north = start[segment, 1] + share * (end[segment, 1] - start[segment, 1]) > middle[k, 1]
-    segment, k, share = segment[north], k[north], share[north]
+    segment, k = segment[north], k[north]
+    sign = np.where(east[segment, k], 1, -1)
     found: dict[int, tuple[int, ...]] = {}
-    for i in np.lexsort((share, segment)):
-        sign = 1 if east[segment[i], k[i]] else -1
-        found[int(segment[i])] = (*found.get(int(segment[i]), ()), sign * int(k[i] + 1))
+    # Rays of one easting are crossed in one order to the east and in the other to the west.
+    for i in np.lexsort((sign * k, sign * middle[k, 0], segment)):
+        found[int(segment[i])] = (*found.get(int(segment[i]), ()), int(sign[i] * (k[i] + 1)))
     return found
