@@ -131,8 +131,8 @@ def evaluate_path(
     """Fly the means ``x`` (T+1, 2) and return the path with its exact cost.
 
     ``tight=False`` leaves out what only the final verdict needs: the tighter form of R under the coherent
-    law, which asks for the correlation of all pairs of steps, and planner.delta. That bound on R is kept
-    where bounds judge; where flights do, a path with a loose R may be the best.
+    law, which asks for the correlation of all pairs of steps, and planner.delta. Where flights judge, neither
+    that bound nor the chance constraint of a step is asked for: a path with a loose R may be the best.
 
     Raises
     ------
@@ -178,7 +178,7 @@ def _check_flown(problem: Problem, flight: Flight, fast: float) -> tuple[IntArra
     """Automaton state and cell of every step of a path without a fault."""
     from pareto_ltl.kernels import path as kernel
 
-    n, world = len(flight.x), problem.world
+    n, world = len(flight.x), judged_world(problem)
     q, cell = np.empty(n, np.int64), np.empty(n, np.int64)
     memory = COLLISION_MEMORY[type(world.collision)](2, len(problem.barriers.ptr) - 1)
     known = min(n - 1, len(problem.wind.slot))
@@ -186,6 +186,13 @@ def _check_flown(problem: Problem, flight: Flight, fast: float) -> tuple[IntArra
     if fault != kernel.FLOWN:
         raise InfeasibleError(f"the path {FAULTS[fault]} at step {where} of {n - 1}")
     return q, cell
+
+
+def judged_world(problem: Problem) -> kd.World:
+    """The world that paths are checked in: without chance constraints where flights judge."""
+    if problem.fidelity.judge == "bound":
+        return problem.world
+    return problem.world._replace(collision=kd.PathBound(problem.barriers, math.inf, math.inf))
 
 
 def _objectives(problem: Problem, flight: Flight, cell: IntArray, collision: float) -> Objectives:

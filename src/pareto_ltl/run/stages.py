@@ -36,6 +36,7 @@ from pareto_ltl.settings import (
     MissionConfig,
     PipelineConfig,
     PlannerConfig,
+    RefineConfig,
     ReportConfig,
     RobotConfig,
     SceneConfig,
@@ -158,13 +159,7 @@ def make_forest(inputs: StageInputs) -> Forest:
 
 def make_front(inputs: StageInputs) -> Front:
     """The non-dominated paths, refined and judged as ``fidelity`` says."""
-    from pareto_ltl.planning import no_path
-
-    settings, problem, forest = inputs.settings, inputs[PROBLEM], inputs[FOREST]
-    if not len(forest.accepted):
-        grown_from = stage_seeds(settings.seed, FOREST_STREAM)
-        raise InfeasibleError(no_path.explain_no_path(settings.planner, problem, forest, grown_from))
-    return FRONT_MAKERS[settings.fidelity.judge](inputs)
+    return FRONT_MAKERS[inputs.settings.fidelity.judge](inputs)
 
 
 def _bounded_front(inputs: StageInputs) -> Front:
@@ -172,6 +167,8 @@ def _bounded_front(inputs: StageInputs) -> Front:
     from pareto_ltl.planning import no_path, selection
 
     settings, problem = inputs.settings, inputs[PROBLEM]
+    if not len(inputs[FOREST].accepted):
+        raise InfeasibleError(_no_path(inputs))
     raw = selection.tree_front(problem, inputs[FOREST])
     refined = _refined_paths(inputs, raw)
     if not raw and not refined:
@@ -190,8 +187,19 @@ def _flown_front(inputs: StageInputs) -> Front:
     settings, problem = inputs.settings, inputs[PROBLEM]
     raw = selection.unlike_paths(problem, inputs[FOREST])
     refined = _refined_paths(inputs, raw)
+    if not raw and not refined:
+        raise InfeasibleError(_no_path(inputs))
     seeds = named_child(inputs.seeds, JUDGING)
     return judge_front(problem, refined, raw, settings.selection.draws, seeds)
+
+
+def _no_path(inputs: StageInputs) -> str:
+    """Why the trees have no path that completes the mission."""
+    from pareto_ltl.planning import no_path
+
+    settings = inputs.settings
+    grown_from = stage_seeds(settings.seed, FOREST_STREAM)
+    return no_path.explain_no_path(settings.planner, inputs[PROBLEM], inputs[FOREST], grown_from)
 
 
 FRONT_MAKERS: dict[str, Callable[[StageInputs], Front]] = {"bound": _bounded_front, "flights": _flown_front}
@@ -199,15 +207,41 @@ FRONT_MAKERS: dict[str, Callable[[StageInputs], Front]] = {"bound": _bounded_fro
 
 def _refined_paths(inputs: StageInputs, raw: Sequence[PlannedPath]) -> tuple[PlannedPath, ...]:
     """What ``fidelity.refine`` makes of the paths of the trees."""
-    from pareto_ltl.planning import selection
+    return REFINERS[inputs.settings.fidelity.refine](inputs, raw)
 
-    settings, problem = inputs.settings, inputs[PROBLEM]
-    if settings.fidelity.refine == "none":
-        return ()
+
+def _no_refinement(inputs: StageInputs, raw: Sequence[PlannedPath]) -> tuple[PlannedPath, ...]:
+    return ()
+
+
+def _convex_refinement(inputs: StageInputs, raw: Sequence[PlannedPath]) -> tuple[PlannedPath, ...]:
+    """Convex smoothing of the front and of one path of each mission order."""
+    from pareto_ltl.planning import selection
     from pareto_ltl.planning.refine import smooth_paths
 
+    problem = inputs[PROBLEM]
     candidates = (*raw, *selection.order_representatives(problem, inputs[FOREST]))
-    return smooth_paths(settings.smoothing, problem, candidates, inputs.progress)
+    return smooth_paths(inputs.settings.smoothing, problem, candidates, inputs.progress)
+
+
+def _sampled_refinement(inputs: StageInputs, raw: Sequence[PlannedPath]) -> tuple[PlannedPath, ...]:
+    """Sampled refinement; in a wind without doubt every flight is the same, and length alone is left."""
+    from pareto_ltl.planning.refine import sampled_paths
+    from pareto_ltl.simulation.common_flights import draw_flights, is_certain
+
+    problem, cfg = inputs[PROBLEM], inputs.settings.refine
+    if is_certain(problem):
+        return _convex_refinement(inputs, raw)
+    flights = draw_flights(problem, problem.fidelity.law, cfg.flights, inputs.seeds)
+    return sampled_paths(cfg, problem, inputs[FOREST], flights, inputs.progress)
+
+
+Refiner = Callable[[StageInputs, Sequence["PlannedPath"]], tuple["PlannedPath", ...]]
+REFINERS: dict[str, Refiner] = {
+    "none": _no_refinement,
+    "convex": _convex_refinement,
+    "sampled": _sampled_refinement,
+}
 
 
 def make_plan(inputs: StageInputs) -> Plan:
@@ -348,7 +382,7 @@ PLAN_STAGES = (
         makes=FRONT,
         make=make_front,
         needs=(PROBLEM, FOREST),
-        settings=(PlannerConfig, FidelityConfig, SmoothingConfig, SelectionConfig),
+        settings=(PlannerConfig, FidelityConfig, SmoothingConfig, RefineConfig, SelectionConfig),
         stream="front",
         writes=("front.csv", "front.npz"),
     ),

@@ -12,7 +12,7 @@ BORDERS = ("open", "wall")
 MISSION_BOUNDS = ("theorem2", "ordered")
 COLLISION_BOUNDS = ("step", "path")
 PARENT_RULES = ("dominance", "scaled", "tchebycheff", "mixed")
-REFINEMENTS = ("none", "convex")
+REFINEMENTS = ("none", "convex", "sampled")
 JUDGES = ("bound", "flights")
 
 PRESETS: dict[str, dict[str, str]] = {
@@ -22,7 +22,7 @@ PRESETS: dict[str, dict[str, str]] = {
     },
     "full": {
         "law": "coherent", "border": "wall", "mission_bound": "ordered",
-        "collision_bound": "path", "parents": "mixed", "refine": "convex", "judge": "flights",
+        "collision_bound": "path", "parents": "mixed", "refine": "sampled", "judge": "flights",
     },
 }  # fmt: skip
 

@@ -65,3 +65,10 @@ def draw_flights(problem: Problem, law: str, runs: int, seed: SeedSequence) -> D
     draws = DRAWS[law](problem, runs, problem.horizon, np.random.default_rng(wind))
     off = math.sqrt(problem.start_variance) * np.random.default_rng(start).standard_normal((runs, 2))
     return DrawnFlights(problem, law, fixes, off, draws)
+
+
+def is_certain(problem: Problem) -> bool:
+    """Whether every flight is the same: a start and a wind that are known exactly."""
+    if problem.start_variance > 0.0 or problem.wind.gust.any() or problem.wind.between.any():
+        return False
+    return not problem.wind.latent.any() and problem.modes.psi.shape[-1] == 0

@@ -1,17 +1,20 @@
-"""Convex smoothing of tree paths (the only package that knows cvxpy).
+"""From tree paths to better ones (the only package that knows cvxpy).
 
-A tree path is feasible, but it is not straight and has more steps than it needs. Smoothing has three
-operations. *Pull* (``taut_lines``) draws a taut line through the points where the path visits its regions,
-around the corners of obstacles. *Walk* divides a line into as few steps as the wind allows, since every
-step adds covariance. *Bend* (``convex``) solves one convex programme about the last iterate, propagates
-exactly, and repeats.
+A tree path is feasible, but it is not straight and has more steps than it needs. With
+``fidelity.refine=convex`` smoothing has three operations. *Pull* (``taut_lines``) draws a taut line through
+the points where the path visits its regions, around the corners of obstacles. *Walk* divides a line into as
+few steps as the wind allows, since every step adds covariance. *Bend* (``convex``) solves one convex
+programme about the last iterate, propagates exactly, and repeats.
 
-``planning.evaluate.evaluate_path`` checks every result like any other path; an iterate that fails there is
-not returned.
+With ``fidelity.refine=sampled`` the failure of common flights is minimised itself (``sampled``), from one
+start for each way to complete the mission (``starts``), at many lengths (``front_sweep``).
+
+``planning.evaluate.evaluate_path`` checks every result like any other path.
 """
 
 from __future__ import annotations
 
+from pareto_ltl.planning.refine.front_sweep import sampled_paths
 from pareto_ltl.planning.refine.smoothing import smooth_paths
 
-__all__ = ["smooth_paths"]
+__all__ = ["sampled_paths", "smooth_paths"]

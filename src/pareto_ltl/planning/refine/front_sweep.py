@@ -10,12 +10,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from pareto_ltl.planning.evaluate import completes_mission, evaluate_path
 from pareto_ltl.planning.margin_model import margin_model
 from pareto_ltl.planning.problem import Problem
+from pareto_ltl.planning.records import Forest, PlannedPath
 from pareto_ltl.planning.refine.path_classes import PathClass, path_class
 from pareto_ltl.planning.refine.sampled import (
     Candidate,
@@ -26,11 +29,12 @@ from pareto_ltl.planning.refine.sampled import (
     resampled_means,
     steps_needed,
 )
-from pareto_ltl.planning.refine.starts import Start, flipped_starts, unlike_starts
+from pareto_ltl.planning.refine.starts import Start, first_starts, flipped_starts, unlike_starts
 from pareto_ltl.planning.refine.step_programme import StepProgrammes
 from pareto_ltl.settings import RefineConfig
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.cores import cores
+from pareto_ltl.support.errors import InfeasibleError
 
 COARSE = (0.020, 0.007)  # widths of a first look, as shares of the map's size
 WARM = (0.008, 0.004)  # those of a step of a sweep
@@ -67,22 +71,39 @@ class Sweep:
         return self.flights.only(np.arange(min(runs, len(self.flights))))
 
 
+def sampled_paths(
+    cfg: RefineConfig, problem: Problem, forest: Forest, flights: CommonFlights,
+    progress: Progress | None = None,
+) -> tuple[PlannedPath, ...]:  # fmt: skip
+    """Paths of many lengths that few of the common ``flights`` fail on, shortest first."""
+    paths = []
+    for k in refine_front(cfg, problem, first_starts(problem, forest), flights, progress):
+        with suppress(InfeasibleError):  # rounding at a limit
+            path = evaluate_path(problem, k.flight.x, f"{k.origin}, refined")
+            if completes_mission(problem, path):
+                paths.append(path)
+    return tuple(paths)
+
+
 def refine_front(
     cfg: RefineConfig, problem: Problem, starts: Mapping[PathClass, Start], flights: CommonFlights,
     progress: Progress | None = None,
 ) -> list[Candidate]:  # fmt: skip
-    """Paths of many lengths that few flights fail on, shortest first.
-
-    None is longer than another that fails no more. ``flights`` are at least ``cfg.flights``.
-    """
+    """Candidates of many lengths, shortest first: none is longer than another that fails no more."""
     refiner = Refiner(problem, margin_model(problem), StepProgrammes(problem))
     sweep = Sweep(cfg, problem, refiner, flights)
+    told = progress or (lambda done, total: None)
     with ThreadPoolExecutor(cores()) as pool:
         seen = _first_looks(sweep, pool, starts)
+        told(1, 4)
         levels = _swept_down(sweep, pool, seen)
+        told(2, 4)
         levels += _swept_up(sweep, pool, levels)
+        told(3, 4)
         points = spread_front((k for level in levels for k in level), cfg.points)
-        return front_of(pool.map(lambda k: _finished(sweep, k), points))
+        found = front_of(pool.map(lambda k: _finished(sweep, k), points or seen[:1]))
+        told(4, 4)
+    return found
 
 
 def _first_looks(
@@ -93,7 +114,8 @@ def _first_looks(
     best = sorted(front_of(found), key=lambda k: k.smoothed)[:FLIPPED]
     others = [f for k in best for f in flipped_starts(sweep.problem, k.flight.x, k.origin)]
     new = [s for kind, s in unlike_starts(sweep.problem, others).items() if kind not in starts]
-    return found + [k for pair in pool.map(lambda s: _first_look(sweep, s), new) for k in pair]
+    found += [k for pair in pool.map(lambda s: _first_look(sweep, s), new) for k in pair]
+    return sorted(found, key=lambda k: k.smoothed)
 
 
 def _first_look(sweep: Sweep, start: Start) -> list[Candidate]:
@@ -103,7 +125,7 @@ def _first_look(sweep: Sweep, start: Start) -> list[Candidate]:
     long = refiner.polish(x, flights, how, LOOSE * path_length(x), start.origin)
     cap = long.length * SHORT
     short = refiner.polish(_timed(sweep.problem, long.flight.x, 1), flights, how, cap, start.origin)
-    return [k for k in (long, short) if k.smoothed < HOPELESS]
+    return [long, short]
 
 
 def _timed(problem: Problem, x: FloatArray, spare: int) -> FloatArray:
@@ -117,6 +139,7 @@ def _timed(problem: Problem, x: FloatArray, spare: int) -> FloatArray:
 
 def _swept_down(sweep: Sweep, pool: ThreadPoolExecutor, seen: Sequence[Candidate]) -> list[list[Candidate]]:
     """The best classes at falling caps, from the longest length that pays."""
+    seen = [k for k in seen if k.smoothed < HOPELESS]
     if not seen:
         return []
     cap, levels = max(k.length for k in front_of(seen)), list[list[Candidate]]()

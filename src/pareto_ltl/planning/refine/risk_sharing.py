@@ -13,6 +13,7 @@ from pareto_ltl.planning.problem import Problem
 from pareto_ltl.support.arrays import FloatArray
 
 ROWS = 3  # half planes that bound a point, the tightest ones
+KEPT = 1.4  # standard deviations that a line keeps where the programme asks for none
 SHARE = 0.995  # of epsilon planned with: tangents lie below the curve, and σ moves with the path
 
 
@@ -30,6 +31,10 @@ class RiskSharing(Protocol):
     @property
     def deviations(self) -> float:
         """Standard deviations kept from every face at least."""
+
+    @property
+    def kept(self) -> float:
+        """Standard deviations that taut lines keep from obstacles."""
 
     def column(self, row: int) -> int:
         """The column of ``near`` that models half plane ``row``."""
@@ -59,6 +64,10 @@ class EqualShares:
 
     @property
     def deviations(self) -> float:
+        return self.bound.z
+
+    @property
+    def kept(self) -> float:
         return self.bound.z
 
     def column(self, row: int) -> int:
@@ -91,6 +100,10 @@ class AllocatedRisk:
     @property
     def deviations(self) -> float:
         return 0.0
+
+    @property
+    def kept(self) -> float:
+        return KEPT
 
     def column(self, row: int) -> int:
         return row
