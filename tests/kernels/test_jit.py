@@ -14,7 +14,6 @@ from pareto_ltl.kernels import data, flight
 from pareto_ltl.kernels.jit import IMPLEMENTATIONS, by_type, implements, kernel
 from pareto_ltl.kernels.parents import Dominance, Scaled
 from pareto_ltl.planning import evaluate, growth
-from pareto_ltl.planning.refine import smoothing
 from pareto_ltl.settings import LAWS
 from pareto_ltl.settings.fidelity import PARENT_RULES
 from pareto_ltl.simulation import flights
@@ -108,6 +107,5 @@ def test_every_function_has_code_for_every_model_of_its_family():
 def test_every_model_has_its_memory_its_strategy_and_its_name():
     assert set(evaluate.LAW_MEMORY) == FAMILIES["law"]
     assert set(evaluate.COLLISION_MEMORY) == FAMILIES["collision"]
-    assert set(smoothing.STRATEGIES) == FAMILIES["collision"]
     assert set(flights.DRAWS) == set(LAWS)
     assert set(growth.RULE_MAKERS) == set(PARENT_RULES)

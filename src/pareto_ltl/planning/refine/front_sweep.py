@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -100,8 +100,8 @@ def refine_front(
         told(2, 4)
         levels += _swept_up(sweep, pool, levels)
         told(3, 4)
-        points = spread_front((k for level in levels for k in level), cfg.points)
-        found = front_of(pool.map(lambda k: _finished(sweep, k), points or seen[:1]))
+        front = front_of(k for level in levels for k in level) or seen[:1]
+        found = front_of(pool.map(lambda job: _finished(sweep, *job), spread_points(front, cfg.points)))
         told(4, 4)
     return found
 
@@ -210,17 +210,28 @@ def front_of(found: Iterable[Candidate]) -> list[Candidate]:
     return kept
 
 
-def spread_front(found: Iterable[Candidate], most: int) -> list[Candidate]:
-    """``most`` points of the front at most, the nearest pairs of lengths thinned first."""
-    kept = front_of(found)
-    while len(kept) > max(most, 2):
-        length = np.log([k.length for k in kept])
-        kept.pop(1 + int(np.argmin(length[2:] - length[:-2])))
-    return kept
+def spread_points(front: Sequence[Candidate], most: int) -> list[tuple[Candidate, float]]:
+    """``most`` length caps from the shortest path to the longest, each with the path to begin with.
+
+    That is the path that fails least of those that one step of the sweep is enough to shorten.
+    """
+    if not front:
+        return []
+    ends = front[0].length, front[-1].length
+    caps = np.geomspace(*ends, most) if ends[1] > KEPT * ends[0] else np.array(ends[:1])
+    return [
+        (min((k for k in front if k.length <= SPACING * cap), key=lambda k: k.smoothed), float(cap))
+        for cap in caps
+    ]
 
 
-def _finished(sweep: Sweep, k: Candidate) -> Candidate:
-    """``k`` polished on all flights."""
+def _finished(sweep: Sweep, k: Candidate, cap: float) -> Candidate:
+    """``k`` polished on all flights at a length cap."""
     how = sweep.polish_of(FINE, 1, 4)
-    done = sweep.refiner.polish(k.flight.x, sweep.flights, how, k.length, k.origin)
-    return replace(done, origin=k.origin)
+    return sweep.refiner.polish(_fitting(sweep.problem, k, cap), sweep.flights, how, cap, k.origin)
+
+
+def _fitting(problem: Problem, k: Candidate, cap: float) -> FloatArray:
+    """The means of ``k``, in fewer steps where a shorter length needs fewer."""
+    steps = k.steps if k.length <= KEPT * cap else max(2, round(k.steps * cap / k.length))
+    return k.flight.x if steps == k.steps else resampled_means(problem, k.flight.x, steps)
