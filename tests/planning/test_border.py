@@ -23,7 +23,14 @@ from pareto_ltl.planning.records import PlannedPath
 from pareto_ltl.planning.refine import smooth_paths
 from pareto_ltl.planning.selection import tree_front
 from pareto_ltl.run.results import read_deployments, write_deployments
-from pareto_ltl.settings import PlannerConfig, RobotConfig, SceneConfig, SmoothingConfig
+from pareto_ltl.settings import (
+    FidelityConfig,
+    PlannerConfig,
+    RobotConfig,
+    SceneConfig,
+    SmoothingConfig,
+    preset,
+)
 from pareto_ltl.settings.building import build_settings
 from pareto_ltl.simulation.flights import simulate_flights
 from pareto_ltl.support.arrays import FloatArray
@@ -43,7 +50,7 @@ def strip(border: str, south: float = 8.0) -> Scene:
     return replace(scene, border=border)
 
 
-def task(scene: Scene, fidelity: str = "full", **limits: float) -> Problem:
+def task(scene: Scene, fidelity: str | FidelityConfig = "full", **limits: float) -> Problem:
     wind = smooth_wind(scene, speed=1.0, sd=0.6, gust=0.5)
     return make_problem("F a", scene, wind, ROBOT, PlannerConfig(**limits), fidelity=fidelity)  # type: ignore[arg-type]
 
@@ -121,7 +128,7 @@ def test_flights_meet_walls_and_obstacles_no_more_often_than_r(law: str, heights
         assert hits > 0
 
 
-@pytest.mark.parametrize("fidelity", ["paper", "full"])
+@pytest.mark.parametrize("fidelity", ["paper", replace(preset("full"), judge="bound")])
 def test_a_path_too_close_to_a_wall_breaks_the_chance_constraint(fidelity: str) -> None:
     x = along((2, 2.5), (5, 0.3), (16, 1.5), step=0.8)
     with pytest.raises(InfeasibleError, match="closer to an obstacle or a wall"):

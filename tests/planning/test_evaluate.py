@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -111,5 +113,7 @@ def test_the_answer_hardly_depends_on_the_time_step(dt):
 def test_a_path_above_delta_is_refused():
     scene = make_scene({"a": box(14, 14, 18, 18)}, [box(8.6, 3, 12, 9)], start=(2.0, 2.0))
     p = coherent_problem(scene, sd=2.0, planner=PlannerConfig(epsilon=0.999, delta=1e-9))
+    bounded = replace(p, fidelity=replace(p.fidelity, judge="bound"))
     with pytest.raises(InfeasibleError, match=r"planner\.delta"):
-        evaluate_path(p, STEPS, "")
+        evaluate_path(bounded, STEPS, "")
+    assert evaluate_path(p, STEPS, "").objectives.collision_risk > 1e-9  # where flights judge

@@ -15,7 +15,7 @@ from pareto_ltl.planning.growth import grow_forest
 from pareto_ltl.planning.no_path import explain_no_path, explain_no_safe_path
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.selection import tree_front
-from pareto_ltl.settings import FidelityConfig, PlannerConfig, RobotConfig
+from pareto_ltl.settings import FidelityConfig, PlannerConfig, RobotConfig, preset
 from pareto_ltl.world.scene import Scene
 from problems import box, make_problem, make_scene, smooth_wind, steady_wind
 
@@ -76,12 +76,13 @@ def test_a_gap_that_is_only_risky_is_told_with_limits_that_let_a_path_through(
 
 def test_paths_that_break_delta_alone_name_the_delta_that_keeps_one() -> None:
     cfg = replace(CFG, epsilon=0.5, delta=1e-4)
-    problem = task(corridor(1.5), cfg, "full")
+    bounded = replace(preset("full"), judge="bound")
+    problem = task(corridor(1.5), cfg, bounded)
     assert plans(cfg, problem) == 0
     text = explain_no_safe_path(cfg, problem, SEEDS)
     assert set(advised_settings(text)) == {"delta"}
     better = follow(cfg, text)
-    assert plans(better, task(corridor(1.5), better, "full")) > 0
+    assert plans(better, task(corridor(1.5), better, bounded)) > 0
 
 
 def test_too_few_vertices_are_told_with_a_number_that_finds_a_path() -> None:

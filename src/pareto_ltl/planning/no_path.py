@@ -65,10 +65,13 @@ class _Trials:
 
 
 def with_limits(problem: Problem, epsilon: float, delta: float) -> Problem:
-    """``problem`` with other values of planner.epsilon and planner.delta."""
+    """``problem`` with other values of planner.epsilon and planner.delta, which its paths are held to."""
     kind = problem.fidelity.collision_bound
     collision = pack_collision(kind, pack_barriers(problem.scene, problem.obstacles), epsilon, delta)
-    return replace(problem, epsilon=epsilon, world=problem.world._replace(collision=collision))
+    return replace(
+        problem, epsilon=epsilon, world=problem.world._replace(collision=collision),
+        fidelity=replace(problem.fidelity, judge="bound"),
+    )  # fmt: skip
 
 
 def explain_no_path(

@@ -38,7 +38,7 @@ class PlannerConfig(CheckedSettings):
     )
     delta: float = setting(
         0.8,
-        "collision probability allowed on a whole path, with fidelity.collision_bound=path",
+        "collision probability allowed on a whole path, with fidelity.collision_bound=path and judge=bound",
         above=0,
         below=1,
     )

@@ -69,7 +69,7 @@ def fidelity_name(result: Evidence) -> Verdict:
     told = result.settings["fidelity"]
     preset = {
         "paper": ("independent", "open", "theorem2", "step", "dominance", "convex", "bound"),
-        "full": ("coherent", "wall", "ordered", "path", "mixed", "convex", "flights"),
+        "full": ("coherent", "wall", "ordered", "path", "mixed", "sampled", "flights"),
     }[told["name"]]
     keys = ("law", "border", "mission_bound", "collision_bound", "parents", "refine", "judge")
     changed = [f"{key}={told[key]}" for key, usual in zip(keys, preset, strict=True) if told[key] != usual]
@@ -169,8 +169,10 @@ def clearance(result: Evidence) -> Verdict:
     return no_fault("clear of obstacles", faults)
 
 
-def chance_constraint(result: Evidence) -> Verdict:
-    """Eqs. (9) and (10) at every step, or epsilon for all obstacles of a step together."""
+def chance_constraint(result: Evidence) -> Verdict | None:
+    """Eqs. (9) and (10), or epsilon for all obstacles of a step together, where bounds judge."""
+    if result.settings["fidelity"]["judge"] != "bound":
+        return None
     cov, parts = result.course.cov, result.barriers
     if result.settings["fidelity"]["collision_bound"] == "path":
         worst = step_risk(parts, result.x, cov)
