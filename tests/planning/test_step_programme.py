@@ -1,0 +1,177 @@
+"""The cone programme of a step of the refinement, against a plain statement that cvxpy solves itself."""
+
+from __future__ import annotations
+
+import cvxpy as cp
+import numpy as np
+import pytest
+
+from pareto_ltl.kernels.path import Flight
+from pareto_ltl.planning.evaluate import propagate
+from pareto_ltl.planning.problem import Problem
+from pareto_ltl.planning.reference import wind_and_gradient
+from pareto_ltl.planning.refine import step_programme
+from pareto_ltl.planning.refine.step_programme import RIDGE, Descent, StepProgrammes
+from pareto_ltl.planning.refine.taut_lines import CAP, FACE_MARGIN
+from pareto_ltl.settings import RobotConfig
+from pareto_ltl.support.arrays import FloatArray
+from problems import along, box, make_problem, make_scene, smooth_wind, steady_wind
+
+SCENE = make_scene({"a": box(14, 8, 18, 12), "b": box(8, 15, 12, 19)}, [box(7, 8, 9, 12)], start=(2, 10))
+BENT = {"a": [[1.0, 0.002], [-0.001, 0.999]], "b": [[0.9, 0.2], [-0.1, 1.1]]}
+ROBOTS = {
+    "still air": (RobotConfig(dt=100.0, u_max=10.0), steady_wind(SCENE)),
+    "coherent wind": (RobotConfig(dt=100.0, u_max=10.0), smooth_wind(SCENE)),
+    "feedback": (
+        RobotConfig(dt=100.0, u_max=10.0, feedback=0.1, start_sd=100.0),
+        smooth_wind(SCENE, speed=2.0, sd=0.5),
+    ),
+    "matrices": (RobotConfig(dt=100.0, u_max=10.0, **BENT), smooth_wind(SCENE)),
+}
+WAY = along((2, 10), (8, 6.2), (14, 8), (15, 11), step=0.6)  # 29 steps
+TRUST, LONGEST = 0.7, 15_500.0
+
+
+@pytest.fixture(scope="module", params=ROBOTS)
+def problem(request) -> Problem:
+    robot, wind = ROBOTS[request.param]
+    return make_problem("F(a & F b)", SCENE, wind, robot, fidelity="full")
+
+
+def descent_at(flight: Flight, seed: int) -> Descent:
+    """Slopes and curvatures as of some tens of flights whose binding events pull in any direction."""
+    rng, n = np.random.default_rng(seed), len(flight.x)
+    normal = rng.standard_normal((40, 2))
+    normal /= np.linalg.norm(normal, axis=1)[:, None]
+    steps = rng.integers(1, n, 40)
+    gradient, hessian = np.zeros((n, 2)), np.tile([2e-8, 0.0, 2e-8], (n, 1))
+    np.add.at(gradient, steps, -normal * 2e-5)
+    outer = np.column_stack([normal[:, 0] ** 2, normal[:, 0] * normal[:, 1], normal[:, 1] ** 2])
+    np.add.at(hessian, steps, 2e-8 * outer)
+    return Descent(gradient, hessian, 0.2)
+
+
+def plainly(problem: Problem, flight: Flight, descent: Descent, trust: float, longest: float) -> FloatArray:
+    """The programme in metres and with whole matrices, as its docstring states it."""
+    motion, x, steps = problem.motion, flight.x, len(flight.u)
+    wind, slope = wind_and_gradient(problem.wind, x[:-1])
+    X, size = cp.Variable(x.shape), problem.reach
+    change = X - x
+    cost = [cp.sum(cp.multiply(descent.gradient, change)) / descent.value]
+    for t in range(steps + 1):
+        xx, xy, yy = descent.hessian[t] / descent.value
+        H = np.array([[xx, xy], [xy, yy]]) + RIDGE / size**2 * np.eye(2)
+        cost.append(0.5 * cp.quad_form(change[t] / size, H * size**2))
+    held = [X[0] == x[0], cp.abs(change) <= trust * size]
+    for t in range(steps):
+        blown = motion.a @ X[t] + motion.dt * (wind[t] + flight.shift[t] + slope[t] @ change[t])
+        control = motion.b_inv @ (X[t + 1] - blown) / motion.dt
+        held.append(cp.norm(control) <= CAP * flight.speed[t])
+    low, high = problem.scene.bounds
+    held += [low[None] + FACE_MARGIN <= X, high[None] - FACE_MARGIN >= X]
+    held.append(sum(cp.norm(X[t + 1] - X[t]) for t in range(steps)) <= longest)
+    stated = cp.Problem(cp.Minimize(sum(cost)), held)
+    stated.solve(solver=cp.CLARABEL)
+    assert stated.status == cp.OPTIMAL
+    return np.asarray(X.value)
+
+
+def model_value(problem: Problem, flight: Flight, descent: Descent, y: FloatArray) -> float:
+    """What the step is expected to gain, as a share of the failure."""
+    d = y - flight.x
+    xx, xy, yy = descent.hessian.T
+    bend = xx * d[:, 0] ** 2 + 2 * xy * d[:, 0] * d[:, 1] + yy * d[:, 1] ** 2
+    bend += descent.value * RIDGE / problem.reach**2 * (d**2).sum(axis=1)
+    return float(((descent.gradient * d).sum() + 0.5 * bend.sum()) / descent.value)
+
+
+def path_length(x: FloatArray) -> float:
+    return float(np.linalg.norm(np.diff(x, axis=0), axis=1).sum())
+
+
+def linear_controls(problem: Problem, flight: Flight, y: FloatArray) -> FloatArray:
+    """Airspeed that each step of ``y`` asks for, in the wind linearised about ``flight``, (T,) [m/s]."""
+    motion = problem.motion
+    wind, slope = wind_and_gradient(problem.wind, flight.x[:-1])
+    blown = wind + flight.shift + np.einsum("tij,tj->ti", slope, (y - flight.x)[:-1])
+    control = (y[1:] - y[:-1] @ motion.a.T - motion.dt * blown) @ motion.b_inv.T / motion.dt
+    return np.asarray(control)
+
+
+# --- one programme, two roads ---------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("seed", "longest"), [(0, LONGEST), (1, LONGEST), (2, 25_000.0)])
+def test_the_solved_step_is_that_of_the_plain_statement(problem: Problem, seed: int, longest: float) -> None:
+    flight = propagate(problem, WAY)
+    descent = descent_at(flight, seed)
+    found = StepProgrammes(problem).next_means(flight, descent, TRUST, longest)
+    expected = plainly(problem, flight, descent, TRUST, longest)
+    assert found is not None
+    best, reached = (model_value(problem, flight, descent, y) for y in (expected, found))
+    assert best < -0.05  # there is something to gain
+    assert reached == pytest.approx(best, abs=1e-4)
+    np.testing.assert_allclose(found, expected, atol=0.01 * problem.reach)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_speeds_length_map_and_trust_region_hold(problem: Problem, seed: int) -> None:
+    flight = propagate(problem, WAY)
+    y = StepProgrammes(problem).next_means(flight, descent_at(flight, seed), TRUST, LONGEST)
+    assert y is not None
+    speed = np.linalg.norm(linear_controls(problem, flight, y), axis=1)
+    assert (speed <= CAP * flight.speed + 1e-4 * problem.motion.u_max).all()
+    assert path_length(y) <= LONGEST * (1.0 + 1e-5)
+    assert path_length(y) > 0.99 * LONGEST  # the cap binds
+    assert (np.abs(y - flight.x) <= (TRUST + 1e-4) * problem.reach).all()
+    np.testing.assert_array_equal(y[0], flight.x[0])
+    assert (np.abs(y - flight.x).max() > 0.5 * TRUST * problem.reach).all()
+
+
+def test_a_map_border_beside_the_path_holds(problem: Problem) -> None:
+    flight = propagate(problem, along((2, 10), (6, 0.4), (12, 4), step=0.6))
+    descent = descent_at(flight, 0)
+    pulled = Descent(descent.gradient + np.array([0.0, 1e-3]), descent.hessian, descent.value)
+    y = StepProgrammes(problem).next_means(flight, pulled, TRUST, 25_000.0)
+    assert y is not None
+    low, high = problem.scene.bounds
+    assert (y >= low).all()
+    assert (y <= high).all()
+    assert y[:, 1].min() < 10.0
+
+
+def test_a_length_that_no_path_can_have_gives_no_answer(problem: Problem) -> None:
+    flight = propagate(problem, WAY)
+    programmes = StepProgrammes(problem)
+    assert programmes.next_means(flight, descent_at(flight, 0), TRUST, 5_000.0) is None
+    assert programmes.next_means(flight, descent_at(flight, 0), TRUST, LONGEST) is not None
+
+
+# --- what was solved before, and how many steps the programme has -----------------------------------
+
+
+def test_an_answer_does_not_depend_on_what_was_solved_before(problem: Problem) -> None:
+    flight = propagate(problem, WAY)
+    other = propagate(problem, along((2, 10), (7, 15), (16, 10), step=0.55))
+    programmes = StepProgrammes(problem)
+    fresh = StepProgrammes(problem).next_means(flight, descent_at(flight, 0), TRUST, LONGEST)
+    for seed, trust in ((3, 0.01), (4, 1.0)):
+        assert programmes.next_means(other, descent_at(other, seed), trust, 30_000.0) is not None
+    programmes.next_means(flight, descent_at(flight, 5), TRUST, 5_000.0)  # without an answer
+    again = programmes.next_means(flight, descent_at(flight, 0), TRUST, LONGEST)
+    np.testing.assert_array_equal(again, fresh)
+
+
+def test_steps_beyond_the_path_change_nothing(problem: Problem, monkeypatch: pytest.MonkeyPatch) -> None:
+    flight = propagate(problem, WAY)
+    assert len(flight.u) % step_programme.SIZES != 0
+    descent = descent_at(flight, 1)
+    padded = StepProgrammes(problem).next_means(flight, descent, TRUST, LONGEST)
+    monkeypatch.setattr(step_programme, "SIZES", 1)
+    exact = StepProgrammes(problem).next_means(flight, descent, TRUST, LONGEST)
+    assert padded is not None
+    assert exact is not None
+    assert padded.shape == exact.shape == flight.x.shape
+    values = [model_value(problem, flight, descent, y) for y in (padded, exact)]
+    assert values[0] == pytest.approx(values[1], abs=1e-5)
+    np.testing.assert_allclose(padded, exact, atol=5e-3 * problem.reach)
