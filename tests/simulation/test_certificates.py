@@ -10,8 +10,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from flown import succeeds
+from pareto_ltl.kernels.claims import ClaimCosts, ClaimEdges, cheapest_claims
 from pareto_ltl.planning.problem import Problem
-from pareto_ltl.simulation.certificates import LEAST_SD, Landscape, find_certificate, landscape
+from pareto_ltl.simulation.certificates import (
+    LEAST_SD,
+    Landscape,
+    claim_edges,
+    find_certificate,
+    landscape,
+)
 from pareto_ltl.support.arrays import FloatArray
 from problems import KM, along, box, make_problem, make_scene
 
@@ -80,6 +87,51 @@ def test_a_good_way_has_a_certificate_and_every_line_of_it_counts_at_its_step(na
     assert np.linalg.norm(lines.normal, axis=1) == pytest.approx(1.0)
     assert np.all(np.einsum("ki,ki->k", x[lines.step], lines.normal) < lines.offset)
     assert lines.sd == pytest.approx(400.0)
+
+
+def all_edges(problem: Problem) -> ClaimEdges:
+    """Every edge between claims, cell by cell, needless or not."""
+    logic = problem.world.logic
+    labelled = [c for c, label in enumerate(problem.labels) if label]
+    rows, shunned = [], []
+    for q, p in np.ndindex(len(logic.delta), len(logic.delta)):
+        if logic.covers[logic.delta[q, -1], p]:
+            rows.append((q, p, -1))
+            shunned.append(
+                [g for g, c in enumerate(labelled) if logic.spoils[q, c, p] and not logic.loses[q, c]]
+            )
+        for g, c in enumerate(labelled):
+            if logic.covers[logic.delta[q, c], p] and not logic.loses[q, c]:
+                rows.append((q, p, g))
+                shunned.append([])
+    source, target, shown = np.array(rows).T.copy()
+    cells = np.array([g for own in shunned for g in own], np.int64)
+    return ClaimEdges(
+        source, target, shown, np.cumsum([0, *map(len, shunned)]), cells,
+        logic.loses[:, logic.hazards.cell].copy(),
+    )  # fmt: skip
+
+
+@settings(deadline=None, max_examples=100)
+@given(st.sampled_from(FORMULAS), st.integers(0, 2**32 - 1))
+def test_edges_that_are_left_out_are_not_missed(formula, seed):
+    """Random costs: the cheapest run over all edges costs as much as over those that are kept."""
+    problem, rng = TASKS[formula], np.random.default_rng(seed)
+    labelled = [c for c, label in enumerate(problem.labels) if label]
+    kept = claim_edges(problem.world.logic, labelled, [[g] for g in range(len(labelled))])
+    edges, states, steps = all_edges(problem), len(problem.automaton.delta), 6
+    assert len(kept.source) < len(edges.source)
+    cells, hazards = len(labelled), edges.loses.shape[1]
+    costs = ClaimCosts(*(rng.uniform(0, 1, (steps, n)) for n in (cells, cells, hazards)))
+    for table in costs:
+        table[rng.random(table.shape) < 0.3] = np.inf
+    logic, found = problem.world.logic, []
+    for some in (edges, kept):
+        least, via = np.empty((steps + 1, states)), np.empty((steps, states), np.int64)
+        least[0] = np.where(logic.covers[logic.initial], 0.0, np.inf)
+        cheapest_claims(some, costs, least, via)
+        found.append(least[-1, logic.distance == 0.0].min())
+    assert found[0] == pytest.approx(found[1])
 
 
 def test_a_flight_that_fails_has_none():

@@ -181,43 +181,43 @@ def claim_edges(logic: Logic, labelled: Sequence[int], members: Sequence[Sequenc
 
     From q, a position in a polygon leads to p if the label of each of its cells c leads to a state as good
     as p and c does not lose q; any position does if no label at all leads there and all cells are shunned
-    whose label does not.
+    whose label does not. An edge is needless if another one of the same polygon leads to a claim that is as
+    good and that no more hazards lose, and shuns no more cells. Of equal edges the first is kept.
     """
-    harmless = ~logic.spoils[:, labelled] & ~logic.loses[:, labelled, None]
-    rows: list[tuple[int, int, int, tuple[int, ...]]] = []
+    spoils, keeps = logic.spoils[:, labelled], ~logic.loses[:, labelled, None]
+    better = logic.covers & ~_exceeds(logic.loses)
+    nothing = np.zeros((len(logic.delta), 0), bool)
+    rows: list[tuple[int, int, int]] = []
+    shunned: list[IntArray] = []
     for q in range(len(logic.delta)):
-        choices = [(-1, ~logic.spoils[q, -1])]  # first, so that no line is asked for without need
-        choices += [(g, harmless[q, own].all(axis=0)) for g, own in enumerate(members)]
-        for g, reaches in choices:
-            spoiling = logic.spoils[q, labelled] & ~logic.loses[q, labelled, None]
-            found = [
-                (q, p, g, tuple(np.flatnonzero(spoiling[:, p]).tolist()) if g < 0 else ())
-                for p in np.flatnonzero(reaches).tolist()
-            ]
-            rows += [row for row in found if not any(_makes_needless(logic, other, row) for other in found)]
-    ptr = np.cumsum([0, *[len(shunned) for *_, shunned in rows]])
-    source, target, shown = np.array([row[:3] for row in rows], np.int64).reshape(-1, 3).T
-    return ClaimEdges(
-        np.ascontiguousarray(source), np.ascontiguousarray(target), np.ascontiguousarray(shown),
-        ptr.astype(np.int64), np.array([c for *_, shunned in rows for c in shunned], np.int64),
-        np.ascontiguousarray(logic.loses[:, logic.hazards.cell]),
-    )  # fmt: skip
+        spoiling = (spoils[q] & keeps[q]).T
+        choices = [(-1, ~logic.spoils[q, -1], spoiling)]  # first, so that no line is asked for without need
+        for g, own in enumerate(members):
+            choices.append((g, (~spoils[q, own] & keeps[q, own]).all(axis=0), nothing))
+        for g, reaches, shuns in choices:
+            for p in _needed(np.flatnonzero(reaches), better, shuns):
+                rows.append((q, p, g))
+                shunned.append(np.flatnonzero(shuns[p]))
+    source, target, shown = np.array(rows, np.int64).reshape(-1, 3).T.copy()
+    ptr = np.cumsum([0, *map(len, shunned)]).astype(np.int64)
+    cells = np.concatenate([np.empty(0, np.int64), *shunned])
+    return ClaimEdges(source, target, shown, ptr, cells, logic.loses[:, logic.hazards.cell].copy())
 
 
-def _makes_needless(
-    logic: Logic, other: tuple[int, int, int, tuple[int, ...]], row: tuple[int, int, int, tuple[int, ...]]
-) -> bool:
-    """Whether ``other`` leads to at least as good a claim, which no more hazards lose, and shuns no more.
+def _exceeds(table: BoolArray) -> BoolArray:
+    """Entry (i, k): row i of ``table`` is true somewhere where row k is not."""
+    return np.asarray(table.astype(np.float32) @ (~table).T.astype(np.float32) > 0.5, bool)
 
-    Of two equal edges the first is kept.
+
+def _needed(reached: IntArray, better: BoolArray, shuns: BoolArray) -> list[int]:
+    """Those of the claims ``reached`` that none of the others makes needless.
+
+    ``better[p, q]``: claim p is worth as much as q; ``shuns`` (Q, C) are the cells that each has to shun.
     """
-    p, q = other[1], row[1]
-    if p == q or not logic.covers[p, q] or not set(other[3]) <= set(row[3]):
-        return False
-    if (logic.loses[p] & ~logic.loses[q]).any():
-        return False
-    equal = logic.covers[q, p] and other[3] == row[3] and not (logic.loses[q] & ~logic.loses[p]).any()
-    return bool(not equal or p < q)
+    at_least = better[np.ix_(reached, reached)] & ~_exceeds(shuns[reached])
+    first = np.arange(len(reached))[:, None] < np.arange(len(reached))
+    instead = at_least & (~at_least.T | first)
+    return [int(p) for p in reached[~instead.any(axis=0)]]
 
 
 # --- the certificate of one flight -------------------------------------------------------------
