@@ -10,6 +10,7 @@ import pytest
 from numpy.random import SeedSequence
 
 import pareto_ltl
+from pareto_ltl.planning.records import WEIGHTED
 from pareto_ltl.simulation import flights as deployment
 from pareto_ltl.simulation import importance
 from problems import MISSIONS, paper_problem
@@ -57,4 +58,4 @@ def test_rate_of_a_rare_failure_from_20_000_draws(benchmark, safe_plan):
     error = float(np.where(failed, weights, 0.0).std()) / np.sqrt(20_000) / rate.failure
     benchmark.extra_info["budget"] = 1.0
     benchmark.extra_info["figures"] = [(f"standard error at {rate.failure:.1e}", error, 0.05)]
-    assert rate.method == importance.METHOD
+    assert rate.method == WEIGHTED

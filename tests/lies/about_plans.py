@@ -49,7 +49,10 @@ def _promised(**changes: Any) -> Callable[[Path], Any]:
     def edit(place: Path) -> None:
         in_plan(lambda plan: plan["promise"].update(changes))(place)
         names = ("failure", "low", "high", "runs", "bound", "passed")
-        in_metrics({f"promise_{name}": changes[name] for name in names if name in changes})(place)
+        numbers = {f"promise_{name}": changes[name] for name in names if name in changes}
+        if "method" in changes:
+            numbers["promise_weighted"] = float(changes["method"] == "importance sampling")
+        in_metrics(numbers)(place)
 
     return edit
 
@@ -150,6 +153,18 @@ PLAN_LIES = (
         "full",
     ),
     Lie("the promise is of another method", _promised(method="prayer"), PROMISE, "full"),
+    Lie(
+        "weighted flights often fail",
+        _promised(method="importance sampling", failure=0.05, low=0.04, high=0.06),
+        PROMISE,
+        "full",
+    ),
+    Lie(
+        "weighted flights hardly ever fail",
+        _promised(method="importance sampling", failure=1e-8, low=0.9e-8, high=1.1e-8),
+        ("plan: promised rate",),
+        "full",
+    ),
     Lie("the bound is another", _promised(bound=0.01), PROMISE, "full"),
     Lie("the linearity is another", _promised(linearity=1e-3), PROMISE, "full"),
     Lie("the claim did not stand", _promised(passed=False), PROMISE, "full"),

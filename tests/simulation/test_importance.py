@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.random import SeedSequence
-from scipy.stats import binom, norm
+from scipy.stats import binom, binomtest, norm
 
 from coherent import SCENE, STEPS, coherent_problem
 from flown import succeeds
@@ -19,11 +19,13 @@ from pareto_ltl.kernels import importance as kernel
 from pareto_ltl.planning import reference_importance as plain
 from pareto_ltl.planning.evaluate import cross_covariance, evaluate_path, propagate
 from pareto_ltl.planning.problem import Problem
-from pareto_ltl.planning.records import FailureRate, PlannedPath
+from pareto_ltl.planning.records import FLIGHTS, WEIGHTED, FailureRate, PlannedPath
 from pareto_ltl.settings import PlannerConfig, RobotConfig, preset
 from pareto_ltl.simulation import importance
+from pareto_ltl.simulation import promise as promises
 from pareto_ltl.simulation.failure_modes import nearest_mixture
-from pareto_ltl.simulation.flights import linked_fields, simulate_flights
+from pareto_ltl.simulation.flights import counted_rate, linked_fields, simulate_flights
+from pareto_ltl.simulation.promise import RARE, count_agrees, fresh_rate
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import InfeasibleError
 from problems import KM, QUICK_ERROR, along, box, make_problem, make_scene, smooth_wind, steady_wind
@@ -277,7 +279,7 @@ def test_rates_are_those_of_plain_flights(name):
     assert error < 0.06 * rate
     assert abs(rate - plain_rate) < 5.3 * math.hypot(error, math.sqrt(rate * (1 - rate) / runs))
     found = importance.importance_rate(problem, path, draws, SeedSequence(2))
-    assert found == FailureRate(law, found.failure, found.low, found.high, draws, importance.METHOD)
+    assert found == FailureRate(law, found.failure, found.low, found.high, draws, WEIGHTED)
     assert found.failure == pytest.approx(rate)
     assert found.low < rate < found.high
 
@@ -379,3 +381,41 @@ def test_a_plan_that_outlasts_the_wind_and_too_few_draws_are_refused():
     known = coherent_problem(SCENE, until=1800.0)
     with pytest.raises(InfeasibleError, match="outlasts the wind"):
         importance.importance_rate(known, outlasting, 10, SeedSequence(0))
+
+
+# --- what is promised -----------------------------------------------------------------------------
+
+
+def test_the_promise_of_a_plan_that_seldom_fails_is_weighted(caplog):
+    rate = fresh_rate(*straight(4.0), 3000, SeedSequence(4))
+    assert (rate.law, rate.method, rate.runs) == ("independent", WEIGHTED, 3000)
+    assert rate.failure == pytest.approx(norm.sf(4.0), rel=0.2)  # six standard errors
+    assert rate.high < 1.2 * rate.low
+    assert fresh_rate(*straight(4.0), 3000, SeedSequence(4)) == rate
+    often = fresh_rate(*straight(2.0), 3000, SeedSequence(4))
+    assert often.method == FLIGHTS
+    assert often.failure > RARE
+    assert not caplog.text
+
+
+def test_a_count_that_contradicts_the_weighted_rate_is_what_is_promised(caplog, monkeypatch):
+    monkeypatch.setattr(promises, "count_failures", lambda *_: 4)
+    rate = fresh_rate(*straight(4.0), 5000, SeedSequence(4))
+    assert rate == counted_rate("independent", 4, 5000)
+    assert "is not that of 5000 fresh ones in independent winds" in caplog.text
+
+
+def test_without_half_spaces_the_count_is_what_is_promised(monkeypatch):
+    problem = landmark_problem()
+    path = evaluate_path(problem, LANDMARK_WAY, "by hand")
+    monkeypatch.setattr(promises, "count_failures", lambda *_: 1)
+    assert fresh_rate(problem, path, 5000, SeedSequence(4)) == counted_rate("coherent", 1, 5000)
+
+
+@settings(deadline=None, max_examples=100)
+@given(st.integers(0, 40), st.integers(1000, 20_000), st.floats(1e-6, 1e-3), st.floats(1.0, 3.0))
+def test_counts_agree_with_rates_that_explain_them(failures, runs, low, wider):
+    weighted = FailureRate("coherent", low, low, low * wider, runs, WEIGHTED)
+    within = binomtest(failures, runs, low * wider, alternative="greater").pvalue >= 1e-3
+    within &= binomtest(failures, runs, low, alternative="less").pvalue >= 1e-3
+    assert count_agrees(counted_rate("coherent", failures, runs), weighted) == within

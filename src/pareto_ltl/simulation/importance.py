@@ -45,11 +45,12 @@ from pareto_ltl.planning.records import WEIGHTED, FailureRate, PlannedPath
 from pareto_ltl.simulation.certificates import landscape
 from pareto_ltl.simulation.failure_modes import FailureModes, find_failure_modes
 from pareto_ltl.simulation.flights import (
-    BLOCK,
-    clopper_pearson,
+    block_rows,
+    counted_rate,
     flight_judge,
     kept_by_epoch,
     linked_fields,
+    require_known_wind,
     simulate_flights,
     unspawned,
 )
@@ -57,7 +58,6 @@ from pareto_ltl.simulation.records import Deployment
 from pareto_ltl.support.arrays import BoolArray, Float32Array, FloatArray
 from pareto_ltl.support.cores import cores
 
-METHOD = WEIGHTED
 SPARE = 2.0  # largest weights that the upper end of an interval allows for beyond those drawn
 
 
@@ -126,9 +126,8 @@ class Proposal:
 def importance_rate(problem: Problem, path: PlannedPath, draws: int, seed: SeedSequence) -> FailureRate:
     """Failure rate of ``path`` in the nonlinear winds of ``fidelity.law``, from ``draws`` weighted flights.
 
-    Plain flights are counted instead (``method="flights"``) where there is nothing to sample by: the plan
-    counts on position fixes, after which deviations are not linear in z; its mean has no certificate, so that
-    it fails often; or no half-space has a probability above 0, as without uncertainty.
+    Where there is nothing to sample by (:func:`weighted_rate`) as many plain flights are counted
+    (``method="flights"``).
 
     Raises
     ------
@@ -137,19 +136,30 @@ def importance_rate(problem: Problem, path: PlannedPath, draws: int, seed: SeedS
     InfeasibleError
         Where the wind is not known for so long.
     """
+    rate = weighted_rate(problem, path, draws, seed)
+    if rate is not None:
+        return rate
+    law = problem.fidelity.law
+    flights = simulate_flights(problem, path.u, draws, law, seed, path.x)
+    return counted_rate(law, int(flights.failed.sum()), draws)
+
+
+def weighted_rate(problem: Problem, path: PlannedPath, draws: int, seed: SeedSequence) -> FailureRate | None:
+    """The same, or None: for a plan that counts on position fixes, after which deviations are not linear in
+    z; for one whose mean has no certificate, which fails often; and where no half-space has a probability
+    above 0, as without uncertainty."""
     if draws < 1:
         raise ValueError(f"importance sampling needs at least one draw, got draws = {draws}")
+    require_known_wind(problem, path.u, path.x)
     law = problem.fidelity.law
-    linear = not path.fixes and len(path.u) <= len(problem.wind.slot)
-    proposal = make_proposal(problem, path, law) if linear else None
+    proposal = None if path.fixes else make_proposal(problem, path, law)
     if proposal is None:
-        failed = simulate_flights(problem, path.u, draws, law, seed, path.x).failed
-        low, high = clopper_pearson(int(failed.sum()), draws)
-        return FailureRate(law, float(failed.mean()), low, high, draws)
+        return None
     weights, failed = weighted_flights(problem, path, proposal, draws, seed)
-    rate = min(float(weights[failed].sum()) / draws, 1.0)
-    low, high = weighted_interval(np.where(failed, weights, 0.0), proposal.ladder.plain)
-    return FailureRate(law, rate, low, high, draws, METHOD)
+    weighted = np.where(failed, weights, 0.0)
+    rate = min(float(weighted.mean()), 1.0)
+    low, high = weighted_interval(weighted, proposal.ladder.plain)
+    return FailureRate(law, rate, min(low, rate), max(high, rate), draws, WEIGHTED)
 
 
 def weighted_interval(weights: FloatArray, plain: float, confidence: float = 0.95) -> tuple[float, float]:
@@ -282,7 +292,7 @@ def weighted_flights(
         weights[rows] = 1.0 / density
         failed[rows] = Deployment(law, *outcome, problem.scene.walled).failed
 
-    blocks = [slice(first, min(first + BLOCK, draws)) for first in range(0, draws, BLOCK)]
+    blocks = block_rows(draws)
     with ThreadPoolExecutor(cores()) as pool:
         list(pool.map(one, blocks, unspawned(seed).spawn(len(blocks))))
     return weights, failed

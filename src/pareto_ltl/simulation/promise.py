@@ -88,15 +88,38 @@ def fresh_promise(
 
 
 def fresh_rate(problem: Problem, path: PlannedPath, runs: int, seed: SeedSequence) -> FailureRate:
-    """The rate of ``runs`` flights that nothing has seen; below ``RARE``, of as many weighted ones."""
-    from pareto_ltl.simulation.importance import importance_rate
+    """The rate of ``runs`` flights that nothing has seen; below ``RARE``, of as many weighted ones.
 
-    rate = counted_rate(problem.fidelity.law, count_failures(problem, path, runs, seed), runs)
-    if rate.failure >= RARE:
-        return rate
+    The count stays where there are no weighted flights, where its interval is the narrower one, and where it
+    contradicts them: then they have missed a way to fail.
+    """
+    from pareto_ltl.simulation.importance import weighted_rate
+
+    counted = counted_rate(problem.fidelity.law, count_failures(problem, path, runs, seed), runs)
+    if counted.failure >= RARE:
+        return counted
     others = SeedSequence(seed.entropy, spawn_key=(*seed.spawn_key, WEIGHTED_CHILD))
-    weighted = importance_rate(problem, path, runs, others)
-    return weighted if weighted.method == WEIGHTED else rate
+    weighted = weighted_rate(problem, path, runs, others)
+    if weighted is None or weighted.high - weighted.low >= counted.high - counted.low:
+        return counted
+    if count_agrees(counted, weighted):
+        return weighted
+    LOG.warning(
+        "%s: the rate of weighted flights, %s, is not that of %d fresh ones in %s winds, %s; the latter is "
+        "promised",
+        path.origin, _rate_words(weighted), runs, counted.law, _rate_words(counted),
+    )  # fmt: skip
+    return counted
+
+
+def count_agrees(counted: FailureRate, weighted: FailureRate) -> bool:
+    """Whether a rate within the interval of ``weighted`` explains the count: with a chance of ``DOUBT`` or
+    more, as many flights fail or more at its upper end, and as few or fewer at its lower one."""
+    from scipy.stats import binom
+
+    more = binom.sf(counted.failures - 1, counted.runs, weighted.high)
+    fewer = binom.cdf(counted.failures, counted.runs, weighted.low)
+    return bool(min(more, fewer) >= DOUBT)
 
 
 def claim_stands(rate: FailureRate, claimed: FailureRate) -> bool:
