@@ -1,0 +1,175 @@
+"""Sampled refinement as a whole: where it begins, what it brings on flights that it has not seen."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.random import SeedSequence
+from scipy.stats import fisher_exact
+
+from coherent import RARE
+from pareto_ltl.planning.evaluate import propagate
+from pareto_ltl.planning.growth import grow_forest
+from pareto_ltl.planning.problem import Problem
+from pareto_ltl.planning.refine import front_sweep, sampled_paths
+from pareto_ltl.planning.refine.path_classes import path_class
+from pareto_ltl.planning.refine.sampled import Candidate, path_length, resampled_means
+from pareto_ltl.planning.refine.starts import first_starts, flipped_starts, line_starts, tree_starts
+from pareto_ltl.settings import PlannerConfig, RefineConfig, RobotConfig, preset
+from pareto_ltl.simulation.common_flights import draw_flights, is_certain
+from pareto_ltl.simulation.flights import simulate_flights
+from problems import box, make_problem, make_scene, smooth_wind, steady_wind
+
+PLANNER = PlannerConfig(trees=3, n_max=600, epsilon=0.5)
+REFINE = RefineConfig(flights=400, sweep_flights=120, classes=2, points=6)
+FRESH = 4000
+
+
+def task(law: str = "coherent", border: str = "open", formula: str = "F(a & F b)") -> Problem:
+    """Two regions with two obstacles between them, in winds that make the mission fail sometimes."""
+    scene = make_scene(
+        {"a": box(13, 2, 17, 6), "b": box(3, 13, 7, 17)},
+        [box(7, 1, 9, 6), box(10, 9, 13, 12)],
+        start=(2.0, 3.0),
+    )
+    scene = replace(scene, border=border)
+    robot = RobotConfig(dt=100.0, u_max=12.0, start_sd=100.0)
+    wind = smooth_wind(scene, speed=1.5, sd=0.9, gust=0.5)
+    models = replace(preset("full"), law=law, border=border)
+    return make_problem(formula, scene, wind, robot, PLANNER, fidelity=models)
+
+
+@pytest.fixture(scope="module")
+def grown():
+    problem = task()
+    return problem, grow_forest(PLANNER, problem, SeedSequence(3))
+
+
+def refined(problem, forest, seed=5):
+    flights = draw_flights(problem, problem.fidelity.law, REFINE.flights, SeedSequence(seed))
+    return sampled_paths(REFINE, problem, forest, flights)
+
+
+# --- starts -----------------------------------------------------------------------------------
+
+
+def test_starts_complete_the_mission_and_are_of_one_class_each(grown):
+    problem, forest = grown
+    starts = first_starts(problem, forest)
+    assert len(starts) >= 3
+    for kind, start in starts.items():
+        assert path_class(problem, start.x) == kind
+        assert problem.world.logic.distance[kind.state] == 0.0
+
+
+def test_trees_supply_more_than_one_class(grown):
+    problem, forest = grown
+    classes = {path_class(problem, start.x) for start in tree_starts(problem, forest)}
+    assert len(classes) == len(tree_starts(problem, forest)) >= 2
+
+
+def test_lines_are_drawn_for_every_order_of_the_mission():
+    problem = task(formula="F a & F b")
+    orders = {path_class(problem, start.x).order for start in line_starts(problem)}
+    assert len({tuple(tuple(sorted(label)) for _, label in order) for order in orders}) == 2
+
+
+def test_a_flipped_path_passes_the_obstacle_on_its_other_side(grown):
+    problem, forest = grown
+    best = tree_starts(problem, forest)[0]
+    own = path_class(problem, best.x).word
+    flipped = {path_class(problem, start.x).word for start in flipped_starts(problem, best.x, "")}
+    assert flipped - {own}
+
+
+# --- lengths and steps ------------------------------------------------------------------------
+
+
+@given(st.integers(2, 40))
+def test_resampling_keeps_the_ends_and_never_lengthens_the_line(steps):
+    problem = task()
+    x = line_starts(problem)[0].x
+    y = resampled_means(problem, x, steps)
+    assert len(y) == steps + 1
+    np.testing.assert_allclose(y[[0, -1]], x[[0, -1]])
+    assert path_length(y) <= path_length(x) * (1 + 1e-9)
+
+
+candidates = st.lists(st.tuples(st.floats(1.0, 10.0), st.floats(0.0, 1.0)), min_size=1, max_size=30)
+
+
+@given(candidates)
+def test_the_front_is_what_no_other_candidate_beats(rows):
+    found = [Candidate(None, length, failure, failure) for length, failure in rows]  # type: ignore[arg-type]
+    kept = front_sweep.front_of(found)
+    assert [k.length for k in kept] == sorted({k.length for k in kept})
+    for k in found:
+        assert any(other.length <= k.length and other.smoothed <= k.smoothed for other in kept)
+    for one, other in pairwise(kept):
+        assert other.smoothed < one.smoothed
+
+
+@given(candidates, st.integers(2, 20))
+def test_points_are_spread_from_the_shortest_to_the_longest(rows, most):
+    kept = front_sweep.front_of(
+        Candidate(None, length, failure, failure)
+        for length, failure in rows  # type: ignore[arg-type]
+    )
+    jobs = front_sweep.spread_points(kept, most)
+    caps = [cap for _, cap in jobs]
+    assert caps[0] == pytest.approx(kept[0].length)
+    assert len(caps) in (1, most)
+    assert caps == sorted(caps)
+    assert all(k.length <= front_sweep.SPACING * cap * (1 + 1e-9) for k, cap in jobs)
+
+
+# --- what it brings ---------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("law", "border"), [("coherent", "open"), ("coherent", "wall"), ("independent", "open")]
+)
+def test_refined_paths_fail_less_on_fresh_flights_than_those_of_the_trees(law, border):
+    problem = task(law, border)
+    forest = grow_forest(PLANNER, problem, SeedSequence(3))
+    paths = refined(problem, forest)
+
+    def failures(x):
+        flown = simulate_flights(problem, propagate(problem, x).u, FRESH, law, SeedSequence(77), x)
+        return int(flown.failed.sum())
+
+    tree = min(failures(start.x) for start in tree_starts(problem, forest))
+    best = min(failures(path.x) for path in paths)
+    table = [[best, FRESH - best], [tree, FRESH - tree]]
+    assert fisher_exact(table, alternative="less").pvalue < RARE
+
+
+def test_lengths_fall_along_the_front_and_every_path_can_be_flown(grown):
+    problem, forest = grown
+    paths = refined(problem, forest)
+    lengths = [path.objectives.length for path in paths]
+    assert len(paths) >= 3
+    assert lengths == sorted(lengths)
+    for path in paths:
+        assert np.linalg.norm(path.u, axis=1).max() <= problem.motion.u_max * (1 + 1e-6)
+        assert problem.automaton.distance[path.q[-1]] == 0.0
+
+
+def test_the_same_seed_gives_the_same_paths_on_one_core_and_on_two(grown, monkeypatch):
+    problem, forest = grown
+    first = refined(problem, forest)
+    monkeypatch.setattr(front_sweep, "cores", lambda: 1)
+    again = refined(problem, forest)
+    assert [path.x.tobytes() for path in first] == [path.x.tobytes() for path in again]
+
+
+def test_a_wind_without_doubt_is_known_as_one():
+    scene = make_scene({"a": box(13, 2, 17, 6)}, [box(7, 1, 9, 6)], start=(2.0, 3.0))
+    calm = make_problem("F a", scene, steady_wind(scene, mean=(1.0, 0.0), gust=(0.0, 0.0)), fidelity="full")
+    assert is_certain(calm)
+    assert not is_certain(task())
