@@ -19,7 +19,7 @@ from pareto_ltl.planning.records import Front, Objectives, PlannedPath, objectiv
 from pareto_ltl.planning.selection_rules import choose_path
 from pareto_ltl.settings import PlannerConfig, SelectionConfig
 from pareto_ltl.simulation.flights import counted_rate
-from pareto_ltl.support.errors import InfeasibleError
+from pareto_ltl.support.errors import ConfigError, InfeasibleError
 from problems import two_goals
 
 some = settings(deadline=None, max_examples=80)
@@ -275,3 +275,87 @@ def test_a_threshold_that_nothing_keeps_says_what_could_be_kept():
     advised = re.search(r"set selection\.alpha=(\S+),", str(told.value))
     assert advised is not None
     choose_path(SelectionConfig(rule="threshold", alpha=float(advised[1])), front)
+
+
+# --- rules over failure rates ---------------------------------------------------------------------------
+
+
+def test_weighted_gives_the_failure_rate_the_weights_of_both_risks():
+    front = flown_front((400.0, 200.0, 100.0), same_flights(20, 60, 400))
+    assert chosen(front, rule="weighted", weights=[0.0, 0.0, 1.0])[2] == 100.0
+    assert chosen(front, rule="weighted", weights=[0.5, 0.5, 0.0])[2] == 400.0
+    for weights in ([9.0, 1.0, 1.0], [1.0, 9.0, 1.0]):  # 0.909 f + 0.091 length / 100
+        assert chosen(front, rule="weighted", weights=weights)[2] == 200.0
+
+
+def test_threshold_takes_the_shortest_whose_upper_limit_keeps_it():
+    front = flown_front((400.0, 300.0, 200.0), same_flights(10, 20, 40))
+    highs = [rate.high for rate in front.rates]
+    for k, high in enumerate(highs):
+        assert chosen(front, rule="threshold", alpha=high)[2] == 400.0 - 100.0 * k
+        if k:
+            assert chosen(front, rule="threshold", alpha=high - 1e-9)[2] == 500.0 - 100.0 * k
+    assert front.rates[0].failure < highs[0]
+    with pytest.raises(InfeasibleError, match=r"in independent winds \(upper end of 95 %\)") as told:
+        chosen(front, rule="threshold", alpha=front.rates[0].failure)
+    advised = re.search(r"set selection\.alpha=(\S+),", str(told.value))
+    assert advised is not None
+    assert chosen(front, rule="threshold", alpha=float(advised[1]))[2] == 400.0
+
+
+def knee_by_hand(rows):
+    """The row farthest from the line through the safest and the shortest, on the side of the origin."""
+    low, high = rows.min(axis=0), rows.max(axis=0)
+    (x1, y1), (x2, y2) = (low[0], high[1]), (high[0], low[1])
+    away = [((x2 - x1) * (y1 - y) - (x1 - x) * (y2 - y1)) / ((x2 - x1) * (y1 - y2)) for x, y in rows]
+    return int(np.argmax(away))
+
+
+@some
+@given(st.lists(st.integers(0, 60), min_size=3, max_size=9, unique=True), st.randoms(use_true_random=False))
+def test_the_knee_is_farthest_from_the_chord(counts, random):
+    counts = sorted(counts)
+    lengths = sorted(random.sample(range(100, 200), len(counts)), reverse=True)
+    front = flown_front([float(m) for m in lengths], same_flights(*counts, runs=60))
+    rows = np.column_stack([np.array(counts) / 60, lengths])
+    found = chosen(front, rule="knee")[2]
+    low, span = rows.min(axis=0), np.ptp(rows, axis=0)
+    depth = {row[1]: 1 - ((row - low) / span).sum() for row in rows}
+    assert depth[found] == pytest.approx(max(depth.values()))
+    assert depth[float(lengths[knee_by_hand(rows)])] == pytest.approx(max(depth.values()))
+
+
+def test_the_knee_of_a_curve_is_where_it_bends():
+    front = flown_front((400.0, 210.0, 200.0, 199.0), same_flights(20, 25, 300, 990))
+    assert chosen(front, rule="knee")[2] == 210.0
+    assert chosen(front_of(*CHOICE), rule="knee") == CHOICE[2]  # by both bounds together: 0.09 at 150
+
+
+def test_a_front_of_one_or_two_paths_has_no_knee_and_gives_the_safest():
+    assert chosen(flown_front((4.0, 2.0), same_flights(20, 60)), rule="knee")[2] == 4.0
+    assert chosen(flown_front((4.0,), same_flights(20)), rule="knee")[2] == 4.0
+    assert chosen(front_of(CHOICE[0]), rule="knee") == CHOICE[0]
+
+
+def test_length_takes_the_safest_that_is_short_enough():
+    front = flown_front((400.0, 300.0, 200.0), same_flights(10, 20, 40))
+    for limit, length in ((1e6, 400.0), (400.0, 400.0), (399.0, 300.0), (200.0, 200.0)):
+        assert chosen(front, rule="length", length=limit)[2] == length
+    assert chosen(front_of(*CHOICE), rule="length", length=250.0) == CHOICE[1]
+    with pytest.raises(InfeasibleError, match=r"= 199.0 m; the shortest has 200.0 m") as told:
+        chosen(front, rule="length", length=199.0)
+    assert "set selection.length=200" in str(told.value)
+
+
+def test_point_takes_the_path_of_that_number():
+    front = flown_front((400.0, 300.0, 200.0), same_flights(10, 20, 40))
+    assert [chosen(front, rule="point", point=k)[2] for k in range(3)] == [400.0, 300.0, 200.0]
+    with pytest.raises(InfeasibleError, match=r"selection.point = 3: the front has 3 paths; expected 0 to 2"):
+        chosen(front, rule="point", point=3)
+    with pytest.raises(InfeasibleError, match=r"the front has 1 path; expected 0 "):
+        chosen(front_of(CHOICE[0]), rule="point", point=1)
+
+
+def test_a_rule_by_length_needs_a_length():
+    with pytest.raises(ConfigError, match=r"selection.length is missing"):
+        SelectionConfig(rule="length")

@@ -38,7 +38,7 @@ def test_nothing_said_is_the_default() -> None:
         (section, name)
         for section in ("scene", "mission", "robot", "wind", "planner", "fidelity", "selection", "report")
         for name in choices(section)
-        if name not in NEEDS_A_FILE
+        if name not in (*NEEDS_A_FILE, "length")
     ],
 )
 def test_a_choice_has_the_values_that_the_command_line_composes(section: str, name: str) -> None:

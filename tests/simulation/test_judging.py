@@ -251,8 +251,10 @@ def test_a_path_whose_claim_is_too_good_is_passed_over(task, wind, front, caplog
     path, promise = promise_path(SelectionConfig(runs=500), task, wind, liar, SeedSequence(5))
     assert path is not wreck
     assert promise.passed
-    assert "100 % (95 %: 99.26 to 100 %) of 500 fresh flights in coherent winds fail" in caplog.text
-    assert f"of {DRAWS} that judged the front; the next choice is taken" in caplog.text
+    assert (
+        "100 % (95 %: 99.26 to 100 %) of 500 flights in coherent winds fail, more than the 0 %" in caplog.text
+    )
+    assert "of 1,500 flights that judged the front; the rule's next choice is looked at" in caplog.text
 
 
 def test_where_every_claim_falls_the_plan_says_so(task, wind, front):
@@ -265,6 +267,29 @@ def test_where_every_claim_falls_the_plan_says_so(task, wind, front):
         for p in front.paths
     }
     assert rates[id(path)] == min(rates.values())
+
+
+def test_a_path_that_the_user_names_is_flown_even_if_its_claim_falls(task, wind, front, caplog):
+    claims = tuple(counted_rate("coherent", 0, 10**6) for _ in front.rates)
+    liar = replace(front, rates=claims, failed=np.zeros_like(front.failed))
+    cfg = SelectionConfig(rule="point", point=len(front.paths) - 1, runs=500)
+    path, promise = promise_path(cfg, task, wind, liar, SeedSequence(5))
+    assert path is front.paths[-1]
+    assert not promise.passed
+    assert "the plan keeps it" in caplog.text
+
+
+def test_a_threshold_holds_for_the_promise_and_not_for_the_claim_alone(task, wind, front, caplog):
+    """An honest claim of 1,500 flights; of as few as 100, the upper end is above it."""
+    alpha = front.rates[0].high
+    cfg = SelectionConfig(rule="threshold", alpha=alpha, runs=100)
+    path, promise = promise_path(cfg, task, wind, front, SeedSequence(5))
+    assert path is front.paths[0]
+    assert promise.passed
+    assert promise.rate.high > alpha
+    assert f"is above selection.alpha = {alpha:g}; the rule's next choice is looked at" in caplog.text
+    many = replace(cfg, alpha=1.05 * alpha, runs=20_000)
+    assert promise_path(many, task, wind, front, SeedSequence(5))[1].rate.high <= many.alpha
 
 
 @pytest.mark.statistical

@@ -1,6 +1,8 @@
 """Rules that pick the path to fly from the front (Section IV-D), one function a value of ``selection.rule``.
 
 A rule takes the settings of the selection and a front that is not empty, and returns the number of the path.
+What a path risks is its failure rate where flights judge (``front.rates``), and else its mission risk plus
+its collision risk, which bound it.
 """
 
 from __future__ import annotations
@@ -14,7 +16,7 @@ from pareto_ltl.planning.selection import chance_of_failures
 from pareto_ltl.settings import SelectionConfig
 from pareto_ltl.support import extensions
 from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.support.display import probability_text, round_up
+from pareto_ltl.support.display import distance_text, probability_text, round_up
 from pareto_ltl.support.errors import InfeasibleError
 from pareto_ltl.support.extensions import known_kind
 
@@ -50,35 +52,112 @@ def by_priority(cfg: SelectionConfig, front: Front) -> int:
 
 
 def by_weights(cfg: SelectionConfig, front: Front) -> int:
-    """The least g_w(ξ, λ) = Σ_j λ_j f_j, with length in units of the shortest path of the front."""
+    """The least g_w(ξ, λ) = Σ_j λ_j f_j, with length in units of the shortest path of the front.
+
+    Where flights judge, the failure rate stands for both risks and has the sum of their weights.
+    """
     rows = _objective_rows(front)
     weights = np.array(cfg.weights) / sum(cfg.weights)
-    return int(np.argmin(rows / [1.0, 1.0, rows[:, 2].min() or 1.0] @ weights))
+    length = rows[:, 2] / (rows[:, 2].min() or 1.0)
+    if front.rates:
+        return int(np.argmin((weights[0] + weights[1]) * _risks(front) + weights[2] * length))
+    return int(np.argmin(np.column_stack([rows[:, :2], length]) @ weights))
 
 
 def by_threshold(cfg: SelectionConfig, front: Front) -> int:
-    """The shortest path whose mission risk + collision risk is at most ``cfg.alpha``.
+    """The shortest path whose risk is at most ``cfg.alpha``: of a failure rate, its upper limit.
 
     Raises
     ------
     InfeasibleError
         If no path is safe enough; the text gives the least risk there is.
     """
-    risk = _objective_rows(front)[:, :2].sum(axis=1)
-    safe = np.flatnonzero(risk <= cfg.alpha)
+    limits = np.array([rate.high for rate in front.rates]) if front.rates else _risks(front)
+    safe = np.flatnonzero(limits <= cfg.alpha)
     if len(safe) == 0:
+        advice = "raise selection.draws" if front.rates else "lower planner.epsilon"
         raise InfeasibleError(
-            f"no path keeps {front.models.mission_symbol} + R in {front.models.law} winds within "
-            f"selection.alpha = {cfg.alpha:g}; the least risk is {probability_text(risk.min())}: "
-            f"{_alpha_advice(float(risk.min()))}lower planner.epsilon, or raise planner.n_max"
+            f"no path keeps {_risk_name(front)} within selection.alpha = {cfg.alpha:g}; the least "
+            f"{'upper end' if front.rates else 'risk'} is {probability_text(limits.min())}: "
+            f"{_alpha_advice(float(limits.min()))}{advice}, or raise planner.n_max"
         )
-    return int(safe[np.argmin(_objective_rows(front)[safe, 2])])
+    return int(safe[np.argmin(_lengths(front)[safe])])
+
+
+def _risk_name(front: Front) -> str:
+    law = front.models.law
+    if front.rates:
+        return f"the failure rate in {law} winds (upper end of 95 %)"
+    return f"{front.models.mission_symbol} + R in {law} winds"
 
 
 def _alpha_advice(least: float) -> str:
     """The setting of alpha that accepts the risk ``least``; none does where it is 1 or more."""
     alpha = round_up(least)
     return f"set selection.alpha={alpha:g}, " if alpha < 1.0 else ""
+
+
+def by_knee(cfg: SelectionConfig, front: Front) -> int:
+    """The path farthest below the chord of the front: beyond it, less risk costs the most length.
+
+    Risk and length are scaled to 0..1 between the safest and the shortest path of the front, whose chord is
+    the line x + y = 1 (Das, Structural Optimization 18, 1999, doi:10.1007/BF01195985). A front of fewer than
+    three paths has no knee: the safest is taken.
+    """
+    rows = np.column_stack([_risks(front), _lengths(front)])
+    span = np.ptp(rows, axis=0)
+    scaled = (rows - rows.min(axis=0)) / np.where(span > 0.0, span, 1.0)
+    below = 1.0 - scaled.sum(axis=1)
+    best = np.flatnonzero(below >= below.max() - 1e-12)
+    return int(best[np.lexsort((rows[best, 1], rows[best, 0]))[0]])
+
+
+def by_length(cfg: SelectionConfig, front: Front) -> int:
+    """The least risk among the paths no longer than ``cfg.length``.
+
+    Raises
+    ------
+    InfeasibleError
+        If even the shortest is longer; the text gives its length.
+    """
+    assert cfg.length is not None  # SelectionConfig sees to it
+    lengths, risks = _lengths(front), _risks(front)
+    short = np.flatnonzero(lengths <= cfg.length)
+    if len(short) == 0:
+        raise InfeasibleError(
+            f"no path of the front is as short as selection.length = {distance_text(cfg.length)}; the "
+            f"shortest has {distance_text(float(lengths.min()))}: set "
+            f"selection.length={np.ceil(lengths.min()):.0f}"
+        )
+    return int(short[np.lexsort((lengths[short], risks[short]))[0]])
+
+
+def by_number(cfg: SelectionConfig, front: Front) -> int:
+    """Path number ``cfg.point`` of the front, as ``front.csv`` counts.
+
+    Raises
+    ------
+    InfeasibleError
+        If the front has no such path.
+    """
+    size = len(front.paths)
+    if cfg.point >= size:
+        raise InfeasibleError(
+            f"selection.point = {cfg.point}: the front has {size} path{'s' if size > 1 else ''}; expected "
+            f"0{f' to {size - 1}' if size > 1 else ''} (column path of front.csv)"
+        )
+    return cfg.point
+
+
+def _risks(front: Front) -> FloatArray:
+    """What each path risks, (P,): its failure rate, or the sum of both bounds."""
+    if front.rates:
+        return np.array([rate.failure for rate in front.rates])
+    return np.asarray(_objective_rows(front)[:, :2].sum(axis=1), float)
+
+
+def _lengths(front: Front) -> FloatArray:
+    return np.asarray(_objective_rows(front)[:, 2], float)
 
 
 def _objective_rows(front: Front) -> FloatArray:
@@ -90,4 +169,8 @@ RULE_FUNCTIONS: dict[str, SelectionRule] = {
     "priority": by_priority,
     "weighted": by_weights,
     "threshold": by_threshold,
+    "knee": by_knee,
+    "length": by_length,
+    "point": by_number,
 }
+NAMES_ONE = ("point",)  # rules that name one path: there is no next choice

@@ -10,8 +10,12 @@ from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.extensions import SELECTION_RULE_GROUP
 from pareto_ltl.support.messages import shown_value
 
-SELECTION_RULES = ("priority", "weighted", "threshold")
-WANTED = {"threshold": ("alpha",)}  # the settings that a rule reads, besides the weights
+SELECTION_RULES = ("priority", "weighted", "threshold", "knee", "length", "point")
+WANTED = {
+    "threshold": ("alpha",),
+    "length": ("length",),
+    "point": ("point",),
+}  # the settings that a rule reads, besides the weights
 
 
 @dataclass
@@ -96,11 +100,19 @@ class SelectionConfig(CheckedSettings):
     )
     weights: list[float] = setting(
         [0.5, 0.25, 0.25],
-        "weights of mission risk, collision risk and length, with rule=weighted",
+        "weights of mission risk, collision risk and length, with rule=weighted; a failure rate has the "
+        "first two",
         least=0,
         most=1e6,
     )
-    alpha: float = setting(0.05, "largest risk, with rule=threshold", above=0, below=1)
+    alpha: float = setting(
+        0.05,
+        "largest failure, with rule=threshold: upper end of the rate, or bound with fidelity.judge=bound",
+        above=0,
+        below=1,
+    )
+    length: float | None = setting(None, "longest path, with rule=length", unit="m", above=0, most=1e9)
+    point: int = setting(0, "number of the path in front.csv, with rule=point", least=0, most=1e6)
     draws: int = setting(
         4000, "flights that judge a path of the front, with fidelity.judge=flights", least=1, most=1e8
     )
@@ -123,4 +135,9 @@ class SelectionConfig(CheckedSettings):
             raise ConfigError(
                 "selection.weights must be three numbers >= 0, not all 0 "
                 f"(mission risk, collision risk, length), got {shown_value(self.weights)}"
+            )
+        if self.rule == "length" and self.length is None:
+            raise ConfigError(
+                "selection.length is missing: selection.rule=length needs the longest path [m], "
+                "e.g. selection.length=1.9e6"
             )

@@ -15,12 +15,13 @@ from numpy.random import SeedSequence
 
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import FLIGHTS, WEIGHTED, FailureRate, Front, PlannedPath, Promise
-from pareto_ltl.planning.selection_rules import choose_path
+from pareto_ltl.planning.selection_rules import NAMES_ONE, choose_path
 from pareto_ltl.settings import SelectionConfig
 from pareto_ltl.simulation.flights import counted_rate
 from pareto_ltl.simulation.judging import count_failures
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import rate_text
+from pareto_ltl.support.errors import InfeasibleError
 from pareto_ltl.wind.records import WindField
 
 LOG = logging.getLogger(__name__)
@@ -35,25 +36,29 @@ def promise_path(
 ) -> tuple[PlannedPath, Promise]:
     """The path that the rule picks, once fresh flights leave its claim standing, and what they promise.
 
-    A path whose claim falls is passed over for the rule's next choice, ``cfg.examined`` times at most; where
-    all fall, the one with the least rate is flown, and the promise says that it did not pass.
+    A path whose claim falls is passed over for the rule's next choice, ``cfg.examined`` times at most; with
+    ``rule=threshold`` also one whose promise exceeds ``cfg.alpha``. Where none holds, the one with the least
+    rate is flown, and a warning has said why.
     """
-    left, seen = front, []
+    left = front
+    seen: list[tuple[PlannedPath, Promise]] = []
     for _ in range(cfg.examined):
-        path = choose_path(cfg, left)
+        try:
+            path = choose_path(cfg, left)
+        except InfeasibleError:
+            if not seen:
+                raise
+            break  # the rule accepts none of the others
         k = next(i for i, other in enumerate(left.paths) if other is path)
         promise = fresh_promise(problem, wind, path, left.rates[k], cfg.runs, seed)
         seen.append((path, promise))
-        if promise.passed or len(left.paths) == 1:
+        if holds(cfg, promise):
             break
-        LOG.warning(
-            "%s: %s of %d fresh flights in %s winds fail, more than the %s of %d that judged the front; the "
-            "next choice is taken",
-            path.origin, _rate_words(promise.rate), promise.rate.runs, promise.rate.law,
-            _rate_words(promise.claimed), promise.claimed.runs,
-        )  # fmt: skip
+        LOG.warning("%s", why_not(cfg, path, promise))
+        if cfg.rule in NAMES_ONE or len(left.paths) == 1:
+            break
         left = front_without(left, k)
-    path, promise = seen[-1] if seen[-1][1].passed else min(seen, key=lambda s: s[1].rate.failure)
+    path, promise = seen[-1] if holds(cfg, seen[-1][1]) else min(seen, key=lambda s: s[1].rate.failure)
     if promise.linearity > LINEAR:
         LOG.warning(
             "the position's standard deviation reaches %.2f of the wind's length scale (%.2f is safe): "
@@ -61,6 +66,22 @@ def promise_path(
             promise.linearity, LINEAR, promise.rate.law, _rate_words(promise.rate),
         )  # fmt: skip
     return path, promise
+
+
+def holds(cfg: SelectionConfig, promise: Promise) -> bool:
+    """Whether fresh flights leave the claim standing and, with ``rule=threshold``, keep to ``cfg.alpha``."""
+    return promise.passed and (cfg.rule != "threshold" or promise.rate.high <= cfg.alpha)
+
+
+def why_not(cfg: SelectionConfig, path: PlannedPath, promise: Promise) -> str:
+    """What speaks against a choice, for the log."""
+    rate = promise.rate
+    said = f"{path.origin}: {_rate_words(rate)} of {rate.sample} in {rate.law} winds fail"
+    over = f"more than the {_rate_words(promise.claimed)} of {promise.claimed.sample} that judged the front"
+    if promise.passed:
+        over = f"and the upper end is above selection.alpha = {cfg.alpha:g}"
+    following = "the plan keeps it" if cfg.rule in NAMES_ONE else "the rule's next choice is looked at"
+    return f"{said}, {over}; {following}"
 
 
 def _rate_words(rate: FailureRate) -> str:

@@ -278,22 +278,55 @@ def _by_priority(result: Evidence, told: Mapping[str, Any], left: list[int]) -> 
     return [left[i] for i in as_safe[np.argsort(rows[as_safe, 2], kind="stable")]]
 
 
+def _risks(result: Evidence, left: list[int]) -> FloatArray:
+    """Failure rate of each path, or the sum of its bounds, (P,)."""
+    if flights_judge(result):
+        return _judged_rows(result)[left, 0]
+    return np.asarray(_rows(result)[left, :2].sum(axis=1), float)
+
+
 def _by_weights(result: Evidence, told: Mapping[str, Any], left: list[int]) -> list[int]:
     weights, rows = np.array(told["weights"], float), _rows(result)[left]
-    score = rows / [1.0, 1.0, rows[:, 2].min() or 1.0] @ (weights / weights.sum())
-    return [left[i] for i in np.argsort(score, kind="stable")]
+    risk = rows[:, 0] * weights[0] + rows[:, 1] * weights[1]
+    if flights_judge(result):
+        risk = _risks(result, left) * (weights[0] + weights[1])
+    score = (risk + weights[2] * rows[:, 2] / (rows[:, 2].min() or 1.0)) / weights.sum()
+    return [left[i] for i in np.argsort(score.round(12), kind="stable")]
 
 
 def _by_threshold(result: Evidence, told: Mapping[str, Any], left: list[int]) -> list[int]:
-    rows = _rows(result)[left]
-    safe = np.flatnonzero(rows[:, :2].sum(axis=1) <= told["alpha"])
+    rows, limits = _rows(result)[left], _risks(result, left)
+    if flights_judge(result):
+        limits = np.array([float(result.front[k]["failure_high"]) for k in left])
+    safe = np.flatnonzero(limits <= told["alpha"])
     return [left[i] for i in safe[np.argsort(rows[safe, 2], kind="stable")]]
+
+
+def _by_knee(result: Evidence, told: Mapping[str, Any], left: list[int]) -> list[int]:
+    """By the distance from the line through the safest and the shortest path."""
+    risk, length = _risks(result, left), _rows(result)[left, 2]
+    across, up = np.ptp(risk) or 1.0, np.ptp(length) or 1.0
+    area = across * up - (risk - risk.min()) * up - (length - length.min()) * across
+    return [left[i] for i in np.lexsort((length, risk, -(area / (across * up)).round(12)))]
+
+
+def _by_length(result: Evidence, told: Mapping[str, Any], left: list[int]) -> list[int]:
+    length = _rows(result)[left, 2]
+    short = np.flatnonzero(length <= told["length"])
+    return [left[i] for i in short[np.lexsort((length[short], _risks(result, left)[short]))]]
+
+
+def _by_number(result: Evidence, told: Mapping[str, Any], left: list[int]) -> list[int]:
+    return [k for k in left if k == told["point"]]
 
 
 RANKINGS: dict[str, Callable[[Evidence, Mapping[str, Any], list[int]], list[int]]] = {
     "priority": _by_priority,
     "weighted": _by_weights,
     "threshold": _by_threshold,
+    "knee": _by_knee,
+    "length": _by_length,
+    "point": _by_number,
 }  # by rule of this package: paths of those that are left, the best first
 
 FILES = ("front.csv", "front.npz")

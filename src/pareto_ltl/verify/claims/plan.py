@@ -23,7 +23,7 @@ RISK, LEAST_RISK = 2e-3, 1e-9  # the same of two bounds, relative and absolute
 FAST = 2e-6  # the share by which rounding may exceed an airspeed
 TOUCH = 0.1  # how deep the expected path may touch an obstacle by rounding, in grains
 WEIGHTED = "importance sampling"  # the method of a failure rate from weighted flights
-WANTED = {"threshold": ("alpha",)}  # by rule: the other setting that it reads
+WANTED = {"threshold": ("alpha",), "length": ("length",), "point": ("point",)}  # what else rules read
 OBJECTIVES = {
     "length_m": "length", "mission_risk_paper": "mission_risk_paper", "mission_risk": "mission_risk",
     "collision_risk": "collision_risk", "mission_risk_ordered": "mission_risk_ordered",
