@@ -4,6 +4,7 @@
 
     result = pareto_ltl.plan("phi1", "F(a & F b & F c)", wind="calm")
     result.plan, result.front, result.wind       # the records, each with a short repr and plot()
+    pareto_ltl.choose(result, failure=0.02)      # another path of the front, without planning again
     pareto_ltl.simulate(result, runs=1000, law="coherent")
     pareto_ltl.load_results("outputs/phi1/...")  # a run of the command line
 
@@ -17,7 +18,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from pareto_ltl.run.interface import PlanningResult, load_results, plan, simulate
+    from pareto_ltl.run.interface import PlanningResult, choose, load_results, plan, simulate
     from pareto_ltl.run.results import Results
     from pareto_ltl.settings import Settings
     from pareto_ltl.support.errors import (
@@ -42,13 +43,14 @@ __all__ = [
     "Scene",
     "Settings",
     "__version__",
+    "choose",
     "load_results",
     "plan",
     "simulate",
 ]
 
 _EXPORTS = {
-    "pareto_ltl.run.interface": ("PlanningResult", "load_results", "plan", "simulate"),
+    "pareto_ltl.run.interface": ("PlanningResult", "choose", "load_results", "plan", "simulate"),
     "pareto_ltl.run.results": ("Results",),
     "pareto_ltl.settings": ("Settings",),
     "pareto_ltl.support.errors": (

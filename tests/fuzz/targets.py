@@ -264,6 +264,7 @@ def results(place: Path) -> Fuzz:
     readers: dict[str, tuple[Callable[[], object], ...]] = {
         "scene.json": (lambda: found.scene,),
         "cells.json": (lambda: found.decomposition,),
+        "automaton.json": (lambda: found.automaton.n_states,),
         "plan.json": (lambda: found.plan, lambda: repr(found.plan)),
         "front.csv": (lambda: repr(found.front),),
         "front.npz": (lambda: repr(found.front),),

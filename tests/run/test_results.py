@@ -17,6 +17,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
+from pareto_ltl.logic import Automaton, translate
 from pareto_ltl.planning.records import (
     FailureRate,
     Forest,
@@ -157,6 +158,10 @@ def decomposition() -> Decomposition:
     )
 
 
+def automaton() -> Automaton:
+    return translate("!c U (a & F b)", [(), ("a",), ("b",), ("c",)])
+
+
 def scene() -> Scene:
     return Scene(
         bounds=np.array([[0.0, 0.0], [4.0, 1.0]]),
@@ -171,6 +176,7 @@ def scene() -> Scene:
 RECORDS = {
     "scene": (scene, store.read_scene),
     "decomposition": (decomposition, store.read_decomposition),
+    "automaton": (automaton, store.read_automaton),
     "forest": (forest, store.read_forest),
     "front": (flown_front, store.read_front),
     "plan": (promised_plan, store.read_plan),
@@ -179,6 +185,7 @@ RECORDS = {
 FILES = {
     "scene": "scene.json",
     "decomposition": "cells.json",
+    "automaton": "automaton.json",
     "forest": "trees.npz",
     "plan": "plan.json",
     "deployment": "deployments.npz",

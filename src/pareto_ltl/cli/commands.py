@@ -52,6 +52,12 @@ def _run_rerun(argv: Sequence[str]) -> int:
     return rerun_command(argv)
 
 
+def _run_choose(argv: Sequence[str]) -> int:
+    from pareto_ltl.cli.choose_command import choose_command
+
+    return choose_command(argv)
+
+
 def _run_verify(argv: Sequence[str]) -> int:
     from pareto_ltl.cli.verify_command import verify_command
 
@@ -101,6 +107,7 @@ COMMANDS = (
     *PIPELINE_COMMANDS,
     Command("sweep", "many runs and one table; with a folder, its summary written anew", _run_sweep),
     Command("formula", "what a mission formula means", _run_formula),
+    Command("choose", "another path of the front as the plan, without planning again", _run_choose),
     Command("rerun", "make a result again and compare it byte by byte", _run_rerun),
     Command("verify", "derive every claim of a result again, without the planner", _run_verify),
     Command("wind-error", "the law of forecast errors, from past forecasts and analyses", _run_wind_error),

@@ -1,4 +1,4 @@
-"""The Python interface: ``pareto_ltl.plan``, ``simulate`` and ``load_results``.
+"""The Python interface: ``pareto_ltl.plan``, ``choose``, ``simulate`` and ``load_results``.
 
 They go through the runner of the command line: the same settings and seed give the same plan.
 """
@@ -10,6 +10,14 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from pareto_ltl.run.choosing import (
+    KEPT,
+    Choice,
+    choose_from_results,
+    chosen_settings,
+    kept_records,
+    require_choice,
+)
 from pareto_ltl.run.directory import claimed_directory
 from pareto_ltl.run.pipeline import Run, carry_out, check_pipeline
 from pareto_ltl.run.records import (
@@ -180,6 +188,56 @@ def plan(
     if PLAN not in run.records:
         raise ConfigError(f"pipelines.stages makes no plan; it lists {', '.join(settings.pipelines.stages)}")
     return PlanningResult(run)
+
+
+def choose(
+    planned: PlanningResult | Results | str | Path,
+    *,
+    failure: float | None = None,
+    length: float | None = None,
+    knee: bool = False,
+    point: int | None = None,
+    out: str | Path | None = None,
+) -> PlanningResult:
+    """Another path of a front as the plan, without planning again. Give exactly one of the four wishes.
+
+    Parameters
+    ----------
+    planned : PlanningResult, Results or path
+        What :func:`plan` returned, or a results directory.
+    failure : float, optional
+        The shortest path that fails at most so often: upper end of its rate in the front.
+    length : float, optional
+        The safest path that is no longer [m].
+    knee : bool
+        The knee of the front: beyond it, less failure costs the most length.
+    point : int, optional
+        The path of that number in ``result.front.paths`` and ``front.csv``.
+    out : path, optional
+        Write a whole results directory there, with the bytes of a run with that selection; ``planned`` must
+        then be a results directory. Without it, nothing is written.
+
+    Raises
+    ------
+    InfeasibleError
+        If the front has no such path.
+    """
+    choice = Choice(failure, length, knee, point)
+    if isinstance(planned, PlanningResult):
+        if out is not None:
+            raise ConfigError("choose writes from a results directory: plan with out=DIR and give choose DIR")
+        run, where = planned.run, "the front"
+    else:
+        results = load_results(planned)
+        table = with_extension_stages(PLAN_STAGES, results.settings.pipelines.stages)
+        if out is not None:
+            return PlanningResult(choose_from_results(results, choice, table, Path(out)))
+        run, where = Run(results.settings, table, kept_records(results)), str(results.directory)
+    require_choice(choice, run.make(FRONT), where)
+    records = Records({key: run.make(key) for key in (*KEPT, PROBLEM)})
+    other = Run(chosen_settings(run.settings, choice), run.table, records)
+    other.make(PLAN)
+    return PlanningResult(other)
 
 
 def simulate(

@@ -108,6 +108,23 @@ def write_automaton(directory: Path, automaton: Automaton) -> None:
     write_bytes(directory / "automaton.hoa", dumps(automaton).encode())
 
 
+def read_automaton(place: Path | str) -> Automaton:
+    from pareto_ltl.logic import Automaton
+
+    path = inside(place, "automaton.json")
+    content = read_document(path, "automaton")
+    with shaped(path, "an automaton"):
+        return Automaton(
+            delta=np.array(content["delta"], np.int64),
+            letters=tuple(frozenset(letter) for letter in content["letters"]),
+            initial=content["initial"],
+            accepting=np.array(content["accepting"], bool),
+            distance=np.array([math.inf if d is None else d for d in content["d_A"]], float),
+            atoms=tuple(content["atoms"]),
+            formula=content["formula"],
+        )
+
+
 def write_wind(directory: Path, wind: WindField) -> None:
     """With the scene beside it, where there is one, the file's clock and projection are named too."""
     from pareto_ltl.wind.netcdf import write_netcdf as to_netcdf
@@ -272,6 +289,10 @@ class Results(Displayed):
     @property
     def decomposition(self) -> Decomposition:
         return read_decomposition(self.directory)
+
+    @property
+    def automaton(self) -> Automaton:
+        return read_automaton(self.directory)
 
     @property
     def forest(self) -> Forest:

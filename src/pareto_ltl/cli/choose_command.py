@@ -1,0 +1,101 @@
+"""``pareto-ltl choose DIR``: another path of the front as the plan, without planning again."""
+
+from __future__ import annotations
+
+import argparse
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+from pareto_ltl.cli.arguments import CommandArguments, run_reported
+from pareto_ltl.support.errors import ConfigError
+from pareto_ltl.support.messages import shown_value
+
+METRES = {"": 1.0, "m": 1.0, "km": 1e3, "nmi": 1852.0}
+NUMBER = r"[0-9]+(?:\.[0-9]*)?(?:[eE][+-]?[0-9]+)?|\.[0-9]+"
+LENGTH = re.compile(rf"({NUMBER})\s*(|m|km|nmi)")
+SHARE = re.compile(rf"({NUMBER})\s*(%?)")
+
+
+def choose_command(argv: Sequence[str]) -> int:
+    """0 where the plan is written, 2 with one line where there is no such path or no front."""
+    return run_reported(lambda: _choose_arguments(argv))
+
+
+def _choose_arguments(argv: Sequence[str]) -> int:
+    parser = CommandArguments(
+        prog="pareto-ltl choose",
+        description="Write the plan of another path of a front, without planning again: a whole results "
+        "directory, with the bytes of a run with that selection. front.csv of DIR lists the paths.",
+    )
+    parser.add_argument(
+        "directory", type=Path, metavar="DIR", help="for example outputs/phi2/2026-01-31_12-00-00"
+    )
+    wanted = parser.add_mutually_exclusive_group(required=True)
+    wanted.add_argument(
+        "--failure", metavar="P", help="the shortest path that fails at most so often: 0.02 or 2%%"
+    )
+    wanted.add_argument(
+        "--length", metavar="L", help="the safest path that is no longer: 1900km, 1.9e6 (m), 1020nmi"
+    )
+    wanted.add_argument(
+        "--knee", action="store_true", help="the knee of the front: beyond it, less failure costs most"
+    )
+    wanted.add_argument("--point", metavar="N", help="path number N of front.csv")
+    parser.add_argument(
+        "--out", type=Path, metavar="DIR2", help="default: DIR with the choice added to its name"
+    )
+    return _choose(parser.parse_args(argv), argv)
+
+
+def _choose(options: argparse.Namespace, argv: Sequence[str]) -> int:
+    from pareto_ltl.cli.stage_table import application_stages
+    from pareto_ltl.cli.summary import print_summary
+    from pareto_ltl.run.choosing import Choice, choose_from_results, default_place
+    from pareto_ltl.run.interface import load_results
+    from pareto_ltl.run.metrics import run_metrics
+
+    choice = Choice(
+        failure=None if options.failure is None else read_share(options.failure),
+        length=None if options.length is None else read_length(options.length),
+        knee=options.knee,
+        point=None if options.point is None else read_number(options.point),
+    )
+    results = load_results(options.directory)
+    place = options.out or default_place(results.directory, choice)
+    table = application_stages(results.settings)
+    run = choose_from_results(results, choice, table, place, ("pareto-ltl", "choose", *argv))
+    print_summary(run.settings, place, run_metrics(run.records, run.seconds))
+    return 0
+
+
+def read_share(text: str) -> float:
+    """A probability from ``0.02`` or ``2%``; ConfigError for anything else."""
+    match = SHARE.fullmatch(text.strip())
+    value = float(match[1]) / (100.0 if match[2] else 1.0) if match else -1.0
+    if not 0.0 < value < 1.0:
+        raise ConfigError(
+            f"--failure must be a probability between 0 and 1, e.g. 0.02 or 2%, got {shown_value(text)}"
+        )
+    return value
+
+
+def read_length(text: str) -> float:
+    """A length [m] from ``1900km``, ``1.9e6`` or ``1020nmi``; ConfigError for anything else."""
+    match = LENGTH.fullmatch(text.strip())
+    value = float(match[1]) * METRES[match[2]] if match else 0.0
+    if not 0.0 < value <= 1e9:
+        raise ConfigError(f"--length must be a length in m, km or nmi, e.g. 1900km, got {shown_value(text)}")
+    return value
+
+
+def read_number(text: str) -> int:
+    """The number of a path; ConfigError for anything else."""
+    if not (text.isascii() and text.isdigit()) or len(text) > 6:
+        raise ConfigError(
+            f"--point must be the number of a path in front.csv, e.g. 3, got {shown_value(text)}"
+        )
+    return int(text)
+
+
+__all__ = ["choose_command", "read_length", "read_number", "read_share"]

@@ -1,0 +1,195 @@
+"""Another path of a front as the plan, without planning again.
+
+The records of a run (map, wind, cells, automaton, trees, front) stay; the stages from the plan on are carried
+out with another selection. What they write has the bytes of a whole run with that selection.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pareto_ltl.run.directory import claimed_directory
+from pareto_ltl.run.pipeline import Run, carry_out
+from pareto_ltl.run.records import (
+    AUTOMATON,
+    DECOMPOSITION,
+    FOREST,
+    FRONT,
+    OBSERVATIONS,
+    PLAN,
+    READINGS,
+    SCENE,
+    WIND,
+    RecordKey,
+    Records,
+)
+from pareto_ltl.run.results import Results
+from pareto_ltl.run.stage_table import Stage, StageTable
+from pareto_ltl.settings import SelectionConfig, Settings
+from pareto_ltl.support.display import distance_text, probability_text, round_up
+from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
+
+if TYPE_CHECKING:
+    from pareto_ltl.planning.records import Forest, Front
+
+KEPT: tuple[RecordKey[Any], ...] = (SCENE, DECOMPOSITION, AUTOMATON, WIND, FOREST, FRONT)
+RAW: tuple[RecordKey[Any], ...] = (READINGS, OBSERVATIONS)  # what the wind was made from
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """Which path of a front is wanted; give exactly one.
+
+    Attributes
+    ----------
+    failure : float or None
+        The shortest path that fails at most so often: upper end of its rate.
+    length : float or None
+        The safest path that is no longer [m].
+    knee : bool
+        The knee of the front.
+    point : int or None
+        The path of that number in ``front.csv``.
+    """
+
+    failure: float | None = None
+    length: float | None = None
+    knee: bool = False
+    point: int | None = None
+
+    def __post_init__(self) -> None:
+        given = [self.failure is not None, self.length is not None, self.knee, self.point is not None]
+        if sum(given) != 1:
+            raise ConfigError("give one of failure, length, knee and point")
+        if self.point is not None and self.point < 0:
+            raise ConfigError(f"point must be the number of a path, 0 or more, got {self.point}")
+
+    def selection(self, cfg: SelectionConfig) -> SelectionConfig:
+        """``cfg`` with the rule that finds it; ConfigError for a value out of range."""
+        if self.failure is not None:
+            return replace(cfg, rule="threshold", alpha=self.failure)
+        if self.length is not None:
+            return replace(cfg, rule="length", length=self.length)
+        if self.point is not None:
+            return replace(cfg, rule="point", point=self.point)
+        return replace(cfg, rule="knee")
+
+    @property
+    def name(self) -> str:
+        """The choice as part of the name of a folder: ``failure_0.02``, ``length_1900km``, ``point_3``."""
+        if self.failure is not None:
+            return f"failure_{self.failure:g}"
+        if self.length is not None:
+            return f"length_{self.length / 1e3:.10g}km"
+        return "knee" if self.point is None else f"point_{self.point}"
+
+
+def require_choice(choice: Choice, front: Front, where: str) -> None:
+    """Raise InfeasibleError that says what there is if ``front`` has no such path; ``where`` begins it."""
+    lengths = [path.objectives.length for path in front.paths]
+    if choice.point is not None and choice.point >= len(lengths):
+        raise InfeasibleError(
+            f"{where}: there is no point {choice.point}; the front has points 0 to {len(lengths) - 1}"
+        )
+    if choice.length is not None and choice.length < min(lengths):
+        raise InfeasibleError(
+            f"{where}: no path is as short as {distance_text(choice.length)}; the shortest of the front, "
+            f"point {lengths.index(min(lengths))}, has {distance_text(min(lengths))}"
+        )
+    limits = [rate.high for rate in front.rates] or [
+        path.objectives.mission_risk + path.objectives.collision_risk for path in front.paths
+    ]
+    if choice.failure is not None and choice.failure < min(limits):
+        named = "upper end of 95 %" if front.rates else f"bound {front.models.mission_symbol} + R"
+        raise InfeasibleError(
+            f"{where}: no path fails at most {probability_text(choice.failure)} in {front.models.law} winds "
+            f"({named}); the safest of the front, point {limits.index(min(limits))}, has "
+            f"{probability_text(min(limits))}: ask for {round_up(min(limits)):g} or more"
+        )
+
+
+# --- from a results directory -------------------------------------------------------------------
+
+
+def choose_from_results(
+    results: Results, choice: Choice, table: StageTable, place: Path, argv: Sequence[str] = ()
+) -> Run:
+    """Write the results of ``choice`` into ``place``, from the records of ``results``.
+
+    Raises
+    ------
+    ConfigError
+        If ``place`` is the directory of ``results``.
+    DataError
+        If ``results`` holds no finished plan.
+    InfeasibleError
+        If the front has no such path.
+    """
+    require_plan(results)
+    if place.resolve() == results.directory.resolve():
+        raise ConfigError(f"{place}: another plan does not replace its own source; name another folder")
+    settings = chosen_settings(results.settings, choice)
+    records = kept_records(results)
+    require_choice(choice, records[FRONT], str(results.directory))
+    run = Run(settings, table, records, directory=place)
+    with claimed_directory(place, table.files):
+        carry_out(run, later_stages(settings, table), argv)
+    return run
+
+
+def require_plan(results: Results) -> None:
+    """Raise DataError unless ``results`` is a finished run with a front and a plan."""
+    directory = results.directory
+    if not directory.is_dir():
+        raise DataError(f"{directory}: no such folder; give a results directory")
+    if results.run.get("status") != "ok":
+        raise DataError(
+            f"{directory}: its run ended as {results.run.get('status')!r}; there is no front to choose from"
+        )
+    stages = results.settings.pipelines.stages
+    if missing := [key.name for key in (FRONT, PLAN) if key.name not in stages]:
+        raise DataError(
+            f"{directory}: its run made no {' and no '.join(missing)}; choose reads those of plan"
+        )
+
+
+def chosen_settings(settings: Settings, choice: Choice) -> Settings:
+    """``settings`` with the rule of ``choice``."""
+    return replace(settings, selection=choice.selection(settings.selection))
+
+
+def kept_records(results: Results) -> Records:
+    """All that planning made before the plan; the trees with the time that their growth took."""
+    readers: dict[RecordKey[Any], Callable[[], Any]] = {
+        SCENE: lambda: results.scene,
+        DECOMPOSITION: lambda: results.decomposition,
+        AUTOMATON: lambda: results.automaton,
+        WIND: lambda: results.wind,
+        FOREST: lambda: _timed_forest(results),
+        FRONT: lambda: results.front,
+    }
+    return Records({key: readers[key]() for key in KEPT})
+
+
+def _timed_forest(results: Results) -> Forest:
+    return replace(results.forest, seconds=results.metrics["growth_seconds"])
+
+
+def later_stages(settings: Settings, table: StageTable) -> list[Stage[Any]]:
+    """The stages of ``settings`` that make nothing of what is kept, nor what only the wind was made from."""
+    stages = [table[name] for name in settings.pipelines.stages]
+    left = [stage for stage in stages if stage.makes not in KEPT]
+    wanted = {need for stage in left for need in (*stage.needs, *stage.uses) if stage.makes not in RAW}
+    return [stage for stage in left if stage.makes not in RAW or stage.makes in wanted]
+
+
+def default_place(directory: Path, choice: Choice) -> Path:
+    """Beside ``directory``, with the choice in its name."""
+    directory = directory.resolve()
+    return directory.with_name(f"{directory.name}_{choice.name}")
+
+
+__all__ = ["Choice", "choose_from_results", "default_place", "later_stages", "require_choice"]
