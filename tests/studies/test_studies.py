@@ -323,9 +323,9 @@ def test_plans_of_every_model_meet_the_same_winds(cfg: Settings, world: Records,
     one_seed = EvaluationConfig(seeds=[0], jobs=1, laws=["independent", "coherent"])
     few = replace(cfg, ablation=wanted, evaluation=one_seed)
     study = ablation.run_ablation(few, world, tmp_path)
-    assert len(list((tmp_path / "parts").iterdir())) == 4  # default, tchebycheff, path, convex
+    assert len(list((tmp_path / "parts").iterdir())) == 5  # default, tchebycheff, path, convex, sampled
     rows = {(row["factor"], row["level"], row["law"]): row for row in study.tables["ablation"]}
-    assert len(rows) == 12
+    assert len(rows) == 14
     truth = compare.truth(few, world)
     for factor, level in ablation.levels(few):
         plan = study_run(ablation.changed(unsmoothed(few), factor, level), world).make(PLAN)

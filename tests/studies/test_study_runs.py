@@ -165,7 +165,7 @@ def test_the_counter_examples_break_the_papers_bound_and_not_the_ordered_one(tmp
     lines = done.stdout.strip().splitlines()
     assert len(lines) == 2
     for line in lines:
-        promised = float(line.split("promises ")[1].split(",")[0])
+        promised = float(line.split("Theorem 2 says ")[1].split(",")[0])
         ordered = float(line.split("ordered bound ")[1].split(";")[0])
         low, high = (float(end) for end in line.split("95 %: ")[1].rstrip(")").split(" to "))
         assert promised < 0.1 * low
