@@ -80,7 +80,7 @@ def test_the_example_package_plans_from_the_command_line_and_from_python(
     ("argument", "names"),
     [
         ("wind.source=storm", "calm, steady; got 'storm'"),
-        ("selection.rule=best", "threshold, shortest; got 'best'"),
+        ("selection.rule=best", "point, shortest; got 'best'"),
         ("mission.pattern=zigzag", "key_door, all_but_one; got 'zigzag'"),
         ("robot=submarine", "there is no robot 'submarine'; there are airframe, glider"),
         ("pipelines.stages=[briefings]", "briefing"),
