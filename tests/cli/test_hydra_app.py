@@ -30,7 +30,9 @@ from pareto_ltl.support.resources import choices
 
 SECTIONS = ("scene", "mission", "robot", "wind", "planner", "fidelity", "selection", "deployment", "report")
 NEEDS_A_FILE = ("csv", "currents", "ensemble", "grib", "netcdf", "stations")
-FILES = {name: [f"wind.path=wind.{name}"] for name in NEEDS_A_FILE} | {"selection=length": ["selection.length=2e6"]}
+FILES = {name: [f"wind.path=wind.{name}"] for name in NEEDS_A_FILE} | {
+    "selection=length": ["selection.length=2e6"]
+}
 
 
 @pytest.fixture
