@@ -4,6 +4,7 @@ This folder is on ``PYTHONPATH`` of a test's processes; the metadata beside this
 
 ``kill_3`` there: the job of seed 3 kills itself, once. ``kill_always_3``: every time. ``full_3``: nothing
 can be written any more. ``none_3``: there is no plan. ``hold_3``: the job waits until this file is gone.
+``slow_3``: every file takes half a second.
 """
 
 from __future__ import annotations
@@ -25,6 +26,16 @@ def make_trouble(inputs: StageInputs) -> int:
 
     settings, directory = inputs.settings, inputs.directory
     asked = Path(os.environ["TROUBLE"])
+    real = files.write_bytes
+
+    def write_bytes(path: Path, data: bytes) -> None:
+        if path.parent == directory and (asked / f"full_{settings.seed}").exists():
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        if (asked / f"slow_{settings.seed}").exists():
+            time.sleep(0.5)
+        real(path, data)
+
+    files.write_bytes = write_bytes
     with (asked / "begun.txt").open("a") as file:
         file.write(f"{settings.seed}\n")
     while (asked / f"hold_{settings.seed}").exists():
@@ -35,14 +46,6 @@ def make_trouble(inputs: StageInputs) -> int:
         os.kill(os.getpid(), signal.SIGKILL)
     if (asked / f"none_{settings.seed}").exists():
         raise InfeasibleError("no way from a to b; raise planner.n_max")
-    real = files.write_bytes
-
-    def write_bytes(path: Path, data: bytes) -> None:
-        if path.parent == directory and (asked / f"full_{settings.seed}").exists():
-            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-        real(path, data)
-
-    files.write_bytes = write_bytes
     return settings.seed
 
 

@@ -130,6 +130,7 @@ def test_a_launcher_killed_in_the_middle_and_started_again_gives_the_same_summar
 def test_a_sweep_that_is_asked_to_end_ends_its_jobs_and_goes_on_later(asked: Path) -> None:
     for seed in range(6):
         (asked / f"hold_{seed}").touch()
+    (asked / "slow_1").touch()  # the pool must not kill it because the other has ended
     with start(*TROUBLED) as process:
         wait_until(lambda: len(begun(asked)) == 2)
         process.terminate()

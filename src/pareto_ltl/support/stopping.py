@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     import psutil
 
 CHILDREN_TIME = 5.0  # [s] that child processes have to note how they ended, before they are killed
+POOL_TIME = 1.5  # [s] that a process of a pool stays once it has noted its end: at the first that is gone,
+# the pool kills the others, which may not have noted theirs
 SIGNALS = tuple(getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name))
 
 
@@ -68,6 +70,7 @@ def ends_process() -> Iterator[None]:
         try:
             yield
         except StoppedError as stop:
+            time.sleep(POOL_TIME)
             os._exit(stop.exit_code)  # a pool would take an exception for the result of the job
 
 
