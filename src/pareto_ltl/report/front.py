@@ -14,6 +14,7 @@ from matplotlib.ticker import MaxNLocator
 
 from pareto_ltl.planning.records import Forest, Front, Objectives, Plan
 from pareto_ltl.report import style
+from pareto_ltl.report.flown_front import flown_front_figure
 from pareto_ltl.report.map_layers import length_unit
 from pareto_ltl.report.rate_axes import scale_rate_axis, set_rate_ticks
 from pareto_ltl.settings import FidelityConfig
@@ -26,6 +27,8 @@ FRONT_HEIGHT = 2.75  # height of the figure [in]
 def front_figure(scene: Scene, forest: Forest | None, front: Front, plan: Plan | None) -> Figure:
     """Mission risk against path length, collision risk as colour, before and after smoothing.
 
+    A front of failure rates has a figure of its own (:mod:`pareto_ltl.report.flown_front`).
+
     Parameters
     ----------
     forest : Forest or None
@@ -34,6 +37,8 @@ def front_figure(scene: Scene, forest: Forest | None, front: Front, plan: Plan |
         The selected path is marked with a ring.
     """
     unit, per_metre = length_unit(scene)
+    if front.rates:
+        return flown_front_figure(front, plan, (unit, per_metre))
     after = _front_rows([path.objectives for path in front.paths]) * [per_metre, 1.0, 1.0]
     before = _front_rows(front.raw) * [per_metre, 1.0, 1.0]
     cloud = accepted_vertices(forest, forest.mission_columns if forest is not None else 0) * [per_metre, 1.0]

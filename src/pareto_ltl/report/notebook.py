@@ -15,6 +15,7 @@ from matplotlib.figure import Figure
 
 from pareto_ltl.planning.records import Forest, Front, Plan
 from pareto_ltl.report import style
+from pareto_ltl.report.flown_front import flown_front_figure
 from pareto_ltl.report.front import collision_risk_label, mission_risk_label
 from pareto_ltl.report.map import plan_figure
 from pareto_ltl.report.map_layers import tree_edges
@@ -65,7 +66,10 @@ def draw_record(record: Any, scene: Scene | None = None) -> Drawing:
     """
     with style.report_style():
         if isinstance(record, Front):
-            return Drawing(_front_chart(record))
+            chart = (
+                flown_front_figure(record, None, ("km", KILOMETRE)) if record.rates else _front_chart(record)
+            )
+            return Drawing(chart)
         figure = style.blank_figure(style.COLUMN_WIDTH, 3.1)
         ax = style.axes_at(figure, 0.5, 0.4, 2.85, 2.55)
         if isinstance(record, WindField):

@@ -1,0 +1,156 @@
+"""The figure of a front of failure rates (``fidelity.judge=flights``)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.ticker import MaxNLocator
+from matplotlib.transforms import offset_copy
+
+from pareto_ltl.planning.records import FLIGHTS, FailureRate, Front, Plan
+from pareto_ltl.report import style
+from pareto_ltl.report.rate_axes import scale_rate_axis
+from pareto_ltl.support.arrays import FloatArray
+
+LEFT, BOTTOM, WIDTH, TALL = 0.62, 0.38, 2.76, 1.8  # of the axes [in]
+ROW, GAP = 0.119, 0.05  # height of a line of the legend, and what is free above and below it [in]
+ASIDE = 6.0  # [pt] how far beside the point of the plan its fresh flights are drawn
+LOOKS = (
+    (style.BLUE, "o"), (style.ORANGE, "s"), (style.GREEN, "D"), (style.PURPLE, "^"), (style.SKY, "v"),
+)  # fmt: skip
+OTHERS = (style.STONE, "P")  # of all orders beyond those
+OTHER_ORDERS = "other orders"
+LEAST = 1e-6  # no front is flown often enough to tell rates below apart from 0
+NARROWEST = 3.0  # ratio of the ends of the axis of rates, at least
+
+
+def flown_front_figure(front: Front, plan: Plan | None, unit: tuple[str, float]) -> Figure:
+    """Failure rate against path length of every path, with 95 % intervals, the mission order as colour.
+
+    Parameters
+    ----------
+    plan : Plan or None
+        The selected path is marked with a ring, its fresh flights with a bar.
+    unit : (str, float)
+        Unit of lengths, and its size per metre.
+    """
+    name, per_metre = unit
+    lengths = per_metre * np.array([path.objectives.length for path in front.paths])
+    order = np.argsort(lengths, kind="stable")
+    looks = order_looks([front.paths[k].order for k in order])
+    keys = order_keys(looks), other_keys(front, plan)
+    rows = max(map(len, keys))
+    figure = style.blank_figure(style.COLUMN_WIDTH, BOTTOM + TALL + ROW * rows + 2 * GAP)
+    ax = style.axes_at(figure, LEFT, BOTTOM, WIDTH, TALL)
+    after, before = rate_rows(front.rates), rate_rows(front.raw_rates)
+    raw = per_metre * np.array([o.length for o in front.raw][: len(before)])
+    low, high, hidden = rate_ends(np.concatenate([after, before]))
+    ax.scatter(raw, np.clip(before[:, 0], low, high), marker="x", s=10.0, c=style.STONE, lw=0.7, zorder=2)
+    ax.plot(lengths[order], np.maximum(after[order, 0], low), color=style.STONE, lw=0.8, zorder=3)
+    for k in order:
+        _draw_point(ax, lengths[k], after[k], looks[front.paths[k].order], low)
+    if plan is not None:
+        _mark_plan(ax, front, plan, per_metre, low)
+    scale_rate_axis(ax, "y", low, high, hidden=hidden)
+    ax.set(xlabel=f"path length [{name}]", ylabel=f"failed flights, {front.rates[0].law} winds [%]")
+    ax.xaxis.set_major_locator(MaxNLocator(5))
+    ax.margins(x=0.05)
+    ax.spines[["top", "right"]].set_visible(False)
+    for left, column in zip((LEFT - 0.06, LEFT + 1.28), keys, strict=True):
+        _explain(figure, left, column)
+    return figure
+
+
+def rate_rows(rates: Sequence[FailureRate]) -> FloatArray:
+    """Rate and both ends of its interval, (P, 3)."""
+    return np.array([[rate.failure, rate.low, rate.high] for rate in rates]).reshape(-1, 3)
+
+
+def rate_ends(rows: FloatArray) -> tuple[float, float, bool]:
+    """Ends of a logarithmic axis for ``rows`` (rate, low, high), and whether some rates lie below it."""
+    known = rows[:, :2][rows[:, :2] >= LEAST]
+    hidden = bool((rows[:, 0] < LEAST).any())
+    low = style.round_below(float(known.min()) if len(known) else float(rows[:, 2].min()))
+    low = max(low / 10.0 if hidden else low, LEAST)
+    high = min(1.0, max(float(rows[:, 2].max()), NARROWEST * low))
+    return low, high, hidden
+
+
+def order_looks(orders: Sequence[str]) -> dict[str, tuple[str, str]]:
+    """Colour and mark of each mission order, in the order of their first path."""
+    different = list(dict.fromkeys(orders))
+    return {order: LOOKS[k] if k < len(LOOKS) else OTHERS for k, order in enumerate(different)}
+
+
+def _draw_point(ax: Axes, x: float, row: FloatArray, look: tuple[str, str], low: float) -> None:
+    """A rate with its interval; what lies below ``low`` is drawn there."""
+    colour, mark = look
+    rate, least, most = np.maximum(row, low)
+    ax.plot([x, x], [least, most], color=colour, lw=0.9, zorder=4, clip_on=False)
+    ax.plot(x, rate, mark, ms=3.8, mfc=colour, mec="white", mew=0.4, zorder=5, clip_on=False)
+
+
+def _mark_plan(ax: Axes, front: Front, plan: Plan, per_metre: float, low: float) -> None:
+    """A ring about the point of the plan and, beside it, the rate of its fresh flights."""
+    x = per_metre * plan.path.objectives.length
+    claims = [r for r, path in zip(front.rates, front.paths, strict=True) if path.origin == plan.path.origin]
+    claimed = plan.promise.claimed if plan.promise else next(iter(claims), None)
+    if plan.promise is not None:
+        rate = plan.promise.rate
+        aside = offset_copy(ax.transData, ax.get_figure(root=True), x=ASIDE, units="points")
+        ends = np.maximum([rate.low, rate.high], low)
+        line = {"color": style.VERMILLION, "transform": aside, "zorder": 6, "clip_on": False}
+        ax.plot([x, x], ends, lw=1.2, **line)  # type: ignore[arg-type]
+        ax.plot(x, max(rate.failure, low), "_", ms=4.0, mew=1.2, **line)  # type: ignore[arg-type]
+    if claimed is not None:
+        ring = {"marker": "o", "ms": 8.5, "mfc": "none", "mec": style.VERMILLION, "mew": 1.3, "ls": ""}
+        ax.plot(x, max(claimed.failure, low), **ring, zorder=6, clip_on=False)  # type: ignore[arg-type]
+
+
+def _key(label: str, marker: str, size: float, face: str, edge: str, width: float) -> Line2D:
+    return Line2D([], [], ls="", marker=marker, ms=size, mfc=face, mec=edge, mew=width, label=label)
+
+
+def order_keys(looks: Mapping[str, tuple[str, str]]) -> list[Line2D]:
+    """Entries of the legend for mission orders; all that share a look have one."""
+    named = {order_text(order) if look != OTHERS else OTHER_ORDERS: look for order, look in looks.items()}
+    return [_key(label, mark, 3.8, colour, "white", 0.4) for label, (colour, mark) in named.items()]
+
+
+def other_keys(front: Front, plan: Plan | None) -> list[Line2D]:
+    """Entries of the legend for all other marks."""
+    runs = front.rates[0].runs
+    keys = [Line2D([], [], color=style.INK, lw=0.9, label=f"95 % interval, {runs:,} flights")]
+    if front.raw_rates:
+        keys.append(_key("trees alone", "x", 3.4, style.STONE, style.STONE, 0.7))
+    if plan is not None:
+        keys.append(_key("chosen plan", "o", 7.0, "none", style.VERMILLION, 1.3))
+        if plan.promise is not None:
+            rate = plan.promise.rate
+            label = f"its {rate.runs:,} {'fresh' if rate.method == FLIGHTS else 'weighted'} flights"
+            keys.append(_key(label, "_", 5.0, style.VERMILLION, style.VERMILLION, 1.2))
+    return keys
+
+
+def _explain(figure: Figure, left: float, keys: Sequence[Line2D]) -> None:
+    """A column of the legend from ``left`` [in], hung from the upper edge."""
+    width, height = figure.get_size_inches()
+    legend = figure.legend(
+        handles=list(keys), loc="upper left", bbox_to_anchor=(left / width, 1.0 - GAP / height),
+        borderaxespad=0.0, borderpad=0.0, handletextpad=0.4, labelspacing=0.3, handlelength=1.2,
+    )  # fmt: skip
+    for text in legend.get_texts():
+        text.set_parse_math(False)
+
+
+def order_text(order: str) -> str:
+    """A mission order as a legend shows it, cut to the width that is there."""
+    size = float(style.RC_SETTINGS["legend.fontsize"])
+    return style.fitted_lines(order.replace(">", " → ") or "no visit", 1.2, size, most=1)[0]
+
+
+__all__ = ["flown_front_figure", "order_looks", "order_text", "rate_ends"]
