@@ -59,6 +59,56 @@ def test_a_step_ends_on_the_line_at_the_target_or_at_full_airspeed(motion, start
         assert np.linalg.norm(beyond) > motion.u_max
 
 
+@some
+@given(
+    st.sampled_from(MODELS), st.tuples(st.floats(-9, 9), st.floats(-9, 9)), st.tuples(within, within),
+    st.floats(0.1, 10.0), st.floats(0.0, 2.0),
+)  # fmt: skip
+def test_a_step_is_never_too_slow_and_ends_as_near_to_the_target_as_it_can(
+    motion, wind, bearing, u_min, steps
+):
+    assume(np.linalg.norm(bearing) > 1.0)
+    along = np.array(bearing) / np.linalg.norm(bearing)
+    distance, start = max(steps * KM, 1.0), np.array([3.0, -2.0]) * KM
+    slow = motion._replace(u_min=u_min)
+    end, u, moved = steered(slow, start, wind, start + distance * along)
+    far = np.arange(0.5, 3000.0, 1.0)  # [m] every metre of the line
+    ahead = start + far[:, None] * along - motion.a @ start - motion.dt * np.array(wind)
+    speed = np.linalg.norm(ahead @ motion.b_inv.T, axis=1) / motion.dt
+    allowed = far[(speed >= u_min) & (speed <= motion.u_max)]
+    if not moved:
+        assert len(allowed) < 3
+        return
+    assert u_min / kernel.ROUNDING <= np.linalg.norm(u) <= motion.u_max * kernel.ROUNDING
+    progress = float((end - start) @ along)
+    np.testing.assert_allclose(end, start + progress * along, atol=1e-5)
+    assert progress > 0.0
+    if len(allowed) > 2:
+        nearest = np.abs(allowed - distance).min()
+        assert abs(progress - distance) <= nearest + 1e-6
+
+
+def test_a_robot_that_cannot_hover_flies_past_a_near_target_or_against_the_wind():
+    slow = robot()._replace(u_min=6.0)
+    for wind, near, ends in (
+        ((0.0, 0.0), 200.0, 600.0),  # beyond
+        ((9.0, 0.0), 500.0, 300.0),  # against the wind, short of the target
+        ((9.0, 0.0), 1200.0, 1500.0),  # with the wind
+        ((0.0, 0.0), 700.0, 700.0),
+    ):
+        end, u, moved = steered(slow, np.zeros(2), wind, (near, 0.0))
+        assert moved
+        np.testing.assert_allclose(end, [ends, 0.0], atol=1e-6)
+        assert 6.0 - 1e-9 <= np.linalg.norm(u) <= 10.0 + 1e-9
+
+
+def test_a_reserve_for_feedback_that_leaves_no_airspeed_ends_the_extension():
+    slow = robot()._replace(u_min=6.0)
+    start, target = Point(0.0, 0.0), Point(5000.0, 0.0)
+    assert kernel.steer(slow, start, start, 8.1, target)[1]  # 7.9 to 8.1 m/s
+    assert not kernel.steer(slow, start, start, 7.9, target)[1]
+
+
 def test_still_air_gives_a_full_step_and_tail_wind_a_longer_one():
     target = (100 * KM, 0.0)
     for wind, reach in (

@@ -120,6 +120,12 @@ PLAN_LIES = (
         both(in_plan(lambda p: p.update(u_max=60.0)), setting("robot", "u_max", 60.0)),
         ("run: fingerprint of the settings",),
     ),
+    Lie("u_min is lowered", in_plan(lambda p: p.update(u_min=0.0)), ("plan: settings it names",)),
+    Lie(
+        "u_min is raised everywhere",
+        both(in_plan(lambda p: p.update(u_min=29.5)), setting("robot", "u_min", 29.5)),
+        ("plan: airspeed", "run: fingerprint of the settings"),
+    ),
     Lie("epsilon is smaller", in_plan(lambda p: p.update(epsilon=0.001)), ("plan: settings it names",)),
     Lie(
         "the rule is another",

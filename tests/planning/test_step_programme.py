@@ -27,6 +27,7 @@ ROBOTS = {
         smooth_wind(SCENE, speed=2.0, sd=0.5),
     ),
     "matrices": (RobotConfig(dt=100.0, u_max=10.0, **BENT), smooth_wind(SCENE)),
+    "least airspeed": (RobotConfig(dt=100.0, u_max=10.0, u_min=3.0, **BENT), smooth_wind(SCENE)),
 }
 WAY = along((2, 10), (8, 6.2), (14, 8), (15, 11), step=0.6)  # 29 steps
 TRUST, LONGEST = 0.7, 15_500.0
@@ -67,6 +68,8 @@ def plainly(problem: Problem, flight: Flight, descent: Descent, trust: float, lo
         blown = motion.a @ X[t] + motion.dt * (wind[t] + flight.shift[t] + slope[t] @ change[t])
         control = motion.b_inv @ (X[t + 1] - blown) / motion.dt
         held.append(cp.norm(control) <= CAP * flight.speed[t])
+        if motion.u_min > 0.0:
+            held.append(flight.u[t] / np.linalg.norm(flight.u[t]) @ control >= motion.u_min / CAP)
     low, high = problem.scene.bounds
     held += [low[None] + FACE_MARGIN <= X, high[None] - FACE_MARGIN >= X]
     held.append(sum(cp.norm(X[t + 1] - X[t]) for t in range(steps)) <= longest)
@@ -121,6 +124,7 @@ def test_speeds_length_map_and_trust_region_hold(problem: Problem, seed: int) ->
     assert y is not None
     speed = np.linalg.norm(linear_controls(problem, flight, y), axis=1)
     assert (speed <= CAP * flight.speed + 1e-4 * problem.motion.u_max).all()
+    assert (speed >= problem.motion.u_min / CAP - 1e-4 * problem.motion.u_max).all()
     assert path_length(y) <= LONGEST * (1.0 + 1e-5)
     assert path_length(y) > 0.99 * LONGEST  # the cap binds
     assert (np.abs(y - flight.x) <= (TRUST + 1e-4) * problem.reach).all()
@@ -145,6 +149,20 @@ def test_a_length_that_no_path_can_have_gives_no_answer(problem: Problem) -> Non
     programmes = StepProgrammes(problem)
     assert programmes.next_means(flight, descent_at(flight, 0), TRUST, 5_000.0) is None
     assert programmes.next_means(flight, descent_at(flight, 0), TRUST, LONGEST) is not None
+
+
+def test_the_least_airspeed_binds() -> None:
+    """Pulled back along its way, a path slows down to it and no further."""
+    robot, wind = RobotConfig(dt=100.0, u_max=10.0, u_min=5.5), steady_wind(SCENE)
+    problem = make_problem("F(a & F b)", SCENE, wind, robot, fidelity="full")
+    flight = propagate(problem, WAY)
+    pull = np.zeros_like(WAY)
+    pull[1:] = WAY[1:] - WAY[:-1]
+    descent = Descent(1e-4 * pull / np.linalg.norm(pull, axis=1).max(), descent_at(flight, 0).hessian, 0.2)
+    y = StepProgrammes(problem).next_means(flight, descent, TRUST, 20_000.0)
+    assert y is not None
+    speed = np.linalg.norm(linear_controls(problem, flight, y), axis=1)
+    assert speed.min() == pytest.approx(5.5 / CAP, rel=1e-3)
 
 
 # --- what was solved before, and how many steps the programme has -----------------------------------

@@ -343,8 +343,8 @@ def test_the_plan_has_the_keys_of_its_contract(tmp_path: Path) -> None:
     content = json.loads((tmp_path / "plan.json").read_text())
     assert content["schema"] == "pareto_ltl.plan/2"
     wanted = (
-        "formula atoms dt u_max epsilon fidelity t x cov q label u objectives selection models crs time_utc "
-        "lat lon heading_true airspeed promise order covered not_covered origin fixes"
+        "formula atoms dt u_min u_max epsilon fidelity t x cov q label u objectives selection models crs "
+        "time_utc lat lon heading_true airspeed promise order covered not_covered origin fixes"
     )
     assert set(wanted.split()) <= set(content)
     assert content["objectives"].keys() == {

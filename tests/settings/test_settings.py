@@ -150,6 +150,12 @@ def test_weights_that_weigh_nothing_are_refused(weights: list[float]) -> None:
         ("SceneConfig", {"centre": [95.0, 0.0]}, "scene.centre must be [latitude, longitude]"),
         ("RobotConfig", {"a": [[1.0, math.nan], [0, 1]]}, "robot.a must be a 2 x 2 matrix"),
         ("RobotConfig", {"b": [[1, 2], [2, 4]]}, "robot.b must be invertible"),
+        (
+            "RobotConfig",
+            {"u_min": 31.0},
+            "robot.u_min = 31 m/s is above robot.u_max = 30 m/s: lower the first",
+        ),
+        ("RobotConfig", {"u_min": -1.0}, "robot.u_min must lie in [0, 10000]"),
         ("WindConfig", {"source": "csv"}, "wind.path is missing: wind.source=csv"),
         ("SmoothingConfig", {"weights": []}, "smoothing.weights is empty"),
         ("IngestConfig", {"area": [[1.0]]}, "ingest.area must be a list of [longitude, latitude]"),

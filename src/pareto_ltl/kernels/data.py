@@ -172,11 +172,11 @@ class Modes(NamedTuple):
 
 
 class Motion(NamedTuple):
-    """x' = A x + dt B (u + feedback) + dt w.
+    """x' = A x + dt B (u + feedback) + dt w,    u_min ≤ ‖u + feedback‖ ≤ u_max.
 
     ``a`` = A, ``b`` = B, ``b_inv`` = B^-1; ``closed`` = A - K I moves deviations, ``gain`` = K; ``effort``
-    is the quantile that keeps the feedback within u_max; ``ball`` is the radius of the maximum-trace rule
-    in standard deviations.
+    is the quantile that keeps the feedback within u_min and u_max; ``ball`` is the radius of the
+    maximum-trace rule in standard deviations.
     """
 
     a: FloatArray
@@ -186,6 +186,7 @@ class Motion(NamedTuple):
     b: FloatArray
     b_inv: FloatArray
     dt: float
+    u_min: float
     u_max: float
     ball: float
 

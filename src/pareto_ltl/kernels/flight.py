@@ -125,7 +125,7 @@ class Navigator(NamedTuple):
 
     At a step where the plan counts on a fix (``path.gain`` not 0) and the robot is in a landmark, it reads
     its position with ``noise`` (T, n, 2) [m] and updates its estimate ê of the deviation and θ̂ of the
-    field. It flies ê back and steers against ψ' θ̂, within u_max, and counts on no more than it could do.
+    field. It flies ê back and steers against ψ' θ̂, within u_min and u_max, and counts on what it could do.
     ``learnt`` stands for ``path.learnt``; it is 0 where a wind tells nothing about the next one. ``kept``
     (S + 1, P) is the share that θ keeps from step to step. ``field`` (2, P) and ``estimate`` (3,) = (ê_x,
     ê_y, 1 after the first fix) are scratch.
@@ -151,16 +151,18 @@ def begin_flight(pilot: Pilot) -> None:
 
 @by_type
 def command(pilot: Pilot, motion: Motion, t: int, i: int, at: Point) -> tuple[float, float]:
-    """Control of flight ``i`` at step ``t``, when the robot is at a place, within u_max [m/s]."""
+    """Control of flight ``i`` at step ``t``, when the robot is at a place, within u_min and u_max [m/s]."""
     raise NotImplementedError
 
 
 @kernel
 def within_airspeed(motion: Motion, ux: float, uy: float) -> tuple[float, float]:
-    """A control cut to u_max."""
+    """The control of the same direction with an airspeed of u_min at least and u_max at most."""
     size = math.sqrt(ux * ux + uy * uy)
     if size > motion.u_max:
         return ux * motion.u_max / size, uy * motion.u_max / size
+    if 0.0 < size < motion.u_min:
+        return ux * motion.u_min / size, uy * motion.u_min / size
     return ux, uy
 
 

@@ -35,6 +35,7 @@ from pareto_ltl.kernels.tree import (
     in_time,
     look_ahead,
     note_swap,
+    passed,
     propose,
     steer,
     vertex_point,
@@ -109,6 +110,8 @@ def extend(s: Search, v: int, target: Point, limit: int, rng: Generator) -> None
                 q, length = q_new, length_new
         v = add_vertex(s, there, cell, q, parent, length, rng)
         if world.logic.distance[q] == 0.0 or (there.x == target.x and there.y == target.y):
+            return
+        if world.law.motion.u_min > 0.0 and passed(start, there, target):
             return
 
 

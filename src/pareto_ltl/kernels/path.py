@@ -23,10 +23,17 @@ from pareto_ltl.kernels.geometry import locate_cell
 from pareto_ltl.kernels.interpolation import corner_weights, mode_square, mode_value, wind_at
 from pareto_ltl.kernels.jit import allocating, by_type, implements, kernel
 from pareto_ltl.kernels.letters import next_state
-from pareto_ltl.kernels.propagation import advance, airspeed, closed_loop, forget, white_variance
+from pareto_ltl.kernels.propagation import (
+    advance,
+    airspeed,
+    closed_loop,
+    forget,
+    least_airspeed,
+    white_variance,
+)
 from pareto_ltl.support.arrays import Float32Array, FloatArray, IntArray
 
-FLOWN, TOO_FAST, UNKNOWN_WIND, OFF_MAP, CROSSING = range(5)
+FLOWN, TOO_FAST, UNKNOWN_WIND, OFF_MAP, CROSSING, TOO_SLOW = range(6)
 
 
 class Flight(NamedTuple):
@@ -198,8 +205,8 @@ def check_path(
 ) -> tuple[int, int]:
     """The first fault along a path that was propagated for ``known`` steps, and the step where it is.
 
-    Fills ``q`` and ``cell`` (T+1,) up to there. ``fast`` is the factor by which the airspeed may be
-    exceeded, ``memory`` two rows of what the collision bound remembers.
+    Fills ``q`` and ``cell`` (T+1,) up to there. ``fast`` is the factor by which the airspeed may miss its
+    limits, ``memory`` two rows of what the collision bound remembers.
     """
     motion, x, free = world.law.motion, flight.x, flight.free
     state = world.logic.initial
@@ -209,8 +216,11 @@ def check_path(
             if t > known:
                 return UNKNOWN_WIND, t
             dx, dy = x[t, 0] - free[t - 1, 0], x[t, 1] - free[t - 1, 1]
-            if airspeed(motion, dx, dy) > flight.speed[t - 1] * fast:
+            flown, left = airspeed(motion, dx, dy), flight.speed[t - 1]
+            if flown > left * fast:
                 return TOO_FAST, t
+            if flown * fast < least_airspeed(motion, left):
+                return TOO_SLOW, t
         here = position(flight, t)
         cell[t] = locate_cell(world.cells, here.mean)
         if cell[t] < 0:

@@ -84,6 +84,15 @@ def airspeed_left(motion: Motion, correction: Cov) -> float:
 
 
 @inlined
+def least_airspeed(motion: Motion, speed: float) -> float:
+    """Least airspeed to plan with: u_min, and what feedback reserves below u_max, of which ``speed`` is left.
+
+    It is 0 where u_min is: feedback may stop such a robot and turn it round.
+    """
+    return motion.u_min + motion.u_max - speed if motion.u_min > 0.0 else 0.0
+
+
+@inlined
 def scaled_cov(factor: float, cov: Cov) -> Cov:
     """``factor`` Σ."""
     return Cov(factor * cov.xx, factor * cov.xy, factor * cov.yy)

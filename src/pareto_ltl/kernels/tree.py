@@ -15,7 +15,7 @@ from pareto_ltl.kernels.jit import inlined, kernel
 from pareto_ltl.kernels.letters import next_state
 from pareto_ltl.kernels.neighbours import kd_insert, remember
 from pareto_ltl.kernels.parents import Candidate, collision_limit
-from pareto_ltl.kernels.propagation import advance, airspeed
+from pareto_ltl.kernels.propagation import advance, airspeed, least_airspeed
 from pareto_ltl.kernels.tree_models import (
     Proposal,
     Rivals,
@@ -133,8 +133,12 @@ def steer(motion: Motion, start: Point, free: Point, speed: float, target: Point
     """The farthest point from ``start`` towards ``target`` that one step reaches, and whether there is any.
 
     ``free`` is the mean one step later with zero airspeed, ``speed`` the airspeed left for the control. On
-    the line x + s e the control is linear in s; |u(s)| = speed is a quadratic in s.
+    the line x + s e the control is linear in s; |u(s)| = speed is a quadratic in s. Where the robot cannot
+    fly so slowly as to end at the target, the step ends short of it or beyond, whatever is nearer.
     """
+    least = least_airspeed(motion, speed)
+    if least > speed * ROUNDING:
+        return target, False
     dx, dy = target.x - start.x, target.y - start.y
     far = math.sqrt(dx * dx + dy * dy)
     if far < 1e-9:
@@ -144,15 +148,33 @@ def steer(motion: Motion, start: Point, free: Point, speed: float, target: Point
     rx, ry = start.x - free.x, start.y - free.y
     cx, cy = (b[0, 0] * rx + b[0, 1] * ry) / dt, (b[1, 0] * rx + b[1, 1] * ry) / dt
     gx, gy = (b[0, 0] * ex + b[0, 1] * ey) / dt, (b[1, 0] * ex + b[1, 1] * ey) / dt
-    aa, bb, cc = gx * gx + gy * gy, gx * cx + gy * cy, cx * cx + cy * cy - speed * speed
-    disc = bb * bb - aa * cc
+    aa, bb, cc = gx * gx + gy * gy, gx * cx + gy * cy, cx * cx + cy * cy
+    disc = bb * bb - aa * (cc - speed * speed)
     if disc < 0.0:
         return target, False
     root = math.sqrt(disc)
     if root - bb <= 0.0:
         return target, False
     s = max(min(far, (root - bb) / aa), (-root - bb) / aa)
+    slow = bb * bb - aa * (cc - least * least)
+    if least > 0.0 and slow > 0.0:
+        s = beside_gap(s, far, (-math.sqrt(slow) - bb) / aa, (math.sqrt(slow) - bb) / aa)
     return Point(start.x + s * ex, start.y + s * ey), True
+
+
+@inlined
+def beside_gap(s: float, far: float, low: float, high: float) -> float:
+    """``s``, or the end of the gap (``low``, ``high``) around it that is nearer to ``far``; never below 0."""
+    if s <= low or s >= high:
+        return s
+    return low if low > 0.0 and far - low <= high - far else high
+
+
+@inlined
+def passed(start: Point, there: Point, target: Point) -> bool:
+    """Whether a step that the robot could not fly so slowly as to end at the target has gone beyond it."""
+    dx, dy = there.x - start.x, there.y - start.y
+    return dx * (there.x - target.x) + dy * (there.y - target.y) > 0.0
 
 
 @inlined
@@ -300,7 +322,8 @@ def choose_parent(s: Search, first: Proposal, length0: float, rng: Generator) ->
         if length > longest:
             continue
         ux, uy = there.x - tree.free[near, 0], there.y - tree.free[near, 1]
-        if airspeed(motion, ux, uy) > tree.speed[near] * ROUNDING:
+        flown, left = airspeed(motion, ux, uy), tree.speed[near]
+        if flown > left * ROUNDING or flown * ROUNDING < least_airspeed(motion, left):
             continue
         at = vertex_point(tree, near)
         q = next_state(world.cells, logic, tree.q[near], at, tree.cell[near], there, first.cell)

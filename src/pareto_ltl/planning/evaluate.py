@@ -26,6 +26,7 @@ FAULTS = (
     "outlasts the wind data",
     "leaves the map or enters an obstacle",
     "comes closer to an obstacle or a wall than planner.epsilon allows",
+    "flies slower than robot.u_min, and what feedback and fixes may take, allow",
 )
 
 # --- memory of the models ---------------------------------------------------------------------
@@ -120,6 +121,13 @@ def fix_steps(flight: Flight) -> tuple[int, ...]:
 def square_matrices(cov3: FloatArray) -> FloatArray:
     """Covariances (T+1, 2, 2) from rows (xx, xy, yy)."""
     return cov3[:, [0, 1, 1, 2]].reshape(-1, 2, 2)
+
+
+def airspeed_limits(problem: Problem, speed: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Least and largest airspeed to plan with at each step, (T,) [m/s], where ``speed`` (T,) is left."""
+    motion = problem.motion
+    reserved = motion.u_max - speed
+    return (motion.u_min + reserved if motion.u_min > 0.0 else np.zeros_like(speed)), speed
 
 
 # --- what a path costs ------------------------------------------------------------------------

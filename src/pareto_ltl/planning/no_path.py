@@ -222,11 +222,12 @@ def _advice(cfg: PlannerConfig, problem: Problem, forest: Forest) -> str:
     if counts[worst] == 0:
         return more
     end = problem.horizon * problem.motion.dt / 3600
-    speed = float(np.median(np.linalg.norm(problem.wind.mean, axis=-1)))
+    speed, least = float(np.median(np.linalg.norm(problem.wind.mean, axis=-1))), problem.motion.u_min
     advice = {
         "blocked": "came too close to obstacles: make the passages wider, or let the robot reach them sooner",
         "windbound": f"could not make way against the wind (half the map has {speed:.1f} m/s or more): raise "
-        f"robot.u_max (now {problem.motion.u_max:g} m/s)",
+        f"robot.u_max (now {problem.motion.u_max:g} m/s)"
+        f"{f' or lower robot.u_min (now {least:g} m/s)' if least > 0.0 else ''}",
         "beyond": f"outlasted the wind data or planner.max_steps ({end:.1f} h"
         f"{f'; {problem.wind_ends}' if problem.wind_ends else ''}): give later wind fields, "
         "set wind.hold_last=true, or raise planner.max_steps",

@@ -207,6 +207,7 @@ def pack_motion(robot: RobotConfig, ball: float) -> kd.Motion:
         b=b,
         b_inv=np.linalg.inv(b),
         dt=robot.dt,
+        u_min=robot.u_min,
         u_max=robot.u_max,
         ball=ball,
     )

@@ -289,6 +289,8 @@ class Plan(Displayed):
 
     Attributes
     ----------
+    u_min, u_max : float
+        Airspeeds of the robot [m/s].
     rule : str
         Rule of selection; ``weights`` are those of rule ``weighted``.
     wanted : mapping of str to float
@@ -313,6 +315,7 @@ class Plan(Displayed):
     navigation: Navigation | None = None  # None in files of schema pareto_ltl.plan/1
     covered: str = ""
     not_covered: str = ""
+    u_min: float = 0.0
 
     def __post_init__(self) -> None:
         models_of(self.fidelity)

@@ -30,6 +30,7 @@ METRIC_LABELS = {
     "planner.epsilon": "collision probability allowed at a step (planner.epsilon)",
     "robot.dt": "time step (robot.dt) [s]",
     "robot.u_max": "largest airspeed (robot.u_max) [m/s]",
+    "robot.u_min": "least airspeed (robot.u_min) [m/s]",
 }
 LAW_METRICS = {  # metrics whose names end with a wind law
     "failure": "failed flights",

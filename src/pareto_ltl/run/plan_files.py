@@ -33,6 +33,7 @@ def write_plan(directory: Path, plan: Plan) -> None:
         "formula": plan.formula,
         "atoms": plan.atoms,
         "dt": plan.dt,
+        "u_min": plan.u_min,
         "u_max": plan.u_max,
         "epsilon": plan.epsilon,
         "fidelity": plan.fidelity,
@@ -95,6 +96,7 @@ def read_plan(place: Path | str) -> Plan:
             formula=content["formula"],
             atoms=tuple(content["atoms"]),
             dt=content["dt"],
+            u_min=content.get("u_min", 0.0),  # files of earlier versions have none
             u_max=content["u_max"],
             epsilon=content["epsilon"],
             fidelity=content["fidelity"],

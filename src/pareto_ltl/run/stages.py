@@ -263,6 +263,7 @@ def make_plan(inputs: StageInputs) -> Plan:
         formula=problem.automaton.formula,
         atoms=tuple(problem.atoms),
         dt=problem.motion.dt,
+        u_min=settings.robot.u_min,
         u_max=settings.robot.u_max,
         epsilon=problem.epsilon,
         fidelity=settings.fidelity.label,

@@ -12,7 +12,7 @@ from pareto_ltl.support.messages import shown_value
 
 @dataclass
 class RobotConfig(CheckedSettings):
-    """The robot: x' = A x + dt B u + dt w, ‖u‖ ≤ u_max."""
+    """The robot: x' = A x + dt B u + dt w, u_min ≤ ‖u‖ ≤ u_max."""
 
     section: ClassVar[str] = "robot"
     dt: Any = setting(
@@ -25,6 +25,14 @@ class RobotConfig(CheckedSettings):
         words=("auto",),
     )
     u_max: float = setting(30.0, "largest airspeed", unit="m/s", least=1e-3, most=1e4)
+    u_min: float = setting(
+        0.0,
+        "least airspeed, at most u_max",
+        unit="m/s",
+        least=0,
+        most=1e4,
+        remark="0: the robot can hover, or stop its motor and drift",
+    )
     a: list[Any] = setting([[1.0, 0.0], [0.0, 1.0]], "matrix A of the dynamics (2 x 2)")
     b: list[Any] = setting([[1.0, 0.0], [0.0, 1.0]], "matrix B of the dynamics (2 x 2, invertible)")
     start_sd: float = setting(0.0, "standard deviation of the start position", unit="m", least=0, most=1e6)
@@ -36,7 +44,10 @@ class RobotConfig(CheckedSettings):
         remark="0: open loop, 1: back on the path in one step",
     )
     effort_risk: float = setting(
-        0.05, "probability that the feedback of a step asks for more than u_max", above=0, below=1
+        0.05,
+        "probability that the feedback of a step asks for more than u_max, or less than u_min",
+        above=0,
+        below=1,
     )
     fix_sd: float = setting(
         100.0, "standard deviation of a position fix at a landmark", unit="m", above=0, most=1e6
@@ -51,6 +62,11 @@ class RobotConfig(CheckedSettings):
     def check_combinations(self) -> None:
         if not isinstance(self.dt, str):
             self.dt = float(self.dt)
+        if self.u_min > self.u_max:
+            raise ConfigError(
+                f"robot.u_min = {self.u_min:g} m/s is above robot.u_max = {self.u_max:g} m/s: "
+                "lower the first or raise the second"
+            )
         check_matrix("robot.a", self.a)
         check_matrix("robot.b", self.b)
         (p, q), (r, s) = self.b

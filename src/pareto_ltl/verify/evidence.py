@@ -176,6 +176,7 @@ class Evidence:
             told = told | {"dt": float(self.metrics["dt_s"])}
         return Robot(
             a=np.array(told["a"], float), b=np.array(told["b"], float), ball=self.settings["wind"]["ball"],
+            u_min=told.get("u_min", 0.0),  # results of earlier versions have none
             **{key: told[key] for key in (
                 "dt", "u_max", "start_sd", "feedback", "effort_risk", "fix_sd", "fix_gain", "fix_risk"
             )},

@@ -233,7 +233,7 @@ class Simulator:
         return np.asarray(met + np.sqrt(white) * rng.standard_normal(met.shape), float)
 
     def _commands(self, x: FloatArray, t: int, pilots: Pilots, rng: np.random.Generator) -> FloatArray:
-        """Planned control, feedback, and what fixes have taught, cut to the largest airspeed."""
+        """Planned control, feedback, and what fixes have taught, brought to the airspeeds of the robot."""
         robot, guide = self.law.robot, self.guide
         held = self.u[t] - robot.feedback / robot.dt * np.linalg.solve(robot.b, (x - self.mean[t]).T).T
         cut = self._within_speed(held) if robot.feedback > 0 else held
@@ -251,8 +251,8 @@ class Simulator:
         return np.where(pilots.fixed[:, None], flown, cut)
 
     def _within_speed(self, u: FloatArray) -> FloatArray:
-        size = np.linalg.norm(u, axis=1, keepdims=True)
-        return np.asarray(u * np.minimum(1.0, self.law.robot.u_max / np.maximum(size, 1e-12)), float)
+        robot, size = self.law.robot, np.linalg.norm(u, axis=1, keepdims=True)
+        return np.asarray(u * (np.clip(size, robot.u_min, robot.u_max) / np.maximum(size, 1e-12)), float)
 
     def _take_fixes(self, x: FloatArray, t: int, pilots: Pilots, rng: np.random.Generator) -> None:
         """Kalman update of those inside a landmark, by a position read with noise."""

@@ -27,6 +27,7 @@ class Robot:
     a: FloatArray
     b: FloatArray
     dt: float
+    u_min: float
     u_max: float
     start_sd: float
     feedback: float
@@ -50,6 +51,10 @@ class Robot:
         widest = max(float(np.linalg.eigvalsh(0.5 * (turned + turned.T))[-1]), 0.0)
         reserve = math.sqrt(-2.0 * math.log(self.effort_risk) * widest) / self.dt
         return max(self.u_max - reserve, 0.0)
+
+    def least_speed(self, left: FloatArray) -> FloatArray:
+        """Least airspeed to plan with [m/s] where ``left`` is left: corrections may take as much of it."""
+        return np.where(self.u_min > 0.0, self.u_min + (self.u_max - left), 0.0)
 
 
 @dataclass(slots=True)

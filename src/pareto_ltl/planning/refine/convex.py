@@ -17,6 +17,7 @@ from pareto_ltl.planning.reference import wind_and_gradient
 from pareto_ltl.planning.refine.obligations import face_deviations, path_obligations
 from pareto_ltl.planning.refine.parametrised import ParametrisedProgramme
 from pareto_ltl.planning.refine.risk_sharing import ROWS, RiskSharing, risk_sharing
+from pareto_ltl.planning.refine.step_programme import slowest_controls
 from pareto_ltl.planning.refine.taut_lines import CAP, FACE_MARGIN
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 
@@ -76,6 +77,7 @@ def smoothing_programme(problem: Problem, steps: int, witnesses: int, faces: int
 
         minimise    Σ ‖x_{t+1} - x_t‖ / L₀ + λ (Σ_w Σ_j ρ_wj + Σ_t χ_t) + relief
         subject to  ‖B⁻¹ (x_{t+1} - F_t x_t - g_t)‖ ≤ u_max dt,    F_t = A + dt Dμ(x̄_t)
+                    û_t' B⁻¹ (x_{t+1} - F_t x_t - g_t) ≥ u_min dt   along the last control, if u_min > 0
                     c' x_t ≥ d + z σ            one face of every obstacle for both ends of a step
                     a_j' x_w ≤ b_j              at the witness steps
                     ρ_wj ≥ tangents of 1 - Φ at (b_j - a_j' x_w) / σ_j, one of them that of x̄
@@ -99,6 +101,8 @@ def smoothing_programme(problem: Problem, steps: int, witnesses: int, faces: int
         "pick": (witnesses, n), "a": (witnesses, 2 * faces), "b": (witnesses, faces),
         "inside": (witnesses, faces), "slope": (witnesses, 2 * faces), "height": (witnesses, faces),
     }  # fmt: skip
+    if problem.motion.u_min > 0.0:
+        shapes |= {"ahead": (steps, 2), "behind": (steps, 2), "floor": (steps,)}
     given: dict[str, Any] = {key: cp.Parameter(shape) for key, shape in shapes.items()}
     given |= sharing.parameters(n)
     given |= {key: cp.Parameter(nonneg=True) for key in ("per_length", "weight")}
@@ -119,7 +123,7 @@ def smoothing_programme(problem: Problem, steps: int, witnesses: int, faces: int
 
 
 def _motion_constraints(problem: Problem, given: Mapping[str, Any], v: _Unknowns) -> list[Any]:
-    """Airspeed of each step, its length, the box of the trust region."""
+    """Airspeed of each step, largest and least; its length, the box of the trust region."""
     import cvxpy as cp
 
     b_inv, x, y = problem.motion.b_inv, v.x, v.y
@@ -128,7 +132,12 @@ def _motion_constraints(problem: Problem, given: Mapping[str, Any], v: _Unknowns
         moved = b_inv[row, 0] * x[1:] + b_inv[row, 1] * y[1:]
         return moved - _dot(given["F"], row, x[:-1], y[:-1]) - given["g"][:, row]
 
+    slowest = []
+    if "floor" in given:
+        along = _dot(given["ahead"], 0, x[1:], y[1:]) - _dot(given["behind"], 0, x[:-1], y[:-1])
+        slowest = [along + v.relief[1:] >= given["floor"]]
     return [
+        *slowest,
         cp.SOC(given["cap"] + v.relief[1:], cp.vstack([push(0), push(1)]), axis=0),
         cp.SOC(v.length, cp.vstack([x[1:] - x[:-1], y[1:] - y[:-1]]), axis=0),
         x >= given["low"][:, 0], x <= given["high"][:, 0], y >= given["low"][:, 1], y <= given["high"][:, 1],
@@ -198,7 +207,7 @@ def bend_path(
 
 
 def set_motion(model: Programme, problem: Problem, x: FloatArray) -> None:
-    """Airspeed left for the control, and F_t and g_t of B⁻¹ (x_{t+1} - F_t x_t - g_t); steps beyond the
+    """Limits of the airspeed, and F_t and g_t of B⁻¹ (x_{t+1} - F_t x_t - g_t); steps beyond the
     path stand still in still air.
     """
     motion, centre, unit = problem.motion, problem.scene.bounds.mean(axis=0), problem.reach
@@ -212,10 +221,13 @@ def set_motion(model: Programme, problem: Problem, x: FloatArray) -> None:
     g = ((motion.a @ centre - centre) + motion.dt * mean) / unit
     g -= motion.dt * np.einsum("tij,tj->ti", gradient, (x[:-1] - centre) / unit)
     steady = np.tile(motion.b_inv.ravel(), (model.steps - T, 1))
-    model.give(
-        F=np.vstack([(motion.b_inv @ F).reshape(T, 4), steady]),
-        g=np.vstack([g @ motion.b_inv.T, np.zeros((model.steps - T, 2))]),
-    )
+    values = {
+        "F": np.vstack([(motion.b_inv @ F).reshape(T, 4), steady]),
+        "g": np.vstack([g @ motion.b_inv.T, np.zeros((model.steps - T, 2))]),
+    }
+    model.give(**values)
+    if motion.u_min > 0.0:
+        model.give(**slowest_controls(problem, flight, **values))
 
 
 def separating(faces: kd.Faces, clearance: FloatArray) -> IntArray:

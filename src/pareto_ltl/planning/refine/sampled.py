@@ -19,7 +19,7 @@ import numpy as np
 
 from pareto_ltl.kernels import margin as km
 from pareto_ltl.kernels.path import Flight
-from pareto_ltl.planning.evaluate import propagate, propagate_controls
+from pareto_ltl.planning.evaluate import airspeed_limits, propagate, propagate_controls
 from pareto_ltl.planning.margin_model import margin_scratch
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.reference import wind_and_gradient
@@ -90,16 +90,17 @@ class Refiner:
     # --- means and controls ---
 
     def flown(self, x: FloatArray) -> Flight:
-        """The flight along ``x`` (T+1, 2), its controls cut to the airspeed that is left."""
+        """The flight along ``x`` (T+1, 2), its controls brought to the airspeeds to plan with."""
         problem = self.problem
         flight = propagate(problem, x)
         for _ in range(2):
             speed = np.linalg.norm(flight.u, axis=1)
-            allowed = (1.0 - 1e-9) * np.maximum(flight.speed, 0.0)
-            if (speed <= allowed * (1.0 + 1e-9)).all():
+            least, most = airspeed_limits(problem, (1.0 - 1e-9) * np.maximum(flight.speed, 0.0))
+            if ((speed >= least * (1.0 - 1e-9)) & (speed <= most * (1.0 + 1e-9))).all():
                 break
-            cut = flight.u * np.minimum(1.0, CAP * allowed / np.maximum(speed, 1e-9))[:, None]
-            flight = propagate_controls(problem, np.ascontiguousarray(cut), problem.world.law)
+            wanted = np.minimum(np.maximum(speed, least / CAP), np.maximum(CAP * most, least))
+            u = flight.u * (wanted / np.maximum(speed, 1e-9))[:, None]
+            flight = propagate_controls(problem, np.ascontiguousarray(u), problem.world.law)
         return flight
 
     def slope(self, x: FloatArray, off: FloatArray, width: float, runs: int) -> tuple[Descent, FloatArray]:

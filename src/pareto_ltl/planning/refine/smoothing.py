@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import math
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -16,7 +17,9 @@ from pareto_ltl.planning.records import PlannedPath, objective_row
 from pareto_ltl.planning.refine.convex import Programme, bend_path, smoothing_programme
 from pareto_ltl.planning.refine.obligations import path_obligations, planned_states
 from pareto_ltl.planning.refine.risk_sharing import risk_sharing
+from pareto_ltl.planning.refine.step_programme import NARROWEST
 from pareto_ltl.planning.refine.taut_lines import (
+    CAP,
     MissionOrder,
     mission_order,
     pull_taut,
@@ -26,6 +29,8 @@ from pareto_ltl.planning.refine.taut_lines import (
 from pareto_ltl.settings import SmoothingConfig
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import InfeasibleError
+
+LOG = logging.getLogger(__name__)
 
 GAIN = 1e-4  # of the merit: less ends the iterations
 LONG = 1.25  # lines of this many times the fewest steps are not worth the solver's time
@@ -78,7 +83,7 @@ def smooth_paths(
     progress : callable
         Called with (lines done, lines in all).
     """
-    wanted = len(paths) > 0 and len(problem.theorem2.atom) > 0
+    wanted = len(paths) > 0 and len(problem.theorem2.atom) > 0 and _has_airspeeds(problem)
     begun = taut_starts(cfg, problem, paths) if wanted else []
     if not begun:
         return ()
@@ -87,6 +92,20 @@ def smooth_paths(
     shortest = min(p.objectives.length for p in paths)
     task = SmoothingTask(cfg, fitting_programme(problem, begun), problem, shortest)
     return worthwhile(problem, bend_each(task, begun, weights, progress), paths)
+
+
+def _has_airspeeds(problem: Problem) -> bool:
+    """Whether controls within the convex limits of smoothing are fast enough; a warning where not."""
+    motion = problem.motion
+    if motion.u_min <= NARROWEST * CAP**2 * motion.u_max:
+        return True
+    LOG.warning(
+        "robot.u_min = %g m/s leaves convex smoothing no choice of airspeed below robot.u_max = %g m/s: "
+        "paths of trees stay as they are; fidelity.refine=sampled can refine them",
+        motion.u_min,
+        motion.u_max,
+    )
+    return False
 
 
 NEEDLESS: dict[str, Callable[[FloatArray, FloatArray], bool]] = {

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pareto_ltl.planning.evaluate import airspeed_limits
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.reference import wind_and_gradient
 from pareto_ltl.planning.refine.parametrised import ParametrisedProgramme
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
 RIDGE = (
     1e-4  # curvature where no flight is near its limit, as a share of the failure, for a full step squared
 )
+NARROWEST = 0.99  # least airspeed of a programme, at most, as a share of its largest one
 SIZES = 8  # programmes come for multiples of this many steps
 
 
@@ -37,12 +39,12 @@ def stated_programme(steps: int, slowest: bool) -> ParametrisedProgramme:
 
         minimise    g' (x - x̄) + ½ (x - x̄)' H (x - x̄)
         subject to  ‖B⁻¹ (x_{t+1} - F_t x_t - g_t)‖ ≤ airspeed left,     F_t = A + dt Dμ(x̄_t)
-                    û_t' B⁻¹ (x_{t+1} - F_t x_t - g_t) ≥ u_min           with ``slowest``
+                    û_t' B⁻¹ (x_{t+1} - F_t x_t - g_t) ≥ least airspeed    with ``slowest``
                     Σ_t ‖x_{t+1} - x_t‖ ≤ L_max
                     |x_t - x̄_t| ≤ trust,    x_t on the map
 
-    û_t is the direction of the last control: the half plane lies within the set |u| ≥ u_min, which is not
-    convex.
+    û_t is the direction of the last control: the half plane lies within the set of controls that are fast
+    enough, which is not convex.
     """
     import cvxpy as cp
 
@@ -50,7 +52,7 @@ def stated_programme(steps: int, slowest: bool) -> ParametrisedProgramme:
     x, y, length = cp.Variable(n), cp.Variable(n), cp.Variable(steps)
     shapes = {
         "cost": (n, 2), "cap": (steps,), "F": (steps, 4), "g": (steps, 2), "low": (n, 2), "high": (n, 2),
-    } | ({"heading": (steps, 2), "floor": (steps,)} if slowest else {})  # fmt: skip
+    } | ({"ahead": (steps, 2), "behind": (steps, 2), "floor": (steps,)} if slowest else {})  # fmt: skip
     given: dict[str, Any] = {name: cp.Parameter(shape) for name, shape in shapes.items()}
     given |= {"longest": cp.Parameter(), "turn": cp.Parameter(4)}
     F, g, turn = given["F"], given["g"], given["turn"]
@@ -66,7 +68,9 @@ def stated_programme(steps: int, slowest: bool) -> ParametrisedProgramme:
         x >= given["low"][:, 0], x <= given["high"][:, 0], y >= given["low"][:, 1], y <= given["high"][:, 1],
     ]  # fmt: skip
     if slowest:
-        along = cp.multiply(given["heading"][:, 0], push[0]) + cp.multiply(given["heading"][:, 1], push[1])
+        ahead, behind = given["ahead"], given["behind"]
+        along = cp.multiply(ahead[:, 0], x[1:]) + cp.multiply(ahead[:, 1], y[1:])
+        along -= cp.multiply(behind[:, 0], x[:-1]) + cp.multiply(behind[:, 1], y[:-1])
         constraints.append(along >= given["floor"])
     cost = given["cost"]
     objective = cp.sum(cp.multiply(cost[:, 0], x) + cp.multiply(cost[:, 1], y))
@@ -110,7 +114,7 @@ class StepProgrammes:
         }  # fmt: skip
         with self._turn:
             if size not in self._sizes:
-                self._sizes[size] = stated_programme(size, False)
+                self._sizes[size] = stated_programme(size, slowest=problem.motion.u_min > 0.0)
             self._sizes[size].give(**given)
             found = self._sizes[size].solve(H)
         return (
@@ -136,9 +140,34 @@ def motion_values(problem: Problem, flight: Flight, size: int) -> dict[str, Floa
     g = ((motion.a @ centre - centre) + motion.dt * mean) / unit
     g -= motion.dt * np.einsum("tij,tj->ti", gradient, (x[:-1] - centre) / unit)
     still = np.tile(motion.b_inv.ravel(), (size - T, 1))
-    return {
+    values = {
         "cap": np.concatenate([CAP * flight.speed / motion.u_max, np.ones(size - T)]),
         "F": np.vstack([(motion.b_inv @ F).reshape(T, 4), still]),
         "g": np.vstack([g @ motion.b_inv.T, np.zeros((size - T, 2))]),
         "turn": motion.b_inv.ravel(),
+    }
+    if motion.u_min > 0.0:
+        values |= slowest_controls(problem, flight, values["F"], values["g"])
+    return values
+
+
+def slowest_controls(problem: Problem, flight: Flight, F: FloatArray, g: FloatArray) -> dict[str, FloatArray]:
+    """Half planes of controls that are fast enough: ahead' x_{t+1} - behind' x_t ≥ floor, in full steps.
+
+    They are û' B⁻¹ (x_{t+1} - F_t x_t - g_t) ≥ least airspeed with the rows B⁻¹ F_t of ``F`` (S, 4) and
+    B⁻¹ g_t of ``g`` (S, 2); nothing is asked beyond the path. The floor is as far above the least airspeed as
+    the cap is below the largest one. A robot with hardly any choice of airspeed gets some all the same: its
+    controls are brought to their limits when they are flown.
+    """
+    motion, T = problem.motion, len(flight.u)
+    least, most = airspeed_limits(problem, flight.speed)
+    speed = np.linalg.norm(flight.u, axis=1)[:, None]
+    heading = np.zeros_like(g)
+    heading[:T] = np.where(speed > 0.0, flight.u / np.maximum(speed, 1e-9), [1.0, 0.0])
+    floor = np.full(len(g), -1.0)
+    floor[:T] = np.minimum(least / CAP, NARROWEST * CAP * most) / motion.u_max
+    return {
+        "ahead": heading @ motion.b_inv,
+        "behind": np.einsum("ti,tij->tj", heading, F.reshape(-1, 2, 2)),
+        "floor": floor + (heading * g).sum(axis=1),
     }

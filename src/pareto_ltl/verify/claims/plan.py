@@ -52,6 +52,7 @@ def settings_named(result: Evidence) -> Verdict:
     pairs = {
         "dt": (plan["dt"], result.robot.dt),  # with robot.dt=auto, what the metrics say
         "u_max": (plan["u_max"], told["robot"]["u_max"]),
+        "u_min": (plan.get("u_min", 0.0), told["robot"].get("u_min", 0.0)),
         "epsilon": (plan["epsilon"], result.epsilon),
         "rule": (plan["selection"]["rule"], told["selection"]["rule"]),
         "weights": (plan["selection"]["weights"], told["selection"]["weights"]),
@@ -104,13 +105,14 @@ def motion(result: Evidence) -> Verdict:
 
 
 def airspeed(result: Evidence) -> Verdict:
-    """No control exceeds u_max less what feedback and fixes need."""
-    speed = np.linalg.norm(result.u, axis=1)
-    over = np.max(speed - result.course.speed * (1 + FAST), initial=-math.inf)
+    """No control exceeds u_max, or falls below u_min, by what feedback and fixes need of it or more."""
+    robot, speed, left = result.robot, np.linalg.norm(result.u, axis=1), result.course.speed
+    over = np.max(speed - left * (1 + FAST), initial=-math.inf)
+    under = np.max(robot.least_speed(left) * (1 - FAST) - speed, initial=-math.inf)
     return Verdict(
-        f"at most {result.robot.u_max:g} m/s",
-        f"{speed.max(initial=0.0):.6g} m/s",
-        bool(over <= 1e-6 * result.robot.u_max),
+        f"{robot.u_min:g} to {robot.u_max:g} m/s",
+        f"{speed.min(initial=robot.u_max):.6g} to {speed.max(initial=0.0):.6g} m/s",
+        bool(max(over, under) <= 1e-6 * robot.u_max),
     )
 
 

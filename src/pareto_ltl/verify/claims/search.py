@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 
 import numpy as np
@@ -85,10 +86,10 @@ def _link_faults(result: Evidence, name: str, cells: list[Convex], column: IntAr
 
 
 def airspeeds(result: Evidence) -> Verdict | None:
-    """No edge needs more than u_max in the expected wind; only for laws that do not shift it."""
+    """Every edge needs u_min to u_max in the expected wind; only for laws that do not shift it."""
     if result.planned_law != "independent" or (result.step_is_open and not result.has("plan.json")):
         return None
-    robot, worst = result.robot, 0.0
+    robot, worst, least = result.robot, 0.0, math.inf
     times = result.law(
         "independent", max(int(result.trees[f"{n}/step"].max()) for n in tree_names(result))
     ).times
@@ -99,10 +100,14 @@ def airspeeds(result: Evidence) -> Verdict | None:
             here = x[parent[new]]
             wind = square_of(result.wind.x, result.wind.y, here).value(at_step(result.wind.mean, times, t))
             left = (x[new] - here @ robot.a.T) / robot.dt - wind
-            worst = max(
-                worst, float(np.linalg.norm(np.linalg.solve(robot.b, left.T), axis=0).max(initial=0.0))
-            )
-    return Verdict(f"at most {robot.u_max:g} m/s", f"{worst:.6g} m/s", worst <= robot.u_max * (1 + 2e-6))
+            speed = np.linalg.norm(np.linalg.solve(robot.b, left.T), axis=0)
+            worst = max(worst, float(speed.max(initial=0.0)))
+            least = min(least, float(speed.min(initial=math.inf)))
+    return Verdict(
+        f"{robot.u_min:g} to {robot.u_max:g} m/s",
+        f"{least:.6g} to {worst:.6g} m/s",
+        worst <= robot.u_max * (1 + 2e-6) and least >= robot.u_min * (1 - 2e-6),
+    )
 
 
 def accepted(result: Evidence) -> Verdict:
