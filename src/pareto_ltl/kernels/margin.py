@@ -12,7 +12,7 @@ least as good as p":
 
 and the mission margin is the largest W_T(p) of an accepting p. The margin of a set of letters is the signed
 distance to its nearest face. One event binds, so that m is the signed distance of one point of the flight
-from one line, and its gradient is that line's normal.
+from one line or corner, and its gradient is the unit vector from there.
 
 The plain counterpart is :mod:`pareto_ltl.planning.reference_margin`.
 """
@@ -51,7 +51,7 @@ class Guards(NamedTuple):
 
 
 class MarginModel(NamedTuple):
-    """What margins are measured to.
+    """What margins are measured to; a polygon's face k leads from its corner k to the next.
 
     ``shown`` are convex polygons that show a letter, ``first`` (M + 1,) the first polygon of each letter.
     ``faces`` and ``corners`` are the barriers: obstacles, and walls as one face without corners. ``hazards``
