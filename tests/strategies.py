@@ -1,4 +1,4 @@
-"""Hypothesis strategies for polygons and maps, shared by the suites.
+"""Hypothesis strategies for polygons, maps and formulas, shared by the suites.
 
 Two kinds of map: ``scenes`` has outlines anywhere, overlapping at will; ``lattice_scenes`` has all
 corners on a small lattice, so that outlines touch, share edges and go straight on all the time.
@@ -11,6 +11,7 @@ import shapely
 from hypothesis import assume
 from hypothesis import strategies as st
 
+from pareto_ltl.logic.formula import Formula
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.world.scene import Scene
 
@@ -108,3 +109,18 @@ def _scene(walls: list[FloatArray], places: list[FloatArray], side: float) -> Sc
         regions=dict(zip(NAMES, places, strict=False)),
         obstacles=tuple(walls),
     )
+
+
+@st.composite
+def formulas(draw, names) -> str:
+    """Any co-safe formula over ``names``."""
+    literals = st.sampled_from(names).flatmap(
+        lambda n: st.sampled_from([Formula("name", name=n), Formula("!", (Formula("name", name=n),))])
+    )
+
+    def grown(trees):
+        one = st.builds(lambda op, p: Formula(op, (p,)), st.sampled_from("XFF"), trees)
+        two = st.builds(lambda op, p, q: Formula(op, (p, q)), st.sampled_from("UM&|&"), trees, trees)
+        return one | two
+
+    return str(draw(st.recursive(literals, grown, max_leaves=5)))

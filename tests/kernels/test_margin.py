@@ -17,7 +17,6 @@ from numpy.random import SeedSequence
 from pareto_ltl.kernels import margin as kernel
 from pareto_ltl.kernels.data import Point
 from pareto_ltl.kernels.margin import SATURATED
-from pareto_ltl.logic.formula import Formula
 from pareto_ltl.planning.margin_model import margin_model, margin_scratch
 from pareto_ltl.planning.pack import pack_corners, pack_faces
 from pareto_ltl.planning.problem import Problem
@@ -27,7 +26,7 @@ from pareto_ltl.simulation.flights import simulate_flights
 from pareto_ltl.support.arrays import BoolArray, FloatArray
 from pareto_ltl.world.scene import Scene
 from problems import KM, box, make_problem, make_scene, steady_wind
-from strategies import NAMES, SIDE, convex_polygons, scenes
+from strategies import NAMES, SIDE, convex_polygons, formulas, scenes
 
 WIDE = 1e9  # [m] no margin on a map lies below the floor of so wide a sigmoid
 HOPELESS = 1e6  # [m] beyond every map
@@ -124,21 +123,6 @@ borders = st.sampled_from(["open", "wall"])
 
 
 @st.composite
-def formulas(draw, names) -> str:
-    """Any co-safe formula over ``names``."""
-    literals = st.sampled_from(names).flatmap(
-        lambda n: st.sampled_from([Formula("name", name=n), Formula("!", (Formula("name", name=n),))])
-    )
-
-    def grown(trees):
-        one = st.builds(lambda op, p: Formula(op, (p,)), st.sampled_from("XFF"), trees)
-        two = st.builds(lambda op, p, q: Formula(op, (p, q)), st.sampled_from("UM&|&"), trees, trees)
-        return one | two
-
-    return str(draw(st.recursive(literals, grown, max_leaves=5)))
-
-
-@st.composite
 def problems(draw) -> Problem:
     """Any mission on any map of 1 km, with steps of 100 m and gusts of 40 m."""
     scene: Scene = draw(scenes(obstacles=2, regions=3))
@@ -204,6 +188,39 @@ def test_any_visit_counts_and_the_best_one_binds() -> None:
     x = np.array([[16.5, 10], [8.2, 9], [14.1, 10], [8.4, 10], [8.3, 15]]) * KM
     assert margins(problem, x[None])[0] == pytest.approx(400.0)  # a at first, b at last but one
     assert margins(problem, x[None, ::-1])[0] == pytest.approx(100.0)  # then b is before the better visit
+
+
+@settings(deadline=None, max_examples=25)
+@given(scenes(obstacles=5, regions=1), borders, seeds)
+def test_a_mission_that_is_done_at_once_has_the_margin_of_its_clearance(
+    scene: Scene, border: str, seed: int
+) -> None:
+    wind = steady_wind(scene, gust=(16.0, 16.0))
+    robot = RobotConfig(dt=10.0, u_max=10.0)
+    problem = make_problem("true", replace(scene, border=border), wind, robot, fidelity="full")
+    way = walk(random_stops(problem, np.random.default_rng(seed), 2), 3)
+    compare_roads(problem, *flown(problem, way, 4, seed))
+
+
+@pytest.mark.parametrize(
+    ("last", "margin"), [((9.2, 11.5), 200.0), ((9.7, 11.8), 200.0), ((9.6, 11.4), 600.0)]
+)
+def test_of_letters_to_be_spared_the_nearest_binds(last: tuple[float, float], margin: float) -> None:
+    """After a, neither b (to the west) nor c (to the north)."""
+    problem = task("F(a & X(!b & !c))")
+    x = np.array([[2, 10], [16, 10], last]) * KM
+    assert margins(problem, x[None])[0] == pytest.approx(margin)
+
+
+def test_a_hazard_that_must_be_met_binds_by_the_depth_to_which_it_is() -> None:
+    """b on the way ends !b U a and begins F c: a flight that passes south of it has missed it."""
+    problem = task("(!b U a) | F(b & F c)")
+    x = np.array([[2, 10], [6, 8.3], [11, 8.3], [11, 13]]) * KM
+    (margin,), slope, f = margins_and_slope(problem, x[None], 200.0)
+    assert margin == pytest.approx(300.0)
+    assert slope.gradient[[0, 3]].tolist() == [[0.0, 0.0], [0.0, 0.0]]
+    assert slope.gradient[1:3, 1].sum() == pytest.approx(-f * (1.0 - f) / 200.0)  # to the north
+    assert margins(problem, x[None] - [0.0, 400.0])[0] < 0.0
 
 
 # --- the floor ------------------------------------------------------------------------------------
