@@ -278,6 +278,23 @@ def test_three_roads_agree_on_the_distance_of_a_segment_from_a_polygon(
     assert clearance(polygon, *moved).margin > 0.0
 
 
+@settings(deadline=None, max_examples=100)
+@given(convex_polygons(), places, places, st.floats(0.0, 1.2))
+def test_what_is_called_out_of_reach_is_farther(
+    polygon: FloatArray, p: tuple[float, float], q: tuple[float, float], share: float
+) -> None:
+    corners, apart = pack_corners([0], [polygon]), segment_distance(polygon, np.array(p), np.array(q))
+    if kernel.beyond_reach(corners, 0, Point(*p), Point(*q), share * apart):
+        assert apart > max(share * apart, 0.0)
+
+
+def test_a_box_is_in_reach_of_a_point_beyond_its_corner() -> None:
+    corners, there = pack_corners([0], [box(4, 4, 6, 6)]), Point(7 * KM, 7 * KM)
+    apart = np.sqrt(2.0) * KM
+    assert kernel.beyond_reach(corners, 0, there, there, 0.999 * apart)
+    assert not kernel.beyond_reach(corners, 0, there, there, 1.001 * apart)
+
+
 # --- derivatives ----------------------------------------------------------------------------------
 
 
