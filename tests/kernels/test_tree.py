@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
 from pareto_ltl.kernels import tree as kernel
@@ -64,6 +64,7 @@ def test_a_step_ends_on_the_line_at_the_target_or_at_full_airspeed(motion, start
     st.sampled_from(MODELS), st.tuples(st.floats(-9, 9), st.floats(-9, 9)), st.tuples(within, within),
     st.floats(0.1, 10.0), st.floats(0.0, 2.0),
 )  # fmt: skip
+@example(MODELS[0], (0.0, 1.123473692004358), (0.0, 2.0), 1.123473692004358, 0.0)  # stands still at u_min
 def test_a_step_is_never_too_slow_and_ends_as_near_to_the_target_as_it_can(
     motion, wind, bearing, u_min, steps
 ):

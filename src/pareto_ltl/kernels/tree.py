@@ -162,12 +162,15 @@ def steer(motion: Motion, start: Point, free: Point, speed: float, target: Point
     return Point(start.x + s * ex, start.y + s * ey), True
 
 
+AHEAD = 1e-6  # [m] a step that is no longer stands still but for rounding
+
+
 @inlined
 def beside_gap(s: float, far: float, low: float, high: float) -> float:
-    """``s``, or the end of the gap (``low``, ``high``) around it that is nearer to ``far``; never below 0."""
+    """``s``, or the end of the gap (``low``, ``high``) around it nearer to ``far``; ahead in any case."""
     if s <= low or s >= high:
         return s
-    return low if low > 0.0 and far - low <= high - far else high
+    return low if low > AHEAD and far - low <= high - far else high
 
 
 @inlined
