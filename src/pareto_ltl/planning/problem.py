@@ -15,7 +15,7 @@ from pareto_ltl.world.cells import Decomposition
 from pareto_ltl.world.scene import Scene
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False, weakref_slot=True)
 class Problem:
     """What is to be planned; every later stage reads the same arrays, so that a path costs the same anywhere.
 

@@ -114,16 +114,27 @@ def decompose(scene: Scene) -> Decomposition:
         cells=tuple(_ring_in_metres(drop_flat(ring), step) for ring, _ in cells),
         labels=tuple(label for _, label in cells),
         doors=_shared_edges([ring for ring, _ in cells]),
-        obstacles=tuple(
-            _ring_in_metres(part, step)
-            for polygon in obstacles
-            for ring in _convex_rings(polygon)
-            for part in cut_round(ring, MAX_FACES)
-        ),
+        obstacles=_obstacle_parts(obstacles, step),
         regions={
             name: tuple(_ring_in_metres(ring, step) for ring in _convex_rings(polygon))
             for name, polygon in regions.items()
         },
+    )
+
+
+def convex_obstacles(scene: Scene, polygons: Iterable[shapely.Geometry]) -> tuple[FloatArray, ...]:
+    """``polygons`` [m] as a :class:`Decomposition` has obstacles: convex parts with at most 32 faces."""
+    step = _grid_step(scene)
+    return _obstacle_parts(_outermost_polygons([_snapped_shape(shape, step) for shape in polygons]), step)
+
+
+def convex_pieces(scene: Scene, polygons: Iterable[shapely.Geometry]) -> tuple[FloatArray, ...]:
+    """Convex polygons (n, 2) [m], counter-clockwise, that tile ``polygons`` [m], which may have holes."""
+    step = _grid_step(scene)
+    return tuple(
+        _ring_in_metres(ring, step)
+        for shape in polygons
+        for ring in _convex_rings(_snapped_shape(shape, step))
     )
 
 
@@ -254,10 +265,16 @@ def _grid_step(scene: Scene) -> float:
 
 
 def _snapped_polygon(corners: FloatArray, step: float) -> shapely.Geometry:
-    """A valid polygon in grid steps, also if snapping made corners or edges coincide."""
     import shapely
 
-    return shapely.set_precision(shapely.Polygon(np.rint(corners / step)), 1.0)
+    return _snapped_shape(shapely.Polygon(corners), step)
+
+
+def _snapped_shape(shape: shapely.Geometry, step: float) -> shapely.Geometry:
+    """A valid shape in grid steps, also if snapping made corners or edges coincide."""
+    import shapely
+
+    return shapely.set_precision(shapely.transform(shape, lambda corners: np.rint(corners / step)), 1.0)
 
 
 def _box_outline(bounds: FloatArray) -> FloatArray:
@@ -297,6 +314,12 @@ def _convex_rings(polygon: shapely.Geometry) -> list[GridRing]:
         outline, *holes = _polygon_rings(piece)
         found += [drop_flat(ring) for ring in convex_parts(outline, holes)]
     return [_first_corner(ring) for ring in found if ring]
+
+
+def _obstacle_parts(polygons: Sequence[shapely.Geometry], step: float) -> tuple[FloatArray, ...]:
+    """Convex parts with at most ``MAX_FACES`` faces, in metres."""
+    rings = (ring for polygon in polygons for ring in _convex_rings(polygon))
+    return tuple(_ring_in_metres(part, step) for ring in rings for part in cut_round(ring, MAX_FACES))
 
 
 def _ring_in_metres(ring: GridRing, step: float) -> FloatArray:
@@ -388,6 +411,8 @@ __all__ = [
     "Locator",
     "cell_graph",
     "cells_of_points",
+    "convex_obstacles",
+    "convex_pieces",
     "decompose",
     "half_planes",
     "inside_depth",

@@ -11,19 +11,18 @@ from typing import Protocol
 import numpy as np
 
 from pareto_ltl.kernels import data as kd
-from pareto_ltl.planning.pack import pack_faces
+from pareto_ltl.kernels.visibility import TOUCH, seen_places
 from pareto_ltl.planning.problem import Problem
-from pareto_ltl.planning.records import PlannedPath
 from pareto_ltl.planning.reference import wind_at_place
+from pareto_ltl.planning.refine.bends import bend_places, gap_places
+from pareto_ltl.planning.refine.course import FACE_MARGIN, Course, Stage, mission_course
 from pareto_ltl.planning.refine.obligations import face_deviations
-from pareto_ltl.support.arrays import BoolArray, FloatArray
-from pareto_ltl.world.cells import half_planes
+from pareto_ltl.planning.refine.orders import MissionOrder, mission_order, possible_orders
+from pareto_ltl.planning.refine.search_map import search_map
+from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 
-FACE_MARGIN = 2.0  # [m] kept from every face: larger than the solver's rounding error
 CAP = 0.999  # share of u_max planned with: the wind is not quite linear over a trust region
-BESIDE = 1.3  # a gate lies within this many margins of both its obstacles
-TOUCH = 1e-3  # [m] a place this much too near still lies on the margin
-ANCHOR = 0.02  # how far from a region's rim towards its middle a line may touch it
+SETTLED = 4  # rounds until a place and the distance to keep there agree to centimetres
 
 
 def walk_line(problem: Problem, line: FloatArray) -> FloatArray | None:
@@ -54,42 +53,6 @@ def _longest_share(motion: kd.Motion, x: FloatArray, goal: FloatArray, wind: Flo
     return 0.0 if disc < 0.0 else min(1.0, (math.sqrt(disc) - bb) / aa)
 
 
-def _bend_places(polygons: Sequence[FloatArray]) -> tuple[FloatArray, FloatArray]:
-    """Where a taut line may bend: corners, and vectors v such that corner + r v clears both faces by r."""
-    at, out = [np.empty((0, 2))], [np.empty((0, 2))]
-    for polygon in polygons:
-        normal = half_planes(polygon)[0]
-        pair = np.stack([np.roll(normal, 1, axis=0), normal], axis=1)
-        sharp = np.abs(np.linalg.det(pair)) > 1e-6
-        at.append(polygon[sharp])
-        out.append(np.linalg.solve(pair[sharp], np.ones((int(sharp.sum()), 2, 1)))[..., 0])
-    return np.vstack(at), np.vstack(out)
-
-
-def _gates(faces: kd.Faces, widest: float) -> tuple[FloatArray, FloatArray]:
-    """Where a taut line may bend in a gap too narrow for the corners themselves.
-
-    With the distance r to keep, the gap between two obstacles is the meeting of half planes ``c' x ≥ d + r``,
-    and a taut line bends where two of their rims cross: at p + r v for one pair of faces. Kept are the
-    crossings beside both obstacles and clear of all, for some r up to ``widest``.
-    """
-    owner = np.repeat(np.arange(len(faces.ptr) - 1), np.diff(faces.ptr))
-    k, m = np.nonzero(owner[:, None] < owner)
-    pair = np.stack([faces.normal[k], faces.normal[m]], axis=1)
-    cross = np.abs(np.linalg.det(pair)) > 0.1
-    k, m, pair = k[cross], m[cross], pair[cross]
-    at = np.linalg.solve(pair, np.stack([faces.offset[k], faces.offset[m]], axis=1)[..., None])[..., 0]
-    grow = np.linalg.solve(pair, np.ones((len(pair), 2, 1)))[..., 0]
-    kept = np.zeros(len(at), bool)
-    for r in (0.4 * widest, 0.7 * widest, widest):
-        gap = (at + r * grow) @ faces.normal.T - faces.offset
-        depth = np.maximum.reduceat(gap, faces.ptr[:-1], axis=1) if len(at) else np.empty((0, 1))
-        rows = np.arange(len(at))
-        beside = (depth[rows, owner[k]] <= BESIDE * r) & (depth[rows, owner[m]] <= BESIDE * r)
-        kept |= beside & (depth >= r - TOUCH).all(axis=1)
-    return at[kept], grow[kept]
-
-
 class Spread(Protocol):
     """Places (T+1, 2) [m] that a line may bend at, and the covariance (T+1, 2, 2) [m²] at each step."""
 
@@ -100,160 +63,124 @@ class Spread(Protocol):
     def cov(self) -> FloatArray: ...
 
 
-@dataclass(frozen=True, slots=True)
-class MissionOrder:
-    """A mission order: the label read at each transition, and the automaton state before it."""
-
-    labels: tuple[frozenset[str], ...]
-    states: tuple[int, ...]
-
-
-def mission_order(problem: Problem, path: PlannedPath) -> MissionOrder | None:
-    """The order in which ``path`` visits; None where a transition needs no region at all."""
-    before = np.concatenate([[problem.world.logic.initial], path.q[:-1]])
-    turns = np.flatnonzero(path.q != before)
-    labels = tuple(path.label[t] & set(problem.atoms) for t in turns)
-    return MissionOrder(labels, tuple(int(before[t]) for t in turns)) if all(labels) else None
-
-
-def possible_orders(problem: Problem, most: int) -> list[MissionOrder]:
-    """Orders that the automaton allows, every transition one nearer to acceptance; ``most`` at most.
-
-    Trees find the order that suited their samples; another one may be better once smoothed.
-    """
-    logic, atoms = problem.world.logic, set(problem.atoms)
-    shown = sorted(
-        {(tuple(sorted(label & atoms)), c) for c, label in enumerate(problem.labels) if label & atoms}
-    )
-    column = dict(reversed([(frozenset(names), c) for names, c in shown]))
-    found: list[MissionOrder] = []
-    start = int(logic.delta[logic.initial, problem.locate(problem.scene.start[None])[0]])
-    queue: list[tuple[tuple[frozenset[str], ...], tuple[int, ...], int]] = [((), (), start)]
-    while queue and len(found) < most:
-        labels, states, q = queue.pop(0)
-        if logic.distance[q] == 0.0:
-            if labels:
-                found.append(MissionOrder(labels, states))
-            continue
-        for label, c in column.items():
-            then = int(logic.delta[q, c])
-            if logic.distance[then] < logic.distance[q]:
-                queue.append(((*labels, label), (*states, q), then))
-    return found
-
-
-@dataclass(frozen=True, slots=True)
-class _Stage:
-    """Places to be at while one transition is awaited, and the walls in between.
-
-    Place k lies at ``at[k] + r grow[k]`` where r is the distance to keep on arrival, and has ``room[k] +
-    r more[k]`` to spare at each face; ``margin`` says which faces ask for r (those of obstacles).
-    """
-
-    at: FloatArray
-    grow: FloatArray
-    faces: kd.Faces
-    margin: FloatArray
-    room: FloatArray
-    more: FloatArray
-    first_goal: int
-
-
-def _await_label(
-    problem: Problem, at: FloatArray, grow: FloatArray, label: frozenset[str], state: int, depth: float
-) -> _Stage:
-    """Goals show ``label``; cells whose label spoils waiting in ``state`` are walls as obstacles are."""
-    logic, polygons = problem.world.logic, problem.decomposition.cells
-    spoils = ~logic.covers[logic.delta[state, :-1], state]
-    walls = [
-        cell for cell, shown, bad in zip(polygons, problem.labels, spoils, strict=True)
-        if bad and shown and shown & set(problem.atoms) != label
-    ]  # fmt: skip
-    goals = _anchors(problem, label, depth)
-    bends, out = _bend_places(walls)
-    places = np.vstack([at, bends + FACE_MARGIN * out, goals])
-    growth = np.vstack([grow, np.zeros((len(places) - len(grow), 2))])
-    hard, soft = problem.barriers, pack_faces(walls)
-    faces = kd.Faces(
-        np.concatenate([hard.ptr, hard.ptr[-1] + soft.ptr[1:]]), np.vstack([hard.normal, soft.normal]),
-        np.concatenate([hard.offset, soft.offset]),
-    )  # fmt: skip
-    margin = np.concatenate([np.ones(len(hard.offset)), np.zeros(len(soft.offset))])
-    room, more = places @ faces.normal.T - faces.offset, growth @ faces.normal.T - margin
-    return _Stage(places, growth, faces, margin, room, more, len(places) - len(goals))
-
-
 def taut_line(
     problem: Problem, plan: MissionOrder, path: Spread, depth: float, z: float
 ) -> FloatArray | None:
     """The shortest line (n, 2) that visits in the given order and keeps z σ from every obstacle.
 
-    Dijkstra over (transitions done, place) in a visibility graph of the vertices of ``path``, corners of
-    obstacles that grow with the time of arrival (σ of the path at that step), and points of the regions.
-    Two places see each other if one face of every obstacle is cleared at both (Section 4.5). ``depth`` in
-    [0, 1] says how deep into a region a visit goes: 0 the rim, 1 the middle.
+    Two places of the line see each other if, flown from one to the other in full steps of still air, every
+    step has one face of every obstacle that is cleared at both its ends (Section 4.5). The line bends at
+    vertices of ``path``, at corners of obstacles that grow with the time of arrival (σ of the path at that
+    step), and in regions. ``depth`` in [0, 1] says how deep into a region a visit goes: 0 the rim, 1 the
+    middle. Polygons with many corners are simplified (:mod:`~pareto_ltl.planning.refine.search_map`).
+
+    The search is A* over the places of all transitions; the way left without walls is what it expects (Hart,
+    Nilsson and Raphael, 1968, doi:10.1109/TSSC.1968.300136). None where there is no line.
     """
-    low, high = problem.scene.bounds + np.array([[FACE_MARGIN], [-FACE_MARGIN]])
+    drawn = search_map(problem)
     sd = np.sqrt(np.maximum(np.linalg.eigvalsh(path.cov)[:, -1], 0.0))
-    at, grow = _bend_places(problem.decomposition.obstacles)
-    gates, wider = _gates(problem.barriers, z * float(sd.max()))
-    at, grow = np.vstack([at, gates, path.x]), np.vstack([grow, wider, np.zeros_like(path.x)])
-    stages = [
-        _await_label(problem, at, grow, label, state, depth)
-        for label, state in zip(plan.labels, plan.states, strict=True)
-    ]
-
-    def keep(metres: FloatArray) -> FloatArray:
-        step = np.minimum(metres / problem.reach, len(sd) - 1.0)
-        return np.asarray(z * np.interp(step, np.arange(len(sd)), sd) + FACE_MARGIN, float)
-
-    best: dict[tuple[int, int], float] = {(0, -1): 0.0}
-    came: dict[tuple[int, int], tuple[int, int]] = {}
-    where: dict[tuple[int, int], FloatArray] = {(0, -1): problem.scene.start}
-    queue: list[tuple[float, tuple[int, int]]] = [(0.0, (0, -1))]
+    corners, out = bend_places(drawn.obstacles)
+    gaps, wider = gap_places(drawn.obstacles, drawn.barriers, z * float(sd.max()))
+    bends = np.vstack([corners, gaps, path.x]), np.vstack([out, wider, np.zeros_like(path.x)])
+    course = mission_course(problem, drawn, plan, bends, depth)
+    bounds = problem.scene.bounds + np.array([[FACE_MARGIN], [-FACE_MARGIN]])
+    search = _LineSearch.of(course, bounds, problem.reach, z * sd + FACE_MARGIN)
+    queue = [(0.0, 0.0, 0)]
     while queue:
-        length, here = heapq.heappop(queue)
-        if length > best[here]:
+        _, length, here = heapq.heappop(queue)
+        if length > search.best[here]:
             continue
-        if here[0] == len(stages):
-            return _trace(came, where, here)
-        x, stage = where[here], stages[here[0]]
-        ends = stage.at + stage.grow * keep(length + np.linalg.norm(stage.at - x, axis=1))[:, None]
-        total = length + np.linalg.norm(ends - x, axis=1)
-        own = (
-            x @ stage.faces.normal.T - stage.faces.offset - keep(np.array([length])) * stage.margin >= -TOUCH
-        )
-        seen = _share_face(stage.faces, (stage.room + keep(total)[:, None] * stage.more >= -TOUCH) & own)
-        seen &= np.all((ends >= low) & (ends <= high), axis=1)
-        for k in np.flatnonzero(seen):
-            there = (here[0] + int(k >= stage.first_goal), int(k))
-            if total[k] < best.get(there, math.inf):
-                best[there], came[there], where[there] = float(total[k]), here, ends[k]
-                heapq.heappush(queue, (float(total[k]), there))
+        if course.awaited[here] == len(course.stages):
+            return search.line_to(here)
+        for entry in search.go_on(here):
+            heapq.heappush(queue, entry)
     return None
 
 
-def _trace(
-    came: dict[tuple[int, int], tuple[int, int]],
-    where: dict[tuple[int, int], FloatArray],
-    here: tuple[int, int],
-) -> FloatArray:
-    line = [where[here]]
-    while here in came:
-        here = came[here]
-        line.append(where[here])
-    return np.array(line[::-1])
+@dataclass(frozen=True, slots=True)
+class _LineSearch:
+    """The shortest lines known to the places of a course.
+
+    ``best`` (N,) [m] is the length of the line to place k, which comes from place ``came[k]``; the place then
+    lies at ``where[k]`` and keeps ``kept[k]`` [m] from obstacles, which after n full steps of length ``step``
+    are ``distances[n]``. ``drift`` (N,) [m] is how far a place can move.
+    """
+
+    course: Course
+    bounds: FloatArray
+    step: float
+    distances: FloatArray
+    drift: FloatArray
+    best: FloatArray
+    came: IntArray
+    where: FloatArray
+    kept: FloatArray
+
+    @classmethod
+    def of(cls, course: Course, bounds: FloatArray, step: float, distances: FloatArray) -> _LineSearch:
+        n = len(course.at)
+        best = np.full(n, np.inf)
+        best[0] = 0.0
+        drift = _lengths(course.grow) * float(distances.max())
+        return cls(
+            course, bounds, step, distances, drift, best, np.full(n, -1), course.at.copy(),
+            np.full(n, distances[0]),
+        )  # fmt: skip
+
+    def keep(self, metres: FloatArray) -> FloatArray:
+        """The distance to keep [m] after a way of ``metres``."""
+        steps = np.arange(len(self.distances))
+        return np.asarray(np.interp(metres / self.step, steps, self.distances), float)
+
+    def go_on(self, here: int) -> list[tuple[float, float, int]]:
+        """Lengthen the line to ``here`` to every place where this makes the shortest one.
+
+        Returns the length of the whole line at least, the length so far, and the number of each place.
+        """
+        stage, x = self.course.stages[self.course.awaited[here]], self.where[here]
+        rows, ends, keeps, total = self.arrivals(here, stage)
+        seen = seen_places(stage.walls, stage.asks, x, self.kept[here], ends, keeps, self.step)
+        there, ends, total = rows[seen], ends[seen], total[seen]
+        self.best[there], self.came[there], self.where[there], self.kept[there] = (
+            total,
+            here,
+            ends,
+            keeps[seen],
+        )
+        least = total + self.course.way_left(stage, there, ends)
+        return list(zip(least.tolist(), total.tolist(), there.tolist(), strict=True))
+
+    def arrivals(self, here: int, stage: Stage) -> tuple[IntArray, FloatArray, FloatArray, FloatArray]:
+        """Places that a straight flight from ``here`` reaches in a shorter line than is known.
+
+        Returns their numbers, where they lie on arrival, the distances to keep there and the lengths [m].
+        """
+        x, length = self.where[here], float(self.best[here])
+        at = self.course.at[stage.ahead]
+        near = length + _lengths(at - x) - self.drift[stage.ahead] < self.best[stage.ahead]
+        rows = stage.ahead.start + np.flatnonzero(near)
+        at, grow = self.course.at[rows], self.course.grow[rows]
+        ends, keeps, total = at, np.zeros(len(at)), length + _lengths(at - x)
+        for _ in range(SETTLED):
+            keeps = self.keep(total)
+            ends = at + grow * keeps[:, None]
+            total = length + _lengths(ends - x)
+        low, high = self.bounds
+        worth = (total < self.best[rows]) & ((ends >= low) & (ends <= high)).all(axis=1)
+        return rows[worth], ends[worth], keeps[worth], total[worth]
+
+    def line_to(self, here: int) -> FloatArray:
+        """Places (n, 2) of the line to ``here``."""
+        line = [self.where[here]]
+        while self.came[here] >= 0:
+            here = int(self.came[here])
+            line.append(self.where[here])
+        return np.array(line[::-1])
 
 
-def _anchors(problem: Problem, label: frozenset[str], depth: float) -> FloatArray:
-    """Points of the cells that show ``label``: corners and middles of edges, drawn towards the middle."""
-    found = []
-    for cell, shown in zip(problem.decomposition.cells, problem.labels, strict=True):
-        if shown & set(problem.atoms) == label:
-            middle = cell.mean(axis=0)
-            rim = np.vstack([cell, (cell + np.roll(cell, -1, axis=0)) / 2])
-            found.append(rim + max(depth, ANCHOR) * (middle - rim) if depth < 1 else middle[None])
-    return np.vstack(found)
+def _lengths(vectors: FloatArray) -> FloatArray:
+    """Of each row; five times faster than ``numpy.linalg.norm``."""
+    return np.asarray(np.hypot(vectors[:, 0], vectors[:, 1]), float)
 
 
 def _share_face(faces: kd.Faces, clear: BoolArray) -> BoolArray:
@@ -283,3 +210,16 @@ def pull_taut(problem: Problem, x: FloatArray, cov: FloatArray, keep: Sequence[i
     while rows[-1] > 0:
         rows.append(int(previous[rows[-1]]))
     return x[rows[::-1]]
+
+
+__all__ = [
+    "CAP",
+    "FACE_MARGIN",
+    "MissionOrder",
+    "Spread",
+    "mission_order",
+    "possible_orders",
+    "pull_taut",
+    "taut_line",
+    "walk_line",
+]

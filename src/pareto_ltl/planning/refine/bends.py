@@ -1,0 +1,85 @@
+"""Where a taut line may bend: at corners of obstacles, and in gaps too narrow for these corners."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from pareto_ltl.kernels import data as kd
+from pareto_ltl.kernels.visibility import BESIDE, clear_crossings
+from pareto_ltl.support.arrays import FloatArray, IntArray
+from pareto_ltl.world.cells import half_planes
+
+SHARES = (0.4, 0.7, 1.0)  # of the largest distance to keep, for which a gap is tried
+PAIRS_AT_ONCE = 100_000  # pairs of faces: their crossings take 20 MB
+
+
+def bend_places(polygons: Sequence[FloatArray]) -> tuple[FloatArray, FloatArray]:
+    """Corners (n, 2) and vectors v (n, 2) such that corner + r v clears both its faces by r."""
+    at, out = [np.empty((0, 2))], [np.empty((0, 2))]
+    for polygon in polygons:
+        normal = half_planes(polygon)[0]
+        pair = np.stack([np.roll(normal, 1, axis=0), normal], axis=1)
+        sharp = np.abs(np.linalg.det(pair)) > 1e-6
+        at.append(polygon[sharp])
+        out.append(np.linalg.solve(pair[sharp], np.ones((int(sharp.sum()), 2, 1)))[..., 0])
+    return np.vstack(at), np.vstack(out)
+
+
+def gap_places(
+    polygons: Sequence[FloatArray], faces: kd.Faces, widest: float
+) -> tuple[FloatArray, FloatArray]:
+    """Where a taut line may bend in a gap too narrow for the corners themselves: p and v of p + r v.
+
+    With the distance r to keep, the gap between two obstacles is the meeting of half planes ``c' x ≥ d + r``,
+    and a taut line bends where two of their rims cross: at p + r v for one pair of faces. Kept are the
+    crossings beside both obstacles and clear of all, for some r up to ``widest`` [m]. ``faces`` are those of
+    ``polygons``, and of half planes after them.
+    """
+    at, grow = [np.empty((0, 2))], [np.empty((0, 2))]
+    distances = widest * np.array(SHARES)
+    for k, m, first, second in _face_pairs(faces.ptr, _near_pairs(polygons, len(faces.ptr) - 1, widest)):
+        pair = np.stack([faces.normal[k], faces.normal[m]], axis=1)
+        cross = np.abs(np.linalg.det(pair)) > 0.1
+        k, m, first, second, pair = k[cross], m[cross], first[cross], second[cross], pair[cross]
+        p = np.linalg.solve(pair, np.stack([faces.offset[k], faces.offset[m]], axis=1)[..., None])[..., 0]
+        v = np.linalg.solve(pair, np.ones((len(pair), 2, 1)))[..., 0]
+        kept = clear_crossings(faces, first, second, p, v, distances)
+        at.append(p[kept])
+        grow.append(v[kept])
+    return np.vstack(at), np.vstack(grow)
+
+
+def _near_pairs(polygons: Sequence[FloatArray], count: int, widest: float) -> IntArray:
+    """Pairs (n, 2) of polygons that a place can be beside both of, and of each with each half plane.
+
+    A place beside a polygon lies in the outline that has moved outwards by ``BESIDE`` * ``widest``; a pair is
+    near if the boxes around these outlines meet.
+    """
+    import shapely
+
+    boxes = []
+    for polygon in polygons:
+        at, grow = bend_places([polygon])
+        corners = at + BESIDE * widest * grow
+        boxes.append(shapely.box(*corners.min(axis=0), *corners.max(axis=0)))
+    near = shapely.STRtree(boxes).query(boxes, predicate="intersects").T if boxes else np.empty((0, 2), int)
+    pairs = [(i, j) for i, j in near.tolist() if i < j]
+    pairs += [(i, j) for j in range(len(polygons), count) for i in range(j)]
+    return np.array(sorted(pairs), np.int64).reshape(-1, 2)
+
+
+def _face_pairs(ptr: IntArray, pairs: IntArray) -> Iterator[tuple[IntArray, IntArray, IntArray, IntArray]]:
+    """Pairs of faces of near polygons, ``PAIRS_AT_ONCE`` or a few more at once, and their polygons."""
+    counts = np.diff(ptr)[pairs].prod(axis=1)
+    chunk = np.cumsum(counts) // PAIRS_AT_ONCE
+    for number in np.unique(chunk):
+        rows = pairs[chunk == number]
+        sizes = np.diff(ptr)[rows]
+        total = sizes.prod(axis=1)
+        owner = np.repeat(np.arange(len(rows)), total)
+        inner = np.arange(len(owner)) - np.repeat(np.cumsum(total) - total, total)
+        first, second = rows[owner].T
+        k, m = ptr[first] + inner // sizes[owner, 1], ptr[second] + inner % sizes[owner, 1]
+        yield k, m, first, second

@@ -1,0 +1,118 @@
+"""Where a taut line may go while it waits for one transition after another, and what is in the way."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pareto_ltl.kernels import data as kd
+from pareto_ltl.planning.pack import pack_faces
+from pareto_ltl.planning.problem import Problem
+from pareto_ltl.planning.refine.bends import bend_places
+from pareto_ltl.planning.refine.orders import MissionOrder
+from pareto_ltl.planning.refine.search_map import SearchMap
+from pareto_ltl.support.arrays import FloatArray, IntArray
+
+FACE_MARGIN = 2.0  # [m] kept from every face: larger than the solver's rounding error
+ANCHOR = 0.02  # how far from a region's rim towards its middle a line may touch it
+
+
+@dataclass(frozen=True, slots=True)
+class Stage:
+    """Where a line may go while one transition is awaited: to ``places``, or to ``goals`` and on from there.
+
+    Both are numbers of places of the course; ``rest`` (G,) [m] is the way left from each goal without walls.
+    ``asks`` is 1 for every wall that is an obstacle, which the line keeps its distance from, and 0 for the
+    others, which it only must not cross.
+    """
+
+    places: slice
+    goals: slice
+    rest: FloatArray
+    walls: kd.Faces
+    asks: FloatArray
+
+    @property
+    def ahead(self) -> slice:
+        """Places, then goals."""
+        return slice(self.places.start, self.goals.stop)
+
+
+@dataclass(frozen=True, slots=True)
+class Course:
+    """All transitions in a row. Place 0 is the start, and at place k transition ``awaited[k]`` is next.
+
+    Place k lies at ``at[k] + r grow[k]``, where r is the distance to keep on arrival.
+    """
+
+    at: FloatArray
+    grow: FloatArray
+    awaited: IntArray
+    stages: tuple[Stage, ...]
+
+    def way_left(self, stage: Stage, numbers: IntArray, points: FloatArray) -> FloatArray:
+        """Length [m] of the way without walls from ``points`` (P, 2), where places ``numbers`` (P,) are."""
+        way = least_way(points, self.at[stage.goals], stage.rest)
+        arrived = numbers >= stage.goals.start
+        way[arrived] = stage.rest[numbers[arrived] - stage.goals.start]
+        return way
+
+
+def least_way(points: FloatArray, goals: FloatArray, rest: FloatArray) -> FloatArray:
+    """min_g ‖x - g‖ + rest_g for every row x of ``points``."""
+    way = np.hypot(points[:, :1] - goals[:, 0], points[:, 1:] - goals[:, 1]) + rest
+    return np.asarray(way.min(axis=1), float)
+
+
+def mission_course(
+    problem: Problem, drawn: SearchMap, plan: MissionOrder, bends: tuple[FloatArray, FloatArray], depth: float
+) -> Course:
+    """All transitions of ``plan``, each with the ``bends`` of every line, its walls' corners, its goals."""
+    goals = [_anchors(drawn, label, depth) for label in plan.labels]
+    rests = [np.zeros(len(goals[-1]))]
+    for here, after in zip(goals[-2::-1], goals[:0:-1], strict=True):
+        rests.insert(0, least_way(here, after, rests[0]))
+    at, grow, awaited = [problem.scene.start[None]], [np.zeros((1, 2))], [0]
+    stages: list[Stage] = []
+    for s, (label, state) in enumerate(zip(plan.labels, plan.states, strict=True)):
+        spoilers = _spoiling_polygons(problem, drawn, label, state)
+        corners, out = bend_places(spoilers)
+        at += [bends[0], corners + FACE_MARGIN * out, goals[s]]
+        grow += [bends[1], np.zeros((len(corners) + len(goals[s]), 2))]
+        first, count = len(awaited), len(bends[0]) + len(corners)
+        awaited += [s] * count + [s + 1] * len(goals[s])
+        walls = _joined_faces(drawn.barriers, pack_faces(spoilers))
+        asks = np.repeat([1.0, 0.0], [len(drawn.barriers.ptr) - 1, len(spoilers)])
+        places, ends = slice(first, first + count), slice(first + count, len(awaited))
+        stages.append(Stage(places, ends, rests[s], walls, asks))
+    return Course(np.vstack(at), np.vstack(grow), np.array(awaited), tuple(stages))
+
+
+def _spoiling_polygons(
+    problem: Problem, drawn: SearchMap, label: frozenset[str], state: int
+) -> list[FloatArray]:
+    """Cells whose label spoils waiting for ``label`` in ``state``: they are walls as obstacles are."""
+    logic, atoms = problem.world.logic, set(problem.atoms)
+    spoils = ~logic.covers[logic.delta[state, :-1], state]
+    bad = {shown & atoms for shown, spoiling in zip(problem.labels, spoils, strict=True) if spoiling}
+    return [
+        cell for shown, cells in drawn.around.items() if shown in bad and shown != label for cell in cells
+    ]
+
+
+def _joined_faces(first: kd.Faces, second: kd.Faces) -> kd.Faces:
+    return kd.Faces(
+        np.concatenate([first.ptr, first.ptr[-1] + second.ptr[1:]]), np.vstack([first.normal, second.normal]),
+        np.concatenate([first.offset, second.offset]),
+    )  # fmt: skip
+
+
+def _anchors(drawn: SearchMap, label: frozenset[str], depth: float) -> FloatArray:
+    """Points of the cells that show ``label``: corners and middles of edges, drawn towards the middle."""
+    found = []
+    for cell in drawn.within[label]:
+        middle = cell.mean(axis=0)
+        rim = np.vstack([cell, (cell + np.roll(cell, -1, axis=0)) / 2])
+        found.append(rim + max(depth, ANCHOR) * (middle - rim) if depth < 1 else middle[None])
+    return np.vstack(found)

@@ -1,0 +1,182 @@
+"""The map as lines are searched on it: outlines with many corners give way to simpler ones.
+
+A line is a proposal, and what comes of it is checked with the true outlines. So obstacles and cells that must
+not be met may be a little larger here, and cells that must be met a little smaller.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, TypeAlias
+from weakref import WeakKeyDictionary
+
+import numpy as np
+
+from pareto_ltl.kernels import data as kd
+from pareto_ltl.planning.pack import pack_barriers, pack_faces
+from pareto_ltl.planning.problem import Problem
+from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.world.cells import convex_obstacles, convex_pieces
+from pareto_ltl.world.outlines import narrowed_polygon, widened_polygon, without_pools
+from pareto_ltl.world.scene import Scene
+
+if TYPE_CHECKING:
+    import shapely
+
+LOG = logging.getLogger(__name__)
+
+MANY_CORNERS = 32  # of an outline: only outlines with more are simplified
+MANY_CELLS = 64  # corners of all cells with one label: only with more are they united and simplified
+MAP_SHARE = 0.002  # of the size of the map: how far a simplified outline may lie from the true one
+UNION_GRID = 1e-9  # of the size of the map: corners of cells that are this close coincide
+POOL = 1e-5  # of the size of the map: radius of holes that are rounding errors between cells
+OWN_SHARE = 0.02  # of the square root of the polygon's own area, the same
+GAP_SHARE = 0.25  # of the gap to the next outline or to the start, the same
+
+Change: TypeAlias = "Callable[[shapely.Polygon, float], shapely.Geometry]"
+
+
+@dataclass(frozen=True, slots=True)
+class SearchMap:
+    """Convex polygons (n, 2) [m], counter-clockwise, for the search of lines.
+
+    Attributes
+    ----------
+    obstacles : tuple of (n, 2) float
+        They cover the obstacles.
+    barriers : Faces
+        The half planes of ``obstacles`` and, where the border is a wall, of its sides.
+    within, around : mapping of label to tuple of (n, 2) float
+        By what the cells show of the mission's propositions: polygons inside these cells, and polygons that
+        cover them.
+    witness : Faces
+        A polygon inside every convex part of ``problem.theorem2``.
+    """
+
+    obstacles: tuple[FloatArray, ...]
+    barriers: kd.Faces
+    within: Mapping[frozenset[str], tuple[FloatArray, ...]]
+    around: Mapping[frozenset[str], tuple[FloatArray, ...]]
+    witness: kd.Faces
+
+
+_KNOWN: WeakKeyDictionary[Problem, SearchMap] = WeakKeyDictionary()
+
+
+def search_map(problem: Problem) -> SearchMap:
+    """The map on which lines of ``problem`` are searched, made once."""
+    found = _KNOWN.get(problem)
+    if found is None:
+        _KNOWN[problem] = found = _simplified_map(problem)
+    return found
+
+
+def _simplified_map(problem: Problem) -> SearchMap:
+    scene, tally = problem.scene, _Simplifier.of(problem.scene)
+    obstacles = _covering_parts(problem, tally)
+    barriers = problem.barriers
+    if obstacles is not problem.decomposition.obstacles:
+        barriers = pack_barriers(scene, pack_faces(obstacles))
+    cells = _shown_cells(problem)
+    within = {shown: tally.cells(parts, narrowed_polygon) for shown, parts in cells.items()}
+    around = {shown: tally.cells(parts, widened_polygon) for shown, parts in cells.items()}
+    parts = [part for name in problem.atoms for part in problem.decomposition.regions.get(name, ())]
+    witness = pack_faces([tally.convex_part(part) for part in parts])
+    if tally.before:
+        LOG.info(
+            "lines are searched past simplified outlines, %d corners instead of %d, at most %.3g m from the "
+            "true outlines; every check uses the true ones",
+            tally.after, tally.before, tally.farthest,
+        )  # fmt: skip
+    return SearchMap(obstacles, barriers, within, around, witness)
+
+
+def _covering_parts(problem: Problem, tally: _Simplifier) -> tuple[FloatArray, ...]:
+    """Convex parts that cover the obstacles."""
+    import shapely
+
+    scene, outlines = problem.scene, []
+    for outline in scene.obstacles:
+        polygon = shapely.Polygon(outline)
+        found = tally.simpler(polygon, widened_polygon) if len(outline) > MANY_CORNERS else polygon
+        outlines.append(found)
+    if not tally.before:
+        return problem.decomposition.obstacles
+    return convex_obstacles(scene, outlines)
+
+
+def _shown_cells(problem: Problem) -> dict[frozenset[str], tuple[FloatArray, ...]]:
+    """Cells by the propositions of the mission that they show; those that show none are left out."""
+    found: dict[frozenset[str], tuple[FloatArray, ...]] = {}
+    for cell, label in zip(problem.decomposition.cells, problem.labels, strict=True):
+        shown = label & set(problem.atoms)
+        if shown:
+            found[shown] = (*found.get(shown, ()), cell)
+    return found
+
+
+@dataclass(slots=True)
+class _Simplifier:
+    """Simplifies polygons of one map, and counts their corners ``before`` and ``after``."""
+
+    scene: Scene
+    tree: shapely.STRtree
+    before: int = 0
+    after: int = 0
+    farthest: float = 0.0
+
+    @classmethod
+    def of(cls, scene: Scene) -> _Simplifier:
+        import shapely
+
+        outlines = [shapely.Polygon(p) for p in (*scene.obstacles, *scene.regions.values())]
+        return cls(scene, shapely.STRtree([*outlines, shapely.Point(scene.start)]))
+
+    @property
+    def size(self) -> float:
+        """The longer side of the map [m]."""
+        return float(np.ptp(self.scene.bounds, axis=0).max())
+
+    def tolerance(self, shape: shapely.Polygon) -> float:
+        """How far [m] the outline of ``shape`` may move: gaps to what it does not touch must stay open."""
+        import shapely
+
+        widest = min(MAP_SHARE * self.size, OWN_SHARE * math.sqrt(shape.area))
+        near = self.tree.query(shape, predicate="dwithin", distance=widest / GAP_SHARE)
+        gaps = shapely.distance(shape, self.tree.geometries[near])
+        return min(widest, GAP_SHARE * float(np.min(gaps[gaps > 0.0], initial=math.inf)))
+
+    def simpler(self, shape: shapely.Polygon, change: Change) -> shapely.Geometry:
+        """``shape`` after ``change``, or itself where that has no fewer corners."""
+        import shapely
+
+        tolerance = self.tolerance(shape)
+        found = change(shape, tolerance)
+        before, after = (int(shapely.get_num_coordinates(polygon)) for polygon in (shape, found))
+        if after >= before:
+            return shape
+        self.before, self.after = self.before + before, self.after + after
+        self.farthest = max(self.farthest, tolerance)
+        return found
+
+    def cells(self, cells: Sequence[FloatArray], change: Change) -> tuple[FloatArray, ...]:
+        """Convex polygons inside or around the union of ``cells``; the cells themselves if these are few."""
+        import shapely
+
+        if sum(map(len, cells)) <= MANY_CELLS:
+            return tuple(cells)
+        union = shapely.union_all([shapely.Polygon(cell) for cell in cells], grid_size=UNION_GRID * self.size)
+        whole = [without_pools(part, POOL * self.size) for part in shapely.get_parts(union).tolist()]
+        return convex_pieces(self.scene, [self.simpler(part, change) for part in whole])
+
+    def convex_part(self, part: FloatArray) -> FloatArray:
+        """A convex polygon inside ``part``; the part itself if it has few corners."""
+        import shapely
+
+        if len(part) <= MANY_CORNERS:
+            return part
+        found = self.simpler(shapely.Polygon(part), narrowed_polygon)
+        return shapely.get_coordinates(shapely.orient_polygons(found))[:-1]

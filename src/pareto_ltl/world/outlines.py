@@ -1,0 +1,59 @@
+"""Polygons with fewer corners that contain a polygon, or lie inside it.
+
+The outline is moved by half of the tolerance, outwards or inwards, and simplified by less than that (Douglas
+and Peucker, 1973, doi:10.3138/FM57-6770-U75U-7727), so that it cannot reach the original outline again.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    import shapely
+
+ARC = 4  # segments of a quarter circle around a moved corner: they cut its radius by 2 %
+WITHIN = 0.9  # of the distance moved: how far simplifying goes back at most
+HALVINGS = 8  # of a tolerance at which a bay closes
+
+
+def widened_polygon(polygon: shapely.Polygon, tolerance: float) -> shapely.Polygon:
+    """A polygon that contains ``polygon``; none of its points is farther than ``tolerance`` [m] from it.
+
+    A bay whose mouth would close keeps it open, by a smaller tolerance; small bays are filled.
+    """
+    polygon = without_pools(polygon, tolerance)
+    for _ in range(HALVINGS):
+        found = without_pools(_moved(polygon, 0.5 * tolerance), tolerance)
+        if len(found.interiors) == len(polygon.interiors):
+            return found
+        tolerance /= 2
+    return polygon
+
+
+def narrowed_polygon(polygon: shapely.Polygon, tolerance: float) -> shapely.Geometry:
+    """A polygon inside ``polygon`` whose outline is at most ``tolerance`` [m] away, except in bottlenecks.
+
+    Where the polygon is narrower than the tolerance nothing is left of it, and it may come in several parts;
+    if nothing at all is left, the polygon itself is returned.
+    """
+    found = _moved(polygon, -0.5 * tolerance)
+    return polygon if found.is_empty else found
+
+
+def without_pools(polygon: shapely.Polygon, size: float) -> shapely.Polygon:
+    """``polygon`` without holes that are no larger than a circle with radius ``size`` [m]."""
+    import shapely
+
+    holes = [ring for ring in polygon.interiors if shapely.Polygon(ring).area > math.pi * size**2]
+    return shapely.Polygon(polygon.exterior, holes)
+
+
+def _moved(polygon: shapely.Polygon, distance: float) -> Any:
+    import shapely
+
+    moved = shapely.buffer(polygon, distance, quad_segs=ARC)
+    return shapely.simplify(moved, WITHIN * abs(distance))
+
+
+__all__ = ["narrowed_polygon", "widened_polygon", "without_pools"]
