@@ -8,8 +8,8 @@ import numpy as np
 
 from pareto_ltl.kernels import data as kd
 from pareto_ltl.kernels.visibility import BESIDE, clear_crossings
+from pareto_ltl.planning.pack import pack_faces
 from pareto_ltl.support.arrays import FloatArray, IntArray
-from pareto_ltl.world.cells import half_planes
 
 SHARES = (0.4, 0.7, 1.0)  # of the largest distance to keep, for which a gap is tried
 PAIRS_AT_ONCE = 100_000  # pairs of faces: their crossings take 20 MB
@@ -17,14 +17,21 @@ PAIRS_AT_ONCE = 100_000  # pairs of faces: their crossings take 20 MB
 
 def bend_places(polygons: Sequence[FloatArray]) -> tuple[FloatArray, FloatArray]:
     """Corners (n, 2) and vectors v (n, 2) such that corner + r v clears both its faces by r."""
-    at, out = [np.empty((0, 2))], [np.empty((0, 2))]
-    for polygon in polygons:
-        normal = half_planes(polygon)[0]
-        pair = np.stack([np.roll(normal, 1, axis=0), normal], axis=1)
-        sharp = np.abs(np.linalg.det(pair)) > 1e-6
-        at.append(polygon[sharp])
-        out.append(np.linalg.solve(pair[sharp], np.ones((int(sharp.sum()), 2, 1)))[..., 0])
-    return np.vstack(at), np.vstack(out)
+    at, out, _ = _sharp_corners(polygons)
+    return at, out
+
+
+def _sharp_corners(polygons: Sequence[FloatArray]) -> tuple[FloatArray, FloatArray, IntArray]:
+    """:func:`bend_places`, and to which polygon each belongs; corners where a polygon goes straight on have
+    none.
+    """
+    corners, faces = np.vstack([np.empty((0, 2)), *polygons]), pack_faces(polygons)
+    before = np.arange(len(corners)) - 1
+    before[faces.ptr[:-1]] = faces.ptr[1:] - 1
+    pair = np.stack([faces.normal[before], faces.normal], axis=1)
+    sharp = np.abs(np.linalg.det(pair)) > 1e-6
+    out = np.linalg.solve(pair[sharp], np.ones((int(sharp.sum()), 2, 1)))[..., 0]
+    return corners[sharp], out, np.repeat(np.arange(len(polygons)), np.diff(faces.ptr))[sharp]
 
 
 def gap_places(
@@ -59,14 +66,14 @@ def _near_pairs(polygons: Sequence[FloatArray], count: int, widest: float) -> In
     """
     import shapely
 
-    boxes = []
-    for polygon in polygons:
-        at, grow = bend_places([polygon])
-        corners = at + BESIDE * widest * grow
-        boxes.append(shapely.box(*corners.min(axis=0), *corners.max(axis=0)))
-    near = shapely.STRtree(boxes).query(boxes, predicate="intersects").T if boxes else np.empty((0, 2), int)
-    pairs = [(i, j) for i, j in near.tolist() if i < j]
-    pairs += [(i, j) for j in range(len(polygons), count) for i in range(j)]
+    pairs = [(i, j) for j in range(len(polygons), count) for i in range(j)]
+    if polygons:
+        at, grow, owner = _sharp_corners(polygons)
+        corners, first = at + BESIDE * widest * grow, np.searchsorted(owner, np.arange(len(polygons)))
+        low, high = np.minimum.reduceat(corners, first), np.maximum.reduceat(corners, first)
+        boxes = np.asarray(shapely.box(*low.T, *high.T))
+        near = shapely.STRtree(boxes).query(boxes, predicate="intersects").T
+        pairs += [(i, j) for i, j in near.tolist() if i < j]
     return np.array(sorted(pairs), np.int64).reshape(-1, 2)
 
 

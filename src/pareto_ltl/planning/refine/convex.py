@@ -12,11 +12,13 @@ import numpy as np
 
 from pareto_ltl.kernels import data as kd
 from pareto_ltl.planning.evaluate import propagate
+from pareto_ltl.planning.pack import pack_faces
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.reference import wind_and_gradient
 from pareto_ltl.planning.refine.obligations import face_deviations, path_obligations
 from pareto_ltl.planning.refine.parametrised import ParametrisedProgramme
 from pareto_ltl.planning.refine.risk_sharing import ROWS, RiskSharing, risk_sharing
+from pareto_ltl.planning.refine.search_map import search_map
 from pareto_ltl.planning.refine.step_programme import slowest_controls
 from pareto_ltl.planning.refine.taut_lines import CAP, FACE_MARGIN
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
@@ -235,8 +237,11 @@ def separating(faces: kd.Faces, clearance: FloatArray) -> IntArray:
     both = np.minimum(clearance[:-1], clearance[1:])
     # Where faces tie, as at a corner, the one that clears more in all goes first.
     both = both + 1e-6 * (clearance[:-1] + clearance[1:])
-    spans = zip(faces.ptr[:-1], faces.ptr[1:], strict=True)
-    return np.column_stack([i + np.argmax(both[:, i:j], axis=1) for i, j in spans]).astype(np.int64)
+    largest = np.maximum.reduceat(both, faces.ptr[:-1], axis=1)
+    rows = np.where(
+        both == np.repeat(largest, np.diff(faces.ptr), axis=1), np.arange(both.shape[1]), both.shape[1]
+    )
+    return np.asarray(np.minimum.reduceat(rows, faces.ptr[:-1], axis=1), np.int64)
 
 
 def set_clearance(
@@ -283,50 +288,59 @@ def tightest_planes(
     Clearance is inf where there is no bound. The last array says which belong to the step that ends at the
     point: those make up its collision risk.
     """
-    faces, n = problem.barriers, len(x)
+    faces = problem.barriers
     sd = face_deviations(faces.normal, cov)
-    room = risk_sharing(problem).room(x @ faces.normal.T - faces.offset, sd, FINEST * problem.reach)
-    chosen = separating(faces, room) if len(faces.ptr) > 1 else np.empty((n - 1, 0), np.int64)
-    rows = np.hstack(
-        [np.vstack([chosen[:1], chosen]), np.vstack([chosen, chosen[-1:]])]
-    )  # step before, step after
-    m, t = chosen.shape[1], np.arange(n)[:, None]
-    left = room[t, rows]
-    left[:, m:][rows[:, m:] == rows[:, :m]] = np.inf  # the same face twice
-    before = np.zeros(rows.shape, bool)
-    before[:, :m] = True
-    parts = [(faces.normal[rows], faces.offset[rows], sd[t, rows], left, before)]
-    for cell in np.flatnonzero(avoid.any(axis=0)):
-        parts += _forbidden_planes(problem, x, cov, int(cell), avoid[:, cell])
-    normal, offset, spread, left, before = (np.concatenate(p, axis=1) for p in zip(*parts, strict=True))
-    return normal, offset, spread, left, before
-
-
-def _forbidden_planes(
-    problem: Problem, x: FloatArray, cov: FloatArray, cell: int, avoid: BoolArray
-) -> list[tuple[FloatArray, FloatArray, FloatArray, FloatArray, BoolArray]]:
-    """The planes of :func:`tightest_planes` that keep both ends of each step beyond one face of a cell.
-
-    σ is 0, the mean alone decides, but where V is what the plan is judged by: it counts the risk of meeting
-    the cell.
-    """
-    ptr, n = problem.world.cells.faces.ptr, len(x)
-    own = slice(ptr[cell], ptr[cell + 1])
-    normal, offset = problem.world.cells.faces.normal[own], problem.world.cells.faces.offset[own]
+    normal, offset, spread, left = _bounding_planes(problem, faces, x, sd)
+    before = np.zeros(left.shape, bool)
+    before[:, : len(faces.ptr) - 1] = True
+    walls, asked = forbidden_polygons(problem, avoid)
+    if not asked.shape[1]:
+        return normal, offset, spread, left, before
+    # σ is 0, the mean alone decides, but where V is what the plan is judged by: it counts the risk of meeting
+    # the cell.
     counted = isinstance(problem.world.mission, kd.Ordered) and isinstance(
         problem.world.collision, kd.PathBound
     )
-    sd = face_deviations(normal, cov) if counted else np.zeros((n, len(offset)))
-    room = risk_sharing(problem).room(x @ normal.T - offset, sd, FINEST * problem.reach)
-    chosen = separating(kd.Faces(np.array([0, len(offset)]), normal, offset), room)[:, 0]
-    t, planes = np.arange(n), []
-    for k in (np.append(chosen[:1], chosen), np.append(chosen, chosen[-1:])):  # step before, step after
-        left = np.where(avoid, room[t, k], np.inf)[:, None]
-        planes.append(
-            (normal[k][:, None], offset[k][:, None], sd[t, k][:, None], left, np.zeros((n, 1), bool))
-        )
-    planes[1][3][:, 0][planes[0][1][:, 0] == planes[1][1][:, 0]] = np.inf  # the same face twice
-    return planes
+    sd = face_deviations(walls.normal, cov) if counted else np.zeros((len(x), len(walls.offset)))
+    parts = _bounding_planes(problem, walls, x, sd)
+    parts[3][~np.tile(asked, 2)] = np.inf
+    normal, offset, spread, left = (
+        np.concatenate(pair, axis=1) for pair in zip((normal, offset, spread, left), parts, strict=True)
+    )
+    return normal, offset, spread, left, np.hstack([before, np.zeros(parts[3].shape, bool)])
+
+
+def _bounding_planes(
+    problem: Problem, faces: kd.Faces, x: FloatArray, sd: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """The face of each of m polygons that separates the step to a point, then that of the step from it.
+
+    Normals (T+1, 2 m, 2), and offsets, σ and clearance left (T+1, 2 m), inf for the same face again.
+    """
+    m, t = len(faces.ptr) - 1, np.arange(len(x))[:, None]
+    room = risk_sharing(problem).room(x @ faces.normal.T - faces.offset, sd, FINEST * problem.reach)
+    chosen = separating(faces, room) if m else np.empty((len(x) - 1, 0), np.int64)
+    rows = np.hstack([np.vstack([chosen[:1], chosen]), np.vstack([chosen, chosen[-1:]])])
+    left = room[t, rows]
+    left[:, m:][rows[:, m:] == rows[:, :m]] = np.inf
+    return faces.normal[rows], faces.offset[rows], sd[t, rows], left
+
+
+def forbidden_polygons(problem: Problem, avoid: BoolArray) -> tuple[kd.Faces, BoolArray]:
+    """Convex polygons around the cells to ``avoid`` (T+1, C), and at which steps to avoid each, (T+1, m).
+
+    Where many cells with one label are drawn as one shape, this is avoided while all of them are.
+    """
+    polygons: list[FloatArray] = []
+    asked = [np.zeros((len(avoid), 0), bool)]
+    for group in search_map(problem).shown.values():
+        hit = avoid[:, group.cells]
+        if group.united:
+            hit = np.repeat(np.all(hit, axis=1, keepdims=True), len(group.around), axis=1)
+        wanted = np.flatnonzero(hit.any(axis=0))
+        polygons += [group.around[k] for k in wanted]
+        asked.append(hit[:, wanted])
+    return pack_faces(polygons), np.hstack(asked)
 
 
 def set_witnesses(
@@ -336,7 +350,7 @@ def set_witnesses(
     """Regions that hold the position at a step; without ``soft`` their faces are only not crossed."""
     from scipy.special import ndtr
 
-    faces, centre, unit = problem.theorem2.faces, problem.scene.bounds.mean(axis=0), problem.reach
+    faces, centre, unit = search_map(problem).witness, problem.scene.bounds.mean(axis=0), problem.reach
     pick = np.zeros((model.witnesses, model.steps + 1))
     pick[:, 0] = 1.0  # a place left empty looks at the start and asks nothing
     a, b = (

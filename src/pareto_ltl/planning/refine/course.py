@@ -96,9 +96,8 @@ def _spoiling_polygons(
     logic, atoms = problem.world.logic, set(problem.atoms)
     spoils = ~logic.covers[logic.delta[state, :-1], state]
     bad = {shown & atoms for shown, spoiling in zip(problem.labels, spoils, strict=True) if spoiling}
-    return [
-        cell for shown, cells in drawn.around.items() if shown in bad and shown != label for cell in cells
-    ]
+    spoilers = [cells for shown, cells in drawn.shown.items() if shown and shown in bad and shown != label]
+    return [polygon for cells in spoilers for polygon in cells.around]
 
 
 def _joined_faces(first: kd.Faces, second: kd.Faces) -> kd.Faces:
@@ -111,7 +110,7 @@ def _joined_faces(first: kd.Faces, second: kd.Faces) -> kd.Faces:
 def _anchors(drawn: SearchMap, label: frozenset[str], depth: float) -> FloatArray:
     """Points of the cells that show ``label``: corners and middles of edges, drawn towards the middle."""
     found = []
-    for cell in drawn.within[label]:
+    for cell in drawn.shown[label].within:
         middle = cell.mean(axis=0)
         rim = np.vstack([cell, (cell + np.roll(cell, -1, axis=0)) / 2])
         found.append(rim + max(depth, ANCHOR) * (middle - rim) if depth < 1 else middle[None])

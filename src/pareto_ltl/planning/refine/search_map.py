@@ -18,7 +18,7 @@ import numpy as np
 from pareto_ltl.kernels import data as kd
 from pareto_ltl.planning.pack import pack_barriers, pack_faces
 from pareto_ltl.planning.problem import Problem
-from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.support.arrays import FloatArray, IntArray
 from pareto_ltl.world.cells import convex_obstacles, convex_pieces
 from pareto_ltl.world.outlines import narrowed_polygon, widened_polygon, without_pools
 from pareto_ltl.world.scene import Scene
@@ -28,15 +28,35 @@ if TYPE_CHECKING:
 
 LOG = logging.getLogger(__name__)
 
-MANY_CORNERS = 32  # of an outline: only outlines with more are simplified
+MANY_CORNERS = 16  # of an outline: only outlines with more are simplified
 MANY_CELLS = 64  # corners of all cells with one label: only with more are they united and simplified
 MAP_SHARE = 0.002  # of the size of the map: how far a simplified outline may lie from the true one
 UNION_GRID = 1e-9  # of the size of the map: corners of cells that are this close coincide
-POOL = 1e-5  # of the size of the map: radius of holes that are rounding errors between cells
-OWN_SHARE = 0.02  # of the square root of the polygon's own area, the same
+CLOSED = 1e-5  # of the size of the map: gaps and holes this narrow count as none
+OWN_SHARE = 0.05  # of the square root of the polygon's own area, the same
 GAP_SHARE = 0.25  # of the gap to the next outline or to the start, the same
 
 Change: TypeAlias = "Callable[[shapely.Polygon, float], shapely.Geometry]"
+
+
+@dataclass(frozen=True, slots=True)
+class ShownCells:
+    """Labelled cells that show the same propositions of the mission.
+
+    Attributes
+    ----------
+    cells : (n,) int
+        Their numbers.
+    within, around : tuple of (k, 2) float
+        Convex polygons inside the cells, and convex polygons that cover them.
+    united : bool
+        Whether the polygons stand for the union of the cells; if not, they are the cells one by one.
+    """
+
+    cells: IntArray
+    within: tuple[FloatArray, ...]
+    around: tuple[FloatArray, ...]
+    united: bool
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,17 +69,16 @@ class SearchMap:
         They cover the obstacles.
     barriers : Faces
         The half planes of ``obstacles`` and, where the border is a wall, of its sides.
-    within, around : mapping of label to tuple of (n, 2) float
-        By what the cells show of the mission's propositions: polygons inside these cells, and polygons that
-        cover them.
+    shown : mapping of propositions to ShownCells
+        The labelled cells by what they show; those that only show propositions of no use to the mission are
+        under the empty set.
     witness : Faces
         A polygon inside every convex part of ``problem.theorem2``.
     """
 
     obstacles: tuple[FloatArray, ...]
     barriers: kd.Faces
-    within: Mapping[frozenset[str], tuple[FloatArray, ...]]
-    around: Mapping[frozenset[str], tuple[FloatArray, ...]]
+    shown: Mapping[frozenset[str], ShownCells]
     witness: kd.Faces
 
 
@@ -80,9 +99,7 @@ def _simplified_map(problem: Problem) -> SearchMap:
     barriers = problem.barriers
     if obstacles is not problem.decomposition.obstacles:
         barriers = pack_barriers(scene, pack_faces(obstacles))
-    cells = _shown_cells(problem)
-    within = {shown: tally.cells(parts, narrowed_polygon) for shown, parts in cells.items()}
-    around = {shown: tally.cells(parts, widened_polygon) for shown, parts in cells.items()}
+    shown = {names: tally.shown(problem, cells) for names, cells in _cells_by_label(problem).items()}
     parts = [part for name in problem.atoms for part in problem.decomposition.regions.get(name, ())]
     witness = pack_faces([tally.convex_part(part) for part in parts])
     if tally.before:
@@ -91,7 +108,7 @@ def _simplified_map(problem: Problem) -> SearchMap:
             "true outlines; every check uses the true ones",
             tally.after, tally.before, tally.farthest,
         )  # fmt: skip
-    return SearchMap(obstacles, barriers, within, around, witness)
+    return SearchMap(obstacles, barriers, shown, witness)
 
 
 def _covering_parts(problem: Problem, tally: _Simplifier) -> tuple[FloatArray, ...]:
@@ -108,14 +125,20 @@ def _covering_parts(problem: Problem, tally: _Simplifier) -> tuple[FloatArray, .
     return convex_obstacles(scene, outlines)
 
 
-def _shown_cells(problem: Problem) -> dict[frozenset[str], tuple[FloatArray, ...]]:
-    """Cells by the propositions of the mission that they show; those that show none are left out."""
-    found: dict[frozenset[str], tuple[FloatArray, ...]] = {}
-    for cell, label in zip(problem.decomposition.cells, problem.labels, strict=True):
-        shown = label & set(problem.atoms)
-        if shown:
-            found[shown] = (*found.get(shown, ()), cell)
+def _cells_by_label(problem: Problem) -> dict[frozenset[str], list[int]]:
+    """Labelled cells by the propositions of the mission that they show."""
+    found: dict[frozenset[str], list[int]] = {}
+    for number, label in enumerate(problem.labels):
+        if label:
+            found.setdefault(label & set(problem.atoms), []).append(number)
     return found
+
+
+def _corner_count(shape: shapely.Geometry) -> int:
+    """Corners of all rings, which repeat their first one."""
+    import shapely
+
+    return int(shapely.get_num_coordinates(shape)) - len(shapely.get_rings(shapely.get_parts(shape)))
 
 
 @dataclass(slots=True)
@@ -147,7 +170,7 @@ class _Simplifier:
         widest = min(MAP_SHARE * self.size, OWN_SHARE * math.sqrt(shape.area))
         near = self.tree.query(shape, predicate="dwithin", distance=widest / GAP_SHARE)
         gaps = shapely.distance(shape, self.tree.geometries[near])
-        return min(widest, GAP_SHARE * float(np.min(gaps[gaps > 0.0], initial=math.inf)))
+        return min(widest, GAP_SHARE * float(np.min(gaps[gaps > CLOSED * self.size], initial=math.inf)))
 
     def simpler(self, shape: shapely.Polygon, change: Change) -> shapely.Geometry:
         """``shape`` after ``change``, or itself where that has no fewer corners."""
@@ -155,22 +178,27 @@ class _Simplifier:
 
         tolerance = self.tolerance(shape)
         found = change(shape, tolerance)
-        before, after = (int(shapely.get_num_coordinates(polygon)) for polygon in (shape, found))
+        before, after = _corner_count(shape), _corner_count(found)
         if after >= before:
             return shape
         self.before, self.after = self.before + before, self.after + after
         self.farthest = max(self.farthest, tolerance)
         return found
 
-    def cells(self, cells: Sequence[FloatArray], change: Change) -> tuple[FloatArray, ...]:
-        """Convex polygons inside or around the union of ``cells``; the cells themselves if these are few."""
+    def shown(self, problem: Problem, numbers: Sequence[int]) -> ShownCells:
+        """The union of cells, simplified; the cells themselves if they have few corners."""
         import shapely
 
+        cells = tuple(problem.decomposition.cells[k] for k in numbers)
         if sum(map(len, cells)) <= MANY_CELLS:
-            return tuple(cells)
+            return ShownCells(np.array(numbers), cells, cells, united=False)
         union = shapely.union_all([shapely.Polygon(cell) for cell in cells], grid_size=UNION_GRID * self.size)
-        whole = [without_pools(part, POOL * self.size) for part in shapely.get_parts(union).tolist()]
-        return convex_pieces(self.scene, [self.simpler(part, change) for part in whole])
+        parts = [without_pools(part, CLOSED * self.size) for part in shapely.get_parts(union).tolist()]
+        within, around = (
+            convex_pieces(self.scene, [self.simpler(part, change) for part in parts])
+            for change in (narrowed_polygon, widened_polygon)
+        )
+        return ShownCells(np.array(numbers), within, around, united=True)
 
     def convex_part(self, part: FloatArray) -> FloatArray:
         """A convex polygon inside ``part``; the part itself if it has few corners."""

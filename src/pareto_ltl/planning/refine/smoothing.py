@@ -17,6 +17,7 @@ from pareto_ltl.planning.records import PlannedPath, objective_row
 from pareto_ltl.planning.refine.convex import Programme, bend_path, smoothing_programme
 from pareto_ltl.planning.refine.obligations import path_obligations, planned_states
 from pareto_ltl.planning.refine.risk_sharing import risk_sharing
+from pareto_ltl.planning.refine.search_map import search_map
 from pareto_ltl.planning.refine.step_programme import NARROWEST
 from pareto_ltl.planning.refine.taut_lines import (
     CAP,
@@ -142,7 +143,7 @@ def fitting_programme(problem: Problem, begun: Sequence[Start]) -> Programme:
     steps = max(len(start.x) for start in begun) - 1
     asked = (path_obligations(problem, start.x, propagate(problem, start.x).cov) for start in begun)
     witnesses = max(len(obligations.witness) for obligations in asked)
-    faces = int(np.diff(problem.theorem2.faces.ptr).max())
+    faces = int(np.diff(search_map(problem).witness.ptr).max())
     return smoothing_programme(problem, -(-steps // 8) * 8, witnesses + 1, faces)
 
 
