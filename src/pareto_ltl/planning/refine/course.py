@@ -13,9 +13,11 @@ from pareto_ltl.planning.refine.bends import bend_places
 from pareto_ltl.planning.refine.orders import MissionOrder
 from pareto_ltl.planning.refine.search_map import SearchMap
 from pareto_ltl.support.arrays import FloatArray, IntArray
+from pareto_ltl.world.cells import inside_depth
 
 FACE_MARGIN = 2.0  # [m] kept from every face: larger than the solver's rounding error
 ANCHOR = 0.02  # how far from a region's rim towards its middle a line may touch it
+SLIVER = 0.5  # of the depth of the deepest polygon: shallower ones are not worth a visit
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,10 +110,16 @@ def _joined_faces(first: kd.Faces, second: kd.Faces) -> kd.Faces:
 
 
 def _anchors(drawn: SearchMap, label: frozenset[str], depth: float) -> FloatArray:
-    """Points of the cells that show ``label``: corners and middles of edges, drawn towards the middle."""
+    """Points of the cells that show ``label``: corners and middles of edges, drawn towards the middle.
+
+    Of polygons that stand for one shape together, slivers along its rim have no middle of interest.
+    """
+    group = drawn.shown[label]
+    room = [float(inside_depth(polygon, polygon.mean(axis=0)[None])[0]) for polygon in group.within]
+    least = SLIVER * max(room) if group.united and depth > 0.0 else 0.0
     found = []
-    for cell in drawn.shown[label].within:
-        middle = cell.mean(axis=0)
-        rim = np.vstack([cell, (cell + np.roll(cell, -1, axis=0)) / 2])
+    for polygon in (one for one, own in zip(group.within, room, strict=True) if own >= least):
+        middle = polygon.mean(axis=0)
+        rim = np.vstack([polygon, (polygon + np.roll(polygon, -1, axis=0)) / 2])
         found.append(rim + max(depth, ANCHOR) * (middle - rim) if depth < 1 else middle[None])
     return np.vstack(found)

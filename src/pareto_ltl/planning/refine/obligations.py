@@ -41,20 +41,16 @@ def path_obligations(problem: Problem, x: FloatArray, cov: FloatArray) -> Obliga
     before = np.concatenate([[logic.initial], q[:-1]])
     planned, witness = q.copy(), []
     for t in np.flatnonzero(q != before):
-        parts = _needed_parts(problem, x[t], int(before[t]), int(q[t]), int(cell[t]))
-        if not parts:
+        groups = _needed_parts(problem, int(before[t]), int(q[t]), int(cell[t]))
+        if not groups:
             continue
-        best = t
-        if logic.covers[q[t], before[t]]:
-            last = t
-            while last + 1 < len(x) and q[last + 1] == q[t]:
-                last += 1
-            risk = missed[t : last + 1, parts].sum(axis=1)
-            held = np.all(_part_slack(problem, x[t : last + 1])[:, parts] > 0.0, axis=1)
-            held[0] = True
-            best = t + int(np.argmin(np.where(held, risk, np.inf)))
+        last = t
+        while logic.covers[q[t], before[t]] and last + 1 < len(x) and q[last + 1] == q[t]:
+            last += 1
+        risk, parts = _safest_parts(problem, x[t : last + 1], missed[t : last + 1], groups)
+        best = t + int(np.argmin(risk))
         planned[t:best] = before[t]
-        witness += [(int(best), part) for part in parts]
+        witness += [(int(best), int(part)) for part in parts[best - t]]
     return Obligations(planned, tuple(witness), _spoiling_cells(problem, planned, cell))
 
 
@@ -66,8 +62,10 @@ def planned_states(problem: Problem, x: FloatArray) -> IntArray:
     return states
 
 
-def _needed_parts(problem: Problem, x: FloatArray, before: int, after: int, cell: int) -> list[int]:
-    """Convex parts that must hold ``x`` for the step from ``before`` to ``after``."""
+def _needed_parts(problem: Problem, before: int, after: int, cell: int) -> list[IntArray]:
+    """Convex parts of each region that must hold a position in ``cell`` for the step from ``before`` to
+    ``after``.
+    """
     logic, label = problem.world.logic, problem.labels[cell] if cell >= 0 else frozenset()
     if logic.covers[logic.delta[before, -1], after]:
         return []
@@ -76,9 +74,29 @@ def _needed_parts(problem: Problem, x: FloatArray, before: int, after: int, cell
         a for a in sorted(label & set(problem.atoms))
         if label - {a} not in column or not logic.covers[logic.delta[before, column[label - {a}]], after]
     ] or sorted(label & set(problem.atoms))[:1]  # fmt: skip
-    slack = _part_slack(problem, x[None])[0]
-    parts = [np.flatnonzero(problem.theorem2.atom == problem.atoms.index(a)) for a in atoms]
-    return [int(p[np.argmax(slack[p])]) for p in parts if len(p)]
+    found = [np.flatnonzero(problem.theorem2.atom == problem.atoms.index(a)) for a in atoms]
+    return [parts for parts in found if len(parts)]
+
+
+def _safest_parts(
+    problem: Problem, x: FloatArray, missed: FloatArray, groups: list[IntArray]
+) -> tuple[FloatArray, IntArray]:
+    """The part of each group that is missed least at each of ``x`` (n, 2), and their risks in all (n,).
+
+    Parts that do not hold the mean are left out, and the risk is inf where none of a group is left; at the
+    first step the nearest part is then taken.
+    """
+    slack, rows = _part_slack(problem, x), np.arange(len(x))
+    risk, chosen = np.zeros(len(x)), np.empty((len(x), len(groups)), np.int64)
+    for k, parts in enumerate(groups):
+        own = np.where(slack[:, parts] > 0.0, missed[:, parts], np.inf)
+        best = own.argmin(axis=1)
+        if np.isinf(own[0, best[0]]):
+            best[0] = slack[0, parts].argmax()
+            own[0, best[0]] = missed[0, parts[best[0]]]
+        risk += own[rows, best]
+        chosen[:, k] = parts[best]
+    return risk, chosen
 
 
 def _spoiling_cells(problem: Problem, q: IntArray, cell: IntArray) -> BoolArray:

@@ -174,7 +174,6 @@ class _Simplifier:
 
     def simpler(self, shape: shapely.Polygon, change: Change) -> shapely.Geometry:
         """``shape`` after ``change``, or itself where that has no fewer corners."""
-        import shapely
 
         tolerance = self.tolerance(shape)
         found = change(shape, tolerance)
