@@ -1,9 +1,13 @@
-"""Smoothing budgets: a warm convex solve in 10 ms, a path of 100 steps past 10 obstacles in 150 ms.
+"""Smoothing budgets: a warm convex solve in 10 ms, a path of 100 steps past 10 obstacles in 150 ms, a taut line
+past 300 obstacles or 2,000 corners in 1 s and 100 MB.
 
 python -m pytest benchmarks/bench_smoothing.py
 """
 
 from __future__ import annotations
+
+import tracemalloc
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -15,16 +19,25 @@ from pareto_ltl.planning import growth, selection
 from pareto_ltl.planning.evaluate import completes_mission
 from pareto_ltl.planning.pack import build_problem
 from pareto_ltl.planning.refine import convex, smoothing
+from pareto_ltl.planning.refine.taut_lines import possible_orders, taut_line
 from pareto_ltl.settings import PlannerConfig, RobotConfig, SceneConfig, SmoothingConfig, WindConfig
 from pareto_ltl.support.resources import resource_folder
 from pareto_ltl.wind.records import WindField
 from pareto_ltl.world import cells as workspace
+from pareto_ltl.world.scene import Scene
 from pareto_ltl.world.scene_settings import scene_from_settings
 
 FORMULAS = {"phi1": "F(a & F b & F c)", "phi2": "F(a & F(b & F c)) | F(a & F(d & F c))"}
 DT = 600.0  # [s] steps short enough for about 100 of them
 # Exact wind-free optima (visibility graph over the free space, regions closed), in metres.
 CALM_OPTIMUM = {"phi1": 1_691_600.0, "phi2": 1_404_000.0}
+
+
+class Waiting(NamedTuple):
+    """A path as a line knows it."""
+
+    x: np.ndarray
+    cov: np.ndarray
 
 
 def wind(speed, variance):
@@ -124,3 +137,66 @@ def test_calm_length(benchmark, mission):
     )
     ratio = min(path.objectives.length for path in smoothed) / CALM_OPTIMUM[mission]
     benchmark.extra_info["figures"] = [("length over the optimum", ratio, 1.01)]
+
+
+# --- large maps: 20 km, steps of 1 km -----------------------------------------------------------
+
+
+def disc(corners, east, north, radius, phases=(0.0,)):
+    """A polygon around a circle; with more ``phases`` its rim waves."""
+    angle = 2 * np.pi * np.arange(corners) / corners
+    waves = (
+        sum(np.cos(k * angle + phase) / k for k, phase in enumerate(phases, 2)) if len(phases) > 1 else 0.0
+    )
+    r = radius * (1 + 0.02 * waves)
+    return 1e3 * np.column_stack([east + r * np.cos(angle), north + r * np.sin(angle)])
+
+
+def square(east, north, half=1.0):
+    return 1e3 * (np.array([east, north]) + half * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]))
+
+
+def small_discs(count, corners):
+    rng, placed = np.random.default_rng(1), [(1.0, 1.0, 0.5), (17.0, 17.0, 1.5), (3.0, 16.0, 1.5)]
+    while len(placed) < count + 3:
+        r = rng.uniform(0.15, 0.35)
+        middle = rng.uniform(r, 20 - r, 2)
+        if all(np.hypot(*(middle - place[:2])) >= r + place[2] + 0.15 for place in placed):
+            placed.append((*middle, r))
+    return [disc(corners, *place) for place in placed[3:]]
+
+
+PHASES = tuple(np.random.default_rng(0).uniform(0, 6, 10))
+MAPS = {
+    "300 obstacles": (small_discs(300, 6), {}, "F(a & F b)"),
+    "300 obstacles of 32 corners": (small_discs(300, 32), {}, "F(a & F b)"),
+    "an obstacle of 2000 corners": ([disc(2000, 9, 9, 3, PHASES)], {}, "F(a & F b)"),
+    "a region of 2000 corners": ([], {"a": disc(2000, 15, 15, 2, PHASES)}, "F(a & F b)"),
+    "a forbidden region of 2000 corners": ([], {"a": disc(2000, 10, 9, 3, PHASES)}, "!a U b"),
+}
+
+
+@pytest.mark.parametrize("name", MAPS)
+@pytest.mark.parametrize("deviation", [0.0, 40.0], ids=["no deviation", "40 m"])
+def test_a_taut_line_past(benchmark, name, deviation):
+    """The second line on the map; the first also simplifies the outlines."""
+    obstacles, regions, formula = MAPS[name]
+    scene = Scene(
+        np.array([[0.0, 0.0], [20e3, 20e3]]), np.array([1e3, 1e3]),
+        {"a": square(17, 17), "b": square(3, 16)} | regions, (*obstacles, square(11, 1.5, 0.4)),
+    )  # fmt: skip
+    cells = workspace.decompose(scene)
+    task = build_problem(
+        RobotConfig(dt=100.0, u_max=10.0), PlannerConfig(), WindConfig(), scene, wind(0.0, 0.0), cells,
+        translate(formula, cells.letters),
+    )  # fmt: skip
+    path = Waiting(scene.start[None], deviation**2 * np.eye(2)[None])
+    order = possible_orders(task, 1)[0]
+    assert taut_line(task, order, path, 1.0, 2.0) is not None
+    tracemalloc.start()
+    taut_line(task, order, path, 1.0, 2.0)
+    peak = tracemalloc.get_traced_memory()[1] / 1e6
+    tracemalloc.stop()
+    benchmark.extra_info["budget"] = 1.0
+    benchmark.extra_info["figures"] = [("memory [MB]", peak, 100.0)]
+    benchmark.pedantic(taut_line, (task, order, path, 1.0, 2.0), rounds=3)
