@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -12,6 +13,34 @@ from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 
 TOUCH = 1e-3  # [m] a place this much too near still keeps its distance
 BESIDE = 1.3  # a crossing lies within this many distances of both its polygons
+SECTORS = 1024  # around a place, in which walls throw shadows
+SETTLED = 4  # rounds until a place and the distance to keep there agree to centimetres
+
+
+class Walls(NamedTuple):
+    """Convex polygons that a line may not cross.
+
+    Face k of ``faces`` begins at ``corner[k]`` (F, 2); a polygon with one face is a half plane, whose corner
+    means nothing. ``asks`` is 1 where the line keeps its distance, 0 where it only must not cross.
+    """
+
+    faces: Faces
+    corner: FloatArray
+    asks: FloatArray
+
+
+class Places(NamedTuple):
+    """Place k lies at ``at[k] + r grow[k]`` [m], where r is the distance to keep on arrival."""
+
+    at: FloatArray
+    grow: FloatArray
+
+
+class Distances(NamedTuple):
+    """After n steps of ``step`` [m] a line keeps ``keep[n]`` [m] from obstacles, then the last one."""
+
+    step: float
+    keep: FloatArray
 
 
 @kernel
@@ -74,31 +103,119 @@ def passes(
     return True
 
 
+@kernel
+def direction(dx: float, dy: float) -> float:
+    """A number in [0, 4) that grows with the angle of a vector, and costs less than ``atan2``."""
+    size = abs(dx) + abs(dy)
+    if size == 0.0:
+        return 0.0
+    if dx < 0.0:
+        return 2.0 - dy / size
+    return dy / size if dy >= 0.0 else 4.0 + dy / size
+
+
+@kernel
+def fill_shadow(walls: Walls, part: int, start: Point, shadow: FloatArray) -> None:
+    """Enter a polygon into ``shadow``: beyond how many metres everything in each sector around ``start`` is
+    hidden by it. Without shadows, :func:`seen_places` takes 2.3 times as long past 300 obstacles.
+    """
+    first, last = walls.faces.ptr[part], walls.faces.ptr[part + 1]
+    if last - first < 3 or depth_outside(walls.faces, part, start) <= 0.0:
+        return
+    corner, n = walls.corner, len(shadow)
+    reference = direction(corner[first, 0] - start.x, corner[first, 1] - start.y)
+    low, high, far = 0.0, 0.0, 0.0
+    for k in range(first, last):
+        dx, dy = corner[k, 0] - start.x, corner[k, 1] - start.y
+        turn = (direction(dx, dy) - reference + 6.0) % 4.0 - 2.0
+        low, high, far = min(low, turn), max(high, turn), max(far, math.hypot(dx, dy))
+    # Only sectors that lie in the shadow as a whole.
+    for sector in range(math.ceil((reference + low) * n / 4.0), math.floor((reference + high) * n / 4.0)):
+        shadow[sector % n] = min(shadow[sector % n], far)
+
+
 @allocating
 def seen_places(
-    faces: Faces, asks: FloatArray, here: FloatArray, keep: float, there: FloatArray, keeps: FloatArray,
-    step: float,
-) -> BoolArray:  # fmt: skip
+    walls: Walls, here: FloatArray, keep: float, there: FloatArray, keeps: FloatArray, step: float
+) -> BoolArray:
     """Which places ``there`` (P, 2) a flight from ``here`` (2,) can go straight to, in steps of ``step`` [m].
 
-    It passes polygon j if one of its faces is ``asks[j]`` times the distance to keep away from both ends of a
-    step (Section 4.5); this distance is ``keep`` [m] here and ``keeps[i]`` [m] at place i. The polygon that
-    hid the place before is tried first: places are corners of polygons, and neighbours are hidden by the same
-    one.
+    It passes wall j if one of its faces is ``asks[j]`` times the distance to keep away from both ends of a
+    step (Section 4.5); this distance is ``keep`` [m] here and ``keeps[i]`` [m] at place i.
+
+    Most places are hidden. Those in the shadow of a wall are left out first; then the wall that hid the place
+    before is tried first, since places are corners of walls, and neighbours are hidden by the same one.
     """
     start, seen = Point(here[0], here[1]), np.ones(len(there), np.bool_)
-    order = np.argsort(np.array([depth_outside(faces, j, start) for j in range(len(asks))]))
+    shadow = np.full(SECTORS, np.inf)
+    for j in range(len(walls.asks)):
+        fill_shadow(walls, j, start, shadow)
+    order = np.argsort(np.array([depth_outside(walls.faces, j, start) for j in range(len(walls.asks))]))
     for i in range(len(there)):
         end = Point(there[i, 0], there[i, 1])
-        steps = math.ceil(math.hypot(end.x - start.x, end.y - start.y) / step)
+        dx, dy = end.x - start.x, end.y - start.y
+        way = math.sqrt(dx * dx + dy * dy)
+        if way > shadow[int(direction(dx, dy) * SECTORS / 4.0) % SECTORS]:
+            seen[i] = False
+            continue
+        steps = math.ceil(way / step)
         for n in range(len(order)):
             j = order[n]
-            if not passes(faces, j, start, asks[j] * keep, end, asks[j] * keeps[i], steps):
+            asks = walls.asks[j]
+            if not passes(walls.faces, j, start, asks * keep, end, asks * keeps[i], steps):
                 seen[i] = False
-                order[1 : n + 1] = order[:n].copy()
+                for m in range(n, 0, -1):
+                    order[m] = order[m - 1]
                 order[0] = j
                 break
     return seen
+
+
+@kernel
+def kept_distance(distances: Distances, metres: float) -> float:
+    """The distance to keep [m] after a way of ``metres``."""
+    n = metres / distances.step
+    i = int(n)
+    if i >= len(distances.keep) - 1:
+        return float(distances.keep[-1])
+    return float(distances.keep[i] + (n - i) * (distances.keep[i + 1] - distances.keep[i]))
+
+
+@allocating
+def arrivals(
+    places: Places,
+    best: FloatArray,
+    here: FloatArray,
+    length: float,
+    distances: Distances,
+    bounds: FloatArray,
+) -> tuple[IntArray, FloatArray, FloatArray, FloatArray]:
+    """Places that a line of ``length`` [m] to ``here`` (2,) and a straight flight reach in less than ``best``
+    (P,) [m].
+
+    Returns their numbers (n,), where they lie on arrival (n, 2), which is within ``bounds`` (2, 2), the
+    distances to keep there (n,) and the lengths of the lines (n,).
+    """
+    rows, ends = np.empty(len(best), np.int64), np.empty((len(best), 2))
+    keeps, total = np.empty(len(best)), np.empty(len(best))
+    n, widest = 0, distances.keep.max()
+    for k in range(len(best)):
+        ax, ay = places.at[k, 0] - here[0], places.at[k, 1] - here[1]
+        gx, gy = places.grow[k, 0], places.grow[k, 1]
+        way = length + math.sqrt(ax * ax + ay * ay)
+        if way - widest * math.sqrt(gx * gx + gy * gy) >= best[k]:
+            continue
+        keep = 0.0
+        for _ in range(SETTLED):
+            keep = kept_distance(distances, way)
+            dx, dy = ax + keep * gx, ay + keep * gy
+            way = length + math.sqrt(dx * dx + dy * dy)  # with hypot, this kernel takes 2.4 times as long
+        x, y = places.at[k, 0] + keep * gx, places.at[k, 1] + keep * gy
+        inside = bounds[0, 0] <= x <= bounds[1, 0] and bounds[0, 1] <= y <= bounds[1, 1]
+        if inside and way < best[k]:
+            rows[n], ends[n, 0], ends[n, 1], keeps[n], total[n] = k, x, y, keep, way
+            n += 1
+    return rows[:n], ends[:n], keeps[:n], total[:n]
 
 
 @allocating

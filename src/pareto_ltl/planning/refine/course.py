@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from pareto_ltl.kernels import data as kd
+from pareto_ltl.kernels.visibility import Places, Walls
 from pareto_ltl.planning.pack import pack_faces
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.refine.bends import bend_places
@@ -25,15 +27,13 @@ class Stage:
     """Where a line may go while one transition is awaited: to ``places``, or to ``goals`` and on from there.
 
     Both are numbers of places of the course; ``rest`` (G,) [m] is the way left from each goal without walls.
-    ``asks`` is 1 for every wall that is an obstacle, which the line keeps its distance from, and 0 for the
-    others, which it only must not cross.
+    The line keeps its distance from the ``walls`` that are obstacles, and must not cross the others.
     """
 
     places: slice
     goals: slice
     rest: FloatArray
-    walls: kd.Faces
-    asks: FloatArray
+    walls: Walls
 
     @property
     def ahead(self) -> slice:
@@ -43,19 +43,15 @@ class Stage:
 
 @dataclass(frozen=True, slots=True)
 class Course:
-    """All transitions in a row. Place 0 is the start, and at place k transition ``awaited[k]`` is next.
+    """All transitions in a row. Place 0 is the start, and at place k transition ``awaited[k]`` is next."""
 
-    Place k lies at ``at[k] + r grow[k]``, where r is the distance to keep on arrival.
-    """
-
-    at: FloatArray
-    grow: FloatArray
+    places: Places
     awaited: IntArray
     stages: tuple[Stage, ...]
 
     def way_left(self, stage: Stage, numbers: IntArray, points: FloatArray) -> FloatArray:
         """Length [m] of the way without walls from ``points`` (P, 2), where places ``numbers`` (P,) are."""
-        way = least_way(points, self.at[stage.goals], stage.rest)
+        way = least_way(points, self.places.at[stage.goals], stage.rest)
         arrived = numbers >= stage.goals.start
         way[arrived] = stage.rest[numbers[arrived] - stage.goals.start]
         return way
@@ -84,11 +80,9 @@ def mission_course(
         grow += [bends[1], np.zeros((len(corners) + len(goals[s]), 2))]
         first, count = len(awaited), len(bends[0]) + len(corners)
         awaited += [s] * count + [s + 1] * len(goals[s])
-        walls = _joined_faces(drawn.barriers, pack_faces(spoilers))
-        asks = np.repeat([1.0, 0.0], [len(drawn.barriers.ptr) - 1, len(spoilers)])
         places, ends = slice(first, first + count), slice(first + count, len(awaited))
-        stages.append(Stage(places, ends, rests[s], walls, asks))
-    return Course(np.vstack(at), np.vstack(grow), np.array(awaited), tuple(stages))
+        stages.append(Stage(places, ends, rests[s], _packed_walls(drawn, spoilers)))
+    return Course(Places(np.vstack(at), np.vstack(grow)), np.array(awaited), tuple(stages))
 
 
 def _spoiling_polygons(
@@ -102,11 +96,16 @@ def _spoiling_polygons(
     return [polygon for cells in spoilers for polygon in cells.around]
 
 
-def _joined_faces(first: kd.Faces, second: kd.Faces) -> kd.Faces:
-    return kd.Faces(
-        np.concatenate([first.ptr, first.ptr[-1] + second.ptr[1:]]), np.vstack([first.normal, second.normal]),
-        np.concatenate([first.offset, second.offset]),
+def _packed_walls(drawn: SearchMap, spoilers: Sequence[FloatArray]) -> Walls:
+    """Obstacles and walls of the border, then ``spoilers``."""
+    hard, soft = drawn.barriers, pack_faces(spoilers)
+    faces = kd.Faces(
+        np.concatenate([hard.ptr, hard.ptr[-1] + soft.ptr[1:]]), np.vstack([hard.normal, soft.normal]),
+        np.concatenate([hard.offset, soft.offset]),
     )  # fmt: skip
+    sides = np.zeros((len(hard.offset) - sum(map(len, drawn.obstacles)), 2))
+    asks = np.repeat([1.0, 0.0], [len(hard.ptr) - 1, len(spoilers)])
+    return Walls(faces, np.vstack([np.empty((0, 2)), *drawn.obstacles, sides, *spoilers]), asks)
 
 
 def _anchors(drawn: SearchMap, label: frozenset[str], depth: float) -> FloatArray:

@@ -11,18 +11,17 @@ from typing import Protocol
 import numpy as np
 
 from pareto_ltl.kernels import data as kd
-from pareto_ltl.kernels.visibility import TOUCH, seen_places
+from pareto_ltl.kernels.visibility import TOUCH, Distances, Places, arrivals, seen_places
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.reference import wind_at_place
 from pareto_ltl.planning.refine.bends import bend_places, gap_places
-from pareto_ltl.planning.refine.course import FACE_MARGIN, Course, Stage, mission_course
+from pareto_ltl.planning.refine.course import FACE_MARGIN, Course, mission_course
 from pareto_ltl.planning.refine.obligations import face_deviations
 from pareto_ltl.planning.refine.orders import MissionOrder, mission_order, possible_orders
 from pareto_ltl.planning.refine.search_map import search_map
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 
 CAP = 0.999  # share of u_max planned with: the wind is not quite linear over a trust region
-SETTLED = 4  # rounds until a place and the distance to keep there agree to centimetres
 
 
 def walk_line(problem: Problem, line: FloatArray) -> FloatArray | None:
@@ -84,7 +83,7 @@ def taut_line(
     bends = np.vstack([corners, gaps, path.x]), np.vstack([out, wider, np.zeros_like(path.x)])
     course = mission_course(problem, drawn, plan, bends, depth)
     bounds = problem.scene.bounds + np.array([[FACE_MARGIN], [-FACE_MARGIN]])
-    search = _LineSearch.of(course, bounds, problem.reach, z * sd + FACE_MARGIN)
+    search = _LineSearch.of(course, bounds, Distances(problem.reach, z * sd + FACE_MARGIN))
     queue = [(0.0, 0.0, 0)]
     while queue:
         _, length, here = heapq.heappop(queue)
@@ -102,35 +101,24 @@ class _LineSearch:
     """The shortest lines known to the places of a course.
 
     ``best`` (N,) [m] is the length of the line to place k, which comes from place ``came[k]``; the place then
-    lies at ``where[k]`` and keeps ``kept[k]`` [m] from obstacles, which after n full steps of length ``step``
-    are ``distances[n]``. ``drift`` (N,) [m] is how far a place can move.
+    lies at ``where[k]`` and keeps ``kept[k]`` [m] from obstacles.
     """
 
     course: Course
     bounds: FloatArray
-    step: float
-    distances: FloatArray
-    drift: FloatArray
+    distances: Distances
     best: FloatArray
     came: IntArray
     where: FloatArray
     kept: FloatArray
 
     @classmethod
-    def of(cls, course: Course, bounds: FloatArray, step: float, distances: FloatArray) -> _LineSearch:
-        n = len(course.at)
+    def of(cls, course: Course, bounds: FloatArray, distances: Distances) -> _LineSearch:
+        n = len(course.awaited)
         best = np.full(n, np.inf)
         best[0] = 0.0
-        drift = _lengths(course.grow) * float(distances.max())
-        return cls(
-            course, bounds, step, distances, drift, best, np.full(n, -1), course.at.copy(),
-            np.full(n, distances[0]),
-        )  # fmt: skip
-
-    def keep(self, metres: FloatArray) -> FloatArray:
-        """The distance to keep [m] after a way of ``metres``."""
-        steps = np.arange(len(self.distances))
-        return np.asarray(np.interp(metres / self.step, steps, self.distances), float)
+        kept = np.full(n, distances.keep[0])
+        return cls(course, bounds, distances, best, np.full(n, -1), course.places.at.copy(), kept)
 
     def go_on(self, here: int) -> list[tuple[float, float, int]]:
         """Lengthen the line to ``here`` to every place where this makes the shortest one.
@@ -138,36 +126,17 @@ class _LineSearch:
         Returns the length of the whole line at least, the length so far, and the number of each place.
         """
         stage, x = self.course.stages[self.course.awaited[here]], self.where[here]
-        rows, ends, keeps, total = self.arrivals(here, stage)
-        seen = seen_places(stage.walls, stage.asks, x, self.kept[here], ends, keeps, self.step)
-        there, ends, total = rows[seen], ends[seen], total[seen]
-        self.best[there], self.came[there], self.where[there], self.kept[there] = (
-            total,
-            here,
-            ends,
-            keeps[seen],
+        own = stage.ahead
+        places = Places(self.course.places.at[own], self.course.places.grow[own])
+        rows, ends, keeps, total = arrivals(
+            places, self.best[own], x, float(self.best[here]), self.distances, self.bounds
         )
+        seen = seen_places(stage.walls, x, float(self.kept[here]), ends, keeps, self.distances.step)
+        there, ends, total = own.start + rows[seen], ends[seen], total[seen]
+        self.best[there], self.came[there] = total, here
+        self.where[there], self.kept[there] = ends, keeps[seen]
         least = total + self.course.way_left(stage, there, ends)
         return list(zip(least.tolist(), total.tolist(), there.tolist(), strict=True))
-
-    def arrivals(self, here: int, stage: Stage) -> tuple[IntArray, FloatArray, FloatArray, FloatArray]:
-        """Places that a straight flight from ``here`` reaches in a shorter line than is known.
-
-        Returns their numbers, where they lie on arrival, the distances to keep there and the lengths [m].
-        """
-        x, length = self.where[here], float(self.best[here])
-        at = self.course.at[stage.ahead]
-        near = length + _lengths(at - x) - self.drift[stage.ahead] < self.best[stage.ahead]
-        rows = stage.ahead.start + np.flatnonzero(near)
-        at, grow = self.course.at[rows], self.course.grow[rows]
-        ends, keeps, total = at, np.zeros(len(at)), length + _lengths(at - x)
-        for _ in range(SETTLED):
-            keeps = self.keep(total)
-            ends = at + grow * keeps[:, None]
-            total = length + _lengths(ends - x)
-        low, high = self.bounds
-        worth = (total < self.best[rows]) & ((ends >= low) & (ends <= high)).all(axis=1)
-        return rows[worth], ends[worth], keeps[worth], total[worth]
 
     def line_to(self, here: int) -> FloatArray:
         """Places (n, 2) of the line to ``here``."""
@@ -176,11 +145,6 @@ class _LineSearch:
             here = int(self.came[here])
             line.append(self.where[here])
         return np.array(line[::-1])
-
-
-def _lengths(vectors: FloatArray) -> FloatArray:
-    """Of each row; five times faster than ``numpy.linalg.norm``."""
-    return np.asarray(np.hypot(vectors[:, 0], vectors[:, 1]), float)
 
 
 def _share_face(faces: kd.Faces, clear: BoolArray) -> BoolArray:
