@@ -50,6 +50,13 @@ def test_a_narrowed_polygon_lies_inside_the_original_and_what_is_lost_is_near_it
     assert core.is_empty or narrow.covers(core)
 
 
+def test_the_first_corner_of_a_ring_is_not_cut_off_twice_as_far():
+    polygon = shapely.Polygon([(20, 80), (50, 110), (40, 0), (0, 100)])
+    narrow = narrowed_polygon(polygon, 10.0)
+    assert polygon.covers(narrow)
+    assert narrow.covers(shapely.buffer(polygon, -10.0))
+
+
 @pytest.mark.parametrize("change", [widened_polygon, narrowed_polygon])
 @pytest.mark.parametrize("roughness", [0.0, 0.01])
 def test_two_thousand_corners_become_a_few_dozen(change, roughness):
