@@ -57,8 +57,8 @@ def _value(section: str, value: Any) -> Any:
     if isinstance(value, str) and is_dataclass(schema):
         return _yaml(choice_file(section, value))
     if schema is FidelityConfig and isinstance(value, Mapping):
-        name = str(value.get("name", "paper"))
-        base = preset(name if name in PRESETS else "paper")  # another name is refused with the other values
+        name = str(value.get("name", FidelityConfig.name))
+        base = preset(name if name in PRESETS else FidelityConfig.name)  # another name is refused with the other values
         return {f.name: getattr(base, f.name) for f in fields(base)} | dict(value)
     return value
 

@@ -32,22 +32,22 @@ class FidelityConfig(CheckedSettings):
     """The models that plans are made with; fidelity=NAME sets all of them, and each can be set alone."""
 
     section: ClassVar[str] = "fidelity"
-    name: str = setting("paper", "the preset that the models below begin with", choices=tuple(PRESETS))
-    law: str = setting("independent", "wind law that plans are judged in", choices=LAWS)
+    name: str = setting("full", "the preset that the models below begin with", choices=tuple(PRESETS))
+    law: str = setting("coherent", "wind law that plans are judged in", choices=LAWS)
     border: str = setting(
-        "open", "whether leaving the map is a failure (wall) where scene.border is auto", choices=BORDERS
+        "wall", "whether leaving the map is a failure (wall) where scene.border is auto", choices=BORDERS
     )
     mission_bound: str = setting(
-        "theorem2", "mission risk: f_o of the paper (theorem2) or V (ordered)", choices=MISSION_BOUNDS
+        "ordered", "mission risk: f_o of the paper (theorem2) or V (ordered)", choices=MISSION_BOUNDS
     )
     collision_bound: str = setting(
-        "step", "collision risk: Eqs. 9 and 10 of the paper (step) or R (path)", choices=COLLISION_BOUNDS
+        "path", "collision risk: Eqs. 9 and 10 of the paper (step) or R (path)", choices=COLLISION_BOUNDS
     )
     parents: str = setting(
         "dominance", "rule of parent re-selection; dominance is Eqs. 11 and 12", choices=PARENT_RULES
     )
-    refine: str = setting("convex", "what is done to the paths of the trees", choices=REFINEMENTS)
-    judge: str = setting("bound", "what ranks the front and accepts the plan", choices=JUDGES)
+    refine: str = setting("sampled", "what is done to the paths of the trees", choices=REFINEMENTS)
+    judge: str = setting("flights", "what ranks the front and accepts the plan", choices=JUDGES)
 
     @property
     def label(self) -> str:
