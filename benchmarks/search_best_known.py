@@ -1,6 +1,7 @@
 """A slow, wide search for the best front there is, kept as ``best_known.json`` for ``bench_optimality``.
 
     python benchmarks/search_best_known.py phi1 phi2 --border open --minutes 5
+    python benchmarks/search_best_known.py random0 random1 random2 random3 random4 random5 --minutes 4
 
 Many starts (the trees of four seeds, taut lines, other sides), then random changes of the best path at each
 length: another number of steps, a bump, other times, polished on more flights than a run has. Rates are
@@ -27,16 +28,20 @@ from pareto_ltl.planning.refine.sampled import Candidate, Refiner, resampled_mea
 from pareto_ltl.planning.refine.starts import Start, first_starts
 from pareto_ltl.planning.refine.step_programme import StepProgrammes
 from pareto_ltl.run.pipeline import Run
-from pareto_ltl.run.records import FOREST, PROBLEM
+from pareto_ltl.run.records import FOREST, PROBLEM, READINGS, SCENE, Records
 from pareto_ltl.run.stages import PLAN_TABLE
-from pareto_ltl.settings import RefineConfig
+from pareto_ltl.settings import HindcastConfig, RefineConfig
 from pareto_ltl.settings.building import build_settings
 from pareto_ltl.simulation.common_flights import draw_flights
 from pareto_ltl.simulation.flights import simulate_flights
+from pareto_ltl.studies.field_missions import mission_settings
+from pareto_ltl.studies.random_missions import mission as random_mission
+from pareto_ltl.studies.true_fields import Spell
 
 KEPT = Path(__file__).with_name("best_known.json")
 SEEDS = (100, 101, 102, 103)  # of the trees: none that a benchmark plans with
 WIDE = RefineConfig(flights=3000, sweep_flights=600, classes=8, points=30)
+RANDOM_SEED = 11  # of the random missions
 JUDGING = 20_000
 STEP = 0.015  # ratio of neighbouring lengths that are kept, less one
 
@@ -55,23 +60,28 @@ class Best:
                 self.paths[i] = k
 
 
-def mission_problem(name: str, border: str, seed: int) -> tuple[Problem, Any]:
-    """The problem of a packaged mission with ``fidelity=full``, and the trees of one seed."""
-    settings = build_settings({
-        "pipelines": "plan", "scene": name, "mission": name, "robot": {"dt": 1800.0},
-        "fidelity": "full", "seed": seed,
-    })  # fmt: skip
-    run = Run(replace(settings, scene=replace(settings.scene, border=border)), PLAN_TABLE)
-    return run.make(PROBLEM), run.make(FOREST)
+def benchmark_run(name: str, border: str, seed: int) -> Run:
+    """A run of phi1, phi2 or a random mission (``random0``, ...) in the packaged wind, default settings."""
+    number = name.removeprefix("random")
+    if number == name:
+        choices: dict[str, Any] = {"scene": name, "mission": name, "robot": {"dt": 1800.0}}
+        settings = build_settings({"pipelines": "plan", "seed": seed} | choices)
+        return Run(replace(settings, scene=replace(settings.scene, border=border)), PLAN_TABLE)
+    settings = build_settings({"pipelines": "plan", "seed": seed})
+    times = Run(settings, PLAN_TABLE).make(READINGS).times
+    spell = Spell(0, len(times) - 1, float(times[0]), float(times[-1]))
+    task = random_mission(HindcastConfig(), RANDOM_SEED, int(number), [spell], border)
+    settings = mission_settings(settings, HindcastConfig(), task, "full", settings.wind)
+    return Run(replace(settings, seed=seed), PLAN_TABLE, Records({SCENE: task.scene}))
 
 
 def wide_search(name: str, border: str, minutes: float) -> list[dict[str, float]]:
     """Failure rates and lengths of the best paths found, shortest first."""
     rng = np.random.default_rng([7, len(name)])
-    problem, _ = mission_problem(name, border, SEEDS[0])
+    problem = benchmark_run(name, border, SEEDS[0]).make(PROBLEM)
     starts: dict[PathClass, Start] = {}
     for seed in SEEDS:
-        starts |= first_starts(problem, mission_problem(name, border, seed)[1])
+        starts |= first_starts(problem, benchmark_run(name, border, seed).make(FOREST))
     law = problem.fidelity.law
     flights = draw_flights(problem, law, WIDE.flights, SeedSequence(8))
     found = refine_front(WIDE, problem, starts, flights)
@@ -82,9 +92,9 @@ def wide_search(name: str, border: str, minutes: float) -> list[dict[str, float]
     how, some, end = (
         sweep.polish_of((*WARM, 0.0025), 2, 4),
         sweep.some(WIDE.flights // 2),
-        time.monotonic() + 60 * minutes,
+        time.process_time() + 60 * minutes,
     )
-    while time.monotonic() < end:
+    while time.process_time() < end:
         i = int(rng.integers(len(best.caps)))
         near = [j for j in best.paths if abs(j - i) <= 4]
         if near:
@@ -125,9 +135,9 @@ def judged(problem: Problem, best: Best, law: str) -> list[dict[str, float]]:
 def main() -> None:
     """Search, and write what was found beside what is kept."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("missions", nargs="+", choices=("phi1", "phi2"))
+    parser.add_argument("missions", nargs="+", help="phi1, phi2, random0, random1, ...")
     parser.add_argument("--border", choices=("open", "wall"), default="open")
-    parser.add_argument("--minutes", type=float, default=5.0)
+    parser.add_argument("--minutes", type=float, default=5.0, help="of processor time")
     asked = parser.parse_args()
     kept = json.loads(KEPT.read_text()) if KEPT.is_file() else {}
     for name in asked.missions:
