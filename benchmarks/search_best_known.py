@@ -20,13 +20,11 @@ from typing import Any
 import numpy as np
 from numpy.random import Generator, SeedSequence
 
-from pareto_ltl.planning.margin_model import margin_model
 from pareto_ltl.planning.problem import Problem
-from pareto_ltl.planning.refine.front_sweep import WARM, Sweep, refine_front
+from pareto_ltl.planning.refine.front_sweep import WARM, new_sweep, refine_front
 from pareto_ltl.planning.refine.path_classes import PathClass
-from pareto_ltl.planning.refine.sampled import Candidate, Refiner, resampled_means
+from pareto_ltl.planning.refine.sampled import Candidate, resampled_means
 from pareto_ltl.planning.refine.starts import Start, first_starts
-from pareto_ltl.planning.refine.step_programme import StepProgrammes
 from pareto_ltl.run.pipeline import Run
 from pareto_ltl.run.records import FOREST, PROBLEM, READINGS, SCENE, Records
 from pareto_ltl.run.stages import PLAN_TABLE
@@ -85,23 +83,19 @@ def wide_search(name: str, border: str, minutes: float) -> list[dict[str, float]
     law = problem.fidelity.law
     flights = draw_flights(problem, law, WIDE.flights, SeedSequence(8))
     found = refine_front(WIDE, problem, starts, flights)
-    sweep = Sweep(WIDE, problem, Refiner(problem, margin_model(problem), StepProgrammes(problem)), flights)
+    sweep = new_sweep(WIDE, problem, flights)
+    half = flights.only(np.arange(WIDE.flights // 2))
     best = Best(np.exp(np.arange(np.log(found[0].length), np.log(1.1 * found[-1].length), STEP)))
     for k in found:
         best.offer(k)
-    how, some, end = (
-        sweep.polish_of((*WARM, 0.0025), 2, 4),
-        sweep.some(WIDE.flights // 2),
-        time.process_time() + 60 * minutes,
-    )
+    how, end = sweep.polish_of((*WARM, 0.0025), 2, 4), time.process_time() + 60 * minutes
     while time.process_time() < end:
         i = int(rng.integers(len(best.caps)))
         near = [j for j in best.paths if abs(j - i) <= 4]
         if near:
             k = best.paths[near[int(rng.integers(len(near)))]]
-            best.offer(
-                sweep.refiner.polish(changed(problem, k, rng), some, how, float(best.caps[i]), k.origin)
-            )
+            x = changed(problem, k, rng)
+            best.offer(sweep.refiner.polish(x, half, how, float(best.caps[i]), k.origin))
     return judged(problem, best, law)
 
 

@@ -8,7 +8,9 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Mapping, Sequence
+from importlib import import_module
 from pathlib import Path
+from threading import Thread
 from typing import TYPE_CHECKING
 
 from pareto_ltl.run.records import (
@@ -154,6 +156,9 @@ def make_forest(inputs: StageInputs) -> Forest:
     """The search trees (Algorithm 1)."""
     from pareto_ltl.planning import growth
 
+    if inputs.settings.fidelity.refine != "none":
+        # cvxpy takes 0.7 s to import; trees grow without the interpreter's lock
+        Thread(target=import_module, args=("cvxpy",)).start()
     return growth.grow_forest(inputs.settings.planner, inputs[PROBLEM], inputs.seeds, inputs.progress)
 
 

@@ -54,21 +54,18 @@ Progress = Callable[[int, int], None]
 
 @dataclass(frozen=True, slots=True)
 class Sweep:
-    """What all polishes of a front share."""
+    """What all polishes of a front share: the common ``flights``, and the first of them for rough looks."""
 
     cfg: RefineConfig
     problem: Problem
     refiner: Refiner
     flights: CommonFlights
+    few: CommonFlights
 
     def polish_of(self, widths: Iterable[float], outer: int, inner: int) -> Polish:
         """Widths in metres from shares of the map."""
         size = float(np.ptp(self.problem.scene.bounds, axis=0).mean())
         return Polish(tuple(size * w for w in widths), outer, inner)
-
-    def some(self, runs: int) -> CommonFlights:
-        """The first ``runs`` flights."""
-        return self.flights.only(np.arange(min(runs, len(self.flights))))
 
 
 def sampled_paths(
@@ -85,13 +82,19 @@ def sampled_paths(
     return tuple(paths)
 
 
+def new_sweep(cfg: RefineConfig, problem: Problem, flights: CommonFlights) -> Sweep:
+    """A sweep with all ``flights``, or the first ``sweep_flights`` of them."""
+    refiner = Refiner(problem, margin_model(problem), StepProgrammes(problem))
+    few = flights.only(np.arange(min(cfg.sweep_flights, len(flights))))
+    return Sweep(cfg, problem, refiner, flights, few)
+
+
 def refine_front(
     cfg: RefineConfig, problem: Problem, starts: Mapping[PathClass, Start], flights: CommonFlights,
     progress: Progress | None = None,
 ) -> list[Candidate]:  # fmt: skip
     """Candidates of many lengths, shortest first: none is longer than another that fails no more."""
-    refiner = Refiner(problem, margin_model(problem), StepProgrammes(problem))
-    sweep = Sweep(cfg, problem, refiner, flights)
+    sweep = new_sweep(cfg, problem, flights)
     told = progress or (lambda done, total: None)
     with ThreadPoolExecutor(cores()) as pool:
         seen = _first_looks(sweep, pool, starts)
@@ -120,7 +123,7 @@ def _first_looks(
 
 def _first_look(sweep: Sweep, start: Start) -> list[Candidate]:
     """A start polished cheaply in few steps, about as long as it is, and clearly shorter."""
-    how, flights, refiner = sweep.polish_of(COARSE, 1, 4), sweep.some(sweep.cfg.sweep_flights), sweep.refiner
+    how, flights, refiner = sweep.polish_of(COARSE, 1, 4), sweep.few, sweep.refiner
     x = _timed(sweep.problem, start.x, 1)
     long = refiner.polish(x, flights, how, LOOSE * path_length(x), start.origin)
     cap = long.length * SHORT
@@ -179,7 +182,7 @@ def _polished_at(
     sweep: Sweep, pool: ThreadPoolExecutor, begun: Sequence[Candidate], cap: float, spare: Sequence[int]
 ) -> list[Candidate]:
     """``begun`` polished at a length cap in several numbers of steps; those that keep within it."""
-    how, flights = sweep.polish_of(WARM, 1, 3), sweep.some(sweep.cfg.sweep_flights)
+    how, flights = sweep.polish_of(WARM, 1, 3), sweep.few
 
     def one(job: tuple[Candidate, int]) -> Candidate:
         k, more = job

@@ -32,6 +32,7 @@ SHORTENED = 0.985  # of the length so far is the least that one solve is asked f
 WIDER, NARROWER, NARROWEST = 1.5, 0.35, 0.01  # how the trust region follows success and failure
 INNER_GAIN, OUTER_GAIN = 1e-3, 5e-3  # of the failure: less ends the solves, and the roll-outs, of a width
 COUNTED = 8.0  # widths: flights with a larger margin count for less than 3e-4
+ALL = 0.9  # of the flights: more are not worth the time to copy their winds
 LEAST_VALUE = 1e-6
 SLOWEST = 0.05  # of u_max: a leg against a stronger wind counts as flown at this ground speed
 
@@ -139,9 +140,10 @@ class Refiner:
             here, margins = self.slope(flight.x, off, width, runs)
             if turn == 0:
                 rows = np.flatnonzero(margins < COUNTED * width + how.trust * self.problem.reach)
-                off, near = off[rows], near.only(rows)
                 if len(rows) == 0:
                     break
+                if len(rows) < ALL * len(off):
+                    off, near = off[rows], near.only(rows)
             value = here.value + _overlong(flight, longest)
             before = value
             for _ in range(how.inner):
