@@ -25,8 +25,8 @@ for name in ("fcntl", "resource", "grp", "pwd"):
 """
 RUN = "from pareto_ltl.__main__ import main\nmain()\n"
 SMALL = (
-    "+experiment=phi1", "wind=calm", "planner.trees=1", "planner.n_max=800", "fidelity.refine=none",
-    "deployment.runs=5", "report.dpi=30",
+    "+experiment=phi1", "wind=calm", "planner.trees=1", "planner.n_max=800", "fidelity=paper",
+    "fidelity.refine=none", "deployment.runs=5", "report.dpi=30",
 )  # fmt: skip
 
 

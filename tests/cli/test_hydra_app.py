@@ -455,7 +455,11 @@ SMALL = (
     "planner.trees=2",
     "planner.n_max=800",
     "deployment.runs=50",
-    "smoothing.candidates=1",
+    "refine.flights=200",
+    "refine.sweep_flights=60",
+    "refine.points=6",
+    "selection.draws=200",
+    "selection.runs=200",
     "report=none",
 )
 MADE = {
@@ -497,7 +501,7 @@ def test_the_same_command_gives_the_same_files_with_any_number_of_threads(here: 
 def test_trees_that_find_no_way_are_kept_with_their_picture(
     here: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    few = ["+experiment=phi1", "planner.trees=1", "planner.n_max=20", "report.dpi=50"]
+    few = ["+experiment=phi1", "fidelity=paper", "planner.trees=1", "planner.n_max=20", "report.dpi=50"]
     assert app.run_hydra(few) == 2
     err = capsys.readouterr().err
     place = only("outputs/phi1/*")

@@ -11,7 +11,7 @@ from pareto_ltl.cli import hydra_app as app
 from pareto_ltl.cli.rerun_command import rerun_command
 
 SMALL = (
-    "+experiment=phi1", "wind=calm", "planner.trees=2", "fidelity.refine=none",
+    "+experiment=phi1", "wind=calm", "planner.trees=2", "fidelity=paper", "fidelity.refine=none",
     "deployment.runs=20", "report=none",
 )  # fmt: skip
 

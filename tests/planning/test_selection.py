@@ -296,7 +296,7 @@ def test_threshold_takes_the_shortest_whose_upper_limit_keeps_it():
         if k:
             assert chosen(front, rule="threshold", alpha=high - 1e-9)[2] == 500.0 - 100.0 * k
     assert front.rates[0].failure < highs[0]
-    with pytest.raises(InfeasibleError, match=r"in independent winds \(upper end of 95 %\)") as told:
+    with pytest.raises(InfeasibleError, match=r"in coherent winds \(upper end of 95 %\)") as told:
         chosen(front, rule="threshold", alpha=front.rates[0].failure)
     advised = re.search(r"set selection\.alpha=(\S+),", str(told.value))
     assert advised is not None

@@ -25,8 +25,8 @@ from patience import PATIENCE
 
 KILLS = int(os.environ.get("PARETO_LTL_FAULTS", "2"))
 SMALL = (
-    "+experiment=phi1", "wind=calm", "planner.trees=2", "planner.n_max=800", "fidelity.refine=none",
-    "deployment.runs=20", "report.dpi=30",
+    "+experiment=phi1", "wind=calm", "planner.trees=2", "planner.n_max=800", "fidelity=paper",
+    "fidelity.refine=none", "deployment.runs=20", "report.dpi=30",
 )  # fmt: skip
 GRID = ("seed=range(0,4)", "hydra/launcher=joblib", "hydra.launcher.n_jobs=2", "report=none")
 ANSWER = ("plan.json", "front.csv", "trees.npz", "wind.nc", "deployments.npz", "scene.json")

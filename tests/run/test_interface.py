@@ -19,11 +19,15 @@ from problems import box, make_scene
 SMALL = {
     "planner": {"trees": 4, "n_max": 1500},
     "smoothing": {"candidates": 1, "weights": [10.0]},
+    "refine": {"flights": 200, "sweep_flights": 60, "points": 6},
+    "selection": {"draws": 100, "runs": 100},
     "deployment": {"runs": 40},
     "report": "none",
 }
 ARGUMENTS = (
     "planner.trees=4", "planner.n_max=1500", "smoothing.candidates=1", "smoothing.weights=[10.0]",
+    "refine.flights=200", "refine.sweep_flights=60", "refine.points=6", "selection.draws=100",
+    "selection.runs=100",
     "deployment.runs=40", "report=none",
 )  # fmt: skip
 PHI1 = "F(a & F b & F c)"
@@ -38,7 +42,7 @@ def planned() -> PlanningResult:
 def both(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     """One mission planned by the command line and from Python, with results directories."""
     place = tmp_path_factory.mktemp(request.param)
-    models = (f"fidelity={request.param}", "selection.draws=100", "selection.runs=100", "seed=1")
+    models = (f"fidelity={request.param}", "seed=1")
     argv = ["+experiment=phi1", *ARGUMENTS, *models, f"hydra.run.dir={place / 'line'}"]
     assert app.run_hydra(argv) == 0
     pareto_ltl.plan(
@@ -47,7 +51,6 @@ def both(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactor
         seed=1,
         robot={"dt": 1800.0},
         fidelity=request.param,
-        selection={"draws": 100, "runs": 100},
         name="phi1",
         out=place / "python",
         **SMALL,
@@ -93,7 +96,7 @@ def test_a_result_has_every_record_of_the_run(planned: PlanningResult) -> None:
     assert planned.automaton.formula == PHI1
     assert planned.metrics["nodes"] == sum(map(len, planned.forest.trees))
     assert planned.metrics["length_m"] == planned.plan.path.objectives.length
-    assert planned.plan.path in planned.front.paths
+    assert any(path is planned.plan.path for path in planned.front.paths)
     assert len(planned.decomposition.cells) > 0
     assert planned.settings.planner.trees == 4
 
@@ -107,7 +110,7 @@ def test_one_seed_is_one_wind_and_another_is_another(planned: PlanningResult) ->
 
 def test_a_map_comes_as_settings_as_a_mapping_as_a_file_or_as_a_record(tmp_path: Path) -> None:
     corners = [[13e3, 2e3], [17e3, 2e3], [17e3, 6e3], [13e3, 6e3]]
-    keys = {"bounds": [[0, 0], [2e4, 2e4]], "start": [2e3, 3e3], "regions": {"a": corners}}
+    keys = {"border": "open", "bounds": [[0, 0], [2e4, 2e4]], "start": [2e3, 3e3], "regions": {"a": corners}}
     record = make_scene({"a": box(13, 2, 17, 6)}, start=(2.0, 3.0))
     options = {"wind": "calm", "robot": {"dt": 100, "u_max": 12}, "planner": {"trees": 1, "n_max": 200}}
     first = pareto_ltl.plan(keys, "F a", out=tmp_path / "keys", **options)
@@ -156,7 +159,7 @@ def test_records_are_one_line_and_a_table(planned: PlanningResult, both: tuple[P
         line = repr(record)
         assert line.startswith(f"{type(record).__name__}(")
         assert "\n" not in line
-        assert len(line) < 250
+        assert len(line) < 270
         table = record._repr_html_()
         assert table.startswith("<table>")
         assert all(name in table for name in record.facts())

@@ -207,6 +207,7 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Asked]:
     place = tmp_path_factory.mktemp("out")
     settings = Settings(
         scene=phi1(),
+        fidelity=preset("paper"),
         mission=MissionConfig(formula="F a"),
         planner=PlannerConfig(trees=2, n_max=600),
         smoothing=SmoothingConfig(candidates=1, rounds=1, weights=[10.0]),

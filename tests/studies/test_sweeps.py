@@ -41,7 +41,7 @@ FAULTS = Path(__file__).parents[1] / "faults"
 PLACE = Path("multirun/plan")
 SMALL = (
     "+experiment=phi1", "name=plan", "wind=calm", "planner.trees=2", "planner.n_max=600",
-    "fidelity.refine=none",     "deployment.runs=20", "report=none",
+    "fidelity=paper", "fidelity.refine=none",     "deployment.runs=20", "report=none",
 )  # fmt: skip
 PLANNED = (
     "pipelines.stages=[trouble,readings,scene,decomposition,automaton,observations,wind,problem,forest,front,"

@@ -27,27 +27,36 @@ PRESETS: dict[str, dict[str, str]] = {
 }  # fmt: skip
 
 
+_FULL = PRESETS["full"]  # the default
+
+
 @dataclass
 class FidelityConfig(CheckedSettings):
     """The models that plans are made with; fidelity=NAME sets all of them, and each can be set alone."""
 
     section: ClassVar[str] = "fidelity"
     name: str = setting("full", "the preset that the models below begin with", choices=tuple(PRESETS))
-    law: str = setting("coherent", "wind law that plans are judged in", choices=LAWS)
+    law: str = setting(_FULL["law"], "wind law that plans are judged in", choices=LAWS)
     border: str = setting(
-        "wall", "whether leaving the map is a failure (wall) where scene.border is auto", choices=BORDERS
+        _FULL["border"],
+        "whether leaving the map is a failure (wall) where scene.border is auto",
+        choices=BORDERS,
     )
     mission_bound: str = setting(
-        "ordered", "mission risk: f_o of the paper (theorem2) or V (ordered)", choices=MISSION_BOUNDS
+        _FULL["mission_bound"],
+        "mission risk: f_o of the paper (theorem2) or V (ordered)",
+        choices=MISSION_BOUNDS,
     )
     collision_bound: str = setting(
-        "path", "collision risk: Eqs. 9 and 10 of the paper (step) or R (path)", choices=COLLISION_BOUNDS
+        _FULL["collision_bound"],
+        "collision risk: Eqs. 9 and 10 of the paper (step) or R (path)",
+        choices=COLLISION_BOUNDS,
     )
     parents: str = setting(
-        "dominance", "rule of parent re-selection; dominance is Eqs. 11 and 12", choices=PARENT_RULES
+        _FULL["parents"], "rule of parent re-selection; dominance is Eqs. 11 and 12", choices=PARENT_RULES
     )
-    refine: str = setting("sampled", "what is done to the paths of the trees", choices=REFINEMENTS)
-    judge: str = setting("flights", "what ranks the front and accepts the plan", choices=JUDGES)
+    refine: str = setting(_FULL["refine"], "what is done to the paths of the trees", choices=REFINEMENTS)
+    judge: str = setting(_FULL["judge"], "what ranks the front and accepts the plan", choices=JUDGES)
 
     @property
     def label(self) -> str:

@@ -42,11 +42,15 @@ FINE = (0.005, 0.003, 0.002)  # those of the last polish
 LOOSE = 1.1  # a start may become this much longer at first
 SPARE = (0, 1, 3)  # steps beyond the fewest that are tried
 SPACING = 1.03  # ratio of neighbouring length caps
+PLATEAU = 1.5  # levels between two paths of a front: more are a plateau
 KEPT = 1.002  # a path may exceed its cap by this factor
 HOPELESS = 0.7  # smoothed failure beyond which shorter paths are not looked for
 WORTH = 0.95  # of the failure before: more ends the rising sweep, where it happens twice
 SHORT = 0.87  # of its length, where a start is looked at once more
 FLIPPED = 2  # of the first candidates are tried on the other side of obstacles
+FLIP_EVERY = 3  # levels of the falling sweep between looks at other sides
+SECOND_LOOKS = 8  # classes that are looked at again to see where to begin
+PAYS = 0.8  # of the failure of a shorter path is worth a longer one to begin with
 RISING = 2  # classes of a level that the rising sweep goes on with
 
 Progress = Callable[[int, int], None]
@@ -145,16 +149,33 @@ def _swept_down(sweep: Sweep, pool: ThreadPoolExecutor, seen: Sequence[Candidate
     seen = [k for k in seen if k.smoothed < HOPELESS]
     if not seen:
         return []
-    cap, levels = max(k.length for k in front_of(seen)), list[list[Candidate]]()
+    cap, levels = _longest_worth(sweep, pool, seen), list[list[Candidate]]()
     shortest = min(k.length for k in seen)
     beam: list[Candidate] = []
     while beam or cap >= shortest:
         entering = [k for k in seen if cap / SPACING < k.length <= cap]
         made = _polished_at(sweep, pool, [*beam, *entering], cap, SPARE[:2])
+        if len(levels) % FLIP_EVERY == 0:
+            made += _other_sides(sweep, pool, made, cap)
         beam = best_of_classes(sweep.problem, made, sweep.cfg.classes)
         levels.append(beam)
         cap /= SPACING
     return levels
+
+
+def _longest_worth(sweep: Sweep, pool: ThreadPoolExecutor, seen: Sequence[Candidate]) -> float:
+    """The longest length [m] of the best classes at which more length still pays, by a second look."""
+    how = sweep.polish_of(WARM, 1, 3)
+
+    def again(k: Candidate) -> Candidate:
+        return sweep.refiner.polish(k.flight.x, sweep.few, how, k.length, k.origin)
+
+    front = front_of(pool.map(again, best_of_classes(sweep.problem, seen, SECOND_LOOKS)))
+    longest = front[0]
+    for k in front[1:]:
+        if k.smoothed < PAYS * longest.smoothed:
+            longest = k
+    return longest.length
 
 
 def _swept_up(
@@ -193,6 +214,23 @@ def _polished_at(
     return [k for k in made if k.length <= KEPT * cap and k.smoothed < HOPELESS]
 
 
+def _other_sides(
+    sweep: Sweep, pool: ThreadPoolExecutor, made: Sequence[Candidate], cap: float
+) -> list[Candidate]:
+    """The best candidate on the other side of every near obstacle, where no other is of that class."""
+    problem = sweep.problem
+    best = best_of_classes(problem, made, 1)
+    known = {path_class(problem, k.flight.x) for k in made}
+    others = [f for k in best for f in flipped_starts(problem, k.flight.x, k.origin)]
+    new = [start for kind, start in unlike_starts(problem, others).items() if kind not in known]
+    how = sweep.polish_of((*COARSE[:1], *WARM), 1, 3)
+
+    def one(start: Start) -> Candidate:
+        return sweep.refiner.polish(_timed(problem, start.x, 1), sweep.few, how, cap, start.origin)
+
+    return [k for k in pool.map(one, new) if k.length <= KEPT * cap and k.smoothed < HOPELESS]
+
+
 def best_of_classes(problem: Problem, found: Iterable[Candidate], most: int) -> list[Candidate]:
     """The best candidate of each class, least failure first, ``most`` at most."""
     best: dict[PathClass, Candidate] = {}
@@ -214,17 +252,27 @@ def front_of(found: Iterable[Candidate]) -> list[Candidate]:
 
 
 def spread_points(front: Sequence[Candidate], most: int) -> list[tuple[Candidate, float]]:
-    """``most`` length caps from the shortest path to the longest, each with the path to begin with.
+    """``most`` length caps at even ratios along the front, each with the path to begin with.
 
-    That is the path that fails least of those that one step of the sweep is enough to shorten.
+    A gap between neighbours that is wider than a level of the sweep is a plateau, where longer paths do not
+    pay: no cap lies in it. The path to begin with fails least of those that one step of the sweep is enough
+    to shorten.
     """
     if not front:
         return []
-    ends = front[0].length, front[-1].length
-    caps = np.geomspace(*ends, most) if ends[1] > KEPT * ends[0] else np.array(ends[:1])
+    lengths = np.log([k.length for k in front])
+    rise = np.diff(lengths)
+    way = np.concatenate([[0.0], np.cumsum(np.where(rise <= PLATEAU * np.log(SPACING), rise, 0.0))])
+    step = way[-1] / max(most - 1, 1)
+    at = np.searchsorted(way, step * np.arange(most) * (1.0 - 1e-12), side="right") - 1
+    caps = np.exp(lengths[at] + step * np.arange(most) - way[at])
+    caps[-1], caps[0] = front[-1].length, front[0].length
+    kept = [float(caps[0])]
+    for cap in caps[1:].tolist():
+        if cap > KEPT * kept[-1]:
+            kept.append(cap)
     return [
-        (min((k for k in front if k.length <= SPACING * cap), key=lambda k: k.smoothed), float(cap))
-        for cap in caps
+        (min((k for k in front if k.length <= SPACING * cap), key=lambda k: k.smoothed), cap) for cap in kept
     ]
 
 
