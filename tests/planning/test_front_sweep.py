@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from itertools import pairwise
 
@@ -13,16 +14,18 @@ from numpy.random import SeedSequence
 from scipy.stats import fisher_exact
 
 from coherent import RARE
-from pareto_ltl.planning.evaluate import propagate
+from pareto_ltl.planning.evaluate import evaluate_path, propagate
 from pareto_ltl.planning.growth import grow_forest
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.refine import front_sweep, sampled_paths
 from pareto_ltl.planning.refine.path_classes import path_class
 from pareto_ltl.planning.refine.sampled import Candidate, path_length, resampled_means
-from pareto_ltl.planning.refine.starts import first_starts, flipped_starts, line_starts, tree_starts
+from pareto_ltl.planning.refine.starts import Start, first_starts, flipped_starts, line_starts, tree_starts
 from pareto_ltl.settings import PlannerConfig, RefineConfig, RobotConfig, preset
 from pareto_ltl.simulation.common_flights import draw_flights, is_certain
 from pareto_ltl.simulation.flights import simulate_flights
+from pareto_ltl.simulation.judging import judge_front
+from pareto_ltl.support.errors import InfeasibleError
 from problems import box, make_problem, make_scene, smooth_wind, steady_wind
 
 PLANNER = PlannerConfig(trees=3, n_max=600, epsilon=0.5)
@@ -169,6 +172,44 @@ def test_the_same_seed_gives_the_same_paths_on_one_core_and_on_two(grown, monkey
     monkeypatch.setattr(front_sweep, "cores", lambda: 1)
     again = refined(problem, forest)
     assert [path.x.tobytes() for path in first] == [path.x.tobytes() for path in again]
+
+
+# --- where nothing can be flown ---------------------------------------------------------------
+
+
+def windy(mean: float, sd: float) -> Problem:
+    """One region to the west of the start, in a wind from the west."""
+    scene = make_scene({"a": box(2, 8, 5, 12)}, start=(15.0, 10.0))
+    scene = replace(scene, border="wall")
+    wind = steady_wind(scene, mean=(mean, 0.0), latent=(0.5, 0.5), gust=(sd, sd), hours=1.0)
+    robot = RobotConfig(dt=100.0, u_max=16.0, start_sd=100.0)
+    return make_problem("F a", scene, wind, robot, PLANNER, fidelity="full")
+
+
+def test_where_no_start_can_be_flown_the_nearest_is_told_with_its_fault():
+    problem = windy(mean=15.0, sd=0.5)
+    forest = grow_forest(PLANNER, problem, SeedSequence(3))
+    assert len(forest.accepted) == 0
+    line = np.linspace(problem.scene.start, [3500.0, 10000.0], 12)
+    starts = {path_class(problem, line): Start(line, "a line")}
+    flights = draw_flights(problem, "coherent", 100, SeedSequence(1))
+    found = front_sweep.refine_front(REFINE, problem, starts, flights)
+    nearest = r"the nearest \(a line, \S+ km, \d+ steps\) cannot be flown: "
+    with pytest.raises(InfeasibleError, match=nearest):
+        front_sweep.planned_paths(problem, found)
+
+
+def test_where_every_flight_fails_it_is_said_how():
+    problem = windy(mean=0.0, sd=300.0)
+    path = evaluate_path(problem, np.linspace(problem.scene.start, [3500.0, 10000.0], 14), "a line")
+    with pytest.raises(InfeasibleError, match="every path fails in all 200 flights in coherent") as told:
+        judge_front(problem, [path], [], 200, SeedSequence(2))
+    said = r"\(a, (\S+) km\), (\d+) % miss the mission, 0 % touch an obstacle, (\d+) % leave the map"
+    share = re.search(said, str(told.value))
+    assert share is not None
+    assert float(share[1]) == pytest.approx(path.objectives.length / 1e3, abs=0.06)
+    assert 80 <= int(share[2]) <= 99  # some pass the region and leave the map
+    assert int(share[3]) == 100
 
 
 def test_a_wind_without_doubt_is_known_as_one():

@@ -8,9 +8,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Mapping, Sequence
-from importlib import import_module
 from pathlib import Path
-from threading import Thread
 from typing import TYPE_CHECKING
 
 from pareto_ltl.run.records import (
@@ -155,10 +153,10 @@ def make_problem(inputs: StageInputs) -> Problem:
 def make_forest(inputs: StageInputs) -> Forest:
     """The search trees (Algorithm 1)."""
     from pareto_ltl.planning import growth
+    from pareto_ltl.planning.refine import import_early
 
     if inputs.settings.fidelity.refine != "none":
-        # cvxpy takes 0.7 s to import; trees grow without the interpreter's lock
-        Thread(target=import_module, args=("cvxpy",)).start()
+        import_early()
     return growth.grow_forest(inputs.settings.planner, inputs[PROBLEM], inputs.seeds, inputs.progress)
 
 
@@ -191,9 +189,13 @@ def _flown_front(inputs: StageInputs) -> Front:
 
     settings, problem = inputs.settings, inputs[PROBLEM]
     raw = selection.unlike_paths(problem, inputs[FOREST])
-    refined = _refined_paths(inputs, raw)
+    refined, why = tuple["PlannedPath", ...](), ""
+    try:
+        refined = _refined_paths(inputs, raw)
+    except InfeasibleError as error:
+        why = f"; {error}"
     if not raw and not refined:
-        raise InfeasibleError(_no_path(inputs))
+        raise InfeasibleError(_no_path(inputs) + why)
     seeds = named_child(inputs.seeds, JUDGING)
     return judge_front(problem, refined, raw, settings.selection.draws, seeds)
 

@@ -86,7 +86,7 @@ class RefineConfig(CheckedSettings):
         4, "classes of paths (mission order, sides of the obstacles) that are swept", least=1, most=1000
     )
     points: int = setting(
-        20, "largest number of paths that are polished on all flights", least=2, most=10_000
+        24, "largest number of paths that are polished on all flights", least=2, most=10_000
     )
 
 

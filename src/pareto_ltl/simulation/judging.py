@@ -30,6 +30,7 @@ from pareto_ltl.simulation.flights import (
     fly_block,
     pilot_maker,
     require_known_wind,
+    simulate_flights,
     unspawned,
 )
 from pareto_ltl.simulation.records import Deployment
@@ -39,6 +40,7 @@ from pareto_ltl.support.errors import InfeasibleError
 from pareto_ltl.support.memory import require_memory
 
 RAW_DRAWS = 500  # flights of the race of the trees' paths among themselves
+LAST_LOOK = 1000  # flights that say how paths fail where all of them do
 CROWD = 40  # paths that a race keeps beside its front after a look
 DROP_CHANCE = 1e-4  # of dropping a path after a look at it although it is no worse than the shorter one
 
@@ -78,6 +80,7 @@ def judge_front(
         [final_bound(problem, flown) if id(flown.path) in grown else flown for flown in unbeaten(paths)]
         for paths in (trees, judged)
     )
+    _require_success(problem, judged)
     law, longest = problem.fidelity.law, max(path.objectives.length for path in (*refined, *raw))
     reference = np.array([1.0, 2.0 * longest])
     return Front(
@@ -89,6 +92,32 @@ def judge_front(
         raw_rates=tuple(flown.rate(law) for flown in before),
         failed=np.stack([flown.failed for flown in after]),
         models=problem.fidelity,
+    )
+
+
+def _require_success(problem: Problem, judged: Sequence[Flown]) -> None:
+    """InfeasibleError where no flight of any path succeeds: what fails on the path that comes nearest."""
+    if any(not flown.failed.all() for flown in judged):
+        return
+    seed = SeedSequence(0)  # a text says the same about the same paths
+
+    def outcome(path: PlannedPath) -> Deployment:
+        return simulate_flights(problem, path.u, LAST_LOOK, problem.fidelity.law, seed, path.x)
+
+    def reached(flights: Deployment) -> float:
+        return float(flights.accepted.mean() - flights.collided.mean() - flights.off_map.mean())
+
+    path, flights = max(
+        ((flown.path, outcome(flown.path)) for flown in judged), key=lambda row: reached(row[1])
+    )
+    parts = [f"{100 * (~flights.accepted).mean():.0f} % miss the mission"]
+    parts += [f"{100 * flights.collided.mean():.0f} % touch an obstacle"]
+    parts += [f"{100 * flights.off_map.mean():.0f} % leave the map"] if problem.scene.walled else []
+    raise InfeasibleError(
+        f"every path fails in all {len(judged[0].failed):,} flights in {problem.fidelity.law} winds; of "
+        f"{LAST_LOOK:,} flights of the nearest ({path.order}, {path.objectives.length / 1e3:.1f} km), "
+        f"{', '.join(parts)}: give the robot more airspeed (robot.u_max), position fixes (robot.feedback or "
+        "landmarks on the map), or regions wider than its drift"
     )
 
 

@@ -16,6 +16,7 @@ start for each way to complete the mission (``starts``), at many lengths (``fron
 from __future__ import annotations
 
 from pareto_ltl.planning.refine.front_sweep import sampled_paths
+from pareto_ltl.planning.refine.parametrised import import_early
 from pareto_ltl.planning.refine.smoothing import smooth_paths
 
-__all__ = ["sampled_paths", "smooth_paths"]
+__all__ = ["import_early", "sampled_paths", "smooth_paths"]

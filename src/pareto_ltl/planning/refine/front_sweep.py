@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -76,13 +75,43 @@ def sampled_paths(
     cfg: RefineConfig, problem: Problem, forest: Forest, flights: CommonFlights,
     progress: Progress | None = None,
 ) -> tuple[PlannedPath, ...]:  # fmt: skip
-    """Paths of many lengths that few of the common ``flights`` fail on, shortest first."""
-    paths = []
-    for k in refine_front(cfg, problem, first_starts(problem, forest), flights, progress):
-        with suppress(InfeasibleError):  # rounding at a limit
+    """Paths of many lengths that few of the common ``flights`` fail on, shortest first.
+
+    Raises
+    ------
+    InfeasibleError
+        Where there were starts and none became a path: what is wrong with the nearest.
+    """
+    return planned_paths(
+        problem, refine_front(cfg, problem, first_starts(problem, forest), flights, progress)
+    )
+
+
+def planned_paths(problem: Problem, found: Iterable[Candidate]) -> tuple[PlannedPath, ...]:
+    """The candidates that can be flown and whose expected path completes the mission, as paths.
+
+    Raises
+    ------
+    InfeasibleError
+        Where there are candidates and none of them is one.
+    """
+    paths, faults = [], dict[str, Candidate]()
+    for k in found:
+        try:
             path = evaluate_path(problem, k.flight.x, f"{k.origin}, refined")
-            if completes_mission(problem, path):
-                paths.append(path)
+        except InfeasibleError as error:  # rounding at a limit, or no start can be flown
+            faults[str(error)] = k
+            continue
+        if completes_mission(problem, path):
+            paths.append(path)
+        else:
+            faults["the expected path does not complete the mission"] = k
+    if faults and not paths:
+        fault, k = min(faults.items(), key=lambda row: row[1].smoothed)
+        raise InfeasibleError(
+            f"of the lines that were refined, the nearest ({k.origin}, {k.length / 1e3:.1f} km, "
+            f"{k.steps} steps) cannot be flown: {fault}"
+        )
     return tuple(paths)
 
 

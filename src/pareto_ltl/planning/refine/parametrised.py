@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from importlib import import_module
+from threading import Thread
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,6 +16,11 @@ if TYPE_CHECKING:
     import cvxpy as cp
 
 TOLERANCE = 1e-6  # of the gap between primal and dual
+
+
+def import_early() -> None:
+    """Import cvxpy in a thread: its 0.7 s pass while kernels run without the interpreter's lock."""
+    Thread(target=import_module, args=("cvxpy",)).start()
 
 
 @dataclass(slots=True)
@@ -200,4 +207,4 @@ def curvature_pattern(size: int, columns: Sequence[IntArray]) -> tuple[Any, IntA
     return P, P.data.astype(int)
 
 
-__all__: Sequence[str] = ["ParametrisedProgramme"]
+__all__: Sequence[str] = ["ParametrisedProgramme", "import_early"]
