@@ -49,7 +49,7 @@ SHORT = 0.87  # of its length, where a start is looked at once more
 FLIPPED = 2  # of the first candidates are tried on the other side of obstacles
 FLIP_EVERY = 3  # levels of the falling sweep between looks at other sides
 SECOND_LOOKS = 8  # classes that are looked at again to see where to begin
-PAYS = 0.8  # of the failure of a shorter path is worth a longer one to begin with
+PAYS = 0.95  # of the failure of a shorter path is worth a longer one to begin with
 RISING = 2  # classes of a level that the rising sweep goes on with
 
 Progress = Callable[[int, int], None]
@@ -175,10 +175,10 @@ def _timed(problem: Problem, x: FloatArray, spare: int) -> FloatArray:
 
 def _swept_down(sweep: Sweep, pool: ThreadPoolExecutor, seen: Sequence[Candidate]) -> list[list[Candidate]]:
     """The best classes at falling caps, from the longest length that pays."""
-    seen = [k for k in seen if k.smoothed < HOPELESS]
+    seen = [k for k in (*seen, *_second_looks(sweep, pool, seen)) if k.smoothed < HOPELESS]
     if not seen:
         return []
-    cap, levels = _longest_worth(sweep, pool, seen), list[list[Candidate]]()
+    cap, levels = KEPT * _longest_worth(seen), list[list[Candidate]]()
     shortest = min(k.length for k in seen)
     beam: list[Candidate] = []
     while beam or cap >= shortest:
@@ -192,14 +192,19 @@ def _swept_down(sweep: Sweep, pool: ThreadPoolExecutor, seen: Sequence[Candidate
     return levels
 
 
-def _longest_worth(sweep: Sweep, pool: ThreadPoolExecutor, seen: Sequence[Candidate]) -> float:
-    """The longest length [m] of the best classes at which more length still pays, by a second look."""
+def _second_looks(sweep: Sweep, pool: ThreadPoolExecutor, seen: Sequence[Candidate]) -> Iterable[Candidate]:
+    """The best classes polished again at their own lengths, to see where to begin."""
     how = sweep.polish_of(WARM, 1, 3)
 
     def again(k: Candidate) -> Candidate:
         return sweep.refiner.polish(k.flight.x, sweep.few, how, k.length, k.origin)
 
-    front = front_of(pool.map(again, best_of_classes(sweep.problem, seen, SECOND_LOOKS)))
+    return pool.map(again, best_of_classes(sweep.problem, seen, SECOND_LOOKS))
+
+
+def _longest_worth(seen: Iterable[Candidate]) -> float:
+    """The longest length [m] at which more length still pays."""
+    front = front_of(seen)
     longest = front[0]
     for k in front[1:]:
         if k.smoothed < PAYS * longest.smoothed:
