@@ -1,9 +1,9 @@
 """The front of failure and length: sweeps of the length cap in the best classes of paths.
 
-Every start is polished cheaply, the best classes are kept, and each is swept: from its own length the cap
-falls until no path holds it, and rises until a longer path fails no less. A step of the sweep begins with
-the path of the cap before, in several numbers of steps from the fewest upwards. What nothing else beats is
-polished once more on more flights.
+Every start is polished cheaply, and the best classes once more, to see which lengths pay. From the longest of
+these the cap falls until no path holds it, and rises until a longer path fails no less. A level of the sweep
+begins with the best classes of the level before, in several numbers of steps from the fewest upwards. What
+nothing else beats is polished once more on more flights.
 """
 
 from __future__ import annotations
