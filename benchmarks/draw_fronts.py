@@ -86,7 +86,7 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=4)
     asked = parser.parse_args()
     with style.report_style():
-        figure = style.blank_figure(LEFT + 2 * WIDTH + GAP + 0.1, BOTTOM + 2 * TALL + TOP + 0.7)
+        figure = style.blank_figure(LEFT + 2 * WIDTH + GAP + 0.1, BOTTOM + 2 * TALL + TOP + 0.5)
         for row, border in enumerate(("wall", "open")):
             for column, name in enumerate(("phi1", "phi2")):
                 place = LEFT + column * (WIDTH + GAP), BOTTOM + row * (TALL + TOP)

@@ -1,0 +1,90 @@
+"""Whether plans that are refined in one wind law fail less in others, too.
+
+    python benchmarks/compare_laws.py [phi1 phi2] [--border open]
+
+The plan of a default run, the path of the unrefined trees that fails least among those no longer than it, and
+the plan of the paper's method fly in coherent winds of other persistence and kernel, and in steps of five
+minutes. Printed: failed of 20,000 flights.
+"""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import replace
+
+import numpy as np
+from numpy.random import SeedSequence
+
+from pareto_ltl.planning.problem import Problem
+from pareto_ltl.planning.records import PlannedPath
+from pareto_ltl.run.pipeline import Run
+from pareto_ltl.run.records import DECOMPOSITION, PLAN, PROBLEM, SCENE, Records
+from pareto_ltl.run.stages import PLAN_TABLE
+from pareto_ltl.settings import Settings, preset
+from pareto_ltl.simulation.flights import simulate_flights
+from search_best_known import benchmark_run
+
+FLIGHTS = 20_000
+SHORT = 300.0  # [s]
+
+
+def laws(settings: Settings) -> dict[str, Settings]:
+    """Settings of the winds that plans are flown in."""
+    wind, robot = settings.wind, settings.robot
+    return {
+        "as planned": settings,
+        "rho = 1": replace(settings, wind=replace(wind, rho=1.0)),
+        "rho = 0.3": replace(settings, wind=replace(wind, rho=0.3)),
+        "RBF kernel": replace(settings, wind=replace(wind, kernel="rbf")),
+        "five-minute steps": replace(settings, robot=replace(robot, dt=SHORT)),
+    }
+
+
+def plans(name: str, border: str, seed: int) -> dict[str, PlannedPath]:
+    """The plan of a default run, of its trees, and of the paper's method."""
+    run = benchmark_run(name, border, seed)
+    best = run.make(PLAN).path
+    longest = 1.001 * best.objectives.length
+    kept = Records({key: run.records[key] for key in (SCENE, DECOMPOSITION)})
+    by_length = replace(run.settings.selection, rule="length", length=longest)
+    trees = replace(run.settings, fidelity=replace(run.settings.fidelity, refine="none"), selection=by_length)
+    paper = replace(run.settings, fidelity=preset("paper"))
+    return {
+        "default": best,
+        "trees alone": Run(trees, PLAN_TABLE, kept.copy()).make(PLAN).path,
+        "paper": Run(paper, PLAN_TABLE, kept.copy()).make(PLAN).path,
+    }
+
+
+def failure(problem: Problem, path: PlannedPath, dt: float) -> float:
+    """Share of failed flights of a path that was planned in steps of ``dt`` [s]."""
+    parts = round(dt / problem.motion.dt)
+    u = np.repeat(path.u, parts, axis=0)
+    at = np.arange(len(u) + 1) / parts
+    x = np.column_stack([np.interp(at, np.arange(len(path.x)), path.x[:, c]) for c in (0, 1)])
+    return float(simulate_flights(problem, u, FLIGHTS, "coherent", SeedSequence(17), x).failed.mean())
+
+
+def main() -> None:
+    """Plan, fly and print."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("missions", nargs="*", default=["phi1", "phi2"])
+    parser.add_argument("--border", choices=("open", "wall"), default="open")
+    parser.add_argument("--seed", type=int, default=0)
+    asked = parser.parse_args()
+    for name in asked.missions:
+        run = benchmark_run(name, asked.border, asked.seed)
+        paths = plans(name, asked.border, asked.seed)
+        print(
+            f"{name}, border {asked.border}",
+            *(f"{key} {p.objectives.length / 1e3:.0f} km" for key, p in paths.items()),
+            sep="; ",
+        )
+        for law, settings in laws(run.settings).items():
+            problem = Run(settings, PLAN_TABLE, Records({SCENE: run.make(SCENE)})).make(PROBLEM)
+            rates = (failure(problem, path, run.settings.robot.dt) for path in paths.values())
+            print(f"  {law:18}", *(f"{rate:8.4f}" for rate in rates), flush=True)
+
+
+if __name__ == "__main__":
+    main()
