@@ -18,6 +18,7 @@ from pareto_ltl.settings import (
     RobotConfig,
     Settings,
     SmoothingConfig,
+    preset,
 )
 from pareto_ltl.studies.planning import study_run
 from pareto_ltl.wind.records import WindObservations
@@ -25,8 +26,9 @@ from problems import box, make_scene
 
 
 def settings(**changes: Any) -> Settings:
-    """Three trees of 400 vertices, 60 flights, one process."""
+    """Three trees of 400 vertices, 60 flights, one process; the method of the paper."""
     plain = Settings(
+        fidelity=preset("paper"),
         mission=MissionConfig(formula="F(a & F b)"),
         robot=RobotConfig(dt=100.0, u_max=12.0),
         planner=PlannerConfig(trees=3, n_max=400),

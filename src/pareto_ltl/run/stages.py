@@ -136,8 +136,11 @@ def make_wind(inputs: StageInputs) -> WindField:
 def make_problem(inputs: StageInputs) -> Problem:
     """Map, wind, automaton and robot as the arrays that planning reads."""
     from pareto_ltl.planning.pack import build_problem
+    from pareto_ltl.planning.refine import import_early
 
     settings = inputs.settings
+    if settings.fidelity.refine != "none":
+        import_early()  # behind the modes of the wind and the trees
     return build_problem(
         settings.robot,
         settings.planner,
@@ -153,10 +156,7 @@ def make_problem(inputs: StageInputs) -> Problem:
 def make_forest(inputs: StageInputs) -> Forest:
     """The search trees (Algorithm 1)."""
     from pareto_ltl.planning import growth
-    from pareto_ltl.planning.refine import import_early
 
-    if inputs.settings.fidelity.refine != "none":
-        import_early()
     return growth.grow_forest(inputs.settings.planner, inputs[PROBLEM], inputs.seeds, inputs.progress)
 
 
