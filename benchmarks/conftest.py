@@ -1,7 +1,8 @@
 """A table of budgets at the end of the terminal output: measured value and limit.
 
 A benchmark sets its budget in ``benchmark.extra_info``: ``budget`` [s] for its median time, or, for other
-figures, ``figures`` = [(name, reached, limit), ...] with ``sense`` "<=" (default) or ">=".
+figures, ``figures`` = [(name, reached, limit), ...] with ``sense`` "<=" (default) or ">="; a fourth entry is
+a figure's own sense.
 """
 
 from __future__ import annotations
@@ -31,8 +32,8 @@ def _rows(bench: Any) -> Iterator[Row]:
     if "budget" in info:
         median = bench.stats.median
         yield name, _seconds(median), f"<= {_seconds(info['budget'])}", median <= info["budget"]
-    for figure, reached, limit in info.get("figures", ()):
-        sense = info.get("sense", "<=")
+    for figure, reached, limit, *own in info.get("figures", ()):
+        sense = own[0] if own else info.get("sense", "<=")
         kept = reached <= limit if sense == "<=" else reached >= limit
         yield f"{name}: {figure}", f"{reached:,.4g}", f"{sense} {limit:,.4g}", kept
 
