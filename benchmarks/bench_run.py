@@ -22,10 +22,12 @@ def call(folder: Path, *argv: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
 
 
+@pytest.mark.parametrize("fidelity", ["paper", "full"])
 @pytest.mark.parametrize("mission", ["phi1", "phi2"])
-def test_whole_run(benchmark, tmp_path, mission):
+def test_whole_run(benchmark, tmp_path, mission, fidelity):
     benchmark.extra_info["budget"] = 6.0
-    done = benchmark.pedantic(call, (tmp_path, f"+experiment={mission}"), rounds=3, warmup_rounds=1)
+    words = (tmp_path, f"+experiment={mission}", f"fidelity={fidelity}")
+    done = benchmark.pedantic(call, words, rounds=3, warmup_rounds=1)
     assert done.returncode == 0, done.stderr
     newest = max((tmp_path / "outputs" / mission).iterdir())
     figures = json.loads((newest / "metrics.json").read_text())

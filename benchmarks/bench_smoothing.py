@@ -109,8 +109,7 @@ def test_building_the_programme(benchmark, long):
 
     def build():
         fresh = convex.smoothing_programme(task, model.steps, model.witnesses, model.faces)
-        for key, parameter in model.given.items():
-            fresh.given[key].value = parameter.value
+        fresh.stated.form.parameters[:] = model.stated.form.parameters
         return fresh.solve()
 
     benchmark.extra_info["budget"] = 0.5
