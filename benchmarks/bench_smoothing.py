@@ -8,13 +8,13 @@ python -m pytest benchmarks/bench_smoothing.py
 from __future__ import annotations
 
 import tracemalloc
-from typing import NamedTuple
 
 import numpy as np
 import pytest
 import yaml
 from numpy.random import SeedSequence
 
+from large_maps import Waiting, many_discs, rough_disc
 from pareto_ltl.logic import translate
 from pareto_ltl.planning import growth, selection
 from pareto_ltl.planning.evaluate import completes_mission
@@ -27,18 +27,12 @@ from pareto_ltl.wind.records import WindField
 from pareto_ltl.world import cells as workspace
 from pareto_ltl.world.scene import Scene
 from pareto_ltl.world.scene_settings import scene_from_settings
+from problems import box
 
 FORMULAS = {"phi1": "F(a & F b & F c)", "phi2": "F(a & F(b & F c)) | F(a & F(d & F c))"}
 DT = 600.0  # [s] steps short enough for about 100 of them
 # Exact wind-free optima (visibility graph over the free space, regions closed), in metres.
 CALM_OPTIMUM = {"phi1": 1_691_600.0, "phi2": 1_404_000.0}
-
-
-class Waiting(NamedTuple):
-    """A path as a line knows it."""
-
-    x: np.ndarray
-    cov: np.ndarray
 
 
 def wind(speed, variance):
@@ -142,37 +136,13 @@ def test_calm_length(benchmark, mission):
 # --- large maps: 20 km, steps of 1 km -----------------------------------------------------------
 
 
-def disc(corners, east, north, radius, phases=(0.0,)):
-    """A polygon around a circle; with more ``phases`` its rim waves."""
-    angle = 2 * np.pi * np.arange(corners) / corners
-    waves = (
-        sum(np.cos(k * angle + phase) / k for k, phase in enumerate(phases, 2)) if len(phases) > 1 else 0.0
-    )
-    r = radius * (1 + 0.02 * waves)
-    return 1e3 * np.column_stack([east + r * np.cos(angle), north + r * np.sin(angle)])
-
-
-def square(east, north, half=1.0):
-    return 1e3 * (np.array([east, north]) + half * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]))
-
-
-def small_discs(count, corners):
-    rng, placed = np.random.default_rng(1), [(1.0, 1.0, 0.5), (17.0, 17.0, 1.5), (3.0, 16.0, 1.5)]
-    while len(placed) < count + 3:
-        r = rng.uniform(0.15, 0.35)
-        middle = rng.uniform(r, 20 - r, 2)
-        if all(np.hypot(*(middle - place[:2])) >= r + place[2] + 0.15 for place in placed):
-            placed.append((*middle, r))
-    return [disc(corners, *place) for place in placed[3:]]
-
-
-PHASES = tuple(np.random.default_rng(0).uniform(0, 6, 10))
+SMALL = (0.15, 0.35)  # radii of obstacles [km]
 MAPS = {
-    "300 obstacles": (small_discs(300, 6), {}, "F(a & F b)"),
-    "300 obstacles of 32 corners": (small_discs(300, 32), {}, "F(a & F b)"),
-    "an obstacle of 2000 corners": ([disc(2000, 9, 9, 3, PHASES)], {}, "F(a & F b)"),
-    "a region of 2000 corners": ([], {"a": disc(2000, 15, 15, 2, PHASES)}, "F(a & F b)"),
-    "a forbidden region of 2000 corners": ([], {"a": disc(2000, 10, 9, 3, PHASES)}, "!a U b"),
+    "300 obstacles": (many_discs(300, 1, SMALL, corners=6), {}, "F(a & F b)"),
+    "300 obstacles of 32 corners": (many_discs(300, 1, SMALL, corners=32), {}, "F(a & F b)"),
+    "an obstacle of 2000 corners": ([rough_disc(2000, 9, 9, 3)], {}, "F(a & F b)"),
+    "a region of 2000 corners": ([], {"a": rough_disc(2000, 15, 15, 2)}, "F(a & F b)"),
+    "a forbidden region of 2000 corners": ([], {"a": rough_disc(2000, 10, 9, 3)}, "!a U b"),
 }
 
 
@@ -183,7 +153,7 @@ def test_a_taut_line_past(benchmark, name, deviation):
     obstacles, regions, formula = MAPS[name]
     scene = Scene(
         np.array([[0.0, 0.0], [20e3, 20e3]]), np.array([1e3, 1e3]),
-        {"a": square(17, 17), "b": square(3, 16)} | regions, (*obstacles, square(11, 1.5, 0.4)),
+        {"a": box(16, 16, 18, 18), "b": box(2, 15, 4, 17)} | regions, (*obstacles, box(10.6, 1.1, 11.4, 1.9)),
     )  # fmt: skip
     cells = workspace.decompose(scene)
     task = build_problem(

@@ -18,11 +18,11 @@ from numpy.random import SeedSequence
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import PlannedPath
 from pareto_ltl.run.pipeline import Run
-from pareto_ltl.run.records import DECOMPOSITION, FRONT, PLAN, PROBLEM, SCENE, Records
+from pareto_ltl.run.records import FRONT, PLAN, PROBLEM, SCENE, Records
 from pareto_ltl.run.stages import PLAN_TABLE
-from pareto_ltl.settings import Settings, preset
+from pareto_ltl.settings import Settings
 from pareto_ltl.simulation.flights import simulate_flights
-from search_best_known import benchmark_run
+from search_best_known import benchmark_run, paper_run
 
 FLIGHTS = 20_000
 SHORT = 300.0  # [s]
@@ -44,8 +44,7 @@ def laws(settings: Settings) -> dict[str, Settings]:
 def plans(name: str, border: str, seed: int) -> dict[str, PlannedPath]:
     """The plan of a default run, the same as short as that of the paper's method, and that one."""
     run = benchmark_run(name, border, seed)
-    kept = Records({key: run.make(key) for key in (SCENE, DECOMPOSITION)})
-    paper = Run(replace(run.settings, fidelity=preset("paper")), PLAN_TABLE, kept).make(PLAN).path
+    paper = paper_run(run).make(PLAN).path
     front = run.make(FRONT)
     short = [
         (rate.failure, k)

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import argparse
 import json
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -21,13 +20,10 @@ from numpy.random import SeedSequence
 
 from pareto_ltl.report import style
 from pareto_ltl.report.rate_axes import scale_rate_axis
-from pareto_ltl.run.pipeline import Run
-from pareto_ltl.run.records import FOREST, FRONT, PROBLEM, Records
-from pareto_ltl.run.stages import PLAN_TABLE
-from pareto_ltl.settings import preset
+from pareto_ltl.run.records import FRONT, PROBLEM
 from pareto_ltl.simulation.flights import simulate_flights
 from pareto_ltl.support.arrays import FloatArray
-from search_best_known import KEPT, benchmark_run
+from search_best_known import KEPT, benchmark_run, paper_run
 
 FLIGHTS = 4000
 LOW = 1e-3  # of the axis of rates
@@ -48,10 +44,8 @@ def full_front(name: str, border: str, seed: int) -> FloatArray:
 
 def paper_front(name: str, border: str, seed: int) -> FloatArray:
     """The same of the paper's method, whose paths are then flown in coherent winds."""
-    judge = benchmark_run(name, border, seed)
-    problem, settings = judge.make(PROBLEM), replace(judge.settings, fidelity=preset("paper"))
-    kept = {key: judge.records[key] for key in judge.records if key not in (PROBLEM, FOREST)}
-    front = Run(settings, PLAN_TABLE, Records(kept)).make(FRONT)
+    run = benchmark_run(name, border, seed)
+    problem, front = run.make(PROBLEM), paper_run(run).make(FRONT)
     rows = []
     for path in front.paths:
         flown = simulate_flights(problem, path.u, FLIGHTS, "coherent", SeedSequence(9), path.x)

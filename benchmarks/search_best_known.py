@@ -26,9 +26,9 @@ from pareto_ltl.planning.refine.path_classes import PathClass
 from pareto_ltl.planning.refine.sampled import Candidate, resampled_means
 from pareto_ltl.planning.refine.starts import Start, first_starts
 from pareto_ltl.run.pipeline import Run
-from pareto_ltl.run.records import FOREST, PROBLEM, READINGS, SCENE, Records
+from pareto_ltl.run.records import DECOMPOSITION, FOREST, PROBLEM, READINGS, SCENE, Records
 from pareto_ltl.run.stages import PLAN_TABLE
-from pareto_ltl.settings import HindcastConfig, RefineConfig
+from pareto_ltl.settings import HindcastConfig, RefineConfig, preset
 from pareto_ltl.settings.building import build_settings
 from pareto_ltl.simulation.common_flights import draw_flights
 from pareto_ltl.simulation.flights import simulate_flights
@@ -71,6 +71,12 @@ def benchmark_run(name: str, border: str, seed: int) -> Run:
     task = random_mission(HindcastConfig(), RANDOM_SEED, int(number), [spell], border)
     settings = mission_settings(settings, HindcastConfig(), task, "full", settings.wind)
     return Run(replace(settings, seed=seed), PLAN_TABLE, Records({SCENE: task.scene}))
+
+
+def paper_run(run: Run) -> Run:
+    """The mission of ``run`` on its map, by the paper's method."""
+    kept = Records({key: run.make(key) for key in (SCENE, DECOMPOSITION)})
+    return Run(replace(run.settings, fidelity=preset("paper")), PLAN_TABLE, kept)
 
 
 def wide_search(name: str, border: str, minutes: float) -> list[dict[str, float]]:

@@ -21,8 +21,13 @@ class Waiting(NamedTuple):
     cov: FloatArray
 
 
-def many_discs(count: int, seed: int, radius: tuple[float, float], gap: float = 0.15) -> list[FloatArray]:
-    """Convex polygons in discs [km] that keep apart from each other, the start and two regions."""
+def many_discs(
+    count: int, seed: int, radius: tuple[float, float], gap: float = 0.15, corners: int | None = None
+) -> list[FloatArray]:
+    """Convex polygons in discs [km] that keep apart from each other, the start and two regions.
+
+    They have 5 to 8 corners, or the number asked for.
+    """
     rng = np.random.default_rng(seed)
     polygons: list[FloatArray] = []
     placed = [(1.0, 1.0, 0.5), (17.0, 17.0, 1.5), (3.0, 16.0, 1.5)]
@@ -31,7 +36,7 @@ def many_discs(count: int, seed: int, radius: tuple[float, float], gap: float = 
         middle = rng.uniform(r, SIDE - r, 2)
         if all(math.dist(middle, (x, y)) >= r + other + gap for x, y, other in placed):
             placed.append((*middle, r))
-            n = int(rng.integers(5, 9))
+            n = corners or int(rng.integers(5, 9))
             angle = 2 * np.pi * (np.arange(n) + rng.uniform(0.1, 0.9, n)) / n
             polygons.append((middle + r * np.column_stack([np.cos(angle), np.sin(angle)])) * KM)
     return polygons

@@ -14,6 +14,7 @@ import yaml
 
 import small_study
 from pareto_ltl.planning.records import Forest, Front, Plan
+from pareto_ltl.run import stages
 from pareto_ltl.run.pipeline import Pipeline, Run, check_pipeline, make_all, run_pipeline
 from pareto_ltl.run.records import (
     FOREST,
@@ -386,3 +387,23 @@ def test_numbers_of_a_record_of_ones_own_are_metrics(tmp_path: Path) -> None:
     table = run_pipeline(Pipeline(listing("bake"), StageTable(stages), stages), tmp_path)
     assert table["crust_mm"] == 4.0
     assert table["completed"] == 0.0
+
+
+@pytest.mark.parametrize("fidelity", ["paper", "full"])
+def test_where_refinement_finds_nothing_that_can_be_flown_the_paths_of_the_trees_stay(
+    fidelity: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*_: object) -> tuple[()]:
+        raise InfeasibleError("the nearest line cannot be flown")
+
+    models = preset(fidelity)
+    monkeypatch.setitem(stages.REFINERS, models.refine, refuse)
+    settings = Settings(
+        scene=phi1(), fidelity=models, mission=MissionConfig(formula="F a"),
+        planner=PlannerConfig(trees=2, n_max=600), selection=SelectionConfig(draws=50, runs=50),
+    )  # fmt: skip
+    assert Run(settings).make(FRONT).paths
+    none = replace(settings, planner=PlannerConfig(trees=1, n_max=2))
+    with pytest.raises(InfeasibleError) as told:
+        Run(none).make(FRONT)
+    assert ("the nearest line cannot be flown" in str(told.value)) == (models.judge == "flights")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 import shapely
-from hypothesis import assume, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from large_maps import rough_disc
@@ -14,6 +14,7 @@ from strategies import star_polygons
 
 some = settings(max_examples=100)
 tolerances = st.floats(0.5, 40.0)
+stars = star_polygons(corners=60).map(shapely.Polygon).filter(lambda polygon: polygon.is_valid)
 
 
 def blob(corners, radius=200.0, roughness=0.01, seed=0):
@@ -27,10 +28,8 @@ def farthest(shape, other):
 
 
 @some
-@given(star_polygons(corners=60), tolerances)
-def test_a_widened_polygon_contains_the_original_and_keeps_to_the_tolerance(outline, tolerance):
-    polygon = shapely.Polygon(outline)
-    assume(polygon.is_valid)
+@given(stars, tolerances)
+def test_a_widened_polygon_contains_the_original_and_keeps_to_the_tolerance(polygon, tolerance):
     wide = widened_polygon(polygon, tolerance)
     assert wide.is_valid
     assert wide.contains(polygon)
@@ -39,10 +38,8 @@ def test_a_widened_polygon_contains_the_original_and_keeps_to_the_tolerance(outl
 
 
 @some
-@given(star_polygons(corners=60), tolerances)
-def test_a_narrowed_polygon_lies_inside_the_original_and_what_is_lost_is_near_its_outline(outline, tolerance):
-    polygon = shapely.Polygon(outline)
-    assume(polygon.is_valid)
+@given(stars, tolerances)
+def test_a_narrowed_polygon_lies_inside_the_original_and_what_is_lost_is_near_its_outline(polygon, tolerance):
     narrow = narrowed_polygon(polygon, tolerance)
     assert narrow.is_valid
     assert polygon.covers(narrow)

@@ -173,12 +173,12 @@ def _bounded_front(inputs: StageInputs) -> Front:
     if not len(inputs[FOREST].accepted):
         raise InfeasibleError(_no_path(inputs))
     raw = selection.tree_front(problem, inputs[FOREST])
-    refined = _refined_paths(inputs, raw)
+    refined, fault = _refined_paths(inputs, raw)
     if not raw and not refined:
         grown_from = stage_seeds(settings.seed, FOREST_STREAM)
         why = no_path.explain_no_safe_path(settings.planner, problem, grown_from)
         if why:
-            raise InfeasibleError(why)
+            raise InfeasibleError(why + fault)
     return selection.build_front(refined, raw, settings.fidelity)
 
 
@@ -189,13 +189,9 @@ def _flown_front(inputs: StageInputs) -> Front:
 
     settings, problem = inputs.settings, inputs[PROBLEM]
     raw = selection.unlike_paths(problem, inputs[FOREST])
-    refined, why = tuple["PlannedPath", ...](), ""
-    try:
-        refined = _refined_paths(inputs, raw)
-    except InfeasibleError as error:
-        why = f"; {error}"
+    refined, fault = _refined_paths(inputs, raw)
     if not raw and not refined:
-        raise InfeasibleError(_no_path(inputs) + why)
+        raise InfeasibleError(_no_path(inputs) + fault)
     seeds = named_child(inputs.seeds, JUDGING)
     return judge_front(problem, refined, raw, settings.selection.draws, seeds)
 
@@ -212,9 +208,12 @@ def _no_path(inputs: StageInputs) -> str:
 FRONT_MAKERS: dict[str, Callable[[StageInputs], Front]] = {"bound": _bounded_front, "flights": _flown_front}
 
 
-def _refined_paths(inputs: StageInputs, raw: Sequence[PlannedPath]) -> tuple[PlannedPath, ...]:
-    """What ``fidelity.refine`` makes of the paths of the trees."""
-    return REFINERS[inputs.settings.fidelity.refine](inputs, raw)
+def _refined_paths(inputs: StageInputs, raw: Sequence[PlannedPath]) -> tuple[tuple[PlannedPath, ...], str]:
+    """What ``fidelity.refine`` makes of the paths of the trees; where nothing can be flown, why."""
+    try:
+        return REFINERS[inputs.settings.fidelity.refine](inputs, raw), ""
+    except InfeasibleError as error:
+        return (), f"; {error}"
 
 
 def _no_refinement(inputs: StageInputs, raw: Sequence[PlannedPath]) -> tuple[PlannedPath, ...]:

@@ -58,9 +58,8 @@ def _value(section: str, value: Any) -> Any:
         return _yaml(choice_file(section, value))
     if schema is FidelityConfig and isinstance(value, Mapping):
         name = str(value.get("name", FidelityConfig.name))
-        base = preset(
-            name if name in PRESETS else FidelityConfig.name
-        )  # another name is refused with the other values
+        # Another name is refused with the other values.
+        base = preset(name) if name in PRESETS else FidelityConfig()
         return {f.name: getattr(base, f.name) for f in fields(base)} | dict(value)
     return value
 

@@ -25,9 +25,8 @@ PRESETS: dict[str, dict[str, str]] = {
         "collision_bound": "path", "parents": "mixed", "refine": "sampled", "judge": "flights",
     },
 }  # fmt: skip
-
-
-_FULL = PRESETS["full"]  # the default
+DEFAULT = "full"
+_USUAL = PRESETS[DEFAULT]
 
 
 @dataclass
@@ -35,28 +34,28 @@ class FidelityConfig(CheckedSettings):
     """The models that plans are made with; fidelity=NAME sets all of them, and each can be set alone."""
 
     section: ClassVar[str] = "fidelity"
-    name: str = setting("full", "the preset that the models below begin with", choices=tuple(PRESETS))
-    law: str = setting(_FULL["law"], "wind law that plans are judged in", choices=LAWS)
+    name: str = setting(DEFAULT, "the preset that the models below begin with", choices=tuple(PRESETS))
+    law: str = setting(_USUAL["law"], "wind law that plans are judged in", choices=LAWS)
     border: str = setting(
-        _FULL["border"],
+        _USUAL["border"],
         "whether leaving the map is a failure (wall) where scene.border is auto",
         choices=BORDERS,
     )
     mission_bound: str = setting(
-        _FULL["mission_bound"],
+        _USUAL["mission_bound"],
         "mission risk: f_o of the paper (theorem2) or V (ordered)",
         choices=MISSION_BOUNDS,
     )
     collision_bound: str = setting(
-        _FULL["collision_bound"],
+        _USUAL["collision_bound"],
         "collision risk: Eqs. 9 and 10 of the paper (step) or R (path)",
         choices=COLLISION_BOUNDS,
     )
     parents: str = setting(
-        _FULL["parents"], "rule of parent re-selection; dominance is Eqs. 11 and 12", choices=PARENT_RULES
+        _USUAL["parents"], "rule of parent re-selection; dominance is Eqs. 11 and 12", choices=PARENT_RULES
     )
-    refine: str = setting(_FULL["refine"], "what is done to the paths of the trees", choices=REFINEMENTS)
-    judge: str = setting(_FULL["judge"], "what ranks the front and accepts the plan", choices=JUDGES)
+    refine: str = setting(_USUAL["refine"], "what is done to the paths of the trees", choices=REFINEMENTS)
+    judge: str = setting(_USUAL["judge"], "what ranks the front and accepts the plan", choices=JUDGES)
 
     @property
     def label(self) -> str:

@@ -75,12 +75,12 @@ def judge_front(
         raise InfeasibleError("no path completes the mission; raise planner.n_max")
     trees = fly_race(problem, raw, min(draws, RAW_DRAWS), seed)
     judged = fly_race(problem, [*refined, *(flown.path for flown in trees)], draws, seed)
+    _require_success(problem, judged)
     grown = {id(path) for path in raw}
     before, after = (
         [final_bound(problem, flown) if id(flown.path) in grown else flown for flown in unbeaten(paths)]
         for paths in (trees, judged)
     )
-    _require_success(problem, judged)
     law, longest = problem.fidelity.law, max(path.objectives.length for path in (*refined, *raw))
     reference = np.array([1.0, 2.0 * longest])
     return Front(

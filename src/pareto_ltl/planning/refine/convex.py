@@ -14,13 +14,12 @@ from pareto_ltl.kernels import data as kd
 from pareto_ltl.planning.evaluate import propagate
 from pareto_ltl.planning.pack import pack_faces
 from pareto_ltl.planning.problem import Problem
-from pareto_ltl.planning.reference import wind_and_gradient
 from pareto_ltl.planning.refine.obligations import face_deviations, path_obligations
 from pareto_ltl.planning.refine.parametrised import ParametrisedProgramme
 from pareto_ltl.planning.refine.risk_sharing import ROWS, RiskSharing, risk_sharing
 from pareto_ltl.planning.refine.search_map import search_map
-from pareto_ltl.planning.refine.step_programme import slowest_controls
-from pareto_ltl.planning.refine.taut_lines import CAP, FACE_MARGIN
+from pareto_ltl.planning.refine.step_programme import motion_values
+from pareto_ltl.planning.refine.taut_lines import FACE_MARGIN
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 
 FINEST = 1e-3  # smallest standard deviation that the risk model resolves, in full steps
@@ -209,27 +208,8 @@ def bend_path(
 
 
 def set_motion(model: Programme, problem: Problem, x: FloatArray) -> None:
-    """Limits of the airspeed, and F_t and g_t of B⁻¹ (x_{t+1} - F_t x_t - g_t); steps beyond the
-    path stand still in still air.
-    """
-    motion, centre, unit = problem.motion, problem.scene.bounds.mean(axis=0), problem.reach
-    T = len(x) - 1
-    flight = propagate(problem, x)
-    mean, gradient = wind_and_gradient(problem.wind, x[:-1])
-    mean = mean + flight.shift
-    cap = CAP * (flight.speed / motion.u_max)
-    model.give(cap=np.concatenate([cap, np.ones(model.steps - T)]))
-    F = motion.a + motion.dt * gradient
-    g = ((motion.a @ centre - centre) + motion.dt * mean) / unit
-    g -= motion.dt * np.einsum("tij,tj->ti", gradient, (x[:-1] - centre) / unit)
-    steady = np.tile(motion.b_inv.ravel(), (model.steps - T, 1))
-    values = {
-        "F": np.vstack([(motion.b_inv @ F).reshape(T, 4), steady]),
-        "g": np.vstack([g @ motion.b_inv.T, np.zeros((model.steps - T, 2))]),
-    }
-    model.give(**values)
-    if motion.u_min > 0.0:
-        model.give(**slowest_controls(problem, flight, **values))
+    """Limits of the airspeed, and F_t and g_t of B⁻¹ (x_{t+1} - F_t x_t - g_t)."""
+    model.give(**motion_values(problem, propagate(problem, x), model.steps))
 
 
 def separating(faces: kd.Faces, clearance: FloatArray) -> IntArray:

@@ -8,7 +8,7 @@ nothing else beats is polished once more on more flights.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Container, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
@@ -95,19 +95,19 @@ def planned_paths(problem: Problem, found: Iterable[Candidate]) -> tuple[Planned
     InfeasibleError
         Where there are candidates and none of them is one.
     """
-    paths, faults = [], dict[str, Candidate]()
+    paths, faults = list[PlannedPath](), list[tuple[Candidate, str]]()
     for k in found:
         try:
             path = evaluate_path(problem, k.flight.x, f"{k.origin}, refined")
         except InfeasibleError as error:  # rounding at a limit, or no start can be flown
-            faults[str(error)] = k
+            faults.append((k, str(error)))
             continue
         if completes_mission(problem, path):
             paths.append(path)
         else:
-            faults["the expected path does not complete the mission"] = k
+            faults.append((k, "the expected path does not complete the mission"))
     if faults and not paths:
-        fault, k = min(faults.items(), key=lambda row: row[1].smoothed)
+        k, fault = min(faults, key=lambda row: row[0].smoothed)
         raise InfeasibleError(
             f"of the lines that were refined, the nearest ({k.origin}, {k.length / 1e3:.1f} km, "
             f"{k.steps} steps) cannot be flown: {fault}"
@@ -148,8 +148,7 @@ def _first_looks(
     """Every start polished cheaply at two lengths, and the best of them on the other side of obstacles."""
     found = [k for pair in pool.map(lambda s: _first_look(sweep, s), starts.values()) for k in pair]
     best = sorted(front_of(found), key=lambda k: k.smoothed)[:FLIPPED]
-    others = [f for k in best for f in flipped_starts(sweep.problem, k.flight.x, k.origin)]
-    new = [s for kind, s in unlike_starts(sweep.problem, others).items() if kind not in starts]
+    new = _on_other_sides(sweep.problem, best, starts)
     found += [k for pair in pool.map(lambda s: _first_look(sweep, s), new) for k in pair]
     return sorted(found, key=lambda k: k.smoothed)
 
@@ -162,6 +161,12 @@ def _first_look(sweep: Sweep, start: Start) -> list[Candidate]:
     cap = long.length * SHORT
     short = refiner.polish(_timed(sweep.problem, long.flight.x, 1), flights, how, cap, start.origin)
     return [long, short]
+
+
+def _on_other_sides(problem: Problem, found: Iterable[Candidate], known: Container[PathClass]) -> list[Start]:
+    """``found`` bent past every near obstacle on its other side; one start of each class not known."""
+    others = [f for k in found for f in flipped_starts(problem, k.flight.x, k.origin)]
+    return [start for kind, start in unlike_starts(problem, others).items() if kind not in known]
 
 
 def _timed(problem: Problem, x: FloatArray, spare: int) -> FloatArray:
@@ -237,32 +242,32 @@ def _polished_at(
     sweep: Sweep, pool: ThreadPoolExecutor, begun: Sequence[Candidate], cap: float, spare: Sequence[int]
 ) -> list[Candidate]:
     """``begun`` polished at a length cap in several numbers of steps; those that keep within it."""
-    how, flights = sweep.polish_of(WARM, 1, 3), sweep.few
-
-    def one(job: tuple[Candidate, int]) -> Candidate:
-        k, more = job
-        x = _timed(sweep.problem, k.flight.x, more)
-        return sweep.refiner.polish(x, flights, how, cap, k.origin)
-
-    made = pool.map(one, [(k, more) for k in begun for more in spare])
-    return [k for k in made if k.length <= KEPT * cap and k.smoothed < HOPELESS]
+    lines = [(k.flight.x, more, k.origin) for k in begun for more in spare]
+    return _held(sweep, pool, lines, sweep.polish_of(WARM, 1, 3), cap)
 
 
 def _other_sides(
     sweep: Sweep, pool: ThreadPoolExecutor, made: Sequence[Candidate], cap: float
 ) -> list[Candidate]:
-    """The best candidate on the other side of every near obstacle, where no other is of that class."""
-    problem = sweep.problem
-    best = best_of_classes(problem, made, 1)
-    known = {path_class(problem, k.flight.x) for k in made}
-    others = [f for k in best for f in flipped_starts(problem, k.flight.x, k.origin)]
-    new = [start for kind, start in unlike_starts(problem, others).items() if kind not in known]
-    how = sweep.polish_of((*COARSE[:1], *WARM), 1, 3)
+    """The best of ``made`` on the other side of every near obstacle, where no other is of that class."""
+    best = sorted(made, key=lambda k: k.smoothed)[:1]
+    new = _on_other_sides(sweep.problem, best, {path_class(sweep.problem, k.flight.x) for k in made})
+    lines = [(start.x, 1, start.origin) for start in new]
+    return _held(sweep, pool, lines, sweep.polish_of((*COARSE[:1], *WARM), 1, 3), cap)
 
-    def one(start: Start) -> Candidate:
-        return sweep.refiner.polish(_timed(problem, start.x, 1), sweep.few, how, cap, start.origin)
 
-    return [k for k in pool.map(one, new) if k.length <= KEPT * cap and k.smoothed < HOPELESS]
+def _held(
+    sweep: Sweep, pool: ThreadPoolExecutor, lines: Sequence[tuple[FloatArray, int, str]], how: Polish,
+    cap: float,
+) -> list[Candidate]:  # fmt: skip
+    """Lines (means, steps beyond the fewest, origin) polished at a length cap; those that keep within it."""
+
+    def one(line: tuple[FloatArray, int, str]) -> Candidate:
+        x, more, origin = line
+        return sweep.refiner.polish(_timed(sweep.problem, x, more), sweep.few, how, cap, origin)
+
+    made = pool.map(one, lines)
+    return [k for k in made if k.length <= KEPT * cap and k.smoothed < HOPELESS]
 
 
 def best_of_classes(problem: Problem, found: Iterable[Candidate], most: int) -> list[Candidate]:
@@ -297,9 +302,9 @@ def spread_points(front: Sequence[Candidate], most: int) -> list[tuple[Candidate
     lengths = np.log([k.length for k in front])
     rise = np.diff(lengths)
     way = np.concatenate([[0.0], np.cumsum(np.where(rise <= PLATEAU * np.log(SPACING), rise, 0.0))])
-    step = way[-1] / max(most - 1, 1)
-    at = np.searchsorted(way, step * np.arange(most) * (1.0 - 1e-12), side="right") - 1
-    caps = np.exp(lengths[at] + step * np.arange(most) - way[at])
+    along = way[-1] / max(most - 1, 1) * np.arange(most)
+    at = np.searchsorted(way, along * (1.0 - 1e-12), side="right") - 1
+    caps = np.exp(lengths[at] + along - way[at])
     caps[-1], caps[0] = front[-1].length, front[0].length
     kept = [float(caps[0])]
     for cap in caps[1:].tolist():

@@ -109,6 +109,7 @@ class StepProgrammes:
         cost[:, 1] -= H[:, 1] * scaled[:, 0] + H[:, 2] * scaled[:, 1]
         far = 1e3
         given = motion_values(problem, flight, size) | {
+            "turn": problem.motion.b_inv.ravel(),
             "low": np.clip(lower, -far, far), "high": np.clip(upper, -far, far),
             "cost": cost, "longest": longest / unit,
         }  # fmt: skip
@@ -141,10 +142,9 @@ def motion_values(problem: Problem, flight: Flight, size: int) -> dict[str, Floa
     g -= motion.dt * np.einsum("tij,tj->ti", gradient, (x[:-1] - centre) / unit)
     still = np.tile(motion.b_inv.ravel(), (size - T, 1))
     values = {
-        "cap": np.concatenate([CAP * flight.speed / motion.u_max, np.ones(size - T)]),
+        "cap": np.concatenate([CAP * (flight.speed / motion.u_max), np.ones(size - T)]),
         "F": np.vstack([(motion.b_inv @ F).reshape(T, 4), still]),
         "g": np.vstack([g @ motion.b_inv.T, np.zeros((size - T, 2))]),
-        "turn": motion.b_inv.ravel(),
     }
     if motion.u_min > 0.0:
         values |= slowest_controls(problem, flight, values["F"], values["g"])
