@@ -5,6 +5,8 @@ python -m pytest benchmarks/bench_logic.py
 
 from __future__ import annotations
 
+import tracemalloc
+
 import pytest
 
 from pareto_ltl.logic import hoa, patterns, translate
@@ -41,9 +43,27 @@ def test_sequence_of_twelve_over_all_letters(benchmark):
 
 
 def test_six_keys_and_doors_over_all_letters(benchmark):
-    benchmark.extra_info["budget"] = 1.0
+    benchmark.extra_info["budget"] = 0.05
     text = patterns.key_door(*((f"k{i}", f"d{i}") for i in range(6)))
     assert benchmark.pedantic(translate, (text,), rounds=5, warmup_rounds=1).n_states > 700
+
+
+@pytest.mark.parametrize("goals", [8, 9, 10, 11, 12, 13])
+def test_coverage_with_its_preorder(benchmark, goals):
+    """2^goals states: translation and language inclusion, with the peak of the arrays that they make."""
+    names = [f"p{i}" for i in range(goals)]
+    text = patterns.coverage(*names)
+
+    def peak() -> float:
+        tracemalloc.start()
+        assert translate(text, disjoint(names)).preorder.sum() == 3**goals
+        most = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        return most / 2**20
+
+    benchmark.extra_info["budget"] = 2.0
+    benchmark.extra_info["figures"] = [("peak [MiB]", peak(), 256)]
+    benchmark.pedantic(lambda: translate(text, disjoint(names)).preorder, rounds=3)
 
 
 def test_hoa_of_ten_fold_coverage(benchmark):

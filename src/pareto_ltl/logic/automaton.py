@@ -204,7 +204,8 @@ def translate(
     alphabet = alphabet_of(atoms, letters)
     codes = letter_codes(atoms, alphabet)
     progression = Progression(atoms, max_states)
-    return automaton_from_table(progression.table(progression.read(normal), codes), alphabet, atoms, text)
+    (delta, accepting), distance = progression.table(progression.read(normal), codes)
+    return Automaton(delta.astype(np.int64), alphabet, 0, accepting, distance, atoms, text)
 
 
 def automaton_from_table(

@@ -16,8 +16,8 @@ from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 from pareto_ltl.support.errors import FormulaError
 
 MAX_ENTRIES = 2**24  # states x letters; 128 MiB as int64
-SIFTING_LETTERS = 64  # letters applied to all pairs of states; the others to the remaining pairs
-CHUNK_ENTRIES = 2**20  # table entries, or pairs of states, per block
+SAMPLE_LETTERS = 32  # letters that split blocks first; the others only where these left blocks together
+BLOCK_ENTRIES = 2**16  # table entries, or pairs of states, per block: small enough for the cache
 
 TransitionArray = NDArray[np.integer]
 
@@ -51,38 +51,44 @@ def check_table_size(states: int, letters: int, max_states: int) -> None:
 def product_table(a: TransitionTable, b: TransitionTable, both: bool, max_states: int) -> TransitionTable:
     """Table of ``a & b`` if ``both``, else of ``a | b``; its states are the reachable pairs of states.
 
-    Decided pairs (one state is a trap for ``&``, one accepts for ``|``) are merged into the last state. Both
-    tables must be minimal. Raises a FormulaError if there are more than ``max_states`` states.
+    Decided pairs (one state is a trap for ``&``, one accepts for ``|``) are one state. States are numbered in
+    the order of a breadth-first search. Both tables must be minimal. Raises a FormulaError if there are more
+    than ``max_states`` states.
     """
     letters, wide = a.delta.shape[1], len(b.delta)
     if len(a.delta) * wide >= 2**31:
         raise too_many_states(max_states)
     decided_a, decided_b = (trap_states(t) if both else t.accepting for t in (a, b))
-    if decided_a[0] or decided_b[0]:
-        return TransitionTable(np.zeros((1, letters), np.int64), np.array([not both]))
     da, db = a.delta.astype(np.int64) * wide, b.delta.astype(np.int64)
-    # number of each pair, from 1; -1 decided, 0 not met; pages that are never written use no memory
-    number = np.zeros(len(da) * wide, np.int32)
+    # number of each pair, from 1; 0 not met; pages that are never written use no memory
+    number = np.zeros(len(a.delta) * wide, np.int32)
     number[0] = 1
     scratch = np.empty(len(number), np.int32)
-    pairs, rows, done, width = np.array([0]), [], 0, max(1, CHUNK_ENTRIES // letters)
+    pairs, rows, done, width = np.array([0]), [], 0, max(1, BLOCK_ENTRIES // letters)
+    sink = 1 if decided_a[0] or decided_b[0] else 0  # number of all decided pairs once there is one
     while done < len(pairs):
         now = pairs[done : done + width]
         done += len(now)
         after = da[now // wide] + db[now % wide]
-        rows.append(after)
-        fresh = first_occurrences(after[number[after] == 0], scratch)
+        rows.append(number[after])
+        if rows[-1].all():
+            continue
+        fresh = first_occurrences(after[rows[-1] == 0], scratch)
         decided = decided_a[fresh // wide] | decided_b[fresh % wide]
-        number[fresh[decided]] = -1
+        if sink == 0 and decided.any():  # the first decided pair stands for all of them
+            first = int(decided.argmax())
+            sink = len(pairs) + first + 1
+            decided[first] = False
+        number[fresh[decided]] = sink
         fresh = fresh[~decided]
         number[fresh] = np.arange(len(pairs), len(pairs) + len(fresh)) + 1
         pairs = np.concatenate([pairs, fresh])
-        check_table_size(len(pairs) + 1, letters, max_states)
-    number[number < 0] = len(pairs) + 1
-    last = np.full((1, letters), len(pairs) + 1, np.int32)
-    delta = np.concatenate([*(number[after] for after in rows), last]) - 1
-    accepting = a.accepting[pairs // wide] & b.accepting[pairs % wide]
-    return TransitionTable(delta, np.append(accepting, not both))
+        check_table_size(len(pairs), letters, max_states)
+        rows[-1] = number[after]
+    delta = np.concatenate(rows)
+    delta -= 1
+    va, vb = a.accepting[pairs // wide], b.accepting[pairs % wide]
+    return TransitionTable(delta, va & vb if both else va | vb)
 
 
 def first_occurrences(values: Any, scratch: NDArray[np.int32]) -> IntArray:
@@ -108,22 +114,37 @@ def certain_states(delta: TransitionArray, accepting: BoolArray) -> BoolArray:
     Good prefixes lead to these states: from any other state, some letter leads to another such state, for
     ever.
     """
+    doubtful = np.flatnonzero(~accepting)
     while True:
-        more = accepting | accepting[delta].all(axis=1)
-        if (more == accepting).all():
-            return accepting
-        accepting = more
+        certain = np.ones(len(delta), np.bool_)
+        certain[doubtful] = False
+        left = _states_leading_into(~certain, delta, doubtful)
+        if len(left) == len(doubtful):
+            return certain
+        doubtful = left
 
 
 def acceptance_distances(delta: TransitionArray, accepting: BoolArray) -> FloatArray:
     """Smallest number of letters to acceptance, d_A, shape (Q,); inf if there is no way."""
     distance = np.where(accepting, 0.0, np.inf)
-    near, steps = accepting, 0
-    while near.any():
+    steps = 0
+    while (distance == steps).any():
+        reached = _states_leading_into(distance == steps, delta, np.flatnonzero(np.isinf(distance)))
         steps += 1
-        near = near[delta].any(axis=1) & np.isinf(distance)
-        distance[near] = steps
+        distance[reached] = steps
     return distance
+
+
+def _states_leading_into(goal: BoolArray, delta: TransitionArray, states: IntArray) -> IntArray:
+    """The ``states`` from which a letter leads into ``goal`` (Q,); large letters, which often do, first."""
+    found = []
+    for last in range(delta.shape[1], 0, -SAMPLE_LETTERS):
+        leads = goal[delta[states, max(0, last - SAMPLE_LETTERS) : last]].any(axis=1)
+        found.append(states[leads])
+        states = states[~leads]
+        if len(states) == 0:
+            break
+    return np.concatenate(found)
 
 
 def minimal_table(table: TransitionTable) -> tuple[TransitionTable, FloatArray]:
@@ -136,14 +157,25 @@ def minimal_table(table: TransitionTable) -> tuple[TransitionTable, FloatArray]:
     accepting = certain_states(delta, table.accepting)
     distance = acceptance_distances(delta, accepting)
     block = refine_partition(delta, np.unique(distance, return_inverse=True)[1])
-    member = np.empty(block.max() + 1, np.int64)
-    member[block] = np.arange(len(block))
-    quotient = block[delta[member]]
-    order = breadth_first_order(quotient, int(block[0]))
+    member = block_members(block)
+    if len(member) < len(block):
+        delta = block[delta[member]]
+    else:
+        block = member = np.arange(len(delta))
+    order = breadth_first_order(delta, int(block[0]))
     number = np.empty(len(member), np.int64)
     number[order] = np.arange(len(order))
+    if not np.array_equal(order, np.arange(len(delta))):  # products are in this order already
+        delta = number[delta[order]]
     member = member[order]
-    return TransitionTable(number[quotient[order]], accepting[member]), distance[member]
+    return TransitionTable(delta, accepting[member]), distance[member]
+
+
+def block_members(block: IntArray) -> IntArray:
+    """One state of each block of a partition (Q,) with numbers 0..B - 1, shape (B,)."""
+    member = np.empty(block.max() + 1, np.int64)
+    member[block] = np.arange(len(block))
+    return member
 
 
 def refine_partition(delta: TransitionArray, block: IntArray) -> IntArray:
@@ -154,15 +186,23 @@ def refine_partition(delta: TransitionArray, block: IntArray) -> IntArray:
     the blocks of its successors. Different states have equal signatures with a probability of about 2^-50,
     and the result is checked. ``block`` comes from the distances to acceptance, which equivalent states
     share: then 1 to 3 iterations are typical, instead of up to max d_A iterations from acceptance alone.
+
+    A sample of the letters splits first, which suffices in most tables of many letters. Then all letters are
+    looked at, but only those of states that still share a block.
     """
     random = np.random.default_rng(len(delta))
+    used = np.zeros(delta.shape[1], np.bool_)
+    used[:: 1 + len(used) // SAMPLE_LETTERS] = True
     while True:
-        weights = random.integers(1, 2**63, delta.shape[1], np.uint64)
-        result = _split_blocks(delta, block.astype(np.uint64), weights).astype(np.int64)
-        member = np.empty(result.max() + 1, np.int64)
-        member[result] = np.arange(len(result))
-        if (result[delta] == result[delta[member]][result]).all():
-            return result
+        sample = delta if used.all() else np.ascontiguousarray(delta[:, used])
+        weights = random.integers(1, 2**63, sample.shape[1], np.uint64)
+        block = _split_blocks(sample, block.astype(np.uint64), weights).astype(np.int64)
+        member = block_members(block)
+        others = np.flatnonzero(member[block] != np.arange(len(block)))
+        splits = (block[delta[others]] != block[delta[member[block[others]]]]).any(axis=0)
+        if not splits.any():
+            return block
+        used |= splits
 
 
 def _split_blocks(
@@ -198,7 +238,7 @@ def breadth_first_order(delta: TransitionArray, initial: int) -> IntArray:
     met[initial] = True
     scratch = np.empty(len(delta), np.int32)
     levels = [np.array([initial])]
-    while len(levels[-1]):
+    while len(levels[-1]) and not met.all():
         after = delta[levels[-1]].ravel()
         fresh = first_occurrences(after[~met[after]], scratch)
         met[fresh] = True
@@ -210,43 +250,50 @@ def language_inclusion(delta: TransitionArray, distance: FloatArray) -> BoolArra
     """Shape (Q, Q) bool: ``[p, q]`` is True if ``p`` accepts every word that ``q`` accepts.
 
     It is the largest relation with d(p) <= d(q) that every letter preserves: if q accepts a word and p does
-    not, some prefix of it leads to a pair with d(q) = 0 < d(p).
+    not, some prefix of it leads to a pair with d(q) = 0 < d(p). The rows p are made in the order of d(p): a
+    letter that leads nearer to acceptance, to a row that is made, excludes most states q, and few pairs are
+    left for the other letters. Rows are looked at again until nothing changes, since words can lead back.
     """
-    columns = np.unique(delta, axis=1).T
-    holds = _never_farther(columns[:SIFTING_LETTERS], distance)
-    changed = True
+    columns = np.ascontiguousarray(np.unique(delta, axis=1).T)
+    holds = _accept_as_much(columns, distance)
+    blocks, changed = list(_rows_by_distance(distance)), False
+    for p in blocks:
+        nearer = distance[columns[:, p]] < distance[p]
+        # the first and the last such letter: one alone leaves up to seven times the pairs that remain
+        for letter in (nearer.argmax(axis=0), len(nearer) - 1 - nearer[::-1].argmax(axis=0)):
+            after = columns[letter]
+            holds[p] &= holds[after[np.arange(len(p)), p][:, None], after]
+        changed |= _exclude(holds, columns, p)
     while changed:
-        changed = False
-        for p, q in _undecided_pairs(holds, distance):
-            for after in columns:
-                keep = holds[after[p], after[q]]
-                if not keep.all():
-                    holds[p[~keep], q[~keep]] = False
-                    p, q, changed = p[keep], q[keep], True
+        changed = sum(_exclude(holds, columns, p) for p in blocks) > 0
     return holds
 
 
-def _never_farther(columns: TransitionArray, distance: FloatArray) -> BoolArray:
-    """Pairs (p, q) with d(p) <= d(q), now and after each letter; 1 ns per pair and letter."""
-    rank = np.unique(distance, return_inverse=True)[1].astype(np.int32)
-    if rank.max() < 2**15:
-        rank = rank.astype(np.int16)
-    holds = np.empty((len(rank), len(rank)), np.bool_)
-    height = max(1, CHUNK_ENTRIES // len(rank))
-    for top in range(0, len(rank), height):
-        rows = holds[top : top + height]
-        np.less_equal(rank[top : top + height, None], rank, out=rows)
-        for after in columns:
-            there = rank[after]
-            rows &= there[top : top + height, None] <= there
+def _accept_as_much(columns: TransitionArray, distance: FloatArray) -> BoolArray:
+    """Pairs (p, q) with d(p) <= d(q) in which ``p`` accepts each letter that ``q`` accepts."""
+    holds = distance[:, None] <= distance
+    last = np.flatnonzero(distance == 1)  # other states accept no letter
+    accepts = (distance[columns[:, last]] == 0).T.astype(np.float32)
+    holds[last[:, None], last] &= (1 - accepts) @ accepts.T == 0
     return holds
 
 
-def _undecided_pairs(holds: BoolArray, distance: FloatArray) -> Iterator[tuple[IntArray, IntArray]]:
-    """The pairs of ``holds`` that further letters may exclude, in blocks of rows."""
-    height = max(1, CHUNK_ENTRIES // len(holds))
-    for top in range(0, len(holds), height):
-        p, q = np.nonzero(holds[top : top + height])
-        p += top
-        open_ = (p != q) & (distance[p] > 0) & np.isfinite(distance[q])
-        yield p[open_], q[open_]
+def _rows_by_distance(distance: FloatArray) -> Iterator[IntArray]:
+    """Blocks of states with equal finite distance above 0, the nearest to acceptance first."""
+    height = max(1, BLOCK_ENTRIES // len(distance))
+    for level in np.unique(distance[(distance > 0) & np.isfinite(distance)]):
+        states = np.flatnonzero(distance == level)
+        yield from np.array_split(states, -(-len(states) // height))
+
+
+def _exclude(holds: BoolArray, columns: TransitionArray, rows: IntArray) -> bool:
+    """Removes pairs in ``rows`` of ``holds`` that a letter leads to a removed pair; whether there are any."""
+    found, q = np.nonzero(holds[rows])
+    p = rows[found]
+    changed = False
+    for after in columns:
+        keep = holds[after[p], after[q]]
+        if not keep.all():
+            holds[p[~keep], q[~keep]] = False
+            p, q, changed = p[keep], q[keep], True
+    return changed

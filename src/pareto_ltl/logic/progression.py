@@ -17,6 +17,7 @@ the propositions that a state reads at the next step.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +25,7 @@ from numpy.typing import NDArray
 from pareto_ltl.logic import dfa as tables
 from pareto_ltl.logic.dfa import TransitionTable
 from pareto_ltl.logic.formula import Formula
-from pareto_ltl.support.arrays import IntArray
+from pareto_ltl.support.arrays import FloatArray, IntArray
 
 ProgressionState = tuple[int, ...]  # clauses; a clause is a set of obligations, one bit for each
 OBLIGATION_KINDS = ("X", "U", "+", "-")  # operators of the nodes in clauses
@@ -35,10 +36,13 @@ LOST_STATE: ProgressionState = ()
 class ProgressionNode:
     """A shared node of the normal form; equal formulas are the same object."""
 
-    __slots__ = ("args", "bit", "eventual", "now", "op", "temporal")
+    __slots__ = ("args", "bit", "eventual", "names", "now", "op", "temporal")
 
     def __init__(self, op: str, args: tuple[ProgressionNode, ...], now: int, bit: int) -> None:
         self.temporal: bool
+        self.names: int = now  # bits of all its propositions
+        for arg in args:
+            self.names |= arg.names
         self.op = op  # true, false, +, - (literals), &, |, X, U
         self.args = args
         self.now = now  # bits of the propositions that the next step reads
@@ -48,6 +52,37 @@ class ProgressionNode:
         self.eventual = op in ("true", "false") or (op == "U" and args[0].op == "true")
         if op in "&|X":
             self.eventual = all(arg.eventual for arg in args)
+
+
+class PartTable(NamedTuple):
+    """The minimal table of a part of a formula: letters that it cannot tell apart have one column.
+
+    ``distance`` (Q,) is that of the states to acceptance, ``column`` (L,) that of each letter of the whole
+    formula. Columns have the order in which these letters show them first: then states have one order, that
+    of a breadth-first search, in the narrow and in the wide table.
+    """
+
+    table: TransitionTable
+    distance: FloatArray
+    column: IntArray
+
+    def with_columns(self, letters: IntArray) -> TransitionTable:
+        """The table with a column for each of ``letters`` (numbers of letters of the whole formula)."""
+        return self.table._replace(delta=self.table.delta[:, self.column[letters]])
+
+    def whole(self) -> TransitionTable:
+        """The table with a column for each letter of the whole formula."""
+        letters = len(self.column)
+        return self.table if self.table.delta.shape[1] == letters else self.with_columns(np.arange(letters))
+
+
+def letter_kinds(kinds: IntArray) -> tuple[IntArray, IntArray]:
+    """The first letter of each kind, in the order of the letters, and the place there of the kind of each."""
+    _, first, which = np.unique(kinds, return_index=True, return_inverse=True)
+    order = first.argsort()
+    place = np.empty_like(order)
+    place[order] = np.arange(len(order))
+    return first[order], place[which]
 
 
 class Progression:
@@ -322,25 +357,33 @@ class Progression:
 
     # Tables
 
-    def table(self, node: ProgressionNode, letters: IntArray) -> TransitionTable:
-        """The transition table of ``node``: products for ``&`` and ``|``, progression below them."""
+    def table(self, node: ProgressionNode, letters: IntArray) -> tuple[TransitionTable, FloatArray]:
+        """The minimal transition table of ``node`` over ``letters``, and its distances to acceptance."""
+        part = self.part(node, letters)
+        return part.whole(), part.distance
+
+    def part(self, node: ProgressionNode, letters: IntArray) -> PartTable:
+        """The minimal table of ``node``: products for ``&`` and ``|``, progression below them."""
         if node.op in ("&", "|"):
             parts = [part for part in node.args if part.temporal]
             if len(parts) > 1:
                 plain = [part for part in node.args if not part.temporal]
                 parts += [self.combine(node.op, plain)] if plain else []
-                return self.fold([self.table(part, letters) for part in parts], node.op == "&")
-        return tables.minimal_table(self.explore(node, letters))[0]
+                return self.fold([self.part(part, letters) for part in parts], node.op == "&")
+        first, column = letter_kinds(letters & node.names)
+        return PartTable(*tables.minimal_table(self.explore(node, letters[first])), column)
 
-    def fold(self, parts: list[TransitionTable], both: bool) -> TransitionTable:
+    def fold(self, parts: list[PartTable], both: bool) -> PartTable:
         """The product of ``parts`` as a balanced tree of products, each minimised at once."""
         while len(parts) > 1:
-            pairs = zip(parts[::2], parts[1::2], strict=False)
-            products = [
-                tables.minimal_table(tables.product_table(a, b, both, self.max_states))[0] for a, b in pairs
-            ]
+            products = [self.product(a, b, both) for a, b in zip(parts[::2], parts[1::2], strict=False)]
             parts = products + parts[2 * len(products) :]
         return parts[0]
+
+    def product(self, a: PartTable, b: PartTable, both: bool) -> PartTable:
+        first, column = letter_kinds(a.column * b.table.delta.shape[1] + b.column)
+        table = tables.product_table(a.with_columns(first), b.with_columns(first), both, self.max_states)
+        return PartTable(*tables.minimal_table(table), column)
 
     def explore(self, node: ProgressionNode, letters: IntArray) -> TransitionTable:
         """Breadth-first exploration of all letters from all reachable states."""
