@@ -1,0 +1,109 @@
+"""Machine code on disk: where numba keeps it, and when it goes stale.
+
+Numba looks at the file of a compiled function alone, and would go on running old helpers. Here the stamp of
+a function is a fingerprint of its module, of every kernel module that this one imports, and of the files of
+other packages that added code to a model (:data:`FOREIGN`): a change compiles anew what it can reach, and
+nothing else. Numba asks for the stamp through a cache locator, which its ``NUMBA_CACHE_LOCATOR_CLASSES``
+lets others supply.
+"""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+from numba import config
+from numba.core.caching import InTreeCacheLocator, UserProvidedCacheLocator, UserWideCacheLocator
+
+from pareto_ltl.support.fingerprints import file_fingerprint, text_fingerprint
+
+FOREIGN: set[Path] = set()  # source files outside kernels/ with code for a model
+KERNELS = Path(__file__).parent
+
+
+class CodeStamp:
+    """Fingerprint of all source that a file of kernels can reach, taken when it is first compared or saved.
+
+    By then other packages have added their code. On disk it is a plain string.
+    """
+
+    def __init__(self, file: Path) -> None:
+        self.file = file
+
+    def __str__(self) -> str:
+        sources = sorted(reachable_sources(self.file) | FOREIGN)
+        return text_fingerprint("".join(file_fingerprint(source) for source in sources))
+
+    def __eq__(self, other: object) -> bool:
+        return str(self) == str(other)
+
+    def __hash__(self) -> int:
+        return hash(str(self))
+
+    def __reduce__(self) -> tuple[type[str], tuple[str]]:
+        return str, (str(self),)
+
+
+class ReachableSource:
+    """What the three locators below have in common: the stamp."""
+
+    def __init__(self, function: Any, file: str) -> None:
+        super().__init__(function, file)  # type: ignore[call-arg]  # the locator that follows in the class
+        self.stamp = CodeStamp(Path(file))
+
+    def get_source_stamp(self) -> CodeStamp:
+        """What numba compares with the stamp on disk."""
+        return self.stamp
+
+
+class NamedFolder(ReachableSource, UserProvidedCacheLocator):  # type: ignore[misc]  # numba has no types
+    """The folder that ``NUMBA_CACHE_DIR`` names."""
+
+
+class BesideSource(ReachableSource, InTreeCacheLocator):  # type: ignore[misc]
+    """``__pycache__`` beside the source, where it can be written."""
+
+
+class UserFolder(ReachableSource, UserWideCacheLocator):  # type: ignore[misc]
+    """The user's cache."""
+
+
+LOCATORS = ",".join(f"{__name__}.{kind.__name__}" for kind in (NamedFolder, BesideSource, UserFolder))
+
+
+@contextmanager
+def stamped_by_source() -> Iterator[None]:
+    """Give what numba compiles inside, with ``cache=True``, the stamps of this module."""
+    before = config.CACHE_LOCATOR_CLASSES
+    config.CACHE_LOCATOR_CLASSES = LOCATORS
+    try:
+        yield
+    finally:
+        config.CACHE_LOCATOR_CLASSES = before
+
+
+@lru_cache
+def reachable_sources(file: Path) -> frozenset[Path]:
+    """``file`` and all modules of kernels that it imports, directly or through others."""
+    found, waiting = set[Path](), [file]
+    while waiting:
+        source = waiting.pop()
+        if source not in found:
+            found.add(source)
+            waiting.extend(_imported(source))
+    return frozenset(found)
+
+
+@lru_cache
+def _imported(file: Path) -> tuple[Path, ...]:
+    package = "pareto_ltl.kernels."
+    tree = ast.parse(file.read_bytes())
+    names = [node.module or "" for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)]
+    return tuple(KERNELS / f"{name.removeprefix(package)}.py" for name in names if name.startswith(package))
+
+
+__all__ = ["FOREIGN", "KERNELS", "CodeStamp", "reachable_sources", "stamped_by_source"]

@@ -1,0 +1,130 @@
+"""Machine code on disk: reused where nothing that it can reach has changed, and only there."""
+
+from __future__ import annotations
+
+import inspect
+import os
+import pickle
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from pareto_ltl.kernels import code_cache
+from pareto_ltl.kernels.code_cache import FOREIGN, KERNELS, CodeStamp, reachable_sources
+from pareto_ltl.kernels.jit import IMPLEMENTATIONS, by_type, implements
+
+PROGRAM = """
+import numpy as np
+from pareto_ltl.kernels.geometry import locate_cells
+from problems import paper_problem
+world = paper_problem("phi1").world
+print(locate_cells(world.cells, np.array([[1e9, 1e9], [1e5, 1e5]])).tolist())
+print(sum(locate_cells.stats.cache_hits.values()), sum(locate_cells.stats.cache_misses.values()))
+"""
+
+
+def names(file: str) -> set[str]:
+    return {source.stem for source in reachable_sources(KERNELS / file)}
+
+
+def test_a_file_reaches_what_it_imports_directly_or_through_others():
+    assert {"growth", "tree", "tree_models", "collision_risk", "polygon", "data", "jit"} <= names("growth.py")
+    assert not {"margin", "flight", "visibility", "importance"} & names("growth.py")
+    assert "growth" not in names("margin.py")
+
+
+ENTRIES = [
+    file
+    for file in sorted(KERNELS.glob("*.py"))
+    if re.search(r"^@(entry|allocating)", file.read_text(), re.M)
+]
+
+
+@pytest.mark.parametrize("file", ENTRIES, ids=lambda file: file.stem)
+def test_a_file_that_reaches_a_choice_reaches_the_code_of_every_model(file):
+    reached = reachable_sources(file)
+    for chosen in IMPLEMENTATIONS.values():
+        if place(chosen.chosen) in reached:
+            assert {place(code) for code in chosen.implementations.values()} <= reached | FOREIGN
+
+
+def place(function) -> Path:
+    return Path(inspect.getfile(inspect.unwrap(function)))
+
+
+def test_code_that_others_add_to_a_model_changes_the_stamps():
+    stamp = CodeStamp(KERNELS / "growth.py")
+    before = str(stamp)
+    known = set(FOREIGN)
+    FOREIGN.clear()
+    try:
+        without = str(stamp)
+
+        @by_type
+        def volume(model):
+            """Volume of a model."""
+
+        implements(volume, float)(lambda model: model)
+        assert {Path(__file__)} == FOREIGN
+        assert str(stamp) != without
+    finally:
+        FOREIGN.update(known)
+    assert str(stamp) == before or Path(__file__) not in known
+
+
+def test_a_stamp_is_a_string_on_disk_and_equal_to_it():
+    stamp = CodeStamp(KERNELS / "growth.py")
+    saved = pickle.loads(pickle.dumps(stamp))
+    assert type(saved) is str
+    assert saved == stamp
+    assert CodeStamp(KERNELS / "margin.py") != saved
+
+
+@pytest.fixture
+def program(tmp_path):
+    """Runs PROGRAM on a copy of the package; returns its first line, and whether its code was on disk."""
+    package = tmp_path / "src" / "pareto_ltl"
+    shutil.copytree(KERNELS.parent, package, ignore=shutil.ignore_patterns("__pycache__"))
+    for folder in ("conf", "pipelines"):
+        shutil.copytree(KERNELS.parents[2] / folder, tmp_path / folder)
+    tests = Path(__file__).parents[1]
+    surroundings = os.environ | {
+        "PYTHONPATH": os.pathsep.join(map(str, (package.parent, tests))), "NUMBA_DISABLE_JIT": "0",
+        "NUMBA_CACHE_DIR": str(tmp_path / "code"), "PYTHONDONTWRITEBYTECODE": "1",
+    }  # fmt: skip
+
+    def run() -> tuple[str, str]:
+        done = subprocess.run(
+            [sys.executable, "-c", PROGRAM], env=surroundings, capture_output=True, text=True, check=False
+        )
+        assert done.returncode == 0, done.stderr
+        found, counts = done.stdout.splitlines()
+        return found, {"1 0": "reused", "0 1": "compiled"}[counts]
+
+    return run, package / "kernels"
+
+
+def test_a_change_compiles_anew_what_it_can_reach_and_nothing_else(program):
+    run, kernels = program
+    assert run() == ("[-1, 18]", "compiled")
+    assert run() == ("[-1, 18]", "reused")
+
+    other = kernels / "margin.py"
+    other.write_text(other.read_text() + "\n# another kernel\n")
+    assert run() == ("[-1, 18]", "reused")
+
+    helper = kernels / "data.py"  # locate_cells is in geometry.py, which imports it
+    helper.write_text(helper.read_text() + "\n# a file that it reaches\n")
+    assert run() == ("[-1, 18]", "compiled")
+    assert run() == ("[-1, 18]", "reused")
+
+
+def test_the_settings_of_numba_are_as_before():
+    before = code_cache.config.CACHE_LOCATOR_CLASSES
+    with code_cache.stamped_by_source():
+        assert code_cache.config.CACHE_LOCATOR_CLASSES == code_cache.LOCATORS
+    assert before == code_cache.config.CACHE_LOCATOR_CLASSES
