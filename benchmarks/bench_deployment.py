@@ -1,4 +1,5 @@
-"""Deployment budgets: 500 flights of 100 steps in 50 ms, 100,000 in 5 s; a rare failure within 5 % in 1 s.
+"""Deployment budgets: 500 flights of 100 steps in 50 ms, 100,000 in 5 s; 100,000 coherent flights of 50
+steps in 1.5 s; a rare failure within 5 % in 1 s.
 
 python -m pytest benchmarks/bench_deployment.py
 """
@@ -10,9 +11,14 @@ import pytest
 from numpy.random import SeedSequence
 
 import pareto_ltl
+from pareto_ltl.planning.evaluate import propagate_controls
 from pareto_ltl.planning.records import WEIGHTED
+from pareto_ltl.run.records import PROBLEM, Records
+from pareto_ltl.settings.building import build_settings
 from pareto_ltl.simulation import flights as deployment
 from pareto_ltl.simulation import importance
+from pareto_ltl.simulation.common_flights import draw_flights
+from pareto_ltl.studies.planning import study_run
 from problems import MISSIONS, paper_problem
 
 STEPS = 100
@@ -37,6 +43,36 @@ def test_flights_of_100_steps(benchmark, mission, runs, budget):
     result = benchmark.pedantic(deployment.simulate_flights, arguments, rounds=rounds, warmup_rounds=1)
     assert result.x.shape == (runs, STEPS + 1, 2)
     assert np.isfinite(result.x).all()
+
+
+@pytest.fixture(scope="module")
+def windy():
+    """phi2 in the coherent winds of the sample, with the modes of full runs, and a tour of 50 steps."""
+    given = {"pipelines": "plan", "scene": "phi2", "mission": {"formula": MISSIONS["phi2"]}}
+    settings = build_settings(given | {"fidelity": "full", "robot": {"dt": 1800.0}})
+    problem = study_run(settings, Records()).make(PROBLEM)
+    angle = np.linspace(0, 2 * np.pi, 50, endpoint=False)
+    u = 12.0 * np.column_stack([np.cos(angle), np.sin(angle)])
+    deployment.simulate_flights(problem, u, 2, "coherent", SeedSequence(0))
+    return problem, u
+
+
+def test_100_000_coherent_flights_of_50_steps(benchmark, windy):
+    problem, u = windy
+    benchmark.extra_info["budget"] = 1.5
+    arguments = (problem, u, 100_000, "coherent", SeedSequence(1))
+    result = benchmark.pedantic(deployment.simulate_flights, arguments, rounds=5, warmup_rounds=1)
+    assert result.x.shape == (100_000, 51, 2)
+
+
+def test_one_roll_out_of_1_500_coherent_flights(benchmark, windy):
+    """As the sampled refinement makes a thousand of them."""
+    problem, u = windy
+    path = propagate_controls(problem, u, problem.laws["coherent"])
+    flights = draw_flights(problem, "coherent", 1_500, SeedSequence(1))
+    benchmark.extra_info["budget"] = 0.006
+    positions = benchmark(flights.positions, path)
+    assert positions.shape == (1_500, 51, 2)
 
 
 @pytest.fixture(scope="module")

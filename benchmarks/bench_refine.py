@@ -70,7 +70,7 @@ def how(problem):
 def test_margins_of_300_flights_of_50_steps(benchmark, task):
     refiner, x, flights, _ = task
     flight = refiner.flown(x)
-    off, width = flights.fly(flight)[0] - flight.x, how(refiner.problem).widths[0]
+    off, width = flights.positions(flight) - flight.x, how(refiner.problem).widths[0]
     slope = kernel.Slope(np.zeros((STEPS + 1, 2)), np.zeros((STEPS + 1, 3)))
     scratch = margin_scratch(refiner.model, RUNS)
     benchmark.extra_info["budget"] = 0.002
@@ -81,7 +81,7 @@ def test_margins_of_300_flights_of_50_steps(benchmark, task):
 def test_one_cone_programme_of_50_steps(benchmark, task):
     refiner, x, flights, longest = task
     flight = refiner.flown(x)
-    off, width = flights.fly(flight)[0] - flight.x, how(refiner.problem).widths[0]
+    off, width = flights.positions(flight) - flight.x, how(refiner.problem).widths[0]
     descent, _ = refiner.slope(flight.x, off, width, RUNS)
     benchmark.extra_info["budget"] = 0.005
     found = benchmark(refiner.programmes.next_means, flight, descent, 0.5, longest)
@@ -93,5 +93,5 @@ def test_one_polish_of_50_steps_with_300_flights(benchmark, task):
     benchmark.extra_info["budget"] = 0.1
     arguments = (x, flights, how(refiner.problem), longest)
     polished = benchmark.pedantic(refiner.polish, arguments, rounds=10, warmup_rounds=1)
-    before = float(flights.fly(refiner.flown(x))[1].mean())
+    before = float(flights.failed(flights.positions(refiner.flown(x))).mean())
     assert polished.failed < before

@@ -38,8 +38,8 @@ CHOSEN_BY = {
         "largest_risk", "judge_candidate", "step_allowed",
     },
     "rule": {"improves", "collision_limit"},
-    "draws": {"wind_met"},
-    "pilot": {"begin_flight", "command"},
+    "draws": {"meet_winds"},
+    "pilot": {"begin_flights", "command"},
 }  # fmt: skip
 
 

@@ -7,9 +7,17 @@ import pytest
 from numpy.random import SeedSequence
 
 from coherent import STEPS, coherent_problem, rate_interval
+from pareto_ltl.kernels.flight import Autopilot, link_fields
 from pareto_ltl.planning.evaluate import evaluate_path, forecast, propagate
+from pareto_ltl.planning.reference import interpolate, interpolate_time
 from pareto_ltl.settings import RobotConfig
-from pareto_ltl.simulation.flights import draw_coherent, simulate_flights
+from pareto_ltl.simulation.flights import (
+    draw_coherent,
+    draw_innovations,
+    fly_draws,
+    kept_by_epoch,
+    simulate_flights,
+)
 from pareto_ltl.wind.records import FORECAST, SPACE, TIME
 from problems import KM, QUICK_ERROR, box, make_scene
 
@@ -99,6 +107,54 @@ def test_interpolation_in_time_adds_nothing_at_the_time_of_a_field():
     assert p.wind.between[4] == pytest.approx(p.wind.between[5])  # 400 s after one, 400 s before the next
     assert p.wind.between[19] == pytest.approx(QUICK_ERROR.change_variance(np.array(100.0)))
     assert (p.modes.scale[4, p.modes.part == TIME] == np.sqrt(np.float32(p.wind.between[4]))).all()
+
+
+def test_flights_are_those_of_a_plain_simulation_with_the_same_draws():
+    """One flight after the other, in NumPy, with all parts of the error."""
+    robot = RobotConfig(dt=100.0, u_max=60.0, a=[[1.0, 0.01], [-0.02, 0.99]], b=[[1, 0.3], [0, 1]])
+    p = coherent_problem(robot=robot, hours=0.25, slots=3, rho=0.6, error=QUICK_ERROR)
+    n, u = 7, np.random.default_rng(1).uniform(0, 6, (18, 2))
+    draws = draw_coherent(p, n, len(u), np.random.default_rng(2))
+    x = np.empty((n, len(u) + 1, 2))
+    x[:, 0] = p.scene.start + np.random.default_rng(3).normal(0, 300, (n, 2))
+    fly_draws(p, draws, Autopilot(u, np.zeros((len(u) + 1, 2))), x)
+    for i in range(n):
+        at = x[i, 0]
+        for t, control in enumerate(u):
+            psi = mode_values(p.modes, t, at)
+            mean, latent = (interpolate(p.wind, table, t, at) for table in (p.wind.mean, p.wind.latent))
+            rest = np.maximum(latent + p.wind.between[t] - (psi**2).sum(axis=1), 0.0)
+            white = p.modes.white * interpolate_time(p.wind, p.wind.gust, t) + p.modes.rest * rest
+            wind = mean + (psi * draws.theta[p.modes.epoch[t], i]).sum(axis=1)
+            wind = wind + np.sqrt(white) * draws.white[t, i]
+            at = p.motion.a @ at + p.motion.dt * (p.motion.b @ control + wind)
+            np.testing.assert_allclose(x[i, t + 1], at, atol=0.02)
+
+
+def mode_values(modes, t, at):
+    """ψ (2, P) at step ``t`` and a place: bilinear between the nodes."""
+    place = (at - [modes.west, modes.south]) * modes.per_metre
+    i, j = place.astype(int)
+    fx, fy = place - [i, j]
+    corners = modes.psi[modes.slot[t], i : i + 2, j : j + 2].astype(float)
+    return modes.scale[t] * np.einsum("i,j,ijcm->cm", [1 - fx, fx], [1 - fy, fy], corners)
+
+
+def test_innovations_are_drawn_for_what_changes_alone():
+    p = coherent_problem(hours=0.25, rho=0.6, error=QUICK_ERROR)
+    kept = kept_by_epoch(p.modes, 30)
+    field = draw_innovations(kept, 500, np.random.default_rng(0))
+    assert (kept == 1.0).any()
+    assert (field[:, :, 0][np.broadcast_to((kept == 1.0)[:, None], field[:, :, 0].shape)] == 0.0).all()
+    changes = np.moveaxis(field, 1, -1)[np.broadcast_to((kept < 1.0)[:, None], field[:, 0].shape)]
+    assert (changes != 0.0).all()
+    assert len(np.unique(changes)) > 0.99 * changes.size  # none is used twice
+    theta = field.copy()
+    link_fields(kept, theta)
+    np.testing.assert_array_equal(theta[0], field[0])
+    for k in range(1, len(kept)):
+        expected = kept[k] * theta[k - 1] + np.sqrt(1.0 - kept[k] ** 2) * field[k]
+        np.testing.assert_allclose(theta[k], expected, atol=1e-6)
 
 
 def test_a_longer_plan_meets_the_same_field():

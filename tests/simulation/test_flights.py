@@ -77,9 +77,9 @@ def test_flights_are_those_of_a_plain_simulation_with_the_same_draws(robot, plan
     x[:, 0] = problem.scene.start + rng.normal(0, 300, (runs, 2))
     draws = rng.standard_normal((len(u), runs, 2))
     law = problem.laws["independent"]
-    outcome = rollout.Outcome(x, *(np.empty(runs, bool) for _ in range(3)))
     pilot = rollout.Autopilot(u, np.zeros((len(u) + 1, 2)))
-    rollout.fly_batch(deployment.flight_judge(problem), rollout.IndependentDraws(law, draws), pilot, outcome)
+    deployment.fly_draws(problem, rollout.IndependentDraws(law, draws), pilot, x)
+    outcome = deployment.judge_flights(problem, "independent", x)
     outcomes = set()
     for i in range(runs):
         way, done, hit = plain(problem, u, draws[:, i], x[i, 0])

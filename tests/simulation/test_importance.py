@@ -16,6 +16,7 @@ from coherent import SCENE, STEPS, coherent_problem
 from flown import succeeds
 from landmarks import LANDMARK_WAY, landmark_problem
 from pareto_ltl.kernels import importance as kernel
+from pareto_ltl.kernels.flight import link_fields
 from pareto_ltl.planning import reference_importance as plain
 from pareto_ltl.planning.evaluate import cross_covariance, evaluate_path, propagate
 from pareto_ltl.planning.problem import Problem
@@ -24,7 +25,7 @@ from pareto_ltl.settings import PlannerConfig, RobotConfig, preset
 from pareto_ltl.simulation import importance
 from pareto_ltl.simulation import promise as promises
 from pareto_ltl.simulation.failure_modes import nearest_mixture
-from pareto_ltl.simulation.flights import counted_rate, linked_fields, simulate_flights
+from pareto_ltl.simulation.flights import counted_rate, simulate_flights
 from pareto_ltl.simulation.promise import RARE, count_agrees, fresh_rate
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import InfeasibleError
@@ -78,7 +79,9 @@ def drawn(proposal: importance.Proposal, n: int, seed: int) -> tuple[kernel.Norm
     choices = importance.component_choices(proposal)
     z = importance.draw_proposal(proposal, choices, n, np.random.default_rng(seed))
     e = np.empty((n, len(proposal.law.white) + 1, 2))
-    kernel.linear_deviations(proposal.law, z, linked_fields(proposal.law.kept, z.field.copy()), e)
+    theta = z.field.copy()
+    link_fields(proposal.law.kept, theta)
+    kernel.linear_deviations(proposal.law, z, theta, e)
     return z, e
 
 

@@ -1,7 +1,10 @@
-"""Simulated flights: the real motion, the automaton on the real way, collisions on segments.
+"""Simulated flights: the real motion, then the verdict on where it led.
 
-One loop flies all laws. The type of the draws says what wind a flight meets, the type of the pilot what the
-robot knows and commands.
+All flights of a batch go through a step together: their winds are looked up in one loop, which fills the
+vector registers and reads one slot of the tables. Of 250 flights of 50 steps in coherent winds each takes
+1.7 µs so, and 5 µs flown one after the other. The type of the draws says what wind a flight meets, the type
+of the pilot what the robot knows and commands. Positions are judged afterwards: the automaton on the real
+way, collisions on segments.
 """
 
 from __future__ import annotations
@@ -20,7 +23,6 @@ from pareto_ltl.kernels.data import (
     Modes,
     Motion,
     Point,
-    Square,
 )
 from pareto_ltl.kernels.fixes import landmark_at
 from pareto_ltl.kernels.geometry import locate_cell, off_map, segment_touches
@@ -60,54 +62,83 @@ Draws: TypeAlias = IndependentDraws | CoherentDraws
 
 
 @by_type
-def wind_met(draws: Draws, t: int, i: int, at: Point) -> tuple[float, float]:
-    """Wind (east, north) that flight ``i`` meets at step ``t`` at a place [m/s]."""
+def meet_winds(draws: Draws, t: int, x: FloatArray, met: FloatArray) -> None:
+    """Winds (east, north) [m/s] of all flights ``x`` (n, T+1, 2) at step ``t``, into the first two columns of
+    ``met`` (n, 4); the others are scratch."""
     raise NotImplementedError
 
 
-@implements(wind_met, IndependentDraws)
-def _independent_wind(draws: IndependentDraws, t: int, i: int, at: Point) -> tuple[float, float]:
-    wind = draws.law.wind
-    we, wn = wind_at(wind.mean, wind, t, at)
-    ve, vn = wind_at(wind.latent, wind, t, at)
+@implements(meet_winds, IndependentDraws)
+def _independent_winds(draws: IndependentDraws, t: int, x: FloatArray, met: FloatArray) -> None:
+    wind, white, between = draws.law.wind, draws.white, draws.law.wind.between[t]
     ge, gn = gust_variance(wind, t)
-    white = draws.white
-    between = wind.between[t]
-    return (
-        we + math.sqrt(ve + ge + between) * white[t, i, 0],
-        wn + math.sqrt(vn + gn + between) * white[t, i, 1],
-    )
+    for i in range(x.shape[0]):
+        at = Point(x[i, t, 0], x[i, t, 1])
+        we, wn = wind_at(wind.mean, wind, t, at)
+        ve, vn = wind_at(wind.latent, wind, t, at)
+        met[i, 0] = we + math.sqrt(ve + ge + between) * white[t, i, 0]
+        met[i, 1] = wn + math.sqrt(vn + gn + between) * white[t, i, 1]
 
 
-@implements(wind_met, CoherentDraws)
-def _coherent_wind(draws: CoherentDraws, t: int, i: int, at: Point) -> tuple[float, float]:
-    law, modes, white = draws.law, draws.law.modes, draws.white
-    we, wn = wind_at(law.wind.mean, law.wind, t, at)
-    square = mode_square(modes, at)
-    theta = draws.theta[modes.epoch[t], i]
-    e, ee, n, nn = field_values(modes, t, square, theta)
-    ve, vn = white_variance(law, t, at, ee, nn)
-    return we + e + math.sqrt(ve) * white[t, i, 0], wn + n + math.sqrt(vn) * white[t, i, 1]
+@implements(meet_winds, CoherentDraws)
+def _coherent_winds(draws: CoherentDraws, t: int, x: FloatArray, met: FloatArray) -> None:
+    law, white = draws.law, draws.white
+    meet_fields(law.modes, t, x, draws.theta[law.modes.epoch[t]], met)
+    for i in range(x.shape[0]):
+        at = Point(x[i, t, 0], x[i, t, 1])
+        we, wn = wind_at(law.wind.mean, law.wind, t, at)
+        ve, vn = white_variance(law, t, at, met[i, 2], met[i, 3])
+        met[i, 0] += we + math.sqrt(ve) * white[t, i, 0]
+        met[i, 1] += wn + math.sqrt(vn) * white[t, i, 1]
 
 
 @vector
-def field_values(
-    modes: Modes, t: int, square: Square, theta: Float32Array
-) -> tuple[float, float, float, float]:  # fmt: skip
-    """ψ(x)' θ and |ψ|² at step ``t``, east then north; ``theta`` (2, P).
+def meet_fields(modes: Modes, t: int, x: FloatArray, theta: Float32Array, met: FloatArray) -> None:
+    """ψ(x)' θ, east and north, then both |ψ|² of all flights at step ``t`` into ``met`` (n, 4); ``theta``
+    (n, 2, P).
 
-    Both components in one loop: 46 instead of 70 ns for 32 modes.
+    With 32 modes 17 ns a flight, and 40 in a function called for each.
     """
-    weights, slot, scale, psi = corner_weights(square), modes.slot[t], modes.scale[t], modes.psi
-    e, ee, n, nn = F32(0.0), F32(0.0), F32(0.0), F32(0.0)
-    for m in range(psi.shape[4]):
-        east = scale[m] * mode_value(psi, slot, square, weights, 0, m)
-        north = scale[m] * mode_value(psi, slot, square, weights, 1, m)
-        e += east * theta[0, m]
-        ee += east * east
-        n += north * theta[1, m]
-        nn += north * north
-    return e, ee, n, nn  # type: ignore[return-value]
+    slot, scale, psi = modes.slot[t], modes.scale[t], modes.psi
+    for i in range(x.shape[0]):
+        square = mode_square(modes, Point(x[i, t, 0], x[i, t, 1]))
+        weights = corner_weights(square)
+        e, ee, n, nn = F32(0.0), F32(0.0), F32(0.0), F32(0.0)
+        for m in range(psi.shape[4]):
+            east = scale[m] * mode_value(psi, slot, square, weights, 0, m)
+            north = scale[m] * mode_value(psi, slot, square, weights, 1, m)
+            e += east * theta[i, 0, m]
+            ee += east * east
+            n += north * theta[i, 1, m]
+            nn += north * north
+        met[i, 0], met[i, 1], met[i, 2], met[i, 3] = e, n, ee, nn
+
+
+@entry
+def place_innovations(kept: Float32Array, drawn: Float32Array, field: Float32Array) -> None:
+    """Fill ``field`` (E, n, 2, P) with ``drawn`` in turn where θ changes, ``kept`` (E, P) < 1, and else 0."""
+    used = 0
+    for k in range(field.shape[0]):
+        for i in range(field.shape[1]):
+            for c in range(2):
+                for m in range(field.shape[3]):
+                    if kept[k, m] < 1.0:
+                        field[k, i, c, m] = drawn[used]
+                        used += 1
+                    else:
+                        field[k, i, c, m] = F32(0.0)
+
+
+@entry
+def link_fields(kept: Float32Array, theta: Float32Array) -> None:
+    """θ_k = ρ_k θ_{k-1} + √(1 - ρ_k²) η_k (E, n, 2, P) in place of the innovations η; ``kept`` (E, P) = ρ."""
+    for k in range(1, theta.shape[0]):
+        for i in range(theta.shape[1]):
+            for c in range(2):
+                for m in range(theta.shape[3]):
+                    rho = kept[k, m]
+                    fresh = F32(math.sqrt(F32(1.0) - rho * rho)) * theta[k, i, c, m]
+                    theta[k, i, c, m] = rho * theta[k - 1, i, c, m] + fresh
 
 
 # --- pilots -----------------------------------------------------------------------------------
@@ -127,8 +158,8 @@ class Navigator(NamedTuple):
     its position with ``noise`` (T, n, 2) [m] and updates its estimate ê of the deviation and θ̂ of the
     field. It flies ê back and steers against ψ' θ̂, within u_min and u_max, and counts on what it could do.
     ``learnt`` stands for ``path.learnt``; it is 0 where a wind tells nothing about the next one. ``kept``
-    (S + 1, P) is the share that θ keeps from step to step. ``field`` (2, P) and ``estimate`` (3,) = (ê_x,
-    ê_y, 1 after the first fix) are scratch.
+    (S + 1, P) is the share that θ keeps from step to step. ``field`` (n, 2, P) and ``estimate`` (n, 3) =
+    (ê_x, ê_y, 1 after the first fix) are scratch.
     """
 
     path: Flight
@@ -144,8 +175,8 @@ Pilot: TypeAlias = Autopilot | Navigator
 
 
 @by_type
-def begin_flight(pilot: Pilot) -> None:
-    """Forget what an earlier flight has learnt."""
+def begin_flights(pilot: Pilot) -> None:
+    """Forget what earlier flights have learnt."""
     raise NotImplementedError
 
 
@@ -178,7 +209,7 @@ def held_to(motion: Motion, u: FloatArray, mean: FloatArray, t: int, at: Point) 
     return ux, uy
 
 
-@implements(begin_flight, Autopilot)
+@implements(begin_flights, Autopilot)
 def _begin_autopilot(pilot: Autopilot) -> None:
     pass
 
@@ -189,25 +220,26 @@ def _command_autopilot(pilot: Autopilot, motion: Motion, t: int, i: int, at: Poi
     return within_airspeed(motion, ux, uy) if motion.gain > 0.0 else (ux, uy)
 
 
-@implements(begin_flight, Navigator)
+@implements(begin_flights, Navigator)
 def _begin_navigator(pilot: Navigator) -> None:
-    for m in range(pilot.field.shape[1]):
-        pilot.field[0, m], pilot.field[1, m] = F32(0.0), F32(0.0)
-    pilot.estimate[0], pilot.estimate[1], pilot.estimate[2] = 0.0, 0.0, 0.0
+    for i in range(pilot.field.shape[0]):
+        for m in range(pilot.field.shape[2]):
+            pilot.field[i, 0, m], pilot.field[i, 1, m] = F32(0.0), F32(0.0)
+        pilot.estimate[i, 0], pilot.estimate[i, 1], pilot.estimate[i, 2] = 0.0, 0.0, 0.0
 
 
 @implements(command, Navigator)
 def _command_navigator(pilot: Navigator, motion: Motion, t: int, i: int, at: Point) -> tuple[float, float]:
-    path, estimate = pilot.path, pilot.estimate
+    path, field, estimate = pilot.path, pilot.field[i], pilot.estimate[i]
     if estimate[2] > 0.0:
-        fade_field(pilot.field, pilot.kept[t])
+        fade_field(field, pilot.kept[t])
     if (path.gain[t, 0, 0] != 0.0 or path.gain[t, 1, 1] != 0.0) and landmark_at(pilot.landmarks, at) >= 0:
         take_fix(pilot, t, i, at)
     held_x, held_y = held_to(motion, path.u, path.x, t, at)
     if estimate[2] == 0.0:
         return within_airspeed(motion, held_x, held_y) if motion.gain > 0.0 else (held_x, held_y)
     ex, ey, b_inv, b, dt, F = estimate[0], estimate[1], motion.b_inv, motion.b, motion.dt, path.F
-    hx, hy = known_wind(path.psi, pilot.field, t, 0), known_wind(path.psi, pilot.field, t, 1)
+    hx, hy = known_wind(path.psi, field, t, 0), known_wind(path.psi, field, t, 1)
     cx, cy = pilot.landmarks.gain * ex / dt + hx, pilot.landmarks.gain * ey / dt + hy
     ux = held_x - (b_inv[0, 0] * cx + b_inv[0, 1] * cy)
     uy = held_y - (b_inv[1, 0] * cx + b_inv[1, 1] * cy)
@@ -229,15 +261,15 @@ def fade_field(field: Float32Array, kept: Float32Array) -> None:
 
 @kernel
 def take_fix(pilot: Navigator, t: int, i: int, at: Point) -> None:
-    """Kalman update of ê and θ̂ by a position read with noise."""
-    path, estimate, noise = pilot.path, pilot.estimate, pilot.noise
+    """Kalman update of ê and θ̂ of flight ``i`` by a position read with noise."""
+    path, noise, field, estimate = pilot.path, pilot.noise, pilot.field[i], pilot.estimate[i]
     dx = at.x + noise[t, i, 0] - path.x[t, 0] - estimate[0]
     dy = at.y + noise[t, i, 1] - path.x[t, 1] - estimate[1]
     estimate[0] += path.gain[t, 0, 0] * dx + path.gain[t, 0, 1] * dy
     estimate[1] += path.gain[t, 1, 0] * dx + path.gain[t, 1, 1] * dy
     for c in range(2):
-        for m in range(pilot.field.shape[1]):
-            pilot.field[c, m] += F32(pilot.learnt[t, 0, c, m] * dx + pilot.learnt[t, 1, c, m] * dy)
+        for m in range(field.shape[1]):
+            field[c, m] += F32(pilot.learnt[t, 0, c, m] * dx + pilot.learnt[t, 1, c, m] * dy)
     estimate[2] = 1.0
 
 
@@ -250,22 +282,37 @@ def known_wind(psi: Float32Array, field: Float32Array, t: int, c: int) -> float:
     return wind
 
 
-# --- the loop ---------------------------------------------------------------------------------
+# --- the flights ------------------------------------------------------------------------------
+
+
+@entry
+def fly_batch(motion: Motion, draws: Draws, pilot: Pilot, x: FloatArray, met: FloatArray) -> None:
+    """Fly one plan once for every row of ``x`` (n, T+1, 2) [m], which has the start positions in column 0;
+    ``met`` (n, 4) is scratch."""
+    a, b, dt = motion.a, motion.b, motion.dt
+    begin_flights(pilot)
+    for t in range(x.shape[1] - 1):
+        meet_winds(draws, t, x, met)
+        for i in range(x.shape[0]):
+            at, we, wn = Point(x[i, t, 0], x[i, t, 1]), met[i, 0], met[i, 1]
+            ux, uy = command(pilot, motion, t, i, at)
+            x[i, t + 1, 0] = a[0, 0] * at.x + a[0, 1] * at.y + dt * (b[0, 0] * ux + b[0, 1] * uy + we)
+            x[i, t + 1, 1] = a[1, 0] * at.x + a[1, 1] * at.y + dt * (b[1, 0] * ux + b[1, 1] * uy + wn)
+
+
+# --- the verdict ------------------------------------------------------------------------------
 
 
 class Judge(NamedTuple):
-    """What decides about a flight: cells (with the bounds of the map) and automaton, obstacles, motion of
-    the robot."""
+    """What decides about a flight: cells (with the bounds of the map) and automaton, obstacles."""
 
     cells: Cells
     logic: Logic
     obstacles: Faces
-    motion: Motion
 
 
 class Outcome(NamedTuple):
-    """``x`` (n, T+1, 2) [m] with the start positions in column 0; ``accepted``, ``collided``, ``off_map``
-    (n,)."""
+    """Flights ``x`` (n, T+1, 2) [m] and what became of them: ``accepted``, ``collided``, ``off_map`` (n,)."""
 
     x: FloatArray
     accepted: BoolArray
@@ -274,27 +321,16 @@ class Outcome(NamedTuple):
 
 
 @entry
-def fly_batch(judge: Judge, draws: Draws, pilot: Pilot, outcome: Outcome) -> None:
-    """Fly one plan once for every row of ``outcome.x``; fills the rest of ``outcome``.
-
-    An entry without reference counts: 10 instead of 18 µs for a flight of 53 steps.
-    """
-    motion, logic, x = judge.motion, judge.logic, outcome.x
-    a, b, dt = motion.a, motion.b, motion.dt
+def judge_batch(judge: Judge, outcome: Outcome) -> None:
+    """Fill the flags of ``outcome`` from its positions."""
+    logic, x = judge.logic, outcome.x
     for i in range(x.shape[0]):
-        begin_flight(pilot)
         at = Point(x[i, 0, 0], x[i, 0, 1])
         cell = locate_cell(judge.cells, at)
         q = int(logic.delta[logic.initial, cell])
         collided, outside = False, off_map(judge.cells, at)
-        for t in range(x.shape[1] - 1):
-            we, wn = wind_met(draws, t, i, at)
-            ux, uy = command(pilot, motion, t, i, at)
-            there = Point(
-                a[0, 0] * at.x + a[0, 1] * at.y + dt * (b[0, 0] * ux + b[0, 1] * uy + we),
-                a[1, 0] * at.x + a[1, 1] * at.y + dt * (b[1, 0] * ux + b[1, 1] * uy + wn),
-            )
-            x[i, t + 1, 0], x[i, t + 1, 1] = there
+        for t in range(1, x.shape[1]):
+            there = Point(x[i, t, 0], x[i, t, 1])
             collided = collided or segment_touches(judge.obstacles, at, there)
             outside = outside or off_map(judge.cells, there)
             last = locate_cell(judge.cells, there)

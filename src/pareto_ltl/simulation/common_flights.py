@@ -9,10 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.random import SeedSequence
 
-from pareto_ltl.kernels import flight as kernel
 from pareto_ltl.kernels.path import Flight
 from pareto_ltl.planning.problem import Problem
-from pareto_ltl.simulation.flights import DRAWS, flight_judge, pilot_maker
+from pareto_ltl.simulation.flights import DRAWS, fly_draws, judge_flights, pilot_maker
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 
 
@@ -38,18 +37,17 @@ class DrawnFlights:
     def __len__(self) -> int:
         return len(self.start)
 
-    def fly(self, flight: Flight) -> tuple[FloatArray, BoolArray]:
-        """Positions (n, T+1, 2) [m] of the controls of ``flight``, and which flights fail."""
-        problem, n = self.problem, len(self)
-        x = np.empty((n, len(flight.x), 2))
-        x[:, 0] = problem.scene.start + self.start
-        flags = [np.empty(n, bool) for _ in range(3)]
-        outcome = kernel.Outcome(x, *flags)
-        pilot = pilot_maker(problem, flight.u, flight.x, self.law)(n, np.random.default_rng(self.seed))
-        kernel.fly_batch(flight_judge(problem), self.draws, pilot, outcome)
-        accepted, collided, off_map = flags
-        failed = ~accepted | collided
-        return x, failed | off_map if problem.scene.walled else failed
+    def positions(self, flight: Flight) -> FloatArray:
+        """Positions (n, T+1, 2) [m] of the controls of ``flight``."""
+        x = np.empty((len(self), len(flight.x), 2))
+        x[:, 0] = self.problem.scene.start + self.start
+        maker = pilot_maker(self.problem, flight.u, flight.x, self.law)
+        fly_draws(self.problem, self.draws, maker(len(self), np.random.default_rng(self.seed)), x)
+        return x
+
+    def failed(self, x: FloatArray) -> BoolArray:
+        """Which of the flights ``x`` (n, T+1, 2) fail."""
+        return judge_flights(self.problem, self.law, x).failed
 
     def only(self, rows: IntArray) -> DrawnFlights:
         """The flights of ``rows``."""

@@ -30,6 +30,7 @@ from pareto_ltl.support.memory import require_memory
 PilotMaker = Callable[[int, Generator], Any]  # takes the number of flights and what their fixes draw from
 FLIGHT_COPIES = 2  # of the positions of a flight: one in memory, one in the archive that is written
 FIX_NOISE = 2**16  # child of a block's seed that the errors of position fixes are drawn from
+FLAGS = "accepted", "collided", "off_map"
 BLOCK = 250  # runs that share a generator, whatever the number of threads
 
 # --- winds ------------------------------------------------------------------------------------
@@ -49,13 +50,13 @@ def draw_coherent(problem: Problem, runs: int, steps: int, rng: Generator) -> ke
 
     Fields and white parts have generators of their own, so that a longer plan only draws further.
     """
-    law, modes = problem.laws["coherent"], problem.modes
+    law = problem.laws["coherent"]
     assert not isinstance(law, kd.IndependentLaw)
     fields, gusts = rng.spawn(2)
-    kept = kept_by_epoch(modes, steps)
-    theta = fields.standard_normal((len(kept), runs, 2, modes.psi.shape[-1]), np.float32)
-    white = gusts.standard_normal((steps, runs, 2))
-    return kernel.CoherentDraws(law, white, linked_fields(kept, theta))
+    kept = kept_by_epoch(problem.modes, steps)
+    theta = draw_innovations(kept, runs, fields)
+    kernel.link_fields(kept, theta)
+    return kernel.CoherentDraws(law, gusts.standard_normal((steps, runs, 2)), theta)
 
 
 def kept_by_epoch(modes: kd.Modes, steps: int) -> Float32Array:
@@ -67,11 +68,13 @@ def kept_by_epoch(modes: kd.Modes, steps: int) -> Float32Array:
     return kept
 
 
-def linked_fields(kept: Float32Array, theta: Float32Array) -> Float32Array:
-    """θ (epochs, n, 2, P), made in place of its innovations: ``kept`` (epochs, P) of the epoch before."""
-    for k in range(1, len(kept)):
-        theta[k] = kept[k] * theta[k - 1] + np.sqrt(1.0 - kept[k] ** 2) * theta[k]
-    return theta
+def draw_innovations(kept: Float32Array, runs: int, rng: Generator) -> Float32Array:
+    """η (epochs, runs, 2, P) of θ: N(0, 1) in the epochs that change it, else 0, whatever follows them."""
+    modes = kept.shape[1]
+    drawn = rng.standard_normal(2 * runs * int((kept < 1.0).sum()), np.float32)
+    field = np.empty((len(kept), runs, 2, modes), np.float32)
+    kernel.place_innovations(kept, drawn, field)
+    return field
 
 
 DRAWS: dict[str, Callable[[Problem, int, int, Generator], Any]] = {
@@ -115,17 +118,18 @@ def simulate_flights(
     """
     require_known_wind(problem, u, mean)
     x = np.empty((runs, len(u) + 1, 2))
-    accepted, collided, off_map = (np.empty(runs, bool) for _ in range(3))
-    judge, pilot = flight_judge(problem), pilot_maker(problem, u, mean, law)
+    pilot = pilot_maker(problem, u, mean, law)
 
-    def one(rows: slice, child: SeedSequence) -> None:
+    def one(rows: slice, child: SeedSequence) -> Deployment:
         block = draw_block(problem, law, rows.stop - rows.start, len(u), child)
-        fly_block(judge, block, pilot, kernel.Outcome(x[rows], accepted[rows], collided[rows], off_map[rows]))
+        fly_block(problem, block, pilot, x[rows])
+        return judge_flights(problem, law, x[rows])
 
     blocks = block_rows(runs)
     with ThreadPoolExecutor(cores()) as pool:
-        list(pool.map(one, blocks, unspawned(seed).spawn(len(blocks))))
-    return Deployment(law, x, accepted, collided, off_map, problem.scene.walled)
+        found = list(pool.map(one, blocks, unspawned(seed).spawn(len(blocks))))
+    flags = (np.concatenate([getattr(part, name) for part in found]) for name in FLAGS)
+    return Deployment(law, x, *flags, problem.scene.walled)
 
 
 def unspawned(seed: SeedSequence) -> SeedSequence:
@@ -178,16 +182,23 @@ def draw_block(problem: Problem, law: str, runs: int, steps: int, seed: SeedSequ
     return FlightBlock(start, DRAWS[law](problem, runs, steps, rng), noise)
 
 
-def fly_block(judge: kernel.Judge, block: FlightBlock, pilot: PilotMaker, outcome: kernel.Outcome) -> None:
-    """Fly one plan once for each flight of ``block``; fills ``outcome``."""
-    outcome.x[:, 0] = block.start
-    rng = np.random.default_rng(block.noise)
-    kernel.fly_batch(judge, block.draws, pilot(len(block.start), rng), outcome)
+def fly_block(problem: Problem, block: FlightBlock, pilot: PilotMaker, x: FloatArray) -> None:
+    """Fly one plan once for each flight of ``block``; fills ``x`` (n, T+1, 2)."""
+    x[:, 0] = block.start
+    fly_draws(problem, block.draws, pilot(len(x), np.random.default_rng(block.noise)), x)
 
 
-def flight_judge(problem: Problem) -> kernel.Judge:
-    """What decides whether a flight completes the mission, meets an obstacle and leaves the map."""
-    return kernel.Judge(problem.world.cells, problem.world.logic, problem.obstacles, problem.motion)
+def fly_draws(problem: Problem, draws: kernel.Draws, pilot: kernel.Pilot, x: FloatArray) -> None:
+    """Fly one plan from the places ``x[:, 0]`` through the winds of ``draws``; fills ``x`` (n, T+1, 2)."""
+    kernel.fly_batch(problem.motion, draws, pilot, x, np.empty((len(x), 4)))
+
+
+def judge_flights(problem: Problem, law: str, x: FloatArray) -> Deployment:
+    """Which of the flights ``x`` (n, T+1, 2) complete the mission, meet an obstacle and leave the map."""
+    judge = kernel.Judge(problem.world.cells, problem.world.logic, problem.obstacles)
+    outcome = kernel.Outcome(x, *(np.empty(len(x), bool) for _ in range(3)))
+    kernel.judge_batch(judge, outcome)
+    return Deployment(law, *outcome, problem.scene.walled)
 
 
 def pilot_maker(problem: Problem, u: FloatArray, mean: FloatArray | None, law: str) -> PilotMaker:
@@ -207,8 +218,9 @@ def pilot_maker(problem: Problem, u: FloatArray, mean: FloatArray | None, law: s
 
     def navigator(runs: int, rng: Generator) -> kernel.Navigator:
         noise = fix_sd * rng.standard_normal((len(u), runs, 2))
-        field = np.empty((2, modes.psi.shape[-1]), np.float32)
-        return kernel.Navigator(path, planned.landmarks, learnt, noise, modes.kept, field, np.zeros(3))
+        field = np.empty((runs, 2, modes.psi.shape[-1]), np.float32)
+        estimate = np.empty((runs, 3))
+        return kernel.Navigator(path, planned.landmarks, learnt, noise, modes.kept, field, estimate)
 
     return navigator
 

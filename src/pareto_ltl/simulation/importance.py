@@ -47,14 +47,14 @@ from pareto_ltl.simulation.failure_modes import FailureModes, find_failure_modes
 from pareto_ltl.simulation.flights import (
     block_rows,
     counted_rate,
-    flight_judge,
+    draw_innovations,
+    fly_draws,
+    judge_flights,
     kept_by_epoch,
-    linked_fields,
     require_known_wind,
     simulate_flights,
     unspawned,
 )
-from pareto_ltl.simulation.records import Deployment
 from pareto_ltl.support.arrays import BoolArray, Float32Array, FloatArray
 from pareto_ltl.support.cores import cores
 
@@ -276,22 +276,21 @@ def weighted_flights(
     """
     weights, failed = np.empty(draws), np.empty(draws, bool)
     mixture, choices = proposal.mixture(), component_choices(proposal)
-    judge, pilot = flight_judge(problem), rollout.Autopilot(path.u, np.ascontiguousarray(path.x))
+    pilot, law = rollout.Autopilot(path.u, np.ascontiguousarray(path.x)), problem.fidelity.law
 
     def one(rows: slice, child: SeedSequence) -> None:
         n = rows.stop - rows.start
         z = draw_proposal(proposal, choices, n, np.random.default_rng(child))
-        theta = linked_fields(proposal.law.kept, z.field.copy())
+        theta = z.field.copy()
+        rollout.link_fields(proposal.law.kept, theta)
         e, density = np.empty((n, len(path.x), 2)), np.empty(n)
         kernel.linear_deviations(proposal.law, z, theta, e)
         kernel.mixture_density(mixture, e, density)
-        flags = (np.empty(n, bool) for _ in range(3))
-        outcome = rollout.Outcome(np.empty((n, len(path.x), 2)), *flags)
-        outcome.x[:, 0] = problem.scene.start + proposal.law.start_sd * z.start
-        law = problem.fidelity.law
-        rollout.fly_batch(judge, WINDS[law](problem, z, theta), pilot, outcome)
+        x = np.empty((n, len(path.x), 2))
+        x[:, 0] = problem.scene.start + proposal.law.start_sd * z.start
+        fly_draws(problem, WINDS[law](problem, z, theta), pilot, x)
         weights[rows] = 1.0 / density
-        failed[rows] = Deployment(law, *outcome, problem.scene.walled).failed
+        failed[rows] = judge_flights(problem, law, x).failed
 
     blocks = block_rows(draws)
     with ThreadPoolExecutor(cores()) as pool:
@@ -315,11 +314,10 @@ def draw_proposal(proposal: Proposal, choices: FloatArray, n: int, rng: Generato
     plain = level == len(proposal.ladder.level)
     tau = np.where(plain, 0.0, np.append(proposal.ladder.level, 0.0)[level] * modes.threshold[event])
     size = -ndtri((1.0 - rng.random(n)) * ndtr(-tau))  # r ~ N(0, 1) given r >= τ, by inversion
-    steps, epochs = len(law.white), len(law.kept)
     z = kernel.NormalDraws(
         rng.standard_normal((n, 2)),
-        rng.standard_normal((steps, n, 2)),
-        rng.standard_normal((epochs, n, 2, law.psi.shape[-1]), np.float32),
+        rng.standard_normal((len(law.white), n, 2)),
+        draw_innovations(law.kept, n, rng),
     )
     kernel.push_draws(proposal.directions, np.where(plain, -1, event), size, z)
     return z

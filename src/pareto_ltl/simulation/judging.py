@@ -16,7 +16,6 @@ from itertools import pairwise, repeat
 import numpy as np
 from numpy.random import SeedSequence
 
-from pareto_ltl.kernels import flight as kernel
 from pareto_ltl.planning.evaluate import evaluate_path
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import FailureRate, Front, PlannedPath
@@ -26,8 +25,8 @@ from pareto_ltl.simulation.flights import (
     block_rows,
     counted_rate,
     draw_block,
-    flight_judge,
     fly_block,
+    judge_flights,
     pilot_maker,
     require_known_wind,
     simulate_flights,
@@ -179,13 +178,12 @@ class Race:
         problem, law = self.problem, self.problem.fidelity.law
         rows = self.blocks[number]
         block = draw_block(problem, law, rows.stop - rows.start, max(self.sizes), self.seeds[number])
-        judge, n = flight_judge(problem), len(block.start)
+        n = len(block.start)
         failed = np.empty((len(running), n), bool)
         for row, k in enumerate(running):
-            flags = (np.empty(n, bool) for _ in range(3))
-            outcome = kernel.Outcome(np.empty((n, self.sizes[k] + 1, 2)), *flags)
-            fly_block(judge, block, self.pilots[k], outcome)
-            failed[row] = Deployment(law, *outcome, problem.scene.walled).failed
+            x = np.empty((n, self.sizes[k] + 1, 2))
+            fly_block(problem, block, self.pilots[k], x)
+            failed[row] = judge_flights(problem, law, x).failed
         return failed
 
 

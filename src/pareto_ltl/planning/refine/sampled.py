@@ -40,8 +40,11 @@ SLOWEST = 0.05  # of u_max: a leg against a stronger wind counts as flown at thi
 class CommonFlights(Protocol):
     """Flights that every plan meets the same winds in."""
 
-    def fly(self, flight: Flight) -> tuple[FloatArray, BoolArray]:
-        """Positions (n, T+1, 2) [m] of the controls of ``flight``, and which flights fail."""
+    def positions(self, flight: Flight) -> FloatArray:
+        """Positions (n, T+1, 2) [m] of the controls of ``flight``."""
+
+    def failed(self, x: FloatArray) -> BoolArray:
+        """Which of the flights ``x`` (n, T+1, 2) fail."""
 
     def only(self, rows: IntArray) -> CommonFlights:
         """These flights alone."""
@@ -125,9 +128,10 @@ class Refiner:
         flight, near, runs = self.flown(x), flights, len(flights)
         for width in how.widths:
             flight, near = self._at_width(flight, near, runs, how, width, longest)
-        positions, failed = flights.fly(flight)
+        positions = flights.positions(flight)
         smoothed = self.slope(flight.x, positions - flight.x, how.widths[-1], runs)[0].value
-        return Candidate(flight, path_length(flight.x), smoothed, float(failed.mean()), origin)
+        failed = float(flights.failed(positions).mean())
+        return Candidate(flight, path_length(flight.x), smoothed, failed, origin)
 
     def _at_width(
         self, flight: Flight, near: CommonFlights, runs: int, how: Polish, width: float, longest: float
@@ -136,7 +140,7 @@ class Refiner:
         out from here on."""
         trust = how.trust
         for turn in range(how.outer):
-            off = near.fly(flight)[0] - flight.x
+            off = near.positions(flight) - flight.x
             here, margins = self.slope(flight.x, off, width, runs)
             if turn == 0:
                 rows = np.flatnonzero(margins < COUNTED * width + how.trust * self.problem.reach)
