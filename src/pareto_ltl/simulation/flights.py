@@ -128,8 +128,8 @@ def simulate_flights(
     blocks = block_rows(runs)
     with ThreadPoolExecutor(cores()) as pool:
         found = list(pool.map(one, blocks, unspawned(seed).spawn(len(blocks))))
-    flags = (np.concatenate([getattr(part, name) for part in found]) for name in FLAGS)
-    return Deployment(law, x, *flags, problem.scene.walled)
+    accepted, collided, off_map = (np.concatenate([getattr(part, name) for part in found]) for name in FLAGS)
+    return Deployment(law, x, accepted, collided, off_map, problem.scene.walled)
 
 
 def unspawned(seed: SeedSequence) -> SeedSequence:
