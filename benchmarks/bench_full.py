@@ -13,11 +13,10 @@ import pytest
 import yaml
 from numpy.random import SeedSequence
 
-from pareto_ltl.kernels.mission_risk import ordered_risk
 from pareto_ltl.logic.mission import automaton_of
 from pareto_ltl.planning import growth, selection
 from pareto_ltl.planning import reference as risk
-from pareto_ltl.planning.evaluate import evaluate_path
+from pareto_ltl.planning.evaluate import evaluate_path, ordered_mission_risk, propagate
 from pareto_ltl.planning.pack import build_problem, pack_faces
 from pareto_ltl.planning.records import Forest
 from pareto_ltl.planning.refine import smooth_paths
@@ -39,7 +38,6 @@ from pareto_ltl.wind.field import modes_lattice
 from pareto_ltl.wind.observations import place_readings
 from pareto_ltl.world import cells as workspace
 from pareto_ltl.world.scene_settings import scene_from_settings
-from problems import three_columns
 
 CONF = Path(__file__).parents[1] / "conf"
 
@@ -141,8 +139,8 @@ def test_growth_without_v_and_r(benchmark, mission):
 
 def test_mission_bound_of_a_path(benchmark, mission, paths):
     path = paths[0]
-    nothing = np.zeros(len(path.x))
-    found = benchmark(ordered_risk, mission.ordered, path.x, three_columns(path.cov), nothing)
+    flight = propagate(mission, path.x)
+    found = benchmark(ordered_mission_risk, mission, flight)
     assert found == pytest.approx(risk.ordered_bound(mission, path.x, path.cov), abs=1e-12)
 
 

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pareto_ltl.kernels.data import Point
-from pareto_ltl.kernels.neighbours import kd_insert, kd_nearest, remember
+from pareto_ltl.kernels.neighbours import Bins, bin_of, kd_insert, kd_nearest, remember
 from problems import RARE, chi_square_chance
 
 some = settings(deadline=None, max_examples=60)
@@ -19,7 +19,7 @@ clouds = st.lists(st.tuples(coordinate, coordinate, st.integers(0, 2)), max_size
 def planted(points, groups):
     """A k-d tree for each of the ``groups`` of ``points``."""
     x = np.array(points, float).reshape(-1, 2)
-    child, root = np.full((len(x), 2), -1, np.int32), np.full(max(groups, default=0) + 1, -1, np.int64)
+    child, root = np.full((len(x), 2), -1, np.int32), np.full(max(groups, default=0) + 1, -1, np.int32)
     for vertex, group in enumerate(groups):
         kd_insert(x, child, root, group, vertex)
     return x, child, root
@@ -67,7 +67,7 @@ def test_a_large_random_tree_agrees_with_brute_force():
 
 
 def test_a_square_keeps_all_that_fit_and_then_forgets_some():
-    kept, seen = np.full((2, 4), -1, np.int64), np.zeros(2, np.int64)
+    kept, seen = np.full((2, 4), -1, np.int32), np.zeros(2, np.int32)
     rng = np.random.default_rng(0)
     for vertex in range(4):
         remember(kept, seen, 1, vertex, rng)
@@ -84,7 +84,7 @@ def test_every_vertex_is_kept_with_the_same_probability():
     items, capacity, rounds = 20, 5, 1500
     counts, rng = np.zeros(items), np.random.default_rng(7)
     for _ in range(rounds):
-        kept, seen = np.empty((1, capacity), np.int64), np.zeros(1, np.int64)
+        kept, seen = np.empty((1, capacity), np.int32), np.zeros(1, np.int32)
         for vertex in range(items):
             remember(kept, seen, 0, vertex, rng)
         counts[kept[0]] += 1
@@ -92,3 +92,25 @@ def test_every_vertex_is_kept_with_the_same_probability():
     mean = rounds * capacity / items
     stretch = np.sqrt((items - 1) / (items - capacity))
     assert chi_square_chance(mean + stretch * (counts - mean), np.full(items, mean)) > RARE
+
+
+@some
+@given(st.lists(st.tuples(st.integers(0, 3), st.integers(0, 6)), max_size=40))
+def test_every_pair_of_square_and_state_has_one_bin_and_bins_of_a_square_come_by_state(pairs):
+    n = len(pairs) + 1
+    none = [np.zeros(n, np.int32) for _ in range(3)]
+    bins = Bins(
+        np.zeros(4, np.int32), *none, np.zeros((n, 8), np.int32), np.zeros(n, np.int32), np.zeros(1, np.int64)
+    )
+    numbers = {}
+    for square, state in pairs:
+        b = bin_of(bins, square, state)
+        assert numbers.setdefault((square, state), b) == b > 0
+    assert bins.used[0] == len(numbers) == len(set(numbers.values()))
+    for square in range(4):
+        met, b = [], bins.head[square]
+        while b > 0:
+            assert numbers[square, int(bins.state[b])] == b
+            met.append(int(bins.state[b]))
+            b = bins.after[b]
+        assert met == sorted(state for at, state in numbers if at == square)

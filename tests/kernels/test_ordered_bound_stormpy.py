@@ -12,9 +12,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pareto_ltl.kernels.data import Cells, Corners, Faces, Logic, Ordered
-from pareto_ltl.kernels.mission_risk import begin_bound, read_letter
+from pareto_ltl.kernels.data import Cells, Corners, Faces, Logic
+from pareto_ltl.kernels.ordered_bound import begin_bound, live_value, note_letters, read_letter
 from pareto_ltl.planning import reference
+from pareto_ltl.planning.pack_logic import empty_letters, follow_states, live_rows
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 
 stormpy = pytest.importorskip("stormpy")
@@ -78,9 +79,7 @@ def logic_of(delta: IntArray, goal: int) -> Logic:
     none = Corners(
         np.zeros(0, np.int64), np.empty((0, 2)), np.empty(0), np.zeros(1, np.int64), np.empty((0, 2))
     )
-    return Logic(
-        delta, distance, covers, np.ascontiguousarray(~covers[delta]), 0, harmless, harmless.copy(), none
-    )
+    return Logic(delta, distance, covers, 0, harmless, harmless.copy(), none)
 
 
 def bound_of_kernel(logic: Logic, goal: int, P: FloatArray) -> float:
@@ -91,11 +90,14 @@ def bound_of_kernel(logic: Logic, goal: int, P: FloatArray) -> float:
     )
     letters = np.arange(P.shape[1] - 1)
     corners = Corners(letters, np.empty((0, 2)), np.empty(0), np.zeros(1, np.int64), np.empty((0, 2)))
-    bound, v = Ordered(corners, cells, logic), np.empty((2, len(logic.delta)))
-    begin_bound(bound, v, 0)
+    bound = follow_states(corners, cells, logic)
+    rows, letters = live_rows(bound, 2), empty_letters(bound)
+    begin_bound(bound, rows, 0)
     for t in range(len(P)):
-        read_letter(bound, v, t % 2, P[t], np.empty(0), v, (t + 1) % 2)
-    return float(v[len(P) % 2, goal])
+        letters.seen[:] = P[t]
+        note_letters(bound, letters)
+        read_letter(bound, letters, rows, t % 2, rows, (t + 1) % 2, goal)
+    return float(live_value(bound, rows, len(P) % 2, goal))
 
 
 def bound_of_reference(logic: Logic, P: FloatArray, monkeypatch: pytest.MonkeyPatch) -> float:

@@ -11,7 +11,7 @@ import shapely
 from hypothesis import given, settings
 from numpy.random import SeedSequence
 
-from pareto_ltl.kernels.dijkstra import shortest_lead
+from pareto_ltl.kernels.dijkstra import list_edges, shortest_lead
 from pareto_ltl.planning import growth
 from pareto_ltl.planning import product_graph as guide
 from pareto_ltl.settings import PlannerConfig
@@ -33,13 +33,12 @@ def test_edges_follow_doors_and_the_automaton(formula):
     cells, diagonal = len(problem.labels), np.linalg.norm(np.diff(problem.scene.bounds, axis=0))
     doors = {tuple(d) for d in problem.decomposition.doors.tolist()}
     doors |= {(j, i) for i, j in doors}
-    net = workspace.cell_graph(problem.decomposition)
+    net, heap = workspace.cell_graph(problem.decomposition), guide.empty_heap(graph)
     for q in range(automaton.n_states):
         for r in range(cells):
             z = q * cells + r
-            found = {}
-            for e in range(graph.ptr[z], graph.ptr[z + 1]):
-                found[int(graph.head[e])] = graph.metres[e]
+            n = list_edges(graph, z, heap)
+            found = dict(zip(heap.head[:n].tolist(), heap.metres[:n].tolist(), strict=True))
             expected = {}
             for s in range(cells):
                 then = automaton.step(q, problem.labels[s])
@@ -53,22 +52,21 @@ def test_edges_follow_doors_and_the_automaton(formula):
 
 def test_states_weigh_volume_and_urgency():
     problem = two_goals()
-    graph, cells = graph_of(problem), len(problem.labels)
+    graph = graph_of(problem)
     area = np.array([shapely.Polygon(c).area for c in problem.decomposition.cells])
-    for q, distance in enumerate(problem.automaton.distance):
-        rows = slice(q * cells, (q + 1) * cells)
-        np.testing.assert_allclose(graph.volume[rows], area / area.sum())
-        np.testing.assert_allclose(graph.urgency[rows], 1 / (distance + 1))
-        assert np.all(graph.goal[rows] == (distance == 0))
+    distance = problem.automaton.distance
+    np.testing.assert_allclose(graph.volume, area / area.sum())
+    np.testing.assert_allclose(graph.urgency[distance < np.inf], 1 / (distance[distance < np.inf] + 1))
+    np.testing.assert_array_equal(graph.goal, distance == 0)
 
 
 def test_the_lead_is_a_run_of_the_automaton_through_doors():
     problem = two_goals()
     graph, cells = graph_of(problem), len(problem.labels)
-    none = np.zeros(len(graph.goal), np.int64)
+    none = np.zeros(len(graph.goal) * cells, np.int64)
     start = int(problem.locate(problem.scene.start[None])[0])
     q = problem.automaton.step(problem.automaton.initial, problem.labels[start])
-    lead = shortest_lead(graph, none, none, q * cells + start)
+    lead = shortest_lead(graph, none, none, q * cells + start, guide.empty_heap(graph))
     net = nx.Graph(problem.decomposition.doors.tolist())
     for z, w in pairwise(lead):
         assert net.has_edge(z % cells, w % cells)

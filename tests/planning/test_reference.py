@@ -12,7 +12,7 @@ from scipy.stats import binom, multivariate_normal
 
 from pareto_ltl.planning import reference as risk
 from pareto_ltl.planning.evaluate import evaluate_path
-from pareto_ltl.planning.pack import harmful_letters
+from pareto_ltl.planning.pack_logic import harmful_letters
 from pareto_ltl.planning.reference_segments import meeting_bounds
 from pareto_ltl.settings import PlannerConfig
 from pareto_ltl.simulation import flights as deployment

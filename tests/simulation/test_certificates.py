@@ -98,7 +98,11 @@ def all_edges(problem: Problem) -> ClaimEdges:
         if logic.covers[logic.delta[q, -1], p]:
             rows.append((q, p, -1))
             shunned.append(
-                [g for g, c in enumerate(labelled) if logic.spoils[q, c, p] and not logic.loses[q, c]]
+                [
+                    g
+                    for g, c in enumerate(labelled)
+                    if not logic.covers[logic.delta[q, c], p] and not logic.loses[q, c]
+                ]
             )
         for g, c in enumerate(labelled):
             if logic.covers[logic.delta[q, c], p] and not logic.loses[q, c]:

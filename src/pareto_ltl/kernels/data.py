@@ -6,7 +6,7 @@ a collision bound. Memory that a model does not need is None.
 
 from __future__ import annotations
 
-from typing import NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 from pareto_ltl.support.arrays import BoolArray, Float32Array, FloatArray, Int32Array, IntArray
 
@@ -105,8 +105,7 @@ class Logic(NamedTuple):
     """The automaton on the letters that cells show.
 
     ``delta`` (Q, C + 1), the last column for no label (obstacles, off the map); ``distance`` d_A (Q,), inf
-    in the trap; ``covers`` (Q, Q): ``covers[q, p]`` iff q accepts all that p accepts (q >= p); ``spoils``
-    (Q, C + 1, Q): reading the label in q does not lead to a state that accepts all p accepts.
+    in the trap; ``covers`` (Q, Q): ``covers[q, p]`` iff q accepts all that p accepts (q >= p).
 
     On the way from step to step letters that lead away from acceptance are read. ``harm`` (Q, C + 1): the
     label is worse in q than no label, or ends in the trap; ``hazards`` are the cells that harm in some state;
@@ -116,7 +115,6 @@ class Logic(NamedTuple):
     delta: IntArray
     distance: FloatArray
     covers: BoolArray
-    spoils: BoolArray
     initial: int
     harm: BoolArray
     loses: BoolArray
@@ -271,22 +269,64 @@ class Theorem2(NamedTuple):
     holds: BoolArray
 
 
+class StateLists(NamedTuple):
+    """For each automaton state q the states ``state[ptr[q]:ptr[q + 1]]``."""
+
+    ptr: IntArray
+    state: IntArray
+
+
 class Ordered(NamedTuple):
-    """The ordered bound V: cells that show a label, all cells, the automaton."""
+    """The ordered bound V: cells that show a label, all cells, the automaton.
+
+    ``targets`` are the states that an entry of V at q is followed to, ``begin`` those of the first entries
+    (:mod:`pareto_ltl.kernels.ordered_bound`); the lists of a large automaton are empty. States of one
+    ``kind`` (Q,) are lost by the same labels.
+    """
 
     labelled: Corners
     cells: Cells
     logic: Logic
+    targets: StateLists
+    begin: IntArray
+    kind: IntArray
+
+
+class LiveRows(NamedTuple):
+    """Rows of entries (automaton state, V): those of row v begin at ``first[v]`` of ``state`` and ``value``,
+    and there are ``size[v]``, at most ``most``. Rows may share their entries; places from ``used[0]`` on are
+    free. -1 in ``first`` is a row that has no places yet."""
+
+    first: IntArray
+    size: Int32Array
+    state: Int32Array
+    value: FloatArray
+    used: IntArray
+    most: int
+
+
+class Letters(NamedTuple):
+    """What may be read in one step: ``seen`` (L + 1,) = P(each label), last no label; ``met`` (H,) = P(each
+    hazard met). Scratch: ``parts`` and ``hazards`` list those above 0, ``listed`` (2,) of each, and ``place``
+    (Q,) is the number of a state's entry, -1 where it has none."""
+
+    seen: FloatArray
+    met: FloatArray
+    parts: IntArray
+    hazards: IntArray
+    listed: IntArray
+    place: Int32Array
 
 
 class OrderedMemory(NamedTuple):
-    """``bound`` (N, Q): V of every automaton state; ``cov`` (N, 3) of each vertex, without rows where no cell
-    is a hazard; scratch: ``seen`` (L + 1,) = P(each label), ``met`` (H,) = P(each hazard met)."""
+    """``rows`` of V; ``cov`` (N, 3) of each vertex, without rows where no cell is a hazard. Of two scratch
+    rows ``same`` (2,) is the tree's row that V is equal to, -1 where the entries are its own; ``letters`` is
+    scratch too, None in trees."""
 
-    bound: FloatArray
+    rows: LiveRows
     cov: FloatArray
-    seen: FloatArray
-    met: FloatArray
+    same: IntArray
+    letters: Any
 
 
 MissionBound: TypeAlias = Theorem2 | Ordered

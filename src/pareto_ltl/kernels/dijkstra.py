@@ -2,37 +2,52 @@
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
 
-from pareto_ltl.kernels.jit import allocating, kernel
-from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
+from pareto_ltl.kernels.jit import allocating, inlined, kernel
+from pareto_ltl.support.arrays import BoolArray, FloatArray, Int32Array, IntArray
 
 
 class Product(NamedTuple):
-    """Product graph; state z = q * C + r, edges of z in rows ``ptr[z]`` to ``ptr[z + 1]``.
+    """Product graph; state z = q * C + r.
 
-    ``metres`` (E,) centroid distances over the diagonal of the map; ``volume`` (Z,) share of the map;
-    ``urgency`` (Z,) 1 / (d_A(q) + 1); ``goal`` (Z,) accepting.
+    From cell r doors lead to the cells ``beyond[ptr[r]:ptr[r + 1]]``, ascending, of which r itself is one:
+    its label is read again. The automaton state after cell r' is ``delta[q, r']``. An edge that changes
+    nothing is left out, and one from or to a state that is not ``open`` (Q,): it completes no mission.
+
+    ``metres`` (D,) centroid distances over the diagonal of the map; ``volume`` (C,) share of the map;
+    ``urgency`` (Q,) 1 / (d_A(q) + 1); ``goal`` (Q,) accepting; ``ahead`` (Q,) what the way from q to
+    acceptance is taken to cost, 0 where the graph is small and leads are to be shortest.
     """
 
     ptr: IntArray
-    head: IntArray
+    beyond: IntArray
     metres: FloatArray
+    delta: IntArray
+    open: BoolArray
     volume: FloatArray
     urgency: FloatArray
     goal: BoolArray
+    ahead: FloatArray
 
 
 class Heap(NamedTuple):
-    """A binary heap of states with their keys, and where the search stands."""
+    """A binary heap of states with their keys, and where the search stands.
+
+    ``cost`` and ``previous`` (Z,) hold in search number ``search[0]`` where ``reached`` (Z,) is twice that
+    number, or one more in states that are done; ``head`` and ``metres`` are the edges of one state.
+    """
 
     key: FloatArray
-    item: IntArray
+    item: Int32Array
     cost: FloatArray
-    previous: IntArray
+    previous: Int32Array
+    reached: Int32Array
+    search: IntArray
+    head: IntArray
+    metres: FloatArray
 
 
 @kernel
@@ -65,61 +80,92 @@ def _pop(heap: Heap, size: int) -> int:
     return size
 
 
-@kernel
-def weigh(product: Product, count: IntArray, selected: IntArray, weight: FloatArray) -> None:
+@inlined
+def state_weight(product: Product, count: IntArray, selected: IntArray, z: int) -> float:
     """w(z) = (cov + 1) vol(r) / ((d_A(q) + 1) (numsel + 1)²), cov the number of vertices in Γ_z."""
-    for z in range(len(weight)):
-        s = selected[z] + 1.0
-        weight[z] = (count[z] + 1.0) * product.volume[z] * product.urgency[z] / (s * s)
+    cells, s = len(product.volume), selected[z] + 1.0
+    return float((count[z] + 1.0) * product.volume[z % cells] * product.urgency[z // cells] / (s * s))
 
 
 @kernel
-def find_lead(product: Product, weight: FloatArray, start: int, heap: Heap, lead: IntArray) -> int:
-    """Dijkstra from ``start`` to the nearest goal under cost metres / (w w').
+def list_edges(product: Product, z: int, heap: Heap) -> int:
+    """The edges of a state into ``heap.head`` and ``metres``, by their heads; returns how many."""
+    cells = len(product.volume)
+    q, r = z // cells, z % cells
+    found = 0
+    if not product.open[q]:
+        return found
+    for e in range(product.ptr[r], product.ptr[r + 1]):
+        then = product.delta[q, product.beyond[e]]
+        if not product.open[then] or (product.beyond[e] == r and then == q):
+            continue
+        head, k = then * cells + product.beyond[e], found
+        while k > 0 and heap.head[k - 1] > head:
+            heap.head[k], heap.metres[k] = heap.head[k - 1], heap.metres[k - 1]
+            k -= 1
+        heap.head[k], heap.metres[k] = head, product.metres[e]
+        found += 1
+    return found
 
-    Fills ``lead`` from the start on and returns its length, 0 where no goal can be reached.
+
+@kernel
+def find_lead(
+    product: Product, count: IntArray, selected: IntArray, start: int, heap: Heap, lead: IntArray,
+    weight: FloatArray,
+) -> int:  # fmt: skip
+    """The way from ``start`` to the nearest goal under cost metres / (w w'), by Dijkstra's algorithm.
+
+    Where ``product.ahead`` is not 0, by A* with it, which may find another way than the shortest. Fills
+    ``lead`` from the start on, and ``weight`` with the weights of its states; returns its length, 0 where no
+    goal can be reached.
     """
-    cost, previous = heap.cost, heap.previous
-    cost[:] = math.inf
-    cost[start] = 0.0
-    previous[start] = -1
-    size = _push(heap, 0, 0.0, start)
+    cost, previous, reached, cells = heap.cost, heap.previous, heap.reached, len(product.volume)
+    heap.search[0] += 1
+    now = 2 * heap.search[0]
+    cost[start], previous[start], reached[start] = 0.0, -1, now
+    size = _push(heap, 0, product.ahead[start // cells], start)
     goal = -1
     while size > 0:
-        key, z = heap.key[0], heap.item[0]
+        z = int(heap.item[0])
         size = _pop(heap, size)
-        if key > cost[z]:
+        if reached[z] == now + 1:
             continue
-        if product.goal[z]:
+        reached[z] = now + 1
+        if product.goal[z // cells]:
             goal = z
             break
-        for e in range(product.ptr[z], product.ptr[z + 1]):
-            w = product.head[e]
-            reach = key + product.metres[e] / (weight[z] * weight[w])
-            if reach < cost[w]:
-                cost[w] = reach
-                previous[w] = z
-                size = _push(heap, size, reach, w)
-    if goal < 0:
-        return 0
-    length = 0
-    z = goal
+        own = state_weight(product, count, selected, z)
+        for e in range(list_edges(product, z, heap)):
+            w = heap.head[e]
+            if reached[w] == now + 1:
+                continue
+            reach = cost[z] + heap.metres[e] / (own * state_weight(product, count, selected, w))
+            if reached[w] < now or reach < cost[w]:
+                cost[w], previous[w], reached[w] = reach, z, now
+                size = _push(heap, size, reach + product.ahead[w // cells], w)
+    return trace_lead(previous, goal, lead, weight, product, count, selected)
+
+
+@inlined
+def trace_lead(
+    previous: Int32Array, goal: int, lead: IntArray, weight: FloatArray, product: Product, count: IntArray,
+    selected: IntArray,
+) -> int:  # fmt: skip
+    """Fill ``lead`` with the states up to ``goal``, and ``weight`` with their weights; return how many."""
+    length, z = 0, goal
     while z >= 0:
         lead[length] = z
         length += 1
         z = previous[z]
     for i in range(length // 2):
         lead[i], lead[length - 1 - i] = lead[length - 1 - i], lead[i]
+    for i in range(length):
+        weight[i] = state_weight(product, count, selected, lead[i])
     return length
 
 
 @allocating
-def shortest_lead(product: Product, count: IntArray, selected: IntArray, start: int) -> IntArray:
+def shortest_lead(product: Product, count: IntArray, selected: IntArray, start: int, heap: Heap) -> IntArray:
     """One lead by itself, for the uncompiled world: state numbers from ``start`` to a goal."""
-    states, edges = len(product.goal), len(product.head)
-    heap = Heap(
-        np.empty(edges + 1), np.empty(edges + 1, np.int64), np.empty(states), np.empty(states, np.int64)
-    )
-    weight, lead = np.empty(states), np.empty(states, np.int64)
-    weigh(product, count, selected, weight)
-    return lead[: find_lead(product, weight, start, heap, lead)]
+    lead, weight = np.empty(len(count), np.int64), np.empty(len(count))
+    return lead[: find_lead(product, count, selected, start, heap, lead, weight)]

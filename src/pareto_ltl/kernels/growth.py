@@ -9,7 +9,7 @@ import numpy as np
 from numpy.random import Generator
 
 from pareto_ltl.kernels.data import Cov, Gaussian, Point
-from pareto_ltl.kernels.dijkstra import Product, find_lead, weigh
+from pareto_ltl.kernels.dijkstra import Product, find_lead
 from pareto_ltl.kernels.geometry import locate_cell
 from pareto_ltl.kernels.jit import entry, inlined, kernel
 from pareto_ltl.kernels.letters import next_state
@@ -128,8 +128,8 @@ def pick_state(s: Search, rng: Generator) -> int:
         z = state.lead[i]
         if state.members[z] == 0:
             continue
-        total += state.weight[z]
-        if rng.random() * total < state.weight[z]:
+        total += state.weight[i]
+        if rng.random() * total < state.weight[i]:
             chosen = i
         if rng.random() < 0.5:
             break
@@ -159,8 +159,9 @@ def grow(s: Search, product: Product, fans: Fans, limit: int, iterations: int, r
     start = tree.q[0] * cells + tree.cell[0]
     while tally[VERTICES] < limit and tally[ITERATIONS] < iterations:
         if tally[AGE] % s.settings.refresh == 0:
-            weigh(product, state.members, state.selected, state.weight)
-            tally[LEAD] = find_lead(product, state.weight, start, state.heap, state.lead)
+            tally[LEAD] = find_lead(
+                product, state.members, state.selected, start, state.heap, state.lead, state.weight
+            )
         tally[AGE] += 1
         tally[ITERATIONS] += 1
         position = pick_state(s, rng)
@@ -195,7 +196,7 @@ def plant(s: Search, start: Point, variance: float, rng: Generator) -> bool:
     forget(world.law, tree.memory)
     if not plant_collision(world.collision, tree, here):
         return False
-    plant_mission(world.mission, tree, here)
+    plant_mission(world.mission, tree, state, here)
     state.tally[VERTICES] = 1
     if world.logic.distance[q] == 0.0:
         state.tally[ACCEPTED] = 1

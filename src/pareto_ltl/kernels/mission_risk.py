@@ -1,4 +1,7 @@
-"""Bounds on the probability of missing the mission: the paper's f_o and the ordered bound V."""
+"""The paper's bound f_o on the probability of missing the mission, and what is read at a step.
+
+The ordered bound V puts the steps together (:mod:`pareto_ltl.kernels.ordered_bound`).
+"""
 
 from __future__ import annotations
 
@@ -44,7 +47,7 @@ def theorem2_risks(bound: Theorem2, x: FloatArray, cov: FloatArray, cell: IntArr
     return risks
 
 
-# --- the ordered bound V ----------------------------------------------------------------------
+# --- what a step reads ----------------------------------------------------------------------
 
 
 @kernel
@@ -125,76 +128,3 @@ def meeting_bound(bound: Ordered, h: int, before: Gaussian, here: Gaussian) -> f
             first = tail(gap, variance_along(nx, ny, before.cov))
             best = min(best, first + tail(gap, variance_along(nx, ny, here.cov)))
     return best
-
-
-@kernel
-def begin_bound(bound: Ordered, now: FloatArray, target: int) -> None:
-    """V(p) before the first letter: 0 where the initial state accepts all that p accepts, else 1."""
-    for p in range(now.shape[1]):
-        now[target, p] = 0.0 if bound.logic.covers[bound.logic.initial, p] else 1.0
-
-
-@kernel
-def read_letter(
-    bound: Ordered, before: FloatArray, row: int, seen: FloatArray, met: FloatArray, now: FloatArray,
-    target: int,
-) -> None:  # fmt: skip
-    """V after one more letter into ``now[target]`` from ``before[row]``, both (., Q),
-
-    V_t(p) = min(1, min_q [V_{t-1}(q) + P(label not in {s : δ(q, s) ≥ p}) + Σ_h P(hazard h met)]),
-
-    the sum over the hazards whose label loses q. A step into such a cell meets it, and is counted there.
-    """
-    spoils, loses, hazards, states = bound.logic.spoils, bound.logic.loses, bound.logic.hazards, now.shape[1]
-    cells = len(bound.labelled.cell)
-    empty = spoils.shape[1] - 1
-    for p in range(states):
-        best = 1.0
-        for q in range(states):
-            v = before[row, q]
-            if v >= best:
-                continue
-            if spoils[q, empty, p]:
-                v += seen[cells]
-            for part in range(cells):
-                cell = bound.labelled.cell[part]
-                if seen[part] > 0.0 and spoils[q, cell, p] and not loses[q, cell]:
-                    v += seen[part]
-            for h in range(len(met)):
-                if loses[q, hazards.cell[h]]:
-                    v += met[h]
-            best = min(best, v)
-        now[target, p] = best
-
-
-@kernel
-def add_risk(now: FloatArray, row: int, risk: float) -> None:
-    """Raise V of every state in a row by a risk that all that follows rests upon."""
-    if risk > 0.0:
-        for p in range(now.shape[1]):
-            now[row, p] = min(now[row, p] + risk, 1.0)
-
-
-@allocating
-def ordered_risk(bound: Ordered, x: FloatArray, cov: FloatArray, miss: FloatArray) -> float:
-    """V of a whole path; ``x`` (T+1, 2), ``cov`` (T+1, 3) = (xx, xy, yy), ``miss`` (T+1,) = P(landmark
-    missed)."""
-    v = np.empty((2, len(bound.logic.distance)))
-    seen, met = np.empty(len(bound.labelled.cell) + 1), np.empty(len(bound.logic.hazards.cell))
-    begin_bound(bound, v, 0)
-    before = Gaussian(Point(x[0, 0], x[0, 1]), Cov(cov[0, 0], cov[0, 1], cov[0, 2]))
-    for t in range(len(x)):
-        here = Gaussian(Point(x[t, 0], x[t, 1]), Cov(cov[t, 0], cov[t, 1], cov[t, 2]))
-        read_labels(bound, here, seen)
-        if t == 0:
-            read_place(bound, here, met)
-        else:
-            read_way(bound, before, here, met)
-        read_letter(bound, v, t % 2, seen, met, v, (t + 1) % 2)
-        add_risk(v, (t + 1) % 2, miss[t])
-        before = here
-    least = 1.0
-    for p in range(v.shape[1]):
-        if bound.logic.distance[p] == 0.0:
-            least = min(least, v[len(x) % 2, p])
-    return least

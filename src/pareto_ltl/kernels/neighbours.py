@@ -7,17 +7,35 @@ automaton state, a uniform sample (reservoir) of the vertices that fell into it.
 
 from __future__ import annotations
 
-import numpy as np
+from typing import NamedTuple
+
 from numpy.random import Generator
-from numpy.typing import NDArray
 
 from pareto_ltl.kernels.data import Point
 from pareto_ltl.kernels.jit import kernel
-from pareto_ltl.support.arrays import FloatArray, IntArray
+from pareto_ltl.support.arrays import FloatArray, Int32Array, IntArray
+
+
+class Bins(NamedTuple):
+    """Possible parents: a bin for each square of the grid and automaton state that occur together.
+
+    ``head`` (squares,) is the first bin of a square, ``after`` (N,) the next one of the same square, by
+    automaton ``state`` (N,); 0 is none, so that pages without bins take no memory. ``seen`` (N,) vertices
+    came to a bin, of which ``kept`` (N, capacity) is a sample. ``used`` (1,) bins are in use; ``found`` (N,)
+    is scratch.
+    """
+
+    head: Int32Array
+    after: Int32Array
+    state: Int32Array
+    seen: Int32Array
+    kept: Int32Array
+    found: Int32Array
+    used: IntArray
 
 
 @kernel
-def kd_insert(x: FloatArray, child: NDArray[np.int32], root: IntArray, group: int, vertex: int) -> None:
+def kd_insert(x: FloatArray, child: Int32Array, root: Int32Array, group: int, vertex: int) -> None:
     """Hang ``vertex`` into the k-d tree of ``group``; ``child`` (N, 2), ``root`` (groups,), -1 is empty."""
     node = root[group]
     if node < 0:
@@ -36,8 +54,8 @@ def kd_insert(x: FloatArray, child: NDArray[np.int32], root: IntArray, group: in
 @kernel
 def kd_nearest(
     x: FloatArray,
-    child: NDArray[np.int32],
-    root: IntArray,
+    child: Int32Array,
+    root: Int32Array,
     group: int,
     target: Point,
     stack: FloatArray,
@@ -77,7 +95,7 @@ def kd_nearest(
 
 
 @kernel
-def remember(kept: IntArray, seen: IntArray, square: int, vertex: int, rng: Generator) -> None:
+def remember(kept: Int32Array, seen: Int32Array, square: int, vertex: int, rng: Generator) -> None:
     """Vitter's algorithm R: ``kept[square]`` stays a uniform sample of all that came."""
     seen[square] += 1
     capacity = kept.shape[1]
@@ -87,3 +105,21 @@ def remember(kept: IntArray, seen: IntArray, square: int, vertex: int, rng: Gene
         place = int(rng.random() * seen[square])
         if place < capacity:
             kept[square, place] = vertex
+
+
+@kernel
+def bin_of(bins: Bins, square: int, state: int) -> int:
+    """The bin of a square and an automaton state, made where there is none."""
+    before, b = 0, bins.head[square]
+    while b > 0 and bins.state[b] < state:
+        before, b = b, bins.after[b]
+    if b > 0 and bins.state[b] == state:
+        return int(b)
+    bins.used[0] += 1
+    new = int(bins.used[0])
+    bins.state[new], bins.after[new] = state, b
+    if before > 0:
+        bins.after[before] = new
+    else:
+        bins.head[square] = new
+    return new

@@ -13,7 +13,7 @@ from pareto_ltl.kernels.dijkstra import Heap
 from pareto_ltl.kernels.fixes import fix_missed
 from pareto_ltl.kernels.jit import inlined, kernel
 from pareto_ltl.kernels.letters import next_state
-from pareto_ltl.kernels.neighbours import kd_insert, remember
+from pareto_ltl.kernels.neighbours import Bins, bin_of, kd_insert, remember
 from pareto_ltl.kernels.parents import Candidate, collision_limit
 from pareto_ltl.kernels.propagation import advance, airspeed, least_airspeed
 from pareto_ltl.kernels.tree_models import (
@@ -67,15 +67,14 @@ class Vertices(NamedTuple):
 class TreeState(NamedTuple):
     """What changes while a tree grows, besides its vertices."""
 
-    root: IntArray  # (Z,) top of each state's k-d tree
+    root: Int32Array  # (Z,) top of each state's k-d tree
     members: IntArray  # (Z,) vertices in Γ_z
     selected: IntArray  # (Z,) times z was expanded
-    weight: FloatArray  # (Z,)
+    weight: FloatArray  # (Z,) of the states on the lead, in their order
     lead: IntArray  # (Z,)
     heap: Heap
-    kept: IntArray  # (squares * Q, capacity) possible parents
+    bins: Bins  # possible parents, by square and automaton state
     pool: IntArray  # (near,) scratch: the ones tried
-    seen: IntArray  # (squares * Q,)
     swaps: FloatArray  # (S, 2, 2 + columns) record of re-selections, S may be 0
     tally: IntArray  # (TALLIES,)
     stack: FloatArray  # (depth, 4)
@@ -248,12 +247,13 @@ def look_ahead(s: Search, v: int, parent: int, cov: Cov) -> None:
 def file_vertex(s: Search, v: int, rng: Generator) -> None:
     """Make ``v`` known to both indexes."""
     tree, state, settings = s.tree, s.state, s.settings
-    cells, states = len(s.world.cells.faces.ptr) - 1, len(s.world.logic.distance)
+    cells = len(s.world.cells.faces.ptr) - 1
     z = tree.q[v] * cells + tree.cell[v]
     state.members[z] += 1
     kd_insert(tree.x, tree.child, state.root, z, v)
     i, j = square_of(settings, vertex_point(tree, v))
-    remember(state.kept, state.seen, (i * settings.rows + j) * states + tree.q[v], v, rng)
+    b = bin_of(state.bins, i * settings.rows + j, tree.q[v])
+    remember(state.bins.kept, state.bins.seen, b, v, rng)
 
 
 # --- re-selection of parents, lines 5 to 13 of Algorithm 2 ------------------------------------
@@ -267,35 +267,32 @@ def gather_parents(s: Search, there: Point, cell: int, q0: int, rng: Generator) 
     as ``q0`` or better. Where there are more than the pool holds, every (total / pool)-th is taken, from a
     random first one on: a vertex costs the same in a tree of a million as in one of ten thousand.
     """
-    delta, covers, pool = s.world.logic.delta, s.world.logic.covers, s.state.pool
-    kept, arrivals, rows = s.state.kept, s.state.seen, s.settings.rows
-    states, capacity = len(s.world.logic.distance), kept.shape[1]
+    delta, covers, pool, bins = s.world.logic.delta, s.world.logic.covers, s.state.pool, s.state.bins
+    rows, capacity = s.settings.rows, bins.kept.shape[1]
     ci, cj = square_of(s.settings, there)
-    west, east = max(ci - 2, 0), min(ci + 3, s.settings.columns)
-    south, north = max(cj - 2, 0), min(cj + 3, rows)
-    total = 0
-    for i in range(west, east):
-        for j in range(south, north):
-            for q in range(states):
-                seen = arrivals[(i * rows + j) * states + q]
-                if seen > 0 and covers[delta[q, cell], q0]:
-                    total += min(seen, capacity)
+    total, listed = 0, 0
+    for i in range(max(ci - 2, 0), min(ci + 3, s.settings.columns)):
+        for j in range(max(cj - 2, 0), min(cj + 3, rows)):
+            b = bins.head[i * rows + j]
+            while b > 0:
+                if covers[delta[bins.state[b], cell], q0]:
+                    bins.found[listed] = b
+                    listed += 1
+                    total += min(bins.seen[b], capacity)
+                b = bins.after[b]
     stride, pick = 1.0, 0.0
     if total > len(pool):
         stride = total / len(pool)
         pick = rng.random() * stride
     passed, found = 0, 0
-    for i in range(west, east):
-        for j in range(south, north):
-            for q in range(states):
-                group = (i * rows + j) * states + q
-                if arrivals[group] > 0 and covers[delta[q, cell], q0]:
-                    here = min(arrivals[group], capacity)
-                    while pick < passed + here and found < len(pool):
-                        pool[found] = kept[group, int(pick) - passed]
-                        found += 1
-                        pick += stride
-                    passed += here
+    for k in range(listed):
+        b = bins.found[k]
+        here = min(bins.seen[b], capacity)
+        while pick < passed + here and found < len(pool):
+            pool[found] = bins.kept[b, int(pick) - passed]
+            found += 1
+            pick += stride
+        passed += here
     return found
 
 

@@ -9,6 +9,8 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+import numpy as np
+
 from pareto_ltl.kernels.collision_risk import clear_faces, pass_obstacles
 from pareto_ltl.kernels.data import (
     CollisionBound,
@@ -23,14 +25,15 @@ from pareto_ltl.kernels.data import (
     World,
 )
 from pareto_ltl.kernels.jit import by_type, implements, inlined
-from pareto_ltl.kernels.mission_risk import (
+from pareto_ltl.kernels.mission_risk import read_labels, read_place, read_way, visit_risk
+from pareto_ltl.kernels.ordered_bound import (
     add_risk,
     begin_bound,
-    read_labels,
+    copy_entries,
+    live_value,
+    note_letters,
     read_letter,
-    read_place,
-    read_way,
-    visit_risk,
+    stays,
 )
 from pareto_ltl.kernels.parents import Candidate, Dominance, Scaled, improves
 from pareto_ltl.support.arrays import FloatArray
@@ -61,7 +64,7 @@ def gaussian_at(x: FloatArray, cov: FloatArray, row: int) -> Gaussian:
 
 
 @by_type
-def plant_mission(bound: MissionBound, tree: Vertices, here: Gaussian) -> None:
+def plant_mission(bound: MissionBound, tree: Vertices, scratch: TreeState, here: Gaussian) -> None:
     """Mission risk of the root at ``here``; its cell and state stand in the tree."""
     raise NotImplementedError
 
@@ -79,7 +82,7 @@ def keep_mission(bound: MissionBound, scratch: TreeState, row: int, memory: Any,
 
 
 @implements(plant_mission, Theorem2)
-def _plant_theorem2(bound: Theorem2, tree: Vertices, here: Gaussian) -> None:
+def _plant_theorem2(bound: Theorem2, tree: Vertices, scratch: TreeState, here: Gaussian) -> None:
     for atom in range(bound.holds.shape[1]):
         tree.risk[0, atom] = visit_risk(bound, atom, tree.cell[0], here, -1.0)
 
@@ -97,36 +100,58 @@ def _keep_theorem2(bound: Theorem2, scratch: TreeState, row: int, memory: Any, t
 
 
 @implements(plant_mission, Ordered)
-def _plant_ordered(bound: Ordered, tree: Vertices, here: Gaussian) -> None:
-    memory = tree.mission
-    begin_bound(bound, memory.bound, 1)  # row 1 is free: the root is the first vertex
-    read_labels(bound, here, memory.seen)
-    read_place(bound, here, memory.met)
-    read_letter(bound, memory.bound, 1, memory.seen, memory.met, memory.bound, 0)
-    if len(memory.met) > 0:
-        memory.cov[0, 0], memory.cov[0, 1], memory.cov[0, 2] = here.cov
-    tree.risk[0, 0] = memory.bound[0, tree.q[0]]
+def _plant_ordered(bound: Ordered, tree: Vertices, scratch: TreeState, here: Gaussian) -> None:
+    own, letters, row, q = scratch.mission, scratch.mission.letters, int(np.int64(0)), int(tree.q[0])
+    begin_bound(bound, own.rows, 1)
+    read_labels(bound, here, letters.seen)
+    read_place(bound, here, letters.met)
+    note_letters(bound, letters)
+    read_letter(bound, letters, own.rows, 1, own.rows, row, q)
+    own.same[row] = -1
+    if len(letters.met) > 0:
+        own.cov[row, 0], own.cov[row, 1], own.cov[row, 2] = here.cov
+    tree.risk[0, 0] = live_value(bound, own.rows, row, q)
+    keep_mission(bound, scratch, row, tree.mission, row)
 
 
 @implements(appraise_mission, Ordered)
 def _appraise_ordered(bound: Ordered, tree: Vertices, scratch: TreeState, new: Proposal) -> None:
-    own = scratch.mission
-    read_labels(bound, new.there, own.seen)
-    if len(own.met) > 0:
-        read_way(bound, gaussian_at(tree.x, tree.mission.cov, new.parent), new.there, own.met)
+    own, before, letters = scratch.mission, tree.mission.rows, scratch.mission.letters
+    read_labels(bound, new.there, letters.seen)
+    if len(letters.met) > 0:
+        read_way(bound, gaussian_at(tree.x, tree.mission.cov, new.parent), new.there, letters.met)
         own.cov[new.row, 0], own.cov[new.row, 1], own.cov[new.row, 2] = new.there.cov
-    read_letter(bound, tree.mission.bound, new.parent, own.seen, own.met, own.bound, new.row)
-    add_risk(own.bound, new.row, new.missed)
-    scratch.risks[new.row, 0] = own.bound[new.row, new.q]
+    if note_letters(bound, letters) or not stays(bound, before, new.parent):
+        own.same[new.row] = -1
+        read_letter(bound, letters, before, new.parent, own.rows, new.row, new.q)
+    elif new.missed > 0.0:
+        own.same[new.row] = -1
+        copy_entries(before, new.parent, own.rows, new.row)
+    else:  # most steps: the empty letter is certain and leaves V as it is
+        own.same[new.row] = new.parent
+        scratch.risks[new.row, 0] = live_value(bound, before, new.parent, new.q)
+        return
+    add_risk(own.rows, new.row, new.missed)
+    scratch.risks[new.row, 0] = live_value(bound, own.rows, new.row, new.q)
 
 
 @implements(keep_mission, Ordered)
 def _keep_ordered(bound: Ordered, scratch: TreeState, row: int, memory: Any, target: int) -> None:
-    for p in range(memory.bound.shape[1]):
-        memory.bound[target, p] = scratch.mission.bound[row, p]
-    if len(memory.met) > 0:
+    own, rows = scratch.mission, memory.rows
+    same = own.same[row]
+    if len(memory.same) > 0:  # another scratch row
+        memory.same[target] = same
+        if same < 0:
+            copy_entries(own.rows, row, rows, target)
+    elif same >= 0:
+        rows.first[target], rows.size[target] = rows.first[same], rows.size[same]
+    else:
+        rows.first[target] = rows.used[0]
+        copy_entries(own.rows, row, rows, target)
+        rows.used[0] += rows.size[target]
+    if len(memory.cov) > 0:
         for i in range(3):
-            memory.cov[target, i] = scratch.mission.cov[row, i]
+            memory.cov[target, i] = own.cov[row, i]
 
 
 # --- collision bounds -------------------------------------------------------------------------

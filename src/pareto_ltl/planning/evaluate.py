@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pareto_ltl.kernels import data as kd
+from pareto_ltl.planning.pack_logic import PATH_LIVE, empty_letters, live_rows
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import Objectives, PlannedPath
 from pareto_ltl.support.arrays import FloatArray, IntArray
@@ -231,9 +232,10 @@ def theorem2_mission_risk(problem: Problem, flight: Flight, cell: IntArray) -> f
 
 def ordered_mission_risk(problem: Problem, flight: Flight) -> float:
     """The ordered bound V for the Gaussian of ``flight``."""
-    from pareto_ltl.kernels.mission_risk import ordered_risk
+    from pareto_ltl.kernels.ordered_bound import ordered_risk
 
-    return float(ordered_risk(problem.ordered, flight.x, flight.cov, flight.miss))
+    rows, letters = live_rows(problem.ordered, 2, PATH_LIVE), empty_letters(problem.ordered)
+    return float(ordered_risk(problem.ordered, rows, letters, flight.x, flight.cov, flight.miss))
 
 
 def collision_risk(problem: Problem, flight: Flight, law: kd.Law, *, tight: bool = True) -> float:

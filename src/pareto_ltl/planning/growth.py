@@ -20,12 +20,14 @@ from numpy.random import SeedSequence
 from pareto_ltl.kernels import data as kd
 from pareto_ltl.kernels import growth as kernel
 from pareto_ltl.kernels import tree as kt
-from pareto_ltl.kernels.dijkstra import Heap, Product
+from pareto_ltl.kernels.dijkstra import Product
 from pareto_ltl.kernels.growth import Fans
+from pareto_ltl.kernels.neighbours import Bins
 from pareto_ltl.kernels.parents import Dominance, Scaled
 from pareto_ltl.planning.evaluate import law_memory
+from pareto_ltl.planning.pack_logic import empty_letters, live_rows, tree_rows
 from pareto_ltl.planning.problem import Problem
-from pareto_ltl.planning.product_graph import cell_fans, product_graph
+from pareto_ltl.planning.product_graph import cell_fans, empty_heap, product_graph
 from pareto_ltl.planning.records import Forest, Tree
 from pareto_ltl.settings import PlannerConfig
 from pareto_ltl.support.arrays import FloatArray
@@ -149,17 +151,24 @@ def mission_columns(problem: Problem) -> int:
 
 
 def _mission_rows(problem: Problem, rows: int) -> kd.OrderedMemory | None:
-    labels, hazards = len(problem.ordered.labelled.cell) + 1, len(problem.world.logic.hazards.cell)
-    make: dict[type, Callable[[], kd.OrderedMemory | None]] = {
-        kd.Theorem2: lambda: None,
-        kd.Ordered: lambda: kd.OrderedMemory(
-            np.zeros((rows, len(problem.automaton.distance))),
-            np.zeros((rows if hazards else 0, 3)),
-            np.zeros(labels),
-            np.zeros(hazards),
-        ),
-    }
-    return make[type(problem.world.mission)]()
+    """What the mission bound remembers of the vertices of a tree."""
+    if isinstance(problem.world.mission, kd.Theorem2):
+        return None
+    hazards = len(problem.world.logic.hazards.cell)
+    return kd.OrderedMemory(
+        tree_rows(problem.ordered, rows), np.zeros((rows if hazards else 0, 3)), np.empty(0, np.int64), None
+    )
+
+
+def _mission_scratch(problem: Problem) -> kd.OrderedMemory | None:
+    """The two rows in which candidates are appraised."""
+    if isinstance(problem.world.mission, kd.Theorem2):
+        return None
+    hazards = len(problem.world.logic.hazards.cell)
+    return kd.OrderedMemory(
+        live_rows(problem.ordered, 2), np.zeros((2 if hazards else 0, 3)), np.full(2, -1, np.int64),
+        empty_letters(problem.ordered),
+    )  # fmt: skip
 
 
 def _collision_rows(problem: Problem, rows: int, mask: type = np.uint32) -> kd.CollisionMemory:
@@ -269,9 +278,8 @@ def _plant(task: _GrowthTask, seed: SeedSequence, number: int, options: GrowthOp
     settings = _growth_settings(cfg, problem, rule, options)
     columns = mission_columns(problem) + isinstance(problem.world.collision, kd.PathBound)
     vertices = _vertices(problem, cfg.n_max, columns)
-    groups = settings.columns * settings.rows * len(problem.automaton.distance)
     swaps = cfg.n_max if options.record_swaps else 0
-    state = _tree_state(task, groups, columns, swaps)
+    state = _tree_state(task, settings, columns, swaps)
     search = kt.Search(problem.world, vertices, state, settings)
     x, y = problem.scene.start
     if not kernel.plant(search, kd.Point(float(x), float(y)), problem.start_variance, rng):
@@ -314,19 +322,24 @@ def _vertices(problem: Problem, n: int, columns: int) -> kt.Vertices:
     )  # fmt: skip
 
 
-def _tree_state(task: _GrowthTask, groups: int, columns: int, swaps: int) -> kt.TreeState:
-    states, edges = len(task.graph.goal), len(task.graph.head)
-    heap = Heap(
-        np.empty(edges + 1), np.empty(edges + 1, np.int64), np.empty(states), np.empty(states, np.int64)
-    )
+def _tree_state(task: _GrowthTask, settings: kt.GrowthSettings, columns: int, swaps: int) -> kt.TreeState:
+    states = len(task.graph.goal) * len(task.graph.volume)
     return kt.TreeState(
-        root=np.full(states, -1, np.int64), members=np.zeros(states, np.int64),
-        selected=np.zeros(states, np.int64),
-        weight=np.empty(states), lead=np.empty(states, np.int64), heap=heap,
-        kept=np.empty((groups, CAPACITY), np.int64), pool=np.empty(task.cfg.near, np.int64),
-        seen=np.zeros(groups, np.int64), swaps=np.empty((swaps, 2, 2 + columns)),
+        root=np.full(states, -1, np.int32), members=np.zeros(states, np.int64),
+        selected=np.zeros(states, np.int64), weight=np.empty(states), lead=np.empty(states, np.int64),
+        heap=empty_heap(task.graph), bins=_empty_bins(settings.columns * settings.rows, task.cfg.n_max),
+        pool=np.empty(task.cfg.near, np.int64), swaps=np.empty((swaps, 2, 2 + columns)),
         tally=np.zeros(kt.TALLIES, np.int64), stack=np.empty((256, 4)), risks=np.zeros((3, columns)),
-        mission=_mission_rows(task.problem, 2), collision=_collision_rows(task.problem, 2, np.int64),
+        mission=_mission_scratch(task.problem), collision=_collision_rows(task.problem, 2, np.int64),
+    )  # fmt: skip
+
+
+def _empty_bins(squares: int, vertices: int) -> Bins:
+    """Bins for as many pairs of square and automaton state as there can be; bin 0 is none."""
+    n = vertices + 1
+    return Bins(
+        np.zeros(squares, np.int32), np.zeros(n, np.int32), np.zeros(n, np.int32), np.zeros(n, np.int32),
+        np.zeros((n, CAPACITY), np.int32), np.empty(n, np.int32), np.zeros(1, np.int64),
     )  # fmt: skip
 
 
@@ -336,7 +349,7 @@ def _check_lead(task: _GrowthTask, tree: _GrowingTree) -> None:
 
     problem, vertices, state = task.problem, tree.search.tree, tree.search.state
     start = int(vertices.q[0]) * len(problem.labels) + int(vertices.cell[0])
-    if len(shortest_lead(task.graph, state.members, state.selected, start)) == 0:
+    if len(shortest_lead(task.graph, state.members, state.selected, start, state.heap)) == 0:
         raise InfeasibleError(
             f"no way through the map completes {shown_value(problem.automaton.formula)}: a region it needs "
             "cannot be reached from the start, or the start's own label breaks the mission at once; move the "

@@ -6,7 +6,8 @@ import numpy as np
 
 from pareto_ltl.kernels import data as kd
 from pareto_ltl.kernels.margin import Claims, Guards, MarginModel, Scratch
-from pareto_ltl.planning.pack import pack_corners, pack_faces
+from pareto_ltl.planning.pack import pack_faces
+from pareto_ltl.planning.pack_logic import pack_corners
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.support.arrays import BoolArray, IntArray
 

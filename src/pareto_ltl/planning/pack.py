@@ -10,9 +10,10 @@ import numpy as np
 
 from pareto_ltl.kernels import data as kd
 from pareto_ltl.logic.automaton import Automaton
+from pareto_ltl.planning.pack_logic import pack_corners, pack_logic, pack_ordered
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.settings import PAPER, FidelityConfig, PlannerConfig, RobotConfig, WindConfig
-from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
+from pareto_ltl.support.arrays import FloatArray, IntArray
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.wind.records import FORECAST, PARTS, SPACE, TIME, WindField, WindModes
 from pareto_ltl.world.cells import Decomposition, half_planes, locator
@@ -65,47 +66,6 @@ def pack_cells(bounds: FloatArray, decomposition: Decomposition, atoms: Sequence
         float(west), float(south), float(east), float(north), int(grid.shape[0]), grid.ptr, grid.index,
         pack_faces(decomposition.cells), holds.reshape(len(decomposition.cells), len(atoms)),
     )  # fmt: skip
-
-
-def pack_corners(cell: Sequence[int], corners: Sequence[FloatArray]) -> kd.Corners:
-    """Polygons as corners, with a circle around each."""
-    middle = np.array([polygon.mean(axis=0) for polygon in corners]).reshape(-1, 2)
-    radius = [np.linalg.norm(polygon - m, axis=1).max() for polygon, m in zip(corners, middle, strict=True)]
-    return kd.Corners(
-        np.array(cell, np.int64), middle, np.array(radius, float),
-        np.concatenate([[0], np.cumsum([len(polygon) for polygon in corners])]).astype(np.int64),
-        np.vstack([np.empty((0, 2)), *corners]),
-    )  # fmt: skip
-
-
-def pack_logic(automaton: Automaton, decomposition: Decomposition) -> kd.Logic:
-    """The automaton with one column a cell instead of one a letter, and one for no label at all."""
-    column = [automaton.letter_index(label) for label in (*decomposition.labels, frozenset())]
-    delta = np.ascontiguousarray(automaton.delta[:, column])
-    covers = np.ascontiguousarray(automaton.preorder, bool)
-    harm, loses = harmful_letters(automaton)
-    harm, loses = np.ascontiguousarray(harm[:, column]), np.ascontiguousarray(loses[:, column])
-    hazards = np.flatnonzero(harm[:, :-1].any(axis=0)).tolist()
-    return kd.Logic(
-        delta, np.asarray(automaton.distance, float), covers, np.ascontiguousarray(~covers[delta]),
-        int(automaton.initial), harm, loses, pack_corners(hazards, [decomposition.cells[c] for c in hazards]),
-    )  # fmt: skip
-
-
-def harmful_letters(automaton: Automaton) -> tuple[BoolArray, BoolArray]:
-    """Which letters are read between steps, and what they can cost; both (Q, letters).
-
-    A letter does harm in q if it leads to the trap, or if it shows a proposition and the state it leads to
-    does not accept all that is accepted after no label at all. It loses q if it does harm in some state s ≥ q
-    and takes s to a state that is not ≥ q.
-    """
-    delta, covers = automaton.delta, np.asarray(automaton.preorder, bool)
-    trap, nothing = np.isinf(automaton.distance), automaton.letter_index(frozenset())
-    worse = ~covers[delta, delta[:, nothing][:, None]]
-    worse[:, nothing] = False
-    harm = (trap[delta] & ~trap[:, None]) | worse
-    loses = np.array([(covers[:, q, None] & harm & ~covers[delta, q]).any(axis=0) for q in range(len(delta))])
-    return np.asarray(harm, bool), np.asarray(loses, bool).reshape(harm.shape)
 
 
 # --- wind and motion --------------------------------------------------------------------------
@@ -229,12 +189,6 @@ def pack_theorem2(decomposition: Decomposition, cells: kd.Cells, atoms: Sequence
     parts = [(atoms.index(name), part) for name in atoms for part in decomposition.regions.get(name, ())]
     owner = np.array([atom for atom, _ in parts], np.int64)
     return kd.Theorem2(pack_faces([part for _, part in parts]), owner, cells.atoms)
-
-
-def pack_ordered(decomposition: Decomposition, cells: kd.Cells, logic: kd.Logic) -> kd.Ordered:
-    """The ordered bound: the cells with a label, as corners in their order."""
-    cell = [c for c, label in enumerate(decomposition.labels) if label]
-    return kd.Ordered(pack_corners(cell, [decomposition.cells[c] for c in cell]), cells, logic)
 
 
 def pack_laws(

@@ -10,10 +10,12 @@ from __future__ import annotations
 import numpy as np
 
 from pareto_ltl.kernels.data import Logic
-from pareto_ltl.kernels.dijkstra import Product
+from pareto_ltl.kernels.dijkstra import Heap, Product
 from pareto_ltl.kernels.growth import Fans
 from pareto_ltl.support.arrays import FloatArray, IntArray
 from pareto_ltl.world.cells import Decomposition, moments
+
+EXACT_LEADS = 20_000  # product states up to which leads are shortest: 4 ms each
 
 
 def product_graph(decomposition: Decomposition, logic: Logic, bounds: FloatArray) -> Product:
@@ -22,32 +24,58 @@ def product_graph(decomposition: Decomposition, logic: Logic, bounds: FloatArray
     shapes = [moments(cell) for cell in decomposition.cells]
     area, centre = np.array([a for a, _ in shapes]), np.array([c for _, c in shapes])
     diagonal = float(np.linalg.norm(bounds[1] - bounds[0]))
-    rows = _product_edges(decomposition.doors, logic, cells)
+    doors = decomposition.doors.reshape(-1, 2)
+    own = np.repeat(np.arange(cells), 2).reshape(-1, 2)
+    rows = np.unique(np.vstack([doors, doors[:, ::-1], own]), axis=0)
     tail, head = rows[:, 0], rows[:, 1]
-    metres = np.linalg.norm(centre[tail % cells] - centre[head % cells], axis=1) / diagonal
-    metres = np.maximum(metres, 1e-3)  # reading a label again costs a step as well
-    return Product(
-        ptr=np.searchsorted(tail, np.arange(states * cells + 1)).astype(np.int64),
-        head=head,
-        metres=metres,
-        volume=np.tile(area / area.sum(), states),
-        urgency=np.repeat(1.0 / (np.where(np.isinf(logic.distance), 1e6, logic.distance) + 1.0), cells),
-        goal=np.repeat(logic.distance == 0.0, cells),
+    metres = np.linalg.norm(centre[tail] - centre[head], axis=1) / diagonal
+    graph = Product(
+        ptr=np.searchsorted(tail, np.arange(cells + 1)).astype(np.int64),
+        beyond=np.ascontiguousarray(head, np.int64),
+        metres=np.maximum(metres, 1e-3),  # reading a label again costs a step as well
+        delta=logic.delta,
+        open=np.isfinite(logic.distance),
+        volume=area / area.sum(),
+        urgency=1.0 / (np.where(np.isinf(logic.distance), 1e6, logic.distance) + 1.0),
+        goal=logic.distance == 0.0,
+        ahead=np.zeros(states),
     )
+    if states * cells <= EXACT_LEADS:
+        return graph
+    changing = (logic.delta[:, :-1] != logic.delta[:, -1:]).any(axis=0)
+    return graph._replace(ahead=_cost_ahead(graph, logic.distance, np.flatnonzero(changing)))
 
 
-def _product_edges(doors: IntArray, logic: Logic, cells: int) -> IntArray:
-    """Rows (z, z') sorted by z."""
-    both = np.vstack(
-        [doors.reshape(-1, 2), doors.reshape(-1, 2)[:, ::-1], np.repeat(np.arange(cells), 2).reshape(-1, 2)]
-    )
-    found = []
-    for q in np.flatnonzero(np.isfinite(logic.distance)):
-        then = logic.delta[q, both[:, 1]]
-        keep = np.isfinite(logic.distance[then]) & ((both[:, 0] != both[:, 1]) | (then != q))
-        found.append(np.column_stack([q * cells + both[keep, 0], then[keep] * cells + both[keep, 1]]))
-    rows = np.vstack(found) if found else np.empty((0, 2), np.int64)
-    return rows[np.lexsort((rows[:, 1], rows[:, 0]))]
+def _cost_ahead(graph: Product, distance: FloatArray, places: IntArray) -> FloatArray:
+    """What the way from each automaton state to acceptance costs where no vertex is yet, about, (Q,).
+
+    The way from one of ``places``, the cells whose labels matter, to the nearest other one costs c at urgency
+    1, so c (d + 1)² in states d letters from acceptance; c is the median.
+    """
+    from scipy.sparse import csr_matrix
+    from scipy.sparse.csgraph import dijkstra
+
+    tail = np.repeat(np.arange(len(graph.volume)), np.diff(graph.ptr))
+    cost = graph.metres / (graph.volume[tail] * graph.volume[graph.beyond])
+    net = csr_matrix((cost, graph.beyond, graph.ptr), shape=(len(graph.volume), len(graph.volume)))
+    far = dijkstra(net, indices=places)[:, places]
+    np.fill_diagonal(far, np.inf)
+    near = far.min(axis=1, initial=np.inf)
+    letter = float(np.median(near[np.isfinite(near)])) if np.isfinite(near).any() else float(cost.max())
+    d = np.where(np.isinf(distance), 0.0, distance)
+    return np.asarray(letter * ((d + 1) * (d + 2) * (2 * d + 3) / 6 - 1.0), float)  # letter Σ_k (k + 1)²
+
+
+def empty_heap(graph: Product) -> Heap:
+    """Memory for one search at a time; what is never reached takes no memory."""
+    cells, states = len(graph.volume), len(graph.goal)
+    most = int(np.diff(graph.ptr).max())
+    pushes = len(graph.beyond) * states + 1
+    return Heap(
+        np.empty(pushes), np.empty(pushes, np.int32), np.empty(states * cells),
+        np.empty(states * cells, np.int32), np.zeros(states * cells, np.int32), np.zeros(1, np.int64),
+        np.empty(most, np.int64), np.empty(most),
+    )  # fmt: skip
 
 
 def cell_fans(decomposition: Decomposition) -> Fans:

@@ -184,14 +184,16 @@ def claim_edges(logic: Logic, labelled: Sequence[int], members: Sequence[Sequenc
     whose label does not. An edge is needless if another one of the same polygon leads to a claim that is as
     good and that no more hazards lose, and shuns no more cells. Of equal edges the first is kept.
     """
-    spoils, keeps = logic.spoils[:, labelled], ~logic.loses[:, labelled, None]
+    spoils = ~logic.covers[logic.delta[:, labelled]]
+    keeps = ~logic.loses[:, labelled, None]
     better = logic.covers & ~_exceeds(logic.loses)
     nothing = np.zeros((len(logic.delta), 0), bool)
     rows: list[tuple[int, int, int]] = []
     shunned: list[IntArray] = []
     for q in range(len(logic.delta)):
         spoiling = (spoils[q] & keeps[q]).T
-        choices = [(-1, ~logic.spoils[q, -1], spoiling)]  # first, so that no line is asked for without need
+        # first, so that no line is asked for without need
+        choices = [(-1, logic.covers[logic.delta[q, -1]], spoiling)]
         for g, own in enumerate(members):
             choices.append((g, (~spoils[q, own] & keeps[q, own]).all(axis=0), nothing))
         for g, reaches, shuns in choices:

@@ -1,0 +1,271 @@
+"""The ordered bound V along a path, kept for the automaton states that are live.
+
+    V_t(p) = min(1, min_q [V_{t-1}(q) + P(label not in {s : δ(q, s) ≥ p}) + Σ_h P(hazard h met)]),
+
+the sum over the hazards whose label loses q. V falls in no state that accepts more: V(p) ≤ V(p') where
+p' ≥ p. So a row holds a few entries (state, V), and V(p) is the least of those whose state is ≥ p, 1 where
+there is none. A state needs no entry if another one that no other hazards lose is ≥ it at no larger V.
+
+With at most ``LIVE`` automaton states (:mod:`pareto_ltl.planning.pack_logic`) the entries say all that V
+says. With more of them only the states that a letter leads to are followed, and the most promising entries
+are kept: each that is left out is one way less to fulfil the mission, so that the bound may be larger than V
+and is never smaller than the truth.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pareto_ltl.kernels.data import Cov, Gaussian, Letters, LiveRows, Ordered, Point
+from pareto_ltl.kernels.geometry import locate_cell
+from pareto_ltl.kernels.jit import allocating, inlined, kernel
+from pareto_ltl.kernels.letters import next_state
+from pareto_ltl.kernels.mission_risk import read_labels, read_place, read_way
+from pareto_ltl.support.arrays import FloatArray, Int32Array
+
+STEP_WORTH = 0.25  # one letter less to acceptance is worth so much of V when entries are left out
+
+
+@kernel
+def live_value(bound: Ordered, rows: LiveRows, row: int, p: int) -> float:
+    """V(p) of a row."""
+    covers, best = bound.logic.covers, 1.0
+    for k in range(rows.first[row], rows.first[row] + rows.size[row]):
+        if rows.value[k] < best and covers[rows.state[k], p]:
+            best = rows.value[k]
+    return best
+
+
+@kernel
+def begin_bound(bound: Ordered, rows: LiveRows, row: int) -> None:
+    """V(p) before the first letter: 0 where the initial state accepts all that p accepts, else 1."""
+    first = rows.first[row]
+    rows.size[row] = len(bound.begin)
+    for k in range(len(bound.begin)):
+        rows.state[first + k], rows.value[first + k] = bound.begin[k], 0.0
+
+
+@kernel
+def note_letters(bound: Ordered, letters: Letters) -> bool:
+    """List what may be read, from ``letters.seen`` and ``met``; False where it is surely the empty letter."""
+    parts, hazards = len(bound.labelled.cell), len(bound.logic.hazards.cell)
+    labels, ways = 0, 0
+    for part in range(parts):
+        if letters.seen[part] > 0.0:
+            letters.parts[labels] = part
+            labels += 1
+    for h in range(hazards):
+        if letters.met[h] > 0.0:
+            letters.hazards[ways] = h
+            ways += 1
+    letters.listed[0], letters.listed[1] = labels, ways
+    return labels + ways > 0
+
+
+@kernel
+def stays(bound: Ordered, rows: LiveRows, row: int) -> bool:
+    """Whether the empty letter leaves every state of a row as it is."""
+    delta = bound.logic.delta
+    empty = delta.shape[1] - 1
+    for k in range(rows.first[row], rows.first[row] + rows.size[row]):
+        if delta[rows.state[k], empty] != rows.state[k]:
+            return False
+    return True
+
+
+@kernel
+def promise_cost(bound: Ordered, letters: Letters, q: int, p: int, value: float) -> float:
+    """V(q) + P(the letter does not lead from q to a state ≥ p) + Σ P(a hazard that loses q is met)."""
+    delta, covers, loses = bound.logic.delta, bound.logic.covers, bound.logic.loses
+    empty = delta[q, delta.shape[1] - 1]
+    if empty != p and not covers[empty, p]:
+        value += letters.seen[len(bound.labelled.cell)]
+    for i in range(letters.listed[0]):
+        part = letters.parts[i]
+        cell = bound.labelled.cell[part]
+        to = delta[q, cell]
+        if to != p and not covers[to, p] and not loses[q, cell]:
+            value += letters.seen[part]
+    for i in range(letters.listed[1]):
+        h = letters.hazards[i]
+        if loses[q, bound.logic.hazards.cell[h]]:
+            value += letters.met[h]
+    return value
+
+
+@kernel
+def offer(
+    bound: Ordered, letters: Letters, q: int, p: int, value: float, rows: LiveRows, row: int, planned: int
+) -> None:  # fmt: skip
+    """Enter what p costs from q at V(q) = ``value`` into a row, the least for each state."""
+    cost = promise_cost(bound, letters, q, p, value)
+    if cost >= 1.0:
+        return
+    place, first = letters.place, rows.first[row]
+    if place[p] >= 0:
+        rows.value[first + place[p]] = min(rows.value[first + place[p]], cost)
+        return
+    if rows.size[row] == 2 * rows.most:
+        leave_out(bound, letters.place, rows, row, planned)
+    k = rows.size[row]
+    place[p] = k
+    rows.state[first + k], rows.value[first + k] = p, cost
+    rows.size[row] = k + 1
+
+
+@inlined
+def count_targets(bound: Ordered, letters: Letters, q: int) -> int:
+    """How many states an entry at q is followed to."""
+    listed = bound.targets.ptr[q + 1] - bound.targets.ptr[q]
+    return int(listed if listed > 0 else 2 + letters.listed[0])
+
+
+@inlined
+def target_state(bound: Ordered, letters: Letters, q: int, i: int) -> int:
+    """State number i of these: of the list, or q itself and those that a letter leads to."""
+    first, delta = bound.targets.ptr[q], bound.logic.delta
+    if bound.targets.ptr[q + 1] > first:
+        return int(bound.targets.state[first + i])
+    if i == 0:
+        return int(q)
+    if i == 1:
+        return int(delta[q, delta.shape[1] - 1])
+    return int(delta[q, bound.labelled.cell[letters.parts[i - 2]]])
+
+
+@kernel
+def read_letter(
+    bound: Ordered, letters: Letters, before: LiveRows, row: int, now: LiveRows, target: int, planned: int
+) -> None:  # fmt: skip
+    """V after one more letter into row ``target`` of ``now``, which has places for 2 ``most`` entries, from
+    ``row`` of ``before``. ``planned`` is the state whose V is kept when entries are left out."""
+    now.size[target] = 0
+    for k in range(before.first[row], before.first[row] + before.size[row]):
+        q, last = int(before.state[k]), -1
+        for i in range(count_targets(bound, letters, q)):
+            p = target_state(bound, letters, q, i)
+            if p != last:
+                offer(bound, letters, q, p, before.value[k], now, target, planned)
+                last = p
+    if now.size[target] > now.most:
+        leave_out(bound, letters.place, now, target, planned)
+    for k in range(now.first[target], now.first[target] + now.size[target]):
+        letters.place[now.state[k]] = -1
+
+
+@kernel
+def leave_out(bound: Ordered, place: Int32Array, rows: LiveRows, row: int, planned: int) -> None:
+    """Keep ``most`` entries of a row: those of least V + ``STEP_WORTH`` d_A, and the one that V of the
+    ``planned`` state rests upon."""
+    first, count = rows.first[row], rows.size[row]
+    for k in range(first, first + count):
+        place[rows.state[k]] = -1
+    for k in range(first + 1, first + count):
+        sink_entry(bound, rows, first, k)
+    raise_planned(bound, rows, first, count, planned)
+    rows.size[row] = keep_useful(bound, rows, first, count)
+    for k in range(rows.size[row]):
+        place[rows.state[first + k]] = k
+
+
+@inlined
+def sink_entry(bound: Ordered, rows: LiveRows, first: int, k: int) -> None:
+    """Insert entry k into the sorted ones before it; of equal rank the smaller state comes first."""
+    state, value, j = rows.state[k], rows.value[k], k
+    rank = entry_rank(bound, state, value)
+    while j > first:
+        other = entry_rank(bound, rows.state[j - 1], rows.value[j - 1])
+        if other < rank or (other == rank and rows.state[j - 1] < state):
+            break
+        rows.state[j], rows.value[j] = rows.state[j - 1], rows.value[j - 1]
+        j -= 1
+    rows.state[j], rows.value[j] = state, value
+
+
+@inlined
+def entry_rank(bound: Ordered, state: int, value: float) -> float:
+    """What entries are sorted by when some are left out."""
+    return float(value + STEP_WORTH * bound.logic.distance[state])
+
+
+@inlined
+def raise_planned(bound: Ordered, rows: LiveRows, first: int, count: int, planned: int) -> None:
+    """Move the entry that V of the ``planned`` state rests upon to the front."""
+    held, best = -1, 1.0
+    for k in range(first, first + count):  # of equal V the first is nearest to acceptance
+        if rows.value[k] < best and bound.logic.covers[rows.state[k], planned]:
+            held, best = k, rows.value[k]
+    if held > first:
+        state = rows.state[held]
+        for k in range(held, first, -1):
+            rows.state[k], rows.value[k] = rows.state[k - 1], rows.value[k - 1]
+        rows.state[first], rows.value[first] = state, best
+
+
+@kernel
+def keep_useful(bound: Ordered, rows: LiveRows, first: int, count: int) -> int:
+    """Move up to ``most`` entries that none before them makes needless to the front; return how many."""
+    covers, kind, kept = bound.logic.covers, bound.kind, 0
+    for k in range(first, first + count):
+        p, value, needless = rows.state[k], rows.value[k], False
+        for i in range(first, first + kept):
+            other = rows.state[i]
+            if rows.value[i] <= value and kind[other] == kind[p] and covers[other, p]:
+                needless = True
+                break
+        if not needless:
+            rows.state[first + kept], rows.value[first + kept] = p, value
+            kept += 1
+            if kept == rows.most:
+                break
+    return kept
+
+
+@kernel
+def add_risk(rows: LiveRows, row: int, risk: float) -> None:
+    """Raise V of every state in a row by a risk that all that follows rests upon."""
+    if risk > 0.0:
+        for k in range(rows.first[row], rows.first[row] + rows.size[row]):
+            rows.value[k] = min(rows.value[k] + risk, 1.0)
+
+
+@kernel
+def copy_entries(rows: LiveRows, row: int, to: LiveRows, target: int) -> None:
+    """Copy a row to the places of another."""
+    source, goal = rows.first[row], to.first[target]
+    to.size[target] = rows.size[row]
+    for k in range(rows.size[row]):
+        to.state[goal + k], to.value[goal + k] = rows.state[source + k], rows.value[source + k]
+
+
+@allocating
+def ordered_risk(
+    bound: Ordered, rows: LiveRows, letters: Letters, x: FloatArray, cov: FloatArray, miss: FloatArray
+) -> float:  # fmt: skip
+    """V of a whole path; ``x`` (T+1, 2), ``cov`` (T+1, 3) = (xx, xy, yy), ``miss`` (T+1,) = P(landmark
+    missed). ``rows`` are two of scratch, ``letters`` is scratch as well."""
+    logic = bound.logic
+    begin_bound(bound, rows, 0)
+    before = Gaussian(Point(x[0, 0], x[0, 1]), Cov(cov[0, 0], cov[0, 1], cov[0, 2]))
+    cell = locate_cell(bound.cells, before.mean)
+    q, now = int(np.int64(logic.initial)), 0
+    for t in range(len(x)):
+        here = Gaussian(Point(x[t, 0], x[t, 1]), Cov(cov[t, 0], cov[t, 1], cov[t, 2]))
+        read_labels(bound, here, letters.seen)
+        if t == 0:
+            read_place(bound, here, letters.met)
+            q = int(logic.delta[q, cell])
+        else:
+            read_way(bound, before, here, letters.met)
+            there = locate_cell(bound.cells, here.mean)
+            q, cell = next_state(bound.cells, logic, q, before.mean, cell, here.mean, there), there
+        if note_letters(bound, letters) or not stays(bound, rows, now):
+            read_letter(bound, letters, rows, now, rows, 1 - now, q)
+            now = 1 - now
+        add_risk(rows, now, miss[t])
+        before = here
+    least = 1.0
+    for k in range(rows.first[now], rows.first[now] + rows.size[now]):
+        if logic.distance[rows.state[k]] == 0.0:
+            least = min(least, rows.value[k])
+    return least

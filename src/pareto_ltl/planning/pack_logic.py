@@ -1,0 +1,123 @@
+"""The automaton on the letters that cells show, and what the ordered bound V follows of it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from pareto_ltl.kernels import data as kd
+from pareto_ltl.logic.automaton import Automaton
+from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
+from pareto_ltl.world.cells import Decomposition
+
+LIVE = 64  # entries of V kept of a vertex; V of automata with no more states is exact
+PATH_LIVE = 256  # entries kept while a path is evaluated by itself
+
+
+def pack_corners(cell: Sequence[int], corners: Sequence[FloatArray]) -> kd.Corners:
+    """Polygons as corners, with a circle around each."""
+    middle = np.array([polygon.mean(axis=0) for polygon in corners]).reshape(-1, 2)
+    radius = [np.linalg.norm(polygon - m, axis=1).max() for polygon, m in zip(corners, middle, strict=True)]
+    return kd.Corners(
+        np.array(cell, np.int64), middle, np.array(radius, float),
+        np.concatenate([[0], np.cumsum([len(polygon) for polygon in corners])]).astype(np.int64),
+        np.vstack([np.empty((0, 2)), *corners]),
+    )  # fmt: skip
+
+
+def pack_logic(automaton: Automaton, decomposition: Decomposition) -> kd.Logic:
+    """The automaton with one column a cell instead of one a letter, and one for no label at all."""
+    column = [automaton.letter_index(label) for label in (*decomposition.labels, frozenset())]
+    delta = np.ascontiguousarray(automaton.delta[:, column])
+    covers = np.ascontiguousarray(automaton.preorder, bool)
+    harm, loses = harmful_letters(automaton)
+    harm, loses = np.ascontiguousarray(harm[:, column]), np.ascontiguousarray(loses[:, column])
+    hazards = np.flatnonzero(harm[:, :-1].any(axis=0)).tolist()
+    return kd.Logic(
+        delta, np.asarray(automaton.distance, float), covers, int(automaton.initial), harm, loses,
+        pack_corners(hazards, [decomposition.cells[c] for c in hazards]),
+    )  # fmt: skip
+
+
+def harmful_letters(automaton: Automaton) -> tuple[BoolArray, BoolArray]:
+    """Which letters are read between steps, and what they can cost; both (Q, letters).
+
+    A letter does harm in q if it leads to the trap, or if it shows a proposition and the state it leads to
+    does not accept all that is accepted after no label at all. It loses q if it does harm in some state s ≥ q
+    and takes s to a state that is not ≥ q.
+    """
+    delta, covers = automaton.delta, np.asarray(automaton.preorder, bool)
+    trap, nothing = np.isinf(automaton.distance), automaton.letter_index(frozenset())
+    worse = ~covers[delta, delta[:, nothing][:, None]]
+    worse[:, nothing] = False
+    harm = (trap[delta] & ~trap[:, None]) | worse
+    loses = np.zeros(harm.shape, bool)
+    for letter in np.flatnonzero(harm.any(axis=0)).tolist():
+        for s in np.flatnonzero(harm[:, letter]).tolist():
+            loses[:, letter] |= covers[s] & ~covers[delta[s, letter]]
+    return np.asarray(harm, bool), loses
+
+
+# --- the ordered bound ------------------------------------------------------------------------
+
+
+def pack_ordered(decomposition: Decomposition, cells: kd.Cells, logic: kd.Logic) -> kd.Ordered:
+    """The ordered bound: the cells with a label, as corners in their order, and the states it follows."""
+    cell = [c for c, label in enumerate(decomposition.labels) if label]
+    return follow_states(pack_corners(cell, [decomposition.cells[c] for c in cell]), cells, logic)
+
+
+def follow_states(labelled: kd.Corners, cells: kd.Cells, logic: kd.Logic) -> kd.Ordered:
+    """The ordered bound, with the lists of states that entries of V are followed to."""
+    kind = np.unique(logic.loses, axis=0, return_inverse=True)[1].reshape(-1).astype(np.int64)
+    if len(logic.delta) > LIVE:
+        none = kd.StateLists(np.zeros(len(logic.delta) + 1, np.int64), np.empty(0, np.int64))
+        return kd.Ordered(labelled, cells, logic, none, np.array([logic.initial]), kind)
+    better = logic.covers & (kind[:, None] == kind)
+    letters = np.unique(logic.delta[:, [*labelled.cell.tolist(), logic.delta.shape[1] - 1]], axis=1)
+    reached = logic.covers[letters].transpose(0, 2, 1)  # (Q, Q, L): l leads from q to a state ≥ p
+    lists = [needed_states(better, reach) for reach in reached]
+    ptr = np.concatenate([[0], np.cumsum([len(row) for row in lists])]).astype(np.int64)
+    first = np.flatnonzero(logic.covers[logic.initial])
+    begin = first[needed_states(better[np.ix_(first, first)], np.zeros((len(first), 0), bool))]
+    return kd.Ordered(labelled, cells, logic, kd.StateLists(ptr, np.concatenate(lists)), begin, kind)
+
+
+def needed_states(better: BoolArray, reach: BoolArray) -> IntArray:
+    """States p such that no better one is reached whenever p is, ``reach`` (Q, L) by each letter.
+
+    ``better[i, p]``: state i is worth as much as p. Of equal states the first is kept.
+    """
+    more = ~(reach[None] & ~reach[:, None]).any(axis=2)  # [i, p]: i is reached whenever p is
+    instead = better & more
+    np.fill_diagonal(instead, False)
+    first = np.arange(len(better))[:, None] < np.arange(len(better))
+    return np.asarray(np.flatnonzero(~(instead & (~instead.T | first)).any(axis=0)), np.int64)
+
+
+def live_rows(bound: kd.Ordered, rows: int, live: int = LIVE) -> kd.LiveRows:
+    """Rows of scratch: each has places for twice as many entries of V as are kept, at most ``live``."""
+    most = min(len(bound.logic.distance), live)
+    return kd.LiveRows(
+        2 * most * np.arange(rows, dtype=np.int64), np.zeros(rows, np.int32),
+        np.zeros(2 * most * rows, np.int32), np.zeros(2 * most * rows), np.zeros(1, np.int64), most,
+    )  # fmt: skip
+
+
+def tree_rows(bound: kd.Ordered, rows: int) -> kd.LiveRows:
+    """Rows of a tree, which take the places that they need; places that are never used take no memory."""
+    most = min(len(bound.logic.distance), LIVE)
+    return kd.LiveRows(
+        np.full(rows, -1, np.int64), np.zeros(rows, np.int32), np.empty(rows * most, np.int32),
+        np.empty(rows * most), np.zeros(1, np.int64), most,
+    )  # fmt: skip
+
+
+def empty_letters(bound: kd.Ordered) -> kd.Letters:
+    """Scratch for what may be read in one step."""
+    parts, hazards = len(bound.labelled.cell), len(bound.logic.hazards.cell)
+    return kd.Letters(
+        np.zeros(parts + 1), np.zeros(hazards), np.zeros(parts, np.int64), np.zeros(hazards, np.int64),
+        np.zeros(2, np.int64), np.full(len(bound.logic.distance), -1, np.int32),
+    )  # fmt: skip
