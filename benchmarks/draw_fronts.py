@@ -74,7 +74,7 @@ def draw(ax: Axes, name: str, border: str, seeds: int) -> None:
 
 
 def main() -> None:
-    """Plan, fly, and write ``fronts.png`` and ``fronts.svg``."""
+    """Plan, fly, and write ``fronts.png``."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("folder", type=Path)
     parser.add_argument("--seeds", type=int, default=4)
@@ -94,7 +94,7 @@ def main() -> None:
                     ax.tick_params(labelleft=False)
         keys = [Line2D([], [], label=label, **look) for label, look in LOOKS.items()]  # type: ignore[arg-type]
         figure.legend(handles=keys, loc="upper center", ncols=3)
-        style.save_figure(figure, asked.folder, "fronts", 200)
+        style.save_figure(figure, asked.folder, "fronts", 200, ("png",))
 
 
 if __name__ == "__main__":

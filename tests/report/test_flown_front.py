@@ -10,13 +10,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from matplotlib.colors import to_hex
 
+from drawn_world import front_of, plan_of, scene_of
 from figure_texts import texts_of, texts_outside, wrong_texts
 from pareto_ltl.planning.records import Front, Plan, Promise
 from pareto_ltl.report import style
 from pareto_ltl.report.flown_front import flown_front_figure, order_looks, rate_ends
 from pareto_ltl.settings import preset
 from pareto_ltl.simulation.flights import counted_rate
-from report.test_figures import front_of, plan_of, scene_of
 
 KM = ("km", 1e-3)
 COUNTS, ORDERS = (40, 80, 160, 320), ("a>b>c", "a>b>c", "a>d>c", "b>a>c")

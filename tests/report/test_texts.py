@@ -12,6 +12,16 @@ import pytest
 from matplotlib.colors import to_rgb
 
 import small_study
+from drawn_world import (
+    decomposition_of,
+    flights_of,
+    forest_of,
+    front_of,
+    path_of,
+    plan_of,
+    scene_of,
+    wind_of,
+)
 from figure_texts import texts_of, texts_outside, wrong_texts
 from pareto_ltl.planning.evaluate import Forecast
 from pareto_ltl.planning.records import Promise
@@ -41,16 +51,6 @@ from pareto_ltl.settings import (
 from pareto_ltl.simulation.flights import counted_rate
 from pareto_ltl.studies import ablation, compare, convergence
 from pareto_ltl.studies.sweeps import page
-from report.test_figures import (
-    decomposition_of,
-    flights_of,
-    forest_of,
-    front_of,
-    path_of,
-    plan_of,
-    scene_of,
-    wind_of,
-)
 
 LAWS = ("independent", "coherent")
 LONG = " & ".join(f"F(a & F(long_name_of_a_region_{k} & F c))" for k in range(9))

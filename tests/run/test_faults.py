@@ -14,14 +14,15 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import numpy as np
+import psutil
 import pytest
 
 from pareto_ltl import load_results
-from patience import PATIENCE
+from patience import PATIENCE, wait_until
 
 KILLS = int(os.environ.get("PARETO_LTL_FAULTS", "2"))
 SMALL = (
@@ -112,6 +113,31 @@ def test_a_run_that_was_killed_at_any_moment_is_made_by_the_same_command(
     assert files == {path.relative_to(whole) for path in whole.rglob("*")}  # no draft, no lock
 
 
+@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM"])
+def test_a_run_that_is_stopped_leaves_no_process_and_no_figure(tmp_path: Path, name: str) -> None:
+    cores = os.environ | {"OMP_NUM_THREADS": "2"}  # one process plans, one draws
+    words = (*SMALL, "planner.n_max=1000000", f"hydra.run.dir={tmp_path / 'place'}")
+    process = started(*words, env=cores)
+    drawing: list[psutil.Process] = []
+    while not drawing:
+        assert process.poll() is None, process.communicate()[1]
+        time.sleep(0.01)
+        drawing = [child for child in psutil.Process(process.pid).children() if draws(child)]
+    wait_until(lambda: (tmp_path / "place" / "run.json").exists())
+    os.killpg(process.pid, signal.Signals[name])  # as a terminal does
+    err = process.communicate(timeout=PATIENCE)[1]
+    assert err.count("\n") == 1, err
+    assert not drawing[0].is_running()
+    assert json.loads((tmp_path / "place" / "run.json").read_text())["status"] == "stopped"
+    assert not (tmp_path / "place" / "figures").exists()
+
+
+def draws(process: psutil.Process) -> bool:
+    with suppress(psutil.Error):
+        return any("report.drawing" in word for word in process.cmdline())
+    return False
+
+
 def test_a_sweep_that_was_killed_at_any_moment_is_finished_by_the_same_command(tmp_path: Path) -> None:
     words = ("-m", *SMALL, *GRID)
     began = time.monotonic()
@@ -170,7 +196,7 @@ needs_mount = pytest.mark.skipif(not can_mount(), reason="a file system is mount
 @pytest.mark.parametrize("size", ["8k", "24k", "48k", "120k", "200k", "300k"])
 def test_a_disk_that_fills_up_is_one_line_and_no_file_is_cut(tmp_path: Path, size: str) -> None:
     with mounted(tmp_path / "disk", f"size={size}") as disk:
-        done = ended(*SMALL, f"hydra.run.dir={disk / 'place'}")
+        done = ended(*SMALL, "report.formats=[png,svg]", f"hydra.run.dir={disk / 'place'}")
         assert done.returncode == 2, done.stderr
         lines = done.stderr.splitlines()
         assert len(lines) == 1, done.stderr

@@ -389,9 +389,10 @@ def test_every_study_draws_its_figures(
     from pareto_ltl.report.study_comparison import draw_comparison
     from pareto_ltl.report.study_convergence import draw_convergence
 
+    asked = replace(cfg.report, formats=["png", "svg"])
     drawn = [
-        *draw_comparison(tmp_path, cfg.report, world[SCENE], world[DECOMPOSITION], compared),
-        *draw_convergence(tmp_path, cfg.report, converged),
+        *draw_comparison(tmp_path, asked, world[SCENE], world[DECOMPOSITION], compared),
+        *draw_convergence(tmp_path, asked, converged),
     ]
     assert {path.name for path in drawn} == {
         f"{name}.{kind}" for name in ("figure1", "outcomes", "figure2") for kind in ("png", "svg")

@@ -6,34 +6,79 @@ field. A run without a plan still has a map with its trees.
 
 from __future__ import annotations
 
-from pathlib import Path
+from collections.abc import Iterator
+from contextlib import suppress
+from typing import Any
+
+from matplotlib.collections import LineCollection
 
 from pareto_ltl.report import style
 from pareto_ltl.report.front import front_figure
 from pareto_ltl.report.map import plan_figure
+from pareto_ltl.report.map_layers import tree_layer
 from pareto_ltl.report.records import DrawnRun
 from pareto_ltl.report.wind import wind_figure
 from pareto_ltl.settings import ReportConfig
 
+Files = list[tuple[str, bytes]]
+DRAWN_AT_PLAN = ("wind", "front")  # figures that show nothing of what comes after the plan
+AFTER_PLAN = ("deployments", "forecasts")
 
-def draw_run_figures(folder: Path, cfg: ReportConfig, run: DrawnRun) -> tuple[Path, ...]:
-    """Write ``plan``, ``front`` and ``wind``, each as .png and .svg, into ``folder``; return their paths.
 
-    ``front`` is left out if the run has no front or an empty one.
-    """
-    folder.mkdir(parents=True, exist_ok=True)
+def run_figures(cfg: ReportConfig, run: DrawnRun) -> Iterator[tuple[str, bytes]]:
+    """Name and content of each file, as soon as it is drawn: ``plan``, ``wind`` and ``front``, each in
+    ``report.formats``; without ``front`` if the run has none, or an empty one."""
+    for name in _figure_names(run):
+        yield from _figure_files(name, cfg, run)
+
+
+def _figure_names(run: DrawnRun) -> tuple[str, ...]:
+    there = run.front is not None and len(run.front.paths) > 0
+    return ("plan", "wind", "front") if there else ("plan", "wind")
+
+
+def _figure_files(name: str, cfg: ReportConfig, run: DrawnRun, trees: LineCollection | None = None) -> Files:
     with style.report_style():
-        figures = {
-            "plan": plan_figure(cfg, run),
-            "wind": wind_figure(run.scene, run.wind, run.plan),
-        }
-        if run.front is not None and run.front.paths:
-            figures["front"] = front_figure(run.scene, run.forest, run.front, run.plan)
-        return tuple(
-            path
-            for name, figure in figures.items()
-            for path in style.save_figure(figure, folder, name, cfg.dpi)
-        )
+        if name == "plan":
+            figure = plan_figure(cfg, run, trees)
+        elif name == "wind":
+            figure = wind_figure(run.scene, run.wind, run.plan)
+        else:
+            assert run.front is not None
+            figure = front_figure(run.scene, run.forest, run.front, run.plan)
+        return [(f"{name}.{kind}", style.figure_bytes(figure, kind, cfg.dpi)) for kind in cfg.formats]
 
 
-__all__ = ["DrawnRun", "draw_run_figures"]
+class FiguresOfRecords:
+    """The figures of a run whose records come one by one; what can be drawn before the last, is."""
+
+    def __init__(self, cfg: ReportConfig) -> None:
+        self._cfg = cfg
+        self._records: dict[str, Any] = {}
+        self._drawn: dict[str, Files] = {}
+        self._trees: LineCollection | None = None
+
+    def add(self, name: str, record: Any) -> None:
+        """A record that has come: ``name`` is the attribute of :class:`DrawnRun` that it becomes."""
+        self._records[name] = record
+        if name not in AFTER_PLAN:
+            self._drawn.clear()
+        with suppress(Exception):  # an error comes again, and is told, when all figures are drawn
+            if name == "forest":
+                with style.report_style():
+                    self._trees = tree_layer(self._records["scene"], record)
+            if name == "plan":
+                run = DrawnRun(**self._records)
+                for figure in DRAWN_AT_PLAN:
+                    if figure in _figure_names(run):
+                        self._drawn[figure] = _figure_files(figure, self._cfg, run)
+
+    def files(self) -> Iterator[tuple[str, bytes]]:
+        """What :func:`run_figures` yields for the records that have come."""
+        run = DrawnRun(**self._records)
+        trees, self._trees = self._trees, None  # they can belong to one figure only
+        for name in _figure_names(run):
+            yield from self._drawn.get(name) or _figure_files(name, self._cfg, run, trees)
+
+
+__all__ = ["FiguresOfRecords", "run_figures"]

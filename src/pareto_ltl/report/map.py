@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib.artist import Artist
+from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
@@ -23,9 +24,9 @@ from pareto_ltl.report.map_layers import (
     draw_graticule,
     draw_ground,
     draw_mean_path,
-    draw_trees,
     map_axes,
     name_regions,
+    tree_layer,
 )
 from pareto_ltl.report.records import DrawnRun
 from pareto_ltl.report.wind import draw_wind_arrows, flight_midpoint
@@ -64,8 +65,10 @@ class _Sheet:
         return self.bottom + self.height + 0.26 + TEXT_LINE * len(self.title)
 
 
-def plan_figure(cfg: ReportConfig, run: DrawnRun) -> Figure:
+def plan_figure(cfg: ReportConfig, run: DrawnRun, trees: LineCollection | None = None) -> Figure:
     """Map with trees, expected wind, planned path, 95 % ellipses and flights, as Figure 1 of the paper.
+
+    ``trees`` is the :func:`tree_layer` of the run, where it has been made already.
 
     Without a plan the wind is that at departure, and the heading says why there is no plan. Every
     probability stands beside its wind law.
@@ -74,7 +77,9 @@ def plan_figure(cfg: ReportConfig, run: DrawnRun) -> Figure:
     figure = style.blank_figure(style.COLUMN_WIDTH, sheet.total)
     chart = map_axes(run.scene, style.axes_at(figure, WEST, sheet.bottom, sheet.inner, sheet.height))
     draw_graticule(chart, run.scene)
-    _draw_layers(chart, cfg, run)
+    if trees is None and run.forest is not None:
+        trees = tree_layer(run.scene, run.forest)
+    _draw_layers(chart, cfg, run, trees)
     t, moment = flight_midpoint(run.scene, run.plan)
     draw_wind_arrows(
         chart, run.scene, run.wind, t, f"expected wind {moment}", LEFT + 0.02, sheet.bottom - 0.46
@@ -94,10 +99,10 @@ def _sheet(cfg: ReportConfig, run: DrawnRun) -> _Sheet:
     return _Sheet(_map_keys(run), _flight_keys(cfg, run), _heading(run), inner, height)
 
 
-def _draw_layers(chart: MapAxes, cfg: ReportConfig, run: DrawnRun) -> None:
+def _draw_layers(chart: MapAxes, cfg: ReportConfig, run: DrawnRun, trees: LineCollection | None) -> None:
     draw_ground(chart, run.scene, run.decomposition)
-    if run.forest is not None:
-        draw_trees(chart, run.forest)
+    if trees is not None:
+        chart.ax.add_collection(trees, autolim=False)
     if run.plan is not None:
         draw_covariances(chart, run.plan.path.x, run.plan.path.cov)
     for deployment in _widest_first(run):

@@ -25,11 +25,13 @@ BOUND_DASHES = (0, (3.0, 1.5))  # line style of a bound
 def save_figures(
     folder: Path, cfg: ReportConfig, made: Mapping[str, Callable[[], Figure]]
 ) -> tuple[Path, ...]:
-    """Draw the figures in ``made``, write each as .png and .svg into ``folder``, return the paths."""
+    """Draw the figures in ``made``, write each in ``report.formats`` into ``folder``, return the paths."""
     folder.mkdir(parents=True, exist_ok=True)
     with style.report_style():
         return tuple(
-            path for name, make in made.items() for path in style.save_figure(make(), folder, name, cfg.dpi)
+            path
+            for name, make in made.items()
+            for path in style.save_figure(make(), folder, name, cfg.dpi, cfg.formats)
         )
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import logging
 import time
 from collections.abc import Collection, Iterator, Sequence
-from contextlib import contextmanager, nullcontext, suppress
+from contextlib import ExitStack, contextmanager, nullcontext, suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -19,7 +19,7 @@ from pareto_ltl.run.directory import RUN_LOG, claimed_directory
 from pareto_ltl.run.progress import ProgressBar
 from pareto_ltl.run.records import AUTOMATON, FOREST, SCENE, RecordKey, Records, T
 from pareto_ltl.run.sizes import check_sizes
-from pareto_ltl.run.stage_table import Progress, Stage, StageInputs, StageTable
+from pareto_ltl.run.stage_table import Progress, Stage, StageInputs, StageTable, Watcher
 from pareto_ltl.run.stages import PLAN_TABLE
 from pareto_ltl.settings import Settings
 from pareto_ltl.support.errors import ConfigError, InfeasibleError, ParetoLtlError
@@ -123,6 +123,8 @@ class Run:
         Where records are written as soon as they are made; None keeps them in memory.
     progress : ProgressBar or None
         What shows the stage at work.
+    ahead : dict of str to Watcher
+        What stages began when the run did, by their names.
     """
 
     settings: Settings
@@ -131,6 +133,7 @@ class Run:
     seconds: dict[str, float] = field(default_factory=dict)
     directory: Path | None = None
     progress: ProgressBar | None = None
+    ahead: dict[str, Watcher] = field(default_factory=dict)
 
     def __getitem__(self, key: RecordKey[T]) -> T:
         return self.records[key]
@@ -159,11 +162,16 @@ class Run:
                     from pareto_ltl.run.results import save_record
 
                     save_record(self.directory, stage.makes, record)
+                self._tell(stage.makes, record)
         finally:
             self.seconds[stage.name] = time.perf_counter() - start
         if self.directory is not None:
             LOG.info("%s done in %.3f s", stage.name, self.seconds[stage.name])
         return record
+
+    def _tell(self, key: RecordKey[Any], record: Any) -> None:
+        for watcher in self.ahead.values():
+            watcher.record_made(key.name, record)
 
     def has_all(self, keys: Sequence[RecordKey[Any]]) -> bool:
         """Whether there is a record for each of ``keys``."""
@@ -232,9 +240,22 @@ def carry_out(
     if place is None:
         raise ValueError("the run has no directory: give Run a directory")
     place.mkdir(parents=True, exist_ok=True)
-    with logging_to(place / RUN_LOG), ProgressBar() as bar:
+    with logging_to(place / RUN_LOG), _begun_ahead(run, stages), ProgressBar() as bar:
         run.progress = bar
         return _recorded(run, stages, place, provenance.begin(run.settings, argv, overrides))
+
+
+@contextmanager
+def _begun_ahead(run: Run, stages: Sequence[Stage[Any]]) -> Iterator[None]:
+    """What ``stages`` begin ahead, for the duration of the run."""
+    with ExitStack() as begun:
+        for stage in stages:
+            watcher = begun.enter_context(stage.ahead(run.settings)) if stage.ahead else None
+            if watcher is not None:
+                run.ahead[stage.name] = watcher
+                for key in run.records:
+                    watcher.record_made(key.name, run.records[key])
+        yield
 
 
 def _recorded(

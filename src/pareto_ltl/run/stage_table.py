@@ -6,7 +6,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Generic, Protocol
 from zlib import crc32
@@ -24,12 +25,22 @@ if TYPE_CHECKING:
 Progress = Callable[[int, int], None]  # called with (done, total)
 
 
+class Watcher(Protocol):
+    """What a stage begins ahead of its turn; it is told of each record."""
+
+    def record_made(self, name: str, record: Any) -> None:
+        """The stage ``name`` has made ``record``, or it was given."""
+
+
 class StageContext(Protocol):
     """What a stage gets its inputs from: a ``Run`` (``run/pipeline.py``)."""
 
     settings: Settings
     records: Records
     directory: Path | None
+
+    @property
+    def ahead(self) -> Mapping[str, Watcher]: ...
 
     @property
     def stage_progress(self) -> Progress | None: ...
@@ -83,6 +94,11 @@ class StageInputs:
         return self._context.directory
 
     @property
+    def ahead(self) -> Any:
+        """What the stage began when the run did (:attr:`Stage.ahead`), or None."""
+        return self._context.ahead.get(self._stage.name)
+
+    @property
     def progress(self) -> Progress | None:
         """A function to call with (done, total), or None if no progress is shown."""
         return self._context.stage_progress
@@ -113,6 +129,9 @@ class Stage(Generic[T]):
         of seconds. ``*`` stands for any name.
     shows : tuple of str
         Files for people, figures and texts, which may tell how long something took.
+    ahead : callable or None
+        From the settings to a context that is entered when the run begins and left when it ends; the
+        :class:`Watcher` that it gives is ``inputs.ahead``. For what can begin before the stage does.
     """
 
     name: str
@@ -124,6 +143,7 @@ class Stage(Generic[T]):
     stream: str | None = None
     writes: tuple[str, ...] = ()
     shows: tuple[str, ...] = ()
+    ahead: Callable[[Settings], AbstractContextManager[Watcher | None]] | None = None
 
 
 def stage_seeds(seed: int, stream: str) -> SeedSequence:

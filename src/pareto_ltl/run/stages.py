@@ -11,6 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from pareto_ltl.report.drawing import draw_run_figures, drawing_process
 from pareto_ltl.run.records import (
     AUTOMATON,
     DECOMPOSITION,
@@ -26,7 +27,7 @@ from pareto_ltl.run.records import (
     SCENE,
     WIND,
     WIND_TABLE,
-)
+)  # fmt: skip
 from pareto_ltl.run.stage_table import Stage, StageInputs, StageTable, named_child, stage_seeds
 from pareto_ltl.settings import (
     DeploymentConfig,
@@ -302,7 +303,6 @@ def make_report(inputs: StageInputs) -> tuple[Path, ...]:
     """Figures of what there is: a mission that failed shows how far its trees came."""
     if not inputs.settings.report.figures:
         return ()
-    from pareto_ltl.report.figures import draw_run_figures
     from pareto_ltl.report.records import DrawnRun
 
     run = DrawnRun(
@@ -315,7 +315,7 @@ def make_report(inputs: StageInputs) -> tuple[Path, ...]:
         deployments=inputs.get(DEPLOYMENTS) or {},
         forecasts=inputs.get(FORECASTS) or {},
     )
-    return draw_run_figures(inputs.directory / "figures", inputs.settings.report, run)
+    return draw_run_figures(inputs.directory / "figures", inputs.settings.report, run, inputs.ahead)
 
 
 def make_wind_table(inputs: StageInputs) -> Path:
@@ -426,6 +426,7 @@ PLAN_STAGES = (
         uses=(FOREST, FRONT, PLAN, DEPLOYMENTS, FORECASTS),
         settings=(ReportConfig,),
         shows=FIGURE_FILES,
+        ahead=drawing_process,
     ),
     Stage(
         "table",

@@ -10,6 +10,8 @@ from pareto_ltl.settings.fidelity import LAWS
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.messages import shown_value
 
+FIGURE_FORMATS = ("png", "svg")
+
 
 @dataclass
 class DeploymentConfig(CheckedSettings):
@@ -26,6 +28,9 @@ class ReportConfig(CheckedSettings):
 
     section: ClassVar[str] = "report"
     figures: bool = setting(True, "whether figures are drawn")
+    formats: list[str] = setting(
+        ["png"], "files that each figure is written as", choices=FIGURE_FORMATS, distinct=True
+    )
     dpi: int = setting(200, "resolution of PNG figures, in dots per inch", least=30, most=1200)
     paths: int = setting(40, "simulated flights that are drawn", least=0, most=10_000)
 

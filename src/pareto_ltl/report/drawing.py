@@ -1,0 +1,262 @@
+"""The figures of a run as files, drawn by a second process that imports matplotlib while the trees grow.
+
+It draws what it is sent, and sends the files back: the run itself writes them. So whatever ends one of the
+two processes, no file is half-written and nothing is written after the run.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+import pickle
+import signal
+import subprocess
+import sys
+import threading
+import traceback
+import warnings
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
+from dataclasses import fields
+from queue import SimpleQueue
+from typing import TYPE_CHECKING, Any, BinaryIO
+
+from pareto_ltl.report.records import DrawnRun
+from pareto_ltl.support.cores import cores
+from pareto_ltl.support.files import write_bytes
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from pareto_ltl.settings import ReportConfig, Settings
+
+LOG = logging.getLogger(__name__)
+# The module search path of this process comes as arguments: the other one finds the same packages, and none
+# in the current folder (-P).
+PROGRAM = "import sys; sys.path[:] = sys.argv[1:]; from pareto_ltl.report.drawing import serve; serve()"
+MATPLOTLIB = "matplotlib.figure"  # the module that takes long to import
+SHOWN = {part.name: part.name for part in fields(DrawnRun)} | {"deployment": "deployments"}  # by record name
+FILE, DONE, FAILED = "file", "done", "failed"  # kinds of answers
+
+
+def draw_run_figures(
+    folder: Path, cfg: ReportConfig, run: DrawnRun, process: DrawingProcess | None = None
+) -> tuple[Path, ...]:
+    """Write the figures of ``run`` into ``folder``, each in ``report.formats``; return the paths.
+
+    ``process`` draws them; this process does where there is none, and where it has been killed.
+    """
+    if process is not None:
+        try:
+            return _write_files(folder, process.figures(run))
+        except DrawingEndedError as error:
+            LOG.warning("the run draws the figures itself: %s", error)
+    from pareto_ltl.report.figures import run_figures
+
+    return _write_files(folder, run_figures(cfg, run))
+
+
+def _write_files(folder: Path, files: Iterator[tuple[str, bytes]]) -> tuple[Path, ...]:
+    """Write each file (name, content) into ``folder`` as it comes; return the paths."""
+    folder.mkdir(parents=True, exist_ok=True)
+    paths = []
+    for name, content in files:
+        write_bytes(folder / name, content)
+        paths.append(folder / name)
+    return tuple(paths)
+
+
+class DrawingEndedError(Exception):
+    """The drawing process has ended without an answer."""
+
+
+class _ElsewhereError(Exception):
+    """The traceback of an error in the drawing process, as the cause of the same error here."""
+
+    def __str__(self) -> str:
+        return f"\n{self.args[0]}"
+
+
+class DrawingProcess:
+    """A second process that draws the figures of a run, some of them before the run has its last record."""
+
+    def __init__(self, cfg: ReportConfig) -> None:
+        options = [f"-W{option}" for option in sys.warnoptions]
+        command = [sys.executable, "-P", *options, "-c", PROGRAM, *sys.path]
+        # In a process group of its own, so that Ctrl-C reaches the run alone, which then ends this process.
+        apart: dict[str, Any] = {"process_group": 0}
+        if sys.platform == "win32":
+            apart = {"creationflags": subprocess.CREATE_NEW_PROCESS_GROUP}
+        self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, **apart)
+        self._made: dict[str, Any] = {}
+        self._sent: dict[str, Any] = {}
+        self._ask(cfg)
+
+    @property
+    def number(self) -> int:
+        """Its process id."""
+        return self._process.pid
+
+    def record_made(self, name: str, record: Any) -> None:
+        """Send what figures show, from the trees on: before, the process imports and reads nothing."""
+        if name in SHOWN:
+            self._made[SHOWN[name]] = record
+            if "forest" in self._made:
+                with suppress(BrokenPipeError):  # an end of the process is noticed when figures are due
+                    self._send_records(self._made)
+
+    def figures(self, run: DrawnRun) -> Iterator[tuple[str, bytes]]:
+        """What :func:`pareto_ltl.report.figures.run_figures` yields; its errors and warnings appear here.
+
+        Raises
+        ------
+        DrawingEndedError
+            If the process has ended without an answer, as one that another program killed.
+        """
+        answers = self._process.stdout
+        assert answers is not None
+        try:
+            self._send_records({part.name: getattr(run, part.name) for part in fields(run)})
+            self._ask(None)
+            while (answer := pickle.load(answers))[0] == FILE:
+                yield answer[1], answer[2]
+        except (EOFError, BrokenPipeError, pickle.UnpicklingError) as error:
+            code = self._process.wait()
+            raise DrawingEndedError(f"the process that draws ended with code {code}") from error
+        kind, warned, failure, told = answer
+        for warning in warned:
+            warnings.warn_explicit(*warning)
+        if kind == FAILED:
+            raise failure from _ElsewhereError(told)
+
+    def _send_records(self, records: Mapping[str, Any]) -> None:
+        for name, record in records.items():
+            if self._sent.get(name, self) is not record:
+                self._ask((name, record))
+                self._sent[name] = record
+
+    def _ask(self, request: Any) -> None:
+        requests = self._process.stdin
+        assert requests is not None
+        pickle.dump(request, requests, pickle.HIGHEST_PROTOCOL)
+        requests.flush()
+
+    def end(self) -> None:
+        """End the process, whatever it does."""
+        for pipe in (self._process.stdin, self._process.stdout):
+            if pipe is not None:
+                with suppress(OSError):  # what is still to be sent has nobody to read it
+                    pipe.close()
+        self._process.kill()
+        self._process.wait()
+
+
+@contextmanager
+def drawing_process(settings: Settings) -> Iterator[DrawingProcess | None]:
+    """A drawing process for the duration of the block; None where a run does as well without one.
+
+    That is without figures; on one core, which a job of a sweep often has; where matplotlib is imported
+    already, as in a notebook or in a process that carries out one job after another; in a program that has
+    no Python of its own beside it; and where no process can be started.
+    """
+    process = None
+    gains = cores() > 1 and MATPLOTLIB not in sys.modules
+    if settings.report.figures and gains and _has_interpreter():
+        with suppress(OSError):
+            process = DrawingProcess(settings.report)
+    try:
+        yield process
+    finally:
+        if process is not None:
+            process.end()
+
+
+def _has_interpreter() -> bool:
+    """Whether ``sys.executable`` is Python, and not the program that Python is packed into."""
+    return bool(sys.executable) and not getattr(sys, "frozen", False)
+
+
+# --- in the drawing process --------------------------------------------------------------------
+
+
+def serve() -> None:
+    """Read the report settings from the standard input, then records, (name, record), and draw them.
+
+    Where None comes instead of a record, figures are due: the answer on the standard output is (FILE, name,
+    content) for each file, then how it ended, the warnings, the error or None, and its traceback.
+    """
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    answers = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
+    os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # what a library prints is no answer
+    requests: SimpleQueue[Any] = SimpleQueue()
+    threading.Thread(target=_listen, args=(sys.stdin.buffer, requests), daemon=True).start()
+    cfg = requests.get()
+    with suppress(Exception):  # what is wrong appears when something is to be drawn
+        _warm_up()
+    from pareto_ltl.report.figures import FiguresOfRecords
+
+    figures = FiguresOfRecords(cfg)
+    with warnings.catch_warnings(record=True) as caught:
+        while True:
+            request = requests.get()
+            if request is not None:
+                figures.add(*request)
+                continue
+            outcome = _send_files(answers, figures.files())
+            warned = [(str(one.message), one.category, one.filename, one.lineno) for one in caught]
+            caught.clear()
+            _send(answers, (outcome[0], warned, *outcome[1:]))
+
+
+def _listen(stream: BinaryIO, requests: SimpleQueue[Any]) -> None:
+    """Pass requests on; where no more can come, the run has ended, and this process ends with it."""
+    with suppress(EOFError, OSError, pickle.UnpicklingError):
+        while True:
+            requests.put(pickle.load(stream))
+    os._exit(0)
+
+
+def _warm_up() -> None:
+    """Import what figures need, and load fonts and the writers of files."""
+    import pyproj
+
+    from pareto_ltl.report import figures, style
+    from pareto_ltl.settings.outputs import FIGURE_FORMATS
+
+    assert figures
+    assert pyproj
+    with style.report_style():
+        figure = style.blank_figure(1.0, 1.0)
+        style.axes_at(figure, 0.3, 0.3, 0.6, 0.6).set_title("x", fontweight="bold")
+        for kind in FIGURE_FORMATS:
+            style.figure_bytes(figure, kind, 30)
+
+
+def _send_files(answers: BinaryIO, files: Iterator[tuple[str, bytes]]) -> tuple[str, Exception | None, str]:
+    """Send each file as it is drawn; return how it ended, the error and its traceback."""
+    try:
+        for name, content in files:
+            _send(answers, (FILE, name, content))
+    except Exception as error:
+        return FAILED, _sendable(error), traceback.format_exc()
+    return DONE, None, ""
+
+
+def _sendable(error: Exception) -> Exception:
+    """``error``, or its text where it cannot be sent."""
+    try:
+        pickle.loads(pickle.dumps(error))
+    except Exception:
+        return RuntimeError(f"{type(error).__name__}: {error}")
+    return error
+
+
+def _send(answers: BinaryIO, answer: tuple[Any, ...]) -> None:
+    try:
+        pickle.dump(answer, answers, pickle.HIGHEST_PROTOCOL)
+        answers.flush()
+    except BrokenPipeError:
+        os._exit(0)  # nobody waits for it
+
+
+__all__ = ["DrawingEndedError", "DrawingProcess", "draw_run_figures", "drawing_process", "serve"]
