@@ -139,7 +139,7 @@ def pass_obstacle(
             if old >= 0 and here < leg.far_here:
                 u = variance_along(nx, ny, leg.here.cov)
                 s, g, w = s + tail(here, u), min(g, here), max(w, u)
-            cost = run_cost(s, g, w)
+            cost = s  # of two terms 2 Φ(-least / √widest) is never less
         if cost < best:
             best, own = cost, p
             new.face[now, j] = k

@@ -16,7 +16,7 @@ from pareto_ltl.kernels.jit import allocating, kernel
 from pareto_ltl.kernels.polygon import polygon_probability
 from pareto_ltl.support.arrays import FloatArray, IntArray
 
-TINY = 1e-13  # below this the exact probability is all rounding: half planes instead
+REMOTE = 7.35  # standard deviations to one face; below its 1e-13 the exact probability is all rounding
 CERTAIN = 8.0  # standard deviations; what lies farther away has probability below 1e-15
 
 # --- f_o of the paper -------------------------------------------------------------------------
@@ -58,9 +58,12 @@ def label_probability(bound: Ordered, part: int, here: Gaussian, width: float) -
     reach = labelled.radius[part] + CERTAIN * width
     if dx * dx + dy * dy > reach * reach:
         return 0.0
-    bound_inside = inside(bound.cells.faces, labelled.cell[part], here)
-    if bound_inside <= TINY:
-        return bound_inside
+    faces, cell = bound.cells.faces, labelled.cell[part]
+    for k in range(faces.ptr[cell], faces.ptr[cell + 1]):
+        nx, ny = faces.normal[k, 0], faces.normal[k, 1]
+        gap = nx * here.mean.x + ny * here.mean.y - faces.offset[k]
+        if gap > 0.0 and gap * gap > REMOTE * REMOTE * variance_along(nx, ny, here.cov):
+            return inside(faces, cell, here)
     return polygon_probability(labelled, part, here)
 
 

