@@ -24,6 +24,7 @@ PACKAGES = (
     "scipy", "shapely", "xarray",
 )  # fmt: skip
 
+NO_COMMIT = "(initial)"  # what git says where there is none yet
 PLACE_CURE = "check the path, its permissions and the space on the disk"
 
 
@@ -126,10 +127,11 @@ def git_state(root: Path | None) -> dict[str, Any] | None:
     """Commit of the checkout at ``root`` and whether files differ from it; None outside a checkout."""
     if root is None or not (root / ".git").exists():
         return None
-    commit = _git(root, "rev-parse", "HEAD")
-    return (
-        None if commit is None else {"commit": commit, "changed": bool(_git(root, "status", "--porcelain"))}
-    )
+    told = _git(root, "status", "--porcelain=v2", "--branch")
+    lines = [] if told is None else told.splitlines()
+    oid = next((line.split()[-1] for line in lines if line.startswith("# branch.oid ")), NO_COMMIT)
+    changed = any(not line.startswith("#") for line in lines)
+    return None if oid == NO_COMMIT else {"commit": oid, "changed": changed}
 
 
 def _git(root: Path, *words: str) -> str | None:
