@@ -433,6 +433,24 @@ def test_start_up_loads_no_numerical_package() -> None:
     assert done.stdout == "[]\n"
 
 
+@pytest.mark.parametrize(("cores", "apart"), [(1, False), (2, True)])
+def test_where_there_is_a_core_for_it_figures_are_drawn_by_another_process(
+    cores: int, apart: bool, tmp_path: Path
+) -> None:
+    code = (
+        "import sys\n"
+        "from pareto_ltl.cli import hydra_app as app\n"
+        "words = '+experiment=phi1 fidelity=paper planner.trees=1 planner.n_max=20 report.dpi=30'.split()\n"
+        "assert app.run_hydra([*words, 'hydra.run.dir=place']) == 2\n"  # it finds no path, and draws
+        "print('matplotlib' in sys.modules)\n"
+    )
+    environment = os.environ | {"OMP_NUM_THREADS": str(cores)}
+    command = [sys.executable, "-c", code]
+    done = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, env=environment)
+    assert done.stdout == f"{not apart}\n", done.stderr
+    assert {path.name for path in (tmp_path / "place" / "figures").iterdir()} == {"plan.png", "wind.png"}
+
+
 def test_warnings_go_to_the_log_of_the_run(
     here: Path, stage: Any, capsys: pytest.CaptureFixture[str]
 ) -> None:

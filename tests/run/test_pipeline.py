@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import dataclass, field, fields, is_dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -38,7 +39,7 @@ from pareto_ltl.settings import (
     preset,
 )
 from pareto_ltl.studies.stages import STUDY_STAGES
-from pareto_ltl.support.errors import ConfigError, InfeasibleError
+from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
 from pareto_ltl.support.resources import choice_file
 
 FLOUR = RecordKey[str]("flour")
@@ -374,6 +375,41 @@ def test_an_infeasible_mission_still_gets_its_trees_its_figure_and_metrics(tmp_p
     assert (tmp_path / "trees.npz").is_file()
     assert json.loads((tmp_path / "metrics.json").read_text())["completed"] == 0.0
     assert json.loads((tmp_path / "run.json").read_text())["status"] == "infeasible"
+
+
+@pytest.mark.parametrize("fails", [False, True])
+def test_what_a_stage_begins_ahead_is_told_of_every_record_and_ends_with_the_run(
+    fails: bool, tmp_path: Path
+) -> None:
+    told: list[object] = []
+
+    class Listener:
+        def record_made(self, name: str, record: object) -> None:
+            told.append((name, record))
+
+    @contextmanager
+    def begin(settings: Settings) -> Iterator[Listener]:
+        told.append(settings.name)
+        try:
+            yield Listener()
+        finally:
+            told.append("ended")
+
+    def bake(inputs: StageInputs) -> str:
+        assert isinstance(inputs.ahead, Listener)
+        if fails:
+            raise DataError("burnt")
+        return "bread"
+
+    stages = (
+        Stage("flour", makes=FLOUR, make=lambda inputs: "flour"),
+        Stage("bread", makes=BREAD, make=bake, needs=(FLOUR,), ahead=begin),
+    )
+    pipeline = Pipeline(listing("flour", "bread"), StageTable(stages), stages)
+    with pytest.raises(DataError, match="burnt") if fails else nullcontext():
+        run_pipeline(pipeline, tmp_path)
+    made = [("flour", "flour")] if fails else [("flour", "flour"), ("bread", "bread")]
+    assert told == [pipeline.settings.name, *made, "ended"]
 
 
 def test_numbers_of_a_record_of_ones_own_are_metrics(tmp_path: Path) -> None:
