@@ -8,6 +8,9 @@ import numpy as np
 
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import PlannedPath
+from pareto_ltl.support.arrays import FloatArray
+
+BEGUN = 400  # unfinished orders of one length that are followed
 
 
 @dataclass(frozen=True, slots=True)
@@ -16,6 +19,30 @@ class MissionOrder:
 
     labels: tuple[frozenset[str], ...]
     states: tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class _Begun:
+    """An order not yet at its end: its labels, the states before them and the one after, and about how long
+    the way is, from the middle of one cell to the nearest of the next label [m]."""
+
+    labels: tuple[frozenset[str], ...]
+    states: tuple[int, ...]
+    state: int
+    at: FloatArray
+    length: float
+
+    def followed_by(self, label: frozenset[str], state: int, middles: FloatArray) -> _Begun:
+        """With one more label, shown around ``middles`` (n, 2) [m]."""
+        far = np.hypot(*(middles - self.at).T)
+        near = int(far.argmin())
+        return _Begun(
+            (*self.labels, label),
+            (*self.states, self.state),
+            state,
+            middles[near],
+            self.length + float(far[near]),
+        )
 
 
 def mission_order(problem: Problem, path: PlannedPath) -> MissionOrder | None:
@@ -29,24 +56,40 @@ def mission_order(problem: Problem, path: PlannedPath) -> MissionOrder | None:
 def possible_orders(problem: Problem, most: int) -> list[MissionOrder]:
     """Orders that the automaton allows, every transition one nearer to acceptance; ``most`` at most.
 
-    Trees find the order that suited their samples; another one may be better once smoothed.
+    Trees find the order that suited their samples; another one may be better once smoothed. Where more than
+    ``BEGUN`` orders begin with as many labels, those of the shortest way are followed.
     """
-    logic, atoms = problem.world.logic, set(problem.atoms)
+    logic, places = problem.world.logic, _label_places(problem)
+    start = problem.scene.start
+    found: list[MissionOrder] = []
+    level = [_Begun((), (), int(logic.delta[logic.initial, problem.locate(start[None])[0]]), start, 0.0)]
+    while level and len(found) < most:
+        longer: list[_Begun] = []
+        for begun in level:
+            if logic.distance[begun.state] == 0.0:
+                if begun.labels:
+                    found.append(MissionOrder(begun.labels, begun.states))
+                continue
+            for label, (column, middles) in places.items():
+                then = int(logic.delta[begun.state, column])
+                if logic.distance[then] < logic.distance[begun.state]:
+                    longer.append(begun.followed_by(label, then, middles))
+        if len(longer) > BEGUN:
+            longer = sorted(longer, key=lambda one: one.length)[:BEGUN]
+        level = longer
+    return found[:most]
+
+
+def _label_places(problem: Problem) -> dict[frozenset[str], tuple[int, FloatArray]]:
+    """For each label a cell that shows it, and the middles of all such cells (n, 2)."""
+    atoms = set(problem.atoms)
     shown = sorted(
         {(tuple(sorted(label & atoms)), c) for c, label in enumerate(problem.labels) if label & atoms}
     )
-    column = dict(reversed([(frozenset(names), c) for names, c in shown]))
-    found: list[MissionOrder] = []
-    start = int(logic.delta[logic.initial, problem.locate(problem.scene.start[None])[0]])
-    queue: list[tuple[tuple[frozenset[str], ...], tuple[int, ...], int]] = [((), (), start)]
-    while queue and len(found) < most:
-        labels, states, q = queue.pop(0)
-        if logic.distance[q] == 0.0:
-            if labels:
-                found.append(MissionOrder(labels, states))
-            continue
-        for label, c in column.items():
-            then = int(logic.delta[q, c])
-            if logic.distance[then] < logic.distance[q]:
-                queue.append(((*labels, label), (*states, q), then))
-    return found
+    cells: dict[frozenset[str], list[int]] = {}
+    for names, c in shown:
+        cells.setdefault(frozenset(names), []).append(c)
+    polygons = problem.decomposition.cells
+    middles = {label: np.array([polygons[c].mean(axis=0) for c in own]) for label, own in cells.items()}
+    order = dict.fromkeys(frozenset(names) for names, _ in reversed(shown))
+    return {label: (cells[label][0], middles[label]) for label in order}
