@@ -12,7 +12,7 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 UV := $(shell command -v uv 2>/dev/null)
 
-.PHONY: demo test fuzz faults bench lint types lock install clean
+.PHONY: demo test fuzz faults bench scale lint types lock install clean
 .DELETE_ON_ERROR:
 
 demo: $(READY)
@@ -30,6 +30,10 @@ faults: $(READY)
 
 bench: $(READY)
 	$(BIN)/python -m pytest benchmarks/bench_*.py $(ARGS)
+
+# Seconds and memory against the size of a problem, with figures in outputs/scale (ARGS="states steps" for some).
+scale: $(READY)
+	cd benchmarks && $(abspath $(BIN))/python -m scale $(ARGS)
 
 lint: $(READY)
 	$(BIN)/ruff check

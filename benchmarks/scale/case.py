@@ -1,0 +1,40 @@
+"""What is scaled: a problem with one number in it, and the limits at its largest value."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+GIBIBYTE = 2.0**30
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """A problem of several sizes.
+
+    Attributes
+    ----------
+    name : str
+        For the table; the file name of its figure.
+    sizes : tuple of int
+        In ascending order; a case without an answer at one size is not run at larger ones.
+    run : callable
+        Works one size out and returns the CPU seconds it took, of all cores together, so that a busy machine counts
+        less; reading packages is not part of them.
+    unit : str
+        What the size counts.
+    limit : float
+        Seconds at the largest size.
+    memory : float
+        Bytes at the largest size, of the whole process.
+    """
+
+    name: str
+    sizes: tuple[int, ...]
+    run: Callable[[int], float]
+    unit: str
+    limit: float
+    memory: float = GIBIBYTE
+
+
+__all__ = ["GIBIBYTE", "Case"]
