@@ -19,8 +19,8 @@ class Case:
     sizes : tuple of int
         In ascending order; a case without an answer at one size is not run at larger ones.
     run : callable
-        Works one size out and returns the CPU seconds it took, of all cores together, so that a busy machine counts
-        less; reading packages is not part of them.
+        Works one size out and returns the CPU seconds it took, of all cores together, so that a busy machine
+        counts less; reading packages is not part of them.
     unit : str
         What the size counts.
     limit : float

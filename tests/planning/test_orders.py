@@ -1,0 +1,58 @@
+"""Mission orders: all that the automaton allows, or those of the shortest way where there are too many."""
+
+from __future__ import annotations
+
+from itertools import permutations, product
+
+import numpy as np
+import pytest
+
+from pareto_ltl.planning.refine import orders
+from problems import box, make_problem, make_scene
+
+SPOTS = [(4 * k + 2.0, 4.0 * j + 2.0) for k, j in product(range(1, 5), range(3))]
+
+
+def visits(count: int):
+    """Regions a, b, ... that are to be visited in any order."""
+    names = "abcdefghijkl"[:count]
+    regions = {name: box(x, y, x + 1, y + 1) for name, (x, y) in zip(names, SPOTS, strict=False)}
+    return make_problem(" & ".join(f"F {name}" for name in names), make_scene(regions)), names
+
+
+def words(problem, most):
+    return ["".join(*zip(*order.labels, strict=True)) for order in orders.possible_orders(problem, most)]
+
+
+def test_few_regions_have_all_their_orders():
+    problem, names = visits(4)
+    assert sorted(words(problem, 100)) == sorted(map("".join, permutations(names)))
+    assert len(words(problem, 5)) == 5
+
+
+@pytest.mark.parametrize("most", [1, 24])
+def test_of_many_orders_those_of_a_short_way_are_found(most):
+    problem, names = visits(9)
+    found = words(problem, most)
+    assert len(set(found)) == most
+    assert all(sorted(word) == list(names) for word in found)
+    middle = {name: problem.scene.regions[name].mean(axis=0) for name in names}
+    rng = np.random.default_rng(0)
+
+    def length(word):
+        way = np.array([problem.scene.start, *(middle[name] for name in word)])
+        return np.linalg.norm(np.diff(way, axis=0), axis=1).sum()
+
+    chance = [length(rng.permutation(list(names))) for _ in range(500)]
+    assert max(map(length, found)) < np.quantile(chance, 0.05)
+
+
+def test_states_before_the_labels_are_those_of_the_automaton(monkeypatch):
+    monkeypatch.setattr(orders, "BEGUN", 3)
+    problem, _ = visits(5)
+    for order in orders.possible_orders(problem, 24):
+        q = problem.automaton.initial
+        for label, state in zip(order.labels, order.states, strict=True):
+            assert state == q
+            q = problem.automaton.step(q, label)
+        assert problem.automaton.accepting[q]
