@@ -115,8 +115,19 @@ def test_the_judge_has_the_planners_factor_and_persistence(kernel: str, same_pla
     steady = rng.normal(size=(30, 2))
     winds = [3 * steady[: len(p)] + rng.normal(size=p.shape) for p in points]
     hyper = tuple(tuple(gp.Hyper(float(m), 3.0, 4e5, 0.8) for m in w.mean(axis=0)) for w in winds)
-    anchors, squares = gp.squared_residuals(kernel, points, winds, hyper)  # type: ignore[arg-type]
-    posterior = gp.WindPosterior(times, tuple(points), tuple(winds), kernel, hyper, {}, anchors, squares)  # type: ignore[arg-type]
+    residuals = gp.leave_one_out(kernel, points, winds, hyper)  # type: ignore[arg-type]
+    anchors, squares = gp.squared_residuals(points, residuals)
+    posterior = gp.WindPosterior(
+        times,
+        tuple(points),
+        tuple(winds),
+        kernel,
+        hyper,
+        {},
+        residuals,
+        anchors,
+        squares,  # type: ignore[arg-type]
+    )
     own = wind_fit.Fit(points, winds, np.array(hyper), kernel)
     places = rng.uniform(-7e5, 7e5, (50, 2))
     np.testing.assert_allclose(own.factor(places), posterior.variance_factor(places), rtol=1e-5)

@@ -257,3 +257,29 @@ def test_an_ensemble_is_interpolated_with_the_weights_of_the_mean():
     priors = np.array([[h.mean for h in pair] for pair in posterior.hyper])[:, None]
     np.testing.assert_allclose(spread + priors, posterior.at(at)[0], atol=1e-9)
     assert posterior.spread_out((), at).shape == (2, 10, 2, 0)
+
+
+def test_many_readings_are_conditioned_on_in_pieces(monkeypatch):
+    """Places in blocks, and matrices of more than ``MANY`` rows by their Cholesky factor: the same field."""
+    seen = observed(seed=8, n=40, times=2)
+    whole = regression.fit_posterior(WindConfig(), seen)
+    places = np.random.default_rng(0).uniform(-SIDE / 2, SIDE / 2, (400, 2))
+    expected = whole.at(places)
+    monkeypatch.setattr(regression, "MANY", 10)
+    monkeypatch.setattr(regression, "MOST_PAIRS", 100)
+    pieces = regression.fit_posterior(WindConfig(), seen)
+    for one, other in zip(pieces.residuals, whole.residuals, strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-9)
+    for one, other in zip(pieces.at(places), expected, strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-9)
+
+
+def test_hyperparameters_of_very_many_times_are_those_of_some_of_them(monkeypatch):
+    several = [observed(seed=s, n=30) for s in range(5)]
+    points, winds = [one.points[0] for one in several], [one.winds[0] for one in several]
+    monkeypatch.setattr(regression, "MOST_TIMES", 2)
+    found = regression.maximise_likelihood(WindConfig(), points, winds)
+    monkeypatch.setattr(regression, "MOST_TIMES", 30)
+    ends = regression.maximise_likelihood(WindConfig(), points[::4], winds[::4])
+    assert found == ends
+    assert found != regression.maximise_likelihood(WindConfig(), points, winds)

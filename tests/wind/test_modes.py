@@ -14,7 +14,7 @@ from pareto_ltl.settings import WindConfig
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.wind import gp as regression
 from pareto_ltl.wind import modes
-from pareto_ltl.wind.gp import CORRELATIONS, Hyper, WindPosterior, pairwise_distances
+from pareto_ltl.wind.gp import CORRELATIONS, Hyper, WindPosterior, leave_one_out, pairwise_distances
 from pareto_ltl.wind.netcdf import read_netcdf, write_netcdf
 from pareto_ltl.wind.records import ENSEMBLE, FORECAST, SPACE, TIME, WindModes, WindObservations
 from problems import QUICK_ERROR, box, make_scene, smooth_wind
@@ -38,7 +38,9 @@ def posterior(slots=2, stations=40, rho=0.7, seed=0, kernel="matern32"):
     winds = tuple(HYPER.mean + f + HYPER.noise * n for f, n in zip(field, noise, strict=True))
     times = 3600.0 * np.arange(slots)
     hyper = ((HYPER, HYPER),) * slots
-    return WindPosterior(times, (places,) * slots, winds, kernel, hyper, {}, places, np.ones(stations))
+    points = (places,) * slots
+    own = leave_one_out(kernel, points, winds, hyper)
+    return WindPosterior(times, points, winds, kernel, hyper, {}, own, places, np.ones(stations))
 
 
 def nodes(n=12):
@@ -199,9 +201,9 @@ def test_a_singular_covariance_is_no_trouble():
     """Two stations at one place, and nodes on top of them."""
     places = np.array([[0.0, 0.0], [0.0, 0.0], [500 * KM, 0.0]])
     sharp = HYPER._replace(noise=1e-3)
-    post = WindPosterior(
-        np.zeros(1), (places,), (np.ones((3, 2)),), "rbf", ((sharp, sharp),), {}, places, np.ones(3)
-    )
+    points, winds, hyper = (places,), (np.ones((3, 2)),), ((sharp, sharp),)
+    own = leave_one_out("rbf", points, winds, hyper)
+    post = WindPosterior(np.zeros(1), points, winds, "rbf", hyper, {}, own, places, np.ones(3))
     nothing = modes.ErrorParts(np.zeros(1), 1.0, np.zeros(1), 1.0, np.zeros((1, 6, 2, 0)))
     found = modes.error_modes(post, nothing, (2, 3), np.vstack([places, places]), 0.99, 6)
     assert np.isfinite(found.psi).all()

@@ -21,7 +21,7 @@ from pareto_ltl.world.scene import Scene
 
 FEWEST_MODE_CELLS, MOST_MODE_CELLS = 10, 24  # of the lattice of the modes, along the longer side of the scene
 FEWEST_CELLS = 20  # of the lattice, along the longer side of the scene
-MOST_CELLS = 400  # of the lattice, along its longer side
+MOST_CELLS = 500  # of the lattice, along its longer side
 LEAST_COVERAGE, MOST_COVERAGE = 0.8, 0.97  # of 90 % intervals, beyond which the log warns
 SAMPLES = 16  # instants at which a variance is averaged over time
 LOG = logging.getLogger(__name__)

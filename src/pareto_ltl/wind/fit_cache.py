@@ -25,7 +25,7 @@ from pareto_ltl.support.reading import read_json
 from pareto_ltl.wind.tabulate import WindTable, WindTask, tabulate_wind
 
 LOG = logging.getLogger(__name__)
-TABLE_CODE = ("wind.tabulate", "wind.gp", "wind.modes")  # the code that a table depends on
+TABLE_CODE = ("wind.tabulate", "wind.gp", "wind.modes", "wind.scoring")  # the code that a table depends on
 TABLE_PACKAGES = ("numpy", "scipy", "scikit-learn")  # other versions round differently
 TABLE_SCHEMA = "pareto_ltl.wind_table/2"
 ARRAYS = tuple(name for name in WindTable._fields if name not in ("rho", "rest_length", "score"))

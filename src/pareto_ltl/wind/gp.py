@@ -12,18 +12,18 @@ from pareto_ltl.settings import WindConfig
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 from pareto_ltl.wind.readings import farthest_points
 from pareto_ltl.wind.records import WindObservations
+from pareto_ltl.wind.scoring import held_out, same_places, score_of
 
 # Start of the search for hyperparameters, in standardised units. For readings over the contiguous US they are
 # a length of 550 km, an amplitude of 3.1 m/s and a noise of 0.6 m/s.
 START_LENGTH, START_AMPLITUDE, START_NOISE = 0.5, 1.0, 0.2
-NORMAL_QUANTILE_95 = (
-    1.6448536269514722  # 90 % of a normal variable lie within ± this many standard deviations
-)
 RELATIVE_JITTER = 1e-10  # added noise variance over amplitude², for the Cholesky factor
 MOST_FITTED = 150  # readings of a time that the hyperparameters are fitted to; they change little with more
+MOST_TIMES = 30  # groups of times with places of their own that they are fitted to
+MANY = 1000  # readings from which a matrix is worth all cores
+MOST_PAIRS = 10**7  # of readings and places that are looked at together: 80 MB a matrix
 FACTOR_LENGTH = 250e3  # [m] over which squared residuals are averaged for the variance factor
 FACTOR_PRIOR = 0.5  # readings' worth of the mean squared residual in that average
-LEAST_SCORED = 4  # places that the score needs beside those of the fit
 
 
 class Hyper(NamedTuple):
@@ -51,8 +51,10 @@ class WindPosterior:
         For the x and y component at each time; only the prior means differ.
     score : mapping of str to float
         ``gp_z_sd``, ``gp_coverage_90`` and ``gp_nlpd`` of readings that a first fit did not use.
+    residuals : tuple of (n_k, 2) float
+        Standardised leave-one-out residuals of the readings.
     anchors : (A, 2) float, squares : (A,) float
-        Places of readings [m], and their mean squared standardised leave-one-out residuals.
+        Places of readings [m], and their mean squared residuals.
     """
 
     times: FloatArray
@@ -61,6 +63,7 @@ class WindPosterior:
     kernel: str
     hyper: tuple[tuple[Hyper, Hyper], ...]
     score: dict[str, float]
+    residuals: tuple[FloatArray, ...]
     anchors: FloatArray
     squares: FloatArray
 
@@ -78,14 +81,24 @@ class WindPosterior:
         var = np.empty_like(mean)
         factor = self.variance_factor(points)
         for slots in same_places(self.points):
-            near = pairwise_distances(self.points[slots[0]], self.points[slots[0]])
-            cross = pairwise_distances(self.points[slots[0]], points)
             h, winds = self.hyper[slots[0]][0], np.stack([self.winds[k] for k in slots], axis=1)
             prior = np.array([[pair.mean for pair in self.hyper[k]] for k in slots])
-            found, v = _condition_gp(self.kernel, h, near, cross, winds - prior)
+            found, v = _condition_gp(self.kernel, h, self.points[slots[0]], points, winds - prior)
             mean[slots] = (found + prior).transpose(1, 0, 2)
             var[slots] = scaled_variance(v, h.noise**2, factor)[None, :, None]
         return mean, var
+
+    def only(self, slots: IntArray) -> WindPosterior:
+        """The processes of these times."""
+        chosen = slots.tolist()
+        return replace(
+            self,
+            times=self.times[slots],
+            points=tuple(self.points[k] for k in chosen),
+            winds=tuple(self.winds[k] for k in chosen),
+            hyper=tuple(self.hyper[k] for k in chosen),
+            residuals=tuple(self.residuals[k] for k in chosen),
+        )
 
     def spread_out(self, members: Sequence[FloatArray], points: FloatArray) -> FloatArray:
         """Deviations of an ensemble at readings, K times (n_k, 2, M), at ``points``: (K, P, 2, M) [m/s].
@@ -96,9 +109,7 @@ class WindPosterior:
             return np.zeros((len(self.times), len(points), 2, 0))
         found = []
         for k, deviations in enumerate(members):
-            near = pairwise_distances(self.points[k], self.points[k])
-            cross = pairwise_distances(self.points[k], points)
-            found.append(_condition_gp(self.kernel, self.hyper[k][0], near, cross, deviations)[0])
+            found.append(_condition_gp(self.kernel, self.hyper[k][0], self.points[k], points, deviations)[0])
         return np.stack(found)
 
     def variance_factor(self, points: FloatArray) -> FloatArray:
@@ -139,12 +150,13 @@ def fit_posterior(
     """
     from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
-    with threadpool_limits(1):  # the matrices have some hundred rows; more threads compete for the cores
-        out = _held_out(cfg, observations, bounds)
+    largest = max(len(points) for points in observations.points)
+    with threadpool_limits(1 if largest <= MANY else None):  # threads of small matrices compete for the cores
+        out = held_out(cfg, observations, bounds)
         start, score = None, {"gp_z_sd": np.nan, "gp_coverage_90": np.nan, "gp_nlpd": np.nan}
         if out is not None:
             trial = _fitted(cfg, observations, [~mask for mask in out], None)
-            start, score = trial.hyper[0][0], _score(trial, observations, out)
+            start, score = trial.hyper[0][0], score_of(trial, observations, out)
         everything = [np.ones(len(points), bool) for points in observations.points]
         posterior = _fitted(cfg, observations, everything, start)
     return replace(posterior, score=score)
@@ -164,8 +176,9 @@ def _fitted(
         (Hyper(float(u), alpha, length, sigma), Hyper(float(v), alpha, length, sigma))
         for u, v in (w.mean(axis=0) for w in winds)
     )
-    anchors, squares = squared_residuals(cfg.kernel, points, winds, hyper)
-    return WindPosterior(seen.times, points, winds, cfg.kernel, hyper, {}, anchors, squares)
+    residuals = leave_one_out(cfg.kernel, points, winds, hyper)
+    anchors, squares = squared_residuals(points, residuals)
+    return WindPosterior(seen.times, points, winds, cfg.kernel, hyper, {}, residuals, anchors, squares)
 
 
 def maximise_likelihood(
@@ -173,11 +186,14 @@ def maximise_likelihood(
 ) -> tuple[float, float, float]:
     """Amplitude [m/s], length scale [m] and noise [m/s] that all times and both components share.
 
-    Times whose readings stand at the same places share one Cholesky factor. Four significant digits.
+    Times whose readings stand at the same places share one Cholesky factor; of more than ``MOST_TIMES``
+    groups of times as many are used, evenly spread. Four significant digits.
     """
     from scipy.optimize import minimize
 
-    groups = [_fit_group(points, winds, slots) for slots in same_places(points)]
+    together = same_places(points)
+    used = np.unique(np.linspace(0, len(together) - 1, min(MOST_TIMES, len(together))).round().astype(int))
+    groups = [_fit_group(points, winds, together[g]) for g in used]
     scale = max(float(np.sqrt(np.mean(np.concatenate([y.ravel() for _, y in groups]) ** 2))), cfg.noise_min)
     everywhere = np.concatenate([x for x, _ in groups])
     reach = float(np.sqrt(np.var(everywhere, axis=0).mean()))  # > 0: positions differ
@@ -235,23 +251,15 @@ def _likelihood_model(kernel: str, x: FloatArray, y: FloatArray) -> Any:
     return GaussianProcessRegressor(whole, alpha=RELATIVE_JITTER, optimizer=None).fit(x, y)
 
 
-def same_places(points: Sequence[FloatArray]) -> list[IntArray]:
-    """Indices of times, grouped by equal places."""
-    groups: dict[tuple[tuple[int, ...], bytes], list[int]] = {}
-    for k, places in enumerate(points):
-        groups.setdefault((places.shape, np.ascontiguousarray(places).tobytes()), []).append(k)
-    return [np.array(slots, np.int64) for slots in groups.values()]
-
-
 # --- conditioning -----------------------------------------------------------------------------
 
 
 def _condition_gp(
-    kernel: str, h: Hyper, near: FloatArray, cross: FloatArray, deviations: FloatArray
+    kernel: str, h: Hyper, readings: FloatArray, points: FloatArray, deviations: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Posterior mean (P, ...) of ``deviations`` (n, ...) from the prior mean, and latent variance (P,).
 
-    From distances ``near`` (n, n) and ``cross`` (n, P) [m]; Rasmussen and Williams (2006), Algorithm 2.1::
+    At ``points`` (P, 2) from ``readings`` (n, 2) [m]; Rasmussen and Williams (2006), Algorithm 2.1::
 
         L L'  = K + σ² I
         μ     = k*' (L L')⁻¹ (w - m)
@@ -259,15 +267,33 @@ def _condition_gp(
     """
     from scipy.linalg import cho_solve, solve_triangular
 
-    k = CORRELATIONS[kernel]
-    K = h.amplitude**2 * k(near / h.length)
+    k, a2 = CORRELATIONS[kernel], h.amplitude**2
+    L = np.linalg.cholesky(_covariance(kernel, h, readings))
+    weights = cho_solve((L, True), deviations.reshape(len(readings), -1))
+    mean, variance = np.empty((len(points), weights.shape[1])), np.empty(len(points))
+    for rows in np.array_split(np.arange(len(points)), max(1, len(readings) * len(points) // MOST_PAIRS)):
+        k_star = a2 * k(pairwise_distances(readings, points[rows]) / h.length)
+        mean[rows] = k_star.T @ weights
+        v = solve_triangular(L, k_star, lower=True, overwrite_b=True, check_finite=False)
+        variance[rows] = np.maximum(a2 - np.einsum("ij,ij->j", v, v), 0.0)
+    return mean.reshape(-1, *deviations.shape[1:]), variance
+
+
+def _covariance(kernel: str, h: Hyper, places: FloatArray) -> FloatArray:
+    """K + σ² I (n, n) of readings at ``places`` (n, 2) [m²/s²]."""
+    K = h.amplitude**2 * CORRELATIONS[kernel](pairwise_distances(places, places) / h.length)
     K[np.diag_indices_from(K)] += h.noise**2 + RELATIVE_JITTER * h.amplitude**2
-    L = np.linalg.cholesky(K)
-    k_star = h.amplitude**2 * k(cross / h.length)
-    weights = cho_solve((L, True), deviations.reshape(len(near), -1))
-    mean = (k_star.T @ weights).reshape(-1, *deviations.shape[1:])
-    v = solve_triangular(L, k_star, lower=True)
-    return mean, np.maximum(h.amplitude**2 - np.einsum("ij,ij->j", v, v), 0.0)
+    return np.asarray(K, float)
+
+
+def _inverse(K: FloatArray) -> FloatArray:
+    """K⁻¹ of a covariance; from its Cholesky factor, in half the time, where it is large."""
+    if len(K) <= MANY:
+        return np.asarray(np.linalg.inv(K), float)
+    from scipy.linalg.lapack import dpotrf, dpotri
+
+    lower, _ = dpotri(dpotrf(K, lower=True, overwrite_a=True)[0], lower=True, overwrite_c=True)
+    return np.asarray(np.tril(lower) + np.tril(lower, -1).T, float)
 
 
 def leave_one_out(
@@ -275,7 +301,7 @@ def leave_one_out(
     points: Sequence[FloatArray],
     winds: Sequence[FloatArray],
     hyper: Sequence[tuple[Hyper, Hyper]],
-) -> list[FloatArray]:
+) -> tuple[FloatArray, ...]:
     """Standardised leave-one-out residuals z of each time, shapes (n_k, 2).
 
     Rasmussen and Williams (2006), Eqs. 5.10 to 5.12::
@@ -287,23 +313,18 @@ def leave_one_out(
     residuals: dict[int, FloatArray] = {}
     for slots in same_places(points):
         h, places = hyper[slots[0]][0], points[slots[0]]
-        K = h.amplitude**2 * CORRELATIONS[kernel](pairwise_distances(places, places) / h.length)
-        K[np.diag_indices_from(K)] += h.noise**2 + RELATIVE_JITTER * h.amplitude**2
-        K_inv = np.linalg.inv(K)
+        K_inv = _inverse(_covariance(kernel, h, places))
         for k in slots.tolist():
             deviations = winds[k] - np.array([each.mean for each in hyper[k]])
             residuals[k] = K_inv @ deviations / np.sqrt(np.diag(K_inv))[:, None]
-    return [residuals[k] for k in range(len(points))]
+    return tuple(residuals[k] for k in range(len(points)))
 
 
 def squared_residuals(
-    kernel: str,
-    points: Sequence[FloatArray],
-    winds: Sequence[FloatArray],
-    hyper: Sequence[tuple[Hyper, Hyper]],
+    points: Sequence[FloatArray], residuals: Sequence[FloatArray]
 ) -> tuple[FloatArray, FloatArray]:
     """Places (A, 2), and the mean of z² there over times and components (A,)."""
-    residuals, groups = leave_one_out(kernel, points, winds, hyper), same_places(points)
+    groups = same_places(points)
     squares = [(np.stack([residuals[k] for k in slots]) ** 2).mean(axis=(0, 2)) for slots in groups]
     return np.concatenate([points[slots[0]] for slots in groups]), np.concatenate(squares)
 
@@ -311,7 +332,7 @@ def squared_residuals(
 def variance_factor(anchors: FloatArray, squares: FloatArray, points: FloatArray) -> FloatArray:
     """:meth:`WindPosterior.variance_factor` of squared residuals at ``anchors``."""
     total, weight = np.full(len(points), FACTOR_PRIOR * squares.mean()), np.full(len(points), FACTOR_PRIOR)
-    for rows in np.array_split(np.arange(len(anchors)), max(1, len(anchors) * len(points) // 10**7)):
+    for rows in np.array_split(np.arange(len(anchors)), max(1, len(anchors) * len(points) // MOST_PAIRS)):
         g = np.exp(-0.5 * (pairwise_distances(anchors[rows], points) / FACTOR_LENGTH) ** 2)
         total, weight = total + squares[rows] @ g, weight + g.sum(axis=0)
     factor: FloatArray = total / weight
@@ -324,49 +345,6 @@ def scaled_variance(latent: FloatArray, noise: float, factor: FloatArray) -> Flo
     The noise stays as it is: the white part averages out over a flight, so it takes no part of the factor.
     """
     return np.asarray(np.maximum(factor * (latent + noise) - noise, 0.0), float)
-
-
-# --- the score --------------------------------------------------------------------------------
-
-
-def _held_out(cfg: WindConfig, seen: WindObservations, bounds: FloatArray | None) -> list[BoolArray] | None:
-    """Masks of the readings that the score keeps out; None where too few would be left.
-
-    They are a random share ``cfg.holdout`` of the places in the map; of all places, where it holds few.
-    """
-    places = np.unique(np.concatenate(seen.points), axis=0)
-    near = places
-    if bounds is not None:
-        inside = places[((places >= bounds[0]) & (places <= bounds[1])).all(axis=1)]
-        near = inside if len(inside) >= LEAST_SCORED / cfg.holdout else places
-    count = max(1, round(cfg.holdout * len(near)))
-    out = near[np.random.default_rng(0).permutation(len(near))[:count]]
-    masks = [np.asarray((p[:, None] == out[None]).all(axis=2).any(axis=1)) for p in seen.points]
-    if count < LEAST_SCORED or any((~mask).sum() < LEAST_SCORED for mask in masks):
-        return None
-    return masks
-
-
-def _score(fit: WindPosterior, seen: WindObservations, out: Sequence[BoolArray]) -> dict[str, float]:
-    """How the readings ``out`` (masks by time) are predicted by a fit that did not use them."""
-    z, log_sd = [], []
-    for k, mask in enumerate(out):
-        if not mask.any():
-            continue
-        own = slice(k, k + 1)
-        one = replace(
-            fit, times=fit.times[own], points=fit.points[own], winds=fit.winds[own], hyper=fit.hyper[own]
-        )
-        mean, var = one.at(seen.points[k][mask])
-        sd = np.sqrt(var[0] + fit.gust_var[k])
-        z.append(((seen.winds[k][mask] - mean[0]) / sd).ravel())
-        log_sd.append(np.log(sd).ravel())
-    scores = np.concatenate(z)
-    return {
-        "gp_z_sd": float(np.sqrt(np.mean(scores**2))),
-        "gp_coverage_90": float(np.mean(np.abs(scores) <= NORMAL_QUANTILE_95)),
-        "gp_nlpd": float(np.mean(0.5 * scores**2 + np.concatenate(log_sd)) + 0.5 * np.log(2 * np.pi)),
-    }
 
 
 # --- kernels ----------------------------------------------------------------------------------

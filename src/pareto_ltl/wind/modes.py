@@ -17,7 +17,7 @@ What the modes leave is white; ``rest_length`` says how far its correlation reac
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -26,8 +26,8 @@ from pareto_ltl.support.arrays import Float32Array, FloatArray, IntArray
 from pareto_ltl.support.cores import cores
 from pareto_ltl.wind.gp import (
     CORRELATIONS,
+    MANY,
     WindPosterior,
-    leave_one_out,
     pairwise_distances,
     same_places,
     scaled_variance,
@@ -138,9 +138,8 @@ def _space_spectrum(
     # Both components have one covariance, and so have slots with readings at the same places.
     groups = same_places(posterior.points)
     with threadpool_limits(1):
-        found = Parallel(n_jobs=min(len(groups), cores()), prefer="threads")(
-            delayed(one)(int(slots[0])) for slots in groups
-        )
+        jobs = 1 if max(len(points) for points in posterior.points) > MANY else min(len(groups), cores())
+        found = Parallel(n_jobs=jobs, prefer="threads")(delayed(one)(int(slots[0])) for slots in groups)
     psi = np.zeros((len(posterior.times), len(nodes), 2, max(leading.shape[1] for leading, _, _ in found)))
     total, lags = np.zeros((len(posterior.times), 2)), np.zeros_like(found[0][2])
     for slots, (leading, trace, own) in zip(groups, found, strict=True):
@@ -310,12 +309,12 @@ def error_persistence(posterior: WindPosterior) -> float:
     ``FEWEST_PAIRS`` pairs, ρ = 1: errors do not change during a flight, the conservative case.
     """
     slots = len(posterior.times)
-    residuals = leave_one_out(posterior.kernel, posterior.points, posterior.winds, posterior.hyper)
+    residuals, matched = posterior.residuals, _stations(posterior.points)
     correlations: list[float] = []
     for apart in range(1, slots):
         if correlations and np.median(posterior.times[apart:] - posterior.times[:-apart]) > DAY:
             break
-        correlation = _residual_correlation(posterior.points, residuals, apart)
+        correlation = _residual_correlation(matched, residuals, apart)
         if correlation is None:
             break
         correlations.append(correlation)
@@ -329,16 +328,34 @@ def error_persistence(posterior: WindPosterior) -> float:
     return persistence_of(correlations)
 
 
+def _stations(points: Sequence[FloatArray]) -> Callable[[int, int], tuple[IntArray, IntArray]]:
+    """Of two times, the readings of the first that have one of the second at their place, and those.
+
+    Pairs of times with the same places are looked at once.
+    """
+    group = {k: g for g, slots in enumerate(same_places(points)) for k in slots.tolist()}
+    known: dict[tuple[int, int], tuple[IntArray, IntArray]] = {}
+
+    def matched(k: int, other: int) -> tuple[IntArray, IntArray]:
+        pair = group[k], group[other]
+        if pair not in known:
+            gap = pairwise_distances(points[k], points[other])
+            i = np.flatnonzero(gap.min(axis=1) < SAME_PLACE)
+            known[pair] = i, gap[i].argmin(axis=1)
+        return known[pair]
+
+    return matched
+
+
 def _residual_correlation(
-    points: Sequence[FloatArray], residuals: Sequence[FloatArray], apart: int
+    matched: Callable[[int, int], tuple[IntArray, IntArray]], residuals: Sequence[FloatArray], apart: int
 ) -> float | None:
     """r_j of residuals ``apart`` slots apart; None with too few pairs."""
     cross = first = second = 0.0
     pairs = 0
     for k in range(len(residuals) - apart):
-        gap = pairwise_distances(points[k], points[k + apart])
-        i = np.flatnonzero(gap.min(axis=1) < SAME_PLACE)
-        a, b = residuals[k][i], residuals[k + apart][gap[i].argmin(axis=1)]
+        i, j = matched(k, k + apart)
+        a, b = residuals[k][i], residuals[k + apart][j]
         cross, first, second = cross + (a * b).sum(), first + (a * a).sum(), second + (b * b).sum()
         pairs += 2 * len(i)
     if pairs < FEWEST_PAIRS or first * second <= 0.0:

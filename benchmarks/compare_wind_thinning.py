@@ -1,0 +1,79 @@
+"""What more readings are worth: winds near a map, predicted from more and more others.
+
+    python benchmarks/compare_wind_thinning.py SOURCE FILE [--level 10m]
+
+SOURCE is ``grib``, ``netcdf`` or ``stations``. Of the readings near the map of phi1, at the time that has
+most of them, a share ``WITHHELD`` of those in the map is kept out; of the others 75, 150, ... are chosen as a
+run does (``wind.max_points``) and fitted. Of each number, over ``SPLITS`` such choices: mean negative log
+predictive density of a value (NLPD), root mean square error, share within 90 % intervals, CPU seconds.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+
+import numpy as np
+
+from pareto_ltl.settings import WindConfig
+from pareto_ltl.support.arrays import FloatArray, IntArray
+from pareto_ltl.wind.gp import fit_posterior
+from pareto_ltl.wind.observations import FIT_RADIUS, project_readings
+from pareto_ltl.wind.readings import farthest_points
+from pareto_ltl.wind.records import WindObservations
+from pareto_ltl.wind.sources import read_readings
+from pareto_ltl.world import projection
+
+BOUNDS = np.array([[-5e5, -5e5], [5e5, 5e5]])
+COUNTS = (75, 150, 300, 600, 1000, 2000, 5000)
+WITHHELD, SPLITS = 0.25, 6
+
+
+def near_map(cfg: WindConfig) -> tuple[FloatArray, FloatArray]:
+    """Places (n, 2) [m] and winds (n, 2) [m/s] around the map at the time with the most of them."""
+    readings, crs = read_readings(cfg), projection.local_plane(37.0, -92.0)
+    found = []
+    for points, winds in zip(readings.points, readings.winds, strict=True):
+        places, turned = project_readings(crs, np.zeros(2), points, winds[:, :, None])
+        gap = np.linalg.norm(np.maximum(0.0, np.maximum(BOUNDS[0] - places, places - BOUNDS[1])), axis=1)
+        found.append((places[gap <= FIT_RADIUS], turned[gap <= FIT_RADIUS, :, 0]))
+    return max(found, key=lambda pair: len(pair[0]))
+
+
+def judged(places: FloatArray, winds: FloatArray, own: IntArray, out: IntArray) -> FloatArray:
+    """NLPD, rms error, coverage and CPU seconds of a fit to ``own`` readings, at those kept ``out``."""
+    begin = time.process_time()
+    seen = WindObservations(np.zeros(1), (places[own],), (winds[own],), "")
+    fit = fit_posterior(WindConfig(), seen, BOUNDS)
+    spent = time.process_time() - begin
+    mean, var = fit.at(places[out])
+    sd, off = np.sqrt(var[0] + fit.gust_var[0]), winds[out] - mean[0]
+    z = off / sd
+    nlpd = (0.5 * z**2 + np.log(sd) + 0.5 * np.log(2 * np.pi)).mean()
+    return np.array([nlpd, np.sqrt((off**2).mean()), np.mean(np.abs(z) <= 1.6449), spent])
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("source")
+    parser.add_argument("file")
+    parser.add_argument("--level", default="10m")
+    asked = parser.parse_args()
+    places, winds = near_map(WindConfig(source=asked.source, path=asked.file, level=asked.level))
+    inside = np.flatnonzero(((places >= BOUNDS[0]) & (places <= BOUNDS[1])).all(axis=1))
+    print(f"{len(places)} readings near the map, {len(inside)} in it, {WITHHELD:.0%} of these kept out")
+    rows: dict[int, list[FloatArray]] = {}
+    for seed in range(SPLITS):
+        out = np.random.default_rng(seed).choice(inside, round(WITHHELD * len(inside)), replace=False)
+        kept = np.setdiff1d(np.arange(len(places)), out)
+        first = int(np.argmin((places[kept] ** 2).sum(axis=1)))
+        order = kept[farthest_points(places[kept], len(kept), first)]
+        for count in {min(c, len(order)) for c in COUNTS}:
+            rows.setdefault(count, []).append(judged(places, winds, np.sort(order[:count]), out))
+    for count, found in sorted(rows.items()):
+        nlpd, rms, covered, spent = np.mean(found, axis=0)
+        print(f"{count:5d}  NLPD {nlpd:.3f}  rms {rms:.2f} m/s  90 % {covered:.3f}  {spent:.1f} s")
+
+
+if __name__ == "__main__":
+    main()
