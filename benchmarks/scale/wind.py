@@ -9,12 +9,12 @@ from __future__ import annotations
 import time
 
 import numpy as np
-from scale.case import GIBIBYTE, Case
 
 from pareto_ltl.settings import WindConfig
 from pareto_ltl.wind.field import fit_wind_field
 from pareto_ltl.wind.records import WindObservations
 from pareto_ltl.world.scene import Scene
+from scale.case import GIBIBYTE, Case
 
 SIDE = 1e6  # [m] of the map
 WAVES = 60
