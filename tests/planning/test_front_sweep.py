@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from itertools import pairwise
 
@@ -21,10 +22,12 @@ from pareto_ltl.planning.refine import front_sweep, sampled_paths
 from pareto_ltl.planning.refine.path_classes import path_class
 from pareto_ltl.planning.refine.sampled import Candidate, path_length, resampled_means
 from pareto_ltl.planning.refine.starts import Start, first_starts, flipped_starts, line_starts, tree_starts
+from pareto_ltl.planning.selection import hypervolume
 from pareto_ltl.settings import PlannerConfig, RefineConfig, RobotConfig, preset
 from pareto_ltl.simulation.common_flights import draw_flights, is_certain
 from pareto_ltl.simulation.flights import simulate_flights
 from pareto_ltl.simulation.judging import judge_front
+from pareto_ltl.support.budget import UNLIMITED, Budget
 from pareto_ltl.support.errors import InfeasibleError
 from problems import box, make_problem, make_scene, smooth_wind, steady_wind
 
@@ -217,3 +220,67 @@ def test_a_wind_without_doubt_is_known_as_one():
     calm = make_problem("F a", scene, steady_wind(scene, mean=(1.0, 0.0), gust=(0.0, 0.0)), fidelity="full")
     assert is_certain(calm)
     assert not is_certain(task())
+
+
+# --- budgets ----------------------------------------------------------------------------------
+
+
+class CountedBudget(Budget):
+    """A budget that is spent after so many looks at it, whatever the clock says."""
+
+    def __init__(self, looks):
+        super().__init__(1.0)
+        self.looks = looks
+
+    def left(self, share=1.0):
+        self.looks -= 1
+        return 1.0 if self.looks > 0 else 0.0
+
+
+def front_within(grown, budget, progress=None):
+    problem, forest = grown
+    flights = draw_flights(problem, problem.fidelity.law, REFINE.flights, SeedSequence(5))
+    starts = first_starts(problem, forest)
+    return front_sweep.refine_front(REFINE, problem, starts, flights, progress, budget)
+
+
+def test_without_time_one_start_is_looked_at_and_makes_the_front(grown):
+    budget = Budget(1.0)
+    budget.end()
+    assert len(front_within(grown, budget)) in (1, 2)
+
+
+@pytest.mark.parametrize("looks", [5, 20, 60])
+def test_a_budget_that_is_spent_early_leaves_a_front(grown, looks):
+    front = front_within(grown, CountedBudget(looks))
+    assert front
+    assert all(a.length < b.length and a.smoothed > b.smoothed for a, b in pairwise(front))
+
+
+def test_what_is_left_of_a_budget_betters_the_front(grown):
+    """On the flights of the sweep no front is worse than the one before, and the last is better."""
+    problem, _ = grown
+    flights = draw_flights(problem, problem.fidelity.law, REFINE.flights, SeedSequence(5))
+    sweep = front_sweep.new_sweep(REFINE, problem, flights, CountedBudget(150))
+    begun = front_within(grown, UNLIMITED)[::3]
+    with ThreadPoolExecutor(2) as pool:
+        fronts = [begun, *front_sweep.improved_fronts(sweep, pool, begun)]
+    reference = np.array([1.0, 2.0 * begun[-1].length])
+    volumes = [hypervolume(np.array([[k.smoothed, k.length] for k in f]), reference) for f in fronts]
+    assert volumes == sorted(volumes)
+    assert volumes[-1] > volumes[0]
+
+
+def test_without_a_budget_nothing_is_varied(grown):
+    problem, _ = grown
+    flights = draw_flights(problem, problem.fidelity.law, 20, SeedSequence(5))
+    sweep = front_sweep.new_sweep(REFINE, problem, flights)
+    assert list(front_sweep.improved_fronts(sweep, None, front_within(grown, CountedBudget(5)))) == []
+
+
+def test_progress_tells_the_least_failure_its_length_and_the_volume(grown):
+    told = []
+    front_within(grown, CountedBudget(60), lambda done, total, state: told.append((done, total, state)))
+    assert [done for done, *_ in told][:3] == [1, 2, 3]
+    assert told[-1][:2] == (4, 4)
+    assert all(re.fullmatch(r"fails \S+ % at [\d,]+ km, volume [01]\.\d{4}", state) for *_, state in told)

@@ -21,6 +21,7 @@ from pareto_ltl.kernels.tree import (
     BEST,
     BEYOND,
     BLOCKED,
+    ENDED,
     ITERATIONS,
     LEAD,
     STALLED,
@@ -152,12 +153,15 @@ def pick_target(s: Search, fans: Fans, position: int, rng: Generator) -> Point:
 
 @entry
 def grow(s: Search, product: Product, fans: Fans, limit: int, iterations: int, rng: Generator) -> None:
-    """Grow until ``limit`` vertices or ``iterations`` extensions in all; can be called again to go on."""
+    """Grow until ``limit`` vertices or ``iterations`` extensions in all; can be called again to go on.
+
+    Another thread ends it by ``state.tally[ENDED]``.
+    """
     tree, state = s.tree, s.state
     tally = state.tally
     cells = len(s.world.cells.faces.ptr) - 1
     start = tree.q[0] * cells + tree.cell[0]
-    while tally[VERTICES] < limit and tally[ITERATIONS] < iterations:
+    while tally[VERTICES] < limit and tally[ITERATIONS] < iterations and tally[ENDED] == 0:
         if tally[AGE] % s.settings.refresh == 0:
             tally[LEAD] = find_lead(
                 product, state.members, state.selected, start, state.heap, state.lead, state.weight

@@ -34,7 +34,8 @@ PROPOSED, BEST, ORIGINAL = range(3)  # rows of ``TreeState.risks``
 # What ``TreeState.tally`` counts.
 VERTICES, ITERATIONS, AGE, LEAD, ACCEPTED, SWAPS = range(6)
 BLOCKED, WINDBOUND, BEYOND, TRAPPED, STALLED = range(6, 11)
-TALLIES = 11
+ENDED = 11  # not a count: other than 0, growth is to end
+TALLIES = 12
 
 
 class Vertices(NamedTuple):

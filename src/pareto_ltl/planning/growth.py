@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import ThreadPoolExecutor, wait
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -31,13 +31,15 @@ from pareto_ltl.planning.product_graph import cell_fans, empty_heap, product_gra
 from pareto_ltl.planning.records import Forest, Tree
 from pareto_ltl.settings import PlannerConfig
 from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.support.budget import UNLIMITED, Budget
 from pareto_ltl.support.cores import cores
 from pareto_ltl.support.errors import InfeasibleError
 from pareto_ltl.support.memory import require_memory
 from pareto_ltl.support.messages import shown_value
 
 ITERATIONS_PER_VERTEX = 50  # extensions tried before a tree that does not grow is given up
-GROWTH_CHUNK = 20_000  # vertices between two looks at the clock
+LOOK = 0.02  # [s] between two looks at the clock
+GROWTH_SHARE = 0.2  # of a budget
 SCALED_SLACK = 1.0  # slack on risks of the scaled rule is a factor drawn between 1 and 1 plus this
 PACKED_BYTES = 80  # of a vertex, in whole numbers of 64 bits and in the archive of the trees
 CAPACITY = 8  # vertices that a square keeps as possible parents, for each automaton state
@@ -79,16 +81,6 @@ class _GrowingTree:
     @property
     def size(self) -> int:
         return int(self.tally[kt.VERTICES])
-
-
-@dataclass(slots=True)
-class _Deadline:
-    """When growth ends, on the clock of ``time.perf_counter`` [s]; threads look at it between two chunks."""
-
-    end: float
-
-    def passed(self) -> bool:
-        return time.perf_counter() >= self.end
 
 
 @dataclass(frozen=True, slots=True)
@@ -203,6 +195,7 @@ def grow_forest(
     seeds: SeedSequence,
     progress: Callable[[int, int], None] | None = None,
     options: GrowthOptions = GrowthOptions(),
+    budget: Budget = UNLIMITED,
 ) -> Forest:
     """Grow ``cfg.trees`` trees in parallel.
 
@@ -212,6 +205,8 @@ def grow_forest(
         One child is spawned a tree.
     progress : callable
         Called with (vertices so far, vertices wanted).
+    budget : Budget
+        Growth ends when a fifth of it is spent.
 
     Raises
     ------
@@ -226,7 +221,8 @@ def grow_forest(
     _check_lead(task, growing[0])
     task.grow(growing[0], 0, 0)  # machine code is loaded here, not on the clock
     began = time.perf_counter()
-    _grow_all(task, growing, _Deadline(began + cfg.max_seconds), progress)
+    budget.begin()
+    _grow_all(task, growing, budget, progress)
     trees = tuple(_finished_tree(tree) for tree in growing)
     accepted = [np.flatnonzero(problem.automaton.distance[tree.q] == 0.0) for tree in trees]
     pairs = [np.column_stack([np.full(len(v), j), v]) for j, v in enumerate(accepted)]
@@ -253,22 +249,31 @@ def _array_bytes(record: Any) -> int:
 def _grow_all(
     task: _GrowthTask,
     growing: Sequence[_GrowingTree],
-    deadline: _Deadline,
+    budget: Budget,
     progress: Callable[[int, int], None] | None,
 ) -> None:
-    """Grow all trees in threads; an exception here, that of Ctrl-C for example, ends the threads soon."""
-    cfg = task.cfg
+    """Grow all trees in threads, looking at the clock; an exception here, as of Ctrl-C, ends them."""
+    cfg, end = task.cfg, time.perf_counter() + task.cfg.max_seconds
     with ThreadPoolExecutor(min(cfg.trees, cfg.threads or cores())) as pool:
-        jobs = [pool.submit(_grow_to_end, task, tree, deadline) for tree in growing]
+        jobs = [pool.submit(_grow_to_end, task, tree) for tree in growing]
         try:
-            while progress is not None and not all(job.done() for job in jobs):
-                progress(sum(tree.size for tree in growing), cfg.trees * cfg.n_max)
-                time.sleep(0.05)
+            growing_on = set(jobs)
+            while growing_on:
+                if progress is not None:
+                    progress(sum(tree.size for tree in growing), cfg.trees * cfg.n_max)
+                if time.perf_counter() >= end or budget.over(GROWTH_SHARE):
+                    _end_growth(growing)
+                growing_on = wait(growing_on, LOOK).not_done
             for job in jobs:
                 job.result()
         except BaseException:
-            deadline.end = 0.0
+            _end_growth(growing)
             raise
+
+
+def _end_growth(growing: Iterable[_GrowingTree]) -> None:
+    for tree in growing:
+        tree.tally[kt.ENDED] = 1
 
 
 def _plant(task: _GrowthTask, seed: SeedSequence, number: int, options: GrowthOptions) -> _GrowingTree:
@@ -357,15 +362,9 @@ def _check_lead(task: _GrowthTask, tree: _GrowingTree) -> None:
         )
 
 
-def _grow_to_end(task: _GrowthTask, tree: _GrowingTree, deadline: _Deadline) -> None:
-    """Grow one tree to its end, looking at the clock between chunks."""
+def _grow_to_end(task: _GrowthTask, tree: _GrowingTree) -> None:
     began, n_max = time.perf_counter(), task.cfg.n_max
-    iterations, tally = ITERATIONS_PER_VERTEX * n_max, tree.tally
-    while tree.size < n_max and tally[kt.ITERATIONS] < iterations and not deadline.passed():
-        limit = min(n_max, tree.size + GROWTH_CHUNK)
-        task.grow(tree, limit, min(iterations, int(tally[kt.ITERATIONS]) + GROWTH_CHUNK))
-        if tally[kt.STALLED] or (tree.search.settings.stop_at_first and tally[kt.ACCEPTED]):
-            break
+    task.grow(tree, n_max, ITERATIONS_PER_VERTEX * n_max)
     tree.seconds = time.perf_counter() - began
 
 

@@ -22,6 +22,7 @@ from pareto_ltl.run.sizes import check_sizes
 from pareto_ltl.run.stage_table import Progress, Stage, StageInputs, StageTable, Watcher
 from pareto_ltl.run.stages import PLAN_TABLE
 from pareto_ltl.settings import Settings
+from pareto_ltl.support.budget import Budget
 from pareto_ltl.support.errors import ConfigError, InfeasibleError, ParetoLtlError
 from pareto_ltl.support.messages import shown_value
 
@@ -125,6 +126,8 @@ class Run:
         What shows the stage at work.
     ahead : dict of str to Watcher
         What stages began when the run did, by their names.
+    budget : Budget
+        The time that growth and refinement have together.
     """
 
     settings: Settings
@@ -134,6 +137,10 @@ class Run:
     directory: Path | None = None
     progress: ProgressBar | None = None
     ahead: dict[str, Watcher] = field(default_factory=dict)
+    budget: Budget = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.budget = Budget(self.settings.planner.budget_seconds)
 
     def __getitem__(self, key: RecordKey[T]) -> T:
         return self.records[key]

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 class ProgressBar:
     """One line for the stage at work, on a terminal's error stream.
 
-    Called with ``(done, total)`` it moves the bar of the current stage.
+    Called with ``(done, total)`` it moves the bar of the current stage; a text says what there is so far.
     """
 
     def __init__(self, shown: bool | None = None) -> None:
@@ -33,6 +33,7 @@ class ProgressBar:
                 TextColumn("{task.description:<14}"),
                 BarColumn(),
                 TimeElapsedColumn(),
+                TextColumn("{task.fields[state]}"),
             )
             self._bar = Progress(*columns, console=Console(stderr=True), transient=True)
             self._bar.start()
@@ -50,13 +51,13 @@ class ProgressBar:
         if self._bar is None:
             yield
             return
-        outer, self._task = self._task, self._bar.add_task(name, total=None)
+        outer, self._task = self._task, self._bar.add_task(name, total=None, state="")
         try:
             yield
         finally:
             self._bar.remove_task(self._task)
             self._task = outer
 
-    def __call__(self, done: int, total: int) -> None:
+    def __call__(self, done: int, total: int, state: str = "") -> None:
         if self._bar is not None and self._task is not None:
-            self._bar.update(self._task, completed=done, total=total)
+            self._bar.update(self._task, completed=done, total=total, state=state)

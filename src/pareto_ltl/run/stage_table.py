@@ -14,6 +14,7 @@ from zlib import crc32
 
 from pareto_ltl.run.records import RecordKey, Records, T
 from pareto_ltl.settings import Settings
+from pareto_ltl.support.budget import Budget
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.extensions import STAGE_GROUP, extension_names, load_extension
 
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
 
     from numpy.random import SeedSequence
 
-Progress = Callable[[int, int], None]  # called with (done, total)
+Progress = Callable[..., None]  # called with (done, total), and with a text on what there is so far
 
 
 class Watcher(Protocol):
@@ -44,6 +45,9 @@ class StageContext(Protocol):
 
     @property
     def stage_progress(self) -> Progress | None: ...
+
+    @property
+    def budget(self) -> Budget: ...
 
 
 class StageInputs:
@@ -99,8 +103,13 @@ class StageInputs:
         return self._context.ahead.get(self._stage.name)
 
     @property
+    def budget(self) -> Budget:
+        """The time that growth and refinement have together (``planner.budget_seconds``)."""
+        return self._context.budget
+
+    @property
     def progress(self) -> Progress | None:
-        """A function to call with (done, total), or None if no progress is shown."""
+        """A function to call with (done, total) and maybe a text, or None if no progress is shown."""
         return self._context.stage_progress
 
 

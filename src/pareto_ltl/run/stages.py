@@ -158,7 +158,10 @@ def make_forest(inputs: StageInputs) -> Forest:
     """The search trees (Algorithm 1)."""
     from pareto_ltl.planning import growth
 
-    return growth.grow_forest(inputs.settings.planner, inputs[PROBLEM], inputs.seeds, inputs.progress)
+    with inputs.budget.ends_at_key():
+        return growth.grow_forest(
+            inputs.settings.planner, inputs[PROBLEM], inputs.seeds, inputs.progress, budget=inputs.budget
+        )
 
 
 def make_front(inputs: StageInputs) -> Front:
@@ -240,7 +243,8 @@ def _sampled_refinement(inputs: StageInputs, raw: Sequence[PlannedPath]) -> tupl
     if is_certain(problem):
         return _convex_refinement(inputs, raw)
     flights = draw_flights(problem, problem.fidelity.law, cfg.flights, inputs.seeds)
-    return sampled_paths(cfg, problem, inputs[FOREST], flights, inputs.progress)
+    with inputs.budget.ends_at_key():
+        return sampled_paths(cfg, problem, inputs[FOREST], flights, inputs.progress, inputs.budget)
 
 
 Refiner = Callable[[StageInputs, Sequence["PlannedPath"]], tuple["PlannedPath", ...]]

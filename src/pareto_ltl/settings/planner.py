@@ -57,6 +57,14 @@ class PlannerConfig(CheckedSettings):
     explore: float = setting(0.1, "probability of a target beyond the next cell of the lead", least=0, most=1)
     refresh: int = setting(16, "extensions between two leads of the high-level planner", least=1, most=1e6)
     max_seconds: float = setting(600.0, "growth ends after this time", unit="s", least=1e-3, most=1e9)
+    budget_seconds: float | None = setting(
+        None,
+        "growth and refine=sampled end after this time together, and go on as long; Ctrl-C ends them early. "
+        "null: they end by themselves, and results do not depend on the clock",
+        unit="s",
+        above=0,
+        most=1e9,
+    )
     threads: int = setting(0, "threads that grow trees; 0: one for each core", least=0, most=1024)
 
 

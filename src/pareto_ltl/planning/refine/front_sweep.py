@@ -4,13 +4,17 @@ Every start is polished cheaply, and the best classes once more, to see which le
 these the cap falls until no path holds it, and rises until a longer path fails no less. A level of the sweep
 begins with the best classes of the level before, in several numbers of steps from the fewest upwards. What
 nothing else beats is polished once more on more flights.
+
+With a budget of time the sweeps end where most of it is spent; where some is left after them, paths of the
+front are varied and polished again until it is spent.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Container, Iterable, Mapping, Sequence
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from itertools import chain, count
 
 import numpy as np
 
@@ -30,8 +34,10 @@ from pareto_ltl.planning.refine.sampled import (
 )
 from pareto_ltl.planning.refine.starts import Start, first_starts, flipped_starts, unlike_starts
 from pareto_ltl.planning.refine.step_programme import StepProgrammes
+from pareto_ltl.planning.selection import hypervolume
 from pareto_ltl.settings import RefineConfig
 from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.support.budget import UNLIMITED, Budget
 from pareto_ltl.support.cores import cores
 from pareto_ltl.support.errors import InfeasibleError
 
@@ -51,19 +57,31 @@ FLIP_EVERY = 3  # levels of the falling sweep between looks at other sides
 SECOND_LOOKS = 8  # classes that are looked at again to see where to begin
 PAYS = 0.95  # of the failure of a shorter path is worth a longer one to begin with
 RISING = 2  # classes of a level that the rising sweep goes on with
+ROUND = 4  # points of a front that are varied between two reports
+MORE = (0, 1, 2, 3, 5, 8)  # steps beyond the fewest, where a budget is left
+BUMP = 0.03  # of the map's size: standard deviation of a bend
 
-Progress = Callable[[int, int], None]
+SWEEP_SHARE = 0.75  # of a budget is spent when the last polish begins
+
+Progress = Callable[..., None]
 
 
 @dataclass(frozen=True, slots=True)
 class Sweep:
-    """What all polishes of a front share: the common ``flights``, and the first of them for rough looks."""
+    """What all polishes of a front share: the common ``flights``, the first ``few`` of them for rough looks,
+    and the time they have."""
 
     cfg: RefineConfig
     problem: Problem
     refiner: Refiner
     flights: CommonFlights
     few: CommonFlights
+    budget: Budget = UNLIMITED
+
+    @property
+    def over(self) -> bool:
+        """Whether nothing but the last polish is left to do."""
+        return self.budget.over(SWEEP_SHARE)
 
     def polish_of(self, widths: Iterable[float], outer: int, inner: int) -> Polish:
         """Widths in metres from shares of the map."""
@@ -73,7 +91,7 @@ class Sweep:
 
 def sampled_paths(
     cfg: RefineConfig, problem: Problem, forest: Forest, flights: CommonFlights,
-    progress: Progress | None = None,
+    progress: Progress | None = None, budget: Budget = UNLIMITED,
 ) -> tuple[PlannedPath, ...]:  # fmt: skip
     """Paths of many lengths that few of the common ``flights`` fail on, shortest first.
 
@@ -83,7 +101,7 @@ def sampled_paths(
         Where there were starts and none became a path: what is wrong with the nearest.
     """
     return planned_paths(
-        problem, refine_front(cfg, problem, first_starts(problem, forest), flights, progress)
+        problem, refine_front(cfg, problem, first_starts(problem, forest), flights, progress, budget)
     )
 
 
@@ -115,42 +133,88 @@ def planned_paths(problem: Problem, found: Iterable[Candidate]) -> tuple[Planned
     return tuple(paths)
 
 
-def new_sweep(cfg: RefineConfig, problem: Problem, flights: CommonFlights) -> Sweep:
+def new_sweep(
+    cfg: RefineConfig, problem: Problem, flights: CommonFlights, budget: Budget = UNLIMITED
+) -> Sweep:
     """A sweep with all ``flights``, or the first ``sweep_flights`` of them."""
     refiner = Refiner(problem, margin_model(problem), StepProgrammes(problem))
     few = flights.only(np.arange(min(cfg.sweep_flights, len(flights))))
-    return Sweep(cfg, problem, refiner, flights, few)
+    return Sweep(cfg, problem, refiner, flights, few, budget)
 
 
 def refine_front(
     cfg: RefineConfig, problem: Problem, starts: Mapping[PathClass, Start], flights: CommonFlights,
-    progress: Progress | None = None,
+    progress: Progress | None = None, budget: Budget = UNLIMITED,
 ) -> list[Candidate]:  # fmt: skip
     """Candidates of many lengths, shortest first: none is longer than another that fails no more."""
-    sweep = new_sweep(cfg, problem, flights)
-    told = progress or (lambda done, total: None)
+    sweep = new_sweep(cfg, problem, flights, budget)
+    told = _Teller(progress)
     with ThreadPoolExecutor(cores()) as pool:
         seen = _first_looks(sweep, pool, starts)
-        told(1, 4)
+        told(1, seen)
         levels = _swept_down(sweep, pool, seen)
-        told(2, 4)
+        told(2, [*seen, *chain(*levels)])
         levels += _swept_up(sweep, pool, levels)
-        told(3, 4)
-        front = front_of(k for level in levels for k in level) or seen[:1]
-        found = front_of(pool.map(lambda job: _finished(sweep, *job), spread_points(front, cfg.points)))
-        told(4, 4)
+        front = front_of(chain(*levels)) or seen[:1]
+        told(3, front)
+        for better in improved_fronts(sweep, pool, front):
+            front = better
+            told(3, front)
+        found = front_of(_finished_points(sweep, pool, front))
+        told(4, found)
     return found
+
+
+class _Teller:
+    """Tells how far a front has come, and what it is: least failure, its length, hypervolume.
+
+    The hypervolume is that of smoothed failure and length within 1 and twice the first front's longest.
+    """
+
+    def __init__(self, progress: Progress | None) -> None:
+        self.progress = progress
+        self.longest = 0.0
+
+    def __call__(self, done: int, found: Iterable[Candidate]) -> None:
+        front = front_of(found)
+        if self.progress is None or not front:
+            return
+        safest = front[-1]
+        self.longest = self.longest or 2.0 * safest.length
+        rows = np.array([[k.smoothed, k.length] for k in front])
+        volume = hypervolume(rows, np.array([1.0, self.longest]))
+        state = (
+            f"fails {100 * safest.failed:.2g} % at {safest.length / 1e3:,.0f} km, hypervolume {volume:.4f}"
+        )
+        self.progress(done, 4, state)
+
+
+def _finished_points(sweep: Sweep, pool: ThreadPoolExecutor, front: Sequence[Candidate]) -> list[Candidate]:
+    """Points along the front polished on all flights; those that no time is left for, as they are."""
+    points = spread_points(front, sweep.cfg.points)
+
+    def one(point: tuple[Candidate, float]) -> Candidate:
+        return point[0] if sweep.budget.over() else _finished(sweep, *point)
+
+    return list(pool.map(one, [*points[::2], *points[1::2]]))  # with little time, every other one
 
 
 def _first_looks(
     sweep: Sweep, pool: ThreadPoolExecutor, starts: Mapping[PathClass, Start]
 ) -> list[Candidate]:
-    """Every start polished cheaply at two lengths, and the best of them on the other side of obstacles."""
-    found = [k for pair in pool.map(lambda s: _first_look(sweep, s), starts.values()) for k in pair]
+    """Every start polished cheaply at two lengths, and the best of them on the other side of obstacles.
+
+    The first start is looked at even where no time is left.
+    """
+    first = next(iter(starts.values()), None)
+
+    def looks(some: Iterable[Start]) -> list[Candidate]:
+        pairs = pool.map(lambda s: _first_look(sweep, s) if s is first or not sweep.over else [], some)
+        return [k for pair in pairs for k in pair]
+
+    found = looks(starts.values())
     best = sorted(front_of(found), key=lambda k: k.smoothed)[:FLIPPED]
-    new = _on_other_sides(sweep.problem, best, starts)
-    found += [k for pair in pool.map(lambda s: _first_look(sweep, s), new) for k in pair]
-    return sorted(found, key=lambda k: k.smoothed)
+    return sorted([*found, *looks(_on_other_sides(sweep.problem, best, starts))], key=lambda k: k.smoothed)
 
 
 def _first_look(sweep: Sweep, start: Start) -> list[Candidate]:
@@ -186,7 +250,7 @@ def _swept_down(sweep: Sweep, pool: ThreadPoolExecutor, seen: Sequence[Candidate
     cap, levels = KEPT * _longest_worth(seen), list[list[Candidate]]()
     shortest = min(k.length for k in seen)
     beam: list[Candidate] = []
-    while beam or cap >= shortest:
+    while (beam or cap >= shortest) and not sweep.over:
         entering = [k for k in seen if cap / SPACING < k.length <= cap]
         made = _polished_at(sweep, pool, [*beam, *entering], cap, SPARE[:2])
         if len(levels) % FLIP_EVERY == 0:
@@ -202,7 +266,7 @@ def _second_looks(sweep: Sweep, pool: ThreadPoolExecutor, seen: Sequence[Candida
     how = sweep.polish_of(WARM, 1, 3)
 
     def again(k: Candidate) -> Candidate:
-        return sweep.refiner.polish(k.flight.x, sweep.few, how, k.length, k.origin)
+        return k if sweep.over else sweep.refiner.polish(k.flight.x, sweep.few, how, k.length, k.origin)
 
     return pool.map(again, best_of_classes(sweep.problem, seen, SECOND_LOOKS))
 
@@ -226,7 +290,7 @@ def _swept_up(
         return []
     levels, beam, vain, k = list[list[Candidate]](), kept[0], 0, 1
     cap = max(c.length for c in beam)
-    while k < len(kept) or vain < 2:
+    while (k < len(kept) or vain < 2) and not sweep.over:
         known = kept[k] if k < len(kept) else []
         cap = max([c.length for c in known], default=cap * SPACING)
         made = _polished_at(sweep, pool, beam[:RISING], cap, SPARE[1:])
@@ -262,12 +326,14 @@ def _held(
 ) -> list[Candidate]:  # fmt: skip
     """Lines (means, steps beyond the fewest, origin) polished at a length cap; those that keep within it."""
 
-    def one(line: tuple[FloatArray, int, str]) -> Candidate:
+    def one(line: tuple[FloatArray, int, str]) -> Candidate | None:
+        if sweep.over:
+            return None
         x, more, origin = line
         return sweep.refiner.polish(_timed(sweep.problem, x, more), sweep.few, how, cap, origin)
 
     made = pool.map(one, lines)
-    return [k for k in made if k.length <= KEPT * cap and k.smoothed < HOPELESS]
+    return [k for k in made if k is not None and k.length <= KEPT * cap and k.smoothed < HOPELESS]
 
 
 def best_of_classes(problem: Problem, found: Iterable[Candidate], most: int) -> list[Candidate]:
@@ -276,6 +342,50 @@ def best_of_classes(problem: Problem, found: Iterable[Candidate], most: int) -> 
     for k in sorted(found, key=lambda k: k.smoothed):
         best.setdefault(path_class(problem, k.flight.x), k)
     return list(best.values())[:most]
+
+
+# --- what is left of a budget -----------------------------------------------------------------
+
+
+def improved_fronts(
+    sweep: Sweep, pool: ThreadPoolExecutor, front: Sequence[Candidate]
+) -> Iterator[list[Candidate]]:
+    """Better and better fronts, until most of the budget is spent; none where there is no budget.
+
+    A round takes points all along the front. At its length cap each is polished again from its neighbours,
+    from a line on the other side of an obstacle, in other numbers of steps, and from itself, bent at random.
+    """
+    rounds = count() if sweep.budget.seconds is not None and front else iter(())
+    kept = list(front)
+    for number in rounds:
+        if sweep.over:
+            return
+        rng = np.random.default_rng(number)
+        for at in rng.permutation(len(kept))[:ROUND].tolist():
+            kept = front_of([*kept, *_varied(sweep, pool, kept, min(at, len(kept) - 1), rng)])
+        yield kept
+
+
+def _varied(
+    sweep: Sweep, pool: ThreadPoolExecutor, front: Sequence[Candidate], at: int, rng: np.random.Generator
+) -> list[Candidate]:
+    """One point of a front varied, and polished at its own length."""
+    k, problem = front[at], sweep.problem
+    near = [front[i] for i in (at - 1, at + 1) if 0 <= i < len(front)]
+    lines = [(n.flight.x, 0, n.origin) for n in near]
+    lines += [(k.flight.x, more, k.origin) for more in rng.choice(MORE, 2, replace=False).tolist()]
+    lines += [(start.x, 1, start.origin) for start in flipped_starts(problem, k.flight.x, k.origin)[:FLIPPED]]
+    lines += [(_bent(sweep, k.flight.x, rng), 1, k.origin)]
+    return _held(sweep, pool, lines, sweep.polish_of((*COARSE[:1], *WARM), 1, 3), k.length)
+
+
+def _bent(sweep: Sweep, x: FloatArray, rng: np.random.Generator) -> FloatArray:
+    """A line with a bump of random place and size; its start stays, and so does the map's edge."""
+    low, high = sweep.problem.scene.bounds
+    t = np.linspace(0.0, 1.0, len(x))
+    bump = np.exp(-0.5 * ((t - rng.random()) / rng.uniform(0.03, 0.15)) ** 2) * np.minimum(t / 0.05, 1.0)
+    aside = rng.normal(0.0, BUMP * (high - low).mean(), 2)
+    return np.clip(x + bump[:, None] * aside, low, high)
 
 
 # --- fronts -----------------------------------------------------------------------------------

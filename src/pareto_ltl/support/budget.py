@@ -1,0 +1,83 @@
+"""A budget of time for work that gets better the longer it goes on, and Ctrl-C as its early end."""
+
+from __future__ import annotations
+
+import logging
+import math
+import signal
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from types import FrameType
+
+LOG = logging.getLogger(__name__)
+
+
+class Budget:
+    """How long several pieces of work may take together.
+
+    Without ``seconds`` nothing looks at the clock, so that results do not depend on it.
+
+    Attributes
+    ----------
+    seconds : float or None
+        What there is to spend [s].
+    asked : bool
+        Whether the user asked for the end.
+    """
+
+    def __init__(self, seconds: float | None = None) -> None:
+        self.seconds = seconds
+        self.asked = False
+        self._began: float | None = None
+
+    def begin(self) -> None:
+        """Start the clock, where it does not run yet."""
+        if self._began is None:
+            self._began = time.perf_counter()
+
+    def left(self, share: float = 1.0) -> float:
+        """Seconds until this share of the budget is spent; never below 0, without end where there is none."""
+        if self.asked:
+            return 0.0
+        if self.seconds is None:
+            return math.inf
+        spent = 0.0 if self._began is None else time.perf_counter() - self._began
+        return max(share * self.seconds - spent, 0.0)
+
+    def over(self, share: float = 1.0) -> bool:
+        """Whether this share of the budget is spent, or the user asked for the end."""
+        return self.left(share) <= 0.0
+
+    def end(self) -> None:
+        """The user asks for the end."""
+        self.asked = True
+
+    @contextmanager
+    def ends_at_key(self) -> Iterator[None]:
+        """In the block the first Ctrl-C ends a budget instead of the run; the second ends the run.
+
+        Outside the main thread, where Python lets nobody set handlers, and without a budget, the block is
+        only run.
+        """
+        if self.seconds is None or threading.current_thread() is not threading.main_thread():
+            yield
+            return
+        before = signal.getsignal(signal.SIGINT)
+
+        def end_early(number: int, frame: FrameType | None) -> None:
+            signal.signal(signal.SIGINT, before)
+            LOG.warning("asked to end: what was found so far makes the front; Ctrl-C once more ends the run")
+            self.end()
+
+        signal.signal(signal.SIGINT, end_early)
+        try:
+            yield
+        finally:
+            signal.signal(signal.SIGINT, before)
+
+
+UNLIMITED = Budget()
+
+__all__ = ["UNLIMITED", "Budget"]
