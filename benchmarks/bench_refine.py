@@ -72,7 +72,7 @@ def test_margins_of_300_flights_of_50_steps(benchmark, task):
     flight = refiner.flown(x)
     off, width = flights.positions(flight) - flight.x, how(refiner.problem).widths[0]
     slope = kernel.Slope(np.zeros((STEPS + 1, 2)), np.zeros((STEPS + 1, 3)))
-    scratch = margin_scratch(refiner.model, RUNS)
+    scratch = margin_scratch(refiner.model, RUNS, STEPS + 1)
     benchmark.extra_info["budget"] = 0.002
     value = benchmark(kernel.smoothed_failure, refiner.model, flight.x, off, width, slope, scratch)
     assert 0.0 < value < 1.0

@@ -80,7 +80,12 @@ def many_steps(fidelity: str) -> Callable[[int], float]:
 
 def many_obstacles(fidelity: str) -> Callable[[int], float]:
     def run(obstacles: int) -> float:
-        return planned(crowded_map(3, obstacles), "F(r0 & F r1)", fidelity, robot={"dt": 600.0})
+        robot = {
+            "dt": 200.0,
+            "u_max": 60.0,
+            "feedback": 0.5,
+        }  # for narrow gaps
+        return planned(crowded_map(3, obstacles), "F(r0 & F r1)", fidelity, robot=robot)
 
     return run
 

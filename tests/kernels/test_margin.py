@@ -59,7 +59,7 @@ def margins_and_slope(
 ) -> tuple[FloatArray, kernel.Slope, float]:
     """Margins (n,) of the flights ``x`` (n, T+1, 2), derivatives and value of their smoothed failure."""
     model, shape = margin_model(problem), x.shape[1:]
-    scratch = margin_scratch(model, len(x))
+    scratch = margin_scratch(model, len(x), shape[0])
     slope = kernel.Slope(np.zeros(shape), np.zeros((shape[0], 3)))
     mean = np.zeros(shape) if mean is None else mean
     value = kernel.smoothed_failure(model, mean, np.ascontiguousarray(x - mean), width, slope, scratch)
@@ -383,3 +383,22 @@ def test_a_margin_changes_by_no_more_than_the_positions_move(
 
 def test_missions_without_hazards_are_among_those_tested() -> None:
     assert {"F a", "F(a & F b)", "X X F a", "F a | F(b & F c)"} <= set(PLAIN)
+
+
+# --- large automata ----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("formula", ["F a & F b & F c", "F(a & F b) & F c", "(!c U a) & F b & F c"])
+def test_claims_that_are_dropped_in_large_automata_change_no_margin(formula, monkeypatch):
+    regions = {"a": box(3, 3, 6, 6), "b": box(12, 3, 16, 6), "c": box(8, 12, 12, 16)}
+    problem = make_problem(formula, make_scene(regions, start=(1.0, 1.0)))
+    rng = np.random.default_rng(4)
+    through = np.array([[1, 1], [4.5, 4.5], [14, 4.5], [10, 14], [4.5, 4.5]]) * KM
+    line = np.concatenate([np.linspace(p, q, 6)[:-1] for p, q in pairwise(through)])
+    x = line + rng.normal(0.0, 1500.0, (60, *line.shape))
+    x[:, 0] = line[0]
+    whole = margins(problem, x, 200.0)
+    monkeypatch.setattr("pareto_ltl.planning.margin_model.LIVE", 1)
+    model = margin_model(problem)
+    assert np.any(model.guards.needs != 0)
+    np.testing.assert_array_equal(margins(problem, x, 200.0), whole)

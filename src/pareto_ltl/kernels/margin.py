@@ -22,14 +22,13 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+from pareto_ltl.kernels.clearance import CERTAIN, Event, beyond_reach, lesser, segment_clearance
 from pareto_ltl.kernels.data import Cells, Corners, Faces, Logic, Point
 from pareto_ltl.kernels.geometry import locate_cell
 from pareto_ltl.kernels.jit import entry, inlined, kernel
 from pareto_ltl.kernels.letters import meet_hazards
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 
-CERTAIN = 1e18  # [m] margin of what cannot fail
-TINY = 1e-300
 NOWHERE = -1  # number, and step, of no event
 SATURATED = 12.0  # widths of the sigmoid: a margin below so many counts as -CERTAIN, as one of 6e-6 less
 
@@ -39,7 +38,8 @@ class Guards(NamedTuple):
 
     Edge e leads from ``source`` to ``target`` (E,) on letters ``letter[ptr[e]:ptr[e + 1]]``; where
     ``spared`` (E,) is true, on all letters but these, the empty one among them. ``patient`` says that the
-    empty letter leaves every claim as it is.
+    empty letter leaves every claim as it is. Edges ``first[q]`` to ``first[q + 1]`` lead from q; ``needs``
+    (Q,) has the bits of the letters that every way from q to acceptance reads, 0 in small automata.
     """
 
     source: IntArray
@@ -48,6 +48,8 @@ class Guards(NamedTuple):
     ptr: IntArray
     letter: IntArray
     patient: bool
+    first: IntArray
+    needs: IntArray
 
 
 class MarginModel(NamedTuple):
@@ -68,32 +70,26 @@ class MarginModel(NamedTuple):
     logic: Logic
 
 
-class Event(NamedTuple):
-    """A signed distance [m] and what it is measured by: the unit ``normal`` (nx, ny) at the point ``share``
-    of the way from step ``t`` to the next."""
-
-    margin: float
-    t: int
-    nx: float
-    ny: float
-    share: float
-
-
 class Claims(NamedTuple):
     """W(p) of all claims (Q,) at one step: the margin, and the number of the event that binds
-    (:func:`letter_number`, :func:`hazard_number`). Whole events in their place took three times as long."""
+    (:func:`letter_number`, :func:`hazard_number`). Whole events in their place took three times as long.
+    ``live`` lists the ``size[0]`` claims of a margin above -CERTAIN, ascending."""
 
     margin: FloatArray
     event: IntArray
+    live: IntArray
+    size: IntArray
 
 
 class Scratch(NamedTuple):
-    """Memory: claims ``before`` and ``after`` a step, margins of the letters ``shown`` (M,), and the
-    ``margins`` (n,) of the flights, which are kept."""
+    """Memory: claims ``before`` and ``after`` a step, margins of the letters ``shown`` (M,), the bits of
+    those that may be read ``later`` than each step (T+1,), and the ``margins`` (n,) of the flights, which are
+    kept."""
 
     before: Claims
     after: Claims
     shown: FloatArray
+    later: IntArray
     margins: FloatArray
 
 
@@ -102,12 +98,6 @@ class Slope(NamedTuple):
 
     gradient: FloatArray
     hessian: FloatArray
-
-
-@kernel
-def lesser(one: Event, other: Event) -> Event:
-    """The event of the smaller margin."""
-    return other if other.margin < one.margin else one
 
 
 @kernel
@@ -128,86 +118,6 @@ def letter_margin(model: MarginModel, letter: int, t: int, at: Point, floor: flo
         if least > best.margin and least >= floor:
             best = Event(least, t, -faces.normal[row, 0], -faces.normal[row, 1], 0.0)
     return best
-
-
-@kernel
-def face_clearance(
-    faces: Faces, part: int, t: int, start: Point, end: Point, enough: float
-) -> tuple[Event, int]:
-    """Distance of a segment from the best separating face, and that face; stops at ``enough``."""
-    best, row = Event(-CERTAIN, t, 0.0, 0.0, 0.0), -1
-    for j in range(faces.ptr[part], faces.ptr[part + 1]):
-        nx, ny = faces.normal[j, 0], faces.normal[j, 1]
-        a = nx * start.x + ny * start.y - faces.offset[j]
-        b = nx * end.x + ny * end.y - faces.offset[j]
-        if min(a, b) > best.margin:
-            best, row = Event(a, t, nx, ny, 0.0) if a < b else Event(b, t, nx, ny, 1.0), j
-            if best.margin >= enough:
-                break
-    return best, row
-
-
-@kernel
-def beside_edge(corners: Corners, part: int, edge: int, at: Point) -> bool:
-    """Whether the point of an edge's line that is nearest to ``at`` lies on the edge."""
-    first = corners.ptr[part] + edge
-    last = first + 1 if first + 1 < corners.ptr[part + 1] else corners.ptr[part]
-    px, py = corners.corner[first, 0], corners.corner[first, 1]
-    ex, ey = corners.corner[last, 0] - px, corners.corner[last, 1] - py
-    along = ex * (at.x - px) + ey * (at.y - py)
-    return bool(0.0 <= along <= ex * ex + ey * ey)
-
-
-@kernel
-def segment_clearance(
-    faces: Faces, corners: Corners, part: int, t: int, start: Point, end: Point, enough: float
-) -> Event:
-    """Distance of a segment from a convex polygon; where they meet, minus the depth to which they do.
-
-    The depth is the least along a face or the segment's own normal. Apart, a corner is nearest, or one end of
-    the segment beside an edge. The search stops where the distance is known to be ``enough``.
-    """
-    best, row = face_clearance(faces, part, t, start, end, enough)
-    first, last = corners.ptr[part], corners.ptr[part + 1]
-    if best.margin >= enough or first == last:
-        return best
-    dx, dy = end.x - start.x, end.y - start.y
-    length = math.sqrt(dx * dx + dy * dy)
-    dx, dy = (dx / length, dy / length) if length > 0.0 else (1.0, 0.0)  # a point has every normal
-    low, high, at_low, at_high = CERTAIN, -CERTAIN, 0.0, 0.0
-    near, rx, ry, at_near = CERTAIN, 0.0, 0.0, 0.0
-    for c in range(first, last):
-        px, py = corners.corner[c, 0] - start.x, corners.corner[c, 1] - start.y
-        across, along = dx * py - dy * px, dx * px + dy * py
-        if across < low:
-            low, at_low = across, along
-        if across > high:
-            high, at_high = across, along
-        beyond = along - min(max(along, 0.0), length)
-        square = across * across + beyond * beyond
-        if square < near:
-            near, rx, ry, at_near = square, beyond * dx - across * dy, beyond * dy + across * dx, along
-    nearest = end if best.share > 0.0 else start
-    if best.margin > 0.0 and beside_edge(corners, part, row - faces.ptr[part], nearest):
-        return best
-    length = max(length, TINY)
-    if best.margin > 0.0 or low > 0.0 or high < 0.0:
-        near = max(math.sqrt(near), TINY)
-        return Event(near, t, -rx / near, -ry / near, min(max(at_near / length, 0.0), 1.0))
-    if low > best.margin:  # the polygon lies to the left: the segment must stay right of it
-        best = Event(low, t, dy, -dx, min(max(at_low / length, 0.0), 1.0))
-    if -high > best.margin:
-        best = Event(-high, t, -dy, dx, min(max(at_high / length, 0.0), 1.0))
-    return best
-
-
-@kernel
-def beyond_reach(corners: Corners, part: int, start: Point, end: Point, reach: float) -> bool:
-    """Whether a polygon is farther than ``reach`` from a segment, by its circle."""
-    dx, dy = 0.5 * (end.x - start.x), 0.5 * (end.y - start.y)
-    far = corners.radius[part] + math.sqrt(dx * dx + dy * dy) + max(reach, 0.0)
-    ax, ay = corners.middle[part, 0] - start.x - dx, corners.middle[part, 1] - start.y - dy
-    return bool(ax * ax + ay * ay > far * far)
 
 
 @kernel
@@ -275,31 +185,66 @@ def guard_margin(guards: Guards, e: int, shown: FloatArray) -> tuple[float, int]
 
 
 @kernel
+def enter_claim(claims: Claims, p: int, margin: float, event: int) -> None:
+    """Give a claim its margin, and a place in the list if it had none."""
+    if claims.margin[p] == -CERTAIN:
+        k = claims.size[0]
+        while k > 0 and claims.live[k - 1] > p:
+            claims.live[k] = claims.live[k - 1]
+            k -= 1
+        claims.live[k] = p
+        claims.size[0] += 1
+    claims.margin[p], claims.event[p] = margin, event
+
+
+@inlined
+def clear_claims(claims: Claims) -> None:
+    """Forget all claims."""
+    for k in range(claims.size[0]):
+        claims.margin[claims.live[k]] = -CERTAIN
+    claims.size[0] = 0
+
+
+@kernel
+def look_back(model: MarginModel, mean: FloatArray, off: FloatArray, floor: float, later: IntArray) -> None:
+    """Fill ``later``: the letters that may be read after each step, of at most 62."""
+    seen = 0
+    for t in range(len(mean) - 1, -1, -1):
+        later[t] = seen
+        at = Point(mean[t, 0] + off[t, 0], mean[t, 1] + off[t, 1])
+        for letter in range(len(model.first) - 1):
+            if letter_margin(model, letter, t, at, floor).margin > -CERTAIN:
+                seen |= 1 << letter
+
+
+@kernel
 def read_letters(
-    model: MarginModel, t: int, at: Point, floor: float, before: Claims, after: Claims, shown: FloatArray
+    model: MarginModel, t: int, at: Point, floor: float, before: Claims, after: Claims, scratch: Scratch
 ) -> bool:
     """W_t from W_{t-1} where no letter is met on the way; False where it stays as it was.
 
-    Margins below ``floor`` count as certain failure; ``shown`` (M,) is scratch. Where no letter is near,
-    nothing is to be done: 0.7 instead of 2.1 ms for 300 flights of 53 steps.
+    Margins below ``floor`` count as certain failure. Claims that need a letter which the flight does not read
+    any more are dropped. Where no letter is near, nothing is to be done: 0.7 instead of 2.1 ms for 300
+    flights of 53 steps.
     """
-    guards, none = model.guards, model.guards.patient
+    guards, none, shown = model.guards, model.guards.patient, scratch.shown
     for letter in range(len(shown)):
         shown[letter] = letter_margin(model, letter, t, at, floor).margin
         none = none and shown[letter] == -CERTAIN
     if none:
         return False
-    for p in range(len(after.margin)):
-        after.margin[p] = -CERTAIN
-    for e in range(len(guards.source)):
-        q, p = guards.source[e], guards.target[e]
-        if before.margin[q] <= after.margin[p]:
-            continue
-        margin, letter = guard_margin(guards, e, shown)
-        if before.margin[q] <= margin:
-            after.margin[p], after.event[p] = before.margin[q], before.event[q]
-        elif margin > after.margin[p]:
-            after.margin[p], after.event[p] = margin, letter_number(model, t, letter, guards.spared[e])
+    clear_claims(after)
+    for k in range(before.size[0]):
+        q = before.live[k]
+        for e in range(guards.first[q], guards.first[q + 1]):
+            p = guards.target[e]
+            if before.margin[q] <= after.margin[p] or guards.needs[p] & ~scratch.later[t] != 0:
+                continue
+            margin, letter = guard_margin(guards, e, shown)
+            if before.margin[q] <= margin:
+                enter_claim(after, p, before.margin[q], before.event[q])
+            elif margin > after.margin[p]:
+                enter_claim(after, p, margin, letter_number(model, t, letter, guards.spared[e]))
     return True
 
 
@@ -324,13 +269,14 @@ def cross_hazards(
             continue
         margin = segment_clearance(model.hazards, logic.hazards, h, t, start, end, CERTAIN).margin
         number = hazard_number(model, t, h, False)
-        for q in range(len(claims.margin)):
+        for k in range(claims.size[0]):
+            q = claims.live[k]
             if logic.loses[q, cells[h]] and margin < claims.margin[q]:
                 claims.margin[q], claims.event[q] = margin, number
         if reads and logic.harm[state, cells[h]] and abs(margin) < held:
             held, event = abs(margin), hazard_number(model, t, h, margin < 0.0)
     if held > claims.margin[own]:
-        claims.margin[own], claims.event[own] = held, event
+        enter_claim(claims, own, held, event)
     return own
 
 
@@ -345,7 +291,7 @@ def read_at_steps(
     before, after = scratch.before, scratch.after
     for t in range(len(mean)):
         at = Point(mean[t, 0] + off[t, 0], mean[t, 1] + off[t, 1])
-        if read_letters(model, t, at, floor, before, after, scratch.shown):
+        if read_letters(model, t, at, floor, before, after, scratch):
             before, after = after, before
     return before
 
@@ -363,7 +309,7 @@ def read_on_the_way(
         if t > 0:
             state = cross_hazards(model, t - 1, at, there, (cell, last), before, state)
         state, cell, at = int(logic.delta[state, last]), last, there
-        if read_letters(model, t, there, floor, before, after, scratch.shown):
+        if read_letters(model, t, there, floor, before, after, scratch):
             before, after = after, before
     return before
 
@@ -373,16 +319,19 @@ def mission_margin(
     model: MarginModel, mean: FloatArray, off: FloatArray, floor: float, scratch: Scratch
 ) -> Event:  # fmt: skip
     """Largest W_T of an accepting claim of the flight ``mean`` + ``off`` (T+1, 2)."""
-    logic, first = model.logic, scratch.before
-    for p in range(len(first.margin)):
-        first.margin[p], first.event[p] = -CERTAIN, NOWHERE
-    first.margin[logic.initial] = CERTAIN
+    logic = model.logic
+    clear_claims(scratch.before)
+    clear_claims(scratch.after)
+    enter_claim(scratch.before, logic.initial, CERTAIN, NOWHERE)
+    if model.guards.needs[logic.initial] != 0:
+        look_back(model, mean, off, floor, scratch.later)
     if len(logic.hazards.cell) > 0:
         claims = read_on_the_way(model, mean, off, floor, scratch)
     else:
         claims = read_at_steps(model, mean, off, floor, scratch)
     margin, number = -CERTAIN, NOWHERE
-    for p in range(len(claims.margin)):
+    for k in range(claims.size[0]):
+        p = claims.live[k]
         if logic.distance[p] == 0.0 and claims.margin[p] > margin:
             margin, number = claims.margin[p], claims.event[p]
     return numbered_event(model, mean, off, margin, number)

@@ -5,11 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from pareto_ltl.kernels import data as kd
+from pareto_ltl.kernels.clearance import CERTAIN
 from pareto_ltl.kernels.margin import Claims, Guards, MarginModel, Scratch
 from pareto_ltl.planning.pack import pack_faces
-from pareto_ltl.planning.pack_logic import pack_corners
+from pareto_ltl.planning.pack_logic import LIVE, pack_corners
 from pareto_ltl.planning.problem import Problem
-from pareto_ltl.support.arrays import BoolArray, IntArray
+from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
+
+MOST_LETTERS = 62  # bits of a whole number
 
 
 def margin_model(problem: Problem) -> MarginModel:
@@ -30,13 +33,16 @@ def margin_model(problem: Problem) -> MarginModel:
     )
 
 
-def margin_scratch(model: MarginModel, runs: int) -> Scratch:
-    """Memory for the margins of ``runs`` flights."""
-    before, after = (
-        Claims(np.empty(len(model.logic.distance)), np.empty(len(model.logic.distance), np.int64))
-        for _ in "ba"
-    )
-    return Scratch(before, after, np.empty(len(model.first) - 1), np.empty(runs))
+def margin_scratch(model: MarginModel, runs: int, steps: int) -> Scratch:
+    """Memory for the margins of ``runs`` flights of at most ``steps`` steps."""
+    before, after = (_no_claims(len(model.logic.distance)) for _ in "ba")
+    later = np.zeros(steps + 1, np.int64)
+    return Scratch(before, after, np.empty(len(model.first) - 1), later, np.empty(runs))
+
+
+def _no_claims(states: int) -> Claims:
+    none = np.full(states, -CERTAIN)
+    return Claims(none, np.empty(states, np.int64), np.empty(states, np.int64), np.zeros(1, np.int64))
 
 
 def shown_letters(problem: Problem) -> list[IntArray]:
@@ -72,10 +78,34 @@ def pack_guards(logic: kd.Logic, column: list[int]) -> Guards:
             lists.append(np.flatnonzero(on[:-1] != on[-1]).astype(np.int64))
     ptr = np.concatenate([[0], np.cumsum([len(row) for row in lists])]).astype(np.int64)
     none = np.empty(0, np.int64)
+    needs = needed_letters(delta, logic.distance, np.isin(column, logic.hazards.cell))
     return Guards(
         np.array(source, np.int64), np.array(target, np.int64), np.array(spared, bool), ptr,
         np.concatenate([none, *lists]), bool((delta[:, -1] == np.arange(len(delta))).all()),
+        np.searchsorted(source, np.arange(len(delta) + 1)).astype(np.int64), needs,
     )  # fmt: skip
+
+
+def needed_letters(delta: IntArray, distance: FloatArray, harmful: BoolArray) -> IntArray:
+    """Bits of the letters without which acceptance cannot be reached, (Q,), for more than ``LIVE`` states.
+
+    ``delta`` (Q, M + 1) has a column for each letter and, last, for the empty one. Letters that take a claim
+    to acceptance take the state that is claimed there as well, so that edges need them too. Those that are
+    ``harmful`` (M,) are read between steps as well, and are left out.
+    """
+    needs = np.zeros(len(delta), np.int64)
+    letters = delta.shape[1] - 1
+    if len(delta) <= LIVE or letters > MOST_LETTERS:
+        return needs
+    for letter in np.flatnonzero(~harmful).tolist():
+        reaches, others = distance == 0.0, np.delete(delta, letter, axis=1)
+        while True:
+            more = reaches | reaches[others].any(axis=1)
+            if (more == reaches).all():
+                break
+            reaches = more
+        needs[~reaches & np.isfinite(distance)] |= 1 << letter
+    return needs
 
 
 def _needed_claims(better: BoolArray, allowed: BoolArray) -> list[int]:

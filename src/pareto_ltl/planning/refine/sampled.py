@@ -113,7 +113,7 @@ class Refiner:
         Flights that were left out have too large a margin to count.
         """
         slope = km.Slope(np.zeros((len(x), 2)), np.zeros((len(x), 3)))
-        scratch = margin_scratch(self.model, len(off))
+        scratch = margin_scratch(self.model, len(off), len(x))
         share = len(off) / runs
         value = share * float(km.smoothed_failure(self.model, x, off, width, slope, scratch))
         descent = Descent(share * slope.gradient, share * slope.hessian, max(value, LEAST_VALUE))

@@ -1,0 +1,109 @@
+"""How far segments are from convex polygons, as events of a flight (:mod:`pareto_ltl.kernels.margin`)."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from pareto_ltl.kernels.data import Corners, Faces, Point
+from pareto_ltl.kernels.jit import kernel
+
+CERTAIN = 1e18  # [m] margin of what cannot fail
+TINY = 1e-300
+
+
+class Event(NamedTuple):
+    """A signed distance [m] and what it is measured by: the unit ``normal`` (nx, ny) at the point ``share``
+    of the way from step ``t`` to the next."""
+
+    margin: float
+    t: int
+    nx: float
+    ny: float
+    share: float
+
+
+@kernel
+def lesser(one: Event, other: Event) -> Event:
+    """The event of the smaller margin."""
+    return other if other.margin < one.margin else one
+
+
+@kernel
+def face_clearance(
+    faces: Faces, part: int, t: int, start: Point, end: Point, enough: float
+) -> tuple[Event, int]:
+    """Distance of a segment from the best separating face, and that face; stops at ``enough``."""
+    best, row = Event(-CERTAIN, t, 0.0, 0.0, 0.0), -1
+    for j in range(faces.ptr[part], faces.ptr[part + 1]):
+        nx, ny = faces.normal[j, 0], faces.normal[j, 1]
+        a = nx * start.x + ny * start.y - faces.offset[j]
+        b = nx * end.x + ny * end.y - faces.offset[j]
+        if min(a, b) > best.margin:
+            best, row = Event(a, t, nx, ny, 0.0) if a < b else Event(b, t, nx, ny, 1.0), j
+            if best.margin >= enough:
+                break
+    return best, row
+
+
+@kernel
+def beside_edge(corners: Corners, part: int, edge: int, at: Point) -> bool:
+    """Whether the point of an edge's line that is nearest to ``at`` lies on the edge."""
+    first = corners.ptr[part] + edge
+    last = first + 1 if first + 1 < corners.ptr[part + 1] else corners.ptr[part]
+    px, py = corners.corner[first, 0], corners.corner[first, 1]
+    ex, ey = corners.corner[last, 0] - px, corners.corner[last, 1] - py
+    along = ex * (at.x - px) + ey * (at.y - py)
+    return bool(0.0 <= along <= ex * ex + ey * ey)
+
+
+@kernel
+def segment_clearance(
+    faces: Faces, corners: Corners, part: int, t: int, start: Point, end: Point, enough: float
+) -> Event:
+    """Distance of a segment from a convex polygon; where they meet, minus the depth to which they do.
+
+    The depth is the least along a face or the segment's own normal. Apart, a corner is nearest, or one end of
+    the segment beside an edge. The search stops where the distance is known to be ``enough``.
+    """
+    best, row = face_clearance(faces, part, t, start, end, enough)
+    first, last = corners.ptr[part], corners.ptr[part + 1]
+    if best.margin >= enough or first == last:
+        return best
+    dx, dy = end.x - start.x, end.y - start.y
+    length = math.sqrt(dx * dx + dy * dy)
+    dx, dy = (dx / length, dy / length) if length > 0.0 else (1.0, 0.0)  # a point has every normal
+    low, high, at_low, at_high = CERTAIN, -CERTAIN, 0.0, 0.0
+    near, rx, ry, at_near = CERTAIN, 0.0, 0.0, 0.0
+    for c in range(first, last):
+        px, py = corners.corner[c, 0] - start.x, corners.corner[c, 1] - start.y
+        across, along = dx * py - dy * px, dx * px + dy * py
+        if across < low:
+            low, at_low = across, along
+        if across > high:
+            high, at_high = across, along
+        beyond = along - min(max(along, 0.0), length)
+        square = across * across + beyond * beyond
+        if square < near:
+            near, rx, ry, at_near = square, beyond * dx - across * dy, beyond * dy + across * dx, along
+    nearest = end if best.share > 0.0 else start
+    if best.margin > 0.0 and beside_edge(corners, part, row - faces.ptr[part], nearest):
+        return best
+    length = max(length, TINY)
+    if best.margin > 0.0 or low > 0.0 or high < 0.0:
+        near = max(math.sqrt(near), TINY)
+        return Event(near, t, -rx / near, -ry / near, min(max(at_near / length, 0.0), 1.0))
+    if low > best.margin:  # the polygon lies to the left: the segment must stay right of it
+        best = Event(low, t, dy, -dx, min(max(at_low / length, 0.0), 1.0))
+    if -high > best.margin:
+        best = Event(-high, t, -dy, dx, min(max(at_high / length, 0.0), 1.0))
+    return best
+
+
+@kernel
+def beyond_reach(corners: Corners, part: int, start: Point, end: Point, reach: float) -> bool:
+    """Whether a polygon is farther than ``reach`` from a segment, by its circle."""
+    dx, dy = 0.5 * (end.x - start.x), 0.5 * (end.y - start.y)
+    far = corners.radius[part] + math.sqrt(dx * dx + dy * dy) + max(reach, 0.0)
+    ax, ay = corners.middle[part, 0] - start.x - dx, corners.middle[part, 1] - start.y - dy
+    return bool(ax * ax + ay * ay > far * far)
