@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from pareto_ltl.logic import dfa as tables
-from pareto_ltl.logic.dfa import TransitionTable
+from pareto_ltl.logic.dfa import TransitionArray, TransitionTable
 from pareto_ltl.logic.formula import Formula, caret_lines, parse_formula, positive_normal_form
 from pareto_ltl.logic.progression import Progression
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
@@ -38,7 +38,7 @@ class Automaton:
     Attributes
     ----------
     delta : (Q, L) int
-        State after each letter.
+        State after each letter; stored as int32.
     letters : tuple of L frozensets of str
         The letters that can occur, by size, then by their sorted names.
     initial : int
@@ -53,7 +53,7 @@ class Automaton:
         Text of the mission.
     """
 
-    delta: IntArray
+    delta: TransitionArray
     letters: tuple[Letter, ...]
     initial: int
     accepting: BoolArray
@@ -62,12 +62,13 @@ class Automaton:
     formula: str
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "delta", np.ascontiguousarray(self.delta, np.int32))
         states, letters = self.delta.shape
         if len(self.letters) != letters or len(set(self.letters)) != letters:
             raise ValueError(f"letters must be {letters} different sets, as many as delta has columns")
         if self.accepting.shape != (states,) or self.distance.shape != (states,):
             raise ValueError(f"accepting and distance must have shape ({states},)")
-        if self.delta.min() < 0 or self.delta.max() >= states:
+        if self.delta.view(np.uint32).max() >= states:  # also if one is negative
             raise ValueError(f"delta must name states 0..{states - 1}")
         if not self.accepting[self.delta[self.accepting]].all():
             raise ValueError("accepting states must be absorbing")
@@ -205,7 +206,7 @@ def translate(
     codes = letter_codes(atoms, alphabet)
     progression = Progression(atoms, max_states)
     (delta, accepting), distance = progression.table(progression.read(normal), codes)
-    return Automaton(delta.astype(np.int64), alphabet, 0, accepting, distance, atoms, text)
+    return Automaton(delta, alphabet, 0, accepting, distance, atoms, text)
 
 
 def automaton_from_table(
@@ -213,7 +214,7 @@ def automaton_from_table(
 ) -> Automaton:
     """The minimal automaton of a complete transition table with initial state 0."""
     (delta, accepting), distance = tables.minimal_table(table)
-    return Automaton(delta.astype(np.int64), alphabet, 0, accepting, distance, atoms, text)
+    return Automaton(delta, alphabet, 0, accepting, distance, atoms, text)
 
 
 def alphabet_of(atoms: tuple[str, ...], letters: Iterable[Iterable[str]] | None) -> tuple[Letter, ...]:
@@ -238,7 +239,7 @@ def alphabet_of(atoms: tuple[str, ...], letters: Iterable[Iterable[str]] | None)
 def letter_codes(atoms: tuple[str, ...], alphabet: Iterable[Letter]) -> IntArray:
     """Letters as bit sets, bit i for ``atoms[i]``, shape (L,)."""
     place = {name: 1 << i for i, name in enumerate(atoms)}
-    return np.array([sum([place[name] for name in letter]) for letter in alphabet], np.int64)
+    return np.array([sum(map(place.__getitem__, letter)) for letter in alphabet], np.int64)
 
 
 def show_letter(letter: Iterable[str]) -> str:

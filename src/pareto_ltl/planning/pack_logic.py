@@ -29,7 +29,7 @@ def pack_corners(cell: Sequence[int], corners: Sequence[FloatArray]) -> kd.Corne
 def pack_logic(automaton: Automaton, decomposition: Decomposition) -> kd.Logic:
     """The automaton with one column a cell instead of one a letter, and one for no label at all."""
     column = [automaton.letter_index(label) for label in (*decomposition.labels, frozenset())]
-    delta = np.ascontiguousarray(automaton.delta[:, column])
+    delta = np.ascontiguousarray(automaton.delta[:, column], np.int64)
     covers = np.ascontiguousarray(automaton.preorder, bool)
     harm, loses = harmful_letters(automaton)
     harm, loses = np.ascontiguousarray(harm[:, column]), np.ascontiguousarray(loses[:, column])

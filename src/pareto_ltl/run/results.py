@@ -115,7 +115,7 @@ def read_automaton(place: Path | str) -> Automaton:
     content = read_document(path, "automaton")
     with shaped(path, "an automaton"):
         return Automaton(
-            delta=np.array(content["delta"], np.int64),
+            delta=np.array(content["delta"], np.int32),
             letters=tuple(frozenset(letter) for letter in content["letters"]),
             initial=content["initial"],
             accepting=np.array(content["accepting"], bool),
