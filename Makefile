@@ -1,7 +1,8 @@
 # make demo   plan the first mission, offline, on the packaged wind
 # make test   run the tests
 # make fuzz   read CASES=100000 spoilt files and texts of every kind (ARGS="scenes automata" for some kinds)
-# Both install exactly requirements.lock into .venv first, with uv where it is on PATH, else with pip.
+# make peers  compare with OMPL, Drake and MONA, each in an environment of its own (docs/peers.md)
+# All install exactly requirements.lock into .venv first, with uv where it is on PATH, else with pip.
 # Another interpreter: make demo PYTHON=python3.12
 
 PYTHON ?= python3
@@ -12,7 +13,9 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 UV := $(shell command -v uv 2>/dev/null)
 
-.PHONY: demo test fuzz faults bench scale lint types lock install clean
+PEERS := build/peers
+
+.PHONY: demo test fuzz faults bench scale peers lint types lock install clean
 .DELETE_ON_ERROR:
 
 demo: $(READY)
@@ -34,6 +37,16 @@ bench: $(READY)
 # Seconds and memory against the size of a problem, with figures in outputs/scale (ARGS="states steps" for some).
 scale: $(READY)
 	cd benchmarks && $(abspath $(BIN))/python -m scale $(ARGS)
+
+# A peer that cannot be installed here is left out of the comparison.
+peers: $(READY)
+	-$(MAKE) --keep-going $(PEERS)/ompl $(PEERS)/drake $(PEERS)/mona
+	PYTHONPATH=benchmarks $(BIN)/python -m peers.compare $(ARGS)
+
+$(PEERS)/%: benchmarks/peers/requirements-%.txt
+	$(PYTHON) -m venv --clear $@
+	$@/bin/python -m pip install --quiet --disable-pip-version-check -r $< || { rm -rf $@; exit 1; }
+	@touch $@
 
 lint: $(READY)
 	$(BIN)/ruff check
