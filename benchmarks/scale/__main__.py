@@ -119,7 +119,11 @@ def draw(case: Case, rows: Sequence[Measured], folder: Path) -> None:
         ax.set_yscale("log")
         ax.plot([r.size for r in known], [r.seconds for r in known], "o-", ms=3.5, lw=1.1)
         ax.plot(case.sizes[-1], case.limit, "_", color="black", ms=14)
-        ax.annotate("limit", (case.sizes[-1], case.limit), (0, 3), textcoords="offset points", ha="right")
+        ax.annotate("limit", (case.sizes[-1], case.limit), (-8, -3), textcoords="offset points", ha="right")
+        ax.set_ylim(top=2.0 * max(case.limit, *[r.seconds for r in known]))
+        for axis in (ax.xaxis, ax.yaxis):
+            axis.set_major_formatter("{x:,g}")
+            axis.set_minor_formatter("")
         ax.set_xlabel(case.unit)
         ax.set_ylabel("seconds")
         ax.set_title(f"{case.name}: slope {slope(rows):.1f}")
