@@ -1,4 +1,4 @@
-"""``pareto-ltl cache``: where fits of the wind and downloaded winds are kept, and how to remove them."""
+"""``pareto-ltl cache``: where fits of the wind, convex programmes and downloaded winds are kept."""
 
 from __future__ import annotations
 

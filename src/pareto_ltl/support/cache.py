@@ -19,7 +19,7 @@ from pareto_ltl.support.locks import hold_lock
 
 DEFAULT_LIMIT = 1024  # [MiB]
 LOCKS_FOLDER = "locks"
-FITS_FOLDER, DOWNLOADS_FOLDER = "wind", "noaa"
+FITS_FOLDER, DOWNLOADS_FOLDER, FORMS_FOLDER = "wind", "noaa", "programmes"
 
 
 def cache_root() -> Path:
@@ -118,6 +118,6 @@ def folder_size(folder: Path) -> tuple[int, int]:
 
 def clear_cache(folder: Path) -> None:
     """Remove all entries; a job that reads one meanwhile makes it again."""
-    for name in (FITS_FOLDER, DOWNLOADS_FOLDER, LOCKS_FOLDER):
+    for name in (FITS_FOLDER, DOWNLOADS_FOLDER, FORMS_FOLDER, LOCKS_FOLDER):
         if (folder / name).exists():
             shutil.rmtree(folder / name)

@@ -14,6 +14,7 @@ from pareto_ltl.kernels import data as kd
 from pareto_ltl.planning.evaluate import propagate
 from pareto_ltl.planning.pack import pack_faces
 from pareto_ltl.planning.problem import Problem
+from pareto_ltl.planning.refine.cone_form import Statement
 from pareto_ltl.planning.refine.obligations import face_deviations, path_obligations
 from pareto_ltl.planning.refine.parametrised import ParametrisedProgramme
 from pareto_ltl.planning.refine.risk_sharing import ROWS, RiskSharing, risk_sharing
@@ -73,7 +74,38 @@ def _dot(normal: Any, row: int, u: Any, v: Any) -> Any:
     return cp.multiply(normal[:, 2 * row], u) + cp.multiply(normal[:, 2 * row + 1], v)
 
 
+@dataclass(frozen=True, slots=True)
+class SmoothingShape:
+    """All that the statement of a smoothing programme depends on.
+
+    Attributes
+    ----------
+    b_inv : tuple of tuple of float
+        B⁻¹.
+    slowest : bool
+        Whether there is a least airspeed.
+    """
+
+    steps: int
+    witnesses: int
+    faces: int
+    b_inv: tuple[tuple[float, float], ...]
+    slowest: bool
+    sharing: RiskSharing
+
+
 def smoothing_programme(problem: Problem, steps: int, witnesses: int, faces: int) -> Programme:
+    """The programme of :func:`state_smoothing` for paths of at most ``steps`` steps."""
+    motion = problem.motion
+    b_inv = tuple(tuple(row) for row in motion.b_inv.tolist())
+    shape = SmoothingShape(steps, witnesses, faces, b_inv, motion.u_min > 0.0, risk_sharing(problem))
+    stated = ParametrisedProgramme(
+        partial(state_smoothing, shape), repr(shape), feasibility=1e-7, scaled=True
+    )
+    return Programme(stated, steps, witnesses, faces)
+
+
+def state_smoothing(shape: SmoothingShape) -> Statement:
     """The convex programme about an iterate x̄, for paths of at most ``steps`` steps.
 
         minimise    Σ ‖x_{t+1} - x_t‖ / L₀ + λ (Σ_w Σ_j ρ_wj + Σ_t χ_t) + relief
@@ -90,7 +122,8 @@ def smoothing_programme(problem: Problem, steps: int, witnesses: int, faces: int
     """
     import cvxpy as cp
 
-    n, sharing = steps + 1, risk_sharing(problem)
+    steps, witnesses, faces, sharing = shape.steps, shape.witnesses, shape.faces, shape.sharing
+    n = steps + 1
     v = _Unknowns(
         cp.Variable(n), cp.Variable(n), cp.Variable(n, nonneg=True),
         cp.Variable((n, sharing.columns), nonneg=True), cp.Variable(steps),
@@ -102,13 +135,13 @@ def smoothing_programme(problem: Problem, steps: int, witnesses: int, faces: int
         "pick": (witnesses, n), "a": (witnesses, 2 * faces), "b": (witnesses, faces),
         "inside": (witnesses, faces), "slope": (witnesses, 2 * faces), "height": (witnesses, faces),
     }  # fmt: skip
-    if problem.motion.u_min > 0.0:
+    if shape.slowest:
         shapes |= {"ahead": (steps, 2), "behind": (steps, 2), "floor": (steps,)}
     given: dict[str, Any] = {key: cp.Parameter(shape) for key, shape in shapes.items()}
     given |= sharing.parameters(n)
     given |= {key: cp.Parameter(nonneg=True) for key in ("per_length", "weight")}
     constraints = [
-        *_motion_constraints(problem, given, v),
+        *_motion_constraints(shape.b_inv, given, v),
         *_clearance_constraints(sharing, given, v),
         *_witness_constraints(given, v, faces),
     ]
@@ -117,20 +150,19 @@ def smoothing_programme(problem: Problem, steps: int, witnesses: int, faces: int
         + given["weight"] * (cp.sum(v.risk) + cp.sum(v.near))
         + RELIEF * cp.sum(v.relief)
     )
-    stated = ParametrisedProgramme(
-        cp.Problem(cp.Minimize(cost), constraints), given, (v.x, v.y), feasibility=1e-7, scaled=True
-    )
-    return Programme(stated, steps, witnesses, faces)
+    return Statement(cp.Problem(cp.Minimize(cost), constraints), given, (v.x, v.y))
 
 
-def _motion_constraints(problem: Problem, given: Mapping[str, Any], v: _Unknowns) -> list[Any]:
+def _motion_constraints(
+    b_inv: Sequence[Sequence[float]], given: Mapping[str, Any], v: _Unknowns
+) -> list[Any]:
     """Airspeed of each step, largest and least; its length, the box of the trust region."""
     import cvxpy as cp
 
-    b_inv, x, y = problem.motion.b_inv, v.x, v.y
+    x, y = v.x, v.y
 
     def push(row: int) -> Any:
-        moved = b_inv[row, 0] * x[1:] + b_inv[row, 1] * y[1:]
+        moved = b_inv[row][0] * x[1:] + b_inv[row][1] * y[1:]
         return moved - _dot(given["F"], row, x[:-1], y[:-1]) - given["g"][:, row]
 
     slowest = []
@@ -256,7 +288,7 @@ def set_clearance(
             slope = np.exp(-s * s / 2) / math.sqrt(2 * math.pi)
             steep[:n], level[:n] = slope[..., None] * c_sd[:n], ndtr(-s) + slope * (s + d_sd[:n])
     model.give(c=c.reshape(-1, 2 * ROWS), d=d, c_sd=c_sd.reshape(-1, 2 * ROWS), d_sd=d_sd)
-    if "counted" in model.stated.given:
+    if "counted" in model.stated.form.places:
         model.give(counted=counted, steep=steep.reshape(-1, 2 * ROWS), level=level)
 
 

@@ -8,7 +8,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from pareto_ltl.kernels.data import CollisionBound, PathBound, StepBound
+from pareto_ltl.kernels.data import CollisionBound, PathBound
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.support.arrays import FloatArray
 
@@ -58,24 +58,24 @@ class RiskSharing(Protocol):
 class EqualShares:
     """Eq. (9): every obstacle has an equal share of epsilon, and every face is kept z deviations away."""
 
-    bound: StepBound
+    z: float
     columns: int = 1
     tangents: tuple[float, ...] = (2.6, 3.4)  # where s ≥ z
 
     @property
     def deviations(self) -> float:
-        return self.bound.z
+        return self.z
 
     @property
     def kept(self) -> float:
-        return self.bound.z
+        return self.z
 
     def column(self, row: int) -> int:
         return 0
 
     def room(self, gap: FloatArray, sd: FloatArray, finest: float) -> FloatArray:
         """In metres."""
-        return np.asarray(gap - self.bound.z * sd, float)
+        return np.asarray(gap - self.z * sd, float)
 
     def parameters(self, n: int) -> dict[str, Any]:
         return {}
@@ -93,7 +93,7 @@ class EqualShares:
 class AllocatedRisk:
     """Σ_k χ_tk ≤ epsilon: the faces of a step share it as they need it; each has a tangent at the iterate."""
 
-    bound: PathBound
+    epsilon: float
     columns: int = ROWS
     tangents: tuple[float, ...] = (0.5, 1.2, 1.8, 2.4, 3.0)
 
@@ -130,10 +130,12 @@ class AllocatedRisk:
         import cvxpy as cp
 
         counted = cp.sum(cp.multiply(given["counted"], near), axis=1)
-        return [counted <= SHARE * self.bound.epsilon + 0.05 * relief]
+        return [counted <= SHARE * self.epsilon + 0.05 * relief]
 
 
 def risk_sharing(problem: Problem) -> RiskSharing:
     """How the collision bound of ``problem`` shares the risk of a step."""
     bound: CollisionBound = problem.world.collision
-    return AllocatedRisk(bound) if isinstance(bound, PathBound) else EqualShares(bound)
+    return (
+        AllocatedRisk(float(bound.epsilon)) if isinstance(bound, PathBound) else EqualShares(float(bound.z))
+    )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import partial
 from threading import Lock
 from typing import TYPE_CHECKING, Any
 
@@ -11,6 +12,7 @@ import numpy as np
 from pareto_ltl.planning.evaluate import airspeed_limits
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.reference import wind_and_gradient
+from pareto_ltl.planning.refine.cone_form import Statement
 from pareto_ltl.planning.refine.parametrised import ParametrisedProgramme
 from pareto_ltl.planning.refine.taut_lines import CAP, FACE_MARGIN
 from pareto_ltl.support.arrays import FloatArray
@@ -34,7 +36,12 @@ class Descent:
     value: float
 
 
-def stated_programme(steps: int, slowest: bool) -> ParametrisedProgramme:
+def step_programme(steps: int, slowest: bool) -> ParametrisedProgramme:
+    """The programme of :func:`state_step`."""
+    return ParametrisedProgramme(partial(state_step, steps, slowest), f"step {steps} {slowest}")
+
+
+def state_step(steps: int, slowest: bool) -> Statement:
     """The cone programme about means x̄ for paths of at most ``steps`` steps; lengths in full steps.
 
         minimise    g' (x - x̄) + ½ (x - x̄)' H (x - x̄)
@@ -74,7 +81,7 @@ def stated_programme(steps: int, slowest: bool) -> ParametrisedProgramme:
         constraints.append(along >= given["floor"])
     cost = given["cost"]
     objective = cp.sum(cp.multiply(cost[:, 0], x) + cp.multiply(cost[:, 1], y))
-    return ParametrisedProgramme(cp.Problem(cp.Minimize(objective), constraints), given, (x, y))
+    return Statement(cp.Problem(cp.Minimize(objective), constraints), given, (x, y))
 
 
 @dataclass(slots=True)
@@ -115,7 +122,7 @@ class StepProgrammes:
         }  # fmt: skip
         with self._turn:
             if size not in self._sizes:
-                self._sizes[size] = stated_programme(size, slowest=problem.motion.u_min > 0.0)
+                self._sizes[size] = step_programme(size, slowest=problem.motion.u_min > 0.0)
             self._sizes[size].give(**given)
             found = self._sizes[size].solve(H)
         return (
