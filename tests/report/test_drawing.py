@@ -22,6 +22,7 @@ from pareto_ltl.report.drawing import DrawingEndedError, DrawingProcess, draw_ru
 from pareto_ltl.report.figures import run_figures
 from pareto_ltl.report.records import DrawnRun
 from pareto_ltl.settings import ReportConfig, Settings
+from pareto_ltl.support import second_process
 from patience import PATIENCE, wait_until
 
 CFG = ReportConfig(dpi=40, formats=["png", "svg"])
@@ -175,7 +176,7 @@ def test_no_process_outlives_a_run_that_was_killed(busy: bool, tmp_path: Path) -
 @pytest.fixture
 def _fresh(monkeypatch: pytest.MonkeyPatch) -> None:
     """A program on two cores that has not imported matplotlib."""
-    monkeypatch.setattr(drawing, "cores", lambda: 2)
+    monkeypatch.setattr(second_process, "cores", lambda: 2)
     monkeypatch.setattr(drawing, "MATPLOTLIB", "a_package_that_nobody_imports")
 
 
@@ -194,7 +195,7 @@ def test_a_run_draws_itself_where_a_process_would_gain_nothing(
 ) -> None:
     settings = Settings(report=ReportConfig(figures=reason != "no figures"))
     if reason == "one core":
-        monkeypatch.setattr(drawing, "cores", lambda: 1)
+        monkeypatch.setattr(second_process, "cores", lambda: 1)
     elif reason == "matplotlib is there":
         monkeypatch.setattr(drawing, "MATPLOTLIB", "sys")
     elif reason == "no Python":

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.random import Generator
 
-from pareto_ltl.kernels.data import Cov, Gaussian, Point
+from pareto_ltl.kernels.data import Gaussian, Point
 from pareto_ltl.kernels.dijkstra import Product, find_lead
 from pareto_ltl.kernels.geometry import locate_cell
 from pareto_ltl.kernels.jit import entry, inlined, kernel
@@ -151,14 +151,44 @@ def pick_target(s: Search, fans: Fans, position: int, rng: Generator) -> Point:
     return sample_cell(fans, state.lead[after] % cells, rng)
 
 
+@kernel
+def plant(s: Search, here: Gaussian, rng: Generator) -> bool:
+    """Make the root. Returns False where the start itself breaks the chance constraint."""
+    world, tree, state = s.world, s.tree, s.state
+    root = int(np.int64(0))  # a literal 0 would be a type of its own, and all below compiled for it
+    cell = locate_cell(world.cells, here.mean)
+    q = world.logic.delta[world.logic.initial, cell]
+    tree.x[0, 0], tree.x[0, 1] = here.mean
+    tree.parent[0], tree.step[0], tree.q[0], tree.cell[0] = -1, 0, q, cell
+    tree.length[0] = 0.0
+    tree.child[0, 0], tree.child[0, 1] = -1, -1
+    forget(world.law, tree.memory)
+    if not plant_collision(world.collision, tree, here):
+        return False
+    plant_mission(world.mission, tree, state, here)
+    state.tally[VERTICES] = 1
+    if world.logic.distance[q] == 0.0:
+        state.tally[ACCEPTED] = 1
+    if len(world.law.wind.slot) > 0:
+        look_ahead(s, root, root, here.cov)
+    file_vertex(s, root, rng)
+    return True
+
+
 @entry
-def grow(s: Search, product: Product, fans: Fans, limit: int, iterations: int, rng: Generator) -> None:
+def grow(
+    s: Search, product: Product, fans: Fans, root: Gaussian, limit: int, iterations: int, rng: Generator
+) -> None:  # fmt: skip
     """Grow until ``limit`` vertices or ``iterations`` extensions in all; can be called again to go on.
 
-    Another thread ends it by ``state.tally[ENDED]``.
+    A tree without vertices is planted first, and stays without where the start breaks the chance constraint.
+    Another thread ends growth by ``state.tally[ENDED]``. It is one entry, since every entry of a tree costs
+    6 s of compilation, most of it for reading the many arrays from Python.
     """
     tree, state = s.tree, s.state
     tally = state.tally
+    if tally[VERTICES] == 0 and not plant(s, root, rng):
+        return
     cells = len(s.world.cells.faces.ptr) - 1
     start = tree.q[0] * cells + tree.cell[0]
     while tally[VERTICES] < limit and tally[ITERATIONS] < iterations and tally[ENDED] == 0:
@@ -183,28 +213,3 @@ def grow(s: Search, product: Product, fans: Fans, limit: int, iterations: int, r
             state.selected[state.lead[position + 1]] += 1
         if s.settings.stop_at_first and tally[ACCEPTED] > 0:
             return
-
-
-@entry
-def plant(s: Search, start: Point, variance: float, rng: Generator) -> bool:
-    """Make the root. Returns False where the start itself breaks the chance constraint."""
-    world, tree, state = s.world, s.tree, s.state
-    root = int(np.int64(0))  # a literal 0 would be a type of its own, and all below compiled for it
-    here = Gaussian(start, Cov(variance, 0.0, variance))
-    cell = locate_cell(world.cells, start)
-    q = world.logic.delta[world.logic.initial, cell]
-    tree.x[0, 0], tree.x[0, 1] = start
-    tree.parent[0], tree.step[0], tree.q[0], tree.cell[0] = -1, 0, q, cell
-    tree.length[0] = 0.0
-    tree.child[0, 0], tree.child[0, 1] = -1, -1
-    forget(world.law, tree.memory)
-    if not plant_collision(world.collision, tree, here):
-        return False
-    plant_mission(world.mission, tree, state, here)
-    state.tally[VERTICES] = 1
-    if world.logic.distance[q] == 0.0:
-        state.tally[ACCEPTED] = 1
-    if len(world.law.wind.slot) > 0:
-        look_ahead(s, root, root, here.cov)
-    file_vertex(s, root, rng)
-    return True

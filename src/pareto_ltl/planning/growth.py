@@ -92,8 +92,14 @@ class _GrowthTask:
     graph: Product
     fans: Fans
 
+    @property
+    def root(self) -> kd.Gaussian:
+        """The position at the start."""
+        (x, y), variance = self.problem.scene.start, self.problem.start_variance
+        return kd.Gaussian(kd.Point(float(x), float(y)), kd.Cov(variance, 0.0, variance))
+
     def grow(self, tree: _GrowingTree, limit: int, iterations: int) -> None:
-        kernel.grow(tree.search, self.graph, self.fans, limit, iterations, tree.rng)
+        kernel.grow(tree.search, self.graph, self.fans, self.root, limit, iterations, tree.rng)
 
 
 # --- parents ----------------------------------------------------------------------------------
@@ -219,7 +225,6 @@ def grow_forest(
     _require_memory(cfg, problem)
     growing = [_plant(task, child, j, options) for j, child in enumerate(seeds.spawn(cfg.trees))]
     _check_lead(task, growing[0])
-    task.grow(growing[0], 0, 0)  # machine code is loaded here, not on the clock
     began = time.perf_counter()
     budget.begin()
     _grow_all(task, growing, budget, progress)
@@ -286,10 +291,11 @@ def _plant(task: _GrowthTask, seed: SeedSequence, number: int, options: GrowthOp
     swaps = cfg.n_max if options.record_swaps else 0
     state = _tree_state(task, settings, columns, swaps)
     search = kt.Search(problem.world, vertices, state, settings)
-    x, y = problem.scene.start
-    if not kernel.plant(search, kd.Point(float(x), float(y)), problem.start_variance, rng):
+    tree = _GrowingTree(search, np.array([rule.beta_length, rule.beta_risk]), rng)
+    task.grow(tree, 0, 0)  # plants it, and loads machine code before the clock runs
+    if tree.size == 0:
         raise InfeasibleError(_start_too_close(problem))
-    return _GrowingTree(search, np.array([rule.beta_length, rule.beta_risk]), rng)
+    return tree
 
 
 def _start_too_close(problem: Problem) -> str:

@@ -10,7 +10,6 @@ import logging
 import os
 import pickle
 import signal
-import subprocess
 import sys
 import threading
 import traceback
@@ -22,8 +21,8 @@ from queue import SimpleQueue
 from typing import TYPE_CHECKING, Any, BinaryIO
 
 from pareto_ltl.report.records import DrawnRun
-from pareto_ltl.support.cores import cores
 from pareto_ltl.support.files import write_bytes
+from pareto_ltl.support.second_process import begin_process, can_begin_one, end_process, listen
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -31,9 +30,7 @@ if TYPE_CHECKING:
     from pareto_ltl.settings import ReportConfig, Settings
 
 LOG = logging.getLogger(__name__)
-# The module search path of this process comes as arguments: the other one finds the same packages, and none
-# in the current folder (-P).
-PROGRAM = "import sys; sys.path[:] = sys.argv[1:]; from pareto_ltl.report.drawing import serve; serve()"
+PROGRAM = "from pareto_ltl.report.drawing import serve; serve()"
 MATPLOTLIB = "matplotlib.figure"  # the module that takes long to import
 SHOWN = {part.name: part.name for part in fields(DrawnRun)} | {"deployment": "deployments"}  # by record name
 FILE, DONE, FAILED = "file", "done", "failed"  # kinds of answers
@@ -81,13 +78,7 @@ class DrawingProcess:
     """A second process that draws the figures of a run, some of them before the run has its last record."""
 
     def __init__(self, cfg: ReportConfig) -> None:
-        options = [f"-W{option}" for option in sys.warnoptions]
-        command = [sys.executable, "-P", *options, "-c", PROGRAM, *sys.path]
-        # In a process group of its own, so that Ctrl-C reaches the run alone, which then ends this process.
-        apart: dict[str, Any] = {"process_group": 0}
-        if sys.platform == "win32":
-            apart = {"creationflags": subprocess.CREATE_NEW_PROCESS_GROUP}
-        self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, **apart)
+        self._process = begin_process(PROGRAM)
         self._made: dict[str, Any] = {}
         self._sent: dict[str, Any] = {}
         self._ask(cfg)
@@ -143,12 +134,7 @@ class DrawingProcess:
 
     def end(self) -> None:
         """End the process, whatever it does."""
-        for pipe in (self._process.stdin, self._process.stdout):
-            if pipe is not None:
-                with suppress(OSError):  # what is still to be sent has nobody to read it
-                    pipe.close()
-        self._process.kill()
-        self._process.wait()
+        end_process(self._process)
 
 
 @contextmanager
@@ -160,8 +146,7 @@ def drawing_process(settings: Settings) -> Iterator[DrawingProcess | None]:
     no Python of its own beside it; and where no process can be started.
     """
     process = None
-    gains = cores() > 1 and MATPLOTLIB not in sys.modules
-    if settings.report.figures and gains and _has_interpreter():
+    if settings.report.figures and MATPLOTLIB not in sys.modules and can_begin_one():
         with suppress(OSError):
             process = DrawingProcess(settings.report)
     try:
@@ -169,11 +154,6 @@ def drawing_process(settings: Settings) -> Iterator[DrawingProcess | None]:
     finally:
         if process is not None:
             process.end()
-
-
-def _has_interpreter() -> bool:
-    """Whether ``sys.executable`` is Python, and not the program that Python is packed into."""
-    return bool(sys.executable) and not getattr(sys, "frozen", False)
 
 
 # --- in the drawing process --------------------------------------------------------------------
@@ -189,7 +169,7 @@ def serve() -> None:
     answers = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # what a library prints is no answer
     requests: SimpleQueue[Any] = SimpleQueue()
-    threading.Thread(target=_listen, args=(sys.stdin.buffer, requests), daemon=True).start()
+    threading.Thread(target=listen, args=(sys.stdin.buffer, requests.put), daemon=True).start()
     cfg = requests.get()
     with suppress(Exception):  # what is wrong appears when something is to be drawn
         _warm_up()
@@ -206,14 +186,6 @@ def serve() -> None:
             warned = [(str(one.message), one.category, one.filename, one.lineno) for one in caught]
             caught.clear()
             _send(answers, (outcome[0], warned, *outcome[1:]))
-
-
-def _listen(stream: BinaryIO, requests: SimpleQueue[Any]) -> None:
-    """Pass requests on; where no more can come, the run has ended, and this process ends with it."""
-    with suppress(EOFError, OSError, pickle.UnpicklingError):
-        while True:
-            requests.put(pickle.load(stream))
-    os._exit(0)
 
 
 def _warm_up() -> None:

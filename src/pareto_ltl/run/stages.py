@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pareto_ltl.report.drawing import draw_run_figures, drawing_process
+from pareto_ltl.run.compiling import compiling_process
 from pareto_ltl.run.records import (
     AUTOMATON,
     DECOMPOSITION,
@@ -166,6 +167,8 @@ def make_forest(inputs: StageInputs) -> Forest:
 
 def make_front(inputs: StageInputs) -> Front:
     """The non-dominated paths, refined and judged as ``fidelity`` says."""
+    if inputs.ahead is not None:
+        inputs.ahead.wait()
     return FRONT_MAKERS[inputs.settings.fidelity.judge](inputs)
 
 
@@ -396,6 +399,7 @@ PLAN_STAGES = (
         settings=(PlannerConfig, FidelityConfig, SmoothingConfig, RefineConfig, SelectionConfig),
         stream="front",
         writes=("front.csv", "front.npz"),
+        ahead=compiling_process,
     ),
     Stage(
         "plan",

@@ -1,0 +1,163 @@
+"""Machine code for the stages after growth, compiled by a second process while the trees' is compiled.
+
+On a machine that has compiled nothing yet, numba takes half a minute for growth and as long for what follows.
+The second process carries the later stages out on a small scale, on the same problem, and leaves its machine
+code in numba's cache; its results are thrown away. A file beside the machine code says that this was done.
+"""
+
+from __future__ import annotations
+
+import logging
+import pickle
+import signal
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import replace
+from pathlib import Path
+from queue import SimpleQueue
+from typing import TYPE_CHECKING, Any
+
+from pareto_ltl.run.records import FOREST, PROBLEM, WIND, Records
+from pareto_ltl.support.files import write_bytes
+from pareto_ltl.support.fingerprints import code_fingerprint, data_fingerprint
+from pareto_ltl.support.second_process import begin_process, can_begin_one, end_process, listen
+
+if TYPE_CHECKING:
+    from pareto_ltl.planning.problem import Problem
+    from pareto_ltl.planning.records import Forest
+    from pareto_ltl.run.pipeline import Run
+    from pareto_ltl.settings import Settings
+
+LOG = logging.getLogger(__name__)
+PROGRAM = "from pareto_ltl.run.compiling import serve; serve()"
+LATER_STAGES = ("front", "plan", "forecasts", "deployment")
+LONGEST = 600.0  # [s] that the run waits; then it compiles for itself
+
+
+class CompilingProcess:
+    """The second process, from the moment the problem is known."""
+
+    def __init__(self, settings: Settings) -> None:
+        self._settings = settings
+        self._records: dict[str, Any] = {}
+        self._process: subprocess.Popen[bytes] | None = None
+
+    def record_made(self, name: str, record: Any) -> None:
+        """With the problem, begin; unless all that it needs was compiled before."""
+        if name == WIND.name:
+            self._records[name] = record
+        if name != PROBLEM.name or self._process is not None or WIND.name not in self._records:
+            return
+        marker = code_marker(record, self._settings)
+        if marker is None or marker.exists():
+            return
+        LOG.info("compiling for this machine; later runs find the machine code on disk")
+        with suppress(OSError):
+            self._process = begin_process(PROGRAM)
+            assert self._process.stdin is not None
+            task = (self._settings, self._records[WIND.name], record, marker)
+            pickle.dump(task, self._process.stdin, pickle.HIGHEST_PROTOCOL)
+            self._process.stdin.flush()
+
+    def wait(self) -> None:
+        """Return when the code is on disk, or cannot be got there."""
+        if self._process is not None:
+            with suppress(subprocess.TimeoutExpired):
+                self._process.wait(LONGEST)
+
+    def end(self) -> None:
+        """End the process, whatever it does."""
+        if self._process is not None:
+            end_process(self._process)
+
+
+@contextmanager
+def compiling_process(settings: Settings) -> Iterator[CompilingProcess | None]:
+    """A compiling process for the duration of the block, None where it would have no core of its own."""
+    process = CompilingProcess(settings) if can_begin_one() else None
+    try:
+        yield process
+    finally:
+        if process is not None:
+            process.end()
+
+
+def code_marker(problem: Problem, settings: Settings) -> Path | None:
+    """The file that says that code for such a problem is on disk: for its types, the kernels and the choices.
+
+    None where nothing is compiled (``NUMBA_DISABLE_JIT``).
+    """
+    import numba
+
+    from pareto_ltl.kernels.growth import grow
+
+    if numba.config.DISABLE_JIT:
+        return None
+    kinds = [settings.fidelity.refine, settings.fidelity.judge, *settings.deployment.laws]
+    told = [code_fingerprint("kernels"), numba.__version__, sys.version, str(numba.typeof(problem.world))]
+    stats = grow.stats  # type: ignore[attr-defined]  # of numba's dispatcher
+    return Path(stats.cache_path) / f"compiled-{data_fingerprint([*told, *kinds])[:32]}"
+
+
+# --- in the compiling process ------------------------------------------------------------------
+
+
+def serve() -> None:
+    """Read (settings, wind, problem, marker) from the standard input, compile, and write the marker.
+
+    The process ends where the run does.
+    """
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    logging.disable()
+    tasks: SimpleQueue[Any] = SimpleQueue()
+    threading.Thread(target=listen, args=(sys.stdin.buffer, tasks.put), daemon=True).start()
+    settings, wind, problem, marker = tasks.get()
+    carry_out_small(settings, wind, problem)
+    with suppress(OSError):
+        write_bytes(marker, b"")
+
+
+def carry_out_small(settings: Settings, wind: Any, problem: Problem) -> Run:
+    """The later stages with few flights and one path; where one fails, those after it are left out."""
+    from pareto_ltl.run.pipeline import Run
+
+    small = replace(
+        settings,
+        refine=replace(settings.refine, flights=10, sweep_flights=10, points=2),
+        selection=replace(settings.selection, draws=10, runs=10, rule="priority"),
+        deployment=replace(settings.deployment, runs=10),
+        planner=replace(settings.planner, budget_seconds=None),
+    )
+    run = Run(small, records=Records({PROBLEM: problem, WIND: wind, FOREST: one_line_forest(problem)}))
+    run.budget.end()
+    with suppress(Exception):  # what is wrong with the run, the run says
+        for name in LATER_STAGES:
+            run.perform(run.table[name])
+    return run
+
+
+def one_line_forest(problem: Problem) -> Forest:
+    """A forest of one tree, which is a taut line through the mission."""
+    import numpy as np
+
+    from pareto_ltl.planning.growth import mission_columns
+    from pareto_ltl.planning.records import Forest, Tree
+    from pareto_ltl.planning.refine.starts import line_starts, unlike_starts
+
+    columns = mission_columns(problem) + 1
+    start = next(iter(unlike_starts(problem, line_starts(problem)).values()))
+    n = len(start.x)
+    length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(start.x, axis=0), axis=1))])
+    rows = np.zeros(n, np.int64)
+    tree = Tree(
+        x=start.x, parent=np.arange(n) - 1, step=np.arange(n), q=rows, cell=problem.locate(start.x),
+        length=length, risk=np.zeros((n, columns)), swaps=np.empty((0, 2, 2 + columns)), beta=np.zeros(2),
+        seconds=0.0, reach={},
+    )  # fmt: skip
+    return Forest((tree,), np.array([[0, n - 1]]), 0.0, mission_columns(problem))
+
+
+__all__ = ["CompilingProcess", "code_marker", "compiling_process", "one_line_forest", "serve"]

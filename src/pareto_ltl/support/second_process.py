@@ -1,0 +1,59 @@
+"""A second Python process beside a run, for work that would hold the run up."""
+
+from __future__ import annotations
+
+import os
+import pickle
+import subprocess
+import sys
+from collections.abc import Callable
+from contextlib import suppress
+from typing import Any, BinaryIO
+
+from pareto_ltl.support.cores import cores
+
+
+def can_begin_one() -> bool:
+    """Whether a second process would have a core, and Python to run, which a packed program has not."""
+    return cores() > 1 and bool(sys.executable) and not getattr(sys, "frozen", False)
+
+
+def begin_process(statement: str) -> subprocess.Popen[bytes]:
+    """Python carrying out ``statement``, with pipes to its standard input and from its standard output.
+
+    It finds the same packages as this process, and none in the current folder (-P). It is in a process group
+    of its own, so that Ctrl-C reaches the run alone, which then ends it.
+
+    Raises
+    ------
+    OSError
+        Where no process can be started.
+    """
+    options = [f"-W{option}" for option in sys.warnoptions]
+    program = f"import sys; sys.path[:] = sys.argv[1:]; {statement}"
+    command = [sys.executable, "-P", *options, "-c", program, *sys.path]
+    apart: dict[str, Any] = {"process_group": 0}
+    if sys.platform == "win32":
+        apart = {"creationflags": subprocess.CREATE_NEW_PROCESS_GROUP}
+    return subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, **apart)
+
+
+def end_process(process: subprocess.Popen[bytes]) -> None:
+    """End it, whatever it does."""
+    for pipe in (process.stdin, process.stdout):
+        if pipe is not None:
+            with suppress(OSError):  # what is still to be sent has nobody to read it
+                pipe.close()
+    process.kill()
+    process.wait()
+
+
+def listen(stream: BinaryIO, take: Callable[[Any], None]) -> None:
+    """In the second process: ``take`` what comes; where no more can, the run has ended, and so does this."""
+    with suppress(EOFError, OSError, pickle.UnpicklingError):
+        while True:
+            take(pickle.load(stream))
+    os._exit(0)
+
+
+__all__ = ["begin_process", "can_begin_one", "end_process", "listen"]
