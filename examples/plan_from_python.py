@@ -11,5 +11,5 @@ scene |= {"regions": {"a": square, "b": triangle}, "obstacles": [wall]}  # kilom
 result = pareto_ltl.plan(scene, "F(a & F b)", planner={"trees": 4, "n_max": 1500}, seed=1)
 flights = pareto_ltl.simulate(result, runs=500, law="independent")
 print(result.front, result.plan, sep="\n")
-print(f"promised failure {result.plan.promise.failure:.4f}", end=", ")
+print(f"promised failure {result.plan.promise.rate.failure:.4f}", end=", ")
 print(f"simulated failure {flights.failed.mean():.4f} in 500 flights")

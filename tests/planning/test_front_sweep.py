@@ -283,4 +283,5 @@ def test_progress_tells_the_least_failure_its_length_and_the_volume(grown):
     front_within(grown, CountedBudget(60), lambda done, total, state: told.append((done, total, state)))
     assert [done for done, *_ in told][:3] == [1, 2, 3]
     assert told[-1][:2] == (4, 4)
-    assert all(re.fullmatch(r"fails \S+ % at [\d,]+ km, volume [01]\.\d{4}", state) for *_, state in told)
+    form = r"fails \S+ % at [\d,]+ km, hypervolume [01]\.\d{4}"
+    assert all(re.fullmatch(form, state) for *_, state in told)
