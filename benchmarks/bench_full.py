@@ -90,17 +90,31 @@ def test_full_vertices_a_second_on_one_core(benchmark, mission):
     cfg = PlannerConfig(trees=8, n_max=2500, threads=1)
     forests: list[Forest] = []
     benchmark.pedantic(lambda: forests.append(growth.grow_forest(cfg, mission, SeedSequence(0))), rounds=5)
-    benchmark.extra_info["figures"] = [("vertices/s", max(map(speed, forests)), 50_000)]
+    benchmark.extra_info["figures"] = [("vertices/s", float(np.median([*map(speed, forests)])), 200_000)]
     benchmark.extra_info["sense"] = ">="
 
 
 def test_full_ten_trees_on_two_threads(benchmark, mission):
     cfg = PlannerConfig(trees=10, n_max=2500, threads=2)
-    benchmark.extra_info["budget"] = 0.5
+    benchmark.extra_info["budget"] = 0.2
     forest = benchmark.pedantic(
         growth.grow_forest, (cfg, mission, SeedSequence(0)), rounds=5, warmup_rounds=1
     )
     assert len(forest.accepted) > 0
+
+
+def test_full_first_accepted_path(benchmark, mission):
+    """One tree per repetition, each with another seed."""
+    cfg = PlannerConfig(trees=1, n_max=5000)
+    seeds, found = iter(SeedSequence(0).spawn(1000)), list[bool]()
+
+    def first() -> None:
+        options = growth.GrowthOptions(stop_at_first=True)
+        found.append(len(growth.grow_forest(cfg, mission, next(seeds), options=options).accepted) > 0)
+
+    benchmark.extra_info["budget"] = 0.010
+    benchmark.pedantic(first, rounds=40)
+    benchmark.extra_info["figures"] = [("share of trees that find one", sum(found) / len(found), 0.95, ">=")]
 
 
 def test_what_a_full_vertex_keeps(benchmark, mission):
@@ -110,7 +124,7 @@ def test_what_a_full_vertex_keeps(benchmark, mission):
         vertices = growth._vertices(mission, rows, columns=2)
         return nbytes(vertices) / rows
 
-    benchmark.extra_info["figures"] = [("bytes", benchmark(size), 2000)]
+    benchmark.extra_info["figures"] = [("bytes", benchmark(size), 1000)]
 
 
 def nbytes(record: object) -> int:
@@ -165,7 +179,7 @@ def test_judging_hundreds_of_paths(benchmark, mission):
     benchmark.pedantic(judge_front, (mission, (), many, 4000, SeedSequence(0)), rounds=3, warmup_rounds=1)
 
 
-@pytest.mark.parametrize(("runs", "budget"), [(500, 0.05), (2000, 0.2), (100_000, 5.0)])
+@pytest.mark.parametrize(("runs", "budget"), [(500, 0.05), (2000, 0.2), (100_000, 1.5)])
 def test_coherent_flights(benchmark, mission, paths, runs, budget):
     benchmark.extra_info["budget"] = budget
     arguments = (mission, paths[0].u, runs, "coherent", SeedSequence(1), paths[0].x)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import tracemalloc
 
+import numpy as np
 import pytest
 from numpy.random import SeedSequence
 
@@ -36,7 +37,7 @@ def test_vertices_a_second_on_one_core(benchmark, problem):
     cfg = PlannerConfig(trees=8, n_max=2500, threads=1)
     forests: list[Forest] = []
     benchmark.pedantic(lambda: forests.append(growth.grow_forest(cfg, problem, SeedSequence(0))), rounds=5)
-    benchmark.extra_info["figures"] = [("vertices/s", max(map(speed, forests)), 300_000)]
+    benchmark.extra_info["figures"] = [("vertices/s", float(np.median([*map(speed, forests)])), 350_000)]
     benchmark.extra_info["sense"] = ">="
 
 
@@ -65,7 +66,7 @@ def test_first_accepted_path(benchmark, problem):
     Not every seed finds a path: if the first vertices in a region are late, the tree may reach the end of the
     wind data.
     """
-    cfg = PlannerConfig(trees=1, n_max=10_000)
+    cfg = PlannerConfig(trees=1, n_max=5000)
     seeds, found = iter(SeedSequence(0).spawn(1000)), []
 
     def first() -> None:
@@ -77,9 +78,11 @@ def test_first_accepted_path(benchmark, problem):
             )
         )
 
-    benchmark.extra_info["budget"] = 0.020
+    benchmark.extra_info["budget"] = 0.010
     benchmark.pedantic(first, rounds=40)
-    benchmark.extra_info["figures"] = [("share of trees that find one", sum(found) / len(found), 0.9)]
+    benchmark.extra_info["figures"] = [
+        ("share of trees that find one", sum(map(bool, found)) / len(found), 0.95)
+    ]
     benchmark.extra_info["sense"] = ">="
 
 
