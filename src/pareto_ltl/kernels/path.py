@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from pareto_ltl.kernels.collision_risk import step_allowed
 from pareto_ltl.kernels.data import (
     CoherentLaw,
@@ -21,7 +19,7 @@ from pareto_ltl.kernels.data import (
 from pareto_ltl.kernels.fixes import fix_missed
 from pareto_ltl.kernels.geometry import locate_cell
 from pareto_ltl.kernels.interpolation import corner_weights, mode_square, mode_value, wind_at
-from pareto_ltl.kernels.jit import allocating, by_type, implements, kernel
+from pareto_ltl.kernels.jit import allocating, by_type, entry, implements, kernel
 from pareto_ltl.kernels.letters import next_state
 from pareto_ltl.kernels.propagation import (
     advance,
@@ -236,23 +234,30 @@ def check_path(
     return FLOWN, len(x) - 1
 
 
-@allocating
-def covariance_across_time(law: CoherentLaw | LandmarkLaw, flight: Flight, cross: FloatArray) -> None:
-    """Cov(e_t, e_s) for s <= t into ``cross`` (T+1, T+1, 2, 2) along a flight without fixes."""
-    n, dt, kept = len(flight.cov), law.motion.dt, law.modes.kept
-    F, psi, cov, theta = flight.F, flight.psi, flight.cov, flight.memory.theta
-    held = np.empty(theta.shape[1:])
+@entry
+def covariance_across_time(
+    linear: tuple[FloatArray, Float32Array], cov: FloatArray, theta: Float32Array, kept: Float32Array,
+    dt: float, held: FloatArray, cross: FloatArray,
+) -> None:  # fmt: skip
+    """Cov(e_t, e_s) for s <= t into ``cross`` (T+1, T+1, 2, 2) along a flight without fixes.
+
+    ``linear`` are F and ψ of the flight, ``theta`` its Cov(e, θ), ``kept`` the persistence of the modes;
+    ``held`` (2, 2, P) is scratch.
+    """
+    F, psi = linear
+    n, modes = len(cov), psi.shape[2]
     for s in range(n):
         cross[s, s, 0, 0], cross[s, s, 0, 1] = cov[s, 0], cov[s, 1]
         cross[s, s, 1, 0], cross[s, s, 1, 1] = cov[s, 1], cov[s, 2]
-        held[:] = 0.0
-        if s > 0:
-            held[:] = theta[s - 1]
+        for r in range(2):
+            for c in range(2):
+                for m in range(modes):
+                    held[r, c, m] = theta[s - 1, r, c, m] if s > 0 else 0.0
         for t in range(s, n - 1):
             for c in range(2):
                 for r in range(2):
                     pushed = 0.0
-                    for m in range(psi.shape[2]):
+                    for m in range(modes):
                         pushed += psi[t, c, m] * held[r, c, m]
                         held[r, c, m] *= kept[t + 1, m]
                     moved = F[t, c, 0] * cross[t, s, 0, r] + F[t, c, 1] * cross[t, s, 1, r]

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pareto_ltl.kernels.data import Faces, Point
-from pareto_ltl.kernels.jit import allocating, kernel
+from pareto_ltl.kernels.jit import allocating, entry, kernel
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 
 TOUCH = 1e-3  # [m] a place this much too near still keeps its distance
@@ -27,6 +27,15 @@ class Walls(NamedTuple):
     faces: Faces
     corner: FloatArray
     asks: FloatArray
+
+
+class Sight(NamedTuple):
+    """What is ``seen`` (P,), all of it at first; the ``shadow`` (SECTORS,) of walls, none at first; and the
+    ``order`` in which walls are tried."""
+
+    seen: BoolArray
+    shadow: FloatArray
+    order: IntArray
 
 
 class Places(NamedTuple):
@@ -134,7 +143,6 @@ def fill_shadow(walls: Walls, part: int, start: Point, shadow: FloatArray) -> No
         shadow[sector % n] = min(shadow[sector % n], far)
 
 
-@allocating
 def seen_places(
     walls: Walls, here: FloatArray, keep: float, there: FloatArray, keeps: FloatArray, step: float
 ) -> BoolArray:
@@ -142,15 +150,31 @@ def seen_places(
 
     It passes wall j if one of its faces is ``asks[j]`` times the distance to keep away from both ends of a
     step (Section 4.5); this distance is ``keep`` [m] here and ``keeps[i]`` [m] at place i.
+    """
+    seen, shadow = np.ones(len(there), np.bool_), np.full(SECTORS, np.inf)
+    order = np.arange(len(walls.asks))
+    if len(order) > 0:
+        faces = walls.faces
+        depth = np.maximum.reduceat(faces.normal @ here - faces.offset, faces.ptr[:-1])
+        order = np.argsort(depth)
+    see_places(
+        walls, Point(float(here[0]), float(here[1])), keep, there, keeps, step, Sight(seen, shadow, order)
+    )
+    return seen
+
+
+@entry
+def see_places(
+    walls: Walls, start: Point, keep: float, there: FloatArray, keeps: FloatArray, step: float, sight: Sight
+) -> None:  # fmt: skip
+    """:func:`seen_places` into ``sight.seen``.
 
     Most places are hidden. Those in the shadow of a wall are left out first; then the wall that hid the place
     before is tried first, since places are corners of walls, and neighbours are hidden by the same one.
     """
-    start, seen = Point(here[0], here[1]), np.ones(len(there), np.bool_)
-    shadow = np.full(SECTORS, np.inf)
+    seen, shadow, order = sight
     for j in range(len(walls.asks)):
         fill_shadow(walls, j, start, shadow)
-    order = np.argsort(np.array([depth_outside(walls.faces, j, start) for j in range(len(walls.asks))]))
     for i in range(len(there)):
         end = Point(there[i, 0], there[i, 1])
         dx, dy = end.x - start.x, end.y - start.y
@@ -168,7 +192,6 @@ def seen_places(
                     order[m] = order[m - 1]
                 order[0] = j
                 break
-    return seen
 
 
 @kernel

@@ -268,7 +268,11 @@ def cross_covariance(law: kd.CoherentLaw | kd.LandmarkLaw, flight: Flight) -> Fl
     from pareto_ltl.kernels.path import covariance_across_time
 
     cross = np.zeros((len(flight.x), len(flight.x), 2, 2))
-    covariance_across_time(law, flight, cross)
+    theta = flight.memory.theta
+    held, motion = np.empty(theta.shape[1:]), law.motion
+    covariance_across_time(
+        (flight.F, flight.psi), flight.cov, theta, law.modes.kept, motion.dt, held, cross
+    )  # fmt: skip
     return cross
 
 
