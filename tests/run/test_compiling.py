@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import signal
 import subprocess
 import sys
 from dataclasses import replace
@@ -12,7 +14,8 @@ from numba import config, typeof
 from pareto_ltl.kernels.letters import states_along
 from pareto_ltl.run import compiling
 from pareto_ltl.run.compiling import CompilingProcess, carry_out_small, code_marker, one_line_forest
-from pareto_ltl.run.records import DEPLOYMENTS, FORECASTS, FRONT, PLAN
+from pareto_ltl.run.pipeline import Run
+from pareto_ltl.run.records import DEPLOYMENTS, FORECASTS, FOREST, FRONT, PLAN, PROBLEM, WIND, Records
 from pareto_ltl.settings import RobotConfig, Settings, preset
 from problems import box, make_problem, make_scene, smooth_wind
 
@@ -123,3 +126,22 @@ def test_the_process_leaves_its_marker(monkeypatch, task, tmp_path):
     process.wait()
     process.end()
     assert (tmp_path / "marker").exists()
+
+
+def test_ctrl_c_while_the_run_waits_ends_its_budget(task):
+    """Here the wait is interrupted, there the front is made of what one look gives."""
+    settings, wind, problem = task
+    settings = replace(settings, planner=replace(settings.planner, budget_seconds=1e6))
+
+    class Interrupted:
+        def record_made(self, name, record):
+            assert name == FRONT.name
+
+        def wait(self):
+            os.kill(os.getpid(), signal.SIGINT)
+
+    run = Run(settings, records=Records({PROBLEM: problem, WIND: wind, FOREST: one_line_forest(problem)}))
+    run.ahead["front"] = Interrupted()
+    run.perform(run.table["front"])
+    assert run.budget.asked
+    assert len(run[FRONT].paths) > 0

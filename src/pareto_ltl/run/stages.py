@@ -168,7 +168,8 @@ def make_forest(inputs: StageInputs) -> Forest:
 def make_front(inputs: StageInputs) -> Front:
     """The non-dominated paths, refined and judged as ``fidelity`` says."""
     if inputs.ahead is not None:
-        inputs.ahead.wait()
+        with inputs.budget.ends_at_key():
+            inputs.ahead.wait()
     return FRONT_MAKERS[inputs.settings.fidelity.judge](inputs)
 
 
