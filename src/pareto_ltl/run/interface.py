@@ -181,10 +181,11 @@ def plan(
         with claimed_directory(Path(out), table.files):
             carry_out(run, pipeline.stages)
     else:
-        for stage in pipeline.stages:
-            run.perform(stage)
-            if stage.makes == PLAN:
-                break
+        with run.budget.ends_at_key():
+            for stage in pipeline.stages:
+                run.perform(stage)
+                if stage.makes == PLAN:
+                    break
     if PLAN not in run.records:
         raise ConfigError(f"pipelines.stages makes no plan; it lists {', '.join(settings.pipelines.stages)}")
     return PlanningResult(run)

@@ -247,7 +247,8 @@ def carry_out(
     if place is None:
         raise ValueError("the run has no directory: give Run a directory")
     place.mkdir(parents=True, exist_ok=True)
-    with logging_to(place / RUN_LOG), _begun_ahead(run, stages), ProgressBar() as bar:
+    ahead, heeding = _begun_ahead(run, stages), run.budget.ends_at_key()
+    with logging_to(place / RUN_LOG), ahead, heeding, ProgressBar() as bar:
         run.progress = bar
         return _recorded(run, stages, place, provenance.begin(run.settings, argv, overrides))
 

@@ -159,18 +159,20 @@ def make_forest(inputs: StageInputs) -> Forest:
     """The search trees (Algorithm 1)."""
     from pareto_ltl.planning import growth
 
-    with inputs.budget.ends_at_key():
-        return growth.grow_forest(
-            inputs.settings.planner, inputs[PROBLEM], inputs.seeds, inputs.progress, budget=inputs.budget
-        )
+    inputs.budget.heeded = True
+    return growth.grow_forest(
+        inputs.settings.planner, inputs[PROBLEM], inputs.seeds, inputs.progress, budget=inputs.budget
+    )
 
 
 def make_front(inputs: StageInputs) -> Front:
     """The non-dominated paths, refined and judged as ``fidelity`` says."""
+    inputs.budget.heeded = True
     if inputs.ahead is not None:
-        with inputs.budget.ends_at_key():
-            inputs.ahead.wait()
-    return FRONT_MAKERS[inputs.settings.fidelity.judge](inputs)
+        inputs.ahead.wait()
+    front = FRONT_MAKERS[inputs.settings.fidelity.judge](inputs)
+    inputs.budget.heeded = False
+    return front
 
 
 def _bounded_front(inputs: StageInputs) -> Front:
@@ -247,8 +249,7 @@ def _sampled_refinement(inputs: StageInputs, raw: Sequence[PlannedPath]) -> tupl
     if is_certain(problem):
         return _convex_refinement(inputs, raw)
     flights = draw_flights(problem, problem.fidelity.law, cfg.flights, inputs.seeds)
-    with inputs.budget.ends_at_key():
-        return sampled_paths(cfg, problem, inputs[FOREST], flights, inputs.progress, inputs.budget)
+    return sampled_paths(cfg, problem, inputs[FOREST], flights, inputs.progress, inputs.budget)
 
 
 Refiner = Callable[[StageInputs, Sequence["PlannedPath"]], tuple["PlannedPath", ...]]

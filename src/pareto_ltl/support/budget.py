@@ -25,11 +25,14 @@ class Budget:
         What there is to spend [s].
     asked : bool
         Whether the user asked for the end.
+    heeded : bool
+        Whether the work that the budget is for goes on, so that Ctrl-C is about it.
     """
 
     def __init__(self, seconds: float | None = None) -> None:
         self.seconds = seconds
         self.asked = False
+        self.heeded = False
         self._began: float | None = None
 
     def begin(self) -> None:
@@ -56,7 +59,7 @@ class Budget:
 
     @contextmanager
     def ends_at_key(self) -> Iterator[None]:
-        """In the block the first Ctrl-C ends a budget instead of the run; the second ends the run.
+        """In the block, while it is ``heeded``, the first Ctrl-C ends a budget; others end the run as ever.
 
         Outside the main thread, where Python lets nobody set handlers, and without a budget, the block is
         only run.
@@ -67,7 +70,8 @@ class Budget:
         before = signal.getsignal(signal.SIGINT)
 
         def end_early(number: int, frame: FrameType | None) -> None:
-            signal.signal(signal.SIGINT, before)
+            if not self.heeded or self.asked:
+                raise KeyboardInterrupt
             LOG.warning("asked to end: what was found so far makes the front; Ctrl-C once more ends the run")
             self.end()
 
