@@ -98,6 +98,15 @@ def test_one_process_begins_with_the_problem_where_nothing_is_compiled(begun, ta
     process.wait()
 
 
+@pytest.mark.parametrize("terminal", [True, False])
+def test_a_terminal_is_told_that_the_run_compiles(begun, task, terminal, monkeypatch, capsys):
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: terminal)
+    process = CompilingProcess(task[0])
+    told(process, *task[1:])
+    process.end()
+    assert capsys.readouterr().err == (f"pareto-ltl: {compiling.NOTICE}\n" if terminal else "")
+
+
 def test_none_begins_where_the_code_is_on_disk(begun, task, tmp_path):
     settings, wind, problem = task
     (tmp_path / "marker").touch()

@@ -34,6 +34,7 @@ if TYPE_CHECKING:
 LOG = logging.getLogger(__name__)
 PROGRAM = "from pareto_ltl.run.compiling import serve; serve()"
 LATER_STAGES = ("front", "plan", "forecasts", "deployment")
+NOTICE = "compiling for this machine, about half a minute; later runs find the machine code on disk"
 LONGEST = 600.0  # [s] that the run waits; then it compiles for itself
 
 
@@ -54,7 +55,9 @@ class CompilingProcess:
         marker = code_marker(record, self._settings)
         if marker is None or marker.exists():
             return
-        LOG.info("compiling for this machine; later runs find the machine code on disk")
+        LOG.info(NOTICE)
+        if sys.stderr.isatty():  # where progress is shown
+            print(f"pareto-ltl: {NOTICE}", file=sys.stderr)
         with suppress(OSError):
             self._process = begin_process(PROGRAM)
             assert self._process.stdin is not None
