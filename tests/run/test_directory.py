@@ -125,7 +125,9 @@ def test_every_file_of_a_stage_is_among_those_that_are_cleared() -> None:
 
 def test_a_run_writes_what_its_stages_declare_and_nothing_else(tmp_path: Path) -> None:
     settings = build_settings(
-        {"pipelines": "plan", "scene": MAP, "mission": {"formula": "F a"}} | QUICK | {"report": {"dpi": 30}}
+        {"pipelines": "plan", "scene": MAP, "mission": {"formula": "F a"}}
+        | QUICK
+        | {"report": {"dpi": 30, "formats": ["png", "svg"]}}
     )
     pipeline = check_pipeline(settings, application_stages(settings))
     run_pipeline(pipeline, tmp_path)

@@ -8,6 +8,7 @@ code in numba's cache; its results are thrown away. A file beside the machine co
 from __future__ import annotations
 
 import logging
+import os
 import pickle
 import signal
 import subprocess
@@ -121,6 +122,7 @@ def serve() -> None:
     carry_out_small(settings, wind, problem)
     with suppress(OSError):
         write_bytes(marker, b"")
+    os._exit(0)  # a thread still reads the standard input, at which an ordinary end would stumble
 
 
 def carry_out_small(settings: Settings, wind: Any, problem: Problem) -> Run:
