@@ -123,7 +123,8 @@ def test_a_run_that_is_stopped_leaves_no_process_and_no_figure(tmp_path: Path, n
         assert process.poll() is None, process.communicate()[1]
         time.sleep(0.01)
         drawing = [child for child in psutil.Process(process.pid).children() if draws(child)]
-    wait_until(lambda: (tmp_path / "place" / "run.json").exists())
+    log = tmp_path / "place" / "run.log"  # before, packages are imported, which a signal can make fail
+    wait_until(lambda: log.exists() and "problem done" in log.read_text())
     os.killpg(process.pid, signal.Signals[name])  # as a terminal does
     err = process.communicate(timeout=PATIENCE)[1]
     assert err.count("\n") == 1, err

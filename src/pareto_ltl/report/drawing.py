@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import logging
 import os
-import pickle
 import signal
 import sys
 import threading
@@ -22,7 +21,15 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 
 from pareto_ltl.report.records import DrawnRun
 from pareto_ltl.support.files import write_bytes
-from pareto_ltl.support.second_process import begin_process, can_begin_one, end_process, listen
+from pareto_ltl.support.second_process import (
+    begin_process,
+    can_be_sent,
+    can_begin_one,
+    end_process,
+    listen,
+    receive,
+    send,
+)
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -105,13 +112,12 @@ class DrawingProcess:
             If the process has ended without an answer, as one that another program killed.
         """
         answers = self._process.stdout
-        assert answers is not None
         try:
             self._send_records({part.name: getattr(run, part.name) for part in fields(run)})
             self._ask(None)
-            while (answer := pickle.load(answers))[0] == FILE:
+            while (answer := receive(answers))[0] == FILE:
                 yield answer[1], answer[2]
-        except (EOFError, BrokenPipeError, pickle.UnpicklingError) as error:
+        except (EOFError, BrokenPipeError) as error:
             code = self._process.wait()
             raise DrawingEndedError(f"the process that draws ended with code {code}") from error
         kind, warned, failure, told = answer
@@ -127,10 +133,7 @@ class DrawingProcess:
                 self._sent[name] = record
 
     def _ask(self, request: Any) -> None:
-        requests = self._process.stdin
-        assert requests is not None
-        pickle.dump(request, requests, pickle.HIGHEST_PROTOCOL)
-        requests.flush()
+        send(self._process.stdin, request)
 
     def end(self) -> None:
         """End the process, whatever it does."""
@@ -216,17 +219,12 @@ def _send_files(answers: BinaryIO, files: Iterator[tuple[str, bytes]]) -> tuple[
 
 def _sendable(error: Exception) -> Exception:
     """``error``, or its text where it cannot be sent."""
-    try:
-        pickle.loads(pickle.dumps(error))
-    except Exception:
-        return RuntimeError(f"{type(error).__name__}: {error}")
-    return error
+    return error if can_be_sent(error) else RuntimeError(f"{type(error).__name__}: {error}")
 
 
 def _send(answers: BinaryIO, answer: tuple[Any, ...]) -> None:
     try:
-        pickle.dump(answer, answers, pickle.HIGHEST_PROTOCOL)
-        answers.flush()
+        send(answers, answer)
     except BrokenPipeError:
         os._exit(0)  # nobody waits for it
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import logging
 import os
-import pickle
 import signal
 import subprocess
 import sys
@@ -24,7 +23,7 @@ from typing import TYPE_CHECKING, Any
 from pareto_ltl.run.records import FOREST, PROBLEM, WIND, Records
 from pareto_ltl.support.files import write_bytes
 from pareto_ltl.support.fingerprints import code_fingerprint, data_fingerprint
-from pareto_ltl.support.second_process import begin_process, can_begin_one, end_process, listen
+from pareto_ltl.support.second_process import begin_process, can_begin_one, end_process, listen, send
 
 if TYPE_CHECKING:
     from pareto_ltl.planning.problem import Problem
@@ -61,10 +60,8 @@ class CompilingProcess:
             print(f"pareto-ltl: {NOTICE}", file=sys.stderr)
         with suppress(OSError):
             self._process = begin_process(PROGRAM)
-            assert self._process.stdin is not None
             task = (self._settings, self._records[WIND.name], record, marker)
-            pickle.dump(task, self._process.stdin, pickle.HIGHEST_PROTOCOL)
-            self._process.stdin.flush()
+            send(self._process.stdin, task)
 
     def wait(self) -> None:
         """Return when the code is on disk, or cannot be got there."""

@@ -1,4 +1,7 @@
-"""A second Python process beside a run, for work that would hold the run up."""
+"""A second Python process beside a run, for work that would hold the run up.
+
+The two speak through pipes in pickles, which nobody else can write; no file is read so.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +11,7 @@ import subprocess
 import sys
 from collections.abc import Callable
 from contextlib import suppress
-from typing import Any, BinaryIO
+from typing import IO, Any
 
 from pareto_ltl.support.cores import cores
 
@@ -48,12 +51,37 @@ def end_process(process: subprocess.Popen[bytes]) -> None:
     process.wait()
 
 
-def listen(stream: BinaryIO, take: Callable[[Any], None]) -> None:
+def listen(stream: IO[bytes], take: Callable[[Any], None]) -> None:
     """In the second process: ``take`` what comes; where no more can, the run has ended, and so does this."""
-    with suppress(EOFError, OSError, pickle.UnpicklingError):
+    with suppress(EOFError, OSError):
         while True:
-            take(pickle.load(stream))
+            take(receive(stream))
     os._exit(0)
 
 
-__all__ = ["begin_process", "can_begin_one", "end_process", "listen"]
+def send(stream: IO[bytes] | None, thing: Any) -> None:
+    """Send ``thing`` to the other process; BrokenPipeError where that has ended."""
+    assert stream is not None
+    pickle.dump(thing, stream, pickle.HIGHEST_PROTOCOL)
+    stream.flush()
+
+
+def receive(stream: IO[bytes] | None) -> Any:
+    """What the other process sends next; EOFError where that has ended."""
+    assert stream is not None
+    try:
+        return pickle.load(stream)
+    except pickle.UnpicklingError as error:  # it ended while it was sending
+        raise EOFError from error
+
+
+def can_be_sent(thing: Any) -> bool:
+    """Whether the other process would receive ``thing``."""
+    try:
+        pickle.loads(pickle.dumps(thing))
+    except Exception:
+        return False
+    return True
+
+
+__all__ = ["begin_process", "can_be_sent", "can_begin_one", "end_process", "listen", "receive", "send"]
