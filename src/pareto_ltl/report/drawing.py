@@ -8,15 +8,12 @@ from __future__ import annotations
 
 import logging
 import os
-import signal
 import sys
-import threading
 import traceback
 import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import fields
-from queue import SimpleQueue
 from typing import TYPE_CHECKING, Any, BinaryIO
 
 from pareto_ltl.report.records import DrawnRun
@@ -26,8 +23,8 @@ from pareto_ltl.support.second_process import (
     can_be_sent,
     can_begin_one,
     end_process,
-    listen,
     receive,
+    requests,
     send,
 )
 
@@ -168,12 +165,10 @@ def serve() -> None:
     Where None comes instead of a record, figures are due: the answer on the standard output is (FILE, name,
     content) for each file, then how it ended, the warnings, the error or None, and its traceback.
     """
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
     answers = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # what a library prints is no answer
-    requests: SimpleQueue[Any] = SimpleQueue()
-    threading.Thread(target=listen, args=(sys.stdin.buffer, requests.put), daemon=True).start()
-    cfg = requests.get()
+    asked = requests()
+    cfg = asked.get()
     with suppress(Exception):  # what is wrong appears when something is to be drawn
         _warm_up()
     from pareto_ltl.report.figures import FiguresOfRecords
@@ -181,7 +176,7 @@ def serve() -> None:
     figures = FiguresOfRecords(cfg)
     with warnings.catch_warnings(record=True) as caught:
         while True:
-            request = requests.get()
+            request = asked.get()
             if request is not None:
                 figures.add(*request)
                 continue

@@ -9,27 +9,25 @@ from __future__ import annotations
 
 import logging
 import os
-import signal
 import subprocess
 import sys
-import threading
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
-from queue import SimpleQueue
 from typing import TYPE_CHECKING, Any
 
 from pareto_ltl.run.records import FOREST, PROBLEM, WIND, Records
 from pareto_ltl.support.files import write_bytes
 from pareto_ltl.support.fingerprints import code_fingerprint, data_fingerprint
-from pareto_ltl.support.second_process import begin_process, can_begin_one, end_process, listen, send
+from pareto_ltl.support.second_process import begin_process, can_begin_one, end_process, requests, send
 
 if TYPE_CHECKING:
     from pareto_ltl.planning.problem import Problem
     from pareto_ltl.planning.records import Forest
     from pareto_ltl.run.pipeline import Run
     from pareto_ltl.settings import Settings
+    from pareto_ltl.wind.records import WindField
 
 LOG = logging.getLogger(__name__)
 PROGRAM = "from pareto_ltl.run.compiling import serve; serve()"
@@ -43,14 +41,14 @@ class CompilingProcess:
 
     def __init__(self, settings: Settings) -> None:
         self._settings = settings
-        self._records: dict[str, Any] = {}
+        self._wind: WindField | None = None
         self._process: subprocess.Popen[bytes] | None = None
 
     def record_made(self, name: str, record: Any) -> None:
         """With the problem, begin; unless all that it needs was compiled before."""
         if name == WIND.name:
-            self._records[name] = record
-        if name != PROBLEM.name or self._process is not None or WIND.name not in self._records:
+            self._wind = record
+        if name != PROBLEM.name or self._process is not None or self._wind is None:
             return
         marker = code_marker(record, self._settings)
         if marker is None or marker.exists():
@@ -60,7 +58,7 @@ class CompilingProcess:
             print(f"pareto-ltl: {NOTICE}", file=sys.stderr)
         with suppress(OSError):
             self._process = begin_process(PROGRAM)
-            task = (self._settings, self._records[WIND.name], record, marker)
+            task = (self._settings, self._wind, record, marker)
             send(self._process.stdin, task)
 
     def wait(self) -> None:
@@ -111,11 +109,8 @@ def serve() -> None:
 
     The process ends where the run does.
     """
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
     logging.disable()
-    tasks: SimpleQueue[Any] = SimpleQueue()
-    threading.Thread(target=listen, args=(sys.stdin.buffer, tasks.put), daemon=True).start()
-    settings, wind, problem, marker = tasks.get()
+    settings, wind, problem, marker = requests().get()
     carry_out_small(settings, wind, problem)
     with suppress(OSError):
         write_bytes(marker, b"")

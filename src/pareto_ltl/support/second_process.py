@@ -7,10 +7,13 @@ from __future__ import annotations
 
 import os
 import pickle
+import signal
 import subprocess
 import sys
+import threading
 from collections.abc import Callable
 from contextlib import suppress
+from queue import SimpleQueue
 from typing import IO, Any
 
 from pareto_ltl.support.cores import cores
@@ -51,8 +54,18 @@ def end_process(process: subprocess.Popen[bytes]) -> None:
     process.wait()
 
 
-def listen(stream: IO[bytes], take: Callable[[Any], None]) -> None:
-    """In the second process: ``take`` what comes; where no more can, the run has ended, and so does this."""
+def requests() -> SimpleQueue[Any]:
+    """In the second process: what comes through its standard input.
+
+    Ctrl-C is left to the run. Where no more can come, the run has ended, and this process ends with it.
+    """
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    found: SimpleQueue[Any] = SimpleQueue()
+    threading.Thread(target=_listen, args=(sys.stdin.buffer, found.put), daemon=True).start()
+    return found
+
+
+def _listen(stream: IO[bytes], take: Callable[[Any], None]) -> None:
     with suppress(EOFError, OSError):
         while True:
             take(receive(stream))
@@ -84,4 +97,4 @@ def can_be_sent(thing: Any) -> bool:
     return True
 
 
-__all__ = ["begin_process", "can_be_sent", "can_begin_one", "end_process", "listen", "receive", "send"]
+__all__ = ["begin_process", "can_be_sent", "can_begin_one", "end_process", "receive", "requests", "send"]
