@@ -15,7 +15,7 @@ import yaml
 
 import small_study
 from pareto_ltl.planning.records import Forest, Front, Plan
-from pareto_ltl.run import stages
+from pareto_ltl.run import front_stage
 from pareto_ltl.run.pipeline import Pipeline, Run, check_pipeline, make_all, run_pipeline
 from pareto_ltl.run.records import (
     FOREST,
@@ -433,7 +433,7 @@ def test_where_refinement_finds_nothing_that_can_be_flown_the_paths_of_the_trees
         raise InfeasibleError("the nearest line cannot be flown")
 
     models = preset(fidelity)
-    monkeypatch.setitem(stages.REFINERS, models.refine, refuse)
+    monkeypatch.setitem(front_stage.REFINERS, models.refine, refuse)
     settings = Settings(
         scene=phi1(), fidelity=models, mission=MissionConfig(formula="F a"),
         planner=PlannerConfig(trees=2, n_max=600), selection=SelectionConfig(draws=50, runs=50),

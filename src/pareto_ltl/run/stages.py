@@ -7,12 +7,13 @@ configuration does not wait for them.
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pareto_ltl.report.drawing import draw_run_figures, drawing_process
 from pareto_ltl.run.compiling import compiling_process
+from pareto_ltl.run.front_stage import FOREST_STREAM, make_front
 from pareto_ltl.run.records import (
     AUTOMATON,
     DECOMPOSITION,
@@ -29,7 +30,7 @@ from pareto_ltl.run.records import (
     WIND,
     WIND_TABLE,
 )  # fmt: skip
-from pareto_ltl.run.stage_table import Stage, StageInputs, StageTable, named_child, stage_seeds
+from pareto_ltl.run.stage_table import Stage, StageInputs, StageTable
 from pareto_ltl.settings import (
     DeploymentConfig,
     FidelityConfig,
@@ -47,13 +48,12 @@ from pareto_ltl.settings import (
     SmoothingConfig,
     WindConfig,
 )
-from pareto_ltl.support.errors import InfeasibleError
 
 if TYPE_CHECKING:
     from pareto_ltl.logic import Automaton
     from pareto_ltl.planning.evaluate import Forecast
     from pareto_ltl.planning.problem import Problem
-    from pareto_ltl.planning.records import Forest, Front, Plan, PlannedPath
+    from pareto_ltl.planning.records import Forest, Plan
     from pareto_ltl.simulation.records import Deployment
     from pareto_ltl.wind.area import Wanted
     from pareto_ltl.wind.readings import Readings
@@ -62,8 +62,6 @@ if TYPE_CHECKING:
     from pareto_ltl.world.scene import Scene
 
 LOG = logging.getLogger(__name__)
-FOREST_STREAM = "forest"  # of the random numbers of growth
-JUDGING = "judging"  # the part of the front's stream that no refinement draws from
 
 
 def make_readings(inputs: StageInputs) -> Readings:
@@ -163,101 +161,6 @@ def make_forest(inputs: StageInputs) -> Forest:
     return growth.grow_forest(
         inputs.settings.planner, inputs[PROBLEM], inputs.seeds, inputs.progress, budget=inputs.budget
     )
-
-
-def make_front(inputs: StageInputs) -> Front:
-    """The non-dominated paths, refined and judged as ``fidelity`` says."""
-    inputs.budget.heeded = True
-    if inputs.ahead is not None:
-        inputs.ahead.wait()
-    front = FRONT_MAKERS[inputs.settings.fidelity.judge](inputs)
-    inputs.budget.heeded = False
-    return front
-
-
-def _bounded_front(inputs: StageInputs) -> Front:
-    """Compared by mission risk, collision risk and length, as published."""
-    from pareto_ltl.planning import no_path, selection
-
-    settings, problem = inputs.settings, inputs[PROBLEM]
-    if not len(inputs[FOREST].accepted):
-        raise InfeasibleError(_no_path(inputs))
-    raw = selection.tree_front(problem, inputs[FOREST])
-    refined, fault = _refined_paths(inputs, raw)
-    if not raw and not refined:
-        grown_from = stage_seeds(settings.seed, FOREST_STREAM)
-        why = no_path.explain_no_safe_path(settings.planner, problem, grown_from)
-        if why:
-            raise InfeasibleError(why + fault)
-    return selection.build_front(refined, raw, settings.fidelity)
-
-
-def _flown_front(inputs: StageInputs) -> Front:
-    """Compared by failure rate and length, in flights that no refinement has seen."""
-    from pareto_ltl.planning import selection
-    from pareto_ltl.simulation.judging import judge_front
-
-    settings, problem = inputs.settings, inputs[PROBLEM]
-    raw = selection.unlike_paths(problem, inputs[FOREST])
-    refined, fault = _refined_paths(inputs, raw)
-    if not raw and not refined:
-        raise InfeasibleError(_no_path(inputs) + fault)
-    seeds = named_child(inputs.seeds, JUDGING)
-    return judge_front(problem, refined, raw, settings.selection.draws, seeds)
-
-
-def _no_path(inputs: StageInputs) -> str:
-    """Why the trees have no path that completes the mission."""
-    from pareto_ltl.planning import no_path
-
-    settings = inputs.settings
-    grown_from = stage_seeds(settings.seed, FOREST_STREAM)
-    return no_path.explain_no_path(settings.planner, inputs[PROBLEM], inputs[FOREST], grown_from)
-
-
-FRONT_MAKERS: dict[str, Callable[[StageInputs], Front]] = {"bound": _bounded_front, "flights": _flown_front}
-
-
-def _refined_paths(inputs: StageInputs, raw: Sequence[PlannedPath]) -> tuple[tuple[PlannedPath, ...], str]:
-    """What ``fidelity.refine`` makes of the paths of the trees; where nothing can be flown, why."""
-    try:
-        return REFINERS[inputs.settings.fidelity.refine](inputs, raw), ""
-    except InfeasibleError as error:
-        return (), f"; {error}"
-
-
-def _no_refinement(inputs: StageInputs, raw: Sequence[PlannedPath]) -> tuple[PlannedPath, ...]:
-    return ()
-
-
-def _convex_refinement(inputs: StageInputs, raw: Sequence[PlannedPath]) -> tuple[PlannedPath, ...]:
-    """Convex smoothing of the front and of one path of each mission order."""
-    from pareto_ltl.planning import selection
-    from pareto_ltl.planning.refine import smooth_paths
-
-    problem = inputs[PROBLEM]
-    candidates = (*raw, *selection.order_representatives(problem, inputs[FOREST]))
-    return smooth_paths(inputs.settings.smoothing, problem, candidates, inputs.progress)
-
-
-def _sampled_refinement(inputs: StageInputs, raw: Sequence[PlannedPath]) -> tuple[PlannedPath, ...]:
-    """Sampled refinement; in a wind without doubt every flight is the same, and length alone is left."""
-    from pareto_ltl.planning.refine import sampled_paths
-    from pareto_ltl.simulation.common_flights import draw_flights, is_certain
-
-    problem, cfg = inputs[PROBLEM], inputs.settings.refine
-    if is_certain(problem):
-        return _convex_refinement(inputs, raw)
-    flights = draw_flights(problem, problem.fidelity.law, cfg.flights, inputs.seeds)
-    return sampled_paths(cfg, problem, inputs[FOREST], flights, inputs.progress, inputs.budget)
-
-
-Refiner = Callable[[StageInputs, Sequence["PlannedPath"]], tuple["PlannedPath", ...]]
-REFINERS: dict[str, Refiner] = {
-    "none": _no_refinement,
-    "convex": _convex_refinement,
-    "sampled": _sampled_refinement,
-}
 
 
 def make_plan(inputs: StageInputs) -> Plan:
