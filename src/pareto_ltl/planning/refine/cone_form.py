@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -84,28 +84,32 @@ class ConeForm:
 def cone_form(stated: Statement) -> ConeForm:
     """What cvxpy's canonicalisation makes of a problem.
 
-    Its tensor has a row for each entry of [A, b], column by column, and a column for each parameter.
+    Its tensor has a row for each entry of [A, b], column by column, and a column for each parameter. Nearly
+    all rows are empty: arrays as long as the tensor take 4 GB for 1,000 steps, so only filled rows are kept.
+    cvxpy's last reduction, which makes the solver's matrices, makes such arrays; :func:`solver_rows` does its
+    part.
     """
     import cvxpy as cp
     from cvxpy.lin_ops.lin_op import CONSTANT_ID
     from cvxpy.reductions.solvers.conic_solvers.clarabel_conif import dims_to_solver_cones
+    from cvxpy.reductions.solvers.solving_chain import resolve_and_build_chain
     from scipy.sparse import csr_array
 
-    given = stated.given
-    for parameter in given.values():
-        parameter.save_value(np.zeros(parameter.shape))  # cvxpy wants some
-    data, _, _ = stated.problem.get_problem_data(cp.CLARABEL)
-    form = data[cp.settings.PARAM_PROB]
-    n, starts = form.x.size, form.param_id_to_col
-    tensor = csr_array(form.A)
-    height = tensor.shape[0] // (n + 1)
-    filled = np.flatnonzero(np.diff(tensor.indptr))
-    of_matrix = filled[filled < height * n]
-    of_offset = filled[filled >= height * n]
-    parameters = np.zeros(form.total_param_size + 1)
-    parameters[starts[CONSTANT_ID]] = 1.0
+    given, form = stated.given, stated.problem
+    chain = resolve_and_build_chain(form, cp.CLARABEL, canon_backend=cp.settings.COO_CANON_BACKEND)
+    for reduction in chain.reductions[:-1]:
+        form, _ = reduction.apply(form)
+    n, starts, parameters = form.x.size, form.param_id_to_col, form.total_param_size + 1
+    target, sign = solver_rows(form.constraints)
+    height, tensor = len(target), form.A.tocoo()
+    column, row = np.divmod(tensor.row.astype(np.int64), height)
+    filled, place = np.unique(height * column + target[row], return_inverse=True)
+    rows = csr_array((sign[row] * tensor.data, (place, tensor.col)), shape=(len(filled), parameters))
+    entries = int(np.searchsorted(filled, height * n))
+    values = np.zeros(parameters)
+    values[starts[CONSTANT_ID]] = 1.0
     return ConeForm(
-        parameters=parameters,
+        parameters=values,
         places={name: slice(starts[p.id], starts[p.id] + p.size) for name, p in given.items()},
         columns=tuple(
             slice(first, first + variable.size)
@@ -113,11 +117,36 @@ def cone_form(stated: Statement) -> ConeForm:
             for first in (form.var_id_to_col[variable.id],)
         ),
         cost=csr_array(form.q)[:n],
-        entries=-tensor[of_matrix],  # cvxpy's cones hold A z + b
-        offset=tensor[of_offset],
-        indices=of_matrix % height,
-        indptr=np.searchsorted(of_matrix, height * np.arange(n + 1)),
-        rows=of_offset - height * n,
+        entries=-rows[:entries],  # cvxpy's cones hold A z + b
+        offset=rows[entries:],
+        indices=filled[:entries] % height,
+        indptr=np.searchsorted(filled[:entries], height * np.arange(n + 1)),
+        rows=filled[entries:] - height * n,
         height=height,
-        cones=dims_to_solver_cones(data["dims"]),
+        cones=dims_to_solver_cones(form.cone_dims),
     )
+
+
+def solver_rows(constraints: Sequence[Any]) -> tuple[IntArray, FloatArray]:
+    """Where Clarabel wants each row of cvxpy's cones, and the sign it wants it with, each (height,).
+
+    Equations come with the other sign. cvxpy has all bounds t of the cones of a constraint and then all x of
+    t >= ‖x‖, Clarabel has cone after cone.
+    """
+    from cvxpy.constraints import SOC, NonNeg, Zero
+
+    target, sign, first = [np.empty(0, np.int64)], [np.empty(0)], 0
+    for constraint in constraints:
+        size = sum(part.size for part in constraint.args)
+        within = np.arange(size)
+        if isinstance(constraint, SOC):
+            cones = constraint.args[0].size
+            within = np.concatenate(
+                [part.ravel() for part in np.split(within.reshape(cones, -1), [1], axis=1)]
+            )
+        elif not isinstance(constraint, NonNeg | Zero):
+            raise TypeError(f"no rows are known for constraints of {type(constraint).__name__}")
+        target.append(first + within)
+        sign.append(np.full(size, -1.0 if isinstance(constraint, Zero) else 1.0))
+        first += size
+    return np.concatenate(target), np.concatenate(sign)
