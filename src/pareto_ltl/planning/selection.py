@@ -12,6 +12,7 @@ from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import Forest, Front, PlannedPath, objective_row
 from pareto_ltl.settings import PAPER, FidelityConfig
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
+from pareto_ltl.support.counts import binomial_tail
 from pareto_ltl.support.errors import InfeasibleError
 
 RISK_FLOOR = 1e-6  # risks below it count as equal
@@ -42,11 +43,9 @@ def chance_of_failures(failed: BoolArray, others: BoolArray) -> FloatArray:
     Psychometrika 12, 1947, doi:10.1007/BF02295996), exact and one-sided. Small values say that the first path
     is worse. ``failed``, ``others`` (..., n); shape (...).
     """
-    from scipy.stats import binom
-
     worse = (failed & ~others).sum(axis=-1)
     better = (~failed & others).sum(axis=-1)
-    return np.asarray(binom.sf(worse - 1, worse + better, 0.5), float)
+    return binomial_tail(worse, worse + better, 0.5)
 
 
 def accepted_rows(forest: Forest) -> FloatArray:

@@ -20,6 +20,7 @@ from pareto_ltl.settings import SelectionConfig
 from pareto_ltl.simulation.flights import counted_rate
 from pareto_ltl.simulation.judging import count_failures
 from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.support.counts import binomial_tail, hypergeometric_tail
 from pareto_ltl.support.display import rate_text
 from pareto_ltl.support.errors import InfeasibleError
 from pareto_ltl.wind.records import WindField
@@ -136,10 +137,8 @@ def fresh_rate(problem: Problem, path: PlannedPath, runs: int, seed: SeedSequenc
 def count_agrees(counted: FailureRate, weighted: FailureRate) -> bool:
     """Whether a rate within the interval of ``weighted`` explains the count: with a chance of ``DOUBT`` or
     more, as many flights fail or more at its upper end, and as few or fewer at its lower one."""
-    from scipy.stats import binom
-
-    more = binom.sf(counted.failures - 1, counted.runs, weighted.high)
-    fewer = binom.cdf(counted.failures, counted.runs, weighted.low)
+    more = binomial_tail(counted.failures, counted.runs, weighted.high)
+    fewer = binomial_tail(counted.runs - counted.failures, counted.runs, 1.0 - weighted.low)
     return bool(min(more, fewer) >= DOUBT)
 
 
@@ -153,17 +152,13 @@ def claim_stands(rate: FailureRate, claimed: FailureRate) -> bool:
 
 def _chance_among_flights(rate: FailureRate, claimed: FailureRate) -> float:
     """Fisher's exact test of two counts, one-sided: given all failures of both, that so many are fresh."""
-    from scipy.stats import hypergeom
-
-    both = hypergeom(rate.runs + claimed.runs, rate.failures + claimed.failures, rate.runs)
-    return float(both.sf(rate.failures - 1))
+    total, failures = rate.runs + claimed.runs, rate.failures + claimed.failures
+    return hypergeometric_tail(rate.failures, total, failures, rate.runs)
 
 
 def _chance_of_claim(rate: FailureRate, claimed: FailureRate) -> float:
     """That so few of the claim's flights fail if the lower end of the interval of weighted ones is true."""
-    from scipy.stats import binom
-
-    return float(binom.cdf(claimed.failures, claimed.runs, rate.low))
+    return float(binomial_tail(claimed.runs - claimed.failures, claimed.runs, 1.0 - rate.low))
 
 
 CHANCES = {FLIGHTS: _chance_among_flights, WEIGHTED: _chance_of_claim}

@@ -1,0 +1,28 @@
+"""Chances of counts, against ``scipy.stats``."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.stats import binom, hypergeom
+
+from pareto_ltl.support.counts import binomial_tail, hypergeometric_tail
+
+
+@settings(deadline=None)
+@given(st.integers(1, 5000), st.floats(0.0, 1.0), st.data())
+def test_the_binomial_tail_is_that_of_the_law(runs: int, chance: float, data: st.DataObject) -> None:
+    least = np.array(data.draw(st.lists(st.integers(-1, runs + 1), min_size=1, max_size=5)))
+    expected = binom.sf(least - 1, runs, chance)
+    np.testing.assert_allclose(binomial_tail(least, np.full(len(least), runs), chance), expected, rtol=1e-9)
+
+
+@settings(deadline=None)
+@given(st.integers(1, 100_000), st.data())
+def test_the_hypergeometric_tail_is_that_of_the_law(total: int, data: st.DataObject) -> None:
+    marked, drawn = (data.draw(st.integers(0, total)) for _ in "md")
+    least = data.draw(st.integers(-1, min(marked, drawn) + 1))
+    expected = hypergeom.sf(least - 1, total, marked, drawn)
+    assert hypergeometric_tail(least, total, marked, drawn) == pytest.approx(expected, rel=1e-6, abs=1e-12)
