@@ -70,7 +70,8 @@ def how(problem):
 def test_margins_of_300_flights_of_50_steps(benchmark, task):
     refiner, x, flights, _ = task
     flight = refiner.flown(x)
-    off, width = flights.positions(flight) - flight.x, how(refiner.problem).widths[0]
+    off = np.ascontiguousarray(np.moveaxis(flights.positions(flight) - flight.x, 0, 2))
+    width = how(refiner.problem).widths[0]
     slope = kernel.Slope(np.zeros((STEPS + 1, 2)), np.zeros((STEPS + 1, 3)))
     scratch = margin_scratch(refiner.model, RUNS, STEPS + 1)
     benchmark.extra_info["budget"] = 0.002

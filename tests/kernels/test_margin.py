@@ -16,7 +16,7 @@ from numpy.random import SeedSequence
 
 from pareto_ltl.kernels import margin as kernel
 from pareto_ltl.kernels.data import Point
-from pareto_ltl.kernels.margin import SATURATED
+from pareto_ltl.kernels.margin_events import SATURATED
 from pareto_ltl.planning.margin_model import margin_model, margin_scratch
 from pareto_ltl.planning.pack import pack_corners, pack_faces
 from pareto_ltl.planning.problem import Problem
@@ -62,7 +62,9 @@ def margins_and_slope(
     scratch = margin_scratch(model, len(x), shape[0])
     slope = kernel.Slope(np.zeros(shape), np.zeros((shape[0], 3)))
     mean = np.zeros(shape) if mean is None else mean
-    value = kernel.smoothed_failure(model, mean, np.ascontiguousarray(x - mean), width, slope, scratch)
+    value = kernel.smoothed_failure(
+        model, mean, np.ascontiguousarray(np.moveaxis(x - mean, 0, 2)), width, slope, scratch
+    )
     return scratch.margins, slope, value
 
 

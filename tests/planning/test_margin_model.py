@@ -10,7 +10,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from pareto_ltl.kernels.data import Logic
-from pareto_ltl.kernels.margin import Guards
+from pareto_ltl.kernels.margin_events import Guards
 from pareto_ltl.planning.margin_model import pack_guards, shown_letters
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.support.arrays import FloatArray

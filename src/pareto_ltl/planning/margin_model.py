@@ -5,8 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from pareto_ltl.kernels import data as kd
+from pareto_ltl.kernels.claim_lists import ClaimLists, Claims
+from pareto_ltl.kernels.claim_rows import BLOCK, ClaimRows, Rows
 from pareto_ltl.kernels.clearance import CERTAIN
-from pareto_ltl.kernels.margin import Claims, Guards, MarginModel, Scratch
+from pareto_ltl.kernels.margin_events import Guards, MarginModel, Met, Scratch
+from pareto_ltl.kernels.near import Near
 from pareto_ltl.planning.pack import pack_faces
 from pareto_ltl.planning.pack_logic import LIVE, pack_corners
 from pareto_ltl.planning.problem import Problem
@@ -24,6 +27,7 @@ def margin_model(problem: Problem) -> MarginModel:
     return MarginModel(
         shown=pack_faces([polygons[c] for cells in letters for c in cells]),
         first=first,
+        letter=np.repeat(np.arange(len(letters)), np.diff(first)),
         guards=pack_guards(logic, [int(cells[0]) for cells in letters]),
         faces=problem.barriers,
         corners=_barrier_corners(problem),
@@ -34,10 +38,36 @@ def margin_model(problem: Problem) -> MarginModel:
 
 
 def margin_scratch(model: MarginModel, runs: int, steps: int) -> Scratch:
-    """Memory for the margins of ``runs`` flights of at most ``steps`` steps."""
+    """Memory for the margins of ``runs`` flights of at most ``steps`` steps.
+
+    Flights are worked through many at a time where there are few claims and no letters between steps.
+    """
+    few = len(model.logic.distance) <= LIVE and not len(model.logic.hazards.cell)
+    near = Near(
+        np.empty((steps + 1, 4)),
+        np.empty(steps + 2, np.int64), np.empty((steps + 1) * len(model.letter), np.int64),
+        np.empty(steps + 1, np.int64), np.empty(steps * len(model.corners.radius), np.int64),
+    )  # fmt: skip
+    met = Met(np.empty(runs, np.int64), *(np.empty(runs) for _ in "xys"))
+    claims = _claim_rows(model, min(runs, BLOCK)) if few else _claim_lists(model, steps)
+    return Scratch(claims, near, np.empty(runs), np.empty(runs, np.int64), met)
+
+
+def _claim_rows(model: MarginModel, runs: int) -> ClaimRows:
+    states, letters = len(model.logic.distance), len(model.first) - 1
+    before, after = (
+        Rows(np.empty((states, runs)), np.empty((states, runs), np.int64), np.zeros(states, np.bool_))
+        for _ in "ba"
+    )
+    return ClaimRows(
+        before, after, np.empty((letters, runs)), np.zeros(letters, np.bool_), np.empty((2, runs)),
+        np.empty(runs, np.int64),
+    )  # fmt: skip
+
+
+def _claim_lists(model: MarginModel, steps: int) -> ClaimLists:
     before, after = (_no_claims(len(model.logic.distance)) for _ in "ba")
-    later = np.zeros(steps + 1, np.int64)
-    return Scratch(before, after, np.empty(len(model.first) - 1), later, np.empty(runs))
+    return ClaimLists(before, after, np.empty(len(model.first) - 1), np.zeros(steps + 1, np.int64))
 
 
 def _no_claims(states: int) -> Claims:

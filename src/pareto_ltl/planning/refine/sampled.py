@@ -18,6 +18,7 @@ from typing import Protocol
 import numpy as np
 
 from pareto_ltl.kernels import margin as km
+from pareto_ltl.kernels.margin_events import MarginModel
 from pareto_ltl.kernels.path import Flight
 from pareto_ltl.planning.evaluate import airspeed_limits, propagate, propagate_controls
 from pareto_ltl.planning.margin_model import margin_scratch
@@ -88,7 +89,7 @@ class Refiner:
     """What all polishes of one problem share."""
 
     problem: Problem
-    model: km.MarginModel
+    model: MarginModel
     programmes: StepProgrammes
 
     # --- means and controls ---
@@ -108,13 +109,13 @@ class Refiner:
         return flight
 
     def slope(self, x: FloatArray, off: FloatArray, width: float, runs: int) -> tuple[Descent, FloatArray]:
-        """Smoothed failure of ``x`` + ``off`` (n, T+1, 2) among ``runs`` flights, and their margins (n,).
+        """Smoothed failure of ``x`` + ``off`` (T+1, 2, n) among ``runs`` flights, and their margins (n,).
 
         Flights that were left out have too large a margin to count.
         """
         slope = km.Slope(np.zeros((len(x), 2)), np.zeros((len(x), 3)))
-        scratch = margin_scratch(self.model, len(off), len(x))
-        share = len(off) / runs
+        scratch = margin_scratch(self.model, off.shape[2], len(x))
+        share = off.shape[2] / runs
         value = share * float(km.smoothed_failure(self.model, x, off, width, slope, scratch))
         descent = Descent(share * slope.gradient, share * slope.hessian, max(value, LEAST_VALUE))
         return descent, scratch.margins
@@ -129,7 +130,7 @@ class Refiner:
         for width in how.widths:
             flight, near = self._at_width(flight, near, runs, how, width, longest)
         positions = flights.positions(flight)
-        smoothed = self.slope(flight.x, positions - flight.x, how.widths[-1], runs)[0].value
+        smoothed = self.slope(flight.x, _deviations(positions, flight.x), how.widths[-1], runs)[0].value
         failed = float(flights.failed(positions).mean())
         return Candidate(flight, path_length(flight.x), smoothed, failed, origin)
 
@@ -140,14 +141,14 @@ class Refiner:
         out from here on."""
         trust = how.trust
         for turn in range(how.outer):
-            off = near.positions(flight) - flight.x
+            off = _deviations(near.positions(flight), flight.x)
             here, margins = self.slope(flight.x, off, width, runs)
             if turn == 0:
                 rows = np.flatnonzero(margins < COUNTED * width + how.trust * self.problem.reach)
                 if len(rows) == 0:
                     break
-                if len(rows) < ALL * len(off):
-                    off, near = off[rows], near.only(rows)
+                if len(rows) < ALL * len(margins):
+                    off, near = np.ascontiguousarray(off[:, :, rows]), near.only(rows)
             value = here.value + _overlong(flight, longest)
             before = value
             for _ in range(how.inner):
@@ -171,6 +172,11 @@ class Refiner:
             if before - value < OUTER_GAIN * before:
                 break
         return flight, near
+
+
+def _deviations(positions: FloatArray, x: FloatArray) -> FloatArray:
+    """What ``positions`` (n, T+1, 2) are off the means ``x`` (T+1, 2), (T+1, 2, n)."""
+    return np.ascontiguousarray(np.moveaxis(positions - x, 0, 2))
 
 
 def _overlong(flight: Flight, longest: float) -> float:

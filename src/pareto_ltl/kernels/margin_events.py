@@ -1,0 +1,148 @@
+"""What margins of flights are measured to, and the numbers of the events that bind.
+
+An event that binds is the signed distance of one point of a flight from one line or corner. While margins are
+compared it is a number: whole events in its place took three times as long.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from pareto_ltl.kernels.clearance import CERTAIN, Event, segment_clearance
+from pareto_ltl.kernels.data import Cells, Corners, Faces, Logic, Point
+from pareto_ltl.kernels.jit import by_type, inlined, kernel
+from pareto_ltl.kernels.near import Near
+from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
+
+NOWHERE = -1  # number, and step, of no event
+SATURATED = 12.0  # widths of the sigmoid: a margin below so many counts as -CERTAIN, as one of 6e-6 less
+
+
+class Guards(NamedTuple):
+    """Transitions between claims "the state is at least as good as p", and the letters that make them.
+
+    Edge e leads from ``source`` to ``target`` (E,) on letters ``letter[ptr[e]:ptr[e + 1]]``; where
+    ``spared`` (E,) is true, on all letters but these, the empty one among them. ``patient`` says that the
+    empty letter leaves every claim as it is. Edges ``first[q]`` to ``first[q + 1]`` lead from q; ``needs``
+    (Q,) has the bits of the letters that every way from q to acceptance reads, 0 in small automata.
+    """
+
+    source: IntArray
+    target: IntArray
+    spared: BoolArray
+    ptr: IntArray
+    letter: IntArray
+    patient: bool
+    first: IntArray
+    needs: IntArray
+
+
+class MarginModel(NamedTuple):
+    """What margins are measured to; a polygon's face k leads from its corner k to the next.
+
+    ``shown`` are convex polygons that show a letter, ``first`` (M + 1,) the first polygon of each letter,
+    ``letter`` the letter of each polygon.
+    ``faces`` and ``corners`` are the barriers: obstacles, and walls as one face without corners. ``hazards``
+    are the faces of the cells ``logic.hazards``.
+    """
+
+    shown: Faces
+    first: IntArray
+    letter: IntArray
+    guards: Guards
+    faces: Faces
+    corners: Corners
+    hazards: Faces
+    cells: Cells
+    logic: Logic
+
+
+class Met(NamedTuple):
+    """The barrier that binds in each flight (n,), as an event: step, normal and share of the step."""
+
+    t: IntArray
+    nx: FloatArray
+    ny: FloatArray
+    share: FloatArray
+
+
+class Scratch(NamedTuple):
+    """Memory: ``claims`` is that of the missions' margins, whose type says how they are found; what is
+    ``near``; the ``margins`` (n,) of the flights, which are kept; of each flight the number of its mission's
+    ``event`` (n,) and the barrier ``met``."""
+
+    claims: Any
+    near: Near
+    margins: FloatArray
+    event: IntArray
+    met: Met
+
+
+@by_type
+def mission_margins(
+    claims: Any, model: MarginModel, mean: FloatArray, off: FloatArray, floor: float, scratch: Scratch
+) -> None:
+    """Fill ``scratch.margins`` and ``scratch.event`` with the largest W_T of an accepting claim.
+
+    ``off`` (T+1, 2, n). A margin below ``floor`` [m] counts as -``CERTAIN``.
+    """
+    raise NotImplementedError
+
+
+@kernel
+def part_margin(faces: Faces, part: int, at: Point, floor: float) -> tuple[float, int]:
+    """Signed distance to the nearest face of a polygon, and that face; -CERTAIN if not above ``floor``."""
+    least, row = CERTAIN, -1
+    for j in range(faces.ptr[part], faces.ptr[part + 1]):
+        slack = faces.offset[j] - faces.normal[j, 0] * at.x - faces.normal[j, 1] * at.y
+        if slack < least:
+            least, row = slack, j
+            if least <= floor:
+                return -CERTAIN, row
+    return least, row
+
+
+@kernel
+def letter_event(model: MarginModel, letter: int, t: int, at: Point) -> Event:
+    """Distance to the nearest face of the polygon of ``letter`` that holds ``at``, or misses it least."""
+    faces, best = model.shown, Event(-CERTAIN, t, 0.0, 0.0, 0.0)
+    for k in range(model.first[letter], model.first[letter + 1]):
+        least, row = part_margin(faces, k, at, best.margin)
+        if least > best.margin:
+            best = Event(least, t, -faces.normal[row, 0], -faces.normal[row, 1], 0.0)
+    return best
+
+
+# --- numbers of events ------------------------------------------------------------------------
+
+
+@inlined
+def letter_number(model: MarginModel, t: int, letter: int, spared: bool) -> int:
+    """The number of "letter read, or spared, at step t"."""
+    return 2 * (t * len(model.first) + letter) + (1 if spared else 0)
+
+
+@inlined
+def hazard_number(model: MarginModel, t: int, hazard: int, met: bool) -> int:
+    """The number of "hazard missed, or met, on the way from step t"."""
+    return -2 - 2 * (t * len(model.logic.hazards.cell) + hazard) - (1 if met else 0)
+
+
+@kernel
+def numbered_event(
+    model: MarginModel, mean: FloatArray, off: FloatArray, margin: float, number: int
+) -> Event:
+    """The event of a number, in the flight ``mean`` + ``off`` (T+1, 2)."""
+    if number == NOWHERE:
+        return Event(margin, NOWHERE, 0.0, 0.0, 0.0)
+    if number >= 0:
+        t, letter = divmod(number // 2, len(model.first))
+        at = Point(mean[t, 0] + off[t, 0], mean[t, 1] + off[t, 1])
+        found = letter_event(model, letter, t, at)
+    else:
+        t, hazard = divmod((-2 - number) // 2, len(model.logic.hazards.cell))
+        start = Point(mean[t, 0] + off[t, 0], mean[t, 1] + off[t, 1])
+        end = Point(mean[t + 1, 0] + off[t + 1, 0], mean[t + 1, 1] + off[t + 1, 1])
+        found = segment_clearance(model.hazards, model.logic.hazards, hazard, t, start, end, CERTAIN)
+    sign = -1.0 if number % 2 == 1 else 1.0
+    return Event(margin, t, sign * found.nx, sign * found.ny, found.share)

@@ -1,0 +1,97 @@
+"""What may bind in any flight of a set, step by step: polygons and barriers near the box of all positions.
+
+Most steps of a flight are far from most regions and obstacles. What is far from all flights is looked at
+once, not once for each of them.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from pareto_ltl.kernels.data import Corners, Faces
+from pareto_ltl.kernels.jit import kernel, vector
+from pareto_ltl.support.arrays import FloatArray, IntArray
+
+ROUNDING = 1e-3  # [m] by which a bound may be off
+
+
+class Near(NamedTuple):
+    """Boxes of all flights, and what is near them.
+
+    Attributes
+    ----------
+    box : (T+1, 4) float
+        Middle (x, y) and half the width and the height of all positions after each step [m].
+    shown_first : (T+2,) int, shown : int
+        Polygons ``shown[shown_first[t]:shown_first[t + 1]]`` are near at step t.
+    met_first : (T+1,) int, met : int
+        Barriers ``met[met_first[t]:met_first[t + 1]]`` are near the segments from step t.
+    """
+
+    box: FloatArray
+    shown_first: IntArray
+    shown: IntArray
+    met_first: IntArray
+    met: IntArray
+
+
+@vector
+def least_and_most(row: FloatArray) -> tuple[float, float]:
+    """The least and the largest number of a row."""
+    low, high = math.inf, -math.inf
+    for x in row:
+        low, high = min(low, x), max(high, x)
+    return low, high
+
+
+@kernel
+def enclose(mean: FloatArray, off: FloatArray, box: FloatArray) -> None:
+    """Fill ``box`` (T+1, 4) with the boxes of the flights ``mean`` (T+1, 2) + ``off`` (T+1, 2, n)."""
+    for t in range(len(mean)):
+        for c in range(2):
+            low, high = least_and_most(off[t, c])
+            box[t, c], box[t, 2 + c] = mean[t, c] + 0.5 * (low + high), 0.5 * (high - low)
+
+
+@kernel
+def list_shown(faces: Faces, floor: float, near: Near) -> None:
+    """List the polygons that some position may be in, or closer to than -``floor`` [m]."""
+    count, box = 0, near.box
+    for t in range(len(box)):
+        near.shown_first[t] = count
+        for part in range(len(faces.ptr) - 1):
+            most = math.inf
+            for j in range(faces.ptr[part], faces.ptr[part + 1]):
+                nx, ny = faces.normal[j, 0], faces.normal[j, 1]
+                slack = faces.offset[j] - nx * box[t, 0] - ny * box[t, 1]
+                most = min(most, slack + abs(nx) * box[t, 2] + abs(ny) * box[t, 3])
+            if most >= floor - ROUNDING:
+                near.shown[count] = part
+                count += 1
+    near.shown_first[len(box)] = count
+
+
+@kernel
+def list_met(faces: Faces, corners: Corners, reach: float, near: Near) -> None:
+    """List the barriers that some segment may be closer to than ``reach`` [m]."""
+    count, box = 0, near.box
+    for t in range(len(box) - 1):
+        near.met_first[t] = count
+        west = min(box[t, 0] - box[t, 2], box[t + 1, 0] - box[t + 1, 2])
+        east = max(box[t, 0] + box[t, 2], box[t + 1, 0] + box[t + 1, 2])
+        south = min(box[t, 1] - box[t, 3], box[t + 1, 1] - box[t + 1, 3])
+        north = max(box[t, 1] + box[t, 3], box[t + 1, 1] + box[t + 1, 3])
+        x, wide = 0.5 * (west + east), 0.5 * (east - west)
+        y, high = 0.5 * (south + north), 0.5 * (north - south)
+        for part in range(len(faces.ptr) - 1):
+            dx = max(abs(corners.middle[part, 0] - x) - wide, 0.0)
+            dy = max(abs(corners.middle[part, 1] - y) - high, 0.0)
+            gap = math.sqrt(dx * dx + dy * dy) - corners.radius[part]
+            for j in range(faces.ptr[part], faces.ptr[part + 1]):
+                nx, ny = faces.normal[j, 0], faces.normal[j, 1]
+                gap = max(gap, nx * x + ny * y - abs(nx) * wide - abs(ny) * high - faces.offset[j])
+            if gap < reach + ROUNDING:
+                near.met[count] = part
+                count += 1
+    near.met_first[len(box) - 1] = count
