@@ -243,7 +243,7 @@ def collision_risk(problem: Problem, flight: Flight, law: kd.Law, *, tight: bool
 
     The looser form is not cut at 1: smoothing must see that a path with R = 2 is worse than one with 1.5.
     """
-    from pareto_ltl.kernels.collision_risk import collision_bound
+    from pareto_ltl.kernels.path_collision import collision_bound
 
     total = float(collision_bound(problem.barriers, gaussian_path(law, flight, tight=tight)))
     return min(total, 1.0) if tight else total

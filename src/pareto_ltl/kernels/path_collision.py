@@ -1,0 +1,163 @@
+"""R of a whole path: the cheapest division of its steps into runs, each beside one face of an obstacle."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from pareto_ltl.kernels.collision_risk import REFLECT, SUM_ONLY, GaussianPath
+from pareto_ltl.kernels.data import Faces, Point
+from pareto_ltl.kernels.gaussian import SQRT_HALF, tail
+from pareto_ltl.kernels.geometry import SLACK
+from pareto_ltl.kernels.jit import allocating, kernel
+from pareto_ltl.support.arrays import FloatArray, IntArray
+
+UNKNOWN = -2  # whether the variance grows up to a step has not been looked into
+ROUNDING = 1e-9  # by which sums in another order may differ, as a share
+
+
+class Beside(NamedTuple):
+    """The faces of one obstacle along a path of n steps: gap [m], variance [m²] along the normal, probability
+    beyond the face, and the last step before t whose variance exceeds the covariance with t; (k, n). ``cost``
+    (k,): the least Σ p_t of divisions whose last run is beside a face."""
+
+    gap: FloatArray
+    variance: FloatArray
+    beyond: FloatArray
+    shrunk: IntArray
+    cost: FloatArray
+
+
+@allocating
+def collision_bound(obstacles: Faces, path: GaussianPath) -> float:
+    """R = Σ over (obstacle, run of steps with one separating face) of min(Σ_t p_t, 2 Φ(-min d / max σ)), not
+    cut at 1.
+
+    Runs overlap in the step where the face changes, because both ends of every step must clear one face;
+    the cheapest division into runs is found by dynamic programming over the steps. The second form holds
+    while Cov(e_s, e_t) >= Var e_s for s <= t along the normal of the face: always where A - K = I under the
+    independent law, and otherwise where ``path.cross`` says so.
+
+    Sums alone take one pass along the path; what they cost bounds the search for runs that the second form
+    makes cheaper, of which there are as many as pairs of steps.
+    """
+    ptr, n, most = obstacles.ptr, len(path.x), 0
+    for j in range(len(ptr) - 1):
+        most = max(most, ptr[j + 1] - ptr[j])
+    beside = Beside(
+        np.empty((most, n)), np.empty((most, n)), np.empty((most, n)), np.empty((most, n), np.int64),
+        np.empty(most),
+    )  # fmt: skip
+    cheapest, total = np.empty(n), 0.0
+    for j in range(len(ptr) - 1):
+        faces = ptr[j + 1] - ptr[j]
+        _look_beside(obstacles, ptr[j], faces, path, beside)
+        cost = _cost_of_sums(beside, faces)
+        if path.reflect != SUM_ONLY and cost > 0.0 and n > 1:
+            limit = min(cost, 1.0) * (1.0 + ROUNDING)
+            cheapest[:] = math.inf
+            for s in range(n - 1):
+                before = 0.0 if s == 0 else cheapest[s]
+                if before > limit or (s < n - 2 and cheapest[s + 1] <= before):
+                    continue  # a run that begins a step later costs no more
+                for k in range(faces):
+                    row = obstacles.normal[ptr[j] + k]
+                    _runs_from(Point(row[0], row[1]), k, path, beside, s, limit, cheapest)
+            cost = cheapest[-1]
+        total += min(cost, 1.0)
+    return total
+
+
+@kernel
+def _look_beside(obstacles: Faces, first: int, faces: int, path: GaussianPath, beside: Beside) -> None:
+    """Fill ``beside`` for ``faces`` faces from ``first`` on."""
+    x, cov = path.x, path.cov
+    for k in range(faces):
+        nx, ny = obstacles.normal[first + k, 0], obstacles.normal[first + k, 1]
+        for t in range(len(x)):
+            gap = nx * x[t, 0] + ny * x[t, 1] - obstacles.offset[first + k]
+            v = nx * nx * cov[t, 0] + 2.0 * nx * ny * cov[t, 1] + ny * ny * cov[t, 2]
+            beside.gap[k, t], beside.variance[k, t], beside.shrunk[k, t] = gap, v, UNKNOWN
+            beside.beyond[k, t] = tail(gap, v) if v > 0.0 and gap >= -SLACK else 0.0
+
+
+@kernel
+def _cost_of_sums(beside: Beside, faces: int) -> float:
+    """The least Σ p_t over all divisions into runs; inf where there is none."""
+    now, before = 0.0, 0.0
+    for t in range(beside.gap.shape[1]):
+        now = math.inf
+        for k in range(faces):
+            cost = math.inf
+            if beside.gap[k, t] >= -SLACK:
+                p = beside.beyond[k, t]
+                if t == 0:
+                    cost = p
+                elif beside.gap[k, t - 1] >= -SLACK:
+                    cost = min(beside.cost[k], before + beside.beyond[k, t - 1]) + p
+            beside.cost[k] = cost
+            now = min(now, cost)
+        before = now if t > 0 else 0.0
+    return now
+
+
+@kernel
+def _runs_from(
+    at: Point, k: int, path: GaussianPath, beside: Beside, s: int, limit: float, cheapest: FloatArray
+) -> None:
+    """Lower ``cheapest[t]``, the cost of steps 0 to t, by runs beside face k from step s on.
+
+    ``at`` is the normal of the face. Longer runs cost more, so that the search ends above ``limit``; 2 Φ, at
+    least 2 max p, is worked out where it can be the least.
+    """
+    gap, variance, beyond = beside.gap[k], beside.variance[k], beside.beyond[k]
+    before = 0.0 if s == 0 else cheapest[s]
+    least, widest, total, largest = math.inf, 0.0, 0.0, 0.0
+    form, stale, grows, seen = math.inf, True, True, s
+    for t in range(s, len(gap)):
+        if gap[t] < -SLACK:
+            break
+        if gap[t] < least or variance[t] > widest:
+            least, widest, stale = min(least, gap[t]), max(widest, variance[t]), True
+        total += beyond[t]
+        largest = max(largest, beyond[t])
+        if t == s:
+            continue
+        cost = floor = total
+        if grows and 2.0 * largest < total:
+            floor = 2.0 * largest
+            if before + floor <= cheapest[t]:
+                if stale:
+                    form, stale = math.erfc(SQRT_HALF * least / math.sqrt(widest)), False
+                while form < total and grows and path.reflect != REFLECT and seen < t:
+                    seen += 1
+                    grows = _last_shrunk(at, k, path, beside, s, seen) < s
+                if grows:
+                    cost = min(cost, form)
+                floor = cost
+        cheapest[t] = min(cheapest[t], before + cost)
+        if before + floor > limit:
+            break
+
+
+@kernel
+def _last_shrunk(at: Point, k: int, path: GaussianPath, beside: Beside, s: int, t: int) -> int:
+    """The last step r >= s, r < t, with n' Cov(e_t, e_r) n < n' Var(e_r) n, and -1 where there is none.
+
+    It is looked for once: later runs begin at later steps.
+    """
+    if beside.shrunk[k, t] == UNKNOWN:
+        beside.shrunk[k, t] = -1
+        for r in range(t - 1, s - 1, -1):
+            cross = path.cross[t, r]
+            both = at.x * at.x * cross[0, 0] + at.x * at.y * (cross[0, 1] + cross[1, 0])
+            both += at.y * at.y * cross[1, 1]
+            if both < beside.variance[k, r] * (1.0 - 1e-9):
+                beside.shrunk[k, t] = r
+                break
+    return int(beside.shrunk[k, t])
+
+
+__all__ = ["collision_bound"]
