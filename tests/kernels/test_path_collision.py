@@ -168,7 +168,9 @@ def wandering(seed, steps):
 @given(seeds, st.integers(50, 150))
 def test_long_paths_cost_what_the_judge_finds(problem, seed, steps):
     x, cov, cross = wandering(seed, steps)
-    parts = [Convex(np.empty((0, 2)), normals, offsets) for normals, offsets in polygon_faces(problem.obstacles)]
+    parts = [
+        Convex(np.empty((0, 2)), normals, offsets) for normals, offsets in polygon_faces(problem.obstacles)
+    ]
     judged = np.einsum("trij->rtji", cross)  # (r, t): Cov(e_r, e_t)
     allowed = {
         kernel.SUM_ONLY: [np.zeros((len(p.offsets), steps + 1, steps + 1), bool) for p in parts],
