@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -70,3 +72,37 @@ def test_a_file_that_is_no_text_is_refused_with_its_line(data: bytes, tmp_path) 
 def test_a_byte_order_mark_is_no_part_of_an_automaton(tmp_path) -> None:
     (tmp_path / "a.hoa").write_text(text(), encoding="utf-8-sig")
     assert hoa.read_hoa(tmp_path / "a.hoa") == hoa.parse_hoa(text())
+
+
+def test_a_label_that_many_edges_have_is_read_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """4,096 states share the labels of their edges: they are parsed and worked out once for each text."""
+    made, before = [], hoa.LabelExpression.__init__
+
+    def counted(self: hoa.LabelExpression, *arguments: Any, **named: Any) -> None:
+        made.append(arguments)
+        before(self, *arguments, **named)
+
+    monkeypatch.setattr(hoa.LabelExpression, "__init__", counted)
+    count = 4096
+    lines = [
+        f"State: {q}{' {0}' if q == count - 1 else ''}\n[(0) &\n 1] {min(q + 1, count - 1)}\n[!0 | !1] {q}"
+        for q in range(count - 1)
+    ]
+    head = text(states=f"States: {count}").split("State: 0")[0]
+    read = hoa.parse_hoa("\n".join([head, *lines, f"State: {count - 1} {{0}} [t] {count - 1} --END--"]))
+    assert read.n_states == count
+    assert len(made) < 10
+
+
+def test_lines_of_labels_that_are_passed_over_are_counted() -> None:
+    content = text(label="0 &\n 1").replace("[!(0 &\n 1)] 0", "[0 &\n 1] 1\n[!(0 & 1)] 7")
+    assert "line 13: state 0 leads to state 7" in refusal(content)
+
+
+def test_literals_that_exclude_each_other_take_no_letter() -> None:
+    found = hoa.parse_hoa(text(label="0 & !0 | 0 & 1"))
+    np.testing.assert_array_equal(found.delta, hoa.parse_hoa(text(label="(0) & 1")).delta)
+
+
+def test_quotes_without_an_end_are_refused_after_one_look() -> None:
+    assert "has no meaning here" in refusal(text("name: " + '"\\' * 1_000_000))

@@ -12,17 +12,18 @@ import re
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import NoReturn
+from typing import NamedTuple
 
 import numpy as np
 
 from pareto_ltl.logic import labels
 from pareto_ltl.logic.automaton import Automaton, alphabet_of, automaton_from_table, letter_codes, show_letter
 from pareto_ltl.logic.dfa import MAX_ENTRIES, TransitionTable
-from pareto_ltl.logic.hoa_labels import LabelExpression
+from pareto_ltl.logic.hoa_labels import LabelExpression, letters_of, sum_of_cubes
+from pareto_ltl.logic.hoa_tokens import Token, Tokens
 from pareto_ltl.support.arrays import BoolArray, IntArray
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.support.messages import shown_line, shown_text
+from pareto_ltl.support.messages import shown_text
 from pareto_ltl.support.reading import SHOWN, Advice, read_text
 
 MAX_HOA_BYTES = 2**23
@@ -31,10 +32,6 @@ MAX_ALIASES = 1000
 MAX_LABEL_WORK = 2**32  # operators of all labels times letters; a few seconds
 MAX_DIGITS = 18  # of a number; no file holds so many states
 HOA_FILES = Advice("check mission.automaton", "write it anew, e.g. with ltl2tgba -D -B")
-_HOA_PATTERN = re.compile(
-    r'\s+|(?P<string>"(?:[^"\\]|\\.)*")|(?P<mark>--(?:BODY|END|ABORT)--)|(?P<head>[A-Za-z_][\w-]*:)'
-    r"|(?P<alias>@[\w-]+)|(?P<int>\d+)|(?P<word>[A-Za-z_][\w-]*)|(?P<sign>[][{}()!&|])",
-)
 
 
 def hoa_text(automaton: Automaton) -> str:
@@ -136,10 +133,11 @@ def _table_of_file(
     trap = len(order)
     delta = np.full((trap + 1, len(codes)), trap, np.int64)
     known: dict[int, BoolArray] = {}
+    repeated: dict[int, BoolArray] = {}
     for q, state in file.states.items():
         row = delta[number[q]]
         for label, target, line in state.edges:
-            takes = label.on(codes, known)
+            takes = letters_of(label, codes, known, repeated)
             clash = takes & (row != trap) & (row != number[target])
             if clash.any():
                 letter = shown_text(show_letter(alphabet[int(np.flatnonzero(clash)[0])]))
@@ -163,66 +161,42 @@ def _table_of_file(
 # Reading text
 
 
-@dataclass(frozen=True, slots=True)
-class _HoaToken:
-    kind: str
-    text: str
-    line: int
+class _Label(NamedTuple):
+    """A label of the body, which many edges may have, and its number of operators."""
+
+    expression: LabelExpression
+    operators: int
 
 
 class _HoaReader:
     """Recursive-descent parser of one HOA text."""
 
     def __init__(self, text: str, source: str) -> None:
-        self.source = source
-        self.tokens = self.split(text)
-        self.at = 0
+        self.tokens = Tokens(text, source)
+        self.refuse = self.tokens.refuse
         self.aliases: dict[str, LabelExpression] = {}
+        self.labels: dict[str, _Label] = {}  # by their text
+        self.cubes: dict[str, LabelExpression] = {}
         self.result = _HoaFile(source)
         self.count: int | None = None
         self.brackets = 0
 
-    def split(self, text: str) -> list[_HoaToken]:
-        text = self.without_comments(text)
-        tokens, position, line = [], 0, 1
-        while position < len(text):
-            match = _HOA_PATTERN.match(text, position)
-            if match is None:
-                self.refuse(f"'{text[position]}' has no meaning here", line)
-            if match.lastgroup:
-                tokens.append(_HoaToken(match.lastgroup, match[0], line))
-            line += match[0].count("\n")
-            position = match.end()
-        return [*tokens, _HoaToken("end", "the end of the file", line)]
-
-    def without_comments(self, text: str) -> str:
-        """``text`` without (nested) comments; line breaks are kept for the line numbers of errors."""
-        kept, depth = [], 0
-        for part in re.findall(r'"(?:[^"\\]|\\.)*"|/\*|\*/|.|\n', text):
-            depth += part == "/*"
-            if depth == 0 or part == "\n":
-                kept.append(part)
-            depth = max(0, depth - (part == "*/"))
-        return "".join(kept)
-
-    def refuse(self, reason: str, line: int) -> NoReturn:
-        raise DataError(shown_line(f"{self.source}, line {line}: {reason}"))
-
     @property
-    def here(self) -> _HoaToken:
-        return self.tokens[self.at]
+    def here(self) -> Token:
+        return self.tokens.here
 
-    def take(self, kind: str, what: str) -> _HoaToken:
+    def take(self, kind: str, what: str) -> Token:
         token = self.here
         if token.kind != kind:
             self.refuse(f"expected {what}, found {token.text[:SHOWN]}", token.line)
-        self.at += 1
+        self.tokens.advance()
         return token
 
     def sign(self, text: str) -> bool:
         """Consume the sign ``text`` if it is next; return whether it was."""
-        found = self.here.kind == "sign" and self.here.text == text
-        self.at += found
+        found = self.tokens.here.kind == "sign" and self.tokens.here.text == text
+        if found:
+            self.tokens.advance()
         return found
 
     def close(self, text: str) -> None:
@@ -306,7 +280,7 @@ class _HoaReader:
         texts = []
         while self.here.kind not in ("head", "mark", "end") and (not kinds or self.here.kind in kinds):
             texts.append(self.here.text)
-            self.at += 1
+            self.tokens.advance()
         return texts
 
     def acceptance(self, line: int) -> None:
@@ -359,7 +333,7 @@ class _HoaReader:
         own = self.bracketed()
         q = self.number("a state")
         if self.here.kind == "string":
-            self.at += 1
+            self.tokens.advance()
         if q in self.result.states:
             self.refuse(f"state {q} is there twice", line)
         state = self.result.states[q] = _HoaState(line, self.marks())
@@ -389,10 +363,26 @@ class _HoaReader:
         return bool(sets)
 
     def bracketed(self) -> LabelExpression | None:
-        if not self.sign("["):
+        """The label in brackets that follows, if one does. Each text is read once."""
+        if self.here != ("sign", "[", self.here.line):
             return None
-        label = self.label_or()
-        self.close("]")
+        text = self.tokens.upcoming("]")
+        known = self.labels.get(text)
+        if known is not None:
+            known.expression.repeated = True
+            self.result.operators += known.operators
+            self.tokens.skip(text)
+            return known.expression
+        before = self.result.operators
+        label = sum_of_cubes(text, len(self.result.atoms), self.cubes)
+        if label is not None:
+            self.result.operators += 1 + sum(map(text.count, "&|!"))
+            self.tokens.skip(text)
+        else:
+            self.tokens.advance()
+            label = self.label_or()
+            self.close("]")
+        self.labels[text] = _Label(label, self.result.operators - before)
         return label
 
     def label_or(self) -> LabelExpression:
@@ -429,7 +419,7 @@ class _HoaReader:
             self.close(")")
             self.brackets -= 1
             return inner
-        self.at += 1
+        self.tokens.advance()
         if token.text in ("t", "f"):
             return LabelExpression(token.text)
         if token.kind == "alias" and token.text in self.aliases:

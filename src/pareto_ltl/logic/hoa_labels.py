@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import numpy as np
 
 from pareto_ltl.support.arrays import BoolArray, IntArray
 
+MAX_KEPT = 2**26  # letters of repeated labels that are kept, 1 B each
+SHORT = 4  # digits that a place has at most: there are fewer propositions
+LITERAL = rf"\s*!?\s*\d{{1,{SHORT}}}\s*"
+CUBES = re.compile(rf"{LITERAL}(?:[&|]{LITERAL})*", re.ASCII)
+
 
 class LabelExpression:
-    """``t``, ``f``, ``ap`` with its place, ``!`` with one operand, ``&`` or ``|`` with several.
+    """``t``, ``f``, ``ap`` with its place, ``!`` with one operand, ``&`` or ``|`` with several; ``cube``, the
+    conjunction of the propositions in the bit set ``place`` and of the negated ones in ``absent``.
 
     An alias is worked out once for a file: aliases of aliases let 30 lines stand for 2^30 operands.
 
@@ -20,12 +27,18 @@ class LabelExpression:
         Levels of operators.
     alias : bool
         Whether the file has a name for the expression.
+    repeated : bool
+        Whether several edges have it as their label.
     """
 
-    def __init__(self, op: str, args: tuple[LabelExpression, ...] = (), place: int = 0) -> None:
-        self.op, self.args, self.place = op, args, place
+    __slots__ = ("absent", "alias", "args", "depth", "op", "place", "repeated")
+
+    def __init__(
+        self, op: str, args: tuple[LabelExpression, ...] = (), place: int = 0, absent: int = 0
+    ) -> None:
+        self.op, self.args, self.place, self.absent = op, args, place, absent
         self.depth: int = 1 + max((arg.depth for arg in args), default=0)
-        self.alias = False
+        self.alias = self.repeated = False
 
     def on(self, codes: IntArray, known: dict[int, BoolArray]) -> BoolArray:
         """Which letters in ``codes`` (L,) satisfy the expression, shape (L,) bool.
@@ -44,6 +57,9 @@ class LabelExpression:
         if self.op == "ap":
             holds: BoolArray = (codes & (1 << self.place)) != 0
             return holds
+        if self.op == "cube":
+            fits: BoolArray = codes & (self.place | self.absent) == self.place
+            return fits
         if self.op == "!":
             return ~self.args[0].on(codes, known)
         join: Any = np.logical_and if self.op == "&" else np.logical_or
@@ -53,4 +69,39 @@ class LabelExpression:
         return joined
 
 
-__all__ = ["LabelExpression"]
+def letters_of(
+    label: LabelExpression, codes: IntArray, known: dict[int, BoolArray], repeated: dict[int, BoolArray]
+) -> BoolArray:
+    """As :meth:`LabelExpression.on`; ``repeated`` holds what labels of several edges came to."""
+    if not label.repeated:
+        return label.on(codes, known)
+    if id(label) not in repeated:
+        if len(repeated) * len(codes) > MAX_KEPT:
+            repeated.clear()
+        repeated[id(label)] = label.on(codes, known)
+    return repeated[id(label)]
+
+
+def sum_of_cubes(text: str, atoms: int, cubes: dict[str, LabelExpression]) -> LabelExpression | None:
+    """The label ``text`` if it is plainly literals of so many ``atoms`` joined by ``&`` and ``|``, else None.
+
+    Most labels of large files are, and each of their ``cubes`` stands in many of them.
+    """
+    if CUBES.fullmatch(text) is None:
+        return None
+    parts = []
+    for cube in text.split("|"):
+        if cube not in cubes:
+            bits = [0, 0]  # of what holds, and of what does not
+            for literal in cube.split("&"):
+                place = int(literal.replace("!", ""))
+                if place >= atoms:
+                    return None
+                bits["!" in literal] |= 1 << place
+            holds, absent = bits
+            cubes[cube] = LabelExpression("f" if holds & absent else "cube", (), holds, absent)
+        parts.append(cubes[cube])
+    return parts[0] if len(parts) == 1 else LabelExpression("|", tuple(parts))
+
+
+__all__ = ["LabelExpression", "letters_of", "sum_of_cubes"]
