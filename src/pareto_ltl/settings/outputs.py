@@ -11,6 +11,18 @@ from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.messages import shown_value
 
 FIGURE_FORMATS = ("png", "svg")
+EXPORT_FILES = {
+    "dead_reckoning": "dead_reckoning.csv",
+    "geojson": "plan.geojson",
+    "kml": "plan.kml",
+    "gpx": "plan.gpx",
+    "qgc": "mission.plan",
+    "mavlink": "mavlink_script.json",
+    "corridor": "corridor.geojson",
+    "netcdf": "trajectory.nc",
+    "f3548": "operational_intent.json",
+}  # the file of each format
+HIGHEST = 100_000.0  # [m] of an exported height, and deepest
 
 
 @dataclass
@@ -33,6 +45,51 @@ class ReportConfig(CheckedSettings):
     )
     dpi: int = setting(200, "resolution of PNG figures, in dots per inch", least=30, most=1200)
     paths: int = setting(40, "simulated flights that are drawn", least=0, most=10_000)
+
+
+@dataclass
+class ExportsConfig(CheckedSettings):
+    """Files of the plan for autopilots, maps and navigators (docs/exports.md)."""
+
+    section: ClassVar[str] = "exports"
+    files: bool = setting(True, "whether the plan is exported")
+    formats: list[str] = setting(
+        [name for name in EXPORT_FILES if name != "f3548"],
+        "formats that are written",
+        choices=tuple(EXPORT_FILES),
+        distinct=True,
+    )
+    flights: int = setting(
+        2000, "flights that corridors and failures under feedback are from", least=100, most=1e6
+    )
+    altitude: float | None = setting(None, "height above the start; null: that of wind.level", unit="m")
+    altitude_lower: float | None = setting(
+        None, "lowest height above the WGS 84 ellipsoid, for f3548", unit="m"
+    )
+    altitude_upper: float | None = setting(
+        None, "highest height above the WGS 84 ellipsoid, for f3548", unit="m"
+    )
+
+    def check_combinations(self) -> None:
+        lower, upper = self.altitude_lower, self.altitude_upper
+        for key in ("altitude", "altitude_lower", "altitude_upper"):
+            value = getattr(self, key)
+            if value is not None and not abs(value) <= HIGHEST:
+                raise ConfigError(
+                    f"exports.{key} must lie between -{HIGHEST:g} and {HIGHEST:g} [m], got "
+                    f"{shown_value(value)}"
+                )
+        if (lower is None) != (upper is None):
+            raise ConfigError("give both exports.altitude_lower and exports.altitude_upper, or neither")
+        if lower is not None and upper is not None and lower >= upper:
+            raise ConfigError(
+                f"exports.altitude_lower = {lower:g} m must be below exports.altitude_upper = {upper:g} m"
+            )
+        if "f3548" in self.formats and lower is None:
+            raise ConfigError(
+                "exports.formats: f3548 needs heights above the WGS 84 ellipsoid; set exports.altitude_lower "
+                "and exports.altitude_upper (pareto-ltl export: --between LOW HIGH)"
+            )
 
 
 @dataclass

@@ -22,7 +22,18 @@ if TYPE_CHECKING:
     from jsonschema.protocols import Validator
 
 FOLDER = PACKAGE / "support" / "data" / "schemas"
-SCHEMA_NAMES = ("automaton", "cells", "forecast_error", "metrics", "plan", "plan_1", "run", "scene", "sweep")
+SCHEMA_NAMES = (
+    "automaton",
+    "cells",
+    "forecast_error",
+    "mavlink_script",
+    "metrics",
+    "plan",
+    "plan_1",
+    "run",
+    "scene",
+    "sweep",
+)
 PYTHON_TYPES: Mapping[str, frozenset[type]] = {
     "number": frozenset({int, float}),
     "integer": frozenset({int}),

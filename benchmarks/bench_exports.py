@@ -1,0 +1,42 @@
+"""Export budget: a plan of phi2 in all formats, with its corridors, within 0.5 s.
+
+python -m pytest benchmarks/bench_exports.py
+"""
+
+from __future__ import annotations
+
+import pytest
+from numpy.random import SeedSequence
+
+import pareto_ltl
+from pareto_ltl.exports.exported import exported_plan
+from pareto_ltl.exports.formats import write_exports
+from pareto_ltl.settings import ExportsConfig
+from pareto_ltl.settings.outputs import EXPORT_FILES
+from problems import MISSIONS
+
+SETTINGS = ExportsConfig(formats=list(EXPORT_FILES), altitude_lower=300.0, altitude_upper=400.0)
+
+
+@pytest.fixture(scope="module")
+def planned():
+    """A plan of phi2 in the winds of the sample, as it is by default."""
+    return pareto_ltl.plan("phi2", MISSIONS["phi2"], robot={"dt": 1800.0})
+
+
+def test_all_formats_of_a_plan(benchmark, planned, tmp_path):
+    def export():
+        exported = exported_plan(SETTINGS, "phi2", "10m", planned.problem, planned.plan, SeedSequence(1))
+        return write_exports(exported, SETTINGS.formats, tmp_path)
+
+    benchmark.extra_info["budget"] = 0.5
+    paths = benchmark.pedantic(export, rounds=10, warmup_rounds=1)
+    assert len(paths) == len(EXPORT_FILES)
+
+
+def test_what_is_exported_of_a_plan(benchmark, planned):
+    """Navigation log, corridors from 2,000 flights, and as many flights that hold their positions."""
+    arguments = (SETTINGS, "phi2", "10m", planned.problem, planned.plan, SeedSequence(1))
+    benchmark.extra_info["budget"] = 0.25
+    exported = benchmark.pedantic(exported_plan, arguments, rounds=10, warmup_rounds=1)
+    assert exported.corridor.runs == 2000

@@ -1,0 +1,87 @@
+"""``pareto-ltl export DIR``: the plan of a run in the formats of autopilots, maps and navigators."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from pareto_ltl.cli.arguments import CommandArguments, run_reported
+from pareto_ltl.cli.choose_command import read_number
+from pareto_ltl.settings.outputs import EXPORT_FILES
+from pareto_ltl.support.errors import ConfigError, DataError
+from pareto_ltl.support.messages import shown_value
+
+
+def export_command(argv: Sequence[str]) -> int:
+    """0 where the files are written, 2 with one line where there is no such path or format."""
+    return run_reported(lambda: _export_arguments(argv))
+
+
+def _export_arguments(argv: Sequence[str]) -> int:
+    parser = CommandArguments(
+        prog="pareto-ltl export",
+        description="Write a plan for autopilots, maps and navigators, in UTC, WGS 84 and true headings: "
+        + ", ".join(f"{name} ({file})" for name, file in EXPORT_FILES.items())
+        + ". docs/exports.md says what each is.",
+    )
+    parser.add_argument(
+        "directory", type=Path, metavar="DIR", help="for example outputs/phi2/2026-01-31_12-00-00"
+    )
+    parser.add_argument("--point", metavar="N", help="path number N of front.csv; default: the plan")
+    parser.add_argument("--formats", metavar="A,B", help="default: those of the run")
+    parser.add_argument(
+        "--to", type=Path, metavar="DIR2", help="default: DIR/exports, or DIR/exports_point_N"
+    )
+    parser.add_argument(
+        "--altitude", metavar="M", help="height above the start [m]; default: that of the wind"
+    )
+    parser.add_argument(
+        "--between",
+        nargs=2,
+        metavar=("LOW", "HIGH"),
+        help="heights above the WGS 84 ellipsoid [m], for f3548",
+    )
+    return _export(parser.parse_args(argv))
+
+
+def _export(options: argparse.Namespace) -> int:
+    point = None if options.point is None else read_number(options.point)
+    formats = None if options.formats is None else read_formats(options.formats)
+    settings: dict[str, Any] = {}
+    if options.altitude is not None:
+        settings["altitude"] = read_metres("--altitude", options.altitude)
+    if options.between is not None:
+        low, high = (read_metres("--between", text) for text in options.between)
+        settings |= {"altitude_lower": low, "altitude_upper": high}
+    if not options.directory.is_dir():
+        raise DataError(f"{options.directory}: no such folder; give a results directory")
+    from pareto_ltl.run.exporting import export
+
+    place = options.directory / ("exports" if point is None else f"exports_point_{point}")
+    for path in export(options.directory, options.to or place, formats, point=point, **settings):
+        print(path)
+    return 0
+
+
+def read_formats(text: str) -> list[str]:
+    """The formats of ``kml,gpx``; ConfigError for a name that is none."""
+    names = [name.strip() for name in text.split(",")]
+    for name in names:
+        if name not in EXPORT_FILES:
+            raise ConfigError(
+                f"--formats: there is no format {shown_value(name)}; there are {', '.join(EXPORT_FILES)}"
+            )
+    return list(dict.fromkeys(names))
+
+
+def read_metres(flag: str, text: str) -> float:
+    """A height [m]; ConfigError for anything but a number."""
+    try:
+        return float(text)
+    except ValueError:
+        raise ConfigError(f"{flag} must be a height in metres, e.g. 120, got {shown_value(text)}") from None
+
+
+__all__ = ["export_command", "read_formats", "read_metres"]

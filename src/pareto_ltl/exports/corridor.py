@@ -1,0 +1,102 @@
+"""Corridors: where the robot is at a time, and where whole flights stay, with a given probability.
+
+Both are ellipses around the expected positions, of the shape that the plan expects, whose size simulated
+flights decide. Of n flights, the k-th smallest size with k = ceil((n + 1) p) holds a fresh flight with a
+probability of at least p (order statistics of exchangeable draws; Vovk, Gammerman and Shafer, 2005).
+
+- At a time: at each step by itself, share p of all flights are inside its ellipse.
+- Of whole flights: share p of all flights are inside the ellipse of every step, and, since they fly straight
+  from step to step, never leave the convex hull of the ellipses at both ends of a leg.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.random import SeedSequence
+
+from pareto_ltl.exports.ellipses import ellipse_outlines
+from pareto_ltl.planning.problem import Problem
+from pareto_ltl.planning.records import PlannedPath
+from pareto_ltl.simulation.flights import simulate_flights
+from pareto_ltl.support.arrays import FloatArray
+
+SHARES = (0.5, 0.9, 0.95, 0.99)
+FINEST = 1.0  # [m] added to the standard deviations: a place that is known exactly is a circle, too
+CORNERS = 36  # of the polygon around an ellipse: it is 0.4 % wider
+
+
+@dataclass(frozen=True, slots=True)
+class Corridor:
+    """Sizes of the ellipses of a plan of T steps, in standard deviations of ``cov``.
+
+    Attributes
+    ----------
+    law : str
+        Wind law of the flights.
+    runs : int
+        Number of flights that the sizes are from.
+    shares : (L,) float
+        The probabilities p.
+    mean : (T+1, 2) float, cov : (T+1, 2, 2) float
+        Expected positions [m] and their covariances [m²], of 1 m² at least.
+    at_time : (L, T+1) float
+        Sizes at each step by itself.
+    whole : (L,) float
+        Sizes for whole flights.
+    """
+
+    law: str
+    runs: int
+    shares: FloatArray
+    mean: FloatArray
+    cov: FloatArray
+    at_time: FloatArray
+    whole: FloatArray
+
+    def outlines(self, scale: FloatArray) -> FloatArray:
+        """Polygons (..., T+1, CORNERS, 2) [m] around the ellipses of sizes ``scale`` (..., T+1)."""
+        return ellipse_outlines(self.mean, self.cov, scale, CORNERS)
+
+    def level(self, share: float) -> int:
+        """The number of ``share`` among the shares."""
+        return int(np.flatnonzero(self.shares == share)[0])
+
+
+def flown_corridor(problem: Problem, path: PlannedPath, runs: int, seed: SeedSequence) -> Corridor:
+    """The corridors of ``path`` from ``runs`` flights in the wind law that it was planned in."""
+    law = problem.fidelity.law
+    flown = simulate_flights(problem, path.u, runs, law, seed, path.x)
+    cov = path.cov + FINEST**2 * np.eye(2)
+    sizes = ellipse_sizes(flown.x, path.x, cov)
+    shares = np.array(SHARES)
+    return Corridor(
+        law=law,
+        runs=runs,
+        shares=shares,
+        mean=path.x,
+        cov=cov,
+        at_time=np.maximum(held_sizes(sizes, shares), 1.0),
+        whole=np.maximum(held_sizes(sizes.max(axis=1), shares), 1.0),
+    )
+
+
+def ellipse_sizes(x: FloatArray, mean: FloatArray, cov: FloatArray) -> FloatArray:
+    """Sizes (n, T+1) of the ellipses on which the positions ``x`` (n, T+1, 2) lie::
+
+    s² = (x - x^)' Σ⁻¹ (x - x^)
+    """
+    root_inverse = np.linalg.inv(np.linalg.cholesky(cov))
+    return np.asarray(np.linalg.norm(np.einsum("tij,ntj->nti", root_inverse, x - mean), axis=-1), float)
+
+
+def held_sizes(sizes: FloatArray, shares: FloatArray) -> FloatArray:
+    """Sizes (L, ...) that hold a fresh flight with each of ``shares`` (L,), from ``sizes`` (n, ...) of n."""
+    n = len(sizes)
+    rank = [min(math.ceil((n + 1) * share - 1e-9), n) - 1 for share in shares]
+    return np.asarray(np.sort(sizes, axis=0)[rank], float)
+
+
+__all__ = ["SHARES", "Corridor", "ellipse_sizes", "flown_corridor", "held_sizes"]

@@ -1,0 +1,106 @@
+"""The one record that every format is written from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from numpy.random import SeedSequence
+
+from pareto_ltl.exports.corridor import Corridor, flown_corridor
+from pareto_ltl.exports.held_course import held_course_rate
+from pareto_ltl.exports.navigation_log import NavigationLog, navigation_log
+from pareto_ltl.planning.problem import Problem
+from pareto_ltl.planning.records import FailureRate, Plan
+from pareto_ltl.settings import ExportsConfig
+from pareto_ltl.support.display import rate_text
+from pareto_ltl.wind.levels import DEPTH, PRESSURE, parse_level
+from pareto_ltl.world.scene import Scene
+
+
+@dataclass(frozen=True, slots=True)
+class Height:
+    """Height of a flight [m]: above the ground of the start, or above mean sea level."""
+
+    metres: float
+    above_sea: bool
+
+
+@dataclass(frozen=True, slots=True)
+class ExportedPlan:
+    """A plan on a map with a place on Earth, and all that the formats say about it.
+
+    Attributes
+    ----------
+    name : str
+        Name of the run.
+    log : NavigationLog
+        Legs and expected positions.
+    corridor : Corridor
+        Ellipses that hold positions and whole flights.
+    held : FailureRate
+        How often the plan fails where an autopilot holds its positions (``robot.feedback=1``).
+    band : (float, float) or None
+        Lowest and highest height of the flight above the WGS 84 ellipsoid [m], where they are set.
+    """
+
+    name: str
+    scene: Scene
+    plan: Plan
+    log: NavigationLog
+    corridor: Corridor
+    held: FailureRate
+    height: Height
+    band: tuple[float, float] | None
+
+    @property
+    def crs(self) -> str:
+        """PROJ string of the plane."""
+        assert self.scene.crs is not None
+        return self.scene.crs
+
+    def sentences(self) -> tuple[str, ...]:
+        """What every format with room for text says: mission, how often it fails, what is not covered."""
+        plan, promise = self.plan, self.plan.promise
+        told = [f"Mission {plan.formula}."]
+        if promise is not None:
+            told.append(f"Flown by heading and airspeed fail {_rate_words(promise.rate)}.")
+        told.append(
+            "Flown by an autopilot that knows and holds the positions (robot.feedback=1) fail "
+            f"{_rate_words(self.held)}."
+        )
+        if plan.not_covered:
+            told.append(f"Not covered: {plan.not_covered.rstrip('.')}.")
+        return tuple(told)
+
+
+def _rate_words(rate: FailureRate) -> str:
+    return f"{rate_text(rate.failure, rate.low, rate.high)} of {rate.sample} in {rate.law} winds"
+
+
+def exported_plan(
+    cfg: ExportsConfig, name: str, level: str, problem: Problem, plan: Plan, seed: SeedSequence
+) -> ExportedPlan:
+    """What is exported of ``plan``, whose map must have a place on Earth; ``level`` is that of the wind."""
+    corridor_seed, held_seed = SeedSequence(seed.entropy, spawn_key=seed.spawn_key).spawn(2)
+    lower, upper = cfg.altitude_lower, cfg.altitude_upper
+    return ExportedPlan(
+        name=name,
+        scene=problem.scene,
+        plan=plan,
+        log=navigation_log(problem, plan.path),
+        corridor=flown_corridor(problem, plan.path, cfg.flights, corridor_seed),
+        held=held_course_rate(problem, plan.path, cfg.flights, held_seed),
+        height=height_of(level) if cfg.altitude is None else Height(cfg.altitude, above_sea=False),
+        band=None if lower is None or upper is None else (lower, upper),
+    )
+
+
+def height_of(level: str) -> Height:
+    """The height of a wind level; of a pressure that in the standard atmosphere (ISO 2533, troposphere)."""
+    found = parse_level(level)
+    if found.kind == PRESSURE:
+        return Height(44_330.77 * (1.0 - (found.value / 101_325.0) ** 0.190_263), above_sea=True)
+    return Height(-found.value if found.kind == DEPTH else found.value, above_sea=False)
+
+
+__all__ = ["ExportedPlan", "Height", "exported_plan", "height_of"]

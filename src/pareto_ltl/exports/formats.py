@@ -1,0 +1,70 @@
+"""The table of formats, and how the files of a plan are written."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+
+from pareto_ltl.exports.dead_reckoning import dead_reckoning_csv
+from pareto_ltl.exports.exported import ExportedPlan
+from pareto_ltl.exports.geojson import corridor_geojson, plan_geojson
+from pareto_ltl.exports.gpx import plan_gpx
+from pareto_ltl.exports.kml import plan_kml
+from pareto_ltl.exports.mavlink import mavlink_script
+from pareto_ltl.exports.qgc import mission_plan
+from pareto_ltl.exports.trajectory import trajectory_netcdf
+from pareto_ltl.exports.volumes import operational_intent
+from pareto_ltl.settings.outputs import EXPORT_FILES
+from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.support.files import write_bytes
+from pareto_ltl.world.navigation import utc_times
+from pareto_ltl.world.scene import Scene
+
+MAKERS: dict[str, Callable[[ExportedPlan], bytes]] = {
+    "dead_reckoning": dead_reckoning_csv,
+    "geojson": plan_geojson,
+    "kml": plan_kml,
+    "gpx": plan_gpx,
+    "qgc": mission_plan,
+    "mavlink": mavlink_script,
+    "corridor": corridor_geojson,
+    "netcdf": trajectory_netcdf,
+    "f3548": operational_intent,
+}
+TIMED = ("netcdf", "f3548")  # formats that cannot do without times in UTC
+
+
+def writable_formats(formats: Sequence[str], scene: Scene, t: FloatArray) -> tuple[tuple[str, ...], str]:
+    """Those of ``formats`` that can be written of a plan with times ``t`` (T+1,) [s], and why not the others.
+
+    The reason is empty where all of them can.
+    """
+    if scene.crs is None:
+        return (), (
+            f"{', '.join(formats)}: not written, since the map has no place on Earth; give scene.centre, or "
+            "draw the map as GeoJSON"
+        )
+    timed = [name for name in formats if name in TIMED]
+    if not timed or utc_times(scene.time_zero, t) is not None:
+        return tuple(formats), ""
+    reason = f"{', '.join(timed)}: not written, since the plan has no times in UTC; set mission.start_time"
+    return tuple(name for name in formats if name not in timed), reason
+
+
+def export_files(exported: ExportedPlan, formats: Sequence[str]) -> Iterator[tuple[str, bytes]]:
+    """Name and content of the file of each of ``formats``."""
+    for name in formats:
+        yield EXPORT_FILES[name], MAKERS[name](exported)
+
+
+def write_exports(exported: ExportedPlan, formats: Sequence[str], folder: Path) -> tuple[Path, ...]:
+    """Write the files into ``folder``, which is made where it is missing; return their paths."""
+    folder.mkdir(parents=True, exist_ok=True)
+    paths = []
+    for name, content in export_files(exported, formats):
+        write_bytes(folder / name, content)
+        paths.append(folder / name)
+    return tuple(paths)
+
+
+__all__ = ["MAKERS", "export_files", "writable_formats", "write_exports"]

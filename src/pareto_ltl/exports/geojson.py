@@ -1,0 +1,160 @@
+"""``plan.geojson`` and ``corridor.geojson`` (RFC 7946)."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from pareto_ltl.exports.corridor import Corridor
+from pareto_ltl.exports.degrees import (
+    line_degrees,
+    line_parts,
+    lonlat,
+    outline_degrees,
+    polygon_parts,
+)
+from pareto_ltl.exports.exported import ExportedPlan
+from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.support.files import plain_data
+
+Feature = dict[str, Any]
+
+
+def plan_geojson(exported: ExportedPlan) -> bytes:
+    """The route, each leg, each expected position, and the map with the roles that ``scene.file`` reads."""
+    log, path = exported.log, exported.plan.path
+    route = {"role": "route", "name": exported.name, "formula": exported.plan.formula, "order": path.order}
+    features = [_line(exported.crs, path.x, route | {"length_m": path.objectives.length})]
+    features += [_line(exported.crs, path.x[k : k + 2], _leg(exported, k)) for k in range(len(log.airspeed))]
+    features += [_position(exported, k) for k in range(len(log.t))]
+    return _collection(features + _map_features(exported), exported)
+
+
+def corridor_geojson(exported: ExportedPlan) -> bytes:
+    """For each share: an ellipse a step (``meaning`` at_time), then one area for whole flights."""
+    corridor = exported.corridor
+    return _collection([*_ellipses(exported, corridor), *_tubes(exported, corridor)], exported)
+
+
+# --- features ---------------------------------------------------------------------------------
+
+
+def _leg(exported: ExportedPlan, k: int) -> dict[str, Any]:
+    log = exported.log
+    return {
+        "role": "leg", "leg": k, "time_utc": None if log.utc is None else log.utc[k], "t_s": log.t[k],
+        "duration_s": log.duration[k], "heading_true_deg": log.heading[k], "airspeed_m_s": log.airspeed[k],
+        "wind_m_s": log.wind_speed[k], "wind_from_deg": log.wind_from[k], "wind_sd_m_s": log.wind_sd[k],
+        "track_true_deg": log.track[k], "ground_speed_m_s": log.ground_speed[k],
+        "distance_m": log.distance[k], "wind_law": log.law,
+    }  # fmt: skip
+
+
+def _position(exported: ExportedPlan, k: int) -> Feature:
+    log, path = exported.log, exported.plan.path
+    about = {
+        "role": "position", "step": k, "time_utc": None if log.utc is None else log.utc[k], "t_s": log.t[k],
+        "radius_95_m": log.radius[k], "ellipse_major_m": log.major[k], "ellipse_minor_m": log.minor[k],
+        "ellipse_azimuth_deg": log.azimuth[k], "regions": path.label[k], "fix": k in log.fixes,
+        "wind_law": log.law,
+    }  # fmt: skip
+    return _feature("Point", lonlat(exported.crs, path.x[k]), about)
+
+
+def _map_features(exported: ExportedPlan) -> list[Feature]:
+    scene, crs = exported.scene, exported.crs
+    corners = [("region", name, polygon) for name, polygon in scene.regions.items()]
+    corners += [("obstacle", f"obstacle {n}", polygon) for n, polygon in enumerate(scene.obstacles, 1)]
+    corners += [("landmark", f"landmark {n}", polygon) for n, polygon in enumerate(scene.landmarks, 1)]
+    corners += [("bounds", f"border ({scene.border})", border_corners(scene.bounds))]
+    drawn = [
+        _polygon([outline_degrees(crs, polygon)], {"role": role, "name": name})
+        for role, name, polygon in corners
+    ]
+    return [*drawn, _feature("Point", lonlat(crs, scene.start), {"role": "start", "name": "start"})]
+
+
+def border_corners(bounds: FloatArray) -> FloatArray:
+    """Corners (4, 2) [m] of the map, counter-clockwise."""
+    (west, south), (east, north) = bounds
+    return np.array([[west, south], [east, south], [east, north], [west, north]])
+
+
+def _ellipses(exported: ExportedPlan, corridor: Corridor) -> Iterable[Feature]:
+    outlines = lonlat(exported.crs, corridor.outlines(corridor.at_time))
+    for level, share in enumerate(corridor.shares):
+        for k, outline in enumerate(outlines[level]):
+            about = _about(corridor, "at_time", share, corridor.at_time[level, k])
+            utc = exported.log.utc
+            about |= {"step": k, "time_utc": None if utc is None else utc[k], "t_s": exported.log.t[k]}
+            yield _polygon([np.concatenate([outline, outline[:1]])], about)
+
+
+def _tubes(exported: ExportedPlan, corridor: Corridor) -> Iterable[Feature]:
+    for level, share in enumerate(corridor.shares):
+        about = _about(corridor, "whole_flight", share, corridor.whole[level])
+        yield _polygon(tube_rings(exported.crs, corridor, corridor.whole[level]), about)
+
+
+def tube_rings(crs: str, corridor: Corridor, size: float) -> list[FloatArray]:
+    """The area of all ellipses of ``size`` and of the ways between them: outline, then holes [deg]."""
+    import shapely
+
+    outlines = corridor.outlines(np.full(len(corridor.mean), size))
+    tube: Any = shapely.orient_polygons(shapely.union_all(leg_hulls(outlines)))  # one part: legs are a chain
+    return [
+        outline_degrees(crs, shapely.get_coordinates(ring)[:-1]) for ring in (tube.exterior, *tube.interiors)
+    ]
+
+
+def leg_hulls(outlines: FloatArray) -> Any:
+    """Convex hulls, shapely polygons (T,), of the ``outlines`` (T+1, n, 2) at both ends of each leg."""
+    import shapely
+
+    ends = np.concatenate([outlines[:-1], outlines[1:]], axis=1) if len(outlines) > 1 else outlines
+    return shapely.convex_hull(shapely.multipoints([shapely.points(end) for end in ends]))
+
+
+def _about(corridor: Corridor, meaning: str, share: float, size: float) -> dict[str, Any]:
+    return {
+        "role": "corridor", "meaning": meaning, "probability": share, "wind_law": corridor.law,
+        "flights": corridor.runs, "standard_deviations": size,
+    }  # fmt: skip
+
+
+# --- GeoJSON ----------------------------------------------------------------------------------
+
+
+def _line(crs: str, points: FloatArray, about: Mapping[str, Any]) -> Feature:
+    parts = line_parts(line_degrees(crs, points))
+    return (
+        _feature("LineString", parts[0], about)
+        if len(parts) == 1
+        else _feature("MultiLineString", parts, about)
+    )
+
+
+def _polygon(rings: Sequence[FloatArray], about: Mapping[str, Any]) -> Feature:
+    parts = polygon_parts(rings)
+    return _feature("Polygon", parts[0], about) if len(parts) == 1 else _feature("MultiPolygon", parts, about)
+
+
+def _feature(kind: str, coordinates: Any, about: Mapping[str, Any]) -> Feature:
+    return {
+        "type": "Feature",
+        "properties": plain_data(about),
+        "geometry": {"type": kind, "coordinates": plain_data(coordinates)},
+    }
+
+
+def _collection(features: list[Feature], exported: ExportedPlan) -> bytes:
+    """One feature a line; what the plan promises stands beside the features."""
+    head = {"type": "FeatureCollection", "name": exported.name, "description": " ".join(exported.sentences())}
+    lines = ",\n".join(json.dumps(feature, allow_nan=False) for feature in features)
+    return f'{json.dumps(head)[:-1]}, "features": [\n{lines}\n]}}\n'.encode()
+
+
+__all__ = ["border_corners", "corridor_geojson", "leg_hulls", "plan_geojson", "tube_rings"]

@@ -1,0 +1,39 @@
+"""``plan.gpx`` (GPX 1.1): the expected positions as a route."""
+
+from __future__ import annotations
+
+from xml.etree import ElementTree as Xml
+
+from pareto_ltl.exports.exported import ExportedPlan
+from pareto_ltl.exports.xml_text import add, xml_bytes
+
+NAMESPACE = "http://www.topografix.com/GPX/1/1"
+
+
+def plan_gpx(exported: ExportedPlan) -> bytes:
+    """One ``rtept`` a step, with its time where the map names a departure."""
+    log = exported.log
+    root = Xml.Element("gpx", {"version": "1.1", "creator": "pareto_ltl", "xmlns": NAMESPACE})
+    about = add(root, "metadata")
+    add(about, "name", exported.name)
+    add(about, "desc", " ".join(exported.sentences()))
+    if log.utc is not None:
+        add(about, "time", log.utc[0])
+    route = add(root, "rte")
+    add(route, "name", exported.name)
+    for k, (lat, lon) in enumerate(zip(log.lat, log.lon, strict=True)):
+        lon = -180.0 if lon >= 180.0 else lon  # the schema excludes 180
+        point = add(route, "rtept", lat=f"{lat:.8f}", lon=f"{lon:.8f}")
+        if log.utc is not None:
+            add(point, "time", log.utc[k])
+        add(point, "name", f"{k}" if not exported.plan.path.label[k] else f"{k} {region_text(exported, k)}")
+        add(point, "desc", f"95 % of positions within {log.radius[k] / 1e3:.3f} km, {log.law} winds")
+    return xml_bytes(root)
+
+
+def region_text(exported: ExportedPlan, k: int) -> str:
+    """The regions that step ``k`` is in."""
+    return " ".join(sorted(exported.plan.path.label[k]))
+
+
+__all__ = ["plan_gpx", "region_text"]

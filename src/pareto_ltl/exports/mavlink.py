@@ -1,0 +1,86 @@
+"""``mavlink_script.json``: what to send, and when, to an autopilot that flies by heading and airspeed.
+
+Each message is a MAVLink command; ``examples/send_mavlink.py`` sends them with pymavlink. Position estimates
+are to be filled in by whoever sees the landmark: what stands there is what the plan expects, no measurement.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from typing import Any
+
+from pareto_ltl.exports.exported import ExportedPlan
+from pareto_ltl.support.files import plain_data
+
+SCHEMA = "pareto_ltl.mavlink_script/1"
+CHANGE_SPEED, CHANGE_HEADING, POSITION_ESTIMATE, WIND_ESTIMATE = 43000, 43002, 43003, 43004
+NAMES = {
+    CHANGE_SPEED: "MAV_CMD_GUIDED_CHANGE_SPEED",
+    CHANGE_HEADING: "MAV_CMD_GUIDED_CHANGE_HEADING",
+    POSITION_ESTIMATE: "MAV_CMD_EXTERNAL_POSITION_ESTIMATE",
+    WIND_ESTIMATE: "MAV_CMD_EXTERNAL_WIND_ESTIMATE",
+}
+AIRSPEED, HEADING = 0, 1  # SPEED_TYPE_AIRSPEED, HEADING_TYPE_HEADING
+AT_ONCE = 0.0  # acceleration that means no limit
+TURN = 5.0  # [m/s²] centripetal acceleration, a bank of 27 degrees
+GLOBAL, RELATIVE = 0, 3  # MAV_FRAME_GLOBAL, MAV_FRAME_GLOBAL_RELATIVE_ALT
+POSITION_FRAMES = {True: GLOBAL, False: RELATIVE}  # by whether heights are above mean sea level
+DEGREE = 1e7  # of x and y of COMMAND_INT
+
+
+def mavlink_script(exported: ExportedPlan) -> bytes:
+    """One message a line."""
+    log = exported.log
+    head = {
+        "schema": SCHEMA,
+        "name": exported.name,
+        "description": " ".join(exported.sentences()),
+        "start_utc": None if log.utc is None else log.utc[0],
+        "wind_law": log.law,
+        "dialect": "all",
+    }
+    lines = ",\n".join(
+        f"  {json.dumps(plain_data(message), allow_nan=False)}" for message in script_messages(exported)
+    )
+    told = "".join(f" {json.dumps(key)}: {json.dumps(value)},\n" for key, value in head.items())
+    return f'{{\n{told} "messages": [\n{lines}\n ]\n}}\n'.encode()
+
+
+def script_messages(exported: ExportedPlan) -> list[dict[str, Any]]:
+    """At the start of each leg wind, airspeed and heading; at a fix that the plan counts on, the position."""
+    log, messages = exported.log, []
+    for k in range(len(log.t)):
+        if k in log.fixes:
+            messages.append(_position(exported, k))
+        if k == len(log.airspeed):
+            break
+        wind = [log.wind_speed[k], log.wind_speed_sd[k], log.wind_from[k], log.wind_from_sd[k], 0, 0, 0]
+        messages.append(_message(exported, k, WIND_ESTIMATE, wind))
+        messages.append(_message(exported, k, CHANGE_SPEED, [AIRSPEED, log.airspeed[k], AT_ONCE, 0, 0, 0, 0]))
+        if math.isfinite(log.heading[k]):
+            messages.append(
+                _message(exported, k, CHANGE_HEADING, [HEADING, log.heading[k], TURN, 0, 0, 0, 0])
+            )
+    return messages
+
+
+def _message(exported: ExportedPlan, k: int, command: int, params: list[Any]) -> dict[str, Any]:
+    log = exported.log
+    return {
+        "t": log.t[k], "utc": None if log.utc is None else log.utc[k], "message": "COMMAND_LONG",
+        "command": command, "name": NAMES[command], "params": params,
+    }  # fmt: skip
+
+
+def _position(exported: ExportedPlan, k: int) -> dict[str, Any]:
+    """A COMMAND_INT: x and y are latitude and longitude in 1e-7 degrees, ``params`` are params 1 to 4."""
+    log = exported.log
+    sd = math.hypot(log.major[k], log.minor[k]) / math.sqrt(2.0)
+    return _message(exported, k, POSITION_ESTIMATE, [log.t[k], 0, sd, 0]) | {
+        "message": "COMMAND_INT", "frame": GLOBAL, "x": round(log.lat[k] * DEGREE),
+        "y": round(log.lon[k] * DEGREE), "z": None, "fill_in": ["params", "x", "y"],
+    }  # fmt: skip
+
+
+__all__ = ["POSITION_FRAMES", "SCHEMA", "mavlink_script", "script_messages"]

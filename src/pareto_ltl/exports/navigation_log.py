@@ -1,0 +1,153 @@
+"""What a navigator writes down of a plan: time, heading, airspeed and wind of each leg, and their doubt."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pareto_ltl.exports.ellipses import axes_of, circle_radius
+from pareto_ltl.planning.evaluate import propagate
+from pareto_ltl.planning.problem import Problem
+from pareto_ltl.planning.records import PlannedPath
+from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.world.navigation import true_heading, utc_times
+from pareto_ltl.world.projection import meridian_convergence, to_geographic
+
+SHARE = 0.95  # of the positions that lie within the radius
+
+
+@dataclass(frozen=True, slots=True)
+class NavigationLog:
+    """A plan of T legs. Directions are true, clockwise from north [deg]; places are WGS 84 [deg].
+
+    Attributes
+    ----------
+    law : str
+        Wind law that the spreads of positions and winds hold under.
+    t : (T+1,) float
+        [s since departure]
+    utc : tuple of T + 1 str, or None
+        ISO 8601; None where the map names no departure.
+    lat, lon : (T+1,) float
+        Expected positions.
+    heading : (T,) float
+        Direction of the nose halfway along the leg, to be held along it; NaN at zero airspeed.
+    airspeed : (T,) float
+        [m/s]
+    track, distance : (T,) float
+        Direction at the leg's start and length [m] of the expected way over ground.
+    wind : (T, 2) float
+        Expected wind towards east and north [m/s].
+    wind_from : (T,) float
+        Direction that the expected wind blows from.
+    wind_sd, wind_speed_sd, wind_from_sd : (T,) float
+        Standard deviations: root mean square of both components [m/s], along the expected wind [m/s], and of
+        its direction [deg].
+    major, minor : (T+1,) float
+        Standard deviations of the position along the axes of its ellipse [m].
+    azimuth : (T+1,) float
+        Direction of the major axis, in [0, 180).
+    radius : (T+1,) float
+        Of the circle around the expected position that holds 95 % of the positions at that time [m].
+    fixes : tuple of int
+        Steps at which the plan counts on a position fix.
+    """
+
+    law: str
+    t: FloatArray
+    utc: tuple[str, ...] | None
+    lat: FloatArray
+    lon: FloatArray
+    heading: FloatArray
+    airspeed: FloatArray
+    track: FloatArray
+    distance: FloatArray
+    wind: FloatArray
+    wind_from: FloatArray
+    wind_sd: FloatArray
+    wind_speed_sd: FloatArray
+    wind_from_sd: FloatArray
+    major: FloatArray
+    minor: FloatArray
+    azimuth: FloatArray
+    radius: FloatArray
+    fixes: tuple[int, ...]
+
+    @property
+    def duration(self) -> FloatArray:
+        """Of each leg (T,) [s]."""
+        return np.diff(self.t)
+
+    @property
+    def ground_speed(self) -> FloatArray:
+        """Expected, of each leg (T,) [m/s]."""
+        return self.distance / self.duration
+
+    @property
+    def wind_speed(self) -> FloatArray:
+        """Of the expected wind of each leg (T,) [m/s]."""
+        return np.asarray(np.hypot(self.wind[:, 0], self.wind[:, 1]), float)
+
+
+def navigation_log(problem: Problem, path: PlannedPath) -> NavigationLog:
+    """The log of ``path`` on a map with a place on Earth.
+
+    The expected wind of a leg is that of the plan: with it, x' = A x + dt B u + dt w leads from one expected
+    position to the next.
+    """
+    from pyproj import Geod
+
+    scene = problem.scene
+    if scene.crs is None:
+        raise ValueError("a navigation log needs a map with a place on Earth")
+    lon, lat = to_geographic(scene.crs, path.x)
+    track, _, distance = Geod(ellps="WGS84").inv(lon[:-1], lat[:-1], lon[1:], lat[1:])
+    middle = to_geographic(scene.crs, 0.5 * (path.x[:-1] + path.x[1:]))
+    grid_wind, variance = expected_winds(problem, path)
+    turn = meridian_convergence(scene.crs, lon, lat)  # of the plane against north, to be added to directions
+    bearing = np.arctan2(grid_wind[:, 0], grid_wind[:, 1]) + turn[:-1]
+    speed = np.hypot(grid_wind[:, 0], grid_wind[:, 1])
+    along, across = _spreads(grid_wind, speed, variance)
+    major, minor, axis = axes_of(path.cov)
+    return NavigationLog(
+        law=problem.fidelity.law,
+        t=path.t,
+        utc=utc_times(scene.time_zero, path.t),
+        lat=lat,
+        lon=lon,
+        heading=true_heading(scene.crs, *middle, path.u),
+        airspeed=np.hypot(path.u[:, 0], path.u[:, 1]),
+        track=np.asarray(track, float) % 360.0,
+        distance=np.asarray(distance, float),
+        wind=np.column_stack([speed * np.sin(bearing), speed * np.cos(bearing)]),
+        wind_from=(np.rad2deg(bearing) + 180.0) % 360.0,
+        wind_sd=np.sqrt(variance.mean(axis=1)),
+        wind_speed_sd=along,
+        wind_from_sd=np.rad2deg(np.arctan2(across, speed)),
+        major=major,
+        minor=minor,
+        azimuth=np.rad2deg(axis + turn) % 180.0,
+        radius=circle_radius(major, minor, SHARE),
+        fixes=path.fixes,
+    )
+
+
+def expected_winds(problem: Problem, path: PlannedPath) -> tuple[FloatArray, FloatArray]:
+    """Mean and variance (T, 2) of the wind along each leg in the plane [m/s, m²/s²], under the plan's law."""
+    flight, motion = propagate(problem, path.x), problem.motion
+    wind = (flight.free - path.x[:-1] @ motion.a.T) / motion.dt
+    variance = (flight.psi.astype(float) ** 2).sum(axis=-1) + flight.white
+    return wind, np.maximum(variance, 0.0)
+
+
+def _spreads(wind: FloatArray, speed: FloatArray, variance: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Standard deviations (T,) of independent components along and across ``wind`` (T, 2)."""
+    toward = np.where(speed[:, None] > 0.0, wind / np.maximum(speed, 1e-300)[:, None], [1.0, 0.0])
+    return (
+        np.sqrt((toward**2 * variance).sum(axis=1)),
+        np.sqrt((toward[:, ::-1] ** 2 * variance).sum(axis=1)),
+    )
+
+
+__all__ = ["NavigationLog", "expected_winds", "navigation_log"]

@@ -1,0 +1,57 @@
+"""``operational_intent.json``: volumes in time as ASTM F3548-21 has them in OperationalIntentDetails.
+
+Each leg is a Volume4D: the hull of the ellipses at both ends, of the size that 95 % of whole flights stay in.
+"""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import numpy as np
+import shapely
+
+from pareto_ltl.exports.degrees import lonlat
+from pareto_ltl.exports.exported import ExportedPlan
+from pareto_ltl.exports.geojson import leg_hulls
+from pareto_ltl.support.errors import ConfigError
+from pareto_ltl.support.files import plain_data
+
+SHARE = 0.95  # of whole flights that stay in the volumes
+
+
+def operational_intent(exported: ExportedPlan) -> bytes:
+    """The file; ConfigError where the heights are not set."""
+    if exported.band is None:
+        raise ConfigError("f3548 needs exports.altitude_lower and exports.altitude_upper")
+    corridor, log = exported.corridor, exported.log
+    assert log.utc is not None
+    size = corridor.whole[corridor.level(SHARE)]
+    hulls = leg_hulls(corridor.outlines(np.full(len(corridor.mean), size)))
+    volumes = [_volume(exported, hull, *log.utc[k : k + 2]) for k, hull in enumerate(hulls)]
+    note = f"{SHARE * 100:g} % of whole flights in {corridor.law} winds stay in these volumes. "
+    content = {
+        "volumes": volumes,
+        "off_nominal_volumes": [],
+        "priority": 0,
+        "pareto_ltl": {"note": note + " ".join(exported.sentences())},
+    }
+    return (json.dumps(plain_data(content), indent=1, allow_nan=False) + "\n").encode()
+
+
+def _volume(exported: ExportedPlan, hull: Any, start: str, end: str) -> dict[str, Any]:
+    assert exported.band is not None
+    corners = lonlat(exported.crs, shapely.get_coordinates(hull)[:-1])
+    lower, upper = ({"value": h, "reference": "W84", "units": "M"} for h in exported.band)
+    return {
+        "volume": {
+            "outline_polygon": {"vertices": [{"lng": lon, "lat": lat} for lon, lat in corners.tolist()]},
+            "altitude_lower": lower,
+            "altitude_upper": upper,
+        },
+        "time_start": {"value": start, "format": "RFC3339"},
+        "time_end": {"value": end, "format": "RFC3339"},
+    }
+
+
+__all__ = ["operational_intent"]

@@ -1,0 +1,84 @@
+"""The plan of a run, or any path of its front, in the formats of autopilots, maps and navigators."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from pareto_ltl.run.choosing import kept_records
+from pareto_ltl.run.interface import PlanningResult, choose, load_results
+from pareto_ltl.run.pipeline import Run
+from pareto_ltl.run.records import FRONT, PLAN, PROBLEM
+from pareto_ltl.run.results import Results
+from pareto_ltl.run.stage_table import stage_seeds, with_extension_stages
+from pareto_ltl.run.stages import EXPORT_STREAM, PLAN_STAGES
+from pareto_ltl.settings import ExportsConfig
+from pareto_ltl.support.errors import DataError
+
+
+def export(
+    planned: PlanningResult | Results | str | Path,
+    folder: str | Path,
+    formats: Sequence[str] | None = None,
+    *,
+    point: int | None = None,
+    **settings: Any,
+) -> tuple[Path, ...]:
+    """Write a plan into ``folder``; return the paths of the files.
+
+    Parameters
+    ----------
+    planned : PlanningResult, Results or path
+        What :func:`pareto_ltl.plan` returned, or a results directory.
+    formats : sequence of str, optional
+        Some of the formats of ``exports.formats``; default those of the run.
+    point : int, optional
+        The path of that number in ``front.csv``; default the plan.
+    settings
+        Others of the section ``exports``: ``altitude_lower=300.0, altitude_upper=400.0``.
+
+    Raises
+    ------
+    ConfigError
+        If a setting is wrong.
+    DataError
+        If there is no plan, or a format of ``formats`` cannot be written of it.
+    InfeasibleError
+        If the front has no such path.
+    """
+    from pareto_ltl.exports.exported import exported_plan
+    from pareto_ltl.exports.formats import writable_formats, write_exports
+
+    run = planned.run if isinstance(planned, PlanningResult) else _run_with_plan(load_results(planned))
+    cfg = _checked(run.settings.exports, formats, settings)
+    if point is not None:
+        run = choose(planned, point=point).run
+    problem, plan = run.make(PROBLEM), run.make(PLAN)
+    written, reason = writable_formats(cfg.formats, problem.scene, plan.path.t)
+    if reason and (formats is not None or not written):
+        raise DataError(reason)
+    seeds = stage_seeds(run.settings.seed, EXPORT_STREAM)
+    exported = exported_plan(cfg, run.settings.name, run.settings.wind.level, problem, plan, seeds)
+    return write_exports(exported, written, Path(folder))
+
+
+def _checked(cfg: ExportsConfig, formats: Sequence[str] | None, settings: dict[str, Any]) -> ExportsConfig:
+    """The settings of ``cfg`` with others in their place; ConfigError for a wrong one."""
+    wanted = cfg.formats if formats is None else list(formats)
+    return replace(cfg, formats=wanted, **settings)
+
+
+def _run_with_plan(results: Results) -> Run:
+    """The run of a results directory, with all that planning made; DataError where it has no plan."""
+    if (status := results.run.get("status")) != "ok":
+        raise DataError(f"{results.directory}: its run ended as {status!r}; there is no plan to export")
+    settings = results.settings
+    if missing := [key.name for key in (FRONT, PLAN) if key.name not in settings.pipelines.stages]:
+        raise DataError(f"{results.directory}: its run made no {' and no '.join(missing)} to export")
+    table = with_extension_stages(PLAN_STAGES, settings.pipelines.stages)
+    return Run(settings, table, kept_records(results).replaced(PLAN, results.plan))
+
+
+__all__ = ["export"]

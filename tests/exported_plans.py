@@ -1,0 +1,57 @@
+"""A small plan with all its files, and how far from it places and times of a file are."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pyproj import Geod
+
+import pareto_ltl
+from pareto_ltl.exports.exported import ExportedPlan
+from pareto_ltl.planning.problem import Problem
+from pareto_ltl.settings import ExportsConfig
+from pareto_ltl.settings.outputs import EXPORT_FILES
+
+SMALL = {
+    "robot": {"dt": 1800.0},
+    "planner": {"trees": 2, "n_max": 3000, "max_steps": 80},
+    "selection": {"draws": 200, "runs": 500},
+    "refine": {"flights": 200, "sweep_flights": 60, "points": 4},
+    "wind": {"max_points": 40, "modes_max": 16, "spacing": 100e3, "modes_spacing": 100e3},
+}
+SETTINGS = ExportsConfig(formats=list(EXPORT_FILES), flights=1000, altitude_lower=300.0, altitude_upper=420.0)
+
+
+@dataclass(frozen=True)
+class Flown:
+    """The plan, the problem that it solves, what is exported of it and where the files are."""
+
+    result: pareto_ltl.PlanningResult
+    exported: ExportedPlan
+    folder: Path
+
+    @property
+    def problem(self) -> Problem:
+        return self.result.problem
+
+    def json(self, name: str) -> Any:
+        return json.loads((self.folder / name).read_text())
+
+
+def metres_apart(lat: Any, lon: Any, exported: ExportedPlan, first: int = 0) -> float:
+    """The largest distance between places and the expected positions from step ``first`` on [m]."""
+    log = exported.log
+    assert len(lat) == len(log.lat) - first
+    return float(np.max(Geod(ellps="WGS84").inv(lon, lat, log.lon[first:], log.lat[first:])[2]))
+
+
+def seconds_apart(times: Any, exported: ExportedPlan) -> float:
+    """The largest difference between aware times and those of the plan [s]."""
+    assert exported.log.utc is not None
+    wanted = [datetime.fromisoformat(text) for text in exported.log.utc]
+    return max(abs((a - b).total_seconds()) for a, b in zip(times, wanted, strict=True))

@@ -1,0 +1,20 @@
+"""One small plan and its files, shared by the suites of the formats."""
+
+from __future__ import annotations
+
+import pytest
+from numpy.random import SeedSequence
+
+import pareto_ltl
+from exported_plans import SETTINGS, SMALL, Flown
+from pareto_ltl.exports.exported import exported_plan
+from pareto_ltl.exports.formats import write_exports
+
+
+@pytest.fixture(scope="session")
+def flown(tmp_path_factory: pytest.TempPathFactory) -> Flown:
+    result = pareto_ltl.plan("phi1", "F(a & F b & F c)", **SMALL)
+    exported = exported_plan(SETTINGS, "phi1 <&>", "10m", result.problem, result.plan, SeedSequence(5))
+    folder = tmp_path_factory.mktemp("exported")
+    write_exports(exported, SETTINGS.formats, folder)
+    return Flown(result, exported, folder)

@@ -1,0 +1,195 @@
+"""Every file, read by a library that is not ours: positions within a metre, times within a second."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from datetime import UTC, datetime
+from itertools import pairwise
+
+import fastkml
+import geojson
+import gpxpy
+import numpy as np
+import pytest
+import shapely
+import xarray
+from fastkml.utils import find_all
+from fastkml.validator import validate
+from implicitdict import ImplicitDict
+from pymavlink.dialects.v20 import all as mavlink
+from uas_standards.astm.f3548.v21.api import OperationalIntentDetails, Volume4D
+
+from exported_plans import Flown, metres_apart, seconds_apart
+from pareto_ltl.support.schemas import read_document
+from pareto_ltl.world.projection import to_geographic, to_plane
+
+
+def test_the_table_has_a_row_for_each_leg_and_one_for_the_arrival(flown: Flown) -> None:
+    text = (flown.folder / "dead_reckoning.csv").read_text()
+    rows = list(csv.DictReader(io.StringIO(text)))
+    log = flown.exported.log
+    assert (
+        metres_apart(*([float(row[key]) for row in rows] for key in ("lat_deg", "lon_deg")), flown.exported)
+        < 1e-6
+    )
+    assert seconds_apart([datetime.fromisoformat(row["time_utc"]) for row in rows], flown.exported) == 0
+    assert [float(row["heading_true_deg"]) for row in rows[:-1]] == log.heading.tolist()
+    assert [float(row["airspeed_m_s"]) for row in rows[:-1]] == log.airspeed.tolist()
+    assert [float(row["wind_from_deg"]) for row in rows[:-1]] == log.wind_from.tolist()
+    assert [float(row["radius_95_m"]) for row in rows] == log.radius.tolist()
+    assert {row["wind_law"] for row in rows} == {"coherent"}
+    assert rows[-1]["heading_true_deg"] == rows[-1]["wind_m_s"] == ""
+
+
+def features(flown: Flown, name: str) -> list[geojson.Feature]:
+    found = geojson.loads((flown.folder / name).read_text())
+    assert found.is_valid, found.errors()
+    assert all(feature.is_valid for feature in found.features)
+    return list(found.features)
+
+
+def test_the_plan_in_geojson(flown: Flown) -> None:
+    found = features(flown, "plan.geojson")
+    positions = [f for f in found if f.properties["role"] == "position"]
+    lon, lat = np.array([f.geometry.coordinates for f in positions]).T
+    assert metres_apart(lat, lon, flown.exported) < 0.1  # this reader rounds to six digits
+    times = [datetime.fromisoformat(f.properties["time_utc"]) for f in positions]
+    assert seconds_apart(times, flown.exported) == 0
+    legs = [f for f in found if f.properties["role"] == "leg"]
+    assert [f.properties["airspeed_m_s"] for f in legs] == flown.exported.log.airspeed.tolist()
+    assert {f.properties["wind_law"] for f in (*legs, *positions)} == {"coherent"}
+    for role, polygons in (
+        ("region", flown.result.scene.regions.values()), ("obstacle", flown.result.scene.obstacles),
+    ):  # fmt: skip
+        drawn = [shapely.geometry.shape(f.geometry) for f in found if f.properties["role"] == role]
+        assert len(drawn) == len(polygons)
+        for shape, corners in zip(drawn, polygons, strict=True):
+            assert shape.exterior.is_ccw
+            back = to_plane(flown.exported.crs, *np.array(shape.exterior.coords).T)
+            assert shapely.hausdorff_distance(shapely.Polygon(back), shapely.Polygon(corners)) < 1.0
+
+
+def test_the_corridor_in_geojson(flown: Flown) -> None:
+    found, corridor = features(flown, "corridor.geojson"), flown.exported.corridor
+    assert {f.properties["wind_law"] for f in found} == {"coherent"}
+    tubes = [f for f in found if f.properties["meaning"] == "whole_flight"]
+    assert [f.properties["probability"] for f in tubes] == [0.5, 0.9, 0.95, 0.99]
+    shapes = [shapely.geometry.shape(f.geometry) for f in tubes]
+    for inner, outer in pairwise(shapes):
+        assert shapely.covers(shapely.buffer(outer, 1e-9), inner)
+    ellipses = [f for f in found if f.properties["meaning"] == "at_time"]
+    assert len(ellipses) == 4 * len(corridor.mean)
+    for feature in ellipses[:: len(corridor.mean) // 3]:
+        level = corridor.level(feature.properties["probability"])
+        k = feature.properties["step"]
+        if k == 0:
+            continue  # a circle of a metre, and this reader rounds to six digits
+        back = to_plane(flown.exported.crs, *np.array(feature.geometry.coordinates[0]).T) - corridor.mean[k]
+        sizes = np.sqrt(np.einsum("ni,ij,nj->n", back, np.linalg.inv(corridor.cov[k]), back))
+        np.testing.assert_allclose(sizes, corridor.at_time[level, k] / np.cos(np.pi / 36), rtol=1e-3)
+
+
+def test_the_plan_in_kml(flown: Flown) -> None:
+    path = flown.folder / "plan.kml"
+    assert validate(file_to_validate=path)  # against the OGC schema
+    document = fastkml.KML.parse(path)
+    marks = list(find_all(document, of_type=fastkml.Placemark))
+    positions = [mark for mark in marks if mark.times is not None]
+    lon, lat = np.array([mark.geometry.coords[0] for mark in positions]).T
+    assert metres_apart(lat, lon, flown.exported) < 0.01
+    assert seconds_apart([mark.times.timestamp.dt for mark in positions], flown.exported) == 0
+    names = [mark.name for mark in marks]
+    assert {"a", "b", "c", "obstacle 1", "95 % of whole flights, coherent winds"} <= set(names)
+    (document,) = document.features
+    assert document.name == "phi1 <&>"
+    assert "coherent winds" in document.description
+
+
+def test_the_plan_in_gpx(flown: Flown) -> None:
+    found = gpxpy.parse((flown.folder / "plan.gpx").read_text())
+    (route,) = found.routes
+    lat, lon = np.array([(p.latitude, p.longitude) for p in route.points]).T
+    assert metres_apart(lat, lon, flown.exported) < 0.01
+    assert seconds_apart([p.time for p in route.points], flown.exported) == 0
+    assert found.name == "phi1 <&>"
+    assert "fail" in found.description
+
+
+def test_the_trajectory_in_netcdf(flown: Flown) -> None:
+    with xarray.open_dataset(flown.folder / "trajectory.nc", engine="h5netcdf") as found:
+        assert found.attrs["Conventions"] == "CF-1.8"
+        assert found.attrs["featureType"] == "trajectory"
+        assert found.trajectory.attrs["cf_role"] == "trajectory_id"
+        assert found.trajectory.item().decode() == "phi1 <&>"
+        assert {found[name].attrs["units"] for name in ("lat", "lon")} == {"degrees_north", "degrees_east"}
+        assert metres_apart(found.lat.values, found.lon.values, flown.exported) < 1e-6
+        times = [
+            datetime.fromtimestamp(t / 1e9, UTC)
+            for t in found.time.values.astype("datetime64[ns]").astype(int)
+        ]
+        assert seconds_apart(times, flown.exported) == 0
+        np.testing.assert_array_equal(found.airspeed.values[:-1], flown.exported.log.airspeed)
+        assert math.isnan(found.airspeed.values[-1])
+        assert all(
+            "time lat lon" in found[n].encoding.get("coordinates", "") for n in ("airspeed", "wind_from")
+        )
+
+
+def test_the_volumes_hold_the_positions_at_their_times(flown: Flown) -> None:
+    intent = ImplicitDict.parse(flown.json("operational_intent.json"), OperationalIntentDetails)
+    log = flown.exported.log
+    assert intent.volumes is not None
+    assert len(intent.volumes) == len(log.airspeed)
+    starts = [volume.time_start.value.datetime for volume in intent.volumes]
+    ends = [volume.time_end.value.datetime for volume in intent.volumes]
+    assert seconds_apart([*starts, ends[-1]], flown.exported) == 0
+    assert seconds_apart([starts[0], *ends], flown.exported) == 0
+    for k, volume in enumerate(intent.volumes):
+        assert isinstance(volume, Volume4D)
+        corners = [(v.lng, v.lat) for v in volume.volume.outline_polygon.vertices]
+        assert len(set(corners)) == len(corners)  # nor is the first one repeated
+        outline = shapely.Polygon(corners)
+        assert outline.is_valid
+        assert outline.contains(shapely.Point(log.lon[k], log.lat[k]))
+        assert outline.contains(shapely.Point(log.lon[k + 1], log.lat[k + 1]))
+        low, high = volume.volume.altitude_lower, volume.volume.altitude_upper
+        assert (low.value, high.value, low.reference, high.units) == (300.0, 420.0, "W84", "M")
+
+
+def test_the_messages_of_the_script_are_those_of_mavlink(flown: Flown) -> None:
+    script = read_document(flown.folder / "mavlink_script.json", "mavlink_script")
+    link, log = mavlink.MAVLink(None), flown.exported.log
+    seen: dict[str, list[mavlink.MAVLink_message]] = {}
+    for told in script["messages"]:
+        assert mavlink.enums["MAV_CMD"][told["command"]].name == told["name"]
+        packed = mavlink.MAVLink_command_long_message(1, 1, told["command"], 0, *told["params"]).pack(link)
+        (decoded,) = mavlink.MAVLink(None).parse_buffer(packed)
+        seen.setdefault(told["name"], []).append((told, decoded))
+    headings = seen["MAV_CMD_GUIDED_CHANGE_HEADING"]
+    np.testing.assert_allclose([m.param2 for _, m in headings], log.heading, rtol=1e-6)
+    assert {m.param1 for _, m in headings} == {mavlink.HEADING_TYPE_HEADING}
+    winds = seen["MAV_CMD_EXTERNAL_WIND_ESTIMATE"]
+    np.testing.assert_allclose([m.param1 for _, m in winds], log.wind_speed, rtol=1e-6)
+    np.testing.assert_allclose([m.param3 for _, m in winds], log.wind_from, rtol=1e-6)
+    assert all(0 < m.param2 < 10 and 0 < m.param4 < 90 for _, m in winds)
+    speeds = seen["MAV_CMD_GUIDED_CHANGE_SPEED"]
+    assert {m.param1 for _, m in speeds} == {mavlink.SPEED_TYPE_AIRSPEED}
+    np.testing.assert_allclose([m.param2 for _, m in speeds], log.airspeed, rtol=1e-6)
+    times = [datetime.fromisoformat(told["utc"]) for told, _ in headings]
+    assert seconds_apart([*times, datetime.fromisoformat(log.utc[-1])], flown.exported) == 0
+
+
+@pytest.mark.parametrize(
+    "name", ["plan.kml", "plan.gpx", "plan.geojson", "mission.plan", "mavlink_script.json"]
+)
+def test_every_text_names_the_law_of_its_probabilities(flown: Flown, name: str) -> None:
+    text = (flown.folder / name).read_text()
+    assert "in coherent winds" in text
+    assert "Not covered" in text
+
+
+def test_the_start_is_where_the_scene_says(flown: Flown) -> None:
+    lon, lat = to_geographic(flown.exported.crs, flown.result.scene.start)
+    assert (flown.exported.log.lat[0], flown.exported.log.lon[0]) == (lat[0], lon[0])
