@@ -1,0 +1,382 @@
+"""Claims about the exported files: they say what plan.json says, and corridors hold what they promise."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from datetime import datetime
+from functools import partial
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+from scipy.special import ndtr
+from scipy.stats import beta, binom
+
+from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.support.reading import read_json, read_text
+from pareto_ltl.verify.claims.verdict import Claim, Verdict, close, no_fault
+from pareto_ltl.verify.evidence import Evidence
+from pareto_ltl.verify.flights import RARE, Simulator, clopper_pearson, same_rate
+from pareto_ltl.verify.geometry import outline_distance, within
+
+METRE, SECOND = 1.0, 1.0  # largest differences of places and times
+ANGLE = 0.01  # [deg] of directions
+FINEST = 1.0  # [m] that corridors add to standard deviations
+AHEAD = 1.0  # [m] how far ahead of a place a direction is read
+RADIUS = 0.95  # of the positions within radius_95_m
+SHARES = (0.5, 0.9, 0.95, 0.99)
+WAYPOINT, AIRSPEED, HEADING = 16, 43000, 43002  # MAV_CMD
+NAMESPACES = {"gpx": "{http://www.topografix.com/GPX/1/1}", "kml": "{http://www.opengis.net/kml/2.2}"}
+
+
+# --- places and times -------------------------------------------------------------------------
+
+
+def place_faults(result: Evidence, lat: Iterable[Any], lon: Iterable[Any], first: int = 0) -> list[str]:
+    """Places that are not those of plan.json from step ``first`` on."""
+    from pyproj import Geod
+
+    if result.plan["lat"] is None:
+        return ["the plan has no place on Earth"]
+    said = np.array([list(map(float, lon)), list(map(float, lat))])
+    true = np.array([result.plan["lon"][first:], result.plan["lat"][first:]], float)
+    if said.shape != true.shape:
+        return [f"{said.shape[1]} places, not {true.shape[1]}"]
+    gap = np.asarray(Geod(ellps="WGS84").inv(*said, *true)[2])
+    return [f"step {first + t}: {gap[t]:.3g} m off" for t in np.flatnonzero(~(gap <= METRE))]
+
+
+def time_faults(result: Evidence, times: Iterable[str | None]) -> list[str]:
+    """Times that are not those of plan.json; a plan without times has files without."""
+    told, plan = list(times), result.plan["time_utc"]
+    if plan is None:
+        return [] if not any(told) else ["times, and the plan has none"]
+    if len(told) != len(plan):
+        return [f"{len(told)} times, not {len(plan)}"]
+    pairs = [
+        (datetime.fromisoformat(str(a)), datetime.fromisoformat(b)) for a, b in zip(told, plan, strict=True)
+    ]
+    gaps = [abs((a - b).total_seconds()) for a, b in pairs]
+    return [f"step {t}: {gap:.3g} s off" for t, gap in enumerate(gaps) if not gap <= SECOND]
+
+
+def route(name: str, result: Evidence) -> Verdict:
+    """Places and times of plan.gpx, plan.kml or plan.geojson."""
+    lat, lon, times = {"plan.gpx": _gpx, "plan.kml": _kml, "plan.geojson": _geojson}[name](result)
+    faults = [*place_faults(result, lat, lon), *time_faults(result, times)]
+    return no_fault(f"{len(times)} positions", faults)
+
+
+Route = tuple[list[Any], list[Any], list[str | None]]
+
+
+def _gpx(result: Evidence) -> Route:
+    tag = NAMESPACES["gpx"]
+    points = list(_xml(result, "plan.gpx").iter(f"{tag}rtept"))
+    places = [[point.get(key) for point in points] for key in ("lat", "lon")]
+    return places[0], places[1], [point.findtext(f"{tag}time") for point in points]
+
+
+def _kml(result: Evidence) -> Route:
+    tag = NAMESPACES["kml"]
+    marks = [m for m in _xml(result, "plan.kml").iter(f"{tag}Placemark") if m.find(f"{tag}Point") is not None]
+    places = [str(m.findtext(f"{tag}Point/{tag}coordinates")).split(",") for m in marks]
+    times = [m.findtext(f"{tag}TimeStamp/{tag}when") for m in marks]
+    return [p[1] for p in places], [p[0] for p in places], times
+
+
+def _geojson(result: Evidence) -> Route:
+    found = [f for f in _features(result, "plan.geojson") if f["properties"]["role"] == "position"]
+    places = [f["geometry"]["coordinates"] for f in found]
+    return [p[1] for p in places], [p[0] for p in places], [f["properties"]["time_utc"] for f in found]
+
+
+def _xml(result: Evidence, name: str) -> ElementTree.Element:
+    try:
+        return ElementTree.fromstring(read_text(result.directory / name))
+    except ElementTree.ParseError as error:
+        raise ValueError(f"{name} is no XML: {error}") from None
+
+
+def _features(result: Evidence, name: str) -> list[dict[str, Any]]:
+    features: list[dict[str, Any]] = read_json(result.directory / name)["features"]
+    return features
+
+
+def trajectory(result: Evidence) -> Verdict:
+    """Places, times and airspeeds of trajectory.nc."""
+    import h5netcdf
+
+    with h5netcdf.File(result.directory / "trajectory.nc", "r") as file:
+        lat, lon, t, airspeed = (
+            np.asarray(file[key][...], float) for key in ("lat", "lon", "time", "airspeed")
+        )
+        since = str(file["time"].attrs["units"]).removeprefix("seconds since ")
+    faults = place_faults(result, lat, lon)
+    zero = datetime.fromisoformat(f"{since}+00:00") - datetime.fromisoformat(result.plan["time_utc"][0])
+    wanted = np.array(result.plan["t"]) - result.plan["t"][0] - zero.total_seconds()
+    faults += [f"step {k}: time" for k in np.flatnonzero(~(np.abs(t - wanted) <= SECOND))]
+    faults += [f"leg {k}: airspeed" for k in _unlike(airspeed[:-1], result.plan["airspeed"])]
+    return no_fault(f"{len(t)} positions", faults)
+
+
+# --- legs -------------------------------------------------------------------------------------
+
+
+def dead_reckoning(result: Evidence) -> Verdict:
+    """Places, times, headings, airspeeds and expected winds of the table follow from plan.json."""
+    rows = result.table("dead_reckoning.csv")
+    faults = place_faults(result, _column(rows, "lat_deg"), _column(rows, "lon_deg"))
+    faults += time_faults(result, [row["time_utc"] or None for row in rows])
+    faults += [f"{row['wind_law']} winds" for row in rows[:1] if row["wind_law"] != result.planned_law]
+    if faults:
+        return no_fault(f"{len(rows)} rows", faults)
+    legs, robot, x = rows[:-1], result.robot, result.x
+    wind = (x[1:] - x[:-1] @ robot.a.T) / robot.dt - result.u @ robot.b.T
+    middle = 0.5 * (x[:-1] + x[1:])
+    wanted = {
+        "airspeed_m_s": np.hypot(*result.u.T),
+        "duration_s": np.diff(result.plan["t"]),
+        "wind_m_s": np.hypot(*wind.T),
+        "wind_sd_m_s": np.sqrt(_wind_variance(result).mean(axis=1)),
+    }
+    least = {"wind_m_s": 0.01, "wind_sd_m_s": 0.01}  # [m/s] as the motion of a step is within 0.5 m
+    for key, values in wanted.items():
+        faults += [f"leg {k}: {key}" for k in _unlike(_column(legs, key), values, least.get(key, 1e-6))]
+    turns = {
+        "heading_true_deg": (azimuths(result, middle, result.u), np.hypot(*result.u.T)),
+        "wind_from_deg": (azimuths(result, x[:-1], -wind), np.hypot(*wind.T)),
+    }
+    for key, (values, size) in turns.items():
+        gap = np.abs((_column(legs, key) - values + 180.0) % 360.0 - 180.0)
+        faults += [
+            f"leg {k}: {key}" for k in np.flatnonzero((size > 0.1) & ~(gap <= ANGLE * (1 + 10 / size)))
+        ]
+    return no_fault(f"{len(rows)} rows", faults)
+
+
+def _wind_variance(result: Evidence) -> FloatArray:
+    """Variance (T, 2) of the wind of each leg under the law of the plan [m²/s²]."""
+    return np.asarray((result.course.psi**2).sum(axis=2) + result.course.white, float)
+
+
+def azimuths(result: Evidence, x: FloatArray, toward: FloatArray) -> FloatArray:
+    """True directions (T,) [deg] at ``x`` (T, 2) of plane vectors ``toward`` (T, 2)."""
+    from pyproj import Geod, Transformer
+
+    back = Transformer.from_crs(result.scene["crs"], "EPSG:4326", always_xy=True)
+    ahead = x + AHEAD * toward / np.maximum(np.linalg.norm(toward, axis=1, keepdims=True), 1e-12)
+    return np.asarray(Geod(ellps="WGS84").inv(*back.transform(*x.T), *back.transform(*ahead.T))[0], float)
+
+
+def spreads(result: Evidence) -> Verdict:
+    """Ellipses and radii of the table are those of the covariances of plan.json."""
+    rows, cov = result.table("dead_reckoning.csv"), np.array(result.plan["cov"], float)
+    values = np.sqrt(np.maximum(np.linalg.eigvalsh(cov), 0.0))
+    faults = [f"row {k}: major axis" for k in _unlike(_column(rows, "ellipse_major_m"), values[:, 1], 1e-3)]
+    faults += [f"row {k}: minor axis" for k in _unlike(_column(rows, "ellipse_minor_m"), values[:, 0], 1e-3)]
+    radii = _column(rows, "radius_95_m")
+    if len(radii) != len(cov):
+        return no_fault(f"{len(rows)} rows", [f"{len(rows)} rows"])
+    for k, (minor, major) in enumerate(values):
+        held = held_within(float(radii[k]), float(major), float(minor))
+        if not abs(held - RADIUS) <= 1e-3 and max(major, radii[k]) > 1e-6:
+            faults.append(f"row {k}: the radius holds {held:.4g}")
+    return no_fault(f"radius {radii[-1]:.4g} m at the end", faults)
+
+
+def held_within(radius: float, major: float, minor: float) -> float:
+    """Share of a Gaussian with these standard deviations within ``radius``::
+
+    ∫ φ(z) P(|e_minor| <= √(r² - major² z²)) dz
+    """
+    if major <= 0.0:
+        return 1.0
+    edge = radius / major
+    angle = np.linspace(-0.5 * math.pi, 0.5 * math.pi, 4001)
+    z = edge * np.sin(angle)  # the root at the edge is smooth so
+    rest = edge * major * np.cos(angle)
+    inside = 2.0 * ndtr(rest / max(minor, 1e-9)) - 1.0
+    density = np.exp(-0.5 * z**2) / math.sqrt(2.0 * math.pi) * edge * np.cos(angle)
+    return float(np.trapezoid(density * inside, angle))
+
+
+def messages(result: Evidence) -> Verdict:
+    """Headings, airspeeds and times of the MAVLink script are those of the table."""
+    script = read_json(result.directory / "mavlink_script.json")
+    rows = result.table("dead_reckoning.csv")[:-1]
+    faults = [f"{script['wind_law']} winds"] * (script["wind_law"] != result.planned_law)
+    for command, key in ((AIRSPEED, "airspeed_m_s"), (HEADING, "heading_true_deg")):
+        sent = {float(m["t"]): float(m["params"][1]) for m in script["messages"] if m["command"] == command}
+        told = {float(row["t_s"]): float(row[key]) for row in rows if row[key]}
+        faults += [f"{key} at {t:g} s" for t in told if not close(sent.get(t, math.nan), told[t], 1e-9, 1e-9)]
+        faults += [f"{key} at {t:g} s, where no leg begins" for t in sent if t not in told]
+    return no_fault(f"{len(script['messages'])} messages", faults)
+
+
+# --- the mission of an autopilot --------------------------------------------------------------
+
+
+def mission(result: Evidence) -> Verdict:
+    """Waypoints are the planned positions; the fence is the obstacles and, where it is a wall, the border."""
+    content = read_json(result.directory / "mission.plan")
+    points = [item["params"] for item in content["mission"]["items"] if item["command"] == WAYPOINT]
+    faults = place_faults(result, [p[4] for p in points], [p[5] for p in points], 1)
+    fences = content["geoFence"]["polygons"]
+    scene, walled = result.scene, result.ground.walled
+    (west, south), (east, north) = scene["bounds"]
+    areas = [(False, np.array(corners)) for corners in scene["obstacles"]]
+    if walled:
+        areas.insert(0, (True, np.array([(west, south), (east, south), (east, north), (west, north)])))
+    if len(fences) != len(areas):
+        return no_fault(f"{len(points)} waypoints", [*faults, f"{len(fences)} fences, not {len(areas)}"])
+    for number, (fence, (inside, corners)) in enumerate(zip(fences, areas, strict=True)):
+        drawn = _in_plane(result, np.array(fence["polygon"], float)[:, ::-1])
+        nearest = np.linalg.norm(corners[:, None] - drawn, axis=2).min(axis=1)
+        if (
+            fence["inclusion"] != inside
+            or nearest.max() > METRE
+            or outline_distance(corners, drawn).max() > 50 * METRE
+        ):
+            faults.append(f"fence {number}")
+    return no_fault(f"{len(points)} waypoints, {len(fences)} fences", faults)
+
+
+def _in_plane(result: Evidence, lonlat: FloatArray) -> FloatArray:
+    """Positions (N, 2) [m] of longitudes and latitudes (N, 2) [deg]."""
+    from pyproj import Transformer
+
+    forth = Transformer.from_crs("EPSG:4326", result.scene["crs"], always_xy=True)
+    return np.column_stack(forth.transform(*lonlat.T))
+
+
+def mission_failure(result: Evidence) -> Verdict:
+    """The failure by heading is the promise; that by position is the rate of new flights with feedback."""
+    told = read_json(result.directory / "mission.plan")["pareto_ltl"]
+    promise, by_heading = result.plan["promise"], told["failure_by_heading"]
+    faults = []
+    if (promise is None) != (by_heading is None):
+        faults.append(f"by heading {by_heading}")
+    if promise and by_heading:
+        faults += [f"by heading: {key}" for key, value in by_heading.items() if promise[key] != value]
+    rate = told["failure_by_position"]
+    count, runs = round(rate["failure"] * rate["runs"]), int(rate["runs"])
+    ends = clopper_pearson(count, runs)
+    if not all(close(a, b, 1e-9, 1e-12) for a, b in zip((rate["low"], rate["high"]), ends, strict=True)):
+        faults.append(f"the interval is {ends[0]:.4g} to {ends[1]:.4g}")
+    if rate["law"] != result.planned_law:
+        faults.append(f"{rate['law']} winds")
+    law = result.law(result.planned_law)
+    held = replace(law, robot=replace(result.robot, feedback=1.0))
+    x = Simulator(held, None, result.x, result.u, ()).fly(2000, np.random.default_rng(20181011))
+    again = int(result.ground.failed(x).sum())
+    if (chance := same_rate(count, runs, again, len(x))) < RARE:
+        faults.append(f"by position {again} of {len(x)}, chance {chance:.1g}")
+    return no_fault(f"{rate['failure']:.4g} by position", faults)
+
+
+# --- corridors --------------------------------------------------------------------------------
+
+
+def corridor_sizes(result: Evidence) -> Verdict | None:
+    """Share p of new flights is inside the ellipses that say so: at each time, and at all times."""
+    features = _features(result, "corridor.geojson")
+    laws = {feature["properties"]["wind_law"] for feature in features}
+    if laws != {result.planned_law}:
+        return no_fault(", ".join(sorted(laws)), [f"planned in {result.planned_law} winds"])
+    if result.planned_law not in result.new_flights:
+        return None
+    gap = result.new_flights[result.planned_law] - result.x
+    inverse = np.linalg.inv(np.array(result.plan["cov"]) + FINEST**2 * np.eye(2))
+    sizes = np.sqrt(np.einsum("nti,tij,ntj->nt", gap, inverse, gap))
+    faults = [*_missing(features, len(result.x)), *(_unheld(f["properties"], sizes) for f in features)]
+    return no_fault(f"{len(features)} areas", [fault for fault in faults if fault])
+
+
+def _missing(features: Sequence[dict[str, Any]], steps: int) -> list[str]:
+    told = sorted((f["properties"]["probability"], f["properties"].get("step", -1)) for f in features)
+    wanted = sorted((share, step) for share in SHARES for step in range(-1, steps))
+    return [] if told == wanted else [f"{len(told)} areas, not {len(wanted)}"]
+
+
+def _unheld(about: dict[str, Any], sizes: FloatArray) -> str:
+    """What is wrong with the size of one area; empty where nothing is."""
+    whole = about["meaning"] == "whole_flight"
+    step, share, runs = about.get("step", -1), about["probability"], about["flights"]
+    if whole != (step < 0):
+        return f"step {step} is {about['meaning']}"
+    if step == 0:
+        return ""  # all flights begin at one place, or as start_sd says
+    met, size = (sizes.max(axis=1) if whole else sizes[:, step]), about["standard_deviations"]
+    held = int((met <= size).sum())
+    k = math.ceil((runs + 1) * share - 1e-9)
+    ends = [float(beta.ppf(q, k, max(runs + 1 - k, 1))) for q in (RARE / 4, 1 - RARE / 4)]  # share it holds
+    low, high = binom.ppf(RARE / 4, len(met), ends[0]), binom.ppf(1 - RARE / 4, len(met), ends[1])
+    if held < low or (held > high and size > 1.0):
+        return f"{about['meaning']} {step}: {held / len(met):.4g} for {share}"
+    return ""
+
+
+def corridor_areas(result: Evidence) -> Verdict:
+    """Areas are as large as their sizes say: polygons around ellipses, and tubes that hold all ellipses."""
+    cov = np.array(result.plan["cov"]) + FINEST**2 * np.eye(2)
+    faults = []
+    for feature in _features(result, "corridor.geojson"):
+        about, geometry = feature["properties"], feature["geometry"]
+        if geometry["type"] != "Polygon":
+            continue  # cut at the 180th meridian
+        drawn = _in_plane(result, np.array(geometry["coordinates"][0], float))[:-1]
+        size = about["standard_deviations"]
+        if about["meaning"] == "at_time":
+            gap = drawn - result.x[about["step"]]
+            met = np.sqrt(np.einsum("ni,ij,nj->n", gap, np.linalg.inv(cov[about["step"]]), gap)) / size
+            if met.min() < 0.99 or met.max() > 1.02:
+                faults.append(f"{about['probability']} at step {about['step']}: {met.min():.3g} of its size")
+        else:
+            rim = _rims(result.x, cov, 0.99 * size)
+            if not within(drawn, rim).all():
+                faults.append(f"the tube of {about['probability']} leaves some of its ellipses out")
+    return no_fault(f"shares {', '.join(f'{share:g}' for share in SHARES)}", faults)
+
+
+def _rims(mean: FloatArray, cov: FloatArray, size: float) -> FloatArray:
+    """Points (16 (T + 1), 2) on the ellipses of ``size``."""
+    angle = np.arange(16) * (math.pi / 8)
+    circle = np.stack([np.cos(angle), np.sin(angle)])
+    rings = mean[:, :, None] + size * np.linalg.cholesky(cov) @ circle
+    return np.asarray(rings.transpose(0, 2, 1).reshape(-1, 2), float)
+
+
+# --- numbers ----------------------------------------------------------------------------------
+
+
+def _column(rows: Sequence[dict[str, str]], key: str) -> FloatArray:
+    return np.array([float(row[key]) if row[key] else math.nan for row in rows])
+
+
+def _unlike(said: Iterable[Any], wanted: Iterable[Any], least: float = 1e-6) -> list[int]:
+    """Numbers of entries that differ by more than 10⁻⁴ of them and more than ``least``."""
+    a, b = np.array(list(said), float), np.array(list(wanted), float)
+    if a.shape != b.shape:
+        return [min(len(a), len(b))]
+    return [int(k) for k in np.flatnonzero(~(np.abs(a - b) <= np.maximum(1e-4 * np.abs(b), least)))]
+
+
+PLAN = ("plan.json", "scene.json")
+ALL = (*PLAN, "cells.json", "automaton.json", "wind.nc", "deployments.npz")
+CLAIMS = (
+    Claim("exports: dead_reckoning.csv", ("dead_reckoning.csv", *PLAN, "wind.nc"), dead_reckoning),
+    Claim("exports: ellipses and radii", ("dead_reckoning.csv", *PLAN), spreads),
+    *(
+        Claim(f"exports: {name}", (name, *PLAN), partial(route, name))
+        for name in ("plan.gpx", "plan.kml", "plan.geojson")
+    ),
+    Claim("exports: trajectory.nc", ("trajectory.nc", *PLAN), trajectory),
+    Claim("exports: mavlink_script.json", ("mavlink_script.json", "dead_reckoning.csv", *PLAN), messages),
+    Claim("exports: mission.plan", ("mission.plan", *PLAN, "cells.json", "automaton.json"), mission),
+    Claim("exports: failure of mission.plan", ("mission.plan", *ALL), mission_failure),
+    Claim("exports: sizes of corridors", ("corridor.geojson", *ALL), corridor_sizes),
+    Claim("exports: areas of corridors", ("corridor.geojson", *PLAN), corridor_areas),
+)
