@@ -88,8 +88,11 @@ def ellipse_sizes(x: FloatArray, mean: FloatArray, cov: FloatArray) -> FloatArra
 
     s² = (x - x^)' Σ⁻¹ (x - x^)
     """
-    root_inverse = np.linalg.inv(np.linalg.cholesky(cov))
-    return np.asarray(np.linalg.norm(np.einsum("tij,ntj->nti", root_inverse, x - mean), axis=-1), float)
+    whiten = np.linalg.inv(np.linalg.cholesky(cov))  # lower triangles: four products instead of einsum
+    east, north = x[..., 0] - mean[:, 0], x[..., 1] - mean[:, 1]
+    return np.asarray(
+        np.hypot(whiten[:, 0, 0] * east, whiten[:, 1, 0] * east + whiten[:, 1, 1] * north), float
+    )
 
 
 def held_sizes(sizes: FloatArray, shares: FloatArray) -> FloatArray:

@@ -23,10 +23,12 @@ DECIMALS = 8  # of degrees: a millimetre
 
 
 def denser(points: FloatArray, crs: str, sag: float = SAG) -> FloatArray:
-    """``points`` (N, 2) [m] of a line, with more along each segment, (M, 2) [m].
+    """``points`` (N, 2) [m] of a line, with more along each segment, (M, 2) [m], M at least 2.
 
     A chord of length l along a parallel at the latitude φ is l² tan φ / 8 R from the parallel.
     """
+    if len(points) == 1:
+        return np.repeat(points, 2, axis=0)
     _, lat = to_geographic(crs, points)
     bend = max(math.tan(math.radians(min(float(np.abs(lat).max()), 89.0))), 0.1)
     longest = math.sqrt(8.0 * EARTH * sag / bend)

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
+import numpy as np
+
 from pareto_ltl.exports.dead_reckoning import dead_reckoning_csv
 from pareto_ltl.exports.exported import ExportedPlan
 from pareto_ltl.exports.geojson import corridor_geojson, plan_geojson
@@ -16,8 +18,10 @@ from pareto_ltl.exports.trajectory import trajectory_netcdf
 from pareto_ltl.exports.volumes import operational_intent
 from pareto_ltl.settings.outputs import EXPORT_FILES
 from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.files import write_bytes
 from pareto_ltl.world.navigation import utc_times
+from pareto_ltl.world.projection import to_plane
 from pareto_ltl.world.scene import Scene
 
 MAKERS: dict[str, Callable[[ExportedPlan], bytes]] = {
@@ -32,6 +36,8 @@ MAKERS: dict[str, Callable[[ExportedPlan], bytes]] = {
     "f3548": operational_intent,
 }
 TIMED = ("netcdf", "f3548")  # formats that cannot do without times in UTC
+OUTLINED = ("geojson", "kml", "corridor")  # formats that draw areas in degrees, where a pole is no point
+POLE_MARGIN = 0.2  # of the size of the map, which corridors may leave
 
 
 def writable_formats(formats: Sequence[str], scene: Scene, t: FloatArray) -> tuple[tuple[str, ...], str]:
@@ -44,11 +50,31 @@ def writable_formats(formats: Sequence[str], scene: Scene, t: FloatArray) -> tup
             f"{', '.join(formats)}: not written, since the map has no place on Earth; give scene.centre, or "
             "draw the map as GeoJSON"
         )
-    timed = [name for name in formats if name in TIMED]
-    if not timed or utc_times(scene.time_zero, t) is not None:
-        return tuple(formats), ""
-    reason = f"{', '.join(timed)}: not written, since the plan has no times in UTC; set mission.start_time"
-    return tuple(name for name in formats if name not in timed), reason
+    causes: dict[str, tuple[str, ...]] = {}
+    if utc_times(scene.time_zero, t) is None:
+        causes["the plan has no times in UTC; set mission.start_time"] = TIMED
+    if holds_pole(scene):
+        causes["the map holds a pole, around which areas cannot be drawn in degrees"] = OUTLINED
+    left, reasons = list(formats), []
+    for cause, barred in causes.items():
+        if names := [name for name in left if name in barred]:
+            reasons.append(f"{', '.join(names)}: not written, since {cause}")
+            left = [name for name in left if name not in barred]
+    return tuple(left), "; ".join(reasons)
+
+
+def holds_pole(scene: Scene) -> bool:
+    """Whether a pole lies on the map or close to it."""
+    assert scene.crs is not None
+    margin = POLE_MARGIN * float((scene.bounds[1] - scene.bounds[0]).max())
+    for latitude in (-90.0, 90.0):
+        try:
+            pole = to_plane(scene.crs, np.zeros(1), np.array([latitude]))[0]
+        except DataError:  # opposite to the centre of the plane
+            continue
+        if ((pole > scene.bounds[0] - margin) & (pole < scene.bounds[1] + margin)).all():
+            return True
+    return False
 
 
 def export_files(exported: ExportedPlan, formats: Sequence[str]) -> Iterator[tuple[str, bytes]]:

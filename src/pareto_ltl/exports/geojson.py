@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
@@ -17,6 +16,7 @@ from pareto_ltl.exports.degrees import (
     polygon_parts,
 )
 from pareto_ltl.exports.exported import ExportedPlan
+from pareto_ltl.exports.json_text import listed_json
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.files import plain_data
 
@@ -115,7 +115,7 @@ def leg_hulls(outlines: FloatArray) -> Any:
     import shapely
 
     ends = np.concatenate([outlines[:-1], outlines[1:]], axis=1) if len(outlines) > 1 else outlines
-    return shapely.convex_hull(shapely.multipoints([shapely.points(end) for end in ends]))
+    return shapely.convex_hull(shapely.linestrings(ends))  # a line through their corners is made at once
 
 
 def _about(corridor: Corridor, meaning: str, share: float, size: float) -> dict[str, Any]:
@@ -146,15 +146,19 @@ def _feature(kind: str, coordinates: Any, about: Mapping[str, Any]) -> Feature:
     return {
         "type": "Feature",
         "properties": plain_data(about),
-        "geometry": {"type": kind, "coordinates": plain_data(coordinates)},
+        "geometry": {"type": kind, "coordinates": _plain_coordinates(coordinates)},
     }
 
 
+def _plain_coordinates(nested: Any) -> Any:
+    """Arrays as lists; all numbers are finite, so that no look at each is needed."""
+    return [_plain_coordinates(part) for part in nested] if isinstance(nested, list) else nested.tolist()
+
+
 def _collection(features: list[Feature], exported: ExportedPlan) -> bytes:
-    """One feature a line; what the plan promises stands beside the features."""
+    """What the plan promises stands beside the features."""
     head = {"type": "FeatureCollection", "name": exported.name, "description": " ".join(exported.sentences())}
-    lines = ",\n".join(json.dumps(feature, allow_nan=False) for feature in features)
-    return f'{json.dumps(head)[:-1]}, "features": [\n{lines}\n]}}\n'.encode()
+    return listed_json(head, "features", features)
 
 
 __all__ = ["border_corners", "corridor_geojson", "leg_hulls", "plan_geojson", "tube_rings"]

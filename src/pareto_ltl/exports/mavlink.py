@@ -6,11 +6,11 @@ are to be filled in by whoever sees the landmark: what stands there is what the 
 
 from __future__ import annotations
 
-import json
 import math
 from typing import Any
 
 from pareto_ltl.exports.exported import ExportedPlan
+from pareto_ltl.exports.json_text import listed_json
 from pareto_ltl.support.files import plain_data
 
 SCHEMA = "pareto_ltl.mavlink_script/1"
@@ -30,7 +30,7 @@ DEGREE = 1e7  # of x and y of COMMAND_INT
 
 
 def mavlink_script(exported: ExportedPlan) -> bytes:
-    """One message a line."""
+    """The file, one message a line."""
     log = exported.log
     head = {
         "schema": SCHEMA,
@@ -40,11 +40,7 @@ def mavlink_script(exported: ExportedPlan) -> bytes:
         "wind_law": log.law,
         "dialect": "all",
     }
-    lines = ",\n".join(
-        f"  {json.dumps(plain_data(message), allow_nan=False)}" for message in script_messages(exported)
-    )
-    told = "".join(f" {json.dumps(key)}: {json.dumps(value)},\n" for key, value in head.items())
-    return f'{{\n{told} "messages": [\n{lines}\n ]\n}}\n'.encode()
+    return listed_json(head, "messages", plain_data(script_messages(exported)))
 
 
 def script_messages(exported: ExportedPlan) -> list[dict[str, Any]]:

@@ -5,7 +5,6 @@ Each leg is a Volume4D: the hull of the ellipses at both ends, of the size that 
 
 from __future__ import annotations
 
-import json
 from typing import Any
 
 import numpy as np
@@ -14,6 +13,7 @@ import shapely
 from pareto_ltl.exports.degrees import lonlat
 from pareto_ltl.exports.exported import ExportedPlan
 from pareto_ltl.exports.geojson import leg_hulls
+from pareto_ltl.exports.json_text import listed_json
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.files import plain_data
 
@@ -30,13 +30,8 @@ def operational_intent(exported: ExportedPlan) -> bytes:
     hulls = leg_hulls(corridor.outlines(np.full(len(corridor.mean), size)))
     volumes = [_volume(exported, hull, *log.utc[k : k + 2]) for k, hull in enumerate(hulls)]
     note = f"{SHARE * 100:g} % of whole flights in {corridor.law} winds stay in these volumes. "
-    content = {
-        "volumes": volumes,
-        "off_nominal_volumes": [],
-        "priority": 0,
-        "pareto_ltl": {"note": note + " ".join(exported.sentences())},
-    }
-    return (json.dumps(plain_data(content), indent=1, allow_nan=False) + "\n").encode()
+    head = {"pareto_ltl": {"note": note + " ".join(exported.sentences())}, "priority": 0}
+    return listed_json(head | {"off_nominal_volumes": []}, "volumes", plain_data(volumes))
 
 
 def _volume(exported: ExportedPlan, hull: Any, start: str, end: str) -> dict[str, Any]:
