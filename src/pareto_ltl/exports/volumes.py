@@ -5,6 +5,7 @@ Each leg is a Volume4D: the hull of the ellipses at both ends, of the size that 
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -28,7 +29,8 @@ def operational_intent(exported: ExportedPlan) -> bytes:
     assert log.utc is not None
     size = corridor.whole[corridor.level(SHARE)]
     hulls = leg_hulls(corridor.outlines(np.full(len(corridor.mean), size)))
-    volumes = [_volume(exported, hull, *log.utc[k : k + 2]) for k, hull in enumerate(hulls)]
+    legs = zip(hulls, pairwise(log.utc), strict=False)  # a plan without a step has a hull and no leg
+    volumes = [_volume(exported, hull, *times) for hull, times in legs]
     note = f"{SHARE * 100:g} % of whole flights in {corridor.law} winds stay in these volumes. "
     head = {"pareto_ltl": {"note": note + " ".join(exported.sentences())}, "priority": 0}
     return listed_json(head | {"off_nominal_volumes": []}, "volumes", plain_data(volumes))
