@@ -37,6 +37,10 @@ def test_a_file_reaches_what_it_imports_directly_or_through_others():
     assert "growth" not in names("margin.py")
 
 
+def test_modules_that_a_file_imports_as_such_are_reached():
+    assert {"claim_lists", "claim_rows"} <= names("margin.py")
+
+
 ENTRIES = [
     file
     for file in sorted(KERNELS.glob("*.py"))

@@ -100,10 +100,14 @@ def reachable_sources(file: Path) -> frozenset[Path]:
 
 @lru_cache
 def _imported(file: Path) -> tuple[Path, ...]:
-    package = "pareto_ltl.kernels."
+    """Modules of kernels that ``file`` imports, by their names or names from them."""
+    package = "pareto_ltl.kernels"
     tree = ast.parse(file.read_bytes())
-    names = [node.module or "" for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)]
-    return tuple(KERNELS / f"{name.removeprefix(package)}.py" for name in names if name.startswith(package))
+    found = [node for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)]
+    names = [node.module or "" for node in found]
+    names += [f"{package}.{alias.name}" for node in found if node.module == package for alias in node.names]
+    inside = f"{package}."
+    return tuple(KERNELS / f"{name.removeprefix(inside)}.py" for name in names if name.startswith(inside))
 
 
 __all__ = ["FOREIGN", "KERNELS", "CodeStamp", "reachable_sources", "stamped_by_source"]
