@@ -41,6 +41,8 @@ class ExportedPlan:
         How often the plan fails where an autopilot holds its positions (``robot.feedback=1``).
     band : (float, float) or None
         Lowest and highest height of the flight above the WGS 84 ellipsoid [m], where they are set.
+    feedback : float
+        ``robot.feedback`` of the plan; 0: it is flown without knowing the position.
     """
 
     name: str
@@ -51,6 +53,7 @@ class ExportedPlan:
     held: FailureRate
     height: Height
     band: tuple[float, float] | None
+    feedback: float = 0.0
 
     @property
     def crs(self) -> str:
@@ -58,12 +61,18 @@ class ExportedPlan:
         assert self.scene.crs is not None
         return self.scene.crs
 
+    def flown_by(self) -> str:
+        """What a robot that keeps to the plan goes by."""
+        fixes = " and fixes at landmarks" if self.log.fixes else ""
+        feedback = f" and feedback (robot.feedback={self.feedback:g})" if self.feedback > 0.0 else ""
+        return f"by heading and airspeed{fixes}{feedback}"
+
     def sentences(self) -> tuple[str, ...]:
         """What every format with room for text says: mission, how often it fails, what is not covered."""
         plan, promise = self.plan, self.plan.promise
         told = [f"Mission {plan.formula}."]
         if promise is not None:
-            told.append(f"Flown by heading and airspeed fail {_rate_words(promise.rate)}.")
+            told.append(f"Flown {self.flown_by()} fail {_rate_words(promise.rate)}.")
         told.append(
             "Flown by an autopilot that knows and holds the positions (robot.feedback=1) fail "
             f"{_rate_words(self.held)}."
@@ -92,6 +101,7 @@ def exported_plan(
         held=held_course_rate(problem, plan.path, cfg.flights, held_seed),
         height=height_of(level) if cfg.altitude is None else Height(cfg.altitude, above_sea=False),
         band=None if lower is None or upper is None else (lower, upper),
+        feedback=problem.motion.gain,
     )
 
 
