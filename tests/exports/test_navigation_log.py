@@ -9,7 +9,6 @@ from exported_plans import Flown
 from pareto_ltl.exports.navigation_log import expected_winds, navigation_log
 from pareto_ltl.world.projection import meridian_convergence
 
-
 PARTS = 60  # of a leg that is flown with one heading in one wind: a straight line of a map with true angles
 
 
