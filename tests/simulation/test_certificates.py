@@ -116,6 +116,22 @@ def all_edges(problem: Problem) -> ClaimEdges:
     )  # fmt: skip
 
 
+def cheapest(problem, edges, costs):
+    """What the cheapest run over ``edges`` costs."""
+    logic, steps, states = problem.world.logic, len(costs[0]), len(problem.automaton.delta)
+    least, via = np.empty((steps + 1, states)), np.empty((steps, states), np.int64)
+    least[0] = np.where(logic.covers[logic.initial], 0.0, np.inf)
+    cheapest_claims(edges, costs, least, via)
+    return least[-1, logic.distance == 0.0].min()
+
+
+def random_costs(rng, labelled, edges):
+    costs = ClaimCosts(*(rng.uniform(0, 1, (6, n)) for n in (labelled, labelled, edges.loses.shape[1])))
+    for table in costs:
+        table[rng.random(table.shape) < 0.3] = np.inf
+    return costs
+
+
 @settings(deadline=None, max_examples=100)
 @given(st.sampled_from(FORMULAS), st.integers(0, 2**32 - 1))
 def test_edges_that_are_left_out_are_not_missed(formula, seed):
@@ -123,19 +139,36 @@ def test_edges_that_are_left_out_are_not_missed(formula, seed):
     problem, rng = TASKS[formula], np.random.default_rng(seed)
     labelled = [c for c, label in enumerate(problem.labels) if label]
     kept = claim_edges(problem.world.logic, labelled, [[g] for g in range(len(labelled))])
-    edges, states, steps = all_edges(problem), len(problem.automaton.delta), 6
+    edges = all_edges(problem)
     assert len(kept.source) < len(edges.source)
-    cells, hazards = len(labelled), edges.loses.shape[1]
-    costs = ClaimCosts(*(rng.uniform(0, 1, (steps, n)) for n in (cells, cells, hazards)))
-    for table in costs:
-        table[rng.random(table.shape) < 0.3] = np.inf
-    logic, found = problem.world.logic, []
-    for some in (edges, kept):
-        least, via = np.empty((steps + 1, states)), np.empty((steps, states), np.int64)
-        least[0] = np.where(logic.covers[logic.initial], 0.0, np.inf)
-        cheapest_claims(some, costs, least, via)
-        found.append(least[-1, logic.distance == 0.0].min())
-    assert found[0] == pytest.approx(found[1])
+    costs = random_costs(rng, len(labelled), edges)
+    assert cheapest(problem, edges, costs) == pytest.approx(cheapest(problem, kept, costs))
+
+
+@pytest.mark.parametrize("formula", FORMULAS)
+def test_claims_that_large_automata_look_at_are_enough(formula, monkeypatch):
+    """No run is cheaper than over all edges, and where nothing is lost between steps none costs more."""
+    monkeypatch.setattr("pareto_ltl.simulation.certificates.LIVE", 1)
+    problem, rng = TASKS[formula], np.random.default_rng(6)
+    labelled = [c for c, label in enumerate(problem.labels) if label]
+    kept = claim_edges(problem.world.logic, labelled, [[g] for g in range(len(labelled))])
+    edges = all_edges(problem)
+    for _ in range(30):
+        costs = random_costs(rng, len(labelled), edges)
+        ours, theirs = cheapest(problem, kept, costs), cheapest(problem, edges, costs)
+        assert ours >= theirs - 1e-12
+        if not len(problem.world.logic.hazards.cell):
+            assert ours == pytest.approx(theirs)
+
+
+def test_edges_of_a_large_automaton_are_as_many_as_its_transitions():
+    names = "abcdefgh"
+    regions = {name: box(2 + 2 * k, 3, 3 + 2 * k, 5) for k, name in enumerate(names)}
+    problem = make_problem(" & ".join(f"F {name}" for name in names), make_scene(regions, start=(1.0, 1.0)))
+    labelled = [c for c, label in enumerate(problem.labels) if label]
+    edges = claim_edges(problem.world.logic, labelled, [[g] for g in range(len(labelled))])
+    assert len(problem.automaton.delta) == 256
+    assert len(edges.source) == 256 * (1 + 8)
 
 
 def test_a_flight_that_fails_has_none():

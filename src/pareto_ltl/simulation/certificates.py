@@ -26,6 +26,7 @@ from scipy.special import ndtr
 
 from pareto_ltl.kernels.claims import ClaimCosts, ClaimEdges, cheapest_claims
 from pareto_ltl.kernels.data import Faces, Logic
+from pareto_ltl.planning.pack_logic import LIVE
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 from pareto_ltl.world.cells import half_planes
@@ -183,27 +184,39 @@ def claim_edges(logic: Logic, labelled: Sequence[int], members: Sequence[Sequenc
     as p and c does not lose q; any position does if no label at all leads there and all cells are shunned
     whose label does not. An edge is needless if another one of the same polygon leads to a claim that is as
     good and that no more hazards lose, and shuns no more cells. Of equal edges the first is kept.
+
+    In automata of more than ``LIVE`` states the claims behind q are q itself and where labels lead to, as for
+    margins of flights: tables of all pairs of claims for each label take 4 GB for 16,384 states.
     """
-    spoils = ~logic.covers[logic.delta[:, labelled]]
-    keeps = ~logic.loses[:, labelled, None]
-    better = logic.covers & ~_exceeds(logic.loses)
-    nothing = np.zeros((len(logic.delta), 0), bool)
+    loses, columns = logic.loses, [*labelled, -1]
     rows: list[tuple[int, int, int]] = []
     shunned: list[IntArray] = []
     for q in range(len(logic.delta)):
-        spoiling = (spoils[q] & keeps[q]).T
+        claims = _claims_behind(logic, q, columns)
+        good = logic.covers[np.ix_(logic.delta[q, columns], claims)]  # (C + 1, K)
+        spoils, keeps = ~good[:-1], ~loses[q, labelled, None]
+        better = logic.covers[np.ix_(claims, claims)] & ~_exceeds(loses[claims])
+        spoiling = (spoils & keeps).T
+        nothing = np.zeros((len(claims), 0), bool)
         # first, so that no line is asked for without need
-        choices = [(-1, logic.covers[logic.delta[q, -1]], spoiling)]
+        choices = [(-1, good[-1], spoiling)]
         for g, own in enumerate(members):
-            choices.append((g, (~spoils[q, own] & keeps[q, own]).all(axis=0), nothing))
+            choices.append((g, (~spoils[own] & keeps[own]).all(axis=0), nothing))
         for g, reaches, shuns in choices:
-            for p in _needed(np.flatnonzero(reaches), better, shuns):
-                rows.append((q, p, g))
-                shunned.append(np.flatnonzero(shuns[p]))
+            for k in _needed(np.flatnonzero(reaches), better, shuns):
+                rows.append((q, int(claims[k]), g))
+                shunned.append(np.flatnonzero(shuns[k]))
     source, target, shown = np.array(rows, np.int64).reshape(-1, 3).T.copy()
     ptr = np.cumsum([0, *map(len, shunned)]).astype(np.int64)
     cells = np.concatenate([np.empty(0, np.int64), *shunned])
-    return ClaimEdges(source, target, shown, ptr, cells, logic.loses[:, logic.hazards.cell].copy())
+    return ClaimEdges(source, target, shown, ptr, cells, loses[:, logic.hazards.cell].copy())
+
+
+def _claims_behind(logic: Logic, q: int, columns: Sequence[int]) -> IntArray:
+    """Claims that edges from ``q`` may lead to; all of them in small automata."""
+    if len(logic.delta) <= LIVE:
+        return np.arange(len(logic.delta))
+    return np.unique(np.append(logic.delta[q, columns], q))
 
 
 def _exceeds(table: BoolArray) -> BoolArray:
