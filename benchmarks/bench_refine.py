@@ -22,7 +22,7 @@ from pareto_ltl.planning.pack import build_problem
 from pareto_ltl.planning.refine.front_sweep import COARSE
 from pareto_ltl.planning.refine.sampled import Polish, Refiner, resampled_means
 from pareto_ltl.planning.refine.starts import line_starts
-from pareto_ltl.planning.refine.step_programme import StepProgrammes
+from pareto_ltl.planning.refine.step_programme import next_means
 from pareto_ltl.settings import MissionConfig, PlannerConfig, RobotConfig, SceneConfig, WindConfig, preset
 from pareto_ltl.simulation.common_flights import draw_flights
 from pareto_ltl.wind import sources
@@ -54,7 +54,7 @@ def task(request):
     problem = build_problem(
         RobotConfig(dt=DT), PlannerConfig(), cfg, scene, wind, cells, automaton, preset("full")
     )
-    refiner = Refiner(problem, margin_model(problem), StepProgrammes(problem))
+    refiner = Refiner(problem, margin_model(problem))
     x = resampled_means(problem, line_starts(problem)[0].x, STEPS)
     flights = draw_flights(problem, "coherent", RUNS, SeedSequence(0))
     longest = LOOSE * float(np.linalg.norm(np.diff(x, axis=0), axis=1).sum())
@@ -85,7 +85,7 @@ def test_one_cone_programme_of_50_steps(benchmark, task):
     off, width = flights.positions(flight) - flight.x, how(refiner.problem).widths[0]
     descent, _ = refiner.slope(flight.x, off, width, RUNS)
     benchmark.extra_info["budget"] = 0.005
-    found = benchmark(refiner.programmes.next_means, flight, descent, 0.5, longest)
+    found = benchmark(next_means, refiner.problem, flight, descent, 0.5, longest)
     assert found is not None
 
 

@@ -8,6 +8,8 @@ from scipy.interpolate import RegularGridInterpolator
 
 from pareto_ltl.kernels import interpolation as lattice
 from pareto_ltl.kernels.data import Point
+from pareto_ltl.kernels.wind_slopes import wind_slopes
+from pareto_ltl.planning.reference import wind_and_gradient
 from problems import KM, box, make_problem, make_scene, rough_wind
 
 SCENE = make_scene({"a": box(10, 10, 12, 12)})
@@ -57,3 +59,11 @@ def test_the_gust_is_linear_in_time(problem):
     times = 100.0 * np.arange(problem.horizon)
     expected = np.column_stack([np.interp(times, WIND.times, WIND.gust_var[:, c]) for c in (0, 1)])
     np.testing.assert_allclose(found, expected, atol=1e-12)
+
+
+def test_slopes_along_a_path_are_those_of_the_bilinear_wind(problem):
+    x = np.random.default_rng(2).uniform(-4 * KM, 25 * KM, (problem.horizon + 1, 2))  # past the lattice too
+    slopes = np.empty((problem.horizon, 2, 2))
+    wind_slopes(problem.wind, x, slopes)
+    np.testing.assert_allclose(slopes, wind_and_gradient(problem.wind, x[:-1])[1], rtol=1e-9, atol=1e-15)
+    assert (slopes == 0.0).any()

@@ -12,12 +12,9 @@ import pytest
 from pareto_ltl.planning.refine.cone_form import Statement, cone_form, solver_rows
 from pareto_ltl.planning.refine.convex import SmoothingShape, state_smoothing
 from pareto_ltl.planning.refine.risk_sharing import AllocatedRisk, EqualShares
-from pareto_ltl.planning.refine.step_programme import state_step
 
 TURNED = ((0.8, 0.6), (-0.6, 0.8))
 STATEMENTS = {
-    "step": partial(state_step, 8, False),
-    "step, slowest": partial(state_step, 8, True),
     "equal shares": partial(state_smoothing, SmoothingShape(8, 2, 4, TURNED, False, EqualShares(2.5))),
     "allocated": partial(state_smoothing, SmoothingShape(8, 2, 4, TURNED, True, AllocatedRisk(0.05))),
 }

@@ -21,7 +21,6 @@ from pareto_ltl.planning.refine.sampled import (
     resampled_means,
     steps_needed,
 )
-from pareto_ltl.planning.refine.step_programme import StepProgrammes
 from pareto_ltl.planning.selection import tree_front
 from pareto_ltl.settings import PlannerConfig, RobotConfig, SmoothingConfig
 from pareto_ltl.simulation.common_flights import draw_flights
@@ -135,7 +134,7 @@ def test_smoothing_leaves_paths_alone_where_the_airspeed_is_fixed(caplog: pytest
 def test_polished_paths_are_fast_enough_and_fail_less(u_min: float) -> None:
     """With 10 m/s the airspeed is fixed, and headings alone are left to choose."""
     problem = task(u_min=u_min, wind=1.0)
-    refiner = Refiner(problem, margin_model(problem), StepProgrammes(problem))
+    refiner = Refiner(problem, margin_model(problem))
     line = along((2, 4), (11, 8.6), (13.4, 10.6), (7.4, 14), (6.7, 14.3), step=0.9)
     start = resampled_means(problem, line, int(np.ceil(steps_needed(problem, line).sum())))
     flights = draw_flights(problem, "coherent", 200, SeedSequence(1))

@@ -10,8 +10,7 @@ from pareto_ltl.kernels.path import Flight
 from pareto_ltl.planning.evaluate import propagate
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.reference import wind_and_gradient
-from pareto_ltl.planning.refine import step_programme
-from pareto_ltl.planning.refine.step_programme import RIDGE, Descent, StepProgrammes
+from pareto_ltl.planning.refine.step_programme import RIDGE, Descent, next_means
 from pareto_ltl.planning.refine.taut_lines import CAP, FACE_MARGIN
 from pareto_ltl.settings import RobotConfig
 from pareto_ltl.support.arrays import FloatArray
@@ -108,7 +107,7 @@ def linear_controls(problem: Problem, flight: Flight, y: FloatArray) -> FloatArr
 def test_the_solved_step_is_that_of_the_plain_statement(problem: Problem, seed: int, longest: float) -> None:
     flight = propagate(problem, WAY)
     descent = descent_at(flight, seed)
-    found = StepProgrammes(problem).next_means(flight, descent, TRUST, longest)
+    found = next_means(problem, flight, descent, TRUST, longest)
     expected = plainly(problem, flight, descent, TRUST, longest)
     assert found is not None
     best, reached = (model_value(problem, flight, descent, y) for y in (expected, found))
@@ -120,7 +119,7 @@ def test_the_solved_step_is_that_of_the_plain_statement(problem: Problem, seed: 
 @pytest.mark.parametrize("seed", range(3))
 def test_speeds_length_map_and_trust_region_hold(problem: Problem, seed: int) -> None:
     flight = propagate(problem, WAY)
-    y = StepProgrammes(problem).next_means(flight, descent_at(flight, seed), TRUST, LONGEST)
+    y = next_means(problem, flight, descent_at(flight, seed), TRUST, LONGEST)
     assert y is not None
     speed = np.linalg.norm(linear_controls(problem, flight, y), axis=1)
     assert (speed <= CAP * flight.speed + 1e-4 * problem.motion.u_max).all()
@@ -136,7 +135,7 @@ def test_a_map_border_beside_the_path_holds(problem: Problem) -> None:
     flight = propagate(problem, along((2, 10), (6, 0.4), (12, 4), step=0.6))
     descent = descent_at(flight, 0)
     pulled = Descent(descent.gradient + np.array([0.0, 1e-3]), descent.hessian, descent.value)
-    y = StepProgrammes(problem).next_means(flight, pulled, TRUST, 25_000.0)
+    y = next_means(problem, flight, pulled, TRUST, 25_000.0)
     assert y is not None
     low, high = problem.scene.bounds
     assert (y >= low).all()
@@ -146,9 +145,8 @@ def test_a_map_border_beside_the_path_holds(problem: Problem) -> None:
 
 def test_a_length_that_no_path_can_have_gives_no_answer(problem: Problem) -> None:
     flight = propagate(problem, WAY)
-    programmes = StepProgrammes(problem)
-    assert programmes.next_means(flight, descent_at(flight, 0), TRUST, 5_000.0) is None
-    assert programmes.next_means(flight, descent_at(flight, 0), TRUST, LONGEST) is not None
+    assert next_means(problem, flight, descent_at(flight, 0), TRUST, 5_000.0) is None
+    assert next_means(problem, flight, descent_at(flight, 0), TRUST, LONGEST) is not None
 
 
 def test_the_least_airspeed_binds() -> None:
@@ -159,37 +157,7 @@ def test_the_least_airspeed_binds() -> None:
     pull = np.zeros_like(WAY)
     pull[1:] = WAY[1:] - WAY[:-1]
     descent = Descent(1e-4 * pull / np.linalg.norm(pull, axis=1).max(), descent_at(flight, 0).hessian, 0.2)
-    y = StepProgrammes(problem).next_means(flight, descent, TRUST, 20_000.0)
+    y = next_means(problem, flight, descent, TRUST, 20_000.0)
     assert y is not None
     speed = np.linalg.norm(linear_controls(problem, flight, y), axis=1)
     assert speed.min() == pytest.approx(5.5 / CAP, rel=1e-3)
-
-
-# --- what was solved before, and how many steps the programme has -----------------------------------
-
-
-def test_an_answer_does_not_depend_on_what_was_solved_before(problem: Problem) -> None:
-    flight = propagate(problem, WAY)
-    other = propagate(problem, along((2, 10), (7, 15), (16, 10), step=0.55))
-    programmes = StepProgrammes(problem)
-    fresh = StepProgrammes(problem).next_means(flight, descent_at(flight, 0), TRUST, LONGEST)
-    for seed, trust in ((3, 0.01), (4, 1.0)):
-        assert programmes.next_means(other, descent_at(other, seed), trust, 30_000.0) is not None
-    programmes.next_means(flight, descent_at(flight, 5), TRUST, 5_000.0)  # without an answer
-    again = programmes.next_means(flight, descent_at(flight, 0), TRUST, LONGEST)
-    np.testing.assert_array_equal(again, fresh)
-
-
-def test_steps_beyond_the_path_change_nothing(problem: Problem, monkeypatch: pytest.MonkeyPatch) -> None:
-    flight = propagate(problem, WAY)
-    assert len(flight.u) % step_programme.SIZES != 0
-    descent = descent_at(flight, 1)
-    padded = StepProgrammes(problem).next_means(flight, descent, TRUST, LONGEST)
-    monkeypatch.setattr(step_programme, "SIZES", 1)
-    exact = StepProgrammes(problem).next_means(flight, descent, TRUST, LONGEST)
-    assert padded is not None
-    assert exact is not None
-    assert padded.shape == exact.shape == flight.x.shape
-    values = [model_value(problem, flight, descent, y) for y in (padded, exact)]
-    assert values[0] == pytest.approx(values[1], abs=1e-5)
-    np.testing.assert_allclose(padded, exact, atol=5e-3 * problem.reach)

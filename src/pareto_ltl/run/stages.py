@@ -142,7 +142,7 @@ def make_problem(inputs: StageInputs) -> Problem:
     from pareto_ltl.planning.refine import import_early
 
     settings = inputs.settings
-    if settings.fidelity.refine != "none":
+    if settings.fidelity.refine == "convex":
         import_early()  # behind the modes of the wind and the trees
     return build_problem(
         settings.robot,

@@ -33,7 +33,6 @@ from pareto_ltl.planning.refine.sampled import (
     steps_needed,
 )
 from pareto_ltl.planning.refine.starts import Start, first_starts, flipped_starts, unlike_starts
-from pareto_ltl.planning.refine.step_programme import StepProgrammes
 from pareto_ltl.planning.selection import hypervolume
 from pareto_ltl.settings import RefineConfig
 from pareto_ltl.support.arrays import FloatArray
@@ -137,7 +136,7 @@ def new_sweep(
     cfg: RefineConfig, problem: Problem, flights: CommonFlights, budget: Budget = UNLIMITED
 ) -> Sweep:
     """A sweep with all ``flights``, or the first ``sweep_flights`` of them."""
-    refiner = Refiner(problem, margin_model(problem), StepProgrammes(problem))
+    refiner = Refiner(problem, margin_model(problem))
     few = flights.only(np.arange(min(cfg.sweep_flights, len(flights))))
     return Sweep(cfg, problem, refiner, flights, few, budget)
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from pareto_ltl.planning.refine.cone_form import ConeForm, Statement
 from pareto_ltl.planning.refine.kept_forms import forms_are_kept, kept_form
-from pareto_ltl.support.arrays import FloatArray, IntArray
+from pareto_ltl.support.arrays import FloatArray
 
 TOLERANCE = 1e-6  # of the gap between primal and dual
 
@@ -51,7 +51,6 @@ class ParametrisedProgramme:
     scaled: bool = False
     _form: ConeForm | None = None
     _solver: Any = None
-    _order: Any = None
 
     @property
     def form(self) -> ConeForm:
@@ -67,13 +66,8 @@ class ParametrisedProgramme:
             place = form.places[name]
             form.parameters[place] = np.asarray(value, float).ravel(order="F")
 
-    def solve(self, curvature: FloatArray | None = None) -> list[FloatArray] | None:
-        """The values of the statement's variables, or None where the solver found none.
-
-        ``curvature`` (n, 3) adds ½ Σ_k (xx_k a_k² + 2 xy_k a_k b_k + yy_k b_k²) to the objective, a and b
-        the first two variables, each of length n. A quadratic form whose matrix is a parameter is outside of
-        cvxpy's rules.
-        """
+    def solve(self) -> list[FloatArray] | None:
+        """The values of the statement's variables, or None where the solver found none."""
         import clarabel
         from scipy.sparse import csc_array
 
@@ -82,14 +76,9 @@ class ParametrisedProgramme:
         q, A, b = form.cost @ form.parameters, form.entries @ form.parameters, form.right_hand_side()
         if self._solver is None:
             P = csc_array((len(q), len(q)))
-            if curvature is not None:
-                P, self._order = curvature_pattern(len(q), columns)
-                P.data = curvature.T.ravel()[self._order]
             self._solver = clarabel.DefaultSolver(P, q, form.matrix(A), b, form.cones, self._settings())
-        elif curvature is None:
-            self._solver.update(q=q, A=A, b=b)
         else:
-            self._solver.update(P=curvature.T.ravel()[self._order], q=q, A=A, b=b)
+            self._solver.update(q=q, A=A, b=b)
         answer = self._solver.solve()
         if answer.status not in (clarabel.SolverStatus.Solved, clarabel.SolverStatus.AlmostSolved):
             return None
@@ -105,18 +94,6 @@ class ParametrisedProgramme:
         settings.tol_feas, settings.equilibrate_enable = self.feasibility, self.scaled
         settings.iterative_refinement_enable = False  # it doubles the time
         return settings
-
-
-def curvature_pattern(size: int, columns: Sequence[IntArray]) -> tuple[Any, IntArray]:
-    """Upper triangle of the quadratic form of :meth:`ParametrisedProgramme.solve`, without values, and for
-    each of its entries the place of its value in the transposed curvature."""
-    from scipy.sparse import csc_array
-
-    a, b = columns[:2]
-    rows, cols = np.concatenate([a, np.minimum(a, b), b]), np.concatenate([a, np.maximum(a, b), b])
-    P = csc_array((np.arange(float(len(rows))), (rows, cols)), shape=(size, size))
-    P.sort_indices()
-    return P, P.data.astype(int)
 
 
 __all__: Sequence[str] = ["ParametrisedProgramme", "import_early"]

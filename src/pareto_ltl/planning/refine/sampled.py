@@ -24,9 +24,9 @@ from pareto_ltl.planning.evaluate import airspeed_limits, propagate, propagate_c
 from pareto_ltl.planning.margin_model import margin_scratch
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.reference import wind_and_gradient
-from pareto_ltl.planning.refine.step_programme import Descent, StepProgrammes
+from pareto_ltl.planning.refine.step_programme import Descent, next_means
 from pareto_ltl.planning.refine.taut_lines import CAP
-from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
+from pareto_ltl.support.arrays import FloatArray, IntArray
 
 OVERLONG = 20.0  # price of a length above the cap, relative: it outweighs every failure
 SHORTENED = 0.985  # of the length so far is the least that one solve is asked for
@@ -43,9 +43,6 @@ class CommonFlights(Protocol):
 
     def positions(self, flight: Flight) -> FloatArray:
         """Positions (n, T+1, 2) [m] of the controls of ``flight``."""
-
-    def failed(self, x: FloatArray) -> BoolArray:
-        """Which of the flights ``x`` (n, T+1, 2) fail."""
 
     def only(self, rows: IntArray) -> CommonFlights:
         """These flights alone."""
@@ -90,7 +87,6 @@ class Refiner:
 
     problem: Problem
     model: MarginModel
-    programmes: StepProgrammes
 
     # --- means and controls ---
 
@@ -129,10 +125,9 @@ class Refiner:
         flight, near, runs = self.flown(x), flights, len(flights)
         for width in how.widths:
             flight, near = self._at_width(flight, near, runs, how, width, longest)
-        positions = flights.positions(flight)
-        smoothed = self.slope(flight.x, _deviations(positions, flight.x), how.widths[-1], runs)[0].value
-        failed = float(flights.failed(positions).mean())
-        return Candidate(flight, path_length(flight.x), smoothed, failed, origin)
+        off = _deviations(flights.positions(flight), flight.x)
+        last, margins = self.slope(flight.x, off, how.widths[-1], runs)
+        return Candidate(flight, path_length(flight.x), last.value, float((margins < 0.0).mean()), origin)
 
     def _at_width(
         self, flight: Flight, near: CommonFlights, runs: int, how: Polish, width: float, longest: float
@@ -153,7 +148,7 @@ class Refiner:
             before = value
             for _ in range(how.inner):
                 cap = max(longest, SHORTENED * path_length(flight.x))
-                y = self.programmes.next_means(flight, here, trust, cap)
+                y = next_means(self.problem, flight, here, trust, cap)
                 if y is None:
                     trust *= NARROWER
                     continue
