@@ -137,6 +137,15 @@ def test_points_are_spread_from_the_shortest_to_the_longest(rows, most):
     assert all(k.length <= front_sweep.SPACING * cap * (1 + 1e-9) for k, cap in jobs)
 
 
+def test_a_path_between_two_plateaus_has_a_point():
+    lengths = [1.0, 1.02, 1.04, 1.2, 1.5, 1.51, 1.53]
+    kept = [Candidate(None, length, 1.0 / length, 0.0) for length in lengths]
+    caps = [cap for _, cap in front_sweep.spread_points(kept, 12)]
+    assert any(cap == pytest.approx(1.2) for cap in caps)
+    assert any(cap == pytest.approx(1.5) for cap in caps)
+    assert not any(1.05 < cap < 1.19 or 1.21 < cap < 1.49 for cap in caps)
+
+
 # --- what it brings ---------------------------------------------------------------------------
 
 

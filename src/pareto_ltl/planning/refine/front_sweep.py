@@ -400,23 +400,27 @@ def front_of(found: Iterable[Candidate]) -> list[Candidate]:
 
 
 def spread_points(front: Sequence[Candidate], most: int) -> list[tuple[Candidate, float]]:
-    """``most`` length caps at even ratios along the front, each with the path to begin with.
+    """At most ``most`` length caps along the front, each with the path to begin with.
 
-    A gap between neighbours that is wider than a level of the sweep is a plateau, where longer paths do not
-    pay: no cap lies in it. The path to begin with fails least of those that one step of the sweep is enough
-    to shorten.
+    They are at even ratios. A gap between neighbours that is wider than a level of the sweep is a plateau,
+    where longer paths do not pay: no cap lies in it, and one on each side. The path to begin with fails least
+    of those that one step of the sweep is enough to shorten.
     """
     if not front:
         return []
     lengths = np.log([k.length for k in front])
     rise = np.diff(lengths)
-    way = np.concatenate([[0.0], np.cumsum(np.where(rise <= PLATEAU * np.log(SPACING), rise, 0.0))])
-    along = way[-1] / max(most - 1, 1) * np.arange(most)
+    wide = rise > PLATEAU * np.log(SPACING)
+    rims = np.flatnonzero(np.append(wide, False) | np.insert(wide, 0, False))
+    rims = rims[np.linspace(0, len(rims) - 1, min(len(rims), most // 2 - 1)).round().astype(int)]
+    even = most - len(rims)
+    way = np.concatenate([[0.0], np.cumsum(np.where(wide, 0.0, rise))])
+    along = way[-1] / max(even - 1, 1) * np.arange(even)
     at = np.searchsorted(way, along * (1.0 - 1e-12), side="right") - 1
     caps = np.exp(lengths[at] + along - way[at])
     caps[-1], caps[0] = front[-1].length, front[0].length
     kept = [float(caps[0])]
-    for cap in caps[1:].tolist():
+    for cap in sorted([*caps[1:].tolist(), *(front[i].length for i in rims)]):
         if cap > KEPT * kept[-1]:
             kept.append(cap)
     return [
