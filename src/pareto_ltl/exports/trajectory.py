@@ -36,6 +36,7 @@ def trajectory_netcdf(exported: ExportedPlan) -> bytes:
             {
                 "Conventions": "CF-1.8",
                 "featureType": "trajectory",
+                "history": "written by pareto_ltl, from plan.json and wind.nc of the run",
                 "title": f"Expected flight of {exported.name}",
                 "comment": " ".join(exported.sentences()),
                 "wind_law": log.law,
