@@ -15,8 +15,9 @@ from numpy.random import SeedSequence
 
 from pareto_ltl.kernels import collision_risk as kernel
 from pareto_ltl.kernels.data import Ordered, PathBound
+from pareto_ltl.kernels.path_collision import REFLECT, GaussianPath, collision_bound
 from pareto_ltl.planning import reference as risk
-from pareto_ltl.planning.evaluate import COLLISION_MEMORY, evaluate_path, propagate
+from pareto_ltl.planning.evaluate import collision_memory, evaluate_path, propagate
 from pareto_ltl.planning.growth import grow_forest, mission_columns
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import Tree
@@ -80,18 +81,17 @@ def check_vertex(problem: Problem, tree: Tree, v: int) -> None:
 def check_collision(problem: Problem, x: FloatArray, column: float) -> None:
     """The column is what the steps add greedily, and never below R with the reflection trusted."""
     bound, flight = problem.world.collision, propagate(problem, x)
-    memory = COLLISION_MEMORY[PathBound](2, len(bound.barriers.ptr) - 1)
+    memory = collision_memory(bound, 2)
     before, added = None, 0.0
     for t in range(len(x)):
-        here = gaussian(x[t], flight.cov[t])
-        at_step, more = kernel.pass_obstacles(
-            bound.barriers, before or here, here, memory, (t + 1) % 2, memory, t % 2
-        )
+        here, far = gaussian(x[t], flight.cov[t]), kernel.FAR_DEVIATIONS
+        leg = kernel.leg_between(before, here, far) if before else kernel.leg_of_start(here, far)
+        at_step, more = kernel.pass_obstacles(bound, leg, memory, (t + 1) % 2, memory, t % 2)
         assert at_step <= problem.epsilon
         before, added = here, added + more
     np.testing.assert_allclose(column, added, rtol=1e-5, atol=1e-8)
-    trusted = kernel.GaussianPath(flight.x, flight.cov, np.empty((0, 0, 2, 2)), kernel.REFLECT)
-    assert kernel.collision_bound(bound.barriers, trusted) <= column * (1 + 1e-5) + 1e-5
+    trusted = GaussianPath(flight.x, flight.cov, np.empty((0, 0, 2, 2)), REFLECT)
+    assert collision_bound(bound.barriers, bound.nearby, trusted) <= column * (1 + 1e-5) + 1e-5
 
 
 def gaussian(x: FloatArray, cov: FloatArray) -> kernel.Gaussian:

@@ -1,4 +1,4 @@
-"""Faces that a position clears."""
+"""Steps that keep clear of obstacles, which obstacles are looked at, and what the steps add to R."""
 
 from __future__ import annotations
 
@@ -8,15 +8,14 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from pareto_ltl.kernels import collision_risk as kernel
-from pareto_ltl.kernels.data import Cov, Gaussian, Point
-from pareto_ltl.planning.pack import pack_faces
-from pareto_ltl.settings import PlannerConfig, RobotConfig
+from pareto_ltl.kernels.data import Cov, Gaussian, PathBound, PathMemory, Point, StepBound
+from pareto_ltl.kernels.geometry import look_around
+from pareto_ltl.planning.pack import pack_faces, pack_nearby
 from problems import KM, box, make_problem, make_scene, polygon_faces, two_goals
 
 some = settings(deadline=None, max_examples=40)
 few = settings(deadline=None, max_examples=8)
 seeds = st.integers(0, 2**32 - 1)
-ALONE = np.empty((0, 0, 2, 2))  # no correlation between steps is known
 
 
 @pytest.fixture(scope="module")
@@ -24,56 +23,104 @@ def problem():
     return two_goals()
 
 
-@pytest.fixture(scope="module")
-def turned():
-    """A and B that are not the identity, and almost no constraint on collisions."""
-    robot = RobotConfig(
-        dt=100.0, u_max=10.0, start_sd=50.0, a=[[1.0, 0.01], [-0.02, 0.99]], b=[[1, 0.3], [0, 1]]
-    )
-    return two_goals(robot=robot, planner=PlannerConfig(epsilon=0.999))
-
-
 # --- the faces an obstacle is cleared by -------------------------------------------------------
 
 
-@some
-@given(seeds, st.floats(-1.0, 4.0))
-def test_a_face_is_cleared_where_it_is_z_standard_deviations_away(problem, seed, z):
-    rng = np.random.default_rng(seed)
-    obstacles = problem.obstacles
-    x = rng.uniform(0, 20 * KM, 2)
-    root = rng.normal(0, 500, (2, 2))
+def step_bound(obstacles, z, bounds=((0.0, 0.0), (20 * KM, 20 * KM))):
+    """Eq. (10) with quantile z on a map of the given bounds."""
+    return StepBound(obstacles, pack_nearby(obstacles, np.array(bounds)), z)
+
+
+def a_gaussian(rng, sd=500.0):
+    """A position on the map of two goals."""
+    root = rng.normal(0, sd, (2, 2))
     cov = root @ root.T
-    masks = np.zeros((1, len(obstacles.ptr) - 1), np.int64)
-    here = Gaussian(Point(*x), Cov(cov[0, 0], cov[0, 1], cov[1, 1]))
-    ok = kernel.clear_faces(obstacles, z, here, masks, 0)
-    expected = []
+    x = rng.uniform(0, 20 * KM, 2)
+    return x, cov, Gaussian(Point(*x), Cov(cov[0, 0], cov[0, 1], cov[1, 1]))
+
+
+def cleared(obstacles, z, x, cov):
+    """Which faces are cleared, an array for each obstacle."""
+    found = []
     for normals, offsets in polygon_faces(obstacles):
         gap = normals @ x - offsets
         sd = np.sqrt(np.einsum("ij,jk,ik->i", normals, cov, normals))
         assume(np.abs(gap - z * sd).min() > 1e-6)
         assume(np.abs(gap).min() > 1e-6)
-        clear = gap >= z * sd
-        if z >= 0:
-            clear &= gap >= 0
-        expected.append(sum(1 << k for k in np.flatnonzero(clear)))
-    assert ok == all(expected)
-    if ok:
-        np.testing.assert_array_equal(masks[0], expected)
+        found.append((gap >= z * sd) & ((gap >= 0) | (z < 0)))
+    return found
 
 
-def test_the_31st_face_has_its_own_bit():
-    angle = 2 * np.pi * np.arange(32) / 32
-    ring = pack_faces([100 * np.stack([np.cos(angle), np.sin(angle)], axis=1)])
-    masks = np.zeros((1, 1), np.int64)
-    here = Gaussian(Point(*(101 * ring.normal[31])), Cov(0.0, 0.0, 0.0))
-    assert kernel.clear_faces(ring, 0.0, here, masks, 0)
-    assert masks[0, 0] & (1 << 31)
-    assert not masks[0, 0] & (1 << 15)  # the opposite face
+@some
+@given(seeds, st.floats(-1.0, 4.0))
+def test_a_step_is_clear_where_one_face_of_every_obstacle_serves_both_ends(problem, seed, z):
+    rng = np.random.default_rng(seed)
+    obstacles = problem.obstacles
+    x, cov, here = a_gaussian(rng)
+    y, wider, there = a_gaussian(rng)
+    both = zip(cleared(obstacles, z, x, cov), cleared(obstacles, z, y, wider), strict=True)
+    assert kernel.step_is_clear(step_bound(obstacles, z), here, there) == all(np.any(a & b) for a, b in both)
 
 
 def test_a_map_without_obstacles_stops_nothing():
     problem = make_problem("F a", make_scene({"a": box(10, 10, 12, 12)}))
-    masks = np.zeros((1, 0), np.int64)
     here = Gaussian(Point(0.0, 0.0), Cov(1.0, 0.0, 1.0))
-    assert kernel.clear_faces(problem.obstacles, 3.0, here, masks, 0)
+    assert kernel.step_is_clear(step_bound(problem.obstacles, 3.0), here, here)
+
+
+# --- obstacles near a place -------------------------------------------------------------------
+
+
+def many_obstacles(rng, count):
+    """Triangles all over the map of two goals."""
+    middle = rng.uniform(0, 20 * KM, (count, 1, 2))
+    angle = np.sort(rng.uniform(0, 2 * np.pi, (count, 1)) + 2 * np.pi * np.arange(3) / 3, axis=1)
+    corners = middle + 300 * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+    return pack_faces(list(corners))
+
+
+@some
+@given(seeds, st.integers(1, 60), st.booleans())
+def test_obstacles_that_are_not_looked_at_lie_far_behind_one_face(seed, count, outside):
+    """Also where the step leaves the map, beyond the squares."""
+    rng = np.random.default_rng(seed)
+    obstacles = many_obstacles(rng, count)
+    nearby = pack_nearby(obstacles, np.array([[0.0, 0.0], [20 * KM, 15 * KM]]))
+    x, _, here = a_gaussian(rng, 50.0)
+    y, _, there = a_gaussian(rng, 100.0)
+    if outside:
+        y = y + 20 * KM
+        there = there._replace(mean=Point(*y))
+    leg = kernel.leg_between(here, there, 3.0)
+    row, far = look_around(nearby, here.mean, there.mean, max(leg.far_here, leg.far_there))
+    kept = {int(j) for j in nearby.order[row][nearby.gap[row] < far]}
+    assert sorted(nearby.order[row]) == list(range(count))
+    for j, (normals, offsets) in enumerate(polygon_faces(obstacles)):
+        beyond = np.minimum(normals @ x, normals @ y) - offsets
+        assert j in kept or beyond.max() >= max(leg.far_here, leg.far_there)
+
+
+@few
+@given(seeds, st.integers(1, 4))
+def test_runs_left_out_make_r_larger_and_never_smaller(seed, most):
+    rng = np.random.default_rng(seed)
+    obstacles = many_obstacles(rng, 30)
+    bounds = np.array([[0.0, 0.0], [20 * KM, 20 * KM]])
+    bound = PathBound(obstacles, pack_nearby(obstacles, bounds), np.inf, np.inf)
+    x = np.cumsum(np.vstack([rng.uniform(4, 10, 2) * KM, rng.normal(300, 300, (9, 2))]), axis=0)
+    cov = [Cov((150.0 + 80 * t) ** 2, 0.0, (150.0 + 80 * t) ** 2) for t in range(10)]
+    assume(np.isfinite(greedy_risk(bound, x, cov, 30)))
+    assert greedy_risk(bound, x, cov, most) >= greedy_risk(bound, x, cov, 30) * (1 - 1e-6)
+
+
+def greedy_risk(bound, x, cov, most):
+    """What the steps of a path add to R where ``most`` runs are remembered."""
+    memory = PathMemory(np.full((2, most), -1, np.int32), np.empty((2, most, 3), np.float32))
+    before, total = None, 0.0
+    for t in range(len(x)):
+        here = Gaussian(Point(*x[t]), cov[t])
+        leg = kernel.leg_between(before, here, 5.0) if before else kernel.leg_of_start(here, 5.0)
+        _, more = kernel.pass_obstacles(bound, leg, memory, (t + 1) % 2, memory, t % 2)
+        before, total = here, total + more
+        assert (memory.face[t % 2] >= 0).sum() <= most
+    return total

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import shapely
@@ -10,7 +12,7 @@ from hypothesis import strategies as st
 
 from pareto_ltl.kernels import geometry
 from pareto_ltl.kernels.data import Point
-from pareto_ltl.planning.pack import pack_cells, pack_faces
+from pareto_ltl.planning.pack import pack_barriers, pack_cells, pack_faces, pack_nearby
 from pareto_ltl.world import cells as workspace
 from problems import KM, box, two_goals
 from strategies import convex_polygons, lattice_scenes, scenes
@@ -153,7 +155,9 @@ def test_sliding_along_a_face_and_touching_a_corner_is_no_hit():
 
 
 def test_a_map_without_obstacles_stops_nothing():
-    assert not geometry.segment_touches(pack_faces([]), Point(0.0, 0.0), Point(KM, KM))
+    none = pack_faces([])
+    nearby = pack_nearby(none, np.array([[0.0, 0.0], [KM, KM]]))
+    assert not geometry.segment_touches(none, nearby, Point(0.0, 0.0), Point(KM, KM))
 
 
 @some
@@ -161,11 +165,12 @@ def test_a_map_without_obstacles_stops_nothing():
 def test_many_points_and_segments_are_answered_as_one_by_one(scene, seed):
     decomposition, cells = tables(scene)
     obstacles = pack_faces(decomposition.obstacles)
+    nearby = pack_nearby(pack_barriers(replace(scene, border="wall"), obstacles), scene.bounds)
     segments = np.random.default_rng(seed).uniform(-100, 1100, (30, 4))
     touched = geometry.segments_touch(obstacles, segments)
     found = geometry.locate_cells(cells, np.ascontiguousarray(segments[:, :2]))
     for i, s in enumerate(segments):
-        assert touched[i] == geometry.segment_touches(obstacles, Point(*s[:2]), Point(*s[2:]))
+        assert touched[i] == geometry.segment_touches(obstacles, nearby, Point(*s[:2]), Point(*s[2:]))
         assert touched[i] == any(hits_part(obstacles, j, s) for j in range(len(decomposition.obstacles)))
         assert found[i] == geometry.locate_cell(cells, Point(*s[:2]))
 

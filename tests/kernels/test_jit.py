@@ -34,10 +34,10 @@ CHOSEN_BY = {
     "law": {"advance", "forget", "fix_missed", "note_linear_law", "note_fix"},
     "mission": {"plant_mission", "appraise_mission", "keep_mission"},
     "collision": {
-        "plant_collision", "appraise_collision", "keep_collision", "keep_covariance", "collision_column",
+        "plant_collision", "appraise_collision", "keep_collision", "collision_column",
         "largest_risk", "judge_candidate", "step_allowed",
     },
-    "rule": {"improves", "collision_limit"},
+    "rule": {"improves", "collision_limit", "rank_parent", "put_first"},
     "draws": {"meet_winds"},
     "pilot": {"begin_flights", "command"},
 }  # fmt: skip

@@ -10,10 +10,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.special import ndtr
 
-from pareto_ltl.kernels import collision_risk as kernel
+from pareto_ltl.kernels import path_collision as kernel
+from pareto_ltl.kernels.data import Faces
 from pareto_ltl.kernels.geometry import SLACK
 from pareto_ltl.kernels.path_collision import collision_bound
 from pareto_ltl.planning.evaluate import collision_risk, propagate
+from pareto_ltl.planning.pack import pack_faces, pack_nearby
 from pareto_ltl.settings import PlannerConfig, RobotConfig
 from pareto_ltl.verify.gaussians import Convex, growing, path_bound
 from problems import KM, along, box, make_problem, make_scene, polygon_faces, three_columns, two_goals
@@ -41,7 +43,16 @@ def turned():
 def bound_of(problem, x, cov, reflect=kernel.REFLECT, cross=ALONE):
     """R of means (T+1, 2) and rows (xx, xy, yy)."""
     path = kernel.GaussianPath(np.ascontiguousarray(x), np.ascontiguousarray(cov), cross, reflect)
-    return collision_bound(problem.obstacles, path)
+    bound = problem.world.collision
+    return collision_bound(bound.barriers, bound.nearby, path)
+
+
+def many_obstacles(rng, count):
+    """Triangles all over the map of two goals."""
+    middle = rng.uniform(0, 20 * KM, (count, 1, 2))
+    angle = np.sort(rng.uniform(0, 2 * np.pi, (count, 1)) + 2 * np.pi * np.arange(3) / 3, axis=1)
+    corners = middle + 300 * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+    return pack_faces(list(corners))
 
 
 def run_cost(normals, offsets, x, cov, reflect):
@@ -180,3 +191,22 @@ def test_long_paths_cost_what_the_judge_finds(problem, seed, steps):
     for reflect, grows in allowed.items():
         found = bound_of(problem, x, three_columns(cov), reflect, cross)
         assert min(found, 1.0) == pytest.approx(path_bound(parts, x, cov, grows), rel=1e-9, abs=1e-300)
+
+
+@few
+@given(seeds, st.integers(1, 40))
+def test_r_of_many_obstacles_is_the_sum_of_each_alone(seed, count):
+    rng = np.random.default_rng(seed)
+    obstacles = many_obstacles(rng, count)
+    bounds = np.array([[0.0, 0.0], [20 * KM, 20 * KM]])
+    x = np.cumsum(np.vstack([rng.uniform(4, 16, 2) * KM, rng.normal(300, 800, (9, 2))]), axis=0)
+    cov = np.tile([200.0**2, 0.0, 200.0**2], (10, 1)) * np.linspace(0.1, 1, 10)[:, None]
+    path = kernel.GaussianPath(x, cov, ALONE, kernel.REFLECT)
+    alone = 0.0
+    for normals, offsets in polygon_faces(obstacles):
+        one = Faces(np.array([0, len(offsets)]), np.ascontiguousarray(normals), np.ascontiguousarray(offsets))
+        everywhere = pack_nearby(one, bounds)
+        everywhere = everywhere._replace(gap=np.full_like(everywhere.gap, -np.inf))
+        alone += collision_bound(one, everywhere, path)
+    found = collision_bound(obstacles, pack_nearby(obstacles, bounds), path)
+    assert found == pytest.approx(alone, rel=1e-12, abs=1e-13)

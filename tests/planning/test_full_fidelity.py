@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 from numpy.random import SeedSequence
 
-from pareto_ltl.kernels.collision_risk import REFLECT, GaussianPath
-from pareto_ltl.kernels.path_collision import collision_bound
+from pareto_ltl.kernels.path_collision import REFLECT, GaussianPath, collision_bound
 from pareto_ltl.planning import growth, selection
 from pareto_ltl.planning.evaluate import evaluate_path
 from pareto_ltl.planning.growth import GrowthOptions
@@ -62,7 +61,7 @@ def test_every_vertex_costs_what_the_exact_evaluation_says(task, forest):
             assert path.q[-1] == tree.q[v]
             assert path.objectives.length == pytest.approx(tree.length[v], rel=1e-9)
             flown = GaussianPath(path.x, three_columns(path.cov), unasked, REFLECT)
-            least = collision_bound(task.obstacles, flown)
+            least = collision_bound(task.barriers, task.world.collision.nearby, flown)
             assert least <= tree.risk[v, 1] * (1 + 1e-5) + 1e-5
             if task.automaton.accepting[path.q[-1]]:
                 assert path.objectives.mission_risk == pytest.approx(tree.risk[v, 0], abs=1e-6)

@@ -248,23 +248,10 @@ def test_parts_of_an_outline_tile_it(corners):
 
 @given(convex_polygons(centre=(500, 500), most=450, corners=150))
 @some
-def test_a_round_obstacle_is_cut_into_parts_of_at_most_32_faces(corners):
+def test_a_convex_obstacle_stays_whole(corners):
     made = workspace.decompose(room([corners], side=1000.0, a=box(0, 0, 1, 1)))
-    assert max(len(p) for p in made.obstacles) <= 32
-    assert len(made.obstacles) == max(1, np.ceil((len(corners) - 2) / 30))  # a diagonal adds two faces
-    assert sum(p.area for p in polygons(made.obstacles)) == pytest.approx(
-        shapely.Polygon(corners).area, rel=1e-9
-    )
-
-
-def test_a_convex_obstacle_of_32_faces_stays_whole():
-    angles = np.arange(32) * np.pi / 16
-    circle = 5 + np.stack([np.cos(angles), np.sin(angles)], axis=1)
-    made = workspace.decompose(room([circle], a=box(8, 8, 9, 9)))
-    assert len(made.obstacles) == 1
-    np.testing.assert_allclose(
-        shapely.normalize(shapely.Polygon(made.obstacles[0])).area, 3.1214451, rtol=1e-7
-    )
+    assert [len(p) for p in made.obstacles] == [len(corners)]
+    assert polygons(made.obstacles)[0].area == pytest.approx(shapely.Polygon(corners).area, rel=1e-9)
 
 
 def test_an_obstacle_within_another_is_dropped_and_overlapping_ones_stay():

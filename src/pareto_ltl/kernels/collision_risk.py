@@ -1,11 +1,9 @@
-"""Bounds on the probability of meeting an obstacle: at each step, and on whole paths (R)."""
+"""Bounds on the probability of meeting an obstacle: at each step, and what the steps add to R."""
 
 from __future__ import annotations
 
 import math
 from typing import NamedTuple
-
-import numpy as np
 
 from pareto_ltl.kernels.data import (
     CollisionBound,
@@ -13,59 +11,18 @@ from pareto_ltl.kernels.data import (
     Cov,
     Faces,
     Gaussian,
+    Nearby,
     PathBound,
     PathMemory,
     StepBound,
-    StepMemory,
 )
-from pareto_ltl.kernels.gaussian import SQRT_HALF, tail, variance_along
-from pareto_ltl.kernels.geometry import SLACK
-from pareto_ltl.kernels.jit import allocating, by_type, implements, inlined, kernel
-from pareto_ltl.support.arrays import FloatArray, IntArray
+from pareto_ltl.kernels.gaussian import tail, variance_along
+from pareto_ltl.kernels.geometry import look_around
+from pareto_ltl.kernels.jit import by_type, implements, inlined, kernel
 
 # Standard deviations beyond which an obstacle, at below 3e-7, is not looked at (growth runs a sixth
-# faster than with seven). R of a finished path leaves nothing out.
+# faster than with seven).
 FAR_DEVIATIONS = 5.0
-
-
-# --- at each step, Eqs. (9) and (10) ----------------------------------------------------------
-
-
-@kernel
-def clear_faces(obstacles: Faces, z: float, here: Gaussian, cleared: IntArray, row: int) -> bool:
-    """Bit k of ``cleared[row, j]``: face k of obstacle j is cleared, c' x - d >= z √(c' Σ c), Eq. (10).
-
-    Returns False at the first obstacle without a cleared face: the position breaks Eq. (9).
-    """
-    ptr, normal, offset = obstacles.ptr, obstacles.normal, obstacles.offset
-    for j in range(len(ptr) - 1):
-        mask = 0
-        for k in range(ptr[j], ptr[j + 1]):
-            nx, ny = normal[k, 0], normal[k, 1]
-            gap = nx * here.mean.x + ny * here.mean.y - offset[k]
-            if (gap >= 0.0 or z < 0.0) and gap >= z * math.sqrt(variance_along(nx, ny, here.cov)):
-                mask |= 1 << (k - ptr[j])
-        if mask == 0:
-            return False
-        cleared[row, j] = mask
-    return True
-
-
-# --- along a path -----------------------------------------------------------------------------
-
-
-@inlined
-def largest_sd(cov: Cov) -> float:
-    """An upper bound of the largest standard deviation (Gershgorin) [m]."""
-    return math.sqrt(max(cov.xx, cov.yy) + abs(cov.xy))
-
-
-@inlined
-def run_cost(total: float, least: float, widest: float) -> float:
-    """min(Σ p, 2 Φ(-least / √widest)) of one run."""
-    if total <= 0.0 or widest <= 0.0:
-        return total
-    return min(total, 2.0 * tail(least, widest))
 
 
 class Leg(NamedTuple):
@@ -77,53 +34,158 @@ class Leg(NamedTuple):
     far_there: float
 
 
+@inlined
+def largest_sd(cov: Cov) -> float:
+    """An upper bound of the largest standard deviation (Gershgorin) [m]."""
+    return math.sqrt(max(cov.xx, cov.yy) + abs(cov.xy))
+
+
+@kernel
+def leg_between(here: Gaussian, there: Gaussian, deviations: float) -> Leg:
+    """The step from ``here`` to ``there``; ``deviations`` are those that count as far."""
+    return Leg(here, there, deviations * largest_sd(here.cov), deviations * largest_sd(there.cov))
+
+
+@kernel
+def leg_of_start(here: Gaussian, deviations: float) -> Leg:
+    """The start as a step on the spot, whose risk counts once: before it there was nothing."""
+    return Leg(here, here, -math.inf, deviations * largest_sd(here.cov))
+
+
+# --- at each step, Eqs. (9) and (10) ----------------------------------------------------------
+
+
+@kernel
+def step_is_clear(bound: StepBound, here: Gaussian, there: Gaussian) -> bool:
+    """Whether one face of every obstacle is cleared, c' x - d >= z √(c' Σ c) of Eq. (10), at both ends.
+
+    Then both ends satisfy Eq. (9), and the segment between their means meets no obstacle.
+    """
+    ptr, z = bound.barriers.ptr, bound.z
+    leg, nearby = leg_between(here, there, max(z, 0.0)), bound.nearby
+    row, far = look_around(nearby, here.mean, there.mean, max(leg.far_here, leg.far_there))
+    for i in range(nearby.order.shape[1]):
+        if nearby.gap[row, i] >= far:
+            break
+        j, clear = nearby.order[row, i], False
+        for k in range(ptr[j], ptr[j + 1]):
+            if clears_face(bound, k, there) and clears_face(bound, k, here):
+                clear = True
+                break
+        if not clear:
+            return False
+    return True
+
+
+@kernel
+def clears_face(bound: StepBound, k: int, here: Gaussian) -> bool:
+    """Whether a position is outside face k with the probability that Eq. (10) asks for."""
+    nx, ny, z = bound.barriers.normal[k, 0], bound.barriers.normal[k, 1], bound.z
+    gap = nx * here.mean.x + ny * here.mean.y - bound.barriers.offset[k]
+    return bool((gap >= 0.0 or z < 0.0) and gap >= z * math.sqrt(variance_along(nx, ny, here.cov)))
+
+
+# --- along a path -----------------------------------------------------------------------------
+
+
+class Run(NamedTuple):
+    """Steps in a row with one separating face: Σ p, least gap [m], largest variance [m²]."""
+
+    face: int
+    total: float
+    least: float
+    widest: float
+
+
+@inlined
+def run_cost(run: Run) -> float:
+    """min(Σ p, 2 Φ(-least / √widest))."""
+    if run.total <= 0.0 or run.widest <= 0.0:
+        return run.total
+    return min(run.total, 2.0 * tail(run.least, run.widest))
+
+
+@kernel
+def run_of(nearby: Nearby, memory: PathMemory, row: int, j: int) -> Run:
+    """The run of polygon ``j`` in a row of ``memory``; its face is -1 where none costs anything."""
+    face, total, least, widest = -1, 0.0, 0.0, 0.0
+    for i in range(memory.face.shape[1]):
+        if memory.face[row, i] < 0:
+            break
+        if nearby.owner[memory.face[row, i]] == j:
+            face, total = memory.face[row, i], memory.run[row, i, 0]
+            least, widest = memory.run[row, i, 1], memory.run[row, i, 2]
+            break
+    return Run(face, total, least, widest)
+
+
+@kernel
+def note_run(memory: PathMemory, row: int, kept: int, run: Run) -> int:
+    """Store a run behind the ``kept`` ones of a row, or in place of the cheapest; how many there are then.
+
+    A run that is left out begins anew at the next step, so that R may be larger and is never smaller.
+    """
+    most = memory.face.shape[1]
+    at = kept
+    if kept == most:
+        at = 0
+        for i in range(1, most):
+            if memory.run[row, i, 0] < memory.run[row, at, 0]:
+                at = i
+        if memory.run[row, at, 0] >= run.total:
+            return kept
+    memory.face[row, at] = run.face
+    memory.run[row, at, 0], memory.run[row, at, 1] = run.total, run.least
+    memory.run[row, at, 2] = run.widest
+    return kept + 1 if kept < most else most
+
+
 @kernel
 def pass_obstacles(
-    obstacles: Faces, here: Gaussian, there: Gaussian, last: PathMemory, before: int, new: PathMemory,
-    now: int,
-) -> tuple[float, float]:  # fmt: skip
-    """Risk at the end of a step from ``here`` to ``there``, and what R of the path grows by.
+    bound: PathBound, leg: Leg, last: PathMemory, before: int, new: PathMemory, now: int
+) -> tuple[float, float]:
+    """Risk at the end of a step, and what R of the path grows by.
 
     Both ends must lie beyond one face of every obstacle; the steps in a row that have the same face are a
     run, and a run costs min(Σ p, 2 Φ(-least gap / largest σ)). Of the faces that serve the step the one
-    that adds least is taken. Row ``now`` of ``new.face`` and ``new.run`` gets them; row ``before`` of
-    ``last`` is that of the step before. The first figure is Σ_j p_tj <= epsilon, inf where an obstacle
+    that adds least is taken. Row ``now`` of ``new`` gets the runs that cost something; row ``before`` of
+    ``last`` has those of the step before. The first figure is Σ_j p_tj <= epsilon, inf where an obstacle
     has no common face.
     """
-    leg = Leg(here, there, FAR_DEVIATIONS * largest_sd(here.cov), FAR_DEVIATIONS * largest_sd(there.cov))
-    normal, offset = obstacles.normal, obstacles.offset
-    at_step, grows = 0.0, 0.0
-    for j in range(len(obstacles.ptr) - 1):
-        old = last.face[before, j]
-        if old >= 0:
-            ahead = normal[old, 0] * there.mean.x + normal[old, 1] * there.mean.y - offset[old]
-            if ahead >= leg.far_there and ahead >= 0.0:
-                new.face[now, j] = old
-                for i in range(3):
-                    new.run[now, j, i] = last.run[before, j, i]
+    faces, nearby = bound.barriers, bound.nearby
+    row, far = look_around(nearby, leg.here.mean, leg.there.mean, max(leg.far_here, leg.far_there))
+    at_step, grows, kept = 0.0, 0.0, 0
+    for i in range(nearby.order.shape[1]):
+        if nearby.gap[row, i] >= far:
+            break
+        j = int(nearby.order[row, i])
+        old = run_of(nearby, last, before, j)
+        if old.face >= 0:
+            k = old.face
+            ahead = faces.normal[k, 0] * leg.there.mean.x + faces.normal[k, 1] * leg.there.mean.y
+            if ahead - faces.offset[k] >= max(leg.far_there, 0.0):
+                kept = note_run(new, now, kept, old)
                 continue
-        own, cost = pass_obstacle(obstacles, j, leg, last, before, new, now)
+        own, cost, run = pass_obstacle(faces, j, leg, old)
         if cost == math.inf:
             return math.inf, math.inf
         at_step += own
         grows += cost
+        if run.total > 0.0:
+            kept = note_run(new, now, kept, run)
+    if kept < new.face.shape[1]:
+        new.face[now, kept] = -1
     return at_step, grows
 
 
 @kernel
-def pass_obstacle(
-    obstacles: Faces, j: int, leg: Leg, last: PathMemory, before: int, new: PathMemory, now: int
-) -> tuple[float, float]:
-    """The face of obstacle ``j`` that adds least to R: its risk at the end of the step, and what it adds."""
+def pass_obstacle(faces: Faces, j: int, leg: Leg, old: Run) -> tuple[float, float, Run]:
+    """The run past obstacle ``j`` that adds least to R: risk at the end of the step, what it adds, run."""
     x0, y0 = leg.here.mean
     x1, y1 = leg.there.mean
-    old, total, least, widest = last.face[before, j], 0.0, 0.0, 0.0
-    if old >= 0:
-        total, least = float(last.run[before, j, 0]), float(last.run[before, j, 1])
-        widest = float(last.run[before, j, 2])
-    best, own = math.inf, 0.0
-    for k in range(obstacles.ptr[j], obstacles.ptr[j + 1]):
-        nx, ny, d = obstacles.normal[k, 0], obstacles.normal[k, 1], obstacles.offset[k]
+    best, own, chosen = math.inf, 0.0, old
+    for k in range(faces.ptr[j], faces.ptr[j + 1]):
+        nx, ny, d = faces.normal[k, 0], faces.normal[k, 1], faces.offset[k]
         here, there = nx * x0 + ny * y0 - d, nx * x1 + ny * y1 - d
         if here < 0.0 or there < 0.0:
             continue
@@ -131,22 +193,21 @@ def pass_obstacle(
         if there < leg.far_there or leg.far_there <= 0.0:
             v = variance_along(nx, ny, leg.there.cov)
             p = tail(there, v)
-        if old >= 0 and k == old:
-            s, g, w = total + p, min(least, there) if v > 0.0 else least, max(widest, v)
-            cost = run_cost(s, g, w) - run_cost(total, least, widest)
+        if k == old.face:
+            least = min(old.least, there) if v > 0.0 else old.least
+            run = Run(int(k), old.total + p, least, max(old.widest, v))
+            cost = run_cost(run) - run_cost(old)
         else:
-            s, g, w = p, there if v > 0.0 else math.inf, v
-            if old >= 0 and here < leg.far_here:
+            run = Run(int(k), p, there if v > 0.0 else math.inf, v)
+            if here < leg.far_here:
                 u = variance_along(nx, ny, leg.here.cov)
-                s, g, w = s + tail(here, u), min(g, here), max(w, u)
-            cost = s  # of two terms 2 Φ(-least / √widest) is never less
+                run = Run(int(k), p + tail(here, u), min(run.least, here), max(v, u))
+            cost = run.total  # of two terms 2 Φ(-least / √widest) is never less
         if cost < best:
-            best, own = cost, p
-            new.face[now, j] = k
-            new.run[now, j, 0], new.run[now, j, 1], new.run[now, j, 2] = s, g, w
+            best, own, chosen = cost, p, run
             if cost == 0.0:
                 break
-    return own, best
+    return own, best, chosen
 
 
 # --- the constraint on a step of a given path -------------------------------------------------
@@ -164,96 +225,15 @@ def step_allowed(
 
 
 @implements(step_allowed, StepBound)
-def _step_keeps_faces(bound: StepBound, memory: StepMemory, t: int, before: Gaussian, here: Gaussian) -> bool:
-    cleared, now = memory.cleared, t % 2
-    if not clear_faces(bound.barriers, bound.z, here, cleared, now):
-        return False
-    if t > 0:
-        for j in range(cleared.shape[1]):
-            if cleared[now, j] & cleared[1 - now, j] == 0:
-                return False
-    return True
+def _step_keeps_faces(bound: StepBound, memory: None, t: int, before: Gaussian, here: Gaussian) -> bool:
+    return step_is_clear(bound, before, here)
 
 
 @implements(step_allowed, PathBound)
 def _step_keeps_epsilon(
     bound: PathBound, memory: PathMemory, t: int, before: Gaussian, here: Gaussian
 ) -> bool:
-    risk, _ = pass_obstacles(bound.barriers, before, here, memory, (t + 1) % 2, memory, t % 2)
+    start = t == 0
+    leg = leg_of_start(here, FAR_DEVIATIONS) if start else leg_between(before, here, FAR_DEVIATIONS)
+    risk, _ = pass_obstacles(bound, leg, memory, (t + 1) % 2, memory, t % 2)
     return risk <= bound.epsilon
-
-
-# --- R of a whole path ------------------------------------------------------------------------
-
-SUM_ONLY, REFLECT, REFLECT_WHERE_GROWING = range(3)  # when the form 2 Φ may be used
-
-
-class GaussianPath(NamedTuple):
-    """Means ``x`` (T+1, 2), covariances ``cov`` (T+1, 3) = (xx, xy, yy); ``reflect`` says when the form
-    2 Φ holds, ``cross`` (T+1, T+1, 2, 2) = Cov(e_t, e_s) decides where it is not known beforehand."""
-
-    x: FloatArray
-    cov: FloatArray
-    cross: FloatArray
-    reflect: int
-
-
-@allocating
-def collision_bound(obstacles: Faces, path: GaussianPath) -> float:
-    """R = Σ over (obstacle, run of steps with one separating face) of min(Σ_t p_t, 2 Φ(-min d / max σ)), not
-    cut at 1.
-
-    Runs overlap in the step where the face changes, because both ends of every step must clear one face;
-    the cheapest division into runs is found by dynamic programming over the steps. The second form holds
-    while Cov(e_s, e_t) >= Var e_s for s <= t along the normal of the face: always where A - K = I under the
-    independent law, and otherwise where ``path.cross`` says so.
-    """
-    total = 0.0
-    cheapest = np.empty(len(path.x))
-    for j in range(len(obstacles.ptr) - 1):
-        cheapest[:] = math.inf
-        for s in range(len(path.x)):
-            before = 0.0 if s == 0 else cheapest[s]
-            if before < 1.0:
-                _runs_from(obstacles, j, path, s, before, cheapest)
-        total += min(cheapest[-1], 1.0)
-    return total
-
-
-@kernel
-def _runs_from(
-    obstacles: Faces, j: int, path: GaussianPath, s: int, before: float, cheapest: FloatArray
-) -> None:
-    """Lower ``cheapest[t]``, the cost of steps 0 to t, by runs that begin at step s."""
-    ptr, normal, offset = obstacles.ptr, obstacles.normal, obstacles.offset
-    x, cov = path.x, path.cov
-    for k in range(ptr[j], ptr[j + 1]):
-        nx, ny = normal[k, 0], normal[k, 1]
-        least, widest, total, grows = math.inf, 0.0, 0.0, path.reflect > 0
-        for t in range(s, len(x)):
-            gap = nx * x[t, 0] + ny * x[t, 1] - offset[k]
-            if gap < -SLACK:
-                break
-            v = nx * nx * cov[t, 0] + 2.0 * nx * ny * cov[t, 1] + ny * ny * cov[t, 2]
-            least, widest = min(least, gap), max(widest, v)
-            if v > 0.0:
-                total += 0.5 * math.erfc(SQRT_HALF * gap / math.sqrt(v))
-            cost = total
-            if path.reflect == REFLECT_WHERE_GROWING and grows and t > s:
-                grows = _grows(path.cross, s, t, nx, ny)
-            if grows and widest > 0.0:
-                cost = min(cost, math.erfc(SQRT_HALF * least / math.sqrt(widest)))
-            if t > s or len(x) == 1:
-                cheapest[t] = min(cheapest[t], before + cost)
-
-
-@kernel
-def _grows(cross: FloatArray, s: int, t: int, nx: float, ny: float) -> bool:
-    """Whether n' Cov(e_t, e_r) n >= n' Var(e_r) n for all r from s to t."""
-    for r in range(s, t):
-        both = nx * nx * cross[t, r, 0, 0] + nx * ny * (cross[t, r, 0, 1] + cross[t, r, 1, 0])
-        both += ny * ny * cross[t, r, 1, 1]
-        own = nx * nx * cross[r, r, 0, 0] + 2.0 * nx * ny * cross[r, r, 0, 1] + ny * ny * cross[r, r, 1, 1]
-        if both < own * (1.0 - 1e-9):
-            return False
-    return True

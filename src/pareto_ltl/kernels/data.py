@@ -75,6 +75,24 @@ class Faces(NamedTuple):
     offset: FloatArray
 
 
+class Nearby(NamedTuple):
+    """Which of the polygons in :class:`Faces` are near a place, by a grid of squares over the map.
+
+    ``order`` (B, m) lists the m polygons of square i * rows + j, ``gap`` (B, m) how far the square's middle
+    lies beyond that of their faces which it is farthest beyond [m], ascending and rounded down; ``owner``
+    (F,) is the polygon of a face.
+    """
+
+    west: float
+    south: float
+    side: float
+    columns: int
+    rows: int
+    order: Int32Array
+    gap: Float32Array
+    owner: Int32Array
+
+
 class Corners(NamedTuple):
     """Polygons as corners ``corner[ptr[k]:ptr[k + 1]]``, counter-clockwise, each within ``radius`` of
     ``middle`` (L, 2); ``cell`` (L,) are their numbers."""
@@ -319,12 +337,10 @@ class Letters(NamedTuple):
 
 
 class OrderedMemory(NamedTuple):
-    """``rows`` of V; ``cov`` (N, 3) of each vertex, without rows where no cell is a hazard. Of two scratch
-    rows ``same`` (2,) is the tree's row that V is equal to, -1 where the entries are its own; ``letters`` is
-    scratch too, None in trees."""
+    """``rows`` of V. Of two scratch rows ``same`` (2,) is the tree's row that V is equal to, -1 where the
+    entries are its own; ``letters`` is scratch too, None in trees."""
 
     rows: LiveRows
-    cov: FloatArray
     same: IntArray
     letters: Any
 
@@ -337,37 +353,32 @@ MissionBound: TypeAlias = Theorem2 | Ordered
 
 class StepBound(NamedTuple):
     """Eqs. (9) and (10): equal shares of epsilon for the m barriers (obstacles and walls); ``z`` is the
-    quantile of 1 - epsilon / m."""
+    quantile of 1 - epsilon / m. Nothing is remembered (None)."""
 
     barriers: Faces
+    nearby: Nearby
     z: float
-
-
-class StepMemory(NamedTuple):
-    """``cleared`` (N, m): bit k says that face k of the obstacle is cleared."""
-
-    cleared: IntArray
 
 
 class PathBound(NamedTuple):
     """R of whole paths: ``epsilon`` allowed at a step by all barriers together, ``delta`` on a path."""
 
     barriers: Faces
+    nearby: Nearby
     epsilon: float
     delta: float
 
 
 class PathMemory(NamedTuple):
-    """``cov`` (N, 3) of each vertex; ``face`` (N, m) that separates the step to it, -1 for none; ``run``
-    (N, m, 3): Σ p, least gap and largest variance of the steps in a row with this face."""
+    """Runs that cost something, up to K a row: ``face`` (N, K) that separates the steps of each, -1 after
+    the last; ``run`` (N, K, 3): Σ p, least gap and largest variance of the steps in a row with this face."""
 
-    cov: FloatArray
     face: Int32Array
     run: Float32Array
 
 
 CollisionBound: TypeAlias = StepBound | PathBound
-CollisionMemory: TypeAlias = StepMemory | PathMemory
+CollisionMemory: TypeAlias = PathMemory | None
 
 
 class World(NamedTuple):

@@ -22,6 +22,7 @@ from pareto_ltl.kernels.data import (
     Logic,
     Modes,
     Motion,
+    Nearby,
     Point,
 )
 from pareto_ltl.kernels.fixes import landmark_at
@@ -304,11 +305,13 @@ def fly_batch(motion: Motion, draws: Draws, pilot: Pilot, x: FloatArray, met: Fl
 
 
 class Judge(NamedTuple):
-    """What decides about a flight: cells (with the bounds of the map) and automaton, obstacles."""
+    """What decides about a flight: cells (with the bounds of the map) and automaton, obstacles and, by where
+    it is, those near it."""
 
     cells: Cells
     logic: Logic
     obstacles: Faces
+    nearby: Nearby
 
 
 class Outcome(NamedTuple):
@@ -331,7 +334,7 @@ def judge_batch(judge: Judge, outcome: Outcome) -> None:
         collided, outside = False, off_map(judge.cells, at)
         for t in range(1, x.shape[1]):
             there = Point(x[i, t, 0], x[i, t, 1])
-            collided = collided or segment_touches(judge.obstacles, at, there)
+            collided = collided or segment_touches(judge.obstacles, judge.nearby, at, there)
             outside = outside or off_map(judge.cells, there)
             last = locate_cell(judge.cells, there)
             q = next_state(judge.cells, logic, q, at, cell, there, last)

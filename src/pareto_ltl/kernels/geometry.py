@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from pareto_ltl.kernels.data import Cells, Faces, Point
+from pareto_ltl.kernels.data import Cells, Faces, Nearby, Point
 from pareto_ltl.kernels.jit import allocating, kernel
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 
@@ -83,10 +83,31 @@ def segment_hits(faces: Faces, part: int, start: Point, end: Point) -> bool:
 
 
 @kernel
-def segment_touches(obstacles: Faces, start: Point, end: Point) -> bool:
-    """Whether a segment meets any obstacle."""
-    for j in range(len(obstacles.ptr) - 1):  # noqa: SIM110 (numba has no generator expressions)
-        if segment_hits(obstacles, j, start, end):
+def look_around(nearby: Nearby, start: Point, end: Point, reach: float) -> tuple[int, float]:
+    """The row of ``nearby`` to look at for a segment, and the ``gap`` from which on polygons are farther from
+    it than ``reach`` [m].
+
+    The largest gap to a polygon's faces is 1-Lipschitz. So a polygon of that gap has one face beyond which
+    both ends of the segment lie by ``reach``.
+    """
+    dx, dy = end.x - start.x, end.y - start.y
+    mx, my = start.x + 0.5 * dx - nearby.west, start.y + 0.5 * dy - nearby.south
+    i = min(max(int(mx / nearby.side), 0), nearby.columns - 1)
+    j = min(max(int(my / nearby.side), 0), nearby.rows - 1)
+    mx, my = mx - (i + 0.5) * nearby.side, my - (j + 0.5) * nearby.side
+    beyond = 0.5 * math.sqrt(dx * dx + dy * dy) + math.sqrt(mx * mx + my * my)
+    return i * nearby.rows + j, reach + beyond
+
+
+@kernel
+def segment_touches(obstacles: Faces, nearby: Nearby, start: Point, end: Point) -> bool:
+    """Whether a segment meets any obstacle. In ``nearby`` other polygons may follow the obstacles."""
+    row, far = look_around(nearby, start, end, SLACK)
+    for i in range(nearby.order.shape[1]):
+        if nearby.gap[row, i] >= far:
+            break
+        j = nearby.order[row, i]
+        if j < len(obstacles.ptr) - 1 and segment_hits(obstacles, j, start, end):
             return True
     return False
 
@@ -102,9 +123,12 @@ def locate_cells(cells: Cells, points: FloatArray) -> IntArray:
 
 @allocating
 def segments_touch(obstacles: Faces, segments: FloatArray) -> BoolArray:
-    """:func:`segment_touches` for every row (x0, y0, x1, y1) of ``segments`` (S, 4)."""
-    found = np.empty(len(segments), np.bool_)
+    """Whether each segment, a row (x0, y0, x1, y1) of ``segments`` (S, 4), meets any obstacle."""
+    found = np.zeros(len(segments), np.bool_)
     for i in range(len(segments)):
-        s = segments[i]
-        found[i] = segment_touches(obstacles, Point(s[0], s[1]), Point(s[2], s[3]))
+        start, end = Point(segments[i, 0], segments[i, 1]), Point(segments[i, 2], segments[i, 3])
+        for j in range(len(obstacles.ptr) - 1):
+            if segment_hits(obstacles, j, start, end):
+                found[i] = True
+                break
     return found

@@ -7,15 +7,27 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pareto_ltl.kernels.collision_risk import REFLECT, SUM_ONLY, GaussianPath
-from pareto_ltl.kernels.data import Faces, Point
+from pareto_ltl.kernels.collision_risk import leg_between
+from pareto_ltl.kernels.data import Cov, Faces, Gaussian, Nearby, Point
 from pareto_ltl.kernels.gaussian import SQRT_HALF, tail
-from pareto_ltl.kernels.geometry import SLACK
-from pareto_ltl.kernels.jit import allocating, kernel
-from pareto_ltl.support.arrays import FloatArray, IntArray
+from pareto_ltl.kernels.geometry import SLACK, look_around
+from pareto_ltl.kernels.jit import allocating, inlined, kernel
+from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 
+ALL_DEVIATIONS = 8.3  # below 1e-16: nothing is left out
+SUM_ONLY, REFLECT, REFLECT_WHERE_GROWING = range(3)  # when the form 2 Φ may be used
 UNKNOWN = -2  # whether the variance grows up to a step has not been looked into
 ROUNDING = 1e-9  # by which sums in another order may differ, as a share
+
+
+class GaussianPath(NamedTuple):
+    """Means ``x`` (T+1, 2), covariances ``cov`` (T+1, 3) = (xx, xy, yy); ``reflect`` says when the form
+    2 Φ holds, ``cross`` (T+1, T+1, 2, 2) = Cov(e_t, e_s) decides where it is not known beforehand."""
+
+    x: FloatArray
+    cov: FloatArray
+    cross: FloatArray
+    reflect: int
 
 
 class Beside(NamedTuple):
@@ -31,7 +43,7 @@ class Beside(NamedTuple):
 
 
 @allocating
-def collision_bound(obstacles: Faces, path: GaussianPath) -> float:
+def collision_bound(obstacles: Faces, nearby: Nearby, path: GaussianPath) -> float:
     """R = Σ over (obstacle, run of steps with one separating face) of min(Σ_t p_t, 2 Φ(-min d / max σ)), not
     cut at 1.
 
@@ -41,8 +53,11 @@ def collision_bound(obstacles: Faces, path: GaussianPath) -> float:
     independent law, and otherwise where ``path.cross`` says so.
 
     Sums alone take one pass along the path; what they cost bounds the search for runs that the second form
-    makes cheaper, of which there are as many as pairs of steps.
+    makes cheaper, of which there are as many as pairs of steps. Obstacles that no step comes near cost less
+    than 1e-15 and are not looked at.
     """
+    close = np.zeros(len(obstacles.ptr) - 1, np.bool_)
+    _note_close(nearby, path, close)
     ptr, n, most = obstacles.ptr, len(path.x), 0
     for j in range(len(ptr) - 1):
         most = max(most, ptr[j + 1] - ptr[j])
@@ -52,6 +67,8 @@ def collision_bound(obstacles: Faces, path: GaussianPath) -> float:
     )  # fmt: skip
     cheapest, total = np.empty(n), 0.0
     for j in range(len(ptr) - 1):
+        if not close[j]:
+            continue
         faces = ptr[j + 1] - ptr[j]
         _look_beside(obstacles, ptr[j], faces, path, beside)
         cost = _cost_of_sums(beside, faces)
@@ -68,6 +85,24 @@ def collision_bound(obstacles: Faces, path: GaussianPath) -> float:
             cost = cheapest[-1]
         total += min(cost, 1.0)
     return total
+
+
+@kernel
+def _note_close(nearby: Nearby, path: GaussianPath, close: BoolArray) -> None:
+    """Say of every obstacle whether a step comes near it."""
+    for t in range(len(path.x)):
+        leg = leg_between(_position(path, max(t - 1, 0)), _position(path, t), ALL_DEVIATIONS)
+        row, far = look_around(nearby, leg.here.mean, leg.there.mean, max(leg.far_here, leg.far_there))
+        for i in range(len(close)):
+            if nearby.gap[row, i] >= far:
+                break
+            close[nearby.order[row, i]] = True
+
+
+@inlined
+def _position(path: GaussianPath, t: int) -> Gaussian:
+    x, cov = path.x, path.cov
+    return Gaussian(Point(x[t, 0], x[t, 1]), Cov(cov[t, 0], cov[t, 1], cov[t, 2]))
 
 
 @kernel

@@ -14,7 +14,7 @@ from pareto_ltl.kernels.fixes import fix_missed
 from pareto_ltl.kernels.jit import inlined, kernel
 from pareto_ltl.kernels.letters import next_state
 from pareto_ltl.kernels.neighbours import Bins, bin_of, kd_insert, remember
-from pareto_ltl.kernels.parents import Candidate, collision_limit
+from pareto_ltl.kernels.parents import Candidate, collision_limit, put_first, rank_parent
 from pareto_ltl.kernels.propagation import advance, airspeed, least_airspeed
 from pareto_ltl.kernels.tree_models import (
     Proposal,
@@ -22,7 +22,6 @@ from pareto_ltl.kernels.tree_models import (
     collision_column,
     judge_candidate,
     keep_collision,
-    keep_covariance,
     keep_mission,
     largest_risk,
 )
@@ -41,15 +40,16 @@ TALLIES = 12
 class Vertices(NamedTuple):
     """One row a vertex.
 
-    ``free`` (N, 2) and ``spread`` (N, 3) = (xx, xy, yy) are mean and covariance one step later with zero
-    airspeed: they do not depend on the control, so a child costs no wind look-up. ``speed`` is the airspeed
-    left for the control, ``child`` the two sons in the k-d tree of the vertex's state. ``risk`` holds the
-    objectives beside the length: columns of the mission bound, then of the collision bound. ``memory``,
-    ``mission`` and ``collision`` are what the law and the bounds remember, None or without rows where they
-    need nothing.
+    ``cov`` (N, 3) = (xx, xy, yy) is the covariance of its position. ``free`` (N, 2) and ``spread`` (N, 3)
+    are mean and covariance one step later with zero airspeed: they do not depend on the control, so a child
+    costs no wind look-up. ``speed`` is the airspeed left for the control, ``child`` the two sons in the k-d
+    tree of the vertex's state. ``risk`` holds the objectives beside the length: columns of the mission
+    bound, then of the collision bound. ``memory``, ``mission`` and ``collision`` are what the law and the
+    bounds remember, None or without rows where they need nothing.
     """
 
     x: FloatArray
+    cov: FloatArray
     free: FloatArray
     spread: FloatArray
     length: FloatArray
@@ -75,7 +75,8 @@ class TreeState(NamedTuple):
     lead: IntArray  # (Z,)
     heap: Heap
     bins: Bins  # possible parents, by square and automaton state
-    pool: IntArray  # (near,) scratch: the ones tried
+    pool: IntArray  # (near, 2) scratch: the ones tried, and the automaton state that each leads to
+    ranks: FloatArray  # (near,) scratch: the least is tried first
     swaps: FloatArray  # (S, 2, 2 + columns) record of re-selections, S may be 0
     tally: IntArray  # (TALLIES,)
     stack: FloatArray  # (depth, 4)
@@ -237,7 +238,7 @@ def look_ahead(s: Search, v: int, parent: int, cov: Cov) -> None:
     """Mean and covariance one step after ``v``, whose own covariance is given."""
     tree = s.tree
     step = int(np.int64(tree.step[v]))  # one type, or every helper compiles twice
-    keep_covariance(s.world.collision, tree.collision, v, cov)
+    tree.cov[v, 0], tree.cov[v, 1], tree.cov[v, 2] = cov
     ahead = advance(s.world.law, tree.memory, step, Gaussian(vertex_point(tree, v), cov), parent, v)
     tree.free[v, 0], tree.free[v, 1] = ahead.mean
     tree.speed[v] = ahead.speed
@@ -262,7 +263,7 @@ def file_vertex(s: Search, v: int, rng: Generator) -> None:
 
 @kernel
 def gather_parents(s: Search, there: Point, cell: int, q0: int, rng: Generator) -> int:
-    """Fill ``state.pool`` with possible parents of a vertex; return how many.
+    """Fill column 0 of ``state.pool`` with possible parents of a vertex; return how many.
 
     They come from the squares around it and from automaton states that would read the cell's label as well
     as ``q0`` or better. Where there are more than the pool holds, every (total / pool)-th is taken, from a
@@ -290,7 +291,7 @@ def gather_parents(s: Search, there: Point, cell: int, q0: int, rng: Generator) 
         b = bins.found[k]
         here = min(bins.seen[b], capacity)
         while pick < passed + here and found < len(pool):
-            pool[found] = bins.kept[b, int(pick) - passed]
+            pool[found, 0] = bins.kept[b, int(pick) - passed]
             found += 1
             pick += stride
         passed += here
@@ -306,32 +307,16 @@ def choose_parent(s: Search, first: Proposal, length0: float, rng: Generator) ->
     on entry and the chosen one on return.
     """
     world, tree, state, rule = s.world, s.tree, s.state, s.settings.rule
-    logic, motion, there = world.logic, world.law.motion, first.there.mean
+    logic, there = world.logic, first.there.mean
     proposed, best_row, old_row = int(np.int64(PROPOSED)), int(np.int64(BEST)), int(np.int64(ORIGINAL))
     for i in range(state.risks.shape[1]):
         state.risks[old_row, i] = state.risks[best_row, i]
-    risk = collision_column(world.collision, state.risks, best_row)
-    most = collision_limit(rule, risk, largest_risk(world.collision))
-    longest = length0 + rule.beta_length
     original = Candidate(logic.distance[first.q], length0, old_row)
     best, best_q, best_length = first.parent, first.q, length0
-    for k in range(gather_parents(s, there, first.cell, first.q, rng)):
-        near = state.pool[k]
-        if near == first.parent or collision_column(world.collision, tree.risk, near) > most:
-            continue
+    count = shortlist(s, first, length0, gather_parents(s, there, first.cell, first.q, rng))
+    for k in range(put_first(rule, state.pool, state.ranks, count)):
+        near, q = state.pool[k, 0], state.pool[k, 1]
         length = tree.length[near] + distance(vertex_point(tree, near), there)
-        if length > longest:
-            continue
-        ux, uy = there.x - tree.free[near, 0], there.y - tree.free[near, 1]
-        flown, left = airspeed(motion, ux, uy), tree.speed[near]
-        if flown > left * ROUNDING or flown * ROUNDING < least_airspeed(motion, left):
-            continue
-        at = vertex_point(tree, near)
-        q = next_state(world.cells, logic, tree.q[near], at, tree.cell[near], there, first.cell)
-        if not logic.covers[q, first.q]:  # a letter on the way has spoilt it
-            continue
-        if not in_time(s, tree.step[near] + 1, q):
-            continue
         new = propose(s, near, there, first.cell, q, proposed)
         rivals = Rivals(
             rule, Candidate(logic.distance[q], length, proposed), original,
@@ -341,6 +326,38 @@ def choose_parent(s: Search, first: Proposal, length0: float, rng: Generator) ->
             best, best_q, best_length = near, q, length
             adopt_proposal(s)
     return best, best_q, best_length
+
+
+@kernel
+def shortlist(s: Search, first: Proposal, length0: float, count: int) -> int:
+    """Move those of the first ``count`` of the pool that may be a parent of the new vertex to its front, each
+    with the automaton state and the rank that it gives; return how many."""
+    world, tree, state, rule = s.world, s.tree, s.state, s.settings.rule
+    logic, motion, there, found = world.logic, world.law.motion, first.there.mean, 0
+    risk = collision_column(world.collision, state.risks, int(np.int64(BEST)))
+    most = collision_limit(rule, risk, largest_risk(world.collision))
+    longest = length0 + rule.beta_length
+    for k in range(count):
+        near = state.pool[k, 0]
+        if near == first.parent or collision_column(world.collision, tree.risk, near) > most:
+            continue
+        at = vertex_point(tree, near)
+        length = tree.length[near] + distance(at, there)
+        if length > longest:
+            continue
+        ux, uy = there.x - tree.free[near, 0], there.y - tree.free[near, 1]
+        flown, left = airspeed(motion, ux, uy), tree.speed[near]
+        if flown > left * ROUNDING or flown * ROUNDING < least_airspeed(motion, left):
+            continue
+        q = next_state(world.cells, logic, tree.q[near], at, tree.cell[near], there, first.cell)
+        if not logic.covers[q, first.q]:  # a letter on the way has spoilt it
+            continue
+        if not in_time(s, tree.step[near] + 1, q):
+            continue
+        state.pool[found, 0], state.pool[found, 1] = near, q
+        state.ranks[found] = rank_parent(rule, tree.risk, Candidate(logic.distance[q], length, near))
+        found += 1
+    return found
 
 
 @inlined

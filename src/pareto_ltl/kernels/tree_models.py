@@ -11,7 +11,13 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from pareto_ltl.kernels.collision_risk import clear_faces, pass_obstacles
+from pareto_ltl.kernels.collision_risk import (
+    FAR_DEVIATIONS,
+    leg_between,
+    leg_of_start,
+    pass_obstacles,
+    step_is_clear,
+)
 from pareto_ltl.kernels.data import (
     CollisionBound,
     Cov,
@@ -108,8 +114,6 @@ def _plant_ordered(bound: Ordered, tree: Vertices, scratch: TreeState, here: Gau
     note_letters(bound, letters)
     read_letter(bound, letters, own.rows, 1, own.rows, row, q)
     own.same[row] = -1
-    if len(letters.met) > 0:
-        own.cov[row, 0], own.cov[row, 1], own.cov[row, 2] = here.cov
     tree.risk[0, 0] = live_value(bound, own.rows, row, q)
     keep_mission(bound, scratch, row, tree.mission, row)
 
@@ -119,8 +123,7 @@ def _appraise_ordered(bound: Ordered, tree: Vertices, scratch: TreeState, new: P
     own, before, letters = scratch.mission, tree.mission.rows, scratch.mission.letters
     read_labels(bound, new.there, letters.seen)
     if len(letters.met) > 0:
-        read_way(bound, gaussian_at(tree.x, tree.mission.cov, new.parent), new.there, letters.met)
-        own.cov[new.row, 0], own.cov[new.row, 1], own.cov[new.row, 2] = new.there.cov
+        read_way(bound, gaussian_at(tree.x, tree.cov, new.parent), new.there, letters.met)
     if note_letters(bound, letters) or not stays(bound, before, new.parent):
         own.same[new.row] = -1
         read_letter(bound, letters, before, new.parent, own.rows, new.row, new.q)
@@ -149,9 +152,6 @@ def _keep_ordered(bound: Ordered, scratch: TreeState, row: int, memory: Any, tar
         rows.first[target] = rows.used[0]
         copy_entries(own.rows, row, rows, target)
         rows.used[0] += rows.size[target]
-    if len(memory.cov) > 0:
-        for i in range(3):
-            memory.cov[target, i] = own.cov[row, i]
 
 
 # --- collision bounds -------------------------------------------------------------------------
@@ -172,12 +172,6 @@ def appraise_collision(bound: CollisionBound, tree: Vertices, scratch: TreeState
 @by_type
 def keep_collision(bound: CollisionBound, scratch: TreeState, row: int, memory: Any, target: int) -> None:
     """Copy what the bound remembers from a scratch row to row ``target`` of ``memory``."""
-    raise NotImplementedError
-
-
-@by_type
-def keep_covariance(bound: CollisionBound, memory: Any, v: int, cov: Cov) -> None:
-    """Store the covariance of vertex ``v`` where the bound needs it."""
     raise NotImplementedError
 
 
@@ -221,29 +215,17 @@ def beats(risks: FloatArray, rivals: Rivals) -> bool:
 
 @implements(plant_collision, StepBound)
 def _plant_step(bound: StepBound, tree: Vertices, here: Gaussian) -> bool:
-    return clear_faces(bound.barriers, bound.z, here, tree.collision.cleared, 0)
+    return step_is_clear(bound, here, here)
 
 
 @implements(appraise_collision, StepBound)
 def _appraise_step(bound: StepBound, tree: Vertices, scratch: TreeState, new: Proposal) -> bool:
     # Eq. (9) at the child, and one face of every obstacle that serves both ends of the step.
-    cleared, row = scratch.collision.cleared, new.row
-    if not clear_faces(bound.barriers, bound.z, new.there, cleared, row):
-        return False
-    for j in range(cleared.shape[1]):  # noqa: SIM110 (numba has no generator expressions)
-        if cleared[row, j] & tree.collision.cleared[new.parent, j] == 0:
-            return False
-    return True
+    return step_is_clear(bound, gaussian_at(tree.x, tree.cov, new.parent), new.there)
 
 
 @implements(keep_collision, StepBound)
 def _keep_step(bound: StepBound, scratch: TreeState, row: int, memory: Any, target: int) -> None:
-    for j in range(memory.cleared.shape[1]):
-        memory.cleared[target, j] = scratch.collision.cleared[row, j]
-
-
-@implements(keep_covariance, StepBound)
-def _keep_no_covariance(bound: StepBound, memory: Any, v: int, cov: Cov) -> None:
     pass
 
 
@@ -268,21 +250,18 @@ def _judge_step(
 
 @implements(plant_collision, PathBound)
 def _plant_path(bound: PathBound, tree: Vertices, here: Gaussian) -> bool:
-    memory = tree.collision
-    for j in range(memory.face.shape[1]):
-        memory.face[0, j] = -1
-        for i in range(3):
-            memory.run[0, j, i] = 0.0
-    step, risk = pass_obstacles(bound.barriers, here, here, memory, 0, memory, 0)
-    tree.risk[0, tree.risk.shape[1] - 1] = risk
+    row, memory = int(np.int64(0)), tree.collision
+    memory.face[row, :1] = -1
+    step, risk = pass_obstacles(bound, leg_of_start(here, FAR_DEVIATIONS), memory, row, memory, row)
+    tree.risk[row, tree.risk.shape[1] - 1] = risk
     return step <= bound.epsilon
 
 
 @implements(appraise_collision, PathBound)
 def _appraise_path(bound: PathBound, tree: Vertices, scratch: TreeState, new: Proposal) -> bool:
     own, parent, last = tree.collision, new.parent, scratch.risks.shape[1] - 1
-    here = gaussian_at(tree.x, own.cov, parent)
-    step, more = pass_obstacles(bound.barriers, here, new.there, own, parent, scratch.collision, new.row)
+    leg = leg_between(gaussian_at(tree.x, tree.cov, parent), new.there, FAR_DEVIATIONS)
+    step, more = pass_obstacles(bound, leg, own, parent, scratch.collision, new.row)
     risk = tree.risk[parent, last] + more
     scratch.risks[new.row, last] = risk
     return step <= bound.epsilon and risk <= bound.delta
@@ -291,15 +270,12 @@ def _appraise_path(bound: PathBound, tree: Vertices, scratch: TreeState, new: Pr
 @implements(keep_collision, PathBound)
 def _keep_path(bound: PathBound, scratch: TreeState, row: int, memory: Any, target: int) -> None:
     own = scratch.collision
-    for j in range(memory.face.shape[1]):
-        memory.face[target, j] = own.face[row, j]
-        for i in range(3):
-            memory.run[target, j, i] = own.run[row, j, i]
-
-
-@implements(keep_covariance, PathBound)
-def _keep_covariance(bound: PathBound, memory: Any, v: int, cov: Cov) -> None:
-    memory.cov[v, 0], memory.cov[v, 1], memory.cov[v, 2] = cov
+    for i in range(memory.face.shape[1]):
+        memory.face[target, i] = own.face[row, i]
+        if own.face[row, i] < 0:
+            break
+        for k in range(3):
+            memory.run[target, i, k] = own.run[row, i, k]
 
 
 @implements(collision_column, PathBound)

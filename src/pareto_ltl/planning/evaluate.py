@@ -18,8 +18,8 @@ from pareto_ltl.support.display import probability_text
 from pareto_ltl.support.errors import InfeasibleError
 
 if TYPE_CHECKING:
-    from pareto_ltl.kernels.collision_risk import GaussianPath
     from pareto_ltl.kernels.path import Flight
+    from pareto_ltl.kernels.path_collision import GaussianPath
 
 FAULTS = (
     "",
@@ -29,6 +29,8 @@ FAULTS = (
     "comes closer to an obstacle or a wall than planner.epsilon allows",
     "flies slower than robot.u_min, and what feedback and fixes may take, allow",
 )
+
+MOST_RUNS = 16  # of a path at a time; those that cost least are left out, which makes R larger
 
 # --- memory of the models ---------------------------------------------------------------------
 
@@ -56,19 +58,31 @@ LAW_MEMORY: dict[type, Callable[[Any, int], kd.Memory]] = {
     kd.CoherentLaw: _coherent_memory,
     kd.LandmarkLaw: _landmark_memory,
 }
-COLLISION_MEMORY: dict[type, Callable[[int, int], kd.CollisionMemory]] = {
-    kd.StepBound: lambda rows, obstacles: kd.StepMemory(np.zeros((rows, obstacles), np.int64)),
-    kd.PathBound: lambda rows, obstacles: kd.PathMemory(
-        np.empty((rows, 3)),
-        np.full((rows, obstacles), -1, np.int32),
-        np.zeros((rows, obstacles, 3), np.float32),
-    ),
+
+
+def _no_runs(bound: kd.StepBound, rows: int) -> None:
+    return None
+
+
+def _path_runs(bound: kd.PathBound, rows: int) -> kd.PathMemory:
+    runs = min(len(bound.barriers.ptr) - 1, MOST_RUNS)
+    return kd.PathMemory(np.full((rows, runs), -1, np.int32), np.empty((rows, runs, 3), np.float32))
+
+
+COLLISION_MEMORY: dict[type, Callable[[Any, int], kd.CollisionMemory]] = {
+    kd.StepBound: _no_runs,
+    kd.PathBound: _path_runs,
 }
 
 
 def law_memory(law: kd.Law, rows: int) -> kd.Memory:
     """Arrays for what a wind law keeps of ``rows`` vertices or steps; None for the independent law."""
     return LAW_MEMORY[type(law)](law, rows)
+
+
+def collision_memory(bound: kd.CollisionBound, rows: int) -> kd.CollisionMemory:
+    """Arrays for what a collision bound keeps of ``rows`` vertices or steps; None for the step bound."""
+    return COLLISION_MEMORY[type(bound)](bound, rows)
 
 
 # --- one pass ---------------------------------------------------------------------------------
@@ -189,7 +203,7 @@ def _check_flown(problem: Problem, flight: Flight, fast: float) -> tuple[IntArra
 
     n, world = len(flight.x), judged_world(problem)
     q, cell = np.empty(n, np.int64), np.empty(n, np.int64)
-    memory = COLLISION_MEMORY[type(world.collision)](2, len(problem.barriers.ptr) - 1)
+    memory = collision_memory(world.collision, 2)
     known = min(n - 1, len(problem.wind.slot))
     fault, where = kernel.check_path(world, flight, known, fast, memory, q, cell)
     if fault != kernel.FLOWN:
@@ -201,7 +215,8 @@ def judged_world(problem: Problem) -> kd.World:
     """The world that paths are checked in: without chance constraints where flights judge."""
     if problem.fidelity.judge == "bound":
         return problem.world
-    return problem.world._replace(collision=kd.PathBound(problem.barriers, math.inf, math.inf))
+    bound = problem.world.collision
+    return problem.world._replace(collision=kd.PathBound(bound.barriers, bound.nearby, math.inf, math.inf))
 
 
 def _objectives(problem: Problem, flight: Flight, cell: IntArray, collision: float) -> Objectives:
@@ -245,13 +260,14 @@ def collision_risk(problem: Problem, flight: Flight, law: kd.Law, *, tight: bool
     """
     from pareto_ltl.kernels.path_collision import collision_bound
 
-    total = float(collision_bound(problem.barriers, gaussian_path(law, flight, tight=tight)))
+    bound, path = problem.world.collision, gaussian_path(law, flight, tight=tight)
+    total = float(collision_bound(bound.barriers, bound.nearby, path))
     return min(total, 1.0) if tight else total
 
 
 def gaussian_path(law: kd.Law, flight: Flight, *, tight: bool = True) -> GaussianPath:
     """What R reads of a flight: when the reflection 2 Φ is allowed depends on the law."""
-    from pareto_ltl.kernels import collision_risk as kernel
+    from pareto_ltl.kernels import path_collision as kernel
 
     none = np.empty((0, 0, 2, 2))
     if isinstance(law, kd.IndependentLaw):

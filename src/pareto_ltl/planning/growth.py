@@ -24,7 +24,7 @@ from pareto_ltl.kernels.dijkstra import Product
 from pareto_ltl.kernels.growth import Fans
 from pareto_ltl.kernels.neighbours import Bins
 from pareto_ltl.kernels.parents import Dominance, Scaled
-from pareto_ltl.planning.evaluate import law_memory
+from pareto_ltl.planning.evaluate import collision_memory, law_memory
 from pareto_ltl.planning.pack_logic import empty_letters, live_rows, tree_rows
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.product_graph import cell_fans, empty_heap, product_graph
@@ -115,7 +115,7 @@ def _scaled(
 ) -> Scaled:
     beta = _slack(cfg, problem, number, rng)
     factor = SCALED_SLACK / cfg.beta_risk if cfg.beta_risk > 0 else 0.0
-    weight = rng.dirichlet(np.ones(3)) if scored else np.zeros(3)
+    weight = rng.dirichlet(np.ones(3)) if scored else np.full(3, 1.0 / 3.0)
     per_length = 1.0 / float(np.hypot(*(problem.scene.bounds[1] - problem.scene.bounds[0])))
     missions = mission_columns(problem)
     return Scaled(float(beta[0]), float(beta[1] * factor), weight, per_length, missions, scored)
@@ -152,32 +152,15 @@ def _mission_rows(problem: Problem, rows: int) -> kd.OrderedMemory | None:
     """What the mission bound remembers of the vertices of a tree."""
     if isinstance(problem.world.mission, kd.Theorem2):
         return None
-    hazards = len(problem.world.logic.hazards.cell)
-    return kd.OrderedMemory(
-        tree_rows(problem.ordered, rows), np.zeros((rows if hazards else 0, 3)), np.empty(0, np.int64), None
-    )
+    return kd.OrderedMemory(tree_rows(problem.ordered, rows), np.empty(0, np.int64), None)
 
 
 def _mission_scratch(problem: Problem) -> kd.OrderedMemory | None:
     """The two rows in which candidates are appraised."""
     if isinstance(problem.world.mission, kd.Theorem2):
         return None
-    hazards = len(problem.world.logic.hazards.cell)
-    return kd.OrderedMemory(
-        live_rows(problem.ordered, 2), np.zeros((2 if hazards else 0, 3)), np.full(2, -1, np.int64),
-        empty_letters(problem.ordered),
-    )  # fmt: skip
-
-
-def _collision_rows(problem: Problem, rows: int, mask: type = np.uint32) -> kd.CollisionMemory:
-    m = len(problem.barriers.ptr) - 1
-    make: dict[type, Callable[[], kd.CollisionMemory]] = {
-        kd.StepBound: lambda: kd.StepMemory(np.zeros((rows, m), mask)),
-        kd.PathBound: lambda: kd.PathMemory(
-            np.empty((rows, 3)), np.zeros((rows, m), np.int32), np.zeros((rows, m, 3), np.float32)
-        ),
-    }
-    return make[type(problem.world.collision)]()
+    rows, letters = live_rows(problem.ordered, 2), empty_letters(problem.ordered)
+    return kd.OrderedMemory(rows, np.full(2, -1, np.int64), letters)
 
 
 def _for_trees(problem: Problem) -> Problem:
@@ -325,11 +308,12 @@ def _growth_settings(
 
 def _vertices(problem: Problem, n: int, columns: int) -> kt.Vertices:
     return kt.Vertices(
-        x=np.empty((n, 2)), free=np.empty((n, 2)), spread=np.empty((n, 3)), length=np.empty(n),
+        x=np.empty((n, 2)), cov=np.empty((n, 3)), free=np.empty((n, 2)), spread=np.empty((n, 3)),
+        length=np.empty(n),
         risk=np.empty((n, columns)), parent=np.empty(n, np.int32), step=np.empty(n, np.int32),
         q=np.empty(n, np.int32), cell=np.empty(n, np.int32), child=np.empty((n, 2), np.int32),
         speed=np.empty(n), memory=law_memory(problem.world.law, n), mission=_mission_rows(problem, n),
-        collision=_collision_rows(problem, n),
+        collision=collision_memory(problem.world.collision, n),
     )  # fmt: skip
 
 
@@ -339,9 +323,10 @@ def _tree_state(task: _GrowthTask, settings: kt.GrowthSettings, columns: int, sw
         root=np.full(states, -1, np.int32), members=np.zeros(states, np.int64),
         selected=np.zeros(states, np.int64), weight=np.empty(states), lead=np.empty(states, np.int64),
         heap=empty_heap(task.graph), bins=_empty_bins(settings.columns * settings.rows, task.cfg.n_max),
-        pool=np.empty(task.cfg.near, np.int64), swaps=np.empty((swaps, 2, 2 + columns)),
+        pool=np.empty((task.cfg.near, 2), np.int64), ranks=np.empty(task.cfg.near),
+        swaps=np.empty((swaps, 2, 2 + columns)),
         tally=np.zeros(kt.TALLIES, np.int64), stack=np.empty((256, 4)), risks=np.zeros((3, columns)),
-        mission=_mission_scratch(task.problem), collision=_collision_rows(task.problem, 2, np.int64),
+        mission=_mission_scratch(task.problem), collision=collision_memory(task.problem.world.collision, 2),
     )  # fmt: skip
 
 

@@ -15,7 +15,7 @@ from numpy.random import SeedSequence
 from pareto_ltl.kernels import data as kd
 from pareto_ltl.kernels.geometry import face_slack
 from pareto_ltl.planning.growth import grow_forest
-from pareto_ltl.planning.pack import pack_barriers, pack_collision
+from pareto_ltl.planning.pack import pack_barriers, pack_collision, pack_nearby
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import Forest, PlannedPath
 from pareto_ltl.planning.selection import tree_front
@@ -66,8 +66,9 @@ class _Trials:
 
 def with_limits(problem: Problem, epsilon: float, delta: float) -> Problem:
     """``problem`` with other values of planner.epsilon and planner.delta, which its paths are held to."""
-    kind = problem.fidelity.collision_bound
-    collision = pack_collision(kind, pack_barriers(problem.scene, problem.obstacles), epsilon, delta)
+    barriers = pack_barriers(problem.scene, problem.obstacles)  # the border may be another one
+    nearby = pack_nearby(barriers, problem.scene.bounds)
+    collision = pack_collision(problem.fidelity.collision_bound, barriers, nearby, epsilon, delta)
     return replace(
         problem, epsilon=epsilon, world=problem.world._replace(collision=collision),
         fidelity=replace(problem.fidelity, judge="bound"),

@@ -27,6 +27,7 @@ NO_MODES = WindModes(
     np.zeros(2), 1.0, np.zeros((1, 2, 2, 2, 0), np.float32), np.zeros(0, np.int64), 1.0, 1.0, np.ones((1, 2)),
     np.ones((1, 2)),
 )  # fmt: skip
+NEARBY_ENTRIES, NEARBY_SQUARES = 4_000_000, 64  # in all, and along one side, of the table of near obstacles
 EPSILON = {"step": 0.05, "path": 0.25}  # where planner.epsilon is left to the collision bound
 
 # --- the map ----------------------------------------------------------------------------------
@@ -55,6 +56,28 @@ def pack_barriers(scene: Scene, obstacles: kd.Faces) -> kd.Faces:
         np.vstack([obstacles.normal, normal]),
         np.concatenate([obstacles.offset, [west, -east, south, -north]]),
     )
+
+
+def pack_nearby(barriers: kd.Faces, bounds: FloatArray) -> kd.Nearby:
+    """For each square of a grid over the map, the polygons by how far its middle lies beyond them."""
+    (west, south), (east, north) = bounds
+    m = len(barriers.ptr) - 1
+    along = int(np.clip(math.sqrt(NEARBY_ENTRIES / max(m, 1)), 1, NEARBY_SQUARES))
+    side = max(east - west, north - south) / along
+    columns, rows = (max(1, math.ceil(length / side - 1e-9)) for length in (east - west, north - south))
+    x, y = west + side * (np.arange(columns) + 0.5), south + side * (np.arange(rows) + 0.5)
+    gap = np.empty((columns, rows, m))
+    for i in range(columns if m else 0):
+        beyond = np.outer(barriers.normal[:, 0], np.full(rows, x[i])) + np.outer(barriers.normal[:, 1], y)
+        gap[i] = np.maximum.reduceat(beyond - barriers.offset[:, None], barriers.ptr[:-1], axis=0).T
+    gap = gap.reshape(columns * rows, m)
+    order = np.argsort(gap, axis=1, kind="stable")
+    below = np.nextafter(np.take_along_axis(gap, order, axis=1).astype(np.float32), np.float32(-np.inf))
+    owner = np.repeat(np.arange(m), np.diff(barriers.ptr))
+    return kd.Nearby(
+        float(west), float(south), float(side), columns, rows, order.astype(np.int32), below,
+        owner.astype(np.int32),
+    )  # fmt: skip
 
 
 def pack_cells(bounds: FloatArray, decomposition: Decomposition, atoms: Sequence[str]) -> kd.Cells:
@@ -203,13 +226,15 @@ def pack_laws(
     return {"independent": kd.IndependentLaw(lattice, motion), "coherent": coherent}
 
 
-def pack_collision(kind: str, barriers: kd.Faces, epsilon: float, delta: float) -> kd.CollisionBound:
+def pack_collision(
+    kind: str, barriers: kd.Faces, nearby: kd.Nearby, epsilon: float, delta: float
+) -> kd.CollisionBound:
     """The collision bound of a kind: equal shares of epsilon at each step, or epsilon and delta of paths."""
     from scipy.special import ndtri
 
     if kind == "path":
-        return kd.PathBound(barriers, epsilon, delta)
-    return kd.StepBound(barriers, float(-ndtri(epsilon / max(len(barriers.ptr) - 1, 1))))
+        return kd.PathBound(barriers, nearby, epsilon, delta)
+    return kd.StepBound(barriers, nearby, float(-ndtri(epsilon / max(len(barriers.ptr) - 1, 1))))
 
 
 def build_problem(
@@ -236,7 +261,8 @@ def build_problem(
     obstacles = pack_faces(decomposition.obstacles)
     missions: dict[str, kd.MissionBound] = {"theorem2": theorem2, "ordered": ordered}
     barriers = pack_barriers(scene, obstacles)
-    collision = pack_collision(fidelity.collision_bound, barriers, epsilon, planner.delta)
+    nearby = pack_nearby(barriers, scene.bounds)
+    collision = pack_collision(fidelity.collision_bound, barriers, nearby, epsilon, planner.delta)
     return Problem(
         scene=scene,
         decomposition=decomposition,

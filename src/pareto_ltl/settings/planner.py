@@ -47,7 +47,9 @@ class PlannerConfig(CheckedSettings):
         below=1,
     )
     max_steps: int = setting(200, "steps of the longest path", least=1, most=1e6)
-    near: int = setting(64, "largest number of parents tried for a new vertex", least=0, most=10_000)
+    near: int = setting(
+        64, "largest number of possible parents looked at for a new vertex", least=0, most=10_000
+    )
     beta_risk: float = setting(
         0.05, "the slack of Eq. (11) for risks is drawn between 0 and this", least=0, most=1e6
     )

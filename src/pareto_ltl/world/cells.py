@@ -18,7 +18,7 @@ import numpy as np
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.messages import shown_value
-from pareto_ltl.world.polygons import GridRing, convex_parts, cut_round, drop_flat, ring_edges
+from pareto_ltl.world.polygons import GridRing, convex_parts, drop_flat, ring_edges
 from pareto_ltl.world.scene import Scene
 
 if TYPE_CHECKING:
@@ -27,7 +27,6 @@ if TYPE_CHECKING:
 
 GRID_FRACTION = 2.0**-40  # grid step over the size of the map
 EDGE_FRACTION = 1e-11  # of the size of the map; a point this close to an edge lies on it
-MAX_FACES = 32  # of a convex part of an obstacle; kernels store them as bits of an integer
 LOCATOR_BUCKETS = 64  # of a Locator, along each axis
 SHORTEST_DOOR = 4.0  # [grid steps]; shorter contacts are rounding errors
 
@@ -46,7 +45,7 @@ class Decomposition:
     doors : (D, 2) int
         Pairs of cells (i < j) that share an edge of positive length.
     obstacles : tuple of (n, 2) float
-        Convex parts of the obstacles, counter-clockwise, at most 32 faces each.
+        Convex parts of the obstacles, counter-clockwise.
     regions : mapping of name to tuple of (n, 2) float
         Convex parts of each region.
     """
@@ -123,7 +122,7 @@ def decompose(scene: Scene) -> Decomposition:
 
 
 def convex_obstacles(scene: Scene, polygons: Iterable[shapely.Geometry]) -> tuple[FloatArray, ...]:
-    """``polygons`` [m] as a :class:`Decomposition` has obstacles: convex parts with at most 32 faces."""
+    """``polygons`` [m] as a :class:`Decomposition` has obstacles: convex parts."""
     step = _grid_step(scene)
     return _obstacle_parts(_outermost_polygons([_snapped_shape(shape, step) for shape in polygons]), step)
 
@@ -317,9 +316,8 @@ def _convex_rings(polygon: shapely.Geometry) -> list[GridRing]:
 
 
 def _obstacle_parts(polygons: Sequence[shapely.Geometry], step: float) -> tuple[FloatArray, ...]:
-    """Convex parts with at most ``MAX_FACES`` faces, in metres."""
-    rings = (ring for polygon in polygons for ring in _convex_rings(polygon))
-    return tuple(_ring_in_metres(part, step) for ring in rings for part in cut_round(ring, MAX_FACES))
+    """Convex parts, in metres."""
+    return tuple(_ring_in_metres(ring, step) for polygon in polygons for ring in _convex_rings(polygon))
 
 
 def _ring_in_metres(ring: GridRing, step: float) -> FloatArray:

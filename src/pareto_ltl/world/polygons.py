@@ -62,15 +62,6 @@ def convex_parts(outline: GridRing, holes: Sequence[GridRing] = ()) -> list[Grid
     return merge_triangles(triangulate([outline, *holes]))
 
 
-def cut_round(ring: GridRing, faces: int) -> list[GridRing]:
-    """A convex ring cut by diagonals into the smallest number of parts with at most ``faces`` edges."""
-    parts = -(-(len(ring) - 2) // (faces - 2))
-    if parts <= 1:
-        return [ring]
-    i = 1 + (len(ring) - 2) * (parts // 2) // parts
-    return cut_round(ring[: i + 1], faces) + cut_round([*ring[i:], ring[0]], faces)
-
-
 def drop_flat(ring: GridRing) -> GridRing:
     """``ring`` without corners at which it goes straight on; empty if its area is 0."""
     ring = list(ring)
@@ -123,4 +114,4 @@ def _rotated_ring(ring: GridRing, node: GridNode) -> GridRing:
     return ring[i:] + ring[:i]
 
 
-__all__ = ["GridNode", "GridRing", "convex_parts", "cut_round", "drop_flat", "ring_edges"]
+__all__ = ["GridNode", "GridRing", "convex_parts", "drop_flat", "ring_edges"]
