@@ -11,6 +11,8 @@ from numba import config
 
 import pareto_ltl.kernels
 from pareto_ltl.kernels import data, flight
+from pareto_ltl.kernels.claim_lists import ClaimLists
+from pareto_ltl.kernels.claim_rows import ClaimRows
 from pareto_ltl.kernels.jit import IMPLEMENTATIONS, by_type, implements, kernel
 from pareto_ltl.kernels.parents import Dominance, Scaled
 from pareto_ltl.planning import evaluate, growth
@@ -29,6 +31,7 @@ FAMILIES = {
     "rule": {Dominance, Scaled},
     "draws": {flight.IndependentDraws, flight.CoherentDraws},
     "pilot": {flight.Autopilot, flight.Navigator},
+    "claims": {ClaimLists, ClaimRows},
 }
 CHOSEN_BY = {
     "law": {"advance", "forget", "fix_missed", "note_linear_law", "note_fix"},
@@ -40,6 +43,7 @@ CHOSEN_BY = {
     "rule": {"improves", "collision_limit", "rank_parent", "put_first"},
     "draws": {"meet_winds"},
     "pilot": {"begin_flights", "command"},
+    "claims": {"mission_margins"},
 }  # fmt: skip
 
 
