@@ -127,6 +127,20 @@ def test_a_change_compiles_anew_what_it_can_reach_and_nothing_else(program):
     assert run() == ("[-1, 18]", "reused")
 
 
+def test_code_for_types_that_are_gone_is_removed_and_never_read(program):
+    """Numba's index names types: reading one of a type without a class would end the program."""
+    run, kernels = program
+    assert run() == ("[-1, 18]", "compiled")
+    code = kernels.parents[2] / "code"
+    old = set(code.rglob("*locate_cells*.nb?"))
+    assert old
+    for source in kernels.parent.rglob("*.py"):
+        source.write_text(re.sub(r"\bCells\b", "CellTable", source.read_text()))
+    assert run() == ("[-1, 18]", "compiled")
+    assert run() == ("[-1, 18]", "reused")
+    assert not any(file.exists() for file in old)
+
+
 def test_the_settings_of_numba_are_as_before():
     before = code_cache.config.CACHE_LOCATOR_CLASSES
     with code_cache.stamped_by_source():

@@ -5,6 +5,9 @@ a function is a fingerprint of its module, of every kernel module that this one 
 other packages that added code to a model (:data:`FOREIGN`): a change compiles anew what it can reach, and
 nothing else. Numba asks for the stamp through a cache locator, which its ``NUMBA_CACHE_LOCATOR_CLASSES``
 lets others supply.
+
+An index of machine code names the types of its functions, and cannot be read once one of them is gone. So
+the fingerprint is part of the file's name, and files of other fingerprints are removed, not read.
 """
 
 from __future__ import annotations
@@ -49,15 +52,29 @@ class CodeStamp:
 
 
 class ReachableSource:
-    """What the three locators below have in common: the stamp."""
+    """What the three locators below have in common: the stamp, and files that are named by it."""
 
     def __init__(self, function: Any, file: str) -> None:
         super().__init__(function, file)  # type: ignore[call-arg]  # the locator that follows in the class
         self.stamp = CodeStamp(Path(file))
+        self.files = f"{Path(file).stem}.{function.__qualname__}-*.nb[ci]"
+        self.mark = _mark(Path(file))
 
     def get_source_stamp(self) -> CodeStamp:
         """What numba compares with the stamp on disk."""
         return self.stamp
+
+    def get_disambiguator(self) -> str:
+        """What numba puts into the names of files."""
+        line: str = super().get_disambiguator()  # type: ignore[misc]
+        return f"{line}-{self.mark}"
+
+    def ensure_cache_path(self) -> None:
+        """Make the folder, and remove what other source was compiled to."""
+        super().ensure_cache_path()  # type: ignore[misc]
+        for found in Path(self.get_cache_path()).glob(self.files):  # type: ignore[attr-defined]
+            if f"-{self.mark}." not in found.name:
+                found.unlink(missing_ok=True)
 
 
 class NamedFolder(ReachableSource, UserProvidedCacheLocator):  # type: ignore[misc]  # numba has no types
@@ -84,6 +101,13 @@ def stamped_by_source() -> Iterator[None]:
         yield
     finally:
         config.CACHE_LOCATOR_CLASSES = before
+
+
+@lru_cache
+def _mark(file: Path) -> str:
+    """A short fingerprint of the source in kernels that ``file`` can reach."""
+    sources = sorted(reachable_sources(file))
+    return text_fingerprint("".join(file_fingerprint(source) for source in sources))[:10]
 
 
 @lru_cache
