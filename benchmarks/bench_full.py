@@ -17,7 +17,7 @@ from pareto_ltl.logic.mission import automaton_of
 from pareto_ltl.planning import growth, selection
 from pareto_ltl.planning import reference as risk
 from pareto_ltl.planning.evaluate import evaluate_path, ordered_mission_risk, propagate
-from pareto_ltl.planning.pack import build_problem, pack_faces
+from pareto_ltl.planning.pack import build_problem, pack_faces, pack_nearby
 from pareto_ltl.planning.records import Forest
 from pareto_ltl.planning.refine import smooth_paths
 from pareto_ltl.settings import (
@@ -82,8 +82,11 @@ def test_modes_of_all_slots(benchmark):
     nodes = origin + spacing * np.stack(np.meshgrid(*map(np.arange, shape), indexing="ij"), axis=-1).reshape(
         -1, 2
     )
+    none, nobody = np.zeros(len(posterior.gust_var)), np.zeros((len(posterior.gust_var), len(nodes), 2, 0))
+    parts = modes.ErrorParts(none, 1.0, none, 1.0, nobody)  # only the part of interpolation in space
+    arguments = (posterior, parts, tuple(shape), nodes, cfg.energy, cfg.modes_max)
     benchmark.extra_info["budget"] = 2.0
-    benchmark.pedantic(modes.posterior_modes, (posterior, nodes, cfg.energy, cfg.modes_max), rounds=3)
+    benchmark.pedantic(modes.error_modes, arguments, rounds=3)
 
 
 def test_full_vertices_a_second_on_one_core(benchmark, mission):
@@ -137,12 +140,12 @@ def nbytes(record: object) -> int:
 def test_growth_without_v_and_r(benchmark, mission):
     """Their cost in the profile: the same trees with no obstacle and no label to look at."""
     world = mission.world
-    unseen = world.mission.labelled._replace(cell=np.empty(0, np.int64))
+    unseen, none = world.mission.labelled._replace(cell=np.empty(0, np.int64)), pack_faces([])
     bare = replace(
         mission,
         world=world._replace(
             mission=world.mission._replace(labelled=unseen),
-            collision=world.collision._replace(obstacles=pack_faces([])),
+            collision=world.collision._replace(barriers=none, nearby=pack_nearby(none, mission.scene.bounds)),
         ),
         ordered=mission.ordered._replace(labelled=unseen),
     )
