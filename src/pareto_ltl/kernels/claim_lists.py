@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from pareto_ltl.kernels.clearance import CERTAIN, segment_clearance
+from pareto_ltl.kernels.clearance import CERTAIN, beyond_reach, segment_clearance
 from pareto_ltl.kernels.data import Point
 from pareto_ltl.kernels.geometry import locate_cell
 from pareto_ltl.kernels.jit import implements, inlined, kernel
@@ -187,13 +187,15 @@ def read_letters(
 
 @kernel
 def cross_hazards(
-    model: MarginModel, t: int, start: Point, end: Point, ends: tuple[int, int], claims: Claims, state: int
-) -> int:
+    model: MarginModel, t: int, start: Point, end: Point, ends: tuple[int, int], claims: Claims, state: int,
+    near: Near,
+) -> int:  # fmt: skip
     """Lower each claim to the clearance of what loses it; return the state in which the end is read.
 
     The flight's own ``state`` is followed through the hazards that it meets, and stays as certain as the
     nearest of them is from being missed, or met. ``ends`` are the cells of the segment's ends, which are
-    read as letters of steps.
+    read as letters of steps. Hazards that no flight comes near, and those farther than all that they could
+    lower, are left out.
     """
     logic, cells = model.logic, model.logic.hazards.cell
     first, last = ends
@@ -201,8 +203,12 @@ def cross_hazards(
     if reads and (first != last or first < 0):
         own = meet_hazards(model.cells, logic, state, start, first, end, last)
     held, event = claims.margin[state], claims.event[state]
-    for h in range(len(cells)):
-        if cells[h] == first or cells[h] == last:
+    most = held
+    for k in range(claims.size[0]):
+        most = max(most, claims.margin[claims.live[k]])
+    for i in range(near.crossed_first[t], near.crossed_first[t + 1]):
+        h = near.crossed[i]
+        if cells[h] == first or cells[h] == last or beyond_reach(logic.hazards, h, start, end, most):
             continue
         margin = segment_clearance(model.hazards, logic.hazards, h, t, start, end, CERTAIN).margin
         number = hazard_number(model, t, h, False)
@@ -244,7 +250,7 @@ def read_on_the_way(
         there = Point(mean[t, 0] + off[t, 0], mean[t, 1] + off[t, 1])
         last = locate_cell(model.cells, there)
         if t > 0:
-            state = cross_hazards(model, t - 1, at, there, (cell, last), before, state)
+            state = cross_hazards(model, t - 1, at, there, (cell, last), before, state, near)
         state, cell, at = int(logic.delta[state, last]), last, there
         if read_letters(model, t, there, floor, before, after, lists, near):
             before, after = after, before

@@ -102,10 +102,12 @@ def smoothed_failure(
     n, near, margins, met, most = off.shape[2], scratch.near, scratch.margins, scratch.met, -CERTAIN
     enclose(mean, off, near.box)
     list_shown(model.shown, -SATURATED * width, near)
+    hazards, crossed = model.logic.hazards, near.crossed  # farther than this they leave a flight as certain
+    list_met(model.hazards, hazards, SATURATED * width, near.box, near.crossed_first, crossed)
     mission_margins(scratch.claims, model, mean, off, -SATURATED * width, scratch)
     for i in range(n):
         most = max(most, margins[i])
-    list_met(model.faces, model.corners, most, near)
+    list_met(model.faces, model.corners, most, near.box, near.met_first, near.met)
     barrier_clearances(model, mean, off, scratch)
     total = 0.0
     for i in range(n):

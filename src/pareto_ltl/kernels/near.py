@@ -27,6 +27,8 @@ class Near(NamedTuple):
         Polygons ``shown[shown_first[t]:shown_first[t + 1]]`` are near at step t.
     met_first : (T+1,) int, met : int
         Barriers ``met[met_first[t]:met_first[t + 1]]`` are near the segments from step t.
+    crossed_first : (T+1,) int, crossed : int
+        The same for hazards.
     """
 
     box: FloatArray
@@ -34,6 +36,8 @@ class Near(NamedTuple):
     shown: IntArray
     met_first: IntArray
     met: IntArray
+    crossed_first: IntArray
+    crossed: IntArray
 
 
 @vector
@@ -73,11 +77,14 @@ def list_shown(faces: Faces, floor: float, near: Near) -> None:
 
 
 @kernel
-def list_met(faces: Faces, corners: Corners, reach: float, near: Near) -> None:
-    """List the barriers that some segment may be closer to than ``reach`` [m]."""
-    count, box = 0, near.box
+def list_met(
+    faces: Faces, corners: Corners, reach: float, box: FloatArray, first: IntArray, met: IntArray
+) -> None:
+    """List the polygons that some segment may be closer to than ``reach`` [m]: those of step t are
+    ``met[first[t]:first[t + 1]]``."""
+    count = 0
     for t in range(len(box) - 1):
-        near.met_first[t] = count
+        first[t] = count
         west = min(box[t, 0] - box[t, 2], box[t + 1, 0] - box[t + 1, 2])
         east = max(box[t, 0] + box[t, 2], box[t + 1, 0] + box[t + 1, 2])
         south = min(box[t, 1] - box[t, 3], box[t + 1, 1] - box[t + 1, 3])
@@ -92,6 +99,6 @@ def list_met(faces: Faces, corners: Corners, reach: float, near: Near) -> None:
                 nx, ny = faces.normal[j, 0], faces.normal[j, 1]
                 gap = max(gap, nx * x + ny * y - abs(nx) * wide - abs(ny) * high - faces.offset[j])
             if gap < reach + ROUNDING:
-                near.met[count] = part
+                met[count] = part
                 count += 1
-    near.met_first[len(box) - 1] = count
+    first[len(box) - 1] = count

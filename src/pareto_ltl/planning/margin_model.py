@@ -43,10 +43,12 @@ def margin_scratch(model: MarginModel, runs: int, steps: int) -> Scratch:
     Flights are worked through many at a time where there are few claims and no letters between steps.
     """
     few = len(model.logic.distance) <= LIVE and not len(model.logic.hazards.cell)
+    barriers, hazards = len(model.corners.radius), len(model.logic.hazards.cell)
     near = Near(
         np.empty((steps + 1, 4)),
         np.empty(steps + 2, np.int64), np.empty((steps + 1) * len(model.letter), np.int64),
-        np.empty(steps + 1, np.int64), np.empty(steps * len(model.corners.radius), np.int64),
+        np.empty(steps + 1, np.int64), np.empty(steps * barriers, np.int64),
+        np.empty(steps + 1, np.int64), np.empty(steps * hazards, np.int64),
     )  # fmt: skip
     met = Met(np.empty(runs, np.int64), *(np.empty(runs) for _ in "xys"))
     claims = _claim_rows(model, min(runs, BLOCK)) if few else _claim_lists(model, steps)
