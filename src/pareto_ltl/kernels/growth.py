@@ -162,6 +162,7 @@ def plant(s: Search, here: Gaussian, rng: Generator) -> bool:
     tree.parent[0], tree.step[0], tree.q[0], tree.cell[0] = -1, 0, q, cell
     tree.length[0] = 0.0
     tree.child[0, 0], tree.child[0, 1] = -1, -1
+    tree.spread[-1, 0], tree.spread[-1, 1], tree.spread[-1, 2] = here.cov
     forget(world.law, tree.memory)
     if not plant_collision(world.collision, tree, here):
         return False

@@ -40,16 +40,15 @@ TALLIES = 12
 class Vertices(NamedTuple):
     """One row a vertex.
 
-    ``cov`` (N, 3) = (xx, xy, yy) is the covariance of its position. ``free`` (N, 2) and ``spread`` (N, 3)
-    are mean and covariance one step later with zero airspeed: they do not depend on the control, so a child
-    costs no wind look-up. ``speed`` is the airspeed left for the control, ``child`` the two sons in the k-d
-    tree of the vertex's state. ``risk`` holds the objectives beside the length: columns of the mission
-    bound, then of the collision bound. ``memory``, ``mission`` and ``collision`` are what the law and the
-    bounds remember, None or without rows where they need nothing.
+    ``free`` (N, 2) and ``spread`` (N + 1, 3) = (xx, xy, yy) are mean and covariance one step later with zero
+    airspeed: they do not depend on the control, so a child costs no wind look-up. The last row of ``spread``,
+    that of parent -1, is the covariance of the root. ``speed`` is the airspeed left for the control,
+    ``child`` the two sons in the k-d tree of the vertex's state. ``risk`` holds the objectives beside the
+    length: columns of the mission bound, then of the collision bound. ``memory``, ``mission`` and
+    ``collision`` are what the law and the bounds remember, None or without rows where they need nothing.
     """
 
     x: FloatArray
-    cov: FloatArray
     free: FloatArray
     spread: FloatArray
     length: FloatArray
@@ -238,7 +237,6 @@ def look_ahead(s: Search, v: int, parent: int, cov: Cov) -> None:
     """Mean and covariance one step after ``v``, whose own covariance is given."""
     tree = s.tree
     step = int(np.int64(tree.step[v]))  # one type, or every helper compiles twice
-    tree.cov[v, 0], tree.cov[v, 1], tree.cov[v, 2] = cov
     ahead = advance(s.world.law, tree.memory, step, Gaussian(vertex_point(tree, v), cov), parent, v)
     tree.free[v, 0], tree.free[v, 1] = ahead.mean
     tree.speed[v] = ahead.speed

@@ -61,9 +61,11 @@ class Proposal(NamedTuple):
 
 
 @inlined
-def gaussian_at(x: FloatArray, cov: FloatArray, row: int) -> Gaussian:
-    """The Gaussian of one row of ``x`` (N, 2) and ``cov`` (N, 3)."""
-    return Gaussian(Point(x[row, 0], x[row, 1]), Cov(cov[row, 0], cov[row, 1], cov[row, 2]))
+def vertex_gaussian(tree: Vertices, v: int) -> Gaussian:
+    """The position of a vertex; its covariance is that of all children of its parent."""
+    spread, parent = tree.spread, tree.parent[v]
+    cov = Cov(spread[parent, 0], spread[parent, 1], spread[parent, 2])
+    return Gaussian(Point(tree.x[v, 0], tree.x[v, 1]), cov)
 
 
 # --- mission bounds ---------------------------------------------------------------------------
@@ -123,7 +125,7 @@ def _appraise_ordered(bound: Ordered, tree: Vertices, scratch: TreeState, new: P
     own, before, letters = scratch.mission, tree.mission.rows, scratch.mission.letters
     read_labels(bound, new.there, letters.seen)
     if len(letters.met) > 0:
-        read_way(bound, gaussian_at(tree.x, tree.cov, new.parent), new.there, letters.met)
+        read_way(bound, vertex_gaussian(tree, new.parent), new.there, letters.met)
     if note_letters(bound, letters) or not stays(bound, before, new.parent):
         own.same[new.row] = -1
         read_letter(bound, letters, before, new.parent, own.rows, new.row, new.q)
@@ -221,7 +223,7 @@ def _plant_step(bound: StepBound, tree: Vertices, here: Gaussian) -> bool:
 @implements(appraise_collision, StepBound)
 def _appraise_step(bound: StepBound, tree: Vertices, scratch: TreeState, new: Proposal) -> bool:
     # Eq. (9) at the child, and one face of every obstacle that serves both ends of the step.
-    return step_is_clear(bound, gaussian_at(tree.x, tree.cov, new.parent), new.there)
+    return step_is_clear(bound, vertex_gaussian(tree, new.parent), new.there)
 
 
 @implements(keep_collision, StepBound)
@@ -260,7 +262,7 @@ def _plant_path(bound: PathBound, tree: Vertices, here: Gaussian) -> bool:
 @implements(appraise_collision, PathBound)
 def _appraise_path(bound: PathBound, tree: Vertices, scratch: TreeState, new: Proposal) -> bool:
     own, parent, last = tree.collision, new.parent, scratch.risks.shape[1] - 1
-    leg = leg_between(gaussian_at(tree.x, tree.cov, parent), new.there, FAR_DEVIATIONS)
+    leg = leg_between(vertex_gaussian(tree, parent), new.there, FAR_DEVIATIONS)
     step, more = pass_obstacles(bound, leg, own, parent, scratch.collision, new.row)
     risk = tree.risk[parent, last] + more
     scratch.risks[new.row, last] = risk

@@ -308,8 +308,7 @@ def _growth_settings(
 
 def _vertices(problem: Problem, n: int, columns: int) -> kt.Vertices:
     return kt.Vertices(
-        x=np.empty((n, 2)), cov=np.empty((n, 3)), free=np.empty((n, 2)), spread=np.empty((n, 3)),
-        length=np.empty(n),
+        x=np.empty((n, 2)), free=np.empty((n, 2)), spread=np.empty((n + 1, 3)), length=np.empty(n),
         risk=np.empty((n, columns)), parent=np.empty(n, np.int32), step=np.empty(n, np.int32),
         q=np.empty(n, np.int32), cell=np.empty(n, np.int32), child=np.empty((n, 2), np.int32),
         speed=np.empty(n), memory=law_memory(problem.world.law, n), mission=_mission_rows(problem, n),
