@@ -52,6 +52,12 @@ def leg_of_start(here: Gaussian, deviations: float) -> Leg:
     return Leg(here, here, -math.inf, deviations * largest_sd(here.cov))
 
 
+@inlined
+def look_around_leg(nearby: Nearby, leg: Leg) -> tuple[int, float]:
+    """:func:`look_around` for a step, as far as its uncertainty counts."""
+    return look_around(nearby, leg.here.mean, leg.there.mean, max(leg.far_here, leg.far_there))
+
+
 # --- at each step, Eqs. (9) and (10) ----------------------------------------------------------
 
 
@@ -62,8 +68,8 @@ def step_is_clear(bound: StepBound, here: Gaussian, there: Gaussian) -> bool:
     Then both ends satisfy Eq. (9), and the segment between their means meets no obstacle.
     """
     ptr, z = bound.barriers.ptr, bound.z
-    leg, nearby = leg_between(here, there, max(z, 0.0)), bound.nearby
-    row, far = look_around(nearby, here.mean, there.mean, max(leg.far_here, leg.far_there))
+    nearby = bound.nearby
+    row, far = look_around_leg(nearby, leg_between(here, there, max(z, 0.0)))
     for i in range(nearby.order.shape[1]):
         if nearby.gap[row, i] >= far:
             break
@@ -153,7 +159,7 @@ def pass_obstacles(
     has no common face.
     """
     faces, nearby = bound.barriers, bound.nearby
-    row, far = look_around(nearby, leg.here.mean, leg.there.mean, max(leg.far_here, leg.far_there))
+    row, far = look_around_leg(nearby, leg)
     at_step, grows, kept = 0.0, 0.0, 0
     for i in range(nearby.order.shape[1]):
         if nearby.gap[row, i] >= far:
@@ -233,7 +239,6 @@ def _step_keeps_faces(bound: StepBound, memory: None, t: int, before: Gaussian, 
 def _step_keeps_epsilon(
     bound: PathBound, memory: PathMemory, t: int, before: Gaussian, here: Gaussian
 ) -> bool:
-    start = t == 0
-    leg = leg_of_start(here, FAR_DEVIATIONS) if start else leg_between(before, here, FAR_DEVIATIONS)
+    leg = leg_between(before, here, FAR_DEVIATIONS) if t > 0 else leg_of_start(here, FAR_DEVIATIONS)
     risk, _ = pass_obstacles(bound, leg, memory, (t + 1) % 2, memory, t % 2)
     return risk <= bound.epsilon

@@ -7,10 +7,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pareto_ltl.kernels.collision_risk import leg_between
+from pareto_ltl.kernels.collision_risk import leg_between, look_around_leg
 from pareto_ltl.kernels.data import Cov, Faces, Gaussian, Nearby, Point
 from pareto_ltl.kernels.gaussian import SQRT_HALF, tail
-from pareto_ltl.kernels.geometry import SLACK, look_around
+from pareto_ltl.kernels.geometry import SLACK
 from pareto_ltl.kernels.jit import allocating, inlined, kernel
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 
@@ -92,7 +92,7 @@ def _note_close(nearby: Nearby, path: GaussianPath, close: BoolArray) -> None:
     """Say of every obstacle whether a step comes near it."""
     for t in range(len(path.x)):
         leg = leg_between(_position(path, max(t - 1, 0)), _position(path, t), ALL_DEVIATIONS)
-        row, far = look_around(nearby, leg.here.mean, leg.there.mean, max(leg.far_here, leg.far_there))
+        row, far = look_around_leg(nearby, leg)
         for i in range(len(close)):
             if nearby.gap[row, i] >= far:
                 break
