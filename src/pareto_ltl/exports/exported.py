@@ -12,6 +12,7 @@ from pareto_ltl.exports.navigation_log import NavigationLog, navigation_log
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import FailureRate, Plan
 from pareto_ltl.settings import ExportsConfig
+from pareto_ltl.simulation.flights import unspawned
 from pareto_ltl.support.display import rate_text
 from pareto_ltl.wind.levels import DEPTH, PRESSURE, parse_level
 from pareto_ltl.world.scene import Scene
@@ -90,7 +91,7 @@ def exported_plan(
     cfg: ExportsConfig, name: str, level: str, problem: Problem, plan: Plan, seed: SeedSequence
 ) -> ExportedPlan:
     """What is exported of ``plan``, whose map must have a place on Earth; ``level`` is that of the wind."""
-    corridor_seed, held_seed = SeedSequence(seed.entropy, spawn_key=seed.spawn_key).spawn(2)
+    corridor_seed, held_seed = unspawned(seed).spawn(2)
     lower, upper = cfg.altitude_lower, cfg.altitude_upper
     return ExportedPlan(
         name=name,

@@ -117,11 +117,17 @@ def simulate_flights(
         Where the wind is not known for so long.
     """
     require_known_wind(problem, u, mean)
-    x = np.empty((runs, len(u) + 1, 2))
-    pilot = pilot_maker(problem, u, mean, law)
+    return fly_pilot(problem, pilot_maker(problem, u, mean, law), len(u), runs, law, seed)
+
+
+def fly_pilot(
+    problem: Problem, pilot: PilotMaker, steps: int, runs: int, law: str, seed: SeedSequence
+) -> Deployment:
+    """Fly what a pilot flies for ``steps`` steps, ``runs`` times under one law, in blocks on all cores."""
+    x = np.empty((runs, steps + 1, 2))
 
     def one(rows: slice, child: SeedSequence) -> Deployment:
-        block = draw_block(problem, law, rows.stop - rows.start, len(u), child)
+        block = draw_block(problem, law, rows.stop - rows.start, steps, child)
         fly_block(problem, block, pilot, x[rows])
         return judge_flights(problem, law, x[rows])
 
