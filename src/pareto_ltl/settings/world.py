@@ -57,6 +57,12 @@ class SceneConfig(CheckedSettings):
     start: list[Any] = setting([], "start position [east, north]", unit="units")
     regions: dict[str, Any] = setting({}, "name: corners of each region of the formula", unit="units")
     obstacles: list[Any] = setting([], "corners of each obstacle", unit="units")
+    windows: dict[str, Any] = setting(
+        {},
+        "name: {region, from, until, forbidden} of propositions that hold for a time, e.g. a_before_noon: "
+        "{region: a, until: 12h}; with the name of a region: when it counts at all; forbidden: true is an "
+        "obstacle that stands for a time",
+    )
     border: str = setting(
         "auto",
         "whether leaving the map is a failure (wall) or not (open); auto: as the map file says, else as "

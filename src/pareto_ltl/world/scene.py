@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from pareto_ltl.settings.fidelity import BORDERS
 from pareto_ltl.support.arrays import FloatArray, require_shape
 from pareto_ltl.support.display import Displayed, distance_text, listed_text
+from pareto_ltl.world.windows import Window
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -32,6 +33,10 @@ class Scene(Displayed):
         PROJ string of the plane; None for a plane without position on Earth.
     time_zero : str or None
         Departure, ISO 8601 UTC; all other times are seconds since then.
+    windows : mapping of proposition to Window
+        When propositions hold. One with the name of its region says when the region counts at all.
+    forbidden : tuple of str
+        Propositions with a window that must never hold: obstacles that stand for a time.
     """
 
     bounds: FloatArray
@@ -42,6 +47,8 @@ class Scene(Displayed):
     time_zero: str | None = None
     landmarks: tuple[FloatArray, ...] = ()
     border: str = "open"
+    windows: Mapping[str, Window] = field(default_factory=dict)
+    forbidden: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         require_shape("bounds", self.bounds, 2, 2)
@@ -50,6 +57,11 @@ class Scene(Displayed):
             raise ValueError(f"border must be one of {', '.join(BORDERS)}, got {self.border!r}")
         for polygon in (*self.regions.values(), *self.obstacles, *self.landmarks):
             require_shape("polygon", polygon, None, 2)
+        for name, window in self.windows.items():
+            if window.region not in self.regions:
+                raise ValueError(f"window {name!r} is of {window.region!r}, which is no region of the map")
+        if missing := set(self.forbidden) - set(self.windows):
+            raise ValueError(f"forbidden: {sorted(missing)} have no window")
 
     @property
     def walled(self) -> bool:
@@ -64,7 +76,7 @@ class Scene(Displayed):
             "obstacles": f"{len(self.obstacles)}",
             "border": self.border,
             "departure": self.time_zero or "not set",
-        }
+        } | {f"{name} holds": str(window) for name, window in self.windows.items()}
 
 
 __all__ = ["Scene"]

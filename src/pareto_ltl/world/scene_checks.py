@@ -39,6 +39,13 @@ def checked_scene(sketch: SceneSketch) -> Scene:
     _check_size(sketch)
     for name, _ in sketch.regions:
         _check_region_name(sketch, name)
+    for place in sketch.timed:
+        _check_region_name(sketch, place.name)
+        if place.name != place.region and place.name in dict(sketch.regions):
+            raise DataError(
+                f"{sketch.where}: window {place.name!r} of region {place.region!r} has the name of another "
+                "region; rename it"
+            )
     regions = {
         name: _simple_outline(sketch, f"region {shown_text(name)!r}", corners)
         for name, corners in sketch.regions

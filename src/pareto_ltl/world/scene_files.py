@@ -24,6 +24,7 @@ from pareto_ltl.world.scene_sketch import (
     read_outlines,
     read_start,
 )
+from pareto_ltl.world.windows import TimedPlace, Window
 
 BOUNDS_MARGIN = 0.05  # of the extent of a GeoJSON map without bounds
 FEATURE_ROLES = ("region", "obstacle", "start", "bounds", "landmark")
@@ -42,7 +43,13 @@ def scene_to_dict(scene: Scene) -> dict[str, Any]:
         "border": scene.border,
         "crs": scene.crs,
         "time_zero": scene.time_zero,
-    }
+    } | _timed(scene)
+
+
+def _timed(scene: Scene) -> dict[str, Any]:
+    """The windows of ``scene``; nothing for a map without any."""
+    windows = {name: window.as_dict() for name, window in scene.windows.items()}
+    return {"windows": windows, "forbidden": list(scene.forbidden)} if windows else {}
 
 
 def scene_from_dict(data: Mapping[str, Any]) -> Scene:
@@ -60,6 +67,8 @@ def scene_from_dict(data: Mapping[str, Any]) -> Scene:
         time_zero=data.get("time_zero"),
         landmarks=tuple(np.array(polygon, float) for polygon in data.get("landmarks") or ()),
         border=data.get("border") or "open",
+        windows={name: Window.from_dict(window) for name, window in (data.get("windows") or {}).items()},
+        forbidden=tuple(data.get("forbidden") or ()),
     )
 
 
@@ -92,6 +101,10 @@ def _sketch_results(path: Path, data: Mapping[str, Any]) -> SceneSketch:
         time_zero=data.get("time_zero"),
         landmarks=tuple(read_outlines(where, "landmark", landmarks, np.copy)),
         border=data.get("border"),
+        timed=tuple(
+            TimedPlace(name, w["region"], w.get("begin"), w.get("end"), name in (data.get("forbidden") or ()))
+            for name, w in (data.get("windows") or {}).items()
+        ),
     )
 
 

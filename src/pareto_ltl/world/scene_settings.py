@@ -19,6 +19,7 @@ from pareto_ltl.world.scene_sketch import (
     read_bounds,
     read_outlines,
     read_start,
+    read_timed,
 )
 
 
@@ -46,7 +47,10 @@ def scene_from_settings(cfg: SceneConfig, time_zero: str | None = None, border: 
     sketch = scene_sketch(cfg)
     scene = checked_scene(sketch)
     known = (sketch.border or border) if cfg.border == "auto" else cfg.border
-    return replace(scene, time_zero=time_zero or scene.time_zero, border=known)
+    departure = time_zero or scene.time_zero
+    windows = {place.name: place.window(sketch.where, departure) for place in sketch.timed}
+    forbidden = tuple(place.name for place in sketch.timed if place.forbidden)
+    return replace(scene, time_zero=departure, border=known, windows=windows, forbidden=forbidden)
 
 
 def scene_sketch(cfg: SceneConfig) -> SceneSketch:
@@ -76,6 +80,7 @@ def _sketch_settings(cfg: SceneConfig) -> SceneSketch:
         show=show,
         crs=projection.local_plane(*cfg.centre) if cfg.centre is not None else None,
         landmarks=tuple(read_outlines(where, "landmark", numbered_outlines(cfg.landmarks), metres)),
+        timed=tuple(read_timed(where, cfg.windows, cfg.regions)),
     )
 
 

@@ -7,7 +7,7 @@ coordinates of the author.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,6 +16,7 @@ import numpy as np
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.messages import shown_text
+from pareto_ltl.world.windows import TimedPlace
 
 MOST_COORDINATE = 1e15  # in any unit
 RELATIVE_TOLERANCE = 1e-9  # of the size of the map; smaller lengths are rounding errors
@@ -35,6 +36,8 @@ class SceneSketch:
         Text of a point (2,) [m] in the coordinates of the author.
     border : str or None
         ``wall`` or ``open``; None where the map does not say.
+    timed : tuple of TimedPlace
+        Regions that count, and obstacles that stand, only for a time; the latter are regions here.
     """
 
     where: str
@@ -47,6 +50,7 @@ class SceneSketch:
     time_zero: str | None = None
     landmarks: tuple[tuple[str, FloatArray], ...] = ()
     border: str | None = None
+    timed: tuple[TimedPlace, ...] = ()
 
     @property
     def tolerance(self) -> float:
@@ -118,6 +122,23 @@ def read_corners(where: str, what: str, polygon: Any) -> FloatArray:
     return corners
 
 
+def read_timed(where: str, windows: Any, regions: Collection[str]) -> Iterator[TimedPlace]:
+    """The windows of settings, each a mapping with the keys ``region``, ``from``, ``until``, ``forbidden``."""
+    for name, keys in windows.items():
+        what = f"{where}: window {shown_text(str(name))!r}"
+        known = {"region", "from", "until", "forbidden"}
+        if not isinstance(keys, Mapping) or not set(keys) <= known or not {"from", "until"} & set(keys):
+            raise DataError(
+                f"{what} is {shown_text(str(keys))}; expected {{from: TIME, until: TIME}} or one of the two, "
+                "and region and forbidden if need be"
+            )
+        region = str(keys.get("region", name))
+        if region not in regions:
+            have = ", ".join(sorted(regions)) or "none"
+            raise DataError(f"{what} is of region {shown_text(region)!r}; the map has {have}")
+        yield TimedPlace(str(name), region, keys.get("from"), keys.get("until"), bool(keys.get("forbidden")))
+
+
 def _are_finite(numbers: FloatArray) -> bool:
     """Whether no number is NaN, infinite, or so large that its square is."""
     return bool((np.abs(numbers) < MOST_COORDINATE).all())
@@ -140,4 +161,12 @@ def _typed_text(value: Any) -> str:
     return shown_text(str(value.tolist() if isinstance(value, np.ndarray) else value))
 
 
-__all__ = ["SceneSketch", "numbered_outlines", "read_bounds", "read_corners", "read_outlines", "read_start"]
+__all__ = [
+    "SceneSketch",
+    "numbered_outlines",
+    "read_bounds",
+    "read_corners",
+    "read_outlines",
+    "read_start",
+    "read_timed",
+]

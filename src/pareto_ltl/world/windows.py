@@ -1,0 +1,153 @@
+"""Time windows: when a region counts as a place to visit or to keep out of, and when an obstacle stands."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from typing import Any
+
+from pareto_ltl.support.errors import DataError
+from pareto_ltl.support.messages import shown_text
+
+UNITS = {"s": 1.0, "min": 60.0, "h": 3600.0, "d": 86_400.0}
+ROUNDING = 1e-6  # [s] by which a step may miss the ends of a window
+_DURATION = re.compile(r"([+-]?\d+(?:\.\d*)?|\.\d+)\s*(s|min|h|d)?")
+_EXPECTED = (
+    "expected an ISO 8601 time (UTC) such as 2018-10-09T18:00:00Z, or a time after departure such as 6h"
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Window:
+    """The proposition "in ``region``, between ``begin`` and ``end``"; without a region a clock.
+
+    Attributes
+    ----------
+    region : str or None
+        Name of the region; None for a proposition that depends on the time alone.
+    begin, end : float
+        First and last moment [s after departure]; -inf and inf where it has none.
+    """
+
+    region: str | None
+    begin: float = -math.inf
+    end: float = math.inf
+
+    def holds_at(self, time: float) -> bool:
+        """Whether ``time`` [s] lies in the window, its ends included."""
+        return self.begin - ROUNDING <= time <= self.end + ROUNDING
+
+    def meets(self, first: float, last: float) -> bool:
+        """Whether some moment between ``first`` and ``last`` [s] lies in the window."""
+        return self.begin - ROUNDING <= last and first <= self.end + ROUNDING
+
+    def as_dict(self) -> dict[str, Any]:
+        """For JSON: open ends are null."""
+        ends = {"begin": self.begin, "end": self.end}
+        return {"region": self.region} | {k: v if math.isfinite(v) else None for k, v in ends.items()}
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> Window:
+        """The inverse of :meth:`as_dict`."""
+        begin, end = data.get("begin"), data.get("end")
+        return cls(
+            data.get("region"), -math.inf if begin is None else begin, math.inf if end is None else end
+        )
+
+    def __str__(self) -> str:
+        place = "" if self.region is None else f"in {self.region} "
+        return f"{place}{span_text(self.begin, self.end)}"
+
+
+@dataclass(frozen=True, slots=True)
+class TimedPlace:
+    """A window as a map says it, before the departure is known.
+
+    Attributes
+    ----------
+    name : str
+        Of the proposition; that of the region itself where the region counts only within the window.
+    region : str
+    begin, end : str, float or None
+        ISO 8601 times (UTC), or times after departure: seconds, or a text such as ``6h``; None is no limit.
+    forbidden : bool
+        Whether the place must not be met within the window: an obstacle that stands for a time.
+    """
+
+    name: str
+    region: str
+    begin: str | float | None = None
+    end: str | float | None = None
+    forbidden: bool = False
+
+    def window(self, where: str, departure: str | None) -> Window:
+        """In seconds after ``departure`` (ISO 8601, UTC); DataError where a limit cannot be read, or the
+        window is empty."""
+        what = f"{where}: {shown_text(self.name)!r}"
+        begin = -math.inf if self.begin is None else seconds_after(f"{what}: from", self.begin, departure)
+        end = math.inf if self.end is None else seconds_after(f"{what}: until", self.end, departure)
+        if begin >= end:
+            raise DataError(
+                f"{what}: the time window from {self.begin} until {self.end} is empty; expected from < until"
+            )
+        return Window(self.region, begin, end)
+
+
+def seconds_after(what: str, value: Any, departure: str | None) -> float:
+    """A moment [s after ``departure``]: an ISO 8601 time, or a time after departure."""
+    if isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value):
+        return float(value)
+    text = value.isoformat() if isinstance(value, datetime) else str(value).strip()
+    if (duration := duration_seconds(text)) is not None:
+        return duration
+    try:
+        moment = _utc(text)
+    except ValueError:
+        raise DataError(f"{what} is {shown_text(repr(value))}; {_EXPECTED}") from None
+    if departure is None:
+        raise DataError(
+            f"{what} is {shown_text(text)}, but the departure has no date: set mission.start_time"
+        )
+    return (moment - _utc(departure)).total_seconds()
+
+
+def duration_seconds(text: str, unit: str | None = None) -> float | None:
+    """``6h``, ``90 min``, ``1.5d``, ``30s`` or a bare number of ``unit`` [s]; None where it is none of these.
+
+    A bare number without ``unit`` is one only if it is 0.
+    """
+    found = _DURATION.fullmatch(text.strip())
+    if found is None:
+        return None
+    number, own = float(found[1]), found[2] or unit
+    if own is None:
+        return 0.0 if number == 0.0 else None
+    return number * UNITS[own]
+
+
+def _utc(text: str) -> datetime:
+    moment = datetime.fromisoformat(text)
+    return moment.replace(tzinfo=UTC) if moment.tzinfo is None else moment
+
+
+def span_text(begin: float, end: float) -> str:
+    """``from 2 h until 6 h after departure``"""
+    if math.isinf(begin) and math.isinf(end):
+        return "at any time"
+    first = "" if math.isinf(begin) else f"from {hours_text(begin)} "
+    last = "on" if math.isinf(end) else f"until {hours_text(end)}"
+    return f"{first}{last} after departure".replace("  ", " ")
+
+
+def hours_text(seconds: float) -> str:
+    """``6 h``, ``90 min`` or ``30 s``."""
+    for unit in ("h", "min"):
+        if abs(seconds) >= UNITS[unit] and (seconds / UNITS[unit]) % 0.5 == 0:
+            return f"{seconds / UNITS[unit]:g} {unit}"
+    return f"{seconds:g} s"
+
+
+__all__ = ["TimedPlace", "Window", "duration_seconds", "hours_text", "seconds_after", "span_text"]
