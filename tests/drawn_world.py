@@ -61,7 +61,7 @@ def decomposition_of(scene: Scene) -> Decomposition:
         shapely.union_all([shapely.Polygon(o) for o in scene.obstacles])
     )
     cells = tuple(np.array(t.exterior.coords)[:3] for t in shapely.constrained_delaunay_triangles(free).geoms)
-    regions = {name: (polygon,) for name, polygon in scene.regions.items()}
+    regions = dict(scene.regions)
     return Decomposition(
         cells, (frozenset[str](),) * len(cells), np.empty((0, 2), np.int64), scene.obstacles, regions
     )

@@ -76,7 +76,7 @@ class Mission:
             "side": float((scene.bounds[1] - corner).max() / UNIT),
             "start": scaled(scene.start),
             "obstacles": [scaled(polygon) for polygon in cells.obstacles],
-            "regions": {name: scaled(polygon) for name, polygon in scene.regions.items()},
+            "regions": {name: scaled(polygon) for name, (polygon,) in scene.regions.items()},
             "cells": [scaled(cell) for cell in cells.cells],
             "doors": cells.doors.tolist(),
             "inside": {

@@ -61,7 +61,7 @@ def test_the_plan_in_geojson(flown: Flown) -> None:
     assert [f.properties["airspeed_m_s"] for f in legs] == flown.exported.log.airspeed.tolist()
     assert {f.properties["wind_law"] for f in (*legs, *positions)} == {"coherent"}
     for role, polygons in (
-        ("region", flown.result.scene.regions.values()), ("obstacle", flown.result.scene.obstacles),
+        ("region", flown.result.scene.region_outlines), ("obstacle", flown.result.scene.obstacles),
     ):  # fmt: skip
         drawn = [shapely.geometry.shape(f.geometry) for f in found if f.properties["role"] == role]
         assert len(drawn) == len(polygons)

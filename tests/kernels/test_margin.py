@@ -88,7 +88,7 @@ def walk(stops: FloatArray, per_leg: int) -> FloatArray:
 def random_stops(problem: Problem, rng: np.random.Generator, legs: int) -> FloatArray:
     """The start, then middles of regions and, now and then, any place of the map."""
     (west, south), (east, north) = problem.scene.bounds
-    middles = [polygon.mean(axis=0) for polygon in problem.scene.regions.values()]
+    middles = [polygon.mean(axis=0) for polygon in problem.scene.region_outlines]
     stops = [problem.scene.start]
     for _ in range(legs):
         anywhere = rng.uniform([west, south], [east, north])

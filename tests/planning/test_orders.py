@@ -36,7 +36,7 @@ def test_of_many_orders_those_of_a_short_way_are_found(most):
     found = words(problem, most)
     assert len(set(found)) == most
     assert all(sorted(word) == list(names) for word in found)
-    middle = {name: problem.scene.regions[name].mean(axis=0) for name in names}
+    middle = {name: problem.scene.regions[name][0].mean(axis=0) for name in names}
     rng = np.random.default_rng(0)
 
     def length(word):

@@ -280,7 +280,7 @@ def test_the_papers_risk_is_the_best_visit_of_each_region():
     cells = problem.locate(path.x)
     found = risk.theorem2_bound(problem, path.x, path.cov, cells)
     for i, name in enumerate(problem.atoms):
-        normals, offsets = half_planes(problem.scene.regions[name])
+        normals, offsets = half_planes(problem.scene.regions[name][0])
         visits = [t for t, label in enumerate(path.label) if name in label]
         bounds = [risk.outside_bound(normals, offsets, path.x[t], path.cov[t]) for t in visits]
         assert len(visits) > 1

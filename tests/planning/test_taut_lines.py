@@ -56,7 +56,7 @@ def exact_length(stops, polygons, apart):
 
 def stops_of(problem, names):
     """The start and the middles of regions that are one cell."""
-    return np.vstack([problem.scene.start, *(problem.scene.regions[n].mean(axis=0)[None] for n in names)])
+    return np.vstack([problem.scene.start, *(problem.scene.regions[n][0].mean(axis=0)[None] for n in names)])
 
 
 def shortfall(problem, line, deviations, z):

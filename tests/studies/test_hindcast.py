@@ -145,7 +145,7 @@ def test_a_mission_keeps_its_shapes_apart_and_its_flight_within_the_wind(number:
     (west, south), (east, north) = task.scene.bounds
     side = east - west
     frame = shapely.box(west, south, east, north)
-    shapes = [shapely.Polygon(p) for p in (*task.scene.regions.values(), *task.scene.obstacles)]
+    shapes = [shapely.Polygon(p) for p in (*task.scene.region_outlines, *task.scene.obstacles)]
     shapes.append(shapely.Point(task.scene.start))
     assert set(task.scene.regions) == {"a", "b", "c"}
     assert cfg.obstacles[0] <= len(task.scene.obstacles) <= cfg.obstacles[1]

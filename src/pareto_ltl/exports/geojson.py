@@ -19,6 +19,7 @@ from pareto_ltl.exports.exported import ExportedPlan
 from pareto_ltl.exports.json_text import listed_json
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.files import plain_data
+from pareto_ltl.world.shapes import united_rings
 
 Feature = dict[str, Any]
 
@@ -66,14 +67,13 @@ def _position(exported: ExportedPlan, k: int) -> Feature:
 
 def _map_features(exported: ExportedPlan) -> list[Feature]:
     scene, crs = exported.scene, exported.crs
-    corners = [("region", name, polygon) for name, polygon in scene.regions.items()]
-    corners += [("obstacle", f"obstacle {n}", polygon) for n, polygon in enumerate(scene.obstacles, 1)]
+    drawn = [
+        _area(crs, outlines, {"role": "region", "name": name}) for name, outlines in scene.regions.items()
+    ]
+    corners = [("obstacle", f"obstacle {n}", polygon) for n, polygon in enumerate(scene.obstacles, 1)]
     corners += [("landmark", f"landmark {n}", polygon) for n, polygon in enumerate(scene.landmarks, 1)]
     corners += [("bounds", f"border ({scene.border})", border_corners(scene.bounds))]
-    drawn = [
-        _polygon([outline_degrees(crs, polygon)], {"role": role, "name": name})
-        for role, name, polygon in corners
-    ]
+    drawn += [_area(crs, [polygon], {"role": role, "name": name}) for role, name, polygon in corners]
     return [*drawn, _feature("Point", lonlat(crs, scene.start), {"role": "start", "name": "start"})]
 
 
@@ -140,6 +140,14 @@ def _line(crs: str, points: FloatArray, about: Mapping[str, Any]) -> Feature:
 def _polygon(rings: Sequence[FloatArray], about: Mapping[str, Any]) -> Feature:
     parts = polygon_parts(rings)
     return _feature("Polygon", parts[0], about) if len(parts) == 1 else _feature("MultiPolygon", parts, about)
+
+
+def _area(crs: str, outlines: Sequence[FloatArray], about: Mapping[str, Any]) -> Feature:
+    """The area of ``outlines`` (n, 2) [m] each, which may touch."""
+    polygons = [[outline_degrees(crs, ring) for ring in rings] for rings in united_rings(outlines)]
+    if len(polygons) == 1:
+        return _polygon(polygons[0], about)
+    return _feature("MultiPolygon", [part for rings in polygons for part in polygon_parts(rings)], about)
 
 
 def _feature(kind: str, coordinates: Any, about: Mapping[str, Any]) -> Feature:

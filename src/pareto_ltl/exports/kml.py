@@ -13,6 +13,7 @@ from pareto_ltl.exports.geojson import border_corners, tube_rings
 from pareto_ltl.exports.gpx import region_text
 from pareto_ltl.exports.xml_text import add, xml_bytes
 from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.world.shapes import united_rings
 
 NAMESPACE = "http://www.opengis.net/kml/2.2"
 TUBE = 0.95  # of whole flights stay in the area that is drawn
@@ -80,13 +81,15 @@ def _leg_data(exported: ExportedPlan, k: int) -> dict[str, str]:
 def _add_map(document: Xml.Element, exported: ExportedPlan) -> None:
     scene, folder = exported.scene, add(document, "Folder")
     add(folder, "name", "map")
-    drawn = [("region", name, polygon) for name, polygon in scene.regions.items()]
-    drawn += [("obstacle", f"obstacle {n}", polygon) for n, polygon in enumerate(scene.obstacles, 1)]
-    drawn += [("landmark", f"landmark {n}", polygon) for n, polygon in enumerate(scene.landmarks, 1)]
-    drawn += [("border", f"border ({scene.border})", border_corners(scene.bounds))]
-    for style, name, corners in drawn:
-        place = _placemark(folder, name, style)
-        _add_polygon(place, [outline_degrees(exported.crs, corners)])
+    drawn = [("region", name, outlines) for name, outlines in scene.regions.items()]
+    drawn += [("obstacle", f"obstacle {n}", (polygon,)) for n, polygon in enumerate(scene.obstacles, 1)]
+    drawn += [("landmark", f"landmark {n}", (polygon,)) for n, polygon in enumerate(scene.landmarks, 1)]
+    drawn += [("border", f"border ({scene.border})", (border_corners(scene.bounds),))]
+    for style, name, outlines in drawn:
+        place, polygons = _placemark(folder, name, style), united_rings(outlines)
+        parent = place if len(polygons) == 1 else add(place, "MultiGeometry")
+        for rings in polygons:
+            _add_polygon(parent, [outline_degrees(exported.crs, ring) for ring in rings])
 
 
 def _add_tube(document: Xml.Element, exported: ExportedPlan) -> None:

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 from pareto_ltl.logic import hoa, patterns
 from pareto_ltl.logic.automaton import Automaton, translate
-from pareto_ltl.logic.formula import check_names, parse_formula
-from pareto_ltl.support.errors import ConfigError, DataError
+from pareto_ltl.logic.formula import check_names, parse_formula, positive_normal_form
+from pareto_ltl.support.errors import ConfigError, DataError, FormulaError
 
 if TYPE_CHECKING:
     from pareto_ltl.settings import MissionConfig
@@ -54,4 +54,23 @@ def automaton_of(
     return translate(text, letters, max_states)
 
 
-__all__ = ["automaton_of"]
+def region_use(mission: MissionConfig) -> tuple[frozenset[str], frozenset[str]] | None:
+    """The propositions that the mission asks for, and those whose absence it asks for; some are in both.
+
+    In positive normal form, a proposition without negation can only help where it holds, one with negation
+    only where it does not. None where there is no formula, or none that can be read.
+    """
+    try:
+        text = patterns.formula_of(mission)
+        if mission.automaton is not None or not text.strip():
+            return None
+        tree = positive_normal_form(parse_formula(text))
+    except (ConfigError, FormulaError):
+        return None  # the automaton says what is wrong
+    nodes = list(tree.walk())
+    negated = frozenset(node.args[0].name for node in nodes if node.op == "!")
+    asked = [tree, *(arg for node in nodes if node.op != "!" for arg in node.args)]
+    return frozenset(node.name for node in asked if node.op == "name"), negated
+
+
+__all__ = ["automaton_of", "region_use"]

@@ -103,16 +103,18 @@ def draw_ground(chart: MapAxes, scene: Scene, decomposition: Decomposition) -> N
     }
     draw_polygons(chart, scene.landmarks, **landmark, zorder=2.6)
     region: dict[str, Any] = {"facecolors": style.GREEN + "30", "edgecolors": style.GREEN, "linewidths": 1.0}
-    draw_polygons(chart, scene.regions.values(), **region, zorder=2.5)
+    draw_polygons(chart, scene.region_outlines, **region, zorder=2.5)
 
 
 def name_regions(
     chart: MapAxes, scene: Scene, decomposition: Decomposition, taken: FloatArray | None = None
 ) -> None:
     """Names of the regions at places that do not cover the points ``taken`` (n, 2) [m]."""
-    for name, polygon in scene.regions.items():
+    for name, outlines in scene.regions.items():
+        if not outlines:
+            continue
         half = label_half_size(name, NAME_SIZE, metres_per_inch(chart))
-        parts = decomposition.regions.get(name, (polygon,))
+        parts = decomposition.regions.get(name, outlines)
         x, y = label_position(parts, half, taken, scene.bounds) * chart.per_metre
         chart.ax.text(
             x,

@@ -104,13 +104,14 @@ def mission_drawing(
 
 
 def _draw_scene(ax: Axes, scene: Scene) -> None:
-    outlines = {style.GREEN: list(scene.regions.values()), style.STONE: list(scene.obstacles)}
-    for color, polygons in outlines.items():
+    drawn = {style.GREEN: list(scene.region_outlines), style.STONE: list(scene.obstacles)}
+    for color, polygons in drawn.items():
         scaled = [KILOMETRE * polygon for polygon in polygons]
         ax.add_collection(PolyCollection(scaled, facecolors=color, edgecolors=color, alpha=0.45, zorder=1))
-    for name, polygon in scene.regions.items():
-        x, y = KILOMETRE * polygon.mean(axis=0)
-        ax.text(x, y, name, ha="center", va="center", parse_math=False)
+    for name, outlines in scene.regions.items():
+        for polygon in outlines[:1]:
+            x, y = KILOMETRE * polygon.mean(axis=0)
+            ax.text(x, y, name, ha="center", va="center", parse_math=False)
     ax.plot(*(KILOMETRE * scene.start), "s", color=style.INK, ms=4)
     (west, south), (east, north) = KILOMETRE * scene.bounds
     ax.set(xlim=(west, east), ylim=(south, north))

@@ -207,11 +207,16 @@ def _draw_directions(chart: MapAxes, wind: WindField, mean: FloatArray) -> None:
         )
 
 
+def _extent(outline: FloatArray) -> float:
+    """Area [m²] of the box around ``outline``."""
+    return float(np.ptp(outline, axis=0).prod())
+
+
 def _draw_outlines(chart: MapAxes, scene: Scene) -> None:
     """Bounds, obstacles and regions as thin lines, with the names of the regions."""
     (west, south), (east, north) = scene.bounds
     frame = np.array([[west, south], [east, south], [east, north], [west, north]])
-    for polygons, width in (([frame], 0.9), ([*scene.obstacles, *scene.regions.values()], 0.5)):
+    for polygons, width in (([frame], 0.9), ([*scene.obstacles, *scene.region_outlines], 0.5)):
         chart.ax.add_collection(
             PolyCollection(
                 [p * chart.per_metre for p in polygons],
@@ -222,8 +227,10 @@ def _draw_outlines(chart: MapAxes, scene: Scene) -> None:
             ),
             autolim=False,
         )
-    for name, polygon in scene.regions.items():
-        x, y = polygon.mean(axis=0) * chart.per_metre
+    for name, outlines in scene.regions.items():
+        if not outlines:
+            continue
+        x, y = max(outlines, key=_extent).mean(axis=0) * chart.per_metre
         chart.ax.text(
             x,
             y,

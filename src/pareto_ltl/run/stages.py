@@ -90,12 +90,19 @@ def _wanted_wind(settings: Settings) -> Wanted:
 
 def make_scene(inputs: StageInputs) -> Scene:
     """The map; without ``mission.start_time`` the robot departs at the first wind time."""
+    from pareto_ltl.logic.mission import region_use
     from pareto_ltl.world.random_maps import add_random_places
     from pareto_ltl.world.scene_settings import scene_from_settings
+    from pareto_ltl.world.scene_sketch import MissionUse
 
     settings = inputs.settings
-    departure = settings.mission.start_time or inputs[READINGS].first_time
-    return scene_from_settings(add_random_places(settings.scene), departure, settings.fidelity.border)
+    departure, mission = settings.mission.start_time or inputs[READINGS].first_time, settings.mission
+
+    def use() -> MissionUse | None:
+        found = region_use(mission)
+        return None if found is None else MissionUse(*found)
+
+    return scene_from_settings(add_random_places(settings.scene), departure, settings.fidelity.border, use)
 
 
 def make_decomposition(inputs: StageInputs) -> Decomposition:

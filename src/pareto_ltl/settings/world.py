@@ -55,7 +55,9 @@ class SceneConfig(CheckedSettings):
     )
     bounds: list[Any] = setting([], "[[west, south], [east, north]] of the map", unit="units")
     start: list[Any] = setting([], "start position [east, north]", unit="units")
-    regions: dict[str, Any] = setting({}, "name: corners of each region of the formula", unit="units")
+    regions: dict[str, Any] = setting(
+        {}, "name: corners of each region of the formula, or a list of outlines", unit="units"
+    )
     obstacles: list[Any] = setting([], "corners of each obstacle", unit="units")
     windows: dict[str, Any] = setting(
         {},
@@ -71,6 +73,22 @@ class SceneConfig(CheckedSettings):
     )
     landmarks: list[Any] = setting(
         [], "corners of each area where the robot measures its position", unit="units"
+    )
+    simplify: Any = setting(
+        "auto",
+        "how far outlines of more than 40 corners may move: obstacles outwards, visited regions inwards; "
+        "auto: 1/1000 of the longer side of the map; 0: never",
+        unit="m",
+        least=0,
+        most=1e7,
+        words=("auto",),
+    )
+    altitude: float | None = setting(
+        None,
+        "altitude of the flight, in the datum of the map: places with another floor or ceiling do not count",
+        unit="m",
+        least=-12_000,
+        most=1e5,
     )
     random: RandomSceneConfig = field(default_factory=RandomSceneConfig)
 

@@ -100,7 +100,7 @@ def _scene(cfg: FieldMissionsConfig, rng: Generator, side: float, crs: str, time
     return Scene(
         bounds,
         start,
-        {k: v for k, v in regions.items() if v is not None},
+        {k: (v,) for k, v in regions.items() if v is not None},
         tuple(w for w in walls if w is not None),
         crs,
         time_zero,

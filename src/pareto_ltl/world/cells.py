@@ -103,7 +103,7 @@ def decompose(scene: Scene) -> Decomposition:
     """
     step = _grid_step(scene)
     obstacles = _outermost_polygons([_snapped_polygon(corners, step) for corners in scene.obstacles])
-    regions = {name: _snapped_polygon(corners, step) for name, corners in scene.regions.items()}
+    regions = {name: _snapped_region(outlines, step) for name, outlines in scene.regions.items()}
     cells = _labelled_cells(_snapped_polygon(_box_outline(scene.bounds), step), obstacles, regions)
     if not cells:
         raise DataError(
@@ -267,6 +267,14 @@ def _snapped_polygon(corners: FloatArray, step: float) -> shapely.Geometry:
     import shapely
 
     return _snapped_shape(shapely.Polygon(corners), step)
+
+
+def _snapped_region(outlines: Sequence[FloatArray], step: float) -> shapely.Geometry:
+    """One shape without the edges at which the polygons of a region touch."""
+    import shapely
+
+    found = [_snapped_polygon(corners, step) for corners in outlines]
+    return found[0] if len(found) == 1 else shapely.union_all(found, grid_size=1.0)
 
 
 def _snapped_shape(shape: shapely.Geometry, step: float) -> shapely.Geometry:

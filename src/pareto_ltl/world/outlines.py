@@ -7,7 +7,11 @@ and Peucker, 1973, doi:10.3138/FM57-6770-U75U-7727), so that it cannot reach the
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 if TYPE_CHECKING:
     import shapely
@@ -15,6 +19,39 @@ if TYPE_CHECKING:
 ARC = 4  # segments of a quarter circle around a moved corner: they cut its radius by 2 %
 WITHIN = 0.9  # of the distance moved: how far simplifying goes back at most
 HALVINGS = 8  # of a tolerance at which a bay closes
+CLOSED = 1e-5  # of the size of the map: gaps and holes this narrow count as none
+OWN_SHARE = 0.05  # of the square root of the polygon's own area: how far its outline may move
+GAP_SHARE = 0.25  # of the gap to the next outline or to the start, the same
+
+
+@dataclass(frozen=True, slots=True)
+class Room:
+    """What lies on a map of ``size`` [m]: an outline may move as far as the gaps to its neighbours allow."""
+
+    tree: shapely.STRtree
+    size: float
+
+    @classmethod
+    def of(cls, shapes: Iterable[shapely.Geometry], size: float) -> Room:
+        import shapely
+
+        return cls(shapely.STRtree(list(shapes)), size)
+
+    def tolerance(self, shape: shapely.Polygon, most: float) -> float:
+        """How far [m] the outline of ``shape`` may move, at most ``most``, so that all gaps stay open."""
+        import shapely
+
+        widest = min(most, OWN_SHARE * math.sqrt(shape.area))
+        near = self.tree.query(shape, predicate="dwithin", distance=widest / GAP_SHARE)
+        gaps = shapely.distance(shape, self.tree.geometries[near])
+        return min(widest, GAP_SHARE * float(np.min(gaps[gaps > CLOSED * self.size], initial=math.inf)))
+
+
+def corner_count(shape: shapely.Geometry) -> int:
+    """Corners of all rings, which repeat their first one."""
+    import shapely
+
+    return int(shapely.get_num_coordinates(shape)) - len(shapely.get_rings(shapely.get_parts(shape)))
 
 
 def widened_polygon(polygon: shapely.Polygon, tolerance: float) -> shapely.Polygon:
@@ -65,4 +102,4 @@ def _moved(polygon: shapely.Polygon, distance: float) -> Any:
     return shapely.simplify(moved, most / 2)
 
 
-__all__ = ["narrowed_polygon", "widened_polygon", "without_pools"]
+__all__ = ["CLOSED", "Room", "corner_count", "narrowed_polygon", "widened_polygon", "without_pools"]

@@ -97,6 +97,17 @@ def meridian_convergence(crs: str, lon: FloatArray, lat: FloatArray) -> FloatArr
     return angle
 
 
+def largest_scale(crs: str, bounds: FloatArray) -> float:
+    """Metres in the plane for a metre on the ground, where there are most within ``bounds`` (2, 2) [m].
+
+    In our planes that is at a corner; of others, the middles of the sides are looked at, too.
+    """
+    sides = np.linspace(bounds[0], bounds[1], 3)
+    lon, lat = to_geographic(crs, np.stack(np.meshgrid(*sides.T), axis=-1).reshape(-1, 2))
+    factors = _cached_projection(crs).get_factors(lon, lat, errcheck=True)
+    return float(np.max([factors.meridional_scale, factors.parallel_scale]))
+
+
 def rotate_vectors(vectors: FloatArray, angle: FloatArray) -> FloatArray:
     """``vectors`` (N, 2) rotated counter-clockwise by ``angle`` (N,) [rad]."""
     cos, sin = np.cos(angle), np.sin(angle)
@@ -120,4 +131,12 @@ def _cached_projection(crs: str) -> pyproj.Proj:
     return proj
 
 
-__all__ = ["degrees_of", "local_plane", "meridian_convergence", "rotate_vectors", "to_geographic", "to_plane"]
+__all__ = [
+    "degrees_of",
+    "largest_scale",
+    "local_plane",
+    "meridian_convergence",
+    "rotate_vectors",
+    "to_geographic",
+    "to_plane",
+]

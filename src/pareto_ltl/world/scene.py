@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from pareto_ltl.settings.fidelity import BORDERS
 from pareto_ltl.support.arrays import FloatArray, require_shape
 from pareto_ltl.support.display import Displayed, distance_text, listed_text
@@ -21,8 +23,9 @@ class Scene(Displayed):
         South-west and north-east corner [m].
     start : (2,) float
         Position at departure [m].
-    regions : mapping of name to (n, 2) float
-        Regions of interest, simple polygons, counter-clockwise [m].
+    regions : mapping of name to tuple of (n, 2) float
+        Regions of interest: each the union of simple polygons without a common area, counter-clockwise [m]. A
+        region without any holds nowhere. The constructor also takes one polygon (n, 2) for a region.
     obstacles : tuple of (n, 2) float
         Simple polygons, counter-clockwise [m].
     landmarks : tuple of (n, 2) float
@@ -37,11 +40,14 @@ class Scene(Displayed):
         When propositions hold. One with the name of its region says when the region counts at all.
     forbidden : tuple of str
         Propositions with a window that must never hold: obstacles that stand for a time.
+    simplified : float
+        How far outlines lie from those that were drawn, at most [m]: obstacles and forbidden regions are
+        larger by that, visited regions smaller.
     """
 
     bounds: FloatArray
     start: FloatArray
-    regions: Mapping[str, FloatArray]
+    regions: Mapping[str, tuple[FloatArray, ...]]
     obstacles: tuple[FloatArray, ...] = ()
     crs: str | None = None
     time_zero: str | None = None
@@ -49,13 +55,19 @@ class Scene(Displayed):
     border: str = "open"
     windows: Mapping[str, Window] = field(default_factory=dict)
     forbidden: tuple[str, ...] = ()
+    simplified: float = 0.0
 
     def __post_init__(self) -> None:
         require_shape("bounds", self.bounds, 2, 2)
         require_shape("start", self.start, 2)
         if self.border not in BORDERS:
             raise ValueError(f"border must be one of {', '.join(BORDERS)}, got {self.border!r}")
-        for polygon in (*self.regions.values(), *self.obstacles, *self.landmarks):
+        parts = {
+            name: (found,) if isinstance(found, np.ndarray) else tuple(found)
+            for name, found in self.regions.items()
+        }
+        object.__setattr__(self, "regions", parts)
+        for polygon in (*self.region_outlines, *self.obstacles, *self.landmarks):
             require_shape("polygon", polygon, None, 2)
         for name, window in self.windows.items():
             if window.region not in self.regions:
@@ -67,6 +79,11 @@ class Scene(Displayed):
     def walled(self) -> bool:
         """Whether leaving the map is a failure."""
         return self.border == "wall"
+
+    @property
+    def region_outlines(self) -> tuple[FloatArray, ...]:
+        """The polygons of all regions."""
+        return tuple(outline for outlines in self.regions.values() for outline in outlines)
 
     def facts(self) -> Mapping[str, str]:
         east, north = (float(side) for side in self.bounds[1] - self.bounds[0])

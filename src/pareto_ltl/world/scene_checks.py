@@ -1,19 +1,24 @@
-"""Checks of a whole map in metres: names, outlines, bounds, overlaps."""
+"""Checks of a whole map in metres, and the scene that comes of it: names, bounds, overlaps."""
 
 from __future__ import annotations
 
-import math
 import re
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.messages import shown_text
+from pareto_ltl.world.altitude import sketch_at_altitude
+from pareto_ltl.world.cells import convex_pieces
 from pareto_ltl.world.scene import Scene
-from pareto_ltl.world.scene_sketch import SceneSketch
+from pareto_ltl.world.scene_shapes import clipped_parts, drawn_shape, outside_of, with_buffer
+from pareto_ltl.world.scene_simplify import MANY_CORNERS, DrawnMap, simplified_map
+from pareto_ltl.world.scene_sketch import DrawingRules, MissionUse, Place, SceneSketch
+from pareto_ltl.world.shapes import outlines_of
 
 if TYPE_CHECKING:
     import shapely
@@ -24,73 +29,185 @@ RESERVED_WORDS = frozenset(  # of the formula language, not allowed as names of 
 )
 
 
-def checked_scene(sketch: SceneSketch) -> Scene:
+def checked_scene(sketch: SceneSketch, rules: DrawingRules | None = None) -> Scene:
     """The scene of ``sketch``: outlines counter-clockwise, obstacles clipped at the bounds.
+
+    Buffers are part of the outlines. Obstacles are cut out of regions and landmarks that reach into their
+    buffer. Polygons with many corners are simplified as ``rules`` say.
 
     Raises
     ------
     DataError
         If something is missing, degenerate, outside of the bounds, or overlaps.
     """
+    rules = rules or DrawingRules()
     if not sketch.regions:
         raise DataError(f"{sketch.where} has no regions; a mission needs at least one place to visit")
     if len(sketch.start) == 0:
         raise DataError(f"{sketch.where} has no start; add a Point with the property role: start")
     _check_size(sketch)
-    for name, _ in sketch.regions:
-        _check_region_name(sketch, name)
-    for place in sketch.timed:
+    for place in sketch.regions:
         _check_region_name(sketch, place.name)
-        if place.name != place.region and place.name in dict(sketch.regions):
-            raise DataError(
-                f"{sketch.where}: window {place.name!r} of region {place.region!r} has the name of another "
-                "region; rename it"
-            )
-    regions = {
-        name: _simple_outline(sketch, f"region {shown_text(name)!r}", corners)
-        for name, corners in sketch.regions
-    }
-    obstacles = [(what, _simple_outline(sketch, what, corners)) for what, corners in sketch.obstacles]
-    _check_inside(sketch, "start", sketch.start[None])
-    for name, corners in regions.items():
-        _check_inside(sketch, f"region {shown_text(name)!r}", corners)
-    clipped = [(what, part) for what, corners in obstacles for part in _clipped_obstacle(sketch, corners)]
-    _check_start_free(sketch, clipped)
-    _check_overlaps(sketch, regions, clipped)
-    landmarks = [(what, _simple_outline(sketch, what, corners)) for what, corners in sketch.landmarks]
-    _check_landmarks(sketch, landmarks, clipped)
-    return Scene(
+    _check_windows(sketch)
+    sketch = sketch_at_altitude(sketch, rules)
+    drawn, farthest = simplified_map(sketch, rules, _drawn_map(sketch, rules))
+    if farthest or any(place.buffer for place in sketch.obstacles):
+        drawn = _apart(sketch, drawn)
+    scene = Scene(
         bounds=sketch.bounds,
         start=sketch.start,
-        regions=regions,
-        obstacles=tuple(part for _, part in clipped),
+        regions={name: outlines_of(shape) for name, shape in drawn.regions.items()},
+        obstacles=tuple(outline for _, part in drawn.obstacles for outline in outlines_of(part)),
         crs=sketch.crs,
         time_zero=sketch.time_zero,
-        landmarks=tuple(corners for _, corners in landmarks),
+        simplified=max(farthest, sketch.simplified),
+    )
+    return replace(scene, landmarks=tuple(_convex_landmarks(sketch, scene, drawn)))
+
+
+def _check_windows(sketch: SceneSketch) -> None:
+    """Refuse a window with the name of a region that is not its own."""
+    names = {place.name for place in sketch.regions}
+    for window in sketch.timed:
+        _check_region_name(sketch, window.name)
+        if window.name != window.region and window.name in names:
+            raise DataError(
+                f"{sketch.where}: window {window.name!r} of region {window.region!r} has the name of another "
+                "region; rename it"
+            )
+
+
+def _drawn_map(sketch: SceneSketch, rules: DrawingRules) -> DrawnMap:
+    """The polygons of all places with their buffers, after the checks of what was drawn without them."""
+    places = {place.name: drawn_shape(sketch, place) for place in sketch.regions}
+    shapes = [(place, drawn_shape(sketch, place)) for place in sketch.obstacles]
+    _check_inside(sketch, "start", sketch.start[None])
+    for place in sketch.regions:
+        _check_inside(sketch, place.what, _coordinates(places[place.name]))
+    solid = [(place.what, part) for place, shape in shapes for part in clipped_parts(sketch, shape)]
+    if sketch.fence is not None and rules.walled:
+        outside = clipped_parts(sketch, outside_of(sketch, sketch.fence))
+        solid += [("the outside of the border", part) for part in outside]
+    fenced = [pair for pair in solid if pair[0] == "the outside of the border"]
+    wide = [(place.what, part) for place, shape in shapes for part in _grown_parts(sketch, place, shape)]
+    _check_start_free(sketch, [*wide, *fenced])
+    _check_overlaps(sketch, places, solid)
+    use = _use_of_regions(sketch, rules)
+    kept_out = frozenset(p.name for p in sketch.regions if use and p.name not in use.visited)
+    regions = {
+        place.name: _with_margin(sketch, place, places[place.name], use, place.name in kept_out)
+        for place in sketch.regions
+    }
+    landmarks = [(place.what, _drawn_landmark(sketch, place, solid)) for place in sketch.landmarks]
+    visited = use.visited - use.forbidden if use else frozenset[str]()
+    return DrawnMap(regions, [*wide, *fenced], landmarks, kept_out, visited)
+
+
+def _grown_parts(sketch: SceneSketch, place: Place, shape: shapely.Geometry) -> list[Any]:
+    """The parts of an obstacle with its buffer."""
+    return clipped_parts(sketch, with_buffer(sketch, place, shape, outwards=True))
+
+
+def _use_of_regions(sketch: SceneSketch, rules: DrawingRules) -> MissionUse | None:
+    """How the mission reads the regions, where that changes the map."""
+    careful = any(
+        place.buffer or any(len(ring) > MANY_CORNERS for polygon in place.polygons for ring in polygon)
+        for place in sketch.regions
+    )
+    use = rules.use() if careful else None
+    if use is None:
+        return None
+    own = {window.name: window.region for window in sketch.timed}  # a window is visited in its region
+    return MissionUse(*(frozenset(own.get(name, name) for name in names) for names in use))
+
+
+def _with_margin(
+    sketch: SceneSketch, place: Place, shape: shapely.Geometry, use: MissionUse | None, kept_out: bool
+) -> shapely.Geometry:
+    """A region with its buffer: larger where the mission only keeps out of it, else smaller."""
+    import shapely
+
+    if not place.buffer:
+        return shape
+    if place.polygons and use and place.name in use.visited & use.forbidden:
+        raise DataError(
+            f"{sketch.where}: {place.what} has a buffer, and the mission both visits it and keeps out of it; "
+            "draw two regions, one for each, or leave the buffer out"
+        )
+    found = with_buffer(sketch, place, shape, outwards=kept_out)
+    if kept_out:
+        return shapely.union_all(clipped_parts(sketch, found))
+    _check_inside(sketch, place.what, _coordinates(found))
+    return found
+
+
+def _coordinates(shape: shapely.Geometry) -> FloatArray:
+    import shapely
+
+    found: FloatArray = shapely.get_coordinates(shape)
+    return found
+
+
+def _apart(sketch: SceneSketch, drawn: DrawnMap) -> DrawnMap:
+    """``drawn`` with the obstacles, which have got larger, cut out of what is visited."""
+    import shapely
+
+    barriers = np.array([polygon for _, polygon in drawn.obstacles])
+
+    def rest(what: str, shape: shapely.Geometry) -> shapely.Geometry:
+        near = barriers[shapely.intersects(shape, barriers)] if len(barriers) else barriers
+        common = shapely.area(shapely.intersection(shape, near)) > sketch.tolerance * shapely.length(shape)
+        if not common.any():
+            return shape
+        left = shapely.difference(shape, shapely.union_all(near[common]))
+        if shapely.area(left) <= sketch.tolerance * shapely.length(shape):
+            raise DataError(
+                f"{sketch.where}: nothing is left of {what} outside of the buffers of the obstacles; make it "
+                "larger, or the buffers smaller"
+            )
+        return left
+
+    return replace(
+        drawn,
+        regions={
+            name: shape if name in drawn.kept_out else rest(f"region {name!r}", shape)
+            for name, shape in drawn.regions.items()
+        },
+        landmarks=[(what, rest(what, shape)) for what, shape in drawn.landmarks],
     )
 
 
-def _check_landmarks(
-    sketch: SceneSketch,
-    landmarks: Sequence[tuple[str, FloatArray]],
-    obstacles: Sequence[tuple[str, FloatArray]],
-) -> None:
-    """Refuse a landmark outside of the bounds, one that is not convex, or one that overlaps an obstacle."""
+def _drawn_landmark(
+    sketch: SceneSketch, place: Place, obstacles: Sequence[tuple[str, Any]]
+) -> shapely.Geometry:
+    """A landmark; refuse one outside of the bounds, or one that overlaps an obstacle."""
     import shapely
 
-    for what, corners in landmarks:
-        _check_inside(sketch, what, corners)
-        polygon = shapely.Polygon(corners)
-        if shapely.convex_hull(polygon).area > polygon.area + sketch.tolerance * polygon.length:
-            raise DataError(f"{sketch.where}: {what} is not convex; split it into convex landmarks")
-        for name, outline in obstacles:
-            common = shapely.intersection(polygon, shapely.Polygon(outline))
-            if common.area > sketch.tolerance * polygon.length:
-                at = shapely.get_coordinates(shapely.point_on_surface(common))[0]
-                raise DataError(
-                    f"{sketch.where}: {what} overlaps {name} at {sketch.show(at)}, where no robot can be; "
-                    "move one, or cut the obstacle out of the landmark"
-                )
+    shape = drawn_shape(sketch, place)
+    for name, outline in obstacles:
+        common = shapely.intersection(shape, outline)
+        if common.area > sketch.tolerance * shapely.length(shape):
+            at = shapely.get_coordinates(shapely.point_on_surface(common))[0]
+            raise DataError(
+                f"{sketch.where}: {place.what} overlaps {name} at {sketch.show(at)}, where no robot can be; "
+                "move one, or cut the obstacle out of the landmark"
+            )
+    found = with_buffer(sketch, place, shape, outwards=False)
+    _check_inside(sketch, place.what, _coordinates(shape))
+    _check_inside(sketch, place.what, _coordinates(found))
+    return found
+
+
+def _convex_landmarks(sketch: SceneSketch, scene: Scene, drawn: DrawnMap) -> Iterator[FloatArray]:
+    """Landmarks as they are where they are convex, else in convex parts."""
+    import shapely
+
+    for _, shape in drawn.landmarks:
+        for part in shapely.get_parts(shape).tolist():
+            if shapely.convex_hull(part).area <= part.area + sketch.tolerance * part.length:
+                yield from outlines_of(part)
+            else:
+                yield from convex_pieces(scene, [part])
 
 
 def _check_size(sketch: SceneSketch) -> None:
@@ -118,33 +235,9 @@ def _check_region_name(sketch: SceneSketch, name: str) -> None:
         )
 
 
-def _simple_outline(sketch: SceneSketch, what: str, corners: FloatArray) -> FloatArray:
-    """``corners`` in counter-clockwise order; refuse a polygon that is degenerate or crosses itself."""
-    import shapely
-
-    if _is_flat(corners, sketch.tolerance):
-        raise DataError(
-            f"{sketch.where}: {what} is degenerate: all its corners lie on one line, from "
-            f"{sketch.show(corners[0])} on; give it an inside, or remove it"
-        )
-    reason = shapely.is_valid_reason(shapely.Polygon(corners))
-    if reason != "Valid Geometry":
-        spot = re.search(r"\[(\S+) (\S+)\]", reason)
-        at = np.array([float(v) for v in spot.groups()]) if spot else corners[0]
-        raise DataError(
-            f"{sketch.where}: {what} crosses or touches its own outline at {sketch.show(at)}; "
-            f"list its corners in order along the outline"
-        )
-    return corners if shapely.is_ccw(shapely.LinearRing(corners)) else corners[::-1].copy()
-
-
-def _is_flat(corners: FloatArray, tolerance: float) -> bool:
-    """Whether all corners lie on one line, within ``tolerance`` [m]."""
-    spread = np.linalg.svd(corners - corners.mean(axis=0), compute_uv=False)
-    return bool(spread[-1] <= tolerance)
-
-
 def _check_inside(sketch: SceneSketch, what: str, points: FloatArray) -> None:
+    if not len(points):
+        return
     (west, south), (east, north) = sketch.bounds.tolist()
     beyond = np.max(
         [west - points[:, 0], points[:, 0] - east, south - points[:, 1], points[:, 1] - north], axis=0
@@ -158,49 +251,34 @@ def _check_inside(sketch: SceneSketch, what: str, points: FloatArray) -> None:
         )
 
 
-def _clipped_obstacle(sketch: SceneSketch, corners: FloatArray) -> list[FloatArray]:
-    """The parts of an obstacle inside the bounds; the obstacle itself if it lies inside."""
-    low, high = sketch.bounds
-    if (corners >= low).all() and (corners <= high).all():
-        return [corners]
-    import shapely
-
-    box: shapely.Polygon = shapely.box(*low, *high)
-    pieces = shapely.get_parts(shapely.intersection(shapely.Polygon(corners), box))
-    least = sketch.tolerance * math.sqrt(box.area)
-    return [
-        np.clip(shapely.get_coordinates(shapely.orient_polygons(piece))[:-1], low, high)
-        for piece in pieces
-        if piece.geom_type == "Polygon" and piece.area > least
-    ]
-
-
-def _check_start_free(sketch: SceneSketch, obstacles: Sequence[tuple[str, FloatArray]]) -> None:
+def _check_start_free(sketch: SceneSketch, obstacles: Sequence[tuple[str, Any]]) -> None:
     import shapely
 
     start = shapely.Point(sketch.start)
-    for what, corners in obstacles:
-        polygon = shapely.Polygon(corners)
-        if polygon.contains(start) and polygon.exterior.distance(start) > sketch.tolerance:
+    for what, polygon in obstacles:
+        if polygon.contains(start) and polygon.boundary.distance(start) > sketch.tolerance:
             raise DataError(
-                f"{sketch.where}: the start {sketch.show(sketch.start)} lies inside {what}; move either"
+                f"{sketch.where}: the start {sketch.show(sketch.start)} lies inside {what}"
+                f"{_buffer_words(sketch, what)}; move either"
             )
 
 
+def _buffer_words(sketch: SceneSketch, what: str) -> str:
+    return " or its buffer" if any(p.what == what and p.buffer for p in sketch.obstacles) else ""
+
+
 def _check_overlaps(
-    sketch: SceneSketch, regions: Mapping[str, FloatArray], obstacles: Sequence[tuple[str, FloatArray]]
+    sketch: SceneSketch, regions: Mapping[str, shapely.Geometry], obstacles: Sequence[tuple[str, Any]]
 ) -> None:
     """Refuse an obstacle and a region with a common area larger than rounding errors."""
     import shapely
 
-    names = list(regions)
-    places = [shapely.Polygon(corners) for corners in regions.values()]
+    names, places = list(regions), list(regions.values())
     tree = shapely.STRtree(places)
-    for what, corners in obstacles:
-        polygon = shapely.Polygon(corners)
+    for what, polygon in obstacles:
         for hit in sorted(tree.query(polygon, predicate="intersects")):
             common = shapely.intersection(polygon, places[hit])
-            if common.area > sketch.tolerance * max(polygon.length, places[hit].length):
+            if common.area > sketch.tolerance * max(shapely.length(polygon), shapely.length(places[hit])):
                 at = shapely.get_coordinates(shapely.point_on_surface(common))[0]
                 raise DataError(
                     f"{sketch.where}: {what} overlaps region {names[hit]!r} at {sketch.show(at)}; "

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,16 +15,24 @@ from pareto_ltl.world.scene import Scene
 from pareto_ltl.world.scene_checks import checked_scene
 from pareto_ltl.world.scene_files import sketch_file
 from pareto_ltl.world.scene_sketch import (
+    DrawingRules,
+    MissionUse,
     SceneSketch,
     numbered_outlines,
     read_bounds,
-    read_outlines,
+    read_places,
     read_start,
     read_timed,
+    unknown_use,
 )
 
 
-def scene_from_settings(cfg: SceneConfig, time_zero: str | None = None, border: str = "open") -> Scene:
+def scene_from_settings(
+    cfg: SceneConfig,
+    time_zero: str | None = None,
+    border: str = "open",
+    use: Callable[[], MissionUse | None] = unknown_use,
+) -> Scene:
     """The checked scene of ``cfg``, in metres.
 
     Parameters
@@ -38,6 +47,8 @@ def scene_from_settings(cfg: SceneConfig, time_zero: str | None = None, border: 
         Departure, ISO 8601 UTC; None keeps that of the file.
     border : str
         What ``cfg.border = auto`` stands for where the map file names no border.
+    use : callable
+        How the mission reads the regions: :class:`DrawingRules`.
 
     Raises
     ------
@@ -45,8 +56,9 @@ def scene_from_settings(cfg: SceneConfig, time_zero: str | None = None, border: 
         If the scene is incomplete or inconsistent.
     """
     sketch = scene_sketch(cfg)
-    scene = checked_scene(sketch)
     known = (sketch.border or border) if cfg.border == "auto" else cfg.border
+    simplify = cfg.simplify if isinstance(cfg.simplify, str) else float(cfg.simplify)
+    scene = checked_scene(sketch, DrawingRules(use, simplify, cfg.altitude, known == "wall"))
     departure = time_zero or scene.time_zero
     windows = {place.name: place.window(sketch.where, departure) for place in sketch.timed}
     forbidden = tuple(place.name for place in sketch.timed if place.forbidden)
@@ -75,11 +87,11 @@ def _sketch_settings(cfg: SceneConfig) -> SceneSketch:
         where=where,
         bounds=metres(bounds),
         start=metres(read_start(where, "scene.start", cfg.start)),
-        regions=tuple(read_outlines(where, "region", cfg.regions.items(), metres)),
-        obstacles=tuple(read_outlines(where, "obstacle", numbered_outlines(cfg.obstacles), metres)),
+        regions=tuple(read_places(where, "region", cfg.regions.items(), metres)),
+        obstacles=tuple(read_places(where, "obstacle", numbered_outlines(cfg.obstacles), metres)),
         show=show,
         crs=projection.local_plane(*cfg.centre) if cfg.centre is not None else None,
-        landmarks=tuple(read_outlines(where, "landmark", numbered_outlines(cfg.landmarks), metres)),
+        landmarks=tuple(read_places(where, "landmark", numbered_outlines(cfg.landmarks), metres)),
         timed=tuple(read_timed(where, cfg.windows, cfg.regions)),
     )
 

@@ -8,8 +8,8 @@ coordinates of the author.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -23,6 +23,60 @@ RELATIVE_TOLERANCE = 1e-9  # of the size of the map; smaller lengths are roundin
 
 
 @dataclass(frozen=True, slots=True)
+class Place:
+    """A region, an obstacle, a landmark or the border, as it is drawn.
+
+    Attributes
+    ----------
+    name : str
+        The name of a region; of others, the same as ``what``.
+    what : str
+        How messages call it: ``region 'a'``, ``obstacle 3``.
+    polygons : tuple of tuple of (n, 2) float
+        Outline and holes of each part.
+    lines : tuple of (n, 2) float
+        Points (n = 1) and lines, which the buffer gives an area.
+    buffer : float
+        Keep-out distance, or how far points and lines reach [m on the ground].
+    floor, ceiling : float or None
+        Altitudes between which the place counts [m]; None for no limit.
+    """
+
+    name: str
+    what: str
+    polygons: tuple[tuple[FloatArray, ...], ...] = ()
+    lines: tuple[FloatArray, ...] = ()
+    buffer: float = 0.0
+    floor: float | None = None
+    ceiling: float | None = None
+
+    @property
+    def corners(self) -> FloatArray:
+        """Every corner and point (n, 2)."""
+        rings = [ring for polygon in self.polygons for ring in polygon]
+        return np.concatenate([*rings, *self.lines])
+
+    @property
+    def banded(self) -> bool:
+        """Whether the place counts at some altitudes only."""
+        return self.floor is not None or self.ceiling is not None
+
+    def counts_at(self, altitude: float) -> bool:
+        """Whether ``altitude`` [m] lies in the band, limits included."""
+        low = -np.inf if self.floor is None else self.floor
+        high = np.inf if self.ceiling is None else self.ceiling
+        return bool(low <= altitude <= high)
+
+    def moved(self, change: Callable[[FloatArray], FloatArray]) -> Place:
+        """The place with ``change`` made to all coordinates."""
+        return replace(
+            self,
+            polygons=tuple(tuple(change(ring) for ring in polygon) for polygon in self.polygons),
+            lines=tuple(change(line) for line in self.lines),
+        )
+
+
+@dataclass(frozen=True, slots=True)
 class SceneSketch:
     """A map before its checks, in metres.
 
@@ -30,32 +84,72 @@ class SceneSketch:
     ----------
     where : str
         Start of every message, e.g. ``scene file map.geojson``.
-    regions, obstacles, landmarks : tuple of (name, (n, 2) float)
-        Outlines [m] with the name used in messages.
+    regions, obstacles, landmarks : tuple of Place
+        In metres.
     show : callable
         Text of a point (2,) [m] in the coordinates of the author.
     border : str or None
         ``wall`` or ``open``; None where the map does not say.
     timed : tuple of TimedPlace
         Regions that count, and obstacles that stand, only for a time; the latter are regions here.
+    fence : Place or None
+        A border that is no rectangle: one polygon, and ``bounds`` is the box around it.
+    simplified : float
+        How far outlines of a ``scene.json`` lie from those that were drawn [m].
     """
 
     where: str
     bounds: FloatArray
     start: FloatArray
-    regions: tuple[tuple[str, FloatArray], ...]
-    obstacles: tuple[tuple[str, FloatArray], ...]
+    regions: tuple[Place, ...]
+    obstacles: tuple[Place, ...]
     show: Callable[[FloatArray], str]
     crs: str | None = None
     time_zero: str | None = None
-    landmarks: tuple[tuple[str, FloatArray], ...] = ()
+    landmarks: tuple[Place, ...] = ()
     border: str | None = None
     timed: tuple[TimedPlace, ...] = ()
+    fence: Place | None = None
+    simplified: float = 0.0
 
     @property
     def tolerance(self) -> float:
         """Length below which differences are rounding errors [m]."""
         return RELATIVE_TOLERANCE * float((self.bounds[1] - self.bounds[0]).max())
+
+
+class MissionUse(NamedTuple):
+    """How the mission reads the regions, by their names: what it visits, and what it keeps out of."""
+
+    visited: frozenset[str]
+    forbidden: frozenset[str]
+
+
+def unknown_use() -> MissionUse | None:
+    """The use of regions where no formula is known."""
+    return None
+
+
+@dataclass(frozen=True, slots=True)
+class DrawingRules:
+    """How a sketch becomes a scene.
+
+    Attributes
+    ----------
+    use : callable
+        How the mission reads the regions, or None where that is not known; asked for when it matters.
+    simplify : float or str
+        How far the outlines of polygons with many corners may move [m]; 0 for never, or ``auto``.
+    altitude : float or None
+        Where the robot flies [m]: places with another altitude band do not count. None: all count.
+    walled : bool
+        Whether leaving the map is a failure.
+    """
+
+    use: Callable[[], MissionUse | None] = unknown_use
+    simplify: float | str = 0.0
+    altitude: float | None = None
+    walled: bool = False
 
 
 def read_bounds(where: str, key: str, value: Any) -> FloatArray:
@@ -92,13 +186,31 @@ def numbered_outlines(polygons: Sequence[Any]) -> list[tuple[str, Any]]:
     return [(str(number), polygon) for number, polygon in enumerate(polygons, 1)]
 
 
-def read_outlines(
+def called(kind: str, name: str) -> str:
+    """How messages call a place: ``region 'a'``, ``obstacle 3``."""
+    return f"region {shown_text(name)!r}" if kind == "region" else f"{kind} {shown_text(name)}"
+
+
+def read_places(
     where: str, kind: str, items: Any, metres: Callable[[FloatArray], FloatArray]
-) -> Iterator[tuple[str, FloatArray]]:
-    """Names and corners of ``items``, pairs of name and corners, converted by ``metres``."""
-    for name, polygon in items:
-        what = f"region {shown_text(str(name))!r}" if kind == "region" else f"{kind} {name}"
-        yield str(name) if kind == "region" else what, metres(read_corners(where, what, polygon))
+) -> Iterator[Place]:
+    """The places of ``items``, pairs of a name and corners, converted by ``metres``.
+
+    A region may have several parts: then a list of outlines stands for the corners.
+    """
+    for key, drawn in items:
+        name, what = str(key), called(kind, str(key))
+        parts = drawn if kind == "region" and _are_outlines(drawn) else [drawn]
+        outlines = [metres(read_corners(where, what, polygon)) for polygon in parts]
+        yield Place(name if kind == "region" else what, what, tuple((outline,) for outline in outlines))
+
+
+def _are_outlines(value: Any) -> bool:
+    """Whether ``value`` is a list of outlines: its first item is a list of lists."""
+    if not isinstance(value, list | tuple) or not value:
+        return False
+    first = value[0]
+    return isinstance(first, list | tuple) and bool(first) and isinstance(first[0], list | tuple)
 
 
 def read_corners(where: str, what: str, polygon: Any) -> FloatArray:
@@ -107,7 +219,9 @@ def read_corners(where: str, what: str, polygon: Any) -> FloatArray:
         raise DataError(
             f"{where}: {what} is {_typed_text(polygon)}; expected a list of corners [[x, y], ...]"
         )
-    for number, corner in enumerate(polygon, 1):
+    whole = _number_array(polygon)
+    known = whole is not None and whole.ndim == 2 and whole.shape[1] == 2 and _are_finite(whole)
+    for number, corner in enumerate(() if known else polygon, 1):
         point = _number_array(corner)
         if point is None or point.shape != (2,):
             raise DataError(f"{where}: {what}: corner {number} is {_typed_text(corner)}; expected [x, y]")
@@ -123,7 +237,7 @@ def read_corners(where: str, what: str, polygon: Any) -> FloatArray:
 
 
 def read_timed(where: str, windows: Any, regions: Collection[str]) -> Iterator[TimedPlace]:
-    """The windows of settings, each a mapping with the keys ``region``, ``from``, ``until``, ``forbidden``."""
+    """The windows of settings: mappings with the keys ``region``, ``from``, ``until``, ``forbidden``."""
     for name, keys in windows.items():
         what = f"{where}: window {shown_text(str(name))!r}"
         known = {"region", "from", "until", "forbidden"}
@@ -162,11 +276,16 @@ def _typed_text(value: Any) -> str:
 
 
 __all__ = [
+    "DrawingRules",
+    "MissionUse",
+    "Place",
     "SceneSketch",
+    "called",
     "numbered_outlines",
     "read_bounds",
     "read_corners",
-    "read_outlines",
+    "read_places",
     "read_start",
     "read_timed",
+    "unknown_use",
 ]

@@ -85,7 +85,9 @@ def too_long(robot: RobotConfig, scene: Scene, max_steps: int, times: float = 1.
 def narrowest_place(scene: Scene) -> Narrowest:
     """The narrowest region, or the narrowest passage that no flight to all regions can avoid."""
     places = [
-        Narrowest(f"region {name!r}", polygon_width(corners)) for name, corners in scene.regions.items()
+        Narrowest(f"region {name!r}", max(map(polygon_width, outlines)))
+        for name, outlines in scene.regions.items()
+        if outlines
     ]
     passage = passage_width(scene)
     if math.isfinite(passage):
@@ -106,13 +108,13 @@ def polygon_width(corners: FloatArray) -> float:
 def tour_length(scene: Scene) -> float:
     """Length [m] of a tour from the start to all regions, always to the nearest one that is left."""
     here = np.asarray(scene.start, float)
-    left = [corners.mean(axis=0) for corners in scene.regions.values()]
+    left = [[corners.mean(axis=0) for corners in outlines] for outlines in scene.regions.values() if outlines]
     total = 0.0
     while left:
-        gaps = [float(np.linalg.norm(place - here)) for place in left]
+        gaps = [min(float(np.linalg.norm(place - here)) for place in places) for places in left]
         nearest = int(np.argmin(gaps))
         total += gaps[nearest]
-        here = left.pop(nearest)
+        here = min(left.pop(nearest), key=lambda place: float(np.linalg.norm(place - here)))
     return total
 
 
@@ -176,7 +178,11 @@ class _Raster:
         wide = np.zeros(self.free.shape, np.int64)
         places = [
             shapely.Point(scene.start),
-            *(shapely.Polygon(corners) for corners in scene.regions.values()),
+            *(
+                shapely.MultiPolygon([shapely.Polygon(corners) for corners in outlines])
+                for outlines in scene.regions.values()
+                if outlines
+            ),
         ]
         for number, place in enumerate(places, start=1):
             around = shapely.buffer(place, (4.0 if number == 1 else 1.0) * self.spacing)

@@ -7,7 +7,6 @@ not be met may be a little larger here, and cells that must be met a little smal
 from __future__ import annotations
 
 import logging
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, TypeAlias
@@ -20,7 +19,14 @@ from pareto_ltl.planning.pack import pack_barriers, pack_faces
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.support.arrays import FloatArray, IntArray
 from pareto_ltl.world.cells import convex_obstacles, convex_pieces
-from pareto_ltl.world.outlines import narrowed_polygon, widened_polygon, without_pools
+from pareto_ltl.world.outlines import (
+    CLOSED,
+    Room,
+    corner_count,
+    narrowed_polygon,
+    widened_polygon,
+    without_pools,
+)
 from pareto_ltl.world.scene import Scene
 
 if TYPE_CHECKING:
@@ -32,9 +38,6 @@ MANY_CORNERS = 16  # of an outline: only outlines with more are simplified
 MANY_CELLS = 64  # corners of all cells with one label: only with more are they united and simplified
 MAP_SHARE = 0.002  # of the size of the map: how far a simplified outline may lie from the true one
 UNION_GRID = 1e-9  # of the size of the map: corners of cells that are this close coincide
-CLOSED = 1e-5  # of the size of the map: gaps and holes this narrow count as none
-OWN_SHARE = 0.05  # of the square root of the polygon's own area, the same
-GAP_SHARE = 0.25  # of the gap to the next outline or to the start, the same
 
 Change: TypeAlias = "Callable[[shapely.Polygon, float], shapely.Geometry]"
 
@@ -134,19 +137,12 @@ def _cells_by_label(problem: Problem) -> dict[frozenset[str], list[int]]:
     return found
 
 
-def _corner_count(shape: shapely.Geometry) -> int:
-    """Corners of all rings, which repeat their first one."""
-    import shapely
-
-    return int(shapely.get_num_coordinates(shape)) - len(shapely.get_rings(shapely.get_parts(shape)))
-
-
 @dataclass(slots=True)
 class _Simplifier:
     """Simplifies polygons of one map, and counts their corners ``before`` and ``after``."""
 
     scene: Scene
-    tree: shapely.STRtree
+    room: Room
     before: int = 0
     after: int = 0
     farthest: float = 0.0
@@ -155,29 +151,21 @@ class _Simplifier:
     def of(cls, scene: Scene) -> _Simplifier:
         import shapely
 
-        outlines = [shapely.Polygon(p) for p in (*scene.obstacles, *scene.regions.values())]
-        return cls(scene, shapely.STRtree([*outlines, shapely.Point(scene.start)]))
+        outlines = [shapely.Polygon(p) for p in (*scene.obstacles, *scene.region_outlines)]
+        size = float(np.ptp(scene.bounds, axis=0).max())
+        return cls(scene, Room.of([*outlines, shapely.Point(scene.start)], size))
 
     @property
     def size(self) -> float:
         """The longer side of the map [m]."""
-        return float(np.ptp(self.scene.bounds, axis=0).max())
-
-    def tolerance(self, shape: shapely.Polygon) -> float:
-        """How far [m] the outline of ``shape`` may move: gaps to what it does not touch must stay open."""
-        import shapely
-
-        widest = min(MAP_SHARE * self.size, OWN_SHARE * math.sqrt(shape.area))
-        near = self.tree.query(shape, predicate="dwithin", distance=widest / GAP_SHARE)
-        gaps = shapely.distance(shape, self.tree.geometries[near])
-        return min(widest, GAP_SHARE * float(np.min(gaps[gaps > CLOSED * self.size], initial=math.inf)))
+        return self.room.size
 
     def simpler(self, shape: shapely.Polygon, change: Change) -> shapely.Geometry:
         """``shape`` after ``change``, or itself where that has no fewer corners."""
 
-        tolerance = self.tolerance(shape)
+        tolerance = self.room.tolerance(shape, MAP_SHARE * self.size)
         found = change(shape, tolerance)
-        before, after = _corner_count(shape), _corner_count(found)
+        before, after = corner_count(shape), corner_count(found)
         if after >= before:
             return shape
         self.before, self.after = self.before + before, self.after + after

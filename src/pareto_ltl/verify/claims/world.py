@@ -31,9 +31,11 @@ def drawn_map(result: Evidence) -> Verdict | None:
         ("bounds", _metres(told, told["bounds"]), scene["bounds"]),
         ("start", _metres(told, [told["start"]]), [scene["start"]]),
     ]
-    for name, corners in told["regions"].items():
-        pairs.append((f"region {name}", _outline(told, corners), scene["regions"].get(name, [])))
     faults = [f"{name} differs" for name, one, other in pairs if not _same_outline(one, other)]
+    for name, corners in told["regions"].items():
+        drawn = [_outline(told, part) for part in _parts(corners)]
+        if not _same_region(result, drawn, _parts(scene["regions"].get(name, []))):
+            faults.append(f"region {name} differs")
     if not told["random"]["regions"] and set(scene["regions"]) - set(told["regions"]):
         faults.append(f"regions {sorted(scene['regions'])}")
     faults += [fault for kind in ("obstacles", "landmarks") for fault in _area_faults(result, kind)]
@@ -86,29 +88,64 @@ def _outline(told: Mapping[str, Any], corners: Any) -> FloatArray:
     return points[np.any(points != np.roll(points, 1, axis=0), axis=1)]
 
 
+def _parts(listed: Any) -> list[FloatArray]:
+    """The outlines of a region: one is written as its corners, several as a list of them."""
+    several = bool(listed) and isinstance(listed[0][0], list | tuple)
+    return [np.array(part, float) for part in (listed if several else [listed] if listed else [])]
+
+
+def _same_region(result: Evidence, drawn: list[FloatArray], kept: list[FloatArray]) -> bool:
+    """Whether two lists of outlines are one area; on a simplified map, but for what was simplified."""
+    moved = result.scene.get("simplified", 0.0)
+    if not moved and len(drawn) == len(kept) == 1:
+        return _same_outline(drawn[0], kept[0])
+    points = _sample_points(result)
+    unlike = _covered(drawn, points) != _covered(kept, points)
+    return not (unlike & (_edge_distance(drawn, points) > moved + result.grain)).any()
+
+
+def _edge_distance(polygons: list[FloatArray], points: FloatArray) -> FloatArray:
+    """Distance of each point to the nearest outline [m]."""
+    none = np.full(len(points), np.inf)
+    least: FloatArray = np.min([outline_distance(one, points) for one in polygons] or [none], axis=0)
+    return least
+
+
 def _area_faults(result: Evidence, kind: str) -> Iterator[str]:
     """Obstacles or landmarks of the settings that are not in the map, and others in it.
 
-    Outlines within the bounds are kept as they are; those beyond are cut, and compared at sample points.
+    Outlines within the bounds are kept as they are; those beyond are cut, those with many corners simplified,
+    landmarks that are not convex cut up: these are compared at sample points.
     """
     told, bounds = result.settings["scene"], np.array(result.scene["bounds"])
     kept = [np.array(corners) for corners in result.scene.get(kind) or []]
     drawn = [_outline(told, corners) for corners in told[kind]]
-    whole = [((one >= bounds[0] - result.grain) & (one <= bounds[1] + result.grain)).all() for one in drawn]
+    moved, rest = float(result.scene.get("simplified", 0.0)), []
     for number, one in enumerate(drawn):
-        if whole[number]:
-            place = next((i for i, other in enumerate(kept) if _same_outline(one, other)), None)
-            if place is None:
-                yield f"{kind} {number} differs"
-            else:
-                kept.pop(place)
+        place = next((i for i, other in enumerate(kept) if _same_outline(one, other)), None)
+        whole = ((one >= bounds[0] - result.grain) & (one <= bounds[1] + result.grain)).all()
+        if place is not None:
+            kept.pop(place)
+        elif whole and not moved and (kind == "obstacles" or _is_convex(one)):
+            yield f"{kind} {number} differs"
+        else:
+            rest.append(one)
     if kind == "obstacles" and told["random"]["obstacles"]:
         return
-    cut = [one for one, inside in zip(drawn, whole, strict=True) if not inside]
     points = _sample_points(result)
-    edge = np.min([outline_distance(one, points) for one in (*cut, *kept)] or [np.ones(len(points))], axis=0)
-    if (_covered(cut, points) != _covered(kept, points))[edge > result.grain].any():
+    before, after = _covered(rest, points), _covered(kept, points)
+    edge = np.minimum(_edge_distance(rest, points), _edge_distance(kept, points))
+    careless = before & ~after if kind == "obstacles" else after & ~before
+    if ((before != after) & (edge > moved + result.grain) | careless & (edge > result.grain)).any():
         yield f"{kind} that are not in the settings"
+
+
+def _is_convex(outline: FloatArray) -> bool:
+    """Whether all corners turn the same way."""
+    along = np.roll(outline, -1, axis=0) - outline
+    after = np.roll(along, -1, axis=0)
+    turns = along[:, 0] * after[:, 1] - along[:, 1] * after[:, 0]
+    return bool((turns >= 0).all() or (turns <= 0).all())
 
 
 def _covered(polygons: list[FloatArray], points: FloatArray) -> BoolArray:
@@ -132,7 +169,7 @@ def _same_outline(one: FloatArray, other: Any) -> bool:
 def convex_parts(result: Evidence) -> Verdict:
     """The convex parts in cells.json cover exactly the polygons of scene.json."""
     scene, points = result.scene, _sample_points(result)
-    groups = {name: ([np.array(scene["regions"][name])], parts) for name, parts in result.regions.items()}
+    groups = {name: (_parts(scene["regions"][name]), parts) for name, parts in result.regions.items()}
     outlines = [np.array(polygon) for polygon in scene["obstacles"]]
     groups["obstacles"] = (_outermost(outlines, result.grain), result.obstacles)
     faults = [f"region {name} is missing" for name in scene["regions"] if name not in groups]
@@ -142,10 +179,7 @@ def convex_parts(result: Evidence) -> Verdict:
         if not math.isclose(area, found, rel_tol=1e-7):
             faults.append(f"{name}: area {found:.6g} of {area:.6g} m2")
         inside = _covered(polygons, points)
-        edge = np.min(
-            [outline_distance(polygon, points) for polygon in polygons] or [np.full(len(points), np.inf)],
-            axis=0,
-        )
+        edge = _edge_distance(polygons, points)
         if ((deepest(parts, points) >= 0) != inside)[edge > result.grain].any():
             faults.append(f"{name}: parts and polygon lie apart")
     return no_fault(f"parts of {len(groups) - 1} regions and {len(outlines)} obstacles", faults)

@@ -1,0 +1,330 @@
+"""A map in degrees: features with roles, as GeoJSON has them (RFC 7946); KML is brought into the same form.
+
+Properties are read whatever their case, and numbers may be texts, as programs write them into tables.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.support.errors import DataError
+from pareto_ltl.support.messages import shown_text
+from pareto_ltl.support.reading import shown_json
+from pareto_ltl.world import projection
+from pareto_ltl.world.scene_sketch import Place, SceneSketch, called, read_corners, read_start
+
+BOUNDS_MARGIN = 0.05  # of the extent of a map without a border
+FEATURE_ROLES = ("region", "obstacle", "start", "border", "landmark")
+SYNONYMS = {"bounds": "border"}
+POLYGONS = {"Polygon": 0, "MultiPolygon": 1}  # levels of lists around a polygon
+LINES = {"Point": 0, "MultiPoint": 1, "LineString": 1, "MultiLineString": 2}  # the same around a corner
+MOST_NESTED = 8  # levels of geometry collections
+MOST_METRES = 1e7  # of a buffer or an altitude
+RECTANGULAR = 1e-9  # of the area of the box around a border: so much may be missing from it
+
+Drawn = tuple[str, Place]  # role, and the place in degrees
+
+
+def sketch_features(where: str, features: Any, crs_name: str | None) -> SceneSketch:
+    """The map in a plane centred on it; edges between corners are straight lines in this plane.
+
+    Coordinates of ``crs_name`` become degrees first; None stands for degrees (WGS 84).
+    """
+    if not isinstance(features, list):
+        raise DataError(f"{where}: /features: expected an array of features, got {shown_json(features)}")
+    drawn = list(_drawn_features(where, features))
+    if not drawn:
+        raise DataError(f"{where} has no features; expected a role ({', '.join(FEATURE_ROLES)}) on each")
+    if crs_name is not None:
+        drawn = [
+            (role, place.moved(lambda c: projection.degrees_of(where, crs_name, c))) for role, place in drawn
+        ]
+    _check_degrees(where, np.concatenate([place.corners for _, place in drawn]))
+    drawn = _unwrapped(drawn)
+    everything = np.concatenate([place.corners for _, place in drawn])
+    border = next((place for role, place in drawn if role == "border"), None)
+    box = everything if border is None else border.corners
+    middle = (box.min(axis=0) + box.max(axis=0)) / 2
+    crs = projection.local_plane(float(middle[1]), float(middle[0]))
+
+    def metres(corners: FloatArray) -> FloatArray:
+        return projection.to_plane(crs, *corners.T)
+
+    def show(point: FloatArray) -> str:
+        lon, lat = projection.to_geographic(crs, point[None])
+        return f"(longitude {lon[0]:.6g}, latitude {lat[0]:.6g})"
+
+    def all_of(wanted: str) -> tuple[Place, ...]:
+        return tuple(place.moved(metres) for role, place in drawn if role == wanted)
+
+    starts = all_of("start")
+    frame = None if border is None or not _is_rectangle(border) else border
+    bounds = _bounds_in_plane(where, border, frame, metres, everything)
+    return SceneSketch(
+        where=where,
+        bounds=bounds,
+        start=starts[0].lines[0].reshape(-1) if starts else np.zeros(0),
+        regions=all_of("region"),
+        obstacles=all_of("obstacle"),
+        show=show,
+        crs=crs,
+        landmarks=all_of("landmark"),
+        fence=border.moved(metres) if border is not None and frame is None else None,
+    )
+
+
+def _bounds_in_plane(
+    where: str,
+    border: Place | None,
+    frame: Place | None,
+    metres: Callable[[FloatArray], FloatArray],
+    everything: FloatArray,
+) -> FloatArray:
+    """The box around the border, or around all that is drawn and a margin; a buffer moves it inwards."""
+    if border is None:
+        return _bounding_box(metres(everything), BOUNDS_MARGIN)
+    if frame is None:
+        return _bounding_box(metres(border.polygons[0][0]))
+    low, high = _bounding_box(metres(_subdivided_outline(frame.polygons[0][0])))
+    bounds = np.stack([low + frame.buffer, high - frame.buffer])
+    if (bounds[0] >= bounds[1]).any():
+        raise DataError(f"{where}: nothing is left of the border within its buffer of {frame.buffer:g} m")
+    return bounds
+
+
+def crs_name(where: str, member: Any) -> str | None:
+    """The name in the member ``crs``, which GeoJSON had before RFC 7946; None for degrees (WGS 84)."""
+    if member is None:
+        return None
+    name = member.get("properties", {}).get("name") if _is_named_crs(member) else None
+    if not isinstance(name, str):
+        raise DataError(
+            f"{where}: crs is {shown_json(member)}; expected a name such as urn:ogc:def:crs:EPSG::3857, or "
+            "no crs for longitude and latitude"
+        )
+    return None if name.upper().endswith(("CRS84", "EPSG::4326", "EPSG:4326")) else name
+
+
+def _is_named_crs(member: Any) -> bool:
+    return isinstance(member, dict) and isinstance(member.get("properties"), dict)
+
+
+# --- features -----------------------------------------------------------------------------------------
+
+
+def _drawn_features(where: str, features: Sequence[Any]) -> Iterator[Drawn]:
+    """Role and place [deg] of every feature."""
+    seen: set[tuple[str, str]] = set()
+    counts: dict[str, int] = {}
+    for number, feature in enumerate(features, 1):
+        properties = {
+            str(key).strip().lower(): value
+            for key, value in _member(where, number, feature, "properties").items()
+        }
+        role, name = _role(where, number, properties), properties.get("name")
+        if role == "region" and not name:
+            raise DataError(f"{where}: feature {number} is a region; give it the property name")
+        if not isinstance(name, str | int | None):
+            raise DataError(f"{where}: feature {number}: expected a text as name, got {shown_json(name)}")
+        counts[role] = counts.get(role, 0) + 1
+        many = role in ("obstacle", "landmark")
+        what = called(role, str(name or counts[role])) if many or role == "region" else role
+        key = (role, str(name) if role == "region" else "")
+        if not many and key in seen:
+            raise DataError(
+                f"{where} has {what} twice; keep one"
+                + (", or draw both areas as one MultiPolygon" * (role == "region"))
+            )
+        seen.add(key)
+        place = Place(str(name) if role == "region" else what, what)
+        geometry = _member(where, number, feature, "geometry")
+        if role == "start":
+            yield role, replace(place, lines=(_start_point(where, geometry),))
+        else:
+            yield role, _with_geometry(where, role, _with_numbers(where, place, properties), geometry)
+
+
+def _role(where: str, number: int, properties: Mapping[str, Any]) -> str:
+    said = properties.get("role")
+    role = said.strip().lower() if isinstance(said, str) else said
+    role = SYNONYMS.get(role, role) if isinstance(role, str) else role
+    if role not in FEATURE_ROLES:
+        raise DataError(
+            f"{where}: feature {number} has role {shown_text(repr(said))}; "
+            f"expected {', '.join(FEATURE_ROLES)}"
+        )
+    return str(role)
+
+
+def _member(where: str, number: int, feature: Any, name: str) -> Mapping[str, Any]:
+    """The object ``name`` of a feature; empty where it is missing or null."""
+    member = feature.get(name) if isinstance(feature, dict) else feature
+    if feature is None or not isinstance(member, dict | None):
+        raise DataError(
+            f"{where}: feature {number}: expected an object {name!r} in an object, got {shown_json(member)}"
+        )
+    return member or {}
+
+
+def _with_numbers(where: str, place: Place, properties: Mapping[str, Any]) -> Place:
+    """``place`` with its buffer and its altitude band."""
+    for key in ("from", "until"):
+        if properties.get(key) not in (None, ""):
+            raise DataError(
+                f"{where}: {place.what} has the property {key}, and no feature can have times yet"
+            )
+    read = {key: _metres(where, place, key, properties.get(key)) for key in ("buffer", "floor", "ceiling")}
+    radius = _metres(where, place, "radius", properties.get("radius"))
+    buffer = radius if read["buffer"] is None else read["buffer"]
+    if buffer is not None and buffer < 0:
+        raise DataError(f"{where}: {place.what}: its buffer is {buffer:g} m; expected 0 or more")
+    low, high = read["floor"], read["ceiling"]
+    if low is not None and high is not None and low > high:
+        raise DataError(f"{where}: {place.what}: its floor, {low:g} m, lies above its ceiling, {high:g} m")
+    return replace(place, buffer=buffer or 0.0, floor=low, ceiling=high)
+
+
+def _metres(where: str, place: Place, key: str, value: Any) -> float | None:
+    """A number of metres, or its text; None where it is missing."""
+    if value is None or value == "":
+        return None
+    try:
+        number = math.nan if isinstance(value, bool) else float(value)
+    except (TypeError, ValueError, OverflowError):
+        number = math.nan
+    if not abs(number) <= MOST_METRES:
+        raise DataError(
+            f"{where}: {place.what}: {key} is {shown_text(repr(value))}; expected a number of metres"
+        )
+    return number
+
+
+# --- geometries ---------------------------------------------------------------------------------------
+
+
+def _start_point(where: str, geometry: Mapping[str, Any]) -> FloatArray:
+    kind, coordinates = shown_text(str(geometry.get("type"))), geometry.get("coordinates")
+    if kind != "Point":
+        raise DataError(f"{where}: the start is a {kind}; expected a Point")
+    place = coordinates[:2] if isinstance(coordinates, list) else coordinates
+    return read_start(where, "start", place)[None]
+
+
+def _with_geometry(where: str, role: str, place: Place, geometry: Mapping[str, Any]) -> Place:
+    """``place`` with its polygons, lines and points."""
+    polygons: list[tuple[FloatArray, ...]] = []
+    lines: list[FloatArray] = []
+    for part in _parts(where, place.what, geometry):
+        kind = str(part.get("type"))
+        if kind in POLYGONS:
+            polygons += _polygons(where, place.what, kind, part.get("coordinates"))
+        elif kind not in LINES:
+            raise DataError(f"{where}: {place.what} is a {shown_text(kind)}; expected a Polygon")
+        elif role == "border" or not place.buffer:
+            needs = "" if role == "border" else ", or the property buffer with a number of metres"
+            raise DataError(f"{where}: {place.what} is a {kind}; expected a Polygon{needs}")
+        else:
+            lines += _lines(where, place.what, kind, part.get("coordinates"))
+    if role == "border" and (len(polygons) != 1 or len(polygons[0]) != 1):
+        raise DataError(
+            f"{where}: the border has a hole or several parts; draw one outline, and holes as obstacles"
+        )
+    if not polygons and not lines:
+        raise DataError(f"{where}: {place.what} has no coordinates; expected a Polygon")
+    return replace(place, polygons=tuple(polygons), lines=tuple(lines))
+
+
+def _parts(where: str, what: str, geometry: Mapping[str, Any], depth: int = 0) -> Iterator[Mapping[str, Any]]:
+    """The geometries of a collection, and of collections in it; a geometry itself if it is none."""
+    if geometry.get("type") != "GeometryCollection":
+        yield geometry
+        return
+    inner = geometry.get("geometries")
+    if not isinstance(inner, list) or depth > MOST_NESTED or not all(isinstance(g, dict) for g in inner):
+        raise DataError(f"{where}: {what} is no GeometryCollection as GeoJSON writes it")
+    for part in inner:
+        yield from _parts(where, what, part, depth + 1)
+
+
+def _polygons(where: str, what: str, kind: str, coordinates: Any) -> list[tuple[FloatArray, ...]]:
+    """Rings (n, 2) of each polygon."""
+    polygons: Any = [coordinates] if kind == "Polygon" else coordinates
+    if not coordinates or not _are_nested_lists(polygons, 4) or not all(polygons):
+        raise DataError(f"{where}: the coordinates of {what} are no {kind} as GeoJSON writes it")
+    return [
+        tuple(read_corners(where, what, [corner[:2] for corner in ring]) for ring in rings)
+        for rings in polygons
+    ]
+
+
+def _lines(where: str, what: str, kind: str, coordinates: Any) -> list[FloatArray]:
+    """Points (1, 2) and lines (n, 2)."""
+    if not coordinates or not _are_nested_lists(coordinates, LINES[kind] + 1):
+        raise DataError(f"{where}: the coordinates of {what} are no {kind} as GeoJSON writes it")
+    lines = {"Point": [[coordinates]], "MultiPoint": [[c] for c in coordinates], "LineString": [coordinates]}
+    found = lines.get(kind, coordinates)
+    return [
+        np.stack([read_start(where, f"a corner of {what}", corner[:2]) for corner in line])
+        for line in found
+        if line
+    ]
+
+
+def _are_nested_lists(value: Any, levels: int) -> bool:
+    """Whether ``value`` is a list of lists of lists ..., with ``levels`` levels or more."""
+    return isinstance(value, list) and (
+        levels == 1 or all(_are_nested_lists(item, levels - 1) for item in value)
+    )
+
+
+# --- degrees ------------------------------------------------------------------------------------------
+
+
+def _check_degrees(where: str, corners: FloatArray) -> None:
+    bad = (np.abs(corners[:, 1]) > 90) | (np.abs(corners[:, 0]) > 360)
+    if bad.any():
+        x, y = corners[bad][0]
+        raise DataError(f"{where}: [{x:.6g}, {y:.6g}] is not [longitude, latitude] in degrees; swap the two?")
+
+
+def _unwrapped(drawn: Sequence[Drawn]) -> list[Drawn]:
+    """``drawn`` with longitudes from 0 to 360 where it crosses the 180th meridian."""
+    east = np.concatenate([place.corners[:, 0] for _, place in drawn])
+    if np.ptp(east) <= 180:
+        return list(drawn)
+
+    def turned(corners: FloatArray) -> FloatArray:
+        return np.stack([corners[:, 0] % 360, corners[:, 1]], axis=1)
+
+    return [(role, place.moved(turned)) for role, place in drawn]
+
+
+def _is_rectangle(border: Place) -> bool:
+    """Whether the sides of a border are meridians and parallels."""
+    import shapely
+
+    polygon = shapely.Polygon(border.polygons[0][0])
+    box = shapely.envelope(polygon).area
+    return bool(polygon.area >= (1 - RECTANGULAR) * box)
+
+
+def _subdivided_outline(corners: FloatArray) -> FloatArray:
+    """``corners`` with points along each edge, since parallels are curved in the plane."""
+    steps = np.linspace(0, 1, 33)[:-1, None]
+    return np.concatenate(
+        [a + steps * (b - a) for a, b in zip(corners, np.roll(corners, -1, 0), strict=True)]
+    )
+
+
+def _bounding_box(points: FloatArray, margin: float = 0.0) -> FloatArray:
+    low, high = points.min(axis=0), points.max(axis=0)
+    return np.stack([low - margin * (high - low), high + margin * (high - low)])
+
+
+__all__ = ["FEATURE_ROLES", "crs_name", "sketch_features"]
