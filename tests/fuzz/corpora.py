@@ -86,9 +86,21 @@ GEOJSON = {
         feature("obstacle", "Polygon", [ring(5.25, 60.25), ring(5.25, 60.25, 0.05)], name="Stord"),
         feature("obstacle", "MultiPolygon", [[ring(5.05, 60.5, 0.02)], [ring(5.1, 60.6, 0.02)]]),
         feature("landmark", "Polygon", [ring(5.5, 60.1)]),
+        feature("obstacle", "LineString", [[5.1, 60.3], [5.15, 60.35]], buffer=300, floor=0, until="6h"),
         feature("bounds", "Polygon", [ring(5.3, 60.3, 0.6)]),
     ],
 }
+
+
+KML = """<?xml version="1.0" encoding="UTF-8"?><kml xmlns="http://www.opengis.net/kml/2.2"><Document>
+<Placemark><name>start</name><Point><coordinates>5.0,60.0</coordinates></Point></Placemark>
+<Folder><name>Regions</name><Placemark><name>a</name><TimeSpan><begin>2h</begin></TimeSpan><Polygon>
+<outerBoundaryIs><LinearRing><coordinates>5.2,60.2,0 5.4,60.2,0 5.4,60.4,0</coordinates></LinearRing>
+</outerBoundaryIs><innerBoundaryIs><LinearRing><coordinates>5.33,60.25 5.35,60.25 5.35,60.27</coordinates>
+</LinearRing></innerBoundaryIs></Polygon></Placemark></Folder><Folder><name>Obstacles</name><Placemark>
+<ExtendedData><Data name="buffer"><value>300</value></Data></ExtendedData><LineString><coordinates>5.1,60.3
+5.15,60.35</coordinates></LineString></Placemark></Folder></Document></kml>
+"""
 
 
 def scene() -> Scene:

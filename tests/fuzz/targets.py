@@ -101,6 +101,10 @@ def geojson(place: Path) -> Fuzz:
     return Fuzz(tree_mutants([corpora.GEOJSON], json_bytes), _from_file(place / "map.geojson", _read_map))
 
 
+def kml(place: Path) -> Fuzz:
+    return Fuzz(mutants([corpora.KML.encode()]), _from_file(place / "map.kml", _read_map))
+
+
 def scenes(place: Path) -> Fuzz:
     from pareto_ltl.world.scene_files import scene_to_dict
 
@@ -335,6 +339,7 @@ TARGETS = (
     Target("formulas", formulas),
     Target("automata", automata),
     Target("geojson", geojson),
+    Target("kml", kml),
     Target("scenes", scenes),
     Target("settings_files", settings_files),
     Target("config_files", config_files, share=0.025),  # Hydra composes for 0.1 s and more

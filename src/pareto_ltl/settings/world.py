@@ -47,7 +47,7 @@ class SceneConfig(CheckedSettings):
     section: ClassVar[str] = "scene"
     name: str = setting("scene", "name of the map")
     file: str | None = setting(
-        None, "map file instead of the keys below: GeoJSON (degrees) or scene.json (metres)"
+        None, "map file instead of the keys below: GeoJSON, KML (degrees) or scene.json (metres)"
     )
     unit: float = setting(1.0, "length of a coordinate unit", unit="m", least=1e-3, most=1e7)
     centre: list[float] | None = setting(
@@ -77,7 +77,7 @@ class SceneConfig(CheckedSettings):
     simplify: Any = setting(
         "auto",
         "how far outlines of more than 40 corners may move: obstacles outwards, visited regions inwards; "
-        "auto: 1/1000 of the longer side of the map; 0: never",
+        "auto: 1/500 of the longer side of the map, less where gaps are narrow; 0: never",
         unit="m",
         least=0,
         most=1e7,

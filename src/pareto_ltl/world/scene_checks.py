@@ -79,7 +79,7 @@ def _check_windows(sketch: SceneSketch) -> None:
 
 def _drawn_map(sketch: SceneSketch, rules: DrawingRules) -> DrawnMap:
     """The polygons of all places with their buffers, after the checks of what was drawn without them."""
-    places = {place.name: drawn_shape(sketch, place) for place in sketch.regions}
+    places = {place.name: _drawn_region(sketch, place) for place in sketch.regions}
     shapes = [(place, drawn_shape(sketch, place)) for place in sketch.obstacles]
     _check_inside(sketch, "start", sketch.start[None])
     for place in sketch.regions:
@@ -91,9 +91,11 @@ def _drawn_map(sketch: SceneSketch, rules: DrawingRules) -> DrawnMap:
     fenced = [pair for pair in solid if pair[0] == "the outside of the border"]
     wide = [(place.what, part) for place, shape in shapes for part in _grown_parts(sketch, place, shape)]
     _check_start_free(sketch, [*wide, *fenced])
-    _check_overlaps(sketch, places, solid)
+    _check_overlaps(sketch, {p.name: places[p.name] for p in sketch.regions if not p.solid}, solid)
     use = _use_of_regions(sketch, rules)
-    kept_out = frozenset(p.name for p in sketch.regions if use and p.name not in use.visited)
+    kept_out = frozenset(
+        place.name for place in sketch.regions if place.solid or (use and place.name not in use.visited)
+    )
     regions = {
         place.name: _with_margin(sketch, place, places[place.name], use, place.name in kept_out)
         for place in sketch.regions
@@ -101,6 +103,14 @@ def _drawn_map(sketch: SceneSketch, rules: DrawingRules) -> DrawnMap:
     landmarks = [(place.what, _drawn_landmark(sketch, place, solid)) for place in sketch.landmarks]
     visited = use.visited - use.forbidden if use else frozenset[str]()
     return DrawnMap(regions, [*wide, *fenced], landmarks, kept_out, visited)
+
+
+def _drawn_region(sketch: SceneSketch, place: Place) -> shapely.Geometry:
+    """A region; of an obstacle that stands for a time, what lies within the bounds."""
+    import shapely
+
+    shape = drawn_shape(sketch, place)
+    return shapely.union_all(clipped_parts(sketch, shape)) if place.solid else shape
 
 
 def _grown_parts(sketch: SceneSketch, place: Place, shape: shapely.Geometry) -> list[Any]:

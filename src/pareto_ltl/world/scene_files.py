@@ -1,4 +1,4 @@
-"""Scenes in files: a GeoJSON FeatureCollection in degrees, and the ``scene.json`` of a run in metres."""
+"""Scenes in files: GeoJSON and KML in degrees, and the ``scene.json`` of a run in metres."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from pareto_ltl.support.reading import Advice, read_json_value
 from pareto_ltl.support.schemas import check_document
 from pareto_ltl.world.scene import Scene
 from pareto_ltl.world.scene_geojson import crs_name, sketch_features
+from pareto_ltl.world.scene_kml import SUFFIXES, kml_features
 from pareto_ltl.world.scene_sketch import (
     Place,
     SceneSketch,
@@ -27,7 +28,7 @@ from pareto_ltl.world.scene_sketch import (
 )
 from pareto_ltl.world.windows import TimedPlace, Window
 
-SCENE_FILES = Advice("check scene.file", "correct the map: GeoJSON or a run's scene.json")
+SCENE_FILES = Advice("check scene.file", "correct the map: GeoJSON, KML or a run's scene.json")
 
 
 def scene_to_dict(scene: Scene) -> dict[str, Any]:
@@ -87,7 +88,9 @@ def scene_from_dict(data: Mapping[str, Any]) -> Scene:
 
 
 def sketch_file(path: Path) -> SceneSketch:
-    """The map in a GeoJSON file or a ``scene.json``; DataError if it is neither or cannot be read."""
+    """The map in a GeoJSON, KML or KMZ file or a ``scene.json``; DataError if it is neither or unreadable."""
+    if path.suffix.lower() in SUFFIXES:
+        return sketch_features(f"scene file {path}", kml_features(path, SCENE_FILES), None)
     data = read_json_value(path, SCENE_FILES)
     where = f"scene file {path}"
     if isinstance(data, dict) and data.get("type") == "FeatureCollection":

@@ -6,6 +6,7 @@ Properties are read whatever their case, and numbers may be texts, as programs w
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
@@ -18,6 +19,7 @@ from pareto_ltl.support.messages import shown_text
 from pareto_ltl.support.reading import shown_json
 from pareto_ltl.world import projection
 from pareto_ltl.world.scene_sketch import Place, SceneSketch, called, read_corners, read_start
+from pareto_ltl.world.windows import TimedPlace
 
 BOUNDS_MARGIN = 0.05  # of the extent of a map without a border
 FEATURE_ROLES = ("region", "obstacle", "start", "border", "landmark")
@@ -38,7 +40,11 @@ def sketch_features(where: str, features: Any, crs_name: str | None) -> SceneSke
     """
     if not isinstance(features, list):
         raise DataError(f"{where}: /features: expected an array of features, got {shown_json(features)}")
-    drawn = list(_drawn_features(where, features))
+    drawn: list[Drawn] = []
+    timed: list[TimedPlace] = []
+    for role, place, window in _drawn_features(where, features):
+        drawn.append((role, place))
+        timed += [window] if window else []
     if not drawn:
         raise DataError(f"{where} has no features; expected a role ({', '.join(FEATURE_ROLES)}) on each")
     if crs_name is not None:
@@ -65,7 +71,8 @@ def sketch_features(where: str, features: Any, crs_name: str | None) -> SceneSke
 
     starts = all_of("start")
     frame = None if border is None or not _is_rectangle(border) else border
-    bounds = _bounds_in_plane(where, border, frame, metres, everything)
+    reach = np.concatenate([_reach(place.moved(metres)) for _, place in drawn])
+    bounds = _bounds_in_plane(where, border, frame, metres, reach)
     return SceneSketch(
         where=where,
         bounds=bounds,
@@ -76,6 +83,7 @@ def sketch_features(where: str, features: Any, crs_name: str | None) -> SceneSke
         crs=crs,
         landmarks=all_of("landmark"),
         fence=border.moved(metres) if border is not None and frame is None else None,
+        timed=tuple(timed),
     )
 
 
@@ -84,11 +92,11 @@ def _bounds_in_plane(
     border: Place | None,
     frame: Place | None,
     metres: Callable[[FloatArray], FloatArray],
-    everything: FloatArray,
+    reach: FloatArray,
 ) -> FloatArray:
-    """The box around the border, or around all that is drawn and a margin; a buffer moves it inwards."""
+    """The box around the border, or around ``reach`` (n, 2) [m] and a margin; a buffer moves it inwards."""
     if border is None:
-        return _bounding_box(metres(everything), BOUNDS_MARGIN)
+        return _bounding_box(reach, BOUNDS_MARGIN)
     if frame is None:
         return _bounding_box(metres(border.polygons[0][0]))
     low, high = _bounding_box(metres(_subdivided_outline(frame.polygons[0][0])))
@@ -96,6 +104,12 @@ def _bounds_in_plane(
     if (bounds[0] >= bounds[1]).any():
         raise DataError(f"{where}: nothing is left of the border within its buffer of {frame.buffer:g} m")
     return bounds
+
+
+def _reach(place: Place) -> FloatArray:
+    """Corners of ``place`` [m], and of boxes around its points and lines with their buffer."""
+    aside = [line + side * place.buffer for line in place.lines for side in (-1.0, 1.0)]
+    return np.concatenate([place.corners, *aside])
 
 
 def crs_name(where: str, member: Any) -> str | None:
@@ -118,8 +132,8 @@ def _is_named_crs(member: Any) -> bool:
 # --- features -----------------------------------------------------------------------------------------
 
 
-def _drawn_features(where: str, features: Sequence[Any]) -> Iterator[Drawn]:
-    """Role and place [deg] of every feature."""
+def _drawn_features(where: str, features: Sequence[Any]) -> Iterator[tuple[str, Place, TimedPlace | None]]:
+    """Role, place [deg] and window of every feature; an obstacle with a window is a region to keep out of."""
     seen: set[tuple[str, str]] = set()
     counts: dict[str, int] = {}
     for number, feature in enumerate(features, 1):
@@ -145,9 +159,27 @@ def _drawn_features(where: str, features: Sequence[Any]) -> Iterator[Drawn]:
         place = Place(str(name) if role == "region" else what, what)
         geometry = _member(where, number, feature, "geometry")
         if role == "start":
-            yield role, replace(place, lines=(_start_point(where, geometry),))
+            yield role, replace(place, lines=(_start_point(where, geometry),)), None
         else:
-            yield role, _with_geometry(where, role, _with_numbers(where, place, properties), geometry)
+            place = _with_geometry(where, role, _with_numbers(where, place, properties), geometry)
+            yield _with_times(where, role, number, place, properties)
+
+
+def _with_times(
+    where: str, role: str, number: int, place: Place, properties: Mapping[str, Any]
+) -> tuple[str, Place, TimedPlace | None]:
+    """Role, place and window; an obstacle that stands for a time becomes a region with a name of its own."""
+    begin, end = (None if properties.get(key) in (None, "") else properties[key] for key in ("from", "until"))
+    if begin is None and end is None:
+        return role, place, None
+    if role == "region":
+        return role, place, TimedPlace(place.name, place.name, begin, end)
+    if role == "obstacle":
+        own = re.sub(r"\W+", "_", place.name, flags=re.ASCII).strip("_") + f"_{number}"
+        return "region", replace(place, name=own, solid=True), TimedPlace(own, own, begin, end, True)
+    raise DataError(
+        f"{where}: {place.what} has times, from or until; only regions and obstacles can have them"
+    )
 
 
 def _role(where: str, number: int, properties: Mapping[str, Any]) -> str:
@@ -174,11 +206,6 @@ def _member(where: str, number: int, feature: Any, name: str) -> Mapping[str, An
 
 def _with_numbers(where: str, place: Place, properties: Mapping[str, Any]) -> Place:
     """``place`` with its buffer and its altitude band."""
-    for key in ("from", "until"):
-        if properties.get(key) not in (None, ""):
-            raise DataError(
-                f"{where}: {place.what} has the property {key}, and no feature can have times yet"
-            )
     read = {key: _metres(where, place, key, properties.get(key)) for key in ("buffer", "floor", "ceiling")}
     radius = _metres(where, place, "radius", properties.get("radius"))
     buffer = radius if read["buffer"] is None else read["buffer"]

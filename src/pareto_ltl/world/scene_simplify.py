@@ -23,9 +23,10 @@ if TYPE_CHECKING:
 LOG = logging.getLogger(__name__)
 
 MANY_CORNERS = 40  # of a polygon: only polygons with more are simplified
-MAP_SHARE = 0.001  # of the longer side of the map: how far outlines move with simplify=auto
+MAP_SHARE = 0.002  # of the longer side of the map: how far outlines move with simplify=auto
 TRIES = 4  # tolerances, each half of the one before
 SPARED = 0.1  # of the area of a region or landmark: as much may be lost to what gets larger
+LOST = 0.25  # of its area: as much may be lost where it gets smaller itself
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,10 +126,15 @@ class _Simplifier:
             if before <= MANY_CORNERS:
                 continue
             tolerance = self.room.tolerance(part, self.most)
-            found = narrowed_polygon(part, tolerance)
-            if corner_count(found) < before:
-                parts[k] = found
-                self._note(what, before, corner_count(found), tolerance, "inwards")
+            for _ in range(TRIES):
+                found = narrowed_polygon(part, tolerance)
+                if corner_count(found) >= before:
+                    break
+                if shapely.area(found) >= (1 - LOST) * part.area:
+                    parts[k] = found
+                    self._note(what, before, corner_count(found), tolerance, "inwards")
+                    break
+                tolerance /= 2
         return parts[0] if len(parts) == 1 else shapely.union_all(parts)
 
     def _harmless(self, polygon: Any, found: Any) -> bool:

@@ -40,6 +40,8 @@ class Place:
         Keep-out distance, or how far points and lines reach [m on the ground].
     floor, ceiling : float or None
         Altitudes between which the place counts [m]; None for no limit.
+    solid : bool
+        Whether a region is an obstacle that stands for a time.
     """
 
     name: str
@@ -49,6 +51,7 @@ class Place:
     buffer: float = 0.0
     floor: float | None = None
     ceiling: float | None = None
+    solid: bool = False
 
     @property
     def corners(self) -> FloatArray:

@@ -1,0 +1,192 @@
+"""KML (OGC 12-007r2) and KMZ as the features of a GeoJSON map.
+
+The role of a Placemark is its ExtendedData ``role``, else the name of a folder around it (Regions, Obstacles,
+Landmarks, Border, Start), else its own name where that is start or border. Other ExtendedData are the
+properties of GeoJSON; a TimeSpan gives ``from`` and ``until``. A document type is refused: entities could
+make a small file fill the memory.
+"""
+
+from __future__ import annotations
+
+import zipfile
+import zlib
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+from xml.parsers import expat
+
+from pareto_ltl.support.errors import DataError
+from pareto_ltl.support.messages import shown_text
+from pareto_ltl.support.reading import MAX_BYTES, MAX_DEPTH, Advice, read_bounded
+
+MOST_ELEMENTS = 1_000_000
+SUFFIXES = (".kml", ".kmz")
+FOLDERS = {  # names of folders in lower case, without a plural s
+    "region": "region", "obstacle": "obstacle", "landmark": "landmark", "border": "border",
+    "bound": "border", "start": "start",
+}  # fmt: skip
+GEOMETRIES = ("Point", "LineString", "LinearRing", "Polygon", "MultiGeometry")
+
+
+@dataclass(slots=True)
+class Element:
+    """An element of XML: its tag without a prefix, attributes, text and the elements in it."""
+
+    tag: str
+    attributes: dict[str, str]
+    text: str = ""
+    inner: list[Element] = field(default_factory=list)
+
+    def first(self, *tags: str) -> Element | None:
+        """The first element in it with one of ``tags``."""
+        return next((element for element in self.inner if element.tag in tags), None)
+
+    def said(self, tag: str) -> str:
+        """The text of the first element ``tag`` in it; empty where there is none."""
+        found = self.first(tag)
+        return "" if found is None else found.text.strip()
+
+    def all(self, tag: str) -> Iterator[Element]:
+        """Every element ``tag`` at any depth, in the order of the file."""
+        for element in self.inner:
+            if element.tag == tag:
+                yield element
+            yield from element.all(tag)
+
+
+def kml_features(path: Path, advice: Advice) -> list[dict[str, Any]]:
+    """The Placemarks of a file as features of GeoJSON; DataError where it is none, or a role is missing."""
+    where = f"scene file {path}"
+    data = _kmz_content(path, advice) if path.suffix.lower() == ".kmz" else read_bounded(path, advice)
+    root = _parsed(where, data)
+    if root.tag != "kml":
+        raise DataError(f"{where} has the root element {shown_text(root.tag)!r}; expected kml")
+    return [_feature(where, place, role) for place, role in _placemarks(root, "")]
+
+
+def _kmz_content(path: Path, advice: Advice) -> bytes:
+    """The first KML file in an archive."""
+    try:
+        with zipfile.ZipFile(path) as archive:
+            name = next(name for name in archive.namelist() if name.lower().endswith(".kml"))
+            with archive.open(name) as file:
+                data = file.read(MAX_BYTES + 1)
+    except StopIteration:
+        raise DataError(f"{path}: there is no KML file in it; {advice.damaged}") from None
+    except OSError as error:
+        raise DataError(f"{path}: cannot be read ({error.strerror or error}); {advice.missing}") from error
+    except (zipfile.BadZipFile, zlib.error, EOFError, RuntimeError, NotImplementedError, ValueError) as error:
+        raise DataError(f"{path}: not a KMZ archive ({error}); {advice.damaged}") from error
+    if len(data) > MAX_BYTES:
+        raise DataError(f"{path}: has more than {MAX_BYTES / 2**20:g} MiB, which is the limit")
+    return data
+
+
+# --- XML ----------------------------------------------------------------------------------------------
+
+
+def _parsed(where: str, data: bytes) -> Element:
+    """The root element of an XML text without a document type."""
+    parser, top = expat.ParserCreate(), Element("", {})
+    stack, count = [top], 0
+
+    def start(name: str, attributes: dict[str, str]) -> None:
+        nonlocal count
+        count += 1
+        if len(stack) > MAX_DEPTH or count > MOST_ELEMENTS:
+            raise DataError(f"{where} is nested too deeply or has more than {MOST_ELEMENTS:,} elements")
+        element = Element(name.rpartition(":")[2], attributes)
+        stack[-1].inner.append(element)
+        stack.append(element)
+
+    def end(_: str) -> None:
+        stack.pop()
+
+    def text(more: str) -> None:
+        stack[-1].text += more
+
+    def refuse(*_: Any) -> None:
+        raise DataError(f"{where} has a document type (DOCTYPE), which no map needs; remove it")
+
+    parser.buffer_text = True
+    parser.StartElementHandler, parser.EndElementHandler = start, end
+    parser.CharacterDataHandler, parser.StartDoctypeDeclHandler = text, refuse
+    try:
+        parser.Parse(data, True)
+    except (expat.ExpatError, ValueError, LookupError) as error:  # the latter two: an unknown encoding
+        raise DataError(f"{where} is not XML as KML is written ({error}); correct the map") from None
+    return top.inner[0]
+
+
+# --- Placemarks ---------------------------------------------------------------------------------------
+
+
+def _placemarks(element: Element, role: str) -> Iterator[tuple[Element, str]]:
+    """Every Placemark, and the role of the nearest folder that has one."""
+    for inner in element.inner:
+        if inner.tag == "Placemark":
+            yield inner, role
+        elif inner.tag in ("Document", "Folder"):
+            yield from _placemarks(inner, _named_role(inner.said("name")) or role)
+
+
+def _named_role(name: str) -> str:
+    """The role that a name of a folder stands for; empty where it is none."""
+    return FOLDERS.get(name.strip().lower().removesuffix("s"), "")
+
+
+def _feature(where: str, place: Element, role: str) -> dict[str, Any]:
+    name = place.said("name")
+    span = place.first("TimeSpan")
+    told: dict[str, Any] = {"from": span.said("begin"), "until": span.said("end")} if span else {}
+    for data in place.all("Data"):
+        told[data.attributes.get("name", "").strip().lower()] = data.said("value")
+    for data in place.all("SimpleData"):
+        told[data.attributes.get("name", "").strip().lower()] = data.text.strip()
+    own = _named_role(name)
+    told["role"] = told.get("role") or role or (own if own in ("start", "border") else None)
+    if told["role"] is None:
+        raise DataError(
+            f"{where}: Placemark {shown_text(name)!r} has no role; put it into a folder named Regions, "
+            "Obstacles, Landmarks, Border or Start, or give it the ExtendedData role"
+        )
+    told["name"] = told.get("name") or name or None
+    shape = place.first(*GEOMETRIES)
+    if shape is None:
+        raise DataError(f"{where}: Placemark {shown_text(name)!r} has no {', '.join(GEOMETRIES[:-1])}")
+    geometry = _geometry(f"{where}: Placemark {shown_text(name)!r}", shape)
+    return {"type": "Feature", "properties": told, "geometry": geometry}
+
+
+def _geometry(what: str, shape: Element) -> dict[str, Any]:
+    """A geometry of GeoJSON."""
+    if shape.tag == "MultiGeometry":
+        inner = [_geometry(what, part) for part in shape.inner if part.tag in GEOMETRIES]
+        return {"type": "GeometryCollection", "geometries": inner}
+    if shape.tag == "Polygon":
+        outer = shape.first("outerBoundaryIs")
+        rings = [
+            *([outer] if outer else []),
+            *(part for part in shape.inner if part.tag == "innerBoundaryIs"),
+        ]
+        inside = [ring for boundary in rings for ring in boundary.all("LinearRing")]
+        return {"type": "Polygon", "coordinates": [_corners(what, ring) for ring in inside]}
+    corners = _corners(what, shape)
+    if shape.tag == "Point":
+        return {"type": "Point", "coordinates": corners[0] if corners else []}
+    return {"type": "LineString", "coordinates": corners}
+
+
+def _corners(what: str, shape: Element) -> list[list[float]]:
+    """Longitude and latitude of each corner."""
+    try:
+        return [
+            [float(number) for number in corner.split(",")[:2]]
+            for corner in shape.said("coordinates").split()
+        ]
+    except ValueError:
+        raise DataError(f"{what}: its coordinates are no numbers; expected longitude,latitude ...") from None
+
+
+__all__ = ["SUFFIXES", "kml_features"]

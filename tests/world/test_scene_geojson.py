@@ -1,0 +1,295 @@
+"""Maps drawn in GeoJSON: parts, holes, buffers, points and lines, altitudes, times, borders."""
+
+from __future__ import annotations
+
+import json
+import logging
+import math
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pareto_ltl.settings import SceneConfig
+from pareto_ltl.support.errors import DataError
+from pareto_ltl.world.cells import decompose
+from pareto_ltl.world.projection import to_plane
+from pareto_ltl.world.scene_files import scene_from_dict, scene_to_dict
+from pareto_ltl.world.scene_settings import scene_from_settings
+from pareto_ltl.world.scene_sketch import MissionUse
+from pareto_ltl.world.windows import Window
+
+
+def feature(role, coordinates, kind="Polygon", **properties):
+    shape = {"type": kind, "coordinates": coordinates}
+    return {"type": "Feature", "properties": {"role": role, **properties}, "geometry": shape}
+
+
+def square(lon, lat, half=0.1):
+    west, south, east, north = lon - half, lat - half, lon + half, lat + half
+    return [[west, south], [east, south], [east, north], [west, north], [west, south]]
+
+
+START = feature("start", [5.0, 60.0], "Point")
+GOAL = feature("region", [square(5.5, 60.5)], name="a")
+FRAME = feature("border", [square(5.3, 60.3, 0.6)])
+
+
+def scene_of(tmp_path, *features, use=None, time_zero=None, border="open", **keys):
+    path = tmp_path / "map.geojson"
+    path.write_text(json.dumps({"type": "FeatureCollection", "features": features}))
+    cfg = SceneConfig(file=str(path), **keys)
+    told = None if use is None else MissionUse(*map(frozenset, use))
+    return scene_from_settings(cfg, time_zero, border, lambda: told)
+
+
+def area(outlines):
+    return sum(shapely.Polygon(outline).area for outline in outlines)
+
+
+def plane(scene, corners):
+    return to_plane(scene.crs, *np.array(corners, float).T)
+
+
+def whole(outlines):
+    return shapely.union_all([shapely.Polygon(outline) for outline in outlines])
+
+
+# --- parts and holes ----------------------------------------------------------------------------------
+
+
+def test_a_region_of_two_parts_with_a_hole_is_planned_with_as_one(tmp_path):
+    parts = [[square(5.2, 60.2), square(5.2, 60.2, 0.03)], [square(5.6, 60.2)]]
+    scene = scene_of(tmp_path, START, GOAL, feature("region", parts, "MultiPolygon", name="b"))
+    drawn = [
+        shapely.Polygon(plane(scene, outer), [plane(scene, h) for h in holes]) for outer, *holes in parts
+    ]
+    assert whole(scene.regions["b"]).symmetric_difference(shapely.union_all(drawn)).area < 1.0
+    made = decompose(scene)
+    assert area(made.regions["b"]) == pytest.approx(sum(d.area for d in drawn), rel=1e-6)
+    shown = [c for c, label in zip(made.cells, made.labels, strict=True) if "b" in label]
+    assert area(shown) == pytest.approx(sum(d.area for d in drawn), rel=1e-6)
+    again = scene_from_dict(json.loads(json.dumps(scene_to_dict(scene))))
+    assert scene_to_dict(again) == scene_to_dict(scene)
+    (tmp_path / "scene.json").write_text(json.dumps(scene_to_dict(scene)))
+    read = scene_from_settings(SceneConfig(file=str(tmp_path / "scene.json")))
+    assert whole(read.regions["b"]).symmetric_difference(whole(scene.regions["b"])).area < 1.0
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    st.lists(
+        st.tuples(st.floats(4.95, 5.65), st.floats(59.95, 60.65), st.floats(0.01, 0.2)),
+        min_size=1,
+        max_size=4,
+    )
+)
+def test_parts_that_overlap_count_once(tmp_path_factory, squares):
+    folder = tmp_path_factory.mktemp("map")
+    coordinates = [[square(*one)] for one in squares]
+    scene = scene_of(folder, START, FRAME, feature("region", coordinates, "MultiPolygon", name="a"))
+    united = shapely.union_all([shapely.Polygon(plane(scene, square(*one))) for one in squares])
+    assert area(scene.regions["a"]) == pytest.approx(united.area, rel=1e-9)
+    points = np.random.default_rng(0).uniform(*scene.bounds, (200, 2))
+    inside = shapely.contains_xy(united, *points.T)
+    assert (shapely.contains_xy(whole(scene.regions["a"]), *points.T) == inside).all()
+
+
+def test_a_landmark_that_is_not_convex_comes_in_convex_parts(tmp_path):
+    bent = [[5.0, 60.2], [5.3, 60.2], [5.3, 60.5], [5.2, 60.5], [5.2, 60.3], [5.0, 60.3], [5.0, 60.2]]
+    scene = scene_of(tmp_path, START, GOAL, feature("landmark", [bent]))
+    assert len(scene.landmarks) == 2
+    assert whole(scene.landmarks).symmetric_difference(shapely.Polygon(plane(scene, bent))).area < 1.0
+    for part in scene.landmarks:
+        assert shapely.Polygon(part).convex_hull.area == pytest.approx(shapely.Polygon(part).area)
+
+
+def test_a_polygon_cut_at_the_180th_meridian_is_one_area(tmp_path):
+    west = [[179.5, -18.0], [180.0, -18.0], [180.0, -17.5], [179.5, -17.5], [179.5, -18.0]]
+    east = [[-180.0, -18.0], [-179.6, -18.0], [-179.6, -17.5], [-180.0, -17.5], [-180.0, -18.0]]
+    through = [[179.5, -18.9], [-179.6, -18.9], [-179.6, -18.4], [179.5, -18.4], [179.5, -18.9]]
+    scene = scene_of(
+        tmp_path,
+        feature("start", [179.8, -18.2], "Point"),
+        feature("region", [[west], [east]], "MultiPolygon", name="fiji"),
+        feature("region", [through], name="b"),
+    )
+    assert len(scene.regions["fiji"]) == len(scene.regions["b"]) == 1
+    for name in ("fiji", "b"):
+        assert np.ptp(scene.regions[name][0][:, 0]) == pytest.approx(0.9 * 106_000, rel=0.02)
+
+
+# --- buffers ------------------------------------------------------------------------------------------
+
+
+def test_a_buffer_keeps_an_obstacle_at_its_distance(tmp_path):
+    rock = feature("obstacle", [square(5.2, 60.3, 0.02)], buffer=800)
+    tower = feature("obstacle", [5.5, 60.2], "Point", buffer="300")
+    cable = feature("obstacle", [[5.0, 60.4], [5.2, 60.6]], "LineString", buffer=250.0)
+    scene = scene_of(tmp_path, START, GOAL, rock, tower, cable)
+    blocked = whole(scene.obstacles)
+    cores = [
+        (shapely.Polygon(plane(scene, square(5.2, 60.3, 0.02))), 800),
+        (shapely.Point(plane(scene, [[5.5, 60.2]])), 300),
+        (shapely.LineString(plane(scene, [[5.0, 60.4], [5.2, 60.6]])), 250),
+    ]
+    for core, distance in cores:
+        assert blocked.contains(core.buffer(distance, quad_segs=64))
+    wide = shapely.union_all([core.buffer(1.05 * distance, quad_segs=64) for core, distance in cores])
+    assert wide.contains(blocked)
+
+
+def test_a_tower_in_a_region_is_cut_out_with_its_buffer(tmp_path):
+    scene = scene_of(tmp_path, START, GOAL, feature("obstacle", [5.5, 60.5], "Point", buffer=500))
+    lost = shapely.Polygon(plane(scene, square(5.5, 60.5))).area - area(scene.regions["a"])
+    assert lost == pytest.approx(math.pi * 500**2, rel=0.06)
+    assert decompose(scene).cells
+
+
+def test_a_point_with_a_radius_is_a_region_no_larger_than_a_disc(tmp_path):
+    scene = scene_of(tmp_path, START, feature("region", [5.5, 60.5], "Point", name="a", radius=2000))
+    centre = shapely.Point(plane(scene, [[5.5, 60.5]]))
+    (corners,) = scene.regions["a"]
+    assert centre.buffer(2000.001, quad_segs=64).contains(shapely.Polygon(corners))
+    assert area([corners]) > 0.97 * math.pi * 2000**2
+
+
+@pytest.mark.parametrize(("use", "grows"), [(("a", ""), False), (("", "a"), True), (None, False)])
+def test_the_buffer_of_a_region_is_on_the_careful_side(tmp_path, use, grows):
+    area_of = feature("region", [square(5.5, 60.5)], name="a", buffer=1000)
+    scene = scene_of(tmp_path, START, area_of, FRAME, use=use)
+    true = shapely.Polygon(plane(scene, square(5.5, 60.5)))
+    small, large = (true, whole(scene.regions["a"])) if grows else (whole(scene.regions["a"]), true)
+    assert large.contains(small)
+    assert small.exterior.distance(large.exterior) == pytest.approx(1000, rel=0.03)
+
+
+# --- altitudes, times, borders ------------------------------------------------------------------------
+
+
+def test_places_of_another_altitude_do_not_count(tmp_path, caplog):
+    tfr = feature("region", [square(5.2, 60.5, 0.05)], name="tfr", floor=500)
+    mast = feature("obstacle", [5.3, 60.3], "Point", buffer=100, ceiling=200)
+    high = scene_of(tmp_path, START, GOAL, tfr, mast, altitude=300.0, use=("a", "b"))
+    assert (high.regions["tfr"], high.obstacles) == ((), ())
+    assert decompose(high).regions["tfr"] == ()
+    low = scene_of(tmp_path, START, GOAL, tfr, mast, altitude=150.0)
+    assert (len(low.regions["tfr"]), len(low.obstacles)) == (0, 1)
+    with caplog.at_level(logging.INFO):
+        every = scene_of(tmp_path, START, GOAL, tfr, mast)
+    assert (len(every.regions["tfr"]), len(every.obstacles)) == (1, 1)
+    assert "scene.altitude is not set" in caplog.text
+    with pytest.raises(DataError, match="visits region 'tfr', which lies above 500 m"):
+        scene_of(tmp_path, START, GOAL, tfr, altitude=300.0, use=(("a", "tfr"), ""))
+
+
+def test_times_of_regions_and_obstacles_are_windows(tmp_path):
+    open_till = {**GOAL, "properties": GOAL["properties"] | {"until": "6h"}}
+    storm = feature(
+        "obstacle", [square(5.2, 60.2, 0.05)], name="storm cell", **{"from": "2018-10-09T06:00:00Z"}
+    )
+    scene = scene_of(tmp_path, START, open_till, storm, time_zero="2018-10-09T00:00:00Z")
+    assert scene.obstacles == ()
+    assert scene.windows == {
+        "a": Window("a", -math.inf, 21_600.0),
+        "obstacle_storm_cell_3": Window("obstacle_storm_cell_3", 21_600.0, math.inf),
+    }
+    assert scene.forbidden == ("obstacle_storm_cell_3",)
+
+
+FENCE = [[4.8, 59.9], [5.9, 59.9], [5.9, 60.9], [5.0, 60.9], [5.0, 60.2], [4.8, 60.2], [4.8, 59.9]]
+
+
+def test_a_border_that_is_no_rectangle_is_a_fence(tmp_path):
+    scene = scene_of(tmp_path, START, GOAL, feature("border", [FENCE]), border="wall")
+    inside = shapely.Polygon(plane(scene, FENCE))
+    box = shapely.box(*scene.bounds.ravel())
+    assert whole(scene.obstacles).symmetric_difference(box - inside).area < 1.0
+    np.testing.assert_allclose(inside.bounds, box.bounds)
+    assert scene_of(tmp_path, START, GOAL, feature("border", [FENCE])).obstacles == ()
+
+
+def test_the_buffer_of_a_border_moves_it_inwards(tmp_path):
+    for corners, walls in ((FENCE, 3), (square(5.4, 60.4, 0.7), 0)):
+        plain = scene_of(tmp_path, START, GOAL, feature("border", [corners]), border="wall")
+        moved = scene_of(tmp_path, START, GOAL, feature("border", [corners], buffer=1000), border="wall")
+        inner = shapely.box(*moved.bounds.ravel()) - whole(moved.obstacles)
+        outer = shapely.box(*plain.bounds.ravel()) - whole(plain.obstacles)
+        assert outer.contains(inner)
+        assert outer.exterior.distance(inner) == pytest.approx(1000, rel=0.03)
+        assert bool(moved.obstacles) == bool(walls)
+
+
+@pytest.mark.parametrize(
+    ("features", "words"),
+    [
+        (
+            (feature("obstacle", [5.3, 60.3], "Point"),),
+            "obstacle 1 is a Point; expected a Polygon, or the property buffer",
+        ),
+        (
+            (feature("obstacle", [square(5.3, 60.3)], buffer="wide"),),
+            "buffer is 'wide'; expected a number of metres",
+        ),
+        ((feature("obstacle", [square(5.3, 60.3)], buffer=-5),), "its buffer is -5 m; expected 0 or more"),
+        (
+            (feature("obstacle", [square(5.3, 60.3)], floor=300, ceiling=100),),
+            "floor, 300 m, lies above its ceiling",
+        ),
+        (
+            (feature("obstacle", [5.0, 60.001], "Point", buffer=500),),
+            "start (longitude 5, latitude 60) lies inside obstacle 1 or its buffer",
+        ),
+        (
+            (feature("region", [square(5.3, 60.3, 0.01)], name="b", buffer=1e4),),
+            "nothing is left of region 'b' within its buffer",
+        ),
+        (
+            (feature("obstacle", [5.5, 60.5], "Point", buffer=2e4), FRAME),
+            "nothing is left of region 'a' outside of the buffers",
+        ),
+        (
+            (feature("border", [[square(5, 60)], [square(6, 60)]], "MultiPolygon"),),
+            "the border has a hole or several parts",
+        ),
+        ((feature("landmark", [square(5.2, 60.2)], until="6h"),), "landmark 1 has times"),
+        ((feature("obstacle", [], "GeometryCollection"),), "no GeometryCollection as GeoJSON writes it"),
+        ((feature("obstacle", [[5.0], [6.0]], "LineString", buffer=5),), "a corner of obstacle 1 is [5.0]"),
+        ((feature("obstacle", [[]], "LineString", buffer=5),), "a corner of obstacle 1"),
+        ((feature("obstacle", 5, "MultiPoint", buffer=5),), "no MultiPoint as GeoJSON writes it"),
+        (
+            (feature("region", [[[5.2, 60.2], [5.4, 60.4], [5.4, 60.2], [5.2, 60.4]]], name="b"),),
+            "region 'b' crosses or touches its own outline at (longitude 5.3",
+        ),
+    ],
+)
+def test_what_cannot_be_meant_is_refused_in_one_line(tmp_path, features, words):
+    with pytest.raises(DataError) as error:
+        scene_of(tmp_path, START, GOAL, *features)
+    assert words in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_a_region_both_visited_and_avoided_has_no_careful_side(tmp_path):
+    margin = feature("region", [square(5.3, 60.3, 0.05)], name="b", buffer=100)
+    with pytest.raises(DataError, match="both visits it and keeps out of it"):
+        scene_of(tmp_path, START, GOAL, margin, use=("ab", "b"))
+
+
+def test_a_collection_of_points_lines_and_polygons_is_one_obstacle(tmp_path):
+    parts = [
+        {"type": "Point", "coordinates": [5.2, 60.2]},
+        {"type": "Polygon", "coordinates": [square(5.3, 60.4, 0.03)]},
+        {
+            "type": "GeometryCollection",
+            "geometries": [{"type": "MultiLineString", "coordinates": [[[5.1, 60.5], [5.2, 60.5]]]}],
+        },
+    ]
+    farm = {
+        "type": "Feature",
+        "properties": {"Role": " Obstacle ", "Buffer": 200},
+        "geometry": {"type": "GeometryCollection", "geometries": parts},
+    }
+    assert len(scene_of(tmp_path, START, GOAL, farm).obstacles) == 3
