@@ -62,7 +62,6 @@ def test_landmarks_survive_the_way_through_scene_json():
             {"landmarks": [[[5, 5], [8, 5], [8, 8]]], "obstacles": [[[6, 4], [9, 4], [9, 9]]]},
             "landmark 1 overlaps obstacle 1",
         ),
-        ({"landmarks": [[[5, 5], [9, 5], [6, 6], [5, 9]]]}, "landmark 1 is not convex"),
         ({"landmarks": [[[15, 15], [25, 15], [25, 25]]]}, "landmark 1"),
     ],
 )
