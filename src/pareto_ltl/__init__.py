@@ -6,6 +6,7 @@
     result.plan, result.front, result.wind       # the records, each with a short repr and plot()
     pareto_ltl.choose(result, failure=0.02)      # another path of the front, without planning again
     pareto_ltl.export(result, "flight")          # files for autopilots, maps and navigators
+    pareto_ltl.show(result)                      # one page with map, front, flights, in a browser
     pareto_ltl.simulate(result, runs=1000, law="coherent")
     pareto_ltl.load_results("outputs/phi1/...")  # a run of the command line
 
@@ -19,9 +20,11 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from pareto_ltl.run.explaining import explain
     from pareto_ltl.run.exporting import export
     from pareto_ltl.run.interface import PlanningResult, choose, load_results, plan, simulate
     from pareto_ltl.run.results import Results
+    from pareto_ltl.run.showing import page, show
     from pareto_ltl.settings import Settings
     from pareto_ltl.support.errors import (
         ConfigError,
@@ -46,16 +49,21 @@ __all__ = [
     "Settings",
     "__version__",
     "choose",
+    "explain",
     "export",
     "load_results",
+    "page",
     "plan",
+    "show",
     "simulate",
 ]
 
 _EXPORTS = {
+    "pareto_ltl.run.explaining": ("explain",),
     "pareto_ltl.run.exporting": ("export",),
     "pareto_ltl.run.interface": ("PlanningResult", "choose", "load_results", "plan", "simulate"),
     "pareto_ltl.run.results": ("Results",),
+    "pareto_ltl.run.showing": ("page", "show"),
     "pareto_ltl.settings": ("Settings",),
     "pareto_ltl.support.errors": (
         "ConfigError", "DataError", "FormulaError", "InfeasibleError", "ParetoLtlError",

@@ -110,7 +110,7 @@ def test_a_front_in_memory_is_chosen_from_without_a_directory() -> None:
 def test_stages_that_make_what_is_kept_are_not_run(made: dict[str, Path]) -> None:
     settings = pareto_ltl.load_results(made["full"]).settings
     names = [stage.name for stage in later_stages(settings, PLAN_TABLE)]
-    assert names == ["problem", "plan", "forecasts", "deployment", "export", "report"]
+    assert names == ["problem", "plan", "forecasts", "deployment", "export", "report", "page"]
 
 
 # --- the command ------------------------------------------------------------------------------

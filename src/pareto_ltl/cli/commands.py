@@ -46,6 +46,18 @@ def _run_formula(argv: Sequence[str]) -> int:
     return formula_command(argv)
 
 
+def _run_show(argv: Sequence[str]) -> int:
+    from pareto_ltl.cli.show_command import show_command
+
+    return show_command(argv)
+
+
+def _run_explain(argv: Sequence[str]) -> int:
+    from pareto_ltl.cli.explain_command import explain_command
+
+    return explain_command(argv)
+
+
 def _run_rerun(argv: Sequence[str]) -> int:
     from pareto_ltl.cli.rerun_command import rerun_command
 
@@ -117,6 +129,8 @@ COMMANDS = (
     Command(
         "export", "the plan for autopilots, maps and navigators: KML, GPX, MAVLink and others", _run_export
     ),
+    Command("show", "the page of a result, in a browser", _run_show),
+    Command("explain", "a plan leg by leg, in the terminal", _run_explain),
     Command("rerun", "make a result again and compare it byte by byte", _run_rerun),
     Command("verify", "derive every claim of a result again, without the planner", _run_verify),
     Command("wind-error", "the law of forecast errors, from past forecasts and analyses", _run_wind_error),

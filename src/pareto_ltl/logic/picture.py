@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,6 +21,29 @@ if TYPE_CHECKING:
 MAX_DRAWN = 40  # states; figures with more are not readable
 STATE_RADIUS = 0.32
 STATE_COLOUR, TRAP_COLOUR, GOAL_COLOUR = "#222222", "#999999", "#0072b2"  # acceptance: blue of Okabe and Ito
+
+
+@dataclass(frozen=True, slots=True)
+class DrawnEdge:
+    """An edge of a picture.
+
+    Attributes
+    ----------
+    start, end : int
+        States.
+    curve : (3, 2) or (4, 2) float
+        Control points of a Bezier curve; four of a loop.
+    text : str
+        Label, with line breaks.
+    spot : (2,) float
+        Where the label is centred.
+    """
+
+    start: int
+    end: int
+    curve: FloatArray
+    text: str
+    spot: FloatArray
 
 
 def dot_text(automaton: Automaton) -> str:
@@ -92,16 +117,21 @@ def draw_automaton(
             **head,
         )
     )
-    taken = _OccupiedBoxes(place)
-    for (p, q), text in texts.items():
-        colour = TRAP_COLOUR if q == automaton.trap else STATE_COLOUR
-        curve = _loop_edge(place[p]) if p == q else _bent_edge(place, p, q, (q, p) in texts)
-        axes.add_patch(FancyArrowPatch(path=_curve_path(curve), color=colour, **head))
+    for edge in drawn_edges(place, texts):
+        colour = TRAP_COLOUR if edge.end == automaton.trap else STATE_COLOUR
+        axes.add_patch(FancyArrowPatch(path=_curve_path(edge.curve), color=colour, **head))
         font = {"ha": "center", "va": "center", "fontsize": 7.5, "color": colour}
         box = {"boxstyle": "round,pad=0.15", "fc": "white", "ec": "none"}
+        axes.text(edge.spot[0], edge.spot[1], edge.text, font, bbox=box)
+
+
+def drawn_edges(place: FloatArray, texts: dict[tuple[int, int], str]) -> Iterator[DrawnEdge]:
+    """Where the edges with ``texts`` run between states at ``place`` (Q, 2), and where their labels stand."""
+    taken = _OccupiedBoxes(place)
+    for (p, q), text in texts.items():
+        curve = _loop_edge(place[p]) if p == q else _bent_edge(place, p, q, (q, p) in texts)
         said = _wrapped_formula(text, 22)
-        spot = taken.spot(curve, said, p == q)
-        axes.text(spot[0], spot[1], said, font, bbox=box)
+        yield DrawnEdge(p, q, curve, said, taken.spot(curve, said, p == q))
 
 
 def state_positions(automaton: Automaton) -> FloatArray:
@@ -209,4 +239,4 @@ def _wrapped_formula(text: str, width: int) -> str:
     return "\n".join([*lines, line.strip()])
 
 
-__all__ = ["dot_text", "draw_automaton", "save_picture", "state_positions"]
+__all__ = ["DrawnEdge", "dot_text", "draw_automaton", "drawn_edges", "save_picture", "state_positions"]

@@ -11,12 +11,18 @@ from matplotlib.figure import Figure
 
 from pareto_ltl.planning.records import Plan
 from pareto_ltl.report import style
+from pareto_ltl.report.lattice import (
+    ARROWS_ALONG,
+    arrow_nodes,
+    interpolate_slots,
+    lattice_nodes,
+    spaced_nodes,
+    wind_deviation,
+)
 from pareto_ltl.report.map_layers import MapAxes, map_axes
-from pareto_ltl.support.arrays import FloatArray, IntArray
+from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.wind.records import WindField
 from pareto_ltl.world.scene import Scene
-
-ARROWS_ALONG = 13  # wind arrows along the longer side of the map
 
 
 def flight_midpoint(scene: Scene, plan: Plan | None) -> tuple[float, str]:
@@ -40,32 +46,6 @@ def utc_text(scene: Scene, t: float) -> str:
     return f"{when.day} {when:%b %Y, %H:%M} UTC"
 
 
-def interpolate_slots(times: FloatArray, values: FloatArray, t: float) -> FloatArray:
-    """``values`` (K, ...) at ``t`` [s], linear between ``times`` (K,) [s] and constant outside of them."""
-    t = float(np.clip(t, times[0], times[-1]))
-    k = int(np.clip(np.searchsorted(times, t, side="right") - 1, 0, max(0, len(times) - 2)))
-    if len(times) == 1:
-        return np.asarray(values[0], float)
-    w = (t - times[k]) / (times[k + 1] - times[k])
-    mixed: FloatArray = (1.0 - w) * values[k] + w * values[k + 1]
-    return mixed
-
-
-def _lattice_nodes(wind: WindField) -> tuple[FloatArray, FloatArray]:
-    """x (NX,) and y (NY,) of the lattice [m]."""
-    nx, ny = wind.mean.shape[1:3]
-    return wind.origin[0] + wind.spacing * np.arange(nx), wind.origin[1] + wind.spacing * np.arange(ny)
-
-
-def _spaced_nodes(nodes: FloatArray, low: float, high: float, gap: float) -> IntArray:
-    """Indices of every n-th node between ``low`` and ``high``, about ``gap`` [m] apart and centred."""
-    inside = np.flatnonzero((nodes >= low - 1e-6) & (nodes <= high + 1e-6))
-    if len(inside) < 2:
-        return inside
-    stride = max(1, round(gap / (nodes[1] - nodes[0])))
-    return inside[(len(inside) - 1) % stride // 2 :: stride]
-
-
 def draw_wind_arrows(
     chart: MapAxes, scene: Scene, wind: WindField, t: float, text: str, left: float, bottom: float
 ) -> None:
@@ -76,12 +56,9 @@ def draw_wind_arrows(
     figure, ax = chart.ax.figure, chart.ax
     assert isinstance(figure, Figure)
     (west, south), (east, north) = scene.bounds
-    x, y = _lattice_nodes(wind)
+    x, y = lattice_nodes(wind)
     gap = max(east - west, north - south) / ARROWS_ALONG
-    i, j = (
-        _spaced_nodes(x, west + gap / 4, east - gap / 4, gap),
-        _spaced_nodes(y, south + gap / 4, north - gap / 4, gap),
-    )
+    i, j = arrow_nodes(wind, scene.bounds)
     field = interpolate_slots(wind.times, wind.mean, t)[np.ix_(i, j)]
     speed = np.hypot(field[..., 0], field[..., 1])
     if speed.size == 0 or not speed.max() > 0:
@@ -118,17 +95,12 @@ def draw_wind_arrows(
 def wind_figure(scene: Scene, wind: WindField, plan: Plan | None) -> Figure:
     """Expected wind with arrows, and standard deviation of the wind of one step, on the whole lattice."""
     t, moment = flight_midpoint(scene, plan)
-    mean, latent = (
-        interpolate_slots(wind.times, wind.mean, t),
-        interpolate_slots(wind.times, wind.latent_var, t),
-    )
-    gust = interpolate_slots(wind.times, wind.gust_var, t)
-    x, y = _lattice_nodes(wind)
+    mean = interpolate_slots(wind.times, wind.mean, t)
+    x, y = lattice_nodes(wind)
     inner, west = 2.35, 0.48
     height = inner * float(np.clip(np.ptp(y) / max(np.ptp(x), 1.0), 0.35, 1.6))
     figure = style.blank_figure(style.PAGE_WIDTH, height + 0.85)
-    between = float(wind.time_variance(np.array([t]))[0])
-    deviation = np.sqrt((latent + gust).mean(axis=-1) + between)  # of one component, averaged over u and v
+    deviation = wind_deviation(wind, t)
     panels = (
         ("(a) Expected wind", "speed [m/s]", np.hypot(mean[..., 0], mean[..., 1]), "viridis"),
         ("(b) Standard deviation of a component", "standard deviation [m/s]", deviation, "cividis"),
@@ -162,7 +134,7 @@ def _origin_text(wind: WindField) -> str:
 
 def _draw_surface(chart: MapAxes, wind: WindField, values: FloatArray, cmap: str) -> None:
     """``values`` (NX, NY) as colour, interpolated bilinearly, on the extent of the lattice."""
-    x, y = (nodes * chart.per_metre for nodes in _lattice_nodes(wind))
+    x, y = (nodes * chart.per_metre for nodes in lattice_nodes(wind))
     half = wind.spacing * chart.per_metre / 2.0
     extent = (x[0] - half, x[-1] + half, y[0] - half, y[-1] + half)
     low, high = float(values.min()), float(values.max())
@@ -182,9 +154,9 @@ def _draw_surface(chart: MapAxes, wind: WindField, values: FloatArray, cmap: str
 
 def _draw_directions(chart: MapAxes, wind: WindField, mean: FloatArray) -> None:
     """Arrows along the expected wind; their length is proportional to its speed."""
-    x, y = _lattice_nodes(wind)
+    x, y = lattice_nodes(wind)
     gap = max(np.ptp(x), np.ptp(y)) / ARROWS_ALONG
-    i, j = _spaced_nodes(x, x[0], x[-1], gap), _spaced_nodes(y, y[0], y[-1], gap)
+    i, j = spaced_nodes(x, x[0], x[-1], gap), spaced_nodes(y, y[0], y[-1], gap)
     field = mean[np.ix_(i, j)]
     top = float(np.hypot(field[..., 0], field[..., 1]).max())
     if top > 0:

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from pareto_ltl.settings.outputs import EXPORT_FILES
+from pareto_ltl.settings.outputs import EXPORT_FILES, PAGE_FILE
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.files import remove_dead_drafts
 from pareto_ltl.support.locks import claim_folder
@@ -22,7 +22,7 @@ RECORD_FILES = (
     "front.npz", "plan.json", "plan.csv", "deployments.npz", "figures/*.png", "figures/*.svg", "tables.md",
     "compare.csv", "compare_seeds.csv", "differences.csv", "no_plan.csv", "convergence.csv",
     "convergence_seeds.csv", "first_answer.csv", "ablation.csv", "hindcast.csv", "reliability.csv",
-    "scorecard.csv", "forecast_test.csv", "regions.csv",
+    "scorecard.csv", "forecast_test.csv", "regions.csv", PAGE_FILE,
     *(f"{folder}{name}" for folder in ("", "exports/", "exports_point_*/") for name in EXPORT_FILES.values()),
 )  # fmt: skip
 

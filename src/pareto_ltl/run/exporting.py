@@ -51,7 +51,7 @@ def export(
     from pareto_ltl.exports.exported import exported_plan
     from pareto_ltl.exports.formats import writable_formats, write_exports
 
-    run = planned.run if isinstance(planned, PlanningResult) else _run_with_plan(load_results(planned))
+    run = planned.run if isinstance(planned, PlanningResult) else run_with_plan(load_results(planned))
     cfg = _checked(run.settings.exports, formats, settings)
     if point is not None:
         run = choose(planned, point=point).run
@@ -70,15 +70,15 @@ def _checked(cfg: ExportsConfig, formats: Sequence[str] | None, settings: dict[s
     return replace(cfg, formats=wanted, **settings)
 
 
-def _run_with_plan(results: Results) -> Run:
+def run_with_plan(results: Results) -> Run:
     """The run of a results directory, with all that planning made; DataError where it has no plan."""
     if (status := results.run.get("status")) != "ok":
-        raise DataError(f"{results.directory}: its run ended as {status!r}; there is no plan to export")
+        raise DataError(f"{results.directory}: its run ended as {status!r}; there is no plan")
     settings = results.settings
     if missing := [key.name for key in (FRONT, PLAN) if key.name not in settings.pipelines.stages]:
-        raise DataError(f"{results.directory}: its run made no {' and no '.join(missing)} to export")
+        raise DataError(f"{results.directory}: its run made no {' and no '.join(missing)}")
     table = with_extension_stages(PLAN_STAGES, settings.pipelines.stages)
     return Run(settings, table, kept_records(results).replaced(PLAN, results.plan))
 
 
-__all__ = ["export"]
+__all__ = ["export", "run_with_plan"]

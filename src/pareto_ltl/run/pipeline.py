@@ -126,6 +126,8 @@ class Run:
         What shows the stage at work.
     ahead : dict of str to Watcher
         What stages began when the run did, by their names.
+    failure : str
+        Why the mission turned out infeasible; empty as long as it has not.
     budget : Budget
         The time that growth and refinement have together.
     """
@@ -137,6 +139,7 @@ class Run:
     directory: Path | None = None
     progress: ProgressBar | None = None
     ahead: dict[str, Watcher] = field(default_factory=dict)
+    failure: str = ""
     budget: Budget = field(init=False)
 
     def __post_init__(self) -> None:
@@ -202,7 +205,8 @@ def make_all(run: Run, stages: Sequence[Stage[Any]]) -> None:
     for position, stage in enumerate(stages):
         try:
             run.perform(stage)
-        except InfeasibleError:
+        except InfeasibleError as error:
+            run.failure = str(error)
             _make_rest(run, stages[position + 1 :])
             raise
 

@@ -75,7 +75,7 @@ def end(
         "status": status,
         "error": None if error is None else one_line(error),
         "finished": _now(),
-        "inputs": _inputs(settings),
+        "inputs": input_hashes(settings),
         "seconds": dict(seconds),
     }
 
@@ -144,7 +144,8 @@ def _git(root: Path, *words: str) -> str | None:
     return done.stdout.strip()
 
 
-def _inputs(settings: Settings) -> dict[str, str]:
+def input_hashes(settings: Settings) -> dict[str, str]:
+    """SHA-256 of each file that a run reads, by its path; empty where they cannot be read."""
     from pareto_ltl.run.stages import input_files
 
     try:

@@ -47,6 +47,7 @@ FORECASTS: RecordKey[Mapping[str, Forecast]] = RecordKey("forecasts")  # by wind
 DEPLOYMENTS: RecordKey[Mapping[str, Deployment]] = RecordKey("deployment")  # by wind law
 EXPORTS: RecordKey[tuple[Path, ...]] = RecordKey("export")
 FIGURES: RecordKey[tuple[Path, ...]] = RecordKey("report")
+PAGE: RecordKey[tuple[Path, ...]] = RecordKey("page")
 WIND_TABLE: RecordKey[Path] = RecordKey("table")
 
 

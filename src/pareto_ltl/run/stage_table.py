@@ -49,6 +49,9 @@ class StageContext(Protocol):
     @property
     def budget(self) -> Budget: ...
 
+    @property
+    def failure(self) -> str: ...
+
 
 class StageInputs:
     """What one stage may read: the records it declares, the settings, its random stream.
@@ -106,6 +109,11 @@ class StageInputs:
     def budget(self) -> Budget:
         """The time that growth and refinement have together (``planner.budget_seconds``)."""
         return self._context.budget
+
+    @property
+    def failure(self) -> str:
+        """Why the mission turned out infeasible; empty as long as it has not."""
+        return self._context.failure
 
     @property
     def progress(self) -> Progress | None:

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 from pareto_ltl.report.drawing import draw_run_figures, drawing_process
 from pareto_ltl.run.compiling import compiling_process
 from pareto_ltl.run.front_stage import FOREST_STREAM, make_front
+from pareto_ltl.run.page_stage import DEPLOYMENT_STREAM, make_page, warm_template
 from pareto_ltl.run.records import (
     AUTOMATON,
     DECOMPOSITION,
@@ -24,6 +25,7 @@ from pareto_ltl.run.records import (
     FOREST,
     FRONT,
     OBSERVATIONS,
+    PAGE,
     PLAN,
     PROBLEM,
     READINGS,
@@ -50,7 +52,7 @@ from pareto_ltl.settings import (
     SmoothingConfig,
     WindConfig,
 )
-from pareto_ltl.settings.outputs import EXPORT_FILES
+from pareto_ltl.settings.outputs import EXPORT_FILES, PAGE_FILE
 
 if TYPE_CHECKING:
     from pareto_ltl.logic import Automaton
@@ -357,7 +359,7 @@ PLAN_STAGES = (
         make=make_deployments,
         needs=(PROBLEM, PLAN),
         settings=(DeploymentConfig,),
-        stream="deployment",
+        stream=DEPLOYMENT_STREAM,
         writes=("deployments.npz",),
     ),
     Stage(
@@ -378,6 +380,25 @@ PLAN_STAGES = (
         settings=(ReportConfig,),
         shows=FIGURE_FILES,
         ahead=drawing_process,
+    ),
+    Stage(
+        "page",
+        makes=PAGE,
+        make=make_page,
+        needs=(SCENE, WIND),
+        uses=(AUTOMATON, PROBLEM, FOREST, FRONT, PLAN, DEPLOYMENTS, FORECASTS),
+        settings=(
+            ReportConfig,
+            DeploymentConfig,
+            ExportsConfig,
+            WindConfig,
+            SceneConfig,
+            MissionConfig,
+            PipelineConfig,
+        ),
+        stream=DEPLOYMENT_STREAM,
+        shows=(PAGE_FILE,),
+        ahead=warm_template,
     ),
     Stage(
         "table",

@@ -22,6 +22,7 @@ EXPORT_FILES = {
     "netcdf": "trajectory.nc",
     "f3548": "operational_intent.json",
 }  # the file of each format
+PAGE_FILE = "report.html"
 HIGHEST = 100_000.0  # [m] of an exported height, and deepest
 
 
@@ -40,6 +41,7 @@ class ReportConfig(CheckedSettings):
 
     section: ClassVar[str] = "report"
     figures: bool = setting(True, "whether figures are drawn")
+    page: bool = setting(True, "whether report.html is written: one file that shows the result")
     formats: list[str] = setting(
         ["png"], "files that each figure is written as", choices=FIGURE_FORMATS, distinct=True
     )

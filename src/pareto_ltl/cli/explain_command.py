@@ -1,0 +1,38 @@
+"""``pareto-ltl explain DIR``: a plan leg by leg, in the terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from pareto_ltl.cli.arguments import CommandArguments, run_reported
+from pareto_ltl.cli.choose_command import read_number
+from pareto_ltl.support.errors import DataError
+
+
+def explain_command(argv: Sequence[str]) -> int:
+    """0 where the plan is told, 2 with one line where there is no such path or no plan."""
+    return run_reported(lambda: _explain_arguments(argv))
+
+
+def _explain_arguments(argv: Sequence[str]) -> int:
+    parser = CommandArguments(
+        prog="pareto-ltl explain",
+        description="Tell a plan leg by leg: time, heading, airspeed, wind and its doubt, what the leg is "
+        "for, the closest obstacle, and how often flights have failed by then.",
+    )
+    parser.add_argument(
+        "directory", type=Path, metavar="DIR", help="for example outputs/phi2/2026-01-31_12-00-00"
+    )
+    parser.add_argument("--point", metavar="N", help="path number N of front.csv; default: the plan")
+    options = parser.parse_args(argv)
+    point = None if options.point is None else read_number(options.point)
+    if not options.directory.is_dir():
+        raise DataError(f"{options.directory}: no such folder; give a results directory")
+    from pareto_ltl.run.explaining import explain
+
+    print(explain(options.directory, point=point))
+    return 0
+
+
+__all__ = ["explain_command"]

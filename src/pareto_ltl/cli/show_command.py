@@ -1,0 +1,41 @@
+"""``pareto-ltl show DIR``: the page of a result in the default browser."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from pareto_ltl.cli.arguments import CommandArguments, run_reported
+
+
+def show_command(argv: Sequence[str]) -> int:
+    """0 where the page is there, opened or not; 2 with one line where the folder holds no result."""
+    return run_reported(lambda: _show_arguments(argv))
+
+
+def _show_arguments(argv: Sequence[str]) -> int:
+    parser = CommandArguments(
+        prog="pareto-ltl show",
+        description="Open report.html of a result in the default browser; it is written first where it is "
+        "missing.",
+    )
+    parser.add_argument(
+        "directory", type=Path, metavar="DIR", help="for example outputs/phi2/2026-01-31_12-00-00"
+    )
+    parser.add_argument("--print", action="store_true", help="print its path alone, open nothing")
+    parser.add_argument("--again", action="store_true", help="write the page anew, even if it is there")
+    options = parser.parse_args(argv)
+    from pareto_ltl.run.showing import open_page, page_of
+
+    path = page_of(options.directory, again=options.again).resolve()
+    if options.print:
+        print(path)
+    elif open_page(path):
+        print(f"opened {path}")
+    else:
+        print(path)
+        print("there is no browser here: copy this one file to a machine that has one, and open it there")
+    return 0
+
+
+__all__ = ["show_command"]

@@ -1,0 +1,106 @@
+"""A mission formula in words: ``F(a & F(b | c))`` is "reach a, then b or c"."""
+
+from __future__ import annotations
+
+from pareto_ltl.logic.formula import Formula, parse_formula
+from pareto_ltl.support.errors import FormulaError
+
+LONGEST = 400  # characters of words; a longer mission is better read as a formula
+BINARY_WORDS = {
+    "U": "{0} until {1}", "->": "if {0}, then {1}", "<->": "{0} exactly if {1}", "xor": "either {0} or {1}",
+}  # fmt: skip
+
+
+def mission_in_words(text: str) -> str:
+    """The mission ``text`` in words; empty where it cannot be read, has no words, or is too long."""
+    try:
+        words = _goal_words(parse_formula(text))
+    except (FormulaError, KeyError, RecursionError):
+        return ""
+    return words if len(words) <= LONGEST else ""
+
+
+def _goal_words(tree: Formula) -> str:
+    """What has to be done, as an order to the pilot."""
+    if tree.op == "&":
+        return "; ".join(_merged_goals(tree.args))
+    if tree.op == "|":
+        return "either " + ", or ".join(map(_goal_words, tree.args))
+    if tree.op == "F":
+        return f"reach {_target_words(tree.args[0])}"
+    if tree.op == "X":
+        return f"at the next step, {_goal_words(tree.args[0])}"
+    if tree.op == "U" and tree.args[0].op == "!":
+        return (
+            f"stay out of {_place_words(tree.args[0].args[0])} until {_target_words(tree.args[1])} is reached"
+        )
+    return _state_words(tree)
+
+
+def _merged_goals(parts: tuple[Formula, ...]) -> list[str]:
+    """Goals of one kind in any order become one: ``F a & F b`` is "reach a and b, in any order"."""
+    simple = [part for part in parts if part.op == "F" and _is_place(part.args[0])]
+    if len(simple) < 2:
+        return [_goal_words(part) for part in parts]
+    names = [_place_words(part.args[0]) for part in simple]
+    listed = f"reach {', '.join(names[:-1])} and {names[-1]}, in any order"
+    return [listed, *(_goal_words(part) for part in parts if part not in simple)]
+
+
+def _target_words(tree: Formula) -> str:
+    """What is to be reached: a place, and what follows there."""
+    if _is_place(tree) or tree.op not in ("&", "|"):
+        return _place_words(tree)
+    if tree.op == "|":
+        return " or ".join(f"({_target_words(part)})" for part in tree.args)
+    places = [part for part in tree.args if _is_place(part)]
+    rest = [part for part in tree.args if not _is_place(part)]
+    here = " and ".join(_place_words(part) for part in places)
+    then = _merged_following(rest)
+    if not here:
+        return f"a point from which to {' and to '.join(_goal_words(part) for part in rest)}"
+    return here + "".join(f", then {words}" for words in then[:1]) + "".join(f", and {w}" for w in then[1:])
+
+
+def _merged_following(rest: list[Formula]) -> list[str]:
+    """What comes after a place; several goals become one list, in any order."""
+    simple = [part.args[0] for part in rest if part.op == "F" and _is_place(part.args[0])]
+    if len(simple) < 2:
+        return [_following_words(part) for part in rest]
+    names = [_place_words(part) for part in simple]
+    left = [part for part in rest if part.op != "F" or not _is_place(part.args[0])]
+    return [f"{', '.join(names[:-1])} and {names[-1]} in any order", *map(_following_words, left)]
+
+
+def _following_words(tree: Formula) -> str:
+    """What comes after a place: of ``F b`` only "b"."""
+    if tree.op == "X" and tree.args[0].op == "F":
+        return f"at a later step {_target_words(tree.args[0].args[0])}"
+    return _target_words(tree.args[0]) if tree.op == "F" else _goal_words(tree)
+
+
+def _is_place(tree: Formula) -> bool:
+    """Whether ``tree`` speaks of one step alone."""
+    return tree.op in ("name", "true", "false") or (
+        tree.op in ("&", "|", "!") and all(map(_is_place, tree.args))
+    )
+
+
+def _place_words(tree: Formula) -> str:
+    if tree.op == "name":
+        return tree.name
+    if tree.op == "!":
+        return f"outside {_place_words(tree.args[0])}"
+    if tree.op in ("&", "|"):
+        word = " and " if tree.op == "&" else " or "
+        return word.join(_place_words(part) for part in tree.args)
+    return f"“{tree}”"
+
+
+def _state_words(tree: Formula) -> str:
+    if _is_place(tree):
+        return f"be {_place_words(tree)}" if tree.op == "!" else f"be in {_place_words(tree)}"
+    return BINARY_WORDS[tree.op].format(*map(_goal_words, tree.args))
+
+
+__all__ = ["mission_in_words"]

@@ -1,0 +1,91 @@
+"""The wind lattice in time and in space, as figures and pages show it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pareto_ltl.support.arrays import FloatArray, IntArray
+from pareto_ltl.wind.records import WindField
+
+ARROWS_ALONG = 13  # wind arrows along the longer side of the map
+
+
+def interpolate_slots(times: FloatArray, values: FloatArray, t: float) -> FloatArray:
+    """``values`` (K, ...) at ``t`` [s], linear between ``times`` (K,) [s] and constant outside of them."""
+    t = float(np.clip(t, times[0], times[-1]))
+    k = int(np.clip(np.searchsorted(times, t, side="right") - 1, 0, max(0, len(times) - 2)))
+    if len(times) == 1:
+        return np.asarray(values[0], float)
+    w = (t - times[k]) / (times[k + 1] - times[k])
+    mixed: FloatArray = (1.0 - w) * values[k] + w * values[k + 1]
+    return mixed
+
+
+def lattice_nodes(wind: WindField) -> tuple[FloatArray, FloatArray]:
+    """x (NX,) and y (NY,) of the lattice [m]."""
+    nx, ny = wind.mean.shape[1:3]
+    return wind.origin[0] + wind.spacing * np.arange(nx), wind.origin[1] + wind.spacing * np.arange(ny)
+
+
+def sampled_lattice(wind: WindField, values: FloatArray, x: FloatArray, y: FloatArray) -> FloatArray:
+    """``values`` (NX, NY) of the lattice at all ``x`` (A,) and ``y`` (B,) [m], bilinear, (A, B).
+
+    Beyond the lattice its edge holds.
+    """
+    (i, s), (j, r) = (
+        _cells_of((places - start) / wind.spacing, count)
+        for places, start, count in zip((x, y), wind.origin, values.shape, strict=True)
+    )
+    west, east = values[i], values[np.minimum(i + 1, len(values) - 1)]
+    along = (1.0 - s)[:, None] * west + s[:, None] * east
+    north = along[:, np.minimum(j + 1, values.shape[1] - 1)]
+    return np.asarray((1.0 - r) * along[:, j] + r * north, float)
+
+
+def _cells_of(places: FloatArray, count: int) -> tuple[IntArray, FloatArray]:
+    """Node below each of ``places`` (in nodes) among ``count``, and the share of the way to the next one."""
+    held = np.clip(places, 0.0, count - 1.0)
+    below = np.minimum(held.astype(np.int64), max(count - 2, 0))
+    return below, held - below
+
+
+def arrow_nodes(wind: WindField, bounds: FloatArray) -> tuple[IntArray, IntArray]:
+    """Indices along x and y of the nodes at which wind arrows stand on a map of ``bounds`` (2, 2) [m]."""
+    (west, south), (east, north) = bounds
+    x, y = lattice_nodes(wind)
+    gap = max(east - west, north - south) / ARROWS_ALONG
+    return (
+        spaced_nodes(x, west + gap / 4, east - gap / 4, gap),
+        spaced_nodes(y, south + gap / 4, north - gap / 4, gap),
+    )
+
+
+def wind_deviation(wind: WindField, t: float) -> FloatArray:
+    """Standard deviation of a component of the wind of one step at ``t`` [s], (NX, NY) [m/s].
+
+    The root of the mean variance of both components.
+    """
+    latent = interpolate_slots(wind.times, wind.latent_var, t)
+    gust = interpolate_slots(wind.times, wind.gust_var, t)
+    between = float(wind.time_variance(np.array([t]))[0])
+    return np.asarray(np.sqrt((latent + gust).mean(axis=-1) + between), float)
+
+
+def spaced_nodes(nodes: FloatArray, low: float, high: float, gap: float) -> IntArray:
+    """Indices of every n-th node between ``low`` and ``high``, about ``gap`` [m] apart and centred."""
+    inside = np.flatnonzero((nodes >= low - 1e-6) & (nodes <= high + 1e-6))
+    if len(inside) < 2:
+        return inside
+    stride = max(1, round(gap / (nodes[1] - nodes[0])))
+    return inside[(len(inside) - 1) % stride // 2 :: stride]
+
+
+__all__ = [
+    "ARROWS_ALONG",
+    "arrow_nodes",
+    "interpolate_slots",
+    "lattice_nodes",
+    "sampled_lattice",
+    "spaced_nodes",
+    "wind_deviation",
+]

@@ -1,0 +1,217 @@
+"""All that the page says: texts for the template, and numbers for its script."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from pareto_ltl.logic.in_words import mission_in_words
+from pareto_ltl.planning.records import FailureRate, Front, PlannedPath
+from pareto_ltl.report.page.ground import map_on_earth, shown_map, shown_trees, shown_wind
+from pareto_ltl.report.page.machine import shown_automaton
+from pareto_ltl.report.page.points import (
+    chosen_number,
+    shown_flights,
+    shown_path,
+    shown_points,
+    told_points,
+)
+from pareto_ltl.report.page.shown_run import ShownRun
+from pareto_ltl.simulation.failure_times import CAUSES
+from pareto_ltl.simulation.flights import counted_rate
+from pareto_ltl.support.display import distance_text, interval_text, probability_text
+from pareto_ltl.world.navigation import utc_times
+
+SCHEMA = "pareto_ltl.page/1"
+NO_PLAN_HOURS = 24.0  # of wind that are shown where there is no plan
+
+
+@dataclass(frozen=True, slots=True)
+class Content:
+    """What the page is filled with.
+
+    Attributes
+    ----------
+    texts : mapping
+        What the template writes; it escapes each text.
+    data : mapping
+        What the script reads; JSON.
+    """
+
+    texts: dict[str, Any]
+    data: dict[str, Any]
+
+
+def page_content(run: ShownRun) -> Content:
+    """Texts and numbers of the page of ``run``."""
+    front = run.front if run.front is not None and run.front.paths else None
+    chosen = chosen_number(run)
+    paths, flights = _paths(run, front, chosen)
+    last = max((path["t"][-1] for path in paths.values()), default=_horizon(run))
+    formula = run.automaton.formula if run.automaton is not None else run.plan.formula if run.plan else ""
+    data = {
+        "schema": SCHEMA,
+        "name": run.name,
+        "formula": formula,
+        "law": _law(run),
+        "timeZero": None if (begin := utc_times(run.scene.time_zero, np.zeros(1))) is None else begin[0],
+        "map": shown_map(run.scene),
+        "earth": map_on_earth(run.scene),
+        "onEarth": run.scene.crs is not None,
+        "height": {"metres": run.height.metres, "aboveSea": run.height.above_sea},
+        "wind": shown_wind(run.scene, run.wind, last),
+        "trees": [] if paths else shown_trees(run.scene, run.forest),
+        "judge": "flights" if front is not None and front.rates else "bound",
+        "points": [] if front is None else shown_points(front),
+        "chosen": chosen,
+        "paths": paths,
+        "flights": flights,
+        "causes": list(CAUSES),
+        "automaton": None if run.automaton is None else shown_automaton(run.automaton),
+        "notCovered": "" if run.plan is None else run.plan.not_covered,
+        "promise": None if run.plan is None or run.plan.promise is None else _rate(run.plan.promise.rate),
+    }
+    return Content(_texts(run, formula, chosen), data)
+
+
+def _law(run: ShownRun) -> str:
+    """The wind law that is planned in."""
+    if run.problem is not None:
+        return run.problem.fidelity.law
+    return run.plan.models.law if run.plan is not None else ""
+
+
+def _horizon(run: ShownRun) -> float:
+    """How long the wind is shown where there is no path [s]."""
+    return min(run.wind.known_until, 3600.0 * NO_PLAN_HOURS)
+
+
+def _paths(
+    run: ShownRun, front: Front | None, chosen: int | None
+) -> tuple[dict[str, Any], dict[str, Any] | None]:
+    """The paths by their number in the front, and the flights of the chosen one."""
+    if run.problem is None:
+        return {}, None
+    given = run.deployments.get(run.problem.fidelity.law)
+    paths = {}
+    if front is not None:
+        for k in told_points(front, chosen):
+            paths[str(k)] = shown_path(run, run.problem, front.paths[k], given if k == chosen else None)
+    flown = None if given is None or chosen is None else shown_flights(run, run.problem, given)
+    return paths, flown
+
+
+def _rate(rate: FailureRate) -> dict[str, Any]:
+    return {name: getattr(rate, name) for name in ("law", "failure", "low", "high", "runs", "method")}
+
+
+# --- texts -----------------------------------------------------------------------------------
+
+
+def _texts(run: ShownRun, formula: str, chosen: int | None) -> dict[str, Any]:
+    words = mission_in_words(formula)
+    return {
+        "name": run.name,
+        "title": (words[:1].upper() + words[1:]) if words else formula or run.name,
+        "formula": formula,
+        "why": run.why,
+        "has_plan": run.plan is not None,
+        "has_front": run.front is not None and bool(run.front.paths),
+        "facts": [] if run.plan is None else _headline(run, run.plan.path, chosen),
+        "verdicts": list(_verdicts(run)),
+        "covered": "" if run.plan is None else run.plan.covered,
+        "not_covered": "" if run.plan is None else run.plan.not_covered,
+        "law": _law(run),
+        "origin": run.origin,
+    }
+
+
+def _headline(run: ShownRun, path: PlannedPath, chosen: int | None) -> list[dict[str, str]]:
+    """The numbers at the top: name, value, and what it holds under."""
+    plan = run.plan
+    assert plan is not None
+    promise, law = plan.promise, plan.models.law
+    if promise is not None:
+        rate = promise.rate
+        fails = {
+            "value": probability_text(rate.failure),
+            "note": f"{interval_text(rate.low, rate.high)} (95 %), under {rate.law} winds, {rate.sample}",
+        }
+    else:
+        cost = path.objectives
+        fails = {
+            "value": f"≤ {probability_text(min(1.0, cost.mission_risk + cost.collision_risk))}",
+            "note": f"bound {plan.models.mission_symbol} + R, under {law} winds",
+        }
+    hours = float(path.t[-1] - path.t[0]) / 3600
+    times = utc_times(run.scene.time_zero, path.t)
+    facts = [
+        {"name": "fails", **fails},
+        {"name": "length", "value": distance_text(path.objectives.length), "note": "of the expected way"},
+        {"name": "duration", "value": _duration(hours), "note": f"{len(path.u)} steps of {plan.dt:,.6g} s"},
+    ]
+    if times is not None:
+        for name, time in (("departure", times[0]), ("arrival", times[-1])):
+            facts.append({"name": name, "value": f"{time[11:16]} UTC", "note": time[:10]})
+    if chosen is not None:
+        facts.append(
+            {"name": "chosen", "value": f"point {chosen}", "note": f"of the front, rule {plan.rule}"}
+        )
+    return facts
+
+
+def _duration(hours: float) -> str:
+    minutes = round(60.0 * hours)
+    return f"{minutes // 60} h {minutes % 60:02d} min" if minutes >= 60 else f"{3600 * hours:,.0f} s"
+
+
+def _verdicts(run: ShownRun) -> Iterator[dict[str, str]]:
+    """Rows of the table of failures: what, under which law, how often, from what."""
+    plan = run.plan
+    if plan is None:
+        return
+    if plan.promise is not None:
+        promise = plan.promise
+        stands = "the claim stands" if promise.passed else "above what the front claimed"
+        yield _row("promised: fresh flights of the plan", promise.rate, f"{promise.rate.sample}; {stands}")
+        yield _row("claimed when the front was judged", promise.claimed, promise.claimed.sample)
+    for law in _laws(run.deployments, plan.models.law):
+        flown = run.deployments[law]
+        rate = counted_rate(law, int(flown.failed.sum()), len(flown.x))
+        yield _row("simulated flights of the plan", rate, f"{rate.sample}: {_causes(flown)}")
+    for law in _laws(run.forecasts, plan.models.law):
+        seen = run.forecasts[law]
+        bound = min(1.0, seen.mission_risk + seen.collision_risk)
+        yield {
+            "what": "bound V + R of the plan", "law": law, "rate": f"≤ {probability_text(bound)}",
+            "interval": "", "source": f"V {probability_text(seen.mission_risk)} mission, R "
+            f"{probability_text(seen.collision_risk)} collision; it guides the search",
+        }  # fmt: skip
+
+
+def _laws(found: Iterable[str], first: str) -> list[str]:
+    """The wind laws of ``found``, that of the plan ``first``."""
+    return sorted(found, key=lambda law: (law != first, law))
+
+
+def _row(what: str, rate: FailureRate, source: str) -> dict[str, str]:
+    return {
+        "what": what, "law": rate.law, "rate": probability_text(rate.failure),
+        "interval": interval_text(rate.low, rate.high), "source": source,
+    }  # fmt: skip
+
+
+def _causes(flown: Any) -> str:
+    """How many flights met an obstacle, left the map, missed the mission; one flight can do several."""
+    told = [
+        f"{int(flown.collided.sum()):,} met an obstacle",
+        f"{int((~flown.accepted).sum()):,} missed the mission",
+        f"{int(flown.off_map.sum()):,} left the map" + ("" if flown.walled else " (allowed)"),
+    ]
+    return ", ".join(told)
+
+
+__all__ = ["SCHEMA", "Content", "page_content"]

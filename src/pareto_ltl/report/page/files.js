@@ -1,0 +1,125 @@
+// The point that is shown as files for navigators, maps and autopilots, made from the numbers of the page. They
+// hold what `pareto-ltl export` writes, without corridors and without the failure of flights by position.
+
+const XML_SIGNS = { "&": "&amp;", "<": "&lt;", ">": "&gt;", '"': "&quot;" };
+// Characters that XML 1.0 cannot hold become question marks.
+const xml = text => String(text).replace(/[^\t\n\r\x20-\ud7ff\ue000-\ufffd\u{10000}-\u{10ffff}]/gu, "?").replace(/[&<>"]/g, sign => XML_SIGNS[sign]);
+
+const FILES = [
+  { name: "dead_reckoning.csv", kind: "text/csv", make: deadReckoning },
+  { name: "plan.geojson", kind: "application/geo+json", make: planGeojson, outlined: true },
+  { name: "plan.kml", kind: "application/vnd.google-earth.kml+xml", make: planKml, outlined: true },
+  { name: "plan.gpx", kind: "application/gpx+xml", make: planGpx },
+  { name: "mission.plan", kind: "application/json", make: missionPlan, outlined: true },
+];
+
+/** What every file says: the mission, how often it fails under which law, and what is not covered. */
+function fileNote() {
+  const row = PAGE.points[shown.point], told = [`Point ${shown.point} of the front of ${PAGE.name}.`, `Mission ${PAGE.formula}.`];
+  const rate = shown.point === PAGE.chosen && PAGE.promise ? { ...PAGE.promise } : row;
+  told.push(`Flown by heading and airspeed it ${failureText(rate)}.`);
+  told.push("An autopilot that flies by position fails at another rate; pareto-ltl export names it.");
+  if (PAGE.notCovered) told.push(`Not covered: ${PAGE.notCovered.replace(/\.$/, "")}.`);
+  return told.join(" ");
+}
+
+const CSV_COLUMNS = [
+  ["heading_true_deg", "heading"], ["airspeed_m_s", "airspeed"], ["duration_s", null], ["wind_m_s", "wind_speed"], ["wind_from_deg", "wind_from"],
+  ["wind_sd_m_s", "wind_sd"], ["track_true_deg", "track"], ["ground_speed_m_s", "ground_speed"], ["distance_m", "distance"], ["lat_deg", "lat"], ["lon_deg", "lon"],
+  ["radius_95_m", "radius"], ["ellipse_major_m", "major"], ["ellipse_minor_m", "minor"], ["ellipse_azimuth_deg", "azimuth"],
+];
+
+function deadReckoning(way) {
+  const lines = [["leg", "time_utc", "t_s", ...CSV_COLUMNS.map(column => column[0]), "fix", "wind_law"].join()];
+  way.t.forEach((t, k) => {
+    const cells = CSV_COLUMNS.map(([, key]) => key ? way.log[key][k] ?? "" : k + 1 < way.t.length ? way.t[k + 1] - t : "");
+    lines.push([k, way.utc ? way.utc[k] : "", t, ...cells, way.fixes.includes(k) ? 1 : 0, way.risk.law].join());
+  });
+  return `${lines.join("\n")}\n`;
+}
+
+/** The leg that begins at step k, by the names of the exported files. */
+function legFacts(way, k) {
+  const told = { time_utc: way.utc ? way.utc[k] : null, t_s: way.t[k], duration_s: way.t[k + 1] - way.t[k] };
+  for (const [name, key] of CSV_COLUMNS.slice(0, 9)) if (key) told[name] = way.log[key][k];
+  return { ...told, wind_law: way.risk.law };
+}
+
+const lonLat = (way, k) => [way.log.lon[k], way.log.lat[k]];
+const feature = (type, coordinates, properties) => ({ type: "Feature", properties, geometry: { type, coordinates } });
+
+function planGeojson(way) {
+  const places = way.t.map((_, k) => lonLat(way, k)), row = PAGE.points[shown.point];
+  const features = [feature("LineString", places, { role: "route", name: PAGE.name, formula: PAGE.formula, order: row.order, length_m: row.length })];
+  for (let k = 0; k + 1 < places.length; k++) features.push(feature("LineString", [places[k], places[k + 1]], { role: "leg", leg: k, ...legFacts(way, k) }));
+  places.forEach((place, k) => features.push(feature("Point", place, { role: "position", step: k, time_utc: way.utc ? way.utc[k] : null, t_s: way.t[k], radius_95_m: way.log.radius[k], regions: way.label[k], fix: way.fixes.includes(k), wind_law: way.risk.law })));
+  for (const { role, name, ring } of PAGE.earth) features.push(feature("Polygon", [ring], { role, name }));
+  features.push(feature("Point", places[0], { role: "start", name: "start" }));
+  return `${JSON.stringify({ type: "FeatureCollection", name: PAGE.name, description: fileNote(), features })}\n`;
+}
+
+function planKml(way) {
+  const placemark = (name, inside) => `<Placemark><name>${xml(name)}</name>${inside}</Placemark>`;
+  const coordinates = list => `<coordinates>${list.map(([lon, lat]) => `${lon},${lat}`).join(" ")}</coordinates>`;
+  const places = way.t.map((_, k) => lonLat(way, k));
+  const steps = places.map((place, k) => placemark(`${k} ${way.label[k].join(" ")}`.trim(),
+    `${way.utc ? `<TimeStamp><when>${way.utc[k]}</when></TimeStamp>` : ""}<Point>${coordinates([place])}</Point>`));
+  const areas = PAGE.earth.map(({ name, ring }) => placemark(name,
+    `<Polygon><tessellate>1</tessellate><outerBoundaryIs><LinearRing>${coordinates(ring)}</LinearRing></outerBoundaryIs></Polygon>`));
+  return `<?xml version="1.0" encoding="UTF-8"?>\n<kml xmlns="http://www.opengis.net/kml/2.2"><Document><name>${xml(PAGE.name)}</name><description>${xml(fileNote())}</description>`
+    + placemark("route", `<LineString><tessellate>1</tessellate>${coordinates(places)}</LineString>`)
+    + `<Folder><name>positions</name>${steps.join("")}</Folder><Folder><name>map</name>${areas.join("")}</Folder></Document></kml>\n`;
+}
+
+function planGpx(way) {
+  const points = way.t.map((_, k) => {
+    const [lon, lat] = lonLat(way, k), time = way.utc ? `<time>${way.utc[k]}</time>` : "";
+    return `<rtept lat="${lat}" lon="${lon >= 180 ? -180 : lon}">${time}<name>${xml([k, ...way.label[k]].join(" "))}</name><desc>95 % of positions within ${(way.log.radius[k] / 1000).toFixed(3)} km, ${way.risk.law} winds</desc></rtept>`;
+  });
+  const begin = way.utc ? `<time>${way.utc[0]}</time>` : "";
+  return `<?xml version="1.0" encoding="UTF-8"?>\n<gpx version="1.1" creator="pareto_ltl" xmlns="http://www.topografix.com/GPX/1/1"><metadata><name>${xml(PAGE.name)}</name><desc>${xml(fileNote())}</desc>${begin}</metadata>`
+    + `<rte><name>${xml(PAGE.name)}</name>${points.join("")}</rte></gpx>\n`;
+}
+
+/** Waypoints, airspeeds and geofence for QGroundControl, as exports/qgc.py writes them. */
+function missionPlan(way) {
+  const { metres, aboveSea } = PAGE.height, frame = aboveSea ? 0 : 3, mode = aboveSea ? 2 : 1, items = [];
+  const add = (command, place, params, more = {}) => items.push({ type: "SimpleItem", autoContinue: true, doJumpId: items.length + 1, command, frame: place, params, ...more });
+  let speed = -1;
+  way.log.airspeed.forEach((airspeed, k) => {
+    if (Math.abs(airspeed - speed) > 0.05 && airspeed > 0) add(178, 2, [0, speed = airspeed, -1, 0, 0, 0, 0]);
+    add(16, frame, [0, 0, 0, null, way.log.lat[k + 1], way.log.lon[k + 1], metres], { AMSLAltAboveTerrain: null, Altitude: metres, AltitudeMode: mode });
+  });
+  const fences = PAGE.earth.filter(({ role }) => role === "obstacle" || (role === "bounds" && PAGE.map.walled));
+  const cruise = way.log.airspeed.reduce((a, b) => Math.max(a, b), 0);
+  return `${JSON.stringify({
+    fileType: "Plan", version: 1, groundStation: "pareto_ltl",
+    pareto_ltl: { note: `An autopilot flies this mission by position. Take-off and landing are not part of it. ${fileNote()}` },
+    mission: { version: 2, firmwareType: 0, vehicleType: 0, cruiseSpeed: cruise, hoverSpeed: cruise, globalPlanAltitudeMode: mode, plannedHomePosition: [way.log.lat[0], way.log.lon[0], aboveSea ? metres : 0], items },
+    geoFence: { version: 2, circles: [], polygons: fences.map(({ role, ring }) => ({ version: 1, inclusion: role === "bounds", polygon: ring.slice(0, -1).map(([lon, lat]) => [lat, lon]) })) },
+    rallyPoints: { version: 2, points: [] },
+  })}\n`;
+}
+
+let fileAddresses = [];
+
+/** Links to the files of the point that is shown. */
+function listFiles() {
+  fileAddresses.forEach(address => URL.revokeObjectURL(address));
+  fileAddresses = [];
+  const way = path(), place = byId("files");
+  byId("files-point").textContent = shown.point === PAGE.chosen ? `the chosen plan (point ${shown.point})` : `point ${shown.point}`;
+  byId("export-command").textContent = `pareto-ltl export DIR --point ${shown.point}`;
+  place.replaceChildren();
+  if (!way || !way.log) {
+    byId("files-note").textContent = PAGE.onEarth ? "The page has no room for this path: the command below writes its files." : "The map has no place on Earth, so that nothing can be exported.";
+    return;
+  }
+  const possible = FILES.filter(file => !file.outlined || PAGE.earth.length);
+  for (const { name, kind, make } of possible) {
+    const address = URL.createObjectURL(new Blob([make(way)], { type: kind }));
+    fileAddresses.push(address);
+    place.append(element("a", { href: address, download: `${PAGE.name.replace(/[^\w.-]+/g, "_")}_point_${shown.point}_${name}` }, name));
+  }
+  byId("files-note").textContent = "Times are UTC, places WGS 84, headings true. What is promised holds for flights by heading and airspeed.";
+}

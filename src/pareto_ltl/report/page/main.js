@@ -1,0 +1,160 @@
+// What happens when something is chosen, moved or played; and the first picture: the map, then what is seen.
+
+/** A point that is chosen anywhere is shown everywhere. */
+function showPoint(point) {
+  if (point === null || !(point in PAGE.points)) return;
+  stop();
+  const there = String(point) in PAGE.paths;
+  shown.point = point;
+  shown.step = 0;
+  byId("point").value = point;
+  byId("previous").disabled = point === 0;
+  byId("next").disabled = point === PAGE.points.length - 1;
+  byId("home").disabled = point === PAGE.chosen || PAGE.chosen === null;
+  if (!there) byId("map-note").textContent = `The path of point ${point} is not in this page: pareto-ltl choose DIR --point ${point} makes it the plan.`;
+  limitTime();
+  if (there) restyleMap({ ...pathTraces(), ...momentTraces() });
+  else restyleMap({ path: { x: [], y: [], text: [] }, ends: { x: [], y: [] }, ellipses: { x: [], y: [], visible: true }, ...momentTraces() });
+  redrawSeen();
+  listProgress();
+  showMoment();
+}
+
+/** Draw anew the charts that have been drawn; the others follow when they are seen. */
+function redrawSeen() {
+  if (drawn.has("front")) markFront();
+  if (drawn.has("risk")) drawRisk();
+  if (drawn.has("files")) listFiles();
+}
+
+function limitTime() {
+  const way = path(), slider = byId("time"), last = (way ? way.x.length : PAGE.wind.t.length) - 1;
+  slider.max = last;
+  slider.value = shown.step = Math.min(shown.step, last);
+  slider.disabled = byId("play").disabled = last < 1;
+}
+
+/** The time of the slider, on the map and in the other charts. */
+function showStep(step) {
+  shown.step = step;
+  byId("time").value = step;
+  restyleMap(momentTraces());
+  if (drawn.has("risk")) markRisk();
+  showMoment();
+}
+
+/** The time and the state of the flight in words. */
+function showMoment() {
+  const way = path(), seconds = way ? way.t[shown.step] : PAGE.wind.t[shown.step] ?? 0;
+  byId("clock").textContent = way ? clockText(way, shown.step) : `${duration(seconds)} after departure`;
+  byId("time").setAttribute("aria-valuetext", byId("clock").textContent);
+  if (way) byId("moment").textContent = momentText(way);
+  markMachine();
+}
+
+function momentText(way) {
+  const k = shown.step, { failed, runs, law } = way.risk, count = failed.reduce((sum, cause) => sum + cause[k], 0);
+  const told = [`Step ${k} of ${way.x.length - 1}, ${duration(way.t[k])} after departure`];
+  if (way.label[k].length) told[0] += `, in ${way.label[k].join(", ")}`;
+  if (way.log) told.push(`95 % of positions within ${distance(way.log.radius[k])}`);
+  told.push(`${count} of ${runs} flights (${percent(count / runs)}) have failed so far under ${law} winds`);
+  return `${told.join("; ")}.`;
+}
+
+// --- playing ------------------------------------------------------------------------------------
+
+function stop() {
+  clearInterval(shown.timer);
+  shown.timer = null;
+  byId("play").textContent = "▶";
+  byId("play").setAttribute("aria-label", "play");
+  byId("play").setAttribute("aria-pressed", "false");
+}
+
+function play() {
+  if (shown.timer !== null) { stop(); return; }
+  const last = +byId("time").max;
+  if (shown.step >= last) showStep(0);
+  byId("play").textContent = "❚❚";
+  byId("play").setAttribute("aria-label", "pause");
+  byId("play").setAttribute("aria-pressed", "true");
+  const pause = CALM ? 600 : Math.max(60, Math.min(250, 9000 / last));  // a flight takes about nine seconds
+  shown.timer = setInterval(() => {
+    showStep(Math.min(last, shown.step + Math.max(1, Math.round(last / 150))));
+    if (shown.step >= last) stop();
+  }, pause);
+}
+
+// --- the first picture -----------------------------------------------------------------------------
+
+const drawn = new Set();
+const LATER = { front: drawFront, risk: drawRisk, machine: () => { drawMachine(); markMachine(); }, files: listFiles };
+
+/** Draw each part when it comes near the window; all of it before the page is printed. */
+function drawWhenSeen() {
+  const draw = id => {
+    if (drawn.has(id)) return;
+    drawn.add(id);
+    LATER[id]();
+  };
+  const watcher = new IntersectionObserver(entries => {
+    for (const entry of entries) if (entry.isIntersecting) { watcher.unobserve(entry.target); draw(entry.target.id); }
+  }, { rootMargin: "200px" });
+  for (const id of Object.keys(LATER)) if (byId(id)) watcher.observe(byId(id));
+  addEventListener("beforeprint", () => { for (const id of Object.keys(LATER)) if (byId(id)) draw(id); });
+}
+
+function fillChooser() {
+  const select = byId("point");
+  if (!select) return;
+  PAGE.points.forEach((row, k) => {
+    const named = `point ${k}: ${distance(row.length)}, ${failureText(row)}${k === PAGE.chosen ? " (chosen)" : ""}`;
+    select.append(element("option", { value: k }, named));
+  });
+  select.value = shown.point;
+  select.addEventListener("change", () => showPoint(+select.value));
+  byId("previous").addEventListener("click", () => showPoint(shown.point - 1));
+  byId("next").addEventListener("click", () => showPoint(shown.point + 1));
+  byId("home").addEventListener("click", () => showPoint(PAGE.chosen));
+  byId("previous").disabled = shown.point === 0;
+  byId("next").disabled = shown.point === PAGE.points.length - 1;
+  byId("home").disabled = true;
+}
+
+function mapNote() {
+  const told = [];
+  if (PAGE.flights) told.push(`${PAGE.flights.x.length} of ${PAGE.flights.runs.toLocaleString("en")} simulated flights of the chosen plan are drawn, as they come, under ${PAGE.flights.law} winds; those that have failed are dashed and dark red, with a cross.`);
+  if (PAGE.law && path()) told.push(`Ellipses hold 95 % of positions at a time under ${PAGE.law} winds.`);
+  told.push(`Wind at ${PAGE.wind.level}; the longest arrow is ${fastest.toFixed(1)} m/s.`, PAGE.map.walled ? "The border is a wall: leaving the map is a failure." : "The border is open.");
+  byId("map-note").textContent = told.join(" ");
+}
+
+function hideUseless() {
+  if (!PAGE.flights) for (const part of [byId("flights-label"), ...document.querySelectorAll(".flight-key")]) part.remove();
+  if (!path()) for (const sign of [".end", ".way", ".robot"]) document.querySelector(`.key${sign}`).parentElement.remove();
+  if (!PAGE.map.landmarks.length) byId("landmark-key").remove();
+  if (!PAGE.map.obstacles.length) document.querySelector(".key.obstacle").parentElement.remove();
+  if (Object.keys(PAGE.paths).length < 2) byId("others-label").remove();
+}
+
+function begin() {
+  hideUseless();
+  limitTime();
+  byId("time").addEventListener("input", event => { stop(); showStep(+event.target.value); });
+  byId("play").addEventListener("click", play);
+  fillChooser();
+  mapNote();
+  drawMap().then(chart => {
+    chart.on("plotly_click", event => {
+      const on = event.points.find(point => point.curveNumber === traceNumber("path"));
+      if (on) { stop(); showStep(on.pointNumber); }
+    });
+    for (const box of document.querySelectorAll(".layers input")) box.addEventListener("change", () => restyleMap({ ...pathTraces(), ...momentTraces() }));
+    document.documentElement.dataset.ready = "map";
+    listProgress();
+    showMoment();
+    drawWhenSeen();
+  });
+}
+
+begin();

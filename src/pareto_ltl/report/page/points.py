@@ -1,0 +1,152 @@
+"""The points of the front: a row of the scatter each, and as many paths in full as the page has room for."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from pareto_ltl.exports.navigation_log import NavigationLog, navigation_log
+from pareto_ltl.planning.problem import Problem
+from pareto_ltl.planning.records import Front, Objectives, PlannedPath
+from pareto_ltl.report.page.ground import DEGREES, metre_digits, rounded
+from pareto_ltl.report.page.shown_run import ShownRun
+from pareto_ltl.simulation.failure_times import failure_times
+from pareto_ltl.simulation.flights import DRAWS, clopper_pearson, simulate_flights, unspawned
+from pareto_ltl.simulation.records import Deployment
+from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.support.files import plain_data
+from pareto_ltl.world.navigation import utc_times
+
+MOST_LEGS = 3000  # of all paths in full: 200 bytes each
+MOST_FLIGHTS = 100  # drawn
+MOST_PLACES = 6000  # of all flights drawn
+LOG_DIGITS = {
+    "heading": 3, "airspeed": 4, "wind_speed": 3, "wind_from": 2, "wind_sd": 3, "track": 3,
+    "ground_speed": 3, "distance": 1, "lat": DEGREES + 1, "lon": DEGREES + 1, "radius": 1, "major": 1,
+    "minor": 1, "azimuth": 2,
+}  # fmt: skip
+
+
+def chosen_number(run: ShownRun) -> int | None:
+    """The number of the plan in the front; None without a plan, or where the front does not hold it."""
+    if run.plan is None or run.front is None:
+        return None
+    wanted = run.plan.path.x
+    same = (k for k, path in enumerate(run.front.paths) if np.array_equal(path.x, wanted))
+    return next(same, None)
+
+
+def shown_points(front: Front) -> list[dict[str, Any]]:
+    """What ``front.csv`` says of each path."""
+    rates = front.rates or (None,) * len(front.paths)
+    rows = []
+    for path, rate in zip(front.paths, rates, strict=True):
+        cost = path.objectives
+        row = {
+            "length": cost.length, "mission": cost.mission_risk, "collision": cost.collision_risk,
+            "duration": float(path.t[-1] - path.t[0]), "steps": len(path.u), "order": path.order,
+            "origin": path.origin,
+        }  # fmt: skip
+        if rate is None:
+            row |= {
+                "failure": bound_of(cost),
+                "low": None,
+                "high": None,
+                "runs": None,
+                "law": front.models.law,
+            }
+        else:
+            row |= {
+                "failure": rate.failure, "low": rate.low, "high": rate.high, "runs": rate.runs,
+                "law": rate.law,
+            }  # fmt: skip
+        rows.append(plain_data(row))
+    return rows
+
+
+def bound_of(cost: Objectives) -> float:
+    """The bound on the failure that a path without flights is judged by, at most 1."""
+    return min(1.0, cost.mission_risk + cost.collision_risk)
+
+
+def told_points(front: Front, chosen: int | None) -> list[int]:
+    """The points whose paths are in the page: all, or the chosen one and others spread over the front."""
+    longest = max(len(path.u) for path in front.paths)
+    room = max(1, MOST_LEGS // max(longest, 1))
+    if room >= len(front.paths):
+        return list(range(len(front.paths)))
+    spread = np.unique(np.linspace(0, len(front.paths) - 1, room).round().astype(int)).tolist()
+    return sorted({*spread, *([] if chosen is None else [chosen])})
+
+
+def shown_path(
+    run: ShownRun, problem: Problem, path: PlannedPath, given: Deployment | None
+) -> dict[str, Any]:
+    """A path step by step, what its navigator reads, and when flights of it fail.
+
+    ``given`` are flights of it that there are; without them ``run.runs`` are flown, in the same winds.
+    """
+    digits = metre_digits(problem.scene)
+    xx, xy, yy = path.cov[:, 0, 0], path.cov[:, 0, 1], path.cov[:, 1, 1]
+    shown = {
+        "t": rounded(path.t, 3),
+        "x": rounded(path.x, digits),
+        "cov": rounded(np.column_stack([xx, xy, yy]), 2 * digits),
+        "q": path.q.tolist(),
+        "label": [sorted(names) for names in path.label],
+        "fixes": list(path.fixes),
+        "utc": utc_times(problem.scene.time_zero, path.t),
+        "risk": _risk(problem, given or _flown(run, problem, path)),
+    }
+    if problem.scene.crs is not None:
+        shown["log"] = _shown_log(navigation_log(problem, path))
+    plain: dict[str, Any] = plain_data(shown)
+    return plain
+
+
+def _flown(run: ShownRun, problem: Problem, path: PlannedPath) -> Deployment:
+    law = problem.fidelity.law
+    seed = unspawned(run.seeds).spawn(len(DRAWS))[list(DRAWS).index(law)]  # as the deployment has it
+    return simulate_flights(problem, path.u, run.runs, law, seed, path.x)
+
+
+def _risk(problem: Problem, flown: Deployment) -> dict[str, Any]:
+    """Flights that have failed by each step, of each cause, and the 95 % interval of their share."""
+    counts = failure_times(problem, flown).counts()
+    total, runs = counts.sum(axis=0), len(flown.x)
+    ends = {int(k): clopper_pearson(int(k), runs) for k in np.unique(total)}
+    return {
+        "law": flown.law,
+        "runs": runs,
+        "failed": counts.tolist(),
+        "low": [round(ends[int(k)][0], 6) for k in total],
+        "high": [round(ends[int(k)][1], 6) for k in total],
+    }
+
+
+def _shown_log(log: NavigationLog) -> dict[str, Any]:
+    return {name: _rounded_column(getattr(log, name), digits) for name, digits in LOG_DIGITS.items()}
+
+
+def _rounded_column(values: FloatArray, digits: int) -> list[Any]:
+    column: list[Any] = plain_data(np.round(values, digits))  # NaN of a drifting robot's heading is null
+    return column
+
+
+def shown_flights(run: ShownRun, problem: Problem, flown: Deployment) -> dict[str, Any]:
+    """The first flights of ``flown``, unpicked: their share of failures estimates the rate."""
+    times = failure_times(problem, flown)
+    steps = flown.x.shape[1] - 1
+    count = int(np.clip(MOST_PLACES // (steps + 1), 10, MOST_FLIGHTS))
+    return {
+        "law": flown.law,
+        "runs": len(flown.x),
+        "failures": int(flown.failed.sum()),
+        "x": rounded(flown.x[:count], metre_digits(run.scene)),
+        "failedAt": times.step[:count].tolist(),
+        "cause": times.cause[:count].tolist(),
+    }
+
+
+__all__ = ["chosen_number", "shown_flights", "shown_path", "shown_points", "told_points"]

@@ -1,0 +1,77 @@
+"""What the page is made from."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from numpy.random import SeedSequence
+
+    from pareto_ltl.exports.exported import Height
+    from pareto_ltl.logic import Automaton
+    from pareto_ltl.planning.evaluate import Forecast
+    from pareto_ltl.planning.problem import Problem
+    from pareto_ltl.planning.records import Forest, Front, Plan
+    from pareto_ltl.simulation.records import Deployment
+    from pareto_ltl.wind.records import WindField
+    from pareto_ltl.world.scene import Scene
+
+
+@dataclass(frozen=True, slots=True)
+class Origin:
+    """Where a result comes from, as ``run.json`` and ``config_resolved.yaml`` say.
+
+    Attributes
+    ----------
+    command : str
+        The command line as typed; empty for a run from Python.
+    facts : mapping of str to str
+        Seed, versions, fingerprints.
+    inputs : mapping of str to str
+        SHA-256 of each file that was read, by its name without folders.
+    settings : str
+        All settings as YAML.
+    """
+
+    command: str
+    facts: Mapping[str, str]
+    inputs: Mapping[str, str]
+    settings: str
+
+
+@dataclass(frozen=True, slots=True)
+class ShownRun:
+    """The records of a run that its page shows; None where the run did not make one.
+
+    Attributes
+    ----------
+    height : Height
+        Of the flight in exported files.
+    why : str
+        Why there is no plan; empty where there is one.
+    runs : int
+        Flights that each point of the front is flown, to see when they fail.
+    seeds : SeedSequence
+        Of the flights of the stage ``deployment``, so that all points meet the same winds.
+    """
+
+    name: str
+    scene: Scene
+    wind: WindField
+    seeds: SeedSequence
+    origin: Origin
+    height: Height
+    runs: int = 500
+    why: str = ""
+    automaton: Automaton | None = None
+    problem: Problem | None = None
+    forest: Forest | None = None
+    front: Front | None = None
+    plan: Plan | None = None
+    deployments: Mapping[str, Deployment] = field(default_factory=dict)
+    forecasts: Mapping[str, Forecast] = field(default_factory=dict)
+
+
+__all__ = ["Origin", "ShownRun"]

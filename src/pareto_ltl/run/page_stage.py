@@ -1,0 +1,161 @@
+"""``report.html`` of a run: its stage, and the same page from a results directory."""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pareto_ltl.run import provenance
+from pareto_ltl.run.records import (
+    AUTOMATON,
+    DEPLOYMENTS,
+    FORECASTS,
+    FOREST,
+    FRONT,
+    PLAN,
+    PROBLEM,
+    SCENE,
+    WIND,
+    RecordKey,
+    Records,
+)
+from pareto_ltl.run.stage_table import StageInputs
+from pareto_ltl.settings import Settings, as_dict
+from pareto_ltl.settings.outputs import PAGE_FILE
+from pareto_ltl.support.files import write_bytes
+from pareto_ltl.support.reading import read_json, read_text
+
+if TYPE_CHECKING:
+    from numpy.random import SeedSequence
+
+    from pareto_ltl.report.page.shown_run import Origin, ShownRun
+
+LOG = logging.getLogger(__name__)
+DEPLOYMENT_STREAM = "deployment"
+MOST_RUNS = 500  # flights of each point of the front
+SHOWN_FACTS = ("seed", "fidelity", "version", "code_hash", "config_hash", "python")
+USED: tuple[RecordKey[Any], ...] = (AUTOMATON, PROBLEM, FOREST, FRONT, PLAN, DEPLOYMENTS, FORECASTS)
+
+
+def make_page(inputs: StageInputs) -> tuple[Path, ...]:
+    """``report.html`` of what there is: a mission that failed has a page that says why."""
+    settings = inputs.settings
+    if not settings.report.page:
+        return ()
+    from pareto_ltl.report.page.shown_run import Origin
+
+    place, hashes = inputs.directory, provenance.input_hashes(settings)
+    begun = (place / "run.json").is_file()  # only a pipeline writes it, before its first stage
+    origin = origin_of(place, read_json(place / "run.json"), hashes) if begun else Origin("", {}, hashes, "")
+    given = Records({SCENE: inputs[SCENE], WIND: inputs[WIND]})
+    for key in USED:
+        if (record := inputs.get(key)) is not None:
+            given[key] = record
+    shown = shown_run(settings, given, origin, inputs.seeds, inputs.failure)
+    return (write_page(place / PAGE_FILE, shown),)
+
+
+def write_page(path: Path, shown: ShownRun) -> Path:
+    """Write the page of ``shown`` as ``path``; return it."""
+    from pareto_ltl.report.page.content import page_content
+    from pareto_ltl.report.page.rendering import page_bytes
+
+    write_bytes(path, page_bytes(page_content(shown)))
+    return path
+
+
+def shown_run(
+    settings: Settings, records: Records, origin: Origin, seeds: SeedSequence, why: str = ""
+) -> ShownRun:
+    """What the page is made from, as far as there are ``records``; ``seeds`` are those of the deployment."""
+    from pareto_ltl.exports.exported import Height, height_of
+    from pareto_ltl.report.page.shown_run import ShownRun
+
+    altitude = settings.exports.altitude
+    return ShownRun(
+        name=settings.name,
+        scene=records[SCENE],
+        wind=records[WIND],
+        seeds=seeds,
+        origin=origin,
+        height=height_of(settings.wind.level) if altitude is None else Height(altitude, above_sea=False),
+        runs=min(settings.deployment.runs, MOST_RUNS),
+        why=why,
+        automaton=records.get(AUTOMATON),
+        problem=records.get(PROBLEM),
+        forest=records.get(FOREST),
+        front=records.get(FRONT),
+        plan=records.get(PLAN),
+        deployments=records.get(DEPLOYMENTS) or {},
+        forecasts=records.get(FORECASTS) or {},
+    )
+
+
+# --- where a result comes from -----------------------------------------------------------------
+
+
+def origin_in_memory(settings: Settings) -> Origin:
+    """The origin of a plan that was made in this process and has no directory."""
+    import yaml
+
+    record = provenance.begin(settings, ())
+    text = yaml.safe_dump(as_dict(settings), sort_keys=False, default_flow_style=None, width=110)
+    return _origin(record, provenance.input_hashes(settings), text)
+
+
+def origin_of(directory: Path, record: Mapping[str, Any], inputs: Mapping[str, str]) -> Origin:
+    """What ``run.json`` (``record``) and ``config_resolved.yaml`` of ``directory`` tell, without folders."""
+    return _origin(record, inputs, read_text(directory / "config_resolved.yaml"))
+
+
+def _origin(record: Mapping[str, Any], inputs: Mapping[str, str], settings: str) -> Origin:
+    import shlex
+
+    from pareto_ltl.report.page.shown_run import Origin
+
+    argv = [str(word) for word in record.get("argv", ())]
+    facts = {key.replace("_", " "): str(record[key]) for key in SHOWN_FACTS if record.get(key) is not None}
+    git = record.get("git") or {}
+    if git.get("commit"):
+        facts["commit"] = f"{git['commit']}{' and changes' if git.get('changed') else ''}"
+    packages = record.get("packages") or {}
+    facts["packages"] = ", ".join(f"{name} {number}" for name, number in packages.items() if number)
+    return Origin(
+        command=shlex.join(["pareto-ltl", *argv]) if argv else "",
+        facts=facts,
+        inputs={Path(name).name: str(digest) for name, digest in inputs.items()},
+        settings=settings,
+    )
+
+
+# --- ahead of the stage ------------------------------------------------------------------------
+
+
+@contextmanager
+def warm_template(settings: Settings) -> Iterator[None]:
+    """Import jinja2 and read plotly.js in a thread while the trees grow: 0.2 s less at the end."""
+    if settings.report.page:
+        threading.Thread(target=_warm_up, daemon=True).start()
+    yield
+
+
+def _warm_up() -> None:
+    with suppress(Exception):  # what is wrong appears when the page is written
+        from pareto_ltl.report.page.rendering import page_template, plotly_script
+
+        page_template()
+        plotly_script()
+
+
+__all__ = [
+    "make_page",
+    "origin_in_memory",
+    "origin_of",
+    "shown_run",
+    "warm_template",
+    "write_page",
+]

@@ -1,0 +1,149 @@
+"""The page of a result: written from a results directory, and opened in a browser."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pareto_ltl.run.interface import PlanningResult, load_results
+from pareto_ltl.run.page_stage import (
+    DEPLOYMENT_STREAM,
+    origin_in_memory,
+    origin_of,
+    shown_run,
+    write_page,
+)
+from pareto_ltl.run.pipeline import Run
+from pareto_ltl.run.records import (
+    AUTOMATON,
+    DECOMPOSITION,
+    DEPLOYMENTS,
+    FORECASTS,
+    FOREST,
+    FRONT,
+    PLAN,
+    PROBLEM,
+    SCENE,
+    WIND,
+    RecordKey,
+    Records,
+)
+from pareto_ltl.run.results import Results
+from pareto_ltl.run.stage_table import stage_seeds, with_extension_stages
+from pareto_ltl.run.stages import PLAN_STAGES
+from pareto_ltl.settings.outputs import PAGE_FILE
+from pareto_ltl.support.errors import DataError
+
+if TYPE_CHECKING:
+    from pareto_ltl.report.page.shown_run import ShownRun
+
+READERS: dict[RecordKey[Any], tuple[tuple[str, ...], Callable[[Results], Any]]] = {
+    SCENE: (("scene.json",), lambda results: results.scene),
+    DECOMPOSITION: (("cells.json",), lambda results: results.decomposition),
+    AUTOMATON: (("automaton.json",), lambda results: results.automaton),
+    WIND: (("wind.nc",), lambda results: results.wind),
+    FOREST: (("trees.npz",), lambda results: results.forest),
+    FRONT: (("front.csv", "front.npz"), lambda results: results.front),
+    PLAN: (("plan.json",), lambda results: results.plan),
+    DEPLOYMENTS: (("deployments.npz",), lambda results: results.deployments),
+}
+DISPLAYS = ("DISPLAY", "WAYLAND_DISPLAY", "BROWSER")  # one of them says that a browser has a place to open
+
+
+def page_of(planned: Results | str | Path, *, again: bool = False) -> Path:
+    """The page of a results directory, written from its records where it is missing, or ``again``.
+
+    Raises
+    ------
+    DataError
+        If the directory holds no ended run of a plan, or cannot be read.
+    """
+    results = load_results(planned)
+    path = results.directory / PAGE_FILE
+    return path if path.is_file() and not again else page(results, path)
+
+
+def page(planned: PlanningResult | Results | str | Path, path: str | Path) -> Path:
+    """Write the page of a plan as the file ``path``; return it.
+
+    Parameters
+    ----------
+    planned : PlanningResult, Results or path
+        What :func:`pareto_ltl.plan` returned, or a results directory.
+
+    Raises
+    ------
+    DataError
+        If there is no ended run of a plan.
+    """
+    if isinstance(planned, PlanningResult):
+        run = planned.run
+        needed: tuple[RecordKey[Any], ...] = (PROBLEM, FRONT, PLAN, FORECASTS)
+        for key in needed:
+            run.make(key)
+        origin, seeds = origin_in_memory(run.settings), stage_seeds(run.settings.seed, DEPLOYMENT_STREAM)
+        return write_page(Path(path), shown_run(run.settings, run.records, origin, seeds))
+    return write_page(Path(path), shown_results(load_results(planned)))
+
+
+def shown_results(results: Results) -> ShownRun:
+    """What the page of a results directory is made from."""
+    record, run = results.run, _run_of_records(results)
+    origin = origin_of(results.directory, record, record.get("inputs") or {})
+    seeds = stage_seeds(run.settings.seed, DEPLOYMENT_STREAM)
+    return shown_run(run.settings, run.records, origin, seeds, record.get("error") or "")
+
+
+def _run_of_records(results: Results) -> Run:
+    """A run with the records that the directory holds, and what follows from them without planning."""
+    if (status := results.run.get("status")) not in ("ok", "infeasible"):
+        raise DataError(f"{results.directory}: its run ended as {status!r}; there is nothing to show")
+    there = {
+        key: read(results)
+        for key, (names, read) in READERS.items()
+        if all((results.directory / name).is_file() for name in names)
+    }
+    if SCENE not in there or WIND not in there or AUTOMATON not in there:
+        raise DataError(f"{results.directory}: it holds no plan of a mission; there is no page of it")
+    settings = results.settings
+    run = Run(settings, with_extension_stages(PLAN_STAGES, settings.pipelines.stages), Records(there))
+    if DECOMPOSITION in there:
+        run.make(PROBLEM)
+    if PLAN in there:
+        run.make(FORECASTS)
+    return run
+
+
+def open_page(path: Path) -> bool:
+    """Open ``path`` in the default browser; False where there is none, or no screen."""
+    if sys.platform not in ("win32", "darwin") and not any(map(os.environ.get, DISPLAYS)):
+        return False
+    import webbrowser
+
+    try:
+        return webbrowser.open(path.resolve().as_uri())
+    except (OSError, webbrowser.Error):
+        return False
+
+
+def show(planned: PlanningResult | Results | str | Path) -> Path:
+    """Open the page of a plan in the default browser; return its path, also where there is no browser.
+
+    The page of a results directory is its ``report.html``; that of a plan in memory goes to a new folder for
+    temporary files.
+    """
+    place = planned.run.directory if isinstance(planned, PlanningResult) else planned
+    if place is None:
+        from tempfile import mkdtemp
+
+        path = page(planned, Path(mkdtemp(prefix="pareto_ltl_page_")) / PAGE_FILE)
+    else:
+        path = page_of(place)
+    open_page(path)
+    return path
+
+
+__all__ = ["open_page", "page", "page_of", "show", "shown_results"]

@@ -1,0 +1,30 @@
+"""One small result with its page, shared by the suites of the page."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+import pareto_ltl
+from exported_plans import SMALL
+from pareto_ltl.report.page.shown_run import ShownRun
+from pareto_ltl.run.interface import load_results
+from pareto_ltl.run.showing import shown_results
+
+PAGE_ONLY = {"figures": False, "page": True}
+
+
+@pytest.fixture(scope="session")
+def page_result(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A results directory with ``report.html``."""
+    place = tmp_path_factory.mktemp("page") / "result"
+    sections = SMALL | {"deployment": {"runs": 120}, "report": PAGE_ONLY, "exports": {"flights": 300}}
+    pareto_ltl.plan("phi1", "F(a & F b & F c)", out=place, **sections)
+    return place
+
+
+@pytest.fixture(scope="session")
+def shown(page_result: Path) -> ShownRun:
+    """What its page is made from."""
+    return shown_results(load_results(page_result))
