@@ -47,7 +47,7 @@ def metre_digits(scene: Scene) -> int:
 def shown_map(scene: Scene) -> dict[str, Any]:
     """Outlines [m], and the unit that axes have."""
     digits = metre_digits(scene)
-    total = sum(map(len, (*scene.regions.values(), *scene.obstacles, *scene.landmarks)))
+    total = sum(map(len, (*scene.region_outlines, *scene.obstacles, *scene.landmarks)))
     stride = max(1, -(-total // MOST_CORNERS))
 
     def outline(corners: FloatArray) -> list[Any]:
@@ -57,7 +57,9 @@ def shown_map(scene: Scene) -> dict[str, Any]:
     return {
         "bounds": rounded(scene.bounds, digits),
         "start": rounded(scene.start, digits),
-        "regions": [{"name": name, "corners": outline(c)} for name, c in scene.regions.items()],
+        "regions": [
+            {"name": name, "parts": [outline(c) for c in parts]} for name, parts in scene.regions.items()
+        ],
         "obstacles": [outline(c) for c in scene.obstacles],
         "landmarks": [outline(c) for c in scene.landmarks],
         "walled": scene.walled,
@@ -71,7 +73,7 @@ def map_on_earth(scene: Scene) -> list[dict[str, Any]]:
     if scene.crs is None or holds_pole(scene):
         return []
     crs = scene.crs
-    named = [("region", name, c) for name, c in scene.regions.items()]
+    named = [("region", name, c) for name, parts in scene.regions.items() for c in parts]
     named += [("obstacle", f"obstacle {n}", c) for n, c in enumerate(scene.obstacles, 1)]
     named += [("landmark", f"landmark {n}", c) for n, c in enumerate(scene.landmarks, 1)]
     named += [("bounds", f"border ({scene.border})", border_corners(scene.bounds))]

@@ -59,15 +59,15 @@ const doubtRange = (() => {
 
 /** Traces that no slider moves. */
 function groundTraces() {
-  const { regions, obstacles, landmarks } = PAGE.map, line = { hoverinfo: "skip", showlegend: false, mode: "lines" };
+  const { regions, obstacles, landmarks } = PAGE.map, named = regions.filter(r => r.parts.length), line = { hoverinfo: "skip", showlegend: false, mode: "lines" };
   const polygons = list => joined(list.map(closed));
   return {
     obstacles: { ...line, ...polygons(obstacles), fill: "toself", fillcolor: COLOURS.obstacle, line: { color: "#4a4a4a", width: 1 } },
     landmarks: { ...line, ...polygons(landmarks), line: { color: COLOURS.landmark, width: 2, dash: "dash" } },
-    regions: { ...line, ...polygons(regions.map(r => r.corners)), fill: "toself", fillcolor: "rgba(0,158,115,0.28)", line: { color: COLOURS.region, width: 2 } },
+    regions: { ...line, ...polygons(regions.flatMap(r => r.parts)), fill: "toself", fillcolor: "rgba(0,158,115,0.28)", line: { color: COLOURS.region, width: 2 } },
     names: {
-      ...line, mode: "text", ...joined(regions.map(r => [labelPlace(r.corners)])), textfont: { size: 15, weight: 700, color: COLOURS.regionName, shadow: "auto" },
-      text: regions.flatMap((r, k) => (k ? ["", plain(r.name)] : [plain(r.name)])), cliponaxis: true,
+      ...line, mode: "text", ...joined(named.map(r => [labelPlace(largest(r.parts))])), textfont: { size: 15, weight: 700, color: COLOURS.regionName, shadow: "auto" },
+      text: named.flatMap((r, k) => (k ? ["", plain(r.name)] : [plain(r.name)])), cliponaxis: true,
     },
     trees: { ...line, ...joined(PAGE.trees.map(([a, b, c, d]) => [[a, b], [c, d]])), line: { color: COLOURS.stone, width: 0.7 } },
   };
@@ -81,6 +81,12 @@ function labelPlace(corners) {
   const gap = ([x, y]) => way.x.reduce((least, [a, b]) => Math.min(least, Math.hypot(a - x, b - y)), Infinity);
   return tried.reduce((best, place) => gap(place) > 1.2 * gap(best) ? place : best);
 }
+
+const largest = parts => parts.reduce((most, part) => (part.length && area(part) > area(most) ? part : most), parts[0]);
+const area = corners => Math.abs(corners.reduce((sum, [x, y], k) => {
+  const [a, b] = corners[(k + 1) % corners.length];
+  return sum + x * b - a * y;
+}, 0));
 
 /** The centre of mass of a polygon. */
 function centre(corners) {
