@@ -46,7 +46,7 @@ def test_a_size_that_cannot_fit_is_refused(
 
 
 @pytest.mark.parametrize(
-    "stages", [PLAN, ("comparison",), ("convergence",), ("hindcast",), ("forecast_test",)]
+    "stages", [PLAN, ("comparison",), ("convergence",), ("hindcast",), ("forecast_test",), ("departure",)]
 )
 def test_the_defaults_fit(stages: tuple[str, ...]) -> None:
     check_sizes(Settings(), stages)

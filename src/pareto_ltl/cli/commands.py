@@ -118,6 +118,7 @@ PIPELINE_COMMANDS = (
     _pipeline(
         "forecast_test", "plans made hours ahead, flown through later winds", "forecast_test", "evaluation"
     ),
+    _pipeline("departure", "when to leave: the mission planned for many starts", "departure", "evaluation"),
     _pipeline("wind", "the wind over a map and its doubt, without a plan", "wind", "scene"),
     _pipeline("ingest", "wind files to one small table of readings", "ingest", "wind"),
 )

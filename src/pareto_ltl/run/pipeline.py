@@ -246,13 +246,16 @@ def run_claimed(
 def carry_out(
     run: Run, stages: Sequence[Stage[Any]], argv: Sequence[str] = (), overrides: Sequence[str] = ()
 ) -> dict[str, float]:
-    """Make the records of ``stages`` in the directory of ``run``; the contract of :func:`run_claimed`."""
+    """Make the records of ``stages`` in the directory of ``run``; the contract of :func:`run_claimed`.
+
+    A run that has a progress bar already keeps it: a run within another one shows none of its own.
+    """
     place = run.directory
     if place is None:
         raise ValueError("the run has no directory: give Run a directory")
     place.mkdir(parents=True, exist_ok=True)
     ahead, heeding = _begun_ahead(run, stages), run.budget.ends_at_key()
-    with logging_to(place / RUN_LOG), ahead, heeding, ProgressBar() as bar:
+    with logging_to(place / RUN_LOG), ahead, heeding, run.progress or ProgressBar() as bar:
         run.progress = bar
         return _recorded(run, stages, place, provenance.begin(run.settings, argv, overrides))
 
@@ -353,9 +356,11 @@ def logging_to(path: Path) -> Iterator[None]:
     try:
         yield
     finally:
-        logging.captureWarnings(False)
         for logger, level, propagate in before:
             logger.removeHandler(handler)
             logger.setLevel(level)
             logger.propagate = propagate
+        logging.captureWarnings(
+            any(isinstance(other, RunLogFile) for other in LOG.handlers)
+        )  # of an outer run
         handler.close()

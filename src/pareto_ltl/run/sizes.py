@@ -17,7 +17,14 @@ POSITION_BYTES = 16
 WRITTEN = 2.0  # copies of the positions while deployments.npz is packed
 PLANNING = "forest"
 FLYING = "deployment"
-STUDIES = ("comparison", "convergence", "ablation", "hindcast", "forecast_test")  # in several processes
+STUDIES = (
+    "comparison",
+    "convergence",
+    "ablation",
+    "hindcast",
+    "forecast_test",
+    "departure",
+)  # in several processes
 
 
 def check_sizes(settings: Settings, stages: Collection[str]) -> None:

@@ -18,6 +18,7 @@ from pareto_ltl.settings.checks import (
     declarations,
     setting,
 )
+from pareto_ltl.settings.departure import DepartureConfig
 from pareto_ltl.settings.fidelity import BORDERS, LAWS, PAPER, PRESETS, FidelityConfig, models_of, preset
 from pareto_ltl.settings.outputs import (
     DeploymentConfig,
@@ -76,6 +77,7 @@ class Settings(CheckedSettings):
     ablation: AblationConfig = field(default_factory=AblationConfig)
     hindcast: HindcastConfig = field(default_factory=HindcastConfig)
     forecast_test: ForecastTestConfig = field(default_factory=ForecastTestConfig)
+    departure: DepartureConfig = field(default_factory=DepartureConfig)
     sweep: SweepConfig = field(default_factory=SweepConfig)
 
     def check_combinations(self) -> None:
@@ -102,6 +104,7 @@ __all__ = [
     "CompareConfig",
     "ConvergenceConfig",
     "Declaration",
+    "DepartureConfig",
     "DeploymentConfig",
     "EvaluationConfig",
     "ExportsConfig",

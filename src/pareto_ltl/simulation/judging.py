@@ -222,11 +222,15 @@ def fly_race(problem: Problem, paths: Sequence[PlannedPath], draws: int, seed: S
 
 def count_failures(problem: Problem, path: PlannedPath, runs: int, seed: SeedSequence) -> int:
     """How many of ``runs`` flights of ``path`` fail, in the winds of ``fidelity.law``."""
+    return int(which_fail(problem, path, runs, seed).sum())
+
+
+def which_fail(problem: Problem, path: PlannedPath, runs: int, seed: SeedSequence) -> BoolArray:
+    """Which of ``runs`` flights of ``path`` fail (runs,), in the winds of ``fidelity.law``."""
     race = race_of(problem, [path], runs, seed)
     with ThreadPoolExecutor(cores()) as pool:
-        return sum(
-            int(found.sum()) for found in pool.map(race.failures, range(len(race.blocks)), repeat([0]))
-        )
+        found = list(pool.map(race.failures, range(len(race.blocks)), repeat([0])))
+    return np.concatenate([block[0] for block in found])
 
 
 def looks(blocks: int) -> list[range]:
@@ -271,4 +275,4 @@ def certainly_beaten(failed: BoolArray, lengths: FloatArray) -> BoolArray:
     return np.asarray(chance_of_failures(failed, failed[rivals]) < DROP_CHANCE, bool)
 
 
-__all__ = ["certainly_beaten", "count_failures", "fly_race", "judge_front", "looks"]
+__all__ = ["certainly_beaten", "count_failures", "fly_race", "judge_front", "looks", "which_fail"]

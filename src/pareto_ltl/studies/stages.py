@@ -1,4 +1,4 @@
-"""The stages of the studies: compare, convergence, ablation, hindcast and forecast_test of ``pipelines/``.
+"""The stages of the studies: compare, convergence, ablation, hindcast, forecast_test and departure.
 
 ``STUDY_STAGES`` at the end is the table. Packages are imported inside the functions.
 """
@@ -8,7 +8,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pareto_ltl.run.records import AUTOMATON, DECOMPOSITION, OBSERVATIONS, SCENE, RecordKey
+from pareto_ltl.run.records import AUTOMATON, DECOMPOSITION, OBSERVATIONS, READINGS, SCENE, RecordKey
 from pareto_ltl.run.stage_table import Stage, StageInputs
 from pareto_ltl.run.stages import FIGURE_FILES
 from pareto_ltl.settings import ReportConfig, Settings
@@ -21,11 +21,13 @@ CONVERGENCE: RecordKey[Study] = RecordKey("convergence")
 ABLATION: RecordKey[Study] = RecordKey("ablation")
 HINDCAST: RecordKey[Study] = RecordKey("hindcast")
 FORECAST_TEST: RecordKey[Study] = RecordKey("forecast_test")
+DEPARTURE: RecordKey[Study] = RecordKey("departure")
 COMPARISON_FIGURES: RecordKey[tuple[Path, ...]] = RecordKey("comparison_figures")
 CONVERGENCE_FIGURES: RecordKey[tuple[Path, ...]] = RecordKey("convergence_figures")
 ABLATION_FIGURES: RecordKey[tuple[Path, ...]] = RecordKey("ablation_figures")
 HINDCAST_FIGURES: RecordKey[tuple[Path, ...]] = RecordKey("hindcast_figures")
 FORECAST_TEST_FIGURES: RecordKey[tuple[Path, ...]] = RecordKey("forecast_test_figures")
+DEPARTURE_FIGURES: RecordKey[tuple[Path, ...]] = RecordKey("departure_figures")
 WORLD = (OBSERVATIONS, DECOMPOSITION, AUTOMATON, SCENE)  # what a study plans from
 
 
@@ -62,6 +64,13 @@ def make_forecast_test(inputs: StageInputs) -> Study:
     from pareto_ltl.studies import forecast_test
 
     return forecast_test.run_forecast_test(inputs.settings, inputs.directory, inputs.progress)
+
+
+def make_departure(inputs: StageInputs) -> Study:
+    """The mission planned for many starts."""
+    from pareto_ltl.studies import departure
+
+    return departure.run_departure(inputs.settings, inputs.records, inputs.directory, inputs.progress)
 
 
 def make_comparison_figures(inputs: StageInputs) -> tuple[Path, ...]:
@@ -112,6 +121,17 @@ def make_forecast_test_figures(inputs: StageInputs) -> tuple[Path, ...]:
     from pareto_ltl.report.study_forecast_test import draw_forecast_test
 
     return draw_forecast_test(inputs.directory / "figures", cfg, inputs[FORECAST_TEST])
+
+
+def make_departure_figures(inputs: StageInputs) -> tuple[Path, ...]:
+    """Failure, length and wind against the departure, and the routes."""
+    cfg = inputs.settings.report
+    if not cfg.figures:
+        return ()
+    from pareto_ltl.report.study_departure import draw_departure
+
+    folder, scene = inputs.directory / "figures", inputs[SCENE]
+    return draw_departure(folder, cfg, scene, inputs[DECOMPOSITION], inputs[DEPARTURE])
 
 
 TABLES_TEXT = ("tables.md",)
@@ -196,6 +216,23 @@ STUDY_STAGES = (
         makes=FORECAST_TEST_FIGURES,
         make=make_forecast_test_figures,
         needs=(FORECAST_TEST,),
+        settings=(ReportConfig,),
+        shows=FIGURE_FILES,
+    ),
+    Stage(
+        "departure",
+        makes=DEPARTURE,
+        make=make_departure,
+        needs=(READINGS, SCENE, DECOMPOSITION, AUTOMATON),
+        settings=(Settings,),
+        writes=("departures.csv", "departures.json"),
+        shows=TABLES_TEXT,
+    ),
+    Stage(
+        "departure_figures",
+        makes=DEPARTURE_FIGURES,
+        make=make_departure_figures,
+        needs=(SCENE, DECOMPOSITION, DEPARTURE),
         settings=(ReportConfig,),
         shows=FIGURE_FILES,
     ),

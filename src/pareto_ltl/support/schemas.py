@@ -25,6 +25,7 @@ FOLDER = PACKAGE / "support" / "data" / "schemas"
 SCHEMA_NAMES = (
     "automaton",
     "cells",
+    "departures",
     "forecast_error",
     "mavlink_script",
     "metrics",

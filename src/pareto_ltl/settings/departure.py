@@ -1,0 +1,52 @@
+"""Settings of pipelines=departure: which starts are planned and compared."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+from pareto_ltl.settings.checks import CheckedSettings, check_time, setting
+from pareto_ltl.support.errors import ConfigError
+from pareto_ltl.support.messages import shown_value
+
+KEEP = ("all", "recommended")
+
+
+@dataclass
+class DepartureConfig(CheckedSettings):
+    """Starts that pipelines=departure plans and compares (docs/departure.md)."""
+
+    section: ClassVar[str] = "departure"
+    starts: list[Any] = setting([], "times of departure, ISO 8601 UTC; empty: those of first, last and every")
+    first: str | None = setting(None, "earliest start; null: mission.start_time, else the first wind time")
+    last: str | None = setting(None, "latest start; null: the last wind time")
+    every: float | None = setting(
+        None, "time between two starts; null: every wind time", unit="h", above=0, most=1e5
+    )
+    arrive_by: str | None = setting(
+        None, "latest arrival; with it, the latest starts are planned that arrive by then"
+    )
+    most: int = setting(
+        8, "with arrive_by: how many starts that arrive in time are looked for", least=1, most=10_000
+    )
+    flights: int = setting(
+        10_000, "fresh flights of each start's plan, which starts are compared by", least=100, most=1e8
+    )
+    quick: bool = setting(
+        True, "whether starts are compared by a coarser front; the recommended one is planned in full"
+    )
+    keep: str = setting("all", "whose result directories are kept below starts/", choices=KEEP)
+
+    def check_combinations(self) -> None:
+        for key in ("first", "last", "arrive_by"):
+            check_time(f"departure.{key}", getattr(self, key))
+        for time in self.starts:
+            if not isinstance(time, str):
+                raise ConfigError(
+                    f"departure.starts must be a list of ISO 8601 times, got {shown_value(time)} in it"
+                )
+            check_time("departure.starts", time)
+        if self.starts and (self.first or self.last or self.every):
+            raise ConfigError(
+                "departure.starts lists the starts itself: leave out departure.first, last and every"
+            )

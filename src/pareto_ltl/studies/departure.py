@@ -1,0 +1,316 @@
+"""When to leave: the mission planned for many starts, and compared in flights with equal draws.
+
+What no start changes is done once: the readings, the cells and the automaton. For each start the wind is
+fitted from its departure on, and trees, front and plan are made as a run with that ``mission.start_time``
+makes them; with ``departure.quick`` by a coarser refinement (:data:`QUICK`). Starts are compared by fresh
+flights that no planning has seen; one number of a flight means the same draws at every start. The recommended
+start is then planned in full, with all files of a run.
+"""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pareto_ltl.exports.navigation_log import expected_winds
+from pareto_ltl.planning.records import Front, PlannedPath
+from pareto_ltl.report.records import Study
+from pareto_ltl.run.directory import claimed_directory
+from pareto_ltl.run.metrics import run_metrics
+from pareto_ltl.run.pipeline import Run, carry_out
+from pareto_ltl.run.progress import ProgressBar
+from pareto_ltl.run.records import (
+    AUTOMATON,
+    DECOMPOSITION,
+    FOREST,
+    FRONT,
+    PLAN,
+    PROBLEM,
+    READINGS,
+    SCENE,
+    Records,
+)
+from pareto_ltl.run.stage_table import stage_seeds
+from pareto_ltl.run.stages import PLAN_TABLE
+from pareto_ltl.settings import RefineConfig, Settings
+from pareto_ltl.simulation.judging import which_fail
+from pareto_ltl.studies.departure_starts import candidate_starts, folder_name
+from pareto_ltl.studies.departure_table import Found, departure_study, departures_document, start_rows
+from pareto_ltl.studies.parts import Part, PartsProgress, part_key, work_parts
+from pareto_ltl.studies.planning import study_run
+from pareto_ltl.studies.statistics import Columns
+from pareto_ltl.studies.tables import flags_to_text
+from pareto_ltl.support.cores import cores
+from pareto_ltl.support.errors import DataError, InfeasibleError
+from pareto_ltl.support.files import plain_data, write_json
+from pareto_ltl.wind.readings import iso, seconds
+from pareto_ltl.world.scene import Scene
+from pareto_ltl.world.scene_files import scene_to_dict
+
+STREAM = "departure"  # of the flights that compare starts
+STARTS, RECOMMENDED = "starts", "recommended"  # folders
+QUICK = {"points": 8, "flights": 500, "sweep_flights": 200, "classes": 2}  # at most, of section refine
+QUICK_RUNS = 2000  # at most, of selection.runs: starts are compared by flights of their own
+BATCH = 2  # starts that are planned together when the latest are looked for
+TOO_FAST = 0.6  # of the fastest flight of the first start: no other start is taken to be faster
+STAGES = (
+    "readings", "scene", "decomposition", "automaton", "observations", "wind", "problem", "forest", "front",
+    "plan",
+)  # fmt: skip
+FILES = ("forecasts", "deployment", "export", "report")  # what the recommended start has besides
+METRICS = ("energy_j",)  # of a plan, that become columns where a run has them
+
+
+@dataclass(frozen=True, slots=True)
+class DepartureContext:
+    """What all starts share; ``folder`` is where the result directories of starts go, None for nowhere."""
+
+    settings: Settings
+    world: Records
+    folder: Path | None
+
+
+def run_departure(
+    settings: Settings, world: Records, directory: Path, progress: PartsProgress | None = None
+) -> Study:
+    """Plan the starts that ``settings.departure`` asks for, compare them and plan the best one in full.
+
+    Raises
+    ------
+    ConfigError
+        If there is no start to plan.
+    InfeasibleError
+        If no start has a plan, or none arrives in time.
+    """
+    cfg = settings.departure
+    times = candidate_starts(cfg, world[READINGS], settings.mission.start_time)
+    context = DepartureContext(settings, world, directory / STARTS if cfg.keep == "all" else None)
+    found = _planned_starts(context, directory, times, progress)
+    _require_one(settings, found)
+    if cfg.keep == "all":
+        _fetch_folders(settings, directory, found)
+    rows = start_rows(settings, found)
+    best = next(row["time"] for row in rows if row["recommended"])
+    plan = plan_in_full(settings, world, best, directory / RECOMMENDED)[PLAN]
+    write_json(directory / "departures.json", departures_document(settings, rows, plan, RECOMMENDED))
+    return departure_study(settings, rows, found, plan)
+
+
+# --- one start -------------------------------------------------------------------------------
+
+
+def start_settings(settings: Settings, time: float, *, quick: bool, files: bool = False) -> Settings:
+    """The settings of a run with that departure; ``files``: with simulated flights,
+    exports and figures."""
+    stages = [*STAGES, *(FILES if files else ())]
+    mine = replace(
+        settings,
+        mission=replace(settings.mission, start_time=iso(time)),
+        pipelines=replace(settings.pipelines, stages=stages),
+    )
+    if not quick:
+        return mine
+    coarse = {name: min(getattr(mine.refine, name), most) for name, most in QUICK.items()}
+    return replace(
+        mine,
+        refine=RefineConfig(**coarse),
+        selection=replace(mine.selection, runs=min(mine.selection.runs, QUICK_RUNS)),
+    )
+
+
+def departure_part(context: DepartureContext, time: float) -> Columns:
+    """The plan of one start, its flights and the conditions along its route; or why there is none."""
+    settings = start_settings(context.settings, time, quick=context.settings.departure.quick)
+    try:
+        run = world_at(settings, context.world)
+        plan_start(run)
+    except (InfeasibleError, DataError) as error:
+        return {"planned": False, "reason": str(error)}
+    if context.folder is not None:
+        _write_start(run, context.folder / folder_name(time))
+    path, front, problem = run[PLAN].path, run[FRONT], run[PROBLEM]
+    failed = which_fail(problem, path, settings.departure.flights, stage_seeds(settings.seed, STREAM))
+    numbers = run_metrics(run.records, {})
+    return {
+        "planned": True,
+        "failed": flags_to_text(failed),
+        "law": problem.fidelity.law,
+        "length_m": path.objectives.length,
+        "duration_s": float(path.t[-1]),
+        "steps": len(path.u),
+        "order": path.order,
+        "x": path.x,
+        "metrics": {name: numbers[name] for name in METRICS if name in numbers},
+        "conditions": route_conditions(problem, path),
+        "front": front_rows(front),
+        "fastest_s": min(float(other.t[-1]) for other in front.paths),
+    }
+
+
+def world_at(settings: Settings, world: Records) -> Run:
+    """A run of one start, with the readings and, where its map is that of ``world``, cells and automaton.
+
+    A map may change with the clock, so that each start has its own.
+    """
+    run = study_run(settings, Records({READINGS: world[READINGS]}))
+    if same_map(run.make(SCENE), world[SCENE]):
+        run.records[DECOMPOSITION] = world[DECOMPOSITION]
+        run.records[AUTOMATON] = world[AUTOMATON]
+    return run
+
+
+def same_map(one: Scene, other: Scene) -> bool:
+    """Whether two maps differ in nothing but the time of departure."""
+
+    first, second = (plain_data(scene_to_dict(replace(scene, time_zero=None))) for scene in (one, other))
+    return bool(first == second)
+
+
+def plan_start(run: Run) -> None:
+    """Make the plan of ``run``.
+
+    Where no tree comes to the goal before the wind ends, nothing more is tried: to find out which setting
+    would change that takes as long as ten plans.
+    """
+    forest = run.make(FOREST)
+    if not len(forest.accepted) and any(tree.reach["beyond"] for tree in forest.trees):
+        problem = run[PROBLEM]
+        hours = problem.horizon * problem.motion.dt / 3600.0
+        raise InfeasibleError(
+            f"no flight fits: the wind is known for {hours:.1f} h from there"
+            f"{f' ({problem.wind_ends})' if problem.wind_ends else ''}, and no tree completes the mission in "
+            "that time"
+        )
+    run.make(PLAN)
+
+
+def _write_start(run: Run, place: Path) -> None:
+    """The result directory of a start: that of a run with its ``mission.start_time``."""
+    mine = Run(run.settings, PLAN_TABLE, run.records.copy(), dict(run.seconds), place, ProgressBar(False))
+    stages = [PLAN_TABLE[name] for name in STAGES if PLAN_TABLE[name].makes not in run.records]
+    with claimed_directory(place, PLAN_TABLE.files):
+        carry_out(mine, [stage for stage in stages if mine.has_all(stage.needs)])
+
+
+def plan_in_full(settings: Settings, world: Records, time: float, place: Path) -> Run:
+    """The recommended start as a run of its own, with exports and figures."""
+    mine = start_settings(settings, time, quick=False, files=True)
+    records = world_at(mine, world).records
+    run = Run(mine, PLAN_TABLE, records, directory=place, progress=ProgressBar(False))
+    stages = [PLAN_TABLE[name] for name in mine.pipelines.stages]
+    with claimed_directory(place, PLAN_TABLE.files):
+        carry_out(run, [stage for stage in stages if stage.makes not in records])
+    return run
+
+
+def route_conditions(problem: Any, path: PlannedPath) -> dict[str, float]:
+    """Means along the route: wind speed, its doubt, the part along the way (positive: from behind), and how
+    wide the positions are at the end; [m/s], [m]."""
+    wind, variance = expected_winds(problem, path)
+    leg = np.diff(path.x, axis=0)
+    ahead = leg / np.maximum(np.linalg.norm(leg, axis=1), 1e-9)[:, None]
+    return {
+        "wind_speed": float(np.linalg.norm(wind, axis=1).mean()),
+        "wind_sd": float(np.sqrt(variance.mean())),
+        "tail_wind": float((wind * ahead).sum(axis=1).mean()),
+        "end_sd_m": float(np.sqrt(np.trace(path.cov[-1]) / 2.0)),
+    }
+
+
+def front_rows(front: Front) -> list[list[float]]:
+    """Length [m], failure, and its interval for each path, shortest first; empty where bounds judge."""
+    rows = zip(front.paths, front.rates, strict=False)
+    return sorted([p.objectives.length, r.failure, r.low, r.high] for p, r in rows)
+
+
+# --- all starts ------------------------------------------------------------------------------
+
+
+def _planned_starts(
+    context: DepartureContext, directory: Path, times: Sequence[float], progress: PartsProgress | None
+) -> Found:
+    """What was found at each start; with ``arrive_by`` at the latest that arrive in time, and those after."""
+    cfg = context.settings.departure
+    if cfg.arrive_by is None:
+        return _worked(context, directory, times, progress)
+    limit = seconds(cfg.arrive_by)
+    found = dict(_worked(context, directory, times[:1], None))
+    first = found[times[0]]
+    fastest = TOO_FAST * first["fastest_s"] if first["planned"] else 0.0
+    left = [time for time in times[1:] if time + fastest <= limit]
+    enough = cfg.most - int(on_time(times[0], first, limit))
+    while left and enough > 0:
+        batch, left = left[-BATCH:], left[:-BATCH]
+        new = _worked(context, directory, batch, None)
+        enough -= sum(on_time(time, row, limit) for time, row in new.items())
+        found |= new
+        if progress is not None:
+            progress(len(found), len(found) + len(left))
+    return dict(sorted(found.items()))
+
+
+def on_time(time: float, row: Mapping[str, Any], limit: float) -> bool:
+    """Whether the plan of a start arrives by ``limit`` [s since 1970]: departure plus its steps."""
+    return bool(row["planned"]) and time + row["duration_s"] <= limit + 1e-6
+
+
+def _worked(
+    context: DepartureContext, directory: Path, times: Sequence[float], progress: PartsProgress | None
+) -> Found:
+    settings = context.settings
+    parts = [
+        Part(
+            f"start-{folder_name(time)}",
+            (time,),
+            part_key(
+                start_settings(settings, time, quick=settings.departure.quick), STREAM,
+                settings.departure.flights, context.folder is not None,
+            ),
+        )
+        for time in times
+    ]  # fmt: skip
+    cfg = settings.evaluation
+    # Each plan keeps two cores busy; a process more takes as long to begin as a start takes.
+    shared = replace(cfg, jobs=cfg.jobs or max(1, cores() // 2))
+    results = work_parts(shared, directory, departure_part, context, parts, progress)
+    return dict(zip(times, results, strict=True))
+
+
+def _require_one(settings: Settings, found: Found) -> None:
+    """InfeasibleError where no start has a plan, or none arrives in time."""
+    planned = {time: row for time, row in found.items() if row["planned"]}
+    if not planned:
+        time, row = next(iter(found.items()))
+        raise InfeasibleError(
+            f"none of the {len(found)} starts has a plan; departure at {iso(time)}: {row['reason']}"
+        )
+    if (limit := settings.departure.arrive_by) is None:
+        return
+    if not any(on_time(time, row, seconds(limit)) for time, row in planned.items()):
+        arrival, time = min((time + row["duration_s"], time) for time, row in planned.items())
+        raise InfeasibleError(
+            f"no start arrives by departure.arrive_by = {limit}: the earliest arrival found is "
+            f"{iso(arrival)}, leaving at {iso(time)}; choose a later one, or an earlier departure.first"
+        )
+
+
+def _fetch_folders(settings: Settings, directory: Path, found: Found) -> None:
+    """Copy the directories of starts that an earlier run has planned (``evaluation.resume``)."""
+    if settings.evaluation.resume is None:
+        return
+    for time, row in found.items():
+        name = folder_name(time)
+        known, place = (
+            Path(settings.evaluation.resume).expanduser() / STARTS / name,
+            directory / STARTS / name,
+        )
+        if row["planned"] and not place.exists() and known.is_dir():
+            shutil.copytree(known, place)
+
+
+__all__ = ["departure_part", "plan_in_full", "route_conditions", "run_departure", "start_settings"]
