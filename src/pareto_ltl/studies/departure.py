@@ -62,7 +62,7 @@ STAGES = (
     "readings", "scene", "decomposition", "automaton", "observations", "wind", "problem", "forest", "front",
     "plan",
 )  # fmt: skip
-FILES = ("forecasts", "deployment", "export", "report")  # what the recommended start has besides
+FILES = ("forecasts", "deployment", "export", "report", "page")  # what the recommended start has besides
 METRICS = ("energy_j",)  # of a plan, that become columns where a run has them
 
 
