@@ -5,6 +5,7 @@ the lie away.
 """
 
 from lies.about_exports import EXPORT_LIES
+from lies.about_pages import PAGE_LIES
 from lies.about_plans import PLAN_LIES
 from lies.about_runs import FLIGHT_LIES, RECORD_LIES, SEARCH_LIES
 from lies.about_winds import ERROR_LIES, WIND_LIES
@@ -20,6 +21,7 @@ LIES = (
     *FLIGHT_LIES,
     *RECORD_LIES,
     *EXPORT_LIES,
+    *PAGE_LIES,
 )
 
 __all__ = ["LIES", "Lie", "edited"]

@@ -15,7 +15,7 @@ WORDS = {
     "F(a & F(b & F c)) | F(a & F(d & F c))": "either reach a, then b, then c, or reach a, then d, then c",
     "F(a & F((b | d) & F c))": "reach a, then b or d, then c",
     "F a & F b & F c": "reach a, b and c, in any order",
-    "F(springfield & F cairo) & F memphis": "reach springfield, then cairo; reach memphis",
+    "F(springfield & F cairo) & F memphis": "reach springfield, then cairo; and reach memphis",
     "!x U a": "stay out of x until a is reached",
     "!(x | y) U (a & F b)": "stay out of x or y until a, then b is reached",
     "F(a & X F b)": "reach a, then at a later step b",
@@ -33,7 +33,7 @@ def test_a_mission_has_words(formula: str) -> None:
 def test_patterns_have_words() -> None:
     assert mission_in_words(patrol("a", "b")) == "reach a, then b, then a"
     assert mission_in_words(sequence("a", "b", "c")) == "reach a, then b, then c"
-    assert mission_in_words(key_door(("k", "d"))) == "stay out of d until k is reached; reach d"
+    assert mission_in_words(key_door(("k", "d"))) == "stay out of d until k is reached; and reach d"
 
 
 def test_what_cannot_be_read_or_is_long_has_none() -> None:

@@ -33,7 +33,7 @@ SMALL = {
     "selection": {"draws": 200, "runs": 1000},
     "wind": {"max_points": 40, "modes_max": 16, "spacing": 100e3, "modes_spacing": 100e3},
     "deployment": {"runs": 1000},
-    "report": "none",
+    "report": {"figures": False},
 }
 SHARE = 0.3  # of the packaged winds in the forecasts
 PRESETS = ("paper", "full")

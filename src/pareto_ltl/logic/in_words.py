@@ -23,7 +23,7 @@ def mission_in_words(text: str) -> str:
 def _goal_words(tree: Formula) -> str:
     """What has to be done, as an order to the pilot."""
     if tree.op == "&":
-        return "; ".join(_merged_goals(tree.args))
+        return "; and ".join(_merged_goals(tree.args))
     if tree.op == "|":
         return "either " + ", or ".join(map(_goal_words, tree.args))
     if tree.op == "F":

@@ -9,13 +9,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from pareto_ltl.support.errors import ParetoLtlError
-from pareto_ltl.verify.claims import exports, flights, front, plan, promise, record, search, wind, world
+from pareto_ltl.verify.claims import exports, flights, front, page, plan, promise, record, search, wind, world
 from pareto_ltl.verify.claims.verdict import Claim, Verdict
 from pareto_ltl.verify.evidence import Evidence, open_evidence
 
 CLAIMS: tuple[Claim, ...] = (
     *record.CLAIMS, *world.CLAIMS, *wind.CLAIMS, *plan.CLAIMS, *search.CLAIMS, *front.CLAIMS,
-    *promise.CLAIMS, *flights.CLAIMS, *exports.CLAIMS,
+    *promise.CLAIMS, *flights.CLAIMS, *exports.CLAIMS, *page.CLAIMS,
 )  # fmt: skip
 UNUSABLE = (
     ParetoLtlError, ArithmeticError, AttributeError, LookupError, OSError, RuntimeError, TypeError,

@@ -2,8 +2,8 @@
 
 /** The lower end of the axis of failures: the power of ten below the least that is not 0. */
 const failureEnd = (() => {
-  const seen = PAGE.points.flatMap(row => [row.failure, row.low, row.high]).filter(p => p > 0);
-  return seen.length ? 10 ** Math.floor(Math.log10(Math.max(1e-9, seen.reduce((a, b) => Math.min(a, b))))) : 1e-3;
+  const seen = PAGE.points.flatMap(row => row.failure > 0 ? [row.failure] : row.high > 0 ? [row.high] : []);
+  return seen.length ? 10 ** (Math.ceil(Math.log10(Math.max(1e-9, seen.reduce((a, b) => Math.min(a, b))))) - 1) / (seen.some(p => p < 1e-3) ? 10 : 1) : 1e-3;
 })();
 
 const atLeast = p => 100 * Math.max(p, failureEnd);
@@ -31,17 +31,18 @@ function drawFront() {
   const law = PAGE.points[0].law, told = k => String(k) in PAGE.paths;
   const bound = PAGE.judge === "bound";
   const traces = [
-    { x, y, mode: "markers", text: rows.map(pointText), hovertemplate: "%{text}<extra></extra>", showlegend: false,
+    { x, y, mode: "markers", cliponaxis: false, text: rows.map(pointText), hovertemplate: "%{text}<extra></extra>", showlegend: false,
       marker: { size: 9, color: rows.map((row, k) => told(k) ? COLOURS.flight : "white"), symbol: rows.map(row => row.failure < failureEnd ? "triangle-down-open" : "circle"), line: { color: COLOURS.flight, width: 1.5 } },
       error_y: { type: "data", visible: !bound, symmetric: false, array: ranged.map(r => r[0]), arrayminus: ranged.map(r => r[1]), color: COLOURS.flight, thickness: 1, width: 3 } },
     { ...ringAt(PAGE.chosen), mode: "markers", hoverinfo: "skip", name: "chosen plan", marker: { size: 19, symbol: "diamond-open", color: COLOURS.chosen, line: { width: 2.2 } }, visible: PAGE.chosen !== null },
     { ...ringAt(shown.point), mode: "markers", hoverinfo: "skip", name: "shown", marker: { size: 17, symbol: "circle-open", color: "black", line: { width: 2.4 } } },
   ];
+  const hidden = rows.some(row => row.failure < failureEnd || row.low === 0);
   const highest = Math.min(100, rows.reduce((most, row) => Math.max(most, atLeast(row.high ?? row.failure)), 0)), ticks = failureTicks(100 * failureEnd, highest * 1.6);
   const layout = {
     font: FONT, margin: { l: 62, r: 10, t: 30, b: 44 }, hovermode: "closest", dragmode: false, legend: { orientation: "h", x: 1, xanchor: "right", y: 1.0, yanchor: "bottom" },
     xaxis: { title: { text: `length [${lengthUnit[0]}]`, standoff: 6 }, zeroline: false, gridcolor: "#eee" },
-    yaxis: { type: "log", title: { text: bound ? `bound, ${plain(law)} winds [%]` : `fails, ${plain(law)} winds [%]`, standoff: 4 }, tickvals: ticks, ticktext: ticks.map(String), gridcolor: "#eee", range: [Math.log10(100 * failureEnd) - 0.08, Math.log10(highest * 1.35)] },
+    yaxis: { type: "log", title: { text: bound ? `bound, ${plain(law)} winds [%]` : `fails, ${plain(law)} winds [%]`, standoff: 4 }, tickvals: ticks, ticktext: ticks.map((tick, k) => k === 0 && hidden ? "0" : String(tick)), gridcolor: "#eee", range: [Math.log10(100 * failureEnd) - 0.08, Math.log10(highest * 1.35)] },
   };
   Plotly.newPlot("front", traces, layout, CONFIG).then(chart => {
     chart.on("plotly_click", event => showPoint(nearestPoint(event)));
@@ -78,8 +79,9 @@ function riskTraces(way) {
   const total = x.map((_, k) => failed.reduce((sum, cause) => sum + cause[k], 0));
   const share = counts => counts.map(n => 100 * n / runs), step = { shape: "hv" };
   const traces = [
-    { x: [...x, ...[...x].reverse()], y: [...high, ...[...low].reverse()].map(p => 100 * p), fill: "toself", fillcolor: "rgba(122,0,24,0.10)", line: { width: 0 }, mode: "lines", hoverinfo: "skip", name: "95 %", showlegend: false },
-    { x, y: share(total), mode: "lines", line: { ...step, color: COLOURS.failed, width: 2.6 }, name: "failed", text: total, hovertemplate: `%{text} of ${runs} flights (%{y:.2g} %) have failed<extra></extra>` },
+    { x, y: low.map(p => 100 * p), mode: "lines", line: { ...step, width: 0 }, hoverinfo: "skip", showlegend: false },
+    { x, y: high.map(p => 100 * p), mode: "lines", line: { ...step, width: 0 }, fill: "tonexty", fillcolor: "rgba(122,0,24,0.10)", hoverinfo: "skip", showlegend: false },
+    { x, y: share(total), mode: "lines+markers", marker: { size: x.map((_, k) => k === x.length - 1 ? 8 : 0.1), color: COLOURS.failed }, line: { ...step, color: COLOURS.failed, width: 2.6 }, name: "failed", text: total, hovertemplate: `%{text} of ${runs} flights (%{y:.2g} %) have failed<extra></extra>` },
   ];
   failed.forEach((counts, cause) => {
     if (!counts[counts.length - 1]) return;
@@ -92,7 +94,7 @@ function riskLayout(way, unit) {
   const top = 100 * Math.max(...way.risk.high) * 1.1;
   return {
     font: FONT, margin: { l: 62, r: 10, t: 44, b: 44 }, hovermode: "x", dragmode: false, showlegend: true, legend: { orientation: "h", x: 0, y: 1.0, yanchor: "bottom", font: { size: 11 } },
-    xaxis: { title: { text: `${unit.name} after departure`, standoff: 6 }, zeroline: false, gridcolor: "#eee", range: [0, way.t[way.t.length - 1] / unit.seconds] },
+    xaxis: { title: { text: `${unit.name} after departure`, standoff: 6 }, zeroline: false, gridcolor: "#eee", range: [0, 1.03 * way.t[way.t.length - 1] / unit.seconds] },
     yaxis: { title: { text: `failed by then, ${plain(way.risk.law)} winds [%]`, standoff: 4, font: { size: 11 } }, range: [0, Math.min(100, top)], gridcolor: "#eee" }, shapes: [nowLine(way, unit)],
   };
 }

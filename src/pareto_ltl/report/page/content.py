@@ -146,10 +146,12 @@ def _headline(run: ShownRun, path: PlannedPath, chosen: int | None) -> list[dict
             "value": f"≤ {probability_text(min(1.0, cost.mission_risk + cost.collision_risk))}",
             "note": f"bound {plan.models.mission_symbol} + R, under {law} winds",
         }
+    others = [] if promise is not None else [_simulated_fact(run)] if run.deployments else []
     hours = float(path.t[-1] - path.t[0]) / 3600
     times = utc_times(run.scene.time_zero, path.t)
     facts = [
         {"name": "fails", **fails},
+        *others,
         {"name": "length", "value": distance_text(path.objectives.length), "note": "of the expected way"},
         {"name": "duration", "value": _duration(hours), "note": f"{len(path.u)} steps of {plan.dt:,.6g} s"},
     ]
@@ -161,6 +163,17 @@ def _headline(run: ShownRun, path: PlannedPath, chosen: int | None) -> list[dict
             {"name": "chosen", "value": f"point {chosen}", "note": f"of the front, rule {plan.rule}"}
         )
     return facts
+
+
+def _simulated_fact(run: ShownRun) -> dict[str, str]:
+    """The law in which simulated flights fail most: a bound speaks of its own law alone."""
+    rates = [counted_rate(law, int(f.failed.sum()), len(f.x)) for law, f in sorted(run.deployments.items())]
+    worst = max(rates, key=lambda rate: rate.failure)
+    ends = interval_text(worst.low, worst.high)
+    return {
+        "name": "simulated to fail", "value": probability_text(worst.failure),
+        "note": f"{ends} (95 %), under {worst.law} winds, {worst.sample}",
+    }  # fmt: skip
 
 
 def _duration(hours: float) -> str:
