@@ -1,0 +1,89 @@
+"""A plan leg by leg: every leg, the nearest barrier in standard deviations, and laws beside probabilities."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import pareto_ltl
+from drawn_world import path_of, scene_of
+from pareto_ltl.cli.commands import run_command_line
+from pareto_ltl.report.lattice import sampled_lattice
+from pareto_ltl.report.legs import closest_barriers
+from pareto_ltl.report.page.shown_run import ShownRun
+from pareto_ltl.run.results import Results
+
+BOX = np.array([[40.0, 10.0], [60.0, 10.0], [60.0, 30.0], [40.0, 30.0]])
+
+
+def test_the_nearest_barrier_is_the_one_that_is_fewest_deviations_away() -> None:
+    path = path_of(scene_of())
+    cov = np.zeros((3, 2, 2))
+    cov[1:] = [[[1.0, 0.0], [0.0, 4.0]], [[9.0, 0.0], [0.0, 16.0]]]
+    way = replace(path, x=np.array([[0.0, 0.0], [50.0, 0.0], [100.0, 0.0]]), cov=cov, u=np.ones((2, 2)))
+    bounds = np.array([[-50.0, -60.0], [150.0, 50.0]])
+    scene = replace(scene_of(), bounds=bounds, regions={}, obstacles=(BOX,), border="open")
+    first, second = closest_barriers(scene, way)
+    assert first is not None
+    assert second is not None
+    # 10 m north of the leg from 40 m on; the variance across grows linearly to 4 m² at 50 m.
+    assert first.metres == pytest.approx(10.0)
+    assert 10.0 / 2.0 <= first.deviations <= 10.0 / np.sqrt(0.8 * 4.0)
+    assert second.name == "obstacle 1"
+    walled = replace(scene, border="wall", obstacles=())
+    last = closest_barriers(walled, way)[1]
+    assert last is not None
+    assert "border" in last.name
+    assert closest_barriers(replace(walled, border="open"), way) == [None, None]
+
+
+def test_a_leg_through_an_obstacle_has_no_clearance() -> None:
+    path = path_of(scene_of())
+    way = replace(
+        path, x=np.array([[0.0, 20.0], [50.0, 20.0]]), cov=np.tile(np.eye(2), (2, 1, 1)), u=np.ones((1, 2))
+    )
+    (found,) = closest_barriers(replace(scene_of(), obstacles=(BOX,)), way)
+    assert found is not None
+    assert (found.metres, found.deviations) == (0.0, 0.0)
+
+
+def test_explain_tells_every_leg_and_names_laws(
+    page_result: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run_command_line(["explain", str(page_result)]) == 0
+    out = capsys.readouterr().out
+    plan = Results(page_result).plan
+    legs = [line for line in out.splitlines() if line[:4].strip().isdigit()]
+    assert [int(line[:4]) for line in legs] == list(range(len(plan.path.u)))
+    assert all("heading" in line or "drifting" in line for line in legs)
+    for line in out.splitlines():
+        if " fails " in line or line.startswith("bound"):
+            assert "winds" in line
+    assert plan.not_covered in out
+    assert pareto_ltl.explain(page_result) + "\n" == out
+
+
+def test_explain_tells_any_point(page_result: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    front = Results(page_result).front
+    last = len(front.paths) - 1
+    assert run_command_line(["explain", str(page_result), "--point", str(last)]) == 0
+    assert f"{len(front.paths[last].u)} legs" in capsys.readouterr().out
+    assert run_command_line(["explain", str(page_result), "--point", "9999"]) == 2
+    assert run_command_line(["explain", str(page_result), "--point", "-1"]) == 2
+    assert run_command_line(["explain", str(page_result / "nowhere")]) == 2
+    assert all(line.startswith("pareto-ltl: ") for line in capsys.readouterr().err.splitlines())
+
+
+def test_a_lattice_is_sampled_bilinearly_and_held_beyond_its_edge(shown: ShownRun) -> None:
+    wind = shown.wind
+    nx, ny = wind.mean.shape[1:3]
+    x = wind.origin[0] + wind.spacing * np.arange(nx)
+    y = wind.origin[1] + wind.spacing * np.arange(ny)
+    plane = 2.0 * x[:, None] - 3.0 * y[None, :] + 5.0
+    at, up = np.linspace(x[0], x[-1], 17), np.linspace(y[0], y[-1], 11)
+    np.testing.assert_allclose(sampled_lattice(wind, plane, at, up), 2 * at[:, None] - 3 * up + 5, rtol=1e-9)
+    beyond = sampled_lattice(wind, plane, x[-1:] + 1e6, y[:1] - 1e6)
+    assert beyond[0, 0] == pytest.approx(plane[-1, 0])
