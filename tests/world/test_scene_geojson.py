@@ -272,6 +272,29 @@ def test_what_cannot_be_meant_is_refused_in_one_line(tmp_path, features, words):
     assert "\n" not in str(error.value)
 
 
+@pytest.mark.parametrize(("half", "said"), [(3.0, ""), (12.0, "% wrong at its corners"), (29.0, "refused")])
+def test_lengths_that_the_plane_distorts_are_said_in_per_cent(tmp_path, caplog, half, said):
+    frame = feature("border", [square(5.3, 60.3 if half < 20 else 45.0, half)])
+    if said == "refused":
+        with pytest.raises(
+            DataError, match=r"lengths in its plane are up to \d+\.\d % wrong at its corners"
+        ):
+            scene_of(tmp_path, START, GOAL, frame)
+        return
+    scene_of(tmp_path, START, GOAL, frame)
+    assert (said in caplog.text) if said else "wrong" not in caplog.text
+
+
+def test_a_start_and_a_region_outside_of_a_fence_are_named(tmp_path):
+    fence = feature("border", [FENCE])
+    away = feature("start", [4.85, 60.5], "Point")
+    with pytest.raises(DataError, match=r"the start .* lies outside the border"):
+        scene_of(tmp_path, away, GOAL, fence, border="wall")
+    beyond = feature("region", [square(4.95, 60.5, 0.02)], name="b")
+    with pytest.raises(DataError, match="region 'b' lies outside the border at"):
+        scene_of(tmp_path, START, GOAL, beyond, fence, border="wall")
+
+
 def test_a_region_both_visited_and_avoided_has_no_careful_side(tmp_path):
     margin = feature("region", [square(5.3, 60.3, 0.05)], name="b", buffer=100)
     with pytest.raises(DataError, match="both visits it and keeps out of it"):

@@ -151,8 +151,20 @@ def refuse_empty_crop(where: str, lonlat: FloatArray, area: GeoBox) -> None:
     finite = lonlat[np.isfinite(lonlat).all(axis=1)]
     covers = box_of(finite).text if len(finite) else "no place on Earth"
     raise DataError(
-        f"{where} covers {covers}; the scene needs {area.text}: is the scene where the wind data is?"
+        f"{where} covers {covers}; the scene needs {area.text}: "
+        f"{swap_question(finite, area.middle) or 'is the scene where the wind data is?'}"
     )
 
 
-__all__ = ["ALL_WIND", "GeoBox", "Wanted", "box_of", "neighbourhood", "refuse_empty_crop"]
+def swap_question(lonlat: FloatArray, middle: FloatArray) -> str:
+    """Whether a map around ``middle`` (1, 2) [deg] has its coordinates in the wrong order: a question if the
+    wind data ``lonlat`` (N, 2) [deg] lie where the map is with longitude and latitude exchanged, else empty.
+    """
+    lon, lat = (middle[0] + 180.0) % 360.0 - 180.0
+    if not len(lonlat) or abs(lon) > 90.0:
+        return ""
+    swapped = box_of(lonlat).widened(NEAR).contains(np.array([[lat, lon]]))[0]
+    return "did the map swap longitude and latitude? GeoJSON has longitude first" if swapped else ""
+
+
+__all__ = ["ALL_WIND", "GeoBox", "Wanted", "box_of", "neighbourhood", "refuse_empty_crop", "swap_question"]

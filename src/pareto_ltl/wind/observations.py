@@ -9,6 +9,7 @@ import numpy as np
 from pareto_ltl.settings import WindConfig
 from pareto_ltl.support.arrays import FloatArray, IntArray
 from pareto_ltl.support.errors import ConfigError, DataError
+from pareto_ltl.wind.area import swap_question
 from pareto_ltl.wind.forecast_error import forecast_error_law
 from pareto_ltl.wind.readings import HOUR, Readings, farthest_points, iso, on_sphere, seconds
 from pareto_ltl.wind.records import WindObservations
@@ -143,10 +144,20 @@ def _readings_in_plane(
         raise DataError(
             f"{readings.name}: {count} wind readings within {near / 1e3:g} km of the scene at "
             f"{iso(readings.times[k])}, expected at least {FEWEST_READINGS}; "
-            "is the scene where the wind data is?"
+            f"{_swap_question(readings, scene, k) or 'is the scene where the wind data is?'}"
         )
     chosen = _readings_for_fit(cfg, scene.bounds.mean(axis=0), points, gap, near)
     return points[chosen], winds[chosen], members[chosen]
+
+
+def _swap_question(readings: Readings, scene: Scene, k: int) -> str:
+    """Asked where the readings lie at the place that the map has with longitude and latitude exchanged."""
+    from pareto_ltl.world import projection
+
+    if not readings.geographic:
+        return ""
+    middle = np.stack(projection.to_geographic(str(scene.crs), scene.bounds.mean(axis=0)), axis=1)
+    return swap_question(readings.points[k], middle)
 
 
 def project_readings(

@@ -102,10 +102,20 @@ def largest_scale(crs: str, bounds: FloatArray) -> float:
 
     In our planes that is at a corner; of others, the middles of the sides are looked at, too.
     """
+    return float(_scales(crs, bounds).max())
+
+
+def scale_error(crs: str, bounds: FloatArray) -> float:
+    """How far lengths in the plane are from those on the ground within ``bounds`` (2, 2) [m], as a share."""
+    return float(np.abs(_scales(crs, bounds) - 1.0).max())
+
+
+def _scales(crs: str, bounds: FloatArray) -> FloatArray:
+    """Metres in the plane for a metre on the ground, along meridians and parallels, at nine places."""
     sides = np.linspace(bounds[0], bounds[1], 3)
     lon, lat = to_geographic(crs, np.stack(np.meshgrid(*sides.T), axis=-1).reshape(-1, 2))
     factors = _cached_projection(crs).get_factors(lon, lat, errcheck=True)
-    return float(np.max([factors.meridional_scale, factors.parallel_scale]))
+    return np.array([factors.meridional_scale, factors.parallel_scale], float)
 
 
 def rotate_vectors(vectors: FloatArray, angle: FloatArray) -> FloatArray:
@@ -137,6 +147,7 @@ __all__ = [
     "local_plane",
     "meridian_convergence",
     "rotate_vectors",
+    "scale_error",
     "to_geographic",
     "to_plane",
 ]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -10,8 +11,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.support.display import distance_text
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.messages import shown_text
+from pareto_ltl.world import projection
 from pareto_ltl.world.altitude import sketch_at_altitude
 from pareto_ltl.world.cells import convex_pieces
 from pareto_ltl.world.scene import Scene
@@ -23,6 +26,10 @@ from pareto_ltl.world.shapes import outlines_of
 if TYPE_CHECKING:
     import shapely
 
+LOG = logging.getLogger(__name__)
+
+LARGE_ERROR, LARGEST_ERROR = 0.01, 0.05  # of lengths in the plane: a warning, and a refusal
+OUTSIDE = "the outside of the border"
 LEAST_SIDE, MOST_SIDE = 1e-3, 4.1e7  # of a map [m]; the Earth is 40,075 km round
 RESERVED_WORDS = frozenset(  # of the formula language, not allowed as names of regions
     ["true", "false", "not", "and", "or", "xor", "next", "eventually", "until", *"XFUMGRW"]
@@ -46,6 +53,7 @@ def checked_scene(sketch: SceneSketch, rules: DrawingRules | None = None) -> Sce
     if len(sketch.start) == 0:
         raise DataError(f"{sketch.where} has no start; add a Point with the property role: start")
     _check_size(sketch)
+    _check_distortion(sketch)
     for place in sketch.regions:
         _check_region_name(sketch, place.name)
     _check_windows(sketch)
@@ -87,8 +95,8 @@ def _drawn_map(sketch: SceneSketch, rules: DrawingRules) -> DrawnMap:
     solid = [(place.what, part) for place, shape in shapes for part in clipped_parts(sketch, shape)]
     if sketch.fence is not None and rules.walled:
         outside = clipped_parts(sketch, outside_of(sketch, sketch.fence))
-        solid += [("the outside of the border", part) for part in outside]
-    fenced = [pair for pair in solid if pair[0] == "the outside of the border"]
+        solid += [(OUTSIDE, part) for part in outside]
+    fenced = [pair for pair in solid if pair[0] == OUTSIDE]
     wide = [(place.what, part) for place, shape in shapes for part in _grown_parts(sketch, place, shape)]
     _check_start_free(sketch, [*wide, *fenced])
     _check_overlaps(sketch, {p.name: places[p.name] for p in sketch.regions if not p.solid}, solid)
@@ -230,6 +238,22 @@ def _check_size(sketch: SceneSketch) -> None:
         )
 
 
+def _check_distortion(sketch: SceneSketch) -> None:
+    """Refuse a map too large for its plane; where lengths are wrong by more than a per cent, say so."""
+    if sketch.crs is None:
+        return
+    error = projection.scale_error(sketch.crs, sketch.bounds)
+    sides = " x ".join(distance_text(float(side)) for side in sketch.bounds[1] - sketch.bounds[0])
+    told = f"the map is {sides}, and lengths in its plane are up to {100 * error:.1f} % wrong at its corners"
+    if error > LARGEST_ERROR:
+        raise DataError(
+            f"{sketch.where}: {told}; at most {100 * LARGEST_ERROR:g} % are allowed: plan on a smaller map "
+            "or in parts (if it should be small: are longitude and latitude swapped somewhere?)"
+        )
+    if error > LARGE_ERROR:
+        LOG.warning("%s: %s", sketch.where, told)
+
+
 def _check_region_name(sketch: SceneSketch, name: str) -> None:
     if not re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]*", name):
         better = re.sub(r"\W+", "_", name, flags=re.ASCII).strip("_") or "goal"
@@ -267,6 +291,10 @@ def _check_start_free(sketch: SceneSketch, obstacles: Sequence[tuple[str, Any]])
     start = shapely.Point(sketch.start)
     for what, polygon in obstacles:
         if polygon.contains(start) and polygon.boundary.distance(start) > sketch.tolerance:
+            if what == OUTSIDE:
+                raise DataError(
+                    f"{sketch.where}: the start {sketch.show(sketch.start)} lies outside the border"
+                )
             raise DataError(
                 f"{sketch.where}: the start {sketch.show(sketch.start)} lies inside {what}"
                 f"{_buffer_words(sketch, what)}; move either"
@@ -290,6 +318,11 @@ def _check_overlaps(
             common = shapely.intersection(polygon, places[hit])
             if common.area > sketch.tolerance * max(shapely.length(polygon), shapely.length(places[hit])):
                 at = shapely.get_coordinates(shapely.point_on_surface(common))[0]
+                if what == OUTSIDE:
+                    raise DataError(
+                        f"{sketch.where}: region {names[hit]!r} lies outside the border at "
+                        f"{sketch.show(at)}; move it, or widen the border"
+                    )
                 raise DataError(
                     f"{sketch.where}: {what} overlaps region {names[hit]!r} at {sketch.show(at)}; "
                     f"they may touch, not overlap: cut the obstacle out of the region, or move one"
