@@ -7,6 +7,7 @@ import json
 import os
 import pathlib
 import re
+import shlex
 import subprocess
 import sys
 
@@ -59,8 +60,53 @@ def test_the_map_of_the_examples_is_read():
     assert len(scene.obstacles) == 1
 
 
+def documented_command(folder):
+    """The words after ``pareto-ltl`` of the first command in the README of an example."""
+    text = (ROOT / "examples" / folder / "README.md").read_text()
+    command = re.search(r"^    (pareto-ltl (?:.*\\\n)*.*)$", text, re.MULTILINE)[1]
+    return shlex.split(command.replace("\\\n", " "))[1:]
+
+
 @pytest.mark.parametrize(
-    "document", ["README.md", "CONTRIBUTING.md", *(f"docs/{p.name}" for p in (ROOT / "docs").glob("*.md"))]
+    ("folder", "result"), [("coast_survey", "recommended/plan.json"), ("glider_current", "plan.json")]
+)
+def test_the_command_of_an_example_folder_makes_a_plan(folder, result, tmp_path, monkeypatch):
+    """In a small form: without coherent winds, and two starts."""
+    from pareto_ltl.cli.commands import run_command_line
+
+    monkeypatch.chdir(ROOT)
+    words = documented_command(folder)
+    small = [
+        "fidelity=paper",
+        "planner.epsilon=0.99",
+        "scene.border=wall",
+        "planner.trees=2",
+        "planner.n_max=2000",
+        "report=none",
+    ]
+    if words[0] == "departure":
+        words = [word for word in words if not word.startswith("departure.every")]
+        small += ["departure.starts=[2018-10-09T00:00:00Z,2018-10-09T06:00:00Z]", "departure.flights=100"]
+    assert run_command_line([*words, *small, f"hydra.run.dir={tmp_path}/run"]) == 0
+    plan = json.loads((tmp_path / "run" / result).read_text())
+    shown = {name for label in plan["label"] for name in label}
+    assert set(plan["atoms"]) <= shown
+
+
+def test_the_invented_current_is_what_its_script_writes(tmp_path):
+    folder = ROOT / "examples" / "glider_current"
+    (tmp_path / "make_current.py").write_text((folder / "make_current.py").read_text())
+    subprocess.run([sys.executable, str(tmp_path / "make_current.py")], check=True)
+    assert (tmp_path / "current.csv").read_bytes() == (folder / "current.csv").read_bytes()
+
+
+@pytest.mark.parametrize(
+    "document",
+    [
+        "README.md",
+        "CONTRIBUTING.md",
+        *(str(p.relative_to(ROOT)) for f in ("docs", "examples") for p in (ROOT / f).rglob("*.md")),
+    ],
 )
 def test_links_in_a_document_lead_somewhere(document):
     text = (ROOT / document).read_text(encoding="utf-8")

@@ -32,4 +32,6 @@ with Path(__file__).with_name("current.csv").open("w", newline="") as file:
         for lat in NORTH:
             for lon in EAST:
                 u, v = current(lon, lat, k * EVERY / timedelta(days=1))
-                table.writerow([f"{time:%Y-%m-%dT%H:%MZ}", f"{lat:.1f}", f"{lon:.1f}", f"{u:.3f}", f"{v:.3f}"])
+                table.writerow(
+                    [f"{time:%Y-%m-%dT%H:%MZ}", f"{lat:.1f}", f"{lon:.1f}", f"{u:.3f}", f"{v:.3f}"]
+                )

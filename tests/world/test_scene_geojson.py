@@ -276,9 +276,7 @@ def test_what_cannot_be_meant_is_refused_in_one_line(tmp_path, features, words):
 def test_lengths_that_the_plane_distorts_are_said_in_per_cent(tmp_path, caplog, half, said):
     frame = feature("border", [square(5.3, 60.3 if half < 20 else 45.0, half)])
     if said == "refused":
-        with pytest.raises(
-            DataError, match=r"lengths in its plane are up to \d+\.\d % wrong at its corners"
-        ):
+        with pytest.raises(DataError, match=r"lengths in its plane are up to \d+\.\d % wrong at its corners"):
             scene_of(tmp_path, START, GOAL, frame)
         return
     scene_of(tmp_path, START, GOAL, frame)
