@@ -7,6 +7,7 @@ import io
 import json
 import shutil
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,7 @@ from playwright.sync_api import Browser, Page, sync_playwright
 
 import pareto_ltl
 from pareto_ltl.run.results import Results
+from pareto_ltl.support.errors import InfeasibleError
 
 CHROMIUM = shutil.which("chromium")
 FLAGS = (
@@ -241,3 +243,53 @@ def test_downloads_say_what_the_exported_files_say(opened: Opened, page_result: 
     roles = [feature["properties"]["role"] for feature in features]
     assert sorted(roles) == sorted(feature["properties"]["role"] for feature in told)
     assert "<coordinates>" in downloaded(opened, "plan.kml")
+
+
+# --- other results ----------------------------------------------------------------------------
+
+PLANAR = {
+    "bounds": [[0, 0], [1e6, 1e6]],
+    "start": [1e5, 1e5],
+    "regions": {"a": [[4e5, 4e5], [7e5, 4e5], [5e5, 7e5]]},
+    "obstacles": [[[2e5, 3e5], [3e5, 3e5], [3e5, 9e5], [2e5, 9e5]]],
+}
+WALL = {"obstacles": [[[0, 3e5], [1e6, 3e5], [1e6, 3.5e5], [0, 3.5e5]]]}
+FEW = {"planner": {"trees": 1, "n_max": 400}, "deployment": {"runs": 5}, "wind": "calm"}
+
+
+@pytest.mark.parametrize(
+    ("scene", "fidelity"), [(PLANAR, "full"), (PLANAR, "paper"), (PLANAR | WALL, "full")],
+    ids=["without a place on Earth", "judged by a bound", "without a plan"],
+)  # fmt: skip
+def test_results_with_less_have_pages_without_faults(
+    scene: dict[str, Any], fidelity: str, browser: Browser, tmp_path: Path
+) -> None:
+    with suppress(InfeasibleError):
+        pareto_ltl.plan(
+            scene, "F a", out=tmp_path / "run", fidelity=fidelity, report={"figures": False}, **FEW
+        )
+    context = browser.new_context(viewport={"width": PHONE[0], "height": PHONE[1]})
+    shown = Opened(context.new_page())
+    shown.page.on("console", lambda message: shown.said.append(message.text))
+    shown.page.on("pageerror", lambda error: shown.said.append(str(error)))
+    shown.page.goto((tmp_path / "run" / "report.html").as_uri())
+    shown.page.wait_for_selector("html[data-ready=map]")
+    for part in shown.value("Object.keys(LATER).filter(id => byId(id))"):
+        shown.page.locator(f"#{part}").scroll_into_view_if_needed()
+        shown.wait(f"drawn.has('{part}')")
+    shown.page.locator("#time").press("End") if shown.page.locator("#time").is_enabled() else None
+    assert shown.page.locator("#files a").count() == 0
+    assert shown.page.locator("h1").text_content() == "Reach a"
+    assert (shown.page.locator("[role=alert]").count() == 1) == (scene is not PLANAR)
+    assert shown.value("document.documentElement.scrollWidth <= innerWidth")
+    assert shown.said == []
+    context.close()
+
+
+def test_a_printed_page_has_all_charts(browser: Browser, page_result: Path) -> None:
+    page = browser.new_page(viewport={"width": DESK[0], "height": DESK[1]})
+    page.goto((page_result / "report.html").as_uri())
+    page.wait_for_selector("html[data-ready=map]")
+    assert page.pdf().startswith(b"%PDF")
+    assert page.evaluate("Object.keys(LATER).every(id => drawn.has(id))")
+    page.close()

@@ -57,14 +57,19 @@ function duration(seconds) {
     : seconds >= 120 ? `${minutes} min` : `${seconds.toFixed(0)} s`;
 }
 
-/** The time of a step: UTC where the map names a departure, else since departure. */
-function clockText(way, step) {
-  return way.utc ? `${way.utc[step].slice(0, 10)} ${way.utc[step].slice(11, 16)} UTC` : `${duration(way.t[step])} after departure`;
+/** A time [s after departure]: UTC where the map names a departure. */
+function timeText(seconds) {
+  if (PAGE.timeZero === null) return `${duration(seconds)} after departure`;
+  const utc = new Date(Date.parse(PAGE.timeZero) + 1000 * seconds).toISOString();
+  return `${utc.slice(0, 10)} ${utc.slice(11, 16)} UTC`;
 }
 
-/** The unit that times of charts have: hours, or minutes for short flights. */
+const clockText = (way, step) => timeText(way.t[step]);
+
+/** The unit that times of charts have: the largest of which a flight takes two or more. */
 function timeUnit(way) {
-  return way.t[way.t.length - 1] >= 7200 ? { name: "hours", seconds: 3600 } : { name: "minutes", seconds: 60 };
+  const units = [{ name: "hours", seconds: 3600 }, { name: "minutes", seconds: 60 }, { name: "seconds", seconds: 1 }];
+  return units.find(unit => way.t[way.t.length - 1] >= 2 * unit.seconds) ?? units[2];
 }
 
 /** What a failure of a point is, with its interval and its law. */

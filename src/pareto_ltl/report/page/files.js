@@ -109,7 +109,7 @@ function listFiles() {
   fileAddresses = [];
   const way = path(), place = byId("files");
   byId("files-point").textContent = shown.point === PAGE.chosen ? `the chosen plan (point ${shown.point})` : `point ${shown.point}`;
-  byId("export-command").textContent = `pareto-ltl export DIR --point ${shown.point}`;
+  if (PAGE.onEarth) byId("export-command").textContent = `pareto-ltl export DIR --point ${shown.point}`;
   place.replaceChildren();
   if (!way || !way.log) {
     byId("files-note").textContent = PAGE.onEarth ? "The page has no room for this path: the command below writes its files." : "The map has no place on Earth, so that nothing can be exported.";

@@ -63,6 +63,10 @@ def shown_map(scene: Scene) -> dict[str, Any]:
         "obstacles": [outline(c) for c in scene.obstacles],
         "landmarks": [outline(c) for c in scene.landmarks],
         "walled": scene.walled,
+        "windows": [
+            {"name": name, "forbidden": name in scene.forbidden, "told": str(window)} | window.as_dict()
+            for name, window in scene.windows.items()
+        ],
         "unit": "km" if large else "m",
         "perMetre": 1e-3 if large else 1.0,
     }

@@ -46,7 +46,7 @@ function showStep(step) {
 /** The time and the state of the flight in words. */
 function showMoment() {
   const way = path(), seconds = way ? way.t[shown.step] : PAGE.wind.t[shown.step] ?? 0;
-  byId("clock").textContent = way ? clockText(way, shown.step) : `${duration(seconds)} after departure`;
+  byId("clock").textContent = timeText(seconds);
   byId("time").setAttribute("aria-valuetext", byId("clock").textContent);
   if (way) byId("moment").textContent = momentText(way);
   markMachine();
@@ -125,13 +125,21 @@ function mapNote() {
   const told = [];
   if (PAGE.flights) told.push(`${PAGE.flights.x.length} of ${PAGE.flights.runs.toLocaleString("en")} simulated flights of the chosen plan are drawn, as they come, under ${PAGE.flights.law} winds; those that have failed are dashed and dark red, with a cross.`);
   if (PAGE.law && path()) told.push(`Ellipses hold 95 % of positions at a time under ${PAGE.law} winds.`);
-  told.push(`Wind at ${PAGE.wind.level}; the longest arrow is ${fastest.toFixed(1)} m/s.`, PAGE.map.walled ? "The border is a wall: leaving the map is a failure." : "The border is open.");
+  told.push(fastest ? `Wind at ${PAGE.wind.level}; the longest arrow is ${fastest.toFixed(1)} m/s.` : "Calm air.", PAGE.map.walled ? "The border is a wall: leaving the map is a failure." : "The border is open.");
+  for (const { name, forbidden, told: when } of PAGE.map.windows) told.push(`${forbidden ? "Forbidden" : `${name} holds`} ${when}.`);
+  if (PAGE.map.windows.some(w => w.forbidden)) told.push("What is forbidden at the time of the slider is dark, with a dashed outline.");
+  if (PAGE.trees.length) told.push("Grey lines: the oldest branches of the search trees, as far as they came.");
   byId("map-note").textContent = told.join(" ");
 }
 
 function hideUseless() {
   if (!PAGE.flights) for (const part of [byId("flights-label"), ...document.querySelectorAll(".flight-key")]) part.remove();
-  if (!path()) for (const sign of [".end", ".way", ".robot"]) document.querySelector(`.key${sign}`).parentElement.remove();
+  if (!path()) {
+    for (const sign of [".end", ".way", ".robot"]) document.querySelector(`.key${sign}`).parentElement.remove();
+    byId("show-ellipses").parentElement.remove();
+    byId("moment").remove();
+  }
+  if (!PAGE.onEarth) byId("export-command")?.parentElement.remove();
   if (!PAGE.map.landmarks.length) byId("landmark-key").remove();
   if (!PAGE.map.obstacles.length) document.querySelector(".key.obstacle").parentElement.remove();
   if (Object.keys(PAGE.paths).length < 2) byId("others-label").remove();

@@ -1,6 +1,6 @@
 // The map: what stands still, then what the time slider moves. Traces have fixed places in the list TRACES.
 
-const TRACES = ["doubt", "wind", "obstacles", "landmarks", "regions", "trees", "others", "ellipses", "tails", "lost",
+const TRACES = ["doubt", "wind", "obstacles", "landmarks", "regions", "closed", "trees", "others", "ellipses", "tails", "lost",
   "path", "ends", "heads", "lostHeads", "spread", "robot", "names"];
 const traceNumber = name => TRACES.indexOf(name);
 const ticked = id => byId(id)?.checked ?? false;
@@ -101,7 +101,7 @@ function centre(corners) {
 /** Traces of the path that is shown. */
 function pathTraces() {
   const way = path();
-  if (!way) return { path: {}, ellipses: {}, ends: {}, others: {} };
+  if (!way) return { path: {}, ellipses: {}, ends: joined([[PAGE.map.start]]), others: {} };
   const stride = Math.max(1, Math.ceil((way.x.length - 1) / 14)), rings = { x: [], y: [] };
   for (let k = way.x.length - 1; k > 0; k -= stride) {
     const ring = ellipse(way.x[k], way.cov[k]);
@@ -129,6 +129,13 @@ function stepText(way, k) {
   return told.join("<br>");
 }
 
+/** Regions that must not be met at time t: obstacles that stand for a time. */
+function closedRegions(t) {
+  const parts = new Map(PAGE.map.regions.map(region => [region.name, region.parts]));
+  const now = PAGE.map.windows.filter(w => w.forbidden && (w.begin === null || w.begin <= t) && (w.end === null || t <= w.end));
+  return joined(now.flatMap(w => parts.get(w.region) ?? []).map(closed));
+}
+
 /** Whether the simulated flights belong to the point that is shown. */
 const hasFlights = () => PAGE.flights !== null && shown.point === PAGE.chosen;
 
@@ -138,7 +145,7 @@ function momentTraces() {
   const found = {
     doubt: { z: doubtRows(t), visible: ticked("show-doubt") },
     wind: { ...windArrows(t), visible: ticked("show-wind") },
-    robot: { x: [], y: [] }, spread: { x: [], y: [] }, ...flightTraces(),
+    closed: closedRegions(t), robot: { x: [], y: [] }, spread: { x: [], y: [] }, ...flightTraces(),
   };
   if (way) {
     found.robot = joined([[way.x[shown.step]]]);
@@ -163,6 +170,7 @@ function flightTraces() {
 const MAP_STYLE = {
   doubt: { type: "heatmap", colorscale: [[0, "#fbfbf4"], [0.5, "#ead9a4"], [1, "#c99b3f"]], zsmooth: "best", hovertemplate: "sd of the wind %{z:.1f} m/s<extra></extra>",
     colorbar: { orientation: "h", thickness: 9, len: 0.7, x: 0, xanchor: "left", yref: "container", y: 0.005, yanchor: "bottom", title: { text: "doubt of the wind: sd of a component [m/s]", side: "bottom", font: { size: 11 } }, tickfont: { size: 11 }, outlinewidth: 0 } },
+  closed: { mode: "lines", line: { color: COLOURS.failed, width: 2, dash: "dash" }, fill: "toself", fillcolor: "rgba(70,70,70,0.55)", hoverinfo: "skip" },
   wind: { mode: "lines", line: { color: COLOURS.wind, width: 1.3 }, hoverinfo: "skip" },
   others: { mode: "lines", line: { color: COLOURS.stone, width: 1, dash: "dot" }, hoverinfo: "skip" },
   ellipses: { mode: "lines", line: { color: COLOURS.ink, width: 0.8 }, fill: "toself", fillcolor: "rgba(50,50,50,0.07)", hoverinfo: "skip" },
