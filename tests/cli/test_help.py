@@ -69,7 +69,7 @@ def test_the_complete_help_names_every_choice_and_every_setting(
         assert f"\n  {group}: {', '.join(choices(group))}\n" in text
     assert "\n  seed=0 " in text
     flat = " ".join(text.split())
-    for section in (Settings(), *vars(Settings()).values(), Settings().scene.random):
+    for section in (Settings(), *vars(Settings()).values(), Settings().scene.random, Settings().robot.power):
         for item, declared in declarations(section) if hasattr(section, "section") else ():
             assert f"\n  {section.section}.{item.name}=".replace("  .", "  ") in text
             unit = f" [{declared.unit}]" if declared.unit else ""

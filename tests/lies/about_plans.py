@@ -108,6 +108,20 @@ PLAN_LIES = (
     Lie("R is zero", recosted("collision_risk", 0.0), ("plan: collision bound R",)),
     Lie("R is doubled", recosted("collision_risk", 2.0), ("plan: collision bound R",)),
     Lie("the length is shorter", recosted("length", 0.999), ("plan: length",)),
+    Lie("the energy is less", recosted("energy", 0.99), ("plan: energy", "front: paths")),
+    Lie("the battery is larger", in_plan(lambda p: p.update(capacity=3e8)), ("plan: energy",)),
+    Lie(
+        "the battery is larger everywhere",
+        both(
+            in_plan(lambda p: p.update(capacity=3.6e8)),
+            setting(
+                "robot",
+                "power",
+                {"kind": "wing", "base": 50.0, "drag": 0.02, "lift": 1000.0, "capacity": 100_000.0},
+            ),
+        ),
+        ("run: fingerprint of the settings", "plan: metrics"),
+    ),
     Lie("dt of the plan is another", in_plan(_slow_clock), ("plan: settings it names", "plan: times")),
     Lie(
         "dt is another everywhere",

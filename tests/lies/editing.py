@@ -24,6 +24,7 @@ COSTS = {
     "mission_risk_paper": "mission_risk_paper",
     "mission_risk_ordered": "mission_risk_ordered",
     "collision_risk": "collision_risk",
+    "energy": "energy_j",
 }
 
 

@@ -189,14 +189,19 @@ def test_flights_double_from_look_to_look():
 def test_a_path_is_dropped_where_a_shorter_one_is_safer_beyond_chance():
     """13 more failures and none fewer: a chance of 2^-13 = 1.2e-4. 14: 0.6e-4, below 1e-4."""
     failed = np.arange(500) < np.array([20, 33, 34, 400])[:, None]
-    assert certainly_beaten(failed, np.array([1.0, 2.0, 3.0, 0.5])).tolist() == [False, False, True, False]
+    assert certainly_beaten(failed, np.array([[1.0], [2.0], [3.0], [0.5]])).tolist() == [
+        False,
+        False,
+        True,
+        False,
+    ]
 
 
 @settings(deadline=None, max_examples=40)
 @given(st.lists(st.tuples(st.integers(0, 30), st.integers(0, 30)), min_size=1, max_size=90))
 def test_of_a_crowd_the_front_stays_and_nothing_that_is_behind_what_goes(table):
     rows = np.array(table, float)
-    stays = outermost(rows[:, 0], rows[:, 1])
+    stays = outermost(rows[:, 0], rows[:, 1:])
     beaten = [any((o <= r).all() and (o < r).any() for o in rows) for r in rows]
     assert all(stays[k] for k in range(len(rows)) if not beaten[k])
     assert stays.sum() <= max(judging.CROWD, len(rows) - sum(beaten))
@@ -213,7 +218,7 @@ def test_equally_safe_paths_seldom_drop_each_other():
     for _ in range(2000):
         failed = rng.random((2, 2000)) < 0.1
         dropped += any(
-            certainly_beaten(failed[:, :n], np.array([1.0, 2.0])).any() for n in (250, 500, 1000, 2000)
+            certainly_beaten(failed[:, :n], np.array([[1.0], [2.0]])).any() for n in (250, 500, 1000, 2000)
         )
     assert dropped <= 8  # expected at most 0.8: more than 8 by chance in less than one of 1e6
 

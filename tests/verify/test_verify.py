@@ -27,7 +27,11 @@ from pareto_ltl.wind.readings import seconds
 from pareto_ltl.wind.sources import SAMPLE_FILE
 
 SMALL = {
-    "robot": {"dt": 1800.0, "u_min": 12.0},
+    "robot": {
+        "dt": 1800.0,
+        "u_min": 12.0,
+        "power": {"kind": "wing", "base": 50.0, "drag": 0.02, "lift": 1000.0, "capacity": 50_000.0},
+    },
     "planner": {"trees": 2, "n_max": 3000, "max_steps": 80},
     "smoothing": {"candidates": 1, "weights": [10.0, 100.0]},
     "selection": {"draws": 200, "runs": 1000},

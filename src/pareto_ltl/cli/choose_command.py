@@ -36,6 +36,9 @@ def _choose_arguments(argv: Sequence[str]) -> int:
         "--failure", metavar="P", help="the shortest path that fails at most so often: 0.02 or 2%%"
     )
     wanted.add_argument(
+        "--energy", metavar="P", help="the least energy of the paths that fail at most so often: 0.02 or 2%%"
+    )
+    wanted.add_argument(
         "--length", metavar="L", help="the safest path that is no longer: 1900km, 1.9e6 (m), 1020nmi"
     )
     wanted.add_argument(
@@ -57,6 +60,7 @@ def _choose(options: argparse.Namespace, argv: Sequence[str]) -> int:
 
     choice = Choice(
         failure=None if options.failure is None else read_share(options.failure),
+        energy=None if options.energy is None else read_share(options.energy, "--energy"),
         length=None if options.length is None else read_length(options.length),
         knee=options.knee,
         point=None if options.point is None else read_number(options.point),
@@ -69,13 +73,13 @@ def _choose(options: argparse.Namespace, argv: Sequence[str]) -> int:
     return 0
 
 
-def read_share(text: str) -> float:
+def read_share(text: str, flag: str = "--failure") -> float:
     """A probability from ``0.02`` or ``2%``; ConfigError for anything else."""
     match = SHARE.fullmatch(text.strip())
     value = float(match[1]) / (100.0 if match[2] else 1.0) if match else -1.0
     if not 0.0 < value < 1.0:
         raise ConfigError(
-            f"--failure must be a probability between 0 and 1, e.g. 0.02 or 2%, got {shown_value(text)}"
+            f"{flag} must be a probability between 0 and 1, e.g. 0.02 or 2%, got {shown_value(text)}"
         )
     return value
 

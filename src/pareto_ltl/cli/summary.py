@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pareto_ltl.settings import Settings
-from pareto_ltl.support.display import probability_text, rate_text
+from pareto_ltl.support.display import energy_text, probability_text, rate_text
 from pareto_ltl.support.schemas import read_document
 
 if TYPE_CHECKING:
@@ -70,6 +70,11 @@ def _plan_rows(metrics: Mapping[str, float], law: str) -> Iterator[tuple[str, st
     yield "length", f"{metrics['length_m'] / 1e3:,.1f} km"
     steps = f" in steps of {metrics['dt_s']:,.6g} s" if "dt_s" in metrics else ""
     yield "flight time", f"{metrics['duration_s'] / 3600:,.2f} h{steps}"
+    if "energy_j" in metrics:
+        share = (
+            f", {100 * metrics['energy_share']:.0f} % of the capacity" if "energy_share" in metrics else ""
+        )
+        yield "energy", energy_text(metrics["energy_j"]) + share
     if "promise_failure" in metrics:
         yield from _promise_rows(metrics, law)
     yield "mission risk f_o (paper), independent winds", probability_text(metrics["mission_risk_paper"])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 from numpy.random import SeedSequence
@@ -107,8 +108,10 @@ def exported_plan(
 
 
 def height_of(level: str) -> Height:
-    """The height of a wind level; of a pressure that in the standard atmosphere (ISO 2533, troposphere)."""
+    """The height of a wind level; of a pressure that in the standard atmosphere (ISO 2533, up to 20 km)."""
     found = parse_level(level)
+    if found.kind == PRESSURE and found.value < 22_632.0:  # the lower stratosphere, at 216.65 K throughout
+        return Height(11_000.0 + 6_341.6 * math.log(22_632.0 / found.value), above_sea=True)
     if found.kind == PRESSURE:
         return Height(44_330.77 * (1.0 - (found.value / 101_325.0) ** 0.190_263), above_sea=True)
     return Height(-found.value if found.kind == DEPTH else found.value, above_sea=False)

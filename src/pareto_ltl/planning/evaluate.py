@@ -235,6 +235,7 @@ def _objectives(problem: Problem, flight: Flight, cell: IntArray, collision: flo
         collision_risk=collision,
         mission_risk_paper=paper,
         mission_risk_ordered=ordered,
+        energy=None if problem.energy is None else problem.energy.of(flight.u, problem.motion.dt),
     )
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from pareto_ltl.kernels import data as kd
 from pareto_ltl.logic.automaton import Automaton
 from pareto_ltl.planning.pack_logic import pack_corners, pack_logic, pack_ordered
+from pareto_ltl.planning.power import energy_model
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.settings import PAPER, FidelityConfig, PlannerConfig, RobotConfig, WindConfig
 from pareto_ltl.support.arrays import FloatArray, IntArray
@@ -277,6 +278,7 @@ def build_problem(
         epsilon=epsilon,
         max_steps=planner.max_steps,
         wind_ends=wind.ends,
+        energy=energy_model(robot.power),
     )
 
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from pareto_ltl.kernels import data as kd
 from pareto_ltl.logic.automaton import Automaton
+from pareto_ltl.planning.power import EnergyModel
 from pareto_ltl.settings import FidelityConfig
 from pareto_ltl.support.arrays import FloatArray, IntArray
 from pareto_ltl.world.cells import Decomposition
@@ -35,6 +36,8 @@ class Problem:
         Collision probability allowed at a step (Eq. 4).
     max_steps : int
         Longest path.
+    energy : EnergyModel or None
+        What the energy of a path follows from, for a robot with a power curve.
     wind_ends : str
         Why the wind is not known for longer, for messages.
     """
@@ -52,6 +55,7 @@ class Problem:
     epsilon: float
     max_steps: int
     wind_ends: str = ""
+    energy: EnergyModel | None = None
 
     @property
     def atoms(self) -> tuple[str, ...]:

@@ -12,6 +12,7 @@ from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 from pareto_ltl.support.display import (
     Displayed,
     distance_text,
+    energy_text,
     interval_text,
     probability_text,
     rate_text,
@@ -104,6 +105,7 @@ class Objectives:
     ``mission_risk`` is what a plan is judged by: the bound that ``fidelity.mission_bound`` names.
     ``collision_risk`` is R. For the record stand beside it ``mission_risk_paper``, the f_o of Theorem 2 with
     the paper's covariance, and ``mission_risk_ordered``, the ordered bound V.
+    ``energy`` [J] is that of a robot with a power curve, else None; all paths of a front have it, or none.
     """
 
     length: float
@@ -111,11 +113,17 @@ class Objectives:
     mission_risk: float
     collision_risk: float
     mission_risk_ordered: float
+    energy: float | None = None
+
+    @property
+    def costs(self) -> tuple[float, ...]:
+        """What a path costs beside its risks: length [m] and, with a power curve, energy [J]."""
+        return (self.length,) if self.energy is None else (self.length, self.energy)
 
 
 def objective_row(o: Objectives) -> FloatArray:
-    """(mission risk, collision risk, length), what paths are compared by."""
-    return np.array([o.mission_risk, o.collision_risk, o.length])
+    """(mission risk, collision risk, length and, where it is known, energy), what paths are compared by."""
+    return np.array([o.mission_risk, o.collision_risk, *o.costs])
 
 
 @dataclass(frozen=True, slots=True)
@@ -208,7 +216,8 @@ class Front(Displayed):
     """Non-dominated paths.
 
     With ``fidelity.judge=bound`` they are compared by (mission risk, collision risk, length) and sorted by
-    mission risk; with ``flights`` by (failure rate, length) and sorted by failure rate.
+    mission risk; with ``flights`` by (failure rate, length) and sorted by failure rate. Energy is one more
+    objective where the robot has a power curve.
 
     Attributes
     ----------
@@ -216,8 +225,8 @@ class Front(Displayed):
         The front before refinement, for the record of what refinement brought.
     hypervolume : float
         Share of the box between 0 and ``reference`` that the front dominates.
-    reference : (3,) or (2,) float
-        Upper corner of that box: 1 for each probability, then a length [m].
+    reference : (2,) to (4,) float
+        Upper corner of that box: 1 for each probability, then length [m] and, where it is known, energy [J].
     rates, raw_rates : tuple of FailureRate
         With ``flights``: the rate of each path and of each of ``raw``.
     failed : (P, n) bool
@@ -297,6 +306,8 @@ class Plan(Displayed):
         The other setting that the rule read, if any, e.g. ``{"alpha": 0.02}``.
     promise : Promise or None
         With ``fidelity.judge=flights``.
+    capacity : float or None
+        Energy that the robot can use [J]; None where it is not known.
     covered, not_covered : str
         What the probabilities cover of the wind's error, in words, and what not.
     """
@@ -316,6 +327,7 @@ class Plan(Displayed):
     covered: str = ""
     not_covered: str = ""
     u_min: float = 0.0
+    capacity: float | None = None
 
     def __post_init__(self) -> None:
         models_of(self.fidelity)
@@ -332,6 +344,7 @@ class Plan(Displayed):
             "formula": self.formula,
             "length": distance_text(o.length),
             "steps": f"{len(self.path.u)}",
+            **({} if o.energy is None else {"energy": energy_text(o.energy)}),
             **promised,
             f"mission risk {models.mission_symbol} in {models.law} winds": probability_text(o.mission_risk),
             f"collision risk R in {models.law} winds": probability_text(o.collision_risk),

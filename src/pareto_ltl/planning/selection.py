@@ -177,6 +177,6 @@ def build_front(
     rows = np.array([objective_row(p.objectives) for p in paths])
     kept = [p for p, keep in zip(paths, non_dominated(rows), strict=True) if keep]
     kept.sort(key=lambda p: tuple(objective_row(p.objectives)))
-    reference = np.array([1.0, 1.0, 2.0 * rows[:, 2].max()])
+    reference = np.array([1.0, 1.0, *(2.0 * rows[:, 2:].max(axis=0))])
     volume = hypervolume(np.array([objective_row(p.objectives) for p in kept]), reference)
     return Front(tuple(kept), tuple(p.objectives for p in raw), volume, reference, models=models)

@@ -7,19 +7,23 @@ its collision risk, which bound it.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import logging
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
+from pareto_ltl.planning.power import EnergyModel
 from pareto_ltl.planning.records import Front, PlannedPath, objective_row
 from pareto_ltl.planning.selection import chance_of_failures
 from pareto_ltl.settings import SelectionConfig
 from pareto_ltl.support import extensions
-from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.support.display import distance_text, probability_text, round_up
-from pareto_ltl.support.errors import InfeasibleError
+from pareto_ltl.support.arrays import FloatArray, IntArray
+from pareto_ltl.support.display import distance_text, energy_text, probability_text, round_up
+from pareto_ltl.support.errors import ConfigError, InfeasibleError
 from pareto_ltl.support.extensions import known_kind
 
+LOG = logging.getLogger(__name__)
 WORSE = 0.025  # chance of so many more failures below which a path is not as safe as another
 SelectionRule = Callable[[SelectionConfig, Front], int]
 
@@ -54,14 +58,16 @@ def by_priority(cfg: SelectionConfig, front: Front) -> int:
 def by_weights(cfg: SelectionConfig, front: Front) -> int:
     """The least g_w(ξ, λ) = Σ_j λ_j f_j, with length in units of the shortest path of the front.
 
+    A fourth weight is that of energy, in units of the least of the front.
     Where flights judge, the failure rate stands for both risks and has the sum of their weights.
     """
     rows = _objective_rows(front)
     weights = np.array(cfg.weights) / sum(cfg.weights)
-    length = rows[:, 2] / (rows[:, 2].min() or 1.0)
+    least = rows[:, 2:].min(axis=0)
+    costs = (rows[:, 2:] / np.where(least > 0.0, least, 1.0))[:, : len(weights) - 2]
     if front.rates:
-        return int(np.argmin((weights[0] + weights[1]) * _risks(front) + weights[2] * length))
-    return int(np.argmin(np.column_stack([rows[:, :2], length]) @ weights))
+        return int(np.argmin((weights[0] + weights[1]) * _risks(front) + costs @ weights[2:]))
+    return int(np.argmin(np.column_stack([rows[:, :2], costs]) @ weights))
 
 
 def by_threshold(cfg: SelectionConfig, front: Front) -> int:
@@ -72,6 +78,31 @@ def by_threshold(cfg: SelectionConfig, front: Front) -> int:
     InfeasibleError
         If no path is safe enough; the text gives the least risk there is.
     """
+    safe = _safe_paths(cfg, front)
+    return int(safe[np.argmin(_lengths(front)[safe])])
+
+
+def by_energy(cfg: SelectionConfig, front: Front) -> int:
+    """The least energy of the paths whose risk is at most ``cfg.alpha``: of a failure rate, its upper limit.
+
+    Raises
+    ------
+    ConfigError
+        If the robot has no power curve.
+    InfeasibleError
+        If no path is safe enough; the text gives the least risk there is.
+    """
+    energies = [path.objectives.energy for path in front.paths]
+    if any(energy is None for energy in energies):
+        raise ConfigError(
+            "selection.rule=energy needs the power curve of the robot: set robot.power.kind and plan again"
+        )
+    safe = _safe_paths(cfg, front)
+    return int(safe[np.lexsort((_lengths(front)[safe], np.array(energies, float)[safe]))[0]])
+
+
+def _safe_paths(cfg: SelectionConfig, front: Front) -> IntArray:
+    """Numbers of the paths whose risk is at most ``cfg.alpha``; InfeasibleError where there is none."""
     limits = np.array([rate.high for rate in front.rates]) if front.rates else _risks(front)
     safe = np.flatnonzero(limits <= cfg.alpha)
     if len(safe) == 0:
@@ -81,7 +112,7 @@ def by_threshold(cfg: SelectionConfig, front: Front) -> int:
             f"{'upper end' if front.rates else 'risk'} is {probability_text(limits.min())}: "
             f"{_alpha_advice(float(limits.min()))}{advice}, or raise planner.n_max"
         )
-    return int(safe[np.argmin(_lengths(front)[safe])])
+    return np.asarray(safe, np.int64)
 
 
 def _risk_name(front: Front) -> str:
@@ -161,7 +192,7 @@ def _lengths(front: Front) -> FloatArray:
 
 
 def _objective_rows(front: Front) -> FloatArray:
-    """(mission risk, collision risk, length) of every path, shape (P, 3)."""
+    """(mission risk, collision risk, length and, where it is known, energy) of every path, (P, 3 or 4)."""
     return np.array([objective_row(path.objectives) for path in front.paths])
 
 
@@ -169,8 +200,52 @@ RULE_FUNCTIONS: dict[str, SelectionRule] = {
     "priority": by_priority,
     "weighted": by_weights,
     "threshold": by_threshold,
+    "energy": by_energy,
     "knee": by_knee,
     "length": by_length,
     "point": by_number,
 }
 NAMES_ONE = ("point",)  # rules that name one path: there is no next choice
+LIMITED = ("threshold", "energy")  # rules whose plan keeps to alpha
+
+
+# --- what the battery holds ---------------------------------------------------------------------
+
+
+def within_capacity(cfg: SelectionConfig, front: Front, model: EnergyModel | None) -> Front:
+    """``front`` without the paths that need more energy than the robot has; a rule that names one keeps all.
+
+    Raises
+    ------
+    InfeasibleError
+        If every path needs more.
+    """
+    if model is None or model.capacity is None:
+        return front
+    energies = np.array([path.objectives.energy for path in front.paths], float)
+    kept = np.flatnonzero(energies <= model.capacity)
+    if cfg.rule in NAMES_ONE:
+        if len(kept) < len(energies):
+            LOG.warning(
+                "%d of %d paths of the front need more than robot.power.capacity = %s; selection.rule=%s "
+                "names its path all the same",
+                len(energies) - len(kept), len(energies), energy_text(model.capacity), cfg.rule,
+            )  # fmt: skip
+        return front
+    if len(kept) == 0:
+        raise InfeasibleError(
+            f"every path of the front needs more than robot.power.capacity = {energy_text(model.capacity)}; "
+            f"the least is {energy_text(energies.min())}: raise robot.power.capacity, lower robot.u_max "
+            "towards the airspeed of the least power a metre, or shorten the mission"
+        )
+    return front if len(kept) == len(energies) else front_of(front, kept.tolist())
+
+
+def front_of(front: Front, kept: Sequence[int]) -> Front:
+    """The front with the paths of the numbers ``kept`` alone."""
+    return replace(
+        front,
+        paths=tuple(front.paths[k] for k in kept),
+        rates=tuple(front.rates[k] for k in kept) if front.rates else (),
+        failed=front.failed[list(kept)] if front.rates else front.failed,
+    )

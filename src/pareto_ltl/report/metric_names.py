@@ -7,6 +7,8 @@ from pareto_ltl.settings import LAWS
 METRIC_LABELS = {
     "length_m": "length of the path [km]",
     "duration_s": "flight time [h]",
+    "energy_j": "energy [MJ]",
+    "energy_share": "energy, share of robot.power.capacity",
     "mission_risk_paper": "mission risk f_o of the paper, independent winds",
     "mission_risk": "mission risk that judges the plan, winds of fidelity.law",
     "mission_risk_ordered": "mission risk V, winds of fidelity.law",

@@ -47,6 +47,8 @@ class Choice:
     ----------
     failure : float or None
         The shortest path that fails at most so often: upper end of its rate.
+    energy : float or None
+        The path of the least energy that fails at most so often.
     length : float or None
         The safest path that is no longer [m].
     knee : bool
@@ -59,11 +61,12 @@ class Choice:
     length: float | None = None
     knee: bool = False
     point: int | None = None
+    energy: float | None = None
 
     def __post_init__(self) -> None:
-        given = [self.failure is not None, self.length is not None, self.knee, self.point is not None]
-        if sum(given) != 1:
-            raise ConfigError("give one of failure, length, knee and point")
+        values = (self.failure, self.length, self.point, self.energy)
+        if sum(value is not None for value in values) + self.knee != 1:
+            raise ConfigError("give one of failure, energy, length, knee and point")
         if self.point is not None and self.point < 0:
             raise ConfigError(f"point must be the number of a path, 0 or more, got {self.point}")
 
@@ -71,6 +74,8 @@ class Choice:
         """``cfg`` with the rule that finds it; ConfigError for a value out of range."""
         if self.failure is not None:
             return replace(cfg, rule="threshold", alpha=self.failure)
+        if self.energy is not None:
+            return replace(cfg, rule="energy", alpha=self.energy)
         if self.length is not None:
             return replace(cfg, rule="length", length=self.length)
         if self.point is not None:
@@ -82,6 +87,8 @@ class Choice:
         """The choice as part of the name of a folder: ``failure_0.02``, ``length_1900km``, ``point_3``."""
         if self.failure is not None:
             return f"failure_{self.failure:g}"
+        if self.energy is not None:
+            return f"energy_{self.energy:g}"
         if self.length is not None:
             return f"length_{self.length / 1e3:.10g}km"
         return "knee" if self.point is None else f"point_{self.point}"
@@ -102,10 +109,15 @@ def require_choice(choice: Choice, front: Front, where: str) -> None:
     limits = [rate.high for rate in front.rates] or [
         path.objectives.mission_risk + path.objectives.collision_risk for path in front.paths
     ]
-    if choice.failure is not None and choice.failure < min(limits):
+    if choice.energy is not None and front.paths[0].objectives.energy is None:
+        raise ConfigError(
+            f"{where}: it tells no energy; plan with a robot that has a power curve, e.g. robot=fixed_wing"
+        )
+    wanted = choice.failure if choice.energy is None else choice.energy
+    if wanted is not None and wanted < min(limits):
         named = "upper end of 95 %" if front.rates else f"bound {front.models.mission_symbol} + R"
         raise InfeasibleError(
-            f"{where}: no path fails at most {probability_text(choice.failure)} in {front.models.law} winds "
+            f"{where}: no path fails at most {probability_text(wanted)} in {front.models.law} winds "
             f"({named}); the safest of the front, point {limits.index(min(limits))}, has "
             f"{probability_text(min(limits))}: ask for {round_up(min(limits)):g} or more"
         )

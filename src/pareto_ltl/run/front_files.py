@@ -43,6 +43,7 @@ OBJECTIVE_COLUMNS = {
     "length_m": "length", "mission_risk": "mission_risk", "collision_risk": "collision_risk",
     "mission_risk_ordered": "mission_risk_ordered", "mission_risk_paper": "mission_risk_paper",
 }  # fmt: skip
+ENERGY = "energy_j"  # the last column, for a robot with a power curve
 NO_RATE = (math.nan, math.nan, math.nan, "", "")
 PATH_ARRAYS = ("t", "x", "cov", "q", "u")
 
@@ -58,12 +59,14 @@ def write_front(directory: Path, front: Front) -> None:
             path.t[-1] - path.t[0],
             path.order,
             path.origin,
+            *path.objectives.costs[1:],
         )
         for number, (path, rate) in enumerate(
             zip(front.paths, front.rates or [None] * len(front.paths), strict=True)
         )
     ]
-    write_csv(directory / "front.csv", FRONT_HEADER, rows)
+    with_energy = any(path.objectives.energy is not None for path in front.paths)
+    write_csv(directory / "front.csv", (*FRONT_HEADER, *[ENERGY] * with_energy), rows)
     write_npz(directory / "front.npz", _front_arrays(front))
 
 
@@ -77,6 +80,8 @@ def _front_arrays(front: Front) -> dict[str, NDArray[Any]]:
         "failed": front.failed,
         "raw_rates": np.array([[r.failure, r.low, r.high, r.runs] for r in front.raw_rates]).reshape(-1, 4),
     }
+    if any(o.energy is not None for o in front.raw):
+        arrays["raw_energy"] = np.array([o.energy for o in front.raw], float)
     for number, path in enumerate(front.paths):
         key = path_key(number)
         arrays |= {f"{key}/{name}": getattr(path, name) for name in PATH_ARRAYS}
@@ -111,9 +116,13 @@ def read_front(place: Path | str) -> Front:
         if count != len(rows):
             raise ValueError(f"it holds {count} paths, and front.csv {len(rows)}")
         raw = arrays["raw"].reshape(-1, len(OBJECTIVE_COLUMNS)).tolist()
+        energies = arrays["raw_energy"].tolist() if "raw_energy" in arrays else [None] * len(raw)
         return Front(
             paths=tuple(_path(arrays, k, row, costs[k]) for k, row in enumerate(rows)),
-            raw=tuple(Objectives(**dict(zip(OBJECTIVE_COLUMNS.values(), row, strict=True))) for row in raw),
+            raw=tuple(
+                Objectives(**dict(zip(OBJECTIVE_COLUMNS.values(), row, strict=True)), energy=energy)
+                for row, energy in zip(raw, energies, strict=True)
+            ),
             hypervolume=float(arrays["hypervolume"].item()),
             reference=np.asarray(arrays["reference"], float),
             rates=rates,
@@ -127,7 +136,8 @@ def read_front(place: Path | str) -> Front:
 
 
 def _objectives(row: Mapping[str, str]) -> Objectives:
-    return Objectives(**{name: float(row[key] or "nan") for key, name in OBJECTIVE_COLUMNS.items()})
+    known = {name: float(row[key] or "nan") for key, name in OBJECTIVE_COLUMNS.items()}
+    return Objectives(**known, energy=float(row[ENERGY]) if ENERGY in row else None)
 
 
 def _rate(row: Mapping[str, str]) -> FailureRate:

@@ -198,9 +198,10 @@ def choose(
     length: float | None = None,
     knee: bool = False,
     point: int | None = None,
+    energy: float | None = None,
     out: str | Path | None = None,
 ) -> PlanningResult:
-    """Another path of a front as the plan, without planning again. Give exactly one of the four wishes.
+    """Another path of a front as the plan, without planning again. Give exactly one of the five wishes.
 
     Parameters
     ----------
@@ -214,6 +215,8 @@ def choose(
         The knee of the front: beyond it, less failure costs the most length.
     point : int, optional
         The path of that number in ``result.front.paths`` and ``front.csv``.
+    energy : float, optional
+        The path of the least energy that fails at most so often; of a robot with a power curve.
     out : path, optional
         Write a whole results directory there, with the bytes of a run with that selection; ``planned`` must
         then be a results directory. Without it, nothing is written.
@@ -223,7 +226,7 @@ def choose(
     InfeasibleError
         If the front has no such path.
     """
-    choice = Choice(failure, length, knee, point)
+    choice = Choice(failure, length, knee, point, energy)
     if isinstance(planned, PlanningResult):
         if out is not None:
             raise ConfigError("choose writes from a results directory: plan with out=DIR and give choose DIR")

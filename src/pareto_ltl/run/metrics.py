@@ -82,7 +82,8 @@ def _forest_numbers(forest: Forest) -> dict[str, float]:
 
 def _front_numbers(front: Front) -> dict[str, float]:
     table: dict[str, float] = {"front_size": len(front.paths), "hypervolume": front.hypervolume}
-    table["hypervolume_length_m"] = float(front.reference[-1])  # of its box; risks and rates reach 1
+    sides = front.reference[1 if front.rates else 2 :].tolist()  # of its box; risks and rates reach 1
+    table |= dict(zip(("hypervolume_length_m", "hypervolume_energy_j"), sides, strict=False))
     if front.raw and front.paths:
         table |= {
             "front_size_raw": len(front.raw),
@@ -91,6 +92,9 @@ def _front_numbers(front: Front) -> dict[str, float]:
             "safest_raw": min(o.mission_risk for o in front.raw),
             "safest": min(path.objectives.mission_risk for path in front.paths),
         }
+    table["dt_s"] = (
+        float(front.paths[0].t[1] - front.paths[0].t[0]) if len(front.paths[0].t) > 1 else math.nan
+    )
     if front.rates:
         table["least_failure"] = min(rate.failure for rate in front.rates)
         table["front_runs"] = front.rates[0].runs
@@ -110,6 +114,8 @@ def _plan_numbers(plan: Plan) -> dict[str, float]:
         "steps": len(plan.path.u),
         "dt_s": plan.dt,
         "duration_s": float(plan.path.t[-1] - plan.path.t[0]),
+        **({} if o.energy is None else {"energy_j": o.energy}),
+        **({} if plan.capacity is None or o.energy is None else {"energy_share": o.energy / plan.capacity}),
         **_promise_numbers(plan.promise),
     }
 

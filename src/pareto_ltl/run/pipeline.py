@@ -17,7 +17,7 @@ from typing import Any
 from pareto_ltl.run import provenance
 from pareto_ltl.run.directory import RUN_LOG, claimed_directory
 from pareto_ltl.run.progress import ProgressBar
-from pareto_ltl.run.records import AUTOMATON, FOREST, SCENE, RecordKey, Records, T
+from pareto_ltl.run.records import AUTOMATON, FOREST, PLAN, SCENE, RecordKey, Records, T
 from pareto_ltl.run.sizes import check_sizes
 from pareto_ltl.run.stage_table import Progress, Stage, StageInputs, StageTable, Watcher
 from pareto_ltl.run.stages import PLAN_TABLE
@@ -65,6 +65,7 @@ def check_pipeline(settings: Settings, table: StageTable, given: Collection[Reco
             _check_stage(stage, stages, given)
             stages.append(stage)
     _check_mission(settings, [stage.makes for stage in stages])
+    _check_selection(settings, [stage.makes for stage in stages])
     check_sizes(settings, listed)
     return Pipeline(settings, table, tuple(stages))
 
@@ -81,6 +82,17 @@ def _check_stage(stage: Stage[Any], before: Sequence[Stage[Any]], given: Collect
         raise ConfigError(
             f"pipelines.stages: {makers[stage.makes]!r} and {stage.name!r} both make {stage.makes.name}; "
             "list one of them"
+        )
+
+
+def _check_selection(settings: Settings, made: Sequence[RecordKey[Any]]) -> None:
+    """Refuse a choice by energy for a robot without a power curve."""
+    rule, weights = settings.selection.rule, settings.selection.weights
+    if PLAN in made and settings.robot.power.kind == "none" and (rule == "energy" or any(weights[3:])):
+        asked = "selection.rule=energy" if rule == "energy" else "the fourth of selection.weights"
+        raise ConfigError(
+            f"{asked} needs the power curve of the robot: take a robot that has one, e.g. robot=fixed_wing, "
+            "or set robot.power.kind"
         )
 
 

@@ -35,10 +35,11 @@ def write_plan(directory: Path, plan: Plan) -> None:
         "dt": plan.dt,
         "u_min": plan.u_min,
         "u_max": plan.u_max,
+        **({} if plan.capacity is None else {"capacity": plan.capacity}),
         "epsilon": plan.epsilon,
         "fidelity": plan.fidelity,
         "models": {key: value for key, value in asdict(plan.models).items() if key != "name"},
-        "objectives": asdict(path.objectives),
+        "objectives": objectives_document(path.objectives),
         "selection": {"rule": plan.rule, "weights": plan.weights, **plan.wanted},
         "promise": None if plan.promise is None else promise_document(plan.promise),
         "covered": plan.covered,
@@ -56,6 +57,11 @@ def write_plan(directory: Path, plan: Plan) -> None:
     }
     write_json(directory / "plan.json", content)
     write_csv(directory / "plan.csv", TABLE_HEADER, (_plan_row(path, step) for step in range(len(path.t))))
+
+
+def objectives_document(objectives: Objectives) -> dict[str, float]:
+    """All numbers; the energy only of a robot with a power curve."""
+    return {key: value for key, value in asdict(objectives).items() if value is not None}
 
 
 def promise_document(promise: Promise) -> dict[str, Any]:
@@ -98,6 +104,7 @@ def read_plan(place: Path | str) -> Plan:
             dt=content["dt"],
             u_min=content.get("u_min", 0.0),  # files of earlier versions have none
             u_max=content["u_max"],
+            capacity=content.get("capacity"),
             epsilon=content["epsilon"],
             fidelity=content["fidelity"],
             rule=selection.pop("rule"),

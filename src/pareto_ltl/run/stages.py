@@ -151,6 +151,7 @@ def make_problem(inputs: StageInputs) -> Problem:
     from pareto_ltl.planning.refine import import_early
 
     settings = inputs.settings
+    _check_level(settings.robot, inputs[WIND])
     if settings.fidelity.refine == "convex":
         import_early()  # behind the modes of the wind and the trees
     return build_problem(
@@ -163,6 +164,16 @@ def make_problem(inputs: StageInputs) -> Problem:
         inputs[AUTOMATON],
         settings.fidelity,
     )
+
+
+def _check_level(robot: RobotConfig, wind: WindField) -> None:
+    """Warn where the wind is that of another level than the robot's; calm air has none."""
+    from pareto_ltl.wind.levels import level_mismatch
+
+    if robot.level and wind.evidence is not None and (gap := level_mismatch(robot.level, wind.level)):
+        LOG.warning(
+            "%s: winds at other heights differ, often by a factor of two; read winds of that level", gap
+        )
 
 
 def make_forest(inputs: StageInputs) -> Forest:
@@ -178,12 +189,13 @@ def make_forest(inputs: StageInputs) -> Forest:
 def make_plan(inputs: StageInputs) -> Plan:
     """The path of the front that the rule picks; with ``judge=flights``, once fresh flights confirm it."""
     from pareto_ltl.planning.records import Plan
-    from pareto_ltl.planning.selection_rules import choose_path
+    from pareto_ltl.planning.selection_rules import choose_path, within_capacity
     from pareto_ltl.simulation.promise import promise_path
     from pareto_ltl.wind.coverage import coverage_of
     from pareto_ltl.world.navigation import navigate
 
-    settings, problem, front = inputs.settings, inputs[PROBLEM], inputs[FRONT]
+    settings, problem = inputs.settings, inputs[PROBLEM]
+    front = within_capacity(settings.selection, inputs[FRONT], problem.energy)
     said = coverage_of(inputs[WIND], problem.scene.time_zero)
     if front.rates:
         path, promise = promise_path(settings.selection, problem, inputs[WIND], front, inputs.seeds)
@@ -196,6 +208,7 @@ def make_plan(inputs: StageInputs) -> Plan:
         dt=problem.motion.dt,
         u_min=settings.robot.u_min,
         u_max=settings.robot.u_max,
+        capacity=None if problem.energy is None else problem.energy.capacity,
         epsilon=problem.epsilon,
         fidelity=settings.fidelity.label,
         rule=settings.selection.rule,

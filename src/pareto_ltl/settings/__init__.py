@@ -7,7 +7,7 @@ and meaning (:func:`pareto_ltl.settings.checks.setting`). ``cli`` turns a compos
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 from pareto_ltl.settings.checks import (
@@ -35,7 +35,7 @@ from pareto_ltl.settings.planner import (
     SelectionConfig,
     SmoothingConfig,
 )
-from pareto_ltl.settings.robot import RobotConfig
+from pareto_ltl.settings.robot import POWER_KINDS, PowerConfig, RobotConfig
 from pareto_ltl.settings.studies import (
     METHODS,
     AblationConfig,
@@ -82,6 +82,9 @@ class Settings(CheckedSettings):
 
     def check_combinations(self) -> None:
         check_folder_name("name", self.name)
+        if self.wind.level == "auto":  # replaced by what it stands for, also in the records of a run
+            usual = "0m" if self.wind.source == "currents" else "10m"
+            self.wind = replace(self.wind, level=self.robot.level or usual)
 
     @property
     def border(self) -> str:
@@ -99,6 +102,7 @@ __all__ = [
     "LAWS",
     "METHODS",
     "PAPER",
+    "POWER_KINDS",
     "PRESETS",
     "AblationConfig",
     "CompareConfig",
@@ -117,6 +121,7 @@ __all__ = [
     "MissionConfig",
     "PipelineConfig",
     "PlannerConfig",
+    "PowerConfig",
     "RandomSceneConfig",
     "RefineConfig",
     "ReportConfig",

@@ -10,9 +10,10 @@ from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.extensions import SELECTION_RULE_GROUP
 from pareto_ltl.support.messages import shown_value
 
-SELECTION_RULES = ("priority", "weighted", "threshold", "knee", "length", "point")
+SELECTION_RULES = ("priority", "weighted", "threshold", "energy", "knee", "length", "point")
 WANTED = {
     "threshold": ("alpha",),
+    "energy": ("alpha",),
     "length": ("length",),
     "point": ("point",),
 }  # the settings that a rule reads, besides the weights
@@ -110,14 +111,15 @@ class SelectionConfig(CheckedSettings):
     )
     weights: list[float] = setting(
         [0.5, 0.25, 0.25],
-        "weights of mission risk, collision risk and length, with rule=weighted; a failure rate has the "
-        "first two",
+        "weights of mission risk, collision risk and length, with rule=weighted, and a fourth of energy for "
+        "a robot with a power curve; a failure rate has the first two",
         least=0,
         most=1e6,
     )
     alpha: float = setting(
         0.05,
-        "largest failure, with rule=threshold: upper end of the rate, or bound with fidelity.judge=bound",
+        "largest failure, with rule=threshold and rule=energy: upper end of the rate, or bound with "
+        "fidelity.judge=bound",
         above=0,
         below=1,
     )
@@ -141,10 +143,10 @@ class SelectionConfig(CheckedSettings):
         return {name: getattr(self, name) for name in names}
 
     def check_combinations(self) -> None:
-        if len(self.weights) != 3 or sum(self.weights) <= 0:
+        if len(self.weights) not in (3, 4) or sum(self.weights) <= 0:
             raise ConfigError(
-                "selection.weights must be three numbers >= 0, not all 0 "
-                f"(mission risk, collision risk, length), got {shown_value(self.weights)}"
+                "selection.weights must be three numbers >= 0, not all 0 (mission risk, collision risk, "
+                f"length; a fourth is that of energy), got {shown_value(self.weights)}"
             )
         if self.rule == "length" and self.length is None:
             raise ConfigError(

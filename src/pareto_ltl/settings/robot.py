@@ -2,12 +2,61 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
-from pareto_ltl.settings.checks import CheckedSettings, check_matrix, setting
+from pareto_ltl.settings.checks import CheckedSettings, are_number_rows, check_matrix, setting
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.messages import shown_value
+
+POWER_KINDS = ("none", "body", "wing", "rotor", "table")
+WATTS = {"unit": "W", "least": 0, "most": 1e9}
+
+
+@dataclass
+class PowerConfig(CheckedSettings):
+    """Power P(v) that the robot draws at the airspeed v, and what its battery holds."""
+
+    section: ClassVar[str] = "robot.power"
+    kind: str = setting(
+        "none",
+        "law of P: none (energy is not reported), body (base + drag v³), wing (base + drag v³ + lift / v), "
+        "rotor (base + blade (1 + 3 v²/tip²) + lifting (√(1 + v⁴/4 wake⁴) - v²/2 wake²)^½ + drag v³), or "
+        "table (through points)",
+        choices=POWER_KINDS,
+    )
+    base: float = setting(0.0, "power at any airspeed: computer, sensors, payload", **WATTS)
+    drag: float = setting(
+        0.0, "of body, wing and rotor: drag, times the airspeed cubed", unit="W s³/m³", least=0, most=1e9
+    )
+    lift: float = setting(0.0, "of wing: induced drag, over the airspeed", unit="W m/s", least=0, most=1e12)
+    blade: float = setting(0.0, "of rotor: blade profile power in hover", **WATTS)
+    lifting: float = setting(0.0, "of rotor: induced power in hover", **WATTS)
+    tip: float = setting(100.0, "of rotor: speed of the blade tips", unit="m/s", least=1, most=1e3)
+    wake: float = setting(4.0, "of rotor: induced velocity in hover", unit="m/s", least=1e-2, most=1e3)
+    points: list[Any] = setting([], "of table: pairs [airspeed, power], rising airspeeds, straight between",
+                                unit="m/s, W")  # fmt: skip
+    capacity: float | None = setting(
+        None, "energy to use on one mission; paths that need more are not chosen. null: not known",
+        unit="Wh", above=0, most=1e9,
+    )  # fmt: skip
+
+    def check_combinations(self) -> None:
+        if self.kind == "table" and not (
+            len(self.points) > 1
+            and are_number_rows(self.points, 2)
+            and all(v >= 0 and watts >= 0 for v, watts in self.points)
+            and all(low[0] < high[0] for low, high in zip(self.points, self.points[1:], strict=False))
+        ):
+            raise ConfigError(
+                "robot.power.points must be two or more pairs [airspeed, power], none negative, airspeeds "
+                f"rising, e.g. [[10,80],[20,150]], got {shown_value(self.points)}"
+            )
+        if self.kind == "none" and self.capacity is not None:
+            raise ConfigError(
+                "robot.power.capacity needs a power curve: set robot.power.kind to one of "
+                f"{', '.join(POWER_KINDS[1:])}, or capacity to null"
+            )
 
 
 @dataclass
@@ -32,6 +81,9 @@ class RobotConfig(CheckedSettings):
         least=0,
         most=1e4,
         remark="0: the robot can hover, or stop its motor and drift",
+    )
+    level: str | None = setting(
+        None, "where it flies or dives, as wind.level has it; the wind is taken there with wind.level=auto"
     )
     a: list[Any] = setting([[1.0, 0.0], [0.0, 1.0]], "matrix A of the dynamics (2 x 2)")
     b: list[Any] = setting([[1.0, 0.0], [0.0, 1.0]], "matrix B of the dynamics (2 x 2, invertible)")
@@ -58,6 +110,7 @@ class RobotConfig(CheckedSettings):
     fix_risk: float = setting(
         0.02, "largest probability of missing a landmark that a plan relies on", above=0, below=1
     )
+    power: PowerConfig = field(default_factory=PowerConfig)
 
     def check_combinations(self) -> None:
         if not isinstance(self.dt, str):
@@ -67,8 +120,27 @@ class RobotConfig(CheckedSettings):
                 f"robot.u_min = {self.u_min:g} m/s is above robot.u_max = {self.u_max:g} m/s: "
                 "lower the first or raise the second"
             )
+        self._check_power()
         check_matrix("robot.a", self.a)
         check_matrix("robot.b", self.b)
         (p, q), (r, s) = self.b
         if abs(p * s - q * r) < 1e-9:
             raise ConfigError(f"robot.b must be invertible, got {shown_value(self.b)}")
+
+    def _check_power(self) -> None:
+        """The power curve must be known from u_min to u_max."""
+        power = self.power
+        if power.kind == "wing" and self.u_min == 0.0:
+            raise ConfigError(
+                "robot.power.kind=wing needs robot.u_min > 0, as a wing that stands still does not carry: "
+                "set it above the stall speed"
+            )
+        if (
+            power.kind == "table"
+            and not power.points[0][0] <= self.u_min <= self.u_max <= power.points[-1][0]
+        ):
+            raise ConfigError(
+                f"robot.power.points reach from {power.points[0][0]:g} to {power.points[-1][0]:g} m/s, and "
+                f"the robot flies from robot.u_min = {self.u_min:g} to robot.u_max = {self.u_max:g} m/s: add "
+                "points"
+            )

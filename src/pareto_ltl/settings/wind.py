@@ -32,7 +32,11 @@ class WindConfig(CheckedSettings):
         150_000.0, "how far the lattice reaches past the scene", unit="m", least=0, most=1e7
     )
     ball: float = setting(2.0, "radius of the maximum-trace ball, in standard deviations", least=0, most=100)
-    level: str = setting("10m", "height of the wind, e.g. 10m, 80m or 925hPa")
+    level: str = setting(
+        "auto",
+        "height of the wind, e.g. 10m, 80m or 925hPa, or depth of the current; auto: robot.level, and 10m "
+        "(of currents 0m) for a robot without one",
+    )
     forecast_error: str = setting(
         "auto",
         "law of forecast errors: none, gfs or a file of `pareto-ltl wind-error`; auto is gfs for tables and "

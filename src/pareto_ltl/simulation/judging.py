@@ -40,7 +40,7 @@ from pareto_ltl.support.memory import require_memory
 
 RAW_DRAWS = 500  # flights of the race of the trees' paths among themselves
 LAST_LOOK = 1000  # flights that say how paths fail where all of them do
-CROWD = 40  # paths that a race keeps beside its front after a look
+CROWD = 40  # paths that a race keeps beside its front after a look, for each cost beside the failure rate
 DROP_CHANCE = 1e-4  # of dropping a path after a look at it although it is no worse than the shorter one
 
 
@@ -51,7 +51,7 @@ def judge_front(
     draws: int,
     seed: SeedSequence,
 ) -> Front:
-    """The paths of ``raw`` and ``refined`` that no other one beats in failure rate and in length.
+    """The paths of ``raw`` and ``refined`` that no other one beats in failure rate and length (and energy).
 
     The trees' paths race among themselves first, in fewer flights: what is left of them is the front before
     refinement.
@@ -80,8 +80,9 @@ def judge_front(
         [final_bound(problem, flown) if id(flown.path) in grown else flown for flown in unbeaten(paths)]
         for paths in (trees, judged)
     )
-    law, longest = problem.fidelity.law, max(path.objectives.length for path in (*refined, *raw))
-    reference = np.array([1.0, 2.0 * longest])
+    law = problem.fidelity.law
+    most = np.array([path.objectives.costs for path in (*refined, *raw)]).max(axis=0)
+    reference = np.array([1.0, *(2.0 * most)])
     return Front(
         paths=tuple(flown.path for flown in after),
         raw=tuple(flown.path.objectives for flown in before),
@@ -128,9 +129,9 @@ class Flown:
     failed: BoolArray
 
     @property
-    def row(self) -> tuple[float, float]:
-        """Failure rate and length [m]."""
-        return float(self.failed.mean()), self.path.objectives.length
+    def row(self) -> tuple[float, ...]:
+        """Failure rate, length [m] and, where it is known, energy [J]."""
+        return float(self.failed.mean()), *self.path.objectives.costs
 
     def rate(self, law: str) -> FailureRate:
         """The failure rate with its interval."""
@@ -143,7 +144,7 @@ def final_bound(problem: Problem, flown: Flown) -> Flown:
 
 
 def unbeaten(paths: Sequence[Flown]) -> list[Flown]:
-    """Those that no other one beats in failure rate and length, the safest first."""
+    """Those that no other one beats in failure rate, length and energy, the safest first."""
     if not paths:
         return []
     kept = non_dominated(np.array([flown.row for flown in paths]))
@@ -207,7 +208,7 @@ def fly_race(problem: Problem, paths: Sequence[PlannedPath], draws: int, seed: S
         return []
     require_memory(2.0 * len(paths), "selection.draws", draws, "flights that judge the front")
     race = race_of(problem, paths, draws, seed)
-    lengths = np.array([path.objectives.length for path in paths])
+    costs = np.array([path.objectives.costs for path in paths])
     running, failed = np.arange(len(paths)), np.zeros((len(paths), draws), bool)
     with ThreadPoolExecutor(cores()) as pool:
         for numbers in looks(len(race.blocks)):
@@ -215,8 +216,8 @@ def fly_race(problem: Problem, paths: Sequence[PlannedPath], draws: int, seed: S
             for number, found in zip(numbers, flown, strict=True):
                 failed[running, race.blocks[number]] = found
             seen = failed[running, : race.blocks[numbers[-1]].stop]
-            left = ~certainly_beaten(seen, lengths[running])
-            running = running[left][outermost(seen[left].mean(axis=1), lengths[running[left]])]
+            left = ~certainly_beaten(seen, costs[running])
+            running = running[left][outermost(seen[left].mean(axis=1), costs[running[left]])]
     return [Flown(paths[k], failed[k]) for k in running.tolist()]
 
 
@@ -241,37 +242,38 @@ def looks(blocks: int) -> list[range]:
     return [range(begin, end) for begin, end in pairwise(ends)]
 
 
-def outermost(rates: FloatArray, lengths: FloatArray) -> BoolArray:
-    """Which paths of a crowd stay: at most ``CROWD`` of them, those that the fewest fronts lie before.
+def outermost(rates: FloatArray, costs: FloatArray) -> BoolArray:
+    """Which paths of a crowd stay: at most ``CROWD`` of them a cost, those that the fewest fronts lie before.
 
     The first front is that of all, the second that of all others, and so on (Goldberg, Genetic Algorithms in
     Search, Optimization and Machine Learning, 1989). The first stays whole.
     """
     import moocore
 
-    layers = np.asarray(moocore.pareto_rank(np.column_stack([rates, lengths])), int)
+    layers = np.asarray(moocore.pareto_rank(np.column_stack([rates, costs])), int)
     sizes = np.cumsum(np.bincount(layers)) if len(layers) else np.zeros(0, int)
-    return np.asarray(layers < max(1, int((sizes <= CROWD).sum())), bool)
+    return np.asarray(layers < max(1, int((sizes <= CROWD * costs.shape[1]).sum())), bool)
 
 
-def certainly_beaten(failed: BoolArray, lengths: FloatArray) -> BoolArray:
-    """Which paths fail more often than one that is no longer, beyond chance.
+def certainly_beaten(failed: BoolArray, costs: FloatArray) -> BoolArray:
+    """Which paths fail more often than one that costs no more, beyond chance.
 
-    Each path is held against the one with the fewest failures among those no longer.
+    Each path is held against the one with the fewest failures among those that cost no more.
 
     Parameters
     ----------
     failed : (P, n) bool
         The flights of each path that fail, in the same winds.
-    lengths : (P,) float
-        [m]
+    costs : (P, c) float
+        Length [m] and, where it is known, energy [J].
     """
-    order = np.argsort(lengths, kind="stable")
+    order = np.argsort(costs[:, 0], kind="stable")
     counts = failed.sum(axis=1)
-    rivals, best = np.empty(len(order), int), order[0]
-    for k in order:
-        best = k if counts[k] < counts[best] else best
-        rivals[k] = best
+    rivals = np.empty(len(order), int)
+    for place, k in enumerate(order):
+        before = order[: place + 1]
+        before = before[(costs[before] <= costs[k]).all(axis=1)]
+        rivals[k] = before[np.argmin(counts[before])]
     return np.asarray(chance_of_failures(failed, failed[rivals]) < DROP_CHANCE, bool)
 
 

@@ -8,14 +8,13 @@ choice has seen. Where they fail more often than the claim can explain, the rule
 from __future__ import annotations
 
 import logging
-from dataclasses import replace
 
 import numpy as np
 from numpy.random import SeedSequence
 
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import FLIGHTS, WEIGHTED, FailureRate, Front, PlannedPath, Promise
-from pareto_ltl.planning.selection_rules import NAMES_ONE, choose_path
+from pareto_ltl.planning.selection_rules import LIMITED, NAMES_ONE, choose_path, front_of
 from pareto_ltl.settings import SelectionConfig
 from pareto_ltl.simulation.flights import counted_rate
 from pareto_ltl.simulation.judging import count_failures
@@ -38,8 +37,8 @@ def promise_path(
     """The path that the rule picks, once fresh flights leave its claim standing, and what they promise.
 
     A path whose claim falls is passed over for the rule's next choice, ``cfg.examined`` times at most; with
-    ``rule=threshold`` also one whose promise exceeds ``cfg.alpha``. Where none holds, the one with the least
-    rate is flown, and a warning has said why.
+    ``rule=threshold`` or ``energy`` also one whose promise exceeds ``cfg.alpha``. Where none holds, the one
+    with the least rate is flown, and a warning has said why.
     """
     left = front
     seen: list[tuple[PlannedPath, Promise]] = []
@@ -58,7 +57,7 @@ def promise_path(
         LOG.warning("%s", why_not(cfg, path, promise))
         if cfg.rule in NAMES_ONE or len(left.paths) == 1:
             break
-        left = front_without(left, k)
+        left = front_of(left, [i for i in range(len(left.paths)) if i != k])
     path, promise = seen[-1] if holds(cfg, seen[-1][1]) else min(seen, key=lambda s: s[1].rate.failure)
     if promise.linearity > LINEAR:
         LOG.warning(
@@ -70,8 +69,8 @@ def promise_path(
 
 
 def holds(cfg: SelectionConfig, promise: Promise) -> bool:
-    """Whether fresh flights leave the claim standing and, with ``rule=threshold``, keep to ``cfg.alpha``."""
-    return promise.passed and (cfg.rule != "threshold" or promise.rate.high <= cfg.alpha)
+    """Whether fresh flights leave the claim standing and, with rules that have it, keep to ``cfg.alpha``."""
+    return promise.passed and (cfg.rule not in LIMITED or promise.rate.high <= cfg.alpha)
 
 
 def why_not(cfg: SelectionConfig, path: PlannedPath, promise: Promise) -> str:
@@ -87,16 +86,6 @@ def why_not(cfg: SelectionConfig, path: PlannedPath, promise: Promise) -> str:
 
 def _rate_words(rate: FailureRate) -> str:
     return rate_text(rate.failure, rate.low, rate.high)
-
-
-def front_without(front: Front, k: int) -> Front:
-    """The front less its path number ``k``."""
-    return replace(
-        front,
-        paths=front.paths[:k] + front.paths[k + 1 :],
-        rates=front.rates[:k] + front.rates[k + 1 :],
-        failed=np.delete(front.failed, k, axis=0),
-    )
 
 
 def fresh_promise(

@@ -79,6 +79,16 @@ def rate_text(rate: float, low: float, high: float) -> str:
     return f"{probability_text(rate)} (95 %: {interval_text(low, high)})"
 
 
+def energy_text(joules: float) -> str:
+    """An energy in Wh with four digits and, from 1 MJ on, also in MJ: ``48.25 Wh``, ``9650 Wh (34.74 MJ)``.
+
+    >>> energy_text(36_000.0), energy_text(36e6)
+    ('10 Wh', '10000 Wh (36 MJ)')
+    """
+    hours = f"{joules / 3600.0:.4g}" if abs(joules) < 3.6e7 else f"{joules / 3600.0:.0f}"
+    return f"{hours} Wh" + (f" ({joules / 1e6:.4g} MJ)" if abs(joules) >= 1e6 else "")
+
+
 def distance_text(metres: float) -> str:
     """A length in kilometres, or in metres below 2 km."""
     return f"{metres / 1e3:,.1f} km" if metres >= 2000.0 else f"{metres:,.1f} m"

@@ -18,6 +18,7 @@ from pareto_ltl.support.arrays import BoolArray, FloatArray
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.reading import read_json, read_text
 from pareto_ltl.verify import laws
+from pareto_ltl.verify.energy import Power, power_law
 from pareto_ltl.verify.flights import Ground, Simulator
 from pareto_ltl.verify.formula import Dfa, covers, losing
 from pareto_ltl.verify.gaussians import Way, growing, label_masses, ordered, path_bound, way_risks
@@ -88,6 +89,10 @@ class Evidence:
     def front_x(self, number: int) -> FloatArray:
         """Positions (T+1, 2) [m] of a path of the front."""
         return np.asarray(self.front_arrays[f"path_{number:03d}/x"], float)
+
+    def front_u(self, number: int) -> FloatArray:
+        """Controls (T, 2) [m/s] of a path of the front."""
+        return np.asarray(self.front_arrays[f"path_{number:03d}/u"], float)
 
     @cached_property
     def trees(self) -> dict[str, NDArray[Any]]:
@@ -181,6 +186,22 @@ class Evidence:
                 "dt", "u_max", "start_sd", "feedback", "effort_risk", "fix_sd", "fix_gain", "fix_risk"
             )},
         )  # fmt: skip
+
+    @cached_property
+    def power(self) -> Power | None:
+        """Power at an airspeed; None for a robot without a power curve."""
+        return power_law(self.settings["robot"].get("power") or {})
+
+    @property
+    def capacity(self) -> float | None:
+        """Energy that the robot can use [J]."""
+        told = (self.settings["robot"].get("power") or {}).get("capacity")
+        return None if told is None or self.power is None else 3600.0 * told
+
+    def energy_of(self, u: FloatArray) -> float:
+        """Energy [J] of the controls ``u`` (T, 2) [m/s]."""
+        assert self.power is not None
+        return math.fsum(self.power(math.hypot(*control)) * self.robot.dt for control in u.tolist())
 
     @property
     def step_is_open(self) -> bool:
@@ -309,8 +330,7 @@ class Evidence:
 
     def front_simulator(self, number: int) -> Simulator:
         """New flights of a path of the front, under the law that it was planned in."""
-        u = np.asarray(self.front_arrays[f"path_{number:03d}/u"], float)
-        return self._simulator_of(self.planned_law, self.front_x(number), u)
+        return self._simulator_of(self.planned_law, self.front_x(number), self.front_u(number))
 
     def _simulator_of(self, name: str, x: FloatArray, u: FloatArray) -> Simulator:
         planned = self.law("coherent", len(u))

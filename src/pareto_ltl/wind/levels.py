@@ -12,6 +12,7 @@ from pareto_ltl.support.messages import shown_value
 HEIGHT, PRESSURE, DEPTH = "height", "pressure", "depth"
 UNITS = {"m": 1.0, "km": 1000.0, "pa": 1.0, "hpa": 100.0, "mb": 100.0, "mbar": 100.0}
 SHOWN_LEVELS = 12
+ALIKE = 0.2  # relative difference of two heights or depths at which their winds are taken for one
 
 
 @dataclass(frozen=True, slots=True, order=True)
@@ -52,6 +53,7 @@ def parse_level(text: str) -> Level:
     >>> parse_level("80 m"), parse_level("92500Pa").text
     (Level(kind='height', value=80.0), '925hPa')
     """
+    text = "10m" if text == "auto" else text  # settings of a wind alone; those of a run have replaced it
     found = re.fullmatch(r"(\d+(?:\.\d*)?)\s*(km|m|hpa|pa|mbar|mb)(\s*depth)?", text.strip().lower())
     value = float(found[1]) * UNITS[found[2]] if found else -1.0
     pressure = found is not None and found[2] not in ("m", "km")
@@ -63,6 +65,31 @@ def parse_level(text: str) -> Level:
     return Level(PRESSURE if pressure else DEPTH if found[3] else HEIGHT, value)
 
 
+def level_mismatch(flown: str, known: str) -> str:
+    """Why a wind known at level ``known`` is not that of a robot at ``flown``, in words; empty if it may be.
+
+    Raises
+    ------
+    ConfigError
+        If one is in the water and the other in the air.
+
+    Examples
+    --------
+    >>> level_mismatch("100m", "80m"), level_mismatch("925hPa", "10m")
+    ('', 'the robot flies at 925 hPa (robot.level), and the wind is that 10 m above ground')
+    """
+    robot, wind = parse_level(flown), parse_level(known)
+    if (robot.kind == DEPTH) != (wind.kind == DEPTH):
+        raise ConfigError(
+            f"robot.level={flown} is {'a depth' if robot.kind == DEPTH else 'in the air'}, and what is known "
+            f"is {'a wind' if robot.kind == DEPTH else 'a current'} {wind.phrase}: set wind=currents for a "
+            "robot in the water, another source for one in the air, or robot.level"
+        )
+    if robot.kind == wind.kind and abs(robot.value - wind.value) <= ALIKE * max(robot.value, wind.value):
+        return ""
+    return f"the robot flies {robot.phrase} (robot.level), and the wind is that {wind.phrase}"
+
+
 def level_list(levels: Iterable[Level]) -> str:
     """Levels found in a file, for messages: ``10m, 80m, 1000hPa and 3 more``."""
     texts = [level.text for level in sorted(set(levels))]
@@ -70,4 +97,4 @@ def level_list(levels: Iterable[Level]) -> str:
     return ", ".join(texts[:SHOWN_LEVELS]) + more
 
 
-__all__ = ["DEPTH", "HEIGHT", "PRESSURE", "Level", "level_list", "parse_level"]
+__all__ = ["DEPTH", "HEIGHT", "PRESSURE", "Level", "level_list", "level_mismatch", "parse_level"]

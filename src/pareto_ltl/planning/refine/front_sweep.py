@@ -5,6 +5,9 @@ these the cap falls until no path holds it, and rises until a longer path fails 
 begins with the best classes of the level before, in several numbers of steps from the fewest upwards. What
 nothing else beats is polished once more on more flights.
 
+Of a robot with a power curve, points of the front are also polished in more steps: at lower airspeeds a path
+may take less energy.
+
 With a budget of time the sweeps end where most of it is spent; where some is left after them, paths of the
 front are varied and polished again until it is spent.
 """
@@ -59,6 +62,9 @@ RISING = 2  # classes of a level that the rising sweep goes on with
 ROUND = 4  # points of a front that are varied between two reports
 MORE = (0, 1, 2, 3, 5, 8)  # steps beyond the fewest, where a budget is left
 BUMP = 0.03  # of the map's size: standard deviation of a bend
+
+SLOWER = (1.2, 1.45, 1.75)  # times the steps, where lower airspeeds may save energy
+ECONOMIC = 8  # points of a front that are tried slower, at most
 
 SWEEP_SHARE = 0.75  # of a budget is spent when the last polish begins
 
@@ -145,7 +151,10 @@ def refine_front(
     cfg: RefineConfig, problem: Problem, starts: Mapping[PathClass, Start], flights: CommonFlights,
     progress: Progress | None = None, budget: Budget = UNLIMITED,
 ) -> list[Candidate]:  # fmt: skip
-    """Candidates of many lengths, shortest first: none is longer than another that fails no more."""
+    """Candidates of many lengths, shortest first: none is longer than another that fails no more.
+
+    Behind them, with a power curve, slower ones that take less energy.
+    """
     sweep = new_sweep(cfg, problem, flights, budget)
     told = _Teller(progress)
     with ThreadPoolExecutor(cores()) as pool:
@@ -161,6 +170,7 @@ def refine_front(
             told(3, front)
         found = front_of(_finished_points(sweep, pool, front))
         told(4, found)
+        found += _slower_points(sweep, pool, found)
     return found
 
 
@@ -196,6 +206,28 @@ def _finished_points(sweep: Sweep, pool: ThreadPoolExecutor, front: Sequence[Can
         return point[0] if sweep.budget.over() else _finished(sweep, *point)
 
     return list(pool.map(one, [*points[::2], *points[1::2]]))  # with little time, every other one
+
+
+def _slower_points(sweep: Sweep, pool: ThreadPoolExecutor, found: Sequence[Candidate]) -> list[Candidate]:
+    """Points along the front polished in more steps, as far as they take less energy; none without a power
+    curve."""
+    problem, energy = sweep.problem, sweep.problem.energy
+    if energy is None or not found:
+        return []
+    how, dt = sweep.polish_of(FINE, 1, 4), problem.motion.dt
+
+    def slower(pair: tuple[Candidate, float]) -> Candidate | None:
+        k, times = pair
+        steps = min(int(np.ceil(times * k.steps)), problem.horizon)
+        if steps <= k.steps or sweep.budget.over():
+            return None
+        x = resampled_means(problem, k.flight.x, steps)
+        made = sweep.refiner.polish(x, sweep.flights, how, k.length, f"{k.origin}, slower")
+        return made if energy.of(made.flight.u, dt) < energy.of(k.flight.u, dt) else None
+
+    chosen = found[:: -(-len(found) // ECONOMIC)]
+    made = pool.map(slower, [(k, times) for k in chosen for times in SLOWER])
+    return [k for k in made if k is not None and k.smoothed < HOPELESS]
 
 
 def _first_looks(

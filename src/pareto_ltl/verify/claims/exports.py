@@ -152,7 +152,8 @@ def dead_reckoning(result: Evidence) -> Verdict:
     for key, (values, size) in turns.items():
         gap = np.abs((_column(legs, key) - values + 180.0) % 360.0 - 180.0)
         faults += [
-            f"leg {k}: {key}" for k in np.flatnonzero((size > 0.1) & ~(gap <= ANGLE * (1 + 10 / size)))
+            f"leg {k}: {key}"
+            for k in np.flatnonzero((size > 0.1) & ~(gap <= ANGLE * (1 + 10 / np.maximum(size, 0.1))))
         ]
     return no_fault(f"{len(rows)} rows", faults)
 

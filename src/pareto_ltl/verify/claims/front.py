@@ -31,17 +31,24 @@ def flights_judge(result: Evidence) -> bool:
 
 
 def _rows(result: Evidence) -> FloatArray:
-    """(mission risk, collision risk, length) of the front, (P, 3)."""
-    keys = ("mission_risk", "collision_risk", "length_m")
-    return np.array([[float(row[key]) for key in keys] for row in result.front]).reshape(-1, 3)
+    """(mission risk, collision risk, length and, with a power curve, energy) of the front, (P, 3 or 4)."""
+    keys = ("mission_risk", "collision_risk")
+    rows = [[*(float(row[key]) for key in keys), *_costs(result, row)] for row in result.front]
+    return np.array(rows).reshape(len(rows), -1)
 
 
 def _judged_rows(result: Evidence) -> FloatArray:
-    """What paths are compared by: (failure rate, length) where flights judge, else the three objectives."""
+    """What paths are compared by: (failure rate, length, energy) where flights judge, else all objectives."""
     if not flights_judge(result):
         return _rows(result)
-    rows = [[float(row[key]) for key in ("failure", "length_m")] for row in result.front]
-    return np.array(rows).reshape(-1, 2)
+    rows = [[float(row["failure"]), *_costs(result, row)] for row in result.front]
+    return np.array(rows).reshape(len(rows), -1)
+
+
+def _costs(result: Evidence, row: Mapping[str, str]) -> list[float]:
+    """Length [m] and, with a power curve, energy [J] of a path."""
+    names = ("length_m",) if result.power is None else ("length_m", "energy_j")
+    return [float(row[name]) for name in names]
 
 
 def _dominated(rows: FloatArray) -> BoolArray:
@@ -76,12 +83,16 @@ def front_numbers(result: Evidence) -> Verdict:
 
 
 def volume(rows: FloatArray, top: FloatArray) -> float:
-    """Share of the box below ``top`` that ``rows`` (P, 2 or 3) dominate, in slices of the first of 3 axes."""
-    inside = np.minimum(rows, top) / top
+    """Share of the box below ``top`` that ``rows`` (P, f) dominate, in slices of the first axis."""
+    return _share(np.minimum(rows, top) / top)
+
+
+def _share(inside: FloatArray) -> float:
     if inside.shape[1] == 2:
         return _area(inside)
     levels = np.append(np.unique(inside[:, 0]), 1.0)
-    return float(sum((high - low) * _area(inside[inside[:, 0] <= low, 1:]) for low, high in pairwise(levels)))
+    parts = ((high - low) * _share(inside[inside[:, 0] <= low, 1:]) for low, high in pairwise(levels))
+    return float(sum(parts))
 
 
 def _area(rows: FloatArray) -> float:
@@ -98,9 +109,11 @@ def hypervolume(result: Evidence) -> Verdict:
     """Hypervolume of the front in the box that the metrics name."""
     rows = _judged_rows(result)
     top = np.ones(rows.shape[1])
-    top[-1] = result.metrics["hypervolume_length_m"]
-    if top[-1] < 2 * rows[:, -1].max() * (1 - 1e-9):
-        return Verdict("a box twice as long as the front", f"{top[-1]:.6g} m", False)
+    sides = ("length_m",) if result.power is None else ("length_m", "energy_j")
+    for k, name in enumerate(sides, len(top) - len(sides)):
+        top[k] = result.metrics[f"hypervolume_{name}"]
+        if top[k] < 2 * rows[:, k].max() * (1 - 1e-9):
+            return Verdict("a box twice as large as the front", f"{name} {top[k]:.6g}", False)
     return number(result.metrics["hypervolume"], volume(rows, top), rel=1e-9)
 
 
@@ -129,6 +142,13 @@ def front_paths(result: Evidence) -> Verdict:
         for k, row in enumerate(result.front)
         for fault in _path_faults(result, row, result.front_x(k))
     ]
+    if result.power is not None:
+        found = [result.energy_of(result.front_u(k)) for k in range(len(result.front))]
+        faults += [
+            f"path {k}: energy {row['energy_j']} is {found[k]:.9g}"
+            for k, row in enumerate(result.front)
+            if not close(float(row["energy_j"]), found[k], 1e-9)
+        ]
     faults += ["other paths"] * (result.front_size != len(result.front))
     return no_fault(f"{len(result.front)} paths", faults)
 
@@ -141,6 +161,8 @@ def _path_faults(result: Evidence, row: Mapping[str, str], x: FloatArray) -> Ite
         yield f"{row['steps']} steps are {len(x) - 1}"
     if np.abs(x[0] - result.start).max() > result.grain:
         yield "it does not begin at the start"
+    if result.power is None and "energy_j" in row:
+        yield "an energy without a power curve"
     if row["order"] not in result.orders(x):
         yield f"order {row['order']} is {result.orders(x)[0]}"
     tree = re.fullmatch(r"tree (\d+) vertex (\d+)", row["origin"])
@@ -170,6 +192,9 @@ def _cost_faults(result: Evidence, row: Mapping[str, str], x: FloatArray) -> Ite
         "mission_risk_ordered": result.mission_bound(course),
         "collision_risk": min(max(float(row["collision_risk"]), low), high),
     }
+    gap = np.abs(course.u - result.front_u(int(row["path"]))).max(initial=0.0)
+    if gap > 1e-4 * result.robot.u_max:
+        yield f"path {row['path']}: its controls do not fly it"
     for name, value in found.items():
         if not close(float(row[name]), value, RISK, LEAST_RISK):
             yield f"path {row['path']}: {name} {row[name]} is {value:.6g}"
@@ -191,7 +216,7 @@ def tree_front(result: Evidence) -> Verdict | None:
         )
     rows, front = np.array(costs), _rows(result)
     slack = np.array([1 + RISK, 1 + RISK, 1 + 1e-9])
-    better = (rows[:, None] * slack < front[None]).all(axis=2).all(axis=1)
+    better = (rows[:, None] * slack < front[None, :, :3]).all(axis=2).all(axis=1)
     return no_fault(
         f"{len(rows)} accepted vertices",
         [f"tree {result.trees['accepted'][k]} beats all" for k in np.flatnonzero(better)],
@@ -255,7 +280,7 @@ def choice(result: Evidence) -> Verdict | None:
     if told["rule"] not in RANKINGS:
         return None
     tried = told["examined"] if flights_judge(result) else 1
-    left, place = list(range(len(result.front))), -1
+    left, place = _affordable(result, told["rule"]), -1
     for k in range(min(tried, len(left))):
         ranked = RANKINGS[told["rule"]](result, told, left)
         if not ranked:
@@ -265,6 +290,14 @@ def choice(result: Evidence) -> Verdict | None:
             break
         left.remove(ranked[0])
     return Verdict(f"rule {told['rule']}", f"choice {place + 1} of the rule", place >= 0)
+
+
+def _affordable(result: Evidence, rule: str) -> list[int]:
+    """Paths that need no more energy than the robot has; a rule that names one asks for none."""
+    every = range(len(result.front))
+    if result.capacity is None or rule == "point":
+        return list(every)
+    return [k for k in every if float(result.front[k]["energy_j"]) <= result.capacity]
 
 
 def _by_priority(result: Evidence, told: Mapping[str, Any], left: list[int]) -> list[int]:
@@ -290,7 +323,9 @@ def _by_weights(result: Evidence, told: Mapping[str, Any], left: list[int]) -> l
     risk = rows[:, 0] * weights[0] + rows[:, 1] * weights[1]
     if flights_judge(result):
         risk = _risks(result, left) * (weights[0] + weights[1])
-    score = (risk + weights[2] * rows[:, 2] / (rows[:, 2].min() or 1.0)) / weights.sum()
+    for weight, cost in zip(weights[2:], rows[:, 2:].T, strict=False):
+        risk = risk + weight * cost / (cost.min() or 1.0)
+    score = risk / weights.sum()
     return [left[i] for i in np.argsort(score.round(12), kind="stable")]
 
 
@@ -300,6 +335,11 @@ def _by_threshold(result: Evidence, told: Mapping[str, Any], left: list[int]) ->
         limits = np.array([float(result.front[k]["failure_high"]) for k in left])
     safe = np.flatnonzero(limits <= told["alpha"])
     return [left[i] for i in safe[np.argsort(rows[safe, 2], kind="stable")]]
+
+
+def _by_energy(result: Evidence, told: Mapping[str, Any], left: list[int]) -> list[int]:
+    energy = {k: float(result.front[k]["energy_j"]) for k in left}
+    return sorted(_by_threshold(result, told, left), key=energy.__getitem__)
 
 
 def _by_knee(result: Evidence, told: Mapping[str, Any], left: list[int]) -> list[int]:
@@ -324,6 +364,7 @@ RANKINGS: dict[str, Callable[[Evidence, Mapping[str, Any], list[int]], list[int]
     "priority": _by_priority,
     "weighted": _by_weights,
     "threshold": _by_threshold,
+    "energy": _by_energy,
     "knee": _by_knee,
     "length": _by_length,
     "point": _by_number,

@@ -23,7 +23,12 @@ RISK, LEAST_RISK = 2e-3, 1e-9  # the same of two bounds, relative and absolute
 FAST = 2e-6  # the share by which rounding may exceed an airspeed
 TOUCH = 0.1  # how deep the expected path may touch an obstacle by rounding, in grains
 WEIGHTED = "importance sampling"  # the method of a failure rate from weighted flights
-WANTED = {"threshold": ("alpha",), "length": ("length",), "point": ("point",)}  # what else rules read
+WANTED = {
+    "threshold": ("alpha",),
+    "energy": ("alpha",),
+    "length": ("length",),
+    "point": ("point",),
+}  # what else rules read
 OBJECTIVES = {
     "length_m": "length", "mission_risk_paper": "mission_risk_paper", "mission_risk": "mission_risk",
     "collision_risk": "collision_risk", "mission_risk_ordered": "mission_risk_ordered",
@@ -199,6 +204,16 @@ def length(result: Evidence) -> Verdict:
     return number(result.plan["objectives"]["length"], found, rel=1e-9)
 
 
+def energy(result: Evidence) -> Verdict | None:
+    """Energy of the controls [J], and what the robot can use, where it has a power curve."""
+    said, held = result.plan["objectives"].get("energy"), result.plan.get("capacity")
+    if result.power is None:
+        return same([said, held], [None, None])
+    if held != result.capacity:
+        return same(held, result.capacity)
+    return number(math.nan if said is None else said, result.energy_of(result.u), rel=1e-9)
+
+
 def _risk(claimed: float, found: float) -> Verdict:
     return number(claimed, found, rel=RISK, least=LEAST_RISK)
 
@@ -311,6 +326,10 @@ def metrics(result: Evidence) -> Verdict:
     plan, told = result.plan, result.metrics
     pairs = {name: plan["objectives"][key] for name, key in OBJECTIVES.items()}
     pairs |= {"steps": len(plan["u"]), "duration_s": plan["t"][-1] - plan["t"][0], "dt_s": plan["dt"]}
+    if result.power is not None:
+        pairs |= {"energy_j": plan["objectives"].get("energy")}
+        if result.capacity is not None:
+            pairs |= {"energy_share": plan["objectives"].get("energy", math.nan) / result.capacity}
     if plan["promise"]:
         seen = plan["promise"]
         pairs |= {
@@ -341,6 +360,7 @@ CLAIMS = (
     Claim("plan: clear of obstacles", FILES, clearance),
     Claim("plan: chance constraint of each step", FILES, chance_constraint),
     Claim("plan: length", FILES, length),
+    Claim("plan: energy", ("plan.json",), energy),
     Claim("plan: f_o of Theorem 2", FILES, risk_of_paper),
     Claim("plan: ordered bound V", FILES, ordered_bound),
     Claim("plan: mission risk", FILES, judged_risk),

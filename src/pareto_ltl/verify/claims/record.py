@@ -28,6 +28,7 @@ COUNTS = (
     "shortest",
     "end_sd",
     "duration",
+    "energy",
 )
 
 
@@ -117,7 +118,7 @@ def ranges(result: Evidence) -> Verdict:
     for name, value in result.metrics.items():
         if value is None or isinstance(value, bool) or not isinstance(value, int | float):
             faults += [f"{name} is {value!r}"] * (name != "nodes_per_second" or value is not None)
-        elif name.startswith(SHARES) and not name.endswith("_m") and not -1e-12 <= value <= 1 + 1e-12:
+        elif name.startswith(SHARES) and not name.endswith(("_m", "_j")) and not -1e-12 <= value <= 1 + 1e-12:
             faults.append(f"{name} {value:g} is no probability")
         elif name.startswith(COUNTS) and value < 0:
             faults.append(f"{name} {value:g} is negative")

@@ -1,0 +1,172 @@
+"""Every ready vehicle plans: its airspeeds, its energy and its level hold in what a run writes."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import pareto_ltl
+from pareto_ltl.cli.commands import run_command_line
+from pareto_ltl.run.results import Results
+from pareto_ltl.settings import Settings, WindConfig
+from pareto_ltl.settings.building import section_of
+from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
+from pareto_ltl.support.resources import choices
+from pareto_ltl.verify.judge import judge_results
+from pareto_ltl.wind.levels import level_mismatch
+
+VEHICLES = sorted(set(choices("robot")) - {"airframe"})
+IN_AIR = ("fixed_wing", "long_endurance", "multirotor")  # fast enough for the packaged winds
+SMALL: dict[str, Any] = {
+    "planner": {"trees": 2, "n_max": 500, "threads": 1},
+    "smoothing": {"candidates": 1, "weights": [10.0]},
+    "refine": {"flights": 200, "sweep_flights": 60, "points": 5, "classes": 1},
+    "selection": {"draws": 300, "runs": 600},
+    "deployment": {"runs": 50},
+    "report": "none",
+}
+
+
+def site(name: str) -> dict[str, Any]:
+    """A map of 40 minutes of flight a side, for a vehicle of any speed."""
+    robot = section_of("robot", name)
+    return {
+        "unit": 40.0 * robot.u_max, "centre": [37.0, -92.0], "bounds": [[0, 0], [40, 40]], "start": [5, 5],
+        "regions": {"a": [[26, 6], [34, 6], [34, 14], [26, 14]], "b": [[6, 26], [14, 26], [14, 34], [6, 34]]},
+        "obstacles": [[[16, 15], [21, 15], [21, 20], [16, 20]]],
+    }  # fmt: skip
+
+
+def robot_of(name: str, wind: str) -> dict[str, Any]:
+    """The vehicle with all the energy it needs, and at the level of the packaged winds where they blow."""
+    from pareto_ltl.support.resources import choice_file
+    from pareto_ltl.support.yaml_files import read_yaml
+
+    told: dict[str, Any] = read_yaml(choice_file("robot", name))
+    told["power"]["capacity"] = 1e6
+    return told | ({"level": "10m"} if wind == "sample" else {})
+
+
+@pytest.mark.parametrize("fidelity", ["paper", "full"])
+@pytest.mark.parametrize(
+    ("name", "wind"), [*((name, "calm") for name in VEHICLES), *((name, "sample") for name in IN_AIR)]
+)
+def test_all_paths_of_a_vehicle_keep_its_airspeeds_and_tell_its_energy(
+    name: str, wind: str, fidelity: str, tmp_path: Path
+) -> None:
+    robot = robot_of(name, wind)
+    found = pareto_ltl.plan(
+        site(name), "F(a & F b)", robot=robot, wind=wind, fidelity=fidelity, out=tmp_path, **SMALL
+    )
+    curve = section_of("robot", robot)
+    for path in found.front.paths:
+        speed = np.linalg.norm(path.u, axis=1)
+        assert speed.min() >= robot["u_min"] * (1 - 1e-6)
+        assert speed.max() <= robot["u_max"] * (1 + 1e-6)
+        assert found.problem.energy is not None
+        watts = found.problem.energy.curve.watts(speed)
+        brute = sum(float(p) * found.plan.dt for p in watts)
+        assert path.objectives.energy == pytest.approx(brute, rel=1e-12)
+    with (tmp_path / "front.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert [float(row["energy_j"]) for row in rows] == [p.objectives.energy for p in found.front.paths]
+    told, metrics = (json.loads((tmp_path / f"{name}.json").read_text()) for name in ("plan", "metrics"))
+    assert told["objectives"]["energy"] == metrics["energy_j"] == found.plan.path.objectives.energy
+    assert told["capacity"] == 3600.0 * curve.power.capacity
+    assert metrics["energy_share"] == metrics["energy_j"] / told["capacity"]
+    kept = Results(tmp_path)
+    assert kept.front.raw == found.front.raw
+    assert kept.plan.capacity == told["capacity"]
+    assert all(finding.holds for finding in judge_results(tmp_path))
+
+
+def test_a_choice_by_energy_is_cheaper_and_can_be_made_later(tmp_path: Path) -> None:
+    place = tmp_path / "first"
+    robot = robot_of("fixed_wing", "sample")
+    first = pareto_ltl.plan(
+        site("fixed_wing"), "F(a & F b)", robot=robot, fidelity="full", out=place, **SMALL
+    )
+    rates = [rate.high for rate in first.front.rates]
+    limit = 0.5 * (min(rates) + 1.0)
+    slower = [path for path in first.front.paths if "slower" in path.origin]
+    assert slower  # of plans that take less energy than those that fail least
+    other = pareto_ltl.choose(Results(place), energy=limit, out=tmp_path / "second")
+    allowed = [p.objectives.energy for p, high in zip(first.front.paths, rates, strict=True) if high <= limit]
+    assert other.plan.rule == "energy"
+    assert other.plan.path.objectives.energy == min(allowed)  # type: ignore[type-var]
+    assert other.plan.path.objectives.energy < first.plan.path.objectives.energy  # type: ignore[operator]
+
+
+def test_a_battery_that_no_path_keeps_to_ends_the_run_with_a_cure(tmp_path: Path) -> None:
+    robot = robot_of("fixed_wing", "calm")
+    robot["power"]["capacity"] = 1.0
+    with pytest.raises(
+        InfeasibleError, match=r"every path of the front needs more than robot\.power\.capacity"
+    ):
+        pareto_ltl.plan(
+            site("fixed_wing"),
+            "F(a & F b)",
+            robot=robot,
+            wind="calm",
+            fidelity="paper",
+            out=tmp_path,
+            **SMALL,
+        )
+    assert (tmp_path / "front.csv").is_file()
+    assert all(finding.holds for finding in judge_results(tmp_path))
+
+
+# --- levels ---------------------------------------------------------------------------------------
+
+
+def test_the_wind_is_taken_where_the_robot_flies_unless_told_otherwise() -> None:
+    assert Settings().wind.level == "10m"
+    wing = section_of("robot", "fixed_wing")
+    assert Settings(robot=wing).wind.level == "100m"
+    assert Settings(robot=wing, wind=WindConfig(level="80m")).wind.level == "80m"
+    currents = WindConfig(source="currents", path="x")
+    assert Settings(wind=currents).wind.level == "0m"
+    assert Settings(wind=currents, robot=section_of("robot", "glider")).wind.level == "100m depth"
+    assert currents.level == "auto"  # of others who hold it
+
+
+def test_a_wind_of_another_level_is_told_and_that_of_another_medium_refused(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    assert level_mismatch("100m", "80m") == level_mismatch("0m depth", "0m depth") == ""
+    assert "925 hPa (robot.level), and the wind is that 10 m" in level_mismatch("925hPa", "10m")
+    for one, other in (("100m depth", "10m"), ("100m", "0.5m depth")):
+        with pytest.raises(ConfigError, match=r"what is known is a (wind|current)"):
+            level_mismatch(one, other)
+    with pytest.raises(ConfigError, match=r"robot\.level=100m depth is a depth, and what is known is a wind"):
+        pareto_ltl.plan(site("glider"), "F(a & F b)", robot="glider", **SMALL)
+    small = SMALL | {"fidelity": "paper", "robot": "fixed_wing"}
+    pareto_ltl.plan(site("fixed_wing"), "F(a & F b)", **small)
+    assert "the robot flies 100 m above ground (robot.level), and the wind is that 10 m" in caplog.text
+
+
+def test_what_no_vehicle_is_gets_one_line(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    for words, text in (
+        (["robot=multirotr"], "multirotor"),
+        (["selection=energy"], "selection.rule=energy needs the power curve of the robot"),
+        (["selection.rule=weighted", "selection.weights=[1,1,1,1]"], "the fourth of selection.weights needs"),
+        (["robot=fixed_wing", "robot.u_min=21"], "robot.u_min = 21 m/s is above robot.u_max = 20 m/s"),
+    ):
+        assert run_command_line(["+experiment=phi1", *words, f"hydra.run.dir={tmp_path}"]) == 2
+        told = capsys.readouterr().err
+        assert text in told
+        assert told.count("\n") == 1
+
+
+def test_a_vehicle_slower_than_the_flow_is_told_so() -> None:
+    robot = section_of("robot", "glider")
+    robot.level = None
+    with pytest.raises((DataError, InfeasibleError)) as caught:
+        pareto_ltl.plan(site("glider"), "F(a & F b)", robot=robot, wind="sample", **SMALL)
+    assert "\n" not in str(caught.value)
+    assert "robot.u_max" in str(caught.value)
