@@ -103,7 +103,7 @@ BAD = {
     "selection.rule=best": "priority, weighted, threshold",
     "selection.weights=[1.0]": "selection.weights must be three numbers",
     "wind.source=csv": "wind.path is missing",
-    "+experiment=phi9": "there is no experiment 'phi9'; there are phi1, ",
+    "+experiment=phi9": "there is no experiment 'phi9'; there are hop, phi1, ",
     "wind=storm": "there is no wind 'storm'; there are calm, ",
     "wind=grib": "wind.path",
     "pipelines=plans": "there is no pipeline 'plans'; there are ",
@@ -222,7 +222,10 @@ def test_every_experiment_composes(experiment: str) -> None:
 
 @pytest.mark.parametrize("choice", [f"{section}={name}" for section in SECTIONS for name in choices(section)])
 def test_every_choice_composes_with_a_mission(choice: str) -> None:
-    assert validated("+experiment=phi1", choice, *FILES.get(choice.removeprefix("wind="), [])).name == "phi1"
+    more = (
+        ["robot=fixed_wing"] if choice == "selection=energy" else FILES.get(choice.removeprefix("wind="), [])
+    )
+    assert validated("+experiment=phi1", choice, *more).name == "phi1"
 
 
 def test_ingest_needs_no_mission() -> None:

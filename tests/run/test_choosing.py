@@ -145,7 +145,7 @@ def test_the_command_writes_beside_the_results(
             "--failure must be a probability between 0 and 1, e.g. 0.02 or 2%, got 'often'",
         ),
         (["--length", "1900 miles"], "--length must be a length in m, km or nmi, e.g. 1900km"),
-        ([], "one of the arguments --failure --length --knee --point is required"),
+        ([], "one of the arguments --failure --energy --length --knee --point is required"),
         (["--knee", "--point", "1"], "not allowed with argument"),
     ],
 )
@@ -191,7 +191,7 @@ def test_a_choice_does_not_replace_its_source(made: dict[str, Path]) -> None:
 
 @pytest.mark.parametrize("given", [{}, {"knee": True, "point": 1}, {"failure": 0.1, "length": 1e6}])
 def test_exactly_one_wish_is_given(given: dict[str, Any], made: dict[str, Path]) -> None:
-    with pytest.raises(ConfigError, match="give one of failure, length, knee and point"):
+    with pytest.raises(ConfigError, match="give one of failure, energy, length, knee and point"):
         pareto_ltl.choose(made["paper"], **given)
 
 

@@ -10,13 +10,13 @@ from pathlib import Path
 import pytest
 
 from pareto_ltl.cli.choose_command import read_length, read_number, read_share
-from pareto_ltl.run.front_files import FRONT_HEADER
+from pareto_ltl.run.front_files import ENERGY, FRONT_HEADER
 from pareto_ltl.settings.planner import SELECTION_RULES
 from pareto_ltl.support.resources import choices
 
 TEXT = (Path(__file__).parents[2] / "docs" / "front.md").read_text(encoding="utf-8")
 COMMANDS = re.findall(r"^    pareto-ltl choose ([^#\n]*)", TEXT, re.MULTILINE)
-READERS = {"--failure": read_share, "--length": read_length, "--point": read_number}
+READERS = {"--failure": read_share, "--energy": read_share, "--length": read_length, "--point": read_number}
 
 
 def first_cells(head: str) -> list[str]:
@@ -26,7 +26,7 @@ def first_cells(head: str) -> list[str]:
 
 
 def test_the_columns_are_those_of_the_file() -> None:
-    assert sorted(first_cells("| column | meaning |")) == sorted(FRONT_HEADER)
+    assert sorted(first_cells("| column | meaning |")) == sorted([*FRONT_HEADER, ENERGY])
 
 
 def test_the_rules_are_those_of_the_settings_and_each_has_a_file() -> None:

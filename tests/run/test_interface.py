@@ -130,7 +130,7 @@ def test_a_map_comes_as_settings_as_a_mapping_as_a_file_or_as_a_record(tmp_path:
 @pytest.mark.parametrize(
     ("scene", "formula", "options", "message"),
     [
-        ("phi9", "F a", {}, "scene 'phi9' is neither a file nor a ready map; there are phi1, phi2"),
+        ("phi9", "F a", {}, "scene 'phi9' is neither a file nor a ready map; there are hop, phi1, phi2"),
         ("phi1", "", {}, "mission.formula is missing"),
         ("phi1", "F a", {"planner": {"treez": 1}}, "did you mean planner.trees"),
         ("phi1", "F a", {"pipelines": {"stages": ["readings"]}}, "pipelines.stages makes no plan; it lists"),

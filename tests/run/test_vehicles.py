@@ -131,7 +131,7 @@ def test_the_wind_is_taken_where_the_robot_flies_unless_told_otherwise() -> None
     assert Settings(robot=wing, wind=WindConfig(level="80m")).wind.level == "80m"
     currents = WindConfig(source="currents", path="x")
     assert Settings(wind=currents).wind.level == "0m"
-    assert Settings(wind=currents, robot=section_of("robot", "glider")).wind.level == "100m depth"
+    assert Settings(wind=currents, robot=section_of("robot", "underwater_glider")).wind.level == "100m depth"
     assert currents.level == "auto"  # of others who hold it
 
 
@@ -144,7 +144,7 @@ def test_a_wind_of_another_level_is_told_and_that_of_another_medium_refused(
         with pytest.raises(ConfigError, match=r"what is known is a (wind|current)"):
             level_mismatch(one, other)
     with pytest.raises(ConfigError, match=r"robot\.level=100m depth is a depth, and what is known is a wind"):
-        pareto_ltl.plan(site("glider"), "F(a & F b)", robot="glider", **SMALL)
+        pareto_ltl.plan(site("underwater_glider"), "F(a & F b)", robot="underwater_glider", **SMALL)
     small = SMALL | {"fidelity": "paper", "robot": "fixed_wing"}
     pareto_ltl.plan(site("fixed_wing"), "F(a & F b)", **small)
     assert "the robot flies 100 m above ground (robot.level), and the wind is that 10 m" in caplog.text
@@ -164,9 +164,9 @@ def test_what_no_vehicle_is_gets_one_line(capsys: pytest.CaptureFixture[str], tm
 
 
 def test_a_vehicle_slower_than_the_flow_is_told_so() -> None:
-    robot = section_of("robot", "glider")
+    robot = section_of("robot", "underwater_glider")
     robot.level = None
     with pytest.raises((DataError, InfeasibleError)) as caught:
-        pareto_ltl.plan(site("glider"), "F(a & F b)", robot=robot, wind="sample", **SMALL)
+        pareto_ltl.plan(site("underwater_glider"), "F(a & F b)", robot=robot, wind="sample", **SMALL)
     assert "\n" not in str(caught.value)
     assert "robot.u_max" in str(caught.value)

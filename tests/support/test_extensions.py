@@ -82,7 +82,7 @@ def test_the_example_package_plans_from_the_command_line_and_from_python(
         ("wind.source=storm", "calm, steady; got 'storm'"),
         ("selection.rule=best", "point, shortest; got 'best'"),
         ("mission.pattern=zigzag", "key_door, all_but_one; got 'zigzag'"),
-        ("robot=submarine", "there is no robot 'submarine'; there are airframe, glider"),
+        ("robot=submarine", "there is no robot 'submarine'; there are airframe, fixed_wing, glider"),
         ("pipelines.stages=[briefings]", "briefing"),
         ("pipelines.stages=[briefing]", "'briefing' needs plan, scene, which no earlier stage makes"),
     ],
