@@ -89,7 +89,7 @@ def test_the_complete_help_shows_the_values_of_the_command_line(capsys: pytest.C
 
 def test_a_folder_of_ones_own_is_in_the_help(mine: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for argv in (["--config-dir", "mine", "--help"], ["--help", "--config-dir=mine"]):
-        assert "harbour, phi1" in shown(capsys, *argv)
+        assert "harbour, hop, phi1" in shown(capsys, *argv)
     text = shown(capsys, "--help=all", "+experiment=harbour", "--config-dir", str(mine))
     assert "\n  planner: default, dense, quick, tiny\n" in text
     assert "\n  planner.trees=3 " in text
