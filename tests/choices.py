@@ -103,7 +103,7 @@ def gaussian(x: FloatArray, cov: FloatArray) -> kernel.Gaussian:
 
 def ordered_at_state(problem: Problem, x: FloatArray, cov: FloatArray, q: int) -> float:
     """V(q) after the last letter, by the recursion in plain NumPy."""
-    logic = problem.world.logic
+    logic = problem.reading(0)
     column, P = risk.label_probabilities(problem, x, cov)
     spoils = ~logic.covers[logic.delta[:, column]]
     V = np.where(logic.covers[logic.initial], 0.0, 1.0)

@@ -14,11 +14,19 @@ import numpy as np
 import yaml
 
 from pareto_ltl.kernels.data import Faces
-from pareto_ltl.logic import translate
+from pareto_ltl.logic.mission import automaton_of
 from pareto_ltl.planning.pack import build_problem
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import Tree
-from pareto_ltl.settings import FidelityConfig, PlannerConfig, RobotConfig, SceneConfig, WindConfig, preset
+from pareto_ltl.settings import (
+    FidelityConfig,
+    MissionConfig,
+    PlannerConfig,
+    RobotConfig,
+    SceneConfig,
+    WindConfig,
+    preset,
+)
 from pareto_ltl.support.arrays import FloatArray, IntArray
 from pareto_ltl.wind.forecast_error import ForecastError
 from pareto_ltl.wind.records import FORECAST, SPACE, TIME, WindField, WindModes
@@ -175,7 +183,12 @@ def make_problem(
         scene,
         wind or steady_wind(scene),
         decomposition,
-        translate(formula, decomposition.letters),
+        automaton_of(
+            MissionConfig(formula=formula),
+            decomposition.letters,
+            windows=scene.windows,
+            forbidden=scene.forbidden,
+        ),
         preset(fidelity) if isinstance(fidelity, str) else fidelity,
     )
 

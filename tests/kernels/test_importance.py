@@ -117,7 +117,7 @@ def test_the_cheapest_claims_are_those_of_the_cheapest_run(seed):
     edges = ClaimEdges(
         rng.integers(0, states, count), rng.integers(0, states, count), rng.integers(-1, 2, count),
         np.cumsum([0, *map(len, shunned)]), np.array([c for own in shunned for c in own], np.int64),
-        rng.random((states, 2)) < 0.4,
+        rng.random((1, states, 2)) < 0.4, np.array([0, count]), np.zeros(1, np.int64),
     )  # fmt: skip
     costs = ClaimCosts(*(rng.uniform(0, 1, (steps, 2)) for _ in range(3)))
     for table in costs:
@@ -128,7 +128,9 @@ def test_the_cheapest_claims_are_those_of_the_cheapest_run(seed):
 
     def price(t: int, i: int) -> float:
         asked = costs.shown[t, edges.shown[i]] if edges.shown[i] >= 0 else 0.0
-        return asked + costs.shunned[t, shunned[i]].sum() + costs.way[t, edges.loses[edges.source[i]]].sum()
+        return (
+            asked + costs.shunned[t, shunned[i]].sum() + costs.way[t, edges.loses[0, edges.source[i]]].sum()
+        )
 
     best = dict.fromkeys(range(states), math.inf)
     for run in itertools.product(range(count), repeat=steps):

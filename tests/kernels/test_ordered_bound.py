@@ -9,7 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pareto_ltl.kernels.data import Cells, Corners, Faces, Logic, StateLists
+from one_epoch import one_epoch, reading_of
+from pareto_ltl.kernels.data import Cells, Corners, Faces, Reading, StateLists
 from pareto_ltl.kernels.ordered_bound import (
     add_risk,
     begin_bound,
@@ -28,7 +29,7 @@ some = settings(deadline=None, max_examples=150)
 class Case(NamedTuple):
     """An automaton on cells that show labels, and what may be read at each step."""
 
-    logic: Logic
+    logic: Reading
     seen: np.ndarray  # (T, L + 1)
     met: np.ndarray  # (T, H)
 
@@ -39,7 +40,7 @@ def corners_of(cells) -> Corners:
     return Corners(cells, np.zeros((n, 2)), np.zeros(n), np.zeros(n + 1, np.int64), np.empty((0, 2)))
 
 
-def logic_of(rng, states, letters, hazards) -> Logic:
+def logic_of(rng, states, letters, hazards) -> Reading:
     """A random automaton; labels of the hazards lose random states."""
     delta = rng.integers(0, states, (states, letters + 1))
     stay = rng.random(delta.shape) < 0.4
@@ -50,7 +51,7 @@ def logic_of(rng, states, letters, hazards) -> Logic:
     loses = np.zeros(delta.shape, bool)
     cells = rng.choice(letters, min(hazards, letters), replace=False)
     loses[:, cells] = rng.random((states, len(cells))) < 0.4
-    return Logic(delta, distance, covers, 0, loses.copy(), loses, corners_of(np.sort(cells)))
+    return reading_of(delta, distance, covers, loses.copy(), loses, corners_of(np.sort(cells)))
 
 
 @st.composite
@@ -67,12 +68,13 @@ def cases(draw, most=9):
     return Case(logic, seen, met)
 
 
-def bound_of(logic: Logic):
+def bound_of(logic: Reading):
     none = Faces(np.zeros(1, np.int64), np.empty((0, 2)), np.empty(0))
     cells = Cells(
         0.0, 0.0, 1.0, 1.0, 1, np.zeros(2, np.int64), np.zeros(0, np.int64), none, np.zeros((0, 0), bool)
     )
-    return follow_states(corners_of(np.arange(logic.delta.shape[1] - 1)), cells, logic)
+    labelled = corners_of(np.arange(logic.delta.shape[1] - 1))
+    return follow_states(labelled, cells, one_epoch(logic))._replace(logic=logic)
 
 
 def dense_step(case: Case, V, t):

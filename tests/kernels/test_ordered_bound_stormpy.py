@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pareto_ltl.kernels.data import Cells, Corners, Faces, Logic
+from one_epoch import one_epoch, reading_of
+from pareto_ltl.kernels.data import Cells, Corners, Faces, Reading
 from pareto_ltl.kernels.ordered_bound import begin_bound, live_value, note_letters, read_letter
 from pareto_ltl.planning import reference
 from pareto_ltl.planning.pack_logic import empty_letters, follow_states, live_rows
@@ -71,7 +72,7 @@ def language_inclusion(delta: IntArray, goal: int) -> BoolArray:
         apart = wider
 
 
-def logic_of(delta: IntArray, goal: int) -> Logic:
+def logic_of(delta: IntArray, goal: int) -> Reading:
     """The automaton as kernels read it; the last letter is the empty label."""
     covers = language_inclusion(delta, goal)
     distance = np.where(np.arange(len(delta)) == goal, 0.0, 1.0)
@@ -79,10 +80,10 @@ def logic_of(delta: IntArray, goal: int) -> Logic:
     none = Corners(
         np.zeros(0, np.int64), np.empty((0, 2)), np.empty(0), np.zeros(1, np.int64), np.empty((0, 2))
     )
-    return Logic(delta, distance, covers, 0, harmless, harmless.copy(), none)
+    return reading_of(delta, distance, covers, harmless, harmless.copy(), none)
 
 
-def bound_of_kernel(logic: Logic, goal: int, P: FloatArray) -> float:
+def bound_of_kernel(logic: Reading, goal: int, P: FloatArray) -> float:
     """V after the letters ``P`` (T, S), by the recursion that the trees and paths use."""
     none = Faces(np.zeros(1, np.int64), np.empty((0, 2)), np.empty(0))
     cells = Cells(
@@ -90,7 +91,7 @@ def bound_of_kernel(logic: Logic, goal: int, P: FloatArray) -> float:
     )
     letters = np.arange(P.shape[1] - 1)
     corners = Corners(letters, np.empty((0, 2)), np.empty(0), np.zeros(1, np.int64), np.empty((0, 2)))
-    bound = follow_states(corners, cells, logic)
+    bound = follow_states(corners, cells, one_epoch(logic))._replace(logic=logic)
     rows, letters = live_rows(bound, 2), empty_letters(bound)
     begin_bound(bound, rows, 0)
     for t in range(len(P)):
@@ -100,9 +101,9 @@ def bound_of_kernel(logic: Logic, goal: int, P: FloatArray) -> float:
     return float(live_value(bound, rows, len(P) % 2, goal))
 
 
-def bound_of_reference(logic: Logic, P: FloatArray, monkeypatch: pytest.MonkeyPatch) -> float:
+def bound_of_reference(logic: Reading, P: FloatArray, monkeypatch: pytest.MonkeyPatch) -> float:
     """The same by the readable formula."""
-    problem: Any = SimpleNamespace(world=SimpleNamespace(logic=logic))
+    problem: Any = SimpleNamespace(world=SimpleNamespace(logic=logic), reading=lambda _: logic)
     columns = np.arange(P.shape[1])
     monkeypatch.setattr(reference, "label_probabilities", lambda *_: (columns, P))
     return reference.ordered_bound(problem, np.zeros((len(P), 2)), np.zeros((len(P), 2, 2)))

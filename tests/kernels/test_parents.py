@@ -62,14 +62,14 @@ class Bench:
     def choose(self, x, original):
         """The parent that a new vertex at ``x`` [km], reached from ``original``, is given."""
         s, (there, cell) = self.search, self.place(x)
-        v, logic = s.tree, s.world.logic
+        v, delta = s.tree, s.world.logic.delta[0]
         length = v.length[original] + math.dist(v.x[original], there)
-        q = int(logic.delta[v.q[original], cell])
+        q = int(delta[v.q[original], cell])
         first = kernel.propose(s, original, there, cell, q, kernel.BEST)
         appraise_mission(s.world.mission, v, s.state, first)
         parent, q_new, length_new = kernel.choose_parent(s, first, length, self.tree.rng)
         assert length_new == pytest.approx(v.length[parent] + math.dist(v.x[parent], there))
-        assert q_new == logic.delta[v.q[parent], cell]
+        assert q_new == delta[v.q[parent], cell]
         return parent
 
 

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from pareto_ltl.kernels.data import Logic
+from pareto_ltl.kernels.data import Reading
 from pareto_ltl.kernels.margin_events import Guards
 from pareto_ltl.planning.margin_model import pack_guards, shown_letters
 from pareto_ltl.planning.problem import Problem
@@ -37,7 +37,7 @@ def letter_margins(rng: np.random.Generator, letters: int, steps: int) -> FloatA
     return shown
 
 
-def by_all_claims(logic: Logic, column: list[int], shown: FloatArray) -> FloatArray:
+def by_all_claims(logic: Reading, column: list[int], shown: FloatArray) -> FloatArray:
     """W_T(p) by the definition; the margin of a set of letters without the empty one is its best letter's."""
     W = np.full(len(logic.delta), -np.inf)
     W[logic.initial] = np.inf
@@ -75,8 +75,8 @@ def test_edges_that_are_left_out_change_no_margin_of_acceptance(formula: str, se
     guards, accepting = pack_guards(logic, column), logic.distance == 0.0
     for _ in range(5):
         shown = letter_margins(rng, len(column), steps)
-        wanted = by_all_claims(logic, column, shown)[accepting].max(initial=-np.inf)
-        found = by_guards(guards, logic.initial, len(logic.delta), shown)[accepting].max(initial=-np.inf)
+        wanted = by_all_claims(problem.reading(0), column, shown)[accepting].max(initial=-np.inf)
+        found = by_guards(guards, logic.initial, len(logic.distance), shown)[accepting].max(initial=-np.inf)
         assert found == wanted
 
 
@@ -91,5 +91,5 @@ def test_patient_edges_leave_every_claim_as_it_is_where_nothing_is_shown(formula
     assert guards.patient == patient
     far = np.full((1, len(letters)), -np.inf)
     for q in np.flatnonzero(np.isfinite(logic.distance)):
-        held = by_guards(guards, int(q), len(logic.delta), far)
+        held = by_guards(guards, int(q), len(logic.distance), far)
         assert (held[q] == np.inf) or not patient

@@ -71,7 +71,7 @@ def test_a_state_covers_another_iff_it_accepts_all_words_that_one_accepts(formul
     """The order of growth's exchanges, by trying all words of up to five letters from every state."""
     regions = {name: box(4 * i + 1, 8, 4 * i + 3, 10) for i, name in enumerate("abcd")}
     problem = make_problem(formula, make_scene(regions))
-    logic = problem.world.logic
+    logic = problem.reading(0)
     columns = list({label: k for k, label in enumerate(problem.labels)}.values())
     states = len(logic.distance)
     accepted = [set() for _ in range(states)]
@@ -89,7 +89,7 @@ def test_a_state_covers_another_iff_it_accepts_all_words_that_one_accepts(formul
 
 
 def test_the_automaton_reads_cells_as_it_reads_their_labels(problem):
-    automaton, logic = problem.automaton, problem.world.logic
+    automaton, logic = problem.automaton, problem.reading(0)
     for q in range(automaton.n_states):
         for cell, label in enumerate(problem.labels):
             assert logic.delta[q, cell] == automaton.step(q, label)

@@ -91,7 +91,7 @@ def test_a_good_way_has_a_certificate_and_every_line_of_it_counts_at_its_step(na
 
 def all_edges(problem: Problem) -> ClaimEdges:
     """Every edge between claims, cell by cell, needless or not."""
-    logic = problem.world.logic
+    logic = problem.reading(0)
     labelled = [c for c, label in enumerate(problem.labels) if label]
     rows, shunned = [], []
     for q, p in np.ndindex(len(logic.delta), len(logic.delta)):
@@ -112,7 +112,7 @@ def all_edges(problem: Problem) -> ClaimEdges:
     cells = np.array([g for own in shunned for g in own], np.int64)
     return ClaimEdges(
         source, target, shown, np.cumsum([0, *map(len, shunned)]), cells,
-        logic.loses[:, logic.hazards.cell].copy(),
+        logic.loses[None][:, :, logic.hazards.cell].copy(), np.array([0, len(source)]), np.zeros(1, np.int64),
     )  # fmt: skip
 
 
@@ -126,7 +126,7 @@ def cheapest(problem, edges, costs):
 
 
 def random_costs(rng, labelled, edges):
-    costs = ClaimCosts(*(rng.uniform(0, 1, (6, n)) for n in (labelled, labelled, edges.loses.shape[1])))
+    costs = ClaimCosts(*(rng.uniform(0, 1, (6, n)) for n in (labelled, labelled, edges.loses.shape[2])))
     for table in costs:
         table[rng.random(table.shape) < 0.3] = np.inf
     return costs

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 from pareto_ltl.kernels.clearance import CERTAIN
 from pareto_ltl.kernels.jit import implements, kernel
+from pareto_ltl.kernels.letters import epoch_at
 from pareto_ltl.kernels.margin_events import NOWHERE, MarginModel, Scratch, letter_number, mission_margins
 from pareto_ltl.kernels.near import Near
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
@@ -143,11 +144,12 @@ def claims_at_end(
     for t in range(len(mean)):
         if near.shown_first[t] == near.shown_first[t + 1] and guards.patient:
             continue
+        edges = guards.first[epoch_at(model.logic.epoch, t)]
         read_shown(model, near, t, mean[t], off[t, 0, first:last], off[t, 1, first:last], rows)
         after.live[:] = False
         for q in range(len(before.live)):
             if before.live[q]:
-                for e in range(guards.first[q], guards.first[q + 1]):
+                for e in range(edges[q], edges[q + 1]):
                     follow_edge(model, e, q, t, rows, before, after, n)
         before, after = after, before
     return before

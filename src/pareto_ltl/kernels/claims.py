@@ -6,6 +6,7 @@ import math
 from typing import NamedTuple
 
 from pareto_ltl.kernels.jit import allocating
+from pareto_ltl.kernels.letters import epoch_at
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 
 
@@ -14,7 +15,8 @@ class ClaimEdges(NamedTuple):
 
     Edge i leads from ``source`` q to ``target`` p (E,) if the position lies in the polygon ``shown`` (E,),
     -1 for any position, and outside of the polygons ``shunned[ptr[i]:ptr[i + 1]]``, and if the way to it
-    meets no hazard that ``loses`` (Q, H) q.
+    meets no hazard that ``loses`` (E, Q, H) q. At a step of epoch e, by ``epoch`` (S+1,), there are the edges
+    ``first[e]`` to ``first[e + 1]``.
     """
 
     source: IntArray
@@ -23,6 +25,8 @@ class ClaimEdges(NamedTuple):
     ptr: IntArray
     shunned: IntArray
     loses: BoolArray
+    first: IntArray
+    epoch: IntArray
 
 
 class ClaimCosts(NamedTuple):
@@ -45,7 +49,8 @@ def cheapest_claims(edges: ClaimEdges, costs: ClaimCosts, least: FloatArray, via
     for t in range(len(via)):
         for p in range(least.shape[1]):
             least[t + 1, p], via[t, p] = math.inf, -1
-        for i in range(len(edges.source)):
+        e = epoch_at(edges.epoch, t)
+        for i in range(edges.first[e], edges.first[e + 1]):
             q, p = edges.source[i], edges.target[i]
             cost = least[t, q]
             if cost >= least[t + 1, p]:
@@ -54,8 +59,8 @@ def cheapest_claims(edges: ClaimEdges, costs: ClaimCosts, least: FloatArray, via
                 cost += costs.shown[t, edges.shown[i]]
             for k in range(edges.ptr[i], edges.ptr[i + 1]):
                 cost += costs.shunned[t, edges.shunned[k]]
-            for h in range(edges.loses.shape[1]):
-                if edges.loses[q, h]:
+            for h in range(edges.loses.shape[2]):
+                if edges.loses[e, q, h]:
                     cost += costs.way[t, h]
             if cost < least[t + 1, p]:
                 least[t + 1, p], via[t, p] = cost, i

@@ -120,22 +120,49 @@ class Cells(NamedTuple):
 
 
 class Logic(NamedTuple):
-    """The automaton on the letters that cells show.
+    """The automaton on the letters that cells show, in every epoch: a span of steps in which the same
+    propositions with time windows hold. Without windows there is one.
 
-    ``delta`` (Q, C + 1), the last column for no label (obstacles, off the map); ``distance`` d_A (Q,), inf
-    in the trap; ``covers`` (Q, Q): ``covers[q, p]`` iff q accepts all that p accepts (q >= p).
-
-    On the way from step to step letters that lead away from acceptance are read. ``harm`` (Q, C + 1): the
-    label is worse in q than no label, or ends in the trap; ``hazards`` are the cells that harm in some state;
-    ``loses`` (Q, C + 1): meeting the label may take a state as good as q to one that is not.
+    ``epoch`` (S + 1,) is that of each step, the last one of all later steps. Tables of :class:`Reading` have
+    the epochs in front: ``delta``, ``way``, ``rests``, ``harm`` and ``loses`` (E, Q, C + 1), ``ahead`` (E, Q)
+    its distances. ``distance`` d_A (Q,) is that of any letters, inf in the trap; ``covers`` (Q, Q):
+    ``covers[q, p]`` iff q accepts all that p accepts (q >= p); ``hazards`` are the cells that harm in some
+    state of some epoch.
     """
 
+    epoch: IntArray
     delta: IntArray
+    way: IntArray
+    rests: BoolArray
+    harm: BoolArray
+    loses: BoolArray
+    ahead: FloatArray
     distance: FloatArray
     covers: BoolArray
     initial: int
+    hazards: Corners
+
+
+class Reading(NamedTuple):
+    """The automaton at one step.
+
+    ``delta`` (Q, C + 1), the last column for no label (obstacles, off the map); ``distance`` (Q,) the fewest
+    letters to acceptance of those that this and later epochs show, inf where it is out of reach.
+
+    On the way from step to step letters that lead away from acceptance are read, and take q to ``way``
+    (Q, C + 1), in states that the step before leaves as they are, ``rests`` (Q, C + 1) by its own label.
+    ``harm`` (Q, C + 1): the label is worse in q than no label, or ends in the trap; ``loses`` (Q, C + 1):
+    meeting the label may take a state as good as q to one that is not.
+    """
+
+    delta: IntArray
+    way: IntArray
+    rests: BoolArray
     harm: BoolArray
     loses: BoolArray
+    distance: FloatArray
+    covers: BoolArray
+    initial: int
     hazards: Corners
 
 
@@ -279,12 +306,13 @@ Memory: TypeAlias = CoherentMemory | LandmarkMemory | None
 
 class Theorem2(NamedTuple):
     """The paper's f_o: ``faces`` of the convex parts of the regions, ``atom`` the proposition of each part,
-    ``holds`` (C, P) which propositions hold in a cell. Its memory is None: the risks of the propositions
-    are the vertex's own objectives."""
+    ``holds`` (E, C, P) which propositions hold in a cell in each ``epoch`` (S + 1,) of the steps. Its memory
+    is None: the risks of the propositions are the vertex's own objectives."""
 
     faces: Faces
     atom: IntArray
     holds: BoolArray
+    epoch: IntArray
 
 
 class StateLists(NamedTuple):
@@ -295,7 +323,8 @@ class StateLists(NamedTuple):
 
 
 class Ordered(NamedTuple):
-    """The ordered bound V: cells that show a label, all cells, the automaton.
+    """The ordered bound V: cells that show a label, all cells, the automaton: ``logic`` is a
+    :class:`Logic`, or the :class:`Reading` of a step (``ordered_bound.bound_at``).
 
     ``targets`` are the states that an entry of V at q is followed to, ``begin`` those of the first entries
     (:mod:`pareto_ltl.kernels.ordered_bound`); the lists of a large automaton are empty. States of one
@@ -304,7 +333,7 @@ class Ordered(NamedTuple):
 
     labelled: Corners
     cells: Cells
-    logic: Logic
+    logic: Any
     targets: StateLists
     begin: IntArray
     kind: IntArray

@@ -8,13 +8,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.random import Generator
 
-from pareto_ltl.kernels.data import Gaussian, Point
+from pareto_ltl.kernels.data import Gaussian, Logic, Point
 from pareto_ltl.kernels.dijkstra import Product, find_lead
 from pareto_ltl.kernels.geometry import locate_cell
 from pareto_ltl.kernels.jit import entry, inlined, kernel
-from pareto_ltl.kernels.letters import next_state
+from pareto_ltl.kernels.letters import epoch_at, next_state, reading_at
 from pareto_ltl.kernels.neighbours import kd_nearest
-from pareto_ltl.kernels.propagation import forget
+from pareto_ltl.kernels.propagation import airspeed, forget, least_airspeed
 from pareto_ltl.kernels.tree import (
     ACCEPTED,
     AGE,
@@ -76,10 +76,14 @@ def sample_cell(fans: Fans, cell: int, rng: Generator) -> Point:
 
 
 @kernel
-def extend(s: Search, v: int, target: Point, limit: int, rng: Generator) -> None:
-    """Walk from ``v`` towards a point; stop at the first step that is infeasible (Section IV-C)."""
+def extend(s: Search, fans: Fans, v: int, target: Point, limit: int, rng: Generator) -> None:
+    """Walk from ``v`` towards a point; stop at the first step that is infeasible (Section IV-C).
+
+    Where a place may be entered later than now, the robot waits: in front of one that is closed, half of the
+    times, and within one that is to be visited.
+    """
     world, tree, state = s.world, s.tree, s.state
-    tally, best = state.tally, int(np.int64(BEST))
+    tally = state.tally
     while tally[VERTICES] < limit:
         start, free = vertex_point(tree, v), Point(tree.free[v, 0], tree.free[v, 1])
         there, moved = steer(world.law.motion, start, free, tree.speed[v], target)
@@ -90,30 +94,106 @@ def extend(s: Search, v: int, target: Point, limit: int, rng: Generator) -> None
         if cell < 0:
             tally[BLOCKED] += 1
             return
-        q = next_state(world.cells, world.logic, tree.q[v], start, tree.cell[v], there, cell)
-        if world.logic.distance[q] == math.inf:
+        read = reading_at(world.logic, int(tree.step[v]) + 1)
+        q = next_state(world.cells, read, tree.q[v], start, tree.cell[v], there, cell)
+        if read.distance[q] == math.inf:
             tally[TRAPPED] += 1
+            last = len(world.logic.epoch) - 1 if rng_waits(world.logic, rng) else 0
+            until = next_opening(world.logic, tree.q[v], cell, tree.step[v] + 1, last)
+            v = wait(s, fans, v, until, limit, rng)
+            if until < 0 or tree.step[v] + 1 < until:
+                return
+            continue
+        grown = step_on(s, v, there, cell, q, s.settings.reselect, rng)
+        if grown < 0:
             return
-        if not in_time(s, tree.step[v] + 1, q):
-            tally[BEYOND] += 1
+        v = grown
+        if world.logic.distance[tree.q[v]] == 0.0:
             return
-        new = propose(s, v, there, cell, q, best)
-        if not appraise_collision(world.collision, tree, state, new):
-            tally[BLOCKED] += 1
-            return
-        appraise_mission(world.mission, tree, state, new)
-        length = tree.length[v] + distance(start, there)
-        parent = v
-        if s.settings.reselect:
-            parent, q_new, length_new = choose_parent(s, new, length, rng)
-            if parent != v:
-                note_swap(s, q, length, q_new, length_new)
-                q, length = q_new, length_new
-        v = add_vertex(s, there, cell, q, parent, length, rng)
-        if world.logic.distance[q] == 0.0 or (there.x == target.x and there.y == target.y):
+        if there.x == target.x and there.y == target.y:
+            until = next_visit(world.logic, tree.q[v], cell, tree.step[v] + 1)
+            wait(s, fans, v, until + 1, limit, rng)
             return
         if world.law.motion.u_min > 0.0 and passed(start, there, target):
             return
+
+
+@kernel
+def step_on(s: Search, v: int, there: Point, cell: int, q: int, reselect: bool, rng: Generator) -> int:
+    """Add a vertex one step after ``v``, or after a better parent; its number, -1 where there can be none."""
+    world, tree, state, best = s.world, s.tree, s.state, int(np.int64(BEST))
+    if not in_time(s, tree.step[v] + 1, q):
+        state.tally[BEYOND] += 1
+        return -1
+    new = propose(s, v, there, cell, q, best)
+    if not appraise_collision(world.collision, tree, state, new):
+        state.tally[BLOCKED] += 1
+        return -1
+    appraise_mission(world.mission, tree, state, new)
+    length = tree.length[v] + distance(vertex_point(tree, v), there)
+    parent = int(np.int64(v))
+    if reselect:
+        parent, q_new, length_new = choose_parent(s, new, length, rng)
+        if parent != v:
+            note_swap(s, q, length, q_new, length_new)
+            q, length = q_new, length_new
+    return add_vertex(s, there, cell, q, parent, length, rng)
+
+
+# --- waiting for a time window ----------------------------------------------------------------
+
+
+@inlined
+def rng_waits(logic: Logic, rng: Generator) -> bool:
+    """Half of the times where there are time windows."""
+    return len(logic.delta) > 1 and rng.random() < 0.5
+
+
+@kernel
+def next_opening(logic: Logic, q: int, cell: int, step: int, last: int) -> int:
+    """The first step from ``step`` to ``last`` on at which a cell may be entered in state q; -1: never."""
+    for t in range(step, last + 1):
+        e = epoch_at(logic.epoch, t)
+        if logic.ahead[e, logic.delta[e, q, cell]] < math.inf and not logic.harm[e, q, cell]:
+            return t
+    return -1
+
+
+@kernel
+def next_visit(logic: Logic, q: int, cell: int, step: int) -> int:
+    """The first step from ``step`` on at which the label of a cell brings state q nearer to acceptance;
+    -1: never. Only time windows make it change its mind."""
+    if len(logic.delta) > 1:
+        for t in range(step, len(logic.epoch)):
+            if logic.distance[logic.delta[epoch_at(logic.epoch, t), q, cell]] < logic.distance[q]:
+                return t
+    return -1
+
+
+@kernel
+def wait(s: Search, fans: Fans, v: int, until: int, limit: int, rng: Generator) -> int:
+    """Stay about where ``v`` is until the step before ``until``; the last vertex.
+
+    A robot that cannot stand still flies to and fro in the cell. Waiting vertices keep their parents: a
+    shorter way to the same place would arrive too early again.
+    """
+    world, tree, tally = s.world, s.tree, s.state.tally
+    while tree.step[v] + 1 < until and tally[VERTICES] < limit:
+        here, free, cell = vertex_point(tree, v), Point(tree.free[v, 0], tree.free[v, 1]), tree.cell[v]
+        flown = airspeed(world.law.motion, here.x - free.x, here.y - free.y)
+        there = here
+        if flown > tree.speed[v] or flown < least_airspeed(world.law.motion, tree.speed[v]):
+            target = sample_cell(fans, cell, rng)
+            there, moved = steer(world.law.motion, here, free, tree.speed[v], target)
+            if not moved or locate_cell(world.cells, there) != cell:
+                return v
+        read = reading_at(world.logic, int(tree.step[v]) + 1)
+        q = next_state(world.cells, read, tree.q[v], here, cell, there, cell)
+        grown = -1 if read.distance[q] == math.inf else step_on(s, v, there, cell, q, False, rng)
+        if grown < 0:
+            return v
+        v = grown
+    return v
 
 
 @inlined
@@ -157,7 +237,7 @@ def plant(s: Search, here: Gaussian, rng: Generator) -> bool:
     world, tree, state = s.world, s.tree, s.state
     root = int(np.int64(0))  # a literal 0 would be a type of its own, and all below compiled for it
     cell = locate_cell(world.cells, here.mean)
-    q = world.logic.delta[world.logic.initial, cell]
+    q = reading_at(world.logic, root).delta[world.logic.initial, cell]
     tree.x[0, 0], tree.x[0, 1] = here.mean
     tree.parent[0], tree.step[0], tree.q[0], tree.cell[0] = -1, 0, q, cell
     tree.length[0] = 0.0
@@ -208,7 +288,7 @@ def grow(
         target = pick_target(s, fans, position, rng)
         before = tally[VERTICES]
         v = kd_nearest(tree.x, tree.child, state.root, z, target, state.stack)
-        extend(s, v, target, limit, rng)
+        extend(s, fans, v, target, limit, rng)
         if tally[VERTICES] == before:
             # A door that the wind or Eq. (9) keeps shut: charge the far side too, so that leads go round.
             state.selected[state.lead[position + 1]] += 1

@@ -10,27 +10,45 @@ import math
 
 import numpy as np
 
-from pareto_ltl.kernels.data import Cells, Logic, Point
+from pareto_ltl.kernels.data import Cells, Logic, Point, Reading
 from pareto_ltl.kernels.geometry import entry_share, locate_cell
 from pareto_ltl.kernels.jit import allocating, inlined, kernel
 from pareto_ltl.support.arrays import FloatArray, IntArray
 
 
 @inlined
-def next_state(cells: Cells, logic: Logic, q: int, start: Point, first: int, end: Point, last: int) -> int:
+def epoch_at(epoch: IntArray, step: int) -> int:
+    """Number of the epoch at a step."""
+    return int(epoch[min(step, len(epoch) - 1)])
+
+
+@inlined
+def reading_at(logic: Logic, step: int) -> Reading:
+    """The automaton as it reads the letters of ``step``, and those on the way to it."""
+    e = epoch_at(logic.epoch, step)
+    return Reading(
+        logic.delta[e], logic.way[e], logic.rests[e], logic.harm[e], logic.loses[e], logic.ahead[e],
+        logic.covers, logic.initial, logic.hazards,
+    )  # fmt: skip
+
+
+@inlined
+def next_state(cells: Cells, logic: Reading, q: int, start: Point, first: int, end: Point, last: int) -> int:
     """State after a step from ``start`` in cell ``first`` to ``end`` in cell ``last``; -1 is no cell.
 
     The way is read only in a state that the label of its start leaves alone: otherwise the formula counts
     steps (X), and a letter between them is none of them.
     """
     state, begun, ended = int(np.int64(q)), int(np.int64(first)), int(np.int64(last))  # one type
-    if len(logic.hazards.cell) > 0 and (begun != ended or begun < 0) and logic.delta[state, begun] == state:
+    if len(logic.hazards.cell) > 0 and (begun != ended or begun < 0) and logic.rests[state, begun]:
         state = meet_hazards(cells, logic, state, start, begun, end, ended)
     return int(logic.delta[state, ended])
 
 
 @kernel
-def meet_hazards(cells: Cells, logic: Logic, q: int, start: Point, first: int, end: Point, last: int) -> int:
+def meet_hazards(
+    cells: Cells, logic: Reading, q: int, start: Point, first: int, end: Point, last: int
+) -> int:
     """State after the cells between start and end that do harm, each read when it is entered.
 
     The cells of the ends are read as the labels of their steps.
@@ -55,7 +73,7 @@ def meet_hazards(cells: Cells, logic: Logic, q: int, start: Point, first: int, e
                 share, found = enters, cell
         if found < 0:
             return q
-        q, passed = int(logic.delta[q, found]), share
+        q, passed = int(logic.way[q, found]), share
 
 
 @allocating
@@ -64,10 +82,10 @@ def states_along(cells: Cells, logic: Logic, x: FloatArray) -> IntArray:
     states = np.empty(len(x), np.int64)
     at = Point(x[0, 0], x[0, 1])
     cell = locate_cell(cells, at)
-    states[0] = logic.delta[logic.initial, cell]
+    states[0] = reading_at(logic, 0).delta[logic.initial, cell]
     for t in range(1, len(x)):
         there = Point(x[t, 0], x[t, 1])
         last = locate_cell(cells, there)
-        states[t] = next_state(cells, logic, states[t - 1], at, cell, there, last)
+        states[t] = next_state(cells, reading_at(logic, t), states[t - 1], at, cell, there, last)
         at, cell = there, last
     return states

@@ -23,8 +23,9 @@ class Guards(NamedTuple):
 
     Edge e leads from ``source`` to ``target`` (E,) on letters ``letter[ptr[e]:ptr[e + 1]]``; where
     ``spared`` (E,) is true, on all letters but these, the empty one among them. ``patient`` says that the
-    empty letter leaves every claim as it is. Edges ``first[q]`` to ``first[q + 1]`` lead from q; ``needs``
-    (Q,) has the bits of the letters that every way from q to acceptance reads, 0 in small automata.
+    empty letter leaves every claim as it is. Edges ``first[e, q]`` to ``first[e, q + 1]`` lead from q in
+    epoch e; ``needs`` (Q,) has the bits of the letters that every way from q to acceptance reads, 0 in small
+    automata.
     """
 
     source: IntArray

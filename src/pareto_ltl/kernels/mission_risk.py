@@ -13,6 +13,7 @@ from pareto_ltl.kernels.data import Cov, Gaussian, Ordered, Point, Theorem2
 from pareto_ltl.kernels.gaussian import inside, region_missed, tail, variance_along
 from pareto_ltl.kernels.geometry import locate_cell
 from pareto_ltl.kernels.jit import allocating, kernel
+from pareto_ltl.kernels.letters import epoch_at
 from pareto_ltl.kernels.polygon import polygon_probability
 from pareto_ltl.support.arrays import FloatArray, IntArray
 
@@ -23,9 +24,9 @@ CERTAIN = 8.0  # standard deviations; what lies farther away has probability bel
 
 
 @kernel
-def visit_risk(bound: Theorem2, atom: int, cell: int, here: Gaussian, before: float) -> float:
+def visit_risk(bound: Theorem2, atom: int, cell: int, step: int, here: Gaussian, before: float) -> float:
     """f_o^i (Theorem 1) after a step into ``cell``: the least risk over all visits, -1 before the first."""
-    if not bound.holds[cell, atom]:
+    if not bound.holds[epoch_at(bound.epoch, step), cell, atom]:
         return before
     now = region_missed(bound.faces, bound.atom, atom, here)
     return now if before < 0.0 else min(before, now)
@@ -37,12 +38,12 @@ def theorem2_risks(bound: Theorem2, x: FloatArray, cov: FloatArray, cell: IntArr
 
     ``x`` (T+1, 2), ``cov`` (T+1, 3) = (xx, xy, yy), ``cell`` (T+1,).
     """
-    risks = np.empty(bound.holds.shape[1])
+    risks = np.empty(bound.holds.shape[2])
     for atom in range(len(risks)):
         risk = -1.0
         for t in range(len(x)):
             here = Gaussian(Point(x[t, 0], x[t, 1]), Cov(cov[t, 0], cov[t, 1], cov[t, 2]))
-            risk = visit_risk(bound, atom, cell[t], here, risk)
+            risk = visit_risk(bound, atom, cell[t], t, here, risk)
         risks[atom] = max(risk, 0.0)
     return risks
 

@@ -19,11 +19,18 @@ import numpy as np
 from pareto_ltl.kernels.data import Cov, Gaussian, Letters, LiveRows, Ordered, Point
 from pareto_ltl.kernels.geometry import locate_cell
 from pareto_ltl.kernels.jit import allocating, inlined, kernel
-from pareto_ltl.kernels.letters import next_state
+from pareto_ltl.kernels.letters import next_state, reading_at
 from pareto_ltl.kernels.mission_risk import read_labels, read_place, read_way
 from pareto_ltl.support.arrays import FloatArray, Int32Array
 
 STEP_WORTH = 0.25  # one letter less to acceptance is worth so much of V when entries are left out
+
+
+@inlined
+def bound_at(bound: Ordered, step: int) -> Ordered:
+    """The bound with the automaton as it reads the letters of ``step``."""
+    logic = reading_at(bound.logic, step)
+    return Ordered(bound.labelled, bound.cells, logic, bound.targets, bound.begin, bound.kind)
 
 
 @kernel
@@ -240,16 +247,17 @@ def copy_entries(rows: LiveRows, row: int, to: LiveRows, target: int) -> None:
 
 @allocating
 def ordered_risk(
-    bound: Ordered, rows: LiveRows, letters: Letters, x: FloatArray, cov: FloatArray, miss: FloatArray
+    whole: Ordered, rows: LiveRows, letters: Letters, x: FloatArray, cov: FloatArray, miss: FloatArray
 ) -> float:  # fmt: skip
     """V of a whole path; ``x`` (T+1, 2), ``cov`` (T+1, 3) = (xx, xy, yy), ``miss`` (T+1,) = P(landmark
     missed). ``rows`` are two of scratch, ``letters`` is scratch as well."""
-    logic = bound.logic
-    begin_bound(bound, rows, 0)
+    begin_bound(whole, rows, 0)
     before = Gaussian(Point(x[0, 0], x[0, 1]), Cov(cov[0, 0], cov[0, 1], cov[0, 2]))
-    cell = locate_cell(bound.cells, before.mean)
-    q, now = int(np.int64(logic.initial)), 0
+    cell = locate_cell(whole.cells, before.mean)
+    q, now = int(np.int64(whole.logic.initial)), 0
     for t in range(len(x)):
+        bound = bound_at(whole, t)
+        logic = bound.logic
         here = Gaussian(Point(x[t, 0], x[t, 1]), Cov(cov[t, 0], cov[t, 1], cov[t, 2]))
         read_labels(bound, here, letters.seen)
         if t == 0:
@@ -266,6 +274,6 @@ def ordered_risk(
         before = here
     least = 1.0
     for k in range(rows.first[now], rows.first[now] + rows.size[now]):
-        if logic.distance[rows.state[k]] == 0.0:
+        if whole.logic.distance[rows.state[k]] == 0.0:
             least = min(least, rows.value[k])
     return least

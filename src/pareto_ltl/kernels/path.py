@@ -20,7 +20,7 @@ from pareto_ltl.kernels.fixes import fix_missed
 from pareto_ltl.kernels.geometry import locate_cell
 from pareto_ltl.kernels.interpolation import corner_weights, mode_square, mode_value, wind_at
 from pareto_ltl.kernels.jit import allocating, by_type, entry, implements, kernel
-from pareto_ltl.kernels.letters import next_state
+from pareto_ltl.kernels.letters import next_state, reading_at
 from pareto_ltl.kernels.propagation import (
     advance,
     airspeed,
@@ -224,9 +224,10 @@ def check_path(
         if cell[t] < 0:
             return OFF_MAP, t
         if t == 0:
-            state = int(world.logic.delta[state, cell[t]])
+            state = int(reading_at(world.logic, t).delta[state, cell[t]])
         else:
-            state = next_state(world.cells, world.logic, state, before.mean, cell[t - 1], here.mean, cell[t])
+            read = reading_at(world.logic, t)
+            state = next_state(world.cells, read, state, before.mean, cell[t - 1], here.mean, cell[t])
         q[t] = state
         if not step_allowed(world.collision, memory, t, before, here):
             return CROSSING, t

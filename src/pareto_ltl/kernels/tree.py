@@ -8,11 +8,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.random import Generator
 
-from pareto_ltl.kernels.data import Cov, Gaussian, Memory, Motion, Point, World
+from pareto_ltl.kernels.data import Cov, Gaussian, Logic, Memory, Motion, Point, World
 from pareto_ltl.kernels.dijkstra import Heap
 from pareto_ltl.kernels.fixes import fix_missed
 from pareto_ltl.kernels.jit import inlined, kernel
-from pareto_ltl.kernels.letters import next_state
+from pareto_ltl.kernels.letters import next_state, reading_at
 from pareto_ltl.kernels.neighbours import Bins, bin_of, kd_insert, remember
 from pareto_ltl.kernels.parents import Candidate, collision_limit, put_first, rank_parent
 from pareto_ltl.kernels.propagation import advance, airspeed, least_airspeed
@@ -259,6 +259,15 @@ def file_vertex(s: Search, v: int, rng: Generator) -> None:
 # --- re-selection of parents, lines 5 to 13 of Algorithm 2 ------------------------------------
 
 
+@inlined
+def may_lead(logic: Logic, q: int, cell: int, q0: int) -> bool:
+    """Whether the label of a cell leads, in some epoch, from ``q`` to a state as good as ``q0``."""
+    for e in range(len(logic.delta)):  # noqa: SIM110 (kernels have no generators)
+        if logic.covers[logic.delta[e, q, cell], q0]:
+            return True
+    return False
+
+
 @kernel
 def gather_parents(s: Search, there: Point, cell: int, q0: int, rng: Generator) -> int:
     """Fill column 0 of ``state.pool`` with possible parents of a vertex; return how many.
@@ -267,7 +276,7 @@ def gather_parents(s: Search, there: Point, cell: int, q0: int, rng: Generator) 
     as ``q0`` or better. Where there are more than the pool holds, every (total / pool)-th is taken, from a
     random first one on: a vertex costs the same in a tree of a million as in one of ten thousand.
     """
-    delta, covers, pool, bins = s.world.logic.delta, s.world.logic.covers, s.state.pool, s.state.bins
+    pool, bins = s.state.pool, s.state.bins
     rows, capacity = s.settings.rows, bins.kept.shape[1]
     ci, cj = square_of(s.settings, there)
     total, listed = 0, 0
@@ -275,7 +284,7 @@ def gather_parents(s: Search, there: Point, cell: int, q0: int, rng: Generator) 
         for j in range(max(cj - 2, 0), min(cj + 3, rows)):
             b = bins.head[i * rows + j]
             while b > 0:
-                if covers[delta[bins.state[b], cell], q0]:
+                if may_lead(s.world.logic, bins.state[b], cell, q0):
                     bins.found[listed] = b
                     listed += 1
                     total += min(bins.seen[b], capacity)
@@ -347,8 +356,9 @@ def shortlist(s: Search, first: Proposal, length0: float, count: int) -> int:
         flown, left = airspeed(motion, ux, uy), tree.speed[near]
         if flown > left * ROUNDING or flown * ROUNDING < least_airspeed(motion, left):
             continue
-        q = next_state(world.cells, logic, tree.q[near], at, tree.cell[near], there, first.cell)
-        if not logic.covers[q, first.q]:  # a letter on the way has spoilt it
+        read = reading_at(logic, int(tree.step[near]) + 1)
+        q = next_state(world.cells, read, tree.q[near], at, tree.cell[near], there, first.cell)
+        if not logic.covers[q, first.q] or read.distance[q] == math.inf:  # spoilt on the way, or too late
             continue
         if not in_time(s, tree.step[near] + 1, q):
             continue

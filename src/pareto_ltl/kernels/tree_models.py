@@ -35,6 +35,7 @@ from pareto_ltl.kernels.mission_risk import read_labels, read_place, read_way, v
 from pareto_ltl.kernels.ordered_bound import (
     add_risk,
     begin_bound,
+    bound_at,
     copy_entries,
     live_value,
     note_letters,
@@ -91,15 +92,16 @@ def keep_mission(bound: MissionBound, scratch: TreeState, row: int, memory: Any,
 
 @implements(plant_mission, Theorem2)
 def _plant_theorem2(bound: Theorem2, tree: Vertices, scratch: TreeState, here: Gaussian) -> None:
-    for atom in range(bound.holds.shape[1]):
-        tree.risk[0, atom] = visit_risk(bound, atom, tree.cell[0], here, -1.0)
+    for atom in range(bound.holds.shape[2]):
+        tree.risk[0, atom] = visit_risk(bound, atom, tree.cell[0], int(tree.step[0]), here, -1.0)
 
 
 @implements(appraise_mission, Theorem2)
 def _appraise_theorem2(bound: Theorem2, tree: Vertices, scratch: TreeState, new: Proposal) -> None:
-    for atom in range(bound.holds.shape[1]):
+    step = int(tree.step[new.parent]) + 1
+    for atom in range(bound.holds.shape[2]):
         before = tree.risk[new.parent, atom]  # -1: not visited yet, T_i is empty
-        scratch.risks[new.row, atom] = visit_risk(bound, atom, new.cell, new.there, before)
+        scratch.risks[new.row, atom] = visit_risk(bound, atom, new.cell, step, new.there, before)
 
 
 @implements(keep_mission, Theorem2)
@@ -108,7 +110,8 @@ def _keep_theorem2(bound: Theorem2, scratch: TreeState, row: int, memory: Any, t
 
 
 @implements(plant_mission, Ordered)
-def _plant_ordered(bound: Ordered, tree: Vertices, scratch: TreeState, here: Gaussian) -> None:
+def _plant_ordered(whole: Ordered, tree: Vertices, scratch: TreeState, here: Gaussian) -> None:
+    bound = bound_at(whole, int(tree.step[0]))
     own, letters, row, q = scratch.mission, scratch.mission.letters, int(np.int64(0)), int(tree.q[0])
     begin_bound(bound, own.rows, 1)
     read_labels(bound, here, letters.seen)
@@ -117,11 +120,12 @@ def _plant_ordered(bound: Ordered, tree: Vertices, scratch: TreeState, here: Gau
     read_letter(bound, letters, own.rows, 1, own.rows, row, q)
     own.same[row] = -1
     tree.risk[0, 0] = live_value(bound, own.rows, row, q)
-    keep_mission(bound, scratch, row, tree.mission, row)
+    keep_mission(whole, scratch, row, tree.mission, row)
 
 
 @implements(appraise_mission, Ordered)
-def _appraise_ordered(bound: Ordered, tree: Vertices, scratch: TreeState, new: Proposal) -> None:
+def _appraise_ordered(whole: Ordered, tree: Vertices, scratch: TreeState, new: Proposal) -> None:
+    bound = bound_at(whole, int(tree.step[new.parent]) + 1)
     own, before, letters = scratch.mission, tree.mission.rows, scratch.mission.letters
     read_labels(bound, new.there, letters.seen)
     if len(letters.met) > 0:

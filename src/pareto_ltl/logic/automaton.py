@@ -8,7 +8,7 @@ occur satisfy the formula. Acceptance is final. Only the automaton of a tautolog
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import combinations
 from typing import Any
@@ -21,6 +21,7 @@ from pareto_ltl.logic.formula import Formula, caret_lines, parse_formula, positi
 from pareto_ltl.logic.progression import Progression
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 from pareto_ltl.support.errors import FormulaError
+from pareto_ltl.world.windows import Window
 
 MAX_ATOMS = 62  # a letter is stored in the bits of an int64
 MAX_FREE_ATOMS = 16  # subsets of more propositions do not fit into a table
@@ -51,6 +52,10 @@ class Automaton:
         Propositions of the formula, sorted; letters ignore other names.
     formula : str
         Text of the mission.
+    windows : mapping of proposition to Window
+        The atoms that hold for a time: those of the map, and clocks of the formula.
+    forbidden : tuple of str
+        Atoms with a window that lose the mission where they hold before it is complete.
     """
 
     delta: TransitionArray
@@ -60,6 +65,8 @@ class Automaton:
     distance: FloatArray
     atoms: tuple[str, ...]
     formula: str
+    windows: Mapping[str, Window] = field(default_factory=dict)
+    forbidden: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "delta", np.ascontiguousarray(self.delta, np.int32))
@@ -154,6 +161,7 @@ class Automaton:
             (self.atoms, self.letters, self.initial) == (other.atoms, other.letters, other.initial)
             and np.array_equal(self.delta, other.delta)
             and np.array_equal(self.accepting, other.accepting)
+            and (self.windows, self.forbidden) == (other.windows, other.forbidden)
         )
 
     def __hash__(self) -> int:
@@ -201,7 +209,7 @@ def translate(
         if error.column is not None and isinstance(formula, str):
             error.add_note(caret_lines(formula, error.column))
         raise
-    atoms = tree.atoms
+    atoms = tuple(sorted({*tree.atoms, *normal.atoms}))
     alphabet = alphabet_of(atoms, letters)
     codes = letter_codes(atoms, alphabet)
     progression = Progression(atoms, max_states)

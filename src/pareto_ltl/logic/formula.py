@@ -11,6 +11,8 @@ right::
     unary    = ("!" | "~" | "not" | "X" | "next" | "F" | "eventually" | "<>" | "G" | "[]") unary | atom
     atom     = "true" | "false" | name | "(" formula ")"
 
+``F`` and ``G`` may have a time span after departure, ``F[0,6h] a`` (:mod:`pareto_ltl.logic.clocks`).
+
 ``G``, ``R`` and ``W`` are part of the grammar, so that the error can name the operator that is not co-safe.
 """
 
@@ -21,6 +23,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from functools import lru_cache
 
+from pareto_ltl.logic.clocks import Span, clock_windows, end_clock, read_span, shown_span, span_clock
 from pareto_ltl.support.display import listed_text
 from pareto_ltl.support.errors import FormulaError
 from pareto_ltl.support.messages import SHOWN_WIDTH, shown_text
@@ -30,17 +33,7 @@ MAX_DEPTH = 200  # nesting levels, below the recursion limit of Python; a sequen
 BYTE_ORDER_MARK = "\ufeff"  # at the start of a text that was saved on Windows
 
 UNARY_OPERATORS = ("!", "X", "F", "G")
-BINARY_STRENGTH = {
-    "<->": 1,
-    "xor": 1,
-    "->": 2,
-    "|": 3,
-    "&": 4,
-    "U": 5,
-    "R": 5,
-    "W": 5,
-    "M": 5,
-}  # binding strength
+BINARY_STRENGTH = {"<->": 1, "xor": 1, "->": 2, "|": 3, "&": 4, "U": 5, "R": 5, "W": 5, "M": 5}
 RIGHT_ASSOCIATIVE = ("->", "U", "R", "W", "M")
 FOREVER_OPERATORS = ("G", "R", "W")
 _UNARY_STRENGTH = 6  # binding strength of unary operators; that of atoms is higher
@@ -50,7 +43,7 @@ _SPELLINGS = {
     **{"&&": "&", "and": "&", "||": "|", "or": "|"},
     **{op: op for op in (*UNARY_OPERATORS, *BINARY_STRENGTH, "(", ")", "true", "false")},
 }
-_TOKEN_PATTERN = re.compile(r"<->|->|<>|\[\]|&&|\|\||[!~&|()]|\w+")
+_TOKEN_PATTERN = re.compile(r"<->|->|<>|\[\]|\[[^\[\]]*\]|&&|\|\||[!~&|()]|\w+")
 _FOREIGN_OPERATORS = {
     "/\\": "&",
     "\\/": "|",
@@ -76,6 +69,8 @@ class Formula:
         Operands; two or more for ``&`` and ``|``.
     name : str
         The proposition if ``op`` is ``name``.
+    span : (float, float) or None
+        Of ``F`` and ``G``: the time after departure that they speak of [s].
     column : int
         Zero-based position of the operator or name in the text.
     word : str
@@ -85,6 +80,7 @@ class Formula:
     op: str
     args: tuple[Formula, ...] = ()
     name: str = ""
+    span: Span | None = None
     column: int = field(default=0, compare=False)
     word: str = field(default="", compare=False)
 
@@ -135,14 +131,32 @@ def positive_normal_form(tree: Formula) -> Formula:
     Raises
     ------
     FormulaError
-        If the normal form needs ``G``, ``R`` or ``W``; the message names the operator as the user wrote it.
+        If the normal form needs ``G``, ``R`` or ``W``, or a time span stands below a temporal operator; the
+        message names the operator as the user wrote it.
     """
+    _check_spans(tree)
     return _NormalForm().of(tree, None)
+
+
+def _check_spans(tree: Formula) -> None:
+    """Refuse a time span below a temporal operator: spans count from departure."""
+    stack: list[tuple[Formula, Formula | None]] = [(tree, None)]
+    while stack:
+        node, above = stack.pop()
+        if node.span is not None and above is not None:
+            raise FormulaError(
+                f"the time span {shown_span(node.span)} stands below '{above.word or above.op}' of column "
+                f"{above.column + 1}; spans count from departure: put it outside, as in F[0,6h] (a & b), or "
+                f"give the region a time window (column {node.column + 1})",
+                node.column,
+            )
+        inner = node if node.op in "XFGURWM" else above
+        stack.extend((arg, inner) for arg in node.args)
 
 
 def check_names(tree: Formula, names: Iterable[str]) -> None:
     """Raise a FormulaError if a proposition of ``tree`` is not in ``names``, the regions of a map."""
-    known = set(names)
+    known = {*names, *clock_windows(tree.atoms)}
     for node in tree.walk():
         if node.op == "name" and node.name not in known:
             have = listed_text(sorted(known), 26)
@@ -222,7 +236,8 @@ class _FormulaParser:
         if token.op in UNARY_OPERATORS:
             self.take()
             self.deeper(token)
-            node = Formula(token.op, (self.unary(),), column=token.column, word=token.word)
+            span = self.span() if token.op in "FG" else None
+            node = Formula(token.op, (self.unary(),), span=span, column=token.column, word=token.word)
             self.depth -= 1
             return node
         if token.op == "(":
@@ -239,7 +254,17 @@ class _FormulaParser:
             raise self.error(f"expected {_OPERAND_TEXT}")
         self.take()
         name = token.word if token.op == "name" else ""
-        return Formula(token.op, (), name, token.column, token.word)
+        return Formula(token.op, (), name, column=token.column, word=token.word)
+
+    def span(self) -> Span | None:
+        """The time span behind ``F`` or ``G``, if there is one."""
+        if not self.here.word.startswith("[") or self.here.op == "G":
+            return None
+        found = read_span(self.here.word)
+        if found is None:
+            raise self.error("expected a time span such as [0,6h] or [90min,2h], units s, min, h or d")
+        self.take()
+        return found
 
     def deeper(self, token: _FormulaToken) -> None:
         self.depth += 1
@@ -266,7 +291,8 @@ def _formula_tokens(text: str) -> Iterator[_FormulaToken]:
                 text,
                 column,
             )
-        yield _FormulaToken(_SPELLINGS.get(match[0], "name"), match[0], column)
+        kind = "span" if match[0].startswith("[") else "name"
+        yield _FormulaToken(_SPELLINGS.get(match[0], kind), match[0], column)
         column = match.end()
     yield _FormulaToken("end", "", len(text))
 
@@ -295,9 +321,11 @@ def _formula_text(node: Formula, word: str = "") -> str:
     if node.op in UNARY_OPERATORS:
         (arg,) = node.args
         inner = _formula_text(arg)
+        if node.span is not None:
+            op += shown_span(node.span)
         if _binding_strength(arg) < own:
             return f"{op}({inner})"
-        return f"{op} {inner}" if op.isalpha() else f"{op}{inner}"
+        return f"{op} {inner}" if op[0].isalpha() else f"{op}{inner}"
     loose = (
         len(node.args) - 1 if node.op in RIGHT_ASSOCIATIVE else 0
     )  # index of the operand that may have the same binding strength
@@ -345,6 +373,8 @@ class _NormalForm:
             return self.either_sign(node, negative)
         if op not in "&|":
             op = _DUAL_OPERATORS[op] if negative else op
+        if node.span is not None:
+            return self.within_span(op, node.span, self.of(args[0], negation))
         if op in FOREVER_OPERATORS:
             raise _not_co_safe(node, negation)
         new = []
@@ -353,6 +383,13 @@ class _NormalForm:
         if op in "&|":
             return flat_chain("&|"[(op == "&") is negative], new)
         return Formula(op, tuple(new), column=node.column, word=node.word)
+
+    def within_span(self, op: str, span: Span, inner: Formula) -> Formula:
+        """``F`` or ``G`` of a time span, with clocks."""
+        now, over = Formula("name", name=span_clock(span)), Formula("name", name=end_clock(span))
+        if op == "F":
+            return Formula("F", (flat_chain("&", [now, inner]),))
+        return Formula("U", (flat_chain("|", [Formula("!", (now,)), inner]), over))
 
     def either_sign(self, node: Formula, negative: bool) -> Formula:
         """Normal form of ``<->`` and ``xor``; negation exchanges the two.

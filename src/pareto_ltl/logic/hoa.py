@@ -80,6 +80,11 @@ def read_hoa(path: str | Path, letters: Iterable[Iterable[str]] | None = None) -
     return parse_hoa(read_text(Path(path), HOA_FILES, MAX_HOA_BYTES), letters, str(path))
 
 
+def read_atoms(path: str | Path) -> tuple[str, ...]:
+    """The propositions of a HOA file, in its order."""
+    return _HoaReader(read_text(Path(path), HOA_FILES, MAX_HOA_BYTES), str(path)).file().atoms
+
+
 def parse_hoa(
     text: str, letters: Iterable[Iterable[str]] | None = None, source: str = "HOA text"
 ) -> Automaton:

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from pareto_ltl.logic import hoa, patterns
-from pareto_ltl.logic.automaton import Automaton, translate
-from pareto_ltl.logic.formula import check_names, parse_formula, positive_normal_form
+from pareto_ltl.logic.automaton import Automaton, Letter, translate
+from pareto_ltl.logic.clocks import clock_windows
+from pareto_ltl.logic.formula import caret_lines, check_names, parse_formula, positive_normal_form
+from pareto_ltl.logic.timed import keep_clear, timed_letters
 from pareto_ltl.support.errors import ConfigError, DataError, FormulaError
+from pareto_ltl.support.messages import shown_text
+from pareto_ltl.world.windows import Window
 
 if TYPE_CHECKING:
     from pareto_ltl.settings import MissionConfig
@@ -16,18 +21,24 @@ if TYPE_CHECKING:
 
 def automaton_of(
     mission: MissionConfig,
-    letters: Iterable[Iterable[str]] | None = None,
+    labels: Iterable[Letter] | None = None,
     max_states: int = 10_000,
     regions: Iterable[str] | None = None,
+    windows: Mapping[str, Window] | None = None,
+    forbidden: tuple[str, ...] = (),
 ) -> Automaton:
     """The automaton of ``mission.formula``, ``mission.pattern`` or the file ``mission.automaton``.
 
     Parameters
     ----------
-    letters : iterable of sets of names, optional
-        The labels that can occur on the map; default: all subsets of the propositions.
+    labels : iterable of sets of names, optional
+        The regions that cells of the map lie in; default: all subsets of the propositions.
     regions : iterable of str, optional
         Names of the regions of the map; other names in the mission are an error.
+    windows : mapping of proposition to Window, optional
+        Those of the map.
+    forbidden : tuple of str
+        Windows that must not hold before the mission is complete.
 
     Raises
     ------
@@ -37,21 +48,48 @@ def automaton_of(
         If the formula or the file cannot be used, or names an unknown region.
     """
     text = patterns.formula_of(mission)
-    if mission.automaton is not None:
-        if text:
-            raise ConfigError("mission.automaton is set, and so is a formula or pattern; choose one")
-        result = hoa.read_hoa(mission.automaton, letters)
-        missing = [name for name in result.atoms if regions is not None and name not in set(regions)]
-        if missing:
-            have = ", ".join(sorted(set(regions or ()))) or "none"
-            raise DataError(f"{mission.automaton}: unknown region '{missing[0]}': the map has {have}")
-        return result
-    if not text.strip():
+    if mission.automaton is not None and text:
+        raise ConfigError("mission.automaton is set, and so is a formula or pattern; choose one")
+    if mission.automaton is None and not text.strip():
         raise ConfigError("mission.formula is missing: give a formula, a pattern or an automaton")
+    known = None if regions is None else {*regions, *(windows or {})}
+    atoms = _file_atoms(mission.automaton, known) if mission.automaton else _formula_atoms(text, known)
+    timed = {name: (windows or {})[name] for name in sorted({*atoms, *forbidden} & set(windows or {}))}
+    timed |= clock_windows(atoms)
+    shown = list(labels) if labels is not None else None
+    letters = timed_letters(shown, timed) if shown is not None and timed else shown
+    if mission.automaton is not None:
+        result = hoa.read_hoa(mission.automaton, letters)
+    else:
+        result = translate(text, letters, max_states)
+    if forbidden and letters is not None:
+        result = keep_clear(result, forbidden, letters)
+    return replace(result, windows=timed) if timed else result
+
+
+def _formula_atoms(text: str, known: set[str] | None) -> set[str]:
+    """Propositions of a formula, clocks included; FormulaError for one that is not ``known``."""
     tree = parse_formula(text)
-    if regions is not None:
-        check_names(tree, regions)
-    return translate(text, letters, max_states)
+    if known is not None:
+        check_names(tree, known)
+    try:
+        return {*tree.atoms, *positive_normal_form(tree).atoms}
+    except FormulaError as error:
+        if error.column is not None:
+            error.add_note(caret_lines(text, error.column))
+        raise
+
+
+def _file_atoms(path: str, known: set[str] | None) -> set[str]:
+    """Propositions of an automaton file; DataError for one that is neither ``known`` nor a clock."""
+    atoms = hoa.read_atoms(path)
+    missing = [
+        name for name in atoms if known is not None and name not in known and not clock_windows([name])
+    ]
+    if missing:
+        have = ", ".join(sorted(known or ())) or "none"
+        raise DataError(f"{path}: unknown region '{shown_text(missing[0])}': the map has {have}")
+    return set(atoms)
 
 
 def region_use(mission: MissionConfig) -> tuple[frozenset[str], frozenset[str]] | None:

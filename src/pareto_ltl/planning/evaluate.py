@@ -177,7 +177,7 @@ def evaluate_path(
         x=x,
         cov=square_matrices(flight.cov),
         q=q,
-        label=tuple(problem.labels[c] for c in cell),
+        label=tuple(problem.decomposition.labels[c] for c in cell),
         u=flight.u,
         objectives=_objectives(problem, flight, cell, collision),
         origin=origin,

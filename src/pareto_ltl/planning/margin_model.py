@@ -82,18 +82,35 @@ def shown_letters(problem: Problem) -> list[IntArray]:
     delta, atoms = problem.world.logic.delta, set(problem.atoms)
     groups: dict[frozenset[str], list[int]] = {}
     for cell, label in enumerate(problem.labels):
-        if (delta[:, cell] != delta[:, -1]).any():
+        if (delta[:, :, cell] != delta[:, :, -1]).any():
             groups.setdefault(label & atoms, []).append(cell)
     return [np.array(cells, np.int64) for cells in groups.values()]
 
 
 def pack_guards(logic: kd.Logic, column: list[int]) -> Guards:
-    """Edges between claims for the letters of ``column`` (of ``logic.delta``) and, last, the empty letter.
+    """Edges between claims for the letters of ``column`` (of ``logic.delta``) and, last, the empty letter, in
+    every epoch.
 
     From a claim q edges lead to q itself and to the states that letters lead to: every other state p that a
     letter can promise is promised through one of these. An edge that another one serves as well is left out.
     """
-    delta = logic.delta[:, [*column, logic.delta.shape[1] - 1]]
+    deltas = logic.delta[:, :, [*column, logic.delta.shape[2] - 1]]
+    found = [_epoch_guards(logic, delta) for delta in deltas]
+    source, target, spared = (np.concatenate([part[k] for part in found]) for k in range(3))
+    lists = [letters for part in found for letters in part[3]]
+    states, begun = np.arange(len(logic.distance) + 1), np.cumsum([0, *(len(part[0]) for part in found)])
+    first = [np.searchsorted(part[0], states) + k for part, k in zip(found, begun, strict=False)]
+    ptr = np.concatenate([[0], np.cumsum([len(row) for row in lists])]).astype(np.int64)
+    none = np.empty(0, np.int64)
+    return Guards(
+        source, target, spared, ptr, np.concatenate([none, *lists]),
+        bool((deltas[:, :, -1] == states[:-1]).all()), np.array(first, np.int64),
+        needed_letters(deltas, logic.distance, np.isin(column, logic.hazards.cell)),
+    )  # fmt: skip
+
+
+def _epoch_guards(logic: kd.Logic, delta: IntArray) -> tuple[IntArray, IntArray, BoolArray, list[IntArray]]:
+    """Source, target and ``spared`` of the edges of one epoch, and their letters; sources ascend."""
     source: list[int] = []
     target: list[int] = []
     spared: list[bool] = []
@@ -108,29 +125,22 @@ def pack_guards(logic: kd.Logic, column: list[int]) -> Guards:
             target.append(int(reached[k]))
             spared.append(bool(on[-1]))
             lists.append(np.flatnonzero(on[:-1] != on[-1]).astype(np.int64))
-    ptr = np.concatenate([[0], np.cumsum([len(row) for row in lists])]).astype(np.int64)
-    none = np.empty(0, np.int64)
-    needs = needed_letters(delta, logic.distance, np.isin(column, logic.hazards.cell))
-    return Guards(
-        np.array(source, np.int64), np.array(target, np.int64), np.array(spared, bool), ptr,
-        np.concatenate([none, *lists]), bool((delta[:, -1] == np.arange(len(delta))).all()),
-        np.searchsorted(source, np.arange(len(delta) + 1)).astype(np.int64), needs,
-    )  # fmt: skip
+    return np.array(source, np.int64), np.array(target, np.int64), np.array(spared, bool), lists
 
 
-def needed_letters(delta: IntArray, distance: FloatArray, harmful: BoolArray) -> IntArray:
+def needed_letters(deltas: IntArray, distance: FloatArray, harmful: BoolArray) -> IntArray:
     """Bits of the letters without which acceptance cannot be reached, (Q,), for more than ``LIVE`` states.
 
-    ``delta`` (Q, M + 1) has a column for each letter and, last, for the empty one. Letters that take a claim
-    to acceptance take the state that is claimed there as well, so that edges need them too. Those that are
-    ``harmful`` (M,) are read between steps as well, and are left out.
+    ``deltas`` (E, Q, M + 1) have a column for each letter and, last, for the empty one. Letters that take a
+    claim to acceptance take the state that is claimed there as well, so that edges need them too. Those that
+    are ``harmful`` (M,) are read between steps as well, and are left out.
     """
-    needs = np.zeros(len(delta), np.int64)
-    letters = delta.shape[1] - 1
-    if len(delta) <= LIVE or letters > MOST_LETTERS:
+    needs = np.zeros(len(distance), np.int64)
+    letters = deltas.shape[2] - 1
+    if len(distance) <= LIVE or letters > MOST_LETTERS:
         return needs
     for letter in np.flatnonzero(~harmful).tolist():
-        reaches, others = distance == 0.0, np.delete(delta, letter, axis=1)
+        reaches, others = distance == 0.0, np.concatenate(np.delete(deltas, letter, axis=2), axis=1)
         while True:
             more = reaches | reaches[others].any(axis=1)
             if (more == reaches).all():

@@ -16,6 +16,7 @@ from pareto_ltl.kernels import data as kd
 from pareto_ltl.kernels.geometry import face_slack
 from pareto_ltl.planning.growth import grow_forest
 from pareto_ltl.planning.pack import pack_barriers, pack_collision, pack_nearby
+from pareto_ltl.planning.pack_logic import helpful_delta
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import Forest, PlannedPath
 from pareto_ltl.planning.selection import tree_front
@@ -240,12 +241,13 @@ def _advice(cfg: PlannerConfig, problem: Problem, forest: Forest) -> str:
 def _nearest_miss(problem: Problem, forest: Forest) -> str:
     """How near the most advanced vertices came to a region that would take them on."""
     logic, cells = problem.world.logic, problem.world.cells
+    delta = helpful_delta(logic)
     best = min(float(logic.distance[tree.q].min()) for tree in forest.trees)
     miss, name = np.inf, ""
     for tree in forest.trees:
         for q in np.unique(tree.q[logic.distance[tree.q] == best]):
             points = tree.x[tree.q == q]
-            for cell in np.flatnonzero(logic.distance[logic.delta[q, :-1]] < best):
+            for cell in np.flatnonzero(logic.distance[delta[q, :-1]] < best):
                 gaps = np.array([-face_slack(cells.faces, int(cell), kd.Point(x, y)) for x, y in points])
                 if gaps.min() < miss:
                     miss, name = float(gaps.min()), "/".join(sorted(problem.labels[cell]))

@@ -10,6 +10,8 @@ import numpy as np
 
 from pareto_ltl.kernels import data as kd
 from pareto_ltl.logic.automaton import Automaton
+from pareto_ltl.logic.timed import letter_of, places_of
+from pareto_ltl.planning.epochs import epochs_of
 from pareto_ltl.planning.pack_logic import pack_corners, pack_logic, pack_ordered
 from pareto_ltl.planning.power import energy_model
 from pareto_ltl.planning.problem import Problem
@@ -208,11 +210,30 @@ def pack_landmarks(robot: RobotConfig, marks: Sequence[FloatArray]) -> kd.Landma
 # --- models -----------------------------------------------------------------------------------
 
 
-def pack_theorem2(decomposition: Decomposition, cells: kd.Cells, atoms: Sequence[str]) -> kd.Theorem2:
-    """The paper's bound: convex parts of the regions that the mission speaks of."""
-    parts = [(atoms.index(name), part) for name in atoms for part in decomposition.regions.get(name, ())]
+def pack_theorem2(
+    decomposition: Decomposition, automaton: Automaton, dt: float = 1.0, steps: int = 0
+) -> kd.Theorem2:
+    """The paper's bound: convex parts of the regions that the mission is to visit, in every epoch."""
+    windows, atoms = automaton.windows, automaton.atoms
+    place = {name: windows[name].region if name in windows else name for name in atoms}
+    parts = [
+        (atoms.index(name), part)
+        for name in atoms
+        if name not in automaton.forbidden
+        for part in decomposition.regions.get(place[name] or "", ())
+    ]
     owner = np.array([atom for atom, _ in parts], np.int64)
-    return kd.Theorem2(pack_faces([part for _, part in parts]), owner, cells.atoms)
+    visits = [name for name in atoms if place[name] is not None and name not in automaton.forbidden]
+    number, epochs = epochs_of(windows, dt, steps)
+    holds = [
+        [
+            [name in visits and name in letter_of(label, windows, epoch.now) for name in atoms]
+            for label in labels
+        ]
+        for epoch in epochs
+        for labels in [decomposition.labels]
+    ]
+    return kd.Theorem2(pack_faces([part for _, part in parts]), owner, np.array(holds, bool), number)
 
 
 def pack_laws(
@@ -257,8 +278,10 @@ def build_problem(
         LOG.warning("scene.landmarks are left unused: only fidelity.law=coherent knows position fixes")
     _refuse_strong_wind(robot, wind)
     laws = pack_laws(robot, planner, wind_cfg.ball, wind, marks)
-    cells, logic = pack_cells(scene.bounds, decomposition, atoms), pack_logic(automaton, decomposition)
-    theorem2, ordered = pack_theorem2(decomposition, cells, atoms), pack_ordered(decomposition, cells, logic)
+    cells = pack_cells(scene.bounds, decomposition, atoms)
+    logic = pack_logic(automaton, decomposition, float(robot.dt), planner.max_steps)
+    theorem2 = pack_theorem2(decomposition, automaton, float(robot.dt), planner.max_steps)
+    ordered = pack_ordered(decomposition, cells, logic)
     obstacles = pack_faces(decomposition.obstacles)
     missions: dict[str, kd.MissionBound] = {"theorem2": theorem2, "ordered": ordered}
     barriers = pack_barriers(scene, obstacles)
@@ -272,6 +295,7 @@ def build_problem(
         theorem2=theorem2,
         ordered=ordered,
         automaton=automaton,
+        labels=tuple(places_of(label, automaton.windows) for label in decomposition.labels),
         fidelity=fidelity,
         obstacles=obstacles,
         start_variance=robot.start_sd**2,

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
 from pareto_ltl.kernels import data as kd
 from pareto_ltl.logic.automaton import Automaton
+from pareto_ltl.planning.epochs import Epoch, epochs_of, letter_columns
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 from pareto_ltl.world.cells import Decomposition
 
@@ -26,29 +28,74 @@ def pack_corners(cell: Sequence[int], corners: Sequence[FloatArray]) -> kd.Corne
     )  # fmt: skip
 
 
-def pack_logic(automaton: Automaton, decomposition: Decomposition) -> kd.Logic:
-    """The automaton with one column a cell instead of one a letter, and one for no label at all."""
-    column = [automaton.letter_index(label) for label in (*decomposition.labels, frozenset())]
-    delta = np.ascontiguousarray(automaton.delta[:, column], np.int64)
-    covers = np.ascontiguousarray(automaton.preorder, bool)
-    harm, loses = harmful_letters(automaton)
-    harm, loses = np.ascontiguousarray(harm[:, column]), np.ascontiguousarray(loses[:, column])
-    hazards = np.flatnonzero(harm[:, :-1].any(axis=0)).tolist()
+def pack_logic(
+    automaton: Automaton, decomposition: Decomposition, dt: float = 1.0, steps: int = 0
+) -> kd.Logic:
+    """The automaton with one column a cell instead of one a letter, and one for no label at all, in each
+    epoch of ``steps`` steps of ``dt`` [s]."""
+    number, epochs = epochs_of(automaton.windows, dt, steps)
+    tables = [_epoch_tables(automaton, decomposition, epoch) for epoch in epochs]
+    delta, way, rests, harm, loses = (_stacked(rows) for rows in zip(*tables, strict=True))
+    hazards = np.flatnonzero(harm[:, :, :-1].any(axis=(0, 1))).tolist()
+    distance = np.asarray(automaton.distance, float)
     return kd.Logic(
-        delta, np.asarray(automaton.distance, float), covers, int(automaton.initial), harm, loses,
+        number, delta, way, rests, harm, loses, letters_ahead(delta, distance), distance,
+        np.ascontiguousarray(automaton.preorder, bool), int(automaton.initial),
         pack_corners(hazards, [decomposition.cells[c] for c in hazards]),
     )  # fmt: skip
 
 
-def harmful_letters(automaton: Automaton) -> tuple[BoolArray, BoolArray]:
+def _stacked(rows: Sequence[Any]) -> Any:
+    """The tables of all epochs; that of a single one without a copy."""
+    return np.ascontiguousarray(rows[0])[None] if len(rows) == 1 else np.stack(rows)
+
+
+def _epoch_tables(
+    automaton: Automaton, decomposition: Decomposition, epoch: Epoch
+) -> tuple[IntArray, IntArray, BoolArray, BoolArray, BoolArray]:
+    """``delta``, ``way``, ``rests``, ``harm`` and ``loses`` of :class:`Reading`."""
+    now, way, before = (letter_columns(automaton, decomposition.labels, holding) for holding in epoch)
+    delta = np.asarray(automaton.delta[:, now], np.int64)
+    passing = delta if (way == now).all() else np.asarray(automaton.delta[:, way], np.int64)
+    rests = automaton.delta[:, before] == np.arange(automaton.n_states)[:, None]
+    harm, loses = harmful_letters(automaton, int(way[-1]))
+    return delta, passing, rests, harm[:, way], loses[:, way]
+
+
+def letters_ahead(delta: IntArray, distance: FloatArray) -> FloatArray:
+    """The fewest letters to acceptance of those that an epoch and later ones show, (E, Q).
+
+    ``delta`` (E, Q, C + 1), ``distance`` (Q,) that of any letters.
+    """
+    if len(delta) == 1:
+        return distance[None].copy()
+    later = np.where(distance == 0.0, 0.0, np.inf)
+    rows = []
+    for table in delta[::-1]:
+        while True:
+            nearer = np.minimum(later, 1.0 + later[table].min(axis=1))
+            if (nearer == later).all():
+                break
+            later = nearer
+        rows.append(later)
+    return np.ascontiguousarray(rows[::-1])
+
+
+def helpful_delta(logic: kd.Logic) -> IntArray:
+    """State after each label (Q, C + 1), in the epoch in which it leads nearest to acceptance, the first."""
+    best = logic.distance[logic.delta].argmin(axis=0)
+    return np.ascontiguousarray(np.take_along_axis(logic.delta, best[None], axis=0)[0])
+
+
+def harmful_letters(automaton: Automaton, nothing: int) -> tuple[BoolArray, BoolArray]:
     """Which letters are read between steps, and what they can cost; both (Q, letters).
 
     A letter does harm in q if it leads to the trap, or if it shows a proposition and the state it leads to
-    does not accept all that is accepted after no label at all. It loses q if it does harm in some state s ≥ q
-    and takes s to a state that is not ≥ q.
+    does not accept all that is accepted after no label at all, letter number ``nothing``. It loses q if it
+    does harm in some state s ≥ q and takes s to a state that is not ≥ q.
     """
     delta, covers = automaton.delta, np.asarray(automaton.preorder, bool)
-    trap, nothing = np.isinf(automaton.distance), automaton.letter_index(frozenset())
+    trap = np.isinf(automaton.distance)
     worse = ~covers[delta, delta[:, nothing][:, None]]
     worse[:, nothing] = False
     harm = (trap[delta] & ~trap[:, None]) | worse
@@ -70,12 +117,14 @@ def pack_ordered(decomposition: Decomposition, cells: kd.Cells, logic: kd.Logic)
 
 def follow_states(labelled: kd.Corners, cells: kd.Cells, logic: kd.Logic) -> kd.Ordered:
     """The ordered bound, with the lists of states that entries of V are followed to."""
-    kind = np.unique(logic.loses, axis=0, return_inverse=True)[1].reshape(-1).astype(np.int64)
-    if len(logic.delta) > LIVE:
-        none = kd.StateLists(np.zeros(len(logic.delta) + 1, np.int64), np.empty(0, np.int64))
+    states, last = len(logic.distance), logic.delta.shape[2] - 1
+    losses = np.concatenate(logic.loses, axis=1)
+    kind = np.unique(losses, axis=0, return_inverse=True)[1].reshape(-1).astype(np.int64)
+    if states > LIVE:
+        none = kd.StateLists(np.zeros(states + 1, np.int64), np.empty(0, np.int64))
         return kd.Ordered(labelled, cells, logic, none, np.array([logic.initial]), kind)
     better = logic.covers & (kind[:, None] == kind)
-    letters = np.unique(logic.delta[:, [*labelled.cell.tolist(), logic.delta.shape[1] - 1]], axis=1)
+    letters = np.unique(np.concatenate(logic.delta[:, :, [*labelled.cell.tolist(), last]], axis=1), axis=1)
     reached = logic.covers[letters].transpose(0, 2, 1)  # (Q, Q, L): l leads from q to a state ≥ p
     lists = [needed_states(better, reach) for reach in reached]
     ptr = np.concatenate([[0], np.cumsum([len(row) for row in lists])]).astype(np.int64)

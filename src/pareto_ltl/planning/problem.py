@@ -28,6 +28,8 @@ class Problem:
         Every wind law, for forecasts and simulation.
     theorem2, ordered : mission bounds
         Both, since every path reports both.
+    labels : tuple of frozenset of str
+        The propositions that hold in each cell at some time or other.
     obstacles : Faces
         Convex parts of the obstacles; the collision bound also has the walls (:attr:`barriers`).
     start_variance : float
@@ -49,6 +51,7 @@ class Problem:
     theorem2: kd.Theorem2
     ordered: kd.Ordered
     automaton: Automaton
+    labels: tuple[frozenset[str], ...]
     fidelity: FidelityConfig
     obstacles: kd.Faces
     start_variance: float
@@ -61,11 +64,6 @@ class Problem:
     def atoms(self) -> tuple[str, ...]:
         """Propositions of the mission, in the order of the risks of Theorem 2."""
         return tuple(self.automaton.atoms)
-
-    @property
-    def labels(self) -> tuple[frozenset[str], ...]:
-        """Label of each cell."""
-        return self.decomposition.labels
 
     @property
     def motion(self) -> kd.Motion:
@@ -98,6 +96,15 @@ class Problem:
     def reach(self) -> float:
         """Longest step in still air [m]."""
         return self.motion.u_max * self.motion.dt
+
+    def reading(self, step: int) -> kd.Reading:
+        """The automaton as it reads the letters of ``step``, and those on the way to it."""
+        logic = self.world.logic
+        e = int(logic.epoch[min(step, len(logic.epoch) - 1)])
+        return kd.Reading(
+            logic.delta[e], logic.way[e], logic.rests[e], logic.harm[e], logic.loses[e], logic.ahead[e],
+            logic.covers, logic.initial, logic.hazards,
+        )  # fmt: skip
 
     def locate(self, points: FloatArray) -> IntArray:
         """Cell of each row of ``points`` (P, 2); -1 in an obstacle or off the map."""

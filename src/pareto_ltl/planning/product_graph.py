@@ -2,7 +2,8 @@
 
 Product states are numbered z = q * C + r. An edge leads from (q, r) through a door to
 (delta(q, label(r')), r'), or stays in r where reading its label again changes q. States from which the
-mission cannot be completed are left out of every edge.
+mission cannot be completed are left out of every edge. Labels that depend on the time lead where they lead
+in the epoch in which they help most: a lead says what is to be done, not when.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ import numpy as np
 from pareto_ltl.kernels.data import Logic
 from pareto_ltl.kernels.dijkstra import Heap, Product
 from pareto_ltl.kernels.growth import Fans
+from pareto_ltl.planning.pack_logic import helpful_delta
 from pareto_ltl.support.arrays import FloatArray, IntArray
 from pareto_ltl.world.cells import Decomposition, moments
 
@@ -29,11 +31,12 @@ def product_graph(decomposition: Decomposition, logic: Logic, bounds: FloatArray
     rows = np.unique(np.vstack([doors, doors[:, ::-1], own]), axis=0)
     tail, head = rows[:, 0], rows[:, 1]
     metres = np.linalg.norm(centre[tail] - centre[head], axis=1) / diagonal
+    helpful = helpful_delta(logic)
     graph = Product(
         ptr=np.searchsorted(tail, np.arange(cells + 1)).astype(np.int64),
         beyond=np.ascontiguousarray(head, np.int64),
         metres=np.maximum(metres, 1e-3),  # reading a label again costs a step as well
-        delta=logic.delta,
+        delta=helpful,
         open=np.isfinite(logic.distance),
         volume=area / area.sum(),
         urgency=1.0 / (np.where(np.isinf(logic.distance), 1e6, logic.distance) + 1.0),
@@ -42,7 +45,7 @@ def product_graph(decomposition: Decomposition, logic: Logic, bounds: FloatArray
     )
     if states * cells <= EXACT_LEADS:
         return graph
-    changing = (logic.delta[:, :-1] != logic.delta[:, -1:]).any(axis=0)
+    changing = (helpful[:, :-1] != helpful[:, -1:]).any(axis=0)
     return graph._replace(ahead=_cost_ahead(graph, logic.distance, np.flatnonzero(changing)))
 
 

@@ -216,9 +216,10 @@ def theorem2_bound(problem: Problem, x: FloatArray, cov: FloatArray, cell: IntAr
     proper ``until`` are not covered. :func:`ordered_bound` has neither.
     """
     bound, atoms = problem.theorem2, problem.theorem2.holds
+    epoch = bound.epoch[np.minimum(np.arange(len(x)), len(bound.epoch) - 1)]
     risks = np.zeros(len(problem.atoms))
     for i in range(len(problem.atoms)):
-        visits = np.flatnonzero(atoms[cell, i])
+        visits = np.flatnonzero(atoms[epoch, cell, i])
         if len(visits):
             parts = np.flatnonzero(bound.atom == i)
             risks[i] = min(_region_missed(problem, parts, x[t], cov[t]) for t in visits)
@@ -246,11 +247,12 @@ def ordered_bound(problem: Problem, x: FloatArray, cov: FloatArray) -> float:
 
     logic = problem.world.logic
     column, P = label_probabilities(problem, x, cov)
-    spoils = ~logic.covers[logic.delta[:, column]]  # (Q, S, Q): reading s in q does not reach p
-    spoils[:, :-1] &= ~logic.loses[:, column[:-1], None]
     way = hazard_costs(problem, x, cov)
     V = np.where(logic.covers[logic.initial], 0.0, 1.0)
     for t in range(len(x)):
+        read = problem.reading(t)
+        spoils = ~logic.covers[read.delta[:, column]]  # (Q, S, Q): reading s in q does not reach p
+        spoils[:, :-1] &= ~read.loses[:, column[:-1], None]
         fail = np.einsum("qsp,s->qp", spoils, P[t])
         V = np.minimum(1.0, (V[:, None] + way[t, :, None] + fail).min(axis=0))
     accepting = logic.distance == 0.0

@@ -17,6 +17,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from pareto_ltl.kernels.data import Reading
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.reference_segments import state_on_the_way
 from pareto_ltl.support.arrays import FloatArray
@@ -78,19 +79,19 @@ def mission_margin(problem: Problem, x: FloatArray) -> float:
     logic, cell = problem.world.logic, problem.locate(x)
     depth = np.array([inside_depth(polygon, x) for polygon in problem.decomposition.cells]).T
     state = int(logic.initial)
-    W = np.full(len(logic.delta), -np.inf)
+    W = np.full(len(logic.distance), -np.inf)
     W[state] = np.inf
     for t in range(len(x)):
         if t > 0:
-            W, state = _after_the_way(problem, x[t - 1 : t + 1], (int(cell[t - 1]), int(cell[t])), W, state)
-        W = _after_the_letter(problem, depth[t], W)
-        state = int(logic.delta[state, cell[t]])
+            ends = x[t - 1 : t + 1], (int(cell[t - 1]), int(cell[t]))
+            W, state = _after_the_way(problem, t, *ends, W, state)
+        W = _after_the_letter(problem.reading(t), depth[t], W)
+        state = int(problem.reading(t).delta[state, cell[t]])
     return float(W[logic.distance == 0.0].max(initial=-np.inf))
 
 
-def _after_the_letter(problem: Problem, depth: FloatArray, W: FloatArray) -> FloatArray:
+def _after_the_letter(logic: Reading, depth: FloatArray, W: FloatArray) -> FloatArray:
     """W_t from W'_t; ``depth`` (C,) of the position in each cell."""
-    logic = problem.world.logic
     after = np.full(len(W), -np.inf)
     for q in range(len(W)):
         for p in range(len(W)):
@@ -104,12 +105,12 @@ def _after_the_letter(problem: Problem, depth: FloatArray, W: FloatArray) -> Flo
 
 
 def _after_the_way(
-    problem: Problem, ends: FloatArray, cells: tuple[int, int], W: FloatArray, state: int
+    problem: Problem, t: int, ends: FloatArray, cells: tuple[int, int], W: FloatArray, state: int
 ) -> tuple[FloatArray, int]:
     """W'_t and the state of the flight before the letter of x_t is read."""
-    logic = problem.world.logic
+    logic = problem.reading(t)
     after, own = W.copy(), W[state]
-    read = logic.delta[state, cells[0]] == state
+    read = problem.reading(t - 1).delta[state, cells[0]] == state
     for hazard in logic.hazards.cell:
         if hazard in cells:
             continue
@@ -118,6 +119,6 @@ def _after_the_way(
         after[loses] = np.minimum(after[loses], distance)
         if read and logic.harm[state, hazard]:
             own = min(own, abs(distance))
-    state = state_on_the_way(problem, state, ends, cells)
+    state = state_on_the_way(problem, state, ends, cells, t)
     after[state] = max(after[state], own)
     return after, state

@@ -35,25 +35,26 @@ def cells_on_the_way(problem: Problem, start: FloatArray, end: FloatArray) -> In
     return np.array([cell for _, cell in sorted(enters)], np.int64)
 
 
-def state_on_the_way(problem: Problem, q: int, ends: FloatArray, cells: tuple[int, int]) -> int:
-    """State after the harmful letters between ``ends`` (2, 2), whose own ``cells`` are letters of steps."""
-    logic = problem.world.logic
-    if logic.delta[q, cells[0]] != q:  # the formula counts steps
+def state_on_the_way(problem: Problem, q: int, ends: FloatArray, cells: tuple[int, int], step: int) -> int:
+    """State after the harmful letters between ``ends`` (2, 2) on the way to ``step``, whose own ``cells`` are
+    letters of steps."""
+    logic = problem.reading(step)
+    if problem.reading(step - 1).delta[q, cells[0]] != q:  # the formula counts steps
         return q
     for met in cells_on_the_way(problem, *ends):
         if met not in cells and logic.harm[q, met]:
-            q = int(logic.delta[q, met])
+            q = int(logic.way[q, met])
     return q
 
 
 def states_of_flight(problem: Problem, x: FloatArray) -> IntArray:
     """Automaton state after each step of ``x`` (T+1, 2): harmful letters on the way, then the label."""
-    logic, cell = problem.world.logic, problem.locate(x)
-    q = int(logic.delta[logic.initial, cell[0]])
+    cell = problem.locate(x)
+    q = int(problem.reading(0).delta[problem.world.logic.initial, cell[0]])
     states = [q]
     for t in range(1, len(x)):
-        q = state_on_the_way(problem, q, x[t - 1 : t + 1], (int(cell[t - 1]), int(cell[t])))
-        q = int(logic.delta[q, cell[t]])
+        q = state_on_the_way(problem, q, x[t - 1 : t + 1], (int(cell[t - 1]), int(cell[t])), t)
+        q = int(problem.reading(t).delta[q, cell[t]])
         states.append(q)
     return np.array(states, np.int64)
 
@@ -92,5 +93,5 @@ def _beyond(normal: FloatArray, offset: FloatArray, mean: FloatArray, cov: Float
 
 def hazard_costs(problem: Problem, x: FloatArray, cov: FloatArray) -> FloatArray:
     """Σ_h P(hazard h met), over those whose label loses q, (T+1, Q)."""
-    logic = problem.world.logic
-    return np.asarray(meeting_bounds(problem, x, cov) @ logic.loses[:, logic.hazards.cell].T, float)
+    met, hazards = meeting_bounds(problem, x, cov), problem.world.logic.hazards.cell
+    return np.array([met[t] @ problem.reading(t).loses[:, hazards].T for t in range(len(x))], float)

@@ -145,7 +145,8 @@ def one_line_forest(problem: Problem) -> Forest:
     from pareto_ltl.planning.refine.starts import line_starts, unlike_starts
 
     columns = mission_columns(problem) + 1
-    start = next(iter(unlike_starts(problem, line_starts(problem)).values()))
+    lines = line_starts(problem)
+    start = next(iter(unlike_starts(problem, lines).values()), None) or lines[0]
     n = len(start.x)
     length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(start.x, axis=0), axis=1))])
     rows = np.zeros(n, np.int64)

@@ -104,12 +104,16 @@ def write_automaton(directory: Path, automaton: Automaton) -> None:
         "delta": automaton.delta,  # delta[state][letter]
         "d_A": automaton.distance,  # null where acceptance is out of reach
     }
+    if automaton.windows:
+        content["windows"] = {name: window.as_dict() for name, window in automaton.windows.items()}
+        content["forbidden"] = automaton.forbidden
     write_json(directory / "automaton.json", content)
     write_bytes(directory / "automaton.hoa", dumps(automaton).encode())
 
 
 def read_automaton(place: Path | str) -> Automaton:
     from pareto_ltl.logic import Automaton
+    from pareto_ltl.world.windows import Window
 
     path = inside(place, "automaton.json")
     content = read_document(path, "automaton")
@@ -122,6 +126,8 @@ def read_automaton(place: Path | str) -> Automaton:
             distance=np.array([math.inf if d is None else d for d in content["d_A"]], float),
             atoms=tuple(content["atoms"]),
             formula=content["formula"],
+            windows={name: Window.from_dict(w) for name, w in content.get("windows", {}).items()},
+            forbidden=tuple(content.get("forbidden", ())),
         )
 
 

@@ -121,8 +121,13 @@ def make_automaton(inputs: StageInputs) -> Automaton:
 
     settings, scene, decomposition = inputs.settings, inputs[SCENE], inputs[DECOMPOSITION]
     letters = {*decomposition.letters, frozenset[str]()}
-    result = automaton_of(settings.mission, letters, settings.logic.max_states, scene.regions)
-    if cut_off := cells.unreachable_regions(decomposition, scene, result.atoms):
+    result = automaton_of(
+        settings.mission, letters, settings.logic.max_states, scene.regions, scene.windows, scene.forbidden
+    )
+    windows = result.windows
+    asked = (windows[atom].region if atom in windows else atom for atom in result.atoms)
+    places = {place for place in asked if place is not None}
+    if cut_off := cells.unreachable_regions(decomposition, scene, places):
         LOG.warning("no way on the map leads from the start to %s", ", ".join(cut_off))
     return result
 

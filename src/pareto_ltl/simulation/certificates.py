@@ -188,14 +188,33 @@ def claim_edges(logic: Logic, labelled: Sequence[int], members: Sequence[Sequenc
     In automata of more than ``LIVE`` states the claims behind q are q itself and where labels lead to, as for
     margins of flights: tables of all pairs of claims for each label take 4 GB for 16,384 states.
     """
-    loses, columns = logic.loses, [*labelled, -1]
     rows: list[tuple[int, int, int]] = []
     shunned: list[IntArray] = []
-    for q in range(len(logic.delta)):
-        claims = _claims_behind(logic, q, columns)
-        good = logic.covers[np.ix_(logic.delta[q, columns], claims)]  # (C + 1, K)
+    first = [0]
+    for e in range(len(logic.delta)):
+        _add_edges(logic, e, labelled, members, rows, shunned)
+        first.append(len(rows))
+    source, target, shown = np.array(rows, np.int64).reshape(-1, 3).T.copy()
+    ptr = np.cumsum([0, *map(len, shunned)]).astype(np.int64)
+    cells = np.concatenate([np.empty(0, np.int64), *shunned])
+    return ClaimEdges(
+        source, target, shown, ptr, cells, logic.loses[:, :, logic.hazards.cell].copy(),
+        np.array(first, np.int64), logic.epoch,
+    )  # fmt: skip
+
+
+def _add_edges(
+    logic: Logic, e: int, labelled: Sequence[int], members: Sequence[Sequence[int]],
+    rows: list[tuple[int, int, int]], shunned: list[IntArray],
+) -> None:  # fmt: skip
+    """Append the edges of epoch ``e``: source, target and polygon, and the cells that each shuns."""
+    delta, loses, columns = logic.delta[e], logic.loses[e], [*labelled, -1]
+    ever = np.concatenate(logic.loses, axis=1)
+    for q in range(len(delta)):
+        claims = _claims_behind(delta, q, columns)
+        good = logic.covers[np.ix_(delta[q, columns], claims)]  # (C + 1, K)
         spoils, keeps = ~good[:-1], ~loses[q, labelled, None]
-        better = logic.covers[np.ix_(claims, claims)] & ~_exceeds(loses[claims])
+        better = logic.covers[np.ix_(claims, claims)] & ~_exceeds(ever[claims])
         spoiling = (spoils & keeps).T
         nothing = np.zeros((len(claims), 0), bool)
         # first, so that no line is asked for without need
@@ -206,17 +225,13 @@ def claim_edges(logic: Logic, labelled: Sequence[int], members: Sequence[Sequenc
             for k in _needed(np.flatnonzero(reaches), better, shuns):
                 rows.append((q, int(claims[k]), g))
                 shunned.append(np.flatnonzero(shuns[k]))
-    source, target, shown = np.array(rows, np.int64).reshape(-1, 3).T.copy()
-    ptr = np.cumsum([0, *map(len, shunned)]).astype(np.int64)
-    cells = np.concatenate([np.empty(0, np.int64), *shunned])
-    return ClaimEdges(source, target, shown, ptr, cells, loses[:, logic.hazards.cell].copy())
 
 
-def _claims_behind(logic: Logic, q: int, columns: Sequence[int]) -> IntArray:
+def _claims_behind(delta: IntArray, q: int, columns: Sequence[int]) -> IntArray:
     """Claims that edges from ``q`` may lead to; all of them in small automata."""
-    if len(logic.delta) <= LIVE:
-        return np.arange(len(logic.delta))
-    return np.unique(np.append(logic.delta[q, columns], q))
+    if len(delta) <= LIVE:
+        return np.arange(len(delta))
+    return np.unique(np.append(delta[q, columns], q))
 
 
 def _exceeds(table: BoolArray) -> BoolArray:
@@ -342,6 +357,7 @@ def _best_run(scape: Landscape, costs: ClaimCosts) -> IntArray | None:
 def _lines_of_run(scape: Landscape, gap: FloatArray, run: IntArray, hazards: Sequence[Way]) -> list[Piece]:
     """What the edges of a run ask of the positions."""
     edges, pieces = scape.edges, list[Piece]()
+    epoch = edges.epoch[np.minimum(np.arange(len(run)), len(edges.epoch) - 1)]
     for t, edge in enumerate(run.tolist()):
         faces = list[int]()
         if edges.shown[edge] >= 0:
@@ -354,7 +370,7 @@ def _lines_of_run(scape: Landscape, gap: FloatArray, run: IntArray, hazards: Seq
             face = np.array(faces, np.int64)
             pieces.append((np.full(len(face), t, np.int64), scape.normal[face], scape.offset[face], face))
     for h, way in enumerate(hazards):
-        pieces += way.lines_of(np.flatnonzero(edges.loses[edges.source[run], h]))
+        pieces += way.lines_of(np.flatnonzero(edges.loses[epoch, edges.source[run], h]))
     return pieces
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -24,6 +24,7 @@ from pareto_ltl.verify.formula import Dfa, covers, losing
 from pareto_ltl.verify.gaussians import Way, growing, label_masses, ordered, path_bound, way_risks
 from pareto_ltl.verify.geometry import Convex, beyond_bounds, convex
 from pareto_ltl.verify.laws import Coherent, Course, Independent, Law, Robot
+from pareto_ltl.verify.timetable import Timetable, windows_of
 from pareto_ltl.verify.wind_modes import PartCovariance, part_covariances
 from pareto_ltl.verify.wind_tables import ENSEMBLE, Clock, WindFile, clock, read_wind_file
 
@@ -167,7 +168,24 @@ class Evidence:
     @cached_property
     def ground(self) -> Ground:
         bounds = np.array(self.scene["bounds"])
-        return Ground(bounds, self.regions, self.obstacles, self.dfa, self.scene["border"] == "wall")
+        walled = self.scene["border"] == "wall"
+        return Ground(bounds, self.regions, self.obstacles, self.dfa, walled, self.timetable)
+
+    @cached_property
+    def timetable(self) -> Timetable:
+        windows = windows_of(self.automaton.get("windows"))
+        return Timetable(windows, self.robot.dt if windows else 1.0)
+
+    @cached_property
+    def visited(self) -> list[tuple[str, tuple[Convex, ...]]]:
+        """The propositions that are to be visited, with the convex parts of their regions."""
+        places = [(name, self.timetable.region(name)) for name in self.dfa.atoms]
+        kept = [(name, place) for name, place in places if name not in self.automaton.get("forbidden", ())]
+        return [(name, self.regions[place]) for name, place in kept if place is not None]
+
+    def letters_along(self, labels: Sequence[frozenset[str]]) -> list[frozenset[str]]:
+        """The propositions that hold at each step of a path with these labels."""
+        return [self.timetable.letter(label, self.timetable.now(t)) for t, label in enumerate(labels)]
 
     @property
     def grain(self) -> float:
@@ -238,7 +256,8 @@ class Evidence:
         for slack in (0.0, 1e-3 * self.grain, -1e-3 * self.grain):
             states, labels = self.ground.states(x[None], slack)[0], self.ground.labels(x, slack)
             before = [self.dfa.initial, *states[:-1]]
-            letters = [labels[t] & frozenset(self.dfa.atoms) for t in np.flatnonzero(states != before)]
+            atoms, turns = frozenset(self.dfa.atoms), np.flatnonzero(states != before)
+            letters = [self.timetable.places(labels[t]) & atoms for t in turns]
             found.append(">".join("+".join(sorted(letter)) or "-" for letter in letters))
         return found
 
@@ -284,25 +303,36 @@ class Evidence:
         """V of a course."""
         dfa = self.dfa
         masses = label_masses(self.labelled, course.x, course.cov)
-        read = [{s: dfa.read(s, q) for seen in masses for s in seen} for q in range(len(dfa.delta))]
-        lost = losing(dfa)
-        way = Way(
-            way_risks(self._hazards(lost), course.x, course.cov, len(dfa.delta)),
-            [{s for s in row if s and lost[q][self._letter(s)]} for q, row in enumerate(read)],
+        shown, table, states = {s for seen in masses for s in seen}, self.timetable, range(len(dfa.delta))
+        nows, ways = [[of(t) for t in range(len(course.x))] for of in (table.now, table.way)]
+        read = {
+            now: [{s: dfa.delta[q][self._letter(s, now)] for s in shown} for q in states] for now in set(nows)
+        }
+        lost = {way: losing(dfa, self.ground.letter(frozenset(), way)) for way in set(ways)}
+        losers = {
+            way: [{s for s in shown if s and lost[way][q][self._letter(s, way)]} for q in states]
+            for way in lost
+        }
+        way_met = Way(
+            way_risks(self._hazards(lost, ways), course.x, course.cov, len(dfa.delta)),
+            [losers[way] for way in ways],
         )
-        return ordered(masses, read, covers(dfa), dfa.initial, dfa.accepting, course.miss, way)
+        steps = [read[now] for now in nows]
+        return ordered(masses, steps, covers(dfa), dfa.initial, dfa.accepting, course.miss, way_met)
 
-    def _letter(self, label: Iterable[str]) -> int:
-        """The number of the letter that a label shows."""
-        return self.dfa.letters.index(frozenset(label) & frozenset(self.dfa.atoms))
+    def _letter(self, label: Iterable[str], holding: frozenset[str]) -> int:
+        """The number of the letter that a label shows while windows are open."""
+        return self.dfa.letters.index(self.ground.letter(frozenset(label), holding))
 
-    def _hazards(self, lost: list[list[bool]]) -> list[tuple[Convex, list[bool]]]:
-        """Cells whose letter loses some state of the automaton, and which states."""
+    def _hazards(
+        self, lost: Mapping[frozenset[str], list[list[bool]]], ways: Sequence[frozenset[str]]
+    ) -> list[tuple[Convex, list[list[bool]]]]:
+        """Cells whose letter loses some state of the automaton, and at each step which states."""
         found = []
         for cell, label in zip(self.cells["cells"], self.cells["labels"], strict=True):
-            letter = self._letter(label)
-            if any(row[letter] for row in lost):
-                found.append((convex(cell), [row[letter] for row in lost]))
+            by_way = {way: [row[self._letter(label, way)] for row in table] for way, table in lost.items()}
+            if any(any(row) for row in by_way.values()):
+                found.append((convex(cell), [by_way[way] for way in ways]))
         return found
 
     def collision_bounds(self, law: Law, course: Course) -> tuple[float, float]:

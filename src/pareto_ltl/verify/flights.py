@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import groupby
 
 import numpy as np
@@ -15,23 +15,26 @@ from pareto_ltl.verify.formula import Dfa, harmful
 from pareto_ltl.verify.gaussians import ON_EDGE
 from pareto_ltl.verify.geometry import Convex, beyond_bounds, deepest, met_by_any
 from pareto_ltl.verify.laws import Coherent, Course, Independent, Law
+from pareto_ltl.verify.timetable import Label, Timetable
 from pareto_ltl.verify.wind_tables import at_step, square_of
 
 SHORTEST = 1e-12  # share of a step; shorter pieces of it are rounding
 RARE = 1e-7  # chance at which one statistical claim about honest results may fail
+NONE: Label = frozenset()
 NEAR = 1.0  # [m] so close to an obstacle's face a position may count on either side
 
 
 @dataclass(frozen=True, slots=True)
 class Ground:
     """What flights are judged by: bounds (2, 2) [m], convex parts of regions and obstacles, the automaton;
-    ``walled`` where the border is a wall."""
+    ``walled`` where the border is a wall. Propositions with time windows hold as in the ``timetable``."""
 
     bounds: FloatArray
     regions: Mapping[str, Sequence[Convex]]
     obstacles: Sequence[Convex]
     dfa: Dfa
     walled: bool = False
+    timetable: Timetable = field(default_factory=Timetable)
 
     def labels(self, points: FloatArray, slack: float = 0.0) -> list[frozenset[str]]:
         """Label of each of ``points`` (P, 2); none in obstacles and beyond the bounds.
@@ -45,11 +48,16 @@ class Ground:
         }
         return [frozenset(name for name in inside if inside[name][i]) for i in range(len(points))]
 
-    def columns(self, points: FloatArray, slack: float = 0.0) -> IntArray:
-        """The automaton's letter at each of ``points``, as its number."""
-        seen = frozenset(self.dfa.atoms)
+    def columns(self, points: FloatArray, slack: float = 0.0, holding: Label = NONE) -> IntArray:
+        """The automaton's letter at each of ``points``, as its number, while windows ``holding`` are open."""
         place = {letter: i for i, letter in enumerate(self.dfa.letters)}
-        return np.array([place.get(label & seen, -1) for label in self.labels(points, slack)], int)
+        return np.array(
+            [place.get(self.letter(label, holding), -1) for label in self.labels(points, slack)], int
+        )
+
+    def letter(self, label: Label, holding: Label) -> Label:
+        """The letter of a label while windows are open."""
+        return self.timetable.letter(label, holding) & frozenset(self.dfa.atoms)
 
     def accepted(self, x: FloatArray, slack: float = 0.0) -> BoolArray:
         """Which flights ``x`` (n, T+1, 2) complete the mission."""
@@ -58,24 +66,24 @@ class Ground:
 
     def states(self, x: FloatArray, slack: float = 0.0) -> IntArray:
         """Automaton states of flights ``x`` (n, T+1, 2) after each step, (n, T+1)."""
-        seen = [self.columns(x[:, t], slack) for t in range(x.shape[1])]
+        seen = [self.columns(x[:, t], slack, self.timetable.now(t)) for t in range(x.shape[1])]
         found = [np.array(self.dfa.delta)[np.full(len(x), self.dfa.initial), seen[0]]]
         for t in range(1, x.shape[1]):
             legs = Legs(x[:, t - 1], x[:, t], seen[t - 1], seen[t])
-            found.append(self.after_step(found[-1], legs, slack))
+            found.append(self.after_step(found[-1], legs, slack, self.timetable.way(t)))
         return np.stack(found, axis=1)
 
-    def after_step(self, state: IntArray, legs: Legs, slack: float = 0.0) -> IntArray:
+    def after_step(self, state: IntArray, legs: Legs, slack: float = 0.0, holding: Label = NONE) -> IntArray:
         """States after steps: letters that do harm are read on the way, then the label of the end.
 
         The way of a robot is read where the letter of its start leaves the state alone: otherwise the formula
-        counts steps.
+        counts steps. Windows ``holding`` are open on the way.
         """
         delta, state = np.array(self.dfa.delta), state.copy()
-        harm = np.array(harmful(self.dfa))
+        harm = np.array(harmful(self.dfa, self.letter(NONE, holding)))
         rows = np.flatnonzero(harm[state].any(axis=1) & (delta[state, legs.first] == state))
         for i in rows[self._near_harm(legs, rows, harm, slack)]:
-            for letter in self.letters_between(legs.start[i], legs.end[i], slack):
+            for letter in self.letters_between(legs.start[i], legs.end[i], slack, holding):
                 if harm[state[i], letter]:
                     state[i] = delta[state[i], letter]
         return np.asarray(delta[state, legs.last], int)
@@ -83,12 +91,15 @@ class Ground:
     def _near_harm(self, legs: Legs, rows: IntArray, harm: BoolArray, slack: float) -> BoolArray:
         """Which legs meet a region of a letter that does harm; all, where the empty letter does."""
         worst = [letter for letter, bad in zip(self.dfa.letters, harm.T, strict=True) if bad.any()]
-        if frozenset() in worst:
+        places = [{self.timetable.region(name) for name in letter} - {None} for letter in worst]
+        if not all(places):
             return np.ones(len(rows), bool)
-        parts = [part for name in frozenset().union(*worst) for part in self.regions.get(name, ())]
+        parts = [part for name in set().union(*places) for part in self.regions.get(name or "", ())]
         return met_by_any(parts, legs.start[rows], legs.end[rows], -abs(slack) - ON_EDGE)
 
-    def letters_between(self, start: FloatArray, end: FloatArray, slack: float = 0.0) -> list[int]:
+    def letters_between(
+        self, start: FloatArray, end: FloatArray, slack: float = 0.0, holding: Label = NONE
+    ) -> list[int]:
         """Letters that a segment shows between the first and the last, in order.
 
         It is cut at every line of a face; a piece shows the letter of its middle. Pieces in obstacles and
@@ -105,10 +116,10 @@ class Ground:
         middles = start + ((cut[:-1] + cut[1:]) / 2)[:, None] * (end - start)
         low, high = self.bounds
         free = ((middles >= low) & (middles <= high)).all(axis=1) & (deepest(self.obstacles, middles) <= 0)
-        letters = self.columns(middles, slack)
+        letters = self.columns(middles, slack, holding)
         pieces = [int(letter) if there else -1 for letter, there in zip(letters, free, strict=True)]
         inner = [key for key, _ in groupby(pieces)]
-        first, last = (int(letter) for letter in self.columns(np.stack([start, end]), slack))
+        first, last = (int(letter) for letter in self.columns(np.stack([start, end]), slack, holding))
         if inner and inner[0] == first:
             inner = inner[1:]
         if inner and inner[-1] == last:

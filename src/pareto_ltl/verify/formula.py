@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
@@ -37,7 +37,7 @@ DUAL = {"&": "|", "|": "&", "X": "X", "F": "G", "G": "F", "U": "R", "R": "U", "W
 
 def read_formula(text: str, short: bool = False) -> Node:
     """The tree of a formula; ``short`` allows ``t`` and ``f`` for true and false, as in HOA labels."""
-    words = re.findall(r"<->|->|<>|\[\]|&&|\|\||[!~&|()]|\w+|\S", text)
+    words = re.findall(r"<->|->|<>|\[\]|\[[^\[\]]*\]|&&|\|\||[!~&|()]|\w+|\S", text)
     names = WORDS if short else {key: value for key, value in WORDS.items() if key not in ("t", "f")}
     tokens = [names.get(word, word) for word in words]
     tree = _binary(tokens, 0)
@@ -61,6 +61,9 @@ def _unary(tokens: list[str]) -> Node:
     if not tokens:
         raise DataError("the formula ends too early")
     token = tokens.pop(0)
+    if token in ("F", "G") and tokens and tokens[0].startswith("["):
+        begin, end = _span(tokens.pop(0))
+        return ("within", token, begin, end, _unary(tokens))
     if token in ("!", "X", "F", "G"):
         return (token, _unary(tokens))
     if token == "(":
@@ -73,9 +76,35 @@ def _unary(tokens: list[str]) -> Node:
     return (token,) if token in ("true", "false") else ("ap", token)
 
 
+def _span(text: str) -> tuple[float, float]:
+    """Seconds of ``[0,6h]``; a number without a unit has that of the other."""
+    parts = re.findall(r"([\d.]+)\s*(s|min|h|d)?", text)
+    units = [unit for _, unit in parts if unit]
+    if len(parts) != 2 or not units:
+        raise DataError(f"the formula has the time span {text!r}; expected one such as [0,6h]")
+    seconds = {"s": 1.0, "min": 60.0, "h": 3600.0, "d": 86_400.0}
+    begin, end = (float(number) * seconds[unit or units[-1]] for number, unit in parts)
+    return begin, end
+
+
+def _clock(begin: float, end: float) -> str:
+    """Name of the proposition "the time lies between these" [s]."""
+    texts = ["on" if math.isinf(t) else f"{round(t, 3):.15g}".replace(".", "p") for t in (begin, end)]
+    return "clock_" + "_".join(texts)
+
+
 def normal_form(node: Node, negated: bool = False) -> Node:
-    """Negation moved to the propositions; ``->``, ``<->`` and ``xor`` written out."""
+    """Negation moved to the propositions; ``->``, ``<->`` and ``xor`` written out, and so are time spans::
+
+    F[b,e] p = F (now & p),    G[b,e] p = (now -> p) U over
+    """
     operator, *args = node
+    if operator == "within":
+        kind, begin, end, inner = args
+        p, now = normal_form(inner, negated), _clock(begin, end)
+        if (kind == "F") is not negated:
+            return ("F", ("&", ("ap", now), p))
+        return ("U", ("|", ("not", now), p), ("ap", _clock(end + 1e-3, math.inf)))
     if operator in ("true", "false"):
         return ("false" if (operator == "true") is negated else "true",)
     if operator == "ap":
@@ -186,13 +215,18 @@ class Dfa:
         return self.delta[state][self.letters.index(frozenset(label) & frozenset(self.atoms))]
 
 
-def first_difference(dfa: Dfa, formula: str) -> str | None:
-    """A shortest word on which automaton and formula disagree; None if there is none."""
+def first_difference(dfa: Dfa, formula: str, forbidden: Collection[str] = ()) -> str | None:
+    """A shortest word on which automaton and formula disagree; None if there is none.
+
+    Propositions that are ``forbidden`` lose a mission that is not complete.
+    """
     first, graph = rest_graph(formula, dfa.letters)
-    good = completed(graph)
-    return _walk_together(
-        dfa, first, lambda rest, i: graph[rest][i], lambda q, rest: dfa.accepting[q] == (rest in good)
-    )
+    good, bad = completed(graph), [not letter.isdisjoint(forbidden) for letter in dfa.letters]
+
+    def after(rest: Rest, i: int) -> Rest:
+        return NEVER if rest == NEVER or (bad[i] and rest not in good) else graph[rest][i]
+
+    return _walk_together(dfa, first, after, lambda q, rest: dfa.accepting[q] == (rest in good))
 
 
 def unlike(dfa: Dfa, other: Dfa) -> str | None:
@@ -253,14 +287,14 @@ def covers(dfa: Dfa) -> list[list[bool]]:
 
 
 @cache
-def harmful(dfa: Dfa) -> tuple[tuple[bool, ...], ...]:
-    """``[q][letter]``: letters that are read between steps.
+def harmful(dfa: Dfa, empty: frozenset[str] = frozenset()) -> tuple[tuple[bool, ...], ...]:
+    """``[q][letter]``: letters that are read between steps, where a place without regions shows ``empty``.
 
     They lead from a state that can be completed to one that cannot, or show a region and lead to a state that
     does not accept all that is accepted after the empty letter.
     """
     better, lost = covers(dfa), [math.isinf(d) for d in distances(dfa)]
-    nothing = dfa.letters.index(frozenset())
+    nothing = dfa.letters.index(empty)
     return tuple(
         tuple(
             (lost[then] and not lost[q]) or (k != nothing and not better[then][row[nothing]])
@@ -270,10 +304,10 @@ def harmful(dfa: Dfa) -> tuple[tuple[bool, ...], ...]:
     )
 
 
-def losing(dfa: Dfa) -> list[list[bool]]:
+def losing(dfa: Dfa, empty: frozenset[str] = frozenset()) -> list[list[bool]]:
     """``[q][letter]``: the letter does harm in a state s that accepts all q does, and leads to one that does
     not."""
-    better, harm = covers(dfa), harmful(dfa)
+    better, harm = covers(dfa), harmful(dfa, empty)
     states = range(len(dfa.delta))
     return [
         [

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -91,13 +91,14 @@ def label_masses(cells: Sequence[tuple[Convex, frozenset[str]]], x: FloatArray, 
 
 
 def ordered(
-    masses: Masses, read: Sequence[dict[frozenset[str], int]], covers: Sequence[Sequence[bool]],
+    masses: Masses, read: Sequence[Sequence[Mapping[frozenset[str], int]]], covers: Sequence[Sequence[bool]],
     initial: int, accepting: Sequence[bool], miss: dict[int, float], way: Way,
 ) -> float:  # fmt: skip
     """V: an induction over what can spoil each state of the automaton.
 
     V_t(p) = min(1, min_q [V_{t-1}(q) + P(reading the label in q does not reach p) + P(a cell on the way
-    loses q)]) + P(landmark missed), labels that lose q being counted on the way.
+    loses q)]) + P(landmark missed), labels that lose q being counted on the way. ``read[t][q]`` is the state
+    after each label.
     """
     states = range(len(covers))
     V = [0.0 if covers[initial][p] else 1.0 for p in states]
@@ -108,7 +109,9 @@ def ordered(
                 *(
                     V[q]
                     + way.cost[t][q]
-                    + sum(m for s, m in seen.items() if not covers[read[q][s]][p] and s not in way.lost[q])
+                    + sum(
+                        m for s, m in seen.items() if not covers[read[t][q][s]][p] and s not in way.lost[t][q]
+                    )
                     for q in states
                 ),
             )
@@ -120,22 +123,23 @@ def ordered(
 
 @dataclass(frozen=True, slots=True)
 class Way:
-    """What is met between steps: for each step and state the risk of losing it, and for each state the labels
-    that lose it."""
+    """What is met between steps: for each step and state the risk of losing it, and the labels that lose
+    it."""
 
     cost: list[list[float]]
-    lost: list[set[frozenset[str]]]
+    lost: Sequence[Sequence[Collection[frozenset[str]]]]
 
 
 def way_risks(
-    cells: Sequence[tuple[Convex, Sequence[bool]]], x: FloatArray, cov: FloatArray, states: int
+    cells: Sequence[tuple[Convex, Sequence[Sequence[bool]]]], x: FloatArray, cov: FloatArray, states: int
 ) -> list[list[float]]:
-    """For each step and state the sum over ``cells`` that lose the state of a bound on P(cell met)."""
+    """For each step and state the sum over ``cells`` that lose the state then, ``[t][q]``, of a bound on
+    P(cell met)."""
     costs = []
     for t in range(len(x)):
         met = [crossing(part, x[max(t - 1, 0) : t + 1], cov[max(t - 1, 0) : t + 1]) for part, _ in cells]
         costs.append(
-            [sum(m for m, (_, loses) in zip(met, cells, strict=True) if loses[q]) for q in range(states)]
+            [sum(m for m, (_, loses) in zip(met, cells, strict=True) if loses[t][q]) for q in range(states)]
         )
     return costs
 

@@ -108,9 +108,7 @@ def seconds_after(what: str, value: Any, departure: str | None) -> float:
     except ValueError:
         raise DataError(f"{what} is {shown_text(repr(value))}; {_EXPECTED}") from None
     if departure is None:
-        raise DataError(
-            f"{what} is {shown_text(text)}, but the departure has no date: set mission.start_time"
-        )
+        raise DataError(f"{what} is {shown_text(text)}; the departure has no date: set mission.start_time")
     return (moment - _utc(departure)).total_seconds()
 
 

@@ -90,7 +90,7 @@ def _spoiling_polygons(
 ) -> list[FloatArray]:
     """Cells whose label spoils waiting for ``label`` in ``state``: they are walls as obstacles are."""
     logic, atoms = problem.world.logic, set(problem.atoms)
-    spoils = ~logic.covers[logic.delta[state, :-1], state]
+    spoils = (~logic.covers[logic.delta[:, state, :-1], state]).any(axis=0)
     bad = {shown & atoms for shown, spoiling in zip(problem.labels, spoils, strict=True) if spoiling}
     spoilers = [cells for shown, cells in drawn.shown.items() if shown and shown in bad and shown != label]
     return [polygon for cells in spoilers for polygon in cells.around]

@@ -38,14 +38,17 @@ def path_obligations(problem: Problem, x: FloatArray, cov: FloatArray) -> Obliga
     cell = problem.locate(x)
     q = planned_states(problem, x)
     missed = _visits_missed(problem, x, cov)
+    epoch = logic.epoch[np.minimum(np.arange(len(x)), len(logic.epoch) - 1)]
     before = np.concatenate([[logic.initial], q[:-1]])
     planned, witness = q.copy(), []
     for t in np.flatnonzero(q != before):
-        groups = _needed_parts(problem, int(before[t]), int(q[t]), int(cell[t]))
+        groups = _needed_parts(problem, int(t), int(before[t]), int(q[t]), int(cell[t]))
         if not groups:
             continue
         last = t
         while logic.covers[q[t], before[t]] and last + 1 < len(x) and q[last + 1] == q[t]:
+            if epoch[last + 1] != epoch[t]:
+                break
             last += 1
         risk, parts = _safest_parts(problem, x[t : last + 1], missed[t : last + 1], groups)
         best = t + int(np.argmin(risk))
@@ -62,11 +65,16 @@ def planned_states(problem: Problem, x: FloatArray) -> IntArray:
     return states
 
 
-def _needed_parts(problem: Problem, before: int, after: int, cell: int) -> list[IntArray]:
-    """Convex parts of each region that must hold a position in ``cell`` for the step from ``before`` to
-    ``after``.
+def completes(problem: Problem, x: FloatArray) -> bool:
+    """Whether the labels along ``x`` complete the mission, flyable or not."""
+    return bool(problem.world.logic.distance[planned_states(problem, x)[-1]] == 0.0)
+
+
+def _needed_parts(problem: Problem, t: int, before: int, after: int, cell: int) -> list[IntArray]:
+    """Convex parts of each region that must hold a position in ``cell`` at step ``t`` for the transition from
+    ``before`` to ``after``.
     """
-    logic, label = problem.world.logic, problem.labels[cell] if cell >= 0 else frozenset()
+    logic, label = problem.reading(t), problem.labels[cell] if cell >= 0 else frozenset()
     if logic.covers[logic.delta[before, -1], after]:
         return []
     column = {shown: c for c, shown in enumerate(problem.labels)} | {frozenset(): len(problem.labels)}
@@ -105,9 +113,10 @@ def _spoiling_cells(problem: Problem, q: IntArray, cell: IntArray) -> BoolArray:
     logic = problem.world.logic
     labelled = np.array([bool(label) for label in problem.labels], bool)
     before = np.concatenate([[logic.initial], q[:-1]])
-    spoils = ~logic.covers[logic.delta[before][:, :-1], q[:, None]] & labelled
-    met = logic.loses[q][:, :-1] & (np.arange(len(labelled)) != cell[:, None])
-    met[1:] |= logic.loses[q[:-1]][:, :-1] & (np.arange(len(labelled)) != cell[1:, None])
+    epoch = logic.epoch[np.minimum(np.arange(len(q)), len(logic.epoch) - 1)]
+    spoils = ~logic.covers[logic.delta[epoch, before][:, :-1], q[:, None]] & labelled
+    met = logic.loses[epoch, q][:, :-1] & (np.arange(len(labelled)) != cell[:, None])
+    met[1:] |= logic.loses[epoch[1:], q[:-1]][:, :-1] & (np.arange(len(labelled)) != cell[1:, None])
     return np.asarray(spoils | met, bool)
 
 

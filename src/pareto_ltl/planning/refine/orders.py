@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pareto_ltl.planning.pack_logic import helpful_delta
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import PlannedPath
 from pareto_ltl.support.arrays import FloatArray
@@ -49,7 +50,8 @@ def mission_order(problem: Problem, path: PlannedPath) -> MissionOrder | None:
     """The order in which ``path`` visits; None where a transition needs no region at all."""
     before = np.concatenate([[problem.world.logic.initial], path.q[:-1]])
     turns = np.flatnonzero(path.q != before)
-    labels = tuple(path.label[t] & set(problem.atoms) for t in turns)
+    cells = problem.locate(path.x[turns])
+    labels = tuple(problem.labels[c] & set(problem.atoms) for c in cells)
     return MissionOrder(labels, tuple(int(before[t]) for t in turns)) if all(labels) else None
 
 
@@ -60,9 +62,9 @@ def possible_orders(problem: Problem, most: int) -> list[MissionOrder]:
     ``BEGUN`` orders begin with as many labels, those of the shortest way are followed.
     """
     logic, places = problem.world.logic, _label_places(problem)
-    start = problem.scene.start
+    delta, start = helpful_delta(logic), problem.scene.start
     found: list[MissionOrder] = []
-    level = [_Begun((), (), int(logic.delta[logic.initial, problem.locate(start[None])[0]]), start, 0.0)]
+    level = [_Begun((), (), int(delta[logic.initial, problem.locate(start[None])[0]]), start, 0.0)]
     while level and len(found) < most:
         longer: list[_Begun] = []
         for begun in level:
@@ -71,7 +73,7 @@ def possible_orders(problem: Problem, most: int) -> list[MissionOrder]:
                     found.append(MissionOrder(begun.labels, begun.states))
                 continue
             for label, (column, middles) in places.items():
-                then = int(logic.delta[begun.state, column])
+                then = int(delta[begun.state, column])
                 if logic.distance[then] < logic.distance[begun.state]:
                     longer.append(begun.followed_by(label, then, middles))
         if len(longer) > BEGUN:

@@ -15,7 +15,8 @@ from pareto_ltl.planning.evaluate import completes_mission, evaluate_path, propa
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import PlannedPath, objective_row
 from pareto_ltl.planning.refine.convex import Programme, bend_path, smoothing_programme
-from pareto_ltl.planning.refine.obligations import path_obligations, planned_states
+from pareto_ltl.planning.refine.obligations import completes, path_obligations
+from pareto_ltl.planning.refine.pacing import paced_line
 from pareto_ltl.planning.refine.risk_sharing import risk_sharing
 from pareto_ltl.planning.refine.search_map import search_map
 from pareto_ltl.planning.refine.step_programme import NARROWEST
@@ -147,12 +148,6 @@ def fitting_programme(problem: Problem, begun: Sequence[Start]) -> Programme:
     return smoothing_programme(problem, -(-steps // 8) * 8, witnesses + 1, faces)
 
 
-def completes(problem: Problem, x: FloatArray) -> bool:
-    """Whether the labels along ``x`` complete the mission, flyable or not."""
-    logic = problem.world.logic
-    return bool(logic.distance[planned_states(problem, x)[-1]] == 0.0)
-
-
 def flown_path(problem: Problem, x: FloatArray) -> PlannedPath | None:
     """The path along ``x`` if it is feasible and completes the mission."""
     try:
@@ -189,6 +184,7 @@ def taut_starts(cfg: SmoothingConfig, problem: Problem, paths: Sequence[PlannedP
     for plan, path in firsts.items():
         line = taut_line(problem, plan, path, depth, risk_sharing(problem).kept)
         x = None if line is None else walk_line(problem, line)
+        x = None if x is None else paced_line(problem, x)
         if x is not None and completes(problem, x):
             found.append(Start(x, plan, f"{path.origin}, drawn taut"))
     for k in np.unique(np.linspace(0, len(paths) - 1, min(cfg.candidates, len(paths))).astype(int)):
@@ -205,6 +201,7 @@ def shortened_path(problem: Problem, x: FloatArray) -> FloatArray | None:
     cov = propagate(problem, x).cov
     witnesses = [t for t, _ in path_obligations(problem, x, cov).witness]
     y = walk_line(problem, pull_taut(problem, x, cov, witnesses, risk_sharing(problem).kept))
+    y = None if y is None else paced_line(problem, y)
     return y if y is not None and completes(problem, y) else None
 
 

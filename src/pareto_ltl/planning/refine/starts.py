@@ -11,6 +11,7 @@ import numpy as np
 from pareto_ltl.planning.evaluate import propagate, square_matrices
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import Forest, Tree
+from pareto_ltl.planning.refine.pacing import paced_line
 from pareto_ltl.planning.refine.path_classes import PathClass, crossed_rays, path_class, reduced_word
 from pareto_ltl.planning.refine.taut_lines import possible_orders, taut_line, walk_line
 from pareto_ltl.planning.selection import accepted_rows
@@ -102,6 +103,7 @@ def line_starts(problem: Problem) -> list[Start]:
             line = taut_line(problem, plan, waiting, 1.0, z)
             x = None if line is None else walk_line(problem, line)
             if x is not None and 2 < len(x) <= problem.horizon:
+                x = paced_line(problem, x)
                 found.append(Start(x, f"taut line, {z:g} deviations from obstacles"))
     return found
 

@@ -219,8 +219,8 @@ def _risk(claimed: float, found: float) -> Verdict:
 
 
 def _f_o(result: Evidence, course: Course) -> float:
-    parts = [(name, result.regions[name]) for name in result.dfa.atoms]
-    return theorem2(parts, course.x, course.cov, [frozenset(label) for label in result.plan["label"]])
+    labels = result.letters_along([frozenset(label) for label in result.plan["label"]])
+    return theorem2(result.visited, course.x, course.cov, labels)
 
 
 def risk_of_paper(result: Evidence) -> Verdict:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import cache
 
 import numpy as np
 
@@ -46,21 +47,24 @@ def vertices(result: Evidence) -> Verdict:
 def links(result: Evidence) -> Verdict:
     """Every vertex follows an earlier one: its step, its length, its cell and its automaton state."""
     cells = [convex(cell) for cell in result.cells["cells"]]
-    column = np.array(
-        [
-            result.dfa.letters.index(frozenset(label) & frozenset(result.dfa.atoms))
-            for label in result.cells["labels"]
-        ]
-    )
+
+    @cache
+    def letters(holding: frozenset[str]) -> IntArray:
+        place = {letter: i for i, letter in enumerate(result.dfa.letters)}
+        labels = [frozenset(label) for label in result.cells["labels"]]
+        return np.array([place[result.ground.letter(label, holding)] for label in labels])
+
     faults = [
         f"{name}: {fault}"
         for name in tree_names(result)
-        for fault in _link_faults(result, name, cells, column)
+        for fault in _link_faults(result, name, cells, letters)
     ]
     return no_fault("parents, steps, lengths, cells, states", faults)
 
 
-def _link_faults(result: Evidence, name: str, cells: list[Convex], column: IntArray) -> Iterator[str]:
+def _link_faults(
+    result: Evidence, name: str, cells: list[Convex], letters: Callable[[frozenset[str]], IntArray]
+) -> Iterator[str]:
     x, parent, step, q, cell, length = (
         result.trees[f"{name}/{key}"] for key in ("x", "parent", "step", "q", "cell", "length")
     )
@@ -76,9 +80,14 @@ def _link_faults(result: Evidence, name: str, cells: list[Convex], column: IntAr
     gap = np.abs(length[1:] - length[before] - np.linalg.norm(x[1:] - x[before], axis=1))
     if gap.max(initial=0.0) > 1e-6 * max(float(length.max()), 1.0):
         yield "a length is not that of its path"
-    legs = Legs(x[before], x[1:], column[cell[before]], column[cell[1:]])
-    after = result.ground.after_step(q[before], legs)
-    if q[0] != delta[result.dfa.initial, column[cell[0]]] or (q[1:] != after).any():
+    table, after = result.timetable, np.empty(len(own), int)
+    for t in np.unique(step[1:]).tolist():
+        new = np.flatnonzero(step[1:] == t)
+        source, target = before[new], own[new]
+        first, last = letters(table.now(t - 1)), letters(table.now(t))
+        legs = Legs(x[source], x[target], first[cell[source]], last[cell[target]])
+        after[new] = result.ground.after_step(q[source], legs, holding=table.way(t))
+    if q[0] != delta[result.dfa.initial, letters(table.now(0))[cell[0]]] or (q[1:] != after).any():
         yield "a state does not follow from the label"
     for number_, polygon in enumerate(cells):
         if (polygon.depth(x[cell == number_]) < -result.grain).any():
@@ -146,12 +155,7 @@ def vertex_risks(result: Evidence) -> Verdict | None:
         found = (
             result.mission_bound(course)
             if fidelity["mission_bound"] == "ordered"
-            else theorem2(
-                [(name, result.regions[name]) for name in result.dfa.atoms],
-                x,
-                course.cov,
-                result.ground.labels(x),
-            )
+            else theorem2(result.visited, x, course.cov, result.letters_along(result.ground.labels(x)))
         )
         more = (
             result.robot.fix_risk if course.gains else 0.0

@@ -14,6 +14,7 @@ from pareto_ltl.verify.claims.verdict import Claim, Verdict, no_fault, same
 from pareto_ltl.verify.evidence import Evidence
 from pareto_ltl.verify.geometry import Convex, convex, deepest, outline_distance, signed_area
 from pareto_ltl.verify.geometry import within as lies_within
+from pareto_ltl.verify.timetable import clock_of, windows_of
 
 SAMPLES = 20_000  # points of the map at which cells, parts and polygons are compared
 RELATIVE = 1e-9  # of coordinates
@@ -256,11 +257,33 @@ def _contacts(cells: Sequence[Convex], grain: float) -> Iterator[tuple[tuple[int
 
 
 def letters(result: Evidence) -> Verdict:
-    """The automaton reads every label that the map can show, and the empty one."""
-    atoms = frozenset(result.dfa.atoms)
-    shown = {frozenset(label) & atoms for label in result.cells["labels"]} | {frozenset[str]()}
+    """The automaton reads every label that the map can show, and the empty one; with time windows at least
+    those of each step of the longest flight, and of the way to it."""
+    labels = [*(frozenset(label) for label in result.cells["labels"]), frozenset[str]()]
+    table, ground, steps = result.timetable, result.ground, int(result.settings["planner"]["max_steps"])
+    spans = {of(t) for t in range(steps + 1 if table.windows else 1) for of in (table.now, table.way)}
+    shown = {ground.letter(label, holding) for label in labels for holding in spans}
     said = {frozenset(letter) for letter in result.automaton["letters"]}
+    if table.windows:
+        said &= shown
     return same(sorted(map(sorted, said)), sorted(map(sorted, shown)))
+
+
+def windows(result: Evidence) -> Verdict | None:
+    """The automaton's time windows are those of the map, and what the names of its clocks say; what the map
+    forbids is forbidden."""
+    said, drawn = windows_of(result.automaton.get("windows")), windows_of(result.scene.get("windows"))
+    if not said and not drawn:
+        return None
+    wrong = [name for name, window in said.items() if window != drawn.get(name, clock_of(name))]
+    timed = [name for name in result.dfa.atoms if name in drawn or clock_of(name) is not None]
+    wrong += [f"{name} has no window" for name in timed if name not in said]
+    forbidden = set(result.scene.get("forbidden", ()))
+    wrong += sorted(forbidden ^ set(result.automaton.get("forbidden", ())))
+    told = result.settings["scene"]
+    if told["file"] is None and set(told.get("windows", {})) != set(drawn):
+        wrong.append("the settings have other windows")
+    return no_fault(f"{len(said)} windows", wrong)
 
 
 def whose_formula(result: Evidence) -> Verdict:
@@ -286,7 +309,7 @@ def meaning(result: Evidence) -> Verdict | None:
     if result.settings["mission"]["automaton"]:
         return None  # the mission is a file, its text no formula
     text = result.automaton["formula"]
-    word = formula.first_difference(result.dfa, text)
+    word = formula.first_difference(result.dfa, text, result.automaton.get("forbidden", ()))
     return Verdict(text[:44], "the same words" if word is None else f"differ on {word}"[:44], word is None)
 
 
@@ -326,5 +349,6 @@ CLAIMS = (
     Claim("mission: automaton is that of the formula", ("automaton.json",), meaning),
     Claim("mission: automaton.hoa is automaton.json", ("automaton.json", "automaton.hoa"), hoa),
     Claim("mission: letters are the labels of the map", ("automaton.json", "cells.json"), letters),
+    Claim("mission: time windows are those of the map", ("automaton.json", "scene.json"), windows),
     Claim("mission: distance to acceptance", ("automaton.json",), distance),
 )

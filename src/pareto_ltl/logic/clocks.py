@@ -1,0 +1,76 @@
+"""Deadlines in formulas: ``F[0,6h] a`` is true if a is met between departure and six hours after it.
+
+A time span turns into clocks, propositions that depend on the time alone. With c "now lies in the span" and
+d "the span is over"::
+
+    F[b,e] p = F(c & p),    G[b,e] p = (c -> p) U d
+
+The second one ends: it can be decided after e. Times count from departure, so that a span may not stand
+below another temporal operator.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable
+
+from pareto_ltl.world.windows import UNITS, Window, duration_seconds
+
+Span = tuple[float, float]
+
+AFTER = 1e-3  # [s] after its end a span is over
+_CLOCK = re.compile(r"clock_(\d+(?:p\d+)?)_(\d+(?:p\d+)?|on)")
+
+
+def clock_name(begin: float, end: float) -> str:
+    """The proposition "the time lies between ``begin`` and ``end``" [s], ``clock_0_21600``."""
+    first, last = (f"{round(t, 3):.15g}".replace(".", "p") for t in (begin, end))
+    return f"clock_{first}_{'on' if math.isinf(end) else last}"
+
+
+def span_clock(span: Span) -> str:
+    """The clock "now lies in the span"."""
+    return clock_name(*span)
+
+
+def end_clock(span: Span) -> str:
+    """The clock "the span is over"."""
+    return clock_name(span[1] + AFTER, math.inf)
+
+
+def clock_windows(atoms: Iterable[str]) -> dict[str, Window]:
+    """The windows of those ``atoms`` that are clocks."""
+    found = {atom: _CLOCK.fullmatch(atom) for atom in atoms}
+    return {
+        atom: Window(None, _seconds(match[1]), math.inf if match[2] == "on" else _seconds(match[2]))
+        for atom, match in found.items() if match is not None
+    }  # fmt: skip
+
+
+def _seconds(text: str) -> float:
+    return float(text.replace("p", "."))
+
+
+def read_span(text: str) -> Span | None:
+    """``[0,6h]`` or ``[90min, 2.5 h]`` in seconds; None where it is no span.
+
+    A number without a unit has that of the other one.
+    """
+    parts = text.strip().removeprefix("[").removesuffix("]").split(",")
+    units = [re.search(r"(s|min|h|d)\s*$", part) for part in parts]
+    own = [unit[1] for unit in units if unit is not None]
+    if len(parts) != 2 or not own:
+        return None
+    begin, end = (duration_seconds(part, own[-1]) for part in parts)
+    return None if begin is None or end is None or not 0.0 <= begin < end else (begin, end)
+
+
+def shown_span(span: Span) -> str:
+    """``[0,6h]``, which :func:`read_span` reads."""
+    unit = next(u for u in ("d", "h", "min", "s") if u == "s" or all((t / UNITS[u]) % 0.5 == 0 for t in span))
+    begin, end = (f"{t / UNITS[unit]:.15g}" for t in span)
+    return f"[{begin},{end}{unit}]"
+
+
+__all__ = ["Span", "clock_name", "clock_windows", "end_clock", "read_span", "shown_span", "span_clock"]

@@ -1,0 +1,82 @@
+"""Propositions that hold for a time: which letters cells show, and automata that keep clear of a place."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+
+from pareto_ltl.logic.automaton import Automaton, Letter, alphabet_of, automaton_from_table
+from pareto_ltl.logic.dfa import TransitionTable
+from pareto_ltl.support.errors import FormulaError
+from pareto_ltl.world.windows import Window
+
+MOST_LETTERS = 200_000
+
+
+def letter_of(label: Letter, windows: Mapping[str, Window], holding: Collection[str]) -> Letter:
+    """The propositions that hold in a cell with ``label`` while the windows ``holding`` are open.
+
+    A region with a window of its own name counts within this window alone.
+    """
+    return frozenset(name for name in label if name not in windows) | frozenset(
+        name for name in holding if windows[name].region is None or windows[name].region in label
+    )
+
+
+def places_of(label: Letter, windows: Mapping[str, Window]) -> Letter:
+    """The propositions that hold in a cell with ``label`` at some time or other; no clocks."""
+    return frozenset(name for name in label if name not in windows) | frozenset(
+        name for name, window in windows.items() if window.region in label
+    )
+
+
+def timed_letters(labels: Iterable[Letter], windows: Mapping[str, Window]) -> set[Letter]:
+    """All letters of cells with these ``labels``, at steps and on the way between two of them."""
+    shown = set(labels)
+    patterns = window_patterns(windows.values())
+    if len(shown) * len(patterns) > MOST_LETTERS:
+        raise FormulaError(
+            f"{len(windows)} time windows open and close in {len(patterns)} ways; leave some of them out"
+        )
+    names = tuple(windows)
+    open_now = [[names[i] for i in pattern] for pattern in patterns]
+    return {letter_of(label, windows, holding) for label in shown for holding in open_now}
+
+
+def window_patterns(windows: Iterable[Window]) -> set[frozenset[int]]:
+    """Which windows, by number, hold together at some moment after departure, or in some span of time."""
+    own = list(windows)
+    marks = sorted({0.0, *(t for w in own for t in (w.begin, w.end) if 0.0 < t < math.inf)})
+    moments = sorted({*marks, *((a + b) / 2 for a, b in pairwise(marks)), marks[-1] + 1.0})
+    now = [frozenset(i for i, w in enumerate(own) if w.holds_at(t)) for t in moments]
+    found = set(now)
+    for first in range(len(now)):
+        together = now[first]
+        for last in range(first + 1, len(now)):
+            together |= now[last]
+            found.add(together)
+    return found
+
+
+def keep_clear(automaton: Automaton, names: tuple[str, ...], labels: Iterable[Letter]) -> Automaton:
+    """``automaton`` with a mission that is lost once a proposition of ``names`` holds before it is complete.
+
+    ``labels`` are the letters that can occur, with these propositions.
+    """
+    atoms = tuple(sorted({*automaton.atoms, *names}))
+    alphabet = alphabet_of(atoms, labels)
+    trap = automaton.n_states
+    column = [automaton.letter_index(letter) for letter in alphabet]
+    bad = np.array([not letter.isdisjoint(names) for letter in alphabet], bool)
+    delta = np.vstack([automaton.delta[:, column], np.full(len(alphabet), trap)])
+    delta[:trap][:, bad] = np.where(automaton.accepting[:, None], delta[:trap][:, bad], trap)
+    table = TransitionTable(delta, np.append(automaton.accepting, False))
+    found = automaton_from_table(table, alphabet, atoms, automaton.formula)
+    return replace(found, forbidden=names)
+
+
+__all__ = ["keep_clear", "letter_of", "places_of", "timed_letters", "window_patterns"]

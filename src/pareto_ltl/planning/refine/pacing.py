@@ -1,0 +1,37 @@
+"""Lines flown later: where a place opens after a robot at full speed would be there."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pareto_ltl.planning.problem import Problem
+from pareto_ltl.planning.refine.obligations import completes
+from pareto_ltl.support.arrays import FloatArray
+
+STOPS = 12  # places along a line at which a stop is tried
+
+
+def paced_line(problem: Problem, x: FloatArray) -> FloatArray:
+    """``x`` (T+1, 2) flown more slowly, or with a stop on the way, where only that completes the mission.
+
+    Lines are walked at full speed, and may be at a place before it opens or where a window still forbids to
+    be. First the whole line is slowed down, as little as helps, then stops are tried, the shortest first.
+    Without time windows, and where nothing helps, ``x`` itself.
+    """
+    if len(problem.world.logic.delta) == 1 or completes(problem, x):
+        return x
+    along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(x, axis=0), axis=1))])
+    for steps in range(len(x), problem.horizon + 1):
+        even = np.linspace(0.0, along[-1], steps + 1)
+        slow = np.stack([np.interp(even, along, x[:, k]) for k in (0, 1)], axis=1)
+        if completes(problem, slow):
+            return slow
+    for stop in range(1, problem.horizon + 2 - len(x)):
+        for t in range(len(x) - 1, -1, -max(1, len(x) // STOPS)):
+            late = np.concatenate([x[:t], np.repeat(x[t : t + 1], stop + 1, axis=0), x[t + 1 :]])
+            if completes(problem, late):
+                return late
+    return x
+
+
+__all__ = ["paced_line"]

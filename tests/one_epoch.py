@@ -1,0 +1,38 @@
+"""Automata without time windows, as kernels read them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pareto_ltl.kernels.data import Corners, Logic, Reading
+from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
+
+
+def reading_of(
+    delta: IntArray,
+    distance: FloatArray,
+    covers: BoolArray,
+    harm: BoolArray,
+    loses: BoolArray,
+    hazards: Corners,
+) -> Reading:
+    """The automaton at any step; ``delta``, ``harm`` and ``loses`` (Q, C + 1)."""
+    rests = delta == np.arange(len(delta))[:, None]
+    return Reading(delta, delta, rests, harm, loses, distance, covers, 0, hazards)
+
+
+def one_epoch(read: Reading) -> Logic:
+    """The automaton that reads every step like ``read``."""
+    tables = (
+        np.ascontiguousarray(table[None])
+        for table in (read.delta, read.way, read.rests, read.harm, read.loses)
+    )
+    return Logic(
+        np.zeros(1, np.int64),
+        *tables,
+        read.distance[None],
+        read.distance,
+        read.covers,
+        read.initial,
+        read.hazards,
+    )
