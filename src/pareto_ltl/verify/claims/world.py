@@ -18,6 +18,7 @@ from pareto_ltl.verify.timetable import clock_of, windows_of
 
 SAMPLES = 20_000  # points of the map at which cells, parts and polygons are compared
 RELATIVE = 1e-9  # of coordinates
+SIMPLIFIED = 0.002  # of the longer side of the map: how far outlines may move with scene.simplify=auto
 
 
 def drawn_map(result: Evidence) -> Verdict | None:
@@ -33,9 +34,11 @@ def drawn_map(result: Evidence) -> Verdict | None:
         ("start", _metres(told, [told["start"]]), [scene["start"]]),
     ]
     faults = [f"{name} differs" for name, one, other in pairs if not _same_outline(one, other)]
+    if scene.get("simplified", 0.0) > _allowed(told, scene) * (1 + RELATIVE):
+        faults.append(f"outlines moved by {scene['simplified']:g} m")
     for name, corners in told["regions"].items():
         drawn = [_outline(told, part) for part in _parts(corners)]
-        if not _same_region(result, drawn, _parts(scene["regions"].get(name, []))):
+        if not _same_region(result, name, drawn, _parts(scene["regions"].get(name, []))):
             faults.append(f"region {name} differs")
     if not told["random"]["regions"] and set(scene["regions"]) - set(told["regions"]):
         faults.append(f"regions {sorted(scene['regions'])}")
@@ -95,14 +98,38 @@ def _parts(listed: Any) -> list[FloatArray]:
     return [np.array(part, float) for part in (listed if several else [listed] if listed else [])]
 
 
-def _same_region(result: Evidence, drawn: list[FloatArray], kept: list[FloatArray]) -> bool:
-    """Whether two lists of outlines are one area; on a simplified map, but for what was simplified."""
+def _allowed(told: Mapping[str, Any], scene: Mapping[str, Any]) -> float:
+    """How far the settings let outlines move [m]."""
+    limit = told.get("simplify", 0.0)
+    side = float(np.ptp(np.array(scene["bounds"], float), axis=0).max())
+    return SIMPLIFIED * side if isinstance(limit, str) else float(limit)
+
+
+def _only_avoided(result: Evidence, name: str) -> bool:
+    """Whether a region occurs in the normal form of the formula, and nowhere without a negation."""
+    nodes = (
+        [_meaning(str(result.automaton["formula"]))] if not result.settings["mission"]["automaton"] else []
+    )
+    signs = set()
+    while nodes:
+        operator, *args = nodes.pop()
+        if operator in ("ap", "not"):
+            signs |= {operator} if args == [name] else set()
+        else:
+            nodes += args
+    return "ap" not in signs
+
+
+def _same_region(result: Evidence, name: str, drawn: list[FloatArray], kept: list[FloatArray]) -> bool:
+    """Whether two lists of outlines are one area; on a simplified map, one that is smaller by little, or
+    larger if the mission only keeps out of it."""
     moved = result.scene.get("simplified", 0.0)
     if not moved and len(drawn) == len(kept) == 1:
         return _same_outline(drawn[0], kept[0])
     points = _sample_points(result)
-    unlike = _covered(drawn, points) != _covered(kept, points)
-    return not (unlike & (_edge_distance(drawn, points) > moved + result.grain)).any()
+    before, after, edge = _covered(drawn, points), _covered(kept, points), _edge_distance(drawn, points)
+    careless = before & ~after if _only_avoided(result, name) else after & ~before
+    return not ((before != after) & (edge > moved + result.grain) | careless & (edge > result.grain)).any()
 
 
 def _edge_distance(polygons: list[FloatArray], points: FloatArray) -> FloatArray:
