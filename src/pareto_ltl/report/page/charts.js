@@ -1,9 +1,15 @@
 // The front, failure against length, and the risk along the way of the point that is shown.
 
-/** The lower end of the axis of failures: the power of ten below the least that is not 0. */
+/** The largest number 1, 2 or 5 times a power of ten that is at most `value`. */
+function roundBelow(value) {
+  const power = 10 ** Math.floor(Math.log10(value));
+  return power * [5, 2, 1].find(m => m === 1 || m * power <= value * (1 + 1e-9));
+}
+
+/** The lower end of the axis of failures; smaller ones, and 0, are drawn there. */
 const failureEnd = (() => {
-  const seen = PAGE.points.flatMap(row => row.failure > 0 ? [row.failure] : row.high > 0 ? [row.high] : []);
-  return seen.length ? 10 ** (Math.ceil(Math.log10(Math.max(1e-9, seen.reduce((a, b) => Math.min(a, b))))) - 1) / (seen.some(p => p < 1e-3) ? 10 : 1) : 1e-3;
+  const wanted = PAGE.points.map(row => row.failure > 0 ? Math.max(row.low ?? 0, row.failure / 5) : (row.high ?? 1e-3) / 5);
+  return roundBelow(Math.max(1e-9, wanted.reduce((a, b) => Math.min(a, b), 1)));
 })();
 
 const atLeast = p => 100 * Math.max(p, failureEnd);
@@ -39,6 +45,7 @@ function drawFront() {
   ];
   const hidden = rows.some(row => row.failure < failureEnd || row.low === 0);
   const highest = Math.min(100, rows.reduce((most, row) => Math.max(most, atLeast(row.high ?? row.failure)), 0)), ticks = failureTicks(100 * failureEnd, highest * 1.6);
+  if (hidden && ticks[0] > 100.1 * failureEnd) ticks.unshift(100 * failureEnd);
   const layout = {
     font: FONT, margin: { l: 62, r: 10, t: 30, b: 44 }, hovermode: "closest", dragmode: false, legend: { orientation: "h", x: 1, xanchor: "right", y: 1.0, yanchor: "bottom" },
     xaxis: { title: { text: `length [${lengthUnit[0]}]`, standoff: 6 }, zeroline: false, gridcolor: "#eee" },
