@@ -21,6 +21,11 @@ WORDS = {
     "F(a & X F b)": "reach a, then at a later step b",
     "F(a & !b)": "reach a and outside b",
     "a U b": "be in a until be in b",
+    "F[0,6h] a": "reach a within 6 h of departure",
+    "F[90min,2.5h] a & F b & F c": (
+        "reach b and c, in any order; and reach a between 1.5 h and 2.5 h after departure"
+    ),
+    "G[0,2h] !x & F a": "be outside x between 0 s and 2 h after departure; and reach a",
     "X a": "at the next step, be in a",
 }
 

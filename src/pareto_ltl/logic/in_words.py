@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pareto_ltl.logic.formula import Formula, parse_formula
 from pareto_ltl.support.errors import FormulaError
+from pareto_ltl.world.windows import hours_text
 
 LONGEST = 400  # characters of words; a longer mission is better read as a formula
 BINARY_WORDS = {
@@ -27,7 +28,9 @@ def _goal_words(tree: Formula) -> str:
     if tree.op == "|":
         return "either " + ", or ".join(map(_goal_words, tree.args))
     if tree.op == "F":
-        return f"reach {_target_words(tree.args[0])}"
+        return f"reach {_target_words(tree.args[0])}{_span_words(tree)}"
+    if tree.op == "G" and tree.span is not None:
+        return f"{_state_words(tree.args[0])}{_span_words(tree)}"
     if tree.op == "X":
         return f"at the next step, {_goal_words(tree.args[0])}"
     if tree.op == "U" and tree.args[0].op == "!":
@@ -37,9 +40,19 @@ def _goal_words(tree: Formula) -> str:
     return _state_words(tree)
 
 
+def _span_words(tree: Formula) -> str:
+    """The time that an operator speaks of: `` within 6 h of departure``; empty for any time."""
+    if tree.span is None:
+        return ""
+    begin, end = tree.span
+    if begin == 0.0 and tree.op == "F":
+        return f" within {hours_text(end)} of departure"
+    return f" between {hours_text(begin)} and {hours_text(end)} after departure"
+
+
 def _merged_goals(parts: tuple[Formula, ...]) -> list[str]:
     """Goals of one kind in any order become one: ``F a & F b`` is "reach a and b, in any order"."""
-    simple = [part for part in parts if part.op == "F" and _is_place(part.args[0])]
+    simple = [part for part in parts if _is_untimed_visit(part)]
     if len(simple) < 2:
         return [_goal_words(part) for part in parts]
     names = [_place_words(part.args[0]) for part in simple]
@@ -64,11 +77,11 @@ def _target_words(tree: Formula) -> str:
 
 def _merged_following(rest: list[Formula]) -> list[str]:
     """What comes after a place; several goals become one list, in any order."""
-    simple = [part.args[0] for part in rest if part.op == "F" and _is_place(part.args[0])]
+    simple = [part.args[0] for part in rest if _is_untimed_visit(part)]
     if len(simple) < 2:
         return [_following_words(part) for part in rest]
     names = [_place_words(part) for part in simple]
-    left = [part for part in rest if part.op != "F" or not _is_place(part.args[0])]
+    left = [part for part in rest if not _is_untimed_visit(part)]
     return [f"{', '.join(names[:-1])} and {names[-1]} in any order", *map(_following_words, left)]
 
 
@@ -77,6 +90,10 @@ def _following_words(tree: Formula) -> str:
     if tree.op == "X" and tree.args[0].op == "F":
         return f"at a later step {_target_words(tree.args[0].args[0])}"
     return _target_words(tree.args[0]) if tree.op == "F" else _goal_words(tree)
+
+
+def _is_untimed_visit(tree: Formula) -> bool:
+    return tree.op == "F" and tree.span is None and _is_place(tree.args[0])
 
 
 def _is_place(tree: Formula) -> bool:

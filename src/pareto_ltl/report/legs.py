@@ -18,7 +18,7 @@ from pareto_ltl.simulation.failure_times import failure_times
 from pareto_ltl.simulation.flights import counted_rate
 from pareto_ltl.simulation.records import Deployment
 from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.support.display import distance_text, probability_text, rate_text
+from pareto_ltl.support.display import distance_text, energy_text, probability_text, rate_text
 from pareto_ltl.world.navigation import utc_times
 from pareto_ltl.world.scene import Scene
 
@@ -92,6 +92,7 @@ def plan_lines(problem: Problem, plan: Plan, flown: Deployment) -> Iterator[str]
     yield (
         f"plan: {distance_text(path.objectives.length)} in {float(path.t[-1] - path.t[0]) / 3600:.2f} h, "
         f"{len(path.u)} legs, airspeed {plan.u_min:g} to {plan.u_max:g} m/s"
+        + ("" if path.objectives.energy is None else f", {energy_text(path.objectives.energy)}")
         + (f", departure {utc[0]}" if (utc := utc_times(scene.time_zero, path.t)) else "")
     )
     yield (

@@ -22,7 +22,7 @@ from pareto_ltl.report.page.points import (
 from pareto_ltl.report.page.shown_run import ShownRun
 from pareto_ltl.simulation.failure_times import CAUSES
 from pareto_ltl.simulation.flights import counted_rate
-from pareto_ltl.support.display import distance_text, interval_text, probability_text
+from pareto_ltl.support.display import distance_text, energy_text, interval_text, probability_text
 from pareto_ltl.world.navigation import utc_times
 
 SCHEMA = "pareto_ltl.page/1"
@@ -155,6 +155,10 @@ def _headline(run: ShownRun, path: PlannedPath, chosen: int | None) -> list[dict
         {"name": "length", "value": distance_text(path.objectives.length), "note": "of the expected way"},
         {"name": "duration", "value": _duration(hours), "note": f"{len(path.u)} steps of {plan.dt:,.6g} s"},
     ]
+    if path.objectives.energy is not None:
+        facts.append(
+            {"name": "energy", "value": energy_text(path.objectives.energy), "note": "for the airspeeds"}
+        )
     if times is not None:
         for name, time in (("departure", times[0]), ("arrival", times[-1])):
             facts.append({"name": name, "value": f"{time[11:16]} UTC", "note": time[:10]})

@@ -46,7 +46,7 @@ def shown_points(front: Front) -> list[dict[str, Any]]:
         row = {
             "length": cost.length, "mission": cost.mission_risk, "collision": cost.collision_risk,
             "duration": float(path.t[-1] - path.t[0]), "steps": len(path.u), "order": path.order,
-            "origin": path.origin,
+            "origin": path.origin, "energy": cost.energy,
         }  # fmt: skip
         if rate is None:
             row |= {
