@@ -7,6 +7,7 @@
     pareto_ltl.choose(result, failure=0.02)      # another path of the front, without planning again
     pareto_ltl.export(result, "flight")          # files for autopilots, maps and navigators
     pareto_ltl.show(result)                      # one page with map, front, flights, in a browser
+    pareto_ltl.replan(result, "6h", (38.1, -94.2, 500.0))  # the rest of the flight, from a position fix
     pareto_ltl.simulate(result, runs=1000, law="coherent")
     pareto_ltl.load_results("outputs/phi1/...")  # a run of the command line
 
@@ -22,7 +23,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from pareto_ltl.run.explaining import explain
     from pareto_ltl.run.exporting import export
-    from pareto_ltl.run.interface import PlanningResult, choose, load_results, plan, simulate
+    from pareto_ltl.run.interface import PlanningResult, choose, load_results, plan, replan, simulate
     from pareto_ltl.run.results import Results
     from pareto_ltl.run.showing import page, show
     from pareto_ltl.settings import Settings
@@ -54,6 +55,7 @@ __all__ = [
     "load_results",
     "page",
     "plan",
+    "replan",
     "show",
     "simulate",
 ]
@@ -61,7 +63,7 @@ __all__ = [
 _EXPORTS = {
     "pareto_ltl.run.explaining": ("explain",),
     "pareto_ltl.run.exporting": ("export",),
-    "pareto_ltl.run.interface": ("PlanningResult", "choose", "load_results", "plan", "simulate"),
+    "pareto_ltl.run.interface": ("PlanningResult", "choose", "load_results", "plan", "replan", "simulate"),
     "pareto_ltl.run.results": ("Results",),
     "pareto_ltl.run.showing": ("page", "show"),
     "pareto_ltl.settings": ("Settings",),

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from pareto_ltl.run.sizes import check_sizes
+from pareto_ltl.run.sizes import STUDIES, check_sizes
 from pareto_ltl.settings import Settings
 from pareto_ltl.settings.building import build_settings
 from pareto_ltl.support import memory
@@ -46,7 +46,8 @@ def test_a_size_that_cannot_fit_is_refused(
 
 
 @pytest.mark.parametrize(
-    "stages", [PLAN, ("comparison",), ("convergence",), ("hindcast",), ("forecast_test",), ("departure",)]
+    "stages",
+    [PLAN, *((name,) for name in STUDIES)],
 )
 def test_the_defaults_fit(stages: tuple[str, ...]) -> None:
     check_sizes(Settings(), stages)

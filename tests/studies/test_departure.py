@@ -16,7 +16,7 @@ from pareto_ltl.run.results import Results
 from pareto_ltl.settings import DepartureConfig, Settings
 from pareto_ltl.studies.departure_starts import candidate_starts, folder_name
 from pareto_ltl.studies.departure_table import same_length_columns, start_rows
-from pareto_ltl.studies.statistics import paired_difference
+from pareto_ltl.support.counts import paired_difference
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.schemas import read_document
 from pareto_ltl.verify.judge import judge_results

@@ -58,6 +58,12 @@ def _run_explain(argv: Sequence[str]) -> int:
     return explain_command(argv)
 
 
+def _run_replan(argv: Sequence[str]) -> int:
+    from pareto_ltl.cli.replan_command import replan_command
+
+    return replan_command(argv)
+
+
 def _run_rerun(argv: Sequence[str]) -> int:
     from pareto_ltl.cli.rerun_command import rerun_command
 
@@ -119,6 +125,12 @@ PIPELINE_COMMANDS = (
         "forecast_test", "plans made hours ahead, flown through later winds", "forecast_test", "evaluation"
     ),
     _pipeline("departure", "when to leave: the mission planned for many starts", "departure", "evaluation"),
+    _pipeline(
+        "replanning",
+        "a plan in true winds, with a new one at each fix and without",
+        "replanning",
+        "evaluation",
+    ),
     _pipeline("wind", "the wind over a map and its doubt, without a plan", "wind", "scene"),
     _pipeline("ingest", "wind files to one small table of readings", "ingest", "wind"),
 )
@@ -132,6 +144,7 @@ COMMANDS = (
     ),
     Command("show", "the page of a result, in a browser", _run_show),
     Command("explain", "a plan leg by leg, in the terminal", _run_explain),
+    Command("replan", "the rest of a flight planned anew, from a position fix", _run_replan),
     Command("rerun", "make a result again and compare it byte by byte", _run_rerun),
     Command("verify", "derive every claim of a result again, without the planner", _run_verify),
     Command("wind-error", "the law of forecast errors, from past forecasts and analyses", _run_wind_error),

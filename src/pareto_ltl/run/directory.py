@@ -22,7 +22,9 @@ RECORD_FILES = (
     "front.npz", "plan.json", "plan.csv", "deployments.npz", "figures/*.png", "figures/*.svg", "tables.md",
     "compare.csv", "compare_seeds.csv", "differences.csv", "no_plan.csv", "convergence.csv",
     "convergence_seeds.csv", "first_answer.csv", "ablation.csv", "hindcast.csv", "reliability.csv",
-    "scorecard.csv", "forecast_test.csv", "regions.csv", "departures.csv", "departures.json", PAGE_FILE,
+    "scorecard.csv", "forecast_test.csv", "regions.csv", "departures.csv", "departures.json", "replan.json",
+    "replanning.csv", "replanning_flights.csv",
+    PAGE_FILE,
     *(f"{folder}{name}" for folder in ("", "exports/", "exports_point_*/") for name in EXPORT_FILES.values()),
 )  # fmt: skip
 

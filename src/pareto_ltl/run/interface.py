@@ -1,11 +1,11 @@
-"""The Python interface: ``pareto_ltl.plan``, ``choose``, ``simulate`` and ``load_results``.
+"""The Python interface: ``pareto_ltl.plan``, ``choose``, ``replan``, ``simulate`` and ``load_results``.
 
 They go through the runner of the command line: the same settings and seed give the same plan.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,6 +17,7 @@ from pareto_ltl.run.choosing import (
     chosen_settings,
     kept_records,
     require_choice,
+    require_plan,
 )
 from pareto_ltl.run.directory import claimed_directory
 from pareto_ltl.run.pipeline import Run, carry_out, check_pipeline
@@ -49,6 +50,7 @@ if TYPE_CHECKING:
     from pareto_ltl.planning.problem import Problem
     from pareto_ltl.planning.records import Forest, Front, Plan
     from pareto_ltl.report.notebook import Drawing
+    from pareto_ltl.run.replanning import Replanned
     from pareto_ltl.simulation.records import Deployment
     from pareto_ltl.wind.records import WindField
     from pareto_ltl.world.cells import Decomposition
@@ -242,6 +244,55 @@ def choose(
     other = Run(chosen_settings(run.settings, choice), run.table, records)
     other.make(PLAN)
     return PlanningResult(other)
+
+
+def replan(
+    planned: PlanningResult | Results | str | Path,
+    time: float | str,
+    fix: Sequence[float] | None = None,
+    *,
+    quick: bool = True,
+    out: str | Path | None = None,
+) -> Replanned:
+    """Plan the rest of a flight anew, from a position fix (docs/replanning.md).
+
+    Parameters
+    ----------
+    planned : PlanningResult, Results or path
+        What :func:`plan` returned, or a results directory.
+    time : float or str
+        When: seconds after departure, ``"6h"``, or an ISO 8601 time; rounded to a step of the plan.
+    fix : (latitude, longitude, sd) or (x, y, sd), optional
+        Measured position [deg, or m] and its standard deviation [m]. Without it nothing is learnt, and the
+        rest of the plan stays as it is.
+    quick : bool
+        With a coarser refinement, which takes half of the time.
+    out : path, optional
+        Write a results directory of the new plan there.
+
+    Raises
+    ------
+    ConfigError
+        If the time lies outside the plan, or the fix off the map.
+    InfeasibleError
+        If nothing completes the mission from there.
+    """
+    from pareto_ltl.run.replan_files import write_replanned
+    from pareto_ltl.run.replanning import replanned
+
+    if isinstance(planned, PlanningResult):
+        run, source = planned.run, str(planned.run.directory or "a plan in memory")
+    else:
+        results = load_results(planned)
+        require_plan(results)
+        run, source = _run_of(results), str(results.directory)
+        run.records[DECOMPOSITION], run.records[AUTOMATON] = results.decomposition, results.automaton
+        if out is not None and Path(out).resolve() == results.directory.resolve():
+            raise ConfigError(f"{out}: a new plan does not replace its own source; name another folder")
+    done = replanned(run, time, fix, quick=quick)
+    if out is not None:
+        write_replanned(done, run, Path(out), source)
+    return done
 
 
 def simulate(

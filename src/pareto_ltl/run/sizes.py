@@ -24,6 +24,7 @@ STUDIES = (
     "hindcast",
     "forecast_test",
     "departure",
+    "replanning",
 )  # in several processes
 
 

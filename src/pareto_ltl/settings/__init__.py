@@ -35,6 +35,7 @@ from pareto_ltl.settings.planner import (
     SelectionConfig,
     SmoothingConfig,
 )
+from pareto_ltl.settings.replanning import ReplanningConfig
 from pareto_ltl.settings.robot import POWER_KINDS, PowerConfig, RobotConfig
 from pareto_ltl.settings.studies import (
     METHODS,
@@ -78,6 +79,7 @@ class Settings(CheckedSettings):
     hindcast: HindcastConfig = field(default_factory=HindcastConfig)
     forecast_test: ForecastTestConfig = field(default_factory=ForecastTestConfig)
     departure: DepartureConfig = field(default_factory=DepartureConfig)
+    replanning: ReplanningConfig = field(default_factory=ReplanningConfig)
     sweep: SweepConfig = field(default_factory=SweepConfig)
 
     def check_combinations(self) -> None:
@@ -124,6 +126,7 @@ __all__ = [
     "PowerConfig",
     "RandomSceneConfig",
     "RefineConfig",
+    "ReplanningConfig",
     "ReportConfig",
     "RobotConfig",
     "SceneConfig",

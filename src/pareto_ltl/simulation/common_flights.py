@@ -39,9 +39,13 @@ class DrawnFlights:
 
     def positions(self, flight: Flight) -> FloatArray:
         """Positions (n, T+1, 2) [m] of the controls of ``flight``."""
-        x = np.empty((len(self), len(flight.x), 2))
+        return self.flown(flight.u, flight.x)
+
+    def flown(self, u: FloatArray, mean: FloatArray) -> FloatArray:
+        """Positions (n, T+1, 2) [m] of the controls ``u`` (T, 2) along the means ``mean`` (T+1, 2)."""
+        x = np.empty((len(self), len(mean), 2))
         x[:, 0] = self.problem.scene.start + self.start
-        maker = pilot_maker(self.problem, flight.u, flight.x, self.law)
+        maker = pilot_maker(self.problem, u, mean, self.law)
         fly_draws(self.problem, self.draws, maker(len(self), np.random.default_rng(self.seed)), x)
         return x
 

@@ -2,7 +2,7 @@
 
 What no start changes is done once: the readings, the cells and the automaton. For each start the wind is
 fitted from its departure on, and trees, front and plan are made as a run with that ``mission.start_time``
-makes them; with ``departure.quick`` by a coarser refinement (:data:`QUICK`). Starts are compared by fresh
+makes them; with ``departure.quick`` by a coarser refinement (``run/quick.py``). Starts are compared by fresh
 flights that no planning has seen; one number of a flight means the same draws at every start. The recommended
 start is then planned in full, with all files of a run.
 """
@@ -24,6 +24,7 @@ from pareto_ltl.run.directory import claimed_directory
 from pareto_ltl.run.metrics import run_metrics
 from pareto_ltl.run.pipeline import Run, carry_out
 from pareto_ltl.run.progress import ProgressBar
+from pareto_ltl.run.quick import quick_settings
 from pareto_ltl.run.records import (
     AUTOMATON,
     DECOMPOSITION,
@@ -37,7 +38,7 @@ from pareto_ltl.run.records import (
 )
 from pareto_ltl.run.stage_table import stage_seeds
 from pareto_ltl.run.stages import PLAN_TABLE
-from pareto_ltl.settings import RefineConfig, Settings
+from pareto_ltl.settings import Settings
 from pareto_ltl.simulation.judging import which_fail
 from pareto_ltl.studies.departure_starts import candidate_starts, folder_name
 from pareto_ltl.studies.departure_table import Found, departure_study, departures_document, start_rows
@@ -54,7 +55,6 @@ from pareto_ltl.world.scene_files import scene_to_dict
 
 STREAM = "departure"  # of the flights that compare starts
 STARTS, RECOMMENDED = "starts", "recommended"  # folders
-QUICK = {"points": 8, "flights": 500, "sweep_flights": 200, "classes": 2}  # at most, of section refine
 QUICK_RUNS = 2000  # at most, of selection.runs: starts are compared by flights of their own
 BATCH = 2  # starts that are planned together when the latest are looked for
 TOO_FAST = 0.6  # of the fastest flight of the first start: no other start is taken to be faster
@@ -115,12 +115,8 @@ def start_settings(settings: Settings, time: float, *, quick: bool, files: bool 
     )
     if not quick:
         return mine
-    coarse = {name: min(getattr(mine.refine, name), most) for name, most in QUICK.items()}
-    return replace(
-        mine,
-        refine=RefineConfig(**coarse),
-        selection=replace(mine.selection, runs=min(mine.selection.runs, QUICK_RUNS)),
-    )
+    quicker = quick_settings(mine)
+    return replace(quicker, selection=replace(mine.selection, runs=min(mine.selection.runs, QUICK_RUNS)))
 
 
 def departure_part(context: DepartureContext, time: float) -> Columns:

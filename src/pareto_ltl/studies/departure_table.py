@@ -12,8 +12,9 @@ from pareto_ltl.planning.records import Plan
 from pareto_ltl.report.records import Study
 from pareto_ltl.settings import DepartureConfig, Settings
 from pareto_ltl.studies.departure_starts import folder_name
-from pareto_ltl.studies.statistics import Columns, paired_difference, rate_columns
+from pareto_ltl.studies.statistics import Columns, rate_columns
 from pareto_ltl.studies.tables import kilometres_text, markdown_table, rate_cell, text_to_flags
+from pareto_ltl.support.counts import paired_difference
 from pareto_ltl.support.display import probability_text, rate_text
 from pareto_ltl.wind.readings import HOUR, iso, seconds
 

@@ -26,7 +26,7 @@ from pareto_ltl.support.reading import read_json
 PARTS_FOLDER = "parts"
 OTHER_SECTIONS = (  # what no part depends on, or what a study adds to its keys itself
     "name", "report", "pipelines", "ingest", "evaluation", "compare", "convergence", "ablation", "hindcast",
-    "forecast_test", "departure",
+    "forecast_test", "departure", "replanning",
 )  # fmt: skip
 OTHER_CODE = ("report", "cli", "__main__")  # code that no part depends on
 
@@ -86,8 +86,8 @@ def parts_folder(cfg: EvaluationConfig, directory: Path) -> Path:
     if not place.is_dir():
         raise DataError(
             f"evaluation.resume={cfg.resume}: there is no folder {PARTS_FOLDER}/ in it; name the results "
-            "directory of a run of compare, convergence, ablation, hindcast, forecast_test or departure, or "
-            "leave evaluation.resume out"
+            "directory of a run of compare, convergence, ablation, hindcast, forecast_test, departure or "
+            "replanning, or leave evaluation.resume out"
         )
     return place
 

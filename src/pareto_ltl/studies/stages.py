@@ -27,6 +27,7 @@ CONVERGENCE_FIGURES: RecordKey[tuple[Path, ...]] = RecordKey("convergence_figure
 ABLATION_FIGURES: RecordKey[tuple[Path, ...]] = RecordKey("ablation_figures")
 HINDCAST_FIGURES: RecordKey[tuple[Path, ...]] = RecordKey("hindcast_figures")
 FORECAST_TEST_FIGURES: RecordKey[tuple[Path, ...]] = RecordKey("forecast_test_figures")
+REPLANNING: RecordKey[Study] = RecordKey("replanning")
 DEPARTURE_FIGURES: RecordKey[tuple[Path, ...]] = RecordKey("departure_figures")
 WORLD = (OBSERVATIONS, DECOMPOSITION, AUTOMATON, SCENE)  # what a study plans from
 
@@ -71,6 +72,13 @@ def make_departure(inputs: StageInputs) -> Study:
     from pareto_ltl.studies import departure
 
     return departure.run_departure(inputs.settings, inputs.records, inputs.directory, inputs.progress)
+
+
+def make_replanning(inputs: StageInputs) -> Study:
+    """The plan in true winds, with and without a new plan at each fix."""
+    from pareto_ltl.studies import replanning
+
+    return replanning.run_replanning(inputs.settings, inputs.records, inputs.directory, inputs.progress)
 
 
 def make_comparison_figures(inputs: StageInputs) -> tuple[Path, ...]:
@@ -235,5 +243,14 @@ STUDY_STAGES = (
         needs=(SCENE, DECOMPOSITION, DEPARTURE),
         settings=(ReportConfig,),
         shows=FIGURE_FILES,
+    ),
+    Stage(
+        "replanning",
+        makes=REPLANNING,
+        make=make_replanning,
+        needs=WORLD,
+        settings=(Settings,),
+        writes=("replanning.csv", "replanning_flights.csv"),
+        shows=TABLES_TEXT,
     ),
 )

@@ -85,22 +85,6 @@ def mcnemar_test(first_only: int, second_only: int) -> float:
     return 1.0 if n == 0 else float(binomtest(first_only, n, 0.5).pvalue)
 
 
-def paired_difference(first: BoolArray, second: BoolArray) -> tuple[float, float, float]:
-    """Rate of ``second`` minus that of ``first`` (N,), flights with the same draws, with its 95 % interval.
-
-    With b flights that only the second fails on and c that only the first does, the interval of Bonett and
-    Price (doi:10.3102/1076998611411915), which adds one flight of each kind::
-
-        d = (b - c) / (N + 2),    d ± 1.96 √(((b + 1 + c + 1) / (N + 2) - d²) / (N + 2))
-
-    It covers the difference whether or not equal draws make both fail together.
-    """
-    n, b, c = len(first), int((second & ~first).sum()), int((first & ~second).sum())
-    middle, spread = (b - c) / (n + 2), (b + c + 2) / (n + 2)
-    half = 1.959964 * math.sqrt(max(spread - middle**2, 0.0) / (n + 2))
-    return (b - c) / n, max(middle - half, -1.0), min(middle + half, 1.0)
-
-
 def mean_interval(values: FloatArray) -> tuple[float, float]:
     """95 % interval of a mean over seeds (Student's t); NaN of fewer than two ``values`` (N,)."""
     from scipy.special import stdtrit

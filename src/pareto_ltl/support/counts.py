@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
 
-from pareto_ltl.support.arrays import FloatArray, IntArray
+from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 
 
 def binomial_tail(least: IntArray | int, runs: IntArray | int, chance: float) -> FloatArray:
@@ -34,3 +35,19 @@ def hypergeometric_tail(least: int, total: int, marked: int, drawn: int) -> floa
     k = np.arange(least, high + 1)
     terms = log_choices(marked, k) + log_choices(total - marked, drawn - k) - log_choices(total, drawn)
     return float(min(np.exp(terms).sum(), 1.0))
+
+
+def paired_difference(first: BoolArray, second: BoolArray) -> tuple[float, float, float]:
+    """Rate of ``second`` minus that of ``first`` (N,), flights with the same draws, with its 95 % interval.
+
+    With b flights that only the second fails on and c that only the first does, the interval of Bonett and
+    Price (doi:10.3102/1076998611411915), which adds one flight of each kind::
+
+        d = (b - c) / (N + 2),    d ± 1.96 √(((b + 1 + c + 1) / (N + 2) - d²) / (N + 2))
+
+    It covers the difference whether or not equal draws make both fail together.
+    """
+    n, b, c = len(first), int((second & ~first).sum()), int((first & ~second).sum())
+    middle, spread = (b - c) / (n + 2), (b + c + 2) / (n + 2)
+    half = 1.959964 * math.sqrt(max(spread - middle**2, 0.0) / (n + 2))
+    return (b - c) / n, max(middle - half, -1.0), min(middle + half, 1.0)

@@ -1,0 +1,72 @@
+"""``pareto-ltl replan DIR``: the rest of a flight planned anew, from a position fix."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+
+from pareto_ltl.cli.arguments import CommandArguments, run_reported
+from pareto_ltl.support.errors import ConfigError
+from pareto_ltl.support.messages import shown_value
+
+
+def replan_command(argv: Sequence[str]) -> int:
+    """0 where the plan is written, 2 with one line where the time or the fix cannot be used."""
+    return run_reported(lambda: _replan_arguments(argv))
+
+
+def _replan_arguments(argv: Sequence[str]) -> int:
+    parser = CommandArguments(
+        prog="pareto-ltl replan",
+        description="The robot has flown the plan of DIR until a time and knows where it is: the wind is "
+        "conditioned on that, the mission goes on from where it stands, and the rest is planned anew into a "
+        "results directory. Without --fix the rest of the plan stays as it is. docs/replanning.md says more.",
+    )
+    parser.add_argument(
+        "directory", type=Path, metavar="DIR", help="for example outputs/phi2/2026-01-31_12-00-00"
+    )
+    parser.add_argument(
+        "--time", required=True, metavar="T", help="2018-10-09T06:00:00Z, 6h or 21600 (s after departure)"
+    )
+    parser.add_argument(
+        "--fix", metavar="LAT,LON,SD", help="measured position [deg] and its standard deviation [m]; "
+        "X,Y,SD [m] on a map without place on Earth; write --fix=... where the first number is negative",
+    )  # fmt: skip
+    parser.add_argument("--full", action="store_true", help="refine as finely as the settings of DIR say")
+    parser.add_argument("--out", type=Path, metavar="DIR2", help="default: DIR with _replanned and the time")
+    return _replan(parser.parse_args(argv))
+
+
+def _replan(options: argparse.Namespace) -> int:
+    from pareto_ltl.run.interface import replan
+    from pareto_ltl.run.replan_files import comparison_lines
+
+    fix = None if options.fix is None else read_fix(options.fix)
+    place = options.out or default_place(options.directory, options.time)
+    done = replan(options.directory, options.time, fix, quick=not options.full, out=place)
+    print("\n".join([*comparison_lines(done), f"results in {place}"]))
+    return 0
+
+
+def read_fix(text: str) -> tuple[float, ...]:
+    """Three numbers; ConfigError for anything else."""
+    try:
+        numbers = tuple(float(part) for part in text.split(","))
+    except ValueError:
+        numbers = ()
+    if len(numbers) != 3:
+        raise ConfigError(
+            f"--fix must be LAT,LON,SD (or X,Y,SD), e.g. 37.5,-93.2,500, got {shown_value(text)}"
+        )
+    return numbers
+
+
+def default_place(directory: Path, time: str) -> Path:
+    """Beside ``directory``, with the time in its name."""
+    directory = directory.resolve()
+    kept = "".join(letter for letter in time if letter.isalnum())
+    return directory.with_name(f"{directory.name}_replanned_{kept}")
+
+
+__all__ = ["read_fix", "replan_command"]

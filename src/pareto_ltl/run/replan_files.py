@@ -1,0 +1,89 @@
+"""What is written and said of a plan made on the way."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any
+
+from pareto_ltl.run.directory import claimed_directory
+from pareto_ltl.run.pipeline import Run, carry_out
+from pareto_ltl.run.records import PLAN
+from pareto_ltl.run.replanning import AUTOMATON_FILE, Replanned
+from pareto_ltl.support.display import distance_text, probability_text
+from pareto_ltl.support.files import write_json
+
+ADVICE = {
+    "new": "the new plan is safer",
+    "old": "the rest of the old plan is safer",
+    "either": "neither is safer beyond chance",
+}
+
+
+def write_replanned(done: Replanned, run: Run, place: Path, source: str, argv: Sequence[str] = ()) -> None:
+    """A results directory of the new plan; without a fix, the rest of the old one in ``plan.json``."""
+    from pareto_ltl.run.results import save_record
+
+    with claimed_directory(place, run.table.files):
+        if done.run is not None:
+            settings = done.run.settings
+            mission = replace(settings.mission, automaton=str(place / AUTOMATON_FILE))
+            written = Run(
+                replace(settings, mission=mission), run.table, done.run.records, dict(done.run.seconds), place
+            )
+            stages = [run.table[name] for name in settings.pipelines.stages]
+            carry_out(written, [s for s in stages if s.makes not in written.records], argv)
+        else:
+            place.mkdir(parents=True, exist_ok=True)
+            save_record(place, PLAN, done.plan)
+        write_json(place / "replan.json", replan_document(done, source))
+
+
+def replan_document(done: Replanned, source: str) -> dict[str, Any]:
+    """The content of ``replan.json``: what was replanned, what is known there, and the comparison."""
+    at, learnt = done.situation, done.situation.learnt
+    return {
+        "schema": "pareto_ltl.replan/1",
+        "source": source,
+        "step": at.step,
+        "time_s": at.time,
+        "fix": None if at.fix is None else {"place": at.fix.place, "sd": at.fix.sd},
+        "position": None
+        if learnt is None
+        else {"mean": learnt.mean, "cov": learnt.cov, "before": learnt.before},
+        "state": at.state,
+        "certainty": at.certainty,
+        "old": asdict(done.old),
+        "new": asdict(done.new),
+        "difference": dict(zip(("middle", "low", "high"), done.difference, strict=True)),
+    }
+
+
+def comparison_lines(done: Replanned) -> list[str]:
+    """What a user is told."""
+    at = done.situation
+    lines = [f"step {at.step}, {at.time / 3600:.4g} h after departure"]
+    if at.learnt is None:
+        return [
+            *lines,
+            "no fix: nothing is learnt, and the rest of the plan stays as it is; "
+            f"seen from here the whole flight fails {done.old}",
+        ]
+    lines.append(
+        f"position known to {distance_text(at.learnt.sd)} (before: {distance_text(at.learnt.sd_before)} or "
+        f"more); automaton state {at.state}, reached by {probability_text(at.certainty)} of the histories "
+        "that lead to the fix"
+    )
+    gap, low, high = (100.0 * value for value in done.difference)
+    rest, new = (distance_text(path.objectives.length) for path in (done.rest, done.plan.path))
+    lines += [
+        f"the rest of the old plan, {rest}, now fails {done.old}",
+        f"the new plan, {new}, fails {done.new}",
+        f"difference: {gap:+.2f} points [{low:+.2f}, {high:+.2f}]; planned in {done.seconds:.1f} s",
+        ADVICE[done.advice],
+    ]
+    return lines
+
+
+__all__ = ["comparison_lines", "replan_document", "write_replanned"]

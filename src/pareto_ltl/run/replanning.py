@@ -1,0 +1,375 @@
+"""A plan from the middle of a flight on: where the robot is, what it learnt of its wind, what is left to do.
+
+Without a fix nothing is learnt, and the old plan goes on as it is. With one, position and wind are
+conditioned on it (``planning/conditioning.py``, ``wind/conditioned.py``), the automaton goes on from its most
+likely state, and the stages from the trees on are carried out in the conditioned world. The new plan and the
+rest of the old one are then flown there in the same winds.
+"""
+
+from __future__ import annotations
+
+import logging
+import time as clock
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pareto_ltl.planning.conditioning import Fix, Learnt, learn_at, likely_histories, states_reached
+from pareto_ltl.run.pipeline import Run
+from pareto_ltl.run.quick import quick_settings
+from pareto_ltl.run.records import AUTOMATON, DECOMPOSITION, PLAN, PROBLEM, SCENE, WIND, Records
+from pareto_ltl.run.stage_table import stage_seeds
+from pareto_ltl.settings import MissionConfig
+from pareto_ltl.support.counts import paired_difference
+from pareto_ltl.support.display import distance_text
+from pareto_ltl.support.errors import ConfigError, DataError
+
+if TYPE_CHECKING:
+    from pareto_ltl.planning.problem import Problem
+    from pareto_ltl.planning.records import FailureRate, Plan, PlannedPath
+    from pareto_ltl.settings import PowerConfig, SelectionConfig, Settings
+    from pareto_ltl.support.arrays import BoolArray, FloatArray
+    from pareto_ltl.wind.records import WindField
+    from pareto_ltl.world.scene import Scene
+
+LOG = logging.getLogger(__name__)
+STREAM, HISTORY = "replan", "replan history"  # of the flights that compare, and of those that tell the state
+HISTORIES = 2000
+VAGUE = 0.5  # of the least spread of the position: a fix that is no better is used with a warning
+STAGES = ("problem", "forest", "front", "plan", "forecasts", "deployment", "export", "report", "page")
+AUTOMATON_FILE = "automaton.hoa"  # in the new directory: its mission
+
+
+@dataclass(frozen=True, slots=True)
+class Situation:
+    """Where a flight stands.
+
+    Attributes
+    ----------
+    step : int
+        Steps flown; ``time`` [s after departure] is its time.
+    fix : Fix or None
+    learnt : Learnt or None
+        None without a fix.
+    state : int
+        Automaton state of the most likely history, of probability ``certainty``.
+    """
+
+    step: int
+    time: float
+    fix: Fix | None
+    learnt: Learnt | None
+    state: int
+    certainty: float
+
+
+@dataclass(frozen=True, slots=True)
+class Replanned:
+    """A plan made on the way.
+
+    Attributes
+    ----------
+    run : Run or None
+        Records of the conditioned world with the new plan; None without a fix.
+    plan : Plan
+        What is to be flown from here.
+    old, new : FailureRate
+        Of the rest of the old plan and of the new one, in the same fresh winds given the fix. Without a fix
+        both are that of the whole old plan.
+    difference : (float, float, float)
+        New less old, with its 95 % interval.
+    rest : PlannedPath
+        What is left of the old plan.
+    seconds : float
+        From the records of the old plan to the new one.
+    """
+
+    situation: Situation
+    run: Run | None
+    plan: Plan
+    rest: PlannedPath
+    old: FailureRate
+    new: FailureRate
+    difference: tuple[float, float, float]
+    seconds: float
+
+    @property
+    def advice(self) -> str:
+        """``new`` or ``old`` where one fails less beyond chance, else ``either``."""
+        _, low, high = self.difference
+        return "new" if high < 0.0 else "old" if low > 0.0 else "either"
+
+
+# --- replanning ------------------------------------------------------------------------------
+
+
+def replanned(
+    run: Run, time: float | str, fix: Sequence[float] | Fix | None, *, quick: bool = True
+) -> Replanned:
+    """Plan the rest of the plan of ``run`` anew.
+
+    Parameters
+    ----------
+    time : float or str
+        When: seconds after departure, ``6h``, or an ISO 8601 time. Rounded to a step.
+    fix : (latitude, longitude, sd) or (x, y, sd) or Fix, optional
+        Measured position [deg, or m in a plane without place on Earth] and its standard deviation [m].
+    quick : bool
+        With a coarser refinement, within two seconds on phi2.
+
+    Raises
+    ------
+    ConfigError
+        If the time or the fix cannot be used.
+    InfeasibleError
+        If nothing completes the mission from there.
+    """
+    began = clock.perf_counter()
+    problem, plan = run.make(PROBLEM), run.make(PLAN)
+    step = step_at(problem, plan, time)
+    measured = fix if fix is None or isinstance(fix, Fix) else checked_fix(problem, fix)
+    situation = situation_at(run, problem, plan, step, measured)
+    rest = remaining_path(problem, plan.path, step)
+    if measured is None:
+        return _carried_on(run, problem, plan, situation, rest, began)
+    other = conditioned_run(run, situation, quick=quick)
+    new = other.make(PLAN)
+    seconds = clock.perf_counter() - began
+    runs = run.settings.selection.runs
+    seeds = stage_seeds(run.settings.seed, STREAM)
+    flown = [failures(other.make(PROBLEM), path, runs, seeds) for path in (rest, new.path)]
+    law = problem.fidelity.law
+    old, later = (rate_of(law, failed) for failed in flown)
+    return Replanned(situation, other, new, rest, old, later, paired_difference(*flown), seconds)
+
+
+def _carried_on(
+    run: Run, problem: Problem, plan: Plan, situation: Situation, rest: PlannedPath, began: float
+) -> Replanned:
+    """Without a fix: the rest of the old plan; it fails as often as the whole plan does."""
+    from pareto_ltl.world.navigation import navigate
+
+    seeds = stage_seeds(run.settings.seed, STREAM)
+    rate = rate_of(problem.fidelity.law, failures(problem, plan.path, run.settings.selection.runs, seeds))
+    seconds = clock.perf_counter() - began
+    scene = scene_from(problem.scene, rest.x[0], situation.time)
+    plan = replace(plan, path=rest, navigation=navigate(scene, rest.t, rest.x, rest.u))
+    return Replanned(situation, None, plan, rest, rate, rate, (0.0, 0.0, 0.0), seconds)
+
+
+def failures(problem: Problem, path: PlannedPath, runs: int, seeds: Any) -> BoolArray:
+    """Which of ``runs`` fresh flights of ``path`` fail."""
+    from pareto_ltl.simulation.judging import which_fail
+
+    return which_fail(problem, path, runs, seeds)
+
+
+def rate_of(law: str, failed: BoolArray) -> FailureRate:
+    from pareto_ltl.simulation.flights import counted_rate
+
+    return counted_rate(law, int(failed.sum()), len(failed))
+
+
+# --- when and where ---------------------------------------------------------------------------
+
+
+def step_at(problem: Problem, plan: Plan, time: float | str) -> int:
+    """The step nearest to a time; ConfigError unless it lies within the plan."""
+    from pareto_ltl.world.windows import duration_seconds, seconds_after
+
+    dt, steps = problem.motion.dt, len(plan.path.u)
+    asked = time
+    if isinstance(time, str) and (short := duration_seconds(time, "s")) is not None:
+        asked = short
+    try:
+        seconds = seconds_after("time", asked, problem.scene.time_zero)
+    except DataError as error:
+        raise ConfigError(str(error)) from None
+    step = round(seconds / dt)
+    if not 0 < step < steps:
+        raise ConfigError(
+            f"time {time} is {seconds / 3600:.4g} h after departure; the plan has steps of {dt:g} s from 0 "
+            f"to {steps * dt / 3600:.4g} h: name a time after its first and before its last step"
+        )
+    if abs(step * dt - seconds) > 1e-6 * dt:
+        LOG.warning(
+            "time %s lies between two steps; step %d, %g s after departure, is taken", time, step, step * dt
+        )
+    return step
+
+
+def checked_fix(problem: Problem, fix: Sequence[float]) -> Fix:
+    """The fix in the plane; ConfigError for one that is off the map or has no positive deviation."""
+    from pareto_ltl.world.projection import to_plane
+
+    scene = problem.scene
+    names = "X,Y,SD" if scene.crs is None else "LAT,LON,SD"
+    if len(fix) != 3 or not np.isfinite(fix).all():
+        raise ConfigError(f"fix must be three numbers {names}, got {list(fix)}")
+    a, b, sd = map(float, fix)
+    if sd <= 0.0:
+        raise ConfigError(f"fix: its standard deviation must be positive [m], got {sd:g}")
+    if scene.crs is None:
+        places = [np.array([a, b]), np.array([b, a])]
+    else:
+        if abs(a) > 90.0:
+            raise ConfigError(f"fix: latitude must lie in [-90, 90] deg, got {a:g}; is it LAT,LON,SD?")
+        places = [to_plane(scene.crs, np.array([b]), np.array([a]))[0]]
+        if abs(b) <= 90.0:
+            places.append(to_plane(scene.crs, np.array([a]), np.array([b]))[0])
+    on_map = [bool((scene.bounds[0] <= p).all() and (p <= scene.bounds[1]).all()) for p in places]
+    if not on_map[0]:
+        swapped = "; swapped, it would lie on the map" if on_map[1:] == [True] else ""
+        raise ConfigError(f"fix {a:g},{b:g} lies off the map{swapped}; expected {names}")
+    return Fix(places[0], sd)
+
+
+def situation_at(run: Run, problem: Problem, plan: Plan, step: int, fix: Fix | None) -> Situation:
+    """What is known at ``step``."""
+    dt = problem.motion.dt
+    if fix is None:
+        return Situation(step, step * dt, None, None, int(plan.path.q[step]), 1.0)
+    learnt = learn_at(problem, plan.path.x, step, fix)
+    if fix.sd > VAGUE * learnt.sd_before:
+        LOG.warning(
+            "the fix, to %s, is hardly better than what the plan knows there, %s: that errors of the "
+            "position and of the wind go together is left out",
+            distance_text(fix.sd), distance_text(learnt.sd_before),
+        )  # fmt: skip
+    state, certainty = likely_state(run, problem, plan, step, fix)
+    return Situation(step, step * dt, fix, learnt, state, certainty)
+
+
+def likely_state(run: Run, problem: Problem, plan: Plan, step: int, fix: Fix) -> tuple[int, float]:
+    """The automaton state of most histories that lead to the fix, and their share.
+
+    Where no state has half of them, the one of those above 5 % that is farthest from the goal.
+    """
+    from pareto_ltl.simulation.flights import simulate_flights
+
+    seeds, path = stage_seeds(run.settings.seed, HISTORY), plan.path
+    law = problem.fidelity.law
+    flown = simulate_flights(problem, path.u[:step], HISTORIES, law, seeds, path.x[: step + 1])
+    noise = np.random.default_rng(seeds).standard_normal((HISTORIES, 2))
+    reached = states_reached(problem, likely_histories(flown.x, fix, noise))
+    states, counts = np.unique(reached, return_counts=True)
+    shares = counts / counts.sum()
+    best = int(np.argmax(shares))
+    if shares[best] < 0.5:
+        distance = problem.world.logic.distance[states]
+        open_states = np.flatnonzero((shares > 0.05) & np.isfinite(distance))
+        best = int(open_states[np.argmax(distance[open_states])]) if len(open_states) else best
+    return int(states[best]), float(shares[best])
+
+
+def remaining_path(problem: Problem, path: PlannedPath, step: int) -> PlannedPath:
+    """The steps of ``path`` from ``step`` on, on a clock that begins there."""
+    length = float(np.linalg.norm(np.diff(path.x[step:], axis=0), axis=1).sum())
+    energy = None if problem.energy is None else problem.energy.of(path.u[step:], problem.motion.dt)
+    return replace(
+        path,
+        objectives=replace(path.objectives, length=length, energy=energy),
+        t=path.t[step:] - path.t[step],
+        x=path.x[step:],
+        cov=path.cov[step:],
+        q=path.q[step:],
+        label=path.label[step:],
+        u=path.u[step:],
+        origin=f"{path.origin}, from step {step} on",
+        fixes=tuple(fix - step for fix in path.fixes if fix >= step),
+    )
+
+
+# --- the conditioned world ---------------------------------------------------------------------
+
+
+def conditioned_run(run: Run, situation: Situation, *, quick: bool) -> Run:
+    """A run that starts at the fix, in the wind as it is known now, with what is left of the mission."""
+    from pareto_ltl.logic.progress import remaining_automaton
+
+    learnt = situation.learnt
+    assert learnt is not None
+    scene = scene_from(run.make(SCENE), learnt.mean, situation.time)
+    automaton = remaining_automaton(run.make(AUTOMATON), situation.state, situation.time)
+    if automaton.contradiction:
+        raise ConfigError("the mission is lost at that time: no continuation completes it")
+    if run.make(PROBLEM).world.logic.distance[situation.state] == 0.0:
+        raise ConfigError("the mission is complete at that time: nothing is left to plan")
+    settings = settings_from(run, scene, situation)
+    records = Records(
+        {
+            SCENE: scene,
+            DECOMPOSITION: run.make(DECOMPOSITION),
+            AUTOMATON: automaton,
+            WIND: wind_from(run.make(WIND), learnt, situation.time, run.settings.fidelity.law),
+        }
+    )
+    return Run(quick_settings(settings) if quick else settings, run.table, records)
+
+
+def settings_from(run: Run, scene: Scene, situation: Situation) -> Settings:
+    """The settings of ``run`` with the departure, spread, mission and stages of the rest."""
+    settings, problem = run.settings, run.make(PROBLEM)
+    assert situation.learnt is not None
+    return replace(
+        settings,
+        mission=MissionConfig(start_time=scene.time_zero, automaton=AUTOMATON_FILE),
+        selection=rule_of_the_rest(settings.selection, run.make(PLAN).path, situation.step),
+        robot=replace(
+            settings.robot,
+            dt=problem.motion.dt,
+            start_sd=situation.learnt.sd,
+            power=power_left(settings.robot.power, problem, run.make(PLAN).path, situation.step),
+        ),
+        pipelines=replace(
+            settings.pipelines, stages=[name for name in STAGES if name in settings.pipelines.stages]
+        ),
+    )  # fmt: skip
+
+
+def power_left(cfg: PowerConfig, problem: Problem, path: PlannedPath, step: int) -> PowerConfig:
+    """The power curve with the capacity that is left after ``step``."""
+    if problem.energy is None or cfg.capacity is None or problem.energy.capacity is None:
+        return cfg
+    used = problem.energy.of(path.u[:step], problem.motion.dt) / problem.energy.capacity
+    if used >= 1.0:
+        raise ConfigError("the plan has used all of robot.power.capacity at that time")
+    return replace(cfg, capacity=cfg.capacity * (1.0 - used))
+
+
+def rule_of_the_rest(cfg: SelectionConfig, path: PlannedPath, step: int) -> SelectionConfig:
+    """The rule of selection: a longest length is that of the whole flight, a point of another front."""
+    if cfg.rule == "point":
+        return replace(cfg, rule="priority")
+    if cfg.length is None:
+        return cfg
+    flown = float(np.linalg.norm(np.diff(path.x[: step + 1], axis=0), axis=1).sum())
+    return replace(cfg, length=max(cfg.length - flown, 1.0))
+
+
+def scene_from(scene: Scene, start: FloatArray, moment: float) -> Scene:
+    """``scene`` with a departure ``moment`` [s] later from ``start``."""
+    from pareto_ltl.logic.progress import later_windows
+    from pareto_ltl.world.navigation import utc_times
+
+    inside = (scene.bounds[0] <= start) & (start <= scene.bounds[1])
+    if not inside.all():
+        raise ConfigError("given the fix, the robot is expected off the map: nothing is left to plan")
+    later = utc_times(scene.time_zero, np.array([moment]))
+    windows = later_windows(scene.windows, moment)
+    return replace(
+        scene, start=np.array(start, float), time_zero=None if later is None else later[0], windows=windows
+    )
+
+
+def wind_from(field: WindField, learnt: Learnt, moment: float, law: str) -> WindField:
+    """The wind from ``moment`` [s] on; under the coherent law with what was learnt of it."""
+    from pareto_ltl.wind.conditioned import conditioned_field, field_from
+
+    later = field_from(field, moment)
+    return later if law == "independent" else conditioned_field(later, learnt.theta, learnt.told)
+
+
+__all__ = ["Replanned", "Situation", "replanned"]

@@ -1,0 +1,154 @@
+"""The rest of a flight planned anew: from a fix, or as it was where nothing is learnt."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import pareto_ltl
+from pareto_ltl.cli.commands import run_command_line
+from pareto_ltl.cli.replan_command import default_place, read_fix
+from pareto_ltl.run.replan_files import comparison_lines
+from pareto_ltl.run.results import Results
+from pareto_ltl.settings import SelectionConfig
+from pareto_ltl.support.errors import ConfigError, DataError
+from pareto_ltl.verify.judge import judge_results
+from pareto_ltl.world.projection import to_geographic
+
+SMALL: dict[str, Any] = {
+    "robot": {"dt": 1800.0},
+    "planner": {"trees": 3, "n_max": 1500, "max_steps": 80},
+    "smoothing": {"candidates": 1, "weights": [10.0]},
+    "selection": {"draws": 300, "runs": 800},
+    "wind": {"max_points": 40, "modes_max": 16, "spacing": 100e3, "modes_spacing": 100e3},
+    "deployment": {"runs": 40},
+    "report": "none",
+}
+STEP = 10
+
+
+@pytest.fixture(scope="module", params=["full", "paper"])
+def made(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    place = tmp_path_factory.mktemp("made") / request.param
+    pareto_ltl.plan("phi2", "F(a & F b)", fidelity=request.param, out=place, **SMALL)
+    return place
+
+
+def fix_near(
+    results: Results, off: tuple[float, float] = (6e3, -4e3), sd: float = 400.0
+) -> tuple[float, ...]:
+    """A fix that far from the expected position."""
+    lon, lat = to_geographic(str(results.scene.crs), results.plan.path.x[STEP] + np.array(off))
+    return float(lat[0]), float(lon[0]), sd
+
+
+@pytest.fixture(scope="module")
+def anew(made: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A directory of the rest, planned from a fix by the command line."""
+    place = tmp_path_factory.mktemp("anew") / "run"
+    told = ",".join(map(repr, fix_near(Results(made))))
+    assert run_command_line(["replan", str(made), "--time", "5h", f"--fix={told}", "--out", str(place)]) == 0
+    return place
+
+
+def test_without_a_fix_the_rest_of_the_plan_stays_to_the_bit(made: Path, tmp_path: Path) -> None:
+    old = Results(made).plan.path
+    done = pareto_ltl.replan(made, "5h", out=tmp_path / "rest")
+    for path in (done.plan.path, Results(tmp_path / "rest").plan.path):
+        np.testing.assert_array_equal(path.u, old.u[STEP:])
+        np.testing.assert_array_equal(path.x, old.x[STEP:])
+    assert done.old == done.new
+    assert "nothing is learnt" in comparison_lines(done)[1]
+
+
+def test_the_new_plan_starts_at_the_fix_and_at_its_time(made: Path, anew: Path) -> None:
+    old, new = Results(made), Results(anew)
+    aim = old.plan.path.x[STEP] + np.array([6e3, -4e3])
+    assert np.linalg.norm(new.plan.path.x[0] - aim) < 1500.0
+    assert new.scene.time_zero == "2018-10-09T05:00:00Z"
+    assert new.settings.robot.start_sd < 450.0
+    assert new.plan.formula == "the rest of F(a & F b)"
+    assert new.wind.times[0] <= 0.0
+    document = json.loads((anew / "replan.json").read_text())
+    assert (document["step"], document["source"]) == (STEP, str(made))
+    assert 0.0 < document["certainty"] <= 1.0
+    assert {"law", "failure", "low", "high"} <= set(document["old"]) & set(document["new"])
+
+
+def test_only_the_coherent_law_learns_of_the_wind(made: Path, anew: Path) -> None:
+    old, new = Results(made), Results(anew)
+    kept = old.wind.mean[-len(new.wind.times) :]
+    learnt = np.abs(new.wind.mean - kept).max()
+    assert (learnt > 0.0) == (old.settings.fidelity.law == "coherent")
+
+
+def test_claims_of_the_new_result_hold(anew: Path) -> None:
+    found = judge_results(anew)
+    assert not [finding.claim for finding in found if not finding.holds]
+    assert len(found) > 60
+
+
+def test_the_new_result_can_be_chosen_from_exported_and_flown(anew: Path, tmp_path: Path) -> None:
+    assert pareto_ltl.choose(anew, point=0).plan.path.objectives.length > 0
+    assert pareto_ltl.export(anew, tmp_path, ["kml"])
+    assert len(pareto_ltl.simulate(anew, runs=30).failed) == 30
+
+
+def test_a_plan_in_memory_gives_the_same_plan(made: Path, anew: Path) -> None:
+    result = pareto_ltl.plan("phi2", "F(a & F b)", fidelity=made.name, **SMALL)
+    done = pareto_ltl.replan(result, 5 * 3600.0, fix_near(Results(made)))
+    np.testing.assert_allclose(done.plan.path.x, Results(anew).plan.path.x, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("time", "fix", "said"),
+    [
+        ("90h", None, "name a time after its first and before its last step"),
+        ("0s", None, "name a time after its first"),
+        ("noon", None, "expected an ISO 8601 time"),
+        ("2018-10-08T00:00:00Z", None, "after departure; the plan has steps"),
+        ("5h", (37.0, -94.0, 0.0), "must be positive"),
+        ("5h", (37.0, -94.0, float("nan")), "three numbers"),
+        ("5h", (37.0, -94.0), "three numbers LAT,LON,SD"),
+        ("5h", (-94.0, 37.0, 500.0), "is it LAT,LON,SD"),
+        ("5h", (37.0, 94.0, 500.0), "lies off the map"),
+    ],
+)
+def test_a_time_or_a_fix_that_cannot_be_is_refused(
+    made: Path, time: str, fix: tuple[float, ...] | None, said: str
+) -> None:
+    with pytest.raises(ConfigError, match=said):
+        pareto_ltl.replan(made, time, fix)
+
+
+def test_a_folder_without_a_result_and_words_that_are_no_fix_are_refused(
+    made: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(DataError):
+        pareto_ltl.replan(tmp_path, "5h")
+    with pytest.raises(ConfigError, match="does not replace its own source"):
+        pareto_ltl.replan(made, "5h", out=made)
+    with pytest.raises(ConfigError, match="LAT,LON,SD"):
+        read_fix("37.5,-93.2")
+    assert run_command_line(["replan", str(made), "--time", "5h", "--fix", "here"]) == 2
+    assert "--fix must be LAT,LON,SD" in capsys.readouterr().err
+    assert default_place(tmp_path / "run", "2018-10-09T06:00:00Z").name == "run_replanned_20181009T060000Z"
+
+
+def test_a_time_between_two_steps_is_rounded(made: Path) -> None:
+    assert pareto_ltl.replan(made, "4h").situation.step == 8
+    assert pareto_ltl.replan(made, 5 * 3600.0 + 400.0).situation.step == STEP
+
+
+def test_the_rule_of_the_rest_has_the_length_that_is_left(made: Path) -> None:
+    from pareto_ltl.run.replanning import rule_of_the_rest
+
+    path = Results(made).plan.path
+    cfg = SelectionConfig(rule="length", length=path.objectives.length)
+    flown = np.linalg.norm(np.diff(path.x[: STEP + 1], axis=0), axis=1).sum()
+    assert rule_of_the_rest(cfg, path, STEP).length == pytest.approx(path.objectives.length - flown)
+    assert rule_of_the_rest(SelectionConfig(rule="point", point=3), path, STEP).rule == "priority"
