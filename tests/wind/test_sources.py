@@ -6,6 +6,7 @@ import gzip
 import json
 import re
 import sys
+from dataclasses import replace
 from datetime import UTC, datetime
 
 import numpy as np
@@ -71,6 +72,14 @@ def test_winds_are_turned_into_the_plane_and_keep_their_speed(tmp_path):
     expected = 0.1 * lat[:, None] * right - 0.5 * up
     np.testing.assert_allclose(seen.winds[0], expected, atol=1e-5)
     assert np.abs(seen.winds[0][:, 1] + 0.5).max() > 0.05  # the turn is visible
+
+
+def test_a_table_for_a_robot_in_the_water_is_that_of_its_current(tmp_path):
+    cfg = write(tmp_path / "w.csv", rows())
+    assert read(cfg).level == "10m"
+    current = read(replace(cfg, level="100 m depth"))
+    assert current.level == "100m depth"
+    assert current.notes == ("taken as the current 100 m below the surface, since wind.level is a depth",)
 
 
 def test_longitudes_may_count_eastwards_to_360(tmp_path):

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import glob
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from pareto_ltl.settings import WindConfig
@@ -15,6 +15,7 @@ from pareto_ltl.support import extensions
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.extensions import known_kind
 from pareto_ltl.wind.area import ALL_WIND, Wanted
+from pareto_ltl.wind.levels import DEPTH, parse_level
 from pareto_ltl.wind.readings import CALM, Readings
 from pareto_ltl.wind.sources.csv_files import read_csv_files
 from pareto_ltl.wind.sources.ensemble_files import read_ensemble_files
@@ -86,7 +87,13 @@ def _read_sample(cfg: WindConfig, wanted: Wanted) -> Readings:
 
 
 def _read_csv(cfg: WindConfig, wanted: Wanted) -> Readings:
-    return read_csv_files(data_files(cfg), cfg.max_speed)
+    """A table does not say its level; for a robot in the water it is that of the current it moves in."""
+    readings = read_csv_files(data_files(cfg), cfg.max_speed)
+    level = parse_level(cfg.level)
+    if level.kind != DEPTH:
+        return readings
+    note = f"taken as the current {level.phrase}, since wind.level is a depth"
+    return replace(readings, level=level.text, notes=(*readings.notes, note))
 
 
 def _read_grib(cfg: WindConfig, wanted: Wanted) -> Readings:
