@@ -77,9 +77,8 @@ def test_winds_are_turned_into_the_plane_and_keep_their_speed(tmp_path):
 def test_a_table_for_a_robot_in_the_water_is_that_of_its_current(tmp_path):
     cfg = write(tmp_path / "w.csv", rows())
     assert read(cfg).level == "10m"
-    current = read(replace(cfg, level="100 m depth"))
+    current = read(replace(cfg, level="100 m depth", forecast_error="none"))
     assert current.level == "100m depth"
-    assert current.notes == ("taken as the current 100 m below the surface, since wind.level is a depth",)
 
 
 def test_longitudes_may_count_eastwards_to_360(tmp_path):
