@@ -16,8 +16,10 @@ import pytest
 
 import pareto_ltl
 from pareto_ltl.cli.commands import run_command_line
+from pareto_ltl.logic.automaton import translate
 from pareto_ltl.report.page.content import Content, page_content
 from pareto_ltl.report.page.ground import rounded, shown_wind
+from pareto_ltl.report.page.machine import told_clocks
 from pareto_ltl.report.page.points import MOST_LEGS, told_points
 from pareto_ltl.report.page.rendering import SCRIPTS, json_for_script, page_bytes, plotly_script
 from pareto_ltl.report.page.shown_run import Origin, ShownRun
@@ -149,6 +151,14 @@ def test_rounded_numbers_have_no_minus_zero_and_whole_ones_no_point() -> None:
     assert rounded(np.array([-0.04, 1.26]), 1) == [0.0, 1.3]
     assert str(rounded(np.array([-0.04]), 1)) == "[0.0]"
     assert rounded(np.array([[1.2, 2.7]]), 0) == [[1, 3]]
+
+
+def test_clocks_of_deadlines_are_told_as_times() -> None:
+    automaton = translate("F[0,6h] a & G[90min,2h] !b & F c")
+    labels = " ".join(told_clocks(automaton, name) for name in automaton.atoms)
+    for words in ("t ≤ 6 h", "1.5 h ≤ t ≤ 2 h", "t > 2 h"):
+        assert words in labels
+    assert "clock_" not in labels
 
 
 # --- one file, without a network, without markup from names -----------------------------------

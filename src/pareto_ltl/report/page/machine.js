@@ -35,7 +35,7 @@ const edgeShape = edge => inSvg("path", {
 });
 
 function edgeLabel(edge) {
-  const [x, y] = edge.at, text = inSvg("text", { x, y: y + 4 - 7 * (edge.lines.length - 1), "text-anchor": "middle", fill: edge.lost ? COLOURS.stone : COLOURS.ink, stroke: "white", "stroke-width": 4, "paint-order": "stroke" });
+  const [x, y] = edge.at, text = inSvg("text", { x, y: y + 4 - 7 * (edge.lines.length - 1), "text-anchor": "middle", fill: edge.lost ? COLOURS.stone : COLOURS.ink, stroke: "white", "stroke-width": 7, "paint-order": "stroke" });
   edge.lines.forEach((line, k) => text.append(inSvg("tspan", { x, dy: k ? 14 : 0 }, line)));
   return text;
 }

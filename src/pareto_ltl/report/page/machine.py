@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
 
 from pareto_ltl.logic.automaton import Automaton
+from pareto_ltl.logic.clocks import clock_windows
 from pareto_ltl.logic.labels import edge_labels
 from pareto_ltl.logic.picture import MAX_DRAWN, STATE_RADIUS, drawn_edges, state_positions
 from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.world.windows import hours_text
 
 SCALE = 62.0  # of the drawing, in pixels a unit of the picture
 LEFT, ABOVE, RIGHT, BELOW = 1.15, 1.35, 0.9, 0.8  # margins, in units
@@ -41,7 +44,7 @@ def shown_automaton(automaton: Automaton) -> dict[str, Any]:
         "edges": [
             {
                 "start": edge.start, "end": edge.end, "d": _curve(pixels(edge.curve)),
-                "lines": edge.text.split("\n"), "at": pixels(edge.spot)[0].tolist(),
+                "lines": told_clocks(automaton, edge.text).split("\n"), "at": pixels(edge.spot)[0].tolist(),
                 "lost": edge.end == automaton.trap,
             }
             for edge in edges
@@ -51,10 +54,23 @@ def shown_automaton(automaton: Automaton) -> dict[str, Any]:
     return told | {"shapes": shapes}
 
 
+def told_clocks(automaton: Automaton, text: str) -> str:
+    """``text`` with the clocks of the automaton as times t after departure: ``(t ≤ 8 h)``."""
+    clocks = clock_windows(automaton.atoms)
+    for name in sorted(clocks, key=len, reverse=True):
+        begin, end = clocks[name].begin, clocks[name].end
+        if math.isinf(end):
+            told = f"t > {hours_text(round(begin))}"
+        else:
+            told = f"{hours_text(begin)} ≤ " * (begin > 0.0) + f"t ≤ {hours_text(end)}"
+        text = text.replace(name, f"({told})")
+    return text
+
+
 def _curve(points: FloatArray) -> str:
     """Control points as the path of an SVG: a quadratic or a cubic curve."""
     first, *rest = (f"{x:g} {y:g}" for x, y in points)
     return f"M{first} {'Q' if len(rest) == 2 else 'C'}{' '.join(rest)}"
 
 
-__all__ = ["shown_automaton"]
+__all__ = ["shown_automaton", "told_clocks"]
