@@ -210,6 +210,8 @@ def test_an_unknown_region_is_named_with_its_column():
     with pytest.raises(FormulaError, match="unknown region 'e' in the formula: the map has a, b") as caught:
         check_names(parse_formula("F(a & F e)"), ["b", "a"])
     assert caught.value.column == 8
+    with pytest.raises(FormulaError, match="the map has bay, shore; did you mean 'shore'"):
+        check_names(parse_formula("F shoer"), ["shore", "bay"])
 
 
 def test_tracebacks_show_the_caret():

@@ -18,6 +18,7 @@ right::
 
 from __future__ import annotations
 
+import difflib
 import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
@@ -160,7 +161,9 @@ def check_names(tree: Formula, names: Iterable[str]) -> None:
     for node in tree.walk():
         if node.op == "name" and node.name not in known:
             have = listed_text(sorted(known), 26)
-            message = f"unknown region '{shown_text(node.name)}' in the formula: the map has {have}"
+            guess = difflib.get_close_matches(node.name, sorted(known), n=1, cutoff=0.5)
+            hint = f"; did you mean {guess[0]!r}?" if guess else ""
+            message = f"unknown region '{shown_text(node.name)}' in the formula: the map has {have}{hint}"
             raise FormulaError(f"{message} (column {node.column + 1})", node.column)
 
 
