@@ -131,6 +131,7 @@ PIPELINE_COMMANDS = (
         "replanning",
         "evaluation",
     ),
+    _pipeline("sitl", "a plan flown by an independent aircraft, JSBSim, in the same winds", "sitl"),
     _pipeline("wind", "the wind over a map and its doubt, without a plan", "wind", "scene"),
     _pipeline("ingest", "wind files to one small table of readings", "ingest", "wind"),
 )

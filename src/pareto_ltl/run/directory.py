@@ -25,6 +25,7 @@ RECORD_FILES = (
     "scorecard.csv", "forecast_test.csv", "regions.csv", "departures.csv", "departures.json", "replan.json",
     "replanning.csv", "replanning_flights.csv",
     PAGE_FILE,
+    "sitl.csv",
     *(f"{folder}{name}" for folder in ("", "exports/", "exports_point_*/") for name in EXPORT_FILES.values()),
 )  # fmt: skip
 

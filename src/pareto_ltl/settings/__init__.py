@@ -46,6 +46,7 @@ from pareto_ltl.settings.studies import (
     FieldMissionsConfig,
     ForecastTestConfig,
     HindcastConfig,
+    SitlConfig,
 )
 from pareto_ltl.settings.wind import WindConfig
 from pareto_ltl.settings.world import MissionConfig, RandomSceneConfig, SceneConfig
@@ -80,6 +81,7 @@ class Settings(CheckedSettings):
     forecast_test: ForecastTestConfig = field(default_factory=ForecastTestConfig)
     departure: DepartureConfig = field(default_factory=DepartureConfig)
     replanning: ReplanningConfig = field(default_factory=ReplanningConfig)
+    sitl: SitlConfig = field(default_factory=SitlConfig)
     sweep: SweepConfig = field(default_factory=SweepConfig)
 
     def check_combinations(self) -> None:
@@ -132,6 +134,7 @@ __all__ = [
     "SceneConfig",
     "SelectionConfig",
     "Settings",
+    "SitlConfig",
     "SmoothingConfig",
     "SweepConfig",
     "WindConfig",

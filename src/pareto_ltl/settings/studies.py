@@ -206,3 +206,15 @@ class ForecastTestConfig(FieldMissionsConfig):
     def wait(self) -> float:
         """Hours between the first cycle of a period and the earliest departure that knows it."""
         return self.delay
+
+
+@dataclass
+class SitlConfig(CheckedSettings):
+    """Flights of the exported table by the aircraft of JSBSim, with pipelines=sitl."""
+
+    section: ClassVar[str] = "sitl"
+    flights: int = setting(
+        200, "flights of the aircraft, and as many of ours in the same winds", least=1, most=1e5
+    )
+    rate: float = setting(60.0, "integration steps of the aircraft", unit="1/s", least=30, most=1000)
+    drawn: int = setting(40, "flights of each that the map shows", least=0, most=1e4)

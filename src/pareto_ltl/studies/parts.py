@@ -26,7 +26,7 @@ from pareto_ltl.support.reading import read_json
 PARTS_FOLDER = "parts"
 OTHER_SECTIONS = (  # what no part depends on, or what a study adds to its keys itself
     "name", "report", "pipelines", "ingest", "evaluation", "compare", "convergence", "ablation", "hindcast",
-    "forecast_test", "departure", "replanning",
+    "forecast_test", "departure", "replanning", "sitl",
 )  # fmt: skip
 OTHER_CODE = ("report", "cli", "__main__")  # code that no part depends on
 

@@ -1,4 +1,4 @@
-"""The stages of the studies: compare, convergence, ablation, hindcast, forecast_test and departure.
+"""The stages of the studies: compare, convergence, ablation, hindcast, forecast_test, departure, sitl.
 
 ``STUDY_STAGES`` at the end is the table. Packages are imported inside the functions.
 """
@@ -8,10 +8,20 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pareto_ltl.run.records import AUTOMATON, DECOMPOSITION, OBSERVATIONS, READINGS, SCENE, RecordKey
+from pareto_ltl.run.records import (
+    AUTOMATON,
+    DECOMPOSITION,
+    EXPORTS,
+    OBSERVATIONS,
+    PLAN,
+    PROBLEM,
+    READINGS,
+    SCENE,
+    RecordKey,
+)
 from pareto_ltl.run.stage_table import Stage, StageInputs
 from pareto_ltl.run.stages import FIGURE_FILES
-from pareto_ltl.settings import ReportConfig, Settings
+from pareto_ltl.settings import ReportConfig, Settings, SitlConfig, WindConfig
 
 if TYPE_CHECKING:
     from pareto_ltl.report.records import Study
@@ -22,6 +32,7 @@ ABLATION: RecordKey[Study] = RecordKey("ablation")
 HINDCAST: RecordKey[Study] = RecordKey("hindcast")
 FORECAST_TEST: RecordKey[Study] = RecordKey("forecast_test")
 DEPARTURE: RecordKey[Study] = RecordKey("departure")
+SITL: RecordKey[Study] = RecordKey("sitl")
 COMPARISON_FIGURES: RecordKey[tuple[Path, ...]] = RecordKey("comparison_figures")
 CONVERGENCE_FIGURES: RecordKey[tuple[Path, ...]] = RecordKey("convergence_figures")
 ABLATION_FIGURES: RecordKey[tuple[Path, ...]] = RecordKey("ablation_figures")
@@ -29,6 +40,7 @@ HINDCAST_FIGURES: RecordKey[tuple[Path, ...]] = RecordKey("hindcast_figures")
 FORECAST_TEST_FIGURES: RecordKey[tuple[Path, ...]] = RecordKey("forecast_test_figures")
 REPLANNING: RecordKey[Study] = RecordKey("replanning")
 DEPARTURE_FIGURES: RecordKey[tuple[Path, ...]] = RecordKey("departure_figures")
+SITL_FIGURES: RecordKey[tuple[Path, ...]] = RecordKey("sitl_figures")
 WORLD = (OBSERVATIONS, DECOMPOSITION, AUTOMATON, SCENE)  # what a study plans from
 
 
@@ -79,6 +91,26 @@ def make_replanning(inputs: StageInputs) -> Study:
     from pareto_ltl.studies import replanning
 
     return replanning.run_replanning(inputs.settings, inputs.records, inputs.directory, inputs.progress)
+
+
+def make_sitl(inputs: StageInputs) -> Study:
+    """The exported table, flown by the aircraft of JSBSim in the winds of our flights."""
+    from pareto_ltl.studies import sitl
+
+    settings, problem, plan, files = inputs.settings, inputs[PROBLEM], inputs[PLAN], inputs[EXPORTS]
+    level, seeds = settings.wind.level, inputs.seeds
+    return sitl.run_sitl(settings.sitl, level, problem, plan, files, seeds, inputs.progress)
+
+
+def make_sitl_figures(inputs: StageInputs) -> tuple[Path, ...]:
+    """Tracks of both over the map, and how far they are apart."""
+    settings, scene, decomposition = inputs.settings, inputs[SCENE], inputs[DECOMPOSITION]
+    if not settings.report.figures:
+        return ()
+    from pareto_ltl.report.study_sitl import draw_sitl
+
+    folder, study, drawn = inputs.directory / "figures", inputs[SITL], settings.sitl.drawn
+    return draw_sitl(folder, settings.report, (scene, decomposition), study, drawn)
 
 
 def make_comparison_figures(inputs: StageInputs) -> tuple[Path, ...]:
@@ -252,5 +284,23 @@ STUDY_STAGES = (
         settings=(Settings,),
         writes=("replanning.csv", "replanning_flights.csv"),
         shows=TABLES_TEXT,
+    ),
+    Stage(
+        "sitl",
+        makes=SITL,
+        make=make_sitl,
+        needs=(PROBLEM, PLAN, EXPORTS),
+        settings=(SitlConfig, WindConfig),
+        stream="sitl",
+        writes=("sitl.csv",),
+        shows=TABLES_TEXT,
+    ),
+    Stage(
+        "sitl_figures",
+        makes=SITL_FIGURES,
+        make=make_sitl_figures,
+        needs=(SCENE, DECOMPOSITION, SITL),
+        settings=(ReportConfig, SitlConfig),
+        shows=FIGURE_FILES,
     ),
 )

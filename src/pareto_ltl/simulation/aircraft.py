@@ -1,0 +1,246 @@
+"""An aircraft that is not ours: the Cessna 172 of JSBSim flies a dead-reckoning table with its own autopilot.
+
+JSBSim (Berndt, AIAA 2004-4923, doi:10.2514/6.2004-4923) integrates six degrees of freedom over the WGS 84
+ellipsoid. Its model ``c172x`` holds heading and height by itself; the throttle, which it leaves to its pilot,
+holds the airspeed here by a proportional-integral law. It is told a true heading, an airspeed and a time, as
+a navigator reads them from the table, and never where it is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.support.errors import ConfigError, DataError
+
+MODEL = "c172x"
+FOOT = 0.3048  # [m]
+WIND_SECONDS = 1.0  # how often the aircraft meets the wind anew
+THROTTLE_SECONDS = 0.2  # how often its throttle moves
+PROPORTIONAL, INTEGRAL = 0.06, 0.003  # of the throttle: share for each m/s, and for each m/s and second
+SETTLED = 90.0  # time before departure in which the aircraft finds its heading, height and airspeed [s]
+CRUISE = 0.7  # share of the throttle to begin with
+LOST = 0.1  # share of the airspeed that may be missing or too much; beyond it the aircraft does not fly
+
+Air = Callable[[float, float, float], tuple[float, float]]  # t [s], lat, lon [deg] -> east, north wind [m/s]
+
+
+@dataclass(frozen=True, slots=True)
+class Orders:
+    """What the table tells the pilot, leg by leg.
+
+    Attributes
+    ----------
+    heading : (T,) float
+        True [deg].
+    airspeed : (T,) float
+        True [m/s].
+    duration : (T,) float
+        [s]
+    start : (2,) float
+        Latitude and longitude [deg].
+    """
+
+    heading: FloatArray
+    airspeed: FloatArray
+    duration: FloatArray
+    start: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class Track:
+    """Where an aircraft was at the end of every leg, the start first: ``lat``, ``lon`` (T+1,) [deg].
+
+    ``airspeed`` (T,) [m/s] is the mean of each leg, ``climb`` [m] the largest error of the height.
+    """
+
+    lat: FloatArray
+    lon: FloatArray
+    airspeed: FloatArray
+    climb: float
+
+
+def require_jsbsim() -> None:
+    """Raise ConfigError in one line where JSBSim is not installed."""
+    from importlib.util import find_spec
+
+    if find_spec("jsbsim") is None:
+        raise ConfigError(
+            "JSBSim, which flies the plan, is not installed; it comes with pip install 'pareto-ltl[sim]'"
+        )
+
+
+def read_orders(path: Path) -> Orders:
+    """The orders of a ``dead_reckoning.csv``; DataError if it is damaged or has no leg."""
+    import csv
+
+    from pareto_ltl.support.reading import read_text
+
+    names = ("heading_true_deg", "airspeed_m_s", "duration_s")
+    rows = list(csv.DictReader(read_text(path).splitlines()))
+    try:
+        legs = np.array([[float(row[name]) for name in names] for row in rows[:-1]])
+        start = np.array([float(rows[0][name]) for name in ("lat_deg", "lon_deg")])
+        if not (len(legs) and np.isfinite(legs).all() and (legs[:, 1:] > 0.0).all()):
+            raise ValueError("it holds no leg, or one without heading, airspeed and time")
+    except (IndexError, KeyError, TypeError, ValueError) as error:
+        raise DataError(f"{path}: no dead-reckoning table ({error}); export the plan again") from error
+    return Orders(legs[:, 0], legs[:, 1], legs[:, 2], start)
+
+
+class Cessna:
+    """One aircraft in the air, ``SETTLED`` seconds before it begins its first leg.
+
+    Parameters
+    ----------
+    start : (lat, lon)
+        Where it is now [deg].
+    wind : (east, north)
+        Of the air around it at the end; it rises from calm [m/s].
+    height : float
+        Height to hold above the sea, which is the ground here [m].
+    rate : float
+        Integration steps a second.
+    """
+
+    def __init__(
+        self,
+        orders: Orders,
+        start: tuple[float, float],
+        height: float,
+        rate: float,
+        wind: tuple[float, float],
+    ) -> None:
+        import jsbsim
+
+        base: Any = jsbsim.FGJSBBase  # without it every aircraft prints a banner
+        base().debug_lvl = 0
+        self.plane: Any = jsbsim.FGFDMExec(None)
+        self.plane.set_debug_level(0)
+        self.plane.load_model(MODEL)
+        self.plane.disable_output()  # the model writes a table into the working folder
+        self.plane.set_dt(1.0 / rate)
+        self.rounds = max(1, round(THROTTLE_SECONDS * rate))
+        self.tick = self.rounds / rate  # [s]
+        self.whole = 0.0  # integral of the throttle
+        begin = {
+            "ic/lat-geod-deg": start[0], "ic/long-gc-deg": start[1],
+            "ic/h-sl-ft": height / FOOT, "ic/psi-true-deg": orders.heading[0],
+            "ic/vt-fps": orders.airspeed[0] / FOOT,
+        }  # fmt: skip
+        for name, value in begin.items():
+            self.plane[name] = float(value)
+        if not self.plane.run_ic():
+            raise DataError(f"JSBSim cannot begin a flight with {MODEL} at {orders.airspeed[0]:g} m/s")
+        cruise = {
+            "propulsion/set-running": -1, "propulsion/fuel_freeze": 1, "fcs/mixture-cmd-norm": 0.87,
+            "ap/attitude_hold": 0, "ap/altitude_hold": 1, "ap/altitude_setpoint": height / FOOT,
+            "ap/heading_hold": 1,
+        }  # fmt: skip
+        for name, value in cruise.items():
+            self.plane[name] = value
+        nodes: Any = self.plane.get_property_manager()
+        self.node: dict[str, Any] = {
+            key: nodes.get_node(name)
+            for key, name in {
+                "lat": "position/lat-geod-deg", "lon": "position/long-gc-deg", "height": "position/h-sl-ft",
+                "airspeed": "velocities/vt-fps", "throttle": "fcs/throttle-cmd-norm",
+                "heading": "ap/heading_setpoint", "east": "atmosphere/wind-east-fps",
+                "north": "atmosphere/wind-north-fps",
+            }.items()
+        }  # fmt: skip
+
+        self.turn_to(float(orders.heading[0]))
+        rounds = round(SETTLED / self.tick)
+        for k in range(rounds):
+            share = min(2.0 * k / rounds, 1.0)  # at once it would take the airspeed away
+            self.meet((share * wind[0], share * wind[1]))
+            self.fly_on(float(orders.airspeed[0]))
+
+    @property
+    def place(self) -> tuple[float, float]:
+        """Latitude and longitude [deg]."""
+        return self.read("lat"), self.read("lon")
+
+    def read(self, key: str) -> float:
+        return float(self.node[key].get_double_value())
+
+    def turn_to(self, heading: float) -> None:
+        self.node["heading"].set_double_value(heading % 360.0)
+
+    def meet(self, wind: tuple[float, float]) -> None:
+        """Let a wind (east, north) [m/s] blow from here on."""
+        for key, value in zip(("east", "north"), wind, strict=True):
+            self.node[key].set_double_value(value / FOOT)
+
+    def fly_on(self, airspeed: float) -> None:
+        """Move the throttle towards ``airspeed`` [m/s] and fly for ``tick`` seconds."""
+        short = airspeed - self.read("airspeed") * FOOT
+        wanted = CRUISE + self.whole + PROPORTIONAL * short
+        if 0.0 < wanted < 1.0:  # an integral that goes on at a stop would have to be undone
+            self.whole += INTEGRAL * short * self.tick
+        self.node["throttle"].set_double_value(min(max(wanted, 0.0), 1.0))
+        for _ in range(self.rounds):
+            self.plane.run()
+
+
+def fly_orders(orders: Orders, air: Air, height: float, rate: float) -> Track:
+    """Fly the whole table; the wind is asked for every second, where the aircraft then is.
+
+    Raises
+    ------
+    DataError
+        If the aircraft cannot hold the airspeeds of the table: they are not those of a Cessna 172.
+    """
+    cessna = _departing(orders, air, height, rate)
+    every = max(1, round(WIND_SECONDS / cessna.tick))
+    places, means, climb, count = [cessna.place], [], 0.0, 0
+    ends = np.cumsum(orders.duration)
+    for heading, airspeed, end in zip(orders.heading, orders.airspeed, ends, strict=True):
+        cessna.turn_to(float(heading))
+        seen = []
+        while count * cessna.tick < end - 0.5 * cessna.tick:
+            if count % every == 0:
+                cessna.meet(air(count * cessna.tick, *cessna.place))
+            cessna.fly_on(float(airspeed))
+            count += 1
+            seen.append(cessna.read("airspeed") * FOOT)
+        climb = max(climb, abs(cessna.read("height") * FOOT - height))
+        means.append(float(np.mean(seen)))
+        places.append(cessna.place)
+    flown = np.array(means)
+    require_held(orders, flown, len(ends))
+    found = np.array(places)
+    return Track(found[:, 0], found[:, 1], flown, climb)
+
+
+def _departing(orders: Orders, air: Air, height: float, rate: float) -> Cessna:
+    """An aircraft that is settled when it comes past the start: it begins as far before as another came."""
+    lat, lon = (float(value) for value in orders.start)
+    wind = air(0.0, lat, lon)
+    north, east = Cessna(orders, (lat, lon), height, rate, wind).place
+    return Cessna(orders, (2.0 * lat - north, 2.0 * lon - east), height, rate, wind)
+
+
+def require_held(orders: Orders, flown: FloatArray, legs: int) -> None:
+    """Raise DataError where the mean airspeed of the flight is not that of the table."""
+    weights = orders.duration / orders.duration.sum()
+    wanted, found = float(orders.airspeed @ weights), float(flown @ weights)
+    if not abs(found - wanted) <= LOST * wanted:
+        raise DataError(
+            f"the {MODEL} of JSBSim flew {found:.1f} m/s where the {legs} legs of the table ask for "
+            f"{wanted:.1f} m/s: plan for its airspeeds, e.g. robot=light_aircraft"
+        )
+
+
+def airspeed_errors(orders: Orders, tracks: Sequence[Track]) -> FloatArray:
+    """Mean airspeed of each leg less that of the table, (flights, T) [m/s]."""
+    return np.array([track.airspeed - orders.airspeed for track in tracks])
+
+
+__all__ = ["Air", "Orders", "Track", "airspeed_errors", "fly_orders", "read_orders", "require_jsbsim"]

@@ -1,0 +1,239 @@
+"""Software in the loop: an independent aircraft flies the exported table in the winds of our own flights.
+
+Every flight of JSBSim meets the field that one of ours meets: the same θ, the same white part, looked up
+where the aircraft is. What differs is the aircraft: six degrees of freedom, turns, an autopilot with its
+errors, a wind that changes along the way within a step, the ellipsoid instead of the plane.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.random import SeedSequence
+
+from pareto_ltl.exports.exported import height_of
+from pareto_ltl.kernels import flight as kernel
+from pareto_ltl.planning.problem import Problem
+from pareto_ltl.planning.records import Plan
+from pareto_ltl.report.records import Study
+from pareto_ltl.settings import SitlConfig
+from pareto_ltl.settings.outputs import EXPORT_FILES
+from pareto_ltl.simulation.aircraft import (
+    Air,
+    Orders,
+    Track,
+    airspeed_errors,
+    fly_orders,
+    read_orders,
+    require_jsbsim,
+)
+from pareto_ltl.simulation.flights import (
+    block_rows,
+    draw_block,
+    fly_block,
+    judge_flights,
+    pilot_maker,
+    require_known_wind,
+    unspawned,
+)
+from pareto_ltl.simulation.records import Deployment
+from pareto_ltl.studies.statistics import mcnemar_test
+from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.support.display import rate_text
+from pareto_ltl.support.errors import DataError
+from pareto_ltl.world.projection import meridian_convergence, to_geographic, to_plane
+
+LOG = logging.getLogger(__name__)
+LOWEST = 300.0  # height at which the aircraft flies where the wind is that of a lower level [m]
+TABLE = EXPORT_FILES["dead_reckoning"]
+
+
+@dataclass(frozen=True, slots=True)
+class SitlFlights:
+    """Flights of the aircraft and ours in the same winds, and what the aircraft did.
+
+    Attributes
+    ----------
+    aircraft, steps : Deployment
+        Positions at the ends of the legs, (n, T+1, 2) [m], and the verdicts.
+    tracks : tuple of n Track
+    """
+
+    orders: Orders
+    aircraft: Deployment
+    steps: Deployment
+    tracks: tuple[Track, ...]
+
+    @property
+    def apart(self) -> FloatArray:
+        """Distance of the aircraft from our flight at the end of each leg, (n, T) [m]."""
+        return np.asarray(np.linalg.norm(self.aircraft.x - self.steps.x, axis=2)[:, 1:], float)
+
+
+def run_sitl(
+    cfg: SitlConfig, level: str, problem: Problem, plan: Plan, files: Sequence[Path], seeds: SeedSequence,
+    progress: Callable[[int, int], None] | None = None,
+) -> Study:  # fmt: skip
+    """The study: ``sitl.csv`` with a row for each flight, and the numbers that compare both aircraft.
+
+    Raises
+    ------
+    ConfigError
+        If JSBSim is not installed.
+    DataError
+        If the plan was not exported as a dead-reckoning table, or the robot has feedback.
+    """
+    require_jsbsim()
+    table = next((path for path in files if path.name == TABLE), None)
+    if table is None:
+        raise DataError(
+            f"the plan was not exported as {TABLE}, which the aircraft flies: add dead_reckoning to "
+            "exports.formats, and give the map a place on Earth (scene.centre)"
+        )
+    if problem.motion.gain > 0.0 or plan.path.fixes:
+        raise DataError(
+            "an aircraft that flies a table knows no position: set robot.feedback=0, without landmarks"
+        )
+    height = max(height_of(level).metres, LOWEST)
+    flown = fly_both(cfg, problem, plan, read_orders(table), height, seeds, progress)
+    return sitl_study(cfg, flown)
+
+
+def fly_both(
+    cfg: SitlConfig, problem: Problem, plan: Plan, orders: Orders, height: float, seeds: SeedSequence,
+    progress: Callable[[int, int], None] | None = None,
+) -> SitlFlights:  # fmt: skip
+    """Fly ``cfg.flights`` pairs: the aircraft and ours in one wind each."""
+    law, u = problem.fidelity.law, plan.path.u
+    require_known_wind(problem, u, plan.path.x)
+    blocks = block_rows(cfg.flights)
+    pilot = pilot_maker(problem, u, plan.path.x, law)
+    ours, theirs, tracks = np.empty((cfg.flights, len(u) + 1, 2)), np.empty((cfg.flights, len(u) + 1, 2)), []
+    for rows, child in zip(blocks, unspawned(seeds).spawn(len(blocks)), strict=True):
+        block = draw_block(problem, law, rows.stop - rows.start, len(u), child)
+        fly_block(problem, block, pilot, ours[rows])
+        for i in range(rows.stop - rows.start):
+            begun = _started_at(problem, orders, block.start[i])
+            track = fly_orders(begun, flight_air(problem, block.draws, i, len(u)), height, cfg.rate)
+            theirs[rows.start + i] = to_plane(str(problem.scene.crs), track.lon, track.lat)
+            tracks.append(track)
+            if progress is not None:
+                progress(len(tracks), cfg.flights)
+    aircraft, steps = (judge_flights(problem, law, x) for x in (theirs, ours))
+    return SitlFlights(orders, aircraft, steps, tuple(tracks))
+
+
+def _started_at(problem: Problem, orders: Orders, start: FloatArray) -> Orders:
+    """The same orders from a place in the plane [m]: starts may differ from flight to flight."""
+    lon, lat = to_geographic(str(problem.scene.crs), start[None])
+    return Orders(orders.heading, orders.airspeed, orders.duration, np.array([lat[0], lon[0]]))
+
+
+def flight_air(problem: Problem, draws: Any, i: int, steps: int) -> Air:
+    """The wind that flight ``i`` of ``draws`` meets, by time and place on Earth.
+
+    Within a step, time stands still in it as in ours; the place does not.
+    """
+    from pareto_ltl.kernels.flight_winds import wind_met
+
+    own = _one_of(draws, i)
+    crs, dt = str(problem.scene.crs), problem.motion.dt
+    x, met = np.zeros((1, steps + 1, 2)), np.empty((1, 4))
+
+    def air(time: float, lat: float, lon: float) -> tuple[float, float]:
+        t = min(int(time / dt + 1e-9), steps - 1)
+        place = np.array([lon]), np.array([lat])
+        x[0, t] = to_plane(crs, *place)[0]
+        wind_met(own, t, x, met)
+        turn = -float(meridian_convergence(crs, *place)[0])  # from the plane to true north
+        cos, sin = np.cos(turn), np.sin(turn)
+        east, north = met[0, 0], met[0, 1]
+        return float(cos * east - sin * north), float(sin * east + cos * north)
+
+    return air
+
+
+def _one_of(draws: Any, i: int) -> Any:
+    """The draws of flight ``i`` alone."""
+    own = draws._replace(white=np.ascontiguousarray(draws.white[:, i : i + 1]))
+    if isinstance(draws, kernel.CoherentDraws):
+        own = own._replace(theta=np.ascontiguousarray(draws.theta[:, i : i + 1]))
+    return own
+
+
+# --- what they say --------------------------------------------------------------------------------
+
+
+def sitl_study(cfg: SitlConfig, flown: SitlFlights) -> Study:
+    """Tables, numbers and text of the flights."""
+    from pareto_ltl.simulation.flights import clopper_pearson
+
+    theirs, ours, apart = flown.aircraft.failed, flown.steps.failed, flown.apart
+    numbers: dict[str, float] = {"sitl_flights": cfg.flights}
+    for name, failed in (("sitl", theirs), ("sitl_steps", ours)):
+        low, high = clopper_pearson(int(failed.sum()), len(failed))
+        numbers |= {f"{name}_failure": float(failed.mean()), f"{name}_failure_low": low}
+        numbers |= {f"{name}_failure_high": high}
+    only = int((theirs & ~ours).sum()), int((ours & ~theirs).sum())
+    error = airspeed_errors(flown.orders, flown.tracks)
+    numbers |= {
+        "sitl_fails_alone": only[0],
+        "sitl_steps_fail_alone": only[1],
+        "sitl_same_chance": mcnemar_test(*only),
+        "sitl_apart_median_m": float(np.median(apart)),
+        "sitl_apart_95_m": float(np.quantile(apart, 0.95)),
+        "sitl_apart_end_median_m": float(np.median(apart[:, -1])),
+        "sitl_apart_end_95_m": float(np.quantile(apart[:, -1], 0.95)),
+        "sitl_airspeed_error": float(error.mean()),
+        "sitl_airspeed_error_sd": float(error.std()),
+        "sitl_height_error_m": max(track.climb for track in flown.tracks),
+    }
+    rows = tuple(
+        {
+            "flight": k,
+            "failed": int(theirs[k]),
+            "failed_steps": int(ours[k]),
+            "collided": int(flown.aircraft.collided[k]),
+            "off_map": int(flown.aircraft.off_map[k]),
+            "apart_median_m": float(np.median(apart[k])),
+            "apart_most_m": float(apart[k].max()),
+            "apart_end_m": float(apart[k, -1]),
+            "airspeed_error_m_s": float(error[k].mean()),
+        }
+        for k in range(cfg.flights)
+    )
+    text = sitl_text(numbers, flown.aircraft.law)
+    return Study({"sitl": rows}, numbers, text, {"flights": flown})
+
+
+def sitl_text(numbers: dict[str, float], law: str) -> str:
+    """The numbers as a table in Markdown."""
+
+    def rate(name: str) -> str:
+        return rate_text(*(numbers[f"{name}_failure{end}"] for end in ("", "_low", "_high")))
+
+    def km(name: str) -> str:
+        middle, most = numbers[f"sitl_{name}_median_m"] / 1e3, numbers[f"sitl_{name}_95_m"] / 1e3
+        return f"{middle:.2f} km, 95 % within {most:.2f} km"
+
+    alone = f"{numbers['sitl_fails_alone']:.0f} and {numbers['sitl_steps_fail_alone']:.0f} flights"
+    lines = [
+        f"| {numbers['sitl_flights']:.0f} flights in the same {law} winds | |",
+        "|---|---|",
+        f"| JSBSim fails | {rate('sitl')} |",
+        f"| our steps fail | {rate('sitl_steps')} |",
+        f"| only one of them fails: JSBSim, our steps | {alone}, chance {numbers['sitl_same_chance']:.2g} |",
+        f"| apart at the ends of legs, median | {km('apart')} |",
+        f"| apart at the end of the flight, median | {km('apart_end')} |",
+        f"| airspeed of a leg less that of the table | {numbers['sitl_airspeed_error']:+.2f} m/s, "
+        f"sd {numbers['sitl_airspeed_error_sd']:.2f} m/s |",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+__all__ = ["SitlFlights", "flight_air", "fly_both", "run_sitl", "sitl_study"]

@@ -1,0 +1,157 @@
+"""JSBSim's aircraft flies the exported table: where geometry says, in our winds, near our steps."""
+
+from __future__ import annotations
+
+import csv
+import importlib.util
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.random import SeedSequence
+from pyproj import Geod
+
+from pareto_ltl.cli.commands import run_command_line
+from pareto_ltl.planning.problem import Problem
+from pareto_ltl.planning.records import Plan
+from pareto_ltl.run.exporting import run_with_plan
+from pareto_ltl.run.interface import load_results
+from pareto_ltl.run.records import PLAN, PROBLEM
+from pareto_ltl.settings import SitlConfig
+from pareto_ltl.simulation.aircraft import Orders, fly_orders, read_orders
+from pareto_ltl.simulation.flights import draw_block, fly_block, pilot_maker
+from pareto_ltl.studies import sitl
+from pareto_ltl.support.errors import ConfigError, DataError
+from pareto_ltl.world.projection import meridian_convergence, to_geographic
+
+FLIGHTS = 2
+RATE = 60.0
+SMALL = (
+    "+experiment=hop", "fidelity=paper", "selection=priority", "planner.trees=2", "planner.n_max=600",
+    "exports.flights=200", f"sitl.flights={FLIGHTS}", "sitl.drawn=2", "report.formats=[png]",
+)  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def flown(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A small plan, and two flights of its table."""
+    place = tmp_path_factory.mktemp("sitl") / "run"
+    assert run_command_line(["sitl", *SMALL, f"hydra.run.dir={place}"]) == 0
+    return place
+
+
+@pytest.fixture(scope="module")
+def planned(flown: Path) -> tuple[Problem, Plan]:
+    run = run_with_plan(load_results(flown))
+    return run.make(PROBLEM), run.make(PLAN)
+
+
+def legs(*rows: tuple[float, float, float]) -> Orders:
+    """Orders from 37 N, 92 W: (heading [deg], airspeed [m/s], duration [s]) of each leg."""
+    heading, airspeed, duration = np.array(rows).T
+    return Orders(heading, airspeed, duration, np.array([37.0, -92.0]))
+
+
+# --- the aircraft ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("wind", [(0.0, 0.0), (8.0, -6.0)])
+def test_a_straight_flight_ends_where_airspeed_and_wind_lead(wind: tuple[float, float]) -> None:
+    """Within 1 % of 15 km in five minutes: what heading, airspeed and height hold leave."""
+    orders = legs((60.0, 50.0, 300.0))
+    track = fly_orders(orders, lambda t, lat, lon: wind, 800.0, RATE)
+    over_ground = 50.0 * np.array([np.sin(np.pi / 3), np.cos(np.pi / 3)]) + wind
+    geod = Geod(ellps="WGS84")
+    bearing, distance = np.degrees(np.arctan2(*over_ground)), 300.0 * np.hypot(*over_ground)
+    lon, lat, _ = geod.fwd(-92.0, 37.0, bearing, distance)
+    _, _, apart = geod.inv(lon, lat, track.lon[-1], track.lat[-1])
+    assert apart < 150.0
+    _, _, begun = geod.inv(-92.0, 37.0, track.lon[0], track.lat[0])
+    assert begun < 20.0  # it came past the start, settled
+    assert track.airspeed == pytest.approx([50.0], abs=0.5)
+    assert track.climb < 60.0
+
+
+def test_a_turn_costs_what_a_bank_allows_and_flights_repeat() -> None:
+    """A turn of 150 degrees at 30 degrees of bank: between one and four radii off a turn on the spot."""
+    orders = legs((0.0, 50.0, 60.0), (150.0, 50.0, 120.0))
+    one, other = (fly_orders(orders, lambda t, lat, lon: (0.0, 0.0), 800.0, RATE) for _ in range(2))
+    assert one.lat.tobytes() == other.lat.tobytes()
+    assert one.lon.tobytes() == other.lon.tobytes()
+    geod, radius = Geod(ellps="WGS84"), 50.0**2 / (9.81 * np.tan(np.radians(30.0)))
+    lon, lat, _ = geod.fwd(-92.0, 37.0, 0.0, 3000.0)
+    lon, lat, _ = geod.fwd(lon, lat, 150.0, 6000.0)
+    assert radius < geod.inv(lon, lat, one.lon[-1], one.lat[-1])[2] < 4.5 * radius
+
+
+# --- the winds ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("law", ["independent", "coherent"])
+def test_the_aircraft_meets_the_wind_of_our_flight(planned: tuple[Problem, Plan], law: str) -> None:
+    """Where ours is, its wind is what moved it: x' = x + dt (u + w)."""
+    problem, plan = planned
+    u, dt = plan.path.u, problem.motion.dt
+    block = draw_block(problem, law, 3, len(u), SeedSequence(1))
+    x = np.empty((3, len(u) + 1, 2))
+    fly_block(problem, block, pilot_maker(problem, u, plan.path.x, law), x)
+    crs = str(problem.scene.crs)
+    for i in range(3):
+        air = sitl.flight_air(problem, block.draws, i, len(u))
+        for t in (0, len(u) // 2, len(u) - 1):
+            lon, lat = to_geographic(crs, x[i, t][None])
+            east, north = air((t + 0.5) * dt, float(lat[0]), float(lon[0]))
+            turn = float(meridian_convergence(crs, lon, lat)[0])
+            back = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]]) @ [east, north]
+            np.testing.assert_allclose(back, (x[i, t + 1] - x[i, t]) / dt - u[t], atol=1e-4)
+
+
+# --- the study ------------------------------------------------------------------------------------
+
+
+def test_the_aircraft_stays_near_our_steps(flown: Path) -> None:
+    """A bend costs a Cessna a few of its turn radii, 0.5 km; the rest of a hundred kilometres agrees."""
+    with (flown / "sitl.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    told = json.loads((flown / "metrics.json").read_text())
+    assert [int(row["flight"]) for row in rows] == list(range(FLIGHTS))
+    assert told["sitl_flights"] == FLIGHTS
+    assert told["sitl_failure"] == sum(int(row["failed"]) for row in rows) / FLIGHTS
+    assert told["sitl_steps_failure"] == sum(int(row["failed_steps"]) for row in rows) / FLIGHTS
+    assert max(float(row["apart_most_m"]) for row in rows) < 5000.0
+    assert told["sitl_apart_median_m"] < 3000.0
+    assert abs(told["sitl_airspeed_error"]) < 0.5
+    assert told["sitl_height_error_m"] < 150.0
+    assert (flown / "figures" / "sitl.png").stat().st_size > 10_000
+    assert "flights in the same independent winds" in (flown / "tables.md").read_text()
+    assert len(read_orders(flown / "dead_reckoning.csv").heading) == told["steps"]
+
+
+def test_what_cannot_be_flown_is_one_line(
+    planned: tuple[Problem, Plan], flown: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    problem, plan = planned
+    table, more = flown / "dead_reckoning.csv", (SeedSequence(0),)
+
+    def refused(kind: type[Exception], text: str, files: tuple[Path, ...], world: Any = problem) -> None:
+        with pytest.raises(kind, match=text) as caught:
+            sitl.run_sitl(SitlConfig(flights=1), "10m", world, plan, files, *more)
+        assert "\n" not in str(caught.value)
+
+    refused(DataError, "was not exported as dead_reckoning.csv", ())
+    bad = tmp_path / "dead_reckoning.csv"
+    for content in ("", "leg,lat_deg\n0,37\n", table.read_text().splitlines()[0] + "\n"):
+        bad.write_text(content)
+        refused(DataError, "no dead-reckoning table", (bad,))
+    slow = table.read_text().splitlines()
+    column = slow[0].split(",").index("airspeed_m_s")
+    cells = slow[1].split(",")
+    cells[column] = "9.0"  # far below its stall
+    bad.write_text("\n".join([slow[0], ",".join(cells), slow[-1]]) + "\n")
+    refused(
+        DataError, r"the table ask for 9\.0 m/s: plan for its airspeeds, e\.g\. robot=light_aircraft", (bad,)
+    )
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
+    refused(ConfigError, r"is not installed; it comes with pip install 'pareto-ltl\[sim\]'", (table,))
