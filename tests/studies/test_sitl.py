@@ -74,10 +74,14 @@ def test_a_straight_flight_ends_where_airspeed_and_wind_lead(wind: tuple[float, 
     assert track.climb < 60.0
 
 
-def test_a_turn_costs_what_a_bank_allows_and_flights_repeat() -> None:
+def test_a_turn_costs_what_a_bank_allows_and_flights_repeat(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """A turn of 150 degrees at 30 degrees of bank: between one and four radii off a turn on the spot."""
+    monkeypatch.chdir(tmp_path)
     orders = legs((0.0, 50.0, 60.0), (150.0, 50.0, 120.0))
     one, other = (fly_orders(orders, lambda t, lat, lon: (0.0, 0.0), 800.0, RATE) for _ in range(2))
+    assert list(tmp_path.iterdir()) == []  # no table of JSBSim's own
     assert one.lat.tobytes() == other.lat.tobytes()
     assert one.lon.tobytes() == other.lon.tobytes()
     geod, radius = Geod(ellps="WGS84"), 50.0**2 / (9.81 * np.tan(np.radians(30.0)))

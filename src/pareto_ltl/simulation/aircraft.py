@@ -8,6 +8,7 @@ a navigator reads them from the table, and never where it is.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -123,7 +124,7 @@ class Cessna:
         self.plane: Any = jsbsim.FGFDMExec(None)
         self.plane.set_debug_level(0)
         self.plane.load_model(MODEL)
-        self.plane.disable_output()  # the model writes a table into the working folder
+        self.plane.set_output_filename(0, os.devnull)  # the model writes a table into the working folder
         self.plane.set_dt(1.0 / rate)
         self.rounds = max(1, round(THROTTLE_SECONDS * rate))
         self.tick = self.rounds / rate  # [s]
