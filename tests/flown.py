@@ -12,7 +12,7 @@ from pareto_ltl.support.arrays import FloatArray
 
 def succeeds(problem: Problem, x: FloatArray) -> bool:
     """Whether positions ``x`` (T+1, 2) complete the mission, clear of obstacles and of walls, if any."""
-    q = states_along(problem.world.cells, problem.world.logic, x)[-1]
+    q = states_along(problem.cells, problem.logic, x)[-1]
     (west, south), (east, north) = problem.scene.bounds
     inside = bool(((x >= [west, south]) & (x <= [east, north])).all())
     hit = bool(segments_touch(problem.obstacles, np.hstack([x[:-1], x[1:]])).any())

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from pareto_ltl.kernels.data import Corners, Logic, Reading
+from pareto_ltl.kernels.data import Corners, Logic
+from pareto_ltl.planning.epochs import Reading
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 
 
@@ -17,16 +18,12 @@ def reading_of(
     hazards: Corners,
 ) -> Reading:
     """The automaton at any step; ``delta``, ``harm`` and ``loses`` (Q, C + 1)."""
-    rests = delta == np.arange(len(delta))[:, None]
-    return Reading(delta, delta, rests, harm, loses, distance, covers, 0, hazards)
+    return Reading(delta, delta, harm, loses, distance, covers, 0, hazards)
 
 
 def one_epoch(read: Reading) -> Logic:
     """The automaton that reads every step like ``read``."""
-    tables = (
-        np.ascontiguousarray(table[None])
-        for table in (read.delta, read.way, read.rests, read.harm, read.loses)
-    )
+    tables = (np.ascontiguousarray(table[None]) for table in (read.delta, read.way, read.harm, read.loses))
     return Logic(
         np.zeros(1, np.int64),
         *tables,

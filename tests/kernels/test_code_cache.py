@@ -22,7 +22,7 @@ import numpy as np
 from pareto_ltl.kernels.geometry import locate_cells
 from problems import paper_problem
 world = paper_problem("phi1").world
-print(locate_cells(world.cells, np.array([[1e9, 1e9], [1e5, 1e5]])).tolist())
+print(locate_cells(world.mission.cells, np.array([[1e9, 1e9], [1e5, 1e5]])).tolist())
 print(sum(locate_cells.stats.cache_hits.values()), sum(locate_cells.stats.cache_misses.values()))
 """
 

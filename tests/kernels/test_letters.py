@@ -83,7 +83,7 @@ def test_states_along_a_path_are_those_of_dense_samples_and_of_the_plain_road(
 ) -> None:
     problem, x = TASKS[formula], KM * np.array(places)
     assume((np.linalg.norm(np.diff(x, axis=0), axis=1) > 1.0).all())
-    found = states_along(problem.world.cells, problem.world.logic, x)
+    found = states_along(problem.cells, problem.logic, x)
     np.testing.assert_array_equal(found, states_of_flight(problem, x))
     if not grazes(problem, x):
         np.testing.assert_array_equal(found, sampled_states(problem, x))
@@ -101,9 +101,7 @@ def test_the_independent_judge_reads_the_same(formula: str, places: list[tuple[f
     )  # fmt: skip
     parts = {name: tuple(map(convex, found)) for name, found in problem.decomposition.regions.items()}
     ground = Ground(problem.scene.bounds, parts, tuple(map(convex, problem.decomposition.obstacles)), dfa)
-    np.testing.assert_array_equal(
-        ground.states(x[None])[0], states_along(problem.world.cells, problem.world.logic, x)
-    )
+    np.testing.assert_array_equal(ground.states(x[None])[0], states_along(problem.cells, problem.logic, x))
 
 
 @pytest.mark.parametrize("fidelity", ["paper", "full"])
@@ -117,7 +115,7 @@ def test_a_forbidden_strip_narrower_than_a_step_cannot_be_jumped(fidelity: str) 
 
 @pytest.mark.parametrize("name", MISSIONS)
 def test_the_missions_of_the_paper_have_no_letter_that_does_harm(name: str) -> None:
-    logic = paper_problem(name).world.logic
+    logic = paper_problem(name).world.mission.logic
     assert not logic.harm.any()
     assert len(logic.hazards.cell) == 0
 
@@ -153,9 +151,7 @@ def test_v_bounds_the_flights_that_meet_a_forbidden_strip(law: str, heights: tup
         flights = simulate_flights(problem, u, 4000, law, SeedSequence(3), x)
         missed = int((~flights.accepted).sum())
         assert binom.sf(missed - 1, 4000, bound) > RARE
-        at_steps = np.array(
-            [(problem.locate(f) == problem.world.logic.hazards.cell[0]).any() for f in flights.x]
-        )
+        at_steps = np.array([(problem.locate(f) == problem.logic.hazards.cell[0]).any() for f in flights.x])
         between += int((~flights.accepted & ~at_steps).sum())
     assert between > 10  # the strip was met between steps
 
@@ -167,6 +163,6 @@ def test_trees_go_round_a_forbidden_strip(fidelity: str) -> None:
     assert len(forest.accepted) > 0
     for tree in forest.trees:
         for v in range(0, len(tree), 7):
-            states = states_along(problem.world.cells, problem.world.logic, tree.path(v))
+            states = states_along(problem.cells, problem.logic, tree.path(v))
             assert states[-1] == tree.q[v]
-            assert np.isfinite(problem.world.logic.distance[states]).all()
+            assert np.isfinite(problem.logic.distance[states]).all()

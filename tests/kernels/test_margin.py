@@ -366,7 +366,7 @@ def test_blocks_of_both_ends_lie_above_the_hessian_of_a_point_between() -> None:
         assert whole <= blocks * (1.0 + 1e-9)
 
 
-PLAIN = [formula for formula in FORMULAS if not len(task(formula).world.logic.hazards.cell)]
+PLAIN = [formula for formula in FORMULAS if not len(task(formula).logic.hazards.cell)]
 
 
 @settings(deadline=None, max_examples=25)

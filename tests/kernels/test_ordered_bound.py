@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from one_epoch import one_epoch, reading_of
-from pareto_ltl.kernels.data import Cells, Corners, Faces, Reading, StateLists
+from pareto_ltl.kernels.data import Cells, Corners, Faces, StateLists
 from pareto_ltl.kernels.ordered_bound import (
     add_risk,
     begin_bound,
@@ -20,6 +20,7 @@ from pareto_ltl.kernels.ordered_bound import (
     stays,
 )
 from pareto_ltl.logic.dfa import acceptance_distances, language_inclusion
+from pareto_ltl.planning.epochs import Reading
 from pareto_ltl.planning.pack_logic import empty_letters, follow_states, live_rows
 from pareto_ltl.planning.reference_live import keep_live, live_bound, read_live_letter
 
@@ -74,7 +75,7 @@ def bound_of(logic: Reading):
         0.0, 0.0, 1.0, 1.0, 1, np.zeros(2, np.int64), np.zeros(0, np.int64), none, np.zeros((0, 0), bool)
     )
     labelled = corners_of(np.arange(logic.delta.shape[1] - 1))
-    return follow_states(labelled, cells, one_epoch(logic))._replace(logic=logic)
+    return follow_states(labelled, cells, one_epoch(logic))
 
 
 def dense_step(case: Case, V, t):
@@ -162,7 +163,7 @@ def test_a_row_that_the_empty_letter_leaves_alone_is_v_after_it(case):
     bound = bound_of(case.logic)
     rows, letters = live_rows(bound, 2), empty_letters(bound)
     for _, row in rows_after(case, bound, rows, letters, 0):
-        if stays(bound, rows, row):
+        if stays(bound, letters, rows, row):
             before = [live_value(bound, rows, row, p) for p in range(len(case.logic.delta))]
             letters.seen[:], letters.met[:] = 0.0, 0.0
             letters.seen[-1] = 1.0

@@ -13,9 +13,10 @@ import numpy as np
 import pytest
 
 from one_epoch import one_epoch, reading_of
-from pareto_ltl.kernels.data import Cells, Corners, Faces, Reading
+from pareto_ltl.kernels.data import Cells, Corners, Faces
 from pareto_ltl.kernels.ordered_bound import begin_bound, live_value, note_letters, read_letter
 from pareto_ltl.planning import reference
+from pareto_ltl.planning.epochs import Reading
 from pareto_ltl.planning.pack_logic import empty_letters, follow_states, live_rows
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 
@@ -91,7 +92,7 @@ def bound_of_kernel(logic: Reading, goal: int, P: FloatArray) -> float:
     )
     letters = np.arange(P.shape[1] - 1)
     corners = Corners(letters, np.empty((0, 2)), np.empty(0), np.zeros(1, np.int64), np.empty((0, 2)))
-    bound = follow_states(corners, cells, one_epoch(logic))._replace(logic=logic)
+    bound = follow_states(corners, cells, one_epoch(logic))
     rows, letters = live_rows(bound, 2), empty_letters(bound)
     begin_bound(bound, rows, 0)
     for t in range(len(P)):
@@ -103,7 +104,7 @@ def bound_of_kernel(logic: Reading, goal: int, P: FloatArray) -> float:
 
 def bound_of_reference(logic: Reading, P: FloatArray, monkeypatch: pytest.MonkeyPatch) -> float:
     """The same by the readable formula."""
-    problem: Any = SimpleNamespace(world=SimpleNamespace(logic=logic), reading=lambda _: logic)
+    problem: Any = SimpleNamespace(logic=logic, reading=lambda _: logic)
     columns = np.arange(P.shape[1])
     monkeypatch.setattr(reference, "label_probabilities", lambda *_: (columns, P))
     return reference.ordered_bound(problem, np.zeros((len(P), 2)), np.zeros((len(P), 2, 2)))

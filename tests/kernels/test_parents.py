@@ -33,7 +33,7 @@ class Bench:
 
     def __init__(self, problem, beta=(0.0, 0.0)):
         cfg = PlannerConfig(trees=1, n_max=50)
-        graph = product_graph(problem.decomposition, problem.world.logic, problem.scene.bounds)
+        graph = product_graph(problem.decomposition, problem.logic, problem.scene.bounds)
         grove = growth._GrowthTask(cfg, problem, graph, cell_fans(problem.decomposition))
         self.problem = problem
         self.tree = growth._plant(grove, SeedSequence(0), 0, GrowthOptions())
@@ -62,7 +62,7 @@ class Bench:
     def choose(self, x, original):
         """The parent that a new vertex at ``x`` [km], reached from ``original``, is given."""
         s, (there, cell) = self.search, self.place(x)
-        v, delta = s.tree, s.world.logic.delta[0]
+        v, delta = s.tree, s.world.mission.logic.delta[0]
         length = v.length[original] + math.dist(v.x[original], there)
         q = int(delta[v.q[original], cell])
         first = kernel.propose(s, original, there, cell, q, kernel.BEST)

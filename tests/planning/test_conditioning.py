@@ -124,7 +124,7 @@ def test_states_are_read_step_by_step() -> None:
     inside, outside = np.full(2, 17e3), np.full(2, 2e3)
     x = np.array([[outside, inside, outside], [outside, outside, outside]])
     reached = states_reached(problem, x)
-    assert problem.world.logic.distance[reached].tolist() == [0.0, 1.0]
+    assert problem.logic.distance[reached].tolist() == [0.0, 1.0]
 
 
 # --- the field -----------------------------------------------------------------------------------

@@ -70,7 +70,7 @@ def test_starts_complete_the_mission_and_are_of_one_class_each(grown):
     assert len(starts) >= 3
     for kind, start in starts.items():
         assert path_class(problem, start.x) == kind
-        assert problem.world.logic.distance[kind.state] == 0.0
+        assert problem.logic.distance[kind.state] == 0.0
 
 
 def test_trees_supply_more_than_one_class(grown):

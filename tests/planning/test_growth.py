@@ -233,7 +233,7 @@ def test_every_re_selection_improves_some_weighted_sum(swapped):
 
 def test_progress_in_the_automaton_is_never_lost_along_a_path(phi1, swapped):
     """Visits stay visited: each vertex accepts all that its parent accepted."""
-    covers = phi1.world.logic.covers
+    covers = phi1.logic.covers
     for tree in swapped.trees:
         assert np.all(covers[tree.q[1:], tree.q[tree.parent[1:]]])
 

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from pareto_ltl.kernels.data import Reading
 from pareto_ltl.kernels.margin_events import Guards
+from pareto_ltl.planning.epochs import Reading
 from pareto_ltl.planning.margin_model import pack_guards, shown_letters
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.support.arrays import FloatArray
@@ -70,7 +70,7 @@ def by_guards(guards: Guards, initial: int, states: int, shown: FloatArray) -> F
 @example("X b U !a M !c", 1, 3)
 def test_edges_that_are_left_out_change_no_margin_of_acceptance(formula: str, seed: int, steps: int) -> None:
     problem, rng = task(formula), np.random.default_rng(seed)
-    logic = problem.world.logic
+    logic = problem.logic
     column = [int(cells[0]) for cells in shown_letters(problem)]
     guards, accepting = pack_guards(logic, column), logic.distance == 0.0
     for _ in range(5):
@@ -86,7 +86,7 @@ def test_edges_that_are_left_out_change_no_margin_of_acceptance(formula: str, se
 )
 def test_patient_edges_leave_every_claim_as_it_is_where_nothing_is_shown(formula: str, patient: bool) -> None:
     problem = task(formula)
-    logic, letters = problem.world.logic, shown_letters(problem)
+    logic, letters = problem.logic, shown_letters(problem)
     guards = pack_guards(logic, [int(cells[0]) for cells in letters])
     assert guards.patient == patient
     far = np.full((1, len(letters)), -np.inf)

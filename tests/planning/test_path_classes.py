@@ -170,7 +170,7 @@ def test_a_class_is_the_order_of_the_mission_and_the_sides_of_obstacles(problem)
     assert north_a_b.word == b_a.word == (1,)
     assert [sorted(label) for _, label in south_a_b.order] == [[], ["a"], ["b"]]
     assert [sorted(label) for _, label in b_a.order] == [[], ["b"], ["a"]]
-    done = problem.world.logic.distance == 0.0
+    done = problem.logic.distance == 0.0
     assert done[south_a_b.state]
     assert done[b_a.state]
     assert not done[only_a.state]

@@ -36,7 +36,7 @@ def test_polygons_keep_their_own_faces():
 
 
 def test_every_bucket_lists_the_cells_that_reach_into_it(problem):
-    cells, shapes = problem.world.cells, [shapely.Polygon(c) for c in problem.decomposition.cells]
+    cells, shapes = problem.cells, [shapely.Polygon(c) for c in problem.decomposition.cells]
     n, width = cells.buckets, (cells.east - cells.west) / cells.buckets
     rng = np.random.default_rng(0)
     for column, row in rng.integers(0, n, (200, 2)):
@@ -54,9 +54,9 @@ def test_propositions_hold_in_the_cells_of_their_regions():
     problem = make_problem("F a & F b", scene)
     assert problem.atoms == ("a", "b")
     for cell, label in enumerate(problem.labels):
-        assert problem.world.cells.atoms[cell].tolist() == ["a" in label, "b" in label]
+        assert problem.cells.atoms[cell].tolist() == ["a" in label, "b" in label]
     both = problem.locate(np.array([[8, 8]]) * KM)[0]
-    assert problem.world.cells.atoms[both].tolist() == [True, True]
+    assert problem.cells.atoms[both].tolist() == [True, True]
     assert set(problem.theorem2.atom) == {0, 1}
 
 

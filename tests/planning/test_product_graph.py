@@ -23,7 +23,7 @@ some = settings(deadline=None, max_examples=40)
 
 
 def graph_of(problem):
-    return guide.product_graph(problem.decomposition, problem.world.logic, problem.scene.bounds)
+    return guide.product_graph(problem.decomposition, problem.logic, problem.scene.bounds)
 
 
 @pytest.mark.parametrize("formula", ["F(a & F b)", "!b U a", "F(a & X b)", "F a & F b"])

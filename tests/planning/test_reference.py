@@ -217,7 +217,7 @@ def by_states(problem, x, cov):
     known exactly and lies in no region."""
     automaton, states = problem.automaton, range(problem.automaton.n_states)
     letters, (_, loses) = automaton.letters, harmful_letters(automaton, automaton.letter_index(()))
-    met, hazards = meeting_bounds(problem, x, cov), problem.world.logic.hazards.cell
+    met, hazards = meeting_bounds(problem, x, cov), problem.logic.hazards.cell
     V = [0.0 if automaton.preorder[automaton.initial, p] else 1.0 for p in states]
     for t, (mean, c) in enumerate(zip(x, cov, strict=True)):
         P = dict.fromkeys(letters, 0.0)

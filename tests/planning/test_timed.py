@@ -100,7 +100,7 @@ def test_flights_complete_what_the_formula_says_at_the_times_of_their_steps(
 ) -> None:
     problem, x = TASKS[formula], KM * np.array(where)
     word = [shown_at(problem, place, DT * t) for t, place in enumerate(x)]
-    done = problem.world.logic.distance[states_along(problem.world.cells, problem.world.logic, x)] == 0.0
+    done = problem.logic.distance[states_along(problem.cells, problem.logic, x)] == 0.0
     wanted = [satisfied(parse_formula(formula), word[: t + 1]) for t in range(len(x))]
     np.testing.assert_array_equal(done, wanted)
     assert judge_flights(problem, "independent", x[None]).accepted[0] == wanted[-1]
@@ -111,7 +111,7 @@ def test_flights_complete_what_the_formula_says_at_the_times_of_their_steps(
 def test_the_plain_road_reads_the_same_letters(formula: str, where: list[tuple[float, float]]) -> None:
     problem, x = TASKS[formula], KM * np.array(where)
     assume((np.linalg.norm(np.diff(x, axis=0), axis=1) > 1.0).all())
-    found = states_along(problem.world.cells, problem.world.logic, x)
+    found = states_along(problem.cells, problem.logic, x)
     np.testing.assert_array_equal(found, states_of_flight(problem, x))
 
 
@@ -137,8 +137,8 @@ def test_an_obstacle_that_stands_for_a_time_is_met_on_the_way_while_it_stands(
         if stands and not reached and (at_step or passed):
             lost = True
         reached = reached or (not lost and "a" in shown_at(problem, end, DT * t))
-    state = states_along(problem.world.cells, problem.world.logic, x)[-1]
-    distance = problem.world.logic.distance[state]
+    state = states_along(problem.cells, problem.logic, x)[-1]
+    distance = problem.logic.distance[state]
     assert (distance == 0.0) == reached
     assert math.isinf(distance) == (lost and not reached)
 
@@ -204,8 +204,8 @@ def test_the_papers_bound_counts_visits_while_a_region_counts() -> None:
 
 def first_visit(problem: Problem, x: FloatArray) -> float:
     """When the mission is complete [s]."""
-    q = states_along(problem.world.cells, problem.world.logic, x)
-    return DT * float(np.flatnonzero(problem.world.logic.distance[q] == 0.0)[0])
+    q = states_along(problem.cells, problem.logic, x)
+    return DT * float(np.flatnonzero(problem.logic.distance[q] == 0.0)[0])
 
 
 def grown(
@@ -242,7 +242,7 @@ def test_trees_go_round_an_obstacle_while_it_stands() -> None:
     found = paths_of(problem)
     assert found
     for x in found:
-        assert np.isfinite(problem.world.logic.distance[states_of_flight(problem, x)]).all()
+        assert np.isfinite(problem.logic.distance[states_of_flight(problem, x)]).all()
 
 
 def test_no_vertex_is_grown_that_a_deadline_has_passed() -> None:

@@ -43,9 +43,7 @@ def test_a_taut_line_makes_a_forest_of_one_accepted_path(task):
     path = tree.path(v)
     assert j == 0
     assert len(path) == len(tree)
-    assert (
-        problem.world.logic.distance[states_along(problem.world.cells, problem.world.logic, path)[-1]] == 0.0
-    )
+    assert problem.logic.distance[states_along(problem.cells, problem.logic, path)[-1]] == 0.0
 
 
 def test_every_later_stage_is_carried_out(task):

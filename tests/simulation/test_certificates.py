@@ -118,7 +118,7 @@ def all_edges(problem: Problem) -> ClaimEdges:
 
 def cheapest(problem, edges, costs):
     """What the cheapest run over ``edges`` costs."""
-    logic, steps, states = problem.world.logic, len(costs[0]), len(problem.automaton.delta)
+    logic, steps, states = problem.logic, len(costs[0]), len(problem.automaton.delta)
     least, via = np.empty((steps + 1, states)), np.empty((steps, states), np.int64)
     least[0] = np.where(logic.covers[logic.initial], 0.0, np.inf)
     cheapest_claims(edges, costs, least, via)
@@ -138,7 +138,7 @@ def test_edges_that_are_left_out_are_not_missed(formula, seed):
     """Random costs: the cheapest run over all edges costs as much as over those that are kept."""
     problem, rng = TASKS[formula], np.random.default_rng(seed)
     labelled = [c for c, label in enumerate(problem.labels) if label]
-    kept = claim_edges(problem.world.logic, labelled, [[g] for g in range(len(labelled))])
+    kept = claim_edges(problem.logic, labelled, [[g] for g in range(len(labelled))])
     edges = all_edges(problem)
     assert len(kept.source) < len(edges.source)
     costs = random_costs(rng, len(labelled), edges)
@@ -151,13 +151,13 @@ def test_claims_that_large_automata_look_at_are_enough(formula, monkeypatch):
     monkeypatch.setattr("pareto_ltl.simulation.certificates.LIVE", 1)
     problem, rng = TASKS[formula], np.random.default_rng(6)
     labelled = [c for c, label in enumerate(problem.labels) if label]
-    kept = claim_edges(problem.world.logic, labelled, [[g] for g in range(len(labelled))])
+    kept = claim_edges(problem.logic, labelled, [[g] for g in range(len(labelled))])
     edges = all_edges(problem)
     for _ in range(30):
         costs = random_costs(rng, len(labelled), edges)
         ours, theirs = cheapest(problem, kept, costs), cheapest(problem, edges, costs)
         assert ours >= theirs - 1e-12
-        if not len(problem.world.logic.hazards.cell):
+        if not len(problem.logic.hazards.cell):
             assert ours == pytest.approx(theirs)
 
 
@@ -166,7 +166,7 @@ def test_edges_of_a_large_automaton_are_as_many_as_its_transitions():
     regions = {name: box(2 + 2 * k, 3, 3 + 2 * k, 5) for k, name in enumerate(names)}
     problem = make_problem(" & ".join(f"F {name}" for name in names), make_scene(regions, start=(1.0, 1.0)))
     labelled = [c for c, label in enumerate(problem.labels) if label]
-    edges = claim_edges(problem.world.logic, labelled, [[g] for g in range(len(labelled))])
+    edges = claim_edges(problem.logic, labelled, [[g] for g in range(len(labelled))])
     assert len(problem.automaton.delta) == 256
     assert len(edges.source) == 256 * (1 + 8)
 

@@ -8,7 +8,7 @@ from pareto_ltl.kernels.clearance import CERTAIN, beyond_reach, segment_clearanc
 from pareto_ltl.kernels.data import Point
 from pareto_ltl.kernels.geometry import locate_cell
 from pareto_ltl.kernels.jit import implements, inlined, kernel
-from pareto_ltl.kernels.letters import epoch_at, meet_hazards, reading_at
+from pareto_ltl.kernels.letters import epoch_at, meet_hazards, rests
 from pareto_ltl.kernels.margin_events import (
     NOWHERE,
     Guards,
@@ -198,11 +198,11 @@ def cross_hazards(
     read as letters of steps. Hazards that no flight comes near, and those farther than all that they could
     lower, are left out.
     """
-    logic, cells = reading_at(model.logic, t + 1), model.logic.hazards.cell
+    logic, cells, e = model.logic, model.logic.hazards.cell, epoch_at(model.logic.epoch, t + 1)
     first, last = ends
-    reads, own = logic.rests[state, first], state  # otherwise the formula counts steps
+    reads, own = rests(logic, t + 1, state, first), state  # otherwise the formula counts steps
     if reads and (first != last or first < 0):
-        own = meet_hazards(model.cells, logic, state, start, first, end, last)
+        own = meet_hazards(model.cells, logic, e, state, start, first, end, last)
     held, event = claims.margin[state], claims.event[state]
     most = held
     for k in range(claims.size[0]):
@@ -215,9 +215,9 @@ def cross_hazards(
         number = hazard_number(model, t, h, False)
         for k in range(claims.size[0]):
             q = claims.live[k]
-            if logic.loses[q, cells[h]] and margin < claims.margin[q]:
+            if logic.loses[e, q, cells[h]] and margin < claims.margin[q]:
                 claims.margin[q], claims.event[q] = margin, number
-        if reads and logic.harm[state, cells[h]] and abs(margin) < held:
+        if reads and logic.harm[e, state, cells[h]] and abs(margin) < held:
             held, event = abs(margin), hazard_number(model, t, h, margin < 0.0)
     if held > claims.margin[own]:
         enter_claim(claims, own, held, event)
@@ -252,7 +252,7 @@ def read_on_the_way(
         last = locate_cell(model.cells, there)
         if t > 0:
             state = cross_hazards(model, t - 1, at, there, (cell, last), before, state, near)
-        state, cell, at = int(reading_at(logic, t).delta[state, last]), last, there
+        state, cell, at = int(logic.delta[epoch_at(logic.epoch, t), state, last]), last, there
         if read_letters(model, t, there, floor, before, after, lists, near):
             before, after = after, before
     return before

@@ -123,43 +123,24 @@ class Logic(NamedTuple):
     """The automaton on the letters that cells show, in every epoch: a span of steps in which the same
     propositions with time windows hold. Without windows there is one.
 
-    ``epoch`` (S + 1,) is that of each step, the last one of all later steps. Tables of :class:`Reading` have
-    the epochs in front: ``delta``, ``way``, ``rests``, ``harm`` and ``loses`` (E, Q, C + 1), ``ahead`` (E, Q)
-    its distances. ``distance`` d_A (Q,) is that of any letters, inf in the trap; ``covers`` (Q, Q):
-    ``covers[q, p]`` iff q accepts all that p accepts (q >= p); ``hazards`` are the cells that harm in some
-    state of some epoch.
+    ``epoch`` (S + 1,) is that of each step, the last one of all later steps; ``delta`` (E, Q, C + 1), the
+    last column for no label (obstacles, off the map); ``distance`` d_A (Q,), inf in the trap, ``ahead``
+    (E, Q) that of the letters which an epoch and later ones show; ``covers`` (Q, Q): ``covers[q, p]`` iff
+    q accepts all that p accepts (q >= p).
+
+    On the way from step to step letters that lead away from acceptance are read, and take q to ``way``
+    (E, Q, C + 1), in states that the label of the step before leaves as they are.
+    ``harm`` (E, Q, C + 1): the label is worse in q than no label, or ends in the trap; ``hazards`` are the
+    cells that harm in some state of some epoch; ``loses`` (E, Q, C + 1): meeting the label may take a state
+    as good as q to one that is not.
     """
 
     epoch: IntArray
     delta: IntArray
     way: IntArray
-    rests: BoolArray
     harm: BoolArray
     loses: BoolArray
     ahead: FloatArray
-    distance: FloatArray
-    covers: BoolArray
-    initial: int
-    hazards: Corners
-
-
-class Reading(NamedTuple):
-    """The automaton at one step.
-
-    ``delta`` (Q, C + 1), the last column for no label (obstacles, off the map); ``distance`` (Q,) the fewest
-    letters to acceptance of those that this and later epochs show, inf where it is out of reach.
-
-    On the way from step to step letters that lead away from acceptance are read, and take q to ``way``
-    (Q, C + 1), in states that the step before leaves as they are, ``rests`` (Q, C + 1) by its own label.
-    ``harm`` (Q, C + 1): the label is worse in q than no label, or ends in the trap; ``loses`` (Q, C + 1):
-    meeting the label may take a state as good as q to one that is not.
-    """
-
-    delta: IntArray
-    way: IntArray
-    rests: BoolArray
-    harm: BoolArray
-    loses: BoolArray
     distance: FloatArray
     covers: BoolArray
     initial: int
@@ -307,12 +288,14 @@ Memory: TypeAlias = CoherentMemory | LandmarkMemory | None
 class Theorem2(NamedTuple):
     """The paper's f_o: ``faces`` of the convex parts of the regions, ``atom`` the proposition of each part,
     ``holds`` (E, C, P) which propositions hold in a cell in each ``epoch`` (S + 1,) of the steps. Its memory
-    is None: the risks of the propositions are the vertex's own objectives."""
+    is None: the risks of the propositions are the vertex's own objectives. All cells, the automaton."""
 
     faces: Faces
     atom: IntArray
     holds: BoolArray
     epoch: IntArray
+    cells: Cells
+    logic: Logic
 
 
 class StateLists(NamedTuple):
@@ -323,8 +306,7 @@ class StateLists(NamedTuple):
 
 
 class Ordered(NamedTuple):
-    """The ordered bound V: cells that show a label, all cells, the automaton: ``logic`` is a
-    :class:`Logic`, or the :class:`Reading` of a step (``ordered_bound.bound_at``).
+    """The ordered bound V: cells that show a label, all cells, the automaton.
 
     ``targets`` are the states that an entry of V at q is followed to, ``begin`` those of the first entries
     (:mod:`pareto_ltl.kernels.ordered_bound`); the lists of a large automaton are empty. States of one
@@ -333,7 +315,7 @@ class Ordered(NamedTuple):
 
     labelled: Corners
     cells: Cells
-    logic: Any
+    logic: Logic
     targets: StateLists
     begin: IntArray
     kind: IntArray
@@ -355,7 +337,7 @@ class LiveRows(NamedTuple):
 class Letters(NamedTuple):
     """What may be read in one step: ``seen`` (L + 1,) = P(each label), last no label; ``met`` (H,) = P(each
     hazard met). Scratch: ``parts`` and ``hazards`` list those above 0, ``listed`` (2,) of each, and ``place``
-    (Q,) is the number of a state's entry, -1 where it has none."""
+    (Q,) is the number of a state's entry, -1 where it has none. ``epoch`` (1,) is that of the step."""
 
     seen: FloatArray
     met: FloatArray
@@ -363,6 +345,7 @@ class Letters(NamedTuple):
     hazards: IntArray
     listed: IntArray
     place: Int32Array
+    epoch: IntArray
 
 
 class OrderedMemory(NamedTuple):
@@ -411,10 +394,12 @@ CollisionMemory: TypeAlias = PathMemory | None
 
 
 class World(NamedTuple):
-    """Everything about the problem: what is planned with, by type."""
+    """Everything about the problem: what is planned with, by type.
+
+    The cells and the automaton are those of the mission bound, and stand in it alone: kernels hand the world
+    on by value, and a second copy made trees of ``fidelity=full`` twice as slow.
+    """
 
     law: Law
     mission: MissionBound
     collision: CollisionBound
-    cells: Cells
-    logic: Logic

@@ -36,7 +36,7 @@ from pareto_ltl.kernels.interpolation import (
     wind_at,
 )
 from pareto_ltl.kernels.jit import by_type, entry, implements, kernel, vector
-from pareto_ltl.kernels.letters import next_state, reading_at
+from pareto_ltl.kernels.letters import next_state
 from pareto_ltl.kernels.path import Flight
 from pareto_ltl.kernels.propagation import white_variance
 from pareto_ltl.support.arrays import BoolArray, Float32Array, FloatArray
@@ -330,14 +330,14 @@ def judge_batch(judge: Judge, outcome: Outcome) -> None:
     for i in range(x.shape[0]):
         at = Point(x[i, 0, 0], x[i, 0, 1])
         cell = locate_cell(judge.cells, at)
-        q = int(reading_at(logic, 0).delta[logic.initial, cell])
+        q = int(logic.delta[logic.epoch[0], logic.initial, cell])
         collided, outside = False, off_map(judge.cells, at)
         for t in range(1, x.shape[1]):
             there = Point(x[i, t, 0], x[i, t, 1])
             collided = collided or segment_touches(judge.obstacles, judge.nearby, at, there)
             outside = outside or off_map(judge.cells, there)
             last = locate_cell(judge.cells, there)
-            q = next_state(judge.cells, reading_at(logic, t), q, at, cell, there, last)
+            q = next_state(judge.cells, logic, t, q, at, cell, there, last)
             at, cell = there, last
         outcome.collided[i], outcome.off_map[i] = collided, outside
         outcome.accepted[i] = logic.distance[q] == 0.0

@@ -12,7 +12,7 @@ from pareto_ltl.kernels.data import Gaussian, Logic, Point
 from pareto_ltl.kernels.dijkstra import Product, find_lead
 from pareto_ltl.kernels.geometry import locate_cell
 from pareto_ltl.kernels.jit import entry, inlined, kernel
-from pareto_ltl.kernels.letters import epoch_at, next_state, reading_at
+from pareto_ltl.kernels.letters import epoch_at, next_state, too_late
 from pareto_ltl.kernels.neighbours import kd_nearest
 from pareto_ltl.kernels.propagation import airspeed, forget, least_airspeed
 from pareto_ltl.kernels.tree import (
@@ -76,83 +76,107 @@ def sample_cell(fans: Fans, cell: int, rng: Generator) -> Point:
 
 
 @kernel
-def extend(s: Search, fans: Fans, v: int, target: Point, limit: int, rng: Generator) -> None:
+def extend(s: Search, v: int, target: Point, until: int, limit: int, rng: Generator) -> int:
     """Walk from ``v`` towards a point; stop at the first step that is infeasible (Section IV-C).
 
-    Where a place may be entered later than now, the robot waits: in front of one that is closed, half of the
-    times, and within one that is to be visited.
+    Returns the last vertex. Before step ``until`` the robot stays where it is, if it can stand still. A
+    vertex that waits keeps its parent: a shorter way to the same place would arrive too early again.
     """
     world, tree, state = s.world, s.tree, s.state
-    tally = state.tally
+    cells, logic, tally, best = world.mission.cells, world.mission.logic, state.tally, int(np.int64(BEST))
     while tally[VERTICES] < limit:
         start, free = vertex_point(tree, v), Point(tree.free[v, 0], tree.free[v, 1])
         there, moved = steer(world.law.motion, start, free, tree.speed[v], target)
+        step = int(tree.step[v]) + 1
+        waits = step < until
+        if waits and stands_still(s, v):
+            there, moved = start, True
         if not moved:
             tally[WINDBOUND] += 1
-            return
-        cell = locate_cell(world.cells, there)
+            return v
+        cell = locate_cell(cells, there)
         if cell < 0:
             tally[BLOCKED] += 1
-            return
-        read = reading_at(world.logic, int(tree.step[v]) + 1)
-        q = next_state(world.cells, read, tree.q[v], start, tree.cell[v], there, cell)
-        if read.distance[q] == math.inf:
+            return v
+        q = next_state(cells, logic, step, tree.q[v], start, tree.cell[v], there, cell)
+        if too_late(logic, step, q):
             tally[TRAPPED] += 1
-            last = len(world.logic.epoch) - 1 if rng_waits(world.logic, rng) else 0
-            until = next_opening(world.logic, tree.q[v], cell, tree.step[v] + 1, last)
-            v = wait(s, fans, v, until, limit, rng)
-            if until < 0 or tree.step[v] + 1 < until:
-                return
-            continue
-        grown = step_on(s, v, there, cell, q, s.settings.reselect, rng)
-        if grown < 0:
-            return
-        v = grown
-        if world.logic.distance[tree.q[v]] == 0.0:
-            return
-        if there.x == target.x and there.y == target.y:
-            until = next_visit(world.logic, tree.q[v], cell, tree.step[v] + 1)
-            wait(s, fans, v, until + 1, limit, rng)
-            return
+            return v
+        if not in_time(s, step, q):
+            tally[BEYOND] += 1
+            return v
+        new = propose(s, v, there, cell, q, best)
+        if not appraise_collision(world.collision, tree, state, new):
+            tally[BLOCKED] += 1
+            return v
+        appraise_mission(world.mission, tree, state, new)
+        length = tree.length[v] + distance(start, there)
+        parent = v
+        if s.settings.reselect and not waits:
+            parent, q_new, length_new = choose_parent(s, new, length, rng)
+            if parent != v:
+                note_swap(s, q, length, q_new, length_new)
+                q, length = q_new, length_new
+        v = add_vertex(s, there, cell, q, parent, length, rng)
+        if logic.distance[q] == 0.0 or (not waits and there.x == target.x and there.y == target.y):
+            return v
+        if until > 0 and not waits:
+            return v
         if world.law.motion.u_min > 0.0 and passed(start, there, target):
-            return
-
-
-@kernel
-def step_on(s: Search, v: int, there: Point, cell: int, q: int, reselect: bool, rng: Generator) -> int:
-    """Add a vertex one step after ``v``, or after a better parent; its number, -1 where there can be none."""
-    world, tree, state, best = s.world, s.tree, s.state, int(np.int64(BEST))
-    if not in_time(s, tree.step[v] + 1, q):
-        state.tally[BEYOND] += 1
-        return -1
-    new = propose(s, v, there, cell, q, best)
-    if not appraise_collision(world.collision, tree, state, new):
-        state.tally[BLOCKED] += 1
-        return -1
-    appraise_mission(world.mission, tree, state, new)
-    length = tree.length[v] + distance(vertex_point(tree, v), there)
-    parent = int(np.int64(v))
-    if reselect:
-        parent, q_new, length_new = choose_parent(s, new, length, rng)
-        if parent != v:
-            note_swap(s, q, length, q_new, length_new)
-            q, length = q_new, length_new
-    return add_vertex(s, there, cell, q, parent, length, rng)
+            return v
+    return v
 
 
 # --- waiting for a time window ----------------------------------------------------------------
 
 
+class Wait(NamedTuple):
+    """Where to go next, and the step until which to wait; -1 where an extension is at its end."""
+
+    target: Point
+    until: int
+
+
 @inlined
-def rng_waits(logic: Logic, rng: Generator) -> bool:
-    """Half of the times where there are time windows."""
-    return len(logic.delta) > 1 and rng.random() < 0.5
+def stands_still(s: Search, v: int) -> bool:
+    """Whether the robot can hold its place in the wind."""
+    tree, motion = s.tree, s.world.law.motion
+    flown = airspeed(motion, tree.x[v, 0] - tree.free[v, 0], tree.x[v, 1] - tree.free[v, 1])
+    return bool(least_airspeed(motion, tree.speed[v]) <= flown <= tree.speed[v])
 
 
 @kernel
-def next_opening(logic: Logic, q: int, cell: int, step: int, last: int) -> int:
-    """The first step from ``step`` to ``last`` on at which a cell may be entered in state q; -1: never."""
-    for t in range(step, last + 1):
+def look_for_window(s: Search, fans: Fans, v: int, last: Wait, goal: Point, rng: Generator) -> Wait:
+    """Whether to wait at ``v``, where an extension towards ``goal`` has ended; ``last`` is what it did.
+
+    The robot waits within a place that is to be visited later, and half of the times in front of one that is
+    closed now. One that cannot stand still flies to and fro in its cell.
+    """
+    tree, logic = s.tree, s.world.mission.logic
+    q, step, cell, here = tree.q[v], int(tree.step[v]) + 1, tree.cell[v], vertex_point(tree, v)
+    if logic.distance[q] == 0.0 or s.state.tally[VERTICES] >= len(tree.x):
+        return Wait(goal, -1)
+    if last.until > 0:  # it has waited
+        if step < last.until:
+            return Wait(sample_cell(fans, cell, rng), last.until if rng.random() < 0.9 else -1)
+        return Wait(goal, 0)
+    if here.x == goal.x and here.y == goal.y:
+        return Wait(sample_cell(fans, cell, rng), next_visit(logic, q, cell, step))
+    free = Point(tree.free[v, 0], tree.free[v, 1])
+    there, moved = steer(s.world.law.motion, here, free, tree.speed[v], goal)
+    ahead = locate_cell(s.world.mission.cells, there)
+    if not moved or ahead < 0 or rng.random() < 0.5:
+        return Wait(goal, -1)
+    then = next_state(s.world.mission.cells, logic, step, q, here, cell, there, ahead)
+    if not too_late(logic, step, then):
+        return Wait(goal, -1)
+    return Wait(sample_cell(fans, cell, rng), opening(logic, q, ahead, step))
+
+
+@kernel
+def opening(logic: Logic, q: int, cell: int, step: int) -> int:
+    """The first step after ``step`` at which a cell may be entered in state q; -1: never."""
+    for t in range(step + 1, len(logic.epoch)):
         e = epoch_at(logic.epoch, t)
         if logic.ahead[e, logic.delta[e, q, cell]] < math.inf and not logic.harm[e, q, cell]:
             return t
@@ -161,39 +185,12 @@ def next_opening(logic: Logic, q: int, cell: int, step: int, last: int) -> int:
 
 @kernel
 def next_visit(logic: Logic, q: int, cell: int, step: int) -> int:
-    """The first step from ``step`` on at which the label of a cell brings state q nearer to acceptance;
-    -1: never. Only time windows make it change its mind."""
-    if len(logic.delta) > 1:
-        for t in range(step, len(logic.epoch)):
-            if logic.distance[logic.delta[epoch_at(logic.epoch, t), q, cell]] < logic.distance[q]:
-                return t
+    """The first step from ``step`` on at which the label of a cell brings state q nearer to acceptance, and
+    one more; -1: never."""
+    for t in range(step, len(logic.epoch)):
+        if logic.distance[logic.delta[epoch_at(logic.epoch, t), q, cell]] < logic.distance[q]:
+            return t + 1
     return -1
-
-
-@kernel
-def wait(s: Search, fans: Fans, v: int, until: int, limit: int, rng: Generator) -> int:
-    """Stay about where ``v`` is until the step before ``until``; the last vertex.
-
-    A robot that cannot stand still flies to and fro in the cell. Waiting vertices keep their parents: a
-    shorter way to the same place would arrive too early again.
-    """
-    world, tree, tally = s.world, s.tree, s.state.tally
-    while tree.step[v] + 1 < until and tally[VERTICES] < limit:
-        here, free, cell = vertex_point(tree, v), Point(tree.free[v, 0], tree.free[v, 1]), tree.cell[v]
-        flown = airspeed(world.law.motion, here.x - free.x, here.y - free.y)
-        there = here
-        if flown > tree.speed[v] or flown < least_airspeed(world.law.motion, tree.speed[v]):
-            target = sample_cell(fans, cell, rng)
-            there, moved = steer(world.law.motion, here, free, tree.speed[v], target)
-            if not moved or locate_cell(world.cells, there) != cell:
-                return v
-        read = reading_at(world.logic, int(tree.step[v]) + 1)
-        q = next_state(world.cells, read, tree.q[v], here, cell, there, cell)
-        grown = -1 if read.distance[q] == math.inf else step_on(s, v, there, cell, q, False, rng)
-        if grown < 0:
-            return v
-        v = grown
-    return v
 
 
 @inlined
@@ -220,7 +217,7 @@ def pick_state(s: Search, rng: Generator) -> int:
 @inlined
 def pick_target(s: Search, fans: Fans, position: int, rng: Generator) -> Point:
     """A target in the successor on the lead; sometimes in a later state, sometimes anywhere."""
-    c, state = s.world.cells, s.state
+    c, state = s.world.mission.cells, s.state
     cells = len(c.faces.ptr) - 1
     after = position + 1
     if rng.random() < s.settings.explore:
@@ -236,8 +233,8 @@ def plant(s: Search, here: Gaussian, rng: Generator) -> bool:
     """Make the root. Returns False where the start itself breaks the chance constraint."""
     world, tree, state = s.world, s.tree, s.state
     root = int(np.int64(0))  # a literal 0 would be a type of its own, and all below compiled for it
-    cell = locate_cell(world.cells, here.mean)
-    q = reading_at(world.logic, root).delta[world.logic.initial, cell]
+    cell = locate_cell(world.mission.cells, here.mean)
+    q = world.mission.logic.delta[world.mission.logic.epoch[0], world.mission.logic.initial, cell]
     tree.x[0, 0], tree.x[0, 1] = here.mean
     tree.parent[0], tree.step[0], tree.q[0], tree.cell[0] = -1, 0, q, cell
     tree.length[0] = 0.0
@@ -248,7 +245,7 @@ def plant(s: Search, here: Gaussian, rng: Generator) -> bool:
         return False
     plant_mission(world.mission, tree, state, here)
     state.tally[VERTICES] = 1
-    if world.logic.distance[q] == 0.0:
+    if world.mission.logic.distance[q] == 0.0:
         state.tally[ACCEPTED] = 1
     if len(world.law.wind.slot) > 0:
         look_ahead(s, root, root, here.cov)
@@ -270,7 +267,7 @@ def grow(
     tally = state.tally
     if tally[VERTICES] == 0 and not plant(s, root, rng):
         return
-    cells = len(s.world.cells.faces.ptr) - 1
+    cells = len(s.world.mission.cells.faces.ptr) - 1
     start = tree.q[0] * cells + tree.cell[0]
     while tally[VERTICES] < limit and tally[ITERATIONS] < iterations and tally[ENDED] == 0:
         if tally[AGE] % s.settings.refresh == 0:
@@ -288,7 +285,12 @@ def grow(
         target = pick_target(s, fans, position, rng)
         before = tally[VERTICES]
         v = kd_nearest(tree.x, tree.child, state.root, z, target, state.stack)
-        extend(s, fans, v, target, limit, rng)
+        wait = Wait(target, 0)
+        while wait.until >= 0:
+            v = extend(s, v, wait.target, wait.until, limit, rng)
+            if len(s.world.mission.logic.delta) == 1:
+                break
+            wait = look_for_window(s, fans, v, wait, target, rng)
         if tally[VERTICES] == before:
             # A door that the wind or Eq. (9) keeps shut: charge the far side too, so that leads go round.
             state.selected[state.lead[position + 1]] += 1

@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from pareto_ltl.kernels.data import Cells, Logic, Point, Reading
+from pareto_ltl.kernels.data import Cells, Logic, Point
 from pareto_ltl.kernels.geometry import entry_share, locate_cell
 from pareto_ltl.kernels.jit import allocating, inlined, kernel
 from pareto_ltl.support.arrays import FloatArray, IntArray
@@ -23,33 +23,38 @@ def epoch_at(epoch: IntArray, step: int) -> int:
 
 
 @inlined
-def reading_at(logic: Logic, step: int) -> Reading:
-    """The automaton as it reads the letters of ``step``, and those on the way to it."""
-    e = epoch_at(logic.epoch, step)
-    return Reading(
-        logic.delta[e], logic.way[e], logic.rests[e], logic.harm[e], logic.loses[e], logic.ahead[e],
-        logic.covers, logic.initial, logic.hazards,
-    )  # fmt: skip
+def too_late(logic: Logic, step: int, q: int) -> bool:
+    """Whether the letters that ``step`` and later ones show cannot complete the mission from state q."""
+    return bool(logic.ahead[epoch_at(logic.epoch, step), q] == math.inf)
 
 
 @inlined
-def next_state(cells: Cells, logic: Reading, q: int, start: Point, first: int, end: Point, last: int) -> int:
-    """State after a step from ``start`` in cell ``first`` to ``end`` in cell ``last``; -1 is no cell.
+def rests(logic: Logic, step: int, q: int, cell: int) -> bool:
+    """Whether the label of the step before ``step`` leaves state q as it is."""
+    return bool(logic.delta[epoch_at(logic.epoch, step - 1), q, cell] == q)
+
+
+@inlined
+def next_state(
+    cells: Cells, logic: Logic, step: int, q: int, start: Point, first: int, end: Point, last: int
+) -> int:
+    """State after ``step``, from ``start`` in cell ``first`` to ``end`` in cell ``last``; -1 is no cell.
 
     The way is read only in a state that the label of its start leaves alone: otherwise the formula counts
     steps (X), and a letter between them is none of them.
     """
     state, begun, ended = int(np.int64(q)), int(np.int64(first)), int(np.int64(last))  # one type
-    if len(logic.hazards.cell) > 0 and (begun != ended or begun < 0) and logic.rests[state, begun]:
-        state = meet_hazards(cells, logic, state, start, begun, end, ended)
-    return int(logic.delta[state, ended])
+    e = epoch_at(logic.epoch, step)
+    if len(logic.hazards.cell) > 0 and (begun != ended or begun < 0) and rests(logic, step, state, begun):
+        state = meet_hazards(cells, logic, e, state, start, begun, end, ended)
+    return int(logic.delta[e, state, ended])
 
 
 @kernel
 def meet_hazards(
-    cells: Cells, logic: Reading, q: int, start: Point, first: int, end: Point, last: int
+    cells: Cells, logic: Logic, e: int, q: int, start: Point, first: int, end: Point, last: int
 ) -> int:
-    """State after the cells between start and end that do harm, each read when it is entered.
+    """State after the cells between start and end that do harm in epoch ``e``, each read when it is entered.
 
     The cells of the ends are read as the labels of their steps.
     """
@@ -62,7 +67,7 @@ def meet_hazards(
         share, found = math.inf, -1
         for h in range(len(hazards.cell)):
             cell = hazards.cell[h]
-            if not logic.harm[q, cell] or cell == first or cell == last:  # noqa: SIM109 (numba: types differ)
+            if not logic.harm[e, q, cell] or cell == first or cell == last:  # noqa: SIM109 (numba: types differ)
                 continue
             ax, ay = hazards.middle[h, 0] - middle.x, hazards.middle[h, 1] - middle.y
             reach = hazards.radius[h] + half
@@ -73,7 +78,7 @@ def meet_hazards(
                 share, found = enters, cell
         if found < 0:
             return q
-        q, passed = int(logic.way[q, found]), share
+        q, passed = int(logic.way[e, q, found]), share
 
 
 @allocating
@@ -82,10 +87,10 @@ def states_along(cells: Cells, logic: Logic, x: FloatArray) -> IntArray:
     states = np.empty(len(x), np.int64)
     at = Point(x[0, 0], x[0, 1])
     cell = locate_cell(cells, at)
-    states[0] = reading_at(logic, 0).delta[logic.initial, cell]
+    states[0] = logic.delta[logic.epoch[0], logic.initial, cell]
     for t in range(1, len(x)):
         there = Point(x[t, 0], x[t, 1])
         last = locate_cell(cells, there)
-        states[t] = next_state(cells, reading_at(logic, t), states[t - 1], at, cell, there, last)
+        states[t] = next_state(cells, logic, t, states[t - 1], at, cell, there, last)
         at, cell = there, last
     return states

@@ -24,9 +24,10 @@ CERTAIN = 8.0  # standard deviations; what lies farther away has probability bel
 
 
 @kernel
-def visit_risk(bound: Theorem2, atom: int, cell: int, step: int, here: Gaussian, before: float) -> float:
-    """f_o^i (Theorem 1) after a step into ``cell``: the least risk over all visits, -1 before the first."""
-    if not bound.holds[epoch_at(bound.epoch, step), cell, atom]:
+def visit_risk(bound: Theorem2, e: int, atom: int, cell: int, here: Gaussian, before: float) -> float:
+    """f_o^i (Theorem 1) after a step into ``cell`` in epoch ``e``: the least risk over all visits, -1 before
+    the first."""
+    if not bound.holds[e, cell, atom]:
         return before
     now = region_missed(bound.faces, bound.atom, atom, here)
     return now if before < 0.0 else min(before, now)
@@ -43,7 +44,7 @@ def theorem2_risks(bound: Theorem2, x: FloatArray, cov: FloatArray, cell: IntArr
         risk = -1.0
         for t in range(len(x)):
             here = Gaussian(Point(x[t, 0], x[t, 1]), Cov(cov[t, 0], cov[t, 1], cov[t, 2]))
-            risk = visit_risk(bound, atom, cell[t], t, here, risk)
+            risk = visit_risk(bound, epoch_at(bound.epoch, t), atom, cell[t], here, risk)
         risks[atom] = max(risk, 0.0)
     return risks
 

@@ -19,18 +19,11 @@ import numpy as np
 from pareto_ltl.kernels.data import Cov, Gaussian, Letters, LiveRows, Ordered, Point
 from pareto_ltl.kernels.geometry import locate_cell
 from pareto_ltl.kernels.jit import allocating, inlined, kernel
-from pareto_ltl.kernels.letters import next_state, reading_at
+from pareto_ltl.kernels.letters import epoch_at, next_state
 from pareto_ltl.kernels.mission_risk import read_labels, read_place, read_way
 from pareto_ltl.support.arrays import FloatArray, Int32Array
 
 STEP_WORTH = 0.25  # one letter less to acceptance is worth so much of V when entries are left out
-
-
-@inlined
-def bound_at(bound: Ordered, step: int) -> Ordered:
-    """The bound with the automaton as it reads the letters of ``step``."""
-    logic = reading_at(bound.logic, step)
-    return Ordered(bound.labelled, bound.cells, logic, bound.targets, bound.begin, bound.kind)
 
 
 @kernel
@@ -70,37 +63,38 @@ def note_letters(bound: Ordered, letters: Letters) -> bool:
 
 
 @kernel
-def stays(bound: Ordered, rows: LiveRows, row: int) -> bool:
+def stays(bound: Ordered, letters: Letters, rows: LiveRows, row: int) -> bool:
     """Whether the empty letter leaves every state of a row as it is."""
-    delta = bound.logic.delta
-    empty = delta.shape[1] - 1
+    delta, e = bound.logic.delta, letters.epoch[0]
+    empty = delta.shape[2] - 1
     for k in range(rows.first[row], rows.first[row] + rows.size[row]):
-        if delta[rows.state[k], empty] != rows.state[k]:
+        if delta[e, rows.state[k], empty] != rows.state[k]:
             return False
     return True
 
 
-@kernel
+@inlined
 def promise_cost(bound: Ordered, letters: Letters, q: int, p: int, value: float) -> float:
     """V(q) + P(the letter does not lead from q to a state ≥ p) + Σ P(a hazard that loses q is met)."""
     delta, covers, loses = bound.logic.delta, bound.logic.covers, bound.logic.loses
-    empty = delta[q, delta.shape[1] - 1]
+    e = letters.epoch[0]
+    empty = delta[e, q, delta.shape[2] - 1]
     if empty != p and not covers[empty, p]:
         value += letters.seen[len(bound.labelled.cell)]
     for i in range(letters.listed[0]):
         part = letters.parts[i]
         cell = bound.labelled.cell[part]
-        to = delta[q, cell]
-        if to != p and not covers[to, p] and not loses[q, cell]:
+        to = delta[e, q, cell]
+        if to != p and not covers[to, p] and not loses[e, q, cell]:
             value += letters.seen[part]
     for i in range(letters.listed[1]):
         h = letters.hazards[i]
-        if loses[q, bound.logic.hazards.cell[h]]:
+        if loses[e, q, bound.logic.hazards.cell[h]]:
             value += letters.met[h]
     return value
 
 
-@kernel
+@inlined
 def offer(
     bound: Ordered, letters: Letters, q: int, p: int, value: float, rows: LiveRows, row: int, planned: int
 ) -> None:  # fmt: skip
@@ -130,14 +124,14 @@ def count_targets(bound: Ordered, letters: Letters, q: int) -> int:
 @inlined
 def target_state(bound: Ordered, letters: Letters, q: int, i: int) -> int:
     """State number i of these: of the list, or q itself and those that a letter leads to."""
-    first, delta = bound.targets.ptr[q], bound.logic.delta
+    first, delta, e = bound.targets.ptr[q], bound.logic.delta, letters.epoch[0]
     if bound.targets.ptr[q + 1] > first:
         return int(bound.targets.state[first + i])
     if i == 0:
         return int(q)
     if i == 1:
-        return int(delta[q, delta.shape[1] - 1])
-    return int(delta[q, bound.labelled.cell[letters.parts[i - 2]]])
+        return int(delta[e, q, delta.shape[2] - 1])
+    return int(delta[e, q, bound.labelled.cell[letters.parts[i - 2]]])
 
 
 @kernel
@@ -247,33 +241,33 @@ def copy_entries(rows: LiveRows, row: int, to: LiveRows, target: int) -> None:
 
 @allocating
 def ordered_risk(
-    whole: Ordered, rows: LiveRows, letters: Letters, x: FloatArray, cov: FloatArray, miss: FloatArray
+    bound: Ordered, rows: LiveRows, letters: Letters, x: FloatArray, cov: FloatArray, miss: FloatArray
 ) -> float:  # fmt: skip
     """V of a whole path; ``x`` (T+1, 2), ``cov`` (T+1, 3) = (xx, xy, yy), ``miss`` (T+1,) = P(landmark
     missed). ``rows`` are two of scratch, ``letters`` is scratch as well."""
-    begin_bound(whole, rows, 0)
+    logic = bound.logic
+    begin_bound(bound, rows, 0)
     before = Gaussian(Point(x[0, 0], x[0, 1]), Cov(cov[0, 0], cov[0, 1], cov[0, 2]))
-    cell = locate_cell(whole.cells, before.mean)
-    q, now = int(np.int64(whole.logic.initial)), 0
+    cell = locate_cell(bound.cells, before.mean)
+    q, now = int(np.int64(logic.initial)), 0
     for t in range(len(x)):
-        bound = bound_at(whole, t)
-        logic = bound.logic
+        letters.epoch[0] = epoch_at(logic.epoch, t)
         here = Gaussian(Point(x[t, 0], x[t, 1]), Cov(cov[t, 0], cov[t, 1], cov[t, 2]))
         read_labels(bound, here, letters.seen)
         if t == 0:
             read_place(bound, here, letters.met)
-            q = int(logic.delta[q, cell])
+            q = int(logic.delta[logic.epoch[0], q, cell])
         else:
             read_way(bound, before, here, letters.met)
             there = locate_cell(bound.cells, here.mean)
-            q, cell = next_state(bound.cells, logic, q, before.mean, cell, here.mean, there), there
-        if note_letters(bound, letters) or not stays(bound, rows, now):
+            q, cell = next_state(bound.cells, logic, t, q, before.mean, cell, here.mean, there), there
+        if note_letters(bound, letters) or not stays(bound, letters, rows, now):
             read_letter(bound, letters, rows, now, rows, 1 - now, q)
             now = 1 - now
         add_risk(rows, now, miss[t])
         before = here
     least = 1.0
     for k in range(rows.first[now], rows.first[now] + rows.size[now]):
-        if whole.logic.distance[rows.state[k]] == 0.0:
+        if logic.distance[rows.state[k]] == 0.0:
             least = min(least, rows.value[k])
     return least

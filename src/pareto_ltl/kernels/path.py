@@ -20,7 +20,7 @@ from pareto_ltl.kernels.fixes import fix_missed
 from pareto_ltl.kernels.geometry import locate_cell
 from pareto_ltl.kernels.interpolation import corner_weights, mode_square, mode_value, wind_at
 from pareto_ltl.kernels.jit import allocating, by_type, entry, implements, kernel
-from pareto_ltl.kernels.letters import next_state, reading_at
+from pareto_ltl.kernels.letters import next_state
 from pareto_ltl.kernels.propagation import (
     advance,
     airspeed,
@@ -207,7 +207,8 @@ def check_path(
     limits, ``memory`` two rows of what the collision bound remembers.
     """
     motion, x, free = world.law.motion, flight.x, flight.free
-    state = world.logic.initial
+    cells, logic = world.mission.cells, world.mission.logic
+    state = logic.initial
     before = position(flight, 0)
     for t in range(len(x)):
         if t > 0:
@@ -220,14 +221,14 @@ def check_path(
             if flown * fast < least_airspeed(motion, left):
                 return TOO_SLOW, t
         here = position(flight, t)
-        cell[t] = locate_cell(world.cells, here.mean)
+        cell[t] = locate_cell(cells, here.mean)
         if cell[t] < 0:
             return OFF_MAP, t
         if t == 0:
-            state = int(reading_at(world.logic, t).delta[state, cell[t]])
+            state = int(logic.delta[logic.epoch[0], state, cell[t]])
         else:
-            read = reading_at(world.logic, t)
-            state = next_state(world.cells, read, state, before.mean, cell[t - 1], here.mean, cell[t])
+            start, end = before.mean, here.mean
+            state = next_state(cells, logic, t, state, start, cell[t - 1], end, cell[t])
         q[t] = state
         if not step_allowed(world.collision, memory, t, before, here):
             return CROSSING, t

@@ -12,7 +12,7 @@ from pareto_ltl.kernels.data import Cov, Gaussian, Logic, Memory, Motion, Point,
 from pareto_ltl.kernels.dijkstra import Heap
 from pareto_ltl.kernels.fixes import fix_missed
 from pareto_ltl.kernels.jit import inlined, kernel
-from pareto_ltl.kernels.letters import next_state, reading_at
+from pareto_ltl.kernels.letters import next_state, too_late
 from pareto_ltl.kernels.neighbours import Bins, bin_of, kd_insert, remember
 from pareto_ltl.kernels.parents import Candidate, collision_limit, put_first, rank_parent
 from pareto_ltl.kernels.propagation import advance, airspeed, least_airspeed
@@ -192,7 +192,7 @@ def square_of(settings: GrowthSettings, at: Point) -> tuple[int, int]:
 def in_time(s: Search, step: int, q: int) -> bool:
     """Whether a vertex at ``step`` is of use: the wind is known there, or nothing follows it."""
     last = min(len(s.world.law.wind.slot), s.settings.max_steps)
-    return step < last or (step == last and s.world.logic.distance[q] == 0.0)
+    return step < last or (step == last and s.world.mission.logic.distance[q] == 0.0)
 
 
 @inlined
@@ -224,7 +224,7 @@ def add_vertex(
     tree.child[v, 0], tree.child[v, 1] = -1, -1
     keep_mission(world.mission, state, best, tree.mission, v)
     keep_collision(world.collision, state, best, tree.collision, v)
-    if world.logic.distance[q] == 0.0:
+    if world.mission.logic.distance[q] == 0.0:
         state.tally[ACCEPTED] += 1
         return v
     look_ahead(s, v, parent, child_covariance(tree, parent))
@@ -247,7 +247,7 @@ def look_ahead(s: Search, v: int, parent: int, cov: Cov) -> None:
 def file_vertex(s: Search, v: int, rng: Generator) -> None:
     """Make ``v`` known to both indexes."""
     tree, state, settings = s.tree, s.state, s.settings
-    cells = len(s.world.cells.faces.ptr) - 1
+    cells = len(s.world.mission.cells.faces.ptr) - 1
     z = tree.q[v] * cells + tree.cell[v]
     state.members[z] += 1
     kd_insert(tree.x, tree.child, state.root, z, v)
@@ -262,7 +262,9 @@ def file_vertex(s: Search, v: int, rng: Generator) -> None:
 @inlined
 def may_lead(logic: Logic, q: int, cell: int, q0: int) -> bool:
     """Whether the label of a cell leads, in some epoch, from ``q`` to a state as good as ``q0``."""
-    for e in range(len(logic.delta)):  # noqa: SIM110 (kernels have no generators)
+    if logic.covers[logic.delta[0, q, cell], q0]:
+        return True
+    for e in range(1, len(logic.delta)):  # noqa: SIM110 (kernels have no generators)
         if logic.covers[logic.delta[e, q, cell], q0]:
             return True
     return False
@@ -284,7 +286,7 @@ def gather_parents(s: Search, there: Point, cell: int, q0: int, rng: Generator) 
         for j in range(max(cj - 2, 0), min(cj + 3, rows)):
             b = bins.head[i * rows + j]
             while b > 0:
-                if may_lead(s.world.logic, bins.state[b], cell, q0):
+                if may_lead(s.world.mission.logic, bins.state[b], cell, q0):
                     bins.found[listed] = b
                     listed += 1
                     total += min(bins.seen[b], capacity)
@@ -314,7 +316,7 @@ def choose_parent(s: Search, first: Proposal, length0: float, rng: Generator) ->
     on entry and the chosen one on return.
     """
     world, tree, state, rule = s.world, s.tree, s.state, s.settings.rule
-    logic, there = world.logic, first.there.mean
+    logic, there = world.mission.logic, first.there.mean
     proposed, best_row, old_row = int(np.int64(PROPOSED)), int(np.int64(BEST)), int(np.int64(ORIGINAL))
     for i in range(state.risks.shape[1]):
         state.risks[old_row, i] = state.risks[best_row, i]
@@ -340,7 +342,7 @@ def shortlist(s: Search, first: Proposal, length0: float, count: int) -> int:
     """Move those of the first ``count`` of the pool that may be a parent of the new vertex to its front, each
     with the automaton state and the rank that it gives; return how many."""
     world, tree, state, rule = s.world, s.tree, s.state, s.settings.rule
-    logic, motion, there, found = world.logic, world.law.motion, first.there.mean, 0
+    logic, motion, there, found = world.mission.logic, world.law.motion, first.there.mean, 0
     risk = collision_column(world.collision, state.risks, int(np.int64(BEST)))
     most = collision_limit(rule, risk, largest_risk(world.collision))
     longest = length0 + rule.beta_length
@@ -356,11 +358,11 @@ def shortlist(s: Search, first: Proposal, length0: float, count: int) -> int:
         flown, left = airspeed(motion, ux, uy), tree.speed[near]
         if flown > left * ROUNDING or flown * ROUNDING < least_airspeed(motion, left):
             continue
-        read = reading_at(logic, int(tree.step[near]) + 1)
-        q = next_state(world.cells, read, tree.q[near], at, tree.cell[near], there, first.cell)
-        if not logic.covers[q, first.q] or read.distance[q] == math.inf:  # spoilt on the way, or too late
+        step = int(tree.step[near]) + 1
+        q = next_state(world.mission.cells, logic, step, tree.q[near], at, tree.cell[near], there, first.cell)
+        if not logic.covers[q, first.q] or too_late(logic, step, q):  # spoilt on the way, or too late
             continue
-        if not in_time(s, tree.step[near] + 1, q):
+        if not in_time(s, step, q):
             continue
         state.pool[found, 0], state.pool[found, 1] = near, q
         state.ranks[found] = rank_parent(rule, tree.risk, Candidate(logic.distance[q], length, near))
@@ -381,7 +383,7 @@ def adopt_proposal(s: Search) -> None:
 @inlined
 def note_swap(s: Search, q0: int, length0: float, q: int, length: float) -> None:
     """Record a re-selection for the check of Theorems 4 and 5."""
-    state, distances = s.state, s.world.logic.distance
+    state, distances = s.state, s.world.mission.logic.distance
     row = state.tally[SWAPS]
     state.tally[SWAPS] += 1
     if row < len(state.swaps):

@@ -31,11 +31,11 @@ from pareto_ltl.kernels.data import (
     World,
 )
 from pareto_ltl.kernels.jit import by_type, implements, inlined
+from pareto_ltl.kernels.letters import epoch_at
 from pareto_ltl.kernels.mission_risk import read_labels, read_place, read_way, visit_risk
 from pareto_ltl.kernels.ordered_bound import (
     add_risk,
     begin_bound,
-    bound_at,
     copy_entries,
     live_value,
     note_letters,
@@ -93,15 +93,15 @@ def keep_mission(bound: MissionBound, scratch: TreeState, row: int, memory: Any,
 @implements(plant_mission, Theorem2)
 def _plant_theorem2(bound: Theorem2, tree: Vertices, scratch: TreeState, here: Gaussian) -> None:
     for atom in range(bound.holds.shape[2]):
-        tree.risk[0, atom] = visit_risk(bound, atom, tree.cell[0], int(tree.step[0]), here, -1.0)
+        tree.risk[0, atom] = visit_risk(bound, bound.epoch[0], atom, tree.cell[0], here, -1.0)
 
 
 @implements(appraise_mission, Theorem2)
 def _appraise_theorem2(bound: Theorem2, tree: Vertices, scratch: TreeState, new: Proposal) -> None:
-    step = int(tree.step[new.parent]) + 1
+    e = epoch_at(bound.epoch, int(tree.step[new.parent]) + 1)
     for atom in range(bound.holds.shape[2]):
         before = tree.risk[new.parent, atom]  # -1: not visited yet, T_i is empty
-        scratch.risks[new.row, atom] = visit_risk(bound, atom, new.cell, step, new.there, before)
+        scratch.risks[new.row, atom] = visit_risk(bound, e, atom, new.cell, new.there, before)
 
 
 @implements(keep_mission, Theorem2)
@@ -110,9 +110,9 @@ def _keep_theorem2(bound: Theorem2, scratch: TreeState, row: int, memory: Any, t
 
 
 @implements(plant_mission, Ordered)
-def _plant_ordered(whole: Ordered, tree: Vertices, scratch: TreeState, here: Gaussian) -> None:
-    bound = bound_at(whole, int(tree.step[0]))
+def _plant_ordered(bound: Ordered, tree: Vertices, scratch: TreeState, here: Gaussian) -> None:
     own, letters, row, q = scratch.mission, scratch.mission.letters, int(np.int64(0)), int(tree.q[0])
+    letters.epoch[0] = bound.logic.epoch[0]
     begin_bound(bound, own.rows, 1)
     read_labels(bound, here, letters.seen)
     read_place(bound, here, letters.met)
@@ -120,17 +120,17 @@ def _plant_ordered(whole: Ordered, tree: Vertices, scratch: TreeState, here: Gau
     read_letter(bound, letters, own.rows, 1, own.rows, row, q)
     own.same[row] = -1
     tree.risk[0, 0] = live_value(bound, own.rows, row, q)
-    keep_mission(whole, scratch, row, tree.mission, row)
+    keep_mission(bound, scratch, row, tree.mission, row)
 
 
 @implements(appraise_mission, Ordered)
-def _appraise_ordered(whole: Ordered, tree: Vertices, scratch: TreeState, new: Proposal) -> None:
-    bound = bound_at(whole, int(tree.step[new.parent]) + 1)
+def _appraise_ordered(bound: Ordered, tree: Vertices, scratch: TreeState, new: Proposal) -> None:
     own, before, letters = scratch.mission, tree.mission.rows, scratch.mission.letters
+    letters.epoch[0] = epoch_at(bound.logic.epoch, int(tree.step[new.parent]) + 1)
     read_labels(bound, new.there, letters.seen)
     if len(letters.met) > 0:
         read_way(bound, vertex_gaussian(tree, new.parent), new.there, letters.met)
-    if note_letters(bound, letters) or not stays(bound, before, new.parent):
+    if note_letters(bound, letters) or not stays(bound, letters, before, new.parent):
         own.same[new.row] = -1
         read_letter(bound, letters, before, new.parent, own.rows, new.row, new.q)
     elif new.missed > 0.0:

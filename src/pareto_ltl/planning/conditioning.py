@@ -117,9 +117,9 @@ def states_reached(problem: Problem, x: FloatArray) -> IntArray:
     """Automaton state of each flight ``x`` (n, k+1, 2) after its last step, (n,)."""
     from pareto_ltl.kernels.letters import states_along
 
-    world = problem.world
     return np.array(
-        [states_along(world.cells, world.logic, np.ascontiguousarray(flight))[-1] for flight in x], np.int64
+        [states_along(problem.cells, problem.logic, np.ascontiguousarray(flight))[-1] for flight in x],
+        np.int64,
     )
 
 

@@ -7,25 +7,47 @@ from typing import NamedTuple
 
 import numpy as np
 
+from pareto_ltl.kernels.data import Corners
 from pareto_ltl.logic.automaton import Automaton, Letter
 from pareto_ltl.logic.timed import letter_of
-from pareto_ltl.support.arrays import IntArray
+from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 from pareto_ltl.world.windows import Window
 
 
 class Epoch(NamedTuple):
-    """The windows that hold at a step, at some moment on the way to it, and at the step before."""
+    """The windows that hold at a step, and at some moment on the way to it."""
 
     now: frozenset[str]
     way: frozenset[str]
-    before: frozenset[str]
+
+
+class Reading(NamedTuple):
+    """The automaton at one step, for code that is no kernel.
+
+    ``delta`` (Q, C + 1), the last column for no label (obstacles, off the map); ``distance`` (Q,) the fewest
+    letters to acceptance of those that this and later epochs show, inf where it is out of reach.
+
+    On the way from step to step letters that lead away from acceptance are read, and take q to ``way``
+    (Q, C + 1), in states that the label of the step before leaves as they are.
+    ``harm`` (Q, C + 1): the label is worse in q than no label, or ends in the trap; ``loses`` (Q, C + 1):
+    meeting the label may take a state as good as q to one that is not.
+    """
+
+    delta: IntArray
+    way: IntArray
+    harm: BoolArray
+    loses: BoolArray
+    distance: FloatArray
+    covers: BoolArray
+    initial: int
+    hazards: Corners
 
 
 def epochs_of(windows: Mapping[str, Window], dt: float, steps: int) -> tuple[IntArray, tuple[Epoch, ...]]:
     """Number of the epoch of each step, (S + 1,), and the epochs, in their order."""
     if not windows:
         nothing = frozenset[str]()
-        return np.zeros(steps + 1, np.int64), (Epoch(nothing, nothing, nothing),)
+        return np.zeros(steps + 1, np.int64), (Epoch(nothing, nothing),)
     epochs: list[Epoch] = []
     number = np.empty(steps + 1, np.int64)
     for t in range(steps + 1):
@@ -33,7 +55,6 @@ def epochs_of(windows: Mapping[str, Window], dt: float, steps: int) -> tuple[Int
         epoch = Epoch(
             frozenset(name for name, window in windows.items() if window.holds_at(last)),
             frozenset(name for name, window in windows.items() if window.meets(first, last)),
-            frozenset(name for name, window in windows.items() if window.holds_at(first)),
         )
         if not epochs or epochs[-1] != epoch:
             epochs.append(epoch)
@@ -47,4 +68,4 @@ def letter_columns(automaton: Automaton, labels: Sequence[Letter], holding: froz
     return np.array([automaton.letter_index(letter) for letter in letters], np.int64)
 
 
-__all__ = ["Epoch", "epochs_of", "letter_columns"]
+__all__ = ["Epoch", "Reading", "epochs_of", "letter_columns"]

@@ -203,7 +203,7 @@ def grow_forest(
         Where the start violates Eq. (9) already, or no sequence of cells completes the mission.
     """
     problem = _for_trees(problem)
-    graph = product_graph(problem.decomposition, problem.world.logic, problem.scene.bounds)
+    graph = product_graph(problem.decomposition, problem.logic, problem.scene.bounds)
     task = _GrowthTask(cfg, problem, graph, cell_fans(problem.decomposition))
     _require_memory(cfg, problem)
     growing = [_plant(task, child, j, options) for j, child in enumerate(seeds.spawn(cfg.trees))]

@@ -20,7 +20,7 @@ MOST_LETTERS = 62  # bits of a whole number
 
 def margin_model(problem: Problem) -> MarginModel:
     """Polygons that show letters, transitions between claims, barriers and hazards of ``problem``."""
-    logic, polygons = problem.world.logic, problem.decomposition.cells
+    logic, polygons = problem.logic, problem.decomposition.cells
     letters = shown_letters(problem)
     first = np.concatenate([[0], np.cumsum([len(cells) for cells in letters])]).astype(np.int64)
     hazards = logic.hazards.cell.tolist()
@@ -32,7 +32,7 @@ def margin_model(problem: Problem) -> MarginModel:
         faces=problem.barriers,
         corners=_barrier_corners(problem),
         hazards=pack_faces([polygons[c] for c in hazards]),
-        cells=problem.world.cells,
+        cells=problem.cells,
         logic=logic,
     )
 
@@ -79,7 +79,7 @@ def _no_claims(states: int) -> Claims:
 
 def shown_letters(problem: Problem) -> list[IntArray]:
     """The cells of each letter that the automaton tells from no label at all."""
-    delta, atoms = problem.world.logic.delta, set(problem.atoms)
+    delta, atoms = problem.logic.delta, set(problem.atoms)
     groups: dict[frozenset[str], list[int]] = {}
     for cell, label in enumerate(problem.labels):
         if (delta[:, :, cell] != delta[:, :, -1]).any():

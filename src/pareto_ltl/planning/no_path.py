@@ -240,7 +240,7 @@ def _advice(cfg: PlannerConfig, problem: Problem, forest: Forest) -> str:
 
 def _nearest_miss(problem: Problem, forest: Forest) -> str:
     """How near the most advanced vertices came to a region that would take them on."""
-    logic, cells = problem.world.logic, problem.world.cells
+    logic, cells = problem.logic, problem.cells
     delta = helpful_delta(logic)
     best = min(float(logic.distance[tree.q].min()) for tree in forest.trees)
     miss, name = np.inf, ""

@@ -211,7 +211,12 @@ def pack_landmarks(robot: RobotConfig, marks: Sequence[FloatArray]) -> kd.Landma
 
 
 def pack_theorem2(
-    decomposition: Decomposition, automaton: Automaton, dt: float = 1.0, steps: int = 0
+    decomposition: Decomposition,
+    automaton: Automaton,
+    cells: kd.Cells,
+    logic: kd.Logic,
+    dt: float,
+    steps: int,
 ) -> kd.Theorem2:
     """The paper's bound: convex parts of the regions that the mission is to visit, in every epoch."""
     windows, atoms = automaton.windows, automaton.atoms
@@ -233,7 +238,8 @@ def pack_theorem2(
         for epoch in epochs
         for labels in [decomposition.labels]
     ]
-    return kd.Theorem2(pack_faces([part for _, part in parts]), owner, np.array(holds, bool), number)
+    faces = pack_faces([part for _, part in parts])
+    return kd.Theorem2(faces, owner, np.array(holds, bool), number, cells, logic)
 
 
 def pack_laws(
@@ -280,7 +286,7 @@ def build_problem(
     laws = pack_laws(robot, planner, wind_cfg.ball, wind, marks)
     cells = pack_cells(scene.bounds, decomposition, atoms)
     logic = pack_logic(automaton, decomposition, float(robot.dt), planner.max_steps)
-    theorem2 = pack_theorem2(decomposition, automaton, float(robot.dt), planner.max_steps)
+    theorem2 = pack_theorem2(decomposition, automaton, cells, logic, float(robot.dt), planner.max_steps)
     ordered = pack_ordered(decomposition, cells, logic)
     obstacles = pack_faces(decomposition.obstacles)
     missions: dict[str, kd.MissionBound] = {"theorem2": theorem2, "ordered": ordered}
@@ -290,7 +296,7 @@ def build_problem(
     return Problem(
         scene=scene,
         decomposition=decomposition,
-        world=kd.World(laws[fidelity.law], missions[fidelity.mission_bound], collision, cells, logic),
+        world=kd.World(laws[fidelity.law], missions[fidelity.mission_bound], collision),
         laws=laws,
         theorem2=theorem2,
         ordered=ordered,

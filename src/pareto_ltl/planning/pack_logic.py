@@ -35,11 +35,11 @@ def pack_logic(
     epoch of ``steps`` steps of ``dt`` [s]."""
     number, epochs = epochs_of(automaton.windows, dt, steps)
     tables = [_epoch_tables(automaton, decomposition, epoch) for epoch in epochs]
-    delta, way, rests, harm, loses = (_stacked(rows) for rows in zip(*tables, strict=True))
+    delta, way, harm, loses = (_stacked(rows) for rows in zip(*tables, strict=True))
     hazards = np.flatnonzero(harm[:, :, :-1].any(axis=(0, 1))).tolist()
     distance = np.asarray(automaton.distance, float)
     return kd.Logic(
-        number, delta, way, rests, harm, loses, letters_ahead(delta, distance), distance,
+        number, delta, way, harm, loses, letters_ahead(delta, distance), distance,
         np.ascontiguousarray(automaton.preorder, bool), int(automaton.initial),
         pack_corners(hazards, [decomposition.cells[c] for c in hazards]),
     )  # fmt: skip
@@ -52,14 +52,13 @@ def _stacked(rows: Sequence[Any]) -> Any:
 
 def _epoch_tables(
     automaton: Automaton, decomposition: Decomposition, epoch: Epoch
-) -> tuple[IntArray, IntArray, BoolArray, BoolArray, BoolArray]:
-    """``delta``, ``way``, ``rests``, ``harm`` and ``loses`` of :class:`Reading`."""
-    now, way, before = (letter_columns(automaton, decomposition.labels, holding) for holding in epoch)
+) -> tuple[IntArray, IntArray, BoolArray, BoolArray]:
+    """``delta``, ``way``, ``harm`` and ``loses`` of :class:`Logic`."""
+    now, way = (letter_columns(automaton, decomposition.labels, holding) for holding in epoch)
     delta = np.asarray(automaton.delta[:, now], np.int64)
     passing = delta if (way == now).all() else np.asarray(automaton.delta[:, way], np.int64)
-    rests = automaton.delta[:, before] == np.arange(automaton.n_states)[:, None]
     harm, loses = harmful_letters(automaton, int(way[-1]))
-    return delta, passing, rests, harm[:, way], loses[:, way]
+    return delta, passing, harm[:, way], loses[:, way]
 
 
 def letters_ahead(delta: IntArray, distance: FloatArray) -> FloatArray:
@@ -168,5 +167,5 @@ def empty_letters(bound: kd.Ordered) -> kd.Letters:
     parts, hazards = len(bound.labelled.cell), len(bound.logic.hazards.cell)
     return kd.Letters(
         np.zeros(parts + 1), np.zeros(hazards), np.zeros(parts, np.int64), np.zeros(hazards, np.int64),
-        np.zeros(2, np.int64), np.full(len(bound.logic.distance), -1, np.int32),
+        np.zeros(2, np.int64), np.full(len(bound.logic.distance), -1, np.int32), np.zeros(1, np.int64),
     )  # fmt: skip

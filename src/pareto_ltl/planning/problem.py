@@ -9,6 +9,7 @@ import numpy as np
 
 from pareto_ltl.kernels import data as kd
 from pareto_ltl.logic.automaton import Automaton
+from pareto_ltl.planning.epochs import Reading
 from pareto_ltl.planning.power import EnergyModel
 from pareto_ltl.settings import FidelityConfig
 from pareto_ltl.support.arrays import FloatArray, IntArray
@@ -66,6 +67,16 @@ class Problem:
         return tuple(self.automaton.atoms)
 
     @property
+    def cells(self) -> kd.Cells:
+        """Convex cells of the map."""
+        return self.world.mission.cells
+
+    @property
+    def logic(self) -> kd.Logic:
+        """The automaton on the letters that cells show."""
+        return self.world.mission.logic
+
+    @property
     def motion(self) -> kd.Motion:
         """Motion of the robot."""
         return self.world.law.motion
@@ -97,12 +108,12 @@ class Problem:
         """Longest step in still air [m]."""
         return self.motion.u_max * self.motion.dt
 
-    def reading(self, step: int) -> kd.Reading:
+    def reading(self, step: int) -> Reading:
         """The automaton as it reads the letters of ``step``, and those on the way to it."""
-        logic = self.world.logic
+        logic = self.world.mission.logic
         e = int(logic.epoch[min(step, len(logic.epoch) - 1)])
-        return kd.Reading(
-            logic.delta[e], logic.way[e], logic.rests[e], logic.harm[e], logic.loses[e], logic.ahead[e],
+        return Reading(
+            logic.delta[e], logic.way[e], logic.harm[e], logic.loses[e], logic.ahead[e],
             logic.covers, logic.initial, logic.hazards,
         )  # fmt: skip
 
@@ -110,5 +121,5 @@ class Problem:
         """Cell of each row of ``points`` (P, 2); -1 in an obstacle or off the map."""
         from pareto_ltl.kernels.geometry import locate_cells
 
-        cells: IntArray = locate_cells(self.world.cells, np.ascontiguousarray(points))
+        cells: IntArray = locate_cells(self.world.mission.cells, np.ascontiguousarray(points))
         return cells

@@ -245,7 +245,7 @@ def ordered_bound(problem: Problem, x: FloatArray, cov: FloatArray) -> float:
     """
     from pareto_ltl.planning.reference_segments import hazard_costs
 
-    logic = problem.world.logic
+    logic = problem.logic
     column, P = label_probabilities(problem, x, cov)
     way = hazard_costs(problem, x, cov)
     V = np.where(logic.covers[logic.initial], 0.0, 1.0)
@@ -276,7 +276,7 @@ def label_probabilities(problem: Problem, x: FloatArray, cov: FloatArray) -> tup
 def _cell_probability(problem: Problem, cell: int, x: FloatArray, cov: FloatArray) -> FloatArray:
     """P(x_t in cell) for every step, (T+1,)."""
     polygon = problem.decomposition.cells[cell]
-    faces = problem.world.cells.faces
+    faces = problem.cells.faces
     rows = slice(faces.ptr[cell], faces.ptr[cell + 1])
     normals, offsets = faces.normal[rows], faces.offset[rows]
     gap = x @ normals.T - offsets

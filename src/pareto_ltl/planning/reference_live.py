@@ -4,18 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from pareto_ltl.kernels.data import Logic
 from pareto_ltl.kernels.ordered_bound import STEP_WORTH
+from pareto_ltl.planning.epochs import Reading
 from pareto_ltl.support.arrays import FloatArray, IntArray
 
 
-def live_bound(logic: Logic, entries: Mapping[int, float], p: int) -> float:
+def live_bound(logic: Reading, entries: Mapping[int, float], p: int) -> float:
     """V(p) = min over entries q ≥ p, 1 where there is none."""
     return min([1.0, *(value for q, value in entries.items() if logic.covers[q, p])])
 
 
 def read_live_letter(
-    logic: Logic, entries: Mapping[int, float], column: IntArray, seen: FloatArray, met: FloatArray
+    logic: Reading, entries: Mapping[int, float], column: IntArray, seen: FloatArray, met: FloatArray
 ) -> dict[int, float]:
     """Entries after one more letter; q itself and the states after letters that may be read are followed.
 
@@ -38,7 +38,7 @@ def read_live_letter(
 
 
 def keep_live(
-    logic: Logic, kind: IntArray, entries: Mapping[int, float], most: int, planned: int
+    logic: Reading, kind: IntArray, entries: Mapping[int, float], most: int, planned: int
 ) -> dict[int, float]:
     """At most ``most`` entries: the one of V(``planned``), then by V + ``STEP_WORTH`` d_A, none needless."""
     if len(entries) <= most:

@@ -17,7 +17,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from pareto_ltl.kernels.data import Reading
+from pareto_ltl.planning.epochs import Reading
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.reference_segments import state_on_the_way
 from pareto_ltl.support.arrays import FloatArray
@@ -76,7 +76,7 @@ def path_clearance(problem: Problem, x: FloatArray) -> float:
 
 def mission_margin(problem: Problem, x: FloatArray) -> float:
     """Largest W_T(p) of an accepting p."""
-    logic, cell = problem.world.logic, problem.locate(x)
+    logic, cell = problem.logic, problem.locate(x)
     depth = np.array([inside_depth(polygon, x) for polygon in problem.decomposition.cells]).T
     state = int(logic.initial)
     W = np.full(len(logic.distance), -np.inf)

@@ -20,7 +20,7 @@ def cells_on_the_way(problem: Problem, start: FloatArray, end: FloatArray) -> In
 
     A convex cell holds the shares of the segment between the last face entered and the first one left.
     """
-    faces = problem.world.cells.faces
+    faces = problem.cells.faces
     enters = []
     for cell in range(len(faces.ptr) - 1):
         rows = slice(faces.ptr[cell], faces.ptr[cell + 1])
@@ -50,7 +50,7 @@ def state_on_the_way(problem: Problem, q: int, ends: FloatArray, cells: tuple[in
 def states_of_flight(problem: Problem, x: FloatArray) -> IntArray:
     """Automaton state after each step of ``x`` (T+1, 2): harmful letters on the way, then the label."""
     cell = problem.locate(x)
-    q = int(problem.reading(0).delta[problem.world.logic.initial, cell[0]])
+    q = int(problem.reading(0).delta[problem.logic.initial, cell[0]])
     states = [q]
     for t in range(1, len(x)):
         q = state_on_the_way(problem, q, x[t - 1 : t + 1], (int(cell[t - 1]), int(cell[t])), t)
@@ -65,12 +65,12 @@ def meeting_bounds(problem: Problem, x: FloatArray, cov: FloatArray) -> FloatArr
     P(segment meets a convex polygon) ≤ min over lines beside it of P(one end not beyond) + P(other end not
     beyond): the lines of its faces, and the nearest one along the line through both means.
     """
-    cells = problem.world.logic.hazards.cell
+    cells = problem.logic.hazards.cell
     bounds = np.zeros((len(x), len(cells)))
     for h, cell in enumerate(cells):
         corners = problem.decomposition.cells[cell]
-        rows = slice(problem.world.cells.faces.ptr[cell], problem.world.cells.faces.ptr[cell + 1])
-        normal, offset = problem.world.cells.faces.normal[rows], problem.world.cells.faces.offset[rows]
+        rows = slice(problem.cells.faces.ptr[cell], problem.cells.faces.ptr[cell + 1])
+        normal, offset = problem.cells.faces.normal[rows], problem.cells.faces.offset[rows]
         bounds[0, h] = _beyond(normal, offset, x[0], cov[0]).min()
         for t in range(1, len(x)):
             along = x[t] - x[t - 1]
@@ -93,5 +93,5 @@ def _beyond(normal: FloatArray, offset: FloatArray, mean: FloatArray, cov: Float
 
 def hazard_costs(problem: Problem, x: FloatArray, cov: FloatArray) -> FloatArray:
     """Σ_h P(hazard h met), over those whose label loses q, (T+1, Q)."""
-    met, hazards = meeting_bounds(problem, x, cov), problem.world.logic.hazards.cell
+    met, hazards = meeting_bounds(problem, x, cov), problem.logic.hazards.cell
     return np.array([met[t] @ problem.reading(t).loses[:, hazards].T for t in range(len(x))], float)

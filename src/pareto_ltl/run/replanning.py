@@ -258,7 +258,7 @@ def likely_state(run: Run, problem: Problem, plan: Plan, step: int, fix: Fix) ->
     shares = counts / counts.sum()
     best = int(np.argmax(shares))
     if shares[best] < 0.5:
-        distance = problem.world.logic.distance[states]
+        distance = problem.logic.distance[states]
         open_states = np.flatnonzero((shares > 0.05) & np.isfinite(distance))
         best = int(open_states[np.argmax(distance[open_states])]) if len(open_states) else best
     return int(states[best]), float(shares[best])
@@ -295,7 +295,7 @@ def conditioned_run(run: Run, situation: Situation, *, quick: bool) -> Run:
     automaton = remaining_automaton(run.make(AUTOMATON), situation.state, situation.time)
     if automaton.contradiction:
         raise ConfigError("the mission is lost at that time: no continuation completes it")
-    if run.make(PROBLEM).world.logic.distance[situation.state] == 0.0:
+    if run.make(PROBLEM).logic.distance[situation.state] == 0.0:
         raise ConfigError("the mission is complete at that time: nothing is left to plan")
     settings = settings_from(run, scene, situation)
     records = Records(

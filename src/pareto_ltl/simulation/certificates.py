@@ -105,7 +105,7 @@ def landscape(problem: Problem, x: FloatArray, cov: FloatArray) -> Landscape:
     """The polygons and the automaton of ``problem``, seen from a plan with means ``x`` (T+1, 2) [m] and
     covariances ``cov`` (T+1, 2, 2) [m²]. Barriers that the plan passes in more than ``FAR`` standard
     deviations are left out."""
-    logic, faces = problem.world.logic, problem.world.cells.faces
+    logic, faces = problem.logic, problem.cells.faces
     labelled = [c for c, label in enumerate(problem.labels) if label]
     polygons, members = shown_polygons(problem, labelled)
     walls = [np.empty((0, 2))] * (len(problem.barriers.ptr) - 1 - len(problem.decomposition.obstacles))

@@ -87,8 +87,7 @@ def _broken_step(problem: Problem, x: FloatArray) -> int:
     """The first step of a flight ``x`` (T+1, 2) in the trap of the automaton; T + 1 if it never is there."""
     from pareto_ltl.kernels.letters import states_along
 
-    world = problem.world
-    states = states_along(world.cells, world.logic, np.ascontiguousarray(x))
+    states = states_along(problem.cells, problem.logic, np.ascontiguousarray(x))
     lost = np.flatnonzero(np.isinf(problem.automaton.distance[states]))
     return int(lost[0]) if len(lost) else len(x)
 

@@ -202,7 +202,7 @@ def fly_draws(problem: Problem, draws: kernel.Draws, pilot: kernel.Pilot, x: Flo
 def judge_flights(problem: Problem, law: str, x: FloatArray) -> Deployment:
     """Which of the flights ``x`` (n, T+1, 2) complete the mission, meet an obstacle and leave the map."""
     world = problem.world
-    judge = kernel.Judge(world.cells, world.logic, problem.obstacles, world.collision.nearby)
+    judge = kernel.Judge(problem.cells, problem.logic, problem.obstacles, world.collision.nearby)
     outcome = kernel.Outcome(x, *(np.empty(len(x), bool) for _ in range(3)))
     kernel.judge_batch(judge, outcome)
     return Deployment(law, *outcome, problem.scene.walled)

@@ -89,7 +89,7 @@ def _spoiling_polygons(
     problem: Problem, drawn: SearchMap, label: frozenset[str], state: int
 ) -> list[FloatArray]:
     """Cells whose label spoils waiting for ``label`` in ``state``: they are walls as obstacles are."""
-    logic, atoms = problem.world.logic, set(problem.atoms)
+    logic, atoms = problem.logic, set(problem.atoms)
     spoils = (~logic.covers[logic.delta[:, state, :-1], state]).any(axis=0)
     bad = {shown & atoms for shown, spoiling in zip(problem.labels, spoils, strict=True) if spoiling}
     spoilers = [cells for shown, cells in drawn.shown.items() if shown and shown in bad and shown != label]

@@ -34,7 +34,7 @@ def path_obligations(problem: Problem, x: FloatArray, cov: FloatArray) -> Obliga
 
     A transition is moved to the safest step of the same visit if the automaton allows it.
     """
-    logic = problem.world.logic
+    logic = problem.logic
     cell = problem.locate(x)
     q = planned_states(problem, x)
     missed = _visits_missed(problem, x, cov)
@@ -61,13 +61,13 @@ def planned_states(problem: Problem, x: FloatArray) -> IntArray:
     """Automaton state after each step of the means ``x`` (T+1, 2), flyable or not."""
     from pareto_ltl.kernels.letters import states_along
 
-    states: IntArray = states_along(problem.world.cells, problem.world.logic, np.ascontiguousarray(x))
+    states: IntArray = states_along(problem.cells, problem.logic, np.ascontiguousarray(x))
     return states
 
 
 def completes(problem: Problem, x: FloatArray) -> bool:
     """Whether the labels along ``x`` complete the mission, flyable or not."""
-    return bool(problem.world.logic.distance[planned_states(problem, x)[-1]] == 0.0)
+    return bool(problem.logic.distance[planned_states(problem, x)[-1]] == 0.0)
 
 
 def _needed_parts(problem: Problem, t: int, before: int, after: int, cell: int) -> list[IntArray]:
@@ -110,7 +110,7 @@ def _safest_parts(
 def _spoiling_cells(problem: Problem, q: IntArray, cell: IntArray) -> BoolArray:
     """Cells with a label whose reading at step t leads to no state as good as the planned one, and those that
     may not be met on the way to or from it; ``cell`` (T+1,) are the planned ones."""
-    logic = problem.world.logic
+    logic = problem.logic
     labelled = np.array([bool(label) for label in problem.labels], bool)
     before = np.concatenate([[logic.initial], q[:-1]])
     epoch = logic.epoch[np.minimum(np.arange(len(q)), len(logic.epoch) - 1)]

@@ -48,7 +48,7 @@ class _Begun:
 
 def mission_order(problem: Problem, path: PlannedPath) -> MissionOrder | None:
     """The order in which ``path`` visits; None where a transition needs no region at all."""
-    before = np.concatenate([[problem.world.logic.initial], path.q[:-1]])
+    before = np.concatenate([[problem.logic.initial], path.q[:-1]])
     turns = np.flatnonzero(path.q != before)
     cells = problem.locate(path.x[turns])
     labels = tuple(problem.labels[c] & set(problem.atoms) for c in cells)
@@ -61,7 +61,7 @@ def possible_orders(problem: Problem, most: int) -> list[MissionOrder]:
     Trees find the order that suited their samples; another one may be better once smoothed. Where more than
     ``BEGUN`` orders begin with as many labels, those of the shortest way are followed.
     """
-    logic, places = problem.world.logic, _label_places(problem)
+    logic, places = problem.logic, _label_places(problem)
     delta, start = helpful_delta(logic), problem.scene.start
     found: list[MissionOrder] = []
     level = [_Begun((), (), int(delta[logic.initial, problem.locate(start[None])[0]]), start, 0.0)]

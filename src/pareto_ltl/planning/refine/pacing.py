@@ -18,7 +18,7 @@ def paced_line(problem: Problem, x: FloatArray) -> FloatArray:
     be. First the whole line is slowed down, as little as helps, then stops are tried, the shortest first.
     Without time windows, and where nothing helps, ``x`` itself.
     """
-    if len(problem.world.logic.delta) == 1 or completes(problem, x):
+    if len(problem.logic.delta) == 1 or completes(problem, x):
         return x
     along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(x, axis=0), axis=1))])
     for steps in range(len(x), problem.horizon + 1):

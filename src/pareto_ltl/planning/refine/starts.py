@@ -42,7 +42,7 @@ def unlike_starts(problem: Problem, starts: Iterable[Start]) -> dict[PathClass, 
     found: dict[PathClass, Start] = {}
     for start in starts:
         kind = path_class(problem, start.x)
-        if problem.world.logic.distance[kind.state] == 0.0:
+        if problem.logic.distance[kind.state] == 0.0:
             found.setdefault(kind, start)
     return found
 
