@@ -11,10 +11,13 @@ import pytest
 import pareto_ltl
 from drawn_world import path_of, scene_of
 from pareto_ltl.cli.commands import run_command_line
+from pareto_ltl.planning.evaluate import evaluate_path
 from pareto_ltl.report.lattice import sampled_lattice
-from pareto_ltl.report.legs import closest_barriers
+from pareto_ltl.report.legs import _goal_line, closest_barriers
 from pareto_ltl.report.page.shown_run import ShownRun
 from pareto_ltl.run.results import Results
+from pareto_ltl.world.windows import Window
+from problems import along, box, make_problem, make_scene
 
 BOX = np.array([[40.0, 10.0], [60.0, 10.0], [60.0, 30.0], [40.0, 30.0]])
 
@@ -64,6 +67,14 @@ def test_explain_tells_every_leg_and_names_laws(
             assert "winds" in line
     assert plan.not_covered in out
     assert pareto_ltl.explain(page_result) + "\n" == out
+
+
+def test_a_leg_to_a_region_with_a_window_names_the_proposition() -> None:
+    scene = make_scene({"c": box(14, 8, 18, 12)}, start=(2.0, 10.0))
+    scene = replace(scene, windows={"late": Window("c", 300.0)})
+    problem = make_problem("F late", scene)
+    path = evaluate_path(problem, along((2, 10), (16, 10), step=0.9), "by hand", tight=False)
+    assert _goal_line(problem, path, 0, len(path.u)).startswith("to {late}: state 0 to 1 of 2")
 
 
 def test_explain_tells_any_point(page_result: Path, capsys: pytest.CaptureFixture[str]) -> None:

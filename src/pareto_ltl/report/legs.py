@@ -12,6 +12,7 @@ from pareto_ltl.exports.geojson import border_corners
 from pareto_ltl.exports.navigation_log import NavigationLog, expected_winds, navigation_log
 from pareto_ltl.logic.automaton import show_letter
 from pareto_ltl.logic.in_words import mission_in_words
+from pareto_ltl.logic.timed import places_of
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import FailureRate, Plan, PlannedPath
 from pareto_ltl.simulation.failure_times import failure_times
@@ -137,7 +138,7 @@ def _goal_line(problem: Problem, path: PlannedPath, first: int, last: int) -> st
     if before == after:
         done = problem.automaton.distance[before] == 0.0
         return f"{'after the mission is complete' if done else 'onward'}: state {before}"
-    letter = path.label[last] & frozenset(problem.atoms)
+    letter = places_of(path.label[last], problem.automaton.windows) & frozenset(problem.atoms)
     end = ", which completes the mission" if problem.automaton.distance[after] == 0.0 else ""
     return f"to {show_letter(letter)}: state {before} to {after} of {problem.automaton.n_states}{end}"
 
