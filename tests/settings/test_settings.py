@@ -63,7 +63,9 @@ def test_every_setting_says_what_it_means(section: Any, name: str, declared: Dec
     assert "\n" not in declared.meaning
 
 
-@pytest.mark.parametrize(("section", "name", "declared"), RANGED)
+@pytest.mark.parametrize(
+    ("section", "name", "declared"), [case for case in RANGED if not case.values[2].allows(-1)]
+)
 def test_a_negative_number_is_refused(section: Any, name: str, declared: Declaration) -> None:
     key = f"{section.section}.{name}".lstrip(".")
     with pytest.raises(ConfigError) as caught:

@@ -56,7 +56,9 @@ def check_pipeline(settings: Settings, table: StageTable, given: Collection[Reco
     seen: set[str] = set()
     for name in listed:
         if name not in table:
-            raise ConfigError(f"pipelines.stages: there is no stage {shown_value(name)}; there are {known}")
+            raise ConfigError(
+                f"pipelines.stages: there is no stage {shown_value(name, 40)}; there are {known}"
+            )
         if name in seen:
             raise ConfigError(f"pipelines.stages lists {name!r} twice; once is enough")
         seen.add(name)
