@@ -30,7 +30,7 @@ def problem():
 
 def tables(scene):
     decomposition = workspace.decompose(scene)
-    return decomposition, pack_cells(scene.bounds, decomposition, sorted(scene.regions))
+    return decomposition, pack_cells(scene.bounds, decomposition)
 
 
 def points_in(scene, rng, n):

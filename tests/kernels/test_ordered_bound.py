@@ -71,9 +71,7 @@ def cases(draw, most=9):
 
 def bound_of(logic: Reading):
     none = Faces(np.zeros(1, np.int64), np.empty((0, 2)), np.empty(0))
-    cells = Cells(
-        0.0, 0.0, 1.0, 1.0, 1, np.zeros(2, np.int64), np.zeros(0, np.int64), none, np.zeros((0, 0), bool)
-    )
+    cells = Cells(0.0, 0.0, 1.0, 1.0, 1, np.zeros(2, np.int64), np.zeros(0, np.int64), none)
     labelled = corners_of(np.arange(logic.delta.shape[1] - 1))
     return follow_states(labelled, cells, one_epoch(logic))
 

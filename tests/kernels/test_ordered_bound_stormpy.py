@@ -87,9 +87,7 @@ def logic_of(delta: IntArray, goal: int) -> Reading:
 def bound_of_kernel(logic: Reading, goal: int, P: FloatArray) -> float:
     """V after the letters ``P`` (T, S), by the recursion that the trees and paths use."""
     none = Faces(np.zeros(1, np.int64), np.empty((0, 2)), np.empty(0))
-    cells = Cells(
-        0.0, 0.0, 1.0, 1.0, 1, np.zeros(2, np.int64), np.zeros(0, np.int64), none, np.zeros((0, 0), bool)
-    )
+    cells = Cells(0.0, 0.0, 1.0, 1.0, 1, np.zeros(2, np.int64), np.zeros(0, np.int64), none)
     letters = np.arange(P.shape[1] - 1)
     corners = Corners(letters, np.empty((0, 2)), np.empty(0), np.zeros(1, np.int64), np.empty((0, 2)))
     bound = follow_states(corners, cells, one_epoch(logic))

@@ -54,9 +54,9 @@ def test_propositions_hold_in_the_cells_of_their_regions():
     problem = make_problem("F a & F b", scene)
     assert problem.atoms == ("a", "b")
     for cell, label in enumerate(problem.labels):
-        assert problem.cells.atoms[cell].tolist() == ["a" in label, "b" in label]
+        assert problem.theorem2.holds[0, cell].tolist() == ["a" in label, "b" in label]
     both = problem.locate(np.array([[8, 8]]) * KM)[0]
-    assert problem.cells.atoms[both].tolist() == [True, True]
+    assert problem.theorem2.holds[0, both].tolist() == [True, True]
     assert set(problem.theorem2.atom) == {0, 1}
 
 

@@ -106,7 +106,7 @@ class Corners(NamedTuple):
 
 class Cells(NamedTuple):
     """Convex cells with a bucket grid in front: bucket k lists its candidate cells in
-    ``candidates[ptr[k]:ptr[k + 1]]``. ``atoms`` (C, P) says which propositions hold in a cell."""
+    ``candidates[ptr[k]:ptr[k + 1]]``."""
 
     west: float
     south: float
@@ -116,7 +116,6 @@ class Cells(NamedTuple):
     ptr: IntArray
     candidates: IntArray
     faces: Faces
-    atoms: BoolArray
 
 
 class Logic(NamedTuple):
@@ -287,13 +286,12 @@ Memory: TypeAlias = CoherentMemory | LandmarkMemory | None
 
 class Theorem2(NamedTuple):
     """The paper's f_o: ``faces`` of the convex parts of the regions, ``atom`` the proposition of each part,
-    ``holds`` (E, C, P) which propositions hold in a cell in each ``epoch`` (S + 1,) of the steps. Its memory
-    is None: the risks of the propositions are the vertex's own objectives. All cells, the automaton."""
+    ``holds`` (E, C, P) which propositions hold in a cell in each epoch of ``logic``. Its memory is None: the
+    risks of the propositions are the vertex's own objectives. All cells, the automaton."""
 
     faces: Faces
     atom: IntArray
     holds: BoolArray
-    epoch: IntArray
     cells: Cells
     logic: Logic
 

@@ -44,7 +44,7 @@ def theorem2_risks(bound: Theorem2, x: FloatArray, cov: FloatArray, cell: IntArr
         risk = -1.0
         for t in range(len(x)):
             here = Gaussian(Point(x[t, 0], x[t, 1]), Cov(cov[t, 0], cov[t, 1], cov[t, 2]))
-            risk = visit_risk(bound, epoch_at(bound.epoch, t), atom, cell[t], here, risk)
+            risk = visit_risk(bound, epoch_at(bound.logic.epoch, t), atom, cell[t], here, risk)
         risks[atom] = max(risk, 0.0)
     return risks
 

@@ -93,12 +93,12 @@ def keep_mission(bound: MissionBound, scratch: TreeState, row: int, memory: Any,
 @implements(plant_mission, Theorem2)
 def _plant_theorem2(bound: Theorem2, tree: Vertices, scratch: TreeState, here: Gaussian) -> None:
     for atom in range(bound.holds.shape[2]):
-        tree.risk[0, atom] = visit_risk(bound, bound.epoch[0], atom, tree.cell[0], here, -1.0)
+        tree.risk[0, atom] = visit_risk(bound, bound.logic.epoch[0], atom, tree.cell[0], here, -1.0)
 
 
 @implements(appraise_mission, Theorem2)
 def _appraise_theorem2(bound: Theorem2, tree: Vertices, scratch: TreeState, new: Proposal) -> None:
-    e = epoch_at(bound.epoch, int(tree.step[new.parent]) + 1)
+    e = epoch_at(bound.logic.epoch, int(tree.step[new.parent]) + 1)
     for atom in range(bound.holds.shape[2]):
         before = tree.risk[new.parent, atom]  # -1: not visited yet, T_i is empty
         scratch.risks[new.row, atom] = visit_risk(bound, e, atom, new.cell, new.there, before)

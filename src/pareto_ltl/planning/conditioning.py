@@ -115,12 +115,7 @@ def likely_histories(x: FloatArray, fix: Fix, noise: FloatArray) -> FloatArray:
 
 def states_reached(problem: Problem, x: FloatArray) -> IntArray:
     """Automaton state of each flight ``x`` (n, k+1, 2) after its last step, (n,)."""
-    from pareto_ltl.kernels.letters import states_along
-
-    return np.array(
-        [states_along(problem.cells, problem.logic, np.ascontiguousarray(flight))[-1] for flight in x],
-        np.int64,
-    )
+    return np.array([problem.states(flight)[-1] for flight in x], np.int64)
 
 
 __all__ = ["Fix", "Learnt", "learn", "learn_at", "likely_histories", "states_reached"]

@@ -62,10 +62,15 @@ def epochs_of(windows: Mapping[str, Window], dt: float, steps: int) -> tuple[Int
     return number, tuple(epochs)
 
 
+def step_epochs(epoch: IntArray, count: int) -> IntArray:
+    """Epoch of each of the first ``count`` steps; ``epoch`` (S + 1,) as in :class:`Logic`."""
+    return epoch[np.minimum(np.arange(count), len(epoch) - 1)]
+
+
 def letter_columns(automaton: Automaton, labels: Sequence[Letter], holding: frozenset[str]) -> IntArray:
     """Column of the automaton for each label, and last for none, while the windows ``holding`` are open."""
     letters = [letter_of(label, automaton.windows, holding) for label in (*labels, Letter())]
     return np.array([automaton.letter_index(letter) for letter in letters], np.int64)
 
 
-__all__ = ["Epoch", "Reading", "epochs_of", "letter_columns"]
+__all__ = ["Epoch", "Reading", "epochs_of", "letter_columns", "step_epochs"]

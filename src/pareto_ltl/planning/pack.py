@@ -11,7 +11,7 @@ import numpy as np
 from pareto_ltl.kernels import data as kd
 from pareto_ltl.logic.automaton import Automaton
 from pareto_ltl.logic.timed import letter_of, places_of
-from pareto_ltl.planning.epochs import epochs_of
+from pareto_ltl.planning.epochs import Epoch, epochs_of
 from pareto_ltl.planning.pack_logic import pack_corners, pack_logic, pack_ordered
 from pareto_ltl.planning.power import energy_model
 from pareto_ltl.planning.problem import Problem
@@ -83,14 +83,13 @@ def pack_nearby(barriers: kd.Faces, bounds: FloatArray) -> kd.Nearby:
     )  # fmt: skip
 
 
-def pack_cells(bounds: FloatArray, decomposition: Decomposition, atoms: Sequence[str]) -> kd.Cells:
-    """Cells behind their grid of buckets, with the propositions that hold in each."""
+def pack_cells(bounds: FloatArray, decomposition: Decomposition) -> kd.Cells:
+    """Cells behind their grid of buckets."""
     (west, south), (east, north) = bounds
     grid = locator(decomposition, bounds)
-    holds = np.array([[atom in label for atom in atoms] for label in decomposition.labels], bool)
     return kd.Cells(
         float(west), float(south), float(east), float(north), int(grid.shape[0]), grid.ptr, grid.index,
-        pack_faces(decomposition.cells), holds.reshape(len(decomposition.cells), len(atoms)),
+        pack_faces(decomposition.cells),
     )  # fmt: skip
 
 
@@ -211,35 +210,20 @@ def pack_landmarks(robot: RobotConfig, marks: Sequence[FloatArray]) -> kd.Landma
 
 
 def pack_theorem2(
-    decomposition: Decomposition,
-    automaton: Automaton,
-    cells: kd.Cells,
-    logic: kd.Logic,
-    dt: float,
-    steps: int,
-) -> kd.Theorem2:
+    decomposition: Decomposition, automaton: Automaton, cells: kd.Cells, logic: kd.Logic,
+    epochs: Sequence[Epoch],
+) -> kd.Theorem2:  # fmt: skip
     """The paper's bound: convex parts of the regions that the mission is to visit, in every epoch."""
     windows, atoms = automaton.windows, automaton.atoms
     place = {name: windows[name].region if name in windows else name for name in atoms}
-    parts = [
-        (atoms.index(name), part)
-        for name in atoms
-        if name not in automaton.forbidden
-        for part in decomposition.regions.get(place[name] or "", ())
-    ]
-    owner = np.array([atom for atom, _ in parts], np.int64)
     visits = [name for name in atoms if place[name] is not None and name not in automaton.forbidden]
-    number, epochs = epochs_of(windows, dt, steps)
-    holds = [
-        [
-            [name in visits and name in letter_of(label, windows, epoch.now) for name in atoms]
-            for label in labels
-        ]
-        for epoch in epochs
-        for labels in [decomposition.labels]
-    ]
+    regions = {name: decomposition.regions.get(place[name] or "", ()) for name in visits}
+    parts = [(atoms.index(name), part) for name, own in regions.items() for part in own]
+    owner = np.array([atom for atom, _ in parts], np.int64)
+    letters = [[letter_of(label, windows, one.now) for label in decomposition.labels] for one in epochs]
+    holds = [[[name in regions and name in shown for name in atoms] for shown in row] for row in letters]
     faces = pack_faces([part for _, part in parts])
-    return kd.Theorem2(faces, owner, np.array(holds, bool), number, cells, logic)
+    return kd.Theorem2(faces, owner, np.array(holds, bool), cells, logic)
 
 
 def pack_laws(
@@ -277,16 +261,16 @@ def build_problem(
         If the wind is not known at departure, or is faster than the robot everywhere.
     """
     robot = with_time_step(robot, scene, planner.max_steps)
-    atoms = tuple(automaton.atoms)
     epsilon = EPSILON[fidelity.collision_bound] if planner.epsilon is None else planner.epsilon
     marks = scene.landmarks if fidelity.law == "coherent" else ()
     if scene.landmarks and not marks:
         LOG.warning("scene.landmarks are left unused: only fidelity.law=coherent knows position fixes")
     _refuse_strong_wind(robot, wind)
     laws = pack_laws(robot, planner, wind_cfg.ball, wind, marks)
-    cells = pack_cells(scene.bounds, decomposition, atoms)
-    logic = pack_logic(automaton, decomposition, float(robot.dt), planner.max_steps)
-    theorem2 = pack_theorem2(decomposition, automaton, cells, logic, float(robot.dt), planner.max_steps)
+    cells = pack_cells(scene.bounds, decomposition)
+    epoch, epochs = epochs_of(automaton.windows, float(robot.dt), planner.max_steps)
+    logic = pack_logic(automaton, decomposition, epoch, epochs)
+    theorem2 = pack_theorem2(decomposition, automaton, cells, logic, epochs)
     ordered = pack_ordered(decomposition, cells, logic)
     obstacles = pack_faces(decomposition.obstacles)
     missions: dict[str, kd.MissionBound] = {"theorem2": theorem2, "ordered": ordered}

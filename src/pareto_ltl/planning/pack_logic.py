@@ -9,7 +9,7 @@ import numpy as np
 
 from pareto_ltl.kernels import data as kd
 from pareto_ltl.logic.automaton import Automaton
-from pareto_ltl.planning.epochs import Epoch, epochs_of, letter_columns
+from pareto_ltl.planning.epochs import Epoch, letter_columns
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 from pareto_ltl.world.cells import Decomposition
 
@@ -29,17 +29,16 @@ def pack_corners(cell: Sequence[int], corners: Sequence[FloatArray]) -> kd.Corne
 
 
 def pack_logic(
-    automaton: Automaton, decomposition: Decomposition, dt: float = 1.0, steps: int = 0
+    automaton: Automaton, decomposition: Decomposition, epoch: IntArray, epochs: Sequence[Epoch]
 ) -> kd.Logic:
-    """The automaton with one column a cell instead of one a letter, and one for no label at all, in each
-    epoch of ``steps`` steps of ``dt`` [s]."""
-    number, epochs = epochs_of(automaton.windows, dt, steps)
-    tables = [_epoch_tables(automaton, decomposition, epoch) for epoch in epochs]
+    """The automaton with one column a cell instead of one a letter, and one for no label at all, in each of
+    ``epochs``; ``epoch`` (S + 1,) is that of each step."""
+    tables = [_epoch_tables(automaton, decomposition, one) for one in epochs]
     delta, way, harm, loses = (_stacked(rows) for rows in zip(*tables, strict=True))
     hazards = np.flatnonzero(harm[:, :, :-1].any(axis=(0, 1))).tolist()
     distance = np.asarray(automaton.distance, float)
     return kd.Logic(
-        number, delta, way, harm, loses, letters_ahead(delta, distance), distance,
+        epoch, delta, way, harm, loses, letters_ahead(delta, distance), distance,
         np.ascontiguousarray(automaton.preorder, bool), int(automaton.initial),
         pack_corners(hazards, [decomposition.cells[c] for c in hazards]),
     )  # fmt: skip

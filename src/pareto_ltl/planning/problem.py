@@ -110,7 +110,7 @@ class Problem:
 
     def reading(self, step: int) -> Reading:
         """The automaton as it reads the letters of ``step``, and those on the way to it."""
-        logic = self.world.mission.logic
+        logic = self.logic
         e = int(logic.epoch[min(step, len(logic.epoch) - 1)])
         return Reading(
             logic.delta[e], logic.way[e], logic.harm[e], logic.loses[e], logic.ahead[e],
@@ -121,5 +121,12 @@ class Problem:
         """Cell of each row of ``points`` (P, 2); -1 in an obstacle or off the map."""
         from pareto_ltl.kernels.geometry import locate_cells
 
-        cells: IntArray = locate_cells(self.world.mission.cells, np.ascontiguousarray(points))
+        cells: IntArray = locate_cells(self.cells, np.ascontiguousarray(points))
         return cells
+
+    def states(self, x: FloatArray) -> IntArray:
+        """Automaton state after each step of the positions ``x`` (T+1, 2), flyable or not, (T+1,)."""
+        from pareto_ltl.kernels.letters import states_along
+
+        states: IntArray = states_along(self.cells, self.logic, np.ascontiguousarray(x))
+        return states

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.special import ndtr, owens_t
 
+from pareto_ltl.planning.epochs import step_epochs
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 
 if TYPE_CHECKING:
@@ -216,7 +217,7 @@ def theorem2_bound(problem: Problem, x: FloatArray, cov: FloatArray, cell: IntAr
     proper ``until`` are not covered. :func:`ordered_bound` has neither.
     """
     bound, atoms = problem.theorem2, problem.theorem2.holds
-    epoch = bound.epoch[np.minimum(np.arange(len(x)), len(bound.epoch) - 1)]
+    epoch = step_epochs(bound.logic.epoch, len(x))
     risks = np.zeros(len(problem.atoms))
     for i in range(len(problem.atoms)):
         visits = np.flatnonzero(atoms[epoch, cell, i])

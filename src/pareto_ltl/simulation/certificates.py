@@ -26,6 +26,7 @@ from scipy.special import ndtr
 
 from pareto_ltl.kernels.claims import ClaimCosts, ClaimEdges, cheapest_claims
 from pareto_ltl.kernels.data import Faces, Logic
+from pareto_ltl.planning.epochs import step_epochs
 from pareto_ltl.planning.pack_logic import LIVE
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
@@ -357,7 +358,7 @@ def _best_run(scape: Landscape, costs: ClaimCosts) -> IntArray | None:
 def _lines_of_run(scape: Landscape, gap: FloatArray, run: IntArray, hazards: Sequence[Way]) -> list[Piece]:
     """What the edges of a run ask of the positions."""
     edges, pieces = scape.edges, list[Piece]()
-    epoch = edges.epoch[np.minimum(np.arange(len(run)), len(edges.epoch) - 1)]
+    epoch = step_epochs(edges.epoch, len(run))
     for t, edge in enumerate(run.tolist()):
         faces = list[int]()
         if edges.shown[edge] >= 0:

@@ -85,10 +85,7 @@ def _first_steps(problem: Problem, law: str, x: FloatArray, flag: str) -> IntArr
 
 def _broken_step(problem: Problem, x: FloatArray) -> int:
     """The first step of a flight ``x`` (T+1, 2) in the trap of the automaton; T + 1 if it never is there."""
-    from pareto_ltl.kernels.letters import states_along
-
-    states = states_along(problem.cells, problem.logic, np.ascontiguousarray(x))
-    lost = np.flatnonzero(np.isinf(problem.automaton.distance[states]))
+    lost = np.flatnonzero(np.isinf(problem.automaton.distance[problem.states(x)]))
     return int(lost[0]) if len(lost) else len(x)
 
 

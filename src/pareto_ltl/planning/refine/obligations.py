@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pareto_ltl.planning.epochs import step_epochs
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 
@@ -36,9 +37,9 @@ def path_obligations(problem: Problem, x: FloatArray, cov: FloatArray) -> Obliga
     """
     logic = problem.logic
     cell = problem.locate(x)
-    q = planned_states(problem, x)
+    q = problem.states(x)
     missed = _visits_missed(problem, x, cov)
-    epoch = logic.epoch[np.minimum(np.arange(len(x)), len(logic.epoch) - 1)]
+    epoch = step_epochs(logic.epoch, len(x))
     before = np.concatenate([[logic.initial], q[:-1]])
     planned, witness = q.copy(), []
     for t in np.flatnonzero(q != before):
@@ -57,17 +58,9 @@ def path_obligations(problem: Problem, x: FloatArray, cov: FloatArray) -> Obliga
     return Obligations(planned, tuple(witness), _spoiling_cells(problem, planned, cell))
 
 
-def planned_states(problem: Problem, x: FloatArray) -> IntArray:
-    """Automaton state after each step of the means ``x`` (T+1, 2), flyable or not."""
-    from pareto_ltl.kernels.letters import states_along
-
-    states: IntArray = states_along(problem.cells, problem.logic, np.ascontiguousarray(x))
-    return states
-
-
 def completes(problem: Problem, x: FloatArray) -> bool:
     """Whether the labels along ``x`` complete the mission, flyable or not."""
-    return bool(problem.logic.distance[planned_states(problem, x)[-1]] == 0.0)
+    return bool(problem.logic.distance[problem.states(x)[-1]] == 0.0)
 
 
 def _needed_parts(problem: Problem, t: int, before: int, after: int, cell: int) -> list[IntArray]:
@@ -113,7 +106,7 @@ def _spoiling_cells(problem: Problem, q: IntArray, cell: IntArray) -> BoolArray:
     logic = problem.logic
     labelled = np.array([bool(label) for label in problem.labels], bool)
     before = np.concatenate([[logic.initial], q[:-1]])
-    epoch = logic.epoch[np.minimum(np.arange(len(q)), len(logic.epoch) - 1)]
+    epoch = step_epochs(logic.epoch, len(q))
     spoils = ~logic.covers[logic.delta[epoch, before][:, :-1], q[:, None]] & labelled
     met = logic.loses[epoch, q][:, :-1] & (np.arange(len(labelled)) != cell[:, None])
     met[1:] |= logic.loses[epoch[1:], q[:-1]][:, :-1] & (np.arange(len(labelled)) != cell[1:, None])

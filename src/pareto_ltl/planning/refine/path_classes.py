@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from pareto_ltl.planning.problem import Problem
-from pareto_ltl.planning.refine.obligations import planned_states
 from pareto_ltl.support.arrays import FloatArray
 
 
@@ -37,7 +36,7 @@ class PathClass:
 
 def path_class(problem: Problem, x: FloatArray) -> PathClass:
     """The class of the means ``x`` (T+1, 2)."""
-    q, cells = planned_states(problem, x), problem.locate(x)
+    q, cells = problem.states(x), problem.locate(x)
     before = np.concatenate([[-1], q[:-1]])
     atoms = set(problem.atoms)
     labels = [problem.labels[c] & atoms if c >= 0 else frozenset() for c in cells]
