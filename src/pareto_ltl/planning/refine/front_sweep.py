@@ -25,6 +25,7 @@ from pareto_ltl.planning.evaluate import completes_mission, evaluate_path
 from pareto_ltl.planning.margin_model import margin_model
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import Forest, PlannedPath
+from pareto_ltl.planning.refine.length_caps import KEPT, SPACING, front_of, spread_points
 from pareto_ltl.planning.refine.path_classes import PathClass, path_class
 from pareto_ltl.planning.refine.sampled import (
     Candidate,
@@ -48,9 +49,6 @@ WARM = (0.008, 0.004)  # those of a step of a sweep
 FINE = (0.005, 0.003, 0.002)  # those of the last polish
 LOOSE = 1.1  # a start may become this much longer at first
 SPARE = (0, 1, 3)  # steps beyond the fewest that are tried
-SPACING = 1.03  # ratio of neighbouring length caps
-PLATEAU = 1.5  # levels between two paths of a front: more are a plateau
-KEPT = 1.002  # a path may exceed its cap by this factor
 HOPELESS = 0.7  # smoothed failure beyond which shorter paths are not looked for
 WORTH = 0.95  # of the failure before: more ends the rising sweep, where it happens twice
 SHORT = 0.87  # of its length, where a start is looked at once more
@@ -419,45 +417,7 @@ def _bent(sweep: Sweep, x: FloatArray, rng: np.random.Generator) -> FloatArray:
     return np.clip(x + bump[:, None] * aside, low, high)
 
 
-# --- fronts -----------------------------------------------------------------------------------
-
-
-def front_of(found: Iterable[Candidate]) -> list[Candidate]:
-    """Those that no other is shorter and fails less than, by length."""
-    kept: list[Candidate] = []
-    for k in sorted(found, key=lambda k: (k.length, k.smoothed)):
-        if not kept or k.smoothed < kept[-1].smoothed:
-            kept.append(k)
-    return kept
-
-
-def spread_points(front: Sequence[Candidate], most: int) -> list[tuple[Candidate, float]]:
-    """At most ``most`` length caps along the front, each with the path to begin with.
-
-    They are at even ratios. A gap between neighbours that is wider than a level of the sweep is a plateau,
-    where longer paths do not pay: no cap lies in it, and one on each side. The path to begin with fails least
-    of those that one step of the sweep is enough to shorten.
-    """
-    if not front:
-        return []
-    lengths = np.log([k.length for k in front])
-    rise = np.diff(lengths)
-    wide = rise > PLATEAU * np.log(SPACING)
-    rims = np.flatnonzero(np.append(wide, False) | np.insert(wide, 0, False))
-    rims = rims[np.linspace(0, len(rims) - 1, min(len(rims), most // 2 - 1)).round().astype(int)]
-    even = most - len(rims)
-    way = np.concatenate([[0.0], np.cumsum(np.where(wide, 0.0, rise))])
-    along = way[-1] / max(even - 1, 1) * np.arange(even)
-    at = np.searchsorted(way, along * (1.0 - 1e-12), side="right") - 1
-    caps = np.exp(lengths[at] + along - way[at])
-    caps[-1], caps[0] = front[-1].length, front[0].length
-    kept = [float(caps[0])]
-    for cap in sorted([*caps[1:].tolist(), *(front[i].length for i in rims)]):
-        if cap > KEPT * kept[-1]:
-            kept.append(cap)
-    return [
-        (min((k for k in front if k.length <= SPACING * cap), key=lambda k: k.smoothed), cap) for cap in kept
-    ]
+# --- the last polish ---------------------------------------------------------------------------
 
 
 def _finished(sweep: Sweep, k: Candidate, cap: float) -> Candidate:
