@@ -238,10 +238,10 @@ def within_capacity(cfg: SelectionConfig, front: Front, model: EnergyModel | Non
             f"the least is {energy_text(energies.min())}: raise robot.power.capacity, lower robot.u_max "
             "towards the airspeed of the least power a metre, or shorten the mission"
         )
-    return front if len(kept) == len(energies) else front_of(front, kept.tolist())
+    return front if len(kept) == len(energies) else part_of_front(front, kept.tolist())
 
 
-def front_of(front: Front, kept: Sequence[int]) -> Front:
+def part_of_front(front: Front, kept: Sequence[int]) -> Front:
     """The front with the paths of the numbers ``kept`` alone."""
     return replace(
         front,

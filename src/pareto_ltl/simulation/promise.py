@@ -14,7 +14,7 @@ from numpy.random import SeedSequence
 
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import FLIGHTS, WEIGHTED, FailureRate, Front, PlannedPath, Promise
-from pareto_ltl.planning.selection_rules import LIMITED, NAMES_ONE, choose_path, front_of
+from pareto_ltl.planning.selection_rules import LIMITED, NAMES_ONE, choose_path, part_of_front
 from pareto_ltl.settings import SelectionConfig
 from pareto_ltl.simulation.flights import counted_rate
 from pareto_ltl.simulation.judging import count_failures
@@ -57,7 +57,7 @@ def promise_path(
         LOG.warning("%s", why_not(cfg, path, promise))
         if cfg.rule in NAMES_ONE or len(left.paths) == 1:
             break
-        left = front_of(left, [i for i in range(len(left.paths)) if i != k])
+        left = part_of_front(left, [i for i in range(len(left.paths)) if i != k])
     path, promise = seen[-1] if holds(cfg, seen[-1][1]) else min(seen, key=lambda s: s[1].rate.failure)
     if promise.linearity > LINEAR:
         LOG.warning(
