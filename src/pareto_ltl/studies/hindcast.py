@@ -139,10 +139,7 @@ def calibration_columns(context: HindcastContext, run: Run) -> Columns:
 
 
 def scores(readings: Readings, scene: Any, wind: WindField) -> FloatArray:
-    nodes = np.stack(np.meshgrid(*map(np.arange, wind.mean.shape[1:3]), indexing="ij"), axis=-1).reshape(
-        -1, 2
-    )
-    points = wind.origin + wind.spacing * nodes
+    points = wind.lattice.nodes()
     inside = np.all((points >= scene.bounds[0]) & (points <= scene.bounds[1]), axis=1)
     truth = nature.at_times(readings, scene, wind.times, points[inside])
     flat = (len(wind.times), -1, 2)

@@ -78,7 +78,7 @@ def conditioned_field(field: WindField, theta: FloatArray, told: FloatArray) -> 
     slot = int(np.argmin(np.abs(field.times)))  # that of the modes at the fix
     kept = persistence(field, float(field.times[slot]))
     mean, latent, psi = field.mean.copy(), field.latent_var.copy(), modes.psi.copy()
-    nodes = _node_places(field)
+    nodes = field.lattice.nodes()
     for k in range(len(field.times)):
         here = mode_values(modes, k, nodes)  # (N, 2, P)
         shape = mean.shape[1:3]
@@ -103,12 +103,6 @@ def less_doubt(told: FloatArray, kept: FloatArray, part: IntArray) -> FloatArray
         less = np.sqrt(np.clip(1.0 - values[few], 0.0, 1.0)) - 1.0
         root[np.ix_(own, own)] += (vectors[:, few] * less) @ vectors[:, few].T
     return root
-
-
-def _node_places(field: WindField) -> FloatArray:
-    """Nodes (N, 2) [m] of the lattice of the mean."""
-    east, north = (field.origin[c] + field.spacing * np.arange(field.mean.shape[1 + c]) for c in (0, 1))
-    return np.stack(np.meshgrid(east, north, indexing="ij"), axis=-1).reshape(-1, 2)
 
 
 def mode_values(modes: WindModes, slot: int, places: FloatArray) -> FloatArray:

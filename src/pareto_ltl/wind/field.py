@@ -15,8 +15,8 @@ from pareto_ltl.support.display import probability_text
 from pareto_ltl.wind.fit_cache import cached_wind_table
 from pareto_ltl.wind.gp import Hyper
 from pareto_ltl.wind.readings import HOUR
-from pareto_ltl.wind.records import WindEvidence, WindField, WindModes, WindObservations
-from pareto_ltl.wind.tabulate import NodeLattice, WindTable, WindTask, tabulate_wind
+from pareto_ltl.wind.records import NodeLattice, WindEvidence, WindField, WindModes, WindObservations
+from pareto_ltl.wind.tabulate import WindTable, WindTask, tabulate_wind
 from pareto_ltl.world.scene import Scene
 
 FEWEST_MODE_CELLS, MOST_MODE_CELLS = 10, 24  # of the lattice of the modes, along the longer side of the scene

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -146,6 +147,20 @@ class WindEvidence:
             raise ValueError("points and winds must have the same shapes")
 
 
+class NodeLattice(NamedTuple):
+    """Regular lattice: node (i, j) lies at ``origin + spacing * (i, j)`` [m]; ``shape`` is (NX, NY)."""
+
+    origin: FloatArray
+    spacing: float
+    shape: tuple[int, int]
+
+    def nodes(self) -> FloatArray:
+        """Positions of all nodes, shape (NX * NY, 2) [m]; y varies fastest."""
+        steps = np.stack(np.meshgrid(*map(np.arange, self.shape), indexing="ij"), axis=-1)
+        positions: FloatArray = self.origin + self.spacing * steps.reshape(-1, 2)
+        return positions
+
+
 @dataclass(frozen=True, slots=True, repr=False)
 class WindField(Displayed):
     """Posterior wind on a regular lattice, linear in time between its slots.
@@ -202,6 +217,12 @@ class WindField(Displayed):
     level: str = "10m"
     ends: str = ""
     error: ForecastError | None = None
+
+    @property
+    def lattice(self) -> NodeLattice:
+        """The nodes of ``mean``."""
+        east, north = self.mean.shape[1:3]
+        return NodeLattice(self.origin, self.spacing, (east, north))
 
     def __post_init__(self) -> None:
         if not len(self.leads):

@@ -9,21 +9,7 @@ import numpy as np
 from pareto_ltl.settings import WindConfig
 from pareto_ltl.support.arrays import Float32Array, FloatArray, IntArray, require_shape
 from pareto_ltl.wind import gp, modes
-from pareto_ltl.wind.records import WindObservations
-
-
-class NodeLattice(NamedTuple):
-    """Regular lattice: node (i, j) lies at ``origin + spacing * (i, j)`` [m]; ``shape`` is (NX, NY)."""
-
-    origin: FloatArray
-    spacing: float
-    shape: tuple[int, int]
-
-    def nodes(self) -> FloatArray:
-        """Positions of all nodes, shape (NX * NY, 2) [m]; y varies fastest."""
-        steps = np.stack(np.meshgrid(*map(np.arange, self.shape), indexing="ij"), axis=-1)
-        positions: FloatArray = self.origin + self.spacing * steps.reshape(-1, 2)
-        return positions
+from pareto_ltl.wind.records import NodeLattice, WindObservations
 
 
 class WindTask(NamedTuple):
@@ -151,4 +137,4 @@ def tabulate_wind(task: WindTask) -> WindTable:
     )
 
 
-__all__ = ["NodeLattice", "WindTable", "WindTask", "tabulate_wind"]
+__all__ = ["WindTable", "WindTask", "tabulate_wind"]
