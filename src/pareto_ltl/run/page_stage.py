@@ -24,7 +24,7 @@ from pareto_ltl.run.records import (
     Records,
 )
 from pareto_ltl.run.stage_table import StageInputs
-from pareto_ltl.settings import Settings, as_dict
+from pareto_ltl.settings import Settings
 from pareto_ltl.settings.outputs import PAGE_FILE
 from pareto_ltl.support.files import write_bytes
 from pareto_ltl.support.reading import read_json, read_text
@@ -100,11 +100,8 @@ def shown_run(
 
 def origin_in_memory(settings: Settings) -> Origin:
     """The origin of a plan that was made in this process and has no directory."""
-    import yaml
-
     record = provenance.begin(settings, ())
-    text = yaml.safe_dump(as_dict(settings), sort_keys=False, default_flow_style=None, width=110)
-    return _origin(record, provenance.input_hashes(settings), text)
+    return _origin(record, provenance.input_hashes(settings), provenance.settings_text(settings))
 
 
 def origin_of(directory: Path, record: Mapping[str, Any], inputs: Mapping[str, str]) -> Origin:

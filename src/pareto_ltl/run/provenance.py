@@ -89,12 +89,17 @@ def write(directory: Path, record: Mapping[str, Any]) -> None:
 
 def write_settings(directory: Path, settings: Settings) -> None:
     """Every setting of the run, ready to be read back."""
-    import yaml
-
     from pareto_ltl.support.files import write_bytes
 
-    text = yaml.safe_dump(as_dict(settings), sort_keys=False, default_flow_style=None, width=110)
-    write_bytes(directory / "config_resolved.yaml", text.encode())
+    write_bytes(directory / "config_resolved.yaml", settings_text(settings).encode())
+
+
+def settings_text(settings: Settings) -> str:
+    """Every setting, as YAML."""
+    import yaml
+
+    text: str = yaml.safe_dump(as_dict(settings), sort_keys=False, default_flow_style=None, width=110)
+    return text
 
 
 def one_line(error: BaseException) -> str:

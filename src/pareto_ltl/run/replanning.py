@@ -12,7 +12,7 @@ import logging
 import time as clock
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from pareto_ltl.planning.problem import Problem
     from pareto_ltl.planning.records import FailureRate, Plan, PlannedPath
     from pareto_ltl.settings import PowerConfig, SelectionConfig, Settings
-    from pareto_ltl.support.arrays import BoolArray, FloatArray
+    from pareto_ltl.support.arrays import FloatArray
     from pareto_ltl.wind.records import WindField
     from pareto_ltl.world.scene import Scene
 
@@ -126,6 +126,9 @@ def replanned(
     InfeasibleError
         If nothing completes the mission from there.
     """
+    from pareto_ltl.simulation.flights import counted_rate
+    from pareto_ltl.simulation.judging import which_fail
+
     began = clock.perf_counter()
     problem, plan = run.make(PROBLEM), run.make(PLAN)
     step = step_at(problem, plan, time)
@@ -139,9 +142,8 @@ def replanned(
     seconds = clock.perf_counter() - began
     runs = run.settings.selection.runs
     seeds = stage_seeds(run.settings.seed, STREAM)
-    flown = [failures(other.make(PROBLEM), path, runs, seeds) for path in (rest, new.path)]
-    law = problem.fidelity.law
-    old, later = (rate_of(law, failed) for failed in flown)
+    flown = [which_fail(other.make(PROBLEM), path, runs, seeds) for path in (rest, new.path)]
+    old, later = (counted_rate(problem.fidelity.law, int(failed.sum()), runs) for failed in flown)
     return Replanned(situation, other, new, rest, old, later, paired_difference(*flown), seconds)
 
 
@@ -149,27 +151,17 @@ def _carried_on(
     run: Run, problem: Problem, plan: Plan, situation: Situation, rest: PlannedPath, began: float
 ) -> Replanned:
     """Without a fix: the rest of the old plan; it fails as often as the whole plan does."""
+    from pareto_ltl.simulation.flights import counted_rate
+    from pareto_ltl.simulation.judging import which_fail
     from pareto_ltl.world.navigation import navigate
 
-    seeds = stage_seeds(run.settings.seed, STREAM)
-    rate = rate_of(problem.fidelity.law, failures(problem, plan.path, run.settings.selection.runs, seeds))
+    runs = run.settings.selection.runs
+    failed = which_fail(problem, plan.path, runs, stage_seeds(run.settings.seed, STREAM))
+    rate = counted_rate(problem.fidelity.law, int(failed.sum()), runs)
     seconds = clock.perf_counter() - began
     scene = scene_from(problem.scene, rest.x[0], situation.time)
     plan = replace(plan, path=rest, navigation=navigate(scene, rest.t, rest.x, rest.u))
     return Replanned(situation, None, plan, rest, rate, rate, (0.0, 0.0, 0.0), seconds)
-
-
-def failures(problem: Problem, path: PlannedPath, runs: int, seeds: Any) -> BoolArray:
-    """Which of ``runs`` fresh flights of ``path`` fail."""
-    from pareto_ltl.simulation.judging import which_fail
-
-    return which_fail(problem, path, runs, seeds)
-
-
-def rate_of(law: str, failed: BoolArray) -> FailureRate:
-    from pareto_ltl.simulation.flights import counted_rate
-
-    return counted_rate(law, int(failed.sum()), len(failed))
 
 
 # --- when and where ---------------------------------------------------------------------------

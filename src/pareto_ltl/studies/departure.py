@@ -10,7 +10,7 @@ start is then planned in full, with all files of a run.
 from __future__ import annotations
 
 import shutil
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -41,7 +41,13 @@ from pareto_ltl.run.stages import PLAN_TABLE
 from pareto_ltl.settings import Settings
 from pareto_ltl.simulation.judging import which_fail
 from pareto_ltl.studies.departure_starts import candidate_starts, folder_name
-from pareto_ltl.studies.departure_table import Found, departure_study, departures_document, start_rows
+from pareto_ltl.studies.departure_table import (
+    Found,
+    departure_study,
+    departures_document,
+    on_time,
+    start_rows,
+)
 from pareto_ltl.studies.parts import Part, PartsProgress, part_key, work_parts
 from pareto_ltl.studies.planning import study_run
 from pareto_ltl.studies.statistics import Columns
@@ -248,11 +254,6 @@ def _planned_starts(
         if progress is not None:
             progress(len(found), len(found) + len(left))
     return dict(sorted(found.items()))
-
-
-def on_time(time: float, row: Mapping[str, Any], limit: float) -> bool:
-    """Whether the plan of a start arrives by ``limit`` [s since 1970]: departure plus its steps."""
-    return bool(row["planned"]) and time + row["duration_s"] <= limit + 1e-6
 
 
 def _worked(

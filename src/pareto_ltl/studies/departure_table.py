@@ -57,13 +57,18 @@ def _row(cfg: DepartureConfig, time: float, result: Mapping[str, Any]) -> Column
         "departure": iso(time),
         "arrival": iso(arrival) if planned else "",
         "planned": planned,
-        "on_time": planned and arrival <= limit + 1e-6,
+        "on_time": on_time(time, result, limit),
     }
     row |= rate_columns("failure", text_to_flags(result["failed"] if planned else ""))
     row |= {name: result[name] if planned else NAN for name in ("length_m", "duration_s", "steps")}
     row |= {name: result["conditions"][name] if planned else NAN for name in CONDITIONS}
     row |= {"order": result["order"] if planned else "", "law": result["law"] if planned else ""}
     return row | {"metrics": result["metrics"] if planned else {}, "reason": result.get("reason", "")}
+
+
+def on_time(time: float, result: Mapping[str, Any], limit: float) -> bool:
+    """Whether the plan of a start arrives by ``limit`` [s since 1970]: departure plus its steps."""
+    return bool(result["planned"]) and time + result["duration_s"] <= limit + 1e-6
 
 
 def common_length(found: Found) -> float:
@@ -253,4 +258,12 @@ def _text_row(row: Columns) -> tuple[str, ...]:
     )
 
 
-__all__ = ["Found", "departure_study", "departures_document", "same_length_columns", "start_rows", "verdict"]
+__all__ = [
+    "Found",
+    "departure_study",
+    "departures_document",
+    "on_time",
+    "same_length_columns",
+    "start_rows",
+    "verdict",
+]

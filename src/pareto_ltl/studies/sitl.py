@@ -42,7 +42,7 @@ from pareto_ltl.simulation.flights import (
     unspawned,
 )
 from pareto_ltl.simulation.records import Deployment
-from pareto_ltl.studies.statistics import mcnemar_test
+from pareto_ltl.studies.statistics import mcnemar_test, rate_columns
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import rate_text
 from pareto_ltl.support.errors import DataError
@@ -171,14 +171,9 @@ def _one_of(draws: Any, i: int) -> Any:
 
 def sitl_study(cfg: SitlConfig, flown: SitlFlights) -> Study:
     """Tables, numbers and text of the flights."""
-    from pareto_ltl.simulation.flights import clopper_pearson
-
     theirs, ours, apart = flown.aircraft.failed, flown.steps.failed, flown.apart
     numbers: dict[str, float] = {"sitl_flights": cfg.flights}
-    for name, failed in (("sitl", theirs), ("sitl_steps", ours)):
-        low, high = clopper_pearson(int(failed.sum()), len(failed))
-        numbers |= {f"{name}_failure": float(failed.mean()), f"{name}_failure_low": low}
-        numbers |= {f"{name}_failure_high": high}
+    numbers |= rate_columns("sitl_failure", theirs) | rate_columns("sitl_steps_failure", ours)
     only = int((theirs & ~ours).sum()), int((ours & ~theirs).sum())
     error = airspeed_errors(flown.orders, flown.tracks)
     numbers |= {
