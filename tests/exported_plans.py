@@ -16,13 +16,14 @@ from pareto_ltl.exports.exported import ExportedPlan
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.settings import ExportsConfig
 from pareto_ltl.settings.outputs import EXPORT_FILES
+from quick_wind import QUICK_WIND
 
 SMALL = {
     "robot": {"dt": 1800.0},
     "planner": {"trees": 2, "n_max": 3000, "max_steps": 80},
     "selection": {"draws": 200, "runs": 500},
     "refine": {"flights": 200, "sweep_flights": 60, "points": 4},
-    "wind": {"max_points": 40, "modes_max": 16, "spacing": 100e3, "modes_spacing": 100e3},
+    "wind": QUICK_WIND,
 }
 SETTINGS = ExportsConfig(formats=list(EXPORT_FILES), flights=1000, altitude_lower=300.0, altitude_upper=420.0)
 

@@ -20,6 +20,7 @@ from pareto_ltl.run.stages import PLAN_TABLE
 from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
 from pareto_ltl.support.files import write_json
 from pareto_ltl.verify.judge import judge_results
+from quick_wind import QUICK_WIND
 
 PHI1 = "F(a & F b & F c)"
 SMALL: dict[str, Any] = {
@@ -27,7 +28,7 @@ SMALL: dict[str, Any] = {
     "planner": {"trees": 2, "n_max": 1500, "max_steps": 80},
     "smoothing": {"candidates": 2, "weights": [1.0, 100.0]},
     "selection": {"draws": 300, "runs": 500},
-    "wind": {"max_points": 40, "modes_max": 16, "spacing": 100e3, "modes_spacing": 100e3},
+    "wind": QUICK_WIND,
     "deployment": {"runs": 40},
     "report": "none",
 }

@@ -18,13 +18,14 @@ from pareto_ltl.settings import SelectionConfig
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.verify.judge import judge_results
 from pareto_ltl.world.projection import to_geographic
+from quick_wind import QUICK_WIND
 
 SMALL: dict[str, Any] = {
     "robot": {"dt": 1800.0},
     "planner": {"trees": 3, "n_max": 1500, "max_steps": 80},
     "smoothing": {"candidates": 1, "weights": [10.0]},
     "selection": {"draws": 300, "runs": 800},
-    "wind": {"max_points": 40, "modes_max": 16, "spacing": 100e3, "modes_spacing": 100e3},
+    "wind": QUICK_WIND,
     "deployment": {"runs": 40},
     "report": "none",
 }

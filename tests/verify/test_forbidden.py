@@ -13,6 +13,7 @@ from lies.editing import in_flights
 from pareto_ltl.run.results import read_deployments
 from pareto_ltl.verify.evidence import open_evidence
 from pareto_ltl.verify.judge import judge_results
+from quick_wind import QUICK_WIND
 
 MISSION = "!s U a"
 SCENE = {
@@ -23,7 +24,7 @@ SMALL = {
     "robot": {"dt": 1800.0},
     "planner": {"trees": 2, "n_max": 600, "max_steps": 60},
     "smoothing": {"candidates": 1, "weights": [1.0]},
-    "wind": {"max_points": 40, "modes_max": 16, "spacing": 100e3, "modes_spacing": 100e3},
+    "wind": QUICK_WIND,
     "deployment": {"runs": 4000},
     "report": "none",
 }

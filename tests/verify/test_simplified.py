@@ -15,6 +15,7 @@ import pareto_ltl
 from large_maps import rough_disc
 from pareto_ltl.verify.evidence import open_evidence
 from pareto_ltl.verify.judge import CLAIMS, findings, judge_results
+from quick_wind import QUICK_WIND
 
 MAP = "map: scene.json is the map of the settings"
 
@@ -36,7 +37,7 @@ SMALL = {
     "robot": {"dt": 1800.0},
     "planner": {"trees": 2, "n_max": 1500, "max_steps": 80},
     "smoothing": {"candidates": 1, "weights": [1.0]},
-    "wind": {"max_points": 40, "modes_max": 16, "spacing": 100e3, "modes_spacing": 100e3},
+    "wind": QUICK_WIND,
     "deployment": {"runs": 200},
     "report": "none",
 }

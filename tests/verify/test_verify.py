@@ -25,6 +25,7 @@ from pareto_ltl.verify.judge import CLAIMS, findings, judge_results
 from pareto_ltl.wind.forecast_error import forecast_error_law
 from pareto_ltl.wind.readings import seconds
 from pareto_ltl.wind.sources import SAMPLE_FILE
+from quick_wind import QUICK_WIND
 
 SMALL = {
     "robot": {
@@ -35,7 +36,7 @@ SMALL = {
     "planner": {"trees": 2, "n_max": 3000, "max_steps": 80},
     "smoothing": {"candidates": 1, "weights": [10.0, 100.0]},
     "selection": {"draws": 200, "runs": 1000},
-    "wind": {"max_points": 40, "modes_max": 16, "spacing": 100e3, "modes_spacing": 100e3},
+    "wind": QUICK_WIND,
     "deployment": {"runs": 1000},
     "report": {"figures": False},
 }
