@@ -8,6 +8,7 @@ import sys
 import tempfile
 import traceback
 from collections.abc import Callable
+from pathlib import Path
 from typing import NoReturn
 
 from pareto_ltl.run.provenance import one_line
@@ -24,6 +25,16 @@ class CommandArguments(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         """Raise ConfigError with ``message`` and where the help is."""
         raise ConfigError(f"{message}; see {self.prog} --help")
+
+    def add_result(self) -> None:
+        """The results directory that a command reads, ``directory``."""
+        self.add_argument(
+            "directory", type=Path, metavar="DIR", help="for example outputs/phi2/2026-01-31_12-00-00"
+        )
+
+    def add_point(self) -> None:
+        """The path of the front that a command is about, ``point``."""
+        self.add_argument("--point", metavar="N", help="path number N of front.csv; default: the plan")
 
 
 def run_reported(

@@ -28,9 +28,7 @@ def _choose_arguments(argv: Sequence[str]) -> int:
         description="Write the plan of another path of a front, without planning again: a whole results "
         "directory, with the bytes of a run with that selection. front.csv of DIR lists the paths.",
     )
-    parser.add_argument(
-        "directory", type=Path, metavar="DIR", help="for example outputs/phi2/2026-01-31_12-00-00"
-    )
+    parser.add_result()
     wanted = parser.add_mutually_exclusive_group(required=True)
     wanted.add_argument(
         "--failure", metavar="P", help="the shortest path that fails at most so often: 0.02 or 2%%"

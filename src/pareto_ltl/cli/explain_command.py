@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 
 from pareto_ltl.cli.arguments import CommandArguments, run_reported
 from pareto_ltl.cli.choose_command import read_number
@@ -21,10 +20,8 @@ def _explain_arguments(argv: Sequence[str]) -> int:
         description="Tell a plan leg by leg: time, heading, airspeed, wind and its doubt, what the leg is "
         "for, the closest obstacle, and how often flights have failed by then.",
     )
-    parser.add_argument(
-        "directory", type=Path, metavar="DIR", help="for example outputs/phi2/2026-01-31_12-00-00"
-    )
-    parser.add_argument("--point", metavar="N", help="path number N of front.csv; default: the plan")
+    parser.add_result()
+    parser.add_point()
     options = parser.parse_args(argv)
     point = None if options.point is None else read_number(options.point)
     if not options.directory.is_dir():

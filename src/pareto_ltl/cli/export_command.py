@@ -26,10 +26,8 @@ def _export_arguments(argv: Sequence[str]) -> int:
         + ", ".join(f"{name} ({file})" for name, file in EXPORT_FILES.items())
         + ". docs/exports.md says what each is.",
     )
-    parser.add_argument(
-        "directory", type=Path, metavar="DIR", help="for example outputs/phi2/2026-01-31_12-00-00"
-    )
-    parser.add_argument("--point", metavar="N", help="path number N of front.csv; default: the plan")
+    parser.add_result()
+    parser.add_point()
     parser.add_argument("--formats", metavar="A,B", help="default: those of the run")
     parser.add_argument(
         "--to", type=Path, metavar="DIR2", help="default: DIR/exports, or DIR/exports_point_N"

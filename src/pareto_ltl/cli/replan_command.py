@@ -23,9 +23,7 @@ def _replan_arguments(argv: Sequence[str]) -> int:
         "conditioned on that, the mission goes on from where it stands, and the rest is planned anew into a "
         "results directory. Without --fix the rest of the plan stays as it is. docs/replanning.md says more.",
     )
-    parser.add_argument(
-        "directory", type=Path, metavar="DIR", help="for example outputs/phi2/2026-01-31_12-00-00"
-    )
+    parser.add_result()
     parser.add_argument(
         "--time", required=True, metavar="T", help="2018-10-09T06:00:00Z, 6h or 21600 (s after departure)"
     )

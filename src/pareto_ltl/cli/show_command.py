@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 
 from pareto_ltl.cli.arguments import CommandArguments, run_reported
 
@@ -19,9 +18,7 @@ def _show_arguments(argv: Sequence[str]) -> int:
         description="Open report.html of a result in the default browser; it is written first where it is "
         "missing.",
     )
-    parser.add_argument(
-        "directory", type=Path, metavar="DIR", help="for example outputs/phi2/2026-01-31_12-00-00"
-    )
+    parser.add_result()
     parser.add_argument("--print", action="store_true", help="print its path alone, open nothing")
     parser.add_argument("--again", action="store_true", help="write the page anew, even if it is there")
     options = parser.parse_args(argv)

@@ -7,6 +7,7 @@ failure of the plan with ``robot.feedback=1`` beside the promise. Take-off and l
 from __future__ import annotations
 
 import json
+from dataclasses import asdict
 from typing import Any
 
 from pareto_ltl.exports.degrees import outline_degrees
@@ -96,14 +97,9 @@ def _note(exported: ExportedPlan) -> dict[str, Any]:
     return {
         "note": "An autopilot flies this mission by position. Take-off and landing are not part of it. "
         + " ".join(exported.sentences()),
-        "failure_by_heading": None if promise is None else rate_document(promise.rate),
-        "failure_by_position": rate_document(exported.held),
+        "failure_by_heading": None if promise is None else asdict(promise.rate),
+        "failure_by_position": asdict(exported.held),
     }
-
-
-def rate_document(rate: Any) -> dict[str, Any]:
-    """A failure rate with the name of its wind law."""
-    return {name: getattr(rate, name) for name in ("law", "failure", "low", "high", "runs", "method")}
 
 
 __all__ = ["fence_polygons", "mission_items", "mission_plan"]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
@@ -72,7 +72,7 @@ def page_content(run: ShownRun) -> Content:
         "causes": list(CAUSES),
         "automaton": None if run.automaton is None else shown_automaton(run.automaton),
         "notCovered": "" if run.plan is None else run.plan.not_covered,
-        "promise": None if run.plan is None or run.plan.promise is None else _rate(run.plan.promise.rate),
+        "promise": None if run.plan is None or run.plan.promise is None else asdict(run.plan.promise.rate),
     }
     return Content(_texts(run, formula, chosen), data)
 
@@ -102,10 +102,6 @@ def _paths(
             paths[str(k)] = shown_path(run, run.problem, front.paths[k], given if k == chosen else None)
     flown = None if given is None or chosen is None else shown_flights(run, run.problem, given)
     return paths, flown
-
-
-def _rate(rate: FailureRate) -> dict[str, Any]:
-    return {name: getattr(rate, name) for name in ("law", "failure", "low", "high", "runs", "method")}
 
 
 # --- texts -----------------------------------------------------------------------------------
