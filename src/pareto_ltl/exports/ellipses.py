@@ -11,10 +11,9 @@ HALVINGS = 60  # of the interval in which a radius is sought
 
 
 def axes_of(cov: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Standard deviations along the major and the minor axis of ``cov`` (N, 2, 2), and the direction of the
-    major one, clockwise from +y in [0, π), each of shape (N,).
+    """Standard deviations along the major and minor axes of ``cov`` (N, 2, 2), and the major one's direction.
 
-    The directions of a circle are 0.
+    The direction is clockwise from +y in [0, π), 0 for a circle; each array has shape (N,).
     """
     xx, xy, yy = cov[:, 0, 0], cov[:, 0, 1], cov[:, 1, 1]
     middle, half = 0.5 * (xx + yy), np.hypot(0.5 * (xx - yy), xy)
@@ -39,8 +38,10 @@ def circle_radius(major: FloatArray, minor: FloatArray, share: float) -> FloatAr
 
 
 def ellipse_outlines(mean: FloatArray, cov: FloatArray, scale: FloatArray, corners: int) -> FloatArray:
-    """Polygons (..., corners, 2) [m], counter-clockwise, that just hold the ellipses of ``scale`` (...)
-    standard deviations of ``cov`` (..., 2, 2) around ``mean`` (..., 2)."""
+    """Polygons (..., corners, 2) [m], counter-clockwise, that just hold ellipses around ``mean`` (..., 2).
+
+    The ellipses are those of ``scale`` (...) standard deviations of ``cov`` (..., 2, 2).
+    """
     angle = np.arange(corners) * (2.0 * np.pi / corners)
     circle = np.stack([np.cos(angle), np.sin(angle)]) / np.cos(np.pi / corners)  # around the unit circle
     root = np.linalg.cholesky(cov)

@@ -24,9 +24,11 @@ from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 
 
 class Claims(NamedTuple):
-    """W(p) of all claims (Q,) at one step: the margin, and the number of the event that binds
-    (:func:`letter_number`, :func:`hazard_number`). Whole events in their place took three times as long.
-    ``live`` lists the ``size[0]`` claims of a margin above -CERTAIN, ascending."""
+    """W(p) of all claims (Q,) at one step: the margin, and the number of the event that binds.
+
+    Numbers are those of :func:`letter_number` and :func:`hazard_number`; whole events in their place took
+    three times as long. ``live`` lists the ``size[0]`` claims of a margin above -CERTAIN, ascending.
+    """
 
     margin: FloatArray
     event: IntArray
@@ -35,8 +37,11 @@ class Claims(NamedTuple):
 
 
 class ClaimLists(NamedTuple):
-    """Memory: claims ``before`` and ``after`` a step, margins of the letters ``shown`` (M,), the bits of
-    those that may be read ``later`` than each step (T+1,)."""
+    """Memory: claims ``before`` and ``after`` a step, and what letters cost.
+
+    ``shown`` (M,) are margins of the letters, ``later`` (T+1,) the bits of those that may be read later than
+    each step.
+    """
 
     before: Claims
     after: Claims

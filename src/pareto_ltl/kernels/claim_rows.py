@@ -19,8 +19,10 @@ BLOCK = 256  # flights: their rows fit into the nearest cache
 
 
 class Rows(NamedTuple):
-    """W(p) of all claims (Q, n) at one step: margins, and the numbers of the events that bind. Only rows
-    that are ``live`` (Q,) count."""
+    """W(p) of all claims (Q, n) at one step: margins, and the numbers of the events that bind.
+
+    Only rows that are ``live`` (Q,) count.
+    """
 
     margin: FloatArray
     event: IntArray
@@ -28,8 +30,11 @@ class Rows(NamedTuple):
 
 
 class ClaimRows(NamedTuple):
-    """Memory: rows ``before`` and ``after`` a step; of the letters ``near`` (M,) the margins ``shown``
-    (M, n); two rows of margins and one of events of a claim on its way through an edge."""
+    """Memory: rows ``before`` and ``after`` a step, and what lies between.
+
+    ``shown`` (M, n) are the margins of the letters ``near`` (M,); two rows of margins and one of events are
+    those of a claim on its way through an edge.
+    """
 
     before: Rows
     after: Rows

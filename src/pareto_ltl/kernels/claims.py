@@ -30,8 +30,11 @@ class ClaimEdges(NamedTuple):
 
 
 class ClaimCosts(NamedTuple):
-    """What each condition of an edge costs, step by step, inf where it is broken: ``shown`` (T+1, G) inside
-    of a polygon, ``shunned`` (T+1, C) outside of one, ``way`` (T+1, H) clear of a hazard."""
+    """What each condition of an edge costs, step by step, inf where it is broken.
+
+    ``shown`` (T+1, G): inside of a polygon; ``shunned`` (T+1, C): outside of one; ``way`` (T+1, H): clear of
+    a hazard.
+    """
 
     shown: FloatArray
     shunned: FloatArray

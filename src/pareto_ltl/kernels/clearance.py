@@ -13,8 +13,10 @@ TINY = 1e-300
 
 
 class Event(NamedTuple):
-    """A signed distance [m] and what it is measured by: the unit ``normal`` (nx, ny) at the point ``share``
-    of the way from step ``t`` to the next."""
+    """A signed distance [m] and what it is measured by.
+
+    The unit ``normal`` (nx, ny) is at the point ``share`` of the way from step ``t`` to the next.
+    """
 
     margin: float
     t: int

@@ -94,8 +94,10 @@ class Nearby(NamedTuple):
 
 
 class Corners(NamedTuple):
-    """Polygons as corners ``corner[ptr[k]:ptr[k + 1]]``, counter-clockwise, each within ``radius`` of
-    ``middle`` (L, 2); ``cell`` (L,) are their numbers."""
+    """Polygons as corners ``corner[ptr[k]:ptr[k + 1]]``, counter-clockwise.
+
+    Each lies within ``radius`` of ``middle`` (L, 2); ``cell`` (L,) are their numbers.
+    """
 
     cell: IntArray
     middle: FloatArray
@@ -105,8 +107,10 @@ class Corners(NamedTuple):
 
 
 class Cells(NamedTuple):
-    """Convex cells with a bucket grid in front: bucket k lists its candidate cells in
-    ``candidates[ptr[k]:ptr[k + 1]]``."""
+    """Convex cells with a bucket grid in front.
+
+    Bucket k lists its candidate cells in ``candidates[ptr[k]:ptr[k + 1]]``.
+    """
 
     west: float
     south: float
@@ -119,8 +123,10 @@ class Cells(NamedTuple):
 
 
 class Logic(NamedTuple):
-    """The automaton on the letters that cells show, in every epoch: a span of steps in which the same
-    propositions with time windows hold. Without windows there is one.
+    """The automaton on the letters that cells show, in every epoch.
+
+    An epoch is a span of steps in which the same propositions with time windows hold. Without windows there
+    is one.
 
     ``epoch`` (S + 1,) is that of each step, the last one of all later steps; ``delta`` (E, Q, C + 1), the
     last column for no label (obstacles, off the map); ``distance`` d_A (Q,), inf in the trap, ``ahead``
@@ -262,10 +268,12 @@ class CoherentMemory(NamedTuple):
 
 
 class LandmarkMemory(NamedTuple):
-    """Row v is what the children of v start from: ``theta`` (N, 2, 2, P) = Cov(ẽ, θ̃), ``known`` (N, 3) =
-    Cov(ê), the last fix ``fix`` (N,) and ``faded`` (N, G), the s of it. Fix f has ``gain`` (M, 2, 2, P) = D,
-    the fix before it ``previous`` and the ``share`` (M, G) that the latter had then; ``used`` (1,) fixes
-    are in use."""
+    """Row v is what the children of v start from.
+
+    ``theta`` (N, 2, 2, P) = Cov(ẽ, θ̃), ``known`` (N, 3) = Cov(ê), the last fix ``fix`` (N,) and ``faded``
+    (N, G), the s of it. Fix f has ``gain`` (M, 2, 2, P) = D, the fix before it ``previous`` and the ``share``
+    (M, G) that the latter had then; ``used`` (1,) fixes are in use.
+    """
 
     theta: Float32Array
     known: FloatArray
@@ -285,9 +293,12 @@ Memory: TypeAlias = CoherentMemory | LandmarkMemory | None
 
 
 class Theorem2(NamedTuple):
-    """The paper's f_o: ``faces`` of the convex parts of the regions, ``atom`` the proposition of each part,
-    ``holds`` (E, C, P) which propositions hold in a cell in each epoch of ``logic``. Its memory is None: the
-    risks of the propositions are the vertex's own objectives. All cells, the automaton."""
+    """The paper's f_o. All cells, the automaton.
+
+    ``faces`` are those of the convex parts of the regions, ``atom`` the proposition of each part, ``holds``
+    (E, C, P) which propositions hold in a cell in each epoch of ``logic``. Its memory is None: the risks of
+    the propositions are the vertex's own objectives.
+    """
 
     faces: Faces
     atom: IntArray
@@ -320,9 +331,11 @@ class Ordered(NamedTuple):
 
 
 class LiveRows(NamedTuple):
-    """Rows of entries (automaton state, V): those of row v begin at ``first[v]`` of ``state`` and ``value``,
-    and there are ``size[v]``, at most ``most``. Rows may share their entries; places from ``used[0]`` on are
-    free. -1 in ``first`` is a row that has no places yet."""
+    """Rows of entries (automaton state, V), which rows may share.
+
+    Those of row v begin at ``first[v]`` of ``state`` and ``value``, and there are ``size[v]``, at most
+    ``most``. Places from ``used[0]`` on are free. -1 in ``first`` is a row that has no places yet.
+    """
 
     first: IntArray
     size: Int32Array
@@ -333,9 +346,12 @@ class LiveRows(NamedTuple):
 
 
 class Letters(NamedTuple):
-    """What may be read in one step: ``seen`` (L + 1,) = P(each label), last no label; ``met`` (H,) = P(each
-    hazard met). Scratch: ``parts`` and ``hazards`` list those above 0, ``listed`` (2,) of each, and ``place``
-    (Q,) is the number of a state's entry, -1 where it has none. ``epoch`` (1,) is that of the step."""
+    """What may be read in one step, that of ``epoch`` (1,), and scratch.
+
+    ``seen`` (L + 1,) = P(each label), last no label; ``met`` (H,) = P(each hazard met). Scratch: ``parts``
+    and ``hazards`` list those above 0, ``listed`` (2,) of each, and ``place`` (Q,) is the number of a state's
+    entry, -1 where it has none.
+    """
 
     seen: FloatArray
     met: FloatArray
@@ -347,8 +363,10 @@ class Letters(NamedTuple):
 
 
 class OrderedMemory(NamedTuple):
-    """``rows`` of V. Of two scratch rows ``same`` (2,) is the tree's row that V is equal to, -1 where the
-    entries are its own; ``letters`` is scratch too, None in trees."""
+    """``rows`` of V; ``letters`` is scratch, None in trees.
+
+    Of two scratch rows ``same`` (2,) is the tree's row that V is equal to, -1 where the entries are its own.
+    """
 
     rows: LiveRows
     same: IntArray
@@ -362,8 +380,10 @@ MissionBound: TypeAlias = Theorem2 | Ordered
 
 
 class StepBound(NamedTuple):
-    """Eqs. (9) and (10): equal shares of epsilon for the m barriers (obstacles and walls); ``z`` is the
-    quantile of 1 - epsilon / m. Nothing is remembered (None)."""
+    """Eqs. (9) and (10): equal shares of epsilon for the m barriers (obstacles and walls).
+
+    ``z`` is the quantile of 1 - epsilon / m. Nothing is remembered (None).
+    """
 
     barriers: Faces
     nearby: Nearby
@@ -380,8 +400,11 @@ class PathBound(NamedTuple):
 
 
 class PathMemory(NamedTuple):
-    """Runs that cost something, up to K a row: ``face`` (N, K) that separates the steps of each, -1 after
-    the last; ``run`` (N, K, 3): Σ p, least gap and largest variance of the steps in a row with this face."""
+    """Runs that cost something, up to K a row.
+
+    ``face`` (N, K) separates the steps of each, -1 after the last; ``run`` (N, K, 3): Σ p, least gap and
+    largest variance of the steps in a row with this face.
+    """
 
     face: Int32Array
     run: Float32Array

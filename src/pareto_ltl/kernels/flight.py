@@ -64,8 +64,10 @@ Draws: TypeAlias = IndependentDraws | CoherentDraws
 
 @by_type
 def meet_winds(draws: Draws, t: int, x: FloatArray, met: FloatArray) -> None:
-    """Winds (east, north) [m/s] of all flights ``x`` (n, T+1, 2) at step ``t``, into the first two columns of
-    ``met`` (n, 4); the others are scratch."""
+    """Write the winds (east, north) [m/s] of all flights at step ``t`` into ``met`` (n, 4).
+
+    They are in its first two columns, the others are scratch; ``x`` (n, T+1, 2) are the positions.
+    """
     raise NotImplementedError
 
 
@@ -95,10 +97,9 @@ def _coherent_winds(draws: CoherentDraws, t: int, x: FloatArray, met: FloatArray
 
 @vector
 def meet_fields(modes: Modes, t: int, x: FloatArray, theta: Float32Array, met: FloatArray) -> None:
-    """ψ(x)' θ, east and north, then both |ψ|² of all flights at step ``t`` into ``met`` (n, 4); ``theta``
-    (n, 2, P).
+    """ψ(x)' θ, east and north, then both |ψ|² of all flights at step ``t`` into ``met`` (n, 4).
 
-    With 32 modes 17 ns a flight, and 40 in a function called for each.
+    ``theta`` has shape (n, 2, P). With 32 modes 17 ns a flight, and 40 in a function called for each.
     """
     slot, scale, psi = modes.slot[t], modes.scale[t], modes.psi
     for i in range(x.shape[0]):
@@ -288,8 +289,10 @@ def known_wind(psi: Float32Array, field: Float32Array, t: int, c: int) -> float:
 
 @entry
 def fly_batch(motion: Motion, draws: Draws, pilot: Pilot, x: FloatArray, met: FloatArray) -> None:
-    """Fly one plan once for every row of ``x`` (n, T+1, 2) [m], which has the start positions in column 0;
-    ``met`` (n, 4) is scratch."""
+    """Fly one plan once for every row of ``x`` (n, T+1, 2) [m], which has the start positions in column 0.
+
+    ``met`` (n, 4) is scratch.
+    """
     a, b, dt = motion.a, motion.b, motion.dt
     begin_flights(pilot)
     for t in range(x.shape[1] - 1):
@@ -305,8 +308,10 @@ def fly_batch(motion: Motion, draws: Draws, pilot: Pilot, x: FloatArray, met: Fl
 
 
 class Judge(NamedTuple):
-    """What decides about a flight: cells (with the bounds of the map) and automaton, obstacles and, by where
-    it is, those near it."""
+    """What decides about a flight.
+
+    Cells (with the bounds of the map) and automaton; obstacles and, by where the flight is, those near it.
+    """
 
     cells: Cells
     logic: Logic

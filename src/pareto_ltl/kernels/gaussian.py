@@ -39,8 +39,10 @@ def outside(faces: Faces, part: int, here: Gaussian) -> float:
 
 @kernel
 def region_missed(faces: Faces, owner: IntArray, atom: int, here: Gaussian) -> float:
-    """The same for a region of several convex parts, those that ``owner`` gives to ``atom``: its best part,
-    at most 1."""
+    """Bound on P(position not in the region): that of its best convex part, at most 1.
+
+    The parts are those that ``owner`` gives to ``atom``.
+    """
     best = 1.0
     for part in range(len(owner)):
         if owner[part] == atom:

@@ -84,11 +84,11 @@ def segment_hits(faces: Faces, part: int, start: Point, end: Point) -> bool:
 
 @kernel
 def look_around(nearby: Nearby, start: Point, end: Point, reach: float) -> tuple[int, float]:
-    """The row of ``nearby`` to look at for a segment, and the ``gap`` from which on polygons are farther from
-    it than ``reach`` [m].
+    """The row of ``nearby`` to look at for a segment, and the ``gap`` beyond which polygons do not count.
 
-    The largest gap to a polygon's faces is 1-Lipschitz. So a polygon of that gap has one face beyond which
-    both ends of the segment lie by ``reach``.
+    Polygons of a larger gap are farther from the segment than ``reach`` [m]: the largest gap to a polygon's
+    faces is 1-Lipschitz. So a polygon of that gap has one face beyond which both ends of the segment lie by
+    ``reach``.
     """
     dx, dy = end.x - start.x, end.y - start.y
     mx, my = start.x + 0.5 * dx - nearby.west, start.y + 0.5 * dy - nearby.south

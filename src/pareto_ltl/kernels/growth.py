@@ -185,8 +185,10 @@ def opening(logic: Logic, q: int, cell: int, step: int) -> int:
 
 @kernel
 def next_visit(logic: Logic, q: int, cell: int, step: int) -> int:
-    """The first step from ``step`` on at which the label of a cell brings state q nearer to acceptance, and
-    one more; -1: never."""
+    """The step after the first one from ``step`` on at which a cell's label brings q nearer to acceptance.
+
+    -1: never.
+    """
     for t in range(step, len(logic.epoch)):
         if logic.distance[logic.delta[epoch_at(logic.epoch, t), q, cell]] < logic.distance[q]:
             return t + 1

@@ -41,8 +41,10 @@ class NormalDraws(NamedTuple):
 
 
 class Directions(NamedTuple):
-    """Unit vectors ω of J half-spaces in the space of z, in its parts: ``start`` (J, 2), ``white`` (J, T, 2),
-    ``field`` (J, E, 2, P)."""
+    """Unit vectors ω of J half-spaces in the space of z, in its parts.
+
+    ``start`` (J, 2), ``white`` (J, T, 2), ``field`` (J, E, 2, P).
+    """
 
     start: FloatArray
     white: FloatArray

@@ -68,9 +68,12 @@ class Met(NamedTuple):
 
 
 class Scratch(NamedTuple):
-    """Memory: ``claims`` is that of the missions' margins, whose type says how they are found; what is
-    ``near``; the ``margins`` (n,) of the flights, which are kept; of each flight the number of its mission's
-    ``event`` (n,) and the barrier ``met``."""
+    """Memory of a search for margins.
+
+    ``claims`` is that of the missions' margins, whose type says how they are found; what is ``near``; the
+    ``margins`` (n,) of the flights, which are kept; of each flight the number of its mission's ``event`` (n,)
+    and the barrier ``met``.
+    """
 
     claims: Any
     near: Near

@@ -25,8 +25,10 @@ CERTAIN = 8.0  # standard deviations; what lies farther away has probability bel
 
 @kernel
 def visit_risk(bound: Theorem2, e: int, atom: int, cell: int, here: Gaussian, before: float) -> float:
-    """f_o^i (Theorem 1) after a step into ``cell`` in epoch ``e``: the least risk over all visits, -1 before
-    the first."""
+    """f_o^i (Theorem 1) after a step into ``cell`` in epoch ``e``: the least risk over all visits.
+
+    -1 before the first.
+    """
     if not bound.holds[e, cell, atom]:
         return before
     now = region_missed(bound.faces, bound.atom, atom, here)

@@ -80,8 +80,10 @@ def list_shown(faces: Faces, floor: float, near: Near) -> None:
 def list_met(
     faces: Faces, corners: Corners, reach: float, box: FloatArray, first: IntArray, met: IntArray
 ) -> None:
-    """List the polygons that some segment may be closer to than ``reach`` [m]: those of step t are
-    ``met[first[t]:first[t + 1]]``."""
+    """List the polygons that some segment may be closer to than ``reach`` [m].
+
+    Those of step t are ``met[first[t]:first[t + 1]]``.
+    """
     count = 0
     for t in range(len(box) - 1):
         first[t] = count

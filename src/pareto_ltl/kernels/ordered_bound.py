@@ -138,8 +138,11 @@ def target_state(bound: Ordered, letters: Letters, q: int, i: int) -> int:
 def read_letter(
     bound: Ordered, letters: Letters, before: LiveRows, row: int, now: LiveRows, target: int, planned: int
 ) -> None:  # fmt: skip
-    """V after one more letter into row ``target`` of ``now``, which has places for 2 ``most`` entries, from
-    ``row`` of ``before``. ``planned`` is the state whose V is kept when entries are left out."""
+    """V after one more letter into row ``target`` of ``now``, from ``row`` of ``before``.
+
+    ``now`` has places for 2 ``most`` entries. ``planned`` is the state whose V is kept when entries are left
+    out.
+    """
     now.size[target] = 0
     for k in range(before.first[row], before.first[row] + before.size[row]):
         q, last = int(before.state[k]), -1
@@ -156,8 +159,10 @@ def read_letter(
 
 @kernel
 def leave_out(bound: Ordered, place: Int32Array, rows: LiveRows, row: int, planned: int) -> None:
-    """Keep ``most`` entries of a row: those of least V + ``STEP_WORTH`` d_A, and the one that V of the
-    ``planned`` state rests upon."""
+    """Keep ``most`` entries of a row: those of least V + ``STEP_WORTH`` d_A, and one for the planned state.
+
+    That one is the entry that V of the ``planned`` state rests upon.
+    """
     first, count = rows.first[row], rows.size[row]
     for k in range(first, first + count):
         place[rows.state[k]] = -1
@@ -243,8 +248,10 @@ def copy_entries(rows: LiveRows, row: int, to: LiveRows, target: int) -> None:
 def ordered_risk(
     bound: Ordered, rows: LiveRows, letters: Letters, x: FloatArray, cov: FloatArray, miss: FloatArray
 ) -> float:  # fmt: skip
-    """V of a whole path; ``x`` (T+1, 2), ``cov`` (T+1, 3) = (xx, xy, yy), ``miss`` (T+1,) = P(landmark
-    missed). ``rows`` are two of scratch, ``letters`` is scratch as well."""
+    """V of a whole path ``x`` (T+1, 2) with ``cov`` (T+1, 3) = (xx, xy, yy).
+
+    ``miss`` (T+1,) = P(landmark missed). ``rows`` are two of scratch, ``letters`` is scratch as well.
+    """
     logic = bound.logic
     begin_bound(bound, rows, 0)
     before = Gaussian(Point(x[0, 0], x[0, 1]), Cov(cov[0, 0], cov[0, 1], cov[0, 2]))

@@ -68,8 +68,10 @@ def collision_limit(rule: Dominance | Scaled, risk: float, delta: float) -> floa
 
 @by_type
 def rank_parent(rule: Dominance | Scaled, risks: FloatArray, parent: Candidate) -> float:
-    """What a possible parent is ranked by before anything is computed for it: its own row of ``risks``, d_A
-    and length of the new vertex."""
+    """What a possible parent is ranked by before anything is computed for it.
+
+    That is its own row of ``risks``, d_A and the length of the new vertex.
+    """
     raise NotImplementedError
 
 

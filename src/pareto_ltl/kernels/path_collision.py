@@ -21,8 +21,11 @@ ROUNDING = 1e-9  # by which sums in another order may differ, as a share
 
 
 class GaussianPath(NamedTuple):
-    """Means ``x`` (T+1, 2), covariances ``cov`` (T+1, 3) = (xx, xy, yy); ``reflect`` says when the form
-    2 Φ holds, ``cross`` (T+1, T+1, 2, 2) = Cov(e_t, e_s) decides where it is not known beforehand."""
+    """Means ``x`` (T+1, 2) and covariances ``cov`` (T+1, 3) = (xx, xy, yy).
+
+    ``reflect`` says when the form 2 Φ holds, ``cross`` (T+1, T+1, 2, 2) = Cov(e_t, e_s) decides where it is
+    not known beforehand.
+    """
 
     x: FloatArray
     cov: FloatArray
@@ -31,9 +34,12 @@ class GaussianPath(NamedTuple):
 
 
 class Beside(NamedTuple):
-    """The faces of one obstacle along a path of n steps: gap [m], variance [m²] along the normal, probability
-    beyond the face, and the last step before t whose variance exceeds the covariance with t; (k, n). ``cost``
-    (k,): the least Σ p_t of divisions whose last run is beside a face."""
+    """The faces of one obstacle along a path of n steps.
+
+    Gap [m], variance [m²] along the normal, probability beyond the face, and the last step before t whose
+    variance exceeds the covariance with t; (k, n). ``cost`` (k,): the least Σ p_t of divisions whose last run
+    is beside a face.
+    """
 
     gap: FloatArray
     variance: FloatArray
@@ -44,8 +50,9 @@ class Beside(NamedTuple):
 
 @allocating
 def collision_bound(obstacles: Faces, nearby: Nearby, path: GaussianPath) -> float:
-    """R = Σ over (obstacle, run of steps with one separating face) of min(Σ_t p_t, 2 Φ(-min d / max σ)), not
-    cut at 1.
+    """The collision bound R of a whole path, not cut at 1.
+
+        R = Σ over (obstacle, run of steps with one separating face) of min(Σ_t p_t, 2 Φ(-min d / max σ))
 
     Runs overlap in the step where the face changes, because both ends of every step must clear one face;
     the cheapest division into runs is found by dynamic programming over the steps. The second form holds

@@ -140,8 +140,10 @@ def drift(wind: Wind, motion: Motion, step: int, at: Point) -> Point:
 
 @kernel
 def spread(wind: Wind, motion: Motion, step: int, here: Gaussian) -> Cov:
-    """Covariance one step later: A Σ A' + dt² Σ_w(x*), whatever the control; A - K in place of A with
-    feedback."""
+    """Covariance one step later, whatever the control: A Σ A' + dt² Σ_w(x*).
+
+    A - K stands in place of A with feedback.
+    """
     cxx, cxy, cyy = here.cov
     radius = motion.ball * math.sqrt(0.5 * (cxx + cyy))
     ve, vn = worst_variance(wind, step, here.mean, radius)
@@ -204,8 +206,11 @@ def _slot_curvature(modes: Modes, slot: int, square: Square, cov: Cov) -> tuple[
 def white_variance(
     law: CoherentLaw | LandmarkLaw, step: int, at: Point, ee: float, nn: float
 ) -> tuple[float, float]:
-    """Variance of the part that is new at every step: gusts, and what ``ee``, ``nn`` = |ψ|² leave of the
-    smooth error. Both are averages over a step, of the shares ``white`` and ``rest``."""
+    """Variance of the part that is new at every step.
+
+    Gusts, and what ``ee``, ``nn`` = |ψ|² leave of the smooth error. Both are averages over a step, of the
+    shares ``white`` and ``rest``.
+    """
     ge, gn = gust_variance(law.wind, step)
     ve, vn = wind_at(law.wind.latent, law.wind, step, at)
     share, rest, between = law.modes.white, law.modes.rest, law.wind.between[step]

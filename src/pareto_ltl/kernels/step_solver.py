@@ -61,8 +61,10 @@ class StepModel(NamedTuple):
 
 
 class Work(NamedTuple):
-    """Memory. Tables of ``points`` (3, T+1, 3), ``cones`` (9, 2 T, 3) and ``lines`` (7, L); of each cone η in
-    ``eta`` (2 T,); inverses of the pivots ``pivot`` (T+1, 3) and the blocks ``below`` them (T, 2, 2).
+    """Memory of the solver: tables of points, cones and lines, and a factorisation.
+
+    Tables of ``points`` (3, T+1, 3), ``cones`` (9, 2 T, 3) and ``lines`` (7, L); of each cone η in ``eta`` (2
+    T,); inverses of the pivots ``pivot`` (T+1, 3) and the blocks ``below`` them (T, 2, 2).
 
     Of cones and lines there are slacks S, multipliers Z, what is ROOM for slacks, changes DS and DZ, what
     products are to become (AIM), multipliers without the change of the point (PULL), and of cones w̄ and λ.

@@ -339,8 +339,11 @@ def choose_parent(s: Search, first: Proposal, length0: float, rng: Generator) ->
 
 @kernel
 def shortlist(s: Search, first: Proposal, length0: float, count: int) -> int:
-    """Move those of the first ``count`` of the pool that may be a parent of the new vertex to its front, each
-    with the automaton state and the rank that it gives; return how many."""
+    """Move the possible parents of the new vertex to the front of the pool; return how many they are.
+
+    The first ``count`` of the pool are looked at. With each goes the automaton state and the rank that it
+    gives.
+    """
     world, tree, state, rule = s.world, s.tree, s.state, s.settings.rule
     logic, motion, there, found = world.mission.logic, world.law.motion, first.there.mean, 0
     risk = collision_column(world.collision, state.risks, int(np.int64(BEST)))

@@ -50,8 +50,10 @@ if TYPE_CHECKING:
 
 
 class Proposal(NamedTuple):
-    """A child of ``parent`` at ``there``: its cell and automaton state, P(landmark missed) or -1 there, and
-    the scratch row it is written to."""
+    """A child of ``parent`` at ``there``, and the scratch row it is written to.
+
+    It has its cell and automaton state, and P(landmark missed) there or -1.
+    """
 
     parent: int
     there: Gaussian

@@ -16,7 +16,9 @@ CUBES = re.compile(rf"{LITERAL}(?:[&|]{LITERAL})*", re.ASCII)
 
 
 class LabelExpression:
-    """``t``, ``f``, ``ap`` with its place, ``!`` with one operand, ``&`` or ``|`` with several; ``cube``, the
+    """The label of an edge: an operator with its operands.
+
+    ``t``, ``f``, ``ap`` with its place, ``!`` with one operand, ``&`` or ``|`` with several; ``cube``, the
     conjunction of the propositions in the bit set ``place`` and of the negated ones in ``absent``.
 
     An alias is worked out once for a file: aliases of aliases let 30 lines stand for 2^30 operands.

@@ -88,11 +88,11 @@ def shown_letters(problem: Problem) -> list[IntArray]:
 
 
 def pack_guards(logic: kd.Logic, column: list[int]) -> Guards:
-    """Edges between claims for the letters of ``column`` (of ``logic.delta``) and, last, the empty letter, in
-    every epoch.
+    """Edges between claims in every epoch, for the letters of ``column`` and, last, the empty letter.
 
-    From a claim q edges lead to q itself and to the states that letters lead to: every other state p that a
-    letter can promise is promised through one of these. An edge that another one serves as well is left out.
+    ``column`` are numbers of columns of ``logic.delta``. From a claim q edges lead to q itself and to the
+    states that letters lead to: every other state p that a letter can promise is promised through one of
+    these. An edge that another one serves as well is left out.
     """
     deltas = logic.delta[:, :, [*column, logic.delta.shape[2] - 1]]
     found = [_epoch_guards(logic, delta) for delta in deltas]

@@ -31,8 +31,10 @@ def pack_corners(cell: Sequence[int], corners: Sequence[FloatArray]) -> kd.Corne
 def pack_logic(
     automaton: Automaton, decomposition: Decomposition, epoch: IntArray, epochs: Sequence[Epoch]
 ) -> kd.Logic:
-    """The automaton with one column a cell instead of one a letter, and one for no label at all, in each of
-    ``epochs``; ``epoch`` (S + 1,) is that of each step."""
+    """The automaton in each of ``epochs`` with one column a cell, not one a letter, and one for no label.
+
+    ``epoch`` (S + 1,) is that of each step.
+    """
     tables = [_epoch_tables(automaton, decomposition, one) for one in epochs]
     delta, way, harm, loses = (_stacked(rows) for rows in zip(*tables, strict=True))
     hazards = np.flatnonzero(harm[:, :, :-1].any(axis=(0, 1))).tolist()

@@ -56,8 +56,10 @@ def half_space_directions(law: LinearLaw, weight: FloatArray) -> FloatArray:
 def proposal_density(
     reached: FloatArray, threshold: FloatArray, level: FloatArray, share: FloatArray, plain: float
 ) -> FloatArray:
-    """q/φ (n,), component by component: that of half-space j at level l has the probability p_jl and the
-    density φ 1{ω_j' z >= s_l τ_j} / Φ(-s_l τ_j).
+    """q/φ (n,), component by component.
+
+    That of half-space j at level l has the probability p_jl and the density φ 1{ω_j' z >= s_l τ_j} / Φ(-s_l
+    τ_j).
 
         q/φ = α + Σ_l Σ_j p_jl 1{ω_j' z >= s_l τ_j} / Φ(-s_l τ_j),    p_jl = β_l Φ(-s_l τ_j) / Σ_k Φ(-s_l τ_k)
 

@@ -89,8 +89,9 @@ def _tree_path(forest: Forest, k: int) -> tuple[FloatArray, str]:
 
 
 def unlike_rows(rows: FloatArray) -> IntArray:
-    """Numbers of rows (V, R, length) of which no two are alike: the safest of each box of 10 % risk and 1 %
-    length.
+    """Numbers of rows (V, R, length) of which no two are alike.
+
+    They are the safest of each box of 10 % risk and 1 % length.
     """
     boxes = np.column_stack([np.log(rows[:, :2] + RISK_FLOOR) / 0.1, np.log(rows[:, 2] + 1.0) / 0.01]).round()
     order = np.argsort(rows[:, :2].sum(axis=1), kind="stable")

@@ -26,8 +26,10 @@ AFTER_PLAN = ("deployments", "forecasts")
 
 
 def run_figures(cfg: ReportConfig, run: DrawnRun) -> Iterator[tuple[str, bytes]]:
-    """Name and content of each file, as soon as it is drawn: ``plan``, ``wind`` and ``front``, each in
-    ``report.formats``; without ``front`` if the run has none, or an empty one."""
+    """Name and content of each file, as soon as it is drawn: ``plan``, ``wind`` and ``front``.
+
+    Each is drawn in ``report.formats``; without ``front`` if the run has none, or an empty one.
+    """
     for name in _figure_names(run):
         yield from _figure_files(name, cfg, run)
 

@@ -103,9 +103,11 @@ class Landscape:
 
 
 def landscape(problem: Problem, x: FloatArray, cov: FloatArray) -> Landscape:
-    """The polygons and the automaton of ``problem``, seen from a plan with means ``x`` (T+1, 2) [m] and
-    covariances ``cov`` (T+1, 2, 2) [m²]. Barriers that the plan passes in more than ``FAR`` standard
-    deviations are left out."""
+    """The polygons and the automaton of ``problem``, seen from a plan.
+
+    The plan has means ``x`` (T+1, 2) [m] and covariances ``cov`` (T+1, 2, 2) [m²]. Barriers that it passes in
+    more than ``FAR`` standard deviations are left out.
+    """
     logic, faces = problem.logic, problem.cells.faces
     labelled = [c for c, label in enumerate(problem.labels) if label]
     polygons, members = shown_polygons(problem, labelled)
@@ -290,8 +292,11 @@ Piece: TypeAlias = tuple[IntArray, FloatArray, FloatArray, IntArray]  # step, no
 
 @dataclass(frozen=True, slots=True)
 class Way:
-    """The best line between a polygon and each segment; row t is the segment that ends at step t, row 0 the
-    first position alone. ``face`` is -1 for a line that touches a corner."""
+    """The best line between a polygon and each segment.
+
+    Row t is the segment that ends at step t, row 0 the first position alone. ``face`` is -1 for a line that
+    touches a corner.
+    """
 
     margin: FloatArray
     normal: FloatArray
@@ -314,8 +319,11 @@ def _chance(gap: FloatArray) -> FloatArray:
 
 
 def _lines_beside(scape: Landscape, y: FloatArray, gap: FloatArray, rows: slice, corners: FloatArray) -> Way:
-    """The faces with the largest margin at both ends of each segment; where that is less than ``NEAR``, lines
-    that run along the segment and touch the polygon, if their margin is larger."""
+    """The faces with the largest margin at both ends of each segment.
+
+    Where that is less than ``NEAR``, lines that run along the segment and touch the polygon, if their margin
+    is larger.
+    """
     both = gap[:, rows].copy()
     both[1:] = np.minimum(gap[:-1, rows], gap[1:, rows])
     face = rows.start + both.argmax(axis=1)

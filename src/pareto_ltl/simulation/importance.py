@@ -145,9 +145,12 @@ def importance_rate(problem: Problem, path: PlannedPath, draws: int, seed: SeedS
 
 
 def weighted_rate(problem: Problem, path: PlannedPath, draws: int, seed: SeedSequence) -> FailureRate | None:
-    """The same, or None: for a plan that counts on position fixes, after which deviations are not linear in
-    z; for one whose mean has no certificate, which fails often; and where no half-space has a probability
-    above 0, as without uncertainty."""
+    """The rate of :func:`importance_rate` from weighted flights, None where there is nothing to sample by.
+
+    That is a plan that counts on position fixes, after which deviations are not linear in z; one whose mean
+    has no certificate, which fails often; and one without a half-space of a probability above 0, as without
+    uncertainty.
+    """
     if draws < 1:
         raise ValueError(f"importance sampling needs at least one draw, got draws = {draws}")
     require_known_wind(problem, path.u, path.x)

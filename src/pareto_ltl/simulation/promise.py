@@ -124,8 +124,11 @@ def fresh_rate(problem: Problem, path: PlannedPath, runs: int, seed: SeedSequenc
 
 
 def count_agrees(counted: FailureRate, weighted: FailureRate) -> bool:
-    """Whether a rate within the interval of ``weighted`` explains the count: with a chance of ``DOUBT`` or
-    more, as many flights fail or more at its upper end, and as few or fewer at its lower one."""
+    """Whether a rate within the interval of ``weighted`` explains the count.
+
+    With a chance of ``DOUBT`` or more, as many flights fail or more at its upper end, and as few or fewer at
+    its lower one.
+    """
     more = binomial_tail(counted.failures, counted.runs, weighted.high)
     fewer = binomial_tail(counted.runs - counted.failures, counted.runs, 1.0 - weighted.low)
     return bool(min(more, fewer) >= DOUBT)

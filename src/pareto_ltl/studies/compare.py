@@ -148,8 +148,10 @@ def _comparison_plan(context: ComparisonContext, name: str, seed: int) -> Plan:
 def outcomes(
     problem: Problem, u: FloatArray, x: FloatArray, runs: int, laws: Sequence[str], seed: int
 ) -> dict[str, Columns]:
-    """Per law, which flights completed the mission, met an obstacle, left the map and failed, and what V + R
-    says of them."""
+    """Per law, which flights completed the mission, met an obstacle, left the map and failed.
+
+    ``bound`` is what V + R says of them.
+    """
     found: dict[str, Columns] = {}
     for law in laws:
         flown, ahead = fly_seeded(problem, u, runs, law, seed, x), forecast(problem, u, law)

@@ -111,8 +111,10 @@ def run_departure(
 
 
 def start_settings(settings: Settings, time: float, *, quick: bool, files: bool = False) -> Settings:
-    """The settings of a run with that departure; ``files``: with simulated flights,
-    exports and figures."""
+    """The settings of a run with that departure.
+
+    ``files``: with simulated flights, exports and figures.
+    """
     stages = [*STAGES, *(FILES if files else ())]
     mine = replace(
         settings,
@@ -168,7 +170,6 @@ def world_at(settings: Settings, world: Records) -> Run:
 
 def same_map(one: Scene, other: Scene) -> bool:
     """Whether two maps differ in nothing but the time of departure."""
-
     first, second = (plain_data(scene_to_dict(replace(scene, time_zero=None))) for scene in (one, other))
     return bool(first == second)
 
@@ -211,8 +212,10 @@ def plan_in_full(settings: Settings, world: Records, time: float, place: Path) -
 
 
 def route_conditions(problem: Any, path: PlannedPath) -> dict[str, float]:
-    """Means along the route: wind speed, its doubt, the part along the way (positive: from behind), and how
-    wide the positions are at the end; [m/s], [m]."""
+    """Means along the route [m/s], and how wide the positions are at the end [m].
+
+    Wind speed, its doubt and the part along the way (positive: from behind).
+    """
     wind, variance = expected_winds(problem, path)
     leg = np.diff(path.x, axis=0)
     ahead = leg / np.maximum(np.linalg.norm(leg, axis=1), 1e-9)[:, None]

@@ -76,11 +76,10 @@ def spells(readings: Readings, cfg: FieldMissionsConfig) -> list[Spell]:
 def real_wind(
     cfg: FieldMissionsConfig, wind_cfg: WindConfig, readings: Readings, scene: Scene, believed: WindField
 ) -> WindField:
-    """The full fields over ``scene`` from departure on, with the white part of ``believed`` as gusts and no
-    other doubt.
+    """The full fields over ``scene`` from departure on, with the white part of ``believed`` as gusts.
 
-    Interpolated bilinearly between the nodes of their own grid and turned by the meridian convergence. Gusts
-    at a field's time are those of the nearest slot of ``believed``.
+    There is no other doubt. Fields are interpolated bilinearly between the nodes of their own grid and turned
+    by the meridian convergence. Gusts at a field's time are those of the nearest slot of ``believed``.
     """
     import dataclasses
 
@@ -133,8 +132,11 @@ def at_times(readings: Readings, scene: Scene, times: FloatArray, points: FloatA
 def interpolated(
     nodes: FloatArray, winds: FloatArray, lon: FloatArray, lat: FloatArray, middle: float
 ) -> FloatArray:
-    """``winds`` (M, 2) at ``nodes`` (M, 2) [deg] read at places (N,): bilinear on a latitude-longitude grid,
-    linear on triangles otherwise. Longitudes count from ``middle``, so that grids may wrap anywhere."""
+    """``winds`` (M, 2) at ``nodes`` (M, 2) [deg] read at places (N,).
+
+    Bilinear on a latitude-longitude grid, linear on triangles otherwise. Longitudes count from ``middle``, so
+    that grids may wrap anywhere.
+    """
     from scipy.interpolate import LinearNDInterpolator, RegularGridInterpolator
 
     east, there = wrap_longitude(nodes[:, 0] - middle), np.stack([wrap_longitude(lon - middle), lat], axis=-1)

@@ -26,8 +26,10 @@ NEAR = 1.0  # [m] so close to an obstacle's face a position may count on either 
 
 @dataclass(frozen=True, slots=True)
 class Ground:
-    """What flights are judged by: bounds (2, 2) [m], convex parts of regions and obstacles, the automaton;
-    ``walled`` where the border is a wall. Propositions with time windows hold as in the ``timetable``."""
+    """What flights are judged by: bounds (2, 2) [m], convex parts of regions and obstacles, the automaton.
+
+    ``walled`` where the border is a wall. Propositions with time windows hold as in the ``timetable``.
+    """
 
     bounds: FloatArray
     regions: Mapping[str, Sequence[Convex]]

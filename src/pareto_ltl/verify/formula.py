@@ -305,8 +305,10 @@ def harmful(dfa: Dfa, empty: frozenset[str] = frozenset()) -> tuple[tuple[bool, 
 
 
 def losing(dfa: Dfa, empty: frozenset[str] = frozenset()) -> list[list[bool]]:
-    """``[q][letter]``: the letter does harm in a state s that accepts all q does, and leads to one that does
-    not."""
+    """``[q][letter]``: whether the letter may lead from a state as good as q to one that is not.
+
+    That is a state s that accepts all q does, and in which the letter does harm.
+    """
     better, harm = covers(dfa), harmful(dfa, empty)
     states = range(len(dfa.delta))
     return [

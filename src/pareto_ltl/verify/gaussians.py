@@ -123,8 +123,7 @@ def ordered(
 
 @dataclass(frozen=True, slots=True)
 class Way:
-    """What is met between steps: for each step and state the risk of losing it, and the labels that lose
-    it."""
+    """What is met between steps: for each step and state the risk of losing it, and the labels that lose it."""
 
     cost: list[list[float]]
     lost: Sequence[Sequence[Collection[frozenset[str]]]]
@@ -133,8 +132,10 @@ class Way:
 def way_risks(
     cells: Sequence[tuple[Convex, Sequence[Sequence[bool]]]], x: FloatArray, cov: FloatArray, states: int
 ) -> list[list[float]]:
-    """For each step and state the sum over ``cells`` that lose the state then, ``[t][q]``, of a bound on
-    P(cell met)."""
+    """For each step and state, ``[t][q]``, the risk of meeting a cell that loses the state then.
+
+    It is the sum over those ``cells`` of a bound on P(cell met).
+    """
     costs = []
     for t in range(len(x)):
         met = [crossing(part, x[max(t - 1, 0) : t + 1], cov[max(t - 1, 0) : t + 1]) for part, _ in cells]
@@ -225,8 +226,10 @@ def growing(part: Convex, cross: FloatArray, share: float) -> BoolArray:
 
 
 def step_margin(obstacles: Sequence[Convex], x: FloatArray, cov: FloatArray, z: float) -> float:
-    """Least over steps and obstacles of the best common face's gap - z σ at both ends [m]; >= 0 keeps
-    Eqs. (9) and (10)."""
+    """Least over steps and obstacles of the best common face's gap - z σ at both ends [m].
+
+    Eqs. (9) and (10) are kept where it is >= 0.
+    """
     least = math.inf
     for part in obstacles:
         gap, sd = face_gaps(part, x, cov)

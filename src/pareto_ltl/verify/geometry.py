@@ -76,8 +76,10 @@ def signed_area(corners: FloatArray) -> float:
 
 
 def within(corners: FloatArray, points: FloatArray) -> BoolArray:
-    """Which ``points`` (P, 2) lie in a simple polygon: a ray to the east crosses its outline an odd number of
-    times."""
+    """Which ``points`` (P, 2) lie in a simple polygon.
+
+    A ray to the east from such a point crosses the outline an odd number of times.
+    """
     ahead = np.roll(corners, -1, axis=0)
     odd = np.zeros(len(points), bool)
     for (x0, y0), (x1, y1) in zip(corners, ahead, strict=True):

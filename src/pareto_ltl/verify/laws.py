@@ -92,8 +92,10 @@ class Course:
 
 @dataclass(slots=True)
 class Belief:
-    """What is uncertain before a step: ``unknown`` Cov(ẽ) and ``known`` Cov(ê) (2, 2), ``cross`` Cov(ẽ, θ̃)
-    (2, 2P), ``theta`` Cov(θ̃) (2P, 2P)."""
+    """What is uncertain before a step.
+
+    ``unknown`` Cov(ẽ) and ``known`` Cov(ê) (2, 2), ``cross`` Cov(ẽ, θ̃) (2, 2P), ``theta`` Cov(θ̃) (2P, 2P).
+    """
 
     unknown: FloatArray
     known: FloatArray

@@ -20,8 +20,11 @@ INSTANTS = 400  # at which a variance is averaged over time
 
 @dataclass(frozen=True, eq=False)
 class PartCovariance:
-    """Slot k has the covariance ``scale[k]`` times ``matrices[owner[k]]`` (N, N) [m²/s²], and modes ψ of
-    ``unit[k]`` times that matrix."""
+    """Covariances of the slots of one part, as multiples of a few matrices, and of its modes.
+
+    Slot k has the covariance ``scale[k]`` times ``matrices[owner[k]]`` (N, N) [m²/s²], and modes ψ of
+    ``unit[k]`` times that matrix.
+    """
 
     matrices: list[FloatArray]
     owner: list[int]

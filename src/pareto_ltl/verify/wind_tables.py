@@ -23,8 +23,11 @@ HYPER = ("prior_mean", "prior_sd", "prior_length", "noise_sd")
 
 @dataclass(frozen=True, slots=True)
 class Modes:
-    """ψ (K, MX, MY, 2, P) on nodes ``x`` (MX,), ``y`` (MY,) [m]; ``energy``, ``length`` (K, 2); the ``part``
-    (P,) of the error of each mode, -1 for unused ones; what all leave is correlated over ``rest_length``."""
+    """ψ (K, MX, MY, 2, P) on nodes ``x`` (MX,), ``y`` (MY,) [m].
+
+    ``energy``, ``length`` (K, 2); the ``part`` (P,) of the error of each mode, -1 for unused ones; what all
+    leave is correlated over ``rest_length``.
+    """
 
     x: FloatArray
     y: FloatArray
@@ -49,8 +52,10 @@ class Modes:
 
 @dataclass(frozen=True, slots=True)
 class WindFile:
-    """Mean and variance of the smooth part (K, NX, NY, 2) on nodes ``x``, ``y`` [m], gust (K, 2); ``clock``
-    is the unit of time; the wind is known ``until`` [s], for a reason ``ends``; ``leads`` (K,) [s]."""
+    """Mean and variance of the smooth part (K, NX, NY, 2) on nodes ``x``, ``y`` [m], gust (K, 2).
+
+    ``clock`` is the unit of time; the wind is known ``until`` [s], for a reason ``ends``; ``leads`` (K,) [s].
+    """
 
     x: FloatArray
     y: FloatArray
@@ -183,9 +188,12 @@ def square_of(x: FloatArray, y: FloatArray, points: FloatArray) -> Square:
 
 @dataclass(frozen=True, slots=True)
 class Clock:
-    """Step t lies between slots ``slot[t]`` and ``slot[t] + 1`` at ``weight[t]``; its modes are those of slot
+    """Where each step lies between the slots of the wind.
+
+    Step t lies between slots ``slot[t]`` and ``slot[t] + 1`` at ``weight[t]``; its modes are those of slot
     ``nearest[t]``, and θ of part g of the error keeps the share ``keep[t, g]`` of step t - 1. ``between``
-    [m²/s²] is the variance of interpolation in time; the wind is ``known`` for so many steps."""
+    [m²/s²] is the variance of interpolation in time; the wind is ``known`` for so many steps.
+    """
 
     slot: IntArray
     weight: FloatArray

@@ -157,8 +157,10 @@ def refuse_empty_crop(where: str, lonlat: FloatArray, area: GeoBox) -> None:
 
 
 def swap_question(lonlat: FloatArray, middle: FloatArray) -> str:
-    """Whether a map around ``middle`` (1, 2) [deg] has its coordinates in the wrong order: a question if the
-    wind data ``lonlat`` (N, 2) [deg] lie where the map is with longitude and latitude exchanged, else empty.
+    """A question if a map seems to have its coordinates in the wrong order, else an empty text.
+
+    They seem so if the wind data ``lonlat`` (N, 2) [deg] lie where the map around ``middle`` (1, 2) [deg] is
+    with longitude and latitude exchanged.
     """
     lon, lat = (middle[0] + 180.0) % 360.0 - 180.0
     if not len(lonlat) or abs(lon) > 90.0:

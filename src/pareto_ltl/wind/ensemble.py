@@ -103,8 +103,10 @@ def _by_time(snapshots: Sequence[Snapshot]) -> dict[float, dict[str, Snapshot]]:
 def _mean_and_deviations(
     group: dict[str, Snapshot], names: Sequence[str], share: float
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Nodes (N, 2) [deg], mean (N, 2) [m/s] and weighted deviations (N, 2, M) [m/s] of one time; M counts the
-    members of all times, and those that are missing here deviate by 0."""
+    """Nodes (N, 2) [deg], mean (N, 2) [m/s] and weighted deviations (N, 2, M) [m/s] of one time.
+
+    M counts the members of all times, and those that are missing here deviate by 0.
+    """
     first = next(iter(group.values()))
     aligned = {name: _at_nodes(snap, first.points) for name, snap in group.items()}
     everywhere = np.all([np.isfinite(winds).all(axis=1) for winds in aligned.values()], axis=0)

@@ -70,8 +70,11 @@ class ErrorParts(NamedTuple):
 
 
 class ModeTable(NamedTuple):
-    """ψ (K, N, 2, P) float32 [m/s], that of the part ``TIME`` for a variance of 1; the ``part`` (P,) of each
-    mode, -1 for columns of zeros; share of the variance carried, ``energy`` (K, 2); ``rest_length`` [m]."""
+    """ψ (K, N, 2, P) float32 [m/s], that of the part ``TIME`` for a variance of 1, and what it carries.
+
+    The ``part`` (P,) of each mode, -1 for columns of zeros; share of the variance carried, ``energy`` (K, 2);
+    ``rest_length`` [m].
+    """
 
     psi: Float32Array
     part: IntArray
@@ -80,8 +83,11 @@ class ModeTable(NamedTuple):
 
 
 class _Spectrum(NamedTuple):
-    """One part: modes (K, N, 2, p), largest first; variance summed over nodes (K, 2); covariance of nodes h
-    rows or columns apart, summed over slots and components (H,)."""
+    """One part: modes (K, N, 2, p), largest first, and their sums.
+
+    Variance summed over nodes (K, 2); covariance of nodes h rows or columns apart, summed over slots and
+    components (H,).
+    """
 
     psi: FloatArray
     total: FloatArray

@@ -128,8 +128,10 @@ def _slots_from_departure(cfg: WindConfig, readings: Readings, zero: float) -> t
 def _readings_in_plane(
     cfg: WindConfig, scene: Scene, readings: Readings, k: int
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Positions [m], winds [m/s] and deviations of members (n, 2, M) of time k near the scene in its plane,
-    at most ``wind.max_points``."""
+    """Positions [m], winds [m/s] and deviations of members (n, 2, M) of time k near the scene in its plane.
+
+    There are at most ``wind.max_points``.
+    """
     points, winds = readings.points[k], readings.winds[k]
     members = readings.members[k] if readings.members else np.empty((len(points), 2, 0))
     near = max(cfg.padding, float(np.max(scene.bounds[1] - scene.bounds[0])))

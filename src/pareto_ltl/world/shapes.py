@@ -37,8 +37,10 @@ def outlines_of(shape: shapely.Geometry) -> tuple[FloatArray, ...]:
 
 
 def united_rings(outlines: Sequence[FloatArray]) -> list[list[FloatArray]]:
-    """The polygons that ``outlines`` tile: rings (n, 2) of each, the outer one first; the inverse of
-    :func:`outlines_of`."""
+    """The polygons that ``outlines`` tile: rings (n, 2) of each, the outer one first.
+
+    It is the inverse of :func:`outlines_of`.
+    """
     import shapely
 
     if len(outlines) < 2:

@@ -84,8 +84,10 @@ class TimedPlace:
     forbidden: bool = False
 
     def window(self, where: str, departure: str | None) -> Window:
-        """In seconds after ``departure`` (ISO 8601, UTC); DataError where a limit cannot be read, or the
-        window is empty."""
+        """In seconds after ``departure`` (ISO 8601, UTC).
+
+        DataError where a limit cannot be read, or the window is empty.
+        """
         what = f"{where}: {shown_text(self.name)!r}"
         begin = -math.inf if self.begin is None else seconds_after(f"{what}: from", self.begin, departure)
         end = math.inf if self.end is None else seconds_after(f"{what}: until", self.end, departure)

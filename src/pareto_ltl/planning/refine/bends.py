@@ -22,8 +22,9 @@ def bend_places(polygons: Sequence[FloatArray]) -> tuple[FloatArray, FloatArray]
 
 
 def _sharp_corners(polygons: Sequence[FloatArray]) -> tuple[FloatArray, FloatArray, IntArray]:
-    """:func:`bend_places`, and to which polygon each belongs; corners where a polygon goes straight on have
-    none.
+    """:func:`bend_places`, and to which polygon each belongs.
+
+    Corners where a polygon goes straight on have none.
     """
     corners, faces = np.vstack([np.empty((0, 2)), *polygons]), pack_faces(polygons)
     before = np.arange(len(corners)) - 1

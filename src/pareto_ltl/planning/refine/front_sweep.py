@@ -71,8 +71,10 @@ Progress = Callable[..., None]
 
 @dataclass(frozen=True, slots=True)
 class Sweep:
-    """What all polishes of a front share: the common ``flights``, the first ``few`` of them for rough looks,
-    and the time they have."""
+    """What all polishes of a front share.
+
+    The common ``flights``, the first ``few`` of them for rough looks, and the time they have.
+    """
 
     cfg: RefineConfig
     problem: Problem
@@ -207,8 +209,10 @@ def _finished_points(sweep: Sweep, pool: ThreadPoolExecutor, front: Sequence[Can
 
 
 def _slower_points(sweep: Sweep, pool: ThreadPoolExecutor, found: Sequence[Candidate]) -> list[Candidate]:
-    """Points along the front polished in more steps, as far as they take less energy; none without a power
-    curve."""
+    """Points along the front polished in more steps, as far as they take less energy.
+
+    None without a power curve.
+    """
     problem, energy = sweep.problem, sweep.problem.energy
     if energy is None or not found:
         return []

@@ -64,8 +64,9 @@ def completes(problem: Problem, x: FloatArray) -> bool:
 
 
 def _needed_parts(problem: Problem, t: int, before: int, after: int, cell: int) -> list[IntArray]:
-    """Convex parts of each region that must hold a position in ``cell`` at step ``t`` for the transition from
-    ``before`` to ``after``.
+    """Convex parts of each region one of which must hold the position of step ``t``, in ``cell``.
+
+    So that its letter leads from ``before`` to ``after``.
     """
     logic, label = problem.reading(t), problem.labels[cell] if cell >= 0 else frozenset()
     if logic.covers[logic.delta[before, -1], after]:
@@ -101,8 +102,10 @@ def _safest_parts(
 
 
 def _spoiling_cells(problem: Problem, q: IntArray, cell: IntArray) -> BoolArray:
-    """Cells with a label whose reading at step t leads to no state as good as the planned one, and those that
-    may not be met on the way to or from it; ``cell`` (T+1,) are the planned ones."""
+    """Cells whose label a path must not read at a step, or not meet on the way to or from it.
+
+    Reading the first leads to no state as good as the planned one; ``cell`` (T+1,) are the planned ones.
+    """
     logic = problem.logic
     labelled = np.array([bool(label) for label in problem.labels], bool)
     before = np.concatenate([[logic.initial], q[:-1]])

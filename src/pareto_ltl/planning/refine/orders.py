@@ -24,8 +24,10 @@ class MissionOrder:
 
 @dataclass(frozen=True, slots=True)
 class _Begun:
-    """An order not yet at its end: its labels, the states before them and the one after, and about how long
-    the way is, from the middle of one cell to the nearest of the next label [m]."""
+    """An order not yet at its end: its labels, the states before them and the one after.
+
+    And about how long the way is, from the middle of one cell to the nearest of the next label [m].
+    """
 
     labels: tuple[frozenset[str], ...]
     states: tuple[int, ...]

@@ -52,8 +52,10 @@ class CommonFlights(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Polish:
-    """How hard to try: widths τ [m] in turn, roll-outs a width, solves a roll-out, first trust region in full
-    steps."""
+    """How hard to try.
+
+    Widths τ [m] in turn, roll-outs a width, solves a roll-out, first trust region in full steps.
+    """
 
     widths: tuple[float, ...]
     outer: int = 2
@@ -132,8 +134,10 @@ class Refiner:
     def _at_width(
         self, flight: Flight, near: CommonFlights, runs: int, how: Polish, width: float, longest: float
     ) -> tuple[Flight, CommonFlights]:
-        """Solves at one width; flights that are too far from failing for as far as the path may move are left
-        out from here on."""
+        """Solves at one width.
+
+        Flights that are too far from failing for as far as the path may move are left out from here on.
+        """
         trust = how.trust
         for turn in range(how.outer):
             off = _deviations(near.positions(flight), flight.x)

@@ -162,7 +162,6 @@ class _Simplifier:
 
     def simpler(self, shape: shapely.Polygon, change: Change) -> shapely.Geometry:
         """``shape`` after ``change``, or itself where that has no fewer corners."""
-
         tolerance = self.room.tolerance(shape, MAP_SHARE * self.size)
         found = change(shape, tolerance)
         before, after = corner_count(shape), corner_count(found)

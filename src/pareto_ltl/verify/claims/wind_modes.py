@@ -26,8 +26,10 @@ LITTLE = 1e-4  # share of the variance, below which what the modes leave is roun
 
 
 def mode_span(part: int, result: Evidence) -> Verdict | None:
-    """ψ ψ' is the leading part of the covariance C of a part of the error: C ψ ψ' = (ψ ψ')², and the trace of
-    ψ ψ' is the sum of the largest eigenvalues."""
+    """ψ ψ' is the leading part of the covariance C of a part of the error.
+
+    C ψ ψ' = (ψ ψ')², and the trace of ψ ψ' is the sum of the largest eigenvalues.
+    """
     modes, cov = result.wind.modes, result.error_parts.get(part)
     if modes is None or result.wind.fit is None:
         return None

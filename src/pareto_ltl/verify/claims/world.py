@@ -121,8 +121,10 @@ def _only_avoided(result: Evidence, name: str) -> bool:
 
 
 def _same_region(result: Evidence, name: str, drawn: list[FloatArray], kept: list[FloatArray]) -> bool:
-    """Whether two lists of outlines are one area; on a simplified map, one that is smaller by little, or
-    larger if the mission only keeps out of it."""
+    """Whether two lists of outlines are one area.
+
+    On a simplified map, one that is smaller by little, or larger if the mission only keeps out of it.
+    """
     moved = result.scene.get("simplified", 0.0)
     if not moved and len(drawn) == len(kept) == 1:
         return _same_outline(drawn[0], kept[0])
@@ -284,8 +286,10 @@ def _contacts(cells: Sequence[Convex], grain: float) -> Iterator[tuple[tuple[int
 
 
 def letters(result: Evidence) -> Verdict:
-    """The automaton reads every label that the map can show, and the empty one; with time windows at least
-    those of each step of the longest flight, and of the way to it."""
+    """The automaton reads every label that the map can show, and the empty one.
+
+    With time windows it reads at least those of each step of the longest flight, and of the way to it.
+    """
     labels = [*(frozenset(label) for label in result.cells["labels"]), frozenset[str]()]
     table, ground, steps = result.timetable, result.ground, int(result.settings["planner"]["max_steps"])
     spans = {of(t) for t in range(steps + 1 if table.windows else 1) for of in (table.now, table.way)}
@@ -297,8 +301,10 @@ def letters(result: Evidence) -> Verdict:
 
 
 def windows(result: Evidence) -> Verdict | None:
-    """The automaton's time windows are those of the map, and what the names of its clocks say; what the map
-    forbids is forbidden."""
+    """The automaton's time windows are those of the map, and what the names of its clocks say.
+
+    What the map forbids is forbidden.
+    """
     said, drawn = windows_of(result.automaton.get("windows")), windows_of(result.scene.get("windows"))
     if not said and not drawn:
         return None
