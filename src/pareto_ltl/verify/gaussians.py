@@ -123,7 +123,7 @@ def ordered(
 
 @dataclass(frozen=True, slots=True)
 class Way:
-    """What is met between steps: for each step and state the risk of losing it, and the labels that lose it."""
+    """What is met between steps: per step and state the risk of losing it, and the labels that lose it."""
 
     cost: list[list[float]]
     lost: Sequence[Sequence[Collection[frozenset[str]]]]
