@@ -35,6 +35,7 @@ class PointsSweeper(BasicSweeper):
     """Runs the points of a grid that have no answer yet."""
 
     def setup(self, *, hydra_context: HydraContext, task_function: TaskFunction, config: DictConfig) -> None:
+        """Keep the task function, which Hydra hands over before the sweep."""
         super().setup(hydra_context=hydra_context, task_function=task_function, config=config)
         self.task_function = task_function
 
@@ -184,6 +185,7 @@ class AwaitedJob:
         self._job = job
 
     def results(self) -> list[JobReturn]:
+        """The results of the job; where it ended without any, one result that holds the error."""
         try:
             found: list[JobReturn] = self._job.results()
         except Exception as error:
@@ -201,6 +203,7 @@ class PointComposer:
         self._parsed: dict[str, Override] = {}
 
     def __call__(self, line: Sequence[str]) -> DictConfig:
+        """The configuration of one point; choices of groups are composed once, values set in a copy."""
         parsed = [self._parse(word) for word in line]
         groups = tuple(word for word, override in zip(line, parsed, strict=True) if self._chooses(override))
         if groups not in self._composed:

@@ -82,6 +82,7 @@ class Automaton:
 
     @property
     def n_states(self) -> int:
+        """Q, the number of states."""
         return len(self.delta)
 
     @cached_property

@@ -102,6 +102,15 @@ def first_occurrences(values: Any, scratch: NDArray[np.int32]) -> IntArray:
     return first
 
 
+def letter_kinds(kinds: IntArray) -> tuple[IntArray, IntArray]:
+    """The first letter of each kind, in the order of the letters, and the place there of the kind of each."""
+    _, first, which = np.unique(kinds, return_index=True, return_inverse=True)
+    order = first.argsort()
+    place = np.empty_like(order)
+    place[order] = np.arange(len(order))
+    return first[order], place[which]
+
+
 def trap_states(table: TransitionTable) -> BoolArray:
     """Whether a state of a minimal table does not accept and is never left, shape (Q,); at most one is."""
     stay: BoolArray = (table.delta == np.arange(len(table.delta))[:, None]).all(axis=1)

@@ -39,6 +39,7 @@ class Tokens:
         self.here = self._next()
 
     def refuse(self, reason: str, line: int) -> NoReturn:
+        """Raise :class:`DataError` with the file, the line and the reason."""
         raise DataError(shown_line(f"{self.source}, line {line}: {reason}"))
 
     def advance(self) -> None:

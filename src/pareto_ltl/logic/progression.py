@@ -76,15 +76,6 @@ class PartTable(NamedTuple):
         return self.table if self.table.delta.shape[1] == letters else self.with_columns(np.arange(letters))
 
 
-def letter_kinds(kinds: IntArray) -> tuple[IntArray, IntArray]:
-    """The first letter of each kind, in the order of the letters, and the place there of the kind of each."""
-    _, first, which = np.unique(kinds, return_index=True, return_inverse=True)
-    order = first.argsort()
-    place = np.empty_like(order)
-    place[order] = np.arange(len(order))
-    return first[order], place[which]
-
-
 class Progression:
     """All nodes of one translation and their progression."""
 
@@ -103,6 +94,7 @@ class Progression:
     # Nodes
 
     def make(self, op: str, args: tuple[ProgressionNode, ...], atom: int = 0) -> ProgressionNode:
+        """The shared node of ``op`` and ``args``."""
         key = (op, atom, *[arg.bit for arg in args])
         if key not in self.shared:
             now = atom
@@ -125,6 +117,7 @@ class Progression:
         return node(tree)
 
     def build(self, tree: Formula, node: Callable[[Formula], ProgressionNode]) -> ProgressionNode:
+        """The node of the root of ``tree``; ``node`` gives those of its arguments."""
         if tree.op == "true":
             return self.true
         if tree.op == "false":
@@ -147,9 +140,11 @@ class Progression:
         return self.until(*args)
 
     def next(self, p: ProgressionNode) -> ProgressionNode:
+        """``X p``."""
         return p if p.op in ("true", "false") else self.make("X", (p,))
 
     def until(self, p: ProgressionNode, q: ProgressionNode) -> ProgressionNode:
+        """``p U q``, or ``q`` where it is the same."""
         if q.eventual or p.op == "false" or self.implies(p, q):
             return q
         if q.op == "U" and q.args[0] is p:  # p U (p U q)
@@ -194,16 +189,19 @@ class Progression:
         return merged  # until() may return a chain again, which costs states but is correct
 
     def clash(self, parts: list[ProgressionNode]) -> bool:
+        """Whether ``parts`` hold a proposition and its negation."""
         plus, minus = ({part.now for part in parts if part.op == sign} for sign in "+-")
         return bool(plus & minus)
 
     def strongest(self, parts: list[ProgressionNode]) -> list[ProgressionNode]:
+        """Those of ``parts`` that no other part implies."""
         for part in list(parts):
             if part in parts:
                 parts = [other for other in parts if other is part or not self.implies(part, other)]
         return parts
 
     def weakest(self, parts: list[ProgressionNode]) -> list[ProgressionNode]:
+        """Those of ``parts`` that imply no other part."""
         for part in list(parts):
             if part in parts:
                 parts = [other for other in parts if other is part or not self.implies(other, part)]
@@ -217,6 +215,7 @@ class Progression:
         return self.implied[key]
 
     def shows(self, p: ProgressionNode, q: ProgressionNode) -> bool:
+        """:meth:`implies`, worked out."""
         if p is q or p.op == "false" or q.op == "true":
             return True
         if p.op == "true" or q.op == "false":
@@ -249,6 +248,7 @@ class Progression:
         return self.each(p.args, q)
 
     def each(self, parts: tuple[ProgressionNode, ...], q: ProgressionNode) -> bool:
+        """Whether each of ``parts`` implies ``q``."""
         for part in parts:  # noqa: SIM110
             if not self.implies(part, q):
                 return False
@@ -276,6 +276,7 @@ class Progression:
         return found
 
     def read_letter(self, node: ProgressionNode, letter: int) -> ProgressionState:
+        """The state after ``node`` has read ``letter``, worked out."""
         op, args = node.op, node.args
         if op in ("true", "false"):
             return self.start(node)
@@ -370,7 +371,7 @@ class Progression:
                 plain = [part for part in node.args if not part.temporal]
                 parts += [self.combine(node.op, plain)] if plain else []
                 return self.fold([self.part(part, letters) for part in parts], node.op == "&")
-        first, column = letter_kinds(letters & node.names)
+        first, column = tables.letter_kinds(letters & node.names)
         return PartTable(*tables.minimal_table(self.explore(node, letters[first])), column)
 
     def fold(self, parts: list[PartTable], both: bool) -> PartTable:
@@ -381,7 +382,8 @@ class Progression:
         return parts[0]
 
     def product(self, a: PartTable, b: PartTable, both: bool) -> PartTable:
-        first, column = letter_kinds(a.column * b.table.delta.shape[1] + b.column)
+        """The minimal product of two parts: both accept, or one of them."""
+        first, column = tables.letter_kinds(a.column * b.table.delta.shape[1] + b.column)
         table = tables.product_table(a.with_columns(first), b.with_columns(first), both, self.max_states)
         return PartTable(*tables.minimal_table(table), column)
 
@@ -418,11 +420,13 @@ class Progression:
         return now
 
     def after(self, state: ProgressionState, letter: int) -> ProgressionState:
+        """The state after ``letter``: the union of what its clauses become."""
         return (
             state if state in (DONE_STATE, LOST_STATE) else self.any([self.advance(c, letter) for c in state])
         )
 
     def advance(self, clause: int, letter: int) -> ProgressionState:
+        """What a clause becomes after ``letter``: all of its obligations hold."""
         parts = []
         for bit in set_bits(clause):
             part = self.step(self.nodes[bit.bit_length() - 1], letter)

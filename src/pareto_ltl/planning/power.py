@@ -33,6 +33,7 @@ class Body:
     drag: float
 
     def watts(self, airspeed: FloatArray) -> FloatArray:
+        """P(v) [W] at ``airspeed`` [m/s], elementwise."""
         return self.base + self.drag * airspeed**3
 
 
@@ -48,6 +49,7 @@ class Wing:
     lift: float
 
     def watts(self, airspeed: FloatArray) -> FloatArray:
+        """P(v) [W] at ``airspeed`` > 0 [m/s], elementwise."""
         return self.base + self.drag * airspeed**3 + self.lift / airspeed
 
 
@@ -66,6 +68,7 @@ class Rotor:
     wake: float
 
     def watts(self, airspeed: FloatArray) -> FloatArray:
+        """P(v) [W] at ``airspeed`` [m/s], elementwise."""
         ratio = airspeed**2 / (2.0 * self.wake**2)
         inflow = 1.0 / (np.sqrt(1.0 + ratio**2) + ratio)  # of √(1 + r²) - r, without its cancellation
         profile = self.blade * (1.0 + 3.0 * airspeed**2 / self.tip**2)
@@ -81,6 +84,7 @@ class Table:
     power: FloatArray
 
     def watts(self, airspeed: FloatArray) -> FloatArray:
+        """P(v) [W] at ``airspeed`` [m/s], elementwise; beyond the table that of its end."""
         return self.base + np.interp(airspeed, self.airspeed, self.power)
 
 

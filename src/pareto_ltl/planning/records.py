@@ -91,6 +91,7 @@ class Forest(Displayed):
     mission_columns: int = 1
 
     def facts(self) -> Mapping[str, str]:
+        """Numbers of trees, vertices and accepted vertices."""
         return {
             "trees": f"{len(self.trees)}",
             "vertices": f"{sum(map(len, self.trees)):,}",
@@ -252,6 +253,7 @@ class Front(Displayed):
             raise ValueError(f"{len(self.rates)} rates need flights as rows, got shape {self.failed.shape}")
 
     def facts(self) -> Mapping[str, str]:
+        """Number of paths, and the ranges of their objectives."""
         lengths = [path.objectives.length for path in self.paths] or [0.0]
         facts = {
             "paths": f"{len(self.paths)}",
@@ -338,6 +340,7 @@ class Plan(Displayed):
         return models_of(self.fidelity)
 
     def facts(self) -> Mapping[str, str]:
+        """Formula, length, steps, energy and what the plan promises."""
         o, models = self.path.objectives, self.models
         promised = {} if self.promise is None else {"fails": str(self.promise.rate)}
         return {

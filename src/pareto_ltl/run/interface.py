@@ -124,6 +124,7 @@ class PlanningResult(Displayed):
         return run_metrics(self.run.records, self.run.seconds)
 
     def facts(self) -> Mapping[str, str]:
+        """The facts of the plan, the size of the front, and the directory if there is one."""
         facts = dict(self.plan.facts()) | {"front": f"{len(self.front.paths)} paths"}
         where = self.run.directory
         return facts if where is None else facts | {"directory": str(where)}

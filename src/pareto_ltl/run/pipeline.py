@@ -164,6 +164,7 @@ class Run:
 
     @property
     def stage_progress(self) -> Progress | None:
+        """Where a stage reports its progress; None if nobody looks."""
         return self.progress
 
     def make(self, key: RecordKey[T]) -> T:
@@ -343,9 +344,11 @@ class RunLogFile(logging.FileHandler):
     """A log that raises what keeps it from being written, a full disk for example, as any other file does."""
 
     def handleError(self, record: logging.LogRecord) -> None:  # noqa: N802 - the name is that of logging
+        """Raise the error of the write, which logging would print and forget."""
         raise
 
     def close(self) -> None:
+        """Close the file; an error was raised when it came up."""
         with suppress(OSError):  # what could not be written was raised before
             super().close()
 

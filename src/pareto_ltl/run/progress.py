@@ -59,5 +59,6 @@ class ProgressBar:
             self._task = outer
 
     def __call__(self, done: int, total: int, state: str = "") -> None:
+        """Move the bar of the stage to ``done`` of ``total`` and write ``state`` beside it."""
         if self._bar is not None and self._task is not None:
             self._bar.update(self._task, completed=done, total=total, state=state)

@@ -57,12 +57,14 @@ TREE_ARRAYS = ("x", "parent", "step", "q", "cell", "length", "risk", "swaps", "b
 
 
 def write_scene(directory: Path, scene: Scene) -> None:
+    """Write ``scene.json``."""
     from pareto_ltl.world.scene_files import scene_to_dict as to_dict
 
     write_json(directory / "scene.json", to_dict(scene))
 
 
 def read_scene(place: Path | str) -> Scene:
+    """The map of ``scene.json``, a file or the directory that has it."""
     from pareto_ltl.world.scene_files import scene_from_dict as from_dict
 
     path = inside(place, "scene.json")
@@ -72,10 +74,12 @@ def read_scene(place: Path | str) -> Scene:
 
 
 def write_decomposition(directory: Path, decomposition: Decomposition) -> None:
+    """Write ``cells.json``."""
     write_json(directory / "cells.json", asdict(decomposition))
 
 
 def read_decomposition(place: Path | str) -> Decomposition:
+    """The cells of ``cells.json``, a file or the directory that has it."""
     path = inside(place, "cells.json")
     content = read_document(path, "cells")
     with shaped(path, "a decomposition"):
@@ -93,6 +97,7 @@ def _polygons(lists: list[Any]) -> tuple[NDArray[np.float64], ...]:
 
 
 def write_automaton(directory: Path, automaton: Automaton) -> None:
+    """Write ``automaton.json`` and ``automaton.hoa``."""
     from pareto_ltl.logic.hoa import hoa_text as dumps
 
     content = {
@@ -112,6 +117,7 @@ def write_automaton(directory: Path, automaton: Automaton) -> None:
 
 
 def read_automaton(place: Path | str) -> Automaton:
+    """The automaton of ``automaton.json``, a file or the directory that has it."""
     from pareto_ltl.logic import Automaton
     from pareto_ltl.world.windows import Window
 
@@ -142,6 +148,7 @@ def write_wind(directory: Path, wind: WindField) -> None:
 
 
 def read_wind(place: Path | str) -> WindField:
+    """The wind field of ``wind.nc``, a file or the directory that has it."""
     from pareto_ltl.wind.netcdf import read_netcdf as from_netcdf
 
     return from_netcdf(inside(place, "wind.nc"))
@@ -151,6 +158,7 @@ def read_wind(place: Path | str) -> WindField:
 
 
 def write_forest(directory: Path, forest: Forest) -> None:
+    """Write ``trees.npz``."""
     arrays: dict[str, NDArray[Any]] = {"accepted": forest.accepted}
     columns = {tree.risk.shape[1] for tree in forest.trees}
     if collision := max(columns, default=forest.mission_columns) - forest.mission_columns:
@@ -193,12 +201,14 @@ FLIGHT_ARRAYS = "x", "accepted", "collided", "off_map", "walled"
 
 
 def write_deployments(directory: Path, deployments: Mapping[str, Deployment]) -> None:
+    """Write ``deployments.npz``: the flights under each wind law."""
     flights = deployments.items()
     arrays = {f"{law}/{n}": np.asarray(getattr(flown, n)) for law, flown in flights for n in FLIGHT_ARRAYS}
     write_npz(directory / "deployments.npz", arrays)
 
 
 def read_deployments(place: Path | str) -> dict[str, Deployment]:
+    """The flights of ``deployments.npz`` by wind law; ``place`` is the file or the directory that has it."""
     path = inside(place, "deployments.npz")
     arrays = read_npz(path)
     with shaped(path, "deployments"):
@@ -251,6 +261,7 @@ class Results(Displayed):
         object.__setattr__(self, "directory", Path(directory))
 
     def facts(self) -> Mapping[str, str]:
+        """Directory, and name, seed, fidelity and status of the run."""
         record = self.run if (self.directory / "run.json").is_file() else {}
         names = ("name", "seed", "fidelity", "status")
         return {"directory": str(self.directory)} | {name: str(record.get(name)) for name in names}
@@ -277,41 +288,51 @@ class Results(Displayed):
 
     @property
     def metrics(self) -> dict[str, float]:
+        """The numbers of ``metrics.json``, NaN where it has null."""
         content = read_document(self.directory / "metrics.json", "metrics")
         return {name: math.nan if value is None else value for name, value in content.items()}
 
     @property
     def run(self) -> dict[str, Any]:
+        """The content of ``run.json``: status, versions, times."""
         return read_document(self.directory / "run.json", "run")
 
     @property
     def scene(self) -> Scene:
+        """The map."""
         return read_scene(self.directory)
 
     @property
     def wind(self) -> WindField:
+        """The wind field."""
         return read_wind(self.directory)
 
     @property
     def decomposition(self) -> Decomposition:
+        """The convex cells of the map."""
         return read_decomposition(self.directory)
 
     @property
     def automaton(self) -> Automaton:
+        """The automaton of the mission."""
         return read_automaton(self.directory)
 
     @property
     def forest(self) -> Forest:
+        """The trees."""
         return read_forest(self.directory)
 
     @property
     def front(self) -> Front:
+        """The front, with all its paths."""
         return read_front(self.directory)
 
     @property
     def plan(self) -> Plan:
+        """The plan that was chosen."""
         return read_plan(self.directory)
 
     @property
     def deployments(self) -> dict[str, Deployment]:
+        """The simulated flights by wind law."""
         return read_deployments(self.directory)

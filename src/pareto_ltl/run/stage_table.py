@@ -41,16 +41,20 @@ class StageContext(Protocol):
     directory: Path | None
 
     @property
-    def ahead(self) -> Mapping[str, Watcher]: ...
+    def ahead(self) -> Mapping[str, Watcher]:
+        """What stages have begun ahead of their turn, by stage."""
 
     @property
-    def stage_progress(self) -> Progress | None: ...
+    def stage_progress(self) -> Progress | None:
+        """Where a stage reports its progress."""
 
     @property
-    def budget(self) -> Budget: ...
+    def budget(self) -> Budget:
+        """The time that is left for planning."""
 
     @property
-    def failure(self) -> str: ...
+    def failure(self) -> str:
+        """Why the run has no plan; empty if it has one."""
 
 
 class StageInputs:

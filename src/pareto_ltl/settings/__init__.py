@@ -85,6 +85,7 @@ class Settings(CheckedSettings):
     sweep: SweepConfig = field(default_factory=SweepConfig)
 
     def check_combinations(self) -> None:
+        """Refuse a name that is no folder; replace the level ``auto`` by what it stands for."""
         check_folder_name("name", self.name)
         if self.wind.level == "auto":  # replaced by what it stands for, also in the records of a run
             usual = "0m" if self.wind.source == "currents" else "10m"

@@ -38,6 +38,7 @@ class DepartureConfig(CheckedSettings):
     keep: str = setting("all", "whose result directories are kept below starts/", choices=KEEP)
 
     def check_combinations(self) -> None:
+        """Refuse what is no time, and starts that are given in two ways."""
         for key in ("first", "last", "arrive_by"):
             check_time(f"departure.{key}", getattr(self, key))
         for time in self.starts:

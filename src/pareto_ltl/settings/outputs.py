@@ -73,6 +73,7 @@ class ExportsConfig(CheckedSettings):
     )
 
     def check_combinations(self) -> None:
+        """Refuse heights that are too far, not in order or missing."""
         lower, upper = self.altitude_lower, self.altitude_upper
         for key in ("altitude", "altitude_lower", "altitude_upper"):
             value = getattr(self, key)
@@ -106,6 +107,7 @@ class IngestConfig(CheckedSettings):
     last: str | None = setting(None, "last time, ISO 8601 UTC; null: to the end")
 
     def check_combinations(self) -> None:
+        """Refuse a table that is no CSV file, an outline that is none and what is no time."""
         if not self.out.lower().endswith(".csv"):
             raise ConfigError(
                 f"ingest.out must end in .csv (its origin goes to .json), got {shown_value(self.out)}"

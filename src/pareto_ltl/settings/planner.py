@@ -82,6 +82,7 @@ class SmoothingConfig(CheckedSettings):
     trust: float = setting(1.0, "trust region, in full steps", above=0, most=1000)
 
     def check_combinations(self) -> None:
+        """Refuse an empty list of weights."""
         if not self.weights:
             raise ConfigError("smoothing.weights is empty: give at least one risk weight")
 
@@ -143,6 +144,7 @@ class SelectionConfig(CheckedSettings):
         return {name: getattr(self, name) for name in names}
 
     def check_combinations(self) -> None:
+        """Refuse weights that are no weights, and a rule without the number that it needs."""
         if len(self.weights) not in (3, 4) or sum(self.weights) <= 0:
             raise ConfigError(
                 "selection.weights must be three numbers >= 0, not all 0 (mission risk, collision risk, "

@@ -42,6 +42,7 @@ class PowerConfig(CheckedSettings):
     )  # fmt: skip
 
     def check_combinations(self) -> None:
+        """Refuse a table of points that is no curve, and a capacity without a curve."""
         if self.kind == "table" and not (
             len(self.points) > 1
             and are_number_rows(self.points, 2)
@@ -113,6 +114,7 @@ class RobotConfig(CheckedSettings):
     power: PowerConfig = field(default_factory=PowerConfig)
 
     def check_combinations(self) -> None:
+        """Refuse airspeeds out of order, a power curve that does not cover them, singular matrices."""
         if not isinstance(self.dt, str):
             self.dt = float(self.dt)
         if self.u_min > self.u_max:

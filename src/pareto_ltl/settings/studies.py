@@ -155,6 +155,7 @@ class FieldMissionsConfig(CheckedSettings):
         return 0.0
 
     def check_combinations(self) -> None:
+        """Refuse ranges that are not in order, an area without corners and an empty list of formulas."""
         for key, pair in (("side", self.side), ("obstacles", self.obstacles)):
             if len(pair) != 2 or pair[0] > pair[1]:
                 raise ConfigError(f"{self.section}.{key} must be [least, most], got {shown_value(pair)}")

@@ -102,6 +102,7 @@ class WindConfig(CheckedSettings):
     retries: int = setting(4, "how often source=noaa asks again after a failure", least=0, most=20)
 
     def check_combinations(self) -> None:
+        """Refuse a source without its file, a cycle that is no time and an address that is none."""
         if self.source in FILE_SOURCES and not self.path:
             raise ConfigError(f"wind.path is missing: wind.source={self.source} needs a file to read")
         if self.cycle != "newest":

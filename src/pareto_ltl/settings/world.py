@@ -32,6 +32,7 @@ class RandomSceneConfig(CheckedSettings):
     )
 
     def check_combinations(self) -> None:
+        """Refuse a range of radii that is not in order."""
         if len(self.radius) != 2 or self.radius[0] > self.radius[1]:
             raise ConfigError(
                 "scene.random.radius must be [smallest, largest], shares of the map's shorter side, "
@@ -93,6 +94,7 @@ class SceneConfig(CheckedSettings):
     random: RandomSceneConfig = field(default_factory=RandomSceneConfig)
 
     def check_combinations(self) -> None:
+        """Refuse a centre that is no place."""
         if self.centre is not None and (
             len(self.centre) != 2 or not -89 <= self.centre[0] <= 89 or not -180 <= self.centre[1] <= 360
         ):
@@ -117,4 +119,5 @@ class MissionConfig(CheckedSettings):
     automaton: str | None = setting(None, "instead of the formula: a file in the HOA format")
 
     def check_combinations(self) -> None:
+        """Refuse a start that is no time."""
         check_time("mission.start_time", self.start_time)

@@ -173,6 +173,7 @@ def cut(settings: Settings, pieces: int) -> Settings:
 
 
 def ablation_part(context: AblationContext, factor: str, level: Any, seed: int) -> Columns:
+    """One plan with one factor at ``level``, and how its flights end in the true model."""
     try:
         plan = _ablation_plan(context, factor, level, seed)
     except InfeasibleError as error:

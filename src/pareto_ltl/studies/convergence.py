@@ -47,6 +47,8 @@ BY_CREATION = ("swaps", "beta")  # arrays of a tree that have no row a vertex
 
 @dataclass(frozen=True, slots=True)
 class ConvergenceContext:
+    """What the parts of a study share: the run, the true model, sizes to look at, flights and wind laws."""
+
     run: Run
     truth: Problem
     sizes: tuple[int, ...]
@@ -221,6 +223,7 @@ def hypervolumes(results: Sequence[Mapping[str, Any]]) -> FloatArray:
 
 
 def decades(risk: float) -> float:
+    """Mission risk on a logarithmic scale: 0 at ``FEWEST`` and below, 1 at a risk of 1."""
     return 1.0 - math.log10(max(risk, FEWEST)) / math.log10(FEWEST)
 
 

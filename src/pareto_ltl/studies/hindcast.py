@@ -49,6 +49,8 @@ NORMAL_90 = 1.6448536269514722  # a standard normal stays within with probabilit
 
 @dataclass(frozen=True, slots=True)
 class HindcastContext:
+    """What the parts of a study share: settings, full fields, tables of few readings by spell, spells."""
+
     settings: Settings
     readings: Readings
     tables: Mapping[str, Path]
@@ -123,6 +125,7 @@ def mission_run(context: HindcastContext, task: Mission, fidelity: str) -> Run:
 
 
 def seen(wind: WindConfig, table: Path) -> WindConfig:
+    """Settings of a wind that is read from ``table``, without holding the last field."""
     return replace(wind, source="csv", path=str(table), hold_last=False)
 
 
@@ -139,6 +142,7 @@ def calibration_columns(context: HindcastContext, run: Run) -> Columns:
 
 
 def scores(readings: Readings, scene: Any, wind: WindField) -> FloatArray:
+    """z = (truth - mean) / sd of the full fields at the nodes inside the map, (K, nodes, 2)."""
     points = wind.lattice.nodes()
     inside = np.all((points >= scene.bounds[0]) & (points <= scene.bounds[1]), axis=1)
     truth = nature.at_times(readings, scene, wind.times, points[inside])

@@ -101,10 +101,12 @@ class PartJob(StoredJob):
 
     @property
     def name(self) -> str:
+        """The name of the part."""
         return self.part.name
 
     @property
     def key(self) -> str:
+        """What the result depends on, as a fingerprint."""
         return self.part.key
 
     @property
@@ -114,13 +116,16 @@ class PartJob(StoredJob):
 
     @property
     def lock(self) -> Path:
+        """The lock of whoever works the part out."""
         return self.folder / f".{self.part.file}.lock"
 
     @property
     def traces(self) -> tuple[Path, ...]:
+        """What shows that somebody has begun: lock and result."""
         return self.lock, self.path
 
     def look(self) -> JobState:
+        """The state of the part, from its files."""
         if self.abandoned():
             return JobState("failed", KILLED)
         if not self.path.exists():
@@ -139,12 +144,15 @@ class PartJob(StoredJob):
         return JobState("failed", f"is damaged ({reason})")
 
     def settled(self) -> bool:
+        """Whether there is a result of these settings."""
         return self.look().answered
 
     def clear(self) -> None:
+        """Remove the result."""
         self.path.unlink(missing_ok=True)
 
     def note_failure(self, error: str) -> None:
+        """Write ``error`` in place of a result."""
         write_json(self.path, {"key": self.key, "part": self.name, "error": error})
 
     def keep_result(self, function: PartWork, context: Any) -> None:

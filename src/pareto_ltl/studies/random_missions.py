@@ -27,6 +27,8 @@ TRIES = 2000  # places tried for a polygon before the map is begun anew
 
 @dataclass(frozen=True, slots=True)
 class Mission:
+    """A random map with its formula, in a spell of consecutive wind fields."""
+
     number: int
     scene: Scene
     formula: str

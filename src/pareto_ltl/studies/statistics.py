@@ -27,10 +27,12 @@ class PooledRate:
 
     @property
     def rate(self) -> float:
+        """Share of the runs with the event, NaN without runs."""
         return self.events / self.runs if self.runs else math.nan
 
     @property
     def interval(self) -> tuple[float, float]:
+        """Clopper-Pearson interval of the rate, NaN without runs."""
         return clopper_pearson(self.events, self.runs) if self.runs else (math.nan, math.nan)
 
 

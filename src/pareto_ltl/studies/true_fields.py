@@ -32,6 +32,7 @@ class Spell:
 
     @property
     def name(self) -> str:
+        """Date and hour of its start."""
         return iso(self.start).replace(":", "").replace("-", "")[:11]
 
 

@@ -42,6 +42,7 @@ class ByteRange:
 
     @property
     def header(self) -> str:
+        """The value of the ``Range`` header of a request."""
         return f"bytes={self.first}-{'' if self.last is None else self.last}"
 
 

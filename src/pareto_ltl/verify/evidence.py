@@ -60,26 +60,32 @@ class Evidence:
 
     @cached_property
     def scene(self) -> dict[str, Any]:
+        """The content of ``scene.json``."""
         return read_json(self.directory / "scene.json")
 
     @cached_property
     def cells(self) -> dict[str, Any]:
+        """The content of ``cells.json``."""
         return read_json(self.directory / "cells.json")
 
     @cached_property
     def automaton(self) -> dict[str, Any]:
+        """The content of ``automaton.json``."""
         return read_json(self.directory / "automaton.json")
 
     @cached_property
     def plan(self) -> dict[str, Any]:
+        """The content of ``plan.json``."""
         return read_json(self.directory / "plan.json")
 
     @cached_property
     def front(self) -> list[dict[str, str]]:
+        """The rows of ``front.csv``."""
         return self.table("front.csv")
 
     @cached_property
     def front_arrays(self) -> dict[str, NDArray[Any]]:
+        """The arrays of ``front.npz``."""
         return read_npz(self.directory / "front.npz")
 
     @property
@@ -97,14 +103,17 @@ class Evidence:
 
     @cached_property
     def trees(self) -> dict[str, NDArray[Any]]:
+        """The arrays of ``trees.npz``."""
         return read_npz(self.directory / "trees.npz")
 
     @cached_property
     def flights(self) -> dict[str, NDArray[Any]]:
+        """The arrays of ``deployments.npz``."""
         return read_npz(self.directory / "deployments.npz")
 
     @cached_property
     def wind(self) -> WindFile:
+        """The wind field of ``wind.nc``."""
         return read_wind_file(self.directory / "wind.nc")
 
     @property
@@ -136,6 +145,7 @@ class Evidence:
 
     @cached_property
     def dfa(self) -> Dfa:
+        """The automaton of ``automaton.json``."""
         content = self.automaton
         return Dfa(
             letters=tuple(frozenset(letter) for letter in content["letters"]),
@@ -147,10 +157,12 @@ class Evidence:
 
     @cached_property
     def regions(self) -> dict[str, tuple[Convex, ...]]:
+        """Convex parts of each region."""
         return {name: tuple(map(convex, parts)) for name, parts in self.cells["regions"].items()}
 
     @cached_property
     def obstacles(self) -> tuple[Convex, ...]:
+        """Convex parts of the obstacles."""
         return tuple(map(convex, self.cells["obstacles"]))
 
     @cached_property
@@ -167,12 +179,14 @@ class Evidence:
 
     @cached_property
     def ground(self) -> Ground:
+        """What flights are judged by."""
         bounds = np.array(self.scene["bounds"])
         walled = self.scene["border"] == "wall"
         return Ground(bounds, self.regions, self.obstacles, self.dfa, walled, self.timetable)
 
     @cached_property
     def timetable(self) -> Timetable:
+        """When the propositions with time windows hold."""
         windows = windows_of(self.automaton.get("windows"))
         return Timetable(windows, self.robot.dt if windows else 1.0)
 
@@ -194,6 +208,7 @@ class Evidence:
 
     @cached_property
     def robot(self) -> Robot:
+        """The robot of the settings, its time step from the metrics where it was left open."""
         told = self.settings["robot"]
         if isinstance(told["dt"], str):  # auto: the metrics say what it came to
             told = told | {"dt": float(self.metrics["dt_s"])}
@@ -228,6 +243,7 @@ class Evidence:
 
     @property
     def epsilon(self) -> float:
+        """The collision risk of a step or a path that planning allows."""
         told = self.settings["planner"]["epsilon"]
         return float(EPSILON[self.settings["fidelity"]["collision_bound"]] if told is None else told)
 
@@ -235,14 +251,17 @@ class Evidence:
 
     @cached_property
     def x(self) -> FloatArray:
+        """Planned means (T+1, 2) [m]."""
         return np.array(self.plan["x"], float)
 
     @cached_property
     def u(self) -> FloatArray:
+        """Planned airspeeds (T, 2) [m/s]."""
         return np.array(self.plan["u"], float).reshape(-1, 2)
 
     @cached_property
     def start(self) -> FloatArray:
+        """Where the flight starts (2,) [m]."""
         return np.array(self.scene["start"], float)
 
     @cached_property
@@ -263,6 +282,7 @@ class Evidence:
 
     @cached_property
     def times(self) -> Clock:
+        """The wind's slots of the planned flight."""
         return self.clock_of(len(self.u))
 
     def clock_of(self, steps: int) -> Clock:
@@ -279,6 +299,7 @@ class Evidence:
 
     @property
     def planned_law(self) -> str:
+        """The wind law that the plan is judged in."""
         return str(self.settings["fidelity"]["law"])
 
     @cached_property

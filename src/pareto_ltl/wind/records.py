@@ -259,6 +259,7 @@ class WindField(Displayed):
         return np.asarray(np.where(late > 0.0, held, self.error.between_variance(share, gap)), float)
 
     def facts(self) -> Mapping[str, str]:
+        """Slots, lattice, mean speed and source."""
         k, east, north = self.mean.shape[:3]
         return {
             "slots": f"{k} over {float(self.times[-1] - self.times[0]) / 3600:.1f} h",

@@ -33,6 +33,7 @@ class Room:
 
     @classmethod
     def of(cls, shapes: Iterable[shapely.Geometry], size: float) -> Room:
+        """The room between ``shapes`` on a map of ``size`` [m]."""
         import shapely
 
         return cls(shapely.STRtree(list(shapes)), size)

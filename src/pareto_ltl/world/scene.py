@@ -86,6 +86,7 @@ class Scene(Displayed):
         return tuple(outline for outlines in self.regions.values() for outline in outlines)
 
     def facts(self) -> Mapping[str, str]:
+        """Size, regions, obstacles, border, departure and time windows."""
         east, north = (float(side) for side in self.bounds[1] - self.bounds[0])
         return {
             "size": f"{distance_text(east)} x {distance_text(north)}",

@@ -64,13 +64,16 @@ class EqualShares:
 
     @property
     def deviations(self) -> float:
+        """Every face is z standard deviations away."""
         return self.z
 
     @property
     def kept(self) -> float:
+        """Taut lines keep the same z."""
         return self.z
 
     def column(self, row: int) -> int:
+        """All half planes share one column."""
         return 0
 
     def room(self, gap: FloatArray, sd: FloatArray, finest: float) -> FloatArray:
@@ -78,14 +81,17 @@ class EqualShares:
         return np.asarray(gap - self.z * sd, float)
 
     def parameters(self, n: int) -> dict[str, Any]:
+        """No further ones: z is a number."""
         return {}
 
     def row_constraints(
         self, given: Mapping[str, Any], near: Any, dot: Callable[[Any], Any], row: int
     ) -> list[Any]:
+        """No further ones: the distance z σ limits the risk."""
         return []
 
     def limits(self, given: Mapping[str, Any], near: Any, relief: Any) -> list[Any]:
+        """No further ones: the shares are equal beforehand."""
         return []
 
 
@@ -99,13 +105,16 @@ class AllocatedRisk:
 
     @property
     def deviations(self) -> float:
+        """No face has a distance of its own."""
         return 0.0
 
     @property
     def kept(self) -> float:
+        """``KEPT``, as the shares are not known beforehand."""
         return KEPT
 
     def column(self, row: int) -> int:
+        """Each half plane has a column."""
         return row
 
     def room(self, gap: FloatArray, sd: FloatArray, finest: float) -> FloatArray:
@@ -113,6 +122,7 @@ class AllocatedRisk:
         return np.asarray(gap / np.maximum(sd, finest), float)
 
     def parameters(self, n: int) -> dict[str, Any]:
+        """Which half planes are counted at each point, and the tangent of each at the iterate."""
         import cvxpy as cp
 
         return {
@@ -124,9 +134,11 @@ class AllocatedRisk:
     def row_constraints(
         self, given: Mapping[str, Any], near: Any, dot: Callable[[Any], Any], row: int
     ) -> list[Any]:
+        """``near`` lies above the tangent at the iterate."""
         return [near >= given["level"][:, row] - dot(given["steep"])]
 
     def limits(self, given: Mapping[str, Any], near: Any, relief: Any) -> list[Any]:
+        """The risks that are counted sum to at most ``SHARE`` of epsilon."""
         import cvxpy as cp
 
         counted = cp.sum(cp.multiply(given["counted"], near), axis=1)

@@ -75,6 +75,7 @@ class Candidate:
 
     @property
     def steps(self) -> int:
+        """The number of steps of the flight."""
         return len(self.flight.u)
 
 

@@ -56,10 +56,12 @@ class Spread(Protocol):
     """Places (T+1, 2) [m] that a line may bend at, and the covariance (T+1, 2, 2) [m²] at each step."""
 
     @property
-    def x(self) -> FloatArray: ...
+    def x(self) -> FloatArray:
+        """Positions (T+1, 2) [m]."""
 
     @property
-    def cov(self) -> FloatArray: ...
+    def cov(self) -> FloatArray:
+        """Covariances (T+1, 2, 2) [m²]."""
 
 
 def taut_line(

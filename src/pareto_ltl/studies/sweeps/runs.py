@@ -26,21 +26,26 @@ class RunJob(StoredJob):
 
     @property
     def name(self) -> str:
+        """The name of the directory."""
         return self.directory.name
 
     @property
     def key(self) -> str:
+        """The fingerprint of the settings, which is the name of the directory."""
         return self.directory.name
 
     @property
     def lock(self) -> Path:
+        """The lock of the directory."""
         return self.directory / RUN_LOCK
 
     @property
     def traces(self) -> tuple[Path, ...]:
+        """What shows that somebody has begun: lock and record of the run."""
         return self.lock, self.directory / "run.json"
 
     def look(self) -> JobState:
+        """The state of the run, from its files."""
         path = self.directory / "run.json"
         if not path.is_file():
             return self._unfinished({})
@@ -90,6 +95,7 @@ class RunJob(StoredJob):
                 path.unlink()
 
     def note_failure(self, error: str) -> None:
+        """Write ``error`` into the record of the run."""
         self.directory.mkdir(exist_ok=True)
         provenance.write(self.directory, {**self.look().record, "status": "failed", "error": error})
 

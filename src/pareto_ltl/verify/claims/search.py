@@ -25,6 +25,7 @@ MOST_VERTICES = 20  # accepted vertices whose risks are worked out again
 
 
 def tree_names(result: Evidence) -> list[str]:
+    """Names of the trees in ``trees.npz``."""
     return sorted({name.partition("/")[0] for name in result.trees if "/" in name})
 
 
