@@ -99,3 +99,17 @@ def test_the_bibliography_names_a_source_once() -> None:
     rows = [line for line in text.splitlines() if line.startswith("| ")]
     assert doubled == []
     assert len(rows) == len(set(rows)) + sum(row == "| source | used for |" for row in rows) - 1
+
+
+def test_every_test_that_a_page_names_exists() -> None:
+    defined = {
+        name
+        for path in ROOT.glob("tests/**/*.py")
+        for name in re.findall(r"def (test_\w+)", path.read_text())
+    }
+    named = 0
+    for page in sorted(DOCS.glob("*.md")):
+        found = set(re.findall(r"`(test_\w+)`", page.read_text()))
+        assert found - defined == set(), page.name
+        named += len(found)
+    assert named > 30
