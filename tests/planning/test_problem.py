@@ -11,8 +11,9 @@ import shapely
 from scipy.stats import norm
 
 from pareto_ltl.planning import reference as risk
-from pareto_ltl.planning.pack import pack_faces, pack_wind
+from pareto_ltl.planning.pack import EPSILON, pack_faces, pack_wind
 from pareto_ltl.settings import PlannerConfig, RobotConfig
+from pareto_ltl.settings.checks import declarations
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.world import cells as workspace
 from problems import KM, box, make_problem, make_scene, rough_wind, steady_wind, two_goals
@@ -158,3 +159,8 @@ def test_the_share_of_an_obstacle_sets_the_quantile():
 
 def test_reach_is_a_full_step_in_still_air(problem):
     assert problem.reach == pytest.approx(1000.0)
+
+
+def test_the_help_of_epsilon_names_what_it_is_left_to():
+    meaning = next(told.meaning for item, told in declarations(PlannerConfig) if item.name == "epsilon")
+    assert all(f"{epsilon:g}" in meaning.split() for epsilon in EPSILON.values())

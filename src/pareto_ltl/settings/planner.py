@@ -37,7 +37,7 @@ class PlannerConfig(CheckedSettings):
     epsilon: float | None = setting(
         None,
         "collision probability allowed at a step; null: 0.05 shared equally by the obstacles with "
-        "fidelity.collision_bound=step, 0.1 for all of them together with path",
+        "fidelity.collision_bound=step, 0.25 for all of them together with path",
         above=0,
         below=1,
     )
