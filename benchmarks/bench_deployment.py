@@ -1,5 +1,7 @@
-"""Deployment budgets: 500 flights of 100 steps in 50 ms, 100,000 in 5 s; 100,000 coherent flights of 50
-steps in 1.5 s; a rare failure within 5 % in 1 s.
+"""Deployment budgets.
+
+500 flights of 100 steps in 50 ms, 100,000 in 5 s; 100,000 coherent flights of 50 steps in 1.5 s; a rare
+failure within 5 % in 1 s.
 
 python -m pytest benchmarks/bench_deployment.py
 """

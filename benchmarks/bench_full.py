@@ -124,7 +124,7 @@ def test_what_a_full_vertex_keeps(benchmark, mission):
     rows = 1000
 
     def size() -> float:
-        vertices = growth._vertices(mission, rows, columns=2)
+        vertices = growth.empty_vertices(mission, rows, columns=2)
         return nbytes(vertices) / rows
 
     benchmark.extra_info["figures"] = [("bytes", benchmark(size), 1000)]

@@ -62,8 +62,8 @@ def draw(ax: Axes, name: str, border: str, seeds: int) -> None:
     for seed in range(seeds):
         drawn += [("fidelity=full", full_front(name, border, seed))]
         drawn += [("fidelity=paper", paper_front(name, border, seed))]
-    for label, rows in drawn:
-        rows = rows[np.argsort(rows[:, 0])]
+    for label, found in drawn:
+        rows = found[np.argsort(found[:, 0])]
         ax.plot(rows[:, 0] / 1e3, np.maximum(rows[:, 1], LOW), **LOOKS[label])  # type: ignore[arg-type]
         ends += [rows[0, 0], rows[-1, 0]]
     scale_rate_axis(ax, "y", LOW, 1.0, hidden=False)

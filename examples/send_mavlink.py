@@ -52,6 +52,7 @@ def send(script: dict[str, Any], address: str, speedup: float) -> None:
 
 
 def main() -> None:
+    """Read the command line and send."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("script", nargs="?", type=Path)
     parser.add_argument("--to", default="udpout:127.0.0.1:14550", help="address, as pymavlink writes it")

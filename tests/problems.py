@@ -107,7 +107,7 @@ def rough_wind(
     )
 
 
-def smooth_wind(
+def smooth_wind(  # noqa: PLR0913, PLR0917 - every test names the few that it cares about
     scene: Scene,
     speed: float = 3.0,
     sd: float = 1.0,

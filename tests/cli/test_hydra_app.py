@@ -384,7 +384,7 @@ def test_a_disk_that_is_full_is_one_line_whatever_file_fills_it(here: Path) -> N
             f"resource.setrlimit(resource.RLIMIT_FSIZE, ({limit}, resource.RLIM_INFINITY));"
             f"sys.exit(run({words!r}))"
         )
-        done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+        done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
         assert done.returncode == 2, done.stderr
         assert done.stderr.count("\n") == 1
         assert "File too large" in done.stderr
@@ -420,7 +420,9 @@ def test_an_unwritable_place_is_one_line(here: Path, stage: Any, capsys: pytest.
 
 
 def test_the_module_ends_with_the_exit_code_of_the_run(here: Path) -> None:
-    done = subprocess.run([sys.executable, "-m", "pareto_ltl", "typo=1"], capture_output=True, text=True)
+    done = subprocess.run(
+        [sys.executable, "-m", "pareto_ltl", "typo=1"], capture_output=True, text=True, check=False
+    )
     assert done.returncode == 2
     assert done.stderr.count("\n") == 1
 
@@ -433,7 +435,7 @@ def test_start_up_loads_no_numerical_package() -> None:
         "heavy = 'numpy scipy numba cvxpy sklearn matplotlib shapely xarray pyproj networkx rich'\n"
         "print([name for name in heavy.split() if name in sys.modules])\n"
     )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.stdout == "[]\n"
 
 
@@ -450,7 +452,7 @@ def test_where_there_is_a_core_for_it_figures_are_drawn_by_another_process(
     )
     environment = os.environ | {"OMP_NUM_THREADS": str(cores)}
     command = [sys.executable, "-c", code]
-    done = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, env=environment)
+    done = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, env=environment, check=False)
     assert done.stdout == f"{not apart}\n", done.stderr
     assert {path.name for path in (tmp_path / "place" / "figures").iterdir()} == {"plan.png", "wind.png"}
 

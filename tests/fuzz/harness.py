@@ -78,7 +78,7 @@ def fuzz_here(target: Target, cases: int, place: Path) -> Report:
         size = min(CASES, cases - block * CASES)
         counted: list[int] = []
         try:
-            _read_block(target, prepared, place, block, size, counted)
+            read_block(target, prepared, place, block, size, counted)
         except SlowCaseError as error:
             faults.append(f"block {block}: {error}")
         except Exception as error:
@@ -115,7 +115,7 @@ def _house(cases: int) -> Any:
     )
 
 
-def _read_block(
+def read_block(
     target: Target, prepared: Fuzz, place: Path, block: int, size: int, counted: list[int]
 ) -> None:
     with (place / LAST_CASE).open("wb", buffering=0) as last:

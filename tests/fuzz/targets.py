@@ -170,7 +170,7 @@ def command_words(place: Path) -> Fuzz:
     def read(words: list[str]) -> None:
         try:
             arguments = composition.parse_flags(words)
-            for override in composition._parse_overrides(loader, arguments.overrides):
+            for override in composition.parsed_overrides(loader, arguments.overrides):
                 refuse_unknown_key(override, loader)
         except SystemExit:  # --version
             pass
@@ -330,7 +330,7 @@ def _summarize(summary: Any, sweep: Path) -> None:
     manifest = summary.read_manifest(sweep)
     rows = summary.sweep_rows(sweep, manifest)
     made = summary.SweepSummary(sweep, manifest, rows, summary.seed_groups(rows))
-    summary._summary_content(made)
+    summary.summary_content(made)
     if figure := summary.chosen_figure(made):
         summary.figure_series(made, figure)
 

@@ -34,9 +34,9 @@ class Bench:
     def __init__(self, problem, beta=(0.0, 0.0)):
         cfg = PlannerConfig(trees=1, n_max=50)
         graph = product_graph(problem.decomposition, problem.logic, problem.scene.bounds)
-        grove = growth._GrowthTask(cfg, problem, graph, cell_fans(problem.decomposition))
+        grove = growth.GrowthTask(cfg, problem, graph, cell_fans(problem.decomposition))
         self.problem = problem
-        self.tree = growth._plant(grove, SeedSequence(0), 0, GrowthOptions())
+        self.tree = growth.plant_tree(grove, SeedSequence(0), 0, GrowthOptions())
         search = self.tree.search
         rule = search.settings.rule._replace(beta_length=beta[0], beta_risk=beta[1])
         self.search = search._replace(settings=search.settings._replace(rule=rule))

@@ -85,7 +85,7 @@ def walk_ways(problem, tree):
 
 
 CASES = {
-    "visits": lambda: two_goals(),
+    "visits": two_goals,
     "matrices": lambda: two_goals(robot=TURNED),
     "until": lambda: two_goals(ORDERED),
     "strict": lambda: two_goals(planner=PlannerConfig(epsilon=1e-4)),

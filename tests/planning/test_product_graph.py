@@ -42,7 +42,7 @@ def test_edges_follow_doors_and_the_automaton(formula):
             expected = {}
             for s in range(cells):
                 then = automaton.step(q, problem.labels[s])
-                if q == automaton.trap or then == automaton.trap:
+                if automaton.trap in (q, then):
                     continue
                 if (r, s) in doors or (r == s and then != q):
                     far = np.linalg.norm(net.nodes[r]["centroid"] - net.nodes[s]["centroid"]) / diagonal

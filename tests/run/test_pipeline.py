@@ -119,14 +119,14 @@ def test_the_formula_is_parsed_once(monkeypatch: pytest.MonkeyPatch) -> None:
     from pareto_ltl.logic import formula
 
     parsed: list[str] = []
-    original = formula._FormulaParser.__init__
+    original = formula.FormulaParser.__init__
 
     def counted(self: Any, text: str) -> None:
         parsed.append(text)
         original(self, text)
 
     formula.parse_formula.cache_clear()
-    monkeypatch.setattr(formula._FormulaParser, "__init__", counted)
+    monkeypatch.setattr(formula.FormulaParser, "__init__", counted)
     cfg = small_study.settings()
     cfg.scene.bounds = [[0, 0], [1, 1]]
     cfg.pipelines.stages = ["readings", "scene", "decomposition", "automaton"]
@@ -139,13 +139,13 @@ def test_each_wind_file_is_opened_once(tmp_path: Path, monkeypatch: pytest.Monke
     from pareto_ltl.wind.sources import csv_files
 
     opened: list[Path] = []
-    original = csv_files._read_csv_file
+    original = csv_files.read_csv_file
 
     def counted(file: Path, max_speed: float) -> Any:
         opened.append(file)
         return original(file, max_speed)
 
-    monkeypatch.setattr(csv_files, "_read_csv_file", counted)
+    monkeypatch.setattr(csv_files, "read_csv_file", counted)
     settings = listing("readings", "scene", "decomposition", "observations", "wind")
     settings.scene = phi1()
     run_pipeline(check_pipeline(settings, PLAN_TABLE), tmp_path)

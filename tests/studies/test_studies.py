@@ -251,9 +251,9 @@ def test_a_bound_counts_as_broken_only_beyond_chance() -> None:
         flown = "1" * (500 - missed) + "0" * missed
         return {"mission_bound": 0.02, "laws": {"independent": {"accepted": flown}}}
 
-    assert not convergence._broken(look(10), "independent")  # 2 %, as promised
-    assert not convergence._broken(look(15), "independent")
-    assert convergence._broken(look(30), "independent")  # 6 %: 4.1 % at least
+    assert not convergence.bound_is_broken(look(10), "independent")  # 2 %, as promised
+    assert not convergence.bound_is_broken(look(15), "independent")
+    assert convergence.bound_is_broken(look(30), "independent")  # 6 %: 4.1 % at least
 
 
 def test_the_first_answer_needs_no_more_than_the_largest_trees(converged: Study) -> None:

@@ -49,5 +49,5 @@ def test_a_container_without_a_limit_leaves_the_memory_of_the_machine(
     monkeypatch.setattr(memory, "CGROUP_FOLDER", tmp_path)
     (tmp_path / "memory.max").write_text("max\n")
     (tmp_path / "memory.current").write_text("1\n")
-    assert list(memory._container_room()) == []
+    assert list(memory.container_room()) == []
     assert memory.available_memory() > 0

@@ -108,7 +108,7 @@ def test_the_quick_look_at_arrays_decides_as_jsonschema_does(name: str, content:
     draw = random.Random(name)
     cases = [content, *(spoilt(content, draw) for _ in range(400))]
     verdicts = [plain.is_valid(case) for case in cases]
-    assert [schemas._validator(name).is_valid(case) for case in cases] == verdicts
+    assert [schemas.schema_validator(name).is_valid(case) for case in cases] == verdicts
     assert 0 < sum(verdicts) < len(verdicts)
 
 
@@ -117,7 +117,7 @@ def test_a_map_with_a_million_corners_is_checked_without_a_step_for_each(
 ) -> None:
     outline = np.random.default_rng(0).random((1_000_000, 2)).tolist()
     calls = []
-    real = schemas._surely_fit
-    monkeypatch.setattr(schemas, "_surely_fit", lambda *words: calls.append(1) or real(*words))
+    real = schemas.surely_fit
+    monkeypatch.setattr(schemas, "surely_fit", lambda *words: calls.append(1) or real(*words))
     check_document({**SCENE, "obstacles": [outline]}, "scene", "x.json")
     assert 0 < len(calls) < 100

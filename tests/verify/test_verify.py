@@ -129,7 +129,7 @@ def test_the_command_prints_a_table_and_counts_failures(
 @pytest.mark.parametrize(
     ("damage", "words"),
     [
-        (lambda place: shutil.rmtree(place), "no such folder"),
+        (shutil.rmtree, "no such folder"),
         (lambda place: (place / "run.json").unlink(), "is this a results directory?"),
         (lambda place: (place / "metrics.json").unlink(), "is this a results directory?"),
         (lambda place: (place / "metrics.json").write_text("{"), "not JSON"),

@@ -132,9 +132,9 @@ def test_calm_air_is_zero_for_ever():
 )
 def test_times_past_the_horizon_are_left_out(sample, horizon, slots):
     four = WindObservations(sample.times[:4], sample.points[:4], sample.winds[:4], "")
-    assert len(field._observations_until(four, horizon).times) == slots
+    assert len(field.observations_until(four, horizon).times) == slots
     if slots > 1 and horizon:
-        kept = field._observations_until(four, horizon).times
+        kept = field.observations_until(four, horizon).times
         assert kept[-1] >= min(horizon, four.times[-1])
         assert kept[-2] < horizon
 

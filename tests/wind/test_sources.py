@@ -694,8 +694,8 @@ def test_grid_relative_winds_are_turned_to_east_and_north(eccodes):
     across = (place[2:] - place[:-2])[:, 1:-1]  # one row northwards
     inner = (slice(1, -1), slice(1, -1))
     expected = np.zeros((63, 91, 2))
-    for axis, name in ((along, "10u"), (across, "10v")):
-        axis = axis / np.linalg.norm(axis, axis=-1, keepdims=True)
+    for direction, name in ((along, "10u"), (across, "10v")):
+        axis = direction / np.linalg.norm(direction, axis=-1, keepdims=True)
         part = raw[name].reshape(65, 93)[inner]
         expected[..., 0] += part * (axis * east[inner]).sum(-1)
         expected[..., 1] += part * (axis * north[inner]).sum(-1)

@@ -263,8 +263,7 @@ def test_an_obstacle_within_another_is_dropped_and_overlapping_ones_stay():
 @given(lattice_scenes(obstacles=8, regions=1))
 @some
 def test_triangles_use_every_node_of_an_outline_and_fill_it(scene):
-    for face in shapely.get_parts(free_space(scene)):
-        face = shapely.orient_polygons(face)
+    for face in shapely.orient_polygons(shapely.get_parts(free_space(scene))):
         rings = [
             shapely.get_coordinates(r)[:-1].astype(int).tolist() for r in (face.exterior, *face.interiors)
         ]

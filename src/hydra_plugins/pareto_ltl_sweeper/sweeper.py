@@ -145,7 +145,7 @@ class PointsSweeper(BasicSweeper):
                 results = self.launcher.launch(lines, initial_job_idx=first)
             for result in results:
                 if result.status is JobStatus.FAILED:
-                    raise result._return_value
+                    raise result._return_value  # noqa: SLF001 - return_value prints before it raises
         finally:
             for name, value in kept.items():
                 if value is None:
@@ -210,7 +210,7 @@ class PointComposer:
             self._composed[groups] = self._without_hydra(groups)
         config = copy.deepcopy(self._composed[groups])
         values = [override for override in parsed if not self._chooses(override)]
-        ConfigLoaderImpl._apply_overrides_to_config(values, config)
+        ConfigLoaderImpl._apply_overrides_to_config(values, config)  # noqa: SLF001 - Hydra has no other way
         return config
 
     def _without_hydra(self, groups: Sequence[str]) -> DictConfig:

@@ -125,7 +125,7 @@ def config_name(arguments: argparse.Namespace) -> str:
 
 def composed_config(hydra: ComposedHydra, arguments: argparse.Namespace, mode: RunMode) -> DictConfig:
     """Compose what the command line asks for; unknown keys are refused first."""
-    for override in _parse_overrides(hydra.config_loader, arguments.overrides):
+    for override in parsed_overrides(hydra.config_loader, arguments.overrides):
         refuse_unknown_key(override, hydra.config_loader)
     return hydra.compose_config(
         config_name=config_name(arguments),
@@ -173,7 +173,7 @@ def prepare(hydra: ComposedHydra, arguments: argparse.Namespace) -> PreparedRun 
     """
     if arguments.run and arguments.multirun:
         raise ConfigError("--run and --multirun exclude each other; leave one out")
-    overrides = _parse_overrides(hydra.config_loader, arguments.overrides)
+    overrides = parsed_overrides(hydra.config_loader, arguments.overrides)
     several = arguments.multirun or any(override.is_sweep_override() for override in overrides)
     config = composed_config(hydra, arguments, RunMode.MULTIRUN if several else RunMode.RUN)
     if arguments.multirun or config.hydra.mode == RunMode.MULTIRUN:
@@ -198,7 +198,7 @@ def _prepare_sweep(
     hydra: ComposedHydra, arguments: argparse.Namespace, config: DictConfig, overrides: Sequence[Override]
 ) -> PreparedSweep:
     _check_launcher(config)
-    grid = [*_parse_overrides(hydra.config_loader, _grid_of(config)), *overrides]
+    grid = [*parsed_overrides(hydra.config_loader, _grid_of(config)), *overrides]
     grid = list({override.get_key_element(): override for override in grid}.values())  # the last one counts
     _check_sweep_size(grid)
     names = []
@@ -211,7 +211,8 @@ def _prepare_sweep(
         check_settings(settings)
         names.append(settings.name)
     # All jobs go to one folder, whatever their names are.
-    place = str(config.hydra.sweep._get_node("dir")._value())  # with ${name} still in it
+    sweep: Any = OmegaConf.to_container(config.hydra.sweep, resolve=False)
+    place = str(sweep["dir"])  # with ${name} still in it
     place = place.replace("${name}", "-".join(dict.fromkeys(names)))
     _pin(config, "hydra.sweep.dir", place, written=f"'{place}'")
     if config.hydra.mode != RunMode.MULTIRUN:
@@ -243,7 +244,8 @@ def _check_launcher(config: DictConfig) -> None:
 # --- overrides -------------------------------------------------------------------------------
 
 
-def _parse_overrides(loader: ConfigLoader, words: Sequence[str]) -> list[Override]:
+def parsed_overrides(loader: ConfigLoader, words: Sequence[str]) -> list[Override]:
+    """``words`` as Hydra reads them; ConfigError for a number with more digits than Python reads."""
     for word in words:
         if re.search(r"\d{1000}", word):  # Python reads no number of more than 4,300 digits
             raise ConfigError(f"{shown_text(word)}: a number with so many digits can be no setting")

@@ -79,10 +79,9 @@ def _refuse_odd_choice(override: Override, choices: list[str]) -> None:
 def _refuse_extra_keys(config: DictConfig, schema: Any, section: str) -> None:
     """Refuse keys that the schema lacks: Hydra lets ``+`` and files add them."""
     types = _field_types(schema)
-    for key in config:
+    for key, inner in config.items_ex(resolve=False):
         if key not in types:
             raise _unknown_setting(section, str(key), list(types))
-        inner = config._get_node(key)
         if is_dataclass(types[str(key)]) and isinstance(inner, DictConfig):
             _refuse_extra_keys(inner, types[str(key)], f"{section}{key}.")
 

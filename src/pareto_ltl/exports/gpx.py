@@ -22,8 +22,7 @@ def plan_gpx(exported: ExportedPlan) -> bytes:
     route = add(root, "rte")
     add(route, "name", exported.name)
     for k, (lat, lon) in enumerate(zip(log.lat, log.lon, strict=True)):
-        lon = -180.0 if lon >= 180.0 else lon  # the schema excludes 180
-        point = add(route, "rtept", lat=f"{lat:.8f}", lon=f"{lon:.8f}")
+        point = add(route, "rtept", lat=f"{lat:.8f}", lon=f"{-180.0 if lon >= 180.0 else lon:.8f}")
         if log.utc is not None:
             add(point, "time", log.utc[k])
         add(point, "name", f"{k}" if not exported.plan.path.label[k] else f"{k} {region_text(exported, k)}")

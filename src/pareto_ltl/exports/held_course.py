@@ -22,7 +22,7 @@ def held_course_rate(problem: Problem, path: PlannedPath, runs: int, seed: SeedS
     held = replace(problem, world=world)
     pilot = kernel.Autopilot(path.u, np.ascontiguousarray(path.x))
     law = problem.fidelity.law
-    flown = fly_pilot(held, lambda count, rng: pilot, len(path.u), runs, law, seed)
+    flown = fly_pilot(held, lambda _count, _rng: pilot, len(path.u), runs, law, seed)
     return counted_rate(law, int(flown.failed.sum()), runs)
 
 

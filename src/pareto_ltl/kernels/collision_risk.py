@@ -231,7 +231,7 @@ def step_allowed(
 
 
 @implements(step_allowed, StepBound)
-def _step_keeps_faces(bound: StepBound, memory: None, t: int, before: Gaussian, here: Gaussian) -> bool:
+def _step_keeps_faces(bound: StepBound, _memory: None, _t: int, before: Gaussian, here: Gaussian) -> bool:
     return step_is_clear(bound, before, here)
 
 

@@ -87,7 +87,7 @@ def fix_missed(law: Law, memory: Memory, row: int, here: Gaussian) -> float:
 
 @implements(fix_missed, IndependentLaw, CoherentLaw)
 def _no_fix(
-    law: IndependentLaw | CoherentLaw, memory: CoherentMemory | None, row: int, here: Gaussian
+    _law: IndependentLaw | CoherentLaw, _memory: CoherentMemory | None, _row: int, _here: Gaussian
 ) -> float:
     return -1.0
 
@@ -107,7 +107,7 @@ def _fix_missed(law: LandmarkLaw, memory: LandmarkMemory, row: int, here: Gaussi
 
 
 @implements(forget, LandmarkLaw)
-def _forget_fixes(law: LandmarkLaw, memory: LandmarkMemory) -> None:
+def _forget_fixes(_law: LandmarkLaw, memory: LandmarkMemory) -> None:
     clear_theta(memory.theta)
     memory.known[0, 0], memory.known[0, 1], memory.known[0, 2] = 0.0, 0.0, 0.0
     memory.fix[0] = -1

@@ -217,7 +217,7 @@ def _begin_autopilot(pilot: Autopilot) -> None:
 
 
 @implements(command, Autopilot)
-def _command_autopilot(pilot: Autopilot, motion: Motion, t: int, i: int, at: Point) -> tuple[float, float]:
+def _command_autopilot(pilot: Autopilot, motion: Motion, t: int, _i: int, at: Point) -> tuple[float, float]:
     ux, uy = held_to(motion, pilot.u, pilot.mean, t, at)
     return within_airspeed(motion, ux, uy) if motion.gain > 0.0 else (ux, uy)
 

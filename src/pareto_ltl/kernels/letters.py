@@ -67,7 +67,7 @@ def meet_hazards(
         share, found = math.inf, -1
         for h in range(len(hazards.cell)):
             cell = hazards.cell[h]
-            if not logic.harm[e, q, cell] or cell == first or cell == last:  # noqa: SIM109 (numba: types differ)
+            if not logic.harm[e, q, cell] or cell == first or cell == last:  # noqa: PLR1714, SIM109 - types differ
                 continue
             ax, ay = hazards.middle[h, 0] - middle.x, hazards.middle[h, 1] - middle.y
             reach = hazards.radius[h] + half

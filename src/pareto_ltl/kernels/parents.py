@@ -98,12 +98,12 @@ def _limit_added(rule: Dominance, risk: float, delta: float) -> float:
 
 
 @implements(rank_parent, Dominance)
-def _without_rank(rule: Dominance, risks: FloatArray, parent: Candidate) -> float:
+def _without_rank(_rule: Dominance, _risks: FloatArray, _parent: Candidate) -> float:
     return 0.0
 
 
 @implements(put_first, Dominance)
-def _all_of_them(rule: Dominance, pool: IntArray, ranks: FloatArray, count: int) -> int:
+def _all_of_them(_rule: Dominance, _pool: IntArray, _ranks: FloatArray, count: int) -> int:
     return count
 
 
@@ -133,7 +133,7 @@ def _rank_scaled(rule: Scaled, risks: FloatArray, parent: Candidate) -> float:
 
 
 @implements(put_first, Scaled)
-def _put_best_first(rule: Scaled, pool: IntArray, ranks: FloatArray, count: int) -> int:
+def _put_best_first(_rule: Scaled, pool: IntArray, ranks: FloatArray, count: int) -> int:
     kept = min(count, APPRAISED)
     for i in range(kept):
         least = i

@@ -133,7 +133,7 @@ def note_fix(law: Law, flight: Flight, t: int, here: Gaussian) -> None:
 
 
 @implements(note_fix, IndependentLaw, CoherentLaw)
-def _note_no_fix(law: IndependentLaw | CoherentLaw, flight: Flight, t: int, here: Gaussian) -> None:
+def _note_no_fix(_law: IndependentLaw | CoherentLaw, flight: Flight, t: int, _here: Gaussian) -> None:
     flight.miss[t] = 0.0
 
 

@@ -159,7 +159,7 @@ def spread(wind: Wind, motion: Motion, step: int, here: Gaussian) -> Cov:
 
 @implements(advance, IndependentLaw)
 def _advance_independent(
-    law: IndependentLaw, memory: None, step: int, here: Gaussian, row: int, target: int
+    law: IndependentLaw, _memory: None, step: int, here: Gaussian, _row: int, _target: int
 ) -> Ahead:
     motion = law.motion
     speed = airspeed_left(motion, scaled_cov(motion.gain * motion.gain, here.cov))
@@ -313,5 +313,5 @@ def clear_theta(theta: Float32Array) -> None:
 
 
 @implements(forget, CoherentLaw)
-def _forget_field(law: CoherentLaw, memory: CoherentMemory) -> None:
+def _forget_field(_law: CoherentLaw, memory: CoherentMemory) -> None:
     clear_theta(memory.theta)

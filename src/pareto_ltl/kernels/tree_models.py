@@ -93,7 +93,7 @@ def keep_mission(bound: MissionBound, scratch: TreeState, row: int, memory: Any,
 
 
 @implements(plant_mission, Theorem2)
-def _plant_theorem2(bound: Theorem2, tree: Vertices, scratch: TreeState, here: Gaussian) -> None:
+def _plant_theorem2(bound: Theorem2, tree: Vertices, _scratch: TreeState, here: Gaussian) -> None:
     for atom in range(bound.holds.shape[2]):
         tree.risk[0, atom] = visit_risk(bound, bound.logic.epoch[0], atom, tree.cell[0], here, -1.0)
 
@@ -147,7 +147,7 @@ def _appraise_ordered(bound: Ordered, tree: Vertices, scratch: TreeState, new: P
 
 
 @implements(keep_mission, Ordered)
-def _keep_ordered(bound: Ordered, scratch: TreeState, row: int, memory: Any, target: int) -> None:
+def _keep_ordered(_bound: Ordered, scratch: TreeState, row: int, memory: Any, target: int) -> None:
     own, rows = scratch.mission, memory.rows
     same = own.same[row]
     if len(memory.same) > 0:  # another scratch row
@@ -222,12 +222,12 @@ def beats(risks: FloatArray, rivals: Rivals) -> bool:
 
 
 @implements(plant_collision, StepBound)
-def _plant_step(bound: StepBound, tree: Vertices, here: Gaussian) -> bool:
+def _plant_step(bound: StepBound, _tree: Vertices, here: Gaussian) -> bool:
     return step_is_clear(bound, here, here)
 
 
 @implements(appraise_collision, StepBound)
-def _appraise_step(bound: StepBound, tree: Vertices, scratch: TreeState, new: Proposal) -> bool:
+def _appraise_step(bound: StepBound, tree: Vertices, _scratch: TreeState, new: Proposal) -> bool:
     # Eq. (9) at the child, and one face of every obstacle that serves both ends of the step.
     return step_is_clear(bound, vertex_gaussian(tree, new.parent), new.there)
 
@@ -238,12 +238,12 @@ def _keep_step(bound: StepBound, scratch: TreeState, row: int, memory: Any, targ
 
 
 @implements(collision_column, StepBound)
-def _no_collision_column(bound: StepBound, risks: FloatArray, row: int) -> float:
+def _no_collision_column(_bound: StepBound, _risks: FloatArray, _row: int) -> float:
     return 0.0
 
 
 @implements(largest_risk, StepBound)
-def _no_largest_risk(bound: StepBound) -> float:
+def _no_largest_risk(_bound: StepBound) -> float:
     return math.inf
 
 
@@ -276,7 +276,7 @@ def _appraise_path(bound: PathBound, tree: Vertices, scratch: TreeState, new: Pr
 
 
 @implements(keep_collision, PathBound)
-def _keep_path(bound: PathBound, scratch: TreeState, row: int, memory: Any, target: int) -> None:
+def _keep_path(_bound: PathBound, scratch: TreeState, row: int, memory: Any, target: int) -> None:
     own = scratch.collision
     for i in range(memory.face.shape[1]):
         memory.face[target, i] = own.face[row, i]
@@ -287,7 +287,7 @@ def _keep_path(bound: PathBound, scratch: TreeState, row: int, memory: Any, targ
 
 
 @implements(collision_column, PathBound)
-def _collision_column(bound: PathBound, risks: FloatArray, row: int) -> float:
+def _collision_column(_bound: PathBound, risks: FloatArray, row: int) -> float:
     return float(risks[row, risks.shape[1] - 1])
 
 

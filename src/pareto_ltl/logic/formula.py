@@ -89,7 +89,7 @@ class Formula:
         return _formula_text(self)
 
     def walk(self) -> Iterator[Formula]:
-        """This node and all nodes below it in the order of the text, shared nodes once."""
+        """The node and all nodes below it in the order of the text, shared nodes once."""
         stack, seen = [self], set()
         while stack:
             node = stack.pop()
@@ -110,7 +110,7 @@ TRUE_FORMULA, FALSE_FORMULA = Formula("true"), Formula("false")
 @lru_cache(maxsize=256)
 def parse_formula(text: str) -> Formula:
     """The syntax tree of ``text``; a :class:`FormulaError` has the column of a syntax error."""
-    return _FormulaParser(text).formula()
+    return FormulaParser(text).formula()
 
 
 def caret_lines(text: str, column: int) -> str:
@@ -186,7 +186,7 @@ class _FormulaToken:
         return "the end of the formula" if self.op == "end" else f"'{shown_text(self.word)}'"
 
 
-class _FormulaParser:
+class FormulaParser:
     """Precedence climbing parser of one text."""
 
     def __init__(self, text: str) -> None:

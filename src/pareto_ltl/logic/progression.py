@@ -214,7 +214,7 @@ class Progression:
             self.implied[key] = self.shows(p, q)
         return self.implied[key]
 
-    def shows(self, p: ProgressionNode, q: ProgressionNode) -> bool:
+    def shows(self, p: ProgressionNode, q: ProgressionNode) -> bool:  # noqa: PLR0911, PLR0912 - case by case
         """:meth:`implies`, worked out."""
         if p is q or p.op == "false" or q.op == "true":
             return True

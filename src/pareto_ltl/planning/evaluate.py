@@ -35,7 +35,7 @@ MOST_RUNS = 16  # of a path at a time; those that cost least are left out, which
 # --- memory of the models ---------------------------------------------------------------------
 
 
-def _no_memory(law: kd.IndependentLaw, rows: int) -> None:
+def _no_memory(_law: kd.IndependentLaw, _rows: int) -> None:
     return None
 
 
@@ -60,7 +60,7 @@ LAW_MEMORY: dict[type, Callable[[Any, int], kd.Memory]] = {
 }
 
 
-def _no_runs(bound: kd.StepBound, rows: int) -> None:
+def _no_runs(_bound: kd.StepBound, _rows: int) -> None:
     return None
 
 

@@ -66,7 +66,7 @@ class GrowthOptions:
 
 
 @dataclass(slots=True)
-class _GrowingTree:
+class GrowingTree:
     """One tree while it grows."""
 
     search: kt.Search
@@ -76,15 +76,17 @@ class _GrowingTree:
 
     @property
     def tally(self) -> Any:
+        """Counters of what growth tried and why it failed."""
         return self.search.state.tally
 
     @property
     def size(self) -> int:
+        """The number of vertices."""
         return int(self.tally[kt.VERTICES])
 
 
 @dataclass(frozen=True, slots=True)
-class _GrowthTask:
+class GrowthTask:
     """What all trees of a run share."""
 
     cfg: PlannerConfig
@@ -98,7 +100,8 @@ class _GrowthTask:
         (x, y), variance = self.problem.scene.start, self.problem.start_variance
         return kd.Gaussian(kd.Point(float(x), float(y)), kd.Cov(variance, 0.0, variance))
 
-    def grow(self, tree: _GrowingTree, limit: int, iterations: int) -> None:
+    def grow(self, tree: GrowingTree, limit: int, iterations: int) -> None:
+        """Grow ``tree`` until it has ``limit`` vertices or ``iterations`` extensions in all."""
         kernel.grow(tree.search, self.graph, self.fans, self.root, limit, iterations, tree.rng)
 
 
@@ -204,9 +207,9 @@ def grow_forest(
     """
     problem = _for_trees(problem)
     graph = product_graph(problem.decomposition, problem.logic, problem.scene.bounds)
-    task = _GrowthTask(cfg, problem, graph, cell_fans(problem.decomposition))
+    task = GrowthTask(cfg, problem, graph, cell_fans(problem.decomposition))
     _require_memory(cfg, problem)
-    growing = [_plant(task, child, j, options) for j, child in enumerate(seeds.spawn(cfg.trees))]
+    growing = [plant_tree(task, child, j, options) for j, child in enumerate(seeds.spawn(cfg.trees))]
     _check_lead(task, growing[0])
     began = time.perf_counter()
     budget.begin()
@@ -222,7 +225,7 @@ def _require_memory(cfg: PlannerConfig, problem: Problem) -> None:
     """Refuse trees that do not fit into memory; what a vertex needs depends on the models."""
     rows = 64
     columns = mission_columns(problem) + isinstance(problem.world.collision, kd.PathBound)
-    vertex = _array_bytes(_vertices(problem, rows, columns)) / rows + PACKED_BYTES
+    vertex = _array_bytes(empty_vertices(problem, rows, columns)) / rows + PACKED_BYTES
     trees = f"{cfg.trees} trees ({vertex:.0f} bytes a vertex)"
     require_memory(cfg.trees * vertex, "planner.n_max", cfg.n_max, trees, "planner.trees")
 
@@ -235,8 +238,8 @@ def _array_bytes(record: Any) -> int:
 
 
 def _grow_all(
-    task: _GrowthTask,
-    growing: Sequence[_GrowingTree],
+    task: GrowthTask,
+    growing: Sequence[GrowingTree],
     budget: Budget,
     progress: Callable[[int, int], None] | None,
 ) -> None:
@@ -259,22 +262,23 @@ def _grow_all(
             raise
 
 
-def _end_growth(growing: Iterable[_GrowingTree]) -> None:
+def _end_growth(growing: Iterable[GrowingTree]) -> None:
     for tree in growing:
         tree.tally[kt.ENDED] = 1
 
 
-def _plant(task: _GrowthTask, seed: SeedSequence, number: int, options: GrowthOptions) -> _GrowingTree:
+def plant_tree(task: GrowthTask, seed: SeedSequence, number: int, options: GrowthOptions) -> GrowingTree:
+    """A tree of one vertex, that of the start, with its own random stream."""
     cfg, problem = task.cfg, task.problem
     rng = np.random.Generator(np.random.PCG64(seed))
     rule = RULE_MAKERS[problem.fidelity.parents](cfg, problem, number, rng)
     settings = _growth_settings(cfg, problem, rule, options)
     columns = mission_columns(problem) + isinstance(problem.world.collision, kd.PathBound)
-    vertices = _vertices(problem, cfg.n_max, columns)
+    vertices = empty_vertices(problem, cfg.n_max, columns)
     swaps = cfg.n_max if options.record_swaps else 0
     state = _tree_state(task, settings, columns, swaps)
     search = kt.Search(problem.world, vertices, state, settings)
-    tree = _GrowingTree(search, np.array([rule.beta_length, rule.beta_risk]), rng)
+    tree = GrowingTree(search, np.array([rule.beta_length, rule.beta_risk]), rng)
     task.grow(tree, 0, 0)  # plants it, and loads machine code before the clock runs
     if tree.size == 0:
         raise InfeasibleError(_start_too_close(problem))
@@ -306,7 +310,8 @@ def _growth_settings(
     )  # fmt: skip
 
 
-def _vertices(problem: Problem, n: int, columns: int) -> kt.Vertices:
+def empty_vertices(problem: Problem, n: int, columns: int) -> kt.Vertices:
+    """The arrays of ``n`` vertices whose risks fill ``columns``, not filled yet."""
     return kt.Vertices(
         x=np.empty((n, 2)), free=np.empty((n, 2)), spread=np.empty((n + 1, 3)), length=np.empty(n),
         risk=np.empty((n, columns)), parent=np.empty(n, np.int32), step=np.empty(n, np.int32),
@@ -316,7 +321,7 @@ def _vertices(problem: Problem, n: int, columns: int) -> kt.Vertices:
     )  # fmt: skip
 
 
-def _tree_state(task: _GrowthTask, settings: kt.GrowthSettings, columns: int, swaps: int) -> kt.TreeState:
+def _tree_state(task: GrowthTask, settings: kt.GrowthSettings, columns: int, swaps: int) -> kt.TreeState:
     states = len(task.graph.goal) * len(task.graph.volume)
     return kt.TreeState(
         root=np.full(states, -1, np.int32), members=np.zeros(states, np.int64),
@@ -338,7 +343,7 @@ def _empty_bins(squares: int, vertices: int) -> Bins:
     )  # fmt: skip
 
 
-def _check_lead(task: _GrowthTask, tree: _GrowingTree) -> None:
+def _check_lead(task: GrowthTask, tree: GrowingTree) -> None:
     """Say at once when the map and the automaton together allow no mission."""
     from pareto_ltl.kernels.dijkstra import shortest_lead
 
@@ -352,13 +357,13 @@ def _check_lead(task: _GrowthTask, tree: _GrowingTree) -> None:
         )
 
 
-def _grow_to_end(task: _GrowthTask, tree: _GrowingTree) -> None:
+def _grow_to_end(task: GrowthTask, tree: GrowingTree) -> None:
     began, n_max = time.perf_counter(), task.cfg.n_max
     task.grow(tree, n_max, ITERATIONS_PER_VERTEX * n_max)
     tree.seconds = time.perf_counter() - began
 
 
-def _finished_tree(tree: _GrowingTree) -> Tree:
+def _finished_tree(tree: GrowingTree) -> Tree:
     v, tally, n = tree.search.tree, tree.tally, tree.size
     np.maximum(v.risk, 0.0, out=v.risk)
     return Tree(

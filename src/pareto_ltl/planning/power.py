@@ -94,7 +94,7 @@ def _table(cfg: PowerConfig) -> Table:
 
 
 CURVES: dict[str, Callable[[PowerConfig], PowerCurve | None]] = {
-    "none": lambda cfg: None,
+    "none": lambda _cfg: None,
     "body": lambda cfg: Body(cfg.base, cfg.drag),
     "wing": lambda cfg: Wing(cfg.base, cfg.drag, cfg.lift),
     "rotor": lambda cfg: Rotor(cfg.base, cfg.drag, cfg.blade, cfg.lifting, cfg.tip, cfg.wake),

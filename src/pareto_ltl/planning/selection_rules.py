@@ -40,7 +40,7 @@ def choose_path(cfg: SelectionConfig, front: Front) -> PlannedPath:
     return front.paths[rule(cfg, front)]
 
 
-def by_priority(cfg: SelectionConfig, front: Front) -> int:
+def by_priority(_cfg: SelectionConfig, front: Front) -> int:
     """The least mission risk, then the least collision risk, then the shortest (the paper's rule).
 
     Where flights judge: the shortest of the paths that are as safe as the safest one. A path is as safe
@@ -128,7 +128,7 @@ def _alpha_advice(least: float) -> str:
     return f"set selection.alpha={alpha:g}, " if alpha < 1.0 else ""
 
 
-def by_knee(cfg: SelectionConfig, front: Front) -> int:
+def by_knee(_cfg: SelectionConfig, front: Front) -> int:
     """The path farthest below the chord of the front: beyond it, less risk costs the most length.
 
     Risk and length are scaled to 0..1 between the safest and the shortest path of the front, whose chord is

@@ -80,7 +80,7 @@ def plan_figure(cfg: ReportConfig, run: DrawnRun, trees: LineCollection | None =
     if trees is None and run.forest is not None:
         trees = tree_layer(run.scene, run.forest)
     _draw_layers(chart, cfg, run, trees)
-    t, moment = flight_midpoint(run.scene, run.plan)
+    t, moment = flight_midpoint(run.plan)
     draw_wind_arrows(
         chart, run.scene, run.wind, t, f"expected wind {moment}", LEFT + 0.02, sheet.bottom - 0.46
     )

@@ -25,7 +25,7 @@ from pareto_ltl.wind.records import WindField
 from pareto_ltl.world.scene import Scene
 
 
-def flight_midpoint(scene: Scene, plan: Plan | None) -> tuple[float, str]:
+def flight_midpoint(plan: Plan | None) -> tuple[float, str]:
     """Time half-way through the flight [s since time_zero] and its text; departure without a plan."""
     t = 0.0 if plan is None else float(plan.path.t[0] + plan.path.t[-1]) / 2.0
     words = (
@@ -94,7 +94,7 @@ def draw_wind_arrows(
 
 def wind_figure(scene: Scene, wind: WindField, plan: Plan | None) -> Figure:
     """Expected wind with arrows, and standard deviation of the wind of one step, on the whole lattice."""
-    t, moment = flight_midpoint(scene, plan)
+    t, moment = flight_midpoint(plan)
     mean = interpolate_slots(wind.times, wind.mean, t)
     x, y = lattice_nodes(wind)
     inner, west = 2.35, 0.48

@@ -77,7 +77,7 @@ def _refined_paths(inputs: StageInputs, raw: Sequence[PlannedPath]) -> tuple[tup
         return (), f"; {error}"
 
 
-def _no_refinement(inputs: StageInputs, raw: Sequence[PlannedPath]) -> tuple[PlannedPath, ...]:
+def _no_refinement(_inputs: StageInputs, _raw: Sequence[PlannedPath]) -> tuple[PlannedPath, ...]:
     return ()
 
 

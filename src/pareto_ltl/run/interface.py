@@ -134,7 +134,8 @@ class PlanningResult(Displayed):
         from pareto_ltl.report.notebook import mission_drawing
 
         flights = self.run.records.get(DEPLOYMENTS)
-        return mission_drawing(self.scene, self.decomposition, self.wind, self.forest, self.plan, flights)
+        maps = (self.scene, self.decomposition, self.wind, self.forest, self.plan)
+        return mission_drawing(*maps, flights, **options)
 
 
 def plan(

@@ -343,9 +343,9 @@ def _close(
 class RunLogFile(logging.FileHandler):
     """A log that raises what keeps it from being written, a full disk for example, as any other file does."""
 
-    def handleError(self, record: logging.LogRecord) -> None:  # noqa: N802 - the name is that of logging
+    def handleError(self, record: logging.LogRecord) -> None:  # noqa: ARG002, N802 - as logging has it
         """Raise the error of the write, which logging would print and forget."""
-        raise
+        raise  # noqa: PLE0704 - logging calls this while it handles the error
 
     def close(self) -> None:
         """Close the file; an error was raised when it came up."""

@@ -270,7 +270,7 @@ class Results(Displayed):
         """The map with trees and plan, as a ``Drawing``."""
         from pareto_ltl.report.notebook import mission_drawing
 
-        return mission_drawing(self.scene, self.decomposition, self.wind, self.forest, self.plan)
+        return mission_drawing(self.scene, self.decomposition, self.wind, self.forest, self.plan, **options)
 
     @property
     def settings(self) -> Settings:

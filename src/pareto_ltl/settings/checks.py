@@ -231,5 +231,5 @@ def check_folder_name(key: str, name: str) -> None:
             f"{key} must be at most 100 letters (a to z), digits, dots, dashes or underscores, no dot at the "
             f"end (it names a folder), got {shown_value(name)}"
         )
-    if (device := name.split(".")[0]).lower() in DEVICES:
+    if (device := name.split(".", 1)[0]).lower() in DEVICES:
         raise ConfigError(f"{key} must not begin with {device!r}, a device on Windows; write e.g. my_{name}")

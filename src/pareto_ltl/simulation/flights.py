@@ -214,11 +214,11 @@ def pilot_maker(problem: Problem, u: FloatArray, mean: FloatArray | None, law: s
     autopilot = kernel.Autopilot(u, held)
     planned = problem.laws["coherent"]
     if mean is None or not isinstance(planned, kd.LandmarkLaw):
-        return lambda runs, rng: autopilot
+        return lambda _runs, _rng: autopilot
     path, modes = propagate(problem, held, planned), planned.modes
     path.u[:] = u
     if not path.gain.any():
-        return lambda runs, rng: autopilot
+        return lambda _runs, _rng: autopilot
     # A wind that is new at every step tells nothing about the next one.
     learnt = np.zeros_like(path.learnt) if law == "independent" else path.learnt
     fix_sd = np.sqrt(planned.landmarks.variance)

@@ -333,7 +333,7 @@ def _coherent_winds(problem: Problem, z: kernel.NormalDraws, theta: Float32Array
 
 
 def _independent_winds(
-    problem: Problem, z: kernel.NormalDraws, theta: Float32Array
+    problem: Problem, z: kernel.NormalDraws, _theta: Float32Array
 ) -> rollout.IndependentDraws:
     law = problem.laws["independent"]
     assert isinstance(law, kd.IndependentLaw)

@@ -239,13 +239,13 @@ def _convergence_row(n: int, law: str, looks: Sequence[Mapping[str, Any]], volum
     row |= quartile_columns(
         "missed_of_a_plan", [1.0 - text_to_flags(look["laws"][law]["accepted"]).mean() for look in planned]
     )
-    row |= {"bounds_broken": sum(_broken(look, law) for look in planned)}
+    row |= {"bounds_broken": sum(bound_is_broken(look, law) for look in planned)}
     row |= rate_columns("failure", np.concatenate(lost) if lost else np.empty(0, bool))
     row |= quartile_columns("length_m", [look["objectives"]["length"] for look in planned])
     return row | quartile_columns("hypervolume", volumes)
 
 
-def _broken(look: Mapping[str, Any], law: str) -> bool:
+def bound_is_broken(look: Mapping[str, Any], law: str) -> bool:
     """Whether more flights missed the mission than its bound allows, beyond what chance explains (95 %)."""
     missed = rate_columns("missed", ~text_to_flags(look["laws"][law]["accepted"]))["missed_low"]
     return bool(missed > number_or_nan(look["mission_bound"]))

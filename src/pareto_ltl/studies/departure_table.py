@@ -35,12 +35,12 @@ def start_rows(settings: Settings, found: Found) -> list[Columns]:
     common = common_length(found)
     flags = {time: text_to_flags(result["failed"]) for time, result in found.items() if result["planned"]}
     for row in rows:
-        row |= same_length_columns(fronts.get(row["time"], []), common)
+        row.update(same_length_columns(fronts.get(row["time"], []), common))
     for row in rows:
         gaps = (NAN,) * 3
         if row["planned"]:
             gaps = paired_difference(flags[best["time"]], flags[row["time"]])
-        row |= dict(zip(("difference", "difference_low", "difference_high"), gaps, strict=True))
+        row.update(zip(("difference", "difference_low", "difference_high"), gaps, strict=True))
         row["as_good"] = bool(row["planned"] and row["on_time"] and row["difference_low"] <= 0.0)
         row["recommended"] = row is best
         row["verdict"] = verdict(row, best, settings.departure)

@@ -69,7 +69,7 @@ class Budget:
             return
         before = signal.getsignal(signal.SIGINT)
 
-        def end_early(number: int, frame: FrameType | None) -> None:
+        def end_early(_number: int, _frame: FrameType | None) -> None:
             if not self.heeded or self.asked:
                 raise KeyboardInterrupt
             LOG.warning("asked to end: what was found so far makes the front; Ctrl-C once more ends the run")

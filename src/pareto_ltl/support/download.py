@@ -57,7 +57,7 @@ class _SameSchemeRedirects(urllib.request.HTTPRedirectHandler):
 
     def redirect_request(self, req: Any, fp: Any, code: int, msg: str, headers: Any, newurl: str) -> Any:
         old, new = urlsplit(req.full_url).scheme, urlsplit(newurl).scheme
-        if new != "https" and new != old:
+        if new not in ("https", old):
             fp.close()
             raise DataError(f"{req.full_url} leads to {shown_text(newurl)}, which is not fetched: not https")
         return super().redirect_request(req, fp, code, msg, headers, newurl)

@@ -32,7 +32,7 @@ CONF_GROUP = "pareto_ltl.conf"
 
 
 @lru_cache
-def _entries(group: str) -> dict[str, EntryPoint]:
+def installed_entries(group: str) -> dict[str, EntryPoint]:
     """The entry points of ``group`` by name."""
     from importlib.metadata import entry_points
 
@@ -55,7 +55,7 @@ def extension_names(group: str, own: Iterable[str] = ()) -> tuple[str, ...]:
     ConfigError
         If an added name is one of ``own``.
     """
-    names = _entries(group)
+    names = installed_entries(group)
     for name in own:
         if name in names:
             raise ConfigError(
@@ -76,7 +76,7 @@ def known_kind(group: str, own: Mapping[str, Kind], name: str, expected: Callabl
 
 def load_extension(group: str, name: str, expected: Callable[[Any], bool]) -> Any:
     """The object of entry point ``name``; the errors are those of :func:`known_kind`."""
-    entry = _entries(group)[name]
+    entry = installed_entries(group)[name]
     try:
         loaded = entry.load()
     except Exception as error:
@@ -94,7 +94,7 @@ def load_extension(group: str, name: str, expected: Callable[[Any], bool]) -> An
 
 def extension_folders() -> tuple[Path, ...]:
     """Folders of YAML choices that other packages add, in the order of their names."""
-    return tuple(_folder(entry) for entry in _entries(CONF_GROUP).values())
+    return tuple(_folder(entry) for entry in installed_entries(CONF_GROUP).values())
 
 
 def _folder(entry: EntryPoint) -> Path:

@@ -41,7 +41,7 @@ def file_fingerprint(path: Path) -> str:
 
 
 @lru_cache(maxsize=4096)
-def _file_fingerprint(path: str, changed: int, size: int) -> str:
+def _file_fingerprint(path: str, _changed: int, _size: int) -> str:
     with open(path, "rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 

@@ -20,7 +20,7 @@ def available_memory() -> float:
     """Bytes that this process may still use: of the machine, of its container and of its own limit."""
     import psutil
 
-    return max(0.0, min([float(psutil.virtual_memory().available), *_container_room(), *_own_room()]))
+    return max(0.0, min([float(psutil.virtual_memory().available), *container_room(), *_own_room()]))
 
 
 def require_memory(each: float, setting: str, count: int, what: str, also: str = "") -> None:
@@ -52,7 +52,8 @@ def require_memory(each: float, setting: str, count: int, what: str, also: str =
     )
 
 
-def _container_room() -> Iterator[float]:
+def container_room() -> Iterator[float]:
+    """What the limits of the container leave [bytes], one for each limit there is."""
     for limit, used in CGROUPS:
         try:
             numbers = [int((CGROUP_FOLDER / name).read_text()) for name in (limit, used)]

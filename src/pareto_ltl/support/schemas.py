@@ -91,7 +91,7 @@ def read_document(
 
 def check_document(content: Any, name: str, where: str, advice: Advice = RESULTS) -> None:
     """Raise a DataError that begins with ``where`` if ``content`` does not fit the schema of ``name``."""
-    if error := next(iter(_validator(name).iter_errors(content)), None):
+    if error := next(iter(schema_validator(name).iter_errors(content)), None):
         place = "".join(f"/{pointer_part(part)}" for part in error.absolute_path)
         raise DataError(f"{where}: {place + ': ' if place else ''}{_misfit(error)}; {advice.damaged}")
 
@@ -131,7 +131,7 @@ def _described(schema: Mapping[str, Any]) -> str:
 
 
 @lru_cache
-def _validator(name: str) -> Validator:
+def schema_validator(name: str) -> Validator:
     """The validator of ``name``; jsonschema is imported at the first use, which takes 0.2 s."""
     from jsonschema import Draft202012Validator, validators
 
@@ -142,7 +142,7 @@ def _validator(name: str) -> Validator:
         slow = Draft202012Validator.VALIDATORS[keyword]
 
         def check(validator: Any, rule: Any, instance: Any, parent: Any) -> Iterator[ValidationError]:
-            if not _surely_fit(values(instance, parent), rule, definitions):
+            if not surely_fit(values(instance, parent), rule, definitions):
                 yield from slow(validator, rule, instance, parent)
 
         return check
@@ -169,7 +169,7 @@ def _free_values(instance: Any, parent: Mapping[str, Any]) -> list[Any] | None:
     return [value for key, value in instance.items() if key not in named]
 
 
-def _surely_fit(values: list[Any] | None, rule: Any, definitions: Mapping[str, Any]) -> bool:
+def surely_fit(values: list[Any] | None, rule: Any, definitions: Mapping[str, Any]) -> bool:
     """Whether each of ``values`` fits ``rule``; False also where a look at each of them is needed."""
     if values is None or not isinstance(rule, dict):
         return False
@@ -181,7 +181,7 @@ def _surely_fit(values: list[Any] | None, rule: Any, definitions: Mapping[str, A
             return False
         sizes = set(map(len, values)) or {rule.get("minItems", 0)}
         fits = rule.get("minItems", 0) <= min(sizes) and max(sizes) <= rule.get("maxItems", max(sizes))
-        return fits and _surely_fit(list(chain.from_iterable(values)), rule["items"], definitions)
+        return fits and surely_fit(list(chain.from_iterable(values)), rule["items"], definitions)
     return _scalars_fit(values, rule)
 
 

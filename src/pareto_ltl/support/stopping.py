@@ -74,7 +74,7 @@ def ends_process() -> Iterator[None]:
             os._exit(stop.exit_code)  # a pool would take an exception for the result of the job
 
 
-def _stop(number: int, frame: FrameType | None) -> None:
+def _stop(number: int, _frame: FrameType | None) -> None:
     """Pass the signal on and raise; a second one does not interrupt the clean-up."""
     for heeded in SIGNALS:
         signal.signal(heeded, signal.SIG_IGN)

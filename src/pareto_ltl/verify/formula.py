@@ -327,7 +327,7 @@ def read_hoa(text: str, letters: Sequence[frozenset[str]]) -> Dfa:
     if start is None or names is None or "--BODY--" not in text:
         raise DataError("automaton.hoa has no Start, AP or body")
     atoms = [re.sub(r"\\(.)", r"\1", quoted) for quoted in re.findall(r'"((?:[^"\\]|\\.)*)"', names[1])]
-    blocks = re.split(r"^State:", text.split("--BODY--")[1].split("--END--")[0], flags=re.M)[1:]
+    blocks = re.split(r"^State:", text.split("--BODY--")[1].split("--END--", 1)[0], flags=re.M)[1:]
     rows: dict[int, tuple[bool, tuple[int, ...]]] = {}
     for block in blocks:
         head, *edges = block.strip().splitlines()

@@ -43,7 +43,7 @@ def fit_wind_field(
     lattice = wind_lattice(cfg, scene)
     if not any(len(points) for points in observations.points):
         return _calm_field(lattice, observations.source)
-    seen = _held(cfg, _observations_until(observations, horizon))
+    seen = _held(cfg, observations_until(observations, horizon))
     task = _wind_task(cfg, seen, scene, lattice, horizon)
     table = cached_wind_table(task) if cfg.cache else tabulate_wind(task)
     _warn_about_score(table.score)
@@ -195,7 +195,7 @@ def wind_lattice(cfg: WindConfig, scene: Scene) -> NodeLattice:
     return NodeLattice(origin, spacing, (int(cells[0]) + 1, int(cells[1]) + 1))
 
 
-def _observations_until(observations: WindObservations, horizon: float | None) -> WindObservations:
+def observations_until(observations: WindObservations, horizon: float | None) -> WindObservations:
     """The observations up to the first time at or after ``horizon`` [s since time_zero]."""
     if horizon is None:
         return observations

@@ -129,7 +129,7 @@ class ForecastError:
         return 0.0 if s * t <= 0 else float(np.clip((s + t - d) / (2 * np.sqrt(s * t)), 0.0, 1.0))
 
     def for_winds(self, level: str, spread: float) -> ForecastError:
-        """This law for winds of a ``level`` that spread by ``spread`` [m/s] over the places of one time."""
+        """The law for winds of a ``level`` that spread by ``spread`` [m/s] over the places of one time."""
         if level == self.level:
             return self
         factor = spread / self.spread
@@ -143,7 +143,7 @@ class ForecastError:
         return replace(self, name="none", forecast_sd=np.zeros_like(self.forecast_sd))
 
     def shared(self, share: float) -> ForecastError:
-        """This law with a ``share`` of the variance of forecast errors; an ensemble has the rest."""
+        """The law with a ``share`` of the variance of forecast errors; an ensemble has the rest."""
         return self if share == 1.0 else replace(self, forecast_sd=np.sqrt(share) * self.forecast_sd)
 
     def document(self) -> dict[str, Any]:

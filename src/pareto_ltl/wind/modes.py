@@ -125,7 +125,7 @@ def error_modes(
         kept[TIME] = np.broadcast_to(one, kept[TIME].shape)
     psi, owner = _stacked(kept)
     share = np.where(total > 0, carried / np.maximum(total, 1e-300), 1.0)
-    return ModeTable(psi, owner, np.minimum(share, 1.0), _correlation_length(nodes, shape, np.asarray(rest)))
+    return ModeTable(psi, owner, np.minimum(share, 1.0), _correlation_length(nodes, np.asarray(rest)))
 
 
 # --- the parts --------------------------------------------------------------------------------
@@ -289,7 +289,7 @@ def _mode_lags(psi: FloatArray, shape: tuple[int, int]) -> FloatArray:
     return np.array(lags)
 
 
-def _correlation_length(nodes: FloatArray, shape: tuple[int, int], lags: FloatArray) -> float:
+def _correlation_length(nodes: FloatArray, lags: FloatArray) -> float:
     """∫ correlation dr [m] from 0 to its first zero, by the trapezoidal rule over the lags of a lattice."""
     if lags[0] <= 0.0:
         return 0.0

@@ -47,10 +47,11 @@ def gap_places(
     """
     at, grow = [np.empty((0, 2))], [np.empty((0, 2))]
     distances = widest * np.array(SHARES)
-    for k, m, first, second in _face_pairs(faces.ptr, _near_pairs(polygons, len(faces.ptr) - 1, widest)):
-        pair = np.stack([faces.normal[k], faces.normal[m]], axis=1)
+    for beside in _face_pairs(faces.ptr, _near_pairs(polygons, len(faces.ptr) - 1, widest)):
+        pair = np.stack([faces.normal[beside[0]], faces.normal[beside[1]]], axis=1)
         cross = np.abs(np.linalg.det(pair)) > 0.1
-        k, m, first, second, pair = k[cross], m[cross], first[cross], second[cross], pair[cross]
+        k, m, first, second = (row[cross] for row in beside)
+        pair = pair[cross]
         p = np.linalg.solve(pair, np.stack([faces.offset[k], faces.offset[m]], axis=1)[..., None])[..., 0]
         v = np.linalg.solve(pair, np.ones((len(pair), 2, 1)))[..., 0]
         kept = clear_crossings(faces, first, second, p, v, distances)

@@ -1,5 +1,7 @@
 """How the obstacles share the collision probability allowed at a step, in the convex programme."""
 
+# ruff: noqa: ARG002 - one signature for both kinds, though not each needs all of it
+
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping

@@ -99,7 +99,7 @@ def _write_files(summary: SweepSummary, out: Path) -> None:
         ["job", *swept, "status", *clock],
         ([*_first_cells(row, swept), *map(row.clock.get, clock)] for row in summary.rows),
     )
-    write_json(out / "summary.json", _summary_content(summary))
+    write_json(out / "summary.json", summary_content(summary))
     from pareto_ltl.studies.sweeps import page
 
     picture, wrong = None, None
@@ -121,7 +121,8 @@ def _way_to_jobs(out: Path, place: Path) -> str:
     return "" if out == place else "../../"
 
 
-def _summary_content(summary: SweepSummary) -> dict[str, Any]:
+def summary_content(summary: SweepSummary) -> dict[str, Any]:
+    """The content of ``summary.json``."""
     return {
         "schema": SUMMARY_SCHEMA,
         "sweep": summary.manifest.key,

@@ -300,7 +300,7 @@ def _affordable(result: Evidence, rule: str) -> list[int]:
     return [k for k in every if float(result.front[k]["energy_j"]) <= result.capacity]
 
 
-def _by_priority(result: Evidence, told: Mapping[str, Any], left: list[int]) -> list[int]:
+def _by_priority(result: Evidence, _told: Mapping[str, Any], left: list[int]) -> list[int]:
     rows = _rows(result)[left]
     if not flights_judge(result):
         return [left[i] for i in np.lexsort((rows[:, 2], rows[:, 1], rows[:, 0]))]
@@ -342,7 +342,7 @@ def _by_energy(result: Evidence, told: Mapping[str, Any], left: list[int]) -> li
     return sorted(_by_threshold(result, told, left), key=energy.__getitem__)
 
 
-def _by_knee(result: Evidence, told: Mapping[str, Any], left: list[int]) -> list[int]:
+def _by_knee(result: Evidence, _told: Mapping[str, Any], left: list[int]) -> list[int]:
     """By the distance from the line through the safest and the shortest path."""
     risk, length = _risks(result, left), _rows(result)[left, 2]
     across, up = np.ptp(risk) or 1.0, np.ptp(length) or 1.0
@@ -356,7 +356,7 @@ def _by_length(result: Evidence, told: Mapping[str, Any], left: list[int]) -> li
     return [left[i] for i in short[np.lexsort((length[short], _risks(result, left)[short]))]]
 
 
-def _by_number(result: Evidence, told: Mapping[str, Any], left: list[int]) -> list[int]:
+def _by_number(_result: Evidence, told: Mapping[str, Any], left: list[int]) -> list[int]:
     return [k for k in left if k == told["point"]]
 
 

@@ -27,7 +27,7 @@ from pareto_ltl.wind.sources.station_files import read_station_files
 SAMPLE_FILE = Path(__file__).parents[2] / "support" / "data" / "gfs_conus_20181009.csv"
 
 
-def data_files(cfg: WindConfig, wanted: Wanted = ALL_WIND) -> tuple[Path, ...]:
+def data_files(cfg: WindConfig) -> tuple[Path, ...]:
     """The files of ``wind.path``, sorted: one file, all data files of a folder, or the matches of a pattern.
 
     Raises
@@ -74,19 +74,23 @@ class WindSource:
     forecast_error: str = "gfs"
 
 
-def _sample_files(cfg: WindConfig, wanted: Wanted = ALL_WIND) -> tuple[Path, ...]:
+def _sample_files(_cfg: WindConfig, _wanted: Wanted = ALL_WIND) -> tuple[Path, ...]:
     return (SAMPLE_FILE,)
 
 
-def _no_files(cfg: WindConfig, wanted: Wanted) -> tuple[Path, ...]:
+def _listed_files(cfg: WindConfig, _wanted: Wanted) -> tuple[Path, ...]:
+    return data_files(cfg)
+
+
+def _no_files(_cfg: WindConfig, _wanted: Wanted) -> tuple[Path, ...]:
     return ()
 
 
-def _read_sample(cfg: WindConfig, wanted: Wanted) -> Readings:
+def _read_sample(cfg: WindConfig, _wanted: Wanted) -> Readings:
     return read_csv_files(_sample_files(cfg), cfg.max_speed)
 
 
-def _read_csv(cfg: WindConfig, wanted: Wanted) -> Readings:
+def _read_csv(cfg: WindConfig, _wanted: Wanted) -> Readings:
     """A table does not say its level; for a robot in the water it is that of the current it moves in."""
     readings = read_csv_files(data_files(cfg), cfg.max_speed)
     level = parse_level(cfg.level)
@@ -104,12 +108,12 @@ def _read_netcdf(cfg: WindConfig, wanted: Wanted) -> Readings:
     return read_netcdf_files(data_files(cfg), WINDS, cfg.level, cfg.max_speed, wanted.area)
 
 
-def _ensemble_files(cfg: WindConfig, wanted: Wanted = ALL_WIND) -> tuple[Path, ...]:
+def _ensemble_files(cfg: WindConfig, _wanted: Wanted = ALL_WIND) -> tuple[Path, ...]:
     """As :func:`data_files`, with the files of a folder for each member."""
     path = Path(str(cfg.path)).expanduser()
     below = [file for file in path.glob("*/*") if file.is_file() and is_data_file(file)]
     if not below:
-        return data_files(cfg, wanted)
+        return data_files(cfg)
     own = [file for file in path.iterdir() if file.is_file() and is_data_file(file)]
     return tuple(sorted([*own, *below]))
 
@@ -127,18 +131,18 @@ def _read_stations(cfg: WindConfig, wanted: Wanted) -> Readings:
     return read_station_files(data_files(cfg), cfg.max_speed, wanted.area)
 
 
-def _read_calm(cfg: WindConfig, wanted: Wanted) -> Readings:
+def _read_calm(_cfg: WindConfig, _wanted: Wanted) -> Readings:
     return CALM
 
 
 SOURCES = {
     "sample": WindSource(_read_sample, _sample_files, forecast_error="none"),
-    "csv": WindSource(_read_csv, data_files),
-    "grib": WindSource(_read_grib, data_files),
-    "netcdf": WindSource(_read_netcdf, data_files),
-    "stations": WindSource(_read_stations, data_files, forecast_error="none"),
+    "csv": WindSource(_read_csv, _listed_files),
+    "grib": WindSource(_read_grib, _listed_files),
+    "netcdf": WindSource(_read_netcdf, _listed_files),
+    "stations": WindSource(_read_stations, _listed_files, forecast_error="none"),
     "noaa": WindSource(read_noaa, noaa_files),
-    "currents": WindSource(_read_currents, data_files, forecast_error="none"),
+    "currents": WindSource(_read_currents, _listed_files, forecast_error="none"),
     "ensemble": WindSource(_read_ensemble, _ensemble_files),
     "calm": WindSource(_read_calm, _no_files, forecast_error="none"),
 }

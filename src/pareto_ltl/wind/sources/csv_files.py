@@ -57,7 +57,7 @@ def read_csv_files(files: tuple[Path, ...], max_speed: float) -> Readings:
     DataError
         If a file or row cannot be read, the frames differ, or two rows have the same time and place.
     """
-    parts = [_read_csv_file(file, max_speed) for file in files]
+    parts = [read_csv_file(file, max_speed) for file in files]
     if len({part.geographic for part in parts}) > 1:
         raise DataError(f"{files[0].parent}: some tables have lat,lon and some x,y; expected one kind")
     stamps, leads = (np.concatenate([getattr(part, name) for part in parts]) for name in ("times", "leads"))
@@ -123,7 +123,7 @@ class _Table:
     geographic: bool
 
 
-def _read_csv_file(file: Path, max_speed: float) -> _Table:
+def read_csv_file(file: Path, max_speed: float) -> _Table:
     """The checked rows of ``file``."""
     with open_table(file, ",".join(GEOGRAPHIC_COLUMNS)) as stream:
         reader = csv.reader(stream)

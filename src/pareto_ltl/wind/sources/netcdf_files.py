@@ -135,7 +135,7 @@ def netcdf_snapshots(
     for path in files:
         with open_cf(path) as file:
             pair = _pair_at(file, quantity, wanted, notes)
-            for snapshot, count in _fields(file, pair, quantity, max_speed, area):
+            for snapshot, count in _fields(file, pair, max_speed, area):
                 snapshots.append(snapshot)
                 counts.append(count)
     if any(np.isnan(snapshot.lead) for snapshot in snapshots) and quantity is WINDS:
@@ -231,7 +231,7 @@ def _partner(file: CfFile, u: CfVariable, others: list[CfVariable]) -> CfVariabl
 
 
 def _fields(
-    file: CfFile, pair: _Pair, quantity: Quantity, max_speed: float, area: GeoBox | None
+    file: CfFile, pair: _Pair, max_speed: float, area: GeoBox | None
 ) -> Iterator[tuple[Snapshot, LeftOut]]:
     u = pair.u
     clock, times, leads = times_of(file, u)
