@@ -9,13 +9,14 @@ PYTHON ?= python3
 VENV ?= .venv
 ARGS ?=
 CASES ?= 100000
+DIST ?= dist
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 UV := $(shell command -v uv 2>/dev/null)
 
 PEERS := build/peers
 
-.PHONY: demo test fuzz faults bench scale peers lint types lock install clean
+.PHONY: demo test fuzz faults bench scale peers lint types dist lock install clean
 .DELETE_ON_ERROR:
 
 demo: $(READY)
@@ -55,6 +56,10 @@ lint: $(READY)
 
 types: $(READY)
 	$(BIN)/mypy
+
+# The source archive, and the wheel from it, in DIST (RELEASING.md).
+dist: $(READY)
+	$(BIN)/python -m build --outdir $(DIST) .
 
 install: $(READY)
 

@@ -32,7 +32,8 @@ def sources() -> Iterator[tuple[str, str]]:
 def identifiers(text: str) -> set[str]:
     """DOIs, without the punctuation of the sentence around them, and arXiv numbers."""
     found = set(ARXIV.findall(text))
-    for doi in re.findall(r"doi:(10\.\d{4,9}/[^\s`\"']+)", text):
+    for match in re.findall(r"doi:(10\.\d{4,9}/[^\s`\"']+)", text):
+        doi = match
         while doi[-1] in ".,;:)|" and not (doi[-1] == ")" and doi.count(")") <= doi.count("(")):
             doi = doi[:-1]
         found.add(f"doi:{doi}")

@@ -83,9 +83,12 @@ def test_help_and_a_wrong_setting_do_not_load_jsonschema(tmp_path: Path) -> None
         assert done.returncode == 0, done.stderr
 
 
-def test_the_source_archive_names_only_what_is_there() -> None:
-    for name in PROJECT["tool"]["hatch"]["build"]["targets"]["sdist"]["include"]:
-        assert (ROOT / name).exists(), name
+def test_the_source_archive_holds_all_that_git_does() -> None:
+    """It takes what no .gitignore excludes, so no file of the repository may be excluded by one."""
+    assert "sdist" not in PROJECT["tool"]["hatch"]["build"]["targets"]
+    command = ["git", "-C", str(ROOT), "ls-files", "--cached", "--ignored", "--exclude-standard"]
+    excluded = subprocess.run(command, capture_output=True, text=True, check=False).stdout.split()
+    assert excluded == []
 
 
 def test_the_console_script_leads_to_the_program() -> None:
@@ -94,12 +97,44 @@ def test_the_console_script_leads_to_the_program() -> None:
     assert callable(script.load())
 
 
-def test_version_is_that_of_the_project() -> None:
+def test_the_wheel_reads_the_version_where_the_program_does() -> None:
     done = subprocess.run(
         [sys.executable, "-m", "pareto_ltl", "--version"], capture_output=True, text=True, check=True
     )
-    assert done.stdout == f"pareto-ltl {PROJECT['project']['version']}\n"
-    assert PROJECT["project"]["version"] == pareto_ltl.__version__
+    assert done.stdout == f"pareto-ltl {pareto_ltl.__version__}\n"
+    assert PROJECT["project"]["dynamic"] == ["version"]
+    source = (ROOT / PROJECT["tool"]["hatch"]["version"]["path"]).read_text()
+    assert re.findall(r'^__version__ = "(.*)"$', source, re.M) == [pareto_ltl.__version__]
+
+
+def test_the_citation_names_this_project() -> None:
+    citation = yaml.safe_load((ROOT / "CITATION.cff").read_text())
+    assert citation["cff-version"] == "1.2.0"
+    assert citation["version"] == pareto_ltl.__version__
+    assert citation["license"] == PROJECT["project"]["license"]
+    assert {"message", "title", "authors"} <= set(citation)
+
+
+def test_the_changelog_has_a_section_for_what_comes_and_none_beyond_this_version() -> None:
+    titles = re.findall(r"^## \[(.+?)\]", (ROOT / "CHANGELOG.md").read_text(), re.M)
+    assert titles[0] == "Unreleased"
+    assert titles[1:2] in ([], [pareto_ltl.__version__])
+
+
+def test_the_conda_recipe_asks_for_what_the_wheel_does() -> None:
+    recipe = yaml.safe_load((ROOT / "conda" / "recipe" / "recipe.yaml").read_text())
+    named_otherwise = {"matplotlib": "matplotlib-base"}  # without Qt
+    wanted = {f"python {PROJECT['project']['requires-python']}"}
+    for requirement in PROJECT["project"]["dependencies"]:
+        name = re.split("[<>=]", requirement)[0]
+        wanted.add(f"{named_otherwise.get(name, name)} {requirement.removeprefix(name)}")
+    assert set(recipe["requirements"]["run"]) == wanted
+    (backend,) = PROJECT["build-system"]["requires"]
+    assert backend.replace(">=", " >=") in recipe["requirements"]["host"]
+    assert recipe["context"]["version"] == pareto_ltl.__version__
+    scripts = [f"{name} = {target}" for name, target in PROJECT["project"]["scripts"].items()]
+    assert recipe["build"]["python"]["entry_points"] == scripts
+    assert recipe["about"]["summary"] == PROJECT["project"]["description"]
 
 
 def test_the_lock_pins_every_dependency_by_hash() -> None:
