@@ -14,9 +14,12 @@ settings.load_profile("house")
 
 @pytest.fixture(scope="session", autouse=True)
 def _own_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """Keep test fits out of the user's cache."""
+    """Keep test fits out of the user's cache; pytest's processes share them."""
     before = os.environ.get("PARETO_LTL_CACHE")
-    os.environ["PARETO_LTL_CACHE"] = str(tmp_path_factory.mktemp("cache"))
+    folder = tmp_path_factory.getbasetemp()
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        folder = folder.parent  # each process has a folder of its own in it
+    os.environ["PARETO_LTL_CACHE"] = str(folder / "cache")
     yield
     if before is None:
         del os.environ["PARETO_LTL_CACHE"]

@@ -6,7 +6,7 @@ import copy
 import difflib
 import sys
 import typing
-from dataclasses import fields, is_dataclass
+from dataclasses import is_dataclass
 from typing import Any
 
 from hydra.core.config_loader import ConfigLoader
@@ -14,6 +14,7 @@ from hydra.core.override_parser.types import ChoiceSweep, Override, QuotedString
 from omegaconf import DictConfig, OmegaConf, open_dict
 
 from pareto_ltl.settings import Settings
+from pareto_ltl.settings.kinds import field_kinds
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.messages import shown_text, shown_value
 
@@ -46,7 +47,7 @@ def refuse_unknown_key(override: Override, loader: ConfigLoader) -> None:
     for part in key.split("."):
         if not is_dataclass(known):
             return  # inside a mapping or a list: values are checked when they are merged
-        types = _field_types(known)
+        types = field_kinds(typing.cast(type, known))
         if part not in types:
             groups = [] if section else [g for g in GROUPS_WITHOUT_SECTION if loader.get_group_options(g)]
             raise _unknown_setting(section, part, [*types, *groups])
@@ -78,17 +79,12 @@ def _refuse_odd_choice(override: Override, choices: list[str]) -> None:
 
 def _refuse_extra_keys(config: DictConfig, schema: Any, section: str) -> None:
     """Refuse keys that the schema lacks: Hydra lets ``+`` and files add them."""
-    types = _field_types(schema)
+    types = field_kinds(schema)
     for key, inner in config.items_ex(resolve=False):
         if key not in types:
             raise _unknown_setting(section, str(key), list(types))
         if is_dataclass(types[str(key)]) and isinstance(inner, DictConfig):
             _refuse_extra_keys(inner, types[str(key)], f"{section}{key}.")
-
-
-def _field_types(schema: Any) -> dict[str, Any]:
-    hints = typing.get_type_hints(schema)
-    return {item.name: hints[item.name] for item in fields(schema)}
 
 
 def _unknown_setting(section: str, part: str, known: list[str]) -> ConfigError:
