@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import subprocess
 import sys
@@ -194,3 +195,15 @@ def test_a_commit_is_told_with_whether_files_changed(tmp_path: Path) -> None:
     changed = provenance.git_state(tmp_path)
     assert changed is not None
     assert changed["changed"] is True
+
+
+def test_looking_at_a_checkout_changes_nothing_in_it(tmp_path: Path) -> None:
+    """Git would write times of files into its index, under a lock that a killed process leaves behind."""
+    git = ["git", "-C", str(tmp_path), "-c", "user.name=n", "-c", "user.email=e@example.org"]
+    (tmp_path / "file").write_text("same")
+    for words in (["init", "-q"], ["add", "file"], ["commit", "-q", "-m", "first"]):
+        subprocess.run([*git, *words], check=True)
+    os.utime(tmp_path / "file", (1e9, 1e9))
+    index = (tmp_path / ".git" / "index").read_bytes()
+    assert provenance.git_state(tmp_path)["changed"] is False  # type: ignore[index]
+    assert (tmp_path / ".git" / "index").read_bytes() == index
