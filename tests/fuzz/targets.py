@@ -14,7 +14,7 @@ from fuzz import corpora
 from fuzz.mutations import json_bytes, mutants, tree_mutants, yaml_bytes
 from pareto_ltl.support.errors import ConfigError, ParetoLtlError
 
-CASES = 2000  # of a target in the suite
+CASES = 2000  # of a target in one block; the suite reads half a block
 Read = Callable[[Any], object]
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from functools import cache
 from itertools import pairwise
 
 import numpy as np
@@ -27,6 +28,7 @@ from pareto_ltl.settings import PlannerConfig, RefineConfig, RobotConfig, preset
 from pareto_ltl.simulation.common_flights import draw_flights, is_certain
 from pareto_ltl.simulation.flights import simulate_flights
 from pareto_ltl.simulation.judging import judge_front
+from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.budget import UNLIMITED, Budget
 from pareto_ltl.support.errors import InfeasibleError
 from problems import box, make_problem, make_scene, smooth_wind, steady_wind
@@ -96,10 +98,15 @@ def test_a_flipped_path_passes_the_obstacle_on_its_other_side(grown):
 # --- lengths and steps ------------------------------------------------------------------------
 
 
+@cache
+def taut_line() -> tuple[Problem, FloatArray]:
+    problem = task()
+    return problem, line_starts(problem)[0].x
+
+
 @given(st.integers(2, 40))
 def test_resampling_keeps_the_ends_and_never_lengthens_the_line(steps):
-    problem = task()
-    x = line_starts(problem)[0].x
+    problem, x = taut_line()
     y = resampled_means(problem, x, steps)
     assert len(y) == steps + 1
     np.testing.assert_allclose(y[[0, -1]], x[[0, -1]])

@@ -17,6 +17,7 @@ from pareto_ltl.cli import hydra_app as app
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.resources import choices
 from patience import wait_until
+from quick_wind import QUICK_WIND
 from test_examples import ROOT
 
 STUDIES = ("compare", "convergence", "ablation", "hindcast", "forecast_test")
@@ -27,6 +28,11 @@ SMALL = (
     "evaluation.seeds=[0,1]",
     "compare.methods=[paper,ml_rrt]",
     "report.dpi=40",
+)
+QUICK = (
+    "fidelity=paper",
+    "fidelity.refine=none",
+    *(f"wind.{key}={value}" for key, value in QUICK_WIND.items()),
 )
 
 BAD = {
@@ -115,7 +121,7 @@ def test_a_run_to_go_on_with_must_exist(here: Path, capsys: pytest.CaptureFixtur
 def test_a_killed_run_goes_on_and_ends_as_if_it_had_not_been_stopped(here: Path) -> None:
     """SIGKILL as soon as the first part is on disk; the same command again keeps it and ends the same."""
     command = [sys.executable, "-m", "pareto_ltl", "pipelines=convergence", "+experiment=phi1", *SMALL]
-    command += ["convergence.sizes=[200,500]", "evaluation.jobs=1", "report=none"]
+    command += ["convergence.sizes=[200,500]", "evaluation.jobs=1", "report=none", *QUICK]
     run = subprocess.Popen([*command, "hydra.run.dir=one"], start_new_session=True, stderr=subprocess.DEVNULL)
     wait_until(lambda: run.poll() is not None or bool(list(Path("one/parts").glob("[!.]*.json"))))
     os.killpg(run.pid, signal.SIGKILL)
