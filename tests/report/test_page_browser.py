@@ -293,3 +293,37 @@ def test_a_printed_page_has_all_charts(browser: Browser, page_result: Path) -> N
     assert page.pdf().startswith(b"%PDF")
     assert page.evaluate("Object.keys(LATER).every(id => drawn.has(id))")
     page.close()
+
+
+WIDEST = 718  # [px] between the usual margins of a sheet of A4
+UNFITTED = """[...document.querySelectorAll('.js-plotly-plot')].filter(chart => {
+  const drawn = chart.querySelector('.main-svg').getBoundingClientRect();
+  const place = chart.getBoundingClientRect();
+  return Math.abs(drawn.width - place.width) > 1 || Math.abs(drawn.height - place.height) > 1;
+}).map(chart => chart.id)"""
+SIGNS = "[...document.querySelectorAll('.legend .layers')]"
+UNSEEN = f"{SIGNS}.filter(sign => sign.getBoundingClientRect().width < 5).length"
+
+
+def test_charts_on_paper_have_the_size_of_their_places_and_signs_in_their_legends(
+    browser: Browser, page_result: Path
+) -> None:
+    page = browser.new_page(viewport={"width": DESK[0], "height": DESK[1]})
+    page.goto((page_result / "report.html").as_uri())
+    page.wait_for_selector("html[data-ready=map]")
+    width = page.evaluate("byId('map').clientWidth")
+    page.emulate_media(media="print")
+    page.evaluate("dispatchEvent(new Event('beforeprint'))")
+    assert page.evaluate("document.querySelectorAll('.js-plotly-plot').length") == 3
+    assert page.evaluate(f"{SIGNS}.length") >= 3
+    assert page.evaluate(UNFITTED) == []
+    assert page.evaluate(UNSEEN) == 0
+    assert page.evaluate("document.body.scrollWidth") <= WIDEST
+    assert (
+        page.evaluate("getComputedStyle(document.querySelector('.key.region')).printColorAdjust") == "exact"
+    )
+    page.emulate_media(media="screen")
+    page.evaluate("dispatchEvent(new Event('afterprint'))")
+    assert page.evaluate(UNFITTED) == []
+    assert page.evaluate("byId('map').clientWidth") == width
+    page.close()

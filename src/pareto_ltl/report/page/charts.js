@@ -80,7 +80,7 @@ function markFront() {
 // --- risk along the way ------------------------------------------------------------------------
 
 const CAUSE_DASHES = ["dash", "dot", "dashdot", "longdash"];
-const CAUSE_COLOURS = ["#6e6e6e", "#a0457f", "#009e73", "#0072b2"];
+const CAUSE_COLOURS = ["#4d4d4d", "#a0457f", "#009e73", "#0072b2"];
 
 function riskTraces(way) {
   const { failed, runs, low, high } = way.risk, unit = timeUnit(way), x = way.t.map(t => t / unit.seconds);

@@ -90,6 +90,26 @@ function play() {
 const drawn = new Set();
 const LATER = { front: drawFront, risk: drawRisk, machine: () => { drawMachine(); markMachine(); }, files: listFiles };
 
+/** Give each chart the size that its place has, at once: on paper nothing is drawn later. */
+function fitCharts() {
+  fitMap();
+  for (const chart of document.querySelectorAll(".js-plotly-plot")) Plotly.relayout(chart, { width: chart.clientWidth, height: chart.clientHeight });
+}
+
+/** Lay the page out for paper, and back for the window: a printed chart keeps the size that it was drawn in. */
+function fitPaper(draw) {
+  addEventListener("beforeprint", () => {
+    document.documentElement.classList.add("printing");
+    for (const id of Object.keys(LATER)) if (byId(id)) draw(id);
+    fitCharts();
+  });
+  addEventListener("afterprint", () => {
+    document.documentElement.classList.remove("printing");
+    fitMap();
+    for (const chart of document.querySelectorAll(".js-plotly-plot")) Plotly.relayout(chart, { autosize: true, width: null, height: null });
+  });
+}
+
 /** Draw each part when it comes near the window; all of it before the page is printed. */
 function drawWhenSeen() {
   const draw = id => {
@@ -101,7 +121,7 @@ function drawWhenSeen() {
     for (const entry of entries) if (entry.isIntersecting) { watcher.unobserve(entry.target); draw(entry.target.id); }
   }, { rootMargin: "200px" });
   for (const id of Object.keys(LATER)) if (byId(id)) watcher.observe(byId(id));
-  addEventListener("beforeprint", () => { for (const id of Object.keys(LATER)) if (byId(id)) draw(id); });
+  fitPaper(draw);
 }
 
 function fillChooser() {

@@ -189,7 +189,8 @@ const MARGIN = { l: 56, r: 8, t: 8, b: 104 };
 /** Give the map the height that its outline has at the width of its column, within that of a window. */
 function fitMap() {
   const [[west, south], [east, north]] = PAGE.map.bounds, inner = byId("map").clientWidth - MARGIN.l - MARGIN.r;
-  const tall = inner * (north - south) / (east - west), most = Math.max(300, Math.min(720, 0.86 * innerHeight));
+  const printing = document.documentElement.classList.contains("printing");  // below the numbers, on the first sheet
+  const tall = inner * (north - south) / (east - west), most = printing ? 440 : Math.max(300, Math.min(720, 0.86 * innerHeight));
   byId("map").style.height = `${Math.round(Math.min(Math.max(tall, 160), most) + MARGIN.t + MARGIN.b)}px`;
 }
 
