@@ -13,6 +13,9 @@ LAW = re.compile(r"independent|coherent|fidelity\.law|full fields|calm air")
 NUMBER = re.compile(r"\d(?![.\d]*\s*(trees|vertices))")
 ROUNDED_AWAY = re.compile(r"\b0\.0000")
 TICK = re.compile(r"[-−\d.,]+")  # ticks beyond the ends of an axis have a place, but are not drawn
+UNITLESS = re.compile(
+    r"vertices per tree|plans|hypervolume.*|share.*|correlation|departure, UTC|trees|[βε], .*"
+)
 BEYOND_ONE = re.compile(r"\b(?!100 %)[1-9]\d{2,} %")
 
 
@@ -43,3 +46,9 @@ def texts_outside(figure: Figure, slack: float = 1.0) -> list[str]:
             if not within and box.width > 0 and box.x1 > frame.x0 and box.x0 < frame.x1:
                 found.append(text.get_text())
     return found
+
+
+def labels_without_unit(figure: Figure) -> list[str]:
+    """Labels of axes and colour bars with numbers that name no unit in brackets."""
+    labels = [axis.label.get_text() for ax in figure.axes for axis in (ax.xaxis, ax.yaxis)]
+    return [label for label in labels if label and "[" not in label and not UNITLESS.fullmatch(label)]

@@ -92,7 +92,7 @@ def test_a_map_whose_mission_has_no_plan_is_drawn(process: DrawingProcess, run: 
 def test_an_error_while_drawing_is_the_same_error_here_with_its_traceback(
     process: DrawingProcess, run: DrawnRun, tmp_path: Path
 ) -> None:
-    unfinished: Any = None
+    unfinished: Any = "no wind"
     broken = replace(run, wind=unfinished)
     failures = []
     for how in (None, process):

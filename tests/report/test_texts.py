@@ -22,7 +22,7 @@ from drawn_world import (
     scene_of,
     wind_of,
 )
-from figure_texts import texts_of, texts_outside, wrong_texts
+from figure_texts import labels_without_unit, texts_of, texts_outside, wrong_texts
 from pareto_ltl.planning.evaluate import Forecast
 from pareto_ltl.planning.records import Promise
 from pareto_ltl.report import style
@@ -114,6 +114,7 @@ def test_every_text_of_a_run_names_its_law_and_stays_on_the_page(name: str) -> N
         for figure in [*figures, *notebook]:
             assert wrong_texts(texts_of(figure)) == []
             assert texts_outside(figure) == []
+            assert labels_without_unit(figure) == []
 
 
 def test_a_text_with_a_probability_and_no_law_is_found() -> None:
@@ -146,6 +147,13 @@ def test_a_law_and_its_failures_are_told_apart_without_colour() -> None:
         assert max(one, other) / min(one, other) > 1.4
     assert style.law_dashes("independent") != style.law_dashes("coherent")
     assert style.law_mark("independent") != style.law_mark("coherent")
+
+
+def test_an_axis_without_a_unit_is_found() -> None:
+    with style.report_style():
+        figure = style.blank_figure(3.0, 3.0)
+        style.axes_at(figure, 0.5, 0.5, 2.0, 2.0).set(xlabel="length", ylabel="east [km]")
+    assert labels_without_unit(figure) == ["length"]
 
 
 def test_failed_flights_end_in_a_cross() -> None:
@@ -228,6 +236,7 @@ def test_every_text_of_a_study_names_its_law(studies: Any) -> None:
             said = texts_of(figure)
             assert wrong_texts(said) == []
             assert texts_outside(figure) == []
+            assert labels_without_unit(figure) == []
             assert all(any(law in text for text in said) for law in LAWS)
 
 
@@ -252,6 +261,7 @@ def test_the_reliability_of_a_hindcast_names_the_law_of_each_panel() -> None:
         said = texts_of(figure)
     assert wrong_texts(said) == []
     assert texts_outside(figure) == []
+    assert labels_without_unit(figure) == []
     assert len([text for text in said if "winds" in text]) == len(names)
 
 

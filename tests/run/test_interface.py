@@ -5,6 +5,7 @@ from __future__ import annotations
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -152,10 +153,18 @@ def test_a_folder_without_a_run_is_refused(tmp_path: Path) -> None:
 # --- how records show themselves -----------------------------------------------------------------
 
 
+def shown_records(planned: PlanningResult) -> tuple[Any, ...]:
+    """One record of every kind that users get."""
+    front, forest = planned.front, planned.forest
+    return (
+        planned, planned.plan, front, front.paths[0], forest, forest.trees[0], planned.wind, planned.scene,
+        planned.decomposition, planned.automaton, planned.problem, pareto_ltl.simulate(planned, runs=50),
+    )  # fmt: skip
+
+
 def test_records_are_one_line_and_a_table(planned: PlanningResult, both: tuple[Path, Path]) -> None:
     results = pareto_ltl.load_results(both[0])
-    records = (planned, planned.plan, planned.front, planned.forest, planned.wind, planned.scene, results)
-    for record in records:
+    for record in (*shown_records(planned), results):
         line = repr(record)
         assert line.startswith(f"{type(record).__name__}(")
         assert "\n" not in line
@@ -168,13 +177,31 @@ def test_records_are_one_line_and_a_table(planned: PlanningResult, both: tuple[P
 
 def test_records_draw_themselves(planned: PlanningResult, both: tuple[Path, Path], tmp_path: Path) -> None:
     results = pareto_ltl.load_results(both[0])
-    records = (planned, planned.plan, planned.front, planned.forest, planned.wind, planned.scene, results)
-    for number, record in enumerate(records):
+    for number, record in enumerate((*shown_records(planned), results)):
         drawing = record.plot()
         assert drawing._repr_png_().startswith(b"\x89PNG")
         assert drawing.save(tmp_path / f"{number}.svg").stat().st_size > 2000
     with_map = planned.plan.plot(scene=planned.scene)
     assert {text.get_text() for text in with_map.figure.axes[0].texts} == {"a", "b", "c"}
+    for record in shown_records(planned)[1:]:
+        assert record.plot(scene=planned.scene)._repr_png_().startswith(b"\x89PNG")
+
+
+def test_a_drawing_shows_what_it_is_asked_for(planned: PlanningResult) -> None:
+    early, late = (planned.wind.plot(scene=planned.scene, time=time) for time in (0.0, "6h"))
+    assert early._repr_png_() != late._repr_png_()
+    assert any("6 h after departure" in text.get_text() for text in late.figure.texts)
+    assert any(text.get_text().startswith("9 Oct 2018, 06:00 UTC") for text in late.figure.texts)
+    marked = planned.front.plot(plan=planned.plan).figure
+    assert "chosen plan" in [text.get_text() for text in marked.legends[-1].get_texts()]
+    few = pareto_ltl.simulate(planned, runs=50).plot(scene=planned.scene, count=7).figure
+    assert any("7 drawn" in text.get_text() for text in few.legends[0].get_texts())
+
+
+def test_equal_drawings_are_equal_files(planned: PlanningResult, tmp_path: Path) -> None:
+    for kind in ("png", "svg", "pdf"):
+        one, two = (planned.plan.plot().save(tmp_path / f"{name}.{kind}") for name in ("one", "two"))
+        assert one.read_bytes() == two.read_bytes()
 
 
 def test_the_package_is_light_until_it_is_used() -> None:

@@ -20,6 +20,7 @@ from pareto_ltl.logic.dfa import TransitionArray, TransitionTable
 from pareto_ltl.logic.formula import Formula, caret_lines, parse_formula, positive_normal_form
 from pareto_ltl.logic.progression import Progression
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
+from pareto_ltl.support.display import Displayed
 from pareto_ltl.support.errors import FormulaError
 from pareto_ltl.world.windows import Window
 
@@ -30,7 +31,7 @@ Letter = frozenset[str]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Automaton:
+class Automaton(Displayed):
     """Minimal complete deterministic automaton of the good prefixes of a mission.
 
     States are numbered breadth first from 0 over the letters in their order, so that equal languages over
@@ -168,8 +169,15 @@ class Automaton:
     def __hash__(self) -> int:
         return hash((self.atoms, self.letters, self.initial, self.delta.tobytes()))
 
-    def __repr__(self) -> str:
-        return f"Automaton({self.formula!r}, {self.n_states} states, {len(self.letters)} letters)"
+    def facts(self) -> Mapping[str, str]:
+        """Formula, numbers of states and letters, and the length of the shortest mission."""
+        nearest = self.distance[self.initial]
+        return {
+            "formula": self.formula,
+            "states": f"{self.n_states}",
+            "letters": f"{len(self.letters)}",
+            "shortest mission": "none" if np.isinf(nearest) else f"{nearest:.0f} letters",
+        }
 
     @cached_property
     def _columns(self) -> Mapping[Letter, int]:

@@ -16,6 +16,7 @@ from pareto_ltl.support.arrays import FloatArray, IntArray
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
     from matplotlib.path import Path as Curve
 
 MAX_DRAWN = 40  # states; figures with more are not readable
@@ -68,6 +69,11 @@ def dot_text(automaton: Automaton) -> str:
 
 def save_picture(automaton: Automaton, path: str | Path, dpi: int = 150) -> None:
     """Draw the automaton into a file (png, svg, pdf); ValueError for more than ``MAX_DRAWN`` states."""
+    automaton_figure(automaton).savefig(path, dpi=dpi)
+
+
+def automaton_figure(automaton: Automaton) -> Figure:
+    """States as circles and letters on arrows; ValueError for more than ``MAX_DRAWN`` states."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -87,7 +93,7 @@ def save_picture(automaton: Automaton, path: str | Path, dpi: int = 150) -> None
     axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
     axes.set_axis_off()
     axes.set_title(_wrapped_formula(automaton.formula, 90), fontsize=10)
-    figure.savefig(path, dpi=dpi)
+    return figure
 
 
 def draw_automaton(
@@ -256,4 +262,12 @@ def _wrapped_formula(text: str, width: int) -> str:
     return "\n".join([*lines, line.strip()])
 
 
-__all__ = ["DrawnEdge", "dot_text", "draw_automaton", "drawn_edges", "save_picture", "state_positions"]
+__all__ = [
+    "DrawnEdge",
+    "automaton_figure",
+    "dot_text",
+    "draw_automaton",
+    "drawn_edges",
+    "save_picture",
+    "state_positions",
+]

@@ -13,12 +13,13 @@ from pareto_ltl.planning.epochs import Reading
 from pareto_ltl.planning.power import EnergyModel
 from pareto_ltl.settings import FidelityConfig
 from pareto_ltl.support.arrays import FloatArray, IntArray
+from pareto_ltl.support.display import Displayed
 from pareto_ltl.world.cells import Decomposition
 from pareto_ltl.world.scene import Scene
 
 
-@dataclass(frozen=True, slots=True, eq=False, weakref_slot=True)
-class Problem:
+@dataclass(frozen=True, slots=True, eq=False, repr=False, weakref_slot=True)
+class Problem(Displayed):
     """What is to be planned; every later stage reads the same arrays, so that a path costs the same anywhere.
 
     Attributes
@@ -60,6 +61,17 @@ class Problem:
     max_steps: int
     wind_ends: str = ""
     energy: EnergyModel | None = None
+
+    def facts(self) -> Mapping[str, str]:
+        """Formula, size of the automaton and of the map, step, and the end of the known wind."""
+        return {
+            "formula": self.automaton.formula,
+            "automaton": f"{self.automaton.n_states} states",
+            "cells": f"{len(self.decomposition.cells):,}",
+            "step": f"{self.motion.dt:,.4g} s",
+            "wind law": self.fidelity.law,
+            "wind known for": f"{self.horizon} steps",
+        }
 
     @property
     def atoms(self) -> tuple[str, ...]:

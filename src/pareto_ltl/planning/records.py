@@ -23,8 +23,8 @@ FLIGHTS, WEIGHTED = "flights", "importance sampling"  # methods of failure rates
 SAMPLES = {FLIGHTS: "flights", WEIGHTED: "weighted flights"}  # what their runs are
 
 
-@dataclass(frozen=True, slots=True)
-class Tree:
+@dataclass(frozen=True, slots=True, repr=False)
+class Tree(Displayed):
     """One search tree; vertices in the order of their creation, the root first.
 
     A vertex keeps its path for ever, so the first n rows are the tree as it was at n vertices.
@@ -71,6 +71,14 @@ class Tree:
         while self.parent[rows[-1]] >= 0:
             rows.append(int(self.parent[rows[-1]]))
         return self.x[rows[::-1]]
+
+    def facts(self) -> Mapping[str, str]:
+        """Numbers of vertices and automaton states, and the length of the longest path."""
+        return {
+            "vertices": f"{len(self):,}",
+            "longest path": distance_text(float(self.length.max(initial=0.0))),
+            "automaton states reached": f"{len(np.unique(self.q))}",
+        }
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -127,8 +135,8 @@ def objective_row(o: Objectives) -> FloatArray:
     return np.array([o.mission_risk, o.collision_risk, *o.costs])
 
 
-@dataclass(frozen=True, slots=True)
-class PlannedPath:
+@dataclass(frozen=True, slots=True, repr=False)
+class PlannedPath(Displayed):
     """A path evaluated exactly: the Gaussian of the position at every step.
 
     Attributes
@@ -160,6 +168,16 @@ class PlannedPath:
     origin: str
     fixes: tuple[int, ...] = ()
     order: str = ""
+
+    def facts(self) -> Mapping[str, str]:
+        """Length, steps, time, mission order and origin."""
+        return {
+            "length": distance_text(self.objectives.length),
+            "steps": f"{len(self.u)}",
+            "time": f"{(self.t[-1] - self.t[0]) / 3600:.1f} h",
+            "order": self.order.replace(">", " > ") or "no visit",
+            "origin": self.origin or "unknown",
+        }
 
 
 @dataclass(frozen=True, slots=True)

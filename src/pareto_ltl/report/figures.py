@@ -44,6 +44,7 @@ def _figure_files(name: str, cfg: ReportConfig, run: DrawnRun, trees: LineCollec
         if name == "plan":
             figure = plan_figure(cfg, run, trees)
         elif name == "wind":
+            assert run.wind is not None
             figure = wind_figure(run.scene, run.wind, run.plan)
         else:
             assert run.front is not None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,6 +18,10 @@ from pareto_ltl.report import style
 from pareto_ltl.report.map_labels import dense_path
 from pareto_ltl.report.map_layers import (
     DRAWN_VERTICES,
+    LANDMARK_LOOK,
+    OBSTACLE_LOOK,
+    REGION_LOOK,
+    TIMED_LOOK,
     MapAxes,
     draw_covariances,
     draw_endpoints,
@@ -29,6 +34,7 @@ from pareto_ltl.report.map_layers import (
     tree_layer,
 )
 from pareto_ltl.report.records import DrawnRun
+from pareto_ltl.report.timed_places import timed_obstacles, visited_outlines
 from pareto_ltl.report.wind import draw_wind_arrows, flight_midpoint
 from pareto_ltl.settings import ReportConfig
 from pareto_ltl.simulation.records import Deployment
@@ -50,6 +56,7 @@ class _Sheet:
     title: list[str]
     inner: float
     height: float
+    windy: bool
 
     @property
     def legend_top(self) -> float:
@@ -58,32 +65,38 @@ class _Sheet:
     @property
     def bottom(self) -> float:
         """Lower edge of the map; the scale of the wind arrows and the name of the axis stand below it."""
-        return self.legend_top + 0.60
+        return self.legend_top + (0.60 if self.windy else 0.42)
 
     @property
     def total(self) -> float:
         return self.bottom + self.height + 0.26 + TEXT_LINE * len(self.title)
 
 
-def plan_figure(cfg: ReportConfig, run: DrawnRun, trees: LineCollection | None = None) -> Figure:
+def plan_figure(
+    cfg: ReportConfig,
+    run: DrawnRun,
+    trees: LineCollection | None = None,
+    heading: Sequence[str] | None = None,
+) -> Figure:
     """Map with trees, expected wind, planned path, 95 % ellipses and flights, as Figure 1 of the paper.
 
-    ``trees`` is the :func:`tree_layer` of the run, where it has been made already.
+    ``trees`` is the :func:`tree_layer` of the run, where it has been made already; ``heading`` are other
+    lines above the map.
 
     Without a plan the wind is that at departure, and the heading says why there is no plan. Every
     probability stands beside its wind law.
     """
-    sheet = _sheet(cfg, run)
+    sheet = _sheet(cfg, run, _heading(run) if heading is None else _fitted(heading))
     figure = style.blank_figure(style.COLUMN_WIDTH, sheet.total)
     chart = map_axes(run.scene, style.axes_at(figure, WEST, sheet.bottom, sheet.inner, sheet.height))
     draw_graticule(chart, run.scene)
     if trees is None and run.forest is not None:
         trees = tree_layer(run.scene, run.forest)
     _draw_layers(chart, cfg, run, trees)
-    t, moment = flight_midpoint(run.plan)
-    draw_wind_arrows(
-        chart, run.scene, run.wind, t, f"expected wind {moment}", LEFT + 0.02, sheet.bottom - 0.46
-    )
+    if run.wind is not None:
+        t, moment = flight_midpoint(run.plan)
+        text = f"expected wind {moment}"
+        draw_wind_arrows(chart, run.scene, run.wind, t, text, LEFT + 0.02, sheet.bottom - 0.46)
     below = _add_legend(figure, sheet.flights, sheet.legend_top, columns=1)
     _add_legend(figure, sheet.keys, below, columns=2)
     for row, line in enumerate(reversed(sheet.title)):
@@ -92,11 +105,11 @@ def plan_figure(cfg: ReportConfig, run: DrawnRun, trees: LineCollection | None =
     return figure
 
 
-def _sheet(cfg: ReportConfig, run: DrawnRun) -> _Sheet:
+def _sheet(cfg: ReportConfig, run: DrawnRun, title: list[str]) -> _Sheet:
     inner = style.COLUMN_WIDTH - WEST - (0.42 if run.scene.crs else 0.12)
     span = np.ptp(run.scene.bounds, axis=0)
     height = inner * float(np.clip(span[1] / span[0], 0.35, 1.6))
-    return _Sheet(_map_keys(run), _flight_keys(cfg, run), _heading(run), inner, height)
+    return _Sheet(_map_keys(run), _flight_keys(cfg, run), title, inner, height, run.wind is not None)
 
 
 def _draw_layers(chart: MapAxes, cfg: ReportConfig, run: DrawnRun, trees: LineCollection | None) -> None:
@@ -129,7 +142,6 @@ def _taken_points(scene: Scene, plan: Plan | None) -> FloatArray:
 
 def _heading(run: DrawnRun) -> list[str]:
     """Lines above the map: formula, length and the risks planned with, or why there is no plan."""
-    width, size = style.COLUMN_WIDTH - 2 * LEFT, float(style.RC_SETTINGS["font.size"])
     if run.plan is None:
         return _failure_heading(run.forest)
     path, models = run.plan.path, run.plan.models
@@ -141,8 +153,13 @@ def _heading(run: DrawnRun) -> list[str]:
         f"R ≤ {shown_probability(path.objectives.collision_risk)}",
         *promise_lines(run.plan.promise),
     ]
-    formula = style.fitted_lines(run.plan.formula, width, size)
-    return [*formula, *(line for text in lines for line in style.fitted_lines(text, width, size))]
+    return _fitted([run.plan.formula, *lines])
+
+
+def _fitted(texts: Sequence[str]) -> list[str]:
+    """``texts`` in lines that fit above the map."""
+    width, size = style.COLUMN_WIDTH - 2 * LEFT, float(style.RC_SETTINGS["font.size"])
+    return [line for text in texts for line in style.fitted_lines(text, width, size)]
 
 
 def promise_lines(promise: Promise | None) -> list[str]:
@@ -222,14 +239,26 @@ def _map_keys(run: DrawnRun) -> list[Artist]:
     keys.append(Line2D([], [], marker="o", label="start", **look))
     if run.plan is not None:
         keys.append(Line2D([], [], marker="s", label="end", **look))
-    keys.append(Patch(fc=style.GREEN + "30", ec=style.GREEN, lw=1.0, label="region"))
-    if run.scene.obstacles:
-        keys.append(Patch(fc="#6E6E6E", ec="#4A4A4A", lw=0.5, label="obstacle"))
-    if run.scene.landmarks:
-        keys.append(Patch(fc="none", ec=style.PURPLE, lw=0.9, ls="--", label="landmark"))
+    keys += ground_keys(run.scene)
     if run.forest is not None:
         keys.append(Line2D([], [], color=style.STONE, lw=0.6, alpha=0.8, label=_vertices_text(run.forest)))
-    keys.append(Line2D([], [], color=style.MIST, lw=0.7, ls=":", label="cells"))
+    if run.decomposition is not None:
+        keys.append(Line2D([], [], color=style.MIST, lw=0.7, ls=":", label="cells"))
+    return keys
+
+
+def ground_keys(scene: Scene) -> list[Artist]:
+    """Regions, obstacles and landmarks; where some count for a time, how their times are counted."""
+    keys: list[Artist] = []
+    if visited_outlines(scene):
+        timed = any(name not in scene.forbidden for name in scene.windows)
+        keys.append(Patch(**REGION_LOOK, label="region, with times since departure" if timed else "region"))
+    if scene.obstacles:
+        keys.append(Patch(**OBSTACLE_LOOK, label="obstacle"))
+    if timed_obstacles(scene):
+        keys.append(Patch(**TIMED_LOOK, label="obstacle for a time"))
+    if scene.landmarks:
+        keys.append(Patch(**LANDMARK_LOOK, label="landmark"))
     return keys
 
 
@@ -263,4 +292,4 @@ def _key_lines(keys: list[Artist]) -> int:
     return sum(str(key.get_label()).count("\n") + 1 for key in keys)
 
 
-__all__ = ["flight_text", "plan_figure", "shown_probability"]
+__all__ = ["flight_text", "ground_keys", "plan_figure", "shown_probability"]

@@ -12,12 +12,19 @@ from pareto_ltl.world.cells import half_planes, moments
 
 PLACES = 15  # along one side of the lattice of places that are tried
 PAD = 0.03  # space around a name and around the marks at the ends of a path [in]
+LEADING = 1.15  # from line to line, in sizes of the letters
 
 
-def label_half_size(name: str, size: float, metres_per_inch: float) -> FloatArray:
-    """Half of width and height (2,) [m] of ``name`` in letters of ``size`` [pt], with some space around."""
-    width, height = text_width(name, size) * 1.08, 0.75 * size / 72.0
+def label_half_size(lines: Sequence[tuple[str, float]], metres_per_inch: float) -> FloatArray:
+    """Half of width and height (2,) [m] of ``lines`` (text, size of its letters [pt]), with some space."""
+    width = max(text_width(text, size) for text, size in lines) * 1.08
+    height = line_height([size for _, size in lines])
     return np.array([width / 2 + PAD, height / 2 + PAD]) * metres_per_inch
+
+
+def line_height(sizes: Sequence[float]) -> float:
+    """Height [in] of lines of letters of ``sizes`` [pt]; the last one has no space below."""
+    return (LEADING * sum(sizes[:-1]) + 0.75 * sizes[-1]) / 72.0 if sizes else 0.0
 
 
 def label_position(
@@ -37,8 +44,7 @@ def label_position(
     bounds : (2, 2) float, optional
         Corners of the map, which a name beside its region does not cross [m].
     """
-    part, centroid = max(((p, moments(p)) for p in parts), key=lambda found: found[1][0])
-    centre = centroid[1]
+    part, centre = _largest_part(parts)
     places = _places_inside(part, centre, half)
     if len(places) == 0:
         places = _places_around(part, half, bounds)
@@ -47,6 +53,17 @@ def label_position(
     gap = (np.abs(places[:, None] - taken) - half).max(axis=2).min(axis=1)
     score = np.minimum(gap, half.min()) - 1e-3 * np.linalg.norm(places - centre, axis=1)
     return np.asarray(places[np.argmax(score)], float)
+
+
+def fits_inside(parts: Sequence[FloatArray], half: FloatArray) -> bool:
+    """Whether a name of half size ``half`` (2,) [m] fits into the largest convex part of a region."""
+    return len(_places_inside(*_largest_part(parts), half)) > 0
+
+
+def _largest_part(parts: Sequence[FloatArray]) -> tuple[FloatArray, FloatArray]:
+    """The largest of ``parts`` and its centroid (2,) [m]."""
+    part, (_, centre) = max(((part, moments(part)) for part in parts), key=lambda found: found[1][0])
+    return part, centre
 
 
 def _places_inside(part: FloatArray, centre: FloatArray, half: FloatArray) -> FloatArray:
@@ -80,4 +97,4 @@ def dense_path(x: FloatArray, pieces: int = 8) -> FloatArray:
     return np.vstack([between.reshape(-1, 2), x[-1:]])
 
 
-__all__ = ["dense_path", "label_half_size", "label_position"]
+__all__ = ["LEADING", "dense_path", "fits_inside", "label_half_size", "label_position", "line_height"]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,15 +13,20 @@ from matplotlib.ticker import MaxNLocator
 
 from pareto_ltl.planning.records import Forest, Plan
 from pareto_ltl.report import style
-from pareto_ltl.report.map_labels import label_half_size, label_position
+from pareto_ltl.report.map_labels import LEADING, fits_inside, label_half_size, label_position, line_height
+from pareto_ltl.report.timed_places import time_lines, timed_obstacles, visited_outlines
 from pareto_ltl.simulation.records import Deployment
 from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.world.cells import Decomposition
+from pareto_ltl.world.cells import Decomposition, convex_pieces
 from pareto_ltl.world.scene import Scene
 
 DRAWN_VERTICES = 50_000  # tree vertices drawn, at most; more of them merge into one grey area
-NAME_SIZE = 8.5  # of the letters of a region's name [pt]
+NAME_SIZE, TIME_SIZE = 8.5, 6.0  # of the letters of a region's name, and of its times [pt]
 DRAWN_ELLIPSES = 14  # approximate number of covariance ellipses along a path
+REGION_LOOK: dict[str, Any] = {"fc": style.GREEN + "30", "ec": style.GREEN, "lw": 1.0}
+OBSTACLE_LOOK: dict[str, Any] = {"fc": "#6E6E6E", "ec": "#4A4A4A", "lw": 0.5}
+TIMED_LOOK: dict[str, Any] = {"fc": "#6E6E6E40", "ec": "#4A4A4A", "lw": 0.8, "ls": "--", "hatch": "/////"}
+LANDMARK_LOOK: dict[str, Any] = {"fc": "none", "ec": style.PURPLE, "lw": 0.9, "ls": "--"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,47 +93,76 @@ def line_layer(lines: Iterable[FloatArray], per_metre: float, **look: Any) -> Li
     return LineCollection([line * per_metre for line in lines], rasterized=True, **look)
 
 
-def draw_ground(chart: MapAxes, scene: Scene, decomposition: Decomposition) -> None:
-    """Cells dotted, obstacles filled, landmarks dashed, regions outlined."""
-    cells, obstacles = decomposition.cells, scene.obstacles
+def draw_ground(chart: MapAxes, scene: Scene, decomposition: Decomposition | None) -> None:
+    """Cells dotted, obstacles filled (hatched if for a time), landmarks dashed, regions outlined."""
+    cells = () if decomposition is None else decomposition.cells
     draw_polygons(
         chart, cells, facecolors="none", edgecolors=style.MIST, linewidths=0.35, linestyles=":", zorder=1.5
     )
-    draw_polygons(chart, obstacles, facecolors="#6E6E6E", edgecolors="#4A4A4A", linewidths=0.5, zorder=3)
-    landmark: dict[str, Any] = {
-        "facecolors": "none",
-        "edgecolors": style.PURPLE,
-        "linewidths": 0.9,
-        "linestyles": "--",
-    }
-    draw_polygons(chart, scene.landmarks, **landmark, zorder=2.6)
-    region: dict[str, Any] = {"facecolors": style.GREEN + "30", "edgecolors": style.GREEN, "linewidths": 1.0}
-    draw_polygons(chart, scene.region_outlines, **region, zorder=2.5)
+    draw_polygons(chart, scene.obstacles, **OBSTACLE_LOOK, zorder=3)
+    draw_polygons(chart, timed_obstacles(scene), **TIMED_LOOK, zorder=2.9)
+    draw_polygons(chart, scene.landmarks, **LANDMARK_LOOK, zorder=2.6)
+    draw_polygons(chart, visited_outlines(scene), **REGION_LOOK, zorder=2.5)
 
 
 def name_regions(
-    chart: MapAxes, scene: Scene, decomposition: Decomposition, taken: FloatArray | None = None
+    chart: MapAxes,
+    scene: Scene,
+    decomposition: Decomposition | None,
+    taken: FloatArray | None = None,
+    *,
+    times: bool = True,
 ) -> None:
-    """Names of the regions at places that do not cover the points ``taken`` (n, 2) [m]."""
+    """Names of the regions, and when they count, at places that do not cover the points ``taken`` (n, 2) [m].
+
+    Without ``times`` the names alone, for a map of several departures.
+    """
     for name, outlines in scene.regions.items():
-        if not outlines:
-            continue
-        half = label_half_size(name, NAME_SIZE, metres_per_inch(chart))
-        parts = decomposition.regions.get(name, outlines)
-        x, y = label_position(parts, half, taken, scene.bounds) * chart.per_metre
-        chart.ax.text(
-            x,
-            y,
-            name,
-            ha="center",
-            va="center",
-            fontsize=NAME_SIZE,
-            fontweight="bold",
-            color="#00523C",
-            zorder=9,
-            path_effects=style.white_halo(2.0),
-            parse_math=False,
-        )
+        if outlines:
+            lines = [(name, NAME_SIZE)] + [(text, TIME_SIZE) for text in time_lines(scene, name) if times]
+            parts = _convex_region(scene, decomposition, name)
+            place = _label_place(parts, lines, metres_per_inch(chart), taken, scene.bounds)
+            _write_lines(chart, place, lines, "#333333" if name in scene.forbidden else "#00523C")
+
+
+def _label_place(
+    parts: Sequence[FloatArray],
+    lines: Sequence[tuple[str, float]],
+    scale: float,
+    taken: FloatArray | None,
+    bounds: FloatArray,
+) -> FloatArray:
+    """Centre (2,) [m] of ``lines``: inside of the region, else with the first of them inside, else beside it.
+
+    ``scale`` is that of the map [m/in].
+    """
+    whole, first = label_half_size(lines, scale), label_half_size(lines[:1], scale)
+    if len(lines) > 1 and not fits_inside(parts, whole) and fits_inside(parts, first):
+        below = np.array([0.0, whole[1] - first[1]])
+        place = label_position(parts, first, taken) - below
+        return np.asarray(np.clip(place, bounds[0] + whole, np.maximum(bounds[0], bounds[1] - whole)), float)
+    return label_position(parts, whole, taken, bounds)
+
+
+def _convex_region(scene: Scene, decomposition: Decomposition | None, name: str) -> Sequence[FloatArray]:
+    """Convex parts of a region, its outlines where there are none."""
+    if decomposition is not None:
+        return decomposition.regions.get(name, scene.regions[name])
+    from shapely import Polygon
+
+    return convex_pieces(scene, map(Polygon, scene.regions[name])) or scene.regions[name]
+
+
+def _write_lines(chart: MapAxes, place: FloatArray, lines: Sequence[tuple[str, float]], colour: str) -> None:
+    """``lines`` (text, size [pt]) centred at ``place`` (2,) [m], the first of them bold."""
+    sizes = [size for _, size in lines]
+    look: dict[str, Any] = {"ha": "center", "color": colour, "parse_math": False, "zorder": 9}
+    for k, (text, size) in enumerate(lines):
+        below = line_height(sizes) / 2 - LEADING * sum(sizes[:k]) / 72.0 - 0.375 * size / 72.0
+        x, y = (place + np.array([0.0, below]) * metres_per_inch(chart)) * chart.per_metre
+        weight = "bold" if k == 0 else "normal"
+        halo = style.white_halo(2.0 if k == 0 else 1.4)
+        chart.ax.text(x, y, text, fontsize=size, fontweight=weight, va="center", path_effects=halo, **look)
 
 
 def metres_per_inch(chart: MapAxes) -> float:
@@ -212,6 +246,10 @@ def draw_endpoints(chart: MapAxes, scene: Scene, plan: Plan | None) -> None:
 
 __all__ = [
     "DRAWN_VERTICES",
+    "LANDMARK_LOOK",
+    "OBSTACLE_LOOK",
+    "REGION_LOOK",
+    "TIMED_LOOK",
     "MapAxes",
     "draw_covariances",
     "draw_endpoints",

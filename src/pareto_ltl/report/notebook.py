@@ -1,34 +1,43 @@
-"""Figures of single records, for notebooks: ``plan.plot()``, ``front.plot()``, ``wind.plot()``."""
+"""Figures of single records, for notebooks: ``plan.plot()``, ``front.plot()``, ``wind.plot()``.
+
+A record alone does not know its map: ``scene=`` draws it below. Without it, the figure has the size of what
+the record holds.
+"""
 
 from __future__ import annotations
 
-import io
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure
 
-from pareto_ltl.planning.records import Forest, Front, Plan
+from pareto_ltl.logic.automaton import Automaton
+from pareto_ltl.logic.picture import automaton_figure
+from pareto_ltl.planning.problem import Problem
+from pareto_ltl.planning.records import Forest, Front, Plan, PlannedPath, Tree
 from pareto_ltl.report import style
-from pareto_ltl.report.flown_front import flown_front_figure
-from pareto_ltl.report.front import collision_risk_label, mission_risk_label
+from pareto_ltl.report.front import front_figure
+from pareto_ltl.report.lattice import lattice_nodes
 from pareto_ltl.report.map import plan_figure
-from pareto_ltl.report.map_layers import tree_edges
-from pareto_ltl.report.rate_axes import scale_rate_axis
+from pareto_ltl.report.map_layers import MapAxes, draw_mean_path, length_unit
 from pareto_ltl.report.records import DrawnRun
+from pareto_ltl.report.wind import utc_text, wind_panels
 from pareto_ltl.settings import ReportConfig
+from pareto_ltl.settings.outputs import FIGURE_FORMATS
 from pareto_ltl.simulation.records import Deployment
 from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.support.display import distance_text
 from pareto_ltl.wind.records import WindField
 from pareto_ltl.world.cells import Decomposition
 from pareto_ltl.world.scene import Scene
+from pareto_ltl.world.windows import hours_text, seconds_after
 
-KILOMETRE = 1e-3
+NOTEBOOK_DPI = 160
+MARGIN = 0.06  # around a record without a map, in parts of its size
+REST_LOOK: dict[str, Any] = {"color": style.VERMILLION, "lw": 1.2, "ls": (0, (3.5, 1.5))}
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,48 +54,40 @@ class Drawing:
 
     def _repr_png_(self) -> bytes:
         with style.report_style():
-            image = io.BytesIO()
-            self.figure.savefig(image, format="png", dpi=160, metadata={"Software": None})
-        return image.getvalue()
+            return style.figure_bytes(self.figure, "png", NOTEBOOK_DPI)
 
     def save(self, path: Path | str, dpi: int = 200) -> Path:
         """Write the figure in the format of the suffix of ``path``; return the path."""
+        kind = Path(path).suffix.lstrip(".").lower()
         with style.report_style():
-            self.figure.savefig(path, dpi=dpi)
+            if kind in FIGURE_FORMATS:
+                Path(path).write_bytes(style.figure_bytes(self.figure, kind, dpi))
+            else:
+                self.figure.savefig(path, dpi=dpi)
         return Path(path)
 
 
-def draw_record(record: Any, scene: Scene | None = None) -> Drawing:
-    """The figure of a plan, front, forest, wind field or scene; ``scene`` is the map to draw under it.
+def draw_record(record: Any, scene: Scene | None = None, **options: Any) -> Drawing:
+    """The figure of a record.
+
+    Parameters
+    ----------
+    scene : Scene, optional
+        The map to draw it on.
+    options
+        ``time`` of a wind field (seconds after departure, or ``"6h"``), ``plan`` of a front (the path to
+        mark), ``count`` of simulated flights (how many are drawn).
 
     Raises
     ------
     TypeError
-        If there is no figure of this type of record.
+        If there is no figure of this type of record, or none with such an option.
     """
-    with style.report_style():
-        if isinstance(record, Front):
-            chart = (
-                flown_front_figure(record, None, ("km", KILOMETRE)) if record.rates else _front_chart(record)
-            )
-            return Drawing(chart)
-        figure = style.blank_figure(style.COLUMN_WIDTH, 3.1)
-        ax = style.axes_at(figure, 0.5, 0.4, 2.85, 2.55)
-        if isinstance(record, WindField):
-            _draw_wind(figure, ax, record)
-        elif isinstance(record, Forest):
-            _draw_edges(ax, record)
-        elif isinstance(record, Plan):
-            _draw_path(ax, record)
-        elif isinstance(record, Scene):
-            scene = record
-        else:
-            raise TypeError(f"there is no figure of a {type(record).__name__}")
-        if scene is not None:
-            _draw_scene(ax, scene)
-        ax.set(xlabel="east [km]", ylabel="north [km]", aspect="equal")
-        ax.autoscale_view()
-        return Drawing(figure)
+    for kind, make in FIGURES.items():
+        if isinstance(record, kind):
+            with style.report_style():
+                return Drawing(make(record, scene, **options))
+    raise TypeError(f"there is no figure of a {type(record).__name__}")
 
 
 def mission_drawing(
@@ -103,57 +104,105 @@ def mission_drawing(
         return Drawing(plan_figure(ReportConfig(), drawn))
 
 
-def _draw_scene(ax: Axes, scene: Scene) -> None:
-    drawn = {style.GREEN: list(scene.region_outlines), style.STONE: list(scene.obstacles)}
-    for color, polygons in drawn.items():
-        scaled = [KILOMETRE * polygon for polygon in polygons]
-        ax.add_collection(PolyCollection(scaled, facecolors=color, edgecolors=color, alpha=0.45, zorder=1))
-    for name, outlines in scene.regions.items():
-        for polygon in outlines[:1]:
-            x, y = KILOMETRE * polygon.mean(axis=0)
-            ax.text(x, y, name, ha="center", va="center", parse_math=False)
-    ax.plot(*(KILOMETRE * scene.start), "s", color=style.INK, ms=4)
-    (west, south), (east, north) = KILOMETRE * scene.bounds
-    ax.set(xlim=(west, east), ylim=(south, north))
+def replanned_drawing(plan: Plan, rest: PlannedPath, scene: Scene | None = None) -> Drawing:
+    """The map with a new plan, and the rest of the old one dashed."""
+    with style.report_style():
+        ground = scene or _ground_around(plan.path.x, rest.x)
+        figure = _plan_chart(plan, ground)
+        chart = _chart_of(figure, ground)
+        (line,) = chart.ax.plot(*(rest.x * chart.per_metre).T, **REST_LOOK, zorder=5.5)
+        chart.ax.legend(handles=[line], labels=["rest of the old plan"], frameon=True, edgecolor="none")
+        return Drawing(figure)
 
 
-def _draw_path(ax: Axes, plan: Plan) -> None:
-    """The expected positions, with the 95 % ellipse of every fourth."""
-    rings = KILOMETRE * style.confidence_ellipses(plan.path.x[::4], plan.path.cov[::4])
-    ax.add_collection(PolyCollection(list(rings), facecolors="none", edgecolors=style.SKY, lw=0.6, zorder=2))
-    ax.plot(*(KILOMETRE * plan.path.x.T), color=style.BLACK, lw=1.2, zorder=3)
-    ax.plot(*(KILOMETRE * plan.path.x[-1]), "s", mfc="white", mec="black", ms=4, zorder=4)
+# --- figures by type of record -------------------------------------------------------------------
 
 
-def _draw_edges(ax: Axes, forest: Forest) -> None:
-    ax.add_collection(LineCollection(list(KILOMETRE * tree_edges(forest)), colors=style.MIST, lw=0.3))
+def _map_chart(heading: list[str] | None, scene: Scene, **records: Any) -> Figure:
+    """A map with some of the records of a run."""
+    return plan_figure(ReportConfig(), DrawnRun(scene, **records), heading=heading)
 
 
-def _draw_wind(figure: Figure, ax: Axes, wind: WindField) -> None:
-    """Speed of the expected wind at the first time, and arrows."""
-    mean = wind.mean[0]
-    x, y = (KILOMETRE * (wind.origin[k] + wind.spacing * np.arange(mean.shape[k])) for k in (0, 1))
-    speed = np.hypot(mean[..., 0], mean[..., 1])
-    image = ax.pcolormesh(x, y, speed.T, shading="nearest", cmap="viridis", rasterized=True)
-    step = max(1, len(x) // 16)
-    u, v = (mean[::step, ::step, k].T for k in (0, 1))
-    ax.quiver(x[::step], y[::step], u, v, color="white", width=0.004)
-    figure.colorbar(image, ax=ax, label="expected wind [m/s]", shrink=0.8)
+def _plan_chart(plan: Plan, scene: Scene | None) -> Figure:
+    return _map_chart(None, scene or _ground_around(plan.path.x), plan=plan)
 
 
-def _front_chart(front: Front) -> Figure:
-    """Mission risk against length of every path, the collision risk as color."""
-    figure = style.blank_figure(style.COLUMN_WIDTH, 2.6)
-    ax = style.axes_at(figure, 0.6, 0.42, 2.1, 1.95)
-    rows: FloatArray = np.array(
-        [[o.length, o.mission_risk, o.collision_risk] for o in (path.objectives for path in front.paths)]
-    ).reshape(-1, 3)
-    low, hidden = style.log_axis_end(rows[:, 1])
-    points = ax.scatter(
-        KILOMETRE * rows[:, 0], np.maximum(rows[:, 1], low), c=100 * rows[:, 2], cmap="cividis", s=18
-    )
-    scale_rate_axis(ax, "y", low, hidden=hidden)
-    ax.set(xlabel="path length [km]", ylabel=mission_risk_label(front.models))
-    bar = figure.colorbar(points, cax=style.axes_at(figure, 2.82, 0.42, 0.09, 1.95))
-    bar.set_label(collision_risk_label(front.models))
+def _path_chart(path: PlannedPath, scene: Scene | None) -> Figure:
+    """The expected positions alone: a path does not say in which winds its ellipses hold."""
+    ground = scene or _ground_around(path.x)
+    figure = _map_chart([", ".join(f"{name} {told}" for name, told in path.facts().items())], ground)
+    chart = _chart_of(figure, ground)
+    draw_mean_path(chart, path.x)
+    chart.ax.plot(*(path.x[-1] * chart.per_metre), "s", mfc="white", mec="black", ms=4, mew=0.9, zorder=9.5)
     return figure
+
+
+def _front_chart(front: Front, scene: Scene | None, plan: Plan | None = None) -> Figure:
+    ground = scene or _ground_around(*(path.x for path in front.paths))
+    return front_figure(ground, None, front, plan)
+
+
+def _forest_chart(forest: Forest, scene: Scene | None) -> Figure:
+    told = f"{len(forest.trees)} trees, {len(forest.accepted):,} vertices complete the mission"
+    ground = scene or _ground_around(*(tree.x for tree in forest.trees))
+    return _map_chart([told], ground, forest=forest)
+
+
+def _tree_chart(tree: Tree, scene: Scene | None) -> Figure:
+    forest = Forest((tree,), np.empty((0, 2), np.int64), tree.seconds)
+    return _map_chart([f"a tree of {len(tree):,} vertices"], scene or _ground_around(tree.x), forest=forest)
+
+
+def _flights_chart(deployment: Deployment, scene: Scene | None, count: int = 100) -> Figure:
+    ground = scene or _ground_around(deployment.x.reshape(-1, 2))
+    drawn = DrawnRun(ground, deployments={deployment.law: deployment})
+    return plan_figure(ReportConfig(paths=count), drawn, heading=[])
+
+
+def _scene_chart(scene: Scene, _: Scene | None) -> Figure:
+    east, north = (distance_text(float(side)) for side in np.ptp(scene.bounds, axis=0))
+    border = "leaving the map is a failure" if scene.walled else "leaving the map is no failure"
+    return _map_chart([f"{east} x {north}, {border}", utc_text(scene, 0.0)], scene)
+
+
+def _cells_chart(decomposition: Decomposition, scene: Scene | None) -> Figure:
+    ground = scene or _ground_around(*decomposition.cells)
+    told = f"{len(decomposition.cells):,} convex cells"
+    return _map_chart([told], ground, decomposition=decomposition)
+
+
+def _wind_chart(wind: WindField, scene: Scene | None, time: float | str = 0.0) -> Figure:
+    ground = scene or _ground_around(np.column_stack([[side[0], side[-1]] for side in lattice_nodes(wind)]))
+    t = seconds_after("time", time, ground.time_zero)
+    return wind_panels(ground, wind, t, "at departure" if t == 0.0 else f"{hours_text(t)} after departure")
+
+
+FIGURES: dict[type, Callable[..., Figure]] = {
+    Plan: _plan_chart,
+    PlannedPath: _path_chart,
+    Front: _front_chart,
+    Forest: _forest_chart,
+    Tree: _tree_chart,
+    Deployment: _flights_chart,
+    Scene: _scene_chart,
+    Decomposition: _cells_chart,
+    Problem: lambda problem, _: _cells_chart(problem.decomposition, problem.scene),
+    WindField: _wind_chart,
+    Automaton: lambda automaton, _: automaton_figure(automaton),
+}
+
+
+def _ground_around(*points: FloatArray) -> Scene:
+    """A map without regions around ``points`` (n, 2) [m] each; the first of them is the start."""
+    rows = np.concatenate([piece for piece in points if len(piece)] or [np.zeros((1, 2))])
+    low, high = rows.min(axis=0), rows.max(axis=0)
+    margin = MARGIN * max(float((high - low).max()), 1.0)
+    return Scene(np.array([low - margin, high + margin]), rows[0], {})
+
+
+def _chart_of(figure: Figure, scene: Scene) -> MapAxes:
+    """The axes of a map, to draw more on them."""
+    return MapAxes(figure.axes[0], *length_unit(scene))
+
+
+__all__ = ["Drawing", "draw_record", "mission_drawing", "replanned_drawing"]

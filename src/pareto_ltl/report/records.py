@@ -21,6 +21,8 @@ class DrawnRun:
 
     Attributes
     ----------
+    decomposition, wind : or None
+        None in the figure of a single record, which shows neither cells nor wind.
     forest, front, plan : or None
         None where the run did not make it; the map then says that there is no plan.
     deployments : mapping of wind law to Deployment
@@ -30,8 +32,8 @@ class DrawnRun:
     """
 
     scene: Scene
-    decomposition: Decomposition
-    wind: WindField
+    decomposition: Decomposition | None = None
+    wind: WindField | None = None
     forest: Forest | None = None
     front: Front | None = None
     plan: Plan | None = None

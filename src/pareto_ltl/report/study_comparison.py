@@ -12,9 +12,9 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.patches import Patch
 
 from pareto_ltl.report import style
+from pareto_ltl.report.map import ground_keys
 from pareto_ltl.report.map_labels import dense_path
 from pareto_ltl.report.map_layers import MapAxes, draw_flights, draw_ground, map_axes, name_regions
 from pareto_ltl.report.rate_axes import scale_rate_axis
@@ -36,6 +36,8 @@ from pareto_ltl.world.scene import Scene
 
 if TYPE_CHECKING:
     from pareto_ltl.report.records import Study
+
+MOST_KEYS = 6  # in a line of the legend of the panels
 
 
 def draw_comparison(
@@ -62,7 +64,9 @@ def comparison_figure(
     columns = 3 if len(panels) not in (1, 2, 4) else min(2, len(panels))
     rows = -(-len(panels) // columns)
     lines = 1 + max(len(_panel_caption(panel)) for panel in panels)
-    gap, west, top, foot = 0.12, 0.50, 0.12 + 0.11 * lines, 0.78
+    keys = _panel_keys(cfg, scene, panels)
+    second = 0.14 if len(keys) > MOST_KEYS else 0.0  # height of a second line of the legend
+    gap, west, top, foot = 0.12, 0.50, 0.12 + 0.11 * lines, 0.78 + second
     inner = (style.PAGE_WIDTH - west - 0.08 - (columns - 1) * gap) / columns
     span = np.ptp(scene.bounds, axis=0)
     height = inner * float(np.clip(span[1] / span[0], 0.35, 1.6))
@@ -79,13 +83,13 @@ def comparison_figure(
         )
         chart.ax.tick_params(labelbottom=last, labelleft=k % columns == 0)
         if wind is not None:
-            key = (west, 0.30) if k == 0 else (-9.0, -9.0)  # one key for all
+            key = (west, 0.30 + second) if k == 0 else (-9.0, -9.0)  # one key for all
             draw_wind_arrows(chart, scene, wind, 0.0, "expected wind at departure", *key)
         caption = [f"({chr(97 + k)}) {panel['title']}", *_panel_caption(panel)]
         for line, text in enumerate(reversed(caption)):
             look: dict[str, Any] = {"fontweight": "bold"} if line == len(caption) - 1 else {"fontsize": 6.0}
             style.text_at(figure, left, bottom + height + 0.03 + 0.11 * line, text, va="bottom", **look)
-    _panel_legend(figure, cfg, panels, west)
+    _panel_legend(figure, keys, west)
     return figure
 
 
@@ -120,30 +124,24 @@ def _panel_caption(panel: FigureRow) -> list[str]:
     return [length, *(f"failed in {law} winds: {probability_text(rate)}" for law, rate in rates.items())]
 
 
-def _panel_legend(figure: Figure, cfg: ReportConfig, panels: Sequence[FigureRow], left: float) -> None:
+def _panel_keys(cfg: ReportConfig, scene: Scene, panels: Sequence[FigureRow]) -> list[Artist]:
+    """Entries of the legend below the panels."""
     laws = list(dict.fromkeys(next(iter(panel["flights"])) for panel in panels if panel["planned"]))
     keys: list[Artist] = [
         Line2D([], [], color=style.BLACK, lw=1.1, ls=(0, (3.5, 1.5)), label="planned (mean)")
     ]
-    keys += [
-        Line2D(
-            [],
-            [],
-            color=style.law_colour(law),
-            lw=0.9,
-            label=f"first {cfg.paths} flights, {law} winds",
-        )
-        for law in laws
-    ]
-    keys += [
-        Line2D([], [], color=style.FAILED, marker="x", ms=3.2, mew=0.7, lw=0.9, label="... that failed"),
-        Patch(fc=style.GREEN + "30", ec=style.GREEN, lw=1.0, label="region"),
-        Patch(fc="#6E6E6E", ec="#4A4A4A", lw=0.5, label="obstacle"),
-    ]
+    for law in laws:
+        look: dict[str, Any] = {"color": style.law_colour(law), "ls": style.law_dashes(law), "lw": 0.9}
+        keys.append(Line2D([], [], **look, label=f"first {cfg.paths} flights, {law} winds"))
+    failed = Line2D([], [], color=style.FAILED, marker="x", ms=3.2, mew=0.7, lw=0.9, label="... that failed")
+    return [*keys, failed, *ground_keys(scene)]
+
+
+def _panel_legend(figure: Figure, keys: Sequence[Artist], left: float) -> None:
     w, h = figure.get_size_inches()
     figure.legend(
-        handles=keys,
-        ncols=len(keys),
+        handles=list(keys),
+        ncols=min(len(keys), MOST_KEYS),
         loc="lower left",
         bbox_to_anchor=((left - 0.02) / w, 0.04 / h),
         borderaxespad=0.0,

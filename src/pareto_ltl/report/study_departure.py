@@ -49,7 +49,7 @@ def departure_figure(
     total = BASE + 3 * HEIGHT + 2 * SPACE + TOP
     figure = style.blank_figure(style.PAGE_WIDTH, total)
     axes = [style.axes_at(figure, LEFT, BASE + k * (HEIGHT + SPACE), PANEL, HEIGHT) for k in (2, 1, 0)]
-    titles = (f"(a) failure, {_law(rows)} winds", "(b) length of the plan", "(c) wind along the route")
+    titles = (f"(a) failed flights, {_law(rows)} winds", "(b) length of the plan", "(c) wind along the route")
     for ax, title in zip(axes, titles, strict=True):
         ax.set_title(title, loc="left", fontweight="bold", pad=3.0)
         _time_axis(ax, rows, named=ax is axes[-1])
@@ -128,7 +128,7 @@ def _draw_failure(ax: Axes, rows: Sequence[FigureRow]) -> None:
     ax.plot(hours, same, "_", color=style.INK, ms=7, mew=1.1, zorder=3)
     top = np.nanmax([*high, *same])
     ax.set_ylim(0.0, 1.12 * float(top))
-    ax.set_ylabel("failure [%]")
+    ax.set_ylabel("failed flights [%]")
 
 
 def _draw_length(ax: Axes, rows: Sequence[FigureRow]) -> None:
@@ -153,7 +153,7 @@ def _draw_wind(ax: Axes, rows: Sequence[FigureRow]) -> None:
     low, high = ax.get_ylim()
     ax.set_ylim(low, high + 0.3 * (high - low))
     ax.legend(loc="upper left", ncols=3, handlelength=1.4, columnspacing=1.0, borderaxespad=0.0)
-    ax.set_ylabel("mean [m/s]")
+    ax.set_ylabel("wind [m/s]")
 
 
 def _draw_routes(
@@ -184,7 +184,8 @@ def _draw_routes(
             Line2D([], [], color=shade, lw=2.2 if wide else 1.2, label=name + (" best" if wide else ""))
         )
     draw_endpoints(chart, scene, None)
-    name_regions(chart, scene, decomposition, np.concatenate([dense_path(x) for x in routes.values()]))
+    taken = np.concatenate([dense_path(x) for x in routes.values()])
+    name_regions(chart, scene, decomposition, taken, times=False)
     w, h = figure.get_size_inches()
     figure.legend(
         handles=keys[:12], ncols=4, loc="upper left", bbox_to_anchor=(left / w, (bottom - 0.36) / h),

@@ -12,7 +12,14 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from pareto_ltl.report import style
-from pareto_ltl.report.map_layers import draw_endpoints, draw_graticule, draw_ground, draw_lines, map_axes
+from pareto_ltl.report.map_layers import (
+    draw_endpoints,
+    draw_graticule,
+    draw_ground,
+    draw_lines,
+    map_axes,
+    name_regions,
+)
 from pareto_ltl.report.study_axes import save_figures
 from pareto_ltl.settings import ReportConfig
 
@@ -44,6 +51,7 @@ def sitl_figure(world: tuple[Scene, Decomposition], study: Study, drawn: int) ->
     draw_lines(chart, flown.steps.x[:drawn], **STEPS_LOOK)
     draw_lines(chart, flown.aircraft.x[:drawn], **AIRCRAFT_LOOK)
     draw_endpoints(chart, scene, None)
+    name_regions(chart, scene, decomposition, flown.steps.x.mean(axis=0))
     rates = [f"{100 * numbers[f'{name}_failure']:.1f} %" for name in ("sitl", "sitl_steps")]
     keys = [
         Line2D([], [], color=style.VERMILLION, label=f"JSBSim, c172x: {rates[0]} fail"),

@@ -26,7 +26,6 @@ from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 from matplotlib.textpath import TextPath
 
-from pareto_ltl.settings.outputs import FIGURE_FORMATS
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.files import write_bytes
 
@@ -67,13 +66,16 @@ RC_SETTINGS: dict[str, Any] = {
     "xtick.minor.size": 1.5,
     "ytick.minor.size": 1.5,
     "axes.labelpad": 2.5,
+    "hatch.linewidth": 0.5,
     "svg.hashsalt": "pareto_ltl",  # without it, ids in SVG files are random
     "svg.fonttype": "path",
+    "pdf.fonttype": 42,  # TrueType: journals refuse fonts of type 3
 }
 
 NO_ORIGIN: dict[str, dict[str, None]] = {  # metadata of a file that tell neither date nor version
     "png": {"Software": None},
     "svg": {"Date": None, "Creator": None},
+    "pdf": {"CreationDate": None, "Producer": None, "Creator": None},
 }
 
 _STYLE_LOCK = threading.Lock()  # the settings of matplotlib are global to the process
@@ -176,9 +178,9 @@ def figure_bytes(figure: Figure, kind: str, dpi: int) -> bytes:
 
 
 def save_figure(
-    figure: Figure, folder: Path, name: str, dpi: int, formats: Sequence[str] = FIGURE_FORMATS
+    figure: Figure, folder: Path, name: str, dpi: int, formats: Sequence[str] = ("png", "svg")
 ) -> tuple[Path, ...]:
-    """Write ``figure`` as ``name``.png, ``name``.svg or both into ``folder``; return the paths."""
+    """Write ``figure`` as ``name``.png, ``name``.svg, ... into ``folder``; return the paths."""
     paths = tuple(folder / f"{name}.{kind}" for kind in formats)
     for kind, path in zip(formats, paths, strict=True):
         write_bytes(path, figure_bytes(figure, kind, dpi))

@@ -93,8 +93,15 @@ def draw_wind_arrows(
 
 
 def wind_figure(scene: Scene, wind: WindField, plan: Plan | None) -> Figure:
-    """Expected wind with arrows, and standard deviation of the wind of one step, on the whole lattice."""
-    t, moment = flight_midpoint(plan)
+    """The wind half-way through the flight, without a plan at departure."""
+    return wind_panels(scene, wind, *flight_midpoint(plan))
+
+
+def wind_panels(scene: Scene, wind: WindField, t: float, moment: str) -> Figure:
+    """Expected wind at ``t`` [s] with arrows, and standard deviation of the wind of one step.
+
+    Both on the whole lattice; ``moment`` says when that is.
+    """
     mean = interpolate_slots(wind.times, wind.mean, t)
     x, y = lattice_nodes(wind)
     inner, west = 2.35, 0.48
@@ -216,4 +223,11 @@ def _draw_outlines(chart: MapAxes, scene: Scene) -> None:
         )
 
 
-__all__ = ["draw_wind_arrows", "flight_midpoint", "interpolate_slots", "utc_text", "wind_figure"]
+__all__ = [
+    "draw_wind_arrows",
+    "flight_midpoint",
+    "interpolate_slots",
+    "utc_text",
+    "wind_figure",
+    "wind_panels",
+]

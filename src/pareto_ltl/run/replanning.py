@@ -10,9 +10,9 @@ from __future__ import annotations
 
 import logging
 import time as clock
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -23,12 +23,13 @@ from pareto_ltl.run.records import AUTOMATON, DECOMPOSITION, PLAN, PROBLEM, SCEN
 from pareto_ltl.run.stage_table import stage_seeds
 from pareto_ltl.settings import MissionConfig
 from pareto_ltl.support.counts import paired_difference
-from pareto_ltl.support.display import distance_text
+from pareto_ltl.support.display import Displayed, distance_text
 from pareto_ltl.support.errors import ConfigError, DataError
 
 if TYPE_CHECKING:
     from pareto_ltl.planning.problem import Problem
     from pareto_ltl.planning.records import FailureRate, Plan, PlannedPath
+    from pareto_ltl.report.notebook import Drawing
     from pareto_ltl.settings import PowerConfig, SelectionConfig, Settings
     from pareto_ltl.support.arrays import FloatArray
     from pareto_ltl.wind.records import WindField
@@ -65,8 +66,8 @@ class Situation:
     certainty: float
 
 
-@dataclass(frozen=True, slots=True)
-class Replanned:
+@dataclass(frozen=True, slots=True, repr=False)
+class Replanned(Displayed):
     """A plan made on the way.
 
     Attributes
@@ -100,6 +101,25 @@ class Replanned:
         """``new`` or ``old`` where one fails less beyond chance, else ``either``."""
         _, low, high = self.difference
         return "new" if high < 0.0 else "old" if low > 0.0 else "either"
+
+    def facts(self) -> Mapping[str, str]:
+        """When, the failure rates of both plans and their difference, and which of them to fly."""
+        middle, *ends = self.difference
+        return {
+            "time": f"{self.situation.time / 3600:.1f} h after departure, step {self.situation.step}",
+            "position fix": "none" if self.situation.fix is None else distance_text(self.situation.fix.sd),
+            "old plan fails": str(self.old),
+            "new plan fails": str(self.new),
+            "new less old": f"{100 * middle:+.2g} % (95 %: {100 * ends[0]:+.2g} to {100 * ends[1]:+.2g} %)",
+            "advice": self.advice,
+        }
+
+    def plot(self, **options: Any) -> Drawing:
+        """The map with the new plan, and the rest of the old one dashed."""
+        from pareto_ltl.report.notebook import replanned_drawing
+
+        scene = None if self.run is None else self.run.make(SCENE)
+        return replanned_drawing(self.plan, self.rest, scene=scene, **options)
 
 
 # --- replanning ------------------------------------------------------------------------------

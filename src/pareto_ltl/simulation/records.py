@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from pareto_ltl.support.arrays import BoolArray, FloatArray
+from pareto_ltl.support.display import Displayed
 
 
-@dataclass(frozen=True, slots=True)
-class Deployment:
+@dataclass(frozen=True, slots=True, repr=False)
+class Deployment(Displayed):
     """Simulated flights of one plan under one wind law.
 
     Attributes
@@ -35,3 +37,17 @@ class Deployment:
         """Flights that miss the mission, meet an obstacle or, where the border is a wall, leave the map."""
         failed: BoolArray = ~self.accepted | self.collided
         return failed | self.off_map if self.walled else failed
+
+    def facts(self) -> Mapping[str, str]:
+        """Number of flights, failure rate with its interval, and why flights fail."""
+        from pareto_ltl.simulation.flights import counted_rate
+
+        runs, gone = len(self.x), int(self.off_map.sum())
+        rate = counted_rate(self.law, int(self.failed.sum()), runs)
+        return {
+            "flights": f"{runs:,}",
+            "fail": str(rate),
+            "miss the mission": f"{int((~self.accepted).sum()):,}",
+            "meet an obstacle": f"{int(self.collided.sum()):,}",
+            "leave the map": f"{gone:,}" + ("" if self.walled or not gone else ", which is no failure"),
+        }

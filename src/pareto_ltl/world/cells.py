@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
+from pareto_ltl.support.display import Displayed, listed_text
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.messages import shown_value
 from pareto_ltl.world.polygons import GridRing, convex_parts, drop_flat, ring_edges
@@ -31,8 +32,8 @@ LOCATOR_BUCKETS = 64  # of a Locator, along each axis
 SHORTEST_DOOR = 4.0  # [grid steps]; shorter contacts are rounding errors
 
 
-@dataclass(frozen=True, slots=True)
-class Decomposition:
+@dataclass(frozen=True, slots=True, repr=False)
+class Decomposition(Displayed):
     """Free space as convex cells that share edges and do not overlap.
 
     Attributes
@@ -63,6 +64,15 @@ class Decomposition:
         The empty label is always one of them; it is that of obstacles and of points outside the bounds.
         """
         return tuple(sorted({frozenset[str](), *self.labels}, key=lambda s: (len(s), sorted(s))))
+
+    def facts(self) -> Mapping[str, str]:
+        """Numbers of cells, doors and convex parts, and the names of the regions."""
+        return {
+            "cells": f"{len(self.cells):,}",
+            "doors": f"{len(self.doors):,}",
+            "convex parts of obstacles": f"{len(self.obstacles):,}",
+            "regions": listed_text(self.regions),
+        }
 
 
 @dataclass(frozen=True, slots=True)
