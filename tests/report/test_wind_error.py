@@ -8,7 +8,7 @@ import pytest
 from matplotlib.figure import Figure
 
 import forecast_history as history
-from figure_texts import texts_of, texts_outside
+from figure_texts import labels_without_unit, texts_of, texts_outside
 from pareto_ltl.report import style
 from pareto_ltl.report.wind_error import draw_wind_error, wind_error_figure
 from pareto_ltl.wind.block_bootstrap import Resampling
@@ -37,6 +37,7 @@ def drawn(estimate: ErrorEstimate) -> Figure:
 def test_every_text_lies_on_the_page_and_every_estimate_is_drawn(estimate: ErrorEstimate) -> None:
     figure = drawn(estimate)
     assert texts_outside(figure) == []
+    assert labels_without_unit(figure) == []
     texts = " ".join(texts_of(figure))
     assert estimate.change_length.length is not None
     assert f"change: {estimate.change_length.length.value / 1e3:.0f} km" in texts

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from figure_texts import texts_of, texts_outside, wrong_texts
+from figure_texts import labels_without_unit, texts_of, texts_outside, wrong_texts
 from noaa import NOAA, needs_noaa
 from pareto_ltl.cli import hydra_app as app
 from pareto_ltl.report import style
@@ -222,6 +222,7 @@ def test_the_figure_shows_every_bin_and_region_within_its_page() -> None:
         figure: Figure = forecast_test_figure(*own, found.tables["forecast_test"], "simulated_coherent")
     assert texts_outside(figure) == []
     assert wrong_texts(texts_of(figure)) == []
+    assert labels_without_unit(figure) == []
     marks = [line for line in figure.axes[0].lines if line.get_marker() == "o"]
     assert len(marks) == 3
     hollow = [line for line in figure.axes[1].lines if line.get_markerfacecolor() == "white"]

@@ -11,7 +11,7 @@ import os
 import sys
 import traceback
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import fields
 from typing import TYPE_CHECKING, Any, BinaryIO
@@ -170,7 +170,7 @@ def serve() -> None:
     asked = requests()
     cfg = asked.get()
     with suppress(Exception):  # what is wrong appears when something is to be drawn
-        _warm_up()
+        _warm_up(cfg.formats)
     from pareto_ltl.report.figures import FiguresOfRecords
 
     figures = FiguresOfRecords(cfg)
@@ -186,19 +186,18 @@ def serve() -> None:
             _send(answers, (outcome[0], warned, *outcome[1:]))
 
 
-def _warm_up() -> None:
-    """Import what figures need, and load fonts and the writers of files."""
+def _warm_up(formats: Sequence[str]) -> None:
+    """Import what figures need, and load fonts and the writers of ``formats``."""
     import pyproj
 
     from pareto_ltl.report import figures, style
-    from pareto_ltl.settings.outputs import FIGURE_FORMATS
 
     assert figures
     assert pyproj
     with style.report_style():
         figure = style.blank_figure(1.0, 1.0)
         style.axes_at(figure, 0.3, 0.3, 0.6, 0.6).set_title("x", fontweight="bold")
-        for kind in FIGURE_FORMATS:
+        for kind in formats:
             style.figure_bytes(figure, kind, 30)
 
 

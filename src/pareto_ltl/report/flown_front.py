@@ -22,7 +22,7 @@ ASIDE = 6.0  # [pt] how far beside the point of the plan its fresh flights are d
 LOOKS = (
     (style.BLUE, "o"), (style.ORANGE, "s"), (style.GREEN, "D"), (style.PURPLE, "^"), (style.SKY, "v"),
 )  # fmt: skip
-OTHERS = (style.STONE, "P")  # of all orders beyond those
+OTHERS = ("#4D4D4D", "P")  # of all orders beyond those
 OTHER_ORDERS = "other orders"
 LEAST = 1e-6  # no front is flown often enough to tell rates below apart from 0
 NARROWEST = 3.0  # ratio of the ends of the axis of rates, at least

@@ -52,7 +52,7 @@ from pareto_ltl.settings import (
     SmoothingConfig,
     WindConfig,
 )
-from pareto_ltl.settings.outputs import EXPORT_FILES, PAGE_FILE
+from pareto_ltl.settings.outputs import EXPORT_FILES, FIGURE_FORMATS, PAGE_FILE
 
 if TYPE_CHECKING:
     from pareto_ltl.logic import Automaton
@@ -287,7 +287,7 @@ def make_wind_table(inputs: StageInputs) -> Path:
 
 
 EXPORT_STREAM = "export"
-FIGURE_FILES = ("figures/*.png", "figures/*.svg")
+FIGURE_FILES = tuple(f"figures/*.{kind}" for kind in FIGURE_FORMATS)
 PLAN_STAGES = (
     Stage(
         "readings",

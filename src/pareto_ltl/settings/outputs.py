@@ -10,7 +10,7 @@ from pareto_ltl.settings.fidelity import LAWS
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.messages import shown_value
 
-FIGURE_FORMATS = ("png", "svg")
+FIGURE_FORMATS = ("png", "svg", "pdf")
 EXPORT_FILES = {
     "dead_reckoning": "dead_reckoning.csv",
     "geojson": "plan.geojson",
