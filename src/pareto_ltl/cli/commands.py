@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 
+from pareto_ltl import __version__
 from pareto_ltl.cli.arguments import run_reported
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.messages import shown_value
@@ -156,9 +157,7 @@ COMMANDS = (
 def run_command_line(argv: Sequence[str]) -> int:
     """Do what the command line asks for; return the exit code."""
     if list(argv) == ["--version"]:
-        from importlib.metadata import version
-
-        print(f"pareto-ltl {version('pareto-ltl')}")
+        print(f"pareto-ltl {__version__}")
         return 0
     place = _command_place(argv)
     if place is None:

@@ -12,7 +12,6 @@ import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from importlib.metadata import version as installed_version
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -30,6 +29,7 @@ from hydra.core.plugins import Plugins
 from hydra.types import RunMode, TaskFunction
 from omegaconf import DictConfig, OmegaConf
 
+from pareto_ltl import __version__
 from pareto_ltl.cli.arguments import CommandArguments
 from pareto_ltl.cli.config_files import bound_sources, described_composition
 from pareto_ltl.cli.setting_keys import refuse_unknown_key, settings_from
@@ -56,8 +56,7 @@ def parse_flags(argv: Sequence[str]) -> argparse.Namespace:
     parser = CommandArguments(
         prog="pareto-ltl", add_help=False, parents=[get_args_parser()], conflict_handler="resolve"
     )
-    told = f"pareto-ltl {installed_version('pareto-ltl')}"
-    parser.add_argument("--version", action="version", version=told)
+    parser.add_argument("--version", action="version", version=f"pareto-ltl {__version__}")
     arguments = parser.parse_intermixed_args([word for word in argv if word not in HELP_FLAGS])
     wanted = [HELP_FLAGS[word] for word in argv if word in HELP_FLAGS]
     arguments.help = "all" if "all" in wanted else next(iter(wanted), "")

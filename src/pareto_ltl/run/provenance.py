@@ -11,6 +11,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
+from pareto_ltl import __version__
 from pareto_ltl.settings import Settings, as_dict
 from pareto_ltl.support.cores import cores
 from pareto_ltl.support.errors import ParetoLtlError
@@ -33,7 +34,7 @@ def config_hash(settings: Settings) -> str:
     content = as_dict(settings)
     del content["sweep"], content["planner"]["threads"]
     # The source counts beside the version, which does not change while code is written.
-    told = {"version": version("pareto-ltl"), "code": code_fingerprint(), "settings": content}
+    told = {"version": __version__, "code": code_fingerprint(), "settings": content}
     return data_fingerprint(told)
 
 
@@ -53,7 +54,7 @@ def begin(settings: Settings, argv: Sequence[str], overrides: Sequence[str] = ()
         "fidelity": settings.fidelity.label,
         "stages": settings.pipelines.stages,
         "config_hash": config_hash(settings),
-        "version": version("pareto-ltl"),
+        "version": __version__,
         "code_hash": code_fingerprint(),
         "git": git_state(checkout()),
         "python": platform.python_version(),
