@@ -16,6 +16,7 @@ BIBLIOGRAPHY = DOCS / "bibliography.md"
 CITING = ("src/**/*.py", "conf/**/*.yaml", "docs/*.md", "benchmarks/**/*.py", "tests/**/*.py", "README.md")
 DEFINITION = re.compile(r"^    \((M\d+[a-z]?)\) ", re.MULTILINE)
 LINK = re.compile(r"\[(?:Eqs?\. )?\((M\d+[a-z]?)\)\]\((?:(\w+\.md))?#(\w+)\)")
+CITATION = re.compile(r"Eqs?\. (\(M\d+[a-z]?\)(?: and \(M\d+[a-z]?\))*) of docs/(\w+\.md)")
 ARXIV = re.compile(r"arXiv:\d{4}\.\d{4,5}")
 YEAR = re.compile(r"((?:[A-Z][a-zöü]+(?:, | and ))*[A-Z][a-zöü]+)(?: et al\.)?,? \(?((?:19|20)\d\d)\)?[,):.]")
 MONTHS = ["Jan", "Feb", "Mar", "Apr", "May", "Jun", "Jul", "Aug", "Sep", "Oct", "Nov", "Dec"]
@@ -73,6 +74,20 @@ def test_links_to_equations_lead_to_the_page_that_defines_them() -> None:
             assert number in defined[page or Path(path).name], (path, number)
             assert anchor == number.lower(), (path, number)
     assert links > 10
+
+
+def test_code_cites_equations_by_the_page_that_defines_them() -> None:
+    defined, cited = equations(), set[str]()
+    known = {number for found in defined.values() for number in found}
+    for path in sorted((ROOT / "src").rglob("*.py")):
+        text = " ".join(path.read_text().split())  # citations may be wrapped
+        for numbers, page in CITATION.findall(text):
+            named = set(re.findall(r"M\d+[a-z]?", numbers))
+            assert named <= set(defined[page]), (path.name, numbers, page)
+        found = set(re.findall(r"\((M\d+[a-z]?)\)", text))
+        assert found <= known, path.name
+        cited |= found
+    assert len(cited) > 55
 
 
 def test_every_doi_and_arxiv_number_stands_in_the_bibliography() -> None:

@@ -96,7 +96,10 @@ def ellipse_sizes(x: FloatArray, mean: FloatArray, cov: FloatArray) -> FloatArra
 
 
 def held_sizes(sizes: FloatArray, shares: FloatArray) -> FloatArray:
-    """Sizes (L, ...) that hold a fresh flight with each of ``shares`` (L,), from ``sizes`` (n, ...) of n."""
+    """Sizes (L, ...) that hold a fresh flight with each of ``shares`` (L,), from ``sizes`` (n, ...) of n.
+
+    Eq. (M61) of docs/mathematics_methods.md.
+    """
     n = len(sizes)
     rank = [min(math.ceil((n + 1) * share - 1e-9), n) - 1 for share in shares]
     return np.asarray(np.sort(sizes, axis=0)[rank], float)

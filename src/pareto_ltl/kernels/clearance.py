@@ -67,6 +67,8 @@ def segment_clearance(
 
     The depth is the least along a face or the segment's own normal. Apart, a corner is nearest, or one end of
     the segment beside an edge. The search stops where the distance is known to be ``enough``.
+
+    Eq. (M53) of docs/mathematics_methods.md.
     """
     best, row = face_clearance(faces, part, t, start, end, enough)
     first, last = corners.ptr[part], corners.ptr[part + 1]

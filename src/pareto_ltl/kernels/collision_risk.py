@@ -66,6 +66,8 @@ def step_is_clear(bound: StepBound, here: Gaussian, there: Gaussian) -> bool:
     """Whether one face of every obstacle is cleared, c' x - d >= z √(c' Σ c) of Eq. (10), at both ends.
 
     Then both ends satisfy Eq. (9), and the segment between their means meets no obstacle.
+
+    Eq. (M39) of docs/mathematics.md.
     """
     ptr, z = bound.barriers.ptr, bound.z
     nearby = bound.nearby
@@ -105,7 +107,10 @@ class Run(NamedTuple):
 
 @inlined
 def run_cost(run: Run) -> float:
-    """min(Σ p, 2 Φ(-least / √widest))."""
+    """min(Σ p, 2 Φ(-least / √widest)).
+
+    Eq. (M40) of docs/mathematics.md.
+    """
     if run.total <= 0.0 or run.widest <= 0.0:
         return run.total
     return min(run.total, 2.0 * tail(run.least, run.widest))
@@ -157,6 +162,8 @@ def pass_obstacles(
     that adds least is taken. Row ``now`` of ``new`` gets the runs that cost something; row ``before`` of
     ``last`` has those of the step before. The first figure is Σ_j p_tj <= epsilon, inf where an obstacle
     has no common face.
+
+    Eq. (M40) of docs/mathematics.md.
     """
     faces, nearby = bound.barriers, bound.nearby
     row, far = look_around_leg(nearby, leg)

@@ -82,7 +82,10 @@ def _pop(heap: Heap, size: int) -> int:
 
 @inlined
 def state_weight(product: Product, count: IntArray, selected: IntArray, z: int) -> float:
-    """w(z) = (cov + 1) vol(r) / ((d_A(q) + 1) (numsel + 1)²), cov the number of vertices in Γ_z."""
+    """w(z) = (cov + 1) vol(r) / ((d_A(q) + 1) (numsel + 1)²), cov the number of vertices in Γ_z.
+
+    Eq. (M42) of docs/mathematics_methods.md.
+    """
     cells, s = len(product.volume), selected[z] + 1.0
     return float((count[z] + 1.0) * product.volume[z % cells] * product.urgency[z // cells] / (s * s))
 
@@ -118,6 +121,8 @@ def find_lead(
     Where ``product.ahead`` is not 0, by A* with it, which may find another way than the shortest. Fills
     ``lead`` from the start on, and ``weight`` with the weights of its states; returns its length, 0 where no
     goal can be reached.
+
+    Eq. (M42) of docs/mathematics_methods.md.
     """
     cost, previous, reached, cells = heap.cost, heap.previous, heap.reached, len(product.volume)
     heap.search[0] += 1

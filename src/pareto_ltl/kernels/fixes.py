@@ -81,7 +81,10 @@ def landmark_at(landmarks: Landmarks, at: Point) -> int:
 
 @by_type
 def fix_missed(law: Law, memory: Memory, row: int, here: Gaussian) -> float:
-    """P(landmark missed) where the plan counts on a fix at ``here``, -1 where it does not."""
+    """P(landmark missed) where the plan counts on a fix at ``here``, -1 where it does not.
+
+    Eq. (M29) of docs/mathematics.md.
+    """
     raise NotImplementedError
 
 
@@ -165,7 +168,10 @@ def without(total: Cov, known: Cov) -> Cov:
 
 @kernel
 def known_after(f: Linear, back: float, known: Cov) -> Cov:
-    """Cov(ê') = (F - κ) Cov(ê) (F - κ)'."""
+    """Cov(ê') = (F - κ) Cov(ê) (F - κ)'.
+
+    Eq. (M27) of docs/mathematics.md.
+    """
     f00, f11 = f.xx - back, f.yy - back
     p0, p1 = f00 * known.xx + f.xy * known.xy, f00 * known.xy + f.xy * known.yy
     q0, q1 = f.yx * known.xx + f11 * known.xy, f.yx * known.xy + f11 * known.yy
@@ -186,6 +192,8 @@ def learn(memory: LandmarkMemory, v: int, f: int, unknown: Cov, variance: float)
     """Kalman update of row ``v`` of ``theta``, whose Cov(ẽ) is given; fix ``f`` gets its D.
 
     Returns what is now known, Σ̃ S⁻¹ Σ̃.
+
+    Eq. (M26) of docs/mathematics.md.
     """
     uxx, uxy, uyy = unknown
     a, b, c = uxx + variance, uxy, uyy + variance
@@ -215,6 +223,8 @@ def steer_against(
     """Take what the fixes tell of the wind out of row ``target`` of ``theta``.
 
     Returns the covariance of that wind [m²/s²]. It goes back from ``fix``, whose shares are ``faded``.
+
+    Eq. (M28) of docs/mathematics.md.
     """
     modes, dt = law.modes, law.motion.dt
     kept, square = modes.kept[step + 1], mode_square(modes, at)

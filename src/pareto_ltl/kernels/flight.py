@@ -45,7 +45,10 @@ from pareto_ltl.support.arrays import BoolArray, Float32Array, FloatArray
 
 
 class IndependentDraws(NamedTuple):
-    """w ~ N(μ(x, t), Σ_w(x, t)) anew at every step, at the real position; ``white`` (T, n, 2) ~ N(0, 1)."""
+    """w ~ N(μ(x, t), Σ_w(x, t)) anew at every step, at the real position; ``white`` (T, n, 2) ~ N(0, 1).
+
+    Eq. (M20) of docs/mathematics.md.
+    """
 
     law: IndependentLaw
     white: FloatArray
@@ -100,6 +103,8 @@ def meet_fields(modes: Modes, t: int, x: FloatArray, theta: Float32Array, met: F
     """ψ(x)' θ, east and north, then both |ψ|² of all flights at step ``t`` into ``met`` (n, 4).
 
     ``theta`` has shape (n, 2, P). With 32 modes 17 ns a flight, and 40 in a function called for each.
+
+    Eq. (M14) of docs/mathematics.md.
     """
     slot, scale, psi = modes.slot[t], modes.scale[t], modes.psi
     for i in range(x.shape[0]):
@@ -133,7 +138,10 @@ def place_innovations(kept: Float32Array, drawn: Float32Array, field: Float32Arr
 
 @entry
 def link_fields(kept: Float32Array, theta: Float32Array) -> None:
-    """θ_k = ρ_k θ_{k-1} + √(1 - ρ_k²) η_k (E, n, 2, P) in place of the innovations η; ``kept`` (E, P) = ρ."""
+    """θ_k = ρ_k θ_{k-1} + √(1 - ρ_k²) η_k (E, n, 2, P) in place of the innovations η; ``kept`` (E, P) = ρ.
+
+    Eq. (M15) of docs/mathematics.md.
+    """
     for k in range(1, theta.shape[0]):
         for i in range(theta.shape[1]):
             for c in range(2):
@@ -201,7 +209,10 @@ def within_airspeed(motion: Motion, ux: float, uy: float) -> tuple[float, float]
 
 @kernel
 def held_to(motion: Motion, u: FloatArray, mean: FloatArray, t: int, at: Point) -> tuple[float, float]:
-    """Planned control plus position feedback, u_t - B⁻¹ K (x - m_t) / dt."""
+    """Planned control plus position feedback, u_t - B⁻¹ K (x - m_t) / dt.
+
+    Eq. (M2) of docs/mathematics.md.
+    """
     ux, uy = u[t, 0], u[t, 1]
     if motion.gain > 0.0:
         b, share = motion.b_inv, motion.gain / motion.dt
@@ -292,6 +303,8 @@ def fly_batch(motion: Motion, draws: Draws, pilot: Pilot, x: FloatArray, met: Fl
     """Fly one plan once for every row of ``x`` (n, T+1, 2) [m], which has the start positions in column 0.
 
     ``met`` (n, 4) is scratch.
+
+    Eq. (M1) of docs/mathematics.md.
     """
     a, b, dt = motion.a, motion.b, motion.dt
     begin_flights(pilot)

@@ -27,7 +27,10 @@ def variance_along(nx: float, ny: float, cov: Cov) -> float:
 
 @kernel
 def outside(faces: Faces, part: int, here: Gaussian) -> float:
-    """Bound on P(position not in the polygon): Σ_j (1 - Φ((b_j - a_j' x) / σ_j)), Eq. (6)."""
+    """Bound on P(position not in the polygon): Σ_j (1 - Φ((b_j - a_j' x) / σ_j)), Eq. (6).
+
+    Eq. (M34) of docs/mathematics.md.
+    """
     total = 0.0
     normal, offset = faces.normal, faces.offset
     for j in range(faces.ptr[part], faces.ptr[part + 1]):
@@ -52,7 +55,10 @@ def region_missed(faces: Faces, owner: IntArray, atom: int, here: Gaussian) -> f
 
 @kernel
 def inside(faces: Faces, part: int, here: Gaussian) -> float:
-    """Bound on P(position in the polygon): min_k Φ((d_k - c_k' x) / σ_k), Eq. (10)."""
+    """Bound on P(position in the polygon): min_k Φ((d_k - c_k' x) / σ_k), Eq. (10).
+
+    Eq. (M34) of docs/mathematics.md.
+    """
     best = 1.0
     for k in range(faces.ptr[part], faces.ptr[part + 1]):
         nx, ny = faces.normal[k, 0], faces.normal[k, 1]

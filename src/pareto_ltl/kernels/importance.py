@@ -109,7 +109,10 @@ def along_direction(directions: Directions, j: int, draws: NormalDraws, i: int) 
 
 @allocating
 def linear_deviations(law: LinearLaw, draws: NormalDraws, theta: Float32Array, e: FloatArray) -> None:
-    """Fill ``e`` (n, T+1, 2) [m]; ``theta`` (E, n, 2, P) is the field whose innovations are in ``draws``."""
+    """Fill ``e`` (n, T+1, 2) [m]; ``theta`` (E, n, 2, P) is the field whose innovations are in ``draws``.
+
+    Eq. (M22) of docs/mathematics.md.
+    """
     F, dt = law.F, law.dt
     for i in range(len(e)):
         at = Point(law.start_sd * draws.start[i, 0], law.start_sd * draws.start[i, 1])
@@ -127,7 +130,10 @@ def linear_deviations(law: LinearLaw, draws: NormalDraws, theta: Float32Array, e
 
 @allocating
 def mixture_density(mixture: Mixture, e: FloatArray, density: FloatArray) -> None:
-    """Fill ``density`` (n,), that of the proposal over that of flights, for deviations ``e`` (n, T+1, 2)."""
+    """Fill ``density`` (n,), that of the proposal over that of flights, for deviations ``e`` (n, T+1, 2).
+
+    Eq. (M64) of docs/mathematics_methods.md.
+    """
     ptr, step, weight = mixture.ptr, mixture.step, mixture.weight
     threshold, level, share = mixture.threshold, mixture.level, mixture.share
     for i in range(len(e)):

@@ -51,7 +51,10 @@ def bilinear(table: FloatArray, slot: int, square: Square, first: int) -> tuple[
 
 @kernel
 def pair_at(table: FloatArray, wind: Wind, step: int, square: Square, first: int) -> tuple[float, float]:
-    """Entries ``first`` and ``first + 1`` of ``table`` at a step, linear between its two slots."""
+    """Entries ``first`` and ``first + 1`` of ``table`` at a step, linear between its two slots.
+
+    Eq. (M10) of docs/mathematics.md.
+    """
     k, w = wind.slot[step], wind.weight[step]
     e, n = bilinear(table, k, square, first)
     if w > 0.0:

@@ -52,6 +52,8 @@ def add_slope(slope: Slope, event: Event, first: float, second: float) -> None:
     """Add first and second derivative of a function of the margin, at the ends of the binding segment.
 
     The block-diagonal Hessian w n n' at an end of weight w lies above the true one: w0² + w0 w1 = w0.
+
+    Eq. (M55) of docs/mathematics_methods.md.
     """
     nx, ny = event.nx, event.ny
     for end in range(2):
@@ -98,6 +100,8 @@ def smoothed_failure(
 
     Adds its derivatives with respect to ``mean`` to ``slope``, of the second only the convex part, and fills
     ``scratch.margins`` (n,) [m].
+
+    Eqs. (M54) and (M55) of docs/mathematics_methods.md.
     """
     n, near, margins, met, most = off.shape[2], scratch.near, scratch.margins, scratch.met, -CERTAIN
     enclose(mean, off, near.box)

@@ -89,6 +89,8 @@ def mission_margins(
     """Fill ``scratch.margins`` and ``scratch.event`` with the largest W_T of an accepting claim.
 
     ``off`` (T+1, 2, n). A margin below ``floor`` [m] counts as -``CERTAIN``.
+
+    Eq. (M53) of docs/mathematics_methods.md.
     """
     raise NotImplementedError
 

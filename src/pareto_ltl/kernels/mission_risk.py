@@ -28,6 +28,8 @@ def visit_risk(bound: Theorem2, e: int, atom: int, cell: int, here: Gaussian, be
     """f_o^i (Theorem 1) after a step into ``cell`` in epoch ``e``: the least risk over all visits.
 
     -1 before the first.
+
+    Eq. (M36) of docs/mathematics.md.
     """
     if not bound.holds[e, cell, atom]:
         return before
@@ -40,6 +42,8 @@ def theorem2_risks(bound: Theorem2, x: FloatArray, cov: FloatArray, cell: IntArr
     """f_o^i of every proposition along a path, (P,); 0 where it is never visited.
 
     ``x`` (T+1, 2), ``cov`` (T+1, 3) = (xx, xy, yy), ``cell`` (T+1,).
+
+    Eq. (M36) of docs/mathematics.md.
     """
     risks = np.empty(bound.holds.shape[2])
     for atom in range(len(risks)):
@@ -109,6 +113,8 @@ def meeting_bound(bound: Ordered, h: int, before: Gaussian, here: Gaussian) -> f
 
     A segment with both ends beyond one line that the polygon does not cross does not meet it. The lines are
     those of its faces, and the one through the corner nearest to the line through both means.
+
+    Eq. (M38) of docs/mathematics.md.
     """
     hazards, normal, offset = bound.logic.hazards, bound.cells.faces.normal, bound.cells.faces.offset
     (ax, ay), (bx, by) = before.mean, here.mean

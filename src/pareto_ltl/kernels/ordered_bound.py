@@ -38,7 +38,10 @@ def live_value(bound: Ordered, rows: LiveRows, row: int, p: int) -> float:
 
 @kernel
 def begin_bound(bound: Ordered, rows: LiveRows, row: int) -> None:
-    """V(p) before the first letter: 0 where the initial state accepts all that p accepts, else 1."""
+    """V(p) before the first letter: 0 where the initial state accepts all that p accepts, else 1.
+
+    Eq. (M37) of docs/mathematics.md.
+    """
     first = rows.first[row]
     rows.size[row] = len(bound.begin)
     for k in range(len(bound.begin)):
@@ -75,7 +78,10 @@ def stays(bound: Ordered, letters: Letters, rows: LiveRows, row: int) -> bool:
 
 @inlined
 def promise_cost(bound: Ordered, letters: Letters, q: int, p: int, value: float) -> float:
-    """V(q) + P(the letter does not lead from q to a state ≥ p) + Σ P(a hazard that loses q is met)."""
+    """V(q) + P(the letter does not lead from q to a state ≥ p) + Σ P(a hazard that loses q is met).
+
+    Eq. (M37) of docs/mathematics.md.
+    """
     delta, covers, loses = bound.logic.delta, bound.logic.covers, bound.logic.loses
     e = letters.epoch[0]
     empty = delta[e, q, delta.shape[2] - 1]
@@ -142,6 +148,8 @@ def read_letter(
 
     ``now`` has places for 2 ``most`` entries. ``planned`` is the state whose V is kept when entries are left
     out.
+
+    Eq. (M37) of docs/mathematics.md.
     """
     now.size[target] = 0
     for k in range(before.first[row], before.first[row] + before.size[row]):
@@ -251,6 +259,8 @@ def ordered_risk(
     """V of a whole path ``x`` (T+1, 2) with ``cov`` (T+1, 3) = (xx, xy, yy).
 
     ``miss`` (T+1,) = P(landmark missed). ``rows`` are two of scratch, ``letters`` is scratch as well.
+
+    Eq. (M37) of docs/mathematics.md.
     """
     logic = bound.logic
     begin_bound(bound, rows, 0)

@@ -56,6 +56,8 @@ def improves(
     """Whether parent ``new`` may replace ``old``: Eqs. (11) and (12), with ``strict`` Eq. (12) alone.
 
     ``risks`` (rows, columns): objectives of the candidates, -1 for a proposition not visited yet.
+
+    Eq. (M44) of docs/mathematics_methods.md.
     """
     raise NotImplementedError
 
@@ -151,6 +153,8 @@ def tchebycheff(rule: Scaled, risks: FloatArray, candidate: Candidate) -> float:
     """max_i λ_i z_i + 0.05 Σ_i λ_i z_i, z the scaled logarithms of mission and collision risk and the length.
 
     The augmented Tchebycheff score of Steuer and Choo, Math. Programming 26 (1983), doi:10.1007/BF02591870.
+
+    Eq. (M45) of docs/mathematics_methods.md.
     """
     mission, collision = 0.0, 0.0
     for i in range(risks.shape[1]):

@@ -165,6 +165,8 @@ def propagate_flight(law: Law, flight: Flight, variance: float, steered: bool) -
     With ``steered`` the controls ``flight.u`` are given and the means follow from them, else the means
     ``flight.x`` and the controls. Everything else in ``flight`` is filled. Returns the number of steps
     flown: fewer than T where the wind is not known for longer.
+
+    Eqs. (M23) and (M24) of docs/mathematics.md.
     """
     motion = law.motion
     b, b_inv, dt = motion.b, motion.b_inv, motion.dt
@@ -245,6 +247,8 @@ def covariance_across_time(
 
     ``linear`` are F and ψ of the flight, ``theta`` its Cov(e, θ), ``kept`` the persistence of the modes;
     ``held`` (2, 2, P) is scratch.
+
+    Eq. (M25) of docs/mathematics.md.
     """
     F, psi = linear
     n, modes = len(cov), psi.shape[2]

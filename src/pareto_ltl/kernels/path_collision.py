@@ -62,6 +62,8 @@ def collision_bound(obstacles: Faces, nearby: Nearby, path: GaussianPath) -> flo
     Sums alone take one pass along the path; what they cost bounds the search for runs that the second form
     makes cheaper, of which there are as many as pairs of steps. Obstacles that no step comes near cost less
     than 1e-15 and are not looked at.
+
+    Eq. (M40) of docs/mathematics.md.
     """
     close = np.zeros(len(obstacles.ptr) - 1, np.bool_)
     _note_close(nearby, path, close)

@@ -29,6 +29,8 @@ def owens_t(h: float, a: float, q: float) -> float:
         T(h, a) = 1/2π ∫_0^a exp(-h² (1 + t²) / 2) / (1 + t²) dt.
 
     T is odd in a; beyond |a| = 1 it is T(h, a) = ½ (Q(h) + Q(a h)) - Q(h) Q(a h) - T(a h, 1/a), Q = 1 - Φ.
+
+    Eq. (M35) of docs/mathematics.md.
     """
     b = abs(a)
     if h > DEEP:
@@ -87,6 +89,8 @@ def polygon_probability(polygons: Corners, part: int, here: Gaussian) -> float:
     In coordinates where the position is standard normal, the origin and an edge at distance h, with ends v1
     and v2 along it, span a triangle of probability angle / 2π - T(h, v2 / h) + T(h, v1 / h), negative where
     the origin is on the edge's outer side. The angles of all edges sum to 2π inside the polygon, else to 0.
+
+    Eq. (M35) of docs/mathematics.md.
     """
     corner, first, last = polygons.corner, polygons.ptr[part], polygons.ptr[part + 1]
     x, y = here.mean

@@ -71,6 +71,8 @@ def airspeed_left(motion: Motion, correction: Cov) -> float:
 
     Feedback is B⁻¹ c / dt with c of the given covariance [m²], and P(‖B⁻¹ c‖ > r) <= exp(-r² / 2 λ) with λ
     the largest eigenvalue of B⁻¹ Cov(c) B⁻': ``effort`` is r / √λ for the probability allowed.
+
+    Eq. (M3) of docs/mathematics.md.
     """
     cxx, cxy, cyy = correction
     if cxx <= 0.0 and cyy <= 0.0:
@@ -88,6 +90,8 @@ def least_airspeed(motion: Motion, speed: float) -> float:
     """Least airspeed to plan with: u_min, and what feedback reserves below u_max, of which ``speed`` is left.
 
     It is 0 where u_min is: feedback may stop such a robot and turn it round.
+
+    Eq. (M3) of docs/mathematics.md.
     """
     return motion.u_min + motion.u_max - speed if motion.u_min > 0.0 else 0.0
 
@@ -116,6 +120,8 @@ def worst_variance(wind: Wind, step: int, at: Point, radius: float) -> tuple[flo
     """Σ_w at the point of largest trace in the ball B(x, radius), by sampling (Section III).
 
     With the error of interpolation in time, which is the same everywhere.
+
+    Eq. (M21) of docs/mathematics.md.
     """
     best_e, best_n = wind_at(wind.latent, wind, step, at)
     if radius > 0.0:
@@ -130,7 +136,10 @@ def worst_variance(wind: Wind, step: int, at: Point, radius: float) -> tuple[flo
 
 @kernel
 def drift(wind: Wind, motion: Motion, step: int, at: Point) -> Point:
-    """Expected position one step later with zero airspeed: A x + dt μ(x, t)."""
+    """Expected position one step later with zero airspeed: A x + dt μ(x, t).
+
+    Eq. (M21) of docs/mathematics.md.
+    """
     e, n = wind_at(wind.mean, wind, step, at)
     a, dt = motion.a, motion.dt
     return Point(
@@ -143,6 +152,8 @@ def spread(wind: Wind, motion: Motion, step: int, here: Gaussian) -> Cov:
     """Covariance one step later, whatever the control: A Σ A' + dt² Σ_w(x*).
 
     A - K stands in place of A with feedback.
+
+    Eq. (M21) of docs/mathematics.md.
     """
     cxx, cxy, cyy = here.cov
     radius = motion.ball * math.sqrt(0.5 * (cxx + cyy))
@@ -171,7 +182,10 @@ def _advance_independent(
 
 @kernel
 def closed_loop(law: CoherentLaw | LandmarkLaw, step: int, at: Point) -> Linear:
-    """F = A - K + dt Dμ(x)."""
+    """F = A - K + dt Dμ(x).
+
+    Eq. (M22) of docs/mathematics.md.
+    """
     square = wind_square(law.wind, at)
     xx, xy = pair_at(law.modes.slope, law.wind, step, square, 0)
     yx, yy = pair_at(law.modes.slope, law.wind, step, square, 2)
@@ -181,7 +195,10 @@ def closed_loop(law: CoherentLaw | LandmarkLaw, step: int, at: Point) -> Linear:
 
 @kernel
 def curvature(law: CoherentLaw | LandmarkLaw, step: int, here: Gaussian) -> tuple[float, float]:
-    """½ D²μ : Σ, the part of the mean shift that the curvature of the expected wind makes [m/s]."""
+    """½ D²μ : Σ, the part of the mean shift that the curvature of the expected wind makes [m/s].
+
+    Eq. (M24) of docs/mathematics.md.
+    """
     square = wind_square(law.wind, here.mean)
     k, w = law.wind.slot[step], law.wind.weight[step]
     east, north = _slot_curvature(law.modes, k, square, here.cov)
@@ -210,6 +227,8 @@ def white_variance(
 
     Gusts, and what ``ee``, ``nn`` = |ψ|² leave of the smooth error. Both are averages over a step, of the
     shares ``white`` and ``rest``.
+
+    Eq. (M19) of docs/mathematics.md.
     """
     ge, gn = gust_variance(law.wind, step)
     ve, vn = wind_at(law.wind.latent, law.wind, step, at)
@@ -225,6 +244,8 @@ def carry_modes(
     """Component c of the field: C' into row ``rows[1]`` of ``theta`` from C in row ``rows[0]``.
 
     Returns |ψ|², (C ψ) for both rows of C, and ∂ψ : C.
+
+    Eqs. (M23) and (M24) of docs/mathematics.md.
     """
     psi, k = modes.psi, modes.slot[step]
     kept, scale = modes.kept[step + 1], modes.scale[step]
@@ -257,6 +278,8 @@ def carry(
     """Mean with zero airspeed and covariance one step later; C' into ``theta[target]`` (2, 2, P).
 
     C = Cov(e, θ) by row of e and component of the wind is read from ``theta[row]``; both may be one row.
+
+    Eqs. (M23) and (M24) of docs/mathematics.md.
     """
     modes, motion, at = law.modes, law.motion, here.mean
     dt = motion.dt

@@ -384,7 +384,10 @@ def is_solved(work: Work) -> bool:
 
 @entry
 def solve_step(model: StepModel, work: Work) -> int:
-    """Fill ``work.points[X]`` with the solution; returns the iterations, ``MOST`` where none was found."""
+    """Fill ``work.points[X]`` with the solution; returns the iterations, ``MOST`` where none was found.
+
+    Eq. (M56) of docs/mathematics_methods.md.
+    """
     x, dx, total = work.points[X], work.points[DX], work.points[TOTAL]
     cones, lines = work.cones, work.lines
     fill_first_point(model, x)

@@ -135,6 +135,8 @@ def steer(motion: Motion, start: Point, free: Point, speed: float, target: Point
     ``free`` is the mean one step later with zero airspeed, ``speed`` the airspeed left for the control. On
     the line x + s e the control is linear in s; |u(s)| = speed is a quadratic in s. Where the robot cannot
     fly so slowly as to end at the target, the step ends short of it or beyond, whatever is nearer.
+
+    Eq. (M43) of docs/mathematics_methods.md.
     """
     least = least_airspeed(motion, speed)
     if least > speed * ROUNDING:

@@ -215,7 +215,10 @@ class Rivals(NamedTuple):
 
 @inlined
 def beats(risks: FloatArray, rivals: Rivals) -> bool:
-    """Eqs. (11) and (12) against the original parent and (12) against the best so far."""
+    """Eqs. (11) and (12) against the original parent and (12) against the best so far.
+
+    Eq. (M44) of docs/mathematics_methods.md.
+    """
     if not improves(rivals.rule, risks, rivals.new, rivals.original, False):
         return False
     return rivals.first or improves(rivals.rule, risks, rivals.new, rivals.best, True)

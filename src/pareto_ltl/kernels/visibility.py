@@ -152,7 +152,7 @@ def seen_places(
     """Which places ``there`` (P, 2) a flight from ``here`` (2,) can go straight to, in steps of ``step`` [m].
 
     It passes wall j if one of its faces is ``asks[j]`` times the distance to keep away from both ends of a
-    step (Section 4.5); this distance is ``keep`` [m] here and ``keeps[i]`` [m] at place i.
+    step, as in (M39); this distance is ``keep`` [m] here and ``keeps[i]`` [m] at place i.
     """
     seen, shadow = np.ones(len(there), np.bool_), np.full(SECTORS, np.inf)
     order = np.arange(len(walls.asks))

@@ -262,6 +262,8 @@ def language_inclusion(delta: TransitionArray, distance: FloatArray) -> BoolArra
     not, some prefix of it leads to a pair with d(q) = 0 < d(p). The rows p are made in the order of d(p): a
     letter that leads nearer to acceptance, to a row that is made, excludes most states q, and few pairs are
     left for the other letters. Rows are looked at again until nothing changes, since words can lead back.
+
+    Eq. (M31) of docs/mathematics.md.
     """
     columns = np.ascontiguousarray(np.unique(delta, axis=1).T)
     holds = _accept_as_much(columns, distance)

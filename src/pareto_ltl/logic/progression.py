@@ -77,7 +77,10 @@ class PartTable(NamedTuple):
 
 
 class Progression:
-    """All nodes of one translation and their progression."""
+    """All nodes of one translation and their progression.
+
+    Eq. (M30) of docs/mathematics.md.
+    """
 
     def __init__(self, atoms: tuple[str, ...], max_states: int) -> None:
         self.place = {name: 1 << i for i, name in enumerate(atoms)}

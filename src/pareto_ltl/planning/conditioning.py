@@ -72,6 +72,8 @@ def learn(x: FloatArray, cov: FloatArray, cross: FloatArray, fix: Fix) -> Learnt
     """Condition a deviation with covariance ``cov`` (2, 2) about ``x`` (2,) and θ on ``fix``.
 
     ``cross`` (2, 2, P) = Cov(e, θ), by row of e and component of the wind.
+
+    Eq. (M67) of docs/mathematics_methods.md.
     """
     S = cov + fix.sd**2 * np.eye(2)
     L = np.linalg.cholesky(S)
@@ -103,6 +105,8 @@ def likely_histories(x: FloatArray, fix: Fix, noise: FloatArray) -> FloatArray:
 
     Matheron's rule with the covariances of the flights: x + Cov(x_t, x_k) S⁻¹ (y + ν - x_k); ``noise``
     (n, 2) ~ N(0, 1).
+
+    Eq. (M69) of docs/mathematics_methods.md.
     """
     off = x - x.mean(axis=0)
     cross = np.einsum("nti,nj->tij", off, off[:, -1]) / max(len(x) - 1, 1)

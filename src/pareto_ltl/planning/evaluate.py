@@ -240,14 +240,20 @@ def _objectives(problem: Problem, flight: Flight, cell: IntArray, collision: flo
 
 
 def theorem2_mission_risk(problem: Problem, flight: Flight, cell: IntArray) -> float:
-    """f_o of Theorem 2 for the Gaussian of ``flight``, at most 1."""
+    """f_o of Theorem 2 for the Gaussian of ``flight``, at most 1.
+
+    Eq. (M36) of docs/mathematics.md.
+    """
     from pareto_ltl.kernels.mission_risk import theorem2_risks
 
     return min(1.0, float(theorem2_risks(problem.theorem2, flight.x, flight.cov, cell).sum()))
 
 
 def ordered_mission_risk(problem: Problem, flight: Flight) -> float:
-    """The ordered bound V for the Gaussian of ``flight``."""
+    """The ordered bound V for the Gaussian of ``flight``.
+
+    Eq. (M37) of docs/mathematics.md.
+    """
     from pareto_ltl.kernels.ordered_bound import ordered_risk
 
     rows, letters = live_rows(problem.ordered, 2, PATH_LIVE), empty_letters(problem.ordered)
@@ -258,6 +264,8 @@ def collision_risk(problem: Problem, flight: Flight, law: kd.Law, *, tight: bool
     """R of a path under the law it was propagated in; ``tight`` as for :func:`evaluate_path`.
 
     The looser form is not cut at 1: smoothing must see that a path with R = 2 is worse than one with 1.5.
+
+    Eq. (M40) of docs/mathematics.md.
     """
     from pareto_ltl.kernels.path_collision import collision_bound
 

@@ -128,6 +128,8 @@ def pack_modes(field: WindField, wind: kd.Wind, dt: float, speed: float) -> kd.M
 
     What the modes leave is correlated over ``rest_length``, which a robot of ``speed`` [m/s] crosses in a
     time that takes the place of ``gust_time``, 2 rest_length / speed; never more than the whole flight.
+
+    Eq. (M19) of docs/mathematics.md.
     """
     steps = len(wind.slot)
     slot = np.where(wind.weight > 0.5, wind.slot + 1, wind.slot)
@@ -152,6 +154,8 @@ def part_persistence(field: WindField, wind: kd.Wind, slot: IntArray, dt: float)
     Interpolation in space and forecasts change from slot to slot. Interpolation in time has an error of its
     own in every gap between fields; of a held field it changes every ``HELD_EPOCH``, as the change of the
     wind since its time does. An ensemble's members stay who they are.
+
+    Eq. (M14) of docs/mathematics.md.
     """
     steps, times = len(wind.slot), field.times
     keep = np.ones((steps + 1, len(PARTS)))
@@ -182,7 +186,10 @@ def mean_derivatives(mean: FloatArray, spacing: float) -> tuple[FloatArray, Floa
 
 
 def pack_motion(robot: RobotConfig, ball: float) -> kd.Motion:
-    """Matrices, feedback and bounds of the robot; ``ball`` is that of the maximum-trace rule."""
+    """Matrices, feedback and bounds of the robot; ``ball`` is that of the maximum-trace rule.
+
+    Eq. (M1) of docs/mathematics.md.
+    """
     a, b = np.array(robot.a, float), np.array(robot.b, float)
     return kd.Motion(
         a=a,

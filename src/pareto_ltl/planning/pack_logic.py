@@ -66,6 +66,8 @@ def letters_ahead(delta: IntArray, distance: FloatArray) -> FloatArray:
     """The fewest letters to acceptance of those that an epoch and later ones show, (E, Q).
 
     ``delta`` (E, Q, C + 1), ``distance`` (Q,) that of any letters.
+
+    Eq. (M32) of docs/mathematics.md.
     """
     if len(delta) == 1:
         return distance[None].copy()
@@ -93,6 +95,8 @@ def harmful_letters(automaton: Automaton, nothing: int) -> tuple[BoolArray, Bool
     A letter does harm in q if it leads to the trap, or if it shows a proposition and the state it leads to
     does not accept all that is accepted after no label at all, letter number ``nothing``. It loses q if it
     does harm in some state s ≥ q and takes s to a state that is not ≥ q.
+
+    Eq. (M33) of docs/mathematics.md.
     """
     delta, covers = automaton.delta, np.asarray(automaton.preorder, bool)
     trap = np.isinf(automaton.distance)

@@ -110,7 +110,10 @@ class EnergyModel:
     capacity: float | None
 
     def of(self, u: FloatArray, dt: float) -> float:
-        """Energy of the controls ``u`` (T, 2) [m/s], each held for ``dt`` [s]: Σ P(‖u_t‖) dt [J]."""
+        """Energy of the controls ``u`` (T, 2) [m/s], each held for ``dt`` [s]: Σ P(‖u_t‖) dt [J].
+
+        Eq. (M4) of docs/mathematics.md.
+        """
         return float(self.curve.watts(np.hypot(u[:, 0], u[:, 1])).sum() * dt)
 
 

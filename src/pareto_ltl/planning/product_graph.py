@@ -21,7 +21,10 @@ EXACT_LEADS = 20_000  # product states up to which leads are shortest: 4 ms each
 
 
 def product_graph(decomposition: Decomposition, logic: Logic, bounds: FloatArray) -> Product:
-    """The product graph as arrays for Dijkstra."""
+    """The product graph as arrays for Dijkstra.
+
+    Eq. (M42) of docs/mathematics_methods.md.
+    """
     cells, states = len(decomposition.cells), len(logic.distance)
     shapes = [moments(cell) for cell in decomposition.cells]
     area, centre = np.array([a for a, _ in shapes]), np.array([c for _, c in shapes])

@@ -33,12 +33,18 @@ def _tail(gap: FloatArray, sd: FloatArray) -> FloatArray:
 
 
 def outside_bound(normals: FloatArray, offsets: FloatArray, mean: FloatArray, cov: FloatArray) -> float:
-    """P(x not in polygon) ≤ Σ_j (1 - Φ((b_j - a_j' x̂) / σ_j)), Eq. (6)."""
+    """P(x not in polygon) ≤ Σ_j (1 - Φ((b_j - a_j' x̂) / σ_j)), Eq. (6).
+
+    Eq. (M34) of docs/mathematics.md.
+    """
     return float(_tail(offsets - normals @ mean, deviation(normals, cov)).sum())
 
 
 def inside_bound(normals: FloatArray, offsets: FloatArray, mean: FloatArray, cov: FloatArray) -> float:
-    """P(x in polygon) ≤ min_k Φ((d_k - c_k' x̂) / σ_k), Eq. (10)."""
+    """P(x in polygon) ≤ min_k Φ((d_k - c_k' x̂) / σ_k), Eq. (10).
+
+    Eq. (M34) of docs/mathematics.md.
+    """
     return float(min(1.0, _tail(normals @ mean - offsets, deviation(normals, cov)).min()))
 
 
@@ -51,6 +57,8 @@ def gaussian_in_polygon(polygon: FloatArray, mean: FloatArray, cov: FloatArray) 
         P = Σ_e sgn(h) {[atan(v₂/|h|) - atan(v₁/|h|)] / 2π - [T(|h|, v₂/|h|) - T(|h|, v₁/|h|)]},
 
     T = Owen's T. ``polygon`` (n, 2) is counter-clockwise.
+
+    Eq. (M35) of docs/mathematics.md.
     """
     L = np.linalg.cholesky(cov)
     white = np.linalg.solve(L, (polygon - mean).T).T
@@ -142,6 +150,8 @@ def propagate_independent(problem: Problem, x: FloatArray) -> tuple[FloatArray, 
 
     Σ_{t+1} = A Σ_t A' + dt² Σ_w(x*),    x* of largest trace in a ball about x̂_t,
     u_t = B⁻¹ (x̂_{t+1} - A x̂_t - dt μ(x̂_t, t)) / dt.
+
+    Eq. (M21) of docs/mathematics.md.
     """
     from pareto_ltl.kernels.propagation import BALL
 
@@ -166,6 +176,8 @@ def propagate_coherent(problem: Problem, x: FloatArray) -> tuple[FloatArray, Flo
 
         Σ_{t+1} = F Σ F' + dt (F C ψ' + ψ C' F') + dt² (ψ ψ' + white),    C_{t+1} = ρ (F C + dt ψ),
         u_t = B⁻¹ (x̂_{t+1} - A x̂_t - dt (μ + ½ D²μ : Σ + ∂ψ : C)) / dt.
+
+    Eqs. (M23) and (M24) of docs/mathematics.md.
     """
     motion, wind, modes = problem.motion, problem.wind, problem.modes
     p = modes.psi.shape[-1]
@@ -215,6 +227,8 @@ def theorem2_bound(problem: Problem, x: FloatArray, cov: FloatArray, cell: IntAr
 
     Known faults: the witness may be a visit made before the automaton needs it, and formulas with a
     proper ``until`` are not covered. :func:`ordered_bound` has neither.
+
+    Eq. (M36) of docs/mathematics.md.
     """
     bound, atoms = problem.theorem2, problem.theorem2.holds
     epoch = step_epochs(bound.logic.epoch, len(x))
@@ -235,7 +249,7 @@ def _region_missed(problem: Problem, parts: IntArray, mean: FloatArray, cov: Flo
 
 
 def ordered_bound(problem: Problem, x: FloatArray, cov: FloatArray) -> float:
-    """V: a bound on P(mission fails) that respects the order of visits, for every automaton (DESIGN 4.4).
+    """V: a bound on P(mission fails) that respects the order of visits, for every automaton.
 
     V(p) = 0 if q₀ ≥ p else 1 before the first letter; then
 
@@ -243,6 +257,8 @@ def ordered_bound(problem: Problem, x: FloatArray, cov: FloatArray) -> float:
 
     the last sum over the hazards whose label loses q (:mod:`reference_segments`), and the labels without
     these; the bound is min_{p accepting} V_T(p).
+
+    Eq. (M37) of docs/mathematics.md.
     """
     from pareto_ltl.planning.reference_segments import hazard_costs
 

@@ -29,6 +29,8 @@ def deviation_map(law: LinearLaw) -> FloatArray:
     M_{t+1} = F_t M_t + dt (ψ_t' Θ_k + white_t),    Θ_k = ρ_k Θ_{k-1} + √(1 - ρ_k²) η_k,
 
     with Θ_k (2, P, D) the rows of θ in epoch k.
+
+    Eq. (M22) of docs/mathematics.md.
     """
     steps, (epochs, modes) = len(law.white), law.kept.shape
     size = 2 + 2 * steps + 2 * epochs * modes
@@ -62,6 +64,8 @@ def proposal_density(
     τ_j).
 
         q/φ = α + Σ_l Σ_j p_jl 1{ω_j' z >= s_l τ_j} / Φ(-s_l τ_j),    p_jl = β_l Φ(-s_l τ_j) / Σ_k Φ(-s_l τ_k)
+
+    Eq. (M64) of docs/mathematics_methods.md.
 
     Parameters
     ----------

@@ -75,7 +75,10 @@ def path_clearance(problem: Problem, x: FloatArray) -> float:
 
 
 def mission_margin(problem: Problem, x: FloatArray) -> float:
-    """Largest W_T(p) of an accepting p."""
+    """Largest W_T(p) of an accepting p.
+
+    Eq. (M53) of docs/mathematics_methods.md.
+    """
     logic, cell = problem.logic, problem.locate(x)
     depth = np.array([inside_depth(polygon, x) for polygon in problem.decomposition.cells]).T
     state = int(logic.initial)

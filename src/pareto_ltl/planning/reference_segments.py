@@ -66,6 +66,8 @@ def meeting_bounds(problem: Problem, x: FloatArray, cov: FloatArray) -> FloatArr
 
     P(segment meets a convex polygon) ≤ min over lines beside it of P(one end not beyond) + P(other end not
     beyond): the lines of its faces, and the nearest one along the line through both means.
+
+    Eq. (M38) of docs/mathematics.md.
     """
     cells = problem.logic.hazards.cell
     bounds = np.zeros((len(x), len(cells)))

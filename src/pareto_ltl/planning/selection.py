@@ -27,7 +27,10 @@ def non_dominated(rows: FloatArray) -> BoolArray:
 
 
 def hypervolume(rows: FloatArray, reference: FloatArray) -> float:
-    """Volume dominated by ``rows`` within the box below ``reference``, in units of the box (minimisation)."""
+    """Volume dominated by ``rows`` within the box below ``reference``, in units of the box (minimisation).
+
+    Eq. (M46) of docs/mathematics_methods.md.
+    """
     import moocore
 
     if len(rows) == 0:
@@ -42,6 +45,8 @@ def chance_of_failures(failed: BoolArray, others: BoolArray) -> FloatArray:
     Of the flights that only one of both survives, half are expected for each: the sign test (McNemar,
     Psychometrika 12, 1947, doi:10.1007/BF02295996), exact and one-sided. Small values say that the first path
     is worse. ``failed``, ``others`` (..., n); shape (...).
+
+    Eq. (M49) of docs/mathematics_methods.md.
     """
     worse = (failed & ~others).sum(axis=-1)
     better = (~failed & others).sum(axis=-1)

@@ -46,6 +46,8 @@ def by_priority(_cfg: SelectionConfig, front: Front) -> int:
     Where flights judge: the shortest of the paths that are as safe as the safest one. A path is as safe
     unless it fails more often with a confidence of 97.5 %. All paths met the same winds, so that the flights
     that only one of two survives tell them apart, also where the intervals of their rates overlap.
+
+    Eq. (M49) of docs/mathematics_methods.md.
     """
     rows = _objective_rows(front)
     if not front.rates:
@@ -60,6 +62,8 @@ def by_weights(cfg: SelectionConfig, front: Front) -> int:
 
     A fourth weight is that of energy, in units of the least of the front.
     Where flights judge, the failure rate stands for both risks and has the sum of their weights.
+
+    Eq. (M47) of docs/mathematics_methods.md.
     """
     rows = _objective_rows(front)
     weights = np.array(cfg.weights) / sum(cfg.weights)
@@ -134,6 +138,8 @@ def by_knee(_cfg: SelectionConfig, front: Front) -> int:
     Risk and length are scaled to 0..1 between the safest and the shortest path of the front, whose chord is
     the line x + y = 1 (Das, Structural Optimization 18, 1999, doi:10.1007/BF01195985). A front of fewer than
     three paths has no knee: the safest is taken.
+
+    Eq. (M48) of docs/mathematics_methods.md.
     """
     rows = np.column_stack([_risks(front), _lengths(front)])
     span = np.ptp(rows, axis=0)

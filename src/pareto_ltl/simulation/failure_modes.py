@@ -212,6 +212,8 @@ def nearest_mixture(tau: float, others: FloatArray, shared: FloatArray) -> Mixtu
         |z*|² = (τ₀² - 2 c τ₀ τ_k + τ_k²) / (1 - c²),    z* = [(τ₀ - c τ_k) ω₀ + (τ_k - c τ₀) ω_k] / (1 - c²).
 
     ``tau`` and ``others`` (K,) are at least 0.
+
+    Eq. (M63) of docs/mathematics_methods.md.
     """
     first_alone = shared * tau >= others
     second_alone: BoolArray = ~first_alone & (shared * others >= tau)

@@ -37,7 +37,10 @@ BLOCK = 250  # runs that share a generator, whatever the number of threads
 
 
 def draw_independent(problem: Problem, runs: int, steps: int, rng: Generator) -> kernel.IndependentDraws:
-    """Winds of ``runs`` flights that are new at every step."""
+    """Winds of ``runs`` flights that are new at every step.
+
+    Eq. (M20) of docs/mathematics.md.
+    """
     law = problem.laws["independent"]
     assert isinstance(law, kd.IndependentLaw)
     return kernel.IndependentDraws(law, rng.standard_normal((steps, runs, 2)))
@@ -49,6 +52,8 @@ def draw_coherent(problem: Problem, runs: int, steps: int, rng: Generator) -> ke
     θ_0 ~ N(0, I),    θ_{k+1} = ρ_k θ_k + √(1 - ρ_k²) η:    independent for ρ = 0, one field for ρ = 1.
 
     Fields and white parts have generators of their own, so that a longer plan only draws further.
+
+    Eq. (M15) of docs/mathematics.md.
     """
     law = problem.laws["coherent"]
     assert not isinstance(law, kd.IndependentLaw)
@@ -236,7 +241,10 @@ def pilot_maker(problem: Problem, u: FloatArray, mean: FloatArray | None, law: s
 
 
 def clopper_pearson(failures: int, runs: int, confidence: float = 0.95) -> tuple[float, float]:
-    """Exact confidence interval of a rate (Clopper and Pearson, Biometrika 26, 1934)."""
+    """Exact confidence interval of a rate (Clopper and Pearson, Biometrika 26, 1934).
+
+    Eq. (M58) of docs/mathematics_methods.md.
+    """
     from scipy.special import betaincinv
 
     tail = (1 - confidence) / 2

@@ -150,6 +150,8 @@ def weighted_rate(problem: Problem, path: PlannedPath, draws: int, seed: SeedSeq
     That is a plan that counts on position fixes, after which deviations are not linear in z; one whose mean
     has no certificate, which fails often; and one without a half-space of a probability above 0, as without
     uncertainty.
+
+    Eq. (M65) of docs/mathematics_methods.md.
     """
     if draws < 1:
         raise ValueError(f"importance sampling needs at least one draw, got draws = {draws}")
@@ -178,6 +180,8 @@ def weighted_interval(weights: FloatArray, plain: float, confidence: float = 0.9
     the intervals lay below the rate of a plan with feedback, whose weights are skew; with twice, 4 % of
     those of 200 draws and 2 % of those of 2,000. In all, 1 to 5 % of the intervals missed the rates of five
     plans.
+
+    Eq. (M66) of docs/mathematics_methods.md.
     """
     n, tail = len(weights), 0.5 * (1.0 - confidence)
     y = float(weights.mean())
@@ -247,6 +251,8 @@ def directions_of(law: kernel.LinearLaw, weight: FloatArray) -> kernel.Direction
 
     and through θ_k = ρ_k θ_{k-1} + √(1 - ρ_k²) η_k from the last epoch: ω_η,k = √(1 - ρ_k²) g_k, then
     g_{k-1} grows by ρ_k g_k.
+
+    Eq. (M62) of docs/mathematics_methods.md.
     """
     J, steps, modes = len(weight), len(law.white), law.psi.shape[-1]
     white, fields = np.empty((J, steps, 2)), np.zeros((J, len(law.kept), 2, modes))
@@ -310,7 +316,10 @@ def component_choices(proposal: Proposal) -> FloatArray:
 
 
 def draw_proposal(proposal: Proposal, choices: FloatArray, n: int, rng: Generator) -> kernel.NormalDraws:
-    """``n`` vectors z from the mixture: z ~ N(0, I), pushed along ω of a half-space into it."""
+    """``n`` vectors z from the mixture: z ~ N(0, I), pushed along ω of a half-space into it.
+
+    Eq. (M64) of docs/mathematics_methods.md.
+    """
     law, modes = proposal.law, proposal.modes
     component = np.searchsorted(choices, rng.random(n) * choices[-1], side="right")
     level, event = np.divmod(np.minimum(component, len(choices) - 1), len(modes))

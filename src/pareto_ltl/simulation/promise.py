@@ -91,7 +91,10 @@ def _rate_words(rate: FailureRate) -> str:
 def fresh_promise(
     problem: Problem, wind: WindField, path: PlannedPath, claimed: FailureRate, runs: int, seed: SeedSequence
 ) -> Promise:
-    """The promise of ``path`` from ``runs`` flights in the winds of ``fidelity.law``."""
+    """The promise of ``path`` from ``runs`` flights in the winds of ``fidelity.law``, and the bound V + R.
+
+    Eq. (M41) of docs/mathematics.md.
+    """
     rate = fresh_rate(problem, path, runs, seed)
     bound = min(1.0, path.objectives.mission_risk + path.objectives.collision_risk)
     far = linearity(problem, wind, path.cov)
@@ -143,7 +146,10 @@ def claim_stands(rate: FailureRate, claimed: FailureRate) -> bool:
 
 
 def _chance_among_flights(rate: FailureRate, claimed: FailureRate) -> float:
-    """Fisher's exact test of two counts, one-sided: given all failures of both, that so many are fresh."""
+    """Fisher's exact test of two counts, one-sided: given all failures of both, that so many are fresh.
+
+    Eq. (M60) of docs/mathematics_methods.md.
+    """
     total, failures = rate.runs + claimed.runs, rate.failures + claimed.failures
     return hypergeometric_tail(rate.failures, total, failures, rate.runs)
 

@@ -46,6 +46,8 @@ def paired_difference(first: BoolArray, second: BoolArray) -> tuple[float, float
         d = (b - c) / (N + 2),    d ± 1.96 √(((b + 1 + c + 1) / (N + 2) - d²) / (N + 2))
 
     It covers the difference whether or not equal draws make both fail together.
+
+    Eq. (M59) of docs/mathematics_methods.md.
     """
     n, b, c = len(first), int((second & ~first).sum()), int((first & ~second).sum())
     middle, spread = (b - c) / (n + 2), (b + c + 2) / (n + 2)

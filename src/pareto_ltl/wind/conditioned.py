@@ -65,6 +65,8 @@ def persistence(field: WindField, since: float) -> FloatArray:
 def conditioned_field(field: WindField, theta: FloatArray, told: FloatArray) -> WindField:
     """``field``, whose clock begins at the fix, with what was learnt there.
 
+    Eq. (M68) of docs/mathematics_methods.md.
+
     Parameters
     ----------
     theta : (2, P) float
@@ -93,7 +95,10 @@ def conditioned_field(field: WindField, theta: FloatArray, told: FloatArray) -> 
 
 
 def less_doubt(told: FloatArray, kept: FloatArray, part: IntArray) -> FloatArray:
-    """(I - ρ² B' B)^½ (P, P) of one component, each part of the error for itself; ``told`` (2, P) = B."""
+    """(I - ρ² B' B)^½ (P, P) of one component, each part of the error for itself; ``told`` (2, P) = B.
+
+    Eq. (M68) of docs/mathematics_methods.md.
+    """
     root = np.eye(len(part))
     for g in np.unique(part):
         own = np.flatnonzero(part == g)

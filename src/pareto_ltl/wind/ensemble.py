@@ -106,6 +106,8 @@ def _mean_and_deviations(
     """Nodes (N, 2) [deg], mean (N, 2) [m/s] and weighted deviations (N, 2, M) [m/s] of one time.
 
     M counts the members of all times, and those that are missing here deviate by 0.
+
+    Eq. (M13) of docs/mathematics.md.
     """
     first = next(iter(group.values()))
     aligned = {name: _at_nodes(snap, first.points) for name, snap in group.items()}

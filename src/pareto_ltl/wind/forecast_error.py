@@ -92,6 +92,8 @@ class ForecastError:
         """e²(L) [m²/s²] at leads [s], linear between those of the table and beyond; 0 where a lead is NaN.
 
         Linear variance is e ~ √L, the growth of an error that is fed by independent ones.
+
+        Eq. (M12) of docs/mathematics.md.
         """
         lead = np.asarray(lead, float)
         table = self.forecast_sd**2
@@ -115,7 +117,10 @@ class ForecastError:
         return np.asarray(np.where(lag > 0, np.exp(found), 0.0), float)
 
     def between_variance(self, share: FloatArray, gap: FloatArray) -> FloatArray:
-        """Variance [m²/s²] of linear interpolation at a ``share`` of a ``gap`` [s] between two fields."""
+        """Variance [m²/s²] of linear interpolation at a ``share`` of a ``gap`` [s] between two fields.
+
+        Eq. (M11) of docs/mathematics.md.
+        """
         a, D = np.asarray(share, float), self.change_variance
         found = (1 - a) * D(a * gap) + a * D((1 - a) * gap) - a * (1 - a) * D(np.asarray(gap, float))
         return np.asarray(np.maximum(found, 0.0), float)
@@ -124,6 +129,8 @@ class ForecastError:
         """Correlation of the changes since one field, at two times after it [s]::
 
         (D(s) + D(t) - D(|t - s|)) / (2 √(D(s) D(t)))
+
+        Eq. (M17) of docs/mathematics.md.
         """
         s, t, d = self.change_variance(np.array([first, second, abs(second - first)]))
         return 0.0 if s * t <= 0 else float(np.clip((s + t - d) / (2 * np.sqrt(s * t)), 0.0, 1.0))

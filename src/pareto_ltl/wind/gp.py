@@ -143,6 +143,8 @@ def fit_posterior(
     Measured on withheld nodes of GFS fields (``benchmarks/compare_wind_fits.py``), NLPD a value: 1.92 with
     matern32 fitted at each time, 1.89 with matern12 and common hyperparameters, 1.78 with the factor, too.
 
+    Eq. (M5) of docs/mathematics.md.
+
     Parameters
     ----------
     bounds : (2, 2) float, optional
@@ -188,6 +190,8 @@ def maximise_likelihood(
 
     Times whose readings stand at the same places share one Cholesky factor; of more than ``MOST_TIMES``
     groups of times as many are used, evenly spread. Four significant digits.
+
+    Eq. (M6) of docs/mathematics.md.
     """
     from scipy.optimize import minimize
 
@@ -264,6 +268,8 @@ def _condition_gp(
         L L'  = K + σ² I
         μ     = k*' (L L')⁻¹ (w - m)
         Var f = α² - ‖L⁻¹ k*‖²
+
+    Eq. (M7) of docs/mathematics.md.
     """
     from scipy.linalg import cho_solve, solve_triangular
 
@@ -309,6 +315,8 @@ def leave_one_out(
         r_i = [K⁻¹ (w - m)]_i / [K⁻¹]_ii,   Var r_i = 1 / [K⁻¹]_ii,   z_i = r_i / √(Var r_i)
 
     Times whose readings stand at the same places share one K⁻¹.
+
+    Eq. (M8) of docs/mathematics.md.
     """
     residuals: dict[int, FloatArray] = {}
     for slots in same_places(points):
@@ -330,7 +338,10 @@ def squared_residuals(
 
 
 def variance_factor(anchors: FloatArray, squares: FloatArray, points: FloatArray) -> FloatArray:
-    """:meth:`WindPosterior.variance_factor` of squared residuals at ``anchors``."""
+    """:meth:`WindPosterior.variance_factor` of squared residuals at ``anchors``.
+
+    Eq. (M9) of docs/mathematics.md.
+    """
     total, weight = np.full(len(points), FACTOR_PRIOR * squares.mean()), np.full(len(points), FACTOR_PRIOR)
     for rows in np.array_split(np.arange(len(anchors)), max(1, len(anchors) * len(points) // MOST_PAIRS)):
         g = np.exp(-0.5 * (pairwise_distances(anchors[rows], points) / FACTOR_LENGTH) ** 2)
@@ -343,6 +354,8 @@ def scaled_variance(latent: FloatArray, noise: float, factor: FloatArray) -> Flo
     """Latent variance [m²/s²] whose sum with the ``noise`` is ``factor`` times what it was; at least 0.
 
     The noise stays as it is: the white part averages out over a flight, so it takes no part of the factor.
+
+    Eq. (M9) of docs/mathematics.md.
     """
     return np.asarray(np.maximum(factor * (latent + noise) - noise, 0.0), float)
 

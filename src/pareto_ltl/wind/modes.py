@@ -102,6 +102,8 @@ def error_modes(
 
     Of all parts together, the modes with the largest variance over all slots are kept, until they carry the
     share ``energy`` of the variance, or are ``most``.
+
+    Eq. (M14) of docs/mathematics.md.
     """
     between = pairwise_distances(nodes, nodes)
     spectra = {SPACE: _space_spectrum(posterior, nodes, between, shape, most)}
@@ -165,6 +167,8 @@ def posterior_covariance(
 
         C  = k(X*, X*) - k(X*, X) (K + σ² I)⁻¹ k(X, X*)
         C' = √(v' / v) C √(v' / v)',    v = diag C
+
+    Eqs. (M7) and (M9) of docs/mathematics.md.
     """
     from scipy.linalg import solve_triangular
 
@@ -249,6 +253,8 @@ def align_modes(psi: FloatArray, before: FloatArray) -> FloatArray:
     (Schönemann, 1966, doi:10.1007/BF02289451)::
 
         ψ' before = U S V',   Q = U V'
+
+    Eq. (M18) of docs/mathematics.md.
     """
     U, _, Vt = np.linalg.svd(psi.T @ before)
     return np.asarray(psi @ (U @ Vt), float)
@@ -313,6 +319,8 @@ def error_persistence(posterior: WindPosterior) -> float:
     and 0.35 after 3, 6 and 9 h and stays at 0.3 from 12 to 30 h, since terrain and coasts stay where they
     are. A flight adds its errors up, so ρ is the one that has their sum over a day. With fewer than
     ``FEWEST_PAIRS`` pairs, ρ = 1: errors do not change during a flight, the conservative case.
+
+    Eq. (M16) of docs/mathematics.md.
     """
     slots = len(posterior.times)
     residuals, matched = posterior.residuals, _stations(posterior.points)

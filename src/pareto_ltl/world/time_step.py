@@ -61,6 +61,8 @@ def fitting_step(robot: RobotConfig, scene: Scene, max_steps: int) -> float:
 
     with the longer side of the map, the width of the narrowest region or passage and the length of a tour of
     all regions. The second limit is the stronger one.
+
+    Eq. (M70) of docs/mathematics_methods.md.
     """
     side = float(np.ptp(scene.bounds, axis=0).max())
     longest = min(side / STEPS_ACROSS, SHARE_OF_PLACE * narrowest_place(scene).width) / robot.u_max

@@ -119,6 +119,8 @@ def state_smoothing(shape: SmoothingShape) -> Statement:
 
     and what :mod:`~pareto_ltl.planning.refine.risk_sharing` adds. Relief makes every instance feasible, so
     that an iterate which breaks a constraint can be corrected.
+
+    Eq. (M50) of docs/mathematics_methods.md.
     """
     import cvxpy as cp
 

@@ -99,7 +99,10 @@ class EqualShares:
 
 @dataclass(frozen=True, slots=True)
 class AllocatedRisk:
-    """Σ_k χ_tk ≤ epsilon: the faces of a step share it as they need it; each has a tangent at the iterate."""
+    """Σ_k χ_tk ≤ epsilon: the faces of a step share it as they need it; each has a tangent at the iterate.
+
+    Eq. (M51) of docs/mathematics_methods.md.
+    """
 
     epsilon: float
     columns: int = ROWS

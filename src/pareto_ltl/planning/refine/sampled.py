@@ -111,6 +111,8 @@ class Refiner:
         """Smoothed failure of ``x`` + ``off`` (T+1, 2, n) among ``runs`` flights, and their margins (n,).
 
         Flights that were left out have too large a margin to count.
+
+        Eqs. (M54) and (M55) of docs/mathematics_methods.md.
         """
         slope = km.Slope(np.zeros((len(x), 2)), np.zeros((len(x), 3)))
         scratch = margin_scratch(self.model, off.shape[2], len(x))
@@ -188,6 +190,8 @@ def steps_needed(problem: Problem, x: FloatArray) -> FloatArray:
 
     Along the direction d the ground speed is d' w + √(u_max² - |w - (d' w) d|²). The wind is that of the
     leg's own step; B is taken as dt I.
+
+    Eq. (M57) of docs/mathematics_methods.md.
     """
     motion = problem.motion
     wind, _ = wind_and_gradient(problem.wind, x[:-1])

@@ -60,7 +60,10 @@ class SmoothingTask:
     shortest: float
 
     def merit(self, path: PlannedPath, weight: float) -> float:
-        """length / shortest + λ (mission risk + collision risk)."""
+        """length / shortest + λ (mission risk + collision risk).
+
+        Eq. (M52) of docs/mathematics_methods.md.
+        """
         o = path.objectives
         return o.length / self.shortest + weight * (o.mission_risk + o.collision_risk)
 

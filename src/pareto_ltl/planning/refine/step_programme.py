@@ -47,6 +47,8 @@ def next_means(
 
     û_t is the direction of the last control: the half plane lies within the set of controls that are fast
     enough, which is not convex. ``trust`` in full steps, ``longest`` [m].
+
+    Eq. (M56) of docs/mathematics_methods.md.
     """
     from pareto_ltl.kernels.step_solver import MOST, X, solve_step
 

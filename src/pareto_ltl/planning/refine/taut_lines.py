@@ -70,7 +70,7 @@ def taut_line(
     """The shortest line (n, 2) that visits in the given order and keeps z σ from every obstacle.
 
     Two places of the line see each other if, flown from one to the other in full steps of still air, every
-    step has one face of every obstacle that is cleared at both its ends (Section 4.5). The line bends at
+    step has one face of every obstacle that is cleared at both its ends, as in (M39). The line bends at
     vertices of ``path``, at corners of obstacles that grow with the time of arrival (σ of the path at that
     step), and in regions. ``depth`` in [0, 1] says how deep into a region a visit goes: 0 the rim, 1 the
     middle. Polygons with many corners are simplified (:mod:`~pareto_ltl.planning.refine.search_map`).
