@@ -47,14 +47,15 @@ CASES = [(lie, preset) for lie in LIES for preset in PRESETS if lie.only in ("",
 
 @pytest.fixture(scope="module")
 def honest(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
-    """A small result of each preset; with ``full`` the wind is a forecast, whose last field is held."""
+    """A small result of each preset; with ``full`` an aircraft banks in a forecast, held at its end."""
     place = tmp_path_factory.mktemp("honest")
     forecast = {
         "source": "csv", "path": str(_forecasts(place / "forecasts.csv")), "hold_last": True,
         "forecast_error": str(_law(place / "law.json")),
     }  # fmt: skip
-    for preset, wind in zip(PRESETS, ({}, forecast), strict=True):
-        settings = SMALL | {"wind": SMALL["wind"] | wind}
+    turns = {"bank": 20.0, "turn_delay": 30.0}
+    for preset, wind, robot in zip(PRESETS, ({}, forecast), ({}, turns), strict=True):
+        settings = SMALL | {"wind": SMALL["wind"] | wind, "robot": SMALL["robot"] | robot}
         pareto_ltl.plan("phi1", "F(a & F b & F c)", fidelity=preset, out=place / preset, **settings)
     return {preset: place / preset for preset in PRESETS}
 

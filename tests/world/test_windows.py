@@ -12,7 +12,14 @@ from pareto_ltl.settings import SceneConfig
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.world.scene_files import scene_from_dict, scene_to_dict
 from pareto_ltl.world.scene_settings import scene_from_settings
-from pareto_ltl.world.windows import TimedPlace, Window, duration_seconds, seconds_after, span_text
+from pareto_ltl.world.windows import (
+    TimedPlace,
+    Window,
+    duration_seconds,
+    missed_windows,
+    seconds_after,
+    span_text,
+)
 
 DEPARTURE = "2018-10-09T06:00:00Z"
 SQUARE = [[1, 1], [2, 1], [2, 2], [1, 2]]
@@ -110,3 +117,16 @@ def test_windows_are_said_in_words() -> None:
     assert span_text(-math.inf, 5400.0) == "until 1.5 h after departure"
     assert span_text(1800.0, math.inf) == "from 30 min on after departure"
     assert str(TimedPlace("a", "a", None, "6h").window("map", None)) == "in a until 6 h after departure"
+
+
+def test_windows_that_no_plan_meets_are_named():
+    windows = {
+        "gone": Window("a", -7200.0, -3600.0),
+        "late": Window("a", 90_000.0, math.inf),
+        "met": Window("a", -3600.0, 0.0),
+        "open": Window("a"),
+    }
+    assert missed_windows(windows, 86_400.0) == [
+        "the time window of 'gone' ended 1 h before the departure: it never holds",
+        "the time window of 'late' begins 25 h after departure, and a plan ends after 24 h: it never holds",
+    ]

@@ -45,6 +45,8 @@ class ExportedPlan:
         Lowest and highest height of the flight above the WGS 84 ellipsoid [m], where they are set.
     feedback : float
         ``robot.feedback`` of the plan; 0: it is flown without knowing the position.
+    turn : float or None
+        Centripetal acceleration of turns [m/s²]; None for a robot that turns on the spot.
     """
 
     name: str
@@ -56,6 +58,7 @@ class ExportedPlan:
     height: Height
     band: tuple[float, float] | None
     feedback: float = 0.0
+    turn: float | None = None
 
     @property
     def crs(self) -> str:
@@ -79,6 +82,12 @@ class ExportedPlan:
             "Flown by an autopilot that knows and holds the positions (robot.feedback=1) fail "
             f"{_rate_words(self.held)}."
         )
+        if self.log.swing > 0.0:
+            told.append(
+                f"Turns lose {self.log.late:.0f} s, which the times of the legs hold. They swing up to "
+                f"{self.log.swing:.0f} m from the straight lines between the positions, which failures leave "
+                "out."
+            )
         if plan.not_covered:
             told.append(f"Not covered: {plan.not_covered.rstrip('.')}.")
         return tuple(told)
@@ -104,6 +113,7 @@ def exported_plan(
         height=height_of(level) if cfg.altitude is None else Height(cfg.altitude, above_sea=False),
         band=None if lower is None or upper is None else (lower, upper),
         feedback=problem.motion.gain,
+        turn=problem.turns.acceleration,
     )
 
 

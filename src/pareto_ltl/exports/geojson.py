@@ -28,8 +28,8 @@ def plan_geojson(exported: ExportedPlan) -> bytes:
     """The route, each leg, each expected position, and the map with the roles that ``scene.file`` reads."""
     log, path = exported.log, exported.plan.path
     route = {"role": "route", "name": exported.name, "formula": exported.plan.formula, "order": path.order}
-    features = [_line(exported.crs, path.x, route | {"length_m": path.objectives.length})]
-    features += [_line(exported.crs, path.x[k : k + 2], _leg(exported, k)) for k in range(len(log.airspeed))]
+    features = [_line(exported.crs, log.x, route | {"length_m": path.objectives.length})]
+    features += [_line(exported.crs, log.x[k : k + 2], _leg(exported, k)) for k in range(len(log.airspeed))]
     features += [_position(exported, k) for k in range(len(log.t))]
     return _collection(features + _map_features(exported), exported)
 
@@ -62,7 +62,7 @@ def _position(exported: ExportedPlan, k: int) -> Feature:
         "ellipse_azimuth_deg": log.azimuth[k], "regions": path.label[k], "fix": k in log.fixes,
         "wind_law": log.law,
     }  # fmt: skip
-    return _feature("Point", lonlat(exported.crs, path.x[k]), about)
+    return _feature("Point", lonlat(exported.crs, log.x[k]), about)
 
 
 def _map_features(exported: ExportedPlan) -> list[Feature]:

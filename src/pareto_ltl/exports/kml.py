@@ -51,7 +51,7 @@ def _add_route(document: Xml.Element, exported: ExportedPlan) -> None:
     place = _placemark(document, "route", "route")
     line = add(place, "LineString")
     add(line, "tessellate", "1")
-    add(line, "coordinates", _coordinates(line_degrees(exported.crs, exported.plan.path.x)))
+    add(line, "coordinates", _coordinates(line_degrees(exported.crs, exported.log.x)))
 
 
 def _add_positions(document: Xml.Element, exported: ExportedPlan) -> None:

@@ -23,7 +23,7 @@ NAMES = {
 }
 AIRSPEED, HEADING = 0, 1  # SPEED_TYPE_AIRSPEED, HEADING_TYPE_HEADING
 AT_ONCE = 0.0  # acceleration that means no limit
-TURN = 5.0  # [m/s²] centripetal acceleration, a bank of 27 degrees
+TURN = 5.0  # [m/s²] centripetal acceleration where robot.bank names none: a bank of 27 degrees
 GLOBAL, RELATIVE = 0, 3  # MAV_FRAME_GLOBAL, MAV_FRAME_GLOBAL_RELATIVE_ALT
 POSITION_FRAMES = {True: GLOBAL, False: RELATIVE}  # by whether heights are above mean sea level
 DEGREE = 1e7  # of x and y of COMMAND_INT
@@ -46,6 +46,7 @@ def mavlink_script(exported: ExportedPlan) -> bytes:
 def script_messages(exported: ExportedPlan) -> list[dict[str, Any]]:
     """At the start of each leg wind, airspeed and heading; at a fix that the plan counts on, the position."""
     log, messages = exported.log, []
+    turn = TURN if exported.turn is None else exported.turn
     for k in range(len(log.t)):
         if k in log.fixes:
             messages.append(_position(exported, k))
@@ -56,7 +57,7 @@ def script_messages(exported: ExportedPlan) -> list[dict[str, Any]]:
         messages.append(_message(exported, k, CHANGE_SPEED, [AIRSPEED, log.airspeed[k], AT_ONCE, 0, 0, 0, 0]))
         if math.isfinite(log.heading[k]):
             messages.append(
-                _message(exported, k, CHANGE_HEADING, [HEADING, log.heading[k], TURN, 0, 0, 0, 0])
+                _message(exported, k, CHANGE_HEADING, [HEADING, log.heading[k], turn, 0, 0, 0, 0])
             )
     return messages
 

@@ -27,6 +27,8 @@ class NavigationLog:
         Wind law that the spreads of positions and winds hold under.
     t : (T+1,) float
         [s since departure]
+    x : (T+1, 2) float
+        Expected positions in the plane [m].
     utc : tuple of T + 1 str, or None
         ISO 8601; None where the map names no departure.
     lat, lon : (T+1,) float
@@ -52,10 +54,15 @@ class NavigationLog:
         Of the circle around the expected position that holds 95 % of the positions at that time [m].
     fixes : tuple of int
         Steps at which the plan counts on a position fix.
+    late : float
+        Time that turns lose [s].
+    swing : float
+        Largest distance of the expected flight from the straight lines between the planned positions [m].
     """
 
     law: str
     t: FloatArray
+    x: FloatArray
     utc: tuple[str, ...] | None
     lat: FloatArray
     lon: FloatArray
@@ -73,6 +80,8 @@ class NavigationLog:
     azimuth: FloatArray
     radius: FloatArray
     fixes: tuple[int, ...]
+    late: float = 0.0
+    swing: float = 0.0
 
     @property
     def duration(self) -> FloatArray:
@@ -94,17 +103,19 @@ def navigation_log(problem: Problem, path: PlannedPath) -> NavigationLog:
     """The log of ``path`` on a map with a place on Earth.
 
     The expected wind of a leg is that of the plan: with it, x' = A x + dt B u + dt w leads from one expected
-    position to the next.
+    position to the next. For an aircraft that banks, headings, times and durations are those of
+    :mod:`pareto_ltl.planning.turns`: legs last longer by what a turn loses.
     """
     from pyproj import Geod
 
     scene = problem.scene
     if scene.crs is None:
         raise ValueError("a navigation log needs a map with a place on Earth")
-    lon, lat = to_geographic(scene.crs, path.x)
-    track, _, distance = Geod(ellps="WGS84").inv(lon[:-1], lat[:-1], lon[1:], lat[1:])
-    middle = to_geographic(scene.crs, 0.5 * (path.x[:-1] + path.x[1:]))
     grid_wind, variance = expected_winds(problem, path)
+    legs = problem.turns.ordered(path.t, path.x, path.u, grid_wind)
+    lon, lat = to_geographic(scene.crs, legs.x)
+    track, _, distance = Geod(ellps="WGS84").inv(lon[:-1], lat[:-1], lon[1:], lat[1:])
+    middle = to_geographic(scene.crs, 0.5 * (legs.x[:-1] + legs.x[1:]))
     turn = meridian_convergence(scene.crs, lon, lat)  # of the plane against north, to be added to directions
     bearing = np.arctan2(grid_wind[:, 0], grid_wind[:, 1]) + turn[:-1]
     speed = np.hypot(grid_wind[:, 0], grid_wind[:, 1])
@@ -112,12 +123,13 @@ def navigation_log(problem: Problem, path: PlannedPath) -> NavigationLog:
     major, minor, axis = axes_of(path.cov)
     return NavigationLog(
         law=problem.fidelity.law,
-        t=path.t,
-        utc=utc_times(scene.time_zero, path.t),
+        t=legs.t,
+        x=legs.x,
+        utc=utc_times(scene.time_zero, legs.t),
         lat=lat,
         lon=lon,
-        heading=true_heading(scene.crs, *middle, path.u),
-        airspeed=np.hypot(path.u[:, 0], path.u[:, 1]),
+        heading=true_heading(scene.crs, *middle, legs.u),
+        airspeed=np.hypot(legs.u[:, 0], legs.u[:, 1]),
         track=np.asarray(track, float) % 360.0,
         distance=np.asarray(distance, float),
         wind=np.column_stack([speed * np.sin(bearing), speed * np.cos(bearing)]),
@@ -130,6 +142,8 @@ def navigation_log(problem: Problem, path: PlannedPath) -> NavigationLog:
         azimuth=np.rad2deg(axis + turn) % 180.0,
         radius=circle_radius(major, minor, SHARE),
         fixes=path.fixes,
+        late=legs.late,
+        swing=legs.swing,
     )
 
 

@@ -15,6 +15,7 @@ from pareto_ltl.planning.epochs import Epoch, epochs_of
 from pareto_ltl.planning.pack_logic import pack_corners, pack_logic, pack_ordered
 from pareto_ltl.planning.power import energy_model
 from pareto_ltl.planning.problem import Problem
+from pareto_ltl.planning.turns import turns_of
 from pareto_ltl.settings import PAPER, FidelityConfig, PlannerConfig, RobotConfig, WindConfig
 from pareto_ltl.support.arrays import FloatArray, IntArray
 from pareto_ltl.support.errors import DataError
@@ -300,6 +301,7 @@ def build_problem(
         max_steps=planner.max_steps,
         wind_ends=wind.ends,
         energy=energy_model(robot.power),
+        turns=turns_of(robot),
     )
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from pareto_ltl.kernels import data as kd
 from pareto_ltl.logic.automaton import Automaton
 from pareto_ltl.planning.epochs import Reading
 from pareto_ltl.planning.power import EnergyModel
+from pareto_ltl.planning.turns import Turns, TurnsOnTheSpot
 from pareto_ltl.settings import FidelityConfig
 from pareto_ltl.support.arrays import FloatArray, IntArray
 from pareto_ltl.support.display import Displayed
@@ -42,6 +43,8 @@ class Problem(Displayed):
         Longest path.
     energy : EnergyModel or None
         What the energy of a path follows from, for a robot with a power curve.
+    turns : Turns
+        What the robot does between two legs; orders to its pilot allow for it.
     wind_ends : str
         Why the wind is not known for longer, for messages.
     """
@@ -61,6 +64,7 @@ class Problem(Displayed):
     max_steps: int
     wind_ends: str = ""
     energy: EnergyModel | None = None
+    turns: Turns = field(default_factory=TurnsOnTheSpot)
 
     def facts(self) -> Mapping[str, str]:
         """Formula, size of the automaton and of the map, step, and the end of the known wind."""

@@ -154,9 +154,13 @@ def make_problem(inputs: StageInputs) -> Problem:
     """Map, wind, automaton and robot as the arrays that planning reads."""
     from pareto_ltl.planning.pack import build_problem
     from pareto_ltl.planning.refine import import_early
+    from pareto_ltl.world.windows import missed_windows
 
     settings = inputs.settings
     _check_level(settings.robot, inputs[WIND])
+    longest = settings.planner.max_steps * float(settings.robot.dt)
+    for line in missed_windows(inputs[AUTOMATON].windows, longest):
+        LOG.warning("%s", line)
     if settings.fidelity.refine == "convex":
         import_early()  # behind the modes of the wind and the trees
     return build_problem(

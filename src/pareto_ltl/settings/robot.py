@@ -83,6 +83,17 @@ class RobotConfig(CheckedSettings):
         most=1e4,
         remark="0: the robot can hover, or stop its motor and drift",
     )
+    bank: float = setting(
+        0.0,
+        "bank angle of its turns: orders by heading and airspeed allow for the time and room of a turn",
+        unit="deg",
+        least=0,
+        most=80,
+        remark="0: it turns on the spot",
+    )
+    turn_delay: float = setting(
+        0.0, "from the order to turn to half of the bank", unit="s", least=0, most=600
+    )
     level: str | None = setting(
         None, "where it flies or dives, as wind.level has it; the wind is taken there with wind.level=auto"
     )
@@ -125,9 +136,26 @@ class RobotConfig(CheckedSettings):
         self._check_power()
         check_matrix("robot.a", self.a)
         check_matrix("robot.b", self.b)
+        self._check_turns()
         (p, q), (r, s) = self.b
         if abs(p * s - q * r) < 1e-9:
             raise ConfigError(f"robot.b must be invertible, got {shown_value(self.b)}")
+
+    def _check_turns(self) -> None:
+        """Turns at a bank are those of an aircraft that moves through the air as it is told."""
+        if self.bank == 0.0:
+            return
+        if self.u_min == 0.0:
+            raise ConfigError(
+                "robot.bank needs robot.u_min > 0, as what stands still in the air does not bank: set it "
+                "above the stall speed, or robot.bank=0"
+            )
+        identity = [[1.0, 0.0], [0.0, 1.0]]
+        if self.a != identity or self.b != identity:
+            raise ConfigError(
+                "robot.bank needs robot.a and robot.b to be the identity, since u is then an airspeed: leave "
+                "them out, or set robot.bank=0"
+            )
 
     def _check_power(self) -> None:
         """The power curve must be known from u_min to u_max."""

@@ -214,7 +214,8 @@ class Evidence:
             told = told | {"dt": float(self.metrics["dt_s"])}
         return Robot(
             a=np.array(told["a"], float), b=np.array(told["b"], float), ball=self.settings["wind"]["ball"],
-            u_min=told.get("u_min", 0.0),  # results of earlier versions have none
+            u_min=told.get("u_min", 0.0),  # results of earlier versions have none, nor the next two
+            bank=math.radians(told.get("bank", 0.0)), turn_delay=told.get("turn_delay", 0.0),
             **{key: told[key] for key in (
                 "dt", "u_max", "start_sd", "feedback", "effort_risk", "fix_sd", "fix_gain", "fix_risk"
             )},

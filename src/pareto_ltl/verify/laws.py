@@ -36,6 +36,8 @@ class Robot:
     fix_gain: float
     fix_risk: float
     ball: float
+    bank: float = 0.0
+    turn_delay: float = 0.0
 
     @property
     def closed(self) -> FloatArray:

@@ -133,6 +133,22 @@ def _utc(text: str) -> datetime:
     return moment.replace(tzinfo=UTC) if moment.tzinfo is None else moment
 
 
+def missed_windows(windows: Mapping[str, Window], last: float) -> list[str]:
+    """What to say of each window that no plan meets, which has ``last`` [s] at most: one line each."""
+    lines = []
+    for name, window in windows.items():
+        if window.end < 0.0:
+            when = f"ended {hours_text(-window.end)} before the departure"
+        elif window.begin > last:
+            when = (
+                f"begins {hours_text(window.begin)} after departure, and a plan ends after {hours_text(last)}"
+            )
+        else:
+            continue
+        lines.append(f"the time window of {name!r} {when}: it never holds")
+    return lines
+
+
 def span_text(begin: float, end: float) -> str:
     """``from 2 h until 6 h after departure``"""
     if math.isinf(begin) and math.isinf(end):
@@ -150,4 +166,12 @@ def hours_text(seconds: float) -> str:
     return f"{seconds:g} s"
 
 
-__all__ = ["TimedPlace", "Window", "duration_seconds", "hours_text", "seconds_after", "span_text"]
+__all__ = [
+    "TimedPlace",
+    "Window",
+    "duration_seconds",
+    "hours_text",
+    "missed_windows",
+    "seconds_after",
+    "span_text",
+]

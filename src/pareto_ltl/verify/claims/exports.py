@@ -20,6 +20,7 @@ from pareto_ltl.verify.claims.verdict import Claim, Verdict, close, no_fault
 from pareto_ltl.verify.evidence import Evidence
 from pareto_ltl.verify.flights import RARE, Simulator, clopper_pearson, same_rate
 from pareto_ltl.verify.geometry import outline_distance, within
+from pareto_ltl.verify.turns import fly_table
 
 METRE, SECOND = 1.0, 1.0  # largest differences of places and times
 ANGLE = 0.01  # [deg] of directions
@@ -27,6 +28,7 @@ FINEST = 1.0  # [m] that corridors add to standard deviations
 AHEAD = 1.0  # [m] how far ahead of a place a direction is read
 RADIUS = 0.95  # of the positions within radius_95_m
 SHARES = (0.5, 0.9, 0.95, 0.99)
+TABLE = "dead_reckoning.csv"
 WAYPOINT, AIRSPEED, HEADING = 16, 43000, 43002  # MAV_CMD
 NAMESPACES = {"gpx": "{http://www.topografix.com/GPX/1/1}", "kml": "{http://www.opengis.net/kml/2.2}"}
 
@@ -35,17 +37,26 @@ NAMESPACES = {"gpx": "{http://www.topografix.com/GPX/1/1}", "kml": "{http://www.
 
 
 def place_faults(result: Evidence, lat: Iterable[Any], lon: Iterable[Any], first: int = 0) -> list[str]:
-    """Places that are not those of plan.json from step ``first`` on."""
+    """Places from ``first`` on that are not those of plan.json, or of the table if the aircraft banks."""
     from pyproj import Geod
 
     if result.plan["lat"] is None:
         return ["the plan has no place on Earth"]
     said = np.array([list(map(float, lon)), list(map(float, lat))])
-    true = np.array([result.plan["lon"][first:], result.plan["lat"][first:]], float)
+    if _banks(result):
+        rows = result.table(TABLE)[first:]
+        true = np.array([_column(rows, "lon_deg"), _column(rows, "lat_deg")])
+    else:
+        true = np.array([result.plan["lon"][first:], result.plan["lat"][first:]], float)
     if said.shape != true.shape:
         return [f"{said.shape[1]} places, not {true.shape[1]}"]
     gap = np.asarray(Geod(ellps="WGS84").inv(*said, *true)[2])
     return [f"step {first + t}: {gap[t]:.3g} m off" for t in np.flatnonzero(~(gap <= METRE))]
+
+
+def _banks(result: Evidence) -> bool:
+    """Whether turns move places and times of the legs; the table then has them, and a claim of its own."""
+    return result.robot.bank > 0.0 and result.has(TABLE)
 
 
 def time_faults(result: Evidence, times: Iterable[str | None]) -> list[str]:
@@ -53,6 +64,10 @@ def time_faults(result: Evidence, times: Iterable[str | None]) -> list[str]:
     told, plan = list(times), result.plan["time_utc"]
     if plan is None:
         return [] if not any(told) else ["times, and the plan has none"]
+    if _banks(result):
+        plan = [row["time_utc"] for row in result.table(TABLE)]
+    elif result.robot.bank > 0.0:
+        return []  # they are later than those of the plan, and nothing tells by how much
     if len(told) != len(plan):
         return [f"{len(told)} times, not {len(plan)}"]
     pairs = [
@@ -70,6 +85,7 @@ def route(name: str, result: Evidence) -> Verdict:
 
 
 Route = tuple[list[Any], list[Any], list[str | None]]
+Rows = Sequence[dict[str, str]]
 
 
 def _gpx(result: Evidence) -> Route:
@@ -116,8 +132,10 @@ def trajectory(result: Evidence) -> Verdict:
         since = str(file["time"].attrs["units"]).removeprefix("seconds since ")
     faults = place_faults(result, lat, lon)
     zero = datetime.fromisoformat(f"{since}+00:00") - datetime.fromisoformat(result.plan["time_utc"][0])
-    wanted = np.array(result.plan["t"]) - result.plan["t"][0] - zero.total_seconds()
-    faults += [f"step {k}: time" for k in np.flatnonzero(~(np.abs(t - wanted) <= SECOND))]
+    told = _column(result.table(TABLE), "t_s") if _banks(result) else np.array(result.plan["t"], float)
+    if result.robot.bank == 0.0 or _banks(result):
+        wanted = told - told[0] - zero.total_seconds()
+        faults += [f"step {k}: time" for k in np.flatnonzero(~(np.abs(t - wanted) <= SECOND))]
     faults += [f"leg {k}: airspeed" for k in _unlike(airspeed[:-1], result.plan["airspeed"])]
     return no_fault(f"{len(t)} positions", faults)
 
@@ -127,35 +145,70 @@ def trajectory(result: Evidence) -> Verdict:
 
 def dead_reckoning(result: Evidence) -> Verdict:
     """Places, times, headings, airspeeds and expected winds of the table follow from plan.json."""
-    rows = result.table("dead_reckoning.csv")
-    faults = place_faults(result, _column(rows, "lat_deg"), _column(rows, "lon_deg"))
-    faults += time_faults(result, [row["time_utc"] or None for row in rows])
+    rows = result.table(TABLE)
+    if len(rows) != len(result.x):
+        return no_fault(f"{len(rows)} rows", [f"{len(rows)} rows, not {len(result.x)}"])
+    legs, robot, x = rows[:-1], result.robot, result.x
+    wind = (x[1:] - x[:-1] @ robot.a.T) / robot.dt - result.u @ robot.b.T
+    flown = _flown_with_turns if robot.bank > 0.0 else _flown_on_the_spot
+    faults = flown(result, rows, wind)
     faults += [f"{row['wind_law']} winds" for row in rows[:1] if row["wind_law"] != result.planned_law]
     if faults:
         return no_fault(f"{len(rows)} rows", faults)
-    legs, robot, x = rows[:-1], result.robot, result.x
-    wind = (x[1:] - x[:-1] @ robot.a.T) / robot.dt - result.u @ robot.b.T
-    middle = 0.5 * (x[:-1] + x[1:])
     wanted = {
         "airspeed_m_s": np.hypot(*result.u.T),
-        "duration_s": np.diff(result.plan["t"]),
         "wind_m_s": np.hypot(*wind.T),
         "wind_sd_m_s": np.sqrt(_wind_variance(result).mean(axis=1)),
     }
     least = {"wind_m_s": 0.01, "wind_sd_m_s": 0.01}  # [m/s] as the motion of a step is within 0.5 m
     for key, values in wanted.items():
         faults += [f"leg {k}: {key}" for k in _unlike(_column(legs, key), values, least.get(key, 1e-6))]
-    turns = {
-        "heading_true_deg": (azimuths(result, middle, result.u), np.hypot(*result.u.T)),
-        "wind_from_deg": (azimuths(result, x[:-1], -wind), np.hypot(*wind.T)),
-    }
-    for key, (values, size) in turns.items():
-        gap = np.abs((_column(legs, key) - values + 180.0) % 360.0 - 180.0)
-        faults += [
-            f"leg {k}: {key}"
-            for k in np.flatnonzero((size > 0.1) & ~(gap <= ANGLE * (1 + 10 / np.maximum(size, 0.1))))
-        ]
+    faults += _direction_faults(legs, "wind_from_deg", azimuths(result, x[:-1], -wind), np.hypot(*wind.T))
     return no_fault(f"{len(rows)} rows", faults)
+
+
+def _flown_on_the_spot(result: Evidence, rows: Rows, wind: FloatArray) -> list[str]:
+    """Faults of places, times and headings, for a robot whose turns take no time."""
+    faults = place_faults(result, _column(rows, "lat_deg"), _column(rows, "lon_deg"))
+    faults += time_faults(result, [row["time_utc"] or None for row in rows])
+    duration = _column(rows[:-1], "duration_s")
+    faults += [f"leg {k}: duration_s" for k in _unlike(duration, np.diff(result.plan["t"]))]
+    middle = 0.5 * (result.x[:-1] + result.x[1:])
+    heading, size = azimuths(result, middle, result.u), np.hypot(*result.u.T)
+    return faults + _direction_faults(rows[:-1], "heading_true_deg", heading, size)
+
+
+def _flown_with_turns(result: Evidence, rows: Rows, wind: FloatArray) -> list[str]:
+    """Faults of places, times and headings, for an aircraft that banks.
+
+    Flown in small steps each leg ends at the next place of the table, which is the planned one unless the
+    leg has no room for its turn.
+    """
+    heading, airspeed, duration = (
+        _column(rows[:-1], key) for key in ("heading_true_deg", "airspeed_m_s", "duration_s")
+    )
+    places = _in_plane(result, np.column_stack([_column(rows, "lon_deg"), _column(rows, "lat_deg")]))
+    north = azimuths(result, 0.5 * (places[:-1] + places[1:]), np.tile([0.0, 1.0], (len(heading), 1)))
+    ways, roomy = fly_table(result.robot, np.deg2rad(90.0 + north - heading), airspeed, duration, wind)
+    off = np.linalg.norm(places[:-1] + ways - places[1:], axis=1)
+    faults = [f"leg {k} ends {off[k]:.3g} m from the next place" for k in np.flatnonzero(~(off <= METRE))]
+    moved = np.linalg.norm(places - result.x, axis=1)
+    held = np.concatenate([[True], roomy])
+    faults += [f"step {k}: {moved[k]:.3g} m off" for k in np.flatnonzero(held & ~(moved <= METRE))]
+    t = result.plan["t"][0] + np.concatenate([[0.0], np.cumsum(duration)])
+    faults += [f"step {k}: t_s" for k in _unlike(_column(rows, "t_s"), t, 1e-3)]
+    if (plan := result.plan["time_utc"]) is not None:
+        told = [(datetime.fromisoformat(row["time_utc"]) - datetime.fromisoformat(plan[0])) for row in rows]
+        gaps = np.abs(np.array([gap.total_seconds() for gap in told]) - (t - t[0]))
+        faults += [f"step {k}: {gaps[k]:.3g} s off" for k in np.flatnonzero(~(gaps <= SECOND))]
+    return faults
+
+
+def _direction_faults(legs: Rows, key: str, values: FloatArray, size: FloatArray) -> list[str]:
+    """Directions [deg] that are not ``values``, of vectors of ``size`` [m/s]."""
+    gap = np.abs((_column(legs, key) - values + 180.0) % 360.0 - 180.0)
+    bad = (size > 0.1) & ~(gap <= ANGLE * (1 + 10 / np.maximum(size, 0.1)))
+    return [f"leg {k}: {key}" for k in np.flatnonzero(bad)]
 
 
 def _wind_variance(result: Evidence) -> FloatArray:
@@ -174,7 +227,7 @@ def azimuths(result: Evidence, x: FloatArray, toward: FloatArray) -> FloatArray:
 
 def spreads(result: Evidence) -> Verdict:
     """Ellipses and radii of the table are those of the covariances of plan.json."""
-    rows, cov = result.table("dead_reckoning.csv"), np.array(result.plan["cov"], float)
+    rows, cov = result.table(TABLE), np.array(result.plan["cov"], float)
     values = np.sqrt(np.maximum(np.linalg.eigvalsh(cov), 0.0))
     faults = [f"row {k}: major axis" for k in _unlike(_column(rows, "ellipse_major_m"), values[:, 1], 1e-3)]
     faults += [f"row {k}: minor axis" for k in _unlike(_column(rows, "ellipse_minor_m"), values[:, 0], 1e-3)]
@@ -207,7 +260,7 @@ def held_within(radius: float, major: float, minor: float) -> float:
 def messages(result: Evidence) -> Verdict:
     """Headings, airspeeds and times of the MAVLink script are those of the table."""
     script = read_json(result.directory / "mavlink_script.json")
-    rows = result.table("dead_reckoning.csv")[:-1]
+    rows = result.table(TABLE)[:-1]
     faults = [f"{script['wind_law']} winds"] * (script["wind_law"] != result.planned_law)
     for command, key in ((AIRSPEED, "airspeed_m_s"), (HEADING, "heading_true_deg")):
         sent = {float(m["t"]): float(m["params"][1]) for m in script["messages"] if m["command"] == command}
@@ -368,14 +421,14 @@ def _unlike(said: Iterable[Any], wanted: Iterable[Any], least: float = 1e-6) -> 
 PLAN = ("plan.json", "scene.json")
 ALL = (*PLAN, "cells.json", "automaton.json", "wind.nc", "deployments.npz")
 CLAIMS = (
-    Claim("exports: dead_reckoning.csv", ("dead_reckoning.csv", *PLAN, "wind.nc"), dead_reckoning),
-    Claim("exports: ellipses and radii", ("dead_reckoning.csv", *PLAN), spreads),
+    Claim("exports: dead_reckoning.csv", (TABLE, *PLAN, "wind.nc"), dead_reckoning),
+    Claim("exports: ellipses and radii", (TABLE, *PLAN), spreads),
     *(
         Claim(f"exports: {name}", (name, *PLAN), partial(route, name))
         for name in ("plan.gpx", "plan.kml", "plan.geojson")
     ),
     Claim("exports: trajectory.nc", ("trajectory.nc", *PLAN), trajectory),
-    Claim("exports: mavlink_script.json", ("mavlink_script.json", "dead_reckoning.csv", *PLAN), messages),
+    Claim("exports: mavlink_script.json", ("mavlink_script.json", TABLE, *PLAN), messages),
     Claim("exports: mission.plan", ("mission.plan", *PLAN, "cells.json", "automaton.json"), mission),
     Claim("exports: failure of mission.plan", ("mission.plan", *ALL), mission_failure),
     Claim("exports: sizes of corridors", ("corridor.geojson", *ALL), corridor_sizes),

@@ -1,0 +1,261 @@
+"""What a robot does between two legs: one that turns on the spot, or an aircraft that banks.
+
+A plan is flown by heading and airspeed, leg by leg. An aircraft that banks comes out of a turn beside and
+behind the place where one that turns on the spot would be, in every wind by the same vector: a reversal at
+55 m/s and 30° of bank displaces it by 2 km. Its orders are therefore worked out with the turn in them, so
+that each leg still ends where the plan expects it, later by the time that the turn loses.
+"""
+
+from __future__ import annotations
+
+import cmath
+import math
+from dataclasses import dataclass
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from pareto_ltl.settings import RobotConfig
+from pareto_ltl.support.arrays import FloatArray
+
+GRAVITY = 9.80665  # [m/s²]
+ITERATIONS = 200  # of the fixed point of a leg
+MOST = math.radians(
+    170.0
+)  # of a turn; an autopilot that swings by a few degrees may turn by more the other way
+CLOSE = 1e-9  # [rad] at which it has settled
+PARTS = 32  # of a turn and of the rest of its leg, for the distance from the planned line
+
+
+class OrderedLegs(NamedTuple):
+    """Orders to a pilot, and where they are expected to lead; T legs in the plane.
+
+    Attributes
+    ----------
+    t : (T+1,) float
+        When each order is given, and the arrival [s since departure].
+    x : (T+1, 2) float
+        Expected positions then [m].
+    u : (T, 2) float
+        Airspeed along the heading of each order [m/s].
+    late : float
+        Time that all turns lose [s].
+    swing : float
+        Largest distance of the expected flight from the straight lines between the planned positions [m].
+    """
+
+    t: FloatArray
+    x: FloatArray
+    u: FloatArray
+    late: float
+    swing: float
+
+
+class Turns(Protocol):
+    """How a robot turns from one heading to the next."""
+
+    @property
+    def acceleration(self) -> float | None:
+        """Centripetal acceleration of a turn [m/s²]; None for turns on the spot."""
+
+    def ordered(self, t: FloatArray, x: FloatArray, u: FloatArray, wind: FloatArray) -> OrderedLegs:
+        """Orders that lead through the planned positions.
+
+        ``t`` (T+1,) [s], ``x`` (T+1, 2) [m], ``u`` (T, 2) and the expected ``wind`` of each leg (T, 2) [m/s].
+        """
+
+
+@dataclass(frozen=True, slots=True)
+class TurnsOnTheSpot:
+    """Turns take neither time nor room: the orders are the controls of the plan."""
+
+    @property
+    def acceleration(self) -> None:
+        """None: no turn."""
+
+    def ordered(self, t: FloatArray, x: FloatArray, u: FloatArray, wind: FloatArray) -> OrderedLegs:
+        """The plan as it is."""
+        return OrderedLegs(t, x, u, 0.0, 0.0)
+
+
+@dataclass(frozen=True, slots=True)
+class BankedTurns:
+    """Level turns at a constant bank φ, some time after the order.
+
+    The heading stays for ``delay`` [s], in which the aircraft rolls, then changes at ω = g tan φ / V towards
+    that of the order, the shorter way round; V is the airspeed of the new leg. The first leg needs no turn.
+
+    Attributes
+    ----------
+    bank : float
+        φ [rad].
+    delay : float
+        From the order to half of the bank [s].
+    """
+
+    bank: float
+    delay: float
+
+    @property
+    def acceleration(self) -> float:
+        """Centripetal acceleration g tan φ [m/s²]."""
+        return GRAVITY * math.tan(self.bank)
+
+    def ordered(self, t: FloatArray, x: FloatArray, u: FloatArray, wind: FloatArray) -> OrderedLegs:
+        """Orders whose expected flight is at ``x`` at the end of each leg.
+
+        A leg that would turn by more than 170° turns by that, as far along as planned, and ends to the side.
+        A leg that is too short for its turn keeps the order of the plan. Its end is then where the turn has
+        led, and the next leg goes on from there.
+        """
+        planned, air, winds = _complex(x), _complex(u), _complex(wind)
+        places, orders, times = [planned[0]], [], [float(t[0])]
+        heading, swing = cmath.phase(air[0]) if len(air) else 0.0, 0.0
+        for k, order in enumerate(air):
+            leg = self._leg_to(planned[k + 1] - places[k], abs(order), heading, winds[k])
+            if leg is None:
+                leg = Leg(self, heading, abs(order), cmath.phase(order), float(t[k + 1] - t[k]), winds[k])
+            swing = max(swing, leg.swing(places[k], planned[k], planned[k + 1]))
+            places.append(places[k] + leg.at(leg.duration))
+            orders.append(cmath.rect(leg.airspeed, leg.order))
+            times.append(times[k] + leg.duration)
+            heading = leg.heading(leg.duration)
+        late = times[-1] - float(t[-1])
+        return OrderedLegs(np.array(times), _pairs(places), _pairs(orders), late, swing)
+
+    def rate(self, airspeed: float) -> float:
+        """Rate of turn at an airspeed [rad/s]."""
+        return self.acceleration / airspeed
+
+    def _leg_to(self, way: complex, airspeed: float, heading: float, wind: complex) -> Leg | None:
+        """The shortest leg of this airspeed over ``way`` [m] from ``heading``; None if it has no room."""
+        found = (self._turning(way, airspeed, heading, wind, side) for side in (1.0, -1.0))
+        return min((leg for leg in found if leg is not None), key=lambda leg: leg.duration, default=None)
+
+    def _turning(
+        self, way: complex, airspeed: float, heading: float, wind: complex, side: float
+    ) -> Leg | None:
+        """The leg that turns to ``side`` (1: left), by a fixed point of its order.
+
+        With D(ψ) the displacement by the turn against one on the spot, a leg of T seconds leads to
+        D(ψ) + T (V e^iψ + w): T and ψ are those of the wind triangle over way - D(ψ). Eqs. (M71), (M72)
+        of docs/mathematics_methods.md.
+        """
+        order, duration = heading, 0.0
+        for _ in range(ITERATIONS):
+            rest = way - self._displacement(heading, order, airspeed, side)
+            duration = _time_over(rest, airspeed, wind)
+            if not math.isfinite(duration):
+                return None
+            better = cmath.phase(rest / duration - wind)
+            if abs(math.remainder(better - order, math.tau)) < CLOSE:
+                break
+            order = better
+        else:
+            return None
+        angle = _turned(heading, order, side)
+        if MOST < angle <= math.tau - MOST:
+            angle, order = MOST, heading + side * MOST
+            duration = self._time_along(way, airspeed, heading, order, wind, side)
+        if not -CLOSE <= angle <= MOST or duration < self.delay + angle / self.rate(airspeed):
+            return None  # it would turn the other way, or still be turning
+        return Leg(self, heading, airspeed, order, duration, wind)
+
+    def _time_along(
+        self, way: complex, airspeed: float, heading: float, order: float, wind: complex, side: float
+    ) -> float:
+        """Time in which a leg of a given order comes as far along ``way`` as that is long [s]."""
+        ahead = way.conjugate() / abs(way)
+        rest = way - self._displacement(heading, order, airspeed, side)
+        progress = ((cmath.rect(airspeed, order) + wind) * ahead).real
+        return (rest * ahead).real / progress if progress > 0.0 else 0.0
+
+    def _displacement(self, heading: float, order: float, airspeed: float, side: float) -> complex:
+        """Place after the turn less that of an aircraft that had the new heading at once [m]."""
+        rate = self.rate(airspeed)
+        old, new = cmath.rect(1.0, heading), cmath.rect(1.0, order)
+        arc = (new - old) / (1j * side * rate)
+        spot = self.delay + _turned(heading, order, side) / rate
+        return airspeed * (self.delay * old + arc - spot * new)
+
+
+@dataclass(frozen=True, slots=True)
+class Leg:
+    """One leg of an aircraft that banks, in the expected wind; angles counter-clockwise from +x [rad]."""
+
+    turns: BankedTurns
+    start: float
+    airspeed: float
+    order: float
+    duration: float
+    wind: complex
+
+    @property
+    def angle(self) -> float:
+        """By which it turns, the shorter way; positive to the left."""
+        return math.remainder(self.order - self.start, math.tau)
+
+    def heading(self, time: float) -> float:
+        """Direction of the nose ``time`` after the order."""
+        turned = self.turns.rate(self.airspeed) * max(time - self.turns.delay, 0.0)
+        return self.start + math.copysign(min(turned, abs(self.angle)), self.angle)
+
+    def at(self, time: float) -> complex:
+        """Place ``time`` after the order, from its start [m]."""
+        if not self.angle:
+            return time * (cmath.rect(self.airspeed, self.order) + self.wind)
+        rate = math.copysign(self.turns.rate(self.airspeed), self.angle)
+        waited = min(time, self.turns.delay)
+        turning = min(time - waited, self.angle / rate)
+        old, now = cmath.rect(1.0, self.start), cmath.rect(1.0, self.heading(time))
+        arc = (now - old) / (1j * rate)
+        straight = time - waited - turning
+        return self.airspeed * (waited * old + arc + straight * now) + time * self.wind
+
+    def swing(self, start: complex, first: complex, last: complex) -> float:
+        """Largest distance of the leg, flown from ``start``, from the line between two places [m]."""
+        end = self.turns.delay + abs(self.angle) / self.turns.rate(self.airspeed)
+        turn = np.linspace(0.0, min(end, self.duration), PARTS)
+        times = np.concatenate([turn, np.linspace(turn[-1], self.duration, PARTS)])
+        return max(_distance(start + self.at(float(time)), first, last) for time in times)
+
+
+def _turned(heading: float, order: float, side: float) -> float:
+    """Angle from ``heading`` to ``order`` on one side, in [-π/2, 3π/2), so that 0 and a little less agree."""
+    return (side * (order - heading) + 0.5 * math.pi) % math.tau - 0.5 * math.pi
+
+
+def _time_over(way: complex, airspeed: float, wind: complex) -> float:
+    """Shortest T with \\|way / T - wind\\| = airspeed [s]; inf where the wind forbids it."""
+    a, b, c = abs(way) ** 2, (way * wind.conjugate()).real, abs(wind) ** 2 - airspeed**2
+    root = b * b - a * c
+    if root < 0.0 or a == 0.0:
+        return math.inf
+    inverse = (b + math.sqrt(root)) / a
+    return 1.0 / inverse if inverse > 0.0 else math.inf
+
+
+def _distance(point: complex, first: complex, last: complex) -> float:
+    """From ``point`` to the segment from ``first`` to ``last``."""
+    way = last - first
+    length = abs(way) ** 2
+    share = min(max(((point - first) * way.conjugate()).real / length, 0.0), 1.0) if length else 0.0
+    return abs(point - first - share * way)
+
+
+def _complex(pairs: FloatArray) -> list[complex]:
+    return [complex(x, y) for x, y in pairs.tolist()]
+
+
+def _pairs(values: list[complex]) -> FloatArray:
+    return np.array([[value.real, value.imag] for value in values]).reshape(-1, 2)
+
+
+def turns_of(robot: RobotConfig) -> Turns:
+    """How the robot of the settings turns."""
+    if robot.bank == 0.0:
+        return TurnsOnTheSpot()
+    return BankedTurns(math.radians(robot.bank), robot.turn_delay)
+
+
+__all__ = ["BankedTurns", "Leg", "OrderedLegs", "Turns", "TurnsOnTheSpot", "turns_of"]
