@@ -135,6 +135,19 @@ def test_the_process_leaves_its_marker(monkeypatch, task, tmp_path):
     assert (tmp_path / "marker").exists()
 
 
+def test_a_mission_without_a_way_ends_the_process_quietly(monkeypatch, tmp_path, capfd):
+    monkeypatch.setattr(compiling, "code_marker", lambda *_: tmp_path / "marker")
+    settings, wind, _ = small()
+    walled = make_scene({"a": box(13, 2, 17, 6)}, [box(8, 0, 9, 20)], start=(2.0, 3.0))
+    without = make_problem("F a", walled, wind, settings.robot, fidelity=settings.fidelity)
+    process = CompilingProcess(settings)
+    told(process, wind, without)
+    process.wait()
+    process.end()
+    assert not (tmp_path / "marker").exists()
+    assert capfd.readouterr().err == ""
+
+
 def test_ctrl_c_while_the_run_waits_ends_its_budget(task):
     """Here the wait is interrupted, there the front is made of what one look gives."""
     settings, wind, problem = task

@@ -36,6 +36,7 @@ from pareto_ltl.support.cores import cores
 from pareto_ltl.support.errors import InfeasibleError
 from pareto_ltl.support.memory import require_memory
 from pareto_ltl.support.messages import shown_value
+from pareto_ltl.world.windows import missed_windows
 
 ITERATIONS_PER_VERTEX = 50  # extensions tried before a tree that does not grow is given up
 LOOK = 0.02  # [s] between two looks at the clock
@@ -350,10 +351,18 @@ def _check_lead(task: GrowthTask, tree: GrowingTree) -> None:
     problem, vertices, state = task.problem, tree.search.tree, tree.search.state
     start = int(vertices.q[0]) * len(problem.labels) + int(vertices.cell[0])
     if len(shortest_lead(task.graph, state.members, state.selected, start, state.heap)) == 0:
+        wanted = {
+            name: w for name, w in problem.automaton.windows.items() if name not in problem.scene.forbidden
+        }
+        missed = missed_windows(wanted, problem.max_steps * problem.motion.dt)
+        why = (
+            f"{'; '.join(missed)}; change the window, mission.start_time or planner.max_steps"
+            if missed
+            else "a region it needs cannot be reached from the start, or the start's own label breaks the "
+            "mission at once; move the start, a region or an obstacle"
+        )
         raise InfeasibleError(
-            f"no way through the map completes {shown_value(problem.automaton.formula)}: a region it needs "
-            "cannot be reached from the start, or the start's own label breaks the mission at once; move the "
-            "start, a region or an obstacle"
+            f"no way through the map completes {shown_value(problem.automaton.formula)}: {why}"
         )
 
 

@@ -111,10 +111,13 @@ def serve() -> None:
     """
     logging.disable()
     settings, wind, problem, marker = requests().get()
-    carry_out_small(settings, wind, problem)
-    with suppress(OSError):
+    try:
+        carry_out_small(settings, wind, problem)
         write_bytes(marker, b"")
-    os._exit(0)  # a thread still reads the standard input, at which an ordinary end would stumble
+    except Exception as error:  # what is wrong with the run, the run says
+        LOG.debug("nothing is compiled ahead: %s", error)
+    finally:
+        os._exit(0)  # a thread still reads the standard input, at which an ordinary end would stumble
 
 
 def carry_out_small(settings: Settings, wind: Any, problem: Problem) -> Run:
