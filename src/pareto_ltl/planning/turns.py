@@ -73,7 +73,7 @@ class TurnsOnTheSpot:
     def acceleration(self) -> None:
         """None: no turn."""
 
-    def ordered(self, t: FloatArray, x: FloatArray, u: FloatArray, wind: FloatArray) -> OrderedLegs:
+    def ordered(self, t: FloatArray, x: FloatArray, u: FloatArray, wind: FloatArray) -> OrderedLegs:  # noqa: ARG002
         """The plan as it is."""
         return OrderedLegs(t, x, u, 0.0, 0.0)
 
@@ -226,7 +226,7 @@ def _turned(heading: float, order: float, side: float) -> float:
 
 
 def _time_over(way: complex, airspeed: float, wind: complex) -> float:
-    """Shortest T with \\|way / T - wind\\| = airspeed [s]; inf where the wind forbids it."""
+    """Shortest T with |way / T - wind| = airspeed [s]; inf where the wind forbids it."""
     a, b, c = abs(way) ** 2, (way * wind.conjugate()).real, abs(wind) ** 2 - airspeed**2
     root = b * b - a * c
     if root < 0.0 or a == 0.0:

@@ -167,7 +167,7 @@ def dead_reckoning(result: Evidence) -> Verdict:
     return no_fault(f"{len(rows)} rows", faults)
 
 
-def _flown_on_the_spot(result: Evidence, rows: Rows, wind: FloatArray) -> list[str]:
+def _flown_on_the_spot(result: Evidence, rows: Rows, wind: FloatArray) -> list[str]:  # noqa: ARG001 - as the other
     """Faults of places, times and headings, for a robot whose turns take no time."""
     faults = place_faults(result, _column(rows, "lat_deg"), _column(rows, "lon_deg"))
     faults += time_faults(result, [row["time_utc"] or None for row in rows])
