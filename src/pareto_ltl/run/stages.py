@@ -158,12 +158,9 @@ def make_problem(inputs: StageInputs) -> Problem:
 
     settings = inputs.settings
     _check_level(settings.robot, inputs[WIND])
-    longest = settings.planner.max_steps * float(settings.robot.dt)
-    for line in missed_windows(inputs[AUTOMATON].windows, longest):
-        LOG.warning("%s", line)
     if settings.fidelity.refine == "convex":
         import_early()  # behind the modes of the wind and the trees
-    return build_problem(
+    problem = build_problem(
         settings.robot,
         settings.planner,
         settings.wind,
@@ -173,6 +170,9 @@ def make_problem(inputs: StageInputs) -> Problem:
         inputs[AUTOMATON],
         settings.fidelity,
     )
+    for line in missed_windows(problem.automaton.windows, problem.max_steps * problem.motion.dt):
+        LOG.warning("%s", line)
+    return problem
 
 
 def _check_level(robot: RobotConfig, wind: WindField) -> None:
