@@ -1,6 +1,7 @@
 # make demo   plan the first mission, offline, on the packaged wind
 # make test   run the tests
 # make fuzz   read CASES=100000 spoilt files and texts of every kind (ARGS="scenes automata" for some kinds)
+# make docs   build the docs site into site/
 # make peers  compare with OMPL, Drake and MONA, each in an environment of its own (docs/peers.md)
 # All install exactly requirements.lock into .venv first, with uv where it is on PATH, else with pip.
 # Another interpreter: make demo PYTHON=python3.12
@@ -16,7 +17,7 @@ UV := $(shell command -v uv 2>/dev/null)
 
 PEERS := build/peers
 
-.PHONY: demo test fuzz faults bench scale peers lint types dist lock install clean
+.PHONY: demo test fuzz faults bench scale peers lint types docs dist lock install clean
 .DELETE_ON_ERROR:
 
 demo: $(READY)
@@ -61,6 +62,10 @@ types: $(READY)
 dist: $(READY)
 	$(BIN)/python -m build --outdir $(DIST) .
 
+# The site, into site/; warnings are errors. The variable keeps an advertisement of the theme off the screen.
+docs: $(READY)
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
+
 install: $(READY)
 
 $(READY): requirements.lock pyproject.toml
@@ -83,4 +88,4 @@ lock:
 	  --no-emit-find-links --all-extras --python-version 3.11 pyproject.toml -o requirements.lock
 
 clean:
-	rm -rf $(VENV) build dist .mypy_cache .ruff_cache .pytest_cache .import_linter_cache
+	rm -rf $(VENV) build dist site .mypy_cache .ruff_cache .pytest_cache .import_linter_cache

@@ -43,7 +43,7 @@ def run_hydra(argv: Sequence[str], command: str | None = None) -> int:
 
 def _run_arguments(argv: Sequence[str], command: str | None, typed: Sequence[str]) -> int:
     arguments = parse_flags(argv)
-    _apply_command(arguments, command)
+    apply_command(arguments, command)
     if arguments.help:
         print(_help_for(arguments, command))
         return 0
@@ -63,7 +63,7 @@ def _run_arguments(argv: Sequence[str], command: str | None, typed: Sequence[str
     return max(job.codes, default=0)
 
 
-def _apply_command(arguments: argparse.Namespace, command: str | None) -> None:
+def apply_command(arguments: argparse.Namespace, command: str | None) -> None:
     """Add to ``arguments`` what ``command`` stands for."""
     if command == "sweep":
         arguments.multirun = True
