@@ -23,6 +23,7 @@ from playwright.sync_api import sync_playwright
 import pareto_ltl
 from documents import DOCUMENTS, ROOT
 from pareto_ltl.settings import Settings, declarations
+from pareto_ltl.support.resources import PACKAGE
 from pareto_ltl.support.schemas import SCHEMA_NAMES, schema_text
 
 BUILD = """
@@ -219,10 +220,19 @@ def test_the_journey_of_a_run_names_functions_where_they_are() -> None:
     steps = [(found["names"], found["file"]) for found in JOURNEY.finditer(text)]
     assert len(steps) > 40
     for names, file in steps:
-        code = (ROOT / "src" / "pareto_ltl" / file).read_text(encoding="utf-8")
+        code = (PACKAGE / file).read_text(encoding="utf-8")
         for name in re.findall(r"[\w.*]+", re.split(r"->|  +", names)[-1]):
             pattern = name.rpartition(".")[2].replace("*", r"\w+")
             assert re.search(rf"\b(def|class) {pattern}\b", code), (name, file)
+
+
+@pytest.mark.parametrize("name", ["architecture.md", "adding.md"])
+def test_the_files_that_a_page_about_the_code_names_are_there(name: str) -> None:
+    text = (ROOT / "docs" / name).read_text(encoding="utf-8")
+    files = re.findall(r"`([\w-]+/[\w/]+\.(?:py|yaml))`", text)
+    assert len(files) > 10
+    missing = [file for file in files if not any((at / file).is_file() for at in (ROOT, PACKAGE))]
+    assert {file for file in missing if "NAME" not in file and "harbour" not in file} == set()
 
 
 # --- in a browser ----------------------------------------------------------------------------

@@ -142,12 +142,15 @@ class PlannedPath(Displayed):
     Attributes
     ----------
     t : (T+1,) float
-        [s since time_zero]
-    x : (T+1, 2) float, cov : (T+1, 2, 2) float
-        Mean [m] and covariance [m²] of the position.
+        Times [s since time_zero].
+    x : (T+1, 2) float
+        Means of the position [m].
+    cov : (T+1, 2, 2) float
+        Covariances of the position [m²].
     q : (T+1,) int
         Automaton state after reading the label of each step.
     label : tuple of T+1 frozensets
+        Propositions that hold at each step.
     u : (T, 2) float
         Air-relative velocity [m/s].
     origin : str
