@@ -1,3 +1,8 @@
 """A wind that is fitted in a moment, for tests that plan whole missions."""
 
 QUICK_WIND = {"max_points": 40, "modes_max": 16, "spacing": 100e3, "modes_spacing": 100e3}
+
+
+def wind_words() -> list[str]:
+    """The same for the command line."""
+    return [f"wind.{key}={value}" for key, value in QUICK_WIND.items()]

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import ast
 import json
-import os
 import pathlib
 import re
 import shlex
 import subprocess
 import sys
+from functools import cache
 
 import pytest
 
@@ -18,37 +18,44 @@ SCRIPTS = sorted((ROOT / "examples").glob("*.py"))
 TOUR = json.loads((ROOT / "examples" / "tour.ipynb").read_text())
 
 
+@pytest.fixture(scope="module")
+def ran(tmp_path_factory):
+    """What the process of an example told, which is run once."""
+
+    @cache
+    def run(script):
+        command, place = [sys.executable, str(script)], tmp_path_factory.mktemp(script.stem)
+        return subprocess.run(command, cwd=place, capture_output=True, text=True, check=False)
+
+    return run
+
+
 @pytest.mark.parametrize("script", SCRIPTS, ids=lambda path: path.stem)
-def test_an_example_runs_and_says_something(script, tmp_path):
-    environment = os.environ | {"PARETO_LTL_CACHE": str(tmp_path / "cache")}
-    done = subprocess.run(
-        [sys.executable, str(script)],
-        cwd=tmp_path,
-        env=environment,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+def test_an_example_runs_and_says_something(script, ran):
+    done = ran(script)
     assert done.returncode == 0, done.stderr
     assert done.stdout.strip()
     assert "Warning" not in done.stderr
 
 
-def test_the_python_example_reports_a_promise_and_what_came_of_it(tmp_path):
-    environment = os.environ | {"PARETO_LTL_CACHE": str(tmp_path / "cache")}
-    script = ROOT / "examples" / "plan_from_python.py"
-    done = subprocess.run(
-        [sys.executable, str(script)],
-        cwd=tmp_path,
-        env=environment,
-        capture_output=True,
-        text=True,
-        check=True,
-    )
+def test_the_python_example_reports_a_promise_and_what_came_of_it(ran):
+    done = ran(ROOT / "examples" / "plan_from_python.py")
     promised = float(re.search(r"promised failure ([0-9.]+)", done.stdout)[1])
     simulated = float(re.search(r"simulated failure ([0-9.]+) in 500", done.stdout)[1])
     assert 0 <= promised < 0.02
     assert simulated < promised + 0.05
+
+
+def test_the_counter_examples_break_the_papers_bound_and_not_the_ordered_one(ran):
+    lines = ran(ROOT / "examples" / "bound_counterexamples.py").stdout.strip().splitlines()
+    assert len(lines) == 2
+    for line in lines:
+        promised = float(line.split("Theorem 2 says ")[1].split(",")[0])
+        ordered = float(line.split("ordered bound ")[1].split(";")[0])
+        low, high = (float(end) for end in line.split("95 %: ")[1].rstrip(")").split(" to "))
+        assert promised < 0.1 * low
+        assert ordered > low
+        assert high < 1.0
 
 
 def test_the_map_of_the_examples_is_read():

@@ -18,6 +18,7 @@ from pareto_ltl.planning.refine.convex import SmoothingShape, state_smoothing
 from pareto_ltl.planning.refine.kept_forms import arrays_of, form_of, forms_are_kept, kept_form
 from pareto_ltl.planning.refine.risk_sharing import AllocatedRisk, EqualShares
 from patience import PATIENCE
+from quick_wind import wind_words
 
 TURNED = ((0.8, 0.6), (-0.6, 0.8))
 STATEMENTS = {
@@ -124,7 +125,7 @@ def test_the_second_run_needs_no_cvxpy_and_makes_the_same_plan(
         "print('cvxpy' in sys.modules)\n"
     )
     words = (
-        "+experiment=phi1", f"fidelity={fidelity}", "wind.max_points=20", "planner.trees=2",
+        "+experiment=phi1", f"fidelity={fidelity}", *wind_words(), "planner.trees=2",
         "planner.n_max=1500", "refine.flights=50", "selection.draws=50", "selection.runs=50", "report=none",
         "deployment.runs=20",
     )  # fmt: skip

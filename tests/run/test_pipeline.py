@@ -31,16 +31,19 @@ from pareto_ltl.settings import (
     IngestConfig,
     MissionConfig,
     PlannerConfig,
+    RefineConfig,
     ReportConfig,
     SceneConfig,
     SelectionConfig,
     Settings,
     SmoothingConfig,
+    WindConfig,
     preset,
 )
 from pareto_ltl.studies.stages import STUDY_STAGES
 from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
 from pareto_ltl.support.resources import choice_file
+from quick_wind import QUICK_WIND
 
 FLOUR = RecordKey[str]("flour")
 DOUGH = RecordKey[str]("dough")
@@ -213,6 +216,8 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Asked]:
         mission=MissionConfig(formula="F a"),
         planner=PlannerConfig(trees=2, n_max=600),
         smoothing=SmoothingConfig(candidates=1, rounds=1, weights=[10.0]),
+        refine=RefineConfig(flights=100, sweep_flights=40, points=3),
+        wind=WindConfig(**QUICK_WIND),
         selection=SelectionConfig(draws=50, runs=50),
         deployment=DeploymentConfig(runs=20),
         ingest=IngestConfig(out=str(place / "table.csv"), points=20),
