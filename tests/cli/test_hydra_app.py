@@ -351,8 +351,10 @@ def test_a_run_that_is_asked_to_end_notes_it_and_ends_with_the_code_of_the_signa
 
 
 def test_a_log_that_cannot_be_written_is_one_line(
-    here: Path, stage: Any, capsys: pytest.CaptureFixture[str]
+    here: Path, stage: Any, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)  # Python would keep half a module
+
     def chatty(inputs: StageInputs) -> None:
         resource.setrlimit(resource.RLIMIT_FSIZE, (10_000, before[1]))
         for _ in range(1000):
@@ -372,7 +374,10 @@ def test_a_log_that_cannot_be_written_is_one_line(
 
 
 def test_a_disk_that_is_full_is_one_line_whatever_file_fills_it(here: Path) -> None:
-    """In processes of their own: a library that writes to the disk itself could end the process."""
+    """In processes of their own: a library that writes to the disk itself could end the process.
+
+    Python would keep half a compiled module, so it writes none.
+    """
     words = [
         "+experiment=phi1_calm",
         "pipelines.stages=[readings,scene,observations,wind]",
@@ -384,7 +389,7 @@ def test_a_disk_that_is_full_is_one_line_whatever_file_fills_it(here: Path) -> N
             f"resource.setrlimit(resource.RLIMIT_FSIZE, ({limit}, resource.RLIM_INFINITY));"
             f"sys.exit(run({words!r}))"
         )
-        done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+        done = subprocess.run([sys.executable, "-B", "-c", code], capture_output=True, text=True, check=False)
         assert done.returncode == 2, done.stderr
         assert done.stderr.count("\n") == 1
         assert "File too large" in done.stderr
