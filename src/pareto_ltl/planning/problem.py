@@ -72,7 +72,7 @@ class Problem(Displayed):
             "formula": self.automaton.formula,
             "automaton": f"{self.automaton.n_states} states",
             "cells": f"{len(self.decomposition.cells):,}",
-            "step": f"{self.motion.dt:,.4g} s",
+            "step": f"{self.motion.dt:,.8g} s",
             "wind law": self.fidelity.law,
             "wind known for": f"{self.horizon} steps",
         }

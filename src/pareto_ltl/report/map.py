@@ -147,7 +147,7 @@ def _heading(run: DrawnRun) -> list[str]:
     path, models = run.plan.path, run.plan.models
     hours, steps = (path.t[-1] - path.t[0]) / 3600, len(path.u)
     lines = [
-        f"{distance_text(path.objectives.length)}, {hours:,.1f} h, {steps} steps of {run.plan.dt:,.4g} s",
+        f"{distance_text(path.objectives.length)}, {hours:,.1f} h, {steps} steps of {run.plan.dt:,.8g} s",
         f"planned in {models.law} winds: {models.mission_symbol} ≤ "
         f"{shown_probability(path.objectives.mission_risk)}, "
         f"R ≤ {shown_probability(path.objectives.collision_risk)}",

@@ -19,6 +19,7 @@ from pareto_ltl.logic.picture import automaton_figure
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import Forest, Front, Plan, PlannedPath, Tree
 from pareto_ltl.report import style
+from pareto_ltl.report.frames import frames_figure
 from pareto_ltl.report.front import front_figure
 from pareto_ltl.report.lattice import lattice_nodes
 from pareto_ltl.report.map import plan_figure
@@ -76,7 +77,8 @@ def draw_record(record: Any, scene: Scene | None = None, **options: Any) -> Draw
         The map to draw it on.
     options
         ``time`` of a wind field (seconds after departure, or ``"6h"``), ``plan`` of a front (the path to
-        mark), ``count`` of simulated flights (how many are drawn).
+        mark), ``count`` of simulated flights (how many are drawn), and their ``frames`` with ``plan`` (a map
+        for each of so many moments).
 
     Raises
     ------
@@ -153,8 +155,19 @@ def _tree_chart(tree: Tree, scene: Scene | None) -> Figure:
     return _map_chart([f"a tree of {len(tree):,} vertices"], scene or _ground_around(tree.x), forest=forest)
 
 
-def _flights_chart(deployment: Deployment, scene: Scene | None, count: int = 100) -> Figure:
+def _flights_chart(
+    deployment: Deployment,
+    scene: Scene | None,
+    count: int = 100,
+    frames: int = 0,
+    plan: Plan | None = None,
+) -> Figure:
+    """All flights on one map; with ``frames`` and the ``plan`` that tells the times, a strip of maps."""
     ground = scene or _ground_around(deployment.x.reshape(-1, 2))
+    if frames:
+        if plan is None:
+            raise TypeError("a strip of frames needs plan=, which tells the times of the steps")
+        return frames_figure(ground, deployment, plan.path.t, frames, count)
     drawn = DrawnRun(ground, deployments={deployment.law: deployment})
     return plan_figure(ReportConfig(paths=count), drawn, heading=[])
 
