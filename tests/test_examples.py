@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ast
 import json
 import pathlib
 import re
@@ -15,7 +14,6 @@ import pytest
 
 ROOT = pathlib.Path(__file__).parents[1]
 SCRIPTS = sorted((ROOT / "examples").glob("*.py"))
-TOUR = json.loads((ROOT / "examples" / "tour.ipynb").read_text())
 
 
 @pytest.fixture(scope="module")
@@ -125,36 +123,3 @@ def test_an_example_of_the_interface_is_short():
     for script in SCRIPTS:
         code = [line for line in script.read_text().splitlines() if line.strip()]
         assert len(code) <= 15 or script.stem in ("bound_counterexamples", "send_mavlink"), script.name
-
-
-def test_the_tour_runs_from_its_first_cell_to_its_last(tmp_path, monkeypatch, capsys):
-    """A cell runs as in a notebook; its last expression is shown, records as HTML, drawings as PNG."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
-    names: dict[str, object] = {}
-    shown = []
-    for cell in TOUR["cells"]:
-        if cell["cell_type"] == "code":
-            body = ast.parse("".join(cell["source"]))
-            last = body.body.pop() if isinstance(body.body[-1], ast.Expr) else None
-            exec(compile(body, "tour", "exec"), names)
-            if last is not None:
-                shown.append(eval(compile(ast.Expression(last.value), "tour", "eval"), names))
-    for value in shown:
-        if hasattr(value, "_repr_html_"):
-            assert value._repr_html_().startswith("<table>")
-            assert "\n" not in repr(value)
-        if hasattr(value, "_repr_png_"):
-            assert value._repr_png_().startswith(b"\x89PNG")
-    assert sum(hasattr(value, "_repr_png_") for value in shown) == 4
-    said = capsys.readouterr().out
-    assert "unknown setting planner.treez; did you mean planner.trees?" in said
-    assert "'plan.json'" in said
-    assert 0.0 <= float(re.search(r"coherent: ([0-9.]+) of 500", said)[1]) < 1.0
-
-
-def test_the_tour_stores_nothing_that_depends_on_a_machine():
-    for cell in TOUR["cells"]:
-        assert cell.get("outputs", []) == []
-        assert cell.get("execution_count") is None
-        assert cell["metadata"] == {}
