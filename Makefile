@@ -17,7 +17,7 @@ UV := $(shell command -v uv 2>/dev/null)
 
 PEERS := build/peers
 
-.PHONY: demo test fuzz faults bench scale peers lint types docs dist lock install clean
+.PHONY: demo test fuzz faults bench scale gallery peers lint types docs dist lock install clean
 .DELETE_ON_ERROR:
 
 demo: $(READY)
@@ -39,6 +39,10 @@ bench: $(READY)
 # Seconds and memory against the size of a problem, with figures in outputs/scale (ARGS="states steps" for some).
 scale: $(READY)
 	cd benchmarks && $(abspath $(BIN))/python -m scale $(ARGS)
+
+# Pictures of missions planned anew, and docs/gallery.md that shows them; some minutes.
+gallery: $(READY)
+	$(BIN)/python benchmarks/gallery.py $(ARGS)
 
 # A peer that cannot be installed here is left out of the comparison.
 peers: $(READY)
