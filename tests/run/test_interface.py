@@ -136,6 +136,8 @@ def test_a_map_comes_as_settings_as_a_mapping_as_a_file_or_as_a_record(tmp_path:
         ("phi1", "F a", {"planner": {"treez": 1}}, "did you mean planner.trees"),
         ("phi1", "F a", {"pipelines": {"stages": ["readings"]}}, "pipelines.stages makes no plan; it lists"),
         ({}, "F a", {}, "scene is missing"),
+        ("phi1", "F a", {"mission": {"formula": "F b"}}, r"mission\.formula is given twice"),
+        ("phi1", "F a", {"mission": "phi1"}, "the mission is given twice"),
     ],
 )
 def test_what_is_wrong_is_a_config_error(
@@ -143,6 +145,13 @@ def test_what_is_wrong_is_a_config_error(
 ) -> None:
     with pytest.raises(pareto_ltl.ConfigError, match=message):
         pareto_ltl.plan(scene, formula, **options)  # type: ignore[arg-type]
+
+
+def test_the_mission_has_keys_beside_its_formula() -> None:
+    options = {"wind": "calm", "planner": {"trees": 1, "n_max": 200}, "fidelity": "paper"}
+    found = pareto_ltl.plan("phi1", "F a", mission={"start_time": "2018-10-09T06:00:00Z"}, **options)
+    assert found.settings.mission.formula == "F a"
+    assert found.scene.time_zero == "2018-10-09T06:00:00Z"
 
 
 def test_a_folder_without_a_run_is_refused(tmp_path: Path) -> None:

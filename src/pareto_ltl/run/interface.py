@@ -162,7 +162,8 @@ def plan(
         nothing is written.
     sections : mapping, str or settings object
         Any section of :class:`Settings`: ``wind="calm"``, ``robot={"u_max": 20}``, ``fidelity="full"``,
-        ``planner={"trees": 4}``. A string names a choice in ``conf/``.
+        ``planner={"trees": 4}``. A string names a choice in ``conf/``; ``mission`` has the keys beside the
+        formula.
 
     Raises
     ------
@@ -175,8 +176,8 @@ def plan(
     settings = build_settings(
         {"pipelines": "plan", "seed": seed}
         | ({} if isinstance(scene, Scene) else {"scene": _map_settings(scene)})
-        | {"mission": {"formula": formula} if isinstance(formula, str) else formula}
         | sections
+        | {"mission": _mission_settings(formula, sections.get("mission"))}
     )
     table = with_extension_stages(PLAN_STAGES, settings.pipelines.stages)
     pipeline = check_pipeline(settings, table, tuple(given))
@@ -193,6 +194,24 @@ def plan(
     if PLAN not in run.records:
         raise ConfigError(f"pipelines.stages makes no plan; it lists {', '.join(settings.pipelines.stages)}")
     return PlanningResult(run)
+
+
+def _mission_settings(formula: Any, others: Any) -> Any:
+    """The section ``mission`` of a formula, or of its keys, and of the other keys that are given beside it.
+
+    ConfigError where both name a key, or are no keys at all.
+    """
+    mission = {"formula": formula} if isinstance(formula, str) else formula
+    if others is None:
+        return mission
+    if not (isinstance(mission, Mapping) and isinstance(others, Mapping)):
+        raise ConfigError(
+            "the mission is given twice, as the second argument and as mission=...: give one of them, or the "
+            "formula and mission={...} with the other keys"
+        )
+    if twice := sorted(set(mission) & set(others)):
+        raise ConfigError(f"mission.{twice[0]} is given twice, in the second argument and in mission={{...}}")
+    return {**mission, **others}
 
 
 def choose(
