@@ -25,7 +25,7 @@ def refusal(folder: Path, content: bytes, capsys: pytest.CaptureFixture[str]) ->
     [
         (b"seed: 3\nname: \xff", "line 3: byte 0xff is not UTF-8"),
         (b"seed: [", "not YAML"),
-        (b"seed: 1\nseed: 2", "the key 'seed' is there twice"),
+        (b"seed: 1\nseed: 2", "the key 'seed' occurs twice"),
         (b"seed: " + b"[" * 500 + b"]" * 500, "nested deeper than 64 levels"),
         (b"defaults: 3", "the configuration cannot be composed"),
         (b"defaults: [null]", "the configuration cannot be composed"),

@@ -255,7 +255,7 @@ def test_show_prints_the_path_and_writes_a_missing_page(
     assert run_command_line(["show", str(page_result)]) == 0
     first, second = capsys.readouterr().out.splitlines()
     assert first == str(page_result / "report.html")
-    assert "no browser" in second
+    assert "found no browser" in second
     assert (page_result / "report.html").read_text(encoding="utf-8") == text
 
 

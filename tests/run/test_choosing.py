@@ -137,7 +137,7 @@ def test_the_command_writes_beside_the_results(
     [
         (
             ["--failure", "1e-9"],
-            r"no path fails at most 1e-7 % in coherent winds (upper end of 95 %); the safest",
+            r"no path has a failure rate of at most 1e-7 % in coherent winds (upper end of 95 %); the safest",
         ),
         (["--length", "10km"], "no path is as short as 10.0 km; the shortest of the front, point "),
         (["--point", "999"], "there is no point 999; the front has points 0 to "),
@@ -186,7 +186,7 @@ def test_results_that_hold_no_front_are_refused(
 
 def test_a_choice_does_not_replace_its_source(made: dict[str, Path]) -> None:
     kept = (made["paper"] / "plan.json").read_bytes()
-    with pytest.raises(ConfigError, match="does not replace its own source"):
+    with pytest.raises(ConfigError, match="would overwrite its own source"):
         pareto_ltl.choose(made["paper"], knee=True, out=made["paper"].parent / "x" / ".." / "paper")
     assert (made["paper"] / "plan.json").read_bytes() == kept
 

@@ -131,7 +131,7 @@ def test_a_folder_without_a_result_and_words_that_are_no_fix_are_refused(
 ) -> None:
     with pytest.raises(DataError):
         pareto_ltl.replan(tmp_path, "5h")
-    with pytest.raises(ConfigError, match="does not replace its own source"):
+    with pytest.raises(ConfigError, match="would overwrite its own source"):
         pareto_ltl.replan(made, "5h", out=made)
     with pytest.raises(ConfigError, match="LAT,LON,SD"):
         read_fix("37.5,-93.2")

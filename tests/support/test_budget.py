@@ -57,7 +57,7 @@ def test_the_first_key_ends_the_budget_and_the_second_the_run(caplog):
         budget.heeded = True
         os.kill(os.getpid(), signal.SIGINT)
         assert budget.over()
-        assert "Ctrl-C once more ends the run" in caplog.text
+        assert "Ctrl-C again ends the run" in caplog.text
         with pytest.raises(KeyboardInterrupt):
             os.kill(os.getpid(), signal.SIGINT)
     assert signal.getsignal(signal.SIGINT) is before

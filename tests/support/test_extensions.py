@@ -143,7 +143,7 @@ def test_a_name_that_is_taken_is_refused(added: dict[str, dict[str, str]]) -> No
     from pareto_ltl.planning.selection_rules import choose_path
     from pareto_ltl.wind.sources import wind_source
 
-    taken = "has the name of a part of pareto_ltl; rename it, or uninstall it"
+    taken = "has a name that pareto_ltl uses; rename it, or uninstall it"
     with pytest.raises(ConfigError, match=f"entry point 'forest' .* {taken}"):
         with_extension_stages(PLAN_STAGES, [])
     with pytest.raises(ConfigError, match=f"entry point 'csv' .* {taken}"):

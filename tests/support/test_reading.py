@@ -32,7 +32,7 @@ def refusal(path: Path, content: bytes) -> str:
         (b'{"a": 1e999}', ["/a: expected a finite number, got inf"]),
         (b'{"a": 1' + 400 * b"0" + b"}", ["/a: expected a finite number", "beyond 1e308"]),
         (b'{"a":\n 1' + 5000 * b"0" + b"}", ["line 2: a number has more than 1000 digits"]),
-        (b'{"a": 1, "b": {"c": 1, "c": 2}}', ['the name "c" is there twice']),
+        (b'{"a": 1, "b": {"c": 1, "c": 2}}', ['the name "c" occurs twice']),
         (b'{"a": "\\ud800"}', ["/a: a text holds half of a character"]),
         (b'{"a\\ud800\\n": 1}', ["/a?\\n: a text holds half"]),
         (b'{"a":\n "\xff"}', ["line 2: byte 0xff is not UTF-8", "save the file as UTF-8"]),

@@ -39,7 +39,7 @@ def merging(levels: int) -> str:
         ("a: 2018-99-99", "a value cannot be read"),
         ("a: 1\n---\nb: 1", "expected a single document"),
         ("a: !!python/object:os.system x", "not YAML"),
-        ("a: 1\nb: 2\na: 3", "line 1: the key 'a' is there twice"),
+        ("a: 1\nb: 2\na: 3", "line 1: the key 'a' occurs twice"),
         ("a: \0", "not YAML"),
     ],
 )  # fmt: skip

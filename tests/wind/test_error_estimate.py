@@ -216,7 +216,7 @@ BAD = {
         history.snapshot(0.0, 0.0, np.zeros_like(history.NODES)),
         history.snapshot(1.0, 0.0, np.zeros_like(history.NODES), "80m"),
     ],
-    "is there twice": [history.snapshot(0.0, 0.0, np.zeros_like(history.NODES))] * 2,
+    "occurs twice": [history.snapshot(0.0, 0.0, np.zeros_like(history.NODES))] * 2,
     "no lag up to 12 h has 5 pairs": history.direct_history(1, cycles=3),
 }
 

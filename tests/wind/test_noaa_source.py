@@ -288,7 +288,7 @@ def test_components_in_one_message_are_fetched_once_and_averages_are_passed_over
     [
         ("", "idx is empty; the file is not whole yet"),
         ("<!DOCTYPE html>", "is a web page, not an inventory"),
-        ("1:0:nonsense", "idx, line 1: '1:0:nonsense' is none of an inventory"),
+        ("1:0:nonsense", "idx, line 1: '1:0:nonsense' is not a line of an inventory"),
         ("1:0:d=2018100900:UGRD:10 m above ground:anl:\n2:x", "line 2"),
         ("1:9:d=2018100900:A:b:anl:\n2:3:d=2018100900:A:b:anl:", "offsets do not increase"),
         ("1:" + "9" * 4000 + ":d=2018100900:A:b:anl:", "line 1"),

@@ -129,7 +129,7 @@ def test_a_speed_column_may_name_metres_a_second_and_each_has_its_own_unit(tmp_p
             "column 'u_furlongs' has the unit 'furlongs'; expected u in m/s, or one of the units",
         ),
         ("u [ft/s],v", "has the unit 'ft/s'"),
-        ("u,v,u_kt", "column u is there as u and as u_kt; keep one"),
+        ("u,v,u_kt", "column u occurs as u and as u_kt; keep one"),
         ("speed,direction", "missing column u, v"),
     ],
 )
@@ -815,6 +815,6 @@ def test_the_packaged_sample_agrees_with_another_extraction_of_the_same_fields()
 
 def test_a_header_with_a_column_many_times_is_refused_in_a_short_line(tmp_path):
     (tmp_path / "a.csv").write_text("time,lat,lon,v" + 1000 * ",u" + "\n")
-    with pytest.raises(DataError, match="column u is there as u and as u") as caught:
+    with pytest.raises(DataError, match="column u occurs as u and as u") as caught:
         sources.read_readings(WindConfig(source="csv", path=str(tmp_path / "a.csv")))
     assert len(str(caught.value)) < 300

@@ -31,16 +31,20 @@ def _choose_arguments(argv: Sequence[str]) -> int:
     parser.add_result()
     wanted = parser.add_mutually_exclusive_group(required=True)
     wanted.add_argument(
-        "--failure", metavar="P", help="the shortest path that fails at most so often: 0.02 or 2%%"
+        "--failure", metavar="P", help="the shortest path with at most this failure rate: 0.02 or 2%%"
     )
     wanted.add_argument(
-        "--energy", metavar="P", help="the least energy of the paths that fail at most so often: 0.02 or 2%%"
+        "--energy",
+        metavar="P",
+        help="the path with the least energy and at most this failure rate: 0.02 or 2%%",
     )
     wanted.add_argument(
-        "--length", metavar="L", help="the safest path that is no longer: 1900km, 1.9e6 (m), 1020nmi"
+        "--length", metavar="L", help="the safest path of at most this length: 1900km, 1.9e6 (m), 1020nmi"
     )
     wanted.add_argument(
-        "--knee", action="store_true", help="the knee of the front: beyond it, less failure costs most"
+        "--knee",
+        action="store_true",
+        help="the knee of the front: beyond it, a lower failure rate costs the most length",
     )
     wanted.add_argument("--point", metavar="N", help="path number N of front.csv")
     parser.add_argument(

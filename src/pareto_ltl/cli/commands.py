@@ -125,32 +125,37 @@ PIPELINE_COMMANDS = (
     _pipeline(
         "forecast_test", "plans made hours ahead, flown through later winds", "forecast_test", "evaluation"
     ),
-    _pipeline("departure", "when to leave: the mission planned for many starts", "departure", "evaluation"),
+    _pipeline(
+        "departure",
+        "the mission planned for many departure times, which are compared",
+        "departure",
+        "evaluation",
+    ),
     _pipeline(
         "replanning",
-        "a plan in true winds, with a new one at each fix and without",
+        "a plan flown in true winds, with and without replanning at each fix",
         "replanning",
         "evaluation",
     ),
     _pipeline("sitl", "a plan flown by an independent aircraft, JSBSim, in the same winds", "sitl"),
-    _pipeline("wind", "the wind over a map and its doubt, without a plan", "wind", "scene"),
+    _pipeline("wind", "the wind over a map and its standard deviation, without a plan", "wind", "scene"),
     _pipeline("ingest", "wind files to one small table of readings", "ingest", "wind"),
 )
 COMMANDS = (
     *PIPELINE_COMMANDS,
-    Command("sweep", "many runs and one table; with a folder, its summary written anew", _run_sweep),
-    Command("formula", "what a mission formula means", _run_formula),
+    Command("sweep", "many runs and one table; with a folder, its summary written again", _run_sweep),
+    Command("formula", "the meaning of a mission formula", _run_formula),
     Command("choose", "another path of the front as the plan, without planning again", _run_choose),
     Command(
         "export", "the plan for autopilots, maps and navigators: KML, GPX, MAVLink and others", _run_export
     ),
     Command("show", "the page of a result, in a browser", _run_show),
     Command("explain", "a plan leg by leg, in the terminal", _run_explain),
-    Command("replan", "the rest of a flight planned anew, from a position fix", _run_replan),
+    Command("replan", "the rest of a flight planned again, from a position fix", _run_replan),
     Command("rerun", "make a result again and compare it byte by byte", _run_rerun),
     Command("verify", "derive every claim of a result again, without the planner", _run_verify),
     Command("wind-error", "the law of forecast errors, from past forecasts and analyses", _run_wind_error),
-    Command("cache", "place and size of the fits that are kept between runs; cache clear", _run_cache),
+    Command("cache", "folder and size of the cache; cache clear empties it", _run_cache),
 )
 
 

@@ -247,7 +247,7 @@ def parsed_overrides(loader: ConfigLoader, words: Sequence[str]) -> list[Overrid
     """``words`` as Hydra reads them; ConfigError for a number with more digits than Python reads."""
     for word in words:
         if re.search(r"\d{1000}", word):  # Python reads no number of more than 4,300 digits
-            raise ConfigError(f"{shown_text(word)}: a number with so many digits can be no setting")
+            raise ConfigError(f"{shown_text(word)}: the number has too many digits for a setting")
     return OverridesParser.create(config_loader=loader).parse_overrides(list(words))
 
 
@@ -287,7 +287,7 @@ def _end_of(override: Override, *, first: bool) -> str:
         raise ConfigError(f"{_words_of(override)}: an interval cannot be swept; use range(first,beyond,step)")
     values = list(override.sweep_string_iterator())
     if not values:
-        raise ConfigError(f"{_words_of(override)} holds no value to sweep")
+        raise ConfigError(f"{_words_of(override)} has no value to sweep")
     return f"{override.get_key_element()}={values[0 if first else -1]}"
 
 
@@ -301,5 +301,5 @@ def _refuse_sweep(overrides: Sequence[Override]) -> None:
         if override.is_sweep_override():
             key, value = override.get_key_element(), override.get_value_string()
             raise ConfigError(
-                f"{key}={value} is several values: add -m to run each, or write a list as {key}=[{value}]"
+                f"{key}={value} has several values: add -m to run each, or write a list as {key}=[{value}]"
             )

@@ -17,8 +17,8 @@ def explain_command(argv: Sequence[str]) -> int:
 def _explain_arguments(argv: Sequence[str]) -> int:
     parser = CommandArguments(
         prog="pareto-ltl explain",
-        description="Tell a plan leg by leg: time, heading, airspeed, wind and its doubt, what the leg is "
-        "for, the closest obstacle, and how often flights have failed by then.",
+        description="Print a plan leg by leg: time, heading, airspeed, wind and its standard deviation, "
+        "the purpose of the leg, the closest obstacle, and how often flights have failed by then.",
     )
     parser.add_result()
     parser.add_point()

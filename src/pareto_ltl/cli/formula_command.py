@@ -101,11 +101,12 @@ def _write_text(path: str, text: str) -> None:
 def _formula_arguments() -> CommandArguments:
     parser = CommandArguments(
         prog="pareto-ltl formula",
-        description="Show what a mission formula means: normal form, automaton, whether extra visits hurt.",
+        description="Show what a mission formula means: normal form, automaton, whether extra visits are "
+        "harmful.",
     )
     parser.add_argument("formula", help="for example 'F(a & F b)'")
     parser.add_argument(
-        "--disjoint", action="store_true", help="no two regions overlap: at most one name a letter"
+        "--disjoint", action="store_true", help="no two regions overlap: each letter has at most one name"
     )
     parser.add_argument(
         "--max-states", type=int, default=10_000, help="stop beyond this many (default 10000)"

@@ -52,7 +52,7 @@ def _run_arguments(argv: Sequence[str], command: str | None, typed: Sequence[str
 
         return complete_shell(arguments)
     if arguments.experimental_rerun is not None:
-        raise ConfigError("--experimental-rerun runs code that a file holds; use pareto-ltl rerun DIR")
+        raise ConfigError("--experimental-rerun runs code from a file; use pareto-ltl rerun DIR")
     with opened_hydra(arguments) as hydra:
         if arguments.hydra_help or arguments.cfg or arguments.info:
             _show_configuration(hydra, arguments)

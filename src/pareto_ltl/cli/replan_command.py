@@ -19,9 +19,9 @@ def replan_command(argv: Sequence[str]) -> int:
 def _replan_arguments(argv: Sequence[str]) -> int:
     parser = CommandArguments(
         prog="pareto-ltl replan",
-        description="The robot has flown the plan of DIR until a time and knows where it is: the wind is "
-        "conditioned on that, the mission goes on from where it stands, and the rest is planned anew into a "
-        "results directory. Without --fix the rest of the plan stays as it is. docs/replanning.md says more.",
+        description="Plan the rest of a flight of the plan of DIR after a position fix: the wind is "
+        "conditioned on the fix, the mission continues from its state, and the new plan is written into a "
+        "results directory. Without --fix the rest of the plan is unchanged. docs/replanning.md says more.",
     )
     parser.add_result()
     parser.add_argument(
@@ -29,9 +29,9 @@ def _replan_arguments(argv: Sequence[str]) -> int:
     )
     parser.add_argument(
         "--fix", metavar="LAT,LON,SD", help="measured position [deg] and its standard deviation [m]; "
-        "X,Y,SD [m] on a map without place on Earth; write --fix=... where the first number is negative",
+        "X,Y,SD [m] on a map without a location on Earth; write --fix=... where the first number is negative",
     )  # fmt: skip
-    parser.add_argument("--full", action="store_true", help="refine as finely as the settings of DIR say")
+    parser.add_argument("--full", action="store_true", help="use the refinement settings of DIR")
     parser.add_argument("--out", type=Path, metavar="DIR2", help="default: DIR with _replanned and the time")
     return _replan(parser.parse_args(argv))
 

@@ -61,7 +61,7 @@ def _refuse_huge_number(key: str, value: Any) -> None:
             _refuse_huge_number(key, item)
     elif isinstance(value, int) and abs(value) > sys.float_info.max:
         raise ConfigError(
-            f"{key} holds a number with {len(hex(value)) * 6 // 5} digits, which no setting can be"
+            f"{key} holds a number with {len(hex(value)) * 6 // 5} digits, which is too many for a setting"
         )
 
 

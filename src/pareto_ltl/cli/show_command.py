@@ -15,12 +15,12 @@ def show_command(argv: Sequence[str]) -> int:
 def _show_arguments(argv: Sequence[str]) -> int:
     parser = CommandArguments(
         prog="pareto-ltl show",
-        description="Open report.html of a result in the default browser; it is written first where it is "
+        description="Open report.html of a result in the default browser; it is written first if it is "
         "missing.",
     )
     parser.add_result()
-    parser.add_argument("--print", action="store_true", help="print its path alone, open nothing")
-    parser.add_argument("--again", action="store_true", help="write the page anew, even if it is there")
+    parser.add_argument("--print", action="store_true", help="only print its path, do not open it")
+    parser.add_argument("--again", action="store_true", help="write the page again, even if it exists")
     options = parser.parse_args(argv)
     from pareto_ltl.run.showing import open_page, page_of
 
@@ -31,7 +31,7 @@ def _show_arguments(argv: Sequence[str]) -> int:
         print(f"opened {path}")
     else:
         print(path)
-        print("there is no browser here: copy this one file to a machine that has one, and open it there")
+        print("found no browser: copy this file to a machine that has one, and open it there")
     return 0
 
 

@@ -43,8 +43,8 @@ def _sweep_arguments() -> CommandArguments:
         prog="pareto-ltl sweep",
         usage="pareto-ltl sweep [key=value ...] [group=choice ...]  or  pareto-ltl sweep DIR [options]",
         description="With settings (key=value1,value2): run every combination and write one table; the same "
-        "as pareto-ltl -m. With a folder: write summary.csv, timings.csv, summary.json and summary.html of "
-        "the sweep in it anew.",
+        "as pareto-ltl -m. With a folder: write summary.csv, timings.csv, summary.json and "
+        "summary.html of the sweep in it again.",
     )
     parser.add_argument("directory", type=Path, nargs="?", metavar="DIR", help="for example multirun/phi2")
     parser.add_argument("--sweep", metavar="KEY", help="an older sweep into the same folder: sweeps/KEY.json")

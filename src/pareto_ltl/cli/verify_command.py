@@ -28,7 +28,7 @@ def _verify_arguments(argv: Sequence[str]) -> int:
     print("\n".join(table_lines(failed if options.failed else found)))
     print(f"{len(found)} claims hold" if not failed else f"{len(failed)} of {len(found)} claims fail")
     if (options.directory / REPLANNED).is_file():
-        print(f"not judged, since the plan begins within a flight: {'; '.join(sorted(OF_A_DEPARTURE))}")
+        print(f"not checked, because the plan begins during a flight: {'; '.join(sorted(OF_A_DEPARTURE))}")
     return 1 if failed else 0
 
 

@@ -208,7 +208,7 @@ def _wind_error_arguments() -> CommandArguments:
     )
     parser.add_argument("directory", type=Path, metavar="DIR", help="folder of GRIB files of one grid")
     parser.add_argument("--out", type=Path, default=Path("wind_error.json"), metavar="FILE.json",
-                        help="where the law goes (default wind_error.json)")  # fmt: skip
+                        help="output file (default wind_error.json)")  # fmt: skip
     parser.add_argument("--level", default="10m", help="level of the winds, for example 80m or 925hPa")
     parser.add_argument("--area", metavar="CORNERS", help="outline of the nodes, 'lon,lat lon,lat ...', or "
                         "all (default: the contiguous United States without their rim)")  # fmt: skip

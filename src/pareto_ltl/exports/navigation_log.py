@@ -1,4 +1,4 @@
-"""What a navigator writes down of a plan: time, heading, airspeed and wind of each leg, and their doubt."""
+"""The navigation log of a plan: time, heading, airspeed and wind of each leg, and their uncertainty."""
 
 from __future__ import annotations
 

@@ -267,7 +267,7 @@ class _HoaReader:
         elif key == "letters":
             self.result.letters = self.letter_codes(line)
         elif key[0].isupper():
-            self.refuse(f"header '{key}:' changes the meaning in a way that is not known here", line)
+            self.refuse(f"header '{key}:' changes the meaning and is not supported", line)
         else:
             self.skip()
 
@@ -329,7 +329,7 @@ class _HoaReader:
         for q, state in states.items():
             for _, target, where in state.edges:
                 if target not in states:
-                    self.refuse(f"state {q} leads to state {target}, which is not there", where)
+                    self.refuse(f"state {q} leads to state {target}, which does not exist", where)
         if self.result.start not in states:
             self.refuse(f"the start {self.result.start} is not among the states", line)
 
@@ -340,7 +340,7 @@ class _HoaReader:
         if self.here.kind == "string":
             self.tokens.advance()
         if q in self.result.states:
-            self.refuse(f"state {q} is there twice", line)
+            self.refuse(f"state {q} occurs twice", line)
         state = self.result.states[q] = _HoaState(line, self.marks())
         while self.here.kind == "int" or (self.here.kind == "sign" and self.here.text == "["):
             where = self.here.line

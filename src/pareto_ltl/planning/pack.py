@@ -272,7 +272,7 @@ def build_problem(
     epsilon = EPSILON[fidelity.collision_bound] if planner.epsilon is None else planner.epsilon
     marks = scene.landmarks if fidelity.law == "coherent" else ()
     if scene.landmarks and not marks:
-        LOG.warning("scene.landmarks are left unused: only fidelity.law=coherent knows position fixes")
+        LOG.warning("scene.landmarks are not used: position fixes need fidelity.law=coherent")
     _refuse_strong_wind(robot, wind)
     laws = pack_laws(robot, planner, wind_cfg.ball, wind, marks)
     cells = pack_cells(scene.bounds, decomposition)

@@ -234,7 +234,7 @@ def within_capacity(cfg: SelectionConfig, front: Front, model: EnergyModel | Non
         if len(kept) < len(energies):
             LOG.warning(
                 "%d of %d paths of the front need more than robot.power.capacity = %s; selection.rule=%s "
-                "names its path all the same",
+                "selects its path in any case",
                 len(energies) - len(kept), len(energies), energy_text(model.capacity), cfg.rule,
             )  # fmt: skip
         return front

@@ -140,7 +140,7 @@ def _draw_length(ax: Axes, rows: Sequence[FigureRow]) -> None:
 
 
 def _draw_wind(ax: Axes, rows: Sequence[FigureRow]) -> None:
-    """Mean speed, the part from behind and the doubt, each named at its last point."""
+    """Mean speed, tail wind and standard deviation, each named at its last point."""
     hours = _hours(rows)
     lines = (
         ("wind_speed", "speed", style.SKY, "o"),

@@ -46,9 +46,9 @@ class Choice:
     Attributes
     ----------
     failure : float or None
-        The shortest path that fails at most so often: upper end of its rate.
+        The shortest path with at most this failure rate (upper end of its interval).
     energy : float or None
-        The path of the least energy that fails at most so often.
+        The path with the least energy and at most this failure rate.
     length : float or None
         The safest path that is no longer [m].
     knee : bool
@@ -111,15 +111,16 @@ def require_choice(choice: Choice, front: Front, where: str) -> None:
     ]
     if choice.energy is not None and front.paths[0].objectives.energy is None:
         raise ConfigError(
-            f"{where}: it tells no energy; plan with a robot that has a power curve, e.g. robot=fixed_wing"
+            f"{where}: it has no energies; plan with a robot that has a power curve, e.g. robot=fixed_wing"
         )
     wanted = choice.failure if choice.energy is None else choice.energy
     if wanted is not None and wanted < min(limits):
         named = "upper end of 95 %" if front.rates else f"bound {front.models.mission_symbol} + R"
         raise InfeasibleError(
-            f"{where}: no path fails at most {probability_text(wanted)} in {front.models.law} winds "
-            f"({named}); the safest of the front, point {limits.index(min(limits))}, has "
-            f"{probability_text(min(limits))}: ask for {round_up(min(limits)):g} or more"
+            f"{where}: no path has a failure rate of at most {probability_text(wanted)} in "
+            f"{front.models.law} winds ({named}); the safest path of the front, "
+            f"point {limits.index(min(limits))}, has {probability_text(min(limits))}: use "
+            f"{round_up(min(limits)):g} or more"
         )
 
 
@@ -142,7 +143,7 @@ def choose_from_results(
     """
     require_plan(results)
     if place.resolve() == results.directory.resolve():
-        raise ConfigError(f"{place}: another plan does not replace its own source; name another folder")
+        raise ConfigError(f"{place}: the result would overwrite its own source; name another folder")
     settings = chosen_settings(results.settings, choice)
     records = kept_records(results)
     require_choice(choice, records[FRONT], str(results.directory))

@@ -12,7 +12,7 @@ from pareto_ltl.run.results import Results
 
 
 def explain(planned: PlanningResult | Results | str | Path, *, point: int | None = None) -> str:
-    """What each leg of a plan is for, what it passes and how often flights have failed by then.
+    """The purpose of each leg of a plan, what it passes, and the share of flights that have failed by then.
 
     Parameters
     ----------

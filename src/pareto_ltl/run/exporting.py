@@ -37,14 +37,14 @@ def export(
     point : int, optional
         The path of that number in ``front.csv``; default the plan.
     settings
-        Others of the section ``exports``: ``altitude_lower=300.0, altitude_upper=400.0``.
+        Other settings of the section ``exports``: ``altitude_lower=300.0, altitude_upper=400.0``.
 
     Raises
     ------
     ConfigError
         If a setting is wrong.
     DataError
-        If there is no plan, or a format of ``formats`` cannot be written of it.
+        If there is no plan, or a format of ``formats`` cannot be written for it.
     InfeasibleError
         If the front has no such path.
     """

@@ -92,7 +92,7 @@ def _convex_refinement(inputs: StageInputs, raw: Sequence[PlannedPath]) -> tuple
 
 
 def _sampled_refinement(inputs: StageInputs, raw: Sequence[PlannedPath]) -> tuple[PlannedPath, ...]:
-    """Sampled refinement; in a wind without doubt every flight is the same, and length alone is left."""
+    """Sampled refinement; without uncertainty all flights are the same, and only the length counts."""
     from pareto_ltl.planning.refine import sampled_paths
     from pareto_ltl.simulation.common_flights import draw_flights, is_certain
 

@@ -58,7 +58,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, repr=False)
 class PlanningResult(Displayed):
-    """What :func:`plan` made. Every record of the run is an attribute, or ``result[KEY]``.
+    """The result of :func:`plan`. Every record of the run is an attribute, or ``result[KEY]``.
 
     Attributes
     ----------
@@ -146,7 +146,7 @@ def plan(
     out: str | Path | None = None,
     **sections: Any,
 ) -> PlanningResult:
-    """Plan ``formula`` on ``scene``; the same settings give the same bytes as the command line.
+    """Plan ``formula`` on ``scene``; the same settings give the same results as the command line.
 
     Parameters
     ----------
@@ -224,24 +224,24 @@ def choose(
     energy: float | None = None,
     out: str | Path | None = None,
 ) -> PlanningResult:
-    """Another path of a front as the plan, without planning again. Give exactly one of the five wishes.
+    """Select another path of a front as the plan, without planning again. Give exactly one criterion.
 
     Parameters
     ----------
     planned : PlanningResult, Results or path
         What :func:`plan` returned, or a results directory.
     failure : float, optional
-        The shortest path that fails at most so often: upper end of its rate in the front.
+        The shortest path with at most this failure rate (upper end of its interval in the front).
     length : float, optional
-        The safest path that is no longer [m].
+        The safest path of at most this length [m].
     knee : bool
-        The knee of the front: beyond it, less failure costs the most length.
+        The knee of the front: beyond it, a lower failure rate costs the most length.
     point : int, optional
         The path of that number in ``result.front.paths`` and ``front.csv``.
     energy : float, optional
-        The path of the least energy that fails at most so often; of a robot with a power curve.
+        The path with the least energy and at most this failure rate; needs a robot with a power curve.
     out : path, optional
-        Write a whole results directory there, with the bytes of a run with that selection; ``planned`` must
+        Write a whole results directory there, identical to a run with that selection; ``planned`` must
         then be a results directory. Without it, nothing is written.
 
     Raises
@@ -275,7 +275,7 @@ def replan(
     quick: bool = True,
     out: str | Path | None = None,
 ) -> Replanned:
-    """Plan the rest of a flight anew, from a position fix (docs/replanning.md).
+    """Plan the rest of a flight again, from a position fix (docs/replanning.md).
 
     Parameters
     ----------
@@ -284,10 +284,10 @@ def replan(
     time : float or str
         When: seconds after departure, ``"6h"``, or an ISO 8601 time; rounded to a step of the plan.
     fix : (latitude, longitude, sd) or (x, y, sd), optional
-        Measured position [deg, or m] and its standard deviation [m]. Without it nothing is learnt, and the
-        rest of the plan stays as it is.
+        Measured position [deg, or m] and its standard deviation [m]. Without it there is no new
+        information, and the rest of the plan is unchanged.
     quick : bool
-        With a coarser refinement, which takes half of the time.
+        Whether to use a coarser refinement, which takes half of the time.
     out : path, optional
         Write a results directory of the new plan there.
 
@@ -296,7 +296,7 @@ def replan(
     ConfigError
         If the time lies outside the plan, or the fix off the map.
     InfeasibleError
-        If nothing completes the mission from there.
+        If no path completes the mission from there.
     """
     from pareto_ltl.run.replan_files import write_replanned
     from pareto_ltl.run.replanning import replanned
@@ -309,7 +309,7 @@ def replan(
         run, source = _run_of(results), str(results.directory)
         run.records[DECOMPOSITION], run.records[AUTOMATON] = results.decomposition, results.automaton
         if out is not None and Path(out).resolve() == results.directory.resolve():
-            raise ConfigError(f"{out}: a new plan does not replace its own source; name another folder")
+            raise ConfigError(f"{out}: the result would overwrite its own source; name another folder")
     done = replanned(run, time, fix, quick=quick)
     if out is not None:
         write_replanned(done, run, Path(out), source)
@@ -323,7 +323,7 @@ def simulate(
     *,
     seed: int | None = None,
 ) -> Deployment:
-    """Fly a plan ``runs`` times in winds drawn by ``law``: ``independent`` or ``coherent``.
+    """Simulate ``runs`` flights of a plan in winds of the law ``law``: ``independent`` or ``coherent``.
 
     Parameters
     ----------
@@ -343,7 +343,7 @@ def simulate(
 
 
 def load_results(directory: str | Path | Results) -> Results:
-    """The results directory of a finished run; its records are read when they are asked for.
+    """The results directory of a finished run; its records are read on first access.
 
     Raises
     ------

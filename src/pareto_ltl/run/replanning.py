@@ -246,8 +246,8 @@ def situation_at(run: Run, problem: Problem, plan: Plan, step: int, fix: Fix | N
     learnt = learn_at(problem, plan.path.x, step, fix)
     if fix.sd > VAGUE * learnt.sd_before:
         LOG.warning(
-            "the fix, to %s, is hardly better than what the plan knows there, %s: that errors of the "
-            "position and of the wind go together is left out",
+            "the standard deviation of the fix, %s, is close to that of the planned position, %s: the "
+            "covariance of position and wind after the fix is neglected",
             distance_text(fix.sd), distance_text(learnt.sd_before),
         )  # fmt: skip
     state, certainty = likely_state(run, problem, plan, step, fix)
@@ -368,7 +368,7 @@ def scene_from(scene: Scene, start: FloatArray, moment: float) -> Scene:
 
     inside = (scene.bounds[0] <= start) & (start <= scene.bounds[1])
     if not inside.all():
-        raise ConfigError("given the fix, the robot is expected off the map: nothing is left to plan")
+        raise ConfigError("according to the fix, the robot is expected off the map: nothing is left to plan")
     later = utc_times(scene.time_zero, np.array([moment]))
     windows = later_windows(scene.windows, moment)
     return replace(

@@ -57,7 +57,9 @@ class Settings(CheckedSettings):
     """Everything a run needs."""
 
     name: str = setting("plan", "name of the run and of the folder of its results")
-    seed: int = setting(0, "seed of all random numbers but those of the map", least=0, most=LARGEST_SEED)
+    seed: int = setting(
+        0, "seed of all random numbers except those of random maps", least=0, most=LARGEST_SEED
+    )
     fidelity: FidelityConfig = field(default_factory=FidelityConfig)
     scene: SceneConfig = field(default_factory=SceneConfig)
     mission: MissionConfig = field(default_factory=MissionConfig)
@@ -85,7 +87,7 @@ class Settings(CheckedSettings):
     sweep: SweepConfig = field(default_factory=SweepConfig)
 
     def check_combinations(self) -> None:
-        """Refuse a name that is no folder; replace the level ``auto`` by what it stands for."""
+        """Reject a name that cannot be a folder; replace the level ``auto`` by its value."""
         check_folder_name("name", self.name)
         if self.wind.level == "auto":  # replaced by what it stands for, also in the records of a run
             usual = "0m" if self.wind.source == "currents" else "10m"
@@ -93,7 +95,7 @@ class Settings(CheckedSettings):
 
     @property
     def border(self) -> str:
-        """``wall`` where leaving the map is a failure, else ``open``; a map file may say otherwise."""
+        """``wall`` if leaving the map is a failure, else ``open``; a map file may set it differently."""
         return self.fidelity.border if self.scene.border == "auto" else self.scene.border
 
 

@@ -17,25 +17,27 @@ class DepartureConfig(CheckedSettings):
     """Starts that pipelines=departure plans and compares (docs/departure.md)."""
 
     section: ClassVar[str] = "departure"
-    starts: list[Any] = setting([], "times of departure, ISO 8601 UTC; empty: those of first, last and every")
+    starts: list[Any] = setting([], "departure times, ISO 8601 UTC; empty: set by first, last and every")
     first: str | None = setting(None, "earliest start; null: mission.start_time, else the first wind time")
     last: str | None = setting(None, "latest start; null: the last wind time")
     every: float | None = setting(
         None, "time between two starts; null: every wind time", unit="h", above=0, most=1e5
     )
     arrive_by: str | None = setting(
-        None, "latest arrival; with it, the latest starts are planned that arrive by then"
+        None, "latest arrival; if set, the latest starts that arrive by this time are planned"
     )
     most: int = setting(
-        8, "with arrive_by: how many starts that arrive in time are looked for", least=1, most=10_000
+        8, "with arrive_by: number of starts to find that arrive in time", least=1, most=10_000
     )
     flights: int = setting(
-        10_000, "fresh flights of each start's plan, which starts are compared by", least=100, most=1e8
+        10_000, "fresh flights of the plan of each start, used to compare the starts", least=100, most=1e8
     )
     quick: bool = setting(
-        True, "whether starts are compared by a coarser front; the recommended one is planned in full"
+        True,
+        "whether starts are compared with a coarser refinement; the recommended start is then planned "
+        "in full",
     )
-    keep: str = setting("all", "whose result directories are kept below starts/", choices=KEEP)
+    keep: str = setting("all", "starts whose results directories are kept in starts/", choices=KEEP)
 
     def check_combinations(self) -> None:
         """Refuse what is no time, and starts that are given in two ways."""

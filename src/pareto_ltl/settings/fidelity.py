@@ -34,8 +34,10 @@ class FidelityConfig(CheckedSettings):
     """The models that plans are made with; fidelity=NAME sets all of them, and each can be set alone."""
 
     section: ClassVar[str] = "fidelity"
-    name: str = setting(DEFAULT, "the preset that the models below begin with", choices=tuple(PRESETS))
-    law: str = setting(_USUAL["law"], "wind law that plans are judged in", choices=LAWS)
+    name: str = setting(
+        DEFAULT, "preset that sets the defaults of the settings below", choices=tuple(PRESETS)
+    )
+    law: str = setting(_USUAL["law"], "wind law under which plans are made and judged", choices=LAWS)
     border: str = setting(
         _USUAL["border"],
         "whether leaving the map is a failure (wall) where scene.border is auto",
@@ -54,7 +56,7 @@ class FidelityConfig(CheckedSettings):
     parents: str = setting(
         _USUAL["parents"], "rule of parent re-selection; dominance is Eqs. 11 and 12", choices=PARENT_RULES
     )
-    refine: str = setting(_USUAL["refine"], "what is done to the paths of the trees", choices=REFINEMENTS)
+    refine: str = setting(_USUAL["refine"], "how the paths of the trees are improved", choices=REFINEMENTS)
     judge: str = setting(_USUAL["judge"], "what ranks the front and accepts the plan", choices=JUDGES)
 
     @property

@@ -43,7 +43,7 @@ class ReportConfig(CheckedSettings):
     figures: bool = setting(True, "whether figures are drawn")
     page: bool = setting(True, "whether report.html is written: one file that shows the result")
     formats: list[str] = setting(
-        ["png"], "files that each figure is written as", choices=FIGURE_FORMATS, distinct=True
+        ["png"], "file formats of each figure", choices=FIGURE_FORMATS, distinct=True
     )
     dpi: int = setting(200, "resolution of PNG figures, in dots per inch", least=30, most=1200)
     paths: int = setting(40, "simulated flights that are drawn", least=0, most=10_000)
@@ -57,12 +57,15 @@ class ExportsConfig(CheckedSettings):
     files: bool = setting(True, "whether the plan is exported")
     formats: list[str] = setting(
         [name for name in EXPORT_FILES if name != "f3548"],
-        "formats that are written",
+        "formats to write",
         choices=tuple(EXPORT_FILES),
         distinct=True,
     )
     flights: int = setting(
-        2000, "flights that corridors and failures under feedback are from", least=100, most=1e6
+        2000,
+        "simulated flights for the corridors and for the failure rate with feedback",
+        least=100,
+        most=1e6,
     )
     altitude: float | None = setting(None, "height above the start; null: that of wind.level", unit="m")
     altitude_lower: float | None = setting(

@@ -57,13 +57,15 @@ class PlannerConfig(CheckedSettings):
     beta_length: float = setting(
         1.0, "the slack of Eq. (11) for length is drawn between 0 and this many full steps", least=0, most=1e6
     )
-    explore: float = setting(0.1, "probability of a target beyond the next cell of the lead", least=0, most=1)
+    explore: float = setting(
+        0.1, "probability that a sampled target lies beyond the next cell of the lead", least=0, most=1
+    )
     refresh: int = setting(16, "extensions between two leads of the high-level planner", least=1, most=1e6)
     max_seconds: float = setting(600.0, "growth ends after this time", unit="s", least=1e-3, most=1e9)
     budget_seconds: float | None = setting(
         None,
-        "growth and refine=sampled end after this time together, and go on as long; Ctrl-C ends them early. "
-        "null: they end by themselves, and results do not depend on the clock",
+        "total time of growth and refine=sampled; Ctrl-C ends them early. null: they end by "
+        "themselves, and results do not depend on the clock",
         unit="s",
         above=0,
         most=1e9,
@@ -92,8 +94,13 @@ class RefineConfig(CheckedSettings):
     """Sampled refinement, with fidelity.refine=sampled."""
 
     section: ClassVar[str] = "refine"
-    flights: int = setting(1500, "common flights whose failures are minimised", least=10, most=1e7)
-    sweep_flights: int = setting(250, "of these, flights in the sweep of the length", least=10, most=1e7)
+    flights: int = setting(
+        1500,
+        "simulated flights, in the same winds for all paths, whose failure rate is minimised",
+        least=10,
+        most=1e7,
+    )
+    sweep_flights: int = setting(250, "of these, flights used in the sweep over lengths", least=10, most=1e7)
     classes: int = setting(
         4, "classes of paths (mission order, sides of the obstacles) that are swept", least=1, most=1000
     )
@@ -127,14 +134,17 @@ class SelectionConfig(CheckedSettings):
     length: float | None = setting(None, "longest path, with rule=length", unit="m", above=0, most=1e9)
     point: int = setting(0, "number of the path in front.csv, with rule=point", least=0, most=1e6)
     draws: int = setting(
-        4000, "flights that judge a path of the front, with fidelity.judge=flights", least=1, most=1e8
+        4000,
+        "simulated flights of each path that rank the front, with fidelity.judge=flights",
+        least=1,
+        most=1e8,
     )
     runs: int = setting(
-        20_000, "fresh flights of the chosen path, which its promise is from, with fidelity.judge=flights",
+        20_000, "fresh flights of the chosen path for its promised failure rate, with fidelity.judge=flights",
         least=1, most=1e8,
     )  # fmt: skip
     examined: int = setting(
-        5, "largest number of choices that are flown until fresh flights confirm one", least=1, most=1000
+        5, "largest number of paths that are tested until fresh flights confirm one", least=1, most=1000
     )
 
     @property

@@ -13,7 +13,7 @@ class ReplanningConfig(CheckedSettings):
     """Flights of pipelines=replanning, with and without a new plan at each fix (docs/replanning.md)."""
 
     section: ClassVar[str] = "replanning"
-    flights: int = setting(100, "true winds that the plan is flown in", least=1, most=1e6)
+    flights: int = setting(100, "number of true winds in which the plan is flown", least=1, most=1e6)
     every: float | None = setting(
         None, "time between two fixes; null: where the plan counts on landmarks, else 6 h", unit="h", above=0,
         most=1e4,

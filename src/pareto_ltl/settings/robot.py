@@ -27,14 +27,16 @@ class PowerConfig(CheckedSettings):
     )
     base: float = setting(0.0, "power at any airspeed: computer, sensors, payload", **WATTS)
     drag: float = setting(
-        0.0, "of body, wing and rotor: drag, times the airspeed cubed", unit="W s³/m³", least=0, most=1e9
+        0.0, "body, wing and rotor: drag, multiplied by the airspeed cubed", unit="W s³/m³", least=0, most=1e9
     )
-    lift: float = setting(0.0, "of wing: induced drag, over the airspeed", unit="W m/s", least=0, most=1e12)
-    blade: float = setting(0.0, "of rotor: blade profile power in hover", **WATTS)
-    lifting: float = setting(0.0, "of rotor: induced power in hover", **WATTS)
-    tip: float = setting(100.0, "of rotor: speed of the blade tips", unit="m/s", least=1, most=1e3)
-    wake: float = setting(4.0, "of rotor: induced velocity in hover", unit="m/s", least=1e-2, most=1e3)
-    points: list[Any] = setting([], "of table: pairs [airspeed, power], rising airspeeds, straight between",
+    lift: float = setting(
+        0.0, "wing: induced drag, divided by the airspeed", unit="W m/s", least=0, most=1e12
+    )
+    blade: float = setting(0.0, "rotor: blade profile power in hover", **WATTS)
+    lifting: float = setting(0.0, "rotor: induced power in hover", **WATTS)
+    tip: float = setting(100.0, "rotor: speed of the blade tips", unit="m/s", least=1, most=1e3)
+    wake: float = setting(4.0, "rotor: induced velocity in hover", unit="m/s", least=1e-2, most=1e3)
+    points: list[Any] = setting([], "table: pairs [airspeed, power], increasing airspeeds, linear between",
                                 unit="m/s, W")  # fmt: skip
     capacity: float | None = setting(
         None, "energy to use on one mission; paths that need more are not chosen. null: not known",
@@ -85,27 +87,34 @@ class RobotConfig(CheckedSettings):
     )
     bank: float = setting(
         0.0,
-        "bank angle of its turns: orders by heading and airspeed allow for the time and room of a turn",
+        "bank angle in turns: exported headings and airspeeds account for the time and displacement of "
+        "a turn",
         unit="deg",
         least=0,
         most=80,
-        remark="0: it turns on the spot",
+        remark="0: the heading changes at once",
     )
     turn_delay: float = setting(
-        0.0, "from the order to turn to half of the bank", unit="s", least=0, most=600
+        0.0,
+        "time from a command to turn until half of the bank angle is reached",
+        unit="s",
+        least=0,
+        most=600,
     )
     level: str | None = setting(
-        None, "where it flies or dives, as wind.level has it; the wind is taken there with wind.level=auto"
+        None,
+        "height, pressure or depth of the robot, written like wind.level; with wind.level=auto the "
+        "wind is read there",
     )
     a: list[Any] = setting([[1.0, 0.0], [0.0, 1.0]], "matrix A of the dynamics (2 x 2)")
     b: list[Any] = setting([[1.0, 0.0], [0.0, 1.0]], "matrix B of the dynamics (2 x 2, invertible)")
     start_sd: float = setting(0.0, "standard deviation of the start position", unit="m", least=0, most=1e6)
     feedback: float = setting(
         0.0,
-        "gain K: share of a deviation that position feedback takes back in one step",
+        "gain K: share of the deviation that position feedback corrects in one step",
         least=0,
         most=1,
-        remark="0: open loop, 1: back on the path in one step",
+        remark="0: open loop, 1: the whole deviation in one step",
     )
     effort_risk: float = setting(
         0.05,
@@ -117,7 +126,7 @@ class RobotConfig(CheckedSettings):
         100.0, "standard deviation of a position fix at a landmark", unit="m", above=0, most=1e6
     )
     fix_gain: float = setting(
-        0.25, "share of a deviation known from a fix that is flown back in one step", least=0, most=1
+        0.25, "share of the deviation known from a fix that is corrected in one step", least=0, most=1
     )
     fix_risk: float = setting(
         0.02, "largest probability of missing a landmark that a plan relies on", above=0, below=1

@@ -36,7 +36,9 @@ class EvaluationConfig(CheckedSettings):
     seeds: list[int] = setting(
         list(range(20)), "seeds of the planner, one plan for each", least=0, most=LARGEST_SEED, distinct=True
     )
-    laws: list[str] = setting(list(LAWS), "wind laws that plans are flown under", choices=LAWS, distinct=True)
+    laws: list[str] = setting(
+        list(LAWS), "wind laws under which plans are flown", choices=LAWS, distinct=True
+    )
     jobs: int = setting(0, "processes; 0: one for each core", least=0, most=1024)
     resume: str | None = setting(None, "results directory of a run that is continued")
 
@@ -48,7 +50,7 @@ class CompareConfig(CheckedSettings):
     section: ClassVar[str] = "compare"
     methods: list[str] = setting(
         list(METHODS),
-        "planners; differences are taken to the first one",
+        "planners; differences are relative to the first one",
         choices=METHODS,
         distinct=True,
     )
@@ -77,7 +79,7 @@ class AblationConfig(CheckedSettings):
 
     section: ClassVar[str] = "ablation"
     factors: list[str] = setting(
-        list(SETTING_FACTORS), "factors that are changed", choices=ABLATION_FACTORS, distinct=True
+        list(SETTING_FACTORS), "factors to vary", choices=ABLATION_FACTORS, distinct=True
     )
     trees: list[int] = setting(
         [1, 2, 5, 10, 20], "values of planner.trees", least=1, most=10_000, distinct=True
@@ -96,7 +98,11 @@ class AblationConfig(CheckedSettings):
         [500, 1000, 2500, 5000, 10_000], "values of planner.n_max", least=2, most=1e8, distinct=True
     )
     dt: list[int] = setting(
-        [1, 2, 4, 8, 16], "pieces that a time step is cut into", least=1, most=10_000, distinct=True
+        [1, 2, 4, 8, 16],
+        "number of parts into which a time step is divided",
+        least=1,
+        most=10_000,
+        distinct=True,
     )
     kernel: list[str] = setting(list(GP_KERNELS), "values of wind.kernel", choices=GP_KERNELS, distinct=True)
     ball: list[float] = setting([0.0, 1.0, 2.0, 3.0], "values of wind.ball", least=0, most=100, distinct=True)
@@ -137,7 +143,7 @@ class FieldMissionsConfig(CheckedSettings):
         ["F(a & F b)", "F(a & F b & F c)", "F(a & F(b & F c))", "!b U a & F c"],
         "missions, over the regions a, b and c",
     )
-    hours: float = setting(18.0, "wind that must be left after departure", unit="h", above=0, most=1e5)
+    hours: float = setting(18.0, "hours of wind required after departure", unit="h", above=0, most=1e5)
     max_gap: float = setting(
         6.0, "fields farther apart than this belong to different periods", unit="h", above=0, most=1e5
     )
@@ -188,7 +194,7 @@ class ForecastTestConfig(FieldMissionsConfig):
     """Random missions that pipelines=forecast_test plans from what was known and flies through what came."""
 
     section: ClassVar[str] = "forecast_test"
-    hours: float = setting(12.0, "wind that must be left after departure", unit="h", above=0, most=1e5)
+    hours: float = setting(12.0, "hours of wind required after departure", unit="h", above=0, most=1e5)
     bins: int = setting(5, "bins of the reliability diagram", least=2, most=1000)
     delay: float = setting(
         4.0, "age of the newest cycle that planning knows, at departure", unit="h", least=0, most=1e5
@@ -215,7 +221,7 @@ class SitlConfig(CheckedSettings):
 
     section: ClassVar[str] = "sitl"
     flights: int = setting(
-        200, "flights of the aircraft, and as many of ours in the same winds", least=1, most=1e5
+        200, "flights of the aircraft, and of the simulation in steps, in the same winds", least=1, most=1e5
     )
     rate: float = setting(60.0, "integration steps of the aircraft", unit="1/s", least=30, most=1000)
     drawn: int = setting(40, "flights of each that the map shows", least=0, most=1e4)

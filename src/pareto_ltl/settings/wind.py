@@ -29,7 +29,7 @@ class WindConfig(CheckedSettings):
     )
     spacing: float = setting(25_000.0, "spacing of the wind lattice", unit="m", above=0, most=1e7)
     padding: float = setting(
-        150_000.0, "how far the lattice reaches past the scene", unit="m", least=0, most=1e7
+        150_000.0, "how far the lattice extends beyond the scene", unit="m", least=0, most=1e7
     )
     ball: float = setting(2.0, "radius of the maximum-trace ball, in standard deviations", least=0, most=100)
     level: str = setting(
@@ -44,13 +44,13 @@ class WindConfig(CheckedSettings):
     )
     ensemble_prior: float = setting(
         10.0,
-        "weight of the law of forecast errors beside the members of an ensemble, in members",
+        "weight of the law of forecast errors relative to an ensemble, as a number of members",
         least=0,
         most=1e6,
     )
     max_gap: float = setting(
         6.0,
-        "longest time between two fields that is bridged, and that hold_last holds",
+        "longest allowed gap between two fields, and longest time for hold_last",
         unit="h",
         above=0,
         most=1e5,
@@ -96,10 +96,10 @@ class WindConfig(CheckedSettings):
     )
     gefs_members: int = setting(1, "members of model=gefs; 1: the control alone", least=1, most=31)
     base_url: str | None = setting(
-        None, "where source=noaa fetches instead of NOAA's archive, with the same folders below it"
+        None, "address that source=noaa uses instead of NOAA's archive, with the same folders"
     )
     offline: bool = setting(False, "source=noaa uses only what was fetched before")
-    retries: int = setting(4, "how often source=noaa asks again after a failure", least=0, most=20)
+    retries: int = setting(4, "number of retries of source=noaa after a failure", least=0, most=20)
 
     def check_combinations(self) -> None:
         """Refuse a source without its file, a cycle that is no time and an address that is none."""

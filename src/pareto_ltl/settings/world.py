@@ -19,7 +19,7 @@ class RandomSceneConfig(CheckedSettings):
     seed: int = setting(
         0, "seed of the map; the seed of the planner is the setting seed", least=0, most=LARGEST_SEED
     )
-    regions: int = setting(0, "number of random regions", least=0, most=26, remark="they are named a to z")
+    regions: int = setting(0, "number of random regions", least=0, most=26, remark="named a to z")
     obstacles: int = setting(0, "number of random obstacles", least=0, most=10_000)
     radius: list[float] = setting(
         [0.05, 0.1],
@@ -28,7 +28,10 @@ class RandomSceneConfig(CheckedSettings):
         below=0.5,
     )
     gap: float = setting(
-        0.02, "smallest gap between any two of them, as a share of the map's shorter side", least=0, most=0.5
+        0.02,
+        "smallest gap between regions and obstacles, as a share of the map's shorter side",
+        least=0,
+        most=0.5,
     )
 
     def check_combinations(self) -> None:
@@ -86,7 +89,8 @@ class SceneConfig(CheckedSettings):
     )
     altitude: float | None = setting(
         None,
-        "altitude of the flight, in the datum of the map: places with another floor or ceiling do not count",
+        "altitude of the flight, in the datum of the map: features whose floor is above it or ceiling "
+        "below it are not active",
         unit="m",
         least=-12_000,
         most=1e5,
@@ -114,7 +118,7 @@ class MissionConfig(CheckedSettings):
         None, "instead of the formula: sequence, coverage, ... (the choices of the group mission)"
     )
     goals: list[str] = setting([], "regions or formulas that the pattern visits")
-    avoid: list[str] = setting([], "regions that the pattern keeps out of")
+    avoid: list[str] = setting([], "regions that the pattern avoids")
     order: list[list[str]] = setting([], "pairs [first, then] of goals that the pattern orders")
     automaton: str | None = setting(None, "instead of the formula: a file in the HOA format")
 

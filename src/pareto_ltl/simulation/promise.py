@@ -62,7 +62,8 @@ def promise_path(
     if promise.linearity > LINEAR:
         LOG.warning(
             "the position's standard deviation reaches %.2f of the wind's length scale (%.2f is safe): "
-            "bounds, which linearise the wind, are unreliable; go by the rate of flights in %s winds, %s",
+            "bounds, which linearise the wind, are unreliable; use the failure rate of flights in %s "
+            "winds, %s",
             promise.linearity, LINEAR, promise.rate.law, _rate_words(promise.rate),
         )  # fmt: skip
     return path, promise
@@ -119,8 +120,8 @@ def fresh_rate(problem: Problem, path: PlannedPath, runs: int, seed: SeedSequenc
     if count_agrees(counted, weighted):
         return weighted
     LOG.warning(
-        "%s: the rate of weighted flights, %s, is not that of %d fresh ones in %s winds, %s; the latter is "
-        "promised",
+        "%s: the rate of weighted flights, %s, is not that of %d fresh ones in %s winds, %s; the "
+        "latter is reported",
         path.origin, _rate_words(weighted), runs, counted.law, _rate_words(counted),
     )  # fmt: skip
     return counted

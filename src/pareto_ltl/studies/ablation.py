@@ -121,8 +121,8 @@ def _check(settings: Settings) -> None:
     plain = settings.robot.a == [[1.0, 0.0], [0.0, 1.0]] and settings.robot.feedback == 0.0
     if "dt" in settings.ablation.factors and not plain:
         raise ConfigError(
-            "ablation.factors holds dt, which cuts steps into pieces: that needs robot.a = [[1,0],[0,1]] and "
-            "robot.feedback = 0 (a step of another length has others); leave dt out"
+            "ablation.factors contains dt, which divides time steps: this needs robot.a = [[1,0],[0,1]] and "
+            "robot.feedback = 0 (they depend on the time step); leave dt out"
         )
 
 

@@ -214,7 +214,7 @@ def plan_in_full(settings: Settings, world: Records, time: float, place: Path) -
 def route_conditions(problem: Any, path: PlannedPath) -> dict[str, float]:
     """Means along the route [m/s], and how wide the positions are at the end [m].
 
-    Wind speed, its doubt and the part along the way (positive: from behind).
+    Wind speed, its standard deviation and the tail wind component.
     """
     wind, variance = expected_winds(problem, path)
     leg = np.diff(path.x, axis=0)

@@ -97,7 +97,8 @@ def run_sitl(
         )
     if problem.motion.gain > 0.0 or plan.path.fixes:
         raise DataError(
-            "an aircraft that flies a table knows no position: set robot.feedback=0, without landmarks"
+            "an aircraft that flies by the table does not measure its position: set robot.feedback=0, "
+            "without landmarks"
         )
     height = max(height_of(level).metres, LOWEST)
     flown = fly_both(cfg, problem, plan, read_orders(table), height, seeds, progress)

@@ -79,7 +79,8 @@ def real_wind(
 ) -> WindField:
     """The full fields over ``scene`` from departure on, with the white part of ``believed`` as gusts.
 
-    There is no other doubt. Fields are interpolated bilinearly between the nodes of their own grid and turned
+    There is no other uncertainty. Fields are interpolated bilinearly between the nodes of their own grid
+    and turned
     by the meridian convergence. Gusts at a field's time are those of the nearest slot of ``believed``.
     """
     import dataclasses

@@ -72,7 +72,7 @@ class Budget:
         def end_early(_number: int, _frame: FrameType | None) -> None:
             if not self.heeded or self.asked:
                 raise KeyboardInterrupt
-            LOG.warning("asked to end: what was found so far makes the front; Ctrl-C once more ends the run")
+            LOG.warning("stopping: the front is made from the paths found so far; Ctrl-C again ends the run")
             self.end()
 
         signal.signal(signal.SIGINT, end_early)

@@ -135,7 +135,7 @@ def _checked_length(url: str, answer: Any, rest: ByteRange | None, most: int) ->
             )
         told = re.match(r"bytes (\d{1,19})-\d{1,19}/(\d{1,19})?", answer.headers.get("Content-Range", ""))
         if told is None or int(told[1]) != rest.first:
-            raise DataError(f"{url}: the server sends other bytes than were asked for; use another server")
+            raise DataError(f"{url}: the server sends other bytes than requested; use another server")
         total = int(told[2]) - rest.first if told[2] else None
     if length is not None and length > most:
         raise DataError(f"{url} has {length:,} bytes, more than the limit of {most:,}")

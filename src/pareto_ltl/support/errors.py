@@ -8,7 +8,7 @@ from __future__ import annotations
 
 
 class ParetoLtlError(Exception):
-    """Anything the command line reports in one line instead of a traceback."""
+    """Base class of the errors that the command line reports in one line instead of a traceback."""
 
 
 class ConfigError(ParetoLtlError):
@@ -16,11 +16,11 @@ class ConfigError(ParetoLtlError):
 
 
 class DataError(ParetoLtlError):
-    """The outside world (a wind file, a scene, a cache) is not as expected."""
+    """An input (a wind file, a scene, a cache) is not as expected."""
 
 
 class InfeasibleError(ParetoLtlError):
-    """There is no answer with the given settings; the text says which knob to turn."""
+    """There is no answer with the given settings; the message says which setting to change."""
 
 
 class FormulaError(ParetoLtlError, ValueError):

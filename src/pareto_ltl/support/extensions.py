@@ -59,7 +59,7 @@ def extension_names(group: str, own: Iterable[str] = ()) -> tuple[str, ...]:
     for name in own:
         if name in names:
             raise ConfigError(
-                f"{_entry_text(names[name])} has the name of a part of pareto_ltl; rename it, or uninstall it"
+                f"{_entry_text(names[name])} has a name that pareto_ltl uses; rename it, or uninstall it"
             )
     return tuple(names)
 

@@ -127,7 +127,7 @@ def _unique_names(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     if len(table) < len(pairs):
         seen: set[str] = set()
         twice = next(name for name, _ in pairs if name in seen or seen.add(name))  # type: ignore[func-returns-value]
-        raise _RepeatedNameError(f"the name {shown_json(twice)} is there twice in one object")
+        raise _RepeatedNameError(f"the name {shown_json(twice)} occurs twice in one object")
     return table
 
 

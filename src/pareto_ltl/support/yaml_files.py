@@ -102,5 +102,5 @@ def _children(node: Any, place: str) -> list[Any]:
     names = [key.value for key, _ in node.value if isinstance(key.value, str)]
     if len(set(names)) < len(names):
         twice = next(name for name in names if names.count(name) > 1)
-        raise _UnboundedError(f"{place}: the key {twice[:60]!r} is there twice")
+        raise _UnboundedError(f"{place}: the key {twice[:60]!r} occurs twice")
     return [part for pair in node.value for part in pair]

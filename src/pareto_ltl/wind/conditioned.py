@@ -1,4 +1,4 @@
-"""A wind field after a flight has learnt about it: another expected wind, and less doubt about it.
+"""A wind field conditioned on a position fix: another expected wind, and a smaller uncertainty.
 
 With θ ~ N(m, I - B' B) at the time of the fix instead of N(0, I), a part of the error with the persistence ρ
 from there to a slot has m_slot = ρ m and Cov = I - ρ² B' B, so that in the slot

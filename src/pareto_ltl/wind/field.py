@@ -126,7 +126,7 @@ def _warn_about_score(score: Mapping[str, float]) -> None:
             "of the wind readings on the map that the fit did not see, %s lie within its 90 %% intervals "
             "(expected %s to %s): promised probabilities are %s; try wind.kernel, or more readings",
             probability_text(covered), probability_text(LEAST_COVERAGE), probability_text(MOST_COVERAGE),
-            "too low" if covered < LEAST_COVERAGE else "higher than they need be",
+            "too low" if covered < LEAST_COVERAGE else "higher than necessary",
         )  # fmt: skip
 
 

@@ -75,7 +75,7 @@ class MatchedFields:
             if key in self.winds:
                 told = f"{iso(snap.time)} with a lead of {snap.lead / 3600:g} h"
                 raise DataError(
-                    f"{', '.join(file.name for file in snap.files)}: the wind at {told} is there twice; "
+                    f"{', '.join(file.name for file in snap.files)}: the wind at {told} occurs twice; "
                     "keep one member"
                 )
             if not np.array_equal(points, snap.points):

@@ -335,8 +335,8 @@ def error_persistence(posterior: WindPosterior) -> float:
     if not correlations:
         if slots > 1:
             LOG.warning(
-                "too few stations report at neighbouring times to fit how long wind errors last; they are "
-                "taken to last for ever (set wind.rho to change that)"
+                "too few stations report at neighbouring times to fit how long wind errors last; they "
+                "are assumed to last for ever (set wind.rho to change that)"
             )
         return 1.0
     return persistence_of(correlations)

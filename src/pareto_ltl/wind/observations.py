@@ -69,7 +69,7 @@ def _spread(winds: tuple[FloatArray, ...]) -> float:
 def _refuse_other_frame(readings: Readings, scene: Scene) -> None:
     if readings.geographic and scene.crs is None:
         raise DataError(
-            f"{readings.name} is in degrees but the scene lies nowhere on Earth; set scene.centre "
+            f"{readings.name} is in degrees, but the scene has no location on Earth; set scene.centre "
             "(latitude, longitude), or use wind.source=csv with columns time,x,y,u,v or wind.source=calm"
         )
 
@@ -95,8 +95,8 @@ def _slots_from_departure(cfg: WindConfig, readings: Readings, zero: float) -> t
     spell = f"{iso(times[0])} .. {iso(times[-1])}"
     if len(times) == 1 and not cfg.hold_last:
         raise DataError(
-            f"{name} holds one wind time only ({iso(times[0])}), which covers no flight; add later times, or "
-            f"let it stand for up to wind.max_gap ({cfg.max_gap:g} h) with wind.hold_last=true"
+            f"{name} holds one wind time only ({iso(times[0])}), which covers no flight; add later "
+            f"times, or hold it for up to wind.max_gap ({cfg.max_gap:g} h) with wind.hold_last=true"
         )
     if zero < times[0]:
         raise DataError(

@@ -27,7 +27,7 @@ def sketch_at_altitude(sketch: SceneSketch, rules: DrawingRules) -> SceneSketch:
         return sketch
     if rules.altitude is None:
         LOG.info(
-            "%s: scene.altitude is not set, so that altitude bands do not matter: %s always count",
+            "%s: scene.altitude is not set, so altitude limits are ignored: %s are always active",
             sketch.where, listed_text([place.what for place in banded]),
         )  # fmt: skip
         return sketch
@@ -42,7 +42,7 @@ def sketch_at_altitude(sketch: SceneSketch, rules: DrawingRules) -> SceneSketch:
                 f"{sketch.where}: the mission visits {place.what}, which lies {_band(place)}, and the robot "
                 f"flies at {altitude:g} m: change scene.altitude, or the floor and ceiling of the region"
             )
-    LOG.info("at %g m these do not count: %s", altitude, listed_text([place.what for place in absent]))
+    LOG.info("at %g m these are not active: %s", altitude, listed_text([place.what for place in absent]))
 
     def present(some: Iterable[Place]) -> tuple[Place, ...]:
         return tuple(place for place in some if place.counts_at(altitude))

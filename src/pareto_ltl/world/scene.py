@@ -37,12 +37,12 @@ class Scene(Displayed):
     time_zero : str or None
         Departure, ISO 8601 UTC; all other times are seconds since then.
     windows : mapping of proposition to Window
-        When propositions hold. One with the name of its region says when the region counts at all.
+        When propositions hold. A window with the name of its region says when the region is active.
     forbidden : tuple of str
-        Propositions with a window that must never hold: obstacles that stand for a time.
+        Propositions with a window that must never hold: obstacles that are active for a limited time.
     simplified : float
-        How far outlines lie from those that were drawn, at most [m]: obstacles and forbidden regions are
-        larger by that, visited regions smaller.
+        Largest distance between the outlines and those that were drawn [m]: obstacles and forbidden
+        regions are larger by that, visited regions smaller.
     """
 
     bounds: FloatArray

@@ -259,7 +259,7 @@ def _check_region_name(sketch: SceneSketch, name: str) -> None:
         better = re.sub(r"\W+", "_", name, flags=re.ASCII).strip("_") or "goal"
         better = better if not better[0].isdigit() else f"r{better}"
         raise DataError(
-            f"{sketch.where}: region name {shown_text(name)!r} cannot stand in a formula; use letters, "
+            f"{sketch.where}: region name {shown_text(name)!r} cannot be used in a formula; use letters, "
             f"digits and _, not a digit first, e.g. {better[:20]!r}"
         )
     if name in RESERVED_WORDS:

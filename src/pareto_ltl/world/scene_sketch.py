@@ -168,7 +168,7 @@ def read_bounds(where: str, key: str, value: Any) -> FloatArray:
     (west, south), (east, north) = bounds.tolist()
     if west >= east or south >= north:
         raise DataError(
-            f"{where}: {key} {_typed_text(value)} is turned round or empty; "
+            f"{where}: {key} {_typed_text(value)} is reversed or empty; "
             f"{expected}, west < east, south < north"
         )
     return bounds

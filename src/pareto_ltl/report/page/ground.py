@@ -88,7 +88,7 @@ def map_on_earth(scene: Scene) -> list[dict[str, Any]]:
 
 
 def shown_wind(scene: Scene, wind: WindField, last: float) -> dict[str, Any]:
-    """Expected wind and its doubt at up to ``MOST_TIMES`` times from departure to ``last`` [s]."""
+    """Expected wind and standard deviation at up to ``MOST_TIMES`` times until ``last`` [s]."""
     i, j = arrow_nodes(wind, scene.bounds)
     x, y = lattice_nodes(wind)
     a, b = (np.linspace(low, high, DOUBT_NODES) for low, high in scene.bounds.T)

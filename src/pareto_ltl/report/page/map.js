@@ -169,7 +169,7 @@ function flightTraces() {
 
 const MAP_STYLE = {
   doubt: { type: "heatmap", colorscale: [[0, "#fbfbf4"], [0.5, "#ead9a4"], [1, "#c99b3f"]], zsmooth: "best", hovertemplate: "sd of the wind %{z:.1f} m/s<extra></extra>",
-    colorbar: { orientation: "h", thickness: 9, len: 0.7, x: 0, xanchor: "left", yref: "container", y: 0.005, yanchor: "bottom", title: { text: "doubt of the wind: sd of a component [m/s]", side: "bottom", font: { size: 11 } }, tickfont: { size: 11 }, outlinewidth: 0 } },
+    colorbar: { orientation: "h", thickness: 9, len: 0.7, x: 0, xanchor: "left", yref: "container", y: 0.005, yanchor: "bottom", title: { text: "uncertainty of the wind: sd of a component [m/s]", side: "bottom", font: { size: 11 } }, tickfont: { size: 11 }, outlinewidth: 0 } },
   closed: { mode: "lines", line: { color: COLOURS.failed, width: 2, dash: "dash" }, fill: "toself", fillcolor: "rgba(70,70,70,0.55)", hoverinfo: "skip" },
   wind: { mode: "lines", line: { color: COLOURS.wind, width: 1.3 }, hoverinfo: "skip" },
   others: { mode: "lines", line: { color: COLOURS.stone, width: 1, dash: "dot" }, hoverinfo: "skip" },

@@ -56,7 +56,7 @@ def times_of(file: CfFile, variable: CfVariable) -> tuple[str | None, FloatArray
     axis = _time_axis(file, variable)
     times = _absolute_times(file, axis)
     if not (np.isfinite(times).all() and (times > EARLIEST).all() and (times < LATEST).all()):
-        raise DataError(f"wind file {file.path}: {axis.name} holds a time that is none; fetch the file again")
+        raise DataError(f"wind file {file.path}: {axis.name} has an invalid time; fetch the file again")
     leads = np.full(len(times), np.nan)
     for other in file.variables.values():
         if not set(other.dimensions) <= set(axis.dimensions) or other.name == axis.name:
@@ -256,8 +256,8 @@ def _grid_crs(file: CfFile, variable: CfVariable) -> str:
     advice = "turn them to east and north, or name the grid mapping"
     if mapping is None:
         raise DataError(
-            f"wind file {file.path}: {variable.name} follows the axes of a grid whose directions the file "
-            f"does not tell; {advice}"
+            f"wind file {file.path}: {variable.name} follows the axes of a grid whose directions the "
+            f"file does not state; {advice}"
         )
     plain = {name: _plain(mapping, name) for name in mapping.attributes}
     try:

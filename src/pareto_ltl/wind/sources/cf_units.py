@@ -38,7 +38,7 @@ def speed_factor(units: str) -> float | None:
 def time_scale(units: str, calendar: str) -> tuple[float, float]:
     """Seconds in one unit, and the zero [s since 1970-01-01 UTC], of CF time units; ValueError if unknown."""
     if calendar.strip().lower() not in CALENDARS:
-        raise ValueError(f"its calendar {shown_value(calendar)} is not ours; expected standard")
+        raise ValueError(f"its calendar {shown_value(calendar)} is not supported; expected standard")
     found = EPOCH.fullmatch(units.strip().lower())
     unit = found[1] if found else ""
     factor = TIMES.get(unit, TIMES.get(unit.removesuffix("s")))

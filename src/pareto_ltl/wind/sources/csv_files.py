@@ -203,7 +203,7 @@ def _speed_unit(name: str, title: str) -> str | None:
 def _only_one(file: Path, name: str, titles: list[str]) -> str:
     if len(titles) > 1:
         there = shown_text(" and as ".join(titles))
-        raise DataError(f"wind file {file}: column {name} is there as {there}; keep one")
+        raise DataError(f"wind file {file}: column {name} occurs as {there}; keep one")
     return titles[0]
 
 

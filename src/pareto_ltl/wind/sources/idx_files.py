@@ -53,7 +53,7 @@ def parse_idx(text: str, where: str) -> tuple[IdxEntry, ...]:
         match = LINE.fullmatch(line)
         if match is None or int(match[2]) > FARTHEST:
             raise DataError(
-                f"{where}, line {number}: {shown_text(line, 60)!r} is none of an inventory; expected "
+                f"{where}, line {number}: {shown_text(line, 60)!r} is not a line of an inventory; expected "
                 "NUMBER:OFFSET:d=DATE:VARIABLE:LEVEL:FORECAST:"
             )
         found.append((int(match[2]), match[4], match[5], match[6]))

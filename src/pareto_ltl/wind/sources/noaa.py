@@ -82,7 +82,7 @@ def _fetch_forecast(cfg: WindConfig, wanted: Wanted) -> tuple[Path, ...]:
             files = _fetch_cycle(cfg, model, store, cycle, steps)
         except NotThereError as error:
             reasons.append(str(error))
-            LOG.info("%s forecast of %s is not there (yet)", model.name, iso(cycle))
+            LOG.info("%s forecast of %s is not available (yet)", model.name, iso(cycle))
             continue
         return files
     raise DataError(_no_cycle(cfg, model, first, last, reasons))
