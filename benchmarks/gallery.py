@@ -132,7 +132,7 @@ PICTURES = (
         lambda missions: missions["phi2"].front.plot(plan=missions["phi2"].plan),
     ),
     Picture(
-        "wind", "A wind and its doubt",
+        "wind", "A wind and its uncertainty",
         "Expected wind, and the standard deviation of one component: small at the readings, larger "
         "between them. `result.wind.plot(scene=result.scene, time=\"13.5h\")`; see [wind](wind.md).",
         lambda missions: missions["phi2"].wind.plot(scene=missions["phi2"].scene, time="13.5h"),

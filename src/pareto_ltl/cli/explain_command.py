@@ -10,7 +10,7 @@ from pareto_ltl.support.errors import DataError
 
 
 def explain_command(argv: Sequence[str]) -> int:
-    """0 where the plan is told, 2 with one line where there is no such path or no plan."""
+    """0 where the plan is printed, 2 with one line where there is no such path or no plan."""
     return run_reported(lambda: _explain_arguments(argv))
 
 

@@ -1,4 +1,4 @@
-"""``pareto-ltl replan DIR``: the rest of a flight planned anew, from a position fix."""
+"""``pareto-ltl replan DIR``: the rest of a flight planned again, from a position fix."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``pareto-ltl sweep``: many runs, or the summary of a sweep written anew from its folder."""
+"""``pareto-ltl sweep``: many runs, or the summary of a sweep written again from its folder."""
 
 from __future__ import annotations
 

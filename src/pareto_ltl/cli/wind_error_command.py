@@ -23,7 +23,7 @@ LONGEST_NAME = 200  # as the schema has it
 
 
 def wind_error_command(argv: Sequence[str]) -> int:
-    """0, or 2 with one line where the files tell nothing about errors."""
+    """0, or 2 with one line where the files give no errors."""
     return run_reported(lambda: _estimate_and_write(_wind_error_arguments().parse_args(argv)))
 
 

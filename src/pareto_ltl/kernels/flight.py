@@ -167,7 +167,7 @@ class Navigator(NamedTuple):
     At a step where the plan counts on a fix (``path.gain`` not 0) and the robot is in a landmark, it reads
     its position with ``noise`` (T, n, 2) [m] and updates its estimate ê of the deviation and θ̂ of the
     field. It flies ê back and steers against ψ' θ̂, within u_min and u_max, and counts on what it could do.
-    ``learnt`` stands for ``path.learnt``; it is 0 where a wind tells nothing about the next one. ``kept``
+    ``learnt`` stands for ``path.learnt``; it is 0 where a wind gives no information on the next one. ``kept``
     (S + 1, P) is the share that θ keeps from step to step. ``field`` (n, 2, P) and ``estimate`` (n, 3) =
     (ê_x, ê_y, 1 after the first fix) are scratch.
     """

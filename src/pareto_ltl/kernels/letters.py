@@ -1,4 +1,4 @@
-"""What a flight reads: the label of each step and, on the way between steps, letters that do harm.
+"""What a flight reads: the label of each step and, on the way between steps, harmful letters.
 
 A proposition that helps is read at the steps alone. A letter that leads away from acceptance is read on the
 whole segment, so that a forbidden region cannot be jumped over.
@@ -54,7 +54,7 @@ def next_state(
 def meet_hazards(
     cells: Cells, logic: Logic, e: int, q: int, start: Point, first: int, end: Point, last: int
 ) -> int:
-    """State after the cells between start and end that do harm in epoch ``e``, each read when it is entered.
+    """State after the cells between start and end that are harmful in epoch ``e``, read when entered.
 
     The cells of the ends are read as the labels of their steps.
     """

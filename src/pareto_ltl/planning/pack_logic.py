@@ -92,9 +92,9 @@ def helpful_delta(logic: kd.Logic) -> IntArray:
 def harmful_letters(automaton: Automaton, nothing: int) -> tuple[BoolArray, BoolArray]:
     """Which letters are read between steps, and what they can cost; both (Q, letters).
 
-    A letter does harm in q if it leads to the trap, or if it shows a proposition and the state it leads to
-    does not accept all that is accepted after no label at all, letter number ``nothing``. It loses q if it
-    does harm in some state s ≥ q and takes s to a state that is not ≥ q.
+    A letter is harmful in q if it leads to the trap, or if it shows a proposition and the state it leads to
+    does not accept all that is accepted after no label at all, letter number ``nothing``. It loses q if it is
+    harmful in some state s ≥ q and takes s to a state that is not ≥ q.
 
     Eq. (M33) of docs/mathematics.md.
     """

@@ -40,7 +40,7 @@ def hypervolume(rows: FloatArray, reference: FloatArray) -> float:
 
 
 def chance_of_failures(failed: BoolArray, others: BoolArray) -> FloatArray:
-    """Chance that a path fails so often where another does not, in the same winds, if it is equally safe.
+    """Chance of at least as many failures where another path succeeds, in the same winds, if equally safe.
 
     Of the flights that only one of both survives, half are expected for each: the sign test (McNemar,
     Psychometrika 12, 1947, doi:10.1007/BF02295996), exact and one-sided. Small values say that the first path

@@ -164,7 +164,7 @@ class Run:
 
     @property
     def stage_progress(self) -> Progress | None:
-        """Where a stage reports its progress; None if nobody looks."""
+        """Where a stage reports its progress; None if it is not shown."""
         return self.progress
 
     def make(self, key: RecordKey[T]) -> T:

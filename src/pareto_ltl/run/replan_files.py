@@ -61,7 +61,7 @@ def replan_document(done: Replanned, source: str) -> dict[str, Any]:
 
 
 def comparison_lines(done: Replanned) -> list[str]:
-    """What a user is told."""
+    """The summary for the user."""
     at = done.situation
     lines = [f"step {at.step}, {at.time / 3600:.4g} h after departure"]
     if at.learnt is None:

@@ -27,7 +27,7 @@ Progress = Callable[..., None]  # called with (done, total), and with a text on 
 
 
 class Watcher(Protocol):
-    """What a stage begins ahead of its turn; it is told of each record."""
+    """What a stage begins ahead of its turn; it receives each record."""
 
     def record_made(self, name: str, record: Any) -> None:
         """The stage ``name`` has made ``record``, or it was given."""
@@ -149,7 +149,7 @@ class Stage(Generic[T]):
         Files of the record in the results directory: the same settings give the same bytes, but for columns
         of seconds. ``*`` stands for any name.
     shows : tuple of str
-        Files for people, figures and texts, which may tell how long something took.
+        Files for people, figures and texts, which may contain how long something took.
     ahead : callable or None
         From the settings to a context that is entered when the run begins and left when it ends; the
         :class:`Watcher` that it gives is ``inputs.ahead``. For what can begin before the stage does.

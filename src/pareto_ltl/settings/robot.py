@@ -151,7 +151,7 @@ class RobotConfig(CheckedSettings):
             raise ConfigError(f"robot.b must be invertible, got {shown_value(self.b)}")
 
     def _check_turns(self) -> None:
-        """Turns at a bank are those of an aircraft that moves through the air as it is told."""
+        """Turns at a bank are those of an aircraft that moves through the air as commanded."""
         if self.bank == 0.0:
             return
         if self.u_min == 0.0:

@@ -67,7 +67,7 @@ class SceneConfig(CheckedSettings):
         {},
         "name: {region, from, until, forbidden} of propositions that hold for a time, e.g. a_before_noon: "
         "{region: a, until: 12h}; with the name of a region: when it counts at all; forbidden: true is an "
-        "obstacle that stands for a time",
+        "obstacle that is active for a limited time",
     )
     border: str = setting(
         "auto",

@@ -2,7 +2,7 @@
 
 JSBSim (Berndt, AIAA 2004-4923, doi:10.2514/6.2004-4923) integrates six degrees of freedom over the WGS 84
 ellipsoid. Its model ``c172x`` holds heading and height by itself; the throttle, which it leaves to its pilot,
-holds the airspeed here by a proportional-integral law. It is told a true heading, an airspeed and a time, as
+holds the airspeed here by a proportional-integral law. It receives a true heading, an airspeed and a time, as
 a navigator reads them from the table, and never where it is.
 """
 

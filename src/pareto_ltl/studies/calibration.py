@@ -45,7 +45,7 @@ def scorecard(rows: Rows, keys: Sequence[str] = KEYS) -> list[Columns]:
     """All plans that agree in ``keys``: mean promise, mean realised, scores.
 
     With p promised and f realised, the Brier score is the mean of f (1 - p)² + (1 - f) p², the log score that
-    of -f ln p - (1 - f) ln(1 - p); both are least where p = f. ``promised_sd`` tells how sharp promises are.
+    of -f ln p - (1 - f) ln(1 - p); both are least where p = f. ``promised_sd`` is the sharpness.
     """
     table = []
     for head, name, known in _promised(rows, keys):

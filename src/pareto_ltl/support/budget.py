@@ -61,7 +61,7 @@ class Budget:
     def ends_at_key(self) -> Iterator[None]:
         """In the block, while it is ``heeded``, the first Ctrl-C ends a budget; others end the run as ever.
 
-        Outside the main thread, where Python lets nobody set handlers, and without a budget, the block is
+        Outside the main thread, where Python allows no signal handlers, and without a budget, the block is
         only run.
         """
         if self.seconds is None or threading.current_thread() is not threading.main_thread():

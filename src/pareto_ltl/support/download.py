@@ -30,7 +30,7 @@ BUSY = (408, 425, 429)
 
 
 class NotThereError(DataError):
-    """The server has no such file, or gives it to nobody."""
+    """The server has no such file, or refuses to send it."""
 
 
 @dataclass(frozen=True, slots=True)

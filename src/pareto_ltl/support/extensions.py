@@ -67,7 +67,7 @@ def extension_names(group: str, own: Iterable[str] = ()) -> tuple[str, ...]:
 def known_kind(group: str, own: Mapping[str, Kind], name: str, expected: Callable[[Any], bool]) -> Kind:
     """What ``name`` stands for: an entry of ``own``, or the loaded entry point of ``group``.
 
-    ``expected`` tells whether a loaded object is of the right kind. Raises ``KeyError`` if the name is
+    ``expected`` returns whether a loaded object is of the right kind. Raises ``KeyError`` if the name is
     unknown and ``ConfigError`` if an entry point clashes, does not load or is of another kind.
     """
     extension_names(group, own)

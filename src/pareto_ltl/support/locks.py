@@ -2,8 +2,8 @@
 
 ``filelock`` locks an open file: with ``flock`` on Linux and macOS, where it needs no clean-up after SIGKILL
 and goes over NFS, and with ``LockFileEx`` on Windows. Where a file system has no locks, the work is done
-without one, and the log says so. A note of the holder stands behind the first byte, since Windows lets nobody
-else read that one.
+without one, and the log says so. A note of the holder stands behind the first byte, since on Windows no
+other process can read that one.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """A second Python process beside a run, for work that would hold the run up.
 
-The two speak through pipes in pickles, which nobody else can write; no file is read so.
+The two speak through pipes in pickles, which no other process can write; no file is read so.
 """
 
 from __future__ import annotations

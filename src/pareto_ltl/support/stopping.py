@@ -48,7 +48,7 @@ def signals_raise() -> Iterator[None]:
     """In the block, a request to end raises :class:`StoppedError`, once the child processes have ended.
 
     A signal that is ignored, as SIGHUP is under ``nohup``, stays ignored. Outside the main thread, where
-    Python lets nobody set handlers, the block is only run.
+    Python allows no signal handlers, the block is only run.
     """
     before = {}
     if threading.current_thread() is threading.main_thread():

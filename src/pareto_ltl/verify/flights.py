@@ -76,7 +76,7 @@ class Ground:
         return np.stack(found, axis=1)
 
     def after_step(self, state: IntArray, legs: Legs, slack: float = 0.0, holding: Label = NONE) -> IntArray:
-        """States after steps: letters that do harm are read on the way, then the label of the end.
+        """States after steps: harmful letters are read on the way, then the label of the end.
 
         The way of a robot is read where the letter of its start leaves the state alone: otherwise the formula
         counts steps. Windows ``holding`` are open on the way.
@@ -91,7 +91,7 @@ class Ground:
         return np.asarray(delta[state, legs.last], int)
 
     def _near_harm(self, legs: Legs, rows: IntArray, harm: BoolArray, slack: float) -> BoolArray:
-        """Which legs meet a region of a letter that does harm; all, where the empty letter does."""
+        """Which legs meet a region of a harmful letter; all, where the empty letter does."""
         worst = [letter for letter, bad in zip(self.dfa.letters, harm.T, strict=True) if bad.any()]
         places = [{self.timetable.region(name) for name in letter} - {None} for letter in worst]
         if not all(places):

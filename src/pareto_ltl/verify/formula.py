@@ -307,7 +307,7 @@ def harmful(dfa: Dfa, empty: frozenset[str] = frozenset()) -> tuple[tuple[bool, 
 def losing(dfa: Dfa, empty: frozenset[str] = frozenset()) -> list[list[bool]]:
     """``[q][letter]``: whether the letter may lead from a state as good as q to one that is not.
 
-    That is a state s that accepts all q does, and in which the letter does harm.
+    That is a state s that accepts all q does, and in which the letter is harmful.
     """
     better, harm = covers(dfa), harmful(dfa, empty)
     states = range(len(dfa.delta))

@@ -147,7 +147,7 @@ def neighbourhood(scene: SceneConfig, padding: float = 0.0) -> GeoBox | None:
 
 
 def refuse_empty_crop(where: str, lonlat: FloatArray, area: GeoBox) -> None:
-    """Raise a DataError that tells what a file covers, of which no node lies in ``area``."""
+    """Raise a DataError that states what a file covers, of which no node lies in ``area``."""
     finite = lonlat[np.isfinite(lonlat).all(axis=1)]
     covers = box_of(finite).text if len(finite) else "no place on Earth"
     raise DataError(

@@ -19,7 +19,7 @@ class Coverage(NamedTuple):
 
 
 def coverage_of(field: WindField, time_zero: str | None = None) -> Coverage:
-    """What the laws of ``field`` say about the error of the wind; times are told from ``time_zero``."""
+    """What the laws of ``field`` say about the error of the wind; times are relative to ``time_zero``."""
     if field.evidence is None and not field.gust_var.any():
         return Coverage(
             "calm air: no wind at all.",

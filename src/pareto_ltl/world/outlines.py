@@ -73,7 +73,7 @@ def narrowed_polygon(polygon: shapely.Polygon, tolerance: float) -> shapely.Geom
     """A polygon inside ``polygon`` whose outline is at most ``tolerance`` [m] away, except in bottlenecks.
 
     Where the polygon is narrower than the tolerance nothing is left of it, and it may come in several parts;
-    if nothing at all is left, the polygon itself is returned.
+    if nothing is left, the polygon itself is returned.
     """
     found = _moved(polygon, -0.5 * tolerance)
     return polygon if found.is_empty else found

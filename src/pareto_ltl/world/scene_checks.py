@@ -114,7 +114,7 @@ def _drawn_map(sketch: SceneSketch, rules: DrawingRules) -> DrawnMap:
 
 
 def _drawn_region(sketch: SceneSketch, place: Place) -> shapely.Geometry:
-    """A region; of an obstacle that stands for a time, what lies within the bounds."""
+    """A region; of an obstacle that is active for a limited time, what lies within the bounds."""
     import shapely
 
     shape = drawn_shape(sketch, place)

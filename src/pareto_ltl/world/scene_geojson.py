@@ -168,7 +168,7 @@ def _drawn_features(where: str, features: Sequence[Any]) -> Iterator[tuple[str, 
 def _with_times(
     where: str, role: str, number: int, place: Place, properties: Mapping[str, Any]
 ) -> tuple[str, Place, TimedPlace | None]:
-    """Role, place and window; an obstacle that stands for a time becomes a region with a name of its own."""
+    """Role, place and window; an obstacle for a limited time becomes a region with its own name."""
     begin, end = (None if properties.get(key) in (None, "") else properties[key] for key in ("from", "until"))
     if begin is None and end is None:
         return role, place, None

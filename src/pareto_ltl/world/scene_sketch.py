@@ -41,7 +41,7 @@ class Place:
     floor, ceiling : float or None
         Altitudes between which the place counts [m]; None for no limit.
     solid : bool
-        Whether a region is an obstacle that stands for a time.
+        Whether a region is an obstacle that is active for a limited time.
     """
 
     name: str

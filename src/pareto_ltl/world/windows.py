@@ -74,7 +74,7 @@ class TimedPlace:
     begin, end : str, float or None
         ISO 8601 times (UTC), or times after departure: seconds, or a text such as ``6h``; None is no limit.
     forbidden : bool
-        Whether the place must not be met within the window: an obstacle that stands for a time.
+        Whether the place must not be met within the window: an obstacle that is active for a limited time.
     """
 
     name: str

@@ -175,7 +175,7 @@ def refine_front(
 
 
 class _Teller:
-    """Tells how far a front has come, and what it is: least failure, its length, hypervolume.
+    """Reports how far a front has come, and what it is: least failure, its length, hypervolume.
 
     The hypervolume is that of smoothed failure and length within 1 and twice the first front's longest.
     """

@@ -120,7 +120,7 @@ def least_speeds(problem: Problem, flight: Flight) -> FloatArray:
     """Least airspeed to plan with (T,), as a share of the largest one.
 
     It is as far above the robot's as the cap is below the largest one. A robot with hardly any choice of
-    airspeed gets some all the same: its controls are brought to their limits when they are flown.
+    airspeed gets some in any case: its controls are brought to their limits when they are flown.
     """
     least, most = airspeed_limits(problem, flight.speed)
     return np.asarray(np.minimum(least / CAP, NARROWEST * CAP * most) / problem.motion.u_max)

@@ -81,7 +81,7 @@ def _write_files(summary: SweepSummary, out: Path) -> None:
     Raises
     ------
     ConfigError
-        If the figure is to show what no column holds; the files are written all the same.
+        If the figure is to show what no column holds; the files are written in any case.
     """
     swept = list(summary.manifest.swept)
     results = column_names(row.results for row in summary.rows)

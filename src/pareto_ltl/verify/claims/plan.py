@@ -151,7 +151,7 @@ def labels(result: Evidence) -> Verdict:
 
 
 def states(result: Evidence) -> Verdict:
-    """The automaton states follow from the labels, and from letters that do harm on the way."""
+    """The automaton states follow from the labels, and from harmful letters on the way."""
     slack = POSITION * result.grain
     either = [result.ground.states(result.x[None], s)[0] for s in (0.0, slack, -slack)]
     said = np.array(result.plan["q"])

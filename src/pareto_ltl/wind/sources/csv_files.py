@@ -1,7 +1,7 @@
 """Wind readings as CSV tables: ``time,lat,lon,u,v`` on Earth, ``time,x,y,u,v`` in a plane.
 
 Speeds are in m/s, or in the unit that the title of their column names: ``u_kt``, ``v [km/h]``. A column
-``lead_hours`` tells how long before the time of a row its forecast began; 0 is an analysis or observation. A
+``lead_hours`` states how long before the time of a row its forecast began; 0 is an analysis or observation. A
 table may be packed: ``winds.csv.gz``.
 """
 

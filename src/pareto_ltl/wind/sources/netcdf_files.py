@@ -197,7 +197,7 @@ def _pair_at(file: CfFile, quantity: Quantity, wanted: Level, notes: dict[str, N
         )
     gap, rank, chosen = min(pairs, key=lambda entry: entry[:2])
     if np.isinf(gap):
-        notes[f"{chosen.u.name} tells no level and is taken to be {wanted.phrase}"] = None
+        notes[f"{chosen.u.name} states no level and is taken to be {wanted.phrase}"] = None
     elif gap > 0 and quantity.nearest:
         notes[f"the level {chosen.level.text} stands for {wanted.text}"] = None
     if rank >= MEAN:

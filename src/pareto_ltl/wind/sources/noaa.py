@@ -1,6 +1,6 @@
 """Winds of GFS, HRRR and GEFS from NOAA's public archives: of each file only the messages that are needed.
 
-The inventory (.idx) beside each GRIB2 file tells where the messages of the wind at ``wind.level`` begin;
+The inventory (.idx) beside each GRIB2 file states where the messages of the wind at ``wind.level`` begin;
 these bytes are fetched and kept (:mod:`noaa_cache`). The newest cycle that covers the flight counts.
 """
 

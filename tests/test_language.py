@@ -1,0 +1,107 @@
+"""Documents, notebooks, messages and docstrings use the standard terms of the field, in literal English."""
+
+from __future__ import annotations
+
+import ast
+import json
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+DOCUMENTS = [
+    *(ROOT / name for name in ("README.md", "CONTRIBUTING.md", "RELEASING.md", "CODE_OF_CONDUCT.md")),
+    *sorted((ROOT / "docs").rglob("*.md")),
+    *sorted((ROOT / "examples").rglob("*.md")),
+    *sorted((ROOT / "examples").glob("*.ipynb")),
+]
+SOURCES = sorted((ROOT / "src").rglob("*.py"))
+# Pattern, what to write instead, and a text that the pattern must find.
+IDIOMS = (
+    (r"\bof full fidelity\b", "with `fidelity=full`", "Of full fidelity the covariance is"),
+    (r"\bkeeps? not\b", "breaks, or does not satisfy", "False where it keeps not to epsilon"),
+    (r"\bmotors? off\b", "with zero airspeed", "the mean with the motors off"),
+    (r"\bnothing at all\b", "say what happens and when", "nothing at all where a step is short"),
+    (r"\bnobody\b", "name who, or use the passive: 'is not known'", "where nobody looks"),
+    (r"\bdo(?:es)? (?:no )?harm\b", "is harmful, is ignored", "a label that does harm"),
+    (r"\b(?:its|their|the|less|more|another|without|in) doubt\b", "uncertainty, standard deviation",
+     "expected wind and its doubt"),
+    (r"\b(?:fails?|failed) (?:at most )?so often\b", "with at most this failure rate",
+     "the shortest that fails at most so often"),
+    (r"\btells? (?:no|nothing|how|what|when|where|whether|why)\b", "states, reports",
+     "the file tells no energy"),
+    (r"\b(?:is|are) told\b", "is reported, is stated", "no energy is told"),
+    (r"\btold by\b", "given by, stated in", "a level told by the file"),
+    (r"\bwhat it is to\b", "say it directly", "what it is to fail"),
+    (r"\ball the same\b", "in any case", "names its path all the same"),
+    (r"\b(?:is|are) there twice\b", "occurs twice", "a name is there twice"),
+    (r"\bless is better\b", "lower is better", "less is better"),
+    (r"\b(?:planned|written|planning) anew\b", "again", "the rest is planned anew"),
+    (r"\bstands? for a time\b", "is active for a limited time", "an obstacle that stands for a time"),
+    (r"\bas good as it gets\b", "the best possible", "as good as it gets"),
+    (r"\b(?:nursery|habits|duties)\b", "tree state, growth settings, obligations", "the duties of a state"),
+)  # fmt: skip
+
+
+def shown(place: Path, text: str) -> str:
+    return f"{place.relative_to(ROOT)}: {' '.join(text.split())}"
+
+
+def findings(place: Path, text: str) -> Iterator[str]:
+    """Each idiom in ``text``, with the words around it and what to write instead."""
+    plain = re.sub(r"\s+", " ", text)
+    for pattern, instead, _ in IDIOMS:
+        for hit in re.finditer(pattern, plain, re.IGNORECASE):
+            around = plain[max(0, hit.start() - 40) : hit.end() + 40]
+            yield f"{shown(place, around)!r}: write {instead}"
+
+
+def document_text(path: Path) -> str:
+    """The words of a document: of a notebook its text cells; code blocks and `code` are left out."""
+    text = path.read_text(encoding="utf-8")
+    if path.suffix == ".ipynb":
+        cells = json.loads(text)["cells"]
+        text = "\n\n".join("".join(cell["source"]) for cell in cells if cell["cell_type"] == "markdown")
+    return re.sub(r"```.*?```|`[^`\n]*`", " ", text, flags=re.DOTALL)
+
+
+def python_texts(source: str) -> Iterator[str]:
+    """Every literal with a space in it: docstrings, messages, help; an f-string without its values."""
+    tree = ast.parse(source)
+    inside = {id(part) for node in ast.walk(tree) if isinstance(node, ast.JoinedStr) for part in node.values}
+    for node in ast.walk(tree):
+        if isinstance(node, ast.JoinedStr):
+            yield "".join(part.value if isinstance(part, ast.Constant) else "X" for part in node.values)
+        elif isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in inside:
+            yield node.value
+
+
+@pytest.mark.parametrize(("pattern", "sample"), [(pattern, sample) for pattern, _, sample in IDIOMS])
+def test_each_idiom_is_found_where_it_stands(pattern: str, sample: str) -> None:
+    page = ROOT / "docs" / "page.md"
+    assert re.search(pattern, sample, re.IGNORECASE)
+    assert list(findings(page, f"# A page\n\nText before, {sample.replace(' ', chr(10), 1)}, text after."))
+    code = f'def f():\n    """Return x.\n\n    {sample}."""\n    raise ValueError(f"{{x}}: {sample}")\n'
+    assert sum(bool(list(findings(page, text))) for text in python_texts(code)) == 2
+
+
+def test_plain_words_are_left_alone() -> None:
+    text = "No doubt remains. The wind is drawn anew. The map has a table; it says what the file is for."
+    assert not list(findings(ROOT / "README.md", text))
+
+
+@pytest.mark.parametrize("path", DOCUMENTS, ids=lambda path: str(path.relative_to(ROOT)))
+def test_a_document_is_in_plain_words(path: Path) -> None:
+    assert list(findings(path, document_text(path))) == []
+
+
+def test_messages_and_docstrings_are_in_plain_words() -> None:
+    found = [
+        hit
+        for path in SOURCES
+        for text in python_texts(path.read_text(encoding="utf-8"))
+        for hit in findings(path, text)
+    ]
+    assert found == []
