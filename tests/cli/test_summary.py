@@ -7,7 +7,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from pareto_ltl.cli.summary import print_summary, summary_rows
+from pareto_ltl.cli.summary import print_summary, summary_rows, warning_paragraphs
 from pareto_ltl.settings import Settings, preset
 
 METRICS = {
@@ -38,6 +38,19 @@ def test_every_probability_stands_beside_its_wind_law() -> None:
         "  forest": "0.25 s",
         "in all": "1.50 s",
     }
+
+
+def test_the_warnings_of_the_log_are_printed_each_once(tmp_path: Path) -> None:
+    lines = [
+        "2026-01-01 00:00:00,1 INFO pareto_ltl: run a",
+        *["2026-01-01 00:00:00,2 WARNING a.b: low wind"] * 2,
+    ]
+    lines += [f"2026-01-01 00:00:00,3 WARNING a.c: no. {n}" for n in range(6)]
+    (tmp_path / "run.log").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    told = list(warning_paragraphs(tmp_path))
+    assert told[:2] == ["Warning: low wind", "Warning: no. 0"]
+    assert told[5:] == [f"Warning: 2 more in {tmp_path / 'run.log'}"]
+    assert not list(warning_paragraphs(tmp_path / "none"))
 
 
 def test_the_law_is_that_of_the_settings(tmp_path: Path) -> None:

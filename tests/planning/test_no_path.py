@@ -115,6 +115,23 @@ def test_too_few_steps_are_not_called_risk() -> None:
     assert "raise planner.max_steps" in text
 
 
+def test_a_deadline_that_is_too_early_is_named_and_a_later_one_finds_a_path() -> None:
+    scene = make_scene({"a": box(15, 8, 17, 12)}, start=(3, 10))
+    problem = make_problem("F[0,10min] a", scene, planner=CFG)
+    text = explain_no_path(CFG, problem, grow_forest(CFG, problem, SeedSequence(11)), SEEDS)
+    assert "were too late for the mission: make its time spans longer" in text
+    assert "(the time span from 0 s until 10 min after departure), or let the robot fly faster" in text
+    assert "forbids" not in text
+    assert plans(CFG, make_problem("F[0,1h] a", scene, planner=CFG)) > 0
+
+
+def test_a_forbidden_region_is_not_called_a_deadline() -> None:
+    scene = make_scene({"a": box(15, 8, 17, 12), "b": box(8, 0, 10, 20)}, start=(3, 10))
+    problem = make_problem("!b U a", scene, planner=CFG)
+    text = explain_no_path(CFG, problem, grow_forest(CFG, problem, SeedSequence(11)), SEEDS)
+    assert "broke the mission: move the regions that it forbids; or raise" in text
+
+
 def test_a_step_too_long_for_the_map_is_told_first() -> None:
     scene = make_scene({"a": box(15, 15, 16, 16)}, [box(6, 6, 9, 9)], start=(1, 1))
     robot = RobotConfig(dt=1800.0, u_max=10.0)

@@ -372,8 +372,10 @@ def test_the_last_field_is_held_only_when_asked_to(tmp_path):
     late = read(cfg, scene(time_zero="2018-10-09T11:00:00Z"))
     np.testing.assert_array_equal(late.times, [-5 * 3600.0])
     assert late.until == 3600.0
-    with pytest.raises(DataError, match=r"wind.hold_last holds it for 6 h; .*wind.max_gap \(6 h\)"):
+    with pytest.raises(DataError, match=r"holds it for 6 h; .*wind.max_gap \(now 6 h\) of 18 h and the time"):
         read(cfg, scene(time_zero="2018-10-10T00:00:00Z"))
+    with pytest.raises(DataError, match=r"add wind files$"):  # too old to be held
+        read(cfg, scene(time_zero="2018-12-10T00:00:00Z"))
     cfg.max_gap = 24.0
     assert read(cfg, scene(time_zero="2018-10-10T00:00:00Z")).until == 6 * 3600.0
     with pytest.raises(DataError, match="departure"):

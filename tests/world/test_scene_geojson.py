@@ -288,6 +288,9 @@ def test_a_start_and_a_region_outside_of_a_fence_are_named(tmp_path):
     away = feature("start", [4.85, 60.5], "Point")
     with pytest.raises(DataError, match=r"the start .* lies outside the border"):
         scene_of(tmp_path, away, GOAL, fence, border="wall")
+    swapped = feature("start", [60.5, 5.0], "Point")
+    with pytest.raises(DataError, match=r"outside the b.*: are longitude and latitude swapped .*first\)\?"):
+        scene_of(tmp_path, swapped, GOAL, fence, border="wall")
     beyond = feature("region", [square(4.95, 60.5, 0.02)], name="b")
     with pytest.raises(DataError, match="region 'b' lies outside the border at"):
         scene_of(tmp_path, START, GOAL, beyond, fence, border="wall")

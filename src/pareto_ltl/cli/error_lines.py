@@ -29,7 +29,9 @@ CONFIGURATION_ERRORS: tuple[type[Exception], ...] = (
 LINE_WIDTH = 300  # characters of a message of Hydra's own that are kept
 LETTERS = "letters beyond ASCII need two pairs of quotes: \"wind.path='größe.csv'\""
 SMALLER = "lower planner.n_max, planner.trees, deployment.runs or report.dpi"
-QUOTES = "a value with spaces or ( ) & | ! needs two pairs of quotes: \"mission.formula='F(a & F b)'\""
+QUOTES = (
+    "a value with spaces or ( ) [ ] { } & | ! needs two pairs of quotes: \"mission.formula='F(a & F b)'\""
+)
 
 
 def explain_error(error: BaseException) -> str:

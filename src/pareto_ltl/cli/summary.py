@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -12,6 +13,9 @@ from pareto_ltl.support.schemas import read_document
 
 if TYPE_CHECKING:
     from rich.console import Console
+
+MOST_WARNINGS = 5  # that are printed
+_WARNING = re.compile(r"^\S+ \S+ WARNING \S+: (.*)$", re.MULTILINE)
 
 
 def print_summary(
@@ -29,11 +33,23 @@ def print_summary(
     for row in summary_rows(metrics, settings.fidelity.law):
         table.add_row(*row)
     console.print(table)
-    for paragraph in coverage_paragraphs(directory):
+    for paragraph in (*warning_paragraphs(directory), *coverage_paragraphs(directory)):
         console.print(paragraph, markup=False)
     if (directory / "tables.md").is_file():  # of an evaluation
         console.print((directory / "tables.md").read_text(encoding="utf-8"), soft_wrap=True, markup=False)
     console.print(f"results in {directory}", soft_wrap=True)
+
+
+def warning_paragraphs(directory: Path) -> Iterator[str]:
+    """The warnings in the log of ``directory``, each once."""
+    if not (log := directory / "run.log").is_file():
+        return
+    found = _WARNING.findall(log.read_text(encoding="utf-8", errors="replace"))
+    told = list(dict.fromkeys(found))
+    for warning in told[:MOST_WARNINGS]:
+        yield f"Warning: {warning}"
+    if len(told) > MOST_WARNINGS:
+        yield f"Warning: {len(told) - MOST_WARNINGS} more in {log}"
 
 
 def coverage_paragraphs(directory: Path) -> Iterator[str]:

@@ -12,7 +12,7 @@ from pareto_ltl.exports.held_course import held_course_rate
 from pareto_ltl.exports.navigation_log import NavigationLog, navigation_log
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import FailureRate, Plan
-from pareto_ltl.settings import ExportsConfig
+from pareto_ltl.settings import ExportsConfig, Settings
 from pareto_ltl.simulation.flights import unspawned
 from pareto_ltl.support.display import rate_text
 from pareto_ltl.wind.levels import DEPTH, PRESSURE, parse_level
@@ -100,7 +100,7 @@ def _rate_words(rate: FailureRate) -> str:
 def exported_plan(
     cfg: ExportsConfig, name: str, level: str, problem: Problem, plan: Plan, seed: SeedSequence
 ) -> ExportedPlan:
-    """What is exported of ``plan``, whose map must have a place on Earth; ``level`` is that of the wind."""
+    """What is exported of ``plan``, whose map must have a place on Earth; ``level`` is that of the flight."""
     corridor_seed, held_seed = unspawned(seed).spawn(2)
     lower, upper = cfg.altitude_lower, cfg.altitude_upper
     return ExportedPlan(
@@ -117,8 +117,13 @@ def exported_plan(
     )
 
 
+def flown_level(settings: Settings) -> str:
+    """The level of the flight: that of the robot, or that of the wind if the robot has none."""
+    return settings.robot.level or settings.wind.level
+
+
 def height_of(level: str) -> Height:
-    """The height of a wind level; of a pressure that in the standard atmosphere (ISO 2533, up to 20 km)."""
+    """The height of a level; of a pressure that in the standard atmosphere (ISO 2533, up to 20 km)."""
     found = parse_level(level)
     if found.kind == PRESSURE and found.value < 22_632.0:  # the lower stratosphere, at 216.65 K throughout
         return Height(11_000.0 + 6_341.6 * math.log(22_632.0 / found.value), above_sea=True)
@@ -127,4 +132,4 @@ def height_of(level: str) -> Height:
     return Height(-found.value if found.kind == DEPTH else found.value, above_sea=False)
 
 
-__all__ = ["ExportedPlan", "Height", "exported_plan", "height_of"]
+__all__ = ["ExportedPlan", "Height", "exported_plan", "flown_level", "height_of"]

@@ -14,6 +14,7 @@ from numpy.random import SeedSequence
 
 from pareto_ltl.kernels import data as kd
 from pareto_ltl.kernels.geometry import face_slack
+from pareto_ltl.logic.automaton import Automaton
 from pareto_ltl.planning.growth import grow_forest
 from pareto_ltl.planning.pack import pack_barriers, pack_collision, pack_nearby
 from pareto_ltl.planning.pack_logic import helpful_delta
@@ -233,9 +234,22 @@ def _advice(cfg: PlannerConfig, problem: Problem, forest: Forest) -> str:
         "beyond": f"outlasted the wind data or planner.max_steps ({end:.1f} h"
         f"{f'; {problem.wind_ends}' if problem.wind_ends else ''}): give later wind fields, "
         "set wind.hold_last=true, or raise planner.max_steps",
-        "trapped": "broke the mission: move the regions that it forbids",
+        "trapped": _lost_mission(problem.automaton),
     }
     return f"{counts[worst]:.0f} extensions {advice[worst]}; or {more}"
+
+
+def _lost_mission(automaton: Automaton) -> str:
+    """What lost the mission: a forbidden region, or the end of a time span of the formula or the map."""
+    ends = [
+        f"{name if window.region else 'the time span'} {window}"
+        for name, window in automaton.windows.items()
+        if np.isfinite(window.end) and name not in automaton.forbidden
+    ]
+    spans = f"make its time spans longer ({'; '.join(ends)}), or let the robot fly faster" if ends else ""
+    if automaton.trap < 0 and ends:  # nothing that the robot enters can lose the mission
+        return f"were too late for the mission: {spans}"
+    return f"broke the mission: move the regions that it forbids{f', or {spans}' if spans else ''}"
 
 
 def _nearest_miss(problem: Problem, forest: Forest) -> str:

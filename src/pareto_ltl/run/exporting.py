@@ -48,7 +48,7 @@ def export(
     InfeasibleError
         If the front has no such path.
     """
-    from pareto_ltl.exports.exported import exported_plan
+    from pareto_ltl.exports.exported import exported_plan, flown_level
     from pareto_ltl.exports.formats import writable_formats, write_exports
 
     run = planned.run if isinstance(planned, PlanningResult) else run_with_plan(load_results(planned))
@@ -60,7 +60,7 @@ def export(
     if reason and (formats is not None or not written):
         raise DataError(reason)
     seeds = stage_seeds(run.settings.seed, EXPORT_STREAM)
-    exported = exported_plan(cfg, run.settings.name, run.settings.wind.level, problem, plan, seeds)
+    exported = exported_plan(cfg, run.settings.name, flown_level(run.settings), problem, plan, seeds)
     return write_exports(exported, written, Path(folder))
 
 

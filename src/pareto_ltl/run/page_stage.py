@@ -72,7 +72,7 @@ def shown_run(
     settings: Settings, records: Records, origin: Origin, seeds: SeedSequence, why: str = ""
 ) -> ShownRun:
     """What the page is made from, as far as there are ``records``; ``seeds`` are those of the deployment."""
-    from pareto_ltl.exports.exported import Height, height_of
+    from pareto_ltl.exports.exported import Height, flown_level, height_of
     from pareto_ltl.report.page.shown_run import ShownRun
 
     altitude = settings.exports.altitude
@@ -82,7 +82,7 @@ def shown_run(
         wind=records[WIND],
         seeds=seeds,
         origin=origin,
-        height=height_of(settings.wind.level) if altitude is None else Height(altitude, above_sea=False),
+        height=height_of(flown_level(settings)) if altitude is None else Height(altitude, above_sea=False),
         runs=min(settings.deployment.runs, MOST_RUNS),
         why=why,
         automaton=records.get(AUTOMATON),

@@ -250,7 +250,7 @@ def make_export(inputs: StageInputs) -> tuple[Path, ...]:
     settings, problem, plan = inputs.settings, inputs[PROBLEM], inputs[PLAN]
     if not settings.exports.files:
         return ()
-    from pareto_ltl.exports.exported import exported_plan
+    from pareto_ltl.exports.exported import exported_plan, flown_level
     from pareto_ltl.exports.formats import writable_formats, write_exports
 
     formats, reason = writable_formats(settings.exports.formats, problem.scene, plan.path.t)
@@ -258,7 +258,7 @@ def make_export(inputs: StageInputs) -> tuple[Path, ...]:
         LOG.info("%s", reason)
     if not formats:
         return ()
-    level, seeds = settings.wind.level, inputs.seeds
+    level, seeds = flown_level(settings), inputs.seeds
     exported = exported_plan(settings.exports, settings.name, level, problem, plan, seeds)
     return write_exports(exported, formats, inputs.directory)
 

@@ -20,6 +20,7 @@ FEWEST_READINGS = 5  # readings near the scene, at each time
 ENOUGH_READINGS = 40  # readings near the scene, at each time, without which those farther away are used too
 FIT_RADIUS = 500e3  # [m], about one correlation length of the 10 m wind over land
 HORIZON_ANGLE = np.deg2rad(45.0)  # readings farther away carry no information and are distorted in the plane
+OLDEST_HELD = 48.0  # [h] for which a message still advises to hold the last field
 LOG = logging.getLogger(__name__)
 
 
@@ -119,10 +120,22 @@ def _slots_from_departure(cfg: WindConfig, readings: Readings, zero: float) -> t
     if until <= zero:
         more = "add wind files" if len(wide) else "choose mission.start_time inside, or add wind files"
         raise DataError(
-            f"departure {iso(zero)} is not covered by the wind of {name} ({spell}): {ends}; {more}, "
-            f"or hold the last field for up to wind.max_gap ({cfg.max_gap:g} h) with wind.hold_last=true"
+            f"departure {iso(zero)} is not covered by the wind of {name} ({spell}): {ends}; {more}"
+            f"{_holding_advice(cfg, zero - times[last])}"
         )
     return np.arange(start, last + 1), until, ends
+
+
+def _holding_advice(cfg: WindConfig, late: float) -> str:
+    """The settings that hold the last field for a departure ``late`` [s] after it; empty if it is too old."""
+    if late < cfg.max_gap * HOUR:
+        return f", or hold the last field for up to wind.max_gap ({cfg.max_gap:g} h) with wind.hold_last=true"
+    if late > OLDEST_HELD * HOUR:
+        return ""
+    return (
+        f", or hold the last field with wind.hold_last=true and a wind.max_gap (now {cfg.max_gap:g} h) of "
+        f"{np.ceil(late / HOUR):g} h and the time of the flight"
+    )
 
 
 def _readings_in_plane(

@@ -30,6 +30,7 @@ LOG = logging.getLogger(__name__)
 
 LARGE_ERROR, LARGEST_ERROR = 0.01, 0.05  # of lengths in the plane: a warning, and a refusal
 OUTSIDE = "the outside of the border"
+POLAR = 66.0  # degrees of latitude beyond which maps are rare
 LEAST_SIDE, MOST_SIDE = 1e-3, 4.1e7  # of a map [m]; the Earth is 40,075 km round
 RESERVED_WORDS = frozenset(  # of the formula language, not allowed as names of regions
     ["true", "false", "not", "and", "or", "xor", "next", "eventually", "until", *"XFUMGRW"]
@@ -281,8 +282,24 @@ def _check_inside(sketch: SceneSketch, what: str, points: FloatArray) -> None:
         low, high = sketch.show(sketch.bounds[0]), sketch.show(sketch.bounds[1])
         raise DataError(
             f"{sketch.where}: {what} lies outside the bounds at {sketch.show(points[worst])}; "
-            f"the bounds reach from {low} to {high}: move it, or widen them"
+            f"the bounds reach from {low} to {high}: "
+            f"{_swap_question(sketch, points[worst])}move it, or widen them"
         )
+
+
+def _swap_question(sketch: SceneSketch, point: FloatArray) -> str:
+    """A question if ``point`` (2,) [m] seems to have its coordinates in the wrong order, else an empty text.
+
+    It seems so if it lies within the bounds with longitude and latitude exchanged, or near a pole.
+    """
+    if sketch.crs is None:
+        return ""
+    (lon,), (lat,) = projection.to_geographic(sketch.crs, point)
+    polar = abs(lat) > POLAR
+    if not polar and abs(lon) <= 90.0:
+        (swapped,) = projection.to_plane(sketch.crs, lat, lon)
+        polar = bool(np.all((sketch.bounds[0] <= swapped) & (swapped <= sketch.bounds[1])))
+    return "are longitude and latitude swapped (GeoJSON has longitude first)? Else " if polar else ""
 
 
 def _check_start_free(sketch: SceneSketch, obstacles: Sequence[tuple[str, Any]]) -> None:
@@ -293,7 +310,8 @@ def _check_start_free(sketch: SceneSketch, obstacles: Sequence[tuple[str, Any]])
         if polygon.contains(start) and polygon.boundary.distance(start) > sketch.tolerance:
             if what == OUTSIDE:
                 raise DataError(
-                    f"{sketch.where}: the start {sketch.show(sketch.start)} lies outside the border"
+                    f"{sketch.where}: the start {sketch.show(sketch.start)} lies outside the border: "
+                    f"{_swap_question(sketch, sketch.start)}move it, or widen the border"
                 )
             raise DataError(
                 f"{sketch.where}: the start {sketch.show(sketch.start)} lies inside {what}"

@@ -139,7 +139,7 @@ def _headline(run: ShownRun, path: PlannedPath, chosen: int | None) -> list[dict
     else:
         cost = path.objectives
         fails = {
-            "value": f"≤ {probability_text(min(1.0, cost.mission_risk + cost.collision_risk))}",
+            "value": _at_most(min(1.0, cost.mission_risk + cost.collision_risk)),
             "note": f"bound {plan.models.mission_symbol} + R, under {law} winds",
         }
     others = [] if promise is not None else [_simulated_fact(run)] if run.deployments else []
@@ -163,6 +163,12 @@ def _headline(run: ShownRun, path: PlannedPath, chosen: int | None) -> list[dict
             {"name": "chosen", "value": f"point {chosen}", "note": f"of the front, rule {plan.rule}"}
         )
     return facts
+
+
+def _at_most(bound: float) -> str:
+    """``≤ 2.9 %``, or ``< 1e-7 %``."""
+    told = probability_text(bound)
+    return told if told.startswith("<") else f"≤ {told}"
 
 
 def _simulated_fact(run: ShownRun) -> dict[str, str]:
@@ -199,7 +205,7 @@ def _verdicts(run: ShownRun) -> Iterator[dict[str, str]]:
         seen = run.forecasts[law]
         bound = min(1.0, seen.mission_risk + seen.collision_risk)
         yield {
-            "what": "bound V + R of the plan", "law": law, "rate": f"≤ {probability_text(bound)}",
+            "what": "bound V + R of the plan", "law": law, "rate": _at_most(bound),
             "interval": "", "source": f"V {probability_text(seen.mission_risk)} mission, R "
             f"{probability_text(seen.collision_risk)} collision; it guides the search",
         }  # fmt: skip
