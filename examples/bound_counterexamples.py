@@ -12,7 +12,7 @@ from numpy.random import SeedSequence
 from pareto_ltl.planning.evaluate import evaluate_path
 from pareto_ltl.run.pipeline import Run
 from pareto_ltl.run.records import PROBLEM, SCENE, WIND, Records
-from pareto_ltl.settings import MissionConfig, RobotConfig, Settings
+from pareto_ltl.settings import MissionConfig, RobotConfig, Settings, preset
 from pareto_ltl.simulation import flights
 from pareto_ltl.wind.records import WindField
 from pareto_ltl.world.scene import Scene
@@ -41,7 +41,11 @@ def judge(formula, regions, path):
     scene = Scene(KM * np.array([[0.0, 0.0], [20.0, 20.0]]), path[0], regions)
     still, gusts = np.zeros((1, 2, 2, 2)), np.ones((1, 2))
     wind = WindField(np.zeros(2), 20 * KM, np.zeros(1), still, still, gusts, until=np.inf)
-    settings = Settings(mission=MissionConfig(formula=formula), robot=RobotConfig(dt=100.0, u_max=10.5))
+    settings = Settings(
+        mission=MissionConfig(formula=formula),
+        robot=RobotConfig(dt=100.0, u_max=10.5),
+        fidelity=preset("paper"),  # both bounds are for the winds of these flights
+    )
     task = Run(settings, records=Records({SCENE: scene, WIND: wind})).make(PROBLEM)
     plan = evaluate_path(task, path, "by hand")
     missed = ~flights.simulate_flights(task, plan.u, RUNS, "independent", SeedSequence(1)).accepted

@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.random import SeedSequence
 
-from pareto_ltl.planning import growth, selection
+from pareto_ltl.planning import growth, selection, selection_rules
 from pareto_ltl.planning.evaluate import evaluate_path
 from pareto_ltl.planning.records import Front, Objectives, PlannedPath, objective_row
 from pareto_ltl.planning.selection_rules import choose_path
@@ -359,3 +359,17 @@ def test_point_takes_the_path_of_that_number():
 def test_a_rule_by_length_needs_a_length():
     with pytest.raises(ConfigError, match=r"selection.length is missing"):
         SelectionConfig(rule="length")
+
+
+@pytest.mark.parametrize("number", [-1, 2, 0.0, None])
+def test_a_rule_that_returns_no_number_of_a_path_is_refused(number, monkeypatch):
+    monkeypatch.setitem(selection_rules.RULE_FUNCTIONS, "knee", lambda cfg, front: number)
+    message = rf"selection\.rule=knee returned {number}, .* expected a number from 0 to 1"
+    with pytest.raises(ConfigError, match=message):
+        choose_path(SelectionConfig(rule="knee"), front_of((0.1, 0.0, 2.0), (0.2, 0.0, 1.0)))
+
+
+def test_a_rule_may_return_a_number_of_numpy(monkeypatch):
+    monkeypatch.setitem(selection_rules.RULE_FUNCTIONS, "knee", lambda cfg, front: np.int64(1))
+    front = front_of((0.1, 0.0, 2.0), (0.2, 0.0, 1.0))
+    assert choose_path(SelectionConfig(rule="knee"), front) is front.paths[1]

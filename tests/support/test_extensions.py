@@ -18,6 +18,7 @@ from pareto_ltl.run.stage_table import with_extension_stages
 from pareto_ltl.run.stages import PLAN_STAGES
 from pareto_ltl.settings import MissionConfig, SelectionConfig, Settings, WindConfig
 from pareto_ltl.settings.planner import SELECTION_RULES as RULE_NAMES
+from pareto_ltl.settings.planner import WANTED
 from pareto_ltl.settings.wind import WIND_SOURCES as SOURCE_NAMES
 from pareto_ltl.support import extensions, resources
 from pareto_ltl.support.errors import ConfigError
@@ -208,3 +209,10 @@ def test_the_names_in_the_settings_are_those_of_the_tables() -> None:
     assert tuple(SOURCES) == SOURCE_NAMES
     assert tuple(RULE_FUNCTIONS) == RULE_NAMES
     assert Settings().wind.source in SOURCES
+
+
+def test_verify_knows_every_rule_of_this_package_and_the_settings_that_it_reads() -> None:
+    from pareto_ltl.verify.claims import front, plan
+
+    assert tuple(front.RANKINGS) == RULE_NAMES
+    assert plan.WANTED == WANTED

@@ -10,6 +10,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from numbers import Integral
 
 import numpy as np
 
@@ -22,6 +23,7 @@ from pareto_ltl.support.arrays import FloatArray, IntArray
 from pareto_ltl.support.display import distance_text, energy_text, probability_text, round_up
 from pareto_ltl.support.errors import ConfigError, InfeasibleError
 from pareto_ltl.support.extensions import known_kind
+from pareto_ltl.support.messages import shown_value
 
 LOG = logging.getLogger(__name__)
 WORSE = 0.025  # chance of so many more failures below which a path is not as safe as another
@@ -35,9 +37,17 @@ def choose_path(cfg: SelectionConfig, front: Front) -> PlannedPath:
     ------
     InfeasibleError
         If the rule accepts no path of the front.
+    ConfigError
+        If a rule that another package adds returns no number of a path.
     """
     rule = known_kind(extensions.SELECTION_RULE_GROUP, RULE_FUNCTIONS, cfg.rule, callable)
-    return front.paths[rule(cfg, front)]
+    number: object = rule(cfg, front)
+    if not isinstance(number, Integral) or not 0 <= number < len(front.paths):
+        raise ConfigError(
+            f"selection.rule={cfg.rule} returned {shown_value(number)}, which is no path of the front; "
+            f"expected a number from 0 to {len(front.paths) - 1}: correct the rule, or take another one"
+        )
+    return front.paths[int(number)]
 
 
 def by_priority(_cfg: SelectionConfig, front: Front) -> int:

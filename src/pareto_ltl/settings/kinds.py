@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import typing
-from dataclasses import is_dataclass
+from dataclasses import fields, is_dataclass
 from functools import lru_cache
 from numbers import Integral, Real
 from types import NoneType, UnionType
@@ -18,7 +18,8 @@ ITEM_TEXTS = {int: "whole numbers", float: "numbers", str: "texts"}
 @lru_cache(maxsize=64)
 def field_kinds(schema: Any) -> dict[str, Any]:
     """The type of each field of a section, by its name."""
-    return typing.get_type_hints(schema, include_extras=False)
+    hints = typing.get_type_hints(schema)
+    return {item.name: hints[item.name] for item in fields(schema)}  # a class variable is no field
 
 
 def kind_at(schema: type, key: str) -> Any:
