@@ -10,7 +10,6 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from numbers import Integral
 
 import numpy as np
 
@@ -42,7 +41,7 @@ def choose_path(cfg: SelectionConfig, front: Front) -> PlannedPath:
     """
     rule = known_kind(extensions.SELECTION_RULE_GROUP, RULE_FUNCTIONS, cfg.rule, callable)
     number: object = rule(cfg, front)
-    if not isinstance(number, Integral) or not 0 <= number < len(front.paths):
+    if not isinstance(number, int | np.integer) or not 0 <= number < len(front.paths):
         raise ConfigError(
             f"selection.rule={cfg.rule} returned {shown_value(number)}, which is no path of the front; "
             f"expected a number from 0 to {len(front.paths) - 1}: correct the rule, or take another one"
