@@ -226,7 +226,7 @@ def test_the_journey_of_a_run_names_functions_where_they_are() -> None:
             assert re.search(rf"\b(def|class) {pattern}\b", code), (name, file)
 
 
-@pytest.mark.parametrize("name", ["architecture.md", "adding.md"])
+@pytest.mark.parametrize("name", ["architecture.md", "adding.md", "reproducing.md"])
 def test_the_files_that_a_page_about_the_code_names_are_there(name: str) -> None:
     text = (ROOT / "docs" / name).read_text(encoding="utf-8")
     files = re.findall(r"`([\w-]+/[\w/]+\.(?:py|yaml))`", text)

@@ -52,8 +52,8 @@ def test_the_counter_examples_break_the_papers_bound_and_not_the_ordered_one(ran
         ordered = float(line.split("ordered bound ")[1].split(";")[0])
         low, high = (float(end) for end in line.split("95 %: ")[1].rstrip(")").split(" to "))
         assert promised < 0.1 * low
-        assert ordered > low
-        assert high < 1.0
+        assert low < ordered < 8 * high  # a bound that says something: less than 1
+        assert high < 0.1
 
 
 def test_the_map_of_the_examples_is_read():
