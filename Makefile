@@ -1,5 +1,5 @@
 # make demo   plan the first mission, offline, on the packaged wind
-# make test   run the tests
+# make test   run the tests; make coverage: which lines they run
 # make fuzz   read CASES=100000 spoilt files and texts of every kind (ARGS="scenes automata" for some kinds)
 # make docs   build the docs site into site/
 # make peers  compare with OMPL, Drake and MONA, each in an environment of its own (docs/peers.md)
@@ -11,13 +11,15 @@ VENV ?= .venv
 ARGS ?=
 CASES ?= 100000
 DIST ?= dist
+COVERAGE ?= $(abspath build/coverage)
+UNCOMPILED := tests/kernels tests/planning/test_step_programme.py
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 UV := $(shell command -v uv 2>/dev/null)
 
 PEERS := build/peers
 
-.PHONY: demo test fuzz faults bench scale gallery peers lint types docs dist lock install clean
+.PHONY: demo test coverage coverage-report fuzz faults bench scale gallery peers lint types docs dist lock install clean
 .DELETE_ON_ERROR:
 
 demo: $(READY)
@@ -25,6 +27,17 @@ demo: $(READY)
 
 test: $(READY)
 	$(BIN)/python -m pytest $(ARGS)
+
+# Lines that the suite runs; the kernels count where they run uncompiled.
+coverage: $(READY)
+	rm -rf $(COVERAGE) && mkdir -p $(COVERAGE)
+	COVERAGE_FILE=$(COVERAGE)/data.compiled $(BIN)/python -m pytest --cov --cov-report= $(ARGS)
+	NUMBA_DISABLE_JIT=1 COVERAGE_FILE=$(COVERAGE)/data.kernels $(BIN)/python -m pytest --cov --cov-report= $(ARGS) $(UNCOMPILED)
+	$(MAKE) --no-print-directory coverage-report
+
+coverage-report: $(READY)
+	COVERAGE_FILE=$(COVERAGE)/data $(BIN)/coverage combine --quiet $(COVERAGE)
+	COVERAGE_FILE=$(COVERAGE)/data $(BIN)/coverage report
 
 fuzz: $(READY)
 	cd tests && $(abspath $(BIN))/python -m fuzz.harness --cases $(CASES) $(ARGS)

@@ -28,6 +28,7 @@ from pareto_ltl.settings.outputs import EXPORT_FILES
 from pareto_ltl.support import memory
 from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
 from pareto_ltl.support.resources import choices
+from unmeasured import untraced
 
 SECTIONS = ("scene", "mission", "robot", "wind", "planner", "fidelity", "selection", "deployment", "report")
 NEEDS_A_FILE = ("csv", "currents", "ensemble", "grib", "netcdf", "stations")
@@ -389,7 +390,8 @@ def test_a_disk_that_is_full_is_one_line_whatever_file_fills_it(here: Path) -> N
             f"resource.setrlimit(resource.RLIMIT_FSIZE, ({limit}, resource.RLIM_INFINITY));"
             f"sys.exit(run({words!r}))"
         )
-        done = subprocess.run([sys.executable, "-B", "-c", code], capture_output=True, text=True, check=False)
+        command = [sys.executable, "-B", "-c", code]
+        done = subprocess.run(command, env=untraced(), capture_output=True, text=True, check=False)
         assert done.returncode == 2, done.stderr
         assert done.stderr.count("\n") == 1
         assert "File too large" in done.stderr

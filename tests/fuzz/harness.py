@@ -32,6 +32,7 @@ from hypothesis.errors import HypothesisWarning
 
 from fuzz.targets import CASES, TARGETS, Fuzz, Target
 from pareto_ltl.support.messages import LONGEST_LINE
+from unmeasured import untraced
 
 SECONDS = 10.0  # of one case
 GROWTH = 2**30  # [bytes] of the process
@@ -210,7 +211,7 @@ def fuzz_target(target: Target, cases: int) -> Report:
         ]
         tests = Path(__file__).parents[1]
         path = os.pathsep.join([str(tests), os.environ.get("PYTHONPATH", "")])
-        environment = os.environ | {"PYTHONPATH": path, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+        environment = untraced(PYTHONPATH=path, OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1")
         done = subprocess.run(
             command, capture_output=True, text=True, check=False, cwd=place, env=environment
         )
@@ -222,12 +223,6 @@ def fuzz_target(target: Target, cases: int) -> Report:
             case = repr(pickle.loads(last.read_bytes()))[:3000] if last.exists() else "none"
             fault = f"the process ended with {done.returncode} at the case {case}\n{done.stderr[-3000:]}"
             return Report(target.name, faults=(fault,))
-
-
-def _child_environment() -> dict[str, str]:
-    """The tests can be imported; no thread takes memory of its own."""
-    path = os.pathsep.join([str(Path(__file__).parents[1]), os.environ.get("PYTHONPATH", "")])
-    return {"PYTHONPATH": path, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 
 
 def main() -> int:

@@ -11,6 +11,7 @@ import pytest
 from numba import config
 
 import choices
+from unmeasured import untraced
 
 TESTS = Path(choices.__file__).parent
 
@@ -18,10 +19,7 @@ TESTS = Path(choices.__file__).parent
 def test_every_combination_of_models_prices_its_vertices_exactly(tmp_path):
     """Uncompiled, in a process of its own: a combination would compile for half a minute."""
     assert len(choices.CHOICES) == 32
-    environment = os.environ | {
-        "NUMBA_DISABLE_JIT": "1",
-        "PYTHONPATH": os.pathsep.join([str(TESTS), *sys.path]),
-    }
+    environment = untraced(NUMBA_DISABLE_JIT="1", PYTHONPATH=os.pathsep.join([str(TESTS), *sys.path]))
     done = subprocess.run(
         [sys.executable, TESTS / "choices.py"],
         env=environment, cwd=tmp_path, capture_output=True, text=True, check=False,

@@ -73,6 +73,7 @@ def cases(schema: type = Settings, path: tuple[str, ...] = ()) -> Iterator[Case]
 
 
 CASES = [pytest.param(case, id=case.key) for case in cases()]
+pytestmark = pytest.mark.no_cover  # tracing takes a minute, and other tests run the same lines
 
 
 @cache
