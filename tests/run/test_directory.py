@@ -132,7 +132,7 @@ def test_a_run_writes_what_its_stages_declare_and_nothing_else(tmp_path: Path) -
             "mission": {"formula": "F a", "start_time": "2018-10-09T00:00:00Z"},
         }
         | QUICK
-        | {"report": {"dpi": 30, "formats": ["png", "svg"]}}
+        | {"report": {"dpi": 30, "formats": ["png", "svg", "pdf"]}}
         | {"exports": {"formats": list(EXPORT_FILES), "altitude_lower": 100.0, "altitude_upper": 200.0}}
     )
     pipeline = check_pipeline(settings, application_stages(settings))

@@ -19,7 +19,8 @@ BOOKKEEPING = (  # the first goes first: without it, the rest is no result
 )  # fmt: skip
 RECORD_FILES = (
     "scene.json", "cells.json", "automaton.json", "automaton.hoa", "wind.nc", "trees.npz", "front.csv",
-    "front.npz", "plan.json", "plan.csv", "deployments.npz", "figures/*.png", "figures/*.svg", "tables.md",
+    "front.npz", "plan.json", "plan.csv", "deployments.npz", "figures/*.png", "figures/*.svg",
+    "figures/*.pdf", "tables.md",
     "compare.csv", "compare_seeds.csv", "differences.csv", "no_plan.csv", "convergence.csv",
     "convergence_seeds.csv", "first_answer.csv", "ablation.csv", "hindcast.csv", "reliability.csv",
     "scorecard.csv", "forecast_test.csv", "regions.csv", "departures.csv", "departures.json", "replan.json",
