@@ -10,21 +10,20 @@ from __future__ import annotations
 
 import cmath
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple, Protocol
 
 import numpy as np
+import shapely
 
 from pareto_ltl.settings import RobotConfig
 from pareto_ltl.support.arrays import FloatArray
 
 GRAVITY = 9.80665  # [m/s²]
 ITERATIONS = 200  # of the fixed point of a leg
-MOST = math.radians(
-    170.0
-)  # of a turn; an autopilot that swings by a few degrees may turn by more the other way
+MOST = math.radians(170.0)  # of a turn: by more, an autopilot that swings a little may turn the other way
 CLOSE = 1e-9  # [rad] at which it has settled
-PARTS = 32  # of a turn and of the rest of its leg, for the distance from the planned line
+PARTS = 32  # of a turn, for the distance from the planned line
 
 
 class OrderedLegs(NamedTuple):
@@ -114,7 +113,8 @@ class BankedTurns:
         for k, order in enumerate(air):
             leg = self._leg_to(planned[k + 1] - places[k], abs(order), heading, winds[k])
             if leg is None:
-                leg = Leg(self, heading, abs(order), cmath.phase(order), float(t[k + 1] - t[k]), winds[k])
+                turn = math.remainder(cmath.phase(order) - heading, math.tau)
+                leg = Leg(self, heading, abs(order), turn, winds[k], float(t[k + 1] - t[k]))
             swing = max(swing, leg.swing(places[k], planned[k], planned[k + 1]))
             places.append(places[k] + leg.at(leg.duration))
             orders.append(cmath.rect(leg.airspeed, leg.order))
@@ -129,71 +129,50 @@ class BankedTurns:
 
     def _leg_to(self, way: complex, airspeed: float, heading: float, wind: complex) -> Leg | None:
         """The shortest leg of this airspeed over ``way`` [m] from ``heading``; None if it has no room."""
-        found = (self._turning(way, airspeed, heading, wind, side) for side in (1.0, -1.0))
+        still = Leg(self, heading, airspeed, 0.0, wind)
+        found = (_solved(still, way, side) for side in (1.0, -1.0))
         return min((leg for leg in found if leg is not None), key=lambda leg: leg.duration, default=None)
-
-    def _turning(
-        self, way: complex, airspeed: float, heading: float, wind: complex, side: float
-    ) -> Leg | None:
-        """The leg that turns to ``side`` (1: left), by a fixed point of its order.
-
-        With D(ψ) the displacement by the turn against one on the spot, a leg of T seconds leads to
-        D(ψ) + T (V e^iψ + w): T and ψ are those of the wind triangle over way - D(ψ). Eqs. (M71), (M72)
-        of docs/mathematics_methods.md.
-        """
-        order, duration = heading, 0.0
-        for _ in range(ITERATIONS):
-            rest = way - self._displacement(heading, order, airspeed, side)
-            duration = _time_over(rest, airspeed, wind)
-            if not math.isfinite(duration):
-                return None
-            better = cmath.phase(rest / duration - wind)
-            if abs(math.remainder(better - order, math.tau)) < CLOSE:
-                break
-            order = better
-        else:
-            return None
-        angle = _turned(heading, order, side)
-        if MOST < angle <= math.tau - MOST:
-            angle, order = MOST, heading + side * MOST
-            duration = self._time_along(way, airspeed, heading, order, wind, side)
-        if not -CLOSE <= angle <= MOST or duration < self.delay + angle / self.rate(airspeed):
-            return None  # it would turn the other way, or still be turning
-        return Leg(self, heading, airspeed, order, duration, wind)
-
-    def _time_along(
-        self, way: complex, airspeed: float, heading: float, order: float, wind: complex, side: float
-    ) -> float:
-        """Time in which a leg of a given order comes as far along ``way`` as that is long [s]."""
-        ahead = way.conjugate() / abs(way)
-        rest = way - self._displacement(heading, order, airspeed, side)
-        progress = ((cmath.rect(airspeed, order) + wind) * ahead).real
-        return (rest * ahead).real / progress if progress > 0.0 else 0.0
-
-    def _displacement(self, heading: float, order: float, airspeed: float, side: float) -> complex:
-        """Place after the turn less that of an aircraft that had the new heading at once [m]."""
-        rate = self.rate(airspeed)
-        old, new = cmath.rect(1.0, heading), cmath.rect(1.0, order)
-        arc = (new - old) / (1j * side * rate)
-        spot = self.delay + _turned(heading, order, side) / rate
-        return airspeed * (self.delay * old + arc - spot * new)
 
 
 @dataclass(frozen=True, slots=True)
 class Leg:
-    """One leg of an aircraft that banks, in the expected wind; angles counter-clockwise from +x [rad]."""
+    """One leg of an aircraft that banks, in the expected wind; angles counter-clockwise from +x [rad].
+
+    Attributes
+    ----------
+    start : float
+        Heading at the order.
+    airspeed : float
+        [m/s]
+    angle : float
+        Of its turn, positive to the left.
+    wind : complex
+        [m/s]
+    duration : float
+        [s]
+    """
 
     turns: BankedTurns
     start: float
     airspeed: float
-    order: float
-    duration: float
+    angle: float
     wind: complex
+    duration: float = 0.0
 
     @property
-    def angle(self) -> float:
-        """By which it turns, the shorter way; positive to the left."""
-        return math.remainder(self.order - self.start, math.tau)
+    def order(self) -> float:
+        """The heading that is ordered."""
+        return self.start + self.angle
+
+    @property
+    def busy(self) -> float:
+        """Time from the order to the end of the turn [s]."""
+        return self.turns.delay + abs(self.angle) / self.turns.rate(self.airspeed)
+
+    @property
+    def displacement(self) -> complex:
+        """Place after the turn less that of an aircraft that had the new heading at once [m], D of (M71)."""
+        return self._turning(self.busy) - self.busy * cmath.rect(self.airspeed, self.order)
 
     def heading(self, time: float) -> float:
         """Direction of the nose ``time`` after the order."""
@@ -202,27 +181,59 @@ class Leg:
 
     def at(self, time: float) -> complex:
         """Place ``time`` after the order, from its start [m]."""
-        if not self.angle:
-            return time * (cmath.rect(self.airspeed, self.order) + self.wind)
-        rate = math.copysign(self.turns.rate(self.airspeed), self.angle)
-        waited = min(time, self.turns.delay)
-        turning = min(time - waited, self.angle / rate)
+        after = max(time - self.busy, 0.0)
+        air = self._turning(time - after) + after * cmath.rect(self.airspeed, self.order)
+        return air + time * self.wind
+
+    def _turning(self, time: float) -> complex:
+        """Way through the air until ``time``, at most the end of the turn [m]."""
         old, now = cmath.rect(1.0, self.start), cmath.rect(1.0, self.heading(time))
-        arc = (now - old) / (1j * rate)
-        straight = time - waited - turning
-        return self.airspeed * (waited * old + arc + straight * now) + time * self.wind
+        rate = math.copysign(self.turns.rate(self.airspeed), self.angle)
+        return self.airspeed * (min(time, self.turns.delay) * old + (now - old) / (1j * rate))
+
+    def time_along(self, way: complex) -> float:
+        """Time after which it is as far along ``way`` as that is long [s]; 0 if it goes the other way."""
+        ahead = way.conjugate() / abs(way)
+        progress = ((cmath.rect(self.airspeed, self.order) + self.wind) * ahead).real
+        return ((way - self.displacement) * ahead).real / progress if progress > 0.0 else 0.0
 
     def swing(self, start: complex, first: complex, last: complex) -> float:
         """Largest distance of the leg, flown from ``start``, from the line between two places [m]."""
-        end = self.turns.delay + abs(self.angle) / self.turns.rate(self.airspeed)
-        turn = np.linspace(0.0, min(end, self.duration), PARTS)
-        times = np.concatenate([turn, np.linspace(turn[-1], self.duration, PARTS)])
-        return max(_distance(start + self.at(float(time)), first, last) for time in times)
+        turn = np.linspace(0.0, min(self.busy, self.duration), PARTS)
+        flown = [
+            start + self.at(float(time)) for time in (*turn, self.duration)
+        ]  # straight between the last two
+        line = shapely.LineString(_pairs([first, last]))
+        return float(shapely.distance(line, shapely.points(_pairs(flown))).max())
+
+
+def _solved(leg: Leg, way: complex, side: float) -> Leg | None:
+    """``leg`` with the turn to ``side`` (1: left) and the duration that lead over ``way`` [m].
+
+    A leg of T seconds leads to D(ψ) + T (V e^iψ + w): T and ψ are those of the wind triangle over way - D(ψ),
+    found as a fixed point. Eqs. (M71), (M72) of docs/mathematics_methods.md.
+    """
+    for _ in range(ITERATIONS):
+        rest = way - leg.displacement
+        duration = _time_over(rest, leg.airspeed, leg.wind)
+        if not math.isfinite(duration):
+            return None
+        angle = _turned(leg.start, cmath.phase(rest / duration - leg.wind), side)
+        settled = abs(angle - leg.angle) < CLOSE
+        leg = replace(leg, angle=angle, duration=duration)
+        if settled:
+            break
+    else:
+        return None
+    if MOST < abs(leg.angle) <= math.tau - MOST:
+        leg = replace(leg, angle=math.copysign(MOST, leg.angle))
+        leg = replace(leg, duration=leg.time_along(way))
+    return leg if abs(leg.angle) <= MOST and leg.duration >= leg.busy else None  # else it is still turning
 
 
 def _turned(heading: float, order: float, side: float) -> float:
-    """Angle from ``heading`` to ``order`` on one side, in [-π/2, 3π/2), so that 0 and a little less agree."""
-    return (side * (order - heading) + 0.5 * math.pi) % math.tau - 0.5 * math.pi
+    """Angle from ``heading`` to ``order``: of one side, up to a little to the other, which is no circle."""
+    return side * ((side * (order - heading) + 0.5 * math.pi) % math.tau - 0.5 * math.pi)
 
 
 def _time_over(way: complex, airspeed: float, wind: complex) -> float:
@@ -233,14 +244,6 @@ def _time_over(way: complex, airspeed: float, wind: complex) -> float:
         return math.inf
     inverse = (b + math.sqrt(root)) / a
     return 1.0 / inverse if inverse > 0.0 else math.inf
-
-
-def _distance(point: complex, first: complex, last: complex) -> float:
-    """From ``point`` to the segment from ``first`` to ``last``."""
-    way = last - first
-    length = abs(way) ** 2
-    share = min(max(((point - first) * way.conjugate()).real / length, 0.0), 1.0) if length else 0.0
-    return abs(point - first - share * way)
 
 
 def _complex(pairs: FloatArray) -> list[complex]:
