@@ -18,6 +18,7 @@ from pareto_ltl.report.map_layers import (
 )
 from pareto_ltl.simulation.records import Deployment
 from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.support.display import distance_text
 from pareto_ltl.world.scene import Scene
 from pareto_ltl.world.windows import hours_text
 
@@ -78,7 +79,6 @@ def _write_heading(figure: Figure, deployment: Deployment, count: int, bottom: f
 def _write_foot(figure: Figure, scene: Scene, deployment: Deployment, count: int) -> None:
     law = deployment.law
     width = float(np.ptp(scene.bounds[:, 0]))
-    size = f"{width / 1e3:,.0f} km" if width >= 2000.0 else f"{width:,.0f} m"
     keys = [
         Line2D([], [], color=style.law_colour(law), marker="o", ms=2.4, lw=0.6, label="flight"),
         Line2D([], [], color=style.FAILED, marker="x", ms=3.2, mew=0.7, lw=0.6, label="flight that fails"),
@@ -89,7 +89,15 @@ def _write_foot(figure: Figure, scene: Scene, deployment: Deployment, count: int
         handles=keys, ncols=2, loc="lower left", bbox_to_anchor=(EDGE / w, 0.03 / h),
         borderaxespad=0.0, borderpad=0.0, columnspacing=1.2, handlelength=1.6,
     )  # fmt: skip
-    style.text_at(figure, w - EDGE, 0.05, f"each map is {size} wide", va="bottom", ha="right", fontsize=6.5)
+    style.text_at(
+        figure,
+        w - EDGE,
+        0.05,
+        f"each map is {distance_text(width, 0)} wide",
+        va="bottom",
+        ha="right",
+        fontsize=6.5,
+    )
 
 
 __all__ = ["frames_figure"]

@@ -17,6 +17,7 @@ from pareto_ltl.report.map_labels import LEADING, fits_inside, label_half_size, 
 from pareto_ltl.report.timed_places import time_lines, timed_obstacles, visited_outlines
 from pareto_ltl.simulation.records import Deployment
 from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.support.display import in_kilometres
 from pareto_ltl.world.cells import Decomposition, convex_pieces
 from pareto_ltl.world.scene import Scene
 
@@ -40,7 +41,7 @@ class MapAxes:
 
 def length_unit(scene: Scene) -> tuple[str, float]:
     """Name of the length unit of a map, and units per metre: m if the scene is smaller than 2 km, else km."""
-    return ("km", 1e-3) if np.ptp(scene.bounds, axis=0).max() >= 2000.0 else ("m", 1.0)
+    return ("km", 1e-3) if in_kilometres(float(np.ptp(scene.bounds, axis=0).max())) else ("m", 1.0)
 
 
 def map_axes(scene: Scene, ax: Axes) -> MapAxes:

@@ -21,7 +21,7 @@ from pareto_ltl.run.records import (
 )
 from pareto_ltl.run.stage_table import Stage, StageInputs
 from pareto_ltl.run.stages import FIGURE_FILES
-from pareto_ltl.settings import ReportConfig, Settings, SitlConfig, WindConfig
+from pareto_ltl.settings import ReportConfig, RobotConfig, Settings, SitlConfig, WindConfig
 
 if TYPE_CHECKING:
     from pareto_ltl.report.records import Study
@@ -95,10 +95,11 @@ def make_replanning(inputs: StageInputs) -> Study:
 
 def make_sitl(inputs: StageInputs) -> Study:
     """The exported table, flown by the aircraft of JSBSim in the winds of our flights."""
+    from pareto_ltl.exports.exported import flown_level
     from pareto_ltl.studies import sitl
 
     settings, problem, plan, files = inputs.settings, inputs[PROBLEM], inputs[PLAN], inputs[EXPORTS]
-    level, seeds = settings.wind.level, inputs.seeds
+    level, seeds = flown_level(settings), inputs.seeds
     return sitl.run_sitl(settings.sitl, level, problem, plan, files, seeds, inputs.progress)
 
 
@@ -290,7 +291,7 @@ STUDY_STAGES = (
         makes=SITL,
         make=make_sitl,
         needs=(PROBLEM, PLAN, EXPORTS),
-        settings=(SitlConfig, WindConfig),
+        settings=(RobotConfig, SitlConfig, WindConfig),
         stream="sitl",
         writes=("sitl.csv",),
         shows=TABLES_TEXT,

@@ -89,9 +89,14 @@ def energy_text(joules: float) -> str:
     return f"{hours} Wh" + (f" ({joules / 1e6:.4g} MJ)" if abs(joules) >= 1e6 else "")
 
 
-def distance_text(metres: float) -> str:
-    """A length in kilometres, or in metres below 2 km."""
-    return f"{metres / 1e3:,.1f} km" if metres >= 2000.0 else f"{metres:,.1f} m"
+def in_kilometres(metres: float) -> bool:
+    """Whether a length, or the size of a map, is shown in kilometres: from 2 km on."""
+    return metres >= 2000.0
+
+
+def distance_text(metres: float, digits: int = 1) -> str:
+    """A length in kilometres, or in metres below 2 km, with ``digits`` behind the point."""
+    return f"{metres / 1e3:,.{digits}f} km" if in_kilometres(metres) else f"{metres:,.{digits}f} m"
 
 
 def listed_text(names: Any, most: int = 8) -> str:

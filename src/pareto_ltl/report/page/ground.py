@@ -19,6 +19,7 @@ from pareto_ltl.report.lattice import (
     wind_deviation,
 )
 from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.support.display import in_kilometres
 from pareto_ltl.wind.records import WindField
 from pareto_ltl.world.scene import Scene
 
@@ -53,7 +54,7 @@ def shown_map(scene: Scene) -> dict[str, Any]:
     def outline(corners: FloatArray) -> list[Any]:
         return rounded(corners if len(corners) < 3 * stride else corners[::stride], digits)
 
-    large = float(np.ptp(scene.bounds, axis=0).max()) >= 2000.0
+    large = in_kilometres(float(np.ptp(scene.bounds, axis=0).max()))
     return {
         "bounds": rounded(scene.bounds, digits),
         "start": rounded(scene.start, digits),

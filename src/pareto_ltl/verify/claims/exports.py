@@ -150,8 +150,8 @@ def dead_reckoning(result: Evidence) -> Verdict:
         return no_fault(f"{len(rows)} rows", [f"{len(rows)} rows, not {len(result.x)}"])
     legs, robot, x = rows[:-1], result.robot, result.x
     wind = (x[1:] - x[:-1] @ robot.a.T) / robot.dt - result.u @ robot.b.T
-    flown = _flown_with_turns if robot.bank > 0.0 else _flown_on_the_spot
-    faults = flown(result, rows, wind)
+    banks = robot.bank > 0.0
+    faults = _flown_with_turns(result, rows, wind) if banks else _flown_on_the_spot(result, rows)
     faults += [f"{row['wind_law']} winds" for row in rows[:1] if row["wind_law"] != result.planned_law]
     if faults:
         return no_fault(f"{len(rows)} rows", faults)
@@ -167,7 +167,7 @@ def dead_reckoning(result: Evidence) -> Verdict:
     return no_fault(f"{len(rows)} rows", faults)
 
 
-def _flown_on_the_spot(result: Evidence, rows: Rows, wind: FloatArray) -> list[str]:  # noqa: ARG001 - as the other
+def _flown_on_the_spot(result: Evidence, rows: Rows) -> list[str]:
     """Faults of places, times and headings, for a robot whose turns take no time."""
     faults = place_faults(result, _column(rows, "lat_deg"), _column(rows, "lon_deg"))
     faults += time_faults(result, [row["time_utc"] or None for row in rows])
