@@ -1,4 +1,4 @@
-"""Settings of every stage, checked when they are made.
+"""Settings of every stage, checked on construction.
 
 The files of ``conf/`` hold values; these dataclasses are their schema. Each setting carries its unit, range
 and meaning (:func:`pareto_ltl.settings.checks.setting`). ``cli`` turns a composed configuration into a
@@ -54,9 +54,9 @@ from pareto_ltl.settings.world import MissionConfig, RandomSceneConfig, SceneCon
 
 @dataclass
 class Settings(CheckedSettings):
-    """Everything a run needs."""
+    """All settings of a run, one section for each part of the program."""
 
-    name: str = setting("plan", "name of the run and of the folder of its results")
+    name: str = setting("plan", "name of the run, and of the folder of its results")
     seed: int = setting(
         0, "seed of all random numbers except those of random maps", least=0, most=LARGEST_SEED
     )
@@ -89,7 +89,7 @@ class Settings(CheckedSettings):
     def check_combinations(self) -> None:
         """Reject a name that cannot be a folder; replace the level ``auto`` by its value."""
         check_folder_name("name", self.name)
-        if self.wind.level == "auto":  # replaced by what it stands for, also in the records of a run
+        if self.wind.level == "auto":  # the records of a run hold the level itself
             usual = "0m" if self.wind.source == "currents" else "10m"
             self.wind = replace(self.wind, level=self.robot.level or usual)
 
@@ -100,7 +100,7 @@ class Settings(CheckedSettings):
 
 
 def as_dict(settings: Any) -> dict[str, Any]:
-    """Settings as plain containers, ready for YAML or JSON."""
+    """Settings, or one section of them, as nested dictionaries and lists that YAML and JSON can hold."""
     return asdict(settings)
 
 

@@ -1,4 +1,4 @@
-"""Settings from plain Python: names of YAML choices, mappings and settings objects, without Hydra.
+"""Settings from Python values (names of choices in ``conf/``, mappings, settings objects), without Hydra.
 
 The result is the same :class:`Settings` that the command line composes from the same values.
 """
@@ -22,13 +22,13 @@ from pareto_ltl.support.yaml_files import read_yaml
 
 
 def build_settings(sections: Mapping[str, Any]) -> Settings:
-    """Settings from ``sections``; what is not named has its default.
+    """Make settings from ``sections``; sections and keys that are not given have their defaults.
 
     Parameters
     ----------
-    sections : mapping of str
-        For each field of :class:`Settings` a value of its type. For a section also the name of a choice in
-        ``conf/`` (``"calm"`` for ``wind``) or a mapping of its keys.
+    sections : mapping of str to value
+        Names of fields of :class:`Settings`, each with a value of its type. The value of a section can also
+        be the name of a choice in ``conf/`` (``"calm"`` for ``wind``) or a mapping of its keys.
 
     Raises
     ------
@@ -52,13 +52,13 @@ def section_of(section: str, value: Any) -> Any:
 
 
 def _value(section: str, value: Any) -> Any:
-    """A choice as the mapping that its file holds; a mapping of ``fidelity`` on top of its preset."""
+    """The keys and values of a choice or a mapping; those of ``fidelity`` override those of its preset."""
     schema = field_kinds(Settings).get(section)
     if isinstance(value, str) and is_dataclass(schema):
         return _yaml(choice_file(section, value))
     if schema is FidelityConfig and isinstance(value, Mapping):
         name = str(value.get("name", FidelityConfig.name))
-        # Another name is refused with the other values.
+        # A name that is not a preset is refused later, when all values are checked.
         base = preset(name) if name in PRESETS else FidelityConfig()
         return {f.name: getattr(base, f.name) for f in fields(base)} | dict(value)
     return value
@@ -72,7 +72,7 @@ def _yaml(path: Path) -> dict[str, Any]:
 
 
 def _record(schema: Any, values: Mapping[str, Any], where: str) -> Any:
-    """``schema(**values)`` with every value in the type of its field."""
+    """``schema(**values)`` with each value converted to the type of its field."""
     types = field_kinds(schema)
     for name in values:
         if name not in types:
@@ -83,7 +83,10 @@ def _record(schema: Any, values: Mapping[str, Any], where: str) -> Any:
 
 
 def _typed(kind: Any, value: Any, key: str) -> Any:
-    """``value`` as ``kind``: whole numbers become floats, arrays and tuples lists, paths text."""
+    """``value`` as type ``kind``: integers become floats, arrays and tuples become lists, paths become text.
+
+    ConfigError if ``value`` does not fit.
+    """
     if isinstance(kind, UnionType):
         if value is None and NoneType in kind.__args__:
             return None

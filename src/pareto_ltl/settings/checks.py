@@ -1,7 +1,7 @@
-"""What a setting may be: unit, range and meaning are written once, beside the setting.
+"""Declarations of settings: unit, range and meaning are written once, beside the setting.
 
 :func:`setting` declares a field; :class:`CheckedSettings` checks every field of a section when the section
-is made. ``pareto-ltl --help=all`` prints the same words.
+is made. ``pareto-ltl --help=all`` prints the declarations.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from pareto_ltl.support.extensions import extension_names
 from pareto_ltl.support.messages import shown_value
 
 DECLARED = "declared"  # key of a field's metadata
-FIRST_YEAR, LAST_YEAR = 1900, 2200  # of a departure or a wind time; a year beyond is a slip
+FIRST_YEAR, LAST_YEAR = 1900, 2200  # of a departure or a wind time; any other year is an error of the user
 LARGEST_SEED = 2**63 - 1
 FOLDER_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,99}(?<!\.)")  # Windows drops a dot at the end
 DEVICES = ("con", "prn", "aux", "nul", *(f"{port}{n}" for port in ("com", "lpt") for n in range(10)))
@@ -36,17 +36,17 @@ class Declaration:
     least, most : float or None
         Smallest and largest value, both allowed.
     above, below : float or None
-        Limits that are not allowed themselves.
+        Limits that are excluded.
     not_negative : bool
         The same as ``least=0``; the message then says "must not be negative".
     distinct : bool
-        A list that is not empty and holds no value twice.
+        The setting is a list that must not be empty and must not hold a value twice.
     remark : str
-        What the limits stand for; printed in brackets after them.
+        What the limits mean; printed in brackets after them.
     group : str
-        Entry points whose names are choices too (``support.extensions``).
+        Group of entry points whose names are allowed in addition to ``choices`` (``support.extensions``).
     words : tuple of str
-        Words that may stand in place of a number, e.g. ``auto``; the setting has the type Any.
+        Words that are allowed instead of a number, e.g. ``auto``; the type of the setting is then Any.
     """
 
     meaning: str
@@ -63,11 +63,11 @@ class Declaration:
     words: tuple[str, ...] = ()
 
     def all_choices(self) -> tuple[str, ...]:
-        """Our own choices, then those that other packages add."""
+        """Built-in choices, then those that other installed packages add."""
         return (*self.choices, *(extension_names(self.group) if self.group else ()))
 
     def range_text(self) -> str:
-        """The range in words, e.g. "at least 1"; empty where every value is allowed."""
+        """The range in words, e.g. "at least 1"; empty if every value is allowed."""
         return " or ".join([self._number_range(), *self.words])
 
     def _number_range(self) -> str:
@@ -86,7 +86,7 @@ class Declaration:
         return f"at least {limit_text(self.least)}{remark}" if self.least is not None else ""
 
     def demand(self) -> str:
-        """The range as an error message says it after "must", e.g. "be positive [s]"."""
+        """The range as it follows "must" in an error message, e.g. "be positive [s]"."""
         text = self._number_range()
         if self.words:
             return f"{replace(self, words=()).demand()} or be {' or '.join(self.words)}"
@@ -98,7 +98,7 @@ class Declaration:
         return f"{text.replace('not ', 'not be ') if self.not_negative else f'be {text}'}{unit}"
 
     def allows(self, value: Any) -> bool:
-        """Whether one value (an item, where the setting is a list) lies in the range; never for NaN."""
+        """Whether one value (for a list: one item) is in the range; False for NaN if there is a range."""
         if self.choices:
             return value in self.choices or value in self.all_choices()
         if not self.range_text() or (isinstance(value, str) and value in self.words):
@@ -113,7 +113,7 @@ class Declaration:
 
 
 def is_number(value: Any) -> bool:
-    """Whether ``value`` is a number, of Python or of NumPy."""
+    """Whether ``value`` is a real number, of Python or of NumPy; booleans are not numbers."""
     return isinstance(value, Real) and not isinstance(value, bool)
 
 
@@ -123,12 +123,12 @@ def is_finite(value: Any) -> bool:
 
 
 def limit_text(limit: float) -> str:
-    """A limit in digits up to a million, else as a power of ten."""
+    """A limit as text: in digits up to a million, e.g. 10000, above that with an exponent, e.g. 1e7."""
     return f"{limit:.10g}" if abs(limit) <= 1e6 else f"{limit:g}".replace("e+0", "e").replace("e+", "e")
 
 
 def setting(default: Any, meaning: str, **limits: Any) -> Any:
-    """A field with its default, meaning and range (the attributes of :class:`Declaration`)."""
+    """A dataclass field with default, meaning and ``limits`` (the attributes of :class:`Declaration`)."""
     metadata = {DECLARED: Declaration(meaning, **limits)}
     if isinstance(default, list | dict):
         return field(default_factory=lambda: deepcopy(default), metadata=metadata)
@@ -143,7 +143,10 @@ def declarations(section: Any) -> Iterator[tuple[Field[Any], Declaration]]:
 
 
 class CheckedSettings:
-    """A section of the settings; ``section`` is its key on the command line."""
+    """Base of all sections of the settings; ``section`` is the key on the command line.
+
+    Construction raises :class:`ConfigError` if a value has the wrong type or is out of range.
+    """
 
     section: ClassVar[str] = ""
 
@@ -159,13 +162,13 @@ class CheckedSettings:
         self.check_combinations()
 
     def check_combinations(self) -> None:
-        """Refuse what is wrong about several values together, or about the shape of one."""
+        """Raise ConfigError for values that contradict each other, or for a list of the wrong shape."""
 
 
 def check_value(key: str, value: Any, declared: Declaration) -> None:
     """Raise :class:`ConfigError` if ``value`` (or an item of a list) is out of range.
 
-    None is allowed, except where a word may stand in place of a number.
+    None is allowed, unless the setting has ``words``.
     """
     if declared.distinct:
         _check_distinct(key, value, declared)
@@ -187,7 +190,7 @@ def _check_distinct(key: str, values: list[Any], declared: Declaration) -> None:
 def are_number_rows(value: Any, width: int) -> bool:
     """Whether ``value`` is a list of rows of ``width`` finite numbers.
 
-    A schema of floats would refuse ``[1, 0]``, which holds whole numbers.
+    Used for settings of type Any: Hydra refuses the integers ``[1, 0]`` for a list of floats.
     """
     return isinstance(value, list) and all(
         isinstance(row, list) and len(row) == width and all(is_finite(number) for number in row)
@@ -210,7 +213,7 @@ def check_outline(key: str, value: Any) -> None:
 
 
 def check_time(key: str, text: str | None) -> None:
-    """Raise :class:`ConfigError` unless ``text`` is None or an ISO 8601 time of our age."""
+    """Raise :class:`ConfigError` unless ``text`` is None or an ISO 8601 time from 1900 to 2200."""
     if text is None:
         return
     expected = "expected e.g. 2018-10-09T18:00:00Z"

@@ -40,7 +40,7 @@ class DepartureConfig(CheckedSettings):
     keep: str = setting("all", "starts whose results directories are kept in starts/", choices=KEEP)
 
     def check_combinations(self) -> None:
-        """Refuse what is no time, and starts that are given in two ways."""
+        """Refuse values that are not times, and starts that are given both as a list and as a range."""
         for key in ("first", "last", "arrive_by"):
             check_time(f"departure.{key}", getattr(self, key))
         for time in self.starts:

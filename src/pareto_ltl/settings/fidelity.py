@@ -40,7 +40,7 @@ class FidelityConfig(CheckedSettings):
     law: str = setting(_USUAL["law"], "wind law under which plans are made and judged", choices=LAWS)
     border: str = setting(
         _USUAL["border"],
-        "whether leaving the map is a failure (wall) where scene.border is auto",
+        "whether leaving the map is a failure (wall) or not (open); used if scene.border is auto",
         choices=BORDERS,
     )
     mission_bound: str = setting(
@@ -61,14 +61,14 @@ class FidelityConfig(CheckedSettings):
 
     @property
     def label(self) -> str:
-        """``full``, or ``full with parents=scaled`` where a choice of the preset was changed."""
+        """Name of the preset and what was changed, e.g. ``full`` or ``full with parents=scaled``."""
         usual = PRESETS[self.name]
         changed = [f"{key}={getattr(self, key)}" for key in usual if getattr(self, key) != usual[key]]
         return f"{self.name} with {', '.join(changed)}" if changed else self.name
 
     @property
     def mission_symbol(self) -> str:
-        """The mission risk that paths are judged by: ``f_o`` or ``V``; its wind law is ``law``."""
+        """Symbol of the bound on the mission risk: ``f_o`` (theorem2) or ``V`` (ordered), under ``law``."""
         return {"theorem2": "f_o", "ordered": "V"}[self.mission_bound]
 
 

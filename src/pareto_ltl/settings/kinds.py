@@ -1,4 +1,4 @@
-"""Types of settings: what fits one, and how a message names it."""
+"""Types of settings: which values fit a type, and the words for it in messages."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ ITEM_TEXTS = {int: "whole numbers", float: "numbers", str: "texts"}
 
 @lru_cache(maxsize=64)
 def field_kinds(schema: Any) -> dict[str, Any]:
-    """The type of each field of a section, by its name."""
+    """The type of each field of the dataclass ``schema``, by field name."""
     hints = typing.get_type_hints(schema)
     return {item.name: hints[item.name] for item in fields(schema)}  # a class variable is no field
 
@@ -33,7 +33,7 @@ def kind_at(schema: type, key: str) -> Any:
 
 
 def fits_kind(value: Any, kind: Any) -> bool:
-    """Whether ``value`` has the type ``kind``; numbers of NumPy do, booleans are no numbers."""
+    """Whether ``value`` has the type ``kind``; NumPy numbers count as numbers, booleans do not."""
     if kind is Any:
         return True
     if isinstance(kind, UnionType):
@@ -65,7 +65,7 @@ def kind_text(kind: Any) -> str:
 
 
 def kind_problem(key: str, value: Any, kind: Any) -> str:
-    """The message for a value of the wrong type."""
+    """Message for a ``value`` of ``key`` that does not have the type ``kind``."""
     whole = kind is int and isinstance(value, float) and value.is_integer()
     cure = f"; write it in digits, {int(value)}" if whole and abs(value) < 1e18 else ""
     return f"{key} must be {kind_text(kind)}, got {shown_value(value)}{cure}"

@@ -23,7 +23,7 @@ EXPORT_FILES = {
     "f3548": "operational_intent.json",
 }  # the file of each format
 PAGE_FILE = "report.html"
-HIGHEST = 100_000.0  # [m] of an exported height, and deepest
+HIGHEST = 100_000.0  # limit of the absolute value of an exported height [m]
 
 
 @dataclass
@@ -78,7 +78,7 @@ class ExportsConfig(CheckedSettings):
     )
 
     def check_combinations(self) -> None:
-        """Refuse heights that are too far, not in order or missing."""
+        """Refuse heights that are beyond :data:`HIGHEST`, not in order, or missing for f3548."""
         lower, upper = self.altitude_lower, self.altitude_upper
         for key in ("altitude", "altitude_lower", "altitude_upper"):
             value = getattr(self, key)
@@ -112,7 +112,7 @@ class IngestConfig(CheckedSettings):
     last: str | None = setting(None, "last time, ISO 8601 UTC; null: to the end")
 
     def check_combinations(self) -> None:
-        """Refuse a table that is no CSV file, an outline that is none and what is no time."""
+        """Refuse an output file that is not CSV, an invalid outline, and values that are not times."""
         if not self.out.lower().endswith(".csv"):
             raise ConfigError(
                 f"ingest.out must end in .csv (its origin goes to .json), got {shown_value(self.out)}"
@@ -124,7 +124,7 @@ class IngestConfig(CheckedSettings):
 
 @dataclass
 class PipelineConfig(CheckedSettings):
-    """What a run does."""
+    """The stages of a run."""
 
     section: ClassVar[str] = "pipelines"
     stages: list[str] = setting([], "stages in the order in which they run")
@@ -132,7 +132,7 @@ class PipelineConfig(CheckedSettings):
 
 @dataclass
 class SweepConfig(CheckedSettings):
-    """How many runs are carried out and shown together; no result depends on it."""
+    """How a sweep resumes and what its figure shows; no result of a run depends on it."""
 
     section: ClassVar[str] = "sweep"
     resume: bool = setting(True, "keep finished jobs and run only those that failed, were killed or are new")

@@ -16,7 +16,7 @@ WANTED = {
     "energy": ("alpha",),
     "length": ("length",),
     "point": ("point",),
-}  # the settings that a rule reads, besides the weights
+}  # the settings that a rule needs; the weights are not listed
 
 
 @dataclass
@@ -24,7 +24,9 @@ class LogicConfig(CheckedSettings):
     """The automaton of the mission."""
 
     section: ClassVar[str] = "logic"
-    max_states: int = setting(10_000, "stop translating a formula beyond this many states", least=2, most=1e6)
+    max_states: int = setting(
+        10_000, "largest number of states of the automaton; a larger one is an error", least=2, most=1e6
+    )
 
 
 @dataclass
@@ -36,8 +38,8 @@ class PlannerConfig(CheckedSettings):
     n_max: int = setting(2500, "vertices of a tree", least=2, most=1e8)
     epsilon: float | None = setting(
         None,
-        "collision probability allowed at a step; null: 0.05 shared equally by the obstacles with "
-        "fidelity.collision_bound=step, 0.25 for all of them together with path",
+        "collision probability allowed in one step; null: 0.05, divided equally among the obstacles, with "
+        "fidelity.collision_bound=step, and 0.25 for all obstacles together with path",
         above=0,
         below=1,
     )
@@ -47,10 +49,8 @@ class PlannerConfig(CheckedSettings):
         above=0,
         below=1,
     )
-    max_steps: int = setting(200, "steps of the longest path", least=1, most=1e6)
-    near: int = setting(
-        64, "largest number of possible parents looked at for a new vertex", least=0, most=10_000
-    )
+    max_steps: int = setting(200, "largest number of steps of a path", least=1, most=1e6)
+    near: int = setting(64, "largest number of candidate parents of a new vertex", least=0, most=10_000)
     beta_risk: float = setting(
         0.05, "the slack of Eq. (11) for risks is drawn between 0 and this", least=0, most=1e6
     )
@@ -58,14 +58,14 @@ class PlannerConfig(CheckedSettings):
         1.0, "the slack of Eq. (11) for length is drawn between 0 and this many full steps", least=0, most=1e6
     )
     explore: float = setting(
-        0.1, "probability that a sampled target lies beyond the next cell of the lead", least=0, most=1
+        0.1, "probability that a target is sampled beyond the next cell of the lead", least=0, most=1
     )
     refresh: int = setting(16, "extensions between two leads of the high-level planner", least=1, most=1e6)
     max_seconds: float = setting(600.0, "growth ends after this time", unit="s", least=1e-3, most=1e9)
     budget_seconds: float | None = setting(
         None,
-        "total time of growth and refine=sampled; Ctrl-C ends them early. null: they end by "
-        "themselves, and results do not depend on the clock",
+        "time limit for growth and refine=sampled together; Ctrl-C ends them early. null: no time limit, and "
+        "results do not depend on the clock",
         unit="s",
         above=0,
         most=1e9,
@@ -149,12 +149,12 @@ class SelectionConfig(CheckedSettings):
 
     @property
     def wanted(self) -> dict[str, float]:
-        """The setting besides the weights that the rule reads, for the record of the plan."""
+        """Name and value of each setting, besides the weights, that the rule needs; stored with the plan."""
         names = WANTED.get(self.rule, ())
         return {name: getattr(self, name) for name in names}
 
     def check_combinations(self) -> None:
-        """Refuse weights that are no weights, and a rule without the number that it needs."""
+        """Refuse weights that are all zero or not three or four, and rule=length without a length."""
         if len(self.weights) not in (3, 4) or sum(self.weights) <= 0:
             raise ConfigError(
                 "selection.weights must be three numbers >= 0, not all 0 (mission risk, collision risk, "

@@ -1,4 +1,4 @@
-"""Settings of pipelines=replanning: flights that plan anew at position fixes."""
+"""Settings of pipelines=replanning: flights that plan again at position fixes."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ class ReplanningConfig(CheckedSettings):
     section: ClassVar[str] = "replanning"
     flights: int = setting(100, "number of true winds in which the plan is flown", least=1, most=1e6)
     every: float | None = setting(
-        None, "time between two fixes; null: where the plan counts on landmarks, else 6 h", unit="h", above=0,
-        most=1e4,
+        None, "time between two fixes; null: fixes at the landmarks that the plan relies on, else every 6 h",
+        unit="h", above=0, most=1e4,
     )  # fmt: skip
     fix_sd: float = setting(
         500.0, "standard deviation of a fix in each direction", unit="m", above=0, most=1e6

@@ -15,7 +15,7 @@ WATTS = {"unit": "W", "least": 0, "most": 1e9}
 
 @dataclass
 class PowerConfig(CheckedSettings):
-    """Power P(v) that the robot draws at the airspeed v, and what its battery holds."""
+    """Power P(v) that the robot draws at the airspeed v, and the energy that it may use."""
 
     section: ClassVar[str] = "robot.power"
     kind: str = setting(
@@ -39,12 +39,12 @@ class PowerConfig(CheckedSettings):
     points: list[Any] = setting([], "table: pairs [airspeed, power], increasing airspeeds, linear between",
                                 unit="m/s, W")  # fmt: skip
     capacity: float | None = setting(
-        None, "energy to use on one mission; paths that need more are not chosen. null: not known",
+        None, "energy available for one mission; paths that need more are not chosen. null: not known",
         unit="Wh", above=0, most=1e9,
     )  # fmt: skip
 
     def check_combinations(self) -> None:
-        """Refuse a table of points that is no curve, and a capacity without a curve."""
+        """Refuse a table that is not two or more points in order, and a capacity without a power curve."""
         if self.kind == "table" and not (
             len(self.points) > 1
             and are_number_rows(self.points, 2)
@@ -69,8 +69,8 @@ class RobotConfig(CheckedSettings):
     section: ClassVar[str] = "robot"
     dt: Any = setting(
         "auto",
-        "time step; auto: one that is short for the regions and passages of the map, and long enough for "
-        "planner.max_steps (world/time_step.py)",
+        "time step; auto: short compared with the regions and passages of the map, and long enough that "
+        "planner.max_steps suffices (world/time_step.py)",
         unit="s",
         least=1e-3,
         most=1e6,
@@ -79,7 +79,7 @@ class RobotConfig(CheckedSettings):
     u_max: float = setting(30.0, "largest airspeed", unit="m/s", least=1e-3, most=1e4)
     u_min: float = setting(
         0.0,
-        "least airspeed, at most u_max",
+        "smallest airspeed, at most u_max",
         unit="m/s",
         least=0,
         most=1e4,
@@ -118,7 +118,7 @@ class RobotConfig(CheckedSettings):
     )
     effort_risk: float = setting(
         0.05,
-        "probability that the feedback of a step asks for more than u_max, or less than u_min",
+        "probability, in one step, that feedback commands an airspeed above u_max or below u_min",
         above=0,
         below=1,
     )
@@ -126,7 +126,7 @@ class RobotConfig(CheckedSettings):
         100.0, "standard deviation of a position fix at a landmark", unit="m", above=0, most=1e6
     )
     fix_gain: float = setting(
-        0.25, "share of the deviation known from a fix that is corrected in one step", least=0, most=1
+        0.25, "after a fix: share of the measured deviation that is corrected in one step", least=0, most=1
     )
     fix_risk: float = setting(
         0.02, "largest probability of missing a landmark that a plan relies on", above=0, below=1
@@ -134,7 +134,7 @@ class RobotConfig(CheckedSettings):
     power: PowerConfig = field(default_factory=PowerConfig)
 
     def check_combinations(self) -> None:
-        """Refuse airspeeds out of order, a power curve that does not cover them, singular matrices."""
+        """Refuse u_min above u_max, a power curve that does not cover them, and a singular matrix B."""
         if not isinstance(self.dt, str):
             self.dt = float(self.dt)
         if self.u_min > self.u_max:
@@ -151,7 +151,7 @@ class RobotConfig(CheckedSettings):
             raise ConfigError(f"robot.b must be invertible, got {shown_value(self.b)}")
 
     def _check_turns(self) -> None:
-        """Turns at a bank are those of an aircraft that moves through the air as commanded."""
+        """Refuse a bank angle unless u_min > 0 and A and B are the identity, so that u is the airspeed."""
         if self.bank == 0.0:
             return
         if self.u_min == 0.0:
@@ -167,7 +167,7 @@ class RobotConfig(CheckedSettings):
             )
 
     def _check_power(self) -> None:
-        """The power curve must be known from u_min to u_max."""
+        """Refuse a power curve that is not defined from u_min to u_max."""
         power = self.power
         if power.kind == "wing" and self.u_min == 0.0:
             raise ConfigError(

@@ -22,7 +22,7 @@ METHODS = ("paper", "smoothed", "full", "cc_rrt", "ml_rrt", "calm_shortest")
 SETTING_FACTORS = ("trees", "beta", "epsilon", "n_max", "dt", "kernel", "ball")
 MODEL_FACTORS = ("law", "mission_bound", "collision_bound", "parents", "refine")  # of ``fidelity``
 ABLATION_FACTORS = SETTING_FACTORS + MODEL_FACTORS
-INLAND_OUTLINE = (  # the contiguous United States without their rim [longitude, latitude] [deg]
+INLAND_OUTLINE = (  # the interior of the contiguous United States, corners [longitude, latitude] [deg]
     (-120.0, 46.5), (-118.5, 37.0), (-111.0, 33.5), (-103.0, 31.5), (-98.5, 29.0), (-91.0, 31.5),
     (-84.0, 32.5), (-80.5, 35.0), (-76.5, 40.5), (-84.0, 43.0), (-90.0, 45.5), (-97.0, 47.0), (-111.0, 47.0),
 )  # fmt: skip
@@ -30,7 +30,7 @@ INLAND_OUTLINE = (  # the contiguous United States without their rim [longitude,
 
 @dataclass
 class EvaluationConfig(CheckedSettings):
-    """What the studies (pipelines compare, convergence, ablation, hindcast, forecast_test) share."""
+    """Settings that all studies share (pipelines compare, convergence, ablation, hindcast, forecast_test)."""
 
     section: ClassVar[str] = "evaluation"
     seeds: list[int] = setting(
@@ -40,12 +40,12 @@ class EvaluationConfig(CheckedSettings):
         list(LAWS), "wind laws under which plans are flown", choices=LAWS, distinct=True
     )
     jobs: int = setting(0, "processes; 0: one for each core", least=0, most=1024)
-    resume: str | None = setting(None, "results directory of a run that is continued")
+    resume: str | None = setting(None, "results directory of an unfinished run to continue")
 
 
 @dataclass
 class CompareConfig(CheckedSettings):
-    """Which planners pipelines=compare compares."""
+    """The planners that pipelines=compare compares."""
 
     section: ClassVar[str] = "compare"
     methods: list[str] = setting(
@@ -58,7 +58,7 @@ class CompareConfig(CheckedSettings):
 
 @dataclass
 class ConvergenceConfig(CheckedSettings):
-    """At which sizes pipelines=convergence looks at the growing trees."""
+    """The tree sizes at which pipelines=convergence evaluates the growing trees."""
 
     section: ClassVar[str] = "convergence"
     sizes: list[int] = setting(
@@ -72,9 +72,9 @@ class ConvergenceConfig(CheckedSettings):
 
 @dataclass
 class AblationConfig(CheckedSettings):
-    """What pipelines=ablation changes, one factor at a time, and the values it takes.
+    """The factors that pipelines=ablation varies, one at a time, and their values.
 
-    The factors of ``SETTING_FACTORS`` are the default; those of ``MODEL_FACTORS`` are asked for by name.
+    Factors of ``SETTING_FACTORS`` are varied by default, those of ``MODEL_FACTORS`` only if they are listed.
     """
 
     section: ClassVar[str] = "ablation"
@@ -136,17 +136,17 @@ class FieldMissionsConfig(CheckedSettings):
         unit="deg",
     )
     side: list[float] = setting(
-        [400_000.0, 800_000.0], "smallest and largest side of a scene", unit="m", least=0, most=1e7
+        [400_000.0, 800_000.0], "smallest and largest side length of a scene", unit="m", least=0, most=1e7
     )
-    obstacles: list[int] = setting([2, 7], "least and most obstacles of a scene", least=0, most=1000)
+    obstacles: list[int] = setting(
+        [2, 7], "smallest and largest number of obstacles of a scene", least=0, most=1000
+    )
     formulas: list[str] = setting(
         ["F(a & F b)", "F(a & F b & F c)", "F(a & F(b & F c))", "!b U a & F c"],
         "missions, over the regions a, b and c",
     )
     hours: float = setting(18.0, "hours of wind required after departure", unit="h", above=0, most=1e5)
-    max_gap: float = setting(
-        6.0, "fields farther apart than this belong to different periods", unit="h", above=0, most=1e5
-    )
+    max_gap: float = setting(6.0, "longest gap between two fields of one period", unit="h", above=0, most=1e5)
     gusts: float = setting(
         1.0, "share of the fitted white standard deviation added to the real fields", least=0, most=100
     )
@@ -161,7 +161,7 @@ class FieldMissionsConfig(CheckedSettings):
         return 0.0
 
     def check_combinations(self) -> None:
-        """Refuse ranges that are not in order, an area without corners and an empty list of formulas."""
+        """Refuse ranges out of order, an area with fewer than three corners and an empty list of formulas."""
         for key, pair in (("side", self.side), ("obstacles", self.obstacles)):
             if len(pair) != 2 or pair[0] > pair[1]:
                 raise ConfigError(f"{self.section}.{key} must be [least, most], got {shown_value(pair)}")
@@ -178,50 +178,53 @@ class FieldMissionsConfig(CheckedSettings):
 
 @dataclass
 class HindcastConfig(FieldMissionsConfig):
-    """Random missions that pipelines=hindcast plans from few readings and flies through full fields."""
+    """Random missions that pipelines=hindcast plans from few readings and simulates in the full fields."""
 
     section: ClassVar[str] = "hindcast"
     plans: int = setting(
-        3, "plans of each mission's front: the safest, the shortest and those between", least=1, most=1000
+        3,
+        "plans taken from each front: the safest, the shortest, and others between them",
+        least=1,
+        most=1000,
     )
     points: int = setting(
-        120, "readings at each time that planning sees, spread over area", least=5, most=10_000
+        120, "readings at each time that the planner gets, spread over the area", least=5, most=10_000
     )
 
 
 @dataclass
 class ForecastTestConfig(FieldMissionsConfig):
-    """Random missions that pipelines=forecast_test plans from what was known and flies through what came."""
+    """Random missions that pipelines=forecast_test plans in forecasts and simulates in later analyses."""
 
     section: ClassVar[str] = "forecast_test"
     hours: float = setting(12.0, "hours of wind required after departure", unit="h", above=0, most=1e5)
     bins: int = setting(5, "bins of the reliability diagram", least=2, most=1000)
     delay: float = setting(
-        4.0, "age of the newest cycle that planning knows, at departure", unit="h", least=0, most=1e5
+        4.0, "age at departure of the newest forecast that the planner may use", unit="h", least=0, most=1e5
     )
     points: int | None = setting(
         120,
-        "readings at each time that planning sees, spread over area; null: every node",
+        "readings at each time that the planner gets, spread over the area; null: every grid node",
         least=5,
         most=10_000,
     )
     fidelities: list[str] = setting(
-        ["full"], "presets of fidelity that plans are made with", choices=tuple(PRESETS), distinct=True
+        ["full"], "presets of fidelity to plan with", choices=tuple(PRESETS), distinct=True
     )
 
     @property
     def wait(self) -> float:
-        """Hours between the first cycle of a period and the earliest departure that knows it."""
+        """Hours from the first forecast of a period to the earliest departure that can use it."""
         return self.delay
 
 
 @dataclass
 class SitlConfig(CheckedSettings):
-    """Flights of the exported table by the aircraft of JSBSim, with pipelines=sitl."""
+    """Flights of the exported command table by the aircraft model of JSBSim, with pipelines=sitl."""
 
     section: ClassVar[str] = "sitl"
     flights: int = setting(
-        200, "flights of the aircraft, and of the simulation in steps, in the same winds", least=1, most=1e5
+        200, "flights in JSBSim, and as many of the planner's simulation in the same winds", least=1, most=1e5
     )
-    rate: float = setting(60.0, "integration steps of the aircraft", unit="1/s", least=30, most=1000)
-    drawn: int = setting(40, "flights of each that the map shows", least=0, most=1e4)
+    rate: float = setting(60.0, "integration rate of the aircraft model", unit="1/s", least=30, most=1000)
+    drawn: int = setting(40, "flights of each simulation that the map shows", least=0, most=1e4)

@@ -18,7 +18,7 @@ GP_KERNELS = ("matern12", "matern32", "rbf")
 
 @dataclass
 class WindConfig(CheckedSettings):
-    """Wind readings, the Gaussian process through them, and the modes of its error."""
+    """Wind readings, the Gaussian process that is fitted to them, and the modes of its error."""
 
     section: ClassVar[str] = "wind"
     source: str = setting("sample", "where readings come from", choices=WIND_SOURCES, group=WIND_SOURCE_GROUP)
@@ -34,12 +34,12 @@ class WindConfig(CheckedSettings):
     ball: float = setting(2.0, "radius of the maximum-trace ball, in standard deviations", least=0, most=100)
     level: str = setting(
         "auto",
-        "height of the wind, e.g. 10m, 80m or 925hPa, or depth of the current; auto: robot.level, and 10m "
-        "(of currents 0m) for a robot without one",
+        "height of the wind, e.g. 10m, 80m or 925hPa, or depth of the current; auto: robot.level if it is "
+        "set, else 10m (0m for currents)",
     )
     forecast_error: str = setting(
         "auto",
-        "law of forecast errors: none, gfs or a file of `pareto-ltl wind-error`; auto is gfs for tables and "
+        "law of forecast errors: none, gfs or a file of `pareto-ltl wind-error`; auto: gfs for tables and "
         "forecasts, none for the packaged sample, stations and currents",
     )
     ensemble_prior: float = setting(
@@ -57,10 +57,10 @@ class WindConfig(CheckedSettings):
     )
     hold_last: bool = setting(False, "use the last wind field for later times, at most max_gap long")
     max_speed: float = setting(75.0, "readings above this are refused", unit="m/s", above=0, most=1000)
-    holdout: float = setting(0.2, "share of the readings kept out to score the fit", above=0, below=1)
+    holdout: float = setting(0.2, "share of the readings held out to score the fit", above=0, below=1)
     max_points: int = setting(
         150,
-        "readings at each time that the fit uses, spread evenly where there are more",
+        "largest number of readings at each time that the fit uses; of more, a subset spread evenly",
         least=5,
         most=10_000,
     )
@@ -80,8 +80,8 @@ class WindConfig(CheckedSettings):
     )
     gust_time: float = setting(
         1800.0,
-        "time constant of the white part with law=coherent: in a time T it moves a flight by a standard "
-        "deviation of noise times the root of gust_time times T (twice the integral of its correlation)",
+        "time constant of the white part with law=coherent, twice the integral of its correlation: over a "
+        "time T it adds noise x sqrt(gust_time T) to the standard deviation of the position",
         unit="s",
         above=0,
         most=1e9,
@@ -92,17 +92,17 @@ class WindConfig(CheckedSettings):
         "newest", "start of the forecast that source=noaa fetches: newest, or a time, ISO 8601 UTC"
     )
     hours: float = setting(
-        36.0, "how long after departure source=noaa fetches the wind", unit="h", above=0, most=384
+        36.0, "duration after departure for which source=noaa fetches the wind", unit="h", above=0, most=384
     )
-    gefs_members: int = setting(1, "members of model=gefs; 1: the control alone", least=1, most=31)
+    gefs_members: int = setting(1, "members of model=gefs; 1: the control forecast only", least=1, most=31)
     base_url: str | None = setting(
         None, "address that source=noaa uses instead of NOAA's archive, with the same folders"
     )
-    offline: bool = setting(False, "source=noaa uses only what was fetched before")
+    offline: bool = setting(False, "source=noaa uses only files that it fetched before")
     retries: int = setting(4, "number of retries of source=noaa after a failure", least=0, most=20)
 
     def check_combinations(self) -> None:
-        """Refuse a source without its file, a cycle that is no time and an address that is none."""
+        """Refuse a source without its file, a cycle that is not a time and an address that is not HTTP(S)."""
         if self.source in FILE_SOURCES and not self.path:
             raise ConfigError(f"wind.path is missing: wind.source={self.source} needs a file to read")
         if self.cycle != "newest":

@@ -13,7 +13,7 @@ from pareto_ltl.support.messages import shown_value
 
 @dataclass
 class RandomSceneConfig(CheckedSettings):
-    """Regions and obstacles at random places, beside those that the scene names."""
+    """Regions and obstacles at random positions, in addition to those that the scene lists."""
 
     section: ClassVar[str] = "scene.random"
     seed: int = setting(
@@ -35,7 +35,7 @@ class RandomSceneConfig(CheckedSettings):
     )
 
     def check_combinations(self) -> None:
-        """Refuse a range of radii that is not in order."""
+        """Refuse radii that are not [smallest, largest]."""
         if len(self.radius) != 2 or self.radius[0] > self.radius[1]:
             raise ConfigError(
                 "scene.random.radius must be [smallest, largest], shares of the map's shorter side, "
@@ -45,9 +45,9 @@ class RandomSceneConfig(CheckedSettings):
 
 @dataclass
 class SceneConfig(CheckedSettings):
-    """The map, in units of scene.unit; with scene.centre, a plane that touches the Earth there."""
+    """The map, in units of scene.unit; with scene.centre, a plane that is tangent to the Earth there."""
 
-    # Numbers of the map are checked when the scene is built: a schema of floats would refuse a corner [1, 2].
+    # Coordinates are checked when the scene is built, as Hydra refuses the integers [1, 2] for floats.
     section: ClassVar[str] = "scene"
     name: str = setting("scene", "name of the map")
     file: str | None = setting(
@@ -65,9 +65,9 @@ class SceneConfig(CheckedSettings):
     obstacles: list[Any] = setting([], "corners of each obstacle", unit="units")
     windows: dict[str, Any] = setting(
         {},
-        "name: {region, from, until, forbidden} of propositions that hold for a time, e.g. a_before_noon: "
-        "{region: a, until: 12h}; with the name of a region: when it counts at all; forbidden: true is an "
-        "obstacle that is active for a limited time",
+        "name: {region, from, until, forbidden} of propositions that hold in a region for a limited time, "
+        "e.g. a_before_noon: {region: a, until: 12h}; under the name of a region: limits that region itself; "
+        "forbidden: true makes an obstacle that is active for a limited time",
     )
     border: str = setting(
         "auto",
@@ -89,8 +89,8 @@ class SceneConfig(CheckedSettings):
     )
     altitude: float | None = setting(
         None,
-        "altitude of the flight, in the datum of the map: features whose floor is above it or ceiling "
-        "below it are not active",
+        "altitude of the flight, in the datum of the map: features with a floor above it or a ceiling "
+        "below it are left out",
         unit="m",
         least=-12_000,
         most=1e5,
@@ -98,7 +98,7 @@ class SceneConfig(CheckedSettings):
     random: RandomSceneConfig = field(default_factory=RandomSceneConfig)
 
     def check_combinations(self) -> None:
-        """Refuse a centre that is no place."""
+        """Refuse a centre that is not a position on the Earth."""
         if self.centre is not None and (
             len(self.centre) != 2 or not -89 <= self.centre[0] <= 89 or not -180 <= self.centre[1] <= 360
         ):
@@ -123,5 +123,5 @@ class MissionConfig(CheckedSettings):
     automaton: str | None = setting(None, "instead of the formula: a file in the HOA format")
 
     def check_combinations(self) -> None:
-        """Refuse a start that is no time."""
+        """Refuse a start_time that is not a time."""
         check_time("mission.start_time", self.start_time)

@@ -1,1 +1,1 @@
-"""What every package may import: errors, arrays, files, locks, caches, fingerprints, entry points."""
+"""Modules that every package may import: errors, arrays, files, locks, caches, fingerprints, entry points."""

@@ -1,4 +1,4 @@
-"""Archives of arrays (``.npz``) from outside: what a header claims is compared with the size of the file."""
+"""Reading of ``.npz`` archives that may be damaged or hostile: sizes in headers are checked before use."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from numpy.typing import NDArray
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.reading import RESULTS, Advice
 
-FREE_BYTES = 256 * 2**20  # of arrays, however small the file
-MAX_RATIO = 20  # of the bytes of arrays to those of the file, beyond FREE_BYTES; a zip bomb has up to 1032
+FREE_BYTES = 256 * 2**20  # unpacked bytes that are allowed for a file of any size
+MAX_RATIO = 20  # largest ratio of unpacked bytes to file size beyond FREE_BYTES; a zip bomb has up to 1032
 MAGIC = b"\x93NUMPY\x01\x00"
-HEADER = re.compile(  # truth values, numbers and text; sides and sizes of at most 18 digits, at most 8 sides
+HEADER = re.compile(  # booleans, numbers and text; at most 8 axes, lengths of at most 18 digits
     r"{'descr': '(?P<type>[<>|=]?[biufU]\d{1,9})', 'fortran_order': (?P<fortran>True|False), "
     r"'shape': \((?P<shape>(\d{1,18}, ?){0,8}(\d{1,18})?)\), } *\n"
 )
@@ -32,11 +32,14 @@ DAMAGE = (
 
 
 class _ForeignError(ValueError):
-    """An archive that is none of ours; the text says why."""
+    """An archive that this package cannot have written; the text says why."""
 
 
 def read_npz(path: Path, advice: Advice = RESULTS) -> dict[str, NDArray[Any]]:
-    """The arrays in the archive ``path`` by name, no pickled objects; a DataError where it is no archive."""
+    """Read the arrays of the archive ``path``, by name; pickled objects are refused.
+
+    DataError if the file cannot be read, is damaged, or unpacks to far more than its size.
+    """
     with _described_damage(path, advice), path.open("rb") as file, zipfile.ZipFile(file) as archive:
         entries = archive.infolist()
         _check_size(entries, file.seek(0, 2))
@@ -59,14 +62,14 @@ def _described_damage(path: Path, advice: Advice) -> Iterator[None]:
 
 
 def _check_size(entries: list[zipfile.ZipInfo], size: int) -> None:
-    """Refuse an archive that unpacks to far more than it holds."""
+    """Raise if the entries unpack to far more than ``size``, the bytes of the file."""
     total = sum(entry.file_size for entry in entries)
     if total > FREE_BYTES + MAX_RATIO * size:
         raise _ForeignError(f"its {size:,} bytes unpack to {total:,}, more than arrays of numbers do")
 
 
 def _read_entry(archive: zipfile.ZipFile, entry: zipfile.ZipInfo) -> NDArray[Any]:
-    """One array; its header must tell the size that the entry has."""
+    """Read one array; raise if the size in its header differs from that of the entry."""
     if entry.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
         raise _ForeignError(f"{entry.filename} is packed in an unknown way")
     with archive.open(entry) as stream:
@@ -81,7 +84,7 @@ def _read_entry(archive: zipfile.ZipFile, entry: zipfile.ZipInfo) -> NDArray[Any
 
 
 def _read_header(name: str, stream: IO[bytes]) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
-    """Shape, order of axes and type of an array, as NumPy writes them."""
+    """Shape, whether in Fortran order, and type of an array, from a header of NumPy's format 1.0."""
     start = stream.read(len(MAGIC) + 2)
     if not start.startswith(MAGIC) or len(start) < len(MAGIC) + 2:
         raise _ForeignError(f"{name} is no array of NumPy's format 1.0")

@@ -1,4 +1,4 @@
-"""Type aliases of arrays."""
+"""Type aliases of arrays, and a check of shapes."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ __all__ = ["BoolArray", "Float32Array", "FloatArray", "Int32Array", "IntArray", 
 
 
 def require_shape(name: str, array: NDArray[Any], *shape: int | None) -> None:
-    """Raise ``ValueError`` if ``array`` has another shape; None stands for any length."""
+    """Raise ``ValueError`` if ``array`` does not have ``shape``, in which None allows any length."""
     wanted = (
         tuple(array.shape[i] if s is None else s for i, s in enumerate(shape))
         if array.ndim == len(shape)

@@ -1,4 +1,4 @@
-"""A budget of time for work that gets better the longer it goes on, and Ctrl-C as its early end."""
+"""A time limit for computations that improve with time; the first Ctrl-C ends them early."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ LOG = logging.getLogger(__name__)
 
 
 class Budget:
-    """How long several pieces of work may take together.
+    """A time limit that several computations share.
 
-    Without ``seconds`` nothing looks at the clock, so that results do not depend on it.
+    If ``seconds`` is None, the clock is not read, so that results do not depend on it.
 
     Attributes
     ----------
     seconds : float or None
-        What there is to spend [s].
+        The time limit [s]; None: no limit.
     asked : bool
-        Whether the user asked for the end.
+        Whether the user asked to end early.
     heeded : bool
-        Whether the work that the budget is for goes on, so that Ctrl-C is about it.
+        Whether a computation with this limit is running, so that Ctrl-C ends it and not the run.
     """
 
     def __init__(self, seconds: float | None = None) -> None:
@@ -36,12 +36,12 @@ class Budget:
         self._began: float | None = None
 
     def begin(self) -> None:
-        """Start the clock, where it does not run yet."""
+        """Start the clock, unless it runs already."""
         if self._began is None:
             self._began = time.perf_counter()
 
     def left(self, share: float = 1.0) -> float:
-        """Seconds until this share of the budget is spent; never below 0, without end where there is none."""
+        """Seconds until ``share`` (0 to 1) of the limit is used: at least 0, infinity without a limit."""
         if self.asked:
             return 0.0
         if self.seconds is None:
@@ -50,19 +50,19 @@ class Budget:
         return max(share * self.seconds - spent, 0.0)
 
     def over(self, share: float = 1.0) -> bool:
-        """Whether this share of the budget is spent, or the user asked for the end."""
+        """Whether ``share`` (0 to 1) of the limit is used, or the user asked to end early."""
         return self.left(share) <= 0.0
 
     def end(self) -> None:
-        """The user asks for the end."""
+        """Record that the user asks to end early."""
         self.asked = True
 
     @contextmanager
     def ends_at_key(self) -> Iterator[None]:
-        """In the block, while it is ``heeded``, the first Ctrl-C ends a budget; others end the run as ever.
+        """In the block, while ``heeded`` is set, the first Ctrl-C calls :meth:`end`; any other ends the run.
 
-        Outside the main thread, where Python allows no signal handlers, and without a budget, the block is
-        only run.
+        Without a limit, and outside the main thread, where Python allows no signal handlers, Ctrl-C is not
+        changed.
         """
         if self.seconds is None or threading.current_thread() is not threading.main_thread():
             yield

@@ -1,8 +1,8 @@
-"""What is remembered between runs: fits of the wind and downloaded winds, by their content, up to a size.
+"""The cache of wind fits, downloaded winds and compiled problems that runs share, limited in size.
 
-The folder is ``PARETO_LTL_CACHE``, or the user's cache; the limit ``PARETO_LTL_CACHE_MIB``. ``pareto-ltl
-cache`` shows and clears it. Jobs at work together share it: who needs an entry first makes it, others wait.
-A folder that other users may write is not used: they could put another wind into a plan.
+Its folder is ``PARETO_LTL_CACHE``, or the user's cache folder; its limit ``PARETO_LTL_CACHE_MIB``.
+``pareto-ltl cache`` shows and clears it. Of several jobs that need a missing entry, one makes it and the
+others wait. A folder that other users can write to is refused, as they could change the wind of a plan.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ FITS_FOLDER, DOWNLOADS_FOLDER, FORMS_FOLDER = "wind", "noaa", "programmes"
 
 
 def cache_root() -> Path:
-    """The folder of all that is kept between runs."""
+    """The folder of the cache; it may not exist yet."""
     named = os.environ.get("PARETO_LTL_CACHE")
     if named:
         return Path(named)
     import platformdirs
 
-    with suppress(RuntimeError):  # there is no home, as in many containers
+    with suppress(RuntimeError):  # the user has no home folder, as in many containers
         place = Path(platformdirs.user_cache_dir("pareto_ltl"))
         if place.is_absolute():
             return place
@@ -38,7 +38,7 @@ def cache_root() -> Path:
 
 
 def cache_limit() -> int:
-    """How large the cache may grow [bytes]; ConfigError where the variable is no whole number."""
+    """Size limit of the cache [bytes]; ConfigError if ``PARETO_LTL_CACHE_MIB`` is not a whole number."""
     text = os.environ.get("PARETO_LTL_CACHE_MIB", str(DEFAULT_LIMIT))
     if not text.isdecimal():
         raise ConfigError(f"PARETO_LTL_CACHE_MIB must be a whole number of MiB, got {text!r}")
@@ -46,12 +46,12 @@ def cache_limit() -> int:
 
 
 def make_private(folder: Path) -> None:
-    """Make ``folder`` where it is missing, for its owner alone.
+    """Make ``folder`` if it is missing, with permissions for its owner only.
 
     Raises
     ------
     DataError
-        If it, or the folder that it is in, belongs to another user or may be written by one.
+        If it, or its parent folder, belongs to another user or can be written by others.
     """
     for place in (folder.parent, folder):
         place.mkdir(mode=0o700, parents=True, exist_ok=True)
@@ -60,7 +60,7 @@ def make_private(folder: Path) -> None:
 
 
 def _open_to_others(folder: Path) -> str | None:
-    """Why others could change what is in ``folder``; None if they cannot. Windows has no such mode."""
+    """Why other users can write to ``folder``; None if they cannot, and on Windows, which has no modes."""
     if os.name == "nt":
         return None
     stat = folder.stat()
@@ -70,15 +70,15 @@ def _open_to_others(folder: Path) -> str | None:
 
 
 def mark_used(path: Path) -> None:
-    """Set the date of an entry, so that the least recently used ones are removed first."""
+    """Set the date of an entry to now, as the least recently used entries are removed first."""
     with suppress(OSError):
         os.utime(path)
 
 
 def trim_folder(folder: Path, limit: int, suffix: str = ".npz") -> None:
-    """Remove the entries of ``folder`` that were not used for longest until ``limit`` [bytes] is kept.
+    """Remove the least recently used entries of ``folder`` until those left have at most ``limit`` bytes.
 
-    An entry is all files with one stem; its date and size are those of the largest of them.
+    An entry is a file that ends in ``suffix``, which gives its date and size, and its ``.json`` file.
     """
     dated: list[tuple[float, int, Path]] = []
     for path in folder.glob(f"*{suffix}"):
@@ -97,7 +97,7 @@ def trim_folder(folder: Path, limit: int, suffix: str = ".npz") -> None:
 
 @contextmanager
 def lock_entry(key: str) -> Iterator[None]:
-    """Let one process at a time make the entry ``key``; where no lock can be had, all go on without one."""
+    """In the block, hold the lock of the entry ``key``; without a lock if the file system has none."""
     folder = cache_root() / LOCKS_FOLDER
     with ExitStack() as held:
         with suppress(OSError):
@@ -107,7 +107,7 @@ def lock_entry(key: str) -> Iterator[None]:
 
 
 def folder_size(folder: Path) -> tuple[int, int]:
-    """Number of files below ``folder`` and their bytes; files removed meanwhile do not count."""
+    """Number of files below ``folder`` and the sum of their sizes [bytes]."""
     files = total = 0
     for path in folder.rglob("*"):
         with suppress(OSError):
@@ -117,7 +117,7 @@ def folder_size(folder: Path) -> tuple[int, int]:
 
 
 def clear_cache(folder: Path) -> None:
-    """Remove all entries; a job that reads one meanwhile makes it again."""
+    """Remove all entries; a job that needs one afterwards makes it again."""
     for name in (FITS_FOLDER, DOWNLOADS_FOLDER, FORMS_FOLDER, LOCKS_FOLDER):
         if (folder / name).exists():
             shutil.rmtree(folder / name)

@@ -1,4 +1,4 @@
-"""How many cores a run may use: what it was given, not what the machine has."""
+"""The number of cores that a run may use, which can be fewer than the machine has."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ GIVEN = ("OMP_NUM_THREADS", "SLURM_CPUS_PER_TASK")  # set by launchers of sweeps
 
 
 def cores() -> int:
-    """Cores allotted by the first of :data:`GIVEN` that is set, else those this process may run on."""
+    """Number of cores from the first variable of :data:`GIVEN` that is set, else those of this process."""
     for name in GIVEN:
         value = os.environ.get(name, "")
         if value.isdecimal() and int(value) > 0:

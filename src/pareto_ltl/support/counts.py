@@ -1,4 +1,4 @@
-"""Chances of counts. ``scipy.stats`` has them too, and half a second of its import is felt in every run."""
+"""Probabilities of counts. ``scipy.stats`` has them too, but its import adds half a second to every run."""
 
 from __future__ import annotations
 
@@ -11,9 +11,10 @@ from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 
 
 def binomial_tail(least: IntArray | int, runs: IntArray | int, chance: float) -> FloatArray:
-    """P(X ≥ ``least``) of X out of ``runs`` with ``chance`` each: I_p(k, n - k + 1), 1 for k ≤ 0.
+    """P(X ≥ k) of a binomial X, with k = ``least``, n = ``runs`` and p = ``chance``.
 
-    Arguments of one shape, which is that of the result.
+    It is I_p(k, n - k + 1), the regularised incomplete beta function, and 1 for k ≤ 0. ``least`` and
+    ``runs`` have one shape, which is that of the result.
     """
     from scipy.special import betainc
 
@@ -23,7 +24,7 @@ def binomial_tail(least: IntArray | int, runs: IntArray | int, chance: float) ->
 
 
 def hypergeometric_tail(least: int, total: int, marked: int, drawn: int) -> float:
-    """P(X ≥ ``least``) where ``drawn`` of ``total`` are drawn and ``marked`` of them are marked."""
+    """P(X ≥ ``least``) of X marked items among ``drawn`` out of ``total``, of which ``marked`` are marked."""
     from scipy.special import gammaln
 
     def log_choices(n: int, k: Any) -> Any:
@@ -38,14 +39,15 @@ def hypergeometric_tail(least: int, total: int, marked: int, drawn: int) -> floa
 
 
 def paired_difference(first: BoolArray, second: BoolArray) -> tuple[float, float, float]:
-    """Rate of ``second`` minus that of ``first`` (N,), flights with the same draws, with its 95 % interval.
+    """Failure rate of ``second`` minus that of ``first`` (N,), with its 95 % interval (low, high).
 
-    With b flights that only the second fails on and c that only the first does, the interval of Bonett and
-    Price (doi:10.3102/1076998611411915), which adds one flight of each kind::
+    Entry i of both is whether flight i, with the same random draws, fails. With b flights that fail only in
+    ``second`` and c only in ``first``, this is the interval of Bonett and Price
+    (doi:10.3102/1076998611411915), which adds one flight of each kind::
 
         d = (b - c) / (N + 2),    d ± 1.96 √(((b + 1 + c + 1) / (N + 2) - d²) / (N + 2))
 
-    It covers the difference whether or not equal draws make both fail together.
+    It is valid whether or not the failures of the two are correlated.
 
     Eq. (M59) of docs/mathematics_methods.md.
     """

@@ -1,4 +1,4 @@
-"""How records show themselves: one line in a terminal, a small table in a notebook, a figure on demand."""
+"""Display of records: one line in a terminal, a small table in a notebook, a figure by ``plot``."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from typing import Any
 
 
 class Displayed:
-    """A record that users look at. A subclass says what is worth knowing in :meth:`facts`.
+    """Base of the records that users see. A subclass lists its key facts in :meth:`facts`.
 
-    Figures are drawn in ``report/notebook.py``, which is imported by name when one is asked for: a record
-    does not depend on matplotlib.
+    Figures are drawn in ``report/notebook.py``, which :meth:`plot` imports by name, so that no record
+    depends on matplotlib.
     """
 
     __slots__ = ()
 
     def facts(self) -> Mapping[str, str]:
-        """What to show, by name."""
+        """The facts to show: name to text."""
         raise NotImplementedError
 
     def __repr__(self) -> str:
@@ -34,7 +34,10 @@ class Displayed:
         return f"<table><caption>{escape(type(self).__name__)}</caption>{rows}</table>"
 
     def plot(self, **options: Any) -> Any:
-        """A ``Drawing``: a notebook shows it, ``save`` writes it, ``figure`` is the matplotlib figure."""
+        """Draw the record; returns a ``Drawing``, which a notebook shows.
+
+        Its method ``save`` writes a file; its attribute ``figure`` is the matplotlib figure.
+        """
         return import_module("pareto_ltl.report.notebook").draw_record(self, **options)
 
 
@@ -42,9 +45,9 @@ NEGLIGIBLE = 1e-9  # smaller probabilities are below the accuracy of any wind mo
 
 
 def probability_text(value: float) -> str:
-    """A probability in per cent with the digits that tell something, at most 100 %; a dash for NaN.
+    """A probability in per cent with two or three significant digits, at most 100 %; a dash for NaN.
 
-    0.12 %, 4.5 %, 45.7 %, 99.98 %, 3.2e-5 %; 0 % and 100 % stand for exactly 0 and 1 (or more).
+    For example 0.12 %, 4.5 %, 45.7 %, 99.98 %, 3.2e-5 %. Only 0 gives "0 %", only 1 or more "100 %".
     """
     if math.isnan(value):
         return "-"
@@ -64,23 +67,23 @@ def probability_text(value: float) -> str:
 
 
 def round_up(probability: float) -> float:
-    """``probability`` > 0 rounded up to two digits, as a limit that allows it."""
+    """``probability`` > 0 rounded up to two significant digits, so that it is within the rounded limit."""
     power = 10.0 ** (math.floor(math.log10(probability)) - 1)
     return float(f"{math.ceil(probability / power) * power:.2g}")
 
 
 def interval_text(low: float, high: float) -> str:
-    """Two probabilities in per cent: ``0.12 to 1.7 %``."""
+    """An interval of probabilities in per cent, e.g. ``0.12 to 1.7 %``."""
     return f"{probability_text(low).removesuffix(' %')} to {probability_text(high)}"
 
 
 def rate_text(rate: float, low: float, high: float) -> str:
-    """A simulated rate with its 95 % interval: ``0.60 % (95 %: 0.12 to 1.7 %)``."""
+    """A simulated rate with its 95 % interval, e.g. ``0.60 % (95 %: 0.12 to 1.7 %)``."""
     return f"{probability_text(rate)} (95 %: {interval_text(low, high)})"
 
 
 def energy_text(joules: float) -> str:
-    """An energy in Wh with four digits and, from 1 MJ on, also in MJ: ``48.25 Wh``, ``9650 Wh (34.74 MJ)``.
+    """An energy [J] as text in Wh and, from 1 MJ, also in MJ: ``48.25 Wh``, ``9650 Wh (34.74 MJ)``.
 
     >>> energy_text(36_000.0), energy_text(36e6)
     ('10 Wh', '10000 Wh (36 MJ)')
@@ -90,16 +93,16 @@ def energy_text(joules: float) -> str:
 
 
 def in_kilometres(metres: float) -> bool:
-    """Whether a length, or the size of a map, is shown in kilometres: from 2 km on."""
+    """Whether a length or the size of a map [m] is shown in kilometres, which is from 2 km."""
     return metres >= 2000.0
 
 
 def distance_text(metres: float, digits: int = 1) -> str:
-    """A length in kilometres, or in metres below 2 km, with ``digits`` behind the point."""
+    """A length [m] as text in kilometres, or in metres below 2 km, with ``digits`` decimals."""
     return f"{metres / 1e3:,.{digits}f} km" if in_kilometres(metres) else f"{metres:,.{digits}f} m"
 
 
 def listed_text(names: Any, most: int = 8) -> str:
-    """Up to ``most`` names, comma-separated."""
+    """Up to ``most`` names, comma-separated, with "..." if there are more; "none" for no name."""
     names = list(names)
     return ", ".join(map(str, names[:most])) + (", ..." if len(names) > most else "") or "none"

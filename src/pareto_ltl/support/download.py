@@ -1,7 +1,7 @@
-"""Fetching bytes over HTTP: retries, resumption after a broken connection, and limits of time and size.
+"""Download of bytes over HTTP: retries, resumption after a broken connection, limits of time and size.
 
-Nothing that is fetched is executed. Addresses begin with https:// or http://; a redirect never leads from
-https to http, nor to another scheme (``file:``, ``ftp:``).
+Downloaded data is never executed. Addresses begin with https:// or http://; redirects from https to http
+or to another scheme (``file:``, ``ftp:``) are refused.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ from pareto_ltl.support.messages import shown_text
 
 LOG = logging.getLogger(__name__)
 TIMEOUT = 30.0  # [s] without a byte
-LONGEST = 600.0  # [s] of one request with its retries
+LONGEST = 600.0  # [s] for one request with its retries
 FIRST_PAUSE, LONGEST_PAUSE = 1.0, 30.0  # [s] before a request is repeated; doubled each time
 BLOCK = 2**16  # bytes read at a time
 SCHEMES = ("https", "http")
-GONE = (401, 403, 404, 410)  # S3 answers 403 for a file that is not there
+GONE = (401, 403, 404, 410)  # S3 answers 403 for a file that does not exist
 BUSY = (408, 425, 429)
 
 
@@ -35,7 +35,7 @@ class NotThereError(DataError):
 
 @dataclass(frozen=True, slots=True)
 class ByteRange:
-    """Bytes ``first`` to ``last`` of a file, both included; ``last`` None stands for its end."""
+    """Bytes ``first`` to ``last`` of a file, both included; ``last`` None means the end of the file."""
 
     first: int
     last: int | None
@@ -47,11 +47,11 @@ class ByteRange:
 
 
 class _BrokenError(Exception):
-    """The connection broke or the server is busy: worth another try."""
+    """The connection broke or the server is busy; the request may be repeated."""
 
 
 class _SameSchemeRedirects(urllib.request.HTTPRedirectHandler):
-    """Redirects that stay with the scheme, or go from http to https."""
+    """Follow only redirects that keep the scheme or go from http to https."""
 
     max_redirections = 5
 
@@ -64,17 +64,18 @@ class _SameSchemeRedirects(urllib.request.HTTPRedirectHandler):
 
 
 def fetch_bytes(url: str, most: int, part: ByteRange | None = None, retries: int = 4) -> bytes:
-    """The content of ``url``, or a ``part`` of it, at most ``most`` bytes.
+    """Download the content of ``url``, or a ``part`` of it, at most ``most`` bytes.
 
-    A connection that breaks is taken up where it ended; a server that is busy is asked again, after 1, 2, 4,
-    ... s, ``retries`` times without progress.
+    After a broken connection or a busy server, the request is repeated after 1, 2, 4, ... s (at most 30 s),
+    at most ``retries`` times without progress. With ``part``, it continues at the first missing byte.
 
     Raises
     ------
     NotThereError
         If the server has no such file.
     DataError
-        If it cannot be reached, ignores the range, sends too much, or the content ends too early.
+        If the server cannot be reached, ignores the range or sends more than ``most`` bytes, or if retries
+        or time run out.
     """
     if urlsplit(url).scheme not in SCHEMES:
         raise DataError(f"{shown_text(url)} is no web address; expected https://...")
@@ -89,7 +90,7 @@ def fetch_bytes(url: str, most: int, part: ByteRange | None = None, retries: int
         except _BrokenError as error:
             failures = 1 if len(got) > before else failures + 1
             if part is None:
-                got.clear()  # small files are fetched anew
+                got.clear()  # a request without a range begins again
             if failures > retries or time.monotonic() > end:
                 raise DataError(f"{url} cannot be fetched ({error}); try again later") from None
             pause = min(FIRST_PAUSE * 2.0 ** (failures - 1), LONGEST_PAUSE)
@@ -98,7 +99,7 @@ def fetch_bytes(url: str, most: int, part: ByteRange | None = None, retries: int
 
 
 def _fetch_rest(url: str, part: ByteRange | None, got: bytearray, most: int, end: float) -> None:
-    """Append to ``got`` what is missing of the content."""
+    """Append the missing content to ``got``."""
     before = len(got)
     request = urllib.request.Request(url, headers={"User-Agent": "pareto_ltl", "Accept-Encoding": "identity"})
     rest = None if part is None else ByteRange(part.first + len(got), part.last)
@@ -123,7 +124,7 @@ def _fetch_rest(url: str, part: ByteRange | None, got: bytearray, most: int, end
 
 
 def _checked_length(url: str, answer: Any, rest: ByteRange | None, most: int) -> int | None:
-    """Bytes from where the request begins to the end of the file, if the answer tells."""
+    """Bytes from the start of the request to the end of the file; None if the answer does not say."""
     announced = answer.headers.get("Content-Length", "")
     length = int(announced) if announced.isdecimal() and len(announced) < 20 else None
     total = None

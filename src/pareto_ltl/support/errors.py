@@ -1,7 +1,7 @@
-"""The ways in which planning can fail, each with one line that says what to do.
+"""Errors that a user can correct, each with one line that says how.
 
-``ValueError`` is for callers of the Python interface who break a contract; the classes below
-are for what reaches a user: the command line prints their text and ends with exit code 2.
+The command line prints the text of these classes and ends with exit code 2. A ``ValueError`` that is none
+of them means that a caller in Python passed a wrong argument.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ class InfeasibleError(ParetoLtlError):
 
 
 class FormulaError(ParetoLtlError, ValueError):
-    """A mission formula that cannot be read, or that no finite flight can complete.
+    """A mission formula that cannot be parsed, or that no finite flight can satisfy.
 
     Attributes
     ----------
     column : int or None
-        Zero-based position in the formula's text, where there is one.
+        Zero-based position of the error in the text of the formula; None if it has no position.
     """
 
     def __init__(self, message: str, column: int | None = None) -> None:

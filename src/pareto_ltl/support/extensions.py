@@ -6,7 +6,7 @@
 ``pareto_ltl.selection_rules``  a function that picks a path of a front (``planning/selection_rules.py``)
 ``pareto_ltl.conf``             a folder of YAML choices: ``robot/``, ``scene/``, ``pipelines/`` and so on
 
-An entry point is imported when its name is asked for, not before. ``examples/extension/`` shows one of each.
+An entry point is imported only when its name is used. ``examples/extension/`` has one of each.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ CONF_GROUP = "pareto_ltl.conf"
 
 @lru_cache
 def installed_entries(group: str) -> dict[str, EntryPoint]:
-    """The entry points of ``group`` by name."""
+    """The installed entry points of ``group``, by name; ConfigError if two packages add one name."""
     from importlib.metadata import entry_points
 
     found: dict[str, EntryPoint] = {}
@@ -48,7 +48,7 @@ def installed_entries(group: str) -> dict[str, EntryPoint]:
 
 
 def extension_names(group: str, own: Iterable[str] = ()) -> tuple[str, ...]:
-    """Names that other packages add to ``group``, sorted; ``own`` are the names that pareto_ltl has itself.
+    """Names that other packages add to ``group``, sorted; ``own`` are the built-in names.
 
     Raises
     ------
@@ -65,10 +65,10 @@ def extension_names(group: str, own: Iterable[str] = ()) -> tuple[str, ...]:
 
 
 def known_kind(group: str, own: Mapping[str, Kind], name: str, expected: Callable[[Any], bool]) -> Kind:
-    """What ``name`` stands for: an entry of ``own``, or the loaded entry point of ``group``.
+    """The object called ``name``: a value of ``own``, or the loaded entry point of ``group``.
 
     ``expected`` returns whether a loaded object is of the right kind. Raises ``KeyError`` if the name is
-    unknown and ``ConfigError`` if an entry point clashes, does not load or is of another kind.
+    unknown, and ``ConfigError`` if an entry point has a built-in name, does not load or is of another kind.
     """
     extension_names(group, own)
     return own[name] if name in own else load_extension(group, name, expected)
@@ -93,7 +93,7 @@ def load_extension(group: str, name: str, expected: Callable[[Any], bool]) -> An
 
 
 def extension_folders() -> tuple[Path, ...]:
-    """Folders of YAML choices that other packages add, in the order of their names."""
+    """Folders of YAML choices that other packages add, sorted by the names of their entry points."""
     return tuple(_folder(entry) for entry in installed_entries(CONF_GROUP).values())
 
 

@@ -1,8 +1,8 @@
-"""Files that appear whole or not at all, and whose bytes depend on their content alone.
+"""Atomic writes of files whose bytes depend only on their content.
 
-A file is written beside its place, forced to the disk and then moved: a reader never sees half of it, and a
-write that fails leaves the file that was there before. Archives carry a fixed date; JSON keeps the order of
-its keys and prints the shortest digits that read back to the same number.
+A file is written to a draft in the same folder, flushed to the disk and renamed: a reader never sees an
+incomplete file, and a failed write leaves the previous one. Archives carry a fixed date; JSON keeps the
+order of its keys and has the fewest digits that read back as the same number.
 """
 
 from __future__ import annotations
@@ -28,19 +28,23 @@ ARCHIVE_DATE = (1980, 1, 1, 0, 0, 0)  # the earliest date that a zip archive can
 
 @contextmanager
 def whole_file(path: Path) -> Iterator[Path]:
-    """A draft to write to; it replaces ``path`` when the block ends, and is removed when the block raises."""
+    """Yield the path of a draft, which replaces ``path`` when the block ends.
+
+    If the block raises, the draft is removed and ``path`` is unchanged. DataError if ``path`` exists and is
+    not a regular file.
+    """
     if path.exists() and not path.is_file():
         raise DataError(f"{path} is a folder or a device, which no file may replace; name another place")
     draft = path.with_name(f".{os.getpid()}.{path.name}")
     try:
         draft.unlink(missing_ok=True)
-        os.close(os.open(draft, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))  # never through a planted link
+        os.close(os.open(draft, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))  # does not follow a link
         yield draft
         with draft.open("r+b") as file:
             os.fsync(file.fileno())
         os.replace(draft, path)
     except OSError as error:
-        if str(error.filename) == str(draft):  # the user knows the file by its own name
+        if str(error.filename) == str(draft):  # name the file that the user knows
             raise OSError(error.errno, error.strerror, str(path)) from error
         raise
     finally:
@@ -48,7 +52,7 @@ def whole_file(path: Path) -> Iterator[Path]:
 
 
 def remove_dead_drafts(folder: Path) -> None:
-    """Remove the drafts of :func:`whole_file` in ``folder`` whose process of this machine has ended."""
+    """Remove the drafts of :func:`whole_file` in ``folder`` whose process no longer runs on this machine."""
     for draft in folder.glob(".*.*"):
         owner = draft.name.split(".")[1]
         if owner.isdigit() and not process_lives(int(owner)):
@@ -56,7 +60,7 @@ def remove_dead_drafts(folder: Path) -> None:
 
 
 def process_lives(number: int) -> bool:
-    """Whether a process with this number runs on this machine, whoever owns it."""
+    """Whether a process with this id runs on this machine, of any user."""
     import psutil
 
     return bool(psutil.pid_exists(number))
@@ -72,12 +76,12 @@ def write_bytes(path: Path, data: bytes) -> None:
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write ``text`` in UTF-8 with the line ends it has."""
+    """Write ``text`` in UTF-8, with its line ends unchanged."""
     write_bytes(path, text.encode())
 
 
 def write_json(path: Path, content: Mapping[str, Any]) -> None:
-    """Write one line a key, in the order given; NaN and infinity become null."""
+    """Write a JSON object with one line per key, in the given order; NaN and infinity become null."""
     lines = [
         f" {json.dumps(key)}: {json.dumps(plain_data(value), allow_nan=False)}"
         for key, value in content.items()
@@ -86,8 +90,8 @@ def write_json(path: Path, content: Mapping[str, Any]) -> None:
 
 
 def plain_data(value: Any) -> Any:
-    """``value`` in what JSON has: arrays as lists, sets sorted, NaN and infinity as None."""
-    if hasattr(value, "tolist"):  # an array or a number of NumPy, which a wrong setting need not load
+    """``value`` in the types of JSON: arrays as lists, sets as sorted lists, NaN and infinity as None."""
+    if hasattr(value, "tolist"):  # an array or a number of NumPy, which is not imported here
         return plain_data(value.tolist())
     if isinstance(value, float):
         return value if math.isfinite(value) else None
@@ -101,7 +105,7 @@ def plain_data(value: Any) -> Any:
 
 
 def write_npz(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
-    """Write what ``numpy.load`` reads, with bytes that depend on the arrays alone: names sorted, one date."""
+    """Write an ``.npz`` archive whose bytes depend only on the arrays: names sorted, one fixed date."""
     import numpy as np
 
     archive = io.BytesIO()

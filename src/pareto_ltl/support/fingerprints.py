@@ -15,11 +15,11 @@ from typing import Any
 
 from pareto_ltl.support.resources import PACKAGE
 
-FRESH = 2.0  # [s] a file changed so recently may change again without a new date
+FRESH = 2.0  # [s] a file that was changed less than this ago may change again without a new date
 
 
 def data_fingerprint(content: Any) -> str:
-    """Fingerprint of ``content``, which is what JSON can write; the order of keys does not count."""
+    """Fingerprint of ``content``, a value that JSON can hold; the order of keys is ignored."""
     return text_fingerprint(json.dumps(content, sort_keys=True))
 
 
@@ -29,10 +29,10 @@ def text_fingerprint(text: str) -> str:
 
 
 def file_fingerprint(path: Path) -> str:
-    """Fingerprint of the bytes of ``path``; OSError where it cannot be read.
+    """Fingerprint of the bytes of ``path``; OSError if it cannot be read.
 
-    A file is read once in a process, and again when its date or size has changed. The date of a file that
-    was written less than :data:`FRESH` seconds ago proves nothing: such a file is read every time.
+    A file is read once per process, and again when its date or size changes. A file that was written less
+    than :data:`FRESH` seconds ago is read every time, as it can change again without a new date.
     """
     stat = os.stat(path)
     if abs(time.time() - stat.st_mtime) < FRESH:
@@ -53,14 +53,14 @@ def code_fingerprint(*names: str, without: tuple[str, ...] = ()) -> str:
     Parameters
     ----------
     names : str
-        For example ``"kernels"`` (a package with all that is in it) or ``"wind.gp"`` (a module).
+        For example ``"kernels"`` (a package with all its modules) or ``"wind.gp"`` (a module).
     without : tuple of str
-        What is left out, named in the same way.
+        Modules and packages to leave out, named in the same way.
 
     Raises
     ------
     ValueError
-        If the package has no module of such a name.
+        If there is no module or package of such a name.
     """
     left_out = {source for name in without for source in _source_files(name)}
     sources = {source for name in names or ("",) for source in _source_files(name)} - left_out
@@ -71,7 +71,7 @@ def code_fingerprint(*names: str, without: tuple[str, ...] = ()) -> str:
 
 
 def _source_files(name: str) -> list[Path]:
-    """The files of a module or of a package and all below it."""
+    """The source files of a module, or of a package with its subpackages."""
     place = PACKAGE.joinpath(*name.split("."))
     module = place.with_name(f"{place.name}.py")
     sources = list(place.rglob("*.py")) if place.is_dir() else [module] if module.is_file() else []

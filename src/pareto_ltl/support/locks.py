@@ -1,9 +1,9 @@
-"""File locks that the operating system takes back when their holder dies, on one machine or a shared disk.
+"""File locks that the operating system releases when their holder dies, on one machine or a shared disk.
 
-``filelock`` locks an open file: with ``flock`` on Linux and macOS, where it needs no clean-up after SIGKILL
-and goes over NFS, and with ``LockFileEx`` on Windows. Where a file system has no locks, the work is done
-without one, and the log says so. A note of the holder stands behind the first byte, since on Windows no
-other process can read that one.
+``filelock`` locks an open file: with ``flock`` on Linux and macOS, which needs no clean-up after SIGKILL
+and works over NFS, and with ``LockFileEx`` on Windows. On a file system without locks, the work continues
+without one and the log says so. The holder writes a note into the file, from the second byte on, since on
+Windows no other process can read the locked first byte.
 """
 
 from __future__ import annotations
@@ -22,34 +22,34 @@ from pareto_ltl.support.errors import ConfigError, DataError
 
 LOCK_LOG = logging.getLogger(__name__)
 
-NO_LOCKS = (errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP)  # what a file system without locks answers
-NO_LINK = getattr(os, "O_NOFOLLOW", 0)  # a link planted at the place of a lock is not written through
+NO_LOCKS = (errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP)  # errors of a file system without locks
+NO_LINK = getattr(os, "O_NOFOLLOW", 0)  # a symbolic link in place of the lock is not followed
 NOTE_START = 1  # byte 0 is the one that is locked
 NOTE_LENGTH = 200
-ATTEMPTS, PAUSE = 5, 0.02  # times and [s]; a process that asks is_held has the lock for a moment
+ATTEMPTS, PAUSE = 5, 0.02  # number and [s]; repeated, since is_held in another process takes the lock briefly
 
 
 class TakenError(Exception):
-    """Another process holds the lock; the text is the note that it wrote into it."""
+    """Another process holds the lock; the text is the note that it wrote into the file."""
 
 
 @contextmanager
 def hold_lock(path: Path, *, wait: bool = True, note: str = "") -> Iterator[str]:
-    """Hold the lock ``path`` while the block runs, and yield the note of its last holder; the file stays.
+    """Hold the lock ``path`` in the block, and yield the note of its previous holder; the file is kept.
 
     Parameters
     ----------
     path : Path
-        The file of the lock, which is made where it is missing; its folder must exist.
+        The file of the lock, which is made if it is missing; its folder must exist.
     wait : bool
-        Whether to wait while another process holds it.
+        Whether to wait while another process holds the lock.
     note : str
-        Written into the file, for whoever finds it taken.
+        Text written into the file, for a process that finds the lock taken.
 
     Raises
     ------
     TakenError
-        If another process holds it and ``wait`` is false.
+        If another process holds the lock and ``wait`` is false.
     DataError
         If ``path`` is a symbolic link.
     OSError
@@ -63,28 +63,29 @@ def hold_lock(path: Path, *, wait: bool = True, note: str = "") -> Iterator[str]
 def hold_passing_lock(path: Path, *, wait: bool = True, note: str = "") -> Iterator[str]:
     """As :func:`hold_lock`, but the file is removed when the block ends.
 
-    A note that is found in it then says that its last holder was killed.
+    A note that is yielded then means that the previous holder was killed.
     """
     with _held(path, wait, note) as (handle, left):
         try:
             yield left
         finally:
-            os.ftruncate(handle, 0)  # the file tells of no kill, also where it cannot be removed
+            os.ftruncate(handle, 0)  # no note is left if the file cannot be removed
             with suppress(PermissionError, FileNotFoundError):
                 path.unlink()
-    if os.name == "nt":  # where a file that is open cannot be removed
+    if os.name == "nt":  # Windows cannot remove an open file
         with suppress(OSError):
             path.unlink()
 
 
 @contextmanager
 def claim_folder(lock: Path, what: str, instead: str) -> Iterator[None]:
-    """Have the folder of ``lock`` for this process alone; the file goes when the block ends.
+    """In the block, reserve the folder of ``lock`` for this process; the file is removed at the end.
 
     Raises
     ------
     ConfigError
-        If ``what``, for example "a sweep", is at work there already; ``instead`` names another way.
+        If another process has the folder. In the message, ``what`` names the work, for example "a sweep", and
+        ``instead`` an alternative to waiting.
     """
     lock.parent.mkdir(parents=True, exist_ok=True)
     try:
@@ -97,12 +98,12 @@ def claim_folder(lock: Path, what: str, instead: str) -> Iterator[None]:
 
 
 def process_note() -> str:
-    """The holder of a lock as text, for the message of a process that finds the lock taken."""
+    """The note of this process for a lock: process id, machine and time."""
     return f"process {os.getpid()} on {platform.node()}, since {datetime.now(UTC):%Y-%m-%d %H:%M:%S} UTC"
 
 
 def has_note(path: Path) -> bool:
-    """Whether a holder left its note in ``path``: it is at work, or it was killed."""
+    """Whether ``path`` contains a note: its holder is running or was killed."""
     try:
         return path.stat().st_size > NOTE_START
     except OSError:
@@ -125,7 +126,7 @@ def is_held(path: Path) -> bool:
 
 @contextmanager
 def _held(path: Path, wait: bool, note: str) -> Iterator[tuple[int, str]]:
-    """The open and locked file with ``note`` in it, and the note that was there before."""
+    """Lock ``path`` in the block; yield its file handle and the previous note, and write ``note`` into it."""
     handle = _locked_handle(path, wait)
     try:
         left = _read_note(handle)
@@ -137,7 +138,7 @@ def _held(path: Path, wait: bool, note: str) -> Iterator[tuple[int, str]]:
 
 
 def _locked_handle(path: Path, wait: bool) -> int:
-    """Open ``path`` and lock it; once more where the file was removed or replaced while this one waited."""
+    """Open ``path`` and lock it; repeat if the file was removed or replaced during the wait."""
     while True:
         handle = _open_lock(path)
         try:

@@ -1,4 +1,4 @@
-"""Memory: what this process may still use, and the refusal of what does not fit, before it is allocated."""
+"""Free memory of this process, and errors for settings that need more, before anything is allocated."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from pathlib import Path
 from pareto_ltl.support.errors import ConfigError
 
 GIGABYTE = 1e9
-SMALL = 2**28  # [bytes] requests below this are not looked at
-CGROUPS = (  # limit and use of the group of processes, in version 2 and in version 1 of cgroups
+SMALL = 2**28  # [bytes] smaller requests are not checked
+CGROUPS = (  # files of the limit and of the memory in use, in version 2 and in version 1 of cgroups
     ("memory.max", "memory.current"),
     ("memory/memory.limit_in_bytes", "memory/memory.usage_in_bytes"),
 )
@@ -17,28 +17,30 @@ CGROUP_FOLDER = Path("/sys/fs/cgroup")
 
 
 def available_memory() -> float:
-    """Bytes that this process may still use: of the machine, of its container and of its own limit."""
+    """Bytes that this process can still use: the least of machine, container and ``ulimit -v``."""
     import psutil
 
     return max(0.0, min([float(psutil.virtual_memory().available), *container_room(), *_own_room()]))
 
 
 def require_memory(each: float, setting: str, count: int, what: str, also: str = "") -> None:
-    """Refuse ``count`` times ``each`` bytes where that is more than there is.
+    """Raise an error if ``count`` times ``each`` bytes are more than the available memory.
 
     Parameters
     ----------
+    each : float
+        Memory of one item [bytes].
     setting : str
-        The setting whose value ``count`` is; the message says the largest value that fits.
+        The setting whose value is ``count``; the message states the largest value that fits.
     what : str
-        What takes the memory, e.g. ``"10 trees"``.
+        The items, for the message, e.g. ``"10 trees"``.
     also : str
-        Another setting that helps, for the message.
+        Another setting that can be lowered instead, for the message.
 
     Raises
     ------
     ConfigError
-        If it does not fit.
+        If the memory does not suffice.
     """
     needed = each * count
     if needed < SMALL or needed <= (free := available_memory()):
@@ -53,17 +55,17 @@ def require_memory(each: float, setting: str, count: int, what: str, also: str =
 
 
 def container_room() -> Iterator[float]:
-    """What the limits of the container leave [bytes], one for each limit there is."""
+    """Memory that is free under each limit of the container [bytes]; nothing if there is no limit."""
     for limit, used in CGROUPS:
         try:
             numbers = [int((CGROUP_FOLDER / name).read_text()) for name in (limit, used)]
-        except (OSError, ValueError):  # no such file; "max" where there is no limit
+        except (OSError, ValueError):  # no such file, or "max": no limit
             continue
         yield float(numbers[0] - numbers[1])
 
 
 def _own_room() -> Iterator[float]:
-    """What ``ulimit -v`` leaves; nothing on systems that have no such limit."""
+    """Memory that is free under ``ulimit -v`` [bytes]; nothing if there is no such limit."""
     import psutil
 
     try:

@@ -1,16 +1,16 @@
-"""What a user typed, as a message repeats it: one line, printable, and short."""
+"""Text and values of a user as messages repeat them: on one line, printable and short."""
 
 from __future__ import annotations
 
 from typing import Any
 
 SHOWN_WIDTH = 80  # characters of a user's text that a message repeats
-LONGEST_WORD = 255  # of a line: the longest name of a file
+LONGEST_WORD = 255  # characters of one word of a message; no file name is longer
 LONGEST_LINE = 1000
 
 
 def shown_text(text: str, width: int = SHOWN_WIDTH) -> str:
-    """``text`` in at most ``width`` printable characters, with "..." in place of the middle of a long one."""
+    """``text`` in at most ``width`` printable characters; "..." replaces the middle of a longer one."""
     if len(text) > width:
         tail = (width - 3) // 2
         return f"{_printable(text[:width])[: width - 3 - tail]}...{_printable(text[-tail:])[-tail:]}"
@@ -19,7 +19,7 @@ def shown_text(text: str, width: int = SHOWN_WIDTH) -> str:
 
 
 def shown_value(value: Any, width: int = SHOWN_WIDTH) -> str:
-    """``value`` as Python writes it, in at most ``width`` characters."""
+    """The ``repr`` of ``value``, in at most ``width`` printable characters."""
     try:
         return shown_text(repr(value), width)
     except ValueError:  # Python prints no number with more than 4,300 digits
@@ -29,7 +29,7 @@ def shown_value(value: Any, width: int = SHOWN_WIDTH) -> str:
 
 
 def shown_line(line: str) -> str:
-    """A whole message in printable characters, with what is longer than any name of a file cut short."""
+    """A message in printable characters; very long words and messages are shortened."""
     words = [shown_text(word) if len(word) > LONGEST_WORD else _printable(word) for word in line.split()]
     return shown_text(" ".join(words), LONGEST_LINE)
 

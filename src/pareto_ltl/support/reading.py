@@ -1,7 +1,7 @@
-"""Text and JSON from outside, bounded in size and depth; a refusal is one line with the place in the file.
+"""Reading of text and JSON with limits of size and depth; an error is one line with the place in the file.
 
-The limits are far above what this program writes and below what fills the memory of a small machine: a list
-of two numbers takes 80 bytes of memory for 4 bytes of a file.
+The limits are far above the sizes of files that this program writes, and low enough for the memory of a
+small machine: a list of two numbers, 4 bytes in a file, takes 80 bytes of memory.
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ NUMBER_TYPES = frozenset({int, float})
 
 @dataclass(frozen=True, slots=True)
 class Advice:
-    """What a message tells to do.
+    """The advice at the end of an error message.
 
     Attributes
     ----------
     missing : str
-        About a file that cannot be opened.
+        For a file that cannot be opened.
     damaged : str
-        About a file with the wrong content.
+        For a file with the wrong content.
     """
 
     missing: str = "is this a results directory?"
@@ -44,10 +44,10 @@ RESULTS = Advice()
 
 
 def read_bounded(path: Path, advice: Advice = RESULTS, most: int = MAX_BYTES) -> bytes:
-    """The bytes of ``path``; DataError where it cannot be read, or has more than ``most`` bytes."""
+    """The bytes of ``path``; DataError if it cannot be read or has more than ``most`` bytes."""
     try:
         with path.open("rb") as file:
-            data = file.read(most + 1)  # not the size that the system tells: a device has none
+            data = file.read(most + 1)  # the size that the system states is not used: a device has none
     except (OSError, ValueError) as error:  # ValueError: a NUL in the name
         reason = getattr(error, "strerror", None) or error
         raise DataError(f"{path}: cannot be read ({reason}); {advice.missing}") from error
@@ -57,7 +57,7 @@ def read_bounded(path: Path, advice: Advice = RESULTS, most: int = MAX_BYTES) ->
 
 
 def read_text(path: Path, advice: Advice = RESULTS, most: int = MAX_BYTES) -> str:
-    """The text of ``path``, with or without a byte-order mark; DataError where it is not UTF-8."""
+    """The text of ``path``, without its byte-order mark if it has one; DataError if it is not UTF-8."""
     return decoded_text(read_bounded(path, advice, most), str(path), advice)
 
 
@@ -74,7 +74,7 @@ def decoded_text(data: bytes, where: str, advice: Advice = RESULTS) -> str:
 
 
 def read_json(path: Path, advice: Advice = RESULTS) -> dict[str, Any]:
-    """The JSON object in ``path``; a DataError in one line where there is none."""
+    """The JSON object in ``path``; DataError if the file does not hold one."""
     content = read_json_value(path, advice)
     if not isinstance(content, dict):
         kind = json_kind(content)
@@ -83,12 +83,16 @@ def read_json(path: Path, advice: Advice = RESULTS) -> dict[str, Any]:
 
 
 def read_json_value(path: Path, advice: Advice = RESULTS) -> Any:
-    """The JSON value in ``path``: numbers are finite, names are not repeated, texts can be written again."""
+    """The JSON value in ``path``.
+
+    DataError for numbers that are not finite, repeated names, texts that UTF-8 cannot encode, and files
+    beyond the limits above.
+    """
     return parse_json(read_bounded(path, advice), str(path), advice)
 
 
 def parse_json(data: bytes, where: str, advice: Advice = RESULTS) -> Any:
-    """As :func:`read_json_value`, from bytes; ``where`` begins every message."""
+    """As :func:`read_json_value`, from bytes; error messages begin with ``where``."""
     text = decoded_text(data, where, advice)
     if sum(data.count(sign) for sign in (b",", b"[", b"{")) > MAX_ELEMENTS:
         raise DataError(f"{where}: has more than {MAX_ELEMENTS:,} values; {advice.damaged}")
@@ -107,7 +111,7 @@ def parse_json(data: bytes, where: str, advice: Advice = RESULTS) -> Any:
 
 
 def json_kind(value: Any) -> str:
-    """What JSON calls ``value``: an object, an array, text, a number, true, false or null."""
+    """The JSON type of ``value`` in words: an object, an array, text, a number, true, false or null."""
     kinds = {dict: "an object", list: "an array", str: "text", int: "a number", float: "a number"}
     return kinds.get(type(value)) or json.dumps(value)
 
@@ -119,7 +123,7 @@ def shown_json(value: Any) -> str:
 
 
 class _RepeatedNameError(ValueError):
-    """A mapping has one name twice, so that it is unclear which value counts."""
+    """A JSON object has two values under one name."""
 
 
 def _unique_names(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
@@ -140,7 +144,7 @@ def _value_error_text(error: ValueError, text: str) -> str:
 
 
 def _first_flaw(value: Any, depth: int = 0) -> tuple[str, str] | None:
-    """Place (a JSON pointer) and nature of what no file may hold; None where there is nothing."""
+    """Place (a JSON pointer) and description of the first flaw in ``value``; None if there is none."""
     items: Iterable[tuple[Any, Any]]
     if isinstance(value, dict):
         items = value.items()
@@ -161,13 +165,13 @@ def _first_flaw(value: Any, depth: int = 0) -> tuple[str, str] | None:
 
 
 def pointer_part(name: str | int) -> str:
-    """One step of a JSON pointer on one line; characters that are no text are shown as ``?``."""
+    """One step of a JSON pointer as printable text; characters that UTF-8 cannot encode become ``?``."""
     text = str(name)[:SHOWN].encode(errors="replace").decode()
     return text if text.isprintable() else ascii(text)[1:-1]
 
 
 def _finite_numbers(values: list[Any]) -> bool:
-    """Whether all of ``values`` are finite numbers, found without a step of Python for each."""
+    """Whether all of ``values`` are finite numbers, tested without a Python loop."""
     try:
         return set(map(type, values)) <= NUMBER_TYPES and all(map(math.isfinite, values))
     except OverflowError:  # a whole number above 1e308

@@ -1,4 +1,4 @@
-"""Where the files that travel with the code are: in a checkout, an editable install and a wheel alike."""
+"""Paths of the data files of the package, in a checkout, an editable install or a wheel."""
 
 from __future__ import annotations
 
@@ -12,13 +12,16 @@ PACKAGE = Path(__file__).resolve().parents[1]
 
 
 def checkout() -> Path | None:
-    """The root of the checkout this code runs from; None where it was installed from a wheel."""
+    """The root folder of the checkout that this code runs from; None if it was installed from a wheel."""
     root = PACKAGE.parents[1]
     return root if PACKAGE.parent.name == "src" and (root / "pyproject.toml").is_file() else None
 
 
 def resource_folder(name: str) -> Path:
-    """Folder ``name`` (``conf`` or ``pipelines``): in the package in a wheel, at top level in a checkout."""
+    """Folder ``name`` (``conf`` or ``pipelines``): in a checkout at top level, in a wheel in the package.
+
+    DataError if it is missing.
+    """
     roots = [root for root in (checkout(), PACKAGE) if root is not None]
     for root in roots:
         if (root / name).is_dir():
@@ -32,7 +35,7 @@ def added_folders() -> tuple[Path, ...]:
     Raises
     ------
     ConfigError
-        If a choice of one has the name of a choice of pareto_ltl or of another package.
+        If an added choice has the name of a built-in choice or of one of another package.
     """
     places = extension_folders()
     if not places:
@@ -49,7 +52,7 @@ def added_folders() -> tuple[Path, ...]:
 
 
 def choice_folders(group: str) -> list[Path]:
-    """Folders that hold the YAML files of ``group``: ours first, then those of other packages."""
+    """Folders with the YAML files of ``group``: the built-in one first, then those of other packages."""
     own = resource_folder("pipelines") if group == "pipelines" else resource_folder("conf") / group
     return [own, *(place / group for place in added_folders())]
 
@@ -65,17 +68,17 @@ def choice_file(group: str, name: str) -> Path:
     Raises
     ------
     ConfigError
-        If there is none; the text lists the choices.
+        If there is none; the message lists the choices.
     """
     for place in choice_folders(group):
-        for path in place.glob("*.yaml"):  # a name is compared, not looked up: it may be no name of a file
+        for path in place.glob("*.yaml"):  # names are compared, as ``name`` may not be a valid file name
             if path.stem == name:
                 return path
     raise ConfigError(f"there is no {group} {shown_value(name)}; there are {', '.join(choices(group))}")
 
 
 def groups() -> list[str]:
-    """Every group that has a choice."""
+    """All groups that have at least one choice, sorted."""
     roots = (resource_folder("conf"), *added_folders())
     found = {path.name for root in roots for path in root.iterdir() if any(path.glob("*.yaml"))}
     return sorted(found | {"pipelines"})

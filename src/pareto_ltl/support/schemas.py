@@ -1,7 +1,7 @@
-"""What the JSON files of a run look like: JSON Schemas (draft 2020-12), shipped with the package.
+"""JSON Schemas (draft 2020-12) of the JSON files of a run, and the check of a file against its schema.
 
-:func:`read_document` is how every reader gets a file of a results directory or of a sweep. jsonschema finds
-what does not fit; long arrays of numbers are looked through first, at 20 million numbers a second.
+All files of a results directory or of a sweep are read by :func:`read_document`. jsonschema does the check;
+long arrays of numbers are tested first by :func:`surely_fit`, which checks 20 million numbers a second.
 """
 
 from __future__ import annotations
@@ -61,19 +61,19 @@ def schema_text(name: str) -> str:
 def read_document(
     path: Path, name: str | Mapping[str, str], advice: Advice = RESULTS, version: str | None = None
 ) -> dict[str, Any]:
-    """The content of the JSON file ``path``, which fits the schema of ``name``.
+    """Read the JSON file ``path`` and check it against a schema.
 
     Parameters
     ----------
     name : str or mapping of str to str
-        The schema, or the schema of each version that the file's key ``schema`` may say.
+        The name of the schema; or, for each allowed value of the file's key ``schema``, that name.
     version : str, optional
-        What the file's key ``schema`` must say; a file of another version is refused by its name.
+        The required value of the file's key ``schema``; a file of another version is refused.
 
     Raises
     ------
     DataError
-        With the place in the file (a JSON pointer), what was expected there and what was found.
+        If the file does not fit; the message has the place (a JSON pointer), what was expected and found.
     """
     content = read_json(path, advice)
     if version is not None or isinstance(name, Mapping):
@@ -97,7 +97,7 @@ def check_document(content: Any, name: str, where: str, advice: Advice = RESULTS
 
 
 def _misfit(error: ValidationError) -> str:
-    """What was expected and what was found instead."""
+    """The end of an error message: what was expected and what was found."""
     schema: Mapping[str, Any] = error.schema  # type: ignore[assignment]  # an object in all our files
     found: Any = error.instance
     if error.validator == "required":
@@ -170,7 +170,7 @@ def _free_values(instance: Any, parent: Mapping[str, Any]) -> list[Any] | None:
 
 
 def surely_fit(values: list[Any] | None, rule: Any, definitions: Mapping[str, Any]) -> bool:
-    """Whether each of ``values`` fits ``rule``; False also where a look at each of them is needed."""
+    """Quick test whether all ``values`` fit ``rule``; False also if only jsonschema can decide it."""
     if values is None or not isinstance(rule, dict):
         return False
     rule = definitions.get(str(rule.get("$ref", "")).removeprefix("#/$defs/"), rule)

@@ -1,6 +1,6 @@
-"""A second Python process beside a run, for work that would hold the run up.
+"""A second Python process for work that would delay a run.
 
-The two speak through pipes in pickles, which no other process can write; no file is read so.
+The two processes exchange pickles through pipes, which no other process can write to. No file is unpickled.
 """
 
 from __future__ import annotations
@@ -20,20 +20,20 @@ from pareto_ltl.support.cores import cores
 
 
 def can_begin_one() -> bool:
-    """Whether a second process would have a core, and Python to run, which a packed program has not."""
+    """Whether there is a core for a second process and a Python to run it; a packed program has none."""
     return cores() > 1 and bool(sys.executable) and not getattr(sys, "frozen", False)
 
 
 def begin_process(statement: str) -> subprocess.Popen[bytes]:
-    """Python carrying out ``statement``, with pipes to its standard input and from its standard output.
+    """Start Python to execute ``statement``, with pipes to its standard input and from its standard output.
 
-    It finds the same packages as this process, and none in the current folder (-P). It is in a process group
-    of its own, so that Ctrl-C reaches the run alone, which then ends it.
+    It has the import path of this process, without the current folder (-P), and a process group of its own,
+    so that Ctrl-C reaches only the run, which then ends it.
 
     Raises
     ------
     OSError
-        Where no process can be started.
+        If no process can be started.
     """
     options = [f"-W{option}" for option in sys.warnoptions]
     program = f"import sys; sys.path[:] = sys.argv[1:]; {statement}"
@@ -45,19 +45,19 @@ def begin_process(statement: str) -> subprocess.Popen[bytes]:
 
 
 def end_process(process: subprocess.Popen[bytes]) -> None:
-    """End it, whatever it does."""
+    """Close the pipes of ``process``, kill it and wait for its end."""
     for pipe in (process.stdin, process.stdout):
         if pipe is not None:
-            with suppress(OSError):  # what is still to be sent has nobody to read it
+            with suppress(OSError):  # unsent data is dropped
                 pipe.close()
     process.kill()
     process.wait()
 
 
 def requests() -> SimpleQueue[Any]:
-    """In the second process: what comes through its standard input.
+    """In the second process: a queue of the objects that arrive at its standard input.
 
-    Ctrl-C is left to the run. Where no more can come, the run has ended, and this process ends with it.
+    Ctrl-C is ignored here. When the input is closed, the run has ended, and this process ends too.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     found: SimpleQueue[Any] = SimpleQueue()
@@ -73,14 +73,14 @@ def _listen(stream: IO[bytes], take: Callable[[Any], None]) -> None:
 
 
 def send(stream: IO[bytes] | None, thing: Any) -> None:
-    """Send ``thing`` to the other process; BrokenPipeError where that has ended."""
+    """Send ``thing`` to the other process; BrokenPipeError if that process has ended."""
     assert stream is not None
     pickle.dump(thing, stream, pickle.HIGHEST_PROTOCOL)
     stream.flush()
 
 
 def receive(stream: IO[bytes] | None) -> Any:
-    """What the other process sends next; EOFError where that has ended."""
+    """Wait for the next object from the other process; EOFError if that process has ended."""
     assert stream is not None
     try:
         return pickle.load(stream)
@@ -89,7 +89,7 @@ def receive(stream: IO[bytes] | None) -> Any:
 
 
 def can_be_sent(thing: Any) -> bool:
-    """Whether the other process would receive ``thing``."""
+    """Whether ``thing`` can be pickled and unpickled."""
     try:
         pickle.loads(pickle.dumps(thing))
     except Exception:

@@ -1,7 +1,7 @@
-"""A request to end (SIGTERM, SIGHUP) as an exception, so that a run notes how it ended, as after Ctrl-C.
+"""SIGTERM and SIGHUP as an exception, so that a run records how it ended, as after Ctrl-C.
 
-Without this, Python dies of these signals at once: ``run.json`` would say "running" for ever, and the
-processes of a sweep would go on.
+By default these signals end Python at once: ``run.json`` would keep the status "running", and the
+processes of a sweep would continue.
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     import psutil
 
-CHILDREN_TIME = 5.0  # [s] that child processes have to note how they ended, before they are killed
-POOL_TIME = 1.5  # [s] that a process of a pool stays once it has noted its end: at the first that is gone,
-# the pool kills the others, which may not have noted theirs
+CHILDREN_TIME = 5.0  # [s] in which child processes can record how they ended, before they are killed
+POOL_TIME = 1.5  # [s] between a process of a pool recording its end and ending: when one process is gone,
+# the pool kills the others, which may not have recorded theirs
 SIGNALS = tuple(getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name))
 
 
 class StoppedError(KeyboardInterrupt):
-    """The process was asked to end; whatever heeds Ctrl-C heeds it, too.
+    """The process was asked to end by a signal; code that handles Ctrl-C handles this error too.
 
     Attributes
     ----------
@@ -39,16 +39,16 @@ class StoppedError(KeyboardInterrupt):
 
     @property
     def exit_code(self) -> int:
-        """What a shell expects of a process that a signal ended."""
+        """The exit code of a process that a signal ended: 128 plus the number of the signal."""
         return 128 + self.number
 
 
 @contextmanager
 def signals_raise() -> Iterator[None]:
-    """In the block, a request to end raises :class:`StoppedError`, once the child processes have ended.
+    """In the block, the signals :data:`SIGNALS` end the child processes and raise :class:`StoppedError`.
 
-    A signal that is ignored, as SIGHUP is under ``nohup``, stays ignored. Outside the main thread, where
-    Python allows no signal handlers, the block is only run.
+    A signal that is already ignored, as SIGHUP under ``nohup``, stays ignored. Outside the main thread, where
+    Python allows no signal handlers, nothing is changed.
     """
     before = {}
     if threading.current_thread() is threading.main_thread():
@@ -65,17 +65,17 @@ def signals_raise() -> Iterator[None]:
 
 @contextmanager
 def ends_process() -> Iterator[None]:
-    """Requests to end in a job that a pool carries out: the process ends, and begins no other job."""
+    """In the block, a job of a pool, the signals :data:`SIGNALS` end the process after :data:`POOL_TIME`."""
     with signals_raise():
         try:
             yield
         except StoppedError as stop:
             time.sleep(POOL_TIME)
-            os._exit(stop.exit_code)  # a pool would take an exception for the result of the job
+            os._exit(stop.exit_code)  # a pool would store an exception as the result of the job
 
 
 def _stop(number: int, _frame: FrameType | None) -> None:
-    """Pass the signal on and raise; a second one does not interrupt the clean-up."""
+    """End the child processes and raise; further signals are ignored."""
     for heeded in SIGNALS:
         signal.signal(heeded, signal.SIG_IGN)
     _end_children()
@@ -83,7 +83,7 @@ def _stop(number: int, _frame: FrameType | None) -> None:
 
 
 def _end_children() -> None:
-    """Ask the child processes to end, wait, and kill what is left; their exit codes stay for their owners."""
+    """Send SIGTERM to the child processes, wait, and kill those left; their owners read the exit codes."""
     import psutil
 
     children = [child for child in psutil.Process().children(recursive=True) if not _has_ended(child)]
@@ -99,7 +99,7 @@ def _end_children() -> None:
 
 
 def _has_ended(process: psutil.Process) -> bool:
-    """Whether a process has ended, or ends by itself, as the one of joblib that removes its files."""
+    """Whether a process has ended, or will end by itself, as joblib's resource tracker does."""
     import psutil
 
     try:

@@ -1,6 +1,6 @@
-"""YAML from outside: bounded in size, in depth and in what its aliases stand for.
+"""Reading of YAML with limits of size, of depth and of the values that its aliases expand to.
 
-An alias (``*name``) repeats what an anchor (``&name``) marks, so that 30 lines can stand for 2^30 values.
+An alias (``*name``) repeats the value of an anchor (``&name``), so that 30 lines can expand to 2^30 values.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.reading import RESULTS, Advice, read_text
 
 MAX_YAML_BYTES = 4 * 2**20
-MAX_VALUES = 1_000_000  # with each alias counted as often as it is used
+MAX_VALUES = 1_000_000  # after the expansion of aliases
 MAX_YAML_DEPTH = 64
 
 
@@ -23,12 +23,12 @@ class _UnboundedError(ValueError):
 
 
 def read_yaml(path: Path, advice: Advice = RESULTS) -> Any:
-    """The one document in ``path``; None where the file is empty.
+    """The content of the YAML file ``path``; None if the file is empty.
 
     Raises
     ------
     DataError
-        If the file cannot be read, is no YAML, or stands for more than :data:`MAX_VALUES` values.
+        If the file cannot be read, is not one YAML document, repeats a key, or is beyond the limits above.
     """
     import yaml
 
@@ -59,12 +59,12 @@ def _described_flaws(path: Path, advice: Advice) -> Iterator[None]:
         raise DataError(f"{path}: is nested deeper than {MAX_YAML_DEPTH} levels; {advice.damaged}") from None
     except yaml.YAMLError as error:
         raise DataError(f"{path}: not YAML ({' '.join(str(error).split())}); {advice.damaged}") from error
-    except (ValueError, TypeError, OverflowError) as error:  # a date or a number that there cannot be
+    except (ValueError, TypeError, OverflowError) as error:  # an impossible date or number
         raise DataError(f"{path}: a value cannot be read ({error}); {advice.damaged}") from error
 
 
 def _check_nesting(events: Iterable[Any]) -> None:
-    """Raise where lists and mappings are nested too deeply: libyaml would end the process with its stack."""
+    """Raise if lists and mappings are nested too deeply, which would overflow the stack of libyaml."""
     import yaml
 
     depth = 0
@@ -76,14 +76,14 @@ def _check_nesting(events: Iterable[Any]) -> None:
 
 
 def _check_node(node: Any, known: dict[int, tuple[int, int]]) -> tuple[int, int]:
-    """Number of values and levels that ``node`` stands for; raise where they are too many."""
+    """Number of values and of levels of ``node`` with aliases expanded; raise if they are too many."""
     place = f"line {node.start_mark.line + 1}"
     if id(node) in known:
         size, levels = known[id(node)]
         if levels == 0:
             raise _UnboundedError(f"{place}: an anchor holds its own alias")
         return size, levels
-    known[id(node)] = 0, 0  # at work
+    known[id(node)] = 0, 0  # 0 levels: its children are not counted yet
     parts = [_check_node(child, known) for child in _children(node, place)]
     size, levels = 1 + sum(size for size, _ in parts), 1 + max((levels for _, levels in parts), default=0)
     if size > MAX_VALUES:
