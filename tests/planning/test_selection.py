@@ -13,10 +13,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.random import SeedSequence
 
-from pareto_ltl.planning import growth, selection, selection_rules
+from pareto_ltl.planning import growth, selection
 from pareto_ltl.planning.evaluate import evaluate_path
 from pareto_ltl.planning.records import Front, Objectives, PlannedPath, objective_row
-from pareto_ltl.planning.selection_rules import choose_path
+from pareto_ltl.planning.selection_rules import RULES, SelectionRule, choose_path, selection_rule
 from pareto_ltl.settings import PlannerConfig, SelectionConfig
 from pareto_ltl.simulation.flights import counted_rate
 from pareto_ltl.support.errors import ConfigError, InfeasibleError
@@ -363,13 +363,29 @@ def test_a_rule_by_length_needs_a_length():
 
 @pytest.mark.parametrize("number", [-1, 2, 0.0, None])
 def test_a_rule_that_returns_no_number_of_a_path_is_refused(number, monkeypatch):
-    monkeypatch.setitem(selection_rules.RULE_FUNCTIONS, "knee", lambda cfg, front: number)
+    monkeypatch.setitem(RULES, "knee", SelectionRule(lambda cfg, front: number))
     message = rf"selection\.rule=knee returned {number}, .* expected a number from 0 to 1"
     with pytest.raises(ConfigError, match=message):
         choose_path(SelectionConfig(rule="knee"), front_of((0.1, 0.0, 2.0), (0.2, 0.0, 1.0)))
 
 
 def test_a_rule_may_return_a_number_of_numpy(monkeypatch):
-    monkeypatch.setitem(selection_rules.RULE_FUNCTIONS, "knee", lambda cfg, front: np.int64(1))
+    monkeypatch.setitem(RULES, "knee", SelectionRule(lambda cfg, front: np.int64(1)))
     front = front_of((0.1, 0.0, 2.0), (0.2, 0.0, 1.0))
     assert choose_path(SelectionConfig(rule="knee"), front) is front.paths[1]
+
+
+def test_a_rule_says_which_settings_it_reads(monkeypatch):
+    cfg = SelectionConfig(rule="threshold", alpha=0.02)
+    assert selection_rule(cfg).settings_read(cfg) == {"alpha": 0.02}
+    assert selection_rule(SelectionConfig()).settings_read(cfg) == {}
+    monkeypatch.setitem(RULES, "knee", SelectionRule(lambda cfg, front: 0, reads=("bravery",)))
+    with pytest.raises(
+        ConfigError, match="reads 'bravery', no setting of selection; expected some of rule, "
+    ):
+        choose_path(SelectionConfig(rule="knee"), front_of((0.1, 0.0, 2.0)))
+
+
+def test_options_that_no_rule_reads_are_refused():
+    with pytest.raises(ConfigError, match=r"selection\.rule=knee reads none: remove hours, speed"):
+        SelectionConfig(rule="knee", options={"hours": 3.0, "speed": 20})

@@ -32,6 +32,7 @@ SMALL: dict[str, Any] = {
     "deployment": {"runs": 40},
     "report": "none",
 }
+WEIGHTED = {"rule": "weighted", "weights": [0.7, 0.1, 0.2]}
 PRESETS = ("paper", "full")
 UNLIKE = {"run.json", "run.log", "metrics.json", "run.lock"}  # they tell when and how long
 
@@ -61,10 +62,11 @@ def wishes(place: Path) -> dict[str, Any]:
         "length": ({"length": middle}, {"rule": "length", "length": middle}),
         "knee": ({"knee": True}, {"rule": "knee"}),
         "point": ({"point": len(costs) - 1}, {"rule": "point", "point": len(costs) - 1}),
+        "selection": ({"selection": WEIGHTED}, WEIGHTED),
     }
 
 
-@pytest.mark.parametrize("wish", ["failure", "length", "knee", "point"])
+@pytest.mark.parametrize("wish", ["failure", "length", "knee", "point", "selection"])
 @pytest.mark.parametrize("preset", PRESETS)
 def test_a_choice_has_the_bytes_of_a_whole_run_and_passes_the_judge(
     preset: str, wish: str, made: dict[str, Path], tmp_path: Path
@@ -132,6 +134,17 @@ def test_the_command_writes_beside_the_results(
     assert "the same, byte for byte" in capsys.readouterr().out
 
 
+def test_a_rule_with_its_settings_chooses_from_the_command_line(
+    made: dict[str, Path], capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["--rule", "weighted", "selection.weights=[0,0,1]"]
+    assert run_command_line(["choose", str(made["paper"]), *words]) == 0
+    found = pareto_ltl.load_results(made["paper"].with_name("paper_rule_weighted"))
+    assert (found.plan.rule, found.plan.weights) == ("weighted", (0.0, 0.0, 1.0))
+    assert found.plan.path.objectives.length == min(path.objectives.length for path in found.front.paths)
+    capsys.readouterr()
+
+
 @pytest.mark.parametrize(
     ("words", "line"),
     [
@@ -147,8 +160,15 @@ def test_the_command_writes_beside_the_results(
             "--failure must be a probability between 0 and 1, e.g. 0.02 or 2%, got 'often'",
         ),
         (["--length", "1900 miles"], "--length must be a length in m, km or nmi, e.g. 1900km"),
-        ([], "one of the arguments --failure --energy --length --knee --point is required"),
+        ([], "one of the arguments --failure --energy --length --knee --point --rule is required"),
         (["--knee", "--point", "1"], "not allowed with argument"),
+        (["--rule", "best"], "selection.rule must be one of priority, weighted, "),
+        (["--rule", "weighted", "selection.weights=[1,0]"], "selection.weights must be three numbers >= 0"),
+        (["--rule", "weighted", "selection.weight=[1,0,0]"], "did you mean selection.weights?"),
+        (["--rule", "weighted", "weights=[1,0,0]"], "'weights=[1,0,0]' is not known; expected selection.KEY"),
+        (["--rule", "weighted", "selection.weights=[1,"], "'selection.weights=[1,' cannot be read: "),
+        (["--knee", "selection.draws=10"], "expected selection.KEY=VALUE, with --rule NAME"),
+        (["--rule", "knee", "selection.options.hours=3"], "selection.rule=knee reads none: remove hours"),
     ],
 )
 def test_a_wish_that_cannot_be_met_is_one_line(
@@ -191,9 +211,17 @@ def test_a_choice_does_not_replace_its_source(made: dict[str, Path]) -> None:
     assert (made["paper"] / "plan.json").read_bytes() == kept
 
 
-@pytest.mark.parametrize("given", [{}, {"knee": True, "point": 1}, {"failure": 0.1, "length": 1e6}])
+def test_a_mapping_of_the_selection_names_its_rule(made: dict[str, Path]) -> None:
+    with pytest.raises(ConfigError, match="selection names no rule; expected"):
+        pareto_ltl.choose(made["paper"], selection={"weights": [1, 0, 0]})
+
+
+@pytest.mark.parametrize(
+    "given",
+    [{}, {"knee": True, "point": 1}, {"failure": 0.1, "length": 1e6}, {"knee": True, "selection": {}}],
+)
 def test_exactly_one_wish_is_given(given: dict[str, Any], made: dict[str, Path]) -> None:
-    with pytest.raises(ConfigError, match="give one of failure, energy, length, knee and point"):
+    with pytest.raises(ConfigError, match="give one of failure, energy, length, knee, point and selection"):
         pareto_ltl.choose(made["paper"], **given)
 
 
@@ -243,7 +271,8 @@ def test_folders_are_named_after_the_choice() -> None:
         Choice(length=1852.0),
         Choice(knee=True),
         Choice(point=3),
+        Choice(selection=WEIGHTED),
     ]
     assert [choice.name for choice in names] == [
-        "failure_0.02", "length_1900km", "length_1.852km", "knee", "point_3",
+        "failure_0.02", "length_1900km", "length_1.852km", "knee", "point_3", "rule_weighted",
     ]  # fmt: skip

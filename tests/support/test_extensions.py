@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
 import subprocess
@@ -18,7 +19,6 @@ from pareto_ltl.run.stage_table import with_extension_stages
 from pareto_ltl.run.stages import PLAN_STAGES
 from pareto_ltl.settings import MissionConfig, SelectionConfig, Settings, WindConfig
 from pareto_ltl.settings.planner import SELECTION_RULES as RULE_NAMES
-from pareto_ltl.settings.planner import WANTED
 from pareto_ltl.settings.wind import WIND_SOURCES as SOURCE_NAMES
 from pareto_ltl.support import extensions, resources
 from pareto_ltl.support.errors import ConfigError
@@ -82,11 +82,40 @@ def test_the_example_package_plans_from_the_command_line_and_from_python(
     assert briefing.startswith("F a & F b | F a & F c | F b & F c\nregions: a, b, c\n")
 
 
+def test_a_rule_of_another_package_reads_its_options(installed: dict[str, str], tmp_path: Path) -> None:
+    """A run, ``choose`` and ``verify`` with a rule that has an option, and the option in plan.json."""
+
+    def call(*words: str) -> subprocess.CompletedProcess[str]:
+        command = [sys.executable, "-m", "pareto_ltl", *words]
+        return subprocess.run(
+            command, cwd=tmp_path, env=installed, capture_output=True, text=True, check=False
+        )
+
+    arguments = [word for word in ARGUMENTS if not word.startswith("selection.rule")]
+    done = call(*arguments, "hydra.run.dir=one")
+    assert done.returncode == 0, done.stderr
+    done = call("choose", "one", "--rule", "within_hours")
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+    assert "selection.options.hours must be a positive number [h], got None" in done.stderr
+    done = call("choose", "one", "--rule", "within_hours", "selection.options.hours=0.1")
+    assert "the quickest takes " in done.stderr
+    done = call("choose", "one", "--rule", "within_hours", "selection.options.hours=90")
+    assert done.returncode == 0, done.stderr
+    plan = json.loads((tmp_path / "one_rule_within_hours" / "plan.json").read_text())
+    assert plan["selection"]["rule"] == "within_hours"
+    assert plan["selection"]["options"] == {"hours": 90}
+    done = call("verify", "one_rule_within_hours", "--failed")
+    assert done.returncode == 0, done.stdout
+    assert "not checked, because another package adds selection.rule=within_hours: front: the rule" in (
+        done.stdout
+    )
+
+
 @pytest.mark.parametrize(
     ("argument", "names"),
     [
         ("wind.source=storm", "calm, steady; got 'storm'"),
-        ("selection.rule=best", "point, shortest; got 'best'"),
+        ("selection.rule=best", "point, shortest, within_hours; got 'best'"),
         ("mission.pattern=zigzag", "key_door, all_but_one; got 'zigzag'"),
         ("robot=submarine", "there is no robot 'submarine'; there are airframe, fixed_wing, glider"),
         ("pipelines.stages=[briefings]", "briefing"),
@@ -203,16 +232,17 @@ def test_a_choice_with_the_name_of_another_is_refused(
 
 
 def test_the_names_in_the_settings_are_those_of_the_tables() -> None:
-    from pareto_ltl.planning.selection_rules import RULE_FUNCTIONS
+    from pareto_ltl.planning.selection_rules import RULES
     from pareto_ltl.wind.sources import SOURCES
 
     assert tuple(SOURCES) == SOURCE_NAMES
-    assert tuple(RULE_FUNCTIONS) == RULE_NAMES
+    assert tuple(RULES) == RULE_NAMES
     assert Settings().wind.source in SOURCES
 
 
 def test_verify_knows_every_rule_of_this_package_and_the_settings_that_it_reads() -> None:
+    from pareto_ltl.planning.selection_rules import RULES
     from pareto_ltl.verify.claims import front, plan
 
     assert tuple(front.RANKINGS) == RULE_NAMES
-    assert plan.WANTED == WANTED
+    assert {name: rule.reads for name, rule in RULES.items()} == plan.READS

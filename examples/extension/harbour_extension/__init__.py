@@ -12,6 +12,7 @@ from pathlib import Path
 from pareto_ltl.run.records import PLAN, SCENE, RecordKey
 from pareto_ltl.run.stage_table import Stage, StageInputs
 from pareto_ltl.settings import MissionConfig, RobotConfig, SelectionConfig, WindConfig
+from pareto_ltl.support.errors import ConfigError, InfeasibleError
 
 BRIEFING: RecordKey[Path] = RecordKey("briefing")
 
@@ -74,3 +75,17 @@ def shortest_path(cfg: SelectionConfig, front) -> int:
     """The number of the shortest path of the front, whatever its risk."""
     lengths = [path.objectives.length for path in front.paths]
     return lengths.index(min(lengths))
+
+
+def safest_within(cfg: SelectionConfig, front) -> int:
+    """The safest path that takes at most ``selection.options.hours``; a front lists the safest first."""
+    hours = cfg.options.get("hours")
+    if isinstance(hours, bool) or not isinstance(hours, int | float) or hours <= 0:
+        raise ConfigError(f"selection.options.hours must be a positive number [h], got {hours!r}")
+    times = [path.t[-1] / 3600 for path in front.paths]
+    for number, time in enumerate(times):
+        if time <= hours:
+            return number
+    raise InfeasibleError(
+        f"no path takes at most selection.options.hours = {hours:g}; the quickest takes {min(times):.1f} h"
+    )

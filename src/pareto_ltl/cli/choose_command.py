@@ -6,6 +6,7 @@ import argparse
 import re
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from pareto_ltl.cli.arguments import CommandArguments, run_reported
 from pareto_ltl.support.errors import ConfigError
@@ -47,10 +48,19 @@ def _choose_arguments(argv: Sequence[str]) -> int:
         help="the knee of the front: beyond it, a lower failure rate costs the most length",
     )
     wanted.add_argument("--point", metavar="N", help="path number N of front.csv")
+    wanted.add_argument(
+        "--rule",
+        metavar="NAME",
+        help="the path that this rule picks, one of selection.rule; also of another package",
+    )
+    parser.add_argument(
+        "settings", nargs="*", metavar="selection.KEY=VALUE", help="with --rule: what the rule reads, e.g. "
+        "selection.weights=[0.8,0.1,0.1] or selection.options.KEY=VALUE",
+    )  # fmt: skip
     parser.add_argument(
         "--out", type=Path, metavar="DIR2", help="default: DIR with the choice added to its name"
     )
-    return _choose(parser.parse_args(argv), argv)
+    return _choose(parser.parse_intermixed_args(argv), argv)
 
 
 def _choose(options: argparse.Namespace, argv: Sequence[str]) -> int:
@@ -66,6 +76,7 @@ def _choose(options: argparse.Namespace, argv: Sequence[str]) -> int:
         length=None if options.length is None else read_length(options.length),
         knee=options.knee,
         point=None if options.point is None else read_number(options.point),
+        selection=read_selection(options.rule, options.settings),
     )
     results = load_results(options.directory)
     place = options.out or default_place(results.directory, choice)
@@ -73,6 +84,31 @@ def _choose(options: argparse.Namespace, argv: Sequence[str]) -> int:
     run = choose_from_results(results, choice, table, place, ("pareto-ltl", "choose", *argv))
     print_summary(run.settings, place, run_metrics(run.records, run.seconds))
     return 0
+
+
+def read_selection(rule: str | None, words: Sequence[str]) -> dict[str, Any] | None:
+    """Settings of the selection from ``rule`` and words ``selection.KEY=VALUE``; None without a rule.
+
+    Raises
+    ------
+    ConfigError
+        If there are words without a rule, or one that is no setting of the selection.
+    """
+    from omegaconf import OmegaConf
+    from omegaconf.errors import OmegaConfBaseException
+    from yaml import YAMLError
+
+    words = [word.removeprefix("+") for word in words]  # Hydra asks for it before a new key
+    for word in words:
+        if rule is None or not word.startswith("selection.") or "=" not in word:
+            raise ConfigError(
+                f"{shown_value(word)} is not known; expected selection.KEY=VALUE, with --rule NAME"
+            )
+    try:
+        read: Any = OmegaConf.to_container(OmegaConf.from_dotlist(words))
+    except (OmegaConfBaseException, YAMLError) as error:
+        raise ConfigError(f"{shown_value(' '.join(words))} cannot be read: {error}") from None
+    return None if rule is None else {**read.get("selection", {}), "rule": rule}
 
 
 def read_share(text: str, flag: str = "--failure") -> float:
@@ -104,4 +140,4 @@ def read_number(text: str) -> int:
     return int(text)
 
 
-__all__ = ["choose_command", "read_length", "read_number", "read_share"]
+__all__ = ["choose_command", "read_length", "read_number", "read_selection", "read_share"]

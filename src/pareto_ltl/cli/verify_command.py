@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from pareto_ltl.cli.arguments import CommandArguments, run_reported
-from pareto_ltl.verify.judge import OF_A_DEPARTURE, REPLANNED, Finding, judge_results
+from pareto_ltl.verify.judge import Finding, judge_results, unchecked_claims
 
 
 def verify_command(argv: Sequence[str]) -> int:
@@ -27,8 +27,8 @@ def _verify_arguments(argv: Sequence[str]) -> int:
     failed = [finding for finding in found if not finding.holds]
     print("\n".join(table_lines(failed if options.failed else found)))
     print(f"{len(found)} claims hold" if not failed else f"{len(failed)} of {len(found)} claims fail")
-    if (options.directory / REPLANNED).is_file():
-        print(f"not checked, because the plan begins during a flight: {'; '.join(sorted(OF_A_DEPARTURE))}")
+    for reason, claims in unchecked_claims(options.directory).items():
+        print(f"not checked, because {reason}: {'; '.join(claims)}")
     return 1 if failed else 0
 
 

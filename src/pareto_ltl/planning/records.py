@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -325,8 +326,8 @@ class Plan(Displayed):
         Airspeeds of the robot [m/s].
     rule : str
         Rule of selection; ``weights`` are those of rule ``weighted``.
-    wanted : mapping of str to float
-        The other setting that the rule read, if any, e.g. ``{"alpha": 0.02}``.
+    rule_settings : mapping of str
+        The other settings that the rule read, if any, e.g. ``{"alpha": 0.02}``.
     promise : Promise or None
         With ``fidelity.judge=flights``.
     capacity : float or None
@@ -344,7 +345,7 @@ class Plan(Displayed):
     fidelity: str
     rule: str
     weights: tuple[float, ...]
-    wanted: Mapping[str, float] = field(default_factory=dict)
+    rule_settings: Mapping[str, Any] = field(default_factory=dict)
     promise: Promise | None = None
     navigation: Navigation | None = None  # None in files of schema pareto_ltl.plan/1
     covered: str = ""

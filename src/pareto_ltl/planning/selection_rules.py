@@ -1,6 +1,5 @@
-"""Rules that pick the path to fly from the front (Section IV-D), one function a value of ``selection.rule``.
+"""Rules that pick the path to fly from the front (Section IV-D), one for each value of ``selection.rule``.
 
-A rule takes the settings of the selection and a front that is not empty, and returns the number of the path.
 What a path risks is its failure rate where flights judge (``front.rates``), and else its mission risk plus
 its collision risk, which bound it.
 """
@@ -9,7 +8,8 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
 
@@ -26,7 +26,54 @@ from pareto_ltl.support.messages import shown_value
 
 LOG = logging.getLogger(__name__)
 WORSE = 0.025  # chance of so many more failures below which a path is not as safe as another
-SelectionRule = Callable[[SelectionConfig, Front], int]
+
+
+@dataclass(frozen=True, slots=True)
+class SelectionRule:
+    """A rule, and what else the planner must know of it.
+
+    Attributes
+    ----------
+    pick : callable
+        Takes the settings of the selection and a front that is not empty; returns the number of the path.
+    reads : tuple of str
+        Settings that ``pick`` reads besides the weights; ``plan.json`` records them.
+    names_one : bool
+        The rule names one path: it may need any energy, and there is no next choice.
+    keeps_alpha : bool
+        The fresh flights of the plan must keep ``selection.alpha`` too.
+    """
+
+    pick: Callable[[SelectionConfig, Front], int]
+    reads: tuple[str, ...] = ()
+    names_one: bool = False
+    keeps_alpha: bool = False
+
+    def settings_read(self, cfg: SelectionConfig) -> dict[str, Any]:
+        """The settings that the rule reads, by name."""
+        return {name: getattr(cfg, name) for name in self.reads}
+
+
+def selection_rule(cfg: SelectionConfig) -> SelectionRule:
+    """The rule ``cfg.rule``, one of :data:`RULES` or of another package; such a function reads the options.
+
+    Raises
+    ------
+    ConfigError
+        If a rule of another package cannot be loaded, or reads a setting that does not exist.
+    """
+    found = known_kind(extensions.SELECTION_RULE_GROUP, RULES, cfg.rule, _may_be_a_rule)
+    rule = found if isinstance(found, SelectionRule) else SelectionRule(found, reads=("options",))
+    if unknown := [name for name in rule.reads if not hasattr(cfg, name)]:
+        raise ConfigError(
+            f"selection.rule={cfg.rule} reads {shown_value(unknown[0])}, no setting of selection; "
+            f"expected some of {', '.join(field.name for field in fields(cfg))}"
+        )
+    return rule
+
+
+def _may_be_a_rule(loaded: object) -> bool:
+    return isinstance(loaded, SelectionRule) or callable(loaded)
 
 
 def choose_path(cfg: SelectionConfig, front: Front) -> PlannedPath:
@@ -39,8 +86,7 @@ def choose_path(cfg: SelectionConfig, front: Front) -> PlannedPath:
     ConfigError
         If a rule that another package adds returns no number of a path.
     """
-    rule = known_kind(extensions.SELECTION_RULE_GROUP, RULE_FUNCTIONS, cfg.rule, callable)
-    number: object = rule(cfg, front)
+    number: object = selection_rule(cfg).pick(cfg, front)
     if not isinstance(number, int | np.integer) or not 0 <= number < len(front.paths):
         raise ConfigError(
             f"selection.rule={cfg.rule} returned {shown_value(number)}, which is no path of the front; "
@@ -211,17 +257,15 @@ def _objective_rows(front: Front) -> FloatArray:
     return np.array([objective_row(path.objectives) for path in front.paths])
 
 
-RULE_FUNCTIONS: dict[str, SelectionRule] = {
-    "priority": by_priority,
-    "weighted": by_weights,
-    "threshold": by_threshold,
-    "energy": by_energy,
-    "knee": by_knee,
-    "length": by_length,
-    "point": by_number,
+RULES: dict[str, SelectionRule] = {
+    "priority": SelectionRule(by_priority),
+    "weighted": SelectionRule(by_weights),
+    "threshold": SelectionRule(by_threshold, reads=("alpha",), keeps_alpha=True),
+    "energy": SelectionRule(by_energy, reads=("alpha",), keeps_alpha=True),
+    "knee": SelectionRule(by_knee),
+    "length": SelectionRule(by_length, reads=("length",)),
+    "point": SelectionRule(by_number, reads=("point",), names_one=True),
 }
-NAMES_ONE = ("point",)  # rules that name one path: there is no next choice
-LIMITED = ("threshold", "energy")  # rules whose plan keeps to alpha
 
 
 # --- what the battery holds ---------------------------------------------------------------------
@@ -239,7 +283,7 @@ def within_capacity(cfg: SelectionConfig, front: Front, model: EnergyModel | Non
         return front
     energies = np.array([path.objectives.energy for path in front.paths], float)
     kept = np.flatnonzero(energies <= model.capacity)
-    if cfg.rule in NAMES_ONE:
+    if selection_rule(cfg).names_one:
         if len(kept) < len(energies):
             LOG.warning(
                 "%d of %d paths of the front need more than robot.power.capacity = %s; selection.rule=%s "

@@ -6,8 +6,8 @@ out with another selection. What they write has the bytes of a whole run with th
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -29,6 +29,7 @@ from pareto_ltl.run.records import (
 from pareto_ltl.run.results import Results
 from pareto_ltl.run.stage_table import Stage, StageTable
 from pareto_ltl.settings import SelectionConfig, Settings
+from pareto_ltl.settings.building import section_of
 from pareto_ltl.support.display import distance_text, probability_text, round_up
 from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
 
@@ -47,14 +48,16 @@ class Choice:
     ----------
     failure : float or None
         The shortest path with at most this failure rate (upper end of its interval).
-    energy : float or None
-        The path with the least energy and at most this failure rate.
     length : float or None
         The safest path that is no longer [m].
     knee : bool
         The knee of the front.
     point : int or None
         The path of that number in ``front.csv``.
+    energy : float or None
+        The path with the least energy and at most this failure rate.
+    selection : mapping or None
+        The path that these settings of ``selection`` pick: a rule and what it reads.
     """
 
     failure: float | None = None
@@ -62,16 +65,24 @@ class Choice:
     knee: bool = False
     point: int | None = None
     energy: float | None = None
+    selection: Mapping[str, Any] | None = None
 
     def __post_init__(self) -> None:
-        values = (self.failure, self.length, self.point, self.energy)
+        values = (self.failure, self.length, self.point, self.energy, self.selection)
         if sum(value is not None for value in values) + self.knee != 1:
-            raise ConfigError("give one of failure, energy, length, knee and point")
+            raise ConfigError("give one of failure, energy, length, knee, point and selection")
+        if self.selection is not None and "rule" not in self.selection:
+            raise ConfigError(
+                "selection names no rule; expected e.g. {'rule': 'weighted', 'weights': [1, 0, 0]}"
+            )
         if self.point is not None and self.point < 0:
             raise ConfigError(f"point must be the number of a path, 0 or more, got {self.point}")
 
-    def selection(self, cfg: SelectionConfig) -> SelectionConfig:
+    def settings(self, cfg: SelectionConfig) -> SelectionConfig:
         """``cfg`` with the rule that finds it; ConfigError for a value out of range."""
+        if self.selection is not None:
+            return self._ruled(cfg, self.selection)
+        cfg = replace(cfg, options={}) if cfg.options else cfg
         if self.failure is not None:
             return replace(cfg, rule="threshold", alpha=self.failure)
         if self.energy is not None:
@@ -82,9 +93,22 @@ class Choice:
             return replace(cfg, rule="point", point=self.point)
         return replace(cfg, rule="knee")
 
+    @staticmethod
+    def _ruled(cfg: SelectionConfig, changes: Mapping[str, Any]) -> SelectionConfig:
+        """``cfg`` with ``changes``; options are those of one rule, so that another one starts without."""
+        same = changes["rule"] == cfg.rule
+        kept = {
+            field.name: getattr(cfg, field.name) for field in fields(cfg) if same or field.name != "options"
+        }
+        changed = section_of("selection", kept | dict(changes))
+        assert isinstance(changed, SelectionConfig)
+        return changed
+
     @property
     def name(self) -> str:
         """The choice as part of the name of a folder: ``failure_0.02``, ``length_1900km``, ``point_3``."""
+        if self.selection is not None:
+            return f"rule_{self.selection['rule']}"
         if self.failure is not None:
             return f"failure_{self.failure:g}"
         if self.energy is not None:
@@ -171,7 +195,7 @@ def require_plan(results: Results) -> None:
 
 def chosen_settings(settings: Settings, choice: Choice) -> Settings:
     """``settings`` with the rule of ``choice``."""
-    return replace(settings, selection=choice.selection(settings.selection))
+    return replace(settings, selection=choice.settings(settings.selection))
 
 
 def kept_records(results: Results) -> Records:

@@ -222,6 +222,7 @@ def choose(
     knee: bool = False,
     point: int | None = None,
     energy: float | None = None,
+    selection: Mapping[str, Any] | None = None,
     out: str | Path | None = None,
 ) -> PlanningResult:
     """Select another path of a front as the plan, without planning again. Give exactly one criterion.
@@ -240,6 +241,9 @@ def choose(
         The path of that number in ``result.front.paths`` and ``front.csv``.
     energy : float, optional
         The path with the least energy and at most this failure rate; needs a robot with a power curve.
+    selection : mapping, optional
+        The path that a rule picks: the same mapping as for :func:`plan`, e.g.
+        ``{"rule": "weighted", "weights": [0.8, 0.1, 0.1]}``; other settings of the selection stay.
     out : path, optional
         Write a whole results directory there, identical to a run with that selection; ``planned`` must
         then be a results directory. Without it, nothing is written.
@@ -249,7 +253,7 @@ def choose(
     InfeasibleError
         If the front has no such path.
     """
-    choice = Choice(failure, length, knee, point, energy)
+    choice = Choice(failure, length, knee, point, energy, selection)
     if isinstance(planned, PlanningResult):
         if out is not None:
             raise ConfigError("choose writes from a results directory: plan with out=DIR and give choose DIR")

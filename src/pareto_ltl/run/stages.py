@@ -198,7 +198,7 @@ def make_forest(inputs: StageInputs) -> Forest:
 def make_plan(inputs: StageInputs) -> Plan:
     """The path of the front that the rule picks; with ``judge=flights``, once fresh flights confirm it."""
     from pareto_ltl.planning.records import Plan
-    from pareto_ltl.planning.selection_rules import choose_path, within_capacity
+    from pareto_ltl.planning.selection_rules import choose_path, selection_rule, within_capacity
     from pareto_ltl.simulation.promise import promise_path
     from pareto_ltl.wind.coverage import coverage_of
     from pareto_ltl.world.navigation import navigate
@@ -222,7 +222,7 @@ def make_plan(inputs: StageInputs) -> Plan:
         fidelity=settings.fidelity.label,
         rule=settings.selection.rule,
         weights=tuple(settings.selection.weights),
-        wanted=settings.selection.wanted,
+        rule_settings=selection_rule(settings.selection).settings_read(settings.selection),
         promise=promise,
         navigation=navigate(problem.scene, path.t, path.x, path.u),
         covered=said.covered,

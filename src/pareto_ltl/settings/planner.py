@@ -3,20 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
-from pareto_ltl.settings.checks import CheckedSettings, setting
+from pareto_ltl.settings.checks import CheckedSettings, is_finite, setting
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.extensions import SELECTION_RULE_GROUP
 from pareto_ltl.support.messages import shown_value
 
 SELECTION_RULES = ("priority", "weighted", "threshold", "energy", "knee", "length", "point")
-WANTED = {
-    "threshold": ("alpha",),
-    "energy": ("alpha",),
-    "length": ("length",),
-    "point": ("point",),
-}  # the settings that a rule needs; the weights are not listed
 
 
 @dataclass
@@ -143,15 +137,13 @@ class SelectionConfig(CheckedSettings):
         20_000, "fresh flights of the chosen path for its promised failure rate, with fidelity.judge=flights",
         least=1, most=1e8,
     )  # fmt: skip
+    options: dict[str, Any] = setting(
+        {},
+        "name: number, text or list, for a rule that another package adds; such a rule says which it reads",
+    )
     examined: int = setting(
         5, "largest number of paths that are tested until fresh flights confirm one", least=1, most=1000
     )
-
-    @property
-    def wanted(self) -> dict[str, float]:
-        """Name and value of each setting, besides the weights, that the rule needs; stored with the plan."""
-        names = WANTED.get(self.rule, ())
-        return {name: getattr(self, name) for name in names}
 
     def check_combinations(self) -> None:
         """Refuse weights that are all zero or not three or four, and rule=length without a length."""
@@ -165,3 +157,19 @@ class SelectionConfig(CheckedSettings):
                 "selection.length is missing: selection.rule=length needs the longest path [m], "
                 "e.g. selection.length=1.9e6"
             )
+        self._check_options()
+
+    def _check_options(self) -> None:
+        """Refuse options that no rule reads, and those that plan.json cannot hold."""
+        if self.options and self.rule in SELECTION_RULES:
+            raise ConfigError(
+                f"selection.options are for rules that other packages add; selection.rule={self.rule} reads "
+                f"none: remove {', '.join(map(str, self.options))}"
+            )
+        for name, value in self.options.items():
+            items = value if isinstance(value, list) else [value]
+            if not all(isinstance(item, str | bool) or is_finite(item) for item in items):
+                raise ConfigError(
+                    f"selection.options.{name} must be a finite number, a text, true or false, or a list of "
+                    f"these, got {shown_value(value)}"
+                )

@@ -14,7 +14,7 @@ from numpy.random import SeedSequence
 
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import FLIGHTS, WEIGHTED, FailureRate, Front, PlannedPath, Promise
-from pareto_ltl.planning.selection_rules import LIMITED, NAMES_ONE, choose_path, part_of_front
+from pareto_ltl.planning.selection_rules import choose_path, part_of_front, selection_rule
 from pareto_ltl.settings import SelectionConfig
 from pareto_ltl.simulation.flights import counted_rate
 from pareto_ltl.simulation.judging import count_failures
@@ -55,7 +55,7 @@ def promise_path(
         if holds(cfg, promise):
             break
         LOG.warning("%s", why_not(cfg, path, promise))
-        if cfg.rule in NAMES_ONE or len(left.paths) == 1:
+        if selection_rule(cfg).names_one or len(left.paths) == 1:
             break
         left = part_of_front(left, [i for i in range(len(left.paths)) if i != k])
     path, promise = seen[-1] if holds(cfg, seen[-1][1]) else min(seen, key=lambda s: s[1].rate.failure)
@@ -71,7 +71,7 @@ def promise_path(
 
 def holds(cfg: SelectionConfig, promise: Promise) -> bool:
     """Whether fresh flights leave the claim standing and, with rules that have it, keep to ``cfg.alpha``."""
-    return promise.passed and (cfg.rule not in LIMITED or promise.rate.high <= cfg.alpha)
+    return promise.passed and (not selection_rule(cfg).keeps_alpha or promise.rate.high <= cfg.alpha)
 
 
 def why_not(cfg: SelectionConfig, path: PlannedPath, promise: Promise) -> str:
@@ -81,7 +81,9 @@ def why_not(cfg: SelectionConfig, path: PlannedPath, promise: Promise) -> str:
     over = f"more than the {_rate_words(promise.claimed)} of {promise.claimed.sample} that judged the front"
     if promise.passed:
         over = f"and the upper end is above selection.alpha = {cfg.alpha:g}"
-    following = "the plan keeps it" if cfg.rule in NAMES_ONE else "the rule's next choice is looked at"
+    following = (
+        "the plan keeps it" if selection_rule(cfg).names_one else "the rule's next choice is looked at"
+    )
     return f"{said}, {over}; {following}"
 
 

@@ -71,6 +71,17 @@ def findings(result: Evidence, claims: Iterable[Claim] = CLAIMS) -> Iterator[Fin
                 yield Finding(claim.name, *verdict)
 
 
+def unchecked_claims(directory: Path | str) -> dict[str, tuple[str, ...]]:
+    """Claims that are not judged, by the reason; of a result that has a finished plan."""
+    result, reasons = open_evidence(Path(directory)), {}
+    if result.has(REPLANNED):
+        reasons["the plan begins during a flight"] = tuple(sorted(OF_A_DEPARTURE))
+    rule = result.settings["selection"]["rule"]
+    if result.has("front.csv") and rule not in front.RANKINGS:
+        reasons[f"another package adds selection.rule={rule}"] = (front.CHOICE,)
+    return reasons
+
+
 def _judged(claim: Claim, result: Evidence) -> Verdict | None:
     """The verdict; a claim that cannot be worked out from the files does not hold."""
     try:
@@ -80,4 +91,4 @@ def _judged(claim: Claim, result: Evidence) -> Verdict | None:
         return Verdict("cannot be judged", reason[:80], False)
 
 
-__all__ = ["CLAIMS", "Finding", "findings", "judge_results"]
+__all__ = ["CLAIMS", "Finding", "findings", "judge_results", "unchecked_claims"]

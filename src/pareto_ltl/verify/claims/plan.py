@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
+from typing import Any
 
 import numpy as np
 from scipy.special import ndtri
@@ -23,12 +24,15 @@ RISK, LEAST_RISK = 2e-3, 1e-9  # the same of two bounds, relative and absolute
 FAST = 2e-6  # the share by which rounding may exceed an airspeed
 TOUCH = 0.1  # how deep the expected path may touch an obstacle by rounding, in grains
 WEIGHTED = "importance sampling"  # the method of a failure rate from weighted flights
-WANTED = {
+READS: dict[str, tuple[str, ...]] = {
+    "priority": (),
+    "weighted": (),
     "threshold": ("alpha",),
     "energy": ("alpha",),
+    "knee": (),
     "length": ("length",),
     "point": ("point",),
-}  # what else rules read
+}  # the settings besides the weights that rules of this package read
 OBJECTIVES = {
     "length_m": "length", "mission_risk_paper": "mission_risk_paper", "mission_risk": "mission_risk",
     "collision_risk": "collision_risk", "mission_risk_ordered": "mission_risk_ordered",
@@ -61,13 +65,19 @@ def settings_named(result: Evidence) -> Verdict:
         "epsilon": (plan["epsilon"], result.epsilon),
         "rule": (plan["selection"]["rule"], told["selection"]["rule"]),
         "weights": (plan["selection"]["weights"], told["selection"]["weights"]),
-        "wanted": (
-            {key: value for key, value in plan["selection"].items() if key not in ("rule", "weights")},
-            {key: told["selection"][key] for key in WANTED.get(told["selection"]["rule"], ())},
-        ),
+        "rule's settings": _rule_settings(plan["selection"], told["selection"]),
         "fidelity": (plan["fidelity"], result.run["fidelity"]),
     }
     return no_fault(", ".join(pairs), [f"{name} {a} is {b}" for name, (a, b) in pairs.items() if a != b])
+
+
+def _rule_settings(claimed: Mapping[str, Any], told: Mapping[str, Any]) -> tuple[dict[str, Any], ...]:
+    """What plan.json says that the rule read, and the settings of these names.
+
+    Which ones a rule of this package reads is known; a rule that another package adds says it itself.
+    """
+    read = {key: value for key, value in claimed.items() if key not in ("rule", "weights")}
+    return read, {key: told.get(key) for key in READS.get(told["rule"], read)}
 
 
 def fidelity_name(result: Evidence) -> Verdict:
