@@ -96,9 +96,9 @@ def test_the_table_is_made_from_the_figures_alone():
     assert row_of(text, "first path [CPU ms]", "OMPL RRT*") == [
         "phi1", "first path [CPU ms]", "2.00", "OMPL RRT*", "1.00", "0.5 (0.5 to 0.5)"
     ]  # fmt: skip
-    speed = row_of(text, "vertices a CPU second, thousands", "OMPL RRT*")
+    speed = row_of(text, "thousand vertices per CPU second", "OMPL RRT*")
     assert speed[2:] == ["250.0", "OMPL RRT*", "20.0", "12.5 (12.5 to 12.5)"]
-    free = row_of(text, "the same", "OMPL RRT*, collision tests taken off")
+    free = row_of(text, "the same", "OMPL RRT*, without collision tests")
     assert free[4:] == ["40.0", "6.25 (6.25 to 6.25)"]
     assert row_of(text, "plan [CPU s]", "Drake GCS, 123 sets")[2:] == [
         "0.40", "Drake GCS, 123 sets", "1.00", "2.5 (2.5 to 2.5)"

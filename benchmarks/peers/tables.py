@@ -73,8 +73,8 @@ def mission_rows(name: str, case: Figures) -> Iterator[Row]:
             continue  # AORRTC does not show its trees
         theirs = [run["vertices"] / run["cpu"] / 1e3 for run in half]
         free = [run["vertices"] / (run["cpu"] - run["checks"] * case["check_seconds"]) / 1e3 for run in half]
-        yield Row(name, "vertices a CPU second, thousands", f"OMPL {peer}", speed, theirs, more=True)
-        yield Row(name, "the same", f"OMPL {peer}, collision tests taken off", speed, free, more=True)
+        yield Row(name, "thousand vertices per CPU second", f"OMPL {peer}", speed, theirs, more=True)
+        yield Row(name, "the same", f"OMPL {peer}, without collision tests", speed, free, more=True)
     for peer, runs in case["ompl"].items():
         for budget in runs["budgets"][0] if runs["budgets"] else ():
             theirs = [number(run[budget]["length"]) for run in runs["budgets"]]
