@@ -1,9 +1,9 @@
-"""The gallery of the documentation: missions planned anew, their figures, and the page that shows them.
+"""The gallery of the documentation: plans missions, draws their figures and writes the page that shows them.
 
     make gallery                                       # docs/gallery.md, docs/images/gallery and the strip
-    python benchmarks/gallery.py FOLDER --only timed   # some of the pictures into a folder, and no page
+    python benchmarks/gallery.py FOLDER --only timed   # some of the pictures, into a folder, without the page
 
-Missions are planned with the default settings, which takes some minutes.
+The missions are planned with the default settings, which takes some minutes.
 """
 
 from __future__ import annotations
@@ -120,51 +120,51 @@ class Picture:
 PICTURES = (
     Picture(
         "plan", "A plan and its flights",
-        "phi2: `a`, then `b` or `d`, then `c`, in the winds of 9 October 2018. "
-        "`pareto-ltl plan +experiment=phi2`, or `result.plot()`; what the rates mean: "
-        "[probability](probability.md).",
+        "phi2: `a`, then `b` or `d`, then `c`, in the winds of 9 October 2018. Made by "
+        "`pareto-ltl plan +experiment=phi2` or `result.plot()`; [probability](probability.md) explains the "
+        "rates.",
         lambda missions: flown_map(missions, "phi2"),
     ),
     Picture(
         "front", "The front",
-        "Failure rate against length of every path that no other path beats in both. "
-        "`result.front.plot(plan=result.plan)`; see [front](front.md).",
+        "Failure rate and length of every path of the front: no other path is better in one of them without "
+        "being worse in the other. Made by `result.front.plot(plan=result.plan)`; see [front](front.md).",
         lambda missions: missions["phi2"].front.plot(plan=missions["phi2"].plan),
     ),
     Picture(
         "wind", "A wind and its uncertainty",
-        "Expected wind, and the standard deviation of one component: small at the readings, larger "
-        "between them. `result.wind.plot(scene=result.scene, time=\"13.5h\")`; see [wind](wind.md).",
+        "Expected wind, and the standard deviation of one component: small at the readings, larger between "
+        "them. Made by `result.wind.plot(scene=result.scene, time=\"13.5h\")`; see [wind](wind.md).",
         lambda missions: missions["phi2"].wind.plot(scene=missions["phi2"].scene, time="13.5h"),
     ),
     Picture(
         "automaton", "A mission as an automaton",
-        "The formula of phi2. `result.automaton.plot()`, or "
+        "The automaton of the formula of phi2. Made by `result.automaton.plot()` or "
         "`pareto-ltl formula \"" + PHI2 + "\" --picture FILE.png`; see [missions](missions.md).",
         lambda missions: missions["phi2"].automaton.plot(),
     ),
     Picture(
         "timed", "Times",
-        "`a` counts until 8 h after departure, `c` from 16 h on, and a storm stands from 3 to 12 h; see "
-        "[missions](missions.md#times).",
+        "A visit to `a` counts until 8 h after departure, a visit to `c` from 16 h on, and the region of a "
+        "storm is forbidden from 3 to 12 h; see [missions](missions.md#times).",
         lambda missions: flown_map(missions, "timed"),
     ),
     Picture(
         "coast", "A map from GeoJSON",
-        "A survey along a shore: regions with holes and of several parts, buffers, a geofence, a "
-        "landmark where the aircraft learns its position; see "
+        "A survey along a shore: regions with holes and with several parts, buffers, a geofence, and a "
+        "landmark at which the aircraft measures its position; see "
         "[examples/coast_survey](../examples/coast_survey/README.md).",
         lambda missions: flown_map(missions, "coast"),
     ),
     Picture(
         "glider", "A glider in a current",
-        "An underwater glider at 0.35 m/s in currents that reach as much; see "
+        "An underwater glider with a speed of 0.35 m/s in currents of up to the same speed; see "
         "[examples/glider_current](../examples/glider_current/README.md).",
         lambda missions: flown_map(missions, "glider"),
     ),
     Picture(
-        "replanned", "Planned again on the way",
-        "phi2 after a position fix at 6 h: the rest of the old plan, and the new one. "
+        "replanned", "Replanning during a flight",
+        "phi2 after a position fix at 6 h: the rest of the old plan, and the new plan. Made by "
         "`pareto_ltl.replan(result, \"6h\", (38.7, -96.1, 5000.0)).plot()`; see [replanning](replanning.md).",
         lambda missions: pareto_ltl.replan(missions["phi2"], *FIX).plot(),
     ),
@@ -190,8 +190,9 @@ def page_text(pictures: Sequence[Picture], folder: str) -> str:
     lines = [
         "# Gallery",
         "",
-        "What the planner draws, planned with the default settings. Every figure of a run comes as PNG, and "
-        "with `report=print` as SVG and PDF, too. `make gallery` makes this page and its pictures anew.",
+        "Figures of the package, of missions that are planned with the default settings. A run writes each "
+        "figure as PNG and, with `report=print`, also as SVG and PDF. `make gallery` writes this page and "
+        "its pictures again.",
         "",
     ]
     for picture in pictures:
