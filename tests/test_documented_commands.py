@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import argparse
 import ast
 import builtins
 import importlib
 import json
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -76,6 +75,16 @@ def check_composed(words: Sequence[str]) -> None:
         assert prepare(hydra, arguments).config
 
 
+def accepting(parse: Callable[..., Any]) -> Callable[..., None]:
+    """``parse``, then :class:`Accepted` in place of the command."""
+
+    def accept(parser: CommandArguments, *args: Any) -> None:
+        parse(parser, *args)
+        raise Accepted
+
+    return accept
+
+
 @pytest.mark.parametrize("words", COMMANDS, ids=lambda words: f"{COMMANDS[words]}: {' '.join(words)}"[:90])
 def test_a_documented_command_is_accepted(
     words: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -90,13 +99,8 @@ def test_a_documented_command_is_accepted(
         monkeypatch.setattr(composition, "register_schema", REGISTERED)
         check_composed(words)
     else:
-        taken = CommandArguments.parse_args
-
-        def accept(parser: CommandArguments, *args: Any) -> argparse.Namespace:
-            taken(parser, *args)
-            raise Accepted
-
-        monkeypatch.setattr(CommandArguments, "parse_args", accept)
+        for name in ("parse_args", "parse_intermixed_args"):
+            monkeypatch.setattr(CommandArguments, name, accepting(getattr(CommandArguments, name)))
         with pytest.raises(Accepted):
             run_command_line(words)
 
@@ -167,7 +171,7 @@ def test_the_page_of_a_results_directory_names_every_file_number_and_array(start
         for name in np.load(place / archive):
             assert f"`{name.rpartition('/')[2]}`" in row, (archive, name)
     columns = (place / "plan.csv").read_text().splitlines()[0].split(",")
-    assert f"| {', '.join(f'`{name}`' for name in columns)}" in text.replace("a row a step: ", "")
+    assert f"| {', '.join(f'`{name}`' for name in columns)}" in text.replace("one row per step: ", "")
 
 
 @pytest.mark.parametrize("code", BLOCKS)
