@@ -1,6 +1,6 @@
 """Compiled kernels on named tuples of arrays (``data``).
 
-Kernels do not check their arguments: the packages above check shapes and ranges, allocate, call and pack
-the result. ``jit`` says how they are compiled and how the type of a model picks its code.
-``NUMBA_DISABLE_JIT=1`` runs all of them as plain Python.
+Kernels do not check their arguments: the calling packages check shapes and ranges, allocate the arrays and
+pack the results. ``jit`` describes how kernels are compiled and how the type of a model selects its code.
+With ``NUMBA_DISABLE_JIT=1`` all of them run as plain Python.
 """

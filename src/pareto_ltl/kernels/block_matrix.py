@@ -1,6 +1,6 @@
-"""Symmetric positive matrices of 2 x 2 blocks on the diagonal and beside it.
+"""Symmetric positive definite block-tridiagonal matrices with blocks of 2 x 2.
 
-Block t of the diagonal is a row (xx, xy, yy) of ``pivot`` (T+1, 3), the block below it ``below[t]`` (2, 2).
+Diagonal block t is row t (xx, xy, yy) of ``pivot`` (T+1, 3); the block below it is ``below[t]`` (2, 2).
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from pareto_ltl.support.arrays import FloatArray
 
 @kernel
 def add_block(pivot: FloatArray, t: int, left: FloatArray, m: tuple[float, float, float]) -> None:
-    """Add left' M left to the pivot of step ``t``, M symmetric (xx, xy, yy)."""
+    """Add left' M left to diagonal block ``t``; M is symmetric, ``m`` = (xx, xy, yy), ``left`` (2, 2)."""
     for k in range(3):
         i, j = (0, 0) if k == 0 else ((0, 1) if k == 1 else (1, 1))
         mx = m[0] * left[0, j] + m[1] * left[1, j]
@@ -21,7 +21,10 @@ def add_block(pivot: FloatArray, t: int, left: FloatArray, m: tuple[float, float
 
 @kernel
 def eliminate(pivot: FloatArray, below: FloatArray) -> bool:
-    """Turn the blocks of the diagonal into inverses of the pivots; False if one is not positive."""
+    """Block Cholesky: replace the diagonal blocks by the inverses of the pivots.
+
+    Returns False if a pivot is not positive definite.
+    """
     for t in range(len(pivot)):
         xx, xy, yy = pivot[t, 0], pivot[t, 1], pivot[t, 2]
         if t > 0:
@@ -40,7 +43,7 @@ def eliminate(pivot: FloatArray, below: FloatArray) -> bool:
 
 @kernel
 def substitute(pivot: FloatArray, below: FloatArray, b: FloatArray) -> None:
-    """Solve for the displacements of ``b`` (T+1, 3), in place."""
+    """Solve in place for the first two columns of ``b`` (T+1, 3), after :func:`eliminate`."""
     last = len(b) - 1
     for t in range(last):
         B, x, y = below[t], b[t, 0], b[t, 1]

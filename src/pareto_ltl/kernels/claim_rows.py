@@ -1,7 +1,7 @@
-"""Margins of missions, many flights at a time: each claim is a row of margins, and edges work on whole rows.
+"""Mission margins of many flights at a time: each claim is a row of margins, and edges change whole rows.
 
-Comparisons of single flights are hard to foresee for a processor, those of rows fill its vector registers:
-a flight of 35 steps takes 0.2 instead of 2.4 µs.
+Loops over rows are vectorised, while branches on single flights are mispredicted: a flight of 35 steps takes
+0.2 instead of 2.4 µs.
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ from pareto_ltl.kernels.margin_events import NOWHERE, MarginModel, Scratch, lett
 from pareto_ltl.kernels.near import Near
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 
-BLOCK = 256  # flights: their rows fit into the nearest cache
+BLOCK = 256  # flights at a time: their rows fit into the L1 cache
 
 
 class Rows(NamedTuple):
-    """W(p) of all claims (Q, n) at one step: margins, and the numbers of the events that bind.
+    """W(p) of all claims at one step (Q, n): ``margin`` [m] and the numbers ``event`` of the binding events.
 
-    Only rows that are ``live`` (Q,) count.
+    Only rows with ``live`` (Q,) are valid.
     """
 
     margin: FloatArray
@@ -30,10 +30,10 @@ class Rows(NamedTuple):
 
 
 class ClaimRows(NamedTuple):
-    """Memory: rows ``before`` and ``after`` a step, and what lies between.
+    """Scratch memory: rows ``before`` and ``after`` a step, and temporary rows.
 
-    ``shown`` (M, n) are the margins of the letters ``near`` (M,); two rows of margins and one of events are
-    those of a claim on its way through an edge.
+    ``shown`` (M, n): margins of the letters for which ``near`` (M,) is true [m]. ``margin`` (2, n) and
+    ``event`` (n,) are temporary: those of one polygon, and those of a claim behind an edge.
     """
 
     before: Rows
@@ -46,7 +46,7 @@ class ClaimRows(NamedTuple):
 
 @kernel
 def fill_row(margin: FloatArray, event: IntArray, margins: FloatArray, events: IntArray) -> None:
-    """Copy margins and events."""
+    """Copy ``margins`` and ``events`` into ``margin`` and ``event`` (n,)."""
     for i in range(len(margin)):
         margin[i], event[i] = margins[i], events[i]
 
@@ -55,7 +55,7 @@ def fill_row(margin: FloatArray, event: IntArray, margins: FloatArray, events: I
 def lower_to_face(
     normal: FloatArray, offset: float, mean: FloatArray, x: FloatArray, y: FloatArray, margins: FloatArray
 ) -> None:
-    """Lower ``margins`` (n,) to the distances of the positions ``mean`` + (``x``, ``y``) from a face."""
+    """Lower ``margins`` (n,) to the distances of ``mean`` + (``x``, ``y``) from a face, positive inside."""
     nx, ny, east, north = normal[0], normal[1], mean[0], mean[1]
     for i in range(len(margins)):
         slack = offset - nx * (east + x[i]) - ny * (north + y[i])
@@ -64,7 +64,7 @@ def lower_to_face(
 
 @kernel
 def raise_row(margins: FloatArray, others: FloatArray) -> None:
-    """The larger ones of two rows."""
+    """Raise each of ``margins`` (n,) to that of ``others`` if it is larger."""
     for i in range(len(margins)):
         margins[i] = max(margins[i], others[i])
 
@@ -73,7 +73,7 @@ def raise_row(margins: FloatArray, others: FloatArray) -> None:
 def read_shown(
     model: MarginModel, near: Near, t: int, mean: FloatArray, x: FloatArray, y: FloatArray, rows: ClaimRows
 ) -> None:
-    """Fill the margins of the letters near step ``t`` at ``mean`` (2,) + (``x``, ``y``), (n,) each."""
+    """Fill ``rows.shown`` and ``rows.near`` at step ``t``, for n positions ``mean`` (2,) + (``x``, ``y``)."""
     faces, n = model.shown, len(x)
     rows.near[:] = False
     for k in range(near.shown_first[t], near.shown_first[t + 1]):
@@ -89,7 +89,7 @@ def read_shown(
 
 @kernel
 def lower(margin: FloatArray, event: IntArray, limit: FloatArray, sign: float, number: int) -> None:
-    """Where ``sign`` times ``limit`` is less, it is the margin, and ``number`` the event."""
+    """Lower ``margin`` (n,) to ``sign`` times ``limit``; where it is lowered, set ``event`` to ``number``."""
     for i in range(len(margin)):
         less = sign * limit[i] < margin[i]
         margin[i] = sign * limit[i] if less else margin[i]
@@ -98,7 +98,7 @@ def lower(margin: FloatArray, event: IntArray, limit: FloatArray, sign: float, n
 
 @kernel
 def enter_row(rows: Rows, p: int, margin: FloatArray, event: IntArray) -> None:
-    """The better one of a claim's margin so far and a new one, flight by flight."""
+    """Raise row ``p`` of ``rows`` to the new margins, flight by flight; the row becomes live."""
     n = len(margin)
     own, events = rows.margin[p, :n], rows.event[p, :n]
     if not rows.live[p]:
@@ -115,7 +115,11 @@ def enter_row(rows: Rows, p: int, margin: FloatArray, event: IntArray) -> None:
 def follow_edge(
     model: MarginModel, e: int, q: int, t: int, rows: ClaimRows, before: Rows, after: Rows, n: int
 ) -> None:
-    """What claim ``q`` is worth behind edge ``e``: at most its best letter's, or that of sparing all."""
+    """Raise the row of the target of edge ``e`` in ``after`` by the margins of claim ``q`` in ``before``.
+
+    They are limited by the margin of the best letter of the edge or, for an edge that excludes its letters,
+    by the margin of missing all of them.
+    """
     guards, p, spared = model.guards, model.guards.target[e], model.guards.spared[e]
     own, events = before.margin[q, :n], before.event[q, :n]
     margin, event, lowered = rows.margin[1, :n], rows.event[:n], False
@@ -140,7 +144,7 @@ def follow_edge(
 def claims_at_end(
     model: MarginModel, near: Near, mean: FloatArray, off: FloatArray, first: int, n: int, rows: ClaimRows
 ) -> Rows:
-    """W_T of ``n`` of the flights ``mean`` (T+1, 2) + ``off`` (T+1, 2, n) from ``first`` on."""
+    """W_T of flights ``first`` to ``first + n`` of ``mean`` (T+1, 2) + ``off`` (T+1, 2, N)."""
     before, after, guards, last = rows.before, rows.after, model.guards, first + n
     before.live[:] = False
     before.live[model.logic.initial] = True

@@ -1,4 +1,7 @@
-"""Which claims about the automaton a flight rests on at least risk (``simulation.certificates``)."""
+"""The claims about the automaton state by which a path completes its mission at the least risk.
+
+Used by ``simulation.certificates``. Claim q is "the automaton state is at least as good as q".
+"""
 
 from __future__ import annotations
 
@@ -11,12 +14,12 @@ from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 
 
 class ClaimEdges(NamedTuple):
-    """How "the state is at least as good as q" becomes "at least as good as p" in one step.
+    """The conditions under which claim q becomes claim p in one step.
 
-    Edge i leads from ``source`` q to ``target`` p (E,) if the position lies in the polygon ``shown`` (E,),
-    -1 for any position, and outside of the polygons ``shunned[ptr[i]:ptr[i + 1]]``, and if the way to it
-    meets no hazard that ``loses`` (E, Q, H) q. At a step of epoch e, by ``epoch`` (S+1,), there are the edges
-    ``first[e]`` to ``first[e + 1]``.
+    Edge i leads from ``source[i]`` = q to ``target[i]`` = p if the position lies in polygon ``shown[i]``
+    (-1: anywhere) and outside the polygons ``shunned[ptr[i]:ptr[i + 1]]``, and if the segment to it meets no
+    hazard h with ``loses[e, q, h]`` (E, Q, H). At a step of epoch e, given by ``epoch`` (S+1,), the edges
+    ``first[e]`` to ``first[e + 1]`` apply.
     """
 
     source: IntArray
@@ -30,10 +33,10 @@ class ClaimEdges(NamedTuple):
 
 
 class ClaimCosts(NamedTuple):
-    """What each condition of an edge costs, step by step, inf where it is broken.
+    """Risk of each condition of an edge at each step; inf if the path breaks the condition.
 
-    ``shown`` (T+1, G): inside of a polygon; ``shunned`` (T+1, C): outside of one; ``way`` (T+1, H): clear of
-    a hazard.
+    ``shown`` (T+1, G): the position is inside a polygon; ``shunned`` (T+1, C): it is outside a polygon;
+    ``way`` (T+1, H): the segment to it misses a hazard.
     """
 
     shown: FloatArray
@@ -47,7 +50,7 @@ def cheapest_claims(edges: ClaimEdges, costs: ClaimCosts, least: FloatArray, via
 
         V_{t+1}(p) = min over edges q → p of V_t(q) + costs of the edge at step t
 
-    Of equal edges the first is taken; where no edge leads to p, ``via`` is -1.
+    Of edges with equal cost the first is taken; ``via`` is -1 if no edge leads to p.
     """
     for t in range(len(via)):
         for p in range(least.shape[1]):

@@ -1,4 +1,4 @@
-"""How far segments are from convex polygons, as events of a flight (:mod:`pareto_ltl.kernels.margin`)."""
+"""Signed distances of segments from convex polygons, as events of :mod:`pareto_ltl.kernels.margin`."""
 
 from __future__ import annotations
 
@@ -8,14 +8,15 @@ from typing import NamedTuple
 from pareto_ltl.kernels.data import Corners, Faces, Point
 from pareto_ltl.kernels.jit import kernel
 
-CERTAIN = 1e18  # [m] margin of what cannot fail
+CERTAIN = 1e18  # [m] margin of a condition that cannot fail; -CERTAIN: of one that cannot hold
 TINY = 1e-300
 
 
 class Event(NamedTuple):
-    """A signed distance [m] and what it is measured by.
+    """A signed distance ``margin`` [m] of one point of a flight, and its gradient.
 
-    The unit ``normal`` (nx, ny) is at the point ``share`` of the way from step ``t`` to the next.
+    The point is at ``share`` (0 to 1) of the segment from step ``t`` to the next; the gradient of the margin
+    with respect to it is the unit vector (``nx``, ``ny``).
     """
 
     margin: float
@@ -27,7 +28,7 @@ class Event(NamedTuple):
 
 @kernel
 def lesser(one: Event, other: Event) -> Event:
-    """The event of the smaller margin."""
+    """The event with the smaller margin."""
     return other if other.margin < one.margin else one
 
 
@@ -35,7 +36,10 @@ def lesser(one: Event, other: Event) -> Event:
 def face_clearance(
     faces: Faces, part: int, t: int, start: Point, end: Point, enough: float
 ) -> tuple[Event, int]:
-    """Distance of a segment from the best separating face, and that face; stops at ``enough``."""
+    """Largest signed distance [m] of a segment from the line of one face, and the row of that face.
+
+    The search stops at the first face with a distance of at least ``enough`` [m].
+    """
     best, row = Event(-CERTAIN, t, 0.0, 0.0, 0.0), -1
     for j in range(faces.ptr[part], faces.ptr[part + 1]):
         nx, ny = faces.normal[j, 0], faces.normal[j, 1]
@@ -50,7 +54,7 @@ def face_clearance(
 
 @kernel
 def beside_edge(corners: Corners, part: int, edge: int, at: Point) -> bool:
-    """Whether the point of an edge's line that is nearest to ``at`` lies on the edge."""
+    """Whether the projection of ``at`` onto the line of an edge lies on the edge."""
     first = corners.ptr[part] + edge
     last = first + 1 if first + 1 < corners.ptr[part + 1] else corners.ptr[part]
     px, py = corners.corner[first, 0], corners.corner[first, 1]
@@ -63,10 +67,11 @@ def beside_edge(corners: Corners, part: int, edge: int, at: Point) -> bool:
 def segment_clearance(
     faces: Faces, corners: Corners, part: int, t: int, start: Point, end: Point, enough: float
 ) -> Event:
-    """Distance of a segment from a convex polygon; where they meet, minus the depth to which they do.
+    """Signed distance [m] of a segment from a convex polygon: minus the penetration depth if they intersect.
 
-    The depth is the least along a face or the segment's own normal. Apart, a corner is nearest, or one end of
-    the segment beside an edge. The search stops where the distance is known to be ``enough``.
+    The penetration depth is the smallest along the normals of the faces and of the segment. If they do not
+    intersect, the nearest pair of points has a corner of the polygon, or an end of the segment beside an
+    edge. The search stops when the distance is known to be at least ``enough`` [m].
 
     Eq. (M53) of docs/mathematics_methods.md.
     """
@@ -76,7 +81,7 @@ def segment_clearance(
         return best
     dx, dy = end.x - start.x, end.y - start.y
     length = math.sqrt(dx * dx + dy * dy)
-    dx, dy = (dx / length, dy / length) if length > 0.0 else (1.0, 0.0)  # a point has every normal
+    dx, dy = (dx / length, dy / length) if length > 0.0 else (1.0, 0.0)  # a point: any normal is valid
     low, high, at_low, at_high = CERTAIN, -CERTAIN, 0.0, 0.0
     near, rx, ry, at_near = CERTAIN, 0.0, 0.0, 0.0
     for c in range(first, last):
@@ -106,7 +111,7 @@ def segment_clearance(
 
 @kernel
 def beyond_reach(corners: Corners, part: int, start: Point, end: Point, reach: float) -> bool:
-    """Whether a polygon is farther than ``reach`` from a segment, by its circle."""
+    """Whether the bounding circles of a polygon and of a segment are more than ``reach`` [m] apart."""
     dx, dy = 0.5 * (end.x - start.x), 0.5 * (end.y - start.y)
     far = corners.radius[part] + math.sqrt(dx * dx + dy * dy) + max(reach, 0.0)
     ax, ay = corners.middle[part, 0] - start.x - dx, corners.middle[part, 1] - start.y - dy

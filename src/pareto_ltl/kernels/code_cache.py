@@ -1,13 +1,13 @@
-"""Machine code on disk: where numba keeps it, and when it goes stale.
+"""The cache of machine code on disk: where numba stores it, and when it is compiled again.
 
-Numba looks at the file of a compiled function alone, and would go on running old helpers. Here the stamp of
-a function is a fingerprint of its module, of every kernel module that this one imports, and of the files of
-other packages that added code to a model (:data:`FOREIGN`): a change compiles anew what it can reach, and
-nothing else. Numba asks for the stamp through a cache locator, which its ``NUMBA_CACHE_LOCATOR_CLASSES``
-lets others supply.
+Numba by itself compares only the file of a compiled function, and would continue to use outdated helpers.
+Here the stamp of a function is a fingerprint of its module, of every kernel module that this one imports,
+and of the files of other packages that add code to a model (:data:`FOREIGN`): after a change, only what
+depends on it is compiled again. Numba gets the stamp from a cache locator, a class that its setting
+``NUMBA_CACHE_LOCATOR_CLASSES`` names.
 
-An index of machine code names the types of its functions, and cannot be read once one of them is gone. So
-the fingerprint is part of the file's name, and files of other fingerprints are removed, not read.
+An index file of numba refers to the types of its functions, and cannot be read after one of them is removed
+from the source. So the fingerprint is part of the file name, and files with another one are removed unread.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ KERNELS = Path(__file__).parent
 
 
 class CodeStamp:
-    """Fingerprint of all source that a file of kernels can reach, taken when it is first compared or saved.
+    """Fingerprint of the source that a kernel file depends on, computed when it is compared or saved.
 
-    By then other packages have added their code. On disk it is a plain string.
+    At that time other packages have added their code. On disk it is a plain string.
     """
 
     def __init__(self, file: Path) -> None:
@@ -52,7 +52,7 @@ class CodeStamp:
 
 
 class ReachableSource:
-    """What the three locators below have in common: the stamp, and files that are named by it."""
+    """Common part of the three locators below: the stamp, and file names that contain a fingerprint."""
 
     def __init__(self, function: Any, file: str) -> None:
         super().__init__(function, file)  # type: ignore[call-arg]  # the locator that follows in the class
@@ -61,16 +61,16 @@ class ReachableSource:
         self.mark = _mark(Path(file))
 
     def get_source_stamp(self) -> CodeStamp:
-        """What numba compares with the stamp on disk."""
+        """The stamp that numba compares with the one on disk."""
         return self.stamp
 
     def get_disambiguator(self) -> str:
-        """What numba puts into the names of files."""
+        """The part of file names that tells equal function names apart, with the fingerprint."""
         line: str = super().get_disambiguator()  # type: ignore[misc]
         return f"{line}-{self.mark}"
 
     def ensure_cache_path(self) -> None:
-        """Make the folder, and remove what other source was compiled to."""
+        """Make the folder, and remove machine code of this function with another fingerprint."""
         super().ensure_cache_path()  # type: ignore[misc]
         for found in Path(self.get_cache_path()).glob(self.files):  # type: ignore[attr-defined]
             if f"-{self.mark}." not in found.name:
@@ -94,7 +94,7 @@ LOCATORS = ",".join(f"{__name__}.{kind.__name__}" for kind in (NamedFolder, Besi
 
 @contextmanager
 def stamped_by_source() -> Iterator[None]:
-    """Give what numba compiles inside, with ``cache=True``, the stamps of this module."""
+    """In the block, numba uses the stamps of this module for functions with ``cache=True``."""
     before = config.CACHE_LOCATOR_CLASSES
     config.CACHE_LOCATOR_CLASSES = LOCATORS
     try:
@@ -105,14 +105,14 @@ def stamped_by_source() -> Iterator[None]:
 
 @lru_cache
 def _mark(file: Path) -> str:
-    """A short fingerprint of the source in kernels that ``file`` can reach."""
+    """Short fingerprint of the kernel modules that ``file`` depends on."""
     sources = sorted(reachable_sources(file))
     return text_fingerprint("".join(file_fingerprint(source) for source in sources))[:10]
 
 
 @lru_cache
 def reachable_sources(file: Path) -> frozenset[Path]:
-    """``file`` and all modules of kernels that it imports, directly or through others."""
+    """``file`` and all kernel modules that it imports, directly or indirectly."""
     found, waiting = set[Path](), [file]
     while waiting:
         source = waiting.pop()
@@ -124,7 +124,7 @@ def reachable_sources(file: Path) -> frozenset[Path]:
 
 @lru_cache
 def _imported(file: Path) -> tuple[Path, ...]:
-    """Modules of kernels that ``file`` imports, by their names or names from them."""
+    """Files of the kernel modules from which ``file`` imports, or that it imports itself."""
     package = "pareto_ltl.kernels"
     tree = ast.parse(file.read_bytes())
     found = [node for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)]

@@ -1,4 +1,4 @@
-"""Bounds on the probability of meeting an obstacle: at each step, and what the steps add to R."""
+"""Bounds on the collision probability: the constraint of each step, and the increase of R in one step."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ from pareto_ltl.kernels.gaussian import tail, variance_along
 from pareto_ltl.kernels.geometry import look_around
 from pareto_ltl.kernels.jit import by_type, implements, inlined, kernel
 
-# Standard deviations beyond which an obstacle, at below 3e-7, is not looked at (growth runs a sixth
-# faster than with seven).
+# Obstacles more standard deviations away, of a probability below 3e-7, are skipped (with 7 instead of 5,
+# growth takes a sixth longer).
 FAR_DEVIATIONS = 5.0
 
 
 class Leg(NamedTuple):
-    """One step between two positions; farther than ``far_here``, ``far_there`` [m] nothing is looked at."""
+    """One step between two positions; faces farther than ``far_here``, ``far_there`` [m] add no risk."""
 
     here: Gaussian
     there: Gaussian
@@ -42,19 +42,19 @@ def largest_sd(cov: Cov) -> float:
 
 @kernel
 def leg_between(here: Gaussian, there: Gaussian, deviations: float) -> Leg:
-    """The step from ``here`` to ``there``; ``deviations`` are those that count as far."""
+    """The step from ``here`` to ``there``; faces are far beyond ``deviations`` standard deviations."""
     return Leg(here, there, deviations * largest_sd(here.cov), deviations * largest_sd(there.cov))
 
 
 @kernel
 def leg_of_start(here: Gaussian, deviations: float) -> Leg:
-    """The start as a step on the spot, whose risk counts once: before it there was nothing."""
+    """The start as a step of length 0, of which only the end adds risk."""
     return Leg(here, here, -math.inf, deviations * largest_sd(here.cov))
 
 
 @inlined
 def look_around_leg(nearby: Nearby, leg: Leg) -> tuple[int, float]:
-    """:func:`look_around` for a step, as far as its uncertainty counts."""
+    """:func:`look_around` for a step, up to the distance at which faces are far."""
     return look_around(nearby, leg.here.mean, leg.there.mean, max(leg.far_here, leg.far_there))
 
 
@@ -63,7 +63,7 @@ def look_around_leg(nearby: Nearby, leg: Leg) -> tuple[int, float]:
 
 @kernel
 def step_is_clear(bound: StepBound, here: Gaussian, there: Gaussian) -> bool:
-    """Whether one face of every obstacle is cleared, c' x - d >= z √(c' Σ c) of Eq. (10), at both ends.
+    """Whether every obstacle has one face with c' x - d >= z √(c' Σ c), Eq. (10), at both ends of a step.
 
     Then both ends satisfy Eq. (9), and the segment between their means meets no obstacle.
 
@@ -87,7 +87,7 @@ def step_is_clear(bound: StepBound, here: Gaussian, there: Gaussian) -> bool:
 
 @kernel
 def clears_face(bound: StepBound, k: int, here: Gaussian) -> bool:
-    """Whether a position is outside face k with the probability that Eq. (10) asks for."""
+    """Whether a position is outside face k with the probability that Eq. (10) requires."""
     nx, ny, z = bound.barriers.normal[k, 0], bound.barriers.normal[k, 1], bound.z
     gap = nx * here.mean.x + ny * here.mean.y - bound.barriers.offset[k]
     return bool((gap >= 0.0 or z < 0.0) and gap >= z * math.sqrt(variance_along(nx, ny, here.cov)))
@@ -97,7 +97,7 @@ def clears_face(bound: StepBound, k: int, here: Gaussian) -> bool:
 
 
 class Run(NamedTuple):
-    """Steps in a row with one separating face: Σ p, least gap [m], largest variance [m²]."""
+    """Consecutive steps with one separating face: Σ p, smallest gap [m], largest variance [m²]."""
 
     face: int
     total: float
@@ -118,7 +118,7 @@ def run_cost(run: Run) -> float:
 
 @kernel
 def run_of(nearby: Nearby, memory: PathMemory, row: int, j: int) -> Run:
-    """The run of polygon ``j`` in a row of ``memory``; its face is -1 where none costs anything."""
+    """The run of polygon ``j`` in a row of ``memory``; its face is -1 if no run is stored."""
     face, total, least, widest = -1, 0.0, 0.0, 0.0
     for i in range(memory.face.shape[1]):
         if memory.face[row, i] < 0:
@@ -132,9 +132,10 @@ def run_of(nearby: Nearby, memory: PathMemory, row: int, j: int) -> Run:
 
 @kernel
 def note_run(memory: PathMemory, row: int, kept: int, run: Run) -> int:
-    """Store a run behind the ``kept`` ones of a row, or in place of the cheapest; how many there are then.
+    """Store a run after the ``kept`` runs of a row; in a full row, replace the one with the least Σ p.
 
-    A run that is left out begins anew at the next step, so that R may be larger and is never smaller.
+    Returns the number of runs in the row. A run that is not stored starts again at the next step, which can
+    make R larger, never smaller.
     """
     most = memory.face.shape[1]
     at = kept
@@ -155,13 +156,13 @@ def note_run(memory: PathMemory, row: int, kept: int, run: Run) -> int:
 def pass_obstacles(
     bound: PathBound, leg: Leg, last: PathMemory, before: int, new: PathMemory, now: int
 ) -> tuple[float, float]:
-    """Risk at the end of a step, and what R of the path grows by.
+    """Collision risk at the end of a step, and the increase of R of the path.
 
-    Both ends must lie beyond one face of every obstacle; the steps in a row that have the same face are a
-    run, and a run costs min(Σ p, 2 Φ(-least gap / largest σ)). Of the faces that serve the step the one
-    that adds least is taken. Row ``now`` of ``new`` gets the runs that cost something; row ``before`` of
-    ``last`` has those of the step before. The first figure is Σ_j p_tj <= epsilon, inf where an obstacle
-    has no common face.
+    Both ends must lie beyond one face of every obstacle. Consecutive steps with the same face are a run,
+    which costs min(Σ p, 2 Φ(-smallest gap / largest σ)). Of the faces that separate both ends, the one that
+    adds least is chosen. Row ``now`` of ``new`` gets the runs with a cost above 0; row ``before`` of ``last``
+    has those of the previous step. The first result, Σ_j p_tj, is to be compared with epsilon; both results
+    are inf if no face of some obstacle separates both ends.
 
     Eq. (M40) of docs/mathematics.md.
     """
@@ -193,7 +194,10 @@ def pass_obstacles(
 
 @kernel
 def pass_obstacle(faces: Faces, j: int, leg: Leg, old: Run) -> tuple[float, float, Run]:
-    """The run past obstacle ``j`` that adds least to R: risk at the end of the step, what it adds, run."""
+    """The run past obstacle ``j`` that adds least to R.
+
+    Returns the risk at the end of the step, the increase of R (inf if there is no such run) and the run.
+    """
     x0, y0 = leg.here.mean
     x1, y1 = leg.there.mean
     best, own, chosen = math.inf, 0.0, old
@@ -215,7 +219,7 @@ def pass_obstacle(faces: Faces, j: int, leg: Leg, old: Run) -> tuple[float, floa
             if here < leg.far_here:
                 u = variance_along(nx, ny, leg.here.cov)
                 run = Run(int(k), p + tail(here, u), min(run.least, here), max(v, u))
-            cost = run.total  # of two terms 2 Φ(-least / √widest) is never less
+            cost = run.total  # for two terms, 2 Φ(-least / √widest) is never smaller
         if cost < best:
             best, own, chosen = cost, p, run
             if cost == 0.0:

@@ -1,7 +1,7 @@
-"""What kernels read: named tuples, so that loops say ``wind.mean`` and ``here.cov``, not ``arr[3]``.
+"""Input of kernels as named tuples, so that loops read ``wind.mean`` and ``here.cov``, not ``arr[3]``.
 
-Models are named tuples too, and their types pick the code (``jit.by_type``): a wind law, a mission bound and
-a collision bound. Memory that a model does not need is None.
+Models (a wind law, a mission bound and a collision bound) are named tuples too, and their types select the
+code (``jit.by_type``). Memory that a model does not need is None.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from pareto_ltl.support.arrays import BoolArray, Float32Array, FloatArray, Int32
 
 
 class Point(NamedTuple):
-    """A place in the plane [m]."""
+    """A point in the plane: x east, y north [m]."""
 
     x: float
     y: float
@@ -45,7 +45,7 @@ class Linear(NamedTuple):
 
 
 class Square(NamedTuple):
-    """The square (i, j) of a lattice that holds a place, and the fractions (fx, fy) within it."""
+    """The square (i, j) of a lattice that contains a point, and the fractions (fx, fy) within it."""
 
     i: int
     j: int
@@ -54,7 +54,7 @@ class Square(NamedTuple):
 
 
 class Ahead(NamedTuple):
-    """One step ahead: mean with zero airspeed, covariance, and the airspeed left for the control [m/s]."""
+    """One step ahead: mean with zero airspeed [m], covariance [m²], airspeed left for the control [m/s]."""
 
     mean: Point
     cov: Cov
@@ -65,9 +65,10 @@ class Ahead(NamedTuple):
 
 
 class Faces(NamedTuple):
-    """Convex polygons by their half planes ``normal' x <= offset``; one face alone is a half plane.
+    """Convex polygons as half planes ``normal' x <= offset``; a polygon with one face is a half plane.
 
-    Polygon j owns rows ``ptr[j]`` to ``ptr[j + 1]``; ``normal`` (F, 2) points outwards, unit length.
+    Polygon j has the rows ``ptr[j]`` to ``ptr[j + 1]``; ``normal`` (F, 2) has unit length and points
+    outwards, ``offset`` (F,) is in [m].
     """
 
     ptr: IntArray
@@ -76,11 +77,11 @@ class Faces(NamedTuple):
 
 
 class Nearby(NamedTuple):
-    """Which of the polygons in :class:`Faces` are near a place, by a grid of squares over the map.
+    """The polygons of :class:`Faces` by their distance from each square of a grid over the map.
 
-    ``order`` (B, m) lists the m polygons of square i * rows + j, ``gap`` (B, m) how far the square's middle
-    lies beyond that of their faces which it is farthest beyond [m], ascending and rounded down; ``owner``
-    (F,) is the polygon of a face.
+    Row i * rows + j belongs to square (i, j) of side ``side`` [m]. ``order`` (B, m) lists the m polygons by
+    their ``gap`` (B, m), ascending: the largest signed distance of the square's centre from a face of the
+    polygon [m], rounded down. ``owner`` (F,) is the polygon of each face.
     """
 
     west: float
@@ -94,9 +95,9 @@ class Nearby(NamedTuple):
 
 
 class Corners(NamedTuple):
-    """Polygons as corners ``corner[ptr[k]:ptr[k + 1]]``, counter-clockwise.
+    """Polygons as corners ``corner[ptr[k]:ptr[k + 1]]`` [m], counter-clockwise.
 
-    Each lies within ``radius`` of ``middle`` (L, 2); ``cell`` (L,) are their numbers.
+    Polygon k lies within ``radius[k]`` [m] of ``middle[k]`` (L, 2); ``cell[k]`` is the number of its cell.
     """
 
     cell: IntArray
@@ -107,9 +108,9 @@ class Corners(NamedTuple):
 
 
 class Cells(NamedTuple):
-    """Convex cells with a bucket grid in front.
+    """Convex cells, and a grid of ``buckets`` x ``buckets`` over the bounds of the map to find them.
 
-    Bucket k lists its candidate cells in ``candidates[ptr[k]:ptr[k + 1]]``.
+    The candidate cells of bucket k are ``candidates[ptr[k]:ptr[k + 1]]``.
     """
 
     west: float
@@ -123,21 +124,21 @@ class Cells(NamedTuple):
 
 
 class Logic(NamedTuple):
-    """The automaton on the letters that cells show, in every epoch.
+    """The automaton on the labels of cells, in every epoch.
 
-    An epoch is a span of steps in which the same propositions with time windows hold. Without windows there
-    is one.
+    An epoch is a span of steps in which the same propositions with time windows hold; without time windows
+    there is one epoch.
 
-    ``epoch`` (S + 1,) is that of each step, the last one of all later steps; ``delta`` (E, Q, C + 1), the
-    last column for no label (obstacles, off the map); ``distance`` d_A (Q,), inf in the trap, ``ahead``
-    (E, Q) that of the letters which an epoch and later ones show; ``covers`` (Q, Q): ``covers[q, p]`` iff
-    q accepts all that p accepts (q >= p).
+    ``epoch`` (S + 1,): the epoch of each step, the last one for all later steps. ``delta`` (E, Q, C + 1): the
+    next state; the last column is for no label (in an obstacle, off the map). ``distance`` (Q,): d_A, inf in
+    the trap state. ``ahead`` (E, Q): the same distance with only the labels of this epoch and of later ones.
+    ``covers[q, p]`` (Q, Q): whether q accepts all that p accepts (q >= p).
 
-    On the way from step to step letters that lead away from acceptance are read, and take q to ``way``
-    (E, Q, C + 1), in states that the label of the step before leaves as they are.
-    ``harm`` (E, Q, C + 1): the label is worse in q than no label, or ends in the trap; ``hazards`` are the
-    cells that harm in some state of some epoch; ``loses`` (E, Q, C + 1): meeting the label may take a state
-    as good as q to one that is not.
+    Labels that lead away from acceptance are also read between two steps: they take q to ``way`` (E, Q, C +
+    1), if the label of the step before does not change q. ``harm`` (E, Q, C + 1): whether the label is worse
+    in q than no label, or leads to the trap state. ``hazards``: the cells that are harmful in some state of
+    some epoch. ``loses`` (E, Q, C + 1): whether the label can take a state that covers q to one that does
+    not.
     """
 
     epoch: IntArray
@@ -156,10 +157,12 @@ class Logic(NamedTuple):
 
 
 class Wind(NamedTuple):
-    """Wind on a lattice; step n lies between slots ``slot[n]`` and ``slot[n] + 1`` at ``weight[n]``.
+    """Wind on a lattice; step n is interpolated between slots ``slot[n]`` and ``slot[n] + 1``, ``weight[n]``.
 
-    ``mean``, ``latent`` (K, NX, NY, 2); ``gust`` (K, 2); ``slot``, ``weight`` (S,), S the number of
-    steps for which the data reach; ``between`` (S,) the variance of interpolation in time.
+    ``mean`` (K, NX, NY, 2): expected wind [m/s]; ``latent`` (K, NX, NY, 2): variance of its smooth error
+    [m²/s²]; ``gust`` (K, 2): variance of the white part [m²/s²]; ``slot``, ``weight`` (S,), where S is the
+    number of steps that the data cover; ``between`` (S,): variance of interpolation in time [m²/s²];
+    ``per_metre`` = 1 / spacing of the lattice.
     """
 
     west: float
@@ -174,14 +177,16 @@ class Wind(NamedTuple):
 
 
 class Modes(NamedTuple):
-    """Coherent wind: step n meets mode slot ``slot[n]`` times ``scale[n]``; G parts of the error persist.
+    """Modes of the coherent wind error, in G parts that differ in persistence.
 
-    θ of the modes of part g keeps the share ``keep[n, g]`` (S + 1, G) of step n - 1; ``epoch`` (S,) counts
-    the steps where any keeps less than all. ``part`` (P,) of each mode, ``kept`` (S + 1, P) and ``scale``
-    (S, P) by mode; ``psi`` (K, MX, MY, 2, P) on the lattice of the modes, P = 0 where nothing is uncertain;
-    on the lattice of the mean ``slope`` (K, NX, NY, 4) = ∂μ_x/∂x, ∂μ_x/∂y, ∂μ_y/∂x, ∂μ_y/∂y and ``bend``
-    (K, NX, NY, 6) = the second derivatives xx, xy, yy of μ_x, then of μ_y. ``white`` is the variance of a
-    step's mean gust over that of a gust, ``rest`` the same for what the modes leave of the smooth part.
+    At step n the modes are ``psi[slot[n]]`` times ``scale[n]``: ``slot`` (S,), ``scale`` (S, P), ``psi`` (K,
+    MX, MY, 2, P) on the lattice of the modes [m/s]; P = 0 if the wind is known. The coefficients θ of the
+    modes of part g keep the share ``keep[n, g]`` (S + 1, G) of their value at step n - 1; ``kept`` (S + 1, P)
+    is the same by mode, ``part`` (P,) the part of each mode; ``epoch`` (S,) is the number of changes of θ up
+    to each step. On the lattice of the expected wind, ``slope`` (K, NX, NY, 4) = ∂μ_x/∂x, ∂μ_x/∂y, ∂μ_y/∂x,
+    ∂μ_y/∂y and ``bend`` (K, NX, NY, 6) = the second derivatives xx, xy, yy of μ_x, then of μ_y. ``white`` is
+    the ratio of the variance of a gust averaged over a step to that of the gust itself, ``rest`` the same
+    ratio for the smooth error that the modes do not represent.
     """
 
     west: float
@@ -203,9 +208,9 @@ class Modes(NamedTuple):
 class Motion(NamedTuple):
     """x' = A x + dt B (u + feedback) + dt w,    u_min ≤ ‖u + feedback‖ ≤ u_max.
 
-    ``a`` = A, ``b`` = B, ``b_inv`` = B^-1; ``closed`` = A - K I moves deviations, ``gain`` = K; ``effort``
-    is the quantile that keeps the feedback within u_min and u_max; ``ball`` is the radius of the
-    maximum-trace rule in standard deviations.
+    ``a`` = A, ``b`` = B, ``b_inv`` = B^-1; ``gain`` = K; ``closed`` = A - K I propagates deviations;
+    ``effort`` is the quantile r / √λ of :func:`~pareto_ltl.kernels.propagation.airspeed_left`, which reserves
+    airspeed for feedback; ``ball`` is the radius of the maximum-trace rule in standard deviations.
     """
 
     a: FloatArray
@@ -221,10 +226,10 @@ class Motion(NamedTuple):
 
 
 class Landmarks(NamedTuple):
-    """Convex polygons in which the robot learns its position: by faces and by corners.
+    """Convex polygons in which the robot measures its position: as faces and as corners.
 
-    ``gain`` is the share of a known deviation flown back in a step, ``variance`` that of a position fix
-    [m²], ``risk`` the largest probability of missing a landmark that a plan counts on.
+    ``gain`` is the share of a known deviation that is corrected in one step, ``variance`` that of a position
+    fix [m²], ``risk`` the largest probability of missing a landmark that a plan relies on.
     """
 
     faces: Faces
@@ -234,18 +239,18 @@ class Landmarks(NamedTuple):
     risk: float
 
 
-# --- models: wind laws and what a path or tree remembers for them ------------------------------
+# --- models: wind laws and their memory for a path or tree -------------------------------------
 
 
 class IndependentLaw(NamedTuple):
-    """The paper's law: every step draws its wind anew. It needs no memory (None)."""
+    """The paper's law: the wind of every step is drawn independently. Its memory is None."""
 
     wind: Wind
     motion: Motion
 
 
 class CoherentLaw(NamedTuple):
-    """One flight meets one field, w(x) = μ(x) + ψ(x)' θ."""
+    """The coherent law: a flight meets one wind field, w(x) = μ(x) + ψ(x)' θ plus white noise."""
 
     wind: Wind
     modes: Modes
@@ -262,17 +267,18 @@ class LandmarkLaw(NamedTuple):
 
 
 class CoherentMemory(NamedTuple):
-    """Row v is what the children of v start from: ``theta`` (N, 2, 2, P) = Cov(e, θ)."""
+    """Row v is the input for the children of vertex v: ``theta`` (N, 2, 2, P) = Cov(e, θ)."""
 
     theta: Float32Array
 
 
 class LandmarkMemory(NamedTuple):
-    """Row v is what the children of v start from.
+    """Row v is the input for the children of vertex v.
 
-    ``theta`` (N, 2, 2, P) = Cov(ẽ, θ̃), ``known`` (N, 3) = Cov(ê), the last fix ``fix`` (N,) and ``faded``
-    (N, G), the s of it. Fix f has ``gain`` (M, 2, 2, P) = D, the fix before it ``previous`` and the ``share``
-    (M, G) that the latter had then; ``used`` (1,) fixes are in use.
+    ``theta`` (N, 2, 2, P) = Cov(ẽ, θ̃); ``known`` (N, 3) = Cov(ê); ``fix`` (N,): number of the last fix, -1
+    for none; ``faded`` (N, G): its factor s of :mod:`~pareto_ltl.kernels.fixes`. Fix f has ``gain`` (M, 2, 2,
+    P) = D, the fix before it ``previous`` (M,), and the factor ``share`` (M, G) of that one at the time of f.
+    ``used`` (1,) is the number of fixes stored.
     """
 
     theta: Float32Array
@@ -293,11 +299,11 @@ Memory: TypeAlias = CoherentMemory | LandmarkMemory | None
 
 
 class Theorem2(NamedTuple):
-    """The paper's f_o. All cells, the automaton.
+    """The paper's bound f_o.
 
-    ``faces`` are those of the convex parts of the regions, ``atom`` the proposition of each part, ``holds``
-    (E, C, P) which propositions hold in a cell in each epoch of ``logic``. Its memory is None: the risks of
-    the propositions are the vertex's own objectives.
+    ``faces`` are those of the convex parts of the regions, ``atom`` is the proposition of each part,
+    ``holds`` (E, C, P) whether a proposition holds in a cell in each epoch of ``logic``. Its memory is None,
+    as the risks of the propositions are objectives of the vertex.
     """
 
     faces: Faces
@@ -315,11 +321,11 @@ class StateLists(NamedTuple):
 
 
 class Ordered(NamedTuple):
-    """The ordered bound V: cells that show a label, all cells, the automaton.
+    """The ordered bound V: cells that have a label, all cells, the automaton.
 
-    ``targets`` are the states that an entry of V at q is followed to, ``begin`` those of the first entries
-    (:mod:`pareto_ltl.kernels.ordered_bound`); the lists of a large automaton are empty. States of one
-    ``kind`` (Q,) are lost by the same labels.
+    ``targets`` are the states to which an entry of V at q can lead, ``begin`` the states of the first entries
+    (:mod:`pareto_ltl.kernels.ordered_bound`); ``targets`` is empty for a large automaton. States with the
+    same ``kind`` (Q,) are lost by the same labels.
     """
 
     labelled: Corners
@@ -331,10 +337,10 @@ class Ordered(NamedTuple):
 
 
 class LiveRows(NamedTuple):
-    """Rows of entries (automaton state, V), which rows may share.
+    """Rows of entries (automaton state, V); several rows may refer to the same entries.
 
-    Those of row v begin at ``first[v]`` of ``state`` and ``value``, and there are ``size[v]``, at most
-    ``most``. Places from ``used[0]`` on are free. -1 in ``first`` is a row that has no places yet.
+    Row v consists of the ``size[v]`` entries (at most ``most``) of ``state`` and ``value`` from ``first[v]``
+    on; ``first[v]`` is -1 before the row is stored. Entries from ``used[0]`` on are free.
     """
 
     first: IntArray
@@ -346,11 +352,11 @@ class LiveRows(NamedTuple):
 
 
 class Letters(NamedTuple):
-    """What may be read in one step, that of ``epoch`` (1,), and scratch.
+    """Probabilities of the letters of one step, in the epoch ``epoch`` (1,), and scratch memory.
 
-    ``seen`` (L + 1,) = P(each label), last no label; ``met`` (H,) = P(each hazard met). Scratch: ``parts``
-    and ``hazards`` list those above 0, ``listed`` (2,) of each, and ``place`` (Q,) is the number of a state's
-    entry, -1 where it has none.
+    ``seen`` (L + 1,) = P(each labelled cell), last P(no label); ``met`` (H,) = P(each hazard is met).
+    Scratch: ``parts`` and ``hazards`` list those with a probability above 0, ``listed`` (2,) is the number of
+    each; ``place`` (Q,) is the position of a state's entry in its row, -1 if it has none.
     """
 
     seen: FloatArray
@@ -363,9 +369,10 @@ class Letters(NamedTuple):
 
 
 class OrderedMemory(NamedTuple):
-    """``rows`` of V; ``letters`` is scratch, None in trees.
+    """``rows`` of V; ``letters`` is scratch memory, None in trees.
 
-    Of two scratch rows ``same`` (2,) is the tree's row that V is equal to, -1 where the entries are its own.
+    ``same`` (2,) belongs to the two scratch rows: the row of the tree with the same V, -1 if the scratch row
+    has entries of its own.
     """
 
     rows: LiveRows
@@ -380,9 +387,9 @@ MissionBound: TypeAlias = Theorem2 | Ordered
 
 
 class StepBound(NamedTuple):
-    """Eqs. (9) and (10): equal shares of epsilon for the m barriers (obstacles and walls).
+    """Eqs. (9) and (10): epsilon is divided equally among the m barriers (obstacles and walls).
 
-    ``z`` is the quantile of 1 - epsilon / m. Nothing is remembered (None).
+    ``z`` is the quantile of 1 - epsilon / m. Its memory is None.
     """
 
     barriers: Faces
@@ -391,7 +398,7 @@ class StepBound(NamedTuple):
 
 
 class PathBound(NamedTuple):
-    """R of whole paths: ``epsilon`` allowed at a step by all barriers together, ``delta`` on a path."""
+    """R of whole paths, with limits for all barriers together: ``epsilon`` in a step, ``delta`` on a path."""
 
     barriers: Faces
     nearby: Nearby
@@ -400,10 +407,10 @@ class PathBound(NamedTuple):
 
 
 class PathMemory(NamedTuple):
-    """Runs that cost something, up to K a row.
+    """Runs with a cost above 0, up to K per row.
 
-    ``face`` (N, K) separates the steps of each, -1 after the last; ``run`` (N, K, 3): Σ p, least gap and
-    largest variance of the steps in a row with this face.
+    ``face`` (N, K): the separating face of each run, -1 after the last one; ``run`` (N, K, 3): Σ p, smallest
+    gap [m] and largest variance [m²] of its steps.
     """
 
     face: Int32Array
@@ -415,10 +422,10 @@ CollisionMemory: TypeAlias = PathMemory | None
 
 
 class World(NamedTuple):
-    """Everything about the problem: what is planned with, by type.
+    """The planning problem: its three models, whose types select the code.
 
-    The cells and the automaton are those of the mission bound, and stand in it alone: kernels hand the world
-    on by value, and a second copy made trees of ``fidelity=full`` twice as slow.
+    Cells and automaton are fields of the mission bound only: kernels pass the world by value, and a second
+    copy of them made the growth of trees with ``fidelity=full`` twice as slow.
     """
 
     law: Law

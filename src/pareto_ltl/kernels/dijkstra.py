@@ -11,15 +11,16 @@ from pareto_ltl.support.arrays import BoolArray, FloatArray, Int32Array, IntArra
 
 
 class Product(NamedTuple):
-    """Product graph; state z = q * C + r.
+    """Product graph of automaton and cells; state z = q * C + r.
 
-    From cell r doors lead to the cells ``beyond[ptr[r]:ptr[r + 1]]``, ascending, of which r itself is one:
-    its label is read again. The automaton state after cell r' is ``delta[q, r']``. An edge that changes
-    nothing is left out, and one from or to a state that is not ``open`` (Q,): it completes no mission.
+    From cell r, edges lead to the cells ``beyond[ptr[r]:ptr[r + 1]]``, ascending. These include r itself,
+    whose label is read again. The automaton state after cell r' is ``delta[q, r']``. Edges that change
+    neither cell nor state are left out, and edges from or to states that are not ``open`` (Q,), which cannot
+    complete the mission.
 
-    ``metres`` (D,) centroid distances over the diagonal of the map; ``volume`` (C,) share of the map;
-    ``urgency`` (Q,) 1 / (d_A(q) + 1); ``goal`` (Q,) accepting; ``ahead`` (Q,) what the way from q to
-    acceptance is taken to cost, 0 where the graph is small and leads are to be shortest.
+    ``metres`` (D,): distance of the centroids divided by the diagonal of the map; ``volume`` (C,): area of a
+    cell as a share of the map; ``urgency`` (Q,): 1 / (d_A(q) + 1); ``goal`` (Q,): whether q accepts;
+    ``ahead`` (Q,): estimated cost from q to acceptance, 0 in small graphs, whose leads are the shortest.
     """
 
     ptr: IntArray
@@ -34,10 +35,10 @@ class Product(NamedTuple):
 
 
 class Heap(NamedTuple):
-    """A binary heap of states with their keys, and where the search stands.
+    """Memory of a search: a binary heap of states ``item`` by ``key``, and the results so far.
 
-    ``cost`` and ``previous`` (Z,) hold in search number ``search[0]`` where ``reached`` (Z,) is twice that
-    number, or one more in states that are done; ``head`` and ``metres`` are the edges of one state.
+    ``cost`` and ``previous`` (Z,) are valid in search number s = ``search[0]`` for states with ``reached``
+    (Z,) = 2 s, or 2 s + 1 once they are final; ``head`` and ``metres`` hold the edges of one state.
     """
 
     key: FloatArray
@@ -62,7 +63,7 @@ def _push(heap: Heap, size: int, key: float, item: int) -> int:
 
 @kernel
 def _pop(heap: Heap, size: int) -> int:
-    """Remove the smallest entry (it was read before); return the new size."""
+    """Remove the entry with the smallest key, which the caller has read; return the new size."""
     size -= 1
     key, item = heap.key[size], heap.item[size]
     i = 0
@@ -92,7 +93,7 @@ def state_weight(product: Product, count: IntArray, selected: IntArray, z: int) 
 
 @kernel
 def list_edges(product: Product, z: int, heap: Heap) -> int:
-    """The edges of a state into ``heap.head`` and ``metres``, by their heads; returns how many."""
+    """Write the edges of state ``z`` to ``heap.head`` and ``heap.metres``, by head; return their number."""
     cells = len(product.volume)
     q, r = z // cells, z % cells
     found = 0
@@ -116,11 +117,11 @@ def find_lead(
     product: Product, count: IntArray, selected: IntArray, start: int, heap: Heap, lead: IntArray,
     weight: FloatArray,
 ) -> int:  # fmt: skip
-    """The way from ``start`` to the nearest goal under cost metres / (w w'), by Dijkstra's algorithm.
+    """Shortest path from ``start`` to a goal with edge cost metres / (w w'), by Dijkstra's algorithm.
 
-    Where ``product.ahead`` is not 0, by A* with it, which may find another way than the shortest. Fills
-    ``lead`` from the start on, and ``weight`` with the weights of its states; returns its length, 0 where no
-    goal can be reached.
+    With ``product.ahead`` above 0, this is A* with that estimate, whose path need not be the shortest. Fills
+    ``lead`` from the start on, and ``weight`` with the weights of its states; returns the number of states, 0
+    if no goal can be reached.
 
     Eq. (M42) of docs/mathematics_methods.md.
     """
@@ -171,6 +172,6 @@ def trace_lead(
 
 @allocating
 def shortest_lead(product: Product, count: IntArray, selected: IntArray, start: int, heap: Heap) -> IntArray:
-    """One lead by itself, for the uncompiled world: state numbers from ``start`` to a goal."""
+    """One lead, for callers in Python: numbers of states from ``start`` to a goal; empty if there is none."""
     lead, weight = np.empty(len(count), np.int64), np.empty(len(count))
     return lead[: find_lead(product, count, selected, start, heap, lead, weight)]

@@ -1,16 +1,16 @@
-"""Position fixes at landmarks: the coherent law of a robot that sometimes learns where it is.
+"""Position fixes at landmarks: the coherent law of a robot that sometimes measures its position.
 
-A robot inside a landmark learns its position, and with it something of the field it flies in (a Kalman
-update of (e, θ) by y = e + ν). From then on it knows a part of its deviation, e = ê + ẽ: it flies a share κ
-of ê back in every step and steers against the wind ψ' θ̂ that it now expects. What is unknown goes on as
-before with what is left of Cov(θ),
+A robot inside a landmark measures its position, which also gives information on the wind field (a Kalman
+update of (e, θ) by y = e + ν). From then on it knows a part of its deviation, e = ê + ẽ: it corrects a share
+κ of ê in every step and steers against the wind ψ' θ̂ that it now expects. The unknown part propagates as
+before, with the remaining Cov(θ),
 
     ẽ' = F ẽ + dt (ψ' θ̃ + gust),    Cov(θ̃) = I - Σ_f s_f² D_f' D_f,    D = L⁻¹ C,  L L' = Σ̃ + fix²,
     ê' = (F - κ) ê,                  Cov(e) = Cov(ẽ) + Cov(ê)   (orthogonal),
 
-with s_f the product of ρ since the fix, one for each part of the error. Missing the landmark is counted as
-failure: P(fail) <= P(miss) + P(fail with the fix), since flights that enter it are those of the law with the
-fix.
+where s_f is the product of ρ since fix f, one for each part of the error. Missing the landmark counts as
+failure: P(fail) <= P(miss) + P(fail with the fix), since flights that enter the landmark follow the law with
+the fix.
 """
 
 from __future__ import annotations
@@ -42,8 +42,8 @@ from pareto_ltl.kernels.polygon import polygon_probability
 from pareto_ltl.kernels.propagation import advance, airspeed_left, carry, clear_theta, closed_loop, forget
 from pareto_ltl.support.arrays import Float32Array, FloatArray, IntArray
 
-FADED = 1e-3  # of what a fix told: less is left out
-Shares: TypeAlias = tuple[float, float, float, float]  # of what a fix told, by part of the error
+FADED = 1e-3  # fixes whose factors s are all below this are ignored
+Shares: TypeAlias = tuple[float, float, float, float]  # factors s of a fix, one for each part of the error
 
 
 @kernel
@@ -54,7 +54,7 @@ def shares_of(table: FloatArray, row: int) -> Shares:
 
 @kernel
 def keep_shares(table: FloatArray, row: int, shares: Shares) -> None:
-    """Row ``row`` of ``table`` (N, 4) becomes ``shares``."""
+    """Write ``shares`` to row ``row`` of ``table`` (N, 4)."""
     for part in range(4):
         table[row, part] = shares[part]
 
@@ -72,7 +72,7 @@ def faded_by(shares: Shares, table: FloatArray, row: int) -> Shares:
 
 @kernel
 def landmark_at(landmarks: Landmarks, at: Point) -> int:
-    """Number of the landmark that holds a point, -1 for none."""
+    """Number of the landmark that contains a point, -1 for none."""
     for k in range(len(landmarks.faces.ptr) - 1):
         if face_slack(landmarks.faces, k, at) >= 0.0:
             return k
@@ -81,7 +81,7 @@ def landmark_at(landmarks: Landmarks, at: Point) -> int:
 
 @by_type
 def fix_missed(law: Law, memory: Memory, row: int, here: Gaussian) -> float:
-    """P(landmark missed) where the plan counts on a fix at ``here``, -1 where it does not.
+    """P(landmark missed) if the plan relies on a fix at ``here``, else -1.
 
     Eq. (M29) of docs/mathematics.md.
     """
@@ -97,8 +97,8 @@ def _no_fix(
 
 @implements(fix_missed, LandmarkLaw)
 def _fix_missed(law: LandmarkLaw, memory: LandmarkMemory, row: int, here: Gaussian) -> float:
-    # A fix is worth its risk while half of the variance or more is unknown, so a robot that crosses a
-    # landmark in several steps counts on the first.
+    # The plan relies on a fix only if at least half of the variance is unknown. So a robot that crosses a
+    # landmark in several steps relies on the first fix.
     cov = here.cov
     if 2.0 * (memory.known[row, 0] + memory.known[row, 2]) > cov.xx + cov.yy:
         return -1.0
@@ -180,7 +180,7 @@ def known_after(f: Linear, back: float, known: Cov) -> Cov:
 
 @vector
 def copy_theta(theta: Float32Array, row: int, target: int) -> None:
-    """Row ``target`` of ``theta`` becomes row ``row``."""
+    """Copy row ``row`` of ``theta`` to row ``target``."""
     for r in range(2):
         for c in range(2):
             for m in range(theta.shape[3]):
@@ -189,9 +189,9 @@ def copy_theta(theta: Float32Array, row: int, target: int) -> None:
 
 @vector
 def learn(memory: LandmarkMemory, v: int, f: int, unknown: Cov, variance: float) -> Cov:
-    """Kalman update of row ``v`` of ``theta``, whose Cov(ẽ) is given; fix ``f`` gets its D.
+    """Kalman update of row ``v`` of ``theta``, with Cov(ẽ) = ``unknown``; write D of fix ``f``.
 
-    Returns what is now known, Σ̃ S⁻¹ Σ̃.
+    Returns Σ̃ S⁻¹ Σ̃ [m²], the covariance that moves from the unknown to the known part.
 
     Eq. (M26) of docs/mathematics.md.
     """
@@ -220,9 +220,10 @@ def learn(memory: LandmarkMemory, v: int, f: int, unknown: Cov, variance: float)
 def steer_against(
     law: LandmarkLaw, memory: LandmarkMemory, step: int, at: Point, fix: int, faded: Shares, target: int
 ) -> Cov:
-    """Take what the fixes tell of the wind out of row ``target`` of ``theta``.
+    """Subtract the wind that is known from fixes from row ``target`` of ``theta``.
 
-    Returns the covariance of that wind [m²/s²]. It goes back from ``fix``, whose shares are ``faded``.
+    Returns the covariance of that wind [m²/s²]. Fixes are visited backwards from ``fix``, with factors
+    ``faded``.
 
     Eq. (M28) of docs/mathematics.md.
     """
@@ -245,7 +246,7 @@ def steer_against(
 def expected_wind(
     modes: Modes, step: int, square: Square, coefficients: Float32Array, s: Shares, c: int
 ) -> float:
-    """ψ(x)' times ``coefficients`` (P,) and the shares of their parts, for component ``c`` of the wind."""
+    """Σ_m ψ_m(x) s_m ``coefficients[m]`` of wind component ``c``; s_m is the factor of the mode's part."""
     weights, slot, scale, total = corner_weights(square), modes.slot[step], modes.scale[step], F32(0.0)
     for m in range(modes.psi.shape[4]):
         p = scale[m] * mode_value(modes.psi, slot, square, weights, c, m)
@@ -257,7 +258,7 @@ def expected_wind(
 def subtract_fix(
     theta: Float32Array, gain: Float32Array, factor: float, kept: Float32Array, part: IntArray, s: Shares
 ) -> None:
-    """``theta`` (2, P) less ``factor`` times ``gain`` (2, P), ``kept`` (P,) and the shares of its parts."""
+    """Subtract ``factor`` s_m ``kept[m]`` ``gain[c, m]`` from ``theta`` (2, P), s_m as above."""
     weight = F32(factor)
     for c in range(2):
         for m in range(theta.shape[1]):

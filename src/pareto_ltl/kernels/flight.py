@@ -1,10 +1,9 @@
-"""Simulated flights: the real motion, then the verdict on where it led.
+"""Simulated flights: first the motion in the drawn winds, then whether each flight succeeds.
 
-All flights of a batch go through a step together: their winds are looked up in one loop, which fills the
-vector registers and reads one slot of the tables. Of 250 flights of 50 steps in coherent winds each takes
-1.7 µs so, and 5 µs flown one after the other. The type of the draws says what wind a flight meets, the type
-of the pilot what the robot knows and commands. Positions are judged afterwards: the automaton on the real
-way, collisions on segments.
+All flights of a batch take a step together: one vectorised loop reads their winds from one slot of the
+tables. This takes 1.7 µs per flight for 250 flights of 50 steps in coherent winds, and 5 µs if they are
+simulated one after the other. The type of the draws selects the wind of a flight, the type of the pilot what
+the robot knows and commands. Afterwards the flown positions are evaluated: mission and collisions.
 """
 
 from __future__ import annotations
@@ -45,7 +44,7 @@ from pareto_ltl.support.arrays import BoolArray, Float32Array, FloatArray
 
 
 class IndependentDraws(NamedTuple):
-    """w ~ N(μ(x, t), Σ_w(x, t)) anew at every step, at the real position; ``white`` (T, n, 2) ~ N(0, 1).
+    """w ~ N(μ(x, t), Σ_w(x, t)), drawn at every step at the flown position; ``white`` (T, n, 2) ~ N(0, 1).
 
     Eq. (M20) of docs/mathematics.md.
     """
@@ -55,7 +54,10 @@ class IndependentDraws(NamedTuple):
 
 
 class CoherentDraws(NamedTuple):
-    """w = μ(x, t) + ψ(x)' θ of the flight's own ``theta`` (E, n, 2, P), plus what the modes leave white."""
+    """w = μ(x, t) + ψ(x)' θ + white noise, with one field ``theta`` (E, n, 2, P) for each flight.
+
+    ``white`` (T, n, 2) ~ N(0, 1).
+    """
 
     law: CoherentLaw | LandmarkLaw
     white: FloatArray
@@ -67,9 +69,9 @@ Draws: TypeAlias = IndependentDraws | CoherentDraws
 
 @by_type
 def meet_winds(draws: Draws, t: int, x: FloatArray, met: FloatArray) -> None:
-    """Write the winds (east, north) [m/s] of all flights at step ``t`` into ``met`` (n, 4).
+    """Write the winds (east, north) [m/s] of all flights at step ``t`` to the first two columns of ``met``.
 
-    They are in its first two columns, the others are scratch; ``x`` (n, T+1, 2) are the positions.
+    ``met`` (n, 4): the other columns are scratch; ``x`` (n, T+1, 2): positions [m].
     """
     raise NotImplementedError
 
@@ -100,9 +102,10 @@ def _coherent_winds(draws: CoherentDraws, t: int, x: FloatArray, met: FloatArray
 
 @vector
 def meet_fields(modes: Modes, t: int, x: FloatArray, theta: Float32Array, met: FloatArray) -> None:
-    """ψ(x)' θ, east and north, then both |ψ|² of all flights at step ``t`` into ``met`` (n, 4).
+    """Write ψ(x)' θ, east and north, and |ψ|² of both of all flights at step ``t`` to ``met`` (n, 4).
 
-    ``theta`` has shape (n, 2, P). With 32 modes 17 ns a flight, and 40 in a function called for each.
+    ``theta`` has shape (n, 2, P). With 32 modes this takes 17 ns per flight, and 40 ns with one call for
+    each.
 
     Eq. (M14) of docs/mathematics.md.
     """
@@ -123,7 +126,7 @@ def meet_fields(modes: Modes, t: int, x: FloatArray, theta: Float32Array, met: F
 
 @entry
 def place_innovations(kept: Float32Array, drawn: Float32Array, field: Float32Array) -> None:
-    """Fill ``field`` (E, n, 2, P) with ``drawn`` in turn where θ changes, ``kept`` (E, P) < 1, and else 0."""
+    """Fill ``field`` (E, n, 2, P) with the next of ``drawn`` if ``kept`` (E, P) < 1 (θ changes), else 0."""
     used = 0
     for k in range(field.shape[0]):
         for i in range(field.shape[1]):
@@ -138,7 +141,9 @@ def place_innovations(kept: Float32Array, drawn: Float32Array, field: Float32Arr
 
 @entry
 def link_fields(kept: Float32Array, theta: Float32Array) -> None:
-    """θ_k = ρ_k θ_{k-1} + √(1 - ρ_k²) η_k (E, n, 2, P) in place of the innovations η; ``kept`` (E, P) = ρ.
+    """Replace innovations η in ``theta`` (E, n, 2, P) by θ_k = ρ_k θ_{k-1} + √(1 - ρ_k²) η_k.
+
+    ``kept`` (E, P) = ρ.
 
     Eq. (M15) of docs/mathematics.md.
     """
@@ -155,7 +160,7 @@ def link_fields(kept: Float32Array, theta: Float32Array) -> None:
 
 
 class Autopilot(NamedTuple):
-    """Flies the controls ``u`` (T, 2) [m/s]; feedback, if any, holds on to ``mean`` (T+1, 2) [m]."""
+    """Flies the controls ``u`` (T, 2) [m/s]; feedback, if any, steers towards ``mean`` (T+1, 2) [m]."""
 
     u: FloatArray
     mean: FloatArray
@@ -164,11 +169,11 @@ class Autopilot(NamedTuple):
 class Navigator(NamedTuple):
     """Flies the controls of ``path`` and uses position fixes at landmarks.
 
-    At a step where the plan counts on a fix (``path.gain`` not 0) and the robot is in a landmark, it reads
-    its position with ``noise`` (T, n, 2) [m] and updates its estimate ê of the deviation and θ̂ of the
-    field. It flies ê back and steers against ψ' θ̂, within u_min and u_max, and counts on what it could do.
-    ``learnt`` stands for ``path.learnt``; it is 0 where a wind gives no information on the next one. ``kept``
-    (S + 1, P) is the share that θ keeps from step to step. ``field`` (n, 2, P) and ``estimate`` (n, 3) =
+    At a step where the plan relies on a fix (``path.gain`` not 0) and the robot is in a landmark, it measures
+    its position with ``noise`` (T, n, 2) [m] and updates its estimates ê of the deviation and θ̂ of the
+    field. It corrects ê and steers against ψ' θ̂, within u_min and u_max, and updates ê by the control that
+    it could apply. ``learnt`` is ``path.learnt``, or 0 under a law whose winds are independent. ``kept`` (S +
+    1, P) is the share of θ that is kept from step to step. ``field`` (n, 2, P) and ``estimate`` (n, 3) =
     (ê_x, ê_y, 1 after the first fix) are scratch.
     """
 
@@ -186,19 +191,22 @@ Pilot: TypeAlias = Autopilot | Navigator
 
 @by_type
 def begin_flights(pilot: Pilot) -> None:
-    """Forget what earlier flights have learnt."""
+    """Reset the estimates of earlier flights."""
     raise NotImplementedError
 
 
 @by_type
 def command(pilot: Pilot, motion: Motion, t: int, i: int, at: Point) -> tuple[float, float]:
-    """Control of flight ``i`` at step ``t``, when the robot is at a place, within u_min and u_max [m/s]."""
+    """Control [m/s] of flight ``i`` at step ``t`` and position ``at``.
+
+    A control that feedback or an estimate changes is limited to u_min and u_max.
+    """
     raise NotImplementedError
 
 
 @kernel
 def within_airspeed(motion: Motion, ux: float, uy: float) -> tuple[float, float]:
-    """The control of the same direction with an airspeed of u_min at least and u_max at most."""
+    """Control with the same direction and an airspeed limited to [u_min, u_max]; 0 stays 0."""
     size = math.sqrt(ux * ux + uy * uy)
     if size > motion.u_max:
         return ux * motion.u_max / size, uy * motion.u_max / size
@@ -257,7 +265,7 @@ def _command_navigator(pilot: Navigator, motion: Motion, t: int, i: int, at: Poi
     ux = held_x - (b_inv[0, 0] * cx + b_inv[0, 1] * cy)
     uy = held_y - (b_inv[1, 0] * cx + b_inv[1, 1] * cy)
     ux, uy = within_airspeed(motion, ux, uy)
-    # Feedback moves the unknown part of a deviation and the known one alike, which F = A - K + dt Dμ says.
+    # F = A - K + dt Dμ applies to the known part of the deviation and to the unknown part.
     du, dv = ux - held_x, uy - held_y
     estimate[0] = F[t, 0, 0] * ex + F[t, 0, 1] * ey + dt * (hx + b[0, 0] * du + b[0, 1] * dv)
     estimate[1] = F[t, 1, 0] * ex + F[t, 1, 1] * ey + dt * (hy + b[1, 0] * du + b[1, 1] * dv)
@@ -266,7 +274,7 @@ def _command_navigator(pilot: Navigator, motion: Motion, t: int, i: int, at: Poi
 
 @vector
 def fade_field(field: Float32Array, kept: Float32Array) -> None:
-    """θ̂ (2, P) keeps the shares ``kept`` (P,)."""
+    """Multiply θ̂ = ``field`` (2, P) by ``kept`` (P,)."""
     for c in range(2):
         for m in range(field.shape[1]):
             field[c, m] *= kept[m]
@@ -274,7 +282,7 @@ def fade_field(field: Float32Array, kept: Float32Array) -> None:
 
 @kernel
 def take_fix(pilot: Navigator, t: int, i: int, at: Point) -> None:
-    """Kalman update of ê and θ̂ of flight ``i`` by a position read with noise."""
+    """Kalman update of ê and θ̂ of flight ``i`` by a noisy measurement of the position ``at``."""
     path, noise, field, estimate = pilot.path, pilot.noise, pilot.field[i], pilot.estimate[i]
     dx = at.x + noise[t, i, 0] - path.x[t, 0] - estimate[0]
     dy = at.y + noise[t, i, 1] - path.x[t, 1] - estimate[1]
@@ -300,7 +308,7 @@ def known_wind(psi: Float32Array, field: Float32Array, t: int, c: int) -> float:
 
 @entry
 def fly_batch(motion: Motion, draws: Draws, pilot: Pilot, x: FloatArray, met: FloatArray) -> None:
-    """Fly one plan once for every row of ``x`` (n, T+1, 2) [m], which has the start positions in column 0.
+    """Simulate one flight of the plan for every row of ``x`` (n, T+1, 2) [m], whose column 0 is the start.
 
     ``met`` (n, 4) is scratch.
 
@@ -317,13 +325,13 @@ def fly_batch(motion: Motion, draws: Draws, pilot: Pilot, x: FloatArray, met: Fl
             x[i, t + 1, 1] = a[1, 0] * at.x + a[1, 1] * at.y + dt * (b[1, 0] * ux + b[1, 1] * uy + wn)
 
 
-# --- the verdict ------------------------------------------------------------------------------
+# --- evaluation of flights --------------------------------------------------------------------
 
 
 class Judge(NamedTuple):
-    """What decides about a flight.
+    """The problem as flights are evaluated: cells with the bounds of the map, automaton, obstacles.
 
-    Cells (with the bounds of the map) and automaton; obstacles and, by where the flight is, those near it.
+    ``nearby`` lists the obstacles by their distance from each part of the map.
     """
 
     cells: Cells
@@ -333,7 +341,7 @@ class Judge(NamedTuple):
 
 
 class Outcome(NamedTuple):
-    """Flights ``x`` (n, T+1, 2) [m] and what became of them: ``accepted``, ``collided``, ``off_map`` (n,)."""
+    """Flights ``x`` (n, T+1, 2) [m]; whether each completes the mission, collides, leaves the map (n,)."""
 
     x: FloatArray
     accepted: BoolArray
@@ -343,7 +351,7 @@ class Outcome(NamedTuple):
 
 @entry
 def judge_batch(judge: Judge, outcome: Outcome) -> None:
-    """Fill the flags of ``outcome`` from its positions."""
+    """Fill ``accepted``, ``collided`` and ``off_map`` of ``outcome`` from its positions."""
     logic, x = judge.logic, outcome.x
     for i in range(x.shape[0]):
         at = Point(x[i, 0, 0], x[i, 0, 1])

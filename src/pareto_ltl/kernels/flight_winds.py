@@ -1,4 +1,4 @@
-"""The wind that one flight of a batch meets, for aircraft that fly outside of the kernels."""
+"""The wind of a single flight, for aircraft that are simulated outside the kernels."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from pareto_ltl.support.arrays import FloatArray
 
 @entry
 def wind_met(draws: Draws, t: int, x: FloatArray, met: FloatArray) -> None:
-    """Wind (east, north) [m/s] of the one flight of ``draws`` at step ``t`` into ``met`` (1, 4).
+    """Write the wind (east, north) [m/s] at step ``t`` to ``met[0, :2]``; ``draws`` hold one flight.
 
-    Only its place ``x[0, t]`` is read.
+    ``met`` has shape (1, 4). Of ``x`` (1, T+1, 2) only the position ``x[0, t]`` [m] is read.
     """
     meet_winds(draws, t, x, met)

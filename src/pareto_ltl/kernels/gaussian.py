@@ -13,7 +13,7 @@ SQRT_HALF = math.sqrt(0.5)
 
 @kernel
 def tail(distance: float, variance: float) -> float:
-    """P(N(0, variance) > distance) = 1 - Φ(distance / σ); a step function where variance is 0."""
+    """P(N(0, variance) > distance) = 1 - Φ(distance / σ); for variance 0, 0 if distance >= 0, else 1."""
     if variance <= 0.0:
         return 0.0 if distance >= 0.0 else 1.0
     return 0.5 * math.erfc(SQRT_HALF * distance / math.sqrt(variance))
@@ -21,13 +21,13 @@ def tail(distance: float, variance: float) -> float:
 
 @inlined
 def variance_along(nx: float, ny: float, cov: Cov) -> float:
-    """n' Σ n."""
+    """n' Σ n, the variance along the unit vector n."""
     return nx * nx * cov.xx + 2.0 * nx * ny * cov.xy + ny * ny * cov.yy
 
 
 @kernel
 def outside(faces: Faces, part: int, here: Gaussian) -> float:
-    """Bound on P(position not in the polygon): Σ_j (1 - Φ((b_j - a_j' x) / σ_j)), Eq. (6).
+    """Upper bound on P(position not in the polygon): Σ_j (1 - Φ((b_j - a_j' x) / σ_j)), Eq. (6).
 
     Eq. (M34) of docs/mathematics.md.
     """
@@ -42,9 +42,9 @@ def outside(faces: Faces, part: int, here: Gaussian) -> float:
 
 @kernel
 def region_missed(faces: Faces, owner: IntArray, atom: int, here: Gaussian) -> float:
-    """Bound on P(position not in the region): that of its best convex part, at most 1.
+    """Upper bound on P(position not in the region), at most 1: the least over its convex parts.
 
-    The parts are those that ``owner`` gives to ``atom``.
+    These are the parts of ``faces`` with ``owner`` equal to ``atom``.
     """
     best = 1.0
     for part in range(len(owner)):
@@ -55,7 +55,7 @@ def region_missed(faces: Faces, owner: IntArray, atom: int, here: Gaussian) -> f
 
 @kernel
 def inside(faces: Faces, part: int, here: Gaussian) -> float:
-    """Bound on P(position in the polygon): min_k Φ((d_k - c_k' x) / σ_k), Eq. (10).
+    """Upper bound on P(position in the polygon): min_k Φ((d_k - c_k' x) / σ_k), Eq. (10).
 
     Eq. (M34) of docs/mathematics.md.
     """

@@ -10,7 +10,7 @@ from pareto_ltl.kernels.data import Cells, Faces, Nearby, Point
 from pareto_ltl.kernels.jit import allocating, kernel
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 
-SLACK = 1e-6  # [m] a point this far outside an edge still lies on it
+SLACK = 1e-6  # [m] a point at most this far outside an edge counts as on the edge
 
 
 @kernel
@@ -25,7 +25,7 @@ def face_slack(faces: Faces, part: int, at: Point) -> float:
 
 @kernel
 def off_map(cells: Cells, at: Point) -> bool:
-    """Whether the point lies beyond the bounds; a segment between two places on the map stays on it."""
+    """Whether the point is outside the bounds of the map, which are convex."""
     if at.x < cells.west - SLACK or at.x > cells.east + SLACK:
         return True
     return at.y < cells.south - SLACK or at.y > cells.north + SLACK
@@ -33,9 +33,10 @@ def off_map(cells: Cells, at: Point) -> bool:
 
 @kernel
 def locate_cell(cells: Cells, at: Point) -> int:
-    """The first cell that holds the point; beside every cell by rounding, the nearest candidate.
+    """Number of the first cell that contains the point.
 
-    -1 outside the bounds or more than a metre inside an obstacle.
+    If none does because of rounding, the nearest candidate within a metre; -1 if there is none (outside the
+    bounds, or inside an obstacle).
     """
     if not (cells.west <= at.x <= cells.east and cells.south <= at.y <= cells.north):
         return -1
@@ -55,7 +56,7 @@ def locate_cell(cells: Cells, at: Point) -> int:
 
 @kernel
 def entry_share(faces: Faces, part: int, start: Point, end: Point) -> float:
-    """The share of the segment at which it enters the interior of the polygon; inf where it never does.
+    """Fraction (0 to 1) of the segment at which it enters the interior of the polygon; inf if it does not.
 
     Cyrus and Beck, Computers & Graphics 3 (1978), doi:10.1016/0097-8493(78)90021-3.
     """
@@ -84,11 +85,10 @@ def segment_hits(faces: Faces, part: int, start: Point, end: Point) -> bool:
 
 @kernel
 def look_around(nearby: Nearby, start: Point, end: Point, reach: float) -> tuple[int, float]:
-    """The row of ``nearby`` to look at for a segment, and the ``gap`` beyond which polygons do not count.
+    """The row of ``nearby`` for a segment, and the ``gap`` [m] from which polygons can be skipped.
 
-    Polygons of a larger gap are farther from the segment than ``reach`` [m]: the largest gap to a polygon's
-    faces is 1-Lipschitz. So a polygon of that gap has one face beyond which both ends of the segment lie by
-    ``reach``.
+    A polygon with at least that gap has a face from which both ends of the segment are at least ``reach`` [m]
+    away, since the signed distance from a face is 1-Lipschitz.
     """
     dx, dy = end.x - start.x, end.y - start.y
     mx, my = start.x + 0.5 * dx - nearby.west, start.y + 0.5 * dy - nearby.south
@@ -101,7 +101,7 @@ def look_around(nearby: Nearby, start: Point, end: Point, reach: float) -> tuple
 
 @kernel
 def segment_touches(obstacles: Faces, nearby: Nearby, start: Point, end: Point) -> bool:
-    """Whether a segment meets any obstacle. In ``nearby`` other polygons may follow the obstacles."""
+    """Whether a segment meets the interior of any obstacle; ``nearby`` may list further polygons."""
     row, far = look_around(nearby, start, end, SLACK)
     for i in range(nearby.order.shape[1]):
         if nearby.gap[row, i] >= far:
@@ -114,7 +114,7 @@ def segment_touches(obstacles: Faces, nearby: Nearby, start: Point, end: Point) 
 
 @allocating
 def locate_cells(cells: Cells, points: FloatArray) -> IntArray:
-    """:func:`locate_cell` for every row of ``points`` (P, 2)."""
+    """:func:`locate_cell` for every row of ``points`` (P, 2) [m]: (P,)."""
     found = np.empty(len(points), np.int64)
     for i in range(len(points)):
         found[i] = locate_cell(cells, Point(points[i, 0], points[i, 1]))
@@ -123,7 +123,7 @@ def locate_cells(cells: Cells, points: FloatArray) -> IntArray:
 
 @allocating
 def segments_touch(obstacles: Faces, segments: FloatArray) -> BoolArray:
-    """Whether each segment, a row (x0, y0, x1, y1) of ``segments`` (S, 4), meets any obstacle."""
+    """Whether each segment, a row (x0, y0, x1, y1) of ``segments`` (S, 4) [m], meets any obstacle: (S,)."""
     found = np.zeros(len(segments), np.bool_)
     for i in range(len(segments)):
         start, end = Point(segments[i, 0], segments[i, 1]), Point(segments[i, 2], segments[i, 3])

@@ -51,7 +51,11 @@ from pareto_ltl.support.arrays import FloatArray, IntArray
 
 
 class Fans(NamedTuple):
-    """Cells as fans of triangles: ``share`` is the running sum of areas within a cell, ending at 1."""
+    """Cells as fans of triangles, for sampling.
+
+    Cell k has the triangles ``ptr[k]`` to ``ptr[k + 1]`` of ``corner`` (T, 3, 2) [m]; ``share`` (T,) is the
+    cumulative share of their areas in the cell, which ends at 1.
+    """
 
     ptr: IntArray
     corner: FloatArray  # (T, 3, 2)
@@ -60,7 +64,7 @@ class Fans(NamedTuple):
 
 @kernel
 def sample_cell(fans: Fans, cell: int, rng: Generator) -> Point:
-    """A uniform point of a cell."""
+    """Draw a point uniformly from a cell."""
     pick = rng.random()
     k = fans.ptr[cell]
     while k + 1 < fans.ptr[cell + 1] and fans.share[k] < pick:
@@ -77,10 +81,10 @@ def sample_cell(fans: Fans, cell: int, rng: Generator) -> Point:
 
 @kernel
 def extend(s: Search, v: int, target: Point, until: int, limit: int, rng: Generator) -> int:
-    """Walk from ``v`` towards a point; stop at the first step that is infeasible (Section IV-C).
+    """Add vertices from ``v`` towards ``target``, until a step is infeasible (Section IV-C).
 
-    Returns the last vertex. Before step ``until`` the robot stays where it is, if it can stand still. A
-    vertex that waits keeps its parent: a shorter way to the same place would arrive too early again.
+    Returns the last vertex. Before step ``until`` the robot hovers, if it can. A vertex that waits keeps its
+    parent, since a shorter path to the same position would arrive too early again.
     """
     world, tree, state = s.world, s.tree, s.state
     cells, logic, tally, best = world.mission.cells, world.mission.logic, state.tally, int(np.int64(BEST))
@@ -131,7 +135,7 @@ def extend(s: Search, v: int, target: Point, until: int, limit: int, rng: Genera
 
 
 class Wait(NamedTuple):
-    """Where to go next, and the step until which to wait; -1 where an extension is at its end."""
+    """The next target, and the step ``until`` which to wait (0: do not wait); -1: the extension ends."""
 
     target: Point
     until: int
@@ -139,7 +143,7 @@ class Wait(NamedTuple):
 
 @inlined
 def stands_still(s: Search, v: int) -> bool:
-    """Whether the robot can hold its place in the wind."""
+    """Whether the robot can hold the position of vertex ``v`` in the wind."""
     tree, motion = s.tree, s.world.law.motion
     flown = airspeed(motion, tree.x[v, 0] - tree.free[v, 0], tree.x[v, 1] - tree.free[v, 1])
     return bool(least_airspeed(motion, tree.speed[v]) <= flown <= tree.speed[v])
@@ -147,10 +151,10 @@ def stands_still(s: Search, v: int) -> bool:
 
 @kernel
 def look_for_window(s: Search, fans: Fans, v: int, last: Wait, goal: Point, rng: Generator) -> Wait:
-    """Whether to wait at ``v``, where an extension towards ``goal`` has ended; ``last`` is what it did.
+    """Decide whether to wait at ``v``, where an extension towards ``goal`` has ended; ``last`` is its wait.
 
-    The robot waits within a place that is to be visited later, and half of the times in front of one that is
-    closed now. One that cannot stand still flies to and fro in its cell.
+    The robot waits in a cell that is to be visited later and, with probability 1/2, before a cell that may
+    not be entered yet. A robot that cannot hover flies between random points of its cell.
     """
     tree, logic = s.tree, s.world.mission.logic
     q, step, cell, here = tree.q[v], int(tree.step[v]) + 1, tree.cell[v], vertex_point(tree, v)
@@ -175,7 +179,7 @@ def look_for_window(s: Search, fans: Fans, v: int, last: Wait, goal: Point, rng:
 
 @kernel
 def opening(logic: Logic, q: int, cell: int, step: int) -> int:
-    """The first step after ``step`` at which a cell may be entered in state q; -1: never."""
+    """The first step after ``step`` at which a cell may be entered in state q; -1 if there is none."""
     for t in range(step + 1, len(logic.epoch)):
         e = epoch_at(logic.epoch, t)
         if logic.ahead[e, logic.delta[e, q, cell]] < math.inf and not logic.harm[e, q, cell]:
@@ -185,9 +189,9 @@ def opening(logic: Logic, q: int, cell: int, step: int) -> int:
 
 @kernel
 def next_visit(logic: Logic, q: int, cell: int, step: int) -> int:
-    """The step after the first one from ``step`` on at which a cell's label brings q nearer to acceptance.
+    """One more than the first step, from ``step`` on, at which a cell's label brings q closer to acceptance.
 
-    -1: never.
+    -1 if there is none.
     """
     for t in range(step, len(logic.epoch)):
         if logic.distance[logic.delta[epoch_at(logic.epoch, t), q, cell]] < logic.distance[q]:
@@ -197,10 +201,11 @@ def next_visit(logic: Logic, q: int, cell: int, step: int) -> int:
 
 @inlined
 def pick_state(s: Search, rng: Generator) -> int:
-    """Position on the lead of the state to expand, -1 where the tree has none of them.
+    """Index in the lead of the state to expand; -1 if the tree has no vertex in any of them.
 
-    Candidates are the occupied states taken backwards from the end of the lead, with probability 1/2 of
-    stopping after each; one is drawn with probability proportional to its weight (reservoir of one).
+    Candidates are the states with vertices, taken backwards from the end of the lead; after each, the search
+    for candidates stops with probability 1/2. One of them is drawn with probability proportional to its
+    weight (weighted reservoir sampling).
     """
     state = s.state
     total, chosen = 0.0, -1
@@ -218,7 +223,10 @@ def pick_state(s: Search, rng: Generator) -> int:
 
 @inlined
 def pick_target(s: Search, fans: Fans, position: int, rng: Generator) -> Point:
-    """A target in the successor on the lead; sometimes in a later state, sometimes anywhere."""
+    """Draw a target from the cell of the next state on the lead.
+
+    With probability ``explore`` it is drawn from a later state of the lead or, equally likely, from the map.
+    """
     c, state = s.world.mission.cells, s.state
     cells = len(c.faces.ptr) - 1
     after = position + 1
@@ -232,9 +240,9 @@ def pick_target(s: Search, fans: Fans, position: int, rng: Generator) -> Point:
 
 @kernel
 def plant(s: Search, here: Gaussian, rng: Generator) -> bool:
-    """Make the root. Returns False where the start itself breaks the chance constraint."""
+    """Make the root of the tree. Returns False if the start breaks the chance constraint."""
     world, tree, state = s.world, s.tree, s.state
-    root = int(np.int64(0))  # a literal 0 would be a type of its own, and all below compiled for it
+    root = int(np.int64(0))  # a literal 0 has a type of its own, for which all helpers would compile again
     cell = locate_cell(world.mission.cells, here.mean)
     q = world.mission.logic.delta[world.mission.logic.epoch[0], world.mission.logic.initial, cell]
     tree.x[0, 0], tree.x[0, 1] = here.mean
@@ -259,11 +267,11 @@ def plant(s: Search, here: Gaussian, rng: Generator) -> bool:
 def grow(
     s: Search, product: Product, fans: Fans, root: Gaussian, limit: int, iterations: int, rng: Generator
 ) -> None:  # fmt: skip
-    """Grow until ``limit`` vertices or ``iterations`` extensions in all; can be called again to go on.
+    """Grow the tree to ``limit`` vertices or ``iterations`` extensions in total; a further call continues.
 
-    A tree without vertices is planted first, and stays without where the start breaks the chance constraint.
-    Another thread ends growth by ``state.tally[ENDED]``. It is one entry, since every entry of a tree costs
-    6 s of compilation, most of it for reading the many arrays from Python.
+    If the tree is empty, the root is made first; the tree stays empty if the start breaks the chance
+    constraint. Another thread can end growth by ``state.tally[ENDED]``. This is the only entry for trees,
+    since each takes 6 s to compile, most of it to unpack the many arrays from Python.
     """
     tree, state = s.tree, s.state
     tally = state.tally
@@ -294,7 +302,7 @@ def grow(
                 break
             wait = look_for_window(s, fans, v, wait, target, rng)
         if tally[VERTICES] == before:
-            # A door that the wind or Eq. (9) keeps shut: charge the far side too, so that leads go round.
+            # The wind or Eq. (9) blocks this edge: count its target as selected too, so that leads avoid it.
             state.selected[state.lead[position + 1]] += 1
         if s.settings.stop_at_first and tally[ACCEPTED] > 0:
             return

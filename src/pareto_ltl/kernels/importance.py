@@ -1,8 +1,9 @@
-"""Importance sampling of rare failures: what is done for every flight.
+"""Importance sampling of rare failures: the computations for each flight.
 
 A flight is a vector z ~ N(0, I): its start, the white part of its winds and the innovations of its field. In
-the law linearised about the plan its deviation e is a linear function of z, and a half-space of deviations is
-one of z, ω' z >= τ with |ω| = 1. The plain counterpart is :mod:`pareto_ltl.planning.reference_importance`.
+the law linearised about the plan, its deviation e is a linear function of z, so a half-space of deviations is
+a half-space of z, ω' z >= τ with |ω| = 1. :mod:`pareto_ltl.planning.reference_importance` has the same in
+plain Python.
 """
 
 from __future__ import annotations
@@ -18,9 +19,9 @@ from pareto_ltl.support.arrays import Float32Array, FloatArray, IntArray
 class LinearLaw(NamedTuple):
     """The coherent law linearised about a path of T steps, e' = F e + dt (ψ' θ + white).
 
-    ``F`` (T, 2, 2), ``psi`` (T, 2, P) [m/s], ``white`` (T, 2) standard deviations [m/s], ``epoch`` (T,) of
-    the field at each step, ``kept`` (E, P) the share that θ keeps at the beginning of each epoch, 0 at that
-    of the first; ``start_sd`` [m].
+    ``F`` (T, 2, 2); ``psi`` (T, 2, P) [m/s]; ``white`` (T, 2): standard deviations [m/s]; ``epoch`` (T,):
+    that of the field at each step; ``kept`` (E, P): the share of θ that is kept at the beginning of each
+    epoch, 0 for the first; ``dt`` [s]; ``start_sd`` [m].
     """
 
     F: FloatArray
@@ -41,7 +42,7 @@ class NormalDraws(NamedTuple):
 
 
 class Directions(NamedTuple):
-    """Unit vectors ω of J half-spaces in the space of z, in its parts.
+    """Unit vectors ω of J half-spaces of z, split as in :class:`NormalDraws`.
 
     ``start`` (J, 2), ``white`` (J, T, 2), ``field`` (J, E, 2, P).
     """
@@ -52,10 +53,10 @@ class Directions(NamedTuple):
 
 
 class Mixture(NamedTuple):
-    """Density of a proposal over that of flights: plain + Σ_l share_l #{j : ω_j' z >= level_l τ_j}.
+    """Density ratio of the proposal to N(0, I): plain + Σ_l share_l #{j : ω_j' z >= level_l τ_j}.
 
-    Half-space j has the ``threshold`` (J,) τ and is ω_j' z = Σ_k ``weight[k]``' e at ``step[k]`` over its
-    rows k from ``ptr[j]`` to ``ptr[j + 1]``. ``level`` (L,) descends from 1.
+    Half-space j has τ = ``threshold[j]``, and ω_j' z = Σ_k ``weight[k]``' e at ``step[k]`` over the rows k
+    from ``ptr[j]`` to ``ptr[j + 1]``. ``level`` (L,) descends from 1; ``share`` (L,).
     """
 
     ptr: IntArray
@@ -69,7 +70,7 @@ class Mixture(NamedTuple):
 
 @vector
 def linear_field(psi: Float32Array, t: int, c: int, theta: Float32Array) -> float:
-    """ψ_t' θ of component ``c``; ``psi`` (T, 2, P), ``theta`` (2, P)."""
+    """ψ_t' θ of wind component ``c`` [m/s]; ``psi`` (T, 2, P), ``theta`` (2, P)."""
     wind = F32(0.0)
     for m in range(psi.shape[2]):
         wind += psi[t, c, m] * theta[c, m]
@@ -78,7 +79,7 @@ def linear_field(psi: Float32Array, t: int, c: int, theta: Float32Array) -> floa
 
 @allocating
 def push_draws(directions: Directions, event: IntArray, size: FloatArray, draws: NormalDraws) -> None:
-    """Move flight i along ω of half-space ``event[i]`` to ω' z = ``size[i]``; -1 leaves it where it is."""
+    """Shift the draws z of flight i along ω of half-space ``event[i]`` to ω' z = ``size[i]``; -1: none."""
     for i in range(len(event)):
         j = event[i]
         if j < 0:
@@ -109,7 +110,9 @@ def along_direction(directions: Directions, j: int, draws: NormalDraws, i: int) 
 
 @allocating
 def linear_deviations(law: LinearLaw, draws: NormalDraws, theta: Float32Array, e: FloatArray) -> None:
-    """Fill ``e`` (n, T+1, 2) [m]; ``theta`` (E, n, 2, P) is the field whose innovations are in ``draws``.
+    """Fill the deviations ``e`` (n, T+1, 2) [m] under the linear law.
+
+    ``theta`` (E, n, 2, P) is the field whose innovations are in ``draws``.
 
     Eq. (M22) of docs/mathematics.md.
     """
@@ -130,7 +133,7 @@ def linear_deviations(law: LinearLaw, draws: NormalDraws, theta: Float32Array, e
 
 @allocating
 def mixture_density(mixture: Mixture, e: FloatArray, density: FloatArray) -> None:
-    """Fill ``density`` (n,), that of the proposal over that of flights, for deviations ``e`` (n, T+1, 2).
+    """Fill ``density`` (n,), the density ratio of :class:`Mixture`, for deviations ``e`` (n, T+1, 2) [m].
 
     Eq. (M64) of docs/mathematics_methods.md.
     """

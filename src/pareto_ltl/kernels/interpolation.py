@@ -1,6 +1,6 @@
-"""Tables between the nodes of their lattice: bilinear in space, linear in time.
+"""Interpolation of tables on a lattice: bilinear in space, linear in time.
 
-The readable counterpart is :func:`pareto_ltl.planning.reference.interpolate`.
+:func:`pareto_ltl.planning.reference.interpolate` is the same in plain Python.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ Weights: TypeAlias = tuple[np.float32, np.float32, np.float32, np.float32]
 
 @inlined
 def lattice_square(lattice: Wind | Modes, nx: int, ny: int, at: Point) -> Square:
-    """The square of a lattice of ``nx`` by ``ny`` nodes that holds a place, clamped to the lattice."""
+    """The square of a lattice of ``nx`` by ``ny`` nodes that contains a point, clamped to the lattice."""
     gx = min(max((at.x - lattice.west) * lattice.per_metre, 0.0), nx - 1.0)
     gy = min(max((at.y - lattice.south) * lattice.per_metre, 0.0), ny - 1.0)
     i, j = min(int(gx), nx - 2), min(int(gy), ny - 2)
@@ -28,19 +28,19 @@ def lattice_square(lattice: Wind | Modes, nx: int, ny: int, at: Point) -> Square
 
 @inlined
 def wind_square(wind: Wind, at: Point) -> Square:
-    """The square of the wind's lattice that holds a place."""
+    """The square of the wind's lattice that contains a point."""
     return lattice_square(wind, wind.mean.shape[1], wind.mean.shape[2], at)
 
 
 @inlined
 def mode_square(modes: Modes, at: Point) -> Square:
-    """The square of the lattice of the modes that holds a place."""
+    """The square of the lattice of the modes that contains a point."""
     return lattice_square(modes, modes.psi.shape[1], modes.psi.shape[2], at)
 
 
 @kernel
 def bilinear(table: FloatArray, slot: int, square: Square, first: int) -> tuple[float, float]:
-    """Entries ``first`` and ``first + 1`` of one slot of ``table`` (K, NX, NY, n) in a square."""
+    """Columns ``first`` and ``first + 1`` of one slot of ``table`` (K, NX, NY, n), bilinear in a square."""
     i, j, fx, fy = square
     a, b, c, d = (1 - fx) * (1 - fy), fx * (1 - fy), (1 - fx) * fy, fx * fy
     h, l, p, q = i + 1, j + 1, first, first + 1  # noqa: E741
@@ -51,7 +51,7 @@ def bilinear(table: FloatArray, slot: int, square: Square, first: int) -> tuple[
 
 @kernel
 def pair_at(table: FloatArray, wind: Wind, step: int, square: Square, first: int) -> tuple[float, float]:
-    """Entries ``first`` and ``first + 1`` of ``table`` at a step, linear between its two slots.
+    """Columns ``first`` and ``first + 1`` of ``table`` (K, NX, NY, n) at a step, linear between its slots.
 
     Eq. (M10) of docs/mathematics.md.
     """
@@ -65,13 +65,13 @@ def pair_at(table: FloatArray, wind: Wind, step: int, square: Square, first: int
 
 @inlined
 def wind_at(table: FloatArray, wind: Wind, step: int, at: Point) -> tuple[float, float]:
-    """Both components of ``table`` (K, NX, NY, 2) at a place and a step."""
+    """Both components of ``table`` (K, NX, NY, 2) at a point and a step."""
     return pair_at(table, wind, step, wind_square(wind, at), 0)
 
 
 @kernel
 def gust_variance(wind: Wind, step: int) -> tuple[float, float]:
-    """Variance of the white part at a step [m²/s²]."""
+    """Variance of the white part at a step, east and north [m²/s²]."""
     k, w = wind.slot[step], wind.weight[step]
     e, n = wind.gust[k, 0], wind.gust[k, 1]
     if w > 0.0:
@@ -90,7 +90,7 @@ def corner_weights(square: Square) -> Weights:
 def mode_value(
     psi: Float32Array, slot: int, square: Square, weights: Weights, c: int, m: int
 ) -> np.float32:  # fmt: skip
-    """ψ_m(x) of component ``c``; ``weights`` are those of the square's corners."""
+    """ψ_m(x) of wind component ``c``; ``weights`` are the :func:`corner_weights` of ``square``."""
     i, j = square.i, square.j
     w00, w10, w01, w11 = weights
     low = w00 * psi[slot, i, j, c, m] + w10 * psi[slot, i + 1, j, c, m]

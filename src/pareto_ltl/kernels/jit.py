@@ -1,4 +1,4 @@
-"""How kernels are compiled, and how the type of a model picks its code."""
+"""Decorators that compile kernels, and the selection of code by the type of a model."""
 
 from __future__ import annotations
 
@@ -20,37 +20,38 @@ ENTRY = {"cache": True, "nogil": True, "no_cfunc_wrapper": True}
 
 
 def kernel(function: F) -> F:
-    """Compile a helper that allocates nothing, without reference counts.
+    """Compile a helper that allocates no memory, without reference counts.
 
-    Helpers read arrays out of nested named tuples. Numba counts a reference, atomically, at every such
-    read; the arrays belong to the caller and outlive the call, so the counts are waste: without them growth
-    on phi2 runs at 246,000 instead of 57,000 vertices a second.
+    Helpers read arrays from nested named tuples. Numba changes a reference count, atomically, at every such
+    read. The arrays belong to the caller and outlive the call, so the counts are not needed: without them,
+    growth on phi2 makes 246,000 instead of 57,000 vertices a second.
     """
     return _helper(function)
 
 
 def inlined(function: F) -> F:
-    """Copy a helper of a few lines into its callers before they are compiled.
+    """Copy a helper of a few lines into its callers before these are compiled.
 
-    Numba optimises every other helper once more for each of its callers; with this, a forest compiles in
-    19 s of CPU instead of 23.
+    Numba optimises a helper that is not inlined again for each of its callers; with inlining, the growth of
+    trees compiles in 19 s of CPU time instead of 23.
     """
     return cast(F, njit(**PLAIN, inline="always")(function))
 
 
 def vector(function: F) -> F:
-    """Compile a helper whose sums may be reordered, so that they fill vector registers.
+    """Compile a helper whose sums may be reordered, so that its loops are vectorised.
 
-    For loops over modes: 0.28 instead of 0.9 µs a vertex at 96 modes. Infinities and NaN stay exact.
+    Used for loops over modes: 0.28 instead of 0.9 µs per vertex with 96 modes. Infinity and NaN behave as in
+    IEEE arithmetic.
     """
     return _helper(function, fastmath={"reassoc", "contract", "nsz"})
 
 
 def _helper(function: F, **options: Any) -> F:
-    """A function that kernels call as machine code, and Python through a compiled copy of its own.
+    """Make a function that kernels call as machine code, and Python through a second compiled copy.
 
-    Kernels need no wrapper that reads Python's objects (``overload`` makes none): a full run compiles in 47
-    instead of 64 s of CPU without them. The copy is compiled where Python calls the helper, as tests do.
+    With ``overload``, the code for kernels has no wrapper that unpacks Python objects: a full run compiles in
+    47 instead of 64 s of CPU time. The copy is compiled only if Python calls the helper, as tests do.
     """
     if config.DISABLE_JIT:
         return function
@@ -65,13 +66,13 @@ def _helper(function: F, **options: Any) -> F:
 
 
 def entry(function: F) -> F:
-    """Compile a function called from Python: machine code kept on disk, the interpreter's lock released."""
+    """Compile a function that is called from Python: cached on disk, without the interpreter's lock."""
     with stamped_by_source():
         return cast(F, njit(**PLAIN, **ENTRY)(function))
 
 
 def allocating(function: F) -> F:
-    """Compile an entry that makes arrays, and so needs their reference counts."""
+    """Compile an entry that allocates arrays, with reference counts."""
     with stamped_by_source():
         return cast(F, njit(**ENTRY)(function))
 
@@ -79,8 +80,9 @@ def allocating(function: F) -> F:
 class ChosenByType:
     """A function with one implementation for each type of its first argument, a named tuple.
 
-    Compiled callers get the implementation itself (``numba.extending.overload``): no branch is left at run
-    time, and a model compiles only its own code. Uncompiled callers look the type up in the same table.
+    In compiled callers, numba inserts the implementation at compile time (``numba.extending.overload``):
+    there is no branch at run time, and only the code of the models in use is compiled. Callers in plain
+    Python look up the type in the same table.
     """
 
     def __init__(self, function: Callable[..., Any]) -> None:
@@ -103,7 +105,7 @@ class ChosenByType:
         self.chosen = chosen
 
     def missing(self, model: type) -> str:
-        """What to do where a model has no code."""
+        """The error message for a model without an implementation."""
         name, known = self.chosen.__name__, ", ".join(sorted(t.__name__ for t in self.implementations))
         return (
             f"{name} has no code for {model.__name__}, only for {known}; add it with @implements({name}, ...)"
@@ -126,7 +128,10 @@ IMPLEMENTATIONS: dict[Any, ChosenByType] = {}
 
 
 def by_type(function: F) -> F:
-    """Declare a function whose code the type of the first argument picks; :func:`implements` adds code."""
+    """Declare a function whose implementation is selected by the type of its first argument.
+
+    :func:`implements` adds implementations.
+    """
     chosen = ChosenByType(function)
     IMPLEMENTATIONS[chosen.chosen] = chosen
     return cast(F, chosen.chosen)

@@ -1,7 +1,7 @@
-"""What a flight reads: the label of each step and, on the way between steps, harmful letters.
+"""The letters that a flight reads: the label at each step and, between steps, the labels of hazards.
 
-A proposition that helps is read at the steps alone. A letter that leads away from acceptance is read on the
-whole segment, so that a forbidden region cannot be jumped over.
+Labels that lead towards acceptance are read only at the steps. Labels that lead away from it are read on the
+whole segment between two steps, so that a flight cannot skip over a forbidden region.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ def epoch_at(epoch: IntArray, step: int) -> int:
 
 @inlined
 def too_late(logic: Logic, step: int, q: int) -> bool:
-    """Whether the letters that ``step`` and later ones show cannot complete the mission from state q."""
+    """Whether the labels of ``step`` and of later steps cannot complete the mission from state q."""
     return bool(logic.ahead[epoch_at(logic.epoch, step), q] == math.inf)
 
 
 @inlined
 def rests(logic: Logic, step: int, q: int, cell: int) -> bool:
-    """Whether the label of the step before ``step`` leaves state q as it is."""
+    """Whether the label of ``cell``, read at the step before ``step``, leaves state q unchanged."""
     return bool(logic.delta[epoch_at(logic.epoch, step - 1), q, cell] == q)
 
 
@@ -38,10 +38,10 @@ def rests(logic: Logic, step: int, q: int, cell: int) -> bool:
 def next_state(
     cells: Cells, logic: Logic, step: int, q: int, start: Point, first: int, end: Point, last: int
 ) -> int:
-    """State after ``step``, from ``start`` in cell ``first`` to ``end`` in cell ``last``; -1 is no cell.
+    """State after ``step``, from ``start`` in cell ``first`` to ``end`` in cell ``last``; -1: no cell.
 
-    The way is read only in a state that the label of its start leaves alone: otherwise the formula counts
-    steps (X), and a letter between them is none of them.
+    Hazards between the steps are read only if the label at ``start`` leaves q unchanged. Otherwise the
+    formula counts steps (operator X), and a letter between two steps is not a step.
     """
     state, begun, ended = int(np.int64(q)), int(np.int64(first)), int(np.int64(last))  # one type
     e = epoch_at(logic.epoch, step)
@@ -54,9 +54,9 @@ def next_state(
 def meet_hazards(
     cells: Cells, logic: Logic, e: int, q: int, start: Point, first: int, end: Point, last: int
 ) -> int:
-    """State after the cells between start and end that are harmful in epoch ``e``, read when entered.
+    """State after the hazards between ``start`` and ``end`` in epoch ``e``, in the order of entry.
 
-    The cells of the ends are read as the labels of their steps.
+    The cells of the two ends are skipped: their labels are read at the steps.
     """
     hazards = logic.hazards
     dx, dy = 0.5 * (end.x - start.x), 0.5 * (end.y - start.y)
@@ -83,7 +83,7 @@ def meet_hazards(
 
 @allocating
 def states_along(cells: Cells, logic: Logic, x: FloatArray) -> IntArray:
-    """Automaton state after each step of a path ``x`` (T+1, 2), (T+1,)."""
+    """Automaton state after each step of a path ``x`` (T+1, 2) [m]: (T+1,)."""
     states = np.empty(len(x), np.int64)
     at = Point(x[0, 0], x[0, 1])
     cell = locate_cell(cells, at)

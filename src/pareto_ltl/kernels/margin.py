@@ -1,7 +1,7 @@
-"""How far a flight is from failing: the margin of its mission and of its clearance, with derivatives.
+"""The margin of a flight: its distance from failure or from success, with derivatives.
 
-The margin of a flight is positive if it succeeds, negative if it fails, and says how far the positions would
-have to move [m] for the verdict to change:
+The margin [m] is positive if the flight succeeds and negative if it fails. Its size is the distance by which
+positions would have to move to change that:
 
     m = min(mission margin, clearance of every barrier on every segment).
 
@@ -11,10 +11,10 @@ least as good as p":
     W_t(p) = max_q min(W_{t-1}(q), clearance of the letters that lose q, margin of {s : δ(q, s) ≥ p} at x_t),
 
 and the mission margin is the largest W_T(p) of an accepting p. The margin of a set of letters is the signed
-distance to its nearest face. One event binds, so that m is the signed distance of one point of the flight
-from one line or corner, and its gradient is the unit vector from there.
+distance to its nearest face. In these minima and maxima one event binds: m is the signed distance of one
+point of the flight from one line or corner, and its gradient is the unit vector from there.
 
-The plain counterpart is :mod:`pareto_ltl.planning.reference_margin`.
+:mod:`pareto_ltl.planning.reference_margin` is the same in plain Python.
 """
 
 from __future__ import annotations
@@ -37,11 +37,11 @@ from pareto_ltl.kernels.margin_events import (
 from pareto_ltl.kernels.near import enclose, list_met, list_shown
 from pareto_ltl.support.arrays import FloatArray
 
-MODELS = (claim_lists.ClaimLists, claim_rows.ClaimRows)  # memory by which :func:`mission_margins` is chosen
+MODELS = (claim_lists.ClaimLists, claim_rows.ClaimRows)  # types of memory that select :func:`mission_margins`
 
 
 class Slope(NamedTuple):
-    """Of the smoothed failure: gradient (T+1, 2) [1/m] and Hessian blocks xx, xy, yy (T+1, 3) [1/m²]."""
+    """Gradient (T+1, 2) [1/m] and diagonal Hessian blocks xx, xy, yy (T+1, 3) [1/m²] of smoothed failure."""
 
     gradient: FloatArray
     hessian: FloatArray
@@ -49,9 +49,10 @@ class Slope(NamedTuple):
 
 @kernel
 def add_slope(slope: Slope, event: Event, first: float, second: float) -> None:
-    """Add first and second derivative of a function of the margin, at the ends of the binding segment.
+    """Add the derivatives ``first`` and ``second`` of a function of the margin to both ends of the segment.
 
-    The block-diagonal Hessian w n n' at an end of weight w lies above the true one: w0² + w0 w1 = w0.
+    The block-diagonal Hessian w n n' at an end of weight w is an upper bound of the exact one, as
+    w0² + w0 w1 = w0.
 
     Eq. (M55) of docs/mathematics_methods.md.
     """
@@ -69,7 +70,7 @@ def add_slope(slope: Slope, event: Event, first: float, second: float) -> None:
 
 @kernel
 def barrier_clearances(model: MarginModel, mean: FloatArray, off: FloatArray, scratch: Scratch) -> None:
-    """Lower ``scratch.margins`` to the clearance of the near barriers, and keep which of them binds."""
+    """Lower ``scratch.margins`` to the distance from near barriers; ``scratch.met`` gets the binding ones."""
     near, margins, met = scratch.near, scratch.margins, scratch.met
     for i in range(len(margins)):
         met.t[i] = NOWHERE
@@ -98,7 +99,7 @@ def smoothed_failure(
 ) -> float:
     """Mean of σ(-m / ``width``) over the flights ``mean`` (T+1, 2) + ``off`` (T+1, 2, n).
 
-    Adds its derivatives with respect to ``mean`` to ``slope``, of the second only the convex part, and fills
+    Adds its gradient with respect to ``mean`` and the convex part of its Hessian to ``slope``, and fills
     ``scratch.margins`` (n,) [m].
 
     Eqs. (M54) and (M55) of docs/mathematics_methods.md.
@@ -106,7 +107,7 @@ def smoothed_failure(
     n, near, margins, met, most = off.shape[2], scratch.near, scratch.margins, scratch.met, -CERTAIN
     enclose(mean, off, near.box)
     list_shown(model.shown, -SATURATED * width, near)
-    hazards, crossed = model.logic.hazards, near.crossed  # farther than this they leave a flight as certain
+    hazards, crossed = model.logic.hazards, near.crossed  # farther hazards have no effect
     list_met(model.hazards, hazards, SATURATED * width, near.box, near.crossed_first, crossed)
     mission_margins(scratch.claims, model, mean, off, -SATURATED * width, scratch)
     for i in range(n):

@@ -1,7 +1,7 @@
-"""What margins of flights are measured to, and the numbers of the events that bind.
+"""The polygons and transitions of the margin of a flight, and the numbers of binding events.
 
-An event that binds is the signed distance of one point of a flight from one line or corner. While margins are
-compared it is a number: whole events in its place took three times as long.
+A binding event is the signed distance of one point of a flight from one line or corner. During the search it
+is represented by a number, since storing whole events takes three times as long.
 """
 
 from __future__ import annotations
@@ -14,18 +14,17 @@ from pareto_ltl.kernels.jit import by_type, inlined, kernel
 from pareto_ltl.kernels.near import Near
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 
-NOWHERE = -1  # number, and step, of no event
-SATURATED = 12.0  # widths of the sigmoid: a margin below so many counts as -CERTAIN, as one of 6e-6 less
+NOWHERE = -1  # number, and step, of "no event"
+SATURATED = 12.0  # widths of the sigmoid: margins below minus this count as -CERTAIN, an error of 6e-6
 
 
 class Guards(NamedTuple):
-    """Transitions between claims "the state is at least as good as p", and the letters that make them.
+    """Transitions between claims "the state is at least as good as p", and their letters.
 
-    Edge e leads from ``source`` to ``target`` (E,) on letters ``letter[ptr[e]:ptr[e + 1]]``; where
-    ``spared`` (E,) is true, on all letters but these, the empty one among them. ``patient`` says that the
-    empty letter leaves every claim as it is. Edges ``first[e, q]`` to ``first[e, q + 1]`` lead from q in
-    epoch e; ``needs`` (Q,) has the bits of the letters that every way from q to acceptance reads, 0 in small
-    automata.
+    Edge i leads from ``source[i]`` to ``target[i]`` if one of the letters ``letter[ptr[i]:ptr[i + 1]]`` is
+    read or, with ``spared[i]``, if none of them is read. ``patient``: the empty letter leaves every claim
+    unchanged. In epoch e, the edges ``first[e, q]`` to ``first[e, q + 1]`` lead from q. ``needs`` (Q,): bit
+    set of the letters that every path from q to acceptance reads, 0 in small automata.
     """
 
     source: IntArray
@@ -39,12 +38,12 @@ class Guards(NamedTuple):
 
 
 class MarginModel(NamedTuple):
-    """What margins are measured to; a polygon's face k leads from its corner k to the next.
+    """Polygons and automaton of a margin; face k of a polygon is the edge from its corner k to the next.
 
-    ``shown`` are convex polygons that show a letter, ``first`` (M + 1,) the first polygon of each letter,
-    ``letter`` the letter of each polygon.
-    ``faces`` and ``corners`` are the barriers: obstacles, and walls as one face without corners. ``hazards``
-    are the faces of the cells ``logic.hazards``.
+    ``shown`` are the convex polygons that have a letter, ``first`` (M + 1,) is the first polygon of each of
+    the M letters, ``letter`` the letter of each polygon. ``faces`` and ``corners`` are the barriers:
+    obstacles, and walls as one face without corners. ``hazards`` are the faces of the cells
+    ``logic.hazards``.
     """
 
     shown: Faces
@@ -68,11 +67,11 @@ class Met(NamedTuple):
 
 
 class Scratch(NamedTuple):
-    """Memory of a search for margins.
+    """Memory for the margins of n flights.
 
-    ``claims`` is that of the missions' margins, whose type says how they are found; what is ``near``; the
-    ``margins`` (n,) of the flights, which are kept; of each flight the number of its mission's ``event`` (n,)
-    and the barrier ``met``.
+    ``claims``: memory of the mission margins, whose type selects the algorithm; ``near``: polygons near the
+    flights; ``margins`` (n,): the result [m]; ``event`` (n,): number of the binding event of each mission
+    margin; ``met``: the binding barrier of each flight.
     """
 
     claims: Any
@@ -88,7 +87,8 @@ def mission_margins(
 ) -> None:
     """Fill ``scratch.margins`` and ``scratch.event`` with the largest W_T of an accepting claim.
 
-    ``off`` (T+1, 2, n). A margin below ``floor`` [m] counts as -``CERTAIN``.
+    The flights are ``mean`` (T+1, 2) + ``off`` (T+1, 2, n). A margin below ``floor`` [m] counts as
+    -``CERTAIN``.
 
     Eq. (M53) of docs/mathematics_methods.md.
     """
@@ -97,7 +97,10 @@ def mission_margins(
 
 @kernel
 def part_margin(faces: Faces, part: int, at: Point, floor: float) -> tuple[float, int]:
-    """Signed distance to the nearest face of a polygon, and that face; -CERTAIN if not above ``floor``."""
+    """Signed distance [m] to the nearest face of a polygon, inside positive, and the row of that face.
+
+    The distance is -CERTAIN if it is not above ``floor`` [m].
+    """
     least, row = CERTAIN, -1
     for j in range(faces.ptr[part], faces.ptr[part + 1]):
         slack = faces.offset[j] - faces.normal[j, 0] * at.x - faces.normal[j, 1] * at.y
@@ -110,7 +113,7 @@ def part_margin(faces: Faces, part: int, at: Point, floor: float) -> tuple[float
 
 @kernel
 def letter_event(model: MarginModel, letter: int, t: int, at: Point) -> Event:
-    """Distance to the nearest face of the polygon of ``letter`` that holds ``at``, or misses it least."""
+    """The largest signed distance of ``at`` over the polygons of ``letter``, as an event."""
     faces, best = model.shown, Event(-CERTAIN, t, 0.0, 0.0, 0.0)
     for k in range(model.first[letter], model.first[letter + 1]):
         least, row = part_margin(faces, k, at, best.margin)
@@ -124,13 +127,13 @@ def letter_event(model: MarginModel, letter: int, t: int, at: Point) -> Event:
 
 @inlined
 def letter_number(model: MarginModel, t: int, letter: int, spared: bool) -> int:
-    """The number of "letter read, or spared, at step t"."""
+    """Number of the event "letter read (with ``spared``: not read) at step t"."""
     return 2 * (t * len(model.first) + letter) + (1 if spared else 0)
 
 
 @inlined
 def hazard_number(model: MarginModel, t: int, hazard: int, met: bool) -> int:
-    """The number of "hazard missed, or met, on the way from step t"."""
+    """Number of the event "hazard missed (with ``met``: met) between step t and the next"."""
     return -2 - 2 * (t * len(model.logic.hazards.cell) + hazard) - (1 if met else 0)
 
 
@@ -138,7 +141,7 @@ def hazard_number(model: MarginModel, t: int, hazard: int, met: bool) -> int:
 def numbered_event(
     model: MarginModel, mean: FloatArray, off: FloatArray, margin: float, number: int
 ) -> Event:
-    """The event of a number, in the flight ``mean`` + ``off`` (T+1, 2)."""
+    """The event with a ``number``, with its gradient, in the flight ``mean`` + ``off`` (T+1, 2)."""
     if number == NOWHERE:
         return Event(margin, NOWHERE, 0.0, 0.0, 0.0)
     if number >= 0:

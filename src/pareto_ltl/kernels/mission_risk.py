@@ -1,6 +1,6 @@
-"""The paper's bound f_o on the probability of missing the mission, and what is read at a step.
+"""The paper's bound f_o on the mission risk, and the probabilities of the letters of one step.
 
-The ordered bound V puts the steps together (:mod:`pareto_ltl.kernels.ordered_bound`).
+The ordered bound V (:mod:`pareto_ltl.kernels.ordered_bound`) combines the steps.
 """
 
 from __future__ import annotations
@@ -17,17 +17,17 @@ from pareto_ltl.kernels.letters import epoch_at
 from pareto_ltl.kernels.polygon import polygon_probability
 from pareto_ltl.support.arrays import FloatArray, IntArray
 
-REMOTE = 7.35  # standard deviations to one face; below its 1e-13 the exact probability is all rounding
-CERTAIN = 8.0  # standard deviations; what lies farther away has probability below 1e-15
+REMOTE = 7.35  # standard deviations to one face, with probability 1e-13: the exact value is below rounding
+CERTAIN = 8.0  # standard deviations; beyond this distance probabilities are below 1e-15
 
 # --- f_o of the paper -------------------------------------------------------------------------
 
 
 @kernel
 def visit_risk(bound: Theorem2, e: int, atom: int, cell: int, here: Gaussian, before: float) -> float:
-    """f_o^i (Theorem 1) after a step into ``cell`` in epoch ``e``: the least risk over all visits.
+    """f_o^i (Theorem 1) after a step into ``cell`` in epoch ``e``: the least risk over all visits so far.
 
-    -1 before the first.
+    ``before`` and the result are -1 if there is no visit yet.
 
     Eq. (M36) of docs/mathematics.md.
     """
@@ -39,9 +39,9 @@ def visit_risk(bound: Theorem2, e: int, atom: int, cell: int, here: Gaussian, be
 
 @allocating
 def theorem2_risks(bound: Theorem2, x: FloatArray, cov: FloatArray, cell: IntArray) -> FloatArray:
-    """f_o^i of every proposition along a path, (P,); 0 where it is never visited.
+    """f_o^i of every proposition along a path, (P,); 0 for a proposition that is never visited.
 
-    ``x`` (T+1, 2), ``cov`` (T+1, 3) = (xx, xy, yy), ``cell`` (T+1,).
+    ``x`` (T+1, 2) [m], ``cov`` (T+1, 3) = (xx, xy, yy) [m²], ``cell`` (T+1,).
 
     Eq. (M36) of docs/mathematics.md.
     """
@@ -55,12 +55,12 @@ def theorem2_risks(bound: Theorem2, x: FloatArray, cov: FloatArray, cell: IntArr
     return risks
 
 
-# --- what a step reads ----------------------------------------------------------------------
+# --- probabilities of the letters of a step -------------------------------------------------
 
 
 @kernel
 def label_probability(bound: Ordered, part: int, here: Gaussian, width: float) -> float:
-    """P(position in labelled cell ``part``); ``width`` ≥ the largest standard deviation [m]."""
+    """P(position in labelled cell ``part``); ``width`` [m] is at least the largest standard deviation."""
     labelled = bound.labelled
     dx, dy = here.mean.x - labelled.middle[part, 0], here.mean.y - labelled.middle[part, 1]
     reach = labelled.radius[part] + CERTAIN * width
@@ -77,7 +77,7 @@ def label_probability(bound: Ordered, part: int, here: Gaussian, width: float) -
 
 @kernel
 def read_labels(bound: Ordered, here: Gaussian, seen: FloatArray) -> None:
-    """Fill ``seen`` (L + 1,): P(each labelled cell), and last P(no label)."""
+    """Fill ``seen`` (L + 1,): P(position in each labelled cell), and last P(no label)."""
     cells = len(bound.labelled.cell)
     rest = 1.0
     known = here.cov.xx <= 0.0 or here.cov.yy <= 0.0
@@ -94,7 +94,7 @@ def read_labels(bound: Ordered, here: Gaussian, seen: FloatArray) -> None:
 
 @kernel
 def read_place(bound: Ordered, here: Gaussian, met: FloatArray) -> None:
-    """Fill ``met`` (H,) before the first step: a bound on P(position in each hazard)."""
+    """Fill ``met`` (H,) at the start: upper bounds on P(position in each hazard)."""
     hazards = bound.logic.hazards
     for h in range(len(hazards.cell)):
         met[h] = inside(bound.cells.faces, hazards.cell[h], here)
@@ -102,7 +102,7 @@ def read_place(bound: Ordered, here: Gaussian, met: FloatArray) -> None:
 
 @kernel
 def read_way(bound: Ordered, before: Gaussian, here: Gaussian, met: FloatArray) -> None:
-    """Fill ``met`` (H,): a bound on P(segment between two positions meets the hazard)."""
+    """Fill ``met`` (H,): upper bounds on P(segment between two positions meets each hazard)."""
     for h in range(len(met)):
         met[h] = meeting_bound(bound, h, before, here)
 
@@ -111,8 +111,9 @@ def read_way(bound: Ordered, before: Gaussian, here: Gaussian, met: FloatArray) 
 def meeting_bound(bound: Ordered, h: int, before: Gaussian, here: Gaussian) -> float:
     """P(segment meets hazard h) ≤ min over lines of P(before not beyond) + P(here not beyond).
 
-    A segment with both ends beyond one line that the polygon does not cross does not meet it. The lines are
-    those of its faces, and the one through the corner nearest to the line through both means.
+    A segment does not meet the polygon if both its ends are beyond one line that does not cross the polygon.
+    The lines are those of its faces, and the parallel to the line through both means that touches the
+    polygon at its nearest corner.
 
     Eq. (M38) of docs/mathematics.md.
     """

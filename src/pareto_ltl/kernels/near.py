@@ -1,7 +1,7 @@
-"""What may bind in any flight of a set, step by step: polygons and barriers near the box of all positions.
+"""The polygons that can bind in any flight of a set, for each step: those near the box of all positions.
 
-Most steps of a flight are far from most regions and obstacles. What is far from all flights is looked at
-once, not once for each of them.
+Most steps are far from most regions and obstacles. Polygons that are far from all flights are excluded once
+for all flights, not once for each.
 """
 
 from __future__ import annotations
@@ -13,22 +13,22 @@ from pareto_ltl.kernels.data import Corners, Faces
 from pareto_ltl.kernels.jit import kernel, vector
 from pareto_ltl.support.arrays import FloatArray, IntArray
 
-ROUNDING = 1e-3  # [m] by which a bound may be off
+ROUNDING = 1e-3  # [m] largest rounding error of a bound
 
 
 class Near(NamedTuple):
-    """Boxes of all flights, and what is near them.
+    """Bounding boxes of all flights, and the polygons near them.
 
     Attributes
     ----------
     box : (T+1, 4) float
-        Middle (x, y) and half the width and the height of all positions after each step [m].
+        Bounding box of all positions after each step: centre (x, y), half width and half height [m].
     shown_first : (T+2,) int, shown : int
         Polygons ``shown[shown_first[t]:shown_first[t + 1]]`` are near at step t.
     met_first : (T+1,) int, met : int
         Barriers ``met[met_first[t]:met_first[t + 1]]`` are near the segments from step t.
     crossed_first : (T+1,) int, crossed : int
-        The same for hazards.
+        The same for hazards and their segments.
     """
 
     box: FloatArray
@@ -42,7 +42,7 @@ class Near(NamedTuple):
 
 @vector
 def least_and_most(row: FloatArray) -> tuple[float, float]:
-    """The least and the largest number of a row."""
+    """The smallest and the largest number of a row."""
     low, high = math.inf, -math.inf
     for x in row:
         low, high = min(low, x), max(high, x)
@@ -51,7 +51,7 @@ def least_and_most(row: FloatArray) -> tuple[float, float]:
 
 @kernel
 def enclose(mean: FloatArray, off: FloatArray, box: FloatArray) -> None:
-    """Fill ``box`` (T+1, 4) with the boxes of the flights ``mean`` (T+1, 2) + ``off`` (T+1, 2, n)."""
+    """Fill ``box`` (T+1, 4) with bounding boxes of the flights ``mean`` (T+1, 2) + ``off`` (T+1, 2, n)."""
     for t in range(len(mean)):
         for c in range(2):
             low, high = least_and_most(off[t, c])
@@ -60,7 +60,7 @@ def enclose(mean: FloatArray, off: FloatArray, box: FloatArray) -> None:
 
 @kernel
 def list_shown(faces: Faces, floor: float, near: Near) -> None:
-    """List the polygons that some position may be in, or closer to than -``floor`` [m]."""
+    """List the polygons from which some position may have a signed distance above ``floor`` [m]."""
     count, box = 0, near.box
     for t in range(len(box)):
         near.shown_first[t] = count
@@ -80,9 +80,9 @@ def list_shown(faces: Faces, floor: float, near: Near) -> None:
 def list_met(
     faces: Faces, corners: Corners, reach: float, box: FloatArray, first: IntArray, met: IntArray
 ) -> None:
-    """List the polygons that some segment may be closer to than ``reach`` [m].
+    """List in ``met`` the polygons to which some segment may be closer than ``reach`` [m].
 
-    Those of step t are ``met[first[t]:first[t + 1]]``.
+    Those of the segments from step t are ``met[first[t]:first[t + 1]]``.
     """
     count = 0
     for t in range(len(box) - 1):

@@ -1,8 +1,8 @@
-"""Two indexes of vertices, each of bounded cost at a million vertices.
+"""Two indexes of vertices whose cost stays bounded up to a million vertices.
 
-The nearest vertex of a high-level state: one k-d tree a state, grown by insertion; samples come in
-random order, which keeps it about 2 ln n deep. Possible parents: every square of a grid keeps, for each
-automaton state, a uniform sample (reservoir) of the vertices that fell into it.
+For the nearest vertex of a high-level state: one k-d tree per state, built by insertion; vertices come in
+random order, so that its depth is about 2 ln n. For candidate parents: for every square of a grid and
+automaton state, a uniform sample (reservoir) of the vertices there.
 """
 
 from __future__ import annotations
@@ -17,12 +17,12 @@ from pareto_ltl.support.arrays import FloatArray, Int32Array, IntArray
 
 
 class Bins(NamedTuple):
-    """Possible parents: a bin for each square of the grid and automaton state that occur together.
+    """Candidate parents: one bin for each pair of square and automaton state that has a vertex.
 
-    ``head`` (squares,) is the first bin of a square, ``after`` (N,) the next one of the same square, by
-    automaton ``state`` (N,); 0 is none, so that pages without bins take no memory. ``seen`` (N,) vertices
-    came to a bin, of which ``kept`` (N, capacity) is a sample. ``used`` (1,) bins are in use; ``found`` (N,)
-    is scratch.
+    ``head`` (squares,) is the first bin of a square, ``after`` (N,) the next bin of the same square, sorted
+    by automaton ``state`` (N,). 0 means none, so that the system allocates no pages for empty parts. ``seen``
+    (N,) is the number of vertices of a bin, ``kept`` (N, capacity) a sample of them, ``used`` (1,) the number
+    of bins in use; ``found`` (N,) is scratch.
     """
 
     head: Int32Array
@@ -36,7 +36,7 @@ class Bins(NamedTuple):
 
 @kernel
 def kd_insert(x: FloatArray, child: Int32Array, root: Int32Array, group: int, vertex: int) -> None:
-    """Hang ``vertex`` into the k-d tree of ``group``; ``child`` (N, 2), ``root`` (groups,), -1 is empty."""
+    """Insert ``vertex`` into the k-d tree of ``group``; ``child`` (N, 2), ``root`` (groups,), -1 for none."""
     node = root[group]
     if node < 0:
         root[group] = vertex
@@ -60,11 +60,11 @@ def kd_nearest(
     target: Point,
     stack: FloatArray,
 ) -> int:
-    """The vertex of ``group`` nearest to a point, -1 where there is none.
+    """The vertex of ``group`` nearest to a point; -1 if the group is empty.
 
     ``stack`` (depth, 4) is scratch: vertex, axis, and the offsets of its box from the point along both axes.
-    A box is passed over by its distance, not by one axis alone: at 81,000 vertices that is 158 visits a
-    query instead of 811.
+    A box is skipped by its distance, not by its offset along one axis: at 81,000 vertices a query then visits
+    158 vertices instead of 811.
     """
     px, py = target
     best, best_d = -1, 1e300
@@ -96,7 +96,7 @@ def kd_nearest(
 
 @kernel
 def remember(kept: Int32Array, seen: Int32Array, square: int, vertex: int, rng: Generator) -> None:
-    """Vitter's algorithm R: ``kept[square]`` stays a uniform sample of all that came."""
+    """Vitter's algorithm R: keep ``kept[square]`` a uniform sample of all vertices that were added."""
     seen[square] += 1
     capacity = kept.shape[1]
     if seen[square] <= capacity:
@@ -109,7 +109,7 @@ def remember(kept: Int32Array, seen: Int32Array, square: int, vertex: int, rng: 
 
 @kernel
 def bin_of(bins: Bins, square: int, state: int) -> int:
-    """The bin of a square and an automaton state, made where there is none."""
+    """The bin of a square and an automaton state; it is made if there is none."""
     before, b = 0, bins.head[square]
     while b > 0 and bins.state[b] < state:
         before, b = b, bins.after[b]

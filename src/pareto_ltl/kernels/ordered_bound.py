@@ -1,15 +1,15 @@
-"""The ordered bound V along a path, kept for the automaton states that are live.
+"""The ordered bound V along a path, stored as a few entries (automaton state, V).
 
     V_t(p) = min(1, min_q [V_{t-1}(q) + P(label not in {s : δ(q, s) ≥ p}) + Σ_h P(hazard h met)]),
 
-the sum over the hazards whose label loses q. V falls in no state that accepts more: V(p) ≤ V(p') where
-p' ≥ p. So a row holds a few entries (state, V), and V(p) is the least of those whose state is ≥ p, 1 where
-there is none. A state needs no entry if another one that no other hazards lose is ≥ it at no larger V.
+with the sum over the hazards whose label loses q. V is monotone: V(p) ≤ V(p') if p' ≥ p. So a row holds a few
+entries (state, V), and V(p) is the smallest V of the entries with a state ≥ p, or 1 if there is none. A state
+needs no entry if a state ≥ it, lost by the same hazards, has an entry with a V that is not larger.
 
-With at most ``LIVE`` automaton states (:mod:`pareto_ltl.planning.pack_logic`) the entries say all that V
-says. With more of them only the states that a letter leads to are followed, and the most promising entries
-are kept: each that is left out is one way less to fulfil the mission, so that the bound may be larger than V
-and is never smaller than the truth.
+With at most ``LIVE`` automaton states (:mod:`pareto_ltl.planning.pack_logic`), the entries represent V
+exactly. With more, only the states to which a letter leads are followed, and only the most promising entries
+are kept. Leaving out an entry removes one way to complete the mission, so the bound can become larger than V,
+but it remains an upper bound of the mission risk.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from pareto_ltl.kernels.letters import epoch_at, next_state
 from pareto_ltl.kernels.mission_risk import read_labels, read_place, read_way
 from pareto_ltl.support.arrays import FloatArray, Int32Array
 
-STEP_WORTH = 0.25  # one letter less to acceptance is worth so much of V when entries are left out
+STEP_WORTH = 0.25  # weight of one transition to acceptance against V when entries are left out
 
 
 @kernel
@@ -38,7 +38,7 @@ def live_value(bound: Ordered, rows: LiveRows, row: int, p: int) -> float:
 
 @kernel
 def begin_bound(bound: Ordered, rows: LiveRows, row: int) -> None:
-    """V(p) before the first letter: 0 where the initial state accepts all that p accepts, else 1.
+    """V(p) before the first letter: 0 if the initial state accepts all that p accepts, else 1.
 
     Eq. (M37) of docs/mathematics.md.
     """
@@ -50,7 +50,7 @@ def begin_bound(bound: Ordered, rows: LiveRows, row: int) -> None:
 
 @kernel
 def note_letters(bound: Ordered, letters: Letters) -> bool:
-    """List what may be read, from ``letters.seen`` and ``met``; False where it is surely the empty letter."""
+    """List the letters and hazards with a probability above 0; False if only the empty letter can be read."""
     parts, hazards = len(bound.labelled.cell), len(bound.logic.hazards.cell)
     labels, ways = 0, 0
     for part in range(parts):
@@ -67,7 +67,7 @@ def note_letters(bound: Ordered, letters: Letters) -> bool:
 
 @kernel
 def stays(bound: Ordered, letters: Letters, rows: LiveRows, row: int) -> bool:
-    """Whether the empty letter leaves every state of a row as it is."""
+    """Whether the empty letter leaves every state of a row unchanged."""
     delta, e = bound.logic.delta, letters.epoch[0]
     empty = delta.shape[2] - 1
     for k in range(rows.first[row], rows.first[row] + rows.size[row]):
@@ -104,7 +104,7 @@ def promise_cost(bound: Ordered, letters: Letters, q: int, p: int, value: float)
 def offer(
     bound: Ordered, letters: Letters, q: int, p: int, value: float, rows: LiveRows, row: int, planned: int
 ) -> None:  # fmt: skip
-    """Enter what p costs from q at V(q) = ``value`` into a row, the least for each state."""
+    """Enter p into a row with its cost from q at V(q) = ``value``; of each state the least cost is kept."""
     cost = promise_cost(bound, letters, q, p, value)
     if cost >= 1.0:
         return
@@ -122,14 +122,14 @@ def offer(
 
 @inlined
 def count_targets(bound: Ordered, letters: Letters, q: int) -> int:
-    """How many states an entry at q is followed to."""
+    """Number of states to which an entry at q can lead."""
     listed = bound.targets.ptr[q + 1] - bound.targets.ptr[q]
     return int(listed if listed > 0 else 2 + letters.listed[0])
 
 
 @inlined
 def target_state(bound: Ordered, letters: Letters, q: int, i: int) -> int:
-    """State number i of these: of the list, or q itself and those that a letter leads to."""
+    """State i of those that :func:`count_targets` counts: of the list, or q and states after a letter."""
     first, delta, e = bound.targets.ptr[q], bound.logic.delta, letters.epoch[0]
     if bound.targets.ptr[q + 1] > first:
         return int(bound.targets.state[first + i])
@@ -144,10 +144,10 @@ def target_state(bound: Ordered, letters: Letters, q: int, i: int) -> int:
 def read_letter(
     bound: Ordered, letters: Letters, before: LiveRows, row: int, now: LiveRows, target: int, planned: int
 ) -> None:  # fmt: skip
-    """V after one more letter into row ``target`` of ``now``, from ``row`` of ``before``.
+    """Write V after one more letter to row ``target`` of ``now``, from ``row`` of ``before``.
 
-    ``now`` has places for 2 ``most`` entries. ``planned`` is the state whose V is kept when entries are left
-    out.
+    ``now`` has space for 2 ``most`` entries. When entries are left out, that of the state ``planned`` is
+    kept.
 
     Eq. (M37) of docs/mathematics.md.
     """
@@ -167,9 +167,9 @@ def read_letter(
 
 @kernel
 def leave_out(bound: Ordered, place: Int32Array, rows: LiveRows, row: int, planned: int) -> None:
-    """Keep ``most`` entries of a row: those of least V + ``STEP_WORTH`` d_A, and one for the planned state.
+    """Keep ``most`` entries of a row: those with the least V + ``STEP_WORTH`` d_A, and one for ``planned``.
 
-    That one is the entry that V of the ``planned`` state rests upon.
+    The latter is the entry that determines V of the state ``planned``.
     """
     first, count = rows.first[row], rows.size[row]
     for k in range(first, first + count):
@@ -184,7 +184,7 @@ def leave_out(bound: Ordered, place: Int32Array, rows: LiveRows, row: int, plann
 
 @inlined
 def sink_entry(bound: Ordered, rows: LiveRows, first: int, k: int) -> None:
-    """Insert entry k into the sorted ones before it; of equal rank the smaller state comes first."""
+    """Insert entry k into the sorted entries before it; at equal rank the smaller state comes first."""
     state, value, j = rows.state[k], rows.value[k], k
     rank = entry_rank(bound, state, value)
     while j > first:
@@ -198,13 +198,13 @@ def sink_entry(bound: Ordered, rows: LiveRows, first: int, k: int) -> None:
 
 @inlined
 def entry_rank(bound: Ordered, state: int, value: float) -> float:
-    """What entries are sorted by when some are left out."""
+    """Sort key of an entry when some are left out: V + ``STEP_WORTH`` d_A."""
     return float(value + STEP_WORTH * bound.logic.distance[state])
 
 
 @inlined
 def raise_planned(bound: Ordered, rows: LiveRows, first: int, count: int, planned: int) -> None:
-    """Move the entry that V of the ``planned`` state rests upon to the front."""
+    """Move the entry that determines V of the state ``planned`` to the front."""
     held, best = -1, 1.0
     for k in range(first, first + count):  # of equal V the first is nearest to acceptance
         if rows.value[k] < best and bound.logic.covers[rows.state[k], planned]:
@@ -218,7 +218,10 @@ def raise_planned(bound: Ordered, rows: LiveRows, first: int, count: int, planne
 
 @kernel
 def keep_useful(bound: Ordered, rows: LiveRows, first: int, count: int) -> int:
-    """Move up to ``most`` entries that none before them makes needless to the front; return how many."""
+    """Move up to ``most`` entries to the front, without those that an earlier one makes redundant.
+
+    Returns the number of entries kept.
+    """
     covers, kind, kept = bound.logic.covers, bound.kind, 0
     for k in range(first, first + count):
         p, value, needless = rows.state[k], rows.value[k], False
@@ -237,7 +240,7 @@ def keep_useful(bound: Ordered, rows: LiveRows, first: int, count: int) -> int:
 
 @kernel
 def add_risk(rows: LiveRows, row: int, risk: float) -> None:
-    """Raise V of every state in a row by a risk that all that follows rests upon."""
+    """Add the risk of an event that fails the mission to V of every state in a row; V is at most 1."""
     if risk > 0.0:
         for k in range(rows.first[row], rows.first[row] + rows.size[row]):
             rows.value[k] = min(rows.value[k] + risk, 1.0)
@@ -245,7 +248,7 @@ def add_risk(rows: LiveRows, row: int, risk: float) -> None:
 
 @kernel
 def copy_entries(rows: LiveRows, row: int, to: LiveRows, target: int) -> None:
-    """Copy a row to the places of another."""
+    """Copy the entries of a row to another one."""
     source, goal = rows.first[row], to.first[target]
     to.size[target] = rows.size[row]
     for k in range(rows.size[row]):
@@ -256,9 +259,9 @@ def copy_entries(rows: LiveRows, row: int, to: LiveRows, target: int) -> None:
 def ordered_risk(
     bound: Ordered, rows: LiveRows, letters: Letters, x: FloatArray, cov: FloatArray, miss: FloatArray
 ) -> float:  # fmt: skip
-    """V of a whole path ``x`` (T+1, 2) with ``cov`` (T+1, 3) = (xx, xy, yy).
+    """The bound V of the mission risk of a path ``x`` (T+1, 2) [m] with ``cov`` (T+1, 3) = (xx, xy, yy) [m²].
 
-    ``miss`` (T+1,) = P(landmark missed). ``rows`` are two of scratch, ``letters`` is scratch as well.
+    ``miss`` (T+1,) = P(landmark missed). ``rows`` (two rows) and ``letters`` are scratch.
 
     Eq. (M37) of docs/mathematics.md.
     """

@@ -1,4 +1,4 @@
-"""Which of two parents is better: the rules of re-selection, Eqs. (11) and (12) and ours."""
+"""Rules of parent re-selection, which compare two parents: Eqs. (11) and (12) of the paper, and our own."""
 
 from __future__ import annotations
 
@@ -8,11 +8,12 @@ from typing import NamedTuple
 from pareto_ltl.kernels.jit import by_type, implements, kernel
 from pareto_ltl.support.arrays import FloatArray, IntArray
 
-# Parents appraised for a vertex under the scaled rules. All of them, 5.7 on phi2, make its trees twice as
-# slow and no better: the hypervolume of what ten trees fly is 0.32 ± 0.02, with two appraised 0.34 ± 0.03.
+# Number of parents whose risks are computed for a vertex under the scaled rules. Computing all of them (5.7
+# on phi2) makes growth twice as slow and no better: the hypervolume of the flown paths of ten trees is 0.32 ±
+# 0.02, and 0.34 ± 0.03 with two.
 APPRAISED = 2
-UNLIKE = 1000.0  # a transition less to acceptance is worth more than any score
-FLOOR = 1e-6  # risks below it count as equal where their logarithms are compared
+UNLIKE = 1000.0  # rank of one transition to acceptance, more than any score
+FLOOR = 1e-6  # added to risks before their logarithms are compared
 
 
 class Dominance(NamedTuple):
@@ -23,14 +24,14 @@ class Dominance(NamedTuple):
 
 
 class Scaled(NamedTuple):
-    """d_A first, then logarithms of risks and the length.
+    """Compares d_A first, then logarithms of risks, and length.
 
-    Slack of the risks is the factor 1 + ``beta_risk``. Where ``scored``, one augmented Tchebycheff score of
-    mission risk, collision risk and length decides instead, with ``weight`` (3,); ``per_length`` [1/m]
-    scales the length in it. Both are one type, because one forest grows trees of both kinds: the kernels
-    then compile once. The ``APPRAISED`` parents of the best score by their own risks are appraised.
-    ``missions`` is the number of columns that hold mission risk; the collision risk
-    follows, where the bound has one.
+    The slack of risks is the factor 1 + ``beta_risk``, that of length ``beta_length`` [m]. With ``scored``,
+    one augmented Tchebycheff score of mission risk, collision risk and length decides instead, with
+    ``weight`` (3,); ``per_length`` [1/m] scales the length in it. Both are one type, because one run grows
+    trees of both kinds, and the kernels then compile once. Risks are computed only for the ``APPRAISED``
+    candidates with the best score of their own risks. The first ``missions`` columns of risks hold mission
+    risk; the collision risk follows, if the bound has one.
     """
 
     beta_length: float
@@ -42,7 +43,7 @@ class Scaled(NamedTuple):
 
 
 class Candidate(NamedTuple):
-    """A parent under comparison: d_A and length [m] of the new vertex, and its row of the risks."""
+    """A parent in a comparison: d_A and length [m] of the new vertex with it, and its row of the risks."""
 
     distance: float
     length: float
@@ -53,7 +54,7 @@ class Candidate(NamedTuple):
 def improves(
     rule: Dominance | Scaled, risks: FloatArray, new: Candidate, old: Candidate, strict: bool
 ) -> bool:
-    """Whether parent ``new`` may replace ``old``: Eqs. (11) and (12), with ``strict`` Eq. (12) alone.
+    """Whether parent ``new`` may replace ``old``: Eqs. (11) and (12), with ``strict`` only Eq. (12).
 
     ``risks`` (rows, columns): objectives of the candidates, -1 for a proposition not visited yet.
 
@@ -70,16 +71,19 @@ def collision_limit(rule: Dominance | Scaled, risk: float, delta: float) -> floa
 
 @by_type
 def rank_parent(rule: Dominance | Scaled, risks: FloatArray, parent: Candidate) -> float:
-    """What a possible parent is ranked by before anything is computed for it.
+    """Rank of a candidate parent, lower is better, before the risks of the new vertex are computed.
 
-    That is its own row of ``risks``, d_A and the length of the new vertex.
+    It depends on the parent's own row of ``risks``, and on d_A and length of the new vertex.
     """
     raise NotImplementedError
 
 
 @by_type
 def put_first(rule: Dominance | Scaled, pool: IntArray, ranks: FloatArray, count: int) -> int:
-    """Move the parents to be appraised to the front of the ``count`` in a pool; how many there are."""
+    """Move the parents whose risks are to be computed to the front of ``pool``; return their number.
+
+    The pool has ``count`` parents, with their ``ranks``.
+    """
     raise NotImplementedError
 
 
@@ -150,7 +154,7 @@ def _put_best_first(_rule: Scaled, pool: IntArray, ranks: FloatArray, count: int
 
 @kernel
 def tchebycheff(rule: Scaled, risks: FloatArray, candidate: Candidate) -> float:
-    """max_i λ_i z_i + 0.05 Σ_i λ_i z_i, z the scaled logarithms of mission and collision risk and the length.
+    """max_i λ_i z_i + 0.05 Σ_i λ_i z_i; z: scaled logarithms of mission and collision risk, scaled length.
 
     The augmented Tchebycheff score of Steuer and Choo, Math. Programming 26 (1983), doi:10.1007/BF02591870.
 

@@ -1,4 +1,4 @@
-"""The one pass along a path: the Gaussian of its position, and all that anyone asks of it."""
+"""Propagation of the Gaussian position along a path, and the checks of a path."""
 
 from __future__ import annotations
 
@@ -50,15 +50,15 @@ class Flight(NamedTuple):
     shift : (T, 2) float
         Mean shift ½ D²μ : Σ + ∂ψ : C [m/s]; 0 under the independent law.
     speed : (T,) float
-        Airspeed left for the control by feedback and fixes [m/s].
+        Airspeed that feedback and fixes leave for the control [m/s].
     miss : (T+1,) float
-        P(landmark missed) at the steps where the plan counts on a fix, else 0.
+        P(landmark missed) at the steps where the plan relies on a fix, else 0.
     F : (T, 2, 2) float, psi : (T, 2, P) float32, white : (T, 2) float
         The law linearised about the path: e' = F e + dt (ψ' θ + white). P = 0 under the independent law.
     gain : (T, 2, 2) float, learnt : (T, 2, P, 2) float32
-        Kalman gains Σ̃ S⁻¹ and S⁻¹ Cov(ẽ, θ̃) of the steps with a fix, else 0; T = 0 rows without landmarks.
+        Kalman gains Σ̃ S⁻¹ and S⁻¹ Cov(ẽ, θ̃) of the steps with a fix, else 0; no rows without landmarks.
     memory : Memory
-        What the law remembers for each vertex: Cov(e, θ) in ``theta``.
+        Memory of the law for each step: Cov(e, θ) in ``theta``.
     """
 
     x: FloatArray
@@ -85,7 +85,7 @@ def position(flight: Flight, t: int) -> Gaussian:
 
 @by_type
 def note_linear_law(law: Law, flight: Flight, t: int, here: Gaussian) -> None:
-    """Fill row ``t`` of what a flight records beyond its Gaussian: F, ψ, white variance, mean shift."""
+    """Fill row ``t`` of ``flight.F``, ``psi``, ``white`` and ``shift``."""
     raise NotImplementedError
 
 
@@ -96,7 +96,7 @@ def _note_independent(law: IndependentLaw, flight: Flight, t: int, here: Gaussia
         flight.shift[t, i] = 0.0
         for j in range(2):
             flight.F[t, i, j] = closed[i, j]
-    # What A Σ A' leaves of Σ' is dt² Σ_w at the point of largest trace.
+    # Σ' - A Σ A' is dt² Σ_w at the point of largest trace.
     p0, p1 = closed[0, 0] * here.cov.xx + closed[0, 1] * here.cov.xy, closed[0, 0] * here.cov.xy
     p1 += closed[0, 1] * here.cov.yy
     q0, q1 = closed[1, 0] * here.cov.xx + closed[1, 1] * here.cov.xy, closed[1, 0] * here.cov.xy
@@ -128,7 +128,7 @@ def _note_coherent(law: CoherentLaw | LandmarkLaw, flight: Flight, t: int, here:
 
 @by_type
 def note_fix(law: Law, flight: Flight, t: int, here: Gaussian) -> None:
-    """Fill row ``t`` of what a robot needs to use a fix at ``here``, where the plan counts on one."""
+    """Fill row ``t`` of ``flight.miss`` and, if the plan relies on a fix at ``here``, of its Kalman gains."""
     raise NotImplementedError
 
 
@@ -160,11 +160,11 @@ def _note_fix(law: LandmarkLaw, flight: Flight, t: int, here: Gaussian) -> None:
 
 @allocating
 def propagate_flight(law: Law, flight: Flight, variance: float, steered: bool) -> int:
-    """Fly a path from a start of the given ``variance`` [m²] under one wind law.
+    """Propagate the Gaussian position along a path, from a start of the given ``variance`` [m²].
 
-    With ``steered`` the controls ``flight.u`` are given and the means follow from them, else the means
-    ``flight.x`` and the controls. Everything else in ``flight`` is filled. Returns the number of steps
-    flown: fewer than T where the wind is not known for longer.
+    With ``steered`` the controls ``flight.u`` are given and the means are computed, otherwise the means
+    ``flight.x`` are given and the controls are computed. All other fields of ``flight`` are filled. Returns
+    the number of steps, which is less than T if the wind is known for fewer steps.
 
     Eqs. (M23) and (M24) of docs/mathematics.md.
     """
@@ -203,10 +203,11 @@ def check_path(
     q: IntArray,
     cell: IntArray,
 ) -> tuple[int, int]:
-    """The first fault along a path that was propagated for ``known`` steps, and the step where it is.
+    """The first constraint that a path breaks, ``FLOWN`` for none, and the step where it does.
 
-    Fills ``q`` and ``cell`` (T+1,) up to there. ``fast`` is the factor by which the airspeed may miss its
-    limits, ``memory`` two rows of what the collision bound remembers.
+    The path was propagated for ``known`` steps. Fills ``q`` and ``cell`` (T+1,) up to that step. ``fast`` is
+    the factor by which the airspeed may exceed its limits, ``memory`` two rows of memory of the collision
+    bound.
     """
     motion, x, free = world.law.motion, flight.x, flight.free
     cells, logic = world.mission.cells, world.mission.logic
@@ -243,10 +244,10 @@ def covariance_across_time(
     linear: tuple[FloatArray, Float32Array], cov: FloatArray, theta: Float32Array, kept: Float32Array,
     dt: float, held: FloatArray, cross: FloatArray,
 ) -> None:  # fmt: skip
-    """Cov(e_t, e_s) for s <= t into ``cross`` (T+1, T+1, 2, 2) along a flight without fixes.
+    """Fill ``cross[t, s]`` (T+1, T+1, 2, 2) with Cov(e_t, e_s) [m²] for s <= t, of a flight without fixes.
 
-    ``linear`` are F and ψ of the flight, ``theta`` its Cov(e, θ), ``kept`` the persistence of the modes;
-    ``held`` (2, 2, P) is scratch.
+    ``linear`` are F (T, 2, 2) and ψ (T, 2, P) of the flight, ``cov`` (T+1, 3) its covariance, ``theta`` its
+    Cov(e, θ), ``kept`` (S+1, P) the persistence of the modes; ``held`` (2, 2, P) is scratch.
 
     Eq. (M25) of docs/mathematics.md.
     """

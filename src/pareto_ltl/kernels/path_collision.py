@@ -1,4 +1,4 @@
-"""R of a whole path: the cheapest division of its steps into runs, each beside one face of an obstacle."""
+"""The collision bound R of a path: the cheapest division of its steps into runs beside one face each."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from pareto_ltl.kernels.geometry import SLACK
 from pareto_ltl.kernels.jit import allocating, inlined, kernel
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 
-ALL_DEVIATIONS = 8.3  # below 1e-16: nothing is left out
-SUM_ONLY, REFLECT, REFLECT_WHERE_GROWING = range(3)  # when the form 2 Φ may be used
-UNKNOWN = -2  # whether the variance grows up to a step has not been looked into
-ROUNDING = 1e-9  # by which sums in another order may differ, as a share
+ALL_DEVIATIONS = 8.3  # standard deviations; farther obstacles have probability below 1e-16
+SUM_ONLY, REFLECT, REFLECT_WHERE_GROWING = range(3)  # whether the form 2 Φ is used: never, always, by cross
+UNKNOWN = -2  # not computed yet
+ROUNDING = 1e-9  # largest relative difference of sums in another order
 
 
 class GaussianPath(NamedTuple):
-    """Means ``x`` (T+1, 2) and covariances ``cov`` (T+1, 3) = (xx, xy, yy).
+    """Means ``x`` (T+1, 2) [m] and covariances ``cov`` (T+1, 3) = (xx, xy, yy) [m²].
 
-    ``reflect`` says when the form 2 Φ holds, ``cross`` (T+1, T+1, 2, 2) = Cov(e_t, e_s) decides where it is
-    not known beforehand.
+    ``reflect`` says when the form 2 Φ is valid; with ``REFLECT_WHERE_GROWING``, ``cross`` (T+1, T+1, 2, 2) =
+    Cov(e_t, e_s) [m²] decides.
     """
 
     x: FloatArray
@@ -34,11 +34,11 @@ class GaussianPath(NamedTuple):
 
 
 class Beside(NamedTuple):
-    """The faces of one obstacle along a path of n steps.
+    """The k faces of one obstacle along a path of n positions.
 
-    Gap [m], variance [m²] along the normal, probability beyond the face, and the last step before t whose
-    variance exceeds the covariance with t; (k, n). ``cost`` (k,): the least Σ p_t of divisions whose last run
-    is beside a face.
+    All (k, n): ``gap`` [m]; ``variance`` along the normal [m²]; ``beyond``, the probability of being inside
+    the face; ``shrunk``, the last step before t whose variance exceeds its covariance with t. ``cost`` (k,):
+    the least Σ p_t of divisions whose last run is beside each face.
     """
 
     gap: FloatArray
@@ -50,18 +50,18 @@ class Beside(NamedTuple):
 
 @allocating
 def collision_bound(obstacles: Faces, nearby: Nearby, path: GaussianPath) -> float:
-    """The collision bound R of a whole path, not cut at 1.
+    """The collision bound R of a path; it may exceed 1.
 
         R = Σ over (obstacle, run of steps with one separating face) of min(Σ_t p_t, 2 Φ(-min d / max σ))
 
-    Runs overlap in the step where the face changes, because both ends of every step must clear one face;
-    the cheapest division into runs is found by dynamic programming over the steps. The second form holds
-    while Cov(e_s, e_t) >= Var e_s for s <= t along the normal of the face: always where A - K = I under the
-    independent law, and otherwise where ``path.cross`` says so.
+    Two runs share the position where the face changes, because both ends of every step must clear one face.
+    The cheapest division into runs is found by dynamic programming over the steps. The form 2 Φ is valid
+    while Cov(e_s, e_t) >= Var e_s for s <= t along the normal of the face: always under the independent law
+    with A - K = I, otherwise as ``path.cross`` shows.
 
-    Sums alone take one pass along the path; what they cost bounds the search for runs that the second form
-    makes cheaper, of which there are as many as pairs of steps. Obstacles that no step comes near cost less
-    than 1e-15 and are not looked at.
+    The best division with sums only takes one pass along the path. Its cost limits the search for runs that
+    the form 2 Φ makes cheaper, of which there are as many as pairs of steps. Obstacles that are far from all
+    steps cost less than 1e-15 and are skipped.
 
     Eq. (M40) of docs/mathematics.md.
     """
@@ -98,7 +98,7 @@ def collision_bound(obstacles: Faces, nearby: Nearby, path: GaussianPath) -> flo
 
 @kernel
 def _note_close(nearby: Nearby, path: GaussianPath, close: BoolArray) -> None:
-    """Say of every obstacle whether a step comes near it."""
+    """Fill ``close``: whether any step is near each obstacle."""
     for t in range(len(path.x)):
         leg = leg_between(_position(path, max(t - 1, 0)), _position(path, t), ALL_DEVIATIONS)
         row, far = look_around_leg(nearby, leg)
@@ -116,7 +116,7 @@ def _position(path: GaussianPath, t: int) -> Gaussian:
 
 @kernel
 def _look_beside(obstacles: Faces, first: int, faces: int, path: GaussianPath, beside: Beside) -> None:
-    """Fill ``beside`` for ``faces`` faces from ``first`` on."""
+    """Fill ``beside`` for the ``faces`` faces from row ``first`` on."""
     x, cov = path.x, path.cov
     for k in range(faces):
         nx, ny = obstacles.normal[first + k, 0], obstacles.normal[first + k, 1]
@@ -129,7 +129,7 @@ def _look_beside(obstacles: Faces, first: int, faces: int, path: GaussianPath, b
 
 @kernel
 def _cost_of_sums(beside: Beside, faces: int) -> float:
-    """The least Σ p_t over all divisions into runs; inf where there is none."""
+    """The least Σ p_t over all divisions into runs; inf if there is no division."""
     now, before = 0.0, 0.0
     for t in range(beside.gap.shape[1]):
         now = math.inf
@@ -153,8 +153,8 @@ def _runs_from(
 ) -> None:
     """Lower ``cheapest[t]``, the cost of steps 0 to t, by runs beside face k from step s on.
 
-    ``at`` is the normal of the face. Longer runs cost more, so that the search ends above ``limit``; 2 Φ, at
-    least 2 max p, is worked out where it can be the least.
+    ``at`` is the normal of the face. Longer runs cost more, so the search ends above ``limit``. The form 2 Φ,
+    which is at least 2 max p, is computed only if it can be the cheapest.
     """
     gap, variance, beyond = beside.gap[k], beside.variance[k], beside.beyond[k]
     before = 0.0 if s == 0 else cheapest[s]
@@ -188,9 +188,9 @@ def _runs_from(
 
 @kernel
 def _last_shrunk(at: Point, k: int, path: GaussianPath, beside: Beside, s: int, t: int) -> int:
-    """The last step r >= s, r < t, with n' Cov(e_t, e_r) n < n' Var(e_r) n, and -1 where there is none.
+    """The last step r with s <= r < t and n' Cov(e_t, e_r) n < n' Var(e_r) n; -1 if there is none.
 
-    It is looked for once: later runs begin at later steps.
+    It is computed once for each t and stored: later runs begin at later steps.
     """
     if beside.shrunk[k, t] == UNKNOWN:
         beside.shrunk[k, t] = -1

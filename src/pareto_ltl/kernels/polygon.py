@@ -13,8 +13,8 @@ from pareto_ltl.support.arrays import FloatArray
 DEEP = 8.3  # exp(-x²/2) is below 1e-15 from here on
 TURN = 2.0 * math.pi
 
-# Gauss-Legendre on [0, 1]. Twelve nodes give Owen's T to 1e-16 for |a| ≤ 1, since the integrand is cut off
-# where it has died away.
+# Gauss-Legendre on [0, 1]. Twelve nodes give Owen's T to 1e-16 for |a| ≤ 1, since the interval is cut where
+# the integrand is negligible.
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(12)
 NODES, WEIGHTS = 0.5 * (_NODES + 1.0), 0.5 * _WEIGHTS
 
@@ -49,8 +49,7 @@ def owens_t(h: float, a: float, q: float) -> float:
 def _owens_integral(h: float, a: float) -> float:
     """1/2π ∫_0^a exp(-h² (1 + t²) / 2) / (1 + t²) dt, for 0 ≤ a ≤ 1.
 
-    Its loop fills vector registers, which calls of the library's exponential would prevent: 11 instead of
-    51 ns.
+    The loop is vectorised, which a call of the library's exp would prevent: 11 instead of 51 ns.
     """
     if h > DEEP:
         return 0.0
@@ -84,11 +83,12 @@ def _upper_tail(h: float) -> float:
 
 @kernel
 def polygon_probability(polygons: Corners, part: int, here: Gaussian) -> float:
-    """P(position in a convex polygon), exact (``planning.reference.gaussian_in_polygon``).
+    """P(position in a convex polygon), exact; in plain Python ``planning.reference.gaussian_in_polygon``.
 
     In coordinates where the position is standard normal, the origin and an edge at distance h, with ends v1
-    and v2 along it, span a triangle of probability angle / 2π - T(h, v2 / h) + T(h, v1 / h), negative where
-    the origin is on the edge's outer side. The angles of all edges sum to 2π inside the polygon, else to 0.
+    and v2 along it, form a triangle of probability angle / 2π - T(h, v2 / h) + T(h, v1 / h), which is
+    subtracted if the origin is outside the edge. The angles of all edges sum to 2π inside the polygon, else
+    to 0.
 
     Eq. (M35) of docs/mathematics.md.
     """
@@ -123,7 +123,7 @@ def polygon_probability(polygons: Corners, part: int, here: Gaussian) -> float:
 
 @allocating
 def polygon_probabilities(polygons: Corners, x: FloatArray, cov: FloatArray) -> FloatArray:
-    """:func:`polygon_probability` of the first polygon for every row of ``x`` (n, 2) and ``cov`` (n, 3)."""
+    """:func:`polygon_probability` of the first polygon, (n,), for rows of ``x`` (n, 2) and ``cov`` (n, 3)."""
     found = np.empty(len(x))
     for i in range(len(x)):
         here = Gaussian(Point(x[i, 0], x[i, 1]), Cov(cov[i, 0], cov[i, 1], cov[i, 2]))
@@ -133,7 +133,7 @@ def polygon_probabilities(polygons: Corners, x: FloatArray, cov: FloatArray) -> 
 
 @allocating
 def owens_ts(h: FloatArray, a: FloatArray) -> FloatArray:
-    """:func:`owens_t` for every pair."""
+    """:func:`owens_t` for every pair of ``h`` and ``a`` (n,): (n,)."""
     found = np.empty(len(h))
     for i in range(len(h)):
         found[i] = owens_t(h[i], a[i], _upper_tail(h[i]))

@@ -7,8 +7,8 @@ With e = x - m the deviation from the mean and θ the coefficients of the field,
     C' = ρ (F C + dt ψ'),               ρ = 1 within a slot,
     m' = A m + dt (B u + μ(m) + ½ D²μ : Σ + ∂ψ : C).
 
-The last two terms are the mean shift, the second order of E[w(x)]; planned controls steer against it.
-Nothing but m depends on the control, so a vertex knows the covariance of all its children.
+The last two terms are the mean shift, the second-order part of E[w(x)]; planned controls compensate it.
+Only m depends on the control, so all children of a vertex have the same covariance.
 """
 
 from __future__ import annotations
@@ -46,20 +46,20 @@ from pareto_ltl.kernels.interpolation import (
 from pareto_ltl.kernels.jit import by_type, implements, inlined, kernel, vector
 from pareto_ltl.support.arrays import Float32Array
 
-# The maximum-trace rule looks at the centre and at eight points of the ball's rim: the latent variance is
-# smooth at the size of the ball, so that its largest value there lies at the centre or on the rim.
+# The maximum-trace rule evaluates the centre and eight points on the boundary of the ball: the latent
+# variance is smooth at the size of the ball, so its largest value is at the centre or on the boundary.
 _HALF = math.sqrt(0.5)
 BALL = (
     (1.0, 0.0), (_HALF, _HALF), (0.0, 1.0), (-_HALF, _HALF), (-1.0, 0.0), (-_HALF, -_HALF), (0.0, -1.0),
     (_HALF, -_HALF),
 )  # fmt: skip
 
-# --- what all laws share ----------------------------------------------------------------------
+# --- common to all laws -----------------------------------------------------------------------
 
 
 @inlined
 def airspeed(motion: Motion, dx: float, dy: float) -> float:
-    """‖u‖ that moves the drift by (dx, dy) in one step [m/s]."""
+    """‖u‖ [m/s] of the control that moves the robot by (dx, dy) [m] relative to the drift in one step."""
     b = motion.b_inv
     ux, uy = (b[0, 0] * dx + b[0, 1] * dy) / motion.dt, (b[1, 0] * dx + b[1, 1] * dy) / motion.dt
     return math.sqrt(ux * ux + uy * uy)
@@ -67,10 +67,10 @@ def airspeed(motion: Motion, dx: float, dy: float) -> float:
 
 @kernel
 def airspeed_left(motion: Motion, correction: Cov) -> float:
-    """Airspeed left for the planned control: u_max less what feedback asks for but seldom exceeds.
+    """Airspeed left for the planned control [m/s]: u_max minus a quantile of the feedback.
 
-    Feedback is B⁻¹ c / dt with c of the given covariance [m²], and P(‖B⁻¹ c‖ > r) <= exp(-r² / 2 λ) with λ
-    the largest eigenvalue of B⁻¹ Cov(c) B⁻': ``effort`` is r / √λ for the probability allowed.
+    Feedback is B⁻¹ c / dt, where c has the given covariance [m²], and P(‖B⁻¹ c‖ > r) <= exp(-r² / 2 λ) with λ
+    the largest eigenvalue of B⁻¹ Cov(c) B⁻'. ``motion.effort`` is r / √λ for the allowed probability.
 
     Eq. (M3) of docs/mathematics.md.
     """
@@ -87,9 +87,9 @@ def airspeed_left(motion: Motion, correction: Cov) -> float:
 
 @inlined
 def least_airspeed(motion: Motion, speed: float) -> float:
-    """Least airspeed to plan with: u_min, and what feedback reserves below u_max, of which ``speed`` is left.
+    """Smallest airspeed for planning [m/s]: u_min plus the reserve for feedback, u_max - ``speed``.
 
-    It is 0 where u_min is: feedback may stop such a robot and turn it round.
+    It is 0 if u_min is 0, since feedback may stop or reverse such a robot.
 
     Eq. (M3) of docs/mathematics.md.
     """
@@ -98,7 +98,7 @@ def least_airspeed(motion: Motion, speed: float) -> float:
 
 @inlined
 def scaled_cov(factor: float, cov: Cov) -> Cov:
-    """``factor`` Σ."""
+    """``factor`` times Σ."""
     return Cov(factor * cov.xx, factor * cov.xy, factor * cov.yy)
 
 
@@ -106,8 +106,8 @@ def scaled_cov(factor: float, cov: Cov) -> Cov:
 def advance(law: Law, memory: Memory, step: int, here: Gaussian, row: int, target: int) -> Ahead:
     """One step ahead of the Gaussian ``here`` under a wind law: an :class:`~pareto_ltl.kernels.data.Ahead`.
 
-    ``row`` of ``memory`` belongs to the vertex before ``here``, ``target`` to ``here`` itself (both 0 at
-    the start); what the children of ``here`` start from is written to ``target``.
+    Row ``row`` of ``memory`` belongs to the parent of ``here`` and is read; row ``target`` belongs to
+    ``here`` and is written (both are 0 at the start).
     """
     raise NotImplementedError
 
@@ -117,9 +117,9 @@ def advance(law: Law, memory: Memory, step: int, here: Gaussian, row: int, targe
 
 @kernel
 def worst_variance(wind: Wind, step: int, at: Point, radius: float) -> tuple[float, float]:
-    """Σ_w at the point of largest trace in the ball B(x, radius), by sampling (Section III).
+    """Diagonal of Σ_w [m²/s²] at the point of largest trace in the ball B(x, radius), Section III.
 
-    With the error of interpolation in time, which is the same everywhere.
+    The ball is sampled. The error of interpolation in time, the same everywhere, is included.
 
     Eq. (M21) of docs/mathematics.md.
     """
@@ -136,7 +136,7 @@ def worst_variance(wind: Wind, step: int, at: Point, radius: float) -> tuple[flo
 
 @kernel
 def drift(wind: Wind, motion: Motion, step: int, at: Point) -> Point:
-    """Expected position one step later with zero airspeed: A x + dt μ(x, t).
+    """Expected position one step later with zero airspeed [m]: A x + dt μ(x, t).
 
     Eq. (M21) of docs/mathematics.md.
     """
@@ -149,9 +149,7 @@ def drift(wind: Wind, motion: Motion, step: int, at: Point) -> Point:
 
 @kernel
 def spread(wind: Wind, motion: Motion, step: int, here: Gaussian) -> Cov:
-    """Covariance one step later, whatever the control: A Σ A' + dt² Σ_w(x*).
-
-    A - K stands in place of A with feedback.
+    """Covariance one step later [m²], for any control: A Σ A' + dt² Σ_w(x*); with feedback, A - K replaces A.
 
     Eq. (M21) of docs/mathematics.md.
     """
@@ -195,7 +193,7 @@ def closed_loop(law: CoherentLaw | LandmarkLaw, step: int, at: Point) -> Linear:
 
 @kernel
 def curvature(law: CoherentLaw | LandmarkLaw, step: int, here: Gaussian) -> tuple[float, float]:
-    """½ D²μ : Σ, the part of the mean shift that the curvature of the expected wind makes [m/s].
+    """½ D²μ : Σ [m/s], the part of the mean shift due to the second derivatives of the expected wind.
 
     Eq. (M24) of docs/mathematics.md.
     """
@@ -223,10 +221,10 @@ def _slot_curvature(modes: Modes, slot: int, square: Square, cov: Cov) -> tuple[
 def white_variance(
     law: CoherentLaw | LandmarkLaw, step: int, at: Point, ee: float, nn: float
 ) -> tuple[float, float]:
-    """Variance of the part that is new at every step.
+    """Variance of the wind error that is independent from step to step, east and north [m²/s²].
 
-    Gusts, and what ``ee``, ``nn`` = |ψ|² leave of the smooth error. Both are averages over a step, of the
-    shares ``white`` and ``rest``.
+    It consists of gusts and of the smooth error that the modes do not represent, whose variance is reduced by
+    ``ee``, ``nn`` = |ψ|². Averaging over a step multiplies them by ``modes.white`` and ``modes.rest``.
 
     Eq. (M19) of docs/mathematics.md.
     """
@@ -241,9 +239,9 @@ def carry_modes(
     modes: Modes, step: int, square: Square, c: int, theta: Float32Array, rows: tuple[int, int],
     f: Linear, dt: float,
 ) -> tuple[float, float, float, float]:  # fmt: skip
-    """Component c of the field: C' into row ``rows[1]`` of ``theta`` from C in row ``rows[0]``.
+    """For wind component c, compute C' in row ``rows[1]`` of ``theta`` from C in row ``rows[0]``.
 
-    Returns |ψ|², (C ψ) for both rows of C, and ∂ψ : C.
+    Returns |ψ|², the two components of C ψ, and ∂ψ : C.
 
     Eqs. (M23) and (M24) of docs/mathematics.md.
     """
@@ -275,9 +273,10 @@ def carry_modes(
 def carry(
     law: CoherentLaw | LandmarkLaw, step: int, here: Gaussian, theta: Float32Array, row: int, target: int
 ) -> tuple[Point, Cov]:
-    """Mean with zero airspeed and covariance one step later; C' into ``theta[target]`` (2, 2, P).
+    """Mean with zero airspeed [m] and covariance [m²] one step later; C' is written to ``theta[target]``.
 
-    C = Cov(e, θ) by row of e and component of the wind is read from ``theta[row]``; both may be one row.
+    C = Cov(e, θ) (2, 2, P), by component of e and of the wind, is read from ``theta[row]``; both may be the
+    same row.
 
     Eqs. (M23) and (M24) of docs/mathematics.md.
     """
@@ -318,7 +317,7 @@ def _advance_coherent(
 
 @by_type
 def forget(law: Law, memory: Memory) -> None:
-    """Make row 0 of the memory of a law that of a start about whose field nothing is known."""
+    """Reset row 0 of the memory of a law to the start: Cov(e, θ) = 0 and no fixes."""
 
 
 @implements(forget, IndependentLaw)
@@ -328,7 +327,7 @@ def _forget_nothing(law: IndependentLaw, memory: None) -> None:
 
 @kernel
 def clear_theta(theta: Float32Array) -> None:
-    """Row 0 of ``theta`` (N, 2, 2, P) becomes 0."""
+    """Set row 0 of ``theta`` (N, 2, 2, P) to 0."""
     for r in range(2):
         for c in range(2):
             for m in range(theta.shape[3]):

@@ -1,17 +1,17 @@
-"""The cone programme of one step of the refinement, by a primal-dual interior-point method.
+"""Solver of the second-order cone programme of one refinement step: a primal-dual interior-point method.
 
-In displacements d_t of the means, t = 0 ... T, d_0 = 0, and lengths l_t of the legs, t = 0 ... T - 1, with
-p_t = p̄_t + C d_{t+1} - E_t d_t and v_t = v̄_t + d_{t+1} - d_t:
+Variables are the displacements d_t of the means, t = 0 ... T, d_0 = 0, and the lengths l_t of the legs, t = 0
+... T - 1. With p_t = p̄_t + C d_{t+1} - E_t d_t and v_t = v̄_t + d_{t+1} - d_t:
 
     minimise    Σ g_t' d_t + ½ d_t' H_t d_t
     subject to  ‖p_t‖ ≤ cap_t,    û_t' p_t ≥ floor_t,    ‖v_t‖ ≤ l_t,    Σ l_t ≤ longest,
                 low_t ≤ d_t ≤ high_t
 
-Rows 0 to T - 1 of the tables of a point hold d_t and l_t; cone 2 t is that of ‖p_t‖, cone 2 t + 1 that of
-‖v_t‖. With Nesterov and Todd's scaling and Mehrotra's corrector, as in Vandenberghe's "The CVXOPT linear and
-quadratic cone program solvers" (2010), whose names are used: room h - G x, slacks s, multipliers z, λ = W z =
-W⁻¹ s. The matrix P + G' W⁻² G is block tridiagonal, but for the row of all lengths. A general solver takes
-ten times as long, and holds the interpreter's lock.
+Row t of a table of points holds d_t and l_t; cone 2 t is that of ‖p_t‖, cone 2 t + 1 that of ‖v_t‖. The
+method uses Nesterov and Todd's scaling and Mehrotra's corrector, as in Vandenberghe's "The CVXOPT linear and
+quadratic cone program solvers" (2010). The notation is that of this text: slacks s, multipliers z, λ = W z =
+W⁻¹ s; "room" is h - G x. The matrix P + G' W⁻² G is block tridiagonal except for the constraint on the sum of
+lengths. A general solver takes ten times as long, and holds the interpreter's lock.
 """
 
 from __future__ import annotations
@@ -23,19 +23,19 @@ from pareto_ltl.kernels.block_matrix import add_block, eliminate, substitute
 from pareto_ltl.kernels.jit import entry, kernel
 from pareto_ltl.support.arrays import FloatArray
 
-MOST = 30  # iterations
-WITHIN = 1e-5  # how well constraints hold
-GAP = 1e-6  # mean product of slacks and multipliers
-LEVEL = 1e-4  # slope of the Lagrangian
-FIRST = 0.1  # slacks and products to begin with, at least
-KEPT = 0.99  # of the way to the border
+MOST = 30  # largest number of iterations
+WITHIN = 1e-5  # tolerance of the constraints
+GAP = 1e-6  # tolerance of the mean product of slacks and multipliers
+LEVEL = 1e-4  # tolerance of the gradient of the Lagrangian
+FIRST = 0.1  # smallest initial slack, and initial product of slack and multiplier
+KEPT = 0.99  # share of the step to the boundary of the cones that is taken
 
-S, Z, ROOM, DS, DZ, AIM, PULL, W, SCALED = range(9)  # tables of cones; those of lines are the first 7
+S, Z, ROOM, DS, DZ, AIM, PULL, W, SCALED = range(9)  # tables of cones; lines have the first seven
 X, DX, TOTAL = range(3)  # tables of points
 
 
 class StepModel(NamedTuple):
-    """One programme; lengths in full steps, speeds as shares of the largest airspeed.
+    """Data of one programme; lengths are in full steps, speeds are shares of the largest airspeed.
 
     Attributes
     ----------
@@ -44,11 +44,11 @@ class StepModel(NamedTuple):
     ahead (2, 2), behind (T, 2, 2) : float
         C and E_t.
     heading : (T, 2) float
-        û_t; of length 0 where there is no least airspeed.
+        û_t; no rows if there is no smallest airspeed.
     cone : (2 T, 3) float
         Rows (cap_t, p̄_t) and (0, v̄_t).
     line : (L,) float
-        high_t and -low_t of the steps from 1 on, in turn; longest; û_t' p̄_t - floor_t.
+        For t = 1 ... T high_t and -low_t (east, north); then longest; then û_t' p̄_t - floor_t.
     """
 
     gradient: FloatArray
@@ -61,14 +61,13 @@ class StepModel(NamedTuple):
 
 
 class Work(NamedTuple):
-    """Memory of the solver: tables of points, cones and lines, and a factorisation.
+    """Memory of the solver: tables of points, of cone and linear constraints, and a factorisation.
 
-    Tables of ``points`` (3, T+1, 3), ``cones`` (9, 2 T, 3) and ``lines`` (7, L); of each cone η in ``eta`` (2
-    T,); inverses of the pivots ``pivot`` (T+1, 3) and the blocks ``below`` them (T, 2, 2).
-
-    Of cones and lines there are slacks S, multipliers Z, what is ROOM for slacks, changes DS and DZ, what
-    products are to become (AIM), multipliers without the change of the point (PULL), and of cones w̄ and λ.
-    Points are the present one, its change, and the answer for the row of all lengths.
+    ``points`` (3, T+1, 3): the current point X, its change DX, and TOTAL, the solution for the constraint on
+    the sum of lengths. ``cones`` (9, 2 T, 3) and ``lines`` (7, L): slacks S, multipliers Z, ROOM = h - G x,
+    changes DS and DZ, target AIM of the products, multipliers PULL for an unchanged point; for cones also w̄
+    (W) and λ (SCALED). ``eta`` (2 T,): η of each cone. ``pivot`` (T+1, 3): inverses of the pivots; ``below``
+    (T, 2, 2): the blocks below them.
     """
 
     points: FloatArray
@@ -91,7 +90,7 @@ def determinant(u: FloatArray) -> float:
 
 @kernel
 def stretched(w: FloatArray, eta: float, u: FloatArray, sign: float, out: FloatArray) -> None:
-    """Fill ``out`` with W u, or with W⁻¹ u for the ``sign`` -1 and 1 / η."""
+    """Fill ``out`` with W u for ``sign`` 1 and η, or with W⁻¹ u for ``sign`` -1 and 1 / η."""
     a, b, c = w[0], sign * w[1], sign * w[2]
     along = b * u[1] + c * u[2]
     more = u[0] + along / (1.0 + a)
@@ -109,7 +108,7 @@ def squared(w: FloatArray, eta: float, u: FloatArray, out: FloatArray) -> None:
 
 @kernel
 def border(u: FloatArray, du: FloatArray) -> float:
-    """The share of ``du`` that takes ``u`` to the border of its cone; infinite if none does."""
+    """The largest share of ``du`` that can be added to ``u`` within its cone; inf if there is no limit."""
     a = du[0] * du[0] - du[1] * du[1] - du[2] * du[2]
     b = u[0] * du[0] - u[1] * du[1] - u[2] * du[2]
     c = determinant(u)
@@ -123,7 +122,7 @@ def border(u: FloatArray, du: FloatArray) -> float:
 
 @kernel
 def fill_room(model: StepModel, x: FloatArray, share: float, cone: FloatArray, line: FloatArray) -> None:
-    """Fill ``cone`` and ``line`` with the room of each constraint: ``share`` h - G x."""
+    """Fill ``cone`` and ``line`` with ``share`` h - G x; ``share`` is 0 or 1."""
     C, E, T, total = model.ahead, model.behind, len(model.behind), 0.0
     for t in range(T):
         ax, ay, bx, by = x[t, 0], x[t, 1], x[t + 1, 0], x[t + 1, 1]
@@ -170,7 +169,7 @@ def fill_slope(model: StepModel, x: FloatArray, cone: FloatArray, line: FloatArr
 
 @kernel
 def scale(cones: FloatArray, eta: FloatArray) -> None:
-    """Fill the scaling of all cones."""
+    """Compute the Nesterov-Todd scaling of all cones: W, ``eta`` and SCALED."""
     for k in range(len(eta)):
         s, z, w = cones[S, k], cones[Z, k], cones[W, k]
         ds, dz = math.sqrt(determinant(s)), math.sqrt(determinant(z))
@@ -184,7 +183,7 @@ def scale(cones: FloatArray, eta: FloatArray) -> None:
 
 @kernel
 def assemble(model: StepModel, work: Work) -> None:
-    """Fill the blocks of P + G' W⁻² G without lengths, which are eliminated, leg by leg."""
+    """Fill the blocks of P + G' W⁻² G for d_t; the lengths l_t are eliminated leg by leg."""
     pivot, below, w, eta = work.pivot, work.below, work.cones[W], work.eta
     C, E, s, z, T = model.ahead, model.behind, work.lines[S], work.lines[Z], len(model.behind)
     for t in range(T + 1):
@@ -225,7 +224,7 @@ def assemble(model: StepModel, work: Work) -> None:
 
 @kernel
 def without_total(work: Work, b: FloatArray) -> None:
-    """Solve for ``b`` (T+1, 3), in place, as if the lengths were not limited together."""
+    """Solve in place for ``b`` (T+1, 3), without the constraint on the sum of lengths."""
     w, eta, T = work.cones[W], work.eta, len(b) - 1
     for t in range(T):
         k = 2 * t + 1
@@ -247,7 +246,7 @@ def without_total(work: Work, b: FloatArray) -> None:
 
 @kernel
 def fill_pull(work: Work) -> None:
-    """Fill the multipliers that would be if the point did not change, with products as aimed at."""
+    """Fill PULL with the multipliers for an unchanged point and products equal to AIM."""
     for k in range(len(work.eta)):
         w, one, scaled, aim = work.cones[W, k], 1.0 / work.eta[k], work.cones[SCALED, k], work.cones[AIM, k]
         pull, room, s, dz = work.cones[PULL, k], work.cones[ROOM, k], work.cones[S, k], work.cones[DZ, k]
@@ -266,7 +265,7 @@ def fill_pull(work: Work) -> None:
 
 @kernel
 def limit_total(work: Work) -> None:
-    """Correct the change of the point for the limit of all lengths."""
+    """Correct the change of the point for the constraint on the sum of lengths."""
     dx, total, last = work.points[DX], work.points[TOTAL], 4 * (work.points.shape[1] - 1)
     weight, own, rest = work.lines[Z, last] / work.lines[S, last], 0.0, 0.0
     for t in range(len(dx) - 1):
@@ -280,7 +279,7 @@ def limit_total(work: Work) -> None:
 
 @kernel
 def fill_changes(work: Work) -> None:
-    """Fill the changes of slacks and multipliers; DS is what the change of the point adds to the room."""
+    """Fill the changes DS and DZ; on entry, DS holds the change of ROOM by that of the point."""
     for k in range(len(work.eta)):
         ds, dz = work.cones[DS, k], work.cones[DZ, k]
         squared(work.cones[W, k], work.eta[k], ds, dz)
@@ -295,7 +294,7 @@ def fill_changes(work: Work) -> None:
 
 @kernel
 def longest_share(work: Work) -> float:
-    """The largest share of the change that keeps slacks and multipliers within their cones; at most 2."""
+    """The largest share of the change with which slacks and multipliers stay in their cones; at most 2."""
     share = 2.0
     for u in range(2):
         for k in range(len(work.eta)):
@@ -320,7 +319,7 @@ def mean_product(work: Work) -> float:
 
 @kernel
 def aim_at(work: Work, wanted: float) -> None:
-    """Let products become ``wanted``, less what the last change has to them at second order."""
+    """Set AIM to ``wanted`` minus the second-order term of the last change (Mehrotra's corrector)."""
     for k in range(len(work.eta)):
         w, eta, a, b = work.cones[W, k], work.eta[k], work.cones[PULL, k], work.cones[DZ, k]
         stretched(w, 1.0 / eta, work.cones[DS, k], -1.0, a)
@@ -335,7 +334,7 @@ def aim_at(work: Work, wanted: float) -> None:
 
 @kernel
 def add_share(table: FloatArray, more: FloatArray, share: float) -> None:
-    """Add a share of one table to another."""
+    """Add ``share`` times ``more`` to ``table``."""
     for k in range(table.shape[0]):
         for c in range(table.shape[1]):
             table[k, c] += share * more[k, c]
@@ -343,7 +342,7 @@ def add_share(table: FloatArray, more: FloatArray, share: float) -> None:
 
 @kernel
 def fill_first_point(model: StepModel, x: FloatArray) -> None:
-    """Fill ``x`` (T+1, 3) with the last path."""
+    """Fill ``x`` (T+1, 3) with zero displacements and lengths slightly above those of the last path."""
     x[:] = 0.0
     for t in range(len(x) - 1):
         x[t, 2] = math.hypot(model.cone[2 * t + 1, 1], model.cone[2 * t + 1, 2]) + FIRST
@@ -351,7 +350,7 @@ def fill_first_point(model: StepModel, x: FloatArray) -> None:
 
 @kernel
 def fill_first_slacks(work: Work) -> None:
-    """Fill slacks and multipliers from the room of the first point, which they need not keep to."""
+    """Fill slacks and multipliers from ROOM of the first point, moved into their cones where necessary."""
     s, z = work.cones[S], work.cones[Z]
     for k in range(len(s)):
         for c in range(3):
@@ -366,7 +365,7 @@ def fill_first_slacks(work: Work) -> None:
 
 @kernel
 def is_solved(work: Work) -> bool:
-    """Whether slacks are the room there is, and the Lagrangian level (its slope is in the change)."""
+    """Whether slacks equal ROOM and the gradient of the Lagrangian, stored in DX, is 0, within tolerances."""
     cones, lines, slope = work.cones, work.lines, work.points[DX]
     for k in range(cones.shape[1]):
         for c in range(3):
@@ -384,7 +383,7 @@ def is_solved(work: Work) -> bool:
 
 @entry
 def solve_step(model: StepModel, work: Work) -> int:
-    """Fill ``work.points[X]`` with the solution; returns the iterations, ``MOST`` where none was found.
+    """Fill ``work.points[X]`` with the solution; return the number of iterations, ``MOST`` on failure.
 
     Eq. (M56) of docs/mathematics_methods.md.
     """

@@ -30,22 +30,23 @@ from pareto_ltl.support.arrays import FloatArray, Int32Array, IntArray
 ROUNDING = 1.0 + 1e-9  # a full step may exceed u_max by this factor and no more
 PROPOSED, BEST, ORIGINAL = range(3)  # rows of ``TreeState.risks``
 
-# What ``TreeState.tally`` counts.
+# Entries of ``TreeState.tally``.
 VERTICES, ITERATIONS, AGE, LEAD, ACCEPTED, SWAPS = range(6)
 BLOCKED, WINDBOUND, BEYOND, TRAPPED, STALLED = range(6, 11)
-ENDED = 11  # not a count: other than 0, growth is to end
+ENDED = 11  # not a count: growth ends if it is not 0
 TALLIES = 12
 
 
 class Vertices(NamedTuple):
-    """One row a vertex.
+    """The vertices of a tree, one row each.
 
-    ``free`` (N, 2) and ``spread`` (N + 1, 3) = (xx, xy, yy) are mean and covariance one step later with zero
-    airspeed: they do not depend on the control, so a child costs no wind look-up. The last row of ``spread``,
-    that of parent -1, is the covariance of the root. ``speed`` is the airspeed left for the control,
-    ``child`` the two sons in the k-d tree of the vertex's state. ``risk`` holds the objectives beside the
-    length: columns of the mission bound, then of the collision bound. ``memory``, ``mission`` and
-    ``collision`` are what the law and the bounds remember, None or without rows where they need nothing.
+    ``x`` (N, 2): mean [m]. ``free`` (N, 2) and ``spread`` (N + 1, 3) = (xx, xy, yy): mean [m] and covariance
+    [m²] one step later with zero airspeed. They do not depend on the control, so a child needs no wind.
+    The last row of ``spread``, of parent -1, is the covariance of the root. ``length`` (N,): of the path from
+    the root [m]. ``speed`` (N,): airspeed left for the control [m/s]. ``child`` (N, 2): children in the k-d
+    tree of the vertex's state. ``risk`` (N, columns): objectives besides length, first of the mission bound,
+    then of the collision bound. ``memory``, ``mission`` and ``collision`` are the memories of the law and of
+    the bounds, None or without rows if they need none.
     """
 
     x: FloatArray
@@ -65,27 +66,27 @@ class Vertices(NamedTuple):
 
 
 class TreeState(NamedTuple):
-    """What changes while a tree grows, besides its vertices."""
+    """The data besides the vertices that change while a tree grows."""
 
-    root: Int32Array  # (Z,) top of each state's k-d tree
-    members: IntArray  # (Z,) vertices in Γ_z
-    selected: IntArray  # (Z,) times z was expanded
+    root: Int32Array  # (Z,) root of each state's k-d tree
+    members: IntArray  # (Z,) number of vertices in Γ_z
+    selected: IntArray  # (Z,) how often z was expanded
     weight: FloatArray  # (Z,) of the states on the lead, in their order
     lead: IntArray  # (Z,)
     heap: Heap
-    bins: Bins  # possible parents, by square and automaton state
-    pool: IntArray  # (near, 2) scratch: the ones tried, and the automaton state that each leads to
-    ranks: FloatArray  # (near,) scratch: the least is tried first
+    bins: Bins  # candidate parents, by square and automaton state
+    pool: IntArray  # (near, 2) scratch: candidate parents, and the automaton state of the child of each
+    ranks: FloatArray  # (near,) scratch: the least rank is tried first
     swaps: FloatArray  # (S, 2, 2 + columns) record of re-selections, S may be 0
     tally: IntArray  # (TALLIES,)
     stack: FloatArray  # (depth, 4)
-    risks: FloatArray  # (3, columns) scratch: the proposal's, the best one's, the original parent's
-    mission: Any  # two scratch rows of what the mission bound remembers
-    collision: Any  # two scratch rows of what the collision bound remembers
+    risks: FloatArray  # (3, columns) scratch: with the proposed, the best and the original parent
+    mission: Any  # two scratch rows of memory of the mission bound
+    collision: Any  # two scratch rows of memory of the collision bound
 
 
 class GrowthSettings(NamedTuple):
-    """How a tree grows: grid of squares for parents, rule of re-selection, targets, when to stop."""
+    """Settings of growth: grid of candidate parents, rule of re-selection, sampling, limits."""
 
     west: float
     south: float
@@ -101,7 +102,7 @@ class GrowthSettings(NamedTuple):
 
 
 class Search(NamedTuple):
-    """One tree and all it needs to grow."""
+    """One tree, with the problem, its state and the settings of growth."""
 
     world: World
     tree: Vertices
@@ -130,11 +131,12 @@ def distance(start: Point, end: Point) -> float:
 
 @kernel
 def steer(motion: Motion, start: Point, free: Point, speed: float, target: Point) -> tuple[Point, bool]:
-    """The farthest point from ``start`` towards ``target`` that one step reaches, and whether there is any.
+    """The farthest point from ``start`` towards ``target`` that one step reaches, and whether there is one.
 
-    ``free`` is the mean one step later with zero airspeed, ``speed`` the airspeed left for the control. On
-    the line x + s e the control is linear in s; |u(s)| = speed is a quadratic in s. Where the robot cannot
-    fly so slowly as to end at the target, the step ends short of it or beyond, whatever is nearer.
+    ``free`` is the mean one step later with zero airspeed [m], ``speed`` the airspeed left for the control
+    [m/s]. On the line x + s e the control is linear in s, so |u(s)| = speed is a quadratic equation. If
+    reaching the target needs an airspeed below the smallest one, the step ends before or beyond the target,
+    whichever is nearer.
 
     Eq. (M43) of docs/mathematics_methods.md.
     """
@@ -164,12 +166,12 @@ def steer(motion: Motion, start: Point, free: Point, speed: float, target: Point
     return Point(start.x + s * ex, start.y + s * ey), True
 
 
-AHEAD = 1e-6  # [m] a step that is no longer stands still but for rounding
+AHEAD = 1e-6  # [m] a shorter step counts as no motion, because of rounding
 
 
 @inlined
 def beside_gap(s: float, far: float, low: float, high: float) -> float:
-    """``s``, or the end of the gap (``low``, ``high``) around it nearer to ``far``; ahead in any case."""
+    """``s``, or if it lies in the gap (``low``, ``high``), the positive end of the gap nearer to ``far``."""
     if s <= low or s >= high:
         return s
     return low if low > AHEAD and far - low <= high - far else high
@@ -177,14 +179,14 @@ def beside_gap(s: float, far: float, low: float, high: float) -> float:
 
 @inlined
 def passed(start: Point, there: Point, target: Point) -> bool:
-    """Whether a step that the robot could not fly so slowly as to end at the target has gone beyond it."""
+    """Whether a step from ``start`` to ``there`` has gone beyond ``target``."""
     dx, dy = there.x - start.x, there.y - start.y
     return dx * (there.x - target.x) + dy * (there.y - target.y) > 0.0
 
 
 @inlined
 def square_of(settings: GrowthSettings, at: Point) -> tuple[int, int]:
-    """Column and row of a point in the grid of possible parents."""
+    """Column and row of a point in the grid of candidate parents."""
     i = min(max(int((at.x - settings.west) * settings.per_metre), 0), settings.columns - 1)
     j = min(max(int((at.y - settings.south) * settings.per_metre), 0), settings.rows - 1)
     return i, j
@@ -192,14 +194,14 @@ def square_of(settings: GrowthSettings, at: Point) -> tuple[int, int]:
 
 @kernel
 def in_time(s: Search, step: int, q: int) -> bool:
-    """Whether a vertex at ``step`` is of use: the wind is known there, or nothing follows it."""
+    """Whether a vertex at ``step`` is allowed: it can have children, or is accepting at the last step."""
     last = min(len(s.world.law.wind.slot), s.settings.max_steps)
     return step < last or (step == last and s.world.mission.logic.distance[q] == 0.0)
 
 
 @inlined
 def propose(s: Search, parent: int, there: Point, cell: int, q: int, row: int) -> Proposal:
-    """A child of ``parent`` at ``there``, to be appraised in scratch row ``row``."""
+    """A child of ``parent`` at ``there``, whose risks will be computed in scratch row ``row``."""
     here = Gaussian(there, child_covariance(s.tree, parent))
     return Proposal(parent, here, cell, q, fix_missed(s.world.law, s.tree.memory, parent, here), row)
 
@@ -211,9 +213,9 @@ def propose(s: Search, parent: int, there: Point, cell: int, q: int, row: int) -
 def add_vertex(
     s: Search, there: Point, cell: int, q: int, parent: int, length: float, rng: Generator
 ) -> int:  # fmt: skip
-    """Store a vertex and everything its children will ask for; return its number.
+    """Store a vertex and the data that its children need; return its number.
 
-    Rows ``BEST`` of the scratch are its own.
+    Its risks and memory are taken from the scratch rows ``BEST``.
     """
     world, tree, state, best = s.world, s.tree, s.state, int(np.int64(BEST))
     v = int(state.tally[VERTICES])
@@ -236,7 +238,7 @@ def add_vertex(
 
 @inlined
 def look_ahead(s: Search, v: int, parent: int, cov: Cov) -> None:
-    """Mean and covariance one step after ``v``, whose own covariance is given."""
+    """Store mean, covariance and airspeed left one step after ``v``, whose covariance is ``cov``."""
     tree = s.tree
     step = int(np.int64(tree.step[v]))  # one type, or every helper compiles twice
     ahead = advance(s.world.law, tree.memory, step, Gaussian(vertex_point(tree, v), cov), parent, v)
@@ -247,7 +249,7 @@ def look_ahead(s: Search, v: int, parent: int, cov: Cov) -> None:
 
 @inlined
 def file_vertex(s: Search, v: int, rng: Generator) -> None:
-    """Make ``v`` known to both indexes."""
+    """Add ``v`` to both indexes."""
     tree, state, settings = s.tree, s.state, s.settings
     cells = len(s.world.mission.cells.faces.ptr) - 1
     z = tree.q[v] * cells + tree.cell[v]
@@ -263,7 +265,7 @@ def file_vertex(s: Search, v: int, rng: Generator) -> None:
 
 @inlined
 def may_lead(logic: Logic, q: int, cell: int, q0: int) -> bool:
-    """Whether the label of a cell leads, in some epoch, from ``q`` to a state as good as ``q0``."""
+    """Whether the label of a cell leads, in some epoch, from ``q`` to a state that covers ``q0``."""
     if logic.covers[logic.delta[0, q, cell], q0]:
         return True
     for e in range(1, len(logic.delta)):  # noqa: SIM110 (kernels have no generators)
@@ -274,11 +276,11 @@ def may_lead(logic: Logic, q: int, cell: int, q0: int) -> bool:
 
 @kernel
 def gather_parents(s: Search, there: Point, cell: int, q0: int, rng: Generator) -> int:
-    """Fill column 0 of ``state.pool`` with possible parents of a vertex; return how many.
+    """Fill column 0 of ``state.pool`` with candidate parents of a vertex; return their number.
 
-    They come from the squares around it and from automaton states that would read the cell's label as well
-    as ``q0`` or better. Where there are more than the pool holds, every (total / pool)-th is taken, from a
-    random first one on: a vertex costs the same in a tree of a million as in one of ten thousand.
+    They lie in the squares around it, in automaton states from which the cell's label leads to a state that
+    covers ``q0``. If there are more than the pool can hold, every (total / pool size)-th is taken, from a
+    random first one on. So the cost of a vertex does not grow with the tree.
     """
     pool, bins = s.state.pool, s.state.bins
     rows, capacity = s.settings.rows, bins.kept.shape[1]
@@ -313,9 +315,9 @@ def gather_parents(s: Search, there: Point, cell: int, q0: int, rng: Generator) 
 def choose_parent(s: Search, first: Proposal, length0: float, rng: Generator) -> tuple[int, int, float]:
     """Parent, automaton state and length of the new vertex, whose original parent is that of ``first``.
 
-    A candidate must satisfy (11) and (12) against the original parent and (12) against the best so far:
-    swaps judged only against the last one can end dominated. Rows ``BEST`` of the scratch hold the original
-    on entry and the chosen one on return.
+    A candidate must satisfy (11) and (12) against the original parent and (12) against the best one so far;
+    if each were compared only with the last one, the result could be dominated by the original. The scratch
+    rows ``BEST`` hold the original parent's on entry and the chosen parent's on return.
     """
     world, tree, state, rule = s.world, s.tree, s.state, s.settings.rule
     logic, there = world.mission.logic, first.there.mean
@@ -341,10 +343,9 @@ def choose_parent(s: Search, first: Proposal, length0: float, rng: Generator) ->
 
 @kernel
 def shortlist(s: Search, first: Proposal, length0: float, count: int) -> int:
-    """Move the possible parents of the new vertex to the front of the pool; return how many they are.
+    """Move those of the first ``count`` candidates that can be parents to the front of the pool.
 
-    The first ``count`` of the pool are looked at. With each goes the automaton state and the rank that it
-    gives.
+    Returns their number. The automaton state of the new vertex and the rank are stored for each.
     """
     world, tree, state, rule = s.world, s.tree, s.state, s.settings.rule
     logic, motion, there, found = world.mission.logic, world.law.motion, first.there.mean, 0
@@ -365,7 +366,7 @@ def shortlist(s: Search, first: Proposal, length0: float, count: int) -> int:
             continue
         step = int(tree.step[near]) + 1
         q = next_state(world.mission.cells, logic, step, tree.q[near], at, tree.cell[near], there, first.cell)
-        if not logic.covers[q, first.q] or too_late(logic, step, q):  # spoilt on the way, or too late
+        if not logic.covers[q, first.q] or too_late(logic, step, q):  # a hazard, or too late
             continue
         if not in_time(s, step, q):
             continue
@@ -377,7 +378,7 @@ def shortlist(s: Search, first: Proposal, length0: float, count: int) -> int:
 
 @inlined
 def adopt_proposal(s: Search) -> None:
-    """The proposal becomes the best so far."""
+    """Copy the scratch rows of the proposal to those of the best parent so far."""
     state, best, proposed = s.state, int(np.int64(BEST)), int(np.int64(PROPOSED))
     for i in range(state.risks.shape[1]):
         state.risks[best, i] = state.risks[proposed, i]

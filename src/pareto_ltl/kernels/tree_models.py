@@ -1,7 +1,7 @@
-"""What a vertex keeps for each mission and collision bound, and how a proposed vertex is appraised.
+"""The data of a vertex for each mission and collision bound, and the risks of a proposed vertex.
 
-A proposed vertex is written to scratch rows: row 0 the proposal, row 1 the best so far; they have the same
-form as the rows of the tree.
+A proposed vertex is written to scratch rows, which have the same form as the rows of the tree: row 0 is the
+proposal, row 1 the best one so far.
 """
 
 from __future__ import annotations
@@ -50,9 +50,9 @@ if TYPE_CHECKING:
 
 
 class Proposal(NamedTuple):
-    """A child of ``parent`` at ``there``, and the scratch row it is written to.
+    """A proposed child of ``parent`` at ``there``, in ``cell`` and automaton state ``q``.
 
-    It has its cell and automaton state, and P(landmark missed) there or -1.
+    ``missed`` is P(landmark missed) there, or -1 without a fix; ``row`` is its scratch row.
     """
 
     parent: int
@@ -65,7 +65,7 @@ class Proposal(NamedTuple):
 
 @inlined
 def vertex_gaussian(tree: Vertices, v: int) -> Gaussian:
-    """The position of a vertex; its covariance is that of all children of its parent."""
+    """Mean and covariance of a vertex; all children of a parent have the same covariance."""
     spread, parent = tree.spread, tree.parent[v]
     cov = Cov(spread[parent, 0], spread[parent, 1], spread[parent, 2])
     return Gaussian(Point(tree.x[v, 0], tree.x[v, 1]), cov)
@@ -76,19 +76,19 @@ def vertex_gaussian(tree: Vertices, v: int) -> Gaussian:
 
 @by_type
 def plant_mission(bound: MissionBound, tree: Vertices, scratch: TreeState, here: Gaussian) -> None:
-    """Mission risk of the root at ``here``; its cell and state stand in the tree."""
+    """Compute the mission risk of the root at ``here``; its cell and state are already in the tree."""
     raise NotImplementedError
 
 
 @by_type
 def appraise_mission(bound: MissionBound, tree: Vertices, scratch: TreeState, new: Proposal) -> None:
-    """Mission risk of a proposal into row ``new.row`` of the scratch."""
+    """Compute the mission risk of a proposal, in row ``new.row`` of the scratch."""
     raise NotImplementedError
 
 
 @by_type
 def keep_mission(bound: MissionBound, scratch: TreeState, row: int, memory: Any, target: int) -> None:
-    """Copy what the bound remembers from a scratch row to row ``target`` of ``memory``."""
+    """Copy the memory of the bound from a scratch row to row ``target`` of ``memory``."""
     raise NotImplementedError
 
 
@@ -167,25 +167,25 @@ def _keep_ordered(_bound: Ordered, scratch: TreeState, row: int, memory: Any, ta
 
 @by_type
 def plant_collision(bound: CollisionBound, tree: Vertices, here: Gaussian) -> bool:
-    """Collision risk of the root at ``here``; False where it breaks the chance constraint already."""
+    """Compute the collision risk of the root at ``here``; False if it breaks the chance constraint."""
     raise NotImplementedError
 
 
 @by_type
 def appraise_collision(bound: CollisionBound, tree: Vertices, scratch: TreeState, new: Proposal) -> bool:
-    """Whether a proposal satisfies the chance constraint; what the bound keeps goes to row ``new.row``."""
+    """Whether a proposal satisfies the chance constraint; risk and memory are written to row ``new.row``."""
     raise NotImplementedError
 
 
 @by_type
 def keep_collision(bound: CollisionBound, scratch: TreeState, row: int, memory: Any, target: int) -> None:
-    """Copy what the bound remembers from a scratch row to row ``target`` of ``memory``."""
+    """Copy the memory of the bound from a scratch row to row ``target`` of ``memory``."""
     raise NotImplementedError
 
 
 @by_type
 def collision_column(bound: CollisionBound, risks: FloatArray, row: int) -> float:
-    """Collision risk in one row of ``risks``, which never falls along an edge; 0 where none is kept."""
+    """Collision risk in one row of ``risks``, which never decreases along an edge; 0 if there is none."""
     raise NotImplementedError
 
 
@@ -199,12 +199,12 @@ def largest_risk(bound: CollisionBound) -> float:
 def judge_candidate(
     bound: CollisionBound, world: World, tree: Vertices, scratch: TreeState, new: Proposal, rivals: Rivals
 ) -> bool:
-    """Whether a candidate keeps the constraints and improves on the rivals (:class:`Rivals`)."""
+    """Whether a candidate satisfies the constraints and improves on the rivals (:class:`Rivals`)."""
     raise NotImplementedError
 
 
 class Rivals(NamedTuple):
-    """What a candidate must beat: the rule, the candidate itself, the original parent, the best so far."""
+    """A comparison of parents: the rule, the candidate, the original parent, the best parent so far."""
 
     rule: Dominance | Scaled
     new: Candidate
@@ -231,7 +231,7 @@ def _plant_step(bound: StepBound, _tree: Vertices, here: Gaussian) -> bool:
 
 @implements(appraise_collision, StepBound)
 def _appraise_step(bound: StepBound, tree: Vertices, _scratch: TreeState, new: Proposal) -> bool:
-    # Eq. (9) at the child, and one face of every obstacle that serves both ends of the step.
+    # Eq. (9) at the child, and one face of every obstacle that separates it from both ends of the step.
     return step_is_clear(bound, vertex_gaussian(tree, new.parent), new.there)
 
 
@@ -254,7 +254,7 @@ def _no_largest_risk(_bound: StepBound) -> float:
 def _judge_step(
     bound: StepBound, world: World, tree: Vertices, scratch: TreeState, new: Proposal, rivals: Rivals
 ) -> bool:
-    # This bound adds no objective, so the constraint comes last: most candidates never get there.
+    # This bound adds no objective, so the constraint comes last: most candidates are rejected before.
     appraise_mission(world.mission, tree, scratch, new)
     return beats(scratch.risks, rivals) and appraise_collision(bound, tree, scratch, new)
 
@@ -303,7 +303,7 @@ def _largest_risk(bound: PathBound) -> float:
 def _judge_path(
     bound: PathBound, world: World, tree: Vertices, scratch: TreeState, new: Proposal, rivals: Rivals
 ) -> bool:
-    # The collision risk is an objective, and cheaper than the mission risk.
+    # The collision risk is an objective, and cheaper to compute than the mission risk.
     if not appraise_collision(bound, tree, scratch, new):
         return False
     appraise_mission(world.mission, tree, scratch, new)

@@ -1,6 +1,6 @@
-"""How the expected wind changes from place to place along a path.
+"""Spatial derivatives of the expected wind along a path.
 
-The readable counterpart is :func:`pareto_ltl.planning.reference.wind_and_gradient`.
+:func:`pareto_ltl.planning.reference.wind_and_gradient` is the same in plain Python.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from pareto_ltl.support.arrays import FloatArray
 
 @kernel
 def node(wind: Wind, t: int, i: int, j: int, c: int) -> float:
-    """A component of the expected wind at a node of the lattice and step ``t``."""
+    """Component ``c`` of the expected wind [m/s] at node (i, j) of the lattice and step ``t``."""
     k, w = wind.slot[t], wind.weight[t]
     value = wind.mean[k, i, j, c]
     return float((1.0 - w) * value + w * wind.mean[k + 1, i, j, c] if w > 0.0 else value)
@@ -21,9 +21,9 @@ def node(wind: Wind, t: int, i: int, j: int, c: int) -> float:
 
 @entry
 def wind_slopes(wind: Wind, x: FloatArray, slopes: FloatArray) -> None:
-    """Fill ``slopes`` (T, 2, 2) with Dμ [1/s] at the first T rows of ``x``, one a step.
+    """Fill ``slopes`` (T, 2, 2) with Dμ [1/s] at the first T rows of ``x`` [m], one for each step.
 
-    μ is bilinear on the lattice. Beyond the lattice the wind is constant.
+    μ is bilinear on the lattice and constant beyond it.
     """
     last_x, last_y = wind.mean.shape[1] - 1.0, wind.mean.shape[2] - 1.0
     for t in range(len(slopes)):
