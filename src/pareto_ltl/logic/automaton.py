@@ -54,9 +54,9 @@ class Automaton(Displayed):
     formula : str
         Text of the mission.
     windows : mapping of proposition to Window
-        The atoms that hold for a time: those of the map, and clocks of the formula.
+        The atoms that hold only for a limited time: time windows of the map, and clocks of the formula.
     forbidden : tuple of str
-        Atoms with a window that lose the mission where they hold before it is complete.
+        Atoms with a window that end the mission in failure if they hold before it is complete.
     """
 
     delta: TransitionArray
@@ -116,7 +116,7 @@ class Automaton(Displayed):
         return self.harm() is None
 
     def harm(self) -> tuple[int, int] | None:
-        """A state and a letter after which fewer words are accepted than before; None if there is none."""
+        """A state and a letter that leads to a state which does not cover it; None if there is none."""
         kept = self.preorder[self.delta, np.arange(self.n_states)[:, None]]
         bad = np.argwhere(~kept)
         return (int(bad[0][0]), int(bad[0][1])) if len(bad) else None
@@ -260,7 +260,7 @@ def letter_codes(atoms: tuple[str, ...], alphabet: Iterable[Letter]) -> IntArray
 
 
 def show_letter(letter: Iterable[str]) -> str:
-    """``{a, b}``"""
+    """A letter as text, e.g. ``{a, b}``."""
     return f"{{{', '.join(sorted(letter))}}}"
 
 

@@ -1,12 +1,12 @@
 """Deadlines in formulas: ``F[0,6h] a`` is true if a is met between departure and six hours after it.
 
-A time span turns into clocks, propositions that depend on the time alone. With c "now lies in the span" and
-d "the span is over"::
+A time span is translated into clocks, propositions that depend only on the time. With c "now is in the span"
+and d "the span is over"::
 
     F[b,e] p = F(c & p),    G[b,e] p = (c -> p) U d
 
-The second one ends: it can be decided after e. Times count from departure, so that a span may not stand
-below another temporal operator.
+The second formula is co-safe, as it is decided after e. Times count from departure, so a time span is not
+allowed below another temporal operator.
 """
 
 from __future__ import annotations
@@ -19,23 +19,23 @@ from pareto_ltl.world.windows import UNITS, Window, duration_seconds
 
 Span = tuple[float, float]
 
-AFTER = 1e-3  # [s] after its end a span is over
+AFTER = 1e-3  # [s] time from the end of a span to the begin of its end clock
 _CLOCK = re.compile(r"clock_(\d+(?:p\d+)?)_(\d+(?:p\d+)?|on)")
 
 
 def clock_name(begin: float, end: float) -> str:
-    """The proposition "the time lies between ``begin`` and ``end``" [s], ``clock_0_21600``."""
+    """Name of the clock "now is between ``begin`` and ``end``" [s after departure], ``clock_0_21600``."""
     first, last = (f"{round(t, 3):.15g}".replace(".", "p") for t in (begin, end))
     return f"clock_{first}_{'on' if math.isinf(end) else last}"
 
 
 def span_clock(span: Span) -> str:
-    """The clock "now lies in the span"."""
+    """Name of the clock "now is in the span"."""
     return clock_name(*span)
 
 
 def end_clock(span: Span) -> str:
-    """The clock "the span is over"."""
+    """Name of the clock "the span is over"."""
     return clock_name(span[1] + AFTER, math.inf)
 
 
@@ -53,9 +53,9 @@ def _seconds(text: str) -> float:
 
 
 def read_span(text: str) -> Span | None:
-    """``[0,6h]`` or ``[90min, 2.5 h]`` in seconds; None where it is no span.
+    """Begin and end of ``[0,6h]`` or ``[90min, 2.5 h]`` [s]; None if ``text`` is not a time span.
 
-    A number without a unit has that of the other one.
+    A number without a unit has the unit of the other number.
     """
     parts = text.strip().removeprefix("[").removesuffix("]").split(",")
     units = [re.search(r"(s|min|h|d)\s*$", part) for part in parts]
@@ -67,7 +67,7 @@ def read_span(text: str) -> Span | None:
 
 
 def shown_span(span: Span) -> str:
-    """``[0,6h]``, which :func:`read_span` reads."""
+    """A span as text, e.g. ``[0,6h]``, which :func:`read_span` can read."""
     unit = next(u for u in ("d", "h", "min", "s") if u == "s" or all((t / UNITS[u]) % 0.5 == 0 for t in span))
     begin, end = (f"{t / UNITS[unit]:.15g}" for t in span)
     return f"[{begin},{end}{unit}]"

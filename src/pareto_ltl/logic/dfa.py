@@ -1,7 +1,7 @@
 """Deterministic finite automata as arrays: product, good prefixes, minimisation, language inclusion.
 
 A transition table is complete and deterministic: ``delta`` (Q, L) is the state after each letter, state 0 is
-initial. The functions work on whole columns.
+initial.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 from pareto_ltl.support.errors import FormulaError
 
 MAX_ENTRIES = 2**24  # states x letters; 128 MiB as int64
-SAMPLE_LETTERS = 32  # letters that split blocks first; the others only where these left blocks together
+SAMPLE_LETTERS = 32  # number of letters by which blocks are split first, before all letters are used
 BLOCK_ENTRIES = 2**16  # table entries, or pairs of states, per block: small enough for the cache
 
 TransitionArray = NDArray[np.integer]
@@ -51,21 +51,21 @@ def check_table_size(states: int, letters: int, max_states: int) -> None:
 def product_table(a: TransitionTable, b: TransitionTable, both: bool, max_states: int) -> TransitionTable:
     """Table of ``a & b`` if ``both``, else of ``a | b``; its states are the reachable pairs of states.
 
-    Decided pairs (one state is a trap for ``&``, one accepts for ``|``) are one state. States are numbered in
-    the order of a breadth-first search. Both tables must be minimal. Raises a FormulaError if there are more
-    than ``max_states`` states.
+    All pairs with a known outcome (for ``&``, one state is a trap; for ``|``, one accepts) are one state.
+    States are numbered in the order of a breadth-first search. Both tables must be minimal and have the same
+    letters. Raises a FormulaError if there are more than ``max_states`` states.
     """
     letters, wide = a.delta.shape[1], len(b.delta)
     if len(a.delta) * wide >= 2**31:
         raise too_many_states(max_states)
     decided_a, decided_b = (trap_states(t) if both else t.accepting for t in (a, b))
     da, db = a.delta.astype(np.int64) * wide, b.delta.astype(np.int64)
-    # number of each pair, from 1; 0 not met; pages that are never written use no memory
+    # number of each pair, from 1; 0: not reached; the system allocates no memory for unused pages
     number = np.zeros(len(a.delta) * wide, np.int32)
     number[0] = 1
     scratch = np.empty(len(number), np.int32)
     pairs, rows, done, width = np.array([0]), [], 0, max(1, BLOCK_ENTRIES // letters)
-    sink = 1 if decided_a[0] or decided_b[0] else 0  # number of all decided pairs once there is one
+    sink = 1 if decided_a[0] or decided_b[0] else 0  # number of the state of all decided pairs; 0: none yet
     while done < len(pairs):
         now = pairs[done : done + width]
         done += len(now)
@@ -75,7 +75,7 @@ def product_table(a: TransitionTable, b: TransitionTable, both: bool, max_states
             continue
         fresh = first_occurrences(after[rows[-1] == 0], scratch)
         decided = decided_a[fresh // wide] | decided_b[fresh % wide]
-        if sink == 0 and decided.any():  # the first decided pair stands for all of them
+        if sink == 0 and decided.any():  # the first decided pair represents all of them
             first = int(decided.argmax())
             sink = len(pairs) + first + 1
             decided[first] = False
@@ -94,7 +94,7 @@ def product_table(a: TransitionTable, b: TransitionTable, both: bool, max_states
 def first_occurrences(values: Any, scratch: NDArray[np.int32]) -> IntArray:
     """``values`` without repetitions, in the order of their first occurrence, in linear time.
 
-    ``scratch`` is a work array that ``values`` can index.
+    ``values`` are integers from 0 to ``len(scratch) - 1``.
     """
     places = np.arange(len(values), dtype=np.int32)
     scratch[values[::-1]] = places[::-1]
@@ -103,7 +103,10 @@ def first_occurrences(values: Any, scratch: NDArray[np.int32]) -> IntArray:
 
 
 def letter_kinds(kinds: IntArray) -> tuple[IntArray, IntArray]:
-    """The first letter of each kind, in the order of the letters, and the place there of the kind of each."""
+    """The first letter of each kind (K,), and the number of each letter's kind (L,), from ``kinds`` (L,).
+
+    Kinds are numbered in the order of their first letters.
+    """
     _, first, which = np.unique(kinds, return_index=True, return_inverse=True)
     order = first.argsort()
     place = np.empty_like(order)
@@ -112,16 +115,16 @@ def letter_kinds(kinds: IntArray) -> tuple[IntArray, IntArray]:
 
 
 def trap_states(table: TransitionTable) -> BoolArray:
-    """Whether a state of a minimal table does not accept and is never left, shape (Q,); at most one is."""
+    """Whether each state does not accept and is never left, shape (Q,); in a minimal table, at most one."""
     stay: BoolArray = (table.delta == np.arange(len(table.delta))[:, None]).all(axis=1)
     return stay & ~table.accepting
 
 
 def certain_states(delta: TransitionArray, accepting: BoolArray) -> BoolArray:
-    """States from which every infinite word reaches acceptance, shape (Q,) bool.
+    """Whether every infinite word from a state reaches acceptance, shape (Q,) bool.
 
-    Good prefixes lead to these states: from any other state, some letter leads to another such state, for
-    ever.
+    Good prefixes are the words that lead to these states: from any other state, some infinite word stays
+    among the other states.
     """
     doubtful = np.flatnonzero(~accepting)
     while True:
@@ -134,7 +137,7 @@ def certain_states(delta: TransitionArray, accepting: BoolArray) -> BoolArray:
 
 
 def acceptance_distances(delta: TransitionArray, accepting: BoolArray) -> FloatArray:
-    """Smallest number of letters to acceptance, d_A, shape (Q,); inf if there is no way."""
+    """Smallest number of letters to acceptance, d_A, shape (Q,); inf if acceptance cannot be reached."""
     distance = np.where(accepting, 0.0, np.inf)
     steps = 0
     while (distance == steps).any():
@@ -145,7 +148,10 @@ def acceptance_distances(delta: TransitionArray, accepting: BoolArray) -> FloatA
 
 
 def _states_leading_into(goal: BoolArray, delta: TransitionArray, states: IntArray) -> IntArray:
-    """The ``states`` from which a letter leads into ``goal`` (Q,); large letters, which often do, first."""
+    """Those of ``states`` from which some letter leads into ``goal`` (Q,) bool.
+
+    Large letters, which lead there most often, are tested first.
+    """
     found = []
     for last in range(delta.shape[1], 0, -SAMPLE_LETTERS):
         leads = goal[delta[states, max(0, last - SAMPLE_LETTERS) : last]].any(axis=1)
@@ -188,7 +194,7 @@ def block_members(block: IntArray) -> IntArray:
 
 
 def refine_partition(delta: TransitionArray, block: IntArray) -> IntArray:
-    """The coarsest refinement of the partition ``block`` (Q,) in which a letter maps a block into one block.
+    """The coarsest refinement of the partition ``block`` (Q,) in which letters map blocks into blocks.
 
     As in Hopcroft's algorithm (1971), the largest part of a split block keeps its number, and only
     predecessors of the other parts are processed again. The signature of a state is a random linear form of
@@ -196,8 +202,8 @@ def refine_partition(delta: TransitionArray, block: IntArray) -> IntArray:
     and the result is checked. ``block`` comes from the distances to acceptance, which equivalent states
     share: then 1 to 3 iterations are typical, instead of up to max d_A iterations from acceptance alone.
 
-    A sample of the letters splits first, which suffices in most tables of many letters. Then all letters are
-    looked at, but only those of states that still share a block.
+    Blocks are first split by a sample of the letters, which is enough for most tables with many letters. Then
+    all letters are tested, but only for states that still share a block.
     """
     random = np.random.default_rng(len(delta))
     used = np.zeros(delta.shape[1], np.bool_)
@@ -259,9 +265,9 @@ def language_inclusion(delta: TransitionArray, distance: FloatArray) -> BoolArra
     """Shape (Q, Q) bool: ``[p, q]`` is True if ``p`` accepts every word that ``q`` accepts.
 
     It is the largest relation with d(p) <= d(q) that every letter preserves: if q accepts a word and p does
-    not, some prefix of it leads to a pair with d(q) = 0 < d(p). The rows p are made in the order of d(p): a
-    letter that leads nearer to acceptance, to a row that is made, excludes most states q, and few pairs are
-    left for the other letters. Rows are looked at again until nothing changes, since words can lead back.
+    not, some prefix of it leads to a pair with d(q) = 0 < d(p). The rows p are computed in the order of d(p):
+    a letter that leads closer to acceptance, to a row that is done, excludes most states q, so few pairs
+    remain for the other letters. Rows are computed again until nothing changes, because of cycles.
 
     Eq. (M31) of docs/mathematics.md.
     """
@@ -270,7 +276,7 @@ def language_inclusion(delta: TransitionArray, distance: FloatArray) -> BoolArra
     blocks, changed = list(_rows_by_distance(distance)), False
     for p in blocks:
         nearer = distance[columns[:, p]] < distance[p]
-        # the first and the last such letter: one alone leaves up to seven times the pairs that remain
+        # the first and the last such letter: with one of them, up to seven times as many pairs remain
         for letter in (nearer.argmax(axis=0), len(nearer) - 1 - nearer[::-1].argmax(axis=0)):
             after = columns[letter]
             holds[p] &= holds[after[np.arange(len(p)), p][:, None], after]
@@ -298,7 +304,7 @@ def _rows_by_distance(distance: FloatArray) -> Iterator[IntArray]:
 
 
 def _exclude(holds: BoolArray, columns: TransitionArray, rows: IntArray) -> bool:
-    """Removes pairs in ``rows`` of ``holds`` that a letter leads to a removed pair; whether there are any."""
+    """Remove pairs in ``rows`` of ``holds`` that a letter leads to a removed pair; return whether any was."""
     found, q = np.nonzero(holds[rows])
     p = rows[found]
     changed = False

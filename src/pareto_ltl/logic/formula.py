@@ -11,9 +11,9 @@ right::
     unary    = ("!" | "~" | "not" | "X" | "next" | "F" | "eventually" | "<>" | "G" | "[]") unary | atom
     atom     = "true" | "false" | name | "(" formula ")"
 
-``F`` and ``G`` may have a time span after departure, ``F[0,6h] a`` (:mod:`pareto_ltl.logic.clocks`).
-
-``G``, ``R`` and ``W`` are part of the grammar, so that the error can name the operator that is not co-safe.
+``F`` and ``G`` may have a time span that counts from departure, ``F[0,6h] a``
+(:mod:`pareto_ltl.logic.clocks`). ``G``, ``R`` and ``W`` are part of the grammar, so that the error can name
+the operator that is not co-safe.
 """
 
 from __future__ import annotations
@@ -71,7 +71,7 @@ class Formula:
     name : str
         The proposition if ``op`` is ``name``.
     span : (float, float) or None
-        Of ``F`` and ``G``: the time after departure that they speak of [s].
+        For ``F`` and ``G``: begin and end of the time span [s after departure].
     column : int
         Zero-based position of the operator or name in the text.
     word : str
@@ -109,7 +109,7 @@ TRUE_FORMULA, FALSE_FORMULA = Formula("true"), Formula("false")
 
 @lru_cache(maxsize=256)
 def parse_formula(text: str) -> Formula:
-    """The syntax tree of ``text``; a :class:`FormulaError` has the column of a syntax error."""
+    """The syntax tree of ``text``; :class:`FormulaError`, with the column, for a syntax error."""
     return FormulaParser(text).formula()
 
 
@@ -132,7 +132,7 @@ def positive_normal_form(tree: Formula) -> Formula:
     Raises
     ------
     FormulaError
-        If the normal form needs ``G``, ``R`` or ``W``, or a time span stands below a temporal operator; the
+        If the normal form needs ``G``, ``R`` or ``W``, or a time span is below a temporal operator; the
         message names the operator as the user wrote it.
     """
     _check_spans(tree)
@@ -140,7 +140,7 @@ def positive_normal_form(tree: Formula) -> Formula:
 
 
 def _check_spans(tree: Formula) -> None:
-    """Refuse a time span below a temporal operator: spans count from departure."""
+    """Raise a FormulaError for a time span below a temporal operator, as spans count from departure."""
     stack: list[tuple[Formula, Formula | None]] = [(tree, None)]
     while stack:
         node, above = stack.pop()
@@ -260,7 +260,7 @@ class FormulaParser:
         return Formula(token.op, (), name, column=token.column, word=token.word)
 
     def span(self) -> Span | None:
-        """The time span behind ``F`` or ``G``, if there is one."""
+        """The time span after ``F`` or ``G``; None if there is none."""
         if not self.here.word.startswith("[") or self.here.op == "G":
             return None
         found = read_span(self.here.word)
@@ -317,7 +317,7 @@ def _binding_strength(node: Formula) -> int:
 
 
 def _formula_text(node: Formula, word: str = "") -> str:
-    """Text with few parentheses and the syntax tree ``node``; ``word`` replaces its operator if given."""
+    """Text of the syntax tree ``node`` with few parentheses; ``word``, if given, replaces its operator."""
     if not node.args:
         return node.name or node.op
     own, op = _binding_strength(node), word or node.op
@@ -388,7 +388,7 @@ class _NormalForm:
         return Formula(op, tuple(new), column=node.column, word=node.word)
 
     def within_span(self, op: str, span: Span, inner: Formula) -> Formula:
-        """``F`` or ``G`` of a time span, with clocks."""
+        """Normal form of ``F`` or ``G`` with a time span, written with clocks."""
         now, over = Formula("name", name=span_clock(span)), Formula("name", name=end_clock(span))
         if op == "F":
             return Formula("F", (flat_chain("&", [now, inner]),))

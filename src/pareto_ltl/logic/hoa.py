@@ -27,10 +27,10 @@ from pareto_ltl.support.messages import shown_text
 from pareto_ltl.support.reading import SHOWN, Advice, read_text
 
 MAX_HOA_BYTES = 2**23
-MAX_LABEL_DEPTH = 200  # brackets and negations of a label, with those of its aliases
+MAX_LABEL_DEPTH = 200  # levels of brackets and negations in a label, including its aliases
 MAX_ALIASES = 1000
-MAX_LABEL_WORK = 2**32  # operators of all labels times letters; a few seconds
-MAX_DIGITS = 18  # of a number; no file holds so many states
+MAX_LABEL_WORK = 2**32  # operators of all labels times letters, which takes a few seconds
+MAX_DIGITS = 18  # of a number
 HOA_FILES = Advice("check mission.automaton", "write it anew, e.g. with ltl2tgba -D -B")
 
 
@@ -38,7 +38,7 @@ def hoa_text(automaton: Automaton) -> str:
     """The automaton as HOA text.
 
     If not all subsets of the propositions can occur, a header ``letters`` lists those that can, as bit sets
-    over ``AP``; other tools ignore this header. Letters that are not listed may take any edge.
+    over ``AP``; other tools ignore this header. The edges of letters that are not listed are arbitrary.
     """
     codes = letter_codes(automaton.atoms, automaton.letters)
     names = " ".join(labels.quoted_text(name) for name in automaton.atoms)
@@ -132,7 +132,11 @@ class _HoaFile:
 def _table_of_file(
     file: _HoaFile, codes: IntArray, alphabet: tuple[frozenset[str], ...]
 ) -> tuple[IntArray, BoolArray]:
-    """``delta`` with the start as state 0; missing transitions lead to a trap, the last state."""
+    """``delta`` and accepting states, with the start as state 0; the last state is a trap.
+
+    Missing transitions lead to the trap. DataError if the automaton is not deterministic, or if an accepting
+    state can be left.
+    """
     order = [file.start, *(q for q in file.states if q != file.start)]
     number = {q: i for i, q in enumerate(order)}
     trap = len(order)
@@ -167,7 +171,7 @@ def _table_of_file(
 
 
 class _Label(NamedTuple):
-    """A label of the body, which many edges may have, and its number of operators."""
+    """A label of the body, which several edges can have, and its number of operators."""
 
     expression: LabelExpression
     operators: int
@@ -198,7 +202,7 @@ class _HoaReader:
         return token
 
     def sign(self, text: str) -> bool:
-        """Consume the sign ``text`` if it is next; return whether it was."""
+        """Consume the sign ``text`` if it is the next token; return whether it was."""
         found = self.tokens.here.kind == "sign" and self.tokens.here.text == text
         if found:
             self.tokens.advance()
@@ -272,7 +276,7 @@ class _HoaReader:
             self.skip()
 
     def letter_codes(self, line: int) -> list[int]:
-        """The letters of the header, as bit sets over the propositions, which stand above it."""
+        """The letters of the header ``letters``, as bit sets over the propositions of an earlier header."""
         codes = []
         while self.here.kind == "int":
             codes.append(self.number("a letter"))
@@ -281,7 +285,7 @@ class _HoaReader:
         return codes
 
     def skip(self, *kinds: str) -> list[str]:
-        """Consume the tokens up to the next header, only those of ``kinds`` if given; return their texts."""
+        """Consume tokens up to the next header, or while they are of ``kinds`` if given; return the texts."""
         texts = []
         while self.here.kind not in ("head", "mark", "end") and (not kinds or self.here.kind in kinds):
             texts.append(self.here.text)
@@ -358,7 +362,7 @@ class _HoaReader:
             state.edges.append((label, target, where))
 
     def marks(self) -> bool:
-        """Whether an acceptance signature ``{0}`` follows."""
+        """Consume an acceptance signature ``{0}`` or ``{}``; return whether it was ``{0}``."""
         if not self.sign("{"):
             return False
         sets = [self.number("an acceptance set")] if self.here.kind == "int" else []
@@ -368,7 +372,7 @@ class _HoaReader:
         return bool(sets)
 
     def bracketed(self) -> LabelExpression | None:
-        """The label in brackets that follows, if one does. Each text is read once."""
+        """The label in brackets that follows, None if there is none; each label text is parsed once."""
         if self.here != ("sign", "[", self.here.line):
             return None
         text = self.tokens.upcoming("]")

@@ -1,4 +1,4 @@
-"""Label expressions of HOA files, which aliases share."""
+"""Label expressions of HOA files."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ import numpy as np
 
 from pareto_ltl.support.arrays import BoolArray, IntArray
 
-MAX_KEPT = 2**26  # letters of repeated labels that are kept, 1 B each
-SHORT = 4  # digits that a place has at most: there are fewer propositions
+MAX_KEPT = 2**26  # stored results of repeated labels, one byte per letter
+SHORT = 4  # largest number of digits of a proposition's number
 LITERAL = rf"\s*!?\s*\d{{1,{SHORT}}}\s*"
 CUBES = re.compile(rf"{LITERAL}(?:[&|]{LITERAL})*", re.ASCII)
 
@@ -18,15 +18,16 @@ CUBES = re.compile(rf"{LITERAL}(?:[&|]{LITERAL})*", re.ASCII)
 class LabelExpression:
     """The label of an edge: an operator with its operands.
 
-    ``t``, ``f``, ``ap`` with its place, ``!`` with one operand, ``&`` or ``|`` with several; ``cube``, the
-    conjunction of the propositions in the bit set ``place`` and of the negated ones in ``absent``.
+    Operators are ``t``, ``f``, ``ap`` with the number of the proposition in ``place``, ``!`` with one
+    operand, ``&`` or ``|`` with several, and ``cube``, the conjunction of the propositions in the bit set
+    ``place`` and of the negated ones in ``absent``.
 
-    An alias is worked out once for a file: aliases of aliases let 30 lines stand for 2^30 operands.
+    An alias is evaluated once per file, as with aliases of aliases 30 lines can expand to 2^30 operands.
 
     Attributes
     ----------
     depth : int
-        Levels of operators.
+        Number of levels of operators.
     alias : bool
         Whether the file has a name for the expression.
     repeated : bool
@@ -45,7 +46,7 @@ class LabelExpression:
     def on(self, codes: IntArray, known: dict[int, BoolArray]) -> BoolArray:
         """Which letters in ``codes`` (L,) satisfy the expression, shape (L,) bool.
 
-        ``known`` holds what aliases came to, by their ``id``, for the same ``codes``.
+        ``known`` holds the results of aliases for the same ``codes``, by the ``id`` of the expression.
         """
         if not self.alias:
             return self._worked_out(codes, known)
@@ -74,7 +75,7 @@ class LabelExpression:
 def letters_of(
     label: LabelExpression, codes: IntArray, known: dict[int, BoolArray], repeated: dict[int, BoolArray]
 ) -> BoolArray:
-    """As :meth:`LabelExpression.on`; ``repeated`` holds what labels of several edges came to."""
+    """As :meth:`LabelExpression.on`; ``repeated`` holds the results of labels that several edges have."""
     if not label.repeated:
         return label.on(codes, known)
     if id(label) not in repeated:
@@ -85,16 +86,17 @@ def letters_of(
 
 
 def sum_of_cubes(text: str, atoms: int, cubes: dict[str, LabelExpression]) -> LabelExpression | None:
-    """The label ``text`` if it is plainly literals of so many ``atoms`` joined by ``&`` and ``|``, else None.
+    """The label ``text`` if it consists only of literals joined by ``&`` and ``|``, else None.
 
-    Most labels of large files are, and each of their ``cubes`` stands in many of them.
+    ``atoms`` is the number of propositions; ``cubes`` holds the cubes found so far, by their text. Most
+    labels of large files have this form and share their cubes.
     """
     if CUBES.fullmatch(text) is None:
         return None
     parts = []
     for cube in text.split("|"):
         if cube not in cubes:
-            bits = [0, 0]  # of what holds, and of what does not
+            bits = [0, 0]  # of the propositions, and of the negated ones
             for literal in cube.split("&"):
                 place = int(literal.replace("!", ""))
                 if place >= atoms:

@@ -1,4 +1,4 @@
-"""Words and signs of HOA text, one after another."""
+"""Tokens of HOA text."""
 
 from __future__ import annotations
 
@@ -26,9 +26,10 @@ class Token(NamedTuple):
 
 
 class Tokens:
-    """A text read token by token; ``here`` is the next one. Text that is no token is refused at once.
+    """A text that is read token by token; ``here`` is the next token.
 
-    Tokens are made where they are asked for: labels that occur once more are passed over as they stand.
+    Construction raises a DataError for text that is not a token. Tokens are made on demand, so that a label
+    that was read before can be skipped as text.
     """
 
     def __init__(self, text: str, source: str) -> None:
@@ -43,16 +44,16 @@ class Tokens:
         raise DataError(shown_line(f"{self.source}, line {line}: {reason}"))
 
     def advance(self) -> None:
-        """Go to the next token; the end stays."""
+        """Go to the next token; the last one is ``end``, which repeats."""
         self.here = self._next()
 
     def upcoming(self, end: str) -> str:
-        """The text between ``here`` and the next ``end``, a sign; ``end`` itself where none is left."""
+        """The text between ``here`` and the next sign ``end``; ``end`` itself if there is none."""
         place = self.text.find(end, self.behind)
         return end if place < 0 else self.text[self.behind : place]
 
     def skip(self, text: str) -> None:
-        """Pass over ``text``, which follows ``here``, and the sign behind it."""
+        """Skip ``text``, which follows ``here``, and the sign after it."""
         self.line += text.count("\n")
         self.behind += len(text) + 1
         self.here = self._next()

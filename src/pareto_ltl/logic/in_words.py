@@ -6,14 +6,14 @@ from pareto_ltl.logic.formula import Formula, parse_formula
 from pareto_ltl.support.errors import FormulaError
 from pareto_ltl.world.windows import hours_text
 
-LONGEST = 400  # characters of words; a longer mission is better read as a formula
+LONGEST = 400  # characters; a longer mission is shown only as a formula
 BINARY_WORDS = {
     "U": "{0} until {1}", "->": "if {0}, then {1}", "<->": "{0} exactly if {1}", "xor": "either {0} or {1}",
 }  # fmt: skip
 
 
 def mission_in_words(text: str) -> str:
-    """The mission ``text`` in words; empty where it cannot be read, has no words, or is too long."""
+    """The mission ``text`` in words; empty if it cannot be parsed, has no wording here, or is too long."""
     try:
         words = _goal_words(parse_formula(text))
     except (FormulaError, KeyError, RecursionError):
@@ -22,7 +22,7 @@ def mission_in_words(text: str) -> str:
 
 
 def _goal_words(tree: Formula) -> str:
-    """What has to be done, as an order to the pilot."""
+    """A mission or a part of it, as an instruction: "reach a, then b"."""
     if tree.op == "&":
         return "; and ".join(_merged_goals(tree.args))
     if tree.op == "|":
@@ -41,7 +41,7 @@ def _goal_words(tree: Formula) -> str:
 
 
 def _span_words(tree: Formula) -> str:
-    """The time that an operator speaks of: `` within 6 h of departure``; empty for any time."""
+    """The time span of an operator, e.g. `` within 6 h of departure``; empty if it has none."""
     if tree.span is None:
         return ""
     begin, end = tree.span
@@ -51,7 +51,7 @@ def _span_words(tree: Formula) -> str:
 
 
 def _merged_goals(parts: tuple[Formula, ...]) -> list[str]:
-    """Goals of one kind in any order become one: ``F a & F b`` is "reach a and b, in any order"."""
+    """Instructions for ``parts``; visits are merged: ``F a & F b`` is "reach a and b, in any order"."""
     simple = [part for part in parts if _is_untimed_visit(part)]
     if len(simple) < 2:
         return [_goal_words(part) for part in parts]
@@ -61,7 +61,7 @@ def _merged_goals(parts: tuple[Formula, ...]) -> list[str]:
 
 
 def _target_words(tree: Formula) -> str:
-    """What is to be reached: a place, and what follows there."""
+    """The operand of ``F``: a place, and what must follow there."""
     if _is_place(tree) or tree.op not in ("&", "|"):
         return _place_words(tree)
     if tree.op == "|":
@@ -76,7 +76,7 @@ def _target_words(tree: Formula) -> str:
 
 
 def _merged_following(rest: list[Formula]) -> list[str]:
-    """What comes after a place; several goals become one list, in any order."""
+    """What must follow a place; several visits become one list, in any order."""
     simple = [part.args[0] for part in rest if _is_untimed_visit(part)]
     if len(simple) < 2:
         return [_following_words(part) for part in rest]
@@ -86,7 +86,7 @@ def _merged_following(rest: list[Formula]) -> list[str]:
 
 
 def _following_words(tree: Formula) -> str:
-    """What comes after a place: of ``F b`` only "b"."""
+    """What must follow a place; for ``F b`` only "b"."""
     if tree.op == "X" and tree.args[0].op == "F":
         return f"at a later step {_target_words(tree.args[0].args[0])}"
     return _target_words(tree.args[0]) if tree.op == "F" else _goal_words(tree)
@@ -97,7 +97,7 @@ def _is_untimed_visit(tree: Formula) -> bool:
 
 
 def _is_place(tree: Formula) -> bool:
-    """Whether ``tree`` speaks of one step alone."""
+    """Whether ``tree`` has no temporal operators, so that one step decides it."""
     return tree.op in ("name", "true", "false") or (
         tree.op in ("&", "|", "!") and all(map(_is_place, tree.args))
     )

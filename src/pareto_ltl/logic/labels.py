@@ -18,10 +18,10 @@ DecisionTree = int | tuple[int, "DecisionTree", "DecisionTree"]
 
 
 def disjoint_cubes(codes: IntArray, targets: IntArray) -> Iterator[tuple[Cube, int]]:
-    """Disjoint cubes, each with the target of its letters in ``codes`` (L,), ``targets`` (L,).
+    """Disjoint cubes that cover all letters, each with a target.
 
-    They are the leaves of a decision tree and cover all letters, so that a table written with them is
-    complete and deterministic.
+    ``targets`` (L,) are those of the letters ``codes`` (L,). The cubes are the leaves of a decision tree, so
+    that a table written with them is complete and deterministic.
     """
     stack = [(0, 0, _decision_tree(codes, targets))]
     while stack:
@@ -35,7 +35,7 @@ def disjoint_cubes(codes: IntArray, targets: IntArray) -> Iterator[tuple[Cube, i
 
 
 def _decision_tree(codes: IntArray, targets: IntArray) -> DecisionTree:
-    """(bit, tree if it is 0, tree if it is 1), or the target that all letters share."""
+    """(bit, tree for bit 0, tree for bit 1), or the target if all letters have the same."""
     if (targets == targets[0]).all():
         return int(targets[0])
     differ = int(np.bitwise_or.reduce(codes ^ codes[0]))  # the letters agree in all other bits
@@ -86,7 +86,7 @@ def _cube_literals(cube: Cube, names: tuple[str, ...]) -> list[str]:
 
 
 def edge_labels(automaton: Automaton) -> dict[tuple[int, int], str]:
-    """Label of each edge (from, to): the letters that take it, or ``!(other letters)`` if that is shorter."""
+    """Label of each edge (from, to): its letters, or ``!(other letters)`` if that text is shorter."""
     codes = letter_codes(automaton.atoms, automaton.letters)
     result = {}
     for q, row in enumerate(automaton.delta):

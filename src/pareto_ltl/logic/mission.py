@@ -1,4 +1,4 @@
-"""The automaton of the settings in section ``mission``."""
+"""The automaton of the mission that the settings in section ``mission`` describe."""
 
 from __future__ import annotations
 
@@ -32,20 +32,22 @@ def automaton_of(
     Parameters
     ----------
     labels : iterable of sets of names, optional
-        The regions that cells of the map lie in; default: all subsets of the propositions.
+        The labels of the cells of the map; default: all subsets of the propositions.
+    max_states : int
+        Largest number of states of the automaton.
     regions : iterable of str, optional
         Names of the regions of the map; other names in the mission are an error.
     windows : mapping of proposition to Window, optional
-        Those of the map.
+        Time windows of the map.
     forbidden : tuple of str
-        Windows that must not hold before the mission is complete.
+        Propositions with a time window that must not hold before the mission is complete.
 
     Raises
     ------
     ConfigError
         If no mission is given, or more than one.
     FormulaError, DataError
-        If the formula or the file cannot be used, or names an unknown region.
+        If the formula or the file is not valid, or names an unknown region.
     """
     text = patterns.formula_of(mission)
     if mission.automaton is not None and text:
@@ -68,7 +70,7 @@ def automaton_of(
 
 
 def _formula_atoms(text: str, known: set[str] | None) -> set[str]:
-    """Propositions of a formula, clocks included; FormulaError for one that is not ``known``."""
+    """Propositions of a formula, including clocks; FormulaError for a name that is not in ``known``."""
     tree = parse_formula(text)
     if known is not None:
         check_names(tree, known)
@@ -93,10 +95,11 @@ def _file_atoms(path: str, known: set[str] | None) -> set[str]:
 
 
 def region_use(mission: MissionConfig) -> tuple[frozenset[str], frozenset[str]] | None:
-    """The propositions that the mission asks for, and those whose absence it asks for; some are in both.
+    """The propositions that occur in the mission without negation, and those with negation.
 
-    In positive normal form, a proposition without negation can only help where it holds, one with negation
-    only where it does not. None where there is no formula, or none that can be read.
+    This refers to the positive normal form, where a proposition without negation can only help if it holds,
+    one with negation only if it does not; a proposition can be in both sets. None if there is no valid
+    formula.
     """
     try:
         text = patterns.formula_of(mission)
@@ -104,7 +107,7 @@ def region_use(mission: MissionConfig) -> tuple[frozenset[str], frozenset[str]] 
             return None
         tree = positive_normal_form(parse_formula(text))
     except (ConfigError, FormulaError):
-        return None  # the automaton says what is wrong
+        return None  # automaton_of raises the error
     nodes = list(tree.walk())
     negated = frozenset(node.args[0].name for node in nodes if node.op == "!")
     asked = [tree, *(arg for node in nodes if node.op != "!" for arg in node.args)]

@@ -118,13 +118,13 @@ def _conjunction(parts: list[Formula]) -> Formula:
 
 
 def _avoid_formula(no_go: list[Formula], until: Formula) -> Formula:
-    """``!(x | y) U until``"""
+    """``!(x | y) U until`` with the formulas x, y of ``no_go``."""
     zone = no_go[0] if len(no_go) == 1 else flat_chain("|", no_go)
     return Formula("U", (Formula("!", (zone,)), until))
 
 
 def _order_formula(pair: Sequence[str], pattern: str) -> Formula:
-    """``!then U first``"""
+    """``!then U first`` for the pair (first, then)."""
     if isinstance(pair, str) or len(pair) != 2:
         raise ConfigError(f"mission pattern {pattern} takes pairs [first, then], got {pair!r}")
     first, then = pair

@@ -33,11 +33,11 @@ class DrawnEdge:
     start, end : int
         States.
     curve : (3, 2) or (4, 2) float
-        Control points of a Bezier curve; four of a loop.
+        Control points of a Bezier curve; four for a loop.
     text : str
         Label, with line breaks.
     spot : (2,) float
-        Where the label is centred.
+        Centre of the label.
     """
 
     start: int
@@ -132,7 +132,7 @@ def draw_automaton(
 
 
 def drawn_edges(place: FloatArray, texts: dict[tuple[int, int], str]) -> Iterator[DrawnEdge]:
-    """Where the edges with ``texts`` run between states at ``place`` (Q, 2), and where their labels stand."""
+    """Curves and label positions of the edges with ``texts``, between states at ``place`` (Q, 2)."""
     taken = _OccupiedBoxes(place)
     for (p, q), text in texts.items():
         curve = _loop_edge(place[p]) if p == q else _bent_edge(place, p, q, (q, p) in texts)
@@ -168,15 +168,16 @@ def state_positions(automaton: Automaton) -> FloatArray:
 
 
 def _generations(automaton: Automaton) -> tuple[IntArray, IntArray]:
-    """Of each state (Q,): the first state of its cycle, and the most cycles on a way to it.
+    """For each state (Q,): the first state of its strongly connected component, and the component's depth.
 
-    States of one cycle reach each other. networkx can do the same, and takes 0.4 s to be imported.
+    The depth is the largest number of components before it on a path. networkx could compute this too, but
+    its import takes 0.4 s.
     """
     count = automaton.n_states
     reach = np.eye(count, dtype=bool)
     reach[np.arange(count)[:, None], automaton.delta] = True
     for _ in range(max(1, count.bit_length())):
-        reach = (reach.astype(int) @ reach) > 0  # ways of twice as many edges
+        reach = (reach.astype(int) @ reach) > 0  # paths of twice as many edges
     component = (reach & reach.T).argmax(axis=1)
     before = reach & (component[:, None] != component)
     generation = np.zeros(count, int)

@@ -1,4 +1,4 @@
-"""What is left of a mission after some of it is done."""
+"""The rest of a mission after a part of it is done."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from pareto_ltl.world.windows import Window
 
 
 def remaining_automaton(automaton: Automaton, state: int, moment: float = 0.0) -> Automaton:
-    """The automaton that goes on from ``state``, whatever label the place of departure shows.
+    """The automaton of the rest of the mission from ``state``, for a flight that departs at ``moment``.
 
-    That label was read before: the first letter of a flight leads to ``state`` from a new initial state. Time
-    windows count from ``moment`` [s after the first departure] on.
+    From a new initial state every letter leads to ``state``, since the label at the position of departure was
+    already read. ``moment`` is in [s after the first departure]; time windows then count from there.
     """
     delta = np.vstack([np.full((1, len(automaton.letters)), state), automaton.delta]).astype(np.int64) + 1
     accepting = np.concatenate([[False], automaton.accepting])
@@ -26,7 +26,7 @@ def remaining_automaton(automaton: Automaton, state: int, moment: float = 0.0) -
 
 
 def later_windows(windows: Mapping[str, Window], moment: float) -> dict[str, Window]:
-    """``windows`` on a clock that begins at ``moment`` [s]."""
+    """``windows`` with times that count from ``moment`` [s]."""
     return {
         name: replace(window, begin=window.begin - moment, end=window.end - moment)
         for name, window in windows.items()

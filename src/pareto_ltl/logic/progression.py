@@ -4,8 +4,8 @@ A positive normal form is a graph of shared nodes with literals, ``&``, ``|``, `
 
     F p = true U p,    p M q = q U (p & q)
 
-A state is a disjunction of conjunctions of such nodes, stored as an antichain of bit sets, so there are
-finitely many. Progression by a letter (Bacchus and Kabanza, 1998, doi:10.1023/A:1018985923441)::
+A state is a disjunction of conjunctions of such nodes, stored as an antichain of bit sets, so the number of
+states is finite. Progression by a letter (Bacchus and Kabanza, 1998, doi:10.1023/A:1018985923441)::
 
     step(p U q) = step(q) | (step(p) & p U q),    step(X p) = p,    step(literal) = true or false
 
@@ -55,11 +55,11 @@ class ProgressionNode:
 
 
 class PartTable(NamedTuple):
-    """The minimal table of a part of a formula: letters that it cannot tell apart have one column.
+    """The minimal table of a part of a formula, with one column for all letters that it does not distinguish.
 
-    ``distance`` (Q,) is that of the states to acceptance, ``column`` (L,) that of each letter of the whole
-    formula. Columns have the order in which these letters show them first: then states have one order, that
-    of a breadth-first search, in the narrow and in the wide table.
+    ``distance`` (Q,): distance of each state to acceptance; ``column`` (L,): the column of each letter of the
+    whole formula. Columns are in the order of their first letters, so that the breadth-first order of states
+    is the same in this table and in the one with all letters.
     """
 
     table: TransitionTable
@@ -147,7 +147,7 @@ class Progression:
         return p if p.op in ("true", "false") else self.make("X", (p,))
 
     def until(self, p: ProgressionNode, q: ProgressionNode) -> ProgressionNode:
-        """``p U q``, or ``q`` where it is the same."""
+        """``p U q``, or ``q`` if both are known to be equivalent."""
         if q.eventual or p.op == "false" or self.implies(p, q):
             return q
         if q.op == "U" and q.args[0] is p:  # p U (p U q)
@@ -155,7 +155,7 @@ class Progression:
         return self.make("U", (p, q))
 
     def combine(self, op: str, args: Iterable[ProgressionNode]) -> ProgressionNode:
-        """``&`` or ``|`` of ``args``, flat, without repetitions and redundant parts."""
+        """``&`` or ``|`` of ``args``, flat, without repeated or redundant parts."""
         unit, zero = (self.true, self.false) if op == "&" else (self.false, self.true)
         flat: dict[int, ProgressionNode] = {}
         for arg in args:
@@ -192,7 +192,7 @@ class Progression:
         return merged  # until() may return a chain again, which costs states but is correct
 
     def clash(self, parts: list[ProgressionNode]) -> bool:
-        """Whether ``parts`` hold a proposition and its negation."""
+        """Whether ``parts`` contain a proposition and its negation."""
         plus, minus = ({part.now for part in parts if part.op == sign} for sign in "+-")
         return bool(plus & minus)
 
@@ -218,7 +218,7 @@ class Progression:
         return self.implied[key]
 
     def shows(self, p: ProgressionNode, q: ProgressionNode) -> bool:  # noqa: PLR0911, PLR0912 - case by case
-        """:meth:`implies`, worked out."""
+        """:meth:`implies` without its memory of results."""
         if p is q or p.op == "false" or q.op == "true":
             return True
         if p.op == "true" or q.op == "false":
@@ -271,7 +271,7 @@ class Progression:
         return self.all(parts) if node.op == "&" else self.any(parts)
 
     def step(self, node: ProgressionNode, letter: int) -> ProgressionState:
-        """The obligations of ``node`` after ``letter``, propositions as bits."""
+        """The obligations of ``node`` after ``letter``, a bit set of propositions."""
         key = node.bit, letter & node.now
         found = self.steps.get(key)
         if found is None:
@@ -279,7 +279,7 @@ class Progression:
         return found
 
     def read_letter(self, node: ProgressionNode, letter: int) -> ProgressionState:
-        """The state after ``node`` has read ``letter``, worked out."""
+        """:meth:`step` without its memory of results."""
         op, args = node.op, node.args
         if op in ("true", "false"):
             return self.start(node)
@@ -378,14 +378,14 @@ class Progression:
         return PartTable(*tables.minimal_table(self.explore(node, letters[first])), column)
 
     def fold(self, parts: list[PartTable], both: bool) -> PartTable:
-        """The product of ``parts`` as a balanced tree of products, each minimised at once."""
+        """The product of ``parts`` as a balanced tree of products, each of which is minimised."""
         while len(parts) > 1:
             products = [self.product(a, b, both) for a, b in zip(parts[::2], parts[1::2], strict=False)]
             parts = products + parts[2 * len(products) :]
         return parts[0]
 
     def product(self, a: PartTable, b: PartTable, both: bool) -> PartTable:
-        """The minimal product of two parts: both accept, or one of them."""
+        """The minimal product of two parts: of ``&`` if ``both``, else of ``|``."""
         first, column = tables.letter_kinds(a.column * b.table.delta.shape[1] + b.column)
         table = tables.product_table(a.with_columns(first), b.with_columns(first), both, self.max_states)
         return PartTable(*tables.minimal_table(table), column)
@@ -423,13 +423,13 @@ class Progression:
         return now
 
     def after(self, state: ProgressionState, letter: int) -> ProgressionState:
-        """The state after ``letter``: the union of what its clauses become."""
+        """The state after ``letter``: the disjunction of its advanced clauses."""
         return (
             state if state in (DONE_STATE, LOST_STATE) else self.any([self.advance(c, letter) for c in state])
         )
 
     def advance(self, clause: int, letter: int) -> ProgressionState:
-        """What a clause becomes after ``letter``: all of its obligations hold."""
+        """The state of a clause after ``letter``: the conjunction of its obligations after ``letter``."""
         parts = []
         for bit in set_bits(clause):
             part = self.step(self.nodes[bit.bit_length() - 1], letter)

@@ -1,4 +1,4 @@
-"""Propositions that hold for a time: which letters cells show, and automata that keep clear of a place."""
+"""Propositions with time windows: letters of cells, and automata with forbidden propositions."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ MOST_LETTERS = 200_000
 def letter_of(label: Letter, windows: Mapping[str, Window], holding: Collection[str]) -> Letter:
     """The propositions that hold in a cell with ``label`` while the windows ``holding`` are open.
 
-    A region with a window of its own name counts within this window alone.
+    A region that has a time window under its own name holds only during that window.
     """
     return frozenset(name for name in label if name not in windows) | frozenset(
         name for name in holding if windows[name].region is None or windows[name].region in label
@@ -28,14 +28,17 @@ def letter_of(label: Letter, windows: Mapping[str, Window], holding: Collection[
 
 
 def places_of(label: Letter, windows: Mapping[str, Window]) -> Letter:
-    """The propositions that hold in a cell with ``label`` at some time or other; no clocks."""
+    """The propositions, without clocks, that hold in a cell with ``label`` at some time."""
     return frozenset(name for name in label if name not in windows) | frozenset(
         name for name, window in windows.items() if window.region in label
     )
 
 
 def timed_letters(labels: Iterable[Letter], windows: Mapping[str, Window]) -> set[Letter]:
-    """All letters of cells with these ``labels``, at steps and on the way between two of them."""
+    """All letters of cells with these ``labels``, at steps and between two steps.
+
+    FormulaError if there are more than ``MOST_LETTERS``.
+    """
     shown = set(labels)
     patterns = window_patterns(windows.values())
     if len(shown) * len(patterns) > MOST_LETTERS:
@@ -48,7 +51,7 @@ def timed_letters(labels: Iterable[Letter], windows: Mapping[str, Window]) -> se
 
 
 def window_patterns(windows: Iterable[Window]) -> set[frozenset[int]]:
-    """Which windows, by number, hold together at some moment after departure, or in some span of time."""
+    """The sets of windows, by number, that hold at some moment after departure or during some time span."""
     own = list(windows)
     marks = sorted({0.0, *(t for w in own for t in (w.begin, w.end) if 0.0 < t < math.inf)})
     moments = sorted({*marks, *((a + b) / 2 for a, b in pairwise(marks)), marks[-1] + 1.0})
@@ -63,9 +66,9 @@ def window_patterns(windows: Iterable[Window]) -> set[frozenset[int]]:
 
 
 def keep_clear(automaton: Automaton, names: tuple[str, ...], labels: Iterable[Letter]) -> Automaton:
-    """``automaton`` with a mission that is lost once a proposition of ``names`` holds before it is complete.
+    """``automaton`` with a trap: the mission fails if a proposition of ``names`` holds before it is complete.
 
-    ``labels`` are the letters that can occur, with these propositions.
+    ``labels`` are the letters that can occur, including these propositions.
     """
     atoms = tuple(sorted({*automaton.atoms, *names}))
     alphabet = alphabet_of(atoms, labels)

@@ -1,4 +1,4 @@
-"""Altitude bands: a place between a floor and a ceiling counts only for a robot that flies there."""
+"""Altitude bands: a place with a floor or a ceiling is active only if the robot flies between them."""
 
 from __future__ import annotations
 
@@ -14,7 +14,10 @@ LOG = logging.getLogger(__name__)
 
 
 def sketch_at_altitude(sketch: SceneSketch, rules: DrawingRules) -> SceneSketch:
-    """``sketch`` with the places that count at ``rules.altitude``; a region that does not, holds nowhere.
+    """``sketch`` with only the places that are active at ``rules.altitude``.
+
+    A region that is not active is kept without polygons, so that its proposition never holds. Without an
+    altitude, all places are active.
 
     Raises
     ------

@@ -27,14 +27,14 @@ if TYPE_CHECKING:
     import shapely
 
 GRID_FRACTION = 2.0**-40  # grid step over the size of the map
-EDGE_FRACTION = 1e-11  # of the size of the map; a point this close to an edge lies on it
+EDGE_FRACTION = 1e-11  # of the size of the map; a point this close to an edge counts as on it
 LOCATOR_BUCKETS = 64  # of a Locator, along each axis
 SHORTEST_DOOR = 4.0  # [grid steps]; shorter contacts are rounding errors
 
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Decomposition(Displayed):
-    """Free space as convex cells that share edges and do not overlap.
+    """The free space of a scene as convex cells that do not overlap.
 
     Attributes
     ----------
@@ -44,7 +44,7 @@ class Decomposition(Displayed):
     labels : tuple of frozenset of str
         The regions that contain each cell.
     doors : (D, 2) int
-        Pairs of cells (i < j) that share an edge of positive length.
+        "Doors": pairs of cells (i < j) that share an edge of positive length.
     obstacles : tuple of (n, 2) float
         Convex parts of the obstacles, counter-clockwise.
     regions : mapping of name to tuple of (n, 2) float
@@ -61,7 +61,7 @@ class Decomposition(Displayed):
     def letters(self) -> tuple[frozenset[str], ...]:
         """The labels that can occur, by size, then by name.
 
-        The empty label is always one of them; it is that of obstacles and of points outside the bounds.
+        The empty label is always included; obstacles and points outside the bounds have it.
         """
         return tuple(sorted({frozenset[str](), *self.labels}, key=lambda s: (len(s), sorted(s))))
 
@@ -77,7 +77,7 @@ class Decomposition(Displayed):
 
 @dataclass(frozen=True, slots=True)
 class Locator:
-    """A coarse grid over the bounds with the cells that may contain a point of each bucket.
+    """A grid of buckets over the bounds, with the cells that may contain a point of each bucket.
 
     Attributes
     ----------
@@ -132,7 +132,7 @@ def decompose(scene: Scene) -> Decomposition:
 
 
 def convex_obstacles(scene: Scene, polygons: Iterable[shapely.Geometry]) -> tuple[FloatArray, ...]:
-    """``polygons`` [m] as a :class:`Decomposition` has obstacles: convex parts."""
+    """Convex parts (n, 2) [m] of ``polygons`` [m], snapped to the grid as the obstacles of ``scene``."""
     step = _grid_step(scene)
     return _obstacle_parts(_outermost_polygons([_snapped_shape(shape, step) for shape in polygons]), step)
 
@@ -148,9 +148,9 @@ def convex_pieces(scene: Scene, polygons: Iterable[shapely.Geometry]) -> tuple[F
 
 
 def cell_graph(decomposition: Decomposition) -> nx.Graph:
-    """Cells as nodes (``centroid`` (2,) [m], ``area`` [m²], ``label``), doors as edges.
+    """Graph of the cells: nodes have ``centroid`` (2,) [m], ``area`` [m²] and ``label``; doors are edges.
 
-    An edge carries the ``distance`` [m] between the two centroids.
+    An edge has the ``distance`` [m] between the two centroids.
     """
     import networkx as nx
 
@@ -183,8 +183,8 @@ def inside_depth(polygon: FloatArray, points: FloatArray) -> FloatArray:
 def cells_of_points(decomposition: Decomposition, points: FloatArray) -> IntArray:
     """The cell of each point, shape (P,); -1 outside the bounds and strictly inside an obstacle.
 
-    It is the first cell that contains the point, so that an edge of a region belongs to the region. A point
-    that rounding puts outside all cells gets the cell with the largest :func:`inside_depth`.
+    It is the first cell that contains the point, so that an edge of a region belongs to the region. For a
+    point outside all cells because of rounding, it is the cell with the largest :func:`inside_depth`.
     """
     points = np.asarray(points, float).reshape(-1, 2)
     close = EDGE_FRACTION * _map_size(decomposition)
@@ -221,7 +221,7 @@ def locator(decomposition: Decomposition, bounds: FloatArray) -> Locator:
 
 
 def _reachable_cells(doors: IntArray, start: int) -> set[int]:
-    """Cells connected to ``start`` by ``doors``. (Importing networkx for this takes 0.3 s.)"""
+    """Cells connected to ``start`` by ``doors``; without networkx, whose import takes 0.3 s."""
     reached, fresh = {start}, {start}
     while fresh:
         ahead = doors[np.isin(doors, list(fresh)).any(axis=1)]
@@ -267,7 +267,7 @@ def unreachable_regions(decomposition: Decomposition, scene: Scene, atoms: Itera
 
 
 def _grid_step(scene: Scene) -> float:
-    """Grid step [m], a power of two, so that coordinates are exact; not below the resolution of floats."""
+    """Grid step [m], a power of two so that coordinates are exact; at least the resolution of floats."""
     size = float((scene.bounds[1] - scene.bounds[0]).max())
     step = 2.0 ** math.ceil(math.log2(size)) * GRID_FRACTION
     return max(step, 2.0 ** math.ceil(math.log2(16 * np.spacing(np.abs(scene.bounds).max()))))
@@ -280,7 +280,7 @@ def _snapped_polygon(corners: FloatArray, step: float) -> shapely.Geometry:
 
 
 def _snapped_region(outlines: Sequence[FloatArray], step: float) -> shapely.Geometry:
-    """One shape without the edges at which the polygons of a region touch."""
+    """The union of the polygons of a region, in grid steps."""
     import shapely
 
     found = [_snapped_polygon(corners, step) for corners in outlines]
@@ -288,7 +288,7 @@ def _snapped_region(outlines: Sequence[FloatArray], step: float) -> shapely.Geom
 
 
 def _snapped_shape(shape: shapely.Geometry, step: float) -> shapely.Geometry:
-    """A valid shape in grid steps, also if snapping made corners or edges coincide."""
+    """``shape`` [m] in grid steps, made valid if snapping made corners or edges coincide."""
     import shapely
 
     return shapely.set_precision(shapely.transform(shape, lambda corners: np.rint(corners / step)), 1.0)
@@ -323,7 +323,7 @@ def _polygon_rings(face: Any) -> list[GridRing]:
 
 
 def _convex_rings(polygon: shapely.Geometry) -> list[GridRing]:
-    """Convex parts of an outline, without flat corners."""
+    """Convex parts of a shape in grid steps, without flat corners."""
     import shapely
 
     found = []
@@ -334,7 +334,7 @@ def _convex_rings(polygon: shapely.Geometry) -> list[GridRing]:
 
 
 def _obstacle_parts(polygons: Sequence[shapely.Geometry], step: float) -> tuple[FloatArray, ...]:
-    """Convex parts, in metres."""
+    """Convex parts [m] of shapes in grid steps."""
     return tuple(_ring_in_metres(ring, step) for polygon in polygons for ring in _convex_rings(polygon))
 
 
@@ -353,7 +353,7 @@ def _first_corner(ring: GridRing) -> GridRing:
 def _labelled_cells(
     box: shapely.Geometry, obstacles: Sequence[shapely.Geometry], regions: dict[str, shapely.Geometry]
 ) -> list[tuple[GridRing, frozenset[str]]]:
-    """Convex rings with all shared corners, and their labels; most labels first, then by name and place."""
+    """Convex rings with all shared corners, and their labels, sorted by number of labels, names, position."""
     import shapely
 
     outlines = shapely.boundary([box, *obstacles, *regions.values()])
@@ -370,7 +370,7 @@ def _labelled_cells(
 
 
 def _points_within(polygons: Sequence[shapely.Geometry], points: Any) -> BoolArray:
-    """Which ``points`` lie in any of the ``polygons``."""
+    """Which ``points`` (shapely points) lie in any of ``polygons``, (P,)."""
     import shapely
 
     inside = np.zeros(len(points), bool)
@@ -407,7 +407,7 @@ def _covered_points(decomposition: Decomposition, points: FloatArray) -> BoolArr
 
 
 def _cell_meets_boxes(cell: FloatArray, middle: FloatArray, half: FloatArray) -> BoolArray:
-    """Which boxes ``middle`` (B, 2) +- ``half`` (2,) touch a convex cell."""
+    """Which boxes ``middle`` (B, 2) ± ``half`` (2,) touch a convex cell, (B,)."""
     normals, offsets = half_planes(cell)
     faces = (middle @ normals.T - np.abs(normals) @ half <= offsets).all(axis=1)
     sides = (middle + half >= cell.min(axis=0)) & (middle - half <= cell.max(axis=0))

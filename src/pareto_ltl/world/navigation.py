@@ -1,4 +1,4 @@
-"""What a pilot reads of a plan: times, positions on Earth, true headings, airspeeds."""
+"""A plan in the terms of navigation: times, positions on Earth, true headings, airspeeds."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from pareto_ltl.world.scene import Scene
 
 @dataclass(frozen=True, slots=True)
 class Navigation:
-    """A plan of T steps in the terms of a pilot.
+    """A plan of T steps in the terms of navigation.
 
     Attributes
     ----------
     airspeed : (T,) float
         Speed through the air [m/s].
     time_utc : tuple of T + 1 str, or None
-        ISO 8601; None where the map names no departure.
+        ISO 8601 times; None if the departure time is not known.
     crs : str or None
-        PROJ string of the plane; None, as the next three, for a plane without position on Earth.
+        PROJ string of the plane; for a plane without position on Earth, this and the next three are None.
     lat, lon : (T+1,) float or None
         WGS84 [deg].
     heading_true : (T,) float or None
@@ -39,7 +39,7 @@ class Navigation:
 
 
 def navigate(scene: Scene, t: FloatArray, x: FloatArray, u: FloatArray) -> Navigation:
-    """The plan of times ``t`` (T+1,) [s], positions ``x`` (T+1, 2) [m], controls ``u`` (T, 2) [m/s]."""
+    """Navigation of times ``t`` (T+1,) [s], positions ``x`` (T+1, 2) [m] and controls ``u`` (T, 2) [m/s]."""
     airspeed = np.hypot(u[:, 0], u[:, 1])
     times = utc_times(scene.time_zero, t)
     if scene.crs is None:
@@ -50,9 +50,9 @@ def navigate(scene: Scene, t: FloatArray, x: FloatArray, u: FloatArray) -> Navig
 
 
 def true_heading(crs: str, lon: FloatArray, lat: FloatArray, u: FloatArray) -> FloatArray:
-    """Directions of ``u`` (T, 2) at ``lon``, ``lat`` (T,) [deg] from true north, clockwise, (T,) [deg].
+    """Directions of ``u`` (T, 2) at ``lon``, ``lat`` (T,) [deg], clockwise from true north, (T,) [deg].
 
-    With the meridian convergence γ, counter-clockwise from +y of the plane to true north,
+    NaN where u is 0. With the meridian convergence γ, counter-clockwise from +y of the plane to true north,
 
         heading = atan2(u_x, u_y) + γ    (mod 360 deg).
     """
@@ -65,7 +65,7 @@ def true_heading(crs: str, lon: FloatArray, lat: FloatArray, u: FloatArray) -> F
 
 
 def utc_times(time_zero: str | None, t: FloatArray) -> tuple[str, ...] | None:
-    """``t`` (N,) [s] after ``time_zero`` as ISO 8601 times; None without it, or beyond the year 9999."""
+    """``t`` (N,) [s after ``time_zero``] as ISO 8601 times; None without ``time_zero`` or after year 9999."""
     if time_zero is None:
         return None
     start = datetime.fromisoformat(time_zero)

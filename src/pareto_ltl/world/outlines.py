@@ -16,24 +16,24 @@ import numpy as np
 if TYPE_CHECKING:
     import shapely
 
-ARC = 4  # segments of a quarter circle around a moved corner: they cut its radius by 2 %
-WITHIN = 0.9  # of the distance moved: how far simplifying goes back at most
-HALVINGS = 8  # of a tolerance at which a bay closes
-CLOSED = 1e-5  # of the size of the map: gaps and holes this narrow count as none
-OWN_SHARE = 0.05  # of the square root of the polygon's own area: how far its outline may move
-GAP_SHARE = 0.25  # of the gap to the next outline or to the start, the same
+ARC = 4  # segments of a quarter circle around a moved corner; they reduce its radius by up to 2 %
+WITHIN = 0.9  # tolerance of the simplification, as a share of the distance moved
+HALVINGS = 8  # how often a tolerance that closes a bay is halved
+CLOSED = 1e-5  # narrower gaps, as a share of the size of the map, count as closed
+OWN_SHARE = 0.05  # largest move of an outline, as a share of the square root of the polygon's area
+GAP_SHARE = 0.25  # largest move of an outline, as a share of the gap to the next outline or to the start
 
 
 @dataclass(frozen=True, slots=True)
 class Room:
-    """What lies on a map of ``size`` [m]: an outline may move as far as the gaps to its neighbours allow."""
+    """The shapes on a map of ``size`` [m], whose gaps limit how far an outline may move."""
 
     tree: shapely.STRtree
     size: float
 
     @classmethod
     def of(cls, shapes: Iterable[shapely.Geometry], size: float) -> Room:
-        """The room between ``shapes`` on a map of ``size`` [m]."""
+        """Make the record of ``shapes`` on a map of ``size`` [m]."""
         import shapely
 
         return cls(shapely.STRtree(list(shapes)), size)
@@ -49,16 +49,17 @@ class Room:
 
 
 def corner_count(shape: shapely.Geometry) -> int:
-    """Corners of all rings, which repeat their first one."""
+    """Number of corners of all rings of a shape."""
     import shapely
 
     return int(shapely.get_num_coordinates(shape)) - len(shapely.get_rings(shapely.get_parts(shape)))
 
 
 def widened_polygon(polygon: shapely.Polygon, tolerance: float) -> shapely.Polygon:
-    """A polygon that contains ``polygon``; none of its points is farther than ``tolerance`` [m] from it.
+    """A simpler polygon that contains ``polygon`` and extends at most ``tolerance`` [m] beyond it.
 
-    A bay whose mouth would close keeps it open, by a smaller tolerance; small bays are filled.
+    Small bays and holes are filled. If a larger bay would be closed, the tolerance is halved until it stays
+    open.
     """
     polygon = without_pools(polygon, tolerance)
     for _ in range(HALVINGS):
@@ -72,15 +73,15 @@ def widened_polygon(polygon: shapely.Polygon, tolerance: float) -> shapely.Polyg
 def narrowed_polygon(polygon: shapely.Polygon, tolerance: float) -> shapely.Geometry:
     """A polygon inside ``polygon`` whose outline is at most ``tolerance`` [m] away, except in bottlenecks.
 
-    Where the polygon is narrower than the tolerance nothing is left of it, and it may come in several parts;
-    if nothing is left, the polygon itself is returned.
+    Parts that are narrower than the tolerance are removed, so the result may have several parts. If nothing
+    remains, ``polygon`` is returned.
     """
     found = _moved(polygon, -0.5 * tolerance)
     return polygon if found.is_empty else found
 
 
 def without_pools(polygon: shapely.Polygon, size: float) -> shapely.Polygon:
-    """``polygon`` without holes that are no larger than a circle with radius ``size`` [m]."""
+    """``polygon`` without the holes whose area is at most that of a circle with radius ``size`` [m]."""
     import shapely
 
     holes = [ring for ring in polygon.interiors if shapely.Polygon(ring).area > math.pi * size**2]
@@ -88,10 +89,10 @@ def without_pools(polygon: shapely.Polygon, size: float) -> shapely.Polygon:
 
 
 def _moved(polygon: shapely.Polygon, distance: float) -> Any:
-    """``polygon`` moved outwards by ``distance`` [m], and simplified by less than that.
+    """``polygon`` with its outline moved outwards by ``distance`` [m], and simplified by less than that.
 
     GEOS (3.12 and later) also removes the first corner of a ring if it is near the simplified outline, which
-    may then be twice as far away as asked for. Where this breaks a promise, half the distance is asked for.
+    may then deviate by twice the tolerance. If this breaks a guarantee, half the tolerance is used.
     """
     import shapely
 

@@ -30,12 +30,12 @@ def signed_turn(a: GridNode, b: GridNode, c: GridNode) -> int:
 
 
 def ring_edges(ring: Sequence[GridNode]) -> Iterator[GridEdge]:
-    """Pairs of neighbouring nodes."""
+    """The edges of a ring: pairs of consecutive nodes."""
     return zip(ring, [*ring[1:], ring[0]], strict=True)
 
 
 def ring_corners(ring: Sequence[GridNode]) -> Iterator[GridCorner]:
-    """Triples of neighbouring nodes, one per node."""
+    """The corners of a ring: triples of consecutive nodes, one for each node."""
     return zip([ring[-1], *ring[:-1]], ring, [*ring[1:], ring[0]], strict=True)
 
 
@@ -54,8 +54,8 @@ def is_left(a: GridNode, b: GridNode, c: GridNode) -> bool:
 def convex_parts(outline: GridRing, holes: Sequence[GridRing] = ()) -> list[GridRing]:
     """Counter-clockwise convex rings that tile the polygon, without new corners.
 
-    ``outline`` is counter-clockwise, ``holes`` are clockwise. Rings keep corners at which they go straight
-    on, so that neighbours share whole edges; :func:`drop_flat` removes these corners.
+    ``outline`` is counter-clockwise, ``holes`` are clockwise. Rings keep flat corners, at which they go
+    straight on, so that neighbours share whole edges; :func:`drop_flat` removes these corners.
     """
     if not holes and all(is_left(*corner) for corner in ring_corners(outline)):
         return [outline]
@@ -80,7 +80,7 @@ def drop_flat(ring: GridRing) -> GridRing:
 
 
 def triangulate(rings: Sequence[GridRing]) -> list[GridCorner]:
-    """Constrained Delaunay triangles of a polygon, counter-clockwise; they use its corners only."""
+    """Constrained Delaunay triangulation of a polygon: counter-clockwise triangles of its corners."""
     import shapely
 
     polygon = shapely.Polygon(rings[0], rings[1:])
@@ -96,7 +96,7 @@ def _oriented_left(a: GridNode, b: GridNode, c: GridNode) -> GridCorner:
 
 
 def merge_triangles(found: Sequence[GridCorner]) -> list[GridRing]:
-    """Triangles merged into convex rings, in one pass: a diagonal that was needed once stays needed."""
+    """Merge triangles into convex rings, in one pass: a diagonal that is needed once remains needed."""
     cells: list[GridRing] = [list(three) for three in found]
     owner = {edge: i for i, ring in enumerate(cells) for edge in ring_edges(ring)}
     diagonals = [(a, b) for a, b in owner if a < b and (b, a) in owner]

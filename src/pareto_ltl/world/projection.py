@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 def local_plane(lat: float, lon: float) -> str:
-    """PROJ string of the stereographic plane at ``lat``, ``lon`` [deg]; DataError if out of range."""
+    """PROJ string of the stereographic plane centred at ``lat``, ``lon`` [deg]; DataError if out of range."""
     if not -90 <= lat <= 90 or not -180 <= lon <= 360:
         raise DataError(
             f"latitude {lat:g}, longitude {lon:g} is no place on Earth: expected -90..90 and -180..180"
@@ -35,7 +35,7 @@ def local_plane(lat: float, lon: float) -> str:
 
 
 def to_plane(crs: str, lon: FloatArray, lat: FloatArray) -> FloatArray:
-    """Positions of ``lon``, ``lat`` (N,) [deg] in the plane, shape (N, 2) [m]."""
+    """Positions of ``lon``, ``lat`` (N,) [deg] in the plane, shape (N, 2) [m]; DataError if too far away."""
     x, y = _cached_projection(crs)(
         np.atleast_1d(np.asarray(lon, float)), np.atleast_1d(np.asarray(lat, float))
     )
@@ -50,7 +50,7 @@ def to_plane(crs: str, lon: FloatArray, lat: FloatArray) -> FloatArray:
 
 
 def to_geographic(crs: str, xy: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Longitude and latitude [deg] of positions ``xy`` (N, 2) [m], each of shape (N,)."""
+    """Longitude and latitude [deg] of ``xy`` (N, 2) [m], (N,) each; DataError if outside the plane."""
     xy = np.atleast_2d(np.asarray(xy, float))
     lon, lat = _cached_projection(crs)(xy[..., 0], xy[..., 1], inverse=True)
     if not (np.isfinite(lon).all() and np.isfinite(lat).all()):
@@ -63,7 +63,7 @@ def to_geographic(crs: str, xy: FloatArray) -> tuple[FloatArray, FloatArray]:
 def degrees_of(where: str, crs: str, points: FloatArray) -> FloatArray:
     """Longitude and latitude (N, 2) [deg] of ``points`` (N, 2) in the system ``crs``, e.g. ``EPSG:3857``.
 
-    The order of the axes is east, north (or longitude, latitude), whatever the definition of ``crs`` says.
+    The order of the axes is east, north (or longitude, latitude), also if ``crs`` defines another order.
 
     Raises
     ------
@@ -98,20 +98,21 @@ def meridian_convergence(crs: str, lon: FloatArray, lat: FloatArray) -> FloatArr
 
 
 def largest_scale(crs: str, bounds: FloatArray) -> float:
-    """Metres in the plane for a metre on the ground, where there are most within ``bounds`` (2, 2) [m].
+    """Largest scale factor (metres in the plane per metre on the ground) within ``bounds`` (2, 2) [m].
 
-    In our planes that is at a corner; of others, the middles of the sides are looked at, too.
+    In the planes of :func:`local_plane` it is at a corner. Corners, middles of the sides and the centre are
+    evaluated.
     """
     return float(_scales(crs, bounds).max())
 
 
 def scale_error(crs: str, bounds: FloatArray) -> float:
-    """How far lengths in the plane are from those on the ground within ``bounds`` (2, 2) [m], as a share."""
+    """Largest relative error of lengths in the plane within ``bounds`` (2, 2) [m]."""
     return float(np.abs(_scales(crs, bounds) - 1.0).max())
 
 
 def _scales(crs: str, bounds: FloatArray) -> FloatArray:
-    """Metres in the plane for a metre on the ground, along meridians and parallels, at nine places."""
+    """Scale factors along meridians and parallels at nine points of ``bounds``, (2, 9)."""
     sides = np.linspace(bounds[0], bounds[1], 3)
     lon, lat = to_geographic(crs, np.stack(np.meshgrid(*sides.T), axis=-1).reshape(-1, 2))
     factors = _cached_projection(crs).get_factors(lon, lat, errcheck=True)

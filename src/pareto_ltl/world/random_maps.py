@@ -19,16 +19,16 @@ PlacedDisc = tuple[float, float, float]
 
 
 def add_random_places(cfg: SceneConfig) -> SceneConfig:
-    """``cfg`` with the regions and obstacles of ``cfg.random``, in the units of the scene.
+    """``cfg`` with the random regions and obstacles of ``cfg.random`` added, in the units of the scene.
 
-    Each lies in a random disc that keeps a distance ``random.gap`` from the other discs, the start, and the
-    named regions and obstacles; it is a convex polygon with corners on the circle. The gaps leave a way to
-    every region. The same ``random.seed`` gives the same map.
+    Each is a convex polygon with corners on a random circle. The circles are at least ``random.gap`` apart
+    from each other, from the start, and from the named regions and obstacles, so that every region can be
+    reached. The same ``random.seed`` gives the same map.
 
     Raises
     ------
     ConfigError
-        If there is no place for one of them.
+        If there is no free position for one of them.
     """
     wanted = cfg.random
     if wanted.regions + wanted.obstacles == 0:
@@ -84,7 +84,7 @@ def _free_disc(
 
 
 def _inscribed_polygon(rng: Generator, circle: PlacedDisc) -> list[list[float]]:
-    """Corners of a convex polygon on the circle, one at a random place in each of equal arcs."""
+    """Corners of a convex polygon on the circle, one at a random position in each of several equal arcs."""
     x, y, radius = circle
     corners = int(rng.integers(*CORNER_RANGE))
     angles = 2 * np.pi * (np.arange(corners) + rng.uniform(0.1, 0.9, corners)) / corners

@@ -24,25 +24,26 @@ class Scene(Displayed):
     start : (2,) float
         Position at departure [m].
     regions : mapping of name to tuple of (n, 2) float
-        Regions of interest: each the union of simple polygons without a common area, counter-clockwise [m]. A
-        region without any holds nowhere. The constructor also takes one polygon (n, 2) for a region.
+        Regions of interest: each is the union of simple polygons without a common area, counter-clockwise
+        [m]. The proposition of a region without polygons never holds. The constructor also accepts one
+        polygon (n, 2) for a region.
     obstacles : tuple of (n, 2) float
         Simple polygons, counter-clockwise [m].
     landmarks : tuple of (n, 2) float
         Convex polygons in which the robot gets a position fix [m].
     border : str
-        ``wall`` where leaving the map is a failure, else ``open``.
+        ``wall`` if leaving the map is a failure, else ``open``.
     crs : str or None
         PROJ string of the plane; None for a plane without position on Earth.
     time_zero : str or None
         Departure, ISO 8601 UTC; all other times are seconds since then.
     windows : mapping of proposition to Window
-        When propositions hold. A window with the name of its region says when the region is active.
+        When propositions hold. A window with the name of its region limits when the region is active.
     forbidden : tuple of str
         Propositions with a window that must never hold: obstacles that are active for a limited time.
     simplified : float
-        Largest distance between the outlines and those that were drawn [m]: obstacles and forbidden
-        regions are larger by that, visited regions smaller.
+        Largest distance by which outlines were moved to simplify them [m]: obstacles and forbidden regions
+        outwards, visited regions inwards.
     """
 
     bounds: FloatArray

@@ -1,4 +1,4 @@
-"""Checks of a whole map in metres, and the scene that comes of it: names, bounds, overlaps."""
+"""Checks of a complete map in metres (names, bounds, overlaps), and the scene made from it."""
 
 from __future__ import annotations
 
@@ -28,25 +28,25 @@ if TYPE_CHECKING:
 
 LOG = logging.getLogger(__name__)
 
-LARGE_ERROR, LARGEST_ERROR = 0.01, 0.05  # of lengths in the plane: a warning, and a refusal
+LARGE_ERROR, LARGEST_ERROR = 0.01, 0.05  # relative errors of lengths for a warning, and for an error
 OUTSIDE = "the outside of the border"
-POLAR = 66.0  # degrees of latitude beyond which maps are rare
-LEAST_SIDE, MOST_SIDE = 1e-3, 4.1e7  # of a map [m]; the Earth is 40,075 km round
+POLAR = 66.0  # [deg] latitude beyond which maps are rare
+LEAST_SIDE, MOST_SIDE = 1e-3, 4.1e7  # of a map [m]; the circumference of the Earth is 40,075 km
 RESERVED_WORDS = frozenset(  # of the formula language, not allowed as names of regions
     ["true", "false", "not", "and", "or", "xor", "next", "eventually", "until", *"XFUMGRW"]
 )
 
 
 def checked_scene(sketch: SceneSketch, rules: DrawingRules | None = None) -> Scene:
-    """The scene of ``sketch``: outlines counter-clockwise, obstacles clipped at the bounds.
+    """Check ``sketch`` and make a scene of it: outlines counter-clockwise, obstacles clipped to the bounds.
 
-    Buffers are part of the outlines. Obstacles are cut out of regions and landmarks that reach into their
-    buffer. Polygons with many corners are simplified as ``rules`` say.
+    Buffers are included in the outlines. Buffers of obstacles are cut out of regions and landmarks. Polygons
+    with many corners are simplified according to ``rules``.
 
     Raises
     ------
     DataError
-        If something is missing, degenerate, outside of the bounds, or overlaps.
+        If something is missing, degenerate, outside the bounds, or overlaps.
     """
     rules = rules or DrawingRules()
     if not sketch.regions:
@@ -75,7 +75,7 @@ def checked_scene(sketch: SceneSketch, rules: DrawingRules | None = None) -> Sce
 
 
 def _check_windows(sketch: SceneSketch) -> None:
-    """Refuse a window with the name of a region that is not its own."""
+    """Raise a DataError for a window with the name of another region than its own."""
     names = {place.name for place in sketch.regions}
     for window in sketch.timed:
         _check_region_name(sketch, window.name)
@@ -87,7 +87,7 @@ def _check_windows(sketch: SceneSketch) -> None:
 
 
 def _drawn_map(sketch: SceneSketch, rules: DrawingRules) -> DrawnMap:
-    """The polygons of all places with their buffers, after the checks of what was drawn without them."""
+    """The polygons of all places with their buffers; places are checked as drawn, without buffers."""
     places = {place.name: _drawn_region(sketch, place) for place in sketch.regions}
     shapes = [(place, drawn_shape(sketch, place)) for place in sketch.obstacles]
     _check_inside(sketch, "start", sketch.start[None])
@@ -115,7 +115,7 @@ def _drawn_map(sketch: SceneSketch, rules: DrawingRules) -> DrawnMap:
 
 
 def _drawn_region(sketch: SceneSketch, place: Place) -> shapely.Geometry:
-    """A region; of an obstacle that is active for a limited time, what lies within the bounds."""
+    """The shape of a region; an obstacle that is active for a limited time is clipped to the bounds."""
     import shapely
 
     shape = drawn_shape(sketch, place)
@@ -123,12 +123,12 @@ def _drawn_region(sketch: SceneSketch, place: Place) -> shapely.Geometry:
 
 
 def _grown_parts(sketch: SceneSketch, place: Place, shape: shapely.Geometry) -> list[Any]:
-    """The parts of an obstacle with its buffer."""
+    """The parts of an obstacle with its buffer, clipped to the bounds."""
     return clipped_parts(sketch, with_buffer(sketch, place, shape, outwards=True))
 
 
 def _use_of_regions(sketch: SceneSketch, rules: DrawingRules) -> MissionUse | None:
-    """How the mission reads the regions, where that changes the map."""
+    """How the mission uses the regions; None if it is not known or has no effect on the map."""
     careful = any(
         place.buffer or any(len(ring) > MANY_CORNERS for polygon in place.polygons for ring in polygon)
         for place in sketch.regions
@@ -143,7 +143,7 @@ def _use_of_regions(sketch: SceneSketch, rules: DrawingRules) -> MissionUse | No
 def _with_margin(
     sketch: SceneSketch, place: Place, shape: shapely.Geometry, use: MissionUse | None, kept_out: bool
 ) -> shapely.Geometry:
-    """A region with its buffer: larger where the mission only keeps out of it, else smaller."""
+    """A region with its buffer: enlarged if the mission only keeps out of it, else reduced."""
     import shapely
 
     if not place.buffer:
@@ -168,7 +168,7 @@ def _coordinates(shape: shapely.Geometry) -> FloatArray:
 
 
 def _apart(sketch: SceneSketch, drawn: DrawnMap) -> DrawnMap:
-    """``drawn`` with the obstacles, which have got larger, cut out of what is visited."""
+    """``drawn`` with the enlarged obstacles cut out of visited regions and landmarks."""
     import shapely
 
     barriers = np.array([polygon for _, polygon in drawn.obstacles])
@@ -199,7 +199,7 @@ def _apart(sketch: SceneSketch, drawn: DrawnMap) -> DrawnMap:
 def _drawn_landmark(
     sketch: SceneSketch, place: Place, obstacles: Sequence[tuple[str, Any]]
 ) -> shapely.Geometry:
-    """A landmark; refuse one outside of the bounds, or one that overlaps an obstacle."""
+    """A landmark reduced by its buffer; DataError if it is outside the bounds or overlaps an obstacle."""
     import shapely
 
     shape = drawn_shape(sketch, place)
@@ -218,7 +218,7 @@ def _drawn_landmark(
 
 
 def _convex_landmarks(sketch: SceneSketch, scene: Scene, drawn: DrawnMap) -> Iterator[FloatArray]:
-    """Landmarks as they are where they are convex, else in convex parts."""
+    """Landmarks as convex polygons; those that are not convex are split."""
     import shapely
 
     for _, shape in drawn.landmarks:
@@ -230,7 +230,7 @@ def _convex_landmarks(sketch: SceneSketch, scene: Scene, drawn: DrawnMap) -> Ite
 
 
 def _check_size(sketch: SceneSketch) -> None:
-    """Refuse a map that is larger than the Earth or smaller than any robot: a slip of units."""
+    """Raise a DataError for a map larger than the Earth or smaller than any robot: an error of units."""
     sides = sketch.bounds[1] - sketch.bounds[0]
     if not (sides.min() >= LEAST_SIDE and sides.max() <= MOST_SIDE):
         raise DataError(
@@ -240,7 +240,7 @@ def _check_size(sketch: SceneSketch) -> None:
 
 
 def _check_distortion(sketch: SceneSketch) -> None:
-    """Refuse a map too large for its plane; where lengths are wrong by more than a per cent, say so."""
+    """Raise a DataError for a map that is too large for its plane; warn if lengths are wrong by over 1 %."""
     if sketch.crs is None:
         return
     error = projection.scale_error(sketch.crs, sketch.bounds)
@@ -288,9 +288,9 @@ def _check_inside(sketch: SceneSketch, what: str, points: FloatArray) -> None:
 
 
 def _swap_question(sketch: SceneSketch, point: FloatArray) -> str:
-    """A question if ``point`` (2,) [m] seems to have its coordinates in the wrong order, else an empty text.
+    """A question for the message if longitude and latitude of ``point`` (2,) [m] may be swapped, else "".
 
-    It seems so if it lies within the bounds with longitude and latitude exchanged, or near a pole.
+    They may be if the point is near a pole, or within the bounds after exchanging them.
     """
     if sketch.crs is None:
         return ""
@@ -326,7 +326,7 @@ def _buffer_words(sketch: SceneSketch, what: str) -> str:
 def _check_overlaps(
     sketch: SceneSketch, regions: Mapping[str, shapely.Geometry], obstacles: Sequence[tuple[str, Any]]
 ) -> None:
-    """Refuse an obstacle and a region with a common area larger than rounding errors."""
+    """Raise a DataError if an obstacle and a region have a common area beyond rounding errors."""
     import shapely
 
     names, places = list(regions), list(regions.values())

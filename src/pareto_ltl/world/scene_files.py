@@ -1,4 +1,4 @@
-"""Scenes in files: GeoJSON and KML in degrees, and the ``scene.json`` of a run in metres."""
+"""Map files: GeoJSON and KML in degrees, and the ``scene.json`` of a run in metres."""
 
 from __future__ import annotations
 
@@ -46,20 +46,20 @@ def scene_to_dict(scene: Scene) -> dict[str, Any]:
 
 
 def _added(scene: Scene) -> dict[str, Any]:
-    """What only some maps have: windows, and outlines that were simplified."""
+    """The keys that only some maps have: windows, forbidden, simplified."""
     windows = {name: window.as_dict() for name, window in scene.windows.items()}
     timed = {"windows": windows, "forbidden": list(scene.forbidden)} if windows else {}
     return timed | ({"simplified": scene.simplified} if scene.simplified else {})
 
 
 def _listed_region(outlines: tuple[FloatArray, ...]) -> list[Any]:
-    """One outline, or a list of none or several."""
+    """A region with one outline as that outline, any other as a list of outlines."""
     parts = [outline.tolist() for outline in outlines]
     return parts[0] if len(parts) == 1 else parts
 
 
 def _region_parts(listed: list[Any]) -> list[Any]:
-    """Outlines of what :func:`_listed_region` made."""
+    """The list of outlines; the inverse of :func:`_listed_region`."""
     return listed if not listed or isinstance(listed[0][0], list) else [listed]
 
 
@@ -88,7 +88,7 @@ def scene_from_dict(data: Mapping[str, Any]) -> Scene:
 
 
 def sketch_file(path: Path) -> SceneSketch:
-    """The map in a GeoJSON, KML or KMZ file or a ``scene.json``; DataError if it is neither or unreadable."""
+    """The map of a GeoJSON, KML, KMZ or ``scene.json`` file; DataError for any other or a damaged file."""
     if path.suffix.lower() in SUFFIXES:
         return sketch_features(f"scene file {path}", kml_features(path, SCENE_FILES), None)
     data = read_json_value(path, SCENE_FILES)

@@ -1,6 +1,6 @@
-"""A map in degrees: features with roles, as GeoJSON has them (RFC 7946); KML is brought into the same form.
+"""Maps in degrees: features with roles, in the form of GeoJSON (RFC 7946); KML is converted to this form.
 
-Properties are read whatever their case, and numbers may be texts, as programs write them into tables.
+The case of property names is ignored, and numbers may be texts, as some programs write them.
 """
 
 from __future__ import annotations
@@ -21,22 +21,23 @@ from pareto_ltl.world import projection
 from pareto_ltl.world.scene_sketch import Place, SceneSketch, called, read_corners, read_start
 from pareto_ltl.world.windows import TimedPlace
 
-BOUNDS_MARGIN = 0.05  # of the extent of a map without a border
+BOUNDS_MARGIN = 0.05  # margin around a map without a border, as a share of its extent
 FEATURE_ROLES = ("region", "obstacle", "start", "border", "landmark")
 SYNONYMS = {"bounds": "border"}
 POLYGONS = {"Polygon": 0, "MultiPolygon": 1}  # levels of lists around a polygon
-LINES = {"Point": 0, "MultiPoint": 1, "LineString": 1, "MultiLineString": 2}  # the same around a corner
+LINES = {"Point": 0, "MultiPoint": 1, "LineString": 1, "MultiLineString": 2}  # the same for a corner
 MOST_NESTED = 8  # levels of geometry collections
-MOST_METRES = 1e7  # of a buffer or an altitude
-RECTANGULAR = 1e-9  # of the area of the box around a border: so much may be missing from it
+MOST_METRES = 1e7  # largest buffer or altitude
+RECTANGULAR = 1e-9  # a border is a rectangle if it lacks at most this share of its bounding box
 
 Drawn = tuple[str, Place]  # role, and the place in degrees
 
 
 def sketch_features(where: str, features: Any, crs_name: str | None) -> SceneSketch:
-    """The map in a plane centred on it; edges between corners are straight lines in this plane.
+    """Convert features to a map in a plane centred on it, in which edges between corners are straight lines.
 
-    Coordinates of ``crs_name`` become degrees first; None stands for degrees (WGS 84).
+    ``where`` begins error messages. Coordinates in the system ``crs_name`` are converted to degrees first;
+    None means degrees (WGS 84). DataError if a feature is not valid.
     """
     if not isinstance(features, list):
         raise DataError(f"{where}: /features: expected an array of features, got {shown_json(features)}")
@@ -94,7 +95,10 @@ def _bounds_in_plane(
     metres: Callable[[FloatArray], FloatArray],
     reach: FloatArray,
 ) -> FloatArray:
-    """The box around the border, or around ``reach`` (n, 2) [m] and a margin; a buffer moves it inwards."""
+    """Bounds (2, 2) [m]: the box around the border, or around ``reach`` (n, 2) [m] with a margin.
+
+    A rectangular border ``frame`` is moved inwards by its buffer.
+    """
     if border is None:
         return _bounding_box(reach, BOUNDS_MARGIN)
     if frame is None:
@@ -107,13 +111,13 @@ def _bounds_in_plane(
 
 
 def _reach(place: Place) -> FloatArray:
-    """Corners of ``place`` [m], and of boxes around its points and lines with their buffer."""
+    """Corners of ``place`` [m], and points that bound its lines and points with their buffer."""
     aside = [line + side * place.buffer for line in place.lines for side in (-1.0, 1.0)]
     return np.concatenate([place.corners, *aside])
 
 
 def crs_name(where: str, member: Any) -> str | None:
-    """The name in the member ``crs``, which GeoJSON had before RFC 7946; None for degrees (WGS 84)."""
+    """The name in the member ``crs`` of GeoJSON before RFC 7946; None for degrees (WGS 84)."""
     if member is None:
         return None
     name = member.get("properties", {}).get("name") if _is_named_crs(member) else None
@@ -133,7 +137,7 @@ def _is_named_crs(member: Any) -> bool:
 
 
 def _drawn_features(where: str, features: Sequence[Any]) -> Iterator[tuple[str, Place, TimedPlace | None]]:
-    """Role, place [deg] and window of every feature; an obstacle with a window is a region to keep out of."""
+    """Role, place [deg] and window of every feature; an obstacle with a window becomes a forbidden region."""
     seen: set[tuple[str, str]] = set()
     counts: dict[str, int] = {}
     for number, feature in enumerate(features, 1):
@@ -168,7 +172,7 @@ def _drawn_features(where: str, features: Sequence[Any]) -> Iterator[tuple[str, 
 def _with_times(
     where: str, role: str, number: int, place: Place, properties: Mapping[str, Any]
 ) -> tuple[str, Place, TimedPlace | None]:
-    """Role, place and window; an obstacle for a limited time becomes a region with its own name."""
+    """Role, place and window; an obstacle with a window becomes a region with a name of its own."""
     begin, end = (None if properties.get(key) in (None, "") else properties[key] for key in ("from", "until"))
     if begin is None and end is None:
         return role, place, None
@@ -195,7 +199,7 @@ def _role(where: str, number: int, properties: Mapping[str, Any]) -> str:
 
 
 def _member(where: str, number: int, feature: Any, name: str) -> Mapping[str, Any]:
-    """The object ``name`` of a feature; empty where it is missing or null."""
+    """The object ``name`` of a feature; empty if it is missing or null."""
     member = feature.get(name) if isinstance(feature, dict) else feature
     if feature is None or not isinstance(member, dict | None):
         raise DataError(
@@ -218,7 +222,7 @@ def _with_numbers(where: str, place: Place, properties: Mapping[str, Any]) -> Pl
 
 
 def _metres(where: str, place: Place, key: str, value: Any) -> float | None:
-    """A number of metres, or its text; None where it is missing."""
+    """A number of metres, given as a number or text; None if it is missing."""
     if value is None or value == "":
         return None
     try:
@@ -268,7 +272,7 @@ def _with_geometry(where: str, role: str, place: Place, geometry: Mapping[str, A
 
 
 def _parts(where: str, what: str, geometry: Mapping[str, Any], depth: int = 0) -> Iterator[Mapping[str, Any]]:
-    """The geometries of a collection, and of collections in it; a geometry itself if it is none."""
+    """The geometries of a collection and of nested collections; any other geometry itself."""
     if geometry.get("type") != "GeometryCollection":
         yield geometry
         return
@@ -280,7 +284,7 @@ def _parts(where: str, what: str, geometry: Mapping[str, Any], depth: int = 0) -
 
 
 def _polygons(where: str, what: str, kind: str, coordinates: Any) -> list[tuple[FloatArray, ...]]:
-    """Rings (n, 2) of each polygon."""
+    """The rings (n, 2) of each polygon."""
     polygons: Any = [coordinates] if kind == "Polygon" else coordinates
     if not coordinates or not _are_nested_lists(polygons, 4) or not all(polygons):
         raise DataError(f"{where}: the coordinates of {what} are no {kind} as GeoJSON writes it")
@@ -291,7 +295,7 @@ def _polygons(where: str, what: str, kind: str, coordinates: Any) -> list[tuple[
 
 
 def _lines(where: str, what: str, kind: str, coordinates: Any) -> list[FloatArray]:
-    """Points (1, 2) and lines (n, 2)."""
+    """Points as (1, 2), lines as (n, 2)."""
     if not coordinates or not _are_nested_lists(coordinates, LINES[kind] + 1):
         raise DataError(f"{where}: the coordinates of {what} are no {kind} as GeoJSON writes it")
     lines = {"Point": [[coordinates]], "MultiPoint": [[c] for c in coordinates], "LineString": [coordinates]}
@@ -321,7 +325,7 @@ def _check_degrees(where: str, corners: FloatArray) -> None:
 
 
 def _unwrapped(drawn: Sequence[Drawn]) -> list[Drawn]:
-    """``drawn`` with longitudes from 0 to 360 where it crosses the 180th meridian."""
+    """``drawn``, with longitudes from 0 to 360 if it crosses the 180th meridian."""
     east = np.concatenate([place.corners[:, 0] for _, place in drawn])
     if np.ptp(east) <= 180:
         return list(drawn)
@@ -342,7 +346,7 @@ def _is_rectangle(border: Place) -> bool:
 
 
 def _subdivided_outline(corners: FloatArray) -> FloatArray:
-    """``corners`` with points along each edge, since parallels are curved in the plane."""
+    """``corners`` with further points along each edge, since parallels are curved in the plane."""
     steps = np.linspace(0, 1, 33)[:-1, None]
     return np.concatenate(
         [a + steps * (b - a) for a, b in zip(corners, np.roll(corners, -1, 0), strict=True)]

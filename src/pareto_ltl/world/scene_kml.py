@@ -1,9 +1,9 @@
 """KML (OGC 12-007r2) and KMZ as the features of a GeoJSON map.
 
 The role of a Placemark is its ExtendedData ``role``, else the name of a folder around it (Regions, Obstacles,
-Landmarks, Border, Start), else its own name where that is start or border. Other ExtendedData are the
-properties of GeoJSON; a TimeSpan gives ``from`` and ``until``. A document type is refused: entities could
-make a small file fill the memory.
+Landmarks, Border, Start), else its own name if that is start or border. Other ExtendedData are the properties
+of GeoJSON; a TimeSpan gives ``from`` and ``until``. A document type declaration is refused, since entities
+can expand a small file to fill the memory.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ GEOMETRIES = ("Point", "LineString", "LinearRing", "Polygon", "MultiGeometry")
 
 @dataclass(slots=True)
 class Element:
-    """An element of XML: its tag without a prefix, attributes, text and the elements in it."""
+    """An XML element: tag without prefix, attributes, text and child elements."""
 
     tag: str
     attributes: dict[str, str]
@@ -39,16 +39,16 @@ class Element:
     inner: list[Element] = field(default_factory=list)
 
     def first(self, *tags: str) -> Element | None:
-        """The first element in it with one of ``tags``."""
+        """The first child with one of ``tags``; None if there is none."""
         return next((element for element in self.inner if element.tag in tags), None)
 
     def said(self, tag: str) -> str:
-        """The text of the first element ``tag`` in it; empty where there is none."""
+        """The text of the first child with the tag ``tag``; empty if there is none."""
         found = self.first(tag)
         return "" if found is None else found.text.strip()
 
     def all(self, tag: str) -> Iterator[Element]:
-        """Every element ``tag`` at any depth, in the order of the file."""
+        """All descendants with the tag ``tag``, in the order of the file."""
         for element in self.inner:
             if element.tag == tag:
                 yield element
@@ -56,7 +56,10 @@ class Element:
 
 
 def kml_features(path: Path, advice: Advice) -> list[dict[str, Any]]:
-    """The Placemarks of a file as features of GeoJSON; DataError where it is none, or a role is missing."""
+    """The Placemarks of a KML or KMZ file as GeoJSON features.
+
+    DataError if the file is neither, or if a Placemark has no role or geometry.
+    """
     where = f"scene file {path}"
     data = _kmz_content(path, advice) if path.suffix.lower() == ".kmz" else read_bounded(path, advice)
     root = _parsed(where, data)
@@ -66,7 +69,7 @@ def kml_features(path: Path, advice: Advice) -> list[dict[str, Any]]:
 
 
 def _kmz_content(path: Path, advice: Advice) -> bytes:
-    """The first KML file in an archive."""
+    """The content of the first KML file in a KMZ archive."""
     try:
         with zipfile.ZipFile(path) as archive:
             name = next(name for name in archive.namelist() if name.lower().endswith(".kml"))
@@ -87,7 +90,7 @@ def _kmz_content(path: Path, advice: Advice) -> bytes:
 
 
 def _parsed(where: str, data: bytes) -> Element:
-    """The root element of an XML text without a document type."""
+    """The root element of an XML text; DataError if it is not XML or has a document type."""
     parser, top = expat.ParserCreate(), Element("", {})
     stack, count = [top], 0
 
@@ -123,7 +126,7 @@ def _parsed(where: str, data: bytes) -> Element:
 
 
 def _placemarks(element: Element, role: str) -> Iterator[tuple[Element, str]]:
-    """Every Placemark, and the role of the nearest folder that has one."""
+    """Every Placemark, with the role of the nearest folder that has one."""
     for inner in element.inner:
         if inner.tag == "Placemark":
             yield inner, role
@@ -132,7 +135,7 @@ def _placemarks(element: Element, role: str) -> Iterator[tuple[Element, str]]:
 
 
 def _named_role(name: str) -> str:
-    """The role that a name of a folder stands for; empty where it is none."""
+    """The role of a folder with this name; empty if it has none."""
     return FOLDERS.get(name.strip().lower().removesuffix("s"), "")
 
 
@@ -160,7 +163,7 @@ def _feature(where: str, place: Element, role: str) -> dict[str, Any]:
 
 
 def _geometry(what: str, shape: Element) -> dict[str, Any]:
-    """A geometry of GeoJSON."""
+    """A KML geometry as a GeoJSON geometry."""
     if shape.tag == "MultiGeometry":
         inner = [_geometry(what, part) for part in shape.inner if part.tag in GEOMETRIES]
         return {"type": "GeometryCollection", "geometries": inner}
@@ -179,7 +182,7 @@ def _geometry(what: str, shape: Element) -> dict[str, Any]:
 
 
 def _corners(what: str, shape: Element) -> list[list[float]]:
-    """Longitude and latitude of each corner."""
+    """[Longitude, latitude] of each corner [deg]."""
     try:
         return [
             [float(number) for number in corner.split(",")[:2]]

@@ -46,9 +46,9 @@ def scene_from_settings(
     time_zero : str or None
         Departure, ISO 8601 UTC; None keeps that of the file.
     border : str
-        What ``cfg.border = auto`` stands for where the map file names no border.
+        The value of ``cfg.border = auto`` if the map file has none.
     use : callable
-        How the mission reads the regions: :class:`DrawingRules`.
+        How the mission uses the regions, see :class:`DrawingRules`.
 
     Raises
     ------
@@ -66,7 +66,7 @@ def scene_from_settings(
 
 
 def scene_sketch(cfg: SceneConfig) -> SceneSketch:
-    """The map of ``cfg`` in metres, before it is checked as a whole; DataError where it cannot be read."""
+    """The map of ``cfg`` in metres, before the checks of the complete map; DataError if not readable."""
     return sketch_file(Path(cfg.file).expanduser()) if cfg.file else _sketch_settings(cfg)
 
 

@@ -1,4 +1,4 @@
-"""What is drawn of a place as polygons: its parts and holes, with its buffer, inside the map."""
+"""The polygons of a place: its parts and holes, with its buffer, clipped to the map."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ ARC = 4  # segments of a quarter circle around a corner of a buffer
 
 
 def drawn_shape(sketch: SceneSketch, place: Place) -> shapely.Geometry:
-    """The polygons of ``place``, without its buffer; DataError where one crosses itself or has no area.
+    """The polygons of ``place`` without its buffer; DataError if one crosses itself or has no area.
 
-    Parts that overlap or touch are united. An outline without holes keeps its corners, counter-clockwise.
+    Parts that overlap or touch are merged. An outline without holes keeps its corners, counter-clockwise.
     """
     import shapely
 
@@ -44,11 +44,12 @@ def drawn_shape(sketch: SceneSketch, place: Place) -> shapely.Geometry:
 def with_buffer(
     sketch: SceneSketch, place: Place, shape: shapely.Geometry, outwards: bool
 ) -> shapely.Geometry:
-    """``shape`` moved by the buffer of ``place``, and its points and lines as areas.
+    """``shape`` enlarged or reduced by the buffer of ``place``, with its points and lines as areas.
 
-    Outwards, the result holds everything within the buffer; inwards, nothing within it of the outline, and of
-    points and lines only what is within it. Distances on the ground are at most those in the plane, which
-    the largest scale of the map makes up for.
+    With ``outwards``, the result contains all points within the buffer distance; otherwise it contains no
+    point of ``shape`` closer to its outline than the buffer, and only points within the buffer distance of
+    points and lines. The buffer is a distance on the ground, so it is multiplied by the largest scale of the
+    map.
 
     Raises
     ------
@@ -59,7 +60,7 @@ def with_buffer(
 
     if not place.buffer:
         return shape
-    wide = place.buffer * largest_scale(sketch) / math.cos(math.pi / (4 * ARC))  # around the circle
+    wide = place.buffer * largest_scale(sketch) / math.cos(math.pi / (4 * ARC))  # arcs contain the circle
     parts = [shape]
     if place.polygons:
         parts = [shapely.buffer(shape, wide if outwards else -wide, quad_segs=ARC)]
@@ -80,12 +81,12 @@ def with_buffer(
 
 
 def largest_scale(sketch: SceneSketch) -> float:
-    """Metres in the plane of the map for a metre on the ground, where there are most."""
+    """Largest scale factor of the map: metres in the plane per metre on the ground."""
     return 1.0 if sketch.crs is None else projection.largest_scale(sketch.crs, sketch.bounds)
 
 
 def outside_of(sketch: SceneSketch, fence: Place) -> shapely.Geometry:
-    """The part of the bounds that lies outside of a border ``fence``, with its buffer."""
+    """The part of the bounds that is outside a border ``fence`` reduced by its buffer."""
     import shapely
 
     inside = with_buffer(sketch, fence, drawn_shape(sketch, fence), outwards=False)
@@ -93,7 +94,7 @@ def outside_of(sketch: SceneSketch, fence: Place) -> shapely.Geometry:
 
 
 def clipped_parts(sketch: SceneSketch, shape: shapely.Geometry) -> list[Any]:
-    """The polygons of ``shape`` inside the bounds, as they are where they lie inside."""
+    """The polygons of ``shape`` clipped to the bounds; those inside are returned unchanged."""
     import shapely
 
     low, high = sketch.bounds
@@ -115,7 +116,7 @@ def clipped_parts(sketch: SceneSketch, shape: shapely.Geometry) -> list[Any]:
 
 
 def _simple_outline(sketch: SceneSketch, what: str, corners: FloatArray) -> FloatArray:
-    """``corners`` in counter-clockwise order; refuse a polygon that is degenerate or crosses itself."""
+    """``corners`` in counter-clockwise order; DataError if the polygon is degenerate or crosses itself."""
     import shapely
 
     if _is_flat(corners, sketch.tolerance):
@@ -133,7 +134,7 @@ def _simple_outline(sketch: SceneSketch, what: str, corners: FloatArray) -> Floa
 
 
 def _invalid_spot(polygon: shapely.Polygon, corners: FloatArray) -> FloatArray:
-    """Where GEOS says that ``polygon`` is wrong."""
+    """The position at which GEOS finds ``polygon`` invalid, (2,) [m]."""
     import shapely
 
     spot = re.search(r"\[(\S+) (\S+)\]", shapely.is_valid_reason(polygon))

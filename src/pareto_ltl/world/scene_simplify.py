@@ -1,8 +1,8 @@
-"""Polygons of very many corners become simpler ones before anything is planned, on the careful side.
+"""Conservative simplification of polygons with very many corners, before planning.
 
-Obstacles and regions that the mission only keeps out of get larger, regions that it only visits smaller: what
-completes the mission on the simplified map does so on the true one. A region that it both visits and keeps
-out of stays as it is drawn.
+Obstacles and regions that the mission only keeps out of are enlarged, regions that it only visits are
+reduced: a path that completes the mission on the simplified map also completes it on the original map. A
+region that the mission both visits and keeps out of is not changed.
 """
 
 from __future__ import annotations
@@ -22,18 +22,18 @@ if TYPE_CHECKING:
 
 LOG = logging.getLogger(__name__)
 
-MANY_CORNERS = 40  # of a polygon: only polygons with more are simplified
-MAP_SHARE = 0.002  # of the longer side of the map: how far outlines move with simplify=auto
-TRIES = 4  # tolerances, each half of the one before
-SPARED = 0.1  # of the area of a region or landmark: as much may be lost to what gets larger
-LOST = 0.25  # of its area: as much may be lost where it gets smaller itself
+MANY_CORNERS = 40  # only polygons with more corners are simplified
+MAP_SHARE = 0.002  # tolerance of simplify=auto, as a share of the longer side of the map
+TRIES = 4  # number of tolerances tried, each half of the previous one
+SPARED = 0.1  # largest share of a region or landmark that an enlarged polygon may cover
+LOST = 0.25  # largest share of its area that a polygon may lose when it is reduced
 
 
 @dataclass(frozen=True, slots=True)
 class DrawnMap:
-    """What is drawn, as polygons [m]: regions by name, obstacles and landmarks as messages call them.
+    """The shapes of a map [m]: regions by name, obstacles and landmarks by their names in messages.
 
-    ``kept_out`` are the regions that may get larger, ``visited`` those that may get smaller.
+    ``kept_out`` are the regions that may be enlarged, ``visited`` those that may be reduced.
     """
 
     regions: dict[str, shapely.Geometry]
@@ -44,7 +44,7 @@ class DrawnMap:
 
 
 def simplified_map(sketch: SceneSketch, rules: DrawingRules, drawn: DrawnMap) -> tuple[DrawnMap, float]:
-    """``drawn`` with fewer corners, and how far its outlines have moved [m]; logs what was simplified."""
+    """``drawn`` with fewer corners, and the largest distance that an outline moved [m]; logs each change."""
     places = [*drawn.regions.values(), *(shape for _, shape in (*drawn.obstacles, *drawn.landmarks))]
     if rules.simplify == 0 or not any(_has_many_corners(place) for place in places):
         return drawn, 0.0
@@ -63,7 +63,7 @@ def _has_many_corners(shape: shapely.Geometry) -> bool:
 
 @dataclass(slots=True)
 class _Simplifier:
-    """Simplifies polygons of one map, none by more than ``most`` [m]; ``spared`` must stay reachable."""
+    """Simplifies the polygons of one map by at most ``most`` [m]; ``spared`` must not be covered."""
 
     sketch: SceneSketch
     room: Room
@@ -86,7 +86,7 @@ class _Simplifier:
         return cls(sketch, room, most, start, [*spared, *(shape for _, shape in drawn.landmarks)])
 
     def region(self, drawn: DrawnMap, name: str, shape: shapely.Geometry) -> shapely.Geometry:
-        """A region on the careful side, or as it is where both sides matter."""
+        """A region enlarged, reduced, or unchanged if the mission both visits it and keeps out of it."""
         import shapely
 
         what = f"region {name!r}"
@@ -101,7 +101,7 @@ class _Simplifier:
         return shape
 
     def widened(self, what: str, polygon: Any) -> Sequence[Any]:
-        """Polygons that cover ``polygon`` within the bounds."""
+        """Simpler polygons that cover the part of ``polygon`` within the bounds; itself if there are none."""
         before = corner_count(polygon)
         if before <= MANY_CORNERS:
             return [polygon]
@@ -117,7 +117,7 @@ class _Simplifier:
         return [polygon]
 
     def narrowed(self, what: str, shape: shapely.Geometry) -> shapely.Geometry:
-        """``shape`` with each part of many corners replaced by what lies inside it."""
+        """``shape`` with each part with many corners replaced by a simpler one inside it."""
         import shapely
 
         parts = shapely.get_parts(shape).tolist()
@@ -138,7 +138,7 @@ class _Simplifier:
         return parts[0] if len(parts) == 1 else shapely.union_all(parts)
 
     def _harmless(self, polygon: Any, found: Any) -> bool:
-        """Whether the start and most of what is visited still lie outside of the larger polygon."""
+        """Whether the start and most of each spared shape remain outside the enlarged polygon."""
         import shapely
 
         if found.intersects(self.start) and not polygon.intersects(self.start):

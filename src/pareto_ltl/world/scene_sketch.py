@@ -1,8 +1,8 @@
-"""A map before the checks of the whole: each number and outline is read and checked on its own.
+"""A map as it is drawn, before the checks of the complete map: numbers and outlines are checked one by one.
 
-Harmless variations are accepted: a repeated closing corner is removed here, and ``scene_checks`` reverses
-clockwise outlines and clips obstacles at the bounds. All other errors raise a DataError with one line in the
-coordinates of the author.
+Some variations are accepted: a repeated closing corner is removed here, and ``scene_checks`` reverses
+clockwise outlines and clips obstacles to the bounds. All other errors raise a DataError with one line in the
+coordinates of the map's author.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.messages import shown_text
 from pareto_ltl.world.windows import TimedPlace
 
-MOST_COORDINATE = 1e15  # in any unit
-RELATIVE_TOLERANCE = 1e-9  # of the size of the map; smaller lengths are rounding errors
+MOST_COORDINATE = 1e15  # largest coordinate, in any unit
+RELATIVE_TOLERANCE = 1e-9  # of the size of the map; smaller lengths count as rounding errors
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,17 +29,17 @@ class Place:
     Attributes
     ----------
     name : str
-        The name of a region; of others, the same as ``what``.
+        The name of a region; for other places the same as ``what``.
     what : str
-        How messages call it: ``region 'a'``, ``obstacle 3``.
+        The name in messages: ``region 'a'``, ``obstacle 3``.
     polygons : tuple of tuple of (n, 2) float
         Outline and holes of each part.
     lines : tuple of (n, 2) float
-        Points (n = 1) and lines, which the buffer gives an area.
+        Points (n = 1) and lines, which get an area by the buffer.
     buffer : float
-        Keep-out distance, or how far points and lines reach [m on the ground].
+        Safety distance of polygons, radius of points and lines [m on the ground].
     floor, ceiling : float or None
-        Altitudes between which the place counts [m]; None for no limit.
+        Altitudes between which the place is active [m]; None: no limit.
     solid : bool
         Whether a region is an obstacle that is active for a limited time.
     """
@@ -55,23 +55,23 @@ class Place:
 
     @property
     def corners(self) -> FloatArray:
-        """Every corner and point (n, 2)."""
+        """All corners and points (n, 2)."""
         rings = [ring for polygon in self.polygons for ring in polygon]
         return np.concatenate([*rings, *self.lines])
 
     @property
     def banded(self) -> bool:
-        """Whether the place counts at some altitudes only."""
+        """Whether the place is active only at some altitudes."""
         return self.floor is not None or self.ceiling is not None
 
     def counts_at(self, altitude: float) -> bool:
-        """Whether ``altitude`` [m] lies in the band, limits included."""
+        """Whether the place is active at ``altitude`` [m]; the limits are included."""
         low = -np.inf if self.floor is None else self.floor
         high = np.inf if self.ceiling is None else self.ceiling
         return bool(low <= altitude <= high)
 
     def moved(self, change: Callable[[FloatArray], FloatArray]) -> Place:
-        """The place with ``change`` made to all coordinates."""
+        """The place with ``change`` applied to all coordinates (n, 2)."""
         return replace(
             self,
             polygons=tuple(tuple(change(ring) for ring in polygon) for polygon in self.polygons),
@@ -86,19 +86,23 @@ class SceneSketch:
     Attributes
     ----------
     where : str
-        Start of every message, e.g. ``scene file map.geojson``.
+        Start of every error message, e.g. ``scene file map.geojson``.
+    bounds : (2, 2) float
+        South-west and north-east corner [m].
+    start : (2,) float
+        Start position [m]; empty if the map has none.
     regions, obstacles, landmarks : tuple of Place
-        In metres.
+        Places in metres.
     show : callable
         Text of a point (2,) [m] in the coordinates of the author.
     border : str or None
-        ``wall`` or ``open``; None where the map does not say.
+        ``wall`` or ``open``; None if the map does not set it.
     timed : tuple of TimedPlace
-        Regions that count, and obstacles that stand, only for a time; the latter are regions here.
+        Time windows of regions and obstacles; obstacles with a window are in ``regions``.
     fence : Place or None
-        A border that is no rectangle: one polygon, and ``bounds`` is the box around it.
+        A border that is not a rectangle: one polygon; ``bounds`` is the box around it.
     simplified : float
-        How far outlines of a ``scene.json`` lie from those that were drawn [m].
+        For a ``scene.json``: largest distance by which outlines were moved to simplify them [m].
     """
 
     where: str
@@ -117,19 +121,19 @@ class SceneSketch:
 
     @property
     def tolerance(self) -> float:
-        """Length below which differences are rounding errors [m]."""
+        """Length below which differences count as rounding errors [m]."""
         return RELATIVE_TOLERANCE * float((self.bounds[1] - self.bounds[0]).max())
 
 
 class MissionUse(NamedTuple):
-    """How the mission reads the regions, by their names: what it visits, and what it keeps out of."""
+    """Names of the regions that the mission visits, and of those that it keeps out of; both can be true."""
 
     visited: frozenset[str]
     forbidden: frozenset[str]
 
 
 def unknown_use() -> MissionUse | None:
-    """The use of regions where no formula is known."""
+    """The use of regions if the formula is not known: None."""
     return None
 
 
@@ -140,11 +144,11 @@ class DrawingRules:
     Attributes
     ----------
     use : callable
-        How the mission reads the regions, or None where that is not known; asked for when it matters.
+        Returns how the mission uses the regions, or None if it is not known; called only if it is needed.
     simplify : float or str
-        How far the outlines of polygons with many corners may move [m]; 0 for never, or ``auto``.
+        How far the outlines of polygons with many corners may move [m]; 0: not at all; or ``auto``.
     altitude : float or None
-        Where the robot flies [m]: places with another altitude band do not count. None: all count.
+        Altitude of the flight [m]: places with another altitude band are not active. None: all are active.
     walled : bool
         Whether leaving the map is a failure.
     """
@@ -156,7 +160,10 @@ class DrawingRules:
 
 
 def read_bounds(where: str, key: str, value: Any) -> FloatArray:
-    """South-west and north-east corner (2, 2) in the unit of the author; ``key`` names them in messages."""
+    """South-west and north-east corner (2, 2) in the unit of the map; ``key`` is their name in messages.
+
+    DataError if they are missing, not finite or not in order.
+    """
     expected = "expected [[west, south], [east, north]]"
     if value is None or _is_empty(value):
         raise DataError(f"{where} has no bounds; give {key} as [[west, south], [east, north]]")
@@ -175,7 +182,7 @@ def read_bounds(where: str, key: str, value: Any) -> FloatArray:
 
 
 def read_start(where: str, key: str, value: Any) -> FloatArray:
-    """The start (2,) in the unit of the author; ``key`` names it in messages."""
+    """The start (2,) in the unit of the map; ``key`` is its name in messages; DataError if not valid."""
     if value is None or _is_empty(value):
         raise DataError(f"{where} has no start; give {key} as [x, y]")
     start = _number_array(value)
@@ -185,21 +192,21 @@ def read_start(where: str, key: str, value: Any) -> FloatArray:
 
 
 def numbered_outlines(polygons: Sequence[Any]) -> list[tuple[str, Any]]:
-    """Outlines without names, numbered from 1."""
+    """Outlines with their numbers from 1 as names."""
     return [(str(number), polygon) for number, polygon in enumerate(polygons, 1)]
 
 
 def called(kind: str, name: str) -> str:
-    """How messages call a place: ``region 'a'``, ``obstacle 3``."""
+    """The name of a place in messages: ``region 'a'``, ``obstacle 3``."""
     return f"region {shown_text(name)!r}" if kind == "region" else f"{kind} {shown_text(name)}"
 
 
 def read_places(
     where: str, kind: str, items: Any, metres: Callable[[FloatArray], FloatArray]
 ) -> Iterator[Place]:
-    """The places of ``items``, pairs of a name and corners, converted by ``metres``.
+    """The places of ``items``, pairs of a name and corners, converted by ``metres``; DataError if not valid.
 
-    A region may have several parts: then a list of outlines stands for the corners.
+    A region may have several parts: a list of outlines instead of corners.
     """
     for key, drawn in items:
         name, what = str(key), called(kind, str(key))
@@ -217,7 +224,7 @@ def _are_outlines(value: Any) -> bool:
 
 
 def read_corners(where: str, what: str, polygon: Any) -> FloatArray:
-    """Corners (n, 2) of ``polygon`` without repetitions, in the unit of the author."""
+    """Corners (n, 2) of ``polygon`` without repetitions, in the unit of the map; DataError if not valid."""
     if not isinstance(polygon, list | tuple | np.ndarray):
         raise DataError(
             f"{where}: {what} is {_typed_text(polygon)}; expected a list of corners [[x, y], ...]"
@@ -240,7 +247,10 @@ def read_corners(where: str, what: str, polygon: Any) -> FloatArray:
 
 
 def read_timed(where: str, windows: Any, regions: Collection[str]) -> Iterator[TimedPlace]:
-    """The windows of settings: mappings with the keys ``region``, ``from``, ``until``, ``forbidden``."""
+    """The windows of the settings: mappings with the keys ``region``, ``from``, ``until``, ``forbidden``.
+
+    DataError if a window is not valid or its region is not in ``regions``.
+    """
     for name, keys in windows.items():
         what = f"{where}: window {shown_text(str(name))!r}"
         known = {"region", "from", "until", "forbidden"}
@@ -262,7 +272,7 @@ def _are_finite(numbers: FloatArray) -> bool:
 
 
 def _number_array(value: Any) -> FloatArray | None:
-    """``value`` as an array; None for anything but numbers: texts, truth values, rows of several lengths."""
+    """``value`` as an array of floats; None for texts, booleans and rows of unequal length."""
     try:
         array = np.array(value)
     except (TypeError, ValueError, OverflowError):

@@ -1,4 +1,4 @@
-"""Polygons with holes and of several parts, as simple polygons without a common area, and back."""
+"""Conversion of polygons with holes or several parts to simple polygons without a common area, and back."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Triangle = tuple[Corner, Corner, Corner]
 def outlines_of(shape: shapely.Geometry) -> tuple[FloatArray, ...]:
     """Simple polygons (n, 2), counter-clockwise, that tile the polygons of ``shape``, without new corners.
 
-    A polygon without holes is kept as it is. One with holes is cut along diagonals into few polygons.
+    A polygon without holes is not changed. One with holes is cut along diagonals into few polygons.
     """
     import shapely
 
@@ -37,9 +37,9 @@ def outlines_of(shape: shapely.Geometry) -> tuple[FloatArray, ...]:
 
 
 def united_rings(outlines: Sequence[FloatArray]) -> list[list[FloatArray]]:
-    """The polygons that ``outlines`` tile: rings (n, 2) of each, the outer one first.
+    """The union of ``outlines`` as polygons: the rings (n, 2) of each, the outer one first.
 
-    It is the inverse of :func:`outlines_of`.
+    This is the inverse of :func:`outlines_of`.
     """
     import shapely
 
@@ -53,10 +53,10 @@ def united_rings(outlines: Sequence[FloatArray]) -> list[list[FloatArray]]:
 
 
 def _without_holes(polygon: Any) -> list[FloatArray]:
-    """Simple polygons that tile one with holes.
+    """Simple polygons that tile a polygon with holes.
 
-    Each grows from a triangle of the constrained Delaunay triangulation: a triangle is added across an edge
-    if its third corner is a new one, so that the outline never touches itself.
+    Each starts as a triangle of the constrained Delaunay triangulation. A triangle is added across an edge if
+    its third corner is not yet in the outline, so that the outline never touches itself.
     """
     import shapely
 
@@ -79,7 +79,7 @@ def _left_turn(a: Corner, b: Corner, c: Corner) -> Triangle:
 def _grown_ring(
     triangles: Sequence[Triangle], owner: dict[tuple[Corner, Corner], int], left: dict[int, None]
 ) -> list[Corner]:
-    """A ring of as many triangles as it takes; they are removed from ``left``."""
+    """A ring of as many adjacent triangles as can be added; they are removed from ``left``."""
     first = next(iter(left))
     del left[first]
     a, b, c = triangles[first]

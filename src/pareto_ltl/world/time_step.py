@@ -1,7 +1,7 @@
-"""The time step of a map: ``robot.dt=auto``, and what is said of a step that is too long for the map.
+"""The time step for a map: ``robot.dt=auto``, and a warning for a step that is too long.
 
-A step is long for a map if the robot flies over a region or a passage in one step. It is short if a flight
-takes more steps than a path may have.
+A step is too long if the robot crosses a region or a passage in one step. It is too short if a flight needs
+more steps than a path may have.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ from pareto_ltl.world.scene import Scene
 
 LOG = logging.getLogger(__name__)
 
-STEPS_ACROSS = 18.0  # full steps along the longer side of a map, at least
-SHARE_OF_PLACE = 0.6  # a full step, of the narrowest region or passage
-SLOW = 0.6  # ground speed on the way, of the largest airspeed
-DETOUR = 1.5  # length of a flight, of that of the tour of all regions
+STEPS_ACROSS = 18.0  # smallest number of full steps along the longer side of a map
+SHARE_OF_PLACE = 0.6  # largest full step as a share of the width of the narrowest region or passage
+SLOW = 0.6  # assumed ground speed as a share of the largest airspeed
+DETOUR = 1.5  # assumed length of a flight as a multiple of the tour of all regions
 RASTER = 160  # cells along the longer side of the map on which passages are measured
 READABLE = (
     *(m * 10.0**k for k in range(-3, 1) for m in (1.0, 2.0, 5.0)),
@@ -34,7 +34,7 @@ READABLE = (
 
 @dataclass(frozen=True, slots=True)
 class Narrowest:
-    """The narrowest place that a flight has to meet: ``what`` it is, and how wide [m]."""
+    """The narrowest region or passage of a map: its name in messages, and its width [m]."""
 
     what: str
     width: float
@@ -43,7 +43,7 @@ class Narrowest:
 def with_time_step(robot: RobotConfig, scene: Scene, max_steps: int) -> RobotConfig:
     """``robot`` with a number for ``dt`` [s]: that of the settings, or for ``auto`` one that fits the map.
 
-    Logs what ``auto`` comes to, and warns of a step that is longer than a region or a passage.
+    Logs the value of ``auto``, and a warning for a step that is longer than a region or a passage.
     """
     if isinstance(robot.dt, str):
         dt = fitting_step(robot, scene, max_steps)
@@ -55,12 +55,12 @@ def with_time_step(robot: RobotConfig, scene: Scene, max_steps: int) -> RobotCon
 
 
 def fitting_step(robot: RobotConfig, scene: Scene, max_steps: int) -> float:
-    """The longest readable time step [s] that is short for the map, unless a flight then has too many steps.
+    """The longest round time step [s], of ``READABLE``, with
 
         u_max dt <= min(side / 18, 0.6 width),    dt >= 1.5 tour / (0.6 u_max max_steps)
 
-    with the longer side of the map, the width of the narrowest region or passage and the length of a tour of
-    all regions. The second limit is the stronger one.
+    where side is the longer side of the map, width that of the narrowest region or passage, and tour the
+    length of a tour of all regions. If both limits cannot be met, the second one has priority.
 
     Eq. (M70) of docs/mathematics_methods.md.
     """
@@ -73,7 +73,7 @@ def fitting_step(robot: RobotConfig, scene: Scene, max_steps: int) -> float:
 
 
 def too_long(robot: RobotConfig, scene: Scene, max_steps: int, times: float = 1.0) -> str:
-    """What is wrong with a full step longer than ``times`` the narrowest place, and one that fits."""
+    """A message with a step that fits, or "" if a full step is at most ``times`` the narrowest place."""
     place, step = narrowest_place(scene), robot.u_max * float(robot.dt)
     fits = fitting_step(robot, scene, max_steps)
     if step <= times * place.width or fits >= robot.dt:
@@ -85,7 +85,7 @@ def too_long(robot: RobotConfig, scene: Scene, max_steps: int, times: float = 1.
 
 
 def narrowest_place(scene: Scene) -> Narrowest:
-    """The narrowest region, or the narrowest passage that no flight to all regions can avoid."""
+    """The narrowest region or, if narrower, the narrowest passage that a flight to all regions must use."""
     places = [
         Narrowest(f"region {name!r}", max(map(polygon_width, outlines)))
         for name, outlines in scene.regions.items()
@@ -99,7 +99,7 @@ def narrowest_place(scene: Scene) -> Narrowest:
 
 
 def polygon_width(corners: FloatArray) -> float:
-    """Least distance [m] between two parallel lines that enclose the polygon."""
+    """Smallest distance [m] between two parallel lines that enclose the polygon ``corners`` (n, 2) [m]."""
     along = np.roll(corners, -1, axis=0) - corners
     length = np.linalg.norm(along, axis=1)
     along = along[length > 0] / length[length > 0, None]
@@ -108,7 +108,7 @@ def polygon_width(corners: FloatArray) -> float:
 
 
 def tour_length(scene: Scene) -> float:
-    """Length [m] of a tour from the start to all regions, always to the nearest one that is left."""
+    """Length [m] of a tour from the start to all regions, each time to the nearest region not yet visited."""
     here = np.asarray(scene.start, float)
     left = [[corners.mean(axis=0) for corners in outlines] for outlines in scene.regions.values() if outlines]
     total = 0.0
@@ -121,11 +121,11 @@ def tour_length(scene: Scene) -> float:
 
 
 def passage_width(scene: Scene) -> float:
-    """Width [m] of the narrowest passage on the widest ways from the start to all regions; inf without any.
+    """Width [m] of the narrowest passage on the widest paths from the start to all regions; inf for none.
 
-    Measured on a raster: twice the largest clearance c for which the start and all regions lie in one
-    connected part of the points that are at least c away from every obstacle. What lies near the start, or is
-    part of a region, counts as wide.
+    It is measured on a raster: twice the largest clearance c for which the start and all regions are in one
+    connected component of the points that are at least c from every obstacle. Points near the start or in a
+    region are not limited.
     """
     if not scene.obstacles:
         return math.inf
@@ -133,7 +133,7 @@ def passage_width(scene: Scene) -> float:
     clearance, wide = grid.clearance(), grid.wide_points(scene)
     levels = np.unique(clearance[clearance > 0])
     low, high = -1, len(levels)
-    while high - low > 1:  # the parts at least levels[low] away are connected, those of levels[high] not
+    while high - low > 1:  # connected at levels[low], not at levels[high]
         middle = (low + high) // 2
         if _all_connected((clearance >= levels[middle]) | (wide > 0), wide):
             low = middle
@@ -165,7 +165,7 @@ class _Raster:
         return cls(points, spacing, ~shapely.contains_xy(blocked, points[..., 0], points[..., 1]))
 
     def clearance(self) -> FloatArray:
-        """Distance of each point to the nearest obstacle [m]; 0 inside of one."""
+        """Distance of each point to the nearest obstacle (NX, NY) [m]; 0 inside an obstacle."""
         from scipy.ndimage import distance_transform_edt
 
         if self.free.all():
@@ -174,7 +174,7 @@ class _Raster:
         return np.maximum(distance - self.spacing / 2, 0.0)
 
     def wide_points(self, scene: Scene) -> NDArray[np.int64]:
-        """1 near the start, 2 and more in and near the regions, one number a region; 0 elsewhere."""
+        """Free points (NX, NY): 1 near the start, 2, 3, ... in or near each region, 0 elsewhere."""
         import shapely
 
         wide = np.zeros(self.free.shape, np.int64)
@@ -195,7 +195,7 @@ class _Raster:
 
 
 def _all_connected(open_points: NDArray[np.bool_], wide: NDArray[np.int64]) -> bool:
-    """Whether one connected part of ``open_points`` meets the start and every region."""
+    """Whether one connected component of ``open_points`` contains points of the start and of every region."""
     from scipy.ndimage import label
 
     parts, _ = label(open_points)
@@ -204,7 +204,7 @@ def _all_connected(open_points: NDArray[np.bool_], wide: NDArray[np.int64]) -> b
 
 
 def step_of(robot: RobotConfig, scene: Scene, max_steps: int) -> float:
-    """The time step [s] that :func:`with_time_step` comes to, without a word."""
+    """The time step [s] of :func:`with_time_step`, without log messages."""
     return fitting_step(robot, scene, max_steps) if isinstance(robot.dt, str) else float(robot.dt)
 
 

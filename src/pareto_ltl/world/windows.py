@@ -1,4 +1,4 @@
-"""Time windows: when a region counts as a place to visit or to keep out of, and when an obstacle stands."""
+"""Time windows: when a region is active, and when an obstacle is."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.messages import shown_text
 
 UNITS = {"s": 1.0, "min": 60.0, "h": 3600.0, "d": 86_400.0}
-ROUNDING = 1e-6  # [s] by which a step may miss the ends of a window
+ROUNDING = 1e-6  # [s] tolerance at the ends of a window
 _DURATION = re.compile(r"([+-]?\d+(?:\.\d*)?|\.\d+)\s*(s|min|h|d)?")
 _EXPECTED = (
     "expected an ISO 8601 time (UTC) such as 2018-10-09T18:00:00Z, or a time after departure such as 6h"
@@ -22,14 +22,14 @@ _EXPECTED = (
 
 @dataclass(frozen=True, slots=True)
 class Window:
-    """The proposition "in ``region``, between ``begin`` and ``end``"; without a region a clock.
+    """The proposition "in ``region``, between ``begin`` and ``end``"; without a region, a clock.
 
     Attributes
     ----------
     region : str or None
-        Name of the region; None for a proposition that depends on the time alone.
+        Name of the region; None for a proposition that depends only on the time.
     begin, end : float
-        First and last moment [s after departure]; -inf and inf where it has none.
+        First and last moment [s after departure]; -inf and inf for no limit.
     """
 
     region: str | None
@@ -37,15 +37,15 @@ class Window:
     end: float = math.inf
 
     def holds_at(self, time: float) -> bool:
-        """Whether ``time`` [s] lies in the window, its ends included."""
+        """Whether ``time`` [s after departure] is in the window; the ends are included."""
         return self.begin - ROUNDING <= time <= self.end + ROUNDING
 
     def meets(self, first: float, last: float) -> bool:
-        """Whether some moment between ``first`` and ``last`` [s] lies in the window."""
+        """Whether some moment between ``first`` and ``last`` [s after departure] is in the window."""
         return self.begin - ROUNDING <= last and first <= self.end + ROUNDING
 
     def as_dict(self) -> dict[str, Any]:
-        """For JSON: open ends are null."""
+        """The window as a dictionary for JSON; infinite ends are None."""
         ends = {"begin": self.begin, "end": self.end}
         return {"region": self.region} | {k: v if math.isfinite(v) else None for k, v in ends.items()}
 
@@ -64,15 +64,16 @@ class Window:
 
 @dataclass(frozen=True, slots=True)
 class TimedPlace:
-    """A window as a map says it, before the departure is known.
+    """A window as written in a map, before the departure time is known.
 
     Attributes
     ----------
     name : str
-        Of the proposition; that of the region itself where the region counts only within the window.
+        Name of the proposition; the name of the region if the window limits the region itself.
     region : str
+        Name of the region.
     begin, end : str, float or None
-        ISO 8601 times (UTC), or times after departure: seconds, or a text such as ``6h``; None is no limit.
+        ISO 8601 times (UTC), or times after departure: seconds, or a text such as ``6h``; None: no limit.
     forbidden : bool
         Whether the place must not be met within the window: an obstacle that is active for a limited time.
     """
@@ -84,9 +85,9 @@ class TimedPlace:
     forbidden: bool = False
 
     def window(self, where: str, departure: str | None) -> Window:
-        """In seconds after ``departure`` (ISO 8601, UTC).
+        """The window in seconds after ``departure`` (ISO 8601, UTC); ``where`` begins error messages.
 
-        DataError where a limit cannot be read, or the window is empty.
+        DataError if a limit is not a time, or the window is empty.
         """
         what = f"{where}: {shown_text(self.name)!r}"
         begin = -math.inf if self.begin is None else seconds_after(f"{what}: from", self.begin, departure)
@@ -99,7 +100,10 @@ class TimedPlace:
 
 
 def seconds_after(what: str, value: Any, departure: str | None) -> float:
-    """A moment [s after ``departure``]: an ISO 8601 time, or a time after departure."""
+    """The moment ``value`` [s after ``departure``]: an ISO 8601 time, or a time after departure.
+
+    DataError, which begins with ``what``, if it is neither.
+    """
     if isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value):
         return float(value)
     text = value.isoformat() if isinstance(value, datetime) else str(value).strip()
@@ -115,9 +119,9 @@ def seconds_after(what: str, value: Any, departure: str | None) -> float:
 
 
 def duration_seconds(text: str, unit: str | None = None) -> float | None:
-    """``6h``, ``90 min``, ``1.5d``, ``30s`` or a bare number of ``unit`` [s]; None where it is none of these.
+    """``6h``, ``90 min``, ``1.5d``, ``30s``, or a number with the default ``unit``, in [s]; else None.
 
-    A bare number without ``unit`` is one only if it is 0.
+    Without ``unit``, a number alone is allowed only if it is 0.
     """
     found = _DURATION.fullmatch(text.strip())
     if found is None:
@@ -134,7 +138,7 @@ def _utc(text: str) -> datetime:
 
 
 def missed_windows(windows: Mapping[str, Window], last: float) -> list[str]:
-    """What to say of each window that no plan meets, which has ``last`` [s] at most: one line each."""
+    """One message for each window that lies before departure or after ``last`` [s], the longest plan."""
     lines = []
     for name, window in windows.items():
         if window.end < 0.0:
@@ -150,7 +154,7 @@ def missed_windows(windows: Mapping[str, Window], last: float) -> list[str]:
 
 
 def span_text(begin: float, end: float) -> str:
-    """``from 2 h until 6 h after departure``"""
+    """Times [s after departure] as text: ``from 2 h until 6 h after departure``."""
     if math.isinf(begin) and math.isinf(end):
         return "at any time"
     first = "" if math.isinf(begin) else f"from {hours_text(begin)} "
@@ -159,7 +163,7 @@ def span_text(begin: float, end: float) -> str:
 
 
 def hours_text(seconds: float) -> str:
-    """``6 h``, ``90 min`` or ``30 s``."""
+    """A duration [s] as text: ``6 h``, ``90 min`` or ``30 s``."""
     for unit in ("h", "min"):
         if abs(seconds) >= UNITS[unit] and (seconds / UNITS[unit]) % 0.5 == 0:
             return f"{seconds / UNITS[unit]:g} {unit}"
