@@ -60,3 +60,22 @@ def test_the_law_is_that_of_the_settings(tmp_path: Path) -> None:
     assert "mission risk V, coherent winds" in page.getvalue()
     assert "trial" in page.getvalue()
     assert "0.0000" not in page.getvalue()
+
+
+def test_a_run_that_only_fits_the_wind_prints_what_it_found() -> None:
+    fitted = {
+        "gp_coverage_90": 0.914, "gp_nlpd": 1.8, "gp_z_sd": 0.972, "wind_speed_m_s": 4.3, "wind_sd_m_s": 1.6,
+        "wind_modes": 32, "wind_energy": 0.573, "run_seconds": 1.0,
+    }  # fmt: skip
+    rows = dict(summary_rows(fitted, "coherent"))
+    assert rows == {
+        "expected wind speed, mean of the map": "4.3 m/s",
+        "standard deviation of a component": "1.6 m/s",
+        "held-out readings in 90 % intervals": "91 %",
+        "their residuals (1: as predicted)": "0.97 standard deviations",
+        "modes of the error": "32, 57 % of its variance",
+        "in all": "1.00 s",
+    }
+    unscored = dict(summary_rows(fitted | {"gp_coverage_90": float("nan")}, "coherent"))
+    assert "held-out readings in 90 % intervals" not in unscored
+    assert not any(name.startswith("expected wind") for name, _ in summary_rows(METRICS | fitted, "coherent"))

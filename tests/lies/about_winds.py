@@ -69,6 +69,7 @@ WIND_LIES = (
         in_wind(lambda f: f.attrs.update(gust_time=100.0)),
         ("wind: lattice, slots and settings",),
     ),
+    Lie("the air is calmer", in_metrics({"wind_speed_m_s": 1.0}), ("wind: metrics",)),
     Lie("the score is better", in_metrics({"gp_z_sd": 1.0}), ("wind: metrics",)),
 )
 

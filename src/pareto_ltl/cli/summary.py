@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -66,6 +67,8 @@ def summary_rows(metrics: Mapping[str, float], law: str) -> Iterator[tuple[str, 
     """Names and figures, as far as the pipeline made them; ``law`` is the wind law of the plan."""
     if "length_m" in metrics:
         yield from _plan_rows(metrics, law)
+    elif "wind_speed_m_s" in metrics:
+        yield from _wind_rows(metrics)
     for key in metrics:
         if key.startswith("mission_risk_") and f"collision_risk_{key[13:]}" in metrics:
             bound = metrics[key] + metrics[f"collision_risk_{key[13:]}"]
@@ -96,6 +99,18 @@ def _plan_rows(metrics: Mapping[str, float], law: str) -> Iterator[tuple[str, st
     yield "mission risk f_o (paper), independent winds", probability_text(metrics["mission_risk_paper"])
     yield f"mission risk V, {law} winds", probability_text(metrics["mission_risk_ordered"])
     yield f"collision risk R, {law} winds", probability_text(metrics["collision_risk"])
+
+
+def _wind_rows(metrics: Mapping[str, float]) -> Iterator[tuple[str, str]]:
+    """The fitted wind, where it is what the run was for."""
+    yield "expected wind speed, mean of the map", f"{metrics['wind_speed_m_s']:.1f} m/s"
+    yield "standard deviation of a component", f"{metrics['wind_sd_m_s']:.1f} m/s"
+    if not math.isnan(covered := metrics.get("gp_coverage_90", math.nan)):
+        yield "held-out readings in 90 % intervals", f"{100 * covered:.0f} %"
+        yield "their residuals (1: as predicted)", f"{metrics['gp_z_sd']:.2f} standard deviations"
+    if "wind_modes" in metrics:
+        share = 100 * metrics["wind_energy"]
+        yield "modes of the error", f"{metrics['wind_modes']:.0f}, {share:.0f} % of its variance"
 
 
 def _promise_rows(metrics: Mapping[str, float], law: str) -> Iterator[tuple[str, str]]:

@@ -47,7 +47,14 @@ def run_metrics(records: Records, seconds: Mapping[str, float]) -> dict[str, flo
 
 
 def _wind_numbers(wind: WindField) -> dict[str, float]:
+    import numpy as np
+
     table = {name: float(value) for name, value in sorted(wind.score.items())}
+    variance = wind.latent_var + wind.gust_var[:, None, None, :]
+    table |= {
+        "wind_speed_m_s": float(np.linalg.norm(wind.mean, axis=-1).mean()),
+        "wind_sd_m_s": float(variance.mean()) ** 0.5,
+    }
     if wind.modes is not None:
         table |= {
             "wind_modes": wind.modes.psi.shape[-1],

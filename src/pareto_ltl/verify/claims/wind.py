@@ -212,6 +212,9 @@ def wind_metrics(result: Evidence) -> Verdict:
     """The metrics of the wind are the attributes of wind.nc."""
     wind, told = result.wind, result.metrics
     pairs = dict(wind.score)
+    if "wind_speed_m_s" in told:  # runs of earlier versions have none
+        pairs["wind_speed_m_s"] = np.hypot(wind.mean[..., 0], wind.mean[..., 1]).mean()
+        pairs["wind_sd_m_s"] = math.sqrt(wind.latent.mean() + wind.gust.mean())
     if wind.modes is not None:
         pairs |= {
             "wind_modes": wind.modes.psi.shape[-1],
