@@ -10,13 +10,9 @@ from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).parents[1]
-DOCUMENTS = [
-    *(ROOT / name for name in ("README.md", "CONTRIBUTING.md", "RELEASING.md", "CODE_OF_CONDUCT.md")),
-    *sorted((ROOT / "docs").rglob("*.md")),
-    *sorted((ROOT / "examples").rglob("*.md")),
-    *sorted((ROOT / "examples").glob("*.ipynb")),
-]
+from documents import DOCUMENTS, ROOT
+
+TEXTS = [*DOCUMENTS, *sorted((ROOT / "examples").glob("*.ipynb"))]
 SOURCES = sorted((ROOT / "src").rglob("*.py"))
 # Pattern, what to write instead, and a text that the pattern must find.
 IDIOMS = (
@@ -41,6 +37,14 @@ IDIOMS = (
     (r"\b(?:planned|written|planning) anew\b", "again", "the rest is planned anew"),
     (r"\bstands? for a time\b", "is active for a limited time", "an obstacle that stands for a time"),
     (r"\bas good as it gets\b", "the best possible", "as good as it gets"),
+    (r"\b(?:needs|gives?|holds?|takes?|makes?|reads?|counts?|says?|knows?) not\b(?! only)",
+     "does not need", "a run that needs not wait"),
+    (r"\basked of\b", "required of, taken from", "what is asked of a plan"),
+    (r"\bknows? (?:no|nothing|neither)\b", "has no, does not support", "programs that know no wind"),
+    (r"\bfor (?:a time or )?for good\b", "permanently", "excluded for a time or for good"),
+    (r"\bdo(?:es)? without\b", "does not use, does not import", "later runs do without cvxpy"),
+    (r"\bmeant to\b", "intended to, must", "a change that is meant to change results"),
+    (r"\bbears? (?:no|neither|a)\b", "has", "a copy that bears no title"),
     (r"\b(?:nursery|habits|duties)\b", "tree state, growth settings, obligations", "the duties of a state"),
 )  # fmt: skip
 
@@ -92,9 +96,14 @@ def test_plain_words_are_left_alone() -> None:
     assert not list(findings(ROOT / "README.md", text))
 
 
-@pytest.mark.parametrize("path", DOCUMENTS, ids=lambda path: str(path.relative_to(ROOT)))
+@pytest.mark.parametrize("path", TEXTS, ids=lambda path: str(path.relative_to(ROOT)))
 def test_a_document_is_in_plain_words(path: Path) -> None:
     assert list(findings(path, document_text(path))) == []
+
+
+@pytest.mark.parametrize("path", TEXTS, ids=lambda path: str(path.relative_to(ROOT)))
+def test_a_document_has_no_marks_of_a_merge(path: Path) -> None:
+    assert re.findall(r"^(?:<{7}|>{7}) .*$", path.read_text(encoding="utf-8"), re.MULTILINE) == []
 
 
 def test_messages_and_docstrings_are_in_plain_words() -> None:
