@@ -81,7 +81,7 @@ class WindConfig(CheckedSettings):
     gust_time: float = setting(
         1800.0,
         "time constant of the white part with law=coherent, twice the integral of its correlation: over a "
-        "time T it adds noise x sqrt(gust_time T) to the standard deviation of the position",
+        "time T it displaces a flight with the standard deviation noise x sqrt(gust_time T)",
         unit="s",
         above=0,
         most=1e9,

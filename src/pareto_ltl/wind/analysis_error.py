@@ -1,13 +1,13 @@
-"""The error of analyses, as station reports of the same times tell it.
+"""The error of analyses, estimated from station reports of the same times.
 
-At stations, d = report - analysis has two parts: what the analysis has wrong over distances that its grid can
-hold, which near stations share, and what is the station's own (its instrument, its surroundings, gusts)::
+The difference d = report - analysis at a station has two parts: the error of the analysis at the scales of
+its grid, which near stations have in common, and the noise of the station (instrument, surroundings, gusts)::
 
     e²(0) = mean of d_i d_j over pairs of stations nearer than NEAR
     station noise² = mean of d_i² - e²(0)
 
-Both are of one component, means over the two components. Errors of near stations that are alike for another
-reason, for example a valley, count as the analysis's.
+Both are for one component, as means over the two. If near stations have a common error for another reason,
+for example a valley, it is counted as error of the analysis.
 """
 
 from __future__ import annotations
@@ -31,16 +31,16 @@ SAME_TIME = 1.0  # [s]
 
 @dataclass(frozen=True, slots=True)
 class AnalysisError:
-    """What stations tell.
+    """The error of analyses as estimated from stations.
 
     Attributes
     ----------
     error : Interval
         e(0) of one component [m/s].
     station_noise : float
-        Standard deviation of what is a station's own [m/s].
+        Standard deviation of the noise of a station [m/s].
     times, reports, pairs : int
-        How many there were.
+        Numbers of times, of reports and of pairs of near stations that were used.
     """
 
     error: Interval
@@ -50,7 +50,7 @@ class AnalysisError:
     pairs: int
 
     def document(self) -> dict[str, float]:
-        """The numbers as they stand in a file."""
+        """The numbers as they are written to a file."""
         sd = {"sd": self.error.value, "sd_low": self.error.low, "sd_high": self.error.high}
         counts = {"times": self.times, "reports": self.reports, "pairs": self.pairs}
         return sd | {"station_noise": self.station_noise} | counts
@@ -59,7 +59,7 @@ class AnalysisError:
 def analysis_error(
     snapshots: Sequence[Snapshot], stations: Readings, draws: Resampling
 ) -> AnalysisError | str:
-    """The error of the analyses among ``snapshots``, or one sentence that says why it is not known."""
+    """Estimate the error of the analyses among ``snapshots``; a text says why, if it cannot be estimated."""
     analyses = sorted((snap for snap in snapshots if snap.lead == 0), key=lambda snap: snap.time)
     rows = []
     for snap in analyses:
@@ -86,7 +86,7 @@ def analysis_error(
 
 
 def _moments(snap: Snapshot, places: FloatArray, winds: FloatArray) -> tuple[float, float, int, int]:
-    """Mean square of the differences, mean product of near ones, and how many there are of both."""
+    """Mean square of the differences [m²/s²], mean product of near ones [m²/s²], and the number of each."""
     from scipy.interpolate import LinearNDInterpolator
 
     here = np.asarray(LinearNDInterpolator(snap.points, snap.winds)(places), float)

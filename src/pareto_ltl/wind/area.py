@@ -1,4 +1,4 @@
-"""A box of longitudes and latitudes: the part of a large file that a scene can need."""
+"""A box of longitudes and latitudes: the part of a large wind file that a scene needs."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from pareto_ltl.support.arrays import FloatArray, IntArray
 from pareto_ltl.support.errors import DataError
 
 DEGREE = 111_195.0  # [m] of latitude
-POLAR = 85.0  # [deg] a box that reaches farther holds all longitudes
-MARGIN = 1e6  # [m] around a scene, twice as far as readings are looked for
+POLAR = 85.0  # [deg] a box that extends beyond this latitude contains all longitudes
+MARGIN = 1e6  # [m] around a scene, twice the distance up to which readings are used
 NEAR = 150e3  # [m] around a scene, where nodes of a fine grid are kept most densely
-MOST_NODES = 40_000  # of one grid; the fit takes some hundreds of them
-SAMPLES = 21  # positions along each side of a scene, whose degrees are taken
+MOST_NODES = 40_000  # of one grid; the fit uses some hundreds of them
+SAMPLES = 21  # positions along each side of a scene that are converted to degrees
 
 
 @dataclass(frozen=True, slots=True)
 class GeoBox:
     """Longitudes from ``west`` eastwards for ``width``, latitudes from ``south`` to ``north``, all [deg].
 
-    ``margin`` [m] is how far the box was widened around what it is about.
+    ``margin`` [m] is the distance by which the box was widened around the scene.
     """
 
     west: float
@@ -33,7 +33,7 @@ class GeoBox:
     margin: float = 0.0
 
     def contains(self, lonlat: FloatArray) -> NDArray[np.bool_]:
-        """Which of the points (N, 2) [deg] lie inside, shape (N,)."""
+        """Which of the points (N, 2) [deg] are inside, (N,)."""
         east_of = (lonlat[:, 0] - self.west) % 360.0
         inside: NDArray[np.bool_] = (
             (east_of <= self.width) & (lonlat[:, 1] >= self.south) & (lonlat[:, 1] <= self.north)
@@ -42,7 +42,7 @@ class GeoBox:
 
     @property
     def text(self) -> str:
-        """For messages: ``latitude 30..44, longitude -100..-84``."""
+        """The box as text for messages: ``latitude 30..44, longitude -100..-84``."""
         if self.width >= 360.0:
             return f"latitude {self.south:.4g}..{self.north:.4g}, all longitudes"
         west = (self.west + 180.0) % 360.0 - 180.0
@@ -51,7 +51,7 @@ class GeoBox:
 
     @property
     def middle(self) -> FloatArray:
-        """Longitude and latitude (1, 2) of the middle [deg]."""
+        """Longitude and latitude (1, 2) of the centre [deg]."""
         return np.array([[self.west + self.width / 2, (self.south + self.north) / 2]])
 
     def widened(self, margin: float) -> GeoBox:
@@ -66,9 +66,9 @@ class GeoBox:
         return GeoBox(-180.0 if width == 360.0 else self.west - more, south, width, north, margin)
 
     def pick(self, lonlat: FloatArray) -> IntArray:
-        """Indices of the points (N, 2) [deg] inside; of more than :data:`MOST_NODES` an even selection.
+        """Indices of the points (N, 2) [deg] inside; if more than :data:`MOST_NODES`, an even selection.
 
-        Half of the selection is for what the box is about and :data:`NEAR` around it.
+        Half of the selection is for the scene and :data:`NEAR` around it.
         """
         inside = np.flatnonzero(self.contains(lonlat))
         if len(inside) <= MOST_NODES:
@@ -89,14 +89,14 @@ class GeoBox:
 
 @dataclass(frozen=True, slots=True)
 class Wanted:
-    """What a run needs of the wind; a source may leave out the rest.
+    """The part of the wind that a run needs; a source may leave out the rest.
 
     Attributes
     ----------
     area : GeoBox or None
-        Where; None: everywhere.
+        The area; None: everywhere.
     start : str or None
-        Departure, ISO 8601; None: at the first wind time.
+        Departure, ISO 8601; None: the first wind time.
     """
 
     area: GeoBox | None = None
@@ -107,7 +107,7 @@ ALL_WIND = Wanted()
 
 
 def _one_a_cell(lonlat: FloatArray, rows: IntArray, most: int) -> IntArray:
-    """The first of ``rows`` in each cell of a lattice of about ``most`` cells; all if they are few."""
+    """The first of ``rows`` in each cell of a lattice of about ``most`` cells; all if they are not more."""
     if len(rows) <= most:
         return rows
     lon, lat = lonlat[rows].T
@@ -118,7 +118,7 @@ def _one_a_cell(lonlat: FloatArray, rows: IntArray, most: int) -> IntArray:
 
 
 def box_of(lonlat: FloatArray) -> GeoBox:
-    """The smallest box around points (N, 2) [deg]; its longitudes leave out the widest empty arc."""
+    """The smallest box around points (N, 2) [deg]; the widest arc of longitudes without points is outside."""
     south, north = lonlat[:, 1].min(), lonlat[:, 1].max()
     lon = np.unique(lonlat[:, 0] % 360.0)
     gaps = np.diff(np.append(lon, lon[0] + 360.0))
@@ -128,9 +128,9 @@ def box_of(lonlat: FloatArray) -> GeoBox:
 
 
 def neighbourhood(scene: SceneConfig, padding: float = 0.0) -> GeoBox | None:
-    """The box around the map of ``scene`` with all that can matter; None where it lies nowhere on Earth.
+    """The box of all wind data that can matter for ``scene``; None for a scene without position on Earth.
 
-    ``padding`` [m] is how far the lattice of the wind reaches past the map.
+    ``padding`` [m] is the distance by which the lattice of the wind extends beyond the map.
     """
     from pareto_ltl.world import projection
     from pareto_ltl.world.scene_settings import scene_sketch
@@ -147,7 +147,7 @@ def neighbourhood(scene: SceneConfig, padding: float = 0.0) -> GeoBox | None:
 
 
 def refuse_empty_crop(where: str, lonlat: FloatArray, area: GeoBox) -> None:
-    """Raise a DataError that states what a file covers, of which no node lies in ``area``."""
+    """Raise a DataError for a file without a node in ``area``; it states what ``lonlat`` (N, 2) covers."""
     finite = lonlat[np.isfinite(lonlat).all(axis=1)]
     covers = box_of(finite).text if len(finite) else "no place on Earth"
     raise DataError(
@@ -157,10 +157,10 @@ def refuse_empty_crop(where: str, lonlat: FloatArray, area: GeoBox) -> None:
 
 
 def swap_question(lonlat: FloatArray, middle: FloatArray) -> str:
-    """A question if a map seems to have its coordinates in the wrong order, else an empty text.
+    """A question for messages if the map may have longitude and latitude swapped, else "".
 
-    They seem so if the wind data ``lonlat`` (N, 2) [deg] lie where the map around ``middle`` (1, 2) [deg] is
-    with longitude and latitude exchanged.
+    It may if the wind data ``lonlat`` (N, 2) [deg] are near the centre ``middle`` (1, 2) [deg] of the map
+    after its longitude and latitude are exchanged.
     """
     lon, lat = (middle[0] + 180.0) % 360.0 - 180.0
     if not len(lonlat) or abs(lon) > 90.0:

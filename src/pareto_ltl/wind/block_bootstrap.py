@@ -1,9 +1,10 @@
-"""Intervals for means over forecast cycles, by a block bootstrap.
+"""Intervals for means over forecast cycles, by a circular block bootstrap.
 
-Errors of successive cycles are alike, so that whole blocks of cycles are drawn with replacement, the cycles
-laid out in a circle (Politis and Romano 1992). Blocks have n^(1/3) of n cycles (Hall, Horowitz, Jing 1995).
-A bootstrap of few blocks gives intervals that are too narrow: its quantiles are moved away from the estimate
-by the ratio of Student's quantile, with one degree of freedom less than there are blocks, to the normal one.
+Errors of successive cycles are correlated, so blocks of successive cycles are drawn with replacement; the
+last cycle is followed by the first one (Politis and Romano 1992). Blocks have n^(1/3) of n cycles (Hall,
+Horowitz, Jing 1995). With few blocks, bootstrap intervals are too narrow. So the distances of the quantiles
+from the estimate are multiplied by the ratio of Student's quantile, with one degree of freedom less than the
+number of blocks, to the normal quantile.
 """
 
 from __future__ import annotations
@@ -31,26 +32,26 @@ class Interval:
 
 @dataclass(frozen=True, slots=True)
 class Resampling:
-    """What draws blocks of cycles.
+    """Settings of the bootstrap.
 
     Attributes
     ----------
     seed : int
-        The same seed gives the same intervals.
+        Seed of the random blocks; the same seed gives the same intervals.
     block : int or None
-        Cycles of a block; None: n^(1/3) of n cycles.
+        Number of cycles in a block; None: n^(1/3) of n cycles.
     """
 
     seed: int = 0
     block: int | None = None
 
     def length(self, cycles: int) -> int:
-        """Cycles of a block, of ``cycles`` in all."""
+        """Number of cycles in a block if there are ``cycles`` in total."""
         wanted = int(np.ceil(cycles ** (1 / 3))) if self.block is None else self.block
         return max(1, min(wanted, cycles))
 
     def means(self, cycles: FloatArray, values: FloatArray) -> FloatArray:
-        """Means of ``values`` (P, V), each of a cycle in ``cycles`` (P,), over drawn cycles: (R, V)."""
+        """Bootstrap replicates (R, V) of the means of ``values`` (P, V); row p belongs to ``cycles[p]``."""
         _, place = np.unique(cycles, return_inverse=True)
         n = int(place.max()) + 1
         length = self.length(n)
@@ -63,9 +64,10 @@ class Resampling:
         return np.asarray(weights @ values / weights.sum(axis=1, keepdims=True), float)
 
     def interval(self, cycles: FloatArray, value: float, drawn: FloatArray, *, ratio: bool) -> Interval:
-        """The interval about ``value`` from its replicates ``drawn`` (R,), without those that are not finite.
+        """The interval around ``value`` from its replicates ``drawn`` (R,), of which finite ones are used.
 
-        ``ratio``: the quantity is positive, and its logarithm is what is spread about the estimate.
+        With ``ratio``, the quantity is positive and the interval is computed for its logarithm. NaN ends if
+        there is no interval.
         """
         from scipy.stats import t
 

@@ -1,16 +1,16 @@
-"""A wind field conditioned on a position fix: another expected wind, and a smaller uncertainty.
+"""A wind field conditioned on a position fix: the expected wind changes, and the uncertainty decreases.
 
-With θ ~ N(m, I - B' B) at the time of the fix instead of N(0, I), a part of the error with the persistence ρ
-from there to a slot has m_slot = ρ m and Cov = I - ρ² B' B, so that in the slot
+At the time of the fix θ ~ N(m, I - B' B) instead of N(0, I). A part of the error with the persistence ρ from
+there to a slot then has m_slot = ρ m and Cov = I - ρ² B' B in that slot, so that
 
     μ  <-  μ + ψ' ρ m,        ψ  <-  ψ (I - ρ² B' B)^½,
 
-with the symmetric root, which keeps modes of neighbouring slots in step. Within a component of the wind and a
-part of the error the covariance is exact; that between them, which the fix makes as well, is left out. From
-slot to slot the modes keep the persistence they had, although the two directions that the fix told of are
-renewed faster: the position spreads a little more than it would.
+with the symmetric root, by which modes of neighbouring slots continue to correspond. The covariance within
+one component of the wind and one part of the error is exact; the covariance between components and parts,
+which the fix causes too, is neglected. From slot to slot the modes keep their persistence, although the two
+directions that the fix determines are renewed faster: this overestimates the spread of positions slightly.
 
-The error of interpolation in time is another one in every gap between fields: what is learnt of it is not
+The error of interpolation in time is independent in every gap between fields, so information on it is not
 used.
 """
 
@@ -25,9 +25,9 @@ from pareto_ltl.wind.records import ENSEMBLE, FORECAST, SPACE, WindField, WindMo
 
 
 def field_from(field: WindField, moment: float) -> WindField:
-    """``field`` on a clock that begins at ``moment`` [s], from the last slot before it on.
+    """``field`` from the last slot at or before ``moment`` [s] on, with times that count from ``moment``.
 
-    It can no longer be fitted from its readings: that needs the slots before.
+    Its evidence is dropped: the fit also used the slots before.
     """
     first = max(int(np.searchsorted(field.times, moment + 1e-6, side="right")) - 1, 0)
     modes = field.modes
@@ -49,7 +49,7 @@ def field_from(field: WindField, moment: float) -> WindField:
 
 
 def persistence(field: WindField, since: float) -> FloatArray:
-    """ρ (K, P): share that θ of each mode keeps between ``since`` [s], the time of a slot, and each slot."""
+    """ρ (K, P): share of θ of each mode that is kept from ``since`` [s], the time of a slot, to each slot."""
     modes = field.modes
     if modes is None:
         return np.zeros((len(field.times), 0))
@@ -63,7 +63,7 @@ def persistence(field: WindField, since: float) -> FloatArray:
 
 
 def conditioned_field(field: WindField, theta: FloatArray, told: FloatArray) -> WindField:
-    """``field``, whose clock begins at the fix, with what was learnt there.
+    """``field``, whose times count from a fix, conditioned on the information of that fix.
 
     Eq. (M68) of docs/mathematics_methods.md.
 
@@ -72,7 +72,7 @@ def conditioned_field(field: WindField, theta: FloatArray, told: FloatArray) -> 
     theta : (2, P) float
         Expected θ, by component of the wind.
     told : (2, 2, P) float
-        B by row and component: Cov(θ) = I - B' B.
+        B, by row and component of the wind, with Cov(θ) = I - B' B.
     """
     modes = field.modes
     if modes is None or not len(modes.part):
@@ -95,7 +95,9 @@ def conditioned_field(field: WindField, theta: FloatArray, told: FloatArray) -> 
 
 
 def less_doubt(told: FloatArray, kept: FloatArray, part: IntArray) -> FloatArray:
-    """(I - ρ² B' B)^½ (P, P) of one component, each part of the error for itself; ``told`` (2, P) = B.
+    """(I - ρ² B' B)^½ (P, P) of one component, block by block for the parts of the error.
+
+    ``told`` (2, P) = B, ``kept`` (P,) = ρ, ``part`` (P,) of each mode.
 
     Eq. (M68) of docs/mathematics_methods.md.
     """
@@ -111,7 +113,7 @@ def less_doubt(told: FloatArray, kept: FloatArray, part: IntArray) -> FloatArray
 
 
 def mode_values(modes: WindModes, slot: int, places: FloatArray) -> FloatArray:
-    """ψ (N, 2, P) of a slot at ``places`` (N, 2) [m], bilinear; beyond the lattice as at its edge."""
+    """ψ (N, 2, P) [m/s] of a slot at ``places`` (N, 2) [m], bilinear; constant beyond the lattice."""
     psi = modes.psi[slot]
     size = np.array(psi.shape[:2])
     at = np.clip((places - modes.origin) / modes.spacing, 0.0, size - 1.0)

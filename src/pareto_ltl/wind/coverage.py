@@ -1,4 +1,4 @@
-"""What a probability about a flight covers of the wind, and what it does not, in words."""
+"""Texts that say which errors of the wind a failure probability covers, and which it does not."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from pareto_ltl.wind.records import ENSEMBLE, WindField
 
 
 class Coverage(NamedTuple):
-    """Two paragraphs for reports: what of the wind's error ``covered`` is, and what is ``not_covered``."""
+    """Two paragraphs for reports: the errors that are ``covered``, and those that are ``not_covered``."""
 
     covered: str
     not_covered: str
 
 
 def coverage_of(field: WindField, time_zero: str | None = None) -> Coverage:
-    """What the laws of ``field`` say about the error of the wind; times are relative to ``time_zero``."""
+    """The errors of the wind that the laws of ``field`` cover; its times count from ``time_zero``."""
     if field.evidence is None and not field.gust_var.any():
         return Coverage(
             "calm air: no wind at all.",
@@ -51,7 +51,7 @@ def _coverage_text(field: WindField) -> str:
 
 
 def _forecast_part(field: WindField, covered: list[str]) -> list[str]:
-    """Add what is known of forecasts to ``covered``; return what is not covered of them."""
+    """Add the covered errors of forecasts to ``covered``; return those that are not covered."""
     leads = field.leads[np.isfinite(field.leads)] / HOUR
     if field.error is None or not field.error.forecast_sd.any():
         told = f" (leads {_range(leads.tolist(), 'h')})" if len(leads) else ""
@@ -79,7 +79,7 @@ def _time_part(field: WindField, time_zero: str | None, covered: list[str], left
 
 
 def _range(values: list[float] | list[int], unit: str) -> str:
-    """``3 h``, ``0 to 6 h``."""
+    """The range of ``values`` as text: ``3 h``, ``0 to 6 h``."""
     low, high = min(values), max(values)
     return f"{low:.3g} {unit}" if f"{low:.3g}" == f"{high:.3g}" else f"{low:.3g} to {high:.3g} {unit}"
 

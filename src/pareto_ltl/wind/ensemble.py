@@ -1,17 +1,19 @@
-"""Winds of a forecast ensemble: the mean of its members, and how they deviate from it.
+"""Winds of a forecast ensemble: the mean of its members, and their deviations from it.
 
-Members are runs of one model with other starts (GEFS), of several models, or of several cycles of one model
-(a time-lagged ensemble). At each valid time with n members w_m on the same nodes::
+Members are runs of one model from perturbed initial states (GEFS), of several models, or of several cycles of
+one model (a time-lagged ensemble). At each valid time with n members w_m on the same nodes::
 
     μ   = Σ_m w_m / n
     d_m = √(s (1 + 1/n) / (n - 1)) (w_m - μ),     Σ_m d_m d_m' = s (1 + 1/n) C
 
-with C the covariance of the members; 1 + 1/n is for the error of a mean of n members of which the truth is
-another one. A member is the same one at all times, so that its deviation lasts and moves with its weather.
+where C is the covariance of the members. The factor 1 + 1/n accounts for the error of the mean of n members,
+if the truth is distributed as a further member. A member is the same at all times, so that its deviation
+persists and moves with the weather of that member.
 
-Few members know little of a covariance. With n of them its share is s = (n - 1) / (n - 1 + ν), and the law of
-forecast errors has the share 1 - s, ν = ``wind.ensemble_prior``: the mean of an inverse Wishart distribution
-of which the parametric law is the prior (Gelman et al., Bayesian Data Analysis, 3rd ed., section 3.6).
+A covariance that is estimated from few members is uncertain. With n members it gets the share s = (n - 1) /
+(n - 1 + ν), and the law of forecast errors the share 1 - s, with ν = ``wind.ensemble_prior``. This is the
+mean of an inverse Wishart distribution whose prior is the parametric law (Gelman et al., Bayesian Data
+Analysis, 3rd ed., section 3.6).
 """
 
 from __future__ import annotations
@@ -27,19 +29,23 @@ from pareto_ltl.wind.readings import Readings, iso, wrap_longitude
 from pareto_ltl.wind.snapshots import Snapshot
 
 FEWEST_MEMBERS = 2
-NEAR_NODE = 1e-3  # [deg] nodes of two members that are closer are the same
-LARGEST_GAP = 3.0  # [deg] a node is left out where another member has none within this
+NEAR_NODE = 1e-3  # [deg] closer nodes of two members count as the same node
+LARGEST_GAP = 3.0  # [deg] a node is left out if another member has no node within this distance
 
 
 def ensemble_readings(
     snapshots: Sequence[Snapshot], files: tuple[Path, ...], prior: float, notes: tuple[str, ...] = ()
 ) -> Readings:
-    """Mean and deviations of the members at every valid time that at least two of them have.
+    """Mean and deviations of the members at every valid time with at least two members.
 
     Parameters
     ----------
+    files : tuple of Path
+        The files of the source.
     prior : float
-        ν, the weight of the law of forecast errors in members; 0 trusts the members alone.
+        ν, the weight of the law of forecast errors as a number of members; 0: only the members are used.
+    notes : tuple of str
+        Remarks to which those on the ensemble are added.
 
     Raises
     ------
@@ -88,7 +94,7 @@ def _files_of(group: dict[str, Snapshot]) -> tuple[Path, ...]:
 
 
 def _by_time(snapshots: Sequence[Snapshot]) -> dict[float, dict[str, Snapshot]]:
-    """The members of each valid time by name: that in the file, else of its folder, and the cycle."""
+    """The members of each valid time [s since 1970] by name: that in the file, else the folder, and cycle."""
     groups: dict[float, dict[str, Snapshot]] = {}
     for snap in snapshots:
         name = f"{snap.member or snap.files[0].parent.name} of {iso(snap.cycle)}"
@@ -105,7 +111,7 @@ def _mean_and_deviations(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Nodes (N, 2) [deg], mean (N, 2) [m/s] and weighted deviations (N, 2, M) [m/s] of one time.
 
-    M counts the members of all times, and those that are missing here deviate by 0.
+    M is the number of members over all times; members without a field at this time have deviation 0.
 
     Eq. (M13) of docs/mathematics.md.
     """
@@ -122,7 +128,7 @@ def _mean_and_deviations(
 
 
 def _at_nodes(snap: Snapshot, nodes: FloatArray) -> FloatArray:
-    """Winds (N, 2) of ``snap`` at ``nodes`` (N, 2) [deg]: its own, or linear between them; NaN outside."""
+    """Winds (N, 2) [m/s] of ``snap`` at ``nodes`` (N, 2) [deg], linear between its nodes; NaN outside."""
     if snap.points.shape == nodes.shape and np.abs(snap.points - nodes).max() < NEAR_NODE:
         return snap.winds
     from scipy.interpolate import LinearNDInterpolator

@@ -1,4 +1,4 @@
-"""The file of `pareto-ltl wind-error`: an estimate of forecast errors as the law that plans are made with."""
+"""The file of `pareto-ltl wind-error`: an estimate of forecast errors as a law for planning."""
 
 from __future__ import annotations
 
@@ -18,7 +18,10 @@ from pareto_ltl.wind.readings import HOUR, iso
 
 
 def estimated_law(estimate: ErrorEstimate, name: str, usual: ForecastError) -> ForecastError:
-    """The law of an estimate; what the data cannot tell is that of ``usual``, scaled to the winds' spread."""
+    """The law of an estimate; values that could not be estimated are those of ``usual``.
+
+    ``usual`` is scaled to the spread of the winds if its level differs.
+    """
     law = replace(usual.for_winds(estimate.level, estimate.spread), name=name, spread=estimate.spread)
     law = replace(law, lags=estimate.change.at, change_sd=_values(estimate.change))
     if estimate.forecast is not None:
@@ -40,12 +43,12 @@ def error_document(
     files: Sequence[Path],
     analysis_error: Mapping[str, Any] | str,
 ) -> dict[str, Any]:
-    """What is written: the law, intervals, pairs, where each number comes from, and the files.
+    """The content of the file: the law, intervals, numbers of pairs, origin of each number, source files.
 
     Parameters
     ----------
     usual : str
-        Name of the law that stands in where the data cannot tell.
+        Name of the law whose values are used where the data do not suffice.
     """
     told = law.document()
     forecast, change = told["forecast"], told["change"]
@@ -63,7 +66,7 @@ def error_document(
 
 
 def origin_text(estimate: ErrorEstimate, usual: str) -> str:
-    """What the numbers are from, and which of them are not from the data."""
+    """Text on the origin of the numbers, and on those that are not from the data."""
     first, last = (iso(moment) for moment in estimate.period)
     told = [
         f"{estimate.cycles} cycles from {first} to {last}, {estimate.nodes} nodes; errors are those against "
@@ -77,7 +80,7 @@ def origin_text(estimate: ErrorEstimate, usual: str) -> str:
 
 
 def unknown_parts(estimate: ErrorEstimate) -> dict[str, str]:
-    """What the data cannot tell, and why."""
+    """The values that could not be estimated, each with the reason."""
     parts: dict[str, str] = {}
     if estimate.forecast is None:
         parts["error of forecasts"] = estimate.forecast_length.reason
@@ -97,7 +100,7 @@ def _values(table: ErrorTable) -> FloatArray:
 
 
 def _columns(table: ErrorTable, *, zero: bool) -> dict[str, list[Any]]:
-    """Intervals, pairs and ways; with ``zero``, a first entry for lead 0, which is 0 by definition."""
+    """Intervals, pairs and methods; with ``zero``, a first entry for lead 0, which is 0 by definition."""
     first: list[Any] = [0.0] if zero else []
     return {
         "sd_low": first + [sd.low for sd in table.sd],

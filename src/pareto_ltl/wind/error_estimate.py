@@ -1,23 +1,24 @@
-"""How wrong forecasts were and how much the wind changed, estimated from past forecasts and analyses.
+"""Errors of forecasts and changes of the wind, estimated from past forecasts and analyses.
 
-With F_L(t) a forecast of lead L that is valid at t, A(t) an analysis, and |.|² the mean square of a component
+F_L(t) is a forecast of lead L that is valid at t, A(t) an analysis, and |.|² the mean square of one component
 over the area and over pairs::
 
     D(τ)  = |A(t + τ) - A(t)|²
-    e²(L) = |F_L(t) - A(t)|²                                             where some t has both, else
+    e²(L) = |F_L(t) - A(t)|²                                             if some t has both, else
     e²(L) = |A(t + L) - F_L(t)|² - |F_L(t) - A(t - L)|²                  (asymmetry)
 
-In the asymmetry both differences span a time L, the second from the analysis that the forecast began with.
-It assumes that (1) a forecast departs from its own analysis as much as the wind does, so that the second term
-is D(L), and (2) the error of the forecast and the change of the wind after its valid time are uncorrelated,
-so that the first term is D(L) + e²(L). Where errors grow and persist, it lies between e²(L) and e²(2 L).
-Errors are those against analyses: what analyses have wrong in common with their forecasts is not in them.
+In the asymmetry both differences span a time L, the second one from the initial analysis of the forecast. It
+assumes that (1) a forecast changes from its initial analysis as much as the wind does, so that the second
+term is D(L), and (2) the error of the forecast and the change of the wind after its valid time are
+uncorrelated, so that the first term is D(L) + e²(L). If errors grow and persist, the result is between e²(L)
+and e²(2 L). Errors are relative to analyses: errors that an analysis has in common with the forecast are not
+included.
 
-A lag that no two analyses have comes from a forecast and an analysis. An analysis not after the start of the
-forecast gives D by (1); one after its valid time gives D + e²(L), of which the estimate of e²(L) is taken.
+For a lag that no two analyses have, a forecast and an analysis are used. An analysis at or before the start
+of the forecast gives D by (1); one after its valid time gives D + e²(L), from which e²(L) is subtracted.
 
-Lengths are of the Matern-3/2 correlation, fitted to mean products of the differences at two nodes by least
-squares over bins of distance. Intervals are those of a block bootstrap over cycles.
+Lengths are those of a Matern-3/2 correlation, fitted by least squares, over bins of distance, to the mean
+products of the differences at two nodes. Intervals are from a block bootstrap over cycles.
 """
 
 from __future__ import annotations
@@ -37,7 +38,7 @@ from pareto_ltl.wind.readings import HOUR
 from pareto_ltl.wind.snapshots import Snapshot
 
 FEWEST_PAIRS = 5  # for an entry of a table
-LENGTHS = np.geomspace(2e4, 4e6, 1000)  # that are tried [m]
+LENGTHS = np.geomspace(2e4, 4e6, 1000)  # candidates [m]
 
 DIRECT, ASYMMETRY = "forecast and analysis of one time", "asymmetry"
 ANALYSES, MIXED = "two analyses", "a forecast and an analysis"
@@ -52,11 +53,11 @@ class ErrorTable:
     at : (n,) float
         Leads or lags, increasing, above 0 [s].
     sd : tuple of Interval
-        Of one component [m/s].
+        Root mean square of one component [m/s].
     pairs : (n,) int
-        Pairs of fields behind each.
+        Number of pairs of fields for each value.
     ways : tuple of str
-        How each was estimated.
+        Method by which each was estimated.
     """
 
     at: FloatArray
@@ -72,11 +73,11 @@ class LengthFit:
     Attributes
     ----------
     distances, observed : (B,) float
-        Mean distances [m] and correlations of the bins; empty where there are none.
+        Mean distances [m] and correlations of the bins; empty if there are none.
     length : Interval or None
-        Matern-3/2 length [m]; None where the data cannot tell.
+        Matern-3/2 length [m]; None if it could not be estimated.
     reason : str
-        Why they cannot.
+        Why it could not.
     """
 
     distances: FloatArray
@@ -87,7 +88,7 @@ class LengthFit:
 
 @dataclass(frozen=True, slots=True)
 class Persistence:
-    """Correlation of the errors at valid times ``step`` [s] apart; None, and why, where it is unknown."""
+    """Correlation of the errors at valid times ``step`` [s] apart; None, with a reason, if not estimated."""
 
     value: Interval | None
     step: float = 0.0
@@ -96,24 +97,28 @@ class Persistence:
 
 @dataclass(frozen=True, slots=True)
 class ErrorEstimate:
-    """What past forecasts and analyses tell.
+    """Errors of forecasts and changes of the wind.
 
     Attributes
     ----------
     forecast : ErrorTable or None
-        e(L); None where no forecast can be compared with analyses.
+        e(L); None if no forecast can be compared with analyses.
+    forecast_length, change_length : LengthFit
+        Length scales of the error and of the change.
+    persistence : Persistence
+        Correlation of the errors of one cycle over valid times.
     change : ErrorTable
         √D(τ).
     level : str
-        Of all winds.
+        Level of all winds.
     spread : float
         Standard deviation of the winds of one time over places [m/s].
     cycles, nodes : int
-        How many there were.
+        Numbers of cycles and nodes.
     period : (float, float)
         First and last cycle [s since 1970].
     notes : tuple of str
-        What was left out, and what to mind.
+        Remarks on data that was left out, and warnings.
     """
 
     forecast: ErrorTable | None
@@ -144,14 +149,16 @@ def estimate_errors(
     draws: Resampling,
     max_lag: float = 48 * HOUR,
 ) -> ErrorEstimate:
-    """Errors of forecasts and changes of the wind, each with its interval.
+    """Estimate errors of forecasts and changes of the wind, with intervals.
 
     Parameters
     ----------
     snapshots : sequence of Snapshot
-        Of one level and one grid; at least two analyses (lead 0). Those of unknown lead are left out.
+        Fields of one level and one grid, with analyses (lead 0). Those of unknown lead are left out.
     area : (C, 2) float or None
-        Corners of the outline that nodes are taken from [deg]; None: all nodes.
+        Corners of the outline within which nodes are used [deg]; None: all nodes.
+    draws : Resampling
+        Settings of the bootstrap.
     max_lag : float
         Longest change of the wind [s].
 
@@ -192,7 +199,7 @@ def estimate_errors(
 
 
 def _usable(snapshots: Sequence[Snapshot]) -> tuple[list[Snapshot], list[str]]:
-    """The snapshots whose lead is known, and how many were left out."""
+    """The snapshots with a known lead, and a note on those that were left out."""
     known = [snap for snap in snapshots if np.isfinite(snap.lead)]
     for what, found in (
         ("levels", {snap.level for snap in known}),
@@ -215,7 +222,7 @@ def _usable(snapshots: Sequence[Snapshot]) -> tuple[list[Snapshot], list[str]]:
 
 
 def _forecast_entries(fields: MatchedFields) -> tuple[list[_Entry], str]:
-    """Errors of each lead that has enough pairs, and why there are none."""
+    """Errors of each lead that has enough pairs, and the reason if there are none."""
     truth = analyses(fields.winds)
     direct: dict[float, list[tuple[float, FloatArray]]] = defaultdict(list)
     later: dict[float, list[tuple[float, FloatArray]]] = defaultdict(list)
@@ -239,7 +246,7 @@ def _forecast_entries(fields: MatchedFields) -> tuple[list[_Entry], str]:
 def _change_entries(
     fields: MatchedFields, max_lag: float, leads: Sequence[_Entry]
 ) -> tuple[list[_Entry], list[str]]:
-    """Changes in each lag that has enough pairs, and a note about the others."""
+    """Changes over each lag that has enough pairs, and a note on the others."""
     truth = analyses(fields.winds)
     pairs: dict[float, list[tuple[float, FloatArray]]] = defaultdict(list)
     for first, one in truth.items():
@@ -268,7 +275,7 @@ def _mixed_pairs(
 ) -> Iterator[tuple[float, float, float, bool, FloatArray]]:
     """Lag, cycle and lead of a forecast, whether the analysis is not after the cycle, and the difference.
 
-    Analyses between the start and the valid time of a forecast are left out: they know more than it.
+    Analyses between the start and the valid time of a forecast are left out, as they use newer data.
     """
     truth = analyses(fields.winds)
     for cycle, lead, field in forecasts(fields.winds):
@@ -290,7 +297,7 @@ def _joined(moments: Sequence[PairMoments]) -> PairMoments:
 
 
 def _error_table(entries: Sequence[_Entry], draws: Resampling) -> ErrorTable | None:
-    """Standard deviations; that of a negative mean square is 0."""
+    """Root mean squares with intervals; 0 for a negative mean square."""
     if not entries:
         return None
     found = []
@@ -315,7 +322,7 @@ def _told_apart(entries: Sequence[_Entry], table: ErrorTable | None) -> list[_En
 def _length_fit(
     fields: MatchedFields, entries: Sequence[_Entry], draws: Resampling, reason: str
 ) -> LengthFit:
-    """One length for all entries, each scaled to a mean square of 1."""
+    """Fit one length to all entries, each scaled to a mean square of 1."""
     if not entries:
         why = reason or "the error cannot be told from 0"
         return LengthFit(np.empty(0), np.empty(0), None, why)
@@ -332,9 +339,9 @@ def _length_fit(
 
 
 def matern_lengths(distances: FloatArray, observed: FloatArray) -> FloatArray:
-    """The Matern-3/2 lengths (R,) [m] that fit correlations (R, B) at ``distances`` (B,) [m] best.
+    """The Matern-3/2 lengths (R,) [m] that best fit correlations (R, B) at ``distances`` (B,) [m].
 
-    NaN where the best one is the shortest or the longest that is tried.
+    NaN if the best one is the shortest or the longest of the candidates.
     """
     model = CORRELATIONS["matern32"](distances[None] / LENGTHS[:, None])
     misfit = (model**2).sum(axis=1) - 2 * observed @ model.T
@@ -378,7 +385,7 @@ def _persistence(fields: MatchedFields, draws: Resampling) -> Persistence:
 
 
 def _correlation(cycles: FloatArray, products: FloatArray, draws: Resampling) -> Interval:
-    """Correlation with its interval of products (P, 3): one by two, one by one, two by two; within [0, 1]."""
+    """Correlation, with interval, from mean products (P, 3) of (1, 2), (1, 1), (2, 2); limited to [0, 1]."""
     drawn = draws.means(cycles, products)
     mean = products.mean(axis=0)
     value = float(mean[0] / np.sqrt(mean[1] * mean[2]))

@@ -1,4 +1,4 @@
-"""From wind readings to the wind field that planning uses: the posterior on a lattice."""
+"""The wind field that planning uses: the posterior of wind readings on a lattice."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from pareto_ltl.world.scene import Scene
 FEWEST_MODE_CELLS, MOST_MODE_CELLS = 10, 24  # of the lattice of the modes, along the longer side of the scene
 FEWEST_CELLS = 20  # of the lattice, along the longer side of the scene
 MOST_CELLS = 500  # of the lattice, along its longer side
-LEAST_COVERAGE, MOST_COVERAGE = 0.8, 0.97  # of 90 % intervals, beyond which the log warns
+LEAST_COVERAGE, MOST_COVERAGE = 0.8, 0.97  # of 90 % intervals; outside this range a warning is logged
 SAMPLES = 16  # instants at which a variance is averaged over time
 LOG = logging.getLogger(__name__)
 LENGTH = Hyper._fields.index("length")
@@ -38,7 +38,7 @@ def fit_wind_field(
     Parameters
     ----------
     horizon : float, optional
-        End of the longest flight [s since time_zero]; of the slots from there on only the first is used.
+        End of the longest flight [s since time_zero]; slots after the first one from there on are not used.
     """
     lattice = wind_lattice(cfg, scene)
     if not any(len(points) for points in observations.points):
@@ -68,14 +68,14 @@ def fit_wind_field(
 
 
 def _held(cfg: WindConfig, seen: WindObservations) -> WindObservations:
-    """The observations, of which ``wind.hold_last`` holds the last field for ``wind.max_gap``."""
+    """The observations; with ``wind.hold_last``, the last field is valid for ``wind.max_gap`` longer."""
     return replace(seen, until=float(seen.times[-1]) + HOUR * cfg.max_gap) if cfg.hold_last else seen
 
 
 def _wind_task(
     cfg: WindConfig, seen: WindObservations, scene: Scene, lattice: NodeLattice, horizon: float | None
 ) -> WindTask:
-    """What is to be fitted and tabulated, with the variances of the parts of the error."""
+    """The input of the fit and of the tabulation, with the variances of the parts of the error."""
     forecast, lengths = np.zeros(len(seen.times)), (1.0, 1.0)
     if seen.error is not None:
         forecast = seen.error.forecast_variance(seen.leads)
@@ -101,7 +101,7 @@ def _wind_task(
 
 
 def time_variances(seen: WindObservations, horizon: float | None) -> FloatArray:
-    """Mean variance of interpolation in time while each slot is the nearest, (K,) [m²/s²]."""
+    """Variance of interpolation in time, averaged over the times nearest to each slot: (K,) [m²/s²]."""
     law, times = seen.error, seen.times
     if law is None:
         return np.zeros(len(times))
@@ -119,7 +119,7 @@ def time_variances(seen: WindObservations, horizon: float | None) -> FloatArray:
 
 
 def _warn_about_score(score: Mapping[str, float]) -> None:
-    """One line in the log if predictions of readings that were kept out say that the fit is off."""
+    """Log a warning if the predictions of held-out readings show that the intervals of the fit are wrong."""
     covered = score.get("gp_coverage_90", math.nan)
     if covered < LEAST_COVERAGE or covered > MOST_COVERAGE:
         LOG.warning(
@@ -147,7 +147,7 @@ def _calm_field(lattice: NodeLattice, source: str) -> WindField:
 def _wind_modes(
     cfg: WindConfig, seen: WindObservations, lattice: NodeLattice, table: WindTable
 ) -> WindModes | None:
-    """The modes in ``table``; None if there are none, that is, if the variance is 0."""
+    """The modes in ``table``; None if there are none, because the variance is 0."""
     if table.psi.shape[-1] == 0:
         return None
     lengths = table.hyper[:, :, LENGTH]
@@ -169,8 +169,7 @@ def _wind_modes(
 def modes_lattice(cfg: WindConfig, scene: Scene) -> NodeLattice:
     """The coarser lattice of the modes, which covers the scene and one cell around it.
 
-    Variance that this lattice does not resolve is part of the white variance, the remainder of the posterior
-    variance.
+    Variance that this lattice does not resolve is added to the white variance.
     """
     extent = scene.bounds[1] - scene.bounds[0]
     side = float(extent.max())

@@ -1,7 +1,7 @@
-"""Fitted wind tables, kept on disk between runs: arrays in ``KEY.npz``, numbers and checksum in ``KEY.json``.
+"""The cache of fitted wind tables on disk: arrays in ``KEY.npz``, numbers and a checksum in ``KEY.json``.
 
-KEY is the fingerprint of all that a table depends on. An entry holds data alone: nothing in it is executed.
-One that is damaged, or has other shapes than its task, is made again.
+KEY is the fingerprint of all inputs of a table. An entry holds only data; nothing in it is executed. An entry
+that is damaged, or whose shapes do not fit its task, is made again.
 """
 
 from __future__ import annotations
@@ -58,13 +58,13 @@ def cached_wind_table(task: WindTask) -> WindTable:
 
 
 def _unkept(folder: Path, error: Exception, table: WindTable) -> WindTable:
-    """``table``, after the log was told why it is not kept."""
+    """Log once why the table cannot be stored; return ``table``."""
     _warn_once(f"wind fits are not remembered in {folder}: {error}")
     return table
 
 
 def task_key(task: WindTask) -> str:
-    """Fingerprint of the task and of the code and packages that work it out, 64 hexadecimal digits."""
+    """Fingerprint of the task, of the code and of the package versions, 64 hexadecimal digits."""
     editions = [code_fingerprint(*TABLE_CODE), *map(version, TABLE_PACKAGES)]
     digest = hashlib.sha256(" ".join(editions).encode())
     _add_content(digest, task)
@@ -72,7 +72,7 @@ def task_key(task: WindTask) -> str:
 
 
 def _add_content(digest: Any, content: Any) -> None:
-    """Add numbers, texts, arrays and tuples of these to ``digest``; types and shapes count."""
+    """Add numbers, texts, arrays and tuples of these to ``digest``, with their types and shapes."""
     if isinstance(content, tuple):
         digest.update(f"{len(content)} items\0".encode())
         for item in content:
@@ -85,7 +85,7 @@ def _add_content(digest: Any, content: Any) -> None:
 
 
 def _kept_table(folder: Path, key: str, task: WindTask) -> WindTable | None:
-    """The entry ``key``; None if there is none, or a damaged one, which the log tells."""
+    """The entry ``key``; None if there is none, or if it is damaged, which is logged."""
     arrays, numbers = folder / f"{key}.npz", folder / f"{key}.json"
     if not (arrays.is_file() and numbers.is_file()):
         return None
@@ -133,7 +133,7 @@ def _keep_table(folder: Path, key: str, table: WindTable) -> None:
 
 @lru_cache(maxsize=8)
 def _warn_once(reason: str) -> None:
-    """Log once that the cache does not work, and why."""
+    """Log a warning about the cache; each reason is logged once."""
     LOG.warning("%s; PARETO_LTL_CACHE names another folder", reason)
 
 

@@ -1,19 +1,20 @@
-"""How wrong a wind field is at a time: the error of its forecast, and the change of the wind between fields.
+"""The error of a wind field at a time: error of its forecast, and change of the wind between fields.
 
 Two variances per component, both uniform over the map [m²/s²]:
 
     e²(L)         error of a forecast with lead L
     D(τ)          mean square change of the wind at one place in a time τ (its structure function)
 
-From D follows the error of linear interpolation in time, for any process with stationary increments. With a
-field before and one after, ``gap`` apart, and the share a of the gap that has passed::
+D determines the error of linear interpolation in time, for any process with stationary increments. Between
+two fields that are ``gap`` apart, after the share a of the gap::
 
     w(t) - (1 - a) w_0 - a w_1  has variance  (1 - a) D(a gap) + a D((1 - a) gap) - a (1 - a) D(gap),
 
-which is 0 at both fields and largest midway. A field that is held for τ after its time is wrong by D(τ).
+which is 0 at both fields and largest halfway. A field that is used τ after its time has the error variance
+D(τ).
 
-Measured on GFS 10 m winds, D gives 0.91 and 1.66 m/s midway in gaps of 6 and 12 h; withheld fields gave 1.05
-(of which 0.5 m/s are the error of the three-hour forecasts that were withheld) and 1.67.
+For GFS 10 m winds, D gives 0.91 and 1.66 m/s halfway in gaps of 6 and 12 h; measured with withheld fields it
+is 1.05 (of which 0.5 m/s are the error of the withheld three-hour forecasts) and 1.67 m/s.
 """
 
 from __future__ import annotations
@@ -47,22 +48,22 @@ class ForecastError:
     Attributes
     ----------
     name : str
-        For reports.
+        Name of the law, for reports.
     leads, forecast_sd : (n,) float
-        Leads, increasing from 0 [s], and the standard deviation e of the error there [m/s].
+        Leads, increasing from 0 [s], and the standard deviation e of the error at each [m/s].
     forecast_length : float
         Length scale of the error, Matern-3/2 [m].
     persistence, persistence_time : float
-        Correlation of the errors of valid times ``persistence_time`` [s] apart.
+        Correlation of the errors at valid times ``persistence_time`` [s] apart.
     lags, change_sd : (m,) float
-        Times, increasing, above 0 [s], and the root mean square change √D of the wind in them [m/s].
+        Times, increasing, above 0 [s], and the root mean square change √D of the wind over each [m/s].
     change_length : float
         Length scale of that change, Matern-3/2 [m].
     level : str
-        The level that the tables were measured at.
+        The level at which the tables were measured.
     spread : float
-        Standard deviation of the winds of one time, over places, in the data behind the tables [m/s]: for
-        winds of another level both tables are scaled by the ratio of the spreads.
+        Standard deviation of the winds of one time, over places, in the data of the tables [m/s]. For winds
+        of another level, both tables are scaled by the ratio of the spreads.
     """
 
     name: str
@@ -89,9 +90,9 @@ class ForecastError:
             raise ValueError(f"persistence must lie in [0, 1], got {self.persistence}")
 
     def forecast_variance(self, lead: FloatArray) -> FloatArray:
-        """e²(L) [m²/s²] at leads [s], linear between those of the table and beyond; 0 where a lead is NaN.
+        """e²(L) [m²/s²] at leads [s], linear between the leads of the table and beyond; 0 for a lead of NaN.
 
-        Linear variance is e ~ √L, the growth of an error that is fed by independent ones.
+        A linear variance means e ~ √L, the growth of a sum of independent errors.
 
         Eq. (M12) of docs/mathematics.md.
         """
@@ -104,7 +105,7 @@ class ForecastError:
         return np.asarray(np.where(np.isfinite(lead), found, 0.0), float)
 
     def change_variance(self, lag: FloatArray) -> FloatArray:
-        """D(τ) [m²/s²] at times τ >= 0 [s], a power law between those of the table and beyond."""
+        """D(τ) [m²/s²] at times τ >= 0 [s], a power law between the lags of the table and beyond."""
         lag, table = np.asarray(lag, float), self.change_sd**2
         if not table.all():
             return np.zeros_like(lag)
@@ -117,7 +118,7 @@ class ForecastError:
         return np.asarray(np.where(lag > 0, np.exp(found), 0.0), float)
 
     def between_variance(self, share: FloatArray, gap: FloatArray) -> FloatArray:
-        """Variance [m²/s²] of linear interpolation at a ``share`` of a ``gap`` [s] between two fields.
+        """Error variance [m²/s²] of linear interpolation at a ``share`` of a ``gap`` [s] between two fields.
 
         Eq. (M11) of docs/mathematics.md.
         """
@@ -126,7 +127,7 @@ class ForecastError:
         return np.asarray(np.maximum(found, 0.0), float)
 
     def change_correlation(self, first: float, second: float) -> float:
-        """Correlation of the changes since one field, at two times after it [s]::
+        """Correlation of the changes since a field over two times s, t [s]::
 
         (D(s) + D(t) - D(|t - s|)) / (2 √(D(s) D(t)))
 
@@ -136,7 +137,7 @@ class ForecastError:
         return 0.0 if s * t <= 0 else float(np.clip((s + t - d) / (2 * np.sqrt(s * t)), 0.0, 1.0))
 
     def for_winds(self, level: str, spread: float) -> ForecastError:
-        """The law for winds of a ``level`` that spread by ``spread`` [m/s] over the places of one time."""
+        """The law for winds of a ``level`` with the standard deviation ``spread`` [m/s] over places."""
         if level == self.level:
             return self
         factor = spread / self.spread
@@ -146,15 +147,15 @@ class ForecastError:
         )  # fmt: skip
 
     def without_forecasts(self) -> ForecastError:
-        """The same change of the wind between fields, but no error at the time of a field."""
+        """The law without errors of forecasts: only the change of the wind between fields."""
         return replace(self, name="none", forecast_sd=np.zeros_like(self.forecast_sd))
 
     def shared(self, share: float) -> ForecastError:
-        """The law with a ``share`` of the variance of forecast errors; an ensemble has the rest."""
+        """The law with a ``share`` of the variance of forecast errors; the ensemble has the rest."""
         return self if share == 1.0 else replace(self, forecast_sd=np.sqrt(share) * self.forecast_sd)
 
     def document(self) -> dict[str, Any]:
-        """The numbers as they stand in a file."""
+        """The numbers as they are written to a file."""
         return {
             "schema": FORECAST_ERROR_SCHEMA,
             "name": self.name,
@@ -176,7 +177,7 @@ class ForecastError:
 
 
 def read_forecast_error(path: Path) -> ForecastError:
-    """The law in a file of `pareto-ltl wind-error`; DataError with the place of what does not fit."""
+    """The law in a file of `pareto-ltl wind-error`; DataError if the file is not valid."""
     told = read_document(path, "forecast_error", LAW_FILE, FORECAST_ERROR_SCHEMA)
     try:
         return forecast_error_of(told)
@@ -185,7 +186,7 @@ def read_forecast_error(path: Path) -> ForecastError:
 
 
 def forecast_error_of(told: Mapping[str, Any]) -> ForecastError:
-    """The law of a document that fits the schema; ValueError if its tables do not."""
+    """The law of a document that fits the schema; ValueError if its tables are not valid."""
     forecast, change = told["forecast"], told["change"]
     return ForecastError(
         name=told["name"],
@@ -203,7 +204,7 @@ def forecast_error_of(told: Mapping[str, Any]) -> ForecastError:
 
 
 def forecast_error_law(setting: str, usual: str) -> ForecastError:
-    """The law of ``wind.forecast_error``; ``usual`` is what ``auto`` stands for: ``none`` or ``gfs``."""
+    """The law of ``wind.forecast_error``; ``usual`` is the value of ``auto``: ``none`` or ``gfs``."""
     name = usual if setting == "auto" else setting
     gfs = LAWS_FOLDER / "gfs.json"
     if name == "none":

@@ -1,4 +1,4 @@
-"""Gaussian processes over wind readings: one for each time and component, with common hyperparameters."""
+"""Gaussian processes fitted to wind readings: one for each time and component, common hyperparameters."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from pareto_ltl.wind.readings import farthest_points
 from pareto_ltl.wind.records import WindObservations
 from pareto_ltl.wind.scoring import held_out, same_places, score_of
 
-# Start of the search for hyperparameters, in standardised units. For readings over the contiguous US they are
-# a length of 550 km, an amplitude of 3.1 m/s and a noise of 0.6 m/s.
+# Start of the search for hyperparameters, in standardised units. For readings over the contiguous US these
+# are a length of 550 km, an amplitude of 3.1 m/s and a noise of 0.6 m/s.
 START_LENGTH, START_AMPLITUDE, START_NOISE = 0.5, 1.0, 0.2
 RELATIVE_JITTER = 1e-10  # added noise variance over amplitude², for the Cholesky factor
-MOST_FITTED = 150  # readings of a time that the hyperparameters are fitted to; they change little with more
-MOST_TIMES = 30  # groups of times with places of their own that they are fitted to
-MANY = 1000  # readings from which a matrix is worth all cores
-MOST_PAIRS = 10**7  # of readings and places that are looked at together: 80 MB a matrix
+MOST_FITTED = 150  # readings per time to which hyperparameters are fitted; more change them little
+MOST_TIMES = 30  # groups of times with the same places to which hyperparameters are fitted
+MANY = 1000  # number of readings above which linear algebra uses all cores
+MOST_PAIRS = 10**7  # of readings and points in one matrix: 80 MB
 FACTOR_LENGTH = 250e3  # [m] over which squared residuals are averaged for the variance factor
-FACTOR_PRIOR = 0.5  # readings' worth of the mean squared residual in that average
+FACTOR_PRIOR = 0.5  # weight of the overall mean squared residual in that average, in readings
 
 
 class Hyper(NamedTuple):
@@ -42,19 +42,19 @@ class WindPosterior:
     Attributes
     ----------
     times : (K,) float
-        [s since time_zero]
+        Times of the readings [s since time_zero].
     points, winds : tuple of (n_k, 2) float
         Positions [m] and winds [m/s] of the readings.
     kernel : str
         ``matern12``, ``matern32`` or ``rbf``.
     hyper : tuple of K pairs of Hyper
-        For the x and y component at each time; only the prior means differ.
+        Hyperparameters of the x and y component at each time; only the prior means differ.
     score : mapping of str to float
-        ``gp_z_sd``, ``gp_coverage_90`` and ``gp_nlpd`` of readings that a first fit did not use.
+        ``gp_z_sd``, ``gp_coverage_90`` and ``gp_nlpd`` of readings that were held out of a first fit.
     residuals : tuple of (n_k, 2) float
         Standardised leave-one-out residuals of the readings.
     anchors : (A, 2) float, squares : (A,) float
-        Places of readings [m], and their mean squared residuals.
+        Places of readings [m], and the mean squared standardised residual at each.
     """
 
     times: FloatArray
@@ -89,7 +89,7 @@ class WindPosterior:
         return mean, var
 
     def only(self, slots: IntArray) -> WindPosterior:
-        """The processes of these times."""
+        """The posterior of the times with the indices ``slots`` only."""
         chosen = slots.tolist()
         return replace(
             self,
@@ -101,9 +101,10 @@ class WindPosterior:
         )
 
     def spread_out(self, members: Sequence[FloatArray], points: FloatArray) -> FloatArray:
-        """Deviations of an ensemble at readings, K times (n_k, 2, M), at ``points``: (K, P, 2, M) [m/s].
+        """Deviations of the members of an ensemble at ``points`` (P, 2) [m], shape (K, P, 2, M) [m/s].
 
-        They are interpolated with the weights of the posterior mean. M = 0 if ``members`` is empty.
+        ``members`` has the deviations at the readings, (n_k, 2, M) for each time; they are interpolated with
+        the weights of the posterior mean. M = 0 if ``members`` is empty.
         """
         if not members:
             return np.zeros((len(self.times), len(points), 2, 0))
@@ -113,11 +114,11 @@ class WindPosterior:
         return np.stack(found)
 
     def variance_factor(self, points: FloatArray) -> FloatArray:
-        """s² at ``points`` (P, 2) [m], shape (P,): how much larger errors are here than the kernel says::
+        """s² at ``points`` (P, 2) [m], shape (P,): local error variance relative to that of the kernel::
 
             s²(x) = (Σ_a g_a(x) z_a² + n z̄²) / (Σ_a g_a(x) + n),    g_a(x) = exp(-‖x - x_a‖² / 2 (250 km)²)
 
-        with z_a² the squared leave-one-out residuals of the readings, z̄² their mean and n = 0.5.
+        where z_a² are the squared leave-one-out residuals of the readings, z̄² is their mean, and n = 0.5.
         """
         return variance_factor(self.anchors, self.squares, points)
 
@@ -136,12 +137,14 @@ def fit_posterior(
         matern32:  k(x, x') = α² (1 + √3 r) exp(-√3 r)
         rbf:       k(x, x') = α² exp(-r² / 2)
 
-    m is the mean of the readings of a time and component. α, ℓ and σ >= ``cfg.noise_min`` are the same for
-    all of them and maximise the product of their likelihoods: those of single times vary by a factor of 4.
-    The score is that of a first fit without a share ``cfg.holdout`` of the places, those nearest to the map.
+    m is the mean of the readings of a time and component. α, ℓ and σ >= ``cfg.noise_min`` are common to all
+    times and components and maximise the product of the likelihoods; fitted to single times, they vary by a
+    factor of 4. The score is that of a first fit without a share ``cfg.holdout`` of the places
+    (:func:`held_out`).
 
-    Measured on withheld nodes of GFS fields (``benchmarks/compare_wind_fits.py``), NLPD a value: 1.92 with
-    matern32 fitted at each time, 1.89 with matern12 and common hyperparameters, 1.78 with the factor, too.
+    Negative log predictive density per value, on withheld nodes of GFS fields
+    (``benchmarks/compare_wind_fits.py``): 1.92 with matern32 fitted at each time, 1.89 with matern12 and
+    common hyperparameters, 1.78 if the variance factor is added.
 
     Eq. (M5) of docs/mathematics.md.
 
@@ -170,7 +173,7 @@ def fit_posterior(
 def _fitted(
     cfg: WindConfig, seen: WindObservations, kept: Sequence[BoolArray], start: Hyper | None
 ) -> WindPosterior:
-    """The posterior of the readings ``kept`` (masks by time), with hyperparameters fitted to them."""
+    """The posterior of the readings ``kept`` (a mask for each time), with hyperparameters fitted to them."""
     points = tuple(p[mask] for p, mask in zip(seen.points, kept, strict=True))
     winds = tuple(w[mask] for w, mask in zip(seen.winds, kept, strict=True))
     alpha, length, sigma = maximise_likelihood(cfg, points, winds, start)
@@ -186,10 +189,10 @@ def _fitted(
 def maximise_likelihood(
     cfg: WindConfig, points: Sequence[FloatArray], winds: Sequence[FloatArray], start: Hyper | None = None
 ) -> tuple[float, float, float]:
-    """Amplitude [m/s], length scale [m] and noise [m/s] that all times and both components share.
+    """Maximum-likelihood amplitude [m/s], length scale [m] and noise [m/s], common to times and components.
 
-    Times whose readings stand at the same places share one Cholesky factor; of more than ``MOST_TIMES``
-    groups of times as many are used, evenly spread. Four significant digits.
+    Times with readings at the same places have one Cholesky factor. If there are more than ``MOST_TIMES``
+    groups of such times, an evenly spread selection is used. The results have four significant digits.
 
     Eq. (M6) of docs/mathematics.md.
     """
@@ -227,8 +230,8 @@ def maximise_likelihood(
 def _significant(value: float) -> float:
     """``value`` to four significant digits.
 
-    The search ends within its tolerance, where the last bits of BLAS decide; the likelihood does not tell
-    such values apart, and plans made on different processors should not.
+    Within the tolerance of the search, the result depends on rounding in BLAS. The likelihoods of such values
+    do not differ, and plans made on different processors should not either.
     """
     return float(f"{value:.3e}")
 
@@ -236,7 +239,7 @@ def _significant(value: float) -> float:
 def _fit_group(
     points: Sequence[FloatArray], winds: Sequence[FloatArray], slots: IntArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Places (n, 2) of some times, thinned evenly, and all their deviations from the mean (n, 2 K')."""
+    """Places (n, 2) of K' times, thinned evenly, and all deviations from the means (n, 2 K')."""
     places = points[slots[0]]
     chosen = np.arange(len(places))
     if len(places) > MOST_FITTED:
@@ -246,7 +249,7 @@ def _fit_group(
 
 
 def _likelihood_model(kernel: str, x: FloatArray, y: FloatArray) -> Any:
-    """scikit-learn's process with its data; its likelihood is that of all columns of ``y`` together."""
+    """The process of scikit-learn with its data; its likelihood is that of all columns of ``y`` together."""
     from sklearn.gaussian_process import GaussianProcessRegressor
     from sklearn.gaussian_process.kernels import RBF, ConstantKernel, Matern, WhiteKernel
 
@@ -293,7 +296,7 @@ def _covariance(kernel: str, h: Hyper, places: FloatArray) -> FloatArray:
 
 
 def _inverse(K: FloatArray) -> FloatArray:
-    """K⁻¹ of a covariance; from its Cholesky factor, in half the time, where it is large."""
+    """K⁻¹ of a covariance; if it is large, from its Cholesky factor, which takes half the time."""
     if len(K) <= MANY:
         return np.asarray(np.linalg.inv(K), float)
     from scipy.linalg.lapack import dpotrf, dpotri
@@ -308,13 +311,13 @@ def leave_one_out(
     winds: Sequence[FloatArray],
     hyper: Sequence[tuple[Hyper, Hyper]],
 ) -> tuple[FloatArray, ...]:
-    """Standardised leave-one-out residuals z of each time, shapes (n_k, 2).
+    """Standardised leave-one-out residuals z of the readings of each time, (n_k, 2) each.
 
     Rasmussen and Williams (2006), Eqs. 5.10 to 5.12::
 
         r_i = [K⁻¹ (w - m)]_i / [K⁻¹]_ii,   Var r_i = 1 / [K⁻¹]_ii,   z_i = r_i / √(Var r_i)
 
-    Times whose readings stand at the same places share one K⁻¹.
+    Times with readings at the same places have one K⁻¹.
 
     Eq. (M8) of docs/mathematics.md.
     """
@@ -331,14 +334,14 @@ def leave_one_out(
 def squared_residuals(
     points: Sequence[FloatArray], residuals: Sequence[FloatArray]
 ) -> tuple[FloatArray, FloatArray]:
-    """Places (A, 2), and the mean of z² there over times and components (A,)."""
+    """All places (A, 2) [m], and the mean of z² at each over times and components (A,)."""
     groups = same_places(points)
     squares = [(np.stack([residuals[k] for k in slots]) ** 2).mean(axis=(0, 2)) for slots in groups]
     return np.concatenate([points[slots[0]] for slots in groups]), np.concatenate(squares)
 
 
 def variance_factor(anchors: FloatArray, squares: FloatArray, points: FloatArray) -> FloatArray:
-    """:meth:`WindPosterior.variance_factor` of squared residuals at ``anchors``.
+    """:meth:`WindPosterior.variance_factor` from mean squared residuals (A,) at ``anchors`` (A, 2) [m].
 
     Eq. (M9) of docs/mathematics.md.
     """
@@ -351,9 +354,9 @@ def variance_factor(anchors: FloatArray, squares: FloatArray, points: FloatArray
 
 
 def scaled_variance(latent: FloatArray, noise: float, factor: FloatArray) -> FloatArray:
-    """Latent variance [m²/s²] whose sum with the ``noise`` is ``factor`` times what it was; at least 0.
+    """``factor`` (v + σ²) - σ² [m²/s²], at least 0, with v = ``latent`` and σ² = ``noise``.
 
-    The noise stays as it is: the white part averages out over a flight, so it takes no part of the factor.
+    Only the latent variance is scaled, since the white part averages out over a flight.
 
     Eq. (M9) of docs/mathematics.md.
     """
@@ -387,7 +390,7 @@ CORRELATIONS: dict[str, Callable[[FloatArray], FloatArray]] = {
 
 
 def pairwise_distances(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Distances (n, m) between points ``a`` (n, 2) and ``b`` (m, 2)."""
+    """Distances (n, m) [m] between points ``a`` (n, 2) and ``b`` (m, 2) [m]."""
     from scipy.spatial.distance import cdist
 
     between: FloatArray = cdist(a, b)
@@ -395,7 +398,7 @@ def pairwise_distances(a: FloatArray, b: FloatArray) -> FloatArray:
 
 
 def _typical_gap(points: FloatArray) -> float:
-    """Median distance to the nearest neighbour, below which no length scale can be resolved."""
+    """Median distance to the nearest neighbour [m]; shorter length scales cannot be resolved."""
     gaps = pairwise_distances(points, points)
     np.fill_diagonal(gaps, np.inf)
     return float(np.median(gaps.min(axis=1)))

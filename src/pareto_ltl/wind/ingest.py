@@ -1,4 +1,4 @@
-"""A small table of readings from large files."""
+"""Extraction of a small table of readings from large wind files."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ from pareto_ltl.wind.sources.csv_files import write_csv_table
 def write_wind_table(cfg: WindConfig, readings: Readings, ingest: IngestConfig, out: Path) -> Path:
     """Write ``ingest.points`` nodes of a geographic source as a CSV table to ``out``; return ``out``.
 
-    The nodes are the same at all times: nodes inside ``ingest.area`` that every time has, thinned by
-    farthest-point sampling from the middle of the area. ``out`` with the suffix .json gets the origin of the
-    data, with the SHA-256 of each source file.
+    The nodes are the same at all times: nodes inside ``ingest.area`` that all times have, thinned by
+    farthest-point sampling from the middle of the area. The origin of the data, with the SHA-256 of each
+    source file, is written to ``out`` with the suffix .json.
 
     Raises
     ------
     ConfigError
-        If ``out`` is one of the files that are read, or its folder does not exist.
+        If ``out`` would replace a file that is read, or its folder does not exist.
     DataError
         If the source is planar, has no time in the interval, or has too few common nodes in the area.
     """
@@ -77,7 +77,10 @@ def _times_between(readings: Readings, ingest: IngestConfig) -> IntArray:
 
 
 def common_nodes(readings: Readings, kept: IntArray, ingest: IngestConfig) -> FloatArray:
-    """Nodes (N, 2) [deg] in the area that all times ``kept`` have, thinned, sorted from north to south."""
+    """Nodes (N, 2) [deg] in the area that all times ``kept`` have, thinned, sorted from north to south.
+
+    DataError if there are too few.
+    """
     common = set(map(tuple, readings.points[kept[0]].tolist()))
     for k in kept[1:]:
         common &= set(map(tuple, readings.points[k].tolist()))
@@ -98,7 +101,7 @@ def common_nodes(readings: Readings, kept: IntArray, ingest: IngestConfig) -> Fl
 
 
 def winds_at(readings: Readings, k: int, nodes: FloatArray) -> FloatArray:
-    """Winds (N, 2) [m/s] of time k at ``nodes`` (N, 2) [deg], which must be nodes of that time."""
+    """Winds (N, 2) [m/s] at time index ``k`` and ``nodes`` (N, 2) [deg], which must be nodes of that time."""
     return readings.winds[k][node_rows(readings.points[k], nodes)]
 
 

@@ -1,4 +1,4 @@
-"""Heights at which a wind or current is known: ``10m`` above ground, ``925hPa``, ``50m depth``."""
+"""Levels of winds and currents: ``10m`` above ground, ``925hPa``, ``50m depth``."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from pareto_ltl.support.messages import shown_value
 HEIGHT, PRESSURE, DEPTH = "height", "pressure", "depth"
 UNITS = {"m": 1.0, "km": 1000.0, "pa": 1.0, "hpa": 100.0, "mb": 100.0, "mbar": 100.0}
 SHOWN_LEVELS = 12
-ALIKE = 0.2  # relative difference of two heights or depths at which their winds are taken for one
+ALIKE = 0.2  # largest relative difference of two heights or depths whose winds count as the same
 
 
 @dataclass(frozen=True, slots=True, order=True)
 class Level:
-    """One level.
+    """A level.
 
     Attributes
     ----------
@@ -32,28 +32,28 @@ class Level:
 
     @property
     def text(self) -> str:
-        """As ``wind.level`` has it: ``10m``, ``925hPa``; of a current ``0m depth``."""
+        """The level as written in ``wind.level``: ``10m``, ``925hPa``; for a current ``0m depth``."""
         if self.kind == PRESSURE:
             return f"{self.value / 100:.10g}hPa"
         return f"{self.value:.10g}m" + (" depth" if self.kind == DEPTH else "")
 
     @property
     def phrase(self) -> str:
-        """For messages: ``10 m above ground``, ``at 925 hPa``, ``50 m below the surface``."""
+        """The level for messages: ``10 m above ground``, ``at 925 hPa``, ``50 m below the surface``."""
         if self.kind == PRESSURE:
             return f"at {self.value / 100:.10g} hPa"
         return f"{self.value:.10g} m {'below the surface' if self.kind == DEPTH else 'above ground'}"
 
 
 def parse_level(text: str) -> Level:
-    """The level of ``wind.level``; ConfigError where it is none.
+    """The level that ``text`` names; ConfigError if it is not a level.
 
     Examples
     --------
     >>> parse_level("80 m"), parse_level("92500Pa").text
     (Level(kind='height', value=80.0), '925hPa')
     """
-    text = "10m" if text == "auto" else text  # settings of a wind alone; those of a run have replaced it
+    text = "10m" if text == "auto" else text  # settings of a run have replaced auto already
     found = re.fullmatch(r"(\d+(?:\.\d*)?)\s*(km|m|hpa|pa|mbar|mb)(\s*depth)?", text.strip().lower())
     value = float(found[1]) * UNITS[found[2]] if found else -1.0
     pressure = found is not None and found[2] not in ("m", "km")
@@ -66,7 +66,7 @@ def parse_level(text: str) -> Level:
 
 
 def level_mismatch(flown: str, known: str) -> str:
-    """Why a wind known at level ``known`` is not that of a robot at ``flown``, in words; empty if it may be.
+    """A message if a wind at level ``known`` does not apply to a robot at ``flown``; empty if it does.
 
     Raises
     ------

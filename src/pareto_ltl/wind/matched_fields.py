@@ -1,4 +1,4 @@
-"""Winds of many snapshots at the nodes that all of them have, and moments of their differences."""
+"""Winds of many snapshots at their common nodes, and moments of their differences."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from pareto_ltl.wind.snapshots import Snapshot
 
 EARTH_RADIUS = 6_371_000.0  # [m]
 FEWEST_NODES = 12
-CORRELATED_NODES = 400  # correlations are taken between so many nodes at most, drawn once
+CORRELATED_NODES = 400  # largest number of nodes for correlations, drawn once
 BINS = 15  # of distance, for correlations
 FARTHEST = 1_500_000.0  # distance of the last bin [m]
 
@@ -27,11 +27,11 @@ class PairMoments:
     Attributes
     ----------
     cycles : (P,) float
-        The cycle that a pair is drawn with in a bootstrap [s since 1970].
+        Cycle of each pair, the unit of the bootstrap [s since 1970].
     square : (P,) float
         Mean square of a component over the area [m²/s²].
     products : (P, B) float
-        Mean product of the differences at two nodes, by bins of their distance [m²/s²].
+        Mean product of the differences at two nodes, in bins of their distance [m²/s²].
     """
 
     cycles: FloatArray
@@ -43,23 +43,23 @@ class PairMoments:
 
     @property
     def table(self) -> FloatArray:
-        """Square and products side by side, (P, 1 + B)."""
+        """Columns of ``square`` and ``products``, (P, 1 + B)."""
         return np.column_stack([self.square, self.products])
 
     def scaled(self, factor: float) -> PairMoments:
-        """All moments times ``factor``."""
+        """The moments multiplied by ``factor``."""
         return PairMoments(self.cycles, factor * self.square, factor * self.products)
 
 
 class MatchedFields:
-    """Winds by valid time and lead [s], at common nodes inside an outline, weighted by their surface.
+    """Winds by valid time and lead [s], at common nodes inside an outline, weighted by area.
 
     Attributes
     ----------
     nodes : (n, 2) float
         Longitude and latitude [deg].
     weights : (n,) float
-        cos(latitude), of sum 1.
+        Proportional to cos(latitude), with sum 1.
     winds : mapping
         (time, lead) to (n, 2) winds [m/s].
     """
@@ -105,7 +105,7 @@ class MatchedFields:
 
     @cached_property
     def _bins(self) -> tuple[IntArray, IntArray, FloatArray]:
-        """Which nodes are compared, the bin of each pair of them (-1: none), and the mean distances."""
+        """Indices of the nodes that are compared, the bin of each pair (-1: none), and mean distances [m]."""
         rng = np.random.default_rng(0)
         count = min(CORRELATED_NODES, len(self.nodes))
         chosen = np.sort(rng.choice(len(self.nodes), count, replace=False))
@@ -131,7 +131,7 @@ class MatchedFields:
 
 
 def analyses(winds: Mapping[tuple[float, float], FloatArray]) -> dict[float, FloatArray]:
-    """The analyses among ``winds``, by their time."""
+    """The analyses (lead 0) among ``winds``, by time."""
     return {time: field for (time, lead), field in sorted(winds.items()) if lead == 0}
 
 

@@ -1,4 +1,4 @@
-"""Karhunen-Loeve modes of the error of a wind field, and how long each of its parts lasts.
+"""Karhunen-Loeve modes of the error of a wind field, and the persistence of its parts.
 
 Under the coherent law a flight meets one wind field. Its error is a sum of independent parts, each with its
 own modes ψ and its own persistence ρ; together they are modes of the sum of the covariances::
@@ -11,7 +11,8 @@ own modes ψ and its own persistence ρ; together they are modes of the sum of t
     time       those of another, scaled at each step by the error of interpolation in time
     ensemble   deviations of the members of an ensemble
 
-What the modes leave is white; ``rest_length`` says how far its correlation reaches.
+The variance that the modes do not carry is added to the white part; ``rest_length`` is its correlation
+length.
 """
 
 from __future__ import annotations
@@ -37,7 +38,7 @@ from pareto_ltl.wind.records import ENSEMBLE, FORECAST, SPACE, TIME
 LOG = logging.getLogger(__name__)
 
 MODE_LANES = 8  # the number of modes is a multiple of this, to fill vector registers
-SAME_PLACE = 1e3  # [m] readings of two times that are closer belong to one station
+SAME_PLACE = 1e3  # [m] closer readings of two times count as from one station
 DAY = 86_400.0  # [s]
 FEWEST_PAIRS = 10  # pairs of residuals; with fewer, ρ = 1
 RELATIVE_RIDGE = 1e-9  # added noise variance over amplitude², for the Cholesky factor
@@ -45,7 +46,7 @@ ERROR_KERNEL = "matern32"  # of the parts that are not fitted to readings
 
 
 class ErrorParts(NamedTuple):
-    """The parts of the error beside that of interpolation in space.
+    """The parts of the error other than that of interpolation in space.
 
     Attributes
     ----------
@@ -54,11 +55,11 @@ class ErrorParts(NamedTuple):
     forecast_length : float
         Length scale of that error [m].
     time_var : (K,) float
-        Mean variance of the error of interpolation in time while the slot is the nearest [m²/s²].
+        Variance of interpolation in time, averaged over the times nearest to each slot [m²/s²].
     time_length : float
         Length scale of that error [m].
     members : (K, N, 2, M) float
-        Deviations of an ensemble at the nodes of the modes [m/s], whose squares sum up to the variance; M = 0
+        Deviations of an ensemble at the nodes of the modes [m/s], whose sum of squares is the variance; M = 0
         without an ensemble.
     """
 
@@ -70,10 +71,11 @@ class ErrorParts(NamedTuple):
 
 
 class ModeTable(NamedTuple):
-    """ψ (K, N, 2, P) float32 [m/s], that of the part ``TIME`` for a variance of 1, and what it carries.
+    """The modes at N nodes and K slots.
 
-    The ``part`` (P,) of each mode, -1 for columns of zeros; share of the variance carried, ``energy`` (K, 2);
-    ``rest_length`` [m].
+    ``psi`` (K, N, 2, P) float32 [m/s], those of the part ``TIME`` for a variance of 1; ``part`` (P,): the
+    part of each mode, -1 for columns of zeros; ``energy`` (K, 2): share of the variance that the modes carry;
+    ``rest_length``: correlation length of the remainder [m].
     """
 
     psi: Float32Array
@@ -83,10 +85,10 @@ class ModeTable(NamedTuple):
 
 
 class _Spectrum(NamedTuple):
-    """One part: modes (K, N, 2, p), largest first, and their sums.
+    """One part of the error.
 
-    Variance summed over nodes (K, 2); covariance of nodes h rows or columns apart, summed over slots and
-    components (H,).
+    ``psi`` (K, N, 2, p): its modes, largest first; ``total`` (K, 2): variance summed over nodes; ``lags``
+    (H,): mean covariance of nodes h rows or columns apart, summed over slots and components.
     """
 
     psi: FloatArray
@@ -101,7 +103,7 @@ def error_modes(
     """The modes of the error at ``nodes`` (N, 2) [m] of a lattice of ``shape``, for every slot and component.
 
     Of all parts together, the modes with the largest variance over all slots are kept, until they carry the
-    share ``energy`` of the variance, or are ``most``.
+    share ``energy`` of the variance or their number is ``most``.
 
     Eq. (M14) of docs/mathematics.md.
     """
@@ -143,7 +145,7 @@ def _space_spectrum(
         C = posterior_covariance(posterior, k, nodes, between)
         return leading_modes(C, most), float(np.trace(C)), _matrix_lags(C, shape)
 
-    # Both components have one covariance, and so have slots with readings at the same places.
+    # Both components have the same covariance, and so do slots with readings at the same places.
     groups = same_places(posterior.points)
     with threadpool_limits(1):
         jobs = 1 if max(len(points) for points in posterior.points) > MANY else min(len(groups), cores())
@@ -162,7 +164,7 @@ def posterior_covariance(
 ) -> FloatArray:
     """Covariance C (N, N) [m²/s²] of slot ``k`` at ``nodes`` (N, 2) with mutual distances ``between`` [m].
 
-    With the variance factor, whose rows and columns it scales to the latent variance v' of
+    The variance factor is included: rows and columns are scaled to the latent variance v' of
     :meth:`~pareto_ltl.wind.gp.WindPosterior.at`::
 
         C  = k(X*, X*) - k(X*, X) (K + σ² I)⁻¹ k(X, X*)
@@ -190,7 +192,10 @@ def posterior_covariance(
 def _common_spectrum(
     variance: FloatArray, distance: FloatArray, shape: tuple[int, int], most: int
 ) -> _Spectrum:
-    """A stationary process of ``distance`` in length scales, times the standard deviation of each slot."""
+    """The modes of a stationary process, times the standard deviation of each slot.
+
+    ``variance`` (K,) [m²/s²]; ``distance`` (N, N) between nodes, in length scales.
+    """
     C = CORRELATIONS[ERROR_KERNEL](distance)
     shared = leading_modes(C, most)
     psi = np.sqrt(variance)[:, None, None, None] * shared[None, :, None, :]
@@ -199,7 +204,7 @@ def _common_spectrum(
 
 
 def _member_spectrum(members: FloatArray, shape: tuple[int, int]) -> _Spectrum:
-    """Members rotated so that the first modes carry the most over all slots and nodes, per component."""
+    """Members rotated, per component, so that the first modes carry most variance over slots and nodes."""
     psi = np.empty_like(members)
     for c in (0, 1):
         flat = members[:, :, c].reshape(-1, members.shape[-1])
@@ -223,7 +228,7 @@ def leading_modes(C: FloatArray, most: int) -> FloatArray:
 
 
 def _mode_counts(spectra: Mapping[int, _Spectrum], energy: float, most: int) -> dict[int, int]:
-    """How many modes of each part: the largest of all, by their variance over all slots."""
+    """Number of modes of each part among the largest of all, by their variance over all slots."""
     values = {part: (found.psi**2).sum(axis=(0, 1, 2)) for part, found in spectra.items()}
     owner = np.concatenate([np.full(len(v), part) for part, v in values.items()])
     joined = np.concatenate(list(values.values()))
@@ -237,7 +242,7 @@ def _mode_counts(spectra: Mapping[int, _Spectrum], energy: float, most: int) -> 
 
 
 def _aligned(psi: FloatArray) -> FloatArray:
-    """ψ (K, N, 2, p) with every slot rotated to the modes of the slot before."""
+    """ψ (K, N, 2, p) with the modes of every slot rotated to match those of the previous slot."""
     result = psi.copy()
     for k in range(1, len(psi)):
         for c in (0, 1):
@@ -246,7 +251,7 @@ def _aligned(psi: FloatArray) -> FloatArray:
 
 
 def align_modes(psi: FloatArray, before: FloatArray) -> FloatArray:
-    """ψ Q, where the rotation Q makes ψ Q closest to the modes of the slot ``before``.
+    """ψ Q (N, p), with the rotation Q for which ψ Q is closest to the modes ``before`` of the previous slot.
 
     ψ is unique up to a rotation, but correlating slots mode by mode needs modes that correspond. Q does not
     change ψ ψ'; it maximises the trace of Cov(w_k, w_{k+1}) = ρ ψ_k ψ_{k+1}'. Orthogonal Procrustes problem
@@ -270,11 +275,11 @@ def _stacked(kept: Mapping[int, FloatArray]) -> tuple[Float32Array, IntArray]:
     return psi, np.concatenate([part, np.full(missing, -1, np.int64)])
 
 
-# --- what the modes leave ---------------------------------------------------------------------
+# --- the remainder that the modes do not carry ------------------------------------------------
 
 
 def _matrix_lags(C: FloatArray, shape: tuple[int, int]) -> FloatArray:
-    """Mean of ``C`` (N, N) over pairs of nodes that are h rows or h columns apart, h = 0 .. half the side."""
+    """Mean of ``C`` (N, N) over pairs of nodes h rows or h columns apart, h = 0 .. half the side: (H,)."""
     table = C.reshape(*shape, *shape)
     lags = []
     for h in range(min(shape) // 2 + 1):
@@ -285,7 +290,7 @@ def _matrix_lags(C: FloatArray, shape: tuple[int, int]) -> FloatArray:
 
 
 def _mode_lags(psi: FloatArray, shape: tuple[int, int]) -> FloatArray:
-    """:func:`_matrix_lags` of ψ ψ', summed over slots and components, from ψ (K, N, 2, p)."""
+    """:func:`_matrix_lags` of ψ ψ', summed over slots and components, from ``psi`` (K, N, 2, p): (H,)."""
     table = psi.reshape(len(psi), *shape, 2, psi.shape[-1])
     lags = []
     for h in range(min(shape) // 2 + 1):
@@ -296,7 +301,7 @@ def _mode_lags(psi: FloatArray, shape: tuple[int, int]) -> FloatArray:
 
 
 def _correlation_length(nodes: FloatArray, lags: FloatArray) -> float:
-    """∫ correlation dr [m] from 0 to its first zero, by the trapezoidal rule over the lags of a lattice."""
+    """∫ correlation dr [m] from 0 to its first zero, by the trapezoidal rule over ``lags`` (H,)."""
     if lags[0] <= 0.0:
         return 0.0
     spacing = float(nodes[1, 1] - nodes[0, 1])
@@ -311,14 +316,14 @@ def _correlation_length(nodes: FloatArray, lags: FloatArray) -> float:
 def error_persistence(posterior: WindPosterior) -> float:
     """ρ in [0, 1], the correlation of errors of interpolation in space from one slot to the next.
 
-    From leave-one-out residuals z of readings at the same place, j slots apart::
+    It is estimated from leave-one-out residuals z of readings at the same place, j slots apart::
 
         r_j = Σ z_k z_{k+j} / √(Σ z_k² Σ z_{k+j}²),      Σ_j ρ^j = Σ_j r_j,    j = 1, 2, ... within a day
 
-    The correlation of real errors does not fall like ρ^j: at withheld nodes of GFS fields it is 0.69, 0.48
-    and 0.35 after 3, 6 and 9 h and stays at 0.3 from 12 to 30 h, since terrain and coasts stay where they
-    are. A flight adds its errors up, so ρ is the one that has their sum over a day. With fewer than
-    ``FEWEST_PAIRS`` pairs, ρ = 1: errors do not change during a flight, the conservative case.
+    The correlation of real errors does not decrease like ρ^j: at withheld nodes of GFS fields it is 0.69,
+    0.48 and 0.35 after 3, 6 and 9 h and remains at 0.3 from 12 to 30 h, since terrain and coasts do not
+    change. A flight accumulates errors, so ρ is chosen to match the sum of the correlations over a day. With
+    fewer than ``FEWEST_PAIRS`` pairs, ρ = 1: errors do not change during a flight, the conservative case.
 
     Eq. (M16) of docs/mathematics.md.
     """
@@ -343,9 +348,9 @@ def error_persistence(posterior: WindPosterior) -> float:
 
 
 def _stations(points: Sequence[FloatArray]) -> Callable[[int, int], tuple[IntArray, IntArray]]:
-    """Of two times, the readings of the first that have one of the second at their place, and those.
+    """A function of two time indices: the readings of both times at common places, as two index arrays.
 
-    Pairs of times with the same places are looked at once.
+    Pairs of times with the same places are computed once.
     """
     group = {k: g for g, slots in enumerate(same_places(points)) for k in slots.tolist()}
     known: dict[tuple[int, int], tuple[IntArray, IntArray]] = {}
@@ -364,7 +369,7 @@ def _stations(points: Sequence[FloatArray]) -> Callable[[int, int], tuple[IntArr
 def _residual_correlation(
     matched: Callable[[int, int], tuple[IntArray, IntArray]], residuals: Sequence[FloatArray], apart: int
 ) -> float | None:
-    """r_j of residuals ``apart`` slots apart; None with too few pairs."""
+    """r_j for j = ``apart`` slots; None if there are too few pairs."""
     cross = first = second = 0.0
     pairs = 0
     for k in range(len(residuals) - apart):
@@ -378,7 +383,7 @@ def _residual_correlation(
 
 
 def persistence_of(correlations: Sequence[float]) -> float:
-    """ρ in [0, 1] with Σ_j ρ^j the sum of ``correlations``, j = 1 .. their number."""
+    """ρ in [0, 1] with Σ_j ρ^j = Σ_j ``correlations[j]``, limited to that range."""
     total = float(np.sum(correlations))
     if total <= 0.0:
         return 0.0

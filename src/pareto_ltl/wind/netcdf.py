@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     import h5netcdf
 
 
-DAMAGE = (  # what h5netcdf and h5py raise for a file that is none, or is damaged
+DAMAGE = (  # errors of h5netcdf and h5py for a damaged file or one of another format
     *(
         OSError,
         LookupError,
@@ -37,9 +37,9 @@ DAMAGE = (  # what h5netcdf and h5py raise for a file that is none, or is damage
     ),
     *(AssertionError, NotImplementedError),
 )
-FREE_BYTES = 16 * 2**20  # of a variable, however small the file
-LARGEST = 1e18  # of any number of a field; its square is finite
-MAX_RATIO = 20  # of the bytes of a variable to those of the file, beyond FREE_BYTES
+FREE_BYTES = 16 * 2**20  # size of a variable that is allowed for a file of any size
+LARGEST = 1e18  # limit of all numbers of a field; its square is finite
+MAX_RATIO = 20  # largest ratio of the bytes of a variable to those of the file, beyond FREE_BYTES
 GRID_DIMENSIONS = ("time", "y", "x")
 MODE_DIMENSIONS = ("time", "mode_y", "mode_x", "mode")
 HYPERPARAMETERS = {
@@ -54,12 +54,12 @@ NetcdfVariable = tuple[str, tuple[str, ...], Any, dict[str, Any]]  # name, dimen
 def write_netcdf(field: WindField, path: Path, scene: Scene | None = None) -> Path:
     """Write ``field`` as CF NetCDF; return ``path``. With ``scene``, the file has its time and grid mapping.
 
-    It is written with h5netcdf. xarray can open the file, but importing it takes a fifth of a run.
+    The file is written with h5netcdf, since importing xarray takes a fifth of a run; xarray can open it.
     """
     import h5netcdf
 
     path.parent.mkdir(parents=True, exist_ok=True)
-    content = io.BytesIO()  # on a disk that is full the HDF5 library ends the process
+    content = io.BytesIO()  # on a full disk, the HDF5 library would end the process
     with h5netcdf.File(content, "w") as file:
         file.attrs.update(_file_attributes(field))
         file.dimensions.update(
@@ -84,7 +84,7 @@ def read_netcdf(path: Path) -> WindField:
     Raises
     ------
     DataError
-        If there is no file or its content is not as expected.
+        If the file does not exist or is not valid.
     """
     import h5netcdf
 
@@ -245,7 +245,7 @@ def _read_field(file: h5netcdf.File) -> WindField:
 
 
 def _values(file: h5netcdf.File, name: str, kind: type = float) -> NDArray[Any]:
-    """All values of a variable of numbers; ValueError where it claims far more than the file can hold."""
+    """All values of a numeric variable; ValueError if its shape needs far more bytes than the file has."""
     variable = file[name]
     claimed = math.prod(variable.shape) * max(np.dtype(variable.dtype).itemsize, 8)
     if claimed > FREE_BYTES + MAX_RATIO * Path(file.filename).stat().st_size:
@@ -262,14 +262,14 @@ def _read_error(text: str) -> ForecastError:
 
 
 def _read_score(text: str) -> dict[str, float]:
-    score = json.loads(text)  # NaN is allowed here: a score that could not be taken
+    score = json.loads(text)  # NaN is allowed here: a score that could not be computed
     if not isinstance(score, dict):
         raise ValueError("the attribute score is no JSON object")
     return {name: float(value) for name, value in score.items()}
 
 
 def _check_field(field: WindField) -> None:
-    """ValueError for what no fit makes: numbers that are not finite, negative variances, disordered times."""
+    """Raise a ValueError for numbers that are not finite, negative variances and times out of order."""
     arrays = {
         "origin": field.origin,
         "spacing": np.array(field.spacing),

@@ -1,4 +1,4 @@
-"""Wind readings in the plane and on the clock of a scene."""
+"""Wind readings in the plane of a scene, with times that count from departure."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from pareto_ltl.wind.records import WindObservations
 from pareto_ltl.wind.sources import wind_source
 from pareto_ltl.world.scene import Scene
 
-FEWEST_READINGS = 5  # readings near the scene, at each time
-ENOUGH_READINGS = 40  # readings near the scene, at each time, without which those farther away are used too
+FEWEST_READINGS = 5  # required readings near the scene, at each time
+ENOUGH_READINGS = 40  # with fewer readings near the scene at a time, readings farther away are used too
 FIT_RADIUS = 500e3  # [m], about one correlation length of the 10 m wind over land
 HORIZON_ANGLE = np.deg2rad(45.0)  # readings farther away carry no information and are distorted in the plane
-OLDEST_HELD = 48.0  # [h] for which a message still advises to hold the last field
+OLDEST_HELD = 48.0  # [h] longest time for which a message advises to hold the last field
 LOG = logging.getLogger(__name__)
 
 
@@ -28,13 +28,13 @@ def place_readings(cfg: WindConfig, readings: Readings, scene: Scene) -> WindObs
     """Wind readings in the plane of ``scene``, from the last time at or before departure on.
 
     They end before the first gap of more than ``wind.max_gap``. Earth-relative winds are rotated by the
-    meridian convergence; their speed is not scaled. Calm wind is one time without readings.
+    meridian convergence; their speed is not scaled. Calm wind is a single time without readings.
 
     Raises
     ------
     DataError
-        If the frames of readings and scene differ, the readings do not cover the departure, or too few lie
-        near the scene.
+        If the readings are in degrees and the scene has no position on Earth, the readings do not cover the
+        departure, or too few are near the scene.
     ConfigError
         If the departure is not an ISO 8601 time.
     """
@@ -63,7 +63,7 @@ def place_readings(cfg: WindConfig, readings: Readings, scene: Scene) -> WindObs
 
 
 def _spread(winds: tuple[FloatArray, ...]) -> float:
-    """Standard deviation of the winds of one time over places, of one component [m/s]."""
+    """Standard deviation of one wind component over the places of one time, root mean square [m/s]."""
     return float(np.sqrt(np.mean([w.var(axis=0).mean() for w in winds])))
 
 
@@ -88,9 +88,9 @@ def _departure_time(scene: Scene, readings: Readings) -> float:
 
 
 def _slots_from_departure(cfg: WindConfig, readings: Readings, zero: float) -> tuple[IntArray, float, str]:
-    """Indices of the times from the last one at or before departure ``zero`` [s since 1970] on, up to a gap.
+    """Indices of the times from the last one at or before departure ``zero`` [s since 1970] up to a gap.
 
-    Also the end of the time for which they may be used [s since 1970], and why it ends there.
+    Also returns the end of the time for which they can be used [s since 1970], and the reason for this end.
     """
     times, name, held = readings.times, readings.name, cfg.max_gap * HOUR if cfg.hold_last else 0.0
     spell = f"{iso(times[0])} .. {iso(times[-1])}"
@@ -127,7 +127,7 @@ def _slots_from_departure(cfg: WindConfig, readings: Readings, zero: float) -> t
 
 
 def _holding_advice(cfg: WindConfig, late: float) -> str:
-    """The settings that hold the last field for a departure ``late`` [s] after it; empty if it is too old."""
+    """Advice to hold the last field, for a departure ``late`` [s] after it; empty if the field is too old."""
     if late < cfg.max_gap * HOUR:
         return f", or hold the last field for up to wind.max_gap ({cfg.max_gap:g} h) with wind.hold_last=true"
     if late > OLDEST_HELD * HOUR:
@@ -141,9 +141,9 @@ def _holding_advice(cfg: WindConfig, late: float) -> str:
 def _readings_in_plane(
     cfg: WindConfig, scene: Scene, readings: Readings, k: int
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Positions [m], winds [m/s] and deviations of members (n, 2, M) of time k near the scene in its plane.
+    """Readings at time index ``k`` near the scene, in its plane, at most ``wind.max_points``.
 
-    There are at most ``wind.max_points``.
+    Returns positions (n, 2) [m], winds (n, 2) [m/s] and deviations of members (n, 2, M) [m/s].
     """
     points, winds = readings.points[k], readings.winds[k]
     members = readings.members[k] if readings.members else np.empty((len(points), 2, 0))
@@ -166,7 +166,7 @@ def _readings_in_plane(
 
 
 def _swap_question(readings: Readings, scene: Scene, k: int) -> str:
-    """Asked where the readings lie at the place that the map has with longitude and latitude exchanged."""
+    """The question of :func:`swap_question` for the readings at time index ``k``."""
     from pareto_ltl.world import projection
 
     if not readings.geographic:
@@ -178,9 +178,10 @@ def _swap_question(readings: Readings, scene: Scene, k: int) -> str:
 def project_readings(
     crs: str, centre: FloatArray, lonlat: FloatArray, winds: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Positions (n, 2) [m] and winds (n, 2, ...) [m/s] in the plane ``crs`` of readings near ``centre`` (2,).
+    """Project the readings within 45 degrees of ``centre`` (2,) [m] into the plane ``crs``.
 
-    ``winds`` (N, 2, ...) are towards east and north.
+    ``lonlat`` (N, 2) [deg]; ``winds`` (N, 2, ...) towards east and north [m/s]. Returns positions (n, 2) [m]
+    and winds (n, 2, ...) towards x and y [m/s].
     """
     from pareto_ltl.world import projection
 
@@ -205,10 +206,10 @@ def _distance_to_box(bounds: FloatArray, points: FloatArray) -> FloatArray:
 def _readings_for_fit(
     cfg: WindConfig, centre: FloatArray, points: FloatArray, gap: FloatArray, near: float
 ) -> IntArray:
-    """Indices of the readings for the fit: those ``near`` the scene [m], an even selection if they are many.
+    """Indices of the readings for the fit: those within ``near`` [m] of the scene, if many an even selection.
 
-    Where few are near, the nearest ``ENOUGH_READINGS``: a process is fitted to the winds around the map,
-    which need not be those of another part of the continent.
+    If fewer than ``ENOUGH_READINGS`` are near, the nearest ones are used. Readings farther away are not,
+    since the statistics of the wind differ between parts of a continent.
     """
     close = np.flatnonzero(gap <= near)
     if len(close) < ENOUGH_READINGS:

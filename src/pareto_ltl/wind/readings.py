@@ -1,4 +1,4 @@
-"""Wind readings as they stand in files: the schema that all sources share, and its checks."""
+"""Wind readings as read from files: the record that all sources return, and its checks."""
 
 from __future__ import annotations
 
@@ -38,17 +38,17 @@ class Readings:
     origins : tuple of K tuples of Path
         The files that hold each time.
     leads : (K,) float
-        Valid time minus the time at which the forecast began [s]: 0 for analyses and observations, NaN where
-        the source does not say.
+        Valid time minus start of the forecast [s]: 0 for analyses and observations, NaN if the source does
+        not state it.
     level : str
         Height of the wind: ``10m``, ``80m``, ``925hPa``; ``0m`` down to ``1000m depth`` for currents.
     notes : tuple of str
-        What quality control left out, and other remarks about the whole source, one clear line each.
+        Remarks on the source, one line each, e.g. on data that quality control left out.
     members : tuple of K (n_k, 2, M) float
-        Deviations of the members of an ensemble from ``winds`` [m/s], whose squares sum up to the variance;
+        Deviations of the members of an ensemble from ``winds`` [m/s], whose sum of squares is the variance;
         empty without an ensemble.
     forecast_share : float
-        Share of the variance of the forecast-error law that applies beside the members.
+        Share of the variance of the law of forecast errors that is used in addition to the members.
     """
 
     times: FloatArray
@@ -87,7 +87,7 @@ def iso(time: float) -> str:
 
 
 def lead_text(lead: float) -> str:
-    """``analysis`` or ``3 h forecast`` for a lead [s]; empty where it is not known."""
+    """``analysis`` or ``3 h forecast`` for a lead [s]; empty if the lead is NaN."""
     if np.isnan(lead):
         return ""
     return "analysis" if lead == 0 else f"{lead / 3600:g} h forecast"
@@ -97,7 +97,7 @@ CALM = Readings(np.empty(0), (), (), geographic=False, files=(), remarks=(), ori
 
 
 def node_rows(points: FloatArray, nodes: FloatArray) -> IntArray:
-    """Row in ``points`` (M, 2) of each of ``nodes`` (N, 2), which must be among them, (N,)."""
+    """Row in ``points`` (M, 2) of each of ``nodes`` (N, 2), which must all be in ``points``: (N,)."""
     rows = {(lon, lat): row for row, (lon, lat) in enumerate(points.tolist())}
     return np.array([rows[lon, lat] for lon, lat in nodes.tolist()], np.int64)
 
@@ -109,7 +109,7 @@ def check_readings(
     max_speed: float,
     where: Callable[[int], str],
 ) -> None:
-    """Raise a DataError for the first implausible reading; ``where(i)`` names row i of the arrays."""
+    """Raise a DataError for the first implausible reading; ``where(i)`` names row i in the message."""
     bad = _first_true(~(np.isfinite(points).all(axis=1) & np.isfinite(winds).all(axis=1)))
     if bad is not None:
         raise DataError(f"{where(bad)}: expected finite numbers, got NaN or infinity; drop the reading")
@@ -131,18 +131,18 @@ def check_readings(
 
 
 def wrap_longitude(lon: FloatArray) -> FloatArray:
-    """The same longitudes in -180..180 [deg]."""
+    """Longitudes [deg] converted to -180..180."""
     return (lon + 180.0) % 360.0 - 180.0
 
 
 def on_sphere(lonlat: FloatArray) -> FloatArray:
-    """Unit vectors (N, 3) of longitudes and latitudes (N, 2) [deg]; a longer arc has a longer chord."""
+    """Unit vectors (N, 3) of longitudes and latitudes (N, 2) [deg], whose distances increase with the arc."""
     lon, lat = np.deg2rad(lonlat).T
     return np.stack([np.cos(lat) * np.cos(lon), np.cos(lat) * np.sin(lon), np.sin(lat)], axis=1)
 
 
 def farthest_points(points: FloatArray, count: int, first: int) -> IntArray:
-    """Indices of ``count`` of ``points`` (N, d): ``first``, then always the farthest from all chosen before.
+    """Indices of ``count`` of ``points`` (N, d): ``first``, then repeatedly the farthest from those chosen.
 
     Gonzalez (1985), doi:10.1016/0304-3975(85)90224-5.
     """

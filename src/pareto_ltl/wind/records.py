@@ -29,11 +29,11 @@ class WindObservations:
     points : tuple of (n_k, 2) float
         Positions of the readings at each time [m].
     winds : tuple of (n_k, 2) float
-        Towards +x and +y of the plane [m/s].
+        Winds towards +x and +y of the plane [m/s].
     source : str
         Description of the readings for the records of the run.
     leads : (K,) float
-        Valid time minus start of the forecast [s]; NaN where the source does not say. Empty: all NaN.
+        Valid time minus start of the forecast [s]; NaN if it is not known. Empty: all NaN.
     level : str
         Height of the wind, e.g. ``10m``.
     until : float or None
@@ -43,7 +43,7 @@ class WindObservations:
     error : ForecastError or None
         Error of forecasts and change of the wind in time; None: neither is covered.
     members : tuple of K (n_k, 2, M) float
-        Deviations of the members of an ensemble at ``points`` [m/s], whose squares sum up to the variance.
+        Deviations of the members of an ensemble at ``points`` [m/s], whose sum of squares is the variance.
     """
 
     times: FloatArray
@@ -96,7 +96,7 @@ class WindModes:
     energy : (K, 2) float
         Share of the variance of the error that the modes carry.
     rest_length : float
-        Correlation length [m] of what they leave, the integral of its correlation over the distance.
+        Correlation length [m] of the remainder, the integral of its correlation over the distance.
     """
 
     origin: FloatArray
@@ -124,7 +124,7 @@ class WindModes:
 
 @dataclass(frozen=True, slots=True)
 class WindEvidence:
-    """What a field was fitted from, so that it can be fitted again.
+    """The readings and hyperparameters of a field, from which it can be fitted again.
 
     Attributes
     ----------
@@ -178,8 +178,8 @@ class WindField(Displayed):
     gust_var : (K, 2) float
         Variance of the white part, which is independent from step to step [m²/s²].
     until : float or None
-        End of the time for which the wind is known [s since time_zero]: past the last slot, the last slot
-        holds. None: the time of the last slot.
+        End of the time for which the wind is known [s since time_zero]; after the last slot, the field of the
+        last slot is used. None: the time of the last slot.
     score : mapping of name to float
         Accuracy of predictions of held-out readings: ``gp_z_sd``, ``gp_coverage_90``.
     source : str
@@ -187,12 +187,12 @@ class WindField(Displayed):
     modes : WindModes or None
         Modes of the smooth part for the coherent law; None if its variance is 0.
     gust_time : float
-        Time constant of the white part under the coherent law [s]: a flight of length T is moved by it by
-        √(σ² gust_time T). It is twice the integral of the white part's correlation over time.
+        Time constant of the white part under the coherent law [s], twice the integral of its correlation over
+        time: over a time T it displaces a flight with the standard deviation √(σ² gust_time T).
     evidence : WindEvidence or None
         Readings and hyperparameters of the fit; None if the field was not fitted.
     leads : (K,) float
-        Lead of the forecast of each slot [s]; NaN where it is not known. Empty: all NaN.
+        Lead of the forecast of each slot [s]; NaN if it is not known. Empty: all NaN.
     level : str
         Height of the wind, e.g. ``10m``.
     ends : str
@@ -245,7 +245,7 @@ class WindField(Displayed):
     def time_variance(self, t: FloatArray) -> FloatArray:
         """Variance [m²/s²] of interpolation in time at times ``t`` (S,) [s since time_zero], shape (S,).
 
-        0 at the times of the slots; past the last one, which is held, the change of the wind since then.
+        It is 0 at the times of the slots; after the last slot, it is the variance of the change since then.
         """
         if self.error is None:
             return np.zeros(len(t))

@@ -1,4 +1,4 @@
-"""How well a fit predicts readings that it did not use."""
+"""Scores of the predictions of readings that a fit did not use."""
 
 from __future__ import annotations
 
@@ -16,13 +16,14 @@ if TYPE_CHECKING:
 
 # 90 % of a normal variable lie within ± this many standard deviations
 NORMAL_QUANTILE_95 = 1.6448536269514722
-LEAST_SCORED = 4  # places that the score needs beside those of the fit
+LEAST_SCORED = 4  # smallest number of places for the score, and for the fit
 
 
 def held_out(cfg: WindConfig, seen: WindObservations, bounds: FloatArray | None) -> list[BoolArray] | None:
-    """Masks of the readings that the score keeps out; None where too few would be left.
+    """Masks of the readings that are held out for the score; None if there are too few readings.
 
-    They are a random share ``cfg.holdout`` of the places in the map; of all places, where it holds few.
+    They are those at a random share ``cfg.holdout`` of the places on the map or, if these are few, of all
+    places.
     """
     places = np.unique(np.concatenate(seen.points), axis=0)
     near = places
@@ -38,7 +39,7 @@ def held_out(cfg: WindConfig, seen: WindObservations, bounds: FloatArray | None)
 
 
 def same_places(points: Sequence[FloatArray]) -> list[IntArray]:
-    """Indices of times, grouped by equal places."""
+    """Indices of times, in groups with the same places."""
     groups: dict[tuple[tuple[int, ...], bytes], list[int]] = {}
     for k, places in enumerate(points):
         groups.setdefault((places.shape, np.ascontiguousarray(places).tobytes()), []).append(k)
@@ -46,7 +47,11 @@ def same_places(points: Sequence[FloatArray]) -> list[IntArray]:
 
 
 def score_of(fit: WindPosterior, seen: WindObservations, out: Sequence[BoolArray]) -> dict[str, float]:
-    """How the readings ``out`` (masks by time) are predicted by a fit that did not use them."""
+    """Scores of the predictions of the readings ``out`` (a mask for each time) by a fit without them.
+
+    ``gp_z_sd``: root mean square of z-scores; ``gp_coverage_90``: share within 90 % intervals; ``gp_nlpd``:
+    mean negative log predictive density.
+    """
     z: list[FloatArray] = []
     log_sd: list[FloatArray] = []
     for slots in same_places(seen.points):

@@ -1,4 +1,4 @@
-"""Winds of many forecasts: each valid time may come from several cycles and members."""
+"""Winds of many forecasts: there can be several cycles and members for one valid time."""
 
 from __future__ import annotations
 
@@ -15,22 +15,22 @@ from pareto_ltl.wind.readings import Readings, iso, lead_text
 
 @dataclass(frozen=True, slots=True)
 class Snapshot:
-    """The wind at one valid time, as one cycle of one model member told it.
+    """The wind at one valid time from one cycle and one member of a model.
 
     Attributes
     ----------
     time : float
         Valid time [s since 1970-01-01 UTC].
     lead : float
-        Valid time minus the start of the forecast [s]; 0 for an analysis, NaN where the source does not say.
+        Valid time minus start of the forecast [s]; 0 for an analysis, NaN if it is not known.
     points : (n, 2) float
         Longitude (-180..180) and latitude [deg].
     winds : (n, 2) float
-        Towards east and north [m/s].
+        Winds towards east and north [m/s].
     level : str
-        ``10m``, ``925hPa``, ...
+        Level of the wind: ``10m``, ``925hPa``, ...
     files : tuple of Path
-        The files that hold it.
+        The files that contain it.
     member : str
         Name of the ensemble member; empty for a single forecast.
     """
@@ -45,19 +45,19 @@ class Snapshot:
 
     @property
     def cycle(self) -> float:
-        """Start of the forecast [s since 1970]; the valid time where the lead is not known."""
+        """Start of the forecast [s since 1970]; the valid time if the lead is not known."""
         return self.time if np.isnan(self.lead) else self.time - self.lead
 
     @property
     def remark(self) -> str:
-        """``analysis`` or ``3 h forecast``; empty where the lead is not known."""
+        """``analysis`` or ``3 h forecast``; empty if the lead is not known."""
         return lead_text(self.lead)
 
 
 def latest_readings(
     snapshots: Sequence[Snapshot], files: tuple[Path, ...], notes: tuple[str, ...] = ()
 ) -> Readings:
-    """One wind for each valid time: of several cycles the newest.
+    """Readings with one wind for each valid time, from the newest cycle.
 
     Raises
     ------

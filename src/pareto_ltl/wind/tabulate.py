@@ -13,7 +13,7 @@ from pareto_ltl.wind.records import NodeLattice, WindObservations
 
 
 class WindTask(NamedTuple):
-    """Everything that a wind table depends on, apart from the code.
+    """All inputs of a wind table.
 
     Attributes
     ----------
@@ -63,17 +63,17 @@ class WindTable(NamedTuple):
     psi : (K, MX, MY, 2, P) float
         Modes [m/s].
     part : (P,) int
-        The part of the error that each mode belongs to.
+        The part of the error to which each mode belongs.
     energy : (K, 2) float
-        Share of the variance that the modes hold.
+        Share of the variance that the modes carry.
     hyper : (K, 2, 4) float
         Prior mean [m/s], amplitude [m/s], length scale [m], noise [m/s].
     rho : float
-        Correlation of the errors of interpolation in space of one time with those of the next.
+        Correlation of the errors of interpolation in space from one time to the next.
     rest_length : float
-        Correlation length of what the modes leave [m].
+        Correlation length of the remainder that the modes do not carry [m].
     score : dict of str to float
-        Scores of readings that were kept out; NaN where there were too few.
+        Scores of held-out readings; NaN if there were too few.
     """
 
     mean: FloatArray
@@ -88,7 +88,7 @@ class WindTable(NamedTuple):
     score: dict[str, float]
 
     def check_for(self, task: WindTask) -> None:
-        """Raise ``ValueError`` if this cannot be the table of ``task``: a wrong shape, NaN, out of range."""
+        """Raise ``ValueError`` if this is not a table of ``task``: wrong shapes, NaN, values out of range."""
         slots, nodes, modes = len(task.times), task.lattice.shape, task.mode_lattice.shape
         require_shape("mean", self.mean, slots, *nodes, 2)
         require_shape("latent_var", self.latent_var, slots, *nodes, 2)

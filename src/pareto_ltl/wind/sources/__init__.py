@@ -1,6 +1,6 @@
-"""Where wind readings come from: one module per file format, all with the result :class:`Readings`.
+"""Sources of wind readings: one module for each file format; all return :class:`Readings`.
 
-``SOURCES`` is the table of the values of ``wind.source``; other packages add theirs by entry points.
+``SOURCES`` is the table of the values of ``wind.source``; other packages can add values by entry points.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ SAMPLE_FILE = Path(__file__).parents[2] / "support" / "data" / "gfs_conus_201810
 
 
 def data_files(cfg: WindConfig) -> tuple[Path, ...]:
-    """The files of ``wind.path``, sorted: one file, all data files of a folder, or the matches of a pattern.
+    """The files of ``wind.path``, sorted: a file, all data files of a folder, or the matches of a pattern.
 
     Raises
     ------
@@ -50,7 +50,7 @@ def data_files(cfg: WindConfig) -> tuple[Path, ...]:
 
 
 def is_data_file(file: Path) -> bool:
-    """Whether ``file`` may hold readings: False for hidden files, indices, texts and JSON."""
+    """Whether ``file`` may contain readings: False for hidden files, indices, texts and JSON."""
     return not file.name.startswith(".") and file.suffix.lower() not in (".idx", ".md", ".txt", ".json")
 
 
@@ -61,12 +61,12 @@ class WindSource:
     Attributes
     ----------
     read : callable
-        From the settings of the wind, and where and when it matters, to checked :class:`Readings`; raises a
-        DataError.
+        From the settings of the wind and the part that is wanted to checked :class:`Readings`; raises a
+        DataError if a file is not valid.
     files : callable
-        The files that ``read`` opens, for the records of a run; raises a DataError.
+        The files that ``read`` opens, for the records of a run; raises a DataError if there are none.
     forecast_error : str
-        What ``wind.forecast_error=auto`` stands for.
+        The value of ``wind.forecast_error=auto``.
     """
 
     read: Callable[[WindConfig, Wanted], Readings]
@@ -91,7 +91,7 @@ def _read_sample(cfg: WindConfig, _wanted: Wanted) -> Readings:
 
 
 def _read_csv(cfg: WindConfig, _wanted: Wanted) -> Readings:
-    """A table does not say its level; for a robot in the water it is that of the current it moves in."""
+    """Readings of CSV tables, which do not state a level; if ``wind.level`` is a depth, they are currents."""
     readings = read_csv_files(data_files(cfg), cfg.max_speed)
     level = parse_level(cfg.level)
     if level.kind != DEPTH:
@@ -109,7 +109,7 @@ def _read_netcdf(cfg: WindConfig, wanted: Wanted) -> Readings:
 
 
 def _ensemble_files(cfg: WindConfig, _wanted: Wanted = ALL_WIND) -> tuple[Path, ...]:
-    """As :func:`data_files`, with the files of a folder for each member."""
+    """As :func:`data_files`, including the files in subfolders, one for each member."""
     path = Path(str(cfg.path)).expanduser()
     below = [file for file in path.glob("*/*") if file.is_file() and is_data_file(file)]
     if not below:
@@ -149,7 +149,7 @@ SOURCES = {
 
 
 def wind_source(cfg: WindConfig) -> WindSource:
-    """The source ``wind.source``: one of ``SOURCES``, or one of another package."""
+    """The source ``wind.source``: one of ``SOURCES``, or one of another package; KeyError if unknown."""
 
     def expected(loaded: object) -> bool:
         return isinstance(loaded, WindSource)
@@ -158,7 +158,7 @@ def wind_source(cfg: WindConfig) -> WindSource:
 
 
 def read_readings(cfg: WindConfig, wanted: Wanted = ALL_WIND) -> Readings:
-    """All readings of the source, of large files those that are ``wanted``; calm wind has no times."""
+    """The readings of the source, of large files only those that are ``wanted``; calm wind has no times."""
     return wind_source(cfg).read(cfg, wanted)
 
 

@@ -1,4 +1,4 @@
-"""Variables of a NetCDF file, of NetCDF-4 (HDF5) and of the classic format alike, read in parts."""
+"""Variables of a NetCDF file, NetCDF-4 (HDF5) or classic format, read in parts."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ from pareto_ltl.support.messages import shown_text
 from pareto_ltl.wind.netcdf import DAMAGE
 from pareto_ltl.wind.sources.magic import HDF5, format_of, refuse_other_format
 
-FREE_VALUES = 2**24  # that may be read of a file, however small
-MAX_VALUES_A_BYTE = 8  # of the file, beyond FREE_VALUES; a packed field of zeros has a thousand
+FREE_VALUES = 2**24  # number of values that may be read from a file of any size
+MAX_VALUES_A_BYTE = 8  # further values per byte of the file; a compressed field of zeros has a thousand
 Part = tuple[int | slice, ...]
 
 
@@ -31,11 +31,12 @@ class CfVariable:
     ----------
     name : str
     dimensions : tuple of str
+        Names of the dimensions.
     shape : tuple of int
     attributes : dict
         Numbers, arrays and texts.
     data : object
-        Indexed by slices and numbers; holds what is in the file, packed.
+        The packed values of the file, which slices and integers can index.
     """
 
     name: str
@@ -45,19 +46,19 @@ class CfVariable:
     data: Any
 
     def text(self, attribute: str) -> str:
-        """A text attribute, empty where there is none."""
+        """A text attribute; empty if there is none."""
         value = self.attributes.get(attribute, "")
         if isinstance(value, np.ndarray):
             value = value.reshape(-1)[0] if value.size == 1 else ""
         return value.decode("utf-8", "replace") if isinstance(value, bytes) else str(value)
 
     def number(self, attribute: str) -> float | None:
-        """A number attribute; None where there is none."""
+        """A numeric attribute; None if there is none."""
         value = self.attributes.get(attribute)
         return None if value is None or isinstance(value, str | bytes) else float(np.ravel(value)[0])
 
     def values(self, part: Part = ()) -> FloatArray:
-        """The numbers of ``part``: scaled, shifted, NaN where there is none."""
+        """The values of ``part``, with scale and offset applied; NaN for missing values."""
         packed = np.asarray(self.data[part or ...])
         if packed.dtype.kind not in "iuf":
             raise ValueError(f"{self.name} holds {packed.dtype}; expected numbers")
@@ -83,20 +84,20 @@ class CfVariable:
 
 @dataclass(slots=True)
 class CfFile:
-    """An open file; ``budget`` is how many values may still be read of it."""
+    """An open file; ``budget`` is the number of values that may still be read."""
 
     path: Path
     variables: dict[str, CfVariable]
     budget: int
 
     def spend(self, count: int) -> None:
-        """Note that ``count`` values are about to be read; ValueError beyond what the file can hold."""
+        """Subtract ``count`` values from the budget; ValueError if it is exceeded."""
         self.budget -= count
         if self.budget < 0:
             raise ValueError("it claims far more values than a file of its size can hold")
 
     def read(self, variable: CfVariable, part: Part = ()) -> FloatArray:
-        """Values of ``part`` of a variable, all of it by default."""
+        """The values of ``part`` of a variable, of all of it by default."""
         taken = (*part, *(slice(None),) * (len(variable.shape) - len(part)))
         shape = [
             len(range(*index.indices(size)))
@@ -109,7 +110,7 @@ class CfFile:
 
 @contextmanager
 def open_cf(path: Path) -> Iterator[CfFile]:
-    """The open file; errors of its libraries become one line of a DataError."""
+    """In the block, the open file; errors of the libraries become a DataError in one line."""
     try:
         with path.open("rb") as stream:
             head = stream.read(64)

@@ -1,4 +1,4 @@
-"""Where and when the values of a CF variable are: its coordinates, found by attributes and by name."""
+"""Coordinates of a CF variable in space and time, found by attributes and by name."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ LATITUDE_NAMES = ("lat", "latitude", "nav_lat", "xlat", "y_lat")
 LONGITUDE_NAMES = ("lon", "longitude", "nav_lon", "xlong", "x_lon")
 LEVEL_WORDS = re.compile(r"\b(\d+(?:\.\d+)?)[ -]?(met(?:er|re)s?|m|hpa|mb)(?=\b|above)")
 MEMBER_NAMES = ("member", "ens", "ensemble", "number", "realization")
-EARLIEST, LATEST = -6e9, 8e9  # [s since 1970] of a time that can be meant: 1779 to 2223
+EARLIEST, LATEST = -6e9, 8e9  # [s since 1970] limits of valid times: 1779 and 2223
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,13 +33,13 @@ class CfNodes:
     Attributes
     ----------
     part : dict
-        For each dimension of space, the slice that is read.
+        The slice to read of each spatial dimension.
     kept : (N,) int
-        Which of the values of that part, in the order of the variable, are nodes.
+        Indices of the nodes among the flattened values of that part.
     lonlat : (N, 2) float
         Longitude (-180..180) and latitude [deg].
     twist : (N,) float or None
-        Angle from grid north to true north [rad]; None where the axes of the grid are east and north.
+        Angle from grid north to true north [rad]; None if the axes of the grid are east and north.
     """
 
     part: dict[str, slice]
@@ -52,7 +52,7 @@ class CfNodes:
 
 
 def times_of(file: CfFile, variable: CfVariable) -> tuple[str | None, FloatArray, FloatArray]:
-    """Dimension of time (None of a single one), times [s since 1970], and leads [s], NaN where not known."""
+    """Time dimension (None for a single time), times [s since 1970], and leads [s], NaN if not known."""
     axis = _time_axis(file, variable)
     times = _absolute_times(file, axis)
     if not (np.isfinite(times).all() and (times > EARLIEST).all() and (times < LATEST).all()):
@@ -101,7 +101,7 @@ def _absolute_times(file: CfFile, variable: CfVariable) -> FloatArray:
 
 
 def member_dimension(file: CfFile, variable: CfVariable) -> str | None:
-    """The dimension of the members of an ensemble."""
+    """The dimension of the members of an ensemble; None if there is none."""
     for name in variable.dimensions:
         axis = file.variables.get(name)
         if name.lower() in MEMBER_NAMES or (axis and axis.text("standard_name") == "realization"):
@@ -113,9 +113,9 @@ def member_dimension(file: CfFile, variable: CfVariable) -> str | None:
 
 
 def levels_of(file: CfFile, variable: CfVariable, kind: str) -> tuple[str | None, list[Level]]:
-    """Dimension of the levels (None of a single one) and the levels; none where the file does not say.
+    """Dimension of the levels (None for a single level) and the levels; no levels if the file has none.
 
-    ``kind`` is what lengths measure: ``height`` of winds, ``depth`` of currents.
+    ``kind`` is the meaning of lengths: ``height`` for winds, ``depth`` for currents.
     """
     for name in variable.dimensions:
         axis = file.variables.get(name)
@@ -153,7 +153,7 @@ def _level(kind: str, unit: str, value: float) -> Level:
 
 
 def nodes_of(file: CfFile, variable: CfVariable, relative: bool, area: GeoBox | None) -> CfNodes:
-    """The nodes of ``variable`` in ``area``; ``relative`` of components that follow the axes of the grid."""
+    """The nodes of ``variable`` in ``area``; ``relative``: its components are along the axes of the grid."""
     lat = _coordinate(file, variable, "latitude", LATITUDES, LATITUDE_NAMES)
     lon = _coordinate(file, variable, "longitude", LONGITUDES, LONGITUDE_NAMES)
     if lat is None or lon is None:
@@ -178,7 +178,10 @@ def nodes_of(file: CfFile, variable: CfVariable, relative: bool, area: GeoBox | 
 def _coordinate(
     file: CfFile, variable: CfVariable, standard: str, unit: re.Pattern[str], names: tuple[str, ...]
 ) -> CfVariable | None:
-    """The coordinate of ``variable`` with that standard name, unit or name; one that it names comes first."""
+    """The coordinate of ``variable`` with that standard name, unit or name; None if there is none.
+
+    Coordinates that the attribute ``coordinates`` names are preferred.
+    """
     named = variable.text("coordinates").split()
     found = [
         other
@@ -200,7 +203,7 @@ def _in_order(variable: CfVariable, dimensions: tuple[str, ...]) -> tuple[str, .
 def _cropped(
     file: CfFile, spatial: tuple[str, ...], lons: FloatArray, lats: FloatArray, area: GeoBox | None
 ) -> tuple[dict[str, slice], IntArray, FloatArray]:
-    """The part to read, which of its values are kept, and where these are."""
+    """The part to read, indices of the values to keep, and their longitudes and latitudes (N, 2) [deg]."""
     lonlat = np.stack([wrap_longitude(lons), lats], axis=-1)
     inside = np.asarray(np.isfinite(lonlat).all(axis=-1))
     if (np.abs(lats[inside]) > 90.0).any():
@@ -220,7 +223,7 @@ def _cropped(
 
 
 def _projected_nodes(file: CfFile, variable: CfVariable, relative: bool, area: GeoBox | None) -> CfNodes:
-    """Nodes of a grid that has x and y of a projection and no latitudes."""
+    """Nodes of a grid with coordinates x and y of a projection and without latitudes."""
     from pareto_ltl.world.projection import to_geographic
 
     axes = {}
@@ -249,7 +252,7 @@ def _projected_nodes(file: CfFile, variable: CfVariable, relative: bool, area: G
 
 
 def _grid_crs(file: CfFile, variable: CfVariable) -> str:
-    """PROJ string of the plane that ``grid_mapping`` describes."""
+    """PROJ string of the projection in the variable that ``grid_mapping`` names."""
     import pyproj
 
     mapping = file.variables.get(variable.text("grid_mapping"))

@@ -1,4 +1,4 @@
-"""Units of speed, time and height in CF files, as factors to SI."""
+"""Units of speed, time and height in CF files, with their factors to SI."""
 
 from __future__ import annotations
 
@@ -30,13 +30,16 @@ EPOCH = re.compile(
 
 
 def speed_factor(units: str) -> float | None:
-    """Metres per second in one of ``units``; None where they are not known."""
+    """Metres per second in one unit; None if ``units`` are not known."""
     plain = re.sub(r"[\s.*]+", "", units.strip().lower().replace("**", "^"))
     return SPEEDS.get(plain.replace("^", ""), SPEEDS.get(plain))
 
 
 def time_scale(units: str, calendar: str) -> tuple[float, float]:
-    """Seconds in one unit, and the zero [s since 1970-01-01 UTC], of CF time units; ValueError if unknown."""
+    """Seconds in one unit, and the reference time [s since 1970-01-01 UTC], of CF time units.
+
+    ValueError if the units or the calendar are not known.
+    """
     if calendar.strip().lower() not in CALENDARS:
         raise ValueError(f"its calendar {shown_value(calendar)} is not supported; expected standard")
     found = EPOCH.fullmatch(units.strip().lower())
@@ -54,13 +57,13 @@ def time_scale(units: str, calendar: str) -> tuple[float, float]:
 
 
 def duration_factor(units: str) -> float | None:
-    """Seconds in one of ``units``, e.g. of a forecast period."""
+    """Seconds in one unit, e.g. of a forecast period; None if ``units`` are not known."""
     unit = units.strip().lower()
     return TIMES.get(unit, TIMES.get(unit.removesuffix("s")))
 
 
 def level_unit(units: str) -> tuple[str, float] | None:
-    """Kind of level that ``units`` measure (a depth is a ``height``), and the factor to m or Pa."""
+    """Kind of level of ``units`` (``height`` also for depths), and factor to m or Pa; None if unknown."""
     unit = units.strip().lower()
     if unit in HEIGHTS:
         return HEIGHT, HEIGHTS[unit]

@@ -1,8 +1,8 @@
 """Wind readings as CSV tables: ``time,lat,lon,u,v`` on Earth, ``time,x,y,u,v`` in a plane.
 
-Speeds are in m/s, or in the unit that the title of their column names: ``u_kt``, ``v [km/h]``. A column
-``lead_hours`` states how long before the time of a row its forecast began; 0 is an analysis or observation. A
-table may be packed: ``winds.csv.gz``.
+Speeds are in m/s, or in the unit in the title of their column: ``u_kt``, ``v [km/h]``. A column
+``lead_hours`` has the time from the start of the forecast to the time of the row; 0 is an analysis or
+observation. A table may be compressed: ``winds.csv.gz``.
 """
 
 from __future__ import annotations
@@ -38,8 +38,8 @@ from pareto_ltl.wind.readings import (
 from pareto_ltl.wind.sources.magic import format_of, refuse_other_format
 
 GEOGRAPHIC_COLUMNS = ("time", "lat", "lon", "u", "v")
-MOST_UNPACKED = 2**28  # [bytes] of a packed table
-SPEED_UNITS = {  # [m/s], by what stands in the title of a column; without a unit it is m/s
+MOST_UNPACKED = 2**28  # [bytes] of a compressed table
+SPEED_UNITS = {  # [m/s], by the unit in the title of a column; m/s without a unit
     "": 1.0, "m/s": 1.0, "m s-1": 1.0, "ms": 1.0, "mps": 1.0,
     "kt": KNOT, "kts": KNOT, "kn": KNOT, "knot": KNOT, "knots": KNOT,
     "km/h": 1.0 / 3.6, "kmh": 1.0 / 3.6, "mph": 0.44704,
@@ -50,12 +50,13 @@ LONGEST_LEAD = 10_000.0  # [h]
 
 
 def read_csv_files(files: tuple[Path, ...], max_speed: float) -> Readings:
-    """The readings of all tables in ``files``; rows may have any order.
+    """The readings of all tables in ``files``; rows may be in any order.
 
     Raises
     ------
     DataError
-        If a file or row cannot be read, the frames differ, or two rows have the same time and place.
+        If a file or row is not valid, some tables are in degrees and others in a plane, or two rows have the
+        same time and place.
     """
     parts = [read_csv_file(file, max_speed) for file in files]
     if len({part.geographic for part in parts}) > 1:
@@ -96,9 +97,9 @@ def write_csv_table(
     decimals: int = 2,
     leads: FloatArray | None = None,
 ) -> None:
-    """Write winds (K, N, 2) [m/s] at ``times`` (K,) [s since 1970] and ``points`` (N, 2), lon, lat [deg].
+    """Write ``winds`` (K, N, 2) [m/s] at ``times`` (K,) [s since 1970] and ``points`` (N, 2), lon, lat [deg].
 
-    ``leads`` (K,) [s] make the column ``lead_hours``; where none is known, there is no such column.
+    ``leads`` (K,) [s] are written to the column ``lead_hours``; if none is known, the column is left out.
     """
     known = leads is not None and bool(np.isfinite(leads).any())
     lines = [",".join((*GEOGRAPHIC_COLUMNS, LEAD_COLUMN) if known else GEOGRAPHIC_COLUMNS)]
@@ -124,7 +125,7 @@ class _Table:
 
 
 def read_csv_file(file: Path, max_speed: float) -> _Table:
-    """The checked rows of ``file``."""
+    """The checked rows of ``file``; DataError if it is not a valid table."""
     with open_table(file, ",".join(GEOGRAPHIC_COLUMNS)) as stream:
         reader = csv.reader(stream)
         header = [name.strip().lower() for name in next(reader, [])]
@@ -145,7 +146,7 @@ def read_csv_file(file: Path, max_speed: float) -> _Table:
 
 @contextmanager
 def open_table(file: Path, expected: str) -> Iterator[IO[str]]:
-    """The text of ``file``, which gzip may have packed; what goes wrong while it is read is a DataError."""
+    """In the block, the text of ``file``, which may be gzip-compressed; read errors become a DataError."""
     try:
         with _open_text(file) as stream:
             yield stream
@@ -174,7 +175,7 @@ def _open_text(file: Path) -> IO[str]:
 
 
 def _find_columns(file: Path, header: list[str]) -> tuple[list[tuple[str, int]], FloatArray]:
-    """Name and position of the columns, ``lead_hours`` last, and the factors (2,) from u and v to m/s."""
+    """Names and positions of the columns, ``lead_hours`` last, and the factors (2,) of u and v to m/s."""
     if not header:
         raise DataError(f"wind file {file} is empty; expected a table with {','.join(GEOGRAPHIC_COLUMNS)}")
     speeds = {name: [found for found in header if _speed_unit(name, found) is not None] for name in "uv"}
@@ -241,7 +242,7 @@ def _refuse_duplicates(stamps: FloatArray, points: FloatArray, owners: list[str]
 
 
 def _lead_hours(text: str) -> float:
-    """Hours from 0 to :data:`LONGEST_LEAD`; NaN of an empty cell."""
+    """Hours from 0 to :data:`LONGEST_LEAD`; NaN for an empty cell; ValueError for other values."""
     hours = float(text) if text else np.nan
     if text and not 0.0 <= hours <= LONGEST_LEAD:
         raise ValueError

@@ -1,4 +1,4 @@
-"""An ensemble from the files of its members: GRIB, NetCDF, or both."""
+"""Reading of an ensemble from the files of its members: GRIB, NetCDF, or both."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from pareto_ltl.wind.sources.netcdf_files import WINDS, netcdf_snapshots
 def read_ensemble_files(files: tuple[Path, ...], cfg: WindConfig, area: GeoBox | None) -> Readings:
     """Mean and deviations of the members in ``files``; errors are those of the two readers.
 
-    With ``wind.forecast_error=none`` the members have all of the error.
+    With ``wind.forecast_error=none``, only the members determine the error of the forecast.
     """
     by_format: dict[str, list[Path]] = {"GRIB": [], "NetCDF": []}
     for file in files:
@@ -28,7 +28,7 @@ def read_ensemble_files(files: tuple[Path, ...], cfg: WindConfig, area: GeoBox |
         by_format[kind].append(file)
     snapshots: list[Snapshot] = []
     notes: tuple[str, ...] = ()
-    for folder in dict.fromkeys(file.parent for file in by_format["GRIB"]):  # which may be a member each
+    for folder in dict.fromkeys(file.parent for file in by_format["GRIB"]):  # each folder may be a member
         grib = tuple(file for file in by_format["GRIB"] if file.parent == folder)
         snapshots += read_grib_snapshots(grib, cfg.max_speed, cfg.level, area)
     if netcdf := tuple(by_format["NetCDF"]):

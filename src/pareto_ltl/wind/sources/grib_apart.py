@@ -1,7 +1,7 @@
-"""GRIB files decoded in a process of their own, since ecCodes can end its process on a damaged message.
+"""Decoding of GRIB files in a separate process, since ecCodes can end its process on a damaged message.
 
 ``python -m pareto_ltl.wind.sources.grib_apart FOLDER`` reads ``task.json`` there and writes ``answer.json``
-and ``arrays.npz``; the caller sees a process that died as one line about a damaged file.
+and ``arrays.npz``. If the process ends without an answer, the caller raises a DataError on a damaged file.
 """
 
 from __future__ import annotations
@@ -31,12 +31,12 @@ TASK, ANSWER, ARRAYS = "task.json", "answer.json", "arrays.npz"
 def read_grib_apart(
     files: tuple[Path, ...], max_speed: float, level: str = "10m", area: GeoBox | None = None
 ) -> Readings:
-    """:func:`read_grib_files` in another process: of several forecasts for one time, the latest.
+    """:func:`read_grib_files` in another process; of several forecasts for one time, the latest.
 
     Raises
     ------
     DataError
-        As there, and if the process ends without an answer.
+        As :func:`read_grib_files`, and if the process ends without an answer.
     """
     snapshots, notes = read_grib_with_notes(files, max_speed, level, area)
     return latest_readings(snapshots, files, notes)
@@ -52,7 +52,7 @@ def read_grib_snapshots(
 def read_grib_with_notes(
     files: tuple[Path, ...], max_speed: float, level: str, area: GeoBox | None
 ) -> tuple[tuple[Snapshot, ...], tuple[str, ...]]:
-    """As :func:`read_grib_snapshots`, and notes of quality control."""
+    """As :func:`read_grib_snapshots`, with notes of quality control."""
     parse_level(level)
     with tempfile.TemporaryDirectory(prefix="pareto_ltl_grib_") as folder:
         place = Path(folder)
@@ -96,7 +96,7 @@ def _answer_of(place: Path, files: tuple[Path, ...]) -> tuple[tuple[Snapshot, ..
 
 
 def _answer(place: Path) -> None:
-    """Do the task in ``place``."""
+    """In the separate process: carry out the task in the folder ``place``."""
     task = read_json(place / TASK)
     files = tuple(map(Path, task["files"]))
     area = None if task["area"] is None else GeoBox(*task["area"])
@@ -115,7 +115,7 @@ def _tell(file: Path) -> None:
 def _write_snapshots(
     place: Path, snapshots: tuple[Snapshot, ...], files: tuple[Path, ...]
 ) -> list[dict[str, Any]]:
-    """Write the arrays, each grid once; return the rest of each snapshot."""
+    """Write the arrays, each grid once; return the other data of each snapshot."""
     arrays: dict[str, FloatArray] = {
         "times": np.array([snap.time for snap in snapshots]),
         "leads": np.array([snap.lead for snap in snapshots]),

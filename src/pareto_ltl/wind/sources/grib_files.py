@@ -1,7 +1,7 @@
 """Wind at one level from GRIB files (GFS, GEFS, NAM, RAP, HRRR), read with ecCodes.
 
-ecCodes decodes the messages one by one. cfgrib drops a component of a truncated file and reports this in its
-log only.
+Messages are decoded one by one with ecCodes. cfgrib is not used, since it drops a component of a truncated
+file and reports this only in its log.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ def read_grib_files(
     area: GeoBox | None = None,
     tell: Tell | None = None,
 ) -> Readings:
-    """The wind of every time in ``files``; of several forecasts for one time, the latest."""
+    """The wind at every time in ``files``; of several forecasts for one time, the latest."""
     return latest_readings(*grib_snapshots(files, max_speed, level, area, tell))
 
 
@@ -55,7 +55,8 @@ def grib_snapshots(
     Raises
     ------
     DataError
-        If a file is damaged, has no wind at the level or lacks a component, or two messages hold the same.
+        If a file is damaged, has no wind at the level or lacks a component, or if two messages have the same
+        component, time, lead and member.
     """
     pairs: dict[FieldKey, dict[str, GribField]] = {}
     scan = GribScan(parse_level(level), area)
@@ -78,7 +79,7 @@ def grib_snapshots(
 
 
 def _snapshot(pair: dict[str, GribField], level: Level, max_speed: float) -> tuple[Snapshot, LeftOut]:
-    """Earth-relative winds, and what of their field is left out."""
+    """The Earth-relative winds of one time, and the numbers of nodes that are left out."""
     some = pair.get("u") or pair["v"]
     missing = {"u", "v"} - set(pair)
     if missing:
@@ -101,7 +102,7 @@ def _snapshot(pair: dict[str, GribField], level: Level, max_speed: float) -> tup
 
 
 def _grib_fields(files: tuple[Path, ...], scan: GribScan, tell: Tell | None) -> Iterator[GribField]:
-    """The fields that ``scan`` looks for in ``files``; a file without any is an error."""
+    """The fields in ``files`` that ``scan`` describes; DataError for a file without any."""
     eccodes = _import_eccodes(files[0])
     for file in files:
         if tell is not None:
@@ -144,7 +145,7 @@ def _next_message(eccodes: Any, stream: Any) -> int | None:
 
 @contextmanager
 def quiet_library() -> Iterator[None]:
-    """Keep what ecCodes prints of a damaged message off the terminal: its error says the same in one line."""
+    """In the block, hide what ecCodes prints to the terminal; its exceptions contain the same information."""
     sys.stderr.flush()
     kept, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
     try:
@@ -158,7 +159,7 @@ def quiet_library() -> Iterator[None]:
 
 @contextmanager
 def _open_grib(file: Path, eccodes: Any) -> Iterator[Any]:
-    """The open file; errors of ecCodes become DataErrors."""
+    """In the block, the open file; errors of ecCodes become DataErrors."""
     try:
         with file.open("rb", buffering=0) as stream:  # ecCodes reads from the position of the file descriptor
             head = stream.read(64)
@@ -173,7 +174,7 @@ def _open_grib(file: Path, eccodes: Any) -> Iterator[Any]:
         raise DataError(f"wind file {file} cannot be read: {error.strerror}") from None
     except eccodes.CodesInternalError as error:
         raise DataError(f"wind file {file} is damaged or truncated ({error}); download it again") from None
-    except (ValueError, ArithmeticError, RuntimeError, TypeError) as error:  # a date, a grid that cannot be
+    except (ValueError, ArithmeticError, RuntimeError, TypeError) as error:  # an impossible date or grid
         reason = " ".join(str(error).split())[:200]
         raise DataError(f"wind file {file} is damaged ({reason}); download it again") from error
     finally:

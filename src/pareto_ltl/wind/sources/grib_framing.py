@@ -1,7 +1,7 @@
-"""The frame of GRIB messages: lengths of messages and of their sections, and how many values they claim.
+"""Checks of the lengths of GRIB messages and their sections, and of their numbers of values.
 
-ecCodes trusts the lengths in a message: with wrong ones it ends the process (``double free``) or asks for all
-memory. They are looked through before it opens a file, a few bytes of each section.
+ecCodes does not check the lengths in a message: wrong ones end the process (``double free``) or make it
+allocate all memory. So they are checked before ecCodes opens a file; a few bytes of each section are read.
 
 Formats: WMO Manual on Codes, FM 92 GRIB edition 2 (sections 0 to 8) and edition 1.
 """
@@ -13,15 +13,15 @@ from typing import BinaryIO
 
 from pareto_ltl.support.errors import DataError
 
-MAX_NODES = 20_000_000  # of a field; a global grid of 0.1 degrees has 6.5 million
-MAX_BITS = 32  # of a packed value
+MAX_NODES = 20_000_000  # nodes of a field; a global grid of 0.1 degrees has 6.5 million
+MAX_BITS = 32  # bits of a packed value
 START, END = b"GRIB", b"7777"
 BLOCK = 2**16  # bytes searched at a time for the start of a message
-COUNT_PLACE = {3: 6, 5: 5}  # section: where its number of values stands, 4 bytes
+COUNT_PLACE = {3: 6, 5: 5}  # section: position of its number of values, 4 bytes
 
 
 class _BrokenFrameError(ValueError):
-    """A message whose parts do not fit together."""
+    """A message with inconsistent lengths."""
 
 
 def check_frames(file: Path, stream: BinaryIO) -> None:
@@ -39,7 +39,7 @@ def check_frames(file: Path, stream: BinaryIO) -> None:
 
 
 def _next_start(stream: BinaryIO, place: int) -> int | None:
-    """Where the next message begins; files may have other bytes between messages."""
+    """Position of the next message, None if there is none; there may be other bytes between messages."""
     while True:
         stream.seek(place)
         block = stream.read(BLOCK)
@@ -70,8 +70,8 @@ def _message_length(stream: BinaryIO, start: int) -> int:
 
 
 def _check_sections(stream: BinaryIO, place: int, end: int) -> None:
-    """Sections of edition 2: 4 bytes of length, 1 byte of number."""
-    packed = 0  # bytes that the values of the next section 7 take at least
+    """Check the sections of edition 2: 4 bytes of length, 1 byte of number."""
+    packed = 0  # least size in bytes of the values of the next section 7
     while place < end:
         head = _bytes_at(stream, place, 5)
         length, number = int.from_bytes(head[:4], "big"), head[4]
@@ -93,7 +93,7 @@ def _check_count(field: bytes) -> None:
 
 
 def _packed_bytes(section: bytes) -> int:
-    """Bytes of the values of simple packing (template 5.0); of other packings 0, since it is not known."""
+    """Size in bytes of values with simple packing (template 5.0); 0 for other packings (not known)."""
     if len(section) < 20:
         raise _BrokenFrameError("section 5 is too short")
     count, template, bits = int.from_bytes(section[5:9], "big"), section[9:11], section[19]
@@ -103,7 +103,7 @@ def _packed_bytes(section: bytes) -> int:
 
 
 def _check_old_sections(stream: BinaryIO, place: int, end: int) -> None:
-    """Sections of edition 1: 3 bytes of length; flags of the first say which of the others there are."""
+    """Check the sections of edition 1: 3 bytes of length; flags in the first one say which others exist."""
     first = _bytes_at(stream, place, 8)
     sections = 2 + bool(first[7] & 128) + bool(first[7] & 64)
     for _ in range(sections):

@@ -1,4 +1,4 @@
-"""What one GRIB message holds: a component of the wind or the surface pressure, on the nodes of its grid."""
+"""Decoding of one GRIB message: a component of the wind or the surface pressure, on the nodes of its grid."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ SPEED_UNITS = ("m s**-1", "m s-1", "m/s")
 SURFACE_PRESSURE = "sp"
 NUMBERED = {(0, 2, 2): "u", (0, 2, 3): "v", (0, 3, 0): SURFACE_PRESSURE}  # discipline, category, number
 NAMED = re.compile(r"(?:\d+)?([uv])")  # short names of edition 1: u, 10u, 100v
-MEANS = (0, 1, 6)  # code table 4.7: means of the members; the other statistics of an ensemble are no wind
+MEANS = (0, 1, 6)  # code table 4.7: means of the members; other statistics of an ensemble are not a wind
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,9 +33,9 @@ class GribGrid:
     lonlat : (N, 2) float
         Longitude (-180..180) and latitude [deg].
     kept : (N,) int or None
-        Where the nodes stand among those of the message; None where all are kept.
+        Indices of the nodes among those of the message; None if all are kept.
     twist : (N,) float or None
-        Angle from grid north to true north [rad]; None where winds are earth-relative.
+        Angle from grid north to true north [rad]; None if winds are Earth-relative.
     """
 
     lonlat: FloatArray
@@ -58,20 +58,20 @@ class GribField:
 
 @dataclass(slots=True)
 class GribScan:
-    """What is looked for in a file, and what else was found there.
+    """The wanted fields of a file, and a record of what else it contains.
 
     Attributes
     ----------
     level : Level
-        Of the wind.
+        Level of the wind.
     area : GeoBox or None
         Nodes outside are left out.
     grids : dict
-        Grids that were decoded already, by their fingerprint.
+        Grids that are decoded already, by their fingerprint.
     levels : list of Level
         Levels of the winds in the file.
     left_out : dict
-        Winds at the level that are none of an instant, by kind (``average``), with their number.
+        Numbers of winds at the level that are not values of an instant, by kind, e.g. ``average``.
     """
 
     level: Level
@@ -82,7 +82,7 @@ class GribScan:
 
 
 def decode_message(eccodes: Any, message: int, file: Path, scan: GribScan) -> GribField | None:
-    """The field that ``message`` holds; None where it holds something else. Values are decoded last."""
+    """The field in ``message``; None if it is not a wanted one. Values are decoded last."""
     component = _component(eccodes, message)
     if component is None or not _is_wanted(eccodes, message, component, scan):
         return None
@@ -112,7 +112,7 @@ def _component(eccodes: Any, message: int) -> str | None:
 
 
 def _is_wanted(eccodes: Any, message: int, component: str, scan: GribScan) -> bool:
-    """Whether the level is right and the value one of an instant; ``scan`` learns what else there is."""
+    """Whether the message has the wanted level and values of an instant; others are recorded in ``scan``."""
     if component == SURFACE_PRESSURE:
         kind = eccodes.codes_get(message, "typeOfLevel")
         return scan.level.kind == PRESSURE and kind == "surface" and _other_kind(eccodes, message) is None
@@ -137,7 +137,7 @@ def _message_level(eccodes: Any, message: int) -> Level | None:
 
 
 def _other_kind(eccodes: Any, message: int) -> str | None:
-    """``avg``, ``max``, ... of a value over an interval, ``spread of members``; None of an instant."""
+    """Kind of a value that is not of an instant, e.g. ``average`` or ``spread of members``; else None."""
     step = str(eccodes.codes_get(message, "stepType"))
     if step != "instant":
         return {"avg": "average", "max": "maximum", "min": "minimum"}.get(step, step)
@@ -163,7 +163,7 @@ def _grid_of(eccodes: Any, message: int, file: Path, scan: GribScan) -> GribGrid
 
 
 def _decode_grid(eccodes: Any, message: int, file: Path, area: GeoBox | None) -> GribGrid:
-    """The nodes of the grid of ``message``, of which those in ``area`` are kept."""
+    """The nodes of the grid of ``message`` that are in ``area``."""
     lon = wrap_longitude(np.asarray(eccodes.codes_get_array(message, "longitudes"), float))
     lat = np.asarray(eccodes.codes_get_array(message, "latitudes"), float)
     lonlat, kept = np.stack([lon, lat], axis=1), None
@@ -186,7 +186,10 @@ def _decode_grid(eccodes: Any, message: int, file: Path, area: GeoBox | None) ->
 
 
 def _grid_crs(number: Any, kind: str) -> str | None:
-    """PROJ string of the plane of the model; directions do not depend on the radius of its sphere."""
+    """PROJ string of the projection of the model; None for an unknown kind of grid.
+
+    Directions do not depend on the radius of the sphere.
+    """
     if kind == "lambert":
         return (
             f"+proj=lcc +lat_1={number('Latin1InDegrees')} +lat_2={number('Latin2InDegrees')} "
@@ -201,7 +204,7 @@ def _grid_crs(number: Any, kind: str) -> str | None:
 
 
 def _message_time(date: int, clock: int) -> float:
-    """Seconds since 1970 of YYYYMMDD and HHMM."""
+    """Seconds since 1970 of the integers YYYYMMDD and HHMM."""
     return datetime.strptime(f"{date:08d}{clock:04d}", "%Y%m%d%H%M").replace(tzinfo=UTC).timestamp()
 
 

@@ -1,4 +1,4 @@
-"""What of a field is left out: nodes without a value, and nodes below the ground at a level of pressure."""
+"""Nodes of a field that are left out: those without a value, and at a pressure level those below ground."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from pareto_ltl.wind.levels import PRESSURE, Level
 
 @dataclass(frozen=True, slots=True)
 class LeftOut:
-    """Numbers of nodes of one field: all, without a value, below ground (None if that is not known)."""
+    """Numbers of nodes of one field: all, those without a value, those below ground (None if not known)."""
 
     nodes: int
     missing: int
@@ -24,9 +24,9 @@ class LeftOut:
 def nodes_in_the_air(
     level: Level, winds: FloatArray, pressure: FloatArray | None
 ) -> tuple[NDArray[np.bool_], LeftOut]:
-    """Which nodes of ``winds`` (N, 2) have a value above ground, shape (N,), and how many have not.
+    """Which nodes of ``winds`` (N, 2) have a value and are above ground, (N,), and the numbers of the others.
 
-    ``pressure`` (N,) [Pa] is that of the surface; it matters at a level of pressure alone.
+    ``pressure`` (N,) [Pa] is the surface pressure, which is used only for a pressure level.
     """
     here = np.asarray(np.isfinite(winds).all(axis=1))
     missing = len(here) - int(here.sum())
@@ -37,7 +37,7 @@ def nodes_in_the_air(
 
 
 def left_out_notes(level: Level, counts: Sequence[LeftOut]) -> Iterator[str]:
-    """One line for each kind of node that is left out, and one where the ground could not be checked."""
+    """A line for each kind of node that is left out, and one if some fields could not be checked."""
     nodes = sum(count.nodes for count in counts)
     if missing := sum(count.missing for count in counts):
         yield f"{missing} of {nodes} values at {level.text} are missing in the file and left out"

@@ -1,7 +1,7 @@
-"""Inventories (.idx) of GRIB2 files on NOAA's servers: where each message begins.
+"""Inventories (.idx) of GRIB2 files on NOAA's servers, which list the position of each message.
 
-A line is ``588:428651621:d=2023110400:UGRD:10 m above ground:21 hour fcst:``. The number may have a part
-(``77.1``, ``77.2``) where one message holds several fields.
+A line is ``588:428651621:d=2023110400:UGRD:10 m above ground:21 hour fcst:``. The number has two parts
+(``77.1``, ``77.2``) if a message contains several fields.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ LINE = re.compile(r"(\d+(?:\.\d+)?):(\d+):d=(\d{10})\d*:([^:]*):([^:]*):([^:]*):
 HEIGHT_TEXT = re.compile(r"(\d+(?:\.\d+)?) m above ground")
 PRESSURE_TEXT = re.compile(r"(\d+(?:\.\d+)?) mb")
 INSTANT = re.compile(r"anl|analysis|\d+ (?:min|hour|day) fcst")
-FARTHEST = 2**40  # [bytes] where a message may begin
+FARTHEST = 2**40  # [bytes] largest position of a message
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,12 +34,12 @@ class IdxEntry:
 
 
 def parse_idx(text: str, where: str) -> tuple[IdxEntry, ...]:
-    """The entries of an inventory; ``where`` begins every message.
+    """The entries of an inventory; ``where`` begins every error message.
 
     Raises
     ------
     DataError
-        If it is empty, no inventory, or its offsets do not increase.
+        If it is empty or not an inventory, or if its offsets are not in order.
     """
     if text.lstrip()[:1] == "<":
         raise DataError(f"{where} is a web page, not an inventory; try again later, or another wind.base_url")
@@ -66,12 +66,12 @@ def parse_idx(text: str, where: str) -> tuple[IdxEntry, ...]:
 
 
 def wind_parts(entries: tuple[IdxEntry, ...], level: Level, where: str) -> tuple[ByteRange, ...]:
-    """Bytes of the messages with both components at ``level``, and at a pressure that of the surface.
+    """Bytes of the messages with both components at ``level``; for a pressure also the surface pressure.
 
     Raises
     ------
     DataError
-        If a component is missing; the levels that there are are listed.
+        If a component is missing; the message lists the levels of the file.
     """
     parts: list[ByteRange] = []
     levels = [told for entry in entries if entry.variable == "UGRD" and (told := entry_level(entry.level))]
@@ -96,7 +96,7 @@ def wind_parts(entries: tuple[IdxEntry, ...], level: Level, where: str) -> tuple
 
 
 def entry_level(text: str) -> Level | None:
-    """The level of an entry; None where it is no height above ground and no pressure."""
+    """The level of an entry; None if it is neither a height above ground nor a pressure."""
     if found := HEIGHT_TEXT.fullmatch(text):
         return Level(HEIGHT, float(found[1]))
     if found := PRESSURE_TEXT.fullmatch(text):

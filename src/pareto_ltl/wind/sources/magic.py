@@ -1,4 +1,4 @@
-"""Formats of wind files, known by their first bytes: a file of another format is named with the cure."""
+"""Formats of wind files, recognised by their first bytes, and errors for files of another format."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ CURES = {
 
 
 def format_of(head: bytes) -> str | None:
-    """The format of a file that begins with ``head``: one of the keys of ``CURES``, or None."""
+    """The format of a file that begins with ``head``: a key of ``CURES``; None if it is not known."""
     if head[:4] == b"GRIB":
         return "GRIB"
     if head[:8] == HDF5 or head[:4] in CLASSIC:
@@ -31,7 +31,7 @@ def format_of(head: bytes) -> str | None:
 
 
 def refuse_other_format(where: str, head: bytes, expected: str) -> None:
-    """Raise a DataError if ``head``, the first bytes of a file, is of a known format but ``expected``."""
+    """Raise a DataError if the file that begins with ``head`` has a known format other than ``expected``."""
     found = format_of(head)
     if found is not None and found != expected:
         raise DataError(f"{where} is {found}, not {expected}; {CURES[found]}")

@@ -1,6 +1,6 @@
-"""Winds and currents from NetCDF files by the CF conventions: THREDDS, reanalyses, ocean models.
+"""Winds and currents from NetCDF files with CF conventions, e.g. of THREDDS, reanalyses, ocean models.
 
-The components are found by standard name, else by long name, else by name.
+The components are found by standard name, else by long name, else by variable name.
 """
 
 from __future__ import annotations
@@ -28,20 +28,20 @@ from pareto_ltl.world.projection import rotate_vectors
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
-    """What is looked for: names of the components towards east and north, or along the axes of the grid.
+    """Names by which the components of winds or of currents are found.
 
     Attributes
     ----------
     name : str
-        For messages.
+        Name of the quantity in messages.
     length : str
-        What heights in metres mean: ``height`` or ``depth``.
+        Meaning of levels in metres: ``height`` or ``depth``.
     standard : dict
-        Standard name: (component, whether it follows the axes of the grid).
+        Standard name: (component, whether it is along an axis of the grid and not towards east or north).
     described, named : tuple of str
-        Patterns of long names and of names, of u and of v.
+        Patterns of long names and of variable names, for u and v.
     nearest : bool
-        Whether a level near the one asked for stands for it.
+        Whether a level near the wanted one may be used instead.
     """
 
     name: str
@@ -83,13 +83,13 @@ CURRENTS = Quantity(
     (r"water_u|uo|ucur.*|u_current|u|u_velocity", r"water_v|vo|vcur.*|v_current|v|v_velocity"),
     nearest=True,
 )
-MEAN = 10  # added to the rank of means over time: values of an instant come first
+MEAN = 10  # added to the rank of means over time, so that values of an instant are preferred
 DEPTH_TOLERANCE = (1.0, 0.1)  # [m], and as a share of the depth
 
 
 @dataclass(frozen=True, slots=True)
 class _Pair:
-    """Both components at one level: variables, dimension and place of the level, and the level."""
+    """Both components at one level: variables, dimension and index of the level, and the level."""
 
     u: CfVariable
     v: CfVariable
@@ -106,7 +106,7 @@ def read_netcdf_files(
     max_speed: float,
     area: GeoBox | None = None,
 ) -> Readings:
-    """The field of every time in ``files``; of several forecasts for one time, the latest."""
+    """The field at every time in ``files``; of several forecasts for one time, the latest."""
     return latest_readings(*netcdf_snapshots(files, quantity, level, max_speed, area))
 
 
@@ -122,7 +122,7 @@ def netcdf_snapshots(
     Raises
     ------
     DataError
-        If a file is damaged, lacks a component or the level, or has units or a calendar that are not known.
+        If a file is damaged, lacks a component or the level, or has unknown units or an unknown calendar.
     """
     wanted = parse_level(level)
     if quantity.length == DEPTH:
@@ -147,7 +147,7 @@ def netcdf_snapshots(
 
 
 def _component(variable: CfVariable, quantity: Quantity) -> tuple[str, bool, int] | None:
-    """Component, whether along the grid, and how well it is known (0 is best)."""
+    """Component, whether it is along the grid, and a rank of the match (0 is best); None for no match."""
     standard = variable.text("standard_name")
     if standard in quantity.standard:
         return *quantity.standard[standard], 0
@@ -164,7 +164,7 @@ def _component(variable: CfVariable, quantity: Quantity) -> tuple[str, bool, int
 
 
 def _pair_at(file: CfFile, quantity: Quantity, wanted: Level, notes: dict[str, None]) -> _Pair:
-    """The components at the level; a DataError lists the levels that there are."""
+    """The components at the wanted level; if there is none, a DataError lists the levels of the file."""
     found: dict[str, list[tuple[int, bool, CfVariable]]] = {"u": [], "v": []}
     for variable in file.variables.values():
         known = _component(variable, quantity) if variable.shape else None
@@ -206,7 +206,7 @@ def _pair_at(file: CfFile, quantity: Quantity, wanted: Level, notes: dict[str, N
 
 
 def _level_gap(found: Level, wanted: Level, nearest: bool) -> float | None:
-    """Distance of two levels [m] or [Pa]; None where one cannot stand for the other."""
+    """Difference of two levels [m] or [Pa]; None if one cannot be used instead of the other."""
     if found.kind != wanted.kind:
         return None
     gap = abs(found.value - wanted.value)
@@ -215,7 +215,7 @@ def _level_gap(found: Level, wanted: Level, nearest: bool) -> float | None:
 
 
 def _partner(file: CfFile, u: CfVariable, others: list[CfVariable]) -> CfVariable:
-    """The other component, on the same grid, whose name differs least."""
+    """The one of ``others`` on the grid of ``u`` whose name differs least; DataError if there is none."""
     fitting = [other for other in others if other.dimensions == u.dimensions and other.shape == u.shape]
     if not fitting:
         elsewhere = "; its counterpart is on another grid" if others else ""
@@ -265,7 +265,7 @@ def _fields(
 
 
 def _slab(file: CfFile, variable: CfVariable, nodes: CfNodes, at: dict[str | None, int]) -> FloatArray:
-    """Values (N,) of ``variable`` at the nodes, and at the places ``at`` along other dimensions."""
+    """Values (N,) of ``variable`` at the nodes, at the indices ``at`` of the other dimensions."""
     part = tuple(nodes.part.get(name, at.get(name, 0)) for name in variable.dimensions)
     found: FloatArray = file.read(variable, part).reshape(-1)[nodes.kept]
     return found
@@ -285,7 +285,7 @@ def _speed_factor(file: CfFile, variable: CfVariable) -> float:
 def _surface_pressure(
     file: CfFile, u: CfVariable, level: Level, dimensions: tuple[str, ...]
 ) -> CfVariable | None:
-    """Surface pressure in Pa on the same grid and times, where it matters and is there."""
+    """Surface pressure [Pa] on the same grid and times, for a pressure level; None if there is none."""
     if level.kind != PRESSURE:
         return None
     for variable in file.variables.values():

@@ -1,7 +1,7 @@
-"""Winds of GFS, HRRR and GEFS from NOAA's public archives: of each file only the messages that are needed.
+"""Winds of GFS, HRRR and GEFS from NOAA's public archives; only the required messages of a file are fetched.
 
-The inventory (.idx) beside each GRIB2 file states where the messages of the wind at ``wind.level`` begin;
-these bytes are fetched and kept (:mod:`noaa_cache`). The newest cycle that covers the flight counts.
+The inventory (.idx) of each GRIB2 file lists the positions of the messages of the wind at ``wind.level``;
+these bytes are fetched and cached (:mod:`noaa_cache`). The newest cycle that covers the flight is used.
 """
 
 from __future__ import annotations
@@ -25,21 +25,21 @@ from pareto_ltl.wind.sources.noaa_cache import DownloadCache
 from pareto_ltl.wind.sources.noaa_models import MODELS, NoaaModel
 
 LOG = logging.getLogger(__name__)
-MOST_IDX, MOST_MESSAGE = 4 * 2**20, 64 * 2**20  # [bytes]
-CONNECTIONS = 4  # at a time
-_FETCHED: dict[object, tuple[Path, ...]] = {}  # of this process: files are chosen once
-_CACHES: list[DownloadCache] = []  # folders of this process that may be temporary
+MOST_IDX, MOST_MESSAGE = 4 * 2**20, 64 * 2**20  # [bytes] of an inventory, and of a message
+CONNECTIONS = 4  # simultaneous downloads
+_FETCHED: dict[object, tuple[Path, ...]] = {}  # files are chosen once per process
+_CACHES: list[DownloadCache] = []  # kept until the process ends, since their folders may be temporary
 
 
 def read_noaa(cfg: WindConfig, wanted: Wanted) -> Readings:
-    """The winds of one forecast, from departure on for ``wind.hours``; of several members as an ensemble.
+    """The winds of one forecast, for ``wind.hours`` from departure; several members form an ensemble.
 
     Raises
     ------
     ConfigError
-        If the model does not cover the scene, or ``wind.cycle`` is no start of a forecast.
+        If the model does not cover the scene, or ``wind.cycle`` is not the start of a forecast.
     DataError
-        If no cycle covers the flight, a file cannot be fetched, or (offline) was not fetched before.
+        If no cycle covers the flight, or a file cannot be fetched or, with ``wind.offline``, is not cached.
     """
     files = noaa_files(cfg, wanted)
     snapshots, notes = read_grib_with_notes(files, cfg.max_speed, cfg.level, wanted.area)
@@ -57,7 +57,7 @@ def read_noaa_snapshots(cfg: WindConfig, wanted: Wanted) -> tuple[Snapshot, ...]
 
 
 def noaa_files(cfg: WindConfig, wanted: Wanted) -> tuple[Path, ...]:
-    """The files with these winds, fetched where they are not there yet."""
+    """The files with these winds; those that are not cached are fetched."""
     key = (cfg.model, cfg.cycle, cfg.hours, cfg.level, cfg.base_url, cfg.gefs_members, wanted)
     if key not in _FETCHED or not all(file.is_file() for file in _FETCHED[key]):
         _FETCHED[key] = _fetch_forecast(cfg, wanted)
@@ -71,7 +71,7 @@ def _fetch_forecast(cfg: WindConfig, wanted: Wanted) -> tuple[Path, ...]:
     first = now if wanted.start is None else seconds(wanted.start)
     last = first + cfg.hours * HOUR
     store = DownloadCache()
-    store.trim()  # before and not after: what is fetched now must stay
+    store.trim()  # before fetching, so that the new files are kept
     _CACHES.append(store)
     reasons: list[str] = []
     for cycle in _candidates(cfg, model, min(first, now)):
@@ -103,7 +103,7 @@ def _refuse_elsewhere(model: NoaaModel, wanted: Wanted) -> None:
 
 
 def _candidates(cfg: WindConfig, model: NoaaModel, newest: float) -> list[float]:
-    """Starts of forecasts [s since 1970] that may be used, best first."""
+    """Starts of the forecasts that may be used [s since 1970], best first."""
     if cfg.cycle == "newest":
         return list(model.cycles_before(newest))
     cycle = seconds(cfg.cycle)
@@ -137,7 +137,7 @@ def _no_cycle(cfg: WindConfig, model: NoaaModel, first: float, last: float, reas
 def _fetch_cycle(
     cfg: WindConfig, model: NoaaModel, store: DownloadCache, cycle: float, steps: tuple[int, ...]
 ) -> tuple[Path, ...]:
-    """The files of all steps and members; the last step first, since it appears last."""
+    """Fetch the files of all steps and members; the last step first, since it is published last."""
     members = range(cfg.gefs_members if model.name == "gefs" else 1)
     jobs = [(step, member) for step in reversed(steps) for member in members]
     LOG.info("%s forecast of %s: %d files, the wind at %s", model.name, iso(cycle), len(jobs), cfg.level)
@@ -155,7 +155,7 @@ def _fetch_cycle(
 
 
 def _fetch_file(cfg: WindConfig, store: DownloadCache, url: str) -> Path:
-    """The messages of one file that hold the wind, from the cache or from the server."""
+    """The wind messages of one file, from the cache or from the server."""
     level = parse_level(cfg.level)
     if (kept := store.find(url, level.text)) is not None:
         return kept

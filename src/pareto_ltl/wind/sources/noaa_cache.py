@@ -1,6 +1,6 @@
-"""Downloaded winds, kept by their content: ``LABEL.SHA256.grib2``, and what was asked for in ``KEY.json``.
+"""The cache of downloaded winds: content in ``LABEL.SHA256.grib2``, the request in ``KEY.json``.
 
-An entry with another checksum than its request noted is fetched anew.
+A file whose checksum differs from the one in its request is fetched again.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ from pareto_ltl.support.reading import read_json
 
 LOG = logging.getLogger(__name__)
 REQUEST_SCHEMA = "pareto_ltl.download/1"
-SHOWN_DIGITS = 16  # of the checksum in the name of a file
+SHOWN_DIGITS = 16  # digits of the checksum in a file name
 
 
 class DownloadCache:
-    """A folder of downloads; where it cannot be written, a folder that is removed when the program ends."""
+    """A folder of downloads; if it cannot be used, a temporary folder is used instead."""
 
     def __init__(self) -> None:
         self.folder = cache.cache_root() / cache.DOWNLOADS_FOLDER
@@ -33,7 +33,7 @@ class DownloadCache:
             self._leave(error)
 
     def find(self, url: str, level: str) -> Path | None:
-        """The file that holds the wind at ``level`` of ``url``; None if there is none, or a damaged one."""
+        """The cached file with the wind at ``level`` of ``url``; None if there is none or it is damaged."""
         request = self._request(url, level)
         if not request.is_file():
             return None
@@ -51,7 +51,7 @@ class DownloadCache:
         return None
 
     def keep(self, url: str, level: str, label: str, data: bytes) -> Path:
-        """The file with ``data``, which is in the cache from now on if there is room."""
+        """Store ``data`` and return its file; DataError if it cannot be written."""
         digest = hashlib.sha256(data).hexdigest()
         for _ in range(2):
             path = self.folder / f"{label}.{digest[:SHOWN_DIGITS]}.grib2"
@@ -68,7 +68,7 @@ class DownloadCache:
         return path
 
     def trim(self) -> None:
-        """Remove what was not used for longest beyond the limit of the cache."""
+        """Remove the least recently used files beyond the size limit of the cache."""
         cache.trim_folder(self.folder, cache.cache_limit(), ".grib2")
 
     def _request(self, url: str, level: str) -> Path:

@@ -1,6 +1,7 @@
-"""Forecast models in NOAA's public archives: where their files are, and which times they have.
+"""Forecast models in NOAA's public archives: addresses of their files, and their times.
 
-Addresses of the NOAA Open Data Dissemination buckets on S3, https://registry.opendata.aws/noaa-gfs-bdp-pds/.
+The addresses are those of the NOAA Open Data Dissemination buckets on S3,
+https://registry.opendata.aws/noaa-gfs-bdp-pds/.
 """
 
 from __future__ import annotations
@@ -12,29 +13,29 @@ from datetime import UTC, datetime
 from pareto_ltl.wind.area import GeoBox
 from pareto_ltl.wind.readings import HOUR
 
-OLDEST_CYCLE = 48  # [h] cycles further back than this are not looked for
+OLDEST_CYCLE = 48  # [h] older cycles are not searched for
 Ladder = tuple[tuple[int, int], ...]
 
 
 @dataclass(frozen=True, slots=True)
 class NoaaModel:
-    """One model.
+    """A forecast model.
 
     Attributes
     ----------
     name : str
-        As in ``wind.model``.
+        The value of ``wind.model``.
     base : str
         Address of the archive.
     path : str
-        Of one file below it; ``{cycle}``, ``{step}`` [h] and ``{member}`` are filled in.
+        Path of a file in it, with the fields ``{cycle}``, ``{step}`` [h] and ``{member}``.
     every : int
         Hours from one cycle to the next.
     steps : tuple of (last step [h], hours from one step to the next)
     long_cycles, long_steps : tuple
-        Hours of the day of the cycles that reach further, and their steps.
+        Hours of the day of the cycles with longer forecasts, and their steps.
     area : GeoBox or None
-        Of a regional model.
+        Area of a regional model; None for a global one.
     """
 
     name: str
@@ -65,7 +66,7 @@ class NoaaModel:
     def steps_between(self, cycle: float, first: float, last: float) -> tuple[int, ...]:
         """Steps [h] from the last at or before ``first`` to the first at or after ``last`` [s since 1970].
 
-        Empty if the forecast that began at ``cycle`` does not reach from one to the other.
+        Empty if the forecast that began at ``cycle`` does not cover both times.
         """
         hour_of_day = int(cycle % (24 * HOUR) / HOUR)
         ladder = self.long_steps if hour_of_day in self.long_cycles else self.steps

@@ -1,11 +1,11 @@
 """Winds of weather stations: METAR caches and archives of surface observations, as tables.
 
-Stations tell the direction that the wind blows FROM [deg from north] and its speed in knots::
+Stations report the direction d from which the wind blows [deg clockwise from north] and its speed s [knots]::
 
     u = -s sin(d),   v = -s cos(d)
 
-Reports come at any minute; they are put into hours, and of each station the report nearest to the full hour
-counts. A direction of 0 or none with a speed above 0 is a variable wind: it has no components.
+Reports are assigned to hours; of each station and hour, the report nearest to the full hour is used. A
+direction of 0 or VRB with a speed above 0 is a variable wind, which has no components.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from pareto_ltl.wind.area import GeoBox, refuse_empty_crop
 from pareto_ltl.wind.readings import HOUR, KNOT, Readings, check_readings, iso, seconds
 from pareto_ltl.wind.sources.csv_files import open_table
 
-NAMES = {  # of the columns, by what they hold
+NAMES = {  # possible titles of each column
     "station": ("station_id", "station", "icao", "icaoid", "usaf"),
     "time": ("observation_time", "valid", "time", "date"),
     "lat": ("latitude", "lat"),
@@ -37,7 +37,7 @@ NAMES = {  # of the columns, by what they hold
 }
 OPTIONAL = {"gust": ("wind_gust_kt", "gust", "wgst")}
 NOTHING = ("", "M", "NA", "null", "None")
-MOST_HEADER_LINES = 20  # before the table: METAR caches begin with a few lines about the request
+MOST_HEADER_LINES = 20  # lines before the table: METAR caches begin with a few lines about the request
 DROPPED = {
     "incomplete": "have no direction, speed or place",
     "variable": "tell a variable direction",
@@ -59,12 +59,12 @@ class _Report:
 
 
 def read_station_files(files: tuple[Path, ...], max_speed: float, area: GeoBox | None = None) -> Readings:
-    """The winds 10 m above ground that stations report, hour by hour.
+    """The winds 10 m above ground that stations report, one field for each hour.
 
     Raises
     ------
     DataError
-        If a file is no table of reports, a time in it is none, or nothing usable is left.
+        If a file is not a table of reports, a time in it is not valid, or there is no usable report.
     """
     dropped = dict.fromkeys(DROPPED, 0)
     gusts = 0
@@ -121,7 +121,7 @@ def _reports_in(files: tuple[Path, ...], reports: list[_Report], area: GeoBox) -
 
 
 def _by_hour(reports: Sequence[_Report]) -> dict[float, list[_Report]]:
-    """Of each station and hour the report nearest to the hour, the later of two; one for each place."""
+    """Reports by hour: of each station the one nearest to the hour, of two the later; one for each place."""
     best: dict[tuple[float, str], _Report] = {}
     for report in reports:
         hour = HOUR * math.floor(report.time / HOUR + 0.5)
@@ -144,7 +144,7 @@ def _rank(report: _Report, hour: float) -> tuple[float, float]:
 def _reports_of(
     file: Path, max_speed: float, dropped: dict[str, int]
 ) -> Iterator[tuple[_Report | None, bool]]:
-    """Each report, or None where it is dropped, and whether it tells a gust."""
+    """Each report, or None if it is dropped, and whether it contains a gust."""
     with open_table(file, "a table of METAR reports") as stream:
         reader = csv.reader(io.StringIO(stream.read(), newline=""))
         columns = _columns(file, reader)
@@ -156,7 +156,7 @@ def _reports_of(
 
 
 def _columns(file: Path, reader: Iterator[list[str]]) -> dict[str, int]:
-    """Positions of the columns; lines before the header are passed over."""
+    """Positions of the columns; lines before the header are skipped."""
     seen: list[str] = []
     for _, row in zip(range(MOST_HEADER_LINES), reader, strict=False):
         titles = [cell.strip().lower() for cell in row]
@@ -177,7 +177,7 @@ def _columns(file: Path, reader: Iterator[list[str]]) -> dict[str, int]:
 
 
 def _report(where: str, cells: dict[str, str], max_speed: float, dropped: dict[str, int]) -> _Report | None:
-    """The report in ``cells``; None where quality control drops it, which ``dropped`` counts."""
+    """The report in ``cells``; None if quality control drops it, which is counted in ``dropped``."""
     lon, lat, direction, speed = (_number(cells[name]) for name in ("lon", "lat", "direction", "speed"))
     variable = speed > 0 and (cells["direction"].upper() == "VRB" or direction == 0)
     if math.isnan(lon + lat + speed) or (math.isnan(direction) and speed > 0 and not variable):
@@ -202,7 +202,7 @@ def _is_number(text: str) -> bool:
 
 
 def _number(text: str) -> float:
-    """The number in a cell; NaN where there is none."""
+    """The number in a cell; NaN if there is none."""
     try:
         value = float(text)
     except ValueError:
