@@ -45,7 +45,7 @@ def test_aliases_that_multiply_are_refused_before_hydra_follows_them(
 ) -> None:
     lines = ["a0: &a0 [x]", *(f"a{i + 1}: &a{i + 1} [{', '.join([f'*a{i}'] * 9)}]" for i in range(30))]
     message = refusal(tmp_path, "\n".join(lines).encode(), capsys)
-    assert "its aliases stand for more than 1,000,000 values" in message
+    assert "its aliases expand to more than 1,000,000 values" in message
     assert "correct the file" in message
 
 

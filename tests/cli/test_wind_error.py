@@ -130,7 +130,7 @@ def test_the_shared_cycles_are_estimated_by_asymmetry_and_say_what_they_cannot_t
     assert told["forecast"]["lead_hours"] == [0, 3]
     assert told["forecast"]["ways"][1] == "asymmetry"
     assert len(told["files"]) == 22 + 5
-    assert told["analysis_error"].startswith("the data cannot tell: station reports (1993-03-12")
+    assert told["analysis_error"].startswith("the data do not suffice: station reports (1993-03-12")
     assert told["analysis_error"].endswith("have no time in common")
     assert "persistence kept from gfs" in told["origin"]
     usual = json.loads((LAWS_FOLDER / "gfs.json").read_text())

@@ -27,8 +27,8 @@ def merging(levels: int) -> str:
 @pytest.mark.parametrize(
     ("content", "words"),
     [
-        (doubling(30), "line 7: its aliases stand for more than 1,000,000 values"),
-        (merging(30), "its aliases stand for more than 1,000,000 values"),
+        (doubling(30), "line 7: its aliases expand to more than 1,000,000 values"),
+        (merging(30), "its aliases expand to more than 1,000,000 values"),
         ("a0: &a0 []\n" + "\n".join(f"a{i + 1}: &a{i + 1} [*a{i}]" for i in range(80)), "nested deeper than"),
         ("a: &a [*a]", "line 1: an anchor holds its own alias"),
         ("[" * 100, "nested deeper than 64 levels"),

@@ -162,7 +162,7 @@ def test_a_perfect_forecast_is_reported_as_0_and_what_it_cannot_tell_is_kept() -
     found = estimated(shaken, 12 * HOUR)
     assert found.forecast is not None
     assert found.forecast.sd[0].low == 0.0
-    assert "cannot be told from 0" in found.forecast_length.reason
+    assert "not significantly above 0" in found.forecast_length.reason
     usual = forecast_error_law("gfs", "gfs")
     law = estimated_law(found, "made", usual)
     assert law.forecast_length == usual.forecast_length

@@ -337,7 +337,7 @@ def test_currents_are_read_at_the_nearest_depth(tmp_path):
     np.testing.assert_array_equal(surface.winds[0], 0.0)
     assert len(surface.points[0]) == 10 * 17
     assert surface.level == "0.494m depth"
-    assert surface.notes[0] == "the level 0.494m depth stands for 0m depth"
+    assert surface.notes[0] == "the level 0.494m depth is used for 0m depth"
     np.testing.assert_array_equal(read(path, "50m depth", CURRENTS, 5.0).winds[0], [[0.5, -0.5]] * 170)
     with pytest.raises(DataError, match=r"no current 100 m below the surface; it has 0.494m depth, 47"):
         read(path, "100m", CURRENTS, 5.0)

@@ -182,7 +182,9 @@ def test_leads_in_hours_are_read_per_time_and_the_largest_counts(tmp_path):
     lines[0] = lines[0][:-1] + "6"
     mixed = sources.read_readings(write(tmp_path / "b.csv", lines, "time,lat,lon,u,v,lead_hours"))
     assert mixed.leads[0] == 6 * 3600.0
-    assert mixed.notes == (f"rows of {HOURS[0]} differ in lead_hours: the largest counts for the whole time",)
+    assert mixed.notes == (
+        f"rows of {HOURS[0]} differ in lead_hours: the largest is used for the whole time",
+    )
 
 
 @pytest.mark.parametrize("lead", ["-3", "nan", "inf", "soon", "1e9"])

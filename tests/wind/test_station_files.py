@@ -83,9 +83,9 @@ def test_what_quality_control_drops_is_counted(tmp_path):
     assert len(found.points[0]) == 3
     assert sorted(np.hypot(*found.winds[0].T) / KNOT) == pytest.approx([0, 10, 10])
     assert found.notes == (
-        "of 12 reports, 3 have no direction, speed or place, 2 tell a variable direction, 3 hold a "
-        "direction, speed or place that cannot be, 1 are faster than wind.max_speed: left out",
-        "1 reports tell gusts, which are not used: the mean wind counts",
+        "of 12 reports, 3 have no direction, speed or place, 2 have a variable direction, 3 have an "
+        "impossible direction, speed or place, 1 are faster than wind.max_speed: left out",
+        "1 reports have gusts, which are not used: only the mean wind is",
     )
 
 
@@ -156,4 +156,4 @@ def test_a_real_cache_gives_thousands_of_stations_and_says_what_it_left_out():
     found = read_station_files((NOAA / "metar" / "metars.cache.csv.gz",), 75.0)
     assert max(len(points) for points in found.points) > 2000
     assert found.notes[0].startswith("of 4911 reports, ")
-    assert "tell a variable direction" in found.notes[0]
+    assert "have a variable direction" in found.notes[0]

@@ -237,7 +237,7 @@ def automaton_from_table(
 def alphabet_of(atoms: tuple[str, ...], letters: Iterable[Iterable[str]] | None) -> tuple[Letter, ...]:
     """The letters restricted to ``atoms``, without repetitions, by size, then by their sorted names."""
     if len(atoms) > MAX_ATOMS:
-        raise FormulaError(f"the mission speaks of {len(atoms)} propositions; {MAX_ATOMS} are the limit")
+        raise FormulaError(f"the mission has {len(atoms)} propositions; {MAX_ATOMS} are the limit")
     if letters is None:
         if len(atoms) > MAX_FREE_ATOMS:
             raise FormulaError(

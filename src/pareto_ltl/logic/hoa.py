@@ -31,7 +31,7 @@ MAX_LABEL_DEPTH = 200  # levels of brackets and negations in a label, including 
 MAX_ALIASES = 1000
 MAX_LABEL_WORK = 2**32  # operators of all labels times letters, which takes a few seconds
 MAX_DIGITS = 18  # of a number
-HOA_FILES = Advice("check mission.automaton", "write it anew, e.g. with ltl2tgba -D -B")
+HOA_FILES = Advice("check mission.automaton", "write it again, e.g. with ltl2tgba -D -B")
 
 
 def hoa_text(automaton: Automaton) -> str:

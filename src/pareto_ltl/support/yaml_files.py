@@ -87,7 +87,7 @@ def _check_node(node: Any, known: dict[int, tuple[int, int]]) -> tuple[int, int]
     parts = [_check_node(child, known) for child in _children(node, place)]
     size, levels = 1 + sum(size for size, _ in parts), 1 + max((levels for _, levels in parts), default=0)
     if size > MAX_VALUES:
-        raise _UnboundedError(f"{place}: its aliases stand for more than {MAX_VALUES:,} values")
+        raise _UnboundedError(f"{place}: its aliases expand to more than {MAX_VALUES:,} values")
     if levels > MAX_YAML_DEPTH:
         raise _UnboundedError(f"{place}: its aliases are nested deeper than {MAX_YAML_DEPTH} levels")
     known[id(node)] = size, levels

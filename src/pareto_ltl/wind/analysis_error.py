@@ -68,13 +68,13 @@ def analysis_error(
             rows.append((snap.time, *_moments(snap, stations.points[k], stations.winds[k])))
     if not rows:
         return (
-            f"the data cannot tell: station reports ({_period(stations.times)}) and analyses "
+            f"the data do not suffice: station reports ({_period(stations.times)}) and analyses "
             f"({_period(np.array([snap.time for snap in analyses]))}) have no time in common"
         )
     table = np.array([row for row in rows if row[4] >= FEWEST_PAIRS])
     if len(table) < FEWEST_TIMES:
         return (
-            f"the data cannot tell: {len(table)} times have {FEWEST_PAIRS} pairs of stations within "
+            f"the data do not suffice: {len(table)} times have {FEWEST_PAIRS} pairs of stations within "
             f"{NEAR / 1e3:g} km in the area, expected at least {FEWEST_TIMES}"
         )
     times, square, product, reports, pairs = table.T

@@ -324,7 +324,7 @@ def _length_fit(
 ) -> LengthFit:
     """Fit one length to all entries, each scaled to a mean square of 1."""
     if not entries:
-        why = reason or "the error cannot be told from 0"
+        why = reason or "the error is not significantly above 0"
         return LengthFit(np.empty(0), np.empty(0), None, why)
     pooled = _joined([entry.moments.scaled(1 / float(entry.moments.square.mean())) for entry in entries])
     mean = pooled.table.mean(axis=0)

@@ -86,7 +86,7 @@ def _lead_notes(mixed: list[float]) -> tuple[str, ...]:
     if not mixed:
         return ()
     more = f" and {len(mixed) - 1} more times" if len(mixed) > 1 else ""
-    return (f"rows of {iso(mixed[0])}{more} differ in lead_hours: the largest counts for the whole time",)
+    return (f"rows of {iso(mixed[0])}{more} differ in lead_hours: the largest is used for the whole time",)
 
 
 def write_csv_table(

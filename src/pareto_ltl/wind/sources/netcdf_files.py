@@ -199,7 +199,7 @@ def _pair_at(file: CfFile, quantity: Quantity, wanted: Level, notes: dict[str, N
     if np.isinf(gap):
         notes[f"{chosen.u.name} states no level and is taken to be {wanted.phrase}"] = None
     elif gap > 0 and quantity.nearest:
-        notes[f"the level {chosen.level.text} stands for {wanted.text}"] = None
+        notes[f"the level {chosen.level.text} is used for {wanted.text}"] = None
     if rank >= MEAN:
         notes[f"{chosen.u.name} holds means over time and not values of an instant (cell_methods)"] = None
     return chosen

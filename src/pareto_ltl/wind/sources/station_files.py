@@ -40,8 +40,8 @@ NOTHING = ("", "M", "NA", "null", "None")
 MOST_HEADER_LINES = 20  # lines before the table: METAR caches begin with a few lines about the request
 DROPPED = {
     "incomplete": "have no direction, speed or place",
-    "variable": "tell a variable direction",
-    "impossible": "hold a direction, speed or place that cannot be",
+    "variable": "have a variable direction",
+    "impossible": "have an impossible direction, speed or place",
     "fast": "are faster than wind.max_speed",
 }
 
@@ -87,7 +87,7 @@ def read_station_files(files: tuple[Path, ...], max_speed: float, area: GeoBox |
             f"{len(reports) - kept} reports are not the nearest of their station to the hour: left out"
         )
     if gusts:
-        notes.append(f"{gusts} reports tell gusts, which are not used: the mean wind counts")
+        notes.append(f"{gusts} reports have gusts, which are not used: only the mean wind is")
     times = sorted(hours)
     tables = [np.array([(r.lon, r.lat, r.u, r.v) for r in hours[time]]) for time in times]
     for time, table in zip(times, tables, strict=True):
