@@ -205,7 +205,7 @@ def windy(mean: float, sd: float) -> Problem:
     return make_problem("F a", scene, wind, robot, PLANNER, fidelity="full")
 
 
-def test_where_no_start_can_be_flown_the_nearest_is_told_with_its_fault():
+def test_where_no_start_can_be_flown_the_message_names_the_best_and_its_fault():
     problem = windy(mean=15.0, sd=0.5)
     forest = grow_forest(PLANNER, problem, SeedSequence(3))
     assert len(forest.accepted) == 0
@@ -213,8 +213,8 @@ def test_where_no_start_can_be_flown_the_nearest_is_told_with_its_fault():
     starts = {path_class(problem, line): Start(line, "a line")}
     flights = draw_flights(problem, "coherent", 100, SeedSequence(1))
     found = front_sweep.refine_front(REFINE, problem, starts, flights)
-    nearest = r"the nearest \(a line, \S+ km, \d+ steps\) cannot be flown: "
-    with pytest.raises(InfeasibleError, match=nearest):
+    best = r"none of the refined paths can be flown; the best of them \(a line, \S+ km, \d+ steps\): "
+    with pytest.raises(InfeasibleError, match=best):
         front_sweep.planned_paths(problem, found)
 
 

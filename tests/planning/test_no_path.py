@@ -103,7 +103,7 @@ def test_wind_stronger_than_the_robot_is_not_called_risk() -> None:
     wind.mean[:, 0, 0] = 0.0
     problem = make_problem("F a", scene, wind, planner=CFG)
     text = explain_no_path(CFG, problem, grow_forest(CFG, problem, SeedSequence(11)), SEEDS)
-    assert "could not make way against the wind" in text
+    assert "had too little airspeed against the wind" in text
     assert "raise robot.u_max (now 10 m/s)" in text
 
 

@@ -1,4 +1,4 @@
-"""What a position fix tells a robot that has flown a plan so far: about where it is, and about its wind.
+"""Conditioning on a position fix: the position of a robot on its way, and the wind error of its flight.
 
 Under the law of the plan, linear about the means, the deviation e at the fix and the coefficients θ of the
 field are jointly Gaussian with Σ = Cov(e), C = Cov(e, θ), θ ~ N(0, I). A fix y = x + e + ν, ν ~ N(0, r² I),
@@ -37,12 +37,12 @@ class Fix:
 
 @dataclass(frozen=True, slots=True)
 class Learnt:
-    """What is known after a fix.
+    """Distribution of the position and of the wind coefficients θ after a fix.
 
     Attributes
     ----------
     mean : (2,) float, cov : (2, 2) float
-        Of the position [m, m²].
+        Mean and covariance of the position after the fix [m, m²].
     before : (2, 2) float
         Covariance before the fix [m²].
     theta : (2, P) float
@@ -64,7 +64,7 @@ class Learnt:
 
     @property
     def sd_before(self) -> float:
-        """The least one before the fix [m]."""
+        """Smallest standard deviation of the position before the fix [m]."""
         return float(np.sqrt(max(np.linalg.eigvalsh(self.before)[0], 0.0)))
 
 
@@ -86,10 +86,10 @@ def learn(x: FloatArray, cov: FloatArray, cross: FloatArray, fix: Fix) -> Learnt
 
 
 def learn_at(problem: Problem, x: FloatArray, step: int, fix: Fix) -> Learnt:
-    """What ``fix`` tells at ``step`` of the means ``x`` (T+1, 2), under the law of the plan.
+    """Condition on ``fix`` at ``step`` of the means ``x`` (T+1, 2) [m], under the law of the plan.
 
-    Where the plan counted on fixes before, what they told the robot is not known here: the prior of θ stays
-    N(0, I), and C is that of what the robot did not know. Both make less of the fix than it tells.
+    If the plan counted on earlier fixes, the positions that they measured are not known here: the prior of θ
+    stays N(0, I), and C covers only the errors that these fixes left. Both understate what the fix reveals.
     """
     flight = propagate(problem, x)
     xx, xy, yy = flight.cov[step]
@@ -101,7 +101,7 @@ def learn_at(problem: Problem, x: FloatArray, step: int, fix: Fix) -> Learnt:
 
 
 def likely_histories(x: FloatArray, fix: Fix, noise: FloatArray) -> FloatArray:
-    """Flights ``x`` (n, k+1, 2) moved to what they may have been, given a fix at their end.
+    """Samples of flights given a fix at their last position, from flights ``x`` (n, k+1, 2) [m] without it.
 
     Matheron's rule with the covariances of the flights: x + Cov(x_t, x_k) S⁻¹ (y + ν - x_k); ``noise``
     (n, 2) ~ N(0, 1).

@@ -1,4 +1,4 @@
-"""Epochs: spans of steps in which the same propositions with time windows hold."""
+"""Epochs: spans of consecutive steps in which the same time windows are open."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ from pareto_ltl.world.windows import Window
 
 
 class Epoch(NamedTuple):
-    """The windows that hold at a step, and at some moment on the way to it."""
+    """Names of the windows open at a step (``now``) and at some time of the segment before it (``way``)."""
 
     now: frozenset[str]
     way: frozenset[str]
 
 
 class Reading(NamedTuple):
-    """The automaton at one step, for code that is no kernel.
+    """The automaton at one step, for code outside the kernels.
 
     ``delta`` (Q, C + 1), the last column for no label (obstacles, off the map); ``distance`` (Q,) the fewest
-    letters to acceptance of those that this and later epochs show, inf where it is out of reach.
+    letters to acceptance among those that this and later epochs show, inf where it cannot be reached.
 
-    On the way from step to step letters that lead away from acceptance are read, and take q to ``way``
-    (Q, C + 1), in states that the label of the step before leaves as they are.
+    On the segment between two steps, letters that lead away from acceptance are read as well: they take q to
+    ``way`` (Q, C + 1). They are read only in states that the label of the first step leaves unchanged.
     ``harm`` (Q, C + 1): the label is worse in q than no label, or ends in the trap; ``loses`` (Q, C + 1):
     meeting the label may take a state as good as q to one that is not.
     """
@@ -44,7 +44,7 @@ class Reading(NamedTuple):
 
 
 def epochs_of(windows: Mapping[str, Window], dt: float, steps: int) -> tuple[IntArray, tuple[Epoch, ...]]:
-    """Number of the epoch of each step, (S + 1,), and the epochs, in their order."""
+    """Index of the epoch of each step 0 to ``steps`` of ``dt`` [s], (S + 1,), and the epochs in order."""
     if not windows:
         nothing = frozenset[str]()
         return np.zeros(steps + 1, np.int64), (Epoch(nothing, nothing),)
@@ -68,7 +68,7 @@ def step_epochs(epoch: IntArray, count: int) -> IntArray:
 
 
 def letter_columns(automaton: Automaton, labels: Sequence[Letter], holding: frozenset[str]) -> IntArray:
-    """Column of the automaton for each label, and last for none, while the windows ``holding`` are open."""
+    """Automaton column of each label and, last, of no label, while the windows ``holding`` are open."""
     letters = [letter_of(label, automaton.windows, holding) for label in (*labels, Letter())]
     return np.array([automaton.letter_index(letter) for letter in letters], np.int64)
 

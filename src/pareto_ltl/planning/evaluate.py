@@ -1,4 +1,4 @@
-"""Paths, exactly: the one pass along a path, what it costs, and the bounds of its controls under a law."""
+"""Exact evaluation of a path: one pass along it, its costs, and bounds for its controls under a wind law."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ FAULTS = (
     "outlasts the wind data",
     "leaves the map or enters an obstacle",
     "comes closer to an obstacle or a wall than planner.epsilon allows",
-    "flies slower than robot.u_min, and what feedback and fixes may take, allow",
+    "flies slower than robot.u_min plus the airspeed that feedback and fixes may take",
 )
 
-MOST_RUNS = 16  # of a path at a time; those that cost least are left out, which makes R larger
+MOST_RUNS = 16  # runs of steps stored at a time; the cheapest are dropped, which can only make R larger
 
 # --- memory of the models ---------------------------------------------------------------------
 
@@ -89,9 +89,9 @@ def collision_memory(bound: kd.CollisionBound, rows: int) -> kd.CollisionMemory:
 
 
 def propagate(problem: Problem, x: FloatArray, law: kd.Law | None = None) -> Flight:
-    """Everything about flying the means ``x`` (T+1, 2), whether or not that is allowed.
+    """Propagate along the means ``x`` (T+1, 2) [m]: covariances, controls, airspeed left; nothing is checked.
 
-    ``law`` defaults to the one that the problem is planned in.
+    ``law`` is by default the one that the problem is planned in.
     """
     from pareto_ltl.kernels import path as kernel
 
@@ -102,7 +102,7 @@ def propagate(problem: Problem, x: FloatArray, law: kd.Law | None = None) -> Fli
 
 
 def propagate_controls(problem: Problem, u: FloatArray, law: kd.Law) -> Flight:
-    """The same for the controls ``u`` (T, 2), from the start of the scene."""
+    """Propagate the controls ``u`` (T, 2) [m/s] from the start of the scene, under ``law``."""
     from pareto_ltl.kernels import path as kernel
 
     flight = _empty_flight(law, len(u) + 1)
@@ -139,7 +139,10 @@ def square_matrices(cov3: FloatArray) -> FloatArray:
 
 
 def airspeed_limits(problem: Problem, speed: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Least and largest airspeed to plan with at each step, (T,) [m/s], where ``speed`` (T,) is left."""
+    """Least and largest airspeed to plan with at each step, both (T,) [m/s].
+
+    ``speed`` (T,) [m/s] is u_max less what is reserved for feedback and fixes.
+    """
     motion = problem.motion
     reserved = motion.u_max - speed
     return (motion.u_min + reserved if motion.u_min > 0.0 else np.zeros_like(speed)), speed
@@ -153,14 +156,14 @@ def evaluate_path(
 ) -> PlannedPath:
     """Fly the means ``x`` (T+1, 2) and return the path with its exact cost.
 
-    ``tight=False`` leaves out what only the final verdict needs: the tighter form of R under the coherent
-    law, which asks for the correlation of all pairs of steps, and planner.delta. Where flights judge, neither
-    that bound nor the chance constraint of a step is asked for: a path with a loose R may be the best.
+    ``tight=False`` leaves out what only the final check needs: the tighter form of R under the coherent law,
+    which takes the correlation of all pairs of steps, and the limit planner.delta. With ``judge=flights``
+    neither that limit nor the chance constraint of a step is checked: a path with a large R may be the best.
 
     Raises
     ------
     InfeasibleError
-        With what is wrong and at which step.
+        If the path is not feasible; the message says why and at which step.
     """
     flight = propagate(problem, x)
     q, cell = _check_flown(problem, flight, 1.0 + tolerance)
@@ -220,7 +223,7 @@ def judged_world(problem: Problem) -> kd.World:
 
 
 def _objectives(problem: Problem, flight: Flight, cell: IntArray, collision: float) -> Objectives:
-    """All risks of a path; the bound that the problem is planned with is the one that judges it."""
+    """Length, energy and all risks; ``mission_risk`` is the bound that the problem is planned with."""
     independent = problem.laws["independent"]
     alone = flight if problem.world.law is independent else propagate(problem, flight.x, independent)
     ordered = ordered_mission_risk(problem, flight)
@@ -275,7 +278,7 @@ def collision_risk(problem: Problem, flight: Flight, law: kd.Law, *, tight: bool
 
 
 def gaussian_path(law: kd.Law, flight: Flight, *, tight: bool = True) -> GaussianPath:
-    """What R reads of a flight: when the reflection 2 Φ is allowed depends on the law."""
+    """The input of R from a flight; the law decides where the reflection bound 2 Φ is allowed."""
     from pareto_ltl.kernels import path_collision as kernel
 
     none = np.empty((0, 0, 2, 2))
@@ -329,7 +332,7 @@ class Forecast:
 
 
 def forecast(problem: Problem, u: FloatArray, law: str) -> Forecast:
-    """V and R of the controls ``u`` (T, 2) under any wind law, planned with it or not."""
+    """V and R of the controls ``u`` (T, 2) [m/s] under ``law``, which may differ from the law of the plan."""
     model = problem.laws[law]
     flight = propagate_controls(problem, u, model)
     return Forecast(

@@ -1,8 +1,8 @@
 """Trees of one run: Algorithm 1, ten times in parallel with different slack (Section IV-C).
 
 The first tree has beta = 0, so that a parent is only exchanged for one that dominates it (Theorem 4); the
-others draw theirs. Each tree has its own child of the root seed, so the forest is the same whatever the
-number of threads.
+others draw beta at random. Each tree has its own child of the root seed, so the forest is the same whatever
+the number of threads.
 """
 
 from __future__ import annotations
@@ -38,18 +38,18 @@ from pareto_ltl.support.memory import require_memory
 from pareto_ltl.support.messages import shown_value
 from pareto_ltl.world.windows import missed_windows
 
-ITERATIONS_PER_VERTEX = 50  # extensions tried before a tree that does not grow is given up
-LOOK = 0.02  # [s] between two looks at the clock
-GROWTH_SHARE = 0.2  # of a budget
+ITERATIONS_PER_VERTEX = 50  # growth ends after this many extensions for each vertex of planner.n_max
+LOOK = 0.02  # [s] between two checks of the time limits
+GROWTH_SHARE = 0.2  # share of a time budget after which growth ends
 SCALED_SLACK = 1.0  # slack on risks of the scaled rule is a factor drawn between 1 and 1 plus this
-PACKED_BYTES = 80  # of a vertex, in whole numbers of 64 bits and in the archive of the trees
+PACKED_BYTES = 80  # a vertex, for its 64-bit copies and its share of the archive of the trees
 CAPACITY = 8  # vertices that a square keeps as possible parents, for each automaton state
 SQUARES = 400  # at most, along one side of the grid of possible parents
 
 
 @dataclass(frozen=True, slots=True)
 class GrowthOptions:
-    """What tests and studies ask of growth beyond the settings.
+    """Options of growth for tests and studies, beyond the settings.
 
     Attributes
     ----------
@@ -77,7 +77,7 @@ class GrowingTree:
 
     @property
     def tally(self) -> Any:
-        """Counters of what growth tried and why it failed."""
+        """Counters: vertices, extensions, re-selected parents, and extensions by the cause of failure."""
         return self.search.state.tally
 
     @property
@@ -153,14 +153,14 @@ def mission_columns(problem: Problem) -> int:
 
 
 def _mission_rows(problem: Problem, rows: int) -> kd.OrderedMemory | None:
-    """What the mission bound remembers of the vertices of a tree."""
+    """Arrays for what the mission bound stores for the vertices of a tree; None for Theorem 2."""
     if isinstance(problem.world.mission, kd.Theorem2):
         return None
     return kd.OrderedMemory(tree_rows(problem.ordered, rows), np.empty(0, np.int64), None)
 
 
 def _mission_scratch(problem: Problem) -> kd.OrderedMemory | None:
-    """The two rows in which candidates are appraised."""
+    """Two scratch rows of the mission bound, in which candidate vertices are evaluated."""
     if isinstance(problem.world.mission, kd.Theorem2):
         return None
     rows, letters = live_rows(problem.ordered, 2), empty_letters(problem.ordered)
@@ -168,10 +168,10 @@ def _mission_scratch(problem: Problem) -> kd.OrderedMemory | None:
 
 
 def _for_trees(problem: Problem) -> Problem:
-    """The problem that trees see: the path bound limits their steps, and R is an objective without limit.
+    """The problem as trees use it: the path bound limits single steps, and R is an objective without limit.
 
-    A tree's path wanders, so its R, a sum over steps, is several times that of the same path smoothed:
-    planner.delta limits the finished paths.
+    A path of a tree is not straight, so its R, a sum over steps, is several times that of the same path after
+    smoothing. Only finished paths are held to planner.delta.
     """
     bound = problem.world.collision
     if not isinstance(bound, kd.PathBound):
@@ -195,16 +195,18 @@ def grow_forest(
     Parameters
     ----------
     seeds : SeedSequence
-        One child is spawned a tree.
+        Root seed; each tree gets one child of it.
     progress : callable
         Called with (vertices so far, vertices wanted).
     budget : Budget
-        Growth ends when a fifth of it is spent.
+        Time limit of the run; growth ends when a fifth of it is spent.
 
     Raises
     ------
     InfeasibleError
-        Where the start violates Eq. (9) already, or no sequence of cells completes the mission.
+        If the start already violates Eq. (9), or no sequence of cells completes the mission.
+    ConfigError
+        If the trees do not fit into memory.
     """
     problem = _for_trees(problem)
     graph = product_graph(problem.decomposition, problem.logic, problem.scene.bounds)
@@ -223,7 +225,7 @@ def grow_forest(
 
 
 def _require_memory(cfg: PlannerConfig, problem: Problem) -> None:
-    """Refuse trees that do not fit into memory; what a vertex needs depends on the models."""
+    """Raise ConfigError if the trees do not fit into memory; the size of a vertex depends on the models."""
     rows = 64
     columns = mission_columns(problem) + isinstance(problem.world.collision, kd.PathBound)
     vertex = _array_bytes(empty_vertices(problem, rows, columns)) / rows + PACKED_BYTES
@@ -244,7 +246,7 @@ def _grow_all(
     budget: Budget,
     progress: Callable[[int, int], None] | None,
 ) -> None:
-    """Grow all trees in threads, looking at the clock; an exception here, as of Ctrl-C, ends them."""
+    """Grow all trees in threads until they end or time is up; an exception here, as of Ctrl-C, ends them."""
     cfg, end = task.cfg, time.perf_counter() + task.cfg.max_seconds
     with ThreadPoolExecutor(min(cfg.trees, cfg.threads or cores())) as pool:
         jobs = [pool.submit(_grow_to_end, task, tree) for tree in growing]
@@ -280,7 +282,7 @@ def plant_tree(task: GrowthTask, seed: SeedSequence, number: int, options: Growt
     state = _tree_state(task, settings, columns, swaps)
     search = kt.Search(problem.world, vertices, state, settings)
     tree = GrowingTree(search, np.array([rule.beta_length, rule.beta_risk]), rng)
-    task.grow(tree, 0, 0)  # plants it, and loads machine code before the clock runs
+    task.grow(tree, 0, 0)  # makes the root, and loads compiled code before time is measured
     if tree.size == 0:
         raise InfeasibleError(_start_too_close(problem))
     return tree
@@ -300,7 +302,10 @@ def _start_too_close(problem: Problem) -> str:
 def _growth_settings(
     cfg: PlannerConfig, problem: Problem, rule: Dominance | Scaled, options: GrowthOptions
 ) -> kt.GrowthSettings:
-    """Squares of half a step: a parent lies at most two of them away, unless the wind carries it farther."""
+    """Settings of a tree, with a grid of squares of half a step each.
+
+    A parent lies at most two squares away, or farther where the wind helps.
+    """
     (west, south), (east, north) = problem.scene.bounds
     side = max(problem.reach / 2, (east - west) / SQUARES, (north - south) / SQUARES)
     return kt.GrowthSettings(
@@ -345,7 +350,7 @@ def _empty_bins(squares: int, vertices: int) -> Bins:
 
 
 def _check_lead(task: GrowthTask, tree: GrowingTree) -> None:
-    """Say at once when the map and the automaton together allow no mission."""
+    """Raise InfeasibleError before growth if no sequence of cells completes the mission."""
     from pareto_ltl.kernels.dijkstra import shortest_lead
 
     problem, vertices, state = task.problem, tree.search.tree, tree.search.state
@@ -389,5 +394,5 @@ def _finished_tree(tree: GrowingTree) -> Tree:
 
 
 def _first_rows(array: FloatArray, n: int) -> FloatArray:
-    """The first n rows; a full tree is handed over as it is."""
+    """The first n rows; an array of n rows is returned without a copy."""
     return array if len(array) == n else array[:n].copy()

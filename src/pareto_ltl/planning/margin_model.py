@@ -1,4 +1,4 @@
-"""The tables that margins of flights are measured with (:mod:`pareto_ltl.kernels.margin`)."""
+"""The tables from which margins of flights are computed (:mod:`pareto_ltl.kernels.margin`)."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from pareto_ltl.planning.pack_logic import LIVE, pack_corners
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 
-MOST_LETTERS = 62  # bits of a whole number
+MOST_LETTERS = 62  # that fit as bits into a 64-bit integer
 
 
 def margin_model(problem: Problem) -> MarginModel:
@@ -40,7 +40,7 @@ def margin_model(problem: Problem) -> MarginModel:
 def margin_scratch(model: MarginModel, runs: int, steps: int) -> Scratch:
     """Memory for the margins of ``runs`` flights of at most ``steps`` steps.
 
-    Flights are worked through many at a time where there are few claims and no letters between steps.
+    Flights are processed in blocks if there are few claims and no letters between steps.
     """
     few = len(model.logic.distance) <= LIVE and not len(model.logic.hazards.cell)
     barriers, hazards = len(model.corners.radius), len(model.logic.hazards.cell)
@@ -78,7 +78,7 @@ def _no_claims(states: int) -> Claims:
 
 
 def shown_letters(problem: Problem) -> list[IntArray]:
-    """The cells of each letter that the automaton tells from no label at all."""
+    """The cells of each letter that differs from the empty letter for some state of the automaton."""
     delta, atoms = problem.logic.delta, set(problem.atoms)
     groups: dict[frozenset[str], list[int]] = {}
     for cell, label in enumerate(problem.labels):
@@ -90,9 +90,9 @@ def shown_letters(problem: Problem) -> list[IntArray]:
 def pack_guards(logic: kd.Logic, column: list[int]) -> Guards:
     """Edges between claims in every epoch, for the letters of ``column`` and, last, the empty letter.
 
-    ``column`` are numbers of columns of ``logic.delta``. From a claim q edges lead to q itself and to the
-    states that letters lead to: every other state p that a letter can promise is promised through one of
-    these. An edge that another one serves as well is left out.
+    ``column`` holds indices of columns of ``logic.delta``. From a claim q edges lead to q itself and to the
+    states that letters lead to: every other state p that a letter guarantees follows from one of these. An
+    edge that another edge makes redundant is left out.
     """
     deltas = logic.delta[:, :, [*column, logic.delta.shape[2] - 1]]
     found = [_epoch_guards(logic, delta) for delta in deltas]
@@ -131,9 +131,9 @@ def _epoch_guards(logic: kd.Logic, delta: IntArray) -> tuple[IntArray, IntArray,
 def needed_letters(deltas: IntArray, distance: FloatArray, harmful: BoolArray) -> IntArray:
     """Bits of the letters without which acceptance cannot be reached, (Q,), for more than ``LIVE`` states.
 
-    ``deltas`` (E, Q, M + 1) have a column for each letter and, last, for the empty one. Letters that take a
-    claim to acceptance take the state that is claimed there as well, so that edges need them too. Those that
-    are ``harmful`` (M,) are read between steps as well, and are left out.
+    ``deltas`` (E, Q, M + 1) has a column for each letter and, last, for the empty one. A word that is
+    accepted from a claim p is accepted from every state at least as good as p, so edges need these letters
+    too. Letters that are ``harmful`` (M,) are read between steps as well, and are left out.
     """
     needs = np.zeros(len(distance), np.int64)
     letters = deltas.shape[2] - 1

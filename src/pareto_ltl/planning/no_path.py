@@ -1,7 +1,7 @@
-"""Why no path completes the mission, and the setting that changes it.
+"""Explains why no path completes the mission, and which setting to change.
 
-Whether risk is what forbids every path is found by growing the same trees again with higher limits: the
-setting that the text advises has been tried.
+To find out whether the limits on risk exclude every path, the same trees are grown again with higher limits.
+So the setting that the text advises has been tried.
 """
 
 from __future__ import annotations
@@ -27,17 +27,17 @@ from pareto_ltl.support.errors import InfeasibleError
 from pareto_ltl.world.time_step import too_long
 
 EPSILONS = (0.02, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.99)
-LARGEST_DELTA = 0.999  # no limit on the collision risk of a path
-MORE_VERTICES = (4, 16)  # times as many, tried where risk alone is not the reason
-FAR_TOO_LONG = 3.0  # a full step, in widths of the narrowest place: then it is the reason
-MOST_VERTICES = 1_500_000  # of all trials of one kind; no clock, so that a text is the same on every machine
+LARGEST_DELTA = 0.999  # tried instead of no limit on the collision risk of a path
+MORE_VERTICES = (4, 16)  # factors of planner.n_max, tried if higher limits alone give no path
+FAR_TOO_LONG = 3.0  # a full step of this many widths of the narrowest place is the reason
+MOST_VERTICES = 1_500_000  # in all trials of one kind; a time limit would make texts differ between machines
 
 CAUSES = ("blocked", "windbound", "beyond", "trapped")
 
 
 @dataclass(slots=True)
 class _Budget:
-    """Vertices that trials may still ask for; the last trial may ask for more than is left."""
+    """Vertices that trials may still grow; the last trial may exceed them."""
 
     left: int = MOST_VERTICES
 
@@ -67,7 +67,7 @@ class _Trials:
 
 
 def with_limits(problem: Problem, epsilon: float, delta: float) -> Problem:
-    """``problem`` with other values of planner.epsilon and planner.delta, which its paths are held to."""
+    """``problem`` with other values of planner.epsilon and planner.delta, both enforced (``judge=bound``)."""
     barriers = pack_barriers(problem.scene, problem.obstacles)  # the border may be another one
     nearby = pack_nearby(barriers, problem.scene.bounds)
     collision = pack_collision(problem.fidelity.collision_bound, barriers, nearby, epsilon, delta)
@@ -80,12 +80,12 @@ def with_limits(problem: Problem, epsilon: float, delta: float) -> Problem:
 def explain_no_path(
     cfg: PlannerConfig, problem: Problem, forest: Forest, seeds: SeedSequence | None = None
 ) -> str:
-    """Why no path completes the mission: how far the trees came, and which setting to change.
+    """Text that says why no path completes the mission: how far the trees came, and which setting to change.
 
     Parameters
     ----------
     seeds : SeedSequence, optional
-        Those that the forest was grown from; without them nothing is tried.
+        Seeds of the forest; without them no other limits are tried.
     """
     long_step = _step_advice(cfg, problem, FAR_TOO_LONG)
     open_border = "" if seeds is None or long_step else _open_border_advice(_Trials(cfg, problem, seeds))
@@ -103,7 +103,7 @@ def explain_no_path(
 
 
 def explain_no_safe_path(cfg: PlannerConfig, problem: Problem, seeds: SeedSequence) -> str:
-    """Why no path of trees that complete the mission is kept: all break planner.delta."""
+    """Text for paths that complete the mission but all exceed planner.delta; empty if no advice is found."""
     trials = _Trials(cfg, problem, seeds)
     paths, open_border = trials.paths(problem.epsilon, LARGEST_DELTA, cfg.n_max), _open_border_advice(trials)
     if paths:
@@ -165,7 +165,7 @@ def _step_bound_advice(trials: _Trials) -> str:
 
 
 def _least_epsilon(trials: _Trials) -> tuple[float, tuple[PlannedPath, ...]] | None:
-    """The least epsilon of the ladder that gives a path, and the paths; None where the largest gives none."""
+    """The smallest of ``EPSILONS`` that gives a path, and the paths; None where the largest gives none."""
     delta, n_max = max(LARGEST_DELTA, trials.cfg.delta), trials.cfg.n_max
     ladder = [epsilon for epsilon in EPSILONS if epsilon > trials.problem.epsilon]
     if not ladder or not (paths := trials.paths(ladder[-1], delta, n_max)):
@@ -181,7 +181,7 @@ def _least_epsilon(trials: _Trials) -> tuple[float, tuple[PlannedPath, ...]] | N
 
 
 def _risk_text(trials: _Trials, epsilon: float, paths: tuple[PlannedPath, ...], *, more: bool = False) -> str:
-    """What the least risk of ``paths`` is, and the limits that allow it; ``more``: with more vertices."""
+    """Text with the least risk of ``paths`` and the limits that allow it; ``more``: with more vertices."""
     problem, models = trials.problem, trials.problem.fidelity
     least = min(path.objectives.mission_risk + path.objectives.collision_risk for path in paths)
     settings = [f"planner.epsilon={epsilon:g}"] if epsilon > problem.epsilon else []
@@ -215,7 +215,7 @@ def _step_advice(cfg: PlannerConfig, problem: Problem, times: float) -> str:
 
 
 def _advice(cfg: PlannerConfig, problem: Problem, forest: Forest) -> str:
-    """What most extensions failed of, and the setting that changes it."""
+    """The cause that ended most extensions, and the setting that changes it."""
     counts = {cause: sum(tree.reach[cause] for tree in forest.trees) for cause in CAUSES}
     worst = max(counts, key=lambda cause: counts[cause])
     late = forest.seconds >= cfg.max_seconds
@@ -228,8 +228,8 @@ def _advice(cfg: PlannerConfig, problem: Problem, forest: Forest) -> str:
     speed, least = float(np.median(np.linalg.norm(problem.wind.mean, axis=-1))), problem.motion.u_min
     advice = {
         "blocked": "came too close to obstacles: make the passages wider, or let the robot reach them sooner",
-        "windbound": f"could not make way against the wind (half the map has {speed:.1f} m/s or more): raise "
-        f"robot.u_max (now {problem.motion.u_max:g} m/s)"
+        "windbound": f"had too little airspeed against the wind (half the map has {speed:.1f} m/s or more): "
+        f"raise robot.u_max (now {problem.motion.u_max:g} m/s)"
         f"{f' or lower robot.u_min (now {least:g} m/s)' if least > 0.0 else ''}",
         "beyond": f"outlasted the wind data or planner.max_steps ({end:.1f} h"
         f"{f'; {problem.wind_ends}' if problem.wind_ends else ''}): give later wind fields, "
@@ -240,20 +240,20 @@ def _advice(cfg: PlannerConfig, problem: Problem, forest: Forest) -> str:
 
 
 def _lost_mission(automaton: Automaton) -> str:
-    """What lost the mission: a forbidden region, or the end of a time span of the formula or the map."""
+    """What made the mission fail: a forbidden region, or the end of a time span of the formula or the map."""
     ends = [
         f"{name if window.region else 'the time span'} {window}"
         for name, window in automaton.windows.items()
         if np.isfinite(window.end) and name not in automaton.forbidden
     ]
     spans = f"make its time spans longer ({'; '.join(ends)}), or let the robot fly faster" if ends else ""
-    if automaton.trap < 0 and ends:  # nothing that the robot enters can lose the mission
+    if automaton.trap < 0 and ends:  # no region that the robot can enter makes the mission fail
         return f"were too late for the mission: {spans}"
     return f"broke the mission: move the regions that it forbids{f', or {spans}' if spans else ''}"
 
 
 def _nearest_miss(problem: Problem, forest: Forest) -> str:
-    """How near the most advanced vertices came to a region that would take them on."""
+    """Distance of the most advanced vertices from a region that would bring them closer to acceptance."""
     logic, cells = problem.logic, problem.cells
     delta = helpful_delta(logic)
     best = min(float(logic.distance[tree.q].min()) for tree in forest.trees)

@@ -26,13 +26,13 @@ from pareto_ltl.world.time_step import with_time_step
 
 LOG = logging.getLogger(__name__)
 
-HELD_EPOCH = 10_800.0  # [s] in which the error of a held field is taken to keep its pattern
+HELD_EPOCH = 10_800.0  # [s] for which the error pattern of a held field is taken as constant
 NO_MODES = WindModes(
     np.zeros(2), 1.0, np.zeros((1, 2, 2, 2, 0), np.float32), np.zeros(0, np.int64), 1.0, 1.0, np.ones((1, 2)),
     np.ones((1, 2)),
 )  # fmt: skip
-NEARBY_ENTRIES, NEARBY_SQUARES = 4_000_000, 64  # in all, and along one side, of the table of near obstacles
-EPSILON = {"step": 0.05, "path": 0.25}  # where planner.epsilon is left to the collision bound
+NEARBY_ENTRIES, NEARBY_SQUARES = 4_000_000, 64  # table of near obstacles: entries; squares along one side
+EPSILON = {"step": 0.05, "path": 0.25}  # default of planner.epsilon for each collision bound
 
 # --- the map ----------------------------------------------------------------------------------
 
@@ -47,7 +47,7 @@ def pack_faces(polygons: Sequence[FloatArray]) -> kd.Faces:
 
 
 def pack_barriers(scene: Scene, obstacles: kd.Faces) -> kd.Faces:
-    """What may not be met: the obstacles and, where the border is a wall, its sides.
+    """What a path must not touch: the obstacles and, where the border is a wall, its sides.
 
     A side is a polygon with one face: the half plane beyond it, which the normal points away from.
     """
@@ -63,7 +63,7 @@ def pack_barriers(scene: Scene, obstacles: kd.Faces) -> kd.Faces:
 
 
 def pack_nearby(barriers: kd.Faces, bounds: FloatArray) -> kd.Nearby:
-    """For each square of a grid over the map, the polygons by how far its middle lies beyond them."""
+    """For each square of a grid over the map, the barriers sorted by the distance of its centre."""
     (west, south), (east, north) = bounds
     m = len(barriers.ptr) - 1
     along = int(np.clip(math.sqrt(NEARBY_ENTRIES / max(m, 1)), 1, NEARBY_SQUARES))
@@ -85,7 +85,7 @@ def pack_nearby(barriers: kd.Faces, bounds: FloatArray) -> kd.Nearby:
 
 
 def pack_cells(bounds: FloatArray, decomposition: Decomposition) -> kd.Cells:
-    """Cells behind their grid of buckets."""
+    """The cells with the grid that finds the cell of a point."""
     (west, south), (east, north) = bounds
     grid = locator(decomposition, bounds)
     return kd.Cells(
@@ -98,12 +98,12 @@ def pack_cells(bounds: FloatArray, decomposition: Decomposition) -> kd.Cells:
 
 
 def pack_wind(field: WindField, dt: float, max_steps: int) -> kd.Wind:
-    """The lattice, and for every step the slots between which it lies.
+    """The wind on its lattice and, for every step of ``dt`` [s], the two times of the data around it.
 
     Raises
     ------
     DataError
-        Where the wind is not known at departure.
+        If the wind is not known at departure.
     """
     t: FloatArray = dt * np.arange(max_steps, dtype=float)
     t = t[t <= field.known_until + 1e-6]
@@ -125,10 +125,10 @@ def pack_wind(field: WindField, dt: float, max_steps: int) -> kd.Wind:
 
 
 def pack_modes(field: WindField, wind: kd.Wind, dt: float, speed: float) -> kd.Modes:
-    """The coherent law: every step belongs to the slot nearest in time; each part of the error persists.
+    """The coherent law: each step uses the modes of the nearest slot, and each part of the error persists.
 
-    What the modes leave is correlated over ``rest_length``, which a robot of ``speed`` [m/s] crosses in a
-    time that takes the place of ``gust_time``, 2 rest_length / speed; never more than the whole flight.
+    The error outside the modes is correlated over ``rest_length`` [m]. For it 2 rest_length / ``speed`` [s]
+    takes the place of ``gust_time``, but at most the whole flight; ``speed`` [m/s] is that of the robot.
 
     Eq. (M19) of docs/mathematics.md.
     """
@@ -150,11 +150,11 @@ def pack_modes(field: WindField, wind: kd.Wind, dt: float, speed: float) -> kd.M
 
 
 def part_persistence(field: WindField, wind: kd.Wind, slot: IntArray, dt: float) -> FloatArray:
-    """Share (S + 1, parts) that θ of each part of the error keeps of the step before.
+    """Correlation (S + 1, parts) of θ with that of the step before, for each part of the error.
 
-    Interpolation in space and forecasts change from slot to slot. Interpolation in time has an error of its
-    own in every gap between fields; of a held field it changes every ``HELD_EPOCH``, as the change of the
-    wind since its time does. An ensemble's members stay who they are.
+    The errors of interpolation in space and of the forecast change from slot to slot. That of interpolation
+    in time is independent in every gap between fields; for a held field it changes every ``HELD_EPOCH``, with
+    the correlation of the wind's changes since the time of the field. Members of an ensemble do not change.
 
     Eq. (M14) of docs/mathematics.md.
     """
@@ -174,7 +174,7 @@ def part_persistence(field: WindField, wind: kd.Wind, slot: IntArray, dt: float)
 
 
 def mean_derivatives(mean: FloatArray, spacing: float) -> tuple[FloatArray, FloatArray]:
-    """First (K, NX, NY, 4) and second (K, NX, NY, 6) central differences of the expected wind."""
+    """First (K, NX, NY, 4) [1/s] and second (K, NX, NY, 6) [1/(m s)] differences of the expected wind."""
 
     def along(table: FloatArray, axis: int) -> FloatArray:
         return np.asarray(np.gradient(table, spacing, axis=axis), float)
@@ -207,7 +207,7 @@ def pack_motion(robot: RobotConfig, ball: float) -> kd.Motion:
 
 
 def pack_landmarks(robot: RobotConfig, marks: Sequence[FloatArray]) -> kd.Landmarks:
-    """Landmarks, and how a robot that passes one uses its fix."""
+    """Landmarks, and the gain, variance and risk of the fix of a robot that passes one."""
     return kd.Landmarks(
         pack_faces(marks), pack_corners(range(len(marks)), marks), robot.fix_gain, robot.fix_sd**2,
         robot.fix_risk,
@@ -221,7 +221,7 @@ def pack_theorem2(
     decomposition: Decomposition, automaton: Automaton, cells: kd.Cells, logic: kd.Logic,
     epochs: Sequence[Epoch],
 ) -> kd.Theorem2:  # fmt: skip
-    """The paper's bound: convex parts of the regions that the mission is to visit, in every epoch."""
+    """The paper's bound: convex parts of the regions to visit, and the propositions of each cell by epoch."""
     windows, atoms = automaton.windows, automaton.atoms
     place = {name: windows[name].region if name in windows else name for name in atoms}
     visits = [name for name in atoms if place[name] is not None and name not in automaton.forbidden]
@@ -237,7 +237,7 @@ def pack_theorem2(
 def pack_laws(
     robot: RobotConfig, planner: PlannerConfig, ball: float, wind: WindField, marks: Sequence[FloatArray]
 ) -> dict[str, kd.Law]:
-    """Every wind law by name; with landmarks the coherent one uses their fixes."""
+    """Every wind law by name; the coherent one uses position fixes where there are landmarks (``marks``)."""
     motion, lattice = pack_motion(robot, ball), pack_wind(wind, robot.dt, planner.max_steps)
     modes = pack_modes(wind, lattice, robot.dt, robot.u_max)
     coherent: kd.Law = kd.CoherentLaw(lattice, modes, motion)
@@ -249,7 +249,7 @@ def pack_laws(
 def pack_collision(
     kind: str, barriers: kd.Faces, nearby: kd.Nearby, epsilon: float, delta: float
 ) -> kd.CollisionBound:
-    """The collision bound of a kind: equal shares of epsilon at each step, or epsilon and delta of paths."""
+    """The collision bound ``step``, which splits epsilon equally over the barriers, or ``path``."""
     from scipy.special import ndtri
 
     if kind == "path":
@@ -261,7 +261,7 @@ def build_problem(
     robot: RobotConfig, planner: PlannerConfig, wind_cfg: WindConfig, scene: Scene, wind: WindField,
     decomposition: Decomposition, automaton: Automaton, fidelity: FidelityConfig = PAPER,
 ) -> Problem:  # fmt: skip
-    """Check what only shows when everything is together, and pack it.
+    """Make the problem from its parts, and check them against each other.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""The automaton on the letters that cells show, and what the ordered bound V follows of it."""
+"""The automaton on the letters that cells show, and the states that the ordered bound V tracks."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from pareto_ltl.planning.epochs import Epoch, letter_columns
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 from pareto_ltl.world.cells import Decomposition
 
-LIVE = 64  # entries of V kept of a vertex; V of automata with no more states is exact
+LIVE = 64  # entries of V kept for a vertex; V is exact for automata with at most so many states
 PATH_LIVE = 256  # entries kept while a path is evaluated by itself
 
 
@@ -31,9 +31,9 @@ def pack_corners(cell: Sequence[int], corners: Sequence[FloatArray]) -> kd.Corne
 def pack_logic(
     automaton: Automaton, decomposition: Decomposition, epoch: IntArray, epochs: Sequence[Epoch]
 ) -> kd.Logic:
-    """The automaton in each of ``epochs`` with one column a cell, not one a letter, and one for no label.
+    """The automaton in each of ``epochs``: one column for each cell (not each letter) and one for no label.
 
-    ``epoch`` (S + 1,) is that of each step.
+    ``epoch`` (S + 1,) is the index of the epoch of each step.
     """
     tables = [_epoch_tables(automaton, decomposition, one) for one in epochs]
     delta, way, harm, loses = (_stacked(rows) for rows in zip(*tables, strict=True))
@@ -47,7 +47,7 @@ def pack_logic(
 
 
 def _stacked(rows: Sequence[Any]) -> Any:
-    """The tables of all epochs; that of a single one without a copy."""
+    """The tables of all epochs as one array; that of a single epoch is not copied."""
     return np.ascontiguousarray(rows[0])[None] if len(rows) == 1 else np.stack(rows)
 
 
@@ -63,9 +63,9 @@ def _epoch_tables(
 
 
 def letters_ahead(delta: IntArray, distance: FloatArray) -> FloatArray:
-    """The fewest letters to acceptance of those that an epoch and later ones show, (E, Q).
+    """The fewest letters to acceptance among those that an epoch and later ones show, (E, Q).
 
-    ``delta`` (E, Q, C + 1), ``distance`` (Q,) that of any letters.
+    ``delta`` (E, Q, C + 1); ``distance`` (Q,) is the same number if all letters were shown.
 
     Eq. (M32) of docs/mathematics.md.
     """
@@ -84,17 +84,17 @@ def letters_ahead(delta: IntArray, distance: FloatArray) -> FloatArray:
 
 
 def helpful_delta(logic: kd.Logic) -> IntArray:
-    """State after each label (Q, C + 1), in the epoch in which it leads nearest to acceptance, the first."""
+    """State after each label (Q, C + 1), in the first of the epochs where it leads nearest to acceptance."""
     best = logic.distance[logic.delta].argmin(axis=0)
     return np.ascontiguousarray(np.take_along_axis(logic.delta, best[None], axis=0)[0])
 
 
 def harmful_letters(automaton: Automaton, nothing: int) -> tuple[BoolArray, BoolArray]:
-    """Which letters are read between steps, and what they can cost; both (Q, letters).
+    """Which letters are harmful in q, so read between steps, and which lose q; both (Q, letters).
 
-    A letter is harmful in q if it leads to the trap, or if it shows a proposition and the state it leads to
-    does not accept all that is accepted after no label at all, letter number ``nothing``. It loses q if it is
-    harmful in some state s ≥ q and takes s to a state that is not ≥ q.
+    A letter is harmful in q if it leads to the trap, or if the state it leads to does not accept all that is
+    accepted after the empty letter, which has the index ``nothing``. It loses q if it is harmful in some
+    state s ≥ q and takes s to a state that is not ≥ q.
 
     Eq. (M33) of docs/mathematics.md.
     """
@@ -114,13 +114,13 @@ def harmful_letters(automaton: Automaton, nothing: int) -> tuple[BoolArray, Bool
 
 
 def pack_ordered(decomposition: Decomposition, cells: kd.Cells, logic: kd.Logic) -> kd.Ordered:
-    """The ordered bound: the cells with a label, as corners in their order, and the states it follows."""
+    """The ordered bound: the cells with a label, as corners in their order, and the states it tracks."""
     cell = [c for c, label in enumerate(decomposition.labels) if label]
     return follow_states(pack_corners(cell, [decomposition.cells[c] for c in cell]), cells, logic)
 
 
 def follow_states(labelled: kd.Corners, cells: kd.Cells, logic: kd.Logic) -> kd.Ordered:
-    """The ordered bound, with the lists of states that entries of V are followed to."""
+    """The ordered bound, with the states p for which V_t(p) is computed from the entry of each state."""
     states, last = len(logic.distance), logic.delta.shape[2] - 1
     losses = np.concatenate(logic.loses, axis=1)
     kind = np.unique(losses, axis=0, return_inverse=True)[1].reshape(-1).astype(np.int64)
@@ -150,7 +150,7 @@ def needed_states(better: BoolArray, reach: BoolArray) -> IntArray:
 
 
 def live_rows(bound: kd.Ordered, rows: int, live: int = LIVE) -> kd.LiveRows:
-    """Rows of scratch: each has places for twice as many entries of V as are kept, at most ``live``."""
+    """Scratch rows, each for twice as many entries of V as are kept; at most ``live`` are kept."""
     most = min(len(bound.logic.distance), live)
     return kd.LiveRows(
         2 * most * np.arange(rows, dtype=np.int64), np.zeros(rows, np.int32),
@@ -159,7 +159,7 @@ def live_rows(bound: kd.Ordered, rows: int, live: int = LIVE) -> kd.LiveRows:
 
 
 def tree_rows(bound: kd.Ordered, rows: int) -> kd.LiveRows:
-    """Rows of a tree, which take the places that they need; places that are never used take no memory."""
+    """Rows of a tree, each of the length that it needs; memory that is never written is never allocated."""
     most = min(len(bound.logic.distance), LIVE)
     return kd.LiveRows(
         np.full(rows, -1, np.int64), np.zeros(rows, np.int32), np.empty(rows * most, np.int32),
@@ -168,7 +168,7 @@ def tree_rows(bound: kd.Ordered, rows: int) -> kd.LiveRows:
 
 
 def empty_letters(bound: kd.Ordered) -> kd.Letters:
-    """Scratch for what may be read in one step."""
+    """Scratch for the letters that may be read in one step."""
     parts, hazards = len(bound.labelled.cell), len(bound.logic.hazards.cell)
     return kd.Letters(
         np.zeros(parts + 1), np.zeros(hazards), np.zeros(parts, np.int64), np.zeros(hazards, np.int64),

@@ -1,7 +1,7 @@
 """Power that a robot draws at an airspeed, and the energy of a path: one type for each ``robot.power.kind``.
 
-The laws are those of level flight at constant speed: no climb, no turn, no gust is in them
-(``docs/vehicles.md`` says what that leaves out).
+The power is that of level flight at constant speed, without climbs, turns and gusts (``docs/vehicles.md``
+says what that leaves out).
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ class Body:
 
 @dataclass(frozen=True, slots=True)
 class Wing:
-    """A fixed wing: parasitic drag grows with v, that of lift falls; P = base + drag v³ + lift / v.
+    """A fixed wing: parasitic drag grows with v, induced drag falls; P = base + drag v³ + lift / v.
 
     Anderson, Aircraft Performance and Design, 1999, Section 5.6; v > 0.
     """
@@ -70,21 +70,21 @@ class Rotor:
     def watts(self, airspeed: FloatArray) -> FloatArray:
         """P(v) [W] at ``airspeed`` [m/s], elementwise."""
         ratio = airspeed**2 / (2.0 * self.wake**2)
-        inflow = 1.0 / (np.sqrt(1.0 + ratio**2) + ratio)  # of √(1 + r²) - r, without its cancellation
+        inflow = 1.0 / (np.sqrt(1.0 + ratio**2) + ratio)  # √(1 + r²) - r, written so that no digits cancel
         profile = self.blade * (1.0 + 3.0 * airspeed**2 / self.tip**2)
         return np.asarray(self.base + profile + self.lifting * np.sqrt(inflow) + self.drag * airspeed**3)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Table:
-    """Straight lines between measured points: rising ``airspeed`` (n,) [m/s] and ``power`` (n,) [W]."""
+    """Linear interpolation between measured points: rising ``airspeed`` (n,) [m/s] and ``power`` (n,) [W]."""
 
     base: float
     airspeed: FloatArray
     power: FloatArray
 
     def watts(self, airspeed: FloatArray) -> FloatArray:
-        """P(v) [W] at ``airspeed`` [m/s], elementwise; beyond the table that of its end."""
+        """P(v) [W] at ``airspeed`` [m/s], elementwise; outside the table the value at its nearer end."""
         return self.base + np.interp(airspeed, self.airspeed, self.power)
 
 

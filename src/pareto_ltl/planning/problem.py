@@ -1,4 +1,4 @@
-"""What is to be planned, as one bundle of records and of the arrays that kernels read."""
+"""The planning problem: its records, and the arrays that kernels read."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from pareto_ltl.world.scene import Scene
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False, weakref_slot=True)
 class Problem(Displayed):
-    """What is to be planned; every later stage reads the same arrays, so that a path costs the same anywhere.
+    """The planning problem; every later stage reads the same arrays, so that a path costs the same anywhere.
 
     Attributes
     ----------
@@ -32,7 +32,7 @@ class Problem(Displayed):
     theorem2, ordered : mission bounds
         Both, since every path reports both.
     labels : tuple of frozenset of str
-        The propositions that hold in each cell at some time or other.
+        The propositions that hold in each cell at any time.
     obstacles : Faces
         Convex parts of the obstacles; the collision bound also has the walls (:attr:`barriers`).
     start_variance : float
@@ -42,9 +42,9 @@ class Problem(Displayed):
     max_steps : int
         Longest path.
     energy : EnergyModel or None
-        What the energy of a path follows from, for a robot with a power curve.
+        Power curve and capacity of a robot that has them.
     turns : Turns
-        What the robot does between two legs; orders to its pilot allow for it.
+        How the robot turns between two legs; the leg sheets for pilots allow for it.
     wind_ends : str
         Why the wind is not known for longer, for messages.
     """
@@ -109,7 +109,7 @@ class Problem(Displayed):
 
     @property
     def modes(self) -> kd.Modes:
-        """Modes of the coherent law, which a plan of any fidelity is flown in too."""
+        """Modes of the coherent law, in which plans of every fidelity are simulated."""
         coherent = self.laws["coherent"]
         assert not isinstance(coherent, kd.IndependentLaw)
         return coherent.modes

@@ -1,9 +1,9 @@
-"""The high-level planner's map: product of cells and automaton (Section IV-B).
+"""The graph of the high-level planner: product of cells and automaton (Section IV-B).
 
-Product states are numbered z = q * C + r. An edge leads from (q, r) through a door to
-(delta(q, label(r')), r'), or stays in r where reading its label again changes q. States from which the
-mission cannot be completed are left out of every edge. Labels that depend on the time lead where they lead
-in the epoch in which they help most: a lead says what is to be done, not when.
+Product states are numbered z = q * C + r. An edge leads from (q, r) through a door, an edge that two cells
+share, to (delta(q, label(r')), r'), or stays in r where reading its label again changes q. No edge leads to
+states from which the mission cannot be completed. A label that depends on time is taken in the epoch in which
+it helps most: a lead is an order of cells and states, without times.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from pareto_ltl.planning.pack_logic import helpful_delta
 from pareto_ltl.support.arrays import FloatArray, IntArray
 from pareto_ltl.world.cells import Decomposition, moments
 
-EXACT_LEADS = 20_000  # product states up to which leads are shortest: 4 ms each
+EXACT_LEADS = 20_000  # up to so many product states leads are exact shortest paths: 4 ms each
 
 
 def product_graph(decomposition: Decomposition, logic: Logic, bounds: FloatArray) -> Product:
@@ -38,7 +38,7 @@ def product_graph(decomposition: Decomposition, logic: Logic, bounds: FloatArray
     graph = Product(
         ptr=np.searchsorted(tail, np.arange(cells + 1)).astype(np.int64),
         beyond=np.ascontiguousarray(head, np.int64),
-        metres=np.maximum(metres, 1e-3),  # reading a label again costs a step as well
+        metres=np.maximum(metres, 1e-3),  # an edge that stays in its cell has a cost too
         delta=helpful,
         open=np.isfinite(logic.distance),
         volume=area / area.sum(),
@@ -53,10 +53,10 @@ def product_graph(decomposition: Decomposition, logic: Logic, bounds: FloatArray
 
 
 def _cost_ahead(graph: Product, distance: FloatArray, places: IntArray) -> FloatArray:
-    """What the way from each automaton state to acceptance costs where no vertex is yet, about, (Q,).
+    """Estimated cost (Q,) from each automaton state to acceptance, where there are no vertices yet.
 
     The way from one of ``places``, the cells whose labels matter, to the nearest other one costs c at urgency
-    1, so c (d + 1)² in states d letters from acceptance; c is the median.
+    1, and c (d + 1)² in states d letters from acceptance; c is the median over ``places``.
     """
     from scipy.sparse import csr_matrix
     from scipy.sparse.csgraph import dijkstra
@@ -73,7 +73,7 @@ def _cost_ahead(graph: Product, distance: FloatArray, places: IntArray) -> Float
 
 
 def empty_heap(graph: Product) -> Heap:
-    """Memory for one search at a time; what is never reached takes no memory."""
+    """Memory for one search at a time; memory that is never written is never allocated."""
     cells, states = len(graph.volume), len(graph.goal)
     most = int(np.diff(graph.ptr).max())
     pushes = len(graph.beyond) * states + 1

@@ -1,4 +1,4 @@
-"""What planning makes: trees, paths, the front, the plan."""
+"""Records that planning makes: trees, paths, the front, the plan."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ from pareto_ltl.support.display import (
 from pareto_ltl.world.navigation import Navigation
 
 FLIGHTS, WEIGHTED = "flights", "importance sampling"  # methods of failure rates
-SAMPLES = {FLIGHTS: "flights", WEIGHTED: "weighted flights"}  # what their runs are
+SAMPLES = {FLIGHTS: "flights", WEIGHTED: "weighted flights"}  # how the runs of each method are called
 
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Tree(Displayed):
     """One search tree; vertices in the order of their creation, the root first.
 
-    A vertex keeps its path for ever, so the first n rows are the tree as it was at n vertices.
+    The path to a vertex never changes, so the first n rows are the tree as it was at n vertices.
 
     Attributes
     ----------
@@ -39,16 +39,17 @@ class Tree(Displayed):
     length : (N,) float
         Length of the expected path [m].
     risk : (N, P) float
-        f_o^i of Theorem 1, one column a proposition of the mission.
+        Mission risk: f_o^i of Theorem 1 for each proposition of the mission, or the ordered bound V alone.
+        With the path bound the collision risk R is one more column.
     swaps : (S, 2, 2 + P) float
         Objectives (d_A, length, risk...) of the original parent and of the chosen one, for every
         re-selection of a parent.
     beta : (2,) float
         Slack of Eq. (11) for length [m] and for each risk.
     seconds : float
-        Time that growth took.
+        Time that growth took [s].
     reach : mapping of str to float
-        Why extensions ended: counts of each cause, for the user who finds no path.
+        Number of extensions that each cause ended; the message for a run without a path is made of them.
     """
 
     x: FloatArray
@@ -110,12 +111,12 @@ class Forest(Displayed):
 
 @dataclass(frozen=True, slots=True)
 class Objectives:
-    """What a path costs: probabilities, and the length in metres.
+    """Costs of a path: its length [m], probabilities and energy [J].
 
-    ``mission_risk`` is what a plan is judged by: the bound that ``fidelity.mission_bound`` names.
-    ``collision_risk`` is R. For the record stand beside it ``mission_risk_paper``, the f_o of Theorem 2 with
-    the paper's covariance, and ``mission_risk_ordered``, the ordered bound V.
-    ``energy`` [J] is that of a robot with a power curve, else None; all paths of a front have it, or none.
+    ``mission_risk`` is the bound that ``fidelity.mission_bound`` names; plans are judged by it.
+    ``collision_risk`` is R. Two bounds are reported in every case: ``mission_risk_paper``, the f_o of Theorem
+    2 with the paper's covariance, and ``mission_risk_ordered``, the ordered bound V. ``energy`` [J] is that
+    of a robot with a power curve, else None; all paths of a front have it, or none.
     """
 
     length: float
@@ -127,12 +128,12 @@ class Objectives:
 
     @property
     def costs(self) -> tuple[float, ...]:
-        """What a path costs beside its risks: length [m] and, with a power curve, energy [J]."""
+        """Costs that are not probabilities: length [m] and, with a power curve, energy [J]."""
         return (self.length,) if self.energy is None else (self.length, self.energy)
 
 
 def objective_row(o: Objectives) -> FloatArray:
-    """(mission risk, collision risk, length and, where it is known, energy), what paths are compared by."""
+    """Mission risk, collision risk, length [m] and, where known, energy [J]: paths are compared by these."""
     return np.array([o.mission_risk, o.collision_risk, *o.costs])
 
 
@@ -155,7 +156,7 @@ class PlannedPath(Displayed):
     u : (T, 2) float
         Air-relative velocity [m/s].
     origin : str
-        Where it came from, e.g. ``tree 3 vertex 1207`` or ``smoothed, weight 100``.
+        How the path was made, e.g. ``tree 3 vertex 1207`` or ``smoothed, weight 100``.
     fixes : tuple of int
         Steps at which the plan counts on a position fix.
     order : str
@@ -197,7 +198,7 @@ class FailureRate:
     low, high : float
         95 % interval of the rate.
     runs : int
-        Number of flights, or of draws of another method.
+        Number of flights, weighted ones with importance sampling.
     method : str
         ``flights`` counts simulated flights; ``importance sampling`` weighs them (``simulation.importance``).
     """
@@ -222,12 +223,12 @@ class FailureRate:
 
     @property
     def failures(self) -> int:
-        """Number of flights that fail; with weighted flights, of as many plain ones."""
+        """Number of flights that fail; with weighted flights, ``failure`` times ``runs``, rounded."""
         return round(self.failure * self.runs)
 
     @property
     def sample(self) -> str:
-        """What the rate is from: ``20,000 flights``."""
+        """Number and kind of the flights of the rate: ``20,000 flights``."""
         return f"{self.runs:,} {SAMPLES[self.method]}"
 
     def __str__(self) -> str:
@@ -245,7 +246,7 @@ class Front(Displayed):
     Attributes
     ----------
     raw : tuple of Objectives
-        The front before refinement, for the record of what refinement brought.
+        The front before refinement, to show what refinement improved.
     hypervolume : float
         Share of the box between 0 and ``reference`` that the front dominates.
     reference : (2,) to (4,) float
@@ -253,10 +254,10 @@ class Front(Displayed):
     rates, raw_rates : tuple of FailureRate
         With ``flights``: the rate of each path and of each of ``raw``.
     failed : (P, n) bool
-        With ``flights``: which flights fail. All paths met the same winds, so that their rates compare better
-        than each of them is known.
+        With ``flights``: which flights fail. All paths meet the same winds, so a difference of two rates is
+        more precise than each rate.
     models : FidelityConfig
-        Those that the paths were planned with: every risk holds under their wind law.
+        Models that the paths were planned with: every risk holds under their wind law.
     """
 
     paths: tuple[PlannedPath, ...]
@@ -293,20 +294,21 @@ class Front(Displayed):
 
 @dataclass(frozen=True, slots=True)
 class Promise:
-    """What is said of a plan with ``fidelity.judge=flights``: how often fresh flights of it fail.
+    """Failure rate that is promised for a plan with ``fidelity.judge=flights``, from fresh flights of it.
 
     Attributes
     ----------
     rate : FailureRate
-        Of flights that neither the optimisation nor the choice has seen.
+        Rate of flights in winds that neither the optimisation nor the choice has used.
     claimed : FailureRate
-        Of the flights that judged the front.
+        Rate of the flights that judged the front.
     bound : float
         V + R, at most 1: the bound that guided the search.
     linearity : float
-        Largest standard deviation of the position over the wind's length scale there.
+        Largest ratio, along the path, of the position's standard deviation to the length scale of the wind
+        there.
     passed : bool
-        Whether the fresh flights leave the claim standing (``simulation.promise.claim_stands``).
+        Whether the claim is consistent with the fresh flights (``simulation.promise.claim_stands``).
     """
 
     rate: FailureRate
@@ -318,12 +320,12 @@ class Promise:
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Plan(Displayed):
-    """The path to fly, and what it was chosen by.
+    """The path to fly, and how it was chosen.
 
     Attributes
     ----------
     u_min, u_max : float
-        Airspeeds of the robot [m/s].
+        Least and largest airspeed of the robot [m/s].
     rule : str
         Rule of selection; ``weights`` are those of rule ``weighted``.
     rule_settings : mapping of str
@@ -333,7 +335,7 @@ class Plan(Displayed):
     capacity : float or None
         Energy that the robot can use [J]; None where it is not known.
     covered, not_covered : str
-        What the probabilities cover of the wind's error, in words, and what not.
+        Sentences that say which parts of the wind's error the probabilities cover, and which not.
     """
 
     path: PlannedPath

@@ -1,4 +1,4 @@
-"""Importance sampling of flights in plain NumPy: the readable road beside ``kernels.importance``.
+"""Importance sampling of flights in plain NumPy: the readable form of ``kernels.importance``.
 
 Here z is one vector of D = 2 + 2 T + 2 E P numbers, in the order start, white, innovations of the field.
 """
@@ -58,10 +58,10 @@ def half_space_directions(law: LinearLaw, weight: FloatArray) -> FloatArray:
 def proposal_density(
     reached: FloatArray, threshold: FloatArray, level: FloatArray, share: FloatArray, plain: float
 ) -> FloatArray:
-    """q/φ (n,), component by component.
+    """q/φ (n,), summed over the components of the mixture.
 
-    That of half-space j at level l has the probability p_jl and the density φ 1{ω_j' z >= s_l τ_j} / Φ(-s_l
-    τ_j).
+    The component of half-space j at level l has the probability p_jl and the density
+    φ 1{ω_j' z >= s_l τ_j} / Φ(-s_l τ_j).
 
         q/φ = α + Σ_l Σ_j p_jl 1{ω_j' z >= s_l τ_j} / Φ(-s_l τ_j),    p_jl = β_l Φ(-s_l τ_j) / Σ_k Φ(-s_l τ_k)
 

@@ -17,7 +17,7 @@ def live_bound(logic: Reading, entries: Mapping[int, float], p: int) -> float:
 def read_live_letter(
     logic: Reading, entries: Mapping[int, float], column: IntArray, seen: FloatArray, met: FloatArray
 ) -> dict[int, float]:
-    """Entries after one more letter; q itself and the states after letters that may be read are followed.
+    """Entries after one more letter: of each q itself and of the states after letters that may be read.
 
     ``column`` (L + 1,) of ``logic.delta`` for each label and, last, for none; ``seen`` (L + 1,) = P(label),
     ``met`` (H,) = P(hazard met).
@@ -40,7 +40,7 @@ def read_live_letter(
 def keep_live(
     logic: Reading, kind: IntArray, entries: Mapping[int, float], most: int, planned: int
 ) -> dict[int, float]:
-    """At most ``most`` entries: the one of V(``planned``), then by V + ``STEP_WORTH`` d_A, none needless."""
+    """At most ``most`` entries, none dominated: that of V(``planned``), then by V + ``STEP_WORTH`` d_A."""
     if len(entries) <= most:
         return dict(entries)
     order = sorted(entries, key=lambda q: (entries[q] + STEP_WORTH * logic.distance[q], q))

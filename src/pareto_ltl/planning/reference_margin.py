@@ -1,14 +1,15 @@
-"""The margin of a flight in plain NumPy, claim by claim and cell by cell, beside ``kernels.margin``.
+"""The margin of a flight in plain NumPy, claim by claim: the readable form of ``kernels.margin``.
 
-W_t(p) is the margin [m] of "after step t the state is at least as good as p". Before the first letter it is
-certain for q₀ and hopeless for every other claim; then, with S_t the segment to x_t,
+W_t(p) is the margin [m] of the claim "after step t the state is at least as good as p". Before the first
+letter it is +∞ for q₀ and -∞ for every other claim; then, with S_t the segment to x_t,
 
     W_t(p) = max_q min(W'_t(q), margin of {s : δ(q, s) ≥ p} at x_t),
     W'_t(q) = min(W_{t-1}(q), distance of S_t from every hazard that loses q),
 
-the hazards where S_t begins or ends left out, since they are read as letters of steps. The state of the
-flight itself is known, and as certain as the nearest hazard that harms it is from being missed, or met. The
-mission margin is the largest W_T(p) of an accepting p.
+without the hazards where S_t begins or ends, which are read as letters of steps. The state of the flight
+itself is known, so its W' is also at least the smaller of W_{t-1} of the state before and, over the hazards
+harmful in it, the distance by which S_t misses the hazard or the depth to which it meets it. The mission
+margin is the largest W_T(p) of an accepting p.
 """
 
 from __future__ import annotations
@@ -33,9 +34,10 @@ def flight_margin(problem: Problem, x: FloatArray) -> float:
 
 
 def segment_distance(polygon: FloatArray, start: FloatArray, end: FloatArray) -> float:
-    """Distance of a segment from a convex polygon [m]; where they meet, minus the depth to which they do.
+    """Distance of a segment from a convex polygon [m]; negative, minus the depth of overlap, where they meet.
 
-    Two convex sets are apart along a face of one of them, or not at all; a segment has its two normals.
+    Two disjoint convex sets are separated along a face of one of them; the faces of a segment are its two
+    sides.
     """
     normals = half_planes(polygon)[0]
     (east, north), length = end - start, float(np.linalg.norm(end - start))
@@ -59,7 +61,7 @@ def _distance(point: FloatArray, p: FloatArray, q: FloatArray) -> float:
 
 
 def path_clearance(problem: Problem, x: FloatArray) -> float:
-    """Least distance of the segments of ``x`` from obstacles and, where the border is a wall, from it."""
+    """Least distance [m] of the segments of ``x`` (T+1, 2) from obstacles and from a walled border."""
     clear = [
         segment_distance(obstacle, start, end)
         for obstacle in problem.decomposition.obstacles

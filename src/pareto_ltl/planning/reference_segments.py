@@ -1,4 +1,4 @@
-"""What is read on the way between steps, in plain NumPy: the readable road beside ``kernels.letters``."""
+"""Letters that are read between steps, in plain NumPy: the readable form of ``kernels.letters``."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pareto_ltl.support.arrays import FloatArray, IntArray
 if TYPE_CHECKING:
     from pareto_ltl.planning.problem import Problem
 
-INSIDE = 1e-6  # [m] a way that is not deeper in a cell does not meet it
+INSIDE = 1e-6  # [m] a segment that is less deep in a cell does not meet it
 
 
 def cells_on_the_way(problem: Problem, start: FloatArray, end: FloatArray) -> IntArray:
@@ -41,7 +41,7 @@ def state_on_the_way(problem: Problem, q: int, ends: FloatArray, cells: tuple[in
     ``cells`` are those of the ends, whose labels are letters of steps.
     """
     logic = problem.reading(step)
-    if problem.reading(step - 1).delta[q, cells[0]] != q:  # the formula counts steps
+    if problem.reading(step - 1).delta[q, cells[0]] != q:  # the state depends on the number of steps
         return q
     for met in cells_on_the_way(problem, *ends):
         if met not in cells and logic.harm[q, met]:
@@ -89,7 +89,7 @@ def meeting_bounds(problem: Problem, x: FloatArray, cov: FloatArray) -> FloatArr
 
 
 def _beyond(normal: FloatArray, offset: FloatArray, mean: FloatArray, cov: FloatArray) -> FloatArray:
-    """P(position not beyond each line), a step where it is known."""
+    """P(position not beyond each line), a step function where the variance is 0."""
     gap, sd = normal @ mean - offset, np.sqrt(np.einsum("ki,ij,kj->k", normal, cov, normal))
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.asarray(np.where(sd > 0, ndtr(-gap / sd), np.where(gap >= 0, 0.0, 1.0)), float)

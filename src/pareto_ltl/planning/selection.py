@@ -1,4 +1,4 @@
-"""From paths to the one that is flown: non-dominated front, then a rule (Section IV-D)."""
+"""The non-dominated front of paths (Section IV-D); ``selection_rules`` picks the plan from it."""
 
 from __future__ import annotations
 
@@ -40,11 +40,11 @@ def hypervolume(rows: FloatArray, reference: FloatArray) -> float:
 
 
 def chance_of_failures(failed: BoolArray, others: BoolArray) -> FloatArray:
-    """Chance of at least as many failures where another path succeeds, in the same winds, if equally safe.
+    """p value of the hypothesis that two paths fail equally often in the same winds, against the first.
 
-    Of the flights that only one of both survives, half are expected for each: the sign test (McNemar,
-    Psychometrika 12, 1947, doi:10.1007/BF02295996), exact and one-sided. Small values say that the first path
-    is worse. ``failed``, ``others`` (..., n); shape (...).
+    If both are equally safe, each fails in half of the flights that only one of them completes: the sign test
+    (McNemar, Psychometrika 12, 1947, doi:10.1007/BF02295996), exact and one-sided. A small value says that
+    the first path is worse. ``failed``, ``others`` (..., n); returns shape (...).
 
     Eq. (M49) of docs/mathematics_methods.md.
     """
@@ -54,9 +54,9 @@ def chance_of_failures(failed: BoolArray, others: BoolArray) -> FloatArray:
 
 
 def accepted_rows(forest: Forest) -> FloatArray:
-    """Objectives of every accepted vertex, in the order of ``forest.accepted``.
+    """Objectives of every accepted vertex, (A, 2 or 3), in the order of ``forest.accepted``.
 
-    The mission risk, at most 1, then the collision risk where the bound keeps one, then the length.
+    The mission risk, at most 1, then with the path bound the collision risk R, then the length [m].
     """
     columns = forest.mission_columns
     rows = [np.append(forest.trees[j].risk[v], forest.trees[j].length[v]) for j, v in forest.accepted]
@@ -70,9 +70,10 @@ def accepted_rows(forest: Forest) -> FloatArray:
 def tree_front(problem: Problem, forest: Forest) -> tuple[PlannedPath, ...]:
     """Non-dominated paths of the trees, by mission risk.
 
-    The front is taken in the objectives that every vertex knows. The paper's are mission risk and length,
-    collisions a constraint (Eqs. 8 and 9), and R is worked out for the members; under the path bound R is
-    one of them, and of the many members those are evaluated that differ by more than a few per cent.
+    The front is taken in the objectives that vertices store. With the step bound, as in the paper, these are
+    mission risk and length; collisions are a constraint (Eqs. 8 and 9), and R is computed for the members.
+    With the path bound R is an objective too, and only members that differ by more than a few per cent are
+    evaluated.
     """
     rows = accepted_rows(forest)
     if len(rows) == 0:
@@ -94,9 +95,9 @@ def _tree_path(forest: Forest, k: int) -> tuple[FloatArray, str]:
 
 
 def unlike_rows(rows: FloatArray) -> IntArray:
-    """Numbers of rows (V, R, length) of which no two are alike.
+    """Indices of rows (V, R, length) of which no two are alike, at most ``MOST``.
 
-    They are the safest of each box of 10 % risk and 1 % length.
+    They are the safest row of each box of 10 % risk and 1 % length.
     """
     boxes = np.column_stack([np.log(rows[:, :2] + RISK_FLOOR) / 0.1, np.log(rows[:, 2] + 1.0) / 0.01]).round()
     order = np.argsort(rows[:, :2].sum(axis=1), kind="stable")
@@ -112,8 +113,8 @@ def order_representatives(problem: Problem, forest: Forest) -> tuple[PlannedPath
     """For every mission order that some accepted path of the trees follows, the best such path.
 
     An order is the sequence of automaton states and labels at which the state changes. The front alone may
-    show but one of them, while another, smoothed, is better. R comes in
-    its looser form and may lie above delta: these paths are where smoothing begins.
+    contain only one of them, while another one is better after smoothing. R has its looser form and may lie
+    above delta: these paths are starts of smoothing.
     """
     rows, orders = accepted_rows(forest), _accepted_orders(problem, forest)
     best: dict[int, int] = {}
@@ -123,10 +124,10 @@ def order_representatives(problem: Problem, forest: Forest) -> tuple[PlannedPath
 
 
 def unlike_paths(problem: Problem, forest: Forest) -> tuple[PlannedPath, ...]:
-    """Accepted paths of the trees for flights to judge: no two of one mission order and of like length.
+    """Accepted paths of the trees for flights to judge: no two of the same mission order and similar length.
 
-    Lengths are alike within 2 %, or within more if ``MOST`` paths would not do; of paths that are alike, the
-    one with the least risk stands for all. R comes in its looser form.
+    Lengths are similar within 2 %, or within more if there were more than ``MOST`` paths; of similar paths
+    the one with the least risk is taken. R has its looser form.
     """
     rows, orders = accepted_rows(forest), np.array(_accepted_orders(problem, forest))
     if len(rows) == 0:
@@ -173,7 +174,7 @@ def build_front(
     Raises
     ------
     InfeasibleError
-        Where there is no path at all.
+        If there is no path.
     """
     paths = [*raw, *smoothed]
     if not paths:

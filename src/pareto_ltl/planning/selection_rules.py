@@ -1,7 +1,7 @@
 """Rules that pick the path to fly from the front (Section IV-D), one for each value of ``selection.rule``.
 
-What a path risks is its failure rate where flights judge (``front.rates``), and else its mission risk plus
-its collision risk, which bound it.
+The risk of a path is its failure rate if flights judge (``front.rates``), and otherwise the sum of its mission risk
+and its collision risk, which bounds it.
 """
 
 from __future__ import annotations
@@ -25,23 +25,23 @@ from pareto_ltl.support.extensions import known_kind
 from pareto_ltl.support.messages import shown_value
 
 LOG = logging.getLogger(__name__)
-WORSE = 0.025  # chance of so many more failures below which a path is not as safe as another
+WORSE = 0.025  # p value below which a path is not as safe as another
 
 
 @dataclass(frozen=True, slots=True)
 class SelectionRule:
-    """A rule, and what else the planner must know of it.
+    """A rule of selection, with its properties.
 
     Attributes
     ----------
     pick : callable
-        Takes the settings of the selection and a front that is not empty; returns the number of the path.
+        Takes the settings of the selection and a front that is not empty; returns the index of the path.
     reads : tuple of str
-        Settings that ``pick`` reads besides the weights; ``plan.json`` records them.
+        Settings that ``pick`` reads, without the weights; ``plan.json`` records them.
     names_one : bool
-        The rule names one path: it may need any energy, and there is no next choice.
+        The rule names one path: its energy is not limited, and there is no next choice.
     keeps_alpha : bool
-        The fresh flights of the plan must keep ``selection.alpha`` too.
+        The fresh flights of the plan must satisfy ``selection.alpha`` too.
     """
 
     pick: Callable[[SelectionConfig, Front], int]
@@ -55,7 +55,7 @@ class SelectionRule:
 
 
 def selection_rule(cfg: SelectionConfig) -> SelectionRule:
-    """The rule ``cfg.rule``, one of :data:`RULES` or of another package; such a function reads the options.
+    """The rule ``cfg.rule``, one of :data:`RULES` or of another package, where a plain function reads options.
 
     Raises
     ------
@@ -84,7 +84,7 @@ def choose_path(cfg: SelectionConfig, front: Front) -> PlannedPath:
     InfeasibleError
         If the rule accepts no path of the front.
     ConfigError
-        If a rule that another package adds returns no number of a path.
+        If a rule that another package adds does not return the index of a path.
     """
     number: object = selection_rule(cfg).pick(cfg, front)
     if not isinstance(number, int | np.integer) or not 0 <= number < len(front.paths):
@@ -99,8 +99,8 @@ def by_priority(_cfg: SelectionConfig, front: Front) -> int:
     """The least mission risk, then the least collision risk, then the shortest (the paper's rule).
 
     Where flights judge: the shortest of the paths that are as safe as the safest one. A path is as safe
-    unless it fails more often with a confidence of 97.5 %. All paths met the same winds, so that the flights
-    that only one of two survives tell them apart, also where the intervals of their rates overlap.
+    unless it fails more often with a confidence of 97.5 %. All paths meet the same winds, so the flights that
+    only one of two paths completes decide, even if the intervals of their rates overlap.
 
     Eq. (M49) of docs/mathematics_methods.md.
     """
@@ -115,8 +115,8 @@ def by_priority(_cfg: SelectionConfig, front: Front) -> int:
 def by_weights(cfg: SelectionConfig, front: Front) -> int:
     """The least g_w(ξ, λ) = Σ_j λ_j f_j, with length in units of the shortest path of the front.
 
-    A fourth weight is that of energy, in units of the least of the front.
-    Where flights judge, the failure rate stands for both risks and has the sum of their weights.
+    A fourth weight is that of energy, in units of the least energy of the front.
+    Where flights judge, the failure rate takes the place of both risks, with the sum of their weights.
 
     Eq. (M47) of docs/mathematics_methods.md.
     """
@@ -130,7 +130,7 @@ def by_weights(cfg: SelectionConfig, front: Front) -> int:
 
 
 def by_threshold(cfg: SelectionConfig, front: Front) -> int:
-    """The shortest path whose risk is at most ``cfg.alpha``: of a failure rate, its upper limit.
+    """The shortest path whose risk is at most ``cfg.alpha``; for a failure rate its upper limit counts.
 
     Raises
     ------
@@ -142,7 +142,7 @@ def by_threshold(cfg: SelectionConfig, front: Front) -> int:
 
 
 def by_energy(cfg: SelectionConfig, front: Front) -> int:
-    """The least energy of the paths whose risk is at most ``cfg.alpha``: of a failure rate, its upper limit.
+    """The least energy of the paths whose risk is at most ``cfg.alpha``; for a rate its upper limit counts.
 
     Raises
     ------
@@ -161,7 +161,7 @@ def by_energy(cfg: SelectionConfig, front: Front) -> int:
 
 
 def _safe_paths(cfg: SelectionConfig, front: Front) -> IntArray:
-    """Numbers of the paths whose risk is at most ``cfg.alpha``; InfeasibleError where there is none."""
+    """Indices of the paths whose risk is at most ``cfg.alpha``; raises InfeasibleError if there is none."""
     limits = np.array([rate.high for rate in front.rates]) if front.rates else _risks(front)
     safe = np.flatnonzero(limits <= cfg.alpha)
     if len(safe) == 0:
@@ -182,13 +182,13 @@ def _risk_name(front: Front) -> str:
 
 
 def _alpha_advice(least: float) -> str:
-    """The setting of alpha that accepts the risk ``least``; none does where it is 1 or more."""
+    """Advice to set alpha so that it accepts the risk ``least``; empty if that is 1 or more."""
     alpha = round_up(least)
     return f"set selection.alpha={alpha:g}, " if alpha < 1.0 else ""
 
 
 def by_knee(_cfg: SelectionConfig, front: Front) -> int:
-    """The path farthest below the chord of the front: beyond it, less risk costs the most length.
+    """The path farthest below the chord of the front: further reduction of risk costs much more length.
 
     Risk and length are scaled to 0..1 between the safest and the shortest path of the front, whose chord is
     the line x + y = 1 (Das, Structural Optimization 18, 1999, doi:10.1007/BF01195985). A front of fewer than
@@ -212,7 +212,7 @@ def by_length(cfg: SelectionConfig, front: Front) -> int:
     InfeasibleError
         If even the shortest is longer; the text gives its length.
     """
-    assert cfg.length is not None  # SelectionConfig sees to it
+    assert cfg.length is not None  # checked by SelectionConfig
     lengths, risks = _lengths(front), _risks(front)
     short = np.flatnonzero(lengths <= cfg.length)
     if len(short) == 0:
@@ -225,7 +225,7 @@ def by_length(cfg: SelectionConfig, front: Front) -> int:
 
 
 def by_number(cfg: SelectionConfig, front: Front) -> int:
-    """Path number ``cfg.point`` of the front, as ``front.csv`` counts.
+    """Path number ``cfg.point`` of the front, counted as in ``front.csv``.
 
     Raises
     ------
@@ -242,7 +242,7 @@ def by_number(cfg: SelectionConfig, front: Front) -> int:
 
 
 def _risks(front: Front) -> FloatArray:
-    """What each path risks, (P,): its failure rate, or the sum of both bounds."""
+    """The risk of each path, (P,): its failure rate, or the sum of both bounds."""
     if front.rates:
         return np.array([rate.failure for rate in front.rates])
     return np.asarray(_objective_rows(front)[:, :2].sum(axis=1), float)
@@ -272,7 +272,7 @@ RULES: dict[str, SelectionRule] = {
 
 
 def within_capacity(cfg: SelectionConfig, front: Front, model: EnergyModel | None) -> Front:
-    """``front`` without the paths that need more energy than the robot has; a rule that names one keeps all.
+    """``front`` without paths that need more energy than the robot has; unchanged for rules that name one path.
 
     Raises
     ------
@@ -301,7 +301,7 @@ def within_capacity(cfg: SelectionConfig, front: Front, model: EnergyModel | Non
 
 
 def part_of_front(front: Front, kept: Sequence[int]) -> Front:
-    """The front with the paths of the numbers ``kept`` alone."""
+    """The front with only the paths of the indices ``kept``."""
     return replace(
         front,
         paths=tuple(front.paths[k] for k in kept),

@@ -1,9 +1,9 @@
-"""What a robot does between two legs: one that turns on the spot, or an aircraft that banks.
+"""Turns between two legs: of a robot that turns on the spot, or of an aircraft that banks.
 
-A plan is flown by heading and airspeed, leg by leg. An aircraft that banks comes out of a turn beside and
-behind the place where one that turns on the spot would be, in every wind by the same vector: a reversal at
-55 m/s and 30° of bank displaces it by 2 km. Its orders are therefore worked out with the turn in them, so
-that each leg still ends where the plan expects it, later by the time that the turn loses.
+A plan is flown by heading and airspeed, leg by leg. After a turn, an aircraft that banks is beside and behind
+the place where a robot that turns on the spot would be, by a vector that does not depend on the wind: a
+reversal at 55 m/s and 30° of bank displaces it by 2 km. Its orders are therefore computed with the turn
+included, so that each leg still ends where the plan expects it, later by the time that the turn takes.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ from pareto_ltl.settings import RobotConfig
 from pareto_ltl.support.arrays import FloatArray
 
 GRAVITY = 9.80665  # [m/s²]
-ITERATIONS = 200  # of the fixed point of a leg
-MOST = math.radians(170.0)  # of a turn: by more, an autopilot that swings a little may turn the other way
-CLOSE = 1e-9  # [rad] at which it has settled
-PARTS = 32  # of a turn, for the distance from the planned line
+ITERATIONS = 200  # at most, of the fixed-point iteration of a leg
+MOST = math.radians(170.0)  # largest turn: in a larger one an autopilot may turn the other way
+CLOSE = 1e-9  # [rad] change of the angle at which the iteration has converged
+PARTS = 32  # points of a turn at which its distance from the planned line is computed
 
 
 class OrderedLegs(NamedTuple):
@@ -66,30 +66,31 @@ class Turns(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class TurnsOnTheSpot:
-    """Turns take neither time nor room: the orders are the controls of the plan."""
+    """Turns take neither time nor distance: the orders are the controls of the plan."""
 
     @property
     def acceleration(self) -> None:
-        """None: no turn."""
+        """None: turns on the spot have no radius."""
 
     def ordered(self, t: FloatArray, x: FloatArray, u: FloatArray, wind: FloatArray) -> OrderedLegs:  # noqa: ARG002
-        """The plan as it is."""
+        """The controls of the plan, unchanged."""
         return OrderedLegs(t, x, u, 0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True)
 class BankedTurns:
-    """Level turns at a constant bank φ, some time after the order.
+    """Level turns at a constant bank φ, which begin some time after the order.
 
     The heading stays for ``delay`` [s], in which the aircraft rolls, then changes at ω = g tan φ / V towards
-    that of the order, the shorter way round; V is the airspeed of the new leg. The first leg needs no turn.
+    the ordered heading, in the shorter direction; V is the airspeed of the new leg. The first leg needs no
+    turn.
 
     Attributes
     ----------
     bank : float
         φ [rad].
     delay : float
-        From the order to half of the bank [s].
+        Time from the order until half of the bank is reached [s].
     """
 
     bank: float
@@ -128,7 +129,7 @@ class BankedTurns:
         return self.acceleration / airspeed
 
     def _leg_to(self, way: complex, airspeed: float, heading: float, wind: complex) -> Leg | None:
-        """The shortest leg of this airspeed over ``way`` [m] from ``heading``; None if it has no room."""
+        """The fastest leg of this airspeed over ``way`` [m] from ``heading`` [rad]; None if there is none."""
         still = Leg(self, heading, airspeed, 0.0, wind)
         found = (_solved(still, way, side) for side in (1.0, -1.0))
         return min((leg for leg in found if leg is not None), key=lambda leg: leg.duration, default=None)
@@ -161,7 +162,7 @@ class Leg:
 
     @property
     def order(self) -> float:
-        """The heading that is ordered."""
+        """The ordered heading [rad]."""
         return self.start + self.angle
 
     @property
@@ -175,24 +176,24 @@ class Leg:
         return self._turning(self.busy) - self.busy * cmath.rect(self.airspeed, self.order)
 
     def heading(self, time: float) -> float:
-        """Direction of the nose ``time`` after the order."""
+        """Heading ``time`` [s] after the order [rad]."""
         turned = self.turns.rate(self.airspeed) * max(time - self.turns.delay, 0.0)
         return self.start + math.copysign(min(turned, abs(self.angle)), self.angle)
 
     def at(self, time: float) -> complex:
-        """Place ``time`` after the order, from its start [m]."""
+        """Displacement over ground until ``time`` [s] after the order [m]."""
         after = max(time - self.busy, 0.0)
         air = self._turning(time - after) + after * cmath.rect(self.airspeed, self.order)
         return air + time * self.wind
 
     def _turning(self, time: float) -> complex:
-        """Way through the air until ``time``, at most the end of the turn [m]."""
+        """Displacement through the air until ``time`` [s], which is at most the end of the turn [m]."""
         old, now = cmath.rect(1.0, self.start), cmath.rect(1.0, self.heading(time))
         rate = math.copysign(self.turns.rate(self.airspeed), self.angle)
         return self.airspeed * (min(time, self.turns.delay) * old + (now - old) / (1j * rate))
 
     def time_along(self, way: complex) -> float:
-        """Time after which it is as far along ``way`` as that is long [s]; 0 if it goes the other way."""
+        """Time at which the progress along ``way`` equals its length [s]; 0 if it leads the other way."""
         ahead = way.conjugate() / abs(way)
         progress = ((cmath.rect(self.airspeed, self.order) + self.wind) * ahead).real
         return ((way - self.displacement) * ahead).real / progress if progress > 0.0 else 0.0
@@ -232,12 +233,12 @@ def _solved(leg: Leg, way: complex, side: float) -> Leg | None:
 
 
 def _turned(heading: float, order: float, side: float) -> float:
-    """Angle from ``heading`` to ``order``: of one side, up to a little to the other, which is no circle."""
+    """Angle from ``heading`` to ``order`` [rad], turning to ``side``: from -π/2 to 3π/2 in that direction."""
     return side * ((side * (order - heading) + 0.5 * math.pi) % math.tau - 0.5 * math.pi)
 
 
 def _time_over(way: complex, airspeed: float, wind: complex) -> float:
-    """Shortest T with |way / T - wind| = airspeed [s]; inf where the wind forbids it."""
+    """Shortest T with |way / T - wind| = airspeed [s]; inf if the wind is too strong."""
     a, b, c = abs(way) ** 2, (way * wind.conjugate()).real, abs(wind) ** 2 - airspeed**2
     root = b * b - a * c
     if root < 0.0 or a == 0.0:

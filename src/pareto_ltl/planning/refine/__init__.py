@@ -1,4 +1,4 @@
-"""From tree paths to better ones (the only package that knows cvxpy).
+"""Refinement of tree paths (the only package that imports cvxpy).
 
 A tree path is feasible, but it is not straight and has more steps than it needs. With
 ``fidelity.refine=convex`` smoothing has three operations. *Pull* (``taut_lines``) draws a taut line through
@@ -7,8 +7,8 @@ with many corners are simplified (``search_map``). *Walk* divides a line into as
 since every step adds covariance. *Bend* (``convex``) solves one convex programme about the last iterate,
 propagates exactly, and repeats.
 
-With ``fidelity.refine=sampled`` the failure of common flights is minimised itself (``sampled``), from one
-start for each way to complete the mission (``starts``), at many lengths (``front_sweep``).
+With ``fidelity.refine=sampled`` the failure rate of common flights is minimised directly (``sampled``), from
+one start for each way to complete the mission (``starts``), at many lengths (``front_sweep``).
 
 ``planning.evaluate.evaluate_path`` checks every result like any other path.
 """

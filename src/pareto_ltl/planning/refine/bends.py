@@ -22,9 +22,9 @@ def bend_places(polygons: Sequence[FloatArray]) -> tuple[FloatArray, FloatArray]
 
 
 def _sharp_corners(polygons: Sequence[FloatArray]) -> tuple[FloatArray, FloatArray, IntArray]:
-    """:func:`bend_places`, and to which polygon each belongs.
+    """Result of :func:`bend_places`, and the index of the polygon of each corner.
 
-    Corners where a polygon goes straight on have none.
+    Corners with an angle of 180 degrees are left out.
     """
     corners, faces = np.vstack([np.empty((0, 2)), *polygons]), pack_faces(polygons)
     before = np.arange(len(corners)) - 1
@@ -40,10 +40,10 @@ def gap_places(
 ) -> tuple[FloatArray, FloatArray]:
     """Where a taut line may bend in a gap too narrow for the corners themselves: p and v of p + r v.
 
-    With the distance r to keep, the gap between two obstacles is the meeting of half planes ``c' x ≥ d + r``,
-    and a taut line bends where two of their rims cross: at p + r v for one pair of faces. Kept are the
-    crossings beside both obstacles and clear of all, for some r up to ``widest`` [m]. ``faces`` are those of
-    ``polygons``, and of half planes after them.
+    With the distance r to keep, the gap between two obstacles is the intersection of half planes
+    ``c' x ≥ d + r``, and a taut line bends where two of their rims cross: at p + r v for one pair of faces.
+    Returned are the crossings beside both obstacles and clear of all, for some r up to ``widest`` [m].
+    ``faces`` are those of ``polygons``, then single half planes.
     """
     at, grow = [np.empty((0, 2))], [np.empty((0, 2))]
     distances = widest * np.array(SHARES)
@@ -61,7 +61,7 @@ def gap_places(
 
 
 def _near_pairs(polygons: Sequence[FloatArray], count: int, widest: float) -> IntArray:
-    """Pairs (n, 2) of polygons that a place can be beside both of, and of each with each half plane.
+    """Pairs (n, 2) of polygons close enough for a place beside both, and pairs of a polygon and a half plane.
 
     A place beside a polygon lies in the outline that has moved outwards by ``BESIDE`` * ``widest``; a pair is
     near if the boxes around these outlines meet.
@@ -80,7 +80,7 @@ def _near_pairs(polygons: Sequence[FloatArray], count: int, widest: float) -> In
 
 
 def _face_pairs(ptr: IntArray, pairs: IntArray) -> Iterator[tuple[IntArray, IntArray, IntArray, IntArray]]:
-    """Pairs of faces of near polygons, ``PAIRS_AT_ONCE`` or a few more at once, and their polygons."""
+    """Pairs of faces of near polygons, about ``PAIRS_AT_ONCE`` at once, and their polygons."""
     counts = np.diff(ptr)[pairs].prod(axis=1)
     chunk = np.cumsum(counts) // PAIRS_AT_ONCE
     for number in np.unique(chunk):

@@ -1,4 +1,4 @@
-"""Problems as cvxpy states them, and as Clarabel takes them."""
+"""Convex problems in two forms: a cvxpy problem, and the cone programme that Clarabel solves."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Statement:
-    """A problem with its parameters, parametrised in a disciplined way, and the variables that are asked for.
+    """A parametrised problem (DPP), its parameters, and the variables whose values are wanted.
 
     Attributes
     ----------
@@ -43,9 +43,9 @@ class ConeForm:
     columns : tuple of slice
         Columns of each variable of the statement.
     cost : (n, p + 1) sparse
-        q from the parameters.
+        Gives q from the parameters.
     entries : (k, p + 1) sparse
-        The entries of A, column by column, from the parameters.
+        Gives the entries of A, column by column, from the parameters.
     offset : (rows of b that are not 0 for all parameters, p + 1) sparse
     indices, indptr : int arrays
         Places of the entries of A, as in a csc_array.
@@ -82,12 +82,11 @@ class ConeForm:
 
 
 def cone_form(stated: Statement) -> ConeForm:
-    """What cvxpy's canonicalisation makes of a problem.
+    """Canonicalise a problem with cvxpy, and order its rows for Clarabel.
 
-    Its tensor has a row for each entry of [A, b], column by column, and a column for each parameter. Nearly
-    all rows are empty: arrays as long as the tensor take 4 GB for 1,000 steps, so only filled rows are kept.
-    cvxpy's last reduction, which makes the solver's matrices, makes such arrays; :func:`solver_rows` does its
-    part.
+    The tensor of cvxpy has a row for each entry of [A, b], column by column, and a column for each parameter.
+    Nearly all rows are empty: arrays as long as the tensor take 4 GB for 1,000 steps, so only filled rows are
+    kept. The last reduction of cvxpy makes arrays of full length; :func:`solver_rows` replaces it.
     """
     import cvxpy as cp
     from cvxpy.lin_ops.lin_op import CONSTANT_ID
@@ -128,10 +127,10 @@ def cone_form(stated: Statement) -> ConeForm:
 
 
 def solver_rows(constraints: Sequence[Any]) -> tuple[IntArray, FloatArray]:
-    """Where Clarabel wants each row of cvxpy's cones, and the sign it wants it with, each (height,).
+    """Position and sign in Clarabel's order of each row of cvxpy's cones, both (height,).
 
-    Equations come with the other sign. cvxpy has all bounds t of the cones of a constraint and then all x of
-    t >= ‖x‖, Clarabel has cone after cone.
+    Equations have the opposite sign. For second-order cones t >= ‖x‖, cvxpy lists all t of a constraint and
+    then all x; Clarabel lists one cone after another.
     """
     from cvxpy.constraints import SOC, NonNeg, Zero
 
@@ -145,7 +144,10 @@ def solver_rows(constraints: Sequence[Any]) -> tuple[IntArray, FloatArray]:
                 [part.ravel() for part in np.split(within.reshape(cones, -1), [1], axis=1)]
             )
         elif not isinstance(constraint, NonNeg | Zero):
-            raise TypeError(f"no rows are known for constraints of {type(constraint).__name__}")
+            raise TypeError(
+                "constraints must be NonNeg, Zero or SOC to be ordered for Clarabel, "
+                f"got {type(constraint).__name__}"
+            )
         target.append(first + within)
         sign.append(np.full(size, -1.0 if isinstance(constraint, Zero) else 1.0))
         first += size

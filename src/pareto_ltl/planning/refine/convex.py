@@ -24,7 +24,7 @@ from pareto_ltl.planning.refine.taut_lines import FACE_MARGIN
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 
 FINEST = 1e-3  # smallest standard deviation that the risk model resolves, in full steps
-RELIEF = 50.0  # price of breaking a constraint by a full step; above every multiplier met
+RELIEF = 50.0  # penalty for violating a constraint by a full step; above every multiplier observed
 PIECES = (0.5, 1.0, 1.5, 2.0, 2.4, 2.8, 3.2, 3.6, 4.1)  # tangents of 1 - Φ for witnesses
 SURE_DEVIATIONS = 10.0  # standard deviations that count as certainty
 
@@ -117,8 +117,8 @@ def state_smoothing(shape: SmoothingShape) -> Statement:
                     χ_t  ≥ tangents of 1 - Φ at (c' x_t - d) / σ for the nearest faces
                     |x_t - x̄_t| ≤ trust,       x_t on the map,
 
-    and what :mod:`~pareto_ltl.planning.refine.risk_sharing` adds. Relief makes every instance feasible, so
-    that an iterate which breaks a constraint can be corrected.
+    and what :mod:`~pareto_ltl.planning.refine.risk_sharing` adds. Relief, a penalised slack variable of each
+    point, makes every instance feasible, so that an iterate which violates a constraint can be corrected.
 
     Eq. (M50) of docs/mathematics_methods.md.
     """
@@ -158,7 +158,7 @@ def state_smoothing(shape: SmoothingShape) -> Statement:
 def _motion_constraints(
     b_inv: Sequence[Sequence[float]], given: Mapping[str, Any], v: _Unknowns
 ) -> list[Any]:
-    """Airspeed of each step, largest and least; its length, the box of the trust region."""
+    """Constraints on airspeed and length of each step, the trust region, and the positions of witnesses."""
     import cvxpy as cp
 
     x, y = v.x, v.y
@@ -193,7 +193,7 @@ def _clearance_constraints(sharing: RiskSharing, given: Mapping[str, Any], v: _U
 
 
 def _witness_constraints(given: Mapping[str, Any], v: _Unknowns, faces: int) -> list[Any]:
-    """Where the mission is witnessed: inside the region, and the risk of missing it."""
+    """Constraints of witness steps: inside the region, and the model of the risk of missing it."""
     constraints = []
     for k in range(faces):
         s = given["b"][:, k] - _dot(given["a"], k, v.at[:, 0], v.at[:, 1])
@@ -205,7 +205,7 @@ def _witness_constraints(given: Mapping[str, Any], v: _Unknowns, faces: int) -> 
 
 
 def tail_tangents(points: Sequence[float], s: Any) -> list[Any]:
-    """Tangents of 1 - Φ, which is convex for s ≥ 0: their maximum is its model."""
+    """Tangents of 1 - Φ at ``points``: it is convex for s ≥ 0, and their maximum models it."""
     return [
         0.5 * math.erfc(m / math.sqrt(2)) - math.exp(-m * m / 2) / math.sqrt(2 * math.pi) * (s - m)
         for m in points
@@ -221,7 +221,12 @@ def bend_path(
     trust: float,
     shortest: float,
 ) -> FloatArray | None:
-    """One convex solve about the iterate ``x`` (T+1, 2)."""
+    """Solve the convex programme about the iterate ``x`` (T+1, 2) [m].
+
+    Returns the new positions (T+1, 2) [m], or None if there is no solution or more witnesses than in
+    ``model``. ``cov`` (T+1, 2, 2) [m²], ``weight`` λ of the risk, ``trust`` the half width of the trust
+    region [full steps], ``shortest`` L₀ [m].
+    """
     centre, unit, n = problem.scene.bounds.mean(axis=0), problem.reach, len(x)
     scaled = (x - centre) / unit
     todo = path_obligations(problem, x, cov)
@@ -247,9 +252,9 @@ def set_motion(model: Programme, problem: Problem, x: FloatArray) -> None:
 
 
 def separating(faces: kd.Faces, clearance: FloatArray) -> IntArray:
-    """For every step and obstacle the face of largest least ``clearance`` (T+1, F) at both ends, (T, m)."""
+    """For every step and obstacle the face with the most ``clearance`` (T+1, F) at the closer end, (T, m)."""
     both = np.minimum(clearance[:-1], clearance[1:])
-    # Where faces tie, as at a corner, the one that clears more in all goes first.
+    # Where faces tie, as at a corner, the one with the larger sum of both clearances is taken.
     both = both + 1e-6 * (clearance[:-1] + clearance[1:])
     largest = np.maximum.reduceat(both, faces.ptr[:-1], axis=1)
     rows = np.where(
@@ -297,10 +302,10 @@ def set_clearance(
 def tightest_planes(
     problem: Problem, x: FloatArray, cov: FloatArray, avoid: BoolArray
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, BoolArray]:
-    """Half planes that bound each point: normals (T+1, P, 2), and offsets, σ and clearance left (T+1, P).
+    """Half planes that bound each point: normals (T+1, P, 2); offsets, σ and remaining clearance (T+1, P).
 
-    Clearance is inf where there is no bound. The last array says which belong to the step that ends at the
-    point: those make up its collision risk.
+    Clearance is inf where there is no bound. The last array marks the half planes of barriers for the step
+    that ends at the point: its collision risk is their sum.
     """
     faces = problem.barriers
     sd = face_deviations(faces.normal, cov)
@@ -310,7 +315,7 @@ def tightest_planes(
     walls, asked = forbidden_polygons(problem, avoid)
     if not asked.shape[1]:
         return normal, offset, spread, left, before
-    # σ is 0, the mean alone decides, but where V is what the plan is judged by: it counts the risk of meeting
+    # σ is 0, so that only the mean matters, unless the plan is judged by V, which counts the risk of meeting
     # the cell.
     counted = isinstance(problem.world.mission, kd.Ordered) and isinstance(
         problem.world.collision, kd.PathBound
@@ -327,9 +332,9 @@ def tightest_planes(
 def _bounding_planes(
     problem: Problem, faces: kd.Faces, x: FloatArray, sd: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """The face of each of m polygons that separates the step to a point, then that of the step from it.
+    """The face of each of m polygons that separates the step to a point, then that for the step from it.
 
-    Normals (T+1, 2 m, 2), and offsets, σ and clearance left (T+1, 2 m), inf for the same face again.
+    Normals (T+1, 2 m, 2), and offsets, σ and remaining clearance (T+1, 2 m); inf if both are the same face.
     """
     m, t = len(faces.ptr) - 1, np.arange(len(x))[:, None]
     room = risk_sharing(problem).room(x @ faces.normal.T - faces.offset, sd, FINEST * problem.reach)
@@ -343,7 +348,7 @@ def _bounding_planes(
 def forbidden_polygons(problem: Problem, avoid: BoolArray) -> tuple[kd.Faces, BoolArray]:
     """Convex polygons around the cells to ``avoid`` (T+1, C), and at which steps to avoid each, (T+1, m).
 
-    Where many cells with one label are drawn as one shape, this is avoided while all of them are.
+    Where many cells with one label are merged into one shape, it is avoided at steps where all of them are.
     """
     polygons: list[FloatArray] = []
     asked = [np.zeros((len(avoid), 0), bool)]
@@ -361,12 +366,12 @@ def set_witnesses(
     model: Programme, problem: Problem, x: FloatArray, cov: FloatArray, witness: Sequence[tuple[int, int]], *,
     soft: bool,
 ) -> None:  # fmt: skip
-    """Regions that hold the position at a step; without ``soft`` their faces are only not crossed."""
+    """Set the regions that hold the position at witness steps; ``soft`` models the risk of a miss as well."""
     from scipy.special import ndtr
 
     faces, centre, unit = search_map(problem).witness, problem.scene.bounds.mean(axis=0), problem.reach
     pick = np.zeros((model.witnesses, model.steps + 1))
-    pick[:, 0] = 1.0  # a place left empty looks at the start and asks nothing
+    pick[:, 0] = 1.0  # an unused witness refers to the start and constrains nothing
     a, b = (
         np.zeros((model.witnesses, model.faces, 2)),
         np.full((model.witnesses, model.faces), SURE_DEVIATIONS),

@@ -1,4 +1,4 @@
-"""Where a taut line may go while it waits for one transition after another, and what is in the way."""
+"""Search space of a taut line: for each transition in turn, where the line may go, and the walls."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from pareto_ltl.support.arrays import FloatArray, IntArray
 from pareto_ltl.world.cells import inside_depth
 
 FACE_MARGIN = 2.0  # [m] kept from every face: larger than the solver's rounding error
-ANCHOR = 0.02  # how far from a region's rim towards its middle a line may touch it
+ANCHOR = 0.02  # least fraction of the way from a region's rim to its middle at which a line touches it
 SLIVER = 0.5  # of the depth of the deepest polygon: shallower ones are not worth a visit
 
 
@@ -26,8 +26,8 @@ SLIVER = 0.5  # of the depth of the deepest polygon: shallower ones are not wort
 class Stage:
     """Where a line may go while one transition is awaited: to ``places``, or to ``goals`` and on from there.
 
-    Both are numbers of places of the course; ``rest`` (G,) [m] is the way left from each goal without walls.
-    The line keeps its distance from the ``walls`` that are obstacles, and must not cross the others.
+    Both are indices of places of the course; ``rest`` (G,) [m] is the way from each goal to the end without
+    walls. The line keeps its distance from the ``walls`` that are obstacles, and must not cross the others.
     """
 
     places: slice
@@ -88,7 +88,7 @@ def mission_course(
 def _spoiling_polygons(
     problem: Problem, drawn: SearchMap, label: frozenset[str], state: int
 ) -> list[FloatArray]:
-    """Cells whose label spoils waiting for ``label`` in ``state``: they are walls as obstacles are."""
+    """Cells whose label leads from ``state`` to a worse one while ``label`` is awaited: they act as walls."""
     logic, atoms = problem.logic, set(problem.atoms)
     spoils = (~logic.covers[logic.delta[:, state, :-1], state]).any(axis=0)
     bad = {shown & atoms for shown, spoiling in zip(problem.labels, spoils, strict=True) if spoiling}
@@ -111,7 +111,7 @@ def _packed_walls(drawn: SearchMap, spoilers: Sequence[FloatArray]) -> Walls:
 def _anchors(drawn: SearchMap, label: frozenset[str], depth: float) -> FloatArray:
     """Points of the cells that show ``label``: corners and middles of edges, drawn towards the middle.
 
-    Of polygons that stand for one shape together, slivers along its rim have no middle of interest.
+    Where polygons together make one shape, slivers along its rim are left out.
     """
     group = drawn.shown[label]
     room = [float(inside_depth(polygon, polygon.mean(axis=0)[None])[0]) for polygon in group.within]

@@ -1,15 +1,15 @@
-"""The front of failure and length: sweeps of the length cap in the best classes of paths.
+"""The front of failure rate and length: sweeps of the length cap in the best classes of paths.
 
-Every start is polished cheaply, and the best classes once more, to see which lengths pay. From the longest of
-these the cap falls until no path holds it, and rises until a longer path fails no less. A level of the sweep
-begins with the best classes of the level before, in several numbers of steps from the fewest upwards. What
-nothing else beats is polished once more on more flights.
+Every start is polished cheaply, and the best classes once more, to find the lengths that reduce the failure
+rate. From the longest of these the cap falls until no path satisfies it, and rises until a longer path has no
+lower failure rate. A level of the sweep begins with the best classes of the level before, in several numbers
+of steps from the fewest upwards. The non-dominated paths are polished once more on more flights.
 
-Of a robot with a power curve, points of the front are also polished in more steps: at lower airspeeds a path
+For a robot with a power curve, points of the front are also polished in more steps: at lower airspeeds a path
 may take less energy.
 
-With a budget of time the sweeps end where most of it is spent; where some is left after them, paths of the
-front are varied and polished again until it is spent.
+With a time budget the sweeps end when most of it is spent. If some is left after them, paths of the front are
+varied and polished again until it is spent.
 """
 
 from __future__ import annotations
@@ -44,27 +44,27 @@ from pareto_ltl.support.budget import UNLIMITED, Budget
 from pareto_ltl.support.cores import cores
 from pareto_ltl.support.errors import InfeasibleError
 
-COARSE = (0.020, 0.007)  # widths of a first look, as shares of the map's size
-WARM = (0.008, 0.004)  # those of a step of a sweep
-FINE = (0.005, 0.003, 0.002)  # those of the last polish
-LOOSE = 1.1  # a start may become this much longer at first
-SPARE = (0, 1, 3)  # steps beyond the fewest that are tried
-HOPELESS = 0.7  # smoothed failure beyond which shorter paths are not looked for
-WORTH = 0.95  # of the failure before: more ends the rising sweep, where it happens twice
-SHORT = 0.87  # of its length, where a start is looked at once more
-FLIPPED = 2  # of the first candidates are tried on the other side of obstacles
-FLIP_EVERY = 3  # levels of the falling sweep between looks at other sides
-SECOND_LOOKS = 8  # classes that are looked at again to see where to begin
-PAYS = 0.95  # of the failure of a shorter path is worth a longer one to begin with
-RISING = 2  # classes of a level that the rising sweep goes on with
+COARSE = (0.020, 0.007)  # widths τ of the first polish of a start, as shares of the map's size
+WARM = (0.008, 0.004)  # widths τ in a sweep
+FINE = (0.005, 0.003, 0.002)  # widths τ of the last polish
+LOOSE = 1.1  # factor by which the first polish may lengthen a start
+SPARE = (0, 1, 3)  # numbers of steps tried, beyond the fewest
+HOPELESS = 0.7  # smoothed failure above which candidates are dropped
+WORTH = 0.95  # two levels in turn with more than this share of the failure before end the rising sweep
+SHORT = 0.87  # length cap of the second polish of a start, as a share of its length
+FLIPPED = 2  # candidates that are tried on the other side of obstacles
+FLIP_EVERY = 3  # levels of the falling sweep between trials of other sides
+SECOND_LOOKS = 8  # classes that are polished again to find the length to begin at
+PAYS = 0.95  # a longer path is worth it if its failure is below this share of a shorter one's
+RISING = 2  # classes of a level that the rising sweep continues
 ROUND = 4  # points of a front that are varied between two reports
-MORE = (0, 1, 2, 3, 5, 8)  # steps beyond the fewest, where a budget is left
-BUMP = 0.03  # of the map's size: standard deviation of a bend
+MORE = (0, 1, 2, 3, 5, 8)  # numbers of steps beyond the fewest, tried in the rest of a budget
+BUMP = 0.03  # standard deviation of a random bend, as a share of the map's size
 
-SLOWER = (1.2, 1.45, 1.75)  # times the steps, where lower airspeeds may save energy
-ECONOMIC = 8  # points of a front that are tried slower, at most
+SLOWER = (1.2, 1.45, 1.75)  # factors on the number of steps, where lower airspeeds may save energy
+ECONOMIC = 8  # points of a front, at most, that are tried at lower airspeeds
 
-SWEEP_SHARE = 0.75  # of a budget is spent when the last polish begins
+SWEEP_SHARE = 0.75  # share of a budget after which only the last polish is left
 
 Progress = Callable[..., None]
 
@@ -73,7 +73,7 @@ Progress = Callable[..., None]
 class Sweep:
     """What all polishes of a front share.
 
-    The common ``flights``, the first ``few`` of them for rough looks, and the time they have.
+    The common ``flights``, the first ``few`` of them for the sweeps, and the time ``budget``.
     """
 
     cfg: RefineConfig
@@ -85,11 +85,11 @@ class Sweep:
 
     @property
     def over(self) -> bool:
-        """Whether nothing but the last polish is left to do."""
+        """Whether the share ``SWEEP_SHARE`` of the budget is spent: only the last polish is left to do."""
         return self.budget.over(SWEEP_SHARE)
 
     def polish_of(self, widths: Iterable[float], outer: int, inner: int) -> Polish:
-        """Widths in metres from shares of the map."""
+        """A polish whose ``widths`` are shares of the map's size."""
         size = float(np.ptp(self.problem.scene.bounds, axis=0).mean())
         return Polish(tuple(size * w for w in widths), outer, inner)
 
@@ -98,12 +98,12 @@ def sampled_paths(
     cfg: RefineConfig, problem: Problem, forest: Forest, flights: CommonFlights,
     progress: Progress | None = None, budget: Budget = UNLIMITED,
 ) -> tuple[PlannedPath, ...]:  # fmt: skip
-    """Paths of many lengths that few of the common ``flights`` fail on, shortest first.
+    """Paths of many lengths on which few of the common ``flights`` fail, shortest first.
 
     Raises
     ------
     InfeasibleError
-        Where there were starts and none became a path: what is wrong with the nearest.
+        If there were starts and none became a path; the message says what is wrong with the best one.
     """
     return planned_paths(
         problem, refine_front(cfg, problem, first_starts(problem, forest), flights, progress, budget)
@@ -116,7 +116,7 @@ def planned_paths(problem: Problem, found: Iterable[Candidate]) -> tuple[Planned
     Raises
     ------
     InfeasibleError
-        Where there are candidates and none of them is one.
+        If there are candidates and none of them is such a path.
     """
     paths, faults = list[PlannedPath](), list[tuple[Candidate, str]]()
     for k in found:
@@ -132,8 +132,8 @@ def planned_paths(problem: Problem, found: Iterable[Candidate]) -> tuple[Planned
     if faults and not paths:
         k, fault = min(faults, key=lambda row: row[0].smoothed)
         raise InfeasibleError(
-            f"of the lines that were refined, the nearest ({k.origin}, {k.length / 1e3:.1f} km, "
-            f"{k.steps} steps) cannot be flown: {fault}"
+            f"none of the refined paths can be flown; the best of them ({k.origin}, {k.length / 1e3:.1f} km, "
+            f"{k.steps} steps): {fault}"
         )
     return tuple(paths)
 
@@ -151,9 +151,9 @@ def refine_front(
     cfg: RefineConfig, problem: Problem, starts: Mapping[PathClass, Start], flights: CommonFlights,
     progress: Progress | None = None, budget: Budget = UNLIMITED,
 ) -> list[Candidate]:  # fmt: skip
-    """Candidates of many lengths, shortest first: none is longer than another that fails no more.
+    """Non-dominated candidates in length and smoothed failure, shortest first.
 
-    Behind them, with a power curve, slower ones that take less energy.
+    With a power curve, slower ones that take less energy follow them.
     """
     sweep = new_sweep(cfg, problem, flights, budget)
     told = _Teller(progress)
@@ -175,9 +175,10 @@ def refine_front(
 
 
 class _Teller:
-    """Reports how far a front has come, and what it is: least failure, its length, hypervolume.
+    """Reports the progress of a front: its least failure rate, the length of that path, its hypervolume.
 
-    The hypervolume is that of smoothed failure and length within 1 and twice the first front's longest.
+    The hypervolume is that of smoothed failure and length, up to 1 and twice the longest path of the first
+    front.
     """
 
     def __init__(self, progress: Progress | None) -> None:
@@ -199,7 +200,7 @@ class _Teller:
 
 
 def _finished_points(sweep: Sweep, pool: ThreadPoolExecutor, front: Sequence[Candidate]) -> list[Candidate]:
-    """Points along the front polished on all flights; those that no time is left for, as they are."""
+    """Points along the front polished on all flights; when time is up, the rest unchanged."""
     points = spread_points(front, sweep.cfg.points)
 
     def one(point: tuple[Candidate, float]) -> Candidate:
@@ -209,9 +210,9 @@ def _finished_points(sweep: Sweep, pool: ThreadPoolExecutor, front: Sequence[Can
 
 
 def _slower_points(sweep: Sweep, pool: ThreadPoolExecutor, found: Sequence[Candidate]) -> list[Candidate]:
-    """Points along the front polished in more steps, as far as they take less energy.
+    """Points along the front polished in more steps, those of them that then take less energy.
 
-    None without a power curve.
+    The list is empty without a power curve.
     """
     problem, energy = sweep.problem, sweep.problem.energy
     if energy is None or not found:
@@ -237,7 +238,7 @@ def _first_looks(
 ) -> list[Candidate]:
     """Every start polished cheaply at two lengths, and the best of them on the other side of obstacles.
 
-    The first start is looked at even where no time is left.
+    The first start is polished even when no time is left.
     """
     first = next(iter(starts.values()), None)
 
@@ -295,7 +296,7 @@ def _swept_down(sweep: Sweep, pool: ThreadPoolExecutor, seen: Sequence[Candidate
 
 
 def _second_looks(sweep: Sweep, pool: ThreadPoolExecutor, seen: Sequence[Candidate]) -> Iterable[Candidate]:
-    """The best classes polished again at their own lengths, to see where to begin."""
+    """The best classes polished again at their own lengths, to find the length cap to begin with."""
     how = sweep.polish_of(WARM, 1, 3)
 
     def again(k: Candidate) -> Candidate:
@@ -305,7 +306,7 @@ def _second_looks(sweep: Sweep, pool: ThreadPoolExecutor, seen: Sequence[Candida
 
 
 def _longest_worth(seen: Iterable[Candidate]) -> float:
-    """The longest length [m] at which more length still pays."""
+    """The longest length [m] of the front that reduces the failure by a factor ``PAYS`` or better."""
     front = front_of(seen)
     longest = front[0]
     for k in front[1:]:
@@ -317,7 +318,7 @@ def _longest_worth(seen: Iterable[Candidate]) -> float:
 def _swept_up(
     sweep: Sweep, pool: ThreadPoolExecutor, below: Sequence[Sequence[Candidate]]
 ) -> list[list[Candidate]]:
-    """The same at rising caps, from the levels ``below``, and on until longer paths fail no less."""
+    """The best classes at rising caps: the levels ``below``, then until longer paths do not fail less."""
     kept = [list(level) for level in reversed(below) if level]
     if not kept:
         return []
@@ -338,7 +339,7 @@ def _swept_up(
 def _polished_at(
     sweep: Sweep, pool: ThreadPoolExecutor, begun: Sequence[Candidate], cap: float, spare: Sequence[int]
 ) -> list[Candidate]:
-    """``begun`` polished at a length cap in several numbers of steps; those that keep within it."""
+    """``begun`` polished at a length cap in several numbers of steps; those within the cap are returned."""
     lines = [(k.flight.x, more, k.origin) for k in begun for more in spare]
     return _held(sweep, pool, lines, sweep.polish_of(WARM, 1, 3), cap)
 
@@ -346,7 +347,7 @@ def _polished_at(
 def _other_sides(
     sweep: Sweep, pool: ThreadPoolExecutor, made: Sequence[Candidate], cap: float
 ) -> list[Candidate]:
-    """The best of ``made`` on the other side of every near obstacle, where no other is of that class."""
+    """The best of ``made`` bent to the other side of every near obstacle, in classes not among ``made``."""
     best = sorted(made, key=lambda k: k.smoothed)[:1]
     new = _on_other_sides(sweep.problem, best, {path_class(sweep.problem, k.flight.x) for k in made})
     lines = [(start.x, 1, start.origin) for start in new]
@@ -357,7 +358,7 @@ def _held(
     sweep: Sweep, pool: ThreadPoolExecutor, lines: Sequence[tuple[FloatArray, int, str]], how: Polish,
     cap: float,
 ) -> list[Candidate]:  # fmt: skip
-    """Lines (means, steps beyond the fewest, origin) polished at a length cap; those that keep within it."""
+    """Lines (means, steps beyond the fewest, origin) polished at a length cap; returns those within it."""
 
     def one(line: tuple[FloatArray, int, str]) -> Candidate | None:
         if sweep.over:
@@ -383,9 +384,9 @@ def best_of_classes(problem: Problem, found: Iterable[Candidate], most: int) -> 
 def improved_fronts(
     sweep: Sweep, pool: ThreadPoolExecutor, front: Sequence[Candidate]
 ) -> Iterator[list[Candidate]]:
-    """Better and better fronts, until most of the budget is spent; none where there is no budget.
+    """Improved fronts, one after another, until most of the budget is spent; none without a time budget.
 
-    A round takes points all along the front. At its length cap each is polished again from its neighbours,
+    An iteration takes random points of the front. Each is polished again at its length, from its neighbours,
     from a line on the other side of an obstacle, in other numbers of steps, and from itself, bent at random.
     """
     rounds = count() if sweep.budget.seconds is not None and front else iter(())
@@ -413,7 +414,7 @@ def _varied(
 
 
 def _bent(sweep: Sweep, x: FloatArray, rng: np.random.Generator) -> FloatArray:
-    """A line with a bump of random place and size; its start stays, and so does the map's edge."""
+    """``x`` with a bump of random place and size; its start does not move, and it stays on the map."""
     low, high = sweep.problem.scene.bounds
     t = np.linspace(0.0, 1.0, len(x))
     bump = np.exp(-0.5 * ((t - rng.random()) / rng.uniform(0.03, 0.15)) ** 2) * np.minimum(t / 0.05, 1.0)
@@ -431,6 +432,6 @@ def _finished(sweep: Sweep, k: Candidate, cap: float) -> Candidate:
 
 
 def _fitting(problem: Problem, k: Candidate, cap: float) -> FloatArray:
-    """The means of ``k``, in fewer steps where a shorter length needs fewer."""
+    """The means of ``k``, in fewer steps if ``k`` is longer than the cap."""
     steps = k.steps if k.length <= KEPT * cap else max(2, round(k.steps * cap / k.length))
     return k.flight.x if steps == k.steps else resampled_means(problem, k.flight.x, steps)

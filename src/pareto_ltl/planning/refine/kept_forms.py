@@ -1,7 +1,7 @@
-"""Cone forms kept between runs: the next run needs no cvxpy, whose import and canonicalisation take 0.7 s.
+"""Cone forms cached between runs: the next run needs no cvxpy, whose import and canonicalisation take 0.7 s.
 
-A form is an archive of numbers and names in ``programmes/`` of the cache; its name is the fingerprint of all
-that it depends on. One that is damaged is made again.
+A form is an archive of numbers and names in ``programmes/`` of the cache; its file name is the fingerprint of
+all that it depends on. A damaged file is replaced.
 """
 
 from __future__ import annotations
@@ -25,21 +25,21 @@ from pareto_ltl.support.fingerprints import code_fingerprint, text_fingerprint
 
 LOG = logging.getLogger(__name__)
 PACKAGES = ("cvxpy", "clarabel", "scipy", "numpy")  # others may order rows and columns differently
-SPARSE = ("cost", "entries", "offset")  # the sparse arrays of a form ...
-PARTS = ("data", "indices", "indptr", "shape")  # ... and of what they consist
+SPARSE = ("cost", "entries", "offset")  # sparse arrays of a form
+PARTS = ("data", "indices", "indptr", "shape")  # arrays that make up each sparse array
 PLAIN = ("parameters", "indices", "indptr", "rows")
 CONES = ("ZeroConeT", "NonnegativeConeT", "SecondOrderConeT")
 
 
 def kept_form(content: str, state: Callable[[], Statement]) -> ConeForm:
-    """The form of the statement that ``state`` makes from ``content``, read if an earlier run has kept it."""
+    """The form of the statement that ``state`` makes from ``content``, read from the cache if it is there."""
     folder = forms_folder()
     path = folder / f"{edition()}-{text_fingerprint(content)[:32]}.npz"
     try:
         cache.make_private(folder)
         form = form_of(read_npz(path)) if path.is_file() else None
     except (OSError, DataError, ValueError, KeyError) as error:
-        LOG.info("%s is not used: %s", path, error)
+        LOG.info("the cached form %s cannot be read and is made again: %s", path, error)
         form = None
     if form is not None:
         cache.mark_used(path)
@@ -49,17 +49,17 @@ def kept_form(content: str, state: Callable[[], Statement]) -> ConeForm:
         write_npz(path, arrays_of(form))
         cache.trim_folder(folder, cache.cache_limit())
     except (OSError, DataError) as error:
-        LOG.info("%s is not kept: %s", path, error)
+        LOG.info("the form is not cached in %s: %s", path, error)
     return form
 
 
 def forms_are_kept() -> bool:
-    """Whether earlier runs have left forms that this code can use."""
+    """Whether the cache has forms that this code can use."""
     return any(forms_folder().glob(f"{edition()}-*.npz"))
 
 
 def forms_folder() -> Path:
-    """Where forms are kept."""
+    """Folder of the cached forms."""
     return cache.cache_root() / cache.FORMS_FOLDER
 
 
@@ -85,7 +85,7 @@ def arrays_of(form: ConeForm) -> dict[str, NDArray[Any]]:
 
 
 def form_of(arrays: Mapping[str, NDArray[Any]]) -> ConeForm:
-    """The form that ``arrays`` hold; KeyError or ValueError where they hold none."""
+    """The form in ``arrays``; raises KeyError or ValueError if they are not those of a form."""
     import clarabel
     from scipy.sparse import csr_array
 

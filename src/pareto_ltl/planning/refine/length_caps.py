@@ -1,4 +1,4 @@
-"""The front of polished candidates, and the length caps that it is polished at once more."""
+"""The front of polished candidates, and the length caps at which its points are polished once more."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ import numpy as np
 from pareto_ltl.planning.refine.sampled import Candidate
 
 SPACING = 1.03  # ratio of neighbouring length caps
-PLATEAU = 1.5  # levels between two paths of a front: more are a plateau
+PLATEAU = 1.5  # a gap of more levels than this between two paths of a front is a plateau
 KEPT = 1.002  # a path may exceed its cap by this factor
 
 
 def front_of(found: Iterable[Candidate]) -> list[Candidate]:
-    """Those that no other is shorter and fails less than, by length."""
+    """The candidates that are non-dominated in length and smoothed failure, shortest first."""
     kept: list[Candidate] = []
     for k in sorted(found, key=lambda k: (k.length, k.smoothed)):
         if not kept or k.smoothed < kept[-1].smoothed:
@@ -25,9 +25,9 @@ def front_of(found: Iterable[Candidate]) -> list[Candidate]:
 def spread_points(front: Sequence[Candidate], most: int) -> list[tuple[Candidate, float]]:
     """At most ``most`` length caps along the front, each with the path to begin with.
 
-    They are at even ratios. A gap between neighbours that is wider than a level of the sweep is a plateau,
-    where longer paths do not pay: no cap lies in it, and one on each side. The path to begin with fails least
-    of those that one step of the sweep is enough to shorten.
+    They are at even ratios. A gap between neighbours that is wider than ``PLATEAU`` levels of the sweep is a
+    plateau, where longer paths do not fail less: no cap lies in it, and one on each side. The path to begin
+    with has the lowest failure of those at most one level of the sweep longer than the cap.
     """
     if not front:
         return []

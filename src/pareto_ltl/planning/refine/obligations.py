@@ -1,4 +1,4 @@
-"""What the mission asks of each step of a path."""
+"""What the mission requires of each step of a path."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 
 @dataclass(frozen=True, slots=True)
 class Obligations:
-    """What the automaton asks of each step of a path.
+    """What the automaton requires of each step of a path.
 
     Attributes
     ----------
@@ -22,7 +22,7 @@ class Obligations:
     witness : tuple of (step, part)
         Convex parts of regions that hold the position at a step.
     avoid : (T+1, C) bool
-        Cells whose label would spoil the plan at a step, or on the way to it or from it.
+        Cells whose label would lead to a worse state at a step, or on the segment to it or from it.
     """
 
     q: IntArray
@@ -31,9 +31,10 @@ class Obligations:
 
 
 def path_obligations(problem: Problem, x: FloatArray, cov: FloatArray) -> Obligations:
-    """Read off what must hold for the means ``x`` (T+1, 2) to do what they do.
+    """What must hold at each step so that the automaton reads what it reads along the means ``x`` (T+1, 2).
 
-    A transition is moved to the safest step of the same visit if the automaton allows it.
+    A transition is moved to the safest step of the same visit if the automaton allows it. ``cov`` (T+1, 3)
+    holds xx, xy, yy [m²].
     """
     logic = problem.logic
     cell = problem.locate(x)
@@ -64,9 +65,9 @@ def completes(problem: Problem, x: FloatArray) -> bool:
 
 
 def _needed_parts(problem: Problem, t: int, before: int, after: int, cell: int) -> list[IntArray]:
-    """Convex parts of each region one of which must hold the position of step ``t``, in ``cell``.
+    """For each region that step ``t`` must be in, its convex parts, one of which must hold the position.
 
-    So that its letter leads from ``before`` to ``after``.
+    Then its letter leads from ``before`` to ``after``, as that of ``cell`` does.
     """
     logic, label = problem.reading(t), problem.labels[cell] if cell >= 0 else frozenset()
     if logic.covers[logic.delta[before, -1], after]:
@@ -83,10 +84,10 @@ def _needed_parts(problem: Problem, t: int, before: int, after: int, cell: int) 
 def _safest_parts(
     problem: Problem, x: FloatArray, missed: FloatArray, groups: list[IntArray]
 ) -> tuple[FloatArray, IntArray]:
-    """The part of each group that is missed least at each of ``x`` (n, 2), and their risks in all (n,).
+    """Sum (n,) of the risks of missing one part of each group at ``x`` (n, 2), and the parts (n, groups).
 
-    Parts that do not hold the mean are left out, and the risk is inf where none of a group is left; at the
-    first step the nearest part is then taken.
+    The part with the least risk ``missed`` (n, parts) is taken. Parts that do not hold the mean are left out,
+    and the risk is inf if none of a group is left; at the first step the nearest part is then taken.
     """
     slack, rows = _part_slack(problem, x), np.arange(len(x))
     risk, chosen = np.zeros(len(x)), np.empty((len(x), len(groups)), np.int64)
@@ -102,9 +103,10 @@ def _safest_parts(
 
 
 def _spoiling_cells(problem: Problem, q: IntArray, cell: IntArray) -> BoolArray:
-    """Cells whose label a path must not read at a step, or not meet on the way to or from it.
+    """Cells whose label a path must not read at a step, or not meet on the segment to or from it, (T+1, C).
 
-    Reading the first leads to no state as good as the planned one; ``cell`` (T+1,) are the planned ones.
+    Reading such a label leads to no state as good as the planned one ``q`` (T+1,); ``cell`` (T+1,) is
+    planned.
     """
     logic = problem.logic
     labelled = np.array([bool(label) for label in problem.labels], bool)
@@ -123,7 +125,7 @@ def _part_slack(problem: Problem, x: FloatArray) -> FloatArray:
 
 
 def _visits_missed(problem: Problem, x: FloatArray, cov: FloatArray) -> FloatArray:
-    """Eq. (6) of every region part, (T+1, parts)."""
+    """Bound (6) on the risk of missing every region part, (T+1, parts)."""
     from scipy.special import ndtr
 
     faces = problem.theorem2.faces

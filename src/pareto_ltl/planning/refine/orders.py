@@ -11,7 +11,7 @@ from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import PlannedPath
 from pareto_ltl.support.arrays import FloatArray
 
-BEGUN = 400  # unfinished orders of one length that are followed
+BEGUN = 400  # unfinished orders of one length that are extended
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,9 +24,9 @@ class MissionOrder:
 
 @dataclass(frozen=True, slots=True)
 class _Begun:
-    """An order not yet at its end: its labels, the states before them and the one after.
+    """An unfinished order: its labels, the states before them and the one after the last.
 
-    And about how long the way is, from the middle of one cell to the nearest of the next label [m].
+    ``length`` [m] estimates the way, from the middle of a cell to the nearest middle of the next label.
     """
 
     labels: tuple[frozenset[str], ...]
@@ -49,7 +49,7 @@ class _Begun:
 
 
 def mission_order(problem: Problem, path: PlannedPath) -> MissionOrder | None:
-    """The order in which ``path`` visits; None where a transition needs no region at all."""
+    """The order in which ``path`` visits regions; None if a transition needs no region."""
     before = np.concatenate([[problem.logic.initial], path.q[:-1]])
     turns = np.flatnonzero(path.q != before)
     cells = problem.locate(path.x[turns])
@@ -58,10 +58,10 @@ def mission_order(problem: Problem, path: PlannedPath) -> MissionOrder | None:
 
 
 def possible_orders(problem: Problem, most: int) -> list[MissionOrder]:
-    """Orders that the automaton allows, every transition one nearer to acceptance; ``most`` at most.
+    """Orders that the automaton allows, each transition closer to acceptance; ``most`` at most.
 
-    Trees find the order that suited their samples; another one may be better once smoothed. Where more than
-    ``BEGUN`` orders begin with as many labels, those of the shortest way are followed.
+    Trees find the orders that suit their samples; another one may be better after smoothing. Of more than
+    ``BEGUN`` unfinished orders of one length, those of the shortest way are extended.
     """
     logic, places = problem.logic, _label_places(problem)
     delta, start = helpful_delta(logic), problem.scene.start

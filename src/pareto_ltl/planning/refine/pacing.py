@@ -1,4 +1,4 @@
-"""Lines flown later: where a place opens after a robot at full speed would be there."""
+"""Delayed lines, for time windows that open after a robot at full speed would arrive."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ STOPS = 12  # places along a line at which a stop is tried
 
 
 def paced_line(problem: Problem, x: FloatArray) -> FloatArray:
-    """``x`` (T+1, 2) flown more slowly, or with a stop on the way, where only that completes the mission.
+    """``x`` (T+1, 2) flown more slowly, or with a stop on the way, if only that completes the mission.
 
-    Lines are walked at full speed, and may be at a place before it opens or where a window still forbids to
-    be. First the whole line is slowed down, as little as helps, then stops are tried, the shortest first.
-    Without time windows, and where nothing helps, ``x`` itself.
+    Lines are walked at full speed, and may arrive before a window opens, or while a region is still
+    forbidden. First the whole line is slowed down, as little as necessary; then stops are tried, the shortest
+    first. Without time windows, and if neither helps, ``x`` is returned.
     """
     if len(problem.logic.delta) == 1 or completes(problem, x):
         return x

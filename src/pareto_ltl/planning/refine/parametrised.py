@@ -18,14 +18,14 @@ TOLERANCE = 1e-6  # of the gap between primal and dual
 
 
 def import_early() -> None:
-    """Import cvxpy in a thread, unless earlier runs have left forms: they may be all that is needed."""
+    """Import cvxpy in a thread, unless the cache has forms, which may be all that is needed."""
     if not forms_are_kept():
         Thread(target=import_module, args=("cvxpy",)).start()
 
 
 @dataclass(slots=True)
 class ParametrisedProgramme:
-    """One problem, parametrised in a disciplined way, and the solver that keeps its symbolic factors.
+    """One parametrised problem (DPP), and the solver that keeps its symbolic factors.
 
     cvxpy canonicalises once (40 ms for 48 steps), in the first run that needs the problem. Its tensors then
     take the parameters to the entries of Clarabel's matrices in one sparse product (0.05 ms;
@@ -35,14 +35,14 @@ class ParametrisedProgramme:
     Attributes
     ----------
     state : callable
-        Makes the statement, from ``content`` alone.
+        Makes the statement, from the data in ``content`` only.
     content : str
-        All that the statement depends on besides its code; the form is kept on disk under it.
+        All that the statement depends on besides its code; the cached form is named after it.
     feasibility : float
         Tolerance of the constraints.
     scaled : bool
-        Whether Clarabel scales the problem. The scales are those of the first data: without them an answer
-        does not depend on what was solved before.
+        Whether Clarabel scales the problem. The scales come from the first data, so an answer then depends on
+        what was solved before.
     """
 
     state: Callable[[], Statement]
@@ -54,7 +54,7 @@ class ParametrisedProgramme:
 
     @property
     def form(self) -> ConeForm:
-        """The problem as Clarabel takes it; read or made at first use."""
+        """The problem in Clarabel's form; read or made at first use."""
         if self._form is None:
             self._form = kept_form(self.content, self.state)
         return self._form

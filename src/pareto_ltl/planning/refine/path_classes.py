@@ -1,4 +1,4 @@
-"""Which way a path goes: its mission order and, for every obstacle, the sides it passes on."""
+"""Homotopy classes of paths: mission order, and the side on which each obstacle is passed."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def path_word(obstacles: Sequence[FloatArray], x: FloatArray) -> tuple[int, ...]
 
 
 def reduced_word(word: tuple[int, ...], letters: tuple[int, ...]) -> tuple[int, ...]:
-    """``word`` followed by ``letters``, neighbours that are inverse to each other taken out."""
+    """``word`` followed by ``letters``, reduced: neighbours that are inverse to each other cancel."""
     for letter in letters:
         word = word[:-1] if word and word[-1] == -letter else (*word, letter)
     return word
@@ -63,9 +63,9 @@ def reduced_word(word: tuple[int, ...], letters: tuple[int, ...]) -> tuple[int, 
 def crossed_rays(
     obstacles: Sequence[FloatArray], start: FloatArray, end: FloatArray
 ) -> dict[int, tuple[int, ...]]:
-    """The letters of the rays to the north of the obstacles' middles that segments cross, in order.
+    """Letters of the rays that each segment crosses, in order; rays go north from the obstacles' middles.
 
-    Segment i leads from ``start[i]`` to ``end[i]``, (S, 2); those that cross none are left out.
+    Segment i leads from ``start[i]`` to ``end[i]``, (S, 2); segments that cross no ray are left out.
     """
     if not len(obstacles):
         return {}

@@ -15,12 +15,12 @@ from pareto_ltl.planning.problem import Problem
 from pareto_ltl.support.arrays import FloatArray
 
 ROWS = 3  # half planes that bound a point, the tightest ones
-KEPT = 1.4  # standard deviations that a line keeps where the programme asks for none
-SHARE = 0.995  # of epsilon planned with: tangents lie below the curve, and σ moves with the path
+KEPT = 1.4  # standard deviations that a taut line keeps from obstacles if risk is allocated
+SHARE = 0.995  # share of epsilon to plan with: tangents lie below the curve, and σ changes with the path
 
 
 class RiskSharing(Protocol):
-    """What a collision bound asks of the programme."""
+    """What a collision bound requires of the programme."""
 
     @property
     def columns(self) -> int:
@@ -42,7 +42,7 @@ class RiskSharing(Protocol):
         """The column of ``near`` that models half plane ``row``."""
 
     def room(self, gap: FloatArray, sd: FloatArray, finest: float) -> FloatArray:
-        """How far each point is from breaking a half plane, by which faces are chosen."""
+        """How far each point is from violating a half plane; the largest value chooses the face."""
 
     def parameters(self, n: int) -> dict[str, Any]:
         """Further parameters of a programme of ``n`` points."""
@@ -110,7 +110,7 @@ class AllocatedRisk:
 
     @property
     def deviations(self) -> float:
-        """No face has a distance of its own."""
+        """0: no face has a fixed distance."""
         return 0.0
 
     @property
@@ -151,7 +151,7 @@ class AllocatedRisk:
 
 
 def risk_sharing(problem: Problem) -> RiskSharing:
-    """How the collision bound of ``problem`` shares the risk of a step."""
+    """How the risk of a step is shared under the collision bound of ``problem``."""
     bound: CollisionBound = problem.world.collision
     return (
         AllocatedRisk(float(bound.epsilon)) if isinstance(bound, PathBound) else EqualShares(float(bound.z))

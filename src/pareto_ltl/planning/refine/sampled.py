@@ -1,7 +1,7 @@
-"""Sampled refinement: trust-region Newton on the failure of common flights.
+"""Sampled refinement: trust-region Newton on the failure rate of common flights.
 
-The deviations of n flights from the mean are held fixed for a few solves, then flown again. What is
-minimised is the smoothed failure
+The deviations of n flights from the mean are held fixed for a few solves, then simulated again. The objective
+is the smoothed failure
 
     mean_i σ(-m_i / τ),     τ falling from a share of the map to a few kilometres,
 
@@ -28,33 +28,34 @@ from pareto_ltl.planning.refine.step_programme import Descent, next_means
 from pareto_ltl.planning.refine.taut_lines import CAP
 from pareto_ltl.support.arrays import FloatArray, IntArray
 
-OVERLONG = 20.0  # price of a length above the cap, relative: it outweighs every failure
-SHORTENED = 0.985  # of the length so far is the least that one solve is asked for
-WIDER, NARROWER, NARROWEST = 1.5, 0.35, 0.01  # how the trust region follows success and failure
-INNER_GAIN, OUTER_GAIN = 1e-3, 5e-3  # of the failure: less ends the solves, and the roll-outs, of a width
-COUNTED = 8.0  # widths: flights with a larger margin count for less than 3e-4
-ALL = 0.9  # of the flights: more are not worth the time to copy their winds
+OVERLONG = 20.0  # penalty per relative length above the cap: more than any failure
+SHORTENED = 0.985  # one solve may shorten the path to this share of its length, not further
+WIDER, NARROWER, NARROWEST = 1.5, 0.35, 0.01  # factors of the trust region after a success or not; its least
+INNER_GAIN, OUTER_GAIN = 1e-3, 5e-3  # relative gain below which the solves, or the roll-outs, of a width end
+COUNTED = 8.0  # widths: a flight with a larger margin counts for less than 3e-4
+ALL = 0.9  # if more than this share of the flights counts, all are kept: copying winds takes longer
 LEAST_VALUE = 1e-6
-SLOWEST = 0.05  # of u_max: a leg against a stronger wind counts as flown at this ground speed
+SLOWEST = 0.05  # of u_max: least ground speed assumed for a leg against a strong wind
 
 
 class CommonFlights(Protocol):
-    """Flights that every plan meets the same winds in."""
+    """Flights in the same winds for every plan."""
 
     def positions(self, flight: Flight) -> FloatArray:
         """Positions (n, T+1, 2) [m] of the controls of ``flight``."""
 
     def only(self, rows: IntArray) -> CommonFlights:
-        """These flights alone."""
+        """The flights ``rows`` only."""
 
     def __len__(self) -> int: ...
 
 
 @dataclass(frozen=True, slots=True)
 class Polish:
-    """How hard to try.
+    """Effort of a refinement.
 
-    Widths τ [m] in turn, roll-outs a width, solves a roll-out, first trust region in full steps.
+    ``widths`` τ [m] in turn, ``outer`` roll-outs for each width, ``inner`` solves for each roll-out, and the
+    first ``trust`` region [full steps].
     """
 
     widths: tuple[float, ...]
@@ -65,7 +66,7 @@ class Polish:
 
 @dataclass(frozen=True, slots=True)
 class Candidate:
-    """A path that was polished: its flight, its length [m], its failure on the flights it was polished on."""
+    """A path after polishing: its flight, length [m], smoothed failure and failure rate on its flights."""
 
     flight: Flight
     length: float
@@ -94,7 +95,7 @@ class Refiner:
     # --- means and controls ---
 
     def flown(self, x: FloatArray) -> Flight:
-        """The flight along ``x`` (T+1, 2), its controls brought to the airspeeds to plan with."""
+        """The flight along ``x`` (T+1, 2) [m], its controls scaled into the airspeed limits if necessary."""
         problem = self.problem
         flight = propagate(problem, x)
         for _ in range(2):
@@ -108,9 +109,9 @@ class Refiner:
         return flight
 
     def slope(self, x: FloatArray, off: FloatArray, width: float, runs: int) -> tuple[Descent, FloatArray]:
-        """Smoothed failure of ``x`` + ``off`` (T+1, 2, n) among ``runs`` flights, and their margins (n,).
+        """Smoothed failure with derivatives of ``x`` + ``off`` (T+1, 2, n) of ``runs`` flights; margins (n,).
 
-        Flights that were left out have too large a margin to count.
+        The ``runs`` - n flights that are left out have margins too large to count.
 
         Eqs. (M54) and (M55) of docs/mathematics_methods.md.
         """
@@ -126,7 +127,7 @@ class Refiner:
     def polish(
         self, x: FloatArray, flights: CommonFlights, how: Polish, longest: float, origin: str = ""
     ) -> Candidate:
-        """The best that trust-region Newton makes of the means ``x`` (T+1, 2), at most ``longest`` [m]."""
+        """The result of trust-region Newton from the means ``x`` (T+1, 2), about ``longest`` [m] at most."""
         flight, near, runs = self.flown(x), flights, len(flights)
         for width in how.widths:
             flight, near = self._at_width(flight, near, runs, how, width, longest)
@@ -137,9 +138,9 @@ class Refiner:
     def _at_width(
         self, flight: Flight, near: CommonFlights, runs: int, how: Polish, width: float, longest: float
     ) -> tuple[Flight, CommonFlights]:
-        """Solves at one width.
+        """The flight after the solves at one width, and the flights that still count.
 
-        Flights that are too far from failing for as far as the path may move are left out from here on.
+        Flights with a margin larger than the path may move in the first solve no longer count.
         """
         trust = how.trust
         for turn in range(how.outer):
@@ -177,7 +178,7 @@ class Refiner:
 
 
 def _deviations(positions: FloatArray, x: FloatArray) -> FloatArray:
-    """What ``positions`` (n, T+1, 2) are off the means ``x`` (T+1, 2), (T+1, 2, n)."""
+    """Deviations (T+1, 2, n) of ``positions`` (n, T+1, 2) from the means ``x`` (T+1, 2)."""
     return np.ascontiguousarray(np.moveaxis(positions - x, 0, 2))
 
 
@@ -204,7 +205,7 @@ def steps_needed(problem: Problem, x: FloatArray) -> FloatArray:
 
 
 def resampled_means(problem: Problem, x: FloatArray, steps: int) -> FloatArray:
-    """The line of ``x`` (T+1, 2) walked in ``steps`` steps that each take the same share of the airspeed."""
+    """The line of ``x`` (T+1, 2) divided into ``steps`` steps that need the same share of the airspeed."""
     time = np.concatenate([[0.0], np.cumsum(steps_needed(problem, x) + 1e-6)])
     at = np.linspace(0.0, time[-1], steps + 1)
     return np.column_stack([np.interp(at, time, x[:, i]) for i in (0, 1)])

@@ -1,7 +1,7 @@
-"""The map as lines are searched on it: outlines with many corners give way to simpler ones.
+"""The map for the search of lines: outlines with many corners are replaced by simpler ones.
 
-A line is a proposal, and what comes of it is checked with the true outlines. So obstacles and cells that must
-not be met may be a little larger here, and cells that must be met a little smaller.
+A line is only a start: every path made from it is checked with the true outlines. So obstacles and cells to
+be avoided may be a little larger here, and cells to be visited a little smaller.
 """
 
 from __future__ import annotations
@@ -34,10 +34,10 @@ if TYPE_CHECKING:
 
 LOG = logging.getLogger(__name__)
 
-MANY_CORNERS = 16  # of an outline: only outlines with more are simplified
-MANY_CELLS = 64  # corners of all cells with one label: only with more are they united and simplified
-MAP_SHARE = 0.002  # of the size of the map: how far a simplified outline may lie from the true one
-UNION_GRID = 1e-9  # of the size of the map: corners of cells that are this close coincide
+MANY_CORNERS = 16  # only outlines with more corners are simplified
+MANY_CELLS = 64  # cells of one label are united and simplified only if they have more corners in all
+MAP_SHARE = 0.002  # of the size of the map: largest distance of a simplified outline from the true one
+UNION_GRID = 1e-9  # of the size of the map: corners of cells closer than this coincide
 
 Change: TypeAlias = "Callable[[shapely.Polygon, float], shapely.Geometry]"
 
@@ -49,11 +49,11 @@ class ShownCells:
     Attributes
     ----------
     cells : (n,) int
-        Their numbers.
+        Their indices.
     within, around : tuple of (k, 2) float
         Convex polygons inside the cells, and convex polygons that cover them.
     united : bool
-        Whether the polygons stand for the union of the cells; if not, they are the cells one by one.
+        Whether the polygons describe the union of the cells; if not, they are the cells themselves.
     """
 
     cells: IntArray
@@ -69,12 +69,12 @@ class SearchMap:
     Attributes
     ----------
     obstacles : tuple of (n, 2) float
-        They cover the obstacles.
+        Polygons that cover the obstacles.
     barriers : Faces
         The half planes of ``obstacles`` and, where the border is a wall, of its sides.
     shown : mapping of propositions to ShownCells
-        The labelled cells by what they show; those that only show propositions of no use to the mission are
-        under the empty set.
+        The labelled cells by the propositions of the mission that they show; cells that show only other
+        propositions are under the empty set.
     witness : Faces
         A polygon inside every convex part of ``problem.theorem2``.
     """
@@ -107,7 +107,7 @@ def _simplified_map(problem: Problem) -> SearchMap:
     witness = pack_faces([tally.convex_part(part) for part in parts])
     if tally.before:
         LOG.info(
-            "lines are searched past simplified outlines, %d corners instead of %d, at most %.3g m from the "
+            "the search of lines uses simplified outlines, %d corners instead of %d, at most %.3g m from the "
             "true outlines; every check uses the true ones",
             tally.after, tally.before, tally.farthest,
         )  # fmt: skip
@@ -161,7 +161,7 @@ class _Simplifier:
         return self.room.size
 
     def simpler(self, shape: shapely.Polygon, change: Change) -> shapely.Geometry:
-        """``shape`` after ``change``, or itself where that has no fewer corners."""
+        """``shape`` after ``change``, or ``shape`` itself if that does not reduce its corners."""
         tolerance = self.room.tolerance(shape, MAP_SHARE * self.size)
         found = change(shape, tolerance)
         before, after = corner_count(shape), corner_count(found)

@@ -1,4 +1,4 @@
-"""Smoothing as a whole: where to begin, iterations of bending, which results are kept."""
+"""Convex smoothing: its starts, the iterations of bending, and the choice of results."""
 
 from __future__ import annotations
 
@@ -34,16 +34,16 @@ from pareto_ltl.support.errors import InfeasibleError
 
 LOG = logging.getLogger(__name__)
 
-GAIN = 1e-4  # of the merit: less ends the iterations
-LONG = 1.25  # lines of this many times the fewest steps are not worth the solver's time
-ALIKE = 1e-3  # objectives that differ by less are the same
+GAIN = 1e-4  # relative gain of the merit below which the iterations end
+LONG = 1.25  # lines with more than this many times the fewest steps are not smoothed
+ALIKE = 1e-3  # relative difference below which objectives count as equal
 
 OptionalProgress: TypeAlias = Callable[[int, int], None] | None
 
 
 @dataclass(frozen=True, slots=True)
 class Start:
-    """Means to begin with, the mission order they follow and the tree path they come from."""
+    """Means (T+1, 2) [m] to begin with, their mission order, and how they were made."""
 
     x: FloatArray
     plan: MissionOrder | None
@@ -76,15 +76,15 @@ class SmoothingTask:
 def smooth_paths(
     cfg: SmoothingConfig, problem: Problem, paths: Sequence[PlannedPath], progress: OptionalProgress = None
 ) -> tuple[PlannedPath, ...]:
-    """Smoothed versions of ``paths``, every one flown and accepted, none dominated by another.
+    """Smoothed versions of ``paths``: feasible, accepted, and none dominated by another.
 
     Parameters
     ----------
     cfg : SmoothingConfig
-        ``candidates`` lines are smoothed at most, each once for every one of ``weights``: λ in
+        At most ``candidates`` lines are smoothed, each once with every λ of ``weights`` in
         ``length / shortest + λ (mission risk + collision risk)``.
     paths : sequence of PlannedPath
-        Accepted, by mission risk.
+        Accepted paths, sorted by mission risk.
     progress : callable
         Called with (lines done, lines in all).
     """
@@ -100,13 +100,13 @@ def smooth_paths(
 
 
 def _has_airspeeds(problem: Problem) -> bool:
-    """Whether controls within the convex limits of smoothing are fast enough; a warning where not."""
+    """Whether the convex limits of smoothing allow the least airspeed; warns if not."""
     motion = problem.motion
     if motion.u_min <= NARROWEST * CAP**2 * motion.u_max:
         return True
     LOG.warning(
-        "robot.u_min = %g m/s leaves convex smoothing no choice of airspeed below robot.u_max = %g m/s: "
-        "paths of trees stay as they are; fidelity.refine=sampled can refine them",
+        "robot.u_min = %g m/s is too close to robot.u_max = %g m/s for convex smoothing: paths of trees are "
+        "not smoothed; fidelity.refine=sampled can refine them",
         motion.u_min,
         motion.u_max,
     )
@@ -116,16 +116,16 @@ def _has_airspeeds(problem: Problem) -> bool:
 NEEDLESS: dict[str, Callable[[FloatArray, FloatArray], bool]] = {
     "bound": lambda other, row: bool((other <= row * (1 + ALIKE)).all()),
     "flights": lambda other, row: bool((np.abs(other - row) <= ALIKE * row).all()),
-}  # by judge: whether a path with the objectives ``other`` makes one with ``row`` needless
+}  # by judge: whether a path with the objectives ``other`` makes one with ``row`` redundant
 
 
 def worthwhile(
     problem: Problem, found: Sequence[PlannedPath], paths: Sequence[PlannedPath]
 ) -> tuple[PlannedPath, ...]:
-    """Those of ``found`` that bring something, with their final collision risk.
+    """The paths of ``found`` that are not redundant, with their final collision risk.
 
-    Where bounds judge, nothing else is as good to a thousandth in every objective. Where flights judge,
-    bounds tell little about which path is better, and only repetitions are left out.
+    With ``judge=bound``, a path is redundant if another is as good in every objective, within a thousandth.
+    With ``judge=flights``, bounds do not rank paths well, and only paths with equal objectives are left out.
     """
     makes_needless = NEEDLESS[problem.fidelity.judge]
     rows = [objective_row(p.objectives) for p in paths]
@@ -143,7 +143,7 @@ def worthwhile(
 
 
 def fitting_programme(problem: Problem, begun: Sequence[Start]) -> Programme:
-    """A programme that all starts fit into, in sizes rounded up so that they seldom change."""
+    """A programme large enough for all starts; its sizes are rounded up, so that they seldom change."""
     steps = max(len(start.x) for start in begun) - 1
     asked = (path_obligations(problem, start.x, propagate(problem, start.x).cov) for start in begun)
     witnesses = max(len(obligations.witness) for obligations in asked)
@@ -152,7 +152,7 @@ def fitting_programme(problem: Problem, begun: Sequence[Start]) -> Programme:
 
 
 def flown_path(problem: Problem, x: FloatArray) -> PlannedPath | None:
-    """The path along ``x`` if it is feasible and completes the mission."""
+    """The path along ``x`` (T+1, 2) if it is feasible and completes the mission; else None."""
     try:
         path = evaluate_path(problem, x, "", tight=False)
     except InfeasibleError:
@@ -174,8 +174,8 @@ def _alike(problem: Problem, one: Start, other: Start) -> bool:
 def taut_starts(cfg: SmoothingConfig, problem: Problem, paths: Sequence[PlannedPath]) -> list[Start]:
     """A taut line for every mission order, then the paths themselves, pulled and flown in the fewest steps.
 
-    Under uncertainty a taut line visits the middle of each region, since steps can be taken from a path
-    more easily than added.
+    Under uncertainty a taut line visits the middle of each region, since smoothing can remove steps from a
+    path more easily than add them.
     """
     depth = 1.0 if any(path.cov.any() for path in paths) else 0.0
     found: list[Start] = []
@@ -215,7 +215,7 @@ def bend_each(
     found: list[PlannedPath] = []
     for k, start in enumerate(begun):
         x = start.x
-        for weight in weights:  # the safest first: it needs the most steps, and its line the least change
+        for weight in weights:  # the safest first: it needs the most steps, and changes the line least
             path = improve(task, x, weight)
             if path is not None:
                 found.append(replace(path, origin=f"{start.origin}, smoothed at risk weight {weight:g}"))
@@ -226,7 +226,7 @@ def bend_each(
 
 
 def improve(task: SmoothingTask, x: FloatArray, weight: float) -> PlannedPath | None:
-    """Bend, then once more with the steps that this set free taken out; None where nothing flew."""
+    """Bend, then once more in the fewest steps of the result; None if no path was feasible."""
     best = iterate(task, x, weight)
     if best is None:
         return None
@@ -238,7 +238,7 @@ def improve(task: SmoothingTask, x: FloatArray, weight: float) -> PlannedPath | 
 
 
 def iterate(task: SmoothingTask, x: FloatArray, weight: float) -> PlannedPath | None:
-    """Bend and fly by turns until there is nothing to gain; the best that flew."""
+    """Bend and evaluate in turn until the merit does not improve; the best feasible path, else None."""
     best, value = None, math.inf
     for _ in range(task.cfg.rounds):
         y = task.bend(x, weight, task.cfg.trust)
@@ -260,7 +260,7 @@ def iterate(task: SmoothingTask, x: FloatArray, weight: float) -> PlannedPath | 
 
 
 def damped_path(problem: Problem, old: FloatArray, new: FloatArray) -> PlannedPath | None:
-    """The longest of a few steps from what flew towards what did not."""
+    """The first feasible path at 1/2, 1/4, 1/8 of the way from feasible to infeasible means; else None."""
     for s in (0.5, 0.25, 0.125):
         path = flown_path(problem, old + s * (new - old))
         if path is not None:

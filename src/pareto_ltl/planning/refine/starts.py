@@ -1,4 +1,4 @@
-"""Where the sampled refinement begins: a path for each mission order and each way past the obstacles."""
+"""Starts of the sampled refinement: a path for each mission order and each way past the obstacles."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ from pareto_ltl.support.arrays import FloatArray
 
 DISTANCES = (2.6, 2.0, 1.4, 1.1, 0.8, 0.4, 0.0)  # standard deviations that taut lines keep from obstacles
 ORDERS = 24  # mission orders that lines are drawn for
-CLASSES = 16  # classes of tree paths that are refined, those of least V + R
-FLIPPED = 0.15  # of the map's size: obstacles so near to a path may be passed on the other side
-BEYOND = 0.03  # of the map's size: how far on the other side
+CLASSES = 16  # classes of tree paths that are refined, those with the least risk
+FLIPPED = 0.15  # of the map's size: obstacles closer to a path than this are also passed on the other side
+BEYOND = 0.03  # of the map's size: distance from the obstacle on the other side
 
 
 @dataclass(frozen=True, slots=True)
 class Start:
-    """Means (T+1, 2) to begin with [m], and where they come from."""
+    """Means (T+1, 2) [m] to begin with, and how they were made."""
 
     x: FloatArray
     origin: str
@@ -38,7 +38,7 @@ class _Waiting(NamedTuple):
 
 
 def unlike_starts(problem: Problem, starts: Iterable[Start]) -> dict[PathClass, Start]:
-    """The first start of each class, of those that complete the mission."""
+    """Of the starts that complete the mission, the first of each class."""
     found: dict[PathClass, Start] = {}
     for start in starts:
         kind = path_class(problem, start.x)
@@ -91,7 +91,7 @@ def _vertex_classes(problem: Problem, tree: Tree) -> list[tuple[tuple[int, ...],
 
 
 def line_starts(problem: Problem) -> list[Start]:
-    """Taut lines of every order that the automaton allows, which keep several distances from obstacles.
+    """Taut lines of every order that the automaton allows, each at several distances from obstacles.
 
     The distances are in standard deviations of a robot that waits at the start for as long as the line takes.
     """
@@ -112,7 +112,7 @@ def line_starts(problem: Problem) -> list[Start]:
 
 
 def flipped_starts(problem: Problem, x: FloatArray, origin: str) -> list[Start]:
-    """``x`` (T+1, 2) bent past each near obstacle on its other side."""
+    """Copies of ``x`` (T+1, 2) [m], each bent to the other side of one near obstacle."""
     size = float(np.ptp(problem.scene.bounds, axis=0).mean())
     found = []
     for k, obstacle in enumerate(problem.decomposition.obstacles):

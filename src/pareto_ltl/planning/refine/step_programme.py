@@ -17,15 +17,13 @@ if TYPE_CHECKING:
     from pareto_ltl.kernels.path import Flight
     from pareto_ltl.kernels.step_solver import StepModel, Work
 
-RIDGE = (
-    1e-4  # curvature where no flight is near its limit, as a share of the failure, for a full step squared
-)
-NARROWEST = 0.99  # least airspeed of a programme, at most, as a share of its largest one
+RIDGE = 1e-4  # curvature added to that of the failure, relative to it, for a full step squared
+NARROWEST = 0.99  # upper limit of the least airspeed in a programme, as a share of the largest one
 
 
 @dataclass(frozen=True, slots=True)
 class Descent:
-    """What a step goes by: gradient (T+1, 2) [1/m], Hessian (T+1, 3) [1/m²] and value of the failure."""
+    """Local model for a step: gradient (T+1, 2) [1/m], Hessian (T+1, 3) [1/m²] and value of the failure."""
 
     gradient: FloatArray
     hessian: FloatArray
@@ -35,7 +33,7 @@ class Descent:
 def next_means(
     problem: Problem, flight: Flight, descent: Descent, trust: float, longest: float
 ) -> FloatArray | None:
-    """Means (T+1, 2) that the model prefers to those of ``flight``; None where the solver found none.
+    """Means (T+1, 2) [m] that minimise the model about those of ``flight``; None if the solver finds none.
 
     The programme, about the means x̄ and in full steps, is
 
@@ -62,7 +60,7 @@ def next_means(
 def step_model(
     problem: Problem, flight: Flight, descent: Descent, trust: float, longest: float
 ) -> StepModel:  # fmt: skip
-    """What the solver is given: lengths in full steps, speeds as shares of the largest one."""
+    """The input of the solver: lengths in full steps, speeds as shares of the largest one."""
     from pareto_ltl.kernels.step_solver import StepModel
 
     motion, unit, x, T = problem.motion, problem.reach, flight.x, len(flight.u)
@@ -91,7 +89,7 @@ def step_model(
 
 
 def blown_along(problem: Problem, flight: Flight) -> FloatArray:
-    """F_t = A + dt Dμ(x̄_t), (T, 2, 2): what each step makes of a small displacement."""
+    """F_t = A + dt Dμ(x̄_t), (T, 2, 2): the linear map of each step on a small displacement."""
     from pareto_ltl.kernels.wind_slopes import wind_slopes
 
     slopes = np.empty((len(flight.u), 2, 2))
@@ -119,15 +117,16 @@ def headings(flight: Flight) -> FloatArray:
 def least_speeds(problem: Problem, flight: Flight) -> FloatArray:
     """Least airspeed to plan with (T,), as a share of the largest one.
 
-    It is as far above the robot's as the cap is below the largest one. A robot with hardly any choice of
-    airspeed gets some in any case: its controls are brought to their limits when they are flown.
+    It is u_min with reserves, divided by ``CAP``, so that rounding leaves a margin. It is at most
+    ``NARROWEST`` of the largest airspeed, so that a robot with u_min close to u_max keeps a choice: its
+    controls are scaled into their limits afterwards.
     """
     least, most = airspeed_limits(problem, flight.speed)
     return np.asarray(np.minimum(least / CAP, NARROWEST * CAP * most) / problem.motion.u_max)
 
 
 def motion_values(problem: Problem, flight: Flight, size: int) -> dict[str, FloatArray]:
-    """F_t, g_t and the airspeed left; steps beyond the path stand still in still air."""
+    """F_t, g_t and the airspeed left, padded to ``size`` steps; added steps stay in place in still air."""
     motion, centre, unit = problem.motion, problem.scene.bounds.mean(axis=0), problem.reach
     x = flight.x
     T = len(x) - 1
@@ -151,7 +150,7 @@ def slowest_controls(problem: Problem, flight: Flight, F: FloatArray, g: FloatAr
     """Half planes of controls that are fast enough: ahead' x_{t+1} - behind' x_t ≥ floor, in full steps.
 
     They are û' B⁻¹ (x_{t+1} - F_t x_t - g_t) ≥ least airspeed with the rows B⁻¹ F_t of ``F`` (S, 4) and
-    B⁻¹ g_t of ``g`` (S, 2); nothing is asked beyond the path.
+    B⁻¹ g_t of ``g`` (S, 2); steps after the path are not constrained.
     """
     motion, T = problem.motion, len(flight.u)
     heading = np.zeros_like(g)

@@ -21,13 +21,13 @@ from pareto_ltl.planning.refine.orders import MissionOrder, mission_order, possi
 from pareto_ltl.planning.refine.search_map import search_map
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 
-CAP = 0.999  # share of u_max planned with: the wind is not quite linear over a trust region
+CAP = 0.999  # share of u_max to plan with: the wind is not exactly linear over a trust region
 
 
 def walk_line(problem: Problem, line: FloatArray) -> FloatArray | None:
     """Means (T+1, 2) along ``line`` (n, 2) through all its corners, in steps as long as the wind allows.
 
-    None where the wind is too strong, or known no longer.
+    None if the wind is too strong, or not known for so long.
     """
     motion = problem.motion
     x, last = [line[0]], problem.horizon
@@ -53,7 +53,7 @@ def _longest_share(motion: kd.Motion, x: FloatArray, goal: FloatArray, wind: Flo
 
 
 class Spread(Protocol):
-    """Places (T+1, 2) [m] that a line may bend at, and the covariance (T+1, 2, 2) [m²] at each step."""
+    """Places (T+1, 2) [m] where a line may bend, and the covariance (T+1, 2, 2) [m²] at each step."""
 
     @property
     def x(self) -> FloatArray:
@@ -75,8 +75,8 @@ def taut_line(
     step), and in regions. ``depth`` in [0, 1] says how deep into a region a visit goes: 0 the rim, 1 the
     middle. Polygons with many corners are simplified (:mod:`~pareto_ltl.planning.refine.search_map`).
 
-    The search is A* over the places of all transitions; the way left without walls is what it expects (Hart,
-    Nilsson and Raphael, 1968, doi:10.1109/TSSC.1968.300136). None where there is no line.
+    The search is A* over the places of all transitions; its heuristic is the way left without walls (Hart,
+    Nilsson and Raphael, 1968, doi:10.1109/TSSC.1968.300136). None if there is no line.
     """
     drawn = search_map(problem)
     sd = np.sqrt(np.maximum(np.linalg.eigvalsh(path.cov)[:, -1], 0.0))
@@ -125,7 +125,8 @@ class _LineSearch:
     def go_on(self, here: int) -> list[tuple[float, float, int]]:
         """Lengthen the line to ``here`` to every place where this makes the shortest one.
 
-        Returns the length of the whole line at least, the length so far, and the number of each place.
+        Returns for each place a lower bound on the length of the whole line, the length so far [m], its
+        index.
         """
         stage, x = self.course.stages[self.course.awaited[here]], self.where[here]
         own = stage.ahead
@@ -150,14 +151,14 @@ class _LineSearch:
 
 
 def _share_face(faces: kd.Faces, clear: BoolArray) -> BoolArray:
-    """Which rows of ``clear`` (P, F) have a face of every obstacle."""
+    """Which rows of ``clear`` (P, F) are true for some face of every obstacle."""
     if len(faces.ptr) == 1:
         return np.ones(len(clear), bool)
     return np.asarray(np.logical_or.reduceat(clear, faces.ptr[:-1], axis=1).all(axis=1), bool)
 
 
 def pull_taut(problem: Problem, x: FloatArray, cov: FloatArray, keep: Sequence[int], z: float) -> FloatArray:
-    """The shortest line through vertices of ``x`` (T+1, 2) from the first to the last past those in ``keep``.
+    """The shortest line through vertices of ``x`` (T+1, 2), with the first, the last and those in ``keep``.
 
     Vertices i < j may be joined if one face of every obstacle is cleared at both.
     """
