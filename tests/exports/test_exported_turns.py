@@ -68,5 +68,5 @@ def test_the_script_turns_at_the_bank_of_the_aircraft(flown: Flown, turning: Flo
 
 def test_the_files_say_what_turns_take(flown: Flown, turning: Flown) -> None:
     told = json.dumps(turning.json("plan.geojson"))
-    assert f"Turns lose {turning.exported.log.late:.0f} s" in told
-    assert "Turns lose" not in json.dumps(flown.json("plan.geojson"))
+    assert f"Turns take {turning.exported.log.late:.0f} s" in told
+    assert "Turns take" not in json.dumps(flown.json("plan.geojson"))

@@ -259,7 +259,7 @@ def test_a_path_whose_claim_is_too_good_is_passed_over(task, wind, front, caplog
     assert (
         "100 % (95 %: 99.26 to 100 %) of 500 flights in coherent winds fail, more than the 0 %" in caplog.text
     )
-    assert "of 1,500 flights that judged the front; the rule's next choice is looked at" in caplog.text
+    assert "of 1,500 flights that judged the front; the rule's next choice is tried" in caplog.text
 
 
 def test_where_every_claim_falls_the_plan_says_so(task, wind, front):
@@ -292,7 +292,7 @@ def test_a_threshold_holds_for_the_promise_and_not_for_the_claim_alone(task, win
     assert path is front.paths[0]
     assert promise.passed
     assert promise.rate.high > alpha
-    assert f"is above selection.alpha = {alpha:g}; the rule's next choice is looked at" in caplog.text
+    assert f"is above selection.alpha = {alpha:g}; the rule's next choice is tried" in caplog.text
     many = replace(cfg, alpha=1.05 * alpha, runs=20_000)
     assert promise_path(many, task, wind, front, SeedSequence(5))[1].rate.high <= many.alpha
 

@@ -1,10 +1,11 @@
-"""Corridors: where the robot is at a time, and where whole flights stay, with a given probability.
+"""Corridors that hold the position at a time, or whole flights, with a given probability.
 
-Both are ellipses around the expected positions, of the shape that the plan expects, whose size simulated
-flights decide. Of n flights, the k-th smallest size with k = ceil((n + 1) p) holds a fresh flight with a
-probability of at least p (order statistics of exchangeable draws; Vovk, Gammerman and Shafer, 2005).
+Both are ellipses around the expected positions. Their shape is that of the plan's covariance, and their size
+comes from simulated flights. Of n flights, the k-th smallest size with k = ceil((n + 1) p) holds a fresh
+flight with a probability of at least p (order statistics of exchangeable draws; Vovk, Gammerman and Shafer,
+2005).
 
-- At a time: at each step by itself, share p of all flights are inside its ellipse.
+- At a time: at each single step, share p of all flights are inside its ellipse.
 - Of whole flights: share p of all flights are inside the ellipse of every step, and, since they fly straight
   from step to step, never leave the convex hull of the ellipses at both ends of a leg.
 """
@@ -24,8 +25,8 @@ from pareto_ltl.simulation.flights import simulate_flights
 from pareto_ltl.support.arrays import FloatArray
 
 SHARES = (0.5, 0.9, 0.95, 0.99)
-FINEST = 1.0  # [m] added to the standard deviations: a place that is known exactly is a circle, too
-CORNERS = 36  # of the polygon around an ellipse: it is 0.4 % wider
+FINEST = 1.0  # [m] added (as a variance) so that a position known exactly has an ellipse too
+CORNERS = 36  # corners of the polygon around an ellipse, which is 0.4 % wider
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,13 +38,13 @@ class Corridor:
     law : str
         Wind law of the flights.
     runs : int
-        Number of flights that the sizes are from.
+        Number of flights from which the sizes are computed.
     shares : (L,) float
         The probabilities p.
     mean : (T+1, 2) float, cov : (T+1, 2, 2) float
         Expected positions [m] and their covariances [m²], of 1 m² at least.
     at_time : (L, T+1) float
-        Sizes at each step by itself.
+        Sizes at each single step.
     whole : (L,) float
         Sizes for whole flights.
     """
@@ -61,7 +62,7 @@ class Corridor:
         return ellipse_outlines(self.mean, self.cov, scale, CORNERS)
 
     def level(self, share: float) -> int:
-        """The number of ``share`` among the shares."""
+        """The index of ``share`` in ``shares``."""
         return int(np.flatnonzero(self.shares == share)[0])
 
 

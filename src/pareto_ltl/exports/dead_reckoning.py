@@ -18,7 +18,7 @@ COLUMNS = (
 
 
 def dead_reckoning_csv(exported: ExportedPlan) -> bytes:
-    """Positions, radius and ellipse are those at the leg's start, before the leg is flown."""
+    """The file; positions, radius and ellipse are those at the start of each leg."""
     log, text = exported.log, io.StringIO(newline="")
     table = csv.writer(text, lineterminator="\n")
     table.writerow(COLUMNS)

@@ -1,7 +1,7 @@
 """Lines and polygons of the plane as longitude and latitude, in WGS 84.
 
-Straight lines of the plane are not straight on other maps: points are added along them, so that no reader,
-whether it joins points on the sphere or on a sheet of degrees, is farther off than :data:`SAG`.
+Straight lines of the plane are not straight on other maps. Points are added along them, so that a reader that
+joins points by great circles or by straight lines in degrees deviates by at most :data:`SAG`.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ def crosses(lonlats: FloatArray) -> bool:
 
 
 def line_parts(line: FloatArray) -> list[FloatArray]:
-    """A line, cut where it crosses the 180th meridian, as GeoJSON wants it (RFC 7946, 3.1.9)."""
+    """A line, cut where it crosses the 180th meridian, as GeoJSON requires (RFC 7946, 3.1.9)."""
     import shapely
 
     if not crosses(line):
@@ -73,7 +73,7 @@ def line_parts(line: FloatArray) -> list[FloatArray]:
 
 
 def polygon_parts(rings: Sequence[FloatArray]) -> list[list[FloatArray]]:
-    """A polygon of closed ``rings``, the outline first, cut likewise: the rings of each part."""
+    """A polygon of closed ``rings``, the outline first, cut at the 180th meridian: the rings of each part."""
     import shapely
 
     if not any(map(crosses, rings)):
@@ -86,7 +86,7 @@ def polygon_parts(rings: Sequence[FloatArray]) -> list[list[FloatArray]]:
 
 
 def _unwrapped(line: FloatArray) -> FloatArray:
-    """Longitudes without jumps, the first one as it is."""
+    """The line with longitudes without jumps; the first one is unchanged."""
     return np.column_stack([np.rad2deg(np.unwrap(np.deg2rad(line[:, 0]))), line[:, 1]])
 
 

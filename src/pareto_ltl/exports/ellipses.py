@@ -6,8 +6,8 @@ import numpy as np
 
 from pareto_ltl.support.arrays import FloatArray
 
-ANGLES = 64  # of the quadrature over directions: exact to 1e-9 where no axis is below a tenth of the other
-HALVINGS = 60  # of the interval in which a radius is sought
+ANGLES = 64  # directions of the quadrature: error below 1e-9 if the axes differ by a factor below 10
+HALVINGS = 60  # bisections of the interval of a radius
 
 
 def axes_of(cov: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -38,7 +38,7 @@ def circle_radius(major: FloatArray, minor: FloatArray, share: float) -> FloatAr
 
 
 def ellipse_outlines(mean: FloatArray, cov: FloatArray, scale: FloatArray, corners: int) -> FloatArray:
-    """Polygons (..., corners, 2) [m], counter-clockwise, that just hold ellipses around ``mean`` (..., 2).
+    """Polygons (..., corners, 2) [m], counter-clockwise, that circumscribe ellipses around ``mean`` (..., 2).
 
     The ellipses are those of ``scale`` (...) standard deviations of ``cov`` (..., 2, 2).
     """

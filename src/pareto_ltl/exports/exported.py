@@ -1,4 +1,4 @@
-"""The one record that every format is written from."""
+"""The record from which every format is written."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Height:
 
 @dataclass(frozen=True, slots=True)
 class ExportedPlan:
-    """A plan on a map with a place on Earth, and all that the formats say about it.
+    """A plan on a map with a place on Earth, and all data of the formats.
 
     Attributes
     ----------
@@ -40,11 +40,11 @@ class ExportedPlan:
     corridor : Corridor
         Ellipses that hold positions and whole flights.
     held : FailureRate
-        How often the plan fails where an autopilot holds its positions (``robot.feedback=1``).
+        Failure rate of the plan if an autopilot holds its positions (``robot.feedback=1``).
     band : (float, float) or None
         Lowest and highest height of the flight above the WGS 84 ellipsoid [m], where they are set.
     feedback : float
-        ``robot.feedback`` of the plan; 0: it is flown without knowing the position.
+        ``robot.feedback`` of the plan; 0 if it is flown without knowledge of the position.
     turn : float or None
         Centripetal acceleration of turns [m/s²]; None for a robot that turns on the spot.
     """
@@ -67,13 +67,13 @@ class ExportedPlan:
         return self.scene.crs
 
     def flown_by(self) -> str:
-        """What a robot that keeps to the plan goes by."""
+        """How a robot follows the plan: by heading and airspeed, with fixes or feedback if it has them."""
         fixes = " and fixes at landmarks" if self.log.fixes else ""
         feedback = f" and feedback (robot.feedback={self.feedback:g})" if self.feedback > 0.0 else ""
         return f"by heading and airspeed{fixes}{feedback}"
 
     def sentences(self) -> tuple[str, ...]:
-        """What every format with room for text says: mission, how often it fails, what is not covered."""
+        """Sentences for every format that holds text: mission, failure rates, what they do not cover."""
         plan, promise = self.plan, self.plan.promise
         told = [f"Mission {plan.formula}."]
         if promise is not None:
@@ -84,9 +84,9 @@ class ExportedPlan:
         )
         if self.log.swing > 0.0:
             told.append(
-                f"Turns lose {self.log.late:.0f} s, which the times of the legs hold. They swing up to "
-                f"{self.log.swing:.0f} m from the straight lines between the positions, which failures leave "
-                "out."
+                f"Turns take {self.log.late:.0f} s, which the times of the legs include. They lead up to "
+                f"{self.log.swing:.0f} m away from the straight lines between the positions, which the "
+                "failure rates leave out."
             )
         if plan.not_covered:
             told.append(f"Not covered: {plan.not_covered.rstrip('.')}.")
@@ -100,7 +100,7 @@ def _rate_words(rate: FailureRate) -> str:
 def exported_plan(
     cfg: ExportsConfig, name: str, level: str, problem: Problem, plan: Plan, seed: SeedSequence
 ) -> ExportedPlan:
-    """What is exported of ``plan``, whose map must have a place on Earth; ``level`` is that of the flight."""
+    """The data to export of ``plan``; its map must have a place on Earth. ``level`` is that of the flight."""
     corridor_seed, held_seed = unspawned(seed).spawn(2)
     lower, upper = cfg.altitude_lower, cfg.altitude_upper
     return ExportedPlan(
@@ -123,7 +123,7 @@ def flown_level(settings: Settings) -> str:
 
 
 def height_of(level: str) -> Height:
-    """The height of a level; of a pressure that in the standard atmosphere (ISO 2533, up to 20 km)."""
+    """The height of a level; for a pressure, in the standard atmosphere (ISO 2533, up to 20 km)."""
     found = parse_level(level)
     if found.kind == PRESSURE and found.value < 22_632.0:  # the lower stratosphere, at 216.65 K throughout
         return Height(11_000.0 + 6_341.6 * math.log(22_632.0 / found.value), above_sea=True)

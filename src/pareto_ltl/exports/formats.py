@@ -35,15 +35,15 @@ MAKERS: dict[str, Callable[[ExportedPlan], bytes]] = {
     "netcdf": trajectory_netcdf,
     "f3548": operational_intent,
 }
-TIMED = ("netcdf", "f3548")  # formats that cannot do without times in UTC
-OUTLINED = ("geojson", "kml", "corridor")  # formats that draw areas in degrees, where a pole is no point
-POLE_MARGIN = 0.2  # of the size of the map, which corridors may leave
+TIMED = ("netcdf", "f3548")  # formats that need times in UTC
+OUTLINED = ("geojson", "kml", "corridor")  # formats with areas in degrees, which cannot contain a pole
+POLE_MARGIN = 0.2  # of the size of the map: corridors may reach beyond it
 
 
 def writable_formats(formats: Sequence[str], scene: Scene, t: FloatArray) -> tuple[tuple[str, ...], str]:
-    """Those of ``formats`` that can be written of a plan with times ``t`` (T+1,) [s], and why not the others.
+    """Those of ``formats`` that can be written for a plan with times ``t`` (T+1,) [s]; why not the others.
 
-    The reason is empty where all of them can.
+    The reason is empty if all of them can be written.
     """
     if scene.crs is None:
         return (), (

@@ -35,7 +35,7 @@ def plan_geojson(exported: ExportedPlan) -> bytes:
 
 
 def corridor_geojson(exported: ExportedPlan) -> bytes:
-    """For each share: an ellipse a step (``meaning`` at_time), then one area for whole flights."""
+    """For each share: one ellipse for each step (``meaning`` at_time), then one area for whole flights."""
     corridor = exported.corridor
     return _collection([*_ellipses(exported, corridor), *_tubes(exported, corridor)], exported)
 
@@ -100,7 +100,7 @@ def _tubes(exported: ExportedPlan, corridor: Corridor) -> Iterable[Feature]:
 
 
 def tube_rings(crs: str, corridor: Corridor, size: float) -> list[FloatArray]:
-    """The area of all ellipses of ``size`` and of the ways between them: outline, then holes [deg]."""
+    """The area of all ellipses of ``size`` and of the legs between them: outline, then holes [deg]."""
     import shapely
 
     outlines = corridor.outlines(np.full(len(corridor.mean), size))
@@ -143,7 +143,7 @@ def _polygon(rings: Sequence[FloatArray], about: Mapping[str, Any]) -> Feature:
 
 
 def _area(crs: str, outlines: Sequence[FloatArray], about: Mapping[str, Any]) -> Feature:
-    """The area of ``outlines`` (n, 2) [m] each, which may touch."""
+    """The area of ``outlines``, each (n, 2) [m], which may touch."""
     polygons = [[outline_degrees(crs, ring) for ring in rings] for rings in united_rings(outlines)]
     if len(polygons) == 1:
         return _polygon(polygons[0], about)
@@ -159,12 +159,12 @@ def _feature(kind: str, coordinates: Any, about: Mapping[str, Any]) -> Feature:
 
 
 def _plain_coordinates(nested: Any) -> Any:
-    """Arrays as lists; all numbers are finite, so that no look at each is needed."""
+    """Arrays as lists; all numbers are finite and are not checked."""
     return [_plain_coordinates(part) for part in nested] if isinstance(nested, list) else nested.tolist()
 
 
 def _collection(features: list[Feature], exported: ExportedPlan) -> bytes:
-    """What the plan promises stands beside the features."""
+    """The collection of ``features``; its description states the failure rates of the plan."""
     head = {"type": "FeatureCollection", "name": exported.name, "description": " ".join(exported.sentences())}
     return listed_json(head, "features", features)
 

@@ -11,7 +11,7 @@ NAMESPACE = "http://www.topografix.com/GPX/1/1"
 
 
 def plan_gpx(exported: ExportedPlan) -> bytes:
-    """One ``rtept`` a step, with its time where the map names a departure."""
+    """The file: one ``rtept`` for each step, with its time if the map names a departure."""
     log = exported.log
     root = Xml.Element("gpx", {"version": "1.1", "creator": "pareto_ltl", "xmlns": NAMESPACE})
     about = add(root, "metadata")

@@ -1,4 +1,4 @@
-"""How often a plan fails where an autopilot holds its positions, instead of its headings and airspeeds."""
+"""Failure rate of a plan if an autopilot holds its positions, instead of its headings and airspeeds."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import FailureRate, PlannedPath
 from pareto_ltl.simulation.flights import counted_rate, fly_pilot
 
-GAIN = 1.0  # robot.feedback of an autopilot that holds a course by position: back on it in one step
+GAIN = 1.0  # robot.feedback of an autopilot that holds positions: it returns to the course in one step
 
 
 def held_course_rate(problem: Problem, path: PlannedPath, runs: int, seed: SeedSequence) -> FailureRate:

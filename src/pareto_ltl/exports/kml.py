@@ -16,7 +16,7 @@ from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.world.shapes import united_rings
 
 NAMESPACE = "http://www.opengis.net/kml/2.2"
-TUBE = 0.95  # of whole flights stay in the area that is drawn
+TUBE = 0.95  # share of whole flights that stay in the area that is drawn
 STYLES = {  # line colour, its width, fill colour: aabbggrr
     "route": ("ff00a5ff", 3, None),
     "region": ("ff3c8c3c", 2, "503c8c3c"),

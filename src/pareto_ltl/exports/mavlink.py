@@ -1,7 +1,8 @@
-"""``mavlink_script.json``: what to send, and when, to an autopilot that flies by heading and airspeed.
+"""``mavlink_script.json``: messages, with their times, for an autopilot that flies by heading and airspeed.
 
-Each message is a MAVLink command; ``examples/send_mavlink.py`` sends them with pymavlink. Position estimates
-are to be filled in by whoever sees the landmark: what stands there is what the plan expects, no measurement.
+Each message is a MAVLink command; ``examples/send_mavlink.py`` sends them with pymavlink. The sender replaces
+the values of a position estimate by a measurement at the landmark: those in the file are only what the plan
+expects.
 """
 
 from __future__ import annotations
@@ -23,10 +24,10 @@ NAMES = {
 }
 AIRSPEED, HEADING = 0, 1  # SPEED_TYPE_AIRSPEED, HEADING_TYPE_HEADING
 AT_ONCE = 0.0  # acceleration that means no limit
-TURN = 5.0  # [m/s²] centripetal acceleration where robot.bank names none: a bank of 27 degrees
+TURN = 5.0  # [m/s²] centripetal acceleration if robot.bank is 0: a bank of 27 degrees
 GLOBAL, RELATIVE = 0, 3  # MAV_FRAME_GLOBAL, MAV_FRAME_GLOBAL_RELATIVE_ALT
 POSITION_FRAMES = {True: GLOBAL, False: RELATIVE}  # by whether heights are above mean sea level
-DEGREE = 1e7  # of x and y of COMMAND_INT
+DEGREE = 1e7  # units of x and y of COMMAND_INT in a degree
 
 
 def mavlink_script(exported: ExportedPlan) -> bytes:

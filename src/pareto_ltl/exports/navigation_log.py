@@ -24,7 +24,7 @@ class NavigationLog:
     Attributes
     ----------
     law : str
-        Wind law that the spreads of positions and winds hold under.
+        Wind law of the standard deviations of positions and winds.
     t : (T+1,) float
         [s since departure]
     x : (T+1, 2) float
@@ -34,11 +34,11 @@ class NavigationLog:
     lat, lon : (T+1,) float
         Expected positions.
     heading : (T,) float
-        Direction of the nose halfway along the leg, to be held along it; NaN at zero airspeed.
+        Heading halfway along the leg, to be held along it; NaN at zero airspeed.
     airspeed : (T,) float
         [m/s]
     track, distance : (T,) float
-        Direction at the leg's start and length [m] of the expected way over ground.
+        Direction at the leg's start and length [m] of the expected track over ground.
     wind : (T, 2) float
         Expected wind towards east and north [m/s].
     wind_from : (T,) float
@@ -51,11 +51,11 @@ class NavigationLog:
     azimuth : (T+1,) float
         Direction of the major axis, in [0, 180).
     radius : (T+1,) float
-        Of the circle around the expected position that holds 95 % of the positions at that time [m].
+        Radius of the circle around the expected position that holds 95 % of the positions at that time [m].
     fixes : tuple of int
         Steps at which the plan counts on a position fix.
     late : float
-        Time that turns lose [s].
+        Time that all turns take [s].
     swing : float
         Largest distance of the expected flight from the straight lines between the planned positions [m].
     """
@@ -85,17 +85,17 @@ class NavigationLog:
 
     @property
     def duration(self) -> FloatArray:
-        """Of each leg (T,) [s]."""
+        """Duration of each leg (T,) [s]."""
         return np.diff(self.t)
 
     @property
     def ground_speed(self) -> FloatArray:
-        """Expected, of each leg (T,) [m/s]."""
+        """Expected ground speed of each leg (T,) [m/s]."""
         return self.distance / self.duration
 
     @property
     def wind_speed(self) -> FloatArray:
-        """Of the expected wind of each leg (T,) [m/s]."""
+        """Speed of the expected wind of each leg (T,) [m/s]."""
         return np.asarray(np.hypot(self.wind[:, 0], self.wind[:, 1]), float)
 
 
@@ -104,7 +104,8 @@ def navigation_log(problem: Problem, path: PlannedPath) -> NavigationLog:
 
     The expected wind of a leg is that of the plan: with it, x' = A x + dt B u + dt w leads from one expected
     position to the next. For an aircraft that banks, headings, times and durations are those of
-    :mod:`pareto_ltl.planning.turns`: legs last longer by what a turn loses.
+    :mod:`pareto_ltl.planning.turns`: legs last longer by the time that their turn takes. Raises ValueError
+    for a map without a place on Earth.
     """
     from pyproj import Geod
 

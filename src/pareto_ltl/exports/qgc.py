@@ -1,7 +1,7 @@
 """``mission.plan``: waypoints and a geofence for QGroundControl, PX4 and ArduPilot.
 
-An autopilot flies such a mission by position, so the plan's promise does not hold for it: the file names the
-failure of the plan with ``robot.feedback=1`` beside the promise. Take-off and landing are left out.
+An autopilot flies such a mission by position, so the plan's promise does not hold for it: the file also
+states the failure rate of the plan with ``robot.feedback=1``. Take-off and landing are left out.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ WAYPOINT, CHANGE_SPEED = 16, 178  # MAV_CMD_NAV_WAYPOINT, MAV_CMD_DO_CHANGE_SPEE
 MISSION_FRAME = 2  # MAV_FRAME_MISSION
 KEEP_THROTTLE = -1
 ALTITUDE_MODES = {False: 1, True: 2}  # of QGroundControl: above the launch place, above mean sea level
-FENCE_SAG = 50.0  # [m] of the edges of the fence, of which autopilots hold few corners
-LEAST_CHANGE = 0.05  # [m/s] of airspeed that is worth an item
+FENCE_SAG = 50.0  # [m] error of the edges of the fence: autopilots store few corners
+LEAST_CHANGE = 0.05  # [m/s] least change of airspeed for which an item is written
 
 
 def mission_plan(exported: ExportedPlan) -> bytes:
-    """The file; waypoints are the expected positions from the end of the first leg on."""
+    """The file; waypoints are the expected positions at the end of each leg."""
     log, height = exported.log, exported.height
     content = {
         "fileType": "Plan",

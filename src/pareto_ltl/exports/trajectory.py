@@ -26,7 +26,7 @@ VARIABLES = {  # name: attribute of the log, standard name, unit, meaning
 
 
 def trajectory_netcdf(exported: ExportedPlan) -> bytes:
-    """The file; values of legs belong to the leg that begins at that time, the last ones are missing."""
+    """The file; values of a leg stand at the time at which it begins, so the last ones are missing."""
     import h5netcdf
 
     log, content = exported.log, io.BytesIO()

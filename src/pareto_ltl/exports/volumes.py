@@ -22,9 +22,12 @@ SHARE = 0.95  # of whole flights that stay in the volumes
 
 
 def operational_intent(exported: ExportedPlan) -> bytes:
-    """The file; ConfigError where the heights are not set."""
+    """The file; raises ConfigError if the heights are not set."""
     if exported.band is None:
-        raise ConfigError("f3548 needs exports.altitude_lower and exports.altitude_upper")
+        raise ConfigError(
+            "f3548 needs heights above the WGS 84 ellipsoid; set exports.altitude_lower and "
+            "exports.altitude_upper"
+        )
     corridor, log = exported.corridor, exported.log
     assert log.utc is not None
     size = corridor.whole[corridor.level(SHARE)]

@@ -17,7 +17,7 @@ def add(parent: Xml.Element, tag: str, text: str | None = None, **attributes: st
 
 
 def xml_bytes(root: Xml.Element) -> bytes:
-    """The file of ``root``, one element a line."""
+    """The file of ``root``, one element on each line."""
     Xml.indent(root)
     text: bytes = Xml.tostring(root, "utf-8")
     return b'<?xml version="1.0" encoding="UTF-8"?>\n' + text + b"\n"

@@ -1,1 +1,1 @@
-"""Simulated flights of plans: they judge the front, and say how often the plan fails."""
+"""Simulated flights of plans: they judge the front and estimate how often the plan fails."""

@@ -1,9 +1,9 @@
-"""An aircraft that is not ours: the Cessna 172 of JSBSim flies a dead-reckoning table with its own autopilot.
+"""An independent simulator: the Cessna 172 of JSBSim flies a dead-reckoning table with its own autopilot.
 
 JSBSim (Berndt, AIAA 2004-4923, doi:10.2514/6.2004-4923) integrates six degrees of freedom over the WGS 84
-ellipsoid. Its model ``c172x`` holds heading and height by itself; the throttle, which it leaves to its pilot,
-holds the airspeed here by a proportional-integral law. It receives a true heading, an airspeed and a time, as
-a navigator reads them from the table, and never where it is.
+ellipsoid. The autopilot of its model ``c172x`` holds heading and height; here a proportional-integral law of
+the throttle holds the airspeed. The aircraft receives a true heading, an airspeed and a time, as a navigator
+reads them from the table, and no position.
 """
 
 from __future__ import annotations
@@ -21,19 +21,19 @@ from pareto_ltl.support.errors import ConfigError, DataError
 
 MODEL = "c172x"
 FOOT = 0.3048  # [m]
-WIND_SECONDS = 1.0  # how often the aircraft meets the wind anew
-THROTTLE_SECONDS = 0.2  # how often its throttle moves
-PROPORTIONAL, INTEGRAL = 0.06, 0.003  # of the throttle: share for each m/s, and for each m/s and second
-SETTLED = 90.0  # time before departure in which the aircraft finds its heading, height and airspeed [s]
-CRUISE = 0.7  # share of the throttle to begin with
-LOST = 0.1  # share of the airspeed that may be missing or too much; beyond it the aircraft does not fly
+WIND_SECONDS = 1.0  # interval at which the wind is updated [s]
+THROTTLE_SECONDS = 0.2  # interval at which the throttle is updated [s]
+PROPORTIONAL, INTEGRAL = 0.06, 0.003  # gains of the throttle [1/(m/s)], [1/(m/s s)]
+SETTLED = 90.0  # time before departure in which heading, height and airspeed settle [s]
+CRUISE = 0.7  # initial throttle, of 1
+LOST = 0.1  # relative error of the mean airspeed above which the flight is not valid
 
 Air = Callable[[float, float, float], tuple[float, float]]  # t [s], lat, lon [deg] -> east, north wind [m/s]
 
 
 @dataclass(frozen=True, slots=True)
 class Orders:
-    """What the table tells the pilot, leg by leg.
+    """The orders of the table, leg by leg.
 
     Attributes
     ----------
@@ -55,9 +55,9 @@ class Orders:
 
 @dataclass(frozen=True, slots=True)
 class Track:
-    """Where an aircraft was at the end of every leg, the start first: ``lat``, ``lon`` (T+1,) [deg].
+    """Positions of an aircraft at the start and at the end of every leg: ``lat``, ``lon`` (T+1,) [deg].
 
-    ``airspeed`` (T,) [m/s] is the mean of each leg, ``climb`` [m] the largest error of the height.
+    ``airspeed`` (T,) [m/s] is the mean of each leg, ``climb`` [m] the largest error of the height at its end.
     """
 
     lat: FloatArray
@@ -67,7 +67,7 @@ class Track:
 
 
 def require_jsbsim() -> None:
-    """Raise ConfigError in one line where JSBSim is not installed."""
+    """Raise ConfigError if JSBSim is not installed."""
     from importlib.util import find_spec
 
     if find_spec("jsbsim") is None:
@@ -88,21 +88,21 @@ def read_orders(path: Path) -> Orders:
         legs = np.array([[float(row[name]) for name in names] for row in rows[:-1]])
         start = np.array([float(rows[0][name]) for name in ("lat_deg", "lon_deg")])
         if not (len(legs) and np.isfinite(legs).all() and (legs[:, 1:] > 0.0).all()):
-            raise ValueError("it holds no leg, or one without heading, airspeed and time")
+            raise ValueError("it has no leg, or a leg without heading, airspeed or time")
     except (IndexError, KeyError, TypeError, ValueError) as error:
-        raise DataError(f"{path}: no dead-reckoning table ({error}); export the plan again") from error
+        raise DataError(f"{path} is not a dead-reckoning table ({error}); export the plan again") from error
     return Orders(legs[:, 0], legs[:, 1], legs[:, 2], start)
 
 
 class Cessna:
-    """One aircraft in the air, ``SETTLED`` seconds before it begins its first leg.
+    """One aircraft in flight; it flies for ``SETTLED`` seconds before its first leg.
 
     Parameters
     ----------
     start : (lat, lon)
-        Where it is now [deg].
+        Its position at the beginning [deg].
     wind : (east, north)
-        Of the air around it at the end; it rises from calm [m/s].
+        Wind at the end of the ``SETTLED`` seconds, which begin in calm air [m/s].
     height : float
         Height to hold above the sea, which is the ground here [m].
     rate : float
@@ -159,7 +159,7 @@ class Cessna:
         self.turn_to(float(orders.heading[0]))
         rounds = round(SETTLED / self.tick)
         for k in range(rounds):
-            share = min(2.0 * k / rounds, 1.0)  # at once it would take the airspeed away
+            share = min(2.0 * k / rounds, 1.0)  # a sudden wind would change the airspeed by as much
             self.meet((share * wind[0], share * wind[1]))
             self.fly_on(float(orders.airspeed[0]))
 
@@ -175,7 +175,7 @@ class Cessna:
         self.node["heading"].set_double_value(heading % 360.0)
 
     def meet(self, wind: tuple[float, float]) -> None:
-        """Let a wind (east, north) [m/s] blow from here on."""
+        """Set the wind (east, north) [m/s]."""
         for key, value in zip(("east", "north"), wind, strict=True):
             self.node[key].set_double_value(value / FOOT)
 
@@ -183,7 +183,7 @@ class Cessna:
         """Move the throttle towards ``airspeed`` [m/s] and fly for ``tick`` seconds."""
         short = airspeed - self.read("airspeed") * FOOT
         wanted = CRUISE + self.whole + PROPORTIONAL * short
-        if 0.0 < wanted < 1.0:  # an integral that goes on at a stop would have to be undone
+        if 0.0 < wanted < 1.0:  # no integration at the stops of the throttle (anti-windup)
             self.whole += INTEGRAL * short * self.tick
         self.node["throttle"].set_double_value(min(max(wanted, 0.0), 1.0))
         for _ in range(self.rounds):
@@ -191,7 +191,7 @@ class Cessna:
 
 
 def fly_orders(orders: Orders, air: Air, height: float, rate: float) -> Track:
-    """Fly the whole table; the wind is asked for every second, where the aircraft then is.
+    """Fly the whole table; the wind at the position of the aircraft is updated every second.
 
     Raises
     ------
@@ -221,7 +221,7 @@ def fly_orders(orders: Orders, air: Air, height: float, rate: float) -> Track:
 
 
 def _departing(orders: Orders, air: Air, height: float, rate: float) -> Cessna:
-    """An aircraft that is settled when it comes past the start: it begins as far before as another came."""
+    """A settled aircraft at the start: a trial flight from there gives how far before it to begin."""
     lat, lon = (float(value) for value in orders.start)
     wind = air(0.0, lat, lon)
     north, east = Cessna(orders, (lat, lon), height, rate, wind).place
@@ -229,12 +229,12 @@ def _departing(orders: Orders, air: Air, height: float, rate: float) -> Cessna:
 
 
 def require_held(orders: Orders, flown: FloatArray, legs: int) -> None:
-    """Raise DataError where the mean airspeed of the flight is not that of the table."""
+    """Raise DataError if the mean airspeed differs from that of the table by more than ``LOST``."""
     weights = orders.duration / orders.duration.sum()
     wanted, found = float(orders.airspeed @ weights), float(flown @ weights)
     if not abs(found - wanted) <= LOST * wanted:
         raise DataError(
-            f"the {MODEL} of JSBSim flew {found:.1f} m/s where the {legs} legs of the table ask for "
+            f"the {MODEL} of JSBSim flew {found:.1f} m/s, but the {legs} legs of the table require "
             f"{wanted:.1f} m/s: plan for its airspeeds, e.g. robot=light_aircraft"
         )
 

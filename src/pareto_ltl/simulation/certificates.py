@@ -1,16 +1,16 @@
-"""Certificates: half planes that the positions of a flight keep to, and that make it succeed.
+"""Certificates: half planes such that a flight whose positions lie in them succeeds.
 
 A flight certainly succeeds if, for some choice of visits and of lines beside obstacles,
 
 - at the step of each visit the position lies in a convex polygon that shows its label,
 - both ends of every segment lie beyond one line that the obstacle does not cross: one of its faces, or a line
   that touches it and runs along the segment; so for hazards, cells whose letter leads away from acceptance,
-- where the border is a wall, no position lies beyond it.
+- if the border is a wall, no position lies beyond it.
 
-All of these are half planes n' x_t <= b. A flight that fails breaks at least one of them, so that the
-half planes beyond the lines cover all failures. Of the certificates of a flight, :func:`find_certificate`
-returns one that others near it are least likely to break: with d the distance of its position from a line,
-in standard deviations of the position, the sum of Φ(-d) over the lines of its visits is least.
+All of these are half planes n' x_t <= b. A flight that fails violates at least one of them, so the half
+planes beyond the lines cover all failures. Of the certificates of a flight, :func:`find_certificate` returns
+the one that flights near it are least likely to violate: with d the distance of its position from a line, in
+standard deviations of the position, the sum of Φ(-d) over the lines of its visits is least.
 """
 
 from __future__ import annotations
@@ -33,10 +33,10 @@ from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 from pareto_ltl.world.cells import half_planes
 
 Key: TypeAlias = tuple[float, ...]  # (step, face), or (step, normal, offset) of a line that touches
-NEAR = 3.0  # standard deviations; closer to an obstacle, lines along the segment are looked at
-FAR = 9.0  # standard deviations beyond which a line is not kept: it is broken with a chance of 1e-19
-LEAST_SD = 1e-3  # [m] of a position across a line, else it is known on which side it lies
-SHARED_AREA = 1e-6  # of a cell: less in common with a polygon is rounding
+NEAR = 3.0  # standard deviations: closer to an obstacle, lines along the segment are tried
+FAR = 9.0  # standard deviations: a line farther away is left out, its probability is 1e-19
+LEAST_SD = 1e-3  # [m] across a line: with less, the side of the position counts as known
+SHARED_AREA = 1e-6  # of a cell: a smaller intersection with a polygon is rounding error
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,18 +65,18 @@ class Lines:
 
 @dataclass(frozen=True, slots=True)
 class Landscape:
-    """What certificates of flights about one plan are made of.
+    """Polygons and automaton from which certificates of flights near one plan are made.
 
     Attributes
     ----------
     x : (T+1, 2) float, cov : (T+1, 2, 2) float
         Mean [m] and covariance [m²] of the position.
     normal : (F, 2) float, offset : (F,) float
-        Faces of all polygons, as lines that a position should keep to; ``sd`` (T+1, F) across them [m].
+        Faces of all polygons, as half planes for a position; ``sd`` (T+1, F) across them [m].
     shown : tuple of slice
         The faces of each convex polygon that shows a label.
     shunned, hazards, barriers : tuple of slice
-        The faces of each polygon to keep out of: a cell with a label, a hazard, an obstacle or a wall.
+        The faces of each polygon to stay out of: a cell with a label, a hazard, an obstacle or a wall.
     corners : tuple of (K, 2) float
         Corners of each hazard, then of each barrier [m]; a wall has none.
     edges : ClaimEdges
@@ -99,14 +99,14 @@ class Landscape:
     accepting: BoolArray
 
 
-# --- what there is to keep to ------------------------------------------------------------------
+# --- polygons and edges ------------------------------------------------------------------------
 
 
 def landscape(problem: Problem, x: FloatArray, cov: FloatArray) -> Landscape:
-    """The polygons and the automaton of ``problem``, seen from a plan.
+    """The polygons and the automaton of ``problem`` for certificates of flights near a plan.
 
-    The plan has means ``x`` (T+1, 2) [m] and covariances ``cov`` (T+1, 2, 2) [m²]. Barriers that it passes in
-    more than ``FAR`` standard deviations are left out.
+    The plan has means ``x`` (T+1, 2) [m] and covariances ``cov`` (T+1, 2, 2) [m²]. Barriers farther than
+    ``FAR`` standard deviations from it are left out.
     """
     logic, faces = problem.logic, problem.cells.faces
     labelled = [c for c, label in enumerate(problem.labels) if label]
@@ -161,9 +161,9 @@ def near_barriers(barriers: Faces, x: FloatArray, cov: FloatArray) -> list[int]:
 
 
 def shown_polygons(problem: Problem, labelled: Sequence[int]) -> tuple[list[FloatArray], list[list[int]]]:
-    """Convex polygons that show labels, each with its cells as numbers in ``labelled``.
+    """Convex polygons that show labels, each with its cells as indices into ``labelled``.
 
-    They are the cells with a label, and the convex parts of regions that several of these make up.
+    They are the cells with a label, and the convex parts of regions that consist of several such cells.
     """
     import shapely
 
@@ -181,12 +181,13 @@ def shown_polygons(problem: Problem, labelled: Sequence[int]) -> tuple[list[Floa
 
 
 def claim_edges(logic: Logic, labelled: Sequence[int], members: Sequence[Sequence[int]]) -> ClaimEdges:
-    """The edges between claims, less those that another one makes needless.
+    """The edges between claims, without redundant ones.
 
-    From q, a position in a polygon leads to p if the label of each of its cells c leads to a state as good
-    as p and c does not lose q; any position does if no label at all leads there and all cells are shunned
-    whose label does not. An edge is needless if another one of the same polygon leads to a claim that is as
-    good and that no more hazards lose, and shuns no more cells. Of equal edges the first is kept.
+    From q, a position in a polygon leads to p if the label of each of its cells c leads to a state as good as
+    p and c does not lose q; any position does if the empty label leads there and the position is outside all
+    cells whose label does not. An edge is redundant if another one of the same polygon leads to a claim that
+    is as good and that no more hazards lose, and has no more cells to avoid. Of equal edges the first is
+    kept.
 
     In automata of more than ``LIVE`` states the claims behind q are q itself and where labels lead to, as for
     margins of flights: tables of all pairs of claims for each label take 4 GB for 16,384 states.
@@ -210,7 +211,7 @@ def _add_edges(
     logic: Logic, e: int, labelled: Sequence[int], members: Sequence[Sequence[int]],
     rows: list[tuple[int, int, int]], shunned: list[IntArray],
 ) -> None:  # fmt: skip
-    """Append the edges of epoch ``e``: source, target and polygon, and the cells that each shuns."""
+    """Append the edges of epoch ``e``: source, target and polygon, and the cells that each avoids."""
     delta, loses, columns = logic.delta[e], logic.loses[e], [*labelled, -1]
     ever = np.concatenate(logic.loses, axis=1)
     for q in range(len(delta)):
@@ -220,7 +221,7 @@ def _add_edges(
         better = logic.covers[np.ix_(claims, claims)] & ~_exceeds(ever[claims])
         spoiling = (spoils & keeps).T
         nothing = np.zeros((len(claims), 0), bool)
-        # first, so that no line is asked for without need
+        # first: of equal edges the one without lines of a polygon is kept
         choices = [(-1, good[-1], spoiling)]
         for g, own in enumerate(members):
             choices.append((g, (~spoils[own] & keeps[own]).all(axis=0), nothing))
@@ -243,9 +244,10 @@ def _exceeds(table: BoolArray) -> BoolArray:
 
 
 def _needed(reached: IntArray, better: BoolArray, shuns: BoolArray) -> list[int]:
-    """Those of the claims ``reached`` that none of the others makes needless.
+    """Those of the claims ``reached`` that none of the others makes redundant.
 
-    ``better[p, q]``: claim p is worth as much as q; ``shuns`` (Q, C) are the cells that each has to shun.
+    ``better[p, q]``: claim p is at least as strong as q; ``shuns`` (Q, C) are the cells that each has to
+    avoid.
     """
     at_least = better[np.ix_(reached, reached)] & ~_exceeds(shuns[reached])
     first = np.arange(len(reached))[:, None] < np.arange(len(reached))
@@ -257,10 +259,10 @@ def _needed(reached: IntArray, better: BoolArray, shuns: BoolArray) -> list[int]
 
 
 def find_certificate(scape: Landscape, y: FloatArray, broken: Collection[Key]) -> Lines | None:
-    """Lines that the flight ``y`` (T+1, 2) [m] keeps to and that make it succeed; None where none are found.
+    """A certificate of the flight ``y`` (T+1, 2) [m]; None if none is found.
 
-    ``broken`` are keys of faces that may not be used: those that the flight is taken to break. Lines that
-    the plan itself keeps to by more than ``FAR`` standard deviations are left out.
+    ``broken`` are keys of faces that must not be used: the flight is assumed to violate them. Lines that are
+    more than ``FAR`` standard deviations from the plan itself are left out.
     """
     gap = (scape.offset - y @ scape.normal.T) / scape.sd
     for key in broken:
@@ -314,7 +316,7 @@ def _columns(rows: int, columns: Sequence[FloatArray]) -> FloatArray:
 
 
 def _chance(gap: FloatArray) -> FloatArray:
-    """Φ(-gap), inf where the line is not kept to."""
+    """Φ(-gap), inf where the position is beyond the line."""
     return np.where(gap > 0.0, ndtr(-gap), math.inf)
 
 
@@ -364,7 +366,7 @@ def _best_run(scape: Landscape, costs: ClaimCosts) -> IntArray | None:
 
 
 def _lines_of_run(scape: Landscape, gap: FloatArray, run: IntArray, hazards: Sequence[Way]) -> list[Piece]:
-    """What the edges of a run ask of the positions."""
+    """The lines that the edges of a run require."""
     edges, pieces = scape.edges, list[Piece]()
     epoch = step_epochs(edges.epoch, len(run))
     for t, edge in enumerate(run.tolist()):
@@ -384,7 +386,7 @@ def _lines_of_run(scape: Landscape, gap: FloatArray, run: IntArray, hazards: Seq
 
 
 def _gathered(scape: Landscape, pieces: Sequence[Piece]) -> Lines:
-    """The lines of all pieces, each once, less those that the plan keeps to by ``FAR`` or for certain."""
+    """The lines of all pieces, each once, without those at ``FAR`` or more from the plan or of known side."""
     if not pieces:
         return Lines(np.empty(0, np.int64), np.empty((0, 2)), np.empty(0), np.empty(0), ())
     step, normal, offset, face = (np.concatenate(columns) for columns in zip(*pieces, strict=True))

@@ -1,4 +1,4 @@
-"""Flights in winds that are drawn once, for plans that are compared or improved on the same winds."""
+"""Flights in winds that are drawn once, to compare or improve plans in the same winds."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class DrawnFlights:
     Attributes
     ----------
     seed : SeedSequence
-        Of the noise of position fixes.
+        Seed of the noise of position fixes.
     start : (n, 2) float
         Deviations of the start [m].
     draws : kernels.flight.Draws

@@ -2,18 +2,19 @@
 
 Deviations are e = M' z with z ~ N(0, I) in the law linearised about the plan, so that a half-space of them
 has the probability Φ(-τ). A certificate of the plan (:mod:`pareto_ltl.simulation.certificates`) gives a first
-set that covers all failures: beyond each of its lines. Such a half-space can be far too large: a flight that
-misses a region at one step may visit it at another. It is then divided:
+set that covers all failures: the half-space beyond each of its lines. Such a half-space can be far too large:
+a flight that misses a region at one step may visit it at another. It is then divided:
 
-1. The most likely half-space H is taken. If even its centre of mass, the flight E[e | H], has a certificate
-   with other lines, then a flight in H fails only if it also breaks one of those.
-2. H is replaced by its intersections with the half-spaces beyond them. An intersection of two half-spaces
-   lies in one whose boundary touches it at its point nearest to the origin, and that one takes its place.
+1. The most likely half-space H is taken. If its centre of mass, the flight E[e | H], has a certificate with
+   other lines, then a flight in H fails only if it also violates one of those.
+2. H is replaced by its intersections with the half-spaces beyond them. Each intersection of two half-spaces
+is
+   replaced by the half-space that contains it and touches it at its point nearest to the origin.
 
-So failures stay covered, and the sum of probabilities comes down. It ends where no centre has a certificate:
-there the half-space touches failures at their most likely point, the dominating point of Sadowsky and
-Bucklew, IEEE Trans. Inf. Theory 36 (1990), doi:10.1109/18.54903. To cover a failure once, the parts of H
-are put in order, and what breaks a line of an earlier part is left to that part.
+So failures stay covered, and the sum of probabilities decreases. It ends when no centre has a certificate:
+then the half-space touches failures at their most likely point, the dominating point of Sadowsky and Bucklew,
+IEEE Trans. Inf. Theory 36 (1990), doi:10.1109/18.54903. To cover a failure once, the parts of H are ordered,
+and a flight that violates a line of an earlier part belongs to that part.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ from scipy.special import log_ndtr, ndtr
 from pareto_ltl.simulation.certificates import Key, Landscape, Lines, find_certificate
 from pareto_ltl.support.arrays import BoolArray, FloatArray
 
-MOST_DIVIDED = 300  # half-spaces looked at; a plan for phi1 or phi2 needs 20 to 200
+MOST_DIVIDED = 300  # half-spaces that are examined; a plan for phi1 or phi2 needs 20 to 200
 MOST_KEPT = 2000
 UNDECIDED = 0.02  # share of the probability that may be left undivided
 NEGLIGIBLE = 1e-8  # share of the first cover below which a part is dropped
@@ -63,7 +64,7 @@ class FailureModes:
 class _Part:
     """A half-space of the cover; ordered by probability, the most likely first.
 
-    ``broken`` are the lines that its flights break; flights that break one of ``left`` belong to other parts.
+    Its flights violate the lines ``broken``; flights that violate one of ``left`` belong to other parts.
     """
 
     chance: float  # negative, so that a heap has the most likely part on top
@@ -75,10 +76,10 @@ class _Part:
 
 
 def find_failure_modes(scape: Landscape, cov: FloatArray) -> FailureModes | None:
-    """Half-spaces that cover the failures of the plan that ``scape`` is seen from.
+    """Half-spaces that cover the failures of the plan of ``scape``.
 
-    ``cov`` (2 (T+1), 2 (T+1)) is the covariance of the deviations of all steps [m²]. None where the plan
-    itself has no certificate: then about half of its flights fail, or more.
+    ``cov`` (2 (T+1), 2 (T+1)) is the covariance of the deviations of all steps [m²]. None if the plan itself
+    has no certificate: then about half of its flights or more fail.
     """
     lines = find_certificate(scape, scape.x, ())
     if lines is None:
@@ -100,13 +101,13 @@ class _Search:
         self.negligible = 0.0
 
     def begin(self, lines: Lines) -> None:
-        """The half-spaces beyond the lines of the plan."""
+        """Begin with the half-spaces beyond the lines of the plan."""
         weight, threshold = self.beyond(lines)
         self.negligible = NEGLIGIBLE * float(ndtr(-threshold).sum())
         self.add(lines, self.on_paths(lines, weight), threshold, frozenset(), frozenset())
 
     def divide(self) -> None:
-        """Divide the most likely part until hardly anything is undecided."""
+        """Divide the most likely part until at most ``UNDECIDED`` of the probability is undecided."""
         decided, undecided = 0.0, -sum(part.chance for part in self.waiting)
         for _ in range(MOST_DIVIDED):
             if not self.waiting or undecided <= UNDECIDED * decided or len(self.waiting) > MOST_KEPT:
@@ -122,7 +123,7 @@ class _Search:
                 decided -= part.chance
 
     def replace(self, part: _Part) -> bool:
-        """Put the parts of ``part`` at the end of ``waiting``; False if there is nothing to gain."""
+        """Append the parts of ``part`` to ``waiting``; False if they are not less likely than ``part``."""
         along = self.cov @ part.weight
         centre = self.scape.x + (mean_beyond(part.threshold) * along).reshape(self.scape.x.shape)
         lines = find_certificate(self.scape, centre, part.broken)
@@ -158,7 +159,7 @@ class _Search:
         broken: frozenset[Key],
         left: frozenset[Key],
     ) -> None:
-        """One part for each line, the most likely first; each leaves to the earlier ones what is theirs."""
+        """Add one part for each line, the most likely first, without the flights of earlier parts."""
         passed = set(left)
         for i in np.argsort(threshold, kind="stable").tolist():
             chance = float(ndtr(-threshold[i]))
@@ -173,7 +174,7 @@ class _Search:
             passed.add(key)
 
     def cover(self) -> FailureModes:
-        """All parts, the most likely first, less the last millionth of their probability."""
+        """All parts, the most likely first, without the last millionth of their probability."""
         parts = sorted([*self.final, *self.waiting])
         chance = -np.array([part.chance for part in parts])
         count = int(np.searchsorted(np.cumsum(chance), KEPT * chance.sum())) + 1
@@ -218,7 +219,7 @@ def nearest_mixture(tau: float, others: FloatArray, shared: FloatArray) -> Mixtu
     first_alone = shared * tau >= others
     second_alone: BoolArray = ~first_alone & (shared * others >= tau)
     rest = np.maximum(1.0 - shared**2, np.finfo(float).tiny)
-    with np.errstate(over="ignore"):  # opposite half-spaces share nothing: their threshold is infinite
+    with np.errstate(over="ignore"):  # opposite half-spaces do not intersect: their threshold is infinite
         norm = np.sqrt((tau**2 - 2.0 * shared * tau * others + others**2) / rest)
     scale = np.maximum(rest * norm, np.finfo(float).tiny)
     first, second = (tau - shared * others) / scale, (others - shared * tau) / scale

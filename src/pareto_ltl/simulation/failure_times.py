@@ -1,4 +1,4 @@
-"""When simulated flights fail, and of what."""
+"""When simulated flights fail, and why."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ COLLIDED, OFF_MAP, BROKEN, MISSED = range(4)
 
 @dataclass(frozen=True, slots=True)
 class FailureTimes:
-    """Of n flights, when each fails first and of what.
+    """For n flights, the time and the cause of the first failure of each.
 
     Attributes
     ----------
     steps : int
         Steps T of the flights.
     step : (n,) int
-        Number of the first step, 0 to T, at which the flight has failed; -1 for flights that do not fail.
-        A flight that merely does not complete its mission fails at the last step.
+        The first step, 0 to T, at which the flight has failed; -1 for flights that do not fail.
+        A flight whose only failure is an incomplete mission fails at the last step.
     cause : (n,) int
         Index into ``CAUSES``; -1 for flights that do not fail.
     """
@@ -36,7 +36,7 @@ class FailureTimes:
     cause: IntArray
 
     def counts(self) -> IntArray:
-        """Flights that have failed of each cause by each step, (4, T+1)."""
+        """Number of flights that have failed by each step, for each cause, (4, T+1)."""
         found = np.zeros((len(CAUSES), self.steps + 1), np.int64)
         failed = self.step >= 0
         np.add.at(found, (self.cause[failed], self.step[failed]), 1)
@@ -64,9 +64,9 @@ def failure_times(problem: Problem, flown: Deployment) -> FailureTimes:
 
 
 def _first_steps(problem: Problem, law: str, x: FloatArray, flag: str) -> IntArray:
-    """The first step by which each of the flights ``x`` (n, T+1, 2) has ``flag``, by halving, (n,).
+    """The first step by which each of the flights ``x`` (n, T+1, 2) has ``flag``, (n,), by bisection.
 
-    Every one of them has it at the last step, and what a flight has met once it keeps.
+    Each of them has it at the last step, and a flight never loses it.
     """
     found = np.full(len(x), x.shape[1] - 1)
     stack = [(np.arange(len(x)), 0, x.shape[1] - 1)]
@@ -84,7 +84,7 @@ def _first_steps(problem: Problem, law: str, x: FloatArray, flag: str) -> IntArr
 
 
 def _broken_step(problem: Problem, x: FloatArray) -> int:
-    """The first step of a flight ``x`` (T+1, 2) in the trap of the automaton; T + 1 if it never is there."""
+    """The first step of a flight ``x`` (T+1, 2) in the trap of the automaton; T + 1 if there is none."""
     lost = np.flatnonzero(np.isinf(problem.automaton.distance[problem.states(x)]))
     return int(lost[0]) if len(lost) else len(x)
 

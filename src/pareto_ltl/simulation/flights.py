@@ -1,8 +1,8 @@
 """Simulated flights: the plan's controls flown many times through the wind (Section V).
 
-A wind law says how the wind of a flight is drawn. Every law flies the same blocks of runs with the same
-seeds, so two plans flown with one seed meet the same winds (common random numbers): a block draws step by
-step, and a longer plan only draws further.
+A wind law defines how the wind of a flight is drawn. Flights are drawn in blocks with fixed seeds, step by
+step, and a longer plan only draws more steps. So two plans flown with the same seed meet the same winds
+(common random numbers).
 """
 
 from __future__ import annotations
@@ -27,9 +27,9 @@ from pareto_ltl.support.cores import cores
 from pareto_ltl.support.errors import InfeasibleError
 from pareto_ltl.support.memory import require_memory
 
-PilotMaker = Callable[[int, Generator], Any]  # takes the number of flights and what their fixes draw from
-FLIGHT_COPIES = 2  # of the positions of a flight: one in memory, one in the archive that is written
-FIX_NOISE = 2**16  # child of a block's seed that the errors of position fixes are drawn from
+PilotMaker = Callable[[int, Generator], Any]  # takes the number of flights and the generator of their fixes
+FLIGHT_COPIES = 2  # copies of the positions of a flight: one in memory, one in the archive that is written
+FIX_NOISE = 2**16  # child of a block's seed for the errors of position fixes
 FLAGS = "accepted", "collided", "off_map"
 BLOCK = 250  # runs that share a generator, whatever the number of threads
 
@@ -51,7 +51,7 @@ def draw_coherent(problem: Problem, runs: int, steps: int, rng: Generator) -> ke
 
     θ_0 ~ N(0, I),    θ_{k+1} = ρ_k θ_k + √(1 - ρ_k²) η:    independent for ρ = 0, one field for ρ = 1.
 
-    Fields and white parts have generators of their own, so that a longer plan only draws further.
+    Fields and white parts have separate generators, so that a longer plan only draws more steps.
 
     Eq. (M15) of docs/mathematics.md.
     """
@@ -65,7 +65,7 @@ def draw_coherent(problem: Problem, runs: int, steps: int, rng: Generator) -> ke
 
 
 def kept_by_epoch(modes: kd.Modes, steps: int) -> Float32Array:
-    """ρ (epochs, P), the share that θ of each mode keeps at the beginning of each epoch; 0 at the first."""
+    """ρ (epochs, P), the correlation of θ of each mode with the epoch before; 0 in the first epoch."""
     epoch = modes.epoch[:steps]
     kept = np.zeros((int(epoch.max(initial=0)) + 1, modes.psi.shape[-1]), np.float32)
     changes = np.flatnonzero(np.diff(epoch)) + 1
@@ -74,7 +74,7 @@ def kept_by_epoch(modes: kd.Modes, steps: int) -> Float32Array:
 
 
 def draw_innovations(kept: Float32Array, runs: int, rng: Generator) -> Float32Array:
-    """η (epochs, runs, 2, P) of θ: N(0, 1) in the epochs that change it, else 0, whatever follows them."""
+    """η (epochs, runs, 2, P) of θ: N(0, 1) in epochs that change it, else 0; later epochs have no effect."""
     modes = kept.shape[1]
     drawn = rng.standard_normal(2 * runs * int((kept < 1.0).sum()), np.float32)
     field = np.empty((len(kept), runs, 2, modes), np.float32)
@@ -96,8 +96,8 @@ def deploy_plan(
 ) -> dict[str, Deployment]:
     """Fly ``plan`` ``cfg.runs`` times under every law of ``cfg.laws``.
 
-    Each law has its own child of ``seeds``, in the order of :data:`DRAWS`, so that adding one law leaves the
-    winds of the others alone.
+    Each law has its own child of ``seeds``, in the order of :data:`DRAWS`, so that adding a law does not
+    change the winds of the others.
     """
     each = FLIGHT_COPIES * len(cfg.laws) * plan.path.x.nbytes
     require_memory(each, "deployment.runs", cfg.runs, f"flights of {len(plan.path.u)} steps")
@@ -113,13 +113,13 @@ def simulate_flights(
 ) -> Deployment:
     """Fly the controls ``u`` (T, 2) ``runs`` times under one law.
 
-    Feedback and fixes, if any, hold on to ``mean`` (T+1, 2). The same ``seed`` gives the same flights,
-    whether or not it has spawned before.
+    Feedback and fixes, if any, steer towards ``mean`` (T+1, 2) [m]. The same ``seed`` gives the same flights,
+    even if children were spawned from it before.
 
     Raises
     ------
     InfeasibleError
-        Where the wind is not known for so long.
+        If the wind is not known for so long.
     """
     require_known_wind(problem, u, mean)
     return fly_pilot(problem, pilot_maker(problem, u, mean, law), len(u), runs, law, seed)
@@ -128,7 +128,7 @@ def simulate_flights(
 def fly_pilot(
     problem: Problem, pilot: PilotMaker, steps: int, runs: int, law: str, seed: SeedSequence
 ) -> Deployment:
-    """Fly what a pilot flies for ``steps`` steps, ``runs`` times under one law, in blocks on all cores."""
+    """Simulate ``runs`` flights of ``steps`` steps with a pilot under one law, in blocks on all cores."""
     x = np.empty((runs, steps + 1, 2))
 
     def one(rows: slice, child: SeedSequence) -> Deployment:
@@ -144,7 +144,7 @@ def fly_pilot(
 
 
 def unspawned(seed: SeedSequence) -> SeedSequence:
-    """The same seed without children: a SeedSequence counts them, and would give others next time."""
+    """A copy of ``seed`` without children: a SeedSequence counts them, and would spawn others next time."""
     return SeedSequence(seed.entropy, spawn_key=seed.spawn_key, pool_size=seed.pool_size)
 
 
@@ -158,7 +158,7 @@ def require_known_wind(problem: Problem, u: FloatArray, mean: FloatArray | None)
             "set wind.hold_last=true, or raise planner.max_steps"
         )
     if mean is None and problem.motion.gain > 0.0:
-        raise ValueError("feedback needs the planned positions to hold on to: give mean")
+        raise ValueError("feedback steers towards the planned positions: give mean")
 
 
 def block_rows(runs: int) -> list[slice]:
@@ -168,7 +168,7 @@ def block_rows(runs: int) -> list[slice]:
 
 @dataclass(frozen=True, slots=True)
 class FlightBlock:
-    """What up to ``BLOCK`` flights meet, whatever plan is flown.
+    """Start positions and winds of up to ``BLOCK`` flights, the same for every plan.
 
     Attributes
     ----------
@@ -177,7 +177,7 @@ class FlightBlock:
     draws : IndependentDraws or CoherentDraws
         Winds for some number of steps; a shorter plan uses the first of them.
     noise : SeedSequence
-        Of the errors of position fixes.
+        Seed of the errors of position fixes.
     """
 
     start: FloatArray
@@ -214,7 +214,7 @@ def judge_flights(problem: Problem, law: str, x: FloatArray) -> Deployment:
 
 
 def pilot_maker(problem: Problem, u: FloatArray, mean: FloatArray | None, law: str) -> PilotMaker:
-    """What flies the controls: an autopilot, or a robot that takes fixes along ``mean`` (T+1, 2)."""
+    """The maker of the pilot: an autopilot, or a navigator that takes fixes along ``mean`` (T+1, 2) [m]."""
     held = np.zeros((len(u) + 1, 2)) if mean is None else np.ascontiguousarray(mean)
     autopilot = kernel.Autopilot(u, held)
     planned = problem.laws["coherent"]
@@ -224,7 +224,7 @@ def pilot_maker(problem: Problem, u: FloatArray, mean: FloatArray | None, law: s
     path.u[:] = u
     if not path.gain.any():
         return lambda _runs, _rng: autopilot
-    # A wind that is new at every step tells nothing about the next one.
+    # A wind that is drawn anew at every step has no information about the next one.
     learnt = np.zeros_like(path.learnt) if law == "independent" else path.learnt
     fix_sd = np.sqrt(planned.landmarks.variance)
 

@@ -1,10 +1,11 @@
 """Rates of rare failures by importance sampling.
 
 A flight is a vector z ~ N(0, I) of standard normal draws: its start, the white part of its winds and the
-innovations of its field. Of a plan that fails once in 10^5 flights, flights drawn so show next to nothing.
-Here they are drawn from a mixture that fails often, and each counts as much less as it is more likely there.
+innovations of its field. If a plan fails once in 10^5 flights, few flights drawn so fail. Here they are drawn
+from a mixture that fails often, and each is weighted by the ratio of its densities under the law and the
+mixture.
 
-The law linearised about the plan only makes the proposal. Its failures are covered by half-spaces
+The law linearised about the plan is used only for the proposal. Its failures are covered by half-spaces
 H_j = {ω_j' z >= τ_j}, |ω_j| = 1 (:mod:`pareto_ltl.simulation.failure_modes`). A component of the mixture is
 the law of z given H_j,
 
@@ -58,7 +59,7 @@ from pareto_ltl.simulation.flights import (
 from pareto_ltl.support.arrays import BoolArray, Float32Array, FloatArray
 from pareto_ltl.support.cores import cores
 
-SPARE = 2.0  # largest weights that the upper end of an interval allows for beyond those drawn
+SPARE = 2.0  # the upper end of an interval allows for one more weight, this many times the largest one drawn
 
 
 class Ladder(NamedTuple):
@@ -88,14 +89,14 @@ LADDER = make_ladder()
 
 @dataclass(frozen=True, slots=True)
 class Proposal:
-    """What weighted flights of a plan are drawn from.
+    """The distribution from which weighted flights of a plan are drawn.
 
     Attributes
     ----------
     law : LinearLaw
         The law linearised about the plan.
     mean : (T+1, 2) float
-        Where it is linearised [m].
+        Means about which it is linearised [m].
     modes : FailureModes
         Half-spaces of its deviations, at least one; ``directions`` are their ω.
     """
@@ -112,7 +113,7 @@ class Proposal:
         return np.asarray(ndtr(-np.outer(self.ladder.level, self.modes.threshold)).sum(axis=1), float)
 
     def mixture(self) -> kernel.Mixture:
-        """The half-spaces and levels as the kernel reads them."""
+        """The half-spaces and levels in the form of the kernel."""
         event, step = np.nonzero(self.modes.weight.any(axis=2))
         return kernel.Mixture(
             np.searchsorted(event, np.arange(len(self.modes) + 1)), step, self.modes.weight[event, step],
@@ -126,15 +127,14 @@ class Proposal:
 def importance_rate(problem: Problem, path: PlannedPath, draws: int, seed: SeedSequence) -> FailureRate:
     """Failure rate of ``path`` in the nonlinear winds of ``fidelity.law``, from ``draws`` weighted flights.
 
-    Where there is nothing to sample by (:func:`weighted_rate`) as many plain flights are counted
-    (``method="flights"``).
+    If there is no proposal (:func:`weighted_rate`), as many plain flights are counted (``method="flights"``).
 
     Raises
     ------
     ValueError
         If ``draws`` is not positive.
     InfeasibleError
-        Where the wind is not known for so long.
+        If the wind is not known for so long.
     """
     rate = weighted_rate(problem, path, draws, seed)
     if rate is not None:
@@ -145,11 +145,11 @@ def importance_rate(problem: Problem, path: PlannedPath, draws: int, seed: SeedS
 
 
 def weighted_rate(problem: Problem, path: PlannedPath, draws: int, seed: SeedSequence) -> FailureRate | None:
-    """The rate of :func:`importance_rate` from weighted flights, None where there is nothing to sample by.
+    """The rate of :func:`importance_rate` from weighted flights; None if there is no proposal.
 
-    That is a plan that counts on position fixes, after which deviations are not linear in z; one whose mean
-    has no certificate, which fails often; and one without a half-space of a probability above 0, as without
-    uncertainty.
+    There is none for a plan that counts on position fixes, after which deviations are not linear in z; for
+    one whose mean has no certificate, which fails often; and for one without a half-space of positive
+    probability, as without uncertainty.
 
     Eq. (M65) of docs/mathematics_methods.md.
     """
@@ -197,9 +197,9 @@ def weighted_interval(weights: FloatArray, plain: float, confidence: float = 0.9
 
 
 def make_proposal(problem: Problem, path: PlannedPath, law: str, ladder: Ladder = LADDER) -> Proposal | None:
-    """What covers the failures of ``path`` in the linearised ``law``; None where nothing does."""
+    """Half-spaces that cover the failures of ``path`` in the linearised ``law``; None if there are none."""
     smooth = SMOOTH_LAWS[law](problem)
-    # With feedback the robot holds on to the planned positions; without it, what counts are its controls.
+    # With feedback the robot steers towards the planned positions; without it, its controls decide.
     held = problem.motion.gain > 0.0
     flight = propagate(problem, path.x, smooth) if held else propagate_controls(problem, path.u, smooth)
     linear = linear_law(problem, flight, smooth)

@@ -1,9 +1,9 @@
-"""The front by flights (``fidelity.judge=flights``): how often every path fails, in the same winds.
+"""The front by flights (``fidelity.judge=flights``): the failure rate of every path, in the same winds.
 
-Every path meets the same flights (common random numbers), so that two paths are compared by the flights that
-only one of them survives: their difference is known far better than either rate. Where many paths are given,
-they race: after 250, 500, ... flights, a path that is certainly worse than a shorter one is dropped, and
-of a crowd those farthest behind the front.
+All paths fly in the same winds (common random numbers), so that two paths are compared by the flights that
+only one of them completes: their difference is known far better than either rate. Many paths race: after 250,
+500, ... flights, a path that is significantly worse than a shorter one is dropped and, if many are left,
+those farthest behind the front.
 """
 
 from __future__ import annotations
@@ -38,10 +38,12 @@ from pareto_ltl.support.cores import cores
 from pareto_ltl.support.errors import InfeasibleError
 from pareto_ltl.support.memory import require_memory
 
-RAW_DRAWS = 500  # flights of the race of the trees' paths among themselves
-LAST_LOOK = 1000  # flights that say how paths fail where all of them do
-CROWD = 40  # paths that a race keeps beside its front after a look, for each cost beside the failure rate
-DROP_CHANCE = 1e-4  # of dropping a path after a look at it although it is no worse than the shorter one
+RAW_DRAWS = 500  # flights of each path in the race among the trees' paths
+LAST_LOOK = 1000  # flights for the message if every flight of every path fails
+CROWD = 40  # paths that a race keeps after each comparison, for each cost other than the failure rate
+DROP_CHANCE = (
+    1e-4  # probability, in one comparison, of dropping a path that is not worse than the shorter one
+)
 
 
 def judge_front(
@@ -51,24 +53,24 @@ def judge_front(
     draws: int,
     seed: SeedSequence,
 ) -> Front:
-    """The paths of ``raw`` and ``refined`` that no other one beats in failure rate and length (and energy).
+    """The paths of ``raw`` and ``refined`` that are non-dominated in failure rate and length (and energy).
 
-    The trees' paths race among themselves first, in fewer flights: what is left of them is the front before
+    The trees' paths race among themselves first, in fewer flights: the remaining ones are the front before
     refinement.
 
     Parameters
     ----------
     raw, refined : sequence of PlannedPath
-        Paths of the trees, with R in its looser form, and what refinement made. Bounds play no part here.
+        Paths of the trees, with R in its looser form, and refined paths. Bounds are not used here.
     draws : int
         Flights of every path that stays in the race, in the winds of ``fidelity.law``.
     seed : SeedSequence
-        Of the flights; the optimisation must not have seen it, or its paths look better than they are.
+        Seed of the flights; the optimisation must use another one, or its paths look better than they are.
 
     Raises
     ------
     InfeasibleError
-        If there is no path, or none that the wind is known for.
+        If there is no path, a path lasts longer than the known wind, or all flights of all paths fail.
     """
     if not refined and not raw:
         raise InfeasibleError("no path completes the mission; raise planner.n_max")
@@ -96,7 +98,7 @@ def judge_front(
 
 
 def _require_success(problem: Problem, judged: Sequence[Flown]) -> None:
-    """InfeasibleError where no flight of any path succeeds: what fails on the path that comes nearest."""
+    """Raise InfeasibleError if no flight of any path succeeds; the message says how the best path fails."""
     if any(not flown.failed.all() for flown in judged):
         return
     seed = SeedSequence(0)  # a text says the same about the same paths
@@ -144,7 +146,7 @@ def final_bound(problem: Problem, flown: Flown) -> Flown:
 
 
 def unbeaten(paths: Sequence[Flown]) -> list[Flown]:
-    """Those that no other one beats in failure rate, length and energy, the safest first."""
+    """The paths that are non-dominated in failure rate, length and energy, the safest first."""
     if not paths:
         return []
     kept = non_dominated(np.array([flown.row for flown in paths]))
@@ -156,16 +158,16 @@ def unbeaten(paths: Sequence[Flown]) -> list[Flown]:
 
 @dataclass(frozen=True, slots=True)
 class Race:
-    """What the flights of all paths share.
+    """Pilots and seeds of the flights of all paths.
 
     Attributes
     ----------
     pilots : sequence of callable
-        What flies each path.
+        Maker of the pilot of each path.
     sizes : sequence of int
         Steps of each path.
     blocks : sequence of slice, seeds : sequence of SeedSequence
-        The flights of each block, and what they draw from.
+        The flights of each block, and its seed.
     """
 
     problem: Problem
@@ -203,7 +205,7 @@ def race_of(problem: Problem, paths: Sequence[PlannedPath], runs: int, seed: See
 
 
 def fly_race(problem: Problem, paths: Sequence[PlannedPath], draws: int, seed: SeedSequence) -> list[Flown]:
-    """Those of ``paths`` that ``draws`` flights do not drop."""
+    """Those of ``paths`` that stay in the race for all ``draws`` flights."""
     if not paths:
         return []
     require_memory(2.0 * len(paths), "selection.draws", draws, "flights that judge the front")
@@ -235,7 +237,7 @@ def which_fail(problem: Problem, path: PlannedPath, runs: int, seed: SeedSequenc
 
 
 def looks(blocks: int) -> list[range]:
-    """The blocks that are flown before each look at the paths; from look to look the flights double."""
+    """The blocks flown before each comparison of the paths; the number of flights doubles each time."""
     ends = [0, 1]
     while ends[-1] < blocks:
         ends.append(min(2 * ends[-1], blocks))
@@ -243,10 +245,10 @@ def looks(blocks: int) -> list[range]:
 
 
 def outermost(rates: FloatArray, costs: FloatArray) -> BoolArray:
-    """Which paths of a crowd stay: at most ``CROWD`` of them a cost, those that the fewest fronts lie before.
+    """Which paths stay: whole fronts in their order, while they are at most ``CROWD`` paths for each cost.
 
-    The first front is that of all, the second that of all others, and so on (Goldberg, Genetic Algorithms in
-    Search, Optimization and Machine Learning, 1989). The first stays whole.
+    The first front is that of all paths, the second that of all others, and so on (Goldberg, Genetic
+    Algorithms in Search, Optimization and Machine Learning, 1989). The first front always stays.
     """
     import moocore
 
@@ -256,9 +258,9 @@ def outermost(rates: FloatArray, costs: FloatArray) -> BoolArray:
 
 
 def certainly_beaten(failed: BoolArray, costs: FloatArray) -> BoolArray:
-    """Which paths fail more often than one that costs no more, beyond chance.
+    """Which paths fail significantly more often than one that costs no more.
 
-    Each path is held against the one with the fewest failures among those that cost no more.
+    Each path is compared with the one with the fewest failures among those that cost no more.
 
     Parameters
     ----------

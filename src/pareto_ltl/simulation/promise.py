@@ -1,8 +1,8 @@
-"""What is promised of a plan (``fidelity.judge=flights``): how often fresh flights of it fail.
+"""The promise of a plan (``fidelity.judge=flights``): its failure rate in fresh flights.
 
-The flights that judged the front also chose the path, so its rate there is the claim of an optimiser: it may
-be too good. Before a path becomes the plan it flies through winds that neither the optimisation nor the
-choice has seen. Where they fail more often than the claim can explain, the rule's next choice is taken.
+The flights that judged the front also chose the path, so its rate there, the claim, may be too optimistic.
+Before a path becomes the plan, it is flown through winds that neither the optimisation nor the choice has
+used. If these flights fail significantly more often than the claim, the rule's next choice is taken.
 """
 
 from __future__ import annotations
@@ -28,17 +28,17 @@ LOG = logging.getLogger(__name__)
 LINEAR = 0.35  # standard deviation over length scale: beyond it the linearised law is unreliable
 RARE = 1e-3  # lower rates are found with weighted flights: too few plain ones fail
 WEIGHTED_CHILD = 2**17  # child of the seed that weighted flights draw from
-DOUBT = 1e-3  # chance at which fresh flights of an honest claim are taken for a broken one
+DOUBT = 1e-3  # significance level: probability of rejecting a claim that is true
 
 
 def promise_path(
     cfg: SelectionConfig, problem: Problem, wind: WindField, front: Front, seed: SeedSequence
 ) -> tuple[PlannedPath, Promise]:
-    """The path that the rule picks, once fresh flights leave its claim standing, and what they promise.
+    """The rule's first choice whose claim is consistent with fresh flights, and its promise.
 
-    A path whose claim falls is passed over for the rule's next choice, ``cfg.examined`` times at most; with
-    ``rule=threshold`` or ``energy`` also one whose promise exceeds ``cfg.alpha``. Where none holds, the one
-    with the least rate is flown, and a warning has said why.
+    A path whose claim is rejected is replaced by the rule's next choice; at most ``cfg.examined`` paths are
+    tried. With ``rule=threshold`` or ``energy`` a path whose promise exceeds ``cfg.alpha`` is replaced too.
+    If all are rejected, the path with the least rate is returned; a warning says why for each.
     """
     left = front
     seen: list[tuple[PlannedPath, Promise]] = []
@@ -70,19 +70,19 @@ def promise_path(
 
 
 def holds(cfg: SelectionConfig, promise: Promise) -> bool:
-    """Whether fresh flights leave the claim standing and, with rules that have it, keep to ``cfg.alpha``."""
+    """Whether the claim passes and, with rules that keep alpha, the upper limit is at most ``cfg.alpha``."""
     return promise.passed and (not selection_rule(cfg).keeps_alpha or promise.rate.high <= cfg.alpha)
 
 
 def why_not(cfg: SelectionConfig, path: PlannedPath, promise: Promise) -> str:
-    """What speaks against a choice, for the log."""
+    """Why a choice is rejected, for the log."""
     rate = promise.rate
     said = f"{path.origin}: {_rate_words(rate)} of {rate.sample} in {rate.law} winds fail"
     over = f"more than the {_rate_words(promise.claimed)} of {promise.claimed.sample} that judged the front"
     if promise.passed:
         over = f"and the upper end is above selection.alpha = {cfg.alpha:g}"
     following = (
-        "the plan keeps it" if selection_rule(cfg).names_one else "the rule's next choice is looked at"
+        "the plan keeps it" if selection_rule(cfg).names_one else "the rule's next choice is tried"
     )
     return f"{said}, {over}; {following}"
 
@@ -105,9 +105,9 @@ def fresh_promise(
 
 
 def fresh_rate(problem: Problem, path: PlannedPath, runs: int, seed: SeedSequence) -> FailureRate:
-    """The rate of ``runs`` flights that nothing has seen; below ``RARE``, of as many weighted ones.
+    """The rate of ``runs`` fresh flights; below ``RARE``, that of as many weighted ones.
 
-    The count stays where there are no weighted flights, where its interval is the narrower one, and where it
+    The count is kept if there are no weighted flights, if its interval is the narrower one, and if it
     contradicts them: then they have missed a way to fail.
     """
     from pareto_ltl.simulation.importance import weighted_rate
@@ -130,10 +130,10 @@ def fresh_rate(problem: Problem, path: PlannedPath, runs: int, seed: SeedSequenc
 
 
 def count_agrees(counted: FailureRate, weighted: FailureRate) -> bool:
-    """Whether a rate within the interval of ``weighted`` explains the count.
+    """Whether the count is consistent with a rate within the interval of ``weighted``.
 
-    With a chance of ``DOUBT`` or more, as many flights fail or more at its upper end, and as few or fewer at
-    its lower one.
+    The probability of so many failures or more at its upper end, and that of so few or fewer at its lower
+    end, must both be at least ``DOUBT``.
     """
     more = binomial_tail(counted.failures, counted.runs, weighted.high)
     fewer = binomial_tail(counted.runs - counted.failures, counted.runs, 1.0 - weighted.low)
@@ -141,15 +141,15 @@ def count_agrees(counted: FailureRate, weighted: FailureRate) -> bool:
 
 
 def claim_stands(rate: FailureRate, claimed: FailureRate) -> bool:
-    """Whether the claim, which is from flights, is not significantly better than the fresh rate.
+    """Whether the claim, a count of flights, is not significantly better than the fresh rate.
 
-    It stands if flights as good as those of the claim have a chance of ``DOUBT`` or more.
+    The p value of the claim under the fresh rate must be at least ``DOUBT``.
     """
     return bool(CHANCES[rate.method](rate, claimed) >= DOUBT)
 
 
 def _chance_among_flights(rate: FailureRate, claimed: FailureRate) -> float:
-    """Fisher's exact test of two counts, one-sided: given all failures of both, that so many are fresh.
+    """One-sided p value of Fisher's exact test: given the failures of both, that so many are fresh ones.
 
     Eq. (M60) of docs/mathematics_methods.md.
     """
@@ -158,7 +158,7 @@ def _chance_among_flights(rate: FailureRate, claimed: FailureRate) -> float:
 
 
 def _chance_of_claim(rate: FailureRate, claimed: FailureRate) -> float:
-    """That so few of the claim's flights fail if the lower end of the interval of weighted ones is true."""
+    """Probability that so few of the claim's flights fail at the lower end of the weighted interval."""
     return float(binomial_tail(claimed.runs - claimed.failures, claimed.runs, 1.0 - rate.low))
 
 
@@ -166,7 +166,7 @@ CHANCES = {FLIGHTS: _chance_among_flights, WEIGHTED: _chance_of_claim}
 
 
 def linearity(problem: Problem, wind: WindField, cov: FloatArray) -> float:
-    """Largest standard deviation of the position over the shorter length scale of its slot."""
+    """Largest ratio of the position's standard deviation to the shorter length scale of its slot."""
     if wind.modes is None or len(cov) < 2:
         return 0.0
     widest = np.sqrt(np.linalg.eigvalsh(cov[:-1])[:, 1])

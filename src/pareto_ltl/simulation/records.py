@@ -1,4 +1,4 @@
-"""Simulated flights as stages hand them on."""
+"""The record of simulated flights that stages exchange."""
 
 from __future__ import annotations
 
