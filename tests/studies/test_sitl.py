@@ -148,14 +148,14 @@ def test_what_cannot_be_flown_is_one_line(
     bad = tmp_path / "dead_reckoning.csv"
     for content in ("", "leg,lat_deg\n0,37\n", table.read_text().splitlines()[0] + "\n"):
         bad.write_text(content)
-        refused(DataError, "no dead-reckoning table", (bad,))
+        refused(DataError, "is not a dead-reckoning table", (bad,))
     slow = table.read_text().splitlines()
     column = slow[0].split(",").index("airspeed_m_s")
     cells = slow[1].split(",")
     cells[column] = "9.0"  # far below its stall
     bad.write_text("\n".join([slow[0], ",".join(cells), slow[-1]]) + "\n")
     refused(
-        DataError, r"the table ask for 9\.0 m/s: plan for its airspeeds, e\.g\. robot=light_aircraft", (bad,)
+        DataError, r"the table require 9\.0 m/s: plan for its airspeeds, e\.g\. robot=light_aircraft", (bad,)
     )
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
     refused(ConfigError, r"is not installed; it comes with pip install 'pareto-ltl\[sim\]'", (table,))

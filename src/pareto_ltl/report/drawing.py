@@ -1,7 +1,7 @@
 """The figures of a run as files, drawn by a second process that imports matplotlib while the trees grow.
 
-It draws what it is sent, and sends the files back: the run itself writes them. So whatever ends one of the
-two processes, no file is half-written and nothing is written after the run.
+It receives records, draws them and sends the files back: the run itself writes them. So if one of the two
+processes ends for any reason, no file is half-written and nothing is written after the run.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ LOG = logging.getLogger(__name__)
 PROGRAM = "from pareto_ltl.report.drawing import serve; serve()"
 MATPLOTLIB = "matplotlib.figure"  # the module that takes long to import
 SHOWN = {part.name: part.name for part in fields(DrawnRun)} | {"deployment": "deployments"}  # by record name
-FILE, DONE, FAILED = "file", "done", "failed"  # kinds of answers
+FILE, DONE, FAILED = "file", "done", "failed"  # kinds of answers of the drawing process
 
 
 def draw_run_figures(
@@ -45,7 +45,7 @@ def draw_run_figures(
 ) -> tuple[Path, ...]:
     """Write the figures of ``run`` into ``folder``, each in ``report.formats``; return the paths.
 
-    ``process`` draws them; this process does where there is none, and where it has been killed.
+    ``process`` draws them. If there is none, or if it has been killed, this process draws them.
     """
     if process is not None:
         try:
@@ -93,7 +93,7 @@ class DrawingProcess:
         return self._process.pid
 
     def record_made(self, name: str, record: Any) -> None:
-        """Send what figures show, from the trees on: before, the process imports and reads nothing."""
+        """Keep a record that figures show; send all records from the trees on (until then it imports)."""
         if name in SHOWN:
             self._made[SHOWN[name]] = record
             if "forest" in self._made:
@@ -106,7 +106,7 @@ class DrawingProcess:
         Raises
         ------
         DrawingEndedError
-            If the process has ended without an answer, as one that another program killed.
+            If the process has ended without an answer, for example killed by another program.
         """
         answers = self._process.stdout
         try:
@@ -116,7 +116,7 @@ class DrawingProcess:
                 yield answer[1], answer[2]
         except (EOFError, BrokenPipeError) as error:
             code = self._process.wait()
-            raise DrawingEndedError(f"the process that draws ended with code {code}") from error
+            raise DrawingEndedError(f"the drawing process ended with exit code {code}") from error
         kind, warned, failure, told = answer
         for warning in warned:
             warnings.warn_explicit(*warning)
@@ -133,17 +133,17 @@ class DrawingProcess:
         send(self._process.stdin, request)
 
     def end(self) -> None:
-        """End the process, whatever it does."""
+        """End the process at once."""
         end_process(self._process)
 
 
 @contextmanager
 def drawing_process(settings: Settings) -> Iterator[DrawingProcess | None]:
-    """A drawing process for the duration of the block; None where a run does as well without one.
+    """A drawing process for the duration of the block; None if a run is as fast without one.
 
-    That is without figures; on one core, which a job of a sweep often has; where matplotlib is imported
-    already, as in a notebook or in a process that carries out one job after another; in a program that has
-    no Python of its own beside it; and where no process can be started.
+    That is the case without figures; on one core, which a job of a sweep often has; if matplotlib is already
+    imported, as in a notebook or in a process that runs several jobs; in a program without a Python
+    interpreter of its own; and if no process can be started.
     """
     process = None
     if settings.report.figures and MATPLOTLIB not in sys.modules and can_begin_one():
@@ -160,16 +160,16 @@ def drawing_process(settings: Settings) -> Iterator[DrawingProcess | None]:
 
 
 def serve() -> None:
-    """Read the report settings from the standard input, then records, (name, record), and draw them.
+    """Read the report settings from the standard input, then records as (name, record), and draw them.
 
-    Where None comes instead of a record, figures are due: the answer on the standard output is (FILE, name,
-    content) for each file, then how it ended, the warnings, the error or None, and its traceback.
+    None instead of a record asks for the figures. The answers on the standard output are (FILE, name,
+    content) for each file, then (DONE or FAILED, warnings, the error or None, its traceback).
     """
     answers = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
-    os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # what a library prints is no answer
+    os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # output of a library must not mix with the answers
     asked = requests()
     cfg = asked.get()
-    with suppress(Exception):  # what is wrong appears when something is to be drawn
+    with suppress(Exception):  # an error appears again when a figure is drawn
         _warm_up(cfg.formats)
     from pareto_ltl.report.figures import FiguresOfRecords
 
@@ -202,7 +202,7 @@ def _warm_up(formats: Sequence[str]) -> None:
 
 
 def _send_files(answers: BinaryIO, files: Iterator[tuple[str, bytes]]) -> tuple[str, Exception | None, str]:
-    """Send each file as it is drawn; return how it ended, the error and its traceback."""
+    """Send each file when it is drawn; return DONE or FAILED, the error or None, and its traceback."""
     try:
         for name, content in files:
             _send(answers, (FILE, name, content))
@@ -212,7 +212,7 @@ def _send_files(answers: BinaryIO, files: Iterator[tuple[str, bytes]]) -> tuple[
 
 
 def _sendable(error: Exception) -> Exception:
-    """``error``, or its text where it cannot be sent."""
+    """``error``, or a RuntimeError with its text if it cannot be sent."""
     return error if can_be_sent(error) else RuntimeError(f"{type(error).__name__}: {error}")
 
 
@@ -220,7 +220,7 @@ def _send(answers: BinaryIO, answer: tuple[Any, ...]) -> None:
     try:
         send(answers, answer)
     except BrokenPipeError:
-        os._exit(0)  # nobody waits for it
+        os._exit(0)  # the run has ended
 
 
 __all__ = ["DrawingEndedError", "DrawingProcess", "draw_run_figures", "drawing_process", "serve"]

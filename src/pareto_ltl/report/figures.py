@@ -21,7 +21,7 @@ from pareto_ltl.report.wind import wind_figure
 from pareto_ltl.settings import ReportConfig
 
 Files = list[tuple[str, bytes]]
-DRAWN_AT_PLAN = ("wind", "front")  # figures that show nothing of what comes after the plan
+DRAWN_AT_PLAN = ("wind", "front")  # figures that need no record made after the plan
 AFTER_PLAN = ("deployments", "forecasts")
 
 
@@ -53,7 +53,7 @@ def _figure_files(name: str, cfg: ReportConfig, run: DrawnRun, trees: LineCollec
 
 
 class FiguresOfRecords:
-    """The figures of a run whose records come one by one; what can be drawn before the last, is."""
+    """The figures of a run whose records come one by one; figures are drawn as early as possible."""
 
     def __init__(self, cfg: ReportConfig) -> None:
         self._cfg = cfg
@@ -62,11 +62,11 @@ class FiguresOfRecords:
         self._trees: LineCollection | None = None
 
     def add(self, name: str, record: Any) -> None:
-        """A record that has come: ``name`` is the attribute of :class:`DrawnRun` that it becomes."""
+        """Add a record; ``name`` is its attribute of :class:`DrawnRun`."""
         self._records[name] = record
         if name not in AFTER_PLAN:
             self._drawn.clear()
-        with suppress(Exception):  # an error comes again, and is told, when all figures are drawn
+        with suppress(Exception):  # an error comes again, and is reported, when all figures are drawn
             if name == "forest":
                 with style.report_style():
                     self._trees = tree_layer(self._records["scene"], record)
@@ -77,7 +77,7 @@ class FiguresOfRecords:
                         self._drawn[figure] = _figure_files(figure, self._cfg, run)
 
     def files(self) -> Iterator[tuple[str, bytes]]:
-        """What :func:`run_figures` yields for the records that have come."""
+        """What :func:`run_figures` yields for the records added so far."""
         run = DrawnRun(**self._records)
         trees, self._trees = self._trees, None  # they can belong to one figure only
         for name in _figure_names(run):

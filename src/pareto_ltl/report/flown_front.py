@@ -17,15 +17,15 @@ from pareto_ltl.report.rate_axes import scale_rate_axis
 from pareto_ltl.support.arrays import FloatArray
 
 LEFT, BOTTOM, WIDTH, TALL = 0.62, 0.38, 2.76, 1.8  # of the axes [in]
-ROW, GAP = 0.119, 0.05  # height of a line of the legend, and what is free above and below it [in]
-ASIDE = 6.0  # [pt] how far beside the point of the plan its fresh flights are drawn
+ROW, GAP = 0.119, 0.05  # height of a line of the legend, and the space above and below it [in]
+ASIDE = 6.0  # [pt] offset of the rate of fresh flights from the point of the plan
 LOOKS = (
     (style.BLUE, "o"), (style.ORANGE, "s"), (style.GREEN, "D"), (style.PURPLE, "^"), (style.SKY, "v"),
 )  # fmt: skip
-OTHERS = ("#4D4D4D", "P")  # of all orders beyond those
+OTHERS = ("#4D4D4D", "P")  # look of all further orders
 OTHER_ORDERS = "other orders"
-LEAST = 1e-6  # no front is flown often enough to tell rates below apart from 0
-NARROWEST = 3.0  # ratio of the ends of the axis of rates, at least
+LEAST = 1e-6  # lower rates cannot be distinguished from 0 with the flights of a front
+NARROWEST = 3.0  # least ratio of the ends of the axis of rates
 
 
 def flown_front_figure(front: Front, plan: Plan | None, unit: tuple[str, float]) -> Figure:
@@ -87,7 +87,7 @@ def order_looks(orders: Sequence[str]) -> dict[str, tuple[str, str]]:
 
 
 def _draw_point(ax: Axes, x: float, row: FloatArray, look: tuple[str, str], low: float) -> None:
-    """A rate with its interval; what lies below ``low`` is drawn there."""
+    """A rate with its interval; values below ``low`` are drawn at ``low``."""
     colour, mark = look
     rate, least, most = np.maximum(row, low)
     ax.plot([x, x], [least, most], color=colour, lw=0.9, zorder=4, clip_on=False)
@@ -116,7 +116,7 @@ def _key(label: str, marker: str, size: float, face: str, edge: str, width: floa
 
 
 def order_keys(looks: Mapping[str, tuple[str, str]]) -> list[Line2D]:
-    """Entries of the legend for mission orders; all that share a look have one."""
+    """Entries of the legend for mission orders; orders with the look ``OTHERS`` share one entry."""
     named = {order_text(order) if look != OTHERS else OTHER_ORDERS: look for order, look in looks.items()}
     return [_key(label, mark, 3.8, colour, "white", 0.4) for label, (colour, mark) in named.items()]
 
@@ -137,7 +137,7 @@ def other_keys(front: Front, plan: Plan | None) -> list[Line2D]:
 
 
 def _explain(figure: Figure, left: float, keys: Sequence[Line2D]) -> None:
-    """A column of the legend from ``left`` [in], hung from the upper edge."""
+    """A column of the legend at ``left`` [in], below the upper edge."""
     width, height = figure.get_size_inches()
     legend = figure.legend(
         handles=list(keys), loc="upper left", bbox_to_anchor=(left / width, 1.0 - GAP / height),
@@ -148,7 +148,7 @@ def _explain(figure: Figure, left: float, keys: Sequence[Line2D]) -> None:
 
 
 def order_text(order: str) -> str:
-    """A mission order as a legend shows it, cut to the width that is there."""
+    """A mission order as a legend shows it, cut to the width of its column."""
     size = float(style.RC_SETTINGS["legend.fontsize"])
     return style.fitted_lines(order.replace(">", " → ") or "no visit", 1.2, size, most=1)[0]
 

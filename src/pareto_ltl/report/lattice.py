@@ -30,7 +30,7 @@ def lattice_nodes(wind: WindField) -> tuple[FloatArray, FloatArray]:
 def sampled_lattice(wind: WindField, values: FloatArray, x: FloatArray, y: FloatArray) -> FloatArray:
     """``values`` (NX, NY) of the lattice at all ``x`` (A,) and ``y`` (B,) [m], bilinear, (A, B).
 
-    Beyond the lattice its edge holds.
+    Outside the lattice the value at its edge is taken.
     """
     (i, s), (j, r) = (
         _cells_of((places - start) / wind.spacing, count)
@@ -43,7 +43,7 @@ def sampled_lattice(wind: WindField, values: FloatArray, x: FloatArray, y: Float
 
 
 def _cells_of(places: FloatArray, count: int) -> tuple[IntArray, FloatArray]:
-    """Node below each of ``places`` (in nodes) among ``count``, and the share of the way to the next one."""
+    """Index of the node below each of ``places`` (in nodes), of ``count``; the fraction to the next one."""
     held = np.clip(places, 0.0, count - 1.0)
     below = np.minimum(held.astype(np.int64), max(count - 2, 0))
     return below, held - below

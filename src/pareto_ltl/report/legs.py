@@ -1,4 +1,4 @@
-"""A plan told leg by leg, for a terminal: what each leg is for, what it passes, and how often it fails."""
+"""A plan as text, leg by leg, for a terminal: goal of each leg, closest obstacle, and failure rate."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ from pareto_ltl.support.display import distance_text, energy_text, probability_t
 from pareto_ltl.world.navigation import utc_times
 from pareto_ltl.world.scene import Scene
 
-FAR = 99.0  # standard deviations; more are not told
+FAR = 99.0  # standard deviations; larger clearances are shown as "over 99 sd"
 
 
 @dataclass(frozen=True, slots=True)
 class Clearance:
-    """The barrier that a leg is most likely to meet: its name, how far it is [m], and in how many sd."""
+    """The barrier nearest to a leg in standard deviations: its name, distance [m], and distance in sd."""
 
     name: str
     metres: float
@@ -83,9 +83,9 @@ def _clearances(
 
 
 def plan_lines(problem: Problem, plan: Plan, flown: Deployment) -> Iterator[str]:
-    """The plan: mission, each stretch towards a goal with its legs, what is promised and what is not covered.
+    """Lines of text: mission, the legs towards each goal, what is promised and what is not covered.
 
-    ``flown`` are simulated flights of the plan; every probability stands beside its wind law.
+    ``flown`` are simulated flights of the plan; every probability is given with its wind law.
     """
     path, scene = plan.path, problem.scene
     words = mission_in_words(plan.formula)
@@ -121,19 +121,19 @@ def _times(scene: Scene, path: PlannedPath) -> list[str]:
     utc = utc_times(scene.time_zero, path.t)
     if utc is None:
         return [f"{t / 3600:.2f} h" for t in path.t]
-    day = utc[0][:10]  # of the departure, which is told once
+    day = utc[0][:10]  # of the departure; shown only where it changes
     return [f"{time[11:16]}Z" if time[:10] == day else f"{time[5:10]} {time[11:16]}Z" for time in utc]
 
 
 def _stretches(path: PlannedPath) -> list[tuple[int, int]]:
-    """Legs (first, last + 1) at whose ends the automaton state is the same, up to the one that changes it."""
+    """Legs (first, last + 1) of each stretch, which ends where the automaton state changes."""
     changes = np.flatnonzero(np.diff(path.q)) + 1
     ends = sorted({0, *changes.tolist(), len(path.u)})
     return list(pairwise(ends))
 
 
 def _goal_line(problem: Problem, path: PlannedPath, first: int, last: int) -> str:
-    """What the legs from ``first`` to before ``last`` are for."""
+    """The heading of the legs ``first`` to ``last`` - 1: their goal and the change of state."""
     before, after = int(path.q[first]), int(path.q[last])
     if before == after:
         done = problem.automaton.distance[before] == 0.0
@@ -162,7 +162,7 @@ def _true_course(log: NavigationLog, k: int) -> str:
 
 
 def _promise_lines(plan: Plan, flown: Deployment) -> Iterator[str]:
-    """What is promised, what was simulated, what is not covered."""
+    """Promised rate, simulated rate, bound, and what the probabilities cover and do not cover."""
     cost, models, promise = plan.path.objectives, plan.models, plan.promise
     if promise is not None:
         yield f"promised: fails {_rate_words(promise.rate)}"

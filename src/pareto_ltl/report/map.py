@@ -64,7 +64,7 @@ class _Sheet:
 
     @property
     def bottom(self) -> float:
-        """Lower edge of the map; the scale of the wind arrows and the name of the axis stand below it."""
+        """Lower edge of the map; the scale of the wind arrows and the name of the axis are below it."""
         return self.legend_top + (0.60 if self.windy else 0.42)
 
     @property
@@ -80,11 +80,11 @@ def plan_figure(
 ) -> Figure:
     """Map with trees, expected wind, planned path, 95 % ellipses and flights, as Figure 1 of the paper.
 
-    ``trees`` is the :func:`tree_layer` of the run, where it has been made already; ``heading`` are other
+    ``trees`` is the :func:`tree_layer` of the run, if it has been made already; ``heading`` replaces the
     lines above the map.
 
     Without a plan the wind is that at departure, and the heading says why there is no plan. Every
-    probability stands beside its wind law.
+    probability is given with its wind law.
     """
     sheet = _sheet(cfg, run, _heading(run) if heading is None else _fitted(heading))
     figure = style.blank_figure(style.COLUMN_WIDTH, sheet.total)
@@ -132,7 +132,7 @@ def _widest_first(run: DrawnRun) -> list[Deployment]:
 
 
 def _taken_points(scene: Scene, plan: Plan | None) -> FloatArray:
-    """Points that names of regions keep off: start, planned path and end, (n, 2) [m]."""
+    """Points that names of regions should not cover: start, planned path and end, (n, 2) [m]."""
     start = np.asarray(scene.start, float)[None]
     return start if plan is None else np.vstack([start, dense_path(plan.path.x)])
 
@@ -141,7 +141,7 @@ def _taken_points(scene: Scene, plan: Plan | None) -> FloatArray:
 
 
 def _heading(run: DrawnRun) -> list[str]:
-    """Lines above the map: formula, length and the risks planned with, or why there is no plan."""
+    """Lines above the map: formula, length and risks of the plan, or why there is no plan."""
     if run.plan is None:
         return _failure_heading(run.forest)
     path, models = run.plan.path, run.plan.models
@@ -163,7 +163,7 @@ def _fitted(texts: Sequence[str]) -> list[str]:
 
 
 def promise_lines(promise: Promise | None) -> list[str]:
-    """How often fresh flights fail, at most, in which winds, and how many they are; nothing without them."""
+    """Failure rate of fresh flights, its upper limit, wind law and number of flights; empty without them."""
     if promise is None:
         return []
     rate = promise.rate
@@ -184,7 +184,7 @@ def _failure_heading(forest: Forest | None) -> list[str]:
 
 
 def shown_probability(probability: float) -> str:
-    """The text of a probability as figures set it: a true minus and raised powers, no break before %."""
+    """The text of a probability in figures: with a minus sign, superscript powers, no break before %."""
     text = probability_text(probability)
     digits, _, power = text.removesuffix(" %").partition("e")
     raised = power.translate(style.SUPERSCRIPTS)
@@ -192,7 +192,7 @@ def shown_probability(probability: float) -> str:
 
 
 def flight_text(run: DrawnRun, law: str, count: int) -> str:
-    """What was simulated in the winds of ``law``, and V + R there; at most ``count`` flights are drawn."""
+    """Text on the simulated flights under ``law``, and V + R there; at most ``count`` flights are drawn."""
     deployment = run.deployments[law]
     failed, runs = int(deployment.failed.sum()), len(deployment.x)
     told = f"{law} winds: {failed:,} of {runs:,} flights failed ({shown_probability(failed / runs)})"
@@ -229,7 +229,7 @@ def _flight_keys(cfg: ReportConfig, run: DrawnRun) -> list[Artist]:
 
 
 def _map_keys(run: DrawnRun) -> list[Artist]:
-    """What else the map shows."""
+    """Entries of the legend for everything else on the map."""
     keys: list[Artist] = []
     look: dict[str, Any] = {"ls": "", "ms": 4, "mfc": "white", "mec": "black", "mew": 0.9}
     if run.plan is not None:
@@ -248,7 +248,7 @@ def _map_keys(run: DrawnRun) -> list[Artist]:
 
 
 def ground_keys(scene: Scene) -> list[Artist]:
-    """Regions, obstacles and landmarks; where some count for a time, how their times are counted."""
+    """Entries for regions, obstacles and landmarks; also for those that are active for a limited time."""
     keys: list[Artist] = []
     if visited_outlines(scene):
         timed = any(name not in scene.forbidden for name in scene.windows)

@@ -1,4 +1,4 @@
-"""Places of the names of regions: inside, off the path and its ends; beside a region that is too small."""
+"""Places of the names of regions: inside, away from the path; beside a region that is too small."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from pareto_ltl.report.style import text_width
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.world.cells import half_planes, moments
 
-PLACES = 15  # along one side of the lattice of places that are tried
+PLACES = 15  # places tried along each side of a grid
 PAD = 0.03  # space around a name and around the marks at the ends of a path [in]
-LEADING = 1.15  # from line to line, in sizes of the letters
+LEADING = 1.15  # distance of lines, in font sizes
 
 
 def label_half_size(lines: Sequence[tuple[str, float]], metres_per_inch: float) -> FloatArray:
-    """Half of width and height (2,) [m] of ``lines`` (text, size of its letters [pt]), with some space."""
+    """Half of width and height (2,) [m] of ``lines`` (text, font size [pt]), with some space."""
     width = max(text_width(text, size) for text, size in lines) * 1.08
     height = line_height([size for _, size in lines])
     return np.array([width / 2 + PAD, height / 2 + PAD]) * metres_per_inch
@@ -33,14 +33,14 @@ def label_position(
     taken: FloatArray | None = None,
     bounds: FloatArray | None = None,
 ) -> FloatArray:
-    """Centre (2,) [m] of a name in the largest convex part of a region, or beside it where it does not fit.
+    """Centre (2,) [m] of a name in the largest convex part of a region, or beside it if it does not fit.
 
     Parameters
     ----------
     half : (2,) float
         Half of width and height of the name [m].
     taken : (n, 2) float, optional
-        Points that the name must not cover, where that can be [m].
+        Points that the name should not cover [m].
     bounds : (2, 2) float, optional
         Corners of the map, which a name beside its region does not cross [m].
     """

@@ -22,7 +22,7 @@ from pareto_ltl.world.cells import Decomposition, convex_pieces
 from pareto_ltl.world.scene import Scene
 
 DRAWN_VERTICES = 50_000  # tree vertices drawn, at most; more of them merge into one grey area
-NAME_SIZE, TIME_SIZE = 8.5, 6.0  # of the letters of a region's name, and of its times [pt]
+NAME_SIZE, TIME_SIZE = 8.5, 6.0  # font sizes of a region's name, and of its times [pt]
 DRAWN_ELLIPSES = 14  # approximate number of covariance ellipses along a path
 REGION_LOOK: dict[str, Any] = {"fc": style.GREEN + "30", "ec": style.GREEN, "lw": 1.0}
 OBSTACLE_LOOK: dict[str, Any] = {"fc": "#6E6E6E", "ec": "#4A4A4A", "lw": 0.5}
@@ -114,9 +114,9 @@ def name_regions(
     *,
     times: bool = True,
 ) -> None:
-    """Names of the regions, and when they count, at places that do not cover the points ``taken`` (n, 2) [m].
+    """Names and times of the regions, at places that do not cover the points ``taken`` (n, 2) [m].
 
-    Without ``times`` the names alone, for a map of several departures.
+    Without ``times`` only the names are drawn, for a map of several departures.
     """
     for name, outlines in scene.regions.items():
         if outlines:
@@ -133,7 +133,7 @@ def _label_place(
     taken: FloatArray | None,
     bounds: FloatArray,
 ) -> FloatArray:
-    """Centre (2,) [m] of ``lines``: inside of the region, else with the first of them inside, else beside it.
+    """Centre (2,) [m] of ``lines``: inside the region, or with only the first line inside, or beside it.
 
     ``scale`` is that of the map [m/in].
     """
@@ -146,7 +146,7 @@ def _label_place(
 
 
 def _convex_region(scene: Scene, decomposition: Decomposition | None, name: str) -> Sequence[FloatArray]:
-    """Convex parts of a region, its outlines where there are none."""
+    """Convex parts of a region, or its outlines if there are none."""
     if decomposition is not None:
         return decomposition.regions.get(name, scene.regions[name])
     from shapely import Polygon
@@ -167,7 +167,7 @@ def _write_lines(chart: MapAxes, place: FloatArray, lines: Sequence[tuple[str, f
 
 
 def metres_per_inch(chart: MapAxes) -> float:
-    """Metres on the ground of an inch on paper."""
+    """Metres on the map for an inch of the figure."""
     west, east = chart.ax.get_xlim()
     figure = chart.ax.figure
     inches = chart.ax.get_position().width * float(figure.get_size_inches()[0])  # type: ignore[union-attr]
@@ -205,7 +205,7 @@ def draw_covariances(chart: MapAxes, x: FloatArray, cov: FloatArray) -> None:
 def draw_flights(chart: MapAxes, deployment: Deployment, count: int) -> None:
     """The first ``count`` flights in the colour and dashes of their law; failed ones dark, with a cross.
 
-    Failed flights are not picked: their share in the figure estimates the failure rate.
+    The flights are not selected: the share of failed ones in the figure estimates the failure rate.
     """
     law, flights = deployment.law, deployment.x[:count]
     good = ~deployment.failed[:count]

@@ -1,4 +1,4 @@
-"""Names of metrics in words, each probability with its wind law; used on axes and heads of tables."""
+"""Names of metrics in words, each probability with its wind law, for axes and heads of tables."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """Figures of single records, for notebooks: ``plan.plot()``, ``front.plot()``, ``wind.plot()``.
 
-A record alone does not know its map: ``scene=`` draws it below. Without it, the figure has the size of what
-the record holds.
+Most records do not contain their map: ``scene=`` draws it as the background. Without it, the figure covers
+the extent of the record.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ from pareto_ltl.world.scene import Scene
 from pareto_ltl.world.windows import hours_text, seconds_after
 
 NOTEBOOK_DPI = 160
-MARGIN = 0.06  # around a record without a map, in parts of its size
+MARGIN = 0.06  # around a record without a map, as a share of its size
 REST_LOOK: dict[str, Any] = {"color": style.VERMILLION, "lw": 1.2, "ls": (0, (3.5, 1.5))}
 
 
@@ -48,7 +48,7 @@ class Drawing:
     Attributes
     ----------
     figure : matplotlib.figure.Figure
-        To be changed at will.
+        The figure, which may be changed.
     """
 
     figure: Figure
@@ -89,7 +89,8 @@ def draw_record(record: Any, scene: Scene | None = None, **options: Any) -> Draw
         if isinstance(record, kind):
             with style.report_style():
                 return Drawing(make(record, scene, **options))
-    raise TypeError(f"there is no figure of a {type(record).__name__}")
+    kinds = ", ".join(kind.__name__ for kind in FIGURES)
+    raise TypeError(f"there is no figure of a {type(record).__name__}; expected one of {kinds}")
 
 
 def mission_drawing(
@@ -100,7 +101,7 @@ def mission_drawing(
     plan: Plan | None = None,
     deployments: Mapping[str, Deployment] | None = None,
 ) -> Drawing:
-    """The map with trees, plan and flights, as ``figures/plan.png`` of a run shows it."""
+    """The map with trees, plan and flights, the same as ``figures/plan.png`` of a run."""
     drawn = DrawnRun(scene, decomposition, wind, forest, None, plan, deployments or {})
     with style.report_style():
         return Drawing(plan_figure(ReportConfig(), drawn))
@@ -130,7 +131,7 @@ def _plan_chart(plan: Plan, scene: Scene | None) -> Figure:
 
 
 def _path_chart(path: PlannedPath, scene: Scene | None) -> Figure:
-    """The expected positions alone: a path does not say in which winds its ellipses hold."""
+    """The expected positions without ellipses: a path has no record of the wind law of its covariances."""
     ground = scene or _ground_around(path.x)
     figure = _map_chart([", ".join(f"{name} {told}" for name, told in path.facts().items())], ground)
     chart = _chart_of(figure, ground)
@@ -162,11 +163,11 @@ def _flights_chart(
     frames: int = 0,
     plan: Plan | None = None,
 ) -> Figure:
-    """All flights on one map; with ``frames`` and the ``plan`` that tells the times, a strip of maps."""
+    """All flights on one map; with ``frames`` and the ``plan``, which has the times, a strip of maps."""
     ground = scene or _ground_around(deployment.x.reshape(-1, 2))
     if frames:
         if plan is None:
-            raise TypeError("a strip of frames needs plan=, which tells the times of the steps")
+            raise TypeError("frames= needs plan=, which has the times of the steps")
         return frames_figure(ground, deployment, plan.path.t, frames, count)
     drawn = DrawnRun(ground, deployments={deployment.law: deployment})
     return plan_figure(ReportConfig(paths=count), drawn, heading=[])

@@ -17,7 +17,7 @@ MOST_TICKS = 6
 def scale_rate_axis(ax: Axes, axis: str, low: float, high: float = 1.0, *, hidden: bool = True) -> None:
     """Make ``axis`` (x or y) a logarithmic axis of probabilities from ``low`` to ``high``, in per cent.
 
-    Where ``hidden`` values lie below ``low``, its tick says so with ``≤``.
+    If ``hidden`` values lie below ``low``, its tick has a ``≤``.
     """
     getattr(ax, f"set_{axis}scale")("log")
     getattr(ax, f"set_{axis}lim")(low, high)
@@ -33,7 +33,7 @@ def set_rate_ticks(side: Axis, low: float, high: float, *, hidden: bool) -> None
 
 
 def rate_ticks(low: float, high: float) -> list[float]:
-    """Powers of ten from ``low`` to ``high``; every n-th of many, and 2 and 5 times them of few."""
+    """Powers of ten from ``low`` to ``high``: every n-th if they are many, with 2 and 5 times if few."""
     first, last = math.ceil(math.log10(low) - 1e-9), math.floor(math.log10(high) + 1e-9)
     if last - first >= 2:
         stride = -(-(last - first + 1) // MOST_TICKS)

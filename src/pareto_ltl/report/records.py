@@ -1,4 +1,4 @@
-"""What figures are drawn from: a run, or a study."""
+"""The records from which figures are drawn: of a run, or of a study."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class DrawnRun:
     decomposition, wind : or None
         None in the figure of a single record, which shows neither cells nor wind.
     forest, front, plan : or None
-        None where the run did not make it; the map then says that there is no plan.
+        None if the run did not make it; the map then says that there is no plan.
     deployments : mapping of wind law to Deployment
         Simulated flights; the first ``report.paths`` of each law are drawn.
     forecasts : mapping of wind law to Forecast
@@ -43,18 +43,18 @@ class DrawnRun:
 
 @dataclass(frozen=True, slots=True)
 class Study:
-    """What an evaluation found.
+    """The result of a study.
 
     Attributes
     ----------
     tables : mapping of name to rows
         Each row maps column to value; a table becomes ``name.csv``.
     numbers : mapping of name to float
-        Its share of ``metrics.json``.
+        The metrics of the study, for ``metrics.json``.
     text : str
         The main tables as Markdown, for documents and the screen.
     pictures : mapping of name to object
-        What figures draw beyond the tables (paths, flights); not written to disk.
+        Further data for figures (paths, flights); not written to disk.
     """
 
     tables: Mapping[str, tuple[Mapping[str, Any], ...]]

@@ -117,7 +117,7 @@ def _draw_factor(ax: Axes, rows: Sequence[FigureRow], factor: str, low: float, h
         ax.xaxis.set_minor_locator(FixedLocator([]))
     ax.xaxis.set_major_locator(FixedLocator(list(x)))
     labels = [row["shown"] if named else f"{row['shown']:g}" for row in one]
-    if named and len(labels) > 3:  # names would run into each other: every second one goes a line lower
+    if named and len(labels) > 3:  # long names would overlap: every second one is a line lower
         labels = [f"\n{label}" if k % 2 else label for k, label in enumerate(labels)]
     ax.set_xticks(x, labels, fontsize=6.0)
     if named or factor == "beta":

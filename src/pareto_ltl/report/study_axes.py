@@ -1,4 +1,4 @@
-"""Axes, legends and colours that the figures of the studies share."""
+"""Axes, legends and colours shared by the figures of studies."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from pareto_ltl.settings import ReportConfig
 from pareto_ltl.support.arrays import FloatArray
 
 FigureRow = Mapping[str, Any]
-BOUND_COLOUR = style.BLACK  # no law has it
-LOWEST_RATE = 1e-5  # studies have too few flights to resolve smaller rates; they are drawn here
+BOUND_COLOUR = style.BLACK  # not used for a law
+LOWEST_RATE = 1e-5  # smaller rates are drawn here: studies have too few flights to resolve them
 BOUND_DASHES = (0, (3.0, 1.5))  # line style of a bound
 
 

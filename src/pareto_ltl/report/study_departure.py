@@ -76,13 +76,13 @@ def _hours(rows: Sequence[FigureRow]) -> FloatArray:
 
 
 def _slot(rows: Sequence[FigureRow], row: FigureRow) -> tuple[float, float]:
-    """The part of the axis that belongs to a start."""
+    """The interval of the time axis around one departure [h]."""
     at, half = row["time"] / HOUR, 0.5 * _pitch(rows)
     return at - half, at + half
 
 
 def _pitch(rows: Sequence[FigureRow]) -> float:
-    """Least time between two starts [h]."""
+    """Least time between two departures [h]."""
     return float(np.diff(_hours(rows)).min()) if len(rows) > 1 else 3.0
 
 
@@ -114,7 +114,7 @@ def _day(hour: float) -> str:
 
 
 def _draw_failure(ax: Axes, rows: Sequence[FigureRow]) -> None:
-    """Rates with intervals, hollow where as good as the recommended one; dashes: fronts at one length."""
+    """Rates with intervals, hollow if as good as the recommended one; dashes: fronts at one length."""
     hours, colour = _hours(rows), style.law_colour(_law(rows))
     low, high = (100 * column_values(rows, f"failure_{end}") for end in ("low", "high"))
     ax.vlines(hours, low, high, color=colour, lw=1.4)
@@ -195,7 +195,7 @@ def _draw_routes(
 
 
 def _name_marks(figure: Figure, rows: Sequence[FigureRow]) -> None:
-    """What the marks of the first panel mean, below all panels."""
+    """Write the meaning of the marks of the first panel below all panels."""
     length = next(row["same_length_m"] for row in rows) / 1e3
     text = (
         "◆ recommended   ○ as good within chance   ● fails more   "

@@ -46,7 +46,7 @@ def draw_forecast_test(folder: Path, cfg: ReportConfig, study: Study) -> tuple[P
 def forecast_test_figure(
     bins: Sequence[FigureRow], regions: Sequence[FigureRow], plans: Sequence[FigureRow], promise: str
 ) -> Figure:
-    """Realised against promised failure by promise and by region, and how often each promise is made."""
+    """Realised against promised failure rate, by promise and by region, and a histogram of the promises."""
     figure = style.blank_figure(style.PAGE_WIDTH, HEIGHT)
     height, law = HEIGHT - BASE - TOP, promise.partition("_")[2]
     places = [WEST + k * (PANEL + GAP) for k in range(3)]
@@ -103,7 +103,7 @@ def _root(values: FloatArray) -> FloatArray:
 
 
 def _draw_rate(ax: Axes, row: FigureRow, colour: str, mark: str, label: str) -> None:
-    """A group of missions with the interval of its rate; hollow where its promise is broken."""
+    """A group of missions with the interval of its rate; hollow if its promise is broken."""
     x, y = row["promised"], row["realised"]
     ax.plot([x, x], [row["realised_low"], row["realised_high"]], color=colour, lw=1.2, zorder=3)
     face = colour if row["kept"] else "white"

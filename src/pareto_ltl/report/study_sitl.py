@@ -1,4 +1,4 @@
-"""The figure of ``pipelines=sitl``: where JSBSim's aircraft flew, where our steps did, and how far apart."""
+"""The figure of ``pipelines=sitl``: tracks of JSBSim's aircraft and of our steps, and their distance."""
 
 from __future__ import annotations
 

@@ -72,7 +72,7 @@ RC_SETTINGS: dict[str, Any] = {
     "pdf.fonttype": 42,  # TrueType: journals refuse fonts of type 3
 }
 
-NO_ORIGIN: dict[str, dict[str, None]] = {  # metadata of a file that tell neither date nor version
+NO_ORIGIN: dict[str, dict[str, None]] = {  # metadata of a file without date and version
     "png": {"Software": None},
     "svg": {"Date": None, "Creator": None},
     "pdf": {"CreationDate": None, "Producer": None, "Creator": None},
@@ -127,7 +127,7 @@ def law_dashes(law: str) -> Any:
     return LAW_DASHES.get(law, (0, (1.5, 1.0)))
 
 
-NARROWEST = 0.15  # width of the narrowest letter, in its size
+NARROWEST = 0.15  # width of the narrowest letter, in font sizes
 
 
 def text_width(text: str, size: float) -> float:
@@ -135,8 +135,8 @@ def text_width(text: str, size: float) -> float:
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", "Glyph .* missing from font")
         outline = TextPath((0.0, 0.0), text.replace("$", r"\$"), size=size, usetex=False)
-    # Letters have a vertex wherever they end. ``get_extents``, which looks between vertices too, takes 8
-    # times as long, 0.2 s for the heading of a map.
+    # The extreme points of letters are vertices. ``get_extents``, which also examines the curves between
+    # vertices, takes 8 times as long, 0.2 s for the heading of a map.
     drawn = outline.vertices[np.asarray(outline.codes) != outline.CLOSEPOLY, 0]
     return float(np.ptp(drawn)) / 72.0 if len(drawn) else 0.0
 
@@ -144,7 +144,7 @@ def text_width(text: str, size: float) -> float:
 def fitted_lines(text: str, width: float, size: float, most: int = 2) -> list[str]:
     """``text`` in at most ``most`` lines of ``width`` [in], broken after spaces and ``&`` or ``|``.
 
-    What does not fit is cut, with ``...`` at its end.
+    Text that does not fit is cut, with ``...`` at the end.
     """
     lines = [""]
     for piece in re.findall(r"[^\s&|]+[&|]*\s*|[&|]+\s*", text):
@@ -163,13 +163,13 @@ def _cut(line: str, width: float, size: float, mark: str) -> str:
     if len(line) <= longest and text_width(line + mark, size) <= width:
         return line + mark
     mark = mark or "..."
-    lengths = range(min(len(line), longest) + 1)  # to measure an outline takes a millisecond a letter
+    lengths = range(min(len(line), longest) + 1)  # measuring an outline takes a millisecond per letter
     fitting = bisect_right(lengths, width, key=lambda n: text_width(line[:n] + mark, size)) - 1
     return line[: max(fitting, 0)].rstrip() + mark
 
 
 def figure_bytes(figure: Figure, kind: str, dpi: int) -> bytes:
-    """``figure`` as a file of the format ``kind``, without date or version: equal figures, equal bytes."""
+    """``figure`` as a file of the format ``kind``; equal figures give equal bytes: no date, no version."""
     content = io.BytesIO()
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", "Glyph .* missing from font")  # names of regions may use any script

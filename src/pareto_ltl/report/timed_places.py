@@ -1,4 +1,4 @@
-"""Regions and obstacles that count for a time: which they are, and their times as a map says them."""
+"""Regions and obstacles that are active for a limited time, and the text of their times on a map."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from pareto_ltl.world.windows import Window, hours_text
 
 
 def timed_obstacles(scene: Scene) -> tuple[FloatArray, ...]:
-    """Outlines of all regions that are forbidden for a time."""
+    """Outlines of all regions that are forbidden for a limited time."""
     return tuple(
         outline for name, outlines in scene.regions.items() if _forbidden(scene, name) for outline in outlines
     )
 
 
 def visited_outlines(scene: Scene) -> tuple[FloatArray, ...]:
-    """Outlines of the regions that a mission can ask to visit: not those that are obstacles for a time."""
+    """Outlines of the regions that a mission can visit: not those that are forbidden for a limited time."""
     return tuple(
         outline
         for name, outlines in scene.regions.items()
@@ -27,7 +27,7 @@ def visited_outlines(scene: Scene) -> tuple[FloatArray, ...]:
 
 
 def time_lines(scene: Scene, region: str) -> list[str]:
-    """When ``region`` counts or is forbidden, one line for each window.
+    """When ``region`` is active or forbidden, one line for each window.
 
     Examples are ``until 6 h`` and ``forbidden 3 to 5 h``. The line of a window that makes a proposition of
     another name begins with that name.
@@ -41,7 +41,7 @@ def time_lines(scene: Scene, region: str) -> list[str]:
 
 
 def short_span(window: Window) -> str:
-    """The times of a window after departure in few letters: ``3 to 5 h``, ``until 6 h``, ``from 90 min``."""
+    """The times of a window after departure, abbreviated: ``3 to 5 h``, ``until 6 h``, ``from 90 min``."""
     if window.begin <= 0.0 and math.isinf(window.end):
         return "at any time"
     if window.begin <= 0.0:

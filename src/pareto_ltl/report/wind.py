@@ -93,7 +93,7 @@ def draw_wind_arrows(
 
 
 def wind_figure(scene: Scene, wind: WindField, plan: Plan | None) -> Figure:
-    """The wind half-way through the flight, without a plan at departure."""
+    """The wind half-way through the flight; without a plan, at departure."""
     return wind_panels(scene, wind, *flight_midpoint(plan))
 
 

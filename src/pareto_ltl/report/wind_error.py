@@ -30,7 +30,7 @@ def draw_wind_error(
     Parameters
     ----------
     law, usual : ForecastError
-        What the estimate comes to, and the law that is packaged.
+        The estimated law, and the packaged law.
     """
     with style.report_style():
         return style.save_figure(wind_error_figure(estimate, law, usual), folder, name, DPI)

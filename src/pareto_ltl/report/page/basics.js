@@ -1,6 +1,6 @@
 "use strict";
-// Data of the page, what is shown of it, and small helpers. Text from the data reaches the page as text alone:
-// by textContent, and in charts through plain(), since plotly reads some markup in its labels.
+// Data of the page, the state of the view, and small helpers. Text from the data is never read as markup:
+// it is set by textContent, and in charts through plain(), since plotly reads some markup in its labels.
 
 const PAGE = JSON.parse(document.getElementById("page-data").textContent);
 const COLOURS = {
@@ -38,7 +38,7 @@ function element(tag, attributes = {}, text = null, space = null) {
   return made;
 }
 
-/** A probability in per cent, with the digits that tell something. */
+/** A probability in per cent, with its significant digits. */
 function percent(p) {
   if (p === null || p === undefined) return "-";
   if (p === 0) return "0 %";
@@ -57,7 +57,7 @@ function duration(seconds) {
     : seconds >= 120 ? `${minutes} min` : `${seconds.toFixed(0)} s`;
 }
 
-/** A time [s after departure]: UTC where the map names a departure. */
+/** A time [s after departure]: UTC if the map names a departure. */
 function timeText(seconds) {
   if (PAGE.timeZero === null) return `${duration(seconds)} after departure`;
   const utc = new Date(Date.parse(PAGE.timeZero) + 1000 * seconds).toISOString();
@@ -72,7 +72,7 @@ function timeUnit(way) {
   return units.find(unit => way.t[way.t.length - 1] >= 2 * unit.seconds) ?? units[2];
 }
 
-/** What a failure of a point is, with its interval and its law. */
+/** The failure rate or bound of a point, with its interval and its law. */
 function failureText(row) {
   if (row.low === null) return `fails at most ${percent(row.failure)} (bound), under ${row.law} winds`;
   return `fails ${percent(row.failure)} (${percent(row.low).replace(" %", "")}–${percent(row.high)}, 95 %), `

@@ -1,4 +1,4 @@
-// The front, failure against length, and the risk along the way of the point that is shown.
+// The front, failure against length, and the risk along the path of the point that is shown.
 
 /** The largest number 1, 2 or 5 times a power of ten that is at most `value`. */
 function roundBelow(value) {
@@ -60,7 +60,7 @@ function drawFront() {
     : `Each point is a path with the failure rate of its ${rows[0].runs.toLocaleString("en")} flights under ${law} winds and its 95 % interval. Click a point to see it.`;
 }
 
-/** The point that a click means: the number of the marker, whatever lies over it. */
+/** The point of a click: the number of the marker, also where another mark covers it. */
 function nearestPoint(event) {
   const found = event.points.find(point => point.curveNumber === 0) ?? event.points[0];
   return found.curveNumber === 0 ? found.pointNumber : shown.point;
@@ -77,7 +77,7 @@ function markFront() {
   Plotly.restyle("front", { x: [ring.x], y: [ring.y] }, [2]);
 }
 
-// --- risk along the way ------------------------------------------------------------------------
+// --- risk along the path -----------------------------------------------------------------------
 
 const CAUSE_DASHES = ["dash", "dot", "dashdot", "longdash"];
 const CAUSE_COLOURS = ["#4d4d4d", "#a0457f", "#009e73", "#0072b2"];

@@ -1,4 +1,4 @@
-"""All that the page says: texts for the template, and numbers for its script."""
+"""The content of the page: texts for the template, and numbers for its script."""
 
 from __future__ import annotations
 
@@ -26,19 +26,19 @@ from pareto_ltl.support.display import distance_text, energy_text, interval_text
 from pareto_ltl.world.navigation import utc_times
 
 SCHEMA = "pareto_ltl.page/1"
-NO_PLAN_HOURS = 24.0  # of wind that are shown where there is no plan
+NO_PLAN_HOURS = 24.0  # of wind that are shown if there is no plan
 
 
 @dataclass(frozen=True, slots=True)
 class Content:
-    """What the page is filled with.
+    """The content of a page.
 
     Attributes
     ----------
     texts : mapping
-        What the template writes; it escapes each text.
+        For the template, which escapes each text.
     data : mapping
-        What the script reads; JSON.
+        For the script, as JSON.
     """
 
     texts: dict[str, Any]
@@ -78,14 +78,14 @@ def page_content(run: ShownRun) -> Content:
 
 
 def _law(run: ShownRun) -> str:
-    """The wind law that is planned in."""
+    """The wind law of the planner."""
     if run.problem is not None:
         return run.problem.fidelity.law
     return run.plan.models.law if run.plan is not None else ""
 
 
 def _horizon(run: ShownRun) -> float:
-    """How long the wind is shown where there is no path [s]."""
+    """Time for which the wind is shown if there is no path [s]."""
     return min(run.wind.known_until, 3600.0 * NO_PLAN_HOURS)
 
 
@@ -126,7 +126,7 @@ def _texts(run: ShownRun, formula: str, chosen: int | None) -> dict[str, Any]:
 
 
 def _headline(run: ShownRun, path: PlannedPath, chosen: int | None) -> list[dict[str, str]]:
-    """The numbers at the top: name, value, and what it holds under."""
+    """The numbers at the top: name, value, and a note with the wind law or unit."""
     plan = run.plan
     assert plan is not None
     promise, law = plan.promise, plan.models.law
@@ -148,7 +148,7 @@ def _headline(run: ShownRun, path: PlannedPath, chosen: int | None) -> list[dict
     facts = [
         {"name": "fails", **fails},
         *others,
-        {"name": "length", "value": distance_text(path.objectives.length), "note": "of the expected way"},
+        {"name": "length", "value": distance_text(path.objectives.length), "note": "of the expected path"},
         {"name": "duration", "value": _duration(hours), "note": f"{len(path.u)} steps of {plan.dt:,.6g} s"},
     ]
     if path.objectives.energy is not None:
@@ -172,7 +172,7 @@ def _at_most(bound: float) -> str:
 
 
 def _simulated_fact(run: ShownRun) -> dict[str, str]:
-    """The law in which simulated flights fail most: a bound speaks of its own law alone."""
+    """The simulated rate under the law with the most failures: a bound holds only under its own law."""
     rates = [counted_rate(law, int(f.failed.sum()), len(f.x)) for law, f in sorted(run.deployments.items())]
     worst = max(rates, key=lambda rate: rate.failure)
     ends = interval_text(worst.low, worst.high)
@@ -188,7 +188,7 @@ def _duration(hours: float) -> str:
 
 
 def _verdicts(run: ShownRun) -> Iterator[dict[str, str]]:
-    """Rows of the table of failures: what, under which law, how often, from what."""
+    """Rows of the table of failures: what, wind law, rate, interval, source."""
     plan = run.plan
     if plan is None:
         return
@@ -224,7 +224,7 @@ def _row(what: str, rate: FailureRate, source: str) -> dict[str, str]:
 
 
 def _causes(flown: Any) -> str:
-    """How many flights met an obstacle, left the map, missed the mission; one flight can do several."""
+    """Numbers of flights that met an obstacle, missed the mission, left the map; one can count in several."""
     told = [
         f"{int(flown.collided.sum()):,} met an obstacle",
         f"{int((~flown.accepted).sum()):,} missed the mission",

@@ -1,5 +1,5 @@
-// The point that is shown as files for navigators, maps and autopilots, made from the numbers of the page. They
-// hold what `pareto-ltl export` writes, without corridors and without the failure of flights by position.
+// Files of the point that is shown, for navigators, maps and autopilots, made from the numbers of the page. They
+// are those of `pareto-ltl export`, without corridors and without the failure rate of flights by position.
 
 const XML_SIGNS = { "&": "&amp;", "<": "&lt;", ">": "&gt;", '"': "&quot;" };
 // Characters that XML 1.0 cannot hold become question marks.
@@ -13,12 +13,12 @@ const FILES = [
   { name: "mission.plan", kind: "application/json", make: missionPlan, outlined: true },
 ];
 
-/** What every file says: the mission, how often it fails under which law, and what is not covered. */
+/** The note in every file: the mission, its failure rate and wind law, and what is not covered. */
 function fileNote() {
   const row = PAGE.points[shown.point], told = [`Point ${shown.point} of the front of ${PAGE.name}.`, `Mission ${PAGE.formula}.`];
   const rate = shown.point === PAGE.chosen && PAGE.promise ? { ...PAGE.promise } : row;
   told.push(`Flown by heading and airspeed it ${failureText(rate)}.`);
-  told.push("An autopilot that flies by position fails at another rate; pareto-ltl export names it.");
+  told.push("An autopilot that flies by position fails at another rate; pareto-ltl export computes it.");
   if (PAGE.notCovered) told.push(`Not covered: ${PAGE.notCovered.replace(/\.$/, "")}.`);
   return told.join(" ");
 }
@@ -112,7 +112,7 @@ function listFiles() {
   if (PAGE.onEarth) byId("export-command").textContent = `pareto-ltl export DIR --point ${shown.point}`;
   place.replaceChildren();
   if (!way || !way.log) {
-    byId("files-note").textContent = PAGE.onEarth ? "The page has no room for this path: the command below writes its files." : "The map has no place on Earth, so that nothing can be exported.";
+    byId("files-note").textContent = PAGE.onEarth ? "This page does not contain this path: the command below writes its files." : "The map has no place on Earth, so that nothing can be exported.";
     return;
   }
   const possible = FILES.filter(file => !file.outlined || PAGE.earth.length);

@@ -24,29 +24,29 @@ from pareto_ltl.wind.records import WindField
 from pareto_ltl.world.scene import Scene
 
 DOUBT_NODES = 15  # along each side of the map
-MOST_TIMES = 25  # at which the wind is shown
-MOST_CORNERS = 20_000  # of all polygons; more of them are thinned
-MOST_EDGES = 4000  # of trees, drawn where there is no plan
+MOST_TIMES = 25  # times at which the wind is shown, at most
+MOST_CORNERS = 20_000  # corners of all polygons, at most; more are thinned out
+MOST_EDGES = 4000  # edges of trees, at most, drawn if there is no plan
 FENCE_SAG = 50.0  # [m] of long edges in degrees
 SPEED_DIGITS = 2
 DEGREES = 6
 
 
 def rounded(values: FloatArray, digits: int) -> list[Any]:
-    """``values`` as nested lists with at most ``digits`` behind the point."""
+    """``values`` as nested lists with at most ``digits`` decimals."""
     found = np.round(np.asarray(values, float), digits) + 0.0  # no -0
     listed: list[Any] = found.astype(np.int64).tolist() if digits == 0 else found.tolist()
     return listed
 
 
 def metre_digits(scene: Scene) -> int:
-    """Digits of positions behind the metre: a ten-thousandth of the map or finer."""
+    """Decimals of positions in metres: a resolution of a ten-thousandth of the map or finer."""
     size = float(np.ptp(scene.bounds, axis=0).max())
     return int(np.clip(5 - np.floor(np.log10(max(size, 1e-9))), 0, 6))
 
 
 def shown_map(scene: Scene) -> dict[str, Any]:
-    """Outlines [m], and the unit that axes have."""
+    """Outlines [m], and the unit of the axes."""
     digits = metre_digits(scene)
     total = sum(map(len, (*scene.region_outlines, *scene.obstacles, *scene.landmarks)))
     stride = max(1, -(-total // MOST_CORNERS))
@@ -74,7 +74,7 @@ def shown_map(scene: Scene) -> dict[str, Any]:
 
 
 def map_on_earth(scene: Scene) -> list[dict[str, Any]]:
-    """Outlines in degrees for exported files; none for a map without a place, or around a pole or 180°."""
+    """Outlines in degrees for exported files; none for a map without a place on Earth, at a pole or 180°."""
     if scene.crs is None or holds_pole(scene):
         return []
     crs = scene.crs

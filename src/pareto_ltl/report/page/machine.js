@@ -1,4 +1,4 @@
-// The automaton of the mission: its drawing, and the state that the expected way is in.
+// The automaton of the mission: its drawing, and the current state of the expected path.
 
 const SVG = "http://www.w3.org/2000/svg";
 const STATE_COLOURS = { goal: COLOURS.flight, lost: "#8a8a8a", open: COLOURS.ink };
@@ -48,7 +48,7 @@ function stateShape(one, radius) {
   return group;
 }
 
-/** Mark the state of the expected way at the step that is shown, and those behind it. */
+/** Mark the state of the expected path at the step that is shown, and the states before it. */
 function markMachine() {
   const way = path();
   if (!way) return;
@@ -61,7 +61,7 @@ function markMachine() {
   for (const line of byId("progress").children) line.classList.toggle("now", +line.dataset.first <= shown.step && shown.step < +line.dataset.end);
 }
 
-/** One line for each stretch of the expected way in one state. */
+/** One line for each stretch of the expected path in one state. */
 function listProgress() {
   const way = path(), list = byId("progress");
   if (!way || !PAGE.automaton) return;

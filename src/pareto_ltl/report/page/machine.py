@@ -14,12 +14,12 @@ from pareto_ltl.logic.picture import MAX_DRAWN, STATE_RADIUS, drawn_edges, state
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.world.windows import hours_text
 
-SCALE = 62.0  # of the drawing, in pixels a unit of the picture
+SCALE = 62.0  # of the drawing, in pixels per unit of the picture
 LEFT, ABOVE, RIGHT, BELOW = 1.15, 1.35, 0.9, 0.8  # margins, in units
 
 
 def shown_automaton(automaton: Automaton) -> dict[str, Any]:
-    """States, edges and their labels in pixels; without shapes where there are too many states to draw."""
+    """States, edges and their labels in pixels; without shapes if there are too many states to draw."""
     roles = ["goal" if automaton.accepting[q] else "lost" if q == automaton.trap else "open"
              for q in range(automaton.n_states)]  # fmt: skip
     told: dict[str, Any] = {"initial": automaton.initial, "roles": roles, "states": automaton.n_states}
@@ -68,7 +68,7 @@ def told_clocks(automaton: Automaton, text: str) -> str:
 
 
 def _curve(points: FloatArray) -> str:
-    """Control points as the path of an SVG: a quadratic or a cubic curve."""
+    """Control points as an SVG path: a quadratic or a cubic curve."""
     first, *rest = (f"{x:g} {y:g}" for x, y in points)
     return f"M{first} {'Q' if len(rest) == 2 else 'C'}{' '.join(rest)}"
 

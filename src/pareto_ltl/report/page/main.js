@@ -1,6 +1,6 @@
-// What happens when something is chosen, moved or played; and the first picture: the map, then what is seen.
+// Reactions to choices, to the slider and to play; and the first drawing: the map, then the visible charts.
 
-/** A point that is chosen anywhere is shown everywhere. */
+/** Show a point in all parts of the page. */
 function showPoint(point) {
   if (point === null || !(point in PAGE.points)) return;
   stop();
@@ -20,7 +20,7 @@ function showPoint(point) {
   showMoment();
 }
 
-/** Draw anew the charts that have been drawn; the others follow when they are seen. */
+/** Draw again the charts that have been drawn; the others are drawn when they become visible. */
 function redrawSeen() {
   if (drawn.has("front")) markFront();
   if (drawn.has("risk")) drawRisk();
@@ -90,13 +90,13 @@ function play() {
 const drawn = new Set();
 const LATER = { front: drawFront, risk: drawRisk, machine: () => { drawMachine(); markMachine(); }, files: listFiles };
 
-/** Give each chart the size that its place has, at once: on paper nothing is drawn later. */
+/** Give each chart the size of its place at once: for printing nothing can be drawn later. */
 function fitCharts() {
   fitMap();
   for (const chart of document.querySelectorAll(".js-plotly-plot")) Plotly.relayout(chart, { width: chart.clientWidth, height: chart.clientHeight });
 }
 
-/** Lay the page out for paper, and back for the window: a printed chart keeps the size that it was drawn in. */
+/** Lay the page out for printing, and back for the window: a printed chart keeps the size in which it was drawn. */
 function fitPaper(draw) {
   addEventListener("beforeprint", () => {
     document.documentElement.classList.add("printing");

@@ -1,4 +1,4 @@
-// The map: what stands still, then what the time slider moves. Traces have fixed places in the list TRACES.
+// The map: traces that do not change, then those that the time slider moves. TRACES has their order.
 
 const TRACES = ["doubt", "wind", "obstacles", "landmarks", "regions", "closed", "trees", "others", "ellipses", "tails", "lost",
   "path", "ends", "heads", "lostHeads", "spread", "robot", "names"];
@@ -16,7 +16,7 @@ function windFrame(t) {
 
 const mixed = (frames, [k, s], i, j) => (1 - s) * frames[k][i][j] + (s ? s * frames[k + 1][i][j] : 0);
 
-/** The largest expected speed at any time, which arrows are scaled by. */
+/** The largest expected speed at any time, which scales the arrows. */
 const fastest = (() => {
   let most = 0;
   PAGE.wind.u.forEach((frame, k) => frame.forEach((column, i) => column.forEach((u, j) => {
@@ -57,7 +57,7 @@ const doubtRange = (() => {
   return Number.isFinite(low) ? [low, Math.max(high, low + 0.01)] : [0, 1];
 })();
 
-/** Traces that no slider moves. */
+/** Traces that do not depend on the time. */
 function groundTraces() {
   const { regions, obstacles, landmarks } = PAGE.map, named = regions.filter(r => r.parts.length), line = { hoverinfo: "skip", showlegend: false, mode: "lines" };
   const polygons = list => joined(list.map(closed));
@@ -73,7 +73,7 @@ function groundTraces() {
   };
 }
 
-/** Where the name of a region stands: of its middle and places towards its corners the farthest from the way. */
+/** Place of the name of a region: of its centre and places towards its corners, the one farthest from the path. */
 function labelPlace(corners) {
   const middle = centre(corners), way = path();
   if (!way) return middle;
@@ -116,7 +116,7 @@ function pathTraces() {
   };
 }
 
-/** What the pointer is told about a step. */
+/** Text for the pointer at a step. */
 function stepText(way, k) {
   const told = [`step ${k} of ${way.x.length - 1}, ${clockText(way, k)}`];
   if (way.label[k].length) told.push(`in ${plain(way.label[k].join(", "))}`);
@@ -129,7 +129,7 @@ function stepText(way, k) {
   return told.join("<br>");
 }
 
-/** Regions that must not be met at time t: obstacles that stand for a time. */
+/** Regions that are forbidden at time t. */
 function closedRegions(t) {
   const parts = new Map(PAGE.map.regions.map(region => [region.name, region.parts]));
   const now = PAGE.map.windows.filter(w => w.forbidden && (w.begin === null || w.begin <= t) && (w.end === null || t <= w.end));
@@ -154,7 +154,7 @@ function momentTraces() {
   return found;
 }
 
-/** Tails and places of the simulated flights until now; those that have failed apart. */
+/** Tails and positions of the simulated flights until now; those of failed flights are separate. */
 function flightTraces() {
   const none = { x: [], y: [] }, step = shown.step;
   if (!hasFlights() || !ticked("show-flights")) return { tails: none, lost: none, heads: none, lostHeads: none };
@@ -186,7 +186,7 @@ const MAP_STYLE = {
 
 const MARGIN = { l: 56, r: 8, t: 8, b: 104 };
 
-/** Give the map the height that its outline has at the width of its column, within that of a window. */
+/** Set the height of the map from its outline and the width of its column, at most that of the window. */
 function fitMap() {
   const [[west, south], [east, north]] = PAGE.map.bounds, inner = byId("map").clientWidth - MARGIN.l - MARGIN.r;
   const printing = document.documentElement.classList.contains("printing");  // below the numbers, on the first sheet

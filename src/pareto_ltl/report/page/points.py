@@ -1,4 +1,4 @@
-"""The points of the front: a row of the scatter each, and as many paths in full as the page has room for."""
+"""The points of the front: a row for each, and the complete paths of as many as the page can hold."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.files import plain_data
 from pareto_ltl.world.navigation import utc_times
 
-MOST_LEGS = 3000  # of all paths in full: 200 bytes each
-MOST_FLIGHTS = 100  # drawn
-MOST_PLACES = 6000  # of all flights drawn
+MOST_LEGS = 3000  # legs of all complete paths, at most: 200 bytes each
+MOST_FLIGHTS = 100  # flights drawn, at most
+MOST_PLACES = 6000  # positions of all flights drawn, at most
 LOG_DIGITS = {
     "heading": 3, "airspeed": 4, "wind_speed": 3, "wind_from": 2, "wind_sd": 3, "track": 3,
     "ground_speed": 3, "distance": 1, "lat": DEGREES + 1, "lon": DEGREES + 1, "radius": 1, "major": 1,
@@ -29,7 +29,7 @@ LOG_DIGITS = {
 
 
 def chosen_number(run: ShownRun) -> int | None:
-    """The number of the plan in the front; None without a plan, or where the front does not hold it."""
+    """The index of the plan in the front; None without a plan, or if the front does not contain it."""
     if run.plan is None or run.front is None:
         return None
     wanted = run.plan.path.x
@@ -38,7 +38,7 @@ def chosen_number(run: ShownRun) -> int | None:
 
 
 def shown_points(front: Front) -> list[dict[str, Any]]:
-    """What ``front.csv`` says of each path."""
+    """The row of ``front.csv`` for each path."""
     rates = front.rates or (None,) * len(front.paths)
     rows = []
     for path, rate in zip(front.paths, rates, strict=True):
@@ -83,9 +83,10 @@ def told_points(front: Front, chosen: int | None) -> list[int]:
 def shown_path(
     run: ShownRun, problem: Problem, path: PlannedPath, given: Deployment | None
 ) -> dict[str, Any]:
-    """A path step by step, what its navigator reads, and when flights of it fail.
+    """A path step by step, its navigation log, and when flights of it fail.
 
-    ``given`` are flights of it that there are; without them ``run.runs`` are flown, in the same winds.
+    ``given`` are its flights if there are any; otherwise ``run.runs`` flights are simulated in the same
+    winds.
     """
     digits = metre_digits(problem.scene)
     xx, xy, yy = path.cov[:, 0, 0], path.cov[:, 0, 1], path.cov[:, 1, 1]
@@ -112,7 +113,7 @@ def _flown(run: ShownRun, problem: Problem, path: PlannedPath) -> Deployment:
 
 
 def _risk(problem: Problem, flown: Deployment) -> dict[str, Any]:
-    """Flights that have failed by each step, of each cause, and the 95 % interval of their share."""
+    """Number of flights failed by each step, for each cause, and the 95 % interval of their share."""
     counts = failure_times(problem, flown).counts()
     total, runs = counts.sum(axis=0), len(flown.x)
     ends = {int(k): clopper_pearson(int(k), runs) for k in np.unique(total)}
@@ -135,7 +136,7 @@ def _rounded_column(values: FloatArray, digits: int) -> list[Any]:
 
 
 def shown_flights(run: ShownRun, problem: Problem, flown: Deployment) -> dict[str, Any]:
-    """The first flights of ``flown``, unpicked: their share of failures estimates the rate."""
+    """The first flights of ``flown``, not selected: their share of failures estimates the rate."""
     times = failure_times(problem, flown)
     steps = flown.x.shape[1] - 1
     count = int(np.clip(MOST_PLACES // (steps + 1), 10, MOST_FLIGHTS))

@@ -1,6 +1,6 @@
 """The page as one HTML file: template, style and script of this folder, plotly.js of its wheel, and data.
 
-Everything is in the file: it loads nothing, and a policy in its head forbids the browser to.
+Everything is in the file: it loads nothing else, and a policy in its head forbids loading.
 """
 
 from __future__ import annotations
@@ -34,13 +34,13 @@ def page_bytes(content: Content) -> bytes:
 
 
 def json_for_script(data: dict[str, Any]) -> str:
-    """``data`` as JSON that no text in it can end: signs of markup are escaped as JSON has it."""
+    """``data`` as JSON for a script element: markup characters are escaped, so that no text can end it."""
     return json.dumps(data, allow_nan=False, separators=(",", ":"), ensure_ascii=False).translate(MARKUP)
 
 
 @lru_cache(maxsize=1)
 def page_template() -> Template:
-    """The template, with style and scripts of this folder as they are; it escapes all else."""
+    """The template, with style and scripts of this folder inserted; it escapes everything else."""
     from jinja2 import Environment, StrictUndefined
     from markupsafe import Markup
 

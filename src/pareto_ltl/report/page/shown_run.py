@@ -1,4 +1,4 @@
-"""What the page is made from."""
+"""The records from which the page is made."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Origin:
-    """Where a result comes from, as ``run.json`` and ``config_resolved.yaml`` say.
+    """The origin of a result, from ``run.json`` and ``config_resolved.yaml``.
 
     Attributes
     ----------
@@ -43,18 +43,18 @@ class Origin:
 
 @dataclass(frozen=True, slots=True)
 class ShownRun:
-    """The records of a run that its page shows; None where the run did not make one.
+    """The records of a run that its page shows; None for a record that the run did not make.
 
     Attributes
     ----------
     height : Height
-        Of the flight in exported files.
+        Height of the flight in exported files.
     why : str
-        Why there is no plan; empty where there is one.
+        Why there is no plan; empty if there is one.
     runs : int
-        Flights that each point of the front is flown, to see when they fail.
+        Number of simulated flights of each point of the front, for the times of failures.
     seeds : SeedSequence
-        Of the flights of the stage ``deployment``, so that all points meet the same winds.
+        Seeds of the flights of the stage ``deployment``, so that all points meet the same winds.
     """
 
     name: str
