@@ -103,7 +103,7 @@ def test_stages_run_in_the_order_of_the_list(tmp_path: Path) -> None:
     [
         ((), "pipelines.stages is empty: list at least one of flour, dough, bread, mix"),
         (("flour", "cake"), "there is no stage 'cake'; there are flour, dough, bread, mix"),
-        (("flour", "flour"), "lists 'flour' twice; once is enough"),
+        (("flour", "flour"), "lists 'flour' twice; list it once"),
         (("bread", "dough"), "'bread' needs dough, flour, which no earlier stage makes; list them before"),
         (("flour", "bread"), "'bread' needs dough, which no earlier stage makes; list it before 'bread'"),
         (("flour", "dough", "mix"), "'dough' and 'mix' both make dough; list one of them"),

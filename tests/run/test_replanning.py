@@ -1,4 +1,4 @@
-"""The rest of a flight planned anew: from a fix, or as it was where nothing is learnt."""
+"""The rest of a flight planned again: from a fix, or unchanged without one."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def test_without_a_fix_the_rest_of_the_plan_stays_to_the_bit(made: Path, tmp_pat
         np.testing.assert_array_equal(path.u, old.u[STEP:])
         np.testing.assert_array_equal(path.x, old.x[STEP:])
     assert done.old == done.new
-    assert "nothing is learnt" in comparison_lines(done)[1]
+    assert "there is no new information" in comparison_lines(done)[1]
 
 
 def test_the_new_plan_starts_at_the_fix_and_at_its_time(made: Path, anew: Path) -> None:
@@ -116,7 +116,7 @@ def test_a_plan_in_memory_gives_the_same_plan(made: Path, anew: Path) -> None:
         ("5h", (37.0, -94.0, float("nan")), "three numbers"),
         ("5h", (37.0, -94.0), "three numbers LAT,LON,SD"),
         ("5h", (-94.0, 37.0, 500.0), "is it LAT,LON,SD"),
-        ("5h", (37.0, 94.0, 500.0), "lies off the map"),
+        ("5h", (37.0, 94.0, 500.0), "lies outside the map"),
     ],
 )
 def test_a_time_or_a_fix_that_cannot_be_is_refused(

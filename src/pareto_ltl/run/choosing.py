@@ -1,7 +1,7 @@
 """Another path of a front as the plan, without planning again.
 
-The records of a run (map, wind, cells, automaton, trees, front) stay; the stages from the plan on are carried
-out with another selection. What they write has the bytes of a whole run with that selection.
+The records of a run (map, wind, cells, automaton, trees, front) are kept; the stages from the plan on run
+with another selection. Their files are identical to those of a whole run with that selection.
 """
 
 from __future__ import annotations
@@ -37,19 +37,19 @@ if TYPE_CHECKING:
     from pareto_ltl.planning.records import Forest, Front
 
 KEPT: tuple[RecordKey[Any], ...] = (SCENE, DECOMPOSITION, AUTOMATON, WIND, FOREST, FRONT)
-RAW: tuple[RecordKey[Any], ...] = (READINGS, OBSERVATIONS)  # what the wind was made from
+RAW: tuple[RecordKey[Any], ...] = (READINGS, OBSERVATIONS)  # from which the wind was made
 
 
 @dataclass(frozen=True, slots=True)
 class Choice:
-    """Which path of a front is wanted; give exactly one.
+    """The criterion for a path of a front; give exactly one.
 
     Attributes
     ----------
     failure : float or None
         The shortest path with at most this failure rate (upper end of its interval).
     length : float or None
-        The safest path that is no longer [m].
+        The safest path of at most this length [m].
     knee : bool
         The knee of the front.
     point : int or None
@@ -79,7 +79,7 @@ class Choice:
             raise ConfigError(f"point must be the number of a path, 0 or more, got {self.point}")
 
     def settings(self, cfg: SelectionConfig) -> SelectionConfig:
-        """``cfg`` with the rule that finds it; ConfigError for a value out of range."""
+        """``cfg`` with the rule for this criterion; raises ConfigError for a value out of range."""
         if self.selection is not None:
             return self._ruled(cfg, self.selection)
         cfg = replace(cfg, options={}) if cfg.options else cfg
@@ -119,7 +119,7 @@ class Choice:
 
 
 def require_choice(choice: Choice, front: Front, where: str) -> None:
-    """Raise InfeasibleError that says what there is if ``front`` has no such path; ``where`` begins it."""
+    """Raise InfeasibleError if ``front`` has no such path; the text begins with ``where``."""
     lengths = [path.objectives.length for path in front.paths]
     if choice.point is not None and choice.point >= len(lengths):
         raise InfeasibleError(
@@ -135,7 +135,8 @@ def require_choice(choice: Choice, front: Front, where: str) -> None:
     ]
     if choice.energy is not None and front.paths[0].objectives.energy is None:
         raise ConfigError(
-            f"{where}: it has no energies; plan with a robot that has a power curve, e.g. robot=fixed_wing"
+            f"{where}: the paths have no energy; plan with a robot that has a power curve, e.g. "
+            "robot=fixed_wing"
         )
     wanted = choice.failure if choice.energy is None else choice.energy
     if wanted is not None and wanted < min(limits):
@@ -189,7 +190,7 @@ def require_plan(results: Results) -> None:
     stages = results.settings.pipelines.stages
     if missing := [key.name for key in (FRONT, PLAN) if key.name not in stages]:
         raise DataError(
-            f"{directory}: its run made no {' and no '.join(missing)}; choose reads those of plan"
+            f"{directory}: its run made no {' and no '.join(missing)}; name the results directory of a plan"
         )
 
 
@@ -199,7 +200,7 @@ def chosen_settings(settings: Settings, choice: Choice) -> Settings:
 
 
 def kept_records(results: Results) -> Records:
-    """All that planning made before the plan; the trees with the time that their growth took."""
+    """The records of ``results`` that come before the plan; the forest with its time of growth."""
     readers: dict[RecordKey[Any], Callable[[], Any]] = {
         SCENE: lambda: results.scene,
         DECOMPOSITION: lambda: results.decomposition,
@@ -216,7 +217,7 @@ def _timed_forest(results: Results) -> Forest:
 
 
 def later_stages(settings: Settings, table: StageTable) -> list[Stage[Any]]:
-    """The stages of ``settings`` that make nothing of what is kept, nor what only the wind was made from."""
+    """The stages of ``settings`` whose record is not kept; those of ``RAW`` only if another needs them."""
     stages = [table[name] for name in settings.pipelines.stages]
     left = [stage for stage in stages if stage.makes not in KEPT]
     wanted = {need for stage in left for need in (*stage.needs, *stage.uses) if stage.makes not in RAW}
@@ -224,7 +225,7 @@ def later_stages(settings: Settings, table: StageTable) -> list[Stage[Any]]:
 
 
 def default_place(directory: Path, choice: Choice) -> Path:
-    """Beside ``directory``, with the choice in its name."""
+    """A folder beside ``directory``, with the choice in its name."""
     directory = directory.resolve()
     return directory.with_name(f"{directory.name}_{choice.name}")
 

@@ -1,8 +1,8 @@
-"""Machine code for the stages after growth, compiled by a second process while the trees' is compiled.
+"""A second process that compiles the stages after growth while the first compiles and grows the trees.
 
-On a machine that has compiled nothing yet, numba takes half a minute for growth and as long for what follows.
-The second process carries the later stages out on a small scale, on the same problem, and leaves its machine
-code in numba's cache; its results are thrown away. A file beside the machine code says that this was done.
+On a machine that has compiled nothing yet, numba takes half a minute for growth and as long for the later
+stages. The second process runs these on the same problem with few flights, and leaves its machine code in
+numba's cache; its results are discarded. A marker file beside the machine code says that this was done.
 """
 
 from __future__ import annotations
@@ -33,11 +33,11 @@ LOG = logging.getLogger(__name__)
 PROGRAM = "from pareto_ltl.run.compiling import serve; serve()"
 LATER_STAGES = ("front", "plan", "forecasts", "deployment")
 NOTICE = "compiling for this machine, about half a minute; later runs find the machine code on disk"
-LONGEST = 600.0  # [s] that the run waits; then it compiles for itself
+LONGEST = 600.0  # [s] that the run waits for the process; then it compiles by itself
 
 
 class CompilingProcess:
-    """The second process, from the moment the problem is known."""
+    """The second process, which begins when the problem is known."""
 
     def __init__(self, settings: Settings) -> None:
         self._settings = settings
@@ -45,7 +45,7 @@ class CompilingProcess:
         self._process: subprocess.Popen[bytes] | None = None
 
     def record_made(self, name: str, record: Any) -> None:
-        """With the problem, begin; unless all that it needs was compiled before."""
+        """Begin the process with the problem, unless all that it needs is already compiled."""
         if name == WIND.name:
             self._wind = record
         if name != PROBLEM.name or self._process is not None or self._wind is None:
@@ -62,20 +62,20 @@ class CompilingProcess:
             send(self._process.stdin, task)
 
     def wait(self) -> None:
-        """Return when the code is on disk, or cannot be got there."""
+        """Return when the process has ended, after ``LONGEST`` at the latest."""
         if self._process is not None:
             with suppress(subprocess.TimeoutExpired):
                 self._process.wait(LONGEST)
 
     def end(self) -> None:
-        """End the process, whatever it does."""
+        """End the process at once."""
         if self._process is not None:
             end_process(self._process)
 
 
 @contextmanager
 def compiling_process(settings: Settings) -> Iterator[CompilingProcess | None]:
-    """A compiling process for the duration of the block, None where it would have no core of its own."""
+    """A compiling process for the duration of the block; None if there is no core for it."""
     process = CompilingProcess(settings) if can_begin_one() else None
     try:
         yield process
@@ -85,9 +85,9 @@ def compiling_process(settings: Settings) -> Iterator[CompilingProcess | None]:
 
 
 def code_marker(problem: Problem, settings: Settings) -> Path | None:
-    """The file that says that code for such a problem is on disk: for its types, the kernels and the choices.
+    """The marker of compiled code for such a problem; its name depends on types, kernels and choices.
 
-    None where nothing is compiled (``NUMBA_DISABLE_JIT``).
+    None if nothing is compiled (``NUMBA_DISABLE_JIT``).
     """
     import numba
 
@@ -107,21 +107,21 @@ def code_marker(problem: Problem, settings: Settings) -> Path | None:
 def serve() -> None:
     """Read (settings, wind, problem, marker) from the standard input, compile, and write the marker.
 
-    The process ends where the run does.
+    The process ends when the run ends.
     """
     logging.disable()
     settings, wind, problem, marker = requests().get()
     try:
         carry_out_small(settings, wind, problem)
         write_bytes(marker, b"")
-    except Exception as error:  # what is wrong with the run, the run says
+    except Exception as error:  # the run reports the same error
         LOG.debug("nothing is compiled ahead: %s", error)
     finally:
-        os._exit(0)  # a thread still reads the standard input, at which an ordinary end would stumble
+        os._exit(0)  # a thread still reads the standard input, so that an ordinary end would fail
 
 
 def carry_out_small(settings: Settings, wind: Any, problem: Problem) -> Run:
-    """The later stages with few flights and one path; where one fails, those after it are left out."""
+    """The later stages with few flights and one path; after a stage that fails, the others are left out."""
     from pareto_ltl.run.pipeline import Run
 
     small = replace(
@@ -133,14 +133,14 @@ def carry_out_small(settings: Settings, wind: Any, problem: Problem) -> Run:
     )
     run = Run(small, records=Records({PROBLEM: problem, WIND: wind, FOREST: one_line_forest(problem)}))
     run.budget.end()
-    with suppress(Exception):  # what is wrong with the run, the run says
+    with suppress(Exception):  # the run reports the same error
         for name in LATER_STAGES:
             run.perform(run.table[name])
     return run
 
 
 def one_line_forest(problem: Problem) -> Forest:
-    """A forest of one tree, which is a taut line through the mission."""
+    """A forest of one tree whose only path is a taut line through the mission."""
     import numpy as np
 
     from pareto_ltl.planning.growth import mission_columns

@@ -1,4 +1,4 @@
-"""One directory, one run: locked while a run is at work in it, and cleared of what an earlier run left."""
+"""The results directory of a run: locked while the run works, and cleared of files of an earlier run."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from pareto_ltl.support.locks import claim_folder
 
 RUN_LOCK = "run.lock"
 RUN_LOG = "run.log"
-BOOKKEEPING = (  # the first goes first: without it, the rest is no result
+BOOKKEEPING = (  # the first is removed first: without it, the other files are no result
     "metrics.json", "run.json", "config_resolved.yaml", RUN_LOG,
     ".hydra/config.yaml", ".hydra/hydra.yaml", ".hydra/overrides.yaml",
 )  # fmt: skip
@@ -35,9 +35,10 @@ FOLDERS = tuple({name.partition("/")[0] for name in (*BOOKKEEPING, *RECORD_FILES
 
 @contextmanager
 def claimed_directory(directory: Path, written: Iterable[str] = ()) -> Iterator[None]:
-    """Have ``directory`` for one run: made where it is missing, locked, cleared of an earlier run's files.
+    """Reserve ``directory`` for one run: make it if it is missing, lock it, remove files of an earlier run.
 
-    Parts of a study stay: they are named by all that they depend on, and ``evaluation.resume`` reads them.
+    Parts of a study stay: their names are fingerprints of all that they depend on, and ``evaluation.resume``
+    reads them.
 
     Parameters
     ----------
@@ -49,17 +50,17 @@ def claimed_directory(directory: Path, written: Iterable[str] = ()) -> Iterator[
     ConfigError
         If another run is at work in it.
     DataError
-        If there is a file in its place.
+        If ``directory`` is a file.
     """
     if directory.exists() and not directory.is_dir():
-        raise DataError(f"{directory} is a file, and results need a folder: name another one")
+        raise DataError(f"{directory} is a file, and results need a folder: give the name of a folder")
     with claim_folder(directory / RUN_LOCK, "a run", "name another folder (hydra.run.dir=FOLDER)"):
         clear_results(directory, written)
         yield
 
 
 def clear_results(directory: Path, written: Iterable[str] = ()) -> None:
-    """Remove what a run writes from ``directory``, also half-written; all other files stay."""
+    """Remove files of a run from ``directory``, also unfinished ones; all other files stay."""
     for folder in (directory, *(directory / name for name in FOLDERS)):
         if not folder.is_symlink():
             remove_dead_drafts(folder)

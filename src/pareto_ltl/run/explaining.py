@@ -1,4 +1,4 @@
-"""A plan of a results directory, told leg by leg."""
+"""The explanation of a plan, leg by leg."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pareto_ltl.run.results import Results
 
 
 def explain(planned: PlanningResult | Results | str | Path, *, point: int | None = None) -> str:
-    """The purpose of each leg of a plan, what it passes, and the share of flights that have failed by then.
+    """Text on each leg of a plan: its goal, the closest obstacle, the share of flights failed by its end.
 
     Parameters
     ----------

@@ -65,13 +65,13 @@ def export(
 
 
 def _checked(cfg: ExportsConfig, formats: Sequence[str] | None, settings: dict[str, Any]) -> ExportsConfig:
-    """The settings of ``cfg`` with others in their place; ConfigError for a wrong one."""
+    """``cfg`` with other formats and settings; raises ConfigError for a wrong one."""
     wanted = cfg.formats if formats is None else list(formats)
     return replace(cfg, formats=wanted, **settings)
 
 
 def run_with_plan(results: Results) -> Run:
-    """The run of a results directory, with all that planning made; DataError where it has no plan."""
+    """The run of a results directory, with its records up to the plan; raises DataError if it has no plan."""
     if (status := results.run.get("status")) != "ok":
         raise DataError(f"{results.directory}: its run ended as {status!r}; there is no plan")
     settings = results.settings

@@ -1,4 +1,4 @@
-"""What readers of a results directory share: where a file lies, and the error for one of another shape."""
+"""Helpers for readers of a results directory: the place of a file, and the error for a wrong content."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ MISSHAPEN = (KeyError, TypeError, ValueError, AttributeError, IndexError, Overfl
 
 @contextmanager
 def shaped(path: Path, what: str) -> Iterator[None]:
-    """What goes wrong while the content of ``path`` becomes ``what`` is a DataError that names both."""
+    """Turn an error while the content of ``path`` is made into ``what`` into a DataError that names both."""
     try:
         yield
     except MISSHAPEN as error:
@@ -23,7 +23,7 @@ def shaped(path: Path, what: str) -> Iterator[None]:
 
 
 def inside(place: Path | str, name: str) -> Path:
-    """``place`` itself when it is a file, else the file ``name`` in it."""
+    """The file ``name`` in ``place``, or ``place`` itself if it is a file."""
     place = Path(place)
     return place / name if place.is_dir() else place
 

@@ -1,4 +1,4 @@
-"""The front on disk: ``front.csv`` for its readers, ``front.npz`` so that every path can be flown later.
+"""The front on disk: ``front.csv`` for people, ``front.npz`` with all that is needed to fly each path.
 
 Together they hold all of a :class:`Front`: the table its numbers and texts, the archive its arrays.
 """

@@ -1,4 +1,4 @@
-"""The stage of the front: what ``fidelity`` refines, and how paths are compared."""
+"""The stage of the front: refinement and comparison of paths, as ``fidelity`` selects."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from pareto_ltl.support.errors import InfeasibleError
 if TYPE_CHECKING:
     from pareto_ltl.planning.records import Front, PlannedPath
 
-FOREST_STREAM = "forest"  # of the random numbers of growth
-JUDGING = "judging"  # the part of the front's stream that no refinement draws from
+FOREST_STREAM = "forest"  # stream of the random numbers of growth
+JUDGING = "judging"  # child of the front's stream that refinement does not use
 
 
 def make_front(inputs: StageInputs) -> Front:
@@ -27,7 +27,7 @@ def make_front(inputs: StageInputs) -> Front:
 
 
 def _bounded_front(inputs: StageInputs) -> Front:
-    """Compared by mission risk, collision risk and length, as published."""
+    """The front by mission risk, collision risk and length, as published."""
     from pareto_ltl.planning import no_path, selection
 
     settings, problem = inputs.settings, inputs[PROBLEM]
@@ -44,7 +44,7 @@ def _bounded_front(inputs: StageInputs) -> Front:
 
 
 def _flown_front(inputs: StageInputs) -> Front:
-    """Compared by failure rate and length, in flights that no refinement has seen."""
+    """The front by failure rate and length, in flights that refinement has not used."""
     from pareto_ltl.planning import selection
     from pareto_ltl.simulation.judging import judge_front
 
@@ -58,7 +58,7 @@ def _flown_front(inputs: StageInputs) -> Front:
 
 
 def _no_path(inputs: StageInputs) -> str:
-    """Why the trees have no path that completes the mission."""
+    """Text that says why the trees have no path that completes the mission."""
     from pareto_ltl.planning import no_path
 
     settings = inputs.settings
@@ -70,7 +70,7 @@ FRONT_MAKERS: dict[str, Callable[[StageInputs], Front]] = {"bound": _bounded_fro
 
 
 def _refined_paths(inputs: StageInputs, raw: Sequence[PlannedPath]) -> tuple[tuple[PlannedPath, ...], str]:
-    """What ``fidelity.refine`` makes of the paths of the trees; where nothing can be flown, why."""
+    """The paths that ``fidelity.refine`` makes from those of the trees; if none can be flown, the reason."""
     try:
         return REFINERS[inputs.settings.fidelity.refine](inputs, raw), ""
     except InfeasibleError as error:

@@ -58,7 +58,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, repr=False)
 class PlanningResult(Displayed):
-    """The result of :func:`plan`. Every record of the run is an attribute, or ``result[KEY]``.
+    """The result of :func:`plan`. Each record of the run is an attribute, or ``result[KEY]``.
 
     Attributes
     ----------
@@ -98,7 +98,7 @@ class PlanningResult(Displayed):
 
     @property
     def problem(self) -> Problem:
-        """All of these as the arrays that planning reads."""
+        """Map, wind, automaton and robot as the arrays that planning reads."""
         return self[PROBLEM]
 
     @property
@@ -151,10 +151,10 @@ def plan(
     Parameters
     ----------
     scene : str, Path, mapping, SceneConfig or Scene
-        The name of a ready map (``"phi2"``), a GeoJSON or ``scene.json`` file, the keys of ``scene``, or a
-        map in metres.
+        The name of a ready map (``"phi2"``), a GeoJSON or ``scene.json`` file, the keys of section ``scene``,
+        or a map in metres.
     formula : str, mapping or MissionConfig
-        A formula over the regions of the map (``"F(a & F b)"``), or the keys of ``mission``.
+        A formula over the regions of the map (``"F(a & F b)"``), or the keys of section ``mission``.
     seed : int
         Another seed gives other trees.
     out : path, optional
@@ -162,8 +162,8 @@ def plan(
         nothing is written.
     sections : mapping, str or settings object
         Any section of :class:`Settings`: ``wind="calm"``, ``robot={"u_max": 20}``, ``fidelity="full"``,
-        ``planner={"trees": 4}``. A string names a choice in ``conf/``; ``mission`` has the keys beside the
-        formula.
+        ``planner={"trees": 4}``. A string names a choice in ``conf/``; ``mission`` gives the keys other than
+        the formula.
 
     Raises
     ------
@@ -192,14 +192,17 @@ def plan(
                 if stage.makes == PLAN:
                     break
     if PLAN not in run.records:
-        raise ConfigError(f"pipelines.stages makes no plan; it lists {', '.join(settings.pipelines.stages)}")
+        raise ConfigError(
+            f"pipelines.stages makes no plan; it lists {', '.join(settings.pipelines.stages)}: use "
+            "pipelines='plan', or add the stage plan and those that it needs"
+        )
     return PlanningResult(run)
 
 
 def _mission_settings(formula: Any, others: Any) -> Any:
-    """The section ``mission`` of a formula, or of its keys, and of the other keys that are given beside it.
+    """The section ``mission`` from a formula or its keys, and from the other keys in ``others``.
 
-    ConfigError where both name a key, or are no keys at all.
+    Raises ConfigError if both give the same key, or ``others`` cannot be combined with the formula.
     """
     mission = {"formula": formula} if isinstance(formula, str) else formula
     if others is None:
@@ -236,7 +239,7 @@ def choose(
     length : float, optional
         The safest path of at most this length [m].
     knee : bool
-        The knee of the front: beyond it, a lower failure rate costs the most length.
+        The knee of the front: beyond it, a lower failure rate costs much more length.
     point : int, optional
         The path of that number in ``result.front.paths`` and ``front.csv``.
     energy : float, optional
@@ -288,8 +291,8 @@ def replan(
     time : float or str
         When: seconds after departure, ``"6h"``, or an ISO 8601 time; rounded to a step of the plan.
     fix : (latitude, longitude, sd) or (x, y, sd), optional
-        Measured position [deg, or m] and its standard deviation [m]. Without it there is no new
-        information, and the rest of the plan is unchanged.
+        Measured position [deg, or m on a map without a place on Earth] and its standard deviation [m].
+        Without it there is no new information, and the rest of the plan is unchanged.
     quick : bool
         Whether to use a coarser refinement, which takes half of the time.
     out : path, optional
@@ -369,7 +372,7 @@ def _run_of(results: Results) -> Run:
 
 
 def _map_settings(scene: str | Path | Mapping[str, Any] | SceneConfig) -> SceneConfig:
-    """Settings of the map from its keys, its name or its file."""
+    """Settings of the map from its keys, its name or its file; ConfigError for an unknown name."""
     if isinstance(scene, str | Path) and str(scene) not in choices("scene"):
         if not Path(scene).expanduser().is_file():
             ready = ", ".join(choices("scene"))

@@ -1,4 +1,4 @@
-"""Every number of a run in one flat table, for ``metrics.json`` and the summary on the screen."""
+"""All numbers of a run in one flat table, for ``metrics.json`` and the summary on the screen."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ if TYPE_CHECKING:
 
 
 def run_metrics(records: Records, seconds: Mapping[str, float]) -> dict[str, float]:
-    """Numbers from the records that there are; ``completed`` is 1 if a plan or a study is among them.
+    """Numbers from ``records`` and the ``seconds`` [s] of stages; ``completed`` is 1 with a plan or a study.
 
-    A record of another package takes part with an attribute ``numbers``, a mapping of name to float.
+    A record of another package adds its attribute ``numbers``, a mapping of name to float.
     """
     table: dict[str, float] = {"completed": float(PLAN in records)}
     if (wind := records.get(WIND)) is not None:
@@ -65,7 +65,7 @@ def _wind_numbers(wind: WindField) -> dict[str, float]:
 
 
 def _forecast_numbers(forecasts: Mapping[str, Forecast]) -> dict[str, float]:
-    """V, R and the spread at the end under each wind law of the deployment."""
+    """V, R and the standard deviation of the last position [m] under each wind law of the deployment."""
     table: dict[str, float] = {}
     for law, seen in forecasts.items():
         table |= {
@@ -89,7 +89,7 @@ def _forest_numbers(forest: Forest) -> dict[str, float]:
 
 def _front_numbers(front: Front) -> dict[str, float]:
     table: dict[str, float] = {"front_size": len(front.paths), "hypervolume": front.hypervolume}
-    sides = front.reference[1 if front.rates else 2 :].tolist()  # of its box; risks and rates reach 1
+    sides = front.reference[1 if front.rates else 2 :].tolist()  # of its box, without risks
     table |= dict(zip(("hypervolume_length_m", "hypervolume_energy_j"), sides, strict=False))
     if front.raw and front.paths:
         table |= {
@@ -152,10 +152,10 @@ def _deployment_numbers(deployments: Mapping[str, Deployment]) -> dict[str, floa
 
 
 def peak_memory() -> float:
-    """Largest memory this process has held [MiB]."""
+    """Peak memory of this process [MiB]."""
     try:
         import resource
-    except ImportError:  # Windows, which has a peak of its own; elsewhere what is held now is the best guess
+    except ImportError:  # Windows, with a peak in psutil; elsewhere the present memory is taken
         import psutil
 
         held = psutil.Process().memory_info()

@@ -42,7 +42,7 @@ USED: tuple[RecordKey[Any], ...] = (AUTOMATON, PROBLEM, FOREST, FRONT, PLAN, DEP
 
 
 def make_page(inputs: StageInputs) -> tuple[Path, ...]:
-    """``report.html`` of what there is: a mission that failed has a page that says why."""
+    """``report.html`` from the records that exist; without a plan the page says why."""
     settings = inputs.settings
     if not settings.report.page:
         return ()
@@ -71,7 +71,7 @@ def write_page(path: Path, shown: ShownRun) -> Path:
 def shown_run(
     settings: Settings, records: Records, origin: Origin, seeds: SeedSequence, why: str = ""
 ) -> ShownRun:
-    """What the page is made from, as far as there are ``records``; ``seeds`` are those of the deployment."""
+    """The records for the page, of those in ``records``; ``seeds`` are those of the deployment."""
     from pareto_ltl.exports.exported import Height, flown_level, height_of
     from pareto_ltl.report.page.shown_run import ShownRun
 
@@ -105,7 +105,7 @@ def origin_in_memory(settings: Settings) -> Origin:
 
 
 def origin_of(directory: Path, record: Mapping[str, Any], inputs: Mapping[str, str]) -> Origin:
-    """What ``run.json`` (``record``) and ``config_resolved.yaml`` of ``directory`` tell, without folders."""
+    """The origin from ``run.json`` (``record``) and ``config_resolved.yaml`` of ``directory``."""
     return _origin(record, inputs, read_text(directory / "config_resolved.yaml"))
 
 
@@ -141,7 +141,7 @@ def warm_template(settings: Settings) -> Iterator[None]:
 
 
 def _warm_up() -> None:
-    with suppress(Exception):  # what is wrong appears when the page is written
+    with suppress(Exception):  # an error appears again when the page is written
         from pareto_ltl.report.page.rendering import page_template, plotly_script
 
         page_template()

@@ -1,7 +1,7 @@
 """The runner: checks a list of stages, makes their records in order, and writes a results directory.
 
-Single runs, studies and the Python interface use the same :class:`Run`. A study has no directory: it gives
-records and asks for others with :meth:`Run.make`.
+Single runs, studies and the Python interface use the same :class:`Run`. The run of a study has no directory:
+the study passes records to it and gets others with :meth:`Run.make`.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ LOG = logging.getLogger("pareto_ltl")
 
 @dataclass(frozen=True, slots=True)
 class Pipeline:
-    """Settings and the stages they list, checked: every stage finds what it needs."""
+    """Settings and their stages, after a check: each stage finds the records that it needs."""
 
     settings: Settings
     table: StageTable
@@ -60,7 +60,7 @@ def check_pipeline(settings: Settings, table: StageTable, given: Collection[Reco
                 f"pipelines.stages: there is no stage {shown_value(name, 40)}; there are {known}"
             )
         if name in seen:
-            raise ConfigError(f"pipelines.stages lists {name!r} twice; once is enough")
+            raise ConfigError(f"pipelines.stages lists {name!r} twice; list it once")
         seen.add(name)
         stage = table[name]
         if stage.makes not in given:
@@ -73,7 +73,7 @@ def check_pipeline(settings: Settings, table: StageTable, given: Collection[Reco
 
 
 def _check_stage(stage: Stage[Any], before: Sequence[Stage[Any]], given: Collection[RecordKey[Any]]) -> None:
-    """Refuse a stage that lacks a record, or makes one that is there already."""
+    """Raise ConfigError for a stage that lacks a record, or makes one that another stage makes."""
     makers = {other.makes: other.name for other in before}
     if missing := [key.name for key in stage.needs if key not in makers and key not in given]:
         raise ConfigError(
@@ -88,7 +88,7 @@ def _check_stage(stage: Stage[Any], before: Sequence[Stage[Any]], given: Collect
 
 
 def _check_selection(settings: Settings, made: Sequence[RecordKey[Any]]) -> None:
-    """Refuse a choice by energy for a robot without a power curve."""
+    """Raise ConfigError for a selection by energy with a robot without a power curve."""
     rule, weights = settings.selection.rule, settings.selection.weights
     if PLAN in made and settings.robot.power.kind == "none" and (rule == "energy" or any(weights[3:])):
         asked = "selection.rule=energy" if rule == "energy" else "the fourth of selection.weights"
@@ -126,24 +126,24 @@ def _check_mission(settings: Settings, made: Sequence[RecordKey[Any]]) -> None:
 
 @dataclass(slots=True)
 class Run:
-    """Records and times of one run as it proceeds: ``run[WIND]`` is a record that was made or given.
+    """Records and times of one run: ``run[WIND]`` is a record that was made or given.
 
     Attributes
     ----------
     records : Records
-        What was made so far, and what was given at the start.
+        Records made so far, and those given at the start.
     seconds : dict of str to float
         Time that each stage took, without the stages that it waited for [s].
     directory : Path or None
         Where records are written as soon as they are made; None keeps them in memory.
     progress : ProgressBar or None
-        What shows the stage at work.
+        Shows the present stage.
     ahead : dict of str to Watcher
-        What stages began when the run did, by their names.
+        Work that stages began at the start of the run, by the names of the stages.
     failure : str
-        Why the mission turned out infeasible; empty as long as it has not.
+        Why the mission is infeasible; empty if it is not, or not known to be.
     budget : Budget
-        The time that growth and refinement have together.
+        Time limit of growth and refinement together.
     """
 
     settings: Settings
@@ -164,11 +164,11 @@ class Run:
 
     @property
     def stage_progress(self) -> Progress | None:
-        """Where a stage reports its progress; None if it is not shown."""
+        """The function to which a stage reports its progress; None if it is not shown."""
         return self.progress
 
     def make(self, key: RecordKey[T]) -> T:
-        """The record of ``key``; if it is not there, it is made, and before it what it needs."""
+        """The record of ``key``; if it does not exist, it is made, after the records that it needs."""
         if key not in self.records:
             stage = self.table.maker_of(key)
             for need in stage.needs:
@@ -177,7 +177,7 @@ class Run:
         return self.records[key]
 
     def perform(self, stage: Stage[T]) -> T:
-        """Make the record of ``stage`` from records that are there; write it if the run has a directory."""
+        """Make the record of ``stage`` from existing records; write it if the run has a directory."""
         start = time.perf_counter()
         try:
             with self.progress.stage(stage.name) if self.progress else nullcontext():
@@ -203,7 +203,7 @@ class Run:
         return all(key in self.records for key in keys)
 
     def with_seed(self, seed: int) -> Run:
-        """A run of the same records with another seed; what is still to be made draws from its streams."""
+        """A run of the same records with another seed, which applies to records not made yet."""
         return Run(replace(self.settings, seed=seed), self.table, self.records.copy())
 
     def with_record(self, key: RecordKey[T], record: T) -> Run:
@@ -214,8 +214,8 @@ class Run:
 def make_all(run: Run, stages: Sequence[Stage[Any]]) -> None:
     """Make the records of ``stages`` in order.
 
-    If a mission turns out infeasible, the stages that need none of what is missing still follow (the figure
-    of how far the trees came), then the error does.
+    If the mission is infeasible, the stages that need no missing record still run (the figure shows how far
+    the trees came); then the error is raised.
     """
     for position, stage in enumerate(stages):
         try:
@@ -243,8 +243,8 @@ def run_pipeline(
 ) -> dict[str, float]:
     """Run ``pipeline`` into ``directory``, which is locked and cleared first, and return the metrics.
 
-    What stops a run is noted in ``run.json`` and ``run.log`` first and then raised. ConfigError if another
-    run is at work in the directory.
+    An error that stops the run is written to ``run.json`` and ``run.log`` and then raised. Raises ConfigError
+    if another run uses the directory.
     """
     with claimed_directory(Path(directory), pipeline.table.files):
         return run_claimed(pipeline, directory, argv, overrides)
@@ -253,7 +253,7 @@ def run_pipeline(
 def run_claimed(
     pipeline: Pipeline, directory: Path | str, argv: Sequence[str] = (), overrides: Sequence[str] = ()
 ) -> dict[str, float]:
-    """:func:`run_pipeline` in a directory that this process has for itself already."""
+    """:func:`run_pipeline` in a directory that this process has already locked."""
     run = Run(pipeline.settings, pipeline.table, directory=Path(directory))
     return carry_out(run, pipeline.stages, argv, overrides)
 
@@ -261,13 +261,13 @@ def run_claimed(
 def carry_out(
     run: Run, stages: Sequence[Stage[Any]], argv: Sequence[str] = (), overrides: Sequence[str] = ()
 ) -> dict[str, float]:
-    """Make the records of ``stages`` in the directory of ``run``; the contract of :func:`run_claimed`.
+    """Make the records of ``stages`` in the directory of ``run``; result and errors as :func:`run_claimed`.
 
-    A run that has a progress bar already keeps it: a run within another one shows none of its own.
+    A run that already has a progress bar keeps it: a run inside another one has no progress bar of its own.
     """
     place = run.directory
     if place is None:
-        raise ValueError("the run has no directory: give Run a directory")
+        raise ValueError("the run has no directory: create it with Run(..., directory=PATH)")
     place.mkdir(parents=True, exist_ok=True)
     ahead, heeding = _begun_ahead(run, stages), run.budget.ends_at_key()
     with logging_to(place / RUN_LOG), ahead, heeding, run.progress or ProgressBar() as bar:
@@ -277,7 +277,7 @@ def carry_out(
 
 @contextmanager
 def _begun_ahead(run: Run, stages: Sequence[Stage[Any]]) -> Iterator[None]:
-    """What ``stages`` begin ahead, for the duration of the run."""
+    """Run the work that ``stages`` begin ahead of their turn, for the duration of the run."""
     with ExitStack() as begun:
         for stage in stages:
             watcher = begun.enter_context(stage.ahead(run.settings)) if stage.ahead else None
@@ -291,7 +291,7 @@ def _begun_ahead(run: Run, stages: Sequence[Stage[Any]]) -> Iterator[None]:
 def _recorded(
     run: Run, stages: Sequence[Stage[Any]], place: Path, record: dict[str, Any]
 ) -> dict[str, float]:
-    """Make all stages, with ``run.json`` telling at any moment how far that has come."""
+    """Run all stages; ``run.json`` has the present status at any moment."""
     try:
         LOG.info("run %s, seed %d", run.settings.name, run.settings.seed)
         provenance.write_settings(place, run.settings)
@@ -301,7 +301,7 @@ def _recorded(
         table = _close(run, place, record, "ok")
     except BaseException as error:
         expected = isinstance(error, ParetoLtlError | OSError | KeyboardInterrupt)
-        with suppress(OSError):  # a full disk must not hide what filled it
+        with suppress(OSError):  # a full disk must not hide the error
             LOG.error("%s", provenance.one_line(error), exc_info=None if expected else error)
         with suppress(OSError):
             _close(run, place, record, _end_status(error), error)
@@ -310,7 +310,7 @@ def _recorded(
 
 
 def _end_status(error: BaseException) -> str:
-    if isinstance(error, KeyboardInterrupt):  # SIGTERM is one, too (support/stopping.py)
+    if isinstance(error, KeyboardInterrupt):  # also for SIGTERM (support/stopping.py)
         return "stopped"
     return "infeasible" if isinstance(error, InfeasibleError) else "failed"
 
@@ -326,7 +326,7 @@ def _save_given(run: Run, place: Path) -> None:
 def _close(
     run: Run, place: Path, record: dict[str, Any], status: str, error: BaseException | None = None
 ) -> dict[str, float]:
-    """Write how the run ended. A failed run has no metrics; an infeasible one that grew trees has."""
+    """Write how the run ended. A failed run has no metrics; an infeasible one has if it grew trees."""
     from pareto_ltl.run.metrics import run_metrics
     from pareto_ltl.support.files import write_json
 
@@ -334,33 +334,33 @@ def _close(
     measured = status == "ok" or (status == "infeasible" and FOREST in run.records)
     ended = provenance.end(record, run.settings, status, run.seconds, error)
     ended |= {"outputs": provenance.file_hashes(_tables_elsewhere(run))}
-    provenance.write(place, ended | {"measured": measured})  # metrics.json is still to come
+    provenance.write(place, ended | {"measured": measured})  # metrics.json follows
     if measured:
         write_json(place / "metrics.json", table)
     return table
 
 
 class RunLogFile(logging.FileHandler):
-    """A log that raises what keeps it from being written, a full disk for example, as any other file does."""
+    """A log file that raises errors of writing, for example a full disk, as any other file does."""
 
     def handleError(self, record: logging.LogRecord) -> None:  # noqa: ARG002, N802 - as logging has it
-        """Raise the error of the write, which logging would print and forget."""
+        """Raise the error of the write, which logging would only print."""
         raise  # noqa: PLE0704 - logging calls this while it handles the error
 
     def close(self) -> None:
-        """Close the file; an error was raised when it came up."""
-        with suppress(OSError):  # what could not be written was raised before
+        """Close the file; errors of writing were raised earlier."""
+        with suppress(OSError):  # raised by an earlier write
             super().close()
 
 
 def _tables_elsewhere(run: Run) -> list[Path]:
-    """Files that stages wrote outside of the results directory: their record is the path."""
+    """Files that stages wrote outside the results directory: their record is the path."""
     return [record for record in run.records.values() if isinstance(record, Path)]
 
 
 @contextmanager
 def logging_to(path: Path) -> Iterator[None]:
-    """The messages of the package and the warnings of Python go to the file ``path``."""
+    """Write the messages of the package and the warnings of Python to the file ``path``."""
     handler = RunLogFile(path, encoding="utf-8")
     handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(name)s: %(message)s"))
     heard = (LOG, logging.getLogger("py.warnings"))

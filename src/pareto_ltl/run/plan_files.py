@@ -1,4 +1,4 @@
-"""The plan on disk: ``plan.json``, whose schema ships with the package, and ``plan.csv``."""
+"""The plan on disk: ``plan.json``, whose schema is part of the package, and ``plan.csv``."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ PLAN_SCHEMA = "pareto_ltl.plan/2"
 PLAN_SCHEMAS = {
     PLAN_SCHEMA: "plan",
     "pareto_ltl.plan/1": "plan_1",
-}  # what a reader knows, and the schema's file
+}  # identifier in the file: name of the schema file
 TABLE_HEADER = ("step", "t_s", "x_m", "y_m", "u_x_m_s", "u_y_m_s", "cov_xx", "cov_xy", "cov_yy", "q", "label")
 
 
@@ -60,12 +60,12 @@ def write_plan(directory: Path, plan: Plan) -> None:
 
 
 def objectives_document(objectives: Objectives) -> dict[str, float]:
-    """All numbers; the energy only of a robot with a power curve."""
+    """All objectives; energy only for a robot with a power curve."""
     return {key: value for key, value in asdict(objectives).items() if value is not None}
 
 
 def promise_document(promise: Promise) -> dict[str, Any]:
-    """The rate, then what it was held against."""
+    """The rate, then claim, bound, linearity and the result of the test."""
     return asdict(promise.rate) | {
         "claimed": asdict(promise.claimed),
         "bound": promise.bound,
@@ -82,7 +82,7 @@ def _navigation_document(navigation: Navigation | None) -> dict[str, Any]:
 
 
 def _plan_row(path: PlannedPath, step: int) -> tuple[Any, ...]:
-    control = path.u[step] if step < len(path.u) else ("", "")  # nothing is flown from the last position
+    control = path.u[step] if step < len(path.u) else ("", "")  # the last position has no control
     (xx, xy), (_, yy) = path.cov[step]
     label = " ".join(sorted(path.label[step]))
     return (step, path.t[step], *path.x[step], *control, xx, xy, yy, path.q[step], label)
@@ -102,7 +102,7 @@ def read_plan(place: Path | str) -> Plan:
             formula=content["formula"],
             atoms=tuple(content["atoms"]),
             dt=content["dt"],
-            u_min=content.get("u_min", 0.0),  # files of earlier versions have none
+            u_min=content.get("u_min", 0.0),  # missing in files of earlier versions
             u_max=content["u_max"],
             capacity=content.get("capacity"),
             epsilon=content["epsilon"],
@@ -156,7 +156,7 @@ def _number(value: float | None) -> float:
 
 
 def _flight(content: Mapping[str, Any]) -> PlannedPath:
-    costs = content["objectives"]  # without the ordered bound by that name before it had one
+    costs = content["objectives"]  # files of schema 1 may lack mission_risk_ordered
     objectives = {
         key: _number(value)
         for key, value in ({"mission_risk_ordered": costs["mission_risk"]} | costs).items()

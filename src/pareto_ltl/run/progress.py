@@ -13,9 +13,9 @@ if TYPE_CHECKING:
 
 
 class ProgressBar:
-    """One line for the stage at work, on a terminal's error stream.
+    """One line for the present stage, on the error stream of a terminal.
 
-    Called with ``(done, total)`` it moves the bar of the current stage; a text says what there is so far.
+    A call with ``(done, total)`` moves the bar of the stage; a text beside it describes the result so far.
     """
 
     def __init__(self, shown: bool | None = None) -> None:

@@ -1,4 +1,4 @@
-"""Where a result came from: enough in ``run.json`` to make it again and to know that it is the same."""
+"""The origin of a result: ``run.json`` has enough to make it again and to check that it is the same."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ from pareto_ltl.support.fingerprints import code_fingerprint, data_fingerprint, 
 from pareto_ltl.support.messages import shown_line
 from pareto_ltl.support.resources import checkout
 
-ANSWERS = ("ok", "infeasible")  # that a mission has no plan is an answer too
+ANSWERS = ("ok", "infeasible")  # a mission without a plan is an answer too
 PACKAGES = (
     "clarabel", "cvxpy", "hydra-core", "moocore", "networkx", "numba", "numpy", "pyproj", "scikit-learn",
     "scipy", "shapely", "xarray",
 )  # fmt: skip
 
-NO_COMMIT = "(initial)"  # what git says where there is none yet
+NO_COMMIT = "(initial)"  # output of git if there is no commit yet
 PLACE_CURE = "check the path, its permissions and the space on the disk"
 
 
@@ -33,13 +33,13 @@ def config_hash(settings: Settings) -> str:
     """Fingerprint of the code and of all settings that a result can depend on."""
     content = as_dict(settings)
     del content["sweep"], content["planner"]["threads"]
-    # The source counts beside the version, which does not change while code is written.
+    # The fingerprint of the source counts too: the version does not change during development.
     told = {"version": __version__, "code": code_fingerprint(), "settings": content}
     return data_fingerprint(told)
 
 
 def begin(settings: Settings, argv: Sequence[str], overrides: Sequence[str] = ()) -> dict[str, Any]:
-    """What is known of a run when it starts."""
+    """The content of ``run.json`` when a run starts."""
     return {
         "status": "running",
         "error": None,
@@ -70,7 +70,7 @@ def end(
     seconds: Mapping[str, float],
     error: BaseException | None,
 ) -> dict[str, Any]:
-    """The same with how it ended, what it read and how long its stages took [s]."""
+    """``record`` with status, error, input files and ``seconds`` of the stages [s]."""
     return {
         **record,
         "status": status,
@@ -89,7 +89,7 @@ def write(directory: Path, record: Mapping[str, Any]) -> None:
 
 
 def write_settings(directory: Path, settings: Settings) -> None:
-    """Every setting of the run, ready to be read back."""
+    """Write every setting of the run as ``config_resolved.yaml``, from which it can be read back."""
     from pareto_ltl.support.files import write_bytes
 
     write_bytes(directory / "config_resolved.yaml", settings_text(settings).encode())
@@ -104,7 +104,7 @@ def settings_text(settings: Settings) -> str:
 
 
 def one_line(error: BaseException) -> str:
-    """The text of an error without line breaks; its kind where it has no text or is no error of ours."""
+    """The text of an error without line breaks; with its type if it is not one of ours or has no text."""
     text = shown_line(str(error))
     if isinstance(error, KeyboardInterrupt):
         return text or "interrupted"
@@ -122,7 +122,7 @@ def file_hashes(paths: Iterable[Path]) -> dict[str, str]:
 
 
 def unchanged(inputs: Mapping[str, str]) -> bool:
-    """Whether the files that a run read are still what they were."""
+    """Whether the files that a run read have not changed since."""
     try:
         return all(file_fingerprint(Path(name)) == digest for name, digest in inputs.items())
     except OSError:
@@ -130,7 +130,7 @@ def unchanged(inputs: Mapping[str, str]) -> bool:
 
 
 def git_state(root: Path | None) -> dict[str, Any] | None:
-    """Commit of the checkout at ``root`` and whether files differ from it; None outside a checkout."""
+    """Commit of the git checkout at ``root`` and whether files differ from it; None outside a checkout."""
     if root is None or not (root / ".git").exists():
         return None
     told = _git(root, "status", "--porcelain=v2", "--branch")
@@ -142,7 +142,7 @@ def git_state(root: Path | None) -> dict[str, Any] | None:
 
 def _git(root: Path, *words: str) -> str | None:
     try:
-        # Without the lock that a process killed after 5 s would leave behind.
+        # Without locks, which a process killed after 5 s would leave behind.
         command = ["git", "--no-optional-locks", "-C", str(root), *words]
         done = subprocess.run(command, capture_output=True, text=True, timeout=5, check=True)
     except (OSError, subprocess.SubprocessError):
@@ -151,12 +151,12 @@ def _git(root: Path, *words: str) -> str | None:
 
 
 def input_hashes(settings: Settings) -> dict[str, str]:
-    """SHA-256 of each file that a run reads, by its path; empty where they cannot be read."""
+    """SHA-256 of each file that a run reads, by its path; empty if one cannot be read."""
     from pareto_ltl.run.stages import input_files
 
     try:
         return file_hashes(input_files(settings))
-    except (ParetoLtlError, OSError):  # the stage that reads them has said so
+    except (ParetoLtlError, OSError):  # the stage that reads them has reported it
         return {}
 
 

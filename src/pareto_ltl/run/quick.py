@@ -1,4 +1,4 @@
-"""A coarser refinement, where many plans are compared or one is needed soon."""
+"""A coarser refinement, for comparisons of many plans or for a plan that is needed soon."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ from dataclasses import replace
 
 from pareto_ltl.settings import Settings
 
-QUICK = {"points": 8, "flights": 500, "sweep_flights": 200, "classes": 2}  # at most, of section refine
+QUICK = {"points": 8, "flights": 500, "sweep_flights": 200, "classes": 2}  # upper limits for section refine
 
 
 def quick_settings(settings: Settings) -> Settings:
-    """``settings`` with a refinement of at most :data:`QUICK`: half of the time, a little less good."""
+    """``settings`` with section ``refine`` limited to :data:`QUICK`: half the time, slightly worse plans."""
     coarse = {name: min(getattr(settings.refine, name), most) for name, most in QUICK.items()}
     return replace(settings, refine=replace(settings.refine, **coarse))
 

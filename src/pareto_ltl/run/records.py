@@ -1,7 +1,7 @@
 """The records of a run: a store with typed keys, and the keys of the records that a plan is made of.
 
-A key stands for a type without importing it: ``records[WIND]`` is a ``WindField`` to an editor and to mypy,
-and a wrong setting is reported before any numerical package is loaded.
+A key gives the type of its record without importing it: ``records[WIND]`` is a ``WindField`` for mypy, and a
+wrong setting is reported before any numerical package is loaded.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What is written and said of a plan made on the way."""
+"""Files and summary of a plan that was made during the flight."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ ADVICE = {
 
 
 def write_replanned(done: Replanned, run: Run, place: Path, source: str, argv: Sequence[str] = ()) -> None:
-    """A results directory of the new plan; without a fix, the rest of the old one in ``plan.json``."""
+    """Write a results directory of the new plan; without a fix, the rest of the old one as ``plan.json``."""
     from pareto_ltl.run.results import save_record
 
     with claimed_directory(place, run.table.files):
@@ -41,7 +41,7 @@ def write_replanned(done: Replanned, run: Run, place: Path, source: str, argv: S
 
 
 def replan_document(done: Replanned, source: str) -> dict[str, Any]:
-    """The content of ``replan.json``: what was replanned, what is known there, and the comparison."""
+    """The content of ``replan.json``: the old plan, time and position, and the comparison of both plans."""
     at, learnt = done.situation, done.situation.learnt
     return {
         "schema": "pareto_ltl.replan/1",
@@ -67,8 +67,8 @@ def comparison_lines(done: Replanned) -> list[str]:
     if at.learnt is None:
         return [
             *lines,
-            "no fix: nothing is learnt, and the rest of the plan stays as it is; "
-            f"seen from here the whole flight fails {done.old}",
+            "no fix: there is no new information, and the rest of the plan is unchanged; "
+            f"the failure rate of the whole flight is {done.old}",
         ]
     lines.append(
         f"position known to {distance_text(at.learnt.sd)} (before: {distance_text(at.learnt.sd_before)} or "
@@ -78,8 +78,8 @@ def comparison_lines(done: Replanned) -> list[str]:
     gap, low, high = (100.0 * value for value in done.difference)
     rest, new = (distance_text(path.objectives.length) for path in (done.rest, done.plan.path))
     lines += [
-        f"the rest of the old plan, {rest}, now fails {done.old}",
-        f"the new plan, {new}, fails {done.new}",
+        f"failure rate of the rest of the old plan ({rest}): {done.old}",
+        f"failure rate of the new plan ({new}): {done.new}",
         f"difference: {gap:+.2f} points [{low:+.2f}, {high:+.2f}]; planned in {done.seconds:.1f} s",
         ADVICE[done.advice],
     ]

@@ -1,9 +1,9 @@
-"""A plan from the middle of a flight on: where the robot is, what it learnt of its wind, what is left to do.
+"""Planning the rest of a flight again: position, wind error and remaining mission after a position fix.
 
-Without a fix nothing is learnt, and the old plan goes on as it is. With one, position and wind are
-conditioned on it (``planning/conditioning.py``, ``wind/conditioned.py``), the automaton goes on from its most
-likely state, and the stages from the trees on are carried out in the conditioned world. The new plan and the
-rest of the old one are then flown there in the same winds.
+Without a fix there is no new information, and the rest of the old plan is unchanged. With one, position and
+wind are conditioned on it (``planning/conditioning.py``, ``wind/conditioned.py``), the automaton continues
+from its most likely state, and the stages from the trees on run with the conditioned records. The new plan
+and the rest of the old one are then simulated in the same conditioned winds.
 """
 
 from __future__ import annotations
@@ -36,16 +36,16 @@ if TYPE_CHECKING:
     from pareto_ltl.world.scene import Scene
 
 LOG = logging.getLogger(__name__)
-STREAM, HISTORY = "replan", "replan history"  # of the flights that compare, and of those that tell the state
-HISTORIES = 2000
-VAGUE = 0.5  # of the least spread of the position: a fix that is no better is used with a warning
+STREAM, HISTORY = "replan", "replan history"  # streams of the compared flights, and of the past flights
+HISTORIES = 2000  # simulated past flights that estimate the automaton state
+VAGUE = 0.5  # of the least deviation of the position before: a less accurate fix gives a warning
 STAGES = ("problem", "forest", "front", "plan", "forecasts", "deployment", "export", "report", "page")
 AUTOMATON_FILE = "automaton.hoa"  # in the new directory: its mission
 
 
 @dataclass(frozen=True, slots=True)
 class Situation:
-    """Where a flight stands.
+    """Time, position and automaton state of a flight.
 
     Attributes
     ----------
@@ -55,7 +55,7 @@ class Situation:
     learnt : Learnt or None
         None without a fix.
     state : int
-        Automaton state of the most likely history, of probability ``certainty``.
+        Most likely automaton state, of probability ``certainty``.
     """
 
     step: int
@@ -68,23 +68,23 @@ class Situation:
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Replanned(Displayed):
-    """A plan made on the way.
+    """A plan made during the flight, compared with the rest of the old one.
 
     Attributes
     ----------
     run : Run or None
-        Records of the conditioned world with the new plan; None without a fix.
+        Records conditioned on the fix, with the new plan; None without a fix.
     plan : Plan
-        What is to be flown from here.
+        The new plan; without a fix, the rest of the old one.
     old, new : FailureRate
         Of the rest of the old plan and of the new one, in the same fresh winds given the fix. Without a fix
         both are that of the whole old plan.
     difference : (float, float, float)
-        New less old, with its 95 % interval.
+        New less old failure rate, and the ends of its 95 % interval.
     rest : PlannedPath
-        What is left of the old plan.
+        The rest of the old plan.
     seconds : float
-        From the records of the old plan to the new one.
+        Time from the records of the old plan to the new one [s].
     """
 
     situation: Situation
@@ -98,7 +98,7 @@ class Replanned(Displayed):
 
     @property
     def advice(self) -> str:
-        """``new`` or ``old`` where one fails less beyond chance, else ``either``."""
+        """``new`` or ``old`` if one fails significantly less, else ``either``."""
         _, low, high = self.difference
         return "new" if high < 0.0 else "old" if low > 0.0 else "either"
 
@@ -128,7 +128,7 @@ class Replanned(Displayed):
 def replanned(
     run: Run, time: float | str, fix: Sequence[float] | Fix | None, *, quick: bool = True
 ) -> Replanned:
-    """Plan the rest of the plan of ``run`` anew.
+    """Plan the rest of the plan of ``run`` again.
 
     Parameters
     ----------
@@ -137,14 +137,14 @@ def replanned(
     fix : (latitude, longitude, sd) or (x, y, sd) or Fix, optional
         Measured position [deg, or m in a plane without place on Earth] and its standard deviation [m].
     quick : bool
-        With a coarser refinement, within two seconds on phi2.
+        Whether to use a coarser refinement, which takes two seconds on phi2.
 
     Raises
     ------
     ConfigError
         If the time or the fix cannot be used.
     InfeasibleError
-        If nothing completes the mission from there.
+        If no path completes the mission from there.
     """
     from pareto_ltl.simulation.flights import counted_rate
     from pareto_ltl.simulation.judging import which_fail
@@ -170,7 +170,7 @@ def replanned(
 def _carried_on(
     run: Run, problem: Problem, plan: Plan, situation: Situation, rest: PlannedPath, began: float
 ) -> Replanned:
-    """Without a fix: the rest of the old plan; it fails as often as the whole plan does."""
+    """The result without a fix: the rest of the old plan, with the failure rate of the whole plan."""
     from pareto_ltl.simulation.flights import counted_rate
     from pareto_ltl.simulation.judging import which_fail
     from pareto_ltl.world.navigation import navigate
@@ -188,7 +188,7 @@ def _carried_on(
 
 
 def step_at(problem: Problem, plan: Plan, time: float | str) -> int:
-    """The step nearest to a time; ConfigError unless it lies within the plan."""
+    """The step nearest to a time; raises ConfigError unless it lies within the plan."""
     from pareto_ltl.world.windows import duration_seconds, seconds_after
 
     dt, steps = problem.motion.dt, len(plan.path.u)
@@ -213,7 +213,7 @@ def step_at(problem: Problem, plan: Plan, time: float | str) -> int:
 
 
 def checked_fix(problem: Problem, fix: Sequence[float]) -> Fix:
-    """The fix in the plane; ConfigError for one that is off the map or has no positive deviation."""
+    """The fix in the plane; raises ConfigError if it is off the map or has no positive standard deviation."""
     from pareto_ltl.world.projection import to_plane
 
     scene = problem.scene
@@ -234,12 +234,12 @@ def checked_fix(problem: Problem, fix: Sequence[float]) -> Fix:
     on_map = [bool((scene.bounds[0] <= p).all() and (p <= scene.bounds[1]).all()) for p in places]
     if not on_map[0]:
         swapped = "; swapped, it would lie on the map" if on_map[1:] == [True] else ""
-        raise ConfigError(f"fix {a:g},{b:g} lies off the map{swapped}; expected {names}")
+        raise ConfigError(f"fix {a:g},{b:g} lies outside the map{swapped}; expected {names}")
     return Fix(places[0], sd)
 
 
 def situation_at(run: Run, problem: Problem, plan: Plan, step: int, fix: Fix | None) -> Situation:
-    """What is known at ``step``."""
+    """Position, time and automaton state at ``step``, given the fix if there is one."""
     dt = problem.motion.dt
     if fix is None:
         return Situation(step, step * dt, None, None, int(plan.path.q[step]), 1.0)
@@ -255,9 +255,9 @@ def situation_at(run: Run, problem: Problem, plan: Plan, step: int, fix: Fix | N
 
 
 def likely_state(run: Run, problem: Problem, plan: Plan, step: int, fix: Fix) -> tuple[int, float]:
-    """The automaton state of most histories that lead to the fix, and their share.
+    """The automaton state of most simulated past flights, conditioned on the fix, and their share.
 
-    Where no state has half of them, the one of those above 5 % that is farthest from the goal.
+    If no state has half of them: of the states above 5 %, the one farthest from acceptance.
     """
     from pareto_ltl.simulation.flights import simulate_flights
 
@@ -277,7 +277,7 @@ def likely_state(run: Run, problem: Problem, plan: Plan, step: int, fix: Fix) ->
 
 
 def remaining_path(problem: Problem, path: PlannedPath, step: int) -> PlannedPath:
-    """The steps of ``path`` from ``step`` on, on a clock that begins there."""
+    """The steps of ``path`` from ``step`` on, with times from there."""
     length = float(np.linalg.norm(np.diff(path.x[step:], axis=0), axis=1).sum())
     energy = None if problem.energy is None else problem.energy.of(path.u[step:], problem.motion.dt)
     return replace(
@@ -298,7 +298,7 @@ def remaining_path(problem: Problem, path: PlannedPath, step: int) -> PlannedPat
 
 
 def conditioned_run(run: Run, situation: Situation, *, quick: bool) -> Run:
-    """A run that starts at the fix, in the wind as it is known now, with what is left of the mission."""
+    """A run that starts at the fix, in the conditioned wind, with the remaining mission."""
     from pareto_ltl.logic.progress import remaining_automaton
 
     learnt = situation.learnt
@@ -352,7 +352,7 @@ def power_left(cfg: PowerConfig, problem: Problem, path: PlannedPath, step: int)
 
 
 def rule_of_the_rest(cfg: SelectionConfig, path: PlannedPath, step: int) -> SelectionConfig:
-    """The rule of selection: a longest length is that of the whole flight, a point of another front."""
+    """The selection of the rest: ``length`` less what was flown; ``priority`` instead of a ``point``."""
     if cfg.rule == "point":
         return replace(cfg, rule="priority")
     if cfg.length is None:
@@ -368,7 +368,9 @@ def scene_from(scene: Scene, start: FloatArray, moment: float) -> Scene:
 
     inside = (scene.bounds[0] <= start) & (start <= scene.bounds[1])
     if not inside.all():
-        raise ConfigError("according to the fix, the robot is expected off the map: nothing is left to plan")
+        raise ConfigError(
+            "the position expected after the fix lies outside the map, where no path can begin; check the fix"
+        )
     later = utc_times(scene.time_zero, np.array([moment]))
     windows = later_windows(scene.windows, moment)
     return replace(
@@ -377,7 +379,7 @@ def scene_from(scene: Scene, start: FloatArray, moment: float) -> Scene:
 
 
 def wind_from(field: WindField, learnt: Learnt, moment: float, law: str) -> WindField:
-    """The wind from ``moment`` [s] on; under the coherent law with what was learnt of it."""
+    """The wind from ``moment`` [s] on; under the coherent law conditioned on the fix."""
     from pareto_ltl.wind.conditioned import conditioned_field, field_from
 
     later = field_from(field, moment)

@@ -1,7 +1,7 @@
-"""Results on disk: one directory a run, files that others may rely on.
+"""Results on disk: one directory for each run, with documented files.
 
-Every file appears whole or not at all, and the same records give the same bytes (``support.files``).
-``metrics.json`` comes last; its presence means that the run is done.
+A file is written completely or not at all, and the same records give the same bytes (``support.files``).
+``metrics.json`` is written last; its presence means that the run is complete.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ from pareto_ltl.world.scene import Scene
 if TYPE_CHECKING:
     from pareto_ltl.logic import Automaton
 
-COLLISION_COLUMNS = "collision_columns"  # of Tree.risk, the last ones; absent where there are none
+COLLISION_COLUMNS = "collision_columns"  # number of last columns of Tree.risk; missing if there are none
 TREE_ARRAYS = ("x", "parent", "step", "q", "cell", "length", "risk", "swaps", "beta")
 
 
@@ -138,11 +138,11 @@ def read_automaton(place: Path | str) -> Automaton:
 
 
 def write_wind(directory: Path, wind: WindField) -> None:
-    """With the scene beside it, where there is one, the file's clock and projection are named too."""
+    """Write ``wind.nc``; if ``scene.json`` is in ``directory``, with its time zero and projection."""
     from pareto_ltl.wind.netcdf import write_netcdf as to_netcdf
     from pareto_ltl.world.scene_files import scene_from_dict as from_dict
 
-    path = directory / "scene.json"  # this run's own: a check against its schema would cost 0.2 s
+    path = directory / "scene.json"  # written by this run: a check against its schema would take 0.2 s
     scene = from_dict(read_json(path)) if path.is_file() else None
     to_netcdf(wind, directory / "wind.nc", scene)
 
@@ -172,7 +172,7 @@ def write_forest(directory: Path, forest: Forest) -> None:
 
 
 def read_forest(place: Path | str) -> Forest:
-    """The forest without its times (NaN): an archive must not depend on how fast the machine was."""
+    """The forest, without times (NaN): an archive must not depend on the speed of the machine."""
     path = inside(place, "trees.npz")
     arrays = read_npz(path)
     with shaped(path, "a forest"):
@@ -221,7 +221,7 @@ def read_deployments(place: Path | str) -> dict[str, Deployment]:
 
 
 def write_study(directory: Path, study: Study) -> None:
-    """Every table as CSV, columns in the order of the first row, and the main ones as ``tables.md``."""
+    """Write every table as CSV, columns in the order of the first row, and the main ones as ``tables.md``."""
     for name, rows in study.tables.items():
         if rows:
             header = tuple(rows[0])
@@ -244,7 +244,7 @@ WRITERS: dict[RecordKey[Any], Callable[[Path, Any], None]] = {
 
 
 def save_record(directory: Path, key: RecordKey[T], record: T) -> None:
-    """Write ``record`` into ``directory`` if it has a place on disk."""
+    """Write ``record`` into ``directory`` if there is a writer for it."""
     if key in WRITERS:
         WRITERS[key](directory, record)
     elif isinstance(record, Study):
@@ -279,7 +279,7 @@ class Results(Displayed):
 
     @property
     def done(self) -> bool:
-        """Whether the run has ended with an answer: a plan, tables, or that there is none."""
+        """Whether the run has ended with an answer: a plan, tables, or that no plan exists."""
         if not (self.directory / "run.json").is_file():
             return False
         record = self.run

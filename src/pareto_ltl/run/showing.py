@@ -50,16 +50,16 @@ READERS: dict[RecordKey[Any], tuple[tuple[str, ...], Callable[[Results], Any]]] 
     PLAN: (("plan.json",), lambda results: results.plan),
     DEPLOYMENTS: (("deployments.npz",), lambda results: results.deployments),
 }
-DISPLAYS = ("DISPLAY", "WAYLAND_DISPLAY", "BROWSER")  # one of them says that a browser has a place to open
+DISPLAYS = ("DISPLAY", "WAYLAND_DISPLAY", "BROWSER")  # a browser can open if one of them is set
 
 
 def page_of(planned: Results | str | Path, *, again: bool = False) -> Path:
-    """The page of a results directory, written from its records where it is missing, or ``again``.
+    """The page of a results directory; written from its records if it is missing, or with ``again``.
 
     Raises
     ------
     DataError
-        If the directory holds no ended run of a plan, or cannot be read.
+        If the directory holds no finished run of a plan, or cannot be read.
     """
     results = load_results(planned)
     path = results.directory / PAGE_FILE
@@ -77,7 +77,7 @@ def page(planned: PlanningResult | Results | str | Path, path: str | Path) -> Pa
     Raises
     ------
     DataError
-        If there is no ended run of a plan.
+        If there is no finished run of a plan.
     """
     if isinstance(planned, PlanningResult):
         run = planned.run
@@ -90,7 +90,7 @@ def page(planned: PlanningResult | Results | str | Path, path: str | Path) -> Pa
 
 
 def shown_results(results: Results) -> ShownRun:
-    """What the page of a results directory is made from."""
+    """The records for the page of a results directory."""
     record, run = results.run, _run_of_records(results)
     origin = origin_of(results.directory, record, record.get("inputs") or {})
     seeds = stage_seeds(run.settings.seed, DEPLOYMENT_STREAM)
@@ -98,7 +98,7 @@ def shown_results(results: Results) -> ShownRun:
 
 
 def _run_of_records(results: Results) -> Run:
-    """A run with the records that the directory holds, and what follows from them without planning."""
+    """A run with the records of the directory, and those that follow from them without planning."""
     if (status := results.run.get("status")) not in ("ok", "infeasible"):
         raise DataError(f"{results.directory}: its run ended as {status!r}; there is nothing to show")
     there = {
@@ -118,7 +118,7 @@ def _run_of_records(results: Results) -> Run:
 
 
 def open_page(path: Path) -> bool:
-    """Open ``path`` in the default browser; False where there is none, or no screen."""
+    """Open ``path`` in the default browser; False if there is no browser or no screen."""
     if sys.platform not in ("win32", "darwin") and not any(map(os.environ.get, DISPLAYS)):
         return False
     import webbrowser
@@ -130,10 +130,10 @@ def open_page(path: Path) -> bool:
 
 
 def show(planned: PlanningResult | Results | str | Path) -> Path:
-    """Open the page of a plan in the default browser; return its path, also where there is no browser.
+    """Open the page of a plan in the default browser; return its path, also if there is no browser.
 
-    The page of a results directory is its ``report.html``; that of a plan in memory goes to a new folder for
-    temporary files.
+    The page of a results directory is its ``report.html``; that of a plan in memory is written to a new
+    temporary folder.
     """
     place = planned.run.directory if isinstance(planned, PlanningResult) else planned
     if place is None:

@@ -1,7 +1,7 @@
-"""The least memory that settings ask for, looked at before anything is made.
+"""A lower bound on the memory that settings need, checked before any stage runs.
 
-The stages know exactly what they need once there is a map and a wind: ``planning/growth.py`` and
-``simulation/flights.py`` ask again. What is refused here can never fit.
+``planning/growth.py`` and ``simulation/flights.py`` check again when the map and the wind are known and the
+need is exact. What is refused here can never fit.
 """
 
 from __future__ import annotations

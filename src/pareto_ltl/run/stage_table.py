@@ -1,4 +1,4 @@
-"""What a stage is: a function, the records it needs, the record it makes, the settings it reads.
+"""Definition of a stage: a function, the records it needs, the record it makes, the settings it reads.
 
 ``run/stages.py`` holds the stages of a plan, ``studies/stages.py`` those of the studies, and
 ``cli/stage_table.py`` joins both and those of other packages into the table of the application.
@@ -23,18 +23,18 @@ if TYPE_CHECKING:
 
     from numpy.random import SeedSequence
 
-Progress = Callable[..., None]  # called with (done, total), and with a text on what there is so far
+Progress = Callable[..., None]  # called with (done, total), and with a text on the result so far
 
 
 class Watcher(Protocol):
-    """What a stage begins ahead of its turn; it receives each record."""
+    """Work that a stage begins ahead of its turn; it receives each record."""
 
     def record_made(self, name: str, record: Any) -> None:
-        """The stage ``name`` has made ``record``, or it was given."""
+        """Receive ``record``, which the stage ``name`` has made or which was given."""
 
 
 class StageContext(Protocol):
-    """What a stage gets its inputs from: a ``Run`` (``run/pipeline.py``)."""
+    """The source of the inputs of a stage: a ``Run`` (``run/pipeline.py``)."""
 
     settings: Settings
     records: Records
@@ -42,11 +42,11 @@ class StageContext(Protocol):
 
     @property
     def ahead(self) -> Mapping[str, Watcher]:
-        """What stages have begun ahead of their turn, by stage."""
+        """Work that stages have begun ahead of their turn, by the name of the stage."""
 
     @property
     def stage_progress(self) -> Progress | None:
-        """Where a stage reports its progress."""
+        """The function to which a stage reports its progress."""
 
     @property
     def budget(self) -> Budget:
@@ -58,9 +58,9 @@ class StageContext(Protocol):
 
 
 class StageInputs:
-    """What one stage may read: the records it declares, the settings, its random stream.
+    """The inputs of one stage: the records that it declares, the settings, its random stream.
 
-    ``inputs[WIND]`` is a record that the stage needs, ``inputs.get(PLAN)`` one that it may use.
+    ``inputs[WIND]`` is a record that the stage needs, ``inputs.get(PLAN)`` one that it uses if it exists.
     """
 
     __slots__ = ("_context", "_stage")
@@ -82,7 +82,7 @@ class StageInputs:
 
     @property
     def records(self) -> Records:
-        """The records that the stage needs, as a store of their own, for studies that plan anew."""
+        """A new store of the records that the stage needs, for studies that make further plans."""
         return Records({key: self[key] for key in self._stage.needs})
 
     @property
@@ -92,7 +92,7 @@ class StageInputs:
 
     @property
     def seeds(self) -> SeedSequence:
-        """The random stream of the stage, from the start: it depends on the run's seed and on ``stream``."""
+        """The random stream of the stage, from its beginning; it depends on the run's seed and ``stream``."""
         if self._stage.stream is None:
             raise ValueError(f"stage {self._stage.name!r} draws random numbers: give it a stream")
         return stage_seeds(self.settings.seed, self._stage.stream)
@@ -106,22 +106,22 @@ class StageInputs:
 
     @property
     def ahead(self) -> Any:
-        """What the stage began when the run did (:attr:`Stage.ahead`), or None."""
+        """The work that the stage began at the start of the run (:attr:`Stage.ahead`), or None."""
         return self._context.ahead.get(self._stage.name)
 
     @property
     def budget(self) -> Budget:
-        """The time that growth and refinement have together (``planner.budget_seconds``)."""
+        """Time limit of growth and refinement together (``planner.budget_seconds``)."""
         return self._context.budget
 
     @property
     def failure(self) -> str:
-        """Why the mission turned out infeasible; empty as long as it has not."""
+        """Why the mission is infeasible; empty if it is not, or not known to be."""
         return self._context.failure
 
     @property
     def progress(self) -> Progress | None:
-        """A function to call with (done, total) and maybe a text, or None if no progress is shown."""
+        """A function to call with (done, total) and optionally a text; None if no progress is shown."""
         return self._context.stage_progress
 
 
@@ -136,23 +136,23 @@ class Stage(Generic[T]):
     makes : RecordKey
         Key of the record that ``make`` returns.
     make : callable
-        From :class:`StageInputs` to the record. It imports heavy packages in its body.
+        Function from :class:`StageInputs` to the record. It imports slow packages in its body.
     needs : tuple of RecordKey
         Records that earlier stages must have made.
     uses : tuple of RecordKey
-        Records that are used where there are some.
+        Records that are used if they exist.
     settings : tuple of type
         Sections of the settings that ``make`` reads; ``Settings`` stands for all.
     stream : str or None
-        Names the random stream of a stage that draws; another name means other draws.
+        Name of the random stream of a stage that draws random numbers; another name gives other numbers.
     writes : tuple of str
-        Files of the record in the results directory: the same settings give the same bytes, but for columns
-        of seconds. ``*`` stands for any name.
+        Files of the record in the results directory: the same settings give the same bytes, except in columns
+        of seconds. ``*`` is a wildcard.
     shows : tuple of str
-        Files for people, figures and texts, which may contain how long something took.
+        Files for people, figures and texts, which may contain times of computation.
     ahead : callable or None
-        From the settings to a context that is entered when the run begins and left when it ends; the
-        :class:`Watcher` that it gives is ``inputs.ahead``. For what can begin before the stage does.
+        Function from the settings to a context that is entered when the run begins and left when it ends; the
+        :class:`Watcher` that it yields is ``inputs.ahead``. For work that can begin before the stage.
     """
 
     name: str
@@ -168,14 +168,14 @@ class Stage(Generic[T]):
 
 
 def stage_seeds(seed: int, stream: str) -> SeedSequence:
-    """The random stream ``stream`` of a run with ``seed``; a new object each time, since spawning counts."""
+    """The random stream ``stream`` of a run with ``seed``; a new object each time: spawning changes it."""
     from numpy.random import SeedSequence
 
     return SeedSequence(seed, spawn_key=(crc32(stream.encode()),))
 
 
 def named_child(seeds: SeedSequence, name: str) -> SeedSequence:
-    """A child of ``seeds`` that ``spawn`` never makes, the same whatever else has drawn from ``seeds``."""
+    """A child of ``seeds`` that ``spawn`` never makes; it does not depend on earlier use of ``seeds``."""
     from numpy.random import SeedSequence
 
     return SeedSequence(seeds.entropy, spawn_key=(*seeds.spawn_key, crc32(name.encode())))
@@ -192,7 +192,7 @@ class StageTable:
             if stage.name in self._stages:
                 raise ValueError(f"two stages have the name {stage.name!r}")
             self._stages[stage.name] = stage
-        self.known = tuple(dict.fromkeys((*self._stages, *known)))  # also names that were not loaded
+        self.known = tuple(dict.fromkeys((*self._stages, *known)))  # with names of stages that are not loaded
 
     def __getitem__(self, name: str) -> Stage[Any]:
         return self._stages[name]

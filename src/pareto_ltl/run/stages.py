@@ -1,7 +1,7 @@
-"""The stages of a plan: the only place that knows which function of which package makes which record.
+"""The stages of a plan: the table of the functions that make each record.
 
-``PLAN_STAGES`` at the end is the table. Packages are imported inside the functions, so that an error of
-configuration does not wait for them.
+``PLAN_STAGES`` at the end is the table. Packages are imported inside the functions, so that a configuration
+error is reported without loading them.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ LOG = logging.getLogger(__name__)
 
 
 def make_readings(inputs: StageInputs) -> Readings:
-    """All wind readings of the source, each file read once; of large files, where the scene will be."""
+    """All wind readings of the source; each file is read once, a large one only around the scene."""
     from pareto_ltl.wind.sources import read_readings
 
     settings = inputs.settings
@@ -81,7 +81,7 @@ def make_readings(inputs: StageInputs) -> Readings:
 
 
 def _wanted_wind(settings: Settings) -> Wanted:
-    """Where and when the wind matters: all that there is, unless a map is planned on."""
+    """Place and time at which the wind is needed; everything in pipelines without a map."""
     from pareto_ltl.wind.area import ALL_WIND, Wanted, neighbourhood
 
     scene, start, padding = settings.scene, settings.mission.start_time, settings.wind.padding
@@ -115,7 +115,7 @@ def make_decomposition(inputs: StageInputs) -> Decomposition:
 
 
 def make_automaton(inputs: StageInputs) -> Automaton:
-    """Over the letters that cells show, and the empty one of a flight that leaves the map."""
+    """The automaton over the letters that cells show and the empty letter, which holds off the map."""
     from pareto_ltl.logic.mission import automaton_of
     from pareto_ltl.world import cells
 
@@ -133,7 +133,7 @@ def make_automaton(inputs: StageInputs) -> Automaton:
 
 
 def make_observations(inputs: StageInputs) -> WindObservations:
-    """The readings that matter, in the plane and the clock of the map."""
+    """The readings near the map, in its plane and with times since departure."""
     from pareto_ltl.wind.observations import place_readings
 
     return place_readings(inputs.settings.wind, inputs[READINGS], inputs[SCENE])
@@ -176,7 +176,7 @@ def make_problem(inputs: StageInputs) -> Problem:
 
 
 def _check_level(robot: RobotConfig, wind: WindField) -> None:
-    """Warn where the wind is that of another level than the robot's; calm air has none."""
+    """Warn if the wind is that of another level than the robot's; calm air has no level."""
     from pareto_ltl.wind.levels import level_mismatch
 
     if robot.level and wind.evidence is not None and (gap := level_mismatch(robot.level, wind.level)):
@@ -196,7 +196,7 @@ def make_forest(inputs: StageInputs) -> Forest:
 
 
 def make_plan(inputs: StageInputs) -> Plan:
-    """The path of the front that the rule picks; with ``judge=flights``, once fresh flights confirm it."""
+    """The path of the front that the rule picks; with ``judge=flights``, after a test with fresh flights."""
     from pareto_ltl.planning.records import Plan
     from pareto_ltl.planning.selection_rules import choose_path, selection_rule, within_capacity
     from pareto_ltl.simulation.promise import promise_path
@@ -231,7 +231,7 @@ def make_plan(inputs: StageInputs) -> Plan:
 
 
 def make_forecasts(inputs: StageInputs) -> Mapping[str, Forecast]:
-    """V and R of the plan under every law that it will be deployed in."""
+    """V and R of the plan under every law of ``deployment.laws``."""
     from pareto_ltl.planning.evaluate import forecast
 
     plan = inputs[PLAN]
@@ -246,7 +246,7 @@ def make_deployments(inputs: StageInputs) -> Mapping[str, Deployment]:
 
 
 def make_export(inputs: StageInputs) -> tuple[Path, ...]:
-    """The plan in the formats of ``exports.formats``, as far as the map and its departure allow them."""
+    """Files of the plan in those of ``exports.formats`` that the map and its departure allow."""
     settings, problem, plan = inputs.settings, inputs[PROBLEM], inputs[PLAN]
     if not settings.exports.files:
         return ()
@@ -264,7 +264,7 @@ def make_export(inputs: StageInputs) -> tuple[Path, ...]:
 
 
 def make_report(inputs: StageInputs) -> tuple[Path, ...]:
-    """Figures of what there is: a mission that failed shows how far its trees came."""
+    """Figures of the records that exist; without a plan the map shows how far the trees came."""
     if not inputs.settings.report.figures:
         return ()
     from pareto_ltl.report.records import DrawnRun
@@ -283,7 +283,7 @@ def make_report(inputs: StageInputs) -> tuple[Path, ...]:
 
 
 def make_wind_table(inputs: StageInputs) -> Path:
-    """The wind table of ``pipelines=ingest``; its path counts from the current folder."""
+    """The wind table of ``pipelines=ingest``; its path is relative to the current folder."""
     from pareto_ltl.wind.ingest import write_wind_table
 
     ingest = inputs.settings.ingest
