@@ -64,7 +64,7 @@ def test_listed_starts_are_taken_once_and_in_order() -> None:
 def test_a_calm_has_the_starts_that_are_named() -> None:
     cfg = DepartureConfig(first=MIDNIGHT, every=6.0, last=NOON)
     assert len(candidate_starts(cfg, CALM, None)) == 3
-    with pytest.raises(ConfigError, match="calm wind names no time"):
+    with pytest.raises(ConfigError, match="calm wind has no times"):
         candidate_starts(DepartureConfig(), CALM, None)
 
 

@@ -165,7 +165,7 @@ def test_a_part_whose_process_is_killed_is_worked_out_again(
     (tmp_path / "kill_1_a").touch()
     done = parts.work_parts(EvaluationConfig(jobs=2), tmp_path, fatal, tmp_path, some(4))
     assert [result["value"] for result in done] == [0, 1, 2, 3]
-    assert "were killed; going on with the others" in capsys.readouterr().err
+    assert "were killed; continuing with the others" in capsys.readouterr().err
 
 
 def test_a_part_that_is_killed_every_time_is_named_and_the_others_are_kept(

@@ -66,7 +66,7 @@ def test_a_sweep_on_slurm_gives_the_same_summary_and_outlives_a_killed_job(
     (asked / "kill_2").touch()
     done = sweep(environment, points, "hydra.sweep.dir=cluster", *CLUSTER)
     assert done.returncode == 0, done.stdout + done.stderr
-    assert "were killed; going on with the others" in done.stderr
+    assert "were killed; continuing with the others" in done.stderr
     assert Path("cluster/summary.csv").read_bytes() == Path("local/summary.csv").read_bytes()
 
     records = [json.loads(path.read_text()) for path in Path("cluster").glob("*/run.json")]

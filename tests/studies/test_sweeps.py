@@ -151,7 +151,7 @@ def test_half_the_jobs_killed_once_are_run_again_by_the_same_command(asked: Path
     done = sweep(*TROUBLED)
     assert done.returncode == 0, done.stderr
     assert set(statuses().values()) == {"ok"}
-    assert "were killed; going on with the others" in done.stderr
+    assert "were killed; continuing with the others" in done.stderr
     assert "Traceback" not in done.stderr
 
 
@@ -495,7 +495,7 @@ def test_what_an_earlier_sweep_left_does_not_count_as_begun(tmp_path: Path) -> N
     answer(second.directory, status="running")
     launch = Breaking({"0": 1}, LEAVE["killed"])
     JobQueue(launch, told.append).run([first, second])
-    assert told == ["1 of the jobs at work were killed; going on with the others"]
+    assert told == ["1 of the running jobs were killed; continuing with the others"]
     assert launch.launches == [["0"], ["1"], ["0"]]
 
 

@@ -1,21 +1,20 @@
-"""One setting changed at a time; all plans are flown through the same world, in the same winds.
+"""One setting changed at a time; all plans are simulated with the same model, in the same winds.
 
-``trees``, ``n_max``   size of the forest
-``beta``               slack of Eq. (11): 0 (no parent that is worse in anything), random (the default), large
-``epsilon``            collision probability allowed at a step
-``kernel``             covariance of the wind's regression: what planning believes; flown is that of the run
-``ball``               radius of the maximum-trace ball
-``dt``                 the default plan flown with every step cut into pieces of equal control
+``trees``, ``n_max``   size of the forest ``beta``               slack of Eq. (11): 0 (no parent that is worse
+in any objective), random (default), large ``epsilon``            collision probability allowed at a step
+``kernel``             covariance of the wind's regression for planning; flights use that of the run ``ball``
+radius of the maximum-trace ball ``dt``                 the default plan flown with every step divided into
+shorter ones of equal control
 
 ``law``, ``mission_bound``, ``collision_bound``, ``parents``, ``refine``
-                       one model of ``fidelity``: what planning assumes; flights stay in the world of the run.
+                       one model of ``fidelity`` for planning; flights use the models of the run.
                        With ``planner.epsilon=null`` each collision bound has its own default ε.
 
 Plans are paths of the trees without refinement (``refine=none``), except at the level ``refine=convex``.
 
 ``dt`` is about the wind laws, not the planner: the flight is the same, only the number of its steps changes.
-Independent draws average out, so that under this law bound and failure go to 0 with the time step; the same
-flight through a coherent wind does not get any safer by being computed in finer steps.
+Independent draws average out, so that under this law bound and failure rate go to 0 with the time step; under
+the coherent law finer steps do not make the same flight safer.
 """
 
 from __future__ import annotations
@@ -66,7 +65,7 @@ FACTOR_TITLES = {
 
 @dataclass(frozen=True, slots=True)
 class AblationContext:
-    """``runs_of`` and ``worlds``: what plans are made in and what they are flown in, by (factor, level)."""
+    """``runs_of`` make plans, and they are flown in ``worlds`` or ``truth``; by (factor, level)."""
 
     runs_of: Mapping[tuple[str, Any], Run]
     worlds: Mapping[tuple[str, Any], Problem]
@@ -77,14 +76,14 @@ class AblationContext:
 
 
 def levels(settings: Settings) -> Iterator[tuple[str, Any]]:
-    """Every (factor, level) asked for."""
+    """Every (factor, level) of the settings."""
     for factor in settings.ablation.factors:
         for level in getattr(settings.ablation, factor):
             yield factor, level
 
 
 def changed(settings: Settings, factor: str, level: Any) -> Settings:
-    """``settings`` with one thing different."""
+    """``settings`` with ``factor`` set to ``level``."""
     planner, wind = settings.planner, settings.wind
     if factor == "beta":
         scaled = replace(
@@ -147,21 +146,21 @@ def _ablation_context(settings: Settings, world: Records) -> AblationContext:
 
 
 def _ablation_key(settings: Settings, context: AblationContext, factor: str, level: Any, seed: int) -> str:
-    """Levels that come to the default settings share their parts."""
+    """Key of a part; levels equal to the default settings share their parts."""
     pieces = level if factor == "dt" else 1
     mine = replace(context.runs_of[factor, level].settings, seed=seed)
     return part_key(mine, "ablation", pieces, as_flown(settings), context.runs, context.laws)
 
 
 def as_flown(settings: Settings) -> str:
-    """The world that plans are flown in, which does not change with the factor."""
+    """Fingerprint of the model in which plans are flown; it does not change with the factor."""
     return part_key(replace(settings, seed=0))
 
 
 def cut(settings: Settings, pieces: int) -> Settings:
-    """The same robot and wind, looked at ``pieces`` times as often.
+    """The same robot and wind with time steps of 1/``pieces`` of the length.
 
-    The last field holds to the end of a step that begins with it, as it does for a step in one piece.
+    The last field is held to the end of a step that begins with it, as for an undivided step.
     """
     robot = replace(settings.robot, dt=settings.robot.dt / pieces)
     planner = replace(settings.planner, max_steps=settings.planner.max_steps * pieces)
@@ -173,7 +172,7 @@ def cut(settings: Settings, pieces: int) -> Settings:
 
 
 def ablation_part(context: AblationContext, factor: str, level: Any, seed: int) -> Columns:
-    """One plan with one factor at ``level``, and how its flights end in the true model."""
+    """One plan with one factor at ``level``, and the outcomes of its flights in the true model."""
     try:
         plan = _ablation_plan(context, factor, level, seed)
     except InfeasibleError as error:
@@ -191,7 +190,7 @@ def ablation_part(context: AblationContext, factor: str, level: Any, seed: int) 
 
 
 def _ablation_plan(context: AblationContext, factor: str, level: Any, seed: int) -> Any:
-    """Made once for all time steps."""
+    """The plan of one level and seed; for ``dt`` it is made once for all levels."""
     if factor != "dt":
         return context.runs_of[factor, level].with_seed(seed).make(PLAN)
     if seed not in context.kept:

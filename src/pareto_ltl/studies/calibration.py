@@ -1,9 +1,9 @@
-"""Foreseen failures held against what happened: reliability, sharpness, scores of plans flown in real winds.
+"""Predicted against realised failure rates of plans flown in real winds: reliability, sharpness, scores.
 
-A row is a plan: its mission, what kind of plan it is, what was promised (columns ``bound_*`` and
-``simulated_*``) and the share of flights that failed (``failure``). Flights of one mission share one wind,
-and its plans one map: a mission is one trial. Its plans in a group are averaged, and the interval is that of
-as many trials as there are missions.
+A row is a plan: its mission, its kind, the promised probabilities (columns ``bound_*`` and ``simulated_*``)
+and the share of flights that failed (``failure``). Flights of one mission share one wind, and its plans one
+map: a mission is one trial. Its plans in a group are averaged, and the interval is that of as many trials as
+there are missions.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ from pareto_ltl.studies.tables import markdown_table, rate_cell
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import interval_text, probability_text
 
-KEYS = ("fidelity", "kind")  # rows that differ in one of these are never in one group
+KEYS = ("fidelity", "kind")  # rows of a group agree in these
 FRONT, CHOSEN = "front", "chosen"
-SMALLEST = 0.5 / 500  # least chance that a log score counts with: half a failure of 500 flights
+SMALLEST = 0.5 / 500  # least probability in a log score: half a failure of 500 flights
 
 Rows = Sequence[Columns]
 
@@ -33,7 +33,7 @@ def promises(row: Mapping[str, Any]) -> list[str]:
 
 
 def reliability(rows: Rows, bins: int, keys: Sequence[str] = KEYS) -> list[Columns]:
-    """For every promise of rows that agree in ``keys``, plans in ``bins`` groups of equal size by promise."""
+    """Reliability of each promise, for rows that agree in ``keys``, in ``bins`` equal groups by promise."""
     table = []
     for head, name, known in _promised(rows, keys):
         parts = np.array_split(np.arange(len(known)), max(1, min(bins, len(known))))
@@ -42,7 +42,7 @@ def reliability(rows: Rows, bins: int, keys: Sequence[str] = KEYS) -> list[Colum
 
 
 def scorecard(rows: Rows, keys: Sequence[str] = KEYS) -> list[Columns]:
-    """All plans that agree in ``keys``: mean promise, mean realised, scores.
+    """Mean promise, mean realised rate and scores of all plans that agree in ``keys``.
 
     With p promised and f realised, the Brier score is the mean of f (1 - p)² + (1 - f) p², the log score that
     of -f ln p - (1 - f) ln(1 - p); both are least where p = f. ``promised_sd`` is the sharpness.
@@ -63,7 +63,7 @@ def log_score(promised: FloatArray, realised: FloatArray) -> float:
 
 
 def _promised(rows: Rows, keys: Sequence[str]) -> Iterable[tuple[Columns, str, list[Columns]]]:
-    """Values of the keys, name of a promise, and the rows that hold it, ordered by it."""
+    """Values of the keys, name of a promise, and the rows that have it, sorted by it."""
     for values in dict.fromkeys(tuple(row[key] for key in keys) for row in rows):
         mine = [row for row in rows if tuple(row[key] for key in keys) == values]
         for name in dict.fromkeys(name for row in mine for name in promises(row)):
@@ -96,7 +96,7 @@ def _group(name: str, rows: Rows) -> Columns:
 
 
 def promise_text(fidelity: str, promise: str) -> str:
-    """What a column of promises holds, with its wind law: ``V + R, coherent winds``."""
+    """Text for a column of promises, with its wind law: ``V + R, coherent winds``."""
     kind, _, law = promise.partition("_")
     if promise == "bound_paper":
         planned = preset(fidelity).law

@@ -1,13 +1,14 @@
 """One mission, several planners, the same winds (the paper's Figure 1 and its baseline).
 
-``paper``            the proposed planner as the paper has it: its trees' paths as they are
-``smoothed``         the same with convex smoothing: what ``pipelines=plan fidelity=paper`` flies
-``full``             smoothed and ranked by flights: what ``pipelines=plan fidelity=full`` flies
+``paper``            the proposed planner as in the paper: paths of the trees without refinement
+``smoothed``         the same with convex smoothing, as ``pipelines=plan fidelity=paper``
+``full``             refined and ranked by flights, as ``pipelines=plan fidelity=full``
 ``cc_rrt``           plain CC-RRT: chance constraints, no re-selection of parents (lines 5-13 of Algorithm 2)
 ``ml_rrt``           the same planner without any knowledge of wind, μ = 0 and Σ = 0 (the paper's baseline)
 ``calm_shortest``    the shortest path in still air, by convex smoothing of ``ml_rrt``; one path for all seeds
 
-The last two fly the airspeeds they planned in a wind they did not. All plans of one seed meet the same winds.
+The last two fly the airspeeds that they planned for calm air in the wind. All plans of one seed meet the same
+winds.
 """
 
 from __future__ import annotations
@@ -56,7 +57,7 @@ COSTS = ("mission_risk_paper", "mission_risk_ordered", "collision_risk")
 
 @dataclass(frozen=True, slots=True)
 class ComparisonContext:
-    """What all parts of a comparison share: the problem of each method, and the one all are flown in."""
+    """Data for all parts: a run for each method, and the problem ``truth`` in which all plans are flown."""
 
     methods: Mapping[str, Run]
     truth: Problem
@@ -66,7 +67,7 @@ class ComparisonContext:
 
 
 def method(name: str, settings: Settings, world: Records) -> Run:
-    """The planner called ``name``: the settings it has and the world it believes in."""
+    """The run of the planner ``name``, with its settings and the wind that it plans in."""
     models = preset("full" if name == "full" else "paper")
     if name not in ("smoothed", "full", "calm_shortest"):
         models = replace(models, refine="none")
@@ -86,7 +87,7 @@ def method(name: str, settings: Settings, world: Records) -> Run:
 
 
 def truth(settings: Settings, world: Records) -> Problem:
-    """The world plans are flown in: everything that is modelled, all laws."""
+    """The problem in which plans are flown: ``fidelity=full``, all wind laws."""
     laws = list(settings.evaluation.laws)
     real = replace(settings, fidelity=preset("full"), deployment=replace(settings.deployment, laws=laws))
     return study_run(real, world).make(PROBLEM)
@@ -120,7 +121,7 @@ def _comparison_key(context: ComparisonContext, settings: Settings, name: str, s
 
 
 def comparison_part(context: ComparisonContext, name: str, seed: int) -> Columns:
-    """A plan of one method and what became of its flights; or why there is none."""
+    """A plan of one method and the outcomes of its flights; or why there is no plan."""
     began = time.perf_counter()
     try:
         plan = _comparison_plan(context, name, seed)
@@ -148,9 +149,9 @@ def _comparison_plan(context: ComparisonContext, name: str, seed: int) -> Plan:
 def outcomes(
     problem: Problem, u: FloatArray, x: FloatArray, runs: int, laws: Sequence[str], seed: int
 ) -> dict[str, Columns]:
-    """Per law, which flights completed the mission, met an obstacle, left the map and failed.
+    """For each law, which flights completed the mission, met an obstacle, left the map and failed.
 
-    ``bound`` is what V + R says of them.
+    ``bound`` is V + R under the law.
     """
     found: dict[str, Columns] = {}
     for law in laws:
@@ -382,7 +383,7 @@ def planned_winds(method: str) -> str:
 
 
 def _planned_risk(row: Columns, name: str) -> str:
-    """A bound of the plan with its winds; f_o never speaks of coherent ones."""
+    """A bound of the plan with its winds; f_o does not hold in coherent winds."""
     winds = planned_winds(row["method"])
     if name == "bound_paper" and winds == "coherent winds":
         return "-"

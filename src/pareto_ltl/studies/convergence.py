@@ -1,12 +1,12 @@
 """Bound and simulated failure of the selected path as the trees grow (the paper's Figure 2).
 
-One forest a seed is grown to the largest size. A vertex keeps its path for ever and vertices are stored in
-the order of their creation, so the first n of each tree are the forest as it was at n vertices a tree: the
-sizes are looks at one growing forest, not forests grown anew. At each size the path is selected and flown as
-a run that had stopped there would have, in the same winds at all sizes.
+One forest for each seed is grown to the largest size. The path to a vertex never changes and vertices are
+stored in the order of their creation, so the first n of each tree are the forest as it was at n vertices per
+tree. At each size the path is selected and flown as in a run that stops there, in the same winds at all
+sizes.
 
-Theorem 3 claims that the front never gets worse. Its honest form is the hypervolume of the front, which is
-recorded with a reference that all sizes and seeds share.
+Theorem 3 claims that the front never gets worse. This is measured by the hypervolume of the front, with one
+reference for all sizes and seeds.
 """
 
 from __future__ import annotations
@@ -40,14 +40,14 @@ from pareto_ltl.studies.tables import (
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import InfeasibleError
 
-FEWEST = 1e-9  # mission risks below are all the same: no wind model promises anything there
+FEWEST = 1e-9  # smaller mission risks count as equal: no wind model is so accurate
 FAR = 2.0  # the reference of the hypervolume, in lengths of the shortest path of all seeds
-BY_CREATION = ("swaps", "beta")  # arrays of a tree that have no row a vertex
+BY_CREATION = ("swaps", "beta")  # arrays of a tree without a row for each vertex
 
 
 @dataclass(frozen=True, slots=True)
 class ConvergenceContext:
-    """What the parts of a study share: the run, the true model, sizes to look at, flights and wind laws."""
+    """Data for all parts of the study: the run, the true model, sizes, number of flights and wind laws."""
 
     run: Run
     truth: Problem
@@ -59,7 +59,7 @@ class ConvergenceContext:
 def run_convergence(
     settings: Settings, world: Records, directory: Path, progress: PartsProgress | None = None
 ) -> Study:
-    """Grow one forest a seed and look at it at every size."""
+    """Grow one forest for each seed, and select and fly a plan at every size."""
     cfg, sizes = settings.evaluation, tuple(sorted(settings.convergence.sizes))
     mine = unsmoothed(settings)
     mine = replace(mine, planner=replace(mine.planner, n_max=sizes[-1], threads=1))
@@ -89,7 +89,7 @@ def _convergence_inputs(context: ConvergenceContext) -> tuple[Any, ...]:
 
 
 def convergence_part(context: ConvergenceContext, seed: int) -> Columns:
-    """One forest at every size, and how long its first answer took."""
+    """One forest at every size, and the time of its first solution."""
     run = context.run.with_seed(seed)
     forest = run.make(FOREST)
     looks = [_look(context, snapshot(forest, n), n, seed) for n in context.sizes]
@@ -97,7 +97,7 @@ def convergence_part(context: ConvergenceContext, seed: int) -> Columns:
 
 
 def _look(context: ConvergenceContext, forest: Forest, n: int, seed: int) -> Columns:
-    """What a run that had stopped at ``n`` vertices a tree would have selected."""
+    """The plan of a run that stops at ``n`` vertices per tree, and the outcomes of its flights."""
     run = context.run.with_seed(seed).with_record(FOREST, forest)
     look: Columns = {"size": n, "vertices": sum(map(len, forest.trees)), "accepted": len(forest.accepted)}
     try:
@@ -115,7 +115,7 @@ def _look(context: ConvergenceContext, forest: Forest, n: int, seed: int) -> Col
 
 
 def trade_offs(forest: Forest) -> FloatArray:
-    """Non-dominated (risk, length) of the accepted vertices; risk is all that trees keep of it."""
+    """Non-dominated (risk, length [m]) of the accepted vertices; risk is the sum of all stored risks."""
     from pareto_ltl.planning.selection import accepted_rows, non_dominated
 
     rows = accepted_rows(forest)
@@ -146,7 +146,7 @@ def _rate(forest: Forest) -> float:
 
 
 def first_answer(run: Run) -> Columns:
-    """Vertices that the quickest tree of the forest needs to complete the mission, and its time."""
+    """Number of vertices with which the fastest tree completes the mission, and its time [s]."""
     from pareto_ltl.planning import growth
 
     seeds = stage_seeds(run.settings.seed, "forest")
@@ -205,7 +205,8 @@ def hypervolumes(results: Sequence[Mapping[str, Any]]) -> FloatArray:
     """(seeds, sizes): volume that each front dominates, in risk (decades) and length.
 
     Both are scaled to [0, 1]: risk as 1 + log10(max(f, 1e-9)) / 9, length against ``FAR`` times the shortest
-    path that any seed found. Logarithms keep who dominates whom, and let a fall from 1e-2 to 1e-4 count.
+    path that any seed found. The logarithm does not change which path dominates which, and makes a decrease
+    from 1e-2 to 1e-4 visible.
     """
     from pareto_ltl.planning.selection import hypervolume
 
@@ -246,7 +247,7 @@ def _convergence_row(n: int, law: str, looks: Sequence[Mapping[str, Any]], volum
 
 
 def bound_is_broken(look: Mapping[str, Any], law: str) -> bool:
-    """Whether more flights missed the mission than its bound allows, beyond what chance explains (95 %)."""
+    """Whether significantly more flights missed the mission than its bound allows (95 %)."""
     missed = rate_columns("missed", ~text_to_flags(look["laws"][law]["accepted"]))["missed_low"]
     return bool(missed > number_or_nan(look["mission_bound"]))
 

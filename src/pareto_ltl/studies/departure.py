@@ -1,10 +1,10 @@
-"""When to leave: the mission planned for many starts, and compared in flights with equal draws.
+"""Choice of the departure time: one mission planned for many starts, compared by flights with the same draws.
 
-What no start changes is done once: the readings, the cells and the automaton. For each start the wind is
-fitted from its departure on, and trees, front and plan are made as a run with that ``mission.start_time``
-makes them; with ``departure.quick`` by a coarser refinement (``run/quick.py``). Starts are compared by fresh
-flights that no planning has seen; one number of a flight means the same draws at every start. The recommended
-start is then planned in full, with all files of a run.
+A start is a time of departure. Readings, cells and automaton do not depend on it and are made once. For each
+start the wind is fitted from its departure on, and trees, front and plan are made as in a run with that
+``mission.start_time``; with ``departure.quick`` by a coarser refinement (``run/quick.py``). Starts are
+compared by fresh flights that planning has not used; flights of the same number have the same draws at every
+start. The recommended start is then planned in full, with all files of a run.
 """
 
 from __future__ import annotations
@@ -59,22 +59,22 @@ from pareto_ltl.wind.readings import iso, seconds
 from pareto_ltl.world.scene import Scene
 from pareto_ltl.world.scene_files import scene_to_dict
 
-STREAM = "departure"  # of the flights that compare starts
+STREAM = "departure"  # random stream of the flights that compare starts
 STARTS, RECOMMENDED = "starts", "recommended"  # folders
-QUICK_RUNS = 2000  # at most, of selection.runs: starts are compared by flights of their own
-BATCH = 2  # starts that are planned together when the latest are looked for
-TOO_FAST = 0.6  # of the fastest flight of the first start: no other start is taken to be faster
+QUICK_RUNS = 2000  # upper limit of selection.runs: other flights compare the starts
+BATCH = 2  # starts that are planned together in the search for the latest ones
+TOO_FAST = 0.6  # of the fastest flight of the first start: flights of other starts are assumed to take longer
 STAGES = (
     "readings", "scene", "decomposition", "automaton", "observations", "wind", "problem", "forest", "front",
     "plan",
 )  # fmt: skip
-FILES = ("forecasts", "deployment", "export", "report", "page")  # what the recommended start has besides
-METRICS = ("energy_j",)  # of a plan, that become columns where a run has them
+FILES = ("forecasts", "deployment", "export", "report", "page")  # further stages of the recommended start
+METRICS = ("energy_j",)  # metrics of a plan that become columns if a run has them
 
 
 @dataclass(frozen=True, slots=True)
 class DepartureContext:
-    """What all starts share; ``folder`` is where the result directories of starts go, None for nowhere."""
+    """Data for all starts; ``folder`` is for the results directories of starts, None if they are not kept."""
 
     settings: Settings
     world: Records
@@ -84,7 +84,7 @@ class DepartureContext:
 def run_departure(
     settings: Settings, world: Records, directory: Path, progress: PartsProgress | None = None
 ) -> Study:
-    """Plan the starts that ``settings.departure`` asks for, compare them and plan the best one in full.
+    """Plan the starts of ``settings.departure``, compare them and plan the best one in full.
 
     Raises
     ------
@@ -111,9 +111,9 @@ def run_departure(
 
 
 def start_settings(settings: Settings, time: float, *, quick: bool, files: bool = False) -> Settings:
-    """The settings of a run with that departure.
+    """The settings of a run with the departure ``time`` [s since 1970].
 
-    ``files``: with simulated flights, exports and figures.
+    ``quick`` takes a coarser refinement; ``files`` adds simulated flights, exports and figures.
     """
     stages = [*STAGES, *(FILES if files else ())]
     mine = replace(
@@ -128,7 +128,7 @@ def start_settings(settings: Settings, time: float, *, quick: bool, files: bool 
 
 
 def departure_part(context: DepartureContext, time: float) -> Columns:
-    """The plan of one start, its flights and the conditions along its route; or why there is none."""
+    """The plan of one start, its flights and the conditions along its route; or why there is no plan."""
     settings = start_settings(context.settings, time, quick=context.settings.departure.quick)
     try:
         run = world_at(settings, context.world)
@@ -157,9 +157,9 @@ def departure_part(context: DepartureContext, time: float) -> Columns:
 
 
 def world_at(settings: Settings, world: Records) -> Run:
-    """A run of one start, with the readings and, where its map is that of ``world``, cells and automaton.
+    """A run of one start, with the readings and, if its map is that of ``world``, cells and automaton.
 
-    A map may change with the clock, so that each start has its own.
+    A map can depend on the time, for example by windows in UTC; then each start has its own.
     """
     run = study_run(settings, Records({READINGS: world[READINGS]}))
     if same_map(run.make(SCENE), world[SCENE]):
@@ -177,15 +177,15 @@ def same_map(one: Scene, other: Scene) -> bool:
 def plan_start(run: Run) -> None:
     """Make the plan of ``run``.
 
-    Where no tree comes to the goal before the wind ends, nothing more is tried: to find out which setting
-    would change that takes as long as ten plans.
+    If no tree reaches acceptance before the wind ends, no other settings are tried: to find out which one
+    would help takes as long as ten plans.
     """
     forest = run.make(FOREST)
     if not len(forest.accepted) and any(tree.reach["beyond"] for tree in forest.trees):
         problem = run[PROBLEM]
         hours = problem.horizon * problem.motion.dt / 3600.0
         raise InfeasibleError(
-            f"no flight fits: the wind is known for {hours:.1f} h from there"
+            f"no flight is short enough: the wind is known for {hours:.1f} h from there"
             f"{f' ({problem.wind_ends})' if problem.wind_ends else ''}, and no tree completes the mission in "
             "that time"
         )
@@ -193,7 +193,7 @@ def plan_start(run: Run) -> None:
 
 
 def _write_start(run: Run, place: Path) -> None:
-    """The result directory of a start: that of a run with its ``mission.start_time``."""
+    """Write the results directory of a start, the same as of a run with its ``mission.start_time``."""
     mine = Run(run.settings, PLAN_TABLE, run.records.copy(), dict(run.seconds), place, ProgressBar(False))
     stages = [PLAN_TABLE[name] for name in STAGES if PLAN_TABLE[name].makes not in run.records]
     with claimed_directory(place, PLAN_TABLE.files):
@@ -212,9 +212,9 @@ def plan_in_full(settings: Settings, world: Records, time: float, place: Path) -
 
 
 def route_conditions(problem: Any, path: PlannedPath) -> dict[str, float]:
-    """Means along the route [m/s], and how wide the positions are at the end [m].
+    """Means along the route of wind speed, its standard deviation and the tail wind [m/s].
 
-    Wind speed, its standard deviation and the tail wind component.
+    ``end_sd_m`` is the standard deviation of the position at the end [m].
     """
     wind, variance = expected_winds(problem, path)
     leg = np.diff(path.x, axis=0)
@@ -228,7 +228,7 @@ def route_conditions(problem: Any, path: PlannedPath) -> dict[str, float]:
 
 
 def front_rows(front: Front) -> list[list[float]]:
-    """Length [m], failure, and its interval for each path, shortest first; empty where bounds judge."""
+    """Length [m], failure rate and its interval for each path, shortest first; empty with ``judge=bound``."""
     rows = zip(front.paths, front.rates, strict=False)
     return sorted([p.objectives.length, r.failure, r.low, r.high] for p, r in rows)
 
@@ -239,7 +239,7 @@ def front_rows(front: Front) -> list[list[float]]:
 def _planned_starts(
     context: DepartureContext, directory: Path, times: Sequence[float], progress: PartsProgress | None
 ) -> Found:
-    """What was found at each start; with ``arrive_by`` at the latest that arrive in time, and those after."""
+    """Results of each start; with ``arrive_by``, of the latest that arrive in time and of later ones."""
     cfg = context.settings.departure
     if cfg.arrive_by is None:
         return _worked(context, directory, times, progress)
@@ -275,14 +275,14 @@ def _worked(
         for time in times
     ]  # fmt: skip
     cfg = settings.evaluation
-    # Each plan keeps two cores busy; a process more takes as long to begin as a start takes.
+    # Each plan uses two cores; another process takes as long to begin as one start takes.
     shared = replace(cfg, jobs=cfg.jobs or max(1, cores() // 2))
     results = work_parts(shared, directory, departure_part, context, parts, progress)
     return dict(zip(times, results, strict=True))
 
 
 def _require_one(settings: Settings, found: Found) -> None:
-    """InfeasibleError where no start has a plan, or none arrives in time."""
+    """Raise InfeasibleError if no start has a plan, or none arrives in time."""
     planned = {time: row for time, row in found.items() if row["planned"]}
     if not planned:
         time, row = next(iter(found.items()))

@@ -1,4 +1,4 @@
-"""Which times of departure are planned, from the settings and the times of the wind."""
+"""The times of departure that are planned, from the settings and the times of the wind."""
 
 from __future__ import annotations
 
@@ -12,21 +12,21 @@ from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.wind.readings import HOUR, Readings, iso, seconds
 
 MOST_STARTS = 1000
-A_DAY = 24 * HOUR  # from which the starts of a calm, which has no times, are taken
+A_DAY = 24 * HOUR  # span of the starts in calm wind, which has no times
 
 
 def candidate_starts(cfg: DepartureConfig, readings: Readings, departure: str | None) -> tuple[float, ...]:
-    """Times of departure that the settings ask for, increasing [s since 1970].
+    """Times of departure of the settings, increasing [s since 1970].
 
     Parameters
     ----------
     departure : str or None
-        ``mission.start_time``: the earliest start, where ``cfg.first`` names none.
+        ``mission.start_time``: the earliest start if ``cfg.first`` is not set.
 
     Raises
     ------
     ConfigError
-        If there is none, or one lies outside of the wind.
+        If there is none, or one lies outside the times of the wind.
     """
     first, last = wind_span(cfg, readings, departure)
     if cfg.starts:
@@ -51,24 +51,24 @@ def candidate_starts(cfg: DepartureConfig, readings: Readings, departure: str | 
         )
     if len(times) > MOST_STARTS:
         raise ConfigError(
-            f"departure.every = {cfg.every:g} h asks for {len(times):,} starts, expected at most "
+            f"departure.every = {cfg.every:g} h gives {len(times):,} starts, expected at most "
             f"{MOST_STARTS:,}: choose a larger one"
         )
     return tuple(times.tolist())
 
 
 def wind_span(cfg: DepartureConfig, readings: Readings, departure: str | None) -> tuple[float, float]:
-    """First and last wind time [s since 1970]; a calm has a day from the first start on."""
+    """First and last wind time [s since 1970]; for calm wind, one day from the first start on."""
     if len(readings.times):
         return float(readings.times[0]), float(readings.times[-1])
     begin = cfg.first or departure or (cfg.starts[0] if cfg.starts else None)
     if begin is None:
-        raise ConfigError("calm wind names no time: give departure.first or departure.starts")
+        raise ConfigError("calm wind has no times: give departure.first or departure.starts")
     return seconds(begin), seconds(begin) + A_DAY
 
 
 def _grid(cfg: DepartureConfig, readings: Readings, begin: float, end: float) -> FloatArray:
-    """Every ``cfg.every`` hours, or at every wind time but the last one, after which nothing is known."""
+    """Every ``cfg.every`` hours, or every wind time except the last one, after which no wind is known."""
     if cfg.every is not None:
         count = int((end - begin) / (HOUR * cfg.every) + 1e-9) + 1 if end >= begin else 0
         times: FloatArray = begin + HOUR * cfg.every * np.arange(min(count, MOST_STARTS + 1), dtype=float)

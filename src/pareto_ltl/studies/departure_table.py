@@ -1,4 +1,4 @@
-"""Starts compared: which one is recommended, which are as good, and in words why not another."""
+"""Comparison of starts: the recommended one, those as good, and the reasons in words."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ from pareto_ltl.support.counts import paired_difference
 from pareto_ltl.support.display import probability_text, rate_text
 from pareto_ltl.wind.readings import HOUR, iso, seconds
 
-Found = Mapping[float, Mapping[str, Any]]  # what was found at each time of departure [s since 1970]
+Found = Mapping[float, Mapping[str, Any]]  # results by time of departure [s since 1970]
 SCHEMA = "pareto_ltl.departures/1"
 CONDITIONS = ("wind_speed", "wind_sd", "tail_wind", "end_sd_m")
-LONGER, WINDIER, VAGUER, ALIKE = 0.01, 0.3, 1.05, 0.1  # what is worth a word: share, m/s, ratio, share
-LEAST_RATE = 1e-6  # a rate of 0 among some thousand flights has no logarithm
+LONGER, WINDIER, VAGUER, ALIKE = 0.01, 0.3, 1.05, 0.1  # differences to mention: share, m/s, ratio, share
+LEAST_RATE = 1e-6  # used for a rate of 0, which has no logarithm
 NAN = float("nan")
 
 
 def start_rows(settings: Settings, found: Found) -> list[Columns]:
-    """A row for each start, in order; recommended is the least failure of those that arrive in time."""
+    """A row for each start, in order; the one with the least failure rate of those in time is recommended."""
     rows = [_row(settings.departure, time, result) for time, result in found.items()]
     open_rows = [row for row in rows if row["planned"] and row["on_time"]]
     best = min(open_rows, key=lambda row: (row["failure"], row["length_m"], row["time"]))
@@ -48,7 +48,7 @@ def start_rows(settings: Settings, found: Found) -> list[Columns]:
 
 
 def _row(cfg: DepartureConfig, time: float, result: Mapping[str, Any]) -> Columns:
-    """What is known of one start alone; numbers of a start without a plan are NaN."""
+    """The columns of one start, without comparison; numbers of a start without a plan are NaN."""
     planned = bool(result["planned"])
     arrival = time + result["duration_s"] if planned else NAN
     limit = math.inf if cfg.arrive_by is None else seconds(cfg.arrive_by)
@@ -72,7 +72,7 @@ def on_time(time: float, result: Mapping[str, Any], limit: float) -> bool:
 
 
 def common_length(found: Found) -> float:
-    """The length [m] at which fronts are compared: that of the shortest plan, which every front can reach."""
+    """The length [m] at which fronts are compared: of the shortest plan, or the least of all fronts."""
     planned = [result for result in found.values() if result["planned"]]
     reached = [result["front"][0][0] for result in planned if result["front"]]
     return float(max([min(result["length_m"] for result in planned), *reached]))
@@ -81,8 +81,8 @@ def common_length(found: Found) -> float:
 def same_length_columns(front: Sequence[Sequence[float]], length: float) -> Columns:
     """Failure of a path of ``length`` [m], interpolated between two points of a front.
 
-    ``front`` has rows (length, failure, low, high), shortest first; the logarithm of each is taken to be
-    linear. Beyond the longest path, that path; NaN below the shortest, and where bounds judge.
+    ``front`` has rows (length, failure, low, high), shortest first; logarithms of rates are interpolated.
+    Beyond the longest path its values are taken; NaN below the shortest, and with ``judge=bound``.
     """
     names = ("failure_same_length", "failure_same_length_low", "failure_same_length_high")
     if not front or length < front[0][0]:
@@ -120,7 +120,7 @@ def _points_text(row: Columns) -> str:
 
 
 def _reasons(row: Columns, best: Columns) -> list[str]:
-    """What is otherwise along the way, with numbers; only what differs enough to matter."""
+    """Differences along the route, with numbers, if they are large enough."""
     said = []
     extra = row["length_m"] - best["length_m"]
     if abs(extra) > LONGER * best["length_m"]:
@@ -130,7 +130,7 @@ def _reasons(row: Columns, best: Columns) -> list[str]:
         said.append(f"{_along_text(here)} instead of {_along_text(there)}")
     if row["wind_sd"] > VAGUER * best["wind_sd"]:
         said.append(
-            f"the wind on the way is less certain (sd {row['wind_sd']:.2f} instead of "
+            f"the wind along the route is less certain (sd {row['wind_sd']:.2f} instead of "
             f"{best['wind_sd']:.2f} m/s)"
         )
     if row["end_sd_m"] > VAGUER * best["end_sd_m"]:

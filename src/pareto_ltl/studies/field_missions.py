@@ -1,4 +1,4 @@
-"""Random missions flown through full wind fields: what ``hindcast`` and ``forecast_test`` have in common."""
+"""Random missions flown through full wind fields: common functions of ``hindcast`` and ``forecast_test``."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ from pareto_ltl.support.errors import DataError, InfeasibleError
 from pareto_ltl.wind import sources
 from pareto_ltl.wind.readings import Readings
 
-RIM = 4.0  # readings are kept so far outside the area of the missions, for scenes at its edge [deg]
+RIM = 4.0  # [deg] around the area of the missions in which readings are kept, for scenes at its edge
 HALF_HOUR = 1800.0  # time step of robot.dt=auto here [s]
-UNIMPORTANT = ("truth", "missions", "bins")  # settings on which no single mission depends
+UNIMPORTANT = ("truth", "missions", "bins")  # settings that do not change a single mission
 
 
 def full_fields(cfg: FieldMissionsConfig, folder: Path) -> tuple[Path, ...]:
@@ -50,7 +50,7 @@ def mission_inputs(cfg: FieldMissionsConfig, settings: Settings) -> Columns:
 
 
 def mission_row(task: Mission) -> Columns:
-    """What a mission is, for the tables."""
+    """The columns that describe a mission, for the tables."""
     return {
         "formula": task.formula,
         "departure": task.scene.time_zero,
@@ -64,7 +64,7 @@ def mission_row(task: Mission) -> Columns:
 def mission_settings(
     settings: Settings, cfg: FieldMissionsConfig, task: Mission, fidelity: str, wind: WindConfig
 ) -> Settings:
-    """The settings that mission ``task`` is planned with: flights end where the wind does."""
+    """The settings for planning the mission ``task``; flights end when the wind ends."""
     dt = HALF_HOUR if isinstance(settings.robot.dt, str) else settings.robot.dt  # one step for all maps
     steps = int(cfg.hours * 3600 // dt)
     return replace(
@@ -80,7 +80,7 @@ def mission_settings(
 
 
 def reality(cfg: FieldMissionsConfig, run: Run, readings: Readings) -> Problem:
-    """The map of ``run`` in the wind that there was, judged as its plans are."""
+    """The problem of ``run`` with the real wind."""
     real = nature.real_wind(cfg, run.settings.wind, readings, run.make(SCENE), run.make(WIND))
     models = preset("paper")  # without modes: the field is known, and gusts are drawn anew at each step
     settings = replace(run.settings, fidelity=models)
@@ -93,7 +93,7 @@ def reality(cfg: FieldMissionsConfig, run: Run, readings: Readings) -> Problem:
 def realised(
     cfg: FieldMissionsConfig, settings: Settings, real: Problem, path: PlannedPath, seed: int
 ) -> Columns:
-    """What became of the flights of a plan in the wind that there was."""
+    """The outcomes of the flights of a plan in the real wind."""
     runs = settings.deployment.runs if cfg.gusts > 0 else 1
     flights = fly_seeded(real, path.u, runs, "independent", seed, path.x)
     return {
@@ -107,7 +107,7 @@ def realised(
 
 
 def simulated_failure(model: Problem, path: PlannedPath, runs: int, law: str, seed: int) -> float:
-    """Share of flights that fail in the winds that planning believed in."""
+    """Share of flights that fail in winds drawn from the model of the planner."""
     flights = fly_seeded(model, path.u, runs, law, seed, path.x)
     return float(flights.failed.mean())
 

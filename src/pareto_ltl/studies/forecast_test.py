@@ -1,10 +1,10 @@
-"""Planned with what was known hours before departure, flown through what came: a test of the promise itself.
+"""Plans made from forecasts available at departure, flown through the later fields: a test of the promise.
 
 At a departure, planning knows the cycles that began at least ``forecast_test.delay`` before it: their
 analyses and, as far as they reach, their forecasts. After the last of these the last field is held, with the
-error that holding it has. The plan that selection picks is flown through the later analyses (and short
-forecasts between them) with gusts of the fitted size. What the plan promises, the share of failed flights
-simulated under its own law, is held against the share that failed: a mission is one trial.
+error of a held field. The plan that selection picks is flown through the later analyses (and short
+forecasts between them) with gusts of the fitted size. The promise of the plan, the share of failed flights
+simulated under its own law, is compared with the share that failed: a mission is one trial.
 """
 
 from __future__ import annotations
@@ -41,21 +41,21 @@ from pareto_ltl.wind.sources.grib_apart import read_grib_snapshots
 
 REGIONS = {"west of 105 W": -105.0, "105 to 90 W": -90.0, "east of 90 W": 180.0}  # eastern ends [deg]
 REGION_KEYS = ("fidelity", "region")
-ENOUGH = 20  # missions of a bin whose verdict counts
+ENOUGH = 20  # least number of missions of a bin that counts in the numbers
 
 
 @dataclass(frozen=True, slots=True)
 class ForecastTestContext:
-    """What all missions share.
+    """Data for all missions.
 
     Attributes
     ----------
     snapshots : tuple of Snapshot
-        All cycles, from which planning gets what was known.
+        All cycles; planning gets those known at departure.
     truth : Readings
         The newest wind of each time.
     nodes : mapping of the name of a spell to (n, 2) float
-        Where planning has readings [deg]; empty: at every node.
+        Longitude and latitude of the readings for planning [deg]; empty for every node.
     """
 
     settings: Settings
@@ -66,7 +66,7 @@ class ForecastTestContext:
 
 
 def run_forecast_test(settings: Settings, directory: Path, progress: PartsProgress | None = None) -> Study:
-    """Plan ``forecast_test.missions`` missions ahead and fly them through what came."""
+    """Plan ``forecast_test.missions`` missions from forecasts and fly them through the later fields."""
     cfg = settings.forecast_test
     files = shared.full_fields(cfg, nature.true_fields_folder(cfg))
     area = needed_area(settings)
@@ -80,7 +80,7 @@ def run_forecast_test(settings: Settings, directory: Path, progress: PartsProgre
 
 
 def needed_area(settings: Settings) -> GeoBox:
-    """The part of the fields that a mission can need: the lattice of a scene at the edge, and readings."""
+    """The part of the fields that missions can need: for the lattice of a scene at the edge, and readings."""
     cfg = settings.forecast_test
     margin = cfg.side[1] / 2 + settings.wind.padding + FIT_RADIUS
     return box_of(np.array(shared.rim_outline(cfg))).widened(margin)
@@ -89,7 +89,7 @@ def needed_area(settings: Settings) -> GeoBox:
 def shared_context(
     settings: Settings, snapshots: tuple[Snapshot, ...], files: tuple[Path, ...]
 ) -> ForecastTestContext:
-    """What all missions share, from the winds of all cycles."""
+    """The context of all missions, from the winds of all cycles."""
     cfg = settings.forecast_test
     truth = latest_readings(snapshots, files)
     spells = tuple(nature.spells(truth, cfg))
@@ -105,7 +105,7 @@ def shared_context(
 
 
 def known_readings(context: ForecastTestContext, task: Mission) -> Readings:
-    """What planning knows at departure: of its spell, the newest wind of each time, thinned."""
+    """The readings known at departure: in its spell, the newest wind of each time, thinned."""
     cfg = context.settings.forecast_test
     departure = seconds(str(task.scene.time_zero))
     known = known_at(context.snapshots, departure, HOUR * cfg.delay)
@@ -127,7 +127,7 @@ def held_wind(
 
 
 def mission_run(context: ForecastTestContext, task: Mission, fidelity: str) -> Run:
-    """The planner, which knows what was known at departure and no more."""
+    """The run of the planner, with only the readings known at departure."""
     settings, cfg = context.settings, context.settings.forecast_test
     readings = known_readings(context, task)
     folder = readings.files[0].parent
@@ -138,7 +138,7 @@ def mission_run(context: ForecastTestContext, task: Mission, fidelity: str) -> R
 
 
 def forecast_part(context: ForecastTestContext, k: int) -> Columns:
-    """A mission, the plan chosen for it in each fidelity, and what became of it."""
+    """A mission, the plan chosen for it with each fidelity, and the outcomes of its flights."""
     settings, cfg = context.settings, context.settings.forecast_test
     task = mission(cfg, settings.seed, k, context.spells, settings.border)
     row, plans = shared.mission_row(task), []
@@ -168,7 +168,7 @@ def forecast_part(context: ForecastTestContext, k: int) -> Columns:
 
 
 def _hours_known(run: Run, task: Mission) -> float:
-    """Hours after departure of the last field that planning knew; negative where it is older."""
+    """Time of the last field that planning knew [h after departure]; negative if before departure."""
     return float(run.make(READINGS).times[-1] - seconds(str(task.scene.time_zero))) / HOUR
 
 

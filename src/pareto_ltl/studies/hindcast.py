@@ -1,13 +1,12 @@
-"""Planned from a few readings, flown through the full fields of the same times: a test of interpolation.
+"""Plans made from a few readings, flown through the full fields of the same times: a test of interpolation.
 
-From full fields (GFS, one degree) a small table of readings is thinned, as a user would have. Random missions
-are planned from it; the controls are then flown through the full fields, which no fit saw at most of their
-points. Gusts of the fitted size are added to them, for what is smaller than their grid. Every promise of a
-plan, its bounds and its own simulations, is held against the share of flights that failed: a reliability
-diagram.
+Full fields (GFS, one degree) are thinned to a small table of readings, as a user may have. Random missions
+are planned from it; the controls are then flown through the full fields, most nodes of which the fit did not
+use. Gusts of the fitted size are added, for variations smaller than the grid. Every promise of a plan, its
+bounds and its simulated rates, is compared with the share of flights that failed: a reliability diagram.
 
-Planning knows readings of the whole flight, also those of times after departure. ``forecast_test`` is the
-study in which it does not.
+Planning knows readings of the whole flight, also those of times after departure. In ``forecast_test`` it does
+not.
 """
 
 from __future__ import annotations
@@ -44,12 +43,12 @@ from pareto_ltl.wind.readings import Readings, iso
 from pareto_ltl.wind.records import WindField
 from pareto_ltl.wind.sources.grib_apart import read_grib_apart
 
-NORMAL_90 = 1.6448536269514722  # a standard normal stays within with probability 0.9
+NORMAL_90 = 1.6448536269514722  # P(|z| <= this) = 0.9 for a standard normal z
 
 
 @dataclass(frozen=True, slots=True)
 class HindcastContext:
-    """What the parts of a study share: settings, full fields, tables of few readings by spell, spells."""
+    """Data for all parts of the study: settings, full fields, tables of thinned readings by spell, spells."""
 
     settings: Settings
     readings: Readings
@@ -73,7 +72,7 @@ def run_hindcast(settings: Settings, directory: Path, progress: PartsProgress | 
 
 
 def thinned(settings: Settings, readings: Readings, spell: nature.Spell, directory: Path) -> Path:
-    """The table of readings that planning sees of one spell, as ``pipelines=ingest`` would thin it."""
+    """The file of thinned readings of one spell for planning, as ``pipelines=ingest`` writes it."""
     cfg = settings.hindcast
     out = directory / f"readings_{spell.name}.csv"
     kept = np.arange(spell.first, spell.last + 1)
@@ -93,7 +92,7 @@ def thinned(settings: Settings, readings: Readings, spell: nature.Spell, directo
 
 
 def hindcast_part(context: HindcastContext, k: int) -> Columns:
-    """A mission, the plans made for it in each fidelity, and what became of them."""
+    """A mission, the plans made for it with each fidelity, and the outcomes of their flights."""
     settings = context.settings
     task = mission(settings.hindcast, settings.seed, k, context.spells, settings.border)
     row = shared.mission_row(task)
@@ -117,7 +116,7 @@ def hindcast_part(context: HindcastContext, k: int) -> Columns:
 
 
 def mission_run(context: HindcastContext, task: Mission, fidelity: str) -> Run:
-    """The planner, which knows the thinned readings and no more."""
+    """The run of the planner, with only the thinned readings."""
     settings = context.settings
     wind = seen(settings.wind, context.tables[task.spell.name])
     mine = shared.mission_settings(settings, settings.hindcast, task, fidelity, wind)
@@ -130,12 +129,12 @@ def seen(wind: WindConfig, table: Path) -> WindConfig:
 
 
 def believed(context: HindcastContext, task: Mission) -> Problem:
-    """The model that plans are simulated in: everything that is modelled, all laws."""
+    """The problem in which plans are simulated: ``fidelity=full``, all wind laws."""
     return mission_run(context, task, "full").make(PROBLEM)
 
 
 def calibration_columns(context: HindcastContext, run: Run) -> Columns:
-    """How the fit predicts the full fields inside the map: sd of z = (truth - mean)/sd, share within 90 %."""
+    """Calibration of the fit inside the map: sd of z = (truth - mean)/sd, and share of |z| within 90 %."""
     scene, wind = run.make(SCENE), run.make(WIND)
     z = scores(context.readings, scene, wind)
     return {"z_sd": float(np.sqrt((z**2).mean())), "coverage_90": float((np.abs(z) <= NORMAL_90).mean())}
@@ -179,7 +178,7 @@ def _flown(
 
 
 def plan_rows(results: Sequence[Mapping[str, Any]]) -> list[Columns]:
-    """One row a plan: its mission, its promises, what was realised."""
+    """One row for each plan: its mission, its promises, the realised rates."""
     rows = []
     for k, result in enumerate(results):
         for plan in result["plans"]:

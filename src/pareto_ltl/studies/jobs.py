@@ -1,16 +1,16 @@
 """Many jobs, each done once, even if a job, a launcher or the machine is killed.
 
-A job has a name, a key (the fingerprint of all that its result depends on) and a place on disk, which alone
-says how far it is. Two kinds exist: a run of a sweep (``sweeps.runs``: a results directory) and a part of a
-study (``parts``: a small JSON file). :class:`JobQueue` launches what has no answer, in batches. A launch that
-breaks, because a job took its process down, is sorted out:
+A job has a name, a key (the fingerprint of all that its result depends on) and files on disk, from which
+alone its state is known. Two kinds exist: a run of a sweep (``sweeps.runs``: a results directory) and a part
+of a study (``parts``: a small JSON file). :class:`JobQueue` launches the jobs without an answer, in batches.
+A launch that breaks, because the process of a job was killed, is handled as follows:
 
 1. jobs that had not begun are launched again, together;
-2. jobs that were at work are launched again, each alone;
-3. where nothing had begun, one half is launched, and then the other;
-4. a job that is alone and is killed gets one more launch, alone; a job killed twice alone is given up.
+2. jobs that had begun and not ended are launched again, each alone;
+3. if no job had begun, one half is launched, and then the other;
+4. a job that is killed in a launch of its own gets one more, alone; after the second kill it is given up.
 
-To be at work beside a job that is killed costs a job nothing: only launches of its own count.
+Kills in a launch with other jobs do not count: only launches of a job alone do.
 """
 
 from __future__ import annotations
@@ -30,14 +30,14 @@ from pareto_ltl.support.locks import has_note, hold_passing_lock, is_held, proce
 JOB_LOG = logging.getLogger(__name__)
 
 KILLED = "ended without a word: killed, out of memory, or its disk was full"
-TRIES_ALONE = 2  # launches of its own in which a job may be killed
+TRIES_ALONE = 2  # after so many kills in launches alone, a job is given up
 
 Metrics = Mapping[str, float | None]
 
 
 @dataclass(frozen=True, slots=True)
 class JobState:
-    """What the disk says of a job.
+    """The state of a job, read from disk.
 
     Attributes
     ----------
@@ -48,7 +48,7 @@ class JobState:
     metrics : mapping of str to float or None
         Numbers of a run that has an answer.
     record : mapping
-        What the job wrote of itself: ``run.json`` of a run, the result of a part.
+        What the job wrote: ``run.json`` of a run, the result of a part.
     """
 
     status: str
@@ -58,26 +58,27 @@ class JobState:
 
     @property
     def answered(self) -> bool:
-        """Whether there is nothing left to do."""
+        """Whether the job has an answer."""
         return self.status in ANSWERS
 
     @property
     def cut_off(self) -> bool:
-        """Whether a job that began has not ended by itself: it was killed or stopped, or is about to be.
+        """Whether a job that began has not ended by itself: it was killed or stopped, or will be.
 
-        A pool raises before it kills its other processes, so that one of them may begin another job.
+        A pool raises its error before it kills its other processes, so one of them may still begin another
+        job.
         """
         stopped = self.record.get("status") == "stopped"
         return stopped or self.error == KILLED or self.status in ("running", "pending")
 
 
 class StoredJob(ABC):
-    """Something to be done once; what is known of it is on disk."""
+    """Work to be done once; its state is on disk."""
 
     @property
     @abstractmethod
     def name(self) -> str:
-        """What messages call it."""
+        """Name of the job in messages."""
 
     @property
     @abstractmethod
@@ -87,7 +88,7 @@ class StoredJob(ABC):
     @property
     @abstractmethod
     def lock(self) -> Path:
-        """The file that the process at work holds; after its end the file is there only if it was killed."""
+        """The lock file of the working process; if it remains after its end, the process was killed."""
 
     @property
     @abstractmethod
@@ -96,11 +97,11 @@ class StoredJob(ABC):
 
     @abstractmethod
     def look(self) -> JobState:
-        """What the disk says; never an exception, for the other jobs go on."""
+        """The state on disk; never raises, so that other jobs can continue."""
 
     @abstractmethod
     def settled(self) -> bool:
-        """Whether the answer is there and was made from what the key stands for."""
+        """Whether there is an answer, made from the inputs of the key."""
 
     @abstractmethod
     def clear(self) -> None:
@@ -108,13 +109,13 @@ class StoredJob(ABC):
 
     @abstractmethod
     def note_failure(self, error: str) -> None:
-        """Write down that the job was given up; OSError where that cannot be written."""
+        """Write that the job was given up; raises OSError if that cannot be written."""
 
     def do_once(self, work: Callable[[], object], *, resume: bool = True) -> bool:
         """Do ``work`` unless it is done; return whether it was done now.
 
-        A second process waits for the first and then takes its answer. With ``resume=False`` an answer that
-        was there before is made again.
+        A second process waits for the first and then takes its answer. With ``resume=False`` an existing
+        answer is made again.
         """
         self.lock.parent.mkdir(parents=True, exist_ok=True)
         busy = is_held(self.lock)
@@ -126,11 +127,11 @@ class StoredJob(ABC):
         return True
 
     def abandoned(self) -> bool:
-        """Whether the last process at work was killed: its note is there, and no process holds the lock."""
+        """Whether the last working process was killed: its note exists, and no process holds the lock."""
         return has_note(self.lock) and not is_held(self.lock)
 
     def stamps(self) -> tuple[tuple[int, int] | None, ...]:
-        """Date and inode of each trace: other ones after a launch say that the job began in it."""
+        """Date and inode of each trace: if they differ after a launch, the job began in it."""
         return tuple(_file_stamp(path) for path in self.traces)
 
 
@@ -152,9 +153,10 @@ class JobQueue(Generic[AnyJob]):
     Attributes
     ----------
     launch : callable
-        Does a batch of jobs and returns when all are done; raises one of ``breaks`` when a job took it down.
+        Does a batch of jobs and returns when all are done; raises one of ``breaks`` if the process of a job
+        was killed.
     tell : callable
-        Gets a line for the user when a launch broke.
+        Called with a line for the user when a launch breaks.
     breaks : tuple of exception types
         Errors that mean a broken launch; all others are passed on.
     given_up : dict
@@ -175,7 +177,7 @@ class JobQueue(Generic[AnyJob]):
                 batches += reversed(self._launch_batch(batch))
 
     def _launch_batch(self, batch: list[AnyJob]) -> list[list[AnyJob]]:
-        """Launch ``batch``; the batches in which what is left of it must be launched again."""
+        """Launch ``batch``; return the batches in which its remaining jobs must be launched again."""
         before = {job.key: job.stamps() for job in batch}
         try:
             self.launch(batch)
@@ -191,10 +193,10 @@ class JobQueue(Generic[AnyJob]):
         if len(batch) == 1:
             return [batch] if self._deserves_another(batch[0], bool(killed), reason) else []
         if killed:
-            self.tell(f"{len(killed)} of the jobs at work were killed; going on with the others")
+            self.tell(f"{len(killed)} of the running jobs were killed; continuing with the others")
             return [fresh, *([job] for job in killed)]
         if fresh:
-            self.tell(f"a launch broke ({reason}); going on with {len(fresh)} jobs")
+            self.tell(f"a launch broke ({reason}); continuing with {len(fresh)} jobs")
         middle = (len(fresh) + 1) // 2
         return [fresh[:middle], fresh[middle:]]
 
@@ -209,19 +211,19 @@ class JobQueue(Generic[AnyJob]):
         return False
 
     def _give_up(self, job: AnyJob, error: str, killed: bool) -> None:
-        """Note, on disk if possible, that this job cannot be done; its own account of a failure stays."""
+        """Note, on disk if possible, that this job was given up; a failure that it reported is kept."""
         state = job.look()
         if state.answered or (state.status == "failed" and not killed):
             return
         self.given_up[job.key] = error
         try:
             job.note_failure(error)
-            job.lock.unlink(missing_ok=True)  # or the kill would outlive the note
+            job.lock.unlink(missing_ok=True)  # else the job would still count as killed
         except OSError as obstacle:
             JOB_LOG.info("%s: cannot be written (%s)", job.name, obstacle)
 
 
 def _wait_for_survivors(jobs: Sequence[StoredJob]) -> None:
-    """Wait for jobs that go on although their launch broke, as those on a cluster do."""
+    """Wait for jobs that continue although their launch broke, as jobs on a cluster can."""
     while any(is_held(job.lock) for job in jobs):
         time.sleep(0.1)

@@ -1,8 +1,8 @@
-"""Resumable pieces (parts) of a study: each result is a small file, written whole, and computed once.
+"""Resumable parts of a study: each result is a small file, written completely or not at all.
 
-A part's file carries a key, the fingerprint of everything its result depends on: settings, arguments, wind
-files and the code. A later run with the same keys reads the files instead. What a killed run leaves
-half-written never has the name of a result.
+The file of a part has a key, the fingerprint of all that its result depends on: settings, arguments, wind
+files and the code. A later run with the same keys reads the files. Unfinished files of a killed run never
+have the name of a result.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ from pareto_ltl.support.fingerprints import code_fingerprint, data_fingerprint, 
 from pareto_ltl.support.reading import read_json
 
 PARTS_FOLDER = "parts"
-OTHER_SECTIONS = (  # what no part depends on, or what a study adds to its keys itself
+OTHER_SECTIONS = (  # sections that parts do not depend on, or that a study adds to its keys itself
     "name", "report", "pipelines", "ingest", "evaluation", "compare", "convergence", "ablation", "hindcast",
     "forecast_test", "departure", "replanning", "sitl",
 )  # fmt: skip
-OTHER_CODE = ("report", "cli", "__main__")  # code that no part depends on
+OTHER_CODE = ("report", "cli", "__main__")  # code that parts do not depend on
 
-PartsProgress = Callable[[int, int], None]  # gets the number of parts that are done, and of all
+PartsProgress = Callable[[int, int], None]  # called with the number of parts that are done, and of all
 PartWork = Callable[..., Mapping[str, Any]]
 
 
@@ -41,7 +41,7 @@ class Part:
     Attributes
     ----------
     name : str
-        Names the file, for people.
+        Readable beginning of the file name.
     arguments : tuple
         Passed to the work function after the context.
     key : str
@@ -71,7 +71,7 @@ def part_key(settings: Settings, *more: Any) -> str:
 
 
 def parts_folder(cfg: EvaluationConfig, directory: Path) -> Path:
-    """Where parts are kept: in the results, or in those of the run to go on with.
+    """The folder of parts: in the results directory, or in that of the run to resume.
 
     Raises
     ------
@@ -106,7 +106,7 @@ class PartJob(StoredJob):
 
     @property
     def key(self) -> str:
-        """What the result depends on, as a fingerprint."""
+        """Fingerprint of all that the result depends on."""
         return self.part.key
 
     @property
@@ -116,12 +116,12 @@ class PartJob(StoredJob):
 
     @property
     def lock(self) -> Path:
-        """The lock of whoever works the part out."""
+        """The lock of the process that computes the part."""
         return self.folder / f".{self.part.file}.lock"
 
     @property
     def traces(self) -> tuple[Path, ...]:
-        """What shows that somebody has begun: lock and result."""
+        """Files that show that a process has begun: lock and result."""
         return self.lock, self.path
 
     def look(self) -> JobState:
@@ -156,7 +156,7 @@ class PartJob(StoredJob):
         write_json(self.path, {"key": self.key, "part": self.name, "error": error})
 
     def keep_result(self, function: PartWork, context: Any) -> None:
-        """Work the part out and write its result, unless another process does."""
+        """Compute the part and write its result, unless another process does."""
 
         def work() -> None:
             result = function(context, *self.part.arguments)
@@ -178,8 +178,8 @@ def work_parts(
 ) -> list[dict[str, Any]]:
     """Results of ``function(context, *part.arguments)`` for all parts, in their order.
 
-    Results are read back from disk even when they are new, so that a run that went on has the bytes of one
-    that was never stopped. Parts with one key are worked out once.
+    Results are read back from disk even when they are new, so that a resumed run gives the same bytes as one
+    that was never stopped. Parts with the same key are computed once.
 
     Raises
     ------
@@ -200,7 +200,7 @@ def work_parts(
         queue.run(todo)
     except KeyboardInterrupt:
         kept = f"{tally.done} of {tally.total} parts are kept"
-        print(f"pareto-ltl: {kept}; evaluation.resume={place.parent} goes on with them", file=sys.stderr)
+        print(f"pareto-ltl: {kept}; evaluation.resume={place.parent} continues with them", file=sys.stderr)
         raise
     _refuse_given_up(place, [jobs[key] for key in queue.given_up], len(jobs))
     results = {key: _result_of(job) for key, job in jobs.items()}
@@ -208,7 +208,7 @@ def work_parts(
 
 
 def process_count(cfg: EvaluationConfig, parts: int) -> int:
-    """How many processes share ``parts``: not more than there is to do."""
+    """Number of processes for ``parts``, at most one for each part."""
     from joblib import cpu_count  # heeds affinity and the limits of containers
 
     return max(1, min(cfg.jobs or int(cpu_count()), parts))
@@ -216,7 +216,7 @@ def process_count(cfg: EvaluationConfig, parts: int) -> int:
 
 @dataclass(slots=True)
 class _Tally:
-    """Counts parts that are done, and tells of each."""
+    """Counts parts that are done, and reports each."""
 
     done: int
     total: int
@@ -229,7 +229,7 @@ class _Tally:
 
 
 def _is_known(job: PartJob) -> bool:
-    """Whether the result is on disk; a file that holds none is named in one line."""
+    """Whether the result is on disk; prints one line for a file without a valid result."""
     state = job.look()
     if state.error is not None and job.path.exists():
         print(f"pareto-ltl: {job.path} {state.error}; it is made again", file=sys.stderr)
@@ -249,7 +249,7 @@ def _refuse_given_up(place: Path, jobs: Sequence[PartJob], total: int) -> None:
     names, first = ", ".join(job.name for job in jobs), jobs[0].look().error
     raise DataError(
         f"{place}: {len(jobs)} of {total} parts have no result: {names} ({first}); give the run "
-        f"more memory or fewer processes (evaluation.jobs), and evaluation.resume={place.parent} goes on"
+        f"more memory or fewer processes (evaluation.jobs); evaluation.resume={place.parent} continues it"
     )
 
 
@@ -259,7 +259,7 @@ def _refuse_given_up(place: Path, jobs: Sequence[PartJob], total: int) -> None:
 def _launch_parts(
     processes: int, function: PartWork, context: Any, tally: _Tally, jobs: Sequence[PartJob]
 ) -> None:
-    """Work ``jobs`` out in this process or in several; BrokenProcessPool where one of those was killed."""
+    """Compute ``jobs`` in this process or in several; raises BrokenProcessPool if one of those was killed."""
     if processes == 1:
         done = _in_turn(function, context, jobs)
     else:
@@ -275,7 +275,7 @@ def _in_turn(function: PartWork, context: Any, jobs: Sequence[PartJob]) -> Itera
 
 
 def _spread(processes: int, function: PartWork, context: Any, jobs: Sequence[PartJob]) -> Iterator[None]:
-    """The same in several processes, each of which gets the context once, when it starts."""
+    """Compute ``jobs`` in several processes; each gets the context once, when it starts."""
     from joblib import Parallel, delayed
 
     pool = Parallel(
@@ -291,12 +291,12 @@ def _spread(processes: int, function: PartWork, context: Any, jobs: Sequence[Par
 
 @dataclass(frozen=True, slots=True, eq=False)  # joblib compares these, and arrays have no truth value
 class _Shared:
-    """What all parts of a study have in common."""
+    """The context of all parts of a study."""
 
     context: Any
 
 
-_PROCESS: dict[str, _Shared] = {}  # what the process of a pool was given when it started
+_PROCESS: dict[str, _Shared] = {}  # in a process of a pool, its context
 
 
 def _share_context(shared: _Shared) -> None:

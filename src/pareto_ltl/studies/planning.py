@@ -1,7 +1,7 @@
-"""Planners and flights for studies, on the runs of ``run/pipeline.py`` without a results directory.
+"""Planners and flights for studies, by runs of ``run/pipeline.py`` without a results directory.
 
-A plan made here is the plan that the command line makes with the same settings: the stages are the same, and
-each draws from the same stream.
+A plan made here is that of the command line with the same settings: the stages and their random streams are
+the same.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ def study_run(settings: Settings, world: Records) -> Run:
 
 
 def with_wind(settings: Settings, world: Records) -> Records:
-    """``world`` with its wind field, for all planners that plan in the same one."""
+    """``world`` with its wind field, for all planners that use the same one."""
     return world.replaced(WIND, study_run(settings, world).make(WIND))
 
 
@@ -47,16 +47,16 @@ def still(wind: WindField) -> WindField:
 
 
 def unsmoothed(settings: Settings) -> Settings:
-    """The published planner: the paths of the trees as they are."""
+    """The published planner: paths of the trees without refinement."""
     return replace(settings, fidelity=replace(settings.fidelity, refine="none"))
 
 
 def fly_seeded(
     truth: Problem, u: FloatArray, runs: int, law: str, seed: int, mean: FloatArray | None = None
 ) -> Deployment:
-    """Fly ``u`` in the winds that the deployment of a run with ``seed`` draws; feedback holds on to ``mean``.
+    """Fly ``u`` (T, 2) [m/s] in the winds of the deployment of a run with ``seed``, along ``mean``.
 
-    One seed, one law: the same winds for all plans (common random numbers).
+    The same seed and law give the same winds for all plans (common random numbers).
     """
     from pareto_ltl.simulation.flights import DRAWS, simulate_flights
 

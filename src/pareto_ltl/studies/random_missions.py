@@ -1,6 +1,6 @@
-"""Random missions over real ground: a place, a departure, three regions, a few obstacles, a formula.
+"""Random missions at real places: a place, a departure, three regions, a few obstacles, a formula.
 
-Each has a generator of its own, so that mission 17 does not depend on the others that are asked for.
+Each has its own random generator, so that mission 17 does not depend on the number of missions.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from pareto_ltl.world.scene import Scene
 REGIONS = ("a", "b", "c")
 REGION, OBSTACLE = (0.06, 0.11), (0.05, 0.13)  # radii in sides of the map
 APART, ASIDE = 0.05, 0.02  # free space around regions and the start, and between obstacles, in sides
-TRIES = 2000  # places tried for a polygon before the map is begun anew
+TRIES = 2000  # places tried for a polygon before a new map is begun
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +53,7 @@ def mission(
 
 
 def _departure(cfg: FieldMissionsConfig, rng: Generator, spells: Sequence[Spell]) -> tuple[Spell, float]:
-    """A full hour after the ``wait`` with wind for ``hours`` from then on, all such hours alike."""
+    """A random full hour after ``wait`` with wind for ``hours`` from then on; all are equally likely."""
     counts = np.array([int((s.end - s.start) / 3600 - cfg.wait - cfg.hours) + 1 for s in spells])
     pick = int(rng.integers(counts.sum()))
     k = int(np.searchsorted(np.cumsum(counts), pick, side="right"))
@@ -62,7 +62,7 @@ def _departure(cfg: FieldMissionsConfig, rng: Generator, spells: Sequence[Spell]
 
 
 def _place(cfg: FieldMissionsConfig, rng: Generator) -> tuple[float, float]:
-    """A point of the area, all of its surface alike."""
+    """A random point of the area (longitude, latitude) [deg], uniform on its surface."""
     import shapely
 
     area = shapely.Polygon(cfg.area)
@@ -75,7 +75,7 @@ def _place(cfg: FieldMissionsConfig, rng: Generator) -> tuple[float, float]:
 
 
 def _scene(cfg: FieldMissionsConfig, rng: Generator, side: float, crs: str, time_zero: str) -> Scene | None:
-    """Regions, start and obstacles that keep apart; None where there is not enough space."""
+    """Regions, start and obstacles at a distance from one another; None if there is not enough space."""
     import shapely
 
     bounds = side / 2 * np.array([[-1.0, -1.0], [1.0, 1.0]])

@@ -1,8 +1,9 @@
-"""Does it pay to plan anew on the way? One plan, many true winds, with and without a new plan at each fix.
+"""The benefit of replanning: one plan in many true winds, with and without a new plan at each fix.
 
-A flight meets one wind, drawn from the law of the plan. It flies the plan to the step of a fix, reads its
-position there, replans (``run/replanning.py``) and flies what is safer by the flights of the conditioned law:
-the new plan or the rest of the old one. Beside it, the plan is flown to its end in the same wind.
+A flight meets one wind, drawn from the law of the plan. It follows the plan to the step of a fix, measures
+its position there, replans (``run/replanning.py``) and takes the new plan or the rest of the old one,
+whichever fails less in flights of the conditioned law. For comparison, the plan is flown to its end in the
+same wind.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ from pareto_ltl.support.counts import paired_difference
 from pareto_ltl.support.errors import ConfigError, InfeasibleError
 
 STREAM, FIXES = "replanning", "replanning fixes"
-USUAL = 6.0  # hours between fixes where no landmark gives them
+USUAL = 6.0  # default time between fixes without landmarks [h]
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +49,7 @@ class ReplanningContext:
 def run_replanning(
     settings: Settings, world: Records, directory: Path, progress: PartsProgress | None = None
 ) -> Study:
-    """Fly the plan ``settings.replanning.flights`` times, with and without new plans on the way."""
+    """Fly the plan ``settings.replanning.flights`` times, with and without replanning."""
     cfg = settings.replanning
     run = study_run(settings, world)
     run.make(WIND)
@@ -64,7 +65,7 @@ def run_replanning(
 
 
 def fix_steps(settings: Settings, run: Run) -> tuple[int, ...]:
-    """Steps of the plan at which flights read their position."""
+    """Steps of the plan at which flights measure their position."""
     plan, every = run.make(PLAN), settings.replanning.every
     if every is None and plan.path.fixes:
         return plan.path.fixes
@@ -73,7 +74,7 @@ def fix_steps(settings: Settings, run: Run) -> tuple[int, ...]:
 
 
 def replanning_part(context: ReplanningContext, number: int) -> Columns:
-    """One true wind: whether the plan fails in it as it is, and with new plans at the fixes."""
+    """One true wind: whether the plan fails in it without and with new plans at the fixes."""
     wind = context.winds.only(np.array([number]))
     path = context.run[PLAN].path
     alone = bool(wind.failed(wind.flown(path.u, path.x))[0])
@@ -89,7 +90,7 @@ def replanning_part(context: ReplanningContext, number: int) -> Columns:
 def replanned_controls(
     context: ReplanningContext, wind: DrawnFlights, number: int
 ) -> tuple[FloatArray, FloatArray, int]:
-    """Controls (T, 2), means (T+1, 2) and how many new plans were taken, of one flight."""
+    """Controls (T, 2) [m/s], means (T+1, 2) [m] and the number of new plans taken, for one flight."""
     settings = context.run.settings
     rng = np.random.default_rng([*stage_seeds(settings.seed, FIXES).generate_state(2).tolist(), number])
     run, path, since, taken = context.run, context.run[PLAN].path, 0, 0
@@ -102,7 +103,7 @@ def replanned_controls(
         fix = Fix(there + sd * rng.standard_normal(2), sd)
         try:
             done = replanned(run, run[PROBLEM].motion.dt * (step - since), fix)
-        except (ConfigError, InfeasibleError):  # complete, lost, or nothing better: the plan goes on
+        except (ConfigError, InfeasibleError):  # complete, failed, or no new plan: the plan continues
             continue
         if done.advice == "old" or done.run is None:
             continue

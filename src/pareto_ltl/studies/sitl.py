@@ -1,8 +1,8 @@
 """Software in the loop: an independent aircraft flies the exported table in the winds of our own flights.
 
-Every flight of JSBSim meets the field that one of ours meets: the same θ, the same white part, looked up
-where the aircraft is. What differs is the aircraft: six degrees of freedom, turns, an autopilot with its
-errors, a wind that changes along the way within a step, the ellipsoid instead of the plane.
+Each flight of JSBSim meets the wind field of one of our flights: the same θ and the same white part,
+evaluated at the position of the aircraft. The aircraft differs: six degrees of freedom, turns, an autopilot
+with errors, a wind that changes with the position within a step, the ellipsoid instead of the plane.
 """
 
 from __future__ import annotations
@@ -49,18 +49,18 @@ from pareto_ltl.support.errors import DataError
 from pareto_ltl.world.projection import meridian_convergence, to_geographic, to_plane
 
 LOG = logging.getLogger(__name__)
-LOWEST = 300.0  # height at which the aircraft flies where the wind is that of a lower level [m]
+LOWEST = 300.0  # least height of the aircraft, for winds of a lower level [m]
 TABLE = EXPORT_FILES["dead_reckoning"]
 
 
 @dataclass(frozen=True, slots=True)
 class SitlFlights:
-    """Flights of the aircraft and ours in the same winds, and what the aircraft did.
+    """Flights of the aircraft and ours in the same winds, and tracks of the aircraft.
 
     Attributes
     ----------
     aircraft, steps : Deployment
-        Positions at the ends of the legs, (n, T+1, 2) [m], and the verdicts.
+        Positions at the ends of the legs, (n, T+1, 2) [m], and which flights fail.
     tracks : tuple of n Track
     """
 
@@ -92,13 +92,13 @@ def run_sitl(
     table = next((path for path in files if path.name == TABLE), None)
     if table is None:
         raise DataError(
-            f"the plan was not exported as {TABLE}, which the aircraft flies: add dead_reckoning to "
+            f"the plan was not exported as {TABLE}, which the aircraft needs: add dead_reckoning to "
             "exports.formats, and give the map a place on Earth (scene.centre)"
         )
     if problem.motion.gain > 0.0 or plan.path.fixes:
         raise DataError(
-            "an aircraft that flies by the table does not measure its position: set robot.feedback=0, "
-            "without landmarks"
+            "an aircraft that flies by the table does not measure its position: set robot.feedback=0 and "
+            "remove the landmarks of the map"
         )
     height = max(height_of(level).metres, LOWEST)
     flown = fly_both(cfg, problem, plan, read_orders(table), height, seeds, progress)
@@ -109,7 +109,7 @@ def fly_both(
     cfg: SitlConfig, problem: Problem, plan: Plan, orders: Orders, height: float, seeds: SeedSequence,
     progress: Callable[[int, int], None] | None = None,
 ) -> SitlFlights:  # fmt: skip
-    """Fly ``cfg.flights`` pairs: the aircraft and ours in one wind each."""
+    """Fly ``cfg.flights`` pairs, the aircraft and ours in the same wind."""
     law, u = problem.fidelity.law, plan.path.u
     require_known_wind(problem, u, plan.path.x)
     blocks = block_rows(cfg.flights)
@@ -138,7 +138,7 @@ def _started_at(problem: Problem, orders: Orders, start: FloatArray) -> Orders:
 def flight_air(problem: Problem, draws: Any, i: int, steps: int) -> Air:
     """The wind that flight ``i`` of ``draws`` meets, by time and place on Earth.
 
-    Within a step, time stands still in it as in ours; the place does not.
+    Within a step the wind does not change with time, as in our flights, but with the position.
     """
     from pareto_ltl.kernels.flight_winds import wind_met
 
@@ -167,7 +167,7 @@ def _one_of(draws: Any, i: int) -> Any:
     return own
 
 
-# --- what they say --------------------------------------------------------------------------------
+# --- tables --------------------------------------------------------------------------------------
 
 
 def sitl_study(cfg: SitlConfig, flown: SitlFlights) -> Study:

@@ -41,7 +41,7 @@ FORECAST_TEST_FIGURES: RecordKey[tuple[Path, ...]] = RecordKey("forecast_test_fi
 REPLANNING: RecordKey[Study] = RecordKey("replanning")
 DEPARTURE_FIGURES: RecordKey[tuple[Path, ...]] = RecordKey("departure_figures")
 SITL_FIGURES: RecordKey[tuple[Path, ...]] = RecordKey("sitl_figures")
-WORLD = (OBSERVATIONS, DECOMPOSITION, AUTOMATON, SCENE)  # what a study plans from
+WORLD = (OBSERVATIONS, DECOMPOSITION, AUTOMATON, SCENE)  # records from which a study plans
 
 
 def make_comparison(inputs: StageInputs) -> Study:
@@ -66,14 +66,14 @@ def make_ablation(inputs: StageInputs) -> Study:
 
 
 def make_hindcast(inputs: StageInputs) -> Study:
-    """Planned from thinned readings, flown through the fields they were thinned from."""
+    """Plans made from thinned readings, flown through the full fields."""
     from pareto_ltl.studies import hindcast
 
     return hindcast.run_hindcast(inputs.settings, inputs.directory, inputs.progress)
 
 
 def make_forecast_test(inputs: StageInputs) -> Study:
-    """Planned from what was known hours before departure, flown through what came."""
+    """Plans made from forecasts available at departure, flown through the later fields."""
     from pareto_ltl.studies import forecast_test
 
     return forecast_test.run_forecast_test(inputs.settings, inputs.directory, inputs.progress)
@@ -104,7 +104,7 @@ def make_sitl(inputs: StageInputs) -> Study:
 
 
 def make_sitl_figures(inputs: StageInputs) -> tuple[Path, ...]:
-    """Tracks of both over the map, and how far they are apart."""
+    """Tracks of both on the map, and their distance."""
     settings, scene, decomposition = inputs.settings, inputs[SCENE], inputs[DECOMPOSITION]
     if not settings.report.figures:
         return ()

@@ -17,7 +17,7 @@ Columns = dict[str, Any]  # columns of a table by name, or one of its rows
 
 @dataclass(frozen=True, slots=True)
 class PooledRate:
-    """``events`` of ``runs``, as one experiment, with the exact 95 % interval of Clopper and Pearson.
+    """Rate of ``events`` among ``runs``, as one experiment, with the exact interval of Clopper and Pearson.
 
     Without runs the rate and its interval are NaN.
     """
@@ -51,10 +51,10 @@ def rate_columns(name: str, hits: BoolArray) -> Columns:
 
 
 def mean_chance_columns(name: str, total: float, n: int) -> Columns:
-    """The mean of ``n`` probabilities that sum to ``total``, with an interval that is not too narrow.
+    """The mean of ``n`` probabilities that sum to ``total``, with a conservative 95 % interval.
 
-    Each probability p_i is known, its outcome is not: outcomes ~ Bernoulli(p_i) vary more than the p_i do, so
-    the Clopper-Pearson intervals of the neighbouring whole counts cover the mean. NaN if n = 0.
+    Outcomes ~ Bernoulli(p_i) vary more than the probabilities p_i, so the Clopper-Pearson intervals of the
+    neighbouring integer counts cover the mean. NaN if n = 0.
     """
     if n == 0:
         return {name: math.nan, f"{name}_low": math.nan, f"{name}_high": math.nan}
@@ -80,7 +80,7 @@ def quartile_columns(name: str, values: Sequence[float] | FloatArray) -> Columns
 
 
 def mcnemar_test(first_only: int, second_only: int) -> float:
-    """Two-sided exact p-value of McNemar's test: of the pairs that differ, each side has half (Binomial)."""
+    """Two-sided exact p value of McNemar's test: pairs that differ are Binomial(n, 1/2)."""
     from scipy.stats import binomtest
 
     n = first_only + second_only
@@ -88,7 +88,7 @@ def mcnemar_test(first_only: int, second_only: int) -> float:
 
 
 def mean_interval(values: FloatArray) -> tuple[float, float]:
-    """95 % interval of a mean over seeds (Student's t); NaN of fewer than two ``values`` (N,)."""
+    """95 % interval of a mean over seeds (Student's t); NaN for fewer than two ``values`` (N,)."""
     from scipy.special import stdtrit
 
     if len(values) < 2:

@@ -1,4 +1,4 @@
-"""Tables as people read them, and values as their files hold them."""
+"""Tables for people, and values in the form of files."""
 
 from __future__ import annotations
 
@@ -55,6 +55,6 @@ def kilometres_text(metres: float) -> str:
 
 
 def markdown_table(title: str, header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """A table in Markdown under a line that says what it is."""
+    """A table in Markdown below its title."""
     lines = [f"**{title}**", "", f"| {' | '.join(header)} |", f"|{'---|' * len(header)}"]
     return "\n".join([*lines, *(f"| {' | '.join(row)} |" for row in rows), ""])

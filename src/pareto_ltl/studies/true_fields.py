@@ -1,4 +1,4 @@
-"""Winds that no model drew: full fields out of GRIB files, in the plane of a scene, for flights."""
+"""Real winds for flights: full fields from GRIB files, in the plane of a scene."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from pareto_ltl.world import projection
 from pareto_ltl.world.scene import Scene
 
 BESIDE_CHECKOUT = Path("shared", "data", "noaa", "gfs_1p00_10m")
-NEAR = 20.0  # nodes farther from the scene's centre are not looked at where they form no grid [deg]
+NEAR = 20.0  # nodes farther from the centre of the scene are not used if they form no grid [deg]
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,7 +37,7 @@ class Spell:
 
 
 def true_fields_folder(cfg: FieldMissionsConfig) -> Path:
-    """Where the full fields are: what the settings name, or the files beside the checkout."""
+    """Folder of the full fields: from the settings, or beside the checkout; raises ConfigError if missing."""
     if cfg.truth is not None:
         place = Path(cfg.truth).expanduser()
         if not place.is_dir():
@@ -79,9 +79,9 @@ def real_wind(
 ) -> WindField:
     """The full fields over ``scene`` from departure on, with the white part of ``believed`` as gusts.
 
-    There is no other uncertainty. Fields are interpolated bilinearly between the nodes of their own grid
-    and turned
-    by the meridian convergence. Gusts at a field's time are those of the nearest slot of ``believed``.
+    There is no other uncertainty. Fields are interpolated bilinearly between the nodes of their own grid and
+    rotated by the meridian convergence. Gusts at a field's time are those of the nearest slot of
+    ``believed``.
     """
     import dataclasses
 

@@ -1,4 +1,4 @@
-"""The list of a sweep on disk: which directories are its own, and what was varied."""
+"""The list of a sweep on disk: its directories, and which settings vary."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ SWEEP_FILES = Advice("is this the folder of a sweep?", "run the sweep again")
 
 @dataclass(frozen=True, slots=True)
 class SweepPoint:
-    """One run: the directory it is done in, and the settings that make it differ from the others."""
+    """One run: its directory, and the settings in which it differs from the others."""
 
     job: str
     overrides: Mapping[str, str]
@@ -29,7 +29,7 @@ class SweepPoint:
 
 @dataclass(frozen=True, slots=True)
 class FigureChoice:
-    """What the figure of a sweep shows: setting or metric, metric, setting."""
+    """Axes of the figure of a sweep: ``x`` setting or metric, ``y`` metric, ``by`` setting."""
 
     x: str | None = None
     y: str | None = None
@@ -45,7 +45,7 @@ class SweepManifest:
     swept : tuple of str
         Settings with several values, in the order in which they were given.
     fixed : tuple of str
-        What all jobs share, as on the command line.
+        Overrides that all jobs share, as on the command line.
     """
 
     points: tuple[SweepPoint, ...]
@@ -55,11 +55,11 @@ class SweepManifest:
 
     @property
     def key(self) -> str:
-        """Names this set of jobs, so that another sweep into the same folder is another one."""
+        """Fingerprint of this set of jobs, which distinguishes sweeps in the same folder."""
         return text_fingerprint("\n".join(point.job for point in self.points))[:12]
 
     def write_to(self, place: Path) -> None:
-        """Write it as the newest sweep of ``place``, and among all sweeps into that folder."""
+        """Write it as the newest sweep of ``place``, and into its folder of all sweeps."""
         content = {
             "schema": MANIFEST_SCHEMA,
             "sweep": self.key,
@@ -74,7 +74,7 @@ class SweepManifest:
 
 
 def read_manifest(place: Path, key: str | None = None) -> SweepManifest:
-    """The newest sweep of ``place``, or the one named ``key``; all runs that are there if none was noted.
+    """The newest sweep of ``place``, or the one named ``key``; all runs of the folder if it has no list.
 
     Raises
     ------
@@ -101,7 +101,7 @@ def _manifest_from(content: Mapping[str, Any]) -> SweepManifest:
 
 
 def manifest_of_runs(place: Path) -> SweepManifest:
-    """What the directories themselves say: a point for each, with the overrides in which they differ."""
+    """A list made from the directories: a point for each, with the overrides in which they differ."""
     if not place.is_dir():
         raise DataError(f"there is no folder {place}; expected the folder of a sweep")
     records = {path.parent.name: _recorded_overrides(path) for path in sorted(place.glob("*/run.json"))}

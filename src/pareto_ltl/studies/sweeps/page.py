@@ -1,4 +1,4 @@
-"""``summary.html``: a page without scripts from elsewhere, for a browser, a mail or an archive."""
+"""``summary.html``: a page that loads no other file, for a browser, a mail or an archive."""
 
 from __future__ import annotations
 
@@ -179,14 +179,14 @@ def _number_cell(value: float, shown: str) -> str:
 
 
 def metric_text(name: str, value: float) -> str:
-    """A metric as a reader needs it; probabilities in per cent."""
+    """A metric as text for people; probabilities in per cent."""
     if is_probability(name):
         return escape(probability_text(value))
     return f"{value / 1e3:,.1f}" if name == "length_m" else short_number(value)
 
 
 def short_number(value: float) -> str:
-    """A number with as many digits as a reader needs."""
+    """A number with four significant digits, or all digits of an integer."""
     if value == 0 or (float(value).is_integer() and abs(value) < 1e7):
         return f"{value:,.0f}"
     return f"{value:,.1f}" if abs(value) >= 100 else f"{value:.4g}"

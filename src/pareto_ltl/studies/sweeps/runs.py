@@ -14,7 +14,7 @@ from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.locks import is_held
 from pareto_ltl.support.schemas import read_document
 
-SURVIVORS = (RUN_LOCK, RUN_LOG, ".hydra")  # what stays of a run that is made again
+SURVIVORS = (RUN_LOCK, RUN_LOG, ".hydra")  # files that are kept when a run is made again
 KEY_DIGITS = 16  # digits of the fingerprint that name a directory
 
 
@@ -41,7 +41,7 @@ class RunJob(StoredJob):
 
     @property
     def traces(self) -> tuple[Path, ...]:
-        """What shows that somebody has begun: lock and record of the run."""
+        """Files that show that a process has begun: lock and record of the run."""
         return self.lock, self.directory / "run.json"
 
     def look(self) -> JobState:
@@ -76,7 +76,7 @@ class RunJob(StoredJob):
         return JobState("failed", KILLED, record=record)
 
     def settled(self) -> bool:
-        """Whether the answer was made by this code from these settings, and from files that are the same."""
+        """Whether the answer was made by this code from these settings and from unchanged files."""
         state = self.look()
         return (
             state.answered
@@ -101,5 +101,5 @@ class RunJob(StoredJob):
 
 
 def read_metrics(path: Path) -> Metrics:
-    """The metrics of a finished run; DataError where the file is missing or holds something else."""
+    """The metrics of a finished run; raises DataError if the file is missing or has other content."""
     return read_document(path, "metrics")

@@ -1,7 +1,7 @@
-"""``summary.csv``, ``timings.csv``, ``summary.json`` and ``summary.html``, from the directories alone.
+"""``summary.csv``, ``timings.csv``, ``summary.json`` and ``summary.html``, from the directories of the runs.
 
-``summary.csv`` holds what a job's settings determine, so that it is the same file, byte for byte, however
-often the sweep was killed on its way; what depends on the clock stands in ``timings.csv``.
+``summary.csv`` has only values that the settings of a job determine, so that it is the same file, byte for
+byte, also if the sweep was killed and resumed; times and memory are in ``timings.csv``.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ SUMMARY_SCHEMA = "pareto_ltl.summary/1"
 
 @dataclass(frozen=True, slots=True)
 class SweepSummary:
-    """All that is known of a sweep."""
+    """All runs and groups of a sweep."""
 
     place: Path
     manifest: SweepManifest
@@ -71,17 +71,17 @@ def write_summary(
 
 
 def _merged_choice(noted: FigureChoice, wanted: FigureChoice) -> FigureChoice:
-    """What is wanted now, and as noted where nothing is said."""
+    """``wanted``, with values of ``noted`` where it has none."""
     return FigureChoice(wanted.x or noted.x, wanted.y or noted.y, wanted.by or noted.by)
 
 
 def _write_files(summary: SweepSummary, out: Path) -> None:
-    """Write the four files, and the figure where there is something to draw.
+    """Write the four files, and the figure if there is something to draw.
 
     Raises
     ------
     ConfigError
-        If the figure is to show what no column holds; the files are written in any case.
+        If the figure needs a column that does not exist; the files are written in any case.
     """
     swept = list(summary.manifest.swept)
     results = column_names(row.results for row in summary.rows)
@@ -117,7 +117,7 @@ def _first_cells(row: SweepRow, swept: Sequence[str]) -> list[Any]:
 
 
 def _way_to_jobs(out: Path, place: Path) -> str:
-    """From the page to the jobs."""
+    """Relative path from the page to the jobs."""
     return "" if out == place else "../../"
 
 
@@ -147,7 +147,7 @@ def summary_content(summary: SweepSummary) -> dict[str, Any]:
 
 
 def _draw_figure(summary: SweepSummary, out: Path) -> str | None:
-    """Draw what the sweep asks for; its SVG, or None where no job has what is to be shown."""
+    """Draw the figure of the sweep; return its SVG, or None if no job has the metrics."""
     figure = chosen_figure(summary)
     if figure is None:
         return None
@@ -194,7 +194,7 @@ def figure_series(summary: SweepSummary, figure: FigureChoice) -> dict[str, list
 
 
 def check_figure(figure: FigureChoice, swept: Sequence[str]) -> None:
-    """Refuse, before a sweep begins, a figure by a setting that it does not vary."""
+    """Raise ConfigError, before a sweep begins, for a figure by a setting that it does not vary."""
     if figure.by is not None and figure.by not in swept:
         raise ConfigError(
             f"sweep.by={figure.by} is no setting that this sweep varies; "

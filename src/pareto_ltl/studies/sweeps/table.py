@@ -1,4 +1,4 @@
-"""One row a run, and one group for each combination of swept settings without its seeds."""
+"""One row for each run, and one group for all seeds of a combination of the other swept settings."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from pareto_ltl.studies.sweeps.runs import RunJob
 
 CLOCK_METRICS = ("memory_mib",)
 JOB_STATUSES = ("ok", "infeasible", "failed", "running", "pending")
-POOLED_RATES = ("failure", "mission_failure", "collision")  # of deployments, one a law
+POOLED_RATES = ("failure", "mission_failure", "collision")  # of deployments, for each law
 
 
 @dataclass(frozen=True, slots=True)
 class SweepRow:
-    """A run as the table shows it; numbers of the clock are kept apart from results."""
+    """A run in the table; times and memory are separate from results."""
 
     job: str
     overrides: Mapping[str, str]
@@ -38,7 +38,7 @@ class SweepRow:
 
 @dataclass(frozen=True, slots=True)
 class SeedGroup:
-    """Runs that differ in their seeds alone.
+    """Runs that differ only in their seeds.
 
     Attributes
     ----------
@@ -58,7 +58,7 @@ class SeedGroup:
 
 
 def is_seed(key: str) -> bool:
-    """Whether a setting only draws other random numbers: ``seed``, ``scene.random.seed``."""
+    """Whether a setting only changes random numbers: ``seed``, ``scene.random.seed``."""
     return key.rpartition(".")[2] == "seed"
 
 
@@ -70,7 +70,7 @@ def is_clock(name: str) -> bool:
 def sweep_rows(
     place: Path, manifest: SweepManifest, given_up: Mapping[str, str] | None = None
 ) -> list[SweepRow]:
-    """Every point of the sweep in the order of its grid, with what its directory says."""
+    """Every point of the sweep in the order of its grid, with the state of its directory."""
     known = given_up or {}
     rows = []
     for point in manifest.points:
