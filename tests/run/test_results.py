@@ -110,7 +110,8 @@ def promised_plan() -> Plan:
     flown = replace(flight(), fixes=(1, 3))
     flown.u[2] = 0.0  # no heading
     return replace(
-        plan(), path=flown, rule="threshold", wanted={"alpha": 0.02}, fidelity="full with parents=scaled",
+        plan(), path=flown, rule="threshold", rule_settings={"alpha": 0.02},
+        fidelity="full with parents=scaled",
         promise=Promise(rate(), rate(560, 4000), 0.1 + 0.2, 0.2, False),
         navigation=navigate(on_earth, flown.t, flown.x, flown.u),
     )  # fmt: skip
@@ -268,7 +269,7 @@ def test_a_plan_of_the_first_schema_is_read(tmp_path: Path) -> None:
     }  # fmt: skip
     write_json(tmp_path / "plan.json", content | {"schema": "pareto_ltl.plan/1"})
     made = promised_plan()
-    old = replace(made, promise=None, navigation=None, wanted={}, path=replace(made.path, order=""))
+    old = replace(made, promise=None, navigation=None, rule_settings={}, path=replace(made.path, order=""))
     assert same(store.read_plan(tmp_path), old)
 
 
