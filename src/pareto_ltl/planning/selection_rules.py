@@ -1,7 +1,7 @@
 """Rules that pick the path to fly from the front (Section IV-D), one for each value of ``selection.rule``.
 
-The risk of a path is its failure rate if flights judge (``front.rates``), and otherwise the sum of its mission risk
-and its collision risk, which bounds it.
+The risk of a path is its failure rate if flights judge (``front.rates``), and otherwise the sum of its
+mission risk and its collision risk, which bounds it.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ class SelectionRule:
 
 
 def selection_rule(cfg: SelectionConfig) -> SelectionRule:
-    """The rule ``cfg.rule``, one of :data:`RULES` or of another package, where a plain function reads options.
+    """The rule ``cfg.rule``: one of :data:`RULES`, or of another package, where a function reads the options.
 
     Raises
     ------
@@ -272,7 +272,7 @@ RULES: dict[str, SelectionRule] = {
 
 
 def within_capacity(cfg: SelectionConfig, front: Front, model: EnergyModel | None) -> Front:
-    """``front`` without paths that need more energy than the robot has; unchanged for rules that name one path.
+    """``front`` without paths that need more energy than the robot has; unchanged if the rule names one path.
 
     Raises
     ------
