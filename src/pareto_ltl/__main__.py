@@ -11,7 +11,7 @@ def main() -> None:
     from pareto_ltl.cli.commands import run_command_line
 
     for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, io.TextIOWrapper):  # a terminal may lack a letter that a message has
+        if isinstance(stream, io.TextIOWrapper):  # a terminal may lack a character of a message
             stream.reconfigure(errors="replace")
     sys.exit(run_command_line(sys.argv[1:]))
 

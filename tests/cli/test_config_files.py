@@ -37,7 +37,7 @@ def test_a_file_that_cannot_be_used_is_named(
 ) -> None:
     message = refusal(tmp_path, content, capsys)
     assert words in message
-    assert "mine.yaml" in message or "check the files of your own" in message
+    assert "mine.yaml" in message or "check your own configuration files" in message
 
 
 def test_aliases_that_multiply_are_refused_before_hydra_follows_them(

@@ -82,7 +82,7 @@ BAD = {
     "seed=-1": "seed must lie in [0, 9.22337e18], got -1",
     "seed=???": "seed",
     "seed=" + "9" * 5000: "too many digits",
-    "robot.dt=" + "9" * 400: "robot.dt holds a number with",
+    "robot.dt=" + "9" * 400: "robot.dt has a number with",
     "planner.n_max=1e7": "write it in digits, 10000000",
     "planner.trees=null": "planner.trees must be a whole number, got None",
     "scene.regions.z=[[1,1],[2,1],[2,2]]": "scene.regions.z is not there yet; write +scene.regions.z=...",

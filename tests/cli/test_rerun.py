@@ -40,7 +40,7 @@ def test_a_run_is_made_again_byte_by_byte_and_a_changed_plan_is_noticed(
     assert rerun_command([str(place), "--into", "again"]) == 0
     assert (here / "again" / "plan.json").read_bytes() == (place / "plan.json").read_bytes()
     assert rerun_command([str(place), "--into", "again"]) == 2
-    assert "it is there already and not empty" in capsys.readouterr().err
+    assert "it exists and is not empty" in capsys.readouterr().err
 
     plan, record = place / "plan.json", place / "run.json"
     plan.write_text(plan.read_text().replace('"dt": 1800.0', '"dt": 1800.5'))

@@ -81,7 +81,7 @@ BAD = {
     ("past", "--max-lag", "0"): "0 is not a number of hours above 0",
     ("past", "--max-lag", "inf"): "inf is not a number of hours above 0",
     ("past", "--block", "0"): "0 is not a number of cycles",
-    ("past", "--seed", "-1"): "-1 is no seed",
+    ("past", "--seed", "-1"): "-1 is not a seed",
     ("past", "--name", "n" * 300): "a name has 1 to 200 characters",
     ("past", "--max-lag", "1"): "no lag up to 1 h has 5 pairs of analyses",
     ("past", "--area", "0,0 1,0 0,1"): "0 of 130 nodes",

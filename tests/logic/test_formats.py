@@ -266,7 +266,7 @@ def test_the_command_points_at_a_mistake(capsys):
 
 def test_harmful_visits_are_named(capsys):
     assert formula_command(["!b U a"]) == 0
-    assert "an extra {b} loses the mission" in capsys.readouterr().out
+    assert "an extra {b} makes the mission fail" in capsys.readouterr().out
 
 
 def test_a_formula_that_explodes_is_stopped():

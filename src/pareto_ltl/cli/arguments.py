@@ -1,4 +1,4 @@
-"""What all commands share: an argument parser, and how errors become one line and an exit code."""
+"""Common parts of commands: an argument parser, and the conversion of errors to one line and an exit code."""
 
 from __future__ import annotations
 
@@ -23,17 +23,17 @@ class CommandArguments(argparse.ArgumentParser):
     """An argument parser that raises ConfigError instead of leaving the program."""
 
     def error(self, message: str) -> NoReturn:
-        """Raise ConfigError with ``message`` and where the help is."""
+        """Raise ConfigError with ``message`` and the command for help."""
         raise ConfigError(f"{message}; see {self.prog} --help")
 
     def add_result(self) -> None:
-        """The results directory that a command reads, ``directory``."""
+        """Add the argument ``directory``, the results directory that a command reads."""
         self.add_argument(
             "directory", type=Path, metavar="DIR", help="for example outputs/phi2/2026-01-31_12-00-00"
         )
 
     def add_point(self) -> None:
-        """The path of the front that a command is about, ``point``."""
+        """Add the option ``point``, a path of the front."""
         self.add_argument("--point", metavar="N", help="path number N of front.csv; default: the plan")
 
 
@@ -42,19 +42,19 @@ def run_reported(
     expected: tuple[type[Exception], ...] = EXPECTED_ERRORS,
     describe_error: Callable[[BaseException], str] = one_line,
 ) -> int:
-    """Call ``work`` and return its exit code, or print one line and return that of the error.
+    """Call ``work`` and return its exit code; for an error, print one line and return the code of the error.
 
-    2 for an ``expected`` error, 130 for an interrupt, 143 for SIGTERM and 129 for SIGHUP, 141 for a closed
-    pipe, 1 for any other error; the line of the last names a file with the traceback.
+    The code is 2 for an ``expected`` error, 130 for an interrupt, 143 for SIGTERM, 129 for SIGHUP, 141 for a
+    closed pipe and 1 for any other error, whose line names a file with the traceback.
     """
     try:
         with signals_raise():
             code = work()
-            sys.stdout.flush()  # a full disk behind the output is an error like others
+            sys.stdout.flush()  # an error of the output, e.g. a full disk, is reported too
         return code
     except SystemExit as leave:  # --help and --version of argparse
         return int(leave.code or 0)
-    except BrokenPipeError:  # the reader of the output, e.g. head, has left
+    except BrokenPipeError:  # the reader of the output, e.g. head, has ended
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 141
     except expected as error:
@@ -72,12 +72,12 @@ def run_reported(
 
 
 def print_problem(line: str) -> None:
-    """Print ``line`` to standard error, after the name of the program."""
+    """Print ``line`` to standard error, with the name of the program before it."""
     print(f"pareto-ltl: {shown_line(line)}", file=sys.stderr)
 
 
 def _write_traceback() -> str:
-    """Write the traceback of the present error to a new file, outside any results directory."""
+    """Write the traceback of the present error to a new temporary file; return its path."""
     handle, path = tempfile.mkstemp(prefix="pareto_ltl_", suffix=".log")
     with os.fdopen(handle, "w", encoding="utf-8") as file:
         file.write(traceback.format_exc())

@@ -1,4 +1,4 @@
-"""``pareto-ltl cache``: where fits of the wind, convex programmes and downloaded winds are kept."""
+"""``pareto-ltl cache``: folder and size of the cache of wind fits, convex programmes and downloaded winds."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pareto_ltl.support import cache
 
 
 def cache_command(argv: Sequence[str]) -> int:
-    """Print place and size of the cache, or clear it; 0, or 2 with one line."""
+    """Print folder and size of the cache, or clear it; return 0, or 2 after one line on an error."""
     return run_reported(lambda: _show_or_clear(argv))
 
 
@@ -28,7 +28,8 @@ def _show_or_clear(argv: Sequence[str]) -> int:
 def _cache_arguments() -> CommandArguments:
     parser = CommandArguments(
         prog="pareto-ltl cache",
-        description="Show where fits of the wind and downloads are kept and how large they are; remove them.",
+        description="Show folder and size of the cache (fits of the wind, convex programmes, downloads), or "
+        "empty it.",
     )
     parser.add_argument("action", nargs="?", choices=("size", "clear"), default="size")
     return parser

@@ -19,7 +19,7 @@ SHARE = re.compile(rf"({NUMBER})\s*(%?)")
 
 
 def choose_command(argv: Sequence[str]) -> int:
-    """0 where the plan is written, 2 with one line where there is no such path or no front."""
+    """Write the plan of another path; return 0, or 2 after one line if there is no such path or no front."""
     return run_reported(lambda: _choose_arguments(argv))
 
 
@@ -112,7 +112,7 @@ def read_selection(rule: str | None, words: Sequence[str]) -> dict[str, Any] | N
 
 
 def read_share(text: str, flag: str = "--failure") -> float:
-    """A probability from ``0.02`` or ``2%``; ConfigError for anything else."""
+    """A probability from ``0.02`` or ``2%``; raises ConfigError for anything else."""
     match = SHARE.fullmatch(text.strip())
     value = float(match[1]) / (100.0 if match[2] else 1.0) if match else -1.0
     if not 0.0 < value < 1.0:
@@ -123,7 +123,7 @@ def read_share(text: str, flag: str = "--failure") -> float:
 
 
 def read_length(text: str) -> float:
-    """A length [m] from ``1900km``, ``1.9e6`` or ``1020nmi``; ConfigError for anything else."""
+    """A length [m] from ``1900km``, ``1.9e6`` or ``1020nmi``; raises ConfigError for anything else."""
     match = LENGTH.fullmatch(text.strip())
     value = float(match[1]) * METRES[match[2]] if match else 0.0
     if not 0.0 < value <= 1e9:
@@ -132,7 +132,7 @@ def read_length(text: str) -> float:
 
 
 def read_number(text: str) -> int:
-    """The number of a path; ConfigError for anything else."""
+    """The number of a path; raises ConfigError for anything else."""
     if not (text.isascii() and text.isdigit()) or len(text) > 6:
         raise ConfigError(
             f"--point must be the number of a path in front.csv, e.g. 3, got {shown_value(text)}"

@@ -160,7 +160,7 @@ COMMANDS = (
 
 
 def run_command_line(argv: Sequence[str]) -> int:
-    """Do what the command line asks for; return the exit code."""
+    """Run the command line; return the exit code."""
     if list(argv) == ["--version"]:
         print(f"pareto-ltl {__version__}")
         return 0
@@ -174,7 +174,7 @@ def run_command_line(argv: Sequence[str]) -> int:
 
 
 def _command_place(argv: Sequence[str]) -> int | None:
-    """Where the command stands: the first word that is no flag, no value of a flag and no setting."""
+    """Index of the command: the first word that is not a flag, a value of a flag or a setting."""
     for place, word in enumerate(argv):
         if word.startswith("-") or (place and argv[place - 1] in VALUE_FLAGS):
             continue
@@ -183,7 +183,7 @@ def _command_place(argv: Sequence[str]) -> int | None:
 
 
 def command_named(name: str) -> Command:
-    """The command of that name; ConfigError with the nearest one where there is none."""
+    """The command of that name; raises ConfigError with the closest name if there is none."""
     from difflib import get_close_matches
 
     table = {command.name: command for command in COMMANDS}

@@ -1,4 +1,4 @@
-"""Tab completion: Hydra's own, with the commands in front of settings and choices."""
+"""Tab completion: that of Hydra, extended by the commands."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """Hydra composes ``conf/`` once for each command; the checks and the run use the same configuration.
 
-What a user can get wrong is checked here, before Hydra makes a directory: a mistake costs one line.
+Errors of the user are found here, before Hydra makes a directory, and give one line.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ HELP_FLAGS = {"-h": "short", "--help": "short", "--help=all": "all", "--help-all
 
 
 def parse_flags(argv: Sequence[str]) -> argparse.Namespace:
-    """Hydra's flags, in any place of ``argv``, and the overrides; ``help`` is "", "short" or "all"."""
+    """Hydra's flags, anywhere in ``argv``, and the overrides; ``help`` is "", "short" or "all"."""
     parser = CommandArguments(
         prog="pareto-ltl", add_help=False, parents=[get_args_parser()], conflict_handler="resolve"
     )
@@ -66,7 +66,7 @@ def parse_flags(argv: Sequence[str]) -> argparse.Namespace:
 
 
 def register_schema() -> None:
-    """Tell Hydra of the schema, and of the pipelines, which live in a folder of their own."""
+    """Register the schema of the settings and the pipelines, which are in another folder, with Hydra."""
     Plugins.instance()  # they register launchers ...
     store = ConfigStore.instance()
     launchers = store.repo.get("hydra", {}).get("launcher", {})
@@ -123,7 +123,7 @@ def config_name(arguments: argparse.Namespace) -> str:
 
 
 def composed_config(hydra: ComposedHydra, arguments: argparse.Namespace, mode: RunMode) -> DictConfig:
-    """Compose what the command line asks for; unknown keys are refused first."""
+    """Compose the configuration of the command line; raises ConfigError for unknown keys before that."""
     for override in parsed_overrides(hydra.config_loader, arguments.overrides):
         refuse_unknown_key(override, hydra.config_loader)
     return hydra.compose_config(
@@ -146,9 +146,9 @@ class PreparedRun:
     pipeline: Pipeline
 
     def start(self, hydra: ComposedHydra, name: str, job: TaskFunction) -> None:
-        """Let Hydra call ``job`` in the directory, which this run has for itself."""
+        """Let Hydra call ``job`` in the results directory, which is locked for this run."""
         directory = Path(str(self.config.hydra.run.dir))
-        OmegaConf.update(self.config, "hydra.run.dir", str(directory))  # one time for both
+        OmegaConf.update(self.config, "hydra.run.dir", str(directory))  # the same time of day in both
         with claimed_directory(directory, self.pipeline.table.files):
             hydra.run(config_name=name, task_function=job, overrides=[])
 
@@ -161,14 +161,14 @@ class PreparedSweep:
     pipeline: None = None
 
     def start(self, hydra: ComposedHydra, name: str, job: TaskFunction) -> None:
-        """Hand over to the sweeper and the launcher of the configuration."""
+        """Run the sweeper and the launcher of the configuration."""
         hydra.multirun(config_name=name, task_function=job, overrides=[])
 
 
 def prepare(hydra: ComposedHydra, arguments: argparse.Namespace) -> PreparedRun | PreparedSweep:
-    """Compose what the command line asks for and run every check; nothing is written.
+    """Compose the configuration of the command line and run every check; nothing is written.
 
-    Of a sweep, the first and the last point are checked here, all of them by its sweeper.
+    For a sweep, the first and the last point are checked here; its sweeper checks all.
     """
     if arguments.run and arguments.multirun:
         raise ConfigError("--run and --multirun exclude each other; leave one out")
@@ -209,7 +209,7 @@ def _prepare_sweep(
         settings = settings_from(point)
         check_settings(settings)
         names.append(settings.name)
-    # All jobs go to one folder, whatever their names are.
+    # All jobs have one folder, also if their names differ.
     sweep: Any = OmegaConf.to_container(config.hydra.sweep, resolve=False)
     place = str(sweep["dir"])  # with ${name} still in it
     place = place.replace("${name}", "-".join(dict.fromkeys(names)))
@@ -226,7 +226,7 @@ def _pin(config: DictConfig, key: str, value: str, written: str | None = None) -
 
 
 def _check_launcher(config: DictConfig) -> None:
-    """Refuse a launcher that is not installed, in one line that says what to install."""
+    """Raise ConfigError for a launcher that is not installed; the message says what to install."""
     module = str(config.hydra.launcher.get("_target_")).rpartition(".")[0]
     name = config.hydra.runtime.choices.get("hydra/launcher")
     try:
@@ -244,7 +244,7 @@ def _check_launcher(config: DictConfig) -> None:
 
 
 def parsed_overrides(loader: ConfigLoader, words: Sequence[str]) -> list[Override]:
-    """``words`` as Hydra reads them; ConfigError for a number with more digits than Python reads."""
+    """``words`` as Hydra reads them; raises ConfigError for a number with more digits than Python reads."""
     for word in words:
         if re.search(r"\d{1000}", word):  # Python reads no number of more than 4,300 digits
             raise ConfigError(f"{shown_text(word)}: the number has too many digits for a setting")
@@ -252,7 +252,7 @@ def parsed_overrides(loader: ConfigLoader, words: Sequence[str]) -> list[Overrid
 
 
 def _grid_of(config: DictConfig) -> list[str]:
-    """The grid that a configuration carries itself, as words of a command line."""
+    """The grid of a sweep in the configuration, as words of a command line."""
     grid = OmegaConf.select(config, "hydra.sweeper.params") or {}
     return [f"{key}={value}" for key, value in grid.items()]
 
@@ -266,7 +266,7 @@ def _corner(grid: Sequence[Override], *, first: bool) -> list[str]:
 
 
 def _check_sweep_size(grid: Sequence[Override]) -> None:
-    """Refuse a grid of more points than anybody waits for, before it is written out."""
+    """Raise ConfigError for a grid of more than ``MOST_POINTS`` points, before its points are listed."""
     points = math.prod(_sweep_length(override) for override in grid if override.is_discrete_sweep())
     if points > MOST_POINTS:
         raise ConfigError(
@@ -275,7 +275,7 @@ def _check_sweep_size(grid: Sequence[Override]) -> None:
 
 
 def _sweep_length(override: Override) -> int:
-    """How many values a discrete sweep has."""
+    """Number of values of a discrete sweep."""
     sweep = override.value()
     if isinstance(sweep, RangeSweep) and sweep.start is not None and sweep.stop is not None and sweep.step:
         return max(0, math.ceil((sweep.stop - sweep.start) / sweep.step))

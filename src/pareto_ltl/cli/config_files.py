@@ -21,10 +21,10 @@ CONFIG_FILES = Advice("check its name and whether it may be read", "correct the 
 
 
 class BoundedFileSource(FileConfigSource):
-    """A folder of YAML files, each of which is looked through before OmegaConf loads it."""
+    """A folder of YAML files; each is checked before OmegaConf loads it."""
 
     def load_config(self, config_path: str) -> ConfigResult:
-        """The configuration of a file; DataError where it is no YAML or stands for too much."""
+        """The configuration of a file; raises DataError if it is not YAML or exceeds the limits."""
         path = Path(self.path) / self._normalize_file_name(config_path)
         if path.is_file():
             read_yaml(path, CONFIG_FILES)
@@ -41,7 +41,7 @@ def bound_sources(loader: ConfigLoader) -> None:
 
 @contextmanager
 def described_composition() -> Iterator[None]:
-    """Say in one line what Hydra does not expect in a file, such as a list of defaults that is no list."""
+    """Turn Hydra's errors for wrong files, e.g. defaults that are not a list, into a ConfigError."""
     try:
         yield
     except (ParetoLtlError, HydraException, OmegaConfBaseException, OSError):
@@ -50,5 +50,5 @@ def described_composition() -> Iterator[None]:
         raise ConfigError("the configuration is nested too deeply, or its defaults name each other") from None
     except Exception as error:
         raise ConfigError(
-            f"the configuration cannot be composed ({one_line(error)}); check the files of your own"
+            f"the configuration cannot be composed ({one_line(error)}); check your own configuration files"
         ) from error

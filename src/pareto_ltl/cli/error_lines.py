@@ -26,7 +26,7 @@ CONFIGURATION_ERRORS: tuple[type[Exception], ...] = (
     RecursionError,
     MemoryError,
 )
-LINE_WIDTH = 300  # characters of a message of Hydra's own that are kept
+LINE_WIDTH = 300  # characters that are kept of a message of Hydra
 LETTERS = "letters beyond ASCII need two pairs of quotes: \"wind.path='größe.csv'\""
 SMALLER = "lower planner.n_max, planner.trees, deployment.runs or report.dpi"
 QUOTES = (
@@ -35,7 +35,7 @@ QUOTES = (
 
 
 def explain_error(error: BaseException) -> str:
-    """What was wrong, in one line."""
+    """The error in one line."""
     if isinstance(error, MissingConfigException) and error.options:
         group, _, choice = (error.missing_cfg_file or "").rpartition("/")
         known = ", ".join(error.options)
@@ -58,13 +58,13 @@ def explain_error(error: BaseException) -> str:
 
 
 def _overridden_key(error: HydraException) -> str:
-    """The key of a setting that could not be merged; what Hydra says where it names none."""
+    """The key of a setting that could not be merged, or Hydra's text if it has no key."""
     found = re.search(r"override '?[+~]*([\w.]+)", _first_line(error))
     return found[1] if found else shown_text(_first_line(error))
 
 
 def _explain_value(error: OmegaConfBaseException, place: str) -> str:
-    """What is wrong with a value, in the words of the settings where its key is one of ours."""
+    """The error of a value, with the words of the settings if its key is one of them."""
     key = _full_key(error) or place
     setting = key.partition("[")[0]  # the list of an item
     kind = kind_at(Settings, setting) if setting else None
@@ -82,7 +82,7 @@ def _explain_value(error: OmegaConfBaseException, place: str) -> str:
 
 
 def _cure_of(override: str) -> str:
-    """What to do about a setting that Hydra cannot read."""
+    """Advice for a setting that Hydra cannot read."""
     if not override.isascii() or any(ord(character) < 32 for character in override):
         return LETTERS
     return QUOTES

@@ -10,7 +10,7 @@ from pareto_ltl.support.errors import DataError
 
 
 def explain_command(argv: Sequence[str]) -> int:
-    """0 where the plan is printed, 2 with one line where there is no such path or no plan."""
+    """Print a plan leg by leg; return 0, or 2 after one line if there is no such path or no plan."""
     return run_reported(lambda: _explain_arguments(argv))
 
 
@@ -18,7 +18,7 @@ def _explain_arguments(argv: Sequence[str]) -> int:
     parser = CommandArguments(
         prog="pareto-ltl explain",
         description="Print a plan leg by leg: time, heading, airspeed, wind and its standard deviation, "
-        "the purpose of the leg, the closest obstacle, and how often flights have failed by then.",
+        "the goal of the leg, the closest obstacle, and the share of flights that have failed by its end.",
     )
     parser.add_result()
     parser.add_point()

@@ -15,7 +15,7 @@ from pareto_ltl.support.messages import shown_value
 
 
 def export_command(argv: Sequence[str]) -> int:
-    """0 where the files are written, 2 with one line where there is no such path or format."""
+    """Write files of a plan; return 0, or 2 after one line if there is no such path or format."""
     return run_reported(lambda: _export_arguments(argv))
 
 
@@ -64,7 +64,7 @@ def _export(options: argparse.Namespace) -> int:
 
 
 def read_formats(text: str) -> list[str]:
-    """The formats of ``kml,gpx``; ConfigError for a name that is none."""
+    """The formats of ``kml,gpx``; raises ConfigError for an unknown name."""
     names = [name.strip() for name in text.split(",")]
     for name in names:
         if name not in EXPORT_FILES:
@@ -75,7 +75,7 @@ def read_formats(text: str) -> list[str]:
 
 
 def read_metres(flag: str, text: str) -> float:
-    """A height [m]; ConfigError for anything but a number."""
+    """A height [m]; raises ConfigError for anything except a number."""
     try:
         return float(text)
     except ValueError:

@@ -1,4 +1,4 @@
-"""``pareto-ltl formula "F(a & F b)"``: what a formula means, before anything is planned with it."""
+"""``pareto-ltl formula "F(a & F b)"``: the meaning of a formula, before planning."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from pareto_ltl.support.messages import shown_line, shown_text
 
 
 def formula_command(argv: Sequence[str]) -> int:
-    """Print what a formula means; 0, or 2 with one line (and a caret) for one that cannot be flown."""
+    """Print the meaning of a formula; return 0, or 2 after one line (and a caret) if it cannot be planned."""
     text = ""
     try:
         options = _formula_arguments().parse_args(argv)
@@ -79,11 +79,15 @@ def _initial_distance(automaton: Automaton) -> str:
 def _extra_visits(automaton: Automaton) -> str:
     harm = automaton.harm()
     if harm is None:
-        return "harmless: letters put in anywhere never spoil a flight (insertion-closed)"
+        return "harmless: additional letters never make the mission fail (insertion-closed)"
     state, column = harm
     letter = show_letter(automaton.letters[column])
     after = int(automaton.delta[state, column])
-    what = "loses the mission" if after == automaton.trap else f"costs something (state {state} to {after})"
+    what = (
+        "makes the mission fail"
+        if after == automaton.trap
+        else f"needs further visits (state {state} to {after})"
+    )
     return f"not harmless: in state {state} an extra {letter} {what}"
 
 

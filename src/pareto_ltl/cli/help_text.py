@@ -1,4 +1,4 @@
-"""The texts of ``--help``: short, complete, and of one command."""
+"""The texts of ``--help``: short, complete, and for one command."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from pareto_ltl.support.resources import added_folders, resource_folder
 Groups = Mapping[str, list[str]]
 
 WIDTH = 110
-COLUMN = 36  # where explanations begin
-ADDED_GROUPS = ("experiment", "sweep")  # chosen with + in front
+COLUMN = 36  # column at which explanations begin
+ADDED_GROUPS = ("experiment", "sweep")  # written with a + before them
 COMMON_GROUPS = ("experiment", "fidelity", "wind", "selection", "report")
 COMMON_SETTINGS = (
     "name", "seed", "mission.formula", "planner.n_max", "planner.trees", "robot.dt", "robot.u_max",
@@ -36,8 +36,8 @@ EXAMPLES = """\
   pareto-ltl +experiment=phi1 seed=1,2 -m                  the Hydra form: plan, with every combination"""
 FLAGS = """\
   -m, --multirun  run every combination of key=value1,value2 or key=range(first,beyond)
-  --config-dir    a folder with choices of your own
-  --cfg job       show the settings that a command line comes to, and run nothing
+  --config-dir    a folder with your own choices
+  --cfg job       show the settings of a command line, and run nothing
   --help          this text; --help=all: every choice and every setting
   --version       the version
   --hydra-help    Hydra's own flags"""
@@ -78,7 +78,7 @@ def full_help(settings: Settings, groups: Groups) -> str:
 
 
 def command_help(command: Command, groups: Groups) -> str:
-    """What a pipeline does, its stages, and the settings of its own sections."""
+    """The help of a pipeline: its purpose, its stages, and the settings of its sections."""
     import yaml
 
     stages = yaml.safe_load((resource_folder("pipelines") / f"{command.name}.yaml").read_text())["stages"]
@@ -97,7 +97,7 @@ def command_help(command: Command, groups: Groups) -> str:
 
 
 def group_choices(config_path: str | None, config_dir: str | None) -> dict[str, list[str]]:
-    """Every group with its choices, shipped and of ``--config-dir``; nested groups as ``hydra/launcher``."""
+    """Every group with its choices, of the package and of ``--config-dir``; nested as ``hydra/launcher``."""
     roots = [Path(config_path) if config_path else resource_folder("conf")]
     roots += added_folders()
     if config_dir is not None:
@@ -139,7 +139,7 @@ def _section_lines(settings: Settings) -> str:
 
 
 def _one_section(section: Any) -> str:
-    """A section under its name, and those inside it."""
+    """The help of a section and of the sections inside it."""
     title = " ".join((type(section).__doc__ or "").split())
     lines = [f"\n  {section.section or 'the run'}: {title}"] if section.section else [""]
     lines += [_entry(key, value, declared) for key, (value, declared) in _described(section, inner=False)]
@@ -160,7 +160,7 @@ def _described(section: Any, *, inner: bool = True) -> Iterator[tuple[str, tuple
 
 
 def _entry(key: str, value: Any, declared: Declaration) -> str:
-    """``key=value`` and what it means, wrapped into two columns."""
+    """``key=value`` and its meaning, wrapped into two columns."""
     unit = f" [{declared.unit}]" if declared.unit else ""
     limits = declared.range_text()
     text = f"{declared.meaning}{unit}{f'; {limits}' if limits else ''}"
@@ -174,6 +174,6 @@ def _entry(key: str, value: Any, declared: Declaration) -> str:
 
 
 def _shown(value: Any) -> str:
-    """A value as it is typed, cut where it is long."""
+    """A value as it is typed, cut if it is long."""
     text = value if isinstance(value, str) else json.dumps(value, separators=(",", ":"))
     return text if len(text) <= 60 else f"{text[:57]}..."

@@ -1,4 +1,4 @@
-"""The Hydra form of the command line: settings and choices in, a run, a sweep or a look at them out."""
+"""The Hydra form of the command line: settings and choices that give a run, a sweep or a listing of them."""
 
 from __future__ import annotations
 
@@ -33,9 +33,9 @@ from pareto_ltl.support.stopping import ends_process
 
 
 def run_hydra(argv: Sequence[str], command: str | None = None) -> int:
-    """Do what ``argv`` asks for, as ``command`` means it; return the exit code.
+    """Run the command line ``argv`` after ``command``; return the exit code.
 
-    ``plan`` and the other pipelines choose their pipeline; ``sweep`` is ``-m``.
+    A command with the name of a pipeline selects it; ``sweep`` is ``-m``.
     """
     typed = [command, *argv] if command else list(argv)
     return run_reported(lambda: _run_arguments(argv, command, typed), CONFIGURATION_ERRORS, explain_error)
@@ -64,7 +64,7 @@ def _run_arguments(argv: Sequence[str], command: str | None, typed: Sequence[str
 
 
 def apply_command(arguments: argparse.Namespace, command: str | None) -> None:
-    """Add to ``arguments`` what ``command`` stands for."""
+    """Add the setting or flag of ``command`` to ``arguments``; ConfigError if they set another pipeline."""
     if command == "sweep":
         arguments.multirun = True
     elif command is not None:
@@ -106,14 +106,14 @@ def _show_configuration(hydra: ComposedHydra, arguments: argparse.Namespace) -> 
 
 @dataclass
 class HydraJob:
-    """What Hydra calls for each run, in this process or, pickled, in another.
+    """The function that Hydra calls for each run, in this process or, pickled, in another.
 
     Attributes
     ----------
     argv, overrides : tuple of str
         The command line as typed, and the settings that all jobs share.
     pipeline : Pipeline or None
-        That of a single run, checked already; None: made from the configuration of each job.
+        The checked pipeline of a single run; None if each job makes its own from its configuration.
     codes : list of int
         Exit codes of the jobs so far.
     process : int
@@ -135,7 +135,7 @@ class HydraJob:
         return code
 
     def finish(self, counts: Mapping[str, int]) -> None:
-        """Set the exit code of a sweep: 0 if every job has an answer, which "infeasible" is too."""
+        """Set the exit code of a sweep: 0 if every job has an answer ("infeasible" is an answer), else 2."""
         self.codes[:] = [0 if set(counts) <= {"ok", "infeasible"} else 2]
 
     def _single_job(self, config: DictConfig) -> int:
@@ -156,7 +156,7 @@ class HydraJob:
         return 0
 
     def _sweep_job(self, config: DictConfig) -> int:
-        """One job of a sweep, unless it has its answer; print one line about it."""
+        """Run one job of a sweep, unless it has its answer; print one line about it."""
         from pareto_ltl.studies.sweeps.runs import RunJob
 
         directory = Path(HydraConfig.get().runtime.output_dir)
@@ -173,7 +173,7 @@ class HydraJob:
             ended = f"ok in {metrics['run_seconds']:.1f} s" if done else "done already"
             print(f"{told}: {ended}", flush=True)
         except InfeasibleError:
-            print(f"{told}: infeasible", flush=True)  # an answer; the table says why
+            print(f"{told}: infeasible", flush=True)  # an answer; the table has the reason
         except CONFIGURATION_ERRORS as error:
             print_problem(f"{told}: {explain_error(error)} [{_relative_path(directory)}]")
             return 2
@@ -185,12 +185,12 @@ class HydraJob:
 
 
 def _task_overrides() -> list[str]:
-    """What this run's settings were made from, without Hydra's own."""
+    """The overrides of this run, without those of Hydra."""
     return [str(word) for word in HydraConfig.get().overrides.task]
 
 
 def _relative_path(directory: Path) -> Path:
-    """``directory`` from the folder of the command line; absolute where Hydra has changed the folder."""
+    """``directory`` relative to the folder of the command line; absolute if Hydra has changed the folder."""
     here = Path.cwd()
     if not here.samefile(HydraConfig.get().runtime.cwd):
         return directory

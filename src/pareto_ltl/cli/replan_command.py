@@ -12,7 +12,7 @@ from pareto_ltl.support.messages import shown_value
 
 
 def replan_command(argv: Sequence[str]) -> int:
-    """0 where the plan is written, 2 with one line where the time or the fix cannot be used."""
+    """Write a new plan for the rest of a flight; return 0, or 2 after one line for a wrong time or fix."""
     return run_reported(lambda: _replan_arguments(argv))
 
 
@@ -29,7 +29,7 @@ def _replan_arguments(argv: Sequence[str]) -> int:
     )
     parser.add_argument(
         "--fix", metavar="LAT,LON,SD", help="measured position [deg] and its standard deviation [m]; "
-        "X,Y,SD [m] on a map without a location on Earth; write --fix=... where the first number is negative",
+        "X,Y,SD [m] on a map without a place on Earth; write --fix=... if the first number is negative",
     )  # fmt: skip
     parser.add_argument("--full", action="store_true", help="use the refinement settings of DIR")
     parser.add_argument("--out", type=Path, metavar="DIR2", help="default: DIR with _replanned and the time")
@@ -48,7 +48,7 @@ def _replan(options: argparse.Namespace) -> int:
 
 
 def read_fix(text: str) -> tuple[float, ...]:
-    """Three numbers; ConfigError for anything else."""
+    """Three numbers; raises ConfigError for anything else."""
     try:
         numbers = tuple(float(part) for part in text.split(","))
     except ValueError:
@@ -61,7 +61,7 @@ def read_fix(text: str) -> tuple[float, ...]:
 
 
 def default_place(directory: Path, time: str) -> Path:
-    """Beside ``directory``, with the time in its name."""
+    """A folder beside ``directory``, with the time in its name."""
     directory = directory.resolve()
     kept = "".join(letter for letter in time if letter.isalnum())
     return directory.with_name(f"{directory.name}_replanned_{kept}")

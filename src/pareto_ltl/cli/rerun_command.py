@@ -1,4 +1,4 @@
-"""``pareto-ltl rerun DIR``: make a result again from what its directory says, and compare byte by byte."""
+"""``pareto-ltl rerun DIR``: make a result again from its own settings, and compare byte by byte."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ if TYPE_CHECKING:
     from pareto_ltl.settings import Settings
 
 CODE_VERSIONS = ("version", "code_hash", "python")
-TIME_COLUMN = "second"  # part of the name of a column that tells how long something took
+TIME_COLUMN = "second"  # part of the name of columns of computing times
 
 
 def rerun_command(argv: Sequence[str]) -> int:
-    """0 where the result is the same, 1 where it differs, 2 with one line where it cannot be made again."""
+    """Make a result again; return 0 if it is the same, 1 if it differs, 2 after one line on an error."""
     return run_reported(lambda: _rerun_arguments(argv))
 
 
@@ -30,7 +30,7 @@ def _rerun_arguments(argv: Sequence[str]) -> int:
     parser = CommandArguments(
         prog="pareto-ltl rerun",
         description="Make a result again from its own settings and compare both, byte by byte. Nothing is "
-        "written outside of the second folder.",
+        "written outside the second folder.",
     )
     parser.add_argument("directory", type=Path, help="for example multirun/phi2/04b3a3fb44baa8a5")
     parser.add_argument("--into", type=Path, metavar="FOLDER", help="keep the second result there")
@@ -41,18 +41,18 @@ def _rerun_arguments(argv: Sequence[str]) -> int:
 
 @contextmanager
 def _second_place(into: Path | None) -> Iterator[Path]:
-    """Where the second result goes: a folder to keep, or one for the comparison only."""
+    """The folder of the second result: the one to keep, or a temporary one."""
     if into is None:
         with tempfile.TemporaryDirectory(prefix="pareto_ltl_rerun_") as folder:
             yield Path(folder)
         return
     if into.exists() and (not into.is_dir() or any(into.iterdir())):
-        raise ConfigError(f"--into {into}: it is there already and not empty; name a new folder")
+        raise ConfigError(f"--into {into}: it exists and is not empty; name a new folder")
     yield into
 
 
 def rerun_and_compare(directory: Path, place: Path) -> int:
-    """Run the settings of ``directory`` into ``place`` and say what differs.
+    """Run the settings of ``directory`` into ``place`` and print the differences; return the exit code.
 
     Raises
     ------
@@ -84,7 +84,7 @@ def rerun_and_compare(directory: Path, place: Path) -> int:
 
 
 def _finished_record(directory: Path) -> dict[str, Any]:
-    """``run.json`` of a run that ended with an answer, with something for each key that is read here."""
+    """``run.json`` of a run that ended with an answer, with a default for each missing key."""
     from pareto_ltl.run.provenance import ANSWERS
     from pareto_ltl.support.schemas import read_document
 
@@ -98,7 +98,7 @@ def _finished_record(directory: Path) -> dict[str, Any]:
 
 
 def _kept_inside(settings: Settings, place: Path) -> Settings:
-    """``settings`` with which a run writes into ``place`` alone and takes no answers from elsewhere."""
+    """``settings`` with which a run writes only into ``place`` and does not resume another study."""
     table = place / Path(settings.ingest.out).name
     return replace(
         settings,
@@ -108,7 +108,7 @@ def _kept_inside(settings: Settings, place: Path) -> Settings:
 
 
 def _code_changes(before: Mapping[str, Any], now: Mapping[str, Any]) -> Iterator[str]:
-    """What is different about the code and the packages, which may explain a difference."""
+    """Changes of the code and of packages, which may explain a difference."""
     for name in CODE_VERSIONS:
         if before.get(name) != now[name]:
             yield f"{name} was {str(before.get(name))[:12]}, is {now[name][:12]}"
@@ -151,7 +151,7 @@ def _written_names(pipeline: Pipeline, *places: Path) -> list[str]:
 
 
 def _tables_elsewhere(before: Mapping[str, Any], place: Path) -> dict[str, bool]:
-    """Of each file that the run wrote outside of its directory: whether the second run made the same."""
+    """For each file that the run wrote outside its directory: whether the second run made the same."""
     from pareto_ltl.support.fingerprints import file_fingerprint
 
     outputs = before.get("outputs")
@@ -160,7 +160,7 @@ def _tables_elsewhere(before: Mapping[str, Any], place: Path) -> dict[str, bool]
 
 
 def _file_difference(one: Path, two: Path) -> str | None:
-    """Where two files part, or None. Columns of seconds do not count."""
+    """The first difference of two files, or None; columns of seconds are ignored."""
     missing = [str(path) for path in (one, two) if not path.is_file()]
     if missing:
         return f"{' and '.join(missing)} missing"

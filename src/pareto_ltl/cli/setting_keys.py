@@ -1,4 +1,4 @@
-"""From a composed configuration to :class:`Settings`; keys that do not exist are refused on the way."""
+"""From a composed configuration to :class:`Settings`; raises ConfigError for keys that do not exist."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from pareto_ltl.settings.kinds import field_kinds
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.messages import shown_text, shown_value
 
-GROUPS_WITHOUT_SECTION = ("experiment", "sweep")  # groups that are no section of the settings
+GROUPS_WITHOUT_SECTION = ("experiment", "sweep")  # groups without a section of the settings
 
 
 def settings_from(config: DictConfig) -> Settings:
-    """The composed configuration as plain settings, which checks types and ranges; ``config`` is kept."""
+    """The composed configuration as settings, with types and ranges checked; ``config`` is not changed."""
     if "hydra" in config:
         config = copy.deepcopy(config)
         with open_dict(config):
@@ -34,7 +34,7 @@ def settings_from(config: DictConfig) -> Settings:
 
 
 def refuse_unknown_key(override: Override, loader: ConfigLoader) -> None:
-    """Raise ConfigError for a key that is no setting and no group, with the nearest one that exists."""
+    """Raise ConfigError for a key that is neither a setting nor a group, with the closest one that exists."""
     key = override.key_or_group
     if key == "hydra" or override.is_hydra_override():
         return
@@ -55,18 +55,18 @@ def refuse_unknown_key(override: Override, loader: ConfigLoader) -> None:
 
 
 def _refuse_huge_number(key: str, value: Any) -> None:
-    """Raise ConfigError for a whole number that is no float either: OmegaConf raises OverflowError for it."""
+    """Raise ConfigError for an integer too large for a float: OmegaConf raises OverflowError for it."""
     if isinstance(value, list | dict):
         for item in value.values() if isinstance(value, dict) else value:
             _refuse_huge_number(key, item)
     elif isinstance(value, int) and abs(value) > sys.float_info.max:
         raise ConfigError(
-            f"{key} holds a number with {len(hex(value)) * 6 // 5} digits, which is too many for a setting"
+            f"{key} has a number with {len(hex(value)) * 6 // 5} digits, which is too many for a setting"
         )
 
 
 def _refuse_odd_choice(override: Override, choices: list[str]) -> None:
-    """Raise ConfigError for a group that is set to a number or to nothing, which Hydra does not expect."""
+    """Raise ConfigError for a group that is set to a number or to null, which Hydra does not expect."""
     value = override.value()
     if override.is_delete() or (override.is_sweep_override() and not isinstance(value, ChoiceSweep)):
         return
@@ -78,7 +78,7 @@ def _refuse_odd_choice(override: Override, choices: list[str]) -> None:
 
 
 def _refuse_extra_keys(config: DictConfig, schema: Any, section: str) -> None:
-    """Refuse keys that the schema lacks: Hydra lets ``+`` and files add them."""
+    """Raise ConfigError for keys that the schema lacks: Hydra lets ``+`` and files add them."""
     types = field_kinds(schema)
     for key, inner in config.items_ex(resolve=False):
         if key not in types:

@@ -8,7 +8,7 @@ from pareto_ltl.cli.arguments import CommandArguments, run_reported
 
 
 def show_command(argv: Sequence[str]) -> int:
-    """0 where the page is there, opened or not; 2 with one line where the folder holds no result."""
+    """Open the page of a result; return 0 with or without a browser, 2 after one line without a result."""
     return run_reported(lambda: _show_arguments(argv))
 
 
@@ -31,7 +31,7 @@ def _show_arguments(argv: Sequence[str]) -> int:
         print(f"opened {path}")
     else:
         print(path)
-        print("found no browser: copy this file to a machine that has one, and open it there")
+        print("found no browser: copy this file to a machine with a browser, and open it there")
     return 0
 
 

@@ -9,5 +9,5 @@ from pareto_ltl.studies.stages import STUDY_STAGES
 
 
 def application_stages(settings: Settings) -> StageTable:
-    """The table that a run with ``settings`` picks from; stages of other packages load if it lists them."""
+    """The table of stages for a run with ``settings``; it loads those of other packages that it lists."""
     return with_extension_stages((*PLAN_STAGES, *STUDY_STAGES), settings.pipelines.stages)

@@ -1,4 +1,4 @@
-"""The table at the end of a run: how often the plan fails, what guided the search, how long it took."""
+"""The table at the end of a run: failure rate of the plan, bounds, and times."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from pareto_ltl.support.schemas import read_document
 if TYPE_CHECKING:
     from rich.console import Console
 
-MOST_WARNINGS = 5  # that are printed
+MOST_WARNINGS = 5  # warnings that are printed, at most
 _WARNING = re.compile(r"^\S+ \S+ WARNING \S+: (.*)$", re.MULTILINE)
 
 
 def print_summary(
     settings: Settings, directory: Path, metrics: Mapping[str, float], console: Console | None = None
 ) -> None:
-    """Print the numbers a user looks for first, and where all the others are."""
+    """Print the most important numbers of a run, its warnings and its directory."""
     from rich import box
     from rich.console import Console
     from rich.table import Table
@@ -54,7 +54,7 @@ def warning_paragraphs(directory: Path) -> Iterator[str]:
 
 
 def coverage_paragraphs(directory: Path) -> Iterator[str]:
-    """What the probabilities of the plan in ``directory`` cover and what not; nothing without a plan."""
+    """What the probabilities of the plan in ``directory`` cover and what not; none without a plan."""
     if not (directory / "plan.json").is_file():
         return
     plan = read_document(directory / "plan.json", "plan")
@@ -64,7 +64,7 @@ def coverage_paragraphs(directory: Path) -> Iterator[str]:
 
 
 def summary_rows(metrics: Mapping[str, float], law: str) -> Iterator[tuple[str, str]]:
-    """Names and figures, as far as the pipeline made them; ``law`` is the wind law of the plan."""
+    """Names and values of the metrics that exist; ``law`` is the wind law of the plan."""
     if "length_m" in metrics:
         yield from _plan_rows(metrics, law)
     elif "wind_speed_m_s" in metrics:

@@ -10,7 +10,7 @@ from pareto_ltl.support.errors import ConfigError
 
 
 def sweep_command(argv: Sequence[str]) -> int:
-    """Run a sweep where ``argv`` holds a setting (key=value), else summarize the folder it names.
+    """Run a sweep if ``argv`` has a setting (key=value), else write the summary of the folder that it names.
 
     ``pareto-ltl sweep +experiment=phi2 seed=0,1`` is ``pareto-ltl -m +experiment=phi2 seed=0,1``.
     """

@@ -1,4 +1,4 @@
-"""``pareto-ltl verify DIR``: derive every claim of a result again from its files, without the planner."""
+"""``pareto-ltl verify DIR``: recompute every claim of a result from its files, without the planner."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from pareto_ltl.verify.judge import Finding, judge_results, unchecked_claims
 
 
 def verify_command(argv: Sequence[str]) -> int:
-    """0 where all claims hold, 1 where one fails, 2 with one line where there is no finished result."""
+    """Check a result; return 0 if all claims hold, 1 if one fails, 2 after one line if there is no result."""
     return run_reported(lambda: _verify_arguments(argv))
 
 
 def _verify_arguments(argv: Sequence[str]) -> int:
     parser = CommandArguments(
         prog="pareto-ltl verify",
-        description="Derive every claim of a result again from its files, with code that shares nothing with "
-        "the planner; exit code 1 where one fails.",
+        description="Recompute every claim of a result from its files, with code that shares nothing with "
+        "the planner; exit code 1 if one fails.",
     )
     parser.add_argument("directory", type=Path, help="for example outputs/phi2/2026-01-31_12-00-00")
     parser.add_argument("--failed", action="store_true", help="show only claims that fail")
@@ -33,7 +33,7 @@ def _verify_arguments(argv: Sequence[str]) -> int:
 
 
 def table_lines(found: Sequence[Finding]) -> list[str]:
-    """The table: claim, what the result says, what follows from its files, verdict."""
+    """The table: claim, value in the result, value that follows from its files, verdict."""
     rows = [("claim", "claimed", "re-derived", "verdict")]
     rows += [(f.claim, f.claimed, f.derived, "holds" if f.holds else "FAILS") for f in found]
     widths = [max(len(row[column]) for row in rows) for column in range(3)]

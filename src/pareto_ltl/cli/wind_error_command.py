@@ -1,4 +1,4 @@
-"""``pareto-ltl wind-error DIR``: how wrong past forecasts were, as a law to plan with and a figure."""
+"""``pareto-ltl wind-error DIR``: errors of past forecasts, as a law to plan with and a figure."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ LONGEST_NAME = 200  # as the schema has it
 
 
 def wind_error_command(argv: Sequence[str]) -> int:
-    """0, or 2 with one line where the files give no errors."""
+    """Estimate and write the law of errors; return 0, or 2 after one line if the files give no errors."""
     return run_reported(lambda: _estimate_and_write(_wind_error_arguments().parse_args(argv)))
 
 
@@ -55,7 +55,7 @@ def _estimate_and_write(options: argparse.Namespace) -> int:
 
 
 def outline_of(text: str | None) -> list[list[float]] | None:
-    """Corners of ``--area``; None for all nodes; the contiguous United States where it is not given.
+    """Corners of ``--area``; None for all nodes; the contiguous United States if it is not given.
 
     Raises
     ------
@@ -128,7 +128,7 @@ def _told_by_stations(
     area: Sequence[Sequence[float]] | None,
     draws: Resampling,
 ) -> dict[str, float] | str:
-    """What reports tell of the analyses' error, or why nothing is known of it."""
+    """The error of analyses from station reports, or why it is not known."""
     if not files:
         return "not estimated: no station reports were given (--stations)"
     import numpy as np
@@ -147,7 +147,7 @@ def _told_by_stations(
 
 
 def estimate_lines(estimate: ErrorEstimate, law: ForecastError, usual: ForecastError) -> Iterator[str]:
-    """The tables beside the packaged law, the scalars, and what the data cannot tell."""
+    """Lines of text: the tables with the packaged law, the scalars, and what the data do not determine."""
     from pareto_ltl.wind.error_document import unknown_parts
 
     other = usual.for_winds(estimate.level, estimate.spread)
@@ -241,7 +241,7 @@ def _positive(text: str) -> float:
 def _count(text: str) -> int:
     value = int(text)
     if not 0 <= value < 2**63:
-        raise argparse.ArgumentTypeError(f"{text} is no seed; expected a whole number from 0")
+        raise argparse.ArgumentTypeError(f"{text} is not a seed; expected an integer of 0 or more")
     return value
 
 

@@ -81,9 +81,7 @@ def why_not(cfg: SelectionConfig, path: PlannedPath, promise: Promise) -> str:
     over = f"more than the {_rate_words(promise.claimed)} of {promise.claimed.sample} that judged the front"
     if promise.passed:
         over = f"and the upper end is above selection.alpha = {cfg.alpha:g}"
-    following = (
-        "the plan keeps it" if selection_rule(cfg).names_one else "the rule's next choice is tried"
-    )
+    following = "the plan keeps it" if selection_rule(cfg).names_one else "the rule's next choice is tried"
     return f"{said}, {over}; {following}"
 
 
