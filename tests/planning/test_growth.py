@@ -69,7 +69,7 @@ def test_an_interrupt_ends_the_threads_that_grow_trees(monkeypatch):
 
 def test_trees_that_do_not_fit_into_memory_are_refused_with_the_bytes_of_a_vertex(monkeypatch):
     monkeypatch.setattr(memory, "available_memory", lambda: 1e9)
-    with pytest.raises(ConfigError, match=r"planner\.n_max=9000000 needs .* 2 trees \(\d+ bytes a vertex\)"):
+    with pytest.raises(ConfigError, match=r"planner\.n_max=9000000 needs .* 2 trees \(\d+ bytes per vertex"):
         grown(two_goals(), replace(SMALL, n_max=9_000_000))
 
 

@@ -24,7 +24,7 @@ def kernel(function: F) -> F:
 
     Helpers read arrays from nested named tuples. Numba changes a reference count, atomically, at every such
     read. The arrays belong to the caller and outlive the call, so the counts are not needed: without them,
-    growth on phi2 makes 246,000 instead of 57,000 vertices a second.
+    growth on phi2 makes 246,000 instead of 57,000 vertices per second.
     """
     return _helper(function)
 

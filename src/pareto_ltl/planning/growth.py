@@ -229,7 +229,7 @@ def _require_memory(cfg: PlannerConfig, problem: Problem) -> None:
     rows = 64
     columns = mission_columns(problem) + isinstance(problem.world.collision, kd.PathBound)
     vertex = _array_bytes(empty_vertices(problem, rows, columns)) / rows + PACKED_BYTES
-    trees = f"{cfg.trees} trees ({vertex:.0f} bytes a vertex)"
+    trees = f"{cfg.trees} trees ({vertex:.0f} bytes per vertex)"
     require_memory(cfg.trees * vertex, "planner.n_max", cfg.n_max, trees, "planner.trees")
 
 

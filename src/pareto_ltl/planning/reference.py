@@ -124,7 +124,7 @@ def wind_at_place(wind: Wind, step: int, point: FloatArray) -> FloatArray:
 
 
 def wind_and_gradient(wind: Wind, x: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """μ(x_t, t) (T, 2) [m/s] and Dμ (T, 2, 2) [1/s] at the rows of ``x``, one a step.
+    """μ(x_t, t) (T, 2) [m/s] and Dμ (T, 2, 2) [1/s] at the rows of ``x``, one per step.
 
     μ is bilinear on the lattice, so ∂μ/∂x runs linearly between the differences along the lower and the
     upper side of the square. Beyond the lattice the wind is constant.

@@ -106,7 +106,7 @@ class Cessna:
     height : float
         Height to hold above the sea, which is the ground here [m].
     rate : float
-        Integration steps a second.
+        Integration steps per second.
     """
 
     def __init__(

@@ -51,7 +51,7 @@ FACTOR_TITLES = {
     "trees": "trees",
     "beta": "β, times the default",
     "epsilon": "ε",
-    "n_max": "vertices a tree",
+    "n_max": "vertices per tree",
     "dt": "time step [s]",
     "kernel": "kernel",
     "ball": "radius of the ball [sd]",

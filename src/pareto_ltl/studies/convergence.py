@@ -265,7 +265,7 @@ def _convergence_text(rows: Sequence[Columns], numbers: Mapping[str, float], mod
     table = markdown_table(
         "The selected path as trees grow: median (quartiles) over seeds that have a plan",
         (
-            "vertices a tree",
+            "vertices per tree",
             "winds",
             "with a plan",
             f"bound {models.mission_symbol} on missed, {models.law} winds",

@@ -169,7 +169,7 @@ def world_at(settings: Settings, world: Records) -> Run:
 
 
 def same_map(one: Scene, other: Scene) -> bool:
-    """Whether two maps differ in nothing but the time of departure."""
+    """Whether two maps differ only in the time of departure."""
     first, second = (plain_data(scene_to_dict(replace(scene, time_zero=None))) for scene in (one, other))
     return bool(first == second)
 

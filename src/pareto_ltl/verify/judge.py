@@ -83,7 +83,7 @@ def unchecked_claims(directory: Path | str) -> dict[str, tuple[str, ...]]:
 
 
 def _judged(claim: Claim, result: Evidence) -> Verdict | None:
-    """The verdict; a claim that cannot be worked out from the files does not hold."""
+    """The verdict; a claim that cannot be computed from the files does not hold."""
     try:
         return claim.judge(result)
     except UNUSABLE as error:

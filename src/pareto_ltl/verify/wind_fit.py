@@ -1,4 +1,4 @@
-"""The Gaussian process that a wind field says it was fitted by, worked out again from its readings."""
+"""The Gaussian process of a wind field, computed again from the readings in its file."""
 
 from __future__ import annotations
 

@@ -30,7 +30,7 @@ class ParametrisedProgramme:
     cvxpy canonicalises once (40 ms for 48 steps), in the first run that needs the problem. Its tensors then
     take the parameters to the entries of Clarabel's matrices in one sparse product (0.05 ms;
     ``apply_parameters``, which makes new matrices each time, takes 0.6), and the solver keeps its symbolic
-    factorisation (1 ms a solve).
+    factorisation (1 ms per solve).
 
     Attributes
     ----------

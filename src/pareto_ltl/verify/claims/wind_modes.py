@@ -40,7 +40,7 @@ def mode_span(part: int, result: Evidence) -> Verdict | None:
     worst = max(
         (_span_fault(cov, psi[k, :, c], k, probe) for k in range(len(psi)) for c in (0, 1)), default=0
     )
-    return within(f"{psi.shape[-1]} modes a component", worst, MODE)
+    return within(f"{psi.shape[-1]} modes per component", worst, MODE)
 
 
 def _span_fault(cov: PartCovariance, psi: FloatArray, k: int, probe: FloatArray) -> float:
