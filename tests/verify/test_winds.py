@@ -101,7 +101,7 @@ def test_the_judge_has_the_planners_clock(
 def test_a_plan_that_outlasts_the_wind_has_no_clock(tmp_path: Path) -> None:
     wind = read_wind_file(write_netcdf(field(None, np.array([0.0, 3600.0]), 3600.0), tmp_path / "wind.nc"))
     assert len(clock(wind, DT, 3, 99).slot) == 4
-    with pytest.raises(DataError, match="the wind ends 3600 s after departure, the plan flies at 5400 s"):
+    with pytest.raises(DataError, match="until 3600 s after departure, but the plan needs it at 5400 s"):
         clock(wind, DT, 4, 99)
 
 

@@ -1,5 +1,5 @@
-"""An independent judge: every claim of a results directory, derived again from its files alone.
+"""An independent check: every claim of a results directory is computed again from its files alone.
 
-The code here shares nothing with the planner but the readers of files (``support``): other algorithms for the
-same definitions, in NumPy and SciPy. ``claims`` is the table of what is judged.
+The code here shares only the readers of files (``support``) with the planner. It uses other algorithms for
+the same definitions, in NumPy and SciPy. ``claims`` lists what is checked.
 """

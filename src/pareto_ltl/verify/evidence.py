@@ -1,4 +1,4 @@
-"""A results directory as evidence: its files, and what follows from them by code that plans nothing."""
+"""A results directory as evidence: its files, and values computed from them without the planner's code."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from pareto_ltl.verify.wind_modes import PartCovariance, part_covariances
 from pareto_ltl.verify.wind_tables import ENSEMBLE, Clock, WindFile, clock, read_wind_file
 
 LAWS = ("independent", "coherent")
-EPSILON = {"step": 0.05, "path": 0.25}  # where planner.epsilon is null
+EPSILON = {"step": 0.05, "path": 0.25}  # default of planner.epsilon for each collision bound
 ONE_FORECAST = ("sample", "csv", "stations", "currents", "calm")  # sources that have no ensemble
 OUTPUTS = {
     "scene": ("scene.json",),
@@ -45,7 +45,7 @@ OUTPUTS = {
 
 @dataclass(frozen=True, eq=False)
 class Evidence:
-    """One finished result. Files are read when a claim asks for them, and what is derived is kept."""
+    """One finished result. Files are read when first needed, and derived values are cached."""
 
     directory: Path
     run: Mapping[str, Any]
@@ -118,7 +118,7 @@ class Evidence:
 
     @property
     def horizon(self) -> float | None:
-        """End of the longest flight [s]; None where the time step was left open and no plan tells it."""
+        """End of the longest flight [s]; None if robot.dt=auto and no plan has the chosen time step."""
         if self.step_is_open and "dt_s" not in self.metrics:
             return None
         return float(self.robot.dt * self.settings["planner"]["max_steps"])
@@ -133,7 +133,7 @@ class Evidence:
 
     @cached_property
     def error_parts(self) -> dict[int, PartCovariance]:
-        """Covariance of each part of the wind's error, by its number."""
+        """Covariance of each part of the wind's error; the keys are numbers of ``wind_tables.PARTS``."""
         return part_covariances(self.wind, math.inf if self.horizon is None else self.horizon)
 
     def table(self, name: str) -> list[dict[str, str]]:
@@ -167,7 +167,7 @@ class Evidence:
 
     @cached_property
     def barriers(self) -> tuple[Convex, ...]:
-        """The obstacles and, where the border is a wall, what lies beyond each of its sides."""
+        """The obstacles and, if border=wall, the half plane beyond each side of the map."""
         walls = beyond_bounds(self.ground.bounds) if self.ground.walled else ()
         return (*self.obstacles, *walls)
 
@@ -179,7 +179,7 @@ class Evidence:
 
     @cached_property
     def ground(self) -> Ground:
-        """What flights are judged by."""
+        """Bounds, regions, obstacles and automaton by which flights are judged."""
         bounds = np.array(self.scene["bounds"])
         walled = self.scene["border"] == "wall"
         return Ground(bounds, self.regions, self.obstacles, self.dfa, walled, self.timetable)
@@ -203,18 +203,18 @@ class Evidence:
 
     @property
     def grain(self) -> float:
-        """A millionth of the size of the map [m]: what lies so close to an edge may count on either side."""
+        """A millionth of the size of the map [m]; points so close to an edge may count on either side."""
         return 1e-6 * float(np.ptp(np.array(self.scene["bounds"], float), axis=0).max())
 
     @cached_property
     def robot(self) -> Robot:
-        """The robot of the settings, its time step from the metrics where it was left open."""
+        """The robot of the settings; with robot.dt=auto its time step is that of the metrics."""
         told = self.settings["robot"]
-        if isinstance(told["dt"], str):  # auto: the metrics say what it came to
+        if isinstance(told["dt"], str):  # auto: the metrics have the chosen time step
             told = told | {"dt": float(self.metrics["dt_s"])}
         return Robot(
             a=np.array(told["a"], float), b=np.array(told["b"], float), ball=self.settings["wind"]["ball"],
-            u_min=told.get("u_min", 0.0),  # results of earlier versions have none, nor the next two
+            u_min=told.get("u_min", 0.0),  # earlier versions have neither this setting nor the next two
             bank=math.radians(told.get("bank", 0.0)), turn_delay=told.get("turn_delay", 0.0),
             **{key: told[key] for key in (
                 "dt", "u_max", "start_sd", "feedback", "effort_risk", "fix_sd", "fix_gain", "fix_risk"
@@ -223,12 +223,12 @@ class Evidence:
 
     @cached_property
     def power(self) -> Power | None:
-        """Power at an airspeed; None for a robot without a power curve."""
+        """Function from airspeed [m/s] to power [W]; None for a robot without a power curve."""
         return power_law(self.settings["robot"].get("power") or {})
 
     @property
     def capacity(self) -> float | None:
-        """Energy that the robot can use [J]."""
+        """Energy that the robot can use [J]; None if it is not limited."""
         told = (self.settings["robot"].get("power") or {}).get("capacity")
         return None if told is None or self.power is None else 3600.0 * told
 
@@ -239,12 +239,12 @@ class Evidence:
 
     @property
     def step_is_open(self) -> bool:
-        """Whether the time step was left to the planner; the metrics of a plan say what it chose."""
+        """Whether robot.dt=auto: the planner then chooses the time step."""
         return isinstance(self.settings["robot"]["dt"], str)
 
     @property
     def epsilon(self) -> float:
-        """The collision risk of a step or a path that planning allows."""
+        """planner.epsilon: the collision risk that planning allows in a step."""
         told = self.settings["planner"]["epsilon"]
         return float(EPSILON[self.settings["fidelity"]["collision_bound"]] if told is None else told)
 
@@ -283,11 +283,11 @@ class Evidence:
 
     @cached_property
     def times(self) -> Clock:
-        """The wind's slots of the planned flight."""
+        """Slots of the wind at each step of the planned flight."""
         return self.clock_of(len(self.u))
 
     def clock_of(self, steps: int) -> Clock:
-        """The wind's slots of a flight of ``steps`` steps."""
+        """Slots of the wind at each step of a flight of ``steps`` steps."""
         return clock(self.wind, self.robot.dt, steps, int(self.settings["planner"]["max_steps"]))
 
     def law(self, name: str, steps: int | None = None) -> Law:
@@ -305,24 +305,24 @@ class Evidence:
 
     @cached_property
     def course(self) -> Course:
-        """Along the planned means, under the law that the plan is judged in."""
+        """The Gaussian along the planned means, under the law that the plan is judged in."""
         return laws.fly_means(self.law(self.planned_law), self.x)
 
     @cached_property
     def paper_course(self) -> Course:
-        """The same under the independent law, for f_o of the paper."""
+        """The Gaussian along the planned means under the independent law, for f_o of the paper."""
         return laws.fly_means(self.law("independent"), self.x)
 
     @cached_property
     def forecasts(self) -> dict[str, Course]:
-        """The planned controls under each law that the metrics speak of."""
+        """The Gaussian of the planned controls under each wind law for which the metrics have a forecast."""
         told = [name for name in LAWS if f"mission_risk_{name}" in self.metrics]
         return {name: laws.fly_controls(self.law(name), self.start, self.u) for name in told}
 
     # --- bounds -------------------------------------------------------------------------------
 
     def mission_bound(self, course: Course) -> float:
-        """V of a course."""
+        """The ordered bound V of a course."""
         dfa = self.dfa
         masses = label_masses(self.labelled, course.x, course.cov)
         shown, table, states = {s for seen in masses for s in seen}, self.timetable, range(len(dfa.delta))
@@ -358,7 +358,10 @@ class Evidence:
         return found
 
     def collision_bounds(self, law: Law, course: Course) -> tuple[float, float]:
-        """R of a course, with the test of growing deviations a little looser and a little stricter."""
+        """R of a course (low, high), with a looser and a stricter test of growing deviations.
+
+        The planner's R lies between them: rounding may decide that test either way.
+        """
         low, high = (
             path_bound(self.barriers, course.x, course.cov, self._growth(law, course, share))
             for share in (1e-6, -1e-7)
@@ -377,11 +380,11 @@ class Evidence:
     # --- flights ------------------------------------------------------------------------------
 
     def simulator(self, name: str) -> Simulator:
-        """New flights of the plan under a law."""
+        """Simulator for new flights of the plan under a wind law."""
         return self._simulator_of(name, self.x, self.u)
 
     def front_simulator(self, number: int) -> Simulator:
-        """New flights of a path of the front, under the law that it was planned in."""
+        """Simulator for new flights of a path of the front under the wind law of planning."""
         return self._simulator_of(self.planned_law, self.front_x(number), self.front_u(number))
 
     def _simulator_of(self, name: str, x: FloatArray, u: FloatArray) -> Simulator:
@@ -392,7 +395,7 @@ class Evidence:
 
     @cached_property
     def new_flights(self) -> dict[str, FloatArray]:
-        """As many new flights as the results hold, at least 2,000, under each law."""
+        """Positions (n, T+1, 2) [m] of new flights under each law: n as in the results, 2,000 to 10,000."""
         found = {}
         for number, name in enumerate(LAWS):
             if f"{name}/x" in self.flights:

@@ -1,4 +1,4 @@
-"""Flights: those of the results judged again, and new ones with random numbers of their own."""
+"""Flights: those of the results are judged again, and new ones are simulated with other random numbers."""
 
 from __future__ import annotations
 
@@ -19,16 +19,17 @@ from pareto_ltl.verify.timetable import Label, Timetable
 from pareto_ltl.verify.wind_tables import at_step, square_of
 
 SHORTEST = 1e-12  # share of a step; shorter pieces of it are rounding
-RARE = 1e-7  # chance at which one statistical claim about honest results may fail
+RARE = 1e-7  # significance level of each statistical claim: probability that correct results fail it
 NONE: Label = frozenset()
-NEAR = 1.0  # [m] so close to an obstacle's face a position may count on either side
+NEAR = 1.0  # [m] a position that is closer to an obstacle's face may count on either side
 
 
 @dataclass(frozen=True, slots=True)
 class Ground:
-    """What flights are judged by: bounds (2, 2) [m], convex parts of regions and obstacles, the automaton.
+    """The map and mission by which flights are judged.
 
-    ``walled`` where the border is a wall. Propositions with time windows hold as in the ``timetable``.
+    Bounds (2, 2) [m], convex parts of regions and obstacles, and the automaton; ``walled`` is whether the
+    border is a wall. Propositions with time windows hold as in the ``timetable``.
     """
 
     bounds: FloatArray
@@ -39,7 +40,7 @@ class Ground:
     timetable: Timetable = field(default_factory=Timetable)
 
     def labels(self, points: FloatArray, slack: float = 0.0) -> list[frozenset[str]]:
-        """Label of each of ``points`` (P, 2); none in obstacles and beyond the bounds.
+        """Label of each of ``points`` (P, 2) [m]; the empty label in obstacles and beyond the bounds.
 
         ``slack`` [m] widens the regions and the free space.
         """
@@ -51,14 +52,14 @@ class Ground:
         return [frozenset(name for name in inside if inside[name][i]) for i in range(len(points))]
 
     def columns(self, points: FloatArray, slack: float = 0.0, holding: Label = NONE) -> IntArray:
-        """The automaton's letter at each of ``points``, as its number, while windows ``holding`` are open."""
+        """Indices (P,) of the automaton's letters at ``points`` while windows ``holding`` are open."""
         place = {letter: i for i, letter in enumerate(self.dfa.letters)}
         return np.array(
             [place.get(self.letter(label, holding), -1) for label in self.labels(points, slack)], int
         )
 
     def letter(self, label: Label, holding: Label) -> Label:
-        """The letter of a label while windows are open."""
+        """The letter of a label while windows ``holding`` are open."""
         return self.timetable.letter(label, holding) & frozenset(self.dfa.atoms)
 
     def accepted(self, x: FloatArray, slack: float = 0.0) -> BoolArray:
@@ -76,10 +77,10 @@ class Ground:
         return np.stack(found, axis=1)
 
     def after_step(self, state: IntArray, legs: Legs, slack: float = 0.0, holding: Label = NONE) -> IntArray:
-        """States after steps: harmful letters are read on the way, then the label of the end.
+        """States (n,) after steps: harmful letters between the ends are read first, then that of the end.
 
-        The way of a robot is read where the letter of its start leaves the state alone: otherwise the formula
-        counts steps. Windows ``holding`` are open on the way.
+        Letters between the ends are read only if the letter of the start does not change the state: otherwise
+        the formula counts steps. Windows ``holding`` are open between the ends.
         """
         delta, state = np.array(self.dfa.delta), state.copy()
         harm = np.array(harmful(self.dfa, self.letter(NONE, holding)))
@@ -91,7 +92,7 @@ class Ground:
         return np.asarray(delta[state, legs.last], int)
 
     def _near_harm(self, legs: Legs, rows: IntArray, harm: BoolArray, slack: float) -> BoolArray:
-        """Which legs meet a region of a harmful letter; all, where the empty letter does."""
+        """Which legs meet a region of a harmful letter; all of them if a harmful letter has no region."""
         worst = [letter for letter, bad in zip(self.dfa.letters, harm.T, strict=True) if bad.any()]
         places = [{self.timetable.region(name) for name in letter} - {None} for letter in worst]
         if not all(places):
@@ -102,10 +103,10 @@ class Ground:
     def letters_between(
         self, start: FloatArray, end: FloatArray, slack: float = 0.0, holding: Label = NONE
     ) -> list[int]:
-        """Letters that a segment shows between the first and the last, in order.
+        """Indices of the letters along a segment, in order, without those at its two ends.
 
-        It is cut at every line of a face; a piece shows the letter of its middle. Pieces in obstacles and
-        beyond the bounds show none.
+        The segment is cut at the line of every face; each piece has the letter of its middle. Pieces in
+        obstacles and beyond the bounds have no letter.
         """
         parts = [part for several in self.regions.values() for part in several]
         parts += [*self.obstacles, *beyond_bounds(self.bounds)]
@@ -129,7 +130,7 @@ class Ground:
         return [letter for letter in inner if letter >= 0]
 
     def collided(self, x: FloatArray, margin: float = ON_EDGE) -> BoolArray:
-        """Which flights come deeper than ``margin`` [m] into an obstacle, between steps too."""
+        """Which flights (n,) lie deeper than ``margin`` [m] in an obstacle, at or between steps."""
         hit = np.zeros(len(x), bool)
         for t in range(x.shape[1] - 1):
             hit |= met_by_any(self.obstacles, x[:, t], x[:, t + 1], margin)
@@ -142,13 +143,13 @@ class Ground:
         return beyond
 
     def failed(self, x: FloatArray) -> BoolArray:
-        """Which flights miss the mission, meet an obstacle or, where the border is a wall, leave the map."""
+        """Which flights (n,) fail: miss the mission, meet an obstacle or, if ``walled``, leave the map."""
         return failures(self.accepted(x), self.collided(x), self.off_map(x), self.walled)
 
 
 @dataclass(frozen=True, slots=True)
 class Legs:
-    """Steps from ``start`` (n, 2) to ``end`` (n, 2) [m], and the letters at both, as numbers."""
+    """Steps from ``start`` (n, 2) to ``end`` (n, 2) [m], and the indices of the letters at both."""
 
     start: FloatArray
     end: FloatArray
@@ -157,14 +158,14 @@ class Legs:
 
 
 def failures(accepted: BoolArray, collided: BoolArray, off_map: BoolArray, walled: bool) -> BoolArray:
-    """Flights that count as failed."""
+    """Which flights (n,) count as failed; leaving the map counts if ``walled``."""
     failed: BoolArray = ~accepted | collided
     return failed | off_map if walled else failed
 
 
 @dataclass(frozen=True, slots=True)
 class Verdicts:
-    """What the results say of n flights under one law."""
+    """The flags that the results give to n flights under one law."""
 
     x: FloatArray
     accepted: BoolArray
@@ -173,7 +174,7 @@ class Verdicts:
 
 
 def misjudged(ground: Ground, said: Verdicts, grain: float) -> int:
-    """Number of flights whose verdict is not that of their positions; on a face it may be either."""
+    """Number of flights whose flags do not follow from their positions; near a face either flag is right."""
     x, accepted, collided = said.x, said.accepted, said.collided
     wrong = np.flatnonzero(ground.accepted(x) != accepted)
     near = [
@@ -195,7 +196,7 @@ def misjudged(ground: Ground, said: Verdicts, grain: float) -> int:
 
 @dataclass(slots=True)
 class Pilots:
-    """What n robots know from fixes: ``deviation`` ê (n, 2), ``field`` θ̂ (n, 2P), and who had a fix."""
+    """Estimates of n robots from fixes: ``deviation`` ê (n, 2) [m], ``field`` θ̂ (n, 2P); who had a fix."""
 
     deviation: FloatArray
     field: FloatArray
@@ -204,7 +205,7 @@ class Pilots:
 
 @dataclass(frozen=True, slots=True)
 class Simulator:
-    """Flies the controls of ``course`` under ``law``; ``guide`` is the course with the fixes to use."""
+    """Simulator of flights of ``course`` under ``law``; ``guide`` is the course with the fixes to use."""
 
     law: Law
     guide: Course | None
@@ -213,7 +214,7 @@ class Simulator:
     landmarks: Sequence[Convex]
 
     def fly(self, runs: int, rng: np.random.Generator) -> FloatArray:
-        """Positions (runs, T+1, 2) [m]."""
+        """Positions (runs, T+1, 2) [m] of new flights, with random numbers from ``rng``."""
         robot, steps = self.law.robot, len(self.u)
         x = np.empty((runs, steps + 1, 2))
         x[:, 0] = self.mean[0] + robot.start_sd * rng.standard_normal((runs, 2))
@@ -246,7 +247,7 @@ class Simulator:
         return np.asarray(met + np.sqrt(white) * rng.standard_normal(met.shape), float)
 
     def _commands(self, x: FloatArray, t: int, pilots: Pilots, rng: np.random.Generator) -> FloatArray:
-        """Planned control, feedback, and what fixes have taught, brought to the airspeeds of the robot."""
+        """Controls (n, 2) [m/s]: planned control, feedback and correction by fixes, within the airspeeds."""
         robot, guide = self.law.robot, self.guide
         held = self.u[t] - robot.feedback / robot.dt * np.linalg.solve(robot.b, (x - self.mean[t]).T).T
         cut = self._within_speed(held) if robot.feedback > 0 else held
@@ -268,7 +269,7 @@ class Simulator:
         return np.asarray(u * (np.clip(size, robot.u_min, robot.u_max) / np.maximum(size, 1e-12)), float)
 
     def _take_fixes(self, x: FloatArray, t: int, pilots: Pilots, rng: np.random.Generator) -> None:
-        """Kalman update of those inside a landmark, by a position read with noise."""
+        """Kalman update of the robots inside a landmark, by a measured position with noise."""
         assert self.guide is not None
         gain, learnt = self.guide.gains[t]
         here = deepest(self.landmarks, x) >= 0
@@ -292,22 +293,23 @@ def next_field(law: Coherent, t: int, theta: FloatArray, rng: np.random.Generato
 
 
 def clopper_pearson(failures: int, runs: int) -> tuple[float, float]:
-    """Exact 95 % interval of a rate."""
+    """Exact 95 % confidence interval (low, high) of a rate."""
     low = float(betaincinv(failures, runs - failures + 1, 0.025)) if failures else 0.0
     high = float(betaincinv(failures + 1, runs - failures, 0.975)) if failures < runs else 1.0
     return low, high
 
 
 def same_rate(failures: int, runs: int, others: int, other_runs: int) -> float:
-    """Chance of counts at least as unlike as these if both rates are equal (Fisher's exact test)."""
+    """p value of Fisher's exact test, two-sided, that two rates are equal."""
     law = hypergeom(runs + other_runs, failures + others, runs)
     return float(min(1.0, 2 * min(law.cdf(failures), law.sf(failures - 1))))
 
 
 def same_distribution(a: FloatArray, b: FloatArray, grain: float) -> float:
-    """Least chance, times their number, of Kolmogorov-Smirnov tests of coordinates (n, T, 2) and (m, T, 2).
+    """p value that coordinates (n, T, 2) and (m, T, 2) [m] have the same distributions.
 
-    0 or 1 for coordinates that do not vary by ``grain`` [m].
+    The least of the Kolmogorov-Smirnov tests, times their number (Bonferroni). Coordinates that vary by less
+    than ``grain`` [m] are compared directly: 0 or 1.
     """
     chances = []
     for t in range(a.shape[1]):
@@ -321,10 +323,10 @@ def same_distribution(a: FloatArray, b: FloatArray, grain: float) -> float:
 
 
 def winds_as_drawn(law: Independent, x: FloatArray, u: FloatArray) -> float:
-    """Chance of winds at least as unlike N(μ, Σ_w) as those of flights ``x`` with open-loop controls ``u``.
+    """p value that the winds of flights ``x`` with open-loop controls ``u`` are drawn from N(μ, Σ_w).
 
-    The wind of a step is what the motion leaves, standardised at the position where it was met; the sum of
-    squares of all of them is chi-squared, and so is, scaled, the square of their sum at each step.
+    The wind of a step is the motion minus the control, standardised with μ and Σ_w at the position. The sum
+    of squares of all winds is chi-squared, and so is, after scaling, the square of their sum at each step.
     """
     robot, wind = law.robot, law.wind
     squares, count, drift = 0.0, 0, 1.0
@@ -346,7 +348,7 @@ def winds_as_drawn(law: Independent, x: FloatArray, u: FloatArray) -> float:
 
 
 def rates(accepted: BoolArray, collided: BoolArray, off_map: BoolArray, walled: bool) -> dict[str, float]:
-    """Failure, its interval, and its parts; leaving the map is one where the border is a wall."""
+    """Failure rate, its interval, and the rates of its parts; one is leaving the map, if ``walled``."""
     failed = failures(accepted, collided, off_map, walled)
     low, high = clopper_pearson(int(failed.sum()), len(failed))
     return {

@@ -1,8 +1,8 @@
-"""Formulas and automata, read and compared by code of their own.
+"""Formulas and automata, read and compared without the planner's code.
 
-A co-safe formula is rewritten letter by letter: what is left to satisfy after a letter is a set of
+A co-safe formula is rewritten letter by letter: after a letter, the rest of the formula is a set of
 alternatives, each a set of subformulas that must all hold from the next letter on. A word completes the
-mission if no infinite word after it can avoid that some alternative becomes empty.
+mission if every infinite word after it leads to a rest with an empty alternative.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from pareto_ltl.support.errors import DataError
 Node = tuple[Any, ...]  # (operator, argument, ...); a proposition is ("ap", name)
 Rest = frozenset[frozenset[Node]]  # alternatives of obligations
 
-MOST_RESTS = 50_000  # what is left of a formula, in different forms, before this judge gives up
+MOST_RESTS = 50_000  # most different rests of a formula; a formula with more is an error
 DONE: Rest = frozenset({frozenset()})
 NEVER: Rest = frozenset()
 
@@ -77,7 +77,7 @@ def _unary(tokens: list[str]) -> Node:
 
 
 def _span(text: str) -> tuple[float, float]:
-    """Seconds of ``[0,6h]``; a number without a unit has that of the other."""
+    """Begin and end [s] of a time span such as ``[0,6h]``; a number without a unit has the other's unit."""
     parts = re.findall(r"([\d.]+)\s*(s|min|h|d)?", text)
     units = [unit for _, unit in parts if unit]
     if len(parts) != 2 or not units:
@@ -134,7 +134,7 @@ def _both(p: Rest, q: Rest) -> Rest:
 
 
 def after_letter(node: Node, letter: frozenset[str]) -> Rest:
-    """What is left of a formula in normal form after ``letter``.
+    """The rest of a formula in normal form after ``letter``.
 
     p U q = q | p & X (p U q),    F q = q | X F q,    p M q = q & (p | X (p M q))
     """
@@ -161,7 +161,7 @@ def after_letter(node: Node, letter: frozenset[str]) -> Rest:
 
 
 def rest_after(rest: Rest, letter: frozenset[str]) -> Rest:
-    """What is left of ``rest`` after one more letter."""
+    """The rest after one more letter."""
     left = NEVER
     for obligations in rest:
         together = DONE
@@ -172,7 +172,7 @@ def rest_after(rest: Rest, letter: frozenset[str]) -> Rest:
 
 
 def completed(rests: Mapping[Rest, Sequence[Rest]]) -> set[Rest]:
-    """Those after which every infinite word satisfies the formula: none can avoid ``DONE`` for ever."""
+    """The rests after which every infinite word satisfies the formula: all words lead to ``DONE``."""
     avoid = {rest for rest in rests if rest != DONE}
     while True:
         forced = {rest for rest in avoid if not any(ahead in avoid for ahead in rests[rest])}
@@ -182,7 +182,7 @@ def completed(rests: Mapping[Rest, Sequence[Rest]]) -> set[Rest]:
 
 
 def rest_graph(formula: str, letters: Sequence[frozenset[str]]) -> tuple[Rest, dict[Rest, list[Rest]]]:
-    """The first rest, and for every rest that can come up the next one after each letter."""
+    """The first rest, and for every rest that can be reached the next one after each letter."""
     first: Rest = frozenset({frozenset({normal_form(read_formula(formula))})})
     graph: dict[Rest, list[Rest]] = {}
     fresh = [first]
@@ -191,7 +191,7 @@ def rest_graph(formula: str, letters: Sequence[frozenset[str]]) -> tuple[Rest, d
         if rest in graph:
             continue
         if len(graph) >= MOST_RESTS:
-            raise DataError(f"formula {formula!r} is too large for this judge")
+            raise DataError(f"formula {formula!r} is too large to check: more than {MOST_RESTS} rests")
         graph[rest] = [rest_after(rest, letter) for letter in letters]
         fresh += graph[rest]
     return first, graph
@@ -218,7 +218,7 @@ class Dfa:
 def first_difference(dfa: Dfa, formula: str, forbidden: Collection[str] = ()) -> str | None:
     """A shortest word on which automaton and formula disagree; None if there is none.
 
-    Propositions that are ``forbidden`` lose a mission that is not complete.
+    A ``forbidden`` proposition makes a mission fail that is not yet complete.
     """
     first, graph = rest_graph(formula, dfa.letters)
     good, bad = completed(graph), [not letter.isdisjoint(forbidden) for letter in dfa.letters]
@@ -230,7 +230,7 @@ def first_difference(dfa: Dfa, formula: str, forbidden: Collection[str] = ()) ->
 
 
 def unlike(dfa: Dfa, other: Dfa) -> str | None:
-    """The same for two automata over the same propositions."""
+    """A shortest word on which two automata over the same propositions disagree; None if there is none."""
     place = [other.letters.index(letter) for letter in dfa.letters]
     return _walk_together(
         dfa,
@@ -243,7 +243,7 @@ def unlike(dfa: Dfa, other: Dfa) -> str | None:
 def _walk_together(
     dfa: Dfa, start: Any, step: Callable[[Any, int], Any], agree: Callable[[int, Any], bool]
 ) -> str | None:
-    """Breadth first through the pairs that one word leads to; the word of the first pair that disagrees."""
+    """Breadth-first search of the pairs that one word leads to; the word of the first that disagrees."""
     seen, fresh = {(dfa.initial, start)}, [(dfa.initial, start, "")]
     while fresh:
         ahead = []
@@ -260,7 +260,7 @@ def _walk_together(
 
 
 def distances(dfa: Dfa) -> list[float]:
-    """d_A: fewest letters to acceptance, inf where it is out of reach."""
+    """d_A: fewest letters to acceptance from each state, inf if it cannot be reached."""
     found = [0.0 if yes else float("inf") for yes in dfa.accepting]
     for _ in dfa.delta:
         found = [
@@ -288,10 +288,10 @@ def covers(dfa: Dfa) -> list[list[bool]]:
 
 @cache
 def harmful(dfa: Dfa, empty: frozenset[str] = frozenset()) -> tuple[tuple[bool, ...], ...]:
-    """``[q][letter]``: letters that are read between steps, where a place without regions shows ``empty``.
+    """``[q][letter]``: whether a letter is read between steps; a place without regions has letter ``empty``.
 
-    They lead from a state that can be completed to one that cannot, or show a region and lead to a state that
-    does not accept all that is accepted after the empty letter.
+    Such a letter leads from a state that can be completed to one that cannot, or it is not the empty letter
+    and leads to a state that does not accept all words that are accepted after the empty letter.
     """
     better, lost = covers(dfa), [math.isinf(d) for d in distances(dfa)]
     nothing = dfa.letters.index(empty)
@@ -307,7 +307,7 @@ def harmful(dfa: Dfa, empty: frozenset[str] = frozenset()) -> tuple[tuple[bool, 
 def losing(dfa: Dfa, empty: frozenset[str] = frozenset()) -> list[list[bool]]:
     """``[q][letter]``: whether the letter may lead from a state as good as q to one that is not.
 
-    That is a state s that accepts all q does, and in which the letter is harmful.
+    Such a state s accepts all words that q accepts, and the letter is harmful in it.
     """
     better, harm = covers(dfa), harmful(dfa, empty)
     states = range(len(dfa.delta))
@@ -321,7 +321,7 @@ def losing(dfa: Dfa, empty: frozenset[str] = frozenset()) -> list[list[bool]]:
 
 
 def read_hoa(text: str, letters: Sequence[frozenset[str]]) -> Dfa:
-    """The deterministic automaton of a HOA file, over ``letters``."""
+    """The deterministic automaton of a HOA file over ``letters``; DataError if the file is not complete."""
     start = re.search(r"^Start:\s*(\d+)", text, re.M)
     names = re.search(r"^AP:\s*\d+(.*)$", text, re.M)
     if start is None or names is None or "--BODY--" not in text:
@@ -349,5 +349,7 @@ def _edge(edges: Sequence[str], atoms: Sequence[str], letter: frozenset[str]) ->
         if after_letter(normal_form(read_formula(label, short=True)), codes) == DONE:
             targets.add(int(target))
     if len(targets) != 1:
-        raise DataError(f"automaton.hoa: letter {sorted(letter)} has {len(targets)} ways out of one state")
+        raise DataError(
+            f"automaton.hoa: letter {sorted(letter)} has {len(targets)} edges from a state, not 1"
+        )
     return targets.pop()

@@ -12,13 +12,13 @@ from scipy.special import ndtr, owens_t
 from pareto_ltl.support.arrays import BoolArray, FloatArray
 from pareto_ltl.verify.geometry import Convex
 
-ROUNDING = 1e-13  # below this the exact probability of a polygon is all rounding
-ON_EDGE = 1e-6  # [m] a point this far outside an edge still lies on it
+ROUNDING = 1e-13  # below this the computed probability of a polygon is only rounding error
+ON_EDGE = 1e-6  # [m] a point this far outside an edge still counts as on it
 Masses = list[dict[frozenset[str], float]]  # for each step P(label)
 
 
 def beyond(gap: FloatArray, sd: FloatArray) -> FloatArray:
-    """P(N(0, sd²) > gap), a step where sd = 0."""
+    """P(N(0, sd²) > gap); 0 or 1 if sd = 0."""
     with np.errstate(divide="ignore", invalid="ignore"):
         chance = np.where(sd > 0, ndtr(-gap / sd), np.where(gap >= 0, 0.0, 1.0))
     return np.asarray(chance, float)
@@ -75,7 +75,7 @@ def theorem2(
 
 
 def label_masses(cells: Sequence[tuple[Convex, frozenset[str]]], x: FloatArray, cov: FloatArray) -> Masses:
-    """P(label of x_t) for every step; ``cells`` show a label each, the first holds a shared edge."""
+    """P(label of x_t) for every step; each of ``cells`` has a label, the first has a shared edge."""
     masses: Masses = []
     for mean, spread in zip(x, cov, strict=True):
         seen: dict[frozenset[str], float] = {}
@@ -94,11 +94,11 @@ def ordered(
     masses: Masses, read: Sequence[Sequence[Mapping[frozenset[str], int]]], covers: Sequence[Sequence[bool]],
     initial: int, accepting: Sequence[bool], miss: dict[int, float], way: Way,
 ) -> float:  # fmt: skip
-    """V: an induction over what can spoil each state of the automaton.
+    """V: a bound on the probability that the mission fails, by induction over steps and automaton states.
 
-    V_t(p) = min(1, min_q [V_{t-1}(q) + P(reading the label in q does not reach p) + P(a cell on the way
-    loses q)]) + P(landmark missed), labels that lose q being counted on the way. ``read[t][q]`` is the state
-    after each label.
+    V_t(p) = min(1, min_q [V_{t-1}(q) + P(reading the label in q does not reach p) + P(a cell between the
+    steps loses q)]) + P(landmark missed). A label that loses q is counted only in the second probability.
+    ``read[t][q]`` is the state after each label.
     """
     states = range(len(covers))
     V = [0.0 if covers[initial][p] else 1.0 for p in states]
@@ -123,7 +123,7 @@ def ordered(
 
 @dataclass(frozen=True, slots=True)
 class Way:
-    """What is met between steps: per step and state the risk of losing it, and the labels that lose it."""
+    """Risks between steps: for each step and state the risk to lose the state, and labels that lose it."""
 
     cost: list[list[float]]
     lost: Sequence[Sequence[Collection[frozenset[str]]]]
@@ -148,8 +148,8 @@ def way_risks(
 def crossing(part: Convex, x: FloatArray, cov: FloatArray) -> float:
     """P(segment between the positions meets ``part``) ≤ least over lines of Σ P(an end not beyond it).
 
-    The lines are its faces and the two that touch it along the segment of the means. ``x`` (2, 2), or (1, 2)
-    for a single place.
+    The lines are those of its faces and the two that touch it parallel to the segment of the means.
+    ``x`` (2, 2) [m], or (1, 2) for a single place.
     """
     middle, along = part.corners.mean(axis=0), x[-1] - x[0]
     size = float(np.linalg.norm(part.corners - middle, axis=1).max())
@@ -172,7 +172,10 @@ def crossing(part: Convex, x: FloatArray, cov: FloatArray) -> float:
 
 
 def face_gaps(part: Convex, x: FloatArray, cov: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Gap of every step to every face of an obstacle (T+1, n) [m], positive outside, and its deviation."""
+    """Gap of every step to every face of an obstacle, positive outside, and its standard deviation.
+
+    Both (T+1, n) [m].
+    """
     gap = x @ part.normals.T - part.offsets
     return gap, np.array([spread_along(part.normals, spread) for spread in cov])
 
@@ -180,10 +183,10 @@ def face_gaps(part: Convex, x: FloatArray, cov: FloatArray) -> tuple[FloatArray,
 def path_bound(
     obstacles: Sequence[Convex], x: FloatArray, cov: FloatArray, grows: Sequence[BoolArray]
 ) -> float:
-    """R = Σ over obstacles of the cheapest division into runs of steps beyond one face.
+    """R = Σ over obstacles of the cheapest division of the path into runs of steps beyond one face.
 
-    A run costs Σ_t p_t, or 2 Φ(-least gap / largest σ) where the deviation along the normal only grows:
-    ``grows[j][k, r, t]`` says so for face k of obstacle j and steps r < t.
+    A run costs Σ_t p_t, or 2 Φ(-least gap / largest σ) if the deviation along the normal only grows:
+    ``grows[j][k, r, t]`` is whether it does for face k of obstacle j and steps r < t.
     """
     total = 0.0
     for part, allowed in zip(obstacles, grows, strict=True):
@@ -228,7 +231,7 @@ def growing(part: Convex, cross: FloatArray, share: float) -> BoolArray:
 def step_margin(obstacles: Sequence[Convex], x: FloatArray, cov: FloatArray, z: float) -> float:
     """Least over steps and obstacles of the best common face's gap - z σ at both ends [m].
 
-    Eqs. (9) and (10) are kept where it is >= 0.
+    Eqs. (9) and (10) hold if it is >= 0.
     """
     least = math.inf
     for part in obstacles:

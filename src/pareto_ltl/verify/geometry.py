@@ -1,4 +1,4 @@
-"""Points, segments and polygons, for positions that are judged again."""
+"""Points, segments and polygons."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ class Convex:
         return np.asarray((self.offsets - points @ self.normals.T).min(axis=1), float)
 
     def met_by(self, start: FloatArray, end: FloatArray, margin: float) -> BoolArray:
-        """Which segments (S, 2) to (S, 2) come deeper than ``margin`` [m] into the polygon.
+        """Which segments (S, 2) to (S, 2) [m] lie somewhere deeper than ``margin`` [m] in the polygon.
 
-        The part of a segment beyond no face is found by cutting it at every face line.
+        The piece of a segment inside all faces is found by cutting the segment at every face line.
         """
         gap = (self.offsets - margin) - start @ self.normals.T
         rate = (end - start) @ self.normals.T
@@ -62,7 +62,7 @@ def deepest(parts: Sequence[Convex], points: FloatArray) -> FloatArray:
 
 
 def met_by_any(parts: Sequence[Convex], start: FloatArray, end: FloatArray, margin: float) -> BoolArray:
-    """Which segments come deeper than ``margin`` [m] into any of ``parts``."""
+    """Which segments (S, 2) to (S, 2) [m] lie somewhere deeper than ``margin`` [m] in any of ``parts``."""
     met = np.zeros(len(start), bool)
     for part in parts:
         met |= part.met_by(start, end, margin)

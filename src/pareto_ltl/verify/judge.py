@@ -1,4 +1,4 @@
-"""All claims of a results directory, judged one after another."""
+"""Judgement of all claims of a results directory, one after another."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ CLAIMS: tuple[Claim, ...] = (
     *record.CLAIMS, *world.CLAIMS, *wind.CLAIMS, *plan.CLAIMS, *search.CLAIMS, *front.CLAIMS,
     *promise.CLAIMS, *flights.CLAIMS, *exports.CLAIMS, *page.CLAIMS,
 )  # fmt: skip
-REPLANNED = "replan.json"  # of a plan that begins within a flight (``pareto-ltl replan``)
+REPLANNED = "replan.json"  # file of a plan that begins during a flight (``pareto-ltl replan``)
 OF_A_DEPARTURE = frozenset({
-    "map: scene.json is the map of the settings",  # it starts where the fix was
+    "map: scene.json is the map of the settings",  # the start is the position of the fix
     "mission: time windows are those of the map",  # clocks count from the first departure
     "wind: there are readings, or the air is calm",  # the wind was conditioned on the fix
     "wind: known until",
@@ -34,7 +34,7 @@ UNUSABLE = (
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """A claim by name, what the result says, what follows from its files, and whether they agree."""
+    """Name of a claim, the claimed value, the value computed from the files, and whether they agree."""
 
     claim: str
     claimed: str
@@ -52,14 +52,14 @@ def judge_results(directory: Path | str) -> tuple[Finding, ...]:
     """
     from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
-    with threadpool_limits(1):  # matrices are small, and more threads wait for each other
+    with threadpool_limits(1):  # matrices are small: more threads would be slower
         return tuple(findings(open_evidence(Path(directory))))
 
 
 def findings(result: Evidence, claims: Iterable[Claim] = CLAIMS) -> Iterator[Finding]:
-    """The findings in the order of ``claims``; those that the result does not make are left out.
+    """The findings in the order of ``claims``, without claims that the result does not make.
 
-    A plan that begins within a flight does not make those of :data:`OF_A_DEPARTURE`.
+    A plan that begins during a flight does not make the claims :data:`OF_A_DEPARTURE`.
     """
     within = result.has(REPLANNED)
     for claim in claims:
@@ -72,7 +72,7 @@ def findings(result: Evidence, claims: Iterable[Claim] = CLAIMS) -> Iterator[Fin
 
 
 def unchecked_claims(directory: Path | str) -> dict[str, tuple[str, ...]]:
-    """Claims that are not judged, by the reason; of a result that has a finished plan."""
+    """Names of the claims that are not judged, by the reason; ``directory`` must hold a finished plan."""
     result, reasons = open_evidence(Path(directory)), {}
     if result.has(REPLANNED):
         reasons["the plan begins during a flight"] = tuple(sorted(OF_A_DEPARTURE))

@@ -1,7 +1,7 @@
-"""The Gaussian of a flight along a path, step by step, under each wind law.
+"""The Gaussian distribution of the position along a path, step by step, under each wind law.
 
-Both laws are written with full matrices. The coherent law carries the joint covariance of the deviation e and
-of the coefficients θ of the wind field, so that a position fix is a textbook Kalman update of (e, θ).
+Both laws use full matrices. The coherent law propagates the joint covariance of the deviation e and of the
+coefficients θ of the wind field, so that a position fix is a Kalman update of (e, θ).
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ RIM = np.array([(math.cos(a), math.sin(a)) for a in np.arange(8) * math.pi / 4])
 
 @dataclass(frozen=True, slots=True)
 class Robot:
-    """Dynamics x' = A x + dt (B u + w) and what the robot does about deviations; SI units."""
+    """Dynamics x' = A x + dt (B u + w), limits of the airspeed, feedback and position fixes; SI units."""
 
     a: FloatArray
     b: FloatArray
@@ -41,11 +41,11 @@ class Robot:
 
     @property
     def closed(self) -> FloatArray:
-        """A - K, which moves deviations."""
+        """A - K: the matrix (2, 2) that maps a deviation to that of the next step."""
         return self.a - self.feedback * np.eye(2)
 
     def speed_left(self, correction: FloatArray) -> float:
-        """Airspeed left for the plan [m/s] where corrections of this covariance [m²] are flown too.
+        """Airspeed [m/s] left for the plan if corrections c of this covariance [m²] are flown too.
 
         P(‖c‖ > r) <= exp(-r² / 2 λ) with λ the largest eigenvalue of the covariance.
         """
@@ -55,7 +55,10 @@ class Robot:
         return max(self.u_max - reserve, 0.0)
 
     def least_speed(self, left: FloatArray) -> FloatArray:
-        """Least airspeed to plan with [m/s] where ``left`` is left: corrections may take as much of it."""
+        """Least airspeed [m/s] of the plan if ``left`` [m/s] is the greatest.
+
+        Corrections may reduce the airspeed by as much as they may increase it.
+        """
         return np.where(self.u_min > 0.0, self.u_min + (self.u_max - left), 0.0)
 
 
@@ -94,7 +97,7 @@ class Course:
 
 @dataclass(slots=True)
 class Belief:
-    """What is uncertain before a step.
+    """Covariances before a step, of estimates (ê) and of the errors of the estimates (ẽ, θ̃).
 
     ``unknown`` Cov(ẽ) and ``known`` Cov(ê) (2, 2), ``cross`` Cov(ẽ, θ̃) (2, 2P), ``theta`` Cov(θ̃) (2P, 2P).
     """
@@ -107,7 +110,7 @@ class Belief:
 
 @dataclass(frozen=True, slots=True)
 class Independent:
-    """The wind of every step is drawn anew; Σ_w is that of largest trace in a ball around the mean."""
+    """The wind of every step is independent; Σ_w is that of largest trace in a ball around the mean."""
 
     wind: WindFile
     times: Clock
@@ -132,7 +135,7 @@ class Independent:
 
 @dataclass(frozen=True, slots=True)
 class Coherent:
-    """A flight meets one field, w(x) = μ(x) + ψ(x)' θ; at ``landmarks`` the robot learns its position."""
+    """One field for a whole flight, w(x) = μ(x) + ψ(x)' θ; the robot gets position fixes at ``landmarks``."""
 
     wind: WindFile
     times: Clock
@@ -141,7 +144,7 @@ class Coherent:
 
     @property
     def modes(self) -> int:
-        """2P, the coefficients of both components."""
+        """2P, the number of coefficients of both components."""
         return 0 if self.wind.modes is None else 2 * self.wind.modes.psi.shape[-1]
 
     def kept(self, t: int) -> FloatArray:
@@ -158,9 +161,10 @@ class Coherent:
         return np.asarray(found.psi[self.times.nearest[t]] * grown, float)
 
     def white_variance(self, t: int, latent: FloatArray, carried: FloatArray) -> FloatArray:
-        """Variance of a step's mean of gusts, and of what modes that carry |ψ|² leave of ``latent`` (..., 2).
+        """Variance (..., 2) of a step's mean of gusts and of the rest, ``latent`` minus ``carried``.
 
-        A robot crosses the correlation length of the rest at its airspeed, at the latest in the whole flight.
+        The rest is the part of the error without modes. It stays correlated for the time in which a robot
+        crosses its correlation length at its airspeed, at most for the whole flight.
         """
         robot, modes = self.robot, self.wind.modes
         reach = 0.0 if modes is None else 2 * modes.rest_length / (robot.u_max * robot.dt)
@@ -226,7 +230,7 @@ class Coherent:
         return psi, swept
 
     def _with_fix(self, course: Course, t: int, belief: Belief) -> Belief:
-        """The belief after a position fix, where the plan counts on one at step t."""
+        """The belief after a position fix if the plan counts on one at step t; otherwise ``belief``."""
         total = belief.unknown + belief.known
         if 2 * np.trace(belief.known) > np.trace(total) or np.diag(total).min() <= 0:
             return belief
@@ -240,7 +244,7 @@ class Coherent:
         return belief
 
     def _updated(self, course: Course, t: int, belief: Belief) -> Belief:
-        """Kalman update of (ẽ, θ̃) by a position read with ``fix_sd``."""
+        """Kalman update of (ẽ, θ̃) by a position measured with standard deviation ``fix_sd`` [m]."""
         S = belief.unknown + self.robot.fix_sd**2 * np.eye(2)
         gain: FloatArray = np.asarray(np.linalg.solve(S, belief.unknown).T, float)
         learnt: FloatArray = np.asarray(np.linalg.solve(S, belief.cross).T, float)
@@ -257,7 +261,7 @@ Law = Independent | Coherent
 
 
 def fly_means(law: Law, x: FloatArray) -> Course:
-    """The course along the means ``x`` (T+1, 2), with the controls that they need."""
+    """The course along the means ``x`` (T+1, 2) [m], with the controls that they need."""
     course = _empty(law, len(x) - 1)
     course.x[:] = x
     robot = law.robot
@@ -270,7 +274,7 @@ def fly_means(law: Law, x: FloatArray) -> Course:
 
 
 def fly_controls(law: Law, start: FloatArray, u: FloatArray) -> Course:
-    """The course of the controls ``u`` (T, 2) from ``start`` (2,)."""
+    """The course of the controls ``u`` (T, 2) [m/s] from ``start`` (2,) [m]."""
     course = _empty(law, len(u))
     course.x[0], course.u[:] = start, u
     robot = law.robot

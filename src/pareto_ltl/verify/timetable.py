@@ -1,4 +1,4 @@
-"""When propositions hold, read from the results by code of its own."""
+"""The times at which propositions hold, read from the results without the planner's code."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any
 
 Label = frozenset[str]
 
-TOUCH = 1e-6  # [s] so near to the ends of a window a step may count on either side
+TOUCH = 1e-6  # [s] windows are wider by this at both ends, against rounding
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,11 +21,11 @@ class Timetable:
     dt: float = 1.0
 
     def now(self, step: int) -> Label:
-        """The windows that hold at a step."""
+        """The propositions whose windows are open at a step."""
         return self._open(self.dt * step, self.dt * step)
 
     def way(self, step: int) -> Label:
-        """The windows that hold at some moment on the way to a step."""
+        """The propositions whose windows are open at some moment between the step before and this one."""
         return self._open(self.dt * max(step - 1, 0), self.dt * step)
 
     def _open(self, first: float, last: float) -> Label:
@@ -36,25 +36,25 @@ class Timetable:
         )
 
     def letter(self, label: Collection[str], holding: Collection[str]) -> Label:
-        """The propositions that hold where a place lies in the regions ``label`` while windows are open."""
+        """The propositions that hold in the regions ``label`` while windows ``holding`` are open."""
         always = {name for name in label if name not in self.windows}
         places = {name for name in holding if self.windows[name][0] is None or self.windows[name][0] in label}
         return frozenset(always | places)
 
     def places(self, label: Collection[str]) -> Label:
-        """The propositions that hold there at some time; no clocks."""
+        """The propositions that hold in the regions ``label`` at some time, without clocks."""
         return frozenset(
             {name for name in label if name not in self.windows}
             | {name for name, (region, _, _) in self.windows.items() if region in label}
         )
 
     def region(self, name: str) -> str | None:
-        """Where a proposition holds; None for a clock."""
+        """The region in which a proposition holds; None for a clock."""
         return self.windows[name][0] if name in self.windows else name
 
 
 def windows_of(content: Mapping[str, Any] | None) -> dict[str, tuple[str | None, float, float]]:
-    """The windows of scene.json or automaton.json; null is no limit."""
+    """The windows of scene.json or automaton.json by name; null in the file means no limit."""
     found = {}
     for name, window in (content or {}).items():
         begin, end = window.get("begin"), window.get("end")
@@ -66,7 +66,7 @@ def windows_of(content: Mapping[str, Any] | None) -> dict[str, tuple[str | None,
 
 
 def clock_of(name: str) -> tuple[str | None, float, float] | None:
-    """The window that the name of a clock says, ``clock_0_21600`` or ``clock_21600p001_on``."""
+    """The window in the name of a clock, such as ``clock_0_21600`` or ``clock_21600p001_on``."""
     match = re.fullmatch(r"clock_([\dp]+)_([\dp]+|on)", name)
     if match is None:
         return None

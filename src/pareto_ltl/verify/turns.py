@@ -1,4 +1,4 @@
-"""An aircraft that banks, flown by its dead-reckoning table in small steps."""
+"""Flight of an aircraft that banks, by its dead-reckoning table, integrated in small time steps."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ import numpy as np
 from pareto_ltl.support.arrays import BoolArray, FloatArray
 from pareto_ltl.verify.laws import Robot
 
-PARTS = 2000  # of a leg
-SHARP = math.radians(169.9)  # turns that the orders cut short, as an autopilot may take them the other way
+PARTS = 2000  # time steps of a leg
+SHARP = math.radians(169.9)  # [rad] sharper turns count as without room: an autopilot may turn the other way
 G = 9.80665  # [m/s²]
 
 
 def fly_table(
     robot: Robot, heading: FloatArray, airspeed: FloatArray, duration: FloatArray, wind: FloatArray
 ) -> tuple[FloatArray, BoolArray]:
-    """Ways of the legs (T, 2) [m], and which had room for their turn (T,).
+    """Displacements of the legs (T, 2) [m], and which are long enough for their turn (T,).
 
     ``heading`` (T,) counter-clockwise from +x [rad], ``airspeed`` (T,), ``duration`` (T,), ``wind`` (T, 2)::
 

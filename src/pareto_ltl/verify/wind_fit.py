@@ -11,16 +11,16 @@ import numpy as np
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
 
-NEIGHBOURS = 250e3  # [m] over which squared residuals are averaged for the variance factor
-PRIOR_WEIGHT = 0.5  # of the mean squared residual in that average
-SAME_PLACE = 1e3  # [m]
-FEWEST_PAIRS = 10  # of residuals, without which ρ = 1
+NEIGHBOURS = 250e3  # [m] standard deviation of the weights that average squared residuals
+PRIOR_WEIGHT = 0.5  # weight of the mean squared residual in that average
+SAME_PLACE = 1e3  # [m] readings that are closer stand at the same place
+FEWEST_PAIRS = 10  # fewest pairs of residuals; with fewer ρ = 1
 DAY = 86_400.0  # [s]
 
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """What the field says that it was fitted from.
+    """The readings and hyperparameters of a wind field.
 
     Attributes
     ----------
@@ -37,7 +37,7 @@ class Fit:
 
     @cached_property
     def groups(self) -> list[list[int]]:
-        """Slots whose readings stand at the same places."""
+        """Lists of slots whose readings stand at the same places."""
         found: dict[bytes, list[int]] = {}
         for k, places in enumerate(self.points):
             found.setdefault(places.tobytes(), []).append(k)
@@ -72,7 +72,7 @@ def correlation(kernel: str, r: FloatArray) -> FloatArray:
 
 
 def separation(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Distances (n, m) between points (n, 2) and (m, 2) [m]."""
+    """Distances (n, m) [m] between points ``a`` (n, 2) and ``b`` (m, 2) [m]."""
     return np.asarray(np.hypot(a[:, None, 0] - b[:, 0], a[:, None, 1] - b[:, 1]), float)
 
 
@@ -92,7 +92,10 @@ def posterior(fit: Fit, k: int, c: int, nodes: FloatArray) -> tuple[FloatArray, 
 
 
 def scaled(latent: FloatArray, noise: float, factor: FloatArray) -> FloatArray:
-    """Latent variance whose sum with the variance of the noise is ``factor`` times larger; at least 0."""
+    """Latent variance (N,) scaled so that its sum with the noise's variance is multiplied by ``factor``.
+
+    At least 0.
+    """
     return np.asarray(np.maximum((latent + noise**2) * factor - noise**2, 0.0), float)
 
 
@@ -107,11 +110,14 @@ def posterior_covariance(fit: Fit, k: int, nodes: FloatArray) -> FloatArray:
     return np.asarray(stretch[:, None] * C * stretch, float)
 
 
-# --- how long errors last ---------------------------------------------------------------------
+# --- correlation of errors in time ------------------------------------------------------------
 
 
 def persistence(fit: Fit, times: FloatArray) -> float:
-    """ρ in [0, 1] whose powers add up to the correlations of residuals 1, 2, ... slots apart within a day."""
+    """ρ in [0, 1] whose powers have the same sum as the correlations of residuals 1, 2, ... slots apart.
+
+    Up to slots that are a day apart.
+    """
     found: list[float] = []
     for apart in range(1, len(times)):
         if found and np.median(times[apart:] - times[:-apart]) > DAY:

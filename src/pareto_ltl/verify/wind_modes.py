@@ -1,4 +1,4 @@
-"""The covariance of each part of the error of a wind field at the nodes of its modes, and what they leave."""
+"""The covariance of each part of a wind field's error at the nodes of its modes, and of the remainder."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from pareto_ltl.verify.forecast_errors import ErrorLaw
 from pareto_ltl.verify.wind_fit import Fit, correlation, posterior_covariance, separation
 from pareto_ltl.verify.wind_tables import FORECAST, SPACE, TIME, Modes, WindFile
 
-ERROR_KERNEL = "matern32"  # of the parts that are not fitted to readings
-INSTANTS = 400  # at which a variance is averaged over time
+ERROR_KERNEL = "matern32"  # correlation of the parts that are not fitted to readings
+INSTANTS = 400  # instants at which a variance is evaluated for its mean over time
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,7 +33,7 @@ class PartCovariance:
 
     @cached_property
     def eigenvalues(self) -> list[FloatArray]:
-        """Of each matrix, largest first."""
+        """Eigenvalues of each matrix, largest first."""
         return [np.maximum(np.linalg.eigvalsh(C)[::-1], 0.0) for C in self.matrices]
 
     @property
@@ -54,7 +54,7 @@ class PartCovariance:
 
 
 def part_covariances(wind: WindFile, horizon: float) -> dict[int, PartCovariance]:
-    """The parts that follow from the file, by number; an ensemble is not among them.
+    """The parts of the error that follow from wind.nc, by number; the ensemble's part does not.
 
     ``horizon`` [s] is the end of the longest flight.
     """
@@ -106,7 +106,7 @@ def carried(modes: Modes, part: int, cov: PartCovariance) -> FloatArray:
 
 
 def rest_covariance(modes: Modes, parts: Mapping[int, PartCovariance]) -> FloatArray:
-    """What the modes leave of the parts, summed over slots and components, (N, N) [m²/s²]."""
+    """Covariance of the error without its modes, summed over slots and components, (N, N) [m²/s²]."""
     left = np.zeros((len(modes.nodes()),) * 2)
     for part, cov in parts.items():
         psi = modes.of(part) * np.sqrt(cov.scale / np.where(cov.unit > 0, cov.unit, 1.0))[:, None, None, None]
@@ -133,9 +133,9 @@ def correlation_length(modes: Modes, cov: FloatArray) -> float:
 
 
 def aligned_fault(modes: Modes) -> float:
-    """How far the modes of interpolation in space are from the best match of slot and slot before.
+    """Relative deviation of the modes of interpolation in space from the best match of consecutive slots.
 
-    ψ_k is rotated so that ψ_k' ψ_{k-1} has its largest trace: it is then symmetric and positive.
+    ψ_k is rotated so that ψ_k' ψ_{k-1} has its largest trace: that matrix is then symmetric and positive.
     """
     psi, worst = modes.of(SPACE), 0.0
     for k in range(1, len(psi)):

@@ -17,16 +17,16 @@ from pareto_ltl.verify.wind_fit import Fit
 COMPONENTS = ("u", "v")
 PARTS = ("interpolation in space", "forecast", "interpolation in time", "ensemble")  # of the error of a field
 SPACE, FORECAST, TIME, ENSEMBLE = range(4)
-HELD_EPOCH = 10_800.0  # [s] in which the error of a held field keeps its pattern
+HELD_EPOCH = 10_800.0  # [s] time for which the error of a held field has one spatial pattern
 HYPER = ("prior_mean", "prior_sd", "prior_length", "noise_sd")
 
 
 @dataclass(frozen=True, slots=True)
 class Modes:
-    """ψ (K, MX, MY, 2, P) on nodes ``x`` (MX,), ``y`` (MY,) [m].
+    """ψ (K, MX, MY, 2, P) [m/s] on nodes ``x`` (MX,), ``y`` (MY,) [m].
 
-    ``energy``, ``length`` (K, 2); the ``part`` (P,) of the error of each mode, -1 for unused ones; what all
-    leave is correlated over ``rest_length``.
+    ``energy`` (K, 2); ``length`` (K, 2) [m]; the ``part`` (P,) of the error of each mode, -1 for unused
+    modes; ``rest_length`` [m] is the correlation length of the error without the modes.
     """
 
     x: FloatArray
@@ -52,9 +52,10 @@ class Modes:
 
 @dataclass(frozen=True, slots=True)
 class WindFile:
-    """Mean and variance of the smooth part (K, NX, NY, 2) on nodes ``x``, ``y`` [m], gust (K, 2).
+    """Mean [m/s] and ``latent`` variance (K, NX, NY, 2) on nodes ``x``, ``y`` [m]; ``gust`` variance (K, 2).
 
-    ``clock`` is the unit of time; the wind is known ``until`` [s], for a reason ``ends``; ``leads`` (K,) [s].
+    ``clock`` is the unit of time; the wind is known ``until`` [s] for the reason ``ends``; ``leads`` (K,) [s]
+    are lead times of forecasts.
     """
 
     x: FloatArray
@@ -76,7 +77,7 @@ class WindFile:
 
 
 def read_wind_file(path: Path) -> WindFile:
-    """``wind.nc``; a DataError in one line where it is none."""
+    """The content of ``wind.nc``; DataError if the file is not the wind of a run."""
     import h5netcdf
 
     try:
@@ -144,7 +145,7 @@ def _fit(file: Any) -> Fit:
 
 @dataclass(frozen=True, slots=True)
 class Square:
-    """The squares of a lattice that hold points: lower corner, fractions, side [m]."""
+    """The squares of a lattice that contain points: lower corner, fractions, side [m]."""
 
     i: IntArray
     j: IntArray
@@ -173,7 +174,7 @@ class Square:
 
 
 def square_of(x: FloatArray, y: FloatArray, points: FloatArray) -> Square:
-    """The squares that hold ``points`` (P, 2) [m], clamped to the nodes ``x``, ``y``."""
+    """The squares that contain ``points`` (P, 2) [m], clamped to the nodes ``x``, ``y``."""
     side = float((x[-1] - x[0]) / (len(x) - 1))
     g = (points - [x[0], y[0]]) / side
     top = np.array([len(x) - 1, len(y) - 1])
@@ -191,8 +192,8 @@ class Clock:
     """Where each step lies between the slots of the wind.
 
     Step t lies between slots ``slot[t]`` and ``slot[t] + 1`` at ``weight[t]``; its modes are those of slot
-    ``nearest[t]``, and θ of part g of the error keeps the share ``keep[t, g]`` of step t - 1. ``between``
-    [m²/s²] is the variance of interpolation in time; the wind is ``known`` for so many steps.
+    ``nearest[t]``, and ``keep[t, g]`` is the correlation of θ of part g of the error with that of step t - 1.
+    ``between`` [m²/s²] is the variance of interpolation in time; the wind is known for ``known`` steps.
     """
 
     slot: IntArray
@@ -204,10 +205,12 @@ class Clock:
 
 
 def clock(wind: WindFile, dt: float, steps: int, most: int) -> Clock:
-    """The slots of steps 0 to ``steps`` of at most ``most``; DataError if the wind is not known so long."""
+    """The slots of steps 0 to ``steps`` of at most ``most``; DataError if the wind is known for less."""
     t: FloatArray = dt * np.arange(steps + 1, dtype=float)
     if steps and t[-2] > wind.until + 1e-6:
-        raise DataError(f"the wind ends {wind.until:g} s after departure, the plan flies at {t[-2]:g} s")
+        raise DataError(
+            f"the wind is known until {wind.until:g} s after departure, but the plan needs it at {t[-2]:g} s"
+        )
     if len(wind.times) == 1:
         slot, weight = np.zeros(len(t), int), np.zeros(len(t))
     else:
@@ -221,7 +224,7 @@ def clock(wind: WindFile, dt: float, steps: int, most: int) -> Clock:
 
 
 def _between(wind: WindFile, now: float) -> float:
-    """Variance of the error of interpolation in time, or of the last field where it is held."""
+    """Variance [m²/s²] of the error of interpolation in time or, after the last field, of holding it."""
     if wind.error is None:
         return 0.0
     if now >= wind.times[-1]:
@@ -231,7 +234,7 @@ def _between(wind: WindFile, now: float) -> float:
 
 
 def _kept(wind: WindFile, nearest: IntArray, t: FloatArray, n: int) -> FloatArray:
-    """Share of θ of each part that step n keeps of step n - 1.
+    """Correlation of θ of each part at step n with that at step n - 1.
 
     Interpolation in space and forecasts: ρ to the power of the time between the slots. Interpolation in time:
     0 from one gap between fields to the next; of a held field, the correlation of its changes up to the

@@ -1,1 +1,1 @@
-"""What is judged: one table of small functions for each file that a run writes."""
+"""The claims that are judged: modules of small functions, each with a table ``CLAIMS``."""

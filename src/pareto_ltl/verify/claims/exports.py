@@ -1,4 +1,4 @@
-"""Claims about the exported files: they say what plan.json says, and corridors hold what they promise."""
+"""Claims about the exported files: they agree with plan.json, and corridors hold their shares of flights."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ from pareto_ltl.verify.flights import RARE, Simulator, clopper_pearson, same_rat
 from pareto_ltl.verify.geometry import outline_distance, within
 from pareto_ltl.verify.turns import fly_table
 
-METRE, SECOND = 1.0, 1.0  # largest differences of places and times
-ANGLE = 0.01  # [deg] of directions
-FINEST = 1.0  # [m] that corridors add to standard deviations
-AHEAD = 1.0  # [m] how far ahead of a place a direction is read
-RADIUS = 0.95  # of the positions within radius_95_m
+METRE, SECOND = 1.0, 1.0  # largest allowed difference of two places [m] and of two times [s]
+ANGLE = 0.01  # [deg] largest allowed difference of two directions
+FINEST = 1.0  # [m] standard deviation whose square corridors add to each variance of the position
+AHEAD = 1.0  # [m] distance from a place to the second point that gives the direction there
+RADIUS = 0.95  # share of the positions within radius_95_m
 SHARES = (0.5, 0.9, 0.95, 0.99)
 TABLE = "dead_reckoning.csv"
 WAYPOINT, AIRSPEED, HEADING = 16, 43000, 43002  # MAV_CMD
@@ -37,7 +37,7 @@ NAMESPACES = {"gpx": "{http://www.topografix.com/GPX/1/1}", "kml": "{http://www.
 
 
 def place_faults(result: Evidence, lat: Iterable[Any], lon: Iterable[Any], first: int = 0) -> list[str]:
-    """Places from ``first`` on that are not those of plan.json, or of the table if the aircraft banks."""
+    """Steps from ``first`` on whose place differs from plan.json, or from the table if the aircraft banks."""
     from pyproj import Geod
 
     if result.plan["lat"] is None:
@@ -55,19 +55,22 @@ def place_faults(result: Evidence, lat: Iterable[Any], lon: Iterable[Any], first
 
 
 def _banks(result: Evidence) -> bool:
-    """Whether turns move places and times of the legs; the table then has them, and a claim of its own."""
+    """Whether turns move the places and times of legs and the table holds the moved ones.
+
+    A separate claim judges that table.
+    """
     return result.robot.bank > 0.0 and result.has(TABLE)
 
 
 def time_faults(result: Evidence, times: Iterable[str | None]) -> list[str]:
-    """Times that are not those of plan.json; a plan without times has files without."""
+    """Steps whose time differs from plan.json; if the plan has no times, its files must have none."""
     told, plan = list(times), result.plan["time_utc"]
     if plan is None:
         return [] if not any(told) else ["times, and the plan has none"]
     if _banks(result):
         plan = [row["time_utc"] for row in result.table(TABLE)]
     elif result.robot.bank > 0.0:
-        return []  # they are later than those of the plan, and nothing tells by how much
+        return []  # turns make them later than in the plan; without the table the delay is unknown
     if len(told) != len(plan):
         return [f"{len(told)} times, not {len(plan)}"]
     pairs = [
@@ -144,7 +147,7 @@ def trajectory(result: Evidence) -> Verdict:
 
 
 def dead_reckoning(result: Evidence) -> Verdict:
-    """Places, times, headings, airspeeds and expected winds of the table follow from plan.json."""
+    """Places, times, headings, airspeeds and expected winds of the table agree with plan.json."""
     rows = result.table(TABLE)
     if len(rows) != len(result.x):
         return no_fault(f"{len(rows)} rows", [f"{len(rows)} rows, not {len(result.x)}"])
@@ -160,7 +163,7 @@ def dead_reckoning(result: Evidence) -> Verdict:
         "wind_m_s": np.hypot(*wind.T),
         "wind_sd_m_s": np.sqrt(_wind_variance(result).mean(axis=1)),
     }
-    least = {"wind_m_s": 0.01, "wind_sd_m_s": 0.01}  # [m/s] as the motion of a step is within 0.5 m
+    least = {"wind_m_s": 0.01, "wind_sd_m_s": 0.01}  # [m/s]: the motion of a step is exact to 0.5 m only
     for key, values in wanted.items():
         faults += [f"leg {k}: {key}" for k in _unlike(_column(legs, key), values, least.get(key, 1e-6))]
     faults += _direction_faults(legs, "wind_from_deg", azimuths(result, x[:-1], -wind), np.hypot(*wind.T))
@@ -181,8 +184,8 @@ def _flown_on_the_spot(result: Evidence, rows: Rows) -> list[str]:
 def _flown_with_turns(result: Evidence, rows: Rows, wind: FloatArray) -> list[str]:
     """Faults of places, times and headings, for an aircraft that banks.
 
-    Flown in small steps each leg ends at the next place of the table, which is the planned one unless the
-    leg has no room for its turn.
+    Each leg, integrated in small time steps, must end at the next place of the table. That place is the
+    planned one unless the leg is too short for its turn.
     """
     heading, airspeed, duration = (
         _column(rows[:-1], key) for key in ("heading_true_deg", "airspeed_m_s", "duration_s")
@@ -205,19 +208,22 @@ def _flown_with_turns(result: Evidence, rows: Rows, wind: FloatArray) -> list[st
 
 
 def _direction_faults(legs: Rows, key: str, values: FloatArray, size: FloatArray) -> list[str]:
-    """Directions [deg] that are not ``values``, of vectors of ``size`` [m/s]."""
+    """Legs whose direction in column ``key`` differs from ``values`` (T,) [deg].
+
+    Vectors whose ``size`` (T,) [m/s] is at most 0.1 have no direction that is judged.
+    """
     gap = np.abs((_column(legs, key) - values + 180.0) % 360.0 - 180.0)
     bad = (size > 0.1) & ~(gap <= ANGLE * (1 + 10 / np.maximum(size, 0.1)))
     return [f"leg {k}: {key}" for k in np.flatnonzero(bad)]
 
 
 def _wind_variance(result: Evidence) -> FloatArray:
-    """Variance (T, 2) of the wind of each leg under the law of the plan [m²/s²]."""
+    """Variance (T, 2) [m²/s²] of the wind of each leg under the wind law of the plan."""
     return np.asarray((result.course.psi**2).sum(axis=2) + result.course.white, float)
 
 
 def azimuths(result: Evidence, x: FloatArray, toward: FloatArray) -> FloatArray:
-    """True directions (T,) [deg] at ``x`` (T, 2) of plane vectors ``toward`` (T, 2)."""
+    """True directions (T,) [deg], clockwise from north, at ``x`` (T, 2) [m] of plane vectors (T, 2)."""
     from pyproj import Geod, Transformer
 
     back = Transformer.from_crs(result.scene["crs"], "EPSG:4326", always_xy=True)
@@ -242,7 +248,7 @@ def spreads(result: Evidence) -> Verdict:
 
 
 def held_within(radius: float, major: float, minor: float) -> float:
-    """Share of a Gaussian with these standard deviations within ``radius``::
+    """Probability that a Gaussian with these standard deviations [m] lies within ``radius`` [m]::
 
     ∫ φ(z) P(|e_minor| <= √(r² - major² z²)) dz
     """
@@ -250,7 +256,7 @@ def held_within(radius: float, major: float, minor: float) -> float:
         return 1.0
     edge = radius / major
     angle = np.linspace(-0.5 * math.pi, 0.5 * math.pi, 4001)
-    z = edge * np.sin(angle)  # the root at the edge is smooth so
+    z = edge * np.sin(angle)  # with this substitution the square root is smooth at the edge
     rest = edge * major * np.cos(angle)
     inside = 2.0 * ndtr(rest / max(minor, 1e-9)) - 1.0
     density = np.exp(-0.5 * z**2) / math.sqrt(2.0 * math.pi) * edge * np.cos(angle)
@@ -274,7 +280,7 @@ def messages(result: Evidence) -> Verdict:
 
 
 def mission(result: Evidence) -> Verdict:
-    """Waypoints are the planned positions; the fence is the obstacles and, where it is a wall, the border."""
+    """Waypoints are the planned positions; the fences are the obstacles and, if border=wall, the border."""
     content = read_json(result.directory / "mission.plan")
     points = [item["params"] for item in content["mission"]["items"] if item["command"] == WAYPOINT]
     faults = place_faults(result, [p[4] for p in points], [p[5] for p in points], 1)
@@ -356,13 +362,13 @@ def _missing(features: Sequence[dict[str, Any]], steps: int) -> list[str]:
 
 
 def _unheld(about: dict[str, Any], sizes: FloatArray) -> str:
-    """What is wrong with the size of one area; empty where nothing is."""
+    """What is wrong with the size of one area; an empty text if nothing is."""
     whole = about["meaning"] == "whole_flight"
     step, share, runs = about.get("step", -1), about["probability"], about["flights"]
     if whole != (step < 0):
         return f"step {step} is {about['meaning']}"
     if step == 0:
-        return ""  # all flights begin at one place, or as start_sd says
+        return ""  # all flights begin at one place, or are drawn with start_sd
     met, size = (sizes.max(axis=1) if whole else sizes[:, step]), about["standard_deviations"]
     held = int((met <= size).sum())
     k = math.ceil((runs + 1) * share - 1e-9)
@@ -374,7 +380,7 @@ def _unheld(about: dict[str, Any], sizes: FloatArray) -> str:
 
 
 def corridor_areas(result: Evidence) -> Verdict:
-    """Areas are as large as their sizes say: polygons around ellipses, and tubes that hold all ellipses."""
+    """Areas have the extent of their sizes: polygons around ellipses, and tubes that hold all ellipses."""
     cov = np.array(result.plan["cov"]) + FINEST**2 * np.eye(2)
     faults = []
     for feature in _features(result, "corridor.geojson"):
@@ -396,7 +402,7 @@ def corridor_areas(result: Evidence) -> Verdict:
 
 
 def _rims(mean: FloatArray, cov: FloatArray, size: float) -> FloatArray:
-    """Points (16 (T + 1), 2) on the ellipses of ``size``."""
+    """Points (16 (T + 1), 2) [m] on the ellipses of ``size`` standard deviations."""
     angle = np.arange(16) * (math.pi / 8)
     circle = np.stack([np.cos(angle), np.sin(angle)])
     rings = mean[:, :, None] + size * np.linalg.cholesky(cov) @ circle
@@ -411,7 +417,7 @@ def _column(rows: Sequence[dict[str, str]], key: str) -> FloatArray:
 
 
 def _unlike(said: Iterable[Any], wanted: Iterable[Any], least: float = 1e-6) -> list[int]:
-    """Numbers of entries that differ by more than 10⁻⁴ of them and more than ``least``."""
+    """Indices of entries that differ by more than 10⁻⁴ of their value and by more than ``least``."""
     a, b = np.array(list(said), float), np.array(list(wanted), float)
     if a.shape != b.shape:
         return [min(len(a), len(b))]

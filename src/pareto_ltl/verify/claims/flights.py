@@ -1,4 +1,4 @@
-"""Claims about the simulated flights, judged again and flown anew."""
+"""Claims about the simulated flights: they are judged a second time, and new flights are simulated."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ METRICS = {
 
 
 def flown(law: str, judge: Callable[[Evidence, str], Verdict | None], result: Evidence) -> Verdict | None:
-    """A claim about the flights under a law, where there are any."""
+    """Verdict of ``judge`` on the flights under a wind law; None if there are none."""
     return judge(result, law) if f"{law}/x" in result.flights else None
 
 
@@ -90,7 +90,7 @@ def starts(result: Evidence, law: str) -> Verdict:
 
 
 def drawn_winds(result: Evidence, law: str) -> Verdict | None:
-    """Under the independent law, the winds that open-loop flights met are N(μ, Σ_w) where they met them."""
+    """Under the independent law, the winds of open-loop flights are N(μ, Σ_w) at the robots' positions."""
     model, robot = result.law(law), result.robot
     guided = robot.feedback > 0 or result.simulator(law).guide is not None
     if guided or not isinstance(model, Independent):
@@ -118,7 +118,7 @@ def new_rate(result: Evidence, law: str) -> Verdict:
 
 
 def reported_laws(result: Evidence) -> Verdict:
-    """The metrics speak of the laws that were flown and of no other."""
+    """The metrics have rates for the wind laws that were simulated and for no other."""
     said = sorted(law for law in LAWS if f"failure_{law}" in result.metrics)
     return same(said, sorted({name.partition("/")[0] for name in result.flights}))
 

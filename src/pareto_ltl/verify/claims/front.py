@@ -19,14 +19,14 @@ from pareto_ltl.verify.claims.verdict import Claim, Verdict, close, no_fault, nu
 from pareto_ltl.verify.evidence import Evidence
 from pareto_ltl.verify.flights import RARE, clopper_pearson, same_rate
 
-MOST_PATHS = 6  # paths of the front whose bounds are worked out again
-FLOWN_PATHS = 3  # paths of the front that are flown again
-NEW_RUNS = 2000
-WORSE = 0.025  # rule priority: chance of so many more failures below which a path is not as safe as another
+MOST_PATHS = 6  # paths of the front whose bounds are computed again
+FLOWN_PATHS = 3  # paths of the front that are simulated again
+NEW_RUNS = 2000  # new flights of each of these paths
+WORSE = 0.025  # rule priority: a path is less safe than the safest if the p value of its failures is below
 
 
 def flights_judge(result: Evidence) -> bool:
-    """Whether the front is one of failure rates."""
+    """Whether simulated flights judge the paths of the front, not bounds."""
     return str(result.settings["fidelity"]["judge"]) == "flights"
 
 
@@ -38,7 +38,7 @@ def _rows(result: Evidence) -> FloatArray:
 
 
 def _judged_rows(result: Evidence) -> FloatArray:
-    """What paths are compared by: (failure rate, length, energy) where flights judge, else all objectives."""
+    """Objectives of dominance: (failure rate, length, energy) where flights judge, otherwise all of them."""
     if not flights_judge(result):
         return _rows(result)
     rows = [[float(row["failure"]), *_costs(result, row)] for row in result.front]
@@ -68,7 +68,7 @@ def front_rows(result: Evidence) -> Verdict:
 
 
 def front_numbers(result: Evidence) -> Verdict:
-    """Size, shortest and safest path of the front, as the metrics say."""
+    """Size, shortest length and least risk of the front agree with the metrics."""
     rows, told = _rows(result), result.metrics
     pairs = {"front_size": len(rows), "shortest_m": rows[:, 2].min(), "safest": rows[:, 0].min()}
     if flights_judge(result):
@@ -83,7 +83,7 @@ def front_numbers(result: Evidence) -> Verdict:
 
 
 def volume(rows: FloatArray, top: FloatArray) -> float:
-    """Share of the box below ``top`` that ``rows`` (P, f) dominate, in slices of the first axis."""
+    """Share of the box from 0 to ``top`` (f,) that ``rows`` (P, f) dominate, by slices of the first axis."""
     return _share(np.minimum(rows, top) / top)
 
 
@@ -118,7 +118,7 @@ def hypervolume(result: Evidence) -> Verdict:
 
 
 def front_risks(result: Evidence) -> Verdict:
-    """The mission risk is the bound that the settings name; V, f_o in [0, 1]."""
+    """The mission risk is the bound that the settings name, and the duration is steps times dt."""
     column = {"theorem2": "mission_risk_paper", "ordered": "mission_risk_ordered"}[
         result.settings["fidelity"]["mission_bound"]
     ]
@@ -136,7 +136,10 @@ def front_risks(result: Evidence) -> Verdict:
 
 
 def front_paths(result: Evidence) -> Verdict:
-    """Every row has its path in front.npz: start, length, steps, mission order; those of trees are theirs."""
+    """Every row agrees with its path in front.npz: start, length, energy, steps and mission order.
+
+    A path whose origin is a vertex of a tree is the path to that vertex.
+    """
     faults = [
         f"path {k}: {fault}"
         for k, row in enumerate(result.front)
@@ -201,7 +204,10 @@ def _cost_faults(result: Evidence, row: Mapping[str, str], x: FloatArray) -> Ite
 
 
 def tree_front(result: Evidence) -> Verdict | None:
-    """Where bounds judge: no accepted vertex beats the whole front in the objectives that vertices know."""
+    """If bounds judge, no accepted vertex is better than all paths of the front in every objective.
+
+    Vertices have mission risk, length and, in some runs, collision risk, but no energy.
+    """
     if not len(result.trees["accepted"]) or flights_judge(result):
         return None
     names = tree_names(result)
@@ -229,7 +235,7 @@ RATE_COLUMNS = ("failure", "failure_low", "failure_high", "law", "runs")
 
 
 def front_rates(result: Evidence) -> Verdict:
-    """Rates and intervals are those of the flights in front.npz, in the law and number of the settings."""
+    """Rates and intervals follow from the flights in front.npz; wind law and number are those of settings."""
     if not flights_judge(result):
         told = [row["path"] for row in result.front if any(row[name] for name in RATE_COLUMNS)]
         return no_fault("no rates", [f"path {name} has a rate" for name in told])
@@ -275,7 +281,7 @@ def plan_on_front(result: Evidence) -> Verdict:
 
 
 def choice(result: Evidence) -> Verdict | None:
-    """The selection rule picks the plan; with judge=flights, one of its first choices."""
+    """The plan is the first path in the selection rule's order; with judge=flights one of the first."""
     told = result.settings["selection"]
     if told["rule"] not in RANKINGS:
         return None
@@ -293,7 +299,7 @@ def choice(result: Evidence) -> Verdict | None:
 
 
 def _affordable(result: Evidence, rule: str) -> list[int]:
-    """Paths that need no more energy than the robot has; a rule that names one asks for none."""
+    """Paths that need no more energy than the robot has; all of them under rule "point"."""
     every = range(len(result.front))
     if result.capacity is None or rule == "point":
         return list(every)
@@ -343,7 +349,7 @@ def _by_energy(result: Evidence, told: Mapping[str, Any], left: list[int]) -> li
 
 
 def _by_knee(result: Evidence, _told: Mapping[str, Any], left: list[int]) -> list[int]:
-    """By the distance from the line through the safest and the shortest path."""
+    """Paths by their distance from the line through the safest and the shortest one, the farthest first."""
     risk, length = _risks(result, left), _rows(result)[left, 2]
     across, up = np.ptp(risk) or 1.0, np.ptp(length) or 1.0
     area = across * up - (risk - risk.min()) * up - (length - length.min()) * across
@@ -368,7 +374,7 @@ RANKINGS: dict[str, Callable[[Evidence, Mapping[str, Any], list[int]], list[int]
     "knee": _by_knee,
     "length": _by_length,
     "point": _by_number,
-}  # by rule of this package: paths of those that are left, the best first
+}  # for each rule of this package: the remaining paths in order of preference
 
 CHOICE = "front: the rule picks the plan"  # not judged for a rule that another package adds
 FILES = ("front.csv", "front.npz")

@@ -1,4 +1,4 @@
-"""Claims about ``report.html``: what it shows is what ``front.csv`` and ``plan.json`` say."""
+"""Claims about ``report.html``: its numbers are those of ``front.csv`` and ``plan.json``."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ COLUMNS = {
     "failure": "failure", "low": "failure_low", "high": "failure_high", "length": "length_m",
     "mission": "mission_risk", "collision": "collision_risk", "duration": "duration_s",
 }  # fmt: skip
-ROUNDED = 1e-3  # of the size of the map, by which positions in the page may be off
+ROUNDED = 1e-3  # largest allowed error of a position in the page, as a share of the map's longer side
 
 
 def _text(result: Evidence) -> str:
@@ -31,7 +31,7 @@ def _text(result: Evidence) -> str:
 
 
 def page_data(result: Evidence) -> Any:
-    """The numbers that the script of the page reads; DataError where there are none, or several."""
+    """The JSON data that the script of the page reads; DataError unless there is exactly one set."""
     found = DATA.findall(_text(result))
     if len(found) != 1:
         raise DataError(f"{PAGE}: has {len(found)} sets of numbers; one was expected")
@@ -39,7 +39,7 @@ def page_data(result: Evidence) -> Any:
 
 
 def points(result: Evidence) -> Verdict:
-    """Each point of the scatter is a row of front.csv; without rates its failure is the bound."""
+    """Each point of the scatter plot is a row of front.csv; without rates its failure is the bound."""
     told, rows = page_data(result)["points"], result.table("front.csv")
     if len(told) != len(rows):
         return no_fault(f"{len(told)} points", [f"{len(rows)} rows"])
@@ -60,7 +60,7 @@ def _equal(said: Any, wanted: float | None) -> bool:
 
 
 def chosen(result: Evidence) -> Verdict:
-    """The chosen path and its promise are those of plan.json; its failures those of the flights."""
+    """The chosen path and its promise are those of plan.json."""
     data, plan = page_data(result), result.plan
     way = data["paths"][str(data["chosen"])]
     x, size = np.array(way["x"], float), float(np.ptp(np.array(result.scene["bounds"], float), axis=0).max())
@@ -77,7 +77,7 @@ def chosen(result: Evidence) -> Verdict:
 
 
 def headline(result: Evidence) -> Verdict | None:
-    """The rate in large letters is the promise of plan.json, with its interval and its law."""
+    """The rate in large letters is the promise of plan.json, with its interval and its wind law."""
     found = HEADLINE.findall(_text(result))
     promise = result.plan["promise"]
     if promise is None:

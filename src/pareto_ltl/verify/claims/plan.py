@@ -16,13 +16,11 @@ from pareto_ltl.verify.gaussians import step_margin, step_risk, theorem2
 from pareto_ltl.verify.geometry import met_by_any
 from pareto_ltl.verify.laws import Course
 
-POSITION = 1e-3  # the largest difference of two positions, in grains
-SPREAD = (
-    1e-4  # the largest relative difference of two covariances; the planner keeps modes in single precision
-)
-RISK, LEAST_RISK = 2e-3, 1e-9  # the same of two bounds, relative and absolute
-FAST = 2e-6  # the share by which rounding may exceed an airspeed
-TOUCH = 0.1  # how deep the expected path may touch an obstacle by rounding, in grains
+POSITION = 1e-3  # largest allowed difference of two positions, as a share of the grain
+SPREAD = 1e-4  # largest allowed relative difference of two covariances; the planner stores modes in float32
+RISK, LEAST_RISK = 2e-3, 1e-9  # largest allowed difference of two bounds, relative and absolute
+FAST = 2e-6  # share of a limit by which rounding may carry an airspeed beyond it
+TOUCH = 0.1  # how deep the expected path may lie in an obstacle by rounding, as a share of the grain
 WEIGHTED = "importance sampling"  # the method of a failure rate from weighted flights
 READS: dict[str, tuple[str, ...]] = {
     "priority": (),
@@ -32,7 +30,7 @@ READS: dict[str, tuple[str, ...]] = {
     "knee": (),
     "length": ("length",),
     "point": ("point",),
-}  # the settings besides the weights that rules of this package read
+}  # settings, besides the weights, that each rule of this package reads
 OBJECTIVES = {
     "length_m": "length", "mission_risk_paper": "mission_risk_paper", "mission_risk": "mission_risk",
     "collision_risk": "collision_risk", "mission_risk_ordered": "mission_risk_ordered",
@@ -43,7 +41,7 @@ OBJECTIVES = {
 
 
 def shapes(result: Evidence) -> Verdict:
-    """All arrays of plan.json have one length."""
+    """All arrays of plan.json have the shapes that follow from the number of its times."""
     plan, n = result.plan, len(result.plan["t"])
     wanted = {"x": (n, 2), "cov": (n, 2, 2), "q": (n,), "u": (n - 1, 2)}
     faults = [
@@ -56,10 +54,10 @@ def shapes(result: Evidence) -> Verdict:
 
 
 def settings_named(result: Evidence) -> Verdict:
-    """plan.json names the settings that it was made with."""
+    """The settings in plan.json are those that the run used."""
     plan, told = result.plan, result.settings
     pairs = {
-        "dt": (plan["dt"], result.robot.dt),  # with robot.dt=auto, what the metrics say
+        "dt": (plan["dt"], result.robot.dt),  # with robot.dt=auto, that of the metrics
         "u_max": (plan["u_max"], told["robot"]["u_max"]),
         "u_min": (plan.get("u_min", 0.0), told["robot"].get("u_min", 0.0)),
         "epsilon": (plan["epsilon"], result.epsilon),
@@ -72,16 +70,16 @@ def settings_named(result: Evidence) -> Verdict:
 
 
 def _rule_settings(claimed: Mapping[str, Any], told: Mapping[str, Any]) -> tuple[dict[str, Any], ...]:
-    """What plan.json says that the rule read, and the settings of these names.
+    """The settings that the rule read, by plan.json and by the settings of the run.
 
-    Which ones a rule of this package reads is known; a rule that another package adds says it itself.
+    ``READS`` lists them for the rules of this package; for a rule of another package, plan.json does.
     """
     read = {key: value for key, value in claimed.items() if key not in ("rule", "weights")}
     return read, {key: told.get(key) for key in READS.get(told["rule"], read)}
 
 
 def fidelity_name(result: Evidence) -> Verdict:
-    """The text of the fidelity names the preset and every choice that is not its own."""
+    """The text of the fidelity names the preset and every setting that differs from the preset."""
     told = result.settings["fidelity"]
     preset = {
         "paper": ("independent", "open", "theorem2", "step", "dominance", "convex", "bound"),
@@ -101,7 +99,7 @@ def start(result: Evidence) -> Verdict:
 
 
 def times(result: Evidence) -> Verdict:
-    """Step t begins at t dt."""
+    """The time of step t is t dt [s]."""
     t = np.array(result.plan["t"], float)
     return within(
         f"{len(t) - 1} steps of {result.robot.dt:g} s",
@@ -120,7 +118,7 @@ def motion(result: Evidence) -> Verdict:
 
 
 def airspeed(result: Evidence) -> Verdict:
-    """No control exceeds u_max, or falls below u_min, by what feedback and fixes need of it or more."""
+    """Each control leaves the reserve that feedback and fixes need, below u_max and above u_min."""
     robot, speed, left = result.robot, np.linalg.norm(result.u, axis=1), result.course.speed
     over = np.max(speed - left * (1 + FAST), initial=-math.inf)
     under = np.max(robot.least_speed(left) * (1 - FAST) - speed, initial=-math.inf)
@@ -161,7 +159,7 @@ def labels(result: Evidence) -> Verdict:
 
 
 def states(result: Evidence) -> Verdict:
-    """The automaton states follow from the labels, and from harmful letters on the way."""
+    """The automaton states follow from the labels, and from harmful letters between steps."""
     slack = POSITION * result.grain
     either = [result.ground.states(result.x[None], s)[0] for s in (0.0, slack, -slack)]
     said = np.array(result.plan["q"])
@@ -178,7 +176,7 @@ def accepted(result: Evidence) -> Verdict:
 
 
 def clearance(result: Evidence) -> Verdict:
-    """The expected path stays on the map and out of obstacles, between steps too."""
+    """The expected path stays on the map and outside obstacles, also between steps."""
     (low, high), touch = result.ground.bounds, TOUCH * result.grain
     hit = met_by_any(result.obstacles, result.x[:-1], result.x[1:], touch)
     faults = [f"step {t} meets an obstacle" for t in np.flatnonzero(hit)]
@@ -187,7 +185,7 @@ def clearance(result: Evidence) -> Verdict:
 
 
 def chance_constraint(result: Evidence) -> Verdict | None:
-    """Eqs. (9) and (10), or epsilon for all obstacles of a step together, where bounds judge."""
+    """If bounds judge: Eqs. (9) and (10), or with the path bound a risk of at most epsilon in each step."""
     if result.settings["fidelity"]["judge"] != "bound":
         return None
     cov, parts = result.course.cov, result.barriers
@@ -215,7 +213,7 @@ def length(result: Evidence) -> Verdict:
 
 
 def energy(result: Evidence) -> Verdict | None:
-    """Energy of the controls [J], and what the robot can use, where it has a power curve."""
+    """Energy of the controls [J] and usable energy [J], both absent without a power curve."""
     said, held = result.plan["objectives"].get("energy"), result.plan.get("capacity")
     if result.power is None:
         return same([said, held], [None, None])
@@ -278,7 +276,7 @@ def allowed_collisions(result: Evidence) -> Verdict | None:
 
 
 def forecast(law: str, judge: Callable[[Evidence, str], Verdict], result: Evidence) -> Verdict | None:
-    """A claim about the planned controls under a law, where the metrics speak of it."""
+    """Verdict of ``judge`` on the planned controls under a wind law; None if the metrics lack that law."""
     return judge(result, law) if law in result.forecasts else None
 
 
@@ -300,7 +298,7 @@ def forecast_spread(result: Evidence, law: str) -> Verdict:
 
 
 def forecast_laws(result: Evidence) -> Verdict:
-    """The metrics speak of every law of deployment.laws."""
+    """The metrics have a forecast for each wind law of deployment.laws and for no other."""
     told = result.settings["deployment"]["laws"] if "forecasts" in result.run["stages"] else []
     return same(sorted(result.forecasts), sorted(told))
 
@@ -309,7 +307,7 @@ def forecast_laws(result: Evidence) -> Verdict:
 
 
 def table(result: Evidence) -> Verdict:
-    """plan.csv is plan.json."""
+    """plan.csv has the numbers of plan.json."""
     plan, rows, faults = result.plan, result.table("plan.csv"), []
     faults += [f"{len(rows)} rows"] * (len(rows) != len(plan["t"]))
     for t, row in enumerate(rows[: len(plan["t"])]):
@@ -332,7 +330,7 @@ def table(result: Evidence) -> Verdict:
 
 
 def metrics(result: Evidence) -> Verdict:
-    """The metrics of the plan are those of plan.json."""
+    """The metrics of the plan agree with plan.json."""
     plan, told = result.plan, result.metrics
     pairs = {name: plan["objectives"][key] for name, key in OBJECTIVES.items()}
     pairs |= {"steps": len(plan["u"]), "duration_s": plan["t"][-1] - plan["t"][0], "dt_s": plan["dt"]}

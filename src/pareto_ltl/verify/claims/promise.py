@@ -1,4 +1,4 @@
-"""Claims about what is promised of the plan, and about its terms for a pilot."""
+"""Claims about the promised failure rate, and about the plan's headings, airspeeds and clock times."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from pareto_ltl.verify.claims.verdict import Claim, Verdict, close, no_fault, sa
 from pareto_ltl.verify.evidence import Evidence
 from pareto_ltl.verify.flights import RARE, clopper_pearson, same_rate
 
-DOUBT = 1e-3  # chance at which fresh flights of an honest claim are taken for a broken one
-MOST_WEIGHTED = 0.01  # rates are found with weighted flights below 10^-3 only
-PLACE, ANGLE = 1e-9, 1e-3  # largest differences of positions and of headings [deg]
-AHEAD = 1.0  # [m] how far ahead of a position its heading is read
+DOUBT = 1e-3  # significance level: probability that the flights reject a claim that is true
+MOST_WEIGHTED = 0.01  # highest rate from weighted flights; they are used for rates below 10^-3
+PLACE, ANGLE = 1e-9, 1e-3  # [deg] largest allowed difference of two coordinates and of two headings
+AHEAD = 1.0  # [m] distance from a position to the second point that gives the heading there
 RATE = ("failure", "low", "high", "runs", "law", "method")
 
 
 def promise(result: Evidence) -> Verdict | None:
-    """With judge=flights: rate, interval, claim, bound and verdict fit each other and the settings."""
+    """With judge=flights: rate, interval, claim, bound and verdict agree with each other and the settings."""
     told = result.plan["promise"]
     if not flights_judge(result):
         return same(told, None)
@@ -65,7 +65,7 @@ def _claim_faults(result: Evidence, told: dict[str, Any]) -> Iterator[str]:
 
 
 def stands(told: dict[str, Any]) -> bool:
-    """Whether the claim is not significantly better than the rate of the fresh flights."""
+    """Whether the claimed rate is not significantly lower than the rate of the new flights."""
     return bool(CHANCES[told["method"]](told, told["claimed"]) >= DOUBT)
 
 
@@ -80,7 +80,7 @@ def _among_flights(told: dict[str, Any], claimed: dict[str, Any]) -> float:
 
 
 def _of_claim(told: dict[str, Any], claimed: dict[str, Any]) -> float:
-    """Chance of so few failures of the claim at the lower end of the interval of weighted flights."""
+    """p value of the claim's failures, or fewer, at the lower end of the interval of weighted flights."""
     return float(binom.cdf(_count(claimed), claimed["runs"], told["low"]))
 
 
@@ -88,7 +88,7 @@ CHANCES = {"flights": _among_flights, WEIGHTED: _of_claim}  # by method
 
 
 def _linearity(result: Evidence) -> float:
-    """Largest standard deviation of the position over the shorter length scale of its slot."""
+    """Largest ratio of the position's standard deviation to the shorter length scale of its slot."""
     modes = result.wind.modes
     if modes is None or len(result.x) < 2:
         return 0.0
@@ -147,7 +147,7 @@ def clock_times(result: Evidence) -> Verdict:
 
 
 def places(result: Evidence) -> Verdict:
-    """Positions on Earth are those of the plane; each heading is that of a point ahead of its position."""
+    """Longitudes, latitudes and headings follow from the plane positions and the controls."""
     plan, crs = result.plan, result.scene["crs"]
     if crs is None or plan["crs"] != crs:
         return same([plan[key] for key in ("crs", "lat", "lon", "heading_true")], [crs] * 4)

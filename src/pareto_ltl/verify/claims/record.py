@@ -1,4 +1,4 @@
-"""Claims about the run itself: how it ended, what it wrote, from what, and its bare numbers."""
+"""Claims about the run itself: how it ended, its files, its inputs, and the ranges of its metrics."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ COUNTS = (
 
 
 def status(result: Evidence) -> Verdict:
-    """A run that is ok has a plan, an infeasible one has none, and the metrics say so."""
+    """A run with status ok has a plan, an infeasible one has none, and the metrics agree with that."""
     planned = result.has("plan.json")
     said = (result.run["status"], float(result.metrics["completed"]))
     fitting = ("ok", 1.0) if planned else ("infeasible", 0.0)
@@ -48,7 +48,7 @@ def status(result: Evidence) -> Verdict:
 
 
 def files(result: Evidence) -> Verdict:
-    """Every stage that ended has left its files."""
+    """The files of every stage that ended are there."""
     ended = result.run["stages"] if result.run["status"] == "ok" else list(result.run["seconds"])[:-1]
     if result.run["status"] != "ok":
         ended = [stage for stage in ended if stage in ("scene", "decomposition", "automaton", "wind")]
@@ -57,7 +57,7 @@ def files(result: Evidence) -> Verdict:
 
 
 def settings_hash(result: Evidence) -> Verdict:
-    """config_resolved.yaml is what run.json has the fingerprint of."""
+    """The fingerprint of the settings in config_resolved.yaml is that of run.json."""
     content = {
         name: dict(value) if isinstance(value, dict) else value for name, value in result.settings.items()
     }
@@ -81,7 +81,7 @@ def identity(result: Evidence) -> Verdict:
 
 
 def inputs(result: Evidence) -> Verdict | None:
-    """Input files that are still there have the fingerprint that the run noted."""
+    """Input files that still exist have the fingerprint that run.json names; None if no file exists."""
     here = {name: digest for name, digest in result.run["inputs"].items() if Path(name).is_file()}
     if not here:
         return None
@@ -92,7 +92,7 @@ def inputs(result: Evidence) -> Verdict | None:
 
 
 def seconds(result: Evidence) -> Verdict:
-    """Times of the stages add up, and metrics and run.json agree on them."""
+    """Times of the stages [s] add up to that of the run and are the same in metrics.json and run.json."""
     told = {
         name.removeprefix("seconds_"): value
         for name, value in result.metrics.items()
@@ -119,14 +119,17 @@ def ranges(result: Evidence) -> Verdict:
         if value is None or isinstance(value, bool) or not isinstance(value, int | float):
             faults += [f"{name} is {value!r}"] * (name != "nodes_per_second" or value is not None)
         elif name.startswith(SHARES) and not name.endswith(("_m", "_j")) and not -1e-12 <= value <= 1 + 1e-12:
-            faults.append(f"{name} {value:g} is no probability")
+            faults.append(f"{name} {value:g} is not between 0 and 1")
         elif name.startswith(COUNTS) and value < 0:
             faults.append(f"{name} {value:g} is negative")
     return no_fault(f"{len(result.metrics)} numbers", faults)
 
 
 def intervals(result: Evidence) -> Verdict | None:
-    """Every rate lies in its interval; neither part of a failure exceeds it, and both together reach it."""
+    """Every rate lies in its interval, at least as large as each of its parts and at most their sum.
+
+    The parts are mission, collision and, if border=wall, leaving the map.
+    """
     faults, told = [], result.metrics
     for law in ("independent", "coherent"):
         if f"failure_{law}" not in told:

@@ -18,7 +18,7 @@ from pareto_ltl.verify.gaussians import theorem2
 from pareto_ltl.verify.geometry import Convex, convex
 from pareto_ltl.verify.wind_tables import at_step, square_of
 
-MOST_VERTICES = 20  # accepted vertices whose risks are worked out again
+MOST_VERTICES = 20  # accepted vertices whose risks are computed again
 
 
 # --- trees ------------------------------------------------------------------------------------
@@ -46,7 +46,7 @@ def vertices(result: Evidence) -> Verdict:
 
 
 def links(result: Evidence) -> Verdict:
-    """Every vertex follows an earlier one: its step, its length, its cell and its automaton state."""
+    """Step, length, cell and automaton state of every vertex follow from its parent, an earlier vertex."""
     cells = [convex(cell) for cell in result.cells["cells"]]
 
     @cache
@@ -96,7 +96,10 @@ def _link_faults(
 
 
 def airspeeds(result: Evidence) -> Verdict | None:
-    """Every edge needs u_min to u_max in the expected wind; only for laws that do not shift it."""
+    """Every edge can be flown with u_min to u_max in the expected wind.
+
+    Judged under the independent law only: the coherent law shifts the expected wind.
+    """
     if result.planned_law != "independent" or (result.step_is_open and not result.has("plan.json")):
         return None
     robot, worst, least = result.robot, 0.0, math.inf
@@ -121,7 +124,7 @@ def airspeeds(result: Evidence) -> Verdict | None:
 
 
 def accepted(result: Evidence) -> Verdict:
-    """Accepted are the vertices in an accepting state, all of them."""
+    """The accepted vertices are exactly those in an accepting state of the automaton."""
     done = np.flatnonzero(result.dfa.accepting)
     found = {
         (j, int(v))
@@ -133,7 +136,7 @@ def accepted(result: Evidence) -> Verdict:
 
 
 def vertex_path(result: Evidence, j: int, v: int) -> FloatArray:
-    """Positions from the root to vertex v of tree j."""
+    """Positions (n, 2) [m] from the root to vertex v of tree j."""
     name, rows = tree_names(result)[j], [v]
     while result.trees[f"{name}/parent"][rows[-1]] >= 0:
         rows.append(int(result.trees[f"{name}/parent"][rows[-1]]))
@@ -141,7 +144,7 @@ def vertex_path(result: Evidence, j: int, v: int) -> FloatArray:
 
 
 def vertex_risks(result: Evidence) -> Verdict | None:
-    """Risks of some accepted vertices: f_o of each proposition, or V (and R from above)."""
+    """The mission risk of some accepted vertices: f_o of Theorem 2, or V."""
     fidelity = result.settings["fidelity"]
     chosen = result.trees["accepted"]
     if not len(chosen):

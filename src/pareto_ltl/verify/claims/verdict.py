@@ -1,4 +1,4 @@
-"""What a claim is, and how one number or text is held against another."""
+"""Claims and verdicts, and comparisons of a claimed value with a computed one."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pareto_ltl.verify.evidence import Evidence
 
 
 class Verdict(NamedTuple):
-    """What the result says, what follows from its files, and whether the two agree."""
+    """The claimed value, the value computed from the files, and whether the two agree."""
 
     claimed: str
     derived: str
@@ -20,14 +20,14 @@ class Verdict(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Claim:
-    """One thing that a result says.
+    """One statement of a result that can be checked.
 
     Attributes
     ----------
     needs : tuple of str
-        Files without which the claim is not made.
+        Files of the results directory; if one is missing, the claim is not judged.
     judge : callable
-        Takes the evidence; None where the result does not say it.
+        Function of the evidence; None if the result makes no such claim.
     """
 
     name: str
@@ -36,33 +36,33 @@ class Claim:
 
 
 def close(claimed: float, derived: float, rel: float = 1e-6, least: float = 0.0) -> bool:
-    """Whether two numbers agree to a share ``rel`` or to ``least``; NaN agrees with nothing."""
+    """Whether two numbers differ by at most ``rel`` times the derived one, or ``least``; never for NaN."""
     return abs(claimed - derived) <= max(rel * abs(derived), least)
 
 
 def number(claimed: Any, derived: float, rel: float = 1e-6, least: float = 1e-12) -> Verdict:
-    """Two numbers that must agree."""
+    """Verdict on two numbers that must agree as in :func:`close`; a claim of None counts as NaN."""
     said = math.nan if claimed is None else float(claimed)
     return Verdict(f"{said:.6g}", f"{derived:.6g}", close(said, derived, rel, least))
 
 
 def same(claimed: Any, derived: Any) -> Verdict:
-    """Two values that must be equal."""
+    """Verdict on two values that must be equal."""
     return Verdict(_short(claimed), _short(derived), bool(claimed == derived))
 
 
 def within(said: str, worst: float, most: float, unit: str = "") -> Verdict:
-    """A largest difference that must not exceed ``most``."""
+    """Verdict on a largest difference ``worst`` that must not exceed ``most``."""
     return Verdict(said, f"{worst:.2g}{unit} off", bool(worst <= most))
 
 
 def no_fault(said: str, faults: list[str]) -> Verdict:
-    """A list of faults that must be empty; the first is shown."""
+    """Verdict on a list of faults that must be empty; the first is shown."""
     return Verdict(said, _short(faults[0]) if faults else "no fault found", not faults)
 
 
 def likely(said: str, chance: float, rare: float) -> Verdict:
-    """The chance of evidence at least as unlike the claim, which must not be below ``rare``."""
+    """Verdict on a p value ``chance``, which must not be below ``rare``."""
     return Verdict(said, f"chance {chance:.2g}", bool(chance >= rare))
 
 

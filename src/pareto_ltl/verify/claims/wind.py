@@ -21,10 +21,10 @@ USUAL_LAW = {
     "sample": "none", "stations": "none", "currents": "none", "csv": "gfs", "grib": "gfs", "netcdf": "gfs",
     "noaa": "gfs", "ensemble": "gfs",
 }  # fmt: skip
-CHOSEN_LEVEL = ("grib", "netcdf", "noaa", "ensemble")  # sources that read the level of the settings
+CHOSEN_LEVEL = ("grib", "netcdf", "noaa", "ensemble")  # sources that read the level from the settings
 PACKAGED_LAW = PACKAGE / "support" / "data" / "forecast_errors" / "gfs.json"
-MOST_NODES = 4000  # of a slot, at which the posterior is worked out
-CLEAR = 2e-6  # largest difference of a posterior, as a share of its prior
+MOST_NODES = 4000  # most nodes of a slot at which the posterior is computed
+CLEAR = 2e-6  # largest allowed error of a posterior, as a share of the prior's standard deviation
 
 
 def _fitted(result: Evidence) -> Fit | None:
@@ -32,7 +32,7 @@ def _fitted(result: Evidence) -> Fit | None:
 
 
 def has_fit(result: Evidence) -> Verdict:
-    """The file names the readings it was fitted from; calm air has none."""
+    """wind.nc names the readings from which it was fitted, and only calm air has none."""
     wind = result.wind
     still = not (wind.mean.any() or wind.latent.any() or wind.gust.any())
     return Verdict(
@@ -43,14 +43,14 @@ def has_fit(result: Evidence) -> Verdict:
 
 
 def calm_air(result: Evidence) -> Verdict | None:
-    """With wind.source=calm there is no wind at all; otherwise there is some."""
+    """With wind.source=calm mean and gusts are 0 everywhere; with other sources they are not."""
     calm = result.settings["wind"]["source"] == "calm"
     moves = bool(result.wind.mean.any() or result.wind.gust.any())
     return same("calm" if calm else "wind", "wind" if moves else "calm")
 
 
 def _node_table(wind: WindFile) -> tuple[IntArray, FloatArray]:
-    """Indices (N,) and positions (N, 2) [m] of the nodes that are looked at, all of them if they are few."""
+    """Indices (N,) and positions (N, 2) [m] of the nodes to compare, at most ``MOST_NODES`` at random."""
     places = np.stack(np.meshgrid(wind.x, wind.y, indexing="ij"), axis=-1).reshape(-1, 2)
     chosen = np.arange(len(places))
     if len(places) > MOST_NODES:
@@ -59,10 +59,10 @@ def _node_table(wind: WindFile) -> tuple[IntArray, FloatArray]:
 
 
 def posterior_field(result: Evidence) -> Verdict | None:
-    """Mean and variance at the nodes are those of a Gaussian process given the readings.
+    """Mean and variance at the nodes are the posterior of a Gaussian process given the readings.
 
-    The variance is that of the process times the variance factor, and that of a forecast with the slot's
-    lead. The members of an ensemble are not in the file: they may add to it.
+    The variance is that of the process times the variance factor, plus that of a forecast with the lead time
+    of the slot. The members of an ensemble are not in the file; they may increase the variance.
     """
     fit, wind = _fitted(result), result.wind
     if fit is None:
@@ -84,7 +84,7 @@ def posterior_field(result: Evidence) -> Verdict | None:
 
 
 def prior(result: Evidence) -> Verdict | None:
-    """The prior mean is that of the readings, noise at least wind.noise_min; all slots share the scales."""
+    """The prior mean is the readings' mean, noise at least wind.noise_min; all slots share the scales."""
     fit = _fitted(result)
     if fit is None:
         return None
@@ -111,7 +111,7 @@ def gusts(result: Evidence) -> Verdict | None:
 
 
 def lattice(result: Evidence) -> Verdict:
-    """The nodes are evenly spaced and cover the map."""
+    """The nodes are evenly spaced and cover the map, times increase, and variances are not negative."""
     bounds, wind = np.array(result.scene["bounds"]), result.wind
     faults = []
     for c, nodes in enumerate((wind.x, wind.y)):
@@ -129,7 +129,10 @@ def lattice(result: Evidence) -> Verdict:
 
 
 def known_until(result: Evidence) -> Verdict:
-    """Slots begin at departure, no gap exceeds wind.max_gap, and only wind.hold_last holds the last one."""
+    """Slots begin at departure, no gap exceeds wind.max_gap, and the wind is known until the last slot.
+
+    With wind.hold_last it is known for wind.max_gap longer.
+    """
     wind, told = result.wind, result.settings["wind"]
     if wind.fit is None:
         return same(wind.until, math.inf)
@@ -145,7 +148,7 @@ def known_until(result: Evidence) -> Verdict:
 
 
 def level_and_leads(result: Evidence) -> Verdict:
-    """The level is that of the settings, the sample's is 10 m; no forecast is older than its time."""
+    """The level is that of the settings, or 10 m for the sample; no lead time is negative."""
     wind, told = result.wind, result.settings["wind"]
     named = "10m" if told["source"] == "sample" else wind.level
     if told["source"] in CHOSEN_LEVEL:
@@ -157,7 +160,7 @@ def level_and_leads(result: Evidence) -> Verdict:
 
 
 def forecast_error(result: Evidence) -> Verdict | None:
-    """The law of forecast errors is that of wind.forecast_error, fitted to the spread of winds of a level."""
+    """The law of forecast errors is that of wind.forecast_error, scaled to the winds' spread at the level."""
     wind = result.wind
     if wind.fit is None or wind.error is None:
         return same("no law" if wind.error is None else "a law", "no law" if wind.fit is None else "a law")
@@ -174,7 +177,7 @@ def forecast_error(result: Evidence) -> Verdict | None:
 
 
 def _named_law(result: Evidence) -> str:
-    """The law that wind.forecast_error stands for; of a source of another package, the one that is found."""
+    """The law that wind.forecast_error names; for auto with a source of another package, that of wind.nc."""
     told, law = result.settings["wind"], result.wind.error
     found = "gfs" if law is not None and law.forecast_sd.any() else "none"
     asked = str(told["forecast_error"])
@@ -182,7 +185,7 @@ def _named_law(result: Evidence) -> str:
 
 
 def _law_faults(result: Evidence, said: ErrorLaw, law: ErrorLaw, fit: Fit) -> list[str]:
-    """What differs from the file; beside an ensemble, the standard deviations of forecasts may be smaller."""
+    """Numbers that differ from the law's file; with an ensemble, forecast deviations may be smaller."""
     factor, faults = 1.0, []
     if result.wind.level != law.level:
         factor = said.spread / law.spread
@@ -209,7 +212,7 @@ def _alike(said: FloatArray, found: FloatArray) -> bool:
 
 
 def wind_metrics(result: Evidence) -> Verdict:
-    """The metrics of the wind are the attributes of wind.nc."""
+    """The metrics of the wind follow from wind.nc."""
     wind, told = result.wind, result.metrics
     pairs = dict(wind.score)
     if "wind_speed_m_s" in told:  # runs of earlier versions have none

@@ -1,4 +1,4 @@
-"""Claims about the modes of the wind's error, part by part, and about how long each part lasts."""
+"""Claims about the modes of each part of the wind's error, and about the correlations of the parts."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ from pareto_ltl.verify.wind_modes import (
 )
 from pareto_ltl.verify.wind_tables import FORECAST, PARTS, SPACE, TIME
 
-MODE = 1e-4  # the largest relative difference of two covariances; modes are kept in single precision
-SHARE = 3e-3  # the largest difference of two shares of a variance that is averaged over time
-LENGTH = 1e-2  # the largest relative difference of two correlation lengths
-LITTLE = 1e-4  # share of the variance, below which what the modes leave is rounding
+MODE = 1e-4  # largest allowed relative difference of two covariances; modes are stored in float32
+SHARE = 3e-3  # largest allowed difference of two shares of a variance that is averaged over time
+LENGTH = 1e-2  # largest allowed relative difference of two correlation lengths
+LITTLE = 1e-4  # share of the variance below which the remainder without the modes is rounding
 
 
 def mode_span(part: int, result: Evidence) -> Verdict | None:
@@ -44,7 +44,7 @@ def mode_span(part: int, result: Evidence) -> Verdict | None:
 
 
 def _span_fault(cov: PartCovariance, psi: FloatArray, k: int, probe: FloatArray) -> float:
-    """What C ψψ' and (ψψ')² differ by, and how far the trace is from that of the largest eigenvalues."""
+    """The larger relative error: of C ψψ' = (ψψ')², or of the trace as a sum of eigenvalues."""
     owner, unit = cov.owner[k], float(cov.unit[k])
     carried_by = psi @ (psi.T @ probe)
     twice = psi @ (psi.T @ carried_by)
@@ -55,7 +55,7 @@ def _span_fault(cov: PartCovariance, psi: FloatArray, k: int, probe: FloatArray)
 
 
 def matched(result: Evidence) -> Verdict | None:
-    """Modes of interpolation in space are rotated to those of the slot before."""
+    """Modes of interpolation in space are rotated to match those of the slot before."""
     modes = result.wind.modes
     if modes is None or len(modes.psi) < 2:
         return None
@@ -65,7 +65,7 @@ def matched(result: Evidence) -> Verdict | None:
 def mode_count(result: Evidence) -> Verdict | None:
     """The modes are the largest of all parts, and carry wind.energy of the variance or are wind.modes_max.
 
-    Of an ensemble only their number is judged.
+    With an ensemble only the number of modes and unused modes are judged.
     """
     modes, told = result.wind.modes, result.settings["wind"]
     if modes is None or result.wind.fit is None:
@@ -104,7 +104,7 @@ def energy(result: Evidence) -> Verdict | None:
 
 
 def rest_length(result: Evidence) -> Verdict | None:
-    """The correlation length of what the modes leave, along rows and columns of their nodes."""
+    """The correlation length of the error without the modes, along rows and columns of their nodes."""
     modes, parts = result.wind.modes, result.error_parts
     if modes is None or not parts or result.has_ensemble or result.horizon is None:
         return None

@@ -17,14 +17,14 @@ from pareto_ltl.verify.geometry import within as lies_within
 from pareto_ltl.verify.timetable import clock_of, windows_of
 
 SAMPLES = 20_000  # points of the map at which cells, parts and polygons are compared
-RELATIVE = 1e-9  # of coordinates
+RELATIVE = 1e-9  # largest allowed relative difference of two coordinates
 SIMPLIFIED = 0.002  # of the longer side of the map: how far outlines may move with scene.simplify=auto
 
 
 def drawn_map(result: Evidence) -> Verdict | None:
     """scene.json is the map of the settings: bounds, start, regions, obstacles and landmarks.
 
-    Of a map with random places, those that the settings name are in it.
+    On a map with random places only the places that the settings name are compared.
     """
     told, scene = result.settings["scene"], result.scene
     if told["file"]:
@@ -47,7 +47,7 @@ def drawn_map(result: Evidence) -> Verdict | None:
 
 
 def border(result: Evidence) -> Verdict | None:
-    """The border is what the settings say: scene.border, or with auto what the fidelity has."""
+    """The border is scene.border, or with auto that of the fidelity."""
     told = result.settings["scene"]
     if told["border"] == "auto" and told["file"]:  # the map file may name one
         return None
@@ -87,13 +87,13 @@ def _metres(told: Mapping[str, Any], corners: Any) -> FloatArray:
 
 
 def _outline(told: Mapping[str, Any], corners: Any) -> FloatArray:
-    """The same without corners that are repeated."""
+    """The outline without corners that repeat the one before."""
     points = _metres(told, corners)
     return points[np.any(points != np.roll(points, 1, axis=0), axis=1)]
 
 
 def _parts(listed: Any) -> list[FloatArray]:
-    """The outlines of a region: one is written as its corners, several as a list of them."""
+    """The outlines of a region as a list; a single outline is written as its corners."""
     several = bool(listed) and isinstance(listed[0][0], list | tuple)
     return [np.array(part, float) for part in (listed if several else [listed] if listed else [])]
 
@@ -123,7 +123,7 @@ def _only_avoided(result: Evidence, name: str) -> bool:
 def _same_region(result: Evidence, name: str, drawn: list[FloatArray], kept: list[FloatArray]) -> bool:
     """Whether two lists of outlines are one area.
 
-    On a simplified map, one that is smaller by little, or larger if the mission only keeps out of it.
+    On a simplified map it may be slightly smaller, or slightly larger if the mission only avoids it.
     """
     moved = result.scene.get("simplified", 0.0)
     if not moved and len(drawn) == len(kept) == 1:
@@ -144,7 +144,7 @@ def _edge_distance(polygons: list[FloatArray], points: FloatArray) -> FloatArray
 def _area_faults(result: Evidence, kind: str) -> Iterator[str]:
     """Obstacles or landmarks of the settings that are not in the map, and others in it.
 
-    Outlines within the bounds are kept as they are; those beyond are cut, those with many corners simplified,
+    Outlines within the bounds are unchanged; those beyond are cut, those with many corners simplified,
     landmarks that are not convex cut up: these are compared at sample points.
     """
     told, bounds = result.settings["scene"], np.array(result.scene["bounds"])
@@ -216,7 +216,7 @@ def convex_parts(result: Evidence) -> Verdict:
 
 
 def _outermost(polygons: list[FloatArray], grain: float) -> list[FloatArray]:
-    """Those of which some corner or middle of an edge lies outside each of the others."""
+    """The polygons with a corner or middle of an edge outside each of the others."""
     probes = [np.concatenate([p, 0.5 * (p + np.roll(p, -1, axis=0))]) for p in polygons]
     return [
         own
@@ -239,7 +239,7 @@ def _sample_points(result: Evidence) -> FloatArray:
 
 
 def cell_cover(result: Evidence) -> Verdict:
-    """Every place of the map lies in an obstacle or in one cell, which has the label of the place."""
+    """Every point of the map lies in an obstacle or in exactly one cell, whose label is that of the point."""
     points = _sample_points(result)
     cells = [convex(cell) for cell in result.cells["cells"]]
     depth = np.array([cell.depth(points) for cell in cells])
@@ -258,7 +258,7 @@ def cell_cover(result: Evidence) -> Verdict:
 
 
 def doors(result: Evidence) -> Verdict:
-    """Two cells have a door between them if they share a piece of an edge, and only then."""
+    """Two cells have a door if and only if they share a piece of an edge."""
     cells = [convex(cell) for cell in result.cells["cells"]]
     said = {(int(i), int(j)) for i, j in result.cells["doors"]}
     found = {pair: length for pair, length in _contacts(cells, result.grain) if pair[0] < pair[1]}
@@ -288,7 +288,7 @@ def _contacts(cells: Sequence[Convex], grain: float) -> Iterator[tuple[tuple[int
 def letters(result: Evidence) -> Verdict:
     """The automaton reads every label that the map can show, and the empty one.
 
-    With time windows it reads at least those of each step of the longest flight, and of the way to it.
+    With time windows it reads at least the letters at each step, and between steps, of the longest flight.
     """
     labels = [*(frozenset(label) for label in result.cells["labels"]), frozenset[str]()]
     table, ground, steps = result.timetable, result.ground, int(result.settings["planner"]["max_steps"])
@@ -301,9 +301,9 @@ def letters(result: Evidence) -> Verdict:
 
 
 def windows(result: Evidence) -> Verdict | None:
-    """The automaton's time windows are those of the map, and what the names of its clocks say.
+    """The automaton's time windows are those of the map, and its clocks have the times in their names.
 
-    What the map forbids is forbidden.
+    The propositions that the map forbids are forbidden in the automaton too.
     """
     said, drawn = windows_of(result.automaton.get("windows")), windows_of(result.scene.get("windows"))
     if not said and not drawn:
@@ -320,7 +320,7 @@ def windows(result: Evidence) -> Verdict | None:
 
 
 def whose_formula(result: Evidence) -> Verdict:
-    """Settings, automaton and plan name one formula."""
+    """Settings, automaton and plan name the same formula."""
     told = result.settings["mission"]
     names = {"automaton.json": result.automaton["formula"]}
     if result.has("plan.json"):
@@ -340,14 +340,14 @@ def _meaning(text: str) -> formula.Node:
 def meaning(result: Evidence) -> Verdict | None:
     """The automaton accepts exactly the words that complete the formula."""
     if result.settings["mission"]["automaton"]:
-        return None  # the mission is a file, its text no formula
+        return None  # the mission is an automaton's file; its text is not a formula
     text = result.automaton["formula"]
     word = formula.first_difference(result.dfa, text, result.automaton.get("forbidden", ()))
     return Verdict(text[:44], "the same words" if word is None else f"differ on {word}"[:44], word is None)
 
 
 def hoa(result: Evidence) -> Verdict:
-    """automaton.hoa and automaton.json are one automaton."""
+    """automaton.hoa and automaton.json hold equivalent automata."""
     text = (result.directory / "automaton.hoa").read_text(encoding="utf-8")
     other = formula.read_hoa(text, result.dfa.letters)
     agree = (
