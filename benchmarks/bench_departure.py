@@ -15,7 +15,7 @@ ROUNDS = 3
 
 
 def spent(tmp_path, *words: str) -> tuple[float, float]:
-    """Seconds on the clock and of all cores."""
+    """Elapsed seconds and CPU seconds of all cores."""
     begin, before = time.perf_counter(), os.times()
     done = call(tmp_path, *words)
     assert done.returncode == 0, done.stderr
@@ -25,10 +25,10 @@ def spent(tmp_path, *words: str) -> tuple[float, float]:
 
 
 def test_seven_starts(benchmark, tmp_path):
-    """In pairs, so that both meet the same machine; the least ratio of the rounds."""
+    """Both are measured in pairs, so that other work on the machine slows both; the least ratio counts."""
     one, seven = ("+experiment=phi2",), ("departure", "+experiment=phi2", LAST)
     for words in (one, seven):
-        call(tmp_path, *words)  # fits and code
+        call(tmp_path, *words)  # fits winds and compiles kernels
     pairs = [(spent(tmp_path, *one), spent(tmp_path, *seven)) for _ in range(ROUNDS)]
     clock, cpu = (min(b[k] / a[k] for a, b in pairs) for k in (0, 1))
     benchmark.extra_info["figures"] = [

@@ -68,7 +68,7 @@ def test_100_000_coherent_flights_of_50_steps(benchmark, windy):
 
 
 def test_one_roll_out_of_1_500_coherent_flights(benchmark, windy):
-    """As the sampled refinement makes a thousand of them."""
+    """Positions of flights whose random numbers are given; the sampled refinement needs them 1,000 times."""
     problem, u = windy
     path = propagate_controls(problem, u, problem.laws["coherent"])
     flights = draw_flights(problem, "coherent", 1_500, SeedSequence(1))

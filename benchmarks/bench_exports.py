@@ -20,7 +20,7 @@ SETTINGS = ExportsConfig(formats=list(EXPORT_FILES), altitude_lower=300.0, altit
 
 @pytest.fixture(scope="module")
 def planned():
-    """A plan of phi2 in the winds of the sample, as it is by default."""
+    """A plan of phi2 in the winds of the sample with default settings."""
     return pareto_ltl.plan("phi2", MISSIONS["phi2"], robot={"dt": 1800.0})
 
 
@@ -35,7 +35,7 @@ def test_all_formats_of_a_plan(benchmark, planned, tmp_path):
 
 
 def test_what_is_exported_of_a_plan(benchmark, planned):
-    """Navigation log, corridors from 2,000 flights, and as many flights that hold their positions."""
+    """Navigation log, corridors from 2,000 flights, and 2,000 flights that hold their course."""
     arguments = (SETTINGS, "phi2", "10m", planned.problem, planned.plan, SeedSequence(1))
     benchmark.extra_info["budget"] = 0.25
     exported = benchmark.pedantic(exported_plan, arguments, rounds=10, warmup_rounds=1)

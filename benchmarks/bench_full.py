@@ -138,7 +138,7 @@ def nbytes(record: object) -> int:
 
 
 def test_growth_without_v_and_r(benchmark, mission):
-    """Their cost in the profile: the same trees with no obstacle and no label to look at."""
+    """Time without collision and label tests: the same trees on a map without obstacles and regions."""
     world = mission.world
     unseen, none = world.mission.labelled._replace(cell=np.empty(0, np.int64)), pack_faces([])
     bare = replace(
@@ -174,7 +174,7 @@ def test_judging_paths_by_4000_common_flights(benchmark, mission, paths):
 
 
 def test_judging_hundreds_of_paths(benchmark, mission):
-    """The race drops most of what a forest finds early; bounds of those that are left come with it."""
+    """The race drops most paths of a forest early; the bounds of the remaining paths are included."""
     forest = growth.grow_forest(PlannerConfig(), mission, SeedSequence(0))
     found = forest.accepted[:300]
     many = [evaluate_path(mission, forest.trees[j].path(v), f"{j} {v}", tight=False) for j, v in found]

@@ -51,7 +51,7 @@ def test_ten_trees_on_two_threads(benchmark, problem):
 
 
 def test_time_a_vertex_at_a_million(benchmark, problem):
-    """Time per vertex at 10^6 vertices over that at 10^4; takes minutes if the budget is exceeded."""
+    """Time per vertex at 10^6 vertices divided by that at 10^4; takes minutes if the budget is exceeded."""
     small = PlannerConfig(trees=1, n_max=10_000)
     large = PlannerConfig(trees=1, n_max=1_000_000)
     few = max(speed(growth.grow_forest(small, problem, SeedSequence(seed))) for seed in range(3))

@@ -1,7 +1,7 @@
-"""How close a default run comes to the best known front (``best_known.json``, ``search_best_known.py``).
+"""Fronts of default runs against the best known fronts (``best_known.json``, ``search_best_known.py``).
 
-For each mission and border: the ratio of the failure rates at equal length, and the hypervolume over that of
-the best known front. Rates are those of flights that neither search has seen.
+For each mission and border: the ratio of the failure rates at equal length, and the ratio of the
+hypervolumes. Rates are from flights that neither search has used.
 """
 
 from __future__ import annotations

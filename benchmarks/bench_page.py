@@ -26,14 +26,14 @@ FLAGS = (
 
 @pytest.fixture(scope="module")
 def result(tmp_path_factory):
-    """A run of phi2 as it is by default, with its page."""
+    """A run of phi2 with default settings, with its page."""
     place = tmp_path_factory.mktemp("page") / "phi2"
     pareto_ltl.plan("phi2", MISSIONS["phi2"], robot={"dt": 1800.0}, out=place)
     return place
 
 
 def test_page_is_written(benchmark, result, tmp_path):
-    """All points flown 500 times, rendered and written; records are there, as at the end of a run."""
+    """500 flights of each point, rendering and writing; the records exist, as at the end of a run."""
     shown = shown_results(load_results(result))
     benchmark.extra_info["budget"] = 2.0
     path = benchmark.pedantic(write_page, (tmp_path / "report.html", shown), rounds=5, warmup_rounds=1)
@@ -48,7 +48,7 @@ def test_page_is_rendered(benchmark, result):
 
 @pytest.mark.skipif(CHROMIUM is None, reason="chromium is not installed")
 def test_page_is_opened_to_its_first_picture(benchmark, result):
-    """From the address to the map, in a browser that runs already; without a network, from a disk."""
+    """Time from the address to the drawn map, in a browser that runs already; the file is on a local disk."""
     from playwright.sync_api import sync_playwright
 
     benchmark.extra_info["budget"] = 2.0

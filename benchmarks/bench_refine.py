@@ -1,6 +1,6 @@
 """Budgets of the sampled refinement, on the real sample of winds: margins, one cone programme, one polish.
 
-Times are those of one core, whatever else the machine does.
+Times are CPU times of one core, so that other work on the machine counts little.
 
 python -m pytest benchmarks/bench_refine.py
 """
@@ -63,7 +63,7 @@ def task(request):
 
 
 def how(problem):
-    """A first look at a start."""
+    """The first evaluation of a start."""
     return Polish(tuple(share * float(np.ptp(problem.scene.bounds[:, 0])) for share in COARSE), 1, 4)
 
 

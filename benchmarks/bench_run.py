@@ -49,7 +49,7 @@ def test_whole_run(benchmark, tmp_path, mission, fidelity):
 
 @pytest.mark.parametrize("fidelity", ["paper", "full"])
 def test_cold_start(benchmark, tmp_path, fidelity):
-    """The first run of a user less the second: kernels compiled, winds fitted."""
+    """Seconds of a user's first run minus those of the second: compiling kernels and fitting winds."""
     empty = {"PARETO_LTL_CACHE": str(tmp_path / "cache"), "NUMBA_CACHE_DIR": str(tmp_path / "kernels")}
     call(tmp_path, "+experiment=phi2", "planner.trees=-1")  # writes .pyc files, which an installation has
     spent: list[tuple[float, float]] = []
@@ -92,7 +92,7 @@ def test_configuration_error(benchmark, tmp_path):
 
 @dataclass
 class Memory:
-    """Largest sum of what this program's children and their children hold [bytes], while it is asked for."""
+    """Largest sum of the memory of this program's child processes and their children [bytes], by sampling."""
 
     peak: float = 0.0
 
@@ -109,7 +109,7 @@ class Memory:
 
 @pytest.mark.parametrize("fidelity", ["paper", "full"])
 def test_memory_of_a_run(benchmark, tmp_path, fidelity):
-    """Of the run and of the process that draws its figures; pages that both use count twice."""
+    """Memory of the run and of the process that draws its figures; shared pages count twice."""
     words = (tmp_path, "+experiment=phi2", f"fidelity={fidelity}")
     call(*words)  # compiles
     memory, ended = Memory(), Event()

@@ -83,7 +83,7 @@ def test_a_warm_convex_solve(benchmark, long):
 
 @pytest.mark.parametrize("weights", [(10.0,), (100.0, 10.0, 1.0)], ids=["one weight", "three weights"])
 def test_a_path_of_100_steps_past_10_obstacles(benchmark, long, weights):
-    """Everything that one tree path goes through: pulled, walked, bent, shortened, bent again."""
+    """All steps of smoothing one path of a tree: pulled, walked, bent, shortened, bent again."""
     task, paths, shared, _ = long
 
     def in_all():

@@ -1,4 +1,4 @@
-"""Whether plans that are refined in one wind law fail less in others, too.
+"""Comparison: do plans that are refined under one wind law also fail less under other laws?
 
     python benchmarks/compare_laws.py [phi1 phi2] [--border open]
 
@@ -42,7 +42,7 @@ def laws(settings: Settings) -> dict[str, Settings]:
 
 
 def plans(name: str, border: str, seed: int) -> dict[str, PlannedPath]:
-    """The plan of a default run, the same as short as that of the paper's method, and that one."""
+    """Plans of a default run, of its front no longer than the paper's plan, and of the paper's method."""
     run = benchmark_run(name, border, seed)
     paper = paper_run(run).make(PLAN).path
     front = run.make(FRONT)
@@ -55,7 +55,7 @@ def plans(name: str, border: str, seed: int) -> dict[str, PlannedPath]:
 
 
 def failure(problem: Problem, path: PlannedPath, dt: float) -> float:
-    """Share of failed flights of a path that was planned in steps of ``dt`` [s]."""
+    """Share of failed flights of a path that was planned with steps of ``dt`` [s]."""
     parts = round(dt / problem.motion.dt)
     u = np.repeat(path.u, parts, axis=0)
     at = np.arange(len(u) + 1) / parts

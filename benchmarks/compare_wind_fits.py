@@ -1,4 +1,4 @@
-"""How well fits of the wind predict nodes that they did not see: the comparison behind the defaults.
+"""Errors of wind fits at nodes that were not used in the fit: the comparison behind the default settings.
 
     python benchmarks/compare_wind_fits.py DIR [--readings 120] [--seeds 4]
 

@@ -1,10 +1,10 @@
-"""What more readings are worth: winds near a map, predicted from more and more others.
+"""Accuracy of a wind fit against its number of readings: winds near a map are predicted from others.
 
     python benchmarks/compare_wind_thinning.py SOURCE FILE [--level 10m]
 
 SOURCE is ``grib``, ``netcdf`` or ``stations``. Of the readings near the map of phi1, at the time that has
-most of them, a share ``WITHHELD`` of those in the map is kept out; of the others 75, 150, ... are chosen as a
-run does (``wind.max_points``) and fitted. Of each number, over ``SPLITS`` such choices: mean negative log
+most of them, a share ``WITHHELD`` of those in the map is withheld; of the others 75, 150, ... are chosen as a
+run does (``wind.max_points``) and fitted. For each number, over ``SPLITS`` such choices: mean negative log
 predictive density of a value (NLPD), root mean square error, share within 90 % intervals, CPU seconds.
 """
 
@@ -41,7 +41,7 @@ def near_map(cfg: WindConfig) -> tuple[FloatArray, FloatArray]:
 
 
 def judged(places: FloatArray, winds: FloatArray, own: IntArray, out: IntArray) -> FloatArray:
-    """NLPD, rms error, coverage and CPU seconds of a fit to ``own`` readings, at those kept ``out``."""
+    """NLPD, rms error, coverage and CPU seconds of a fit to ``own`` readings, at the withheld ``out``."""
     begin = time.process_time()
     seen = WindObservations(np.zeros(1), (places[own],), (winds[own],), "")
     fit = fit_posterior(WindConfig(), seen, BOUNDS)

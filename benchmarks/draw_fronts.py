@@ -2,8 +2,8 @@
 
     python benchmarks/draw_fronts.py docs/images [--seeds 4]
 
-All paths are judged by coherent flights that no search has seen, with the border open, as in the paper, and
-as a wall.
+All paths are judged by coherent flights that no search has used, with the border open, as in the paper, and
+with the border as a wall.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ def full_front(name: str, border: str, seed: int) -> FloatArray:
 
 
 def paper_front(name: str, border: str, seed: int) -> FloatArray:
-    """The same of the paper's method, whose paths are then flown in coherent winds."""
+    """Lengths [m] and failure rates of the paper's method; its paths are then flown in coherent winds."""
     run = benchmark_run(name, border, seed)
     problem, front = run.make(PROBLEM), paper_run(run).make(FRONT)
     rows = []

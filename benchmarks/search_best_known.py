@@ -1,11 +1,11 @@
-"""A slow, wide search for the best front there is, kept as ``best_known.json`` for ``bench_optimality``.
+"""A slow, wide search for the best front, written to ``best_known.json`` for ``bench_optimality``.
 
     python benchmarks/search_best_known.py phi1 phi2 --border open --minutes 5
     python benchmarks/search_best_known.py random0 random1 random2 random3 random4 random5 --minutes 4
 
 Many starts (the trees of four seeds, taut lines, other sides), then random changes of the best path at each
 length: another number of steps, a bump, other times, polished on more flights than a run has. Rates are
-those of 20,000 flights that no search has seen.
+those of 20,000 flights that no search has used.
 """
 
 from __future__ import annotations

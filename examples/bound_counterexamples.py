@@ -1,4 +1,4 @@
-"""Two missions on which Theorem 2 of the paper bounds too little, and the ordered bound does not.
+"""Two missions for which f_o of Theorem 2 is below the true risk; the ordered bound is not.
 
 1. ``F(a & F b)``, b crossed on the way to a: the theorem takes the best of all visits to b, the early one
    included, though only a visit after a counts.
@@ -28,7 +28,7 @@ def square(west, south, side):
 
 
 def line(*corners):
-    """Positions along straight legs, 1 km a step; corners in kilometres."""
+    """Positions (T+1, 2) [m] along straight legs, 1 km per step; corners in kilometres."""
     legs = [np.array(corners[:1], float)]
     for start, end in zip(np.array(corners[:-1]), np.array(corners[1:]), strict=True):
         share = np.linspace(0, 1, round(float(np.linalg.norm(end - start))) + 1)[1:, None]
@@ -37,7 +37,7 @@ def line(*corners):
 
 
 def judge(formula, regions, path):
-    """Both bounds of ``path``, and how often it fails in winds of 1 m/s drawn anew every 100 s."""
+    """Both bounds of ``path``, and its failure rate in winds of 1 m/s that are independent every 100 s."""
     scene = Scene(KM * np.array([[0.0, 0.0], [20.0, 20.0]]), path[0], regions)
     still, gusts = np.zeros((1, 2, 2, 2)), np.ones((1, 2))
     wind = WindField(np.zeros(2), 20 * KM, np.zeros(1), still, still, gusts, until=np.inf)

@@ -1,4 +1,4 @@
-"""Plan once, look at the front, and take another of its points: no second search."""
+"""Plan once, read the front, and choose another of its points without a second search."""
 
 import pareto_ltl
 

@@ -1,4 +1,4 @@
-"""The published planner and ours on the same mission, flown in the same coherent winds."""
+"""The planner of the paper and the default planner on the same mission, flown in the same coherent winds."""
 
 import pareto_ltl
 

@@ -1,4 +1,4 @@
-"""Visit a, then b, across the winds of 9 October 2018; then fly the plan 500 times."""
+"""Plan a visit to a, then to b, in the winds of 9 October 2018; then simulate 500 flights of the plan."""
 
 import pareto_ltl
 

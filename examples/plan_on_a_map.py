@@ -1,4 +1,4 @@
-"""Plan on a GeoJSON map, keep everything in a results directory, and read it back."""
+"""Plan on a GeoJSON map, write a results directory, and read it again."""
 
 from pathlib import Path
 

@@ -1,9 +1,9 @@
-"""Send a plan to an autopilot that flies by heading and airspeed: wind, airspeed and heading of each leg.
+"""Send wind, airspeed and heading of each leg of a plan to an autopilot that can fly by them.
 
     pip install pymavlink
     python examples/send_mavlink.py mavlink_script.json --to udpout:127.0.0.1:14550
 
-Without arguments a plan is made first, and its messages are encoded and printed, not sent.
+Without arguments the script makes a plan first, then encodes and prints its messages; it sends nothing.
 """
 
 from __future__ import annotations

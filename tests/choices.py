@@ -1,4 +1,4 @@
-"""Every combination of independent models plans a tiny mission, and each vertex costs what its path does.
+"""Plan a tiny mission with every combination of models, and compare each vertex's costs with its path's.
 
 Run uncompiled by ``planning/test_choices.py``, because each combination would compile for half a minute:
 
@@ -44,7 +44,7 @@ def tiny_problem(law: str, mission_bound: str, collision_bound: str, parents: st
 
 
 def check_choice(problem: Problem) -> str:
-    """Grow a forest and check all its vertices; what there was to check, in words."""
+    """Grow a forest and check all its vertices; return a text of what was checked."""
     forest = grow_forest(PLANNER, problem, SeedSequence(3))
     for tree in forest.trees:
         for v in range(len(tree)):
@@ -79,7 +79,7 @@ def check_vertex(problem: Problem, tree: Tree, v: int) -> None:
 
 
 def check_collision(problem: Problem, x: FloatArray, column: float) -> None:
-    """The column is what the steps add greedily, and never below R with the reflection trusted."""
+    """The column is the greedy sum over steps, and never below R under the reflection principle."""
     bound, flight = problem.world.collision, propagate(problem, x)
     memory = collision_memory(bound, 2)
     before, added = None, 0.0
@@ -95,7 +95,7 @@ def check_collision(problem: Problem, x: FloatArray, column: float) -> None:
 
 
 def gaussian(x: FloatArray, cov: FloatArray) -> kernel.Gaussian:
-    """One position as kernels read it."""
+    """One position in the form that kernels take."""
     from pareto_ltl.kernels.data import Cov, Point
 
     return kernel.Gaussian(Point(*x.tolist()), Cov(*cov.tolist()))

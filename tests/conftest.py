@@ -1,4 +1,4 @@
-"""What all tests share: no deadline on compiled code, the same examples every time, a cache of their own."""
+"""Settings of all tests: no deadline for compiled code, the same examples every time, a separate cache."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ settings.load_profile("house")
 
 @pytest.fixture(scope="session", autouse=True)
 def _own_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """Keep test fits out of the user's cache; pytest's processes share them."""
+    """Give tests their own cache, shared by pytest's processes, instead of the user's."""
     before = os.environ.get("PARETO_LTL_CACHE")
     folder = tmp_path_factory.getbasetemp()
     if "PYTEST_XDIST_WORKER" in os.environ:
@@ -36,7 +36,7 @@ def _own_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
 
 @pytest.fixture(autouse=True)
 def _own_log_handlers() -> Iterator[None]:
-    """Handlers that tests give the root logger end with them: they write into captured streams."""
+    """Remove handlers that a test adds to the root logger: they write into captured streams."""
     root = logging.getLogger()
     for handler in list(root.handlers):
         if getattr(getattr(handler, "stream", None), "closed", False):
@@ -50,7 +50,7 @@ def _own_log_handlers() -> Iterator[None]:
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
-    """With ``-n``, tests of a file stay in one process, which makes its fixtures once, while both work."""
+    """With ``-n``, run the tests of a file in one process, which makes the fixtures of the file once."""
     from xdist.scheduler import WorkStealingScheduling
 
     return WorkStealingScheduling(config, log) if config.getoption("dist") == "load" else None

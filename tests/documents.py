@@ -1,4 +1,4 @@
-"""Commands and code in the documents, as a reader would copy them."""
+"""Commands and code blocks of the documents, in the form that a reader would copy."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ INDENTED = re.compile(r"(?:^|(?<=\n\n))(?: {4}[^\n]*(?:\n|$)|\n(?= {4}))+")
 
 @dataclass(frozen=True)
 class Block:
-    """A block of code: the language of its fence, ``""`` where it has none, and its lines."""
+    """A block of code: the language of its fence, ``""`` without one, and its lines."""
 
     language: str
     code: str
 
 
 def code_blocks(document: Path) -> list[Block]:
-    """The fenced and the indented blocks of a document; not those of the list items and comments in it."""
+    """The fenced and the indented blocks of a document, without those in list items and comments."""
     text = document.read_text(encoding="utf-8")
     fenced = [Block(found["language"], found["code"]) for found in FENCE.finditer(text)]
     rest = FENCE.sub("", text)
@@ -38,7 +38,7 @@ def code_blocks(document: Path) -> list[Block]:
 
 
 def shell_commands(document: Path) -> list[list[str]]:
-    """The words after ``pareto-ltl`` of every command in a document, in their order, comments left out."""
+    """The words after ``pareto-ltl`` of every command in a document, in order, without comments."""
     blocks = [
         block.code.replace("\\\n", " ") for block in code_blocks(document) if block.language in ("", "sh")
     ]

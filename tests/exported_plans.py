@@ -1,4 +1,4 @@
-"""A small plan with all its files, and how far from it places and times of a file are."""
+"""A small plan with all its files, and differences between the plan and places and times of a file."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ SETTINGS = ExportsConfig(formats=list(EXPORT_FILES), flights=1000, altitude_lowe
 
 @dataclass(frozen=True)
 class Flown:
-    """The plan, the problem that it solves, what is exported of it and where the files are."""
+    """The plan, the problem that it solves, the exported values and the folder of the files."""
 
     result: pareto_ltl.PlanningResult
     exported: ExportedPlan

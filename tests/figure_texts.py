@@ -1,4 +1,4 @@
-"""What figures and pages say about probabilities: every number beside its wind law, none rounded away."""
+"""Checks of probabilities in figures and pages: each names its wind law, and none is rounded to 0."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The verdict on positions, shared by the suites of simulation: what a flight along them comes to."""
+"""Whether given positions complete the mission, shared by the suites of simulation."""
 
 from __future__ import annotations
 

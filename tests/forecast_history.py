@@ -24,7 +24,7 @@ NODES = np.column_stack([LON.ravel(), LAT.ravel()])
 
 @lru_cache
 def _root(length: float) -> FloatArray:
-    """Root of the Matern-3/2 correlation between the nodes, written out here a second time."""
+    """Square root of the Matern-3/2 correlation between the nodes, independent of the package's code."""
     sphere = on_sphere(NODES)
     angle = np.arccos(np.clip(sphere @ sphere.T, -1.0, 1.0))
     r = np.sqrt(3.0) * EARTH * angle / length

@@ -1,6 +1,6 @@
 """Digests and numbers of reference runs, kept in ``golden.json`` and checked by ``test_golden.py``.
 
-After a change that is meant to change results, make them anew and say why in the commit:
+After a change that is meant to change results, write the file again and give the reason in the commit:
 
     python tests/golden.py
 """
@@ -31,7 +31,7 @@ LIBRARIES = ("numpy", "scipy", "numba", "cvxpy", "clarabel", "moocore", "pyproj"
 
 
 def fingerprint() -> dict[str, str]:
-    """What the last bit of a result depends on: processor, mathematics library, versions."""
+    """Properties that affect the last bit of a result: processor, mathematics library, versions."""
     import llvmlite.binding as llvm
 
     machine = {
@@ -79,7 +79,7 @@ def numbers(directory: Path) -> dict[str, list[float]]:
 
 
 def reference() -> Mapping[str, Any]:
-    """What ``golden.json`` holds: the fingerprint of its machine, and each case's digests and numbers."""
+    """Content of ``golden.json``: the fingerprint of its machine, and each case's digests and numbers."""
     kept: Mapping[str, Any] = json.loads(KEPT.read_text())
     return kept
 

@@ -1,4 +1,4 @@
-"""A straight way through a landmark, shared by the suites of planning and simulation."""
+"""A straight path through a landmark, shared by the suites of planning and simulation."""
 
 from __future__ import annotations
 

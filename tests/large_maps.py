@@ -15,7 +15,7 @@ MEGABYTE = 1e6
 
 
 class Waiting(NamedTuple):
-    """What a line knows of a path: places to bend at, and the covariance at each step."""
+    """Data of a path for a taut line: places to bend at, and the covariance at each step."""
 
     x: FloatArray
     cov: FloatArray
@@ -24,7 +24,7 @@ class Waiting(NamedTuple):
 def many_discs(
     count: int, seed: int, radius: tuple[float, float], gap: float = 0.15, corners: int | None = None
 ) -> list[FloatArray]:
-    """Convex polygons in discs [km] that keep apart from each other, the start and two regions.
+    """Convex polygons in discs [km] that do not touch each other, the start or two regions.
 
     They have 5 to 8 corners, or the number asked for.
     """
@@ -50,7 +50,7 @@ def rough_disc(
     roughness: float = 0.02,
     seed: int = 0,
 ) -> FloatArray:
-    """A disc whose rim waves and jitters, so that it is not convex; kilometres in, metres out."""
+    """A disc with a wavy, irregular outline, so that it is not convex; kilometres in, metres out."""
     rng = np.random.default_rng(seed)
     angle = 2 * np.pi * np.arange(corners) / corners
     waves = sum(rng.normal() / k * np.cos(k * angle + rng.uniform(0, 6)) for k in range(2, 12))

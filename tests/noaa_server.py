@@ -1,4 +1,4 @@
-"""A local server that stands for NOAA's archives, with every fault that a network can have."""
+"""A local server in place of NOAA's archives, with the faults that a network can have."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from typing import Any
 
 @dataclass
 class NoaaServer:
-    """Files by path, and what goes wrong with which of the requests for a path.
+    """Files by path, and the fault of each request for a path.
 
     ``fault(path, count)`` names the fault of the ``count``-th request (from 1): None, a status, ``html``,
     ``whole`` (no ranges), ``cut`` (the connection ends in the middle), ``slow``, ``drop`` (no answer), or a

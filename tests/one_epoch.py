@@ -1,4 +1,4 @@
-"""Automata without time windows, as kernels read them."""
+"""Automata without time windows, in the form that kernels take."""
 
 from __future__ import annotations
 

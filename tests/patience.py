@@ -1,4 +1,4 @@
-"""How long a test waits for another process before it counts as hanging."""
+"""Time after which a test stops waiting for another process and fails."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Small missions in hand-made winds, shared by the suites of the planner.
+"""Small missions in simple made-up winds, shared by the suites of the planner.
 
 The default robot flies 10 m/s in steps of 100 s, so a step in still air is 1 km; maps are tens of km wide.
 """
@@ -92,7 +92,7 @@ def rough_wind(
     nodes: int = 9,
     seed: int = 0,
 ) -> WindField:
-    """Different in every node and slot, ``hours`` apart; no symmetry that could hide a swapped index."""
+    """A wind that differs in every node and slot, ``hours`` apart: a swapped index changes every value."""
     rng = np.random.default_rng(seed)
     width = float((scene.bounds[1] - scene.bounds[0]).max())
     shape = (slots, nodes, nodes + 1, 2)
@@ -171,9 +171,9 @@ def make_problem(
     ball: float = 2.0,
     fidelity: str | FidelityConfig = "paper",
 ) -> Problem:
-    """Scene, wind and formula as one bundle, through the real decomposition and the real translator.
+    """A problem of scene, wind and formula, made by the package's own decomposition and translation.
 
-    ``fidelity`` names a preset or is a choice of models of its own.
+    ``fidelity`` names a preset or is a choice of models.
     """
     decomposition = workspace.decompose(scene)
     return build_problem(
@@ -194,7 +194,7 @@ def make_problem(
 
 
 def two_goals(formula: str = "F(a & F b)", **changes: object) -> Problem:
-    """Two regions and two obstacles in the way, in a rough wind; one to three hundred vertices do."""
+    """Two regions with two obstacles between, in a rough wind; 100 to 300 vertices are enough."""
     scene = make_scene(
         {"a": box(13, 2, 17, 6), "b": box(3, 13, 7, 17)},
         [box(7, 0.5, 9, 6), box(10, 10, 14, 13)],
@@ -254,7 +254,7 @@ def random_covariances(rng: np.random.Generator, n: int, scale: float) -> FloatA
 
 
 def chi_square_chance(counts: FloatArray, expected: FloatArray) -> float:
-    """P(a fair sample deviates more), for counts of disjoint bins that hold every draw."""
+    """p value of the counts of disjoint bins that contain every draw."""
     from scipy.stats import chi2
 
     return float(chi2.sf(((counts - expected) ** 2 / expected).sum(), len(counts) - 1))

@@ -41,7 +41,7 @@ def settings(**changes: Any) -> Settings:
 
 
 def world(cfg: Settings) -> Records:
-    """What the stages before a study make."""
+    """The results of the stages before a study."""
     scene = make_scene(
         {"a": box(13, 2, 17, 6), "b": box(3, 13, 7, 17)}, [box(9, 8, 12, 11)], start=(2.0, 3.0)
     )

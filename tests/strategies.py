@@ -1,7 +1,7 @@
 """Hypothesis strategies for polygons, maps and formulas, shared by the suites.
 
-Two kinds of map: ``scenes`` has outlines anywhere, overlapping at will; ``lattice_scenes`` has all
-corners on a small lattice, so that outlines touch, share edges and go straight on all the time.
+Two kinds of map: ``scenes`` has outlines anywhere, which may overlap; ``lattice_scenes`` has all corners on a
+small lattice, so that outlines often touch, share edges and have corners of 180 degrees.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ def _circle(angles: FloatArray, radii: FloatArray) -> FloatArray:
 
 @st.composite
 def star_polygons(draw, centre=None, least=20.0, most=250.0, corners=12) -> FloatArray:
-    """Simple polygon (n, 2), counter-clockwise, that its centre sees all of; mostly not convex."""
+    """Simple polygon (n, 2), counter-clockwise, star-shaped about its centre; mostly not convex."""
     n = draw(st.integers(3, corners))
     jitter = np.array(draw(st.lists(st.floats(-0.35, 0.35), min_size=n, max_size=n)))
     radii = np.array(draw(st.lists(st.floats(least, most), min_size=n, max_size=n)))
@@ -48,7 +48,7 @@ def _points():
 
 
 def _within_bounds(polygons: list[FloatArray], side: float = SIDE) -> list[FloatArray]:
-    """The largest part of each polygon in the map, as reading a scene leaves them."""
+    """The largest part of each polygon within the map, as after reading a scene."""
     clipped = (shapely.intersection(shapely.Polygon(p), shapely.box(0, 0, side, side)) for p in polygons)
     largest = [max(shapely.get_parts(c), key=shapely.area, default=None) for c in clipped]
     kept = [p for p in largest if p is not None and p.area > 1e-3 * side]
@@ -57,7 +57,7 @@ def _within_bounds(polygons: list[FloatArray], side: float = SIDE) -> list[Float
 
 @st.composite
 def scenes(draw, obstacles=5, regions=3) -> Scene:
-    """A square map with obstacles and regions anywhere, overlapping at will."""
+    """A square map with obstacles and regions anywhere, which may overlap."""
     shapes = st.one_of(star_polygons(), convex_polygons())
     walls = _within_bounds(draw(st.lists(shapes, max_size=obstacles)))
     places = _within_bounds(draw(st.lists(shapes, min_size=1, max_size=regions)))
@@ -99,7 +99,7 @@ def lattice_polygons(draw, side=8) -> FloatArray:
 
 
 def _scene(walls: list[FloatArray], places: list[FloatArray], side: float) -> Scene:
-    """The start lies in free space; maps without any are left out."""
+    """The start lies in free space; maps without free space are left out."""
     free = shapely.box(0, 0, side, side) - shapely.union_all([shapely.Polygon(w) for w in walls])
     assume(free.area > 1e-3 * side**2)
     largest = max(shapely.get_parts(free), key=shapely.area)

@@ -1,4 +1,4 @@
-"""The environment of a process that coverage does not measure: tracing is slow and writes its own files."""
+"""The environment of a process without coverage measurement, which is slow and writes its own files."""
 
 from __future__ import annotations
 

@@ -2,5 +2,5 @@
 
 make peers
 
-Each peer has an environment of its own (``requirements-PEER.txt``); one that is missing is left out.
+Each peer has its own environment (``requirements-PEER.txt``); a peer that is not installed is left out.
 """

@@ -1,4 +1,4 @@
-"""A peer as a child process: one JSON object a line each way."""
+"""A peer as a child process: one JSON object per line in each direction."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ HERE = Path(__file__).parent
 
 
 class Peer:
-    """A script of this folder under the Python of its own environment."""
+    """A script of this folder, run by the Python of its own environment."""
 
     def __init__(self, name: str, environments: Path) -> None:
         self.name = name
@@ -28,7 +28,7 @@ class Peer:
         )  # fmt: skip
 
     def ask(self, **request: Any) -> dict[str, Any]:
-        """The answer to ``request``. Raises RuntimeError with the end of the peer's errors if it stops."""
+        """The answer to ``request``. Raises RuntimeError with the peer's last error output if it stops."""
         assert self.process.stdin is not None
         assert self.process.stdout is not None
         self.process.stdin.write(json.dumps(request) + "\n")
@@ -47,7 +47,7 @@ class Peer:
 
 
 def missing(name: str, environments: Path) -> str | None:
-    """One line that says what to install for the peer; None if all is there."""
+    """One line that says what to install for the peer; None if everything is installed."""
     if not (environments / name / "bin" / "python").exists():
         return f"{name}: not in {environments / name}, left out; to install it: make build/peers/{name}"
     if name == "mona" and shutil.which("mona") is None:

@@ -38,16 +38,16 @@ def disjoint(names: list[str]) -> list[frozenset[str]]:
 
 
 def never_two(names: list[str]) -> str:
-    """The formula that no two places are ever visited at once, which only finite words can promise."""
+    """The formula that no two places are ever visited at once; over infinite words it is not co-safe."""
     pairs = [f"(!{a} | !{b})" for i, a in enumerate(names) for b in names[i + 1 :]]
     return f"G({' & '.join(pairs)})"
 
 
 def logic_cases() -> Iterator[tuple[str, str, list[frozenset[str]] | None, str, int]]:
-    """Name, our formula and letters, MONA's formula, and the states that MONA has beyond ours.
+    """Name, our formula and letters, MONA's formula, and the number of states that MONA has in addition.
 
-    MONA's first state only reads the free variables. Over disjoint places it also has a trap for letters that
-    cannot occur, which are none of ours.
+    MONA's first state only reads the free variables. Over disjoint places it also has a trap state for
+    letters that cannot occur; our automata have no such letters.
     """
     ten, twelve = [f"p{i}" for i in range(10)], [f"p{i}" for i in range(12)]
     phi1, phi2 = "F(a & F b & F c)", "F(a & F(b & F c)) | F(a & F(d & F c))"
@@ -80,7 +80,7 @@ def compare_logic(mona: Peer | None, repeats: int) -> Figures:
 
 
 def ompl_mission(ompl: Peer, name: str, scene: Figures, planner: str, seconds: float | None) -> Figures:
-    """The shorter of the two orders, leg by leg, each leg from where the one before ended.
+    """The shorter of the two orders, leg by leg; each leg starts where the one before ended.
 
     Every leg gets an equal share of ``seconds``. Without ``seconds``: the first path of the first order.
     """
@@ -127,7 +127,7 @@ def compare_missions(peers: dict[str, Peer], repeats: int) -> Figures:
 def repeat_mission(
     peers: dict[str, Peer], mission: Mission, scene: Figures, case: Figures, seed: int
 ) -> None:
-    """One repetition of everybody, added to ``case``."""
+    """One repetition of all planners, added to ``case``."""
     case["first"].append(finite(mission.first_path(seed)))
     case["plan"].append({key: finite(value) for key, value in mission.plan(seed).items()})
     if "ompl" in peers:

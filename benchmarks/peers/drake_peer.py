@@ -1,6 +1,6 @@
 """Drake's side: a mission as a shortest path in a graph of convex sets; runs in Drake's environment.
 
-The graph is the product of the cells of the map with the ways through the automaton: one copy of all free
+The graph is the product of the cells of the map with the paths through the automaton: one copy of all free
 cells for each leg, joined in the cells of the region where the leg ends. Paths are straight in each cell. The
 convex relaxation is solved by Clarabel, then rounded: the length is that of the best rounded path.
 """

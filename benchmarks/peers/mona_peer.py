@@ -25,7 +25,7 @@ def children() -> float:
 def translation(text: str) -> dict[str, Any]:
     """States, and CPU time of ltlf2dfa with MONA (``through``) and of MONA alone on its file (``alone``).
 
-    ltlf2dfa stops at MONA's output: its own text of the automaton, made with sympy, takes far longer.
+    ltlf2dfa is stopped at MONA's output: its own text of the automaton, made with sympy, takes far longer.
     """
     began, before = time.process_time(), children()
     formula = LTLfParser()(text)

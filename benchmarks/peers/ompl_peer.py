@@ -1,8 +1,8 @@
 """OMPL's side: one leg of a mission, from a point into a polygon; runs in OMPL's environment.
 
-The collision test is one call of compiled Python code for each motion. Budgets are CPU time. Two limits of
-OMPL 2.0.1 are kept to: with metres AORRTC "failed to find any neighbours", so the unit is 100 km; and with
-more than one goal state it does not return, so its goal is the nearest point of the region.
+The collision test is one call of compiled Python code for each motion. Budgets are CPU time. AORRTC in OMPL
+2.0.1 has two limits: with metres it "failed to find any neighbours", so the unit is 100 km; and with more
+than one goal state it does not return, so its goal is the nearest point of the region.
 """
 
 from __future__ import annotations
@@ -157,7 +157,7 @@ class Map:
 
 
 def outline_points(polygon: np.ndarray) -> np.ndarray:
-    """Points on the outline of a convex polygon, drawn in by half a per cent, at equal distances."""
+    """Points at equal distances on the outline of a convex polygon that is shrunk by half a per cent."""
     inner = polygon.mean(axis=0) + 0.995 * (polygon - polygon.mean(axis=0))
     closed = np.vstack([inner, inner[:1]])
     along = np.append(0.0, np.cumsum(np.hypot(*np.diff(closed, axis=0).T)))

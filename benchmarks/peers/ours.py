@@ -44,7 +44,7 @@ class Mission:
         return cls(name, settings, run.records)
 
     def first_path(self, seed: int) -> float:
-        """CPU time to the first path of one tree [s], with all that growth prepares; inf if there is none."""
+        """CPU time to the first path of one tree [s], with preparation of growth; inf if there is none."""
         cfg = PlannerConfig(trees=1, n_max=20_000, threads=1)
         options = GrowthOptions(stop_at_first=True)
         began = time.process_time()

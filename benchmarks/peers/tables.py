@@ -17,7 +17,7 @@ Figures = dict[str, Any]
 
 
 class Row(NamedTuple):
-    """One figure of ours beside that of a peer, by repetition; inf where a run has no result."""
+    """One figure of ours and of a peer for each repetition; inf if a run has no result."""
 
     case: str
     figure: str
@@ -91,7 +91,7 @@ def mission_rows(name: str, case: Figures) -> Iterator[Row]:
 
 
 def length_after(seconds: float, plan: Figures) -> float:
-    """Length of the smoothed plan if it is there by then, else of the trees' best path, else inf [km]."""
+    """Length [km] of the smoothed plan if it is found in time, otherwise of the trees' best path or inf."""
     if plan["planned"] <= seconds:
         return number(plan["planned_length"])
     return number(plan["grown_length"]) if plan["grown"] <= seconds else float("inf")

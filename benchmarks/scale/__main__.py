@@ -1,7 +1,7 @@
 """Run the cases and print seconds, memory and slope; ``make scale ARGS="states coverage"`` picks by name.
 
-Each size runs in a process of its own, whose largest memory is measured. Machine code is compiled before, in
-a run at the smallest size that is not counted.
+Each size runs in its own process, whose peak memory is measured. Machine code is compiled before that, in a
+run of the smallest size that is not counted.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ STARTING = 60.0  # [s] more, for reading data and machine code
 
 @dataclass(frozen=True, slots=True)
 class Measured:
-    """One size: ``seconds`` is NaN where there is no answer, and ``fault`` says why."""
+    """Measurement of one size: ``seconds`` is NaN if there is no answer, and ``fault`` says why."""
 
     size: int
     seconds: float
@@ -38,7 +38,7 @@ class Measured:
 
 
 def all_cases() -> list[Case]:
-    """Those of planning, and those of the wind where they are there."""
+    """The cases of planning, and those of the wind if their module exists."""
     try:
         from scale.wind import CASES as WIND
     except ImportError:
@@ -47,7 +47,7 @@ def all_cases() -> list[Case]:
 
 
 def measure(case: Case, size: int) -> Measured:
-    """One size in a fresh process."""
+    """Measure one size in a new process."""
     command = [sys.executable, "-m", "scale", "--one", case.name, str(size)]
     folder = Path(__file__).parents[1]
     try:
@@ -70,7 +70,7 @@ def measure(case: Case, size: int) -> Measured:
 
 
 def run_one(case: Case, size: int) -> None:
-    """The work of a fresh process; the last line that it prints is the result."""
+    """The work of the new process; the last line that it prints is the result."""
     seconds = case.run(size)
     memory = 1024.0 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     print(json.dumps({"seconds": seconds, "memory": memory}))
@@ -148,7 +148,7 @@ def run_case(case: Case, folder: Path) -> bool:
 
 
 def main() -> int:
-    """Run what is asked for; 1 where a limit is missed."""
+    """Run the chosen cases; return 1 if a limit is exceeded, otherwise 0."""
     parser = argparse.ArgumentParser(prog="make scale", description=__doc__)
     parser.add_argument("names", nargs="*", help="beginnings of the names of cases; default: all")
     parser.add_argument("--one", nargs=2, metavar=("CASE", "SIZE"), help=argparse.SUPPRESS)

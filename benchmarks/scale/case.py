@@ -1,4 +1,4 @@
-"""What is scaled: a problem with one number in it, and the limits at its largest value."""
+"""A case: a problem whose size is one number, and the limits at its largest size."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ class Case:
     sizes : tuple of int
         In ascending order; a case without an answer at one size is not run at larger ones.
     run : callable
-        Works one size out and returns the CPU seconds it took, of all cores together, so that a busy machine
-        counts less; reading packages is not part of them.
+        Solves one size and returns its CPU seconds, of all cores together, so that other work on the machine
+        counts less; importing packages is not included.
     unit : str
         What the size counts.
     limit : float

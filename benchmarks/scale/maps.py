@@ -1,4 +1,4 @@
-"""Maps of a thousand kilometres with as many regions, obstacles and corners as are asked for."""
+"""Maps of a thousand kilometres with given numbers of regions, obstacles and corners."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def region_names(count: int) -> list[str]:
 
 
 def crowded_map(regions: int, obstacles: int, corners: int = 6, seed: int = 1) -> dict[str, Any]:
-    """Keys of ``scene``: polygons in the squares of a grid, regions and obstacles among each other.
+    """Keys of ``scene``: polygons in the squares of a grid, regions and obstacles in mixed order.
 
     The start is the middle of the south-western square, which stays empty.
     """
@@ -41,7 +41,7 @@ def crowded_map(regions: int, obstacles: int, corners: int = 6, seed: int = 1) -
 
 
 def disc(middle: np.ndarray, radius: float, corners: int, rng: np.random.Generator) -> Polygon:
-    """A polygon around ``middle`` whose rim waves, so that it is not convex where it has many corners."""
+    """A polygon around ``middle`` with a wavy outline, which is not convex if it has many corners."""
     angle = 2 * np.pi * (np.arange(corners) + rng.uniform(0, 1)) / corners
     wave = 1.0 + 0.05 * np.sin(7 * angle + rng.uniform(0, 6)) if corners > 30 else np.ones(corners)
     rim = radius * wave

@@ -31,9 +31,10 @@ def planned(scene: dict[str, Any], formula: str, fidelity: str, **sections: Any)
 
 
 def pairs_in_order(states: int) -> tuple[str, int]:
-    """A formula whose automaton has about ``states`` states, and how many regions it speaks of.
+    """A formula whose automaton has about ``states`` states, and the number of its regions.
 
-    Pairs of regions, each in its order: 3 states a pair; and one region more where that comes nearer.
+    Pairs of regions, each visited in order, multiply the states by 3; one more region is added if the number
+    of states is then closer.
     """
     pairs, left = 0, states
     while left >= 3:
@@ -91,7 +92,7 @@ def many_obstacles(fidelity: str) -> Callable[[int], float]:
 
 
 def many_regions(fidelity: str) -> Callable[[int], float]:
-    """Three of the regions in order, by way of none of the others' labels."""
+    """Visit three of the regions in order and none of the others before the third."""
 
     def run(regions: int) -> float:
         others = " & ".join(f"!{name}" for name in region_names(regions)[3:])

@@ -1,7 +1,7 @@
 """Scale of the wind: seconds and memory of a fit against readings, times and nodes of the lattice.
 
-Each function makes up readings of a smooth field over 2,000 km around a map of 1,000 km, fits and tabulates
-them without the cache, and returns the CPU seconds: all cores together, so that a busy machine counts less.
+Each function generates readings of a smooth field over 2,000 km around a map of 1,000 km, fits and tabulates
+them without the cache, and returns the CPU seconds of all cores: other work on the machine counts less.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ WAVES = 60
 
 
 def made_up(readings: int, times: int, same_places: bool) -> WindObservations:
-    """``readings`` a time of a sum of waves, with noise; every 3 h, at the same places or at new ones."""
+    """``readings`` of a sum of waves with noise at each time, every 3 h, at the same or at new places."""
     rng = np.random.default_rng(0)
     places = rng.uniform(-SIDE, SIDE, (readings, 2))
     wave, phase = rng.normal(0, 1 / 400e3, (WAVES, 2)), rng.uniform(0, 2 * np.pi, (WAVES, 2))
@@ -36,7 +36,7 @@ def made_up(readings: int, times: int, same_places: bool) -> WindObservations:
 
 
 def fit_seconds(readings: int = 120, times: int = 14, cells: int = 52, same_places: bool = True) -> float:
-    """CPU seconds of a wind field from ``readings`` a time on a lattice of ``cells`` along a side."""
+    """CPU seconds of a wind field from ``readings`` at each time on a lattice of ``cells`` along a side."""
     cfg = WindConfig(cache=False, max_points=10_000, spacing=1.3 * SIDE / cells)
     scene = Scene(SIDE * np.array([[-0.5, -0.5], [0.5, 0.5]]), np.zeros(2), {}, (), None, None)
     seen = made_up(readings, times, same_places)
@@ -46,22 +46,22 @@ def fit_seconds(readings: int = 120, times: int = 14, cells: int = 52, same_plac
 
 
 def gridded_readings(readings: int) -> float:
-    """Readings at the same places at all of 14 times, as on a grid."""
+    """Scale in readings at each of 14 times, at the same places, as on a grid."""
     return fit_seconds(readings=readings)
 
 
 def scattered_readings(readings: int) -> float:
-    """Readings at other places at each of 3 times, as of stations: the dearest case."""
+    """Scale in readings at each of 3 times, at new places each time, as of stations: the slowest case."""
     return fit_seconds(readings=readings, times=3, same_places=False)
 
 
 def wind_times(times: int) -> float:
-    """Times, each with 120 readings at places of its own."""
+    """Scale in times, each with 120 readings at new places."""
     return fit_seconds(times=times, same_places=False)
 
 
 def wind_lattice(cells: int) -> float:
-    """Cells of the lattice along a side, with 120 readings at 14 times."""
+    """Scale in cells of the lattice along a side, with 120 readings at 14 times."""
     return fit_seconds(cells=cells)
 
 

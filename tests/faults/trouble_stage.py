@@ -1,4 +1,4 @@
-"""A stage ``trouble`` that fails as the folder ``$TROUBLE`` asks.
+"""A stage ``trouble`` that fails in the way that the files in the folder ``$TROUBLE`` name.
 
 This folder is on ``PYTHONPATH`` of a test's processes; the metadata beside this file make the stage known.
 
@@ -20,7 +20,7 @@ from pareto_ltl.run.stage_table import Stage, StageInputs
 
 
 def make_trouble(inputs: StageInputs) -> int:
-    """The seed, unless something was asked for."""
+    """The seed, unless a file in the folder ``$TROUBLE`` names a fault."""
     from pareto_ltl.support import files
     from pareto_ltl.support.errors import InfeasibleError
 

@@ -1,4 +1,4 @@
-"""Small valid files that mutations start from, written by the program itself where it can write them."""
+"""Small valid files from which mutations start, written by the program itself if it can write them."""
 
 from __future__ import annotations
 

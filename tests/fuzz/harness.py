@@ -1,11 +1,11 @@
-"""Fuzzing of every reader, each target in a process of its own.
+"""Fuzzing of every reader, each target in its own process.
 
     make fuzz CASES=100000        or, from tests/, python -m fuzz.harness [--cases N] [target ...]
 
 A case must end within :data:`SECONDS`, make the process grow by at most :data:`GROWTH`, and end with a value
-or with one of the package's errors, in one line. The process has a limit on its memory, and a case at which
-it dies is shown. Hypothesis makes a failing case smaller. Cases come in blocks of 2,000 with the seeds 0, 1,
-and so on: the same number of cases is the same cases.
+or with one of the package's errors, in one line. The process has a limit on its memory, and a case that ends
+the process is shown. Hypothesis makes a failing case smaller. Cases come in blocks of 2,000 with the seeds 0,
+1, and so on: the same number of cases always gives the same cases.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ SKIPPED = "cannot run here"
 
 @dataclass(frozen=True, slots=True)
 class Report:
-    """What one target came to: cases read, seconds, and the text of each fault."""
+    """Result of one target: number of cases read, seconds, and the text of each fault."""
 
     name: str
     cases: int = 0
@@ -89,7 +89,7 @@ def fuzz_here(target: Target, cases: int, place: Path) -> Report:
 
 
 def _warmed(prepared: Fuzz, target: Target) -> Fuzz:
-    """Import what the readers import, before memory is limited: what that takes is no growth of a case."""
+    """Import what the readers import, before memory is limited, so that it does not count for a case."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
 
@@ -145,7 +145,7 @@ def _set_alarm(seconds: float) -> None:
 
 
 def _note_case(last: Any, case: Any, counted: list[int]) -> None:
-    """Keep ``case`` for the case that the process dies; end the process where C code does not come back."""
+    """Write ``case`` to a file in case the process dies; end the process if C code does not return."""
     if len(counted) % 50 == 0:
         faulthandler.dump_traceback_later(6 * SECONDS, exit=True)
     counted.append(1)
@@ -168,7 +168,7 @@ def _out_of_time(number: int, frame: Any) -> None:
 
 
 def _limit_memory() -> None:
-    """An end to the address space, where the system has one; else growth is seen at the end only."""
+    """Limit the address space if the system can; otherwise growth is only measured at the end."""
     try:
         import resource
     except ImportError:
@@ -195,7 +195,7 @@ def _fault_text(error: BaseException) -> str:
 
 
 def fuzz_target(target: Target, cases: int) -> Report:
-    """Read ``cases`` cases of ``target`` in a process of its own; its death is a fault."""
+    """Read ``cases`` cases of ``target`` in a new process; it is a fault if the process dies."""
     memory = Path("/dev/shm")  # opening a file takes 2 ms on a disk
     with tempfile.TemporaryDirectory(prefix="fuzz_", dir=memory if memory.is_dir() else None) as folder:
         place = Path(folder)
@@ -226,7 +226,7 @@ def fuzz_target(target: Target, cases: int) -> Report:
 
 
 def main() -> int:
-    """Fuzz the targets named on the command line, or all; 1 where there is a fault."""
+    """Fuzz the targets named on the command line, or all; return 1 if there is a fault, otherwise 0."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("targets", nargs="*", metavar="target")
     parser.add_argument("--cases", type=int, default=CASES, help="of each target (times its share)")

@@ -1,4 +1,4 @@
-"""What a file may become: bytes flipped, moved, repeated or cut, and trees with values of the wrong kind.
+"""Mutations of files: bytes flipped, moved, repeated or cut, and trees with values of the wrong kind.
 
 A mutation is a few small integers, so that Hypothesis can make a failing case smaller. ``spoil_bytes`` and
 ``spoil_tree`` are pure: the same numbers make the same file.
@@ -69,7 +69,7 @@ def _overwrite(data: bytes, at: int, what: int) -> bytes:
 
 
 def _size(data: bytes, at: int, what: int) -> bytes:
-    """A number of 2, 4 or 8 bytes, as headers hold sizes."""
+    """A number of 2, 4 or 8 bytes, in the form of sizes in headers."""
     width, order = (2, 4, 8)[what % 3], ("big", "little")[what // 3 % 2]
     number = SIZES[what // 6 % len(SIZES)] % 256**width
     return data[:at] + number.to_bytes(width, order) + data[at + width :]  # type: ignore[arg-type]

@@ -1,4 +1,4 @@
-"""The table of what is fuzzed: a name, how a case is made, what reads it, and how many cases a test takes."""
+"""The table of fuzzed readers: name, source of cases, function under test, and number of cases of a test."""
 
 from __future__ import annotations
 
@@ -36,9 +36,9 @@ class Fuzz:
 
 @dataclass(frozen=True, slots=True)
 class Target:
-    """A row of the table; ``prepare`` gets an empty folder and returns None where the target cannot run here.
+    """A row of the table; ``prepare`` gets an empty folder and returns None if the target cannot run here.
 
-    ``share`` is the part of :data:`CASES` that the suite takes: below 1 where one case takes long.
+    ``share`` is the part of :data:`CASES` that the suite runs: below 1 if one case takes long.
     """
 
     name: str
@@ -159,7 +159,7 @@ def _command_lines() -> st.SearchStrategy[list[str]]:
 
 
 def command_words(place: Path) -> Fuzz:
-    """Words as far as they can be judged without composing the configuration, which takes 0.1 s."""
+    """Checks of words that do not compose the configuration, which would take 0.1 s."""
     from pareto_ltl.cli import composition
     from pareto_ltl.cli.error_lines import CONFIGURATION_ERRORS, explain_error
     from pareto_ltl.cli.setting_keys import refuse_unknown_key

@@ -1,7 +1,7 @@
-"""Results that lie: each lie edits the files of an honest result and names the claims that must fail.
+"""False results: each lie edits the files of a correct result and names the claims that must fail.
 
-Numbers that stand in several files are changed in all of them, so that only what is derived again can give
-the lie away.
+Numbers that stand in several files are changed in all of them, so that only a second computation can find
+the error.
 """
 
 from lies.about_exports import EXPORT_LIES

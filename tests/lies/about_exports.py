@@ -1,4 +1,4 @@
-"""Lies about the exported files, each in one of them."""
+"""False values in the exported files, each lie in one file."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Lies on the page of a result, each in what it shows."""
+"""False values on the page of a result."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Lies about the plan and its bounds."""
+"""False values in the plan and its bounds."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def _promised(**changes: Any) -> Callable[[Path], Any]:
 
 
 def _other_failures(place: Path) -> None:
-    """A tenth of the flights more fail, with the interval of that; half of few failures are not missed."""
+    """Raise the promised failures by a tenth of the flights, and the interval with them."""
     told = read_json(place / "plan.json")["promise"]
     count = round((told["failure"] + 0.1) * told["runs"])
     low, high = clopper_pearson(count, told["runs"])
@@ -66,7 +66,7 @@ def _other_failures(place: Path) -> None:
 
 
 def _other_claim(place: Path) -> None:
-    """A claim that the fresh flights confirm."""
+    """A claim with which the new flights agree."""
 
     def change(plan: dict[str, Any]) -> None:
         plan["promise"]["claimed"] |= {key: plan["promise"][key] for key in ("failure", "low", "high")}
@@ -76,7 +76,7 @@ def _other_claim(place: Path) -> None:
 
 
 def _turned(plan: dict[str, Any]) -> None:
-    """Headings from grid north, as a pilot must not fly them."""
+    """Headings from grid north instead of true north."""
     plan["heading_true"] = [math.degrees(math.atan2(x, y)) % 360 for x, y in plan["u"]]
 
 

@@ -1,4 +1,4 @@
-"""Lies about trees, front, flights and the run."""
+"""False values in trees, front, flights and the run."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def _add_dominated(rows: list[dict[str, str]]) -> None:
 
 
 def _other_failures(place: Path) -> None:
-    """A tenth of the flights of each path of the front is said to fail, with the intervals of that."""
+    """Claim that a tenth of the flights of each path of the front fail, with the intervals of that rate."""
     in_arrays("front.npz", lambda arrays: arrays["failed"][:, ::10].fill(True))(place)
     failed = read_npz(place / "front.npz")["failed"]
 

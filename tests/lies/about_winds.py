@@ -1,4 +1,4 @@
-"""Lies about the wind: its fit, the parts of its error, and how long they last."""
+"""False values in the wind: its fit, the parts of its error, and their correlations in time."""
 
 from __future__ import annotations
 
@@ -121,7 +121,7 @@ def _modes_of(part: int, factor: float) -> Callable[[Any], Any]:
 
 
 def _turned(file: Any) -> None:
-    """The modes of one slot with other signs: each slot on its own says the same."""
+    """The modes of one slot with opposite signs: the covariance of each slot does not change."""
     values = file["v_modes"][...]
     values[3] = -values[3]
     file["v_modes"][...] = values

@@ -1,4 +1,4 @@
-"""Lies about the map and the mission."""
+"""False values in the map and the mission."""
 
 from __future__ import annotations
 

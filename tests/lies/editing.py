@@ -1,4 +1,4 @@
-"""Edits of the files of a result, as consistent as a forger would make them."""
+"""Edits of the files of a result that change a number in every file that has it."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ COSTS = {
 
 
 class Lie(NamedTuple):
-    """What is edited, and the claims that must fail; ``only`` one preset where others do not say it."""
+    """An edit and the claims that must fail; ``only`` names a preset if other presets do not make them."""
 
     name: str
     edit: Callable[[Path], Any]
@@ -38,7 +38,7 @@ class Lie(NamedTuple):
 
 
 def edited(place: Path, copy: Path, lie: Lie) -> Path:
-    """A copy of the results in ``place`` that lies."""
+    """A copy of the results, in ``place``, with the edits of a lie."""
     shutil.copytree(place, copy)
     lie.edit(copy)
     return copy
@@ -184,7 +184,7 @@ def counted(*laws: str) -> Callable[[Path], Any]:
 
 
 def in_flights(law: str, change: Callable[[dict[str, NDArray[Any]]], Any]) -> Callable[[Path], Any]:
-    """Change the flights under a law, and count them anew."""
+    """Change the flights under a law, and update the rates."""
     return both(in_arrays("deployments.npz", change), counted(law))
 
 
@@ -194,14 +194,14 @@ def setting(section: str, key: str, value: Any) -> Callable[[Path], Any]:
 
 
 def put(content: Any, *path: Any, value: Any) -> None:
-    """Set what ``path`` leads to."""
+    """Set the value at ``path``."""
     for key in path[:-1]:
         content = content[key]
     content[path[-1]] = value
 
 
 def scaled(content: Any, *path: Any, factor: float) -> None:
-    """Multiply what ``path`` leads to."""
+    """Multiply the value at ``path``."""
     for key in path[:-1]:
         content = content[key]
     content[path[-1]] = (np.array(content[path[-1]]) * factor).tolist()

@@ -26,5 +26,5 @@ def page_result(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="session")
 def shown(page_result: Path) -> ShownRun:
-    """What its page is made from."""
+    """The data from which the page is made."""
     return shown_results(load_results(page_result))

@@ -1,7 +1,7 @@
-"""One of each: a stage, a wind source, a mission pattern, a selection rule, and choices in ``conf/``.
+"""An example of every extension: stage, wind source, mission pattern, selection rule, choices in ``conf/``.
 
-``pyproject.toml`` names them as entry points. Packages are imported inside the functions, so that a wrong
-setting is reported without waiting for them.
+``pyproject.toml`` names them as entry points. Large packages are imported inside the functions, so that the
+program can report a wrong setting before it imports them.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ def _steady_wind():
 
 
 def __getattr__(name: str):
-    """``STEADY_WIND`` is made when it is asked for: its type lives beside numerical packages."""
+    """Make ``STEADY_WIND`` at its first use: the module of its type imports numerical packages."""
     if name == "STEADY_WIND":
         return _steady_wind()
     raise AttributeError(name)
