@@ -89,7 +89,7 @@ def _help_for(arguments: argparse.Namespace, command: str | None) -> str:
 
 
 def _show_configuration(hydra: ComposedHydra, arguments: argparse.Namespace) -> None:
-    """Print what ``--hydra-help``, ``--cfg`` or ``--info`` asks for."""
+    """Print the output of ``--hydra-help``, ``--cfg`` or ``--info``."""
     name = config_name(arguments)
     if arguments.hydra_help:
         from hydra._internal.utils import get_args_parser

@@ -10,7 +10,7 @@ from pareto_ltl.support.arrays import FloatArray, IntArray
 
 
 def live_bound(logic: Reading, entries: Mapping[int, float], p: int) -> float:
-    """V(p) = min over entries q ≥ p, 1 where there is none."""
+    """V(p) = min over entries q ≥ p; 1 if there is no such entry."""
     return min([1.0, *(value for q, value in entries.items() if logic.covers[q, p])])
 
 

@@ -142,8 +142,8 @@ def drawing_process(settings: Settings) -> Iterator[DrawingProcess | None]:
     """A drawing process for the duration of the block; None if a run is as fast without one.
 
     That is the case without figures; on one core, which a job of a sweep often has; if matplotlib is already
-    imported, as in a notebook or in a process that runs several jobs; in a program without a Python
-    interpreter of its own; and if no process can be started.
+    imported, as in a notebook or in a process that runs several jobs; in a program that cannot start its own
+    Python interpreter; and if no process can be started.
     """
     process = None
     if settings.report.figures and MATPLOTLIB not in sys.modules and can_begin_one():

@@ -27,7 +27,7 @@ FRONT_HEIGHT = 2.75  # height of the figure [in]
 def front_figure(scene: Scene, forest: Forest | None, front: Front, plan: Plan | None) -> Figure:
     """Mission risk against path length, collision risk as colour, before and after smoothing.
 
-    A front of failure rates has a figure of its own (:mod:`pareto_ltl.report.flown_front`).
+    A front of failure rates has another figure (:mod:`pareto_ltl.report.flown_front`).
 
     Parameters
     ----------

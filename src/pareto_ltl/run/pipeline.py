@@ -263,7 +263,7 @@ def carry_out(
 ) -> dict[str, float]:
     """Make the records of ``stages`` in the directory of ``run``; result and errors as :func:`run_claimed`.
 
-    A run that already has a progress bar keeps it: a run inside another one has no progress bar of its own.
+    If ``run`` already has a progress bar, it is used: a run inside another one shows no second bar.
     """
     place = run.directory
     if place is None:

@@ -244,7 +244,7 @@ def _exceeds(table: BoolArray) -> BoolArray:
 
 
 def _needed(reached: IntArray, better: BoolArray, shuns: BoolArray) -> list[int]:
-    """Those of the claims ``reached`` that none of the others makes redundant.
+    """The claims among ``reached`` that no other one makes redundant.
 
     ``better[p, q]``: claim p is at least as strong as q; ``shuns`` (Q, C) are the cells that each has to
     avoid.

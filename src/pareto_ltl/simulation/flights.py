@@ -224,7 +224,7 @@ def pilot_maker(problem: Problem, u: FloatArray, mean: FloatArray | None, law: s
     path.u[:] = u
     if not path.gain.any():
         return lambda _runs, _rng: autopilot
-    # A wind that is drawn anew at every step has no information about the next one.
+    # Winds of different steps are independent here: the wind of one step does not predict the next.
     learnt = np.zeros_like(path.learnt) if law == "independent" else path.learnt
     fix_sd = np.sqrt(planned.landmarks.variance)
 

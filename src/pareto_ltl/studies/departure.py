@@ -201,7 +201,7 @@ def _write_start(run: Run, place: Path) -> None:
 
 
 def plan_in_full(settings: Settings, world: Records, time: float, place: Path) -> Run:
-    """The recommended start as a run of its own, with exports and figures."""
+    """The recommended start as a separate run, with exports and figures."""
     mine = start_settings(settings, time, quick=False, files=True)
     records = world_at(mine, world).records
     run = Run(mine, PLAN_TABLE, records, directory=place, progress=ProgressBar(False))

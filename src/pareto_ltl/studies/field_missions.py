@@ -82,7 +82,7 @@ def mission_settings(
 def reality(cfg: FieldMissionsConfig, run: Run, readings: Readings) -> Problem:
     """The problem of ``run`` with the real wind."""
     real = nature.real_wind(cfg, run.settings.wind, readings, run.make(SCENE), run.make(WIND))
-    models = preset("paper")  # without modes: the field is known, and gusts are drawn anew at each step
+    models = preset("paper")  # without modes: the field is known, and gusts are independent at each step
     settings = replace(run.settings, fidelity=models)
     world = Records({SCENE: run.make(SCENE)})  # the map and the automaton do not depend on the fidelity
     world[DECOMPOSITION] = run.make(DECOMPOSITION)

@@ -8,7 +8,7 @@ A launch that breaks, because the process of a job was killed, is handled as fol
 1. jobs that had not begun are launched again, together;
 2. jobs that had begun and not ended are launched again, each alone;
 3. if no job had begun, one half is launched, and then the other;
-4. a job that is killed in a launch of its own gets one more, alone; after the second kill it is given up.
+4. a job that is killed while it runs alone is launched once more, alone; after the second kill it has failed.
 
 Kills in a launch with other jobs do not count: only launches of a job alone do.
 """

@@ -243,7 +243,7 @@ def step_margin(obstacles: Sequence[Convex], x: FloatArray, cov: FloatArray, z: 
 
 
 def step_risk(obstacles: Sequence[Convex], x: FloatArray, cov: FloatArray) -> float:
-    """Largest over steps of Σ_j min over faces common to the step of P(beyond); inf where there is none."""
+    """Largest over steps of Σ_j min over faces common to a step of P(beyond); inf if no face is common."""
     total = np.zeros(max(len(x) - 1, 1))
     for part in obstacles:
         gap, sd = face_gaps(part, x, cov)

@@ -50,7 +50,7 @@ FINE = (0.005, 0.003, 0.002)  # widths τ of the last polish
 LOOSE = 1.1  # factor by which the first polish may lengthen a start
 SPARE = (0, 1, 3)  # numbers of steps tried, beyond the fewest
 HOPELESS = 0.7  # smoothed failure above which candidates are dropped
-WORTH = 0.95  # two levels in turn with more than this share of the failure before end the rising sweep
+WORTH = 0.95  # the rising sweep ends after two consecutive levels above this share of the failure before
 SHORT = 0.87  # length cap of the second polish of a start, as a share of its length
 FLIPPED = 2  # candidates that are tried on the other side of obstacles
 FLIP_EVERY = 3  # levels of the falling sweep between trials of other sides
@@ -238,7 +238,7 @@ def _first_looks(
 ) -> list[Candidate]:
     """Every start polished cheaply at two lengths, and the best of them on the other side of obstacles.
 
-    The first start is polished even when no time is left.
+    The first start is polished even if the time budget is spent.
     """
     first = next(iter(starts.values()), None)
 
@@ -252,7 +252,7 @@ def _first_looks(
 
 
 def _first_look(sweep: Sweep, start: Start) -> list[Candidate]:
-    """A start polished cheaply in few steps, about as long as it is, and clearly shorter."""
+    """Candidates from one start: polished with few flights, at about its own length and clearly shorter."""
     how, flights, refiner = sweep.polish_of(COARSE, 1, 4), sweep.few, sweep.refiner
     x = _timed(sweep.problem, start.x, 1)
     long = refiner.polish(x, flights, how, LOOSE * path_length(x), start.origin)

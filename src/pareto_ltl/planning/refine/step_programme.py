@@ -109,7 +109,7 @@ def step_memory(model: StepModel) -> Work:
 
 
 def headings(flight: Flight) -> FloatArray:
-    """Directions (T, 2) of the controls; east where there is none."""
+    """Directions (T, 2) of the controls; east for a control of 0."""
     speed = np.linalg.norm(flight.u, axis=1)[:, None]
     return np.where(speed > 0.0, flight.u / np.maximum(speed, 1e-9), [1.0, 0.0])
 
