@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import io
+import logging
 from pathlib import Path
 
 from rich.console import Console
 
-from pareto_ltl.cli.summary import print_summary, summary_rows, warning_paragraphs
+from pareto_ltl.cli.summary import collected_warnings, print_summary, summary_rows, warning_paragraphs
 from pareto_ltl.settings import Settings, preset
 
 METRICS = {
@@ -40,23 +41,27 @@ def test_every_probability_stands_beside_its_wind_law() -> None:
     }
 
 
-def test_the_warnings_of_the_log_are_printed_each_once(tmp_path: Path) -> None:
-    lines = [
-        "2026-01-01 00:00:00,1 INFO pareto_ltl: run a",
-        *["2026-01-01 00:00:00,2 WARNING a.b: low wind"] * 2,
-    ]
-    lines += [f"2026-01-01 00:00:00,3 WARNING a.c: no. {n}" for n in range(6)]
-    (tmp_path / "run.log").write_text("\n".join(lines) + "\n", encoding="utf-8")
-    told = list(warning_paragraphs(tmp_path))
-    assert told[:2] == ["Warning: low wind", "Warning: no. 0"]
+def test_the_warnings_of_a_run_are_printed_each_once(tmp_path: Path) -> None:
+    log, python = logging.getLogger("pareto_ltl.planning"), logging.getLogger("py.warnings")
+    with collected_warnings() as warnings:
+        log.info("run %s", "a")
+        for _ in range(2):
+            log.warning("low %s", "wind")
+        python.warning("file.py:3: UserWarning: no. 0\n  code")
+        log.error("an error has its own line")
+        for number in range(1, 6):
+            log.warning("no. %d", number)
+    log.warning("after the run")
+    told = list(warning_paragraphs(warnings, tmp_path))
+    assert told[:3] == ["Warning: low wind", "Warning: file.py:3: UserWarning: no. 0", "Warning: no. 1"]
     assert told[5:] == [f"Warning: 2 more in {tmp_path / 'run.log'}"]
-    assert not list(warning_paragraphs(tmp_path / "none"))
+    assert not list(warning_paragraphs([], tmp_path))
 
 
 def test_the_law_is_that_of_the_settings(tmp_path: Path) -> None:
     page = io.StringIO()
     settings = Settings(name="trial", fidelity=preset("full"))
-    print_summary(settings, tmp_path, METRICS, Console(file=page, width=80))
+    print_summary(settings, tmp_path, METRICS, [], Console(file=page, width=80))
     assert "mission risk V, coherent winds" in page.getvalue()
     assert "trial" in page.getvalue()
     assert "0.0000" not in page.getvalue()

@@ -65,7 +65,7 @@ def _choose_arguments(argv: Sequence[str]) -> int:
 
 def _choose(options: argparse.Namespace, argv: Sequence[str]) -> int:
     from pareto_ltl.cli.stage_table import application_stages
-    from pareto_ltl.cli.summary import print_summary
+    from pareto_ltl.cli.summary import collected_warnings, print_summary
     from pareto_ltl.run.choosing import Choice, choose_from_results, default_place
     from pareto_ltl.run.interface import load_results
     from pareto_ltl.run.metrics import run_metrics
@@ -81,8 +81,9 @@ def _choose(options: argparse.Namespace, argv: Sequence[str]) -> int:
     results = load_results(options.directory)
     place = options.out or default_place(results.directory, choice)
     table = application_stages(results.settings)
-    run = choose_from_results(results, choice, table, place, ("pareto-ltl", "choose", *argv))
-    print_summary(run.settings, place, run_metrics(run.records, run.seconds))
+    with collected_warnings() as warnings:
+        run = choose_from_results(results, choice, table, place, ("pareto-ltl", "choose", *argv))
+    print_summary(run.settings, place, run_metrics(run.records, run.seconds), warnings)
     return 0
 
 

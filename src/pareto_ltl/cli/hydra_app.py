@@ -139,20 +139,21 @@ class HydraJob:
         self.codes[:] = [0 if set(counts) <= {"ok", "infeasible"} else 2]
 
     def _single_job(self, config: DictConfig) -> int:
-        from pareto_ltl.cli.summary import print_summary
+        from pareto_ltl.cli.summary import collected_warnings, print_summary
 
         directory = Path(HydraConfig.get().runtime.output_dir)
         shown = _relative_path(directory)
         try:
             checked = self.pipeline or check_settings(settings_from(config))
-            metrics = run_claimed(checked, directory, self.argv, _task_overrides())
+            with collected_warnings() as warnings:
+                metrics = run_claimed(checked, directory, self.argv, _task_overrides())
         except CONFIGURATION_ERRORS as error:
             print_problem(f"{explain_error(error)} [{shown}]")
             return 2
         except Exception as error:
             print_problem(f"{one_line(error)} (this is a bug; the traceback is in {shown / 'run.log'})")
             return 1
-        print_summary(checked.settings, shown, metrics)
+        print_summary(checked.settings, shown, metrics, warnings)
         return 0
 
     def _sweep_job(self, config: DictConfig) -> int:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import logging
 import math
-import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,11 +17,42 @@ if TYPE_CHECKING:
     from rich.console import Console
 
 MOST_WARNINGS = 5  # warnings that are printed, at most
-_WARNING = re.compile(r"^\S+ \S+ WARNING \S+: (.*)$", re.MULTILINE)
+
+
+class WarningList(logging.Handler):
+    """Keeps the first line of each warning, once, in the order in which they come."""
+
+    def __init__(self) -> None:
+        super().__init__(logging.WARNING)
+        self.lines: list[str] = []
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Keep a warning; an error ends the run and has its own line."""
+        line = record.getMessage().partition("\n")[0]
+        if record.levelno == logging.WARNING and line not in self.lines:
+            self.lines.append(line)
+
+
+@contextmanager
+def collected_warnings() -> Iterator[list[str]]:
+    """The warnings of the package and of Python, as they come."""
+    handler = WarningList()
+    heard = (logging.getLogger("pareto_ltl"), logging.getLogger("py.warnings"))
+    for logger in heard:
+        logger.addHandler(handler)
+    try:
+        yield handler.lines
+    finally:
+        for logger in heard:
+            logger.removeHandler(handler)
 
 
 def print_summary(
-    settings: Settings, directory: Path, metrics: Mapping[str, float], console: Console | None = None
+    settings: Settings,
+    directory: Path,
+    metrics: Mapping[str, float],
+    warnings: Sequence[str],
+    console: Console | None = None,
 ) -> None:
     """Print the most important numbers of a run, its warnings and its directory."""
     from rich import box
@@ -34,23 +66,19 @@ def print_summary(
     for row in summary_rows(metrics, settings.fidelity.law):
         table.add_row(*row)
     console.print(table)
-    for paragraph in (*warning_paragraphs(directory), *coverage_paragraphs(directory)):
+    for paragraph in (*warning_paragraphs(warnings, directory), *coverage_paragraphs(directory)):
         console.print(paragraph, markup=False)
     if (directory / "tables.md").is_file():  # of an evaluation
         console.print((directory / "tables.md").read_text(encoding="utf-8"), soft_wrap=True, markup=False)
     console.print(f"results in {directory}", soft_wrap=True)
 
 
-def warning_paragraphs(directory: Path) -> Iterator[str]:
-    """The warnings in the log of ``directory``, each once."""
-    if not (log := directory / "run.log").is_file():
-        return
-    found = _WARNING.findall(log.read_text(encoding="utf-8", errors="replace"))
-    told = list(dict.fromkeys(found))
-    for warning in told[:MOST_WARNINGS]:
+def warning_paragraphs(warnings: Sequence[str], directory: Path) -> Iterator[str]:
+    """The first ``warnings``, and how many more the log in ``directory`` has."""
+    for warning in warnings[:MOST_WARNINGS]:
         yield f"Warning: {warning}"
-    if len(told) > MOST_WARNINGS:
-        yield f"Warning: {len(told) - MOST_WARNINGS} more in {log}"
+    if len(warnings) > MOST_WARNINGS:
+        yield f"Warning: {len(warnings) - MOST_WARNINGS} more in {directory / 'run.log'}"
 
 
 def coverage_paragraphs(directory: Path) -> Iterator[str]:
