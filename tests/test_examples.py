@@ -12,6 +12,8 @@ from functools import cache
 
 import pytest
 
+from unmeasured import untraced
+
 ROOT = pathlib.Path(__file__).parents[1]
 SCRIPTS = sorted((ROOT / "examples").glob("*.py"))
 
@@ -23,7 +25,7 @@ def ran(tmp_path_factory):
     @cache
     def run(script):
         command, place = [sys.executable, str(script)], tmp_path_factory.mktemp(script.stem)
-        return subprocess.run(command, cwd=place, capture_output=True, text=True, check=False)
+        return subprocess.run(command, cwd=place, env=untraced(), capture_output=True, text=True, check=False)
 
     return run
 

@@ -12,13 +12,16 @@ import time
 import pytest
 
 from patience import PATIENCE
+from unmeasured import untraced
 
 WORDS = ("+experiment=phi2", "planner.trees=2", "planner.n_max=800", "deployment.runs=50", "report=none")
 
 
 def begun(folder, *words):
     command = [sys.executable, "-m", "pareto_ltl", *WORDS, f"hydra.run.dir={folder}", *words]
-    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    return subprocess.Popen(
+        command, env=untraced(), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
 
 
 def told(process):

@@ -16,11 +16,13 @@ import pytest
 from pareto_ltl.kernels import code_cache
 from pareto_ltl.kernels.code_cache import FOREIGN, KERNELS, CodeStamp, reachable_sources
 from pareto_ltl.kernels.jit import IMPLEMENTATIONS, by_type, implements
+from unmeasured import untraced
 
 PROGRAM = """
 import numpy as np
 from pareto_ltl.kernels.geometry import locate_cells
 from problems import paper_problem
+from unmeasured import untraced
 world = paper_problem("phi1").world
 print(locate_cells(world.mission.cells, np.array([[1e9, 1e9], [1e5, 1e5]])).tolist())
 print(sum(locate_cells.stats.cache_hits.values()), sum(locate_cells.stats.cache_misses.values()))
@@ -96,10 +98,10 @@ def program(tmp_path):
     for folder in ("conf", "pipelines"):
         shutil.copytree(KERNELS.parents[2] / folder, tmp_path / folder)
     tests = Path(__file__).parents[1]
-    surroundings = os.environ | {
-        "PYTHONPATH": os.pathsep.join(map(str, (package.parent, tests))), "NUMBA_DISABLE_JIT": "0",
-        "NUMBA_CACHE_DIR": str(tmp_path / "code"), "PYTHONDONTWRITEBYTECODE": "1",
-    }  # fmt: skip
+    surroundings = untraced(
+        PYTHONPATH=os.pathsep.join(map(str, (package.parent, tests))), NUMBA_DISABLE_JIT="0",
+        NUMBA_CACHE_DIR=str(tmp_path / "code"), PYTHONDONTWRITEBYTECODE="1",
+    )  # fmt: skip
 
     def run() -> tuple[str, str]:
         done = subprocess.run(

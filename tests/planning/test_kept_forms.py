@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import subprocess
 import sys
 from collections.abc import Callable
@@ -19,6 +18,7 @@ from pareto_ltl.planning.refine.kept_forms import arrays_of, form_of, forms_are_
 from pareto_ltl.planning.refine.risk_sharing import AllocatedRisk, EqualShares
 from patience import PATIENCE
 from quick_wind import wind_words
+from unmeasured import untraced
 
 TURNED = ((0.8, 0.6), (-0.6, 0.8))
 STATEMENTS = {
@@ -135,7 +135,7 @@ def test_the_second_run_needs_no_cvxpy_and_makes_the_same_plan(
         done = subprocess.run(
             command,
             cwd=tmp_path,
-            env=os.environ,
+            env=untraced(),
             capture_output=True,
             text=True,
             timeout=PATIENCE,

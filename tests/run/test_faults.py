@@ -23,6 +23,7 @@ import pytest
 
 from pareto_ltl import load_results
 from patience import PATIENCE, wait_until
+from unmeasured import untraced
 
 KILLS = int(os.environ.get("PARETO_LTL_FAULTS", "2"))
 SMALL = (
@@ -35,6 +36,7 @@ ANSWER = ("plan.json", "front.csv", "trees.npz", "wind.nc", "deployments.npz", "
 
 def started(*words: str, **options: object) -> subprocess.Popen[str]:
     command = [sys.executable, "-m", "pareto_ltl", *words]
+    options = {"env": untraced()} | options
     return subprocess.Popen(
         command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True, **options
     )

@@ -18,6 +18,7 @@ from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.resources import choices
 from patience import wait_until
 from quick_wind import wind_words
+from unmeasured import untraced
 
 STUDIES = ("compare", "convergence", "ablation", "hindcast", "forecast_test")
 SMALL = (
@@ -117,7 +118,9 @@ def test_a_killed_run_goes_on_and_ends_as_if_it_had_not_been_stopped(here: Path)
     """SIGKILL as soon as the first part is on disk; the same command again keeps it and ends the same."""
     command = [sys.executable, "-m", "pareto_ltl", "pipelines=convergence", "+experiment=phi1", *SMALL]
     command += ["convergence.sizes=[200,500]", "evaluation.jobs=1", "report=none", *QUICK]
-    run = subprocess.Popen([*command, "hydra.run.dir=one"], start_new_session=True, stderr=subprocess.DEVNULL)
+    run = subprocess.Popen(
+        [*command, "hydra.run.dir=one"], env=untraced(), start_new_session=True, stderr=subprocess.DEVNULL
+    )
     wait_until(lambda: run.poll() is not None or bool(list(Path("one/parts").glob("[!.]*.json"))))
     os.killpg(run.pid, signal.SIGKILL)
     run.wait()
@@ -126,7 +129,7 @@ def test_a_killed_run_goes_on_and_ends_as_if_it_had_not_been_stopped(here: Path)
     assert not Path("one/metrics.json").exists()
     stamp = kept[0].stat().st_mtime_ns
     for place in ("one", "two"):
-        subprocess.run([*command, f"hydra.run.dir={place}"], check=True, capture_output=True)
+        subprocess.run([*command, f"hydra.run.dir={place}"], env=untraced(), check=True, capture_output=True)
     assert kept[0].stat().st_mtime_ns == stamp
     tables = sorted(path.name for path in Path("two").glob("*.csv"))
     assert tables

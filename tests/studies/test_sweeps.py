@@ -36,6 +36,7 @@ from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.files import write_json
 from pareto_ltl.support.resources import choices
 from patience import PATIENCE, wait_until
+from unmeasured import untraced
 
 FAULTS = Path(__file__).parents[1] / "faults"
 PLACE = Path("multirun/plan")
@@ -68,7 +69,12 @@ def asked(here: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def start(*argv: str) -> subprocess.Popen[str]:
     words = [sys.executable, "-m", "pareto_ltl", "-m", *argv]
     return subprocess.Popen(
-        words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
+        words,
+        env=untraced(),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
     )
 
 

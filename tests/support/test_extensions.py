@@ -22,6 +22,7 @@ from pareto_ltl.settings.planner import SELECTION_RULES as RULE_NAMES
 from pareto_ltl.settings.wind import WIND_SOURCES as SOURCE_NAMES
 from pareto_ltl.support import extensions, resources
 from pareto_ltl.support.errors import ConfigError
+from unmeasured import untraced
 
 ROOT = Path(__file__).parents[2]
 EXAMPLE = ROOT / "examples" / "extension"
@@ -50,7 +51,7 @@ def installed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     ]
     (info / "entry_points.txt").write_text("\n".join(lines))
     paths = [str(site), os.environ.get("PYTHONPATH", "")]
-    return os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, paths))}
+    return untraced(PYTHONPATH=os.pathsep.join(filter(None, paths)))
 
 
 def test_the_example_package_plans_from_the_command_line_and_from_python(
