@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
 import os
 import pickle
 import re
@@ -15,14 +14,14 @@ import pytest
 
 from pareto_ltl.kernels import code_cache
 from pareto_ltl.kernels.code_cache import FOREIGN, KERNELS, CodeStamp, reachable_sources
-from pareto_ltl.kernels.jit import IMPLEMENTATIONS, by_type, implements
+from pareto_ltl.kernels.jit import IMPLEMENTATIONS, by_type, implements, source_file
+from pareto_ltl.kernels.parents import improves
 from unmeasured import untraced
 
 PROGRAM = """
 import numpy as np
 from pareto_ltl.kernels.geometry import locate_cells
 from problems import paper_problem
-from unmeasured import untraced
 world = paper_problem("phi1").world
 print(locate_cells(world.mission.cells, np.array([[1e9, 1e9], [1e5, 1e5]])).tolist())
 print(sum(locate_cells.stats.cache_hits.values()), sum(locate_cells.stats.cache_misses.values()))
@@ -54,32 +53,36 @@ ENTRIES = [
 def test_a_file_that_reaches_a_choice_reaches_the_code_of_every_model(file):
     reached = reachable_sources(file)
     for chosen in IMPLEMENTATIONS.values():
-        if place(chosen.chosen) in reached:
-            assert {place(code) for code in chosen.implementations.values()} <= reached | FOREIGN
+        file = source_file(chosen.chosen)
+        if file in reached:
+            codes = {source_file(code) for code in chosen.implementations.values()}
+            assert codes <= reached | FOREIGN.get(file, set())
 
 
-def place(function) -> Path:
-    return Path(inspect.getfile(inspect.unwrap(function)))
+def test_code_that_others_add_to_a_model_changes_the_stamps_of_what_can_reach_it(monkeypatch):
+    reaching, other = CodeStamp(KERNELS / "growth.py"), CodeStamp(KERNELS / "visibility.py")
+    before = str(reaching), str(other)
+    assert KERNELS / "parents.py" in reachable_sources(reaching.file) - reachable_sources(other.file)
+    monkeypatch.setitem(FOREIGN, KERNELS / "parents.py", set())
+    chosen = IMPLEMENTATIONS[improves]
+    monkeypatch.setattr(chosen, "implementations", dict(chosen.implementations))
+    implements(improves, complex)(lambda rule, risks, new, old, strict: True)
+    assert FOREIGN[KERNELS / "parents.py"] == {Path(__file__)}
+    assert str(reaching) != before[0]
+    assert str(other) == before[1]
 
 
-def test_code_that_others_add_to_a_model_changes_the_stamps():
+def test_a_function_of_another_package_changes_no_stamp():
     stamp = CodeStamp(KERNELS / "growth.py")
     before = str(stamp)
-    known = set(FOREIGN)
-    FOREIGN.clear()
-    try:
-        without = str(stamp)
 
-        @by_type
-        def volume(model):
-            """Volume of a model."""
+    @by_type
+    def volume(model):
+        """Volume of a model."""
 
-        implements(volume, float)(lambda model: model)
-        assert {Path(__file__)} == FOREIGN
-        assert str(stamp) != without
-    finally:
-        FOREIGN.update(known)
-    assert str(stamp) == before or Path(__file__) not in known
+    implements(volume, float)(lambda model: model)
+    assert FOREIGN[Path(__file__)] == {Path(__file__)}
+    assert str(stamp) == before
 
 
 def test_a_stamp_is_a_string_on_disk_and_equal_to_it():

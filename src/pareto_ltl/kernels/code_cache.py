@@ -2,8 +2,8 @@
 
 Numba by itself compares only the file of a compiled function, and would continue to use outdated helpers.
 Here the stamp of a function is a fingerprint of its module, of every kernel module that this one imports,
-and of the files of other packages that add code to a model (:data:`FOREIGN`): after a change, only what
-depends on it is compiled again. Numba gets the stamp from a cache locator, a class that its setting
+and of the files of other packages that add code to a function of these (:data:`FOREIGN`): after a change,
+only what depends on it is compiled again. Numba gets the stamp from a cache locator, a class that its setting
 ``NUMBA_CACHE_LOCATOR_CLASSES`` names.
 
 An index file of numba refers to the types of its functions, and cannot be read after one of them is removed
@@ -24,7 +24,10 @@ from numba.core.caching import InTreeCacheLocator, UserProvidedCacheLocator, Use
 
 from pareto_ltl.support.fingerprints import file_fingerprint, text_fingerprint
 
-FOREIGN: set[Path] = set()  # source files outside kernels/ with code for a model
+# Source files outside kernels/ with code for a function whose implementation is chosen by type, by the file
+# of that function. Kernels that cannot reach the function keep their stamp: two processes, of which one
+# imports the other package, would else overwrite each other's code again and again.
+FOREIGN: dict[Path, set[Path]] = {}
 KERNELS = Path(__file__).parent
 
 
@@ -38,7 +41,9 @@ class CodeStamp:
         self.file = file
 
     def __str__(self) -> str:
-        sources = sorted(reachable_sources(self.file) | FOREIGN)
+        reached = reachable_sources(self.file)
+        added = (FOREIGN.get(source, set()) for source in reached)
+        sources = sorted(reached.union(*added))
         return text_fingerprint("".join(file_fingerprint(source) for source in sources))
 
     def __eq__(self, other: object) -> bool:

@@ -116,12 +116,16 @@ class ChosenByType:
 
         def add(function: F) -> F:
             self.implementations.update(dict.fromkeys(models, function))
-            file = Path(inspect.getfile(inspect.unwrap(function)))
-            if file.parent != KERNELS:
-                FOREIGN.add(file)
+            if (file := source_file(function)).parent != KERNELS:
+                FOREIGN.setdefault(source_file(self.chosen), set()).add(file)
             return function
 
         return add
+
+
+def source_file(function: Callable[..., Any]) -> Path:
+    """The file in which ``function`` is written, without what wraps it."""
+    return Path(inspect.getfile(inspect.unwrap(function)))
 
 
 IMPLEMENTATIONS: dict[Any, ChosenByType] = {}
