@@ -2,12 +2,13 @@
 
 ``planning/test_uncompiled_plans.py`` runs it both ways:
 
-    NUMBA_DISABLE_JIT=1 python tests/small_plans.py FILE.npz
+    NUMBA_DISABLE_JIT=1 python tests/small_plans.py FILE.npz [MISSION ...]
 """
 
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -62,10 +63,10 @@ def numbers(name: str) -> dict[str, FloatArray]:
     return found
 
 
-def main(file: Path) -> None:
-    """Write the numbers of all missions to ``file``."""
-    np.savez(file, **{f"{name}.{key}": value for name in MISSIONS for key, value in numbers(name).items()})
+def main(file: Path, names: Iterable[str]) -> None:
+    """Write the numbers of the missions ``names`` to ``file``."""
+    np.savez(file, **{f"{name}.{key}": value for name in names for key, value in numbers(name).items()})
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]))
+    main(Path(sys.argv[1]), sys.argv[2:] or MISSIONS)
