@@ -30,6 +30,7 @@ def test_every_combination_of_models_prices_its_vertices_exactly(tmp_path):
     assert all(line.startswith("ok ") for line in lines)
 
 
+@pytest.mark.no_cover  # coverage slows the compiler down, and other tests run the same lines
 @pytest.mark.skipif(config.DISABLE_JIT, reason="the test above covers it")
 @pytest.mark.parametrize("choice", [("coherent", "theorem2", "path", "dominance")])
 def test_a_combination_of_both_presets_compiles(choice):

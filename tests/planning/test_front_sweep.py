@@ -156,6 +156,7 @@ def test_a_path_between_two_plateaus_has_a_point():
 # --- what it brings ---------------------------------------------------------------------------
 
 
+@pytest.mark.no_cover  # coverage slows the compiler down, and other tests run the same lines
 @pytest.mark.parametrize(
     ("law", "border"), [("coherent", "open"), ("coherent", "wall"), ("independent", "open")]
 )

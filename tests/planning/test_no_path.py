@@ -141,6 +141,7 @@ def test_a_step_too_long_for_the_map_is_told_first() -> None:
     assert "set robot.dt=" in text
 
 
+@pytest.mark.no_cover  # coverage slows the compiler down, and other tests run the same lines
 def test_a_gap_beyond_every_limit_of_the_path_bound_is_told_with_the_step_bound() -> None:
     problem = task(corridor(0.8), CFG, "full")
     text = explain_no_path(CFG, problem, grow_forest(CFG, problem, SeedSequence(11)), SEEDS)

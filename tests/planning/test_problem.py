@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from itertools import product
 
@@ -163,4 +164,4 @@ def test_reach_is_a_full_step_in_still_air(problem):
 
 def test_the_help_of_epsilon_names_what_it_is_left_to():
     meaning = next(told.meaning for item, told in declarations(PlannerConfig) if item.name == "epsilon")
-    assert all(f"{epsilon:g}" in meaning.split() for epsilon in EPSILON.values())
+    assert all(f"{epsilon:g}" in re.split(r"[,;\s]+", meaning) for epsilon in EPSILON.values())

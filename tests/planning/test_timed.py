@@ -221,6 +221,7 @@ def paths_of(problem: Problem) -> list[FloatArray]:
     return [forest.trees[j].path(v) for j, v in forest.accepted]
 
 
+@pytest.mark.no_cover  # coverage slows the compiler down, and other tests run the same lines
 def test_trees_wait_for_a_region_that_opens_later() -> None:
     problem = grown("F a", {"a": Window("a", 30 * DT, math.inf)})
     found = paths_of(problem)

@@ -12,16 +12,17 @@ import pytest
 from numba import config
 
 import small_plans
+from unmeasured import untraced
 
 TESTS = Path(small_plans.__file__).parent
 
 
 @pytest.fixture(scope="module")
 def uncompiled(tmp_path_factory: pytest.TempPathFactory) -> dict[str, np.ndarray]:
-    """The numbers of all missions from a process that compiles nothing; coverage counts its lines."""
+    """The numbers of all missions from a process that compiles nothing."""
     file = tmp_path_factory.mktemp("uncompiled") / "numbers.npz"
     path = os.pathsep.join([str(TESTS), *sys.path])
-    environment = os.environ | {"NUMBA_DISABLE_JIT": "1", "PYTHONPATH": path}
+    environment = untraced(NUMBA_DISABLE_JIT="1", PYTHONPATH=path)
     command = [sys.executable, str(TESTS / "small_plans.py"), str(file)]
     done = subprocess.run(
         command, env=environment, cwd=file.parent, capture_output=True, text=True, check=False

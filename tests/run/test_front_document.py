@@ -44,5 +44,5 @@ def test_a_command_asks_for_what_choose_reads(line: str) -> None:
 
 def test_there_is_a_command_of_each_kind() -> None:
     assert {word for line in COMMANDS for word in shlex.split(line) if word.startswith("--")} == {
-        *READERS, "--knee", "--out",
+        *READERS, "--knee", "--out", "--rule",
     }  # fmt: skip
