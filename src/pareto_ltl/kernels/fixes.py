@@ -39,7 +39,14 @@ from pareto_ltl.kernels.geometry import face_slack
 from pareto_ltl.kernels.interpolation import F32, corner_weights, mode_square, mode_value
 from pareto_ltl.kernels.jit import by_type, implements, kernel, vector
 from pareto_ltl.kernels.polygon import polygon_probability
-from pareto_ltl.kernels.propagation import advance, airspeed_left, carry, clear_theta, closed_loop, forget
+from pareto_ltl.kernels.propagation import (
+    advance,
+    carry,
+    clear_theta,
+    closed_loop,
+    correction_quantile,
+    forget,
+)
 from pareto_ltl.support.arrays import Float32Array, FloatArray, IntArray
 
 FADED = 1e-3  # fixes whose factors s are all below this are ignored
@@ -143,15 +150,15 @@ def _advance_with_fixes(
     memory.known[target, 0], memory.known[target, 1], memory.known[target, 2] = after
     memory.fix[target] = fix
     keep_shares(memory.faded, target, faded_by(faded, law.modes.keep, step + 1))
-    share, k2, dt2 = motion.gain * motion.gain, marks.gain * marks.gain, motion.dt * motion.dt
-    speed = airspeed_left(
-        motion,
-        Cov(
-            share * unknown.xx + k2 * known.xx + dt2 * steered.xx,
-            share * unknown.xy + k2 * known.xy + dt2 * steered.xy,
-            share * unknown.yy + k2 * known.yy + dt2 * steered.yy,
-        ),
+    share, both, dt2 = motion.gain * motion.gain, (motion.gain + marks.gain) ** 2, motion.dt * motion.dt
+    returned = Cov(
+        share * unknown.xx + both * known.xx,
+        share * unknown.xy + both * known.xy,
+        share * unknown.yy + both * known.yy,
     )
+    against = Cov(dt2 * steered.xx, dt2 * steered.xy, dt2 * steered.yy)
+    reserve = correction_quantile(motion, returned) + correction_quantile(motion, against)
+    speed = max(motion.u_max - reserve, 0.0)
     total = Cov(
         cov.xx - dt2 * steered.xx + after.xx,
         cov.xy - dt2 * steered.xy + after.xy,

@@ -44,15 +44,18 @@ class Robot:
         """A - K: the matrix (2, 2) that maps a deviation to that of the next step."""
         return self.a - self.feedback * np.eye(2)
 
-    def speed_left(self, correction: FloatArray) -> float:
-        """Airspeed [m/s] left for the plan if corrections c of this covariance [m²] are flown too.
+    def speed_left(self, *corrections: FloatArray) -> float:
+        """Airspeed [m/s] left for the plan if the sum of corrections of these covariances [m²] is flown too.
 
-        P(‖c‖ > r) <= exp(-r² / 2 λ) with λ the largest eigenvalue of the covariance.
+        The corrections may be correlated: the standard deviation of a sum is at most the sum of theirs.
         """
+        return max(self.u_max - sum(map(self._reserve, corrections)), 0.0)
+
+    def _reserve(self, correction: FloatArray) -> float:
+        """Airspeed r [m/s]: P(‖c‖ > r) <= exp(-r² / 2 λ), with λ the largest eigenvalue of the covariance."""
         turned = np.linalg.solve(self.b, np.linalg.solve(self.b, correction).T)
         widest = max(float(np.linalg.eigvalsh(0.5 * (turned + turned.T))[-1]), 0.0)
-        reserve = math.sqrt(-2.0 * math.log(self.effort_risk) * widest) / self.dt
-        return max(self.u_max - reserve, 0.0)
+        return math.sqrt(-2.0 * math.log(self.effort_risk) * widest) / self.dt
 
     def least_speed(self, left: FloatArray) -> FloatArray:
         """Least airspeed [m/s] of the plan if ``left`` [m/s] is the greatest.
@@ -184,7 +187,8 @@ class Coherent:
         steered = psi @ (np.eye(len(belief.theta)) - belief.theta) @ psi.T
         back = F - robot.fix_gain * np.eye(2)
         course.speed[t] = robot.speed_left(
-            robot.feedback**2 * belief.unknown + robot.fix_gain**2 * belief.known + dt**2 * steered
+            robot.feedback**2 * belief.unknown + (robot.feedback + robot.fix_gain) ** 2 * belief.known,
+            dt**2 * steered,
         )
         return Belief(
             unknown=unknown,
