@@ -16,8 +16,14 @@ from numpy.random import SeedSequence
 from pareto_ltl.planning import growth, selection
 from pareto_ltl.planning.evaluate import evaluate_path
 from pareto_ltl.planning.records import Front, Objectives, PlannedPath, objective_row
-from pareto_ltl.planning.selection_rules import RULES, SelectionRule, choose_path, selection_rule
-from pareto_ltl.settings import PlannerConfig, SelectionConfig
+from pareto_ltl.planning.selection_rules import (
+    RULES,
+    SelectionRule,
+    bound_warning,
+    choose_path,
+    selection_rule,
+)
+from pareto_ltl.settings import PAPER, PlannerConfig, SelectionConfig
 from pareto_ltl.simulation.flights import counted_rate
 from pareto_ltl.support.errors import ConfigError, InfeasibleError
 from problems import two_goals
@@ -389,3 +395,25 @@ def test_a_rule_says_which_settings_it_reads(monkeypatch):
 def test_options_that_no_rule_reads_are_refused():
     with pytest.raises(ConfigError, match=r"selection\.rule=knee reads none: remove hours, speed"):
         SelectionConfig(rule="knee", options={"hours": 3.0, "speed": 20})
+
+
+@pytest.mark.parametrize(
+    ("risk", "ordered", "warned"),
+    [
+        (0.0013, 0.361, True),
+        (0.0, 0.0021, True),
+        (0.01, 0.019, False),
+        (1e-9, 1e-4, False),
+        (0.3, 0.3, False),
+    ],
+)
+def test_a_mission_risk_far_below_the_ordered_bound_is_a_warning(risk, ordered, warned):
+    front = front_of((risk, 0.0, 2.0))
+    path = front.paths[0]
+    objectives = replace(path.objectives, mission_risk=risk, mission_risk_ordered=ordered)
+    warning = bound_warning(replace(path, objectives=objectives), PAPER)
+    assert (warning is not None) == warned
+    if warned:
+        assert "f_o of the plan" in warning
+        assert "in independent winds" in warning
+        assert "fidelity.mission_bound=ordered" in warning

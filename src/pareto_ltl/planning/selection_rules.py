@@ -16,7 +16,7 @@ import numpy as np
 from pareto_ltl.planning.power import EnergyModel
 from pareto_ltl.planning.records import Front, PlannedPath, objective_row
 from pareto_ltl.planning.selection import chance_of_failures
-from pareto_ltl.settings import SelectionConfig
+from pareto_ltl.settings import FidelityConfig, SelectionConfig
 from pareto_ltl.support import extensions
 from pareto_ltl.support.arrays import FloatArray, IntArray
 from pareto_ltl.support.display import distance_text, energy_text, probability_text, round_up
@@ -25,6 +25,7 @@ from pareto_ltl.support.extensions import known_kind
 from pareto_ltl.support.messages import shown_value
 
 LOG = logging.getLogger(__name__)
+FAR, NEGLIGIBLE = 2.0, 1e-3  # ratio of V to the mission risk, and mission risk, that need no warning
 WORSE = 0.025  # p value below which a path is not as safe as another
 
 
@@ -93,6 +94,23 @@ def choose_path(cfg: SelectionConfig, front: Front) -> PlannedPath:
             f"expected a number from 0 to {len(front.paths) - 1}: correct the rule, or take another one"
         )
     return front.paths[int(number)]
+
+
+def bound_warning(path: PlannedPath, models: FidelityConfig) -> str | None:
+    """The warning for a path whose mission risk is far below the ordered bound V under the same wind law.
+
+    Theorem 2 of the paper then counted a visit that comes too early (docs/fidelity.md, fault 1). None if the
+    mission risk is V itself, or close to it.
+    """
+    risk, ordered = path.objectives.mission_risk, path.objectives.mission_risk_ordered
+    if ordered <= FAR * max(risk, NEGLIGIBLE):
+        return None
+    return (
+        f"mission risk {models.mission_symbol} of the plan, {probability_text(risk)}, is too low: Theorem 2 "
+        "of the paper counts visits that come too early; the ordered bound V is "
+        f"{probability_text(ordered)} in {models.law} winds; plan with fidelity.mission_bound=ordered "
+        "(docs/fidelity.md, fault 1)"
+    )
 
 
 def by_priority(_cfg: SelectionConfig, front: Front) -> int:

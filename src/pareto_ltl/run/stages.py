@@ -198,7 +198,12 @@ def make_forest(inputs: StageInputs) -> Forest:
 def make_plan(inputs: StageInputs) -> Plan:
     """The path of the front that the rule picks; with ``judge=flights``, after a test with fresh flights."""
     from pareto_ltl.planning.records import Plan
-    from pareto_ltl.planning.selection_rules import choose_path, selection_rule, within_capacity
+    from pareto_ltl.planning.selection_rules import (
+        bound_warning,
+        choose_path,
+        selection_rule,
+        within_capacity,
+    )
     from pareto_ltl.simulation.promise import promise_path
     from pareto_ltl.wind.coverage import coverage_of
     from pareto_ltl.world.navigation import navigate
@@ -210,6 +215,8 @@ def make_plan(inputs: StageInputs) -> Plan:
         path, promise = promise_path(settings.selection, problem, inputs[WIND], front, inputs.seeds)
     else:
         path, promise = choose_path(settings.selection, front), None
+    if (warning := bound_warning(path, settings.fidelity)) is not None:
+        LOG.warning("%s", warning)
     return Plan(
         path=path,
         formula=problem.automaton.formula,
