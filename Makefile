@@ -37,7 +37,7 @@ coverage: $(READY)
 
 coverage-report: $(READY)
 	COVERAGE_FILE=$(COVERAGE)/data $(BIN)/coverage combine --quiet $(COVERAGE)
-	COVERAGE_FILE=$(COVERAGE)/data $(BIN)/coverage report
+	COVERAGE_FILE=$(COVERAGE)/data $(BIN)/coverage report --fail-under=92
 
 fuzz: $(READY)
 	cd tests && $(abspath $(BIN))/python -m fuzz.harness --cases $(CASES) $(ARGS)

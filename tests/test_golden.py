@@ -15,6 +15,8 @@ import pytest
 
 import golden
 
+pytestmark = pytest.mark.no_cover  # other tests run the same lines, and coverage is slow
+
 KEPT = golden.reference()
 CLOSE = 1e-6  # relative
 

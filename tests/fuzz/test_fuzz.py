@@ -9,6 +9,8 @@ import pytest
 from fuzz.harness import SKIPPED, fuzz_target
 from fuzz.targets import CASES, TARGETS, Target
 
+pytestmark = pytest.mark.no_cover  # other tests run the same lines, and coverage is slow
+
 ASKED = int(os.environ.get("PARETO_LTL_FUZZ_CASES", CASES // 2))
 
 

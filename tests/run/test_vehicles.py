@@ -20,6 +20,8 @@ from pareto_ltl.support.resources import choices
 from pareto_ltl.verify.judge import judge_results
 from pareto_ltl.wind.levels import level_mismatch
 
+pytestmark = pytest.mark.no_cover  # other tests run the same lines, and coverage is slow
+
 VEHICLES = sorted(set(choices("robot")) - {"airframe"})
 IN_AIR = ("fixed_wing", "long_endurance", "multirotor")  # fast enough for the packaged winds
 SMALL: dict[str, Any] = {
