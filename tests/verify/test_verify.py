@@ -20,6 +20,7 @@ from lies.editing import setting
 from pareto_ltl.cli.commands import run_command_line
 from pareto_ltl.support.errors import InfeasibleError
 from pareto_ltl.support.files import write_csv, write_json
+from pareto_ltl.support.yaml_files import read_yaml
 from pareto_ltl.verify.evidence import open_evidence
 from pareto_ltl.verify.judge import CLAIMS, findings, judge_results
 from pareto_ltl.wind.forecast_error import forecast_error_law
@@ -125,6 +126,21 @@ def test_the_command_prints_a_table_and_counts_failures(
         "plan: covariance", "exports: ellipses and radii", "exports: areas of corridors",
     ]  # fmt: skip
     assert out[-1].startswith("3 of ")
+
+
+def test_settings_without_a_selection_are_claims_that_fail(
+    honest: dict[str, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    place = tmp_path / "damaged"
+    shutil.copytree(honest["paper"], place)
+    file = place / "config_resolved.yaml"
+    settings = read_yaml(file)
+    del settings["selection"]
+    file.write_text(json.dumps(settings))
+    assert run_command_line(["verify", "--failed", str(place)]) == 1
+    told = capsys.readouterr()
+    assert "front: the rule picks the plan    cannot be judged  KeyError: 'selection'" in told.out
+    assert told.err == ""
 
 
 @pytest.mark.parametrize(

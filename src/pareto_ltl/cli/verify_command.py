@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from pareto_ltl.cli.arguments import CommandArguments, run_reported
-from pareto_ltl.verify.judge import Finding, judge_results, unchecked_claims
+from pareto_ltl.verify.evidence import open_evidence
+from pareto_ltl.verify.judge import Finding, judge_evidence, unchecked_claims
 
 
 def verify_command(argv: Sequence[str]) -> int:
@@ -23,11 +24,12 @@ def _verify_arguments(argv: Sequence[str]) -> int:
     parser.add_argument("directory", type=Path, help="for example outputs/phi2/2026-01-31_12-00-00")
     parser.add_argument("--failed", action="store_true", help="show only claims that fail")
     options = parser.parse_args(argv)
-    found = judge_results(options.directory)
+    result = open_evidence(options.directory)
+    found = judge_evidence(result)
     failed = [finding for finding in found if not finding.holds]
     print("\n".join(table_lines(failed if options.failed else found)))
     print(f"{len(found)} claims hold" if not failed else f"{len(failed)} of {len(found)} claims fail")
-    for reason, claims in unchecked_claims(options.directory).items():
+    for reason, claims in unchecked_claims(result).items():
         print(f"not checked, because {reason}: {'; '.join(claims)}")
     return 1 if failed else 0
 

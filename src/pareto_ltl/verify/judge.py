@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import zlib
 from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -50,10 +51,15 @@ def judge_results(directory: Path | str) -> tuple[Finding, ...]:
     DataError
         If there is no finished result of a plan.
     """
+    return judge_evidence(open_evidence(Path(directory)))
+
+
+def judge_evidence(result: Evidence) -> tuple[Finding, ...]:
+    """Judge every claim that ``result`` makes."""
     from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
     with threadpool_limits(1):  # matrices are small: more threads would be slower
-        return tuple(findings(open_evidence(Path(directory))))
+        return tuple(findings(result))
 
 
 def findings(result: Evidence, claims: Iterable[Claim] = CLAIMS) -> Iterator[Finding]:
@@ -71,14 +77,14 @@ def findings(result: Evidence, claims: Iterable[Claim] = CLAIMS) -> Iterator[Fin
                 yield Finding(claim.name, *verdict)
 
 
-def unchecked_claims(directory: Path | str) -> dict[str, tuple[str, ...]]:
-    """Names of the claims that are not judged, by the reason; ``directory`` must hold a finished plan."""
-    result, reasons = open_evidence(Path(directory)), {}
+def unchecked_claims(result: Evidence) -> dict[str, tuple[str, ...]]:
+    """Names of the claims that are not judged, by the reason."""
+    reasons: dict[str, tuple[str, ...]] = {}
     if result.has(REPLANNED):
         reasons["the plan begins during a flight"] = tuple(sorted(OF_A_DEPARTURE))
-    rule = result.settings["selection"]["rule"]
-    if result.has("front.csv") and rule not in front.RANKINGS:
-        reasons[f"another package adds selection.rule={rule}"] = (front.CHOICE,)
+    with suppress(*UNUSABLE):  # claims about damaged settings fail
+        if result.has("front.csv") and (rule := front.added_rule(result)) is not None:
+            reasons[f"another package adds selection.rule={rule}"] = (front.CHOICE,)
     return reasons
 
 
@@ -91,4 +97,4 @@ def _judged(claim: Claim, result: Evidence) -> Verdict | None:
         return Verdict("cannot be judged", reason[:80], False)
 
 
-__all__ = ["CLAIMS", "Finding", "findings", "judge_results", "unchecked_claims"]
+__all__ = ["CLAIMS", "Finding", "findings", "judge_evidence", "judge_results", "unchecked_claims"]

@@ -280,10 +280,16 @@ def plan_on_front(result: Evidence) -> Verdict:
     return Verdict(result.plan["origin"][:44], f"{len(rows)} such path", len(rows) == 1)
 
 
+def added_rule(result: Evidence) -> str | None:
+    """The selection rule, if another package adds it: its choice cannot be derived again."""
+    rule: str = result.settings["selection"]["rule"]
+    return None if rule in RANKINGS else rule
+
+
 def choice(result: Evidence) -> Verdict | None:
     """The plan is the first path in the selection rule's order; with judge=flights one of the first."""
     told = result.settings["selection"]
-    if told["rule"] not in RANKINGS:
+    if added_rule(result) is not None:
         return None
     tried = told["examined"] if flights_judge(result) else 1
     left, place = _affordable(result, told["rule"]), -1
