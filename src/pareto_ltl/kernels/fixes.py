@@ -46,6 +46,7 @@ from pareto_ltl.kernels.propagation import (
     closed_loop,
     correction_quantile,
     forget,
+    scaled_cov,
 )
 from pareto_ltl.support.arrays import Float32Array, FloatArray, IntArray
 
@@ -156,13 +157,13 @@ def _advance_with_fixes(
         share * unknown.xy + both * known.xy,
         share * unknown.yy + both * known.yy,
     )
-    against = Cov(dt2 * steered.xx, dt2 * steered.xy, dt2 * steered.yy)
+    against = scaled_cov(dt2, steered)
     reserve = correction_quantile(motion, returned) + correction_quantile(motion, against)
     speed = max(motion.u_max - reserve, 0.0)
     total = Cov(
-        cov.xx - dt2 * steered.xx + after.xx,
-        cov.xy - dt2 * steered.xy + after.xy,
-        cov.yy - dt2 * steered.yy + after.yy,
+        cov.xx - against.xx + after.xx,
+        cov.xy - against.xy + after.xy,
+        cov.yy - against.yy + after.yy,
     )
     return Ahead(mean, total, speed)
 

@@ -80,29 +80,27 @@ class Choice:
 
     def settings(self, cfg: SelectionConfig) -> SelectionConfig:
         """``cfg`` with the rule for this criterion; raises ConfigError for a value out of range."""
-        if self.selection is not None:
-            return self._ruled(cfg, self.selection)
-        cfg = replace(cfg, options={}) if cfg.options else cfg
-        if self.failure is not None:
-            return replace(cfg, rule="threshold", alpha=self.failure)
-        if self.energy is not None:
-            return replace(cfg, rule="energy", alpha=self.energy)
-        if self.length is not None:
-            return replace(cfg, rule="length", length=self.length)
-        if self.point is not None:
-            return replace(cfg, rule="point", point=self.point)
-        return replace(cfg, rule="knee")
-
-    @staticmethod
-    def _ruled(cfg: SelectionConfig, changes: Mapping[str, Any]) -> SelectionConfig:
-        """``cfg`` with ``changes``; options are those of one rule, so that another one starts without."""
-        same = changes["rule"] == cfg.rule
-        kept = {
-            field.name: getattr(cfg, field.name) for field in fields(cfg) if same or field.name != "options"
-        }
-        changed = section_of("selection", kept | dict(changes))
+        changes = self._changes()
+        kept = {field.name: getattr(cfg, field.name) for field in fields(cfg)}
+        if changes["rule"] != cfg.rule:
+            kept["options"] = {}  # they are those of one rule
+        changed = section_of("selection", kept | changes)
         assert isinstance(changed, SelectionConfig)
         return changed
+
+    def _changes(self) -> dict[str, Any]:
+        """The rule for this criterion, and the settings that it reads."""
+        if self.selection is not None:
+            return dict(self.selection)
+        if self.failure is not None:
+            return {"rule": "threshold", "alpha": self.failure}
+        if self.energy is not None:
+            return {"rule": "energy", "alpha": self.energy}
+        if self.length is not None:
+            return {"rule": "length", "length": self.length}
+        if self.point is not None:
+            return {"rule": "point", "point": self.point}
+        return {"rule": "knee"}
 
     @property
     def name(self) -> str:
