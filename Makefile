@@ -19,7 +19,7 @@ UV := $(shell command -v uv 2>/dev/null)
 
 PEERS := build/peers
 
-.PHONY: demo test coverage coverage-report fuzz faults bench scale gallery peers lint types docs dist lock install clean
+.PHONY: demo test coverage coverage-report fuzz faults bench corpus scale gallery peers lint types docs dist lock install clean
 .DELETE_ON_ERROR:
 
 demo: $(READY)
@@ -48,6 +48,11 @@ faults: $(READY)
 
 bench: $(READY)
 	$(BIN)/python -m pytest benchmarks/bench_*.py $(ARGS)
+
+# Plan 100 missions of many kinds with five seeds each; the page of results is outputs/corpus/index.html. Many hours;
+# ARGS="--tenth --seeds 0,1" plans one mission of each kind (docs/corpus.md).
+corpus: $(READY)
+	cd benchmarks && $(abspath $(BIN))/python -m corpus $(ARGS)
 
 # Seconds and memory against the size of a problem, with figures in outputs/scale (ARGS="states steps" for some).
 scale: $(READY)

@@ -3,8 +3,9 @@
     python benchmarks/compare_wind_thinning.py SOURCE FILE [--level 10m]
 
 SOURCE is ``grib``, ``netcdf`` or ``stations``. Of the readings near the map of phi1, at the time that has
-most of them, a share ``WITHHELD`` of those in the map is withheld; of the others 75, 150, ... are chosen as a
-run does (``wind.max_points``) and fitted. For each number, over ``SPLITS`` such choices: mean negative log
+most of them, a share ``WITHHELD`` of those in the map is withheld; of the others 75, 150, ... are chosen and
+fitted: spread evenly, and as a run does (``wind.max_points``), those on and beside the map first. For each
+number, over ``SPLITS`` such choices: mean negative log
 predictive density of a value (NLPD), root mean square error, share within 90 % intervals, CPU seconds.
 """
 
@@ -18,8 +19,7 @@ import numpy as np
 from pareto_ltl.settings import WindConfig
 from pareto_ltl.support.arrays import FloatArray, IntArray
 from pareto_ltl.wind.gp import fit_posterior
-from pareto_ltl.wind.observations import FIT_RADIUS, project_readings
-from pareto_ltl.wind.readings import farthest_points
+from pareto_ltl.wind.observations import FIT_RADIUS, project_readings, thinned
 from pareto_ltl.wind.records import WindObservations
 from pareto_ltl.wind.sources import read_readings
 from pareto_ltl.world import projection
@@ -62,17 +62,19 @@ def main() -> None:
     places, winds = near_map(WindConfig(source=asked.source, path=asked.file, level=asked.level))
     inside = np.flatnonzero(((places >= BOUNDS[0]) & (places <= BOUNDS[1])).all(axis=1))
     print(f"{len(places)} readings near the map, {len(inside)} in it, {WITHHELD:.0%} of these kept out")
-    rows: dict[int, list[FloatArray]] = {}
+    off = np.linalg.norm(np.maximum(0.0, np.maximum(BOUNDS[0] - places, places - BOUNDS[1])), axis=1)
+    ways = {"evenly": np.ones(len(places), bool), "map first": off <= WindConfig().padding}
+    rows: dict[tuple[int, str], list[FloatArray]] = {}
     for seed in range(SPLITS):
         out = np.random.default_rng(seed).choice(inside, round(WITHHELD * len(inside)), replace=False)
         kept = np.setdiff1d(np.arange(len(places)), out)
-        first = int(np.argmin((places[kept] ** 2).sum(axis=1)))
-        order = kept[farthest_points(places[kept], len(kept), first)]
-        for count in {min(c, len(order)) for c in COUNTS}:
-            rows.setdefault(count, []).append(judged(places, winds, np.sort(order[:count]), out))
-    for count, found in sorted(rows.items()):
+        for count in {min(c, len(kept)) for c in COUNTS}:
+            for way, beside in ways.items():
+                own = kept[thinned(places[kept], beside[kept], np.zeros(2), count)]
+                rows.setdefault((count, way), []).append(judged(places, winds, own, out))
+    for (count, way), found in sorted(rows.items()):
         nlpd, rms, covered, spent = np.mean(found, axis=0)
-        print(f"{count:5d}  NLPD {nlpd:.3f}  rms {rms:.2f} m/s  90 % {covered:.3f}  {spent:.1f} s")
+        print(f"{count:5d} {way:9s}  NLPD {nlpd:.3f}  rms {rms:.2f} m/s  90 % {covered:.3f}  {spent:.1f} s")
 
 
 if __name__ == "__main__":

@@ -22,9 +22,8 @@ from numpy.random import Generator, SeedSequence
 
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.refine.front_sweep import WARM, new_sweep, refine_front
-from pareto_ltl.planning.refine.path_classes import PathClass
 from pareto_ltl.planning.refine.sampled import Candidate, resampled_means
-from pareto_ltl.planning.refine.starts import Start, first_starts
+from pareto_ltl.planning.refine.starts import Start, StartKind, first_starts
 from pareto_ltl.run.pipeline import Run
 from pareto_ltl.run.records import DECOMPOSITION, FOREST, PROBLEM, READINGS, SCENE, Records
 from pareto_ltl.run.stages import PLAN_TABLE
@@ -83,7 +82,7 @@ def wide_search(name: str, border: str, minutes: float) -> list[dict[str, float]
     """Failure rates and lengths of the best paths found, shortest first."""
     rng = np.random.default_rng([7, len(name)])
     problem = benchmark_run(name, border, SEEDS[0]).make(PROBLEM)
-    starts: dict[PathClass, Start] = {}
+    starts: dict[StartKind, Start] = {}
     for seed in SEEDS:
         starts |= first_starts(problem, benchmark_run(name, border, seed).make(FOREST))
     law = problem.fidelity.law

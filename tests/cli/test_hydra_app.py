@@ -101,7 +101,7 @@ BAD = {
     "hydra.run.dir=": "hydra.run.dir is empty",
     "planner.n_max=100000000": "planner.n_max=100000000 needs",
     "robot.a=[[1.0]]": "robot.a must be a 2 x 2 matrix",
-    "selection.rule=best": "priority, weighted, threshold",
+    "selection.rule=best": "worth, priority, weighted, threshold",
     "selection.weights=[1.0]": "selection.weights must be three numbers",
     "wind.source=csv": "wind.path is missing",
     "+experiment=phi9": "there is no experiment 'phi9'; there are hop, phi1, ",

@@ -259,6 +259,7 @@ def netcdf_winds(place: Path) -> Fuzz:
 def results(place: Path) -> Fuzz:
     """One file of a results directory is changed; everything that reads this file is called."""
     from pareto_ltl.cli.rerun_command import _finished_record
+    from pareto_ltl.run.extra_paths import read_extra_paths
     from pareto_ltl.run.results import Results
     from pareto_ltl.studies.sweeps.runs import RunJob
 
@@ -271,7 +272,7 @@ def results(place: Path) -> Fuzz:
         "automaton.json": (lambda: found.automaton.n_states,),
         "plan.json": (lambda: found.plan, lambda: repr(found.plan)),
         "front.csv": (lambda: repr(found.front),),
-        "front.npz": (lambda: repr(found.front),),
+        "front.npz": (lambda: repr(found.front), lambda: read_extra_paths(run)),
         "metrics.json": (lambda: found.metrics, lambda: RunJob(run).look()),
         "run.json": (
             lambda: (found.done, repr(found), RunJob(run).look(), RunJob(run).settled()),

@@ -85,6 +85,16 @@ def _law(change: Callable[[dict[str, Any]], Any]) -> Callable[[Any], Any]:
     return edit
 
 
+def _calmer(told: dict[str, Any]) -> None:
+    """A smaller factor of the changes of the wind, and changes that fit it."""
+    told["variability"]["factor"] *= 0.5
+    scaled(told, "change", "sd", factor=np.sqrt(0.5))
+
+
+def _unscaled(told: dict[str, Any]) -> None:
+    scaled(told, "change", "sd", factor=told.pop("variability")["factor"] ** -0.5)
+
+
 def _without_forecasts(file: Any) -> None:
     law = error_law(json.loads(file.attrs["forecast_error"]))
     for name in ("u_var", "v_var"):
@@ -161,6 +171,14 @@ ERROR_LIES = (
         "the wind changes less between fields",
         in_wind(_law(lambda told: scaled(told, "change", "sd", factor=0.5))),
         ("wind: law of forecast errors",),
+    ),
+    Lie("the wind varies less", in_wind(_law(_calmer)), ("wind: variability of the wind",), only="full"),
+    Lie("no analyses were used", in_wind(_law(_unscaled)), ("wind: variability of the wind",), only="full"),
+    Lie(
+        "two analyses differ less",
+        in_wind(_law(lambda told: scaled(told, "variability", "mean_square", factor=0.5))),
+        ("wind: variability of the wind",),
+        only="full",
     ),
     Lie(
         "interpolation in time is left out of the modes",

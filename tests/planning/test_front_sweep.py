@@ -70,7 +70,7 @@ def test_starts_complete_the_mission_and_are_of_one_class_each(grown):
     problem, forest = grown
     starts = first_starts(problem, forest)
     assert len(starts) >= 3
-    for kind, start in starts.items():
+    for (kind, _), start in starts.items():
         assert path_class(problem, start.x) == kind
         assert problem.logic.distance[kind.state] == 0.0
 
@@ -78,7 +78,7 @@ def test_starts_complete_the_mission_and_are_of_one_class_each(grown):
 def test_trees_supply_more_than_one_class(grown):
     problem, forest = grown
     classes = {path_class(problem, start.x) for start in tree_starts(problem, forest)}
-    assert len(classes) == len(tree_starts(problem, forest)) >= 2
+    assert len(tree_starts(problem, forest)) >= len(classes) >= 2
 
 
 def test_lines_are_drawn_for_every_order_of_the_mission():
@@ -90,8 +90,8 @@ def test_lines_are_drawn_for_every_order_of_the_mission():
 def test_a_flipped_path_passes_the_obstacle_on_its_other_side(grown):
     problem, forest = grown
     best = tree_starts(problem, forest)[0]
-    own = path_class(problem, best.x).word
-    flipped = {path_class(problem, start.x).word for start in flipped_starts(problem, best.x, "")}
+    own = path_class(problem, best.x).words
+    flipped = {path_class(problem, start.x).words for start in flipped_starts(problem, best.x, "")}
     assert flipped - {own}
 
 
@@ -211,12 +211,27 @@ def test_where_no_start_can_be_flown_the_message_names_the_best_and_its_fault():
     forest = grow_forest(PLANNER, problem, SeedSequence(3))
     assert len(forest.accepted) == 0
     line = np.linspace(problem.scene.start, [3500.0, 10000.0], 12)
-    starts = {path_class(problem, line): Start(line, "a line")}
+    starts = {(path_class(problem, line), 0): Start(line, "a line")}
     flights = draw_flights(problem, "coherent", 100, SeedSequence(1))
     found = front_sweep.refine_front(REFINE, problem, starts, flights)
-    best = r"none of the refined paths can be flown; the best of them \(a line, \S+ km, \d+ steps\): "
+    best = r"none of the refined paths can be flown; the best of them \(a line, \S+ km, \d+ steps, fails 1"
     with pytest.raises(InfeasibleError, match=best):
         front_sweep.planned_paths(problem, found)
+
+
+def test_a_path_that_cannot_be_flown_is_repaired_or_named(caplog):
+    """A path that ends before the region: with more steps it gets there; without repair it is named."""
+    problem, line = taut_line()
+    x = resampled_means(problem, line, len(line) + 8)
+    short = Candidate(propagate(problem, x[:-4]), path_length(x[:-4]), 0.2, 0.125, "too short")
+    good = Candidate(propagate(problem, x), path_length(x), 0.1, 0.1, "a line")
+    paths = front_sweep.planned_paths(problem, [good, short])
+    assert [path.origin for path in paths] == ["a line, refined"]
+    assert "1 of 2 refined paths cannot be flown; the best of them (too short" in caplog.text
+    assert "fails 12 %): the expected path does not complete the mission" in caplog.text
+    caplog.clear()
+    assert len(front_sweep.planned_paths(problem, [good, short], lambda _: [short, good])) == 2
+    assert not caplog.text
 
 
 def test_where_every_flight_fails_it_is_said_how():

@@ -411,8 +411,9 @@ def test_wind_that_holds_the_robot_back_is_named():
     forest = grown(problem, cfg)
     assert len(forest.accepted) == 0
     text = no_path.explain_no_path(cfg, problem, forest)
-    assert "outlasted the wind data or planner.max_steps (0.7 h)" in text
-    assert "wind.hold_last=true, or raise planner.max_steps" in text
+    assert (
+        "the expected wind, up to 9.9 m/s, is too strong for robot.u_max = 10 m/s: set robot.u_max=" in text
+    )
 
     storm = steady_wind(scene, mean=(-10.5, 0.0), until=np.inf)  # calm enough somewhere: one node
     storm.mean[:, 0, 0] = 0.0
@@ -420,7 +421,9 @@ def test_wind_that_holds_the_robot_back_is_named():
     problem = make_problem("F a", scene, storm, planner=cfg)
     forest = grown(problem, cfg)
     assert len(forest.accepted) == 0
-    assert "raise robot.u_max" in no_path.explain_no_path(cfg, problem, forest)
+    assert "is too strong for robot.u_max = 10 m/s: set robot.u_max=12" in no_path.explain_no_path(
+        cfg, problem, forest
+    )
 
 
 def test_a_gap_that_is_too_narrow_for_epsilon_is_named():

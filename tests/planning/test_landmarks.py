@@ -9,6 +9,7 @@ import pytest
 
 from landmarks import LANDMARK_SCENE, LANDMARK_WAY, landmark_problem
 from pareto_ltl.planning.evaluate import evaluate_path, propagate
+from pareto_ltl.planning.problem import without_landmarks
 from pareto_ltl.settings import RobotConfig, SceneConfig
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.world.scene_files import scene_from_dict, scene_to_dict
@@ -30,8 +31,25 @@ def test_a_fix_that_may_well_be_missed_is_not_counted_on():
     assert evaluate_path(landmark_problem(small, fix_risk=0.02), LANDMARK_WAY, "").fixes == ()
 
 
-def test_feedback_and_fixes_leave_less_airspeed_for_the_path():
+def test_nothing_is_reserved_for_fixes_where_flights_judge():
     p = landmark_problem(fix_gain=0.5)
+    assert evaluate_path(p, LANDMARK_WAY, "").fixes
+    assert (propagate(p, LANDMARK_WAY).speed == p.motion.u_max).all()
+
+
+def test_without_landmarks_the_same_path_takes_no_fix_and_all_else_is_equal():
+    whole = landmark_problem()
+    (plain,) = without_landmarks(whole)
+    drawn = landmark_problem(replace(LANDMARK_SCENE, landmarks=()))
+    assert evaluate_path(plain, LANDMARK_WAY, "").fixes == ()
+    np.testing.assert_array_equal(propagate(plain, LANDMARK_WAY).cov, propagate(drawn, LANDMARK_WAY).cov)
+    assert plain.scene.landmarks == ()
+    assert whole.scene.landmarks
+    assert without_landmarks(drawn) == ()
+
+
+def test_feedback_and_fixes_leave_less_airspeed_for_the_path_where_bounds_judge():
+    p = landmark_problem(fix_gain=0.5, judge="bound")
     steps = len(LANDMARK_WAY) - 1
     room = propagate(p, LANDMARK_WAY).speed / p.motion.u_max
     first = evaluate_path(p, LANDMARK_WAY, "").fixes[0]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -22,7 +23,8 @@ from pareto_ltl.planning.refine.sampled import (
     steps_needed,
 )
 from pareto_ltl.planning.selection import tree_front
-from pareto_ltl.settings import PlannerConfig, RobotConfig, SmoothingConfig
+from pareto_ltl.settings import FidelityConfig, PlannerConfig, RobotConfig, SmoothingConfig
+from pareto_ltl.settings.fidelity import preset
 from pareto_ltl.simulation.common_flights import draw_flights
 from pareto_ltl.simulation.flights import simulate_flights
 from pareto_ltl.support.arrays import FloatArray
@@ -33,7 +35,7 @@ SCENE = make_scene({"a": box(13, 7, 17, 11), "b": box(3, 14, 7, 18)}, [box(8, 3,
 SMALL = PlannerConfig(trees=3, n_max=500, threads=1, epsilon=0.3, delta=0.9)
 
 
-def task(fidelity: str = "full", wind: float = 3.0, **robot: object) -> Problem:
+def task(fidelity: str | FidelityConfig = "full", wind: float = 3.0, **robot: object) -> Problem:
     found = RobotConfig(**({"dt": 100.0, "u_max": 10.0} | robot))  # type: ignore[arg-type]
     blown = smooth_wind(SCENE, speed=wind, sd=0.4, gust=0.3)
     return make_problem("F(a & F b)", SCENE, blown, found, SMALL, fidelity=fidelity)
@@ -54,7 +56,8 @@ def keeps(problem: Problem, x: FloatArray, slack: float = 1e-6) -> bool:
 
 
 def test_feedback_takes_from_both_ends_of_the_airspeeds() -> None:
-    problem = task(u_min=4.0, feedback=0.2, start_sd=100.0)
+    models = replace(preset("full"), judge="bound")  # flights as judges need no reserve
+    problem = task(fidelity=models, u_min=4.0, feedback=0.2, start_sd=100.0)
     flight = propagate(problem, along((2, 4), (5, 4), (9, 9), step=0.7))
     least, most = airspeed_limits(problem, flight.speed)
     assert (most < 10.0).all()

@@ -14,8 +14,10 @@ from numpy.random import SeedSequence
 from pareto_ltl.planning.growth import grow_forest
 from pareto_ltl.planning.no_path import explain_no_path, explain_no_safe_path
 from pareto_ltl.planning.problem import Problem
+from pareto_ltl.planning.refine.taut_lines import CAP
 from pareto_ltl.planning.selection import tree_front
 from pareto_ltl.settings import FidelityConfig, PlannerConfig, RobotConfig, preset
+from pareto_ltl.support.errors import InfeasibleError
 from pareto_ltl.world.scene import Scene
 from problems import box, make_problem, make_scene, smooth_wind, steady_wind
 
@@ -97,39 +99,79 @@ def test_too_few_vertices_are_told_with_a_number_that_finds_a_path() -> None:
     assert plans(better, make_problem("F(a & F b)", scene, planner=better)) > 0
 
 
-def test_wind_stronger_than_the_robot_is_not_called_risk() -> None:
+def faster(text: str) -> RobotConfig:
+    """The robot with the airspeed that ``text`` advises."""
+    (advised,) = re.findall(r"set robot\.u_max=([\d.]+)", text)
+    return RobotConfig(dt=100.0, u_max=float(advised))
+
+
+def explained(problem: Problem, cfg: PlannerConfig = CFG) -> str:
+    forest = grow_forest(cfg, problem, SeedSequence(11))
+    assert len(forest.accepted) == 0
+    return explain_no_path(cfg, problem, forest, SEEDS)
+
+
+def test_wind_stronger_than_the_robot_is_told_with_an_airspeed_that_finds_a_path() -> None:
     scene = make_scene({"a": box(15, 8, 17, 12)}, start=(3, 10))
     wind = steady_wind(scene, mean=(-10.5, 0.0), until=np.inf)
     wind.mean[:, 0, 0] = 0.0
-    problem = make_problem("F a", scene, wind, planner=CFG)
-    text = explain_no_path(CFG, problem, grow_forest(CFG, problem, SeedSequence(11)), SEEDS)
-    assert "had too little airspeed against the wind" in text
-    assert "raise robot.u_max (now 10 m/s)" in text
+    text = explained(make_problem("F a", scene, wind, planner=CFG))
+    assert (
+        "on the shortest line the expected wind, up to 10.5 m/s, is too strong for robot.u_max = 10 m/s"
+        in text
+    )
+    assert plans(CFG, make_problem("F a", scene, wind, faster(text), CFG)) > 0
 
 
-def test_too_few_steps_are_not_called_risk() -> None:
+def test_too_few_steps_are_told_with_a_number_that_finds_a_path() -> None:
     scene = make_scene({"a": box(15, 8, 17, 12)}, start=(3, 10))
     cfg = replace(CFG, max_steps=5)
-    problem = make_problem("F a", scene, planner=cfg)
-    text = explain_no_path(cfg, problem, grow_forest(cfg, problem, SeedSequence(11)), SEEDS)
-    assert "raise planner.max_steps" in text
+    text = explained(make_problem("F a", scene, planner=cfg), cfg)
+    assert "takes 20.1 min against the expected wind" in text
+    assert "planner.max_steps = 5 steps of 100 s are 8.3 min" in text
+    more = replace(CFG, max_steps=int(advised_settings(text)["max_steps"]))
+    assert plans(more, make_problem("F a", scene, planner=more)) > 0
+    assert plans(cfg, make_problem("F a", scene, None, faster(text), cfg)) > 0
+
+
+@pytest.mark.parametrize("headwind", [0.0, 5.0])
+def test_wind_that_ends_too_early_is_told_with_the_time_needed_and_what_helps(headwind: float) -> None:
+    scene = make_scene({"a": box(15, 8, 17, 12)}, [box(8, 4, 10, 12)], start=(3, 10))
+    scene = replace(scene, time_zero="2018-10-09T18:00:00+00:00")
+    wind = steady_wind(scene, mean=(-headwind, 0.0), until=1000.0)
+    text = explained(make_problem("F a", scene, wind, planner=CFG))
+    # From (3, 10) around the corners (8, 12) and (10, 12) to the corner (15, 12) of a.
+    legs = 1000 * np.array([[5, 2], [2, 0], [5, 0]])
+    lengths = np.hypot(*legs.T)
+    across = headwind * legs[:, 1] / lengths
+    speeds = np.sqrt((CAP * 10.0) ** 2 - across**2) - headwind * legs[:, 0] / lengths
+    (told,) = re.findall(r"the shortest line takes ([\d.]+) min", text)
+    assert float(told) == pytest.approx((lengths / speeds).sum() / 60, abs=0.2)
+    assert re.search(r"the wind is known for 1[5-8].\d min, until 2018-10-09T18:1[5-8]Z", text)
+    assert "too close" not in text
+    assert plans(CFG, make_problem("F a", scene, wind, faster(text), CFG)) > 0
+    assert "set wind.hold_last=true" in text
+    held = steady_wind(scene, mean=(-headwind, 0.0), until=np.inf)
+    assert plans(CFG, make_problem("F a", scene, held, planner=CFG)) > 0
+
+
+def test_a_region_behind_a_forbidden_one_is_named_with_those_before_it() -> None:
+    regions = {"a": box(15, 8, 17, 12), "b": box(12, 0, 13, 20), "c": box(5, 8, 7, 12)}
+    scene = replace(make_scene(regions, start=(3, 10)), border="wall")
+    with pytest.raises(InfeasibleError) as error:
+        grow_forest(CFG, make_problem("!b U a & F c", scene, planner=CFG), SeedSequence(11))
+    closed = "the border and regions that the mission forbids close every way after c to region 'a'"
+    assert closed in str(error.value)
 
 
 def test_a_deadline_that_is_too_early_is_named_and_a_later_one_finds_a_path() -> None:
     scene = make_scene({"a": box(15, 8, 17, 12)}, start=(3, 10))
-    problem = make_problem("F[0,10min] a", scene, planner=CFG)
-    text = explain_no_path(CFG, problem, grow_forest(CFG, problem, SeedSequence(11)), SEEDS)
-    assert "were too late for the mission: make its time spans longer" in text
-    assert "(the time span from 0 s until 10 min after departure), or let the robot fly faster" in text
+    text = explained(make_problem("F[0,10min] a", scene, planner=CFG))
+    assert "takes 20.1 min against the expected wind at robot.u_max = 10 m/s and is too late" in text
+    assert "(the time span from 0 s until 10 min after departure): make them longer" in text
     assert "forbids" not in text
     assert plans(CFG, make_problem("F[0,1h] a", scene, planner=CFG)) > 0
-
-
-def test_a_forbidden_region_is_named_beside_a_deadline() -> None:
-    scene = make_scene({"a": box(15, 8, 17, 12), "b": box(8, 0, 10, 14)}, start=(3, 10))
-    problem = make_problem("!b U a & F[0,10min] a", scene, planner=CFG)
-    text = explain_no_path(CFG, problem, grow_forest(CFG, problem, SeedSequence(11)), SEEDS)
-    assert "broke the mission: move the regions that it forbids, or make its time spans longer" in text
+    assert plans(CFG, make_problem("F[0,10min] a", scene, None, faster(text), CFG)) > 0
 
 
 def test_a_step_too_long_for_the_map_is_told_first() -> None:

@@ -166,14 +166,27 @@ def test_a_class_is_the_order_of_the_mission_and_the_sides_of_obstacles(problem)
     only_a = path_class(problem, along([2, 10], [8, 6], a))
     assert south_a_b == finer == wider
     assert len({south_a_b, north_a_b, b_a, only_a}) == 4
-    assert south_a_b.word == ()
-    assert north_a_b.word == b_a.word == (1,)
+    assert south_a_b.words == ((), ())
+    assert north_a_b.words == b_a.words == ((1,), ())
     assert [sorted(label) for _, label in south_a_b.order] == [[], ["a"], ["b"]]
     assert [sorted(label) for _, label in b_a.order] == [[], ["b"], ["a"]]
     done = problem.logic.distance == 0.0
     assert done[south_a_b.state]
     assert done[b_a.state]
     assert not done[only_a.state]
+
+
+def test_out_and_back_past_an_obstacle_are_told_apart_leg_by_leg(problem) -> None:
+    """As one word, both ways north and both ways south are the same."""
+    b, a = [16, 10], [3, 17]
+    scene = make_scene({"b": box(14, 8, 18, 12), "a": box(2, 16, 4, 18)}, [box(7, 8, 9, 12)], start=(2, 10))
+    mission = make_problem("F(b & F a)", scene, fidelity="full")
+    north = path_class(mission, along([2, 10], [8, 13], b, [8, 14], a))
+    south = path_class(mission, along([2, 10], [8, 6], b, [8, 6], [2, 8], a))
+    assert [len(word) for word in north.words] == [1, 1]
+    assert south.words == ((), ())
+    whole = mission.decomposition.obstacles
+    assert path_word(whole, along([2, 10], [8, 13], b, [8, 14], a)) == ()
 
 
 def test_a_start_in_a_region_is_read(problem) -> None:

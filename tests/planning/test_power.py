@@ -11,15 +11,20 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pareto_ltl.planning import selection
+from pareto_ltl.planning.endurance import capacity_advice, energy_at
 from pareto_ltl.planning.power import EnergyModel, energy_model
+from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import Front, Objectives, PlannedPath
+from pareto_ltl.planning.refine.taut_lines import CAP
 from pareto_ltl.planning.selection_rules import choose_path, within_capacity
-from pareto_ltl.settings import POWER_KINDS, PowerConfig, RobotConfig, SelectionConfig
+from pareto_ltl.settings import POWER_KINDS, PlannerConfig, PowerConfig, RobotConfig, SelectionConfig
 from pareto_ltl.settings.building import section_of
 from pareto_ltl.simulation.flights import counted_rate
+from pareto_ltl.support.display import energy_text
 from pareto_ltl.support.errors import ConfigError, InfeasibleError
 from pareto_ltl.support.resources import choices
 from pareto_ltl.verify.energy import power_law
+from problems import box, make_problem, make_scene, steady_wind
 
 VEHICLES = sorted(set(choices("robot")) - {"airframe"})
 TABLE = [[0.0, 80.0], [10.0, 50.0], [25.0, 200.0]]
@@ -188,22 +193,83 @@ def test_energy_is_one_more_objective_of_a_front_of_bounds(rows: list[tuple[floa
     assert front.reference.tolist()[2:] == [2 * (1 + max(row[k] for row in rows)) for k in (1, 2)]
 
 
+def calm_problem(energy: EnergyModel) -> Problem:
+    return replace(make_problem("F a", make_scene({"a": box(8, 8, 10, 10)})), energy=energy)
+
+
 def test_paths_beyond_the_battery_are_not_chosen(caplog: pytest.LogCaptureFixture) -> None:
     front = flown_front((1, 5.0, 9.0), (20, 5.0, 4.0), (300, 4.0, 2.0))
     model = EnergyModel(model_of(PowerConfig(kind="body")).curve, 5.0)
     cfg = SelectionConfig()
-    left = within_capacity(cfg, front, model)
+    problem = calm_problem(energy=model)
+    left = within_capacity(cfg, front, problem)
     assert [p.objectives.energy for p in left.paths] == [4.0, 2.0]
     assert left.failed.shape == (2, 1000)
     assert choose_path(cfg, front).objectives.energy == 9.0
-    assert within_capacity(cfg, front, None) is front
-    assert within_capacity(cfg, front, replace(model, capacity=None)) is front
-    assert within_capacity(SelectionConfig(rule="point"), front, model) is front
+    assert within_capacity(cfg, front, replace(problem, energy=None)) is front
+    assert within_capacity(cfg, front, replace(problem, energy=replace(model, capacity=None))) is front
+    assert within_capacity(SelectionConfig(rule="point"), front, problem) is front
     assert "1 of 3 paths of the front need more than robot.power.capacity" in caplog.text
-    with pytest.raises(
-        InfeasibleError, match=r"every path of the front needs more .* the least is .* Wh: raise"
-    ):
-        within_capacity(cfg, front, replace(model, capacity=1.0))
+    with pytest.raises(InfeasibleError, match=r"every path of the front needs more .* the least is .* Wh: "):
+        within_capacity(cfg, front, replace(problem, energy=replace(model, capacity=1.0)))
+
+
+def flown_line(robot: RobotConfig, kilometres: float) -> tuple[Problem, Front]:
+    """A straight flight in still air, and the front that consists of it."""
+    side = 1.2 * kilometres
+    scene = make_scene({"a": box(side - 2, 0, side, side)}, start=(1, 1), side=side)
+    wind = steady_wind(scene, gust=(0.0, 0.0), until=np.inf)
+    planner = PlannerConfig(max_steps=2000)
+    problem = make_problem("F a", scene, wind, replace(robot, dt=100.0), planner)
+    x = np.array([[0.0, 0.0], [1000 * kilometres, 0.0]]) + 1000.0
+    (front,) = [flown_front((1, 1000 * kilometres, 1e12))]
+    return problem, replace(front, paths=(replace(front.paths[0], x=x),))
+
+
+@pytest.mark.parametrize(
+    ("name", "kilometres", "advised"),
+    [("multirotor", 35.0, "fixed_wing"), ("fixed_wing", 400.0, "long_endurance"), ("multirotor", 5e3, None)],
+)
+def test_a_vehicle_that_can_is_named_with_its_energy(
+    name: str, kilometres: float, advised: str | None
+) -> None:
+    problem, front = flown_line(section_of("robot", name), kilometres)
+    with pytest.raises(InfeasibleError) as error:
+        within_capacity(SelectionConfig(), front, problem)
+    text = str(error.value)
+    assert "raise robot.power.capacity" in text
+    if advised is None:
+        assert "robot=" not in text
+        return
+    assert "set robot.u_max" not in text
+    robot: RobotConfig = section_of("robot", advised)
+    model = model_of(robot.power)
+    # Energy a metre times the distance.
+    needed = (
+        float(model.curve.watts(np.array([CAP * robot.u_max]))[0]) / (CAP * robot.u_max) * 1000 * kilometres
+    )
+    assert (
+        f"take robot={advised}, which needs {energy_text(needed)} of its {energy_text(model.capacity)}"
+        in text
+    )
+    assert needed < model.capacity
+
+
+def test_a_smaller_airspeed_is_advised_only_where_it_suffices() -> None:
+    robot: RobotConfig = section_of("robot", "long_endurance")
+    problem, front = flown_line(robot, 1000.0)
+    assert problem.energy is not None
+    at_full = energy_at(problem, front.paths[0].x, problem.energy, robot.u_max)
+    speeds = np.linspace(robot.u_min, robot.u_max, 200)
+    model = problem.energy
+    least = 1e6 * float((model.curve.watts(speeds) / speeds).min())
+    for capacity, helps in ((0.97 * at_full, True), (least, False)):
+        limited = replace(problem, energy=replace(model, capacity=capacity))
+        text = capacity_advice(limited, front)
+        assert ("set robot.u_max=" in text) == helps
+        if helps:
+            u_max = float(text.split("set robot.u_max=")[1].split(",")[0])
+            assert energy_at(problem, front.paths[0].x, model, u_max) == pytest.approx(least, rel=0.01)
 
 
 def test_a_front_without_energies_has_no_choice_by_energy() -> None:

@@ -189,6 +189,31 @@ def chosen(front: Front, **settings):
     return o.mission_risk_paper, o.collision_risk, o.length
 
 
+fronts_flown = st.lists(st.tuples(st.floats(1.0, 9.0), st.integers(0, 200)), min_size=1, max_size=12)
+
+
+@some
+@given(fronts_flown, st.floats(0.0, 20.0), st.floats(0.0, 20.0))
+def test_worth_takes_the_least_product_of_failure_and_a_power_of_length(rows, saving, more):
+    lengths, counts = zip(*rows, strict=True)
+    front = flown_front(lengths, same_flights(*counts, runs=200))
+    length = chosen(front, rule="worth", saving=saving)[2]
+    least = min((count / 200 + 0.001) * own**saving for own, count in rows)
+    assert any(own == length and (n / 200 + 0.001) * own**saving <= least * (1 + 1e-9) for own, n in rows)
+    assert chosen(front, rule="worth", saving=saving + more)[2] <= length * (1 + 1e-9)
+
+
+def test_worth_does_not_fly_laps_for_a_rate_that_is_low_enough():
+    """Twice the length for 0.04 instead of 0.05 failures, or for none instead of one of a thousand."""
+    assert chosen(flown_front((200.0, 100.0), same_flights(40, 50)), rule="worth")[2] == 100.0
+    assert chosen(flown_front((200.0, 100.0), same_flights(0, 1)), rule="worth")[2] == 100.0
+    assert chosen(flown_front((110.0, 100.0), same_flights(20, 50)), rule="worth")[2] == 110.0
+
+
+def test_worth_is_priority_where_bounds_judge():
+    assert chosen(front_of(*CHOICE), rule="worth") == chosen(front_of(*CHOICE), rule="priority")
+
+
 def test_priority_takes_the_least_mission_risk_whatever_its_length():
     assert chosen(front_of(*CHOICE), rule="priority") == CHOICE[0]
 
@@ -384,7 +409,7 @@ def test_a_rule_may_return_a_number_of_numpy(monkeypatch):
 def test_a_rule_says_which_settings_it_reads(monkeypatch):
     cfg = SelectionConfig(rule="threshold", alpha=0.02)
     assert selection_rule(cfg).settings_read(cfg) == {"alpha": 0.02}
-    assert selection_rule(SelectionConfig()).settings_read(cfg) == {}
+    assert selection_rule(SelectionConfig(rule="knee")).settings_read(cfg) == {}
     monkeypatch.setitem(RULES, "knee", SelectionRule(lambda cfg, front: 0, reads=("bravery",)))
     with pytest.raises(
         ConfigError, match="reads 'bravery', no setting of selection; expected some of rule, "

@@ -12,6 +12,8 @@ import shapely
 from scipy.sparse.csgraph import dijkstra
 
 from large_maps import MEGABYTE, SIDE, Waiting, many_discs, rough_disc
+from pareto_ltl.planning.pack import pack_faces
+from pareto_ltl.planning.refine.bends import gap_places
 from pareto_ltl.planning.refine.taut_lines import possible_orders, taut_line
 from pareto_ltl.settings import RobotConfig
 from problems import KM, box, make_problem, make_scene, paper_problem, polygon_faces, steady_wind
@@ -209,3 +211,21 @@ def test_a_forbidden_region_of_2000_corners_is_not_crossed():
     exact = exact_length(stops_of(problem, "b"), [shapely.get_coordinates(hull)[:-1]], 0.0)
     assert length(line) <= 1.005 * exact
     assert peak < 50.0
+
+
+NEEDLE = np.array([[2e5, 1.05e4], [1e6, 1.05e4], [6e5, 1.05e4 + 2e-4]])  # no two faces differ by 1e-6 rad
+ACUTE = np.array([[0.0, 3e3], [2e5, 3e3], [0.0, 4e3]])  # the place where it meets BLUNT is beyond its tip
+BLUNT = np.array([[2.3e5, -1e4], [2.5e5, -1e4], [2.5e5, 1e4], [2.3e5, 1e4]])
+
+
+@pytest.mark.parametrize("order", list(itertools.permutations(range(3))))
+def test_gaps_of_slivers_and_needles_do_not_depend_on_the_order_of_obstacles(order):
+    polygons = [NEEDLE, ACUTE, BLUNT]
+
+    def places(numbers):
+        chosen = [polygons[i] for i in numbers]
+        at, grow = gap_places(chosen, pack_faces(chosen), 1e3)
+        return sorted(map(tuple, np.round(np.hstack([at, grow]), 6).tolist()))
+
+    assert places(order) == places(range(3))
+    assert len(places([1, 2])) > 0 < len(places([0, 2]))

@@ -162,7 +162,7 @@ def test_a_rule_with_its_settings_chooses_from_the_command_line(
         (["--length", "1900 miles"], "--length must be a length in m, km or nmi, e.g. 1900km"),
         ([], "one of the arguments --failure --energy --length --knee --point --rule is required"),
         (["--knee", "--point", "1"], "not allowed with argument"),
-        (["--rule", "best"], "selection.rule must be one of priority, weighted, "),
+        (["--rule", "best"], "selection.rule must be one of worth, priority, weighted, "),
         (["--rule", "weighted", "selection.weights=[1,0]"], "selection.weights must be three numbers >= 0"),
         (["--rule", "weighted", "selection.weight=[1,0,0]"], "did you mean selection.weights?"),
         (["--rule", "weighted", "weights=[1,0,0]"], "'weights=[1,0,0]' is not known; expected selection.KEY"),

@@ -432,7 +432,7 @@ def test_numbers_of_a_record_of_ones_own_are_metrics(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("fidelity", ["paper", "full"])
 def test_where_refinement_finds_nothing_that_can_be_flown_the_paths_of_the_trees_stay(
-    fidelity: str, monkeypatch: pytest.MonkeyPatch
+    fidelity: str, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     def refuse(*_: object) -> tuple[()]:
         raise InfeasibleError("the nearest line cannot be flown")
@@ -444,6 +444,7 @@ def test_where_refinement_finds_nothing_that_can_be_flown_the_paths_of_the_trees
         planner=PlannerConfig(trees=2, n_max=600), selection=SelectionConfig(draws=50, runs=50),
     )  # fmt: skip
     assert Run(settings).make(FRONT).paths
+    assert "the plan is a path of the search trees: the nearest line cannot be flown" in caplog.text
     none = replace(settings, planner=PlannerConfig(trees=1, n_max=2))
     with pytest.raises(InfeasibleError) as told:
         Run(none).make(FRONT)

@@ -152,4 +152,4 @@ def test_the_rule_of_the_rest_has_the_length_that_is_left(made: Path) -> None:
     cfg = SelectionConfig(rule="length", length=path.objectives.length)
     flown = np.linalg.norm(np.diff(path.x[: STEP + 1], axis=0), axis=1).sum()
     assert rule_of_the_rest(cfg, path, STEP).length == pytest.approx(path.objectives.length - flown)
-    assert rule_of_the_rest(SelectionConfig(rule="point", point=3), path, STEP).rule == "priority"
+    assert rule_of_the_rest(SelectionConfig(rule="point", point=3), path, STEP).rule == "worth"

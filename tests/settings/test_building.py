@@ -87,7 +87,10 @@ def test_one_model_changes_on_top_of_its_preset(name: str) -> None:
     [
         ({"planner": {"treez": 3}}, "unknown setting planner.treez; did you mean planner.trees?"),
         ({"selection": {"section": "x"}}, "unknown setting selection.section; "),
-        ({"selection": {"margin": 1}}, "unknown setting selection.margin; there are rule, weights, alpha, "),
+        (
+            {"selection": {"margin": 1}},
+            "unknown setting selection.margin; there are rule, saving, weights, alpha, ",
+        ),
         ({"plannr": {}}, "unknown setting plannr; did you mean planner?"),
         ({"planner": {"trees": 2.5}}, "planner.trees must be a whole number, got 2.5"),
         ({"planner": {"trees": True}}, "planner.trees must be a whole number, got True"),

@@ -18,7 +18,7 @@ from pareto_ltl.simulation.records import Deployment
 def flown(request: pytest.FixtureRequest) -> tuple[Problem, Deployment]:
     result = pareto_ltl.plan("phi1", request.param, **SMALL)
     path = result.plan.path
-    poor = 1.12 * path.u  # so that flights fail of all causes
+    poor = 1.3 * path.u  # so that flights fail of all causes
     return result.problem, simulate_flights(result.problem, poor, 300, "coherent", SeedSequence(7), path.x)
 
 

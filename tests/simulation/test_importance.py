@@ -157,6 +157,13 @@ def test_the_nearest_mixture_touches_the_intersection_at_its_nearest_point(first
     assert (near @ normal).min() >= mixed.threshold[0] * (1 - 1e-9)
 
 
+def test_the_mixture_of_equal_half_spaces_is_that_half_space():
+    """Their correlation may exceed 1 by rounding."""
+    mixed = nearest_mixture(0.3, np.full(2, 0.3), np.array([1.0, 1.0 + 2**-51]))
+    np.testing.assert_array_equal(mixed.threshold, 0.3)
+    np.testing.assert_array_equal(mixed.first + mixed.second, 1.0)
+
+
 # --- weights --------------------------------------------------------------------------------------
 
 

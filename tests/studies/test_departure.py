@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import csv
 import json
-import math
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 import pytest
@@ -14,17 +16,31 @@ from pareto_ltl.cli.commands import run_command_line
 from pareto_ltl.run.interface import choose
 from pareto_ltl.run.results import Results
 from pareto_ltl.settings import DepartureConfig, Settings
+from pareto_ltl.studies.departure import repeat_seed
+from pareto_ltl.studies.departure_fronts import Comparison, compare_fronts, flown_front
 from pareto_ltl.studies.departure_starts import candidate_starts, folder_name
-from pareto_ltl.studies.departure_table import same_length_columns, start_rows
-from pareto_ltl.support.counts import paired_difference
+from pareto_ltl.studies.departure_table import (
+    Delivered,
+    Found,
+    compared_paths,
+    delivered_text,
+    fronts_in_time,
+    noise_text,
+    recommendation_text,
+    start_rows,
+)
+from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.schemas import read_document
 from pareto_ltl.verify.judge import judge_results
 from pareto_ltl.wind.readings import CALM, Readings, iso, seconds
 
+if TYPE_CHECKING:
+    from pareto_ltl.planning.records import Plan
+
 SMALL = (
     "+experiment=phi2", "fidelity=paper", "planner.trees=3", "planner.n_max=1500", "deployment.runs=20",
-    "departure.flights=400", "report.dpi=40", "evaluation.jobs=1",
+    "departure.flights=400", "departure.seeds=2", "report.dpi=40", "evaluation.jobs=1",
 )  # fmt: skip
 MIDNIGHT, NOON = "2018-10-09T00:00:00Z", "2018-10-09T12:00:00Z"
 
@@ -102,63 +118,104 @@ def test_a_list_and_a_grid_of_starts_exclude_each_other() -> None:
 # --- the comparison ----------------------------------------------------------------------------
 
 
-def result(failed: list[int], length: float = 1000.0, **more: object) -> dict[str, object]:
-    """What a start with these flights has."""
-    conditions = {"wind_speed": 3.0, "wind_sd": 1.0, "tail_wind": 0.5, "end_sd_m": 10.0}
+def path(failures: int, length: float, n: int = 2000, **more: object) -> dict[str, object]:
+    """A path of which the first ``failures`` of ``n`` flights fail."""
     return {
-        "planned": True, "failed": "".join(map(str, failed)), "law": "coherent", "length_m": length,
-        "duration_s": 7200.0, "steps": 4, "order": "a", "x": [[0, 0], [1, 1]], "metrics": {},
-        "conditions": conditions, "front": [], "fastest_s": 7200.0,
+        "length_m": length, "duration_s": 7200.0, "steps": 4, "order": "a", "origin": f"tree {length:.0f}",
+        "failed": "1" * failures + "0" * (n - failures), "x": [[0.0, 0.0], [length, 1.0]],
     } | more  # fmt: skip
 
 
-def test_the_difference_of_pairs_has_an_interval_that_covers() -> None:
-    """The true difference is 0.1; of 400 studies at least 355 cover it (chance of fewer at 95 %: 1e-7)."""
-    rng = np.random.default_rng(0)
-    covered = 0
-    for _ in range(400):
-        draws = rng.random(300)
-        others = np.where(rng.random(300) < 0.5, draws, rng.random(300))  # half of the pairs share their draw
-        _, low, high = paired_difference(draws < 0.1, others < 0.2)
-        covered += low <= 0.1 <= high
-    assert covered >= 355
-    assert paired_difference(np.zeros(50, bool), np.zeros(50, bool))[0] == 0.0
+def result(counts: dict[float, int], **more: object) -> dict[str, object]:
+    """What a start has whose paths of these lengths [m] fail so often."""
+    conditions = {"wind_speed": 3.0, "wind_sd": 1.0, "tail_wind": 0.5, "end_sd_m": 10.0}
+    paths = [path(failures, length) for length, failures in counts.items()]
+    return {
+        "planned": True, "law": "coherent", "plan": 0, "paths": paths, "metrics": {}, "conditions": conditions
+    } | more  # fmt: skip
 
 
-def test_the_least_failure_is_recommended_and_ties_are_as_good() -> None:
-    worse, equal = [1] * 60 + [0] * 140, [0] * 199 + [1]
-    windy = {"wind_speed": 5.0, "wind_sd": 2.0, "tail_wind": -2.0, "end_sd_m": 30.0}
-    found = {
-        0.0: result(worse, 1500.0, conditions=windy),
-        3600.0: result([0] * 200),
-        7200.0: result(equal),
-        10800.0: {"planned": False, "reason": "no flight fits"},
+def compared(found: Found, cfg: DepartureConfig | None = None) -> tuple[list[dict[str, Any]], Comparison]:
+    settings = replace(Settings(), departure=cfg or DepartureConfig(flights=2000))
+    comparison = compare_fronts(fronts_in_time(settings.departure, found))
+    return start_rows(settings, found, comparison), comparison
+
+
+GOOD, WORSE = {1000.0: 200, 1500.0: 60}, {1000.0: 800, 1500.0: 300}
+
+
+def test_the_start_that_fails_less_is_recommended_and_the_others_say_why_not() -> None:
+    windy = {"wind_speed": 5.0, "wind_sd": 2.0, "tail_wind": -2.0, "end_sd_m": 3e4}
+    found: Found = {
+        0.0: [result(WORSE, conditions=windy)] * 2,
+        3600.0: [result(GOOD)] * 2,
+        7200.0: [{"planned": False, "reason": "no flight fits"}],
     }
-    rows = start_rows(Settings(), found)
-    assert [row["recommended"] for row in rows] == [False, True, False, False]
-    assert [row["as_good"] for row in rows] == [False, True, True, False]
-    assert rows[0]["difference"] == pytest.approx(0.3)
-    for words in ("30.00 points", "0 km longer", "2.0 m/s of head wind instead of 0.5 m/s of tail wind",
+    rows, comparison = compared(found)
+    assert [row["recommended"] for row in rows] == [False, True, False]
+    assert [row["as_good"] for row in rows] == [False, True, False]
+    for words in ("fails 4.", "times as often at equal length", "2.0 m/s of head wind instead of 0.5 m/s",
                   "sd 2.00 instead of 1.00 m/s", "spread wider"):  # fmt: skip
         assert words in rows[0]["verdict"]
-    assert rows[3]["verdict"] == "no plan: no flight fits"
+    assert rows[2]["verdict"] == "no plan: no flight fits"
     assert rows[1]["arrival"] == "1970-01-01T03:00:00Z"
+    said = recommendation_text(rows, comparison)
+    assert "Leave at 1970-01-01T01:00:00Z" in said
+    assert "every other start fails more often; the nearest one, 1970-01-01T00:00:00Z" in said
 
 
-def test_a_start_that_arrives_late_is_not_recommended() -> None:
-    settings = replace(Settings(), departure=DepartureConfig(arrive_by="1970-01-01T02:30:00Z"))
-    rows = start_rows(settings, {0.0: result([1, 0, 0, 0]), 3600.0: result([0] * 4)})
+def test_starts_that_do_not_differ_are_named_and_the_earliest_is_recommended() -> None:
+    found: Found = {0.0: [result({1000.0: 205, 1500.0: 62})], 3600.0: [result(GOOD)], 7200.0: [result(WORSE)]}
+    rows, comparison = compared(found)
+    assert recommendation_text(rows, comparison) == (
+        "**Leave at 1970-01-01T00:00:00Z**. 2 starts do not differ beyond the noise at equal length (1 to 2 "
+        "km): 1970-01-01T00:00:00Z, 1970-01-01T01:00:00Z. Of these, it is the earliest of those that fail at "
+        "most 1.1 times as often as the best one (1.03 [0.98, 1.08] times as often as 1970-01-01T01:00:00Z). "
+        "All others fail more often at equal length (1 to 2 km)."
+    )
+    assert "no difference beyond the noise" in rows[0]["verdict"]
+    assert "not the spread between seeds" in noise_text(DepartureConfig(), comparison)
+
+
+def test_paths_and_starts_that_arrive_late_are_not_compared() -> None:
+    cfg = DepartureConfig(arrive_by="1970-01-01T02:30:00Z", flights=2000)
+    slow = path(1, 2000.0, duration_s=9200.0)  # arrives 200 s late
+    first = result(WORSE)
+    found: Found = {0.0: [first | {"paths": [*first["paths"], slow]}], 3600.0: [result(GOOD)]}
+    rows, _ = compared(found, cfg)
     assert [row["recommended"] for row in rows] == [True, False]
     assert "after departure.arrive_by" in rows[1]["verdict"]
+    assert rows[0]["paths"] == 2
+    assert [len(x) for _, x in compared_paths(cfg, 0.0, found)] == [2, 2]
 
 
-def test_failure_at_one_length_lies_between_the_points_of_the_front() -> None:
-    front = [[100.0, 0.1, 0.05, 0.2], [200.0, 0.001, 0.0005, 0.002]]
-    at = same_length_columns(front, 150.0)
-    assert at["failure_same_length"] == pytest.approx(0.01)  # half way in the logarithm
-    assert same_length_columns(front, 300.0)["failure_same_length"] == pytest.approx(0.001)
-    assert math.isnan(same_length_columns(front, 99.0)["failure_same_length"])
-    assert math.isnan(same_length_columns([], 150.0)["failure_same_length"])
+def test_the_paths_for_the_full_plan_are_the_best_of_all_seeds() -> None:
+    found: Found = {0.0: [result({1000.0: 200, 1500.0: 60}), result({1100.0: 150, 1400.0: 70, 1600.0: 61})]}
+    kept = compared_paths(DepartureConfig(flights=2000), 0.0, found)
+    assert [origin for origin, _ in kept] == [
+        f"compared start, tree {length}" for length in (1000, 1100, 1400, 1500)
+    ]
+    np.testing.assert_array_equal(kept[2][1], [[0.0, 0.0], [1400.0, 1.0]])
+
+
+def test_the_full_plan_is_set_against_the_compared_front_and_the_latest_arrival() -> None:
+    compared = flown_front(np.array([1e6, 2e6]), np.arange(2000) < np.array([[200], [50]]))
+    full = flown_front(np.array([1e6, 2e6]), np.arange(2000) < np.array([[100], [25]]))
+    path = SimpleNamespace(objectives=SimpleNamespace(length=2e6), t=np.array([0.0, 9000.0]))
+    delivered = Delivered(cast("Plan", SimpleNamespace(path=path, promise=None)), full, compared)
+    assert delivered.ratio[0] == pytest.approx(0.5, rel=0.02)
+    cfg = DepartureConfig(arrive_by="1970-01-01T02:30:00Z")
+    said = delivered_text(cfg, 0.0, delivered)
+    assert "a path of 2,000 km is chosen; the safest compared path that is no longer has 2.5 %" in said
+    assert "after departure.arrive_by" not in said
+    assert "it arrives at 1970-01-01T02:30:01Z, after" in delivered_text(cfg, 1.0, delivered)
+
+
+def test_the_first_seed_is_that_of_the_run_and_the_others_differ() -> None:
+    seeds = [repeat_seed(5, k) for k in range(4)]
+    assert seeds[0] == 5
+    assert len(set(seeds)) == 4
+    assert seeds == [repeat_seed(5, k) for k in range(4)]
 
 
 # --- whole studies -----------------------------------------------------------------------------
@@ -181,6 +238,8 @@ def test_the_files_of_a_departure_study_fit_their_schema(place: Path) -> None:
     assert sum(row["recommended"] for row in rows) == 1
     assert (place / document["recommended"]["plan"]).is_file()
     assert (place / "figures" / "departures.png").is_file()
+    assert (place / "figures" / "departures_heat.png").is_file()
+    assert [row["seeds"] for row in rows] == [2, 2, 1]
     assert "Why, and why not at" in (place / "tables.md").read_text(encoding="utf-8")
 
 
@@ -194,13 +253,26 @@ def test_each_start_is_a_result_that_can_be_used(place: Path) -> None:
         assert choose(results, point=0).plan.path.objectives.length > 0
 
 
-def test_the_recommended_plan_is_that_of_a_run_with_its_departure(place: Path, tmp_path: Path) -> None:
-    document = json.loads((place / "departures.json").read_text())
-    best = document["recommended"]["departure"]
-    words = [*SMALL, f"mission.start_time={best}", f"hydra.run.dir={tmp_path}"]
-    assert run_command_line([word for word in words if not word.startswith("departure")]) == 0
-    for name in ("plan.json", "front.csv", "trees.npz"):
-        assert (tmp_path / name).read_bytes() == (place / "recommended" / name).read_bytes()
+def front_rows(folder: Path) -> FloatArray:
+    """Mission risk, collision risk and length of each path of ``front.csv``."""
+    with (folder / "front.csv").open(encoding="utf-8") as file:
+        names = "mission_risk", "collision_risk", "length_m"
+        return np.array([[float(row[name]) for name in names] for row in csv.DictReader(file)])
+
+
+def test_the_delivered_front_is_nowhere_worse_than_the_compared_one(place: Path) -> None:
+    """Bounds judge here: no path of the compared start is better than all of the full front."""
+    recommended = json.loads((place / "departures.json").read_text())["recommended"]
+    start = folder_name(seconds(recommended["departure"]))
+    full, coarse = front_rows(place / recommended["directory"]), front_rows(place / "starts" / start)
+    for row in coarse:
+        assert (full <= row * (1 + 1e-9)).all(axis=1).any()
+    assert recommended["ratio_to_compared"]["ratio"] < 1.0 + 1e-9
+
+
+def test_the_recommended_plan_can_be_made_again(place: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run_command_line(["rerun", str(place / "recommended")]) == 0
+    assert "the same, byte for byte" in capsys.readouterr().out
 
 
 def test_the_recommended_result_holds_before_the_judge(place: Path) -> None:
@@ -211,7 +283,12 @@ def test_a_study_that_goes_on_has_the_same_bytes(place: Path, tmp_path: Path) ->
     words = ("departure", *SMALL, f"departure.starts=[{MIDNIGHT},{NOON},2018-10-10T09:00:00Z]")
     more = (f"evaluation.resume={place}", f"hydra.run.dir={tmp_path / 'again'}")
     assert run_command_line([*words, *more]) == 0
-    for name in ("departures.csv", "departures.json", f"starts/{folder_name(seconds(NOON))}/plan.json"):
+    for name in (
+        "departures.csv",
+        "departure_lengths.csv",
+        "departures.json",
+        f"starts/{folder_name(seconds(NOON))}/plan.json",
+    ):
         assert (tmp_path / "again" / name).read_bytes() == (place / name).read_bytes()
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pareto_ltl.support.messages import shown_line, shown_text, shown_value
+from pareto_ltl.support.messages import LONGEST_LINE, shown_line, shown_text, shown_value
 
 
 @given(st.text(max_size=300), st.integers(10, 100))
@@ -36,7 +36,7 @@ def test_a_line_is_one_line_without_control_characters_and_long_words() -> None:
     line = shown_line("a\x1b[31m b\nc " + "x" * 5000)
     assert line.startswith("a\\x1b[31m b c xxx")
     assert len(line) < 120
-    assert len(shown_line("word " * 5000)) <= 1000
+    assert len(shown_line("word " * 5000)) <= LONGEST_LINE
 
 
 def test_a_path_with_spaces_and_other_letters_is_repeated_as_it_is() -> None:

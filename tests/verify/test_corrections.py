@@ -25,7 +25,10 @@ def test_corrections_exceed_their_reserve_at_most_as_often_as_allowed(
     """The independent simulation, without the limit of the airspeed, that records what it would fly."""
     scene, _, changes = MISSIONS["fixes"]
     options = COMMON | changes | {"robot": {"dt": 1800.0, "feedback": feedback, "fix_gain": 0.5}}
-    options |= {"planner": COMMON["planner"] | {"max_steps": 100}}
+    options |= {
+        "planner": COMMON["planner"] | {"max_steps": 100, "delta": 0.95},
+        "fidelity": {"judge": "bound", "refine": "none"},
+    }
     plan = pareto_ltl.plan(scene, "F(a & F b)", out=tmp_path / "run", **options).plan
     assert plan.path.fixes
     result = open_evidence(tmp_path / "run")

@@ -69,14 +69,15 @@ def _law(path: Path) -> Path:
     return path
 
 
-def _forecasts(path: Path, hours: float = 18.0, age: float = 3.0) -> Path:
-    """Lighter packaged winds, as forecasts of one cycle that is ``age`` hours old at the first time."""
+def _forecasts(path: Path, hours: float = 18.0, start: float = 3.0) -> Path:
+    """Lighter packaged winds: analyses up to the start of a cycle ``start`` hours after the first time."""
     with SAMPLE_FILE.open(newline="") as file:
         rows = list(csv.DictReader(line for line in file if not line.startswith("#")))
     first = seconds(rows[0]["time"])
     leads = [(seconds(row["time"]) - first) / 3600 for row in rows]
     found = [
-        row | {"u": SHARE * float(row["u"]), "v": SHARE * float(row["v"]), "lead_hours": lead + age}
+        row
+        | {"u": SHARE * float(row["u"]), "v": SHARE * float(row["v"]), "lead_hours": max(lead - start, 0.0)}
         for row, lead in zip(rows, leads, strict=True)
         if lead <= hours
     ]

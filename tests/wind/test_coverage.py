@@ -11,7 +11,7 @@ import pytest
 from pareto_ltl.settings import WindConfig
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.wind import field
-from pareto_ltl.wind.coverage import coverage_of
+from pareto_ltl.wind.coverage import coverage_of, held_warning
 from pareto_ltl.wind.forecast_error import forecast_error_law
 from pareto_ltl.wind.observations import place_readings
 from pareto_ltl.wind.readings import CALM, Readings
@@ -103,7 +103,6 @@ def test_forecast_errors_and_interpolation_in_time_make_the_field_less_certain()
     ("made", "covered", "left"),
     [
         ({"leads": [6.0, 9.0]}, "forecast error by the law gfs for leads 6 to 9 h", "errors of analyses"),
-        ({"leads": np.nan}, "interpolation in time between fields 3 h apart", "do not say how old"),
         ({"level": "80m"}, "wind at 80m", "other heights than 80m"),
     ],
 )
@@ -114,6 +113,40 @@ def test_reports_name_the_law_the_lead_and_the_level_and_what_is_missing(made, c
     assert covered in said.covered
     assert left in said.not_covered
     assert "\n" not in said.covered + said.not_covered
+
+
+def test_a_forecast_without_leads_grows_uncertain_from_its_first_time_and_a_warning_says_so(caplog):
+    times, late = [0, 3, 9], replace(SCENE, time_zero="2018-10-09T04:00:00Z")
+    seen = place_readings(cfg(), readings(times, np.nan), late)
+    np.testing.assert_array_equal(seen.leads, [3 * 3600.0, 9 * 3600.0])
+    assert "winds.grib2 does not state how old its forecast is: it is assumed to begin at its " in caplog.text
+    assert "first time, 2018-10-09T00:00:00Z" in caplog.text
+    assert "column lead_hours" in caplog.text
+    assert "wind.forecast_error=none" in caplog.text
+
+
+def test_leads_that_only_some_times_state_are_kept(caplog):
+    seen = place_readings(cfg(), readings([0, 3, 6], [0.0, np.nan, 1.0]), SCENE)
+    np.testing.assert_array_equal(seen.leads, [0.0, 3 * 3600.0, 3600.0])
+    assert "at 1 of 3 times" in caplog.text
+
+
+@pytest.mark.parametrize(
+    ("settings", "made"),
+    [
+        ({"forecast_error": "none"}, {"hours": [0, 3]}),
+        ({"source": "stations"}, {"hours": [0, 3]}),
+        ({"source": "sample", "forecast_error": "gfs"}, {"hours": [0, 3]}),
+        ({}, {"hours": [0, 3], "level": "0m depth"}),
+        ({"hold_last": True}, {"hours": [0]}),
+    ],
+)
+def test_analyses_observations_currents_and_single_times_imply_no_lead(settings, made, caplog):
+    seen = place_readings(cfg(**settings), readings(leads=np.nan, **made), SCENE)
+    assert np.isnan(seen.leads).all()
+    assert "how old" not in caplog.text
+    said = coverage_of(field.fit_wind_field(cfg(**settings), seen, SCENE)).not_covered
+    assert ("do not say how old" in said) == (seen.error.forecast_sd.any())
 
 
 def test_readings_taken_as_true_are_named_as_not_covered():
@@ -127,3 +160,36 @@ def test_calm_air_covers_no_wind_at_all():
     said = coverage_of(still)
     assert said.covered == "calm air: no wind at all."
     assert said.not_covered.startswith("any wind")
+
+
+HELD = {"hold_last": True, "max_gap": 12.0}
+
+
+def test_a_flight_through_a_held_field_is_told_what_forecasts_would_give():
+    seen = place_readings(cfg(**HELD), readings([0, 3], [3.0, 6.0]), SCENE)
+    wind, law = field.fit_wind_field(cfg(**HELD), seen, SCENE), forecast_error_law("gfs", "")
+    said = held_warning(wind, 8 * 3600.0, SCENE.time_zero)  # departure at 1 h, the last field at 3 h
+    assert "no field covers the last 6 h of the flight: the last one (2018-10-09T03:00:00Z) is held" in said
+    for hours in (3, 6):  # halfway through the held part, and at its end
+        sd = np.sqrt(law.change_variance(hours * 3600.0) + 0.62**2)  # e(6 h) = 0.62 m/s
+        assert f"{sd:.2g} m/s" in said
+    fresh = [f"{np.sqrt(law.forecast_variance((6 + hours) * 3600.0)):.2g}" for hours in (3, 6)]
+    assert f"would have {fresh[0]} and {fresh[1]} m/s (law gfs): add forecasts" in said
+
+
+def test_exact_fields_are_compared_with_forecasts_of_the_packaged_law():
+    told = cfg(forecast_error="none", **HELD)
+    wind = field.fit_wind_field(told, place_readings(told, readings([0, 3]), SCENE), SCENE)
+    assert "(law gfs)" in held_warning(wind, 8 * 3600.0)
+
+
+@pytest.mark.parametrize("end", [2 * 3600.0, 2 * 3600.0 + 1.0])
+def test_a_flight_that_the_fields_cover_is_told_nothing(end):
+    """A second after the last field, the wind has changed by less than a forecast errs."""
+    wind = field.fit_wind_field(cfg(**HELD), place_readings(cfg(**HELD), readings([0, 3], 6.0), SCENE), SCENE)
+    assert held_warning(wind, end) is None
+
+
+def test_calm_air_is_held_without_a_warning():
+    still = place_readings(WindConfig(source="calm"), CALM, SCENE)
+    assert held_warning(field.fit_wind_field(WindConfig(), still, SCENE), 1e6) is None

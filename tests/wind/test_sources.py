@@ -19,7 +19,7 @@ from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.wind import sources
 from pareto_ltl.wind.area import GeoBox
 from pareto_ltl.wind.ingest import write_wind_table
-from pareto_ltl.wind.observations import FIT_RADIUS, place_readings
+from pareto_ltl.wind.observations import place_readings
 from pareto_ltl.wind.readings import farthest_points
 from pareto_ltl.wind.sources import csv_files
 from pareto_ltl.wind.sources.grib_apart import read_grib_apart, read_grib_snapshots
@@ -255,20 +255,49 @@ def test_calm_air_needs_no_file_and_has_no_first_time():
 # --- thinning
 
 
-def test_a_dense_source_is_thinned_evenly_inside_the_lattice(tmp_path):
-    lines = rows(lats=np.arange(25, 49.5, 0.5), lons=np.arange(-105, -79.5, 0.5))
-    cfg = write(tmp_path / "w.csv", lines)
-    cfg.max_points = 60
-    seen = read(cfg)
-    reach = 5e5 + FIT_RADIUS
-    assert [len(points) for points in seen.points] == [60] * 3
-    assert np.abs(seen.points[0]).max() <= reach
-    gaps = np.linalg.norm(seen.points[0][:, None] - seen.points[0][None], axis=2) + np.diag([np.inf] * 60)
-    even = 2 * reach / np.sqrt(60)  # spacing of a square grid of as many points
+def dense(path, most):
+    cfg = write(path, rows(HOURS[:2], lats=np.arange(25, 49.5, 0.5), lons=np.arange(-105, -79.5, 0.5)))
+    cfg.max_points, cfg.forecast_error = most, "none"
+    return cfg
+
+
+def off_map(points, half):
+    return np.linalg.norm(np.maximum(0, np.abs(points) - half), axis=1)
+
+
+def test_every_reading_on_and_beside_the_map_is_used_and_the_log_counts_them(tmp_path, caplog):
+    cfg, small = dense(tmp_path / "w.csv", 10_000), scene(side=3e5)
+    cfg.padding = 2e5  # there are more than 150 within it
+    every = read(cfg, small).points[0]
+    assert not caplog.records  # nothing is left out
+    beside = every[off_map(every, 1.5e5) <= cfg.padding]
+    cfg.max_points = 300
+    with caplog.at_level("INFO"):
+        used = read(cfg, small).points[0]
+    assert len(used) == 300 < len(every)
+    assert set(map(tuple, beside)) <= set(map(tuple, used))
+    told = f"all {len(beside)} of the readings on and beside the map and {300 - len(beside)} of "
+    assert told + f"{len(every) - len(beside)} of those farther away, at each of 2 times" in caplog.text
+
+
+def test_of_a_grid_that_is_too_dense_nodes_beside_the_map_are_spread_evenly(tmp_path, caplog):
+    with caplog.at_level("INFO"):
+        used = read(dense(tmp_path / "w.csv", 60)).points[0]
+    own = used[off_map(used, 5e5) <= 1.5e5]
+    assert (len(own), len(used)) == (45, 60)
+    assert "uses 45 of 669 of" in caplog.text
+    even = 1.3e6 / np.sqrt(45)  # spacing of a square grid of as many points
+    gaps = np.linalg.norm(own[:, None] - own[None], axis=2) + np.diag([np.inf] * 45)
     assert gaps.min() > 0.6 * even
     nodes = np.stack(np.meshgrid(*[np.linspace(-5e5, 5e5, 21)] * 2), -1).reshape(-1, 2)
-    holes = np.linalg.norm(nodes[:, None] - seen.points[0][None], axis=2).min(axis=1)
-    assert holes.max() < 1.2 * even
+    assert np.linalg.norm(nodes[:, None] - own[None], axis=2).min(axis=1).max() < 1.2 * even
+
+
+def test_half_of_the_readings_are_the_nearest_to_a_map_smaller_than_the_grid(tmp_path):
+    cfg, place = dense(tmp_path / "w.csv", 10_000), scene(side=1e4)
+    nearest = np.sort(off_map(read(cfg, place).points[0], 5e3))[:50]
+    cfg.max_points = 100
+    np.testing.assert_allclose(np.sort(off_map(read(cfg, place).points[0], 5e3))[:50], nearest)
 
 
 def test_a_source_with_few_readings_near_takes_the_nearest(tmp_path):
@@ -467,7 +496,7 @@ def test_grib_winds_are_found_among_other_messages(gribs):
         np.testing.assert_allclose(readings.winds[k][:, 0], readings.points[k][:, 1] / 10 + hour, atol=1e-5)
         np.testing.assert_allclose(readings.winds[k][:, 1], -2.0, atol=1e-5)
     assert sources.read_readings(grib(gribs)).first_time == "2018-10-09T00:00:00Z"
-    assert len(read(grib(gribs)).points[0]) == WindConfig().max_points
+    assert len(read(grib(gribs)).points[0]) == 255  # 15 x 17 nodes within 500 km of the map
 
 
 def test_where_two_forecasts_reach_one_time_the_later_one_counts(gribs, eccodes):

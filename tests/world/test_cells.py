@@ -442,3 +442,13 @@ def test_a_start_in_an_obstacle_is_refused_by_the_mission_check():
     made = workspace.decompose(scene)
     with pytest.raises(DataError, match="no free cell"):
         workspace.unreachable_regions(made, replace(scene, start=np.array([5.0, 5.0])), ["a"])
+
+
+@pytest.mark.parametrize(("width", "parts"), [(1e-9, 1), (1e-3, 2)])
+def test_a_spike_thinner_than_rounding_errors_is_no_part_of_an_obstacle(width, parts):
+    spike = [[2.0, 4.0], [8.0, 4.0 + width / 2], [2.0, 4.0 + width]]
+    made = workspace.decompose(room([np.array([[1, 3], [2, 3], *spike, [2, 5], [1, 5]])]))
+    thin = np.array([spike[0], spike[1], [2.0, 4.0 + 1e-9]])
+    assert sum(shapely.Polygon(part).area < 2.0 for part in made.obstacles) == parts - 1
+    assert sum(shapely.Polygon(part).area for part in made.obstacles) == pytest.approx(2 + 3 * width)
+    assert len(workspace.decompose(room([thin])).obstacles) == 1  # alone it is a wall

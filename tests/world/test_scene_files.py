@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -194,6 +195,14 @@ def test_a_bad_map_is_refused_with_the_place_and_the_way_out(changes, words):
 
 
 # --- GeoJSON -------------------------------------------------------------------------------------
+
+
+def test_one_message_names_all_faults_of_a_map_in_the_settings():
+    text = refusal(start=[1], obstacles=[[[0, 0], [1, 1]], [[2, 2], [3, 2], [4, 2]]])
+    assert re.search(
+        r"has 3 faults: \(1\) scene.start is \[1\].*\(2\) obstacle 1 has 2 d.*\(3\) obstacle 2 is deg", text
+    )
+    assert "has 2 faults" in refusal(bounds=[[0, 0], [0, 1]], start=[])
 
 
 def feature(role, coordinates, kind="Polygon", **properties):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import logging
 import math
+import re
 
 import numpy as np
 import pytest
@@ -14,8 +15,9 @@ from hypothesis import strategies as st
 
 from pareto_ltl.settings import SceneConfig
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.world.cells import decompose
-from pareto_ltl.world.projection import to_plane
+from pareto_ltl.support.messages import LONGEST_LINE
+from pareto_ltl.world.cells import decompose, unreachable_regions
+from pareto_ltl.world.projection import to_geographic, to_plane
 from pareto_ltl.world.scene_files import scene_from_dict, scene_to_dict
 from pareto_ltl.world.scene_settings import scene_from_settings
 from pareto_ltl.world.scene_sketch import MissionUse
@@ -222,6 +224,37 @@ def test_the_buffer_of_a_border_moves_it_inwards(tmp_path):
         assert bool(moved.obstacles) == bool(walls)
 
 
+def plane_square(half_km, turn=0.0):
+    """A square of the plane around (5.3, 60.3), turned by ``turn`` [rad], in degrees with 6 decimals."""
+    angles = turn + np.pi / 4 * np.array([1, 3, 5, 7])
+    corners = 1000 * half_km * np.sqrt(2) * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    crs = "+proj=aeqd +lat_0=60.3 +lon_0=5.3 +datum=WGS84"
+    return np.round(np.stack(to_geographic(crs, corners), axis=1), 6).tolist()
+
+
+@pytest.mark.parametrize("half_km", [60, 250, 400])
+def test_a_border_that_is_almost_a_rectangle_is_the_rectangle_inside_it(tmp_path, half_km):
+    drawn = plane_square(half_km)
+    scene = scene_of(tmp_path, START, GOAL, feature("border", [drawn]), border="wall")
+    inside, box = shapely.Polygon(plane(scene, drawn)), shapely.box(*scene.bounds.ravel())
+    assert scene.obstacles == ()
+    assert inside.buffer(1e-3).covers(box)
+    assert inside.hausdorff_distance(box) < 5e-4 * 2000 * half_km
+
+
+@pytest.mark.parametrize("turn", [1e-4, 1e-3, 0.05])
+def test_no_sliver_is_left_between_a_border_and_the_bounds(tmp_path, turn):
+    drawn = plane_square(250, turn)
+    corner = drawn[0]
+    at_corner = [corner, [corner[0] - 0.3, corner[1] - 0.01], [corner[0] - 0.3, corner[1] - 0.2], corner]
+    for places in ((), (feature("region", [at_corner], name="b"),)):
+        scene = scene_of(tmp_path, START, GOAL, *places, feature("border", [drawn]), border="wall")
+        inside, box = shapely.Polygon(plane(scene, drawn)), shapely.box(*scene.bounds.ravel())
+        assert (box - inside - whole(scene.obstacles)).area < 1e-6 * box.length**2
+        for part in decompose(scene).obstacles:
+            assert 2 * shapely.Polygon(part).area / shapely.Polygon(part).length > 1e-6 * 5e5
+
+
 @pytest.mark.parametrize(
     ("features", "words"),
     [
@@ -317,3 +350,95 @@ def test_a_collection_of_points_lines_and_polygons_is_one_obstacle(tmp_path):
         "geometry": {"type": "GeometryCollection", "geometries": parts},
     }
     assert len(scene_of(tmp_path, START, GOAL, farm).obstacles) == 3
+
+
+# --- faults -------------------------------------------------------------------------------------------
+
+
+def fault_of(tmp_path, *features, **keys):
+    with pytest.raises(DataError) as error:
+        scene_of(tmp_path, *features, **keys)
+    assert "\n" not in str(error.value)
+    return str(error.value)
+
+
+def test_one_message_names_all_faults_of_a_map_each_with_its_place(tmp_path):
+    line = [[5.1, 60.1], [5.2, 60.2], [5.1, 60.1]]
+    bow = [[5.1, 60.1], [5.2, 60.2], [5.2, 60.1], [5.1, 60.2]]
+    text = fault_of(
+        tmp_path, START, GOAL, FRAME,
+        feature("region", [square(5.9, 60.8)], name="b"),
+        feature("zone", [square(5.0, 60.1)]),
+        feature("obstacle", [line], name="wood"),
+        feature("obstacle", [bow]),
+        feature("obstacle", [square(5.55, 60.55)]),
+        feature("region", [square(5.1, 60.8)], name="c d"),
+        feature("region", [square(5.1, 60.5)], name="late", until="soon"),
+    )  # fmt: skip
+    words = [
+        "map.geojson has 7 faults: (1) feature 5 has role 'zone'", "obstacle wood has 2 distinct corners",
+        "obstacle 2 crosses or touches its own outline at (longitude 5.15, latitude 60.15",
+        "obstacle 3 overlaps region 'a' at (longitude 5.525, latitude 60.525",
+        "region 'b' lies outside the bounds at (longitude 6, ", "region name 'c d' cannot be used", "'soon'",
+    ]  # fmt: skip
+    assert [word for word in words if word not in text] == []
+
+
+def test_a_faulty_start_or_border_gives_no_further_messages_about_what_is_missing(tmp_path):
+    text = fault_of(tmp_path, feature("start", [5.0], "Point"), GOAL, feature("border", [[[5, 60], [6, 61]]]))
+    assert (
+        "has 2 faults: (1) start is [5.0]; expected [x, y], two finite numbers; (2) border has 2 distinct"
+        in text
+    )
+
+
+def test_of_many_faults_the_first_are_named_and_the_others_counted(tmp_path):
+    flat = [[5.1, 60.1], [5.2, 60.2], [5.1, 60.1]]
+    text = fault_of(tmp_path, START, GOAL, *(feature("obstacle", [flat]) for _ in range(40)))
+    assert len(text) <= LONGEST_LINE
+    named = text.count("distinct corners")
+    assert named > 5
+    assert text.endswith(f"; and {40 - named} more")
+
+
+@pytest.mark.parametrize("border", ["wall", "open"])
+@pytest.mark.parametrize(
+    "features",
+    [
+        (feature("start", [4.7, 60.0], "Point"), FRAME),
+        (feature("start", [4.7, 59.7], "Point"), FRAME),
+        (feature("start", plane_square(60)[0], "Point"), feature("border", [plane_square(60)])),
+        (START, FRAME, feature("obstacle", [square(5.1, 60.0)])),
+        (START, FRAME, feature("obstacle", [square(5.9, 60.3, 0.2)])),
+        (START, FRAME, feature("obstacle", [square(6.0, 60.3)])),
+        (START, FRAME, feature("obstacle", [square(5.7, 60.5)])),
+        (START, FRAME, feature("region", [square(5.8, 60.8)], name="b")),
+        (START, feature("border", [[[4.7, 59.7], [5.3, 59.7], *square(5.3, 60.3, 0.6)[1:]]])),
+        (START, feature("border", [[*FENCE[:2], *FENCE[1:4], *FENCE[3:]]])),
+    ],
+    ids=["start on the border", "start in its corner", "start in the corner of a plane square",
+         "start on an obstacle", "obstacle across the border", "obstacle outside of it",
+         "obstacle beside a region", "region in a corner", "flat corners", "repeated corners"],
+)  # fmt: skip
+def test_places_that_touch_one_another_are_accepted(tmp_path, features, border):
+    scene = scene_of(tmp_path, *features, GOAL, border=border)
+    assert unreachable_regions(decompose(scene), scene, ["a"]) == ()
+
+
+@pytest.mark.parametrize(
+    ("corners", "words"),
+    [
+        ([[4.7, 59.7], [5.9, 60.9], [4.7, 59.7]], "border has 2 distinct corners"),
+        (
+            [[4.7, 59.7], [5.9, 60.9], [5.9, 59.7], [4.7, 60.9]],
+            r"crosses .* at \(longitude 5.3, latitude 60.3",
+        ),
+        (
+            [[4.7, 59.7], [5.3, 60.0], [5.9, 59.7], [5.9, 60.9], [5.3, 60.0], [4.7, 60.9]],
+            r"touches its own outline at \(longitude 5.3, latitude 60\)",
+        ),
+        ([[4.7, 60], [5.3, 60 + 1e-9], [5.9, 60]], "lies outside the border"),
+    ],
+)
+def test_a_degenerate_border_is_refused_with_the_place(tmp_path, corners, words):
+    assert re.search(words, fault_of(tmp_path, START, GOAL, feature("border", [corners]), border="wall"))

@@ -126,3 +126,14 @@ def test_an_archive_without_a_map_is_refused(tmp_path: Path) -> None:
             (tmp_path / "m.kmz").write_bytes(content)
         with pytest.raises(DataError, match=words):
             scene_from_settings(SceneConfig(file=str(tmp_path / "m.kmz")))
+
+
+def test_one_message_names_all_faults_of_a_kml_map(tmp_path: Path) -> None:
+    lost = "<Placemark><name>lost</name><Point><coordinates>5,60</coordinates></Point></Placemark>"
+    flat = "<Placemark><name>Border</name><Point><coordinates>5,60</coordinates></Point></Placemark>"
+    with pytest.raises(DataError) as error:
+        scene_of(tmp_path / "map.kml", document(PLACES + lost + flat))
+    text = str(error.value)
+    assert "map.kml has 2 faults: (1) Placemark 'lost' has no role" in text
+    assert "(2) " in text.partition("lost")[2]
+    assert "border" in text.partition("(2) ")[2]

@@ -6,6 +6,7 @@ import logging
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -66,7 +67,8 @@ def print_summary(
     for row in summary_rows(metrics, settings.fidelity.law):
         table.add_row(*row)
     console.print(table)
-    for paragraph in (*warning_paragraphs(warnings, directory), *coverage_paragraphs(directory)):
+    paragraphs = warning_paragraphs(warnings, directory), choice_paragraphs(settings, directory)
+    for paragraph in chain(*paragraphs, coverage_paragraphs(directory)):
         console.print(paragraph, markup=False)
     if (directory / "tables.md").is_file():  # of an evaluation
         console.print((directory / "tables.md").read_text(encoding="utf-8"), soft_wrap=True, markup=False)
@@ -79,6 +81,16 @@ def warning_paragraphs(warnings: Sequence[str], directory: Path) -> Iterator[str
         yield f"Warning: {warning}"
     if len(warnings) > MOST_WARNINGS:
         yield f"Warning: {len(warnings) - MOST_WARNINGS} more in {directory / 'run.log'}"
+
+
+def choice_paragraphs(settings: Settings, directory: Path) -> Iterator[str]:
+    """Which path of the front is the plan, where flights judge; none without a plan."""
+    if settings.fidelity.judge != "flights" or not (directory / "plan.json").is_file():
+        return
+    from pareto_ltl.planning.selection_rules import selection_rule
+
+    if words := selection_rule(settings.selection).in_words(settings.selection):
+        yield f"The plan is {words}; `pareto-ltl choose {directory}` takes another point of the front."
 
 
 def coverage_paragraphs(directory: Path) -> Iterator[str]:

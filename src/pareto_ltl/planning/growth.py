@@ -352,6 +352,7 @@ def _empty_bins(squares: int, vertices: int) -> Bins:
 def _check_lead(task: GrowthTask, tree: GrowingTree) -> None:
     """Raise InfeasibleError before growth if no sequence of cells completes the mission."""
     from pareto_ltl.kernels.dijkstra import shortest_lead
+    from pareto_ltl.planning.shortest_mission import closed_way
 
     problem, vertices, state = task.problem, tree.search.tree, tree.search.state
     start = int(vertices.q[0]) * len(problem.labels) + int(vertices.cell[0])
@@ -363,7 +364,8 @@ def _check_lead(task: GrowthTask, tree: GrowingTree) -> None:
         why = (
             f"{'; '.join(missed)}; change the window, mission.start_time or planner.max_steps"
             if missed
-            else "a region it needs cannot be reached from the start, or the start's own label breaks the "
+            else closed_way(problem)
+            or "a region it needs cannot be reached from the start, or the start's own label breaks the "
             "mission at once; move the start, a region or an obstacle"
         )
         raise InfeasibleError(

@@ -87,10 +87,22 @@ def explain_no_path(
     seeds : SeedSequence, optional
         Seeds of the forest; without them no other limits are tried.
     """
+    from pareto_ltl.planning.shortest_mission import cautious_fault, mission_fault
+
     long_step = _step_advice(cfg, problem, FAR_TOO_LONG)
+    if not long_step and (fault := mission_fault(problem)):
+        return fault
+    if (
+        seeds is not None
+        and not long_step
+        and (fault := _longer_advice(_Trials(cfg, problem, seeds), forest))
+    ):
+        return fault
     open_border = "" if seeds is None or long_step else _open_border_advice(_Trials(cfg, problem, seeds))
     if seeds is not None and not long_step and (advised := _tried_advice(cfg, problem, forest, seeds)):
         return advised + open_border
+    if not long_step and len(problem.logic.delta) == 1 and (fault := cautious_fault(problem)):
+        return fault + open_border
     distance = problem.automaton.distance
     best = min(float(distance[tree.q].min()) for tree in forest.trees)
     states = sorted({int(q) for tree in forest.trees for q in np.unique(tree.q)})
@@ -121,6 +133,20 @@ def _open_border_advice(trials: _Trials) -> str:
     if not replace(trials, problem=free, budget=_Budget()).paths(problem.epsilon, cfg.delta, cfg.n_max):
         return ""
     return "; or, if the robot may leave the map, set scene.border=open, which finds one"
+
+
+def _longer_advice(trials: _Trials, forest: Forest) -> str:
+    """The text where more time alone gives a path: wind data that go on, or more steps; empty otherwise."""
+    from pareto_ltl.planning.shortest_mission import TIMES_LONGER, longer_fault, with_longer_wind
+
+    problem, cfg = trials.problem, trials.cfg
+    if not sum(tree.reach["beyond"] for tree in forest.trees) or len(problem.logic.delta) > 1:
+        return ""
+    longer = with_longer_wind(problem, TIMES_LONGER)
+    more = replace(trials, problem=longer, cfg=replace(cfg, max_steps=longer.max_steps), budget=_Budget())
+    paths = more.paths(problem.epsilon, cfg.delta, cfg.n_max)
+    steps = min((len(path.u) for path in paths), default=0)
+    return longer_fault(problem, steps * problem.motion.dt) if steps > problem.horizon else ""
 
 
 def _tried_advice(cfg: PlannerConfig, problem: Problem, forest: Forest, seeds: SeedSequence) -> str:

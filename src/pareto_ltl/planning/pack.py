@@ -186,8 +186,11 @@ def mean_derivatives(mean: FloatArray, spacing: float) -> tuple[FloatArray, Floa
     return np.ascontiguousarray(slope), np.ascontiguousarray(bend)
 
 
-def pack_motion(robot: RobotConfig, ball: float) -> kd.Motion:
+def pack_motion(robot: RobotConfig, ball: float, judge: str = "bound") -> kd.Motion:
     """Matrices, feedback and bounds of the robot; ``ball`` is that of the maximum-trace rule.
+
+    No airspeed is reserved for feedback and fixes where flights judge: they show what a robot at its limits
+    cannot correct.
 
     Eq. (M1) of docs/mathematics.md.
     """
@@ -196,7 +199,7 @@ def pack_motion(robot: RobotConfig, ball: float) -> kd.Motion:
         a=a,
         closed=a - robot.feedback * np.eye(2),
         gain=robot.feedback,
-        effort=math.sqrt(-2.0 * math.log(robot.effort_risk)),
+        effort=math.sqrt(-2.0 * math.log(robot.effort_risk)) if judge == "bound" else 0.0,
         b=b,
         b_inv=np.linalg.inv(b),
         dt=robot.dt,
@@ -235,10 +238,14 @@ def pack_theorem2(
 
 
 def pack_laws(
-    robot: RobotConfig, planner: PlannerConfig, ball: float, wind: WindField, marks: Sequence[FloatArray]
+    robot: RobotConfig,
+    planner: PlannerConfig,
+    motion: kd.Motion,
+    wind: WindField,
+    marks: Sequence[FloatArray],
 ) -> dict[str, kd.Law]:
     """Every wind law by name; the coherent one uses position fixes where there are landmarks (``marks``)."""
-    motion, lattice = pack_motion(robot, ball), pack_wind(wind, robot.dt, planner.max_steps)
+    lattice = pack_wind(wind, robot.dt, planner.max_steps)
     modes = pack_modes(wind, lattice, robot.dt, robot.u_max)
     coherent: kd.Law = kd.CoherentLaw(lattice, modes, motion)
     if marks:
@@ -274,7 +281,7 @@ def build_problem(
     if scene.landmarks and not marks:
         LOG.warning("scene.landmarks are not used: position fixes need fidelity.law=coherent")
     _refuse_strong_wind(robot, wind)
-    laws = pack_laws(robot, planner, wind_cfg.ball, wind, marks)
+    laws = pack_laws(robot, planner, pack_motion(robot, wind_cfg.ball, fidelity.judge), wind, marks)
     cells = pack_cells(scene.bounds, decomposition)
     epoch, epochs = epochs_of(automaton.windows, float(robot.dt), planner.max_steps)
     logic = pack_logic(automaton, decomposition, epoch, epochs)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -146,3 +146,14 @@ class Problem(Displayed):
 
         states: IntArray = states_along(self.cells, self.logic, np.ascontiguousarray(x))
         return states
+
+
+def without_landmarks(problem: Problem) -> tuple[Problem, ...]:
+    """The same problem for a robot that takes no position fixes; empty if ``problem`` has no landmarks."""
+    law = problem.laws["coherent"]
+    if not isinstance(law, kd.LandmarkLaw):
+        return ()
+    plain = kd.CoherentLaw(law.wind, law.modes, law.motion)
+    laws = {name: plain if own is law else own for name, own in problem.laws.items()}
+    world = problem.world._replace(law=plain) if problem.world.law is law else problem.world
+    return (replace(problem, scene=replace(problem.scene, landmarks=()), world=world, laws=laws),)

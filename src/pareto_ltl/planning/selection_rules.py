@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from pareto_ltl.planning.power import EnergyModel
+from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import Front, PlannedPath, objective_row
 from pareto_ltl.planning.selection import chance_of_failures
 from pareto_ltl.settings import FidelityConfig, SelectionConfig
@@ -26,6 +26,7 @@ from pareto_ltl.support.messages import shown_value
 
 LOG = logging.getLogger(__name__)
 FAR, NEGLIGIBLE = 2.0, 1e-3  # ratio of V to the mission risk, and mission risk, that need no warning
+SMALL = 1e-3  # failure rate added to all: below it, a lower rate is worth little length
 WORSE = 0.025  # p value below which a path is not as safe as another
 
 
@@ -43,16 +44,23 @@ class SelectionRule:
         The rule names one path: its energy is not limited, and there is no next choice.
     keeps_alpha : bool
         The fresh flights of the plan must satisfy ``selection.alpha`` too.
+    meaning : str
+        What the rule picks, in words, with the settings that it reads in braces.
     """
 
     pick: Callable[[SelectionConfig, Front], int]
     reads: tuple[str, ...] = ()
     names_one: bool = False
     keeps_alpha: bool = False
+    meaning: str = ""
 
     def settings_read(self, cfg: SelectionConfig) -> dict[str, Any]:
         """The settings that the rule reads, by name."""
         return {name: getattr(cfg, name) for name in self.reads}
+
+    def in_words(self, cfg: SelectionConfig) -> str:
+        """What the rule picks with the settings ``cfg``; empty for a rule that another package adds."""
+        return self.meaning.format(**self.settings_read(cfg))
 
 
 def selection_rule(cfg: SelectionConfig) -> SelectionRule:
@@ -128,6 +136,22 @@ def by_priority(_cfg: SelectionConfig, front: Front) -> int:
     least = int(np.lexsort((rows[:, 2], front.failed.mean(axis=1)))[0])
     as_safe = np.flatnonzero(chance_of_failures(front.failed, front.failed[least]) >= WORSE)
     return int(as_safe[np.argmin(rows[as_safe, 2])])
+
+
+def by_worth(cfg: SelectionConfig, front: Front) -> int:
+    """The shortest path whose failure rate is not worth more length; with bounds, that of ``priority``.
+
+    It has the least (p + ``SMALL``) l^s, p the failure rate, l the length and s = ``cfg.saving``: where the
+    front is smooth, one per cent more length would save less than s per cent of the failures. The safest end
+    of a front is its noisiest point, and is often reached by laps; this rule stops before it.
+
+    Eq. (M49a) of docs/mathematics_methods.md.
+    """
+    if not front.rates:
+        return by_priority(cfg, front)
+    lengths = _lengths(front)
+    score = np.log(_risks(front) + SMALL) + cfg.saving * np.log(lengths)
+    return int(np.lexsort((lengths, score.round(12)))[0])
 
 
 def by_weights(cfg: SelectionConfig, front: Front) -> int:
@@ -276,20 +300,40 @@ def _objective_rows(front: Front) -> FloatArray:
 
 
 RULES: dict[str, SelectionRule] = {
-    "priority": SelectionRule(by_priority),
-    "weighted": SelectionRule(by_weights),
-    "threshold": SelectionRule(by_threshold, reads=("alpha",), keeps_alpha=True),
-    "energy": SelectionRule(by_energy, reads=("alpha",), keeps_alpha=True),
-    "knee": SelectionRule(by_knee),
-    "length": SelectionRule(by_length, reads=("length",)),
-    "point": SelectionRule(by_number, reads=("point",), names_one=True),
+    "worth": SelectionRule(
+        by_worth,
+        reads=("saving",),
+        meaning="the shortest path that is not worth lengthening: 1 % more length would save less than "
+        "{saving:g} % of the failures (selection.saving)",
+    ),
+    "priority": SelectionRule(by_priority, meaning="the shortest of the safest paths"),
+    "weighted": SelectionRule(by_weights, meaning="the least weighted sum of risk and length"),
+    "threshold": SelectionRule(
+        by_threshold,
+        reads=("alpha",),
+        keeps_alpha=True,
+        meaning="the shortest path that fails in at most {alpha:g} of the flights (selection.alpha)",
+    ),
+    "energy": SelectionRule(
+        by_energy,
+        reads=("alpha",),
+        keeps_alpha=True,
+        meaning="the least energy of paths that fail in at most {alpha:g} of the flights (selection.alpha)",
+    ),
+    "knee": SelectionRule(by_knee, meaning="the path farthest below the chord of the front"),
+    "length": SelectionRule(
+        by_length, reads=("length",), meaning="the safest path of at most {length:,.0f} m (selection.length)"
+    ),
+    "point": SelectionRule(
+        by_number, reads=("point",), names_one=True, meaning="point {point} of the front (selection.point)"
+    ),
 }
 
 
 # --- what the battery holds ---------------------------------------------------------------------
 
 
-def within_capacity(cfg: SelectionConfig, front: Front, model: EnergyModel | None) -> Front:
+def within_capacity(cfg: SelectionConfig, front: Front, problem: Problem) -> Front:
     """``front`` without paths that need more energy than the robot has; unchanged if the rule names one path.
 
     Raises
@@ -297,6 +341,7 @@ def within_capacity(cfg: SelectionConfig, front: Front, model: EnergyModel | Non
     InfeasibleError
         If every path needs more.
     """
+    model = problem.energy
     if model is None or model.capacity is None:
         return front
     energies = np.array([path.objectives.energy for path in front.paths], float)
@@ -310,10 +355,11 @@ def within_capacity(cfg: SelectionConfig, front: Front, model: EnergyModel | Non
             )  # fmt: skip
         return front
     if len(kept) == 0:
+        from pareto_ltl.planning.endurance import capacity_advice
+
         raise InfeasibleError(
             f"every path of the front needs more than robot.power.capacity = {energy_text(model.capacity)}; "
-            f"the least is {energy_text(energies.min())}: raise robot.power.capacity, lower robot.u_max "
-            "towards the airspeed of the least power a metre, or shorten the mission"
+            f"the least is {energy_text(energies.min())}: {capacity_advice(problem, front)}"
         )
     return front if len(kept) == len(energies) else part_of_front(front, kept.tolist())
 

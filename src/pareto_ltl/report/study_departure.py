@@ -18,6 +18,7 @@ from pareto_ltl.report.map_labels import dense_path
 from pareto_ltl.report.map_layers import draw_endpoints, draw_graticule, draw_ground, map_axes, name_regions
 from pareto_ltl.report.rate_axes import GRID_COLOUR
 from pareto_ltl.report.study_axes import FigureRow, column_values, hide_frame, save_figures
+from pareto_ltl.report.study_departure_heat import heat_figure
 from pareto_ltl.settings import ReportConfig
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.world.cells import Decomposition
@@ -29,16 +30,22 @@ if TYPE_CHECKING:
 LEFT, PANEL, MAP, GAP = 0.52, 2.85, 2.75, 0.62  # [in] across
 BASE, HEIGHT, SPACE, TOP = 0.62, 0.95, 0.3, 0.24  # [in] up
 MOST_TICKS = 7
+RATIO_TICKS = (0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)
 HOUR = 3600.0
 
 
 def draw_departure(
     folder: Path, cfg: ReportConfig, scene: Scene, decomposition: Decomposition, study: Study
 ) -> tuple[Path, ...]:
-    """Write ``departures``; return its paths."""
-    rows, routes = study.pictures["rows"], study.pictures["routes"]
+    """Write ``departures`` and ``departures_heat``; return their paths."""
+    rows, routes, limits, rates = (study.pictures[name] for name in ("rows", "routes", "limits", "rates"))
     return save_figures(
-        folder, cfg, {"departures": lambda: departure_figure(scene, decomposition, rows, routes)}
+        folder,
+        cfg,
+        {
+            "departures": lambda: departure_figure(scene, decomposition, rows, routes),
+            "departures_heat": lambda: heat_figure(rows, limits, rates),
+        },
     )
 
 
@@ -49,7 +56,11 @@ def departure_figure(
     total = BASE + 3 * HEIGHT + 2 * SPACE + TOP
     figure = style.blank_figure(style.PAGE_WIDTH, total)
     axes = [style.axes_at(figure, LEFT, BASE + k * (HEIGHT + SPACE), PANEL, HEIGHT) for k in (2, 1, 0)]
-    titles = (f"(a) failed flights, {_law(rows)} winds", "(b) length of the plan", "(c) wind along the route")
+    titles = (
+        f"(a) failure at equal length, {_law(rows)} winds",
+        "(b) length of the plan",
+        "(c) wind along the route",
+    )
     for ax, title in zip(axes, titles, strict=True):
         ax.set_title(title, loc="left", fontweight="bold", pad=3.0)
         _time_axis(ax, rows, named=ax is axes[-1])
@@ -114,21 +125,25 @@ def _day(hour: float) -> str:
 
 
 def _draw_failure(ax: Axes, rows: Sequence[FigureRow]) -> None:
-    """Rates with intervals, hollow if as good as the recommended one; dashes: fronts at one length."""
+    """Ratios to the best start with intervals, hollow where there is no difference beyond the noise."""
     hours, colour = _hours(rows), style.law_colour(_law(rows))
-    low, high = (100 * column_values(rows, f"failure_{end}") for end in ("low", "high"))
+    low, high = (column_values(rows, f"ratio_{end}") for end in ("low", "high"))
     ax.vlines(hours, low, high, color=colour, lw=1.4)
+    ax.axhline(1.0, color=style.STONE, lw=0.6)
     for row in rows:
         good, best = row["as_good"], row["recommended"]
         ax.plot(
-            row["time"] / HOUR, 100 * row["failure"], "D" if best else "o", mec=colour, ms=5.5 if best else 4,
+            row["time"] / HOUR, row["ratio"], "D" if best else "o", mec=colour, ms=5.5 if best else 4,
             mfc=colour if best or not good else "white", mew=0.9, zorder=4, clip_on=False,
         )  # fmt: skip
-    same = 100 * column_values(rows, "failure_same_length")
-    ax.plot(hours, same, "_", color=style.INK, ms=7, mew=1.1, zorder=3)
-    top = np.nanmax([*high, *same])
-    ax.set_ylim(0.0, 1.12 * float(top))
-    ax.set_ylabel("failed flights [%]")
+    ratios = column_values(rows, "ratio")
+    least = max(float(np.nanmin(low)), 0.1)
+    ax.set_yscale("log")
+    ax.set_ylim(0.8 * least, 1.25 * min(float(np.nanmax(high)), 10.0 * float(np.nanmax(ratios))))
+    ticks = [tick for tick in RATIO_TICKS if ax.get_ylim()[0] <= tick <= ax.get_ylim()[1]]
+    ax.set_yticks(ticks, [f"{tick:g}" for tick in ticks])
+    ax.yaxis.set_minor_locator(NullLocator())
+    ax.set_ylabel("failure, best = 1")
 
 
 def _draw_length(ax: Axes, rows: Sequence[FigureRow]) -> None:
@@ -191,16 +206,12 @@ def _draw_routes(
         handles=keys[:12], ncols=4, loc="upper left", bbox_to_anchor=(left / w, (bottom - 0.36) / h),
         borderaxespad=0.0, handlelength=1.4, columnspacing=1.0,
     )  # fmt: skip
-    _name_marks(figure, rows)
+    _name_marks(figure)
 
 
-def _name_marks(figure: Figure, rows: Sequence[FigureRow]) -> None:
+def _name_marks(figure: Figure) -> None:
     """Write the meaning of the marks of the first panel below all panels."""
-    length = next(row["same_length_m"] for row in rows) / 1e3
-    text = (
-        "◆ recommended   ○ as good within chance   ● fails more   "
-        f"— on the front at {length:,.0f} km   grey: no plan"
-    )
+    text = "◆ recommended   ○ no difference beyond the noise   ● fails more   grey: no plan"
     style.text_at(figure, LEFT, 0.06, text, va="bottom", fontsize=6.2)
 
 

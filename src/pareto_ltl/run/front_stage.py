@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
@@ -12,6 +13,7 @@ from pareto_ltl.support.errors import InfeasibleError
 if TYPE_CHECKING:
     from pareto_ltl.planning.records import Front, PlannedPath
 
+LOG = logging.getLogger(__name__)
 FOREST_STREAM = "forest"  # stream of the random numbers of growth
 JUDGING = "judging"  # child of the front's stream that refinement does not use
 
@@ -70,11 +72,16 @@ FRONT_MAKERS: dict[str, Callable[[StageInputs], Front]] = {"bound": _bounded_fro
 
 
 def _refined_paths(inputs: StageInputs, raw: Sequence[PlannedPath]) -> tuple[tuple[PlannedPath, ...], str]:
-    """The paths that ``fidelity.refine`` makes from those of the trees; if none can be flown, the reason."""
+    """The paths of ``fidelity.refine`` and of ``selection.extra_paths``; the reason if none is refined."""
+    from pareto_ltl.run.extra_paths import extra_paths
+
+    extra = extra_paths(inputs.settings.selection.extra_paths, inputs[PROBLEM])
     try:
-        return REFINERS[inputs.settings.fidelity.refine](inputs, raw), ""
+        return (*REFINERS[inputs.settings.fidelity.refine](inputs, raw), *extra), ""
     except InfeasibleError as error:
-        return (), f"; {error}"
+        if raw:
+            LOG.warning("the plan is a path of the search trees: %s", error)
+        return extra, f"; {error}"
 
 
 def _no_refinement(_inputs: StageInputs, _raw: Sequence[PlannedPath]) -> tuple[PlannedPath, ...]:
@@ -93,14 +100,22 @@ def _convex_refinement(inputs: StageInputs, raw: Sequence[PlannedPath]) -> tuple
 
 def _sampled_refinement(inputs: StageInputs, raw: Sequence[PlannedPath]) -> tuple[PlannedPath, ...]:
     """Sampled refinement; without uncertainty all flights are the same, and only the length counts."""
-    from pareto_ltl.planning.refine import sampled_paths
+    from pareto_ltl.planning.evaluate import evaluate_path
+    from pareto_ltl.planning.problem import without_landmarks
+    from pareto_ltl.planning.refine import MORE_FLIGHTS, sampled_paths
     from pareto_ltl.simulation.common_flights import draw_flights, is_certain
 
-    problem, cfg = inputs[PROBLEM], inputs.settings.refine
-    if is_certain(problem):
+    whole, cfg, forest = inputs[PROBLEM], inputs.settings.refine, inputs[FOREST]
+    if is_certain(whole):
         return _convex_refinement(inputs, raw)
-    flights = draw_flights(problem, problem.fidelity.law, cfg.flights, inputs.seeds)
-    return sampled_paths(cfg, problem, inputs[FOREST], flights, inputs.progress, inputs.budget)
+    runs = MORE_FLIGHTS * cfg.flights
+    paths: list[PlannedPath] = []
+    # Landmarks must not make a plan worse: paths made without them, flown with them, are on the front too.
+    for problem in (whole, *without_landmarks(whole)):
+        flights = draw_flights(problem, problem.fidelity.law, runs, inputs.seeds)
+        found = sampled_paths(cfg, problem, forest, flights, inputs.progress, inputs.budget)
+        paths += found if problem is whole else [evaluate_path(whole, path.x, path.origin) for path in found]
+    return tuple(paths)
 
 
 Refiner = Callable[[StageInputs, Sequence["PlannedPath"]], tuple["PlannedPath", ...]]

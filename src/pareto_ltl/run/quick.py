@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from pareto_ltl.settings import Settings
 
-QUICK = {"points": 8, "flights": 500, "sweep_flights": 200, "classes": 2}  # upper limits for section refine
+QUICK = {"points": 8, "flights": 500, "classes": 2}  # upper limits for section refine
 
 
 def quick_settings(settings: Settings) -> Settings:

@@ -352,9 +352,9 @@ def power_left(cfg: PowerConfig, problem: Problem, path: PlannedPath, step: int)
 
 
 def rule_of_the_rest(cfg: SelectionConfig, path: PlannedPath, step: int) -> SelectionConfig:
-    """The selection of the rest: ``length`` less what was flown; ``priority`` instead of a ``point``."""
+    """The selection of the rest: ``length`` less what was flown; ``worth`` instead of a ``point``."""
     if cfg.rule == "point":
-        return replace(cfg, rule="priority")
+        return replace(cfg, rule="worth")
     if cfg.length is None:
         return cfg
     flown = float(np.linalg.norm(np.diff(path.x[: step + 1], axis=0), axis=1).sum())

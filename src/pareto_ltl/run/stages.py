@@ -205,17 +205,18 @@ def make_plan(inputs: StageInputs) -> Plan:
         within_capacity,
     )
     from pareto_ltl.simulation.promise import promise_path
-    from pareto_ltl.wind.coverage import coverage_of
+    from pareto_ltl.wind.coverage import coverage_of, held_warning
     from pareto_ltl.world.navigation import navigate
 
     settings, problem = inputs.settings, inputs[PROBLEM]
-    front = within_capacity(settings.selection, inputs[FRONT], problem.energy)
+    front = within_capacity(settings.selection, inputs[FRONT], problem)
     said = coverage_of(inputs[WIND], problem.scene.time_zero)
     if front.rates:
         path, promise = promise_path(settings.selection, problem, inputs[WIND], front, inputs.seeds)
     else:
         path, promise = choose_path(settings.selection, front), None
-    if (warning := bound_warning(path, settings.fidelity)) is not None:
+    held = held_warning(inputs[WIND], float(path.t[-1]), problem.scene.time_zero)
+    for warning in filter(None, (bound_warning(path, settings.fidelity), held)):
         LOG.warning("%s", warning)
     return Plan(
         path=path,
@@ -376,11 +377,7 @@ PLAN_STAGES = (
         writes=("plan.json", "plan.csv"),
     ),
     Stage(
-        "forecasts",
-        makes=FORECASTS,
-        make=make_forecasts,
-        needs=(PROBLEM, PLAN),
-        settings=(DeploymentConfig,),
+        "forecasts", makes=FORECASTS, make=make_forecasts, needs=(PROBLEM, PLAN), settings=(DeploymentConfig,)
     ),
     Stage(
         "deployment",
@@ -425,6 +422,7 @@ PLAN_STAGES = (
             SceneConfig,
             MissionConfig,
             PipelineConfig,
+            SelectionConfig,
         ),
         stream=DEPLOYMENT_STREAM,
         shows=(PAGE_FILE,),
@@ -443,7 +441,10 @@ PLAN_TABLE = StageTable(PLAN_STAGES)
 
 def input_files(settings: Settings) -> list[Path]:
     """The files that a run reads, for its records; raises ``DataError`` if the wind files are missing."""
+    from pareto_ltl.run.file_shape import inside
     from pareto_ltl.wind.sources import wind_source
 
     maps = [Path(settings.scene.file).expanduser()] if settings.scene.file else []
+    if settings.selection.extra_paths:
+        maps.append(inside(Path(settings.selection.extra_paths).expanduser(), "front.npz"))
     return [*maps, *wind_source(settings.wind).files(settings.wind, _wanted_wind(settings))]

@@ -30,7 +30,16 @@ class DepartureConfig(CheckedSettings):
         8, "with arrive_by: number of starts to find that arrive in time", least=1, most=10_000
     )
     flights: int = setting(
-        10_000, "fresh flights of the plan of each start, used to compare the starts", least=100, most=1e8
+        10_000,
+        "fresh flights of each path of the front of each start, used to compare the starts",
+        least=100,
+        most=1e8,
+    )
+    seeds: int = setting(
+        3,
+        "seeds with which a start is planned if it may be the best; 1: the spread between seeds is not known",
+        least=1,
+        most=10,
     )
     quick: bool = setting(
         True,

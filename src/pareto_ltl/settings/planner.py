@@ -10,7 +10,7 @@ from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.extensions import SELECTION_RULE_GROUP
 from pareto_ltl.support.messages import shown_value
 
-SELECTION_RULES = ("priority", "weighted", "threshold", "energy", "knee", "length", "point")
+SELECTION_RULES = ("worth", "priority", "weighted", "threshold", "energy", "knee", "length", "point")
 
 
 @dataclass
@@ -99,7 +99,7 @@ class RefineConfig(CheckedSettings):
         4, "classes of paths (mission order, sides of the obstacles) that are swept", least=1, most=1000
     )
     points: int = setting(
-        28, "largest number of paths that are polished on all flights", least=2, most=10_000
+        24, "largest number of paths that are polished on all flights", least=2, most=10_000
     )
 
 
@@ -108,8 +108,13 @@ class SelectionConfig(CheckedSettings):
     """Which path of the front becomes the plan."""
 
     section: ClassVar[str] = "selection"
-    rule: str = setting(
-        "priority", "how a path is chosen", choices=SELECTION_RULES, group=SELECTION_RULE_GROUP
+    rule: str = setting("worth", "how a path is chosen", choices=SELECTION_RULES, group=SELECTION_RULE_GROUP)
+    saving: float = setting(
+        3.0,
+        "per cent of the failures that one per cent more length must save, with rule=worth; 0: the "
+        "safest path",
+        least=0,
+        most=100,
     )
     weights: list[float] = setting(
         [0.5, 0.25, 0.25],
@@ -143,6 +148,9 @@ class SelectionConfig(CheckedSettings):
     )
     examined: int = setting(
         5, "largest number of paths that are tested until fresh flights confirm one", least=1, most=1000
+    )
+    extra_paths: str | None = setting(
+        None, "front.npz, or a results directory with one, whose paths are judged with those of the run"
     )
 
     def check_combinations(self) -> None:

@@ -118,7 +118,8 @@ class RobotConfig(CheckedSettings):
     )
     effort_risk: float = setting(
         0.05,
-        "probability, in one step, that feedback commands an airspeed above u_max or below u_min",
+        "probability, in one step, that feedback commands an airspeed above u_max or below u_min, with "
+        "fidelity.judge=bound; with flights, which are limited to these, nothing is reserved",
         above=0,
         below=1,
     )

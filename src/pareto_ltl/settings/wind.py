@@ -59,8 +59,9 @@ class WindConfig(CheckedSettings):
     max_speed: float = setting(75.0, "readings above this are refused", unit="m/s", above=0, most=1000)
     holdout: float = setting(0.2, "share of the readings held out to score the fit", above=0, below=1)
     max_points: int = setting(
-        150,
-        "largest number of readings at each time that the fit uses; of more, a subset spread evenly",
+        600,
+        "largest number of readings at each time that the fit uses: all on and beside the map (within "
+        "wind.padding), of those farther away a subset spread evenly",
         least=5,
         most=10_000,
     )

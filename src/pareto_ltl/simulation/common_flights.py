@@ -11,7 +11,7 @@ from numpy.random import SeedSequence
 
 from pareto_ltl.kernels.path import Flight
 from pareto_ltl.planning.problem import Problem
-from pareto_ltl.simulation.flights import DRAWS, fly_draws, judge_flights, pilot_maker
+from pareto_ltl.simulation.flights import DRAWS, block_rows, fly_draws, judge_flights, pilot_maker
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 
 
@@ -62,9 +62,20 @@ class DrawnFlights:
 
 
 def draw_flights(problem: Problem, law: str, runs: int, seed: SeedSequence) -> DrawnFlights:
-    """Draw the winds of ``runs`` flights for as many steps as any plan may have."""
+    """Draw the winds of ``runs`` flights for as many steps as any plan may have.
+
+    Flights are drawn block by block, so that the whole blocks of fewer flights are the first of more.
+    """
     wind, start, fixes = seed.spawn(3)
-    draws = DRAWS[law](problem, runs, problem.horizon, np.random.default_rng(wind))
+    blocks = block_rows(runs)
+    parts = [
+        DRAWS[law](problem, rows.stop - rows.start, problem.horizon, np.random.default_rng(child))
+        for rows, child in zip(blocks, wind.spawn(len(blocks)), strict=True)
+    ]
+    drawn = {
+        name: np.concatenate([getattr(part, name) for part in parts], axis=1) for name in parts[0]._fields[1:]
+    }
+    draws = parts[0]._replace(**drawn)
     off = math.sqrt(problem.start_variance) * np.random.default_rng(start).standard_normal((runs, 2))
     return DrawnFlights(problem, law, fixes, off, draws)
 

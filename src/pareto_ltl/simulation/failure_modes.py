@@ -219,8 +219,9 @@ def nearest_mixture(tau: float, others: FloatArray, shared: FloatArray) -> Mixtu
     first_alone = shared * tau >= others
     second_alone: BoolArray = ~first_alone & (shared * others >= tau)
     rest = np.maximum(1.0 - shared**2, np.finfo(float).tiny)
+    apart = np.maximum(tau**2 - 2.0 * shared * tau * others + others**2, 0.0)  # of equal ones, rounding
     with np.errstate(over="ignore"):  # opposite half-spaces do not intersect: their threshold is infinite
-        norm = np.sqrt((tau**2 - 2.0 * shared * tau * others + others**2) / rest)
+        norm = np.sqrt(apart / rest)
     scale = np.maximum(rest * norm, np.finfo(float).tiny)
     first, second = (tau - shared * others) / scale, (others - shared * tau) / scale
     return Mixtures(

@@ -230,10 +230,17 @@ def count_failures(problem: Problem, path: PlannedPath, runs: int, seed: SeedSeq
 
 def which_fail(problem: Problem, path: PlannedPath, runs: int, seed: SeedSequence) -> BoolArray:
     """Which of ``runs`` flights of ``path`` fail (runs,), in the winds of ``fidelity.law``."""
-    race = race_of(problem, [path], runs, seed)
+    return np.asarray(which_fail_each(problem, [path], runs, seed)[0])
+
+
+def which_fail_each(
+    problem: Problem, paths: Sequence[PlannedPath], runs: int, seed: SeedSequence
+) -> BoolArray:
+    """:func:`which_fail` of several ``paths`` in the same winds, (P, runs)."""
+    race, numbers = race_of(problem, paths, runs, seed), range(len(paths))
     with ThreadPoolExecutor(cores()) as pool:
-        found = list(pool.map(race.failures, range(len(race.blocks)), repeat([0])))
-    return np.concatenate([block[0] for block in found])
+        found = list(pool.map(race.failures, range(len(race.blocks)), repeat(numbers)))
+    return np.concatenate(found, axis=1)
 
 
 def looks(blocks: int) -> list[range]:
@@ -279,4 +286,12 @@ def certainly_beaten(failed: BoolArray, costs: FloatArray) -> BoolArray:
     return np.asarray(chance_of_failures(failed, failed[rivals]) < DROP_CHANCE, bool)
 
 
-__all__ = ["certainly_beaten", "count_failures", "fly_race", "judge_front", "looks", "which_fail"]
+__all__ = [
+    "certainly_beaten",
+    "count_failures",
+    "fly_race",
+    "judge_front",
+    "looks",
+    "which_fail",
+    "which_fail_each",
+]

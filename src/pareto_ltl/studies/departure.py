@@ -1,10 +1,11 @@
-"""Choice of the departure time: one mission planned for many starts, compared by flights with the same draws.
+"""Choice of the departure time: one mission planned for many starts, whose fronts are compared.
 
 A start is a time of departure. Readings, cells and automaton do not depend on it and are made once. For each
 start the wind is fitted from its departure on, and trees, front and plan are made as in a run with that
-``mission.start_time``; with ``departure.quick`` by a coarser refinement (``run/quick.py``). Starts are
-compared by fresh flights that planning has not used; flights of the same number have the same draws at every
-start. The recommended start is then planned in full, with all files of a run.
+``mission.start_time``; with ``departure.quick`` by a coarser refinement (``run/quick.py``). Starts that may
+be the best are planned with further seeds. The paths of all fronts are compared by fresh flights that
+planning has not used; flights of the same number have the same draws at every start. The recommended start is
+then planned in full, with all files of a run; its compared paths are judged with those of the full plan.
 """
 
 from __future__ import annotations
@@ -18,9 +19,11 @@ from typing import Any
 import numpy as np
 
 from pareto_ltl.exports.navigation_log import expected_winds
-from pareto_ltl.planning.records import Front, PlannedPath
+from pareto_ltl.planning.records import PlannedPath
+from pareto_ltl.planning.selection_rules import within_capacity
 from pareto_ltl.report.records import Study
 from pareto_ltl.run.directory import claimed_directory
+from pareto_ltl.run.extra_paths import EXTRA_FILE, ExtraPath, write_extra_paths
 from pareto_ltl.run.metrics import run_metrics
 from pareto_ltl.run.pipeline import Run, carry_out
 from pareto_ltl.run.progress import ProgressBar
@@ -36,22 +39,34 @@ from pareto_ltl.run.records import (
     SCENE,
     Records,
 )
-from pareto_ltl.run.stage_table import stage_seeds
+from pareto_ltl.run.stage_table import named_child, stage_seeds
 from pareto_ltl.run.stages import PLAN_TABLE
 from pareto_ltl.settings import Settings
-from pareto_ltl.simulation.judging import which_fail
+from pareto_ltl.simulation.judging import which_fail_each
+from pareto_ltl.studies.departure_fronts import (
+    FlownFront,
+    compare_fronts,
+    flown_front,
+    pooled_front,
+    starts_to_repeat,
+)
 from pareto_ltl.studies.departure_starts import candidate_starts, folder_name
 from pareto_ltl.studies.departure_table import (
+    Delivered,
     Found,
+    compared_paths,
     departure_study,
     departures_document,
+    fronts_in_time,
     on_time,
+    planned_path,
     start_rows,
 )
 from pareto_ltl.studies.parts import Part, PartsProgress, part_key, work_parts
 from pareto_ltl.studies.planning import study_run
 from pareto_ltl.studies.statistics import Columns
 from pareto_ltl.studies.tables import flags_to_text
+from pareto_ltl.support.arrays import BoolArray
 from pareto_ltl.support.cores import cores
 from pareto_ltl.support.errors import DataError, InfeasibleError
 from pareto_ltl.support.files import plain_data, write_json
@@ -84,7 +99,7 @@ class DepartureContext:
 def run_departure(
     settings: Settings, world: Records, directory: Path, progress: PartsProgress | None = None
 ) -> Study:
-    """Plan the starts of ``settings.departure``, compare them and plan the best one in full.
+    """Plan the starts of ``settings.departure``, compare their fronts and plan the recommended one in full.
 
     Raises
     ------
@@ -98,26 +113,46 @@ def run_departure(
     context = DepartureContext(settings, world, directory / STARTS if cfg.keep == "all" else None)
     found = _planned_starts(context, directory, times, progress)
     _require_one(settings, found)
+    while again := starts_to_repeat(fronts_in_time(cfg, found), cfg.seeds):
+        pieces = [(time, len(found[time])) for time in again]
+        for (time, _), result in zip(pieces, _worked(context, directory, pieces, progress), strict=True):
+            found[time].append(result)
     if cfg.keep == "all":
         _fetch_folders(settings, directory, found)
-    rows = start_rows(settings, found)
-    best = next(row["time"] for row in rows if row["recommended"])
-    plan = plan_in_full(settings, world, best, directory / RECOMMENDED)[PLAN]
-    write_json(directory / "departures.json", departures_document(settings, rows, plan, RECOMMENDED))
-    return departure_study(settings, rows, found, plan)
+    fronts = fronts_in_time(cfg, found)
+    comparison = compare_fronts(fronts)
+    time = comparison.recommended
+    rows = start_rows(settings, found, comparison)
+    run = plan_in_full(settings, world, time, directory / RECOMMENDED, compared_paths(cfg, time, found))
+    delivered = Delivered(run[PLAN], _flown(run, settings), pooled_front(fronts[time]))
+    document = departures_document(settings, rows, comparison, delivered, RECOMMENDED)
+    write_json(directory / "departures.json", document)
+    return departure_study(settings, rows, comparison, found, delivered)
+
+
+def _flown(run: Run, settings: Settings) -> FlownFront:
+    """The front of ``run`` in the flights that compare the starts."""
+    front = within_capacity(settings.selection, run[FRONT], run[PROBLEM])
+    seeds = stage_seeds(settings.seed, STREAM)
+    failed = which_fail_each(run[PROBLEM], front.paths, settings.departure.flights, seeds)
+    return flown_front(np.array([path.objectives.length for path in front.paths]), failed)
 
 
 # --- one start -------------------------------------------------------------------------------
 
 
-def start_settings(settings: Settings, time: float, *, quick: bool, files: bool = False) -> Settings:
+def start_settings(
+    settings: Settings, time: float, *, quick: bool, files: bool = False, repeat: int = 0
+) -> Settings:
     """The settings of a run with the departure ``time`` [s since 1970].
 
-    ``quick`` takes a coarser refinement; ``files`` adds simulated flights, exports and figures.
+    ``quick`` takes a coarser refinement; ``files`` adds simulated flights, exports and figures; ``repeat``
+    0 has the seed of ``settings``, each other one another seed.
     """
     stages = [*STAGES, *(FILES if files else ())]
     mine = replace(
         settings,
+        seed=repeat_seed(settings.seed, repeat),
         mission=replace(settings.mission, start_time=iso(time)),
         pipelines=replace(settings.pipelines, stages=stages),
     )
@@ -127,32 +162,46 @@ def start_settings(settings: Settings, time: float, *, quick: bool, files: bool 
     return replace(quicker, selection=replace(mine.selection, runs=min(mine.selection.runs, QUICK_RUNS)))
 
 
-def departure_part(context: DepartureContext, time: float) -> Columns:
-    """The plan of one start, its flights and the conditions along its route; or why there is no plan."""
-    settings = start_settings(context.settings, time, quick=context.settings.departure.quick)
+def repeat_seed(seed: int, repeat: int) -> int:
+    """The seed of the plan number ``repeat`` of a start."""
+    child = named_child(stage_seeds(seed, STREAM), f"seed {repeat}")
+    return seed if repeat == 0 else int(child.generate_state(1)[0])
+
+
+def departure_part(context: DepartureContext, time: float, repeat: int) -> Columns:
+    """The front of one start with one seed, its flights and its plan; or why there is no plan."""
+    settings = start_settings(context.settings, time, quick=context.settings.departure.quick, repeat=repeat)
     try:
         run = world_at(settings, context.world)
         plan_start(run)
     except (InfeasibleError, DataError) as error:
         return {"planned": False, "reason": str(error)}
-    if context.folder is not None:
+    if context.folder is not None and repeat == 0:
         _write_start(run, context.folder / folder_name(time))
-    path, front, problem = run[PLAN].path, run[FRONT], run[PROBLEM]
-    failed = which_fail(problem, path, settings.departure.flights, stage_seeds(settings.seed, STREAM))
+    plan, problem = run[PLAN].path, run[PROBLEM]
+    paths = within_capacity(settings.selection, run[FRONT], problem).paths
+    seeds = stage_seeds(context.settings.seed, STREAM)
+    flown = which_fail_each(problem, paths, settings.departure.flights, seeds)
     numbers = run_metrics(run.records, {})
     return {
         "planned": True,
-        "failed": flags_to_text(failed),
         "law": problem.fidelity.law,
+        "plan": next(k for k, path in enumerate(paths) if np.array_equal(path.x, plan.x)),
+        "paths": [_path_columns(path, failed) for path, failed in zip(paths, flown, strict=True)],
+        "metrics": {name: numbers[name] for name in METRICS if name in numbers},
+        "conditions": route_conditions(problem, plan),
+    }
+
+
+def _path_columns(path: PlannedPath, failed: BoolArray) -> Columns:
+    return {
         "length_m": path.objectives.length,
         "duration_s": float(path.t[-1]),
         "steps": len(path.u),
         "order": path.order,
+        "origin": path.origin,
+        "failed": flags_to_text(failed),
         "x": path.x,
-        "metrics": {name: numbers[name] for name in METRICS if name in numbers},
-        "conditions": route_conditions(problem, path),
-        "front": front_rows(front),
-        "fastest_s": min(float(other.t[-1]) for other in front.paths),
     }
 
 
@@ -200,13 +249,20 @@ def _write_start(run: Run, place: Path) -> None:
         carry_out(mine, [stage for stage in stages if mine.has_all(stage.needs)])
 
 
-def plan_in_full(settings: Settings, world: Records, time: float, place: Path) -> Run:
-    """The recommended start as a separate run, with exports and figures."""
+def plan_in_full(
+    settings: Settings, world: Records, time: float, place: Path, extra: Sequence[ExtraPath] = ()
+) -> Run:
+    """The recommended start as a separate run, with exports and figures; ``extra`` paths are judged too."""
     mine = start_settings(settings, time, quick=False, files=True)
+    file = place.absolute() / EXTRA_FILE
+    if extra:
+        mine = replace(mine, selection=replace(mine.selection, extra_paths=str(file)))
     records = world_at(mine, world).records
     run = Run(mine, PLAN_TABLE, records, directory=place, progress=ProgressBar(False))
     stages = [PLAN_TABLE[name] for name in mine.pipelines.stages]
     with claimed_directory(place, PLAN_TABLE.files):
+        if extra:
+            write_extra_paths(file, extra)
         carry_out(run, [stage for stage in stages if stage.makes not in records])
     return run
 
@@ -227,32 +283,31 @@ def route_conditions(problem: Any, path: PlannedPath) -> dict[str, float]:
     }
 
 
-def front_rows(front: Front) -> list[list[float]]:
-    """Length [m], failure rate and its interval for each path, shortest first; empty with ``judge=bound``."""
-    rows = zip(front.paths, front.rates, strict=False)
-    return sorted([p.objectives.length, r.failure, r.low, r.high] for p, r in rows)
-
-
 # --- all starts ------------------------------------------------------------------------------
 
 
 def _planned_starts(
     context: DepartureContext, directory: Path, times: Sequence[float], progress: PartsProgress | None
 ) -> Found:
-    """Results of each start; with ``arrive_by``, of the latest that arrive in time and of later ones."""
+    """Each start planned once; with ``arrive_by``, the latest that arrive in time and later ones."""
     cfg = context.settings.departure
+
+    def once(some: Sequence[float], shown: PartsProgress | None = None) -> Found:
+        results = _worked(context, directory, [(time, 0) for time in some], shown)
+        return {time: [result] for time, result in zip(some, results, strict=True)}
+
     if cfg.arrive_by is None:
-        return _worked(context, directory, times, progress)
+        return once(times, progress)
     limit = seconds(cfg.arrive_by)
-    found = dict(_worked(context, directory, times[:1], None))
-    first = found[times[0]]
-    fastest = TOO_FAST * first["fastest_s"] if first["planned"] else 0.0
+    found = once(times[:1])
+    paths = found[times[0]][0].get("paths", [])
+    fastest = TOO_FAST * min((path["duration_s"] for path in paths), default=0.0)
     left = [time for time in times[1:] if time + fastest <= limit]
-    enough = cfg.most - int(on_time(times[0], first, limit))
+    enough = cfg.most - int(on_time(times[0], found[times[0]], limit))
     while left and enough > 0:
         batch, left = left[-BATCH:], left[:-BATCH]
-        new = _worked(context, directory, batch, None)
-        enough -= sum(on_time(time, row, limit) for time, row in new.items())
+        new = once(batch)
+        enough -= sum(on_time(time, results, limit) for time, results in new.items())
         found |= new
         if progress is not None:
             progress(len(found), len(found) + len(left))
@@ -260,39 +315,40 @@ def _planned_starts(
 
 
 def _worked(
-    context: DepartureContext, directory: Path, times: Sequence[float], progress: PartsProgress | None
-) -> Found:
+    context: DepartureContext, directory: Path, pieces: Sequence[tuple[float, int]],
+    progress: PartsProgress | None,
+) -> list[Columns]:  # fmt: skip
+    """Results of pairs (departure, number of the seed)."""
     settings = context.settings
+    cfg = settings.departure
     parts = [
         Part(
-            f"start-{folder_name(time)}",
-            (time,),
+            f"start-{folder_name(time)}-{repeat}",
+            (time, repeat),
             part_key(
-                start_settings(settings, time, quick=settings.departure.quick), STREAM,
-                settings.departure.flights, context.folder is not None,
+                start_settings(settings, time, quick=cfg.quick, repeat=repeat), STREAM, settings.seed,
+                cfg.flights, context.folder is not None,
             ),
         )
-        for time in times
+        for time, repeat in pieces
     ]  # fmt: skip
-    cfg = settings.evaluation
     # Each plan uses two cores; another process takes as long to begin as one start takes.
-    shared = replace(cfg, jobs=cfg.jobs or max(1, cores() // 2))
-    results = work_parts(shared, directory, departure_part, context, parts, progress)
-    return dict(zip(times, results, strict=True))
+    shared = replace(settings.evaluation, jobs=settings.evaluation.jobs or max(1, cores() // 2))
+    return work_parts(shared, directory, departure_part, context, parts, progress)
 
 
 def _require_one(settings: Settings, found: Found) -> None:
     """Raise InfeasibleError if no start has a plan, or none arrives in time."""
-    planned = {time: row for time, row in found.items() if row["planned"]}
+    planned = {time: results for time, results in found.items() if results[0]["planned"]}
     if not planned:
-        time, row = next(iter(found.items()))
+        time, results = next(iter(found.items()))
         raise InfeasibleError(
-            f"none of the {len(found)} starts has a plan; departure at {iso(time)}: {row['reason']}"
+            f"none of the {len(found)} starts has a plan; departure at {iso(time)}: {results[0]['reason']}"
         )
     if (limit := settings.departure.arrive_by) is None:
         return
-    if not any(on_time(time, row, seconds(limit)) for time, row in planned.items()):
-        arrival, time = min((time + row["duration_s"], time) for time, row in planned.items())
+    if not any(on_time(time, results, seconds(limit)) for time, results in planned.items()):
+        arrival, time = min((time + planned_path(own)["duration_s"], time) for time, own in planned.items())
         raise InfeasibleError(
             f"no start arrives by departure.arrive_by = {limit}: the earliest arrival found is "
             f"{iso(arrival)}, leaving at {iso(time)}; choose a later one, or an earlier departure.first"
@@ -303,13 +359,13 @@ def _fetch_folders(settings: Settings, directory: Path, found: Found) -> None:
     """Copy the directories of starts that an earlier run has planned (``evaluation.resume``)."""
     if settings.evaluation.resume is None:
         return
-    for time, row in found.items():
+    for time, results in found.items():
         name = folder_name(time)
         known, place = (
             Path(settings.evaluation.resume).expanduser() / STARTS / name,
             directory / STARTS / name,
         )
-        if row["planned"] and not place.exists() and known.is_dir():
+        if results[0]["planned"] and not place.exists() and known.is_dir():
             shutil.copytree(known, place)
 
 

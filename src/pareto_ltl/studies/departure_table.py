@@ -1,130 +1,199 @@
-"""Comparison of starts: the recommended one, those as good, and the reasons in words."""
+"""Table of the starts: the recommended one, those that do not differ from it, and the reasons in words."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from pareto_ltl.planning.records import Plan
 from pareto_ltl.report.records import Study
+from pareto_ltl.run.extra_paths import ExtraPath
 from pareto_ltl.settings import DepartureConfig, Settings
+from pareto_ltl.studies.departure_fronts import (
+    NEARLY,
+    Comparison,
+    FlownFront,
+    SeedSpread,
+    common_lengths,
+    failure_ratio,
+    flown_front,
+    map_lengths,
+    pooled_front,
+    rates_at,
+)
 from pareto_ltl.studies.departure_starts import folder_name
 from pareto_ltl.studies.statistics import Columns, rate_columns
 from pareto_ltl.studies.tables import kilometres_text, markdown_table, rate_cell, text_to_flags
-from pareto_ltl.support.counts import paired_difference
+from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import probability_text, rate_text
 from pareto_ltl.wind.readings import HOUR, iso, seconds
 
-Found = Mapping[float, Mapping[str, Any]]  # results by time of departure [s since 1970]
-SCHEMA = "pareto_ltl.departures/1"
+Found = dict[float, list[Columns]]  # results of each seed by time of departure [s since 1970]
+SCHEMA = "pareto_ltl.departures/2"
 CONDITIONS = ("wind_speed", "wind_sd", "tail_wind", "end_sd_m")
-LONGER, WINDIER, VAGUER, ALIKE = 0.01, 0.3, 1.05, 0.1  # differences to mention: share, m/s, ratio, share
-LEAST_RATE = 1e-6  # used for a rate of 0, which has no logarithm
+WINDIER, VAGUER = 0.3, 1.05  # differences to mention: m/s, ratio
 NAN = float("nan")
+INNER = ("time", "metrics", "reason", "rates")  # keys of a row that are not columns
 
 
-def start_rows(settings: Settings, found: Found) -> list[Columns]:
-    """A row for each start, in order; the one with the least failure rate of those in time is recommended."""
-    rows = [_row(settings.departure, time, result) for time, result in found.items()]
-    open_rows = [row for row in rows if row["planned"] and row["on_time"]]
-    best = min(open_rows, key=lambda row: (row["failure"], row["length_m"], row["time"]))
-    fronts = {time: result["front"] for time, result in found.items() if result["planned"]}
-    common = common_length(found)
-    flags = {time: text_to_flags(result["failed"]) for time, result in found.items() if result["planned"]}
+@dataclass(frozen=True, slots=True)
+class Delivered:
+    """The recommended start in full: its plan, its front, and the front that was compared.
+
+    Both fronts are flown in the flights that compare the starts.
+    """
+
+    plan: Plan
+    front: FlownFront
+    compared: FlownFront
+
+    @property
+    def ratio(self) -> tuple[float, float, float]:
+        """How many times as often the full front fails at equal length, with its interval over the winds."""
+        limits = common_lengths({0.0: [self.compared], 1.0: [self.front]})
+        return failure_ratio([self.compared], [self.front], limits, SeedSpread(0.0, 0), 1)
+
+    @property
+    def compared_rate(self) -> tuple[float, float, float]:
+        """Rate of the safest compared path that is no longer than the plan, with its interval; else NaN."""
+        limit = self.plan.path.objectives.length * (1.0 + 1e-9)
+        able = self.compared.length[self.compared.length <= limit]
+        rate, low, high = rates_at(self.compared, able[-1:])[0].tolist() if len(able) else (NAN,) * 3
+        return rate, low, high
+
+
+# --- what is compared ------------------------------------------------------------------------
+
+
+def planned_path(results: Sequence[Mapping[str, Any]]) -> Mapping[str, Any]:
+    """The plan of the first seed: the path that the selection rule chose."""
+    path: Mapping[str, Any] = results[0]["paths"][results[0]["plan"]]
+    return path
+
+
+def _limit(cfg: DepartureConfig) -> float:
+    """Latest arrival [s since 1970]."""
+    return math.inf if cfg.arrive_by is None else seconds(cfg.arrive_by)
+
+
+def on_time(time: float, results: Sequence[Mapping[str, Any]], limit: float) -> bool:
+    """Whether the plan of a start arrives by ``limit`` [s since 1970]: departure plus its steps."""
+    return bool(results[0]["planned"]) and time + planned_path(results)["duration_s"] <= limit + 1e-6
+
+
+def _paths_in_time(cfg: DepartureConfig, time: float, result: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    limit = _limit(cfg) + 1e-6
+    return [path for path in result.get("paths", ()) if time + path["duration_s"] <= limit]
+
+
+def fronts_in_time(cfg: DepartureConfig, found: Found) -> dict[float, list[FlownFront]]:
+    """The fronts of each start whose plan arrives in time, one for each seed, of paths that do so too."""
+    return {
+        time: [_front_of(_paths_in_time(cfg, time, result), cfg.flights) for result in results]
+        for time, results in found.items()
+        if on_time(time, results, _limit(cfg))
+    }
+
+
+def _front_of(paths: Sequence[Mapping[str, Any]], flights: int) -> FlownFront:
+    failed = np.array([text_to_flags(path["failed"]) for path in paths], bool).reshape(len(paths), -1)
+    return flown_front(np.array([path["length_m"] for path in paths]), failed if paths else
+                       np.zeros((0, flights), bool))  # fmt: skip
+
+
+def compared_paths(cfg: DepartureConfig, time: float, found: Found) -> list[ExtraPath]:
+    """The paths of the front of a start, of all its seeds together, for the full plan."""
+    paths = [path for result in found[time] for path in _paths_in_time(cfg, time, result)]
+    kept = set(_front_of(paths, cfg.flights).length.tolist())
+    chosen = {path["length_m"]: path for path in reversed(paths) if path["length_m"] in kept}
+    return [
+        (f"compared start, {chosen[length]['origin']}", np.array(chosen[length]["x"], float))
+        for length in sorted(chosen)
+    ]
+
+
+# --- rows ------------------------------------------------------------------------------------
+
+
+def start_rows(settings: Settings, found: Found, comparison: Comparison) -> list[Columns]:
+    """A row for each start, in the order of time."""
+    cfg, alike = settings.departure, comparison.alike
+    fronts = fronts_in_time(cfg, found)
+    rows = []
+    for time, results in found.items():
+        row = _row(cfg, time, results)
+        ratio = comparison.ratios.get(time, (NAN,) * 3)
+        row |= dict(zip(("ratio", "ratio_low", "ratio_high"), ratio, strict=True))
+        row |= {"as_good": time in alike, "recommended": time == comparison.recommended}
+        row["seeds"] = len(results)
+        row["paths"] = len(pooled_front(fronts[time]).length) if time in fronts else 0
+        row["rates"] = _rates_of(fronts.get(time, ()), comparison.limits)
+        rows.append(row)
+    best = next(row for row in rows if row["time"] == comparison.best)
     for row in rows:
-        row.update(same_length_columns(fronts.get(row["time"], []), common))
-    for row in rows:
-        gaps = (NAN,) * 3
-        if row["planned"]:
-            gaps = paired_difference(flags[best["time"]], flags[row["time"]])
-        row.update(zip(("difference", "difference_low", "difference_high"), gaps, strict=True))
-        row["as_good"] = bool(row["planned"] and row["on_time"] and row["difference_low"] <= 0.0)
-        row["recommended"] = row is best
-        row["verdict"] = verdict(row, best, settings.departure)
+        row["verdict"] = verdict(row, best, cfg)
     return rows
 
 
-def _row(cfg: DepartureConfig, time: float, result: Mapping[str, Any]) -> Columns:
+def _rates_of(fronts: Sequence[FlownFront], limits: FloatArray) -> FloatArray:
+    """Failure and its interval (G, 3) at ``limits``, of all seeds together; NaN without a path."""
+    return rates_at(pooled_front(fronts), limits) if fronts else np.full((len(limits), 3), NAN)
+
+
+def _row(cfg: DepartureConfig, time: float, results: Sequence[Mapping[str, Any]]) -> Columns:
     """The columns of one start, without comparison; numbers of a start without a plan are NaN."""
+    result = results[0]
     planned = bool(result["planned"])
-    arrival = time + result["duration_s"] if planned else NAN
-    limit = math.inf if cfg.arrive_by is None else seconds(cfg.arrive_by)
+    path = planned_path(results) if planned else {}
+    arrival = time + path["duration_s"] if planned else NAN
     row: Columns = {
         "time": time,
         "departure": iso(time),
         "arrival": iso(arrival) if planned else "",
         "planned": planned,
-        "on_time": on_time(time, result, limit),
+        "on_time": on_time(time, results, _limit(cfg)),
     }
-    row |= rate_columns("failure", text_to_flags(result["failed"] if planned else ""))
-    row |= {name: result[name] if planned else NAN for name in ("length_m", "duration_s", "steps")}
+    row |= rate_columns("failure", text_to_flags(path["failed"] if planned else ""))
+    row |= {name: path[name] if planned else NAN for name in ("length_m", "duration_s", "steps")}
     row |= {name: result["conditions"][name] if planned else NAN for name in CONDITIONS}
-    row |= {"order": result["order"] if planned else "", "law": result["law"] if planned else ""}
+    row |= {"order": path["order"] if planned else "", "law": result["law"] if planned else ""}
     return row | {"metrics": result["metrics"] if planned else {}, "reason": result.get("reason", "")}
-
-
-def on_time(time: float, result: Mapping[str, Any], limit: float) -> bool:
-    """Whether the plan of a start arrives by ``limit`` [s since 1970]: departure plus its steps."""
-    return bool(result["planned"]) and time + result["duration_s"] <= limit + 1e-6
-
-
-def common_length(found: Found) -> float:
-    """The length [m] at which fronts are compared: of the shortest plan, or the least of all fronts."""
-    planned = [result for result in found.values() if result["planned"]]
-    reached = [result["front"][0][0] for result in planned if result["front"]]
-    return float(max([min(result["length_m"] for result in planned), *reached]))
-
-
-def same_length_columns(front: Sequence[Sequence[float]], length: float) -> Columns:
-    """Failure of a path of ``length`` [m], interpolated between two points of a front.
-
-    ``front`` has rows (length, failure, low, high), shortest first; logarithms of rates are interpolated.
-    Beyond the longest path its values are taken; NaN below the shortest, and with ``judge=bound``.
-    """
-    names = ("failure_same_length", "failure_same_length_low", "failure_same_length_high")
-    if not front or length < front[0][0]:
-        return {"same_length_m": length} | dict.fromkeys(names, NAN)
-    table = np.array(front, float)
-    logs = np.log(np.maximum(table[:, 1:], LEAST_RATE))
-    values = (float(np.exp(np.interp(length, table[:, 0], logs[:, k]))) for k in range(3))
-    return {"same_length_m": length} | dict(zip(names, values, strict=True))
 
 
 # --- words -----------------------------------------------------------------------------------
 
 
 def verdict(row: Columns, best: Columns, cfg: DepartureConfig) -> str:
-    """Why a start is recommended, or why not."""
+    """How a start compares with the best one, and the conditions that differ."""
     if not row["planned"]:
         return f"no plan: {row['reason']}"
     if not row["on_time"]:
         return f"arrives at {row['arrival']}, after departure.arrive_by = {cfg.arrive_by}"
+    begin = "recommended: " if row["recommended"] else ""
     if row is best:
-        return f"recommended: fails least, {_rate(row)} in {row['law']} winds"
-    more = _points_text(row)
-    said = f"as good within chance: fails {more} more" if row["as_good"] else f"fails {more} more"
+        return f"{begin}fails least at equal length"
+    said = f"{begin}fails {_ratio_text(row)} times as often at equal length"
+    if row["as_good"]:
+        return f"{said}: no difference beyond the noise"
     return "; ".join([said, *_reasons(row, best)])
 
 
-def _rate(row: Columns) -> str:
-    return rate_text(row["failure"], row["failure_low"], row["failure_high"])
+def _ratio_text(row: Columns) -> str:
+    """The ratio to the best start, with its interval."""
+    return f"{_number(row['ratio'])} [{_number(row['ratio_low'])}, {_number(row['ratio_high'])}]"
 
 
-def _points_text(row: Columns) -> str:
-    """A difference of rates with its interval, in percentage points."""
-    gap, low, high = (100.0 * row[f"difference{end}"] for end in ("", "_low", "_high"))
-    return f"{gap:.2f} points [{low:.2f}, {high:.2f}]"
+def _number(ratio: float) -> str:
+    return f"{ratio:.2f}" if ratio < 10.0 else f"{ratio:.0f}" if ratio < 1e4 else "> 10000"
 
 
 def _reasons(row: Columns, best: Columns) -> list[str]:
-    """Differences along the route, with numbers, if they are large enough."""
+    """Differences along the routes of the plans, with numbers, if they are large enough."""
     said = []
-    extra = row["length_m"] - best["length_m"]
-    if abs(extra) > LONGER * best["length_m"]:
-        said.append(f"{abs(extra) / 1e3:.0f} km {'longer' if extra > 0 else 'shorter'}")
     here, there = row["tail_wind"], best["tail_wind"]
     if here < there - WINDIER:
         said.append(f"{_along_text(here)} instead of {_along_text(there)}")
@@ -138,12 +207,6 @@ def _reasons(row: Columns, best: Columns) -> list[str]:
             f"positions spread wider at the end (sd {row['end_sd_m'] / 1e3:.0f} instead of "
             f"{best['end_sd_m'] / 1e3:.0f} km)"
         )
-    same, least = row["failure_same_length"], best["failure_same_length"]
-    if abs(same - least) > ALIKE * least:
-        said.append(
-            f"at {best['same_length_m'] / 1e3:.0f} km it fails {probability_text(same)} instead of "
-            f"{probability_text(least)}"
-        )
     return said
 
 
@@ -154,46 +217,68 @@ def _along_text(tail: float) -> str:
 # --- the study -------------------------------------------------------------------------------
 
 
-def departure_study(settings: Settings, rows: Sequence[Columns], found: Found, plan: Plan) -> Study:
-    """Tables, numbers and text; ``plan`` is that of the recommended start in full."""
+def departure_study(
+    settings: Settings, rows: Sequence[Columns], comparison: Comparison, found: Found, delivered: Delivered
+) -> Study:
+    """Tables, numbers and text."""
     planned = [row for row in rows if row["planned"]]
     best = next(row for row in rows if row["recommended"])
     names = list(dict.fromkeys(name for row in planned for name in row["metrics"]))
     table = tuple(
-        {key: _cell(value) for key, value in row.items() if key not in ("time", "metrics", "reason")}
+        {key: _cell(value) for key, value in row.items() if key not in INNER}
         | {name: row["metrics"].get(name, NAN) for name in names}
         for row in rows
+    )
+    fronts = fronts_in_time(settings.departure, found)
+    limits = map_lengths(fronts)
+    rates = [_rates_of(fronts.get(row["time"], ()), limits) for row in rows]
+    lengths = tuple(
+        {"departure": row["departure"], "length_m": limit}
+        | dict(zip(("failure", "failure_low", "failure_high"), ends, strict=True))
+        for row, table in zip(rows, rates, strict=True)
+        if row["time"] in fronts
+        for limit, ends in zip(limits.tolist(), table.tolist(), strict=True)
     )
     numbers = {
         "starts": float(len(rows)),
         "starts_planned": float(len(planned)),
         "starts_as_good": float(sum(row["as_good"] for row in rows)),
+        "plans": float(sum(map(len, found.values()))),
+        "seed_spread": comparison.spread.sd,
         "best_departure_s": best["time"],
         "best_length_m": best["length_m"],
     } | {f"best_failure{end}": best[f"failure{end}"] for end in ("", "_low", "_high")}
-    if plan.promise is not None:
-        rate = plan.promise.rate
+    if delivered.plan.promise is not None:
+        rate = delivered.plan.promise.rate
         numbers |= {"promise_failure": rate.failure, "promise_low": rate.low, "promise_high": rate.high}
-    routes = {time: np.array(result["x"], float) for time, result in found.items() if result["planned"]}
-    text = departure_text(settings, rows, plan)
-    return Study({"departures": table}, numbers, text, {"rows": tuple(rows), "routes": routes})
+    routes = {
+        time: np.array(planned_path(own)["x"], float) for time, own in found.items() if own[0]["planned"]
+    }
+    text = departure_text(settings, rows, comparison, delivered)
+    pictures = {"rows": tuple(rows), "routes": routes, "limits": limits, "rates": np.stack(rates)[:, :, 0]}
+    return Study({"departures": table, "departure_lengths": lengths}, numbers, text, pictures)
 
 
 def _cell(value: Any) -> Any:
     return int(value) if isinstance(value, bool) else value
 
 
-def departures_document(settings: Settings, rows: Sequence[Columns], plan: Plan, kept: str) -> dict[str, Any]:
+def departures_document(
+    settings: Settings, rows: Sequence[Columns], comparison: Comparison, delivered: Delivered, kept: str
+) -> dict[str, Any]:
     """The content of ``departures.json``; ``kept`` is the folder of the recommended plan."""
     cfg, best = settings.departure, next(row for row in rows if row["recommended"])
-    promise = plan.promise
+    promise, limits = delivered.plan.promise, comparison.limits
     return {
         "schema": SCHEMA,
         "law": best["law"],
         "flights": cfg.flights,
+        "seeds": cfg.seeds,
         "quick": cfg.quick,
         "arrive_by": cfg.arrive_by,
-        "same_length_m": best["same_length_m"],
+        "lengths_m": limits,
+        "best": iso(comparison.best),
+        "seed_spread": {"sd": comparison.spread.sd, "degrees_of_freedom": comparison.spread.freedom},
         "recommended": {
             "departure": best["departure"],
             "directory": kept,
@@ -201,57 +286,133 @@ def departures_document(settings: Settings, rows: Sequence[Columns], plan: Plan,
             "promise": None
             if promise is None
             else {name: getattr(promise.rate, name) for name in ("law", "failure", "low", "high", "runs")},
-            "as_good": [row["departure"] for row in rows if row["as_good"] and row is not best],
+            "as_good": [iso(time) for time in comparison.alike if iso(time) != best["departure"]],
+            "failure_at": _rate_objects(rates_at(delivered.front, limits)),
+            "ratio_to_compared": dict(zip(("ratio", "low", "high"), delivered.ratio, strict=True)),
         },
         "starts": [
-            {key: value for key, value in row.items() if key not in ("time", "metrics", "reason")}
+            {key: value for key, value in row.items() if key not in INNER}
             | row["metrics"]
+            | {"failure_at": _rate_objects(row["rates"])}
             | {"directory": f"starts/{folder_name(row['time'])}" if _has_folder(cfg, row) else None}
             for row in rows
         ],
     }
 
 
+def _rate_objects(rates: FloatArray) -> list[dict[str, float]]:
+    return [dict(zip(("failure", "low", "high"), row, strict=True)) for row in rates.tolist()]
+
+
 def _has_folder(cfg: DepartureConfig, row: Columns) -> bool:
     return cfg.keep == "all" and bool(row["planned"])
 
 
-def departure_text(settings: Settings, rows: Sequence[Columns], plan: Plan) -> str:
+def departure_text(
+    settings: Settings, rows: Sequence[Columns], comparison: Comparison, delivered: Delivered
+) -> str:
     """The recommendation, the table of all starts, and why not another one."""
-    best = next(row for row in rows if row["recommended"])
-    alike = [row["departure"] for row in rows if row["as_good"] and row is not best]
-    lines = [
-        f"**Leave at {best['departure']}**: {_rate(best)} of {settings.departure.flights:,} fresh flights "
-        f"fail in {best['law']} winds. " + (f"As good within chance: {', '.join(alike)}." if alike else
-                                            "No other start is as good."),
-    ]  # fmt: skip
-    if plan.promise is not None:
-        lines.append(f"Planned in full (recommended/plan.json) it fails {plan.promise.rate}.")
+    limits = comparison.limits
+    shown = sorted({0, len(limits) // 2, len(limits) - 1})
+    coarse = ", planned with a coarser front" if settings.departure.quick else ""
     table = markdown_table(
-        f"Starts{', planned with a coarser front' if settings.departure.quick else ''}; failure with its "
-        "95 % interval, and the difference to the recommended start in percentage points; at one length of "
-        f"{best['same_length_m'] / 1e3:.0f} km: interpolated along each front; wind: means along the route",
-        ("departure", "arrival", "failed", "difference", "same length", "length [km]", "flight [h]", "steps",
-         "wind [m/s]", "tail wind [m/s]", "sd of the wind [m/s]"),
-        (_text_row(row) for row in rows),
+        f"Starts{coarse}; ratio: how many times as often a start fails as the best one at equal length, with "
+        "an interval that holds for all starts together (95 %); failure at common lengths: interpolated "
+        "along each front; plan: the path of the selection rule; wind: means along its route",
+        ("departure", "seeds", "ratio", *(f"failed at {limits[k] / 1e3:.0f} km" for k in shown),
+         "plan failed", "length [km]", "arrival", "flight [h]", "wind [m/s]", "tail wind [m/s]",
+         "sd of the wind [m/s]"),
+        (_text_row(row, shown) for row in rows),
     )  # fmt: skip
     why = [f"- {row['departure']}: {row['verdict']}" for row in rows]
-    return "\n\n".join([*lines, table.rstrip("\n"), "**Why, and why not at**", "\n".join(why)]) + "\n"
+    said = [
+        recommendation_text(rows, comparison),
+        noise_text(settings.departure, comparison),
+        delivered_text(settings.departure, comparison.recommended, delivered),
+    ]
+    return "\n\n".join([*said, table.rstrip("\n"), "**Why, and why not at**", "\n".join(why)]) + "\n"
 
 
-def _text_row(row: Columns) -> tuple[str, ...]:
+def recommendation_text(rows: Sequence[Columns], comparison: Comparison) -> str:
+    """When to leave, and which starts do not differ."""
+    named, alike = f"**Leave at {iso(comparison.recommended)}**", comparison.alike
+    low, high = (f"{limit / 1e3:,.0f}" for limit in comparison.limits[[0, -1]])
+    between = f"at equal length ({low} to {high} km)"
+    rivals = [row for row in rows if row["on_time"] and row["time"] not in alike]
+    if len(alike) > 1:
+        names = ", ".join(iso(time) for time in alike)
+        others = f" All others fail more often {between}." if rivals else ""
+        best = next(row for row in rows if row["time"] == comparison.recommended)
+        least = (
+            "it fails least"
+            if comparison.best == comparison.recommended
+            else f"it is the earliest of those that fail at most {NEARLY:g} times as often as the best one "
+            f"({_ratio_text(best)} times as often as {iso(comparison.best)})"
+        )
+        return (
+            f"{named}. {len(alike)} starts do not differ beyond the noise {between}: {names}. Of these, "
+            f"{least}.{others}"
+        )
+    if not rivals:
+        return (
+            f"{named}: no other start has a plan{' in time' if any(r['planned'] for r in rows[1:]) else ''}."
+        )
+    nearest = min(rivals, key=lambda row: float(row["ratio"]))
+    return (
+        f"{named}: {between}, every other start fails more often; the nearest one, {nearest['departure']}, "
+        f"{_ratio_text(nearest)} times as often."
+    )
+
+
+def noise_text(cfg: DepartureConfig, comparison: Comparison) -> str:
+    """What the intervals contain."""
+    spread = comparison.spread
+    if not spread.freedom:
+        return (
+            "The intervals contain the winds of the flights, not the spread between seeds of the planner, "
+            f"which is not known{' with departure.seeds=1' if cfg.seeds == 1 else ''}."
+        )
+    return (
+        "The intervals contain the winds of the flights and the seeds of the planner: another seed changes "
+        f"the failure of a single plan at equal length by a factor of {math.exp(spread.sd):.2f} (one "
+        f"standard deviation, {spread.freedom} degrees of freedom)."
+    )
+
+
+def delivered_text(cfg: DepartureConfig, time: float, delivered: Delivered) -> str:
+    """The full plan of the start ``time`` against what was compared."""
+    ratio, low, high = delivered.ratio
+    rate, *ends = delivered.compared_rate
+    promise, length = delivered.plan.promise, delivered.plan.path.objectives.length
+    said = f"Planned in full (recommended/plan.json), a path of {length / 1e3:,.0f} km"
+    said += " is chosen" if promise is None else f" fails {promise.rate}"
+    if math.isfinite(rate):
+        said += f"; the safest compared path that is no longer has {rate_text(rate, *ends)}"
+    if (arrival := time + float(delivered.plan.path.t[-1])) > _limit(cfg) + 1e-6:
+        said += (
+            f"; it arrives at {iso(arrival)}, after departure.arrive_by: take a shorter path of recommended/ "
+            "(pareto-ltl choose)"
+        )
+    return (
+        f"{said}. At equal length the full front fails {_number(ratio)} [{_number(low)}, {_number(high)}] "
+        "times as often as the compared one, whose paths were judged with it."
+    )
+
+
+def _text_row(row: Columns, shown: Sequence[int]) -> tuple[str, ...]:
     if not row["planned"]:
-        return (row["departure"], "no plan", *("-" for _ in range(9)))
+        return (row["departure"], f"{row['seeds']}", "no plan", *("-" for _ in range(len(shown) + 7)))
     mark = " (recommended)" if row["recommended"] else " (late)" if not row["on_time"] else ""
+    known = math.isfinite(row["ratio"])
     return (
         f"{row['departure']}{mark}",
-        row["arrival"],
+        f"{row['seeds']}",
+        _ratio_text(row) if known else "-",
+        *(probability_text(rate) if math.isfinite(rate) else "-" for rate in row["rates"][list(shown), 0]),
         rate_cell(row, "failure"),
-        "-" if row["recommended"] else _points_text(row),
-        probability_text(row["failure_same_length"]),
         kilometres_text(row["length_m"]),
+        row["arrival"],
         f"{row['duration_s'] / HOUR:.1f}",
-        f"{row['steps']}",
         f"{row['wind_speed']:.1f}",
         f"{row['tail_wind']:+.1f}",
         f"{row['wind_sd']:.2f}",
@@ -259,11 +420,15 @@ def _text_row(row: Columns) -> tuple[str, ...]:
 
 
 __all__ = [
+    "Delivered",
     "Found",
+    "compared_paths",
+    "delivered_text",
     "departure_study",
     "departures_document",
+    "fronts_in_time",
     "on_time",
-    "same_length_columns",
+    "planned_path",
     "start_rows",
     "verdict",
 ]

@@ -266,7 +266,7 @@ STUDY_STAGES = (
         make=make_departure,
         needs=(READINGS, SCENE, DECOMPOSITION, AUTOMATON),
         settings=(Settings,),
-        writes=("departures.csv", "departures.json"),
+        writes=("departures.csv", "departure_lengths.csv", "departures.json"),
         shows=TABLES_TEXT,
     ),
     Stage(

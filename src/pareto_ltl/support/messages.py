@@ -6,7 +6,7 @@ from typing import Any
 
 SHOWN_WIDTH = 80  # characters of a user's text that a message repeats
 LONGEST_WORD = 255  # characters of one word of a message; no file name is longer
-LONGEST_LINE = 1000
+LONGEST_LINE = 2000
 
 
 def shown_text(text: str, width: int = SHOWN_WIDTH) -> str:

@@ -212,6 +212,8 @@ class Evidence:
         told = self.settings["robot"]
         if isinstance(told["dt"], str):  # auto: the metrics have the chosen time step
             told = told | {"dt": float(self.metrics["dt_s"])}
+        if self.settings["fidelity"]["judge"] == "flights":
+            told = told | {"effort_risk": 1.0}  # no airspeed is reserved: flights show what is missing
         return Robot(
             a=np.array(told["a"], float), b=np.array(told["b"], float), ball=self.settings["wind"]["ball"],
             u_min=told.get("u_min", 0.0),  # earlier versions have neither this setting nor the next two

@@ -17,11 +17,22 @@ SHORT_TIME_POWER = 1.3  # of D(τ) below the shortest time of a table
 
 
 @dataclass(frozen=True, slots=True)
+class Scaled:
+    """Mean ``squares`` [m²/s²] of changes between analyses at ``pairs`` (P, 2) [s], and the factor of D."""
+
+    pairs: FloatArray
+    squares: FloatArray
+    freedom: float
+    factor: float
+
+
+@dataclass(frozen=True, slots=True)
 class ErrorLaw:
     """Tables of one component; ``leads``, ``lags`` [s], ``forecast_sd``, ``change_sd``, ``spread`` [m/s].
 
     ``forecast_length``, ``change_length`` [m] are length scales; errors of valid times ``persistence_time``
-    [s] apart have the correlation ``persistence``.
+    [s] apart have the correlation ``persistence``. ``scaled``: changes of the winds at hand, to which
+    ``change_sd`` was scaled.
     """
 
     name: str
@@ -35,6 +46,7 @@ class ErrorLaw:
     lags: FloatArray
     change_sd: FloatArray
     change_length: float
+    scaled: Scaled | None = None
 
     def forecast_variance(self, lead: FloatArray) -> FloatArray:
         """e²(L) [m²/s²] of each lead [s], linear between leads and beyond; 0 where the lead is not known."""
@@ -78,7 +90,7 @@ class ErrorLaw:
 
 def error_law(told: Mapping[str, Any]) -> ErrorLaw:
     """The law of a JSON document ``pareto_ltl.forecast_error/1``."""
-    forecast, change = told["forecast"], told["change"]
+    forecast, change, scaled = told["forecast"], told["change"], told.get("variability")
     return ErrorLaw(
         name=str(told["name"]),
         level=str(told["level"]),
@@ -91,4 +103,25 @@ def error_law(told: Mapping[str, Any]) -> ErrorLaw:
         lags=HOUR * np.array(change["lag_hours"], float),
         change_sd=np.array(change["sd"], float),
         change_length=float(change["length"]),
+        scaled=None if scaled is None else _scaled(scaled),
     )
+
+
+def _scaled(told: Mapping[str, Any]) -> Scaled:
+    pairs = np.stack([np.array(told[name], float) for name in ("from_seconds", "to_seconds")], axis=1)
+    squares = np.array(told["mean_square"], float)
+    return Scaled(pairs, squares, float(told["freedom"]), float(told["factor"]))
+
+
+def independent_changes(law: ErrorLaw, pairs: FloatArray, kinship: FloatArray) -> float:
+    """Twice the squared mean over the variance of a mean of squares of equally distributed Gaussian changes.
+
+    Those of two components over ``pairs`` (P, 2) of times [s] at places with the correlations ``kinship``
+    (N, N).
+    """
+    total = 0.0
+    for a, b in pairs:
+        for c, d in pairs:
+            D = [law.change_variance(abs(t)) for t in (b - c, d - a, a - c, b - d, b - a, d - c)]
+            total += (D[0] + D[1] - D[2] - D[3]) ** 2 / (4 * D[4] * D[5])
+    return 2 * len(pairs) ** 2 * kinship.size / (total * float((kinship**2).sum()))

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pareto_ltl.support.display import probability_text
+from pareto_ltl.wind.forecast_error import forecast_error_law
 from pareto_ltl.wind.readings import HOUR, iso, seconds
 from pareto_ltl.wind.records import ENSEMBLE, WindField
 
@@ -72,10 +73,41 @@ def _time_part(field: WindField, time_zero: str | None, covered: list[str], left
         left.append("the change of the wind between fields")
     elif len(gaps):
         covered.append(f"interpolation in time between fields {_range(gaps.tolist(), 'h')} apart")
+    if field.error is not None and field.error.variability is not None:
+        factor = np.sqrt(field.error.variability.factor)
+        covered.append(
+            f"changes in time {factor:.2f} times those of the law, as between analyses near the map"
+        )
     held = field.known_until - float(field.times[-1])
     if 0.0 < held < np.inf:
         when = f" ({iso(seconds(time_zero) + float(field.times[-1]))})" if time_zero else ""
         covered.append(f"the last field{when} held for up to {held / HOUR:g} h, and the change since then")
+
+
+def held_warning(field: WindField, end: float, time_zero: str | None = None) -> str | None:
+    """The warning for a flight that ends at ``end`` [s], after the last field: what forecasts would give.
+
+    Halfway through the held part of the flight and at its end, it compares the standard deviations of one
+    component: √(D(τ) + e²(L)) of the last field, whose lead is L, and e(L + τ) of a forecast. None if the
+    flight ends before, or if forecasts would not be better.
+    """
+    last, law = float(field.times[-1]), field.error
+    if law is None or end <= last:
+        return None
+    usual = law if law.forecast_sd.any() else forecast_error_law("gfs", "").for_winds(law.level, law.spread)
+    late = np.array([(max(last, 0.0) + end) / 2, end]) - last
+    lead = np.nan_to_num(field.leads[-1])
+    held = np.sqrt(law.change_variance(late) + law.forecast_variance(lead))
+    fresh = np.sqrt(usual.forecast_variance(lead + late))
+    if held[1] <= fresh[1]:
+        return None
+    when = f" ({iso(seconds(time_zero) + last)})" if time_zero else ""
+    return (
+        f"no field covers the last {(end - max(last, 0.0)) / HOUR:.3g} h of the flight: the last one{when} "
+        f"is held, with an error of {held[0]:.2g} m/s a component halfway through them and {held[1]:.2g} m/s "
+        f"at their end; forecasts for these times would have {fresh[0]:.2g} and {fresh[1]:.2g} m/s (law "
+        f"{usual.name}): add forecasts that cover the flight, which make it more certain where the robot is"
+    )
 
 
 def _range(values: list[float] | list[int], unit: str) -> str:
@@ -84,4 +116,4 @@ def _range(values: list[float] | list[int], unit: str) -> str:
     return f"{low:.3g} {unit}" if f"{low:.3g}" == f"{high:.3g}" else f"{low:.3g} to {high:.3g} {unit}"
 
 
-__all__ = ["Coverage", "coverage_of"]
+__all__ = ["Coverage", "coverage_of", "held_warning"]

@@ -42,6 +42,39 @@ SHORT_TIME_POWER = 1.3  # D ~ τ^1.3 below the shortest time of a table, as betw
 
 
 @dataclass(frozen=True, slots=True)
+class Variability:
+    """Changes of the wind between P pairs of analyses, and the factor of D(τ) that follows from them.
+
+    Attributes
+    ----------
+    starts, ends : (P,) float
+        Times of the analyses [s since time_zero].
+    squares : (P,) float
+        Mean square change of a component near the map [m²/s²].
+    freedom : float
+        Effective number of independent changes.
+    factor : float
+        Factor of D(τ).
+    """
+
+    starts: FloatArray
+    ends: FloatArray
+    squares: FloatArray
+    freedom: float
+    factor: float
+
+    def document(self) -> dict[str, Any]:
+        """The numbers as they are written to a file."""
+        return {
+            "from_seconds": self.starts.tolist(),
+            "to_seconds": self.ends.tolist(),
+            "mean_square": self.squares.tolist(),
+            "freedom": self.freedom,
+            "factor": self.factor,
+        }
+
+
+@dataclass(frozen=True, slots=True)
 class ForecastError:
     """The error of forecasts and the change of the wind, as tables of standard deviations of one component.
 
@@ -64,6 +97,8 @@ class ForecastError:
     spread : float
         Standard deviation of the winds of one time, over places, in the data of the tables [m/s]. For winds
         of another level, both tables are scaled by the ratio of the spreads.
+    variability : Variability or None
+        What ``change_sd`` was scaled by to fit the winds at hand; None: it was not.
     """
 
     name: str
@@ -77,6 +112,7 @@ class ForecastError:
     change_length: float
     level: str
     spread: float
+    variability: Variability | None = None
 
     def __post_init__(self) -> None:
         require_shape("forecast_sd", self.forecast_sd, len(self.leads))
@@ -154,6 +190,12 @@ class ForecastError:
         """The law with a ``share`` of the variance of forecast errors; the ensemble has the rest."""
         return self if share == 1.0 else replace(self, forecast_sd=np.sqrt(share) * self.forecast_sd)
 
+    def varying(self, found: Variability | None) -> ForecastError:
+        """The law with D(τ) scaled to the variability of the winds at hand."""
+        if found is None:
+            return self
+        return replace(self, change_sd=np.sqrt(found.factor) * self.change_sd, variability=found)
+
     def document(self) -> dict[str, Any]:
         """The numbers as they are written to a file."""
         return {
@@ -173,6 +215,7 @@ class ForecastError:
                 "sd": self.change_sd.tolist(),
                 "length": self.change_length,
             },
+            **({} if self.variability is None else {"variability": self.variability.document()}),
         }
 
 
@@ -187,7 +230,7 @@ def read_forecast_error(path: Path) -> ForecastError:
 
 def forecast_error_of(told: Mapping[str, Any]) -> ForecastError:
     """The law of a document that fits the schema; ValueError if its tables are not valid."""
-    forecast, change = told["forecast"], told["change"]
+    forecast, change, scaled = told["forecast"], told["change"], told.get("variability")
     return ForecastError(
         name=told["name"],
         leads=HOUR * np.array(forecast["lead_hours"], float),
@@ -200,7 +243,17 @@ def forecast_error_of(told: Mapping[str, Any]) -> ForecastError:
         change_length=float(change["length"]),
         level=told["level"],
         spread=float(told["spread"]),
+        variability=None if scaled is None else _variability(scaled),
     )
+
+
+def _variability(told: Mapping[str, Any]) -> Variability:
+    starts, ends, squares = (
+        np.array(told[name], float) for name in ("from_seconds", "to_seconds", "mean_square")
+    )
+    require_shape("to_seconds", ends, len(starts))
+    require_shape("mean_square", squares, len(starts))
+    return Variability(starts, ends, squares, float(told["freedom"]), float(told["factor"]))
 
 
 def forecast_error_law(setting: str, usual: str) -> ForecastError:
@@ -215,6 +268,7 @@ def forecast_error_law(setting: str, usual: str) -> ForecastError:
 __all__ = [
     "FORECAST_ERROR_SCHEMA",
     "ForecastError",
+    "Variability",
     "forecast_error_law",
     "forecast_error_of",
     "read_forecast_error",

@@ -3,25 +3,49 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from pareto_ltl.settings import WindConfig
-from pareto_ltl.support.arrays import FloatArray, IntArray
+from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.wind.area import swap_question
-from pareto_ltl.wind.forecast_error import forecast_error_law
+from pareto_ltl.wind.forecast_error import ForecastError, Variability, forecast_error_law
+from pareto_ltl.wind.levels import DEPTH, parse_level
 from pareto_ltl.wind.readings import HOUR, Readings, farthest_points, iso, on_sphere, seconds
 from pareto_ltl.wind.records import WindObservations
 from pareto_ltl.wind.sources import wind_source
+from pareto_ltl.wind.variability import variability_of
 from pareto_ltl.world.scene import Scene
 
 FEWEST_READINGS = 5  # required readings near the scene, at each time
 ENOUGH_READINGS = 40  # with fewer readings near the scene at a time, readings farther away are used too
+FAR_SHARE = 0.25  # of wind.max_points that is left to readings away from the map, if there are so many
 FIT_RADIUS = 500e3  # [m], about one correlation length of the 10 m wind over land
 HORIZON_ANGLE = np.deg2rad(45.0)  # readings farther away carry no information and are distorted in the plane
+OLDEST_ANALYSIS = 48 * HOUR  # before departure, of those that show how variable the wind is
 OLDEST_HELD = 48.0  # [h] longest time for which a message advises to hold the last field
 LOG = logging.getLogger(__name__)
+
+
+class _Counts(NamedTuple):
+    """Numbers of readings at one time: used and all of those beside the map, used and all near it."""
+
+    own: int
+    beside: int
+    used: int
+    near: int
+
+
+class _Placed(NamedTuple):
+    """Positions (n, 2) [m], winds (n, 2) [m/s] and deviations of members (n, 2, M) [m/s] at one time."""
+
+    points: FloatArray
+    winds: FloatArray
+    members: FloatArray
+    counts: _Counts
 
 
 def place_readings(cfg: WindConfig, readings: Readings, scene: Scene) -> WindObservations:
@@ -44,27 +68,84 @@ def place_readings(cfg: WindConfig, readings: Readings, scene: Scene) -> WindObs
     _refuse_other_frame(readings, scene)
     zero = _departure_time(scene, readings)
     kept, until, ends = _slots_from_departure(cfg, readings, zero)
-    placed = [_readings_in_plane(cfg, scene, readings, k) for k in kept]
+    placed = {int(k): _readings_in_plane(cfg, scene, readings, k) for k in kept}
+    _log_thinning(cfg, readings, [each.counts for each in placed.values()])
+    winds = tuple(each.winds for each in placed.values())
     law = forecast_error_law(cfg.forecast_error, wind_source(cfg).forecast_error)
-    winds = tuple(winds for _, winds, _ in placed)
+    leads = _implied_leads(cfg, readings) if law.forecast_sd.any() else readings.leads
+    law = law.for_winds(readings.level, _spread(winds)).shared(readings.forecast_share)
+    law = law.varying(_variability(cfg, scene, readings, law, placed))
     return WindObservations(
         times=readings.times[kept] - zero,
-        points=tuple(points for points, _, _ in placed),
+        points=tuple(each.points for each in placed.values()),
         winds=winds,
         source=f"{cfg.source}: {', '.join(file.name for file in readings.files[:8])}"
         + (f" and {len(readings.files) - 8} more" if len(readings.files) > 8 else ""),
-        leads=readings.leads[kept],
+        leads=leads[kept],
         level=readings.level,
         until=until - zero,
         ends=ends,
-        error=law.for_winds(readings.level, _spread(winds)).shared(readings.forecast_share),
-        members=tuple(members for _, _, members in placed) if readings.members else (),
+        error=law,
+        members=tuple(each.members for each in placed.values()) if readings.members else (),
     )
 
 
 def _spread(winds: tuple[FloatArray, ...]) -> float:
     """Standard deviation of one wind component over the places of one time, root mean square [m/s]."""
     return float(np.sqrt(np.mean([w.var(axis=0).mean() for w in winds])))
+
+
+def _implied_leads(cfg: WindConfig, readings: Readings) -> FloatArray:
+    """The leads (K,) [s]; those that the files do not state are the times since the first one.
+
+    A single time implies no lead. The packaged sample and currents are not forecasts that begin there.
+    """
+    unknown = np.isnan(readings.leads)
+    if len(readings.times) == 1 or not unknown.any() or not _of_weather_model(cfg, readings):
+        return readings.leads
+    LOG.warning(
+        "%s does not state how old its forecast is%s: it is assumed to begin at its first time, %s, so that "
+        "errors grow from there; state the leads (column lead_hours of a table, forecast_reference_time of "
+        "NetCDF), or set wind.forecast_error=none if all its fields are analyses or observations",
+        readings.name, "" if unknown.all() else f" at {unknown.sum()} of {len(unknown)} times",
+        iso(readings.times[0]),
+    )  # fmt: skip
+    return np.asarray(np.where(unknown, readings.times - readings.times[0], readings.leads), float)
+
+
+def _of_weather_model(cfg: WindConfig, readings: Readings) -> bool:
+    """Whether the readings are fields of a weather model whose age and analyses count."""
+    return cfg.source not in ("sample", "stations") and parse_level(readings.level).kind != DEPTH
+
+
+def _variability(
+    cfg: WindConfig, scene: Scene, readings: Readings, law: ForecastError, placed: Mapping[int, _Placed]
+) -> Variability | None:
+    """The variability of the wind at the places of the first slot, from its analyses.
+
+    These are the fields of lead 0 among the slots ``placed`` and up to ``OLDEST_ANALYSIS`` before them.
+    """
+    first, times = min(placed), readings.times
+
+    def same_places(k: int) -> bool:
+        if k in placed:
+            return np.array_equal(placed[k].points, placed[first].points)
+        return np.array_equal(readings.points[k], readings.points[first])
+
+    recent = (times >= times[first] - OLDEST_ANALYSIS) & (times <= times[max(placed)])
+    used = [k for k in np.flatnonzero(recent & (readings.leads == 0)).tolist() if same_places(k)]
+    if len(used) < 2 or not _of_weather_model(cfg, readings):
+        return None
+    winds = np.stack([(placed.get(k) or _readings_in_plane(cfg, scene, readings, k)).winds for k in used])
+    since = times[used] - _departure_time(scene, readings)
+    found = variability_of(law, since, placed[first].points, winds)
+    if found is not None:
+        LOG.info(
+            "%s: the mean square change of the wind in time is taken as %.2f times that of the law %s, as "
+            "%d pairs of analyses near the map suggest", readings.name, found.factor, law.name,
+            len(found.starts),
+        )  # fmt: skip
+    return found
 
 
 def _refuse_other_frame(readings: Readings, scene: Scene) -> None:
@@ -138,16 +219,12 @@ def _holding_advice(cfg: WindConfig, late: float) -> str:
     )
 
 
-def _readings_in_plane(
-    cfg: WindConfig, scene: Scene, readings: Readings, k: int
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Readings at time index ``k`` near the scene, in its plane, at most ``wind.max_points``.
-
-    Returns positions (n, 2) [m], winds (n, 2) [m/s] and deviations of members (n, 2, M) [m/s].
-    """
+def _readings_in_plane(cfg: WindConfig, scene: Scene, readings: Readings, k: int) -> _Placed:
+    """Readings at time index ``k`` near the scene, in its plane, at most ``wind.max_points``."""
     points, winds = readings.points[k], readings.winds[k]
     members = readings.members[k] if readings.members else np.empty((len(points), 2, 0))
-    near = max(cfg.padding, float(np.max(scene.bounds[1] - scene.bounds[0])))
+    side = float(np.max(scene.bounds[1] - scene.bounds[0]))
+    near = max(cfg.padding, side)
     if readings.geographic:
         columns = np.concatenate([winds[:, :, None], members], axis=2)
         points, turned = project_readings(str(scene.crs), scene.bounds.mean(axis=0), points, columns)
@@ -161,8 +238,62 @@ def _readings_in_plane(
             f"{iso(readings.times[k])}, expected at least {FEWEST_READINGS}; "
             f"{_swap_question(readings, scene, k) or 'is the scene where the wind data is?'}"
         )
-    chosen = _readings_for_fit(cfg, scene.bounds.mean(axis=0), points, gap, near)
-    return points[chosen], winds[chosen], members[chosen]
+    close = _readings_for_fit(gap, near)
+    beside = gap[close] <= max(min(cfg.padding, side), _half_way(gap[close], cfg.max_points))
+    chosen = thinned(points[close], beside, scene.bounds.mean(axis=0), cfg.max_points)
+    used = close[chosen]
+    counts = _Counts(int(beside[chosen].sum()), int(beside.sum()), len(used), len(close))
+    return _Placed(points[used], winds[used], members[used], counts)
+
+
+def _readings_for_fit(gap: FloatArray, near: float) -> IntArray:
+    """Indices of the readings whose distance ``gap`` (N,) [m] to the scene is at most ``near`` [m].
+
+    If they are fewer than ``ENOUGH_READINGS``, the nearest ones. Readings farther away are not used, since
+    the statistics of the wind differ between parts of a continent.
+    """
+    close = np.flatnonzero(gap <= near)
+    if len(close) < ENOUGH_READINGS:
+        close = np.sort(np.argsort(gap, kind="stable")[:ENOUGH_READINGS])
+    return close
+
+
+def _half_way(gap: FloatArray, most: int) -> float:
+    """Distance to the scene [m] within which there are ``most`` / 2 of the readings at ``gap`` (N,) [m]."""
+    return float(np.sort(gap)[min(most // 2, len(gap)) - 1])
+
+
+def thinned(points: FloatArray, beside: BoolArray, centre: FloatArray, most: int) -> IntArray:
+    """Indices of at most ``most`` of ``points`` (N, 2) [m]: those ``beside`` the scene, others spread evenly.
+
+    At least ``FAR_SHARE`` is left to the others, which determine the scales of the fit; if too many are
+    beside the scene, an even selection of these.
+    """
+    if len(points) <= most:
+        return np.arange(len(points))
+    own = np.flatnonzero(beside)
+    room = most - min(len(points) - len(own), int(FAR_SHARE * most))
+    if len(own) > room:
+        first = int(np.argmin(np.sum((points[own] - centre) ** 2, axis=1)))
+        own = own[farthest_points(points[own], room, first)]
+    return np.sort(farthest_points(points, most, own))
+
+
+def _log_thinning(cfg: WindConfig, readings: Readings, counts: Sequence[_Counts]) -> None:
+    """Log how many readings the fit uses, if it does not use all near the map."""
+    own, beside, used, near = np.array(counts).T
+    if (used < near).any():
+        LOG.info(
+            "%s: the fit uses %s of the readings on and beside the map and %s of those farther away, at each "
+            "of %d times (wind.max_points=%d)", readings.name, _share_text(own, beside),
+            _share_text(used - own, near - beside), len(counts), cfg.max_points,
+        )  # fmt: skip
+
+
+def _share_text(some: IntArray, every: IntArray) -> str:
+    """``all 99``, ``600 of 1570``, or ``380 to 600 of 400 to 1570`` if the numbers differ between times."""
+    ranges = [f"{n.min()}" if n.min() == n.max() else f"{n.min()} to {n.max()}" for n in (some, every)]
+    return f"all {ranges[1]}" if (some == every).all() else " of ".join(ranges)
 
 
 def _swap_question(readings: Readings, scene: Scene, k: int) -> str:
@@ -203,21 +334,4 @@ def _distance_to_box(bounds: FloatArray, points: FloatArray) -> FloatArray:
     return distance
 
 
-def _readings_for_fit(
-    cfg: WindConfig, centre: FloatArray, points: FloatArray, gap: FloatArray, near: float
-) -> IntArray:
-    """Indices of the readings for the fit: those within ``near`` [m] of the scene, if many an even selection.
-
-    If fewer than ``ENOUGH_READINGS`` are near, the nearest ones are used. Readings farther away are not,
-    since the statistics of the wind differ between parts of a continent.
-    """
-    close = np.flatnonzero(gap <= near)
-    if len(close) < ENOUGH_READINGS:
-        close = np.argsort(gap, kind="stable")[:ENOUGH_READINGS]
-    if len(close) <= cfg.max_points:
-        return np.sort(close)
-    first = int(np.argmin(np.sum((points[close] - centre) ** 2, axis=1)))
-    return np.sort(close[farthest_points(points[close], cfg.max_points, first)])
-
-
-__all__ = ["FEWEST_READINGS", "place_readings", "project_readings"]
+__all__ = ["FEWEST_READINGS", "FIT_RADIUS", "place_readings", "project_readings", "thinned"]

@@ -141,18 +141,17 @@ def on_sphere(lonlat: FloatArray) -> FloatArray:
     return np.stack([np.cos(lat) * np.cos(lon), np.cos(lat) * np.sin(lon), np.sin(lat)], axis=1)
 
 
-def farthest_points(points: FloatArray, count: int, first: int) -> IntArray:
+def farthest_points(points: FloatArray, count: int, first: int | IntArray) -> IntArray:
     """Indices of ``count`` of ``points`` (N, d): ``first``, then repeatedly the farthest from those chosen.
 
-    Gonzalez (1985), doi:10.1016/0304-3975(85)90224-5.
+    ``first`` is one index, or several, at most ``count``. Gonzalez (1985), doi:10.1016/0304-3975(85)90224-5.
     """
+    given = np.atleast_1d(first)
     chosen = np.empty(min(count, len(points)), dtype=np.int64)
     gap = np.full(len(points), np.inf)
-    candidate = first
     for i in range(len(chosen)):
-        chosen[i] = candidate
-        gap = np.minimum(gap, np.sum((points - points[candidate]) ** 2, axis=1))
-        candidate = int(np.argmax(gap))
+        chosen[i] = given[i] if i < len(given) else np.argmax(gap)
+        gap = np.minimum(gap, np.sum((points - points[chosen[i]]) ** 2, axis=1))
     return chosen
 
 

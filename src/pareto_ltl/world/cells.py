@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 GRID_FRACTION = 2.0**-40  # grid step over the size of the map
 EDGE_FRACTION = 1e-11  # of the size of the map; a point this close to an edge counts as on it
 LOCATOR_BUCKETS = 64  # of a Locator, along each axis
+THINNEST = 1024.0  # [grid steps], about 1e-9 of the map; thinner convex parts are rounding errors
 SHORTEST_DOOR = 4.0  # [grid steps]; shorter contacts are rounding errors
 
 
@@ -334,8 +335,19 @@ def _convex_rings(polygon: shapely.Geometry) -> list[GridRing]:
 
 
 def _obstacle_parts(polygons: Sequence[shapely.Geometry], step: float) -> tuple[FloatArray, ...]:
-    """Convex parts [m] of shapes in grid steps."""
-    return tuple(_ring_in_metres(ring, step) for polygon in polygons for ring in _convex_rings(polygon))
+    """Convex parts [m] of shapes in grid steps, without slivers beside thicker parts of the same shape."""
+    found: list[GridRing] = []
+    for polygon in polygons:
+        rings = _convex_rings(polygon)
+        found += [ring for ring in rings if _thickness(ring) >= THINNEST] or rings
+    return tuple(_ring_in_metres(ring, step) for ring in found)
+
+
+def _thickness(ring: GridRing) -> float:
+    """Twice the area over the longest edge [grid steps]: at most twice the width of a convex ring."""
+    corners = np.array(ring, float)
+    longest = np.linalg.norm(corners - np.roll(corners, 1, axis=0), axis=1).max()
+    return 2 * moments(corners)[0] / float(longest)
 
 
 def _ring_in_metres(ring: GridRing, step: float) -> FloatArray:

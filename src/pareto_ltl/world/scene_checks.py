@@ -18,10 +18,19 @@ from pareto_ltl.world import projection
 from pareto_ltl.world.altitude import sketch_at_altitude
 from pareto_ltl.world.cells import convex_pieces
 from pareto_ltl.world.scene import Scene
-from pareto_ltl.world.scene_shapes import clipped_parts, drawn_shape, outside_of, with_buffer
+from pareto_ltl.world.scene_faults import MapFaults
+from pareto_ltl.world.scene_shapes import (
+    clipped_parts,
+    drawn_shape,
+    inside_of,
+    outside_parts,
+    straightened_bounds,
+    with_buffer,
+)
 from pareto_ltl.world.scene_simplify import MANY_CORNERS, DrawnMap, simplified_map
 from pareto_ltl.world.scene_sketch import DrawingRules, MissionUse, Place, SceneSketch
 from pareto_ltl.world.shapes import outlines_of
+from pareto_ltl.world.windows import TimedPlace
 
 if TYPE_CHECKING:
     import shapely
@@ -48,18 +57,19 @@ def checked_scene(sketch: SceneSketch, rules: DrawingRules | None = None) -> Sce
     DataError
         If something is missing, degenerate, outside the bounds, or overlaps.
     """
-    rules = rules or DrawingRules()
-    if not sketch.regions:
-        raise DataError(f"{sketch.where} has no regions; a mission needs at least one place to visit")
-    if len(sketch.start) == 0:
-        raise DataError(f"{sketch.where} has no start; add a Point with the property role: start")
-    _check_size(sketch)
-    _check_distortion(sketch)
-    for place in sketch.regions:
-        _check_region_name(sketch, place.name)
-    _check_windows(sketch)
-    sketch = sketch_at_altitude(sketch, rules)
-    drawn, farthest = simplified_map(sketch, rules, _drawn_map(sketch, rules))
+    rules, faults = rules or DrawingRules(), MapFaults(sketch.where, sketch.faults)
+    if not sketch.regions and not sketch.faults:
+        faults.add(f"{sketch.where} has no regions; a mission needs at least one place to visit")
+    if len(sketch.start) == 0 and not sketch.faults:
+        faults.add(f"{sketch.where} has no start; add a Point with the property role: start")
+    if not faults.each([_check_size, _check_distortion], lambda check: check(sketch))[1:]:
+        faults.refuse()  # other checks could take long, or fail for the same reason
+    faults.each(sketch.regions, lambda place: _check_region_name(sketch, place.name))
+    faults.each(sketch.timed, lambda window: _check_window(sketch, window))
+    with faults.noted():
+        sketch = sketch_at_altitude(sketch, rules)
+    drawn, sketch = _drawn_map(sketch, rules, faults)
+    drawn, farthest = simplified_map(sketch, rules, drawn)
     if farthest or any(place.buffer for place in sketch.obstacles):
         drawn = _apart(sketch, drawn)
     scene = Scene(
@@ -74,42 +84,59 @@ def checked_scene(sketch: SceneSketch, rules: DrawingRules | None = None) -> Sce
     return replace(scene, landmarks=tuple(_convex_landmarks(sketch, scene, drawn)))
 
 
-def _check_windows(sketch: SceneSketch) -> None:
+def _check_window(sketch: SceneSketch, window: TimedPlace) -> None:
     """Raise a DataError for a window with the name of another region than its own."""
-    names = {place.name for place in sketch.regions}
-    for window in sketch.timed:
-        _check_region_name(sketch, window.name)
-        if window.name != window.region and window.name in names:
-            raise DataError(
-                f"{sketch.where}: window {window.name!r} of region {window.region!r} has the name of another "
-                "region; rename it"
-            )
+    _check_region_name(sketch, window.name)
+    if window.name != window.region and any(place.name == window.name for place in sketch.regions):
+        raise DataError(
+            f"{sketch.where}: window {window.name!r} of region {window.region!r} has the name of another "
+            "region; rename it"
+        )
 
 
-def _drawn_map(sketch: SceneSketch, rules: DrawingRules) -> DrawnMap:
-    """The polygons of all places with their buffers; places are checked as drawn, without buffers."""
-    places = {place.name: _drawn_region(sketch, place) for place in sketch.regions}
-    shapes = [(place, drawn_shape(sketch, place)) for place in sketch.obstacles]
-    _check_inside(sketch, "start", sketch.start[None])
-    for place in sketch.regions:
-        _check_inside(sketch, place.what, _coordinates(places[place.name]))
+def _drawn_map(sketch: SceneSketch, rules: DrawingRules, faults: MapFaults) -> tuple[DrawnMap, SceneSketch]:
+    """The polygons of all places with their buffers; places are checked as drawn, without buffers.
+
+    Returns also ``sketch`` with the bounds that the border leaves. DataError with all faults of the map.
+    """
+    with faults.noted():
+        if sketch.fence is not None and rules.walled:
+            sketch = replace(sketch, bounds=straightened_bounds(sketch, inside_of(sketch, sketch.fence)))
+    drawn = _checked_shapes(sketch, rules, faults)
+    faults.refuse()
+    return drawn, sketch
+
+
+def _checked_shapes(sketch: SceneSketch, rules: DrawingRules, faults: MapFaults) -> DrawnMap:
+    drawn = faults.each(sketch.regions, lambda place: _drawn_region(sketch, place))
+    shapes = faults.each(sketch.obstacles, lambda place: drawn_shape(sketch, place))
+    with faults.noted():
+        _check_inside(sketch, "start", sketch.start.reshape(-1, 2))
+    inside = faults.each(drawn, lambda pair: _check_inside(sketch, pair[0].what, _coordinates(pair[1])))
+    places = {place.name: shape for (place, shape), _ in inside}
     solid = [(place.what, part) for place, shape in shapes for part in clipped_parts(sketch, shape)]
-    if sketch.fence is not None and rules.walled:
-        outside = clipped_parts(sketch, outside_of(sketch, sketch.fence))
-        solid += [(OUTSIDE, part) for part in outside]
+    with faults.noted():
+        if sketch.fence is not None and rules.walled:
+            solid += [(OUTSIDE, part) for part in outside_parts(sketch, sketch.fence)]
     fenced = [pair for pair in solid if pair[0] == OUTSIDE]
-    wide = [(place.what, part) for place, shape in shapes for part in _grown_parts(sketch, place, shape)]
-    _check_start_free(sketch, [*wide, *fenced])
-    _check_overlaps(sketch, {p.name: places[p.name] for p in sketch.regions if not p.solid}, solid)
+    grown = faults.each(shapes, lambda pair: _grown_parts(sketch, *pair))
+    wide = [(place.what, part) for (place, _), parts in grown for part in parts]
+    with faults.noted():
+        _check_start_free(sketch, [*wide, *fenced])
+    free = {place.name: places[place.name] for (place, _), _ in inside if not place.solid}
+    for text in _overlaps(sketch, free, solid):
+        faults.add(text)
     use = _use_of_regions(sketch, rules)
     kept_out = frozenset(
         place.name for place in sketch.regions if place.solid or (use and place.name not in use.visited)
     )
-    regions = {
-        place.name: _with_margin(sketch, place, places[place.name], use, place.name in kept_out)
-        for place in sketch.regions
-    }
-    landmarks = [(place.what, _drawn_landmark(sketch, place, solid)) for place in sketch.landmarks]
+    reduced = faults.each(
+        [place for (place, _), _ in inside],
+        lambda place: _with_margin(sketch, place, places[place.name], use, place.name in kept_out),
+    )
+    regions = {place.name: shape for place, shape in reduced}
+    marks = faults.each(sketch.landmarks, lambda place: _drawn_landmark(sketch, place, solid))
+    landmarks = [(place.what, shape) for place, shape in marks]
     visited = use.visited - use.forbidden if use else frozenset[str]()
     return DrawnMap(regions, [*wide, *fenced], landmarks, kept_out, visited)
 
@@ -171,7 +198,7 @@ def _apart(sketch: SceneSketch, drawn: DrawnMap) -> DrawnMap:
     """``drawn`` with the enlarged obstacles cut out of visited regions and landmarks."""
     import shapely
 
-    barriers = np.array([polygon for _, polygon in drawn.obstacles])
+    barriers, faults = np.array([polygon for _, polygon in drawn.obstacles]), MapFaults(sketch.where)
 
     def rest(what: str, shape: shapely.Geometry) -> shapely.Geometry:
         near = barriers[shapely.intersects(shape, barriers)] if len(barriers) else barriers
@@ -186,13 +213,16 @@ def _apart(sketch: SceneSketch, drawn: DrawnMap) -> DrawnMap:
             )
         return left
 
+    regions = faults.each(
+        drawn.regions.items(),
+        lambda pair: pair[1] if pair[0] in drawn.kept_out else rest(f"region {pair[0]!r}", pair[1]),
+    )
+    landmarks = faults.each(drawn.landmarks, lambda pair: rest(*pair))
+    faults.refuse()
     return replace(
         drawn,
-        regions={
-            name: shape if name in drawn.kept_out else rest(f"region {name!r}", shape)
-            for name, shape in drawn.regions.items()
-        },
-        landmarks=[(what, rest(what, shape)) for what, shape in drawn.landmarks],
+        regions={name: shape for (name, _), shape in regions},
+        landmarks=[(what, shape) for (what, _), shape in landmarks],
     )
 
 
@@ -305,7 +335,7 @@ def _swap_question(sketch: SceneSketch, point: FloatArray) -> str:
 def _check_start_free(sketch: SceneSketch, obstacles: Sequence[tuple[str, Any]]) -> None:
     import shapely
 
-    start = shapely.Point(sketch.start)
+    start = shapely.Point(sketch.start) if len(sketch.start) else shapely.Point()
     for what, polygon in obstacles:
         if polygon.contains(start) and polygon.boundary.distance(start) > sketch.tolerance:
             if what == OUTSIDE:
@@ -323,28 +353,30 @@ def _buffer_words(sketch: SceneSketch, what: str) -> str:
     return " or its buffer" if any(p.what == what and p.buffer for p in sketch.obstacles) else ""
 
 
-def _check_overlaps(
+def _overlaps(
     sketch: SceneSketch, regions: Mapping[str, shapely.Geometry], obstacles: Sequence[tuple[str, Any]]
-) -> None:
-    """Raise a DataError if an obstacle and a region have a common area beyond rounding errors."""
+) -> Iterator[str]:
+    """Messages about obstacles and regions that have a common area beyond rounding errors."""
     import shapely
 
     names, places = list(regions), list(regions.values())
-    tree = shapely.STRtree(places)
+    tree, outside = shapely.STRtree(places), set[int]()
     for what, polygon in obstacles:
         for hit in sorted(tree.query(polygon, predicate="intersects")):
             common = shapely.intersection(polygon, places[hit])
             if common.area > sketch.tolerance * max(shapely.length(polygon), shapely.length(places[hit])):
                 at = shapely.get_coordinates(shapely.point_on_surface(common))[0]
-                if what == OUTSIDE:
-                    raise DataError(
+                if what != OUTSIDE:
+                    yield (
+                        f"{sketch.where}: {what} overlaps region {names[hit]!r} at {sketch.show(at)}; "
+                        f"they may touch, not overlap: cut the obstacle out of the region, or move one"
+                    )
+                elif hit not in outside:
+                    outside.add(hit)
+                    yield (
                         f"{sketch.where}: region {names[hit]!r} lies outside the border at "
                         f"{sketch.show(at)}; move it, or widen the border"
                     )
-                raise DataError(
-                    f"{sketch.where}: {what} overlaps region {names[hit]!r} at {sketch.show(at)}; "
-                    f"they may touch, not overlap: cut the obstacle out of the region, or move one"
-                )
 
 
 __all__ = ["checked_scene"]

@@ -15,6 +15,7 @@ from pareto_ltl.support.messages import shown_text
 from pareto_ltl.support.reading import Advice, read_json_value
 from pareto_ltl.support.schemas import check_document
 from pareto_ltl.world.scene import Scene
+from pareto_ltl.world.scene_faults import MapFaults
 from pareto_ltl.world.scene_geojson import crs_name, sketch_features
 from pareto_ltl.world.scene_kml import SUFFIXES, kml_features
 from pareto_ltl.world.scene_sketch import (
@@ -90,11 +91,12 @@ def scene_from_dict(data: Mapping[str, Any]) -> Scene:
 def sketch_file(path: Path) -> SceneSketch:
     """The map of a GeoJSON, KML, KMZ or ``scene.json`` file; DataError for any other or a damaged file."""
     if path.suffix.lower() in SUFFIXES:
-        return sketch_features(f"scene file {path}", kml_features(path, SCENE_FILES), None)
+        faults = MapFaults(f"scene file {path}")
+        return sketch_features(faults, kml_features(path, SCENE_FILES, faults), None)
     data = read_json_value(path, SCENE_FILES)
     where = f"scene file {path}"
     if isinstance(data, dict) and data.get("type") == "FeatureCollection":
-        return sketch_features(where, data.get("features", []), crs_name(where, data.get("crs")))
+        return sketch_features(MapFaults(where), data.get("features", []), crs_name(where, data.get("crs")))
     if isinstance(data, dict) and "bounds" in data:
         return _sketch_results(path, data)
     raise DataError(
@@ -105,6 +107,7 @@ def sketch_file(path: Path) -> SceneSketch:
 def _sketch_results(path: Path, data: Mapping[str, Any]) -> SceneSketch:
     check_document(data, "scene", str(path), SCENE_FILES)
     where = f"scene file {path}"
+    faults = MapFaults(where)
     _check_departure(where, data.get("time_zero"))
     obstacles, landmarks = (numbered_outlines(data.get(key, ())) for key in ("obstacles", "landmarks"))
     return SceneSketch(
@@ -115,22 +118,23 @@ def _sketch_results(path: Path, data: Mapping[str, Any]) -> SceneSketch:
             place
             for name, drawn in data["regions"].items()
             for place in (
-                read_places(where, "region", [(name, drawn)], np.copy)
+                read_places(faults, "region", [(name, drawn)], np.copy)
                 if drawn
                 else [Place(name, called("region", name))]
             )
         ),
-        obstacles=tuple(read_places(where, "obstacle", obstacles, np.copy)),
+        obstacles=read_places(faults, "obstacle", obstacles, np.copy),
         show=lambda point: f"({point[0]:.6g} m, {point[1]:.6g} m)",
         crs=data.get("crs"),
         time_zero=data.get("time_zero"),
-        landmarks=tuple(read_places(where, "landmark", landmarks, np.copy)),
+        landmarks=read_places(faults, "landmark", landmarks, np.copy),
         border=data.get("border"),
         timed=tuple(
             TimedPlace(name, w["region"], w.get("begin"), w.get("end"), name in (data.get("forbidden") or ()))
             for name, w in (data.get("windows") or {}).items()
         ),
         simplified=data.get("simplified") or 0.0,
+        faults=tuple(faults.texts),
     )
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -18,6 +18,7 @@ from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.messages import shown_text
 from pareto_ltl.support.reading import shown_json
 from pareto_ltl.world import projection
+from pareto_ltl.world.scene_faults import MapFaults
 from pareto_ltl.world.scene_sketch import Place, SceneSketch, called, read_corners, read_start
 from pareto_ltl.world.windows import TimedPlace
 
@@ -33,27 +34,22 @@ RECTANGULAR = 1e-9  # a border is a rectangle if it lacks at most this share of 
 Drawn = tuple[str, Place]  # role, and the place in degrees
 
 
-def sketch_features(where: str, features: Any, crs_name: str | None) -> SceneSketch:
+def sketch_features(faults: MapFaults, features: Any, crs_name: str | None) -> SceneSketch:
     """Convert features to a map in a plane centred on it, in which edges between corners are straight lines.
 
-    ``where`` begins error messages. Coordinates in the system ``crs_name`` are converted to degrees first;
-    None means degrees (WGS 84). DataError if a feature is not valid.
+    Coordinates in the system ``crs_name`` are converted to degrees first; None means degrees (WGS 84).
+    Features that are not valid are added to ``faults`` and left out; DataError if none is valid.
     """
+    where = faults.where
     if not isinstance(features, list):
         raise DataError(f"{where}: /features: expected an array of features, got {shown_json(features)}")
-    drawn: list[Drawn] = []
-    timed: list[TimedPlace] = []
-    for role, place, window in _drawn_features(where, features):
-        drawn.append((role, place))
-        timed += [window] if window else []
+    read = _FeatureReader(where, crs_name)
+    found = [feature for _, feature in faults.each(enumerate(features, 1), lambda item: read.drawn(*item))]
+    timed = tuple(window for _, _, window in found if window is not None)
+    drawn = _unwrapped([(role, place) for role, place, _ in found])
     if not drawn:
+        faults.refuse()
         raise DataError(f"{where} has no features; expected a role ({', '.join(FEATURE_ROLES)}) on each")
-    if crs_name is not None:
-        drawn = [
-            (role, place.moved(lambda c: projection.degrees_of(where, crs_name, c))) for role, place in drawn
-        ]
-    _check_degrees(where, np.concatenate([place.corners for _, place in drawn]))
-    drawn = _unwrapped(drawn)
     everything = np.concatenate([place.corners for _, place in drawn])
     border = next((place for role, place in drawn if role == "border"), None)
     box = everything if border is None else border.corners
@@ -73,7 +69,9 @@ def sketch_features(where: str, features: Any, crs_name: str | None) -> SceneSke
     starts = all_of("start")
     frame = None if border is None or not _is_rectangle(border) else border
     reach = np.concatenate([_reach(place.moved(metres)) for _, place in drawn])
-    bounds = _bounds_in_plane(where, border, frame, metres, reach)
+    bounds = _bounding_box(reach)
+    with faults.noted():
+        bounds = _bounds_in_plane(where, border, frame, metres, reach)
     return SceneSketch(
         where=where,
         bounds=bounds,
@@ -84,7 +82,8 @@ def sketch_features(where: str, features: Any, crs_name: str | None) -> SceneSke
         crs=crs,
         landmarks=all_of("landmark"),
         fence=border.moved(metres) if border is not None and frame is None else None,
-        timed=tuple(timed),
+        timed=timed,
+        faults=tuple(faults.texts),
     )
 
 
@@ -136,11 +135,18 @@ def _is_named_crs(member: Any) -> bool:
 # --- features -----------------------------------------------------------------------------------------
 
 
-def _drawn_features(where: str, features: Sequence[Any]) -> Iterator[tuple[str, Place, TimedPlace | None]]:
-    """Role, place [deg] and window of every feature; an obstacle with a window becomes a forbidden region."""
-    seen: set[tuple[str, str]] = set()
-    counts: dict[str, int] = {}
-    for number, feature in enumerate(features, 1):
+@dataclass(slots=True)
+class _FeatureReader:
+    """Reads features one after another; ``seen`` has the roles and names that may occur once."""
+
+    where: str
+    crs_name: str | None
+    seen: set[tuple[str, str]] = field(default_factory=set)
+    counts: dict[str, int] = field(default_factory=dict)
+
+    def drawn(self, number: int, feature: Any) -> tuple[str, Place, TimedPlace | None]:
+        """Role, place [deg] and window of a feature; an obstacle with a window becomes a forbidden region."""
+        where = self.where
         properties = {
             str(key).strip().lower(): value
             for key, value in _member(where, number, feature, "properties").items()
@@ -150,23 +156,29 @@ def _drawn_features(where: str, features: Sequence[Any]) -> Iterator[tuple[str, 
             raise DataError(f"{where}: feature {number} is a region; give it the property name")
         if not isinstance(name, str | int | None):
             raise DataError(f"{where}: feature {number}: expected a text as name, got {shown_json(name)}")
-        counts[role] = counts.get(role, 0) + 1
+        self.counts[role] = self.counts.get(role, 0) + 1
         many = role in ("obstacle", "landmark")
-        what = called(role, str(name or counts[role])) if many or role == "region" else role
+        what = called(role, str(name or self.counts[role])) if many or role == "region" else role
         key = (role, str(name) if role == "region" else "")
-        if not many and key in seen:
+        if not many and key in self.seen:
             raise DataError(
                 f"{where} has {what} twice; keep one"
                 + (", or draw both areas as one MultiPolygon" * (role == "region"))
             )
-        seen.add(key)
+        self.seen.add(key)
         place = Place(str(name) if role == "region" else what, what)
         geometry = _member(where, number, feature, "geometry")
         if role == "start":
-            yield role, replace(place, lines=(_start_point(where, geometry),)), None
-        else:
-            place = _with_geometry(where, role, _with_numbers(where, place, properties), geometry)
-            yield _with_times(where, role, number, place, properties)
+            return role, self._in_degrees(replace(place, lines=(_start_point(where, geometry),))), None
+        place = _with_geometry(where, role, _with_numbers(where, place, properties), geometry)
+        return _with_times(where, role, number, self._in_degrees(place), properties)
+
+    def _in_degrees(self, place: Place) -> Place:
+        name = self.crs_name
+        if name is not None:
+            place = place.moved(lambda corners: projection.degrees_of(self.where, name, corners))
+        _check_degrees(self.where, place.corners)
+        return place
 
 
 def _with_times(
@@ -326,6 +338,8 @@ def _check_degrees(where: str, corners: FloatArray) -> None:
 
 def _unwrapped(drawn: Sequence[Drawn]) -> list[Drawn]:
     """``drawn``, with longitudes from 0 to 360 if it crosses the 180th meridian."""
+    if not drawn:
+        return []
     east = np.concatenate([place.corners[:, 0] for _, place in drawn])
     if np.ptp(east) <= 180:
         return list(drawn)

@@ -19,6 +19,7 @@ from xml.parsers import expat
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.messages import shown_text
 from pareto_ltl.support.reading import MAX_BYTES, MAX_DEPTH, Advice, read_bounded
+from pareto_ltl.world.scene_faults import MapFaults
 
 MOST_ELEMENTS = 1_000_000
 SUFFIXES = (".kml", ".kmz")
@@ -55,17 +56,18 @@ class Element:
             yield from element.all(tag)
 
 
-def kml_features(path: Path, advice: Advice) -> list[dict[str, Any]]:
-    """The Placemarks of a KML or KMZ file as GeoJSON features.
+def kml_features(path: Path, advice: Advice, faults: MapFaults) -> list[dict[str, Any]]:
+    """The Placemarks of a KML or KMZ file as GeoJSON features; others are ``faults``.
 
-    DataError if the file is neither, or if a Placemark has no role or geometry.
+    DataError if the file is neither KML nor KMZ.
     """
     where = f"scene file {path}"
     data = _kmz_content(path, advice) if path.suffix.lower() == ".kmz" else read_bounded(path, advice)
     root = _parsed(where, data)
     if root.tag != "kml":
         raise DataError(f"{where} has the root element {shown_text(root.tag)!r}; expected kml")
-    return [_feature(where, place, role) for place, role in _placemarks(root, "")]
+    read = faults.each(_placemarks(root, ""), lambda item: _feature(where, *item))
+    return [feature for _, feature in read]
 
 
 def _kmz_content(path: Path, advice: Advice) -> bytes:

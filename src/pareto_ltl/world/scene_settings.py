@@ -13,6 +13,7 @@ from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.world import projection
 from pareto_ltl.world.scene import Scene
 from pareto_ltl.world.scene_checks import checked_scene
+from pareto_ltl.world.scene_faults import MapFaults
 from pareto_ltl.world.scene_files import sketch_file
 from pareto_ltl.world.scene_sketch import (
     DrawingRules,
@@ -25,6 +26,7 @@ from pareto_ltl.world.scene_sketch import (
     read_timed,
     unknown_use,
 )
+from pareto_ltl.world.windows import TimedPlace
 
 
 def scene_from_settings(
@@ -55,25 +57,35 @@ def scene_from_settings(
     DataError
         If the scene is incomplete or inconsistent.
     """
-    sketch = scene_sketch(cfg)
+    sketch = _sketch(cfg)
     known = (sketch.border or border) if cfg.border == "auto" else cfg.border
     simplify = cfg.simplify if isinstance(cfg.simplify, str) else float(cfg.simplify)
+    departure, faults = time_zero or sketch.time_zero, MapFaults(sketch.where, sketch.faults)
+    times = faults.each(sketch.timed, lambda place: place.window(sketch.where, departure))
+    windows = {place.name: window for place, window in times}
+    sketch = replace(sketch, faults=tuple(faults.texts))
     scene = checked_scene(sketch, DrawingRules(use, simplify, cfg.altitude, known == "wall"))
-    departure = time_zero or scene.time_zero
-    windows = {place.name: place.window(sketch.where, departure) for place in sketch.timed}
     forbidden = tuple(place.name for place in sketch.timed if place.forbidden)
     return replace(scene, time_zero=departure, border=known, windows=windows, forbidden=forbidden)
 
 
 def scene_sketch(cfg: SceneConfig) -> SceneSketch:
     """The map of ``cfg`` in metres, before the checks of the complete map; DataError if not readable."""
+    sketch = _sketch(cfg)
+    MapFaults(sketch.where, sketch.faults).refuse()
+    return sketch
+
+
+def _sketch(cfg: SceneConfig) -> SceneSketch:
     return sketch_file(Path(cfg.file).expanduser()) if cfg.file else _sketch_settings(cfg)
 
 
 def _sketch_settings(cfg: SceneConfig) -> SceneSketch:
     where = f"scene {cfg.name!r}"
-    bounds = read_bounds(where, "scene.bounds", cfg.bounds)
-    middle = bounds.mean(axis=0) if cfg.centre is not None else np.zeros(2)
+    faults = MapFaults(where)
+    bounds = [got for _, got in faults.each([cfg.bounds], lambda v: read_bounds(where, "scene.bounds", v))]
+    starts = [got for _, got in faults.each([cfg.start], lambda v: read_start(where, "scene.start", v))]
+    middle = bounds[0].mean(axis=0) if bounds and cfg.centre is not None else np.zeros(2)
 
     def metres(corners: FloatArray) -> FloatArray:
         scaled: FloatArray = (corners - middle) * cfg.unit
@@ -83,16 +95,25 @@ def _sketch_settings(cfg: SceneConfig) -> SceneSketch:
         x, y = point / cfg.unit + middle
         return f"({x:.6g}, {y:.6g})"
 
+    regions = read_places(faults, "region", cfg.regions.items(), metres)
+    obstacles = read_places(faults, "obstacle", numbered_outlines(cfg.obstacles), metres)
+    landmarks = read_places(faults, "landmark", numbered_outlines(cfg.landmarks), metres)
+    timed: list[TimedPlace] = []
+    with faults.noted():
+        timed += read_timed(where, cfg.windows, cfg.regions)
+    if not bounds:
+        faults.refuse()
     return SceneSketch(
         where=where,
-        bounds=metres(bounds),
-        start=metres(read_start(where, "scene.start", cfg.start)),
-        regions=tuple(read_places(where, "region", cfg.regions.items(), metres)),
-        obstacles=tuple(read_places(where, "obstacle", numbered_outlines(cfg.obstacles), metres)),
+        bounds=metres(bounds[0]),
+        start=metres(starts[0]) if starts else np.zeros(0),
+        regions=regions,
+        obstacles=obstacles,
         show=show,
         crs=projection.local_plane(*cfg.centre) if cfg.centre is not None else None,
-        landmarks=tuple(read_places(where, "landmark", numbered_outlines(cfg.landmarks), metres)),
-        timed=tuple(read_timed(where, cfg.windows, cfg.regions)),
+        landmarks=landmarks,
+        timed=tuple(timed),
+        faults=tuple(faults.texts),
     )
 
 

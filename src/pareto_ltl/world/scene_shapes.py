@@ -17,6 +17,10 @@ from pareto_ltl.world.scene_sketch import Place, SceneSketch
 if TYPE_CHECKING:
     import shapely
 
+ALMOST_STRAIGHT = (
+    5e-4  # of the longer side of the map: how far a side of the map moves to straighten the border
+)
+THINNEST = 1e-6  # of the longer side of the map: thinner parts along its edges are left out
 ARC = 4  # segments of a quarter circle around a corner of a buffer
 
 
@@ -85,21 +89,55 @@ def largest_scale(sketch: SceneSketch) -> float:
     return 1.0 if sketch.crs is None else projection.largest_scale(sketch.crs, sketch.bounds)
 
 
-def outside_of(sketch: SceneSketch, fence: Place) -> shapely.Geometry:
-    """The part of the bounds that is outside a border ``fence`` reduced by its buffer."""
+def inside_of(sketch: SceneSketch, fence: Place) -> shapely.Geometry:
+    """The inside of a border ``fence`` reduced by its buffer."""
+    return with_buffer(sketch, fence, drawn_shape(sketch, fence), outwards=False)
+
+
+def outside_parts(sketch: SceneSketch, fence: Place) -> list[Any]:
+    """The polygons that lie within the bounds and outside of a border ``fence`` reduced by its buffer."""
     import shapely
 
-    inside = with_buffer(sketch, fence, drawn_shape(sketch, fence), outwards=False)
-    return shapely.difference(shapely.box(*sketch.bounds.ravel()), inside)
+    outside = shapely.difference(shapely.box(*sketch.bounds.ravel()), inside_of(sketch, fence))
+    return [part for part in shapely.get_parts(outside).tolist() if _is_thick(sketch, part)]
+
+
+def straightened_bounds(sketch: SceneSketch, inside: shapely.Geometry) -> FloatArray:
+    """The bounds (2, 2) [m] with the sides moved inwards where the border is almost straight.
+
+    A border drawn as a rectangle in degrees or in another plane has slightly bent or turned sides here, and
+    its outside would be slivers. A side of the bounds that corners of ``inside`` accompany, over half of its
+    length and within ``ALMOST_STRAIGHT``, moves to the innermost of these corners, unless that would cut off
+    the start or a part of a region or a landmark.
+    """
+    import shapely
+
+    bounds, corners = sketch.bounds.copy(), shapely.get_coordinates(inside)
+    sides = bounds[1] - bounds[0]
+    places = [
+        place.corners for place in (*sketch.regions, *sketch.landmarks) if place.polygons or place.lines
+    ]
+    used = np.concatenate([sketch.start.reshape(-1, 2), *places])
+    for axis in (0, 1):
+        for end, inwards in ((0, 1.0), (1, -1.0)):
+            depth = inwards * (corners[:, axis] - bounds[end, axis])
+            beside = depth <= ALMOST_STRAIGHT * sides.max()
+            move = float(depth[beside].max(initial=0.0))
+            long = np.ptp(corners[beside, 1 - axis]) > 0.5 * sides[1 - axis] if beside.any() else False
+            if long and (inwards * (used[:, axis] - bounds[end, axis]) >= move).all():
+                bounds[end, axis] += inwards * move
+    return bounds
 
 
 def clipped_parts(sketch: SceneSketch, shape: shapely.Geometry) -> list[Any]:
-    """The polygons of ``shape`` clipped to the bounds; those inside are returned unchanged."""
+    """The polygons of ``shape`` clipped to the bounds; those inside are returned unchanged.
+
+    Cut polygons thinner than ``THINNEST`` are left out: they lie along an edge of the map.
+    """
     import shapely
 
     low, high = sketch.bounds
     box: shapely.Polygon = shapely.box(*low, *high)
-    least = sketch.tolerance * math.sqrt(box.area)
     found: list[Any] = []
     for part in shapely.get_parts(shape).tolist():
         corners = shapely.get_coordinates(part)
@@ -110,9 +148,15 @@ def clipped_parts(sketch: SceneSketch, shape: shapely.Geometry) -> list[Any]:
         found += [
             shapely.transform(piece, lambda points: np.clip(points, low, high))
             for piece in pieces
-            if piece.geom_type == "Polygon" and piece.area > least
+            if _is_thick(sketch, piece)
         ]
     return found
+
+
+def _is_thick(sketch: SceneSketch, part: Any) -> bool:
+    """Whether ``part`` is a polygon with a mean width of ``THINNEST`` of the map or more."""
+    size = float((sketch.bounds[1] - sketch.bounds[0]).max())
+    return bool(part.geom_type == "Polygon" and 2 * part.area > THINNEST * size * part.length)
 
 
 def _simple_outline(sketch: SceneSketch, what: str, corners: FloatArray) -> FloatArray:
@@ -147,4 +191,12 @@ def _is_flat(corners: FloatArray, tolerance: float) -> bool:
     return bool(spread[-1] <= tolerance)
 
 
-__all__ = ["clipped_parts", "drawn_shape", "largest_scale", "outside_of", "with_buffer"]
+__all__ = [
+    "clipped_parts",
+    "drawn_shape",
+    "inside_of",
+    "largest_scale",
+    "outside_parts",
+    "straightened_bounds",
+    "with_buffer",
+]

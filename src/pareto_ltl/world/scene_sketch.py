@@ -1,8 +1,8 @@
 """A map as it is drawn, before the checks of the complete map: numbers and outlines are checked one by one.
 
 Some variations are accepted: a repeated closing corner is removed here, and ``scene_checks`` reverses
-clockwise outlines and clips obstacles to the bounds. All other errors raise a DataError with one line in the
-coordinates of the map's author.
+clockwise outlines and clips obstacles to the bounds. All other faults are described in the coordinates of the
+map's author; one DataError names all of them.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ import numpy as np
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.messages import shown_text
+from pareto_ltl.world.scene_faults import MapFaults
 from pareto_ltl.world.windows import TimedPlace
 
 MOST_COORDINATE = 1e15  # largest coordinate, in any unit
@@ -103,6 +104,8 @@ class SceneSketch:
         A border that is not a rectangle: one polygon; ``bounds`` is the box around it.
     simplified : float
         For a ``scene.json``: largest distance by which outlines were moved to simplify them [m].
+    faults : tuple of str
+        Messages about places that could not be read; they are left out of the sketch.
     """
 
     where: str
@@ -118,6 +121,7 @@ class SceneSketch:
     timed: tuple[TimedPlace, ...] = ()
     fence: Place | None = None
     simplified: float = 0.0
+    faults: tuple[str, ...] = ()
 
     @property
     def tolerance(self) -> float:
@@ -202,17 +206,21 @@ def called(kind: str, name: str) -> str:
 
 
 def read_places(
-    where: str, kind: str, items: Any, metres: Callable[[FloatArray], FloatArray]
-) -> Iterator[Place]:
-    """The places of ``items``, pairs of a name and corners, converted by ``metres``; DataError if not valid.
+    faults: MapFaults, kind: str, items: Any, metres: Callable[[FloatArray], FloatArray]
+) -> tuple[Place, ...]:
+    """The places of ``items``, pairs of a name and corners, converted by ``metres``; others are ``faults``.
 
     A region may have several parts: a list of outlines instead of corners.
     """
-    for key, drawn in items:
+
+    def read(item: tuple[Any, Any]) -> Place:
+        key, drawn = item
         name, what = str(key), called(kind, str(key))
         parts = drawn if kind == "region" and _are_outlines(drawn) else [drawn]
-        outlines = [metres(read_corners(where, what, polygon)) for polygon in parts]
-        yield Place(name if kind == "region" else what, what, tuple((outline,) for outline in outlines))
+        outlines = [metres(read_corners(faults.where, what, polygon)) for polygon in parts]
+        return Place(name if kind == "region" else what, what, tuple((outline,) for outline in outlines))
+
+    return tuple(place for _, place in faults.each(items, read))
 
 
 def _are_outlines(value: Any) -> bool:

@@ -18,5 +18,6 @@ from __future__ import annotations
 from pareto_ltl.planning.refine.front_sweep import sampled_paths
 from pareto_ltl.planning.refine.parametrised import import_early
 from pareto_ltl.planning.refine.smoothing import smooth_paths
+from pareto_ltl.planning.refine.sweep import MORE_FLIGHTS
 
-__all__ = ["import_early", "sampled_paths", "smooth_paths"]
+__all__ = ["MORE_FLIGHTS", "import_early", "sampled_paths", "smooth_paths"]

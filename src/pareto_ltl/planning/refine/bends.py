@@ -12,27 +12,28 @@ from pareto_ltl.planning.pack import pack_faces
 from pareto_ltl.support.arrays import FloatArray, IntArray
 
 SHARES = (0.4, 0.7, 1.0)  # of the largest distance to keep, for which a gap is tried
+NEEDLE = 1e-12  # least 1 + cos of the angle between two normals at a corner
 PAIRS_AT_ONCE = 100_000  # pairs of faces: their crossings take 20 MB
 
 
 def bend_places(polygons: Sequence[FloatArray]) -> tuple[FloatArray, FloatArray]:
-    """Corners (n, 2) and vectors v (n, 2) such that corner + r v clears both its faces by r."""
-    at, out, _ = _sharp_corners(polygons)
-    return at, out
+    """Corners (n, 2) and vectors v (n, 2) such that corner + r v clears both its faces by r.
 
-
-def _sharp_corners(polygons: Sequence[FloatArray]) -> tuple[FloatArray, FloatArray, IntArray]:
-    """Result of :func:`bend_places`, and the index of the polygon of each corner.
-
-    Corners with an angle of 180 degrees are left out.
+    Corners whose two faces are parallel are left out: those with an angle of 180 degrees, and the ends of
+    needles, whose v is longer than any map.
     """
+    corners, pair, _ = _corner_faces(polygons)
+    sharp = np.abs(np.linalg.det(pair)) > 1e-6
+    out = np.linalg.solve(pair[sharp], np.ones((int(sharp.sum()), 2, 1)))[..., 0]
+    return corners[sharp], out
+
+
+def _corner_faces(polygons: Sequence[FloatArray]) -> tuple[FloatArray, FloatArray, IntArray]:
+    """All corners (n, 2), normals before and after each (n, 2, 2), first corner of each polygon."""
     corners, faces = np.vstack([np.empty((0, 2)), *polygons]), pack_faces(polygons)
     before = np.arange(len(corners)) - 1
     before[faces.ptr[:-1]] = faces.ptr[1:] - 1
-    pair = np.stack([faces.normal[before], faces.normal], axis=1)
-    sharp = np.abs(np.linalg.det(pair)) > 1e-6
-    out = np.linalg.solve(pair[sharp], np.ones((int(sharp.sum()), 2, 1)))[..., 0]
-    return corners[sharp], out, np.repeat(np.arange(len(polygons)), np.diff(faces.ptr))[sharp]
+    return corners, np.stack([faces.normal[before], faces.normal], axis=1), faces.ptr[:-1]
 
 
 def gap_places(
@@ -70,9 +71,11 @@ def _near_pairs(polygons: Sequence[FloatArray], count: int, widest: float) -> In
 
     pairs = [(i, j) for j in range(len(polygons), count) for i in range(j)]
     if polygons:
-        at, grow, owner = _sharp_corners(polygons)
-        corners, first = at + BESIDE * widest * grow, np.searchsorted(owner, np.arange(len(polygons)))
-        low, high = np.minimum.reduceat(corners, first), np.maximum.reduceat(corners, first)
+        at, pair, first = _corner_faces(polygons)
+        # v = (a + b) / (1 + a' b) of bend_places, also at flat corners; at the end of a needle it is limited.
+        grow = pair.sum(axis=1) / np.maximum(1.0 + pair.prod(axis=1).sum(axis=1), NEEDLE)[:, None]
+        moved = at + BESIDE * widest * grow
+        low, high = np.minimum.reduceat(moved, first), np.maximum.reduceat(moved, first)
         boxes = np.asarray(shapely.box(*low.T, *high.T))
         near = shapely.STRtree(boxes).query(boxes, predicate="intersects").T
         pairs += [(i, j) for i, j in near.tolist() if i < j]

@@ -2,31 +2,37 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
+from typing import TypeAlias
 
 import numpy as np
 
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.support.arrays import FloatArray
 
+Word: TypeAlias = tuple[int, ...]
+
 
 @dataclass(frozen=True, slots=True)
 class PathClass:
-    """Two paths of one class can be bent into each other without meeting an obstacle.
+    """Two paths of one class can be bent into each other, leg by leg, without meeting an obstacle.
 
     Attributes
     ----------
     order : tuple of (state, cell label)
         The automaton state at the start and after each transition, and what was read there.
-    word : tuple of int
-        Rays crossed, k + 1 to the east and -(k + 1) to the west of obstacle k, without detours: the word of
-        the path in the free group of the obstacles (Bhattacharya, Likhachev and Kumar, Autonomous Robots 33,
-        2012, doi:10.1007/s10514-012-9304-1).
+    words : tuple of tuple of int
+        For each leg, to the first transition and from each to the next, the rays crossed: k + 1 to the east
+        and -(k + 1) to the west of obstacle k, without detours. It is the word of the leg in the free group
+        of the obstacles (Bhattacharya, Likhachev and Kumar, Autonomous Robots 33, 2012,
+        doi:10.1007/s10514-012-9304-1). A path that goes out and back on one side of an obstacle differs from
+        one on the other side only leg by leg.
     """
 
     order: tuple[tuple[int, frozenset[str]], ...]
-    word: tuple[int, ...]
+    words: tuple[Word, ...]
 
     @property
     def state(self) -> int:
@@ -40,29 +46,35 @@ def path_class(problem: Problem, x: FloatArray) -> PathClass:
     before = np.concatenate([[-1], q[:-1]])
     atoms = set(problem.atoms)
     labels = [problem.labels[c] & atoms if c >= 0 else frozenset() for c in cells]
-    order = tuple((int(q[t]), frozenset(labels[t])) for t in np.flatnonzero(q != before))
-    return PathClass(order, path_word(problem.decomposition.obstacles, x))
+    turns = np.flatnonzero(q != before)
+    order = tuple((int(q[t]), frozenset(labels[t])) for t in turns)
+    accepted = problem.logic.distance[q[-1]] == 0.0
+    ends = turns[turns > 0].tolist() + ([] if accepted else [len(x) - 1])
+    crossed = crossed_rays(problem.decomposition.obstacles, x[:-1], x[1:])
+    words = tuple(_leg_word(crossed, begin, end) for begin, end in pairwise([0, *ends]))
+    return PathClass(order, words)
 
 
-def path_word(obstacles: Sequence[FloatArray], x: FloatArray) -> tuple[int, ...]:
-    """The reduced word of the rays that the path ``x`` (T+1, 2) crosses."""
-    crossed = crossed_rays(obstacles, x[:-1], x[1:])
-    word: tuple[int, ...] = ()
-    for t in sorted(crossed):
+def _leg_word(crossed: Mapping[int, Word], begin: int, end: int) -> Word:
+    word: Word = ()
+    for t in sorted(t for t in crossed if begin <= t < end):
         word = reduced_word(word, crossed[t])
     return word
 
 
-def reduced_word(word: tuple[int, ...], letters: tuple[int, ...]) -> tuple[int, ...]:
+def path_word(obstacles: Sequence[FloatArray], x: FloatArray) -> Word:
+    """The reduced word of the rays that the path ``x`` (T+1, 2) crosses."""
+    return _leg_word(crossed_rays(obstacles, x[:-1], x[1:]), 0, len(x))
+
+
+def reduced_word(word: Word, letters: Word) -> Word:
     """``word`` followed by ``letters``, reduced: neighbours that are inverse to each other cancel."""
     for letter in letters:
         word = word[:-1] if word and word[-1] == -letter else (*word, letter)
     return word
 
 
-def crossed_rays(
-    obstacles: Sequence[FloatArray], start: FloatArray, end: FloatArray
-) -> dict[int, tuple[int, ...]]:
+def crossed_rays(obstacles: Sequence[FloatArray], start: FloatArray, end: FloatArray) -> dict[int, Word]:
     """Letters of the rays that each segment crosses, in order; rays go north from the obstacles' middles.
 
     Segment i leads from ``start[i]`` to ``end[i]``, (S, 2); segments that cross no ray are left out.
@@ -77,7 +89,7 @@ def crossed_rays(
     north = start[segment, 1] + share * (end[segment, 1] - start[segment, 1]) > middle[k, 1]
     segment, k = segment[north], k[north]
     sign = np.where(east[segment, k], 1, -1)
-    found: dict[int, tuple[int, ...]] = {}
+    found: dict[int, Word] = {}
     # Rays of one easting are crossed in one order to the east and in the other to the west.
     for i in np.lexsort((sign * k, sign * middle[k, 0], segment)):
         found[int(segment[i])] = (*found.get(int(segment[i]), ()), int(sign[i] * (k[i] + 1)))

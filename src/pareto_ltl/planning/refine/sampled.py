@@ -131,9 +131,13 @@ class Refiner:
         flight, near, runs = self.flown(x), flights, len(flights)
         for width in how.widths:
             flight, near = self._at_width(flight, near, runs, how, width, longest)
+        return self.assessed(flight, flights, how.widths[-1], origin)
+
+    def assessed(self, flight: Flight, flights: CommonFlights, width: float, origin: str = "") -> Candidate:
+        """``flight`` as it is, with its failure smoothed over ``width`` [m]."""
         off = _deviations(flights.positions(flight), flight.x)
-        last, margins = self.slope(flight.x, off, how.widths[-1], runs)
-        return Candidate(flight, path_length(flight.x), last.value, float((margins < 0.0).mean()), origin)
+        here, margins = self.slope(flight.x, off, width, len(flights))
+        return Candidate(flight, path_length(flight.x), here.value, float((margins < 0.0).mean()), origin)
 
     def _at_width(
         self, flight: Flight, near: CommonFlights, runs: int, how: Polish, width: float, longest: float

@@ -1,10 +1,13 @@
-"""Starts of the sampled refinement: a path for each mission order and each way past the obstacles."""
+"""Starts of the sampled refinement: a path for each mission order and each way past the obstacles.
+
+They come from a roadmap and taut lines, which depend on the map alone, and from the trees.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -12,24 +15,32 @@ from pareto_ltl.planning.evaluate import propagate, square_matrices
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import Forest, Tree
 from pareto_ltl.planning.refine.pacing import paced_line
-from pareto_ltl.planning.refine.path_classes import PathClass, crossed_rays, path_class, reduced_word
+from pareto_ltl.planning.refine.path_classes import PathClass, Word, crossed_rays, path_class, reduced_word
+from pareto_ltl.planning.refine.roadmap import roadmap_lines
+from pareto_ltl.planning.refine.sampled import path_length
 from pareto_ltl.planning.refine.taut_lines import possible_orders, taut_line, walk_line
 from pareto_ltl.planning.selection import accepted_rows
 from pareto_ltl.support.arrays import FloatArray
 
-DISTANCES = (2.6, 2.0, 1.4, 1.1, 0.8, 0.4, 0.0)  # standard deviations that taut lines keep from obstacles
-ORDERS = 24  # mission orders that lines are drawn for
-CLASSES = 16  # classes of tree paths that are refined, those with the least risk
+DISTANCES = (2.6, 1.4, 0.8, 0.0)  # standard deviations that taut lines keep from obstacles
+ORDERS = 3  # mission orders that taut lines are drawn for
+CLASSES = 24  # classes and lengths of tree paths, those with the least risk
+SIMILAR = 0.15  # relative difference of lengths that are similar
+LINES = 64  # classes of lines of the roadmap, the shortest
 FLIPPED = 0.15  # of the map's size: obstacles closer to a path than this are also passed on the other side
 BEYOND = 0.03  # of the map's size: distance from the obstacle on the other side
 
 
+StartKind: TypeAlias = tuple[PathClass, int]  # class, and number of the interval of lengths
+
+
 @dataclass(frozen=True, slots=True)
 class Start:
-    """Means (T+1, 2) [m] to begin with, and how they were made."""
+    """Means (T+1, 2) [m] to begin with, how they were made, and whether they are ``grown`` in a tree."""
 
     x: FloatArray
     origin: str
+    grown: bool = False
 
 
 class _Waiting(NamedTuple):
@@ -37,26 +48,36 @@ class _Waiting(NamedTuple):
     cov: FloatArray
 
 
-def unlike_starts(problem: Problem, starts: Iterable[Start]) -> dict[PathClass, Start]:
-    """Of the starts that complete the mission, the first of each class."""
-    found: dict[PathClass, Start] = {}
+def unlike_starts(problem: Problem, starts: Iterable[Start]) -> dict[StartKind, Start]:
+    """Of the starts that complete the mission, the first of each class and similar length.
+
+    A class can have several good paths: a longer one may pass a region twice.
+    """
+    found: dict[StartKind, Start] = {}
     for start in starts:
         kind = path_class(problem, start.x)
         if problem.logic.distance[kind.state] == 0.0:
-            found.setdefault(kind, start)
+            found.setdefault((kind, _length_box(path_length(start.x))), start)
     return found
 
 
-def first_starts(problem: Problem, forest: Forest) -> dict[PathClass, Start]:
-    """Tree paths and taut lines, one of each class."""
-    return unlike_starts(problem, [*tree_starts(problem, forest), *line_starts(problem)])
+def _length_box(length: float) -> int:
+    """Number of the interval of lengths, ``SIMILAR`` wide, that holds ``length`` [m]."""
+    return int(np.log(length + 1.0) / SIMILAR)
+
+
+def first_starts(problem: Problem, forest: Forest) -> dict[StartKind, Start]:
+    """Taut lines, lines of the roadmap and tree paths, one of each class and similar length."""
+    return unlike_starts(
+        problem, [*line_starts(problem), *roadmap_starts(problem), *tree_starts(problem, forest)]
+    )
 
 
 # --- trees ------------------------------------------------------------------------------------
 
 
 def tree_starts(problem: Problem, forest: Forest) -> list[Start]:
-    """The accepted path of least V + R of each class, the safest first."""
+    """The accepted path of least V + R of each class and similar length, the safest first."""
     rows = accepted_rows(forest)
     if len(rows) == 0:
         return []
@@ -64,26 +85,28 @@ def tree_starts(problem: Problem, forest: Forest) -> list[Start]:
     best: dict[object, Start] = {}
     for k in np.lexsort((rows[:, -1], rows[:, :-1].sum(axis=1))):
         j, v = (int(i) for i in forest.accepted[k])
-        if kinds[j][v] not in best:
-            best[kinds[j][v]] = Start(forest.trees[j].path(v), f"tree {j} vertex {v}")
+        kind = kinds[j][v], _length_box(rows[k, -1])
+        if kind not in best:
+            best[kind] = Start(forest.trees[j].path(v), f"tree {j} vertex {v}", grown=True)
         if len(best) == CLASSES:
             break
     return list(best.values())
 
 
-def _vertex_classes(problem: Problem, tree: Tree) -> list[tuple[tuple[int, ...], tuple[int, ...]]]:
-    """States and cells where the state changes, and rays crossed, on the path to every vertex."""
+def _vertex_classes(problem: Problem, tree: Tree) -> list[tuple[tuple[int, ...], tuple[Word, ...]]]:
+    """States and cells where the state changes, and rays crossed leg by leg, on the path to every vertex."""
     crossed = crossed_rays(problem.decomposition.obstacles, tree.x[np.maximum(tree.parent, 0)], tree.x)
-    found: list[tuple[tuple[int, ...], tuple[int, ...]]] = []
+    found: list[tuple[tuple[int, ...], tuple[Word, ...]]] = []
     rows = zip(tree.parent.tolist(), tree.q.tolist(), tree.cell.tolist(), strict=True)
     for v, (parent, q, cell) in enumerate(rows):
         if parent < 0:
-            found.append(((q, cell), ()))
+            found.append(((q, cell), ((),)))
             continue
-        order, word = found[parent]
+        order, words = found[parent]
+        words = (*words[:-1], reduced_word(words[-1], crossed.get(v, ())))
         if q != tree.q[parent]:
-            order = (*order, q, cell)
-        found.append((order, reduced_word(word, crossed.get(v, ()))))
+            order, words = (*order, q, cell), (*words, ())
+        found.append((order, words))
     return found
 
 
@@ -91,7 +114,7 @@ def _vertex_classes(problem: Problem, tree: Tree) -> list[tuple[tuple[int, ...],
 
 
 def line_starts(problem: Problem) -> list[Start]:
-    """Taut lines of every order that the automaton allows, each at several distances from obstacles.
+    """Taut lines of the first orders that the automaton allows, each at several distances from obstacles.
 
     The distances are in standard deviations of a robot that waits at the start for as long as the line takes.
     """
@@ -101,11 +124,26 @@ def line_starts(problem: Problem) -> list[Start]:
     for plan in possible_orders(problem, ORDERS):
         for z in DISTANCES:
             line = taut_line(problem, plan, waiting, 1.0, z)
-            x = None if line is None else walk_line(problem, line)
-            if x is not None and 2 < len(x) <= problem.horizon:
-                x = paced_line(problem, x)
-                found.append(Start(x, f"taut line, {z:g} deviations from obstacles"))
+            if line is not None:
+                found += _walked(problem, line, f"taut line, {z:g} deviations from obstacles")
     return found
+
+
+def roadmap_starts(problem: Problem) -> list[Start]:
+    """The lines of the roadmap that the robot can fly before the wind ends, the shortest first."""
+    return [
+        start
+        for number, line in enumerate(roadmap_lines(problem, LINES))
+        for start in _walked(problem, line, f"roadmap line {number}")
+    ]
+
+
+def _walked(problem: Problem, line: FloatArray, origin: str) -> list[Start]:
+    """``line`` (n, 2) [m] in steps, as a list of one start; empty if it takes too long."""
+    x = walk_line(problem, line)
+    if x is None or not 2 < len(x) <= problem.horizon + 1:
+        return []
+    return [Start(paced_line(problem, x), origin)]
 
 
 # --- the other side ---------------------------------------------------------------------------

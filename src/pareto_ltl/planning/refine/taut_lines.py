@@ -35,7 +35,7 @@ def walk_line(problem: Problem, line: FloatArray) -> FloatArray | None:
         while np.linalg.norm(corner - x[-1]) > FACE_MARGIN:
             if len(x) > last:
                 return None
-            s = _longest_share(motion, x[-1], corner, wind_at_place(problem.wind, len(x) - 1, x[-1]))
+            s = longest_share(motion, x[-1], corner, wind_at_place(problem.wind, len(x) - 1, x[-1]))
             if s <= 1e-3:
                 return None
             x.append(corner if s >= 1.0 else x[-1] + s * (corner - x[-1]))
@@ -43,7 +43,7 @@ def walk_line(problem: Problem, line: FloatArray) -> FloatArray | None:
     return np.array(x)
 
 
-def _longest_share(motion: kd.Motion, x: FloatArray, goal: FloatArray, wind: FloatArray) -> float:
+def longest_share(motion: kd.Motion, x: FloatArray, goal: FloatArray, wind: FloatArray) -> float:
     """Largest s ≤ 1 such that one step reaches x + s (goal - x): ‖c + s g‖ ≤ u_max is a quadratic."""
     c = motion.b_inv @ (x - motion.a @ x - motion.dt * wind) / motion.dt
     g = motion.b_inv @ (goal - x) / motion.dt
@@ -184,6 +184,7 @@ __all__ = [
     "FACE_MARGIN",
     "MissionOrder",
     "Spread",
+    "longest_share",
     "mission_order",
     "possible_orders",
     "pull_taut",

@@ -22,6 +22,7 @@ from pareto_ltl.verify.flights import RARE, clopper_pearson, same_rate
 MOST_PATHS = 6  # paths of the front whose bounds are computed again
 FLOWN_PATHS = 3  # paths of the front that are simulated again
 NEW_RUNS = 2000  # new flights of each of these paths
+SMALL = 1e-3  # rule worth: failure rate below which a lower one is worth little length
 WORSE = 0.025  # rule priority: a path is less safe than the safest if the p value of its failures is below
 
 
@@ -323,6 +324,15 @@ def _by_priority(result: Evidence, _told: Mapping[str, Any], left: list[int]) ->
     return [left[i] for i in as_safe[np.argsort(rows[as_safe, 2], kind="stable")]]
 
 
+def _by_worth(result: Evidence, told: Mapping[str, Any], left: list[int]) -> list[int]:
+    """Paths by (failure rate + 0.001) times length to the power of the setting, the least first."""
+    if not flights_judge(result):
+        return _by_priority(result, told, left)
+    length = _rows(result)[left, 2]
+    score = np.log((_risks(result, left) + SMALL) * (length / length.min()) ** told["saving"])
+    return [left[i] for i in np.lexsort((length, score.round(9)))]
+
+
 def _risks(result: Evidence, left: list[int]) -> FloatArray:
     """Failure rate of each path, or the sum of its bounds, (P,)."""
     if flights_judge(result):
@@ -373,6 +383,7 @@ def _by_number(_result: Evidence, told: Mapping[str, Any], left: list[int]) -> l
 
 
 RANKINGS: dict[str, Callable[[Evidence, Mapping[str, Any], list[int]], list[int]]] = {
+    "worth": _by_worth,
     "priority": _by_priority,
     "weighted": _by_weights,
     "threshold": _by_threshold,

@@ -23,6 +23,7 @@ FAST = 2e-6  # share of a limit by which rounding may carry an airspeed beyond i
 TOUCH = 0.1  # how deep the expected path may lie in an obstacle by rounding, as a share of the grain
 WEIGHTED = "importance sampling"  # the method of a failure rate from weighted flights
 READS: dict[str, tuple[str, ...]] = {
+    "worth": ("saving",),
     "priority": (),
     "weighted": (),
     "threshold": ("alpha",),

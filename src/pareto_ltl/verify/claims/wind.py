@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,8 +15,8 @@ from pareto_ltl.support.resources import PACKAGE
 from pareto_ltl.verify.claims.verdict import Claim, Verdict, close, no_fault, same, within
 from pareto_ltl.verify.claims.wind_modes import CLAIMS as MODE_CLAIMS
 from pareto_ltl.verify.evidence import Evidence
-from pareto_ltl.verify.forecast_errors import HOUR, ErrorLaw, error_law
-from pareto_ltl.verify.wind_fit import Fit, posterior, scaled
+from pareto_ltl.verify.forecast_errors import HOUR, ErrorLaw, error_law, independent_changes
+from pareto_ltl.verify.wind_fit import Fit, correlation, posterior, scaled, separation
 from pareto_ltl.verify.wind_tables import WindFile
 
 USUAL_LAW = {
@@ -24,6 +26,8 @@ USUAL_LAW = {
 CHOSEN_LEVEL = ("grib", "netcdf", "noaa", "ensemble")  # sources that read the level from the settings
 PACKAGED_LAW = PACKAGE / "support" / "data" / "forecast_errors" / "gfs.json"
 MOST_NODES = 4000  # most nodes of a slot at which the posterior is computed
+LAW_WEIGHT = 10.0  # degrees of freedom of the law in the factor of D
+LEAST_FACTOR, MOST_FACTOR = 0.25, 4.0
 CLEAR = 2e-6  # largest allowed error of a posterior, as a share of the prior's standard deviation
 
 
@@ -148,13 +152,19 @@ def known_until(result: Evidence) -> Verdict:
 
 
 def level_and_leads(result: Evidence) -> Verdict:
-    """The level is that of the settings, or 10 m for the sample; no lead time is negative."""
+    """The level is that of the settings, or 10 m for the sample; no lead time is negative.
+
+    Where forecasts have errors, each of several fields has a lead, except those of the sample and currents.
+    """
     wind, told = result.wind, result.settings["wind"]
     named = "10m" if told["source"] == "sample" else wind.level
     if told["source"] in CHOSEN_LEVEL:
         named = str(told["level"]).replace(" ", "")
     faults = [f"level {named}"] * (wind.level.lower() != named.lower())
     faults += ["a lead is negative"] * bool((wind.leads < 0).any())
+    forecasts = wind.error is not None and wind.error.forecast_sd.any() and told["source"] != "sample"
+    if forecasts and len(wind.times) > 1 and not wind.level.endswith("depth"):
+        faults += ["a lead is not known"] * (not np.isfinite(wind.leads).all())
     faults += ["leads of calm air"] * bool(wind.fit is None and np.isfinite(wind.leads).any())
     return no_fault(f"{wind.level}, {np.isfinite(wind.leads).sum()} leads", faults)
 
@@ -194,7 +204,8 @@ def _law_faults(result: Evidence, said: ErrorLaw, law: ErrorLaw, fit: Fit) -> li
         faults += [f"spread {spread:.4g} m/s"] * (not close(said.spread, spread, 1e-6 if uncut else 0.5))
     numbers = ("persistence", "persistence_time", "forecast_length", "change_length")
     faults += [name for name in numbers if not close(getattr(said, name), getattr(law, name), 1e-9)]
-    tables = {"leads": 1.0, "lags": 1.0, "change_sd": factor}
+    scaled = 1.0 if said.scaled is None else math.sqrt(said.scaled.factor)
+    tables = {"leads": 1.0, "lags": 1.0, "change_sd": factor * scaled}
     faults += [
         name for name, times in tables.items() if not _alike(getattr(said, name), times * getattr(law, name))
     ]
@@ -205,6 +216,41 @@ def _law_faults(result: Evidence, said: ErrorLaw, law: ErrorLaw, fit: Fit) -> li
     faults += ["forecast_sd"] * (not _alike(said.forecast_sd, wanted))
     faults += ["level"] * (said.level != result.wind.level)
     return faults
+
+
+def variability(result: Evidence) -> Verdict | None:
+    """The factor of D(τ) follows from the changes between analyses; those of slots are in wind.nc.
+
+    Successive analyses among the slots, at the same places, must be among the pairs.
+    """
+    wind, told = result.wind, result.settings["wind"]
+    law, fit = wind.error, wind.fit
+    if law is None or fit is None:
+        return None
+    own = [k for k in np.flatnonzero(wind.leads == 0) if np.array_equal(fit.points[k], fit.points[0])]
+    within = {
+        (float(wind.times[j]), float(wind.times[k])): float(((fit.winds[k] - fit.winds[j]) ** 2).mean())
+        for j, k in itertools.pairwise(own)
+        if law.lags[0] - 1 <= wind.times[k] - wind.times[j] <= law.lags[-1] + 1
+    }
+    modelled = told["source"] not in ("sample", "stations") and not wind.level.endswith("depth")
+    if (said := law.scaled) is None:
+        return no_fault("law as it is", ["analyses are not used"] * bool(within and modelled))
+    listed = {
+        (float(a), float(b)): float(square) for (a, b), square in zip(said.pairs, said.squares, strict=True)
+    }
+    faults = ["the source has no analyses"] * (not modelled)
+    faults += [
+        f"change from {a:g} s" for (a, b), m in within.items() if not close(listed.get((a, b), -1.0), m)
+    ]
+    plain = replace(law, change_sd=law.change_sd / math.sqrt(said.factor))
+    places = correlation("matern32", separation(fit.points[0], fit.points[0]) / law.change_length)
+    freedom = independent_changes(plain, said.pairs, places)
+    ratio = float(np.mean([m / plain.change_variance(b - a) for (a, b), m in listed.items()]))
+    found = min(max((LAW_WEIGHT + freedom * ratio) / (LAW_WEIGHT + freedom), LEAST_FACTOR), MOST_FACTOR)
+    faults += [f"freedom {freedom:.4g}"] * (not close(said.freedom, freedom, 1e-6))
+    faults += [f"factor {found:.4g}"] * (not close(said.factor, found, 1e-6))
+    return no_fault(f"D times {said.factor:.3g}", faults)
 
 
 def _alike(said: FloatArray, found: FloatArray) -> bool:
@@ -242,6 +288,7 @@ CLAIMS = (
             ("known until", known_until),
             ("level and leads", level_and_leads),
             ("law of forecast errors", forecast_error),
+            ("variability of the wind", variability),
             ("metrics", wind_metrics),
         )
     ),

@@ -138,8 +138,6 @@ def netcdf_snapshots(
             for snapshot, count in _fields(file, pair, max_speed, area):
                 snapshots.append(snapshot)
                 counts.append(count)
-    if any(np.isnan(snapshot.lead) for snapshot in snapshots) and quantity is WINDS:
-        notes["a file does not say when its forecast began: its lead is not known"] = None
     return tuple(snapshots), files, (*notes, *left_out_notes(wanted, counts))
 
 

@@ -1,0 +1,1 @@
+"""Many different missions, planned with several seeds: ``make corpus`` (docs/corpus.md)."""

@@ -1,0 +1,70 @@
+"""First looks: which starts are promising, and what a cheap polish makes of them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+
+from pareto_ltl.planning.refine.length_caps import front_of
+from pareto_ltl.planning.refine.sampled import Candidate, path_length
+from pareto_ltl.planning.refine.starts import Start, StartKind
+from pareto_ltl.planning.refine.sweep import COARSE, Sweep, on_other_sides, smoothed, timed_means
+
+LOOSE = 1.1  # factor by which the first polish may lengthen a start
+LINES, GROWN, LONGEST = 12, 6, 2  # starts that are polished: the best lines and tree paths, and the longest
+FLIPPED = 2  # candidates that are tried on the other side of obstacles
+HOPELESS = 0.3  # share of the success of the best start below which candidates are dropped
+
+
+def first_looks(sweep: Sweep, pool: ThreadPoolExecutor, starts: Mapping[StartKind, Start]) -> list[Candidate]:
+    """The most promising starts polished cheaply, the best also on the other side of obstacles.
+
+    The first start is polished even if the time budget is spent.
+    """
+    chosen = _promising(sweep, pool, list(starts.values()))
+    first = next(iter(chosen), None)
+
+    def looks(some: Iterable[Start]) -> list[Candidate]:
+        made = pool.map(lambda s: _first_look(sweep, s) if s is first or not sweep.over else None, some)
+        return [k for k in made if k is not None]
+
+    found, known = looks(chosen), {kind for kind, _ in starts}
+    best = sorted(front_of(found), key=smoothed)[:FLIPPED]
+    return sorted([*found, *looks(on_other_sides(sweep.problem, best, known))], key=smoothed)
+
+
+def _promising(sweep: Sweep, pool: ThreadPoolExecutor, starts: Sequence[Start]) -> list[Start]:
+    """The best lines and the best tree paths in one simulation, and the longest starts.
+
+    The best are taken by whole fronts of failure and length. Lines do not compete with tree paths: every seed
+    has the same ones.
+    """
+    import moocore
+
+    if not starts:
+        return []
+    width = sweep.polish_of(COARSE, 1, 1).widths[0]
+
+    def row(start: Start) -> tuple[float, float]:
+        flight = sweep.refiner.flown(timed_means(sweep.problem, start.x, 1))
+        k = sweep.refiner.assessed(flight, sweep.few, width)
+        return k.smoothed, k.length
+
+    rows, grown = np.array(list(pool.map(row, starts))), np.array([start.grown for start in starts])
+    order = np.lexsort((rows[:, 0], moocore.pareto_rank(rows)))
+    lines, trees = order[~grown[order]][:LINES], order[grown[order]][:GROWN]
+    longest = np.argsort(-rows[:, 1], kind="stable")[:LONGEST]
+    return [starts[k] for k in dict.fromkeys([*lines.tolist(), *trees.tolist(), *longest.tolist()])]
+
+
+def _first_look(sweep: Sweep, start: Start) -> Candidate:
+    """A start polished with few flights, at about its own length."""
+    x, how = timed_means(sweep.problem, start.x, 1), sweep.polish_of(COARSE, 1, 4)
+    return sweep.refiner.polish(x, sweep.few, how, LOOSE * path_length(x), start.origin)
+
+
+def hopeless_above(seen: Sequence[Candidate]) -> float:
+    """The smoothed failure above which paths are dropped: they succeed far more rarely than the best seen."""
+    return 1.0 - HOPELESS * (1.0 - min((k.smoothed for k in seen), default=0.0))

@@ -1,0 +1,150 @@
+"""The last polish: points of the front on more flights, and the paths that they become."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+
+from pareto_ltl.planning.evaluate import completes_mission, evaluate_path
+from pareto_ltl.planning.problem import Problem
+from pareto_ltl.planning.records import PlannedPath
+from pareto_ltl.planning.refine.length_caps import spread_points
+from pareto_ltl.planning.refine.levels import WORTH
+from pareto_ltl.planning.refine.sampled import Candidate, resampled_means
+from pareto_ltl.planning.refine.sweep import FINE, Sweep
+from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.support.errors import InfeasibleError
+
+LOG = logging.getLogger(__name__)
+
+LENGTHENED = 1.05  # ratio of the length caps beyond the longest point
+FEW, RARE = 3, 30  # failures of a polished path: below RARE too few to polish with, below FEW no matter
+REPAIRS = (0, 1, 2, 4)  # steps added to a path that cannot be flown
+SLOWER = (1.2, 1.45, 1.75)  # factors on the number of steps, where lower airspeeds may save energy
+ECONOMIC = 8  # points of a front, at most, that are tried at lower airspeeds
+
+
+def finished_points(sweep: Sweep, pool: ThreadPoolExecutor, front: Sequence[Candidate]) -> list[Candidate]:
+    """Points along the front polished on all flights; when time is up, the rest unchanged."""
+    points = spread_points(front, sweep.cfg.points)
+
+    def one(point: tuple[Candidate, float]) -> Candidate:
+        return point[0] if sweep.budget.over() else _finished(sweep, *point)
+
+    return list(pool.map(one, [*points[::2], *points[1::2]]))  # with little time, every other one
+
+
+def lengthened_points(sweep: Sweep, found: Sequence[Candidate]) -> list[Candidate]:
+    """The safest of the finished points lengthened, until two lengths in a row do not reduce the failure.
+
+    The sweeps end at a length where few flights show no gain; here all of them decide.
+    """
+    made, vain, best = list[Candidate](), 0, found[-1] if found else None
+    while (
+        best is not None and vain < 2 and best.failed * len(sweep.flights) >= FEW and not sweep.budget.over()
+    ):
+        cap = LENGTHENED ** (vain + 1) * best.length
+        made.append(_finished(sweep, best, cap))
+        pays = made[-1].smoothed < WORTH * best.smoothed
+        best, vain = (made[-1], 0) if pays else (best, vain + 1)
+    return made
+
+
+def _finished(sweep: Sweep, k: Candidate, cap: float) -> Candidate:
+    """``k`` polished at a length cap; on more flights if few of them fail, since those decide."""
+    problem, refiner = sweep.problem, sweep.refiner
+    made = refiner.polish(
+        _fitting(problem, k, cap), sweep.flights, sweep.polish_of(FINE, 1, 4), cap, k.origin
+    )
+    if not FEW <= made.failed * len(sweep.flights) < RARE:
+        return made
+    return refiner.polish(made.flight.x, sweep.many, sweep.polish_of(FINE[-1:], 1, 4), cap, k.origin)
+
+
+def _fitting(problem: Problem, k: Candidate, cap: float) -> FloatArray:
+    """The means of ``k`` in as many steps as suit the cap: fewer if ``k`` is longer than it."""
+    steps = min(max(2, round(k.steps * cap / k.length)), problem.horizon)
+    return k.flight.x if steps == k.steps else resampled_means(problem, k.flight.x, steps)
+
+
+def slower_points(sweep: Sweep, pool: ThreadPoolExecutor, found: Sequence[Candidate]) -> list[Candidate]:
+    """Points along the front polished in more steps, those of them that then take less energy.
+
+    The list is empty without a power curve.
+    """
+    problem, energy = sweep.problem, sweep.problem.energy
+    if energy is None or not found:
+        return []
+    how, dt = sweep.polish_of(FINE, 1, 4), problem.motion.dt
+
+    def slower(pair: tuple[Candidate, float]) -> Candidate | None:
+        k, times = pair
+        steps = min(int(np.ceil(times * k.steps)), problem.horizon)
+        if steps <= k.steps or sweep.budget.over():
+            return None
+        x = resampled_means(problem, k.flight.x, steps)
+        made = sweep.refiner.polish(x, sweep.flights, how, k.length, f"{k.origin}, slower")
+        return made if energy.of(made.flight.u, dt) < energy.of(k.flight.u, dt) else None
+
+    chosen = found[:: -(-len(found) // ECONOMIC)]
+    made = pool.map(slower, [(k, times) for k in chosen for times in SLOWER])
+    return [k for k in made if k is not None and k.smoothed < sweep.hopeless]
+
+
+# --- paths ------------------------------------------------------------------------------------
+
+
+def planned_paths(
+    problem: Problem,
+    found: Sequence[Candidate],
+    repairs: Callable[[Candidate], Iterable[Candidate]] = lambda _: (),
+) -> tuple[PlannedPath, ...]:
+    """The candidates that can be flown and whose expected path completes the mission, as paths.
+
+    ``repairs`` gives variants of one that is not; a warning names those of which no variant is.
+
+    Raises
+    ------
+    InfeasibleError
+        If there are candidates and none of them is such a path.
+    """
+    paths, faults = list[PlannedPath](), list[tuple[Candidate, str]]()
+    for k in found:
+        path, fault = _path_of(problem, k)
+        if path is None:
+            path = next(
+                (p for p, _ in (_path_of(problem, other) for other in repairs(k)) if p is not None), None
+            )
+        if path is None:
+            faults.append((k, fault))
+        else:
+            paths.append(path)
+    if not faults:
+        return tuple(paths)
+    k, fault = min(faults, key=lambda row: row[0].smoothed)
+    best = f"({k.origin}, {k.length / 1e3:.1f} km, {k.steps} steps, fails {100 * k.failed:.2g} %): {fault}"
+    if not paths:
+        raise InfeasibleError(f"none of the refined paths can be flown; the best of them {best}")
+    LOG.warning("%d of %d refined paths cannot be flown; the best of them %s", len(faults), len(found), best)
+    return tuple(paths)
+
+
+def _path_of(problem: Problem, k: Candidate) -> tuple[PlannedPath | None, str]:
+    """The path of a candidate; None, and why, if it cannot be flown or does not complete the mission."""
+    try:
+        path = evaluate_path(problem, k.flight.x, f"{k.origin}, refined")
+    except InfeasibleError as error:
+        return None, str(error)
+    if not completes_mission(problem, path):
+        return None, "the expected path does not complete the mission"
+    return path, ""
+
+
+def repaired(sweep: Sweep, k: Candidate) -> Iterator[Candidate]:
+    """``k`` polished again, in more steps each time: slower, and closer to the places to be visited."""
+    for more in REPAIRS:
+        x = resampled_means(sweep.problem, k.flight.x, min(k.steps + more, sweep.problem.horizon))
+        yield sweep.refiner.polish(x, sweep.flights, sweep.polish_of(FINE[-1:], 1, 4), k.length, k.origin)

@@ -1,0 +1,124 @@
+"""What all polishes of a front share: flights, time budget, and the polish of lines within a length cap."""
+
+from __future__ import annotations
+
+from collections.abc import Container, Iterable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+
+from pareto_ltl.planning.margin_model import margin_model
+from pareto_ltl.planning.problem import Problem
+from pareto_ltl.planning.refine.length_caps import KEPT
+from pareto_ltl.planning.refine.path_classes import PathClass, path_class
+from pareto_ltl.planning.refine.sampled import (
+    Candidate,
+    CommonFlights,
+    Polish,
+    Refiner,
+    resampled_means,
+    steps_needed,
+)
+from pareto_ltl.planning.refine.starts import Start, flipped_starts, unlike_starts
+from pareto_ltl.settings import RefineConfig
+from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.support.budget import UNLIMITED, Budget
+
+COARSE = (0.020, 0.007)  # widths τ of the first polish of a start, as shares of the map's size
+WARM = (0.008, 0.004)  # widths τ in a sweep
+WIDE = (*COARSE[:1], *WARM)  # widths τ for a path that may have to change its form
+FINE = (0.005, 0.003, 0.002)  # widths τ of the last polish
+RIVAL = 4.0  # classes that fail more than this many times as often as the best one are dropped
+MORE_FLIGHTS = 4  # times as many flights are used where failures are rare
+SWEEP_SHARE = 0.75  # share of a budget after which only the last polish is left
+
+
+@dataclass(frozen=True, slots=True)
+class Sweep:
+    """What all polishes of a front share.
+
+    The common flights, the time ``budget``, and the smoothed failure above which paths are ``hopeless``.
+
+    Sweeps use ``few`` flights, the last polish ``flights``, and paths that rarely fail ``many``: the first of
+    the same flights.
+    """
+
+    cfg: RefineConfig
+    problem: Problem
+    refiner: Refiner
+    few: CommonFlights
+    flights: CommonFlights
+    many: CommonFlights
+    budget: Budget = UNLIMITED
+    hopeless: float = 1.0
+
+    @property
+    def over(self) -> bool:
+        """Whether the share ``SWEEP_SHARE`` of the budget is spent: only the last polish is left to do."""
+        return self.budget.over(SWEEP_SHARE)
+
+    def polish_of(self, widths: Iterable[float], outer: int, inner: int) -> Polish:
+        """A polish whose ``widths`` are shares of the map's size."""
+        size = float(np.ptp(self.problem.scene.bounds, axis=0).mean())
+        return Polish(tuple(size * w for w in widths), outer, inner)
+
+
+def new_sweep(
+    cfg: RefineConfig, problem: Problem, flights: CommonFlights, budget: Budget = UNLIMITED
+) -> Sweep:
+    """A sweep with the first of ``flights``; ``cfg`` says how many."""
+
+    def first(runs: int) -> CommonFlights:
+        return flights.only(np.arange(min(runs, len(flights))))
+
+    refiner, usual = Refiner(problem, margin_model(problem)), cfg.flights
+    return Sweep(
+        cfg, problem, refiner, first(cfg.sweep_flights), first(usual), first(MORE_FLIGHTS * usual), budget
+    )
+
+
+def timed_means(problem: Problem, x: FloatArray, spare: int) -> FloatArray:
+    """The line of ``x`` in the fewest steps and ``spare`` more."""
+    steps = int(np.ceil(steps_needed(problem, x).sum() * 1.01)) + spare
+    return resampled_means(problem, x, min(max(steps, 2), problem.horizon))
+
+
+def held_within(
+    sweep: Sweep, pool: ThreadPoolExecutor, lines: Sequence[tuple[FloatArray, int, str]], how: Polish,
+    cap: float,
+) -> list[Candidate]:  # fmt: skip
+    """Lines (means, steps beyond the fewest, origin) polished at a length cap; returns those within it."""
+
+    def one(line: tuple[FloatArray, int, str]) -> Candidate | None:
+        if sweep.over:
+            return None
+        x, more, origin = line
+        return sweep.refiner.polish(timed_means(sweep.problem, x, more), sweep.few, how, cap, origin)
+
+    made = pool.map(one, lines)
+    return [k for k in made if k is not None and k.length <= KEPT * cap and k.smoothed < sweep.hopeless]
+
+
+def best_of_classes(problem: Problem, found: Iterable[Candidate], most: int) -> list[Candidate]:
+    """The best candidate of each class, least failure first, ``most`` at most.
+
+    Classes that fail more than ``RIVAL`` times as often as the best one are left out.
+    """
+    best: dict[PathClass, Candidate] = {}
+    for k in sorted(found, key=smoothed):
+        if best and k.smoothed > RIVAL * next(iter(best.values())).smoothed:
+            break
+        best.setdefault(path_class(problem, k.flight.x), k)
+    return list(best.values())[:most]
+
+
+def on_other_sides(problem: Problem, found: Iterable[Candidate], known: Container[PathClass]) -> list[Start]:
+    """``found`` bent past every near obstacle on its other side; one start of each class not known."""
+    others = [f for k in found for f in flipped_starts(problem, k.flight.x, k.origin)]
+    return [start for (kind, _), start in unlike_starts(problem, others).items() if kind not in known]
+
+
+def smoothed(k: Candidate) -> float:
+    """The smoothed failure, to sort by."""
+    return k.smoothed
