@@ -48,15 +48,19 @@ CASES = [(lie, preset) for lie in LIES for preset in PRESETS if lie.only in ("",
 
 @pytest.fixture(scope="module")
 def honest(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
-    """A small result of each preset; with ``full`` an aircraft banks in a forecast, held at its end."""
+    """A small result of each preset; with ``full`` an aircraft banks in a forecast, held at its end.
+
+    The latter flies a short path of the front: where hardly any flight fails, no lie about failures is one.
+    """
     place = tmp_path_factory.mktemp("honest")
     forecast = {
         "source": "csv", "path": str(_forecasts(place / "forecasts.csv")), "hold_last": True,
         "forecast_error": str(_law(place / "law.json")),
     }  # fmt: skip
-    turns = {"bank": 20.0, "turn_delay": 30.0}
-    for preset, wind, robot in zip(PRESETS, ({}, forecast), ({}, turns), strict=True):
-        settings = SMALL | {"wind": SMALL["wind"] | wind, "robot": SMALL["robot"] | robot}
+    turning = {"bank": 20.0, "turn_delay": 30.0}
+    risky = {"rule": "threshold", "alpha": 0.06}
+    for preset, more in (("paper", {}), ("full", {"wind": forecast, "robot": turning, "selection": risky})):
+        settings = {section: values | more.get(section, {}) for section, values in SMALL.items()}
         pareto_ltl.plan("phi1", "F(a & F b & F c)", fidelity=preset, out=place / preset, **settings)
     return {preset: place / preset for preset in PRESETS}
 
