@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import cache
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
@@ -17,7 +17,7 @@ from numpy.random import SeedSequence
 from pareto_ltl.kernels import margin as kernel
 from pareto_ltl.kernels.data import Point
 from pareto_ltl.kernels.margin_events import SATURATED
-from pareto_ltl.planning.margin_model import margin_model, margin_scratch
+from pareto_ltl.planning.margin_model import claim_lists, margin_model, margin_scratch
 from pareto_ltl.planning.pack import pack_corners, pack_faces
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.reference_margin import flight_margin, segment_distance
@@ -55,17 +55,25 @@ def task(formula: str, border: str = "open") -> Problem:
 
 
 def margins_and_slope(
-    problem: Problem, x: FloatArray, width: float, mean: FloatArray | None = None
+    problem: Problem, x: FloatArray, width: float, mean: FloatArray | None = None, claims: Any = None
 ) -> tuple[FloatArray, kernel.Slope, float]:
     """Margins (n,) of the flights ``x`` (n, T+1, 2), derivatives and value of their smoothed failure."""
     model, shape = margin_model(problem), x.shape[1:]
     scratch = margin_scratch(model, len(x), shape[0])
+    if claims is not None:
+        scratch = scratch._replace(claims=claims)
     slope = kernel.Slope(np.zeros(shape), np.zeros((shape[0], 3)))
     mean = np.zeros(shape) if mean is None else mean
     value = kernel.smoothed_failure(
         model, mean, np.ascontiguousarray(np.moveaxis(x - mean, 0, 2)), width, slope, scratch
     )
     return scratch.margins, slope, value
+
+
+def margins_one_by_one(problem: Problem, x: FloatArray, width: float) -> FloatArray:
+    """Margins (n,) by the algorithm for large automata."""
+    claims = claim_lists(margin_model(problem), x.shape[1])
+    return margins_and_slope(problem, x, width, claims=claims)[0]
 
 
 def margins(problem: Problem, x: FloatArray, width: float = WIDE) -> FloatArray:
@@ -135,6 +143,17 @@ def problems(draw) -> Problem:
 
 
 # --- the margin is what it is defined to be, and says what the simulator says --------------------
+
+
+@pytest.mark.parametrize("width", [WIDE, 50.0])
+@pytest.mark.parametrize("formula", FORMULAS)
+def test_flights_in_blocks_have_the_margins_of_flights_one_by_one(formula: str, width: float) -> None:
+    problem = task(formula)
+    for flights in mixed_flights(formula):
+        x = np.concatenate([flights.x] * 50)  # more than a block
+        one_by_one = margins_one_by_one(problem, x, width)
+        blocks, floor = margins(problem, x, width), -SATURATED * width  # lower ones are of no interest
+        np.testing.assert_array_equal(np.maximum(blocks, floor), np.maximum(one_by_one, floor))
 
 
 def compare_roads(problem: Problem, x: FloatArray, passed: BoolArray) -> None:

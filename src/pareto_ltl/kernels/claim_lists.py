@@ -1,4 +1,4 @@
-"""Mission margins, one flight at a time: for large automata, and for missions with hazards between steps."""
+"""Mission margins, one flight at a time: for large automata."""
 
 from __future__ import annotations
 

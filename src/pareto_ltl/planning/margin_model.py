@@ -40,9 +40,9 @@ def margin_model(problem: Problem) -> MarginModel:
 def margin_scratch(model: MarginModel, runs: int, steps: int) -> Scratch:
     """Memory for the margins of ``runs`` flights of at most ``steps`` steps.
 
-    Flights are processed in blocks if there are few claims and no letters between steps.
+    Flights are processed in blocks if there are few claims.
     """
-    few = len(model.logic.distance) <= LIVE and not len(model.logic.hazards.cell)
+    few = len(model.logic.distance) <= LIVE
     barriers, hazards = len(model.corners.radius), len(model.logic.hazards.cell)
     near = Near(
         np.empty((steps + 1, 4)),
@@ -51,7 +51,7 @@ def margin_scratch(model: MarginModel, runs: int, steps: int) -> Scratch:
         np.empty(steps + 1, np.int64), np.empty(steps * hazards, np.int64),
     )  # fmt: skip
     met = Met(np.empty(runs, np.int64), *(np.empty(runs) for _ in "xys"))
-    claims = _claim_rows(model, min(runs, BLOCK)) if few else _claim_lists(model, steps)
+    claims = _claim_rows(model, min(runs, BLOCK)) if few else claim_lists(model, steps)
     return Scratch(claims, near, np.empty(runs), np.empty(runs, np.int64), met)
 
 
@@ -63,11 +63,12 @@ def _claim_rows(model: MarginModel, runs: int) -> ClaimRows:
     )
     return ClaimRows(
         before, after, np.empty((letters, runs)), np.zeros(letters, np.bool_), np.empty((2, runs)),
-        np.empty(runs, np.int64),
+        *(np.empty(runs, np.int64) for _ in "esc"), _no_claims(states),
     )  # fmt: skip
 
 
-def _claim_lists(model: MarginModel, steps: int) -> ClaimLists:
+def claim_lists(model: MarginModel, steps: int) -> ClaimLists:
+    """Memory for flights of at most ``steps`` steps, one at a time."""
     before, after = (_no_claims(len(model.logic.distance)) for _ in "ba")
     return ClaimLists(before, after, np.empty(len(model.first) - 1), np.zeros(steps + 1, np.int64))
 
@@ -178,4 +179,4 @@ def _barrier_corners(problem: Problem) -> kd.Corners:
     )
 
 
-__all__ = ["margin_model", "pack_guards", "shown_letters"]
+__all__ = ["claim_lists", "margin_model", "pack_guards", "shown_letters"]
