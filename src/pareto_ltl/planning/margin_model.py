@@ -63,7 +63,7 @@ def _claim_rows(model: MarginModel, runs: int) -> ClaimRows:
     )
     return ClaimRows(
         before, after, np.empty((letters, runs)), np.zeros(letters, np.bool_), np.empty((2, runs)),
-        *(np.empty(runs, np.int64) for _ in "esc"), _no_claims(states),
+        np.empty(runs, np.int64), np.empty(runs, np.int64), np.empty(runs, np.int64), _no_claims(states),
     )  # fmt: skip
 
 
