@@ -19,10 +19,10 @@ from pareto_ltl.kernels import margin as kernel
 from pareto_ltl.logic.mission import automaton_of
 from pareto_ltl.planning.margin_model import margin_model, margin_scratch
 from pareto_ltl.planning.pack import build_problem
-from pareto_ltl.planning.refine.front_sweep import COARSE
 from pareto_ltl.planning.refine.sampled import Polish, Refiner, resampled_means
 from pareto_ltl.planning.refine.starts import line_starts
 from pareto_ltl.planning.refine.step_programme import next_means
+from pareto_ltl.planning.refine.sweep import COARSE
 from pareto_ltl.settings import MissionConfig, PlannerConfig, RobotConfig, SceneConfig, WindConfig, preset
 from pareto_ltl.simulation.common_flights import draw_flights
 from pareto_ltl.wind import sources

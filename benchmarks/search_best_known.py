@@ -21,9 +21,10 @@ import numpy as np
 from numpy.random import Generator, SeedSequence
 
 from pareto_ltl.planning.problem import Problem
-from pareto_ltl.planning.refine.front_sweep import WARM, new_sweep, refine_front
+from pareto_ltl.planning.refine.front_sweep import refine_front
 from pareto_ltl.planning.refine.sampled import Candidate, resampled_means
 from pareto_ltl.planning.refine.starts import Start, StartKind, first_starts
+from pareto_ltl.planning.refine.sweep import WARM, new_sweep
 from pareto_ltl.run.pipeline import Run
 from pareto_ltl.run.records import DECOMPOSITION, FOREST, PROBLEM, READINGS, SCENE, Records
 from pareto_ltl.run.stages import PLAN_TABLE

@@ -139,6 +139,3 @@ def read_number(text: str) -> int:
             f"--point must be the number of a path in front.csv, e.g. 3, got {shown_value(text)}"
         )
     return int(text)
-
-
-__all__ = ["choose_command", "read_length", "read_number", "read_selection", "read_share"]

@@ -30,6 +30,3 @@ def _explain_arguments(argv: Sequence[str]) -> int:
 
     print(explain(options.directory, point=point))
     return 0
-
-
-__all__ = ["explain_command"]

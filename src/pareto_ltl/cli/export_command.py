@@ -80,6 +80,3 @@ def read_metres(flag: str, text: str) -> float:
         return float(text)
     except ValueError:
         raise ConfigError(f"{flag} must be a height in metres, e.g. 120, got {shown_value(text)}") from None
-
-
-__all__ = ["export_command", "read_formats", "read_metres"]

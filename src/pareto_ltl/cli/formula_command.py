@@ -119,6 +119,3 @@ def _formula_arguments() -> CommandArguments:
     parser.add_argument("--dot", metavar="FILE", help="write it as Graphviz text")
     parser.add_argument("--hoa", metavar="FILE", help="write it in the HOA format")
     return parser
-
-
-__all__ = ["describe_formula", "formula_command"]

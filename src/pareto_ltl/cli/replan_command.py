@@ -65,6 +65,3 @@ def default_place(directory: Path, time: str) -> Path:
     directory = directory.resolve()
     kept = "".join(letter for letter in time if letter.isalnum())
     return directory.with_name(f"{directory.name}_replanned_{kept}")
-
-
-__all__ = ["read_fix", "replan_command"]

@@ -33,6 +33,3 @@ def _show_arguments(argv: Sequence[str]) -> int:
         print(path)
         print("found no browser: copy this file to a machine with a browser, and open it there")
     return 0
-
-
-__all__ = ["show_command"]

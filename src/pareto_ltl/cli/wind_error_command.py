@@ -250,6 +250,3 @@ def _block(text: str) -> int:
     if value < 1:
         raise argparse.ArgumentTypeError(f"{text} is not a number of cycles, at least 1")
     return value
-
-
-__all__ = ["analysis_text", "estimate_lines", "outline_of", "wind_error_command"]

@@ -104,6 +104,3 @@ def held_sizes(sizes: FloatArray, shares: FloatArray) -> FloatArray:
     n = len(sizes)
     rank = [min(math.ceil((n + 1) * share - 1e-9), n) - 1 for share in shares]
     return np.asarray(np.sort(sizes, axis=0)[rank], float)
-
-
-__all__ = ["SHARES", "Corridor", "ellipse_sizes", "flown_corridor", "held_sizes"]

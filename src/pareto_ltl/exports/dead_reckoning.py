@@ -37,6 +37,3 @@ def dead_reckoning_csv(exported: ExportedPlan) -> bytes:
         ]  # fmt: skip
         table.writerow([plain_data(cell) for cell in row])
     return text.getvalue().encode()
-
-
-__all__ = ["COLUMNS", "dead_reckoning_csv"]

@@ -102,6 +102,3 @@ def _cut(shape: Any) -> list[Any]:
                 places = np.round(shapely.get_coordinates(part) - [turn, 0.0], DECIMALS)
                 parts.append(shapely.set_coordinates(part, places))
     return parts
-
-
-__all__ = ["crosses", "denser", "line_degrees", "line_parts", "lonlat", "outline_degrees", "polygon_parts"]

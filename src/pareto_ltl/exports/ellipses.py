@@ -47,6 +47,3 @@ def ellipse_outlines(mean: FloatArray, cov: FloatArray, scale: FloatArray, corne
     root = np.linalg.cholesky(cov)
     ring = np.swapaxes(root @ circle, -1, -2)
     return np.asarray(mean[..., None, :] + scale[..., None, None] * ring, float)
-
-
-__all__ = ["axes_of", "circle_radius", "ellipse_outlines"]

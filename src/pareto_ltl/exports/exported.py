@@ -130,6 +130,3 @@ def height_of(level: str) -> Height:
     if found.kind == PRESSURE:
         return Height(44_330.77 * (1.0 - (found.value / 101_325.0) ** 0.190_263), above_sea=True)
     return Height(-found.value if found.kind == DEPTH else found.value, above_sea=False)
-
-
-__all__ = ["ExportedPlan", "Height", "exported_plan", "flown_level", "height_of"]

@@ -91,6 +91,3 @@ def write_exports(exported: ExportedPlan, formats: Sequence[str], folder: Path) 
         write_bytes(folder / name, content)
         paths.append(folder / name)
     return tuple(paths)
-
-
-__all__ = ["MAKERS", "export_files", "writable_formats", "write_exports"]

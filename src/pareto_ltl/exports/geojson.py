@@ -167,6 +167,3 @@ def _collection(features: list[Feature], exported: ExportedPlan) -> bytes:
     """The collection of ``features``; its description states the failure rates of the plan."""
     head = {"type": "FeatureCollection", "name": exported.name, "description": " ".join(exported.sentences())}
     return listed_json(head, "features", features)
-
-
-__all__ = ["border_corners", "corridor_geojson", "leg_hulls", "plan_geojson", "tube_rings"]

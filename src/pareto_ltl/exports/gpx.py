@@ -33,6 +33,3 @@ def plan_gpx(exported: ExportedPlan) -> bytes:
 def region_text(exported: ExportedPlan, k: int) -> str:
     """The regions that step ``k`` is in."""
     return " ".join(sorted(exported.plan.path.label[k]))
-
-
-__all__ = ["plan_gpx", "region_text"]

@@ -24,6 +24,3 @@ def held_course_rate(problem: Problem, path: PlannedPath, runs: int, seed: SeedS
     law = problem.fidelity.law
     flown = fly_pilot(held, lambda _count, _rng: pilot, len(path.u), runs, law, seed)
     return counted_rate(law, int(flown.failed.sum()), runs)
-
-
-__all__ = ["GAIN", "held_course_rate"]

@@ -13,6 +13,3 @@ def listed_json(head: Mapping[str, Any], key: str, entries: Iterable[Any]) -> by
     told = "".join(f" {name}: {value},\n" for name, value in pairs)
     lines = ",\n".join(f"  {json.dumps(entry, allow_nan=False)}" for entry in entries)
     return f"{{\n{told} {json.dumps(key)}: [\n{lines}\n ]\n}}\n".encode()
-
-
-__all__ = ["listed_json"]

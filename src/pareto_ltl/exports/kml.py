@@ -122,6 +122,3 @@ def _add_polygon(place: Xml.Element, rings: list[FloatArray]) -> None:
 
 def _coordinates(lonlats: Any) -> str:
     return " ".join(f"{lon:.8f},{lat:.8f}" for lon, lat in lonlats)
-
-
-__all__ = ["plan_kml"]

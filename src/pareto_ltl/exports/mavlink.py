@@ -79,6 +79,3 @@ def _position(exported: ExportedPlan, k: int) -> dict[str, Any]:
         "message": "COMMAND_INT", "frame": GLOBAL, "x": round(log.lat[k] * DEGREE),
         "y": round(log.lon[k] * DEGREE), "z": None, "fill_in": ["params", "x", "y"],
     }  # fmt: skip
-
-
-__all__ = ["POSITION_FRAMES", "SCHEMA", "mavlink_script", "script_messages"]

@@ -163,6 +163,3 @@ def _spreads(wind: FloatArray, speed: FloatArray, variance: FloatArray) -> tuple
         np.sqrt((toward**2 * variance).sum(axis=1)),
         np.sqrt((toward[:, ::-1] ** 2 * variance).sum(axis=1)),
     )
-
-
-__all__ = ["NavigationLog", "expected_winds", "navigation_log"]

@@ -100,6 +100,3 @@ def _note(exported: ExportedPlan) -> dict[str, Any]:
         "failure_by_heading": None if promise is None else asdict(promise.rate),
         "failure_by_position": asdict(exported.held),
     }
-
-
-__all__ = ["fence_polygons", "mission_items", "mission_plan"]

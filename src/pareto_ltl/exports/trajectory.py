@@ -74,6 +74,3 @@ def _coordinates(exported: ExportedPlan) -> list[tuple[str, FloatArray, dict[str
 
 def _padded(values: FloatArray, size: int) -> FloatArray:
     return np.concatenate([values, np.full(size - len(values), np.nan)])
-
-
-__all__ = ["trajectory_netcdf"]

@@ -52,6 +52,3 @@ def _volume(exported: ExportedPlan, hull: Any, start: str, end: str) -> dict[str
         "time_start": {"value": start, "format": "RFC3339"},
         "time_end": {"value": end, "format": "RFC3339"},
     }
-
-
-__all__ = ["operational_intent"]

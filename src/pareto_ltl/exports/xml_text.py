@@ -21,6 +21,3 @@ def xml_bytes(root: Xml.Element) -> bytes:
     Xml.indent(root)
     text: bytes = Xml.tostring(root, "utf-8")
     return b'<?xml version="1.0" encoding="UTF-8"?>\n' + text + b"\n"
-
-
-__all__ = ["add", "xml_bytes"]

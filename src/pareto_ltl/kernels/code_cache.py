@@ -137,6 +137,3 @@ def _imported(file: Path) -> tuple[Path, ...]:
     names += [f"{package}.{alias.name}" for node in found if node.module == package for alias in node.names]
     inside = f"{package}."
     return tuple(KERNELS / f"{name.removeprefix(inside)}.py" for name in names if name.startswith(inside))
-
-
-__all__ = ["FOREIGN", "KERNELS", "CodeStamp", "reachable_sources", "stamped_by_source"]

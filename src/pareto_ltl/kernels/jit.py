@@ -144,6 +144,3 @@ def by_type(function: F) -> F:
 def implements(function: Callable[..., Any], *models: type) -> Callable[[F], F]:
     """Register the decorated function as the code of ``function`` for ``models``."""
     return IMPLEMENTATIONS[function].register(*models)
-
-
-__all__ = ["allocating", "by_type", "entry", "implements", "inlined", "kernel", "vector"]

@@ -202,6 +202,3 @@ def _last_shrunk(at: Point, k: int, path: GaussianPath, beside: Beside, s: int, 
                 beside.shrunk[k, t] = r
                 break
     return int(beside.shrunk[k, t])
-
-
-__all__ = ["collision_bound"]

@@ -267,6 +267,3 @@ def show_letter(letter: Iterable[str]) -> str:
 def _list_letters(letters: tuple[Letter, ...], most: int = 6) -> str:
     shown = [show_letter(letter) for letter in letters[:most]]
     return ", ".join(shown + ["..."] * (len(letters) > most))
-
-
-__all__ = ["Automaton", "Letter", "translate"]

@@ -71,6 +71,3 @@ def shown_span(span: Span) -> str:
     unit = next(u for u in ("d", "h", "min", "s") if u == "s" or all((t / UNITS[u]) % 0.5 == 0 for t in span))
     begin, end = (f"{t / UNITS[unit]:.15g}" for t in span)
     return f"[{begin},{end}{unit}]"
-
-
-__all__ = ["Span", "clock_name", "clock_windows", "end_clock", "read_span", "shown_span", "span_clock"]

@@ -195,6 +195,7 @@ class FormulaParser:
         self.depth = self.parentheses = 0
 
     def formula(self) -> Formula:
+        """The whole formula."""
         if self.here.op == "end":
             raise FormulaError("the formula is empty: expected something like F(a & F b)", 0)
         tree = self.binary(1)
@@ -204,12 +205,15 @@ class FormulaParser:
 
     @property
     def here(self) -> _FormulaToken:
+        """The next token."""
         return self.tokens[0]
 
     def take(self) -> _FormulaToken:
+        """The next token, which is read."""
         return self.tokens.pop(0)
 
     def error(self, expected: str) -> FormulaError:
+        """The error that something else was expected at the next token."""
         here = self.here
         return _formula_error(f"{expected}, found {here}{self.hint()}", self.text, here.column)
 
@@ -220,6 +224,7 @@ class FormulaParser:
         return f"; to apply operators one after the other write '{' '.join(glued[0])}'" if glued else ""
 
     def binary(self, strength: int) -> Formula:
+        """A formula of binary operators of at least ``strength``."""
         left = self.unary()
         while BINARY_STRENGTH.get(self.here.op, 0) >= strength:
             token = self.take()
@@ -235,6 +240,7 @@ class FormulaParser:
         return left
 
     def unary(self) -> Formula:
+        """A formula without binary operators outside of parentheses."""
         token = self.here
         if token.op in UNARY_OPERATORS:
             self.take()
@@ -270,10 +276,12 @@ class FormulaParser:
         return found
 
     def deeper(self, token: _FormulaToken) -> None:
+        """Enter an operand of ``token``."""
         self.depth += 1
         self.bounded(self.depth, token)
 
     def bounded(self, depth: int, token: _FormulaToken) -> None:
+        """Refuse a ``depth`` that is too large, at ``token``."""
         if depth > MAX_DEPTH:
             raise _formula_error(
                 f"nested deeper than {MAX_DEPTH} levels: simplify it", self.text, token.column
@@ -433,15 +441,3 @@ def _not_co_safe(node: Formula, negation: Formula | None) -> FormulaError:
 
 def _elided_text(text: str, width: int = 40) -> str:
     return text if len(text) <= width else f"{text[: width - 3]}..."
-
-
-__all__ = [
-    "FALSE_FORMULA",
-    "MAX_DEPTH",
-    "TRUE_FORMULA",
-    "Formula",
-    "caret_lines",
-    "check_names",
-    "parse_formula",
-    "positive_normal_form",
-]

@@ -442,6 +442,3 @@ class _HoaReader:
 
 def _unquoted_string(text: str) -> str:
     return re.sub(r"\\(.)", r"\1", text[1:-1])
-
-
-__all__ = ["hoa_text", "parse_hoa", "read_hoa", "write_hoa"]

@@ -106,6 +106,3 @@ def sum_of_cubes(text: str, atoms: int, cubes: dict[str, LabelExpression]) -> La
             cubes[cube] = LabelExpression("f" if holds & absent else "cube", (), holds, absent)
         parts.append(cubes[cube])
     return parts[0] if len(parts) == 1 else LabelExpression("|", tuple(parts))
-
-
-__all__ = ["LabelExpression", "letters_of", "sum_of_cubes"]

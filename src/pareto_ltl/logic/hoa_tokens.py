@@ -88,6 +88,3 @@ def without_comments(text: str) -> str:
             kept.append(part)
         depth = max(0, depth - (part == "*/"))
     return "".join(kept)
-
-
-__all__ = ["Token", "Tokens", "without_comments"]

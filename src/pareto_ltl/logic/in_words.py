@@ -118,6 +118,3 @@ def _state_words(tree: Formula) -> str:
     if _is_place(tree):
         return f"be {_place_words(tree)}" if tree.op == "!" else f"be in {_place_words(tree)}"
     return BINARY_WORDS[tree.op].format(*map(_goal_words, tree.args))
-
-
-__all__ = ["mission_in_words"]

@@ -106,6 +106,3 @@ def _shorter_label(inside: IntArray, outside: IntArray, names: tuple[str, ...]) 
 def quoted_text(text: str) -> str:
     """``text`` in double quotes, with backslashes in front of quotes and backslashes (HOA, Graphviz)."""
     return '"' + text.replace("\\", "\\\\").replace('"', '\\"') + '"'
-
-
-__all__ = ["Cube", "covering_cubes", "cubes_text", "disjoint_cubes", "edge_labels", "quoted_text"]

@@ -112,6 +112,3 @@ def region_use(mission: MissionConfig) -> tuple[frozenset[str], frozenset[str]] 
     negated = frozenset(node.args[0].name for node in nodes if node.op == "!")
     asked = [tree, *(arg for node in nodes if node.op != "!" for arg in node.args)]
     return frozenset(node.name for node in asked if node.op == "name"), negated
-
-
-__all__ = ["automaton_of", "region_use"]

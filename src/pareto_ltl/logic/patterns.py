@@ -145,17 +145,3 @@ def _single_goal(goals: Sequence[str], pattern: str) -> str:
     if len(goals) != 1:
         raise ConfigError(f"mission pattern {pattern} takes one goal, got {list(goals)}")
     return goals[0]
-
-
-__all__ = [
-    "PATTERNS",
-    "avoid_until",
-    "coverage",
-    "either",
-    "formula_of",
-    "key_door",
-    "ordered_coverage",
-    "patrol",
-    "reach_avoid",
-    "sequence",
-]

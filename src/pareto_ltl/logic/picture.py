@@ -261,14 +261,3 @@ def _wrapped_formula(text: str, width: int) -> str:
             line = ""
         line += f"{word} " if word.endswith(("&", "|")) else word
     return "\n".join([*lines, line.strip()])
-
-
-__all__ = [
-    "DrawnEdge",
-    "automaton_figure",
-    "dot_text",
-    "draw_automaton",
-    "drawn_edges",
-    "save_picture",
-    "state_positions",
-]

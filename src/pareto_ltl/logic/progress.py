@@ -31,6 +31,3 @@ def later_windows(windows: Mapping[str, Window], moment: float) -> dict[str, Win
         name: replace(window, begin=window.begin - moment, end=window.end - moment)
         for name, window in windows.items()
     }
-
-
-__all__ = ["later_windows", "remaining_automaton"]

@@ -80,6 +80,3 @@ def keep_clear(automaton: Automaton, names: tuple[str, ...], labels: Iterable[Le
     table = TransitionTable(delta, np.append(automaton.accepting, False))
     found = automaton_from_table(table, alphabet, atoms, automaton.formula)
     return replace(found, forbidden=names)
-
-
-__all__ = ["keep_clear", "letter_of", "places_of", "timed_letters", "window_patterns"]

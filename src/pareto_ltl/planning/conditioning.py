@@ -120,6 +120,3 @@ def likely_histories(x: FloatArray, fix: Fix, noise: FloatArray) -> FloatArray:
 def states_reached(problem: Problem, x: FloatArray) -> IntArray:
     """Automaton state of each flight ``x`` (n, k+1, 2) after its last step, (n,)."""
     return np.array([problem.states(flight)[-1] for flight in x], np.int64)
-
-
-__all__ = ["Fix", "Learnt", "learn", "learn_at", "likely_histories", "states_reached"]

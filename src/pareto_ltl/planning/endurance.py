@@ -73,6 +73,3 @@ def _vehicle(problem: Problem, line: FloatArray) -> str:
 
 def _is_under_water(robot: RobotConfig) -> bool:
     return "depth" in str(robot.level)
-
-
-__all__ = ["capacity_advice", "energy_at"]

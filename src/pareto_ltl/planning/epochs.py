@@ -71,6 +71,3 @@ def letter_columns(automaton: Automaton, labels: Sequence[Letter], holding: froz
     """Automaton column of each label and, last, of no label, while the windows ``holding`` are open."""
     letters = [letter_of(label, automaton.windows, holding) for label in (*labels, Letter())]
     return np.array([automaton.letter_index(letter) for letter in letters], np.int64)
-
-
-__all__ = ["Epoch", "Reading", "epochs_of", "letter_columns", "step_epochs"]

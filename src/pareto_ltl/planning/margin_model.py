@@ -177,6 +177,3 @@ def _barrier_corners(problem: Problem) -> kd.Corners:
         radius=np.append(corners.radius, np.full(walls, np.inf)),
         ptr=np.append(corners.ptr, last).astype(np.int64),
     )
-
-
-__all__ = ["claim_lists", "margin_model", "pack_guards", "shown_letters"]

@@ -123,6 +123,3 @@ def energy_model(cfg: PowerConfig) -> EnergyModel | None:
     if curve is None:
         return None
     return EnergyModel(curve, None if cfg.capacity is None else cfg.capacity * JOULE_PER_WH)
-
-
-__all__ = ["JOULE_PER_WH", "Body", "EnergyModel", "PowerCurve", "Rotor", "Table", "Wing", "energy_model"]

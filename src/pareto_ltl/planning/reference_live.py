@@ -54,6 +54,3 @@ def keep_live(
         if not needless and len(kept) < most:
             kept[p] = entries[p]
     return kept
-
-
-__all__ = ["keep_live", "live_bound", "read_live_letter"]

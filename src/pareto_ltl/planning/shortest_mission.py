@@ -274,15 +274,3 @@ def _least_airspeed(problem: Problem, works: Callable[[Problem], bool]) -> float
         low, high = (low, middle) if works(with_airspeed(problem, middle)) else (middle, high)
     digit = 10.0 ** (math.floor(math.log10(high)) - 1)
     return math.ceil(high / digit - 1e-9) * digit
-
-
-__all__ = [
-    "TIMES_LONGER",
-    "cautious_fault",
-    "closed_way",
-    "flight_time",
-    "longer_fault",
-    "mission_fault",
-    "with_airspeed",
-    "with_longer_wind",
-]

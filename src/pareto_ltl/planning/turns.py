@@ -260,6 +260,3 @@ def turns_of(robot: RobotConfig) -> Turns:
     if robot.bank == 0.0:
         return TurnsOnTheSpot()
     return BankedTurns(math.radians(robot.bank), robot.turn_delay)
-
-
-__all__ = ["BankedTurns", "Leg", "OrderedLegs", "Turns", "TurnsOnTheSpot", "turns_of"]

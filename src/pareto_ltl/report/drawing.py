@@ -221,6 +221,3 @@ def _send(answers: BinaryIO, answer: tuple[Any, ...]) -> None:
         send(answers, answer)
     except BrokenPipeError:
         os._exit(0)  # the run has ended
-
-
-__all__ = ["DrawingEndedError", "DrawingProcess", "draw_run_figures", "drawing_process", "serve"]

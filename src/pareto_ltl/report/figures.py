@@ -82,6 +82,3 @@ class FiguresOfRecords:
         trees, self._trees = self._trees, None  # they can belong to one figure only
         for name in _figure_names(run):
             yield from self._drawn.get(name) or _figure_files(name, self._cfg, run, trees)
-
-
-__all__ = ["FiguresOfRecords", "run_figures"]

@@ -151,6 +151,3 @@ def order_text(order: str) -> str:
     """A mission order as a legend shows it, cut to the width of its column."""
     size = float(style.RC_SETTINGS["legend.fontsize"])
     return style.fitted_lines(order.replace(">", " → ") or "no visit", 1.2, size, most=1)[0]
-
-
-__all__ = ["flown_front_figure", "order_looks", "order_text", "rate_ends"]

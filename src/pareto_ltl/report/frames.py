@@ -98,6 +98,3 @@ def _write_foot(figure: Figure, scene: Scene, deployment: Deployment, count: int
         ha="right",
         fontsize=6.5,
     )
-
-
-__all__ = ["frames_figure"]

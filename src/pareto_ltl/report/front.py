@@ -158,6 +158,3 @@ def _front_legend(figure: Figure, cloud: FloatArray, before: FloatArray, plan: P
         columnspacing=1.2,
         labelspacing=0.35,
     )
-
-
-__all__ = ["accepted_vertices", "collision_risk_label", "front_figure", "mission_risk_label"]

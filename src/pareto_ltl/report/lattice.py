@@ -78,14 +78,3 @@ def spaced_nodes(nodes: FloatArray, low: float, high: float, gap: float) -> IntA
         return inside
     stride = max(1, round(gap / (nodes[1] - nodes[0])))
     return inside[(len(inside) - 1) % stride // 2 :: stride]
-
-
-__all__ = [
-    "ARROWS_ALONG",
-    "arrow_nodes",
-    "interpolate_slots",
-    "lattice_nodes",
-    "sampled_lattice",
-    "spaced_nodes",
-    "wind_deviation",
-]

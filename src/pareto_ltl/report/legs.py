@@ -176,6 +176,3 @@ def _promise_lines(plan: Plan, flown: Deployment) -> Iterator[str]:
 
 def _rate_words(rate: FailureRate) -> str:
     return f"{rate_text(rate.failure, rate.low, rate.high)} of {rate.sample}, {rate.law} winds"
-
-
-__all__ = ["Clearance", "closest_barriers", "plan_lines"]

@@ -290,6 +290,3 @@ def _add_legend(figure: Figure, keys: list[Artist], top: float, columns: int) ->
 def _key_lines(keys: list[Artist]) -> int:
     """Lines of text of a legend of one column."""
     return sum(str(key.get_label()).count("\n") + 1 for key in keys)
-
-
-__all__ = ["flight_text", "ground_keys", "plan_figure", "shown_probability"]

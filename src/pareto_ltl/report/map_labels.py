@@ -95,6 +95,3 @@ def dense_path(x: FloatArray, pieces: int = 8) -> FloatArray:
     share = np.arange(pieces)[:, None, None] / pieces
     between = (1.0 - share) * x[:-1] + share * x[1:]
     return np.vstack([between.reshape(-1, 2), x[-1:]])
-
-
-__all__ = ["LEADING", "dense_path", "fits_inside", "label_half_size", "label_position", "line_height"]

@@ -243,28 +243,3 @@ def draw_endpoints(chart: MapAxes, scene: Scene, plan: Plan | None) -> None:
             zorder=9.5,
             clip_on=False,
         )
-
-
-__all__ = [
-    "DRAWN_VERTICES",
-    "LANDMARK_LOOK",
-    "OBSTACLE_LOOK",
-    "REGION_LOOK",
-    "TIMED_LOOK",
-    "MapAxes",
-    "draw_covariances",
-    "draw_endpoints",
-    "draw_flights",
-    "draw_graticule",
-    "draw_ground",
-    "draw_lines",
-    "draw_mean_path",
-    "draw_polygons",
-    "length_unit",
-    "line_layer",
-    "map_axes",
-    "metres_per_inch",
-    "name_regions",
-    "tree_edges",
-    "tree_layer",
-]

@@ -61,6 +61,3 @@ def metric_label(name: str) -> str:
 def is_probability(name: str) -> bool:
     """Whether a metric is a probability or a share of flights or runs."""
     return name in LAW_NAMES or (name.startswith(SHARES) and name not in COUNTS)
-
-
-__all__ = ["is_probability", "metric_label"]

@@ -217,6 +217,3 @@ def _ground_around(*points: FloatArray) -> Scene:
 def _chart_of(figure: Figure, scene: Scene) -> MapAxes:
     """The axes of a map, to draw more on them."""
     return MapAxes(figure.axes[0], *length_unit(scene))
-
-
-__all__ = ["Drawing", "draw_record", "mission_drawing", "replanned_drawing"]

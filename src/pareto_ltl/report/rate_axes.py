@@ -50,6 +50,3 @@ def rate_tick_text(value: float, low: float = 0.0) -> str:
     if percent < 0.999e-3:
         told = "10" + str(round(math.log10(percent))).translate(SUPERSCRIPTS)
     return ("≤ " if value <= low * 1.01 else "") + told
-
-
-__all__ = ["GRID_COLOUR", "rate_tick_text", "rate_ticks", "scale_rate_axis", "set_rate_ticks"]

@@ -138,6 +138,3 @@ def _quartile_bars(
     for place, a, b in zip(x, bottom, top, strict=True):
         ax.plot([place, place], [a, b], color=colour, lw=2.5, alpha=0.35, solid_capstyle="butt")
     ax.plot(x, middle, color=colour, lw=1.1, marker=style.law_mark(law), ms=4, clip_on=False)
-
-
-__all__ = ["ablation_figure", "draw_ablation"]

@@ -76,17 +76,3 @@ def legend_above(figure: Figure, keys: Sequence[Artist], height: float, left: fl
         columnspacing=1.1,
         labelspacing=0.35,
     )
-
-
-__all__ = [
-    "BOUND_COLOUR",
-    "BOUND_DASHES",
-    "FigureRow",
-    "column_values",
-    "decade_above",
-    "decade_below",
-    "hide_frame",
-    "laws_of",
-    "legend_above",
-    "save_figures",
-]

@@ -228,6 +228,3 @@ def _outcome_keys(laws: Sequence[str]) -> list[Line2D]:
 
 def _method_title(rows: Sequence[FigureRow], method: str) -> str:
     return next(str(row["title"]) for row in rows if row["method"] == method)
-
-
-__all__ = ["comparison_figure", "draw_comparison", "outcomes_figure"]

@@ -141,6 +141,3 @@ def _planned_share(ax: Axes, rows: Sequence[FigureRow]) -> None:
     )
     ax.plot(x, column_values(rows, "planned"), color=style.PURPLE, lw=1.3, marker="o", ms=3)
     ax.set(ylim=(-0.02, 1.02), ylabel="share (95 % interval)")
-
-
-__all__ = ["convergence_figure", "draw_convergence"]

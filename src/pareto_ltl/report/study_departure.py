@@ -213,6 +213,3 @@ def _name_marks(figure: Figure) -> None:
     """Write the meaning of the marks of the first panel below all panels."""
     text = "◆ recommended   ○ no difference beyond the noise   ● fails more   grey: no plan"
     style.text_at(figure, LEFT, 0.06, text, va="bottom", fontsize=6.2)
-
-
-__all__ = ["departure_figure", "draw_departure"]

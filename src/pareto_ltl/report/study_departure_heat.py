@@ -132,6 +132,3 @@ def _name_axes(ax: Axes, rows: Sequence[FigureRow], limits: FloatArray) -> None:
         "◆ recommended   ○ no difference beyond the noise   bold: least at this length",
         transform=ax.transAxes, fontsize=6.2, va="bottom",
     )  # fmt: skip
-
-
-__all__ = ["heat_figure"]

@@ -120,6 +120,3 @@ def _draw_histogram(ax: Axes, promised: FloatArray, law: str, colour: str) -> No
     ax.set_ylabel("plans")
     ax.set_ylim(0, max(1, counts.max()) * 1.05)
     hide_frame(ax)
-
-
-__all__ = ["draw_forecast_test", "forecast_test_figure"]

@@ -142,6 +142,3 @@ def _draw_reliability(
         zorder=6,
     )
     hide_frame(ax)
-
-
-__all__ = ["draw_hindcast", "reliability_figure"]

@@ -75,6 +75,3 @@ def _draw_distances(ax: Axes, apart: np.ndarray[Any, Any], duration: np.ndarray[
     ax.set_xlim(0.0, float(minutes[-1]))
     ax.set_ylim(bottom=0.0)
     ax.legend(loc="upper left", frameon=False)
-
-
-__all__ = ["draw_sitl", "sitl_figure"]

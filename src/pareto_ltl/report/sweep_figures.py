@@ -198,6 +198,3 @@ def _label_axes(axes: Axes, x: str, y: str, places: Mapping[str, float], series:
     if not _has_words(places) and len(columns) <= 8:
         axes.set_xticks(columns, [f"{column:g}" for column in columns])
         axes.tick_params(axis="x", which="minor", length=0)
-
-
-__all__ = ["axis_label", "draw_sweep_figure"]

@@ -55,6 +55,3 @@ def short_span(window: Window) -> str:
 
 def _forbidden(scene: Scene, region: str) -> bool:
     return any(scene.windows[name].region == region for name in scene.forbidden)
-
-
-__all__ = ["short_span", "time_lines", "timed_obstacles", "visited_outlines"]

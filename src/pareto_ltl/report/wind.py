@@ -221,13 +221,3 @@ def _draw_outlines(chart: MapAxes, scene: Scene) -> None:
             path_effects=style.white_halo(1.6),
             parse_math=False,
         )
-
-
-__all__ = [
-    "draw_wind_arrows",
-    "flight_midpoint",
-    "interpolate_slots",
-    "utc_text",
-    "wind_figure",
-    "wind_panels",
-]

@@ -149,6 +149,3 @@ def _draw_fit(ax: Axes, fit: LengthFit, colour: str, mark: str, what: str) -> No
 
 def _say(ax: Axes, text: str) -> None:
     ax.text(0.5, 0.3, text, transform=ax.transAxes, ha="center", va="center", color=style.STONE)
-
-
-__all__ = ["draw_wind_error", "wind_error_figure"]

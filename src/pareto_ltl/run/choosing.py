@@ -226,6 +226,3 @@ def default_place(directory: Path, choice: Choice) -> Path:
     """A folder beside ``directory``, with the choice in its name."""
     directory = directory.resolve()
     return directory.with_name(f"{directory.name}_{choice.name}")
-
-
-__all__ = ["Choice", "choose_from_results", "default_place", "later_stages", "require_choice"]

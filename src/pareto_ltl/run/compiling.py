@@ -159,6 +159,3 @@ def one_line_forest(problem: Problem) -> Forest:
         seconds=0.0, reach={},
     )  # fmt: skip
     return Forest((tree,), np.array([[0, n - 1]]), 0.0, mission_columns(problem))
-
-
-__all__ = ["CompilingProcess", "code_marker", "compiling_process", "one_line_forest", "serve"]

@@ -37,6 +37,3 @@ def explain(planned: PlanningResult | Results | str | Path, *, point: int | None
     runs = min(run.settings.deployment.runs, MOST_RUNS)
     flown = simulate(PlanningResult(run), runs, problem.fidelity.law)
     return "\n".join(plan_lines(problem, plan, flown))
-
-
-__all__ = ["explain"]

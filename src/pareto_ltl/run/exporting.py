@@ -79,6 +79,3 @@ def run_with_plan(results: Results) -> Run:
         raise DataError(f"{results.directory}: its run made no {' and no '.join(missing)}")
     table = with_extension_stages(PLAN_STAGES, settings.pipelines.stages)
     return Run(settings, table, kept_records(results).replaced(PLAN, results.plan))
-
-
-__all__ = ["export", "run_with_plan"]

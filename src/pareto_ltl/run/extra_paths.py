@@ -70,6 +70,3 @@ def extra_paths(place: str | None, problem: Problem) -> tuple[PlannedPath, ...]:
             continue
         able.append(path)
     return tuple(able)
-
-
-__all__ = ["EXTRA_FILE", "ExtraPath", "extra_paths", "read_extra_paths", "write_extra_paths"]

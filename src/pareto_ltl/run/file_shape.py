@@ -26,6 +26,3 @@ def inside(place: Path | str, name: str) -> Path:
     """The file ``name`` in ``place``, or ``place`` itself if it is a file."""
     place = Path(place)
     return place / name if place.is_dir() else place
-
-
-__all__ = ["inside", "shaped"]

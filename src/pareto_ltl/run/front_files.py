@@ -168,6 +168,3 @@ def _path(
         fixes=tuple(arrays[f"{key}/fixes"].tolist()),
         order=row["order"],
     )
-
-
-__all__ = ["FRONT_HEADER", "read_front", "write_front"]

@@ -146,6 +146,3 @@ REFINERS: dict[str, Refiner] = {
     "convex": _convex_refinement,
     "sampled": _sampled_refinement,
 }
-
-
-__all__ = ["FOREST_STREAM", "REFINERS", "make_front"]

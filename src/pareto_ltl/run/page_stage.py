@@ -146,13 +146,3 @@ def _warm_up() -> None:
 
         page_template()
         plotly_script()
-
-
-__all__ = [
-    "make_page",
-    "origin_in_memory",
-    "origin_of",
-    "shown_run",
-    "warm_template",
-    "write_page",
-]

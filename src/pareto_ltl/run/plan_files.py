@@ -181,6 +181,3 @@ def _flight(content: Mapping[str, Any]) -> PlannedPath:
     if len(flight.label) != steps:
         raise ValueError(f"label must have {steps} entries, got {len(flight.label)}")
     return flight
-
-
-__all__ = ["PLAN_SCHEMA", "read_plan", "write_plan"]

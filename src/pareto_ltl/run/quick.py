@@ -13,6 +13,3 @@ def quick_settings(settings: Settings) -> Settings:
     """``settings`` with section ``refine`` limited to :data:`QUICK`: half the time, slightly worse plans."""
     coarse = {name: min(getattr(settings.refine, name), most) for name, most in QUICK.items()}
     return replace(settings, refine=replace(settings.refine, **coarse))
-
-
-__all__ = ["QUICK", "quick_settings"]

@@ -84,6 +84,3 @@ def comparison_lines(done: Replanned) -> list[str]:
         ADVICE[done.advice],
     ]
     return lines
-
-
-__all__ = ["comparison_lines", "replan_document", "write_replanned"]

@@ -384,6 +384,3 @@ def wind_from(field: WindField, learnt: Learnt, moment: float, law: str) -> Wind
 
     later = field_from(field, moment)
     return later if law == "independent" else conditioned_field(later, learnt.theta, learnt.told)
-
-
-__all__ = ["Replanned", "Situation", "replanned"]

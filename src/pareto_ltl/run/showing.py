@@ -144,6 +144,3 @@ def show(planned: PlanningResult | Results | str | Path) -> Path:
         path = page_of(place)
     open_page(path)
     return path
-
-
-__all__ = ["open_page", "page", "page_of", "show", "shown_results"]

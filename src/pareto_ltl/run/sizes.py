@@ -44,6 +44,3 @@ def check_sizes(settings: Settings, stages: Collection[str]) -> None:
     if FLYING in stages:
         each = 2 * POSITION_BYTES * len(flights.laws) * WRITTEN
         require_memory(each, "deployment.runs", flights.runs, "the positions of all simulated flights")
-
-
-__all__ = ["check_sizes"]

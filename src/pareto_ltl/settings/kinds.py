@@ -69,6 +69,3 @@ def kind_problem(key: str, value: Any, kind: Any) -> str:
     whole = kind is int and isinstance(value, float) and value.is_integer()
     cure = f"; write it in digits, {int(value)}" if whole and abs(value) < 1e18 else ""
     return f"{key} must be {kind_text(kind)}, got {shown_value(value)}{cure}"
-
-
-__all__ = ["field_kinds", "fits_kind", "kind_at", "kind_problem", "kind_text"]

@@ -169,9 +169,11 @@ class Cessna:
         return self.read("lat"), self.read("lon")
 
     def read(self, key: str) -> float:
+        """The value of the node ``key``."""
         return float(self.node[key].get_double_value())
 
     def turn_to(self, heading: float) -> None:
+        """Order a heading [deg]."""
         self.node["heading"].set_double_value(heading % 360.0)
 
     def meet(self, wind: tuple[float, float]) -> None:
@@ -242,6 +244,3 @@ def require_held(orders: Orders, flown: FloatArray, legs: int) -> None:
 def airspeed_errors(orders: Orders, tracks: Sequence[Track]) -> FloatArray:
     """Mean airspeed of each leg less that of the table, (flights, T) [m/s]."""
     return np.array([track.airspeed - orders.airspeed for track in tracks])
-
-
-__all__ = ["Air", "Orders", "Track", "airspeed_errors", "fly_orders", "read_orders", "require_jsbsim"]

@@ -87,6 +87,3 @@ def _broken_step(problem: Problem, x: FloatArray) -> int:
     """The first step of a flight ``x`` (T+1, 2) in the trap of the automaton; T + 1 if there is none."""
     lost = np.flatnonzero(np.isinf(problem.automaton.distance[problem.states(x)]))
     return int(lost[0]) if len(lost) else len(x)
-
-
-__all__ = ["CAUSES", "NO_FAILURE", "FailureTimes", "failure_times"]

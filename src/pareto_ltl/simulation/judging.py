@@ -284,14 +284,3 @@ def certainly_beaten(failed: BoolArray, costs: FloatArray) -> BoolArray:
         before = before[(costs[before] <= costs[k]).all(axis=1)]
         rivals[k] = before[np.argmin(counts[before])]
     return np.asarray(chance_of_failures(failed, failed[rivals]) < DROP_CHANCE, bool)
-
-
-__all__ = [
-    "certainly_beaten",
-    "count_failures",
-    "fly_race",
-    "judge_front",
-    "looks",
-    "which_fail",
-    "which_fail_each",
-]

@@ -170,6 +170,3 @@ def linearity(problem: Problem, wind: WindField, cov: FloatArray) -> float:
     widest = np.sqrt(np.linalg.eigvalsh(cov[:-1])[:, 1])
     scale = wind.modes.length.min(axis=1)[problem.modes.slot[: len(cov) - 1]]
     return float((widest / scale).max())
-
-
-__all__ = ["claim_stands", "fresh_promise", "linearity", "promise_path"]

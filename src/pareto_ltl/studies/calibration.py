@@ -145,16 +145,3 @@ def bin_table(title: str, groups: Rows) -> str:
             for group in groups
         ),
     )
-
-
-__all__ = [
-    "CHOSEN",
-    "FRONT",
-    "bin_table",
-    "log_score",
-    "promise_text",
-    "promises",
-    "reliability",
-    "score_table",
-    "scorecard",
-]

@@ -367,6 +367,3 @@ def _fetch_folders(settings: Settings, directory: Path, found: Found) -> None:
         )
         if results[0]["planned"] and not place.exists() and known.is_dir():
             shutil.copytree(known, place)
-
-
-__all__ = ["departure_part", "plan_in_full", "route_conditions", "run_departure", "start_settings"]

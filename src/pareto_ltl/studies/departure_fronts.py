@@ -254,21 +254,3 @@ def starts_to_repeat(fronts: Fronts, seeds: int) -> tuple[float, ...]:
         return tuple(sorted(ranked[: max(2, -(-len(ranked) // 2))]))
     alike = compare_fronts(fronts).alike
     return tuple(time for time in alike if len(fronts[time]) < seeds) if len(alike) > 1 else ()
-
-
-__all__ = [
-    "Comparison",
-    "FlownFront",
-    "Fronts",
-    "SeedSpread",
-    "common_lengths",
-    "compare_fronts",
-    "failure_ratio",
-    "flown_front",
-    "length_weights",
-    "map_lengths",
-    "pooled_front",
-    "rates_at",
-    "score",
-    "starts_to_repeat",
-]

@@ -96,6 +96,3 @@ def _refuse_outside(key: str, time: float, readings: Readings) -> None:
 def folder_name(time: float) -> str:
     """The folder of a start: ``20181009T120000Z``."""
     return datetime.fromtimestamp(time, UTC).strftime("%Y%m%dT%H%M%SZ")
-
-
-__all__ = ["candidate_starts", "folder_name", "wind_span"]

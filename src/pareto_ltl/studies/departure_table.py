@@ -417,18 +417,3 @@ def _text_row(row: Columns, shown: Sequence[int]) -> tuple[str, ...]:
         f"{row['tail_wind']:+.1f}",
         f"{row['wind_sd']:.2f}",
     )
-
-
-__all__ = [
-    "Delivered",
-    "Found",
-    "compared_paths",
-    "delivered_text",
-    "departure_study",
-    "departures_document",
-    "fronts_in_time",
-    "on_time",
-    "planned_path",
-    "start_rows",
-    "verdict",
-]

@@ -132,17 +132,3 @@ def unplanned_rows(results: Sequence[Mapping[str, Any]]) -> list[Columns]:
 def reason_of(result: Mapping[str, Any]) -> str:
     """Why a mission has no plan."""
     return next((str(value) for name, value in result.items() if name.startswith("reason_")), "no plan")
-
-
-__all__ = [
-    "full_fields",
-    "mission_inputs",
-    "mission_row",
-    "mission_settings",
-    "realised",
-    "reality",
-    "refuse_no_plans",
-    "rim_outline",
-    "simulated_failure",
-    "unplanned_rows",
-]

@@ -279,6 +279,3 @@ def what_is_tested(settings: Settings, numbers: Mapping[str, float]) -> str:
         f"themselves have wrong, winds smaller than their grid beyond {cfg.gusts:g} times the fitted white "
         "part, other seasons; missions of one period share its weather, which the intervals ignore.\n"
     )
-
-
-__all__ = ["collect_forecast_test", "forecast_part", "known_readings", "run_forecast_test"]

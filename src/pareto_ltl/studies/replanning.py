@@ -150,6 +150,3 @@ def _text(row: Columns) -> str:
          "length, replanned [km]"),
         [cells],
     )  # fmt: skip
-
-
-__all__ = ["fix_steps", "replanned_controls", "run_replanning"]

@@ -230,6 +230,3 @@ def sitl_text(numbers: dict[str, float], law: str) -> str:
         f"sd {numbers['sitl_airspeed_error_sd']:.2f} m/s |",
     ]
     return "\n".join(lines) + "\n"
-
-
-__all__ = ["SitlFlights", "flight_air", "fly_both", "run_sitl", "sitl_study"]

@@ -13,8 +13,6 @@ Int32Array = NDArray[np.int32]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
-__all__ = ["BoolArray", "Float32Array", "FloatArray", "Int32Array", "IntArray", "require_shape"]
-
 
 def require_shape(name: str, array: NDArray[Any], *shape: int | None) -> None:
     """Raise ``ValueError`` if ``array`` does not have ``shape``, in which None allows any length."""

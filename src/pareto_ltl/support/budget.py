@@ -98,5 +98,3 @@ class _Part(Budget):
 
 
 UNLIMITED = Budget()
-
-__all__ = ["UNLIMITED", "Budget"]

@@ -159,6 +159,3 @@ def _refuse_status(url: str, status: int, reason: str) -> None:
     if status in BUSY or status >= 500:
         raise _BrokenError(told)
     raise DataError(f"{url} cannot be fetched ({told})")
-
-
-__all__ = ["ByteRange", "NotThereError", "fetch_bytes"]

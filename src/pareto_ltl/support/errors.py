@@ -35,6 +35,3 @@ class FormulaError(ParetoLtlError, ValueError):
     def __init__(self, message: str, column: int | None = None) -> None:
         super().__init__(message)
         self.column = column
-
-
-__all__ = ["ConfigError", "DataError", "FormulaError", "InfeasibleError", "ParetoLtlError"]

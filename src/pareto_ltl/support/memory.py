@@ -75,6 +75,3 @@ def _own_room() -> Iterator[float]:
     limit = resource.getrlimit(resource.RLIMIT_AS)[0]
     if limit != resource.RLIM_INFINITY:
         yield float(limit - psutil.Process().memory_info().vms)
-
-
-__all__ = ["available_memory", "require_memory"]

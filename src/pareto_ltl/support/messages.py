@@ -36,6 +36,3 @@ def shown_line(line: str) -> str:
 
 def _printable(text: str) -> str:
     return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
-
-
-__all__ = ["SHOWN_WIDTH", "shown_line", "shown_text", "shown_value"]

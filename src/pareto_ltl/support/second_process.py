@@ -95,6 +95,3 @@ def can_be_sent(thing: Any) -> bool:
     except Exception:
         return False
     return True
-
-
-__all__ = ["begin_process", "can_be_sent", "can_begin_one", "end_process", "receive", "requests", "send"]

@@ -107,6 +107,3 @@ def _has_ended(process: psutil.Process) -> bool:
         return process.status() == psutil.STATUS_ZOMBIE or any("resource_tracker" in word for word in words)
     except psutil.Error:
         return True
-
-
-__all__ = ["SIGNALS", "StoppedError", "ends_process", "signals_raise"]

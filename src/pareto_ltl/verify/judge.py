@@ -95,6 +95,3 @@ def _judged(claim: Claim, result: Evidence) -> Verdict | None:
     except UNUSABLE as error:
         reason = " ".join(f"{type(error).__name__}: {error}".split())
         return Verdict("cannot be judged", reason[:80], False)
-
-
-__all__ = ["CLAIMS", "Finding", "findings", "judge_evidence", "judge_results", "unchecked_claims"]

@@ -36,6 +36,3 @@ def fly_table(
         roomy[k] = abs(left) < SHARP and turned[-1] >= abs(left) - 1e-9
         nose = float(angle[-1])
     return ways, roomy
-
-
-__all__ = ["fly_table"]

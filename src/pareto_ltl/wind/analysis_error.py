@@ -104,6 +104,3 @@ def _moments(snap: Snapshot, places: FloatArray, winds: FloatArray) -> tuple[flo
 
 def _period(times: FloatArray) -> str:
     return f"{iso(float(times.min()))} to {iso(float(times.max()))}"
-
-
-__all__ = ["AnalysisError", "analysis_error"]

@@ -167,6 +167,3 @@ def swap_question(lonlat: FloatArray, middle: FloatArray) -> str:
         return ""
     swapped = box_of(lonlat).widened(NEAR).contains(np.array([[lat, lon]]))[0]
     return "did the map swap longitude and latitude? GeoJSON has longitude first" if swapped else ""
-
-
-__all__ = ["ALL_WIND", "GeoBox", "Wanted", "box_of", "neighbourhood", "refuse_empty_crop", "swap_question"]

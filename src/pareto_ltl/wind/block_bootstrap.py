@@ -82,6 +82,3 @@ class Resampling:
         if ratio:
             return Interval(value, value * (low / value) ** stretch, value * (high / value) ** stretch)
         return Interval(value, value - stretch * (value - low), value + stretch * (high - value))
-
-
-__all__ = ["Interval", "Resampling"]

@@ -123,6 +123,3 @@ def mode_values(modes: WindModes, slot: int, places: FloatArray) -> FloatArray:
     near = (1 - fy) * psi[i, j] + fy * psi[i, j + 1]
     far = (1 - fy) * psi[i + 1, j] + fy * psi[i + 1, j + 1]
     return np.asarray((1 - fx) * near + fx * far, float)
-
-
-__all__ = ["conditioned_field", "field_from", "less_doubt", "mode_values", "persistence"]

@@ -114,6 +114,3 @@ def _range(values: list[float] | list[int], unit: str) -> str:
     """The range of ``values`` as text: ``3 h``, ``0 to 6 h``."""
     low, high = min(values), max(values)
     return f"{low:.3g} {unit}" if f"{low:.3g}" == f"{high:.3g}" else f"{low:.3g} to {high:.3g} {unit}"
-
-
-__all__ = ["Coverage", "coverage_of", "held_warning"]

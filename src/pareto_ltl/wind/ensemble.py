@@ -140,6 +140,3 @@ def _at_nodes(snap: Snapshot, nodes: FloatArray) -> FloatArray:
     far = cKDTree(own).query(there)[0] > LARGEST_GAP
     found[far] = np.nan
     return found
-
-
-__all__ = ["ensemble_readings"]

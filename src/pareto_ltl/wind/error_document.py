@@ -115,6 +115,3 @@ def _ends(name: str, found: Interval | None) -> dict[str, float | None]:
         f"{name}_low": None if found is None else found.low,
         f"{name}_high": None if found is None else found.high,
     }
-
-
-__all__ = ["error_document", "estimated_law", "origin_text", "unknown_parts"]

@@ -391,15 +391,3 @@ def _correlation(cycles: FloatArray, products: FloatArray, draws: Resampling) ->
     value = float(mean[0] / np.sqrt(mean[1] * mean[2]))
     about = draws.interval(cycles, value, drawn[:, 0] / np.sqrt(drawn[:, 1] * drawn[:, 2]), ratio=False)
     return Interval(*(float(np.clip(v, 0.0, 1.0)) for v in (about.value, about.low, about.high)))
-
-
-__all__ = [
-    "ASYMMETRY",
-    "MIXED",
-    "ErrorEstimate",
-    "ErrorTable",
-    "LengthFit",
-    "Persistence",
-    "estimate_errors",
-    "matern_lengths",
-]

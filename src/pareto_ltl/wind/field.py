@@ -211,6 +211,3 @@ def observations_until(observations: WindObservations, horizon: float | None) ->
         until=float(observations.times[n - 1]),
         ends="planner.max_steps ends there",
     )
-
-
-__all__ = ["fit_wind_field", "modes_lattice", "time_variances", "wind_lattice"]

@@ -135,6 +135,3 @@ def _keep_table(folder: Path, key: str, table: WindTable) -> None:
 def _warn_once(reason: str) -> None:
     """Log a warning about the cache; each reason is logged once."""
     LOG.warning("%s; PARETO_LTL_CACHE names another folder", reason)
-
-
-__all__ = ["cache_folder", "cached_wind_table", "task_key"]

@@ -263,13 +263,3 @@ def forecast_error_law(setting: str, usual: str) -> ForecastError:
     if name == "none":
         return read_forecast_error(gfs).without_forecasts()
     return read_forecast_error(gfs if name == "gfs" else Path(name).expanduser())
-
-
-__all__ = [
-    "FORECAST_ERROR_SCHEMA",
-    "ForecastError",
-    "Variability",
-    "forecast_error_law",
-    "forecast_error_of",
-    "read_forecast_error",
-]

@@ -402,18 +402,3 @@ def _typical_gap(points: FloatArray) -> float:
     gaps = pairwise_distances(points, points)
     np.fill_diagonal(gaps, np.inf)
     return float(np.median(gaps.min(axis=1)))
-
-
-__all__ = [
-    "CORRELATIONS",
-    "Hyper",
-    "WindPosterior",
-    "fit_posterior",
-    "leave_one_out",
-    "maximise_likelihood",
-    "pairwise_distances",
-    "same_places",
-    "scaled_variance",
-    "squared_residuals",
-    "variance_factor",
-]

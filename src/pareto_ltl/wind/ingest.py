@@ -126,6 +126,3 @@ def _table_provenance(
         "area": ", ".join(f"{lon:g} {lat:g}" for lon, lat in ingest.area),
         "files": {file.name: file_fingerprint(file) for file in files},
     }
-
-
-__all__ = ["common_nodes", "winds_at", "write_wind_table"]

@@ -95,6 +95,3 @@ def level_list(levels: Iterable[Level]) -> str:
     texts = [level.text for level in sorted(set(levels))]
     more = f" and {len(texts) - SHOWN_LEVELS} more" if len(texts) > SHOWN_LEVELS else ""
     return ", ".join(texts[:SHOWN_LEVELS]) + more
-
-
-__all__ = ["DEPTH", "HEIGHT", "PRESSURE", "Level", "level_list", "level_mismatch", "parse_level"]

@@ -161,6 +161,3 @@ def _common_nodes(snapshots: Sequence[Snapshot], area: Sequence[Sequence[float]]
             f"{FEWEST_NODES}; name another --area, or files of one grid that cover it"
         )
     return nodes
-
-
-__all__ = ["MatchedFields", "PairMoments", "analyses", "forecasts"]

@@ -30,10 +30,10 @@ from pareto_ltl.wind.gp import (
     MANY,
     WindPosterior,
     pairwise_distances,
-    same_places,
     scaled_variance,
 )
 from pareto_ltl.wind.records import ENSEMBLE, FORECAST, SPACE, TIME
+from pareto_ltl.wind.scoring import same_places
 
 LOG = logging.getLogger(__name__)
 
@@ -393,15 +393,3 @@ def persistence_of(correlations: Sequence[float]) -> float:
 
     powers = np.arange(1, len(correlations) + 1)
     return float(brentq(lambda rho: (rho**powers).sum() - total, 0.0, 1.0))
-
-
-__all__ = [
-    "ErrorParts",
-    "ModeTable",
-    "align_modes",
-    "error_modes",
-    "error_persistence",
-    "leading_modes",
-    "persistence_of",
-    "posterior_covariance",
-]

@@ -318,6 +318,3 @@ def _read_evidence(file: h5netcdf.File) -> WindEvidence:
         kernel=str(file.attrs["kernel"]),
         hyper=np.stack([columns(*(f"{name}_{key}" for key in HYPERPARAMETERS)) for name in "uv"], axis=1),
     )
-
-
-__all__ = ["read_netcdf", "write_netcdf"]

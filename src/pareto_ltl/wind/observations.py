@@ -332,6 +332,3 @@ def _distance_to_box(bounds: FloatArray, points: FloatArray) -> FloatArray:
     outside = np.maximum(0.0, np.maximum(bounds[0] - points, points - bounds[1]))
     distance: FloatArray = np.hypot(outside[:, 0], outside[:, 1])
     return distance
-
-
-__all__ = ["FEWEST_READINGS", "FIT_RADIUS", "place_readings", "project_readings", "thinned"]

@@ -159,18 +159,3 @@ def _first_true(mask: NDArray[np.bool_] | np.bool_) -> int | None:
     """Index of the first True; None if there is none."""
     rows = np.flatnonzero(mask)
     return int(rows[0]) if len(rows) else None
-
-
-__all__ = [
-    "HOUR",
-    "KNOT",
-    "Readings",
-    "check_readings",
-    "farthest_points",
-    "iso",
-    "lead_text",
-    "node_rows",
-    "on_sphere",
-    "seconds",
-    "wrap_longitude",
-]

@@ -267,16 +267,3 @@ class WindField(Displayed):
             "mean speed": f"{float(np.linalg.norm(self.mean, axis=-1).mean()):.1f} m/s",
             "source": self.source or "unknown",
         }
-
-
-__all__ = [
-    "ENSEMBLE",
-    "FORECAST",
-    "PARTS",
-    "SPACE",
-    "TIME",
-    "WindEvidence",
-    "WindField",
-    "WindModes",
-    "WindObservations",
-]

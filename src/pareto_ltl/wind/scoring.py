@@ -69,6 +69,3 @@ def score_of(fit: WindPosterior, seen: WindObservations, out: Sequence[BoolArray
         "gp_coverage_90": float(np.mean(np.abs(scores) <= NORMAL_QUANTILE_95)),
         "gp_nlpd": float(np.mean(0.5 * scores**2 + np.concatenate(log_sd)) + 0.5 * np.log(2 * np.pi)),
     }
-
-
-__all__ = ["held_out", "same_places", "score_of"]

@@ -96,6 +96,3 @@ def latest_readings(
 def known_at(snapshots: Sequence[Snapshot], moment: float, delay: float) -> tuple[Snapshot, ...]:
     """The snapshots of cycles that began at least ``delay`` [s] before ``moment`` [s since 1970]."""
     return tuple(snap for snap in snapshots if snap.cycle <= moment - delay)
-
-
-__all__ = ["Snapshot", "known_at", "latest_readings"]

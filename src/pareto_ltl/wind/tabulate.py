@@ -135,6 +135,3 @@ def tabulate_wind(task: WindTask) -> WindTable:
         rest_length=found.rest_length,
         score=posterior.score,
     )
-
-
-__all__ = ["WindTable", "WindTask", "tabulate_wind"]

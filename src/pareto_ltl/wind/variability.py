@@ -46,6 +46,3 @@ def variability_of(
     freedom = 2.0 / float((in_time**2).mean() * (in_space**2).mean())
     found = (LAW_WEIGHT + freedom * float((squares / expected).mean())) / (LAW_WEIGHT + freedom)
     return Variability(starts, ends, squares, freedom, float(np.clip(found, LEAST, MOST)))
-
-
-__all__ = ["variability_of"]

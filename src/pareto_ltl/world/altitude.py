@@ -69,6 +69,3 @@ def _band(place: Place) -> str:
         if place.ceiling is None
         else f"from {place.floor:g} to {place.ceiling:g} m"
     )
-
-
-__all__ = ["sketch_at_altitude"]

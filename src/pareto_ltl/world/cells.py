@@ -433,18 +433,3 @@ def moments(polygon: FloatArray) -> tuple[float, FloatArray]:
     twice = spokes[:-1, 0] * spokes[1:, 1] - spokes[:-1, 1] * spokes[1:, 0]
     centroid = polygon[0] + (twice[:, None] * (spokes[:-1] + spokes[1:])).sum(axis=0) / (3 * twice.sum())
     return float(twice.sum() / 2), centroid
-
-
-__all__ = [
-    "Locator",
-    "cell_graph",
-    "cells_of_points",
-    "convex_obstacles",
-    "convex_pieces",
-    "decompose",
-    "half_planes",
-    "inside_depth",
-    "locator",
-    "moments",
-    "unreachable_regions",
-]

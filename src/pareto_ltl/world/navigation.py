@@ -75,6 +75,3 @@ def utc_times(time_zero: str | None, t: FloatArray) -> tuple[str, ...] | None:
     except OverflowError:
         return None
     return tuple(time.isoformat().replace("+00:00", "Z") for time in times)
-
-
-__all__ = ["Navigation", "navigate", "true_heading", "utc_times"]

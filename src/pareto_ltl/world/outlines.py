@@ -102,6 +102,3 @@ def _moved(polygon: shapely.Polygon, distance: float) -> Any:
     if outer.covers(inner) and not shapely.hausdorff_distance(moved, found) > most:
         return found
     return shapely.simplify(moved, most / 2)
-
-
-__all__ = ["CLOSED", "Room", "corner_count", "narrowed_polygon", "widened_polygon", "without_pools"]

@@ -112,6 +112,3 @@ def merge_triangles(found: Sequence[GridCorner]) -> list[GridRing]:
 def _rotated_ring(ring: GridRing, node: GridNode) -> GridRing:
     i = ring.index(node)
     return ring[i:] + ring[:i]
-
-
-__all__ = ["GridNode", "GridRing", "convex_parts", "drop_flat", "ring_edges"]

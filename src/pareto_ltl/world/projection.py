@@ -140,15 +140,3 @@ def _cached_projection(crs: str) -> pyproj.Proj:
     if proj.crs.is_geographic:
         raise DataError(f"scene.crs {shown_value(crs)} is in degrees; expected a plane in metres")
     return proj
-
-
-__all__ = [
-    "degrees_of",
-    "largest_scale",
-    "local_plane",
-    "meridian_convergence",
-    "rotate_vectors",
-    "scale_error",
-    "to_geographic",
-    "to_plane",
-]

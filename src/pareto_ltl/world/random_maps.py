@@ -89,6 +89,3 @@ def _inscribed_polygon(rng: Generator, circle: PlacedDisc) -> list[list[float]]:
     corners = int(rng.integers(*CORNER_RANGE))
     angles = 2 * np.pi * (np.arange(corners) + rng.uniform(0.1, 0.9, corners)) / corners
     return [[x + radius * float(np.cos(a)), y + radius * float(np.sin(a))] for a in angles]
-
-
-__all__ = ["add_random_places"]

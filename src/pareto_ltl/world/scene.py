@@ -96,6 +96,3 @@ class Scene(Displayed):
             "border": self.border,
             "departure": self.time_zero or "not set",
         } | {f"{name} holds": str(window) for name, window in self.windows.items()}
-
-
-__all__ = ["Scene"]

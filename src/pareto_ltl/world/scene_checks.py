@@ -377,6 +377,3 @@ def _overlaps(
                         f"{sketch.where}: region {names[hit]!r} lies outside the border at "
                         f"{sketch.show(at)}; move it, or widen the border"
                     )
-
-
-__all__ = ["checked_scene"]

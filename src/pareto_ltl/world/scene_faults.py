@@ -58,6 +58,3 @@ class MapFaults:
                 break
             line += more
         raise DataError(line)
-
-
-__all__ = ["MapFaults"]

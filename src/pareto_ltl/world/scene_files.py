@@ -146,6 +146,3 @@ def _check_departure(where: str, time_zero: str | None) -> None:
             f"{where}: time_zero is {shown_text(repr(time_zero))}; expected an ISO 8601 time such as "
             "2018-10-09T18:00:00Z"
         ) from None
-
-
-__all__ = ["scene_from_dict", "scene_to_dict", "sketch_file"]

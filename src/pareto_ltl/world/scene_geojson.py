@@ -370,6 +370,3 @@ def _subdivided_outline(corners: FloatArray) -> FloatArray:
 def _bounding_box(points: FloatArray, margin: float = 0.0) -> FloatArray:
     low, high = points.min(axis=0), points.max(axis=0)
     return np.stack([low - margin * (high - low), high + margin * (high - low)])
-
-
-__all__ = ["FEATURE_ROLES", "crs_name", "sketch_features"]

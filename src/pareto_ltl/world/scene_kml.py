@@ -192,6 +192,3 @@ def _corners(what: str, shape: Element) -> list[list[float]]:
         ]
     except ValueError:
         raise DataError(f"{what}: its coordinates are no numbers; expected longitude,latitude ...") from None
-
-
-__all__ = ["SUFFIXES", "kml_features"]

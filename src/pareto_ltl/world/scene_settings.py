@@ -115,6 +115,3 @@ def _sketch_settings(cfg: SceneConfig) -> SceneSketch:
         timed=tuple(timed),
         faults=tuple(faults.texts),
     )
-
-
-__all__ = ["scene_from_settings", "scene_sketch"]

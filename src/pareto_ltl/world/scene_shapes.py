@@ -189,14 +189,3 @@ def _is_flat(corners: FloatArray, tolerance: float) -> bool:
     """Whether all corners lie on one line, within ``tolerance`` [m]."""
     spread = np.linalg.svd(corners - corners.mean(axis=0), compute_uv=False)
     return bool(spread[-1] <= tolerance)
-
-
-__all__ = [
-    "clipped_parts",
-    "drawn_shape",
-    "inside_of",
-    "largest_scale",
-    "outside_parts",
-    "straightened_bounds",
-    "with_buffer",
-]

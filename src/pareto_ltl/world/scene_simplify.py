@@ -156,6 +156,3 @@ class _Simplifier:
             "%s: %s corners simplified to %s, at most %s %s (scene.simplify)",
             what, f"{before:,}", f"{after:,}", distance_text(tolerance), side,
         )  # fmt: skip
-
-
-__all__ = ["DrawnMap", "simplified_map"]

@@ -294,19 +294,3 @@ def _is_empty(value: Any) -> bool:
 
 def _typed_text(value: Any) -> str:
     return shown_text(str(value.tolist() if isinstance(value, np.ndarray) else value))
-
-
-__all__ = [
-    "DrawingRules",
-    "MissionUse",
-    "Place",
-    "SceneSketch",
-    "called",
-    "numbered_outlines",
-    "read_bounds",
-    "read_corners",
-    "read_places",
-    "read_start",
-    "read_timed",
-    "unknown_use",
-]

@@ -98,6 +98,3 @@ def _grown_ring(
     while after[ring[-1]] != a:
         ring.append(after[ring[-1]])
     return ring
-
-
-__all__ = ["outlines_of", "united_rings"]

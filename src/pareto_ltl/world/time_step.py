@@ -206,14 +206,3 @@ def _all_connected(open_points: NDArray[np.bool_], wide: NDArray[np.int64]) -> b
 def step_of(robot: RobotConfig, scene: Scene, max_steps: int) -> float:
     """The time step [s] of :func:`with_time_step`, without log messages."""
     return fitting_step(robot, scene, max_steps) if isinstance(robot.dt, str) else float(robot.dt)
-
-
-__all__ = [
-    "Narrowest",
-    "fitting_step",
-    "narrowest_place",
-    "passage_width",
-    "step_of",
-    "too_long",
-    "with_time_step",
-]

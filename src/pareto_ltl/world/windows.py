@@ -168,14 +168,3 @@ def hours_text(seconds: float) -> str:
         if abs(seconds) >= UNITS[unit] and (seconds / UNITS[unit]) % 0.5 == 0:
             return f"{seconds / UNITS[unit]:g} {unit}"
     return f"{seconds:g} s"
-
-
-__all__ = [
-    "TimedPlace",
-    "Window",
-    "duration_seconds",
-    "hours_text",
-    "missed_windows",
-    "seconds_after",
-    "span_text",
-]

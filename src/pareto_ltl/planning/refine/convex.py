@@ -15,12 +15,12 @@ from pareto_ltl.planning.evaluate import propagate
 from pareto_ltl.planning.pack import pack_faces
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.refine.cone_form import Statement
+from pareto_ltl.planning.refine.course import FACE_MARGIN
 from pareto_ltl.planning.refine.obligations import face_deviations, path_obligations
 from pareto_ltl.planning.refine.parametrised import ParametrisedProgramme
 from pareto_ltl.planning.refine.risk_sharing import ROWS, RiskSharing, risk_sharing
 from pareto_ltl.planning.refine.search_map import search_map
 from pareto_ltl.planning.refine.step_programme import motion_values
-from pareto_ltl.planning.refine.taut_lines import FACE_MARGIN
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 
 FINEST = 1e-3  # smallest standard deviation that the risk model resolves, in full steps

@@ -109,6 +109,3 @@ def _ends(places: Any) -> NDArray[np.int64]:
 
 def _slices(ends: NDArray[Any]) -> list[slice]:
     return [slice(first, last) for first, last in ends.tolist()]
-
-
-__all__ = ["arrays_of", "form_of", "forms_are_kept", "kept_form"]

@@ -49,6 +49,3 @@ def spread_points(front: Sequence[Candidate], most: int) -> list[tuple[Candidate
     return [
         (min((k for k in front if k.length <= SPACING * cap), key=lambda k: k.smoothed), cap) for cap in kept
     ]
-
-
-__all__ = ["KEPT", "SPACING", "front_of", "spread_points"]

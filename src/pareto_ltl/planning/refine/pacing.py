@@ -32,6 +32,3 @@ def paced_line(problem: Problem, x: FloatArray) -> FloatArray:
             if completes(problem, late):
                 return late
     return x
-
-
-__all__ = ["paced_line"]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from importlib import import_module
 from threading import Thread
@@ -94,6 +94,3 @@ class ParametrisedProgramme:
         settings.tol_feas, settings.equilibrate_enable = self.feasibility, self.scaled
         settings.iterative_refinement_enable = False  # it doubles the time
         return settings
-
-
-__all__: Sequence[str] = ["ParametrisedProgramme", "import_early"]

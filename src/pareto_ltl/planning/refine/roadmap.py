@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import heapq
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from itertools import count
 from typing import TYPE_CHECKING, NamedTuple
@@ -308,6 +308,3 @@ def _product_graph(roadmap: Roadmap, delta: IntArray, allowed: BoolArray) -> spa
     size = len(delta) * nodes
     # The order of the edges is that of the nodes: equal lengths are never added up.
     return sparse.csr_matrix((roadmap.length[k[can]], (rows, columns)), shape=(size, size))
-
-
-__all__: Sequence[str] = ["roadmap_lines"]

@@ -11,7 +11,6 @@ the gradient and the Hessian of the binding events, within airspeed, map and the
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -213,8 +212,3 @@ def resampled_means(problem: Problem, x: FloatArray, steps: int) -> FloatArray:
     time = np.concatenate([[0.0], np.cumsum(steps_needed(problem, x) + 1e-6)])
     at = np.linspace(0.0, time[-1], steps + 1)
     return np.column_stack([np.interp(at, time, x[:, i]) for i in (0, 1)])
-
-
-__all__: Sequence[str] = [
-    "Candidate", "CommonFlights", "Polish", "Refiner", "path_length", "resampled_means", "steps_needed",
-]  # fmt: skip

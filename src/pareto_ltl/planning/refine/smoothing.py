@@ -16,18 +16,12 @@ from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import PlannedPath, objective_row
 from pareto_ltl.planning.refine.convex import Programme, bend_path, smoothing_programme
 from pareto_ltl.planning.refine.obligations import completes, path_obligations
+from pareto_ltl.planning.refine.orders import MissionOrder, mission_order
 from pareto_ltl.planning.refine.pacing import paced_line
 from pareto_ltl.planning.refine.risk_sharing import risk_sharing
 from pareto_ltl.planning.refine.search_map import search_map
 from pareto_ltl.planning.refine.step_programme import NARROWEST
-from pareto_ltl.planning.refine.taut_lines import (
-    CAP,
-    MissionOrder,
-    mission_order,
-    pull_taut,
-    taut_line,
-    walk_line,
-)
+from pareto_ltl.planning.refine.taut_lines import CAP, pull_taut, taut_line, walk_line
 from pareto_ltl.settings import SmoothingConfig
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import InfeasibleError

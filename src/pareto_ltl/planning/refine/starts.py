@@ -14,11 +14,12 @@ import numpy as np
 from pareto_ltl.planning.evaluate import propagate, square_matrices
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import Forest, Tree
+from pareto_ltl.planning.refine.orders import possible_orders
 from pareto_ltl.planning.refine.pacing import paced_line
 from pareto_ltl.planning.refine.path_classes import PathClass, Word, crossed_rays, path_class, reduced_word
 from pareto_ltl.planning.refine.roadmap import roadmap_lines
 from pareto_ltl.planning.refine.sampled import path_length
-from pareto_ltl.planning.refine.taut_lines import possible_orders, taut_line, walk_line
+from pareto_ltl.planning.refine.taut_lines import taut_line, walk_line
 from pareto_ltl.planning.selection import accepted_rows
 from pareto_ltl.support.arrays import FloatArray
 

@@ -17,7 +17,7 @@ from pareto_ltl.planning.reference import wind_at_place
 from pareto_ltl.planning.refine.bends import bend_places, gap_places
 from pareto_ltl.planning.refine.course import FACE_MARGIN, Course, mission_course
 from pareto_ltl.planning.refine.obligations import face_deviations
-from pareto_ltl.planning.refine.orders import MissionOrder, mission_order, possible_orders
+from pareto_ltl.planning.refine.orders import MissionOrder
 from pareto_ltl.planning.refine.search_map import search_map
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 
@@ -177,17 +177,3 @@ def pull_taut(problem: Problem, x: FloatArray, cov: FloatArray, keep: Sequence[i
     while rows[-1] > 0:
         rows.append(int(previous[rows[-1]]))
     return x[rows[::-1]]
-
-
-__all__ = [
-    "CAP",
-    "FACE_MARGIN",
-    "MissionOrder",
-    "Spread",
-    "longest_share",
-    "mission_order",
-    "possible_orders",
-    "pull_taut",
-    "taut_line",
-    "walk_line",
-]

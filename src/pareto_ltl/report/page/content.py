@@ -231,6 +231,3 @@ def _causes(flown: Any) -> str:
         f"{int(flown.off_map.sum()):,} left the map" + ("" if flown.walled else " (allowed)"),
     ]
     return ", ".join(told)
-
-
-__all__ = ["SCHEMA", "Content", "page_content"]

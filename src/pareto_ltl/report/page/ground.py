@@ -119,6 +119,3 @@ def shown_trees(scene: Scene, forest: Forest | None) -> list[Any]:
         np.hstack([tree.x[tree.parent[1:share]], tree.x[1:share]]) for tree in forest.trees
     )
     return rounded(np.concatenate(list(edges)), metre_digits(scene))
-
-
-__all__ = ["map_on_earth", "metre_digits", "rounded", "shown_map", "shown_trees", "shown_wind"]

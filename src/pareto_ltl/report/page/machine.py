@@ -71,6 +71,3 @@ def _curve(points: FloatArray) -> str:
     """Control points as an SVG path: a quadratic or a cubic curve."""
     first, *rest = (f"{x:g} {y:g}" for x, y in points)
     return f"M{first} {'Q' if len(rest) == 2 else 'C'}{' '.join(rest)}"
-
-
-__all__ = ["shown_automaton", "told_clocks"]

@@ -148,6 +148,3 @@ def shown_flights(run: ShownRun, problem: Problem, flown: Deployment) -> dict[st
         "failedAt": times.step[:count].tolist(),
         "cause": times.cause[:count].tolist(),
     }
-
-
-__all__ = ["chosen_number", "shown_flights", "shown_path", "shown_points", "told_points"]

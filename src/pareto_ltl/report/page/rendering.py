@@ -62,6 +62,3 @@ def plotly_script() -> str:
         raise DataError("the page needs plotly: install pareto-ltl again, or set report.page=false")
     path = Path(found.origin).parent / "package_data" / "plotly.min.js"
     return path.read_text(encoding="utf-8")
-
-
-__all__ = ["json_for_script", "page_bytes", "page_template", "plotly_script"]

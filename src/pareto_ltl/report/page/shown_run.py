@@ -72,6 +72,3 @@ class ShownRun:
     plan: Plan | None = None
     deployments: Mapping[str, Deployment] = field(default_factory=dict)
     forecasts: Mapping[str, Forecast] = field(default_factory=dict)
-
-
-__all__ = ["Origin", "ShownRun"]

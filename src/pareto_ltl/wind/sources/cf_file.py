@@ -157,6 +157,3 @@ def _open_classic(path: Path) -> Iterator[dict[str, CfVariable]]:
         finally:
             found.clear()
             file.variables.clear()
-
-
-__all__ = ["CfFile", "CfVariable", "open_cf"]

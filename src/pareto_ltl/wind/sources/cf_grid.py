@@ -282,6 +282,3 @@ def _plain(variable: CfVariable, name: str) -> object:
         return variable.text(name)
     numbers = np.ravel(value).tolist()
     return numbers[0] if len(numbers) == 1 else numbers
-
-
-__all__ = ["CfNodes", "levels_of", "member_dimension", "nodes_of", "times_of"]

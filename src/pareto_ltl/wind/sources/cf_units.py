@@ -76,6 +76,3 @@ def _zone(text: str | None) -> timezone:
     digits = text[1:].replace(":", "").rjust(2, "0")
     shift = timedelta(hours=int(digits[:2]), minutes=int(digits[2:] or 0))
     return timezone(-shift if text[0] == "-" else shift)
-
-
-__all__ = ["duration_factor", "level_unit", "speed_factor", "time_scale"]

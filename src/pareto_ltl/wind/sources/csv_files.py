@@ -257,6 +257,3 @@ EXPECTED = {
     "time": "an ISO 8601 time such as 2018-10-09T18:00:00Z",
     LEAD_COLUMN: f"hours since the forecast began, 0 to {LONGEST_LEAD:g}, or nothing",
 }
-
-
-__all__ = ["open_table", "read_csv_files", "write_csv_table"]

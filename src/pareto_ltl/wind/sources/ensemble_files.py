@@ -44,6 +44,3 @@ def _head(file: Path) -> bytes:
             return stream.read(64)
     except OSError as error:
         raise DataError(f"wind file {file} cannot be read: {error.strerror}") from None
-
-
-__all__ = ["read_ensemble_files"]

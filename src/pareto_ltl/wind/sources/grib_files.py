@@ -191,6 +191,3 @@ def _import_eccodes(file: Path) -> Any:
             f"reading GRIB ({file}) needs ecCodes: pip install 'pareto-ltl[grib]', or use wind.source=csv"
         ) from None
     return eccodes
-
-
-__all__ = ["grib_snapshots", "read_grib_files"]

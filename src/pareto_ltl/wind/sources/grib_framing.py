@@ -121,6 +121,3 @@ def _bytes_at(stream: BinaryIO, place: int, count: int) -> bytes:
     if len(found) < count:
         raise _BrokenFrameError("the file ends within it")
     return found
-
-
-__all__ = ["check_frames"]

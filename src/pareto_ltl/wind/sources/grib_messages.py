@@ -206,6 +206,3 @@ def _grid_crs(number: Any, kind: str) -> str | None:
 def _message_time(date: int, clock: int) -> float:
     """Seconds since 1970 of the integers YYYYMMDD and HHMM."""
     return datetime.strptime(f"{date:08d}{clock:04d}", "%Y%m%d%H%M").replace(tzinfo=UTC).timestamp()
-
-
-__all__ = ["SURFACE_PRESSURE", "GribField", "GribGrid", "GribScan", "decode_message"]

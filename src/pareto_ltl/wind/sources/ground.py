@@ -55,6 +55,3 @@ def left_out_notes(level: Level, counts: Sequence[LeftOut]) -> Iterator[str]:
             f"{len(counts) - len(checked)} fields at {level.text} come without surface pressure: whether "
             "nodes lie below ground could not be checked"
         )
-
-
-__all__ = ["LeftOut", "left_out_notes", "nodes_in_the_air"]

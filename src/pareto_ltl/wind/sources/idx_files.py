@@ -102,6 +102,3 @@ def entry_level(text: str) -> Level | None:
     if found := PRESSURE_TEXT.fullmatch(text):
         return Level(PRESSURE, float(found[1]) * 100.0)
     return None
-
-
-__all__ = ["IdxEntry", "entry_level", "parse_idx", "wind_parts"]

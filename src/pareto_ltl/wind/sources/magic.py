@@ -35,6 +35,3 @@ def refuse_other_format(where: str, head: bytes, expected: str) -> None:
     found = format_of(head)
     if found is not None and found != expected:
         raise DataError(f"{where} is {found}, not {expected}; {CURES[found]}")
-
-
-__all__ = ["format_of", "refuse_other_format"]

@@ -292,6 +292,3 @@ def _surface_pressure(
         if named and same and variable.text("units").lower() in ("pa", "pascal"):
             return variable
     return None
-
-
-__all__ = ["CURRENTS", "WINDS", "Quantity", "netcdf_snapshots", "read_netcdf_files"]

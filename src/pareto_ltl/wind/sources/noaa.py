@@ -174,6 +174,3 @@ def _fetch_file(cfg: WindConfig, store: DownloadCache, url: str) -> Path:
         messages.append(data)
     label = url.rsplit("/", 1)[-1].replace("/", "_")
     return store.keep(url, level.text, label, b"".join(messages))
-
-
-__all__ = ["noaa_files", "read_noaa", "read_noaa_snapshots"]

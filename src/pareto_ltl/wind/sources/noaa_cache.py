@@ -78,6 +78,3 @@ class DownloadCache:
         LOG.warning("downloads are not kept in %s: %s", self.folder, error)
         self._own = tempfile.TemporaryDirectory(prefix="pareto_ltl_noaa_", ignore_cleanup_errors=True)
         self.folder = Path(self._own.name)
-
-
-__all__ = ["DownloadCache"]

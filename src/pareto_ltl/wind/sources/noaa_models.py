@@ -110,6 +110,3 @@ MODELS = {
         ),
     )
 }
-
-
-__all__ = ["MODELS", "NoaaModel"]

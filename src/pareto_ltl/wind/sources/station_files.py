@@ -220,6 +220,3 @@ def _time(where: str, text: str) -> float:
 
 
 _cached_seconds = lru_cache(maxsize=4096)(seconds)  # many reports share few times
-
-
-__all__ = ["read_station_files"]
