@@ -1,5 +1,6 @@
 # make demo   plan the first mission, offline, on the packaged wind
-# make test   run the tests; make coverage: which lines they run
+# make test   run the tests of the day; make test-all: those before a change is taken in; make test-night: all,
+#             with fuzz, kills and the corpus (tests/levels.py); make coverage: which lines they run
 # make fuzz   read CASES=100000 spoilt files and texts of every kind (ARGS="scenes automata" for some kinds)
 # make docs   build the docs site into site/
 # make peers  compare with OMPL, Drake and MONA, each in an environment of its own (docs/peers.md)
@@ -19,14 +20,21 @@ UV := $(shell command -v uv 2>/dev/null)
 
 PEERS := build/peers
 
-.PHONY: demo test coverage coverage-report fuzz faults bench corpus scale gallery peers lint types docs dist lock install clean
+.PHONY: demo test test-all test-night coverage coverage-report fuzz faults bench corpus scale gallery peers lint types docs dist lock install clean
 .DELETE_ON_ERROR:
 
 demo: $(READY)
 	$(BIN)/python -m pareto_ltl +experiment=phi1
 
 test: $(READY)
+	PARETO_LTL_TESTS=day $(BIN)/python -m pytest -n auto $(ARGS)
+
+test-all: $(READY)
 	$(BIN)/python -m pytest $(ARGS)
+
+test-night: $(READY)
+	PARETO_LTL_TESTS=night $(BIN)/python -m pytest -n auto $(ARGS)
+	$(MAKE) fuzz faults corpus
 
 # Lines that the suite runs; the kernels count where they run uncompiled.
 coverage: $(READY)

@@ -6,17 +6,26 @@ import logging
 import os
 import sys
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
 from hypothesis import settings
 
+from levels import BY_DAY, left_out
+
 # Tests start hundreds of processes, which would else compile the same modules again and again.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 sys.dont_write_bytecode = False
 
-settings.register_profile("house", deadline=None, derandomize=True, database=None)
+examples = 25 if BY_DAY else 100
+settings.register_profile("house", deadline=None, derandomize=True, database=None, max_examples=examples)
 settings.load_profile("house")
+
+
+def pytest_ignore_collect(collection_path: Path) -> bool | None:
+    """Leave out the modules of other levels, unread."""
+    return (collection_path.suffix == ".py" and left_out(collection_path)) or None
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -1,0 +1,88 @@
+"""Which tests run by day (``make test``), before a change is taken in (``make test-all``) and at night.
+
+``PARETO_LTL_TESTS`` is ``day``, ``all`` (the default) or ``night``.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable, Iterator
+from pathlib import Path
+from typing import TypeVar
+
+LEVEL = os.environ.get("PARETO_LTL_TESTS", "all")
+if LEVEL not in ("day", "all", "night"):
+    raise ValueError(f"PARETO_LTL_TESTS must be day, all or night, got {LEVEL!r}")
+BY_DAY = LEVEL == "day"
+AT_NIGHT = LEVEL == "night"
+Case = TypeVar("Case")
+
+# Modules that start processes, plan whole missions or read files of every kind: not by day.
+NOT_BY_DAY = [
+    "test_corpus",
+    "test_documented_commands",
+    "test_examples",
+    "test_golden",
+    "test_notebooks",
+    "test_platforms",
+    "fuzz/*",
+    "studies/*",
+    "cli/test_budget",
+    "cli/test_commands",
+    "cli/test_help",
+    "cli/test_hydra_app",
+    "cli/test_rerun",
+    "cli/test_wind_error",
+    "planning/test_choices",
+    "planning/test_front_sweep",
+    "planning/test_kept_forms",
+    "planning/test_no_path",
+    "planning/test_power",
+    "planning/test_search_map",
+    "planning/test_smoothing_large",
+    "planning/test_uncompiled_plans",
+    "report/test_drawing",
+    "report/test_figures",
+    "report/test_legs",
+    "report/test_texts",
+    "run/test_choosing",
+    "run/test_compiling",
+    "run/test_directory",
+    "run/test_documents",
+    "run/test_exporting",
+    "run/test_faults",
+    "run/test_interface",
+    "run/test_replanning",
+    "run/test_vehicles",
+    "settings/test_odd_values",
+    "simulation/test_certificates",
+    "simulation/test_coherent_flights",
+    "simulation/test_failure_times",
+    "simulation/test_judging",
+    "support/test_extensions",
+    "verify/test_corrections",
+    "verify/test_forbidden",
+    "verify/test_simplified",
+    "wind/test_netcdf_files",
+    "wind/test_noaa_source",
+    "wind/test_sources",
+    "wind/test_wind_document",
+]
+ONLY_AT_NIGHT = ["planning/test_uncompiled_plans", "run/test_documents"]
+
+
+def left_out(path: Path) -> bool:
+    """Whether the tests of the module ``path`` are not of this level."""
+    names = ONLY_AT_NIGHT if LEVEL == "all" else NOT_BY_DAY if BY_DAY else []
+    module = path.relative_to(Path(__file__).parent).with_suffix("")
+    return any(module.match(name) for name in names)
+
+
+def first_of_each(cases: Iterable[Case], kinds: Callable[[Case], Iterable[object]]) -> Iterator[Case]:
+    """At night all cases; else those that are the first of one of their kinds."""
+    seen: set[object] = set()
+    for case in cases:
+        new = set(kinds(case)) - seen
+        if new or AT_NIGHT:
+            seen |= new
+            yield case
