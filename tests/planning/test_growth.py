@@ -19,6 +19,7 @@ from pareto_ltl.planning.growth import GrowthOptions
 from pareto_ltl.planning.selection import hypervolume, non_dominated
 from pareto_ltl.settings import PlannerConfig, RobotConfig
 from pareto_ltl.support import memory
+from pareto_ltl.support.budget import Budget
 from pareto_ltl.support.errors import ConfigError, InfeasibleError
 from problems import (
     KM,
@@ -451,3 +452,13 @@ def test_in_still_air_re_selection_brings_paths_near_the_straight_line():
     straight = np.hypot(13, 13) * KM
     assert straight <= best[True] <= 1.12 * straight
     assert best[True] < best[False]
+
+
+def test_growth_leaves_most_of_a_time_budget_to_refinement():
+    class QuarterSpent(Budget):
+        def left(self, share=1.0):
+            return max(share - 0.25, 0.0)
+
+    cfg = PlannerConfig(trees=1, n_max=400_000, threads=1)
+    forest = growth.grow_forest(cfg, two_goals(), SeedSequence(0), budget=QuarterSpent(1e6))
+    assert len(forest.trees[0].x) < 0.9 * cfg.n_max
