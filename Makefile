@@ -27,13 +27,13 @@ demo: $(READY)
 	$(BIN)/python -m pareto_ltl +experiment=phi1
 
 test: $(READY)
-	PARETO_LTL_TESTS=day $(BIN)/python -m pytest -n auto $(ARGS)
+	PARETO_LTL_TESTS=day $(BIN)/python -m pytest -n logical $(ARGS)
 
 test-all: $(READY)
 	$(BIN)/python -m pytest $(ARGS)
 
 test-night: $(READY)
-	PARETO_LTL_TESTS=night $(BIN)/python -m pytest -n auto $(ARGS)
+	PARETO_LTL_TESTS=night $(BIN)/python -m pytest -n logical $(ARGS)
 	$(MAKE) fuzz faults corpus
 
 # Lines that the suite runs; the kernels count where they run uncompiled.
