@@ -309,6 +309,14 @@ def completes_mission(problem: Problem, path: PlannedPath) -> bool:
     return bool(problem.automaton.distance[path.q[-1]] == 0.0)
 
 
+def completing_path(problem: Problem, x: FloatArray, origin: str, *, tight: bool = True) -> PlannedPath:
+    """:func:`evaluate_path`; InfeasibleError also if the path does not complete the mission."""
+    path = evaluate_path(problem, x, origin, tight=tight)
+    if not completes_mission(problem, path):
+        raise InfeasibleError("the expected path does not complete the mission")
+    return path
+
+
 # --- bounds of controls -----------------------------------------------------------------------
 
 

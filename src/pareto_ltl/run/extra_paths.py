@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from pareto_ltl.planning.evaluate import completes_mission, evaluate_path
+from pareto_ltl.planning.evaluate import completing_path
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import PlannedPath
 from pareto_ltl.run.file_shape import inside, shaped
@@ -62,11 +62,7 @@ def extra_paths(place: str | None, problem: Problem) -> tuple[PlannedPath, ...]:
     able = []
     for origin, x in [] if place is None else read_extra_paths(place):
         try:
-            path = evaluate_path(problem, x, origin)
-            if not completes_mission(problem, path):
-                raise InfeasibleError("the path does not complete the mission")
+            able.append(completing_path(problem, x, origin))
         except InfeasibleError as error:
             LOG.warning("%s of selection.extra_paths is left out: %s", origin, error)
-            continue
-        able.append(path)
     return tuple(able)

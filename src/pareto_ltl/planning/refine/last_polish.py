@@ -8,7 +8,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
-from pareto_ltl.planning.evaluate import completes_mission, evaluate_path
+from pareto_ltl.planning.evaluate import completing_path
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import PlannedPath
 from pareto_ltl.planning.refine.length_caps import spread_points
@@ -135,12 +135,9 @@ def planned_paths(
 def _path_of(problem: Problem, k: Candidate) -> tuple[PlannedPath | None, str]:
     """The path of a candidate; None, and why, if it cannot be flown or does not complete the mission."""
     try:
-        path = evaluate_path(problem, k.flight.x, f"{k.origin}, refined")
+        return completing_path(problem, k.flight.x, f"{k.origin}, refined"), ""
     except InfeasibleError as error:
         return None, str(error)
-    if not completes_mission(problem, path):
-        return None, "the expected path does not complete the mission"
-    return path, ""
 
 
 def repaired(sweep: Sweep, k: Candidate) -> Iterator[Candidate]:

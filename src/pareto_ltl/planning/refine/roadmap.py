@@ -32,11 +32,7 @@ if TYPE_CHECKING:
     import shapely
     from scipy import sparse
 
-CLEARANCES = (
-    0.03,
-    0.01,
-    0.003,
-)  # of the map's size: distance of a node from its corner; the first that is free
+CLEARANCES = (0.03, 0.01, 0.003)  # of the map's size: distances of a node from its corner, the first free one
 DEPTH = 0.4  # share of the way from a region's corner to its middle at which a node lies
 STRETCH = 1.7  # lines longer than this many times the shortest one are not searched
 PER_NODE = 12  # classes of one leg that are lengthened at one node

@@ -11,7 +11,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from pareto_ltl.planning.evaluate import completes_mission, evaluate_path, propagate
+from pareto_ltl.planning.evaluate import completing_path, evaluate_path, propagate
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import PlannedPath, objective_row
 from pareto_ltl.planning.refine.convex import Programme, bend_path, smoothing_programme
@@ -148,10 +148,9 @@ def fitting_programme(problem: Problem, begun: Sequence[Start]) -> Programme:
 def flown_path(problem: Problem, x: FloatArray) -> PlannedPath | None:
     """The path along ``x`` (T+1, 2) if it is feasible and completes the mission; else None."""
     try:
-        path = evaluate_path(problem, x, "", tight=False)
+        return completing_path(problem, x, "", tight=False)
     except InfeasibleError:
         return None
-    return path if completes_mission(problem, path) else None
 
 
 def _alike(problem: Problem, one: Start, other: Start) -> bool:
