@@ -96,7 +96,9 @@ dist: $(READY)
 docs: $(READY)
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
 
+# Also compile the kernels of the default settings, which a first run would do otherwise.
 install: $(READY)
+	$(BIN)/python -m pareto_ltl +experiment=phi1 report=none exports=none hydra.run.dir=build/compiled > /dev/null
 
 $(READY): requirements.lock pyproject.toml
 	@$(PYTHON) -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13))' || \

@@ -83,14 +83,14 @@ def safe_plan():
     planned = pareto_ltl.plan(
         "phi2", MISSIONS["phi2"], fidelity="full", robot={"dt": 1800.0, "feedback": 0.1}
     )
-    importance.importance_rate(planned.problem, planned.plan.path, 250, SeedSequence(0))
+    importance.weighted_rate(planned.problem, planned.plan.path, 250, SeedSequence(0))
     return planned.problem, planned.plan.path
 
 
 def test_rate_of_a_rare_failure_from_20_000_draws(benchmark, safe_plan):
     problem, path = safe_plan
     arguments = (problem, path, 20_000, SeedSequence(1))
-    rate = benchmark.pedantic(importance.importance_rate, arguments, rounds=5, warmup_rounds=1)
+    rate = benchmark.pedantic(importance.weighted_rate, arguments, rounds=5, warmup_rounds=1)
     proposal = importance.make_proposal(problem, path, rate.law)
     weights, failed = importance.weighted_flights(problem, path, proposal, *arguments[2:])
     error = float(np.where(failed, weights, 0.0).std()) / np.sqrt(20_000) / rate.failure

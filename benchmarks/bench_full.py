@@ -13,9 +13,9 @@ import pytest
 import yaml
 from numpy.random import SeedSequence
 
+from oracle import path_risk as risk
 from pareto_ltl.logic.mission import automaton_of
 from pareto_ltl.planning import growth, selection
-from pareto_ltl.planning import reference as risk
 from pareto_ltl.planning.evaluate import evaluate_path, ordered_mission_risk, propagate
 from pareto_ltl.planning.pack import build_problem, pack_faces, pack_nearby
 from pareto_ltl.planning.records import Forest

@@ -109,7 +109,7 @@ class Memory:
 
 @pytest.mark.parametrize("fidelity", ["paper", "full"])
 def test_memory_of_a_run(benchmark, tmp_path, fidelity):
-    """Memory of the run and of the process that draws its figures; shared pages count twice."""
+    """Memory of the run and its processes; shared pages count twice."""
     words = (tmp_path, "+experiment=phi2", f"fidelity={fidelity}")
     call(*words)  # compiles
     memory, ended = Memory(), Event()

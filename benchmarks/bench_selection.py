@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from numpy.random import SeedSequence
 
+from oracle import path_risk as risk
 from pareto_ltl.planning import growth, selection
-from pareto_ltl.planning import reference as risk
 from pareto_ltl.settings import PlannerConfig
 from problems import paper_problem
 

@@ -25,7 +25,8 @@ from pareto_ltl.wind import gp
 from pareto_ltl.wind.observations import project_readings
 from pareto_ltl.wind.readings import farthest_points, on_sphere
 from pareto_ltl.wind.records import WindObservations
-from pareto_ltl.wind.sources.grib_apart import read_grib_apart
+from pareto_ltl.wind.snapshots import latest_readings
+from pareto_ltl.wind.sources.grib_apart import grib_snapshots_apart
 from pareto_ltl.world import projection
 
 AREA = Path(__file__).parents[1] / "conf" / "ingest" / "conus.yaml"
@@ -35,7 +36,7 @@ KERNELS = ("matern32", "matern12", "rbf")
 def fields(folder: Path) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Places on the unit sphere (N, 3), positions in a plane (N, 2) [m], winds (K, N, 2) [m/s]."""
     files = tuple(sorted(file for file in folder.iterdir() if file.is_file()))
-    readings = read_grib_apart(files, 75.0)
+    readings = latest_readings(*grib_snapshots_apart(files, 75.0))
     outline = shapely.Polygon(yaml.safe_load(AREA.read_text())["area"])
     inside = shapely.contains_xy(outline, readings.points[0])
     lonlat = readings.points[0][inside]

@@ -32,7 +32,7 @@ from pareto_ltl.settings import HindcastConfig, RefineConfig, preset
 from pareto_ltl.settings.building import build_settings
 from pareto_ltl.simulation.common_flights import draw_flights
 from pareto_ltl.simulation.flights import simulate_flights
-from pareto_ltl.studies.field_missions import mission_settings
+from pareto_ltl.studies.forecast_test import mission_settings
 from pareto_ltl.studies.random_missions import mission as random_mission
 from pareto_ltl.studies.true_fields import Spell
 
@@ -69,7 +69,7 @@ def benchmark_run(name: str, border: str, seed: int) -> Run:
     times = Run(settings, PLAN_TABLE).make(READINGS).times
     spell = Spell(0, len(times) - 1, float(times[0]), float(times[-1]))
     task = random_mission(HindcastConfig(), RANDOM_SEED, int(number), [spell], border)
-    settings = mission_settings(settings, HindcastConfig(), task, "full", settings.wind)
+    settings = mission_settings(settings, HindcastConfig(), task, "full")
     return Run(replace(settings, seed=seed), PLAN_TABLE, Records({SCENE: task.scene}))
 
 

@@ -135,7 +135,7 @@ def path_of(
     steps = np.arange(46.0)[:, None, None]
     cov = steps * np.array([[1.0, 0.35], [0.35, 0.7]]) * (0.0036 * np.ptp(scene.bounds[:, 0])) ** 2
     length = float(along[-1]) * longer
-    objectives = Objectives(length, mission, mission, collision, mission)
+    objectives = Objectives({"length": length}, mission, mission, collision, mission)
     return PlannedPath(
         np.arange(46) * 1800.0,
         x,
@@ -161,7 +161,7 @@ def front_of(
         path_of(scene, m, r, 1.1 - 0.05 * i) for i, (m, r) in enumerate(zip(risks, collisions, strict=True))
     )
     raw = tuple(
-        Objectives(p.objectives.length * 1.08, *(min(1.0, 2.5 * r) for r in (m, m, c, m)))
+        Objectives({"length": p.objectives.length * 1.08}, *(min(1.0, 2.5 * r) for r in (m, m, c, m)))
         for p in paths
         for m, c in [(p.objectives.mission_risk, p.objectives.collision_risk)]
     )

@@ -23,7 +23,7 @@ from quick_wind import QUICK_WIND
 REFINED = {"flights": 20, "sweep_flights": 10, "classes": 1, "points": 2}
 COMMON: dict[str, Any] = {
     "robot": {"dt": 3600.0},
-    "planner": {"trees": 1, "n_max": 150, "max_steps": 60},
+    "planner": {"trees": 1, "n_max": 150, "max_steps": 60, "epsilon": 0.7},
     "smoothing": {"candidates": 1, "weights": [1.0]},
     "refine": REFINED,
     "selection": {"draws": 20, "runs": 20},
@@ -39,7 +39,7 @@ MISSIONS: dict[str, tuple[str | dict[str, Any], str, dict[str, Any]]] = {
     "paper": (
         "phi1",
         PHI1,
-        {"fidelity": "paper", "planner": COMMON["planner"] | {"epsilon": 0.7, "n_max": 600}},
+        {"fidelity": "paper", "planner": COMMON["planner"] | {"n_max": 600}},
     ),
     "fixes": (read_yaml(choice_file("scene", "phi1")) | {"landmarks": BEACONS}, "F a", {}),
     "deadline": ("phi1", "F[0,40h] a & F[0,60h] b", {}),

@@ -102,7 +102,7 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Site:
     done = subprocess.run(
         [sys.executable, "-c", BUILD, str(place)],
         cwd=ROOT,
-        env={"PATH": "", "NO_MKDOCS_2_WARNING": "1", "LC_ALL": "C.UTF-8"},
+        env={"PYTHONPATH": str(ROOT / "src"), "PATH": "", "NO_MKDOCS_2_WARNING": "1", "LC_ALL": "C.UTF-8"},
         capture_output=True,
         text=True,
         check=False,

@@ -19,7 +19,8 @@ import pareto_ltl
 from documents import DOCUMENTS, ROOT, python_blocks, shell_commands
 from pareto_ltl.cli import composition
 from pareto_ltl.cli.arguments import CommandArguments
-from pareto_ltl.cli.commands import PIPELINE_COMMANDS, run_command_line
+from pareto_ltl.cli.command_table import PIPELINE_COMMANDS
+from pareto_ltl.cli.commands import run_command_line
 from pareto_ltl.cli.composition import HELP_FLAGS, opened_hydra, parse_flags, prepare
 from pareto_ltl.cli.hydra_app import apply_command
 from pareto_ltl.run.showing import DISPLAYS
@@ -179,7 +180,8 @@ def test_a_block_of_python_runs(code: str, started: Path, monkeypatch: pytest.Mo
     """With small plans; a part of a module is compiled, and the module has the names that it uses."""
     compiled = compile(code, "block", "exec")
     if "import" not in code:
-        there = {*vars(importlib.import_module("pareto_ltl.kernels.parents")), *dir(builtins)}
+        modules = map(importlib.import_module, ("pareto_ltl.kernels.parents", "pareto_ltl.planning.costs"))
+        there = {*dir(builtins), *(name for module in modules for name in vars(module))}
         assert {name for name in compiled.co_names if not name.startswith("_")} <= {*there, *defined_in(code)}
         return
     monkeypatch.chdir(started)

@@ -71,12 +71,12 @@ def test_the_parts_of_the_page_lie_in_the_package_and_are_no_ignored_files() -> 
         ).returncode
 
 
-def test_help_and_a_wrong_setting_do_not_load_jsonschema(tmp_path: Path) -> None:
+def test_help_and_a_wrong_setting_do_not_load_fastjsonschema(tmp_path: Path) -> None:
     for words in (["--help"], ["+experiment=phi1", "seed=-x"], ["rerun", "nowhere"]):
         check = (
             "import sys; from pareto_ltl.__main__ import main\n"
             f"sys.argv[1:] = {words}\ntry: main()\nexcept SystemExit: pass\n"
-            "assert 'jsonschema' not in sys.modules"
+            "assert 'fastjsonschema' not in sys.modules"
         )
         done = subprocess.run(
             [sys.executable, "-c", check], cwd=tmp_path, capture_output=True, text=True, check=False

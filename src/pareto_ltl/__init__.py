@@ -10,6 +10,7 @@
     pareto_ltl.replan(result, "6h", (38.1, -94.2, 500.0))  # the rest of the flight, from a position fix
     pareto_ltl.simulate(result, runs=1000, law="coherent")
     pareto_ltl.load_results("outputs/phi1/...")  # a run of the command line
+    pareto_ltl.verify("outputs/phi1/...")  # every claim of its files derived again, without the planner
 
 The command line is ``pareto-ltl plan +experiment=phi1``, or ``python -m pareto_ltl +experiment=phi1``. The
 names below are imported when they are used, so that ``import pareto_ltl`` loads no numerical package.
@@ -20,12 +21,13 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from pareto_ltl.support.display import Displayed
+
 if TYPE_CHECKING:
-    from pareto_ltl.run.explaining import explain
     from pareto_ltl.run.exporting import export
     from pareto_ltl.run.interface import PlanningResult, choose, load_results, plan, replan, simulate
     from pareto_ltl.run.results import Results
-    from pareto_ltl.run.showing import page, show
+    from pareto_ltl.run.showing import explain, page, show
     from pareto_ltl.settings import Settings
     from pareto_ltl.support.errors import (
         ConfigError,
@@ -34,7 +36,10 @@ if TYPE_CHECKING:
         InfeasibleError,
         ParetoLtlError,
     )
+    from pareto_ltl.wind.readings import Readings
+    from pareto_ltl.wind.records import WindField
     from pareto_ltl.world.scene import Scene
+    from pareto_ltl_verify.judge import verify
 
 __version__ = "0.1.0"
 
@@ -45,9 +50,11 @@ __all__ = [
     "InfeasibleError",
     "ParetoLtlError",
     "PlanningResult",
+    "Readings",
     "Results",
     "Scene",
     "Settings",
+    "WindField",
     "__version__",
     "choose",
     "explain",
@@ -58,20 +65,30 @@ __all__ = [
     "replan",
     "show",
     "simulate",
+    "verify",
 ]
 
 _EXPORTS = {
-    "pareto_ltl.run.explaining": ("explain",),
     "pareto_ltl.run.exporting": ("export",),
     "pareto_ltl.run.interface": ("PlanningResult", "choose", "load_results", "plan", "replan", "simulate"),
     "pareto_ltl.run.results": ("Results",),
-    "pareto_ltl.run.showing": ("page", "show"),
+    "pareto_ltl.run.showing": ("explain", "page", "show"),
     "pareto_ltl.settings": ("Settings",),
     "pareto_ltl.support.errors": (
         "ConfigError", "DataError", "FormulaError", "InfeasibleError", "ParetoLtlError",
     ),
+    "pareto_ltl.wind.readings": ("Readings",),
+    "pareto_ltl.wind.records": ("WindField",),
     "pareto_ltl.world.scene": ("Scene",),
+    "pareto_ltl_verify.judge": ("verify",),
 }  # fmt: skip
+
+
+def _draw(record: Displayed, **options: Any) -> Any:
+    return import_module("pareto_ltl.report.notebook").draw_record(record, **options)
+
+
+Displayed.drawn = _draw
 
 
 def __getattr__(name: str) -> Any:

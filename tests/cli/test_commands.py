@@ -15,10 +15,11 @@ from hydra._internal.config_loader_impl import ConfigLoaderImpl
 
 from pareto_ltl.cli import arguments, composition
 from pareto_ltl.cli import hydra_app as app
-from pareto_ltl.cli.commands import COMMANDS, PIPELINE_COMMANDS, run_command_line
-from pareto_ltl.cli.stage_table import application_stages
+from pareto_ltl.cli.command_table import COMMANDS, PIPELINE_COMMANDS
+from pareto_ltl.cli.commands import run_command_line
 from pareto_ltl.run.pipeline import Pipeline, check_pipeline
 from pareto_ltl.settings import Settings
+from pareto_ltl.studies.stages import application_stages
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.resources import choices, resource_folder
 

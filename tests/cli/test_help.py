@@ -10,7 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from pareto_ltl.cli.commands import COMMANDS, PIPELINE_COMMANDS, Command, run_command_line
+from pareto_ltl.cli.command_table import COMMANDS, PIPELINE_COMMANDS, Command, PipelineCommand
+from pareto_ltl.cli.commands import run_command_line
 from pareto_ltl.cli.help_text import COMMON_SETTINGS, group_choices
 from pareto_ltl.settings import Settings, declarations
 from pareto_ltl.support.resources import choices, resource_folder
@@ -107,7 +108,7 @@ def test_every_command_has_its_help(command: Command, here: Path, capsys: pytest
 
 @pytest.mark.parametrize("command", PIPELINE_COMMANDS, ids=lambda command: str(command.name))
 def test_the_help_of_a_pipeline_explains_its_own_settings(
-    command: Command, capsys: pytest.CaptureFixture[str]
+    command: PipelineCommand, capsys: pytest.CaptureFixture[str]
 ) -> None:
     text = shown(capsys, command.name, "--help")
     for section in command.sections:

@@ -16,7 +16,7 @@ from typing import Any
 import pytest
 from hydra.types import RunMode
 
-from pareto_ltl.cli import composition, stage_table
+from pareto_ltl.cli import composition
 from pareto_ltl.cli import hydra_app as app
 from pareto_ltl.cli.setting_keys import settings_from
 from pareto_ltl.run.provenance import one_line
@@ -25,6 +25,7 @@ from pareto_ltl.run.results import Results
 from pareto_ltl.run.stage_table import Stage, StageInputs
 from pareto_ltl.settings import Settings
 from pareto_ltl.settings.outputs import EXPORT_FILES
+from pareto_ltl.studies import stages
 from pareto_ltl.support import memory
 from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
 from pareto_ltl.support.resources import choices
@@ -48,8 +49,8 @@ def stage(monkeypatch: pytest.MonkeyPatch) -> Any:
     """Adds a stage, which has the name of its function, for the duration of a test."""
 
     def add(make: Callable[[StageInputs], Any]) -> None:
-        added = Stage(make.__name__, makes=RecordKey[Any](make.__name__), make=make)
-        monkeypatch.setattr(stage_table, "STUDY_STAGES", (*stage_table.STUDY_STAGES, added))
+        added = Stage(makes=RecordKey[Any](make.__name__), make=make)
+        monkeypatch.setattr(stages, "STUDY_STAGES", (*stages.STUDY_STAGES, added))
 
     return add
 
@@ -444,24 +445,6 @@ def test_start_up_loads_no_numerical_package() -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.stdout == "[]\n"
-
-
-@pytest.mark.parametrize(("cores", "apart"), [(1, False), (2, True)])
-def test_where_there_is_a_core_for_it_figures_are_drawn_by_another_process(
-    cores: int, apart: bool, tmp_path: Path
-) -> None:
-    code = (
-        "import sys\n"
-        "from pareto_ltl.cli import hydra_app as app\n"
-        "words = '+experiment=phi1 fidelity=paper planner.trees=1 planner.n_max=20 report.dpi=30'.split()\n"
-        "assert app.run_hydra([*words, 'hydra.run.dir=place']) == 2\n"  # it finds no path, and draws
-        "print('matplotlib' in sys.modules)\n"
-    )
-    environment = os.environ | {"OMP_NUM_THREADS": str(cores)}
-    command = [sys.executable, "-c", code]
-    done = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, env=environment, check=False)
-    assert done.stdout == f"{not apart}\n", done.stderr
-    assert {path.name for path in (tmp_path / "place" / "figures").iterdir()} == {"plan.png", "wind.png"}
 
 
 def test_warnings_go_to_the_log_of_the_run(

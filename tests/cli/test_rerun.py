@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from pareto_ltl.cli import hydra_app as app
-from pareto_ltl.cli.rerun_command import rerun_command
+from pareto_ltl.cli.commands import run_command_line
 
 SMALL = (
     "+experiment=phi1", "wind=calm", "planner.trees=2", "fidelity=paper", "fidelity.refine=none",
@@ -32,14 +32,14 @@ def test_a_run_is_made_again_byte_by_byte_and_a_changed_plan_is_noticed(
     here: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     place = made("planner.n_max=800", "planner.threads=1")
-    assert rerun_command([str(place)]) == 0
+    assert run_command_line(["rerun", str(place)]) == 0
     told = capsys.readouterr().out.splitlines()[-1]
     assert told.startswith("the same, byte for byte: scene.json, ")
     assert "wind.nc, trees.npz, front.csv, front.npz, plan.json, plan.csv, deployments.npz" in told
     assert told.endswith("plan.kml, plan.gpx, mission.plan, mavlink_script.json, corridor.geojson")
-    assert rerun_command([str(place), "--into", "again"]) == 0
+    assert run_command_line(["rerun", str(place), "--into", "again"]) == 0
     assert (here / "again" / "plan.json").read_bytes() == (place / "plan.json").read_bytes()
-    assert rerun_command([str(place), "--into", "again"]) == 2
+    assert run_command_line(["rerun", str(place), "--into", "again"]) == 2
     assert "it exists and is not empty" in capsys.readouterr().err
 
     plan, record = place / "plan.json", place / "run.json"
@@ -48,7 +48,7 @@ def test_a_run_is_made_again_byte_by_byte_and_a_changed_plan_is_noticed(
     content["packages"]["numpy"] = "1.0"
     content["inputs"] = {"gone.csv": "0" * 64}
     record.write_text(json.dumps(content))
-    assert rerun_command([str(place)]) == 1
+    assert run_command_line(["rerun", str(place)]) == 1
     out = capsys.readouterr().out
     assert 'plan.json differs, first in line 5 ("dt")' in out
     assert "note: numpy was 1.0, is " in out
@@ -57,7 +57,7 @@ def test_a_run_is_made_again_byte_by_byte_and_a_changed_plan_is_noticed(
 
 def test_that_there_is_no_plan_is_found_again(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     place = made("planner.n_max=20")
-    assert rerun_command([str(place)]) == 0
+    assert run_command_line(["rerun", str(place)]) == 0
     assert "infeasible again, for the same reason" in capsys.readouterr().out
 
 
@@ -73,7 +73,7 @@ def test_what_cannot_be_made_again_is_one_line(
             json.dumps({"status": status, "inputs": {}, "packages": {}, "argv": []})
         )
         (place / "config_resolved.yaml").write_text("seed: many\n")
-    assert rerun_command([str(place)]) == 2
+    assert run_command_line(["rerun", str(place)]) == 2
     err = capsys.readouterr().err
     assert err.count("\n") == 1
     expected = {"nothing": "is this a results directory?", "status": "ended as 'failed'", "settings": "seed"}
@@ -86,7 +86,7 @@ def test_a_result_of_which_nothing_is_left_is_not_called_the_same(
 ) -> None:
     place = made("planner.n_max=800")
     (place / "plan.json").unlink()
-    assert rerun_command([str(place)]) == 1
+    assert run_command_line(["rerun", str(place)]) == 1
     assert f"{place / 'plan.json'} missing" in capsys.readouterr().out
 
     settings = (place / "config_resolved.yaml").read_text()
@@ -94,7 +94,7 @@ def test_a_result_of_which_nothing_is_left_is_not_called_the_same(
     (place / "config_resolved.yaml").write_text(
         settings[:stages] + "stages: [readings]" + settings[settings.index("]", stages) + 1 :]
     )
-    assert rerun_command([str(place)]) == 2
+    assert run_command_line(["rerun", str(place)]) == 2
     assert "holds none of the files that its pipeline writes" in capsys.readouterr().err
 
 
@@ -103,12 +103,12 @@ def test_the_tables_of_a_study_are_compared_but_for_seconds(
 ) -> None:
     quick = ("evaluation.seeds=[0]", "compare.methods=[paper]", "hydra.run.dir=study", "planner.n_max=800")
     assert app.run_hydra([*SMALL, *quick, "pipelines=compare"]) == 0
-    assert rerun_command(["study"]) == 0
+    assert run_command_line(["rerun", "study"]) == 0
     told = capsys.readouterr().out.splitlines()[-1]
     assert "compare.csv, compare_seeds.csv" in told
     table = Path("study/compare_seeds.csv")
     table.write_text(table.read_text().replace("paper", "forged"))
-    assert rerun_command(["study"]) == 1
+    assert run_command_line(["rerun", "study"]) == 1
     assert "compare_seeds.csv differs, first in line" in capsys.readouterr().out
 
 
@@ -129,7 +129,7 @@ def ingested(folder: Path) -> Path:
 
 def test_the_second_result_stays_in_its_own_folder(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     place, table = ingested(here), here / "table.csv"
-    assert rerun_command([str(place)]) == 0
+    assert run_command_line(["rerun", str(place)]) == 0
     assert "the same, byte for byte: table.csv" in capsys.readouterr().out
 
     victim = here / "victim.csv"
@@ -137,7 +137,7 @@ def test_the_second_result_stays_in_its_own_folder(here: Path, capsys: pytest.Ca
     settings = place / "config_resolved.yaml"
     settings.write_text(settings.read_text().replace("out: table.csv", f"out: {victim}"))
     before = {path: path.read_bytes() for path in here.rglob("*") if path.is_file()}
-    assert rerun_command([str(place)]) == 1  # the table that the run wrote is not made again
+    assert run_command_line(["rerun", str(place)]) == 1  # the table that the run wrote is not made again
     assert {path: path.read_bytes() for path in here.rglob("*") if path.is_file()} == before
     assert victim.read_text() == "precious"
     assert table.is_file()
@@ -149,7 +149,7 @@ def test_an_edited_digest_of_a_table_elsewhere_is_noticed(
     place = ingested(here)
     record = json.loads((place / "run.json").read_text())
     (place / "run.json").write_text(json.dumps(record | {"outputs": {"table.csv": "0" * 64}}))
-    assert rerun_command([str(place)]) == 1
+    assert run_command_line(["rerun", str(place)]) == 1
     assert "table.csv has other bytes" in capsys.readouterr().out
 
 
@@ -160,6 +160,6 @@ def test_settings_of_a_directory_do_not_read_the_environment(
     place = made("planner.n_max=20")
     settings = place / "config_resolved.yaml"
     settings.write_text(settings.read_text().replace("name: phi1", "name: ${oc.env:SECRET}", 1))
-    rerun_command([str(place), "--into", "second"])
+    run_command_line(["rerun", str(place), "--into", "second"])
     text = "".join(path.read_text(errors="replace") for path in Path("second").rglob("*") if path.is_file())
     assert "hush" not in text + "".join(capsys.readouterr())

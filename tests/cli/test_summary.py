@@ -33,12 +33,24 @@ def test_every_probability_stands_beside_its_wind_law() -> None:
         "mission risk V, coherent winds": "0.0032 %",
         "collision risk R, coherent winds": "0 %",
         "fails, coherent winds, 20,000 fresh flights": "0.15 %, at most 0.21 % (95 %)",
-        "V + R that guided the search, coherent winds": "3.2 %",
+        "bound V + R, coherent winds": "3.2 %",
         "V + R of the controls, coherent winds": "100 %",
         "failed of 500 simulated, coherent winds": "0 % (95 %: 0 to 0.73 %)",
         "  forest": "0.25 s",
         "in all": "1.50 s",
     }
+
+
+def test_a_newcomer_reads_the_promise_and_what_limits_it() -> None:
+    rows = dict(summary_rows(METRICS, "coherent", verbose=False))
+    assert rows == {
+        "length": "1,500.0 km",
+        "flight time": "25.00 h in steps of 1,800 s",
+        "fails, coherent winds, 20,000 fresh flights": "0.15 %, at most 0.21 % (95 %)",
+        "in all": "1.50 s",
+    }
+    bounded = {key: value for key, value in METRICS.items() if not key.startswith("promise")}
+    assert len(dict(summary_rows(bounded, "coherent", verbose=False))) > 4  # there the bounds judge
 
 
 def test_the_warnings_of_a_run_are_printed_each_once(tmp_path: Path) -> None:
@@ -61,7 +73,7 @@ def test_the_warnings_of_a_run_are_printed_each_once(tmp_path: Path) -> None:
 def test_the_law_is_that_of_the_settings(tmp_path: Path) -> None:
     page = io.StringIO()
     settings = Settings(name="trial", fidelity=preset("full"))
-    print_summary(settings, tmp_path, METRICS, [], Console(file=page, width=80))
+    print_summary(settings, tmp_path, METRICS, [], Console(file=page, width=80), verbose=True)
     assert "mission risk V, coherent winds" in page.getvalue()
     assert "trial" in page.getvalue()
     assert "0.0000" not in page.getvalue()

@@ -49,4 +49,4 @@ def make_trouble(inputs: StageInputs) -> int:
     return settings.seed
 
 
-TROUBLE = Stage("trouble", makes=RecordKey[int]("trouble"), make=make_trouble)
+TROUBLE = Stage(makes=RecordKey[int]("trouble"), make=make_trouble)

@@ -135,7 +135,7 @@ def flight(steps: int = 3) -> PlannedPath:
         q=np.arange(steps + 1),
         label=(frozenset(),) * steps + (frozenset({"a", "b"}),),
         u=rng.normal(size=(steps, 2)),
-        objectives=Objectives(1234.5, 1e-17, 0.3, 0.0, 0.7),
+        objectives=Objectives({"length": 1234.5}, 1e-17, 0.3, 0.0, 0.7),
         origin="tree 3 vertex 1207",
         fixes=(1,),
     )
@@ -221,7 +221,7 @@ def small_gribs() -> tuple[bytes, ...]:
     """The 10 m wind of a real GFS file, cut down to a few nodes; empty without the NOAA files."""
     import eccodes
 
-    from pareto_ltl.wind.sources.grib_files import read_grib_files  # noqa: F401 - PROJ before ecCodes
+    from pareto_ltl.wind.sources.grib_files import grib_snapshots  # noqa: F401 - PROJ before ecCodes
 
     if not NOAA.is_dir():
         return ()

@@ -202,21 +202,21 @@ def csv_winds(place: Path) -> Fuzz:
 
 
 def grib_winds(place: Path) -> Fuzz | None:
-    from pareto_ltl.wind.sources.grib_files import read_grib_files
+    from pareto_ltl.wind.sources.grib_files import grib_snapshots
 
     seeds = corpora.small_gribs()
     if not seeds:
         return None
-    return Fuzz(mutants(seeds), _from_file(place / "wind.grib", lambda path: read_grib_files((path,), 150.0)))
+    return Fuzz(mutants(seeds), _from_file(place / "wind.grib", lambda path: grib_snapshots((path,), 150.0)))
 
 
 def cf_winds(place: Path) -> Fuzz:
-    from pareto_ltl.wind.sources.netcdf_files import WINDS, read_netcdf_files
+    from pareto_ltl.wind.sources.netcdf_files import WINDS, netcdf_snapshots
 
     seeds = corpora.small_netcdfs(place)
     return Fuzz(
         mutants(seeds),
-        _from_file(place / "wind.nc", lambda path: read_netcdf_files((path,), WINDS, "10m", 150.0)),
+        _from_file(place / "wind.nc", lambda path: netcdf_snapshots((path,), WINDS, "10m", 150.0)),
     )
 
 

@@ -1,16 +1,14 @@
-"""Importance sampling's kernels against plain NumPy, and claims about the automaton against all runs."""
+"""Importance sampling's kernels against plain NumPy."""
 
 from __future__ import annotations
 
-import itertools
 import math
 
 import numpy as np
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pareto_ltl.kernels.claims import ClaimCosts, ClaimEdges, cheapest_claims
+from oracle import importance as plain
 from pareto_ltl.kernels.importance import (
     Directions,
     LinearLaw,
@@ -20,7 +18,6 @@ from pareto_ltl.kernels.importance import (
     mixture_density,
     push_draws,
 )
-from pareto_ltl.planning import reference_importance as plain
 
 some = settings(deadline=None, max_examples=30)
 seeds = st.integers(0, 2**32 - 1)
@@ -105,44 +102,3 @@ def test_the_density_is_the_sum_over_components(seed):
     reached = np.einsum("jti,nti->nj", weight, e)
     expected = plain.proposal_density(reached, threshold, level, share, left)
     np.testing.assert_allclose(density, expected, rtol=1e-9)
-
-
-@some
-@given(seeds)
-def test_the_cheapest_claims_are_those_of_the_cheapest_run(seed):
-    """Every sequence of edges is tried. Edges ask for a polygon, shun some, or lose to a hazard."""
-    rng = np.random.default_rng(seed)
-    states, count, steps = 3, 5, 4
-    shunned = [rng.choice(2, rng.integers(0, 3), replace=False) for _ in range(count)]
-    edges = ClaimEdges(
-        rng.integers(0, states, count), rng.integers(0, states, count), rng.integers(-1, 2, count),
-        np.cumsum([0, *map(len, shunned)]), np.array([c for own in shunned for c in own], np.int64),
-        rng.random((1, states, 2)) < 0.4, np.array([0, count]), np.zeros(1, np.int64),
-    )  # fmt: skip
-    costs = ClaimCosts(*(rng.uniform(0, 1, (steps, 2)) for _ in range(3)))
-    for table in costs:
-        table[rng.random(table.shape) < 0.2] = math.inf
-    least, via = np.full((steps + 1, states), math.inf), np.empty((steps, states), np.int64)
-    least[0, 0] = 0.0
-    cheapest_claims(edges, costs, least, via)
-
-    def price(t: int, i: int) -> float:
-        asked = costs.shown[t, edges.shown[i]] if edges.shown[i] >= 0 else 0.0
-        return (
-            asked + costs.shunned[t, shunned[i]].sum() + costs.way[t, edges.loses[0, edges.source[i]]].sum()
-        )
-
-    best = dict.fromkeys(range(states), math.inf)
-    for run in itertools.product(range(count), repeat=steps):
-        joins = all(edges.target[a] == edges.source[b] for a, b in itertools.pairwise(run))
-        if joins and edges.source[run[0]] == 0:
-            end = int(edges.target[run[-1]])
-            best[end] = min(best[end], sum(price(t, i) for t, i in enumerate(run)))
-    for p in range(states):
-        assert least[steps, p] == pytest.approx(best[p])
-        at, total = p, 0.0
-        for t in range(steps - 1, -1, -1):
-            if best[p] < math.inf:
-                total += price(t, via[t, at])
-                at = int(edges.source[via[t, at]])
-        assert best[p] == math.inf or total == pytest.approx(best[p])

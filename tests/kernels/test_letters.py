@@ -11,18 +11,18 @@ from hypothesis import strategies as st
 from numpy.random import SeedSequence
 from scipy.stats import binom
 
+from oracle.path_risk import ordered_bound
+from oracle.segments import meeting_bounds, states_of_flight
 from pareto_ltl.kernels.letters import states_along
 from pareto_ltl.planning.evaluate import forecast, ordered_mission_risk, propagate, square_matrices
 from pareto_ltl.planning.growth import grow_forest
 from pareto_ltl.planning.problem import Problem
-from pareto_ltl.planning.reference import ordered_bound
-from pareto_ltl.planning.reference_segments import meeting_bounds, states_of_flight
 from pareto_ltl.settings import PlannerConfig
 from pareto_ltl.simulation.flights import simulate_flights
 from pareto_ltl.support.arrays import FloatArray, IntArray
-from pareto_ltl.verify.flights import Ground
-from pareto_ltl.verify.formula import Dfa
-from pareto_ltl.verify.geometry import convex
+from pareto_ltl_verify.flights import Ground
+from pareto_ltl_verify.formula import Dfa
+from pareto_ltl_verify.geometry import convex
 from problems import KM, MISSIONS, RARE, box, make_problem, make_scene, paper_problem, steady_wind
 
 REGIONS = {"a": box(14, 8, 18, 12), "b": box(8, 3, 9, 19), "c": box(1, 12, 19, 14)}

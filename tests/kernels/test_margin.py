@@ -14,13 +14,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.random import SeedSequence
 
+from oracle.margin import flight_margin, segment_distance
 from pareto_ltl.kernels import margin as kernel
 from pareto_ltl.kernels.data import Point
 from pareto_ltl.kernels.margin_events import SATURATED
 from pareto_ltl.planning.margin_model import claim_lists, margin_model, margin_scratch
 from pareto_ltl.planning.pack import pack_corners, pack_faces
 from pareto_ltl.planning.problem import Problem
-from pareto_ltl.planning.reference_margin import flight_margin, segment_distance
 from pareto_ltl.settings import RobotConfig
 from pareto_ltl.simulation.flights import simulate_flights
 from pareto_ltl.support.arrays import BoolArray, FloatArray

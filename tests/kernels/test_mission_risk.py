@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from coherent import STEPS, coherent_problem
-from pareto_ltl.planning import reference as risk
+from oracle import path_risk as risk
 from pareto_ltl.planning.evaluate import evaluate_path
 from problems import box, make_scene
 

@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from one_epoch import one_epoch, reading_of
+from oracle.live_bound import keep_live, live_bound, read_live_letter
 from pareto_ltl.kernels.data import Cells, Corners, Faces, StateLists
 from pareto_ltl.kernels.ordered_bound import (
     add_risk,
@@ -22,7 +23,6 @@ from pareto_ltl.kernels.ordered_bound import (
 from pareto_ltl.logic.dfa import acceptance_distances, language_inclusion
 from pareto_ltl.planning.epochs import Reading
 from pareto_ltl.planning.pack_logic import empty_letters, follow_states, live_rows
-from pareto_ltl.planning.reference_live import keep_live, live_bound, read_live_letter
 
 some = settings(deadline=None, max_examples=150)
 

@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 
 from one_epoch import one_epoch, reading_of
+from oracle import path_risk
 from pareto_ltl.kernels.data import Cells, Corners, Faces
 from pareto_ltl.kernels.ordered_bound import begin_bound, live_value, note_letters, read_letter
-from pareto_ltl.planning import reference
 from pareto_ltl.planning.epochs import Reading
 from pareto_ltl.planning.pack_logic import empty_letters, follow_states, live_rows
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
@@ -104,8 +104,8 @@ def bound_of_reference(logic: Reading, P: FloatArray, monkeypatch: pytest.Monkey
     """The same by the readable formula."""
     problem: Any = SimpleNamespace(logic=logic, reading=lambda _: logic)
     columns = np.arange(P.shape[1])
-    monkeypatch.setattr(reference, "label_probabilities", lambda *_: (columns, P))
-    return reference.ordered_bound(problem, np.zeros((len(P), 2)), np.zeros((len(P), 2, 2)))
+    monkeypatch.setattr(path_risk, "label_probabilities", lambda *_: (columns, P))
+    return path_risk.ordered_bound(problem, np.zeros((len(P), 2)), np.zeros((len(P), 2, 2)))
 
 
 # --- random chains ----------------------------------------------------------------------------

@@ -9,7 +9,8 @@ from scipy.special import owens_t
 
 from pareto_ltl.kernels import polygon as kernel
 from pareto_ltl.kernels.data import Corners
-from pareto_ltl.planning import reference as risk
+from pareto_ltl_verify.gaussians import in_polygon
+from pareto_ltl_verify.geometry import convex
 from problems import three_columns
 
 few = settings(deadline=None, max_examples=15)
@@ -37,6 +38,6 @@ def test_polygon_probabilities_of_the_kernel_are_the_references(seed):
     x = rng.standard_normal((20, 2)) * 2
     half = rng.standard_normal((20, 2, 2))
     cov = half @ half.transpose(0, 2, 1) + 0.01 * np.eye(2)
-    expected = [risk.gaussian_in_polygon(polygon, m, c) for m, c in zip(x, cov, strict=True)]
+    expected = [in_polygon(convex(polygon), m, c) for m, c in zip(x, cov, strict=True)]
     found = kernel.polygon_probabilities(corners, x, three_columns(cov))
     np.testing.assert_allclose(found, expected, atol=1e-13)

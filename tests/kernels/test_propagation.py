@@ -9,11 +9,12 @@ from hypothesis import strategies as st
 from scipy.interpolate import RegularGridInterpolator
 
 from coherent import STEPS, coherent_problem
+from oracle import path_risk as risk
 from pareto_ltl.kernels import propagation as kernel
 from pareto_ltl.kernels.data import Cov, Gaussian, Point
 from pareto_ltl.kernels.interpolation import gust_variance, wind_at
-from pareto_ltl.planning import reference as risk
 from pareto_ltl.planning.evaluate import evaluate_path, propagate
+from pareto_ltl.planning.wind_lookup import interpolate, interpolate_time
 from pareto_ltl.settings import RobotConfig
 from problems import KM, QUICK_ERROR, box, make_problem, make_scene, random_covariances, rough_wind
 
@@ -71,7 +72,7 @@ def test_mean_and_covariance_move_by_the_matrices(problem, seed):
     step, x = int(rng.integers(0, problem.horizon)), rng.uniform(0, 20 * KM, 2)
     (cov,) = random_covariances(rng, 1, 800.0)
     here = Gaussian(Point(*x), Cov(cov[0, 0], cov[0, 1], cov[1, 1]))
-    mean = risk.interpolate(wind, wind.mean, step, x)
+    mean = interpolate(wind, wind.mean, step, x)
     np.testing.assert_allclose(kernel.drift(wind, motion, step, here.mean), np.array(A) @ x + 100 * mean)
     radius = motion.ball * np.sqrt(np.trace(cov) / 2)
     variance = kernel.worst_variance(wind, step, here.mean, radius)
@@ -125,5 +126,5 @@ def test_both_laws_have_the_same_wind_at_one_place_and_time():
     flight, wind = propagate(p, STEPS, law), p.wind
     for t in range(len(flight.psi)):
         marginal = (flight.psi[t] ** 2).sum(axis=1) + flight.white[t]
-        latent = risk.interpolate(wind, wind.latent, t, STEPS[t]) + risk.interpolate_time(wind, wind.gust, t)
+        latent = interpolate(wind, wind.latent, t, STEPS[t]) + interpolate_time(wind, wind.gust, t)
         np.testing.assert_allclose(marginal, latent, rtol=1e-4)

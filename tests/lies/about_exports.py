@@ -13,7 +13,7 @@ import h5py
 
 from lies.editing import Lie, in_json
 from pareto_ltl.support.files import write_csv
-from pareto_ltl.verify.flights import clopper_pearson
+from pareto_ltl_verify.flights import clopper_pearson
 
 TABLE = "exports: dead_reckoning.csv"
 
@@ -55,9 +55,23 @@ def _elsewhere(text: str) -> str:
     return repr(float(text) + 0.001)
 
 
+def _often(_text: str) -> str:
+    return "33.3"
+
+
 def _moved_waypoint(mission: dict[str, Any]) -> None:
     waypoints = [item for item in mission["mission"]["items"] if item["command"] == 16]
     waypoints[3]["params"][4] += 0.01
+
+
+def _other_home(mission: dict[str, Any]) -> None:
+    mission["mission"]["plannedHomePosition"][0] += 0.01
+
+
+def _faster(mission: dict[str, Any]) -> None:
+    for item in mission["mission"]["items"]:
+        if item["command"] == 178:
+            item["params"][1] *= 1.1
 
 
 def _half_fence(mission: dict[str, Any]) -> None:
@@ -165,6 +179,28 @@ EXPORT_LIES = (
         ("exports: mavlink_script.json",),
     ),
     Lie("a waypoint lies elsewhere", in_json("mission.plan", _moved_waypoint), ("exports: mission.plan",)),
+    Lie("the launch place is elsewhere", in_json("mission.plan", _other_home), ("exports: mission.plan",)),
+    Lie("the mission is flown faster", in_json("mission.plan", _faster), ("exports: mission.plan",)),
+    Lie(
+        "the mission cruises faster",
+        in_json("mission.plan", lambda m: m["mission"].update(cruiseSpeed=99.0)),
+        ("exports: mission.plan",),
+    ),
+    Lie(
+        "the failure rate in the KML file is another",
+        in_text("plan.kml", r"winds, ([\d.]+) %", _often),
+        ("exports: rates in plan.kml",),
+    ),
+    Lie(
+        "the failure rate in the GPX file is another",
+        in_text("plan.gpx", r"winds, ([\d.]+) %", _often),
+        ("exports: rates in plan.gpx",),
+    ),
+    Lie(
+        "the GPX file covers all errors",
+        in_text("plan.gpx", r"(Not covered: [^<]*)</desc>", lambda _: ""),
+        ("exports: rates in plan.gpx",),
+    ),
     Lie("an obstacle is not in the fence", in_json("mission.plan", _half_fence), ("exports: mission.plan",)),
     Lie("an autopilot fails often", in_json("mission.plan", _rates), ("exports: failure of mission.plan",)),
     Lie(

@@ -19,7 +19,7 @@ from lies.editing import (
     setting,
 )
 from pareto_ltl.support.reading import read_json
-from pareto_ltl.verify.flights import clopper_pearson
+from pareto_ltl_verify.flights import clopper_pearson
 
 
 def _shift_step(plan: dict[str, Any]) -> None:
@@ -31,6 +31,18 @@ def _cut_end(plan: dict[str, Any]) -> None:
     for key in ("t", "x", "cov", "q", "label"):
         plan[key] = plan[key][:first]
     plan["u"] = plan["u"][: first - 1]
+
+
+def _at_closest(plan: dict[str, Any], change: Callable[[dict[str, Any]], dict[str, Any]]) -> None:
+    """Change the limits of the segment that is most likely to collide."""
+    rows = plan["segments"]
+    k = max(range(len(rows)), key=lambda k: rows[k]["probability"])
+    rows[k] = change(rows[k])
+
+
+def _other_barrier(plan: dict[str, Any], name: str) -> str:
+    """A barrier that is the closest of another segment, or one that does not exist."""
+    return next((row["nearest"] for row in plan["segments"] if row["nearest"] != name), "obstacle 99")
 
 
 def _swap_label(plan: dict[str, Any]) -> None:
@@ -95,6 +107,26 @@ PLAN_LIES = (
         "one covariance is smaller",
         in_plan(lambda p: scaled(p, "cov", 9, factor=0.99)),
         ("plan: covariance",),
+    ),
+    Lie(
+        "a segment is less likely to collide",
+        in_plan(lambda p: _at_closest(p, lambda row: row | {"probability": 0.9 * row["probability"]})),
+        ("plan: limits of its segments",),
+    ),
+    Lie(
+        "a barrier is farther away",
+        in_plan(lambda p: _at_closest(p, lambda row: row | {"deviations": row["deviations"] + 0.1})),
+        ("plan: limits of its segments",),
+    ),
+    Lie(
+        "another barrier is the closest",
+        in_plan(lambda p: _at_closest(p, lambda row: row | {"nearest": _other_barrier(p, row["nearest"])})),
+        ("plan: limits of its segments",),
+    ),
+    Lie(
+        "a segment has no limit",
+        in_plan(lambda p: p["segments"].pop()),
+        ("plan: limits of its segments",),
     ),
     Lie("a label is another", in_plan(_swap_label), ("plan: labels",)),
     Lie("a state is another", in_plan(lambda p: put(p, "q", 3, value=1)), ("plan: automaton states",)),
@@ -164,6 +196,16 @@ PLAN_LIES = (
         ("plan: text of the fidelity",),
     ),
     Lie("another share of fresh flights fails", _other_failures, ("plan: promised rate",), "full"),
+    Lie(
+        "the errors of analyses are covered",
+        in_plan(lambda p: p.update(not_covered="the robot's own errors of airspeed, heading and timing.")),
+        ("plan: errors that its rates cover",),
+    ),
+    Lie(
+        "storms are covered",
+        in_plan(lambda p: p.update(covered=p["covered"].removesuffix(".") + "; storms.")),
+        ("plan: errors that its rates cover",),
+    ),
     Lie("the promise is sharper", _promised(high=0.0), PROMISE, "full"),
     Lie("the promise has more runs", _promised(runs=10**6), PROMISE, "full"),
     Lie(

@@ -23,7 +23,7 @@ from lies.editing import (
 )
 from pareto_ltl.support.archives import read_npz
 from pareto_ltl.support.reading import read_json
-from pareto_ltl.verify.flights import clopper_pearson
+from pareto_ltl_verify.flights import clopper_pearson
 
 
 def _other_parent(trees: dict[str, NDArray[Any]]) -> None:
@@ -61,6 +61,12 @@ def _other_failures(place: Path) -> None:
             }
 
     in_front(count)(place)
+
+
+def _shuffled(arrays: dict[str, NDArray[Any]]) -> None:
+    """The flights of each path in another order: as many fail, but no longer in the same winds."""
+    rng = np.random.default_rng(3)
+    arrays["failed"] = np.array([rng.permutation(flights) for flights in arrays["failed"]])
 
 
 def _moved(arrays: dict[str, NDArray[Any]]) -> None:
@@ -109,6 +115,13 @@ SEARCH_LIES = (
     ),
     Lie("the hypervolume is larger", in_metrics({"hypervolume": 0.99}), ("front: hypervolume",)),
     Lie("other flights of the front fail", _other_failures, ("front: failure rates of new flights",), "full"),
+    Lie(
+        "flights of the front are shuffled",
+        in_arrays("front.npz", _shuffled),
+        ("front: flights that fail together",),
+        "full",
+    ),
+    Lie("a number of the run is made up", in_metrics({"failure_estimated": 0.001}), ("metrics: names",)),
     Lie(
         "a rate of the front is lower",
         in_front(lambda rows: rows[-1].update(failure="0.01")),

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from lies.editing import Lie, both, in_metrics, in_wind, put, scaled
-from pareto_ltl.verify.forecast_errors import error_law
-from pareto_ltl.verify.wind_tables import ENSEMBLE, FORECAST, TIME
+from pareto_ltl_verify.forecast_errors import error_law
+from pareto_ltl_verify.wind_tables import ENSEMBLE, FORECAST, TIME
 
 
 def _times(name: str, factor: float) -> Callable[[Any], Any]:
@@ -218,5 +218,15 @@ ERROR_LIES = (
         in_wind(lambda file: file.attrs.update(level="100m")),
         ("wind: level and leads",),
         only="paper",
+    ),
+    Lie(
+        "the wind is from other files",
+        in_wind(lambda file: file.attrs.update(source="grib: newer.grib2")),
+        ("wind: source", "plan: errors that its rates cover"),
+    ),
+    Lie(
+        "the wind names a file that was not read",
+        in_wind(lambda file: file.attrs.update(source=f"{file.attrs['source']}, newer.csv")),
+        ("wind: source",),
     ),
 )

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from pareto_ltl.support.archives import read_npz
 from pareto_ltl.support.files import write_csv, write_json, write_npz
 from pareto_ltl.support.reading import read_json
-from pareto_ltl.verify.flights import rates
+from pareto_ltl_verify.flights import rates
 
 COSTS = {
     "length": "length_m",

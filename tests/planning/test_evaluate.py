@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from coherent import STEPS, coherent_problem
-from pareto_ltl.planning import reference as risk
+from oracle import path_risk as risk
 from pareto_ltl.planning.evaluate import completes_mission, evaluate_path, forecast
 from pareto_ltl.settings import PlannerConfig, RobotConfig
 from pareto_ltl.support.errors import InfeasibleError

@@ -19,7 +19,7 @@ from coherent import RARE
 from pareto_ltl.planning.evaluate import evaluate_path, propagate
 from pareto_ltl.planning.growth import grow_forest
 from pareto_ltl.planning.problem import Problem
-from pareto_ltl.planning.refine import front_sweep, length_caps, sampled_paths
+from pareto_ltl.planning.refine import MORE_FLIGHTS, front_sweep, length_caps, sampled_paths
 from pareto_ltl.planning.refine.path_classes import path_class
 from pareto_ltl.planning.refine.sampled import Candidate, path_length, resampled_means
 from pareto_ltl.planning.refine.starts import Start, first_starts, flipped_starts, line_starts, tree_starts
@@ -61,6 +61,30 @@ def grown():
 def refined(problem, forest, seed=5):
     flights = draw_flights(problem, problem.fidelity.law, REFINE.flights, SeedSequence(seed))
     return sampled_paths(REFINE, problem, forest, flights)
+
+
+def test_a_search_has_for_every_path_of_the_coarse_one_a_path_as_good(grown):
+    problem, forest = grown
+    cfg = RefineConfig(flights=600, sweep_flights=120, classes=3, points=10)
+    flights = draw_flights(problem, problem.fidelity.law, MORE_FLIGHTS * cfg.flights, SeedSequence(5))
+    coarse, full = (sampled_paths(c, problem, forest, flights) for c in (front_sweep.coarse(cfg), cfg))
+    usual = flights.only(np.arange(cfg.flights))
+
+    def row(path):
+        flown = usual.failed(usual.flown(path.u, path.x))
+        return path.objectives.length, flown.mean()
+
+    best = np.array([row(path) for path in full])
+    for path in coarse:
+        length, failed = row(path)
+        assert best[best[:, 0] <= length * (1.0 + 1e-9), 1].min() <= 1.1 * failed + 3.0 / len(usual)
+
+
+def test_a_coarse_search_is_limited_and_its_own_coarse_search():
+    limited = front_sweep.coarse(RefineConfig())
+    assert {name: getattr(limited, name) for name in front_sweep.COARSE_EFFORT} == front_sweep.COARSE_EFFORT
+    assert front_sweep.coarse(limited) == limited
+    assert front_sweep.coarse(RefineConfig(points=3)).points == 3
 
 
 # --- starts -----------------------------------------------------------------------------------

@@ -11,9 +11,9 @@ import pytest
 from numpy.random import SeedSequence
 from scipy.special import ndtr
 
+from oracle import path_risk as risk
 from pareto_ltl.kernels.tree import ROUNDING
 from pareto_ltl.planning import growth, no_path
-from pareto_ltl.planning import reference as risk
 from pareto_ltl.planning.evaluate import evaluate_path
 from pareto_ltl.planning.growth import GrowthOptions
 from pareto_ltl.planning.selection import hypervolume, non_dominated
@@ -21,6 +21,7 @@ from pareto_ltl.settings import PlannerConfig, RobotConfig
 from pareto_ltl.support import memory
 from pareto_ltl.support.budget import Budget
 from pareto_ltl.support.errors import ConfigError, InfeasibleError
+from pareto_ltl_verify.gaussians import spread_along
 from problems import (
     KM,
     box,
@@ -129,7 +130,7 @@ def check_obstacles(problem, x, cov, limit):
         touch = [risk.inside_bound(normals, offsets, m, c) for m, c in zip(x, cov, strict=True)]
         assert max(touch) <= limit
         gap = x @ normals.T - offsets
-        sd = np.array([risk.deviation(normals, c) for c in cov])
+        sd = np.array([spread_along(normals, c) for c in cov])
         clear = gap >= z * sd - 1e-6 * (1 + np.abs(gap))
         assert np.all((clear[1:] & clear[:-1]).any(axis=1))
 

@@ -65,7 +65,8 @@ def test_a_gap_that_is_only_risky_is_told_with_limits_that_let_a_path_through(
     width: float, fidelity: str
 ) -> None:
     cfg = replace(CFG, epsilon=0.001, delta=0.01)
-    problem = task(corridor(width), cfg, fidelity)
+    models = replace(preset(fidelity), judge="bound")
+    problem = task(corridor(width), cfg, models)
     forest = grow_forest(cfg, problem, SeedSequence(11))
     assert len(forest.accepted) == 0
     text = explain_no_path(cfg, problem, forest, SEEDS)
@@ -73,7 +74,7 @@ def test_a_gap_that_is_only_risky_is_told_with_limits_that_let_a_path_through(
     assert f"in {law} winds; the least risk found" in text
     assert re.search(r"is [\d.e-]+ %: allow it with planner\.", text)
     better = follow(cfg, text)
-    assert plans(better, task(corridor(width), better, fidelity)) > 0
+    assert plans(better, task(corridor(width), better, models)) > 0
 
 
 def test_paths_that_break_delta_alone_name_the_delta_that_keeps_one() -> None:

@@ -14,16 +14,15 @@ from pareto_ltl.planning import selection
 from pareto_ltl.planning.endurance import capacity_advice, energy_at
 from pareto_ltl.planning.power import EnergyModel, energy_model
 from pareto_ltl.planning.problem import Problem
-from pareto_ltl.planning.records import Front, Objectives, PlannedPath
+from pareto_ltl.planning.records import Front, Objectives, PlannedPath, counted_rate
 from pareto_ltl.planning.refine.taut_lines import CAP
 from pareto_ltl.planning.selection_rules import choose_path, within_capacity
 from pareto_ltl.settings import POWER_KINDS, PlannerConfig, PowerConfig, RobotConfig, SelectionConfig
 from pareto_ltl.settings.building import section_of
-from pareto_ltl.simulation.flights import counted_rate
 from pareto_ltl.support.display import energy_text
 from pareto_ltl.support.errors import ConfigError, InfeasibleError
 from pareto_ltl.support.resources import choices
-from pareto_ltl.verify.energy import power_law
+from pareto_ltl_verify.energy import power_law
 from problems import box, make_problem, make_scene, steady_wind
 
 VEHICLES = sorted(set(choices("robot")) - {"airframe"})
@@ -132,7 +131,8 @@ def test_what_no_robot_can_be_is_refused(
 
 
 def path_of(risk: float, length: float, energy: float | None) -> PlannedPath:
-    objectives = Objectives(length, risk, risk, 0.0, risk, energy)
+    costs = {"length": length} | ({} if energy is None else {"energy": energy})
+    objectives = Objectives(costs, risk, risk, 0.0, risk)
     empty, nowhere = np.zeros((1, 2)), np.zeros(1, np.int64)
     return PlannedPath(
         np.zeros(1), empty, np.zeros((1, 2, 2)), nowhere, (frozenset(),), empty[:0], objectives, ""
@@ -163,7 +163,7 @@ def test_the_rule_energy_takes_the_least_of_those_that_are_safe(
         with pytest.raises(InfeasibleError, match=r"no path keeps the failure rate"):
             choose_path(cfg, front)
     else:
-        assert choose_path(cfg, front).objectives.energy == min(safe)
+        assert choose_path(cfg, front).objectives.costs["energy"] == min(safe)
 
 
 @some
@@ -175,7 +175,11 @@ def test_the_fourth_weight_is_that_of_energy(
     scaled = table / [1000.0, table[:, 1].min(), table[:, 2].min()]
     g = scaled @ [weights[0] + weights[1], weights[2], weights[3]]
     found = choose_path(SelectionConfig(rule="weighted", weights=list(weights)), flown_front(*rows))
-    k = next(k for k, row in enumerate(rows) if row[1:] == (found.objectives.length, found.objectives.energy))
+    k = next(
+        k
+        for k, row in enumerate(rows)
+        if row[1:] == (found.objectives.length, found.objectives.costs["energy"])
+    )
     assert g[k] <= g.min() + 1e-12 or rows[k][1:] in [row[1:] for i, row in enumerate(rows) if i != k]
 
 
@@ -184,7 +188,8 @@ def test_the_fourth_weight_is_that_of_energy(
 def test_energy_is_one_more_objective_of_a_front_of_bounds(rows: list[tuple[float, ...]]) -> None:
     front = selection.build_front([], [path_of(risk / 4, 1 + length, 1 + e) for risk, length, e in rows])
     kept = {
-        (p.objectives.mission_risk * 4, p.objectives.length - 1, p.objectives.energy - 1) for p in front.paths
+        (p.objectives.mission_risk * 4, p.objectives.length - 1, p.objectives.costs["energy"] - 1)
+        for p in front.paths
     }
     beaten = {
         row for row in rows if any(all(np.less_equal(o, row)) and any(np.less(o, row)) for o in rows)
@@ -203,9 +208,9 @@ def test_paths_beyond_the_battery_are_not_chosen(caplog: pytest.LogCaptureFixtur
     cfg = SelectionConfig()
     problem = calm_problem(energy=model)
     left = within_capacity(cfg, front, problem)
-    assert [p.objectives.energy for p in left.paths] == [4.0, 2.0]
+    assert [p.objectives.costs["energy"] for p in left.paths] == [4.0, 2.0]
     assert left.failed.shape == (2, 1000)
-    assert choose_path(cfg, front).objectives.energy == 9.0
+    assert choose_path(cfg, front).objectives.costs["energy"] == 9.0
     assert within_capacity(cfg, front, replace(problem, energy=None)) is front
     assert within_capacity(cfg, front, replace(problem, energy=replace(model, capacity=None))) is front
     assert within_capacity(SelectionConfig(rule="point"), front, problem) is front

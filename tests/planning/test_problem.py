@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import replace
 from itertools import product
 
@@ -11,10 +10,9 @@ import pytest
 import shapely
 from scipy.stats import norm
 
-from pareto_ltl.planning import reference as risk
-from pareto_ltl.planning.pack import EPSILON, pack_faces, pack_wind
-from pareto_ltl.settings import PlannerConfig, RobotConfig
-from pareto_ltl.settings.checks import declarations
+from pareto_ltl.planning.pack import NO_LIMIT, TREES_EPSILON, pack_faces, pack_wind
+from pareto_ltl.planning.wind_lookup import interpolate
+from pareto_ltl.settings import PlannerConfig, RobotConfig, preset
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.world import cells as workspace
 from problems import KM, box, make_problem, make_scene, rough_wind, steady_wind, two_goals
@@ -128,7 +126,7 @@ def test_a_single_field_serves_departure_alone_unless_held():
     assert make_problem("F a", scene, field).horizon == 1
     held = make_problem("F a", scene, replace(field, until=np.inf))
     assert held.horizon == 200
-    here, later = (risk.interpolate(held.wind, field.mean, t, np.array([4e3, 5e3])) for t in (0, 150))
+    here, later = (interpolate(held.wind, field.mean, t, np.array([4e3, 5e3])) for t in (0, 150))
     np.testing.assert_allclose(later, here)
 
 
@@ -162,6 +160,12 @@ def test_reach_is_a_full_step_in_still_air(problem):
     assert problem.reach == pytest.approx(1000.0)
 
 
-def test_the_help_of_epsilon_names_what_it_is_left_to():
-    meaning = next(told.meaning for item, told in declarations(PlannerConfig) if item.name == "epsilon")
-    assert all(f"{epsilon:g}" in re.split(r"[,;\s]+", meaning) for epsilon in EPSILON.values())
+def test_trees_have_a_looser_limit_only_where_flights_judge_refined_paths():
+    def limit(fidelity, epsilon=0.05):
+        scene = make_scene({"a": box(10, 10, 12, 12)}, [box(2, 15, 3, 16)])
+        return make_problem("F a", scene, planner=PlannerConfig(epsilon=epsilon), fidelity=fidelity)
+
+    assert limit("full").world.collision.epsilon == TREES_EPSILON
+    assert limit("full", 0.4).world.collision.epsilon == 0.4
+    assert limit("full", None).epsilon == NO_LIMIT
+    assert limit(replace(preset("full"), judge="bound")).world.collision.epsilon == 0.05

@@ -15,7 +15,7 @@ from numpy.random import SeedSequence
 
 from pareto_ltl.planning import growth, selection
 from pareto_ltl.planning.evaluate import evaluate_path
-from pareto_ltl.planning.records import Front, Objectives, PlannedPath, objective_row
+from pareto_ltl.planning.records import Front, Objectives, PlannedPath, counted_rate, objective_row
 from pareto_ltl.planning.selection_rules import (
     RULES,
     SelectionRule,
@@ -24,7 +24,6 @@ from pareto_ltl.planning.selection_rules import (
     selection_rule,
 )
 from pareto_ltl.settings import PAPER, PlannerConfig, SelectionConfig
-from pareto_ltl.simulation.flights import counted_rate
 from pareto_ltl.support.errors import ConfigError, InfeasibleError
 from problems import two_goals
 
@@ -42,7 +41,7 @@ def dominates(winner, loser):
 def path_of(mission, collision, length, judged=None, origin=""):
     """A path that is nothing but its objectives; ``judged`` is its mission risk where it is not f_o."""
     judged = mission if judged is None else judged
-    objectives = Objectives(length, mission, judged, collision, judged)
+    objectives = Objectives({"length": length}, mission, judged, collision, judged)
     empty = np.zeros((1, 2))
     nowhere = np.zeros(1, np.int64)
     return PlannedPath(

@@ -10,7 +10,7 @@ import shapely
 
 from large_maps import MEGABYTE, SIDE, Waiting, many_discs, rough_disc
 from pareto_ltl.planning.evaluate import completes_mission, evaluate_path, propagate, square_matrices
-from pareto_ltl.planning.refine import convex, smoothing
+from pareto_ltl.planning.refine import separation, smoothing
 from pareto_ltl.planning.refine.obligations import path_obligations
 from pareto_ltl.planning.refine.orders import possible_orders
 from pareto_ltl.planning.refine.taut_lines import taut_line, walk_line
@@ -88,7 +88,7 @@ def test_a_programme_has_few_faces_though_the_region_has_2000():
     assert np.diff(problem.theorem2.faces.ptr).max() == 2000
     path = flown(problem, 4.0)
     model = smoothing.fitting_programme(problem, [smoothing.Start(path.x, None, "")])
-    assert model.faces <= 40
+    assert model.shape.faces <= 40
     (best,) = smoothing.smooth_paths(SmoothingConfig(candidates=1, rounds=2, weights=[10.0]), problem, [path])
     witness = best.x[
         [t for t, _ in path_obligations(problem, best.x, propagate(problem, best.x).cov).witness]
@@ -104,9 +104,9 @@ def test_what_must_be_avoided_is_drawn_as_one_shape():
     path = flown(problem, 4.0)
     owed = path_obligations(problem, path.x, propagate(problem, path.x).cov)
     cells = [k for k, label in enumerate(problem.labels) if "a" in label]
-    faces, asked = convex.forbidden_polygons(problem, owed.avoid)
+    polygons, asked = separation.forbidden_polygons(problem, owed.avoid)
     assert len(cells) > 500
-    assert asked.shape[1] == len(faces.ptr) - 1 < 100
+    assert asked.shape[1] == len(polygons) < 100
     by_step = owed.avoid[:, cells].all(axis=1)
     of_a = asked[:, (asked == by_step[:, None]).all(axis=0)]
     assert by_step[1:-1].all()

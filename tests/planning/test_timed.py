@@ -13,14 +13,14 @@ from hypothesis import strategies as st
 from numpy.random import SeedSequence
 from scipy.stats import binom
 
+from oracle.margin import mission_margin
+from oracle.path_risk import ordered_bound, theorem2_bound
+from oracle.segments import states_of_flight
 from pareto_ltl.kernels.letters import states_along
 from pareto_ltl.logic.formula import Formula, parse_formula
 from pareto_ltl.planning.evaluate import evaluate_path
 from pareto_ltl.planning.growth import grow_forest
 from pareto_ltl.planning.problem import Problem
-from pareto_ltl.planning.reference import ordered_bound, theorem2_bound
-from pareto_ltl.planning.reference_margin import mission_margin
-from pareto_ltl.planning.reference_segments import states_of_flight
 from pareto_ltl.settings import PlannerConfig
 from pareto_ltl.simulation.flights import judge_flights, simulate_flights
 from pareto_ltl.support.arrays import FloatArray

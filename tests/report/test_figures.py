@@ -24,7 +24,7 @@ from drawn_world import (
 )
 from pareto_ltl.planning.records import Front
 from pareto_ltl.report import style
-from pareto_ltl.report.drawing import draw_run_figures
+from pareto_ltl.report.figures import draw_run_figures
 from pareto_ltl.report.front import front_figure
 from pareto_ltl.report.records import DrawnRun
 from pareto_ltl.settings import ReportConfig, preset

@@ -12,11 +12,10 @@ from matplotlib.colors import to_hex
 
 from drawn_world import front_of, plan_of, scene_of
 from figure_texts import texts_of, texts_outside, wrong_texts
-from pareto_ltl.planning.records import Front, Plan, Promise
+from pareto_ltl.planning.records import Front, Plan, Promise, counted_rate
 from pareto_ltl.report import style
 from pareto_ltl.report.flown_front import flown_front_figure, order_looks, rate_ends
 from pareto_ltl.settings import preset
-from pareto_ltl.simulation.flights import counted_rate
 
 KM = ("km", 1e-3)
 COUNTS, ORDERS = (40, 80, 160, 320), ("a>b>c", "a>b>c", "a>d>c", "b>a>c")
@@ -26,12 +25,17 @@ def flown_front(counts=COUNTS, orders=ORDERS, law: str = "coherent") -> Front:
     """Paths of 2,000 km, 1,900 km, ... whose flights fail so often."""
     base = front_of(scene_of()).paths[0]
     paths = tuple(
-        replace(base, origin=str(k), order=order, objectives=replace(base.objectives, length=2e6 - 1e5 * k))
+        replace(
+            base,
+            origin=str(k),
+            order=order,
+            objectives=replace(base.objectives, costs={"length": 2e6 - 1e5 * k}),
+        )
         for k, order in enumerate(orders)
     )
     rates = tuple(counted_rate(law, count, 4000) for count in counts)
     failed = np.zeros((len(counts), 4000), bool)
-    raw = (replace(base.objectives, length=2.2e6),)
+    raw = (replace(base.objectives, costs={"length": 2.2e6}),)
     return Front(paths, raw, 0.5, np.ones(2), rates, (counted_rate(law, 100, 500),), failed, preset("full"))
 
 

@@ -24,7 +24,7 @@ from drawn_world import (
 )
 from figure_texts import labels_without_unit, texts_of, texts_outside, wrong_texts
 from pareto_ltl.planning.evaluate import Forecast
-from pareto_ltl.planning.records import Promise
+from pareto_ltl.planning.records import Promise, counted_rate
 from pareto_ltl.report import style
 from pareto_ltl.report.front import front_figure
 from pareto_ltl.report.map import plan_figure, shown_probability
@@ -36,7 +36,7 @@ from pareto_ltl.report.records import DrawnRun
 from pareto_ltl.report.study_ablation import ablation_figure
 from pareto_ltl.report.study_comparison import comparison_figure, outcomes_figure
 from pareto_ltl.report.study_convergence import convergence_figure
-from pareto_ltl.report.study_hindcast import reliability_figure
+from pareto_ltl.report.study_forecast_test import reliability_figure
 from pareto_ltl.report.sweep_figures import axis_label
 from pareto_ltl.report.wind import wind_figure
 from pareto_ltl.run.records import DECOMPOSITION, SCENE
@@ -48,7 +48,6 @@ from pareto_ltl.settings import (
     ReportConfig,
     preset,
 )
-from pareto_ltl.simulation.flights import counted_rate
 from pareto_ltl.studies import ablation, compare, convergence
 from pareto_ltl.studies.sweeps import page
 

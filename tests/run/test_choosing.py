@@ -19,7 +19,7 @@ from pareto_ltl.run.choosing import Choice, later_stages
 from pareto_ltl.run.stages import PLAN_TABLE
 from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
 from pareto_ltl.support.files import write_json
-from pareto_ltl.verify.judge import judge_results
+from pareto_ltl_verify.judge import verify
 from quick_wind import QUICK_WIND
 
 PHI1 = "F(a & F b & F c)"
@@ -86,7 +86,7 @@ def test_a_choice_has_the_bytes_of_a_whole_run_and_passes_the_judge(
     np.testing.assert_equal({name: told[name] for name in lasting}, {name: wanted[name] for name in lasting})
     assert told.keys() <= wanted.keys()
     if wish == "point":  # the others have the bytes of whole runs as well, which it judges elsewhere
-        assert [finding for finding in judge_results(tmp_path / "chosen") if not finding.holds] == []
+        assert [finding for finding in verify(tmp_path / "chosen") if not finding.holds] == []
     assert chosen.plan.rule == selection["rule"]
 
 

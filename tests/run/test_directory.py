@@ -11,12 +11,12 @@ from pathlib import Path
 import pytest
 
 import pareto_ltl
-from pareto_ltl.cli.stage_table import application_stages
 from pareto_ltl.run.directory import BOOKKEEPING, RECORD_FILES, RUN_LOCK, claimed_directory
 from pareto_ltl.run.pipeline import Run, check_pipeline, run_pipeline
 from pareto_ltl.settings import Settings
 from pareto_ltl.settings.building import build_settings
 from pareto_ltl.settings.outputs import EXPORT_FILES
+from pareto_ltl.studies.stages import application_stages
 from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
 from pareto_ltl.support.locks import hold_lock
 

@@ -10,7 +10,8 @@ from pathlib import Path
 import pytest
 
 from pareto_ltl.cli.choose_command import read_length, read_number, read_share
-from pareto_ltl.run.front_files import ENERGY, FRONT_HEADER
+from pareto_ltl.planning.costs import COSTS
+from pareto_ltl.run.front_files import FRONT_HEADER
 from pareto_ltl.settings.planner import SELECTION_RULES
 from pareto_ltl.support.resources import choices
 
@@ -26,7 +27,9 @@ def first_cells(head: str) -> list[str]:
 
 
 def test_the_columns_are_those_of_the_file() -> None:
-    assert sorted(first_cells("| column | meaning |")) == sorted([*FRONT_HEADER, ENERGY])
+    assert sorted(first_cells("| column | meaning |")) == sorted(
+        {*FRONT_HEADER, *(cost.column for cost in COSTS.values())}
+    )
 
 
 def test_the_rules_are_those_of_the_settings_and_each_has_a_file() -> None:

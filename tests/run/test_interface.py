@@ -154,6 +154,61 @@ def test_the_mission_has_keys_beside_its_formula() -> None:
     assert found.scene.time_zero == "2018-10-09T06:00:00Z"
 
 
+def lab_readings(speed: float = 2.0) -> pareto_ltl.Readings:
+    """A wind that turns within 6 h, at 25 places of a plane of 100 km."""
+    east, north = np.meshgrid(np.linspace(0.0, 1e5, 5), np.linspace(0.0, 1e5, 5))
+    points = np.stack([east, north], axis=-1).reshape(-1, 2)
+    winds = np.stack([np.full((25, 2), wind) for wind in ([speed, 0.0], [0.0, speed])])
+    winds = winds + 1e-5 * points[None]
+    return pareto_ltl.Readings.of_arrays(
+        ["2026-01-01T00:00Z", "2026-01-01T06:00Z"], points, winds, geographic=False
+    )
+
+
+LAB = {"planner": {"trees": 2, "n_max": 400}, "robot": {"u_max": 20.0}} | {
+    name: SMALL[name] for name in ("smoothing", "refine", "selection")
+}
+
+
+def lab_scene() -> pareto_ltl.Scene:
+    return make_scene({"a": [box(60, 60, 90, 90)]}, start=(10.0, 10.0), side=100.0)
+
+
+def test_the_wind_comes_as_readings_as_a_field_or_as_a_file(tmp_path: Path) -> None:
+    """A table, the arrays in it, and the field that is fitted to them give the same plan."""
+    readings = lab_readings()
+    wind = {"forecast_error": "none", "spacing": 2e4, "padding": 2e4, "modes_spacing": 2e4}
+    rows = [
+        f"2026-01-01T{6 * k:02d}:00Z,{x!r},{y!r},{u!r},{v!r}"
+        for k, winds in enumerate(readings.winds)
+        for (x, y), (u, v) in zip(readings.points[k].tolist(), winds.tolist(), strict=True)
+    ]
+    (tmp_path / "wind.csv").write_text("\n".join(["time,x,y,u,v", *rows]) + "\n")
+    found = [
+        pareto_ltl.plan(lab_scene(), "F a", wind=wind | {"source": source}, **LAB)
+        for source in (str(tmp_path / "wind.csv"), readings)
+    ]
+    found.append(pareto_ltl.plan(lab_scene(), "F a", wind=found[0].wind, **LAB))
+    assert [one.run.settings.wind.source for one in found] == ["csv", "given", "given"]
+    for one in found[1:]:
+        np.testing.assert_array_equal(one.wind.mean, found[0].wind.mean)
+        np.testing.assert_array_equal(one.plan.path.u, found[0].plan.path.u)
+
+
+def test_readings_that_cannot_be_are_refused_in_one_line() -> None:
+    with pytest.raises(pareto_ltl.DataError, match=r"2026-01-01T00:00:00Z, row 0: wind speed 99.0 m/s is"):
+        pareto_ltl.plan(lab_scene(), "F a", wind=lab_readings(99.0), **LAB)
+    with pytest.raises(ValueError, match=r"expected points \(N, 2\) and winds \(K, N, 2\)"):
+        pareto_ltl.Readings.of_arrays(["2026-01-01"], np.zeros((3, 2)), np.zeros((3, 2)))
+    with pytest.raises(ValueError, match="expected increasing times"):
+        pareto_ltl.Readings.of_arrays(["2026-01-01"] * 2, np.zeros((3, 2)), np.zeros((2, 3, 2)))
+
+
+def test_a_run_of_the_command_line_cannot_be_given_arrays() -> None:
+    with pytest.raises(pareto_ltl.ConfigError, match=r"wind.source=given: the wind is an object in Python"):
+        pareto_ltl.plan("phi1", PHI1, wind={"source": "given"}, **SMALL)
+
+
 def test_a_folder_without_a_run_is_refused(tmp_path: Path) -> None:
     with pytest.raises(pareto_ltl.DataError, match=r"there is no run\.json; name a results directory"):
         pareto_ltl.load_results(tmp_path)

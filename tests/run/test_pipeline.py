@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
-from contextlib import contextmanager, nullcontext, suppress
-from dataclasses import dataclass, field, fields, is_dataclass, replace
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -41,7 +40,7 @@ from pareto_ltl.settings import (
     preset,
 )
 from pareto_ltl.studies.stages import STUDY_STAGES
-from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
+from pareto_ltl.support.errors import ConfigError, InfeasibleError
 from pareto_ltl.support.resources import choice_file
 from quick_wind import QUICK_WIND
 
@@ -80,10 +79,9 @@ def kitchen(made: list[str]) -> StageTable:
 
     return StageTable(
         [
-            Stage("flour", makes=FLOUR, make=flour),
-            Stage("dough", makes=DOUGH, make=dough, needs=(FLOUR,)),
-            Stage("bread", makes=BREAD, make=bread, needs=(DOUGH, FLOUR), uses=(CRUMBS,)),
-            Stage("mix", makes=DOUGH, make=flour),
+            Stage(makes=FLOUR, make=flour),
+            Stage(makes=DOUGH, make=dough, needs=(FLOUR,)),
+            Stage(makes=BREAD, make=bread, needs=(DOUGH, FLOUR), uses=(CRUMBS,)),
         ]
     )
 
@@ -101,12 +99,11 @@ def test_stages_run_in_the_order_of_the_list(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("names", "message"),
     [
-        ((), "pipelines.stages is empty: list at least one of flour, dough, bread, mix"),
-        (("flour", "cake"), "there is no stage 'cake'; there are flour, dough, bread, mix"),
+        ((), "pipelines.stages is empty: list at least one of flour, dough, bread"),
+        (("flour", "cake"), "there is no stage 'cake'; there are flour, dough, bread"),
         (("flour", "flour"), "lists 'flour' twice; list it once"),
         (("bread", "dough"), "'bread' needs dough, flour, which no earlier stage makes; list them before"),
         (("flour", "bread"), "'bread' needs dough, which no earlier stage makes; list it before 'bread'"),
-        (("flour", "dough", "mix"), "'dough' and 'mix' both make dough; list one of them"),
     ],
 )
 def test_a_list_that_cannot_run_is_refused_before_anything_is_made(
@@ -158,26 +155,12 @@ def test_each_wind_file_is_opened_once(tmp_path: Path, monkeypatch: pytest.Monke
 # --- what a stage declares ---------------------------------------------------------------------
 
 
-class Watched:
-    """Settings that note which sections are read."""
-
-    def __init__(self, settings: Settings, read: set[type]) -> None:
-        self._settings, self._read = settings, read
-
-    def __getattr__(self, name: str) -> Any:
-        value = getattr(self._settings, name)
-        if is_dataclass(value):
-            self._read.add(type(value))
-        return value
-
-
 @dataclass
 class Asked:
     """What a stage asked for."""
 
     needed: set[RecordKey[Any]] = field(default_factory=set)
     used: set[RecordKey[Any]] = field(default_factory=set)
-    sections: set[type] = field(default_factory=set)
     drew: bool = False
 
 
@@ -195,10 +178,6 @@ class Recorder(StageInputs):
     def get(self, key: RecordKey[Any]) -> Any:
         self.asked.used.add(key)
         return super().get(key)
-
-    @property
-    def settings(self) -> Any:
-        return Watched(super().settings, self.asked.sections)
 
     @property
     def seeds(self) -> Any:
@@ -239,7 +218,6 @@ def test_a_stage_asks_for_exactly_what_it_declares(stage: Stage[Any], recorded: 
     asked = recorded[stage.name]
     assert asked.needed == set(stage.needs)
     assert asked.used == set(stage.uses)
-    assert asked.sections == set(stage.settings)
     assert asked.drew == (stage.stream is not None)
 
 
@@ -256,18 +234,11 @@ def test_a_record_that_is_not_declared_is_refused() -> None:
     run = Run(Settings(), records=Records({FLOUR: "flour"}))
     for make, message in ((greedy, "add its key to needs"), (curious, "to uses"), (random, "a stream")):
         with pytest.raises(ValueError, match=message):
-            run.perform(Stage("thief", makes=BREAD, make=make))
-
-
-def test_the_settings_of_a_stage_are_sections_of_the_settings() -> None:
-    sections = {type(getattr(Settings(), f.name)) for f in fields(Settings)} | {Settings}
-    for stage in (*PLAN_STAGES, *STUDY_STAGES):
-        assert set(stage.settings) <= sections, stage.name
+            run.perform(Stage(makes=BREAD, make=make))
 
 
 @pytest.mark.parametrize("stage", [*PLAN_STAGES, *STUDY_STAGES], ids=lambda stage: stage.name)
-def test_a_stage_has_the_name_of_its_record_and_says_what_it_makes(stage: Stage[Any]) -> None:
-    assert stage.makes.name == stage.name
+def test_a_stage_says_what_it_makes(stage: Stage[Any]) -> None:
     assert stage.make.__doc__
 
 
@@ -282,8 +253,8 @@ def test_a_stage_draws_the_same_numbers_in_every_pipeline() -> None:
 
     table = StageTable(
         [
-            Stage("dice", makes=key["dice"], make=dice, stream="dice"),
-            Stage("other", makes=key["other"], make=dice, stream="other"),
+            Stage(makes=key["dice"], make=dice, stream="dice"),
+            Stage(makes=key["other"], make=dice, stream="other"),
         ]
     )
     drawn = []
@@ -344,8 +315,8 @@ def test_a_run_without_a_directory_writes_nothing_and_says_so() -> None:
     def writer(inputs: StageInputs) -> str:
         return str(inputs.directory)
 
-    with pytest.raises(ConfigError, match="'writer' writes files: run it with a results directory"):
-        Run(Settings()).perform(Stage("writer", makes=BREAD, make=writer))
+    with pytest.raises(ConfigError, match="'bread' writes files: run it with a results directory"):
+        Run(Settings()).perform(Stage(makes=BREAD, make=writer))
 
 
 # --- how runs end ------------------------------------------------------------------------------
@@ -368,10 +339,10 @@ def test_an_infeasible_mission_still_gets_its_trees_its_figure_and_metrics(tmp_p
         return "drawn"
 
     stages = (
-        Stage("forest", makes=FOREST, make=forest),
-        Stage("front", makes=FRONT, make=front, needs=(FOREST,)),
-        Stage("plan", makes=PLAN, make=plan, needs=(FRONT,)),
-        Stage("report", makes=BREAD, make=report, needs=(FOREST,), uses=(PLAN,)),
+        Stage(makes=FOREST, make=forest),
+        Stage(makes=FRONT, make=front, needs=(FOREST,)),
+        Stage(makes=PLAN, make=plan, needs=(FRONT,)),
+        Stage(makes=BREAD, make=report, needs=(FOREST,), uses=(PLAN,)),
     )
     settings = listing(*(stage.name for stage in stages))
     with pytest.raises(InfeasibleError, match="no path"):
@@ -382,41 +353,6 @@ def test_an_infeasible_mission_still_gets_its_trees_its_figure_and_metrics(tmp_p
     assert json.loads((tmp_path / "run.json").read_text())["status"] == "infeasible"
 
 
-@pytest.mark.parametrize("fails", [False, True])
-def test_what_a_stage_begins_ahead_is_told_of_every_record_and_ends_with_the_run(
-    fails: bool, tmp_path: Path
-) -> None:
-    told: list[object] = []
-
-    class Listener:
-        def record_made(self, name: str, record: object) -> None:
-            told.append((name, record))
-
-    @contextmanager
-    def begin(settings: Settings) -> Iterator[Listener]:
-        told.append(settings.name)
-        try:
-            yield Listener()
-        finally:
-            told.append("ended")
-
-    def bake(inputs: StageInputs) -> str:
-        assert isinstance(inputs.ahead, Listener)
-        if fails:
-            raise DataError("burnt")
-        return "bread"
-
-    stages = (
-        Stage("flour", makes=FLOUR, make=lambda inputs: "flour"),
-        Stage("bread", makes=BREAD, make=bake, needs=(FLOUR,), ahead=begin),
-    )
-    pipeline = Pipeline(listing("flour", "bread"), StageTable(stages), stages)
-    with pytest.raises(DataError, match="burnt") if fails else nullcontext():
-        run_pipeline(pipeline, tmp_path)
-    made = [("flour", "flour")] if fails else [("flour", "flour"), ("bread", "bread")]
-    assert told == [pipeline.settings.name, *made, "ended"]
-
-
 def test_numbers_of_a_record_of_ones_own_are_metrics(tmp_path: Path) -> None:
     class Loaf:
         numbers = {"crust_mm": 4.0}  # noqa: RUF012
@@ -424,10 +360,26 @@ def test_numbers_of_a_record_of_ones_own_are_metrics(tmp_path: Path) -> None:
     def bake(inputs: StageInputs) -> Loaf:
         return Loaf()
 
-    stages = (Stage("bake", makes=RecordKey[Loaf]("bake"), make=bake),)
+    stages = (Stage(makes=RecordKey[Loaf]("bake"), make=bake),)
     table = run_pipeline(Pipeline(listing("bake"), StageTable(stages), stages), tmp_path)
     assert table["crust_mm"] == 4.0
     assert table["completed"] == 0.0
+
+
+def test_paths_that_all_break_epsilon_are_the_cause_that_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Not that the trees have none."""
+
+    def too_close(*_: object) -> tuple[()]:
+        raise InfeasibleError("no path keeps planner.epsilon")
+
+    monkeypatch.setitem(front_stage.REFINERS, "sampled", lambda *_: (object(),))
+    monkeypatch.setattr("pareto_ltl.planning.refine.separation.within_limits", too_close)
+    settings = Settings(
+        scene=phi1(), mission=MissionConfig(formula="F a"), planner=PlannerConfig(trees=1, n_max=2)
+    )
+    with pytest.raises(InfeasibleError) as told:
+        Run(settings).make(FRONT)
+    assert str(told.value) == "no path keeps planner.epsilon"
 
 
 @pytest.mark.parametrize("fidelity", ["paper", "full"])
@@ -441,10 +393,10 @@ def test_where_refinement_finds_nothing_that_can_be_flown_the_paths_of_the_trees
     monkeypatch.setitem(front_stage.REFINERS, models.refine, refuse)
     settings = Settings(
         scene=phi1(), fidelity=models, mission=MissionConfig(formula="F a"),
-        planner=PlannerConfig(trees=2, n_max=600), selection=SelectionConfig(draws=50, runs=50),
+        planner=PlannerConfig(trees=2, n_max=600, epsilon=0.5), selection=SelectionConfig(draws=50, runs=50),
     )  # fmt: skip
     assert Run(settings).make(FRONT).paths
-    assert "the plan is a path of the search trees: the nearest line cannot be flown" in caplog.text
+    assert "only paths of the search trees are left: the nearest line cannot be flown" in caplog.text
     none = replace(settings, planner=PlannerConfig(trees=1, n_max=2))
     with pytest.raises(InfeasibleError) as told:
         Run(none).make(FRONT)

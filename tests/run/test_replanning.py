@@ -16,8 +16,8 @@ from pareto_ltl.run.replan_files import comparison_lines
 from pareto_ltl.run.results import Results
 from pareto_ltl.settings import SelectionConfig
 from pareto_ltl.support.errors import ConfigError, DataError
-from pareto_ltl.verify.judge import judge_results
 from pareto_ltl.world.projection import to_geographic
+from pareto_ltl_verify.judge import verify
 from quick_wind import QUICK_WIND
 
 SMALL: dict[str, Any] = {
@@ -88,7 +88,7 @@ def test_only_the_coherent_law_learns_of_the_wind(made: Path, anew: Path) -> Non
 
 
 def test_claims_of_the_new_result_hold(anew: Path) -> None:
-    found = judge_results(anew)
+    found = verify(anew)
     assert not [finding.claim for finding in found if not finding.holds]
     assert len(found) > 60
 

@@ -69,7 +69,7 @@ def flight(steps: int = 4, seed: int = 1) -> PlannedPath:
         q=np.arange(steps + 1),
         label=(frozenset(),) * steps + (frozenset({"b", "a"}),),
         u=rng.normal(size=(steps, 2)),
-        objectives=Objectives(1234567.891, 1e-17, 0.1 + 0.2, 0.0, 0.7),
+        objectives=Objectives({"length": 1234567.891}, 1e-17, 0.1 + 0.2, 0.0, 0.7),
         origin="tree 3 vertex 1207",
         order="a>a+b",
     )

@@ -17,8 +17,8 @@ from pareto_ltl.settings import Settings, WindConfig
 from pareto_ltl.settings.building import section_of
 from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
 from pareto_ltl.support.resources import choices
-from pareto_ltl.verify.judge import judge_results
 from pareto_ltl.wind.levels import level_mismatch
+from pareto_ltl_verify.judge import verify
 
 pytestmark = pytest.mark.no_cover  # other tests run the same lines, and coverage is slow
 
@@ -73,18 +73,20 @@ def test_all_paths_of_a_vehicle_keep_its_airspeeds_and_tell_its_energy(
         assert found.problem.energy is not None
         watts = found.problem.energy.curve.watts(speed)
         brute = sum(float(p) * found.plan.dt for p in watts)
-        assert path.objectives.energy == pytest.approx(brute, rel=1e-12)
+        assert path.objectives.costs["energy"] == pytest.approx(brute, rel=1e-12)
     with (tmp_path / "front.csv").open() as file:
         rows = list(csv.DictReader(file))
-    assert [float(row["energy_j"]) for row in rows] == [p.objectives.energy for p in found.front.paths]
+    assert [float(row["energy_j"]) for row in rows] == [
+        p.objectives.costs["energy"] for p in found.front.paths
+    ]
     told, metrics = (json.loads((tmp_path / f"{name}.json").read_text()) for name in ("plan", "metrics"))
-    assert told["objectives"]["energy"] == metrics["energy_j"] == found.plan.path.objectives.energy
+    assert told["objectives"]["energy"] == metrics["energy_j"] == found.plan.path.objectives.costs["energy"]
     assert told["capacity"] == 3600.0 * curve.power.capacity
     assert metrics["energy_share"] == metrics["energy_j"] / told["capacity"]
     kept = Results(tmp_path)
     assert kept.front.raw == found.front.raw
     assert kept.plan.capacity == told["capacity"]
-    assert all(finding.holds for finding in judge_results(tmp_path))
+    assert all(finding.holds for finding in verify(tmp_path))
 
 
 def test_a_choice_by_energy_is_cheaper_and_can_be_made_later(tmp_path: Path) -> None:
@@ -98,10 +100,14 @@ def test_a_choice_by_energy_is_cheaper_and_can_be_made_later(tmp_path: Path) -> 
     slower = [path for path in first.front.paths if "slower" in path.origin]
     assert slower  # of plans that take less energy than those that fail least
     other = pareto_ltl.choose(Results(place), energy=limit, out=tmp_path / "second")
-    allowed = [p.objectives.energy for p, high in zip(first.front.paths, rates, strict=True) if high <= limit]
+    allowed = [
+        p.objectives.costs["energy"]
+        for p, high in zip(first.front.paths, rates, strict=True)
+        if high <= limit
+    ]
     assert other.plan.rule == "energy"
-    assert other.plan.path.objectives.energy == min(allowed)  # type: ignore[type-var]
-    assert other.plan.path.objectives.energy < first.plan.path.objectives.energy  # type: ignore[operator]
+    assert other.plan.path.objectives.costs["energy"] == min(allowed)
+    assert other.plan.path.objectives.costs["energy"] < first.plan.path.objectives.costs["energy"]
 
 
 def test_a_battery_that_no_path_keeps_to_ends_the_run_with_a_cure(tmp_path: Path) -> None:
@@ -120,7 +126,7 @@ def test_a_battery_that_no_path_keeps_to_ends_the_run_with_a_cure(tmp_path: Path
             **SMALL,
         )
     assert (tmp_path / "front.csv").is_file()
-    assert all(finding.holds for finding in judge_results(tmp_path))
+    assert all(finding.holds for finding in verify(tmp_path))
 
 
 # --- levels ---------------------------------------------------------------------------------------
@@ -157,6 +163,10 @@ def test_what_no_vehicle_is_gets_one_line(capsys: pytest.CaptureFixture[str], tm
         (["robot=multirotr"], "multirotor"),
         (["selection=energy"], "selection.rule=energy needs the power curve of the robot"),
         (["selection.rule=weighted", "selection.weights=[1,1,1,1]"], "the fourth of selection.weights needs"),
+        (["selection.rule=least"], "selection.least=energy needs the power curve of the robot"),
+        (["selection.rule=least", "selection.least=turns"], "selection.least=turns is none of the costs"),
+        (["selection.costs=[turns]", "selection.weights=[1,1,1,1,1]"], "has more numbers than the costs"),
+        (["selection.costs=[turn]"], "selection.costs"),
         (["robot=fixed_wing", "robot.u_min=21"], "robot.u_min = 21 m/s is above robot.u_max = 20 m/s"),
     ):
         assert run_command_line(["+experiment=phi1", *words, f"hydra.run.dir={tmp_path}"]) == 2

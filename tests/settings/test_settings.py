@@ -133,7 +133,7 @@ def test_a_number_is_allowed_exactly_inside_its_limits(value: float, low: float,
 
 
 def test_nothing_given_is_allowed_where_it_is_the_default() -> None:
-    assert Settings().planner.epsilon is None
+    assert Settings().planner.budget_seconds is None
     assert Settings().wind.rho is None
 
 

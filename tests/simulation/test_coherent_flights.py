@@ -9,7 +9,7 @@ from numpy.random import SeedSequence
 from coherent import STEPS, coherent_problem, rate_interval
 from pareto_ltl.kernels.flight import Autopilot, link_fields
 from pareto_ltl.planning.evaluate import evaluate_path, forecast, propagate
-from pareto_ltl.planning.reference import interpolate, interpolate_time
+from pareto_ltl.planning.wind_lookup import interpolate, interpolate_time
 from pareto_ltl.settings import RobotConfig
 from pareto_ltl.simulation.flights import (
     draw_coherent,

@@ -12,10 +12,11 @@ from hypothesis import strategies as st
 from numpy.random import SeedSequence
 from scipy.stats import binom, binomtest
 
+from oracle import path_risk as risk
 from pareto_ltl.kernels import flight as rollout
 from pareto_ltl.planning import growth, selection
-from pareto_ltl.planning import reference as risk
 from pareto_ltl.planning.records import Plan
+from pareto_ltl.planning.wind_lookup import interpolate, interpolate_time
 from pareto_ltl.settings import DeploymentConfig, PlannerConfig, RobotConfig
 from pareto_ltl.simulation import flights as deployment
 from pareto_ltl.simulation.records import Deployment
@@ -56,9 +57,9 @@ def plain(problem, u, draws, x0):
 
     x, q, hit = [np.array(x0)], automaton.step(automaton.initial, label(x0)), False
     for t, control in enumerate(u):
-        mean = risk.interpolate(problem.wind, wind.mean, t, x[-1])
-        variance = risk.interpolate(problem.wind, wind.latent, t, x[-1])
-        variance = variance + risk.interpolate_time(problem.wind, wind.gust, t)
+        mean = interpolate(problem.wind, wind.mean, t, x[-1])
+        variance = interpolate(problem.wind, wind.latent, t, x[-1])
+        variance = variance + interpolate_time(problem.wind, wind.gust, t)
         w = mean + np.sqrt(variance) * draws[t]
         x.append(motion.a @ x[-1] + motion.dt * (B @ control + w))
         leg = shapely.LineString([x[-2], x[-1]])

@@ -15,23 +15,24 @@ from scipy.stats import binom, binomtest, norm
 from coherent import SCENE, STEPS, coherent_problem
 from flown import succeeds
 from landmarks import LANDMARK_WAY, landmark_problem
+from oracle import importance as plain
 from pareto_ltl.kernels import importance as kernel
 from pareto_ltl.kernels.flight import link_fields
-from pareto_ltl.planning import reference_importance as plain
 from pareto_ltl.planning.evaluate import cross_covariance, evaluate_path, propagate
 from pareto_ltl.planning.problem import Problem
-from pareto_ltl.planning.records import FLIGHTS, WEIGHTED, FailureRate, PlannedPath
+from pareto_ltl.planning.records import FLIGHTS, WEIGHTED, FailureRate, PlannedPath, counted_rate
 from pareto_ltl.settings import PlannerConfig, RobotConfig, preset
 from pareto_ltl.simulation import importance
 from pareto_ltl.simulation import promise as promises
-from pareto_ltl.simulation.failure_modes import nearest_mixture
-from pareto_ltl.simulation.flights import counted_rate, simulate_flights
+from pareto_ltl.simulation.failure_modes import HalfSpace, touching
+from pareto_ltl.simulation.flights import simulate_flights, unspawned
 from pareto_ltl.simulation.promise import RARE, count_agrees, fresh_rate
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import InfeasibleError
 from problems import KM, QUICK_ERROR, along, box, make_problem, make_scene, smooth_wind, steady_wind
 
 LOOSE = PlannerConfig(epsilon=0.999, delta=0.999)
+ALOE = importance.Ladder(np.ones(1), np.ones(1), 0.0)  # the mixture of the paper: exact in the linearised law
 CHANCE = 1e-6  # at which a statistical test may fail
 MAP = {"a": box(13, 13, 19, 19), "b": box(2, 13, 7, 18), "h": box(7.5, 7.5, 10, 10)}
 BLOCKS = [box(8, 1, 12, 5.5), box(9, 15, 11, 20)]
@@ -118,50 +119,50 @@ def test_the_covariance_of_deviations_is_the_planned_one(error):
 
 
 @pytest.mark.parametrize("name", list(TASKS))
-def test_half_spaces_cover_the_failures_of_the_linear_law(name):
-    """Of flights drawn far around the half-spaces, those that fail lie in one."""
+def test_most_failures_of_the_linear_law_lie_in_a_half_space(name):
+    """Of flights drawn far around the half-spaces."""
     problem = TASKS[name][0]
     proposal = proposal_of(name)
     _, e = drawn(proposal, 3000, seed=2)
     reached = np.einsum("jti,nti->nj", proposal.modes.weight, e)
-    covered = (reached >= proposal.modes.threshold).any(axis=1)
+    covered = (reached >= 0.9 * proposal.modes.threshold).any(axis=1)
     fails = np.array([not succeeds(problem, proposal.mean + off) for off in e])
     assert fails.sum() > 300
     assert (~covered).sum() > 300
-    assert not (fails & ~covered).any()
+    assert covered[fails].mean() > 0.99
 
 
-def test_dividing_half_spaces_brings_the_bound_down_to_the_rate():
+def test_replaced_half_spaces_bring_the_bound_down_to_the_rate():
     """A region is swept in several steps; V charges the visit at one of them."""
     problem, path = TASKS["sweep"]
-    rate = importance.importance_rate(problem, path, 4000, SeedSequence(3)).failure
+    rate = importance.weighted_rate(problem, path, 4000, SeedSequence(3)).failure
     bound = proposal_of("sweep").modes.union_bound
     risk = path.objectives.mission_risk + path.objectives.collision_risk
-    assert rate < bound < 0.75 * risk
+    assert rate < bound < 0.95 * risk
 
 
 @settings(deadline=None, max_examples=100)
 @given(st.floats(0.01, 6.0), st.floats(0.01, 6.0), st.floats(-0.99, 0.99))
-def test_the_nearest_mixture_touches_the_intersection_at_its_nearest_point(first, second, shared):
+def test_the_half_space_of_an_intersection_touches_it_at_its_nearest_point(first, second, shared):
     """Against the intersection in the plane of both normals, ray by ray from the origin."""
-    mixed = nearest_mixture(first, np.array([second]), np.array([shared]))
     axes = np.array([[1.0, 0.0], [shared, math.sqrt(1.0 - shared**2)]])
-    normal = mixed.first[0] * axes[0] + mixed.second[0] * axes[1]
+    mixed = touching(HalfSpace(axes[0], first), HalfSpace(axes[1], second), np.eye(2))
     angle = np.linspace(0, 2 * np.pi, 20_001)
     rays = np.column_stack([np.cos(angle), np.sin(angle)])
     towards = rays @ axes.T
     hits = (towards > 1e-9).all(axis=1)
     near = rays[hits] * (np.array([first, second]) / towards[hits]).max(axis=1, keepdims=True)
-    assert mixed.threshold[0] == pytest.approx(np.linalg.norm(near, axis=1).min(), rel=1e-3)
-    assert np.linalg.norm(normal) == pytest.approx(1.0)
-    assert (near @ normal).min() >= mixed.threshold[0] * (1 - 1e-9)
+    assert mixed.threshold == pytest.approx(np.linalg.norm(near, axis=1).min(), rel=1e-3)
+    assert np.linalg.norm(mixed.weight) == pytest.approx(1.0)
+    assert (near @ mixed.weight).min() >= mixed.threshold * (1 - 1e-9)
 
 
-def test_the_mixture_of_equal_half_spaces_is_that_half_space():
-    """Their correlation may exceed 1 by rounding."""
-    mixed = nearest_mixture(0.3, np.full(2, 0.3), np.array([1.0, 1.0 + 2**-51]))
-    np.testing.assert_array_equal(mixed.threshold, 0.3)
-    np.testing.assert_array_equal(mixed.first + mixed.second, 1.0)
+def test_parallel_half_spaces_have_the_narrower_one_or_no_intersection():
+    """The correlation of equal ones may exceed 1 by rounding."""
+    one = HalfSpace(np.array([1.0 + 2**-51, 0.0]), 0.3)
+    assert touching(one, HalfSpace(np.array([1.0, 0.0]), 0.3), np.eye(2)).threshold == 0.3
+    assert touching(one, HalfSpace(np.array([1.0, 0.0]), 0.5), np.eye(2)).threshold == 0.5
+    assert touching(one, HalfSpace(np.array([-1.0, 0.0]), 0.5), np.eye(2)).threshold == math.inf
 
 
 # --- weights --------------------------------------------------------------------------------------
@@ -202,7 +203,7 @@ def test_draws_are_pushed_into_their_half_space_and_left_alone_beside_it():
 @pytest.mark.statistical
 def test_draws_have_the_law_of_their_half_spaces():
     """Along ω a truncated normal, across it a standard normal; each half-space in proportion to Φ(-τ)."""
-    proposal = proposal_of("coherent", importance.ALOE)
+    proposal = proposal_of("coherent", ALOE)
     n = 20_000
     z, e = drawn(proposal, n, seed=5)
     reached = np.einsum("jti,nti->nj", proposal.modes.weight, e)
@@ -223,7 +224,7 @@ def test_draws_have_the_law_of_their_half_spaces():
 def test_the_mixture_of_the_paper_never_exceeds_the_union_bound():
     for name in TASKS:
         problem, path = TASKS[name]
-        proposal = proposal_of(name, importance.ALOE)
+        proposal = proposal_of(name, ALOE)
         weights, _ = importance.weighted_flights(problem, path, proposal, 500, SeedSequence(6))
         bound = proposal.modes.union_bound
         assert weights.max() <= bound * (1 + 1e-12)
@@ -263,7 +264,7 @@ def test_one_half_space_is_exact(offset):
     """Every draw fails and weighs the same: the rate is Φ(-τ) without sampling error. With lowered thresholds
     it has one, and stays unbiased."""
     problem, path = straight(offset)
-    proposal = importance.make_proposal(problem, path, "independent", importance.ALOE)
+    proposal = importance.make_proposal(problem, path, "independent", ALOE)
     assert proposal is not None
     weights, failed = importance.weighted_flights(problem, path, proposal, 400, SeedSequence(0))
     assert failed.all()
@@ -288,7 +289,7 @@ def test_rates_are_those_of_plain_flights(name):
     rate, error = weighted.mean(), weighted.std() / math.sqrt(draws)
     assert error < 0.06 * rate
     assert abs(rate - plain_rate) < 5.3 * math.hypot(error, math.sqrt(rate * (1 - rate) / runs))
-    found = importance.importance_rate(problem, path, draws, SeedSequence(2))
+    found = importance.weighted_rate(problem, path, draws, SeedSequence(2))
     assert found == FailureRate(law, found.failure, found.low, found.high, draws, WEIGHTED)
     assert found.failure == pytest.approx(rate)
     assert found.low < rate < found.high
@@ -333,12 +334,12 @@ def test_intervals_of_equal_weights_are_those_of_counts(hits, weight, draws):
 def test_the_same_seed_gives_the_same_rate_whatever_the_threads(monkeypatch):
     problem, path = TASKS["wall"]
     seed = SeedSequence(8)
-    first = importance.importance_rate(problem, path, 900, seed)
+    first = importance.weighted_rate(problem, path, 900, seed)
     seed.spawn(2)
     for count in ("1", "3"):
         monkeypatch.setenv("OMP_NUM_THREADS", count)
-        assert importance.importance_rate(problem, path, 900, seed) == first
-    assert importance.importance_rate(problem, path, 900, SeedSequence(9)) != first
+        assert importance.weighted_rate(problem, path, 900, seed) == first
+    assert importance.weighted_rate(problem, path, 900, SeedSequence(9)) != first
 
 
 # --- where there is nothing to sample by ----------------------------------------------------------
@@ -351,46 +352,41 @@ def test_a_law_without_variance_is_flown_as_it_is(law):
         "F a", problem.scene, steady_wind(problem.scene, gust=(0.0, 0.0)), RobotConfig(dt=100.0, u_max=40.0),
         LOOSE, fidelity=problem.fidelity,
     )  # fmt: skip
-    rate = importance.importance_rate(still, path, 100, SeedSequence(0))
-    assert (rate.failure, rate.low, rate.method, rate.runs, rate.law) == (0.0, 0.0, "flights", 100, law)
+    assert importance.weighted_rate(still, path, 100, SeedSequence(0)) is None
+    assert fresh_rate(still, path, 100, SeedSequence(0)) == counted_rate(law, 0, 100)
     short = replace(path, x=path.x[:-1], u=path.u[:-1])
-    assert importance.importance_rate(still, short, 100, SeedSequence(0)).failure == 1.0
+    assert importance.weighted_rate(still, short, 100, SeedSequence(0)) is None
 
 
 def test_a_plan_that_misses_its_region_is_flown_as_it_is():
     problem, path = straight(-0.5)
-    rate = importance.importance_rate(problem, path, 2000, SeedSequence(0))
-    assert rate.method == "flights"
-    assert rate.low < norm.sf(-0.5) < rate.high
+    assert importance.weighted_rate(problem, path, 2000, SeedSequence(0)) is None
 
 
 def test_a_plan_with_fixes_is_flown_as_it_is():
     problem = landmark_problem()
     path = evaluate_path(problem, LANDMARK_WAY, "by hand")
     assert path.fixes
-    rate = importance.importance_rate(problem, path, 300, SeedSequence(1))
-    flights = simulate_flights(problem, path.u, 300, "coherent", SeedSequence(1), path.x)
-    assert rate.failure == flights.failed.mean()
-    assert rate.method == "flights"
+    assert importance.weighted_rate(problem, path, 300, SeedSequence(1)) is None
 
 
 def test_a_start_in_the_region_needs_no_step():
     scene = make_scene({"a": box(1, 1, 4, 4)}, start=(2.0, 2.0))
     problem = coherent_problem(scene)
     path = evaluate_path(problem, scene.start[None], "by hand")
-    rate = importance.importance_rate(problem, path, 100, SeedSequence(0))
-    assert rate.failure == 0.0
+    assert importance.weighted_rate(problem, path, 100, SeedSequence(0)) is None
+    assert fresh_rate(problem, path, 100, SeedSequence(0)) == counted_rate("coherent", 0, 100)
 
 
 def test_a_plan_that_outlasts_the_wind_and_too_few_draws_are_refused():
     problem, path = TASKS["coherent"]
     with pytest.raises(ValueError, match="at least one draw, got draws = 0"):
-        importance.importance_rate(problem, path, 0, SeedSequence(0))
+        importance.weighted_rate(problem, path, 0, SeedSequence(0))
     longer = np.vstack([path.u] * 200)
     outlasting = replace(path, u=longer, x=np.vstack([path.x[:1]] * (len(longer) + 1)))
     known = coherent_problem(SCENE, until=1800.0)
     with pytest.raises(InfeasibleError, match="outlasts the wind"):
-        importance.importance_rate(known, outlasting, 10, SeedSequence(0))
+        importance.weighted_rate(known, outlasting, 10, SeedSequence(0))
 
 
 # --- what is promised -----------------------------------------------------------------------------
@@ -406,6 +402,28 @@ def test_the_promise_of_a_plan_that_seldom_fails_is_weighted(caplog):
     assert often.method == FLIGHTS
     assert often.failure > RARE
     assert not caplog.text
+
+
+def test_weighted_flights_never_draw_from_the_seed_of_the_plain_ones(monkeypatch):
+    """Else both would be wrong alike, and the count could not contradict the weighted rate."""
+    seeds = dict[str, SeedSequence]()
+
+    def count(problem, path, runs, seed):
+        seeds["plain"] = seed
+        return 0
+
+    def weigh(problem, path, draws, seed):
+        seeds["weighted"] = seed
+
+    monkeypatch.setattr(promises, "count_failures", count)
+    monkeypatch.setattr(importance, "weighted_rate", weigh)
+    fresh_rate(*straight(4.0), 5000, SeedSequence(4, spawn_key=(7,)))
+    states = [
+        tuple(child.generate_state(4))
+        for seed in seeds.values()
+        for child in (seed, *unspawned(seed).spawn(5000))
+    ]
+    assert len(set(states)) == len(states) == 2 * 5001
 
 
 def test_a_count_that_contradicts_the_weighted_rate_is_what_is_promised(caplog, monkeypatch):

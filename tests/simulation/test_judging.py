@@ -14,12 +14,12 @@ from scipy.stats import fisher_exact
 
 from pareto_ltl.planning import growth, selection
 from pareto_ltl.planning.evaluate import evaluate_path
-from pareto_ltl.planning.records import WEIGHTED, FailureRate, Objectives, PlannedPath
+from pareto_ltl.planning.records import WEIGHTED, FailureRate, Objectives, PlannedPath, counted_rate
 from pareto_ltl.planning.refine import smooth_paths
 from pareto_ltl.settings import PlannerConfig, RobotConfig, SelectionConfig, SmoothingConfig, preset
 from pareto_ltl.simulation import judging
 from pareto_ltl.simulation import promise as promises
-from pareto_ltl.simulation.flights import counted_rate, simulate_flights
+from pareto_ltl.simulation.flights import simulate_flights
 from pareto_ltl.simulation.judging import (
     Flown,
     certainly_beaten,
@@ -39,7 +39,7 @@ SCENE = make_scene(
     start=(2.0, 3.0),
 )
 DRAWS = 1500
-COSTS = Objectives(1.0, 0.5, 0.5, 0.5, 0.5)
+COSTS = Objectives({"length": 1.0}, 0.5, 0.5, 0.5, 0.5)
 
 
 @pytest.fixture(scope="module")
@@ -130,7 +130,8 @@ def test_the_reference_of_the_hypervolume_has_two_sides(given_paths, front):
 
 def test_the_front_of_the_trees_is_kept_beside(task, given_paths, front):
     raw, _ = given_paths
-    alone = judge_front(task, (), raw, judging.RAW_DRAWS, SeedSequence(3))
+    free = replace(task, epsilon=1.0)
+    alone = judge_front(free, (), raw, judging.RAW_DRAWS, SeedSequence(3))
     assert len(alone.paths) > 1
     assert front.raw == tuple(path.objectives for path in alone.paths)
     assert front.raw_rates == alone.rates
@@ -156,7 +157,7 @@ def test_the_law_is_that_of_the_planner(wind):
 
 def test_the_flights_of_a_block_do_not_depend_on_which_paths_are_flown(task, given_paths):
     raw, _ = given_paths
-    among = fly_race(task, raw, 600, SeedSequence(8))
+    among = fly_race(task, raw, 600, SeedSequence(8), judging.CROWD)
     assert 1 < len(among) < len(raw)  # the race has dropped some
     for flown in among[:3]:
         (alone,) = fly_race(task, [flown.path], 600, SeedSequence(8))
@@ -168,7 +169,10 @@ def test_the_flights_of_a_block_do_not_depend_on_which_paths_are_flown(task, giv
 def test_the_unbeaten_are_those_that_no_other_path_beats(table):
     some_path = PlannedPath(*[np.zeros(1)] * 4, (frozenset(),), np.zeros((0, 2)), COSTS, "")
     flown = [
-        Flown(replace(some_path, objectives=replace(COSTS, length=float(length))), np.arange(5) < count)
+        Flown(
+            replace(some_path, objectives=replace(COSTS, costs={"length": float(length)})),
+            np.arange(5) < count,
+        )
         for count, length in table
     ]
     kept = [one.row for one in unbeaten(flown)]
@@ -197,11 +201,34 @@ def test_a_path_is_dropped_where_a_shorter_one_is_safer_beyond_chance():
     ]
 
 
+class SlowlySafer:
+    """A race of many paths: path k is k + 1 long, and its flights fail with probability 0.02 / (k + 1)."""
+
+    def __init__(self, paths, runs):
+        self.blocks = judging.block_rows(runs)
+        self.chance = np.random.default_rng(4).random((runs, 1)) < 0.02 / (1.0 + np.arange(len(paths)))
+
+    def failures(self, number, running):
+        return self.chance[self.blocks[number]][:, running].T
+
+
+def test_refined_paths_that_rarely_fail_stay_among_many(monkeypatch, task, given_paths):
+    """After 250 flights most have no failure, and the shortest of those seems to beat all that are longer."""
+    paths = [
+        replace(given_paths[1][0], objectives=replace(COSTS, costs={"length": 1.0 + k}))
+        for k in range(4 * judging.CROWD)
+    ]
+    monkeypatch.setattr(judging, "race_of", lambda _problem, paths, runs, _seed: SlowlySafer(paths, runs))
+    flown = fly_race(task, paths, 20_000, SeedSequence(8))
+    assert [one.path.objectives.length for one in flown] == [1.0 + k for k in range(len(paths))]
+    assert len(fly_race(task, paths, 20_000, SeedSequence(8), judging.CROWD)) < len(paths)
+
+
 @settings(deadline=None, max_examples=40)
 @given(st.lists(st.tuples(st.integers(0, 30), st.integers(0, 30)), min_size=1, max_size=90))
 def test_of_a_crowd_the_front_stays_and_nothing_that_is_behind_what_goes(table):
     rows = np.array(table, float)
-    stays = outermost(rows[:, 0], rows[:, 1:])
+    stays = outermost(rows[:, 0], rows[:, 1:], judging.CROWD)
     beaten = [any((o <= r).all() and (o < r).any() for o in rows) for r in rows]
     assert all(stays[k] for k in range(len(rows)) if not beaten[k])
     assert stays.sum() <= max(judging.CROWD, len(rows) - sum(beaten))

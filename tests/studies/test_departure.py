@@ -32,8 +32,8 @@ from pareto_ltl.studies.departure_table import (
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.schemas import read_document
-from pareto_ltl.verify.judge import judge_results
 from pareto_ltl.wind.readings import CALM, Readings, iso, seconds
+from pareto_ltl_verify.judge import verify
 
 if TYPE_CHECKING:
     from pareto_ltl.planning.records import Plan
@@ -276,7 +276,7 @@ def test_the_recommended_plan_can_be_made_again(place: Path, capsys: pytest.Capt
 
 
 def test_the_recommended_result_holds_before_the_judge(place: Path) -> None:
-    assert not [finding for finding in judge_results(place / "recommended") if not finding.holds]
+    assert not [finding for finding in verify(place / "recommended") if not finding.holds]
 
 
 def test_a_study_that_goes_on_has_the_same_bytes(place: Path, tmp_path: Path) -> None:

@@ -15,6 +15,7 @@ from figure_texts import labels_without_unit, texts_of, texts_outside, wrong_tex
 from noaa import NOAA, needs_noaa
 from pareto_ltl.cli import hydra_app as app
 from pareto_ltl.report import style
+from pareto_ltl.report.records import Study
 from pareto_ltl.report.study_forecast_test import forecast_test_figure
 from pareto_ltl.settings import (
     DeploymentConfig,
@@ -26,6 +27,7 @@ from pareto_ltl.settings import (
     SmoothingConfig,
 )
 from pareto_ltl.studies import forecast_test as study
+from pareto_ltl.studies.known_winds import DepartureWinds
 from pareto_ltl.studies.random_missions import Mission, mission
 from pareto_ltl.support.errors import DataError, InfeasibleError
 from pareto_ltl.wind.readings import seconds
@@ -77,12 +79,19 @@ def calm(hour: float) -> tuple[float, float]:
     return 3.0, 1.0
 
 
-def context_of(told: tuple[Snapshot, ...], cfg: Settings) -> study.ForecastTestContext:
-    return study.shared_context(cfg, told, tuple(file for snap in told for file in snap.files))
+def context_of(told: tuple[Snapshot, ...], cfg: Settings) -> DepartureWinds:
+    files = tuple(file for snap in told for file in snap.files)
+    known = study.known_winds(cfg, cfg.forecast_test, Path("none"), told, files)
+    assert isinstance(known, DepartureWinds)
+    return known
 
 
-def task_of(context: study.ForecastTestContext, number: int = 0) -> Mission:
-    return mission(context.settings.forecast_test, context.settings.seed, number, context.spells)
+def study_of(told: list[dict[str, object]], **changes: object) -> Study:
+    return study.missions_study(context_of(snapshots(calm), settings(**changes)), told)
+
+
+def task_of(context: DepartureWinds, number: int = 0) -> Mission:
+    return mission(context.cfg, context.settings.seed, number, context.spells)
 
 
 # --- what is known ---------------------------------------------------------------------------
@@ -94,7 +103,7 @@ def test_planning_knows_no_cycle_younger_than_the_delay(number: int, delay: floa
     context = context_of(snapshots(calm), settings(delay=delay))
     task = task_of(context, number)
     departure = seconds(str(task.scene.time_zero))
-    known = study.known_readings(context, task)
+    known = context.readings(task)
     cycles = known.times - known.leads
     assert cycles.max() <= departure - delay * HOUR
     assert cycles.max() > departure - (delay + 6) * HOUR  # and the newest of those
@@ -104,7 +113,7 @@ def test_planning_knows_no_cycle_younger_than_the_delay(number: int, delay: floa
 
 def test_of_one_time_planning_knows_the_newest_cycle_and_truth_the_analysis() -> None:
     context = context_of(snapshots(calm, leads=(0, 3, 6, 9)), settings())
-    known = study.known_readings(context, task_of(context, 3))
+    known = context.readings(task_of(context, 3))
     young = known.leads[known.times <= known.times[-1] - 9 * HOUR]
     assert set(young.tolist()) == {0.0, 3 * HOUR}
     assert known.leads[-1] == 9 * HOUR
@@ -115,7 +124,7 @@ def test_readings_are_thinned_to_the_same_nodes_or_are_every_node() -> None:
     few = context_of(snapshots(calm), settings())
     every = context_of(snapshots(calm), settings(points=None))
     for context, count in ((few, 40), (every, len(NODES))):
-        known = study.known_readings(context, task_of(context))
+        known = context.readings(task_of(context))
         assert {len(points) for points in known.points} == {count}
         table = {
             tuple(node): wind for node, wind in zip(NODES.tolist(), snapshots(calm)[0].winds, strict=True)
@@ -131,7 +140,7 @@ def test_the_fields_that_are_read_cover_a_scene_at_the_edge_of_the_area(corner: 
     half = 400e3 + cfg.wind.padding
     outline = half * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
     lon, lat = projection.to_geographic(projection.local_plane(north, east), outline)
-    assert study.needed_area(cfg).contains(np.column_stack([lon, lat])).all()
+    assert study.needed_area(cfg, cfg.forecast_test).contains(np.column_stack([lon, lat])).all()
 
 
 def test_a_period_that_is_too_short_for_the_delay_is_refused() -> None:
@@ -150,10 +159,11 @@ def test_a_wind_that_stays_as_it_was_keeps_the_promise_and_one_that_turns_breaks
     outcomes = {}
     for name, wind in (("steady", calm), ("turning", turning)):
         context = context_of(snapshots(wind, hours=24), cfg)
-        (plan,) = study.forecast_part(context, 0)["plans"]
+        result = study.mission_part(context, 0)
+        (plan,) = result["plans"]
         outcomes[name] = plan
         assert plan["promised"].keys() == {"simulated_coherent", "bound_coherent"}
-        assert plan["known_hours"] == -3.0
+        assert result["known_hours"] == -3.0
     steady, turned = outcomes["steady"], outcomes["turning"]
     assert steady["failure"] <= steady["promised"]["simulated_coherent"] + 0.05
     assert turned["failure"] > 0.95
@@ -166,11 +176,12 @@ def test_a_wind_that_stays_as_it_was_keeps_the_promise_and_one_that_turns_breaks
 def result(longitude: float, promised: float, failure: float, fidelity: str = "full") -> dict[str, object]:
     law = {"full": "coherent", "paper": "independent"}[fidelity]
     plan = {
-        "fidelity": fidelity, "steps": 9, "known_hours": -3.0, "objectives": {"length": 1e5},
+        "fidelity": fidelity, "kind": "chosen", "steps": 9, "objectives": {"length": 1e5},
         "promised": {f"simulated_{law}": promised, f"bound_{law}": min(1.0, 2 * promised)},
         "failure": failure, "missed": failure, "collided": 0.0, "off_map": 0.0, "miss_m": 1e3, "sd_m": 1e3,
     }  # fmt: skip
-    return {"formula": "F a", "departure": "now", "latitude": 40.0, "longitude": longitude, "plans": [plan]}
+    place = {"departure": "now", "latitude": 40.0, "longitude": longitude, "known_hours": -3.0}
+    return {"formula": "F a", **place, "plans": [plan]}
 
 
 def results() -> list[dict[str, object]]:
@@ -183,7 +194,7 @@ def results() -> list[dict[str, object]]:
 
 
 def test_regions_bins_and_verdicts_are_told() -> None:
-    found = study.collect_forecast_test(settings(bins=3), results())
+    found = study_of(results(), bins=3)
     assert [group["missions"] for group in found.tables["reliability"]] == [20] * 6  # two promises
     regions = [row for row in found.tables["regions"] if row["promise"] == "simulated_coherent"]
     assert [(row["region"], row["missions"], row["kept"]) for row in regions] == [
@@ -199,21 +210,21 @@ def test_regions_bins_and_verdicts_are_told() -> None:
 
 def test_plans_of_two_fidelities_share_a_table() -> None:
     told = [result(-100.0, 0.1, 0.2), result(-100.0, 0.1, 0.2, "paper")]
-    rows = study.collect_forecast_test(settings(fidelities=["full", "paper"]), told).tables["forecast_test"]
+    rows = study_of(told, fidelities=["full", "paper"]).tables["forecast_test"]
     assert len({tuple(row) for row in rows}) == 1  # the same columns
     assert np.isnan(rows[0]["simulated_independent"])
 
 
 def test_missions_without_a_plan_are_told_with_their_reason() -> None:
     lost = result(-100.0, 0.1, 0.1) | {"plans": [], "reason_full": "no way"}
-    found = study.collect_forecast_test(settings(), [*results(), lost])
+    found = study_of([*results(), lost])
     assert found.tables["no_plan"] == ({"mission": 60, "reason": "no way"},)
     with pytest.raises(InfeasibleError, match=r"none of 1 random missions has a plan \(no way\)"):
-        study.collect_forecast_test(settings(), [lost])
+        study_of([lost])
 
 
 def test_the_figure_shows_every_bin_and_region_within_its_page() -> None:
-    found = study.collect_forecast_test(settings(bins=3), results())
+    found = study_of(results(), bins=3)
     own = [
         [row for row in found.tables[name] if row["promise"] == "simulated_coherent"]
         for name in ("reliability", "regions")
@@ -242,6 +253,7 @@ def test_a_forecast_test_of_real_fields_from_the_command_line(
         "planner.trees=4",
         "planner.n_max=1500",
         "fidelity.refine=none",
+        "planner.epsilon=0.25",
         "selection.runs=200",
         "selection.draws=100",
         "deployment.runs=50",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -14,8 +15,7 @@ import small_study
 from noaa import NOAA, needs_noaa
 from pareto_ltl.cli import hydra_app as app
 from pareto_ltl.settings import HindcastConfig, WindConfig
-from pareto_ltl.studies import field_missions as shared
-from pareto_ltl.studies import hindcast
+from pareto_ltl.studies import forecast_test
 from pareto_ltl.studies import random_missions as missions
 from pareto_ltl.studies import true_fields as nature
 from pareto_ltl.support.errors import ConfigError, DataError
@@ -125,12 +125,12 @@ def test_spells_end_where_fields_are_missing() -> None:
 
 def test_folders_of_full_fields_are_checked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(ConfigError, match="no such folder"):
-        nature.true_fields_folder(HindcastConfig(truth=str(tmp_path / "none")))
+        nature.full_fields(HindcastConfig(truth=str(tmp_path / "none")))
     with pytest.raises(DataError, match="holds no GRIB2 file"):
-        shared.full_fields(HindcastConfig(), tmp_path)
+        nature.full_fields(HindcastConfig(truth=str(tmp_path)))
     monkeypatch.setattr(nature, "checkout", lambda: None)
     with pytest.raises(ConfigError, match=r"hindcast\.truth is missing"):
-        nature.true_fields_folder(HindcastConfig())
+        nature.full_fields(HindcastConfig())
 
 
 # --- missions --------------------------------------------------------------------------------
@@ -179,10 +179,10 @@ def test_a_front_is_flown_from_its_safest_to_its_shortest() -> None:
 
     cfg = small_study.settings()
     front = study_run(cfg, small_study.world(cfg)).make(FRONT)
-    chosen = hindcast.picked(front, 3)
+    chosen = forecast_test.picked(front, 3)
     assert chosen[0] is front.paths[0]
     assert chosen[-1] is front.paths[-1]
-    assert len(hindcast.picked(front, 10_000)) == len(front.paths)
+    assert len(forecast_test.picked(front, 10_000)) == len(front.paths)
 
 
 @needs_noaa
@@ -213,8 +213,8 @@ def test_a_hindcast_of_real_fields_from_the_command_line(
     assert len(tables) == 2  # two spells of weather
     lines = tables[0].read_text().splitlines()
     assert len(lines) == 1 + 14 * HindcastConfig().points
-    kinds = {line.split(",")[6] for line in Path("out/hindcast.csv").read_text().splitlines()}
-    assert kinds == {"kind", "front", "chosen"}
+    rows = list(csv.DictReader(Path("out/hindcast.csv").read_text().splitlines()))
+    assert {row["kind"] for row in rows} == {"front", "chosen"}
     assert "test of interpolation" in Path("out/tables.md").read_text()
     for name in ("hindcast.csv", "reliability.csv", "scorecard.csv", "figures/reliability_paper.png"):
         assert (Path("out") / name).stat().st_size > 0

@@ -18,8 +18,8 @@ from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import Plan
 from pareto_ltl.run.exporting import run_with_plan
 from pareto_ltl.run.interface import load_results
-from pareto_ltl.run.records import PLAN, PROBLEM
-from pareto_ltl.settings import SitlConfig
+from pareto_ltl.run.records import EXPORTS, PLAN, PROBLEM, Records
+from pareto_ltl.settings import Settings, SitlConfig
 from pareto_ltl.simulation.aircraft import Orders, fly_orders, read_orders
 from pareto_ltl.simulation.flights import draw_block, fly_block, pilot_maker
 from pareto_ltl.studies import sitl
@@ -137,11 +137,12 @@ def test_what_cannot_be_flown_is_one_line(
     planned: tuple[Problem, Plan], flown: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     problem, plan = planned
-    table, more = flown / "dead_reckoning.csv", (SeedSequence(0),)
+    table = flown / "dead_reckoning.csv"
 
     def refused(kind: type[Exception], text: str, files: tuple[Path, ...], world: Any = problem) -> None:
+        given = Records({PROBLEM: world, PLAN: plan, EXPORTS: files})
         with pytest.raises(kind, match=text) as caught:
-            sitl.run_sitl(SitlConfig(flights=1), "10m", world, plan, files, *more)
+            sitl.run_sitl(Settings(sitl=SitlConfig(flights=1)), given, tmp_path)
         assert "\n" not in str(caught.value)
 
     refused(DataError, "was not exported as dead_reckoning.csv", ())

@@ -26,7 +26,7 @@ from pareto_ltl.settings import (
     Settings,
 )
 from pareto_ltl.settings.studies import MODEL_FACTORS
-from pareto_ltl.studies import ablation, compare, convergence
+from pareto_ltl.studies import ablation, compare, convergence, flown_planners
 from pareto_ltl.studies.planning import fly_seeded, still, study_run, unsmoothed
 from pareto_ltl.support.errors import ConfigError
 
@@ -126,7 +126,7 @@ def test_every_fidelity_and_baseline_can_be_asked_for() -> None:
 
 
 def test_one_seed_is_one_wind_whatever_flies(cfg: Settings, world: Records) -> None:
-    truth = compare.truth(cfg, world)
+    truth = flown_planners.truth(cfg, world)
     u = np.tile([4.0, 3.0], (8, 1))
     first, again, longer, other = (
         fly_seeded(truth, controls, 40, "independent", seed).x
@@ -312,7 +312,7 @@ def test_one_model_changes_at_a_time(cfg: Settings, factor: str) -> None:
 
 def test_models_are_not_changed_unless_asked_for() -> None:
     assert not set(AblationConfig().factors) & set(MODEL_FACTORS)
-    assert {*AblationConfig().factors, *MODEL_FACTORS} == set(ablation.FACTOR_TITLES) == set(FACTOR_LABELS)
+    assert {*AblationConfig().factors, *MODEL_FACTORS} == set(FACTOR_LABELS)
 
 
 @pytest.mark.no_cover  # coverage slows the compiler down, and other tests run the same lines
@@ -327,7 +327,7 @@ def test_plans_of_every_model_meet_the_same_winds(cfg: Settings, world: Records,
     assert len(list((tmp_path / "parts").iterdir())) == 5  # default, tchebycheff, path, convex, sampled
     rows = {(row["factor"], row["level"], row["law"]): row for row in study.tables["ablation"]}
     assert len(rows) == 14
-    truth = compare.truth(few, world)
+    truth = flown_planners.truth(few, world)
     for factor, level in ablation.levels(few):
         plan = study_run(ablation.changed(unsmoothed(few), factor, level), world).make(PLAN)
         for law in one_seed.laws:
@@ -344,7 +344,7 @@ def test_plans_of_every_model_meet_the_same_winds(cfg: Settings, world: Records,
 def test_the_mean_path_is_the_planned_one(cfg: Settings, world: Records) -> None:
     shop = study_run(unsmoothed(cfg), world)
     path = shop.make(PLAN).path
-    np.testing.assert_allclose(ablation.mean_path(shop.make(PROBLEM), path.u), path.x, atol=1e-6)
+    np.testing.assert_allclose(flown_planners.mean_path(shop.make(PROBLEM), path.u), path.x, atol=1e-6)
 
 
 def test_independent_winds_promise_more_the_finer_the_step(
@@ -363,13 +363,13 @@ def test_independent_winds_promise_more_the_finer_the_step(
 def test_a_flight_to_the_last_hour_of_the_wind_can_be_cut_into_pieces(cfg: Settings, world: Records) -> None:
     """A step may begin with the last field; its pieces must find a wind too."""
     cfg = replace(cfg, planner=replace(cfg.planner, max_steps=400))
-    known = len(compare.truth(cfg, world).wind.slot)
+    known = len(flown_planners.truth(cfg, world).wind.slot)
     assert known == 301  # the wind ends before planner.max_steps does
     u = np.zeros((known, 2))
     for pieces in (1, 4):
-        finer = compare.truth(ablation.cut(cfg, pieces), world)
+        finer = flown_planners.truth(ablation.cut(cfg, pieces), world)
         controls = np.repeat(u, pieces, axis=0)
-        assert np.isfinite(ablation.mean_path(finer, controls)).all()
+        assert np.isfinite(flown_planners.mean_path(finer, controls)).all()
         assert np.isfinite(fly_seeded(finer, controls, 3, "independent", 0).x).all()
 
 
@@ -387,14 +387,16 @@ def test_steps_cannot_be_cut_where_the_motion_has_dynamics_of_its_own(
 def test_every_study_draws_its_figures(
     cfg: Settings, world: Records, compared: Study, converged: Study, tmp_path: Path
 ) -> None:
-    from pareto_ltl.report.study_comparison import draw_comparison
-    from pareto_ltl.report.study_convergence import draw_convergence
+    from pareto_ltl.report.study_axes import save_figures
+    from pareto_ltl.report.study_comparison import comparison_figures
+    from pareto_ltl.report.study_convergence import convergence_figures
 
     asked = replace(cfg.report, formats=["png", "svg"])
-    drawn = [
-        *draw_comparison(tmp_path, asked, world[SCENE], world[DECOMPOSITION], compared),
-        *draw_convergence(tmp_path, asked, converged),
-    ]
+    made = {
+        **comparison_figures(cfg, compared, world[SCENE], world[DECOMPOSITION]),
+        **convergence_figures(cfg, converged),
+    }
+    drawn = save_figures(tmp_path, asked, made)
     assert {path.name for path in drawn} == {
         f"{name}.{kind}" for name in ("figure1", "outcomes", "figure2") for kind in ("png", "svg")
     }

@@ -23,7 +23,7 @@ from scipy.stats import binomtest
 from pareto_ltl import settings as config
 from pareto_ltl.cli import composition
 from pareto_ltl.cli import hydra_app as app
-from pareto_ltl.cli.sweep_command import sweep_command as command
+from pareto_ltl.cli.commands import run_command_line
 from pareto_ltl.run import provenance
 from pareto_ltl.settings import Settings
 from pareto_ltl.studies import jobs
@@ -191,7 +191,7 @@ def test_a_full_disk_an_infeasible_job_and_a_damaged_result_leave_the_others_alo
     broken = next(path for path in PLACE.glob("*/metrics.json"))
     seed = json.loads((broken.parent / "run.json").read_text())["seed"]
     broken.write_text('{"completed": 1')
-    assert command([str(PLACE)]) == 0
+    assert run_command_line(["sweep", str(PLACE)]) == 0
     assert statuses()[str(seed)] == "failed"
     assert sweep(*argv).returncode == 0  # that there is no plan is an answer
     assert begun(asked) == sorted(["1", str(seed)])
@@ -220,9 +220,9 @@ def test_two_sweeps_into_one_folder_do_not_mix(asked: Path, capsys: pytest.Captu
     assert sweep(base, "seed=1,2,3").returncode == 0
     assert sorted(statuses()) == ["1", "2", "3"]
     assert begun(asked) == ["0", "1", "2", "3"]  # what both have in common is done once
-    assert command([str(PLACE), "--sweep", key]) == 0
+    assert run_command_line(["sweep", str(PLACE), "--sweep", key]) == 0
     assert (PLACE / "sweeps" / key / "summary.csv").read_bytes() == older
-    assert command([str(PLACE), "--sweep", "elsewhere"]) == 2
+    assert run_command_line(["sweep", str(PLACE), "--sweep", "elsewhere"]) == 2
     assert key in capsys.readouterr().err
 
 
@@ -616,9 +616,9 @@ def test_the_table_comes_back_from_the_directories_alone(tmp_path: Path) -> None
 
 
 def test_a_folder_without_jobs_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert command([str(tmp_path)]) == 2
+    assert run_command_line(["sweep", str(tmp_path)]) == 2
     assert "holds no jobs" in capsys.readouterr().err
-    assert command([str(tmp_path / "elsewhere")]) == 2
+    assert run_command_line(["sweep", str(tmp_path / "elsewhere")]) == 2
     assert list(tmp_path.iterdir()) == []
 
 

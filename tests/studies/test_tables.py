@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pareto_ltl.simulation.flights import clopper_pearson
 from pareto_ltl.studies import statistics, tables
+from pareto_ltl.support.counts import clopper_pearson
 
 
 @given(st.lists(st.booleans()))
@@ -74,7 +74,7 @@ def test_a_rate_of_nothing_is_not_zero() -> None:
 
 
 def test_a_markdown_table_has_as_many_columns_in_every_line() -> None:
-    text = tables.markdown_table("What it is", ("one", "two"), [("1", "2"), ("3", "4")])
+    text = tables.markdown_table("What it is", {"one": str, "two": lambda n: str(n + 1)}, [1, 3])
     lines = text.strip().splitlines()
     assert lines[0] == "**What it is**"
     assert {line.count("|") for line in lines[2:]} == {3}

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from pareto_ltl.cli.cache_command import cache_command
+from pareto_ltl.cli.commands import run_command_line
 from pareto_ltl.support import cache
 from pareto_ltl.support.cores import GIVEN, cores
 from pareto_ltl.support.errors import ConfigError
@@ -83,13 +83,13 @@ def test_the_command_tells_the_size_and_clears(folder: Path, capsys: pytest.Capt
     (folder / "wind" / "entry").write_bytes(bytes(3 * 2**20))
     other = folder / "somebody_elses"
     other.touch()
-    assert cache_command([]) == 0
+    assert run_command_line(["cache"]) == 0
     assert f"{folder}: 2 files, 3.0 of 1024 MiB" in capsys.readouterr().out
-    assert cache_command(["clear"]) == 0
+    assert run_command_line(["cache", "clear"]) == 0
     assert "cleared 3.0 MiB" in capsys.readouterr().out
     assert list(folder.iterdir()) == [other]
-    assert cache_command(["clear"]) == 0
-    assert cache_command(["burn"]) == 2
+    assert run_command_line(["cache", "clear"]) == 0
+    assert run_command_line(["cache", "burn"]) == 2
     assert capsys.readouterr().err.count("\n") == 1
 
 

@@ -236,14 +236,31 @@ def test_the_names_in_the_settings_are_those_of_the_tables() -> None:
     from pareto_ltl.planning.selection_rules import RULES
     from pareto_ltl.wind.sources import SOURCES
 
-    assert tuple(SOURCES) == SOURCE_NAMES
+    assert tuple(SOURCES) == tuple(SOURCE_NAMES)
     assert tuple(RULES) == RULE_NAMES
     assert Settings().wind.source in SOURCES
 
 
+def test_verify_knows_every_wind_source_and_its_usual_law() -> None:
+    from pareto_ltl_verify import wind_tables
+
+    assert wind_tables.SOURCES.keys() == SOURCE_NAMES.keys()
+    for name, known in wind_tables.SOURCES.items():
+        assert known.law in (None, SOURCE_NAMES[name].forecast_error)
+
+
+@pytest.mark.parametrize("name", SOURCE_NAMES)
+def test_a_source_that_reads_files_needs_a_path(name: str) -> None:
+    if SOURCE_NAMES[name].reads_path:
+        with pytest.raises(ConfigError, match=f"wind.path is missing: wind.source={name} needs a file"):
+            WindConfig(source=name)
+    else:
+        assert WindConfig(source=name).path is None
+
+
 def test_verify_knows_every_rule_of_this_package_and_the_settings_that_it_reads() -> None:
     from pareto_ltl.planning.selection_rules import RULES
-    from pareto_ltl.verify.claims import front, plan
+    from pareto_ltl_verify.claims import front, plan
 
     assert tuple(front.RANKINGS) == RULE_NAMES
     assert {name: rule.reads for name, rule in RULES.items()} == plan.READS

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import jsonschema
-import numpy as np
 import pytest
 
 from pareto_ltl.support import schemas
@@ -91,6 +90,15 @@ def spoilt(content: Any, draw: random.Random) -> Any:
         place, depth = place[key], depth - 1
 
 
+def fits(content: Any, name: str) -> bool:
+    """Whether the check accepts ``content``."""
+    try:
+        check_document(content, name, "x.json")
+    except DataError:
+        return False
+    return True
+
+
 CELLS = {
     "cells": [SQUARE],
     "labels": [["a"]],
@@ -103,21 +111,10 @@ CELLS = {
 @pytest.mark.parametrize(
     ("name", "content"), [("scene", SCENE), ("cells", CELLS), ("metrics", {"completed": 1.0, "a": None})]
 )
-def test_the_quick_look_at_arrays_decides_as_jsonschema_does(name: str, content: Any) -> None:
+def test_a_check_decides_as_jsonschema_does(name: str, content: Any) -> None:
     plain = jsonschema.Draft202012Validator(json.loads(schema_text(name)))
     draw = random.Random(name)
     cases = [content, *(spoilt(content, draw) for _ in range(400))]
     verdicts = [plain.is_valid(case) for case in cases]
-    assert [schemas.schema_validator(name).is_valid(case) for case in cases] == verdicts
+    assert [fits(case, name) for case in cases] == verdicts
     assert 0 < sum(verdicts) < len(verdicts)
-
-
-def test_a_map_with_a_million_corners_is_checked_without_a_step_for_each(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    outline = np.random.default_rng(0).random((1_000_000, 2)).tolist()
-    calls = []
-    real = schemas.surely_fit
-    monkeypatch.setattr(schemas, "surely_fit", lambda *words: calls.append(1) or real(*words))
-    check_document({**SCENE, "obstacles": [outline]}, "scene", "x.json")
-    assert 0 < len(calls) < 100

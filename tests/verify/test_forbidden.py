@@ -11,8 +11,8 @@ import pytest
 import pareto_ltl
 from lies.editing import in_flights
 from pareto_ltl.run.results import read_deployments
-from pareto_ltl.verify.evidence import open_evidence
-from pareto_ltl.verify.judge import judge_results
+from pareto_ltl_verify.evidence import open_evidence
+from pareto_ltl_verify.judge import verify
 from quick_wind import QUICK_WIND
 
 MISSION = "!s U a"
@@ -51,7 +51,7 @@ def jumped(place: Path) -> np.ndarray:
 
 
 def test_an_honest_result_with_a_forbidden_region_passes(honest: Path) -> None:
-    assert [finding for finding in judge_results(honest) if not finding.holds] == []
+    assert [finding for finding in verify(honest) if not finding.holds] == []
     assert jumped(honest).sum() > 10  # otherwise the lie below is none
 
 
@@ -59,5 +59,5 @@ def test_flights_that_jump_a_forbidden_strip_cannot_be_called_well(honest: Path,
     shutil.copytree(honest, tmp_path / "lie")
     jumps = jumped(honest)
     in_flights("coherent", lambda f: f["coherent/accepted"].__setitem__(jumps, True))(tmp_path / "lie")
-    caught = {finding.claim for finding in judge_results(tmp_path / "lie") if not finding.holds}
+    caught = {finding.claim for finding in verify(tmp_path / "lie") if not finding.holds}
     assert "coherent: verdicts of the flights" in caught

@@ -13,7 +13,7 @@ from pareto_ltl.logic import FormulaError, translate
 from pareto_ltl.logic.automaton import Automaton
 from pareto_ltl.logic.hoa import hoa_text
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.verify.formula import Dfa, covers, distances, first_difference, read_formula, read_hoa, unlike
+from pareto_ltl_verify.formula import Dfa, covers, distances, first_difference, read_formula, read_hoa, unlike
 
 ATOMS = ("a", "b", "c")
 LETTERS = [frozenset(s) for n in range(4) for s in itertools.combinations(ATOMS, n)]

@@ -13,8 +13,8 @@ import pytest
 
 import pareto_ltl
 from large_maps import rough_disc
-from pareto_ltl.verify.evidence import open_evidence
-from pareto_ltl.verify.judge import CLAIMS, findings, judge_results
+from pareto_ltl_verify.evidence import open_evidence
+from pareto_ltl_verify.judge import CLAIMS, findings, verify
 from quick_wind import QUICK_WIND
 
 MAP = "map: scene.json is the map of the settings"
@@ -52,7 +52,7 @@ def honest(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_an_honest_result_passes(honest: Path) -> None:
-    assert [finding for finding in judge_results(honest) if not finding.holds] == []
+    assert [finding for finding in verify(honest) if not finding.holds] == []
     scene = json.loads((honest / "scene.json").read_text())
     assert 0 < scene["simplified"] <= 2000.0
     assert len(scene["regions"]["a"]) == 2

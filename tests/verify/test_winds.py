@@ -13,15 +13,15 @@ from hypothesis import strategies as st
 from pareto_ltl.planning import pack
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.verify import wind_fit, wind_modes
-from pareto_ltl.verify.forecast_errors import HOUR, ErrorLaw, error_law
-from pareto_ltl.verify.wind_tables import clock, read_wind_file
 from pareto_ltl.wind import gp
 from pareto_ltl.wind.field import time_variances
 from pareto_ltl.wind.forecast_error import ForecastError, forecast_error_law
 from pareto_ltl.wind.modes import error_persistence
 from pareto_ltl.wind.netcdf import write_netcdf
 from pareto_ltl.wind.records import WindField, WindModes, WindObservations
+from pareto_ltl_verify import wind_fit, wind_modes
+from pareto_ltl_verify.forecast_errors import HOUR, ErrorLaw, error_law
+from pareto_ltl_verify.wind_tables import clock, read_wind_file
 
 DT = 1800.0
 tables = st.integers(1, 5).flatmap(

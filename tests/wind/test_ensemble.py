@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+import h5netcdf
 import numpy as np
 import pytest
 from hypothesis import given
@@ -13,7 +14,7 @@ from hypothesis import strategies as st
 from noaa import NOAA, needs_noaa
 from pareto_ltl.settings import WindConfig
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.wind import ensemble, field
+from pareto_ltl.wind import ensemble, field, sources
 from pareto_ltl.wind.observations import place_readings
 from pareto_ltl.wind.records import ENSEMBLE
 from pareto_ltl.wind.snapshots import Snapshot
@@ -152,12 +153,12 @@ def test_what_is_no_ensemble_is_refused_in_one_line(snapshots, message):
 def test_lagged_analyses_of_the_shared_cycles_say_how_far_the_wind_will_change():
     """Each analysis carried forward by 6 and 12 h stands for a forecast: with the newest three at each time
     the members' spread and the law of 24 h changes bracket what the next analysis shows."""
-    from pareto_ltl.wind.sources.grib_apart import read_grib_snapshots
+    from pareto_ltl.wind.sources.grib_apart import grib_snapshots_apart
 
     cycles = tuple(sorted((NOAA / "gfs_1p00_10m").iterdir()))
-    analyses = sorted((s for s in read_grib_snapshots(cycles, 75.0) if s.lead == 0.0), key=lambda s: s.time)[
-        :7
-    ]
+    analyses = sorted(
+        (s for s in grib_snapshots_apart(cycles, 75.0).winds if s.lead == 0.0), key=lambda s: s.time
+    )[:7]
     inside = (np.abs(analyses[0].points - [-95.0, 39.0]) < [15.0, 8.0]).all(axis=1)
     z = []
     for k in range(2, 6):
@@ -180,8 +181,6 @@ def test_a_folder_for_each_member_is_an_ensemble(tmp_path):
     """Two copies of one analysis under two names: their mean is the analysis, their spread is 0."""
     import shutil
 
-    from pareto_ltl.wind import sources
-
     files = sorted((NOAA / "gfs_1p00_10m").glob("*20181009??"))[:2]
     for name in ("one", "two"):
         (tmp_path / name).mkdir()
@@ -192,3 +191,53 @@ def test_a_folder_for_each_member_is_an_ensemble(tmp_path):
     assert found.members[0].shape[-1] == 4  # two members, each of two cycles
     assert not any(deviations.any() for deviations in found.members)
     np.testing.assert_allclose(found.winds[1], single.winds[1])
+
+
+def message(eccodes, short, member):
+    """A wind of 3 m/s on a grid of 16 x 31 nodes, the first 50 of them without a value."""
+    handle = eccodes.codes_grib_new_from_samples("regular_ll_sfc_grib2")
+    for key, value in {
+        "productDefinitionTemplateNumber": 1, "perturbationNumber": member, "dataDate": 20181009,
+        "shortName": short, "typeOfLevel": "heightAboveGround", "level": 10, "bitmapPresent": 1,
+    }.items():  # fmt: skip
+        eccodes.codes_set(handle, key, value)
+    values = np.full(eccodes.codes_get(handle, "numberOfDataPoints"), 3.0)
+    values[:50] = eccodes.codes_get(handle, "missingValue", float)
+    eccodes.codes_set_values(handle, values)
+    raw = eccodes.codes_get_message(handle)
+    eccodes.codes_release(handle)
+    return raw
+
+
+def test_notes_on_the_members_in_grib_files_are_kept(tmp_path):
+    pytest.importorskip("pyproj")  # before ecCodes
+    eccodes = pytest.importorskip("eccodes", reason="the extra `grib` is not installed")
+    for member in (1, 2):
+        raw = b"".join(message(eccodes, short, member) for short in ("10u", "10v"))
+        (tmp_path / f"gefs.{member}").write_bytes(raw)
+    found = sources.read_readings(WindConfig(source="ensemble", path=str(tmp_path)))
+    assert found.notes[0] == "100 of 992 values at 10m are missing in the file and left out"
+    for member in (1, 2):
+        folder = tmp_path / f"member{member}"
+        folder.mkdir()
+        (tmp_path / f"gefs.{member}").rename(folder / "gefs")
+    found = sources.read_readings(WindConfig(source="ensemble", path=str(tmp_path)))
+    note = "50 of 496 values at 10m are missing in the file and left out"
+    assert found.notes[:2] == (f"member1: {note}", f"member2: {note}")
+
+
+def test_notes_on_the_members_in_netcdf_files_are_kept(tmp_path):
+    u = np.ones((2, 1, 15, 17))
+    u[0, 0, 2, 3] = np.nan
+    with h5netcdf.File(tmp_path / "members.nc", "w") as file:
+        file.dimensions = {"member": 2, "time": 1, "lat": 15, "lon": 17}
+        file.create_variable("time", ("time",), data=np.zeros(1)).attrs["units"] = "hours since 2018-10-09"
+        for name, values, units in (
+            ("lat", np.arange(30.0, 45.0), "degrees_north"),
+            ("lon", np.arange(-100.0, -83.0), "degrees_east"),
+        ):
+            file.create_variable(name, (name,), data=values).attrs["units"] = units
+        for name in ("u10", "v10"):
+            file.create_variable(name, ("member", "time", "lat", "lon"), data=u).attrs["units"] = "m s-1"
+    found = sources.read_readings(WindConfig(source="ensemble", path=str(tmp_path)))
+    assert found.notes[0] == "1 of 510 values at 10m are missing in the file and left out"

@@ -75,10 +75,11 @@ def test_the_error_of_interpolation_is_that_of_a_process_with_these_changes():
 def test_withheld_fields_are_missed_by_what_the_law_says(hours_apart, measured):
     """The field midway between two others of the shared GFS files, against their mean, over the map of the
     United States. Six hours apart the one withheld is a forecast of 3 h, whose error comes on top."""
-    from pareto_ltl.wind.sources.grib_apart import read_grib_apart
+    from pareto_ltl.wind.snapshots import latest_readings
+    from pareto_ltl.wind.sources.grib_apart import grib_snapshots_apart
 
     files = tuple(sorted((NOAA / "gfs_1p00_10m").iterdir()))
-    readings = read_grib_apart(files, 75.0)
+    readings = latest_readings(*grib_snapshots_apart(files, 75.0))
     inside = (np.abs(readings.points[0] - [-96.0, 38.5]) < [20.0, 9.0]).all(axis=1)
     winds = dict(zip(readings.times, (w[inside] for w in readings.winds), strict=True))
     half = hours_apart / 2 * HOUR

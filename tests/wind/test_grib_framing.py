@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.wind.sources.grib_files import read_grib_files
+from pareto_ltl.wind.sources.grib_files import grib_snapshots
 from pareto_ltl.wind.sources.grib_framing import check_frames
 
 SECTION_3, SECTION_5, SECTION_7 = 16 + 21, 16 + 21 + 72 + 34, 16 + 21 + 72 + 34 + 21 + 6
@@ -83,5 +83,5 @@ def test_what_the_library_prints_of_a_damaged_message_stays_off_the_terminal(
     path = tmp_path / "a.grib"
     path.write_bytes(bytes(message()))
     with pytest.raises(DataError):
-        read_grib_files((path,), 150.0)
+        grib_snapshots((path,), 150.0)
     assert capfd.readouterr().err == ""

@@ -14,7 +14,8 @@ from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.wind import sources
 from pareto_ltl.wind.area import GeoBox
 from pareto_ltl.wind.readings import seconds
-from pareto_ltl.wind.sources.netcdf_files import CURRENTS, WINDS, netcdf_snapshots, read_netcdf_files
+from pareto_ltl.wind.snapshots import latest_readings
+from pareto_ltl.wind.sources.netcdf_files import CURRENTS, WINDS, netcdf_snapshots
 
 LAT, LON = np.arange(30.0, 45.0), np.arange(260.0, 277.0)
 SINCE = "hours since 2018-10-09 00:00:00"
@@ -68,7 +69,7 @@ def write(path, variables, classic=False):
 
 
 def read(path, level="10m", quantity=WINDS, max_speed=75.0, area=None):
-    return read_netcdf_files((path,), quantity, level, max_speed, area)
+    return latest_readings(*netcdf_snapshots((path,), quantity, level, max_speed, area))
 
 
 def check_plain(found):
@@ -140,6 +141,38 @@ def test_packed_values_are_unpacked_and_missing_ones_left_out(tmp_path, classic)
 
 
 @pytest.mark.parametrize(
+    "limits",
+    [
+        {"valid_range": np.array([-6000, 20_000], np.int16)},
+        {"valid_min": np.int16(-6000), "valid_max": np.int16(20_000)},
+    ],
+)
+def test_packed_values_outside_the_valid_range_are_left_out(tmp_path, limits):
+    u = np.round(grid()[0] / 0.001).astype(np.int16)
+    u[:, 0, :3], u[:, 1, 0], u[:, 1, 1] = 20_001, -6001, 20_000
+    v = (("time", "lat", "lon"), grid()[1], V)
+    packed = (("time", "lat", "lon"), u, U | limits | {"scale_factor": 0.001, "add_offset": 0.0})
+    found = read(write(tmp_path / "a.nc", described(u=packed, v=v)))
+    assert len(found.points[0]) == 15 * 17 - 4
+    assert found.winds[0][:, 0].max() == pytest.approx(20.0)
+
+
+@pytest.mark.parametrize(
+    ("units", "values"),
+    [
+        ("h since 2018-10-09", (0, 6)),
+        ("Hour since 2018-10-09T00:00:00Z", (0, 6)),
+        ("min since 2018-10-09 0:0:0.0", (0, 360)),
+        ("seconds since 2018-10-09 02:00:00 +02:00", (0, 21_600)),
+        ("days since 1-1-1", (736_975, 736_975.25)),
+    ],
+)
+def test_times_are_read_in_all_usual_units(tmp_path, units, values):
+    clock = {"units": units, "calendar": "proleptic_gregorian"}
+    check_plain(read(write(tmp_path / "a.nc", described(time=(("time",), np.array(values, float), clock)))))
+
+
+@pytest.mark.parametrize(
     "extra",
     [
         {"reftime": ((), np.array(-3.0), {"units": SINCE, "standard_name": "forecast_reference_time"})},
@@ -176,9 +209,17 @@ def test_times_may_be_unsorted_and_two_of_the_same_lead_are_refused(tmp_path):
 @pytest.mark.parametrize(
     ("units", "calendar", "words"),
     [
-        ("furlongs since 2018-10-09", "standard", "time units 'furlongs since 2018-10-09' are not known"),
-        (SINCE, "360_day", "its calendar '360_day' is not supported"),
-        ("days since 0001-01-01", "standard", "begin before 1582, where calendars differ"),
+        (
+            "furlongs since 2018-10-09",
+            "standard",
+            "time units 'furlongs since 2018-10-09' in the calendar 'standard' are not",
+        ),
+        (SINCE, "360_day", "in the calendar '360_day' are not known; expected .* in the standard calendar"),
+        (
+            "days since 0001-01-01",
+            "standard",
+            "'days since 0001-01-01' .* are not known; expected .* from 1582 on",
+        ),
         ("days since 9999-01-01", "standard", "has an invalid time"),
     ],
 )
@@ -386,7 +427,9 @@ def test_a_wrong_file_is_refused_in_one_line_that_names_it(case, tmp_path):
 def test_a_file_that_is_cut_off_is_refused(tmp_path, kept, classic):
     path = write(tmp_path / "a.nc", described(), classic)
     path.write_bytes(path.read_bytes()[:kept])
-    with pytest.raises(DataError, match=r"a.nc (cannot be read|is empty|is not NetCDF|holds no wind|has )"):
+    with pytest.raises(
+        DataError, match=r"a.nc (is damaged or cannot be read|is empty|is not NetCDF|holds no wind|has )"
+    ):
         read(path)
 
 

@@ -21,9 +21,10 @@ from pareto_ltl.wind.area import GeoBox
 from pareto_ltl.wind.ingest import write_wind_table
 from pareto_ltl.wind.observations import place_readings
 from pareto_ltl.wind.readings import farthest_points
+from pareto_ltl.wind.snapshots import latest_readings
 from pareto_ltl.wind.sources import csv_files
-from pareto_ltl.wind.sources.grib_apart import read_grib_apart, read_grib_snapshots
-from pareto_ltl.wind.sources.grib_files import read_grib_files
+from pareto_ltl.wind.sources.grib_apart import grib_snapshots_apart
+from pareto_ltl.wind.sources.grib_files import grib_snapshots
 from pareto_ltl.world import projection
 from pareto_ltl.world.scene import Scene
 
@@ -51,6 +52,10 @@ def write(path, lines, header="time,lat,lon,u,v"):
 
 def read(cfg, where=None):
     return place_readings(cfg, sources.read_readings(cfg), where or scene())
+
+
+def read_apart(*args, **settings):
+    return latest_readings(*grib_snapshots_apart(*args, **settings))
 
 
 def ingested(cfg, ingest, out):
@@ -547,7 +552,9 @@ def test_a_message_with_a_date_that_there_cannot_be_is_named(gribs):
     day = bytes([2018 // 256, 2018 % 256, 10, 9])
     assert raw.count(day) == 4
     file.write_bytes(raw.replace(day, bytes([255, 255, 60, 77])))
-    with pytest.raises(DataError, match=r"gfs.06 is damaged \(.*\); download it again") as caught:
+    with pytest.raises(
+        DataError, match=r"gfs.06 is damaged or cannot be read \(.*\); fetch it again"
+    ) as caught:
         read(grib(gribs))
     assert "\n" not in str(caught.value)
 
@@ -580,12 +587,12 @@ def test_nodes_outside_the_models_domain_are_left_out(eccodes, tmp_path):
 def test_without_eccodes_the_message_names_the_extra(gribs, monkeypatch):
     monkeypatch.setitem(sys.modules, "eccodes", None)
     with pytest.raises(DataError, match=r"pip install 'pareto-ltl\[grib\]'"):
-        read_grib_files((gribs / "gfs.00",), 75.0)
+        grib_snapshots((gribs / "gfs.00",), 75.0)
 
 
 def test_winds_decoded_apart_are_those_decoded_here(gribs):
     files = tuple(sorted(gribs.iterdir()))
-    here, apart = read_grib_files(files, 75.0), read_grib_apart(files, 75.0)
+    here, apart = latest_readings(*grib_snapshots(files, 75.0)), read_apart(files, 75.0)
     np.testing.assert_array_equal(here.times, apart.times)
     for ours, theirs in ((here.points, apart.points), (here.winds, apart.winds)):
         for one, other in zip(ours, theirs, strict=True):
@@ -600,13 +607,13 @@ def test_a_decoder_that_dies_is_one_line_about_the_file_that_it_had_open(gribs, 
     died.chmod(0o755)
     monkeypatch.setattr(sys, "executable", str(died))
     with pytest.raises(DataError, match=r"^wind file second\.grib is damaged: ecCodes.*code -6; download it"):
-        read_grib_apart((gribs / "gfs.00",), 75.0)
+        read_apart((gribs / "gfs.00",), 75.0)
 
 
 def test_every_cycle_and_time_is_a_snapshot_of_its_own(gribs, eccodes):
     old = [message(eccodes, short, 50.0, 0, step=6) for short in ("10u", "10v")]
     (gribs / "gfs.00f6").write_bytes(b"".join(old))
-    found = read_grib_snapshots(tuple(sorted(gribs.iterdir())), 75.0)
+    found = grib_snapshots_apart(tuple(sorted(gribs.iterdir())), 75.0).winds
     hours = [((snap.time - found[0].time) / 3600, snap.lead / 3600) for snap in found]
     assert hours == [(0, 0), (6, 0), (6, 6)]
     assert found[2].files == (gribs / "gfs.00f6",)
@@ -617,18 +624,18 @@ def test_another_level_is_read_when_asked_for(eccodes, tmp_path):
     levels = [message(eccodes, short, value, level=height) for height, value in ((10, 3.0), (80, 7.0))
               for short in ("u", "v")]  # fmt: skip
     (tmp_path / "hrrr").write_bytes(b"".join(levels))
-    found = read_grib_apart((tmp_path / "hrrr",), 75.0, "80 m")
+    found = read_apart((tmp_path / "hrrr",), 75.0, "80 m")
     assert found.level == "80m"
     np.testing.assert_allclose(found.winds[0], 7.0, atol=1e-5)
     with pytest.raises(DataError, match=r"hrrr holds no wind at 925 hPa; it has 10m, 80m: set wind.level"):
-        read_grib_apart((tmp_path / "hrrr",), 75.0, "925hPa")
+        read_apart((tmp_path / "hrrr",), 75.0, "925hPa")
 
 
 @needs_noaa
 def test_nodes_below_ground_are_left_out_at_a_level_of_pressure(eccodes):
     """The Rocky Mountains rise above 850 hPa; the surface pressure of the same file says where."""
     file = NOAA / "nam_awip21" / "nam.t00z.awp21100.tm00.grib2"
-    low, high = (read_grib_apart((file,), 75.0, level) for level in ("850hPa", "500hPa"))
+    low, high = (read_apart((file,), 75.0, level) for level in ("850hPa", "500hPa"))
     gone = set(map(tuple, high.points[0].tolist())) - set(map(tuple, low.points[0].tolist()))
     assert len(high.points[0]) == 93 * 65
     assert 300 < len(gone) < 1500
@@ -636,13 +643,13 @@ def test_nodes_below_ground_are_left_out_at_a_level_of_pressure(eccodes):
     assert low.notes[0].startswith(f"{len(gone)} of 6045 values at 850hPa lie below ground")
     assert high.notes[0].startswith("0 of 6045")
     with pytest.raises(DataError, match=r"it has 10m, 100hPa, 150hPa, .* and \d+ more: set wind.level"):
-        read_grib_apart((file,), 75.0, "20m")
+        read_apart((file,), 75.0, "20m")
 
 
 def test_nodes_that_cannot_be_checked_against_the_ground_are_named(eccodes, tmp_path):
     raw = [message(eccodes, short, 3.0, typeOfLevel="isobaricInhPa", level=925) for short in ("u", "v")]
     (tmp_path / "gfs").write_bytes(b"".join(raw))
-    (note,) = read_grib_apart((tmp_path / "gfs",), 75.0, "925hPa").notes
+    (note,) = read_apart((tmp_path / "gfs",), 75.0, "925hPa").notes
     assert note.startswith("1 fields at 925hPa come without surface pressure")
 
 
@@ -653,10 +660,10 @@ def test_averages_and_maxima_beside_instants_are_left_out_and_counted(eccodes, t
     ]
     (tmp_path / "means").write_bytes(b"".join(means))
     with pytest.raises(DataError, match=r"holds the wind 10 m above ground as average only; expected values"):
-        read_grib_apart((tmp_path / "means",), 75.0)
+        read_apart((tmp_path / "means",), 75.0)
     plain = [message(eccodes, short, 3.0) for short in ("10u", "10v")]
     (tmp_path / "means").write_bytes(b"".join(means + plain))
-    found = read_grib_apart((tmp_path / "means",), 75.0)
+    found = read_apart((tmp_path / "means",), 75.0)
     np.testing.assert_allclose(found.winds[0], 3.0, atol=1e-5)
     assert found.notes == (
         "2 GRIB messages hold the average of the wind, not its value at an instant: left out",
@@ -670,16 +677,16 @@ def test_members_of_an_ensemble_are_snapshots_with_their_numbers(eccodes, tmp_pa
         for short in ("10u", "10v")
     ]
     (tmp_path / "gefs").write_bytes(b"".join(raw))
-    found = read_grib_snapshots((tmp_path / "gefs",), 75.0)
+    found = grib_snapshots_apart((tmp_path / "gefs",), 75.0).winds
     assert [snap.member for snap in found] == ["01", "02"]
     assert [float(snap.winds[0, 0]) for snap in found] == [1.0, 2.0]
     with pytest.raises(DataError, match=r"gefs both? hold.* with the same lead; .*wind.source=ensemble"):
-        read_grib_apart((tmp_path / "gefs",), 75.0)
+        read_apart((tmp_path / "gefs",), 75.0)
 
 
 def test_only_the_nodes_of_an_area_are_kept_and_an_empty_one_says_what_the_file_covers(gribs):
     area = GeoBox(-95.0, 33.0, 4.0, 40.0)
-    whole, part = (read_grib_apart((gribs / "gfs.00",), 75.0, area=box) for box in (None, area))
+    whole, part = (read_apart((gribs / "gfs.00",), 75.0, area=box) for box in (None, area))
     inside = area.contains(whole.points[0])
     assert 0 < inside.sum() < len(inside)
     np.testing.assert_array_equal(part.points[0], whole.points[0][inside])
@@ -688,7 +695,7 @@ def test_only_the_nodes_of_an_area_are_kept_and_an_empty_one_says_what_the_file_
         r"gfs.00 covers latitude 30..44, longitude -100..-84; the scene needs latitude 55..60, longitude 5..9"
     )
     with pytest.raises(DataError, match=words):
-        read_grib_apart((gribs / "gfs.00",), 75.0, area=GeoBox(5.0, 55.0, 4.0, 60.0))
+        read_apart((gribs / "gfs.00",), 75.0, area=GeoBox(5.0, 55.0, 4.0, 60.0))
 
 
 @pytest.mark.parametrize(
@@ -702,7 +709,7 @@ def test_only_the_nodes_of_an_area_are_kept_and_an_empty_one_says_what_the_file_
 def test_another_format_given_as_grib_is_named_with_the_cure(head, words, eccodes, tmp_path):
     (tmp_path / "file").write_bytes(head + bytes(500))
     with pytest.raises(DataError, match=words):
-        read_grib_apart((tmp_path / "file",), 75.0)
+        read_apart((tmp_path / "file",), 75.0)
 
 
 @needs_noaa

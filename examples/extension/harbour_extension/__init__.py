@@ -11,7 +11,7 @@ from pathlib import Path
 
 from pareto_ltl.run.records import PLAN, SCENE, RecordKey
 from pareto_ltl.run.stage_table import Stage, StageInputs
-from pareto_ltl.settings import MissionConfig, RobotConfig, SelectionConfig, WindConfig
+from pareto_ltl.settings import MissionConfig, SelectionConfig, WindConfig
 from pareto_ltl.support.errors import ConfigError, InfeasibleError
 
 BRIEFING: RecordKey[Path] = RecordKey("briefing")
@@ -26,9 +26,7 @@ def make_briefing(inputs: StageInputs) -> Path:
     return path
 
 
-BRIEFING_STAGE = Stage(
-    "briefing", makes=BRIEFING, make=make_briefing, needs=(PLAN, SCENE), settings=(RobotConfig,)
-)
+BRIEFING_STAGE = Stage(makes=BRIEFING, make=make_briefing, needs=(PLAN, SCENE))
 
 
 def read_steady(cfg: WindConfig, wanted):

@@ -4,16 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from pareto_ltl.cli.arguments import CommandArguments, run_reported
+from pareto_ltl.cli.arguments import CommandArguments
 from pareto_ltl.support import cache
 
 
 def cache_command(argv: Sequence[str]) -> int:
-    """Print folder and size of the cache, or clear it; return 0, or 2 after one line on an error."""
-    return run_reported(lambda: _show_or_clear(argv))
-
-
-def _show_or_clear(argv: Sequence[str]) -> int:
+    """Print folder and size of the cache, or clear it; return 0."""
     action = _cache_arguments().parse_args(argv).action
     folder = cache.cache_root()
     files, total = cache.folder_size(folder)

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from pareto_ltl.cli.arguments import CommandArguments, run_reported
+from pareto_ltl.cli.arguments import CommandArguments
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.messages import shown_value
 
@@ -19,11 +19,7 @@ SHARE = re.compile(rf"({NUMBER})\s*(%?)")
 
 
 def choose_command(argv: Sequence[str]) -> int:
-    """Write the plan of another path; return 0, or 2 after one line if there is no such path or no front."""
-    return run_reported(lambda: _choose_arguments(argv))
-
-
-def _choose_arguments(argv: Sequence[str]) -> int:
+    """Write the plan of another path; return 0."""
     parser = CommandArguments(
         prog="pareto-ltl choose",
         description="Write the plan of another path of a front, without planning again: a whole results "
@@ -64,11 +60,11 @@ def _choose_arguments(argv: Sequence[str]) -> int:
 
 
 def _choose(options: argparse.Namespace, argv: Sequence[str]) -> int:
-    from pareto_ltl.cli.stage_table import application_stages
     from pareto_ltl.cli.summary import collected_warnings, print_summary
     from pareto_ltl.run.choosing import Choice, choose_from_results, default_place
     from pareto_ltl.run.interface import load_results
     from pareto_ltl.run.metrics import run_metrics
+    from pareto_ltl.studies.stages import application_stages
 
     choice = Choice(
         failure=None if options.failure is None else read_share(options.failure),

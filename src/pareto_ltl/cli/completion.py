@@ -7,7 +7,7 @@ import os
 import sys
 from contextlib import suppress
 
-from pareto_ltl.cli.commands import COMMANDS, PIPELINE_COMMANDS
+from pareto_ltl.cli.command_table import COMMANDS, PIPELINE_COMMANDS
 from pareto_ltl.cli.composition import config_name, opened_hydra, parse_flags
 from pareto_ltl.cli.error_lines import CONFIGURATION_ERRORS
 from pareto_ltl.support.errors import ConfigError

@@ -33,10 +33,10 @@ from pareto_ltl import __version__
 from pareto_ltl.cli.arguments import CommandArguments
 from pareto_ltl.cli.config_files import bound_sources, described_composition
 from pareto_ltl.cli.setting_keys import refuse_unknown_key, settings_from
-from pareto_ltl.cli.stage_table import application_stages
 from pareto_ltl.run.directory import claimed_directory
 from pareto_ltl.run.pipeline import Pipeline, check_pipeline
 from pareto_ltl.settings import Settings
+from pareto_ltl.studies.stages import application_stages
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.messages import shown_text
 from pareto_ltl.support.resources import resource_folder
@@ -56,6 +56,7 @@ def parse_flags(argv: Sequence[str]) -> argparse.Namespace:
     parser = CommandArguments(
         prog="pareto-ltl", add_help=False, parents=[get_args_parser()], conflict_handler="resolve"
     )
+    parser.add_argument("--verbose", action="store_true")
     parser.add_argument("--version", action="version", version=f"pareto-ltl {__version__}")
     arguments = parser.parse_intermixed_args([word for word in argv if word not in HELP_FLAGS])
     wanted = [HELP_FLAGS[word] for word in argv if word in HELP_FLAGS]

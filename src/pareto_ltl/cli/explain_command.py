@@ -4,17 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from pareto_ltl.cli.arguments import CommandArguments, run_reported
+from pareto_ltl.cli.arguments import CommandArguments
 from pareto_ltl.cli.choose_command import read_number
 from pareto_ltl.support.errors import DataError
 
 
 def explain_command(argv: Sequence[str]) -> int:
-    """Print a plan leg by leg; return 0, or 2 after one line if there is no such path or no plan."""
-    return run_reported(lambda: _explain_arguments(argv))
-
-
-def _explain_arguments(argv: Sequence[str]) -> int:
+    """Print a plan leg by leg; return 0."""
     parser = CommandArguments(
         prog="pareto-ltl explain",
         description="Print a plan leg by leg: time, heading, airspeed, wind and its standard deviation, "
@@ -22,11 +18,14 @@ def _explain_arguments(argv: Sequence[str]) -> int:
     )
     parser.add_result()
     parser.add_point()
+    parser.add_argument(
+        "--limits", action="store_true", help="show only the segments that come closest to planner.epsilon"
+    )
     options = parser.parse_args(argv)
     point = None if options.point is None else read_number(options.point)
     if not options.directory.is_dir():
         raise DataError(f"{options.directory}: no such folder; give a results directory")
-    from pareto_ltl.run.explaining import explain
+    from pareto_ltl.run.showing import explain
 
-    print(explain(options.directory, point=point))
+    print(explain(options.directory, point=point, limits=options.limits))
     return 0

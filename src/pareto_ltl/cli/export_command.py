@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from pareto_ltl.cli.arguments import CommandArguments, run_reported
+from pareto_ltl.cli.arguments import CommandArguments
 from pareto_ltl.cli.choose_command import read_number
 from pareto_ltl.settings.outputs import EXPORT_FILES
 from pareto_ltl.support.errors import ConfigError, DataError
@@ -15,11 +15,7 @@ from pareto_ltl.support.messages import shown_value
 
 
 def export_command(argv: Sequence[str]) -> int:
-    """Write files of a plan; return 0, or 2 after one line if there is no such path or format."""
-    return run_reported(lambda: _export_arguments(argv))
-
-
-def _export_arguments(argv: Sequence[str]) -> int:
+    """Write files of a plan; return 0."""
     parser = CommandArguments(
         prog="pareto-ltl export",
         description="Write a plan for autopilots, maps and navigators, in UTC, WGS 84 and true headings: "

@@ -35,8 +35,6 @@ def formula_command(argv: Sequence[str]) -> int:
             _write_text(options.hoa, hoa.hoa_text(automaton))
         if options.picture:
             draw.save_picture(automaton, options.picture)
-    except SystemExit as leave:  # --help
-        return int(leave.code or 0)
     except (ParetoLtlError, OSError, ValueError) as error:
         print(f"error: {shown_line(str(error))}", file=sys.stderr)
         if isinstance(error, FormulaError) and error.column is not None:

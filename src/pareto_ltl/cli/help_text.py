@@ -9,7 +9,7 @@ from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Any
 
-from pareto_ltl.cli.commands import COMMANDS, Command
+from pareto_ltl.cli.command_table import COMMANDS, PipelineCommand
 from pareto_ltl.settings import Declaration, Settings, declarations
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.resources import added_folders, resource_folder
@@ -39,7 +39,7 @@ FLAGS = """\
   --config-dir    a folder with your own choices
   --cfg job       show the settings of a command line, and run nothing
   --help          this text; --help=all: every choice and every setting
-  --version       the version
+  --version       the version; --verbose: a longer summary
   --hydra-help    Hydra's own flags"""
 MORE = """\
   pareto-ltl COMMAND --help                the settings of one command
@@ -77,7 +77,7 @@ def full_help(settings: Settings, groups: Groups) -> str:
     )
 
 
-def command_help(command: Command, groups: Groups) -> str:
+def command_help(command: PipelineCommand, groups: Groups) -> str:
     """The help of a pipeline: its purpose, its stages, and the settings of its sections."""
     import yaml
 

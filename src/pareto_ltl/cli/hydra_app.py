@@ -14,7 +14,7 @@ from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
 
 from pareto_ltl.cli.arguments import print_problem, run_reported
-from pareto_ltl.cli.commands import command_named
+from pareto_ltl.cli.command_table import PipelineCommand, command_named
 from pareto_ltl.cli.composition import (
     ComposedHydra,
     check_settings,
@@ -83,9 +83,8 @@ def _help_for(arguments: argparse.Namespace, command: str | None) -> str:
     if arguments.help == "all":
         with opened_hydra(arguments) as hydra:
             return full_help(settings_from(composed_config(hydra, arguments, RunMode.MULTIRUN)), groups)
-    if command is not None and command != "sweep":
-        return command_help(command_named(command), groups)
-    return short_help(groups)
+    known = None if command is None else command_named(command)
+    return command_help(known, groups) if isinstance(known, PipelineCommand) else short_help(groups)
 
 
 def _show_configuration(hydra: ComposedHydra, arguments: argparse.Namespace) -> None:
@@ -153,7 +152,7 @@ class HydraJob:
         except Exception as error:
             print_problem(f"{one_line(error)} (this is a bug; the traceback is in {shown / 'run.log'})")
             return 1
-        print_summary(checked.settings, shown, metrics, warnings)
+        print_summary(checked.settings, shown, metrics, warnings, verbose="--verbose" in self.argv)
         return 0
 
     def _sweep_job(self, config: DictConfig) -> int:

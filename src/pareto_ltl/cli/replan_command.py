@@ -6,17 +6,13 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
-from pareto_ltl.cli.arguments import CommandArguments, run_reported
+from pareto_ltl.cli.arguments import CommandArguments
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.messages import shown_value
 
 
 def replan_command(argv: Sequence[str]) -> int:
-    """Write a new plan for the rest of a flight; return 0, or 2 after one line for a wrong time or fix."""
-    return run_reported(lambda: _replan_arguments(argv))
-
-
-def _replan_arguments(argv: Sequence[str]) -> int:
+    """Write a new plan for the rest of a flight; return 0."""
     parser = CommandArguments(
         prog="pareto-ltl replan",
         description="Plan the rest of a flight of the plan of DIR after a position fix: the wind is "

@@ -10,7 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pareto_ltl.cli.arguments import CommandArguments, run_reported
+from pareto_ltl.cli.arguments import CommandArguments
 from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
 
 if TYPE_CHECKING:
@@ -22,11 +22,7 @@ TIME_COLUMN = "second"  # part of the name of columns of computing times
 
 
 def rerun_command(argv: Sequence[str]) -> int:
-    """Make a result again; return 0 if it is the same, 1 if it differs, 2 after one line on an error."""
-    return run_reported(lambda: _rerun_arguments(argv))
-
-
-def _rerun_arguments(argv: Sequence[str]) -> int:
+    """Make a result again; return 0 if it is the same, 1 if it differs."""
     parser = CommandArguments(
         prog="pareto-ltl rerun",
         description="Make a result again from its own settings and compare both, byte by byte. Nothing is "
@@ -59,9 +55,9 @@ def rerun_and_compare(directory: Path, place: Path) -> int:
     DataError
         If the directory holds no result, or if none of its files can be compared.
     """
-    from pareto_ltl.cli.stage_table import application_stages
     from pareto_ltl.run import pipeline, provenance
     from pareto_ltl.settings.building import read_settings_file
+    from pareto_ltl.studies.stages import application_stages
 
     before = _finished_record(directory)
     settings = _kept_inside(read_settings_file(directory / "config_resolved.yaml"), place)

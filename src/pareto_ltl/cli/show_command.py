@@ -4,15 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from pareto_ltl.cli.arguments import CommandArguments, run_reported
+from pareto_ltl.cli.arguments import CommandArguments
 
 
 def show_command(argv: Sequence[str]) -> int:
-    """Open the page of a result; return 0 with or without a browser, 2 after one line without a result."""
-    return run_reported(lambda: _show_arguments(argv))
-
-
-def _show_arguments(argv: Sequence[str]) -> int:
+    """Open the page of a result; return 0 with or without a browser."""
     parser = CommandArguments(
         prog="pareto-ltl show",
         description="Open report.html of a result in the default browser; it is written first if it is "

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pareto_ltl.settings import Settings
-from pareto_ltl.support.display import energy_text, probability_text, rate_text
+from pareto_ltl.support.display import probability_text, rate_text
 from pareto_ltl.support.schemas import read_document
 
 if TYPE_CHECKING:
@@ -54,8 +54,13 @@ def print_summary(
     metrics: Mapping[str, float],
     warnings: Sequence[str],
     console: Console | None = None,
+    *,
+    verbose: bool = False,
 ) -> None:
-    """Print the most important numbers of a run, its warnings and its directory."""
+    """Print the most important numbers of a run, its warnings and its directory.
+
+    ``verbose`` adds the bounds, the simulated flights under every law and the time of each stage.
+    """
     from rich import box
     from rich.console import Console
     from rich.table import Table
@@ -64,7 +69,8 @@ def print_summary(
     table = Table(title=settings.name, box=box.SIMPLE_HEAD, show_header=False)
     table.add_column(style="bold")
     table.add_column(justify="right")
-    for row in summary_rows(metrics, settings.fidelity.law):
+    *rows, last = summary_rows(metrics, settings.fidelity.law, verbose=verbose)
+    for row in (*rows, *limit_rows(directory), last):
         table.add_row(*row)
     console.print(table)
     paragraphs = warning_paragraphs(warnings, directory), choice_paragraphs(settings, directory)
@@ -103,10 +109,38 @@ def coverage_paragraphs(directory: Path) -> Iterator[str]:
             yield f"{name}: {plan[key]}"
 
 
-def summary_rows(metrics: Mapping[str, float], law: str) -> Iterator[tuple[str, str]]:
-    """Names and values of the metrics that exist; ``law`` is the wind law of the plan."""
+def limit_rows(directory: Path) -> Iterator[tuple[str, str]]:
+    """The segment of the plan in ``directory`` that is closest to its chance constraint, if there is one."""
+    if not (directory / "plan.json").is_file():
+        return
+    from pareto_ltl.run.plan_files import read_plan
+
+    plan = read_plan(directory)
+    if plan.limits is not None:
+        k = int(plan.limits.probability.argmax())
+        risk = probability_text(float(plan.limits.probability[k]))
+        most = "no limit" if plan.epsilon >= 1.0 else f"at most {probability_text(plan.epsilon)}"
+        yield (
+            f"closest segment, {plan.models.law} winds",
+            f"{plan.limits.nearest[k]} at step {k + 1}: collides {risk}, {most}",
+        )
+
+
+def summary_rows(
+    metrics: Mapping[str, float], law: str, *, verbose: bool = True
+) -> Iterator[tuple[str, str]]:
+    """Names and values of the metrics that exist; ``law`` is the wind law of the plan.
+
+    Where flights judge, only ``verbose`` has the bounds, other simulated flights and the times of stages.
+    """
+    if "promise_failure" in metrics and not verbose:
+        yield from _cost_rows(metrics)
+        yield _promise_row(metrics, law)
+        yield "in all", f"{metrics['run_seconds']:.2f} s"
+        return
     if "length_m" in metrics:
-        yield from _plan_rows(metrics, law)
+        yield from _cost_rows(metrics)
+        yield from _bound_rows(metrics, law)
     elif "wind_speed_m_s" in metrics:
         yield from _wind_rows(metrics)
     for key in metrics:
@@ -125,17 +159,26 @@ def summary_rows(metrics: Mapping[str, float], law: str) -> Iterator[tuple[str, 
     yield "in all", f"{metrics['run_seconds']:.2f} s"
 
 
-def _plan_rows(metrics: Mapping[str, float], law: str) -> Iterator[tuple[str, str]]:
+def _cost_rows(metrics: Mapping[str, float]) -> Iterator[tuple[str, str]]:
+    from pareto_ltl.planning.costs import known_costs
+
     yield "length", f"{metrics['length_m'] / 1e3:,.1f} km"
     steps = f" in steps of {metrics['dt_s']:,.6g} s" if "dt_s" in metrics else ""
     yield "flight time", f"{metrics['duration_s'] / 3600:,.2f} h{steps}"
-    if "energy_j" in metrics:
-        share = (
-            f", {100 * metrics['energy_share']:.0f} % of the capacity" if "energy_share" in metrics else ""
-        )
-        yield "energy", energy_text(metrics["energy_j"]) + share
+    for cost in known_costs():
+        if cost.name != "length" and cost.column in metrics:
+            share = (
+                f", {100 * metrics[of]:.0f} % of the capacity"
+                if (of := f"{cost.name}_share") in metrics
+                else ""
+            )
+            yield cost.name, cost.text(metrics[cost.column]) + share
+
+
+def _bound_rows(metrics: Mapping[str, float], law: str) -> Iterator[tuple[str, str]]:
     if "promise_failure" in metrics:
-        yield from _promise_rows(metrics, law)
+        yield _promise_row(metrics, law)
+        yield f"bound V + R, {law} winds", probability_text(metrics["promise_bound"])
     yield "mission risk f_o (paper), independent winds", probability_text(metrics["mission_risk_paper"])
     yield f"mission risk V, {law} winds", probability_text(metrics["mission_risk_ordered"])
     yield f"collision risk R, {law} winds", probability_text(metrics["collision_risk"])
@@ -153,14 +196,13 @@ def _wind_rows(metrics: Mapping[str, float]) -> Iterator[tuple[str, str]]:
         yield "modes of the error", f"{metrics['wind_modes']:.0f}, {share:.0f} % of its variance"
 
 
-def _promise_rows(metrics: Mapping[str, float], law: str) -> Iterator[tuple[str, str]]:
+def _promise_row(metrics: Mapping[str, float], law: str) -> tuple[str, str]:
     fails, most = (probability_text(metrics[f"promise_{name}"]) for name in ("failure", "high"))
     kind = "weighted" if metrics.get("promise_weighted") else "fresh"
-    yield (
+    return (
         f"fails, {law} winds, {metrics['promise_runs']:,.0f} {kind} flights",
         f"{fails}, at most {most} (95 %)",
     )
-    yield f"V + R that guided the search, {law} winds", probability_text(metrics["promise_bound"])
 
 
 def _simulated_row(metrics: Mapping[str, float], key: str) -> tuple[str, str]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from pareto_ltl.cli.arguments import CommandArguments, run_reported
+from pareto_ltl.cli.arguments import CommandArguments
 from pareto_ltl.support.errors import ConfigError
 
 
@@ -18,10 +18,6 @@ def sweep_command(argv: Sequence[str]) -> int:
         from pareto_ltl.cli.hydra_app import run_hydra
 
         return run_hydra(argv, "sweep")
-    return run_reported(lambda: _summarize_sweep(argv))
-
-
-def _summarize_sweep(argv: Sequence[str]) -> int:
     options = _sweep_arguments().parse_args(argv)
     if options.directory is None:
         raise ConfigError(

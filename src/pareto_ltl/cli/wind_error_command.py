@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pareto_ltl.cli.arguments import CommandArguments, run_reported
+from pareto_ltl.cli.arguments import CommandArguments
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.messages import shown_value
 from pareto_ltl.wind.readings import HOUR
@@ -23,11 +23,8 @@ LONGEST_NAME = 200  # as the schema has it
 
 
 def wind_error_command(argv: Sequence[str]) -> int:
-    """Estimate and write the law of errors; return 0, or 2 after one line if the files give no errors."""
-    return run_reported(lambda: _estimate_and_write(_wind_error_arguments().parse_args(argv)))
-
-
-def _estimate_and_write(options: argparse.Namespace) -> int:
+    """Estimate and write the law of errors; return 0."""
+    options = _wind_error_arguments().parse_args(argv)
     area = outline_of(options.area)
     files = _files_in(options.directory)
     _check_out(options.out, options.directory)
@@ -109,10 +106,10 @@ def _snapshots(
 
     from pareto_ltl.settings import WindConfig
     from pareto_ltl.wind.area import box_of
-    from pareto_ltl.wind.sources.grib_apart import read_grib_snapshots
+    from pareto_ltl.wind.sources.grib_apart import grib_snapshots_apart
 
     box = None if area is None else box_of(np.array(area, float))
-    return read_grib_snapshots(files, WindConfig().max_speed, level, box)
+    return grib_snapshots_apart(files, WindConfig().max_speed, level, box).winds
 
 
 def _station_files(named: Sequence[Path]) -> tuple[Path, ...]:

@@ -77,11 +77,9 @@ class ExportedPlan:
         plan, promise = self.plan, self.plan.promise
         told = [f"Mission {plan.formula}."]
         if promise is not None:
-            told.append(f"Flown {self.flown_by()} fail {_rate_words(promise.rate)}.")
-        told.append(
-            "Flown by an autopilot that knows and holds the positions (robot.feedback=1) fail "
-            f"{_rate_words(self.held)}."
-        )
+            told.append(_rate_sentence(promise.rate, self.flown_by()))
+        pilot = "by an autopilot that knows and holds the positions (robot.feedback=1)"
+        told.append(_rate_sentence(self.held, pilot))
         if self.log.swing > 0.0:
             told.append(
                 f"Turns take {self.log.late:.0f} s, which the times of the legs include. They lead up to "
@@ -93,8 +91,9 @@ class ExportedPlan:
         return tuple(told)
 
 
-def _rate_words(rate: FailureRate) -> str:
-    return f"{rate_text(rate.failure, rate.low, rate.high)} of {rate.sample} in {rate.law} winds"
+def _rate_sentence(rate: FailureRate, how: str) -> str:
+    fails = rate_text(rate.failure, rate.low, rate.high)
+    return f"Of {rate.sample} flown {how} in {rate.law} winds, {fails} fail."
 
 
 def exported_plan(

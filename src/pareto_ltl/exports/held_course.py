@@ -9,8 +9,8 @@ from numpy.random import SeedSequence
 
 from pareto_ltl.kernels import flight as kernel
 from pareto_ltl.planning.problem import Problem
-from pareto_ltl.planning.records import FailureRate, PlannedPath
-from pareto_ltl.simulation.flights import counted_rate, fly_pilot
+from pareto_ltl.planning.records import FailureRate, PlannedPath, counted_rate
+from pareto_ltl.simulation.flights import fly_pilot
 
 GAIN = 1.0  # robot.feedback of an autopilot that holds positions: it returns to the course in one step
 

@@ -2,8 +2,7 @@
 
 A flight is a vector z ~ N(0, I): its start, the white part of its winds and the innovations of its field. In
 the law linearised about the plan, its deviation e is a linear function of z, so a half-space of deviations is
-a half-space of z, ω' z >= τ with |ω| = 1. :mod:`pareto_ltl.planning.reference_importance` has the same in
-plain Python.
+a half-space of z, ω' z >= τ with |ω| = 1. ``tests/oracle/importance.py`` has the same in plain Python.
 """
 
 from __future__ import annotations

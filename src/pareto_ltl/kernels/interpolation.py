@@ -1,6 +1,6 @@
 """Interpolation of tables on a lattice: bilinear in space, linear in time.
 
-:func:`pareto_ltl.planning.reference.interpolate` is the same in plain Python.
+:func:`pareto_ltl.planning.wind_lookup.interpolate` is the same in plain Python.
 """
 
 from __future__ import annotations

@@ -14,7 +14,7 @@ and the mission margin is the largest W_T(p) of an accepting p. The margin of a 
 distance to its nearest face. In these minima and maxima one event binds: m is the signed distance of one
 point of the flight from one line or corner, and its gradient is the unit vector from there.
 
-:mod:`pareto_ltl.planning.reference_margin` is the same in plain Python.
+``tests/oracle/margin.py`` is the same in plain Python.
 """
 
 from __future__ import annotations

@@ -83,7 +83,7 @@ def _upper_tail(h: float) -> float:
 
 @kernel
 def polygon_probability(polygons: Corners, part: int, here: Gaussian) -> float:
-    """P(position in a convex polygon), exact; in plain Python ``planning.reference.gaussian_in_polygon``.
+    """P(position in a convex polygon), exact; in plain Python ``pareto_ltl_verify.gaussians.in_polygon``.
 
     In coordinates where the position is standard normal, the origin and an edge at distance h, with ends v1
     and v2 along it, form a triangle of probability angle / 2π - T(h, v2 / h) + T(h, v1 / h), which is

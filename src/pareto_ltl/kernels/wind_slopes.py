@@ -1,6 +1,6 @@
 """Spatial derivatives of the expected wind along a path.
 
-:func:`pareto_ltl.planning.reference.wind_and_gradient` is the same in plain Python.
+:func:`pareto_ltl.planning.wind_lookup.wind_and_gradient` is the same in plain Python.
 """
 
 from __future__ import annotations

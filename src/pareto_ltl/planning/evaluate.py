@@ -5,11 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from pareto_ltl.kernels import data as kd
+from pareto_ltl.planning.costs import path_costs
 from pareto_ltl.planning.pack_logic import PATH_LIVE, empty_letters, live_rows
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import Objectives, PlannedPath
@@ -223,7 +225,7 @@ def judged_world(problem: Problem) -> kd.World:
 
 
 def _objectives(problem: Problem, flight: Flight, cell: IntArray, collision: float) -> Objectives:
-    """Length, energy and all risks; ``mission_risk`` is the bound that the problem is planned with."""
+    """Costs and all risks; ``mission_risk`` is the bound that the problem is planned with."""
     independent = problem.laws["independent"]
     alone = flight if problem.world.law is independent else propagate(problem, flight.x, independent)
     ordered = ordered_mission_risk(problem, flight)
@@ -233,12 +235,11 @@ def _objectives(problem: Problem, flight: Flight, cell: IntArray, collision: flo
         kd.Ordered: lambda: ordered,
     }[type(problem.world.mission)]()
     return Objectives(
-        length=float(np.linalg.norm(np.diff(flight.x, axis=0), axis=1).sum()),
+        costs=path_costs(problem, flight.x, flight.u),
         mission_risk=judged,
         collision_risk=collision,
         mission_risk_paper=paper,
         mission_risk_ordered=ordered,
-        energy=None if problem.energy is None else problem.energy.of(flight.u, problem.motion.dt),
     )
 
 
@@ -266,15 +267,40 @@ def ordered_mission_risk(problem: Problem, flight: Flight) -> float:
 def collision_risk(problem: Problem, flight: Flight, law: kd.Law, *, tight: bool = True) -> float:
     """R of a path under the law it was propagated in; ``tight`` as for :func:`evaluate_path`.
 
-    The looser form is not cut at 1: smoothing must see that a path with R = 2 is worse than one with 1.5.
+    The tighter form of the path bound has runs beside supporting lines as well as beside faces. The looser
+    form is not cut at 1: smoothing must see that a path with R = 2 is worse than one with 1.5.
 
     Eq. (M40) of docs/mathematics.md.
     """
     from pareto_ltl.kernels.path_collision import collision_bound
 
     bound, path = problem.world.collision, gaussian_path(law, flight, tight=tight)
-    total = float(collision_bound(bound.barriers, bound.nearby, path))
+    faces = (
+        with_supporting_lines(problem, flight)
+        if tight and isinstance(bound, kd.PathBound)
+        else bound.barriers
+    )
+    total = float(collision_bound(faces, bound.nearby, path))
     return min(total, 1.0) if tight else total
+
+
+def with_supporting_lines(problem: Problem, flight: Flight) -> kd.Faces:
+    """The barriers with the supporting lines of all near segments of ``flight`` as further faces."""
+    from pareto_ltl.kernels.supporting_lines import FAR, lines_of_each
+    from pareto_ltl.planning.barriers import LEAST, barrier_polygons
+
+    faces, corners = problem.barriers, barrier_polygons(problem)
+    line = np.empty((len(flight.u), len(corners.radius), 4))
+    lines_of_each(corners, flight.x, flight.cov, LEAST, line)
+    normals, offsets, counts = [np.empty((0, 2))], [np.empty(0)], [0]
+    for j, (first, last) in enumerate(pairwise(faces.ptr.tolist())):
+        rows = line[(line[:, j, 3] > 0.0) & (line[:, j, 3] < FAR), j]
+        if j >= len(problem.decomposition.obstacles):  # a wall has no line but its own
+            rows = rows[:0]
+        normals += [faces.normal[first:last], rows[:, :2]]
+        offsets += [faces.offset[first:last], rows[:, 2]]
+        counts.append(last - first + len(rows))
+    return kd.Faces(np.cumsum(counts), np.vstack(normals), np.concatenate(offsets))
 
 
 def gaussian_path(law: kd.Law, flight: Flight, *, tight: bool = True) -> GaussianPath:

@@ -24,6 +24,7 @@ from pareto_ltl.kernels.dijkstra import Product
 from pareto_ltl.kernels.growth import Fans
 from pareto_ltl.kernels.neighbours import Bins
 from pareto_ltl.kernels.parents import Dominance, Scaled
+from pareto_ltl.planning.barriers import start_risk
 from pareto_ltl.planning.evaluate import collision_memory, law_memory
 from pareto_ltl.planning.pack_logic import empty_letters, live_rows, tree_rows
 from pareto_ltl.planning.problem import Problem
@@ -212,6 +213,8 @@ def grow_forest(
     graph = product_graph(problem.decomposition, problem.logic, problem.scene.bounds)
     task = GrowthTask(cfg, problem, graph, cell_fans(problem.decomposition))
     _require_memory(cfg, problem)
+    if start_risk(problem) > problem.epsilon:
+        raise InfeasibleError(_start_too_close(problem))
     growing = [plant_tree(task, child, j, options) for j, child in enumerate(seeds.spawn(cfg.trees))]
     _check_lead(task, growing[0])
     began = time.perf_counter()

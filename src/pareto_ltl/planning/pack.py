@@ -18,7 +18,7 @@ from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.turns import turns_of
 from pareto_ltl.settings import PAPER, FidelityConfig, PlannerConfig, RobotConfig, WindConfig
 from pareto_ltl.support.arrays import FloatArray, IntArray
-from pareto_ltl.support.errors import DataError
+from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.wind.records import FORECAST, PARTS, SPACE, TIME, WindField, WindModes
 from pareto_ltl.world.cells import Decomposition, half_planes, locator
 from pareto_ltl.world.scene import Scene
@@ -32,7 +32,8 @@ NO_MODES = WindModes(
     np.ones((1, 2)),
 )  # fmt: skip
 NEARBY_ENTRIES, NEARBY_SQUARES = 4_000_000, 64  # table of near obstacles: entries; squares along one side
-EPSILON = {"step": 0.05, "path": 0.25}  # default of planner.epsilon for each collision bound
+NO_LIMIT = 1.0  # epsilon without a limit
+TREES_EPSILON = 0.25  # least limit of the trees with the path bound, if flights judge the refined paths
 
 # --- the map ----------------------------------------------------------------------------------
 
@@ -261,6 +262,11 @@ def pack_collision(
 
     if kind == "path":
         return kd.PathBound(barriers, nearby, epsilon, delta)
+    if epsilon >= NO_LIMIT:
+        raise ConfigError(
+            "planner.epsilon=null needs fidelity.collision_bound=path: Eq. (9) divides epsilon among the "
+            "obstacles; set planner.epsilon, e.g. 0.05"
+        )
     return kd.StepBound(barriers, nearby, float(-ndtri(epsilon / max(len(barriers.ptr) - 1, 1))))
 
 
@@ -276,7 +282,7 @@ def build_problem(
         If the wind is not known at departure, or is faster than the robot everywhere.
     """
     robot = with_time_step(robot, scene, planner.max_steps)
-    epsilon = EPSILON[fidelity.collision_bound] if planner.epsilon is None else planner.epsilon
+    epsilon = NO_LIMIT if planner.epsilon is None else planner.epsilon
     marks = scene.landmarks if fidelity.law == "coherent" else ()
     if scene.landmarks and not marks:
         LOG.warning("scene.landmarks are not used: position fixes need fidelity.law=coherent")
@@ -291,7 +297,9 @@ def build_problem(
     missions: dict[str, kd.MissionBound] = {"theorem2": theorem2, "ordered": ordered}
     barriers = pack_barriers(scene, obstacles)
     nearby = pack_nearby(barriers, scene.bounds)
-    collision = pack_collision(fidelity.collision_bound, barriers, nearby, epsilon, planner.delta)
+    loose = (fidelity.collision_bound, fidelity.judge) == ("path", "flights") and fidelity.refine != "none"
+    allowed = max(epsilon, TREES_EPSILON) if loose else epsilon
+    collision = pack_collision(fidelity.collision_bound, barriers, nearby, allowed, planner.delta)
     return Problem(
         scene=scene,
         decomposition=decomposition,

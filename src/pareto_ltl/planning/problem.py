@@ -9,6 +9,7 @@ import numpy as np
 
 from pareto_ltl.kernels import data as kd
 from pareto_ltl.logic.automaton import Automaton
+from pareto_ltl.planning.costs import ALWAYS, Cost
 from pareto_ltl.planning.epochs import Reading
 from pareto_ltl.planning.power import EnergyModel
 from pareto_ltl.planning.turns import Turns, TurnsOnTheSpot
@@ -43,6 +44,8 @@ class Problem(Displayed):
         Longest path.
     energy : EnergyModel or None
         Power curve and capacity of a robot that has them.
+    costs : tuple of Cost
+        The costs that paths are compared by.
     turns : Turns
         How the robot turns between two legs; the leg sheets for pilots allow for it.
     wind_ends : str
@@ -64,6 +67,7 @@ class Problem(Displayed):
     max_steps: int
     wind_ends: str = ""
     energy: EnergyModel | None = None
+    costs: tuple[Cost, ...] = ALWAYS
     turns: Turns = field(default_factory=TurnsOnTheSpot)
 
     def facts(self) -> Mapping[str, str]:

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import Any
 
 import numpy as np
 
+from pareto_ltl.planning.costs import cost_named
 from pareto_ltl.settings import FidelityConfig, models_of
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
+from pareto_ltl.support.counts import clopper_pearson
 from pareto_ltl.support.display import (
     Displayed,
     distance_text,
-    energy_text,
     interval_text,
     probability_text,
     rate_text,
@@ -111,30 +112,43 @@ class Forest(Displayed):
 
 @dataclass(frozen=True, slots=True)
 class Objectives:
-    """Costs of a path: its length [m], probabilities and energy [J].
+    """What paths are compared by: costs and probabilities.
 
+    ``costs`` are by name (``planning/costs.py``): length [m], energy [J] of a robot with a power curve, and
+    those of ``selection.costs``; all paths of a front have the same ones.
     ``mission_risk`` is the bound that ``fidelity.mission_bound`` names; plans are judged by it.
     ``collision_risk`` is R. Two bounds are reported in every case: ``mission_risk_paper``, the f_o of Theorem
-    2 with the paper's covariance, and ``mission_risk_ordered``, the ordered bound V. ``energy`` [J] is that
-    of a robot with a power curve, else None; all paths of a front have it, or none.
+    2 with the paper's covariance, and ``mission_risk_ordered``, the ordered bound V.
     """
 
-    length: float
+    costs: Mapping[str, float]
     mission_risk_paper: float
     mission_risk: float
     collision_risk: float
     mission_risk_ordered: float
-    energy: float | None = None
 
     @property
-    def costs(self) -> tuple[float, ...]:
-        """Costs that are not probabilities: length [m] and, with a power curve, energy [J]."""
-        return (self.length,) if self.energy is None else (self.length, self.energy)
+    def length(self) -> float:
+        """Length of the expected path [m]."""
+        return self.costs["length"]
+
+    @property
+    def further_costs(self) -> dict[str, float]:
+        """The costs other than length, by name."""
+        return {name: value for name, value in self.costs.items() if name != "length"}
+
+    def as_dict(self) -> dict[str, float]:
+        """All numbers by name, as in ``plan.json``: length, probabilities, further costs."""
+        risks = {name: getattr(self, name) for name in RISKS}
+        return {"length": self.length} | risks | self.further_costs
+
+
+RISKS = tuple(part.name for part in fields(Objectives) if part.name != "costs")
 
 
 def objective_row(o: Objectives) -> FloatArray:
-    """Mission risk, collision risk, length [m] and, where known, energy [J]: paths are compared by these."""
-    return np.array([o.mission_risk, o.collision_risk, *o.costs])
+    """Mission risk, collision risk and all costs, the length first: paths are compared by these."""
+    return np.array([o.mission_risk, o.collision_risk, *o.costs.values()])
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -235,13 +249,18 @@ class FailureRate:
         return f"{rate_text(self.failure, self.low, self.high)}, {self.law} winds"
 
 
+def counted_rate(law: str, failures: int, runs: int) -> FailureRate:
+    """The rate of ``failures`` among ``runs`` flights, with its 95 % Clopper-Pearson interval."""
+    return FailureRate(law, failures / runs, *clopper_pearson(failures, runs), runs)
+
+
 @dataclass(frozen=True, slots=True, repr=False)
 class Front(Displayed):
     """Non-dominated paths.
 
     With ``fidelity.judge=bound`` they are compared by (mission risk, collision risk, length) and sorted by
-    mission risk; with ``flights`` by (failure rate, length) and sorted by failure rate. Energy is one more
-    objective where the robot has a power curve.
+    mission risk; with ``flights`` by (failure rate, length) and sorted by failure rate. Further costs are
+    further objectives.
 
     Attributes
     ----------
@@ -249,8 +268,8 @@ class Front(Displayed):
         The front before refinement, to show what refinement improved.
     hypervolume : float
         Share of the box between 0 and ``reference`` that the front dominates.
-    reference : (2,) to (4,) float
-        Upper corner of that box: 1 for each probability, then length [m] and, where it is known, energy [J].
+    reference : (1 + C,) or (2 + C,) float
+        Upper corner of that box: 1 for each probability, then each of C costs, the length first.
     rates, raw_rates : tuple of FailureRate
         With ``flights``: the rate of each path and of each of ``raw``.
     failed : (P, n) bool
@@ -318,6 +337,29 @@ class Promise:
     passed: bool
 
 
+@dataclass(frozen=True, slots=True)
+class SegmentLimits:
+    """How close each of T segments comes to its chance constraint, obstacles and walls together.
+
+    Attributes
+    ----------
+    nearest : tuple of str
+        The barrier whose supporting line is the fewest standard deviations from the segment.
+    deviations : (T,) float
+        Standard deviations of its nearer end beyond that line, 40 at most.
+    probability : (T,) float
+        Σ_lines Q(z) of the segment, which ``planner.epsilon`` limits; Eq. (M73) of docs/mathematics.md.
+    """
+
+    nearest: tuple[str, ...]
+    deviations: FloatArray
+    probability: FloatArray
+
+    def after(self, step: int) -> SegmentLimits:
+        """Those of the segments from ``step`` on."""
+        return SegmentLimits(self.nearest[step:], self.deviations[step:], self.probability[step:])
+
+
 @dataclass(frozen=True, slots=True, repr=False)
 class Plan(Displayed):
     """The path to fly, and how it was chosen.
@@ -336,6 +378,8 @@ class Plan(Displayed):
         Energy that the robot can use [J]; None where it is not known.
     covered, not_covered : str
         Sentences that say which parts of the wind's error the probabilities cover, and which not.
+    limits : SegmentLimits or None
+        None without barriers, and in files of earlier versions.
     """
 
     path: PlannedPath
@@ -354,6 +398,7 @@ class Plan(Displayed):
     not_covered: str = ""
     u_min: float = 0.0
     capacity: float | None = None
+    limits: SegmentLimits | None = None
 
     def __post_init__(self) -> None:
         models_of(self.fidelity)
@@ -364,14 +409,14 @@ class Plan(Displayed):
         return models_of(self.fidelity)
 
     def facts(self) -> Mapping[str, str]:
-        """Formula, length, steps, energy and what the plan promises."""
+        """Formula, length, steps, further costs and what the plan promises."""
         o, models = self.path.objectives, self.models
         promised = {} if self.promise is None else {"fails": str(self.promise.rate)}
         return {
             "formula": self.formula,
             "length": distance_text(o.length),
             "steps": f"{len(self.path.u)}",
-            **({} if o.energy is None else {"energy": energy_text(o.energy)}),
+            **{name: cost_named(name).text(value) for name, value in o.further_costs.items()},
             **promised,
             f"mission risk {models.mission_symbol} in {models.law} winds": probability_text(o.mission_risk),
             f"collision risk R in {models.law} winds": probability_text(o.collision_risk),

@@ -9,6 +9,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -157,7 +158,7 @@ def by_worth(cfg: SelectionConfig, front: Front) -> int:
 def by_weights(cfg: SelectionConfig, front: Front) -> int:
     """The least g_w(ξ, λ) = Σ_j λ_j f_j, with length in units of the shortest path of the front.
 
-    A fourth weight is that of energy, in units of the least energy of the front.
+    Further weights are those of the further costs, each in units of the least one of the front.
     Where flights judge, the failure rate takes the place of both risks, with the sum of their weights.
 
     Eq. (M47) of docs/mathematics_methods.md.
@@ -165,6 +166,12 @@ def by_weights(cfg: SelectionConfig, front: Front) -> int:
     rows = _objective_rows(front)
     weights = np.array(cfg.weights) / sum(cfg.weights)
     least = rows[:, 2:].min(axis=0)
+    if any(weights[rows.shape[1] :]):
+        raise ConfigError(
+            f"selection.weights has {len(weights)} numbers, and the front has {rows.shape[1] - 2} costs "
+            f"besides both risks; expected at most {rows.shape[1]} numbers"
+        )
+    weights = weights[: rows.shape[1]]
     costs = (rows[:, 2:] / np.where(least > 0.0, least, 1.0))[:, : len(weights) - 2]
     if front.rates:
         return int(np.argmin((weights[0] + weights[1]) * _risks(front) + costs @ weights[2:]))
@@ -183,23 +190,25 @@ def by_threshold(cfg: SelectionConfig, front: Front) -> int:
     return int(safe[np.argmin(_lengths(front)[safe])])
 
 
-def by_energy(cfg: SelectionConfig, front: Front) -> int:
-    """The least energy of the paths whose risk is at most ``cfg.alpha``; for a rate its upper limit counts.
+def by_least(name: str, cfg: SelectionConfig, front: Front) -> int:
+    """The least cost ``name`` of the paths whose risk (upper limit of a rate) is at most ``cfg.alpha``.
 
     Raises
     ------
     ConfigError
-        If the robot has no power curve.
+        If the paths have no such cost.
     InfeasibleError
         If no path is safe enough; the text gives the least risk there is.
     """
-    energies = [path.objectives.energy for path in front.paths]
-    if any(energy is None for energy in energies):
+    if not all(name in path.objectives.costs for path in front.paths):
         raise ConfigError(
             "selection.rule=energy needs the power curve of the robot: set robot.power.kind and plan again"
+            if name == "energy"
+            else f"selection.least={name}: the front has no such cost; plan with selection.costs=[{name}]"
         )
     safe = _safe_paths(cfg, front)
-    return int(safe[np.lexsort((_lengths(front)[safe], np.array(energies, float)[safe]))[0]])
+    costs = np.array([path.objectives.costs[name] for path in front.paths])
+    return int(safe[np.lexsort((_lengths(front)[safe], costs[safe]))[0]])
 
 
 def _safe_paths(cfg: SelectionConfig, front: Front) -> IntArray:
@@ -295,7 +304,7 @@ def _lengths(front: Front) -> FloatArray:
 
 
 def _objective_rows(front: Front) -> FloatArray:
-    """(mission risk, collision risk, length and, where it is known, energy) of every path, (P, 3 or 4)."""
+    """Mission risk, collision risk and all C costs of every path, (P, 2 + C)."""
     return np.array([objective_row(path.objectives) for path in front.paths])
 
 
@@ -315,10 +324,16 @@ RULES: dict[str, SelectionRule] = {
         meaning="the shortest path that fails in at most {alpha:g} of the flights (selection.alpha)",
     ),
     "energy": SelectionRule(
-        by_energy,
+        partial(by_least, "energy"),
         reads=("alpha",),
         keeps_alpha=True,
         meaning="the least energy of paths that fail in at most {alpha:g} of the flights (selection.alpha)",
+    ),
+    "least": SelectionRule(
+        lambda cfg, front: by_least(cfg.least, cfg, front),
+        reads=("alpha", "least"),
+        keeps_alpha=True,
+        meaning="the least {least} of paths that fail in at most {alpha:g} of the flights (selection.alpha)",
     ),
     "knee": SelectionRule(by_knee, meaning="the path farthest below the chord of the front"),
     "length": SelectionRule(
@@ -344,7 +359,7 @@ def within_capacity(cfg: SelectionConfig, front: Front, problem: Problem) -> Fro
     model = problem.energy
     if model is None or model.capacity is None:
         return front
-    energies = np.array([path.objectives.energy for path in front.paths], float)
+    energies = np.array([path.objectives.costs["energy"] for path in front.paths])
     kept = np.flatnonzero(energies <= model.capacity)
     if selection_rule(cfg).names_one:
         if len(kept) < len(energies):

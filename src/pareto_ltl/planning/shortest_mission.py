@@ -19,12 +19,12 @@ import numpy as np
 
 from pareto_ltl.kernels import data as kd
 from pareto_ltl.planning.problem import Problem
-from pareto_ltl.planning.reference import wind_at_place
 from pareto_ltl.planning.refine.obligations import completes
 from pareto_ltl.planning.refine.orders import MissionOrder, possible_orders
 from pareto_ltl.planning.refine.pacing import paced_line
 from pareto_ltl.planning.refine.starts import line_starts
 from pareto_ltl.planning.refine.taut_lines import longest_share, taut_line, walk_line
+from pareto_ltl.planning.wind_lookup import interpolate
 from pareto_ltl.support.arrays import FloatArray
 
 MOST_ORDERS = 24  # mission orders that are tried
@@ -103,7 +103,8 @@ def flight_time(problem: Problem, line: FloatArray) -> float:
         far = 4.0 * problem.reach * (corner - start) / max(length, 1e-9)
         while length - done > 1e-6 * length:
             x, step = start + done / length * (corner - start), int(seconds / motion.dt)
-            share = longest_share(motion, x, x + far, wind_at_place(problem.wind, min(step, last), x))
+            wind = interpolate(problem.wind, problem.wind.mean, min(step, last), x)
+            share = longest_share(motion, x, x + far, wind)
             if share <= 1e-3 or seconds > LONGER * (last + 1) * motion.dt:
                 return math.inf
             speed = share * 4.0 * problem.reach / motion.dt

@@ -32,21 +32,12 @@ def sampled_lattice(wind: WindField, values: FloatArray, x: FloatArray, y: Float
 
     Outside the lattice the value at its edge is taken.
     """
-    (i, s), (j, r) = (
-        _cells_of((places - start) / wind.spacing, count)
-        for places, start, count in zip((x, y), wind.origin, values.shape, strict=True)
+    from scipy.ndimage import map_coordinates
+
+    at = [(places - start) / wind.spacing for places, start in zip((x, y), wind.origin, strict=True)]
+    return np.asarray(
+        map_coordinates(values, np.meshgrid(*at, indexing="ij"), order=1, mode="nearest"), float
     )
-    west, east = values[i], values[np.minimum(i + 1, len(values) - 1)]
-    along = (1.0 - s)[:, None] * west + s[:, None] * east
-    north = along[:, np.minimum(j + 1, values.shape[1] - 1)]
-    return np.asarray((1.0 - r) * along[:, j] + r * north, float)
-
-
-def _cells_of(places: FloatArray, count: int) -> tuple[IntArray, FloatArray]:
-    """Index of the node below each of ``places`` (in nodes), of ``count``; the fraction to the next one."""
-    held = np.clip(places, 0.0, count - 1.0)
-    below = np.minimum(held.astype(np.int64), max(count - 2, 0))
-    return below, held - below
 
 
 def arrow_nodes(wind: WindField, bounds: FloatArray) -> tuple[IntArray, IntArray]:

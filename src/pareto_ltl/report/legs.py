@@ -13,13 +13,13 @@ from pareto_ltl.exports.navigation_log import NavigationLog, expected_winds, nav
 from pareto_ltl.logic.automaton import show_letter
 from pareto_ltl.logic.in_words import mission_in_words
 from pareto_ltl.logic.timed import places_of
+from pareto_ltl.planning.costs import cost_named
 from pareto_ltl.planning.problem import Problem
-from pareto_ltl.planning.records import FailureRate, Plan, PlannedPath
+from pareto_ltl.planning.records import FailureRate, Plan, PlannedPath, counted_rate
 from pareto_ltl.simulation.failure_times import failure_times
-from pareto_ltl.simulation.flights import counted_rate
 from pareto_ltl.simulation.records import Deployment
 from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.support.display import distance_text, energy_text, probability_text, rate_text
+from pareto_ltl.support.display import distance_text, probability_text, rate_text
 from pareto_ltl.world.navigation import utc_times
 from pareto_ltl.world.scene import Scene
 
@@ -93,7 +93,7 @@ def plan_lines(problem: Problem, plan: Plan, flown: Deployment) -> Iterator[str]
     yield (
         f"plan: {distance_text(path.objectives.length)} in {float(path.t[-1] - path.t[0]) / 3600:.2f} h, "
         f"{len(path.u)} legs, airspeed {plan.u_min:g} to {plan.u_max:g} m/s"
-        + ("" if path.objectives.energy is None else f", {energy_text(path.objectives.energy)}")
+        + "".join(f", {cost_named(name).text(cost)}" for name, cost in path.objectives.further_costs.items())
         + (f", departure {utc[0]}" if (utc := utc_times(scene.time_zero, path.t)) else "")
     )
     yield (
@@ -115,6 +115,25 @@ def plan_lines(problem: Problem, plan: Plan, flown: Deployment) -> Iterator[str]
             yield "; ".join(told)
     yield ""
     yield from _promise_lines(plan, flown)
+
+
+def limit_lines(problem: Problem, plan: Plan, most: int = 5) -> Iterator[str]:
+    """The ``most`` segments that come closest to ``planner.epsilon``, the closest first."""
+    limits, law = plan.limits, problem.fidelity.law
+    if limits is None:
+        yield "no limits: the map has neither obstacles nor walls, or the plan is of an earlier version"
+        return
+    allowed = "no limit" if plan.epsilon >= 1.0 else f"{probability_text(plan.epsilon)} allowed"
+    yield (
+        f"collision probability of a segment, {law} winds, {allowed} (planner.epsilon); at most "
+        f"{probability_text(float(limits.probability.max()))}"
+    )
+    times = _times(problem.scene, plan.path)
+    for k in np.argsort(-limits.probability, kind="stable")[:most].tolist():
+        yield (
+            f"{k:>4}  {times[k]} - {times[k + 1]}; {limits.nearest[k]}, {limits.deviations[k]:.1f} standard "
+            f"deviations away; {probability_text(float(limits.probability[k]))}"
+        )
 
 
 def _times(scene: Scene, path: PlannedPath) -> list[str]:

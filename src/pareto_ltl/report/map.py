@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 from matplotlib.artist import Artist
-from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
@@ -72,27 +71,17 @@ class _Sheet:
         return self.bottom + self.height + 0.26 + TEXT_LINE * len(self.title)
 
 
-def plan_figure(
-    cfg: ReportConfig,
-    run: DrawnRun,
-    trees: LineCollection | None = None,
-    heading: Sequence[str] | None = None,
-) -> Figure:
+def plan_figure(cfg: ReportConfig, run: DrawnRun, heading: Sequence[str] | None = None) -> Figure:
     """Map with trees, expected wind, planned path, 95 % ellipses and flights, as Figure 1 of the paper.
 
-    ``trees`` is the :func:`tree_layer` of the run, if it has been made already; ``heading`` replaces the
-    lines above the map.
-
-    Without a plan the wind is that at departure, and the heading says why there is no plan. Every
-    probability is given with its wind law.
+    Without a plan the wind is that at departure, and the heading says why there is no plan; ``heading``
+    replaces it. Every probability is given with its wind law.
     """
     sheet = _sheet(cfg, run, _heading(run) if heading is None else _fitted(heading))
     figure = style.blank_figure(style.COLUMN_WIDTH, sheet.total)
     chart = map_axes(run.scene, style.axes_at(figure, WEST, sheet.bottom, sheet.inner, sheet.height))
     draw_graticule(chart, run.scene)
-    if trees is None and run.forest is not None:
-        trees = tree_layer(run.scene, run.forest)
-    _draw_layers(chart, cfg, run, trees)
+    _draw_layers(chart, cfg, run)
     if run.wind is not None:
         t, moment = flight_midpoint(run.plan)
         text = f"expected wind {moment}"
@@ -112,10 +101,10 @@ def _sheet(cfg: ReportConfig, run: DrawnRun, title: list[str]) -> _Sheet:
     return _Sheet(_map_keys(run), _flight_keys(cfg, run), title, inner, height, run.wind is not None)
 
 
-def _draw_layers(chart: MapAxes, cfg: ReportConfig, run: DrawnRun, trees: LineCollection | None) -> None:
+def _draw_layers(chart: MapAxes, cfg: ReportConfig, run: DrawnRun) -> None:
     draw_ground(chart, run.scene, run.decomposition)
-    if trees is not None:
-        chart.ax.add_collection(trees, autolim=False)
+    if run.forest is not None:
+        chart.ax.add_collection(tree_layer(run.scene, run.forest), autolim=False)
     if run.plan is not None:
         draw_covariances(chart, run.plan.path.x, run.plan.path.cov)
     for deployment in _widest_first(run):

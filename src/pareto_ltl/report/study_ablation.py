@@ -4,11 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -19,45 +17,38 @@ from pareto_ltl.report.rate_axes import scale_rate_axis
 from pareto_ltl.report.study_axes import (
     BOUND_DASHES,
     FigureRow,
+    Figures,
     column_values,
     decade_above,
     decade_below,
     hide_frame,
+    law_keys,
     laws_of,
-    legend_above,
-    save_figures,
+    legend_at,
+    quartiles,
 )
-from pareto_ltl.settings import ReportConfig
+from pareto_ltl.settings import Settings
+from pareto_ltl.settings.studies import FACTOR_TITLES
 from pareto_ltl.support.arrays import FloatArray
 
 if TYPE_CHECKING:
     from pareto_ltl.report.records import Study
 
-FACTOR_LABELS = {
-    "trees": "trees",
-    "beta": "β, times the default",
+FACTOR_LABELS = FACTOR_TITLES | {
     "epsilon": "ε, collision probability of a step",
-    "n_max": "vertices per tree",
-    "dt": "time step [s]",
     "kernel": "kernel of the wind regression",
-    "ball": "radius of the ball [sd]",
-    "law": "wind law of the planner",
-    "mission_bound": "mission bound",
-    "collision_bound": "collision bound",
-    "parents": "parent rule",
-    "refine": "refinement",
 }
 LOG_FACTORS = ("trees", "epsilon", "n_max", "dt")
 
 
-def draw_ablation(folder: Path, cfg: ReportConfig, study: Study) -> tuple[Path, ...]:
-    """Write one figure per factor, and ``ablation`` with all factors; return the paths."""
+def ablation_figures(_: Settings, study: Study) -> Figures:
+    """One figure per factor, and ``ablation`` with all factors."""
     rows = study.tables["ablation"]
     factors = list(dict.fromkeys(row["factor"] for row in rows))
-    made = {f"ablation_{factor}": partial(ablation_figure, rows, [factor]) for factor in factors}
+    made: Figures = {f"ablation_{factor}": partial(ablation_figure, rows, [factor]) for factor in factors}
     if len(factors) > 1:
         made["ablation"] = partial(ablation_figure, rows, factors)
-    return save_figures(folder, cfg, made)
+    return made
 
 
 def ablation_figure(rows: Sequence[FigureRow], factors: Sequence[str]) -> Figure:
@@ -82,22 +73,10 @@ def ablation_figure(rows: Sequence[FigureRow], factors: Sequence[str]) -> Figure
             ax.tick_params(labelleft=False)
         else:
             ax.set_ylabel("failed, bound [%]")
-    laws = laws_of(rows)
-    keys: list[Artist] = [
-        Line2D(
-            [],
-            [],
-            color=style.law_colour(law),
-            marker=style.law_mark(law),
-            ms=3.5,
-            lw=1.2,
-            label=f"failed, {law} winds",
-        )
-        for law in laws
-    ]
+    keys = law_keys(laws_of(rows), "failed, ", ms=3.5, lw=1.2)
     keys += [Line2D([], [], color=style.STONE, lw=1.0, ls=BOUND_DASHES, label="bound (V + R)")]
     keys += [Line2D([], [], color=style.STONE, lw=2.5, alpha=0.5, label="quartiles over seeds")]
-    legend_above(figure, keys, height, left=west - 0.05, columns=len(keys) if columns > 1 else 2)
+    legend_at(figure, keys, (west - 0.05, height - 0.05), len(keys) if columns > 1 else 2)
     return figure
 
 
@@ -132,9 +111,7 @@ def _quartile_bars(
 ) -> None:
     """Median of column ``name`` as a line, its quartiles as vertical bars, not below ``low``."""
     colour = style.law_colour(law)
-    middle, bottom, top = (
-        np.maximum(column_values(rows, f"{name}{end}"), low) for end in ("", "_q25", "_q75")
-    )
+    middle, bottom, top = quartiles(rows, name, low)
     for place, a, b in zip(x, bottom, top, strict=True):
         ax.plot([place, place], [a, b], color=colour, lw=2.5, alpha=0.35, solid_capstyle="butt")
     ax.plot(x, middle, color=colour, lw=1.1, marker=style.law_mark(law), ms=4, clip_on=False)

@@ -5,26 +5,26 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
 from pareto_ltl.report import style
 from pareto_ltl.settings import ReportConfig
 from pareto_ltl.support.arrays import FloatArray
 
 FigureRow = Mapping[str, Any]
+Figures = dict[str, Callable[[], Figure]]  # functions that draw figures, by name
 BOUND_COLOUR = style.BLACK  # not used for a law
 LOWEST_RATE = 1e-5  # smaller rates are drawn here: studies have too few flights to resolve them
 BOUND_DASHES = (0, (3.0, 1.5))  # line style of a bound
 
 
-def save_figures(
-    folder: Path, cfg: ReportConfig, made: Mapping[str, Callable[[], Figure]]
-) -> tuple[Path, ...]:
+def save_figures(folder: Path, cfg: ReportConfig, made: Figures) -> tuple[Path, ...]:
     """Draw the figures in ``made``, write each in ``report.formats`` into ``folder``, return the paths."""
     folder.mkdir(parents=True, exist_ok=True)
     with style.report_style():
@@ -62,14 +62,41 @@ def hide_frame(ax: Axes) -> None:
     ax.spines[["top", "right"]].set_visible(False)
 
 
-def legend_above(figure: Figure, keys: Sequence[Artist], height: float, left: float, columns: int) -> None:
-    """Legend along the upper edge of a figure of ``height`` [in], from ``left`` [in], with ``columns``."""
+def quartiles(
+    rows: Sequence[FigureRow], name: str, low: float | None = None
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Median and quartiles of column ``name``, not below ``low``, each (rows,)."""
+    middle, bottom, top = (column_values(rows, f"{name}{end}") for end in ("", "_q25", "_q75"))
+    if low is None:
+        return middle, bottom, top
+    return np.maximum(middle, low), np.maximum(bottom, low), np.maximum(top, low)
+
+
+def law_keys(laws: Sequence[str], before: str, after: str = "", **look: Any) -> list[Artist]:
+    """Entries of a legend: ``before``, the wind law, ``after``, in the colour and mark of the law."""
+    return [
+        Line2D(
+            [], [], color=style.law_colour(law), marker=style.law_mark(law),
+            label=f"{before}{law} winds{after}", **look,
+        )
+        for law in laws
+    ]  # fmt: skip
+
+
+def legend_at(
+    figure: Figure,
+    keys: Sequence[Artist],
+    corner: tuple[float, float],
+    columns: int,
+    loc: Literal["upper left", "lower left"] = "upper left",
+) -> None:
+    """Legend with ``columns``, whose corner ``loc`` is at ``corner`` [in] of the figure."""
     w, h = figure.get_size_inches()
     figure.legend(
         handles=list(keys),
         ncols=columns,
-        loc="upper left",
-        bbox_to_anchor=(left / w, (height - 0.05) / h),
+        loc=loc,
+        bbox_to_anchor=(corner[0] / w, corner[1] / h),
         borderaxespad=0.0,
         borderpad=0.0,
         handlelength=1.8,

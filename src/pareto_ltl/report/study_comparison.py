@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -21,15 +20,16 @@ from pareto_ltl.report.rate_axes import scale_rate_axis
 from pareto_ltl.report.study_axes import (
     BOUND_COLOUR,
     FigureRow,
+    Figures,
     column_values,
     decade_below,
     hide_frame,
+    law_keys,
     laws_of,
-    legend_above,
-    save_figures,
+    legend_at,
 )
 from pareto_ltl.report.wind import draw_wind_arrows
-from pareto_ltl.settings import ReportConfig
+from pareto_ltl.settings import ReportConfig, Settings
 from pareto_ltl.support.display import distance_text, probability_text
 from pareto_ltl.world.cells import Decomposition
 from pareto_ltl.world.scene import Scene
@@ -40,21 +40,15 @@ if TYPE_CHECKING:
 MOST_KEYS = 6  # in a line of the legend of the panels
 
 
-def draw_comparison(
-    folder: Path, cfg: ReportConfig, scene: Scene, decomposition: Decomposition, study: Study
-) -> tuple[Path, ...]:
-    """Write ``figure1``, a map per method, and ``outcomes``, failure rates and bounds; return the paths."""
-    pictures = study.pictures
-    return save_figures(
-        folder,
-        cfg,
-        {
-            "figure1": lambda: comparison_figure(
-                cfg, scene, decomposition, pictures["wind"], pictures["panels"]
-            ),
-            "outcomes": lambda: outcomes_figure(study.tables["compare"], study.tables["compare_seeds"]),
-        },
-    )
+def comparison_figures(
+    settings: Settings, study: Study, scene: Scene, decomposition: Decomposition
+) -> Figures:
+    """``figure1``, a map per method, and ``outcomes``, failure rates and bounds."""
+    cfg, pictures = settings.report, study.pictures
+    return {
+        "figure1": lambda: comparison_figure(cfg, scene, decomposition, pictures["wind"], pictures["panels"]),
+        "outcomes": lambda: outcomes_figure(study.tables["compare"], study.tables["compare_seeds"]),
+    }
 
 
 def comparison_figure(
@@ -89,7 +83,7 @@ def comparison_figure(
         for line, text in enumerate(reversed(caption)):
             look: dict[str, Any] = {"fontweight": "bold"} if line == len(caption) - 1 else {"fontsize": 6.0}
             style.text_at(figure, left, bottom + height + 0.03 + 0.11 * line, text, va="bottom", **look)
-    _panel_legend(figure, keys, west)
+    legend_at(figure, keys, (west - 0.02, 0.04), min(len(keys), MOST_KEYS), "lower left")
     return figure
 
 
@@ -137,20 +131,6 @@ def _panel_keys(cfg: ReportConfig, scene: Scene, panels: Sequence[FigureRow]) ->
     return [*keys, failed, *ground_keys(scene)]
 
 
-def _panel_legend(figure: Figure, keys: Sequence[Artist], left: float) -> None:
-    w, h = figure.get_size_inches()
-    figure.legend(
-        handles=list(keys),
-        ncols=min(len(keys), MOST_KEYS),
-        loc="lower left",
-        bbox_to_anchor=((left - 0.02) / w, 0.04 / h),
-        borderaxespad=0.0,
-        borderpad=0.0,
-        handlelength=1.8,
-        columnspacing=1.1,
-    )
-
-
 def outcomes_figure(rows: Sequence[FigureRow], each: Sequence[FigureRow]) -> Figure:
     """Failure rate of each method with its 95 % interval, single plans as dashes, and the mean bound.
 
@@ -183,47 +163,27 @@ def outcomes_figure(rows: Sequence[FigureRow], each: Sequence[FigureRow]) -> Fig
     ax.tick_params(axis="y", length=0)
     hide_frame(ax)
     keys = _outcome_keys(laws)
-    legend_above(figure, keys, height, left=0.2, columns=2 if len(keys) > 3 else 3)
+    legend_at(figure, keys, (0.2, height - 0.05), 2 if len(keys) > 3 else 3)
     return figure
 
 
 def _draw_outcome(ax: Axes, y: float, row: FigureRow, dots: Sequence[float], low: float) -> None:
     """One method in one wind law at height ``y``; rates below ``low`` are drawn there."""
     colour, marker = style.law_colour(row["law"]), style.law_mark(row["law"])
-    ax.plot(
-        np.maximum(dots, low),
-        np.full(len(dots), y),
-        "|",
-        color=colour,
-        alpha=0.35,
-        ms=5,
-        mew=0.8,
-        clip_on=False,
-    )
+    dash: dict[str, Any] = {"color": colour, "alpha": 0.35, "ms": 5, "mew": 0.8, "clip_on": False}
+    ax.plot(np.maximum(dots, low), np.full(len(dots), y), "|", **dash)
     ends = [max(row["failure_low"], low), max(row["failure_high"], low)]
     ax.plot(ends, [y, y], color=colour, lw=2.2, solid_capstyle="butt", zorder=3)
     look: dict[str, Any] = {"color": colour, "ms": 4.5, "mec": "white", "mew": 0.6}
     ax.plot(max(row["failure"], low), y, marker, **look, zorder=4, clip_on=False)
 
 
-def _outcome_keys(laws: Sequence[str]) -> list[Line2D]:
-    look: dict[str, Any] = {"ms": 4.5, "mec": "white", "lw": 2.2}
-    keys = [
-        Line2D(
-            [],
-            [],
-            color=style.law_colour(law),
-            marker=style.law_mark(law),
-            label=f"{law} winds, 95 %",
-            **look,
-        )
-        for law in laws
-    ]
-    keys += [
+def _outcome_keys(laws: Sequence[str]) -> list[Artist]:
+    return [
+        *law_keys(laws, "", ", 95 %", ms=4.5, mec="white", lw=2.2),
         Line2D([], [], ls="", marker="|", ms=5, mew=0.8, color=style.STONE, label="one plan"),
         Line2D([], [], ls="", marker="|", ms=9, mew=1.6, color=BOUND_COLOUR, label="V + R as planned (mean)"),
     ]
-    return keys
 
 
 def _method_title(rows: Sequence[FigureRow], method: str) -> str:

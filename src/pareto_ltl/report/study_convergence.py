@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -21,25 +19,25 @@ from pareto_ltl.report.study_axes import (
     BOUND_COLOUR,
     BOUND_DASHES,
     FigureRow,
+    Figures,
     column_values,
     decade_above,
     decade_below,
     hide_frame,
+    law_keys,
     laws_of,
-    legend_above,
-    save_figures,
+    legend_at,
+    quartiles,
 )
-from pareto_ltl.settings import ReportConfig
+from pareto_ltl.settings import Settings
 
 if TYPE_CHECKING:
     from pareto_ltl.report.records import Study
 
 
-def draw_convergence(folder: Path, cfg: ReportConfig, study: Study) -> tuple[Path, ...]:
-    """Write ``figure2``; return its paths."""
-    return save_figures(
-        folder, cfg, {"figure2": lambda: convergence_figure(study.tables["convergence"], study.numbers)}
-    )
+def convergence_figures(_: Settings, study: Study) -> Figures:
+    """``figure2``."""
+    return {"figure2": lambda: convergence_figure(study.tables["convergence"], study.numbers)}
 
 
 def convergence_figure(rows: Sequence[FigureRow], numbers: Mapping[str, float]) -> Figure:
@@ -69,30 +67,13 @@ def convergence_figure(rows: Sequence[FigureRow], numbers: Mapping[str, float]) 
     if math.isfinite(numbers["first_seconds"]):
         text = f"first answer of a forest:\n{1e3 * numbers['first_seconds']:.2g} ms (median)"
         axes[2].text(0.97, 0.08, text, transform=axes[2].transAxes, ha="right", va="bottom", fontsize=6.5)
-    keys: list[Artist] = [
-        Line2D(
-            [],
-            [],
-            color=BOUND_COLOUR,
-            lw=1.4,
-            ls=BOUND_DASHES,
-            label=f"bound, {one[0]['planned_law']} winds",
-        )
+    name = f"bound, {one[0]['planned_law']} winds"
+    keys = [
+        Line2D([], [], color=BOUND_COLOUR, lw=1.4, ls=BOUND_DASHES, label=name),
+        *law_keys(some, "missed, ", ms=3, lw=1.2),
+        Patch(fc="#00000022", label=f"quartiles over {one[0]['seeds']} seeds"),
     ]
-    keys += [
-        Line2D(
-            [],
-            [],
-            color=style.law_colour(law),
-            marker=style.law_mark(law),
-            ms=3,
-            lw=1.2,
-            label=f"missed, {law} winds",
-        )
-        for law in some
-    ]
-    keys += [Patch(fc="#00000022", label=f"quartiles over {one[0]['seeds']} seeds")]
-    legend_above(figure, keys, height, left=0.55, columns=len(keys))
+    legend_at(figure, keys, (0.55, height - 0.05), len(keys))
     return figure
 
 
@@ -121,9 +102,7 @@ def _quartile_band(
 ) -> None:
     """Median of column ``name`` as a line, its quartiles as a band."""
     x = column_values(rows, "size")
-    middle, bottom, top = (column_values(rows, f"{name}{end}") for end in ("", "_q25", "_q75"))
-    if low is not None:
-        middle, bottom, top = (np.maximum(values, low) for values in (middle, bottom, top))
+    middle, bottom, top = quartiles(rows, name, low)
     ax.fill_between(x, bottom, top, color=colour, alpha=0.18, lw=0)
     ax.plot(x, middle, color=colour, lw=1.3, marker=marker, ms=3, ls="-" if marker else BOUND_DASHES)
 
@@ -131,13 +110,7 @@ def _quartile_band(
 def _planned_share(ax: Axes, rows: Sequence[FigureRow]) -> None:
     """Share of seeds with a plan and its 95 % interval."""
     x = column_values(rows, "size")
-    ax.fill_between(
-        x,
-        column_values(rows, "planned_low"),
-        column_values(rows, "planned_high"),
-        color=style.PURPLE,
-        alpha=0.18,
-        lw=0,
-    )
+    low, high = column_values(rows, "planned_low"), column_values(rows, "planned_high")
+    ax.fill_between(x, low, high, color=style.PURPLE, alpha=0.18, lw=0)
     ax.plot(x, column_values(rows, "planned"), color=style.PURPLE, lw=1.3, marker="o", ms=3)
     ax.set(ylim=(-0.02, 1.02), ylabel="share (95 % interval)")

@@ -4,22 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
+from matplotlib.ticker import NullLocator
 
 from pareto_ltl.report import style
 from pareto_ltl.report.map_labels import dense_path
 from pareto_ltl.report.map_layers import draw_endpoints, draw_graticule, draw_ground, map_axes, name_regions
 from pareto_ltl.report.rate_axes import GRID_COLOUR
-from pareto_ltl.report.study_axes import FigureRow, column_values, hide_frame, save_figures
-from pareto_ltl.report.study_departure_heat import heat_figure
-from pareto_ltl.settings import ReportConfig
+from pareto_ltl.report.study_axes import FigureRow, Figures, column_values, hide_frame
+from pareto_ltl.report.study_departure_heat import clock_labels, heat_figure
+from pareto_ltl.settings import Settings
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.world.cells import Decomposition
 from pareto_ltl.world.scene import Scene
@@ -34,19 +33,13 @@ RATIO_TICKS = (0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)
 HOUR = 3600.0
 
 
-def draw_departure(
-    folder: Path, cfg: ReportConfig, scene: Scene, decomposition: Decomposition, study: Study
-) -> tuple[Path, ...]:
-    """Write ``departures`` and ``departures_heat``; return their paths."""
+def departure_figures(_: Settings, study: Study, scene: Scene, decomposition: Decomposition) -> Figures:
+    """``departures`` and ``departures_heat``."""
     rows, routes, limits, rates = (study.pictures[name] for name in ("rows", "routes", "limits", "rates"))
-    return save_figures(
-        folder,
-        cfg,
-        {
-            "departures": lambda: departure_figure(scene, decomposition, rows, routes),
-            "departures_heat": lambda: heat_figure(rows, limits, rates),
-        },
-    )
+    return {
+        "departures": lambda: departure_figure(scene, decomposition, rows, routes),
+        "departures_heat": lambda: heat_figure(rows, limits, rates),
+    }
 
 
 def departure_figure(
@@ -101,27 +94,14 @@ def _time_axis(ax: Axes, rows: Sequence[FigureRow], *, named: bool) -> None:
     """Ticks at departures, with the day below where it changes."""
     hours = _hours(rows)
     ax.set_xlim(hours[0] - 0.5 * _pitch(rows), hours[-1] + 0.5 * _pitch(rows))
-    ticks = hours[:: -(-len(hours) // MOST_TICKS)]
-    ax.xaxis.set_major_locator(FixedLocator(ticks.tolist()))
+    shown = rows[:: -(-len(rows) // MOST_TICKS)]
+    labels = clock_labels([row["time"] for row in shown])
+    ax.set_xticks(_hours(shown), labels if named else [""] * len(shown))
     ax.xaxis.set_minor_locator(NullLocator())
-    days = {h: _day(h) for h in ticks}
-    shown = {h: k == 0 or days[h] != days[ticks[k - 1]] for k, h in enumerate(ticks)}
-
-    def text(hour: float, _: int) -> str:
-        clock = datetime.fromtimestamp(hour * HOUR, UTC).strftime(
-            "%HZ" if (hour * 60) % 60 == 0 else "%H:%MZ"
-        )
-        return f"{clock}\n{days[hour]}" if shown.get(hour) else clock
-
-    ax.xaxis.set_major_formatter(FuncFormatter(text) if named else FuncFormatter(lambda *_: ""))
     ax.grid(color=GRID_COLOUR, lw=0.4)
     if named:
         ax.set_xlabel("departure, UTC")
     hide_frame(ax)
-
-
-def _day(hour: float) -> str:
-    return datetime.fromtimestamp(hour * HOUR, UTC).strftime("%d %b").lstrip("0")
 
 
 def _draw_failure(ax: Axes, rows: Sequence[FigureRow]) -> None:

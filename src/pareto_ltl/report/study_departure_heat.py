@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
-from matplotlib.ticker import FixedLocator, NullLocator
+from matplotlib.ticker import NullLocator
 
 from pareto_ltl.report import style
 from pareto_ltl.report.rate_axes import set_rate_ticks
@@ -110,18 +110,20 @@ def _mark_starts(ax: Axes, rows: Sequence[FigureRow], edges: FloatArray) -> None
     ax.set_ylim(low, high)
 
 
+def clock_labels(times: Sequence[float]) -> list[str]:
+    """Hours in UTC of ``times`` [s since 1970], with the day below the first of each day."""
+    labels, before = [], ""
+    for time in (datetime.fromtimestamp(t, UTC) for t in times):
+        clock, day = time.strftime("%HZ" if time.minute == 0 else "%H:%MZ"), f"{time.day} {time:%b}"
+        labels.append(clock if day == before else f"{clock}\n{day}")
+        before = day
+    return labels
+
+
 def _name_axes(ax: Axes, rows: Sequence[FigureRow], limits: FloatArray) -> None:
-    times = [datetime.fromtimestamp(row["time"], UTC) for row in rows]
-    days = [f"{time.day} {time:%b}" for time in times]
     stride = max(1, math.ceil(0.3 * len(rows) / max(ax.figure.get_figwidth() - 1.2, 1.0)))  # type: ignore[union-attr]
     shown = range(0, len(rows), stride)
-    texts = []
-    for place, k in enumerate(shown):
-        clock = times[k].strftime("%HZ" if times[k].minute == 0 else "%H:%MZ")
-        new = place == 0 or days[k] != days[shown[place - 1]]
-        texts.append(f"{clock}\n{days[k]}" if new else clock)
-    ax.xaxis.set_major_locator(FixedLocator(list(shown)))
-    ax.set_xticklabels(texts)
+    ax.set_xticks(shown, clock_labels([rows[k]["time"] for k in shown]))
     ax.tick_params(length=0)
     ax.set_yticks(limits[::2] / 1e3, [f"{limit / 1e3:,g}" for limit in limits[::2]])
     ax.spines[:].set_visible(False)

@@ -1,11 +1,10 @@
-"""The figure of ``pipelines=forecast_test``: reliability, regions, sharpness."""
+"""The figures of ``pipelines=forecast_test`` (reliability, regions, sharpness) and of ``hindcast``."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import partial
-from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -13,9 +12,9 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
 from pareto_ltl.report import style
-from pareto_ltl.report.rate_axes import GRID_COLOUR
-from pareto_ltl.report.study_axes import BOUND_COLOUR, FigureRow, column_values, hide_frame, save_figures
-from pareto_ltl.settings import ReportConfig, preset
+from pareto_ltl.report.rate_axes import GRID_COLOUR, scale_rate_axis
+from pareto_ltl.report.study_axes import BOUND_COLOUR, FigureRow, Figures, column_values, hide_frame
+from pareto_ltl.settings import Settings, preset
 from pareto_ltl.support.arrays import FloatArray
 
 if TYPE_CHECKING:
@@ -26,21 +25,48 @@ TICKS = (0.0, 0.01, 0.05, 0.1, 0.25, 0.5, 0.75, 1.0)
 EDGES = np.array([0.0, 0.01, 0.025, 0.05, 0.1, 0.175, 0.25, 0.375, 0.5, 0.625, 0.75, 0.875, 1.0])
 REGION_COLOURS = (style.VERMILLION, style.GREEN, style.PURPLE)
 REGION_MARKS = ("^", "D", "v")
+PREDICTION_LABELS = {
+    "bound_paper": "f_o + R, independent winds",
+    "bound_independent": "V + R, independent winds",
+    "bound_coherent": "V + R, coherent winds",
+    "simulated_independent": "simulated, independent winds",
+    "simulated_coherent": "simulated, coherent winds",
+}
 
 
-def draw_forecast_test(folder: Path, cfg: ReportConfig, study: Study) -> tuple[Path, ...]:
-    """Write ``forecast_test_F`` for each planning fidelity F; return the paths."""
-    plans = study.tables["forecast_test"]
-    made = {}
+CHOSEN = "chosen"  # kind of the plans that selection picks
+FRONT_MARK: dict[str, Any] = {"marker": "o", "ms": 4.5, "mec": "white", "mew": 0.6, "ls": ""}
+CHOSEN_MARK: dict[str, Any] = {"marker": "D", "ms": 3.2, "mfc": "white", "mew": 0.9, "ls": ""}
+
+
+def forecast_test_figures(_: Settings, study: Study) -> Figures:
+    """``forecast_test_F`` for each planning fidelity F, of the plans that selection picks."""
+    plans = [row for row in study.tables["forecast_test"] if row["kind"] == CHOSEN]
+    made: Figures = {}
     for name in dict.fromkeys(row["fidelity"] for row in plans):
         promise = f"simulated_{preset(name).law}"
         bins, regions = (
-            [row for row in study.tables[table] if row["fidelity"] == name and row["promise"] == promise]
+            [row for row in _of(study.tables[table], name) if row["promise"] == promise]
             for table in ("reliability", "regions")
         )
-        mine = [row for row in plans if row["fidelity"] == name]
-        made[f"forecast_test_{name}"] = partial(forecast_test_figure, bins, regions, mine, promise)
-    return save_figures(folder, cfg, made)
+        bins = [row for row in bins if row["kind"] == CHOSEN]
+        made[f"forecast_test_{name}"] = partial(
+            forecast_test_figure, bins, regions, _of(plans, name), promise
+        )
+    return made
+
+
+def reliability_figures(_: Settings, study: Study) -> Figures:
+    """``reliability_F`` for each planning fidelity F, of all plans and promises."""
+    groups, plans = study.tables["reliability"], study.tables["hindcast"]
+    return {
+        f"reliability_{name}": partial(reliability_figure, _of(groups, name), _of(plans, name))
+        for name in dict.fromkeys(row["fidelity"] for row in groups)
+    }
+
+
+def _of(rows: Sequence[FigureRow], fidelity: str) -> list[FigureRow]:
+    return [row for row in rows if row["fidelity"] == fidelity]
 
 
 def forecast_test_figure(
@@ -59,10 +85,11 @@ def forecast_test_figure(
         column_values(plans, promise), column_values(plans, "failure"), s=4, color=style.MIST, lw=0
     )
     for row in bins:
-        _draw_rate(axes[0], row, colour, "o", "")
+        _draw_rate(axes[0], row, colour, **_verdict_mark(row, colour))
     _draw_diagonal(axes[1], law)
     for row, shade, mark in zip(regions, REGION_COLOURS, REGION_MARKS, strict=False):
-        _draw_rate(axes[1], row, shade, mark, f"{row['region']} ({row['missions']})")
+        label = f"{row['region']} ({row['missions']})"
+        _draw_rate(axes[1], row, shade, **_verdict_mark(row, shade) | {"marker": mark}, label=label)
     axes[1].legend(
         loc="lower right", handlelength=1.0, borderaxespad=0.2, labelspacing=0.3, frameon=True,
         framealpha=0.8, edgecolor="none",
@@ -74,18 +101,23 @@ def forecast_test_figure(
 
 def _draw_diagonal(ax: Axes, law: str) -> None:
     """Axes of both rates, their diagonal, and the side on which a promise is broken."""
-    ax.fill_between([0.0, 1.0], [0.0, 1.0], [1.0, 1.0], color=BOUND_COLOUR, alpha=0.06, lw=0)
-    line = np.linspace(0.0, 1.0, 100)
-    ax.plot(line, line, color=style.STONE, lw=0.8, ls=(0, (3, 2)))
+    _draw_broken_side(ax, np.linspace(0.0, 1.0, 100), "promised")
     _scale(ax, "x")
     _scale(ax, "y")
     ax.grid(color=GRID_COLOUR, lw=0.4)
     ax.set_xlabel(f"promised, {law} winds [%]")
+    hide_frame(ax)
+
+
+def _draw_broken_side(ax: Axes, rates: FloatArray, word: str) -> None:
+    """The line on which a promise is exact, through ``rates``, and the side on which it is broken."""
+    ends = rates[[0, -1]]
+    ax.fill_between(ends, ends, [1.0, 1.0], color=BOUND_COLOUR, alpha=0.06, lw=0)
+    ax.plot(rates, rates, color=style.STONE, lw=0.8, ls=(0, (3, 2)))
     ax.text(
-        0.04, 0.96, "fails more often\nthan promised", transform=ax.transAxes, va="top", fontsize=6.0,
+        0.04, 0.96, f"fails more often\nthan {word}", transform=ax.transAxes, va="top", fontsize=6.0,
         color=BOUND_COLOUR, path_effects=style.white_halo(1.6), zorder=6,
     )  # fmt: skip
-    hide_frame(ax)
 
 
 def _scale(ax: Axes, axis: str) -> None:
@@ -102,14 +134,17 @@ def _root(values: FloatArray) -> FloatArray:
     return np.asarray(np.sqrt(np.maximum(values, 0.0)), float)
 
 
-def _draw_rate(ax: Axes, row: FigureRow, colour: str, mark: str, label: str) -> None:
-    """A group of missions with the interval of its rate; hollow if its promise is broken."""
-    x, y = row["promised"], row["realised"]
-    ax.plot([x, x], [row["realised_low"], row["realised_high"]], color=colour, lw=1.2, zorder=3)
-    face = colour if row["kept"] else "white"
-    ax.plot(
-        x, y, mark, mfc=face, mec=colour, ms=4.5, mew=0.9, ls="", zorder=4, clip_on=False, label=label or None
-    )
+def _verdict_mark(row: FigureRow, colour: str) -> dict[str, Any]:
+    """The mark of a group of missions: hollow if its promise is broken."""
+    return {"marker": "o", "mfc": colour if row["kept"] else "white", "ms": 4.5, "mew": 0.9, "ls": ""}
+
+
+def _draw_rate(ax: Axes, row: FigureRow, colour: str, low: float = 0.0, **mark: Any) -> None:
+    """A group of missions with the interval of its rate; rates below ``low`` are drawn there."""
+    ends = ("promised", "realised", "realised_low", "realised_high")
+    x, y, bottom, top = (max(row[end], low) for end in ends)
+    ax.plot([x, x], [bottom, top], color=colour, lw=1.2, zorder=3)
+    ax.plot(x, y, **{"mfc": colour, "mec": colour} | mark, zorder=4, clip_on=False)
 
 
 def _draw_histogram(ax: Axes, promised: FloatArray, law: str, colour: str) -> None:
@@ -119,4 +154,71 @@ def _draw_histogram(ax: Axes, promised: FloatArray, law: str, colour: str) -> No
     ax.set_xlabel(f"promised, {law} winds [%]")
     ax.set_ylabel("plans")
     ax.set_ylim(0, max(1, counts.max()) * 1.05)
+    hide_frame(ax)
+
+
+# --- all promises ----------------------------------------------------------------------------
+
+
+def reliability_figure(groups: Sequence[FigureRow], plans: Sequence[FigureRow]) -> Figure:
+    """Realised against predicted failure of groups of plans, one panel per bound or simulation.
+
+    Filled marks are plans along the fronts, hollow ones those that selection picks. The intervals count one
+    trial per mission. Dots are single plans.
+    """
+    order = [name for name in PREDICTION_LABELS if any(row["promise"] == name for row in groups)]
+    columns = 3 if len(order) > 4 else len(order)
+    rows = -(-len(order) // columns)
+    gap, west, above = 0.26, 0.62, 0.62
+    inner = min(2.1, (style.PAGE_WIDTH - west - 0.1 - (columns - 1) * gap) / columns)
+    width, height = west + columns * (inner + gap), rows * (inner + above) - 0.02
+    figure, low = style.blank_figure(width, height), 1e-4
+    for k, name in enumerate(order):
+        left, bottom = (
+            west + (k % columns) * (inner + gap),
+            (rows - 1 - k // columns) * (inner + above) + 0.38,
+        )
+        ax = style.axes_at(figure, left, bottom, inner, inner)
+        mine = [row for row in groups if row["promise"] == name]
+        _draw_reliability(ax, mine, [row for row in plans if name in row], name, low)
+        ax.set_xlabel("bound [%]" if name.startswith("bound") else "simulated [%]")
+        if k % columns:
+            ax.tick_params(labelleft=False)
+        else:
+            ax.set_ylabel("failed in the full fields [%]")
+        title = _prediction_label(name, mine)
+        style.text_at(figure, left, bottom + inner + 0.04, title, va="bottom", fontweight="bold")
+    if any(row.get("kind") == CHOSEN for row in groups):
+        _explain_marks(figure.axes[0])
+    return figure
+
+
+def _explain_marks(ax: Axes) -> None:
+    """A legend of the two kinds of plans."""
+    for label, look in (("along the front", FRONT_MARK), ("chosen", CHOSEN_MARK)):
+        ax.plot([], [], **{"mfc": style.BLACK, "mec": style.BLACK} | look, label=label)
+    box = ax.legend(loc="lower right", handlelength=1.0, labelspacing=0.3, frameon=True, edgecolor="none")
+    box.set_zorder(7)
+
+
+def _prediction_label(name: str, rows: Sequence[FigureRow]) -> str:
+    """Title of a panel: the prediction and its wind law; R of a plan is that of the law it was planned in."""
+    law = preset(rows[0].get("fidelity", "paper")).law
+    if name == "bound_paper" and law != "independent":
+        return f"f_o, independent, + R, {law} winds"
+    return PREDICTION_LABELS[name]
+
+
+def _draw_reliability(
+    ax: Axes, groups: Sequence[FigureRow], plans: Sequence[FigureRow], name: str, low: float
+) -> None:
+    _draw_broken_side(ax, np.array([low, 1.0]), "foreseen")
+    x, y = (np.maximum(column_values(plans, column), low) for column in (name, "failure"))
+    ax.scatter(x, y, s=3, color=style.MIST, lw=0, zorder=2, clip_on=False)
+    colour = style.LAW_COLOURS.get(name.partition("_")[2], style.BLACK)
+    for row in groups:
+        mark = CHOSEN_MARK if row.get("kind") == CHOSEN else FRONT_MARK
+        _draw_rate(ax, row, colour, low, **mark)
+    scale_rate_axis(ax, "x", low)
+    scale_rate_axis(ax, "y", low)
     hide_frame(ax)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -20,8 +18,8 @@ from pareto_ltl.report.map_layers import (
     map_axes,
     name_regions,
 )
-from pareto_ltl.report.study_axes import save_figures
-from pareto_ltl.settings import ReportConfig
+from pareto_ltl.report.study_axes import Figures
+from pareto_ltl.settings import Settings
 
 if TYPE_CHECKING:
     from pareto_ltl.report.records import Study
@@ -33,11 +31,9 @@ AIRCRAFT_LOOK: dict[str, Any] = {"colors": style.VERMILLION, "linewidths": 0.6, 
 SHARES = (0.5, 0.95)
 
 
-def draw_sitl(
-    folder: Path, cfg: ReportConfig, world: tuple[Scene, Decomposition], study: Study, drawn: int
-) -> tuple[Path, ...]:
-    """Write the figure ``sitl``; return the paths."""
-    return save_figures(folder, cfg, {"sitl": partial(sitl_figure, world, study, drawn)})
+def sitl_figures(settings: Settings, study: Study, scene: Scene, decomposition: Decomposition) -> Figures:
+    """The figure ``sitl``."""
+    return {"sitl": lambda: sitl_figure((scene, decomposition), study, settings.sitl.drawn)}
 
 
 def sitl_figure(world: tuple[Scene, Decomposition], study: Study, drawn: int) -> Figure:

@@ -18,7 +18,7 @@ SERIES_MARKS = ("o", "s", "^", "D", "v", "P", "X")
 SWEEP_WIDTH, SWEEP_HEIGHT = 5.2, 3.0  # [in]
 DOT_SPREAD = 0.32  # half width over which dots of one value are spread, relative to the distance of values
 
-AXIS_SCALES = {"length_m": 1e-3, "duration_s": 1 / 3600, "energy_j": 1e-6}
+AXIS_SCALES = {"length_m": 1e-3, "duration_s": 1 / 3600, "energy_j": 1e-6, "arrival_s": 1 / 3600}
 
 SweepSeries = Mapping[str, Sequence[tuple[str, float]]]
 

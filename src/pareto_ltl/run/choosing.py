@@ -6,7 +6,7 @@ with another selection. Their files are identical to those of a whole run with t
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -34,7 +34,7 @@ from pareto_ltl.support.display import distance_text, probability_text, round_up
 from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
 
 if TYPE_CHECKING:
-    from pareto_ltl.planning.records import Forest, Front
+    from pareto_ltl.planning.records import Front
 
 KEPT: tuple[RecordKey[Any], ...] = (SCENE, DECOMPOSITION, AUTOMATON, WIND, FOREST, FRONT)
 RAW: tuple[RecordKey[Any], ...] = (READINGS, OBSERVATIONS)  # from which the wind was made
@@ -131,7 +131,7 @@ def require_choice(choice: Choice, front: Front, where: str) -> None:
     limits = [rate.high for rate in front.rates] or [
         path.objectives.mission_risk + path.objectives.collision_risk for path in front.paths
     ]
-    if choice.energy is not None and front.paths[0].objectives.energy is None:
+    if choice.energy is not None and "energy" not in front.paths[0].objectives.costs:
         raise ConfigError(
             f"{where}: the paths have no energy; plan with a robot that has a power curve, e.g. "
             "robot=fixed_wing"
@@ -199,19 +199,9 @@ def chosen_settings(settings: Settings, choice: Choice) -> Settings:
 
 def kept_records(results: Results) -> Records:
     """The records of ``results`` that come before the plan; the forest with its time of growth."""
-    readers: dict[RecordKey[Any], Callable[[], Any]] = {
-        SCENE: lambda: results.scene,
-        DECOMPOSITION: lambda: results.decomposition,
-        AUTOMATON: lambda: results.automaton,
-        WIND: lambda: results.wind,
-        FOREST: lambda: _timed_forest(results),
-        FRONT: lambda: results.front,
-    }
-    return Records({key: readers[key]() for key in KEPT})
-
-
-def _timed_forest(results: Results) -> Forest:
-    return replace(results.forest, seconds=results.metrics["growth_seconds"])
+    records = Records({key: results[key] for key in KEPT})
+    timed = replace(records[FOREST], seconds=results.metrics["growth_seconds"])
+    return records.replaced(FOREST, timed)
 
 
 def later_stages(settings: Settings, table: StageTable) -> list[Stage[Any]]:

@@ -7,13 +7,14 @@ from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pareto_ltl.planning.costs import cost_named, known_costs
 from pareto_ltl.planning.records import FailureRate, Front, Objectives, PlannedPath
 from pareto_ltl.run.file_shape import inside, shaped
 from pareto_ltl.settings import models_of
@@ -39,11 +40,7 @@ FRONT_HEADER = (
     "order",
     "origin",
 )
-OBJECTIVE_COLUMNS = {
-    "length_m": "length", "mission_risk": "mission_risk", "collision_risk": "collision_risk",
-    "mission_risk_ordered": "mission_risk_ordered", "mission_risk_paper": "mission_risk_paper",
-}  # fmt: skip
-ENERGY = "energy_j"  # the last column, for a robot with a power curve
+RISK_COLUMNS = ("mission_risk", "collision_risk", "mission_risk_ordered", "mission_risk_paper")
 NO_RATE = (math.nan, math.nan, math.nan, "", "")
 PATH_ARRAYS = ("t", "x", "cov", "q", "u")
 
@@ -54,34 +51,37 @@ def write_front(directory: Path, front: Front) -> None:
         (
             number,
             *((r.failure, r.low, r.high, r.law, r.runs) if (r := rate) else NO_RATE),
-            *(getattr(path.objectives, name) for name in OBJECTIVE_COLUMNS.values()),
+            *_length_and_risks(path.objectives),
             len(path.u),
             path.t[-1] - path.t[0],
             path.order,
             path.origin,
-            *path.objectives.costs[1:],
+            *path.objectives.further_costs.values(),
         )
         for number, (path, rate) in enumerate(
             zip(front.paths, front.rates or [None] * len(front.paths), strict=True)
         )
     ]
-    with_energy = any(path.objectives.energy is not None for path in front.paths)
-    write_csv(directory / "front.csv", (*FRONT_HEADER, *[ENERGY] * with_energy), rows)
+    further = [cost_named(name).column for path in front.paths[:1] for name in path.objectives.further_costs]
+    write_csv(directory / "front.csv", (*FRONT_HEADER, *further), rows)
     write_npz(directory / "front.npz", _front_arrays(front))
 
 
+def _length_and_risks(o: Objectives) -> list[float]:
+    return [o.length, *(getattr(o, name) for name in RISK_COLUMNS)]
+
+
 def _front_arrays(front: Front) -> dict[str, NDArray[Any]]:
-    names = tuple(OBJECTIVE_COLUMNS.values())
     arrays: dict[str, NDArray[Any]] = {
         "fidelity": np.array([front.models.label]),
         "reference": np.asarray(front.reference, float),
         "hypervolume": np.array([front.hypervolume]),
-        "raw": np.array([[getattr(o, name) for name in names] for o in front.raw]).reshape(-1, len(names)),
+        "raw": np.array([_length_and_risks(o) for o in front.raw]).reshape(-1, 1 + len(RISK_COLUMNS)),
         "failed": front.failed,
         "raw_rates": np.array([[r.failure, r.low, r.high, r.runs] for r in front.raw_rates]).reshape(-1, 4),
     }
-    if any(o.energy is not None for o in front.raw):
-        arrays["raw_energy"] = np.array([o.energy for o in front.raw], float)
+    for name in front.raw[0].further_costs if front.raw else ():
+        arrays[f"raw_{name}"] = np.array([o.costs[name] for o in front.raw], float)
     for number, path in enumerate(front.paths):
         key = path_key(number)
         arrays |= {f"{key}/{name}": getattr(path, name) for name in PATH_ARRAYS}
@@ -108,20 +108,22 @@ def read_front(place: Path | str) -> Front:
     arrays = read_npz(archive)
     with shaped(table, "a front"):
         rows = list(csv.DictReader(text.splitlines()))
-        costs = [_objectives(row) for row in rows]
+        names = {cost.column: cost.name for cost in known_costs() if cost.column not in FRONT_HEADER}
+        further = {names[column]: column for row in rows[:1] for column in row if column in names}
+        costs = [_objectives(row, further) for row in rows]
         rates = tuple(_rate(row) for row in rows if row["failure"])
     with shaped(archive, "a front"):
         models = models_of(str(arrays["fidelity"].item()))
         count = sum(key.endswith("/x") for key in arrays)
         if count != len(rows):
             raise ValueError(f"it holds {count} paths, and front.csv {len(rows)}")
-        raw = arrays["raw"].reshape(-1, len(OBJECTIVE_COLUMNS)).tolist()
-        energies = arrays["raw_energy"].tolist() if "raw_energy" in arrays else [None] * len(raw)
+        raw = arrays["raw"].reshape(-1, 1 + len(RISK_COLUMNS))
+        others = [dict(zip(further, row, strict=True)) for row in _further_rows(arrays, further, len(raw))]
         return Front(
             paths=tuple(_path(arrays, k, row, costs[k]) for k, row in enumerate(rows)),
             raw=tuple(
-                Objectives(**dict(zip(OBJECTIVE_COLUMNS.values(), row, strict=True)), energy=energy)
-                for row, energy in zip(raw, energies, strict=True)
+                Objectives({"length": row[0]} | other, **dict(zip(RISK_COLUMNS, row[1:], strict=True)))
+                for row, other in zip(raw.tolist(), others, strict=True)
             ),
             hypervolume=float(arrays["hypervolume"].item()),
             reference=np.asarray(arrays["reference"], float),
@@ -135,9 +137,17 @@ def read_front(place: Path | str) -> Front:
         )
 
 
-def _objectives(row: Mapping[str, str]) -> Objectives:
-    known = {name: float(row[key] or "nan") for key, name in OBJECTIVE_COLUMNS.items()}
-    return Objectives(**known, energy=float(row[ENERGY]) if ENERGY in row else None)
+def _objectives(row: Mapping[str, str], further: Mapping[str, str]) -> Objectives:
+    """The objectives of a row; ``further`` are the columns of costs other than length, by name."""
+    costs = {name: float(row[column] or "nan") for name, column in {"length": "length_m", **further}.items()}
+    return Objectives(costs, **{name: float(row[name] or "nan") for name in RISK_COLUMNS})
+
+
+def _further_rows(arrays: Mapping[str, NDArray[Any]], names: Iterable[str], rows: int) -> list[list[float]]:
+    """The costs ``names`` of the paths before refinement, one row for each path."""
+    columns = [arrays[f"raw_{name}"] for name in names] if rows else []
+    table: list[list[float]] = np.stack(columns, axis=1).tolist() if columns else [[] for _ in range(rows)]
+    return table
 
 
 def _rate(row: Mapping[str, str]) -> FailureRate:

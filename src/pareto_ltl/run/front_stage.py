@@ -18,14 +18,16 @@ if TYPE_CHECKING:
 LOG = logging.getLogger(__name__)
 FOREST_STREAM = "forest"  # stream of the random numbers of growth
 JUDGING = "judging"  # child of the front's stream that refinement does not use
+NO_TREE_PATH = (
+    "no path of the trees keeps planner.epsilon in every segment: set fidelity.refine=sampled, which looks "
+    "for one, or planner.epsilon=null for no limit"
+)
 LANDMARKS_SHARE = 0.6  # of a time budget: growth and the search with landmarks, before that without
 
 
 def make_front(inputs: StageInputs) -> Front:
     """The non-dominated paths, refined and judged as ``fidelity`` says."""
     inputs.budget.heeded = True
-    if inputs.ahead is not None:
-        inputs.ahead.wait()
     front = FRONT_MAKERS[inputs.settings.fidelity.judge](inputs)
     inputs.budget.heeded = False
     return front
@@ -51,13 +53,16 @@ def _bounded_front(inputs: StageInputs) -> Front:
 def _flown_front(inputs: StageInputs) -> Front:
     """The front by failure rate and length, in flights that refinement has not used."""
     from pareto_ltl.planning import selection
+    from pareto_ltl.planning.refine.separation import keeps_epsilon
     from pareto_ltl.simulation.judging import judge_front
 
     settings, problem = inputs.settings, inputs[PROBLEM]
     raw = selection.unlike_paths(problem, inputs[FOREST])
     refined, fault = _refined_paths(inputs, raw)
-    if not raw and not refined:
-        raise InfeasibleError(_no_path(inputs) + fault)
+    if not refined and not any(keeps_epsilon(problem, path) for path in raw):
+        raise InfeasibleError(
+            _no_path(inputs) + fault if not raw else fault.removeprefix("; ") or NO_TREE_PATH
+        )
     seeds = named_child(inputs.seeds, JUDGING)
     return judge_front(problem, refined, raw, settings.selection.draws, seeds)
 
@@ -76,15 +81,23 @@ FRONT_MAKERS: dict[str, Callable[[StageInputs], Front]] = {"bound": _bounded_fro
 
 def _refined_paths(inputs: StageInputs, raw: Sequence[PlannedPath]) -> tuple[tuple[PlannedPath, ...], str]:
     """The paths of ``fidelity.refine`` and of ``selection.extra_paths``; the reason if none is refined."""
+    from pareto_ltl.planning.refine.separation import keeps_epsilon, within_limits
     from pareto_ltl.run.extra_paths import extra_paths
 
-    extra = extra_paths(inputs.settings.selection.extra_paths, inputs[PROBLEM])
+    problem, fault = inputs[PROBLEM], ""
+    extra = extra_paths(inputs.settings.selection.extra_paths, problem)
+    refined: tuple[PlannedPath, ...] = ()
     try:
-        return (*REFINERS[inputs.settings.fidelity.refine](inputs, raw), *extra), ""
+        refined = REFINERS[inputs.settings.fidelity.refine](inputs, raw)
+        refined = within_limits(problem, refined)
     except InfeasibleError as error:
-        if raw:
-            LOG.warning("the plan is a path of the search trees: %s", error)
-        return extra, f"; {error}"
+        left = any(keeps_epsilon(problem, path) for path in (*raw, *extra))
+        if refined and not left:  # they complete the mission, too close to obstacles
+            raise
+        if left:
+            LOG.warning("only paths of the search trees are left: %s", error)
+        refined, fault = (), f"; {error}"
+    return (*refined, *extra), fault
 
 
 def _no_refinement(_inputs: StageInputs, _raw: Sequence[PlannedPath]) -> tuple[PlannedPath, ...]:

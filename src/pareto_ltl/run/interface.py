@@ -25,39 +25,34 @@ from pareto_ltl.run.records import (
     AUTOMATON,
     DECOMPOSITION,
     DEPLOYMENTS,
-    FOREST,
     FRONT,
     PLAN,
     PROBLEM,
+    READINGS,
     SCENE,
     WIND,
     RecordKey,
     Records,
     T,
 )
-from pareto_ltl.run.results import Results
+from pareto_ltl.run.results import RecordView, Results
 from pareto_ltl.run.stage_table import with_extension_stages
 from pareto_ltl.run.stages import PLAN_STAGES
-from pareto_ltl.settings import DeploymentConfig, MissionConfig, SceneConfig, Settings
+from pareto_ltl.settings import DeploymentConfig, MissionConfig, SceneConfig, Settings, WindConfig
 from pareto_ltl.settings.building import build_settings, section_of
-from pareto_ltl.support.display import Displayed
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.resources import choices
 from pareto_ltl.world.scene import Scene
 
 if TYPE_CHECKING:
-    from pareto_ltl.logic import Automaton
     from pareto_ltl.planning.problem import Problem
-    from pareto_ltl.planning.records import Forest, Front, Plan
     from pareto_ltl.report.notebook import Drawing
     from pareto_ltl.run.replanning import Replanned
     from pareto_ltl.simulation.records import Deployment
-    from pareto_ltl.wind.records import WindField
-    from pareto_ltl.world.cells import Decomposition
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class PlanningResult(Displayed):
+class PlanningResult(RecordView):
     """The result of :func:`plan`. Each record of the run is an attribute, or ``result[KEY]``.
 
     Attributes
@@ -77,44 +72,9 @@ class PlanningResult(Displayed):
         return self.run.settings
 
     @property
-    def scene(self) -> Scene:
-        """The map."""
-        return self[SCENE]
-
-    @property
-    def decomposition(self) -> Decomposition:
-        """The convex cells of the map."""
-        return self[DECOMPOSITION]
-
-    @property
-    def automaton(self) -> Automaton:
-        """The minimal automaton of the mission."""
-        return self[AUTOMATON]
-
-    @property
-    def wind(self) -> WindField:
-        """The wind that the plan was made for."""
-        return self[WIND]
-
-    @property
     def problem(self) -> Problem:
         """Map, wind, automaton and robot as the arrays that planning reads."""
         return self[PROBLEM]
-
-    @property
-    def forest(self) -> Forest:
-        """The search trees."""
-        return self[FOREST]
-
-    @property
-    def front(self) -> Front:
-        """The non-dominated paths."""
-        return self[FRONT]
-
-    @property
-    def plan(self) -> Plan:
-        """The path to fly."""
-        return self[PLAN]
 
     @property
     def metrics(self) -> dict[str, float]:
@@ -158,12 +118,11 @@ def plan(
     seed : int
         Another seed gives other trees.
     out : path, optional
-        Run the whole pipeline into this results directory. Without it, the stages up to the plan run and
-        nothing is written.
+        Run the whole pipeline into this results directory. Without it only up to the plan, with no files.
     sections : mapping, str or settings object
-        Any section of :class:`Settings`: ``wind="calm"``, ``robot={"u_max": 20}``, ``fidelity="full"``,
-        ``planner={"trees": 4}``. A string names a choice in ``conf/``; ``mission`` gives the keys other than
-        the formula.
+        Any section of :class:`Settings`: ``wind="calm"``, ``planner={"trees": 4}``. A string names a choice
+        in ``conf/``; ``mission`` gives the keys other than the formula. ``wind``, or its key ``source``, may
+        also be a file, a :class:`Readings`, to which a field is fitted, or a :class:`WindField`.
 
     Raises
     ------
@@ -172,7 +131,9 @@ def plan(
     InfeasibleError
         If no path completes the mission.
     """
-    given = Records({SCENE: scene}) if isinstance(scene, Scene) else Records()
+    given, sections = _given_wind(sections)
+    if isinstance(scene, Scene):
+        given[SCENE] = scene
     settings = build_settings(
         {"pipelines": "plan", "seed": seed}
         | ({} if isinstance(scene, Scene) else {"scene": _map_settings(scene)})
@@ -197,6 +158,27 @@ def plan(
             "pipelines='plan', or add the stage plan and those that it needs"
         )
     return PlanningResult(run)
+
+
+def _given_wind(sections: Mapping[str, Any]) -> tuple[Records, dict[str, Any]]:
+    """The records that section ``wind`` gives, and all sections with the settings that describe them."""
+    from pareto_ltl.wind.readings import CALM, Readings, check_all_readings
+    from pareto_ltl.wind.records import WindField
+    from pareto_ltl.wind.sources import source_of_file
+
+    section = sections.get("wind")
+    others = dict(section) if isinstance(section, Mapping) else {}
+    wind = others.get("source") if isinstance(section, Mapping) else section
+    if isinstance(wind, WindField):
+        given, found = Records({WIND: wind, READINGS: CALM}), {"source": "given", "level": wind.level}
+    elif isinstance(wind, Readings):
+        check_all_readings(wind, float(others.get("max_speed", WindConfig().max_speed)))
+        given, found = Records({READINGS: wind}), {"source": "given", "level": wind.level}
+    elif isinstance(wind, str | Path) and Path(wind).expanduser().is_file():
+        given, found = Records(), {"source": source_of_file(Path(wind).expanduser()), "path": str(wind)}
+    else:
+        return Records(), dict(sections)
+    return given, {**sections, "wind": others | found}
 
 
 def _mission_settings(formula: Any, others: Any) -> Any:

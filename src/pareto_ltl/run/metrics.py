@@ -88,9 +88,12 @@ def _forest_numbers(forest: Forest) -> dict[str, float]:
 
 
 def _front_numbers(front: Front) -> dict[str, float]:
+    from pareto_ltl.planning.costs import cost_named
+
     table: dict[str, float] = {"front_size": len(front.paths), "hypervolume": front.hypervolume}
     sides = front.reference[1 if front.rates else 2 :].tolist()  # of its box, without risks
-    table |= dict(zip(("hypervolume_length_m", "hypervolume_energy_j"), sides, strict=False))
+    names = front.paths[0].objectives.costs if front.paths else ()
+    table |= {f"hypervolume_{cost_named(n).column}": side for n, side in zip(names, sides, strict=False)}
     if front.raw and front.paths:
         table |= {
             "front_size_raw": len(front.raw),
@@ -111,6 +114,8 @@ def _front_numbers(front: Front) -> dict[str, float]:
 
 
 def _plan_numbers(plan: Plan) -> dict[str, float]:
+    from pareto_ltl.planning.costs import cost_named
+
     o = plan.path.objectives
     return {
         "length_m": o.length,
@@ -121,8 +126,8 @@ def _plan_numbers(plan: Plan) -> dict[str, float]:
         "steps": len(plan.path.u),
         "dt_s": plan.dt,
         "duration_s": float(plan.path.t[-1] - plan.path.t[0]),
-        **({} if o.energy is None else {"energy_j": o.energy}),
-        **({} if plan.capacity is None or o.energy is None else {"energy_share": o.energy / plan.capacity}),
+        **{cost_named(name).column: value for name, value in o.further_costs.items()},
+        **({} if plan.capacity is None else {"energy_share": o.costs["energy"] / plan.capacity}),
         **_promise_numbers(plan.promise),
     }
 

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import logging
-import threading
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, suppress
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -127,22 +125,3 @@ def _origin(record: Mapping[str, Any], inputs: Mapping[str, str], settings: str)
         inputs={Path(name).name: str(digest) for name, digest in inputs.items()},
         settings=settings,
     )
-
-
-# --- ahead of the stage ------------------------------------------------------------------------
-
-
-@contextmanager
-def warm_template(settings: Settings) -> Iterator[None]:
-    """Import jinja2 and read plotly.js in a thread while the trees grow: 0.2 s less at the end."""
-    if settings.report.page:
-        threading.Thread(target=_warm_up, daemon=True).start()
-    yield
-
-
-def _warm_up() -> None:
-    with suppress(Exception):  # an error appears again when the page is written
-        from pareto_ltl.report.page.rendering import page_template, plotly_script
-
-        page_template()
-        plotly_script()

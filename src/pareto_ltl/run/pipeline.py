@@ -9,7 +9,7 @@ from __future__ import annotations
 import logging
 import time
 from collections.abc import Collection, Iterator, Sequence
-from contextlib import ExitStack, contextmanager, nullcontext, suppress
+from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -19,7 +19,7 @@ from pareto_ltl.run.directory import RUN_LOG, claimed_directory
 from pareto_ltl.run.progress import ProgressBar
 from pareto_ltl.run.records import AUTOMATON, FOREST, PLAN, SCENE, RecordKey, Records, T
 from pareto_ltl.run.sizes import check_sizes
-from pareto_ltl.run.stage_table import Progress, Stage, StageInputs, StageTable, Watcher
+from pareto_ltl.run.stage_table import Progress, Stage, StageInputs, StageTable
 from pareto_ltl.run.stages import PLAN_TABLE
 from pareto_ltl.settings import Settings
 from pareto_ltl.support.budget import Budget
@@ -73,29 +73,33 @@ def check_pipeline(settings: Settings, table: StageTable, given: Collection[Reco
 
 
 def _check_stage(stage: Stage[Any], before: Sequence[Stage[Any]], given: Collection[RecordKey[Any]]) -> None:
-    """Raise ConfigError for a stage that lacks a record, or makes one that another stage makes."""
-    makers = {other.makes: other.name for other in before}
-    if missing := [key.name for key in stage.needs if key not in makers and key not in given]:
+    """Raise ConfigError for a stage that lacks a record."""
+    made = {*given, *(other.makes for other in before)}
+    if missing := [key.name for key in stage.needs if key not in made]:
         raise ConfigError(
             f"pipelines.stages: {stage.name!r} needs {', '.join(missing)}, which no earlier stage makes; "
             f"list {'it' if len(missing) == 1 else 'them'} before {stage.name!r}"
         )
-    if stage.makes in makers:
-        raise ConfigError(
-            f"pipelines.stages: {makers[stage.makes]!r} and {stage.name!r} both make {stage.makes.name}; "
-            "list one of them"
-        )
 
 
 def _check_selection(settings: Settings, made: Sequence[RecordKey[Any]]) -> None:
-    """Raise ConfigError for a selection by energy with a robot without a power curve."""
-    rule, weights = settings.selection.rule, settings.selection.weights
-    if PLAN in made and settings.robot.power.kind == "none" and (rule == "energy" or any(weights[3:])):
-        asked = "selection.rule=energy" if rule == "energy" else "the fourth of selection.weights"
+    """Raise ConfigError for a selection by a cost that the paths of the front do not have."""
+    cfg, powered = settings.selection, settings.robot.power.kind != "none"
+    known = ["length", *["energy"] * powered, *cfg.costs]
+    by_energy = {"energy": "selection.rule=energy", "least": "selection.least=energy"}.get(cfg.rule, "")
+    least = {"energy": "energy", "least": cfg.least}.get(cfg.rule, "length")
+    weighed = any(cfg.weights[2 + len(known) :])
+    if PLAN not in made or (least in known and not weighed):
+        return
+    if not powered and (least == "energy" or (weighed and not cfg.costs)):
         raise ConfigError(
-            f"{asked} needs the power curve of the robot: take a robot that has one, e.g. robot=fixed_wing, "
-            "or set robot.power.kind"
+            f"{by_energy or 'the fourth of selection.weights'} needs the power curve of the robot: take a "
+            "robot that has one, e.g. robot=fixed_wing, or set robot.power.kind"
         )
+    asked = "selection.weights has more numbers than" if weighed else f"selection.least={least} is none of"
+    raise ConfigError(
+        f"{asked} the costs of the front ({', '.join(known)}): add the cost to selection.costs, or take these"
+    )
 
 
 def _check_mission(settings: Settings, made: Sequence[RecordKey[Any]]) -> None:
@@ -138,8 +142,6 @@ class Run:
         Where records are written as soon as they are made; None keeps them in memory.
     progress : ProgressBar or None
         Shows the present stage.
-    ahead : dict of str to Watcher
-        Work that stages began at the start of the run, by the names of the stages.
     failure : str
         Why the mission is infeasible; empty if it is not, or not known to be.
     budget : Budget
@@ -152,7 +154,6 @@ class Run:
     seconds: dict[str, float] = field(default_factory=dict)
     directory: Path | None = None
     progress: ProgressBar | None = None
-    ahead: dict[str, Watcher] = field(default_factory=dict)
     failure: str = ""
     budget: Budget = field(init=False)
 
@@ -187,16 +188,11 @@ class Run:
                     from pareto_ltl.run.results import save_record
 
                     save_record(self.directory, stage.makes, record)
-                self._tell(stage.makes, record)
         finally:
             self.seconds[stage.name] = time.perf_counter() - start
         if self.directory is not None:
             LOG.info("%s done in %.3f s", stage.name, self.seconds[stage.name])
         return record
-
-    def _tell(self, key: RecordKey[Any], record: Any) -> None:
-        for watcher in self.ahead.values():
-            watcher.record_made(key.name, record)
 
     def has_all(self, keys: Sequence[RecordKey[Any]]) -> bool:
         """Whether there is a record for each of ``keys``."""
@@ -269,23 +265,10 @@ def carry_out(
     if place is None:
         raise ValueError("the run has no directory: create it with Run(..., directory=PATH)")
     place.mkdir(parents=True, exist_ok=True)
-    ahead, heeding = _begun_ahead(run, stages), run.budget.ends_at_key()
-    with logging_to(place / RUN_LOG), ahead, heeding, run.progress or ProgressBar() as bar:
+    heeding = run.budget.ends_at_key()
+    with logging_to(place / RUN_LOG), heeding, run.progress or ProgressBar() as bar:
         run.progress = bar
         return _recorded(run, stages, place, provenance.begin(run.settings, argv, overrides))
-
-
-@contextmanager
-def _begun_ahead(run: Run, stages: Sequence[Stage[Any]]) -> Iterator[None]:
-    """Run the work that ``stages`` begin ahead of their turn, for the duration of the run."""
-    with ExitStack() as begun:
-        for stage in stages:
-            watcher = begun.enter_context(stage.ahead(run.settings)) if stage.ahead else None
-            if watcher is not None:
-                run.ahead[stage.name] = watcher
-                for key in run.records:
-                    watcher.record_made(key.name, run.records[key])
-        yield
 
 
 def _recorded(

@@ -10,7 +10,15 @@ from typing import Any
 
 import numpy as np
 
-from pareto_ltl.planning.records import FailureRate, Objectives, Plan, PlannedPath, Promise
+from pareto_ltl.planning.records import (
+    RISKS,
+    FailureRate,
+    Objectives,
+    Plan,
+    PlannedPath,
+    Promise,
+    SegmentLimits,
+)
 from pareto_ltl.run.file_shape import inside, shaped
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.files import write_csv, write_json
@@ -39,7 +47,7 @@ def write_plan(directory: Path, plan: Plan) -> None:
         "epsilon": plan.epsilon,
         "fidelity": plan.fidelity,
         "models": {key: value for key, value in asdict(plan.models).items() if key != "name"},
-        "objectives": objectives_document(path.objectives),
+        "objectives": path.objectives.as_dict(),
         "selection": {"rule": plan.rule, "weights": plan.weights, **plan.rule_settings},
         "promise": None if plan.promise is None else promise_document(plan.promise),
         "covered": plan.covered,
@@ -47,6 +55,7 @@ def write_plan(directory: Path, plan: Plan) -> None:
         "origin": path.origin,
         "order": path.order,
         "fixes": path.fixes,
+        **_limits_document(plan.limits),
         **_navigation_document(plan.navigation),
         "t": path.t,
         "x": path.x,
@@ -59,11 +68,6 @@ def write_plan(directory: Path, plan: Plan) -> None:
     write_csv(directory / "plan.csv", TABLE_HEADER, (_plan_row(path, step) for step in range(len(path.t))))
 
 
-def objectives_document(objectives: Objectives) -> dict[str, float]:
-    """All objectives; energy only for a robot with a power curve."""
-    return {key: value for key, value in asdict(objectives).items() if value is not None}
-
-
 def promise_document(promise: Promise) -> dict[str, Any]:
     """The rate, then claim, bound, linearity and the result of the test."""
     return asdict(promise.rate) | {
@@ -72,6 +76,26 @@ def promise_document(promise: Promise) -> dict[str, Any]:
         "linearity": promise.linearity,
         "passed": promise.passed,
     }
+
+
+LIMIT_KEYS = tuple(field.name for field in fields(SegmentLimits))  # of each segment
+
+
+def _limits_document(limits: SegmentLimits | None) -> dict[str, Any]:
+    if limits is None:
+        return {}
+    columns = (getattr(limits, key) for key in LIMIT_KEYS)
+    return {"segments": [dict(zip(LIMIT_KEYS, row, strict=True)) for row in zip(*columns, strict=True)]}
+
+
+def _limits(content: Mapping[str, Any]) -> SegmentLimits | None:
+    rows = content.get("segments")
+    if rows is None:
+        return None
+    if len(rows) != len(content["u"]):
+        raise ValueError(f"segments must have {len(content['u'])} entries, got {len(rows)}")
+    nearest, *numbers = ([row[key] for row in rows] for key in LIMIT_KEYS)
+    return SegmentLimits(tuple(nearest), *(np.array(column, float) for column in numbers))
 
 
 NAVIGATION_KEYS = tuple(field.name for field in fields(Navigation))
@@ -112,6 +136,7 @@ def read_plan(place: Path | str) -> Plan:
             rule_settings=selection,
             promise=_promise(content.get("promise")),
             navigation=_navigation(content),
+            limits=_limits(content),
             covered=content.get("covered", ""),
             not_covered=content.get("not_covered", ""),
         )
@@ -156,11 +181,9 @@ def _number(value: float | None) -> float:
 
 
 def _flight(content: Mapping[str, Any]) -> PlannedPath:
-    costs = content["objectives"]  # files of schema 1 may lack mission_risk_ordered
-    objectives = {
-        key: _number(value)
-        for key, value in ({"mission_risk_ordered": costs["mission_risk"]} | costs).items()
-    }
+    told = content["objectives"]  # files of schema 1 may lack mission_risk_ordered
+    costs = {"mission_risk_ordered": told["mission_risk"]} | told
+    risks = {name: _number(costs.pop(name)) for name in RISKS}
     flight = PlannedPath(
         t=np.array(content["t"], float),
         x=np.array(content["x"], float),
@@ -168,7 +191,7 @@ def _flight(content: Mapping[str, Any]) -> PlannedPath:
         q=np.array(content["q"], np.int64),
         label=tuple(frozenset(names) for names in content["label"]),
         u=np.array(content["u"], float).reshape(-1, 2),
-        objectives=Objectives(**objectives),
+        objectives=Objectives({name: _number(value) for name, value in costs.items()}, **risks),
         origin=content["origin"],
         fixes=tuple(content.get("fixes", ())),
         order=content.get("order", ""),

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from pareto_ltl import __version__
 from pareto_ltl.settings import Settings, as_dict
@@ -18,6 +18,9 @@ from pareto_ltl.support.errors import ParetoLtlError
 from pareto_ltl.support.fingerprints import code_fingerprint, data_fingerprint, file_fingerprint
 from pareto_ltl.support.messages import shown_line
 from pareto_ltl.support.resources import checkout
+
+if TYPE_CHECKING:
+    from pareto_ltl.wind.area import Wanted
 
 ANSWERS = ("ok", "infeasible")  # a mission without a plan is an answer too
 PACKAGES = (
@@ -152,12 +155,31 @@ def _git(root: Path, *words: str) -> str | None:
 
 def input_hashes(settings: Settings) -> dict[str, str]:
     """SHA-256 of each file that a run reads, by its path; empty if one cannot be read."""
-    from pareto_ltl.run.stages import input_files
-
     try:
         return file_hashes(input_files(settings))
     except (ParetoLtlError, OSError):  # the stage that reads them has reported it
         return {}
+
+
+def input_files(settings: Settings) -> list[Path]:
+    """The files that a run reads, for its records; raises ``DataError`` if the wind files are missing."""
+    from pareto_ltl.run.file_shape import inside
+    from pareto_ltl.wind.sources import wind_source
+
+    maps = [Path(settings.scene.file).expanduser()] if settings.scene.file else []
+    if settings.selection.extra_paths:
+        maps.append(inside(Path(settings.selection.extra_paths).expanduser(), "front.npz"))
+    return [*maps, *wind_source(settings.wind).files(settings.wind, wanted_wind(settings))]
+
+
+def wanted_wind(settings: Settings) -> Wanted:
+    """Place and time at which the wind is needed; everything in pipelines without a map."""
+    from pareto_ltl.wind.area import ALL_WIND, Wanted, neighbourhood
+
+    scene, start, padding = settings.scene, settings.mission.start_time, settings.wind.padding
+    if "scene" not in settings.pipelines.stages:
+        return ALL_WIND
+    return Wanted(neighbourhood(scene, padding), start)
 
 
 def _version(package: str) -> str | None:

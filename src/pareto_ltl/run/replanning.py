@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pareto_ltl.planning.conditioning import Fix, Learnt, learn_at, likely_histories, states_reached
+from pareto_ltl.planning.costs import path_costs
 from pareto_ltl.run.pipeline import Run
 from pareto_ltl.run.quick import quick_settings
 from pareto_ltl.run.records import AUTOMATON, DECOMPOSITION, PLAN, PROBLEM, SCENE, WIND, Records
@@ -146,7 +147,7 @@ def replanned(
     InfeasibleError
         If no path completes the mission from there.
     """
-    from pareto_ltl.simulation.flights import counted_rate
+    from pareto_ltl.planning.records import counted_rate
     from pareto_ltl.simulation.judging import which_fail
 
     began = clock.perf_counter()
@@ -171,7 +172,7 @@ def _carried_on(
     run: Run, problem: Problem, plan: Plan, situation: Situation, rest: PlannedPath, began: float
 ) -> Replanned:
     """The result without a fix: the rest of the old plan, with the failure rate of the whole plan."""
-    from pareto_ltl.simulation.flights import counted_rate
+    from pareto_ltl.planning.records import counted_rate
     from pareto_ltl.simulation.judging import which_fail
     from pareto_ltl.world.navigation import navigate
 
@@ -180,7 +181,9 @@ def _carried_on(
     rate = counted_rate(problem.fidelity.law, int(failed.sum()), runs)
     seconds = clock.perf_counter() - began
     scene = scene_from(problem.scene, rest.x[0], situation.time)
-    plan = replace(plan, path=rest, navigation=navigate(scene, rest.t, rest.x, rest.u))
+    flown = len(plan.path.u) - len(rest.u)
+    limits = plan.limits and plan.limits.after(flown)
+    plan = replace(plan, path=rest, limits=limits, navigation=navigate(scene, rest.t, rest.x, rest.u))
     return Replanned(situation, None, plan, rest, rate, rate, (0.0, 0.0, 0.0), seconds)
 
 
@@ -278,11 +281,10 @@ def likely_state(run: Run, problem: Problem, plan: Plan, step: int, fix: Fix) ->
 
 def remaining_path(problem: Problem, path: PlannedPath, step: int) -> PlannedPath:
     """The steps of ``path`` from ``step`` on, with times from there."""
-    length = float(np.linalg.norm(np.diff(path.x[step:], axis=0), axis=1).sum())
-    energy = None if problem.energy is None else problem.energy.of(path.u[step:], problem.motion.dt)
+    costs = path_costs(problem, path.x[step:], path.u[step:])
     return replace(
         path,
-        objectives=replace(path.objectives, length=length, energy=energy),
+        objectives=replace(path.objectives, costs=costs),
         t=path.t[step:] - path.t[step],
         x=path.x[step:],
         cov=path.cov[step:],

@@ -7,7 +7,7 @@ A file is written completely or not at all, and the same records give the same b
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -31,6 +31,7 @@ from pareto_ltl.run.records import (
     SCENE,
     WIND,
     RecordKey,
+    Records,
     T,
 )
 from pareto_ltl.settings import Settings
@@ -231,34 +232,107 @@ def write_study(directory: Path, study: Study) -> None:
 
 # --- the directory ---------------------------------------------------------------------------
 
-WRITERS: dict[RecordKey[Any], Callable[[Path, Any], None]] = {
-    SCENE: write_scene,
-    WIND: write_wind,
-    DECOMPOSITION: write_decomposition,
-    AUTOMATON: write_automaton,
-    FOREST: write_forest,
-    FRONT: write_front,
-    PLAN: write_plan,
-    DEPLOYMENTS: write_deployments,
+
+@dataclass(frozen=True, slots=True)
+class RecordFiles:
+    """The files of a record, the function that writes them into a directory, and the one that reads them."""
+
+    names: tuple[str, ...]
+    write: Callable[[Path, Any], None]
+    read: Callable[[Path], Any]
+
+
+RECORD_FILES: dict[RecordKey[Any], RecordFiles] = {
+    SCENE: RecordFiles(("scene.json",), write_scene, read_scene),
+    DECOMPOSITION: RecordFiles(("cells.json",), write_decomposition, read_decomposition),
+    AUTOMATON: RecordFiles(("automaton.json",), write_automaton, read_automaton),
+    WIND: RecordFiles(("wind.nc",), write_wind, read_wind),
+    FOREST: RecordFiles(("trees.npz",), write_forest, read_forest),
+    FRONT: RecordFiles(("front.csv", "front.npz"), write_front, read_front),
+    PLAN: RecordFiles(("plan.json",), write_plan, read_plan),
+    DEPLOYMENTS: RecordFiles(("deployments.npz",), write_deployments, read_deployments),
 }
 
 
 def save_record(directory: Path, key: RecordKey[T], record: T) -> None:
-    """Write ``record`` into ``directory`` if there is a writer for it."""
-    if key in WRITERS:
-        WRITERS[key](directory, record)
+    """Write ``record`` into ``directory`` if it has files."""
+    if key in RECORD_FILES:
+        RECORD_FILES[key].write(directory, record)
     elif isinstance(record, Study):
         write_study(directory, record)
 
 
+class RecordView(Displayed):
+    """The records of a run as attributes, or as ``view[KEY]``; a subclass says where they come from."""
+
+    __slots__ = ()
+
+    def __getitem__(self, key: RecordKey[T]) -> T:
+        raise NotImplementedError
+
+    @property
+    def scene(self) -> Scene:
+        """The map."""
+        return self[SCENE]
+
+    @property
+    def decomposition(self) -> Decomposition:
+        """The convex cells of the map."""
+        return self[DECOMPOSITION]
+
+    @property
+    def automaton(self) -> Automaton:
+        """The minimal automaton of the mission."""
+        return self[AUTOMATON]
+
+    @property
+    def wind(self) -> WindField:
+        """The wind that the plan was made for."""
+        return self[WIND]
+
+    @property
+    def forest(self) -> Forest:
+        """The search trees."""
+        return self[FOREST]
+
+    @property
+    def front(self) -> Front:
+        """The non-dominated paths."""
+        return self[FRONT]
+
+    @property
+    def plan(self) -> Plan:
+        """The path to fly."""
+        return self[PLAN]
+
+    @property
+    def deployments(self) -> Mapping[str, Deployment]:
+        """The simulated flights by wind law."""
+        return self[DEPLOYMENTS]
+
+
 @dataclass(frozen=True, slots=True, repr=False)
-class Results(Displayed):
+class Results(RecordView):
     """One results directory, read lazily: ``Results("outputs/phi1/...").plan.path.objectives``."""
 
     directory: Path
 
     def __init__(self, directory: Path | str) -> None:
         object.__setattr__(self, "directory", Path(directory))
+
+    def __getitem__(self, key: RecordKey[T]) -> T:
+        record: T = RECORD_FILES[key].read(self.directory)
+        return record
+
+    def records(self, keys: Iterable[RecordKey[Any]] = tuple(RECORD_FILES)) -> Records:
+        """Those records of ``keys`` whose files exist."""
+        return Records(
+            {
+                key: self[key]
+                for key in keys
+                if all((self.directory / name).is_file() for name in RECORD_FILES[key].names)
+            }
+        )
 
     def facts(self) -> Mapping[str, str]:
         """Directory, and name, seed, fidelity and status of the run."""
@@ -296,43 +370,3 @@ class Results(Displayed):
     def run(self) -> dict[str, Any]:
         """The content of ``run.json``: status, versions, times."""
         return read_document(self.directory / "run.json", "run")
-
-    @property
-    def scene(self) -> Scene:
-        """The map."""
-        return read_scene(self.directory)
-
-    @property
-    def wind(self) -> WindField:
-        """The wind field."""
-        return read_wind(self.directory)
-
-    @property
-    def decomposition(self) -> Decomposition:
-        """The convex cells of the map."""
-        return read_decomposition(self.directory)
-
-    @property
-    def automaton(self) -> Automaton:
-        """The automaton of the mission."""
-        return read_automaton(self.directory)
-
-    @property
-    def forest(self) -> Forest:
-        """The trees."""
-        return read_forest(self.directory)
-
-    @property
-    def front(self) -> Front:
-        """The front, with all its paths."""
-        return read_front(self.directory)
-
-    @property
-    def plan(self) -> Plan:
-        """The plan that was chosen."""
-        return read_plan(self.directory)
-
-    @property
-    def deployments(self) -> dict[str, Deployment]:
-        """The simulated flights by wind law."""
-        return read_deployments(self.directory)

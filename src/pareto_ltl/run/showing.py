@@ -1,16 +1,17 @@
-"""The page of a result: written from a results directory, and opened in a browser."""
+"""What a result shows people: its page, from a results directory, opened in a browser; text on each leg."""
 
 from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pareto_ltl.run.interface import PlanningResult, load_results
+from pareto_ltl.run.exporting import run_with_plan
+from pareto_ltl.run.interface import PlanningResult, choose, load_results, simulate
 from pareto_ltl.run.page_stage import (
     DEPLOYMENT_STREAM,
+    MOST_RUNS,
     origin_in_memory,
     origin_of,
     shown_run,
@@ -20,16 +21,13 @@ from pareto_ltl.run.pipeline import Run
 from pareto_ltl.run.records import (
     AUTOMATON,
     DECOMPOSITION,
-    DEPLOYMENTS,
     FORECASTS,
-    FOREST,
     FRONT,
     PLAN,
     PROBLEM,
     SCENE,
     WIND,
     RecordKey,
-    Records,
 )
 from pareto_ltl.run.results import Results
 from pareto_ltl.run.stage_table import stage_seeds, with_extension_stages
@@ -40,16 +38,6 @@ from pareto_ltl.support.errors import DataError
 if TYPE_CHECKING:
     from pareto_ltl.report.page.shown_run import ShownRun
 
-READERS: dict[RecordKey[Any], tuple[tuple[str, ...], Callable[[Results], Any]]] = {
-    SCENE: (("scene.json",), lambda results: results.scene),
-    DECOMPOSITION: (("cells.json",), lambda results: results.decomposition),
-    AUTOMATON: (("automaton.json",), lambda results: results.automaton),
-    WIND: (("wind.nc",), lambda results: results.wind),
-    FOREST: (("trees.npz",), lambda results: results.forest),
-    FRONT: (("front.csv", "front.npz"), lambda results: results.front),
-    PLAN: (("plan.json",), lambda results: results.plan),
-    DEPLOYMENTS: (("deployments.npz",), lambda results: results.deployments),
-}
 DISPLAYS = ("DISPLAY", "WAYLAND_DISPLAY", "BROWSER")  # a browser can open if one of them is set
 
 
@@ -101,15 +89,11 @@ def _run_of_records(results: Results) -> Run:
     """A run with the records of the directory, and those that follow from them without planning."""
     if (status := results.run.get("status")) not in ("ok", "infeasible"):
         raise DataError(f"{results.directory}: its run ended as {status!r}; there is nothing to show")
-    there = {
-        key: read(results)
-        for key, (names, read) in READERS.items()
-        if all((results.directory / name).is_file() for name in names)
-    }
+    there = results.records()
     if SCENE not in there or WIND not in there or AUTOMATON not in there:
         raise DataError(f"{results.directory}: it holds no plan of a mission; there is no page of it")
     settings = results.settings
-    run = Run(settings, with_extension_stages(PLAN_STAGES, settings.pipelines.stages), Records(there))
+    run = Run(settings, with_extension_stages(PLAN_STAGES, settings.pipelines.stages), there)
     if DECOMPOSITION in there:
         run.make(PROBLEM)
     if PLAN in there:
@@ -144,3 +128,37 @@ def show(planned: PlanningResult | Results | str | Path) -> Path:
         path = page_of(place)
     open_page(path)
     return path
+
+
+def explain(
+    planned: PlanningResult | Results | str | Path, *, point: int | None = None, limits: bool = False
+) -> str:
+    """Text on each leg of a plan: its goal, the closest obstacle, the share of flights failed by its end.
+
+    Parameters
+    ----------
+    planned : PlanningResult, Results or path
+        What :func:`pareto_ltl.plan` returned, or a results directory.
+    point : int, optional
+        The path of that number in ``front.csv``; default the plan.
+    limits : bool
+        Only the segments that come closest to ``planner.epsilon``.
+
+    Raises
+    ------
+    DataError
+        If there is no plan.
+    InfeasibleError
+        If the front has no such path.
+    """
+    from pareto_ltl.report.legs import limit_lines, plan_lines
+
+    run = planned.run if isinstance(planned, PlanningResult) else run_with_plan(load_results(planned))
+    if point is not None:
+        run = choose(planned, point=point).run
+    problem, plan = run.make(PROBLEM), run.make(PLAN)
+    if limits:
+        return "\n".join(limit_lines(problem, plan))
+    runs = min(run.settings.deployment.runs, MOST_RUNS)
+    flown = simulate(PlanningResult(run), runs, problem.fidelity.law)
+    return "\n".join(plan_lines(problem, plan, flown))

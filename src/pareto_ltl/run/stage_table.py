@@ -1,13 +1,12 @@
 """Definition of a stage: a function, the records it needs, the record it makes, the settings it reads.
 
-``run/stages.py`` holds the stages of a plan, ``studies/stages.py`` those of the studies, and
-``cli/stage_table.py`` joins both and those of other packages into the table of the application.
+``run/stages.py`` holds the stages of a plan. ``studies/stages.py`` holds those of the studies, and joins
+both and those of other packages into the table of the application.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
-from contextlib import AbstractContextManager
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Generic, Protocol
 from zlib import crc32
@@ -26,23 +25,12 @@ if TYPE_CHECKING:
 Progress = Callable[..., None]  # called with (done, total), and with a text on the result so far
 
 
-class Watcher(Protocol):
-    """Work that a stage begins ahead of its turn; it receives each record."""
-
-    def record_made(self, name: str, record: Any) -> None:
-        """Receive ``record``, which the stage ``name`` has made or which was given."""
-
-
 class StageContext(Protocol):
     """The source of the inputs of a stage: a ``Run`` (``run/pipeline.py``)."""
 
     settings: Settings
     records: Records
     directory: Path | None
-
-    @property
-    def ahead(self) -> Mapping[str, Watcher]:
-        """Work that stages have begun ahead of their turn, by the name of the stage."""
 
     @property
     def stage_progress(self) -> Progress | None:
@@ -105,11 +93,6 @@ class StageInputs:
         return self._context.directory
 
     @property
-    def ahead(self) -> Any:
-        """The work that the stage began at the start of the run (:attr:`Stage.ahead`), or None."""
-        return self._context.ahead.get(self._stage.name)
-
-    @property
     def budget(self) -> Budget:
         """Time limit of growth and refinement together (``planner.budget_seconds``)."""
         return self._context.budget
@@ -131,18 +114,15 @@ class Stage(Generic[T]):
 
     Attributes
     ----------
-    name : str
-        The name in ``pipelines/*.yaml`` and in the log.
     makes : RecordKey
-        Key of the record that ``make`` returns.
+        Key of the record that ``make`` returns. Its name is that of the stage, in ``pipelines/*.yaml`` and in
+        the log.
     make : callable
         Function from :class:`StageInputs` to the record. It imports slow packages in its body.
     needs : tuple of RecordKey
         Records that earlier stages must have made.
     uses : tuple of RecordKey
         Records that are used if they exist.
-    settings : tuple of type
-        Sections of the settings that ``make`` reads; ``Settings`` stands for all.
     stream : str or None
         Name of the random stream of a stage that draws random numbers; another name gives other numbers.
     writes : tuple of str
@@ -150,21 +130,20 @@ class Stage(Generic[T]):
         of seconds. ``*`` is a wildcard.
     shows : tuple of str
         Files for people, figures and texts, which may contain times of computation.
-    ahead : callable or None
-        Function from the settings to a context that is entered when the run begins and left when it ends; the
-        :class:`Watcher` that it yields is ``inputs.ahead``. For work that can begin before the stage.
     """
 
-    name: str
     makes: RecordKey[T]
     make: Callable[[StageInputs], T]
     needs: tuple[RecordKey[Any], ...] = ()
     uses: tuple[RecordKey[Any], ...] = ()
-    settings: tuple[type[Any], ...] = ()
     stream: str | None = None
     writes: tuple[str, ...] = ()
     shows: tuple[str, ...] = ()
-    ahead: Callable[[Settings], AbstractContextManager[Watcher | None]] | None = None
+
+    @property
+    def name(self) -> str:
+        """The name of the stage: that of its record."""
+        return self.makes.name
 
 
 def stage_seeds(seed: int, stream: str) -> SeedSequence:
@@ -206,11 +185,10 @@ class StageTable:
         return tuple(name for stage in self._stages.values() for name in (*stage.writes, *stage.shows))
 
     def maker_of(self, key: RecordKey[T]) -> Stage[T]:
-        """The first stage that makes ``key``; ``KeyError`` if there is none."""
-        for stage in self._stages.values():
-            if stage.makes == key:
-                return stage
-        raise KeyError(f"no stage makes {key.name!r}")
+        """The stage that makes ``key``; ``KeyError`` if there is none."""
+        if key.name not in self:
+            raise KeyError(f"no stage makes {key.name!r}")
+        return self[key.name]
 
 
 def with_extension_stages(own: Iterable[Stage[Any]], listed: Iterable[str]) -> StageTable:

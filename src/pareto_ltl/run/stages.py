@@ -7,14 +7,18 @@ error is reported without loading them.
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping
+import sys
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
+from dataclasses import replace
+from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING
+from threading import Thread
+from typing import TYPE_CHECKING, Any
 
-from pareto_ltl.report.drawing import draw_run_figures, drawing_process
-from pareto_ltl.run.compiling import compiling_process
 from pareto_ltl.run.front_stage import FOREST_STREAM, make_front
-from pareto_ltl.run.page_stage import DEPLOYMENT_STREAM, make_page, warm_template
+from pareto_ltl.run.page_stage import DEPLOYMENT_STREAM, make_page
+from pareto_ltl.run.provenance import wanted_wind
 from pareto_ltl.run.records import (
     AUTOMATON,
     DECOMPOSITION,
@@ -34,25 +38,9 @@ from pareto_ltl.run.records import (
     WIND_TABLE,
 )  # fmt: skip
 from pareto_ltl.run.stage_table import Stage, StageInputs, StageTable
-from pareto_ltl.settings import (
-    DeploymentConfig,
-    ExportsConfig,
-    FidelityConfig,
-    IngestConfig,
-    LogicConfig,
-    MissionConfig,
-    PipelineConfig,
-    PlannerConfig,
-    RefineConfig,
-    ReportConfig,
-    RobotConfig,
-    SceneConfig,
-    SelectionConfig,
-    Settings,
-    SmoothingConfig,
-    WindConfig,
-)
+from pareto_ltl.settings import ReportConfig, RobotConfig, Settings
 from pareto_ltl.settings.outputs import EXPORT_FILES, FIGURE_FORMATS, PAGE_FILE
+from pareto_ltl.support.fingerprints import code_fingerprint, data_fingerprint
 
 if TYPE_CHECKING:
     from pareto_ltl.logic import Automaton
@@ -60,13 +48,13 @@ if TYPE_CHECKING:
     from pareto_ltl.planning.problem import Problem
     from pareto_ltl.planning.records import Forest, Plan
     from pareto_ltl.simulation.records import Deployment
-    from pareto_ltl.wind.area import Wanted
     from pareto_ltl.wind.readings import Readings
     from pareto_ltl.wind.records import WindField, WindObservations
     from pareto_ltl.world.cells import Decomposition
     from pareto_ltl.world.scene import Scene
 
 LOG = logging.getLogger(__name__)
+COMPILING = "compiling for this machine, about a minute; later runs find the machine code on disk"
 
 
 def make_readings(inputs: StageInputs) -> Readings:
@@ -74,20 +62,10 @@ def make_readings(inputs: StageInputs) -> Readings:
     from pareto_ltl.wind.sources import read_readings
 
     settings = inputs.settings
-    readings = read_readings(settings.wind, _wanted_wind(settings))
+    readings = read_readings(settings.wind, wanted_wind(settings))
     for note in readings.notes:
         LOG.info("%s: %s", readings.name, note)
     return readings
-
-
-def _wanted_wind(settings: Settings) -> Wanted:
-    """Place and time at which the wind is needed; everything in pipelines without a map."""
-    from pareto_ltl.wind.area import ALL_WIND, Wanted, neighbourhood
-
-    scene, start, padding = settings.scene, settings.mission.start_time, settings.wind.padding
-    if "scene" not in settings.pipelines.stages:
-        return ALL_WIND
-    return Wanted(neighbourhood(scene, padding), start)
 
 
 def make_scene(inputs: StageInputs) -> Scene:
@@ -152,13 +130,14 @@ def make_wind(inputs: StageInputs) -> WindField:
 
 def make_problem(inputs: StageInputs) -> Problem:
     """Map, wind, automaton and robot as the arrays that planning reads."""
+    from pareto_ltl.planning.costs import costs_with
     from pareto_ltl.planning.pack import build_problem
     from pareto_ltl.planning.refine import import_early
     from pareto_ltl.world.windows import missed_windows
 
     settings = inputs.settings
     _check_level(settings.robot, inputs[WIND])
-    if settings.fidelity.refine == "convex":
+    if settings.fidelity.refine != "none":
         import_early()  # behind the modes of the wind and the trees
     problem = build_problem(
         settings.robot,
@@ -170,6 +149,7 @@ def make_problem(inputs: StageInputs) -> Problem:
         inputs[AUTOMATON],
         settings.fidelity,
     )
+    problem = replace(problem, costs=costs_with(settings.selection.costs))
     for line in missed_windows(problem.automaton.windows, problem.max_steps * problem.motion.dt):
         LOG.warning("%s", line)
     return problem
@@ -189,15 +169,61 @@ def make_forest(inputs: StageInputs) -> Forest:
     """The search trees (Algorithm 1)."""
     from pareto_ltl.planning import growth
 
+    settings, problem = inputs.settings, inputs[PROBLEM]
+    importing = Thread(target=_import_report, args=(settings.report,), daemon=True)
+
+    def progress(*news: Any) -> None:
+        if not importing.ident:  # machine code is loaded: an interrupted import would block later ones
+            importing.start()
+        if inputs.progress is not None:
+            inputs.progress(*news)
+
     inputs.budget.heeded = True
-    return growth.grow_forest(
-        inputs.settings.planner, inputs[PROBLEM], inputs.seeds, inputs.progress, budget=inputs.budget
-    )
+    with _compiling(settings, problem):
+        forest = growth.grow_forest(settings.planner, problem, inputs.seeds, progress, budget=inputs.budget)
+    if importing.ident:
+        importing.join()
+    return forest
+
+
+@contextmanager
+def _compiling(settings: Settings, problem: Problem) -> Iterator[None]:
+    """Say that a run compiles if no run with these types, kernels and choices has grown trees here before."""
+    import numba
+
+    from pareto_ltl.kernels.growth import grow
+    from pareto_ltl.support.files import write_bytes
+
+    kinds = [settings.fidelity.refine, settings.fidelity.judge, *settings.deployment.laws]
+    types = [code_fingerprint("kernels"), numba.__version__, sys.version, str(numba.typeof(problem.world))]
+    folder = None if numba.config.DISABLE_JIT else Path(grow.stats.cache_path)  # type: ignore[attr-defined]
+    marker = folder and folder / f"compiled-{data_fingerprint([*types, *kinds])[:32]}"
+    if marker is None or marker.exists():
+        yield
+        return
+    LOG.info(COMPILING)
+    if sys.stderr.isatty():  # where progress is shown
+        print(f"pareto-ltl: {COMPILING}", file=sys.stderr)
+    yield
+    with suppress(OSError):
+        write_bytes(marker, b"")
+
+
+def _import_report(cfg: ReportConfig) -> None:
+    """Import what the last stages need, while the trees grow outside the interpreter: 0.7 s less a run."""
+    with suppress(Exception):  # an error appears again in its stage
+        if cfg.figures:
+            import_module("pareto_ltl.report.figures")
+        if cfg.page:
+            rendering = import_module("pareto_ltl.report.page.rendering")
+            rendering.page_template()
+            rendering.plotly_script()
 
 
 def make_plan(inputs: StageInputs) -> Plan:
     """The path of the front that the rule picks; with ``judge=flights``, after a test with fresh flights."""
     from pareto_ltl.planning.records import Plan
+    from pareto_ltl.planning.refine.separation import segment_limits
     from pareto_ltl.planning.selection_rules import (
         bound_warning,
         choose_path,
@@ -235,6 +261,7 @@ def make_plan(inputs: StageInputs) -> Plan:
         navigation=navigate(problem.scene, path.t, path.x, path.u),
         covered=said.covered,
         not_covered=said.not_covered,
+        limits=segment_limits(problem, path.x),
     )
 
 
@@ -275,6 +302,7 @@ def make_report(inputs: StageInputs) -> tuple[Path, ...]:
     """Figures of the records that exist; without a plan the map shows how far the trees came."""
     if not inputs.settings.report.figures:
         return ()
+    from pareto_ltl.report.figures import draw_run_figures
     from pareto_ltl.report.records import DrawnRun
 
     run = DrawnRun(
@@ -287,7 +315,7 @@ def make_report(inputs: StageInputs) -> tuple[Path, ...]:
         deployments=inputs.get(DEPLOYMENTS) or {},
         forecasts=inputs.get(FORECASTS) or {},
     )
-    return draw_run_figures(inputs.directory / "figures", inputs.settings.report, run, inputs.ahead)
+    return draw_run_figures(inputs.directory / "figures", inputs.settings.report, run)
 
 
 def make_wind_table(inputs: StageInputs) -> Path:
@@ -301,150 +329,63 @@ def make_wind_table(inputs: StageInputs) -> Path:
 EXPORT_STREAM = "export"
 FIGURE_FILES = tuple(f"figures/*.{kind}" for kind in FIGURE_FORMATS)
 PLAN_STAGES = (
+    Stage(makes=READINGS, make=make_readings),
+    Stage(makes=SCENE, make=make_scene, needs=(READINGS,), writes=("scene.json",)),
+    Stage(makes=DECOMPOSITION, make=make_decomposition, needs=(SCENE,), writes=("cells.json",)),
     Stage(
-        "readings",
-        makes=READINGS,
-        make=make_readings,
-        settings=(WindConfig, SceneConfig, MissionConfig, PipelineConfig),
-    ),
-    Stage(
-        "scene",
-        makes=SCENE,
-        make=make_scene,
-        needs=(READINGS,),
-        settings=(SceneConfig, MissionConfig, FidelityConfig),
-        writes=("scene.json",),
-    ),
-    Stage(
-        "decomposition", makes=DECOMPOSITION, make=make_decomposition, needs=(SCENE,), writes=("cells.json",)
-    ),
-    Stage(
-        "automaton",
         makes=AUTOMATON,
         make=make_automaton,
         needs=(SCENE, DECOMPOSITION),
-        settings=(MissionConfig, LogicConfig),
         writes=("automaton.json", "automaton.hoa"),
     ),
+    Stage(makes=OBSERVATIONS, make=make_observations, needs=(READINGS, SCENE)),
+    Stage(makes=WIND, make=make_wind, needs=(OBSERVATIONS, SCENE), writes=("wind.nc",)),
+    Stage(makes=PROBLEM, make=make_problem, needs=(SCENE, WIND, DECOMPOSITION, AUTOMATON)),
+    Stage(makes=FOREST, make=make_forest, needs=(PROBLEM,), stream=FOREST_STREAM, writes=("trees.npz",)),
     Stage(
-        "observations",
-        makes=OBSERVATIONS,
-        make=make_observations,
-        needs=(READINGS, SCENE),
-        settings=(WindConfig,),
-    ),
-    Stage(
-        "wind",
-        makes=WIND,
-        make=make_wind,
-        needs=(OBSERVATIONS, SCENE),
-        settings=(WindConfig, PlannerConfig, RobotConfig),
-        writes=("wind.nc",),
-    ),
-    Stage(
-        "problem",
-        makes=PROBLEM,
-        make=make_problem,
-        needs=(SCENE, WIND, DECOMPOSITION, AUTOMATON),
-        settings=(RobotConfig, PlannerConfig, WindConfig, FidelityConfig),
-    ),
-    Stage(
-        "forest",
-        makes=FOREST,
-        make=make_forest,
-        needs=(PROBLEM,),
-        settings=(PlannerConfig,),
-        stream=FOREST_STREAM,
-        writes=("trees.npz",),
-    ),
-    Stage(
-        "front",
         makes=FRONT,
         make=make_front,
         needs=(PROBLEM, FOREST),
-        settings=(PlannerConfig, FidelityConfig, SmoothingConfig, RefineConfig, SelectionConfig),
         stream="front",
         writes=("front.csv", "front.npz"),
-        ahead=compiling_process,
     ),
     Stage(
-        "plan",
         makes=PLAN,
         make=make_plan,
         needs=(PROBLEM, WIND, FRONT),
-        settings=(SelectionConfig, RobotConfig, FidelityConfig),
         stream="plan",
         writes=("plan.json", "plan.csv"),
     ),
+    Stage(makes=FORECASTS, make=make_forecasts, needs=(PROBLEM, PLAN)),
     Stage(
-        "forecasts", makes=FORECASTS, make=make_forecasts, needs=(PROBLEM, PLAN), settings=(DeploymentConfig,)
-    ),
-    Stage(
-        "deployment",
         makes=DEPLOYMENTS,
         make=make_deployments,
         needs=(PROBLEM, PLAN),
-        settings=(DeploymentConfig,),
         stream=DEPLOYMENT_STREAM,
         writes=("deployments.npz",),
     ),
     Stage(
-        "export",
         makes=EXPORTS,
         make=make_export,
         needs=(PROBLEM, PLAN),
-        settings=(ExportsConfig, RobotConfig, WindConfig),
         stream=EXPORT_STREAM,
         writes=tuple(EXPORT_FILES.values()),
     ),
     Stage(
-        "report",
         makes=FIGURES,
         make=make_report,
         needs=(SCENE, DECOMPOSITION, WIND),
         uses=(FOREST, FRONT, PLAN, DEPLOYMENTS, FORECASTS),
-        settings=(ReportConfig,),
         shows=FIGURE_FILES,
-        ahead=drawing_process,
     ),
     Stage(
-        "page",
         makes=PAGE,
         make=make_page,
         needs=(SCENE, WIND),
         uses=(AUTOMATON, PROBLEM, FOREST, FRONT, PLAN, DEPLOYMENTS, FORECASTS),
-        settings=(
-            ReportConfig,
-            DeploymentConfig,
-            ExportsConfig,
-            RobotConfig,
-            WindConfig,
-            SceneConfig,
-            MissionConfig,
-            PipelineConfig,
-            SelectionConfig,
-        ),
         stream=DEPLOYMENT_STREAM,
         shows=(PAGE_FILE,),
-        ahead=warm_template,
     ),
-    Stage(
-        "table",
-        makes=WIND_TABLE,
-        make=make_wind_table,
-        needs=(READINGS,),
-        settings=(WindConfig, IngestConfig),
-    ),
+    Stage(makes=WIND_TABLE, make=make_wind_table, needs=(READINGS,)),
 )
 PLAN_TABLE = StageTable(PLAN_STAGES)
-
-
-def input_files(settings: Settings) -> list[Path]:
-    """The files that a run reads, for its records; raises ``DataError`` if the wind files are missing."""
-    from pareto_ltl.run.file_shape import inside
-    from pareto_ltl.wind.sources import wind_source
-
-    maps = [Path(settings.scene.file).expanduser()] if settings.scene.file else []
-    if settings.selection.extra_paths:
-        maps.append(inside(Path(settings.selection.extra_paths).expanduser(), "front.npz"))
-    return [*maps, *wind_source(settings.wind).files(settings.wind, _wanted_wind(settings))]

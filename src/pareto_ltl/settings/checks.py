@@ -129,10 +129,19 @@ def limit_text(limit: float) -> str:
 
 def setting(default: Any, meaning: str, **limits: Any) -> Any:
     """A dataclass field with default, meaning and ``limits`` (the attributes of :class:`Declaration`)."""
-    metadata = {DECLARED: Declaration(meaning, **limits)}
+    return _declared_field(default, Declaration(meaning, **limits))
+
+
+def other_default(section: type[CheckedSettings], name: str, default: Any) -> Any:
+    """The setting ``name`` of ``section`` with another default, for a section that is a preset of it."""
+    declared = next(declared for item, declared in declarations(section) if item.name == name)
+    return _declared_field(default, declared)
+
+
+def _declared_field(default: Any, declared: Declaration) -> Any:
     if isinstance(default, list | dict):
-        return field(default_factory=lambda: deepcopy(default), metadata=metadata)
-    return field(default=default, metadata=metadata)
+        return field(default_factory=lambda: deepcopy(default), metadata={DECLARED: declared})
+    return field(default=default, metadata={DECLARED: declared})
 
 
 def declarations(section: Any) -> Iterator[tuple[Field[Any], Declaration]]:

@@ -7,10 +7,11 @@ from typing import Any, ClassVar
 
 from pareto_ltl.settings.checks import CheckedSettings, is_finite, setting
 from pareto_ltl.support.errors import ConfigError
-from pareto_ltl.support.extensions import SELECTION_RULE_GROUP
+from pareto_ltl.support.extensions import COST_GROUP, SELECTION_RULE_GROUP
 from pareto_ltl.support.messages import shown_value
 
-SELECTION_RULES = ("worth", "priority", "weighted", "threshold", "energy", "knee", "length", "point")
+SELECTION_RULES = ("worth", "priority", "weighted", "threshold", "energy", "least", "knee", "length", "point")
+FURTHER_COSTS = ("duration", "turns")
 
 
 @dataclass
@@ -31,9 +32,9 @@ class PlannerConfig(CheckedSettings):
     trees: int = setting(10, "search trees grown in parallel", least=1, most=10_000)
     n_max: int = setting(2500, "vertices of a tree", least=2, most=1e8)
     epsilon: float | None = setting(
-        None,
-        "collision probability allowed in one step; null: 0.05, divided equally among the obstacles, with "
-        "fidelity.collision_bound=step, and 0.25 for all obstacles together with path",
+        0.05,
+        "largest probability of a collision in one segment, obstacles, walls and forbidden regions together; "
+        "with fidelity.collision_bound=step it is divided equally among the obstacles; null: no limit",
         above=0,
         below=1,
     )
@@ -118,18 +119,25 @@ class SelectionConfig(CheckedSettings):
     )
     weights: list[float] = setting(
         [0.5, 0.25, 0.25],
-        "weights of mission risk, collision risk and length, with rule=weighted, and a fourth of energy for "
-        "a robot with a power curve; a failure rate has the first two",
+        "weights of mission risk, collision risk and length, with rule=weighted, and of the further "
+        "costs in the order of front.csv; a failure rate has the first two",
         least=0,
         most=1e6,
     )
     alpha: float = setting(
         0.05,
-        "largest failure, with rule=threshold and rule=energy: upper end of the rate, or bound with "
+        "largest failure, with rule=threshold, energy and least: upper end of the rate, or bound with "
         "fidelity.judge=bound",
         above=0,
         below=1,
     )
+    costs: list[str] = setting(
+        [],
+        "further costs that paths are compared by, besides length and energy (where it is known)",
+        choices=FURTHER_COSTS,
+        group=COST_GROUP,
+    )
+    least: str = setting("energy", "cost of which the least is taken, with rule=least")
     length: float | None = setting(None, "longest path, with rule=length", unit="m", above=0, most=1e9)
     point: int = setting(0, "number of the path in front.csv, with rule=point", least=0, most=1e6)
     draws: int = setting(
@@ -154,11 +162,11 @@ class SelectionConfig(CheckedSettings):
     )
 
     def check_combinations(self) -> None:
-        """Refuse weights that are all zero or not three or four, and rule=length without a length."""
-        if len(self.weights) not in (3, 4) or sum(self.weights) <= 0:
+        """Refuse weights that are all zero or fewer than three, and rule=length without a length."""
+        if len(self.weights) < 3 or sum(self.weights) <= 0:
             raise ConfigError(
                 "selection.weights must be three numbers >= 0, not all 0 (mission risk, collision risk, "
-                f"length; a fourth is that of energy), got {shown_value(self.weights)}"
+                f"length; others are of further costs), got {shown_value(self.weights)}"
             )
         if self.rule == "length" and self.length is None:
             raise ConfigError(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from pareto_ltl.settings.checks import LARGEST_SEED, CheckedSettings, check_outline, setting
+from pareto_ltl.settings.checks import LARGEST_SEED, CheckedSettings, check_outline, other_default, setting
 from pareto_ltl.settings.fidelity import (
     COLLISION_BOUNDS,
     LAWS,
@@ -19,13 +19,35 @@ from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.messages import shown_value
 
 METHODS = ("paper", "smoothed", "full", "cc_rrt", "ml_rrt", "calm_shortest")
-SETTING_FACTORS = ("trees", "beta", "epsilon", "n_max", "dt", "kernel", "ball")
-MODEL_FACTORS = ("law", "mission_bound", "collision_bound", "parents", "refine")  # of ``fidelity``
-ABLATION_FACTORS = SETTING_FACTORS + MODEL_FACTORS
+FACTOR_SECTIONS = {  # sections of the factors of an ablation
+    **dict.fromkeys(("trees", "beta", "epsilon", "n_max"), "planner"),
+    "dt": "robot",
+    **dict.fromkeys(("kernel", "ball"), "wind"),
+    **dict.fromkeys(("law", "mission_bound", "collision_bound", "parents", "refine"), "fidelity"),
+}
+MODEL_FACTORS = tuple(name for name, section in FACTOR_SECTIONS.items() if section == "fidelity")
+SETTING_FACTORS = tuple(name for name in FACTOR_SECTIONS if name not in MODEL_FACTORS)
+FACTOR_TITLES = {name: name for name in FACTOR_SECTIONS} | {
+    "beta": "β, times the default",
+    "epsilon": "ε",
+    "n_max": "vertices per tree",
+    "dt": "time step [s]",
+    "ball": "radius of the ball [sd]",
+    "law": "wind law of the planner",
+    "mission_bound": "mission bound",
+    "collision_bound": "collision bound",
+    "parents": "parent rule",
+    "refine": "refinement",
+}
 INLAND_OUTLINE = (  # the interior of the contiguous United States, corners [longitude, latitude] [deg]
     (-120.0, 46.5), (-118.5, 37.0), (-111.0, 33.5), (-103.0, 31.5), (-98.5, 29.0), (-91.0, 31.5),
     (-84.0, 32.5), (-80.5, 35.0), (-76.5, 40.5), (-84.0, 43.0), (-90.0, 45.5), (-97.0, 47.0), (-111.0, 47.0),
 )  # fmt: skip
+
+
+def all_of(choices: tuple[str, ...], key: str) -> Any:
+    """A list of values of the setting ``key``; by default all ``choices``."""
+    return setting(list(choices), f"values of {key}", choices=choices, distinct=True)
 
 
 @dataclass
@@ -79,7 +101,7 @@ class AblationConfig(CheckedSettings):
 
     section: ClassVar[str] = "ablation"
     factors: list[str] = setting(
-        list(SETTING_FACTORS), "factors to vary", choices=ABLATION_FACTORS, distinct=True
+        list(SETTING_FACTORS), "factors to vary", choices=tuple(FACTOR_SECTIONS), distinct=True
     )
     trees: list[int] = setting(
         [1, 2, 5, 10, 20], "values of planner.trees", least=1, most=10_000, distinct=True
@@ -104,28 +126,25 @@ class AblationConfig(CheckedSettings):
         most=10_000,
         distinct=True,
     )
-    kernel: list[str] = setting(list(GP_KERNELS), "values of wind.kernel", choices=GP_KERNELS, distinct=True)
+    kernel: list[str] = all_of(GP_KERNELS, "wind.kernel")
     ball: list[float] = setting([0.0, 1.0, 2.0, 3.0], "values of wind.ball", least=0, most=100, distinct=True)
-    law: list[str] = setting(list(LAWS), "values of fidelity.law", choices=LAWS, distinct=True)
-    mission_bound: list[str] = setting(
-        list(MISSION_BOUNDS), "values of fidelity.mission_bound", choices=MISSION_BOUNDS, distinct=True
-    )
-    collision_bound: list[str] = setting(
-        list(COLLISION_BOUNDS), "values of fidelity.collision_bound", choices=COLLISION_BOUNDS, distinct=True
-    )
-    parents: list[str] = setting(
-        list(PARENT_RULES), "values of fidelity.parents", choices=PARENT_RULES, distinct=True
-    )
-    refine: list[str] = setting(
-        list(REFINEMENTS), "values of fidelity.refine", choices=REFINEMENTS, distinct=True
-    )
+    law: list[str] = all_of(LAWS, "fidelity.law")
+    mission_bound: list[str] = all_of(MISSION_BOUNDS, "fidelity.mission_bound")
+    collision_bound: list[str] = all_of(COLLISION_BOUNDS, "fidelity.collision_bound")
+    parents: list[str] = all_of(PARENT_RULES, "fidelity.parents")
+    refine: list[str] = all_of(REFINEMENTS, "fidelity.refine")
 
 
 @dataclass
-class FieldMissionsConfig(CheckedSettings):
-    """Random missions that are flown through the full wind fields of GRIB files."""
+class ForecastTestConfig(CheckedSettings):
+    """Random missions that pipelines=forecast_test plans in forecasts and simulates in later analyses."""
 
-    section: ClassVar[str] = ""
+    section: ClassVar[str] = "forecast_test"
+    known: str = setting(
+        "departure",
+        "winds that the planner knows: forecasts at departure, or readings of all times of the flight",
+        choices=("departure", "all"),
+    )
     truth: str | None = setting(
         None, "folder of GRIB2 files with the full fields; null: the NOAA files beside the checkout"
     )
@@ -145,7 +164,7 @@ class FieldMissionsConfig(CheckedSettings):
         ["F(a & F b)", "F(a & F b & F c)", "F(a & F(b & F c))", "!b U a & F c"],
         "missions, over the regions a, b and c",
     )
-    hours: float = setting(18.0, "hours of wind required after departure", unit="h", above=0, most=1e5)
+    hours: float = setting(12.0, "hours of wind required after departure", unit="h", above=0, most=1e5)
     max_gap: float = setting(6.0, "longest gap between two fields of one period", unit="h", above=0, most=1e5)
     gusts: float = setting(
         1.0, "share of the fitted white standard deviation added to the real fields", least=0, most=100
@@ -153,12 +172,30 @@ class FieldMissionsConfig(CheckedSettings):
     spacing: float = setting(
         20_000.0, "spacing of the lattice of the real fields", unit="m", least=1, most=1e7
     )
-    bins: int = setting(8, "bins of the reliability diagram", least=2, most=1000)
+    bins: int = setting(5, "bins of the reliability diagram", least=2, most=1000)
+    delay: float = setting(
+        4.0, "age at departure of the newest forecast that the planner may use", unit="h", least=0, most=1e5
+    )
+    points: int | None = setting(
+        120,
+        "readings at each time that the planner gets, spread over the area; null: every grid node",
+        least=5,
+        most=10_000,
+    )
+    fidelities: list[str] = setting(
+        ["full"], "presets of fidelity to plan with", choices=tuple(PRESETS), distinct=True
+    )
+    plans: int = setting(
+        0,
+        "plans taken from each front beside the chosen one: the safest, the shortest, others between them",
+        least=0,
+        most=1000,
+    )
 
     @property
     def wait(self) -> float:
-        """Hours between the first field of a period and the earliest departure."""
-        return 0.0
+        """Hours from the first field of a period to the earliest departure whose winds can be known."""
+        return self.delay if self.known == "departure" else 0.0
 
     def check_combinations(self) -> None:
         """Refuse ranges out of order, an area with fewer than three corners and an empty list of formulas."""
@@ -177,45 +214,15 @@ class FieldMissionsConfig(CheckedSettings):
 
 
 @dataclass
-class HindcastConfig(FieldMissionsConfig):
-    """Random missions that pipelines=hindcast plans from few readings and simulates in the full fields."""
+class HindcastConfig(ForecastTestConfig):
+    """The settings of forecast_test with which pipelines=hindcast tests interpolation: known=all."""
 
     section: ClassVar[str] = "hindcast"
-    plans: int = setting(
-        3,
-        "plans taken from each front: the safest, the shortest, and others between them",
-        least=1,
-        most=1000,
-    )
-    points: int = setting(
-        120, "readings at each time that the planner gets, spread over the area", least=5, most=10_000
-    )
-
-
-@dataclass
-class ForecastTestConfig(FieldMissionsConfig):
-    """Random missions that pipelines=forecast_test plans in forecasts and simulates in later analyses."""
-
-    section: ClassVar[str] = "forecast_test"
-    hours: float = setting(12.0, "hours of wind required after departure", unit="h", above=0, most=1e5)
-    bins: int = setting(5, "bins of the reliability diagram", least=2, most=1000)
-    delay: float = setting(
-        4.0, "age at departure of the newest forecast that the planner may use", unit="h", least=0, most=1e5
-    )
-    points: int | None = setting(
-        120,
-        "readings at each time that the planner gets, spread over the area; null: every grid node",
-        least=5,
-        most=10_000,
-    )
-    fidelities: list[str] = setting(
-        ["full"], "presets of fidelity to plan with", choices=tuple(PRESETS), distinct=True
-    )
-
-    @property
-    def wait(self) -> float:
-        """Hours from the first forecast of a period to the earliest departure that can use it."""
-        return self.delay
+    known: str = other_default(ForecastTestConfig, "known", "all")
+    hours: float = other_default(ForecastTestConfig, "hours", 18.0)
+    bins: int = other_default(ForecastTestConfig, "bins", 8)
+    fidelities: list[str] = other_default(ForecastTestConfig, "fidelities", list(PRESETS))
+    plans: int = other_default(ForecastTestConfig, "plans", 3)
 
 
 @dataclass

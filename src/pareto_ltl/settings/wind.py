@@ -3,15 +3,33 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 from pareto_ltl.settings.checks import CheckedSettings, check_time, setting
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.extensions import WIND_SOURCE_GROUP
 from pareto_ltl.support.messages import shown_value
 
-WIND_SOURCES = ("sample", "csv", "grib", "netcdf", "stations", "noaa", "currents", "ensemble", "calm")
-FILE_SOURCES = ("csv", "grib", "netcdf", "stations", "currents", "ensemble")
+
+class SourceKind(NamedTuple):
+    """What a value of ``wind.source`` implies: whether it reads ``wind.path``, and forecast_error=auto."""
+
+    reads_path: bool
+    forecast_error: str
+
+
+WIND_SOURCES = {
+    "sample": SourceKind(reads_path=False, forecast_error="none"),
+    "csv": SourceKind(reads_path=True, forecast_error="gfs"),
+    "grib": SourceKind(reads_path=True, forecast_error="gfs"),
+    "netcdf": SourceKind(reads_path=True, forecast_error="gfs"),
+    "stations": SourceKind(reads_path=True, forecast_error="none"),
+    "noaa": SourceKind(reads_path=False, forecast_error="gfs"),
+    "currents": SourceKind(reads_path=True, forecast_error="none"),
+    "ensemble": SourceKind(reads_path=True, forecast_error="gfs"),
+    "given": SourceKind(reads_path=False, forecast_error="gfs"),
+    "calm": SourceKind(reads_path=False, forecast_error="none"),
+}  # wind/sources has the reader of each
 NOAA_MODELS = ("gfs", "hrrr", "gefs")
 GP_KERNELS = ("matern12", "matern32", "rbf")
 
@@ -21,7 +39,9 @@ class WindConfig(CheckedSettings):
     """Wind readings, the Gaussian process that is fitted to them, and the modes of its error."""
 
     section: ClassVar[str] = "wind"
-    source: str = setting("sample", "where readings come from", choices=WIND_SOURCES, group=WIND_SOURCE_GROUP)
+    source: str = setting(
+        "sample", "where readings come from", choices=tuple(WIND_SOURCES), group=WIND_SOURCE_GROUP
+    )
     path: str | None = setting(None, "file, folder or pattern, for the sources that read files")
     kernel: str = setting("matern12", "kernel of the Gaussian process", choices=GP_KERNELS)
     noise_min: float = setting(
@@ -104,7 +124,8 @@ class WindConfig(CheckedSettings):
 
     def check_combinations(self) -> None:
         """Refuse a source without its file, a cycle that is not a time and an address that is not HTTP(S)."""
-        if self.source in FILE_SOURCES and not self.path:
+        kind = WIND_SOURCES.get(self.source)
+        if kind is not None and kind.reads_path and not self.path:
             raise ConfigError(f"wind.path is missing: wind.source={self.source} needs a file to read")
         if self.cycle != "newest":
             check_time("wind.cycle", self.cycle)

@@ -1,44 +1,43 @@
 """The ways in which flights of a plan fail, as half-spaces of their deviations.
 
-Deviations are e = M' z with z ~ N(0, I) in the law linearised about the plan, so that a half-space of them
-has the probability Φ(-τ). A certificate of the plan (:mod:`pareto_ltl.simulation.certificates`) gives a first
-set that covers all failures: the half-space beyond each of its lines. Such a half-space can be far too large:
-a flight that misses a region at one step may visit it at another. It is then divided:
+Deviations are e = M z with z ~ N(0, I) in the law linearised about the plan, so that a half-space of them has
+the probability Φ(-τ). Where a flight fails, one event binds its margin (:mod:`pareto_ltl.kernels.margin`): a
+point of the flight lies on the wrong side of a line. All deviations for which it does are a half-space H.
 
-1. The most likely half-space H is taken. If its centre of mass, the flight E[e | H], has a certificate with
-   other lines, then a flight in H fails only if it also violates one of those.
-2. H is replaced by its intersections with the half-spaces beyond them. Each intersection of two half-spaces
-is
-   replaced by the half-space that contains it and touches it at its point nearest to the origin.
-
-So failures stay covered, and the sum of probabilities decreases. It ends when no centre has a certificate:
-then the half-space touches failures at their most likely point, the dominating point of Sadowsky and Bucklew,
-IEEE Trans. Inf. Theory 36 (1990), doi:10.1109/18.54903. To cover a failure once, the parts of H are ordered,
-and a flight that violates a line of an earlier part belongs to that part.
+1. Common flights are flown with deviations enlarged until they fail; those that fail first give the events.
+2. H can be far too large: a flight that misses a region at one step may visit it at another. If the flight at
+   the centre of mass of H succeeds, a flight in H fails only if its event there fails as well. So H is
+   replaced by the half-space that contains the intersection of both and touches it at its point nearest to
+   the origin. This ends at a half-space whose centre fails: it touches failures near their most likely point,
+   the dominating point of Sadowsky and Bucklew, IEEE Trans. Inf. Theory 36 (1990), doi:10.1109/18.54903.
+3. Of half-spaces that are nearly parallel, the most likely one is kept.
 """
 
 from __future__ import annotations
 
-import heapq
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.special import log_ndtr, ndtr
 
-from pareto_ltl.simulation.certificates import Key, Landscape, Lines, find_certificate
-from pareto_ltl.support.arrays import BoolArray, FloatArray
+from pareto_ltl.kernels.margin import Slope, smoothed_failure
+from pareto_ltl.planning.margin_model import margin_model, margin_scratch
+from pareto_ltl.planning.problem import Problem
+from pareto_ltl.support.arrays import FloatArray
 
-MOST_DIVIDED = 300  # half-spaces that are examined; a plan for phi1 or phi2 needs 20 to 200
-MOST_KEPT = 2000
-UNDECIDED = 0.02  # share of the probability that may be left undivided
-NEGLIGIBLE = 1e-8  # share of the first cover below which a part is dropped
-KEPT = 1.0 - 1e-6  # share of the probability of the last cover that is kept
+PILOTS = 500  # common flights whose events are looked for
+ENLARGED = np.arange(1.0, 6.1, 0.5)  # factors of their deviations
+MOST_EVENTS = 200  # events that are examined
+FAR = 9.0  # standard deviations: a half-space farther away is left out, its probability is 1e-19
+MOST_STEPS = 8  # replacements of one half-space
+ALIKE = 0.95  # correlation of half-spaces that count as parallel
+KEPT = 1.0 - 1e-6  # share of the sum of probabilities that is kept
 
 
 @dataclass(frozen=True, slots=True)
 class FailureModes:
-    """Half-spaces Σ_t ``weight[j, t]``' e_t >= ``threshold[j]`` that cover the failures of a plan.
+    """Half-spaces Σ_t ``weight[j, t]``' e_t >= ``threshold[j]`` near the failures of a plan.
 
     Attributes
     ----------
@@ -60,172 +59,122 @@ class FailureModes:
         return float(ndtr(-self.threshold).sum())
 
 
-@dataclass(frozen=True, slots=True, order=True)
-class _Part:
-    """A half-space of the cover; ordered by probability, the most likely first.
+@dataclass(frozen=True, slots=True)
+class HalfSpace:
+    """``weight``' e >= ``threshold`` for the deviations e (2 (T+1),) of all steps, of variance 1."""
 
-    Its flights violate the lines ``broken``; flights that violate one of ``left`` belong to other parts.
+    weight: FloatArray
+    threshold: float
+
+
+def find_failure_modes(problem: Problem, mean: FloatArray, spread: FloatArray) -> FailureModes:
+    """Half-spaces near the failures of flights about ``mean`` (T+1, 2) [m]; none if ``mean`` itself fails.
+
+    Deviations of all steps are ``spread`` (2 (T+1), D) [m] times D independent standard normal numbers.
     """
+    cov, margins = spread @ spread.T, Margins(problem, mean, math.sqrt(np.square(spread).sum(axis=1).max()))
+    none = FailureModes(np.empty((0, *mean.shape)), np.empty(0))
+    if margins.width == 0.0 or margins.of(np.zeros((1, mean.size)))[0] <= 0.0:
+        return none
+    found = [nearest_failures(margins, cov, e) for e in first_failures(margins, spread)]
+    spaces = sorted((space for space in found if space is not None), key=lambda space: space.threshold)
+    if not spaces:
+        return none
+    weight = np.array([space.weight for space in spaces])
+    alike, kept = weight @ cov @ weight.T > ALIKE, np.zeros(len(spaces), bool)
+    for j in range(len(spaces)):
+        kept[j] = not (alike[j] & kept).any()
+    threshold = np.array([space.threshold for space in spaces])[kept]
+    chance = np.cumsum(ndtr(-threshold))
+    count = int(np.searchsorted(chance, KEPT * chance[-1])) + 1
+    return FailureModes(weight[kept][:count].reshape(-1, *mean.shape), threshold[:count])
 
-    chance: float  # negative, so that a heap has the most likely part on top
-    number: int
-    weight: FloatArray = field(compare=False)
-    threshold: float = field(compare=False)
-    broken: frozenset[Key] = field(compare=False)
-    left: frozenset[Key] = field(compare=False)
+
+class Margins:
+    """Margins of flights near a plan, and the half-spaces beyond the events that bind them."""
+
+    def __init__(self, problem: Problem, mean: FloatArray, width: float) -> None:
+        self.model, self.mean, self.width = margin_model(problem), mean, width
+
+    def of(self, e: FloatArray) -> FloatArray:
+        """Margins (n,) [m] of the flights with deviations ``e`` (n, 2 (T+1)) [m]."""
+        return self._evaluated(e)[0]
+
+    def event(self, e: FloatArray) -> tuple[FloatArray, float]:
+        """a (2 (T+1),) and b [m]: deviations near ``e`` (2 (T+1),) fail for a' e >= b by the same event."""
+        (margin,), gradient = self._evaluated(e[None])
+        share = 1.0 / (1.0 + math.exp(margin / self.width))
+        a = gradient.ravel() * self.width / (share * (1.0 - share))
+        return a, float(margin + a @ e)
+
+    def _evaluated(self, e: FloatArray) -> tuple[FloatArray, FloatArray]:
+        off = np.ascontiguousarray(e.reshape(len(e), *self.mean.shape).transpose(1, 2, 0))
+        slope = Slope(np.zeros(self.mean.shape), np.zeros((len(self.mean), 3)))
+        scratch = margin_scratch(self.model, len(e), len(self.mean))
+        smoothed_failure(self.model, self.mean, off, self.width, slope, scratch)
+        return scratch.margins, slope.gradient
 
 
-def find_failure_modes(scape: Landscape, cov: FloatArray) -> FailureModes | None:
-    """Half-spaces that cover the failures of the plan of ``scape``.
+def first_failures(margins: Margins, spread: FloatArray) -> FloatArray:
+    """Deviations (n, 2 (T+1)) [m] of common flights, enlarged until they fail; the least enlarged first."""
+    e = np.random.default_rng(0).standard_normal((PILOTS, spread.shape[1])) @ spread.T
+    found = [np.empty((0, e.shape[1]))]
+    for factor in ENLARGED:
+        failed = margins.of(factor * e) <= 0.0
+        found.append(factor * e[failed])
+        e = e[~failed]
+        if len(e) == 0:
+            break
+    return np.concatenate(found)[:MOST_EVENTS]
 
-    ``cov`` (2 (T+1), 2 (T+1)) is the covariance of the deviations of all steps [m²]. None if the plan itself
-    has no certificate: then about half of its flights or more fail.
+
+def nearest_failures(margins: Margins, cov: FloatArray, e: FloatArray) -> HalfSpace | None:
+    """The half-space at the nearest failures by the events of the failed flight ``e``, None if there is none.
+
+    ``cov`` (2 (T+1), 2 (T+1)) is the covariance of deviations [m²].
     """
-    lines = find_certificate(scape, scape.x, ())
-    if lines is None:
-        return None
-    search = _Search(scape, cov)
-    search.begin(lines)
-    search.divide()
-    return search.cover()
+    space: HalfSpace | None = None
+    for _ in range(MOST_STEPS):
+        a, b = margins.event(e)
+        sd = math.sqrt(a @ cov @ a)
+        if sd == 0.0:
+            break
+        event = HalfSpace(a / sd, b / sd)
+        space = event if space is None else touching(space, event, cov)
+        if not 0.0 < space.threshold < FAR:
+            return None
+        e = mean_beyond(space.threshold) * (cov @ space.weight)
+        if margins.of(e[None])[0] <= 0.0:
+            break
+    return space
 
 
-class _Search:
-    """The parts of the cover: ``waiting`` may be divided, ``final`` are not."""
+def touching(first: HalfSpace, second: HalfSpace, cov: FloatArray) -> HalfSpace:
+    """The half-space that contains the intersection of two and touches it at its point nearest to the origin.
 
-    def __init__(self, scape: Landscape, cov: FloatArray) -> None:
-        self.scape, self.cov = scape, cov
-        self.waiting: list[_Part] = []
-        self.final: list[_Part] = []
-        self.numbers = 0
-        self.negligible = 0.0
+    With c = ω₀' ω_k, the nearest point is that of one half-space alone if it lies in the other, c τ₀ >= τ_k
+    or c τ_k >= τ₀; else both are tight, and
 
-    def begin(self, lines: Lines) -> None:
-        """Begin with the half-spaces beyond the lines of the plan."""
-        weight, threshold = self.beyond(lines)
-        self.negligible = NEGLIGIBLE * float(ndtr(-threshold).sum())
-        self.add(lines, self.on_paths(lines, weight), threshold, frozenset(), frozenset())
+        z* = [(τ₀ - c τ_k) ω₀ + (τ_k - c τ₀) ω_k] / (1 - c²).
 
-    def divide(self) -> None:
-        """Divide the most likely part until at most ``UNDECIDED`` of the probability is undecided."""
-        decided, undecided = 0.0, -sum(part.chance for part in self.waiting)
-        for _ in range(MOST_DIVIDED):
-            if not self.waiting or undecided <= UNDECIDED * decided or len(self.waiting) > MOST_KEPT:
-                return
-            part = heapq.heappop(self.waiting)
-            undecided += part.chance
-            before = len(self.waiting)
-            if self.replace(part):
-                undecided -= sum(new.chance for new in self.waiting[before:])
-                heapq.heapify(self.waiting)
-            else:
-                self.final.append(part)
-                decided -= part.chance
+    The threshold of opposite half-spaces, which do not intersect, is infinite.
 
-    def replace(self, part: _Part) -> bool:
-        """Append the parts of ``part`` to ``waiting``; False if they are not less likely than ``part``."""
-        along = self.cov @ part.weight
-        centre = self.scape.x + (mean_beyond(part.threshold) * along).reshape(self.scape.x.shape)
-        lines = find_certificate(self.scape, centre, part.broken)
-        if lines is None:
-            return False
-        lines = _without(lines, part.left)
-        weight, threshold = self.beyond(lines)
-        shared = np.einsum("ki,ki->k", weight, along.reshape(-1, 2)[lines.step])
-        mixed = nearest_mixture(part.threshold, threshold, shared)
-        if float(ndtr(-mixed.threshold).sum()) >= -part.chance:
-            return False
-        whole = mixed.first[:, None] * part.weight
-        whole += self.on_paths(lines, mixed.second[:, None] * weight)
-        self.add(lines, whole, mixed.threshold, part.broken, part.left)
-        return True
-
-    def on_paths(self, lines: Lines, weight: FloatArray) -> FloatArray:
-        """Weights (K, 2) of e at the steps of ``lines`` as weights of all steps, (K, 2 (T+1))."""
-        rows = np.zeros((len(lines), *self.scape.x.shape))
-        rows[np.arange(len(lines)), lines.step] = weight
-        return rows.reshape(len(lines), self.scape.x.size)
-
-    def beyond(self, lines: Lines) -> tuple[FloatArray, FloatArray]:
-        """The half-spaces beyond ``lines``: weights of e at their steps (K, 2) [1/m] and thresholds (K,)."""
-        gap = lines.offset - np.sum(lines.normal * self.scape.x[lines.step], axis=1)
-        return lines.normal / lines.sd[:, None], gap / lines.sd
-
-    def add(
-        self,
-        lines: Lines,
-        weight: FloatArray,
-        threshold: FloatArray,
-        broken: frozenset[Key],
-        left: frozenset[Key],
-    ) -> None:
-        """Add one part for each line, the most likely first, without the flights of earlier parts."""
-        passed = set(left)
-        for i in np.argsort(threshold, kind="stable").tolist():
-            chance = float(ndtr(-threshold[i]))
-            if chance <= self.negligible:
-                break
-            key = lines.key[i]
-            part = _Part(
-                -chance, self.numbers, weight[i], float(threshold[i]), broken | {key}, frozenset(passed)
-            )
-            self.waiting.append(part)
-            self.numbers += 1
-            passed.add(key)
-
-    def cover(self) -> FailureModes:
-        """All parts, the most likely first, without the last millionth of their probability."""
-        parts = sorted([*self.final, *self.waiting])
-        chance = -np.array([part.chance for part in parts])
-        count = int(np.searchsorted(np.cumsum(chance), KEPT * chance.sum())) + 1
-        kept = parts[:count]
-        weight = np.array([part.weight for part in kept]).reshape(-1, *self.scape.x.shape)
-        return FailureModes(weight, np.array([part.threshold for part in kept]))
-
-
-def _without(lines: Lines, left: frozenset[Key]) -> Lines:
-    """The lines whose key is not in ``left``."""
-    kept = np.array([key not in left for key in lines.key], bool)
-    keys = tuple(key for key in lines.key if key not in left)
-    return Lines(lines.step[kept], lines.normal[kept], lines.offset[kept], lines.sd[kept], keys)
+    Eq. (M63) of docs/mathematics_methods.md.
+    """
+    shared = float(first.weight @ cov @ second.weight)
+    if shared * first.threshold >= second.threshold:
+        return first
+    if shared * second.threshold >= first.threshold:
+        return second
+    rest = 1.0 - shared**2
+    if rest < np.finfo(float).eps:
+        return HalfSpace(first.weight, math.inf)
+    nearest = (first.threshold - shared * second.threshold) * first.weight
+    nearest = (nearest + (second.threshold - shared * first.threshold) * second.weight) / rest
+    size = math.sqrt(nearest @ cov @ nearest)
+    return HalfSpace(nearest / size, size)
 
 
 def mean_beyond(threshold: float) -> float:
     """E[r | r >= τ] = φ(τ) / Φ(-τ) of r ~ N(0, 1)."""
     return math.exp(-0.5 * threshold**2 - 0.5 * math.log(2.0 * math.pi) - float(log_ndtr(-threshold)))
-
-
-@dataclass(frozen=True, slots=True)
-class Mixtures:
-    """Half-spaces ``first`` ω₀ + ``second`` ω_k >= ``threshold``, each (K,)."""
-
-    first: FloatArray
-    second: FloatArray
-    threshold: FloatArray
-
-
-def nearest_mixture(tau: float, others: FloatArray, shared: FloatArray) -> Mixtures:
-    """The half-spaces that touch {ω₀' z >= τ₀} ∩ {ω_k' z >= τ_k} at its point nearest to the origin.
-
-    With c = ω₀' ω_k (``shared``), the nearest point is that of one half-space alone if it lies in the other,
-    c τ₀ >= τ_k or c τ_k >= τ₀; else both are tight, and
-
-        |z*|² = (τ₀² - 2 c τ₀ τ_k + τ_k²) / (1 - c²),    z* = [(τ₀ - c τ_k) ω₀ + (τ_k - c τ₀) ω_k] / (1 - c²).
-
-    ``tau`` and ``others`` (K,) are at least 0.
-
-    Eq. (M63) of docs/mathematics_methods.md.
-    """
-    first_alone = shared * tau >= others
-    second_alone: BoolArray = ~first_alone & (shared * others >= tau)
-    rest = np.maximum(1.0 - shared**2, np.finfo(float).tiny)
-    apart = np.maximum(tau**2 - 2.0 * shared * tau * others + others**2, 0.0)  # of equal ones, rounding
-    with np.errstate(over="ignore"):  # opposite half-spaces do not intersect: their threshold is infinite
-        norm = np.sqrt(apart / rest)
-    scale = np.maximum(rest * norm, np.finfo(float).tiny)
-    first, second = (tau - shared * others) / scale, (others - shared * tau) / scale
-    return Mixtures(
-        np.where(first_alone, 1.0, np.where(second_alone, 0.0, first)),
-        np.where(first_alone, 0.0, np.where(second_alone, 1.0, second)),
-        np.where(first_alone, tau, np.where(second_alone, others, norm)),
-    )

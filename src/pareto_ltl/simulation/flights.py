@@ -19,11 +19,12 @@ from pareto_ltl.kernels import data as kd
 from pareto_ltl.kernels import flight as kernel
 from pareto_ltl.planning.evaluate import propagate
 from pareto_ltl.planning.problem import Problem
-from pareto_ltl.planning.records import FailureRate, Plan
+from pareto_ltl.planning.records import Plan
 from pareto_ltl.settings import DeploymentConfig
 from pareto_ltl.simulation.records import Deployment
 from pareto_ltl.support.arrays import Float32Array, FloatArray
 from pareto_ltl.support.cores import cores
+from pareto_ltl.support.counts import clopper_pearson
 from pareto_ltl.support.errors import InfeasibleError
 from pareto_ltl.support.memory import require_memory
 
@@ -238,24 +239,6 @@ def pilot_maker(problem: Problem, u: FloatArray, mean: FloatArray | None, law: s
 
 
 # --- rates ------------------------------------------------------------------------------------
-
-
-def clopper_pearson(failures: int, runs: int, confidence: float = 0.95) -> tuple[float, float]:
-    """Exact confidence interval of a rate (Clopper and Pearson, Biometrika 26, 1934).
-
-    Eq. (M58) of docs/mathematics_methods.md.
-    """
-    from scipy.special import betaincinv
-
-    tail = (1 - confidence) / 2
-    low = 0.0 if failures == 0 else float(betaincinv(failures, runs - failures + 1, tail))
-    high = 1.0 if failures == runs else float(betaincinv(failures + 1, runs - failures, 1 - tail))
-    return low, high
-
-
-def counted_rate(law: str, failures: int, runs: int) -> FailureRate:
-    """The rate of ``failures`` among ``runs`` flights, with its 95 % Clopper-Pearson interval."""
-    return FailureRate(law, failures / runs, *clopper_pearson(failures, runs), runs)
 
 
 def flight_rates(deployment: Deployment) -> dict[str, float]:

@@ -5,7 +5,7 @@ innovations of its field. If a plan fails once in 10^5 flights, few flights draw
 from a mixture that fails often, and each is weighted by the ratio of its densities under the law and the
 mixture.
 
-The law linearised about the plan is used only for the proposal. Its failures are covered by half-spaces
+The law linearised about the plan is used only for the proposal. Its failures lie near half-spaces
 H_j = {ω_j' z >= τ_j}, |ω_j| = 1 (:mod:`pareto_ltl.simulation.failure_modes`). A component of the mixture is
 the law of z given H_j,
 
@@ -40,20 +40,17 @@ from pareto_ltl.kernels import data as kd
 from pareto_ltl.kernels import flight as rollout
 from pareto_ltl.kernels import importance as kernel
 from pareto_ltl.kernels.path import Flight
-from pareto_ltl.planning.evaluate import propagate, propagate_controls, square_matrices
+from pareto_ltl.planning.evaluate import propagate, propagate_controls
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import WEIGHTED, FailureRate, PlannedPath
-from pareto_ltl.simulation.certificates import landscape
 from pareto_ltl.simulation.failure_modes import FailureModes, find_failure_modes
 from pareto_ltl.simulation.flights import (
     block_rows,
-    counted_rate,
     draw_innovations,
     fly_draws,
     judge_flights,
     kept_by_epoch,
     require_known_wind,
-    simulate_flights,
     unspawned,
 )
 from pareto_ltl.support.arrays import BoolArray, Float32Array, FloatArray
@@ -83,7 +80,6 @@ def make_ladder(lowest: float = 0.6, step: float = 0.025, scale: float = 0.4, pl
     return Ladder(level, (1.0 - plain) * share / share.sum(), plain)
 
 
-ALOE = Ladder(np.ones(1), np.ones(1), 0.0)  # the mixture of the paper: exact in the linearised law
 LADDER = make_ladder()
 
 
@@ -124,10 +120,14 @@ class Proposal:
 # --- the rate ---------------------------------------------------------------------------------
 
 
-def importance_rate(problem: Problem, path: PlannedPath, draws: int, seed: SeedSequence) -> FailureRate:
+def weighted_rate(problem: Problem, path: PlannedPath, draws: int, seed: SeedSequence) -> FailureRate | None:
     """Failure rate of ``path`` in the nonlinear winds of ``fidelity.law``, from ``draws`` weighted flights.
 
-    If there is no proposal (:func:`weighted_rate`), as many plain flights are counted (``method="flights"``).
+    None if there is no proposal: for a plan that counts on position fixes, after which deviations are not
+    linear in z; for one whose mean itself fails, which fails often; and for one without a half-space within
+    nine standard deviations, as without uncertainty.
+
+    Eq. (M65) of docs/mathematics_methods.md.
 
     Raises
     ------
@@ -135,23 +135,6 @@ def importance_rate(problem: Problem, path: PlannedPath, draws: int, seed: SeedS
         If ``draws`` is not positive.
     InfeasibleError
         If the wind is not known for so long.
-    """
-    rate = weighted_rate(problem, path, draws, seed)
-    if rate is not None:
-        return rate
-    law = problem.fidelity.law
-    flights = simulate_flights(problem, path.u, draws, law, seed, path.x)
-    return counted_rate(law, int(flights.failed.sum()), draws)
-
-
-def weighted_rate(problem: Problem, path: PlannedPath, draws: int, seed: SeedSequence) -> FailureRate | None:
-    """The rate of :func:`importance_rate` from weighted flights; None if there is no proposal.
-
-    There is none for a plan that counts on position fixes, after which deviations are not linear in z; for
-    one whose mean has no certificate, which fails often; and for one without a half-space of positive
-    probability, as without uncertainty.
-
-    Eq. (M65) of docs/mathematics_methods.md.
     """
     if draws < 1:
         raise ValueError(f"importance sampling needs at least one draw, got draws = {draws}")
@@ -197,7 +180,7 @@ def weighted_interval(weights: FloatArray, plain: float, confidence: float = 0.9
 
 
 def make_proposal(problem: Problem, path: PlannedPath, law: str, ladder: Ladder = LADDER) -> Proposal | None:
-    """Half-spaces that cover the failures of ``path`` in the linearised ``law``; None if there are none."""
+    """Half-spaces near the failures of ``path`` in the linearised ``law``; None if there are none."""
     smooth = SMOOTH_LAWS[law](problem)
     # With feedback the robot steers towards the planned positions; without it, its controls decide.
     held = problem.motion.gain > 0.0
@@ -205,8 +188,8 @@ def make_proposal(problem: Problem, path: PlannedPath, law: str, ladder: Ladder 
     linear = linear_law(problem, flight, smooth)
     steps = len(flight.x)
     units = np.concatenate(_parts(directions_of(linear, np.eye(2 * steps).reshape(-1, steps, 2))), axis=1)
-    modes = find_failure_modes(landscape(problem, flight.x, square_matrices(flight.cov)), units @ units.T)
-    if modes is None or modes.union_bound == 0.0:
+    modes = find_failure_modes(problem, flight.x, units)
+    if modes.union_bound == 0.0:
         return None
     return Proposal(linear, flight.x, modes, directions_of(linear, modes.weight), ladder)
 

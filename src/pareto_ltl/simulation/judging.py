@@ -1,13 +1,15 @@
 """The front by flights (``fidelity.judge=flights``): the failure rate of every path, in the same winds.
 
 All paths fly in the same winds (common random numbers), so that two paths are compared by the flights that
-only one of them completes: their difference is known far better than either rate. Many paths race: after 250,
-500, ... flights, a path that is significantly worse than a shorter one is dropped and, if many are left,
-those farthest behind the front.
+only one of them completes: their difference is known far better than either rate. The paths race: after 250,
+500, ... flights, a path that is significantly worse than a shorter one is dropped. Of the trees' many paths,
+those farthest behind the front are dropped as well; of refined ones they are not, since long paths that
+rarely fail look like shorter ones until thousands of flights are flown.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
@@ -18,12 +20,12 @@ from numpy.random import SeedSequence
 
 from pareto_ltl.planning.evaluate import evaluate_path
 from pareto_ltl.planning.problem import Problem
-from pareto_ltl.planning.records import FailureRate, Front, PlannedPath
+from pareto_ltl.planning.records import FailureRate, Front, PlannedPath, counted_rate
+from pareto_ltl.planning.refine.separation import keeps_epsilon
 from pareto_ltl.planning.selection import chance_of_failures, hypervolume, non_dominated
 from pareto_ltl.simulation.flights import (
     PilotMaker,
     block_rows,
-    counted_rate,
     draw_block,
     fly_block,
     judge_flights,
@@ -40,7 +42,7 @@ from pareto_ltl.support.memory import require_memory
 
 RAW_DRAWS = 500  # flights of each path in the race among the trees' paths
 LAST_LOOK = 1000  # flights for the message if every flight of every path fails
-CROWD = 40  # paths that a race keeps after each comparison, for each cost other than the failure rate
+CROWD = 40  # paths of trees kept after each comparison, for each cost other than the failure rate
 DROP_CHANCE = (
     1e-4  # probability, in one comparison, of dropping a path that is not worse than the shorter one
 )
@@ -53,10 +55,10 @@ def judge_front(
     draws: int,
     seed: SeedSequence,
 ) -> Front:
-    """The paths of ``raw`` and ``refined`` that are non-dominated in failure rate and length (and energy).
+    """The paths of ``raw`` and ``refined`` that are non-dominated in failure rate and costs.
 
     The trees' paths race among themselves first, in fewer flights: the remaining ones are the front before
-    refinement.
+    refinement, and those of them that keep ``planner.epsilon`` compete with the refined ones.
 
     Parameters
     ----------
@@ -74,8 +76,9 @@ def judge_front(
     """
     if not refined and not raw:
         raise InfeasibleError("no path completes the mission; raise planner.n_max")
-    trees = fly_race(problem, raw, min(draws, RAW_DRAWS), seed)
-    judged = fly_race(problem, [*refined, *(flown.path for flown in trees)], draws, seed)
+    trees = fly_race(problem, raw, min(draws, RAW_DRAWS), seed, CROWD)
+    admitted = [flown.path for flown in trees if keeps_epsilon(problem, flown.path)]
+    judged = fly_race(problem, [*refined, *admitted], draws, seed)
     _require_success(problem, judged)
     grown = {id(path) for path in raw}
     before, after = (
@@ -83,7 +86,7 @@ def judge_front(
         for paths in (trees, judged)
     )
     law = problem.fidelity.law
-    most = np.array([path.objectives.costs for path in (*refined, *raw)]).max(axis=0)
+    most = np.array([list(path.objectives.costs.values()) for path in (*refined, *raw)]).max(axis=0)
     reference = np.array([1.0, *(2.0 * most)])
     return Front(
         paths=tuple(flown.path for flown in after),
@@ -132,8 +135,8 @@ class Flown:
 
     @property
     def row(self) -> tuple[float, ...]:
-        """Failure rate, length [m] and, where it is known, energy [J]."""
-        return float(self.failed.mean()), *self.path.objectives.costs
+        """Failure rate and all costs, the length [m] first."""
+        return float(self.failed.mean()), *self.path.objectives.costs.values()
 
     def rate(self, law: str) -> FailureRate:
         """The failure rate with its interval."""
@@ -146,7 +149,7 @@ def final_bound(problem: Problem, flown: Flown) -> Flown:
 
 
 def unbeaten(paths: Sequence[Flown]) -> list[Flown]:
-    """The paths that are non-dominated in failure rate, length and energy, the safest first."""
+    """The paths that are non-dominated in failure rate and costs, the safest first."""
     if not paths:
         return []
     kept = non_dominated(np.array([flown.row for flown in paths]))
@@ -204,13 +207,15 @@ def race_of(problem: Problem, paths: Sequence[PlannedPath], runs: int, seed: See
     )
 
 
-def fly_race(problem: Problem, paths: Sequence[PlannedPath], draws: int, seed: SeedSequence) -> list[Flown]:
-    """Those of ``paths`` that stay in the race for all ``draws`` flights."""
+def fly_race(
+    problem: Problem, paths: Sequence[PlannedPath], draws: int, seed: SeedSequence, crowd: float = math.inf
+) -> list[Flown]:
+    """The paths that stay in the race for all ``draws`` flights; about ``crowd`` for each cost at most."""
     if not paths:
         return []
     require_memory(2.0 * len(paths), "selection.draws", draws, "flights that judge the front")
     race = race_of(problem, paths, draws, seed)
-    costs = np.array([path.objectives.costs for path in paths])
+    costs = np.array([list(path.objectives.costs.values()) for path in paths])
     running, failed = np.arange(len(paths)), np.zeros((len(paths), draws), bool)
     with ThreadPoolExecutor(cores()) as pool:
         for numbers in looks(len(race.blocks)):
@@ -219,7 +224,7 @@ def fly_race(problem: Problem, paths: Sequence[PlannedPath], draws: int, seed: S
                 failed[running, race.blocks[number]] = found
             seen = failed[running, : race.blocks[numbers[-1]].stop]
             left = ~certainly_beaten(seen, costs[running])
-            running = running[left][outermost(seen[left].mean(axis=1), costs[running[left]])]
+            running = running[left][outermost(seen[left].mean(axis=1), costs[running[left]], crowd)]
     return [Flown(paths[k], failed[k]) for k in running.tolist()]
 
 
@@ -251,8 +256,8 @@ def looks(blocks: int) -> list[range]:
     return [range(begin, end) for begin, end in pairwise(ends)]
 
 
-def outermost(rates: FloatArray, costs: FloatArray) -> BoolArray:
-    """Which paths stay: whole fronts in their order, while they are at most ``CROWD`` paths for each cost.
+def outermost(rates: FloatArray, costs: FloatArray, crowd: float) -> BoolArray:
+    """Which paths stay: whole fronts in their order, while they are at most ``crowd`` paths for each cost.
 
     The first front is that of all paths, the second that of all others, and so on (Goldberg, Genetic
     Algorithms in Search, Optimization and Machine Learning, 1989). The first front always stays.
@@ -261,7 +266,7 @@ def outermost(rates: FloatArray, costs: FloatArray) -> BoolArray:
 
     layers = np.asarray(moocore.pareto_rank(np.column_stack([rates, costs])), int)
     sizes = np.cumsum(np.bincount(layers)) if len(layers) else np.zeros(0, int)
-    return np.asarray(layers < max(1, int((sizes <= CROWD * costs.shape[1]).sum())), bool)
+    return np.asarray(layers < max(1, int((sizes <= crowd * costs.shape[1]).sum())), bool)
 
 
 def certainly_beaten(failed: BoolArray, costs: FloatArray) -> BoolArray:
@@ -274,7 +279,7 @@ def certainly_beaten(failed: BoolArray, costs: FloatArray) -> BoolArray:
     failed : (P, n) bool
         The flights of each path that fail, in the same winds.
     costs : (P, c) float
-        Length [m] and, where it is known, energy [J].
+        All costs, the length [m] first.
     """
     order = np.argsort(costs[:, 0], kind="stable")
     counts = failed.sum(axis=1)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from pareto_ltl.planning.records import counted_rate
 from pareto_ltl.support.arrays import BoolArray, FloatArray
 from pareto_ltl.support.display import Displayed
 
@@ -40,8 +41,6 @@ class Deployment(Displayed):
 
     def facts(self) -> Mapping[str, str]:
         """Number of flights, failure rate with its interval, and why flights fail."""
-        from pareto_ltl.simulation.flights import counted_rate
-
         runs, gone = len(self.x), int(self.off_map.sum())
         rate = counted_rate(self.law, int(self.failed.sum()), runs)
         return {

@@ -1,16 +1,16 @@
 """One setting changed at a time; all plans are simulated with the same model, in the same winds.
 
-``trees``, ``n_max``   size of the forest ``beta``               slack of Eq. (11): 0 (no parent that is worse
-in any objective), random (default), large ``epsilon``            collision probability allowed at a step
-``kernel``             covariance of the wind's regression for planning; flights use that of the run ``ball``
-radius of the maximum-trace ball ``dt``                 the default plan flown with every step divided into
-shorter ones of equal control
+    trees, n_max   size of the forest
+    beta           slack of Eq. (11): 0 (no parent that is worse in any objective), random (default), large
+    epsilon        collision probability allowed at a step
+    kernel         covariance of the wind's regression for planning; flights use that of the run
+    ball           radius of the maximum-trace ball
+    dt             the default plan flown with every step divided into shorter ones of equal control
+    law, mission_bound, collision_bound, parents, refine
+                   one model of ``fidelity`` for planning; flights use the models of the run.
+                   With ``planner.epsilon=null`` each collision bound has its own default ε.
 
-``law``, ``mission_bound``, ``collision_bound``, ``parents``, ``refine``
-                       one model of ``fidelity`` for planning; flights use the models of the run.
-                       With ``planner.epsilon=null`` each collision bound has its own default ε.
-
-Plans are paths of the trees without refinement (``refine=none``), except at the level ``refine=convex``.
+Plans are paths of the trees without refinement (``refine=none``), except at other levels of ``refine``.
 
 ``dt`` is about the wind laws, not the planner: the flight is the same, only the number of its steps changes.
 Independent draws average out, so that under this law bound and failure rate go to 0 with the time step; under
@@ -19,60 +19,33 @@ the coherent law finer steps do not make the same flight safer.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from pareto_ltl.planning.problem import Problem
 from pareto_ltl.report.records import Study
-from pareto_ltl.run.pipeline import Run
-from pareto_ltl.run.records import PLAN, PROBLEM, SCENE, Records
+from pareto_ltl.run.records import PROBLEM, SCENE, Records
 from pareto_ltl.settings import Settings
-from pareto_ltl.settings.studies import MODEL_FACTORS
-from pareto_ltl.studies.compare import bound, failed, outcomes, truth
-from pareto_ltl.studies.parts import Part, PartsProgress, part_key, work_parts
-from pareto_ltl.studies.planning import study_run, unsmoothed, with_wind
-from pareto_ltl.studies.statistics import Columns, quartile_columns, rate_columns
-from pareto_ltl.studies.tables import (
-    kilometres_text,
-    markdown_table,
-    quartiles_cell,
-    rate_cell,
-    text_to_flags,
+from pareto_ltl.settings.studies import FACTOR_SECTIONS, FACTOR_TITLES
+from pareto_ltl.studies.flown_planners import (
+    Planner,
+    Result,
+    Results,
+    bound,
+    failure_columns,
+    flags,
+    fly_planners,
+    planned_text,
+    truth,
+    with_plan,
 )
-from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.support.errors import ConfigError, InfeasibleError
+from pareto_ltl.studies.parts import PartsProgress, part_key
+from pareto_ltl.studies.planning import study_run, unsmoothed, with_wind
+from pareto_ltl.studies.statistics import Columns, quartile_columns
+from pareto_ltl.studies.tables import kilometres_text, markdown_table, quartiles_cell, rate_cell
+from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.world.time_step import step_of
-
-FACTOR_TITLES = {
-    "trees": "trees",
-    "beta": "β, times the default",
-    "epsilon": "ε",
-    "n_max": "vertices per tree",
-    "dt": "time step [s]",
-    "kernel": "kernel",
-    "ball": "radius of the ball [sd]",
-    "law": "wind law of the planner",
-    "mission_bound": "mission bound",
-    "collision_bound": "collision bound",
-    "parents": "parent rule",
-    "refine": "refinement",
-}
-
-
-@dataclass(frozen=True, slots=True)
-class AblationContext:
-    """``runs_of`` make plans, and they are flown in ``worlds`` or ``truth``; by (factor, level)."""
-
-    runs_of: Mapping[tuple[str, Any], Run]
-    worlds: Mapping[tuple[str, Any], Problem]
-    truth: Problem
-    runs: int
-    laws: tuple[str, ...]
-    kept: dict[int, Any] = field(default_factory=dict)  # default plans by seed, once a process
 
 
 def levels(settings: Settings) -> Iterator[tuple[str, Any]]:
@@ -83,20 +56,14 @@ def levels(settings: Settings) -> Iterator[tuple[str, Any]]:
 
 
 def changed(settings: Settings, factor: str, level: Any) -> Settings:
-    """``settings`` with ``factor`` set to ``level``."""
-    planner, wind = settings.planner, settings.wind
+    """``settings`` with ``factor`` set to ``level``; ``dt`` changes flights, not the planner."""
+    if factor == "dt":
+        return settings
+    part = getattr(settings, FACTOR_SECTIONS[factor])
+    new = {factor: level}
     if factor == "beta":
-        scaled = replace(
-            planner, beta_risk=level * planner.beta_risk, beta_length=level * planner.beta_length
-        )
-        return replace(settings, planner=scaled)
-    if factor in ("trees", "n_max", "epsilon"):
-        return replace(settings, planner=replace(planner, **{factor: level}))
-    if factor in ("kernel", "ball"):
-        return replace(settings, wind=replace(wind, **{factor: level}))
-    if factor in MODEL_FACTORS:
-        return replace(settings, fidelity=replace(settings.fidelity, **{factor: level}))
-    return settings
+        new = {name: level * getattr(part, name) for name in ("beta_risk", "beta_length")}
+    return replace(settings, **{FACTOR_SECTIONS[factor]: replace(part, **new)})
 
 
 def run_ablation(
@@ -106,14 +73,16 @@ def run_ablation(
     _check(settings)
     dt = step_of(settings.robot, world[SCENE], settings.planner.max_steps)
     settings = replace(settings, robot=replace(settings.robot, dt=dt))
-    context, todo = _ablation_context(settings, world), []
-    for factor, level in levels(settings):
-        for seed in settings.evaluation.seeds:
-            k = _ablation_key(settings, context, factor, level, seed)
-            todo.append(Part(f"{factor}-{level}-{seed}", (factor, level, seed), k))
-    results = work_parts(settings.evaluation, directory, ablation_part, context, todo, progress)
-    found = {part.arguments: result for part, result in zip(todo, results, strict=True)}
-    return _collect_ablation(settings, context, found)
+    planners = _planners(settings, world)
+    flown_in = part_key(replace(settings, seed=0))  # the model of the flights, which no factor changes
+
+    def key(name: Any, seed: int) -> str:
+        planner, cfg = planners[name], settings.evaluation
+        mine, runs = replace(planner.run.settings, seed=seed), settings.deployment.runs
+        return part_key(mine, "ablation", planner.pieces, flown_in, runs, cfg.laws)
+
+    _, found = fly_planners(settings, planners, key, directory, progress)
+    return _collect_ablation(settings, found)
 
 
 def _check(settings: Settings) -> None:
@@ -125,36 +94,21 @@ def _check(settings: Settings) -> None:
         )
 
 
-def _ablation_context(settings: Settings, world: Records) -> AblationContext:
+def _planners(settings: Settings, world: Records) -> dict[tuple[str, Any], Planner]:
+    """A planner for each (factor, level); those with the default settings share a run."""
     mine = unsmoothed(settings)
     mine = replace(mine, planner=replace(mine.planner, threads=1))
     whole = with_wind(mine, world)
-    reference = study_run(mine, whole)
-    reference.make(PROBLEM)
-    runs_of, worlds = {}, {}
+    reference, real = study_run(mine, whole), truth(settings, whole)
+    planners = {}
     for factor, level in levels(settings):
         other = changed(mine, factor, level)
-        refitted = factor == "kernel" and other != mine
-        run = reference if other == mine else study_run(other, world if refitted else whole)
+        run = study_run(other, world if factor == "kernel" else whole) if other != mine else reference
         run.make(PROBLEM)
-        runs_of[factor, level] = run
-        if factor == "dt":
-            worlds[factor, level] = truth(cut(settings, level), world)
-    return AblationContext(
-        runs_of, worlds, truth(settings, whole), settings.deployment.runs, tuple(settings.evaluation.laws)
-    )
-
-
-def _ablation_key(settings: Settings, context: AblationContext, factor: str, level: Any, seed: int) -> str:
-    """Key of a part; levels equal to the default settings share their parts."""
-    pieces = level if factor == "dt" else 1
-    mine = replace(context.runs_of[factor, level].settings, seed=seed)
-    return part_key(mine, "ablation", pieces, as_flown(settings), context.runs, context.laws)
-
-
-def as_flown(settings: Settings) -> str:
-    """Fingerprint of the model in which plans are flown; it does not change with the factor."""
-    return part_key(replace(settings, seed=0))
+        pieces = level if factor == "dt" else 1
+        flown_in = truth(cut(settings, pieces), world) if pieces > 1 else real
+        planners[factor, level] = Planner(run, flown_in, pieces)
+    return planners
 
 
 def cut(settings: Settings, pieces: int) -> Settings:
@@ -168,59 +122,15 @@ def cut(settings: Settings, pieces: int) -> Settings:
     return replace(settings, robot=robot, planner=planner, wind=wind)
 
 
-# --- one plan --------------------------------------------------------------------------------
-
-
-def ablation_part(context: AblationContext, factor: str, level: Any, seed: int) -> Columns:
-    """One plan with one factor at ``level``, and the outcomes of its flights in the true model."""
-    try:
-        plan = _ablation_plan(context, factor, level, seed)
-    except InfeasibleError as error:
-        return {"planned": False, "reason": str(error)}
-    path, world = plan.path, context.truth
-    objectives, u, x = asdict(path.objectives), path.u, path.x
-    if factor == "dt" and level > 1:
-        world, u = context.worlds[factor, level], np.repeat(path.u, level, axis=0)
-        x = mean_path(world, u)
-    return {
-        "planned": True,
-        "objectives": objectives,
-        "laws": outcomes(world, u, x, context.runs, context.laws, seed),
-    }
-
-
-def _ablation_plan(context: AblationContext, factor: str, level: Any, seed: int) -> Any:
-    """The plan of one level and seed; for ``dt`` it is made once for all levels."""
-    if factor != "dt":
-        return context.runs_of[factor, level].with_seed(seed).make(PLAN)
-    if seed not in context.kept:
-        context.kept[seed] = context.runs_of[factor, level].with_seed(seed).make(PLAN)
-    return context.kept[seed]
-
-
-def mean_path(problem: Problem, u: FloatArray) -> FloatArray:
-    """x̂_{t+1} = A x̂_t + dt (B u_t + μ(x̂_t, t)), (T+1, 2)."""
-    from pareto_ltl.planning.reference import interpolate
-
-    motion = problem.motion
-    b, x = np.linalg.inv(motion.b_inv), [np.asarray(problem.scene.start, float)]
-    for t in range(len(u)):
-        mu = interpolate(problem.wind, problem.wind.mean, t, x[-1])
-        x.append(motion.a @ x[-1] + motion.dt * (b @ u[t] + mu))
-    return np.array(x)
-
-
 # --- tables ----------------------------------------------------------------------------------
 
 
-def _collect_ablation(
-    settings: Settings, context: AblationContext, found: Mapping[tuple[Any, ...], Mapping[str, Any]]
-) -> Study:
+def _collect_ablation(settings: Settings, found: Results) -> Study:
     seeds = settings.evaluation.seeds
     rows = [
-        _ablation_row(settings, factor, level, law, [found[factor, level, seed] for seed in seeds])
+        _ablation_row(settings, factor, level, law, [found[(factor, level), seed] for seed in seeds])
         for factor, level in levels(settings)
-        for law in context.laws
+        for law in settings.evaluation.laws
     ]
     numbers = {"seeds": float(len(seeds))} | {
         f"{row['factor']}_{row['level']}_failure_{row['law']}": row["failure"] for row in rows
@@ -229,21 +139,14 @@ def _collect_ablation(
 
 
 def _ablation_row(
-    settings: Settings, factor: str, level: Any, law: str, results: Sequence[Mapping[str, Any]]
+    settings: Settings, factor: str, level: Any, law: str, results: Sequence[Result]
 ) -> Columns:
-    planned = [result for result in results if result["planned"]]
-    lost = [failed(result, law) for result in planned]
+    planned = with_plan(results)
     row: Columns = {"factor": factor, "level": level, "law": law, "seeds": len(results)}
-    row |= {"shown": settings.robot.dt / level if factor == "dt" else level}
-    row |= rate_columns("planned", np.array([result["planned"] for result in results]))
-    row |= rate_columns("failure", np.concatenate(lost) if lost else np.empty(0, bool))
-    row |= quartile_columns("failure_of_a_plan", [f.mean() for f in lost])
-    row |= quartile_columns(
-        "collided_of_a_plan", [text_to_flags(r["laws"][law]["collided"]).mean() for r in planned]
-    )
-    row |= quartile_columns("bound_planned", [bound(result, "mission_risk_ordered") for result in planned])
-    row |= quartile_columns("bound", [result["laws"][law]["bound"] for result in planned])
-    return row | quartile_columns("length_m", [result["objectives"]["length"] for result in planned])
+    row |= {"shown": settings.robot.dt / level if factor == "dt" else level} | failure_columns(results, law)
+    row |= quartile_columns("collided_of_a_plan", [flags(r, law, "collided").mean() for r in planned])
+    row |= quartile_columns("bound_planned", [bound(result) for result in planned])
+    return row | quartile_columns("bound", [result["laws"][law]["bound"] for result in planned])
 
 
 def _ablation_text(settings: Settings, rows: Sequence[Columns]) -> str:
@@ -251,32 +154,21 @@ def _ablation_text(settings: Settings, rows: Sequence[Columns]) -> str:
         markdown_table(
             f"{FACTOR_TITLES[factor]}: median (quartiles) over seeds; "
             "failed of all flights with 95 % interval",
-            (
-                FACTOR_TITLES[factor],
-                "winds",
-                "with a plan",
-                "V + R in these winds",
-                "failed, a plan",
-                "failed, all",
-                "length [km]",
-            ),
-            (
-                (
-                    _label(row["shown"]),
-                    row["law"],
-                    f"{round(row['planned'] * row['seeds'])} of {row['seeds']}",
-                    quartiles_cell(row, "bound"),
-                    quartiles_cell(row, "failure_of_a_plan"),
-                    rate_cell(row, "failure"),
-                    kilometres_text(row["length_m"]),
-                )
-                for row in rows
-                if row["factor"] == factor
-            ),
+            {
+                FACTOR_TITLES[factor]: _level_text,
+                "winds": lambda row: row["law"],
+                "with a plan": planned_text,
+                "V + R in these winds": lambda row: quartiles_cell(row, "bound"),
+                "failed, a plan": lambda row: quartiles_cell(row, "failure_of_a_plan"),
+                "failed, all": lambda row: rate_cell(row, "failure"),
+                "length [km]": lambda row: kilometres_text(row["length_m"]),
+            },
+            [row for row in rows if row["factor"] == factor],
         )
         for factor in settings.ablation.factors
     )
 
 
-def _label(value: Any) -> str:
+def _level_text(row: Columns) -> str:
+    value = row["shown"]
     return f"{value:g}" if isinstance(value, int | float) else str(value)

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -107,23 +108,20 @@ def promise_text(fidelity: str, promise: str) -> str:
 
 def score_table(title: str, cards: Rows, keys: Sequence[str] = KEYS) -> str:
     """The scorecard in Markdown; ``keys`` are its first columns."""
-    head = ["planner" if key == "fidelity" else "plans" if key == "kind" else key for key in keys]
-    columns = (*head, "foreseen by", "foreseen, mean", "failed in the full fields", "plans above it")
+    heads = {"fidelity": "planner", "kind": "plans"}
+    first = {heads.get(key, key): partial(_key_text, key) for key in keys}
     return markdown_table(
         title,
-        (*columns, "Brier score", "log score"),
-        (
-            (
-                *(str(card[key]) for key in keys),
-                promise_text(card["fidelity"], card["promise"]),
-                probability_text(card["promised"]),
-                rate_cell(card, "realised"),
-                probability_text(card["above_promise"]),
-                f"{card['brier']:.4f}",
-                f"{card['log_score']:.3f}",
-            )
-            for card in cards
-        ),
+        first
+        | {
+            "foreseen by": _foreseen_by,
+            "foreseen, mean": lambda card: probability_text(card["promised"]),
+            "failed in the full fields": lambda card: rate_cell(card, "realised"),
+            "plans above it": lambda card: probability_text(card["above_promise"]),
+            "Brier score": lambda card: f"{card['brier']:.4f}",
+            "log score": lambda card: f"{card['log_score']:.3f}",
+        },
+        cards,
     )
 
 
@@ -131,17 +129,24 @@ def bin_table(title: str, groups: Rows) -> str:
     """Reliability bins in Markdown."""
     return markdown_table(
         title,
-        ("planner", "foreseen by", "missions", "foreseen, least to most", "foreseen, mean", "failed", "kept"),
-        (
-            (
-                group["fidelity"],
-                promise_text(group["fidelity"], group["promise"]),
-                f"{group['missions']}",
-                interval_text(group["promised_least"], group["promised_most"]),
-                probability_text(group["promised"]),
-                rate_cell(group, "realised"),
-                "yes" if group["kept"] else "no",
-            )
-            for group in groups
-        ),
+        {
+            "planner": lambda group: group["fidelity"],
+            "foreseen by": _foreseen_by,
+            "missions": lambda group: f"{group['missions']}",
+            "foreseen, least to most": lambda group: interval_text(
+                group["promised_least"], group["promised_most"]
+            ),
+            "foreseen, mean": lambda group: probability_text(group["promised"]),
+            "failed": lambda group: rate_cell(group, "realised"),
+            "kept": lambda group: "yes" if group["kept"] else "no",
+        },
+        groups,
     )
+
+
+def _key_text(key: str, row: Columns) -> str:
+    return str(row[key])
+
+
+def _foreseen_by(row: Columns) -> str:
+    return promise_text(row["fidelity"], row["promise"])

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -26,17 +26,20 @@ from pareto_ltl.run.pipeline import Run
 from pareto_ltl.run.records import FOREST, PLAN, PROBLEM, Records
 from pareto_ltl.run.stage_table import stage_seeds
 from pareto_ltl.settings import FidelityConfig, Settings
-from pareto_ltl.studies.compare import bound, failed, outcomes, truth
+from pareto_ltl.studies.flown_planners import (
+    bound,
+    failure_columns,
+    flags,
+    outcomes,
+    plan_columns,
+    planned_text,
+    truth,
+    with_plan,
+)
 from pareto_ltl.studies.parts import Part, PartsProgress, part_key, work_parts
 from pareto_ltl.studies.planning import study_run, unsmoothed, with_wind
 from pareto_ltl.studies.statistics import Columns, quartile_columns, rate_columns
-from pareto_ltl.studies.tables import (
-    kilometres_text,
-    markdown_table,
-    number_or_nan,
-    quartiles_cell,
-    text_to_flags,
-)
+from pareto_ltl.studies.tables import kilometres_text, markdown_table, number_or_nan, quartiles_cell
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import InfeasibleError
 
@@ -69,20 +72,13 @@ def run_convergence(
     context = ConvergenceContext(
         run, truth(settings, world), sizes, settings.deployment.runs, tuple(cfg.laws)
     )
+    inputs = context.sizes, context.runs, context.laws
     todo = [
-        Part(
-            f"seed-{seed}",
-            (seed,),
-            part_key(replace(mine, seed=seed), "convergence", *_convergence_inputs(context)),
-        )
+        Part(f"seed-{seed}", (seed,), part_key(replace(mine, seed=seed), "convergence", *inputs))
         for seed in cfg.seeds
     ]
     results = work_parts(cfg, directory, convergence_part, context, todo, progress)
     return _collect_convergence(mine, context.laws, results)
-
-
-def _convergence_inputs(context: ConvergenceContext) -> tuple[Any, ...]:
-    return context.sizes, context.runs, context.laws
 
 
 # --- one seed --------------------------------------------------------------------------------
@@ -104,14 +100,9 @@ def _look(context: ConvergenceContext, forest: Forest, n: int, seed: int) -> Col
         plan = run.make(PLAN)
     except InfeasibleError:
         return look | {"planned": False}
-    objectives = asdict(plan.path.objectives)
-    return look | {
-        "planned": True,
-        "objectives": objectives,
-        "mission_bound": objectives["mission_risk"],
-        "front": trade_offs(forest),
-        "laws": outcomes(context.truth, plan.path.u, plan.path.x, context.runs, context.laws, seed),
-    }
+    laws = outcomes(context.truth, plan.path.u, plan.path.x, context.runs, context.laws, seed)
+    found = look | plan_columns(plan, laws)
+    return found | {"mission_bound": found["objectives"]["mission_risk"], "front": trade_offs(forest)}
 
 
 def trade_offs(forest: Forest) -> FloatArray:
@@ -230,25 +221,19 @@ def decades(risk: float) -> float:
 
 def _convergence_row(n: int, law: str, looks: Sequence[Mapping[str, Any]], volumes: FloatArray) -> Columns:
     """Median and quartiles over the seeds that have a plan at this size."""
-    planned = [look for look in looks if look["planned"]]
-    lost = [failed(look, law) for look in planned]
-    row: Columns = {"size": n, "law": law, "seeds": len(looks)}
-    row |= rate_columns("planned", np.array([look["planned"] for look in looks]))
+    planned = with_plan(looks)
+    missed = [1.0 - flags(look, law, "accepted").mean() for look in planned]
+    row: Columns = {"size": n, "law": law, "seeds": len(looks)} | failure_columns(looks, law)
     row |= quartile_columns("mission_bound", [number_or_nan(look["mission_bound"]) for look in planned])
-    row |= quartile_columns("bound", [bound(look, "mission_risk_ordered") for look in planned])
-    row |= quartile_columns("failure_of_a_plan", [f.mean() for f in lost])
-    row |= quartile_columns(
-        "missed_of_a_plan", [1.0 - text_to_flags(look["laws"][law]["accepted"]).mean() for look in planned]
-    )
+    row |= quartile_columns("bound", [bound(look) for look in planned])
+    row |= quartile_columns("missed_of_a_plan", missed)
     row |= {"bounds_broken": sum(bound_is_broken(look, law) for look in planned)}
-    row |= rate_columns("failure", np.concatenate(lost) if lost else np.empty(0, bool))
-    row |= quartile_columns("length_m", [look["objectives"]["length"] for look in planned])
     return row | quartile_columns("hypervolume", volumes)
 
 
 def bound_is_broken(look: Mapping[str, Any], law: str) -> bool:
     """Whether significantly more flights missed the mission than its bound allows (95 %)."""
-    missed = rate_columns("missed", ~text_to_flags(look["laws"][law]["accepted"]))["missed_low"]
+    missed = rate_columns("missed", ~flags(look, law, "accepted"))["missed_low"]
     return bool(missed > number_or_nan(look["mission_bound"]))
 
 
@@ -257,40 +242,28 @@ def _seed_row(seed: int, law: str, look: Mapping[str, Any], volume: float) -> Co
     costs = look["objectives"] if look["planned"] else {}
     for name in ("length", "mission_risk_paper", "mission_risk_ordered", "collision_risk"):
         row[name] = number_or_nan(costs.get(name))
-    row |= rate_columns("failure", failed(look, law) if look["planned"] else np.empty(0, bool))
+    row |= rate_columns("failure", flags(look, law) if look["planned"] else np.empty(0, bool))
     return row | {"hypervolume": volume, "accepted_vertices": look["accepted"]}
 
 
 def _convergence_text(rows: Sequence[Columns], numbers: Mapping[str, float], models: FidelityConfig) -> str:
     table = markdown_table(
         "The selected path as trees grow: median (quartiles) over seeds that have a plan",
-        (
-            "vertices per tree",
-            "winds",
-            "with a plan",
-            f"bound {models.mission_symbol} on missed, {models.law} winds",
-            "missed",
-            "broken",
-            f"bound V + R, {models.law} winds",
-            "failed",
-            "length [km]",
-            "hypervolume",
-        ),
-        (
-            (
-                f"{row['size']:,}",
-                row["law"],
-                f"{round(row['planned'] * row['seeds'])} of {row['seeds']}",
-                quartiles_cell(row, "mission_bound"),
-                quartiles_cell(row, "missed_of_a_plan"),
-                f"{row['bounds_broken']} of {round(row['planned'] * row['seeds'])}",
-                quartiles_cell(row, "bound"),
-                quartiles_cell(row, "failure_of_a_plan"),
-                kilometres_text(row["length_m"]),
-                f"{row['hypervolume']:.3f}",
-            )
-            for row in rows
-        ),
+        {
+            "vertices per tree": lambda row: f"{row['size']:,}",
+            "winds": lambda row: row["law"],
+            "with a plan": planned_text,
+            f"bound {models.mission_symbol} on missed, {models.law} winds": lambda row: quartiles_cell(
+                row, "mission_bound"
+            ),
+            "missed": lambda row: quartiles_cell(row, "missed_of_a_plan"),
+            "broken": lambda row: f"{row['bounds_broken']} of {round(row['planned'] * row['seeds'])}",
+            f"bound V + R, {models.law} winds": lambda row: quartiles_cell(row, "bound"),
+            "failed": lambda row: quartiles_cell(row, "failure_of_a_plan"),
+            "length [km]": lambda row: kilometres_text(row["length_m"]),
+            "hypervolume": lambda row: f"{row['hypervolume']:.3f}",
+        },
+        rows,
     )
     first = [1e3 * numbers[f"first_seconds{end}"] for end in ("", "_q25", "_q75")]
     return table + (

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from pareto_ltl.planning.selection import non_dominated
-from pareto_ltl.simulation.flights import clopper_pearson
 from pareto_ltl.support.arrays import BoolArray, FloatArray
+from pareto_ltl.support.counts import clopper_pearson
 
 MAP_LENGTHS = 24  # about the largest number of rows of the heat map
 LENGTHS = 12  # common lengths at which fronts are compared

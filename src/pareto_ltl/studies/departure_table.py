@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -319,11 +320,21 @@ def departure_text(
         f"Starts{coarse}; ratio: how many times as often a start fails as the best one at equal length, with "
         "an interval that holds for all starts together (95 %); failure at common lengths: interpolated "
         "along each front; plan: the path of the selection rule; wind: means along its route",
-        ("departure", "seeds", "ratio", *(f"failed at {limits[k] / 1e3:.0f} km" for k in shown),
-         "plan failed", "length [km]", "arrival", "flight [h]", "wind [m/s]", "tail wind [m/s]",
-         "sd of the wind [m/s]"),
-        (_text_row(row, shown) for row in rows),
-    )  # fmt: skip
+        {
+            "departure": _departure_cell,
+            "seeds": lambda row: f"{row['seeds']}",
+            "ratio": _ratio_cell,
+            **{f"failed at {limits[k] / 1e3:.0f} km": partial(_rate_at, k) for k in shown},
+            "plan failed": lambda row: rate_cell(row, "failure"),
+            "length [km]": lambda row: kilometres_text(row["length_m"]),
+            "arrival": lambda row: row["arrival"] or "-",
+            "flight [h]": lambda row: _known(row["duration_s"] / HOUR, ".1f"),
+            "wind [m/s]": lambda row: _known(row["wind_speed"], ".1f"),
+            "tail wind [m/s]": lambda row: _known(row["tail_wind"], "+.1f"),
+            "sd of the wind [m/s]": lambda row: _known(row["wind_sd"], ".2f"),
+        },
+        rows,
+    )
     why = [f"- {row['departure']}: {row['verdict']}" for row in rows]
     said = [
         recommendation_text(rows, comparison),
@@ -399,21 +410,22 @@ def delivered_text(cfg: DepartureConfig, time: float, delivered: Delivered) -> s
     )
 
 
-def _text_row(row: Columns, shown: Sequence[int]) -> tuple[str, ...]:
-    if not row["planned"]:
-        return (row["departure"], f"{row['seeds']}", "no plan", *("-" for _ in range(len(shown) + 7)))
+def _departure_cell(row: Columns) -> str:
     mark = " (recommended)" if row["recommended"] else " (late)" if not row["on_time"] else ""
-    known = math.isfinite(row["ratio"])
-    return (
-        f"{row['departure']}{mark}",
-        f"{row['seeds']}",
-        _ratio_text(row) if known else "-",
-        *(probability_text(rate) if math.isfinite(rate) else "-" for rate in row["rates"][list(shown), 0]),
-        rate_cell(row, "failure"),
-        kilometres_text(row["length_m"]),
-        row["arrival"],
-        f"{row['duration_s'] / HOUR:.1f}",
-        f"{row['wind_speed']:.1f}",
-        f"{row['tail_wind']:+.1f}",
-        f"{row['wind_sd']:.2f}",
-    )
+    return f"{row['departure']}{mark}" if row["planned"] else str(row["departure"])
+
+
+def _ratio_cell(row: Columns) -> str:
+    if not row["planned"]:
+        return "no plan"
+    return _ratio_text(row) if math.isfinite(row["ratio"]) else "-"
+
+
+def _rate_at(k: int, row: Columns) -> str:
+    """The failure at the common length ``k``."""
+    rate = row["rates"][k, 0]
+    return probability_text(rate) if math.isfinite(rate) else "-"
+
+
+def _known(value: float, form: str) -> str:
+    return format(value, form) if math.isfinite(value) else "-"

@@ -1,175 +1,209 @@
-"""Plans made from forecasts available at departure, flown through the later fields: a test of the promise.
+"""Random missions planned from a part of the winds and flown through full fields: a test of the promise.
 
-At a departure, planning knows the cycles that began at least ``forecast_test.delay`` before it: their
+With ``known=departure``, planning knows the cycles that began at least ``delay`` before departure: their
 analyses and, as far as they reach, their forecasts. After the last of these the last field is held, with the
-error of a held field. The plan that selection picks is flown through the later analyses (and short
-forecasts between them) with gusts of the fitted size. The promise of the plan, the share of failed flights
-simulated under its own law, is compared with the share that failed: a mission is one trial.
+error of a held field. With ``known=all`` (``pipelines=hindcast``) it knows thinned readings of the whole
+flight, also of times after departure, which tests interpolation only (``known_winds`` has both).
+
+The plans are flown through the later analyses (and short forecasts between them) with gusts of the fitted
+size. The promises of a plan, its bounds and its simulated rates, are compared with the share that failed: a
+mission is one trial.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from pareto_ltl.planning.problem import Problem
+from pareto_ltl.planning.records import Front, PlannedPath
 from pareto_ltl.report.records import Study
 from pareto_ltl.run.pipeline import Run
-from pareto_ltl.run.records import PLAN, PROBLEM, READINGS, SCENE, Records
-from pareto_ltl.settings import IngestConfig, Settings, WindConfig, preset
-from pareto_ltl.studies import calibration
-from pareto_ltl.studies import field_missions as shared
-from pareto_ltl.studies import true_fields as nature
+from pareto_ltl.run.records import (
+    AUTOMATON,
+    DECOMPOSITION,
+    FRONT,
+    PLAN,
+    PROBLEM,
+    SCENE,
+    WIND,
+    Records,
+)
+from pareto_ltl.settings import ForecastTestConfig, IngestConfig, MissionConfig, Settings, preset
+from pareto_ltl.studies import calibration, true_fields
+from pareto_ltl.studies.known_winds import KNOWN_WINDS, KnownWinds
 from pareto_ltl.studies.parts import Part, PartsProgress, part_key, work_parts
-from pareto_ltl.studies.planning import study_run
+from pareto_ltl.studies.planning import fly_seeded, study_run
 from pareto_ltl.studies.random_missions import Mission, mission
 from pareto_ltl.studies.statistics import Columns
-from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.support.display import probability_text
 from pareto_ltl.support.errors import DataError, InfeasibleError
 from pareto_ltl.support.fingerprints import file_fingerprint
 from pareto_ltl.wind.area import GeoBox, box_of
-from pareto_ltl.wind.ingest import common_nodes, winds_at
+from pareto_ltl.wind.ingest import common_nodes
 from pareto_ltl.wind.observations import FIT_RADIUS
-from pareto_ltl.wind.readings import HOUR, Readings, seconds
-from pareto_ltl.wind.snapshots import Snapshot, known_at, latest_readings
-from pareto_ltl.wind.sources.grib_apart import read_grib_snapshots
+from pareto_ltl.wind.snapshots import Snapshot, latest_readings
+from pareto_ltl.wind.sources.grib_apart import grib_snapshots_apart
 
 REGIONS = {"west of 105 W": -105.0, "105 to 90 W": -90.0, "east of 90 W": 180.0}  # eastern ends [deg]
 REGION_KEYS = ("fidelity", "region")
 ENOUGH = 20  # least number of missions of a bin that counts in the numbers
+RIM = 4.0  # [deg] around the area of the missions in which readings are kept, for scenes at its edge
+HALF_HOUR = 1800.0  # time step of robot.dt=auto here [s]
+UNIMPORTANT = ("truth", "missions", "bins")  # settings that do not change a single mission
+PLACE = ("formula", "departure", "latitude", "longitude")  # columns of a mission in the table of plans
+KNOWN = ("known_hours",)
+OUTCOMES = ("failure", "missed", "collided", "off_map", "miss_m", "sd_m")
+ENDS = ("", "_low", "_high")
 
 
-@dataclass(frozen=True, slots=True)
-class ForecastTestContext:
-    """Data for all missions.
-
-    Attributes
-    ----------
-    snapshots : tuple of Snapshot
-        All cycles; planning gets those known at departure.
-    truth : Readings
-        The newest wind of each time.
-    nodes : mapping of the name of a spell to (n, 2) float
-        Longitude and latitude of the readings for planning [deg]; empty for every node.
-    """
-
-    settings: Settings
-    snapshots: tuple[Snapshot, ...]
-    truth: Readings
-    spells: tuple[nature.Spell, ...]
-    nodes: Mapping[str, FloatArray]
+def run_forecast_test(
+    settings: Settings, _: Records, directory: Path, progress: PartsProgress | None = None
+) -> Study:
+    """Plan and fly the missions of ``settings.forecast_test``."""
+    return fly_missions(settings, settings.forecast_test, directory, progress)
 
 
-def run_forecast_test(settings: Settings, directory: Path, progress: PartsProgress | None = None) -> Study:
-    """Plan ``forecast_test.missions`` missions from forecasts and fly them through the later fields."""
-    cfg = settings.forecast_test
-    files = shared.full_fields(cfg, nature.true_fields_folder(cfg))
-    area = needed_area(settings)
-    snapshots = read_grib_snapshots(files, settings.wind.max_speed, settings.wind.level, area)
-    context = shared_context(settings, snapshots, files)
-    inputs = shared.mission_inputs(cfg, settings)
-    base = part_key(settings, "forecast_test", inputs, [file_fingerprint(file) for file in files])
+def run_hindcast(
+    settings: Settings, _: Records, directory: Path, progress: PartsProgress | None = None
+) -> Study:
+    """Plan and fly the missions of ``settings.hindcast``: the same test with ``known=all``."""
+    return fly_missions(settings, settings.hindcast, directory, progress)
+
+
+def fly_missions(
+    settings: Settings, cfg: ForecastTestConfig, directory: Path, progress: PartsProgress | None
+) -> Study:
+    """Plan ``cfg.missions`` missions and fly them through the full fields."""
+    files = true_fields.full_fields(cfg)
+    snapshots = grib_snapshots_apart(
+        files, settings.wind.max_speed, settings.wind.level, needed_area(settings, cfg)
+    ).winds
+    known = known_winds(settings, cfg, directory, snapshots, files)
+    known.prepare()
+    inputs = {key: value for key, value in asdict(cfg).items() if key not in UNIMPORTANT}
+    inputs |= {"laws": settings.evaluation.laws, "border": settings.border}
+    base = part_key(settings, cfg.section, inputs, [file_fingerprint(file) for file in files])
     todo = [Part(f"mission-{k}", (k,), part_key(settings, base, k)) for k in range(cfg.missions)]
-    results = work_parts(settings.evaluation, directory, forecast_part, context, todo, progress)
-    return collect_forecast_test(settings, results)
+    results = work_parts(settings.evaluation, directory, mission_part, known, todo, progress)
+    return missions_study(known, results)
 
 
-def needed_area(settings: Settings) -> GeoBox:
+def needed_area(settings: Settings, cfg: ForecastTestConfig) -> GeoBox:
     """The part of the fields that missions can need: for the lattice of a scene at the edge, and readings."""
-    cfg = settings.forecast_test
     margin = cfg.side[1] / 2 + settings.wind.padding + FIT_RADIUS
-    return box_of(np.array(shared.rim_outline(cfg))).widened(margin)
+    return box_of(np.array(_rim_outline(cfg))).widened(margin)
 
 
-def shared_context(
-    settings: Settings, snapshots: tuple[Snapshot, ...], files: tuple[Path, ...]
-) -> ForecastTestContext:
-    """The context of all missions, from the winds of all cycles."""
-    cfg = settings.forecast_test
+def _rim_outline(cfg: ForecastTestConfig) -> list[list[float]]:
+    """Corners of the area with a rim of ``RIM`` degrees."""
+    import shapely
+
+    rim = shapely.Polygon(cfg.area).buffer(RIM)
+    return [list(map(float, corner)) for corner in rim.exterior.coords[:-1]]
+
+
+def known_winds(
+    settings: Settings, cfg: ForecastTestConfig, folder: Path, snapshots: tuple[Snapshot, ...],
+    files: tuple[Path, ...],
+) -> KnownWinds:  # fmt: skip
+    """The winds of all missions, from those of all cycles."""
     truth = latest_readings(snapshots, files)
-    spells = tuple(nature.spells(truth, cfg))
+    spells = tuple(true_fields.spells(truth, cfg))
     nodes = {}
     if cfg.points is not None:
-        ingest = IngestConfig(points=cfg.points, area=shared.rim_outline(cfg))
+        ingest = IngestConfig(points=cfg.points, area=_rim_outline(cfg))
         for spell in spells:
             nodes[spell.name] = common_nodes(truth, np.arange(spell.first, spell.last + 1), ingest)
-    return ForecastTestContext(settings, snapshots, truth, spells, nodes)
+    return KNOWN_WINDS[cfg.known](settings, cfg, folder, snapshots, truth, spells, nodes)
 
 
 # --- one mission -----------------------------------------------------------------------------
 
 
-def known_readings(context: ForecastTestContext, task: Mission) -> Readings:
-    """The readings known at departure: in its spell, the newest wind of each time, thinned."""
-    cfg = context.settings.forecast_test
-    departure = seconds(str(task.scene.time_zero))
-    known = known_at(context.snapshots, departure, HOUR * cfg.delay)
-    readings = latest_readings([snap for snap in known if snap.time >= task.spell.start], context.truth.files)
-    if cfg.points is None:
-        return readings
-    nodes = context.nodes[task.spell.name]
-    count = len(readings.times)
-    thinned = tuple(winds_at(readings, k, nodes) for k in range(count))
-    return replace(readings, points=(nodes,) * count, winds=thinned)
-
-
-def held_wind(
-    wind: WindConfig, folder: Path, readings: Readings, departure: float, hours: float
-) -> WindConfig:
-    """Settings under which the last known field is held to the end of the mission."""
-    longest = max(wind.max_gap, (departure - float(readings.times[-1])) / HOUR + hours)
-    return replace(wind, source="grib", path=str(folder), hold_last=True, max_gap=longest)
-
-
-def mission_run(context: ForecastTestContext, task: Mission, fidelity: str) -> Run:
-    """The run of the planner, with only the readings known at departure."""
-    settings, cfg = context.settings, context.settings.forecast_test
-    readings = known_readings(context, task)
-    folder = readings.files[0].parent
-    wind = held_wind(settings.wind, folder, readings, seconds(str(task.scene.time_zero)), cfg.hours)
-    mine = shared.mission_settings(settings, cfg, task, fidelity, wind)
-    scene = replace(task.scene, border=mine.border)  # that of the fidelity, where scene.border is auto
-    return study_run(mine, Records({SCENE: scene, READINGS: readings}))
-
-
-def forecast_part(context: ForecastTestContext, k: int) -> Columns:
-    """A mission, the plan chosen for it with each fidelity, and the outcomes of its flights."""
-    settings, cfg = context.settings, context.settings.forecast_test
-    task = mission(cfg, settings.seed, k, context.spells, settings.border)
-    row, plans = shared.mission_row(task), []
+def mission_part(known: KnownWinds, k: int) -> Columns:
+    """A mission, its plans with each fidelity, and the outcomes of their flights."""
+    settings, cfg = known.settings, known.cfg
+    task = mission(cfg, settings.seed, k, known.spells, settings.border)
+    row: Columns = {
+        "formula": task.formula,
+        "departure": task.scene.time_zero,
+        "latitude": task.latitude,
+        "longitude": task.longitude,
+        "side": float(np.ptp(task.scene.bounds[:, 0])),
+        "obstacles": len(task.scene.obstacles),
+    }
+    plans: list[Columns] = []
     for fidelity in cfg.fidelities:
-        run = mission_run(context, task, fidelity)
+        run = known.run_of(task, mission_settings(settings, cfg, task, fidelity))
         try:
-            path = run.make(PLAN).path
+            chosen = run.make(PLAN).path
         except (InfeasibleError, DataError) as error:
             row |= {f"reason_{fidelity}": str(error)}
             continue
-        seed, law = settings.seed + k, run.settings.fidelity.law
-        promised = shared.simulated_failure(run.make(PROBLEM), path, settings.deployment.runs, law, seed)
-        bound = min(1.0, path.objectives.mission_risk + path.objectives.collision_risk)
-        real = shared.reality(cfg, run, context.truth)
-        plans.append(
-            {
-                "fidelity": fidelity,
-                "origin": path.origin,
-                "objectives": asdict(path.objectives),
-                "steps": len(path.u),
-                "known_hours": _hours_known(run, task),
-                "promised": {f"simulated_{law}": promised, f"bound_{law}": bound},
-            }
-            | shared.realised(cfg, settings, real, path, seed)
-        )
+        row |= known.run_columns(run)
+        paths = [(calibration.FRONT, path) for path in picked(run.make(FRONT), cfg.plans)]
+        flown = _flown_plans(known, run, [*paths, (calibration.CHOSEN, chosen)], settings.seed + k)
+        plans += [{"fidelity": fidelity} | plan for plan in flown]
     return row | {"plans": plans}
 
 
-def _hours_known(run: Run, task: Mission) -> float:
-    """Time of the last field that planning knew [h after departure]; negative if before departure."""
-    return float(run.make(READINGS).times[-1] - seconds(str(task.scene.time_zero))) / HOUR
+def mission_settings(settings: Settings, cfg: ForecastTestConfig, task: Mission, fidelity: str) -> Settings:
+    """The settings for planning the mission ``task``; flights end when the wind ends."""
+    dt = HALF_HOUR if isinstance(settings.robot.dt, str) else settings.robot.dt  # one step for all maps
+    steps = int(cfg.hours * 3600 // dt)
+    return replace(
+        settings,
+        fidelity=preset(fidelity),
+        seed=settings.seed + task.number,
+        mission=MissionConfig(formula=task.formula, start_time=task.scene.time_zero),
+        robot=replace(settings.robot, dt=dt),
+        planner=replace(settings.planner, max_steps=min(settings.planner.max_steps, steps), threads=1),
+        deployment=replace(settings.deployment, laws=list(settings.evaluation.laws)),
+    )
+
+
+def picked(front: Front, count: int) -> list[PlannedPath]:
+    """Paths spread evenly along the front, from the safest to the shortest."""
+    rows = np.unique(np.linspace(0, len(front.paths) - 1, min(count, len(front.paths))).astype(int))
+    return [front.paths[k] for k in rows]
+
+
+def _flown_plans(
+    known: KnownWinds, run: Run, paths: Sequence[tuple[str, PlannedPath]], seed: int
+) -> Iterator[Columns]:
+    """Each path with its promises and the outcomes of its flights in the real wind."""
+    runs, real = (known.settings.deployment.runs if known.cfg.gusts > 0 else 1), reality(known, run)
+    promises = known.promised(run, [path for _, path in paths], seed)
+    for (kind, path), promised in zip(paths, promises, strict=True):
+        flights = fly_seeded(real, path.u, runs, "independent", seed, path.x)
+        yield {
+            "kind": kind,
+            "origin": path.origin,
+            "objectives": path.objectives.as_dict(),
+            "steps": len(path.u),
+            "promised": promised,
+            "failure": float(flights.failed.mean()),
+            "missed": float((~flights.accepted).mean()),
+            "collided": float(flights.collided.mean()),
+            "off_map": float(flights.off_map.mean()),
+            "miss_m": float(np.linalg.norm(flights.x[:, -1].mean(axis=0) - path.x[-1])),
+            "sd_m": float(np.sqrt(np.trace(path.cov[-1]) / 2)),
+        }
+
+
+def reality(known: KnownWinds, run: Run) -> Problem:
+    """The problem of ``run`` with the real wind."""
+    real = true_fields.real_wind(known.cfg, run.settings.wind, known.truth, run.make(SCENE), run.make(WIND))
+    world = Records({SCENE: run.make(SCENE), WIND: real})
+    world[DECOMPOSITION] = run.make(DECOMPOSITION)  # map and automaton do not depend on the fidelity
+    world[AUTOMATON] = run.make(AUTOMATON)
+    models = preset("paper")  # without modes: the field is known, and gusts are independent at each step
+    return study_run(replace(run.settings, fidelity=models), world).make(PROBLEM)
 
 
 # --- all missions ----------------------------------------------------------------------------
@@ -180,102 +214,125 @@ def region_of(longitude: float) -> str:
     return next(name for name, end in REGIONS.items() if longitude < end)
 
 
-def chosen_rows(settings: Settings, results: Sequence[Mapping[str, Any]]) -> list[Columns]:
-    """One row for each plan: its mission, its promise, what was realised."""
-    points = settings.forecast_test.points
+def plan_rows(cfg: ForecastTestConfig, results: Sequence[Mapping[str, Any]]) -> list[Columns]:
+    """One row for each plan: its mission, its promises, what was realised."""
     unknown = dict.fromkeys(sorted({n for r in results for p in r["plans"] for n in p["promised"]}), math.nan)
     rows = []
     for k, result in enumerate(results):
         for plan in result["plans"]:
-            row: Columns = {"mission": k, "readings": "every node" if points is None else points}
-            row |= {name: result[name] for name in ("formula", "departure", "latitude", "longitude")}
-            row |= {"region": region_of(result["longitude"]), "kind": calibration.CHOSEN}
-            row |= {name: plan[name] for name in ("fidelity", "known_hours", "steps")}
+            row: Columns = {"mission": k, "readings": "every node" if cfg.points is None else cfg.points}
+            row |= {name: result[name] for name in PLACE} | {"region": region_of(result["longitude"])}
+            row |= {name: plan[name] for name in ("kind", "fidelity")}
+            row |= {name: result[name] for name in KNOWN if name in result} | {"steps": plan["steps"]}
             row |= {"length_m": plan["objectives"]["length"]} | unknown | plan["promised"]
-            names = ("failure", "missed", "collided", "off_map", "miss_m", "sd_m")
-            rows.append(row | {name: plan[name] for name in names})
+            rows.append(row | {name: plan[name] for name in OUTCOMES})
     return rows
 
 
-def collect_forecast_test(settings: Settings, results: Sequence[Mapping[str, Any]]) -> Study:
-    """Tables, numbers and text of the missions' results."""
-    cfg = settings.forecast_test
-    shared.refuse_no_plans(cfg, results)
-    rows = chosen_rows(settings, results)
-    cards = calibration.scorecard(rows)
-    groups = calibration.reliability(rows, cfg.bins)
-    regions = calibration.scorecard(sorted(rows, key=_region_order), REGION_KEYS)
-    numbers = {
-        "missions": float(len(results)),
-        "missions_planned": float(sum(bool(result["plans"]) for result in results)),
-    }
-    for card in _own(cards):
-        name = card["fidelity"]
-        numbers |= {f"{name}_{key}": card[key] for key in ("promised", "promised_sd", "brier", "log_score")}
-        numbers |= {f"{name}_realised{end}": card[f"realised{end}"] for end in ("", "_low", "_high")}
-        bins = [g for g in _own(groups) if g["fidelity"] == name and g["missions"] >= ENOUGH]
-        numbers |= {
-            f"{name}_bins": float(len(bins)),
-            f"{name}_bins_kept": float(sum(g["kept"] for g in bins)),
-        }
+def missions_study(known: KnownWinds, results: Sequence[Mapping[str, Any]]) -> Study:
+    """Tables, numbers and text of the missions' results; InfeasibleError if no mission has a plan."""
+    cfg, planned = known.cfg, [bool(result["plans"]) for result in results]
+    if not any(planned):
+        raise InfeasibleError(
+            f"none of {len(results)} random missions has a plan ({_reason_of(results[0])}); raise "
+            f"planner.n_max or robot.u_max, or lower {cfg.section}.side"
+        )
+    rows = plan_rows(cfg, results)
+    chosen = sorted(filter(_is_chosen, rows), key=lambda row: list(REGIONS).index(row["region"]))
     tables = {
-        "forecast_test": rows,
-        "reliability": groups,
-        "regions": regions,
-        "scorecard": cards,
-        "no_plan": shared.unplanned_rows(results),
+        cfg.section: rows,
+        "reliability": calibration.reliability(rows, cfg.bins),
+        "regions": calibration.scorecard(chosen, REGION_KEYS),
+        "scorecard": calibration.scorecard(rows),
+        "no_plan": [
+            {"mission": k, "reason": _reason_of(result)} for k, result in enumerate(results) if not planned[k]
+        ],
     }
-    text = _forecast_text(settings, numbers, cards, groups, regions)
-    return Study({name: tuple(table) for name, table in tables.items()}, numbers, text)
-
-
-def _region_order(row: Columns) -> int:
-    return list(REGIONS).index(row["region"])
-
-
-def _own(entries: Sequence[Columns]) -> list[Columns]:
-    """The entries about what a plan promises: its simulated failure under its own law."""
-    return [e for e in entries if e["promise"] == f"simulated_{preset(e['fidelity']).law}"]
-
-
-def _forecast_text(
-    settings: Settings,
-    numbers: Mapping[str, float],
-    cards: Sequence[Columns],
-    groups: Sequence[Columns],
-    regions: Sequence[Columns],
-) -> str:
-    cfg = settings.forecast_test
-    seen = "every node" if cfg.points is None else f"{cfg.points} readings a time"
-    title = (
-        f"A forecast test: the chosen plans of {numbers['missions_planned']:.0f} of "
-        f"{numbers['missions']:.0f} random missions, planned from {seen} of cycles at least {cfg.delay:g} h "
-        "old and flown through the later fields; a mission is one trial for the 95 % interval"
+    numbers: dict[str, float] = {
+        "missions": len(results),
+        "missions_planned": sum(planned),
+        "plans": len(rows),
+    }
+    numbers |= _fit_numbers(results) | _score_numbers(cfg, tables)
+    return Study(
+        {name: tuple(table) for name, table in tables.items()},
+        {name: float(value) for name, value in numbers.items()},
+        _test_text(known, tables, numbers),
     )
-    parts = [
-        calibration.score_table(title, cards, ("fidelity",)),
-        calibration.bin_table("By promise; kept: promised at least the lower end", _own(groups)),
-        calibration.score_table("By region", _own(regions), REGION_KEYS),
-        what_is_tested(settings, numbers),
-    ]
-    return "\n".join(parts)
 
 
-def what_is_tested(settings: Settings, numbers: Mapping[str, float]) -> str:
-    """What the test covers and what it does not, in one paragraph."""
-    cfg = settings.forecast_test
+def _fit_numbers(results: Sequence[Mapping[str, Any]]) -> dict[str, float]:
+    """How well the fitted wind agrees with the full fields, where planning knows all times."""
+    fits = [result for result in results if "z_sd" in result]
+    if not fits:
+        return {}
+    return {
+        "z_sd": float(np.sqrt(np.mean([fit["z_sd"] ** 2 for fit in fits]))),
+        "coverage_90": float(np.mean([fit["coverage_90"] for fit in fits])),
+    }
+
+
+def _score_numbers(cfg: ForecastTestConfig, tables: Mapping[str, Sequence[Columns]]) -> dict[str, float]:
+    """The scores of each planner; those of its own promise have no other name.
+
+    Where paths along the front are flown too (``plans``), ``_chosen`` names those that selection picks.
+    """
+    numbers: dict[str, float] = {}
+    for card in tables["scorecard"]:
+        name = card["fidelity"] + ("_chosen" if cfg.plans and _is_chosen(card) else "")
+        promise = f"{name}_{card['promise']}"
+        numbers |= {f"{promise}_promised": card["promised"], f"{promise}_brier": card["brier"]}
+        numbers |= {f"{name}_realised{end}": card[f"realised{end}"] for end in ENDS}
+        if _is_own(card):
+            bins = [
+                group
+                for group in filter(_is_own, tables["reliability"])
+                if (group["fidelity"], group["kind"]) == (card["fidelity"], card["kind"])
+                and group["missions"] >= ENOUGH
+            ]
+            numbers |= {
+                f"{name}_{key}": card[key] for key in ("promised", "promised_sd", "brier", "log_score")
+            }
+            numbers |= {f"{name}_bins": len(bins), f"{name}_bins_kept": sum(group["kept"] for group in bins)}
+    return numbers
+
+
+def _is_own(entry: Mapping[str, Any]) -> bool:
+    """Whether the entry is about what a plan promises: its simulated failure under its own law."""
+    return bool(entry["promise"] == f"simulated_{preset(entry['fidelity']).law}")
+
+
+def _is_chosen(entry: Mapping[str, Any]) -> bool:
+    return bool(entry["kind"] == calibration.CHOSEN)
+
+
+def _reason_of(result: Mapping[str, Any]) -> str:
+    """Why a mission has no plan."""
+    return next((str(value) for name, value in result.items() if name.startswith("reason_")), "no plan")
+
+
+def _test_text(
+    known: KnownWinds, tables: Mapping[str, Sequence[Columns]], numbers: Mapping[str, float]
+) -> str:
+    bins = [group for group in tables["reliability"] if _is_own(group) and _is_chosen(group)]
+    keys = calibration.KEYS if known.cfg.plans else ("fidelity",)
+    return "\n".join(
+        [
+            calibration.score_table(known.title(numbers), tables["scorecard"], keys),
+            calibration.bin_table("By promise; kept: promised at least the lower end", bins),
+            calibration.score_table("By region", list(filter(_is_own, tables["regions"])), REGION_KEYS),
+            f"{_verdict(known.cfg, numbers)} {known.explanation(numbers)}",
+        ]
+    )
+
+
+def _verdict(cfg: ForecastTestConfig, numbers: Mapping[str, float]) -> str:
+    """How many bins keep their promise."""
+    names = {name: f"{name}_chosen" if cfg.plans else name for name in cfg.fidelities}
     bins = [
         f"{numbers[f'{name}_bins_kept']:.0f} of {numbers[f'{name}_bins']:.0f} bins of at least {ENOUGH} "
-        f"missions keep their promise, simulated in {preset(name).law} winds (fidelity={name})"
-        for name in cfg.fidelities
+        f"missions keep their promise, simulated in {preset(fidelity).law} winds (fidelity={fidelity})"
+        for fidelity, name in names.items()
         if f"{name}_bins" in numbers
     ]
-    planned = probability_text(numbers["missions_planned"] / numbers["missions"])
-    return (
-        f"{'; '.join(bins)}. Tested: the promise of a plan under its own law, wind.forecast_error="
-        f"{settings.wind.forecast_error}, in the winds that came within {cfg.hours:g} h of departure; "
-        f"{planned} of the missions have a plan. Covered: errors of forecasts and of the last known field, "
-        f"of interpolation in space and time, level {settings.wind.level}. Not covered: what the fields "
-        f"themselves have wrong, winds smaller than their grid beyond {cfg.gusts:g} times the fitted white "
-        "part, other seasons; missions of one period share its weather, which the intervals ignore.\n"
-    )
+    return f"{'; '.join(bins)}."

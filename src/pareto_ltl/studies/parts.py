@@ -15,7 +15,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from pareto_ltl.run.stages import input_files
+from pareto_ltl.run.provenance import input_files
 from pareto_ltl.settings import EvaluationConfig, Settings, as_dict
 from pareto_ltl.studies.jobs import KILLED, JobQueue, JobState, StoredJob
 from pareto_ltl.support.errors import DataError

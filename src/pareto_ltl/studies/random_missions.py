@@ -12,7 +12,7 @@ from zlib import crc32
 import numpy as np
 from numpy.random import Generator, SeedSequence
 
-from pareto_ltl.settings import FieldMissionsConfig
+from pareto_ltl.settings import ForecastTestConfig
 from pareto_ltl.studies.true_fields import Spell
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.wind.readings import iso
@@ -38,7 +38,7 @@ class Mission:
 
 
 def mission(
-    cfg: FieldMissionsConfig, seed: int, number: int, spells: Sequence[Spell], border: str = "open"
+    cfg: ForecastTestConfig, seed: int, number: int, spells: Sequence[Spell], border: str = "open"
 ) -> Mission:
     """Mission ``number`` of seed ``seed`` on a map with the given ``border``."""
     rng = np.random.default_rng(SeedSequence(seed, spawn_key=(crc32(cfg.section.encode()), number)))
@@ -52,7 +52,7 @@ def mission(
     return Mission(number, replace(scene, border=border), formula, spell, lat, lon)
 
 
-def _departure(cfg: FieldMissionsConfig, rng: Generator, spells: Sequence[Spell]) -> tuple[Spell, float]:
+def _departure(cfg: ForecastTestConfig, rng: Generator, spells: Sequence[Spell]) -> tuple[Spell, float]:
     """A random full hour after ``wait`` with wind for ``hours`` from then on; all are equally likely."""
     counts = np.array([int((s.end - s.start) / 3600 - cfg.wait - cfg.hours) + 1 for s in spells])
     pick = int(rng.integers(counts.sum()))
@@ -61,7 +61,7 @@ def _departure(cfg: FieldMissionsConfig, rng: Generator, spells: Sequence[Spell]
     return spells[k], spells[k].start + 3600.0 * (cfg.wait + hour)
 
 
-def _place(cfg: FieldMissionsConfig, rng: Generator) -> tuple[float, float]:
+def _place(cfg: ForecastTestConfig, rng: Generator) -> tuple[float, float]:
     """A random point of the area (longitude, latitude) [deg], uniform on its surface."""
     import shapely
 
@@ -74,7 +74,7 @@ def _place(cfg: FieldMissionsConfig, rng: Generator) -> tuple[float, float]:
             return lon, lat
 
 
-def _scene(cfg: FieldMissionsConfig, rng: Generator, side: float, crs: str, time_zero: str) -> Scene | None:
+def _scene(cfg: ForecastTestConfig, rng: Generator, side: float, crs: str, time_zero: str) -> Scene | None:
     """Regions, start and obstacles at a distance from one another; None if there is not enough space."""
     import shapely
 

@@ -8,7 +8,7 @@ with errors, a wind that changes with the position within a step, the ellipsoid 
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,12 +16,14 @@ from typing import Any
 import numpy as np
 from numpy.random import SeedSequence
 
-from pareto_ltl.exports.exported import height_of
+from pareto_ltl.exports.exported import flown_level, height_of
 from pareto_ltl.kernels import flight as kernel
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import Plan
 from pareto_ltl.report.records import Study
-from pareto_ltl.settings import SitlConfig
+from pareto_ltl.run.records import EXPORTS, PLAN, PROBLEM, Records
+from pareto_ltl.run.stage_table import stage_seeds
+from pareto_ltl.settings import Settings, SitlConfig
 from pareto_ltl.settings.outputs import EXPORT_FILES
 from pareto_ltl.simulation.aircraft import (
     Air,
@@ -76,9 +78,8 @@ class SitlFlights:
 
 
 def run_sitl(
-    cfg: SitlConfig, level: str, problem: Problem, plan: Plan, files: Sequence[Path], seeds: SeedSequence,
-    progress: Callable[[int, int], None] | None = None,
-) -> Study:  # fmt: skip
+    settings: Settings, world: Records, _: Path, progress: Callable[[int, int], None] | None = None
+) -> Study:
     """The study: ``sitl.csv`` with a row for each flight, and the numbers that compare both aircraft.
 
     Raises
@@ -88,8 +89,9 @@ def run_sitl(
     DataError
         If the plan was not exported as a dead-reckoning table, or the robot has feedback.
     """
+    cfg, problem, plan = settings.sitl, world[PROBLEM], world[PLAN]
     require_jsbsim()
-    table = next((path for path in files if path.name == TABLE), None)
+    table = next((path for path in world[EXPORTS] if path.name == TABLE), None)
     if table is None:
         raise DataError(
             f"the plan was not exported as {TABLE}, which the aircraft needs: add dead_reckoning to "
@@ -100,7 +102,8 @@ def run_sitl(
             "an aircraft that flies by the table does not measure its position: set robot.feedback=0 and "
             "remove the landmarks of the map"
         )
-    height = max(height_of(level).metres, LOWEST)
+    height = max(height_of(flown_level(settings)).metres, LOWEST)
+    seeds = stage_seeds(settings.seed, "sitl")
     flown = fly_both(cfg, problem, plan, read_orders(table), height, seeds, progress)
     return sitl_study(cfg, flown)
 

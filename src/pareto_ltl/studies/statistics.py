@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from pareto_ltl.simulation.flights import clopper_pearson
 from pareto_ltl.support.arrays import BoolArray, FloatArray
+from pareto_ltl.support.counts import clopper_pearson
 
 Columns = dict[str, Any]  # columns of a table by name, or one of its rows
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -54,7 +54,8 @@ def kilometres_text(metres: float) -> str:
     return f"{metres / 1e3:.0f}" if math.isfinite(metres) else "-"
 
 
-def markdown_table(title: str, header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """A table in Markdown below its title."""
-    lines = [f"**{title}**", "", f"| {' | '.join(header)} |", f"|{'---|' * len(header)}"]
-    return "\n".join([*lines, *(f"| {' | '.join(row)} |" for row in rows), ""])
+def markdown_table(title: str, columns: Mapping[str, Callable[[Any], str]], rows: Iterable[Any]) -> str:
+    """A table in Markdown below its title: ``columns`` maps the head of a column to its cell in a row."""
+    lines = [f"**{title}**", "", f"| {' | '.join(columns)} |", f"|{'---|' * len(columns)}"]
+    cells = ([cell(row) for cell in columns.values()] for row in rows)
+    return "\n".join([*lines, *(f"| {' | '.join(row)} |" for row in cells), ""])

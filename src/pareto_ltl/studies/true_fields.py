@@ -7,11 +7,12 @@ from pathlib import Path
 
 import numpy as np
 
-from pareto_ltl.settings import FieldMissionsConfig, WindConfig
+from pareto_ltl.settings import ForecastTestConfig, WindConfig
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.resources import checkout
 from pareto_ltl.wind import field as lattices
+from pareto_ltl.wind import sources
 from pareto_ltl.wind.readings import Readings, iso, seconds, wrap_longitude
 from pareto_ltl.wind.records import WindField
 from pareto_ltl.world import projection
@@ -36,8 +37,24 @@ class Spell:
         return iso(self.start).replace(":", "").replace("-", "")[:11]
 
 
-def true_fields_folder(cfg: FieldMissionsConfig) -> Path:
-    """Folder of the full fields: from the settings, or beside the checkout; raises ConfigError if missing."""
+def full_fields(cfg: ForecastTestConfig) -> tuple[Path, ...]:
+    """The GRIB2 files of the full fields: of the folder in the settings, or beside the checkout.
+
+    Raises
+    ------
+    ConfigError
+        If there is no such folder.
+    DataError
+        If it holds no GRIB2 file.
+    """
+    folder = _folder(cfg)
+    files = tuple(sorted(f for f in folder.iterdir() if f.is_file() and sources.is_data_file(f)))
+    if not files:
+        raise DataError(f"{cfg.section}.truth={cfg.truth or folder}: the folder holds no GRIB2 file")
+    return files
+
+
+def _folder(cfg: ForecastTestConfig) -> Path:
     if cfg.truth is not None:
         place = Path(cfg.truth).expanduser()
         if not place.is_dir():
@@ -54,7 +71,7 @@ def true_fields_folder(cfg: FieldMissionsConfig) -> Path:
     )
 
 
-def spells(readings: Readings, cfg: FieldMissionsConfig) -> list[Spell]:
+def spells(readings: Readings, cfg: ForecastTestConfig) -> list[Spell]:
     """Runs of fields at most ``max_gap`` apart that are long enough for a mission."""
     times = readings.times
     breaks = np.flatnonzero(np.diff(times) > cfg.max_gap * 3600 + 1)
@@ -75,7 +92,7 @@ def spells(readings: Readings, cfg: FieldMissionsConfig) -> list[Spell]:
 
 
 def real_wind(
-    cfg: FieldMissionsConfig, wind_cfg: WindConfig, readings: Readings, scene: Scene, believed: WindField
+    cfg: ForecastTestConfig, wind_cfg: WindConfig, readings: Readings, scene: Scene, believed: WindField
 ) -> WindField:
     """The full fields over ``scene`` from departure on, with the white part of ``believed`` as gusts.
 
@@ -102,7 +119,7 @@ def real_wind(
     )
 
 
-def flight_times(cfg: FieldMissionsConfig, readings: Readings, scene: Scene) -> FloatArray:
+def flight_times(cfg: ForecastTestConfig, readings: Readings, scene: Scene) -> FloatArray:
     """Times of the fields that a flight can meet, from the last one at or before departure [s since then]."""
     times = readings.times - seconds(str(scene.time_zero))
     first = max(int(np.searchsorted(times, 0.0, side="right")) - 1, 0)

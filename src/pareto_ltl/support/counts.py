@@ -23,6 +23,19 @@ def binomial_tail(least: IntArray | int, runs: IntArray | int, chance: float) ->
     return np.asarray(np.where(k <= 0, 1.0, np.where(k > n, 0.0, tail)), float)
 
 
+def clopper_pearson(failures: int, runs: int, confidence: float = 0.95) -> tuple[float, float]:
+    """Exact confidence interval of a rate (Clopper and Pearson, Biometrika 26, 1934).
+
+    Eq. (M58) of docs/mathematics_methods.md.
+    """
+    from scipy.special import betaincinv
+
+    tail = (1 - confidence) / 2
+    low = 0.0 if failures == 0 else float(betaincinv(failures, runs - failures + 1, tail))
+    high = 1.0 if failures == runs else float(betaincinv(failures + 1, runs - failures, 1 - tail))
+    return low, high
+
+
 def hypergeometric_tail(least: int, total: int, marked: int, drawn: int) -> float:
     """P(X ≥ ``least``) of X marked items among ``drawn`` out of ``total``, of which ``marked`` are marked."""
     from scipy.special import gammaln

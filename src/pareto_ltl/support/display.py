@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from html import escape
-from importlib import import_module
-from typing import Any
+from typing import Any, ClassVar
 
 
 class Displayed:
     """Base of the records that users see. A subclass lists its key facts in :meth:`facts`.
 
-    Figures are drawn in ``report/notebook.py``, which :meth:`plot` imports by name, so that no record
-    depends on matplotlib.
+    :attr:`drawn` is set to a function from a record and options to its drawing where the package is put
+    together (``pareto_ltl/__init__.py``), so that no record depends on matplotlib.
     """
 
     __slots__ = ()
+    drawn: ClassVar[Callable[..., Any]]
 
     def facts(self) -> Mapping[str, str]:
         """The facts to show: name to text."""
@@ -38,7 +38,7 @@ class Displayed:
 
         Its method ``save`` writes a file; its attribute ``figure`` is the matplotlib figure.
         """
-        return import_module("pareto_ltl.report.notebook").draw_record(self, **options)
+        return self.drawn(**options)
 
 
 NEGLIGIBLE = 1e-9  # smaller probabilities are below the accuracy of any wind model

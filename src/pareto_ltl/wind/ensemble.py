@@ -89,10 +89,6 @@ def ensemble_readings(
     )
 
 
-def _files_of(group: dict[str, Snapshot]) -> tuple[Path, ...]:
-    return tuple(dict.fromkeys(file for snap in group.values() for file in snap.files))
-
-
 def _by_time(snapshots: Sequence[Snapshot]) -> dict[float, dict[str, Snapshot]]:
     """The members of each valid time [s since 1970] by name: that in the file, else the folder, and cycle."""
     groups: dict[float, dict[str, Snapshot]] = {}

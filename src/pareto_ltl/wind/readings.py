@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -63,6 +63,62 @@ class Readings:
     notes: tuple[str, ...] = ()
     members: tuple[FloatArray, ...] = ()
     forecast_share: float = 1.0
+
+    @classmethod
+    def of_arrays(
+        cls,
+        times: Sequence[str],
+        points: FloatArray,
+        winds: FloatArray,
+        *,
+        geographic: bool = True,
+        level: str = "10m",
+        leads: FloatArray | None = None,
+    ) -> Readings:
+        """Readings at the same places at all times, for :func:`pareto_ltl.plan`.
+
+        Parameters
+        ----------
+        times : sequence of K str
+            Increasing, ISO 8601; UTC if they have no offset.
+        points : (N, 2) float
+            Longitude and latitude [deg], or x and y of a plane [m].
+        winds : (K, N, 2) float
+            Towards east and north, or towards x and y [m/s].
+        geographic : bool
+            False for x and y.
+        level : str
+            Height of the wind, or depth of the current, as in ``wind.level``.
+        leads : (K,) float, optional
+            Valid time minus start of the forecast [s]; without it, the leads are not known.
+
+        Raises
+        ------
+        ValueError
+            If the shapes do not fit, or the times do not increase.
+        """
+        clock = np.array([seconds(text) for text in times])
+        places, speeds = np.array(points, float), np.array(winds, float)
+        ages = np.full(len(clock), np.nan) if leads is None else np.array(leads, float)
+        if places.ndim != 2 or speeds.shape != (len(clock), *places.shape) or places.shape[1] != 2:
+            raise ValueError(
+                f"expected points (N, 2) and winds (K, N, 2), got {places.shape}, {speeds.shape}"
+            )
+        if ages.shape != clock.shape or (np.diff(clock) <= 0).any():
+            raise ValueError(f"expected increasing times (K,), each with one lead, got {list(times)}")
+        if geographic:
+            places[:, 0] = wrap_longitude(places[:, 0])
+        return cls(
+            times=clock,
+            points=(places,) * len(clock),
+            winds=tuple(speeds),
+            geographic=geographic,
+            files=(),
+            remarks=tuple(map(lead_text, ages.tolist())),
+            origins=((),) * len(clock),
+            leads=ages,
+            level=level,
+        )
 
     @property
     def name(self) -> str:
@@ -128,6 +184,16 @@ def check_readings(
             f"{where(bad)}: wind speed {speed[bad]:.1f} m/s is not plausible; "
             f"drop it, or raise wind.max_speed (now {max_speed:g} m/s)"
         )
+
+
+def check_all_readings(readings: Readings, max_speed: float) -> None:
+    """:func:`check_readings` of every time."""
+    for time, points, winds in zip(readings.times, readings.points, readings.winds, strict=True):
+
+        def where(row: int, time: float = float(time)) -> str:
+            return f"wind readings of {iso(time)}, row {row}"
+
+        check_readings(points, winds, readings.geographic, max_speed, where)
 
 
 def wrap_longitude(lon: FloatArray) -> FloatArray:

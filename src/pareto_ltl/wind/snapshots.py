@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -52,6 +53,14 @@ class Snapshot:
     def remark(self) -> str:
         """``analysis`` or ``3 h forecast``; empty if the lead is not known."""
         return lead_text(self.lead)
+
+
+class Snapshots(NamedTuple):
+    """Every wind in ``files``, and ``notes`` of quality control, one line each."""
+
+    winds: tuple[Snapshot, ...]
+    files: tuple[Path, ...]
+    notes: tuple[str, ...] = ()
 
 
 def latest_readings(

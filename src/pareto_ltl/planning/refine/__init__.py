@@ -4,7 +4,7 @@ A tree path is feasible, but it is not straight and has more steps than it needs
 ``fidelity.refine=convex`` smoothing has three operations. *Pull* (``taut_lines``) draws a taut line through
 the points where the path visits its regions, around the corners of obstacles; for this search alone, outlines
 with many corners are simplified (``search_map``). *Walk* divides a line into as few steps as the wind allows,
-since every step adds covariance. *Bend* (``convex``) solves one convex programme about the last iterate,
+since every step adds covariance. *Bend* (``programme``) solves one convex programme about the last iterate,
 propagates exactly, and repeats.
 
 With ``fidelity.refine=sampled`` the failure rate of common flights is minimised directly (``sampled``), from
@@ -16,7 +16,7 @@ one start for each way to complete the mission (``starts``), at many lengths (``
 from __future__ import annotations
 
 from pareto_ltl.planning.refine.front_sweep import sampled_paths
-from pareto_ltl.planning.refine.parametrised import import_early
+from pareto_ltl.planning.refine.programme import import_early
 from pareto_ltl.planning.refine.smoothing import smooth_paths
 from pareto_ltl.planning.refine.sweep import MORE_FLIGHTS
 

@@ -10,12 +10,29 @@ import numpy as np
 from pareto_ltl.planning.refine.length_caps import front_of
 from pareto_ltl.planning.refine.sampled import Candidate, path_length
 from pareto_ltl.planning.refine.starts import Start, StartKind
-from pareto_ltl.planning.refine.sweep import COARSE, Sweep, on_other_sides, smoothed, timed_means
+from pareto_ltl.planning.refine.sweep import COARSE, WARM, Sweep, on_other_sides, smoothed, timed_means
 
 LOOSE = 1.1  # factor by which the first polish may lengthen a start
 LINES, GROWN, LONGEST = 12, 6, 2  # starts that are polished: the best lines and tree paths, and the longest
 FLIPPED = 2  # candidates that are tried on the other side of obstacles
 HOPELESS = 0.3  # share of the success of the best start below which candidates are dropped
+
+
+def looks(sweep: Sweep, pool: ThreadPoolExecutor, starts: Mapping[StartKind, Start]) -> list[Candidate]:
+    """What cheap polishes make of the most promising starts, the hopeful ones polished twice; best first."""
+    seen = first_looks(sweep, pool, starts)
+    hopeful = [k for k in seen if k.smoothed < hopeless_above(seen)]
+    return sorted([*seen, *second_looks(sweep, pool, hopeful)], key=smoothed)
+
+
+def second_looks(sweep: Sweep, pool: ThreadPoolExecutor, seen: Sequence[Candidate]) -> Iterable[Candidate]:
+    """The paths polished again at their own lengths, to find the length cap to begin with."""
+    how = sweep.polish_of(WARM, 1, 3)
+
+    def again(k: Candidate) -> Candidate:
+        return k if sweep.over else sweep.refiner.polish(k.flight.x, sweep.few, how, k.length, k.origin)
+
+    return pool.map(again, seen)
 
 
 def first_looks(sweep: Sweep, pool: ThreadPoolExecutor, starts: Mapping[StartKind, Start]) -> list[Candidate]:

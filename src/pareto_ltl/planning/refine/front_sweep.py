@@ -1,32 +1,37 @@
 """The front of failure rate and length: sweeps of the length cap in the best classes of paths.
 
-All starts are ranked by one simulation, and the most promising polished cheaply (``first_looks``), to find
+All starts are ranked by one simulation, and the most promising polished cheaply (``looks``), to find
 the lengths that reduce the failure rate. From the longest of these the cap falls until no path satisfies it,
 and rises until two longer levels in a row have no lower failure rate (``levels``). A level begins with the
 best classes of the level before, in several numbers of steps from the fewest upwards. The non-dominated paths
-are polished once more on more flights (``last_polish``).
+are polished once more on more flights, and at last within the chance constraints of all segments
+(``last_polish``).
 
 For a robot with a power curve, points of the front are also polished in more steps: at lower airspeeds a path
 may take less energy.
 
 With a time budget the sweeps end when most of it is spent. If some is left after them, paths of the front are
 varied and polished again until it is spent (``improving``).
+
+A coarser search (:func:`coarse`) comes first: its paths are starts of the search, and stay on the front.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from functools import partial
 from itertools import chain
 
 import numpy as np
 
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import Forest, PlannedPath
-from pareto_ltl.planning.refine.first_looks import first_looks, hopeless_above
+from pareto_ltl.planning.refine.first_looks import hopeless_above, looks
 from pareto_ltl.planning.refine.improving import improved_fronts
 from pareto_ltl.planning.refine.last_polish import (
+    closed,
     finished_points,
     lengthened_points,
     planned_paths,
@@ -37,13 +42,15 @@ from pareto_ltl.planning.refine.length_caps import front_of
 from pareto_ltl.planning.refine.levels import filled_gaps, swept_down, swept_up
 from pareto_ltl.planning.refine.sampled import Candidate, CommonFlights
 from pareto_ltl.planning.refine.starts import Start, StartKind, first_starts
-from pareto_ltl.planning.refine.sweep import new_sweep
+from pareto_ltl.planning.refine.sweep import Sweep, new_sweep, reassessed, smoothed
 from pareto_ltl.planning.selection import hypervolume
 from pareto_ltl.settings import RefineConfig
 from pareto_ltl.support.budget import UNLIMITED, Budget
 from pareto_ltl.support.cores import cores
 
 Progress = Callable[..., None]
+COARSE_EFFORT = {"points": 8, "flights": 500, "classes": 2}  # upper limits of the settings of a coarse search
+COARSE_SHARE = 0.4  # of a time budget: growth and the coarse search
 
 
 def sampled_paths(
@@ -57,42 +64,68 @@ def sampled_paths(
     InfeasibleError
         If there were starts and none became a path; the message says what is wrong with the best one.
     """
-    found = refine_front(cfg, problem, first_starts(problem, forest), flights, progress, budget)
+    sweep, known = new_sweep(cfg, problem, flights, budget), list[Candidate]()
+    with ThreadPoolExecutor(cores()) as pool:
+        seen = looks(sweep, pool, first_starts(problem, forest))
+        if coarse(cfg) != cfg:
+            rough = new_sweep(coarse(cfg), problem, flights, budget.until(COARSE_SHARE))
+            known = searched(rough, pool, seen)
+        found = searched(sweep, pool, [*seen, *(reassessed(sweep, sweep.few, k) for k in known)], progress)
+        again = [reassessed(sweep, sweep.flights, k) for k in known]
+        found += [k for k in again if not any(beats(other, k) for other in found)]
+        ended = list(pool.map(partial(closed, sweep), found))
+    begun = {id(end): k for end, k in zip(ended, found, strict=True)}
 
-    def repairs(k: Candidate) -> Iterable[Candidate]:
-        return repaired(new_sweep(cfg, problem, flights, budget), k)
+    def repairs(k: Candidate) -> Iterator[Candidate]:
+        yield begun[id(k)]  # the last solves may have left a region that hardly any flight reaches
+        yield from repaired(sweep, k)
 
-    return planned_paths(problem, found, repairs)
+    return planned_paths(problem, ended, repairs)
+
+
+def coarse(cfg: RefineConfig) -> RefineConfig:
+    """``cfg`` limited to :data:`COARSE_EFFORT`: less than half the time, slightly worse plans."""
+    return replace(cfg, **{name: min(getattr(cfg, name), limit) for name, limit in COARSE_EFFORT.items()})
 
 
 def refine_front(
     cfg: RefineConfig, problem: Problem, starts: Mapping[StartKind, Start], flights: CommonFlights,
     progress: Progress | None = None, budget: Budget = UNLIMITED,
 ) -> list[Candidate]:  # fmt: skip
-    """Non-dominated candidates in length and smoothed failure, shortest first.
+    """The result of one search from ``starts``: looks, then :func:`searched`."""
+    sweep = new_sweep(cfg, problem, flights, budget)
+    with ThreadPoolExecutor(cores()) as pool:
+        return searched(sweep, pool, looks(sweep, pool, starts), progress)
+
+
+def searched(
+    sweep: Sweep, pool: ThreadPoolExecutor, seen: Iterable[Candidate], progress: Progress | None = None
+) -> list[Candidate]:
+    """Non-dominated candidates in length and smoothed failure, shortest first, from those ``seen``.
 
     With a power curve, slower ones that take less energy follow them.
     """
-    sweep = new_sweep(cfg, problem, flights, budget)
-    told = _Teller(progress)
-    with ThreadPoolExecutor(cores()) as pool:
-        seen = first_looks(sweep, pool, starts)
-        sweep = replace(sweep, hopeless=hopeless_above(seen))
-        told(1, seen)
-        levels = swept_down(sweep, pool, seen)
-        told(2, [*seen, *chain(*levels)])
-        levels += swept_up(sweep, pool, levels)
-        levels += filled_gaps(sweep, pool, levels)
-        front = front_of(chain(*levels)) or seen[:1]
+    seen, told = sorted(seen, key=smoothed), _Teller(progress)
+    sweep = replace(sweep, hopeless=hopeless_above(seen))
+    told(1, seen)
+    levels = swept_down(sweep, pool, seen)
+    told(2, [*seen, *chain(*levels)])
+    levels += swept_up(sweep, pool, levels)
+    levels += filled_gaps(sweep, pool, levels)
+    front = front_of(chain(*levels)) or seen[:1]
+    told(3, front)
+    for better in improved_fronts(sweep, pool, front):
+        front = better
         told(3, front)
-        for better in improved_fronts(sweep, pool, front):
-            front = better
-            told(3, front)
-        found = front_of(finished_points(sweep, pool, front))
-        found = front_of([*found, *lengthened_points(sweep, found)])
-        told(4, found)
-        found += slower_points(sweep, pool, found)
-    return found
+    found = front_of(finished_points(sweep, pool, front))
+    found = front_of([*found, *lengthened_points(sweep, found)])
+    told(4, found)
+    return [*found, *slower_points(sweep, pool, found)]
+
+
+def beats(one: Candidate, other: Candidate) -> bool:
+    """Whether ``one`` is not longer and fails no more often."""
+    return one.length <= other.length and one.failed <= other.failed
 
 
 class _Teller:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 
@@ -24,6 +25,7 @@ LENGTHENED = 1.05  # ratio of the length caps beyond the longest point
 FEW, RARE = 3, 30  # failures of a polished path: below RARE too few to polish with, below FEW no matter
 REPAIRS = (0, 1, 2, 4)  # steps added to a path that cannot be flown
 SLOWER = (1.2, 1.45, 1.75)  # factors on the number of steps, where lower airspeeds may save energy
+CLOSING = (1, 6)  # solves of the convex programme for each point, and for one that still breaks epsilon
 ECONOMIC = 8  # points of a front, at most, that are tried at lower airspeeds
 
 
@@ -62,6 +64,17 @@ def _finished(sweep: Sweep, k: Candidate, cap: float) -> Candidate:
     if not FEW <= made.failed * len(sweep.flights) < RARE:
         return made
     return refiner.polish(made.flight.x, sweep.many, sweep.polish_of(FINE[-1:], 1, 4), cap, k.origin)
+
+
+def closed(sweep: Sweep, k: Candidate) -> Candidate:
+    """``k`` after the last solves, by the convex programme; more of them where a segment breaks epsilon."""
+    flights = sweep.many if FEW <= k.failed * len(sweep.flights) < RARE else sweep.flights
+    for solves in CLOSING:
+        how = sweep.polish_of(FINE[-1:], 1, solves)
+        k = sweep.closing.polish(k.flight.x, flights, how, k.length, k.origin)
+        if sweep.closing.penalty(k.flight, math.inf) == 0.0:
+            break
+    return k
 
 
 def _fitting(problem: Problem, k: Candidate, cap: float) -> FloatArray:
@@ -144,4 +157,5 @@ def repaired(sweep: Sweep, k: Candidate) -> Iterator[Candidate]:
     """``k`` polished again, in more steps each time: slower, and closer to the places to be visited."""
     for more in REPAIRS:
         x = resampled_means(sweep.problem, k.flight.x, min(k.steps + more, sweep.problem.horizon))
-        yield sweep.refiner.polish(x, sweep.flights, sweep.polish_of(FINE[-1:], 1, 4), k.length, k.origin)
+        made = sweep.refiner.polish(x, sweep.flights, sweep.polish_of(FINE[-1:], 1, 4), k.length, k.origin)
+        yield closed(sweep, made)

@@ -31,7 +31,6 @@ RISING = 2  # classes of a level that the rising sweep continues
 def swept_down(sweep: Sweep, pool: ThreadPoolExecutor, seen: Sequence[Candidate]) -> list[list[Candidate]]:
     """The best classes at falling caps, from the longest length that pays."""
     seen = [k for k in seen if k.smoothed < sweep.hopeless]
-    seen += _second_looks(sweep, pool, seen)
     if not seen:
         return []
     cap, levels = _longer_levels(sweep, pool, seen, _longest_worth(seen))
@@ -71,16 +70,6 @@ def _longer_levels(
         if vain == 0:
             longest, least = best.length, best.smoothed
     return longest, levels
-
-
-def _second_looks(sweep: Sweep, pool: ThreadPoolExecutor, seen: Sequence[Candidate]) -> Iterable[Candidate]:
-    """The paths polished again at their own lengths, to find the length cap to begin with."""
-    how = sweep.polish_of(WARM, 1, 3)
-
-    def again(k: Candidate) -> Candidate:
-        return k if sweep.over else sweep.refiner.polish(k.flight.x, sweep.few, how, k.length, k.origin)
-
-    return pool.map(again, seen)
 
 
 def _longest_worth(seen: Iterable[Candidate]) -> float:

@@ -6,7 +6,9 @@ is the smoothed failure
     mean_i σ(-m_i / τ),     τ falling from a share of the map to a few kilometres,
 
 m_i the margin of flight i (:mod:`pareto_ltl.kernels.margin`), by one second-order cone programme a step with
-the gradient and the Hessian of the binding events, within airspeed, map and the longest length allowed.
+the gradient and the Hessian of the binding events, within airspeed, map and the longest length allowed. The
+sweeps of a front solve it by :mod:`pareto_ltl.kernels.step_solver`; its last polish is that of
+:class:`ConstrainedRefiner`, the same programme with the chance constraint of every segment, in cvxpy.
 """
 
 from __future__ import annotations
@@ -22,11 +24,14 @@ from pareto_ltl.kernels.path import Flight
 from pareto_ltl.planning.evaluate import airspeed_limits, propagate, propagate_controls
 from pareto_ltl.planning.margin_model import margin_scratch
 from pareto_ltl.planning.problem import Problem
-from pareto_ltl.planning.reference import wind_and_gradient
+from pareto_ltl.planning.refine.programme import Programmes
+from pareto_ltl.planning.refine.separation import allowed_risk, separation
 from pareto_ltl.planning.refine.step_programme import Descent, next_means
 from pareto_ltl.planning.refine.taut_lines import CAP
+from pareto_ltl.planning.wind_lookup import wind_and_gradient
 from pareto_ltl.support.arrays import FloatArray, IntArray
 
+EXCESS = 10.0  # penalty per relative risk of a segment above epsilon
 OVERLONG = 20.0  # penalty per relative length above the cap: more than any failure
 SHORTENED = 0.985  # one solve may shorten the path to this share of its length, not further
 WIDER, NARROWER, NARROWEST = 1.5, 0.35, 0.01  # factors of the trust region after a success or not; its least
@@ -123,6 +128,14 @@ class Refiner:
 
     # --- polishing ---
 
+    def step(self, flight: Flight, here: Descent, trust: float, cap: float) -> FloatArray | None:
+        """Means (T+1, 2) [m] that lower the model ``here`` about those of ``flight``; None: none found."""
+        return next_means(self.problem, flight, here, trust, cap)
+
+    def penalty(self, flight: Flight, longest: float) -> float:
+        """What violated limits add to the failure: the length above ``longest`` [m]."""
+        return OVERLONG * max(0.0, path_length(flight.x) / longest - 1.0)
+
     def polish(
         self, x: FloatArray, flights: CommonFlights, how: Polish, longest: float, origin: str = ""
     ) -> Candidate:
@@ -155,17 +168,17 @@ class Refiner:
                     break
                 if len(rows) < ALL * len(margins):
                     off, near = np.ascontiguousarray(off[:, :, rows]), near.only(rows)
-            value = here.value + _overlong(flight, longest)
+            value = here.value + self.penalty(flight, longest)
             before = value
             for _ in range(how.inner):
                 cap = max(longest, SHORTENED * path_length(flight.x))
-                y = next_means(self.problem, flight, here, trust, cap)
+                y = self.step(flight, here, trust, cap)
                 if y is None:
                     trust *= NARROWER
                     continue
                 other = self.flown(y)
                 there, _ = self.slope(other.x, off, width, runs)
-                now = there.value + _overlong(other, longest)
+                now = there.value + self.penalty(other, longest)
                 if now < value:
                     gain = (value - now) / value
                     flight, here, value, trust = other, there, now, min(WIDER * trust, 1.0)
@@ -180,13 +193,26 @@ class Refiner:
         return flight, near
 
 
+@dataclass(slots=True)
+class ConstrainedRefiner(Refiner):
+    """Polishes within ``planner.epsilon`` in every segment, by the programme of :mod:`~.programme`."""
+
+    programmes: Programmes
+
+    def step(self, flight: Flight, here: Descent, trust: float, cap: float) -> FloatArray | None:
+        """The solution of the convex programme."""
+        return self.programmes.of(len(flight.u)).descend(flight, here, trust, cap)
+
+    def penalty(self, flight: Flight, longest: float) -> float:
+        """Also the risks of segments above epsilon, relative to it."""
+        risk, limit = separation(self.problem, flight).risk, allowed_risk(self.problem)
+        above = np.maximum(risk / limit - 1.0, 0.0).sum()
+        return Refiner.penalty(self, flight, longest) + EXCESS * float(above)
+
+
 def _deviations(positions: FloatArray, x: FloatArray) -> FloatArray:
     """Deviations (T+1, 2, n) of ``positions`` (n, T+1, 2) from the means ``x`` (T+1, 2)."""
     return np.ascontiguousarray(np.moveaxis(positions - x, 0, 2))
-
-
-def _overlong(flight: Flight, longest: float) -> float:
-    return OVERLONG * max(0.0, path_length(flight.x) / longest - 1.0)
 
 
 def steps_needed(problem: Problem, x: FloatArray) -> FloatArray:

@@ -14,12 +14,12 @@ import numpy as np
 from pareto_ltl.planning.evaluate import completing_path, evaluate_path, propagate
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import PlannedPath, objective_row
-from pareto_ltl.planning.refine.convex import Programme, bend_path, smoothing_programme
 from pareto_ltl.planning.refine.obligations import completes, path_obligations
 from pareto_ltl.planning.refine.orders import MissionOrder, mission_order
 from pareto_ltl.planning.refine.pacing import paced_line
-from pareto_ltl.planning.refine.risk_sharing import risk_sharing
+from pareto_ltl.planning.refine.programme import Programme, programme
 from pareto_ltl.planning.refine.search_map import search_map
+from pareto_ltl.planning.refine.separation import kept_deviations
 from pareto_ltl.planning.refine.step_programme import NARROWEST
 from pareto_ltl.planning.refine.taut_lines import CAP, pull_taut, taut_line, walk_line
 from pareto_ltl.settings import SmoothingConfig
@@ -63,8 +63,7 @@ class SmoothingTask:
 
     def bend(self, x: FloatArray, weight: float, trust: float) -> FloatArray | None:
         """One convex solve about ``x`` (T+1, 2)."""
-        cov = propagate(self.problem, x).cov
-        return bend_path(self.model, self.problem, x, cov, weight, trust, self.shortest)
+        return self.model.bend(x, weight, trust, self.shortest)
 
 
 def smooth_paths(
@@ -142,7 +141,7 @@ def fitting_programme(problem: Problem, begun: Sequence[Start]) -> Programme:
     asked = (path_obligations(problem, start.x, propagate(problem, start.x).cov) for start in begun)
     witnesses = max(len(obligations.witness) for obligations in asked)
     faces = int(np.diff(search_map(problem).witness.ptr).max())
-    return smoothing_programme(problem, -(-steps // 8) * 8, witnesses + 1, faces)
+    return programme(problem, -(-steps // 8) * 8, witnesses + 1, faces)
 
 
 def flown_path(problem: Problem, x: FloatArray) -> PlannedPath | None:
@@ -178,7 +177,7 @@ def taut_starts(cfg: SmoothingConfig, problem: Problem, paths: Sequence[PlannedP
         if plan is not None:
             firsts.setdefault(plan, path)
     for plan, path in firsts.items():
-        line = taut_line(problem, plan, path, depth, risk_sharing(problem).kept)
+        line = taut_line(problem, plan, path, depth, kept_deviations(problem))
         x = None if line is None else walk_line(problem, line)
         x = None if x is None else paced_line(problem, x)
         if x is not None and completes(problem, x):
@@ -196,7 +195,7 @@ def shortened_path(problem: Problem, x: FloatArray) -> FloatArray | None:
     """``x`` pulled taut between its witnesses and flown in the fewest steps; None where the mission fails."""
     cov = propagate(problem, x).cov
     witnesses = [t for t, _ in path_obligations(problem, x, cov).witness]
-    y = walk_line(problem, pull_taut(problem, x, cov, witnesses, risk_sharing(problem).kept))
+    y = walk_line(problem, pull_taut(problem, x, cov, witnesses, kept_deviations(problem)))
     y = None if y is None else paced_line(problem, y)
     return y if y is not None and completes(problem, y) else None
 

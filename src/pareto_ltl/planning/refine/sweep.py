@@ -12,9 +12,11 @@ from pareto_ltl.planning.margin_model import margin_model
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.refine.length_caps import KEPT
 from pareto_ltl.planning.refine.path_classes import PathClass, path_class
+from pareto_ltl.planning.refine.programme import Programmes
 from pareto_ltl.planning.refine.sampled import (
     Candidate,
     CommonFlights,
+    ConstrainedRefiner,
     Polish,
     Refiner,
     resampled_means,
@@ -40,6 +42,8 @@ class Sweep:
 
     The common flights, the time ``budget``, and the smoothed failure above which paths are ``hopeless``.
 
+    The last polish is that of ``closing``, within the chance constraints.
+
     Sweeps use ``few`` flights, the last polish ``flights``, and paths that rarely fail ``many``: the first of
     the same flights.
     """
@@ -47,6 +51,7 @@ class Sweep:
     cfg: RefineConfig
     problem: Problem
     refiner: Refiner
+    closing: ConstrainedRefiner
     few: CommonFlights
     flights: CommonFlights
     many: CommonFlights
@@ -72,10 +77,12 @@ def new_sweep(
     def first(runs: int) -> CommonFlights:
         return flights.only(np.arange(min(runs, len(flights))))
 
-    refiner, usual = Refiner(problem, margin_model(problem)), cfg.flights
+    model, usual = margin_model(problem), cfg.flights
+    closing = ConstrainedRefiner(problem, model, Programmes(problem))
     return Sweep(
-        cfg, problem, refiner, first(cfg.sweep_flights), first(usual), first(MORE_FLIGHTS * usual), budget
-    )
+        cfg, problem, Refiner(problem, model), closing, first(cfg.sweep_flights), first(usual),
+        first(MORE_FLIGHTS * usual), budget,
+    )  # fmt: skip
 
 
 def timed_means(problem: Problem, x: FloatArray, spare: int) -> FloatArray:
@@ -98,6 +105,11 @@ def held_within(
 
     made = pool.map(one, lines)
     return [k for k in made if k is not None and k.length <= KEPT * cap and k.smoothed < sweep.hopeless]
+
+
+def reassessed(sweep: Sweep, flights: CommonFlights, k: Candidate) -> Candidate:
+    """A path of another search, its failures those of ``flights``."""
+    return sweep.refiner.assessed(k.flight, flights, sweep.polish_of(WARM, 1, 1).widths[-1], k.origin)
 
 
 def best_of_classes(problem: Problem, found: Iterable[Candidate], most: int) -> list[Candidate]:

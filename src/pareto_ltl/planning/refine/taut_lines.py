@@ -13,12 +13,12 @@ import numpy as np
 from pareto_ltl.kernels import data as kd
 from pareto_ltl.kernels.visibility import TOUCH, Distances, Places, arrivals, seen_places
 from pareto_ltl.planning.problem import Problem
-from pareto_ltl.planning.reference import wind_at_place
 from pareto_ltl.planning.refine.bends import bend_places, gap_places
 from pareto_ltl.planning.refine.course import FACE_MARGIN, Course, mission_course
 from pareto_ltl.planning.refine.obligations import face_deviations
 from pareto_ltl.planning.refine.orders import MissionOrder
 from pareto_ltl.planning.refine.search_map import search_map
+from pareto_ltl.planning.wind_lookup import interpolate
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 
 CAP = 0.999  # share of u_max to plan with: the wind is not exactly linear over a trust region
@@ -35,7 +35,8 @@ def walk_line(problem: Problem, line: FloatArray) -> FloatArray | None:
         while np.linalg.norm(corner - x[-1]) > FACE_MARGIN:
             if len(x) > last:
                 return None
-            s = longest_share(motion, x[-1], corner, wind_at_place(problem.wind, len(x) - 1, x[-1]))
+            wind = interpolate(problem.wind, problem.wind.mean, len(x) - 1, x[-1])
+            s = longest_share(motion, x[-1], corner, wind)
             if s <= 1e-3:
                 return None
             x.append(corner if s >= 1.0 else x[-1] + s * (corner - x[-1]))

@@ -17,7 +17,7 @@ const lengthUnit = PAGE.points.some(row => row.length >= 2000) ? ["km", 1e-3] : 
 
 function pointText(row, k) {
   const told = [`point ${k}${k === PAGE.chosen ? ", the chosen plan" : ""}`, failureText(row), `${distance(row.length)}, ${duration(row.duration)}`];
-  if (row.energy !== null) told.push(`${(row.energy / 3600).toPrecision(4)} Wh`);
+  told.push(...row.costs);
   if (row.order) told.push(plain(row.order));
   return told.join("<br>");
 }

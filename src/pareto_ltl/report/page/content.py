@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from pareto_ltl.logic.in_words import mission_in_words
-from pareto_ltl.planning.records import FailureRate, Front, PlannedPath
+from pareto_ltl.planning.costs import cost_named
+from pareto_ltl.planning.records import FailureRate, Front, PlannedPath, counted_rate
 from pareto_ltl.report.page.ground import map_on_earth, shown_map, shown_trees, shown_wind
 from pareto_ltl.report.page.machine import shown_automaton
 from pareto_ltl.report.page.points import (
@@ -21,8 +22,7 @@ from pareto_ltl.report.page.points import (
 )
 from pareto_ltl.report.page.shown_run import ShownRun
 from pareto_ltl.simulation.failure_times import CAUSES
-from pareto_ltl.simulation.flights import counted_rate
-from pareto_ltl.support.display import distance_text, energy_text, interval_text, probability_text
+from pareto_ltl.support.display import distance_text, interval_text, probability_text
 from pareto_ltl.world.navigation import utc_times
 
 SCHEMA = "pareto_ltl.page/1"
@@ -151,10 +151,9 @@ def _headline(run: ShownRun, path: PlannedPath, chosen: int | None) -> list[dict
         {"name": "length", "value": distance_text(path.objectives.length), "note": "of the expected path"},
         {"name": "duration", "value": _duration(hours), "note": f"{len(path.u)} steps of {plan.dt:,.6g} s"},
     ]
-    if path.objectives.energy is not None:
-        facts.append(
-            {"name": "energy", "value": energy_text(path.objectives.energy), "note": "for the airspeeds"}
-        )
+    for name, value in path.objectives.further_costs.items():
+        row = cost_named(name)
+        facts.append({"name": name, "value": row.text(value), "note": row.note})
     if times is not None:
         for name, time in (("departure", times[0]), ("arrival", times[-1])):
             facts.append({"name": name, "value": f"{time[11:16]} UTC", "note": time[:10]})

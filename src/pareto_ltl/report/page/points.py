@@ -7,14 +7,16 @@ from typing import Any
 import numpy as np
 
 from pareto_ltl.exports.navigation_log import NavigationLog, navigation_log
+from pareto_ltl.planning.costs import cost_named
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import Front, Objectives, PlannedPath
 from pareto_ltl.report.page.ground import DEGREES, metre_digits, rounded
 from pareto_ltl.report.page.shown_run import ShownRun
 from pareto_ltl.simulation.failure_times import failure_times
-from pareto_ltl.simulation.flights import DRAWS, clopper_pearson, simulate_flights, unspawned
+from pareto_ltl.simulation.flights import DRAWS, simulate_flights, unspawned
 from pareto_ltl.simulation.records import Deployment
 from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.support.counts import clopper_pearson
 from pareto_ltl.support.files import plain_data
 from pareto_ltl.world.navigation import utc_times
 
@@ -46,7 +48,8 @@ def shown_points(front: Front) -> list[dict[str, Any]]:
         row = {
             "length": cost.length, "mission": cost.mission_risk, "collision": cost.collision_risk,
             "duration": float(path.t[-1] - path.t[0]), "steps": len(path.u), "order": path.order,
-            "origin": path.origin, "energy": cost.energy,
+            "origin": path.origin,
+            "costs": [cost_named(name).text(value) for name, value in cost.further_costs.items()],
         }  # fmt: skip
         if rate is None:
             row |= {

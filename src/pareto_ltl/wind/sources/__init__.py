@@ -11,16 +11,19 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from pareto_ltl.settings import WindConfig
+from pareto_ltl.settings.wind import WIND_SOURCES
 from pareto_ltl.support import extensions
-from pareto_ltl.support.errors import DataError
+from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.extensions import known_kind
 from pareto_ltl.wind.area import ALL_WIND, Wanted
 from pareto_ltl.wind.levels import DEPTH, parse_level
 from pareto_ltl.wind.readings import CALM, Readings
+from pareto_ltl.wind.snapshots import latest_readings
 from pareto_ltl.wind.sources.csv_files import read_csv_files
 from pareto_ltl.wind.sources.ensemble_files import read_ensemble_files
-from pareto_ltl.wind.sources.grib_apart import read_grib_apart
-from pareto_ltl.wind.sources.netcdf_files import CURRENTS, WINDS, read_netcdf_files
+from pareto_ltl.wind.sources.grib_apart import grib_snapshots_apart
+from pareto_ltl.wind.sources.magic import first_bytes, format_of
+from pareto_ltl.wind.sources.netcdf_files import CURRENTS, WINDS, Quantity, netcdf_snapshots
 from pareto_ltl.wind.sources.noaa import noaa_files, read_noaa
 from pareto_ltl.wind.sources.station_files import read_station_files
 
@@ -74,7 +77,7 @@ class WindSource:
     forecast_error: str = "gfs"
 
 
-def _sample_files(_cfg: WindConfig, _wanted: Wanted = ALL_WIND) -> tuple[Path, ...]:
+def _sample_files(_cfg: WindConfig, _wanted: Wanted) -> tuple[Path, ...]:
     return (SAMPLE_FILE,)
 
 
@@ -87,7 +90,7 @@ def _no_files(_cfg: WindConfig, _wanted: Wanted) -> tuple[Path, ...]:
 
 
 def _read_sample(cfg: WindConfig, _wanted: Wanted) -> Readings:
-    return read_csv_files(_sample_files(cfg), cfg.max_speed)
+    return read_csv_files((SAMPLE_FILE,), cfg.max_speed)
 
 
 def _read_csv(cfg: WindConfig, _wanted: Wanted) -> Readings:
@@ -101,14 +104,19 @@ def _read_csv(cfg: WindConfig, _wanted: Wanted) -> Readings:
 
 
 def _read_grib(cfg: WindConfig, wanted: Wanted) -> Readings:
-    return read_grib_apart(data_files(cfg), cfg.max_speed, cfg.level, wanted.area)
+    return latest_readings(*grib_snapshots_apart(data_files(cfg), cfg.max_speed, cfg.level, wanted.area))
 
 
-def _read_netcdf(cfg: WindConfig, wanted: Wanted) -> Readings:
-    return read_netcdf_files(data_files(cfg), WINDS, cfg.level, cfg.max_speed, wanted.area)
+def _read_netcdf(cfg: WindConfig, wanted: Wanted, quantity: Quantity = WINDS) -> Readings:
+    files = data_files(cfg)
+    return latest_readings(*netcdf_snapshots(files, quantity, cfg.level, cfg.max_speed, wanted.area))
 
 
-def _ensemble_files(cfg: WindConfig, _wanted: Wanted = ALL_WIND) -> tuple[Path, ...]:
+def _read_currents(cfg: WindConfig, wanted: Wanted) -> Readings:
+    return _read_netcdf(cfg, wanted, CURRENTS)
+
+
+def _ensemble_files(cfg: WindConfig, _wanted: Wanted) -> tuple[Path, ...]:
     """As :func:`data_files`, including the files in subfolders, one for each member."""
     path = Path(str(cfg.path)).expanduser()
     below = [file for file in path.glob("*/*") if file.is_file() and is_data_file(file)]
@@ -119,33 +127,45 @@ def _ensemble_files(cfg: WindConfig, _wanted: Wanted = ALL_WIND) -> tuple[Path, 
 
 
 def _read_ensemble(cfg: WindConfig, wanted: Wanted) -> Readings:
-    files = _ensemble_files(cfg, wanted)
-    return read_ensemble_files(files, cfg, wanted.area)
-
-
-def _read_currents(cfg: WindConfig, wanted: Wanted) -> Readings:
-    return read_netcdf_files(data_files(cfg), CURRENTS, cfg.level, cfg.max_speed, wanted.area)
+    return read_ensemble_files(_ensemble_files(cfg, wanted), cfg, wanted.area)
 
 
 def _read_stations(cfg: WindConfig, wanted: Wanted) -> Readings:
     return read_station_files(data_files(cfg), cfg.max_speed, wanted.area)
 
 
+def _read_given(_cfg: WindConfig, _wanted: Wanted) -> Readings:
+    raise ConfigError(
+        "wind.source=given: the wind is an object in Python, pareto_ltl.plan(..., wind=readings); expected "
+        "a source that reads files"
+    )
+
+
 def _read_calm(_cfg: WindConfig, _wanted: Wanted) -> Readings:
     return CALM
 
 
-SOURCES = {
-    "sample": WindSource(_read_sample, _sample_files, forecast_error="none"),
-    "csv": WindSource(_read_csv, _listed_files),
-    "grib": WindSource(_read_grib, _listed_files),
-    "netcdf": WindSource(_read_netcdf, _listed_files),
-    "stations": WindSource(_read_stations, _listed_files, forecast_error="none"),
-    "noaa": WindSource(read_noaa, noaa_files),
-    "currents": WindSource(_read_currents, _listed_files, forecast_error="none"),
-    "ensemble": WindSource(_read_ensemble, _ensemble_files),
-    "calm": WindSource(_read_calm, _no_files, forecast_error="none"),
+_READERS = {
+    "sample": (_read_sample, _sample_files),
+    "csv": (_read_csv, _listed_files),
+    "grib": (_read_grib, _listed_files),
+    "netcdf": (_read_netcdf, _listed_files),
+    "stations": (_read_stations, _listed_files),
+    "noaa": (read_noaa, noaa_files),
+    "currents": (_read_currents, _listed_files),
+    "ensemble": (_read_ensemble, _ensemble_files),
+    "given": (_read_given, _no_files),
+    "calm": (_read_calm, _no_files),
 }
+SOURCES = {
+    name: WindSource(*_READERS[name], forecast_error=kind.forecast_error)
+    for name, kind in WIND_SOURCES.items()
+}
+
+
+def source_of_file(path: Path) -> str:
+    """The value of ``wind.source`` that reads the file ``path``: ``grib``, ``netcdf`` or ``csv``."""
+    return {"GRIB": "grib", "NetCDF": "netcdf"}.get(str(format_of(first_bytes(path))), "csv")
 
 
 def wind_source(cfg: WindConfig) -> WindSource:
@@ -169,5 +189,6 @@ __all__ = [
     "data_files",
     "is_data_file",
     "read_readings",
+    "source_of_file",
     "wind_source",
 ]

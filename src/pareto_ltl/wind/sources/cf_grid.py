@@ -4,107 +4,100 @@ from __future__ import annotations
 
 import re
 import warnings
-from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pareto_ltl.support.arrays import FloatArray, IntArray
+from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.wind.area import GeoBox, refuse_empty_crop
-from pareto_ltl.wind.levels import DEPTH, HEIGHT, PRESSURE, Level
-from pareto_ltl.wind.readings import wrap_longitude
-from pareto_ltl.wind.sources.cf_file import CfFile, CfVariable
-from pareto_ltl.wind.sources.cf_units import duration_factor, level_unit, time_scale
-from pareto_ltl.world.projection import meridian_convergence
+from pareto_ltl.support.messages import shown_text, shown_value
+from pareto_ltl.wind.area import GeoBox
+from pareto_ltl.wind.levels import DEPTH, PRESSURE, Level
+from pareto_ltl.wind.sources.fields import Nodes, crop
+from pareto_ltl.world.projection import meridian_convergence, to_geographic
 
-LATITUDES = re.compile(r"degrees?_?n(orth)?")
-LONGITUDES = re.compile(r"degrees?_?e(ast)?")
-LATITUDE_NAMES = ("lat", "latitude", "nav_lat", "xlat", "y_lat")
-LONGITUDE_NAMES = ("lon", "longitude", "nav_lon", "xlong", "x_lon")
+if TYPE_CHECKING:
+    import xarray as xr
+
+LENGTHS = {"m": 1.0, "meter": 1.0, "meters": 1.0, "metre": 1.0, "metres": 1.0, "km": 1000.0}
+PRESSURES = {"pa": 1.0, "pascal": 1.0, "hpa": 100.0, "mb": 100.0, "mbar": 100.0, "millibar": 100.0}
+PRESSURES |= {"millibars": 100.0, "kpa": 1000.0}
+TIMES = {"d": "days", "h": "hours", "hr": "hours", "min": "minutes", "s": "seconds", "sec": "seconds"}
+TIMES |= {"hrs": "hours", "mins": "minutes", "secs": "seconds", "msec": "milliseconds"}
 LEVEL_WORDS = re.compile(r"\b(\d+(?:\.\d+)?)[ -]?(met(?:er|re)s?|m|hpa|mb)(?=\b|above)")
 MEMBER_NAMES = ("member", "ens", "ensemble", "number", "realization")
 EARLIEST, LATEST = -6e9, 8e9  # [s since 1970] limits of valid times: 1779 and 2223
 
 
-@dataclass(frozen=True, slots=True)
-class CfNodes:
-    """Nodes of a grid, cropped.
-
-    Attributes
-    ----------
-    part : dict
-        The slice to read of each spatial dimension.
-    kept : (N,) int
-        Indices of the nodes among the flattened values of that part.
-    lonlat : (N, 2) float
-        Longitude (-180..180) and latitude [deg].
-    twist : (N,) float or None
-        Angle from grid north to true north [rad]; None if the axes of the grid are east and north.
-    """
-
-    part: dict[str, slice]
-    kept: IntArray
-    lonlat: FloatArray
-    twist: FloatArray | None
+def text(array: xr.DataArray, attribute: str) -> str:
+    """A text attribute; empty if there is none."""
+    return str(array.attrs.get(attribute, ""))
 
 
 # --- time ------------------------------------------------------------------------------------
 
 
-def times_of(file: CfFile, variable: CfVariable) -> tuple[str | None, FloatArray, FloatArray]:
+def times_of(file: Path, array: xr.DataArray) -> tuple[str | None, FloatArray, FloatArray]:
     """Time dimension (None for a single time), times [s since 1970], and leads [s], NaN if not known."""
-    axis = _time_axis(file, variable)
-    times = _absolute_times(file, axis)
-    if not (np.isfinite(times).all() and (times > EARLIEST).all() and (times < LATEST).all()):
-        raise DataError(f"wind file {file.path}: {axis.name} has an invalid time; fetch the file again")
-    leads = np.full(len(times), np.nan)
-    for other in file.variables.values():
-        if not set(other.dimensions) <= set(axis.dimensions) or other.name == axis.name:
-            continue
-        if other.text("standard_name") == "forecast_reference_time" or other.name == "reftime":
-            leads = np.broadcast_to(times - _absolute_times(file, other), times.shape)
-        elif other.text("standard_name") == "forecast_period":
-            factor = duration_factor(other.text("units"))
-            if factor is not None:
-                leads = np.broadcast_to(file.read(other).reshape(-1) * factor, times.shape)
-    return (axis.dimensions[0] if axis.dimensions else None), times, leads
-
-
-def _time_axis(file: CfFile, variable: CfVariable) -> CfVariable:
-    found = [
-        other
-        for other in file.variables.values()
-        if len(other.dimensions) <= 1
-        and set(other.dimensions) <= set(variable.dimensions)
-        and (other.text("standard_name") == "time" or _is_clock(other))
-    ]
-    found.sort(key=lambda other: (not other.dimensions, other.text("standard_name") != "time", other.name))
-    if not found:
+    flat = [other for other in array.coords.values() if other.ndim <= 1]
+    clocks = [other for other in flat if _role(other) == "time"]
+    clocks.sort(key=lambda other: (not other.dims, text(other, "standard_name") != "time", str(other.name)))
+    if not clocks:
         raise DataError(
-            f"wind file {file.path}: {variable.name} has no time; expected a coordinate with units such as "
+            f"wind file {file}: {array.name} has no time; expected a coordinate with units such as "
             "'hours since 2018-10-09 00:00'"
         )
-    return found[0]
+    clock = clocks[0]
+    times = _seconds(file, clock)
+    if not (np.isfinite(times).all() and (times > EARLIEST).all() and (times < LATEST).all()):
+        raise DataError(f"wind file {file}: {clock.name} has an invalid time; fetch the file again")
+    leads = np.full(len(times), np.nan)
+    for other in flat:
+        if not set(other.dims) <= set(clock.dims):
+            continue
+        if _role(other) == "forecast_reference_time":
+            leads = np.broadcast_to(times - _seconds(file, other), times.shape)
+        elif _role(other) == "forecast_period":
+            leads = np.broadcast_to(_seconds(file, other, " since 1970-01-01"), times.shape)
+    return (str(clock.dims[0]) if clock.dims else None), times, leads
 
 
-def _is_clock(variable: CfVariable) -> bool:
-    reference = variable.text("standard_name") == "forecast_reference_time" or variable.name == "reftime"
-    return " since " in variable.text("units").lower() and not reference
+def _role(array: xr.DataArray) -> str:
+    """The standard name of a coordinate of time; without one, it is recognised by name and units."""
+    if array.name == "reftime":
+        return "forecast_reference_time"
+    stated = text(array, "standard_name")
+    clock = " since " in text(array, "units").lower() and stated != "forecast_reference_time"
+    return "time" if clock else stated
 
 
-def _absolute_times(file: CfFile, variable: CfVariable) -> FloatArray:
+def _seconds(file: Path, array: xr.DataArray, zero: str = "") -> FloatArray:
+    """Times [s since 1970] of a coordinate, shape (n,); ``zero`` is added to units of durations."""
+    import xarray as xr
+
+    units, calendar = text(array, "units"), text(array, "calendar") or "standard"
+    unit, _, since = f"{units.strip().lower()}{zero}".partition(" ")
+    plain = array.variable.copy()
+    plain.attrs = {"units": f"{TIMES.get(unit, unit)} {since}", "calendar": calendar}
     try:
-        factor, zero = time_scale(variable.text("units"), variable.text("calendar"))
-    except ValueError as error:
-        raise DataError(f"wind file {file.path}: {variable.name}: {error}") from None
-    return file.read(variable).reshape(-1) * factor + zero
+        coder = xr.coders.CFDatetimeCoder(use_cftime=False, time_unit="us")
+        found = coder.decode(plain, array.name).values.reshape(-1)
+        return np.where(np.isnat(found), np.nan, found.astype("M8[us]").astype(np.int64) / 1e6)
+    except (ValueError, KeyError, OverflowError, TypeError):
+        raise DataError(
+            f"wind file {file}: {array.name}: its time units {shown_value(units)} in the calendar "
+            f"{shown_value(calendar)} are not known; expected 'hours since 2018-10-09' in the standard "
+            "calendar, from 1582 on"
+        ) from None
 
 
-def member_dimension(file: CfFile, variable: CfVariable) -> str | None:
+def member_dimension(array: xr.DataArray) -> str | None:
     """The dimension of the members of an ensemble; None if there is none."""
-    for name in variable.dimensions:
-        axis = file.variables.get(name)
-        if name.lower() in MEMBER_NAMES or (axis and axis.text("standard_name") == "realization"):
+    for name in map(str, array.dims):
+        axis = array.coords.get(name)
+        named = axis is not None and text(axis, "standard_name") == "realization"
+        if named or name.lower() in MEMBER_NAMES:
             return name
     return None
 
@@ -112,173 +105,120 @@ def member_dimension(file: CfFile, variable: CfVariable) -> str | None:
 # --- level -----------------------------------------------------------------------------------
 
 
-def levels_of(file: CfFile, variable: CfVariable, kind: str) -> tuple[str | None, list[Level]]:
+def levels_of(array: xr.DataArray, kind: str) -> tuple[str | None, list[Level]]:
     """Dimension of the levels (None for a single level) and the levels; no levels if the file has none.
 
     ``kind`` is the meaning of lengths: ``height`` for winds, ``depth`` for currents.
     """
-    for name in variable.dimensions:
-        axis = file.variables.get(name)
-        if axis is not None and (found := _levels_on(file, axis, kind)):
-            return name, found
-    for name in variable.text("coordinates").split():
-        axis = file.variables.get(name)
-        if axis is not None and axis.shape in ((), (1,)) and (found := _levels_on(file, axis, kind)):
-            return None, found
-    name = variable.name.lower()
+    named = (*array.dims, *text(array, "coordinates").split())
+    axes = {name: array.coords[name] for name in named if name in array.coords}
+    known = array.reset_coords(drop=True).assign_coords(axes).cf.guess_coord_axis()
+    vertical = {*known.cf.axes.get("Z", ()), *known.cf.coordinates.get("vertical", ())}
+    for name, axis in axes.items():
+        if name in vertical and (axis.shape in ((), (1,)) or axis.dims == (name,)):
+            names = f"{name} {text(axis, 'standard_name')} {text(axis, 'long_name')}".lower()
+            unit = text(axis, "units").strip().lower()
+            if unit in LENGTHS | PRESSURES and not re.search("projection|altitude|sea level", names):
+                levels = [_level(kind, unit, float(value)) for value in np.ravel(axis.values)]
+                return (str(name) if name in array.dims else None), levels
+    name = str(array.name).lower()
     if (told := re.fullmatch(r"[uv]-?(\d+)m?|(\d+)m?[uv]", name)) is not None:  # u10, 10u
-        return None, [_level(kind, HEIGHT, float(told[1] or told[2]))]
-    told = LEVEL_WORDS.search(f"{name.replace('_', ' ')} {variable.text('long_name').lower()}")
-    unit = None if told is None else level_unit(told[2])
-    return None, [] if told is None or unit is None else [_level(kind, unit[0], float(told[1]) * unit[1])]
-
-
-def _levels_on(file: CfFile, axis: CfVariable, kind: str) -> list[Level]:
-    unit = level_unit(axis.text("units"))
-    names = f"{axis.name} {axis.text('standard_name')} {axis.text('long_name')}".lower()
-    vertical = (
-        axis.text("axis") == "Z" or axis.text("positive") or re.search(r"height|depth|lev|press", names)
-    )
-    if unit is None or not vertical or re.search("projection|altitude|sea level", names):
-        return []
-    return [_level(kind, unit[0], value) for value in file.read(axis).reshape(-1) * unit[1]]
+        return None, [_level(kind, "m", float(told[1] or told[2]))]
+    words = LEVEL_WORDS.search(f"{name.replace('_', ' ')} {text(array, 'long_name').lower()}")
+    return None, [] if words is None else [_level(kind, words[2], float(words[1]))]
 
 
 def _level(kind: str, unit: str, value: float) -> Level:
-    value = round(value, 6)
-    return Level(PRESSURE, value) if unit == PRESSURE else Level(kind, abs(value) if kind == DEPTH else value)
+    value = round(value * (PRESSURES | LENGTHS)[unit], 6)
+    if unit in PRESSURES:
+        return Level(PRESSURE, value)
+    return Level(kind, abs(value) if kind == DEPTH else value)
 
 
 # --- place -----------------------------------------------------------------------------------
 
 
-def nodes_of(file: CfFile, variable: CfVariable, relative: bool, area: GeoBox | None) -> CfNodes:
-    """The nodes of ``variable`` in ``area``; ``relative``: its components are along the axes of the grid."""
-    lat = _coordinate(file, variable, "latitude", LATITUDES, LATITUDE_NAMES)
-    lon = _coordinate(file, variable, "longitude", LONGITUDES, LONGITUDE_NAMES)
-    if lat is None or lon is None:
-        return _projected_nodes(file, variable, relative, area)
-    lats, lons = file.read(lat), file.read(lon)
-    straight = lat.dimensions != lon.dimensions
-    if straight and (len(lat.dimensions) != 1 or len(lon.dimensions) != 1):
-        raise DataError(f"wind file {file.path}: {lat.name} and {lon.name} do not span one grid")
-    spatial = _in_order(variable, (*lat.dimensions, *lon.dimensions) if straight else lat.dimensions)
-    if straight:
-        lats, lons = np.meshgrid(lats, lons, indexing="ij")
-        if spatial != (*lat.dimensions, *lon.dimensions):
-            lats, lons = lats.T, lons.T
-    twist = None
-    crs = None if straight or not relative else _grid_crs(file, variable)
-    part, kept, lonlat = _cropped(file, spatial, lons, lats, area)
-    if crs is not None:
-        twist = meridian_convergence(crs, *lonlat.T)
-    return CfNodes(part, kept, lonlat, twist)
+def nodes_of(
+    file: Path, array: xr.DataArray, relative: bool, area: GeoBox | None
+) -> tuple[tuple[str, ...], Nodes]:
+    """Dimensions of the grid of ``array``, in its order, and the nodes in ``area``.
+
+    ``relative``: the components are along the axes of the grid.
+    """
+    import xarray as xr
+
+    lat, lon = (_coordinate(array, role) for role in ("latitude", "longitude"))
+    projected = lat is None or lon is None
+    y, x = _projected_axes(file, array) if lat is None or lon is None else (lat, lon)
+    straight = y.dims != x.dims
+    if straight and (y.ndim != 1 or x.ndim != 1):
+        raise DataError(f"wind file {file}: {y.name} and {x.name} do not span one grid")
+    spatial = tuple(str(name) for name in array.dims if name in {*y.dims, *x.dims})
+    grids = xr.broadcast(y.reset_coords(drop=True), x.reset_coords(drop=True))
+    ys, xs = (grid.transpose(*spatial).values.astype(float).reshape(-1) for grid in grids)
+    crs = _grid_crs(file, array) if projected or (relative and not straight) else None
+    if projected and crs is not None:
+        xs, ys = to_geographic(crs, np.stack([xs, ys], axis=1))
+    nodes = crop(file, xs, ys, area)
+    if crs is None or not relative:
+        return spatial, nodes
+    return spatial, Nodes(nodes.kept, nodes.lonlat, meridian_convergence(crs, *nodes.lonlat.T))
 
 
-def _coordinate(
-    file: CfFile, variable: CfVariable, standard: str, unit: re.Pattern[str], names: tuple[str, ...]
-) -> CfVariable | None:
-    """The coordinate of ``variable`` with that standard name, unit or name; None if there is none.
+def _coordinate(array: xr.DataArray, role: str) -> xr.DataArray | None:
+    """The ``latitude`` or ``longitude`` of ``array``, by attributes, else by name; None if there is none.
 
     Coordinates that the attribute ``coordinates`` names are preferred.
     """
-    named = variable.text("coordinates").split()
-    found = [
-        other
-        for other in file.variables.values()
-        if 1 <= len(other.dimensions) <= 2
-        and set(other.dimensions) <= set(variable.dimensions)
-        and (other.text("standard_name") == standard or unit.fullmatch(other.text("units").lower())
-             or other.name.lower() in names)
-        and other.text("standard_name") in (standard, "")
-    ]  # fmt: skip
-    found.sort(key=lambda other: (other.name not in named, other.name not in variable.dimensions, other.name))
-    return found[0] if found else None
+    named = text(array, "coordinates").split()
+    for recognise in (lambda: array, array.cf.guess_coord_axis):  # the second one takes long
+        names = recognise().cf.coordinates.get(role, ())
+        found: list[xr.DataArray] = [array.coords[name] for name in names]
+        found = [c for c in found if c.ndim in (1, 2) and text(c, "standard_name") in (role, "")]
+        if found:
+            return min(found, key=lambda c: (c.name not in named, c.name not in array.dims, str(c.name)))
+    return None
 
 
-def _in_order(variable: CfVariable, dimensions: tuple[str, ...]) -> tuple[str, ...]:
-    return tuple(name for name in variable.dimensions if name in dimensions)
-
-
-def _cropped(
-    file: CfFile, spatial: tuple[str, ...], lons: FloatArray, lats: FloatArray, area: GeoBox | None
-) -> tuple[dict[str, slice], IntArray, FloatArray]:
-    """The part to read, indices of the values to keep, and their longitudes and latitudes (N, 2) [deg]."""
-    lonlat = np.stack([wrap_longitude(lons), lats], axis=-1)
-    inside = np.asarray(np.isfinite(lonlat).all(axis=-1))
-    if (np.abs(lats[inside]) > 90.0).any():
-        raise DataError(f"wind file {file.path}: a latitude is beyond 90 degrees; expected degrees north")
-    if area is not None:
-        flat = lonlat.reshape(-1, 2)
-        chosen = np.zeros(len(flat), bool)
-        chosen[area.pick(flat)] = True
-        inside &= chosen.reshape(inside.shape)
-        if not inside.any():
-            refuse_empty_crop(f"wind file {file.path}", flat, area)
-    if not inside.any():
-        raise DataError(f"wind file {file.path} has no node with a latitude and longitude")
-    box = tuple(slice(int(rows.min()), int(rows.max()) + 1) for rows in np.nonzero(inside))
-    kept = np.flatnonzero(inside[box].reshape(-1))
-    return dict(zip(spatial, box, strict=True)), kept, lonlat[box].reshape(-1, 2)[kept]
-
-
-def _projected_nodes(file: CfFile, variable: CfVariable, relative: bool, area: GeoBox | None) -> CfNodes:
-    """Nodes of a grid with coordinates x and y of a projection and without latitudes."""
-    from pareto_ltl.world.projection import to_geographic
-
-    axes = {}
-    for other in file.variables.values():
-        name = other.text("standard_name")
-        if name in ("projection_x_coordinate", "projection_y_coordinate") and len(other.dimensions) == 1:
-            axes[name[11]] = other
-    if len(axes) < 2 or not {axis.dimensions[0] for axis in axes.values()} <= set(variable.dimensions):
+def _projected_axes(file: Path, array: xr.DataArray) -> tuple[xr.DataArray, xr.DataArray]:
+    """Coordinates y and x [m] of a grid in the plane of a projection and without latitudes."""
+    axes = []
+    for letter in "yx":
+        for name in array.cf.standard_names.get(f"projection_{letter}_coordinate", ()):
+            axis = array.coords[name]
+            if axis.ndim == 1:
+                axes.append(axis * LENGTHS.get(text(axis, "units").lower(), 1.0))
+                break
+    if len(axes) < 2:
         raise DataError(
-            f"wind file {file.path}: {variable.name} has no latitudes and longitudes; expected coordinates "
+            f"wind file {file}: {array.name} has no latitudes and longitudes; expected coordinates "
             "in degrees_north and degrees_east, or x and y with a grid mapping"
         )
-    crs = _grid_crs(file, variable)
-    x, y = (
-        file.read(axes[name]) * (1000.0 if axes[name].text("units").lower() == "km" else 1.0) for name in "xy"
-    )
-    spatial = _in_order(variable, (axes["y"].dimensions[0], axes["x"].dimensions[0]))
-    grid = np.stack(np.meshgrid(x, y), axis=-1)  # rows along y
-    if spatial[0] == axes["x"].dimensions[0]:
-        grid = grid.transpose(1, 0, 2)
-    lon, lat = to_geographic(crs, grid.reshape(-1, 2))
-    part, kept, lonlat = _cropped(
-        file, spatial, lon.reshape(grid.shape[:2]), lat.reshape(grid.shape[:2]), area
-    )
-    return CfNodes(part, kept, lonlat, meridian_convergence(crs, *lonlat.T) if relative else None)
+    return axes[0], axes[1]
 
 
-def _grid_crs(file: CfFile, variable: CfVariable) -> str:
+def _grid_crs(file: Path, array: xr.DataArray) -> str:
     """PROJ string of the projection in the variable that ``grid_mapping`` names."""
     import pyproj
 
-    mapping = file.variables.get(variable.text("grid_mapping"))
     advice = "turn them to east and north, or name the grid mapping"
+    mapping = array.coords.get(text(array, "grid_mapping"))
     if mapping is None:
         raise DataError(
-            f"wind file {file.path}: {variable.name} follows the axes of a grid whose directions the "
+            f"wind file {file}: {array.name} follows the axes of a grid whose directions the "
             f"file does not state; {advice}"
         )
-    plain = {name: _plain(mapping, name) for name in mapping.attributes}
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # the string has no name of the datum: directions need none
-            crs = pyproj.CRS.from_cf(plain)
+            crs = pyproj.CRS.from_cf(
+                {key: np.asarray(value).tolist() for key, value in mapping.attrs.items()}
+            )
             if not crs.is_projected:
-                raise KeyError(mapping.text("grid_mapping_name"))
+                raise KeyError(text(mapping, "grid_mapping_name"))
             return str(crs.to_proj4())
     except (pyproj.exceptions.CRSError, KeyError, ValueError, TypeError, AttributeError) as error:
         raise DataError(
-            f"wind file {file.path}: the grid mapping {mapping.name} is not understood ({error}); {advice}"
+            f"wind file {file}: the grid mapping {mapping.name} is not understood "
+            f"({shown_text(' '.join(str(error).split()), 200)}); {advice}"
         ) from None
-
-
-def _plain(variable: CfVariable, name: str) -> object:
-    value = variable.attributes[name]
-    if isinstance(value, bytes | str):
-        return variable.text(name)
-    numbers = np.ravel(value).tolist()
-    return numbers[0] if len(numbers) == 1 else numbers

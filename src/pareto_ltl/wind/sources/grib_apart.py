@@ -1,135 +1,100 @@
 """Decoding of GRIB files in a separate process, since ecCodes can end its process on a damaged message.
 
-``python -m pareto_ltl.wind.sources.grib_apart FOLDER`` reads ``task.json`` there and writes ``answer.json``
-and ``arrays.npz``. If the process ends without an answer, the caller raises a DataError on a damaged file.
+``python -m pareto_ltl.wind.sources.grib_apart TASK ANSWER`` gets the arguments of :func:`grib_snapshots` as
+JSON.
+It prints each file before it is opened, and writes one archive of arrays, which holds no code. If the process
+ends without it, the caller raises a DataError on the file that was open.
 """
 
 from __future__ import annotations
 
+import json
 import subprocess
 import sys
 import tempfile
-from dataclasses import astuple
+from dataclasses import asdict, astuple
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import ConfigError, DataError
-from pareto_ltl.support.files import write_json
-from pareto_ltl.support.reading import read_json
 from pareto_ltl.wind.area import GeoBox
 from pareto_ltl.wind.levels import parse_level
-from pareto_ltl.wind.readings import Readings
-from pareto_ltl.wind.snapshots import Snapshot, latest_readings
+from pareto_ltl.wind.snapshots import Snapshot, Snapshots
 from pareto_ltl.wind.sources.grib_files import grib_snapshots
 
-TASK, ANSWER, ARRAYS = "task.json", "answer.json", "arrays.npz"
+ARRAYS = ("points", "winds")  # of a snapshot; the rest is written as JSON
 
 
-def read_grib_apart(
+def grib_snapshots_apart(
     files: tuple[Path, ...], max_speed: float, level: str = "10m", area: GeoBox | None = None
-) -> Readings:
-    """:func:`read_grib_files` in another process; of several forecasts for one time, the latest.
+) -> Snapshots:
+    """:func:`grib_snapshots` in another process.
 
     Raises
     ------
     DataError
-        As :func:`read_grib_files`, and if the process ends without an answer.
+        As :func:`grib_snapshots`, and if the process ends without an answer.
     """
-    snapshots, notes = read_grib_with_notes(files, max_speed, level, area)
-    return latest_readings(snapshots, files, notes)
-
-
-def read_grib_snapshots(
-    files: tuple[Path, ...], max_speed: float, level: str = "10m", area: GeoBox | None = None
-) -> tuple[Snapshot, ...]:
-    """Every valid time of every cycle and member in ``files``; the errors are those of `read_grib_apart`."""
-    return read_grib_with_notes(files, max_speed, level, area)[0]
-
-
-def read_grib_with_notes(
-    files: tuple[Path, ...], max_speed: float, level: str, area: GeoBox | None
-) -> tuple[tuple[Snapshot, ...], tuple[str, ...]]:
-    """As :func:`read_grib_snapshots`, with notes of quality control."""
     parse_level(level)
+    box = None if area is None else astuple(area)
+    task = {"files": [str(file) for file in files], "max_speed": max_speed, "level": level, "area": box}
     with tempfile.TemporaryDirectory(prefix="pareto_ltl_grib_") as folder:
-        place = Path(folder)
-        box = None if area is None else astuple(area)
-        write_json(
-            place / TASK,
-            {"files": list(map(str, files)), "max_speed": max_speed, "level": level, "area": box},
-        )
-        command = [sys.executable, "-m", __name__, folder]
+        answer = Path(folder) / "answer.npz"
+        command = [sys.executable, "-m", __name__, json.dumps(task), str(answer)]
         done = subprocess.run(command, capture_output=True, text=True, errors="replace", check=False)
-        if not (place / ANSWER).is_file():
+        if not answer.is_file():
             at = done.stdout.splitlines()[-1:] or [str(files[0])]
             raise DataError(
                 f"wind file {at[0]} is damaged: ecCodes, its decoder, ended with code {done.returncode}; "
                 "download it again"
             )
-        return _answer_of(place, files)
+        with np.load(answer, allow_pickle=False) as arrays:
+            return _read_answer(dict(arrays))
 
 
-def _answer_of(place: Path, files: tuple[Path, ...]) -> tuple[tuple[Snapshot, ...], tuple[str, ...]]:
-    told = read_json(place / ANSWER)
+def _read_answer(arrays: dict[str, Any]) -> Snapshots:
+    told = json.loads(arrays["told"].item())
     if "error" in told:
         raise DataError(told["error"])
-    with np.load(place / ARRAYS, allow_pickle=False) as arrays:
-        grids = {name: arrays[name] for name in arrays.files if name.startswith("grid_")}
-        snapshots = tuple(
-            Snapshot(
-                time=float(time),
-                lead=float(lead),
-                points=grids[f"grid_{row['grid']}"],
-                winds=arrays[f"winds_{k}"],
-                level=row["level"],
-                files=tuple(files[at] for at in row["files"]),
-                member=row["member"],
-            )
-            for k, (time, lead, row) in enumerate(
-                zip(arrays["times"], arrays["leads"], told["rows"], strict=True)
-            )
-        )
-    return snapshots, tuple(told["notes"])
+    rows = [
+        row | {name: arrays[f"{name}_{row[name]}"] for name in ARRAYS} | {"files": _paths(row["files"])}
+        for row in told["rows"]
+    ]
+    return Snapshots(tuple(Snapshot(**row) for row in rows), _paths(told["files"]), tuple(told["notes"]))
 
 
-def _answer(place: Path) -> None:
-    """In the separate process: carry out the task in the folder ``place``."""
-    task = read_json(place / TASK)
-    files = tuple(map(Path, task["files"]))
+def _paths(names: list[str]) -> tuple[Path, ...]:
+    return tuple(map(Path, names))
+
+
+def _answer(task: dict[str, Any], answer: Path) -> None:
+    """In the separate process: carry out ``task``; each array is written once."""
     area = None if task["area"] is None else GeoBox(*task["area"])
+    arrays: dict[str, Any] = {}
     try:
-        snapshots, _, notes = grib_snapshots(files, task["max_speed"], task["level"], area, _tell)
-        content = {"rows": _write_snapshots(place, snapshots, files), "notes": notes}
+        found = grib_snapshots(
+            _paths(task["files"]),
+            task["max_speed"],
+            task["level"],
+            area,
+            lambda file: print(file, flush=True),
+        )
     except (DataError, ConfigError) as error:
-        content = {"error": str(error)}
-    write_json(place / ANSWER, content)
-
-
-def _tell(file: Path) -> None:
-    print(file, flush=True)
-
-
-def _write_snapshots(
-    place: Path, snapshots: tuple[Snapshot, ...], files: tuple[Path, ...]
-) -> list[dict[str, Any]]:
-    """Write the arrays, each grid once; return the other data of each snapshot."""
-    arrays: dict[str, FloatArray] = {
-        "times": np.array([snap.time for snap in snapshots]),
-        "leads": np.array([snap.lead for snap in snapshots]),
-    }
-    grids: dict[int, int] = {}
-    rows = []
-    for k, snap in enumerate(snapshots):
-        grid = grids.setdefault(id(snap.points), len(grids))
-        arrays |= {f"grid_{grid}": snap.points, f"winds_{k}": snap.winds}
-        owners = [files.index(file) for file in snap.files]
-        rows.append({"grid": grid, "level": snap.level, "files": owners, "member": snap.member})
-    np.savez(place / ARRAYS, **arrays)  # type: ignore[arg-type, unused-ignore]
-    return rows
+        told: dict[str, Any] = {"error": str(error)}
+    else:
+        rows = []
+        for snap in found.winds:
+            row = asdict(snap) | {name: id(getattr(snap, name)) for name in ARRAYS}
+            rows.append(row | {"files": [str(file) for file in snap.files]})
+            arrays |= {f"{name}_{row[name]}": getattr(snap, name) for name in ARRAYS}
+        told = {"rows": rows, "files": [str(file) for file in found.files], "notes": found.notes}
+    part = answer.with_suffix(".part")
+    with part.open("wb") as stream:
+        np.savez(stream, told=np.array(json.dumps(told)), **arrays)
+    part.rename(answer)
 
 
 if __name__ == "__main__":
-    _answer(Path(sys.argv[1]))
+    _answer(json.loads(sys.argv[1]), Path(sys.argv[2]))

@@ -1,44 +1,78 @@
-"""Wind at one level from GRIB files (GFS, GEFS, NAM, RAP, HRRR), read with ecCodes.
+"""Wind at one level from GRIB files (GFS, GEFS, NAM, RAP, HRRR), read with cfgrib.
 
-Messages are decoded one by one with ecCodes. cfgrib is not used, since it drops a component of a truncated
-file and reports this only in its log.
+The messages of cfgrib are used one by one. Its datasets are not: a dataset fills a component that is missing
+in a truncated file with NaN, and of two messages for one time it keeps one.
 """
 
 from __future__ import annotations
 
-import os
-import sys
+import re
+from collections import Counter
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.wind.area import GeoBox
-from pareto_ltl.wind.levels import Level, level_list, parse_level
-from pareto_ltl.wind.readings import Readings, check_readings, iso
-from pareto_ltl.wind.snapshots import Snapshot, latest_readings
+from pareto_ltl.wind.levels import HEIGHT, PRESSURE, Level, level_list, parse_level
+from pareto_ltl.wind.readings import iso
+from pareto_ltl.wind.snapshots import Snapshot, Snapshots
+from pareto_ltl.wind.sources.fields import Field, LeftOut, Nodes, crop, snapshot_of, snapshots_with_notes
 from pareto_ltl.wind.sources.grib_framing import check_frames
-from pareto_ltl.wind.sources.grib_messages import SURFACE_PRESSURE, GribField, GribScan, decode_message
-from pareto_ltl.wind.sources.ground import LeftOut, left_out_notes, nodes_in_the_air
-from pareto_ltl.wind.sources.magic import refuse_other_format
-from pareto_ltl.world.projection import rotate_vectors
+from pareto_ltl.wind.sources.magic import wind_file
+from pareto_ltl.world.projection import meridian_convergence
 
-FieldKey = tuple[float, float, str]  # time, lead, member
+SPEED_UNITS = ("m s**-1", "m s-1", "m/s")
+SURFACE_PRESSURE = "sp"
+NUMBERED = {(0, 2, 2): "u", (0, 2, 3): "v", (0, 3, 0): SURFACE_PRESSURE}  # discipline, category, number
+NAMED = re.compile(r"(?:\d+)?([uv])|(sp)")  # short names of edition 1: u, 10u, 100v
+MEANS = (0, 1, 6)  # code table 4.7: means of the members; other statistics of an ensemble are not a wind
+LEVELS = {
+    "heightAboveGround": (HEIGHT, 1.0),
+    "isobaricInhPa": (PRESSURE, 100.0),
+    "isobaricInPa": (PRESSURE, 1.0),
+}
+STEP_TYPES = {"avg": "average", "max": "maximum", "min": "minimum"}
+EARTH_AXES = ("regular_ll", "regular_gg", "mercator")  # grids whose axes are east and north
 Tell = Callable[[Path], None]
+Message = Any  # of cfgrib: a mapping of keys of ecCodes
 
 
-def read_grib_files(
-    files: tuple[Path, ...],
-    max_speed: float,
-    level: str = "10m",
-    area: GeoBox | None = None,
-    tell: Tell | None = None,
-) -> Readings:
-    """The wind at every time in ``files``; of several forecasts for one time, the latest."""
-    return latest_readings(*grib_snapshots(files, max_speed, level, area, tell))
+@dataclass(frozen=True, slots=True)
+class _Component:
+    """A component of the wind, or the surface pressure: values [m/s] or [Pa], NaN where there are none."""
+
+    values: FloatArray
+    nodes: Nodes
+    file: Path
+
+
+@dataclass(slots=True)
+class _Scan:
+    """The wanted fields, and a record of what else the files contain.
+
+    Attributes
+    ----------
+    level : Level
+    area : GeoBox or None
+    fields : dict
+        Components by time, lead [s] and member.
+    grids : dict
+        Grids that are decoded already, by their fingerprint.
+    left_out : Counter
+        Numbers of winds at the level that are not values of an instant, by kind, e.g. ``average``.
+    """
+
+    level: Level
+    area: GeoBox | None
+    fields: dict[tuple[float, float, str], dict[str, _Component]] = field(default_factory=dict)
+    grids: dict[str, Nodes] = field(default_factory=dict)
+    left_out: Counter[str] = field(default_factory=Counter)
 
 
 def grib_snapshots(
@@ -46,9 +80,9 @@ def grib_snapshots(
     max_speed: float,
     level: str = "10m",
     area: GeoBox | None = None,
-    tell: Tell | None = None,
-) -> tuple[tuple[Snapshot, ...], tuple[Path, ...], tuple[str, ...]]:
-    """Every wind at ``level`` in ``files``, the files, and notes of quality control.
+    tell: Tell = lambda _: None,
+) -> Snapshots:
+    """Every wind at ``level`` in ``files``, with notes of quality control.
 
     ``tell`` is called with each file before it is opened.
 
@@ -58,136 +92,172 @@ def grib_snapshots(
         If a file is damaged, has no wind at the level or lacks a component, or if two messages have the same
         component, time, lead and member.
     """
-    pairs: dict[FieldKey, dict[str, GribField]] = {}
-    scan = GribScan(parse_level(level), area)
-    for field in _grib_fields(files, scan, tell):
-        pair = pairs.setdefault((field.time, field.lead, field.member), {})
-        if field.component in pair and field.component != SURFACE_PRESSURE:
-            raise DataError(
-                f"wind files {pair[field.component].file.name} and {field.file.name} both hold "
-                f"{field.component} at {iso(field.time)} with the same lead; keep one member"
-            )
-        pair[field.component] = field
+    scan = _Scan(parse_level(level), area)
+    for file in files:
+        tell(file)
+        _scan_file(file, scan)
     notes = [
         f"{count} GRIB messages hold the {kind} of the wind, not its value at an instant: left out"
         for kind, count in sorted(scan.left_out.items())
     ]
-    kept = [pairs[key] for key in sorted(pairs) if pairs[key].keys() - {SURFACE_PRESSURE}]
-    found = [_snapshot(pair, scan.level, max_speed) for pair in kept]
-    snapshots = tuple(snapshot for snapshot, _ in found)
-    return snapshots, files, (*notes, *left_out_notes(scan.level, [count for _, count in found]))
+    keys = sorted(key for key, pair in scan.fields.items() if pair.keys() - {SURFACE_PRESSURE})
+    found = [_snapshot(key, scan.fields[key], scan.level, max_speed) for key in keys]
+    return snapshots_with_notes(found, files, scan.level, notes)
 
 
-def _snapshot(pair: dict[str, GribField], level: Level, max_speed: float) -> tuple[Snapshot, LeftOut]:
+def _snapshot(
+    key: tuple[float, float, str], pair: dict[str, _Component], level: Level, max_speed: float
+) -> tuple[Snapshot, LeftOut]:
     """The Earth-relative winds of one time, and the numbers of nodes that are left out."""
+    time, lead, member = key
     some = pair.get("u") or pair["v"]
     missing = {"u", "v"} - set(pair)
     if missing:
         raise DataError(
-            f"wind file {some.file}: {iso(some.time)} has no {missing.pop()} component {level.phrase}; "
+            f"wind file {some.file}: {iso(time)} has no {missing.pop()} component {level.phrase}; "
             "expected u and v (is the file truncated?)"
         )
-    u, v = pair["u"], pair["v"]
-    lonlat = u.grid.lonlat
-    if u.grid is not v.grid and not np.array_equal(lonlat, v.grid.lonlat):
-        raise DataError(f"wind file {some.file}: u and v at {iso(some.time)} are on different grids")
-    pressure = pair.get(SURFACE_PRESSURE)
+    u, v, pressure = pair["u"], pair["v"], pair.get(SURFACE_PRESSURE)
+    if u.nodes is not v.nodes and not np.array_equal(u.nodes.lonlat, v.nodes.lonlat):
+        raise DataError(f"wind file {some.file}: u and v at {iso(time)} are on different grids")
     winds = np.stack([u.values, v.values], axis=1)  # nodes outside the domain of the model are missing
-    here, count = nodes_in_the_air(level, winds, None if pressure is None else pressure.values)
-    winds = winds if u.grid.twist is None else rotate_vectors(winds, -u.grid.twist)
-    points, winds = (lonlat, winds) if here.all() else (lonlat[here], winds[here])
-    check_readings(points, winds, True, max_speed, lambda _: f"wind file {u.file}, {iso(u.time)}")
-    owners = tuple(dict.fromkeys(field.file for field in (u, v)))
-    return Snapshot(u.time, u.lead, points, winds, level.text, owners, u.member), count
+    winds_there = Field(time, lead, winds, None if pressure is None else pressure.values, member)
+    return snapshot_of(winds_there, u.nodes, level, tuple(dict.fromkeys((u.file, v.file))), max_speed)
 
 
-def _grib_fields(files: tuple[Path, ...], scan: GribScan, tell: Tell | None) -> Iterator[GribField]:
-    """The fields in ``files`` that ``scan`` describes; DataError for a file without any."""
-    eccodes = _import_eccodes(files[0])
-    for file in files:
-        if tell is not None:
-            tell(file)
-        found = False
-        scan.levels.clear()
-        with _open_grib(file, eccodes) as stream:
-            while (message := _next_message(eccodes, stream)) is not None:
-                try:
-                    with quiet_library():
-                        field = decode_message(eccodes, message, file, scan)
-                finally:
-                    eccodes.codes_release(message)
-                if field is not None:
-                    found = found or field.component != SURFACE_PRESSURE
-                    yield field
-        if not found:
-            raise DataError(_nothing_found(file, scan))
-
-
-def _nothing_found(file: Path, scan: GribScan) -> str:
-    level = scan.level
-    if level in scan.levels:
+def _scan_file(file: Path, scan: _Scan) -> None:
+    """Add the wanted fields in ``file``; a DataError if there are none."""
+    levels: list[Level] = []
+    found = False
+    with _grib_messages(file) as messages:
+        for message in messages:
+            component = _component(message)
+            if component is None or not _is_wanted(message, component, scan, levels):
+                continue
+            if component != SURFACE_PRESSURE and (unit := message["units"]) not in SPEED_UNITS:
+                raise DataError(
+                    f"wind file {file}: {component} is in {unit}; expected m s-1: convert the file"
+                )
+            found = found or component != SURFACE_PRESSURE
+            key = (
+                float(message["valid_time"]),
+                float(message["valid_time"] - message["time"]),
+                _member(message),
+            )
+            pair = scan.fields.setdefault(key, {})
+            if component in pair and component != SURFACE_PRESSURE:
+                raise DataError(
+                    f"wind files {pair[component].file.name} and {file.name} both hold "
+                    f"{component} at {iso(key[0])} with the same lead; keep one member"
+                )
+            nodes = _nodes_of(message, file, scan)
+            pair[component] = _Component(_values(message)[nodes.kept], nodes, file)
+    if found:
+        return
+    level, there = scan.level, "expected GRIB messages UGRD and VGRD"
+    if level in levels:
         kinds = " and ".join(sorted(scan.left_out))
-        return (
+        raise DataError(
             f"wind file {file} holds the wind {level.phrase} as {kinds} only; expected values of an instant"
         )
-    if scan.levels:
-        there = f"it has {level_list(scan.levels)}: set wind.level to one of them"
-    else:
-        there = "expected GRIB messages UGRD and VGRD"
-    return f"wind file {file} holds no wind {level.phrase}; {there}"
+    if levels:
+        there = f"it has {level_list(levels)}: set wind.level to one of them"
+    raise DataError(f"wind file {file} holds no wind {level.phrase}; {there}")
 
 
-def _next_message(eccodes: Any, stream: Any) -> int | None:
-    with quiet_library():
-        message: int | None = eccodes.codes_grib_new_from_file(stream)
-    return message
+def _component(message: Message) -> str | None:
+    if message["edition"] == 2:
+        keys = ("discipline", "parameterCategory", "parameterNumber")
+        return NUMBERED.get(tuple(message[key] for key in keys))
+    found = NAMED.fullmatch(str(message["shortName"]))
+    return None if found is None else found[1] or found[2]
+
+
+def _is_wanted(message: Message, component: str, scan: _Scan, levels: list[Level]) -> bool:
+    """Whether the message has the wanted level and values of an instant; others are recorded."""
+    kind, other = message["typeOfLevel"], _other_kind(message)
+    if component == SURFACE_PRESSURE:
+        return scan.level.kind == PRESSURE and kind == "surface" and other is None
+    if kind not in LEVELS:
+        return False
+    level = Level(LEVELS[kind][0], message["level:float"] * LEVELS[kind][1])
+    levels.append(level)
+    if level == scan.level and other is not None:
+        scan.left_out[other] += 1
+    return level == scan.level and other is None
+
+
+def _other_kind(message: Message) -> str | None:
+    """Kind of a value that is not of an instant, e.g. ``average`` or ``spread of members``; else None."""
+    step = str(message["stepType"])
+    if step != "instant":
+        return STEP_TYPES.get(step, step)
+    return None if message.get("derivedForecast", MEANS[0]) in MEANS else "spread of members"
+
+
+def _member(message: Message) -> str:
+    if "derivedForecast" in message:
+        return "mean"
+    number = message.get("perturbationNumber")
+    return "" if number is None else f"{number:02d}"
+
+
+def _values(message: Message) -> FloatArray:
+    values = np.array(message["values"], dtype=float)
+    if message["bitmapPresent"]:
+        values[values == message["missingValue:float"]] = np.nan
+    return values
+
+
+def _nodes_of(message: Message, file: Path, scan: _Scan) -> Nodes:
+    """The nodes of the grid of ``message`` that are in the area."""
+    grid = str(message["md5GridSection"])
+    if grid not in scan.grids:
+        lon, lat = (np.asarray(message[name], float) for name in ("longitudes", "latitudes"))
+        nodes = crop(file, lon, lat, scan.area)
+        if message["uvRelativeToGrid"] and message["gridType"] not in EARTH_AXES:
+            twist = meridian_convergence(_grid_crs(message, file), *nodes.lonlat.T)
+            nodes = Nodes(nodes.kept, nodes.lonlat, twist)
+        scan.grids[grid] = nodes
+    return scan.grids[grid]
+
+
+def _grid_crs(message: Message, file: Path) -> str:
+    """PROJ string of the projection of the model; directions do not depend on the radius of the sphere."""
+
+    def number(name: str) -> float:
+        return float(message[f"{name}:float"])
+
+    kind = message["gridType"]
+    if kind == "lambert":
+        lines = f"+lat_1={number('Latin1InDegrees')} +lat_2={number('Latin2InDegrees')}"
+        middle = f"+lat_0={number('LaDInDegrees')} +lon_0={number('LoVInDegrees')}"
+        return f"+proj=lcc {lines} {middle} +R=6371229 +no_defs"
+    if kind == "polar_stereographic":
+        pole = -90 if number("southPoleOnProjectionPlane") else 90
+        middle = f"+lat_ts={number('LaDInDegrees')} +lon_0={number('orientationOfTheGridInDegrees')}"
+        return f"+proj=stere +lat_0={pole} {middle} +R=6371229 +no_defs"
+    raise DataError(
+        f"wind file {file}: winds follow a grid of type {kind}, which cannot be turned to the east; "
+        "expected lambert, polar_stereographic or a latitude-longitude grid"
+    )
 
 
 @contextmanager
-def quiet_library() -> Iterator[None]:
-    """In the block, hide what ecCodes prints to the terminal; its exceptions contain the same information."""
-    sys.stderr.flush()
-    kept, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
-    try:
-        os.dup2(nowhere, 2)
-        yield
-    finally:
-        os.dup2(kept, 2)
-        os.close(kept)
-        os.close(nowhere)
-
-
-@contextmanager
-def _open_grib(file: Path, eccodes: Any) -> Iterator[Any]:
-    """In the block, the open file; errors of ecCodes become DataErrors."""
-    try:
-        with file.open("rb", buffering=0) as stream:  # ecCodes reads from the position of the file descriptor
-            head = stream.read(64)
-            stream.seek(0)
-            if not head.strip():
-                raise DataError(f"wind file {file} is empty; download it again")
-            refuse_other_format(f"wind file {file}", head, "GRIB")
-            check_frames(file, stream)
-            eccodes.codes_grib_multi_support_on()  # RAP and NAM nests pack u and v in one message
-            yield stream
-    except OSError as error:
-        raise DataError(f"wind file {file} cannot be read: {error.strerror}") from None
-    except eccodes.CodesInternalError as error:
-        raise DataError(f"wind file {file} is damaged or truncated ({error}); download it again") from None
-    except (ValueError, ArithmeticError, RuntimeError, TypeError) as error:  # an impossible date or grid
-        reason = " ".join(str(error).split())[:200]
-        raise DataError(f"wind file {file} is damaged ({reason}); download it again") from error
-    finally:
-        eccodes.codes_grib_multi_support_off()
-
-
-def _import_eccodes(file: Path) -> Any:
+def _grib_messages(file: Path) -> Iterator[Iterator[Message]]:
+    """In the block, the messages of a file, with their times in seconds since 1970."""
     import pyproj  # noqa: F401 - before ecCodes: each brings its own PROJ, and the other order can crash
 
     try:
+        import cfgrib
         import eccodes
     except (ImportError, RuntimeError):
         raise DataError(
-            f"reading GRIB ({file}) needs ecCodes: pip install 'pareto-ltl[grib]', or use wind.source=csv"
+            f"reading GRIB ({file}) needs cfgrib: pip install 'pareto-ltl[grib]', or use wind.source=csv"
         ) from None
-    return eccodes
+    with wind_file(file, "GRIB", eccodes.CodesInternalError), suppress(EOFError):  # EOFError: no message
+        with file.open("rb") as stream:
+            check_frames(file, stream)
+        stream = cfgrib.FileStream(str(file), errors="raise")  # NAM nests pack u and v in one message
+        computed = cfgrib.COMPUTED_KEYS
+        yield (cfgrib.messages.ComputedKeysAdapter(message, computed) for _, message in stream.items())

@@ -2,7 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
 from pareto_ltl.support.errors import DataError
+from pareto_ltl.support.messages import shown_text
+from pareto_ltl.wind.netcdf import DAMAGE
 
 HDF5, CLASSIC = b"\x89HDF\r\n\x1a\n", (b"CDF\x01", b"CDF\x02", b"CDF\x05")
 CURES = {
@@ -28,6 +34,38 @@ def format_of(head: bytes) -> str | None:
     if head[:4] == b"PK\x03\x04":
         return "packed with zip"
     return "packed with bzip2" if head[:3] == b"BZh" else None
+
+
+def first_bytes(file: Path) -> bytes:
+    """The first bytes of ``file``, which state its format; a DataError if it cannot be read."""
+    try:
+        with file.open("rb") as stream:
+            return stream.read(64)
+    except OSError as error:
+        raise DataError(f"wind file {file} cannot be read: {error.strerror}") from None
+
+
+@contextmanager
+def wind_file(file: Path, expected: str, *damage: type[Exception]) -> Iterator[bytes]:
+    """In the block, the first bytes of ``file``; errors of the libraries become a DataError in one line.
+
+    ``damage`` lists the errors of a library that are not in :data:`DAMAGE`.
+
+    Raises
+    ------
+    DataError
+        If the file is empty, has another known format than ``expected``, or an error of a library is raised.
+    """
+    head = first_bytes(file)
+    if not head.strip():
+        raise DataError(f"wind file {file} is empty; fetch it again")
+    refuse_other_format(f"wind file {file}", head, expected)
+    errors: tuple[type[Exception], ...] = (*DAMAGE, MemoryError, *damage)
+    try:
+        yield head
+    except errors as error:
+        reason = shown_text(" ".join(str(error).split()), 200) or type(error).__name__
+        raise DataError(f"wind file {file} is damaged or cannot be read ({reason}); fetch it again") from None
 
 
 def refuse_other_format(where: str, head: bytes, expected: str) -> None:

@@ -6,9 +6,12 @@ The components are found by standard name, else by long name, else by variable n
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+import warnings
+from collections.abc import Hashable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -17,13 +20,14 @@ from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.messages import shown_value
 from pareto_ltl.wind.area import GeoBox
 from pareto_ltl.wind.levels import DEPTH, HEIGHT, PRESSURE, Level, level_list, parse_level
-from pareto_ltl.wind.readings import Readings, check_readings, iso
-from pareto_ltl.wind.snapshots import Snapshot, latest_readings
-from pareto_ltl.wind.sources.cf_file import CfFile, CfVariable, open_cf
-from pareto_ltl.wind.sources.cf_grid import CfNodes, levels_of, member_dimension, nodes_of, times_of
-from pareto_ltl.wind.sources.cf_units import speed_factor
-from pareto_ltl.wind.sources.ground import LeftOut, left_out_notes, nodes_in_the_air
-from pareto_ltl.world.projection import rotate_vectors
+from pareto_ltl.wind.readings import KNOT
+from pareto_ltl.wind.snapshots import Snapshot, Snapshots
+from pareto_ltl.wind.sources.cf_grid import levels_of, member_dimension, nodes_of, text, times_of
+from pareto_ltl.wind.sources.fields import Field, LeftOut, snapshot_of, snapshots_with_notes
+from pareto_ltl.wind.sources.magic import HDF5, format_of, wind_file
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,78 +40,78 @@ class Quantity:
         Name of the quantity in messages.
     length : str
         Meaning of levels in metres: ``height`` or ``depth``.
-    standard : dict
-        Standard name: (component, whether it is along an axis of the grid and not towards east or north).
-    described, named : tuple of str
-        Patterns of long names and of variable names, for u and v.
+    standard : tuple
+        Standard names of both components, and whether they are along the axes of the grid and not towards
+        east and north.
+    described, named : str
+        Patterns of long names and of variable names; ``{0}`` is u or v, ``{1}`` a word for its direction.
     nearest : bool
         Whether a level near the wanted one may be used instead.
     """
 
     name: str
     length: str
-    standard: dict[str, tuple[str, bool]]
-    described: tuple[str, str]
-    named: tuple[str, str]
+    standard: tuple[tuple[str, str, bool], ...]
+    described: str
+    named: str
     nearest: bool
 
 
 WINDS = Quantity(
     "wind",
     HEIGHT,
-    {
-        **{"eastward_wind": ("u", False), "northward_wind": ("v", False)},
-        **{"x_wind": ("u", True), "y_wind": ("v", True)},
-        **{"grid_eastward_wind": ("u", True), "grid_northward_wind": ("v", True)},
-    },
     (
-        r"(\d+ ?m(etre|eter)?s? )?(u[- ]?(component of )?(the )?wind|(eastward|zonal) wind).*",
-        r"(\d+ ?m(etre|eter)?s? )?(v[- ]?(component of )?(the )?wind|(northward|meridional) wind).*",
+        ("eastward_wind", "northward_wind", False),
+        ("x_wind", "y_wind", True),
+        ("grid_eastward_wind", "grid_northward_wind", True),
     ),
-    (
-        r"u|u-?\d+m?|\d+m?u|ugrd.*|uwnd.*|u-component_of_wind.*|uas",
-        r"v|v-?\d+m?|\d+m?v|vgrd.*|vwnd.*|v-component_of_wind.*|vas",
-    ),
+    r"(\d+ ?m(etre|eter)?s? )?({0}[- ]?(component of )?(the )?wind|({1}) wind).*",
+    r"{0}|{0}-?\d+m?|\d+m?{0}|{0}grd.*|{0}wnd.*|{0}-component_of_wind.*|{0}as",
     nearest=False,
-)  # fmt: skip
+)
 CURRENTS = Quantity(
     "current",
     DEPTH,
-    {
-        **{"eastward_sea_water_velocity": ("u", False), "northward_sea_water_velocity": ("v", False)},
-        "surface_eastward_sea_water_velocity": ("u", False),
-        "surface_northward_sea_water_velocity": ("v", False),
-        **{"sea_water_x_velocity": ("u", True), "sea_water_y_velocity": ("v", True)},
-    },
-    (r"(eastward|zonal) .*(velocity|current).*", r"(northward|meridional) .*(velocity|current).*"),
-    (r"water_u|uo|ucur.*|u_current|u|u_velocity", r"water_v|vo|vcur.*|v_current|v|v_velocity"),
+    (
+        ("eastward_sea_water_velocity", "northward_sea_water_velocity", False),
+        ("surface_eastward_sea_water_velocity", "surface_northward_sea_water_velocity", False),
+        ("sea_water_x_velocity", "sea_water_y_velocity", True),
+    ),
+    r"({1}) .*(velocity|current).*",
+    r"water_{0}|{0}o|{0}cur.*|{0}_current|{0}|{0}_velocity",
     nearest=True,
 )
+DIRECTIONS = {"u": "eastward|zonal", "v": "northward|meridional"}
+SPEEDS = {
+    **dict.fromkeys(("ms-1", "m/s", "m/sec", "meters/second", "meter/second", "metersecond-1", "mps"), 1.0),
+    **dict.fromkeys(("meterspersecond", "meters-1", "metres-1", "msec-1"), 1.0),
+    **dict.fromkeys(("knot", "knots", "kt", "kts", "kn"), KNOT),
+    **dict.fromkeys(("cms-1", "cm/s", "cm/sec", "centimeter/second"), 0.01),
+    **dict.fromkeys(("km/h", "kmh-1", "km/hr", "kmhr-1"), 1 / 3.6),
+}  # [m/s], by units without spaces, dots and signs of powers
+FREE_VALUES = 2**24  # number of values that a variable may have in a file of any size
+MAX_VALUES_A_BYTE = 8  # further values per byte of the file; a compressed field of zeros has a thousand
 MEAN = 10  # added to the rank of means over time, so that values of an instant are preferred
 DEPTH_TOLERANCE = (1.0, 0.1)  # [m], and as a share of the depth
 
 
-@dataclass(frozen=True, slots=True)
-class _Pair:
-    """Both components at one level: variables, dimension and index of the level, and the level."""
+class _Kind(NamedTuple):
+    """How well a variable matches: rank (0 is best), and whether it is along the axes of the grid."""
 
-    u: CfVariable
-    v: CfVariable
+    rank: int
     relative: bool
+
+
+class _Pair(NamedTuple):
+    """Both components at one level: dimension of the levels, index of the level there, and the level."""
+
+    u: xr.DataArray
+    v: xr.DataArray
+    kind: _Kind
     dimension: str | None
     place: int
     level: Level
-
-
-def read_netcdf_files(
-    files: tuple[Path, ...],
-    quantity: Quantity,
-    level: str,
-    max_speed: float,
-    area: GeoBox | None = None,
-) -> Readings:
-    """The field at every time in ``files``; of several forecasts for one time, the latest."""
-    return latest_readings(*netcdf_snapshots(files, quantity, level, max_speed, area))
+    stated: bool = True  # by the file
 
 
 def netcdf_snapshots(
@@ -116,8 +120,8 @@ def netcdf_snapshots(
     level: str,
     max_speed: float,
     area: GeoBox | None = None,
-) -> tuple[tuple[Snapshot, ...], tuple[Path, ...], tuple[str, ...]]:
-    """Every field at ``level`` in ``files``, the files, and notes of quality control.
+) -> Snapshots:
+    """Every field at ``level`` in ``files``, with notes of quality control.
 
     Raises
     ------
@@ -129,78 +133,119 @@ def netcdf_snapshots(
         if wanted.kind == PRESSURE:
             raise DataError(f"wind.level={level} is a pressure; currents are at depths such as wind.level=0m")
         wanted = Level(DEPTH, wanted.value)
-    snapshots: list[Snapshot] = []
-    counts: list[LeftOut] = []
+    found: list[tuple[Snapshot, LeftOut]] = []
     notes: dict[str, None] = {}
     for path in files:
-        with open_cf(path) as file:
-            pair = _pair_at(file, quantity, wanted, notes)
-            for snapshot, count in _fields(file, pair, max_speed, area):
-                snapshots.append(snapshot)
-                counts.append(count)
-    return tuple(snapshots), files, (*notes, *left_out_notes(wanted, counts))
+        with _open_dataset(path) as data:
+            pair = _pair_at(path, _components(path, data, quantity), quantity, wanted)
+            notes |= dict.fromkeys(_pair_notes(pair, wanted))
+            found += _snapshots(path, pair, max_speed, area)
+    return snapshots_with_notes(found, files, wanted, notes)
+
+
+@contextmanager
+def _open_dataset(path: Path) -> Iterator[xr.Dataset]:
+    """In the block, the open file; errors of the libraries become a DataError in one line."""
+    import cf_xarray  # noqa: F401 - the accessor ``cf`` of coordinates
+    import xarray as xr
+
+    options: dict[str, Any] = {"decode_times": False, "decode_coords": False, "concat_characters": False}
+    with (
+        wind_file(path, "NetCDF") as head,
+        warnings.catch_warnings(action="ignore"),  # of damaged attributes
+    ):
+        if format_of(head) is None:
+            raise DataError(f"wind file {path} is not NetCDF; expected NetCDF-4 or the classic format")
+        options |= {"engine": "h5netcdf", "phony_dims": "access"} if head[:8] == HDF5 else {"engine": "scipy"}
+        with xr.open_dataset(path, create_default_indexes=False, cache=False, **options) as data:
+            yield data
 
 
 # --- which variables -------------------------------------------------------------------------
 
 
-def _component(variable: CfVariable, quantity: Quantity) -> tuple[str, bool, int] | None:
-    """Component, whether it is along the grid, and a rank of the match (0 is best); None for no match."""
-    standard = variable.text("standard_name")
-    if standard in quantity.standard:
-        return *quantity.standard[standard], 0
-    if standard:
-        return None  # something else
-    words = re.sub(r"[@(].*", "", variable.text("long_name").lower().replace("_", " ")).strip()
+def _component(array: xr.DataArray, quantity: Quantity) -> tuple[str, _Kind] | None:
+    """The component that ``array`` is, found by standard name, else by long name, else by name."""
+    mean = MEAN * bool(re.search(r"time\s*:\s*mean", text(array, "cell_methods")))
+    if standard := text(array, "standard_name"):
+        for *names, relative in quantity.standard:
+            if standard in names:
+                return "uv"[names.index(standard)], _Kind(mean, relative)
+        return None
+    words = re.sub(r"[@(].*", "", text(array, "long_name").lower().replace("_", " ")).strip()
     if re.search(r"gust|stress|variance|error|storm|average|mean of", words):
         return None
-    for rank, text, patterns in ((1, words, quantity.described), (2, variable.name.lower(), quantity.named)):
-        for component, pattern in zip("uv", patterns, strict=True):
-            if re.fullmatch(pattern, text):
-                return component, False, rank
+    for rank, name, pattern in (
+        (1, words, quantity.described),
+        (2, str(array.name).lower(), quantity.named),
+    ):
+        for component, direction in DIRECTIONS.items():
+            if re.fullmatch(pattern.format(component, direction), name):
+                return component, _Kind(rank + mean, False)
     return None
 
 
-def _pair_at(file: CfFile, quantity: Quantity, wanted: Level, notes: dict[str, None]) -> _Pair:
-    """The components at the wanted level; if there is none, a DataError lists the levels of the file."""
-    found: dict[str, list[tuple[int, bool, CfVariable]]] = {"u": [], "v": []}
-    for variable in file.variables.values():
-        known = _component(variable, quantity) if variable.shape else None
-        if known is not None:
-            mean = MEAN * bool(re.search(r"time\s*:\s*mean", variable.text("cell_methods")))
-            found[known[0]].append((known[2] + mean, known[1], variable))
-    if not found["u"] and not found["v"]:
-        there = ", ".join(sorted(file.variables)[:12]) or "nothing"
+def _components(
+    path: Path, data: xr.Dataset, quantity: Quantity
+) -> dict[str, list[tuple[_Kind, xr.DataArray]]]:
+    """The u and v in the file, the best matches first; all other variables are their coordinates."""
+    known: dict[Hashable, tuple[str, _Kind]] = {}
+    for name, array in data.items():
+        if array.shape and (match := _component(array, quantity)) is not None:
+            known[name] = match
+    if not known:
+        there = ", ".join(sorted(map(str, data.variables))[:12]) or "nothing"
         raise DataError(
-            f"wind file {file.path} holds no {quantity.name}; expected variables with the standard names "
-            f"{' and '.join(list(quantity.standard)[:2])}, found {shown_value(there, 200)}"
+            f"wind file {path} holds no {quantity.name}; expected variables with the standard names "
+            f"{' and '.join(quantity.standard[0][:2])}, found {shown_value(there, 200)}"
         )
-    pairs: list[tuple[float, int, _Pair]] = []
-    levels: list[Level] = []
-    for rank, relative, u in sorted(found["u"], key=lambda entry: (entry[0], entry[2].name)):
-        v = _partner(file, u, [other for r, g, other in found["v"] if (r, g) == (rank, relative)])
-        dimension, heights = levels_of(file, u, quantity.length)
-        if not heights:
-            pairs.append((np.inf, rank, _Pair(u, v, relative, None, 0, wanted)))
-        for place, height in enumerate(heights):
-            levels.append(height)
-            if (gap := _level_gap(height, wanted, quantity.nearest)) is not None:
-                pairs.append((gap, rank, _Pair(u, v, relative, dimension, place, height)))
+    budget = FREE_VALUES + MAX_VALUES_A_BYTE * path.stat().st_size
+    data = data.set_coords([name for name in data if name not in known])
+    found: dict[str, list[tuple[_Kind, xr.DataArray]]] = {"u": [], "v": []}
+    for name, (component, kind) in sorted(known.items(), key=lambda item: (item[1][1].rank, str(item[0]))):
+        array = data[name]
+        if array.dtype.kind not in "iuf":
+            raise ValueError(f"{name} holds {array.dtype}; expected numbers")
+        if array.size > budget:  # no coordinate of the array is larger
+            raise ValueError(f"{name} claims far more values than a file of its size can hold")
+        found[component].append((kind, array))
+    return found
+
+
+def _pair_at(
+    path: Path, found: dict[str, list[tuple[_Kind, xr.DataArray]]], quantity: Quantity, wanted: Level
+) -> _Pair:
+    """The components at the wanted level; if there is none, a DataError lists the levels of the file."""
     if not found["u"]:
-        _partner(file, found["v"][0][2], [])
+        raise _unpaired(path, found["v"][0][1])
+    pairs: list[tuple[float, _Pair]] = []
+    levels: list[Level] = []
+    for kind, u in found["u"]:
+        v = _partner(path, u, [other for same, other in found["v"] if same == kind])
+        dimension, heights = levels_of(u, quantity.length)
+        if not heights:
+            pairs.append((np.inf, _Pair(u, v, kind, None, 0, wanted)))
+        levels += heights
+        for place, height in enumerate(heights):
+            if (gap := _level_gap(height, wanted, quantity.nearest)) is not None:
+                pairs.append((gap, _Pair(u, v, kind, dimension, place, height)))
     if not pairs:
         raise DataError(
-            f"wind file {file.path} holds no {quantity.name} {wanted.phrase}; it has {level_list(levels)}: "
+            f"wind file {path} holds no {quantity.name} {wanted.phrase}; it has {level_list(levels)}: "
             "set wind.level to one of them"
         )
-    gap, rank, chosen = min(pairs, key=lambda entry: entry[:2])
-    if np.isinf(gap):
-        notes[f"{chosen.u.name} states no level and is taken to be {wanted.phrase}"] = None
-    elif gap > 0 and quantity.nearest:
-        notes[f"the level {chosen.level.text} is used for {wanted.text}"] = None
-    if rank >= MEAN:
-        notes[f"{chosen.u.name} holds means over time and not values of an instant (cell_methods)"] = None
-    return chosen
+    gap, chosen = min(pairs, key=lambda entry: (entry[0], entry[1].kind.rank))
+    return chosen._replace(stated=gap < np.inf)
+
+
+def _pair_notes(pair: _Pair, wanted: Level) -> Iterator[str]:
+    """Remarks on the choice of a pair for the ``wanted`` level."""
+    if not pair.stated:
+        yield f"{pair.u.name} states no level and is taken to be {wanted.phrase}"
+    elif pair.level.text != wanted.text:
+        yield f"the level {pair.level.text} is used for {wanted.text}"
+    if pair.kind.rank >= MEAN:
+        yield f"{pair.u.name} holds means over time and not values of an instant (cell_methods)"
 
 
 def _level_gap(found: Level, wanted: Level, nearest: bool) -> float | None:
@@ -212,83 +257,79 @@ def _level_gap(found: Level, wanted: Level, nearest: bool) -> float | None:
     return gap if gap <= most else None
 
 
-def _partner(file: CfFile, u: CfVariable, others: list[CfVariable]) -> CfVariable:
+def _partner(path: Path, u: xr.DataArray, others: list[xr.DataArray]) -> xr.DataArray:
     """The one of ``others`` on the grid of ``u`` whose name differs least; DataError if there is none."""
-    fitting = [other for other in others if other.dimensions == u.dimensions and other.shape == u.shape]
+    fitting = [other for other in others if other.dims == u.dims and other.shape == u.shape]
     if not fitting:
-        elsewhere = "; its counterpart is on another grid" if others else ""
-        raise DataError(
-            f"wind file {file.path} has {u.name} but no other component{elsewhere}; expected u and v"
-        )
-    return min(
-        fitting, key=lambda other: (sum(a != b for a, b in zip(u.name, other.name, strict=False)), other.name)
-    )
+        raise _unpaired(path, u, "; its counterpart is on another grid" if others else "")
+    return min(fitting, key=lambda v: sum(a != b for a, b in zip(str(u.name), str(v.name), strict=False)))
+
+
+def _unpaired(path: Path, array: xr.DataArray, reason: str = "") -> DataError:
+    return DataError(f"wind file {path} has {array.name} but no other component{reason}; expected u and v")
 
 
 # --- values ----------------------------------------------------------------------------------
 
 
-def _fields(
-    file: CfFile, pair: _Pair, max_speed: float, area: GeoBox | None
+def _snapshots(
+    path: Path, pair: _Pair, max_speed: float, area: GeoBox | None
 ) -> Iterator[tuple[Snapshot, LeftOut]]:
     u = pair.u
-    clock, times, leads = times_of(file, u)
-    crew = member_dimension(file, u)
-    nodes = nodes_of(file, u, pair.relative, area)
-    factors = [_speed_factor(file, variable) for variable in (u, pair.v)]
-    for name, size in zip(u.dimensions, u.shape, strict=True):
-        if name not in (*nodes.part, clock, crew, pair.dimension) and size != 1:
+    clock, times, leads = times_of(path, u)
+    crew = member_dimension(u)
+    spatial, nodes = nodes_of(path, u, pair.kind.relative, area)
+    factors = [_speed_factor(path, array) for array in (u, pair.v)]
+    for name, size in u.sizes.items():
+        if name not in (*spatial, clock, crew, pair.dimension) and size != 1:
             raise DataError(
-                f"wind file {file.path}: {u.name} has {size} values along {name}, which is no time, level, "
+                f"wind file {path}: {u.name} has {size} values along {name}, which is no time, level, "
                 "member or place; pick one and write the file again"
             )
-    pressure = _surface_pressure(file, u, pair.level, (*nodes.part, *([clock] if clock else [])))
-    members = range(u.shape[u.dimensions.index(crew)]) if crew else range(1)
+    pressure = _surface_pressure(pair, {*spatial, clock})
+    rows = np.unravel_index(nodes.kept, [u.sizes[name] for name in spatial])
+    box = {name: slice(int(r.min()), int(r.max()) + 1) for name, r in zip(spatial, rows, strict=True)}
+    kept = np.ravel_multi_index([r - r.min() for r in rows], [int(np.ptp(r)) + 1 for r in rows])
     for k, (time, lead) in enumerate(zip(times, leads, strict=True)):
-        below = None if pressure is None else _slab(file, pressure, nodes, {clock: k})
-        for member in members:
+        ground = None if pressure is None else _values(pressure, box, {clock: k})[kept]
+        for member in range(u.sizes[crew] if crew else 1):
             at = {clock: k, crew: member, pair.dimension: pair.place}
-            parts = [_slab(file, v, nodes, at) * f for v, f in zip((u, pair.v), factors, strict=True)]
-            winds = np.stack(parts, axis=1)
-            here, count = nodes_in_the_air(pair.level, winds, below)
-            winds = winds if nodes.twist is None else rotate_vectors(winds, -nodes.twist)
-            points, winds = (nodes.lonlat, winds) if here.all() else (nodes.lonlat[here], winds[here])
-            where = f"wind file {file.path}, {iso(float(time))}"
-            check_readings(points, winds, True, max_speed, lambda _, where=where: where)  # type: ignore[misc]
+            winds = [_values(array, box, at)[kept] * f for array, f in zip((u, pair.v), factors, strict=True)]
             name = f"{member:02d}" if crew else ""
-            yield (
-                Snapshot(float(time), float(lead), points, winds, pair.level.text, (file.path,), name),
-                count,
-            )
+            field = Field(float(time), float(lead), np.stack(winds, axis=1), ground, name)
+            yield snapshot_of(field, nodes, pair.level, (path,), max_speed)
 
 
-def _slab(file: CfFile, variable: CfVariable, nodes: CfNodes, at: dict[str | None, int]) -> FloatArray:
-    """Values (N,) of ``variable`` at the nodes, at the indices ``at`` of the other dimensions."""
-    part = tuple(nodes.part.get(name, at.get(name, 0)) for name in variable.dimensions)
-    found: FloatArray = file.read(variable, part).reshape(-1)[nodes.kept]
+def _values(array: xr.DataArray, box: dict[str, slice], at: dict[str | None, int]) -> FloatArray:
+    """The values in ``box`` at the indices ``at``, flattened; NaN for missing values and those not valid."""
+    part = array.isel(box | {name: k for name, k in at.items() if name}, missing_dims="ignore")
+    found: FloatArray = part.values.astype(float).reshape(-1)
+    limits = (array.attrs.get("valid_min", -np.inf), array.attrs.get("valid_max", np.inf))
+    low, high = np.sort(np.ravel(array.attrs.get("valid_range", limits)).astype(float))  # of packed values
+    if np.isfinite([low, high]).any():
+        scale, offset = (array.encoding.get(name, n) for name, n in (("scale_factor", 1), ("add_offset", 0)))
+        slack = 0.0 if (scale, offset) == (1, 0) else 0.5  # packed values are whole numbers
+        packed = (found - offset) / scale
+        found[(packed < low - slack) | (packed > high + slack)] = np.nan
     return found
 
 
-def _speed_factor(file: CfFile, variable: CfVariable) -> float:
-    units = variable.text("units")
-    factor = speed_factor(units)
+def _speed_factor(path: Path, array: xr.DataArray) -> float:
+    units = text(array, "units")
+    factor = SPEEDS.get(re.sub(r"[\s.*^]+", "", units.lower()))
     if factor is None:
         told = f"is in {shown_value(units)}" if units.strip() else "has no units"
-        raise DataError(
-            f"wind file {file.path}: {variable.name} {told}; expected m s-1, cm s-1, km h-1 or knots"
-        )
+        raise DataError(f"wind file {path}: {array.name} {told}; expected m s-1, cm s-1, km h-1 or knots")
     return factor
 
 
-def _surface_pressure(
-    file: CfFile, u: CfVariable, level: Level, dimensions: tuple[str, ...]
-) -> CfVariable | None:
+def _surface_pressure(pair: _Pair, dimensions: set[str | None]) -> xr.DataArray | None:
     """Surface pressure [Pa] on the same grid and times, for a pressure level; None if there is none."""
-    if level.kind != PRESSURE:
+    if pair.level.kind != PRESSURE:
         return None
-    for variable in file.variables.values():
-        named = variable.text("standard_name") == "surface_air_pressure"
-        same = variable.dimensions == tuple(name for name in u.dimensions if name in dimensions)
-        if named and same and variable.text("units").lower() in ("pa", "pascal"):
-            return variable
+    dims = tuple(name for name in pair.u.dims if name in dimensions)
+    for name in pair.u.cf.standard_names.get("surface_air_pressure", ()):
+        array: xr.DataArray = pair.u.coords[name]
+        if array.dims == dims and text(array, "units").lower() in ("pa", "pascal"):
+            return array
     return None

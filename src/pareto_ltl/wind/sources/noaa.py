@@ -18,8 +18,8 @@ from pareto_ltl.wind.area import Wanted
 from pareto_ltl.wind.ensemble import ensemble_readings
 from pareto_ltl.wind.levels import parse_level
 from pareto_ltl.wind.readings import HOUR, Readings, iso, seconds
-from pareto_ltl.wind.snapshots import Snapshot, latest_readings
-from pareto_ltl.wind.sources.grib_apart import read_grib_snapshots, read_grib_with_notes
+from pareto_ltl.wind.snapshots import latest_readings
+from pareto_ltl.wind.sources.grib_apart import grib_snapshots_apart
 from pareto_ltl.wind.sources.idx_files import parse_idx, wind_parts
 from pareto_ltl.wind.sources.noaa_cache import DownloadCache
 from pareto_ltl.wind.sources.noaa_models import MODELS, NoaaModel
@@ -42,18 +42,13 @@ def read_noaa(cfg: WindConfig, wanted: Wanted) -> Readings:
         If no cycle covers the flight, or a file cannot be fetched or, with ``wind.offline``, is not cached.
     """
     files = noaa_files(cfg, wanted)
-    snapshots, notes = read_grib_with_notes(files, cfg.max_speed, cfg.level, wanted.area)
+    snapshots, _, notes = grib_snapshots_apart(files, cfg.max_speed, cfg.level, wanted.area)
     cycle = iso(snapshots[0].cycle)
     told = f"{cfg.model} forecast of {cycle}; wind.cycle={cycle} reads the same one again"
     prior = 0.0 if cfg.forecast_error == "none" else cfg.ensemble_prior
     if len({snapshot.member for snapshot in snapshots}) > 1:
         return ensemble_readings(snapshots, files, prior, (told, *notes))
     return latest_readings(snapshots, files, (told, *notes))
-
-
-def read_noaa_snapshots(cfg: WindConfig, wanted: Wanted) -> tuple[Snapshot, ...]:
-    """Every time and member of one forecast; the errors are those of :func:`read_noaa`."""
-    return read_grib_snapshots(noaa_files(cfg, wanted), cfg.max_speed, cfg.level, wanted.area)
 
 
 def noaa_files(cfg: WindConfig, wanted: Wanted) -> tuple[Path, ...]:

@@ -1,0 +1,114 @@
+"""Costs of a path that are not probabilities: one row each. Paths are compared by risk and by these.
+
+The length is a cost of every path, the energy of every robot with a power curve. ``selection.costs`` adds
+others; those of other packages are entry points in the group ``pareto_ltl.costs``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.support.display import distance_text, energy_text
+from pareto_ltl.support.extensions import COST_GROUP, extension_names, known_kind
+
+if TYPE_CHECKING:
+    from pareto_ltl.planning.problem import Problem
+
+STILL = 1e-9  # [m] shorter steps have no course
+
+
+@dataclass(frozen=True, slots=True)
+class Cost:
+    """A cost that a path should have little of.
+
+    Attributes
+    ----------
+    name : str
+        Its key in ``Objectives.costs``, ``plan.json`` and ``selection.costs``.
+    column : str
+        Its column in ``front.csv`` and its name in ``metrics.json``, with the unit.
+    of : callable
+        Function from the problem, positions (T+1, 2) [m] and air-relative velocities (T, 2) [m/s] to the
+        cost; None if the robot has no such cost.
+    text : callable
+        The number with its unit, as text.
+    note : str
+        What the number is, in a few words, for the page.
+    """
+
+    name: str
+    column: str
+    of: Callable[[Problem, FloatArray, FloatArray], float | None]
+    text: Callable[[float], str]
+    note: str = ""
+
+
+def path_length(_problem: Problem, x: FloatArray, _u: FloatArray) -> float:
+    """Length of the expected path [m]."""
+    return float(np.linalg.norm(np.diff(x, axis=0), axis=1).sum())
+
+
+def path_energy(problem: Problem, _x: FloatArray, u: FloatArray) -> float | None:
+    """Energy of the airspeeds [J]; None without a power curve."""
+    return None if problem.energy is None else problem.energy.of(u, problem.motion.dt)
+
+
+def flight_time(problem: Problem, _x: FloatArray, u: FloatArray) -> float:
+    """Time from departure to arrival [s]."""
+    return len(u) * problem.motion.dt
+
+
+def turned_angle(_problem: Problem, x: FloatArray, _u: FloatArray) -> float:
+    """Sum of the absolute changes of course along the expected path [deg]."""
+    steps = np.diff(x, axis=0)
+    steps = steps[np.linalg.norm(steps, axis=1) > STILL]
+    course = np.unwrap(np.arctan2(steps[:, 1], steps[:, 0]))
+    return float(np.degrees(np.abs(np.diff(course)).sum()))
+
+
+def hours_text(seconds: float) -> str:
+    """A time [s] as text in hours."""
+    return f"{seconds / 3600:,.2f} h"
+
+
+def degrees_text(angle: float) -> str:
+    """An angle [deg] as text."""
+    return f"{angle:,.0f}°"
+
+
+COSTS = {
+    cost.name: cost
+    for cost in (
+        Cost("length", "length_m", path_length, distance_text, "of the expected path"),
+        Cost("energy", "energy_j", path_energy, energy_text, "for the airspeeds"),
+        Cost("duration", "arrival_s", flight_time, hours_text, "until arrival"),
+        Cost("turns", "turns_deg", turned_angle, degrees_text, "sum of all turns"),
+    )
+}
+ALWAYS = (COSTS["length"], COSTS["energy"])
+
+
+def cost_named(name: str) -> Cost:
+    """The cost ``name``, of this package or of another; the errors are those of ``known_kind``."""
+    return known_kind(COST_GROUP, COSTS, name, lambda loaded: isinstance(loaded, Cost))
+
+
+def costs_with(names: Iterable[str]) -> tuple[Cost, ...]:
+    """Length, energy, and the costs of ``names`` in that order."""
+    return tuple(dict.fromkeys((*ALWAYS, *map(cost_named, names))))
+
+
+def known_costs() -> tuple[Cost, ...]:
+    """All costs, with those of other packages."""
+    return tuple(map(cost_named, (*COSTS, *extension_names(COST_GROUP, COSTS))))
+
+
+def path_costs(problem: Problem, x: FloatArray, u: FloatArray) -> dict[str, float]:
+    """The costs of ``problem.costs`` that its robot has, by name."""
+    values = ((cost.name, cost.of(problem, x, u)) for cost in problem.costs)
+    return {name: value for name, value in values if value is not None}

@@ -1,0 +1,286 @@
+"""What keeps each segment of a path away from obstacles, walls and forbidden cells: lines and their risks."""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pareto_ltl.kernels import data as kd
+from pareto_ltl.kernels.path import Flight
+from pareto_ltl.planning.barriers import LEAST, barrier_polygons, lines_of
+from pareto_ltl.planning.evaluate import propagate
+from pareto_ltl.planning.pack import NO_LIMIT, pack_faces
+from pareto_ltl.planning.pack_logic import pack_corners
+from pareto_ltl.planning.problem import Problem
+from pareto_ltl.planning.records import PlannedPath, SegmentLimits
+from pareto_ltl.planning.refine.obligations import face_deviations, path_obligations
+from pareto_ltl.planning.refine.search_map import search_map
+from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
+from pareto_ltl.support.display import probability_text
+from pareto_ltl.support.errors import InfeasibleError
+
+LOG = logging.getLogger(__name__)
+
+ROWS = 2  # lines of a segment in a programme, the closest ones (3 take half as long again)
+KEPT = 1.4  # standard deviations that taut lines keep where polygons share epsilon as they need it
+ROUNDING = 1e-6  # relative excess over epsilon that is rounding
+WALLS = ("western", "eastern", "southern", "northern")
+
+
+@dataclass(frozen=True, slots=True)
+class Separation:
+    """Half planes c'x >= h that hold both ends of each segment, the closest ``ROWS`` of each.
+
+    Attributes
+    ----------
+    normal (T, K, 2), offset (T, K) : float
+        Unit normals c, and h [m]; c is 0 in rows that are not used.
+    sd : (T, 2, K) float
+        √(c' Σ c) of both ends [m].
+    owner : (T, K) int
+        Number of the polygon: barriers, then the forbidden cells of this path; -1 in rows that are not used.
+    deviations : float
+        Standard deviations that both ends keep from every line.
+    risk : (T,) float
+        Σ_j Φ(-z_j) over all polygons near the segment, z_j of its nearer end.
+    limit : float
+        The largest risk allowed in a segment; inf if ``deviations`` limit it.
+    """
+
+    normal: FloatArray
+    offset: FloatArray
+    sd: FloatArray
+    owner: IntArray
+    deviations: float
+    risk: FloatArray
+    limit: float
+
+
+def separation(
+    problem: Problem, flight: Flight, avoid: BoolArray | None = None, around: float = 0.0
+) -> Separation:
+    """The lines of every segment of ``flight``, as the collision bound of ``problem`` has them.
+
+    ``avoid`` (T+1, C) are the cells to avoid at each step, by default those of the mission. Polygons up to
+    ``around`` [m] away have lines as well, even if they add no risk.
+    """
+    return SEPARATIONS[type(problem.world.collision)](problem, flight, avoid, around)
+
+
+def forbidden_polygons(problem: Problem, avoid: BoolArray) -> tuple[list[FloatArray], BoolArray]:
+    """Convex polygons around the cells to ``avoid`` (T+1, C), and at which steps to avoid each, (T+1, m).
+
+    Where many cells with one label are merged into one shape, it is avoided at steps where all of them are.
+    """
+    polygons: list[FloatArray] = []
+    asked = [np.zeros((len(avoid), 0), bool)]
+    for group in search_map(problem).shown.values():
+        hit = avoid[:, group.cells]
+        if group.united:
+            hit = np.repeat(np.all(hit, axis=1, keepdims=True), len(group.around), axis=1)
+        wanted = np.flatnonzero(hit.any(axis=0))
+        polygons += [group.around[k] for k in wanted]
+        asked.append(hit[:, wanted])
+    return polygons, np.hstack(asked)
+
+
+def _avoided(problem: Problem, flight: Flight, avoid: BoolArray | None) -> tuple[list[FloatArray], BoolArray]:
+    """The forbidden polygons, and which of them each segment avoids (T, m)."""
+    if avoid is None:
+        if not len(problem.logic.hazards):
+            return [], np.zeros((len(flight.u), 0), bool)
+        avoid = path_obligations(problem, flight.x, flight.cov).avoid
+    polygons, asked = forbidden_polygons(problem, avoid)
+    return polygons, asked[1:] & asked[:-1]
+
+
+def allowed_risk(problem: Problem) -> float:
+    """``planner.epsilon``, the largest risk of a segment; inf without a limit."""
+    return problem.epsilon if problem.epsilon < NO_LIMIT else math.inf
+
+
+def keeps_epsilon(problem: Problem, path: PlannedPath) -> bool:
+    """Whether no segment of ``path`` is more likely to collide than ``planner.epsilon`` allows."""
+    limit = allowed_risk(problem)
+    if math.isinf(limit):
+        return True
+    return bool(separation(problem, propagate(problem, path.x)).risk.max() <= limit * (1.0 + ROUNDING))
+
+
+def within_limits(problem: Problem, paths: Sequence[PlannedPath]) -> tuple[PlannedPath, ...]:
+    """The paths that keep ``planner.epsilon`` in every segment; a line in the log states how many do not.
+
+    Raises
+    ------
+    InfeasibleError
+        If none of the paths does; the message says by how much, where, and what would admit one.
+    """
+    limit = allowed_risk(problem)
+    if not paths or math.isinf(limit):
+        return tuple(paths)
+    parts = [separation(problem, propagate(problem, path.x)) for path in paths]
+    worst = np.array([part.risk.max() for part in parts])
+    kept = tuple(path for path, risk in zip(paths, worst, strict=True) if risk <= limit * (1.0 + ROUNDING))
+    if len(kept) == len(paths):
+        return kept
+    k = int(np.argmin(np.where(worst > limit * (1.0 + ROUNDING), worst, np.inf)))
+    least = _rounded_up(1.05 * float(worst[k]))
+    if not kept:
+        step = int(parts[k].risk.argmax())
+        nearest = _barrier_name(problem, int(parts[k].owner[step, 0]))
+        raise InfeasibleError(
+            f"no path keeps planner.epsilon = {limit:g} in every segment: the best of {len(paths)} refined "
+            f"paths comes closest to {nearest} at step {step + 1}, with a collision probability of "
+            f"{probability_text(worst[k])}; set planner.epsilon={least:g}, or null for no limit"
+        )
+    LOG.info(
+        "%d of %d refined paths are not on the front: a segment of each is more likely to collide than "
+        "planner.epsilon = %g allows; planner.epsilon=%g would admit the next",
+        len(paths) - len(kept), len(paths), limit, least,
+    )  # fmt: skip
+    return kept
+
+
+def _rounded_up(value: float) -> float:
+    """``value`` with two significant digits, rounded up; at most 0.99."""
+    unit = 10.0 ** (math.floor(math.log10(value)) - 1)
+    return min(math.ceil(value / unit) * unit, 0.99)
+
+
+def _barrier_name(problem: Problem, number: int) -> str:
+    """The obstacle, wall or forbidden region of polygon ``number`` of a :class:`Separation`."""
+    names = barrier_names(problem)
+    return names[number] if number < len(names) else "a forbidden region"
+
+
+def barrier_names(problem: Problem) -> list[str]:
+    """Names of the barriers: ``obstacle 3``, the third of the map, for each of its convex parts; walls."""
+    import shapely
+
+    outlines = [shapely.Polygon(corners) for corners in problem.scene.obstacles]
+    names = []
+    for part in problem.decomposition.obstacles:
+        gaps = shapely.distance(outlines, shapely.Point(part.mean(axis=0)))
+        names.append(f"obstacle {int(np.argmin(gaps)) + 1}")
+    return names + [f"the {side} border" for side in WALLS if problem.scene.walled]
+
+
+def segment_limits(problem: Problem, x: FloatArray) -> SegmentLimits | None:
+    """The limits of the path along ``x`` (T+1, 2) [m]; None without barriers."""
+    flight, corners = propagate(problem, x), barrier_polygons(problem)
+    if not len(corners.radius):
+        return None
+    everywhere = np.ones((len(flight.u), len(corners.radius)), bool)
+    lines = lines_of(corners, everywhere, flight.x, flight.cov, 1, math.inf)
+    names = barrier_names(problem)
+    nearest = tuple(names[k] for k in lines.owner[:, 0])
+    return SegmentLimits(nearest, lines.line[:, 0, 3].copy(), lines.risk)
+
+
+def kept_deviations(problem: Problem) -> float:
+    """Standard deviations that taut lines, and the faces of Eq. (10), keep from obstacles."""
+    bound = problem.world.collision
+    return float(bound.z) if isinstance(bound, kd.StepBound) else KEPT
+
+
+# --- supporting lines --------------------------------------------------------------------------
+
+
+def _by_lines(problem: Problem, flight: Flight, avoid: BoolArray | None, around: float) -> Separation:
+    """Supporting lines; the polygons of a segment share ``epsilon`` as they need it."""
+    polygons, asked = _avoided(problem, flight, avoid)
+    corners = barrier_polygons(problem)
+    everywhere = np.ones((len(flight.u), len(corners.radius)), bool)
+    if polygons:
+        own = pack_corners(range(len(polygons)), polygons)
+        corners = kd.Corners(
+            np.concatenate([corners.cell, own.cell]), np.vstack([corners.middle, own.middle]),
+            np.concatenate([corners.radius, own.radius]),
+            np.concatenate([corners.ptr, corners.ptr[-1] + own.ptr[1:]]),
+            np.vstack([corners.corner, own.corner]),
+        )  # fmt: skip
+    return _supported(problem, flight, corners, np.hstack([everywhere, asked]), around)
+
+
+def _supported(
+    problem: Problem, flight: Flight, corners: kd.Corners, asked: BoolArray, around: float
+) -> Separation:
+    line, owner, risk = lines_of(corners, asked, flight.x, flight.cov, ROWS, around)
+    normal = line[..., :2]
+    cov = np.stack([flight.cov[:-1], flight.cov[1:]], axis=1)
+    n, e = normal[..., 0][:, None], normal[..., 1][:, None]
+    variance = n * n * cov[..., :1] + 2.0 * n * e * cov[..., 1:2] + e * e * cov[..., 2:]
+    sd = np.sqrt(np.maximum(variance, 0.0) + LEAST)
+    return Separation(normal, line[..., 2], sd, owner, 0.0, risk, allowed_risk(problem))
+
+
+# --- faces, Eq. (10) ---------------------------------------------------------------------------
+
+
+def _by_faces(problem: Problem, flight: Flight, avoid: BoolArray | None, _around: float) -> Separation:
+    """The paper's choice: for each segment one face of every obstacle, and an equal share of epsilon each.
+
+    Only the means have to stay outside of the cells to avoid.
+    """
+    from scipy.special import ndtr
+
+    polygons, asked = _avoided(problem, flight, avoid)
+    z = kept_deviations(problem)
+    everywhere = np.ones((len(flight.u), len(problem.barriers.ptr) - 1), bool)
+    sets = [(problem.barriers, flight.cov, everywhere), (pack_faces(polygons), 0.0 * flight.cov, asked)]
+    parts = [_separating_faces(faces, flight.x, cov, z, wanted) for faces, cov, wanted in sets]
+    T = len(flight.u)
+    parts.append(  # rows that are not used
+        (np.zeros((T, ROWS, 2)), np.zeros((T, ROWS)), np.zeros((T, 2, ROWS)), np.full((T, 2, ROWS), np.inf))
+    )
+    normal, offset, sd, gap = (
+        np.concatenate(pair, axis=axis)
+        for pair, axis in zip(zip(*parts, strict=True), (1, 1, 2, 2), strict=True)
+    )
+    left = (gap - z * sd).min(axis=1)
+    rows = np.argsort(left, axis=1, kind="stable")[:, :ROWS]
+    t, used = np.arange(len(left))[:, None], np.isfinite(np.take_along_axis(left, rows, axis=1))
+    barriers = slice(0, everywhere.shape[1])
+    nearer = (gap[..., barriers] / np.maximum(sd[..., barriers], math.sqrt(LEAST))).min(axis=1)
+    return Separation(
+        np.where(used[..., None], normal[t, rows], 0.0), offset[t, rows],
+        np.take_along_axis(sd, rows[:, None], axis=2), np.where(used, rows, -1), z,
+        ndtr(-nearer).sum(axis=1), math.inf,
+    )  # fmt: skip
+
+
+def _separating_faces(
+    faces: kd.Faces, x: FloatArray, cov: FloatArray, z: float, wanted: BoolArray
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """For every segment and polygon the face with the most room beyond z standard deviations.
+
+    Normals (T, m, 2), offsets (T, m), and of both ends σ and the distance from the face (T, 2, m), inf where
+    the polygon is not ``wanted`` (T, m); lengths in metres.
+    """
+    sd, gap = face_deviations(faces.normal, cov), x @ faces.normal.T - faces.offset
+    chosen = separating(faces, gap - z * sd) if wanted.shape[1] else np.zeros(wanted.shape, np.int64)
+    t = np.arange(len(wanted))[:, None]
+    spread, far = (np.stack([table[t, chosen], table[t + 1, chosen]], axis=1) for table in (sd, gap))
+    return faces.normal[chosen], faces.offset[chosen], spread, np.where(wanted[:, None], far, np.inf)
+
+
+def separating(faces: kd.Faces, room: FloatArray) -> IntArray:
+    """For every segment and polygon the face with the most ``room`` (T+1, F) at the closer end, (T, m)."""
+    both = np.minimum(room[:-1], room[1:])
+    # Where faces tie, as at a corner, the one with the larger sum of both is taken.
+    both = both + 1e-6 * (room[:-1] + room[1:])
+    largest = np.maximum.reduceat(both, faces.ptr[:-1], axis=1)
+    rows = np.where(
+        both == np.repeat(largest, np.diff(faces.ptr), axis=1), np.arange(both.shape[1]), both.shape[1]
+    )
+    return np.asarray(np.minimum.reduceat(rows, faces.ptr[:-1], axis=1), np.int64)
+
+
+SEPARATIONS: dict[type, Callable[[Problem, Flight, BoolArray | None, float], Separation]] = {
+    kd.PathBound: _by_lines,
+    kd.StepBound: _by_faces,
+}

@@ -1,0 +1,122 @@
+"""Claims about texts: which errors of the wind a failure rate covers, and where the wind comes from."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+import numpy as np
+
+from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.support.display import probability_text
+from pareto_ltl_verify.claims.verdict import Claim, Verdict, no_fault
+from pareto_ltl_verify.evidence import Evidence
+from pareto_ltl_verify.forecast_errors import HOUR
+from pareto_ltl_verify.wind_tables import ENSEMBLE
+
+UNLISTED = ("noaa",)  # sources whose files are downloaded, and no inputs of the run
+CALM = "calm air: no wind at all.", "any wind; the robot's own errors of airspeed, heading and timing."
+
+
+def texts(result: Evidence) -> Verdict | None:
+    """The texts on errors that rates cover follow from wind.nc; plans of the first versions have none."""
+    if "covered" not in result.plan:
+        return None
+    wind = result.wind
+    if wind.fit is None and not wind.gust.any():
+        wanted = CALM
+    else:
+        wanted = "; ".join(_covered(result)) + ".", "; ".join(_not_covered(result)) + "."
+    told = (result.plan["covered"], result.plan["not_covered"])
+    faults = [
+        f"{name}: {' '.join(words)}"
+        for name, a, b in zip(("covered", "not covered"), told, wanted, strict=True)
+        if (words := [part for part in a.split("; ") if part not in b.split("; ")] or [b] * (a != b))
+    ]
+    return no_fault(f"{len(told[1].split('; '))} errors not covered", faults)
+
+
+def _covered(result: Evidence) -> Iterator[str]:
+    wind = result.wind
+    yield f"wind at {wind.level} of {wind.source or 'an unknown source'}"
+    if wind.fit is not None:
+        share = wind.score.get("gp_coverage_90", np.nan)
+        scored = (
+            f"{probability_text(share)} lie in 90 % intervals" if np.isfinite(share) else "none was scored"
+        )
+        counts = _range([len(points) for points in wind.fit.points], "readings a time")
+        yield (
+            f"interpolation in space between {counts} ({wind.fit.kernel}; "
+            f"of readings on the map that the fit did not see, {scored})"
+        )
+    leads = wind.leads[np.isfinite(wind.leads)]
+    if (law := wind.error) is not None:
+        if law.forecast_sd.any() and len(leads):
+            sd = _range(np.sqrt(law.forecast_variance(leads)), "m/s")
+            ages = _range(leads / HOUR, "h")
+            yield f"forecast error by the law {law.name} for leads {ages}, {sd} a component"
+        if len(wind.times) > 1:
+            yield f"interpolation in time between fields {_range(np.diff(wind.times) / HOUR, 'h')} apart"
+        if law.scaled is not None:
+            factor = np.sqrt(law.scaled.factor)
+            yield f"changes in time {factor:.2f} times those of the law, as between analyses near the map"
+    held = wind.until - float(wind.times[-1])
+    if 0.0 < held < np.inf:
+        yield f"the last field{_when(result)} held for up to {held / HOUR:g} h, and the change since then"
+    if wind.modes is not None and (wind.modes.part == ENSEMBLE).any():
+        yield "the spread of the members of an ensemble"
+    yield f"a white part of {np.sqrt(wind.gust.mean()):.2g} m/s"
+
+
+def _when(result: Evidence) -> str:
+    """The time of the last field in UTC, if the map has a departure."""
+    if (zero := result.scene["time_zero"]) is None:
+        return ""
+    begin = datetime.fromisoformat(zero)
+    begin = begin if begin.tzinfo else begin.replace(tzinfo=UTC)
+    last = begin + timedelta(seconds=float(result.wind.times[-1]))
+    return f" ({last.astimezone(UTC).isoformat(timespec='seconds').replace('+00:00', 'Z')})"
+
+
+def _not_covered(result: Evidence) -> Iterator[str]:
+    wind, law = result.wind, result.wind.error
+    leads = wind.leads[np.isfinite(wind.leads)] / HOUR
+    if law is None or not law.forecast_sd.any():
+        told = f" (leads {_range(leads, 'h')})" if len(leads) else ""
+        yield f"errors of the fields themselves: analyses and forecasts{told} are taken as true"
+    elif not len(leads):
+        yield "forecast error: the readings do not say how old their forecast is (lead_hours)"
+    elif law.forecast_sd[0] <= 0:
+        yield "errors of analyses (forecasts of lead 0)"
+    if law is None:
+        yield "the change of the wind between fields"
+    yield f"winds at other heights than {wind.level}, and vertical motion of the air"
+    yield "errors that are not Gaussian, such as a front or a storm that comes early"
+    yield "the robot's own errors of airspeed, heading and timing"
+
+
+def _range(values: Sequence[float] | FloatArray, unit: str) -> str:
+    low, high = f"{min(values):.3g}", f"{max(values):.3g}"
+    return f"{low} {unit}" if low == high else f"{low} to {high} {unit}"
+
+
+def source(result: Evidence) -> Verdict | None:
+    """The source of the wind is that of the settings, and the files that it names are inputs of the run."""
+    wanted = result.settings["wind"]["source"]
+    if wanted == "given":  # from Python, with any text
+        return None
+    kind, _, left = result.wind.source.partition(": ")
+    for name in sorted((Path(name).name for name in result.run["inputs"]), key=len, reverse=True):
+        left = left.replace(name, "")
+    known = kind in UNLISTED or re.fullmatch(r"[, ]*( and \d+ more)?", left) is not None
+    return Verdict(
+        result.wind.source[:44], f"{wanted}, {len(result.run['inputs'])} inputs", kind == wanted and known
+    )
+
+
+CLAIMS = (
+    Claim("plan: errors that its rates cover", ("plan.json", "wind.nc", "scene.json"), texts),
+    Claim("wind: source", ("wind.nc",), source),
+)

@@ -1,0 +1,182 @@
+"""Claims about failure rates and areas in the exported files: new flights agree with them."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Any
+
+import numpy as np
+from scipy.stats import beta, binom
+
+from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.support.display import interval_text, probability_text
+from pareto_ltl_verify.claims.exports import NAMESPACES, PLAN, features_of, in_plane, json_file, xml_root
+from pareto_ltl_verify.claims.verdict import Claim, Verdict, close, no_fault
+from pareto_ltl_verify.evidence import HELD_RUNS, Evidence
+from pareto_ltl_verify.flights import RARE, clopper_pearson, same_rate
+from pareto_ltl_verify.geometry import within
+
+FINEST = 1.0  # [m] standard deviation whose square corridors add to each variance of the position
+SHARES = (0.5, 0.9, 0.95, 0.99)
+SENTENCE = re.compile(r"Of [\d,]+ [^%]*flights flown .*? fail\.")
+RATE = re.compile(
+    r"Of (?P<runs>[\d,]+) [^%]*flights flown (?P<how>.*) in (?P<law>\w+) winds, (?P<fails>.* %.*) fail\."
+)
+
+
+# --- failure rates ----------------------------------------------------------------------------
+
+
+def mission_failure(result: Evidence) -> Verdict:
+    """The failure by heading is the promise; that by position is the rate of new flights with feedback."""
+    told = json_file(result, "mission.plan")["pareto_ltl"]
+    promise, by_heading = result.plan["promise"], told["failure_by_heading"]
+    faults = []
+    if (promise is None) != (by_heading is None):
+        faults.append(f"by heading {by_heading}")
+    if promise and by_heading:
+        faults += [f"by heading: {key}" for key, value in by_heading.items() if promise[key] != value]
+    rate = told["failure_by_position"]
+    count, runs = round(rate["failure"] * rate["runs"]), int(rate["runs"])
+    ends = clopper_pearson(count, runs)
+    if not all(close(a, b, 1e-9, 1e-12) for a, b in zip((rate["low"], rate["high"]), ends, strict=True)):
+        faults.append(f"the interval is {ends[0]:.4g} to {ends[1]:.4g}")
+    if rate["law"] != result.planned_law:
+        faults.append(f"{rate['law']} winds")
+    if (chance := same_rate(count, runs, *result.held_failures)) < RARE:
+        faults.append(f"by position {result.held_failures[0]} of {HELD_RUNS}, chance {chance:.1g}")
+    return no_fault(f"{rate['failure']:.4g} by position", faults)
+
+
+def stated_rates(name: str, result: Evidence) -> Verdict:
+    """Sentences of a file: the promise, the rate of new flights with known positions, errors not covered."""
+    text, promise = TEXTS[name](result), result.plan["promise"]
+    found = [RATE.fullmatch(sentence) for sentence in SENTENCE.findall(text)]
+    said = {("feedback=1)" in part["how"]): part for part in found if part is not None}
+    faults = [f"{len(said)} rates"] * (len(said) != len(found) or len(said) != 1 + (promise is not None))
+    for part in said.values():
+        faults += [f"{part['law']} winds"] * (part["law"] != result.planned_law)
+    if promise is not None and False in said:
+        part, ends = said[False], interval_text(promise["low"], promise["high"])
+        same = part["fails"] == f"{probability_text(promise['failure'])} (95 %: {ends})"
+        if not same or _count(part) != promise["runs"]:
+            faults.append(f"{part['fails']} of {part['runs']} by heading")
+    if True in said:
+        part = said[True]
+        runs, share = (
+            int(part["runs"].replace(",", "")),
+            float(part["fails"].partition(" %")[0].lstrip("< ")) / 100,
+        )
+        chance = same_rate(round(share * runs), runs, *result.held_failures)
+        faults += [f"by position {part['fails']}, chance {chance:.1g}"] * (chance < RARE)
+    left = result.plan["not_covered"].rstrip(".")
+    faults += ["errors not covered"] * (bool(left) and f"Not covered: {left}." not in text)
+    return no_fault(f"{len(said)} rates", faults)
+
+
+def _count(part: re.Match[str]) -> int:
+    return int(part["runs"].replace(",", ""))
+
+
+def _xml_text(result: Evidence, name: str, space: str, *tags: str) -> str:
+    path = "/".join(NAMESPACES[space] + tag for tag in tags)
+    return str(xml_root(result, name).findtext(path))
+
+
+def _trajectory_text(result: Evidence) -> str:
+    import h5netcdf
+
+    with h5netcdf.File(result.directory / "trajectory.nc", "r") as file:
+        return str(file.attrs["comment"])
+
+
+# --- corridors --------------------------------------------------------------------------------
+
+
+def corridor_sizes(result: Evidence) -> Verdict | None:
+    """Share p of new flights is inside the ellipses that say so: at each time, and at all times."""
+    features = features_of(result, "corridor.geojson")
+    laws = {feature["properties"]["wind_law"] for feature in features}
+    if laws != {result.planned_law}:
+        return no_fault(", ".join(sorted(laws)), [f"planned in {result.planned_law} winds"])
+    if result.planned_law not in result.new_flights:
+        return None
+    gap = result.new_flights[result.planned_law] - result.x
+    inverse = np.linalg.inv(np.array(result.plan["cov"]) + FINEST**2 * np.eye(2))
+    sizes = np.sqrt(np.einsum("nti,tij,ntj->nt", gap, inverse, gap))
+    faults = [*_missing(features, len(result.x)), *(_unheld(f["properties"], sizes) for f in features)]
+    return no_fault(f"{len(features)} areas", [fault for fault in faults if fault])
+
+
+def _missing(features: Sequence[dict[str, Any]], steps: int) -> list[str]:
+    told = sorted((f["properties"]["probability"], f["properties"].get("step", -1)) for f in features)
+    wanted = sorted((share, step) for share in SHARES for step in range(-1, steps))
+    return [] if told == wanted else [f"{len(told)} areas, not {len(wanted)}"]
+
+
+def _unheld(about: dict[str, Any], sizes: FloatArray) -> str:
+    """What is wrong with the size of one area; an empty text if nothing is."""
+    whole = about["meaning"] == "whole_flight"
+    step, share, runs = about.get("step", -1), about["probability"], about["flights"]
+    if whole != (step < 0):
+        return f"step {step} is {about['meaning']}"
+    if step == 0:
+        return ""  # all flights begin at one place, or are drawn with start_sd
+    met, size = (sizes.max(axis=1) if whole else sizes[:, step]), about["standard_deviations"]
+    held = int((met <= size).sum())
+    k = math.ceil((runs + 1) * share - 1e-9)
+    ends = [float(beta.ppf(q, k, max(runs + 1 - k, 1))) for q in (RARE / 4, 1 - RARE / 4)]  # share it holds
+    low, high = binom.ppf(RARE / 4, len(met), ends[0]), binom.ppf(1 - RARE / 4, len(met), ends[1])
+    if held < low or (held > high and size > 1.0):
+        return f"{about['meaning']} {step}: {held / len(met):.4g} for {share}"
+    return ""
+
+
+def corridor_areas(result: Evidence) -> Verdict:
+    """Areas have the extent of their sizes: polygons around ellipses, and tubes that hold all ellipses."""
+    cov = np.array(result.plan["cov"]) + FINEST**2 * np.eye(2)
+    faults = []
+    for feature in features_of(result, "corridor.geojson"):
+        about, geometry = feature["properties"], feature["geometry"]
+        if geometry["type"] != "Polygon":
+            continue  # cut at the 180th meridian
+        drawn = in_plane(result, np.array(geometry["coordinates"][0], float))[:-1]
+        size = about["standard_deviations"]
+        if about["meaning"] == "at_time":
+            gap = drawn - result.x[about["step"]]
+            met = np.sqrt(np.einsum("ni,ij,nj->n", gap, np.linalg.inv(cov[about["step"]]), gap)) / size
+            if met.min() < 0.99 or met.max() > 1.02:
+                faults.append(f"{about['probability']} at step {about['step']}: {met.min():.3g} of its size")
+        else:
+            rim = _rims(result.x, cov, 0.99 * size)
+            if not within(drawn, rim).all():
+                faults.append(f"the tube of {about['probability']} leaves some of its ellipses out")
+    return no_fault(f"shares {', '.join(f'{share:g}' for share in SHARES)}", faults)
+
+
+def _rims(mean: FloatArray, cov: FloatArray, size: float) -> FloatArray:
+    """Points (16 (T + 1), 2) [m] on the ellipses of ``size`` standard deviations."""
+    angle = np.arange(16) * (math.pi / 8)
+    circle = np.stack([np.cos(angle), np.sin(angle)])
+    rings = mean[:, :, None] + size * np.linalg.cholesky(cov) @ circle
+    return np.asarray(rings.transpose(0, 2, 1).reshape(-1, 2), float)
+
+
+TEXTS: dict[str, Callable[[Evidence], str]] = {
+    "plan.gpx": lambda result: _xml_text(result, "plan.gpx", "gpx", "metadata", "desc"),
+    "plan.kml": lambda result: _xml_text(result, "plan.kml", "kml", "Document", "description"),
+    "plan.geojson": lambda result: str(json_file(result, "plan.geojson")["description"]),
+    "mavlink_script.json": lambda result: str(json_file(result, "mavlink_script.json")["description"]),
+    "mission.plan": lambda result: str(json_file(result, "mission.plan")["pareto_ltl"]["note"]),
+    "trajectory.nc": _trajectory_text,
+}  # the text of each file that has sentences
+ALL = (*PLAN, "cells.json", "automaton.json", "wind.nc", "deployments.npz")
+CLAIMS = (
+    Claim("exports: failure of mission.plan", ("mission.plan", *ALL), mission_failure),
+    *(Claim(f"exports: rates in {name}", (name, *ALL), partial(stated_rates, name)) for name in TEXTS),
+    Claim("exports: sizes of corridors", ("corridor.geojson", *ALL), corridor_sizes),
+    Claim("exports: areas of corridors", ("corridor.geojson", *PLAN), corridor_areas),
+)

@@ -1,0 +1,387 @@
+"""Claims about the map, its cells and the automaton."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from pareto_ltl.support.arrays import BoolArray, FloatArray
+from pareto_ltl_verify import formula
+from pareto_ltl_verify.claims.verdict import Claim, Verdict, no_fault, same
+from pareto_ltl_verify.evidence import Evidence
+from pareto_ltl_verify.geometry import Convex, convex, deepest, outline_distance, signed_area
+from pareto_ltl_verify.geometry import within as lies_within
+from pareto_ltl_verify.timetable import clock_of, windows_of
+
+SAMPLES = 20_000  # points of the map at which cells, parts and polygons are compared
+RELATIVE = 1e-9  # largest allowed relative difference of two coordinates
+SIMPLIFIED = 0.002  # of the longer side of the map: how far outlines may move with scene.simplify=auto
+
+
+def drawn_map(result: Evidence) -> Verdict | None:
+    """scene.json is the map of the settings: bounds, start, regions, obstacles and landmarks.
+
+    On a map with random places only the places that the settings name are compared.
+    """
+    told, scene = result.settings["scene"], result.scene
+    if told["file"]:
+        return None
+    pairs = [
+        ("bounds", _metres(told, told["bounds"]), scene["bounds"]),
+        ("start", _metres(told, [told["start"]]), [scene["start"]]),
+    ]
+    faults = [f"{name} differs" for name, one, other in pairs if not _same_outline(one, other)]
+    if scene.get("simplified", 0.0) > _allowed(told, scene) * (1 + RELATIVE):
+        faults.append(f"outlines moved by {scene['simplified']:g} m")
+    for name, corners in told["regions"].items():
+        drawn = [_outline(told, part) for part in _parts(corners)]
+        if not _same_region(result, name, drawn, _parts(scene["regions"].get(name, []))):
+            faults.append(f"region {name} differs")
+    if not told["random"]["regions"] and set(scene["regions"]) - set(told["regions"]):
+        faults.append(f"regions {sorted(scene['regions'])}")
+    faults += [fault for kind in ("obstacles", "landmarks") for fault in _area_faults(result, kind)]
+    return no_fault("the outlines of the settings", faults)
+
+
+def border(result: Evidence) -> Verdict | None:
+    """The border is scene.border, or with auto that of the fidelity."""
+    told = result.settings["scene"]
+    if told["border"] == "auto" and told["file"]:  # the map file may name one
+        return None
+    said = result.settings["fidelity"]["border"] if told["border"] == "auto" else told["border"]
+    return same(result.scene["border"], said)
+
+
+def projection(result: Evidence) -> Verdict | None:
+    """The plane of the map touches the Earth at the centre that the settings name."""
+    from pyproj import CRS
+
+    told, crs = result.settings["scene"], result.scene["crs"]
+    if told["file"]:
+        return None
+    if crs is None or told["centre"] is None:
+        return same(crs, told["centre"])
+    plane = CRS.from_user_input(crs).coordinate_operation
+    found = {parameter.name: parameter.value for parameter in plane.params} if plane else {}
+    lat, lon = (next((v for k, v in found.items() if k.startswith(w)), math.nan) for w in ("Lat", "Long"))
+    turn = (lon - told["centre"][1] + 180) % 360 - 180
+    return Verdict(str(told["centre"]), f"[{lat}, {lon}]", abs(lat - told["centre"][0]) + abs(turn) < 1e-6)
+
+
+def departure(result: Evidence) -> Verdict:
+    """The clock of the map begins at mission.start_time, if it is set; that of the wind is the same."""
+    told, zero = result.settings["mission"]["start_time"], result.scene["time_zero"]
+    units = "s" if zero is None else f"seconds since {zero}"
+    if told is not None and told != zero:
+        return same(told, zero)
+    return same(result.wind.clock if result.has("wind.nc") else units, units)
+
+
+def _metres(told: Mapping[str, Any], corners: Any) -> FloatArray:
+    """Coordinates of the settings in the plane of the map."""
+    middle = np.mean(told["bounds"], axis=0) if told["centre"] else np.zeros(2)
+    return np.asarray((np.array(corners, float) - middle) * told["unit"], float)
+
+
+def _outline(told: Mapping[str, Any], corners: Any) -> FloatArray:
+    """The outline without corners that repeat the one before."""
+    points = _metres(told, corners)
+    return points[np.any(points != np.roll(points, 1, axis=0), axis=1)]
+
+
+def _parts(listed: Any) -> list[FloatArray]:
+    """The outlines of a region as a list; a single outline is written as its corners."""
+    several = bool(listed) and isinstance(listed[0][0], list | tuple)
+    return [np.array(part, float) for part in (listed if several else [listed] if listed else [])]
+
+
+def _allowed(told: Mapping[str, Any], scene: Mapping[str, Any]) -> float:
+    """How far the settings let outlines move [m]."""
+    limit = told.get("simplify", 0.0)
+    side = float(np.ptp(np.array(scene["bounds"], float), axis=0).max())
+    return SIMPLIFIED * side if isinstance(limit, str) else float(limit)
+
+
+def _only_avoided(result: Evidence, name: str) -> bool:
+    """Whether a region occurs in the normal form of the formula, and nowhere without a negation."""
+    nodes = (
+        [_meaning(str(result.automaton["formula"]))] if not result.settings["mission"]["automaton"] else []
+    )
+    signs = set()
+    while nodes:
+        operator, *args = nodes.pop()
+        if operator in ("ap", "not"):
+            signs |= {operator} if args == [name] else set()
+        else:
+            nodes += args
+    return "ap" not in signs
+
+
+def _same_region(result: Evidence, name: str, drawn: list[FloatArray], kept: list[FloatArray]) -> bool:
+    """Whether two lists of outlines are one area.
+
+    On a simplified map it may be slightly smaller, or slightly larger if the mission only avoids it.
+    """
+    moved = result.scene.get("simplified", 0.0)
+    if not moved and len(drawn) == len(kept) == 1:
+        return _same_outline(drawn[0], kept[0])
+    points = _sample_points(result)
+    before, after, edge = _covered(drawn, points), _covered(kept, points), _edge_distance(drawn, points)
+    careless = before & ~after if _only_avoided(result, name) else after & ~before
+    return not ((before != after) & (edge > moved + result.grain) | careless & (edge > result.grain)).any()
+
+
+def _edge_distance(polygons: list[FloatArray], points: FloatArray) -> FloatArray:
+    """Distance of each point to the nearest outline [m]."""
+    none = np.full(len(points), np.inf)
+    least: FloatArray = np.min([outline_distance(one, points) for one in polygons] or [none], axis=0)
+    return least
+
+
+def _area_faults(result: Evidence, kind: str) -> Iterator[str]:
+    """Obstacles or landmarks of the settings that are not in the map, and others in it.
+
+    Outlines within the bounds are unchanged; those beyond are cut, those with many corners simplified,
+    landmarks that are not convex cut up: these are compared at sample points.
+    """
+    told, bounds = result.settings["scene"], np.array(result.scene["bounds"])
+    kept = [np.array(corners) for corners in result.scene.get(kind) or []]
+    drawn = [_outline(told, corners) for corners in told[kind]]
+    moved, rest = float(result.scene.get("simplified", 0.0)), []
+    for number, one in enumerate(drawn):
+        place = next((i for i, other in enumerate(kept) if _same_outline(one, other)), None)
+        whole = ((one >= bounds[0] - result.grain) & (one <= bounds[1] + result.grain)).all()
+        if place is not None:
+            kept.pop(place)
+        elif whole and not moved and (kind == "obstacles" or _is_convex(one)):
+            yield f"{kind} {number} differs"
+        else:
+            rest.append(one)
+    if kind == "obstacles" and told["random"]["obstacles"]:
+        return
+    points = _sample_points(result)
+    before, after = _covered(rest, points), _covered(kept, points)
+    edge = np.minimum(_edge_distance(rest, points), _edge_distance(kept, points))
+    careless = before & ~after if kind == "obstacles" else after & ~before
+    if ((before != after) & (edge > moved + result.grain) | careless & (edge > result.grain)).any():
+        yield f"{kind} that are not in the settings"
+
+
+def _is_convex(outline: FloatArray) -> bool:
+    """Whether all corners turn the same way."""
+    along = np.roll(outline, -1, axis=0) - outline
+    after = np.roll(along, -1, axis=0)
+    turns = along[:, 0] * after[:, 1] - along[:, 1] * after[:, 0]
+    return bool((turns >= 0).all() or (turns <= 0).all())
+
+
+def _covered(polygons: list[FloatArray], points: FloatArray) -> BoolArray:
+    """Which points lie in any of the polygons."""
+    covered = np.zeros(len(points), bool)
+    for polygon in polygons:
+        covered |= lies_within(polygon, points)
+    return covered
+
+
+def _same_outline(one: FloatArray, other: Any) -> bool:
+    """Whether two outlines have the same corners, whatever the first one and the direction."""
+    kept = np.array(other, float).reshape(-1, 2)
+    tolerance = RELATIVE * max(float(np.abs(one).max()), 1.0)
+    if len(kept) != len(one):
+        return False
+    turns = (np.roll(way, k, axis=0) for way in (kept, kept[::-1]) for k in range(len(kept)))
+    return any(np.abs(one - turn).max() <= tolerance for turn in turns)
+
+
+def convex_parts(result: Evidence) -> Verdict:
+    """The convex parts in cells.json cover exactly the polygons of scene.json."""
+    scene, points = result.scene, _sample_points(result)
+    groups = {name: (_parts(scene["regions"][name]), parts) for name, parts in result.regions.items()}
+    outlines = [np.array(polygon) for polygon in scene["obstacles"]]
+    groups["obstacles"] = (_outermost(outlines, result.grain), result.obstacles)
+    faults = [f"region {name} is missing" for name in scene["regions"] if name not in groups]
+    for name, (polygons, parts) in groups.items():
+        area = sum(abs(signed_area(polygon)) for polygon in polygons)
+        found = sum(signed_area(part.corners) for part in parts)
+        if not math.isclose(area, found, rel_tol=1e-7):
+            faults.append(f"{name}: area {found:.6g} of {area:.6g} m2")
+        inside = _covered(polygons, points)
+        edge = _edge_distance(polygons, points)
+        if ((deepest(parts, points) >= 0) != inside)[edge > result.grain].any():
+            faults.append(f"{name}: parts and polygon lie apart")
+    return no_fault(f"parts of {len(groups) - 1} regions and {len(outlines)} obstacles", faults)
+
+
+def _outermost(polygons: list[FloatArray], grain: float) -> list[FloatArray]:
+    """The polygons with a corner or middle of an edge outside each of the others."""
+    probes = [np.concatenate([p, 0.5 * (p + np.roll(p, -1, axis=0))]) for p in polygons]
+    return [
+        own
+        for i, own in enumerate(polygons)
+        if not any(
+            (
+                (lies_within(other, probes[i]) | (outline_distance(other, probes[i]) < grain)).all()
+                and abs(signed_area(other)) > abs(signed_area(own))
+            )
+            for j, other in enumerate(polygons)
+            if i != j
+        )
+    ]
+
+
+def _sample_points(result: Evidence) -> FloatArray:
+    bounds = np.array(result.scene["bounds"])
+    drawn: FloatArray = bounds[0] + (bounds[1] - bounds[0]) * np.random.default_rng(2).random((SAMPLES, 2))
+    return drawn
+
+
+def cell_cover(result: Evidence) -> Verdict:
+    """Every point of the map lies in an obstacle or in exactly one cell, whose label is that of the point."""
+    points = _sample_points(result)
+    cells = [convex(cell) for cell in result.cells["cells"]]
+    depth = np.array([cell.depth(points) for cell in cells])
+    inside = deepest(result.obstacles, points)
+    clear = (np.abs(depth) > result.grain).all(axis=0) & (np.abs(inside) > result.grain)
+    count = (depth > 0).sum(axis=0)
+    wrong = clear & (count != (inside < 0))
+    faults = [f"{points[i].round()} m lies in {count[i]} cells" for i in np.flatnonzero(wrong)[:1]]
+    shown = [frozenset(label) for label in result.cells["labels"]]
+    labels = result.ground.labels(points)
+    for i in np.flatnonzero(clear & ~wrong & (inside < 0)):
+        if shown[int(depth[:, i].argmax())] != labels[i]:
+            faults.append(f"{points[i].round()} m is {sorted(labels[i])}, its cell is not")
+            break
+    return no_fault(f"{len(cells)} cells, {int(clear.sum())} places", faults)
+
+
+def doors(result: Evidence) -> Verdict:
+    """Two cells have a door if and only if they share a piece of an edge."""
+    cells = [convex(cell) for cell in result.cells["cells"]]
+    said = {(int(i), int(j)) for i, j in result.cells["doors"]}
+    found = {pair: length for pair, length in _contacts(cells, result.grain) if pair[0] < pair[1]}
+    faults = [f"cells {i} and {j} share no edge" for i, j in sorted(said - set(found))]
+    wide = {pair for pair, length in found.items() if length > result.grain}
+    faults += [f"cells {i} and {j} have no door" for i, j in sorted(wide - said)]
+    return no_fault(f"{len(said)} doors", faults)
+
+
+def _contacts(cells: Sequence[Convex], grain: float) -> Iterator[tuple[tuple[int, int], float]]:
+    """Pairs of cells with edges on one line that face each other, and the length they share [m]."""
+    owner = np.concatenate([np.full(len(cell.offsets), i) for i, cell in enumerate(cells)])
+    first = np.concatenate([cell.corners for cell in cells])
+    last = np.concatenate([np.roll(cell.corners, -1, axis=0) for cell in cells])
+    normals = np.concatenate([cell.normals for cell in cells])
+    offsets = np.concatenate([cell.offsets for cell in cells])
+    for e in range(len(owner)):
+        along = np.array([-normals[e, 1], normals[e, 0]])
+        facing = (normals @ normals[e] < -1 + 1e-9) & (np.abs(offsets + offsets[e]) < grain)
+        for other in np.flatnonzero(facing & (owner != owner[e])):
+            start = max(first[e] @ along, last[other] @ along)
+            length = float(min(last[e] @ along, first[other] @ along) - start)
+            if length > 0:
+                yield (int(owner[e]), int(owner[other])), length
+
+
+def letters(result: Evidence) -> Verdict:
+    """The automaton reads every label that the map can show, and the empty one.
+
+    With time windows it reads at least the letters at each step, and between steps, of the longest flight.
+    """
+    labels = [*(frozenset(label) for label in result.cells["labels"]), frozenset[str]()]
+    table, ground, steps = result.timetable, result.ground, int(result.settings["planner"]["max_steps"])
+    spans = {of(t) for t in range(steps + 1 if table.windows else 1) for of in (table.now, table.way)}
+    shown = {ground.letter(label, holding) for label in labels for holding in spans}
+    said = {frozenset(letter) for letter in result.automaton["letters"]}
+    if table.windows:
+        said &= shown
+    return same(sorted(map(sorted, said)), sorted(map(sorted, shown)))
+
+
+def windows(result: Evidence) -> Verdict | None:
+    """The automaton's time windows are those of the map, and its clocks have the times in their names.
+
+    The propositions that the map forbids are forbidden in the automaton too.
+    """
+    said, drawn = windows_of(result.automaton.get("windows")), windows_of(result.scene.get("windows"))
+    if not said and not drawn:
+        return None
+    wrong = [name for name, window in said.items() if window != drawn.get(name, clock_of(name))]
+    timed = [name for name in result.dfa.atoms if name in drawn or clock_of(name) is not None]
+    wrong += [f"{name} has no window" for name in timed if name not in said]
+    forbidden = set(result.scene.get("forbidden", ()))
+    wrong += sorted(forbidden ^ set(result.automaton.get("forbidden", ())))
+    told = result.settings["scene"]
+    if told["file"] is None and set(told.get("windows", {})) != set(drawn):
+        wrong.append("the settings have other windows")
+    return no_fault(f"{len(said)} windows", wrong)
+
+
+def whose_formula(result: Evidence) -> Verdict:
+    """Settings, automaton and plan name the same formula."""
+    told = result.settings["mission"]
+    names = {"automaton.json": result.automaton["formula"]}
+    if result.has("plan.json"):
+        names["plan.json"] = result.plan["formula"]
+        if list(result.plan["atoms"]) != list(result.automaton["atoms"]):
+            return Verdict("one list of atoms", "plan.json and automaton.json differ", False)
+    if told["formula"] and not told["automaton"]:
+        names["the settings"] = told["formula"]
+    meant = {_meaning(text) for text in names.values()} if not told["automaton"] else set(names.values())
+    return Verdict(str(result.automaton["formula"])[:44], " and ".join(names), len(meant) == 1)
+
+
+def _meaning(text: str) -> formula.Node:
+    return formula.normal_form(formula.read_formula(text))
+
+
+def meaning(result: Evidence) -> Verdict | None:
+    """The automaton accepts exactly the words that complete the formula."""
+    if result.settings["mission"]["automaton"]:
+        return None  # the mission is an automaton's file; its text is not a formula
+    text = result.automaton["formula"]
+    word = formula.first_difference(result.dfa, text, result.automaton.get("forbidden", ()))
+    return Verdict(text[:44], "the same words" if word is None else f"differ on {word}"[:44], word is None)
+
+
+def hoa(result: Evidence) -> Verdict:
+    """automaton.hoa and automaton.json hold equivalent automata."""
+    text = (result.directory / "automaton.hoa").read_text(encoding="utf-8")
+    other = formula.read_hoa(text, result.dfa.letters)
+    agree = (
+        other.initial == result.dfa.initial
+        and other.delta == result.dfa.delta
+        and set(other.atoms) == set(result.dfa.atoms)
+    )
+    word = formula.unlike(result.dfa, other)
+    named = f'name: "{result.automaton["formula"]}"' in text.replace("\\", "")
+    if not named:
+        return Verdict("automaton.hoa", "names another formula", False)
+    return Verdict(
+        "automaton.hoa", "the same" if word is None else f"differs on {word}"[:44], agree and word is None
+    )
+
+
+def distance(result: Evidence) -> Verdict:
+    """d_A is the fewest letters to acceptance."""
+    said = [math.inf if d is None else float(d) for d in result.automaton["d_A"]]
+    return same(said, formula.distances(result.dfa))
+
+
+CLAIMS = (
+    Claim("map: scene.json is the map of the settings", ("scene.json",), drawn_map),
+    Claim("map: border", ("scene.json",), border),
+    Claim("map: projection", ("scene.json",), projection),
+    Claim("map: departure", ("scene.json",), departure),
+    Claim("map: convex parts are the polygons", ("scene.json", "cells.json"), convex_parts),
+    Claim("map: cells cover the free space once", ("scene.json", "cells.json"), cell_cover),
+    Claim("map: doors join all cells that touch", ("cells.json", "scene.json"), doors),
+    Claim("mission: one formula in all files", ("automaton.json",), whose_formula),
+    Claim("mission: automaton is that of the formula", ("automaton.json",), meaning),
+    Claim("mission: automaton.hoa is automaton.json", ("automaton.json", "automaton.hoa"), hoa),
+    Claim("mission: letters are the labels of the map", ("automaton.json", "cells.json"), letters),
+    Claim("mission: time windows are those of the map", ("automaton.json", "scene.json"), windows),
+    Claim("mission: distance to acceptance", ("automaton.json",), distance),
+)

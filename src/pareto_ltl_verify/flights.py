@@ -1,0 +1,358 @@
+"""Flights: those of the results are judged again, and new ones are simulated with other random numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import groupby
+
+import numpy as np
+from scipy.special import betaincinv
+from scipy.stats import chi2, hypergeom, ks_2samp
+
+from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
+from pareto_ltl_verify.formula import Dfa, harmful
+from pareto_ltl_verify.gaussians import ON_EDGE
+from pareto_ltl_verify.geometry import Convex, beyond_bounds, deepest, met_by_any
+from pareto_ltl_verify.laws import Coherent, Course, Independent, Law
+from pareto_ltl_verify.timetable import Label, Timetable
+from pareto_ltl_verify.wind_tables import at_step, square_of
+
+SHORTEST = 1e-12  # share of a step; shorter pieces of it are rounding
+RARE = 1e-7  # significance level of each statistical claim: probability that correct results fail it
+NONE: Label = frozenset()
+NEAR = 1.0  # [m] a position that is closer to an obstacle's face may count on either side
+
+
+@dataclass(frozen=True, slots=True)
+class Ground:
+    """The map and mission by which flights are judged.
+
+    Bounds (2, 2) [m], convex parts of regions and obstacles, and the automaton; ``walled`` is whether the
+    border is a wall. Propositions with time windows hold as in the ``timetable``.
+    """
+
+    bounds: FloatArray
+    regions: Mapping[str, Sequence[Convex]]
+    obstacles: Sequence[Convex]
+    dfa: Dfa
+    walled: bool = False
+    timetable: Timetable = field(default_factory=Timetable)
+
+    def labels(self, points: FloatArray, slack: float = 0.0) -> list[frozenset[str]]:
+        """Label of each of ``points`` (P, 2) [m]; the empty label in obstacles and beyond the bounds.
+
+        ``slack`` [m] widens the regions and the free space.
+        """
+        free = ((points >= self.bounds[0]) & (points <= self.bounds[1])).all(axis=1)
+        free &= deepest(self.obstacles, points) <= ON_EDGE + max(slack, 0.0)
+        inside = {
+            name: free & (deepest(parts, points) >= -ON_EDGE - slack) for name, parts in self.regions.items()
+        }
+        return [frozenset(name for name in inside if inside[name][i]) for i in range(len(points))]
+
+    def columns(self, points: FloatArray, slack: float = 0.0, holding: Label = NONE) -> IntArray:
+        """Indices (P,) of the automaton's letters at ``points`` while windows ``holding`` are open."""
+        place = {letter: i for i, letter in enumerate(self.dfa.letters)}
+        return np.array(
+            [place.get(self.letter(label, holding), -1) for label in self.labels(points, slack)], int
+        )
+
+    def letter(self, label: Label, holding: Label) -> Label:
+        """The letter of a label while windows ``holding`` are open."""
+        return self.timetable.letter(label, holding) & frozenset(self.dfa.atoms)
+
+    def accepted(self, x: FloatArray, slack: float = 0.0) -> BoolArray:
+        """Which flights ``x`` (n, T+1, 2) complete the mission."""
+        done = np.array(self.dfa.accepting)
+        return np.asarray(done[self.states(x, slack)[:, -1]], bool)
+
+    def states(self, x: FloatArray, slack: float = 0.0) -> IntArray:
+        """Automaton states of flights ``x`` (n, T+1, 2) after each step, (n, T+1)."""
+        seen = [self.columns(x[:, t], slack, self.timetable.now(t)) for t in range(x.shape[1])]
+        found = [np.array(self.dfa.delta)[np.full(len(x), self.dfa.initial), seen[0]]]
+        for t in range(1, x.shape[1]):
+            legs = Legs(x[:, t - 1], x[:, t], seen[t - 1], seen[t])
+            found.append(self.after_step(found[-1], legs, slack, self.timetable.way(t)))
+        return np.stack(found, axis=1)
+
+    def after_step(self, state: IntArray, legs: Legs, slack: float = 0.0, holding: Label = NONE) -> IntArray:
+        """States (n,) after steps: harmful letters between the ends are read first, then that of the end.
+
+        Letters between the ends are read only if the letter of the start does not change the state: otherwise
+        the formula counts steps. Windows ``holding`` are open between the ends.
+        """
+        delta, state = np.array(self.dfa.delta), state.copy()
+        harm = np.array(harmful(self.dfa, self.letter(NONE, holding)))
+        rows = np.flatnonzero(harm[state].any(axis=1) & (delta[state, legs.first] == state))
+        for i in rows[self._near_harm(legs, rows, harm, slack)]:
+            for letter in self.letters_between(legs.start[i], legs.end[i], slack, holding):
+                if harm[state[i], letter]:
+                    state[i] = delta[state[i], letter]
+        return np.asarray(delta[state, legs.last], int)
+
+    def _near_harm(self, legs: Legs, rows: IntArray, harm: BoolArray, slack: float) -> BoolArray:
+        """Which legs meet a region of a harmful letter; all of them if a harmful letter has no region."""
+        worst = [letter for letter, bad in zip(self.dfa.letters, harm.T, strict=True) if bad.any()]
+        places = [{self.timetable.region(name) for name in letter} - {None} for letter in worst]
+        if not all(places):
+            return np.ones(len(rows), bool)
+        parts = [part for name in set().union(*places) for part in self.regions.get(name or "", ())]
+        return met_by_any(parts, legs.start[rows], legs.end[rows], -abs(slack) - ON_EDGE)
+
+    def letters_between(
+        self, start: FloatArray, end: FloatArray, slack: float = 0.0, holding: Label = NONE
+    ) -> list[int]:
+        """Indices of the letters along a segment, in order, without those at its two ends.
+
+        The segment is cut at the line of every face; each piece has the letter of its middle. Pieces in
+        obstacles and beyond the bounds have no letter.
+        """
+        parts = [part for several in self.regions.values() for part in several]
+        parts += [*self.obstacles, *beyond_bounds(self.bounds)]
+        normals = np.vstack([part.normals for part in parts])
+        offsets = np.concatenate([part.offsets for part in parts])
+        with np.errstate(divide="ignore", invalid="ignore"):
+            cut = (offsets - normals @ start) / (normals @ (end - start))
+        cut = np.unique(np.concatenate([[0.0], cut[(cut > 0) & (cut < 1)], [1.0]]))
+        cut = cut[np.append(True, np.diff(cut) > SHORTEST)]
+        middles = start + ((cut[:-1] + cut[1:]) / 2)[:, None] * (end - start)
+        low, high = self.bounds
+        free = ((middles >= low) & (middles <= high)).all(axis=1) & (deepest(self.obstacles, middles) <= 0)
+        letters = self.columns(middles, slack, holding)
+        pieces = [int(letter) if there else -1 for letter, there in zip(letters, free, strict=True)]
+        inner = [key for key, _ in groupby(pieces)]
+        first, last = (int(letter) for letter in self.columns(np.stack([start, end]), slack, holding))
+        if inner and inner[0] == first:
+            inner = inner[1:]
+        if inner and inner[-1] == last:
+            inner = inner[:-1]
+        return [letter for letter in inner if letter >= 0]
+
+    def collided(self, x: FloatArray, margin: float = ON_EDGE) -> BoolArray:
+        """Which flights (n,) lie deeper than ``margin`` [m] in an obstacle, at or between steps."""
+        hit = np.zeros(len(x), bool)
+        for t in range(x.shape[1] - 1):
+            hit |= met_by_any(self.obstacles, x[:, t], x[:, t + 1], margin)
+        return hit
+
+    def off_map(self, x: FloatArray, slack: float = ON_EDGE) -> BoolArray:
+        """Which flights have a position more than ``slack`` [m] beyond the bounds."""
+        low, high = self.bounds
+        beyond: BoolArray = ((x < low - slack) | (x > high + slack)).any(axis=(1, 2))
+        return beyond
+
+    def failed(self, x: FloatArray) -> BoolArray:
+        """Which flights (n,) fail: miss the mission, meet an obstacle or, if ``walled``, leave the map."""
+        return failures(self.accepted(x), self.collided(x), self.off_map(x), self.walled)
+
+
+@dataclass(frozen=True, slots=True)
+class Legs:
+    """Steps from ``start`` (n, 2) to ``end`` (n, 2) [m], and the indices of the letters at both."""
+
+    start: FloatArray
+    end: FloatArray
+    first: IntArray
+    last: IntArray
+
+
+def failures(accepted: BoolArray, collided: BoolArray, off_map: BoolArray, walled: bool) -> BoolArray:
+    """Which flights (n,) count as failed; leaving the map counts if ``walled``."""
+    failed: BoolArray = ~accepted | collided
+    return failed | off_map if walled else failed
+
+
+@dataclass(frozen=True, slots=True)
+class Verdicts:
+    """The flags that the results give to n flights under one law."""
+
+    x: FloatArray
+    accepted: BoolArray
+    collided: BoolArray
+    off_map: BoolArray
+
+
+def misjudged(ground: Ground, said: Verdicts, grain: float) -> int:
+    """Number of flights whose flags do not follow from their positions; near a face either flag is right."""
+    x, accepted, collided = said.x, said.accepted, said.collided
+    wrong = np.flatnonzero(ground.accepted(x) != accepted)
+    near = [
+        w
+        for w in wrong
+        if accepted[w] not in {ground.accepted(x[w, None], s)[0] for s in (-grain, grain, NEAR)}
+    ]
+    hit = np.flatnonzero(ground.collided(x) != collided)
+    far = [h for h in hit if collided[h] not in {ground.collided(x[h, None], m)[0] for m in (-grain, grain)}]
+    gone = np.flatnonzero(ground.off_map(x) != said.off_map)
+    out = [
+        g for g in gone if said.off_map[g] not in {ground.off_map(x[g, None], m)[0] for m in (-grain, grain)}
+    ]
+    return len({*near, *far, *out})
+
+
+# --- new flights ------------------------------------------------------------------------------
+
+
+@dataclass(slots=True)
+class Pilots:
+    """Estimates of n robots from fixes: ``deviation`` ê (n, 2) [m], ``field`` θ̂ (n, 2P); who had a fix."""
+
+    deviation: FloatArray
+    field: FloatArray
+    fixed: BoolArray
+
+
+@dataclass(frozen=True, slots=True)
+class Simulator:
+    """Simulator of flights of ``course`` under ``law``; ``guide`` is the course with the fixes to use."""
+
+    law: Law
+    guide: Course | None
+    mean: FloatArray
+    u: FloatArray
+    landmarks: Sequence[Convex]
+
+    def fly(self, runs: int, rng: np.random.Generator) -> FloatArray:
+        """Positions (runs, T+1, 2) [m] of new flights, with random numbers from ``rng``."""
+        robot, steps = self.law.robot, len(self.u)
+        x = np.empty((runs, steps + 1, 2))
+        x[:, 0] = self.mean[0] + robot.start_sd * rng.standard_normal((runs, 2))
+        modes = 0 if self.guide is None else self.guide.psi.shape[2]
+        pilots = Pilots(np.zeros((runs, 2)), np.zeros((runs, modes)), np.zeros(runs, bool))
+        theta = rng.standard_normal((runs, self.law.modes))
+        for t in range(steps):
+            if t and isinstance(self.law, Coherent):
+                theta = next_field(self.law, t, theta, rng)
+            wind = self._wind(x[:, t], t, theta, rng)
+            flown = self._commands(x[:, t], t, pilots, rng)
+            x[:, t + 1] = x[:, t] @ robot.a.T + robot.dt * (flown @ robot.b.T + wind)
+        return x
+
+    def _wind(self, x: FloatArray, t: int, theta: FloatArray, rng: np.random.Generator) -> FloatArray:
+        """Wind that each flight meets at its own position, (n, 2) [m/s]."""
+        law, wind = self.law, self.law.wind
+        square = square_of(wind.x, wind.y, x)
+        met = square.value(at_step(wind.mean, law.times, t))
+        latent = square.value(at_step(wind.latent, law.times, t))
+        if isinstance(law, Independent):
+            white = at_step(wind.gust, law.times, t) + latent + law.times.between[t]
+        else:
+            carried = np.zeros_like(latent)
+            if wind.modes is not None:
+                psi = square_of(wind.modes.x, wind.modes.y, x).value(law.modes_at(t))
+                met = met + np.einsum("ncp,ncp->nc", psi, theta.reshape(len(x), 2, -1))
+                carried = (psi**2).sum(axis=2)
+            white = law.white_variance(t, latent, carried)
+        return np.asarray(met + np.sqrt(white) * rng.standard_normal(met.shape), float)
+
+    def _commands(self, x: FloatArray, t: int, pilots: Pilots, rng: np.random.Generator) -> FloatArray:
+        """Controls (n, 2) [m/s]: planned control, feedback and correction by fixes, within the airspeeds."""
+        robot, guide = self.law.robot, self.guide
+        held = self.u[t] - robot.feedback / robot.dt * np.linalg.solve(robot.b, (x - self.mean[t]).T).T
+        cut = self._within_speed(held) if robot.feedback > 0 else held
+        if guide is None:
+            return cut
+        if isinstance(self.law, Coherent):
+            pilots.field *= self.law.kept(t)
+        if t in guide.gains:
+            self._take_fixes(x, t, pilots, rng)
+        expected = pilots.field @ guide.psi[t].T
+        back = np.linalg.solve(robot.b, (robot.fix_gain / robot.dt * pilots.deviation + expected).T).T
+        flown = self._within_speed(held - back)
+        moved = pilots.deviation @ guide.F[t].T + robot.dt * (expected + (flown - held) @ robot.b.T)
+        pilots.deviation = np.where(pilots.fixed[:, None], moved, 0.0)
+        return np.where(pilots.fixed[:, None], flown, cut)
+
+    def _within_speed(self, u: FloatArray) -> FloatArray:
+        robot, size = self.law.robot, np.linalg.norm(u, axis=1, keepdims=True)
+        return np.asarray(u * (np.clip(size, robot.u_min, robot.u_max) / np.maximum(size, 1e-12)), float)
+
+    def _take_fixes(self, x: FloatArray, t: int, pilots: Pilots, rng: np.random.Generator) -> None:
+        """Kalman update of the robots inside a landmark, by a measured position with noise."""
+        assert self.guide is not None
+        gain, learnt = self.guide.gains[t]
+        here = deepest(self.landmarks, x) >= 0
+        read = x + self.law.robot.fix_sd * rng.standard_normal(x.shape)
+        news = np.where(here[:, None], read - self.mean[t] - pilots.deviation, 0.0)
+        pilots.deviation = pilots.deviation + news @ gain.T
+        if isinstance(self.law, Coherent):
+            pilots.field += news @ learnt.T
+        pilots.fixed |= here
+
+
+def next_field(law: Coherent, t: int, theta: FloatArray, rng: np.random.Generator) -> FloatArray:
+    """θ (n, 2P) of step t from that of step t - 1: ρ θ + √(1 - ρ²) η, with ρ of the part of each mode."""
+    keep = law.kept(t)
+    if (keep == 1).all():
+        return theta
+    return np.asarray(keep * theta + np.sqrt(1 - keep**2) * rng.standard_normal(theta.shape), float)
+
+
+# --- statistics -------------------------------------------------------------------------------
+
+
+def clopper_pearson(failures: int, runs: int) -> tuple[float, float]:
+    """Exact 95 % confidence interval (low, high) of a rate."""
+    low = float(betaincinv(failures, runs - failures + 1, 0.025)) if failures else 0.0
+    high = float(betaincinv(failures + 1, runs - failures, 0.975)) if failures < runs else 1.0
+    return low, high
+
+
+def same_rate(failures: int, runs: int, others: int, other_runs: int) -> float:
+    """p value of Fisher's exact test, two-sided, that two rates are equal."""
+    law = hypergeom(runs + other_runs, failures + others, runs)
+    return float(min(1.0, 2 * min(law.cdf(failures), law.sf(failures - 1))))
+
+
+def same_distribution(a: FloatArray, b: FloatArray, grain: float) -> float:
+    """p value that coordinates (n, T, 2) and (m, T, 2) [m] have the same distributions.
+
+    The least of the Kolmogorov-Smirnov tests, times their number (Bonferroni). Coordinates that vary by less
+    than ``grain`` [m] are compared directly: 0 or 1.
+    """
+    chances = []
+    for t in range(a.shape[1]):
+        for c in (0, 1):
+            one, two = a[:, t, c], b[:, t, c]
+            if max(np.ptp(one), np.ptp(two)) < grain:
+                chances.append(float(abs(one.mean() - two.mean()) < grain))
+            else:
+                chances.append(float(ks_2samp(one, two, method="asymp").pvalue))
+    return min(1.0, min(chances) * len(chances))
+
+
+def winds_as_drawn(law: Independent, x: FloatArray, u: FloatArray) -> float:
+    """p value that the winds of flights ``x`` with open-loop controls ``u`` are drawn from N(μ, Σ_w).
+
+    The wind of a step is the motion minus the control, standardised with μ and Σ_w at the position. The sum
+    of squares of all winds is chi-squared, and so is, after scaling, the square of their sum at each step.
+    """
+    robot, wind = law.robot, law.wind
+    squares, count, drift = 0.0, 0, 1.0
+    for t in range(len(u)):
+        square = square_of(wind.x, wind.y, x[:, t])
+        met = (x[:, t + 1] - x[:, t] @ robot.a.T) / robot.dt - u[t] @ robot.b.T
+        gap = met - square.value(at_step(wind.mean, law.times, t))
+        variance = square.value(at_step(wind.latent, law.times, t)) + at_step(wind.gust, law.times, t)
+        sd = np.sqrt(variance + law.times.between[t])
+        if (np.abs(gap[sd <= 1e-9]) > 1e-6).any():
+            return 0.0
+        z = gap / np.maximum(sd, 1e-9) * (sd > 1e-9)
+        squares, count = squares + float((z * z).sum()), count + int((sd > 1e-9).sum())
+        drift = min(drift, len(u) * float(chi2.sf((z.sum(axis=0) ** 2).sum() / len(z), 2)))
+    if not count:
+        return 1.0
+    spread = 2 * min(float(chi2.cdf(squares, count)), float(chi2.sf(squares, count)))
+    return min(1.0, 2 * min(spread, drift))
+
+
+def rates(accepted: BoolArray, collided: BoolArray, off_map: BoolArray, walled: bool) -> dict[str, float]:
+    """Failure rate, its interval, and the rates of its parts; one is leaving the map, if ``walled``."""
+    failed = failures(accepted, collided, off_map, walled)
+    low, high = clopper_pearson(int(failed.sum()), len(failed))
+    return {
+        "runs": float(len(failed)), "failure": float(failed.mean()), "low": low, "high": high,
+        "mission": float((~accepted).mean()), "collision": float(collided.mean()),
+        "off_map": float(off_map.mean()),
+    }  # fmt: skip

@@ -1,0 +1,110 @@
+"""Judgement of all claims of a results directory, one after another."""
+
+from __future__ import annotations
+
+import csv
+import zlib
+from collections.abc import Iterable, Iterator
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+from pareto_ltl.support.errors import ParetoLtlError
+from pareto_ltl_verify.claims import (
+    coverage,
+    export_rates,
+    exports,
+    flights,
+    front,
+    page,
+    plan,
+    promise,
+    record,
+    search,
+    wind,
+    world,
+)  # fmt: skip
+from pareto_ltl_verify.claims.verdict import Claim, Verdict
+from pareto_ltl_verify.evidence import Evidence, open_evidence
+
+CLAIMS: tuple[Claim, ...] = (
+    *record.CLAIMS, *world.CLAIMS, *wind.CLAIMS, *coverage.CLAIMS, *plan.CLAIMS, *search.CLAIMS,
+    *front.CLAIMS, *promise.CLAIMS, *flights.CLAIMS, *exports.CLAIMS, *export_rates.CLAIMS, *page.CLAIMS,
+)  # fmt: skip
+REPLANNED = "replan.json"  # file of a plan that begins during a flight (``pareto-ltl replan``)
+OF_A_DEPARTURE = frozenset({
+    "map: scene.json is the map of the settings",  # the start is the position of the fix
+    "mission: time windows are those of the map",  # clocks count from the first departure
+    "wind: there are readings, or the air is calm",  # the wind was conditioned on the fix
+    "wind: known until",
+    "wind: law of forecast errors",
+    "wind: modes of one slot match the next",
+})  # fmt: skip
+UNUSABLE = (
+    ParetoLtlError, ArithmeticError, AttributeError, LookupError, OSError, RuntimeError, TypeError,
+    ValueError, csv.Error, zlib.error,
+)  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """Name of a claim, the claimed value, the value computed from the files, and whether they agree."""
+
+    claim: str
+    claimed: str
+    derived: str
+    holds: bool
+
+
+def verify(directory: Path | str) -> tuple[Finding, ...]:
+    """Judge every claim that the results in ``directory`` make.
+
+    Raises
+    ------
+    DataError
+        If there is no finished result of a plan.
+    """
+    return judge_evidence(open_evidence(Path(directory)))
+
+
+def judge_evidence(result: Evidence) -> tuple[Finding, ...]:
+    """Judge every claim that ``result`` makes."""
+    from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
+
+    with threadpool_limits(1):  # matrices are small: more threads would be slower
+        return tuple(findings(result))
+
+
+def findings(result: Evidence, claims: Iterable[Claim] = CLAIMS) -> Iterator[Finding]:
+    """The findings in the order of ``claims``, without claims that the result does not make.
+
+    A plan that begins during a flight does not make the claims :data:`OF_A_DEPARTURE`.
+    """
+    within = result.has(REPLANNED)
+    for claim in claims:
+        if within and claim.name in OF_A_DEPARTURE:
+            continue
+        if all(result.has(name) for name in claim.needs):
+            verdict = _judged(claim, result)
+            if verdict is not None:
+                yield Finding(claim.name, *verdict)
+
+
+def unchecked_claims(result: Evidence) -> dict[str, tuple[str, ...]]:
+    """Names of the claims that are not judged, by the reason."""
+    reasons: dict[str, tuple[str, ...]] = {}
+    if result.has(REPLANNED):
+        reasons["the plan begins during a flight"] = tuple(sorted(OF_A_DEPARTURE))
+    with suppress(*UNUSABLE):  # claims about damaged settings fail
+        if result.has("front.csv") and (rule := front.added_rule(result)) is not None:
+            reasons[f"another package adds selection.rule={rule}"] = (front.CHOICE,)
+    return reasons
+
+
+def _judged(claim: Claim, result: Evidence) -> Verdict | None:
+    """The verdict; a claim that cannot be computed from the files does not hold."""
+    try:
+        return claim.judge(result)
+    except UNUSABLE as error:
+        reason = " ".join(f"{type(error).__name__}: {error}".split())
+        return Verdict("cannot be judged", reason[:80], False)

@@ -1,0 +1,322 @@
+"""The Gaussian distribution of the position along a path, step by step, under each wind law.
+
+Both laws use full matrices. The coherent law propagates the joint covariance of the deviation e and of the
+coefficients θ of the wind field, so that a position fix is a Kalman update of (e, θ).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl_verify.gaussians import in_polygon
+from pareto_ltl_verify.geometry import Convex
+from pareto_ltl_verify.wind_tables import TIME, Clock, WindFile, at_step, square_of
+
+RIM = np.array([(math.cos(a), math.sin(a)) for a in np.arange(8) * math.pi / 4])  # of the maximum-trace ball
+
+
+@dataclass(frozen=True, slots=True)
+class Robot:
+    """Dynamics x' = A x + dt (B u + w), limits of the airspeed, feedback and position fixes; SI units."""
+
+    a: FloatArray
+    b: FloatArray
+    dt: float
+    u_min: float
+    u_max: float
+    start_sd: float
+    feedback: float
+    effort_risk: float
+    fix_sd: float
+    fix_gain: float
+    fix_risk: float
+    ball: float
+    bank: float = 0.0
+    turn_delay: float = 0.0
+
+    @property
+    def closed(self) -> FloatArray:
+        """A - K: the matrix (2, 2) that maps a deviation to that of the next step."""
+        return self.a - self.feedback * np.eye(2)
+
+    def speed_left(self, *corrections: FloatArray) -> float:
+        """Airspeed [m/s] left for the plan if the sum of corrections of these covariances [m²] is flown too.
+
+        The corrections may be correlated: the standard deviation of a sum is at most the sum of theirs.
+        """
+        return max(self.u_max - sum(map(self._reserve, corrections)), 0.0)
+
+    def _reserve(self, correction: FloatArray) -> float:
+        """Airspeed r [m/s]: P(‖c‖ > r) <= exp(-r² / 2 λ), with λ the largest eigenvalue of the covariance."""
+        turned = np.linalg.solve(self.b, np.linalg.solve(self.b, correction).T)
+        widest = max(float(np.linalg.eigvalsh(0.5 * (turned + turned.T))[-1]), 0.0)
+        return math.sqrt(-2.0 * math.log(self.effort_risk) * widest) / self.dt
+
+    def least_speed(self, left: FloatArray) -> FloatArray:
+        """Least airspeed [m/s] of the plan if ``left`` [m/s] is the greatest.
+
+        Corrections may reduce the airspeed by as much as they may increase it.
+        """
+        return np.where(self.u_min > 0.0, self.u_min + (self.u_max - left), 0.0)
+
+
+@dataclass(slots=True)
+class Course:
+    """A path of T steps under one law, filled step by step.
+
+    Attributes
+    ----------
+    x (T+1, 2), cov (T+1, 2, 2)
+        Mean [m] and covariance [m²].
+    u (T, 2), speed (T,)
+        Control and the airspeed left for it [m/s].
+    miss : dict of step to float
+        P(landmark missed) where the plan counts on a fix.
+    F (T, 2, 2), psi (T, 2, 2P), white (T, 2), drift (T, 2)
+        The law linearised about the path: e' = F e + dt (ψ θ + white); drift is μ and its mean shift.
+    cross : list of T+1 (2, 2P)
+        Cov(e_t, θ_t).
+    gains : dict of step to ((2, 2), (2P, 2))
+        Kalman gains of e and θ.
+    """
+
+    x: FloatArray
+    u: FloatArray
+    cov: FloatArray
+    speed: FloatArray
+    drift: FloatArray
+    F: FloatArray
+    psi: FloatArray
+    white: FloatArray
+    miss: dict[int, float] = field(default_factory=dict)
+    cross: list[FloatArray] = field(default_factory=list)
+    gains: dict[int, tuple[FloatArray, FloatArray]] = field(default_factory=dict)
+
+
+@dataclass(slots=True)
+class Belief:
+    """Covariances before a step, of estimates (ê) and of the errors of the estimates (ẽ, θ̃).
+
+    ``unknown`` Cov(ẽ) and ``known`` Cov(ê) (2, 2), ``cross`` Cov(ẽ, θ̃) (2, 2P), ``theta`` Cov(θ̃) (2P, 2P).
+    """
+
+    unknown: FloatArray
+    known: FloatArray
+    cross: FloatArray
+    theta: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class Independent:
+    """The wind of every step is independent; Σ_w is that of largest trace in a ball around the mean."""
+
+    wind: WindFile
+    times: Clock
+    robot: Robot
+    modes = 0
+
+    def advance(self, course: Course, t: int, belief: Belief) -> Belief:
+        """Fill row t of ``course`` and return what is uncertain one step later."""
+        robot, wind = self.robot, self.wind
+        reach = robot.ball * math.sqrt(float(np.trace(belief.unknown)) / 2)
+        around = course.x[t] + reach * np.vstack([[0.0, 0.0], RIM if reach > 0 else RIM[:0]])
+        square = square_of(wind.x, wind.y, around)
+        latent = square.value(at_step(wind.latent, self.times, t))
+        widest = latent[np.argmax(latent.sum(axis=1))]
+        course.white[t] = widest + at_step(wind.gust, self.times, t) + self.times.between[t]
+        course.drift[t] = square.value(at_step(wind.mean, self.times, t))[0]
+        course.F[t] = robot.closed
+        course.speed[t] = robot.speed_left(robot.feedback**2 * belief.unknown)
+        spread = robot.closed @ belief.unknown @ robot.closed.T + robot.dt**2 * np.diag(course.white[t])
+        return Belief(spread, belief.known, belief.cross, belief.theta)
+
+
+@dataclass(frozen=True, slots=True)
+class Coherent:
+    """One field for a whole flight, w(x) = μ(x) + ψ(x)' θ; the robot gets position fixes at ``landmarks``."""
+
+    wind: WindFile
+    times: Clock
+    robot: Robot
+    landmarks: tuple[Convex, ...] = ()
+
+    @property
+    def modes(self) -> int:
+        """2P, the number of coefficients of both components."""
+        return 0 if self.wind.modes is None else 2 * self.wind.modes.psi.shape[-1]
+
+    def kept(self, t: int) -> FloatArray:
+        """Share of each coefficient that step t keeps of step t - 1, (2P,)."""
+        if self.wind.modes is None:
+            return np.ones(0)
+        return np.tile(self.times.keep[t][self.wind.modes.part], 2)
+
+    def modes_at(self, t: int) -> FloatArray:
+        """ψ of step t at the nodes, (MX, MY, 2, P): those of interpolation in time grow with its error."""
+        found = self.wind.modes
+        assert found is not None
+        grown = np.where(found.part == TIME, math.sqrt(self.times.between[t]), 1.0)
+        return np.asarray(found.psi[self.times.nearest[t]] * grown, float)
+
+    def white_variance(self, t: int, latent: FloatArray, carried: FloatArray) -> FloatArray:
+        """Variance (..., 2) of a step's mean of gusts and of the rest, ``latent`` minus ``carried``.
+
+        The rest is the part of the error without modes. It stays correlated for the time in which a robot
+        crosses its correlation length at its airspeed, at most for the whole flight.
+        """
+        robot, modes = self.robot, self.wind.modes
+        reach = 0.0 if modes is None else 2 * modes.rest_length / (robot.u_max * robot.dt)
+        left = np.maximum(latent + self.times.between[t] - carried, 0.0)
+        gusts = self.wind.gust_time / robot.dt * at_step(self.wind.gust, self.times, t)
+        return np.asarray(gusts + min(reach, float(self.times.known)) * left, float)
+
+    def advance(self, course: Course, t: int, belief: Belief) -> Belief:
+        """Fill row t of ``course`` and return what is uncertain one step later."""
+        belief = self._with_fix(course, t, belief)
+        robot, dt = self.robot, self.robot.dt
+        self._linearise(course, t, belief)
+        F, psi, keep = course.F[t], course.psi[t], self.kept(t + 1)
+        mixed = dt * F @ belief.cross @ psi.T
+        unknown = F @ belief.unknown @ F.T + mixed + mixed.T
+        unknown += dt**2 * (psi @ belief.theta @ psi.T + np.diag(course.white[t]))
+        steered = psi @ (np.eye(len(belief.theta)) - belief.theta) @ psi.T
+        back = F - robot.fix_gain * np.eye(2)
+        course.speed[t] = robot.speed_left(
+            robot.feedback**2 * belief.unknown + (robot.feedback + robot.fix_gain) ** 2 * belief.known,
+            dt**2 * steered,
+        )
+        return Belief(
+            unknown=unknown,
+            known=back @ belief.known @ back.T,
+            cross=keep * (F @ belief.cross + dt * psi @ belief.theta),
+            theta=np.outer(keep, keep) * belief.theta + np.diag(1 - keep**2),
+        )
+
+    def _linearise(self, course: Course, t: int, belief: Belief) -> None:
+        """F, ψ, the white variance and the expected wind with its second-order shift at the mean.
+
+        ½ D²μ : Σ + ∂ψ : C, with central differences of μ at the nodes.
+        """
+        wind, robot = self.wind, self.robot
+        square = square_of(wind.x, wind.y, course.x[t, None])
+        mean = at_step(wind.mean, self.times, t)
+        first = [np.gradient(mean, square.side, axis=axis) for axis in (0, 1)]
+        D = np.stack([square.value(d)[0] for d in first], axis=1)  # (component, direction)
+        course.F[t] = robot.closed + robot.dt * D
+        H = [[square.value(np.gradient(d, square.side, axis=axis))[0] for axis in (0, 1)] for d in first]
+        bend = 0.5 * np.einsum("ijc,ij->c", np.array(H), belief.unknown)
+        psi, swept = self._field_at(course.x[t], t, belief.cross)
+        course.psi[t] = psi
+        latent = square.value(at_step(wind.latent, self.times, t))[0]
+        course.white[t] = self.white_variance(t, latent, (psi**2).sum(axis=1))
+        course.drift[t] = square.value(mean)[0] + bend + swept
+
+    def _field_at(self, x: FloatArray, t: int, cross: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """ψ = blkdiag(ψ_x', ψ_y') (2, 2P) and ∂ψ : C (2,)."""
+        psi = np.zeros((2, self.modes))
+        swept = np.zeros(2)
+        found = self.wind.modes
+        if found is None:
+            return psi, swept
+        table = self.modes_at(t)
+        square = square_of(found.x, found.y, x[None])
+        value, slopes = square.value(table)[0], square.slopes(table)
+        half = self.modes // 2
+        for c in (0, 1):
+            own = slice(c * half, (c + 1) * half)
+            psi[c, own] = value[c]
+            swept[c] = sum(slope[0, c] @ cross[d, own] for d, slope in enumerate(slopes))
+        return psi, swept
+
+    def _with_fix(self, course: Course, t: int, belief: Belief) -> Belief:
+        """The belief after a position fix if the plan counts on one at step t; otherwise ``belief``."""
+        total = belief.unknown + belief.known
+        if 2 * np.trace(belief.known) > np.trace(total) or np.diag(total).min() <= 0:
+            return belief
+        for mark in self.landmarks:
+            if mark.depth(course.x[t, None])[0] >= 0:
+                miss = 1.0 - in_polygon(mark, course.x[t], total)
+                if miss > self.robot.fix_risk:
+                    return belief
+                course.miss[t] = miss
+                return self._updated(course, t, belief)
+        return belief
+
+    def _updated(self, course: Course, t: int, belief: Belief) -> Belief:
+        """Kalman update of (ẽ, θ̃) by a position measured with standard deviation ``fix_sd`` [m]."""
+        S = belief.unknown + self.robot.fix_sd**2 * np.eye(2)
+        gain: FloatArray = np.asarray(np.linalg.solve(S, belief.unknown).T, float)
+        learnt: FloatArray = np.asarray(np.linalg.solve(S, belief.cross).T, float)
+        course.gains[t] = gain, learnt
+        return Belief(
+            unknown=belief.unknown - gain @ belief.unknown,
+            known=belief.known + gain @ belief.unknown,
+            cross=belief.cross - gain @ belief.cross,
+            theta=belief.theta - learnt @ belief.cross,
+        )
+
+
+Law = Independent | Coherent
+
+
+def fly_means(law: Law, x: FloatArray) -> Course:
+    """The course along the means ``x`` (T+1, 2) [m], with the controls that they need."""
+    course = _empty(law, len(x) - 1)
+    course.x[:] = x
+    robot = law.robot
+
+    def steer(t: int) -> None:
+        free = robot.a @ x[t] + robot.dt * course.drift[t]
+        course.u[t] = np.linalg.solve(robot.b, x[t + 1] - free) / robot.dt
+
+    return _flown(law, course, steer)
+
+
+def fly_controls(law: Law, start: FloatArray, u: FloatArray) -> Course:
+    """The course of the controls ``u`` (T, 2) [m/s] from ``start`` (2,) [m]."""
+    course = _empty(law, len(u))
+    course.x[0], course.u[:] = start, u
+    robot = law.robot
+
+    def move(t: int) -> None:
+        course.x[t + 1] = robot.a @ course.x[t] + robot.dt * (robot.b @ u[t] + course.drift[t])
+
+    return _flown(law, course, move)
+
+
+def _empty(law: Law, steps: int) -> Course:
+    pairs = np.empty((5, steps, 2))
+    return Course(
+        x=np.empty((steps + 1, 2)), u=pairs[0], cov=np.empty((steps + 1, 2, 2)), speed=np.empty(steps),
+        drift=pairs[1], F=np.empty((steps, 2, 2)), psi=np.zeros((steps, 2, law.modes)), white=pairs[2],
+    )  # fmt: skip
+
+
+def _flown(law: Law, course: Course, finish_step: Callable[[int], None]) -> Course:
+    n = law.modes
+    belief = Belief(law.robot.start_sd**2 * np.eye(2), np.zeros((2, 2)), np.zeros((2, n)), np.eye(n))
+    for t in range(len(course.u)):
+        course.cov[t] = belief.unknown + belief.known
+        course.cross.append(belief.cross)
+        belief = law.advance(course, t, belief)
+        finish_step(t)
+    course.cov[-1] = belief.unknown + belief.known
+    course.cross.append(belief.cross)
+    return course
+
+
+def covariance_across(law: Coherent, course: Course) -> FloatArray:
+    """Cov(e_t, e_s) for s <= t, (T+1, T+1, 2, 2), of a course without fixes."""
+    n, dt = len(course.x), law.robot.dt
+    cross = np.zeros((n, n, 2, 2))
+    for s in range(n):
+        cross[s, s], held = course.cov[s], course.cross[s].T  # Cov(θ_s, e_s)
+        for t in range(s, n - 1):
+            cross[t + 1, s] = course.F[t] @ cross[t, s] + dt * course.psi[t] @ held
+            held = law.kept(t + 1)[:, None] * held
+    return cross

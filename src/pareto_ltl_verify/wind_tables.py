@@ -1,0 +1,308 @@
+"""The wind of a results directory: ``wind.nc`` as arrays, and their values between nodes and slots."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pareto_ltl.support.arrays import FloatArray, IntArray
+from pareto_ltl.support.errors import DataError
+from pareto_ltl_verify.forecast_errors import ErrorLaw, error_law
+from pareto_ltl_verify.wind_fit import Fit
+
+COMPONENTS = ("u", "v")
+PARTS = ("interpolation in space", "forecast", "interpolation in time", "ensemble")  # of the error of a field
+SPACE, FORECAST, TIME, ENSEMBLE = range(4)
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """What a value of ``wind.source`` implies.
+
+    Attributes
+    ----------
+    law : str or None
+        The law of wind.forecast_error=auto; None if it is not known.
+    ensemble : bool
+        Whether members of an ensemble can be part of the wind's error.
+    level : bool
+        Whether the level is that of the settings.
+    """
+
+    law: str | None
+    ensemble: bool
+    level: bool
+
+
+SOURCES = {
+    "sample": Source("none", ensemble=False, level=False),
+    "csv": Source("gfs", ensemble=False, level=False),
+    "grib": Source("gfs", ensemble=True, level=True),
+    "netcdf": Source("gfs", ensemble=True, level=True),
+    "stations": Source("none", ensemble=False, level=False),
+    "noaa": Source("gfs", ensemble=True, level=True),
+    "currents": Source("none", ensemble=False, level=False),
+    "ensemble": Source("gfs", ensemble=True, level=True),
+    "given": Source(None, ensemble=True, level=True),
+    "calm": Source(None, ensemble=False, level=False),
+}
+HELD_EPOCH = 10_800.0  # [s] time for which the error of a held field has one spatial pattern
+HYPER = ("prior_mean", "prior_sd", "prior_length", "noise_sd")
+
+
+def source_of(name: str) -> Source:
+    """The row of a wind source; that of another package may have an ensemble."""
+    return SOURCES.get(name, Source(None, ensemble=True, level=False))
+
+
+@dataclass(frozen=True, slots=True)
+class Modes:
+    """ψ (K, MX, MY, 2, P) [m/s] on nodes ``x`` (MX,), ``y`` (MY,) [m].
+
+    ``energy`` (K, 2); ``length`` (K, 2) [m]; the ``part`` (P,) of the error of each mode, -1 for unused
+    modes; ``rest_length`` [m] is the correlation length of the error without the modes.
+    """
+
+    x: FloatArray
+    y: FloatArray
+    psi: FloatArray
+    part: IntArray
+    rho: float
+    gap: float
+    energy: FloatArray
+    length: FloatArray
+    rest_length: float
+
+    def nodes(self) -> FloatArray:
+        """Positions (N, 2) [m]."""
+        return np.stack(np.meshgrid(self.x, self.y, indexing="ij"), axis=-1).reshape(-1, 2)
+
+    def of(self, part: int) -> FloatArray:
+        """The modes of one part of the error, (K, N, 2, p)."""
+        k, nx, ny, c, _ = self.psi.shape
+        chosen = self.psi[..., self.part == part]
+        return chosen.reshape(k, nx * ny, c, chosen.shape[-1])
+
+
+@dataclass(frozen=True, slots=True)
+class WindFile:
+    """Mean [m/s] and ``latent`` variance (K, NX, NY, 2) on nodes ``x``, ``y`` [m]; ``gust`` variance (K, 2).
+
+    ``clock`` is the unit of time; the wind is known ``until`` [s] for the reason ``ends``; ``leads`` (K,) [s]
+    are lead times of forecasts.
+    """
+
+    x: FloatArray
+    y: FloatArray
+    times: FloatArray
+    mean: FloatArray
+    latent: FloatArray
+    gust: FloatArray
+    until: float
+    ends: str
+    source: str
+    level: str
+    leads: FloatArray
+    gust_time: float
+    score: dict[str, float]
+    modes: Modes | None
+    fit: Fit | None
+    error: ErrorLaw | None
+    clock: str
+
+
+def read_wind_file(path: Path) -> WindFile:
+    """The content of ``wind.nc``; DataError if the file is not the wind of a run."""
+    import h5netcdf
+
+    try:
+        with h5netcdf.File(path, "r") as file:
+            return _wind_file(file)
+    except (OSError, KeyError, TypeError, ValueError) as error:
+        reason = str(error).splitlines()[0]
+        raise DataError(f"{path}: not the wind of a run ({reason}); run the plan again") from error
+
+
+def _wind_file(file: Any) -> WindFile:
+    def both(suffix: str) -> FloatArray:
+        return np.stack([np.asarray(file[name + suffix][...], float) for name in COMPONENTS], axis=-1)
+
+    return WindFile(
+        x=np.asarray(file["x"][...], float),
+        y=np.asarray(file["y"][...], float),
+        times=np.asarray(file["time"][...], float),
+        mean=both("").transpose(0, 2, 1, 3),
+        latent=both("_var").transpose(0, 2, 1, 3),
+        gust=both("_gust_var"),
+        until=float(file.attrs["known_until"]),
+        ends=str(file.attrs["known_until_because"]),
+        source=str(file.attrs["source"]),
+        level=str(file.attrs["level"]),
+        leads=np.asarray(file["lead"][...], float),
+        gust_time=float(file.attrs["gust_time"]),
+        score=json.loads(file.attrs["score"]),
+        modes=_modes(file) if "u_modes" in file else None,
+        fit=_fit(file) if "reading_count" in file else None,
+        error=error_law(json.loads(file.attrs["forecast_error"])) if "forecast_error" in file.attrs else None,
+        clock=str(file["time"].attrs["units"]),
+    )
+
+
+def _modes(file: Any) -> Modes:
+    psi = np.stack([np.asarray(file[f"{name}_modes"][...], float) for name in COMPONENTS], axis=-2)
+    return Modes(
+        x=np.asarray(file["mode_x"][...], float),
+        y=np.asarray(file["mode_y"][...], float),
+        psi=psi.transpose(0, 2, 1, 3, 4),
+        part=np.asarray(file["mode_part"][...], int),
+        rho=float(file.attrs["rho"]),
+        gap=float(file.attrs["rho_gap"]),
+        energy=np.stack([np.asarray(file[f"{name}_energy"][...], float) for name in COMPONENTS], axis=-1),
+        length=np.stack([np.asarray(file[f"{name}_length"][...], float) for name in COMPONENTS], axis=-1),
+        rest_length=float(file.attrs["rest_length"]),
+    )
+
+
+def _fit(file: Any) -> Fit:
+    ends = np.cumsum(np.asarray(file["reading_count"][...], int))[:-1]
+    points = np.stack([np.asarray(file[f"reading_{axis}"][...], float) for axis in "xy"], axis=-1)
+    winds = np.stack([np.asarray(file[f"reading_{name}"][...], float) for name in COMPONENTS], axis=-1)
+    hyper = [[np.asarray(file[f"{name}_{key}"][...], float) for key in HYPER] for name in COMPONENTS]
+    return Fit(
+        np.split(points, ends),
+        np.split(winds, ends),
+        np.array(hyper).transpose(2, 0, 1),
+        str(file.attrs["kernel"]),
+    )
+
+
+# --- between nodes ----------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class Square:
+    """The squares of a lattice that contain points: lower corner, fractions, side [m]."""
+
+    i: IntArray
+    j: IntArray
+    fx: FloatArray
+    fy: FloatArray
+    side: float
+
+    def corners(self, table: FloatArray) -> tuple[FloatArray, ...]:
+        """``table`` (NX, NY, ...) at south-west, south-east, north-west and north-east, each (P, ...)."""
+        i, j = self.i, self.j
+        return table[i, j], table[i + 1, j], table[i, j + 1], table[i + 1, j + 1]
+
+    def value(self, table: FloatArray) -> FloatArray:
+        """``table`` (NX, NY, ...) at the points, bilinear, (P, ...)."""
+        sw, se, nw, ne = self.corners(table)
+        fx, fy = (f.reshape(-1, *[1] * (sw.ndim - 1)) for f in (self.fx, self.fy))
+        return np.asarray((1 - fx) * ((1 - fy) * sw + fy * nw) + fx * ((1 - fy) * se + fy * ne), float)
+
+    def slopes(self, table: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Derivatives to east and north within the squares, (P, ...) each [1/m]."""
+        sw, se, nw, ne = self.corners(table)
+        fx, fy = (f.reshape(-1, *[1] * (sw.ndim - 1)) for f in (self.fx, self.fy))
+        east = ((1 - fy) * (se - sw) + fy * (ne - nw)) / self.side
+        north = ((1 - fx) * (nw - sw) + fx * (ne - se)) / self.side
+        return np.asarray(east, float), np.asarray(north, float)
+
+
+def square_of(x: FloatArray, y: FloatArray, points: FloatArray) -> Square:
+    """The squares that contain ``points`` (P, 2) [m], clamped to the nodes ``x``, ``y``."""
+    side = float((x[-1] - x[0]) / (len(x) - 1))
+    g = (points - [x[0], y[0]]) / side
+    top = np.array([len(x) - 1, len(y) - 1])
+    held = np.clip(g, 0.0, top)
+    lower = np.minimum(held.astype(int), top - 1)
+    fx, fy = (held - lower).T
+    return Square(lower[:, 0], lower[:, 1], fx, fy, side)
+
+
+# --- between slots ----------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class Clock:
+    """Where each step lies between the slots of the wind.
+
+    Step t lies between slots ``slot[t]`` and ``slot[t] + 1`` at ``weight[t]``; its modes are those of slot
+    ``nearest[t]``, and ``keep[t, g]`` is the correlation of θ of part g of the error with that of step t - 1.
+    ``between`` [m²/s²] is the variance of interpolation in time; the wind is known for ``known`` steps.
+    """
+
+    slot: IntArray
+    weight: FloatArray
+    nearest: IntArray
+    keep: FloatArray
+    between: FloatArray
+    known: int
+
+
+def clock(wind: WindFile, dt: float, steps: int, most: int) -> Clock:
+    """The slots of steps 0 to ``steps`` of at most ``most``; DataError if the wind is known for less."""
+    t: FloatArray = dt * np.arange(steps + 1, dtype=float)
+    if steps and t[-2] > wind.until + 1e-6:
+        raise DataError(
+            f"the wind is known until {wind.until:g} s after departure, but the plan needs it at {t[-2]:g} s"
+        )
+    if len(wind.times) == 1:
+        slot, weight = np.zeros(len(t), int), np.zeros(len(t))
+    else:
+        slot = np.clip(np.searchsorted(wind.times, t, side="right") - 1, 0, len(wind.times) - 2)
+        weight = np.clip((t - wind.times[slot]) / np.diff(wind.times)[slot], 0.0, 1.0)
+    nearest = slot + (weight > 0.5)
+    keep = np.array([_kept(wind, nearest, t, n) for n in range(len(t))])
+    between = np.array([_between(wind, float(now)) for now in t])
+    known = int((dt * np.arange(most) <= wind.until + 1e-6).sum())
+    return Clock(slot, weight, nearest, keep, between, known)
+
+
+def _between(wind: WindFile, now: float) -> float:
+    """Variance [m²/s²] of the error of interpolation in time or, after the last field, of holding it."""
+    if wind.error is None:
+        return 0.0
+    if now >= wind.times[-1]:
+        return wind.error.change_variance(now - float(wind.times[-1]))
+    k = int(np.searchsorted(wind.times, now, side="right")) - 1
+    return wind.error.between_variance(now - float(wind.times[k]), float(wind.times[k + 1] - wind.times[k]))
+
+
+def _kept(wind: WindFile, nearest: IntArray, t: FloatArray, n: int) -> FloatArray:
+    """Correlation of θ of each part at step n with that at step n - 1.
+
+    Interpolation in space and forecasts: ρ to the power of the time between the slots. Interpolation in time:
+    0 from one gap between fields to the next; of a held field, the correlation of its changes up to the
+    middles of two spells.
+    """
+    keep = np.ones(len(PARTS))
+    if n == 0:
+        return keep
+    passed = float(wind.times[nearest[n]] - wind.times[nearest[n - 1]])
+    if wind.modes is not None and passed > 0:
+        keep[SPACE] = wind.modes.rho ** (passed / wind.modes.gap)
+    if wind.error is None:
+        return keep
+    if passed > 0:
+        keep[FORECAST] = wind.error.persistence ** (passed / wind.error.persistence_time)
+    before, now = t[n - 1] - wind.times[-1], t[n] - wind.times[-1]
+    if now < 0:
+        gaps = np.searchsorted(wind.times, t[n - 1 : n + 1], side="right")
+        keep[TIME] = float(gaps[0] == gaps[1])
+    elif before < 0:
+        keep[TIME] = 0.0
+    elif before // HELD_EPOCH != now // HELD_EPOCH:
+        middles = ((float(late) // HELD_EPOCH + 0.5) * HELD_EPOCH for late in (before, now))
+        keep[TIME] = wind.error.change_correlation(*middles)
+    return keep
+
+
+def at_step(table: FloatArray, times: Clock, t: int) -> FloatArray:
+    """``table`` (K, ...) at step t, linear between its slots."""
+    k, w = times.slot[t], times.weight[t]
+    return np.asarray(table[k] if w == 0 else (1 - w) * table[k] + w * table[k + 1], float)
