@@ -25,7 +25,7 @@ LENGTHENED = 1.05  # ratio of the length caps beyond the longest point
 FEW, RARE = 3, 30  # failures of a polished path: below RARE too few to polish with, below FEW no matter
 REPAIRS = (0, 1, 2, 4)  # steps added to a path that cannot be flown
 SLOWER = (1.2, 1.45, 1.75)  # factors on the number of steps, where lower airspeeds may save energy
-CLOSING = (1, 6)  # solves of the convex programme for each point, and for one that still breaks epsilon
+CLOSING = ((1, 1.0), (6, 1.0), (6, 1.05), (6, 1.2))  # solves, and factors on the length, until epsilon is kept
 ECONOMIC = 8  # points of a front, at most, that are tried at lower airspeeds
 
 
@@ -67,11 +67,14 @@ def _finished(sweep: Sweep, k: Candidate, cap: float) -> Candidate:
 
 
 def closed(sweep: Sweep, k: Candidate) -> Candidate:
-    """``k`` after the last solves, by the convex programme; more of them where a segment breaks epsilon."""
+    """``k`` after the last solves, by the convex programme.
+
+    More of them, and longer paths, where a segment breaks epsilon.
+    """
     flights = sweep.many if FEW <= k.failed * len(sweep.flights) < RARE else sweep.flights
-    for solves in CLOSING:
+    for solves, longer in CLOSING:
         how = sweep.polish_of(FINE[-1:], 1, solves)
-        k = sweep.closing.polish(k.flight.x, flights, how, k.length, k.origin)
+        k = sweep.closing.polish(k.flight.x, flights, how, longer * k.length, k.origin)
         if sweep.closing.penalty(k.flight, math.inf) == 0.0:
             break
     return k
