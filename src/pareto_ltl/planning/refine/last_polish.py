@@ -25,7 +25,7 @@ LENGTHENED = 1.05  # ratio of the length caps beyond the longest point
 FEW, RARE = 3, 30  # failures of a polished path: below RARE too few to polish with, below FEW no matter
 REPAIRS = (0, 1, 2, 4)  # steps added to a path that cannot be flown
 SLOWER = (1.2, 1.45, 1.75)  # factors on the number of steps, where lower airspeeds may save energy
-CLOSING = ((1, 1.0), (6, 1.0), (6, 1.05), (6, 1.2))  # solves, and factors on the length, until epsilon is kept
+CLOSING = ((1, 1.0), (6, 1.0), (6, 1.05), (6, 1.2))  # solves, and factors on the length, till epsilon holds
 ECONOMIC = 8  # points of a front, at most, that are tried at lower airspeeds
 
 
