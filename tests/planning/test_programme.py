@@ -14,13 +14,10 @@ from pareto_ltl.planning.evaluate import evaluate_path, propagate, square_matric
 from pareto_ltl.planning.growth import grow_forest
 from pareto_ltl.planning.margin_model import margin_model
 from pareto_ltl.planning.refine import programme, sampled_paths
+from pareto_ltl.planning.refine.epsilon import barrier_names, within_limits
+from pareto_ltl.planning.refine.prices import segment_limits
 from pareto_ltl.planning.refine.sampled import ConstrainedRefiner, Polish, Refiner
-from pareto_ltl.planning.refine.separation import (
-    barrier_names,
-    segment_limits,
-    separation,
-    within_limits,
-)
+from pareto_ltl.planning.refine.separation import separation
 from pareto_ltl.planning.refine.starts import first_starts
 from pareto_ltl.planning.refine.step_programme import Descent, next_means
 from pareto_ltl.settings import PlannerConfig, RefineConfig, RobotConfig, preset

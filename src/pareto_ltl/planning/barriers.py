@@ -25,9 +25,14 @@ def barrier_polygons(problem: Problem) -> kd.Corners:
     """The convex polygons of ``problem.barriers`` as corners, made once; a wall is a deep rectangle."""
     found = _POLYGONS.get(problem)
     if found is None:
-        polygons = [*problem.decomposition.obstacles, *(_walls(problem) if problem.scene.walled else [])]
+        polygons = barrier_outlines(problem)
         _POLYGONS[problem] = found = pack_corners(range(len(polygons)), polygons)
     return found
+
+
+def barrier_outlines(problem: Problem) -> list[FloatArray]:
+    """The corners of each convex part of the obstacles, then of the walls [m]."""
+    return [*problem.decomposition.obstacles, *(_walls(problem) if problem.scene.walled else [])]
 
 
 def _walls(problem: Problem) -> list[FloatArray]:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from pareto_ltl.planning.costs import cost_named
+from pareto_ltl.planning.limits import Price, SegmentLimits
 from pareto_ltl.settings import FidelityConfig, models_of
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 from pareto_ltl.support.counts import clopper_pearson
@@ -337,29 +338,6 @@ class Promise:
     passed: bool
 
 
-@dataclass(frozen=True, slots=True)
-class SegmentLimits:
-    """How close each of T segments comes to its chance constraint, obstacles and walls together.
-
-    Attributes
-    ----------
-    nearest : tuple of str
-        The barrier whose supporting line is the fewest standard deviations from the segment.
-    deviations : (T,) float
-        Standard deviations of its nearer end beyond that line, 40 at most.
-    probability : (T,) float
-        Σ_lines Q(z) of the segment, which ``planner.epsilon`` limits; Eq. (M73) of docs/mathematics.md.
-    """
-
-    nearest: tuple[str, ...]
-    deviations: FloatArray
-    probability: FloatArray
-
-    def after(self, step: int) -> SegmentLimits:
-        """Those of the segments from ``step`` on."""
-        return SegmentLimits(self.nearest[step:], self.deviations[step:], self.probability[step:])
-
-
 @dataclass(frozen=True, slots=True, repr=False)
 class Plan(Displayed):
     """The path to fly, and how it was chosen.
@@ -380,6 +358,8 @@ class Plan(Displayed):
         Sentences that say which parts of the wind's error the probabilities cover, and which not.
     limits : SegmentLimits or None
         None without barriers, and in files of earlier versions.
+    prices : tuple of Price
+        What easier limits would save, the largest of each kind first.
     """
 
     path: PlannedPath
@@ -399,6 +379,7 @@ class Plan(Displayed):
     u_min: float = 0.0
     capacity: float | None = None
     limits: SegmentLimits | None = None
+    prices: tuple[Price, ...] = ()
 
     def __post_init__(self) -> None:
         models_of(self.fidelity)

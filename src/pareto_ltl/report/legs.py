@@ -103,7 +103,7 @@ def plan_lines(problem: Problem, plan: Plan, flown: Deployment) -> Iterator[str]
     yield f"sd: standard deviation of the position, and of the wind, {problem.fidelity.law} winds"
     courses = _courses(problem, path)
     failed = failure_times(problem, flown).counts().sum(axis=0) / len(flown.x)
-    near, times = closest_barriers(scene, path), _times(scene, path)
+    near, times = closest_barriers(scene, path), step_times(scene, path)
     for first, last in _stretches(path):
         yield ""
         yield _goal_line(problem, path, first, last)
@@ -117,26 +117,8 @@ def plan_lines(problem: Problem, plan: Plan, flown: Deployment) -> Iterator[str]
     yield from _promise_lines(plan, flown)
 
 
-def limit_lines(problem: Problem, plan: Plan, most: int = 5) -> Iterator[str]:
-    """The ``most`` segments that come closest to ``planner.epsilon``, the closest first."""
-    limits, law = plan.limits, problem.fidelity.law
-    if limits is None:
-        yield "no limits: the map has neither obstacles nor walls, or the plan is of an earlier version"
-        return
-    allowed = "no limit" if plan.epsilon >= 1.0 else f"{probability_text(plan.epsilon)} allowed"
-    yield (
-        f"collision probability of a segment, {law} winds, {allowed} (planner.epsilon); at most "
-        f"{probability_text(float(limits.probability.max()))}"
-    )
-    times = _times(problem.scene, plan.path)
-    for k in np.argsort(-limits.probability, kind="stable")[:most].tolist():
-        yield (
-            f"{k:>4}  {times[k]} - {times[k + 1]}; {limits.nearest[k]}, {limits.deviations[k]:.1f} standard "
-            f"deviations away; {probability_text(float(limits.probability[k]))}"
-        )
-
-
-def _times(scene: Scene, path: PlannedPath) -> list[str]:
+def step_times(scene: Scene, path: PlannedPath) -> list[str]:
+    """The time of every step for people: UTC, or hours since departure."""
     utc = utc_times(scene.time_zero, path.t)
     if utc is None:
         return [f"{t / 3600:.2f} h" for t in path.t]

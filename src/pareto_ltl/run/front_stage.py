@@ -53,7 +53,7 @@ def _bounded_front(inputs: StageInputs) -> Front:
 def _flown_front(inputs: StageInputs) -> Front:
     """The front by failure rate and length, in flights that refinement has not used."""
     from pareto_ltl.planning import selection
-    from pareto_ltl.planning.refine.separation import keeps_epsilon
+    from pareto_ltl.planning.refine.epsilon import keeps_epsilon
     from pareto_ltl.simulation.judging import judge_front
 
     settings, problem = inputs.settings, inputs[PROBLEM]
@@ -81,7 +81,7 @@ FRONT_MAKERS: dict[str, Callable[[StageInputs], Front]] = {"bound": _bounded_fro
 
 def _refined_paths(inputs: StageInputs, raw: Sequence[PlannedPath]) -> tuple[tuple[PlannedPath, ...], str]:
     """The paths of ``fidelity.refine`` and of ``selection.extra_paths``; the reason if none is refined."""
-    from pareto_ltl.planning.refine.separation import keeps_epsilon, within_limits
+    from pareto_ltl.planning.refine.epsilon import keeps_epsilon, within_limits
     from pareto_ltl.run.extra_paths import extra_paths
 
     problem, fault = inputs[PROBLEM], ""

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from pareto_ltl.planning.limits import Price, SegmentLimits
 from pareto_ltl.planning.records import (
     RISKS,
     FailureRate,
@@ -17,7 +18,6 @@ from pareto_ltl.planning.records import (
     Plan,
     PlannedPath,
     Promise,
-    SegmentLimits,
 )
 from pareto_ltl.run.file_shape import inside, shaped
 from pareto_ltl.support.arrays import FloatArray
@@ -56,6 +56,7 @@ def write_plan(directory: Path, plan: Plan) -> None:
         "order": path.order,
         "fixes": path.fixes,
         **_limits_document(plan.limits),
+        "prices": [asdict(price) for price in plan.prices],
         **_navigation_document(plan.navigation),
         "t": path.t,
         "x": path.x,
@@ -94,7 +95,7 @@ def _limits(content: Mapping[str, Any]) -> SegmentLimits | None:
         return None
     if len(rows) != len(content["u"]):
         raise ValueError(f"segments must have {len(content['u'])} entries, got {len(rows)}")
-    nearest, *numbers = ([row[key] for row in rows] for key in LIMIT_KEYS)
+    nearest, *numbers = ([row.get(key, 0.0) for row in rows] for key in LIMIT_KEYS)  # without price: earlier
     return SegmentLimits(tuple(nearest), *(np.array(column, float) for column in numbers))
 
 
@@ -137,6 +138,7 @@ def read_plan(place: Path | str) -> Plan:
             promise=_promise(content.get("promise")),
             navigation=_navigation(content),
             limits=_limits(content),
+            prices=tuple(Price(**price) for price in content.get("prices", ())),
             covered=content.get("covered", ""),
             not_covered=content.get("not_covered", ""),
         )

@@ -142,7 +142,7 @@ def explain(
     point : int, optional
         The path of that number in ``front.csv``; default the plan.
     limits : bool
-        Only the segments that come closest to ``planner.epsilon``.
+        Only the segments that come closest to ``planner.epsilon``, and what easier limits would save.
 
     Raises
     ------
@@ -151,7 +151,8 @@ def explain(
     InfeasibleError
         If the front has no such path.
     """
-    from pareto_ltl.report.legs import limit_lines, plan_lines
+    from pareto_ltl.report.legs import plan_lines
+    from pareto_ltl.report.limits import limit_lines
 
     run = planned.run if isinstance(planned, PlanningResult) else run_with_plan(load_results(planned))
     if point is not None:

@@ -37,7 +37,7 @@ from pareto_ltl.run.records import (
     WIND,
     WIND_TABLE,
 )  # fmt: skip
-from pareto_ltl.run.stage_table import Stage, StageInputs, StageTable
+from pareto_ltl.run.stage_table import Stage, StageInputs, StageTable, named_child
 from pareto_ltl.settings import ReportConfig, RobotConfig, Settings
 from pareto_ltl.settings.outputs import EXPORT_FILES, FIGURE_FORMATS, PAGE_FILE
 from pareto_ltl.support.fingerprints import code_fingerprint, data_fingerprint
@@ -54,6 +54,7 @@ if TYPE_CHECKING:
     from pareto_ltl.world.scene import Scene
 
 LOG = logging.getLogger(__name__)
+PRICING, PRICING_RUNS = "prices", 10_000  # child of the seed of the flights that price limits; their number
 COMPILING = "compiling for this machine, about a minute; later runs find the machine code on disk"
 
 
@@ -223,13 +224,14 @@ def _import_report(cfg: ReportConfig) -> None:
 def make_plan(inputs: StageInputs) -> Plan:
     """The path of the front that the rule picks; with ``judge=flights``, after a test with fresh flights."""
     from pareto_ltl.planning.records import Plan
-    from pareto_ltl.planning.refine.separation import segment_limits
+    from pareto_ltl.planning.refine.prices import limits_of
     from pareto_ltl.planning.selection_rules import (
         bound_warning,
         choose_path,
         selection_rule,
         within_capacity,
     )
+    from pareto_ltl.simulation.flights import simulate_flights
     from pareto_ltl.simulation.promise import promise_path
     from pareto_ltl.wind.coverage import coverage_of, held_warning
     from pareto_ltl.world.navigation import navigate
@@ -244,6 +246,9 @@ def make_plan(inputs: StageInputs) -> Plan:
     held = held_warning(inputs[WIND], float(path.t[-1]), problem.scene.time_zero)
     for warning in filter(None, (bound_warning(path, settings.fidelity), held)):
         LOG.warning("%s", warning)
+    law, seed = problem.fidelity.law, named_child(inputs.seeds, PRICING)
+    flown = simulate_flights(problem, path.u, PRICING_RUNS, law, seed, path.x)
+    limits, prices = limits_of(problem, front, path, flown.x)
     return Plan(
         path=path,
         formula=problem.automaton.formula,
@@ -261,7 +266,8 @@ def make_plan(inputs: StageInputs) -> Plan:
         navigation=navigate(problem.scene, path.t, path.x, path.u),
         covered=said.covered,
         not_covered=said.not_covered,
-        limits=segment_limits(problem, path.x),
+        limits=limits,
+        prices=prices,
     )
 
 

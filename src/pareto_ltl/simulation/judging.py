@@ -21,7 +21,7 @@ from numpy.random import SeedSequence
 from pareto_ltl.planning.evaluate import evaluate_path
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import FailureRate, Front, PlannedPath, counted_rate
-from pareto_ltl.planning.refine.separation import keeps_epsilon
+from pareto_ltl.planning.refine.epsilon import keeps_epsilon
 from pareto_ltl.planning.selection import chance_of_failures, hypervolume, non_dominated
 from pareto_ltl.simulation.flights import (
     PilotMaker,

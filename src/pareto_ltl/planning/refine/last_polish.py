@@ -15,7 +15,8 @@ from pareto_ltl.planning.records import PlannedPath
 from pareto_ltl.planning.refine.length_caps import spread_points
 from pareto_ltl.planning.refine.levels import WORTH
 from pareto_ltl.planning.refine.sampled import Candidate, resampled_means
-from pareto_ltl.planning.refine.sweep import FINE, Sweep
+from pareto_ltl.planning.refine.sweep import FINE, Sweep, smoothed
+from pareto_ltl.planning.refine.taut_lines import CAP
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import InfeasibleError
 
@@ -56,11 +57,16 @@ def lengthened_points(sweep: Sweep, found: Sequence[Candidate]) -> list[Candidat
 
 
 def _finished(sweep: Sweep, k: Candidate, cap: float) -> Candidate:
-    """``k`` polished at a length cap; on more flights if few of them fail, since those decide."""
+    """``k`` polished at a length cap; on more flights if few of them fail, since those decide.
+
+    Where its airspeeds leave half a step or more to spare, it is also polished in fewer steps.
+    """
     problem, refiner = sweep.problem, sweep.refiner
-    made = refiner.polish(
-        _fitting(problem, k, cap), sweep.flights, sweep.polish_of(FINE, 1, 4), cap, k.origin
-    )
+    how = sweep.polish_of(FINE, 1, 4)
+    made = refiner.polish(_fitting(problem, k, cap), sweep.flights, how, cap, k.origin)
+    if fewer := round(spare_steps(made)):
+        x = resampled_means(problem, made.flight.x, made.steps - fewer)
+        made = min(made, refiner.polish(x, sweep.flights, how, cap, k.origin), key=smoothed)
     if not FEW <= made.failed * len(sweep.flights) < RARE:
         return made
     return refiner.polish(made.flight.x, sweep.many, sweep.polish_of(FINE[-1:], 1, 4), cap, k.origin)
@@ -78,6 +84,12 @@ def closed(sweep: Sweep, k: Candidate) -> Candidate:
         if sweep.closing.penalty(k.flight, math.inf) == 0.0:
             break
     return k
+
+
+def spare_steps(k: Candidate) -> float:
+    """By how many steps ``k`` takes longer than at full airspeed along the same controls."""
+    speeds = np.linalg.norm(k.flight.u, axis=1) / np.maximum(CAP * k.flight.speed, 1e-9)
+    return float(np.maximum(1.0 - speeds, 0.0).sum())
 
 
 def _fitting(problem: Problem, k: Candidate, cap: float) -> FloatArray:

@@ -1,15 +1,17 @@
-"""The convex programme of refinement, stated once a run in cvxpy and solved many times by Clarabel.
+"""The convex programme of refinement, stated once a run (:mod:`~.statement`) and solved often by Clarabel.
 
-This is the only module that imports cvxpy. ``fidelity.refine=convex`` and ``sampled`` differ in the objective
-alone: the length and the bounds on the risk, or a quadratic model of the failure rate.
+``fidelity.refine=convex`` and ``sampled`` differ in the objective alone: the length and the bounds on the
+risk, or a quadratic model of the failure rate.
 """
 
 from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import lru_cache
+from itertools import repeat
 from threading import Lock, Thread
 from typing import Any
 
@@ -21,16 +23,15 @@ from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.refine.course import FACE_MARGIN
 from pareto_ltl.planning.refine.obligations import face_deviations, path_obligations
 from pareto_ltl.planning.refine.search_map import search_map
-from pareto_ltl.planning.refine.separation import ROWS, Separation, separation
+from pareto_ltl.planning.refine.separation import Separation, separation
+from pareto_ltl.planning.refine.statement import LineLimit, Shape, Statement, state
 from pareto_ltl.planning.refine.step_programme import RIDGE, Descent, motion_values
+from pareto_ltl.planning.refine.taut_lines import CAP
 from pareto_ltl.support.arrays import FloatArray
 
 LOG = logging.getLogger(__name__)
 
 FINEST = 1e-3  # smallest standard deviation that the risk model resolves, in full steps
-RELIEF = 50.0  # penalty for violating a constraint by a full step; above every multiplier observed
-PIECES = (0.5, 1.0, 1.5, 2.0, 2.4, 2.8, 3.2, 3.6, 4.1)  # tangents of 1 - Φ for witnesses
-LINE_PIECES = (1.5, 2.4)  # tangents of 1 - Φ for lines, besides the one at the iterate
 SURE = 10.0  # standard deviations that count as certainty
 SHARE = 0.96  # share of epsilon to plan with: tangents lie below the curve, and σ changes with the path
 FREE = 1e3  # a limit that no path reaches: full steps, probabilities
@@ -43,166 +44,23 @@ def import_early() -> None:
 
 
 @dataclass(frozen=True, slots=True)
-class Shape:
-    """All that the statement depends on: sizes, B⁻¹, and whether there is a least airspeed."""
+class Solution:
+    """The solution of a programme, and what it would gain by easier limits (its multipliers).
 
-    steps: int
-    witnesses: int
-    faces: int
-    b_inv: tuple[tuple[float, float], ...]
-    slowest: bool
-
-
-@dataclass(frozen=True, slots=True)
-class _Unknowns:
-    """Variables of the programme: points, relief of each, lengths, risks of lines and of witnesses."""
-
-    x: Any
-    y: Any
-    relief: Any
-    length: Any
-    chi: Any
-    rho: Any
-    at: Any
-
-
-def _dot(c: Any, row: int, u: Any, v: Any) -> Any:
-    """c' (u, v) of column pair ``row`` of ``c``."""
-    import cvxpy as cp
-
-    return cp.multiply(c[:, 2 * row], u) + cp.multiply(c[:, 2 * row + 1], v)
-
-
-def state(shape: Shape) -> tuple[Any, dict[str, Any], _Unknowns]:
-    """The programme about an iterate x̄ for paths of at most ``steps`` steps, its parameters and variables.
-
-        minimise    λ_l Σ_t l_t + λ_r (Σ_tk χ_tk + Σ_wj ρ_wj) + g'x + ½ Σ_t ‖L_t' (x_t - x̄_t)‖² + relief
-        subject to  ‖B⁻¹ (x_{t+1} - F_t x_t - g_t)‖ ≤ airspeed left,      F_t = A + dt Dμ(x̄_t)
-                    û_t' B⁻¹ (x_{t+1} - F_t x_t - g_t) ≥ least airspeed    along the last control
-                    ‖x_{t+1} - x_t‖ ≤ l_t,    Σ_t l_t ≤ L_max
-                    c_tk' x_e ≥ h_tk + z σ_e      for both ends e of segment t and its closest lines k
-                    χ_tk ≥ tangents of 1 - Φ at (c_tk' x_e - h_tk) / σ_e, one of them that of x̄
-                    Σ_k χ_tk ≤ ε
-                    a_j' x_w ≤ b_j              at the witness steps
-                    ρ_wj ≥ tangents of 1 - Φ at (b_j - a_j' x_w) / σ_j, one of them that of x̄
-                    |x_t - x̄_t| ≤ trust,       x_t on the map
-
-    Relief, a penalised slack variable of each point, makes every instance feasible, so that an iterate which
-    violates a constraint can be corrected. Lengths are in full steps (u_max dt); positions count from the
-    middle of the map.
-
-    Eq. (M50) of docs/mathematics_methods.md.
+    Attributes
+    ----------
+    x : (T+1, 2) float
+        Means [m].
+    faster, longer : float
+        Fall of the objective for a larger airspeed [1/(m/s)] and for a longer path [1/m].
+    clearer : (T,) float
+        Fall of the objective if the lines of a segment were farther away [1/m].
     """
-    import cvxpy as cp
 
-    n = shape.steps + 1
-    v = _Unknowns(
-        x=cp.Variable(n), y=cp.Variable(n), relief=cp.Variable(n, nonneg=True), length=cp.Variable(n - 1),
-        chi=cp.Variable((n - 1, ROWS), nonneg=True),
-        rho=cp.Variable((shape.witnesses, shape.faces), nonneg=True) if shape.witnesses else None,
-        at=cp.Variable((shape.witnesses, 2)) if shape.witnesses else None,
-    )  # fmt: skip
-    given = {name: cp.Parameter(size) for name, size in _sizes(shape).items()}
-    given |= {name: cp.Parameter(nonneg=True) for name in ("per_length", "weight", "longest", "epsilon")}
-    given |= {"root": cp.Parameter((n, 3))}
-    bend = [
-        cp.multiply(given["root"][:, 0], v.x)
-        + cp.multiply(given["root"][:, 1], v.y)
-        - given["root_at"][:, 0],
-        cp.multiply(given["root"][:, 2], v.y) - given["root_at"][:, 1],
-    ]
-    risks = cp.sum(v.chi) if v.rho is None else cp.sum(v.chi) + cp.sum(v.rho)
-    cost = (
-        given["per_length"] * cp.sum(v.length) + given["weight"] * risks + RELIEF * cp.sum(v.relief)
-        + _sum_dot(given["gradient"], v) + 0.5 * cp.sum_squares(cp.hstack(bend))
-    )  # fmt: skip
-    constraints = [*_motion(shape, given, v), *_clearance(given, v), *_visits(shape, given, v)]
-    return cp.Problem(cp.Minimize(cost), constraints), given, v
-
-
-def _sizes(shape: Shape) -> dict[str, tuple[int, ...]]:
-    """Sizes of the parameters that may have any sign."""
-    n, T, W, F = shape.steps + 1, shape.steps, shape.witnesses, shape.faces
-    sizes: dict[str, tuple[int, ...]] = {
-        "gradient": (n, 2), "root_at": (n, 2), "cap": (T,), "F": (T, 4), "g": (T, 2), "low": (n, 2),
-        "high": (n, 2),
-    }  # fmt: skip
-    for end in "01":
-        sizes |= {f"need{end}": (T, ROWS), f"c_sd{end}": (T, 2 * ROWS), f"h_sd{end}": (T, ROWS)}
-        sizes |= {f"steep{end}": (T, 2 * ROWS), f"level{end}": (T, ROWS)}
-    sizes |= {"c": (T, 2 * ROWS)}
-    if W:
-        sizes |= {"pick": (W, n), "a": (W, 2 * F), "b": (W, F), "inside": (W, F)}
-        sizes |= {"slope": (W, 2 * F), "height": (W, F)}
-    if shape.slowest:
-        sizes |= {"ahead": (T, 2), "behind": (T, 2), "floor": (T,)}
-    return sizes
-
-
-def _sum_dot(gradient: Any, v: _Unknowns) -> Any:
-    return gradient[:, 0] @ v.x + gradient[:, 1] @ v.y
-
-
-def _motion(shape: Shape, given: Mapping[str, Any], v: _Unknowns) -> Iterator[Any]:
-    """Airspeed and length of each step, the longest length, the trust region and the map."""
-    import cvxpy as cp
-
-    x, y = v.x, v.y
-
-    def push(row: int) -> Any:
-        moved = shape.b_inv[row][0] * x[1:] + shape.b_inv[row][1] * y[1:]
-        return moved - _dot(given["F"], row, x[:-1], y[:-1]) - given["g"][:, row]
-
-    if shape.slowest:
-        along = _dot(given["ahead"], 0, x[1:], y[1:]) - _dot(given["behind"], 0, x[:-1], y[:-1])
-        yield along + v.relief[1:] >= given["floor"]
-    yield cp.SOC(given["cap"] + v.relief[1:], cp.vstack([push(0), push(1)]), axis=0)
-    yield cp.SOC(v.length, cp.vstack([x[1:] - x[:-1], y[1:] - y[:-1]]), axis=0)
-    yield cp.sum(v.length) <= given["longest"]
-    for k, u in enumerate((x, y)):
-        yield u >= given["low"][:, k]
-        yield u <= given["high"][:, k]
-
-
-def _clearance(given: Mapping[str, Any], v: _Unknowns) -> Iterator[Any]:
-    """Both ends of each segment beyond its lines, and the risk that remains at most epsilon."""
-    import cvxpy as cp
-
-    ends = {"0": (v.x[:-1], v.y[:-1], v.relief[:-1]), "1": (v.x[1:], v.y[1:], v.relief[1:])}
-    for k in range(ROWS):
-        for end, (x, y, relief) in ends.items():
-            chi = v.chi[:, k]
-            yield _dot(given["c"], k, x, y) + relief >= given[f"need{end}"][:, k]
-            s = _dot(given[f"c_sd{end}"], k, x, y) - given[f"h_sd{end}"][:, k]
-            for piece in tail_tangents(LINE_PIECES, s):
-                yield chi >= piece
-            yield chi >= given[f"level{end}"][:, k] - _dot(given[f"steep{end}"], k, x, y)
-    yield cp.sum(v.chi, axis=1) <= given["epsilon"] + 0.05 * (v.relief[:-1] + v.relief[1:])
-
-
-def _visits(shape: Shape, given: Mapping[str, Any], v: _Unknowns) -> Iterator[Any]:
-    """Witness steps: inside the region, and the risk of missing it."""
-    if not shape.witnesses:
-        return
-    yield v.at[:, 0] == given["pick"] @ v.x
-    yield v.at[:, 1] == given["pick"] @ v.y
-    for k in range(shape.faces):
-        s = given["b"][:, k] - _dot(given["a"], k, v.at[:, 0], v.at[:, 1])
-        yield s >= given["inside"][:, k]
-        for piece in tail_tangents(PIECES, s):
-            yield v.rho[:, k] >= piece
-        yield v.rho[:, k] >= given["height"][:, k] + _dot(given["slope"], k, v.at[:, 0], v.at[:, 1])
-
-
-def tail_tangents(points: Sequence[float], s: Any) -> list[Any]:
-    """Tangents of 1 - Φ at ``points``: it is convex for s ≥ 0, and their maximum models it."""
-    return [
-        0.5 * math.erfc(m / math.sqrt(2)) - math.exp(-m * m / 2) / math.sqrt(2 * math.pi) * (s - m)
-        for m in points
-    ]
-
-
-# --- the programme of a problem ------------------------------------------------------------------
+    x: FloatArray
+    faster: float
+    longer: float
+    clearer: FloatArray
 
 
 @dataclass(slots=True)
@@ -218,12 +76,12 @@ class Programme:
     problem: Problem
     shape: Shape
     solves: int = 0
-    _stated: Any = None
+    _stated: Statement | None = None
     _lock: Lock = field(default_factory=Lock)
 
     # --- the two objectives ---
 
-    def bend(self, x: FloatArray, weight: float, trust: float, shortest: float) -> FloatArray | None:
+    def bend(self, x: FloatArray, weight: float, trust: float, shortest: float) -> Solution | None:
         """Means that lower length / ``shortest`` + ``weight`` (mission risk + collision risk) about ``x``.
 
         ``x`` (T+1, 2) and ``shortest`` are in metres, ``trust`` is the half width of the trust region [full
@@ -244,7 +102,7 @@ class Programme:
         }  # fmt: skip
         return self._solved(values, x)
 
-    def descend(self, flight: Flight, model: Descent, trust: float, longest: float) -> FloatArray | None:
+    def descend(self, flight: Flight, model: Descent, trust: float, longest: float) -> Solution | None:
         """Means that lower a quadratic ``model`` of the failure about those of ``flight``.
 
         ``trust`` in full steps, ``longest`` [m]. None if the solver found no solution.
@@ -362,8 +220,8 @@ class Programme:
 
     # --- solving ---
 
-    def _solved(self, values: Mapping[str, Any], x: FloatArray) -> FloatArray | None:
-        """The means (T+1, 2) [m] of the solution for these parameters; None if there is none.
+    def _solved(self, values: Mapping[str, Any], x: FloatArray) -> Solution | None:
+        """The solution for these parameters about the means ``x`` (T+1, 2) [m]; None if there is none.
 
         A new solver for each programme: one that is kept scales by the data it saw first, so that results
         would depend on the order of the programmes.
@@ -371,14 +229,12 @@ class Programme:
         import cvxpy as cp
 
         with self._lock:
-            if self._stated is None:
-                self._stated = state(self.shape)
-            form, given, v = self._stated
+            stated = self._stated = self._stated or state(self.shape)
             for name, value in values.items():
-                given[name].value = value
+                stated.given[name].value = value
             self.solves += 1
             try:
-                form.solve(
+                stated.form.solve(
                     solver=cp.CLARABEL, warm_start=False, ignore_dpp=False, tol_gap_abs=TOLERANCE,
                     tol_gap_rel=TOLERANCE, tol_feas=TOLERANCE, max_threads=1,
                     iterative_refinement_enable=False,  # it takes half as long again
@@ -386,14 +242,27 @@ class Programme:
             except cp.SolverError as error:
                 LOG.debug("programme %d: %s", self.solves, error)
                 return None
-            if form.status != cp.OPTIMAL:
-                LOG.debug("programme %d: %s", self.solves, form.status)
+            if stated.form.status != cp.OPTIMAL:
+                LOG.debug("programme %d: %s", self.solves, stated.form.status)
                 return None
-            points = np.column_stack([v.x.value, v.y.value])
+            points = np.column_stack([stated.unknowns.x.value, stated.unknowns.y.value])
+            unit, steps = self.problem.reach, len(x) - 1
+            faster = float(stated.airspeed.dual_value[0][:steps].sum()) * CAP / self.problem.motion.u_max
+            longer = float(stated.longest.dual_value) / unit
+            clearer = sum(map(_eased, repeat(stated), stated.lines), np.zeros(self.shape.steps)) / unit
         if not np.isfinite(points).all():
             return None
-        centre = self.problem.scene.bounds.mean(axis=0)
-        return np.vstack([x[:1], centre + self.problem.reach * points[1 : len(x)]])
+        means = self.problem.scene.bounds.mean(axis=0) + unit * points[1 : len(x)]
+        return Solution(np.vstack([x[:1], means]), faster, longer, clearer[:steps])
+
+
+def _eased(stated: Statement, row: LineLimit) -> FloatArray:
+    """Fall of the objective for a full step of clearance from the lines of ``row``, by segment."""
+    gain = row.share * row.constraint.dual_value
+    if not row.per:
+        return np.asarray(gain)
+    rows = stated.given[row.per + row.end].value[:, 2 * row.k : 2 * row.k + 2]
+    return np.asarray(gain * np.hypot(*rows.T))
 
 
 def programme(problem: Problem, steps: int, witnesses: int = 0, faces: int = 0) -> Programme:
@@ -425,3 +294,9 @@ class Programmes:
     def solves(self) -> int:
         """How many programmes have been solved."""
         return sum(one.solves for one in self._of.values())
+
+
+@lru_cache(maxsize=2)
+def programmes_of(problem: Problem) -> Programmes:
+    """The programmes of ``problem``, kept for the last two problems: stating one takes 0.2 s."""
+    return Programmes(problem)

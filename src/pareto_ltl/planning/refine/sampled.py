@@ -24,7 +24,7 @@ from pareto_ltl.kernels.path import Flight
 from pareto_ltl.planning.evaluate import airspeed_limits, propagate, propagate_controls
 from pareto_ltl.planning.margin_model import margin_scratch
 from pareto_ltl.planning.problem import Problem
-from pareto_ltl.planning.refine.programme import Programmes
+from pareto_ltl.planning.refine.programme import programmes_of
 from pareto_ltl.planning.refine.separation import allowed_risk, separation
 from pareto_ltl.planning.refine.step_programme import Descent, next_means
 from pareto_ltl.planning.refine.taut_lines import CAP
@@ -197,11 +197,10 @@ class Refiner:
 class ConstrainedRefiner(Refiner):
     """Polishes within ``planner.epsilon`` in every segment, by the programme of :mod:`~.programme`."""
 
-    programmes: Programmes
-
     def step(self, flight: Flight, here: Descent, trust: float, cap: float) -> FloatArray | None:
         """The solution of the convex programme."""
-        return self.programmes.of(len(flight.u)).descend(flight, here, trust, cap)
+        solution = programmes_of(self.problem).of(len(flight.u)).descend(flight, here, trust, cap)
+        return None if solution is None else solution.x
 
     def penalty(self, flight: Flight, longest: float) -> float:
         """Also the risks of segments above epsilon, relative to it."""

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import logging
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,23 +11,15 @@ import numpy as np
 from pareto_ltl.kernels import data as kd
 from pareto_ltl.kernels.path import Flight
 from pareto_ltl.planning.barriers import LEAST, barrier_polygons, lines_of
-from pareto_ltl.planning.evaluate import propagate
 from pareto_ltl.planning.pack import NO_LIMIT, pack_faces
 from pareto_ltl.planning.pack_logic import pack_corners
 from pareto_ltl.planning.problem import Problem
-from pareto_ltl.planning.records import PlannedPath, SegmentLimits
 from pareto_ltl.planning.refine.obligations import face_deviations, path_obligations
 from pareto_ltl.planning.refine.search_map import search_map
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
-from pareto_ltl.support.display import probability_text
-from pareto_ltl.support.errors import InfeasibleError
-
-LOG = logging.getLogger(__name__)
 
 ROWS = 2  # lines of a segment in a programme, the closest ones (3 take half as long again)
 KEPT = 1.4  # standard deviations that taut lines keep where polygons share epsilon as they need it
-ROUNDING = 1e-6  # relative excess over epsilon that is rounding
-WALLS = ("western", "eastern", "southern", "northern")
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,84 +92,6 @@ def _avoided(problem: Problem, flight: Flight, avoid: BoolArray | None) -> tuple
 def allowed_risk(problem: Problem) -> float:
     """``planner.epsilon``, the largest risk of a segment; inf without a limit."""
     return problem.epsilon if problem.epsilon < NO_LIMIT else math.inf
-
-
-def keeps_epsilon(problem: Problem, path: PlannedPath) -> bool:
-    """Whether no segment of ``path`` is more likely to collide than ``planner.epsilon`` allows."""
-    limit = allowed_risk(problem)
-    if math.isinf(limit):
-        return True
-    return bool(separation(problem, propagate(problem, path.x)).risk.max() <= limit * (1.0 + ROUNDING))
-
-
-def within_limits(problem: Problem, paths: Sequence[PlannedPath]) -> tuple[PlannedPath, ...]:
-    """The paths that keep ``planner.epsilon`` in every segment; a line in the log states how many do not.
-
-    Raises
-    ------
-    InfeasibleError
-        If none of the paths does; the message says by how much, where, and what would admit one.
-    """
-    limit = allowed_risk(problem)
-    if not paths or math.isinf(limit):
-        return tuple(paths)
-    parts = [separation(problem, propagate(problem, path.x)) for path in paths]
-    worst = np.array([part.risk.max() for part in parts])
-    kept = tuple(path for path, risk in zip(paths, worst, strict=True) if risk <= limit * (1.0 + ROUNDING))
-    if len(kept) == len(paths):
-        return kept
-    k = int(np.argmin(np.where(worst > limit * (1.0 + ROUNDING), worst, np.inf)))
-    least = _rounded_up(1.05 * float(worst[k]))
-    if not kept:
-        step = int(parts[k].risk.argmax())
-        nearest = _barrier_name(problem, int(parts[k].owner[step, 0]))
-        raise InfeasibleError(
-            f"no path keeps planner.epsilon = {limit:g} in every segment: the best of {len(paths)} refined "
-            f"paths comes closest to {nearest} at step {step + 1}, with a collision probability of "
-            f"{probability_text(worst[k])}; set planner.epsilon={least:g}, or null for no limit"
-        )
-    LOG.info(
-        "%d of %d refined paths are not on the front: a segment of each is more likely to collide than "
-        "planner.epsilon = %g allows; planner.epsilon=%g would admit the next",
-        len(paths) - len(kept), len(paths), limit, least,
-    )  # fmt: skip
-    return kept
-
-
-def _rounded_up(value: float) -> float:
-    """``value`` with two significant digits, rounded up; at most 0.99."""
-    unit = 10.0 ** (math.floor(math.log10(value)) - 1)
-    return min(math.ceil(value / unit) * unit, 0.99)
-
-
-def _barrier_name(problem: Problem, number: int) -> str:
-    """The obstacle, wall or forbidden region of polygon ``number`` of a :class:`Separation`."""
-    names = barrier_names(problem)
-    return names[number] if number < len(names) else "a forbidden region"
-
-
-def barrier_names(problem: Problem) -> list[str]:
-    """Names of the barriers: ``obstacle 3``, the third of the map, for each of its convex parts; walls."""
-    import shapely
-
-    outlines = [shapely.Polygon(corners) for corners in problem.scene.obstacles]
-    names = []
-    for part in problem.decomposition.obstacles:
-        gaps = shapely.distance(outlines, shapely.Point(part.mean(axis=0)))
-        names.append(f"obstacle {int(np.argmin(gaps)) + 1}")
-    return names + [f"the {side} border" for side in WALLS if problem.scene.walled]
-
-
-def segment_limits(problem: Problem, x: FloatArray) -> SegmentLimits | None:
-    """The limits of the path along ``x`` (T+1, 2) [m]; None without barriers."""
-    flight, corners = propagate(problem, x), barrier_polygons(problem)
-    if not len(corners.radius):
-        return None
-    everywhere = np.ones((len(flight.u), len(corners.radius)), bool)
-    lines = lines_of(corners, everywhere, flight.x, flight.cov, 1, math.inf)
-    names = barrier_names(problem)
-    nearest = tuple(names[k] for k in lines.owner[:, 0])
-    return SegmentLimits(nearest, lines.line[:, 0, 3].copy(), lines.risk)
 
 
 def kept_deviations(problem: Problem) -> float:

@@ -63,7 +63,8 @@ class SmoothingTask:
 
     def bend(self, x: FloatArray, weight: float, trust: float) -> FloatArray | None:
         """One convex solve about ``x`` (T+1, 2)."""
-        return self.model.bend(x, weight, trust, self.shortest)
+        solution = self.model.bend(x, weight, trust, self.shortest)
+        return None if solution is None else solution.x
 
 
 def smooth_paths(

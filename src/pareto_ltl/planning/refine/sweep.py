@@ -12,7 +12,6 @@ from pareto_ltl.planning.margin_model import margin_model
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.refine.length_caps import KEPT
 from pareto_ltl.planning.refine.path_classes import PathClass, path_class
-from pareto_ltl.planning.refine.programme import Programmes
 from pareto_ltl.planning.refine.sampled import (
     Candidate,
     CommonFlights,
@@ -78,7 +77,7 @@ def new_sweep(
         return flights.only(np.arange(min(runs, len(flights))))
 
     model, usual = margin_model(problem), cfg.flights
-    closing = ConstrainedRefiner(problem, model, Programmes(problem))
+    closing = ConstrainedRefiner(problem, model)
     return Sweep(
         cfg, problem, Refiner(problem, model), closing, first(cfg.sweep_flights), first(usual),
         first(MORE_FLIGHTS * usual), budget,

@@ -1,0 +1,66 @@
+"""What limits a plan: the chance constraint of each segment, and the prices of its limits."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from pareto_ltl.support.arrays import FloatArray
+
+PRICE_KINDS = {
+    "obstacle": "{} smaller on every side",
+    "border": "{} farther out",
+    "region": "{} larger on every side",
+    "avoided": "{} smaller on every side",
+    "airspeed": "{} more",
+    "length": "{} more",
+}  # kind: what a small change of it is, in words
+
+
+@dataclass(frozen=True, slots=True)
+class SegmentLimits:
+    """How close each of T segments comes to its chance constraint, obstacles and walls together.
+
+    Attributes
+    ----------
+    nearest : tuple of str
+        The barrier whose supporting line is the fewest standard deviations from the segment.
+    deviations : (T,) float
+        Standard deviations of its nearer end beyond that line, 40 at most.
+    probability : (T,) float
+        Σ_lines Q(z) of the segment, which ``planner.epsilon`` limits; Eq. (M73) of docs/mathematics.md.
+    price : (T,) float
+        Failures saved per metre by which all barriers were farther from the segment [1/m].
+    """
+
+    nearest: tuple[str, ...]
+    deviations: FloatArray
+    probability: FloatArray
+    price: FloatArray
+
+    def after(self, step: int) -> SegmentLimits:
+        """Those of the segments from ``step`` on."""
+        return SegmentLimits(
+            self.nearest[step:], self.deviations[step:], self.probability[step:], self.price[step:]
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Price:
+    """What a small change of one limit would save.
+
+    Attributes
+    ----------
+    kind : str
+        A key of :data:`PRICE_KINDS`.
+    name : str
+        The obstacle, border, region or limit.
+    step : int or None
+        The step at which most of it is saved.
+    saving : float
+        Fall of the failure rate per metre, and per m/s of airspeed.
+    """
+
+    kind: str
+    name: str
+    step: int | None
+    saving: float

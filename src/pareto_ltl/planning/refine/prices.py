@@ -1,0 +1,193 @@
+"""Prices: how many failures a plan would save if one of its limits were a little easier.
+
+At the best path for its length, a small change of the map changes the least failure rate by its partial
+derivative in the Lagrangian (the envelope theorem): the change of the failures of the path as it is, and the
+multipliers of the constraints. The first part is that of the binding events of flights: a flight with the
+margin m fails with the weight σ(-m/τ), and a barrier that is one metre smaller raises the margin of the
+flights that it binds by one metre. The second part are the multipliers of the chance constraints and of the
+airspeed in the convex programme (:mod:`~.programme`) about the path. The number of steps is an integer, so
+that the price of the length is the slope of the front instead.
+
+Eq. (M76) of docs/mathematics_methods.md.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import defaultdict
+from collections.abc import Iterable, Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from pareto_ltl.kernels import margin as km
+from pareto_ltl.kernels.margin_events import NOWHERE, MarginModel, Scratch
+from pareto_ltl.planning.barriers import barrier_outlines, barrier_polygons, lines_of
+from pareto_ltl.planning.evaluate import propagate
+from pareto_ltl.planning.limits import Price, SegmentLimits
+from pareto_ltl.planning.margin_model import margin_model, margin_scratch, shown_letters
+from pareto_ltl.planning.problem import Problem
+from pareto_ltl.planning.records import Front, PlannedPath
+from pareto_ltl.planning.refine.epsilon import barrier_names
+from pareto_ltl.planning.refine.programme import Solution, programmes_of
+from pareto_ltl.planning.refine.step_programme import Descent
+from pareto_ltl.support.arrays import FloatArray, IntArray
+
+WIDTH = 0.001  # τ as a share of the map's size: half that of the last polish, with more flights
+TRUST = 0.5  # trust region of the programme about the path [full steps]
+LEAST_VALUE = 1e-6  # smallest failure rate that the model of the programme is relative to
+NEARBY = 0.05  # relative difference of lengths over which the slope of the front is taken
+LEAST_SHARE = 0.01  # prices below this share of the largest of their kind are left out
+
+
+class Binding(NamedTuple):
+    """What binds in flights: the kind and the name of a limit, the step, and the saving per metre [1/m]."""
+
+    kind: str
+    name: str
+    step: int
+    saving: float
+
+
+def limits_of(
+    problem: Problem, front: Front, path: PlannedPath, positions: FloatArray
+) -> tuple[SegmentLimits | None, tuple[Price, ...]]:
+    """The chance constraint of each segment of ``path``, and the prices of its limits.
+
+    Parameters
+    ----------
+    positions : (n, T+1, 2) float
+        Flights of ``path`` in the winds of ``fidelity.law`` [m].
+    """
+    off = np.ascontiguousarray(np.moveaxis(positions - path.x, 0, 2))
+    model, slope = margin_model(problem), km.Slope(np.zeros((len(path.x), 2)), np.zeros((len(path.x), 3)))
+    scratch = margin_scratch(model, len(positions), len(path.x))
+    width = WIDTH * float(np.ptp(problem.scene.bounds, axis=0).mean())
+    value = float(km.smoothed_failure(model, path.x, off, width, slope, scratch))
+    solution = _solution(problem, path, Descent(slope.gradient, slope.hessian, max(value, LEAST_VALUE)))
+    bindings = list(_bindings(problem, model, positions, width, scratch))
+    limits = segment_limits(problem, path.x)
+    if limits is not None:
+        for row in bindings:
+            if row.kind in ("obstacle", "border"):
+                limits.price[row.step] += row.saving
+        if solution is not None:
+            held = max(value, LEAST_VALUE) * solution.clearer
+            limits.price[:] += held
+            bindings += [
+                Binding(_kind_of(limits.nearest[t]), limits.nearest[t], t, float(held[t]))
+                for t in np.flatnonzero(held > 0.0).tolist()
+            ]
+    prices = [*_summed(bindings)]
+    if solution is not None:
+        faster = max(value, LEAST_VALUE) * solution.faster
+        prices.append(Price("airspeed", "largest airspeed", None, faster))
+    if front.rates:
+        prices.append(Price("length", "length", None, front_slope(front, path)))
+    return limits, tuple(price for price in prices if price.saving > 0.0)
+
+
+def _solution(problem: Problem, path: PlannedPath, model: Descent) -> Solution | None:
+    """The programme about ``path``; None where paths do not end in it, or it has no solution."""
+    if problem.fidelity.judge != "flights" or problem.fidelity.refine == "none":
+        return None
+    length = path.objectives.length
+    return programmes_of(problem).of(len(path.u)).descend(propagate(problem, path.x), model, TRUST, length)
+
+
+# --- what binds -------------------------------------------------------------------------------
+
+
+def _bindings(
+    problem: Problem, model: MarginModel, positions: FloatArray, width: float, scratch: Scratch
+) -> Iterator[Binding]:
+    """The binding events of the flights, those of one limit at one step together."""
+    from scipy.special import expit
+
+    fails = expit(-scratch.margins / width)
+    weight = fails * (1.0 - fails) / (width * len(positions))
+    counted = weight > 1e-6 * weight.max(initial=0.0)
+    at_barrier = np.flatnonzero(counted & (scratch.met.t != NOWHERE))
+    met = _barriers_met(problem, positions, scratch, at_barrier)
+    names = barrier_names(problem)
+    for (k, t), saving in _totals(met, scratch.met.t[at_barrier], weight[at_barrier]):
+        yield Binding(_kind_of(names[k]), names[k], t, saving)
+    others = np.flatnonzero(counted & (scratch.met.t == NOWHERE) & (scratch.event != NOWHERE))
+    for (number, _), saving in _totals(scratch.event[others], 0 * others, weight[others]):
+        yield _mission_binding(problem, model, number, saving)
+
+
+def _totals(first: IntArray, second: IntArray, weight: FloatArray) -> Iterator[tuple[tuple[int, int], float]]:
+    """The sum of the weights of each pair."""
+    pairs, row = np.unique(np.column_stack([first, second]), axis=0, return_inverse=True)
+    sums = np.bincount(row.ravel(), weights=weight, minlength=len(pairs))
+    yield from zip(map(tuple, pairs.tolist()), sums.tolist(), strict=True)
+
+
+def _barriers_met(problem: Problem, positions: FloatArray, scratch: Scratch, rows: IntArray) -> IntArray:
+    """Number of the barrier nearest to the binding point of each flight of ``rows``."""
+    import shapely
+
+    met = scratch.met
+    t, share = met.t[rows], met.share[rows, None]
+    at = (1.0 - share) * positions[rows, t] + share * positions[rows, t + 1]
+    outlines = [shapely.Polygon(corners) for corners in barrier_outlines(problem)]
+    gaps = shapely.distance(np.asarray(shapely.points(at))[:, None], np.array(outlines)[None])
+    return np.asarray(gaps.argmin(axis=1), np.int64)
+
+
+def _mission_binding(problem: Problem, model: MarginModel, number: int, saving: float) -> Binding:
+    """The region of a mission event, by its number (:mod:`~pareto_ltl.kernels.margin_events`)."""
+    if number >= 0:
+        t, letter = divmod(number // 2, len(model.first))
+        cell, wanted = int(shown_letters(problem)[letter][0]), number % 2 == 0
+    else:
+        t, hazard = divmod((-2 - number) // 2, len(model.logic.hazards.cell))
+        cell, wanted = int(model.logic.hazards.cell[hazard]), number % 2 == 1
+    name = " and ".join(sorted(problem.labels[cell] & set(problem.atoms))) or "the free space"
+    return Binding("region" if wanted else "avoided", name, t, saving)
+
+
+def _kind_of(barrier: str) -> str:
+    return "border" if barrier.endswith("border") else "obstacle"
+
+
+def _summed(bindings: Iterable[Binding]) -> list[Price]:
+    """One price for each limit, the largest first."""
+    steps: dict[tuple[str, str], dict[int, float]] = defaultdict(lambda: defaultdict(float))
+    for row in bindings:
+        steps[row.kind, row.name][row.step] += row.saving
+    prices = [
+        Price(kind, name, max(found, key=lambda t: found[t]), math.fsum(found.values()))
+        for (kind, name), found in steps.items()
+    ]
+    prices.sort(key=lambda price: (-price.saving, price.name))
+    return [price for price in prices if price.saving >= LEAST_SHARE * prices[0].saving]
+
+
+def front_slope(front: Front, path: PlannedPath) -> float:
+    """Fall of the failure rate of the front per metre of length beyond ``path`` [1/m].
+
+    It is that of the line of least squares through the logarithms of the rates of ``path`` and those at most
+    ``NEARBY`` longer; 0 if there are none, since the front then ends where longer paths fail no less.
+    """
+    lengths = np.array([p.objectives.length for p in front.paths])
+    rates = np.array([rate.failure for rate in front.rates])
+    length = path.objectives.length
+    near = (lengths >= length) & (lengths <= (1.0 + NEARBY) * length) & (rates > 0.0)
+    if near.sum() < 2 or np.ptp(lengths[near]) == 0.0:
+        return 0.0
+    slope, level = np.polyfit(np.log(lengths[near] / length), np.log(rates[near]), 1)
+    return float(max(-slope, 0.0) * math.exp(level) / length)
+
+
+def segment_limits(problem: Problem, x: FloatArray) -> SegmentLimits | None:
+    """The closest barrier of each segment along ``x`` (T+1, 2) [m], without prices; None without barriers."""
+    flight, corners = propagate(problem, x), barrier_polygons(problem)
+    if not len(corners.radius):
+        return None
+    everywhere = np.ones((len(flight.u), len(corners.radius)), bool)
+    lines = lines_of(corners, everywhere, flight.x, flight.cov, 1, math.inf)
+    names = barrier_names(problem)
+    nearest = tuple(names[k] for k in lines.owner[:, 0])
+    return SegmentLimits(nearest, lines.line[:, 0, 3].copy(), lines.risk, np.zeros(len(flight.u)))
