@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import groupby
+from itertools import compress, groupby
 
 import numpy as np
 from scipy.special import betaincinv
@@ -46,10 +46,13 @@ class Ground:
         """
         free = ((points >= self.bounds[0]) & (points <= self.bounds[1])).all(axis=1)
         free &= deepest(self.obstacles, points) <= ON_EDGE + max(slack, 0.0)
-        inside = {
-            name: free & (deepest(parts, points) >= -ON_EDGE - slack) for name, parts in self.regions.items()
-        }
-        return [frozenset(name for name in inside if inside[name][i]) for i in range(len(points))]
+        inside = np.column_stack([
+            np.zeros(len(points), bool),
+            *(free & (deepest(parts, points) >= -ON_EDGE - slack) for parts in self.regions.values()),
+        ])  # fmt: skip
+        rows, row = np.unique(np.packbits(inside, axis=1), axis=0, return_index=True, return_inverse=True)[1:]
+        named = [frozenset(compress(("", *self.regions), inside[k])) for k in rows.tolist()]
+        return [named[k] for k in row.ravel().tolist()]
 
     def columns(self, points: FloatArray, slack: float = 0.0, holding: Label = NONE) -> IntArray:
         """Indices (P,) of the automaton's letters at ``points`` while windows ``holding`` are open."""

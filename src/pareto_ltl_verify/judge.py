@@ -16,6 +16,7 @@ from pareto_ltl_verify.claims import (
     exports,
     flights,
     front,
+    limits,
     page,
     plan,
     promise,
@@ -28,8 +29,9 @@ from pareto_ltl_verify.claims.verdict import Claim, Verdict
 from pareto_ltl_verify.evidence import Evidence, open_evidence
 
 CLAIMS: tuple[Claim, ...] = (
-    *record.CLAIMS, *world.CLAIMS, *wind.CLAIMS, *coverage.CLAIMS, *plan.CLAIMS, *search.CLAIMS,
-    *front.CLAIMS, *promise.CLAIMS, *flights.CLAIMS, *exports.CLAIMS, *export_rates.CLAIMS, *page.CLAIMS,
+    *record.CLAIMS, *world.CLAIMS, *wind.CLAIMS, *coverage.CLAIMS, *plan.CLAIMS, *limits.CLAIMS,
+    *search.CLAIMS, *front.CLAIMS, *promise.CLAIMS, *flights.CLAIMS, *exports.CLAIMS, *export_rates.CLAIMS,
+    *page.CLAIMS,
 )  # fmt: skip
 REPLANNED = "replan.json"  # file of a plan that begins during a flight (``pareto-ltl replan``)
 OF_A_DEPARTURE = frozenset({

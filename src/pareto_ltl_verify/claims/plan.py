@@ -15,13 +15,10 @@ from pareto_ltl_verify.evidence import LAWS, Evidence
 from pareto_ltl_verify.gaussians import step_margin, step_risk, theorem2
 from pareto_ltl_verify.geometry import met_by_any
 from pareto_ltl_verify.laws import Course
-from pareto_ltl_verify.segments import outline_gap, segment_risks
 
 POSITION = 1e-3  # largest allowed difference of two positions, as a share of the grain
 SPREAD = 1e-4  # largest allowed relative difference of two covariances; the planner stores modes in float32
 RISK, LEAST_RISK = 2e-3, 1e-9  # largest allowed difference of two bounds, relative and absolute
-DEVIATIONS = 2e-3  # largest allowed difference of two distances, relative to one standard deviation and more
-RISK_OF_SEGMENT = 0.02  # largest allowed relative difference of two risks of a segment
 FAST = 2e-6  # share of a limit by which rounding may carry an airspeed beyond it
 TOUCH = 0.1  # how deep the expected path may lie in an obstacle by rounding, as a share of the grain
 WEIGHTED = "importance sampling"  # the method of a failure rate from weighted flights
@@ -208,42 +205,6 @@ def chance_constraint(result: Evidence) -> Verdict | None:
     )
 
 
-def segment_limits(result: Evidence) -> Verdict | None:
-    """The closest barrier of each segment, its distance, and the probability that epsilon limits."""
-    rows, parts = result.plan.get("segments"), result.barriers
-    if rows is None or not parts:
-        return None
-    z, risks = segment_risks(parts, result.x, result.course.cov)
-    names, faults = np.array(barrier_names(result)), []
-    worst = 0.0
-    for k, row in enumerate(rows):
-        named = z[k, names == row["nearest"]]
-        off = [abs(row["deviations"] - least) for least in (z[k].min(), named.min(initial=np.inf))]
-        if max(off) > DEVIATIONS * (1.0 + abs(row["deviations"])):
-            faults.append(
-                f"step {k}: {row['nearest']} {row['deviations']:.4g} sd, nearest {z[k].min():.4g} sd"
-            )
-        if abs(row["probability"] - risks[k]) > RISK_OF_SEGMENT * risks[k] + LEAST_RISK:
-            faults.append(f"step {k}: probability {row['probability']:.4g}, computed {risks[k]:.4g}")
-        worst = max(worst, float(risks[k]))
-    limited = result.settings["fidelity"]["judge"] == "flights"
-    limited |= result.settings["fidelity"]["collision_bound"] == "step"
-    if len(rows) != len(z):
-        faults.append(f"{len(rows)} segments, {len(z)} in the path")
-    elif limited and worst > result.epsilon * (1.0 + RISK_OF_SEGMENT):
-        faults.append(f"largest probability {worst:.4g}, above epsilon {result.epsilon:g}")
-    return no_fault(f"at most {worst:.4g} a segment", faults)
-
-
-def barrier_names(result: Evidence) -> list[str]:
-    """``obstacle 3`` for each convex part in the third obstacle of the map; the sides of a walled map."""
-    outlines = [np.array(corners, float) for corners in result.scene["obstacles"]]
-    middles = [part.corners.mean(axis=0) for part in result.obstacles]
-    names = [f"obstacle {int(np.argmin([outline_gap(one, at) for one in outlines])) + 1}" for at in middles]
-    sides = ("western", "eastern", "southern", "northern")[: len(result.barriers) - len(names)]
-    return names + [f"the {side} border" for side in sides]
-
-
 # --- what it costs ----------------------------------------------------------------------------
 
 
@@ -408,7 +369,6 @@ CLAIMS = (
     Claim("plan: completes the mission", FILES, accepted),
     Claim("plan: clear of obstacles", FILES, clearance),
     Claim("plan: chance constraint of each step", FILES, chance_constraint),
-    Claim("plan: limits of its segments", FILES, segment_limits),
     Claim("plan: length", FILES, length),
     Claim("plan: energy", ("plan.json",), energy),
     Claim("plan: f_o of Theorem 2", FILES, risk_of_paper),

@@ -1,0 +1,192 @@
+"""Claims about what limits a plan: the chance constraint of each segment, and the prices of limits.
+
+A price is judged by what it means: flights of the path as it is are judged again on a map whose limit is
+moved outwards and inwards. The share of multipliers is not in those counts, so that a price may exceed them
+where a segment is close to epsilon.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from pareto_ltl_verify.claims.plan import FILES, LEAST_RISK, RISK
+from pareto_ltl_verify.claims.verdict import Claim, Verdict, no_fault
+from pareto_ltl_verify.evidence import Evidence
+from pareto_ltl_verify.flights import Ground, failures
+from pareto_ltl_verify.geometry import Convex
+from pareto_ltl_verify.segments import outline_gap, segment_risks
+
+DEVIATIONS = 2e-3  # largest allowed difference of two distances, relative to one standard deviation and more
+RISK_OF_SEGMENT = 0.02  # largest allowed relative difference of two risks of a segment
+MOVED = 2e-3  # how far a limit is moved to count its price, as a share of the map's size
+LEAST_SHARE = 0.01  # of the largest price: smaller ones are not listed
+RUNS = 2_000  # flights that are judged again; as many as there are at least
+SIDES = ("western", "southern", "eastern", "northern")  # rows of the bounds: west and south, east and north
+FACTOR = 2.5  # by which a price may differ from the counts on either side
+SPREADS = 5.0  # standard deviations of a count, beside the factor
+TIGHT = 0.8  # share of epsilon above which multipliers of chance constraints may be part of a price
+FULL_SPEED = 0.98  # share of u_max below which a step does not use all airspeed
+SLOPE_OF = 0.05  # relative length over which the front's slope is taken
+
+
+def segment_limits(result: Evidence) -> Verdict | None:
+    """The closest barrier of each segment, its distance, and the probability that epsilon limits."""
+    rows, parts = result.plan.get("segments"), result.barriers
+    if rows is None or not parts:
+        return None
+    z, risks = segment_risks(parts, result.x, result.course.cov)
+    names, faults = np.array(barrier_names(result)), []
+    worst = 0.0
+    for k, row in enumerate(rows):
+        named = z[k, names == row["nearest"]]
+        off = [abs(row["deviations"] - least) for least in (z[k].min(), named.min(initial=np.inf))]
+        if max(off) > DEVIATIONS * (1.0 + abs(row["deviations"])):
+            faults.append(
+                f"step {k}: {row['nearest']} {row['deviations']:.4g} sd, nearest {z[k].min():.4g} sd"
+            )
+        if abs(row["probability"] - risks[k]) > RISK_OF_SEGMENT * risks[k] + LEAST_RISK:
+            faults.append(f"step {k}: probability {row['probability']:.4g}, computed {risks[k]:.4g}")
+        worst = max(worst, float(risks[k]))
+    limited = result.settings["fidelity"]["judge"] == "flights"
+    limited |= result.settings["fidelity"]["collision_bound"] == "step"
+    if len(rows) != len(z):
+        faults.append(f"{len(rows)} segments, {len(z)} in the path")
+    elif limited and worst > result.epsilon * (1.0 + RISK_OF_SEGMENT):
+        faults.append(f"largest probability {worst:.4g}, above epsilon {result.epsilon:g}")
+    return no_fault(f"at most {worst:.4g} a segment", faults)
+
+
+def barrier_names(result: Evidence) -> list[str]:
+    """``obstacle 3`` for each convex part in the third obstacle of the map; the sides of a walled map."""
+    outlines = [np.array(corners, float) for corners in result.scene["obstacles"]]
+    middles = [part.corners.mean(axis=0) for part in result.obstacles]
+    names = [f"obstacle {int(np.argmin([outline_gap(one, at) for one in outlines])) + 1}" for at in middles]
+    walls = ("western", "eastern", "southern", "northern")[: len(result.barriers) - len(names)]
+    return names + [f"the {side} border" for side in walls]
+
+
+# --- prices -----------------------------------------------------------------------------------
+
+
+def prices(result: Evidence) -> Verdict | None:
+    """Every price against flights on maps with that limit moved, the slope of the front, or full airspeed."""
+    rows = result.plan.get("prices")
+    if rows is None or result.planned_law not in result.new_flights:
+        return None
+    faults = _segment_price_faults(result, rows)
+    for row in rows:
+        fault = PRICES[row["kind"]](result, row)
+        faults += [f"{row['name']}: {fault}"] * bool(fault)
+    return no_fault(f"{len(rows)} prices", faults)
+
+
+def _segment_price_faults(result: Evidence, rows: Sequence[Mapping[str, Any]]) -> list[str]:
+    """The prices of all segments add up to those of obstacles and borders, but for the smallest of these."""
+    of_segments = sum(row.get("price", 0.0) for row in result.plan.get("segments", ()))
+    listed = [row["saving"] for row in rows if row["kind"] in ("obstacle", "border")]
+    small = LEAST_SHARE * max((row["saving"] for row in rows if row["kind"] in CHANGED), default=0.0)
+    most = sum(listed) + small * len(result.barriers)
+    if (1.0 - RISK) * sum(listed) <= of_segments <= (1.0 + RISK) * most + LEAST_RISK:
+        return []
+    return [f"segments {of_segments:.4g} a metre, obstacles and borders {sum(listed):.4g}"]
+
+
+def _outline_price(result: Evidence, row: Mapping[str, Any]) -> str:
+    """What is wrong with the price of an obstacle, a border or a region; empty if nothing."""
+    by = MOVED * float(np.ptp(result.ground.bounds, axis=0).mean())
+    try:
+        counts = [_failures(result, row, by * way) for way in (-1.0, 0.0, 1.0)]
+    except LookupError:
+        return "no such limit"
+    changes = np.abs(np.diff(counts))
+    slopes, doubt = changes / (RUNS * by), SPREADS * np.sqrt(max(changes.max(), 1)) / (RUNS * by)
+    low, high = slopes.min() / FACTOR - doubt, slopes.max() * FACTOR + doubt
+    if low <= row["saving"] <= (np.inf if _is_tight(result) else high):
+        return ""
+    return f"{row['saving']:.3g} a metre, flights give {slopes.min():.3g} to {slopes.max():.3g}"
+
+
+def _is_tight(result: Evidence) -> bool:
+    """Whether a segment comes close to epsilon."""
+    if not result.barriers:
+        return False
+    _, risks = segment_risks(result.barriers, result.x, result.course.cov)
+    return bool(risks.max() >= TIGHT * result.epsilon)
+
+
+def _failures(result: Evidence, row: Mapping[str, Any], by: float) -> int:
+    """How many of ``RUNS`` flights fail if the limit is larger by ``by`` [m] on every side."""
+    x = result.new_flights[result.planned_law][:RUNS]
+    ground = CHANGED[row["kind"]](result, row["name"], by)
+    same_regions = ground.regions is result.ground.regions
+    accepted = result.accepted_again[:RUNS] if same_regions else ground.accepted(x)
+    return int(failures(accepted, ground.collided(x), ground.off_map(x), ground.walled).sum())
+
+
+def _moved(parts: Iterable[Convex], by: float) -> list[Convex]:
+    """``parts`` with their faces moved outwards by ``by`` [m]."""
+    return [replace(part, offsets=part.offsets + by) for part in parts]
+
+
+def _obstacle_changed(result: Evidence, name: str, by: float) -> Ground:
+    names = barrier_names(result)[: len(result.obstacles)]
+    chosen = [part for part, one in zip(result.obstacles, names, strict=True) if one == name]
+    if not chosen:
+        raise LookupError(name)
+    others = [part for part, one in zip(result.obstacles, names, strict=True) if one != name]
+    return replace(result.ground, obstacles=[*others, *_moved(chosen, by)])
+
+
+def _border_changed(result: Evidence, name: str, by: float) -> Ground:
+    side = SIDES.index(name.split()[1]) if name.endswith(" border") else -1
+    if side not in range(4) or not result.ground.walled:
+        raise LookupError(name)
+    bounds = result.ground.bounds.copy()
+    bounds[side // 2, side % 2] += by if side < 2 else -by
+    return replace(result.ground, bounds=bounds)
+
+
+def _region_changed(result: Evidence, name: str, by: float) -> Ground:
+    regions = dict(result.ground.regions)
+    for one in name.split(" and "):
+        place = result.timetable.region(one) or one
+        regions[place] = _moved(regions[place], by)
+    return replace(result.ground, regions=regions)
+
+
+def _airspeed_price(result: Evidence, row: Mapping[str, Any]) -> str:
+    """Airspeed has a price only where a step uses all of it."""
+    used = np.linalg.norm(result.u, axis=1).max() / result.plan["u_max"]
+    return "" if row["saving"] >= 0.0 and used >= FULL_SPEED else f"at most {used:.2f} of it is used"
+
+
+def _length_price(result: Evidence, row: Mapping[str, Any]) -> str:
+    """The slope of the front from the plan to longer paths."""
+    length = float(result.plan["objectives"]["length"])
+    points = np.array([[float(one["length_m"]), float(one["failure"])] for one in result.front])
+    near = (points[:, 0] >= length * (1.0 - 1e-9)) & (points[:, 0] <= (1.0 + SLOPE_OF) * length)
+    lengths, rates = points[near & (points[:, 1] > 0.0)].T
+    found = 0.0
+    if len(lengths) > 1 and np.ptp(lengths) > 0.0:
+        design = np.column_stack([np.ones(len(lengths)), np.log(lengths / length)])
+        level, slope = np.linalg.lstsq(design, np.log(rates), rcond=None)[0]
+        found = max(-float(slope), 0.0) * float(np.exp(level)) / length
+    return "" if abs(row["saving"] - found) <= 1e-6 * found + LEAST_RISK / length else f"slope {found:.3g}"
+
+
+CHANGED: dict[str, Callable[[Evidence, str, float], Ground]] = {
+    "obstacle": _obstacle_changed, "border": _border_changed, "region": _region_changed,
+    "avoided": _region_changed,
+}  # fmt: skip
+PRICES: dict[str, Callable[[Evidence, Mapping[str, Any]], str]] = {
+    **dict.fromkeys(CHANGED, _outline_price), "airspeed": _airspeed_price, "length": _length_price,
+}  # fmt: skip
+
+CLAIMS = (
+    Claim("plan: limits of its segments", FILES, segment_limits),
+    Claim("plan: prices of its limits", (*FILES, "deployments.npz", "front.csv"), prices),
+)
