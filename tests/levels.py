@@ -51,6 +51,7 @@ NOT_BY_DAY = [
     "run/test_faults",
     "run/test_interface",
     "run/test_replanning",
+    "run/test_steering",
     "run/test_vehicles",
     "settings/test_odd_values",
     "simulation/test_coherent_flights",

@@ -9,6 +9,7 @@
     pareto_ltl.show(result)                      # one page with map, front, flights, in a browser
     pareto_ltl.replan(result, "6h", (38.1, -94.2, 500.0))  # the rest of the flight, from a position fix
     pareto_ltl.simulate(result, runs=1000, law="coherent")
+    pareto_ltl.steer(result, (0, 0), (9e4, 2e4))  # a path between two points, by the convex programme
     pareto_ltl.load_results("outputs/phi1/...")  # a run of the command line
     pareto_ltl.verify("outputs/phi1/...")  # every claim of its files derived again, without the planner
 
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
     from pareto_ltl.run.interface import PlanningResult, choose, load_results, plan, replan, simulate
     from pareto_ltl.run.results import Results
     from pareto_ltl.run.showing import explain, page, show
+    from pareto_ltl.run.steering import steer
     from pareto_ltl.settings import Settings
     from pareto_ltl.support.errors import (
         ConfigError,
@@ -65,6 +67,7 @@ __all__ = [
     "replan",
     "show",
     "simulate",
+    "steer",
     "verify",
 ]
 
@@ -73,6 +76,7 @@ _EXPORTS = {
     "pareto_ltl.run.interface": ("PlanningResult", "choose", "load_results", "plan", "replan", "simulate"),
     "pareto_ltl.run.results": ("Results",),
     "pareto_ltl.run.showing": ("explain", "page", "show"),
+    "pareto_ltl.run.steering": ("steer",),
     "pareto_ltl.settings": ("Settings",),
     "pareto_ltl.support.errors": (
         "ConfigError", "DataError", "FormulaError", "InfeasibleError", "ParetoLtlError",

@@ -93,6 +93,7 @@ def _turned(plan: dict[str, Any]) -> None:
 
 
 PROMISE = ("plan: promise by flights",)
+PRICE_OF_LENGTH = {"kind": "length", "name": "length", "step": None, "saving": 1e-3}
 EARTH = ("plan: positions and headings on Earth",)
 PLAN_LIES = (
     Lie("the time step of the metrics is another", in_metrics({"dt_s": 900.0}), ("plan: metrics",)),
@@ -127,6 +128,26 @@ PLAN_LIES = (
         "a segment has no limit",
         in_plan(lambda p: p["segments"].pop()),
         ("plan: limits of its segments",),
+    ),
+    Lie(
+        "the largest price is ten times as high",
+        in_plan(lambda p: put(p, "prices", 0, "saving", value=10.0 * p["prices"][0]["saving"])),
+        ("plan: prices of its limits",),
+    ),
+    Lie(
+        "a price is of an obstacle that is not there",
+        in_plan(lambda p: put(p, "prices", 0, "name", value="obstacle 77")),
+        ("plan: prices of its limits",),
+    ),
+    Lie(
+        "a segment has a price of its own",
+        in_plan(lambda p: _at_closest(p, lambda row: row | {"price": row["price"] + 1e-3})),
+        ("plan: prices of its limits",),
+    ),
+    Lie(
+        "the length has a price that the front has not",
+        in_plan(lambda p: p["prices"].append(PRICE_OF_LENGTH)),
+        ("plan: prices of its limits",),
     ),
     Lie("a label is another", in_plan(_swap_label), ("plan: labels",)),
     Lie("a state is another", in_plan(lambda p: put(p, "q", 3, value=1)), ("plan: automaton states",)),

@@ -102,7 +102,7 @@ def test_both_solvers_of_a_step_find_the_same_value(grown, lines):
             some_descent(rng, flight.x, problem),
             1.02 * np.linalg.norm(np.diff(x, axis=0), axis=1).sum(),
         )
-        one = stated.descend(flight, model, 0.3, longest)
+        one = stated.descend(flight, model, 0.3, longest).x
         other = next_means(problem, flight, model, 0.3, longest)
         values = [model_value(problem, model, flight.x, y) for y in (one, other)]
         assert values[0] == pytest.approx(values[1], abs=1e-3 * (1.0 + abs(values[1])))
@@ -113,7 +113,7 @@ def test_larger_programmes_have_the_same_solution(grown, lines):
     x, refiner = lines[0], Refiner(problem, margin_model(problem))
     flight, model = refiner.flown(x), some_descent(np.random.default_rng(8), x, problem)
     ways = [
-        programme.programme(problem, len(x) - 1 + more).descend(flight, model, 0.2, 1e9) for more in (0, 9)
+        programme.programme(problem, len(x) - 1 + more).descend(flight, model, 0.2, 1e9).x for more in (0, 9)
     ]
     np.testing.assert_allclose(ways[0], ways[1], atol=0.01 * problem.reach)
 
@@ -121,8 +121,7 @@ def test_larger_programmes_have_the_same_solution(grown, lines):
 def test_a_polish_brings_the_risk_of_every_segment_below_epsilon(grown, lines):
     problem, _ = grown
     flights = draw_flights(problem, "coherent", 300, SeedSequence(1))
-    programmes = programme.Programmes(problem)
-    refiner = ConstrainedRefiner(problem, margin_model(problem), programmes)
+    refiner = ConstrainedRefiner(problem, margin_model(problem))
     risky = [x for x in lines if separation(problem, refiner.flown(x)).risk.max() > 2.0 * problem.epsilon]
     after = []
     for x in risky:
@@ -133,7 +132,7 @@ def test_a_polish_brings_the_risk_of_every_segment_below_epsilon(grown, lines):
     assert len(risky) >= 6
     assert sum(one <= 1.0 for one in after) >= len(risky) // 2
     assert np.median(after) <= 1.05
-    assert programmes.solves >= len(risky)
+    assert programme.programmes_of(problem).solves >= len(risky)
 
 
 def test_every_refined_path_ends_in_the_programme_and_keeps_epsilon(grown, monkeypatch):

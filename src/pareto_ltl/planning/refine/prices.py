@@ -131,6 +131,8 @@ def _barriers_met(problem: Problem, positions: FloatArray, scratch: Scratch, row
     met = scratch.met
     t, share = met.t[rows], met.share[rows, None]
     at = (1.0 - share) * positions[rows, t] + share * positions[rows, t + 1]
+    if not len(rows):
+        return np.empty(0, np.int64)
     outlines = [shapely.Polygon(corners) for corners in barrier_outlines(problem)]
     gaps = shapely.distance(np.asarray(shapely.points(at))[:, None], np.array(outlines)[None])
     return np.asarray(gaps.argmin(axis=1), np.int64)

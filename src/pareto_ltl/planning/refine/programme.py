@@ -51,6 +51,8 @@ class Solution:
     ----------
     x : (T+1, 2) float
         Means [m].
+    value : float
+        The least value of the objective.
     faster, longer : float
         Fall of the objective for a larger airspeed [1/(m/s)] and for a longer path [1/m].
     clearer : (T,) float
@@ -58,6 +60,7 @@ class Solution:
     """
 
     x: FloatArray
+    value: float
     faster: float
     longer: float
     clearer: FloatArray
@@ -245,6 +248,7 @@ class Programme:
             if stated.form.status != cp.OPTIMAL:
                 LOG.debug("programme %d: %s", self.solves, stated.form.status)
                 return None
+            value = float(stated.form.value)
             points = np.column_stack([stated.unknowns.x.value, stated.unknowns.y.value])
             unit, steps = self.problem.reach, len(x) - 1
             faster = float(stated.airspeed.dual_value[0][:steps].sum()) * CAP / self.problem.motion.u_max
@@ -253,7 +257,7 @@ class Programme:
         if not np.isfinite(points).all():
             return None
         means = self.problem.scene.bounds.mean(axis=0) + unit * points[1 : len(x)]
-        return Solution(np.vstack([x[:1], means]), faster, longer, clearer[:steps])
+        return Solution(np.vstack([x[:1], means]), value, faster, longer, clearer[:steps])
 
 
 def _eased(stated: Statement, row: LineLimit) -> FloatArray:
