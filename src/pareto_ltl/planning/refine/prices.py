@@ -8,7 +8,7 @@ flights that it binds by one metre. The second part are the multipliers of the c
 airspeed in the convex programme (:mod:`~.programme`) about the path. The number of steps is an integer, so
 that the price of the length is the slope of the front instead.
 
-Eq. (M76) of docs/mathematics_methods.md.
+Eq. (M74) of docs/mathematics_methods.md.
 """
 
 from __future__ import annotations
