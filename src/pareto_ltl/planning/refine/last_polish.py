@@ -14,7 +14,8 @@ from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import PlannedPath
 from pareto_ltl.planning.refine.length_caps import spread_points
 from pareto_ltl.planning.refine.levels import WORTH
-from pareto_ltl.planning.refine.sampled import Candidate, resampled_means
+from pareto_ltl.planning.refine.pacing import retimed_means
+from pareto_ltl.planning.refine.sampled import Candidate
 from pareto_ltl.planning.refine.sweep import FINE, Sweep, smoothed
 from pareto_ltl.planning.refine.taut_lines import CAP
 from pareto_ltl.support.arrays import FloatArray
@@ -26,7 +27,9 @@ LENGTHENED = 1.05  # ratio of the length caps beyond the longest point
 FEW, RARE = 3, 30  # failures of a polished path: below RARE too few to polish with, below FEW no matter
 REPAIRS = (0, 1, 2, 4)  # steps added to a path that cannot be flown
 SLOWER = (1.2, 1.45, 1.75)  # factors on the number of steps, where lower airspeeds may save energy
-CLOSING = ((1, 1.0), (6, 1.0), (6, 1.05), (6, 1.2))  # solves, and factors on the length, till epsilon holds
+CLOSING = (1.0, 1.05, 1.2)  # factors on the length of a path, in turn while a segment breaks epsilon
+CLOSING_SOLVES = 12  # for each of them
+WITHIN_REACH = 20.0  # penalty of a path above which longer ones are not tried: a segment at 3 epsilon
 ECONOMIC = 8  # points of a front, at most, that are tried at lower airspeeds
 
 
@@ -65,7 +68,7 @@ def _finished(sweep: Sweep, k: Candidate, cap: float) -> Candidate:
     how = sweep.polish_of(FINE, 1, 4)
     made = refiner.polish(_fitting(problem, k, cap), sweep.flights, how, cap, k.origin)
     if fewer := round(spare_steps(made)):
-        x = resampled_means(problem, made.flight.x, made.steps - fewer)
+        x = retimed_means(problem, made.flight.x, made.steps - fewer)
         made = min(made, refiner.polish(x, sweep.flights, how, cap, k.origin), key=smoothed)
     if not FEW <= made.failed * len(sweep.flights) < RARE:
         return made
@@ -73,17 +76,19 @@ def _finished(sweep: Sweep, k: Candidate, cap: float) -> Candidate:
 
 
 def closed(sweep: Sweep, k: Candidate) -> Candidate:
-    """``k`` after the last solves, by the convex programme.
+    """``k`` after the last solve, by the convex programme.
 
-    More of them, and longer paths, where a segment breaks epsilon.
+    Where a segment breaks epsilon, more solves on few flights, and longer paths, come before the last one.
     """
     flights = sweep.many if FEW <= k.failed * len(sweep.flights) < RARE else sweep.flights
-    for solves, longer in CLOSING:
-        how = sweep.polish_of(FINE[-1:], 1, solves)
-        k = sweep.closing.polish(k.flight.x, flights, how, longer * k.length, k.origin)
-        if sweep.closing.penalty(k.flight, math.inf) == 0.0:
+    last, more = (sweep.polish_of(FINE[-1:], 1, solves) for solves in (1, CLOSING_SOLVES))
+    end = sweep.closing.polish(k.flight.x, flights, last, k.length, k.origin)
+    for longer in CLOSING:
+        if not 0.0 < sweep.closing.penalty(end.flight, math.inf) <= WITHIN_REACH:
             break
-    return k
+        near = sweep.closing.polish(end.flight.x, sweep.few, more, longer * end.length, k.origin)
+        end = sweep.closing.polish(near.flight.x, flights, last, near.length, k.origin)
+    return end
 
 
 def spare_steps(k: Candidate) -> float:
@@ -95,7 +100,7 @@ def spare_steps(k: Candidate) -> float:
 def _fitting(problem: Problem, k: Candidate, cap: float) -> FloatArray:
     """The means of ``k`` in as many steps as suit the cap: fewer if ``k`` is longer than it."""
     steps = min(max(2, round(k.steps * cap / k.length)), problem.horizon)
-    return k.flight.x if steps == k.steps else resampled_means(problem, k.flight.x, steps)
+    return k.flight.x if steps == k.steps else retimed_means(problem, k.flight.x, steps)
 
 
 def slower_points(sweep: Sweep, pool: ThreadPoolExecutor, found: Sequence[Candidate]) -> list[Candidate]:
@@ -113,7 +118,7 @@ def slower_points(sweep: Sweep, pool: ThreadPoolExecutor, found: Sequence[Candid
         steps = min(int(np.ceil(times * k.steps)), problem.horizon)
         if steps <= k.steps or sweep.budget.over():
             return None
-        x = resampled_means(problem, k.flight.x, steps)
+        x = retimed_means(problem, k.flight.x, steps)
         made = sweep.refiner.polish(x, sweep.flights, how, k.length, f"{k.origin}, slower")
         return made if energy.of(made.flight.u, dt) < energy.of(k.flight.u, dt) else None
 
@@ -171,6 +176,6 @@ def _path_of(problem: Problem, k: Candidate) -> tuple[PlannedPath | None, str]:
 def repaired(sweep: Sweep, k: Candidate) -> Iterator[Candidate]:
     """``k`` polished again, in more steps each time: slower, and closer to the places to be visited."""
     for more in REPAIRS:
-        x = resampled_means(sweep.problem, k.flight.x, min(k.steps + more, sweep.problem.horizon))
+        x = retimed_means(sweep.problem, k.flight.x, min(k.steps + more, sweep.problem.horizon))
         made = sweep.refiner.polish(x, sweep.flights, sweep.polish_of(FINE[-1:], 1, 4), k.length, k.origin)
         yield closed(sweep, made)

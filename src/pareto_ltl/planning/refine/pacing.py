@@ -6,9 +6,22 @@ import numpy as np
 
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.refine.obligations import completes
+from pareto_ltl.planning.refine.sampled import resampled_means
 from pareto_ltl.support.arrays import FloatArray
 
 STOPS = 12  # places along a line at which a stop is tried
+
+
+def retimed_means(problem: Problem, x: FloatArray, steps: int) -> FloatArray:
+    """The line of ``x`` (T+1, 2) in ``steps`` steps; paced anew if these times do not complete the mission.
+
+    Where pacing does not help, ``x`` is kept.
+    """
+    y = resampled_means(problem, x, steps)
+    if len(problem.logic.delta) == 1 or completes(problem, y) or not completes(problem, x):
+        return y
+    y = paced_line(problem, y)
+    return y if completes(problem, y) else x
 
 
 def paced_line(problem: Problem, x: FloatArray) -> FloatArray:

@@ -11,6 +11,7 @@ import numpy as np
 from pareto_ltl.planning.margin_model import margin_model
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.refine.length_caps import KEPT
+from pareto_ltl.planning.refine.pacing import retimed_means
 from pareto_ltl.planning.refine.path_classes import PathClass, path_class
 from pareto_ltl.planning.refine.sampled import (
     Candidate,
@@ -18,7 +19,6 @@ from pareto_ltl.planning.refine.sampled import (
     ConstrainedRefiner,
     Polish,
     Refiner,
-    resampled_means,
     steps_needed,
 )
 from pareto_ltl.planning.refine.starts import Start, flipped_starts, unlike_starts
@@ -85,9 +85,9 @@ def new_sweep(
 
 
 def timed_means(problem: Problem, x: FloatArray, spare: int) -> FloatArray:
-    """The line of ``x`` in the fewest steps and ``spare`` more."""
+    """The line of ``x`` in the fewest steps and ``spare`` more; more where windows open later."""
     steps = int(np.ceil(steps_needed(problem, x).sum() * 1.01)) + spare
-    return resampled_means(problem, x, min(max(steps, 2), problem.horizon))
+    return retimed_means(problem, x, min(max(steps, 2), problem.horizon))
 
 
 def held_within(
