@@ -104,24 +104,27 @@ def _no_refinement(_inputs: StageInputs, _raw: Sequence[PlannedPath]) -> tuple[P
     return ()
 
 
-def _convex_refinement(inputs: StageInputs, raw: Sequence[PlannedPath]) -> tuple[PlannedPath, ...]:
-    """Convex smoothing of the front and of one path of each mission order."""
+def _convex_refinement(
+    inputs: StageInputs, raw: Sequence[PlannedPath], lines: Sequence[PlannedPath] = ()
+) -> tuple[PlannedPath, ...]:
+    """Convex smoothing of the front, of one path of each mission order, and of ``lines``."""
     from pareto_ltl.planning import selection
     from pareto_ltl.planning.refine import smooth_paths
 
     problem = inputs[PROBLEM]
-    candidates = (*raw, *selection.order_representatives(problem, inputs[FOREST]))
+    candidates = (*raw, *selection.order_representatives(problem, inputs[FOREST]), *lines)
     return smooth_paths(inputs.settings.smoothing, problem, candidates, inputs.progress)
 
 
 def _sampled_refinement(inputs: StageInputs, raw: Sequence[PlannedPath]) -> tuple[PlannedPath, ...]:
     """Sampled refinement; without uncertainty all flights are the same, and only the length counts."""
     from pareto_ltl.planning.problem import without_landmarks
+    from pareto_ltl.planning.refine import flown_lines
     from pareto_ltl.simulation.common_flights import is_certain
 
     whole = inputs[PROBLEM]
     if is_certain(whole):
-        return _convex_refinement(inputs, raw)
+        return _convex_refinement(inputs, raw, flown_lines(whole))
     # Landmarks must not make a plan worse: paths made without them, flown with them, are on the front too.
     searches = [(whole, inputs.budget)]
     for plain in without_landmarks(whole):

@@ -6,14 +6,15 @@ They come from a roadmap and taut lines, which depend on the map alone, and from
 from __future__ import annotations
 
 from collections.abc import Iterable
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
-from pareto_ltl.planning.evaluate import propagate, square_matrices
+from pareto_ltl.planning.evaluate import completing_path, propagate, square_matrices
 from pareto_ltl.planning.problem import Problem
-from pareto_ltl.planning.records import Forest, Tree
+from pareto_ltl.planning.records import Forest, PlannedPath, Tree
 from pareto_ltl.planning.refine.orders import possible_orders
 from pareto_ltl.planning.refine.pacing import paced_line
 from pareto_ltl.planning.refine.path_classes import PathClass, Word, crossed_rays, path_class, reduced_word
@@ -22,6 +23,7 @@ from pareto_ltl.planning.refine.sampled import path_length
 from pareto_ltl.planning.refine.taut_lines import taut_line, walk_line
 from pareto_ltl.planning.selection import accepted_rows
 from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.support.errors import InfeasibleError
 
 DISTANCES = (2.6, 1.4, 0.8, 0.0)  # standard deviations that taut lines keep from obstacles
 ORDERS = 3  # mission orders that taut lines are drawn for
@@ -137,6 +139,16 @@ def roadmap_starts(problem: Problem) -> list[Start]:
         for number, line in enumerate(roadmap_lines(problem, LINES))
         for start in _walked(problem, line, f"roadmap line {number}")
     ]
+
+
+def flown_lines(problem: Problem) -> list[PlannedPath]:
+    """The taut lines and lines of the roadmap that can be flown as they are, one of each class."""
+    starts = unlike_starts(problem, [*line_starts(problem), *roadmap_starts(problem)])
+    found = []
+    for start in starts.values():
+        with suppress(InfeasibleError):
+            found.append(completing_path(problem, start.x, start.origin, tight=False))
+    return found
 
 
 def _walked(problem: Problem, line: FloatArray, origin: str) -> list[Start]:
