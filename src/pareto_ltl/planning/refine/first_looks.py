@@ -13,7 +13,7 @@ from pareto_ltl.planning.refine.starts import Start, StartKind
 from pareto_ltl.planning.refine.sweep import COARSE, WARM, Sweep, on_other_sides, smoothed, timed_means
 
 LOOSE = 1.1  # factor by which the first polish may lengthen a start
-LINES, GROWN, LONGEST = 12, 6, 2  # starts that are polished: the best lines and tree paths, and the longest
+LINES, GROWN, LONGEST = 12, 16, 4  # starts that are polished: the best lines and tree paths, and the longest
 FLIPPED = 2  # candidates that are tried on the other side of obstacles
 HOPELESS = 0.3  # share of the success of the best start below which candidates are dropped
 
