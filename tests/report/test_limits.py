@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 from matplotlib.collections import LineCollection
 
+import pareto_ltl
 from drawn_world import path_of, plan_of, run_records, scene_of
 from figure_texts import labels_without_unit, texts_of, texts_outside, wrong_texts
 from pareto_ltl.planning.limits import Price, SegmentLimits
@@ -26,6 +27,7 @@ from pareto_ltl.report.limits import (
     NO_SEGMENTS,
     limit_lines,
     price_rows,
+    priced_obstacles,
     saving_of,
     segment_rows,
     small_change,
@@ -152,6 +154,10 @@ def test_a_place_is_tight_by_its_price_or_by_its_probability() -> None:
     unlimited = dict(tight_places(scene_of(), replace(plan, epsilon=1.0)))
     assert list(unlimited) == [0, 20]
     assert unlimited[0][1] == "collides 4.8 %, independent winds"
+
+
+def test_obstacles_with_a_price_are_known_by_their_number() -> None:
+    assert priced_obstacles(limited_plan()) == [6, 3, 1]
 
 
 def test_text_says_what_the_rows_say_and_what_is_missing() -> None:
@@ -312,3 +318,20 @@ def test_only_a_plan_with_limits_or_prices_has_the_figure(tmp_path: Path) -> Non
 
 def test_the_change_of_airspeed_is_one_kilometre_per_hour() -> None:
     assert math.isclose(saving_of(Price("airspeed", "largest airspeed", None, 3.6), 1000.0), 1.0)
+
+
+OPEN = {
+    "bounds": [[0, 0], [1e6, 1e6]],
+    "start": [1e5, 1e5],
+    "regions": {"a": [[4e5, 4e5], [7e5, 4e5], [7e5, 7e5], [4e5, 7e5]]},
+}
+
+
+def test_a_run_on_an_open_map_without_obstacles_has_a_page_and_no_figure_of_limits(tmp_path: Path) -> None:
+    few = {"planner": {"trees": 1, "n_max": 400}, "deployment": {"runs": 5}, "report": {"dpi": 30}}
+    fidelity = {"border": "open"}
+    made = pareto_ltl.plan(OPEN, "F a", out=tmp_path / "run", wind="calm", fidelity=fidelity, **few)
+    assert (made.plan.limits, made.plan.prices) == (None, ())
+    assert "No segment is limited" in (tmp_path / "run" / "report.html").read_text(encoding="utf-8")
+    names = {path.name for path in (tmp_path / "run" / "figures").iterdir()}
+    assert names == {"plan.png", "front.png", "wind.png"}

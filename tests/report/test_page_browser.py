@@ -208,8 +208,10 @@ def test_tight_places_belong_to_the_chosen_plan_and_can_be_hidden(opened: Opened
     assert opened.value(trace("places")) == pytest.approx(drawn)
     reasons = opened.value(trace("reasons", "text"))
     assert reasons[::4] == ["<br>".join(place["lines"]) for place in places]
+    numbers = [int(text) for text in opened.value(trace("numbers", "text")) if text]
+    assert numbers == opened.value("PAGE.pricedObstacles")
     opened.value("showPoint(PAGE.chosen === 0 ? 1 : 0)")
-    for name in ("places", "reasons"):
+    for name in ("places", "reasons", "numbers"):
         assert opened.value(trace(name)) == []
     opened.value("showPoint(PAGE.chosen)")
     assert opened.value(trace("places")) == pytest.approx(drawn)
@@ -322,7 +324,9 @@ def test_results_with_less_have_pages_without_faults(
         shown.wait(f"drawn.has('{part}')")
     shown.page.locator("#time").press("End") if shown.page.locator("#time").is_enabled() else None
     assert shown.page.locator("#files a").count() == 0
-    assert shown.page.locator("#show-places").count() == bool(shown.value("PAGE.places.length"))
+    assert shown.page.locator("#show-places").count() == bool(
+        shown.value("PAGE.places.length + PAGE.pricedObstacles.length")
+    )
     assert shown.page.locator("h1").text_content() == "Reach a"
     assert (shown.page.locator("[role=alert]").count() == 1) == (scene is not PLANAR)
     assert shown.value("document.documentElement.scrollWidth <= innerWidth")

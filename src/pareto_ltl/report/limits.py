@@ -20,7 +20,7 @@ KM_H = 1 / 3.6  # [m/s] the change of airspeed that its price is given for
 TIGHT_PRICE = 0.05  # least price of a tight place, as a share of the largest price of a segment
 TIGHT_RISK = 0.1  # or least collision probability of a tight place, as a share of epsilon
 NO_SEGMENTS = "no segment is limited: the map has neither obstacles nor walls"
-NO_PRICES = "no prices: no flight comes near to failing, or the plan is of an earlier version"
+NO_PRICES = "no prices: no flight comes near to failing, all are the same, or the plan is an earlier one"
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,6 +113,11 @@ def points_text(saving: float) -> str:
 def epsilon_text(plan: Plan) -> str:
     """``5.0 %``, or ``no limit``."""
     return "no limit" if plan.epsilon >= 1.0 else probability_text(plan.epsilon)
+
+
+def priced_obstacles(plan: Plan) -> list[int]:
+    """Numbers of the obstacles that have a price; the first of the map has the number 1."""
+    return [int(price.name.removeprefix("obstacle ")) for price in plan.prices if price.kind == "obstacle"]
 
 
 # --- text ---------------------------------------------------------------------------------------

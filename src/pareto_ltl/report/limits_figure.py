@@ -16,7 +16,7 @@ from matplotlib.ticker import FuncFormatter, MaxNLocator
 from pareto_ltl.planning.limits import SegmentLimits
 from pareto_ltl.planning.records import Plan
 from pareto_ltl.report import style
-from pareto_ltl.report.limits import PriceRow, points_text, price_rows
+from pareto_ltl.report.limits import PriceRow, points_text, price_rows, priced_obstacles
 from pareto_ltl.report.map import (
     LEFT,
     TEXT_LINE,
@@ -100,14 +100,11 @@ def _number_obstacles(chart: MapAxes, scene: Scene, plan: Plan) -> None:
         "ha": "center", "va": "center", "color": "white", "fontweight": "bold", "fontsize": NUMBER_SIZE,
         "path_effects": [withStroke(linewidth=1.6, foreground=style.INK)], "zorder": 9, "clip_on": True,
     }  # fmt: skip
-    for price in plan.prices:
-        if price.kind == "obstacle":
-            number = price.name.removeprefix("obstacle ")
-            half = label_half_size([(number, NUMBER_SIZE)], metres_per_inch(chart))
-            parts = _parts_on_map(scene, scene.obstacles[int(number) - 1])
-            place = label_position(parts, half, taken_points(scene, plan), scene.bounds)
-            x, y = place * chart.per_metre
-            chart.ax.text(x, y, number, **look)
+    for number in priced_obstacles(plan):
+        half = label_half_size([(str(number), NUMBER_SIZE)], metres_per_inch(chart))
+        parts = _parts_on_map(scene, scene.obstacles[number - 1])
+        x, y = label_position(parts, half, taken_points(scene, plan), scene.bounds) * chart.per_metre
+        chart.ax.text(x, y, str(number), **look)
 
 
 def _parts_on_map(scene: Scene, outline: FloatArray) -> Sequence[FloatArray]:

@@ -11,6 +11,7 @@ import numpy as np
 from pareto_ltl.logic.in_words import mission_in_words
 from pareto_ltl.planning.costs import cost_named
 from pareto_ltl.planning.records import FailureRate, Front, PlannedPath, counted_rate
+from pareto_ltl.report.limits import priced_obstacles
 from pareto_ltl.report.page.ground import map_on_earth, shown_map, shown_trees, shown_wind
 from pareto_ltl.report.page.limits import limit_texts, shown_places
 from pareto_ltl.report.page.machine import shown_automaton
@@ -71,6 +72,7 @@ def page_content(run: ShownRun) -> Content:
         "paths": paths,
         "flights": flights,
         "places": [] if run.plan is None else shown_places(run.scene, run.plan),
+        "pricedObstacles": [] if run.plan is None else priced_obstacles(run.plan),
         "causes": list(CAUSES),
         "automaton": None if run.automaton is None else shown_automaton(run.automaton),
         "notCovered": "" if run.plan is None else run.plan.not_covered,

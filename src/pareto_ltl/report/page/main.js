@@ -160,7 +160,7 @@ function hideUseless() {
     byId("moment").remove();
   }
   if (!PAGE.onEarth) byId("export-command")?.parentElement.remove();
-  if (!PAGE.places.length || PAGE.chosen === null) for (const id of ["places-label", "places-key"]) byId(id).remove();
+  if (!(PAGE.places.length || PAGE.pricedObstacles.length) || PAGE.chosen === null) for (const id of ["places-label", "places-key"]) byId(id).remove();
   if (!PAGE.map.landmarks.length) byId("landmark-key").remove();
   if (!PAGE.map.obstacles.length) document.querySelector(".key.obstacle").parentElement.remove();
   if (Object.keys(PAGE.paths).length < 2) byId("others-label").remove();
