@@ -43,6 +43,7 @@ NOT_BY_DAY = [
     "planning/test_uncompiled_plans",
     "report/test_figures",
     "report/test_legs",
+    "report/test_limits",
     "report/test_texts",
     "run/test_choosing",
     "run/test_directory",

@@ -157,4 +157,4 @@ def test_no_barriers_have_no_limits_and_certain_flights_no_prices(planned):
     front = Front((path,), (), 0.0, np.ones(2))
     limits, listed = prices.limits_of(bare, front, path, np.repeat(path.x[None], 50, axis=0))
     assert limits is None
-    assert found(listed, "obstacle") == 0.0
+    assert listed == ()

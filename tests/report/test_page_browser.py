@@ -199,6 +199,51 @@ def test_layers_are_switched_off_and_on(opened: Opened) -> None:
     opened.page.locator("#show-flights").check()
 
 
+def test_tight_places_belong_to_the_chosen_plan_and_can_be_hidden(opened: Opened) -> None:
+    opened.value("showPoint(PAGE.chosen)")
+    places = opened.value("PAGE.places")
+    east = opened.value("path().x.map(p => p[0] / 1000)")
+    assert places
+    drawn = [x for place in places for x in (*east[place["step"] : place["step"] + 2], None)][:-1]
+    assert opened.value(trace("places")) == pytest.approx(drawn)
+    reasons = opened.value(trace("reasons", "text"))
+    assert reasons[::4] == ["<br>".join(place["lines"]) for place in places]
+    numbers = [int(text) for text in opened.value(trace("numbers", "text")) if text]
+    assert numbers == opened.value("PAGE.pricedObstacles")
+    opened.value("showPoint(PAGE.chosen === 0 ? 1 : 0)")
+    for name in ("places", "reasons", "numbers"):
+        assert opened.value(trace(name)) == []
+    opened.value("showPoint(PAGE.chosen)")
+    assert opened.value(trace("places")) == pytest.approx(drawn)
+    opened.page.locator("#show-places").uncheck()
+    assert opened.value(trace("places")) == opened.value(trace("reasons")) == []
+    opened.page.locator("#show-places").check()
+    assert opened.value(trace("places")) == pytest.approx(drawn)
+
+
+HOSTILE = "<img src=x onerror=alert(1)>"
+SECOND_SPOT = """(() => {
+  const map = byId('map'), { x, y } = map.data[traceNumber('reasons')], box = map.getBoundingClientRect();
+  const { _size: size, xaxis, yaxis } = map._fullLayout;
+  return [box.x + size.l + xaxis.l2p(x[1]), box.y + size.t + yaxis.l2p(y[1])];
+})()"""
+
+
+def test_a_click_on_a_tight_place_goes_to_its_step_and_its_text_is_no_markup(opened: Opened) -> None:
+    opened.value("showPoint(PAGE.chosen)")
+    step = opened.value("PAGE.places[0].step")
+    opened.value(f'PAGE.places[0].lines.push("{HOSTILE}"); restyleMap(placeTraces())')
+    opened.page.locator("#map").scroll_into_view_if_needed()
+    x, y = opened.value(SECOND_SPOT)
+    opened.page.mouse.move(x, y)
+    opened.wait("document.querySelectorAll('#map .hoverlayer text').length > 0")
+    assert HOSTILE in "".join(opened.page.locator("#map .hoverlayer text").all_text_contents())
+    assert opened.page.locator("img").count() == 0
+    opened.page.mouse.click(x, y)
+    opened.wait(f"shown.step === {step}")
+    opened.value("PAGE.places[0].lines.pop(); restyleMap(placeTraces())")
+
+
 def test_everything_has_a_name_for_those_who_do_not_see_it(opened: Opened) -> None:
     unnamed = opened.value(
         """[...document.querySelectorAll('button, input, select, [role=img]')].filter(e =>
@@ -279,6 +324,9 @@ def test_results_with_less_have_pages_without_faults(
         shown.wait(f"drawn.has('{part}')")
     shown.page.locator("#time").press("End") if shown.page.locator("#time").is_enabled() else None
     assert shown.page.locator("#files a").count() == 0
+    assert shown.page.locator("#show-places").count() == bool(
+        shown.value("PAGE.places.length + PAGE.pricedObstacles.length")
+    )
     assert shown.page.locator("h1").text_content() == "Reach a"
     assert (shown.page.locator("[role=alert]").count() == 1) == (scene is not PLANAR)
     assert shown.value("document.documentElement.scrollWidth <= innerWidth")

@@ -62,6 +62,9 @@ def test_without_a_fix_the_rest_of_the_plan_stays_to_the_bit(made: Path, tmp_pat
     for path in (done.plan.path, Results(tmp_path / "rest").plan.path):
         np.testing.assert_array_equal(path.u, old.u[STEP:])
         np.testing.assert_array_equal(path.x, old.x[STEP:])
+    assert done.plan.limits is not None
+    assert len(done.plan.limits.nearest) == len(old.u) - STEP
+    assert done.plan.prices == ()
     assert done.old == done.new
     assert "there is no new information" in comparison_lines(done)[1]
 

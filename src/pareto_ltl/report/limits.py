@@ -1,14 +1,14 @@
-"""What limits a plan, in words: the segments closest to their chance constraint, and the prices of limits."""
+"""What limits a plan: rows on its segments and on the prices of its limits, for text, page and figure."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 
 from pareto_ltl.planning.limits import PRICE_KINDS, Price
-from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import Plan
 from pareto_ltl.report.legs import step_times
 from pareto_ltl.support.display import probability_text
@@ -17,41 +17,73 @@ from pareto_ltl.world.scene import Scene
 MOST = 5  # segments and prices that are listed
 FINE = 2e-3  # largest change of an outline that a price is given for, as a share of the map's size
 KM_H = 1 / 3.6  # [m/s] the change of airspeed that its price is given for
+TIGHT_PRICE = 0.05  # least price of a tight place, as a share of the largest price of a segment
+TIGHT_RISK = 0.1  # or least collision probability of a tight place, as a share of epsilon
+NO_SEGMENTS = "no segment is limited: the map has neither obstacles nor walls"
+NO_PRICES = "no prices: no flight comes near to failing, all are the same, or the plan is an earlier one"
 
 
-def limit_lines(problem: Problem, plan: Plan, most: int = MOST) -> Iterator[str]:
-    """Lines on the ``most`` segments that come closest to ``planner.epsilon``, then on the largest prices."""
-    limits, law = plan.limits, problem.fidelity.law
-    times = step_times(problem.scene, plan.path)
+@dataclass(frozen=True, slots=True)
+class SegmentRow:
+    """The chance constraint of the segment ``step``: its times, closest barrier and collision probability."""
+
+    step: int
+    begin: str
+    end: str
+    barrier: str
+    deviations: float
+    probability: float
+
+
+@dataclass(frozen=True, slots=True)
+class PriceRow:
+    """The price of a limit in words.
+
+    Attributes
+    ----------
+    limit, change : str
+        For example ``obstacle 6`` and ``1 km smaller on every side``.
+    time : str
+        When most of it is saved; empty for the whole flight.
+    saving : float
+        Fall of the failure rate by the change.
+    """
+
+    kind: str
+    limit: str
+    time: str
+    change: str
+    saving: float
+
+
+def segment_rows(scene: Scene, plan: Plan, most: int = MOST) -> list[SegmentRow]:
+    """The ``most`` segments that come closest to ``planner.epsilon``, the closest first."""
+    limits, times = plan.limits, step_times(scene, plan.path)
     if limits is None:
-        yield "no segment is limited: the map has neither obstacles nor walls"
-    else:
-        allowed = "no limit" if plan.epsilon >= 1.0 else f"{probability_text(plan.epsilon)} allowed"
-        yield (
-            f"collision probability of a segment, {law} winds, {allowed} (planner.epsilon); at most "
-            f"{probability_text(float(limits.probability.max()))}"
+        return []
+    return [
+        SegmentRow(
+            k, times[k], times[k + 1], limits.nearest[k], float(limits.deviations[k]),
+            float(limits.probability[k]),
         )
-        for k in np.argsort(-limits.probability, kind="stable")[:most].tolist():
-            yield (
-                f"{k:>4}  {times[k]} - {times[k + 1]}; {limits.nearest[k]}, {limits.deviations[k]:.1f} "
-                f"standard deviations away; {probability_text(float(limits.probability[k]))}"
-            )
-    yield ""
-    rows = price_rows(problem.scene, plan)[:most]
-    if not rows:
-        yield "no prices: no flight comes near to failing, or the plan is of an earlier version"
-        return
-    failing = "" if plan.promise is None else f" of the {probability_text(plan.promise.rate.failure)}"
-    yield f"what a small change of a limit would save{failing} failures in {law} winds, with the same length:"
-    yield from (f"      {row}" for row in rows)
+        for k in np.argsort(-limits.probability, kind="stable")[:most].tolist()
+    ]  # fmt: skip
 
 
-def price_rows(scene: Scene, plan: Plan) -> list[str]:
-    """One line for each price, in the unit of a small change, the largest saving first."""
+def price_rows(scene: Scene, plan: Plan, most: int | None = None) -> list[PriceRow]:
+    """The ``most`` prices with the largest savings by a small change, the largest first; default all."""
     times, unit = step_times(scene, plan.path), small_change(scene)
-    savings = [(price, saving_of(price, unit)) for price in plan.prices]
-    savings.sort(key=lambda pair: -pair[1])
-    return [_row(price, saving, unit, times) for price, saving in savings]
+    rows = [
+        PriceRow(
+            kind=price.kind,
+            limit=f"region {price.name}" if price.kind in ("region", "avoided") else price.name,
+            time="" if price.step is None else times[price.step],
+            change=PRICE_KINDS[price.kind].format(_change_text(price, unit)),
+            saving=saving_of(price, unit),
+        )
+        for price in plan.prices
+    ]
+    return sorted(rows, key=lambda row: -row.saving)[:most]
 
 
 def small_change(scene: Scene) -> float:
@@ -64,10 +96,78 @@ def saving_of(price: Price, unit: float) -> float:
     return price.saving * (KM_H if price.kind == "airspeed" else unit)
 
 
-def _row(price: Price, saving: float, unit: float, times: list[str]) -> str:
-    change = "1 km/h" if price.kind == "airspeed" else f"{unit / 1e3:g} km" if unit >= 1e3 else f"{unit:g} m"
-    subject = f"region {price.name}" if price.kind in ("region", "avoided") else price.name
-    at = "" if price.step is None else f" at {times[price.step]}"
-    return (
-        f"{subject}{at}: {PRICE_KINDS[price.kind].format(change)}, {100.0 * saving:.2g} points fewer failures"
-    )
+def _change_text(price: Price, unit: float) -> str:
+    return "1 km/h" if price.kind == "airspeed" else metres_text(unit)
+
+
+def metres_text(metres: float) -> str:
+    """A small change of an outline: ``1 km`` or ``10 m``."""
+    return f"{metres / 1e3:g} km" if metres >= 1e3 else f"{metres:g} m"
+
+
+def points_text(saving: float) -> str:
+    """A fall of the failure rate in percentage points: ``0.27``."""
+    return probability_text(saving).removesuffix(" %")
+
+
+def epsilon_text(plan: Plan) -> str:
+    """``5.0 %``, or ``no limit``."""
+    return "no limit" if plan.epsilon >= 1.0 else probability_text(plan.epsilon)
+
+
+def priced_obstacles(plan: Plan) -> list[int]:
+    """Numbers of the obstacles that have a price; the first of the map has the number 1."""
+    return [int(price.name.removeprefix("obstacle ")) for price in plan.prices if price.kind == "obstacle"]
+
+
+# --- text ---------------------------------------------------------------------------------------
+
+
+def limit_lines(scene: Scene, plan: Plan, most: int = MOST) -> Iterator[str]:
+    """Lines on the ``most`` segments that come closest to ``planner.epsilon``, then on the largest prices."""
+    law = plan.models.law
+    segments, prices = segment_rows(scene, plan, most), price_rows(scene, plan, most)
+    if not segments:
+        yield NO_SEGMENTS
+    else:
+        allowed = epsilon_text(plan) + " allowed" * (plan.epsilon < 1.0)
+        yield (
+            f"collision probability of a segment, {law} winds, {allowed} (planner.epsilon); at most "
+            f"{probability_text(segments[0].probability)}"
+        )
+        for row in segments:
+            yield (
+                f"{row.step:>4}  {row.begin} - {row.end}; {row.barrier}, {row.deviations:.1f} "
+                f"standard deviations away; {probability_text(row.probability)}"
+            )
+    yield ""
+    if not prices:
+        yield NO_PRICES
+        return
+    failing = "" if plan.promise is None else f" of the {probability_text(plan.promise.rate.failure)}"
+    yield f"what a small change of a limit would save{failing} failures in {law} winds, with the same length:"
+    for price in prices:
+        at = f" at {price.time}" if price.time else ""
+        yield f"      {price.limit}{at}: {price.change}, {points_text(price.saving)} points fewer failures"
+
+
+# --- places on the map --------------------------------------------------------------------------
+
+
+def tight_places(scene: Scene, plan: Plan) -> list[tuple[int, list[str]]]:
+    """The segments whose price or collision probability is large: their step, and lines of text on them."""
+    limits, law = plan.limits, plan.models.law
+    if limits is None:
+        return []
+    times, unit, largest = step_times(scene, plan.path), small_change(scene), float(limits.price.max())
+    priced = limits.price > TIGHT_PRICE * largest
+    places = []
+    for k in np.flatnonzero(priced | (limits.probability > TIGHT_RISK * plan.epsilon)).tolist():
+        most = "" if plan.epsilon >= 1.0 else f" of at most {epsilon_text(plan)}"
+        risk = probability_text(float(limits.probability[k]))
+        lines = [f"{limits.nearest[k]}, {times[k]} to {times[k + 1]}", f"collides {risk}{most}, {law} winds"]
+        if priced[k]:
+            saved = points_text(float(limits.price[k]) * unit)
+            lines.append(f"all barriers {metres_text(unit)} farther: {saved} points fewer failures")
+        places.append((k, lines))
+    return places

@@ -77,7 +77,7 @@ def plan_figure(cfg: ReportConfig, run: DrawnRun, heading: Sequence[str] | None 
     Without a plan the wind is that at departure, and the heading says why there is no plan; ``heading``
     replaces it. Every probability is given with its wind law.
     """
-    sheet = _sheet(cfg, run, _heading(run) if heading is None else _fitted(heading))
+    sheet = _sheet(cfg, run, _heading(run) if heading is None else fitted_heading(heading))
     figure = style.blank_figure(style.COLUMN_WIDTH, sheet.total)
     chart = map_axes(run.scene, style.axes_at(figure, WEST, sheet.bottom, sheet.inner, sheet.height))
     draw_graticule(chart, run.scene)
@@ -95,10 +95,15 @@ def plan_figure(cfg: ReportConfig, run: DrawnRun, heading: Sequence[str] | None 
 
 
 def _sheet(cfg: ReportConfig, run: DrawnRun, title: list[str]) -> _Sheet:
-    inner = style.COLUMN_WIDTH - WEST - (0.42 if run.scene.crs else 0.12)
-    span = np.ptp(run.scene.bounds, axis=0)
-    height = inner * float(np.clip(span[1] / span[0], 0.35, 1.6))
+    inner, height = map_size(run.scene)
     return _Sheet(_map_keys(run), _flight_keys(cfg, run), title, inner, height, run.wind is not None)
+
+
+def map_size(scene: Scene) -> tuple[float, float]:
+    """Width and height [in] of a map in a column."""
+    inner = style.COLUMN_WIDTH - WEST - (0.42 if scene.crs else 0.12)
+    span = np.ptp(scene.bounds, axis=0)
+    return inner, inner * float(np.clip(span[1] / span[0], 0.35, 1.6))
 
 
 def _draw_layers(chart: MapAxes, cfg: ReportConfig, run: DrawnRun) -> None:
@@ -112,7 +117,7 @@ def _draw_layers(chart: MapAxes, cfg: ReportConfig, run: DrawnRun) -> None:
     if run.plan is not None:
         draw_mean_path(chart, run.plan.path.x)
     draw_endpoints(chart, run.scene, run.plan)
-    name_regions(chart, run.scene, run.decomposition, _taken_points(run.scene, run.plan))
+    name_regions(chart, run.scene, run.decomposition, taken_points(run.scene, run.plan))
 
 
 def _widest_first(run: DrawnRun) -> list[Deployment]:
@@ -120,7 +125,7 @@ def _widest_first(run: DrawnRun) -> list[Deployment]:
     return sorted(run.deployments.values(), key=lambda d: -float(d.x[:, -1].std(axis=0).sum()))
 
 
-def _taken_points(scene: Scene, plan: Plan | None) -> FloatArray:
+def taken_points(scene: Scene, plan: Plan | None) -> FloatArray:
     """Points that names of regions should not cover: start, planned path and end, (n, 2) [m]."""
     start = np.asarray(scene.start, float)[None]
     return start if plan is None else np.vstack([start, dense_path(plan.path.x)])
@@ -142,10 +147,10 @@ def _heading(run: DrawnRun) -> list[str]:
         f"R ≤ {shown_probability(path.objectives.collision_risk)}",
         *promise_lines(run.plan.promise),
     ]
-    return _fitted([run.plan.formula, *lines])
+    return fitted_heading([run.plan.formula, *lines])
 
 
-def _fitted(texts: Sequence[str]) -> list[str]:
+def fitted_heading(texts: Sequence[str]) -> list[str]:
     """``texts`` in lines that fit above the map."""
     width, size = style.COLUMN_WIDTH - 2 * LEFT, float(style.RC_SETTINGS["font.size"])
     return [line for text in texts for line in style.fitted_lines(text, width, size)]

@@ -183,7 +183,10 @@ def _carried_on(
     scene = scene_from(problem.scene, rest.x[0], situation.time)
     flown = len(plan.path.u) - len(rest.u)
     limits = plan.limits and plan.limits.after(flown)
-    plan = replace(plan, path=rest, limits=limits, navigation=navigate(scene, rest.t, rest.x, rest.u))
+    # Prices are those of the whole flight, at steps of its path.
+    plan = replace(
+        plan, path=rest, limits=limits, prices=(), navigation=navigate(scene, rest.t, rest.x, rest.u)
+    )
     return Replanned(situation, None, plan, rest, rate, rate, (0.0, 0.0, 0.0), seconds)
 
 

@@ -159,7 +159,7 @@ def explain(
         run = choose(planned, point=point).run
     problem, plan = run.make(PROBLEM), run.make(PLAN)
     if limits:
-        return "\n".join(limit_lines(problem, plan))
+        return "\n".join(limit_lines(problem.scene, plan))
     runs = min(run.settings.deployment.runs, MOST_RUNS)
     flown = simulate(PlanningResult(run), runs, problem.fidelity.law)
     return "\n".join(plan_lines(problem, plan, flown))

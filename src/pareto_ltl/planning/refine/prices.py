@@ -59,6 +59,9 @@ def limits_of(
     positions : (n, T+1, 2) float
         Flights of ``path`` in the winds of ``fidelity.law`` [m].
     """
+    limits = segment_limits(problem, path.x)
+    if not np.ptp(positions, axis=0).any():  # all flights are the same: no rate changes with the map
+        return limits, ()
     off = np.ascontiguousarray(np.moveaxis(positions - path.x, 0, 2))
     model, slope = margin_model(problem), km.Slope(np.zeros((len(path.x), 2)), np.zeros((len(path.x), 3)))
     scratch = margin_scratch(model, len(positions), len(path.x))
@@ -66,7 +69,6 @@ def limits_of(
     value = float(km.smoothed_failure(model, path.x, off, width, slope, scratch))
     solution = _solution(problem, path, Descent(slope.gradient, slope.hessian, max(value, LEAST_VALUE)))
     bindings = list(_bindings(problem, model, positions, width, scratch))
-    limits = segment_limits(problem, path.x)
     if limits is not None:
         for row in bindings:
             if row.kind in ("obstacle", "border"):

@@ -11,7 +11,9 @@ import numpy as np
 from pareto_ltl.logic.in_words import mission_in_words
 from pareto_ltl.planning.costs import cost_named
 from pareto_ltl.planning.records import FailureRate, Front, PlannedPath, counted_rate
+from pareto_ltl.report.limits import priced_obstacles
 from pareto_ltl.report.page.ground import map_on_earth, shown_map, shown_trees, shown_wind
+from pareto_ltl.report.page.limits import limit_texts, shown_places
 from pareto_ltl.report.page.machine import shown_automaton
 from pareto_ltl.report.page.points import (
     chosen_number,
@@ -69,6 +71,8 @@ def page_content(run: ShownRun) -> Content:
         "chosen": chosen,
         "paths": paths,
         "flights": flights,
+        "places": [] if run.plan is None else shown_places(run.scene, run.plan),
+        "pricedObstacles": [] if run.plan is None else priced_obstacles(run.plan),
         "causes": list(CAUSES),
         "automaton": None if run.automaton is None else shown_automaton(run.automaton),
         "notCovered": "" if run.plan is None else run.plan.not_covered,
@@ -118,6 +122,7 @@ def _texts(run: ShownRun, formula: str, chosen: int | None) -> dict[str, Any]:
         "has_front": run.front is not None and bool(run.front.paths),
         "facts": [] if run.plan is None else _headline(run, run.plan.path, chosen),
         "verdicts": list(_verdicts(run)),
+        "limits": None if run.plan is None else limit_texts(run.scene, run.plan),
         "covered": "" if run.plan is None else run.plan.covered,
         "not_covered": "" if run.plan is None else run.plan.not_covered,
         "law": _law(run),

@@ -13,8 +13,8 @@ function showPoint(point) {
   byId("home").disabled = point === PAGE.chosen || PAGE.chosen === null;
   if (!there) byId("map-note").textContent = `The path of point ${point} is not in this page: pareto-ltl choose DIR --point ${point} makes it the plan.`;
   limitTime();
-  if (there) restyleMap({ ...pathTraces(), ...momentTraces() });
-  else restyleMap({ path: { x: [], y: [], text: [] }, ends: { x: [], y: [] }, ellipses: { x: [], y: [], visible: true }, ...momentTraces() });
+  if (there) restyleMap({ ...pathTraces(), ...placeTraces(), ...momentTraces() });
+  else restyleMap({ path: { x: [], y: [], text: [] }, ends: { x: [], y: [] }, ellipses: { x: [], y: [], visible: true }, ...placeTraces(), ...momentTraces() });
   redrawSeen();
   listProgress();
   showMoment();
@@ -160,6 +160,7 @@ function hideUseless() {
     byId("moment").remove();
   }
   if (!PAGE.onEarth) byId("export-command")?.parentElement.remove();
+  if (!(PAGE.places.length || PAGE.pricedObstacles.length) || PAGE.chosen === null) for (const id of ["places-label", "places-key"]) byId(id).remove();
   if (!PAGE.map.landmarks.length) byId("landmark-key").remove();
   if (!PAGE.map.obstacles.length) document.querySelector(".key.obstacle").parentElement.remove();
   if (Object.keys(PAGE.paths).length < 2) byId("others-label").remove();
@@ -175,9 +176,10 @@ function begin() {
   drawMap().then(chart => {
     chart.on("plotly_click", event => {
       const on = event.points.find(point => point.curveNumber === traceNumber("path"));
-      if (on) { stop(); showStep(on.pointNumber); }
+      const reason = event.points.find(point => point.curveNumber === traceNumber("reasons"));
+      if (on || reason) { stop(); showStep(on ? on.pointNumber : reason.customdata); }
     });
-    for (const box of document.querySelectorAll(".layers input")) box.addEventListener("change", () => restyleMap({ ...pathTraces(), ...momentTraces() }));
+    for (const box of document.querySelectorAll(".layers input")) box.addEventListener("change", () => restyleMap({ ...pathTraces(), ...placeTraces(), ...momentTraces() }));
     document.documentElement.dataset.ready = "map";
     listProgress();
     showMoment();

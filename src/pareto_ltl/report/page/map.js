@@ -1,7 +1,7 @@
 // The map: traces that do not change, then those that the time slider moves. TRACES has their order.
 
 const TRACES = ["doubt", "wind", "obstacles", "landmarks", "regions", "closed", "trees", "others", "ellipses", "tails", "lost",
-  "path", "ends", "heads", "lostHeads", "spread", "robot", "names"];
+  "places", "path", "reasons", "ends", "heads", "lostHeads", "spread", "robot", "numbers", "names"];
 const traceNumber = name => TRACES.indexOf(name);
 const ticked = id => byId(id)?.checked ?? false;
 
@@ -116,6 +116,23 @@ function pathTraces() {
   };
 }
 
+/** Tight places of the chosen plan: stretches under its path, points on them that give the reason, and the
+ *  numbers of the obstacles that have a price. */
+function placeTraces() {
+  const way = path(), none = { x: [], y: [] };
+  if (!way || shown.point !== PAGE.chosen || !ticked("show-places")) return { places: none, reasons: { ...none, text: [], customdata: [] }, numbers: { ...none, text: [] } };
+  const spots = PAGE.places.flatMap(place => [0.2, 0.4, 0.6, 0.8].map(share => ({ ...place, share })));
+  const at = ({ step, share }) => way.x[step].map((x, axis) => (1 - share) * x + share * way.x[step + 1][axis]);
+  return {
+    places: joined(PAGE.places.map(({ step }) => way.x.slice(step, step + 2))),
+    reasons: {
+      x: spots.map(spot => onMap(at(spot)[0])), y: spots.map(spot => onMap(at(spot)[1])),
+      text: spots.map(spot => spot.lines.map(plain).join("<br>")), customdata: spots.map(spot => spot.step),
+    },
+    numbers: { ...joined(PAGE.pricedObstacles.map(n => [centre(PAGE.map.obstacles[n - 1])])), text: PAGE.pricedObstacles.flatMap((n, k) => (k ? ["", String(n)] : [String(n)])) },
+  };
+}
+
 /** Text for the pointer at a step. */
 function stepText(way, k) {
   const told = [`step ${k} of ${way.x.length - 1}, ${clockText(way, k)}`];
@@ -176,6 +193,9 @@ const MAP_STYLE = {
   ellipses: { mode: "lines", line: { color: COLOURS.ink, width: 0.8 }, fill: "toself", fillcolor: "rgba(50,50,50,0.07)", hoverinfo: "skip" },
   tails: { mode: "lines", line: { color: COLOURS.flight, width: 0.7 }, opacity: 0.55, hoverinfo: "skip" },
   lost: { mode: "lines", line: { color: COLOURS.failed, width: 1.6, dash: "dash" }, hoverinfo: "skip" },
+  places: { mode: "lines", line: { color: COLOURS.chosen, width: 10 }, opacity: 0.6, hoverinfo: "skip" },
+  reasons: { mode: "markers", marker: { size: 8, opacity: 0 }, hovertemplate: "%{text}<extra></extra>", hoverlabel: { align: "left", bgcolor: COLOURS.chosen } },
+  numbers: { mode: "text", textfont: { size: 13, weight: 700, color: "white" }, hoverinfo: "skip", cliponaxis: true },
   path: { mode: "lines+markers", line: { color: COLOURS.path, width: 2.4 }, marker: { size: 4, color: COLOURS.path }, hovertemplate: "%{text}<extra></extra>" },
   ends: { mode: "markers", marker: { size: 11, color: "white", symbol: ["circle", "square"], line: { color: "black", width: 2 } }, text: ["start", "expected end"], hovertemplate: "%{text}<extra></extra>" },
   heads: { mode: "markers", marker: { size: 4, color: COLOURS.flight }, hoverinfo: "skip" },
@@ -196,7 +216,7 @@ function fitMap() {
 
 function drawMap() {
   fitMap();
-  const parts = { ...groundTraces(), ...pathTraces(), ...momentTraces() };
+  const parts = { ...groundTraces(), ...pathTraces(), ...placeTraces(), ...momentTraces() };
   const traces = TRACES.map(name => ({ type: "scatter", showlegend: false, ...MAP_STYLE[name], ...parts[name] }));
   const doubt = traces[traceNumber("doubt")];
   Object.assign(doubt, { x: PAGE.wind.a.map(onMap), y: PAGE.wind.b.map(onMap), zmin: doubtRange[0], zmax: doubtRange[1] });
