@@ -145,7 +145,8 @@ def limit_lines(scene: Scene, plan: Plan, most: int = MOST) -> Iterator[str]:
         yield NO_PRICES
         return
     failing = "" if plan.promise is None else f" of the {probability_text(plan.promise.rate.failure)}"
-    yield f"what a small change of a limit would save{failing} failures in {law} winds, the others as they are:"
+    others = "the others as they are"
+    yield f"what a small change of a limit would save{failing} failures in {law} winds, {others}:"
     for price in prices:
         at = f" at {price.time}" if price.time else ""
         yield f"      {price.limit}{at}: {price.change}, {points_text(price.saving)} points fewer failures"
