@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from dataclasses import replace
+from itertools import cycle, islice
 
 import numpy as np
 import pytest
@@ -91,21 +92,21 @@ def model_value(problem, model, x, y):
 
 
 def test_both_solvers_of_a_step_find_the_same_value(grown, lines):
-    """Without a line in reach the two programmes are the same."""
+    """Without a line in reach the two programmes are the same; the sweep's ends at a gap of 1e-6."""
     problem = task(PlannerConfig(trees=3, n_max=600, epsilon=None), border="open")
     problem = replace(problem, decomposition=replace(problem.decomposition, obstacles=()))
     rng, refiner = np.random.default_rng(5), Refiner(problem, margin_model(problem))
-    for x in (lines * 4)[:12]:
+    gaps = []
+    for x in islice(cycle(lines), 200):
         flight = refiner.flown(x)
-        stated = programme.programme(problem, len(x) - 1)
-        model, longest = (
-            some_descent(rng, flight.x, problem),
-            1.02 * np.linalg.norm(np.diff(x, axis=0), axis=1).sum(),
-        )
-        one = stated.descend(flight, model, 0.3, longest).x
+        model = some_descent(rng, flight.x, problem)
+        longest = 1.02 * float(np.linalg.norm(np.diff(x, axis=0), axis=1).sum())
+        one = programme.programmes_of(problem).of(len(flight.u)).descend(flight, model, 0.3, longest)
         other = next_means(problem, flight, model, 0.3, longest)
-        values = [model_value(problem, model, flight.x, y) for y in (one, other)]
-        assert values[0] == pytest.approx(values[1], abs=1e-3 * (1.0 + abs(values[1])))
+        values = [model_value(problem, model, flight.x, y) for y in (one.x, other)]
+        gaps.append(abs(values[0] - values[1]) / (1.0 + abs(values[1])))
+    assert max(gaps) < 1e-5
+    assert np.median(gaps) < 2e-6
 
 
 def test_larger_programmes_have_the_same_solution(grown, lines):
