@@ -19,7 +19,7 @@ from pareto_ltl.planning import growth, selection
 from pareto_ltl.planning.evaluate import completes_mission, evaluate_path, propagate
 from pareto_ltl.planning.pack import build_problem
 from pareto_ltl.planning.records import objective_row
-from pareto_ltl.planning.refine import programme, separation, smoothing
+from pareto_ltl.planning.refine import programme, separation, smoothing, statement
 from pareto_ltl.planning.refine.obligations import path_obligations
 from pareto_ltl.planning.refine.taut_lines import CAP, pull_taut, walk_line
 from pareto_ltl.planning.wind_lookup import interpolate, wind_and_gradient
@@ -367,7 +367,7 @@ def test_propagation_on_an_empty_map_is_that_of_the_reference(windy):
 
 def test_tangents_lie_below_the_tail_of_the_normal_law():
     s = np.linspace(0, 6, 601)
-    model = np.max(programme.tail_tangents(programme.PIECES, s), axis=0)
+    model = np.max(statement.tail_tangents(statement.PIECES, s), axis=0)
     assert (model <= ndtr(-s) + 1e-15).all()
     assert (ndtr(-s) - np.maximum(model, 0.0)).max() < 0.1
 
