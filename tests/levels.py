@@ -26,6 +26,7 @@ NOT_BY_DAY = [
     "test_notebooks",
     "test_platforms",
     "fuzz/*",
+    "kernels/test_code_cache",
     "studies/*",
     "cli/test_budget",
     "cli/test_commands",
