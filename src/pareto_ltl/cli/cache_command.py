@@ -1,4 +1,4 @@
-"""``pareto-ltl cache``: folder and size of the cache of wind fits, convex programmes and downloaded winds."""
+"""``pareto-ltl cache``: folder and size of the cache of wind fits and downloaded winds."""
 
 from __future__ import annotations
 
@@ -24,8 +24,7 @@ def cache_command(argv: Sequence[str]) -> int:
 def _cache_arguments() -> CommandArguments:
     parser = CommandArguments(
         prog="pareto-ltl cache",
-        description="Show folder and size of the cache (fits of the wind, convex programmes, downloads), or "
-        "empty it.",
+        description="Show folder and size of the cache (fits of the wind, downloads), or empty it.",
     )
     parser.add_argument("action", nargs="?", choices=("size", "clear"), default="size")
     return parser

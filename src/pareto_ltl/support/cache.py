@@ -19,7 +19,8 @@ from pareto_ltl.support.locks import hold_lock
 
 DEFAULT_LIMIT = 1024  # [MiB]
 LOCKS_FOLDER = "locks"
-FITS_FOLDER, DOWNLOADS_FOLDER, FORMS_FOLDER = "wind", "noaa", "programmes"
+FITS_FOLDER, DOWNLOADS_FOLDER = "wind", "noaa"
+FORMER_FOLDER = "programmes"  # of earlier versions
 
 
 def cache_root() -> Path:
@@ -118,6 +119,6 @@ def folder_size(folder: Path) -> tuple[int, int]:
 
 def clear_cache(folder: Path) -> None:
     """Remove all entries; a job that needs one afterwards makes it again."""
-    for name in (FITS_FOLDER, DOWNLOADS_FOLDER, FORMS_FOLDER, LOCKS_FOLDER):
+    for name in (FITS_FOLDER, DOWNLOADS_FOLDER, FORMER_FOLDER, LOCKS_FOLDER):
         if (folder / name).exists():
             shutil.rmtree(folder / name)
