@@ -1,7 +1,7 @@
-"""Check that every segment of every point of fronts keeps epsilon: ``python benchmarks/check_limits.py DIR...``
+"""Check that every segment of every point of a front keeps epsilon; the arguments are results directories.
 
-By the road of ``pareto-ltl verify``: the Gaussian along each path of ``front.npz`` in plain NumPy, and a sweep
-of directions for each segment and barrier.
+By the road of ``pareto-ltl verify``: the Gaussian along each path of ``front.npz`` in plain NumPy, and a
+sweep of directions for each segment and barrier.
 """
 
 from __future__ import annotations
