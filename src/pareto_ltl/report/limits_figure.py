@@ -71,7 +71,7 @@ def limits_figure(run: DrawnRun, plan: Plan) -> Figure:
         _colour_scale(figure, segments, plan, (WEST, bottom - 0.50, inner))
     if rows:
         _draw_bars(figure, rows)
-        text = f"What a small change saves, {plan.models.law} winds, other limits as they are:"
+        text = f"What a small change of one limit saves, {plan.models.law} winds:"
         style.text_at(figure, LEFT, below - BARS_ABOVE + 0.08, text, va="bottom")
     for line, text in enumerate(reversed(heading)):
         style.text_at(figure, LEFT, bottom + tall + 0.22 + TEXT_LINE * line, text, va="bottom")
