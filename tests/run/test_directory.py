@@ -45,7 +45,7 @@ def test_nothing_of_an_earlier_run_is_left_beside_the_answer_of_a_later_one(tmp_
     (tmp_path / "compare.csv").touch()
     assert pareto_ltl.load_results(tmp_path).done
     with pytest.raises(InfeasibleError):
-        made(tmp_path, planner={"trees": 1, "n_max": 2, "max_steps": 2})
+        made(tmp_path, planner={"trees": 1, "n_max": 2}, robot={"u_max": 0.001, "dt": 100.0})
     left = {path.name for path in tmp_path.iterdir() if path.is_file()}
     assert left.isdisjoint({"plan.json", "plan.csv", "front.csv", "deployments.npz", "compare.csv", RUN_LOCK})
     assert not list((tmp_path / "figures").iterdir())
