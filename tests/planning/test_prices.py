@@ -148,6 +148,11 @@ def test_the_price_of_the_length_is_the_slope_of_the_front_beyond_the_plan(plann
     expected = 3.0 * 0.1 / path.objectives.length
     assert prices.front_slope(front, paths[1]) == pytest.approx(expected, rel=1e-3)
     assert prices.front_slope(front, paths[-1]) == 0.0
+    twin = replace(paths[1], objectives=replace(path.objectives, costs={"length": lengths[1] * (1.0 + 1e-9)}))
+    alike = Front(
+        (paths[1], twin), (), 0.0, np.ones(2), (judged[1], judged[4]), failed=np.zeros((2, 1), bool)
+    )
+    assert prices.front_slope(alike, paths[1]) == 0.0
 
 
 def test_no_barriers_have_no_limits_and_certain_flights_no_prices(planned):

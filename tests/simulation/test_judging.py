@@ -92,6 +92,16 @@ def test_the_front_is_what_flights_of_all_paths_one_by_one_leave(task, given_pat
     assert front.models.judge == "flights"
 
 
+def test_a_path_that_alone_keeps_epsilon_is_the_front_though_others_beat_it(monkeypatch, task, given_paths):
+    """The race of the trees may have dropped it."""
+    raw, _ = given_paths
+    left = {id(flown.path) for flown in fly_race(task, raw, 600, SeedSequence(3), judging.CROWD)}
+    beaten = next(path for path in raw if id(path) not in left)
+    monkeypatch.setattr(judging, "keeps_epsilon", lambda _, path: path is beaten)
+    front = judge_front(task, (), raw, DRAWS, SeedSequence(3))
+    assert [path.origin for path in front.paths] == [beaten.origin]
+
+
 def test_rates_are_counts_of_the_flights_that_the_front_keeps(front):
     for rate, failed in zip(front.rates, front.failed, strict=True):
         assert (rate.failures, rate.runs, rate.law, rate.method) == (

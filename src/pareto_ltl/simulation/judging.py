@@ -78,6 +78,8 @@ def judge_front(
         raise InfeasibleError("no path completes the mission; raise planner.n_max")
     trees = fly_race(problem, raw, min(draws, RAW_DRAWS), seed, CROWD)
     admitted = [flown.path for flown in trees if keeps_epsilon(problem, flown.path)]
+    if not refined and not admitted:  # those that keep it lost the race to others that do not
+        admitted = [path for path in raw if keeps_epsilon(problem, path)]
     judged = fly_race(problem, [*refined, *admitted], draws, seed)
     _require_success(problem, judged)
     grown = {id(path) for path in raw}

@@ -30,6 +30,7 @@ FACTOR = 2.5  # by which a price may differ from the counts on either side
 SPREADS = 5.0  # standard deviations of a count, beside the factor
 TIGHT = 0.8  # share of epsilon above which multipliers of chance constraints may be part of a price
 FULL_SPEED = 0.98  # share of u_max below which a step does not use all airspeed
+ALIKE = 1e-3  # relative difference of lengths below which the front has no slope
 SLOPE_OF = 0.05  # relative length over which the front's slope is taken
 
 
@@ -171,7 +172,7 @@ def _length_price(result: Evidence, row: Mapping[str, Any]) -> str:
     near = (points[:, 0] >= length * (1.0 - 1e-9)) & (points[:, 0] <= (1.0 + SLOPE_OF) * length)
     lengths, rates = points[near & (points[:, 1] > 0.0)].T
     found = 0.0
-    if len(lengths) > 1 and np.ptp(lengths) > 0.0:
+    if len(lengths) > 1 and np.ptp(lengths) >= ALIKE * length:
         design = np.column_stack([np.ones(len(lengths)), np.log(lengths / length)])
         level, slope = np.linalg.lstsq(design, np.log(rates), rcond=None)[0]
         found = max(-float(slope), 0.0) * float(np.exp(level)) / length

@@ -37,6 +37,7 @@ WIDTH = 0.001  # τ as a share of the map's size: half that of the last polish, 
 TRUST = 0.5  # trust region of the programme about the path [full steps]
 LEAST_VALUE = 1e-6  # smallest failure rate that the model of the programme is relative to
 NEARBY = 0.05  # relative difference of lengths over which the slope of the front is taken
+ALIKE = 1e-3  # relative difference of lengths below which the front has no slope
 LEAST_SHARE = 0.01  # prices below this share of the largest of their kind are left out
 
 
@@ -173,13 +174,13 @@ def front_slope(front: Front, path: PlannedPath) -> float:
     """Fall of the failure rate of the front per metre of length beyond ``path`` [1/m].
 
     It is that of the line of least squares through the logarithms of the rates of ``path`` and those at most
-    ``NEARBY`` longer; 0 if there are none, since the front then ends where longer paths fail no less.
+    ``NEARBY`` longer; 0 if none is clearly longer, since the front then ends where longer paths fail no less.
     """
     lengths = np.array([p.objectives.length for p in front.paths])
     rates = np.array([rate.failure for rate in front.rates])
     length = path.objectives.length
     near = (lengths >= length) & (lengths <= (1.0 + NEARBY) * length) & (rates > 0.0)
-    if near.sum() < 2 or np.ptp(lengths[near]) == 0.0:
+    if near.sum() < 2 or np.ptp(lengths[near]) < ALIKE * length:
         return 0.0
     slope, level = np.polyfit(np.log(lengths[near] / length), np.log(rates[near]), 1)
     return float(max(-slope, 0.0) * math.exp(level) / length)
