@@ -402,11 +402,6 @@ class Evidence:
         return found
 
     @cached_property
-    def accepted_again(self) -> BoolArray:
-        """Which of the new flights under the wind law of the plan complete the mission."""
-        return self.ground.accepted(self.new_flights[self.planned_law])
-
-    @cached_property
     def held_failures(self) -> tuple[int, int]:
         """How many of how many new flights with ``robot.feedback=1`` fail, under the wind law of the plan."""
         held = replace(self.law(self.planned_law), robot=replace(self.robot, feedback=1.0))

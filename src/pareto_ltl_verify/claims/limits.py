@@ -9,10 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
+from pareto_ltl.support.arrays import BoolArray
 from pareto_ltl_verify.claims.plan import FILES, LEAST_RISK, RISK
 from pareto_ltl_verify.claims.verdict import Claim, Verdict, no_fault
 from pareto_ltl_verify.evidence import Evidence
@@ -124,8 +126,14 @@ def _failures(result: Evidence, row: Mapping[str, Any], by: float) -> int:
     x = result.new_flights[result.planned_law][:RUNS]
     ground = CHANGED[row["kind"]](result, row["name"], by)
     same_regions = ground.regions is result.ground.regions
-    accepted = result.accepted_again[:RUNS] if same_regions else ground.accepted(x)
+    accepted = _accepted(result) if same_regions else ground.accepted(x)
     return int(failures(accepted, ground.collided(x), ground.off_map(x), ground.walled).sum())
+
+
+@lru_cache(maxsize=1)
+def _accepted(result: Evidence) -> BoolArray:
+    """Which of ``RUNS`` flights complete the mission on the map as it is."""
+    return result.ground.accepted(result.new_flights[result.planned_law][:RUNS])
 
 
 def _moved(parts: Iterable[Convex], by: float) -> list[Convex]:
