@@ -44,6 +44,7 @@ NOT_BY_DAY = [
     "planning/test_uncompiled_plans",
     "report/test_figures",
     "report/test_legs",
+    "report/test_page_browser",
     "report/test_limits",
     "report/test_texts",
     "run/test_choosing",
