@@ -25,6 +25,7 @@ NOT_BY_DAY = [
     "test_golden",
     "test_notebooks",
     "test_platforms",
+    "exports/test_edges",
     "fuzz/*",
     "kernels/test_code_cache",
     "studies/*",
