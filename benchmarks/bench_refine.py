@@ -68,6 +68,12 @@ def how(problem):
     return Polish(tuple(share * float(np.ptp(problem.scene.bounds[:, 0])) for share in COARSE), 1, 4)
 
 
+def descent_of(refiner, flight, flights):
+    """The local model of the failure about ``flight``."""
+    off, width = flights.positions(flight) - flight.x, how(refiner.problem).widths[0]
+    return refiner.slope(flight.x, off, width, RUNS)[0]
+
+
 def test_margins_of_300_flights_of_50_steps(benchmark, task):
     refiner, x, flights, _ = task
     flight = refiner.flown(x)
@@ -83,8 +89,7 @@ def test_margins_of_300_flights_of_50_steps(benchmark, task):
 def test_one_cone_programme_of_50_steps(benchmark, task):
     refiner, x, flights, longest = task
     flight = refiner.flown(x)
-    off, width = flights.positions(flight) - flight.x, how(refiner.problem).widths[0]
-    descent, _ = refiner.slope(flight.x, off, width, RUNS)
+    descent = descent_of(refiner, flight, flights)
     benchmark.extra_info["budget"] = 0.005
     found = benchmark(next_means, refiner.problem, flight, descent, 0.5, longest)
     assert found is not None
@@ -94,8 +99,7 @@ def test_one_convex_programme_of_50_steps(benchmark, task):
     """In cvxpy and Clarabel, with the chance constraint of every segment; 2 of 10 ms are Clarabel's."""
     refiner, x, flights, longest = task
     flight, stated = refiner.flown(x), programmes_of(refiner.problem).of(STEPS)
-    off, width = flights.positions(flight) - flight.x, how(refiner.problem).widths[0]
-    descent, _ = refiner.slope(flight.x, off, width, RUNS)
+    descent = descent_of(refiner, flight, flights)
     stated.descend(flight, descent, 0.5, longest)  # states it
     benchmark.extra_info["budget"] = 0.03
     assert benchmark(stated.descend, flight, descent, 0.5, longest) is not None
@@ -104,8 +108,7 @@ def test_one_convex_programme_of_50_steps(benchmark, task):
 def test_stating_a_convex_programme_of_50_steps(benchmark, task):
     refiner, x, flights, longest = task
     flight = refiner.flown(x)
-    off, width = flights.positions(flight) - flight.x, how(refiner.problem).widths[0]
-    descent, _ = refiner.slope(flight.x, off, width, RUNS)
+    descent = descent_of(refiner, flight, flights)
     benchmark.extra_info["budget"] = 0.4
 
     def stated():

@@ -23,10 +23,13 @@ WALLS = ("western", "eastern", "southern", "northern")
 
 def keeps_epsilon(problem: Problem, path: PlannedPath) -> bool:
     """Whether no segment of ``path`` is more likely to collide than ``planner.epsilon`` allows."""
-    limit = allowed_risk(problem)
-    if math.isinf(limit):
-        return True
-    return bool(separation(problem, propagate(problem, path.x)).risk.max() <= limit * (1.0 + ROUNDING))
+    limit = _limit(problem)
+    return math.isinf(limit) or bool(separation(problem, propagate(problem, path.x)).risk.max() <= limit)
+
+
+def _limit(problem: Problem) -> float:
+    """The largest risk of a segment that counts as ``planner.epsilon``; inf without a limit."""
+    return allowed_risk(problem) * (1.0 + ROUNDING)
 
 
 def within_limits(problem: Problem, paths: Sequence[PlannedPath]) -> tuple[PlannedPath, ...]:
@@ -37,28 +40,28 @@ def within_limits(problem: Problem, paths: Sequence[PlannedPath]) -> tuple[Plann
     InfeasibleError
         If none of the paths does; the message says by how much, where, and what would admit one.
     """
-    limit = allowed_risk(problem)
+    epsilon, limit = allowed_risk(problem), _limit(problem)
     if not paths or math.isinf(limit):
         return tuple(paths)
     parts = [separation(problem, propagate(problem, path.x)) for path in paths]
     worst = np.array([part.risk.max() for part in parts])
-    kept = tuple(path for path, risk in zip(paths, worst, strict=True) if risk <= limit * (1.0 + ROUNDING))
+    kept = tuple(path for path, risk in zip(paths, worst, strict=True) if risk <= limit)
     if len(kept) == len(paths):
         return kept
-    k = int(np.argmin(np.where(worst > limit * (1.0 + ROUNDING), worst, np.inf)))
+    k = int(np.argmin(np.where(worst > limit, worst, np.inf)))
     least = _rounded_up(1.05 * float(worst[k]))
     if not kept:
         step = int(parts[k].risk.argmax())
         nearest = _barrier_name(problem, int(parts[k].owner[step, 0]))
         raise InfeasibleError(
-            f"no path keeps planner.epsilon = {limit:g} in every segment: the best of {len(paths)} refined "
+            f"no path keeps planner.epsilon = {epsilon:g} in every segment: the best of {len(paths)} refined "
             f"paths comes closest to {nearest} at step {step + 1}, with a collision probability of "
             f"{probability_text(worst[k])}; set planner.epsilon={least:g}, or null for no limit"
         )
     LOG.info(
         "%d of %d refined paths are not on the front: a segment of each is more likely to collide than "
         "planner.epsilon = %g allows; planner.epsilon=%g would admit the next",
-        len(paths) - len(kept), len(paths), limit, least,
+        len(paths) - len(kept), len(paths), epsilon, least,
     )  # fmt: skip
     return kept
 

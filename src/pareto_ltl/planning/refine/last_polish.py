@@ -70,9 +70,14 @@ def _finished(sweep: Sweep, k: Candidate, cap: float) -> Candidate:
     if fewer := round(spare_steps(made)):
         x = retimed_means(problem, made.flight.x, made.steps - fewer)
         made = min(made, refiner.polish(x, sweep.flights, how, cap, k.origin), key=smoothed)
-    if not FEW <= made.failed * len(sweep.flights) < RARE:
+    if not _rarely_fails(sweep, made):
         return made
     return refiner.polish(made.flight.x, sweep.many, sweep.polish_of(FINE[-1:], 1, 4), cap, k.origin)
+
+
+def _rarely_fails(sweep: Sweep, k: Candidate) -> bool:
+    """Whether too few of the usual flights of ``k`` fail to polish with, though some do."""
+    return FEW <= k.failed * len(sweep.flights) < RARE
 
 
 def closed(sweep: Sweep, k: Candidate) -> Candidate:
@@ -80,7 +85,7 @@ def closed(sweep: Sweep, k: Candidate) -> Candidate:
 
     Where a segment breaks epsilon, more solves on few flights, and longer paths, come before the last one.
     """
-    flights = sweep.many if FEW <= k.failed * len(sweep.flights) < RARE else sweep.flights
+    flights = sweep.many if _rarely_fails(sweep, k) else sweep.flights
     last, more = (sweep.polish_of(FINE[-1:], 1, solves) for solves in (1, CLOSING_SOLVES))
     end = sweep.closing.polish(k.flight.x, flights, last, k.length, k.origin)
     for longer in CLOSING:

@@ -30,12 +30,12 @@ from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import Front, PlannedPath
 from pareto_ltl.planning.refine.epsilon import barrier_names
 from pareto_ltl.planning.refine.programme import Solution, programmes_of
+from pareto_ltl.planning.refine.sampled import LEAST_VALUE, deviations_from
 from pareto_ltl.planning.refine.step_programme import Descent
 from pareto_ltl.support.arrays import FloatArray, IntArray
 
 WIDTH = 0.001  # τ as a share of the map's size: half that of the last polish, with more flights
 TRUST = 0.5  # trust region of the programme about the path [full steps]
-LEAST_VALUE = 1e-6  # smallest failure rate that the model of the programme is relative to
 NEARBY = 0.05  # relative difference of lengths over which the slope of the front is taken
 ALIKE = 1e-3  # relative difference of lengths below which the front has no slope
 LEAST_SHARE = 0.01  # prices below this share of the largest of their kind are left out
@@ -63,19 +63,20 @@ def limits_of(
     limits = segment_limits(problem, path.x)
     if not np.ptp(positions, axis=0).any():  # all flights are the same: no rate changes with the map
         return limits, ()
-    off = np.ascontiguousarray(np.moveaxis(positions - path.x, 0, 2))
+    off = deviations_from(positions, path.x)
     model, slope = margin_model(problem), km.Slope(np.zeros((len(path.x), 2)), np.zeros((len(path.x), 3)))
     scratch = margin_scratch(model, len(positions), len(path.x))
     width = WIDTH * float(np.ptp(problem.scene.bounds, axis=0).mean())
     value = float(km.smoothed_failure(model, path.x, off, width, slope, scratch))
-    solution = _solution(problem, path, Descent(slope.gradient, slope.hessian, max(value, LEAST_VALUE)))
+    local = Descent(slope.gradient, slope.hessian, max(value, LEAST_VALUE))
+    solution = _solution(problem, path, local)
     bindings = list(_bindings(problem, model, positions, width, scratch))
     if limits is not None:
         for row in bindings:
             if row.kind in ("obstacle", "border"):
                 limits.price[row.step] += row.saving
         if solution is not None:
-            held = max(value, LEAST_VALUE) * solution.clearer
+            held = local.value * solution.clearer
             limits.price[:] += held
             bindings += [
                 Binding(_kind_of(limits.nearest[t]), limits.nearest[t], t, float(held[t]))
@@ -83,8 +84,7 @@ def limits_of(
             ]
     prices = [*_summed(bindings)]
     if solution is not None:
-        faster = max(value, LEAST_VALUE) * solution.faster
-        prices.append(Price("airspeed", "largest airspeed", None, faster))
+        prices.append(Price("airspeed", "largest airspeed", None, local.value * solution.faster))
     if front.rates:
         prices.append(Price("length", "length", None, front_slope(front, path)))
     return limits, tuple(price for price in prices if price.saving > 0.0)

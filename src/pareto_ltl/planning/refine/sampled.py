@@ -147,7 +147,7 @@ class Refiner:
 
     def assessed(self, flight: Flight, flights: CommonFlights, width: float, origin: str = "") -> Candidate:
         """``flight`` as it is, with its failure smoothed over ``width`` [m]."""
-        off = _deviations(flights.positions(flight), flight.x)
+        off = deviations_from(flights.positions(flight), flight.x)
         here, margins = self.slope(flight.x, off, width, len(flights))
         return Candidate(flight, path_length(flight.x), here.value, float((margins < 0.0).mean()), origin)
 
@@ -160,7 +160,7 @@ class Refiner:
         """
         trust = how.trust
         for turn in range(how.outer):
-            off = _deviations(near.positions(flight), flight.x)
+            off = deviations_from(near.positions(flight), flight.x)
             here, margins = self.slope(flight.x, off, width, runs)
             if turn == 0:
                 rows = np.flatnonzero(margins < COUNTED * width + how.trust * self.problem.reach)
@@ -209,7 +209,7 @@ class ConstrainedRefiner(Refiner):
         return Refiner.penalty(self, flight, longest) + EXCESS * float(above)
 
 
-def _deviations(positions: FloatArray, x: FloatArray) -> FloatArray:
+def deviations_from(positions: FloatArray, x: FloatArray) -> FloatArray:
     """Deviations (T+1, 2, n) of ``positions`` (n, T+1, 2) from the means ``x`` (T+1, 2)."""
     return np.ascontiguousarray(np.moveaxis(positions - x, 0, 2))
 
