@@ -40,11 +40,11 @@ class ExportedPlan:
     corridor : Corridor
         Ellipses that hold positions and whole flights.
     held : FailureRate
-        Failure rate of the plan if an autopilot holds its positions (``robot.feedback=1``).
+        Failure rate of the plan if an autopilot holds its positions (``robot.feedback_time=60``).
     band : (float, float) or None
         Lowest and highest height of the flight above the WGS 84 ellipsoid [m], where they are set.
     feedback : float
-        ``robot.feedback`` of the plan; 0 if it is flown without knowledge of the position.
+        ``robot.feedback_time`` of the plan [s]; None if it is flown without knowledge of the position.
     turn : float or None
         Centripetal acceleration of turns [m/s²]; None for a robot that turns on the spot.
     """
@@ -57,7 +57,7 @@ class ExportedPlan:
     held: FailureRate
     height: Height
     band: tuple[float, float] | None
-    feedback: float = 0.0
+    feedback: float | None = None
     turn: float | None = None
 
     @property
@@ -69,7 +69,7 @@ class ExportedPlan:
     def flown_by(self) -> str:
         """How a robot follows the plan: by heading and airspeed, with fixes or feedback if it has them."""
         fixes = " and fixes at landmarks" if self.log.fixes else ""
-        feedback = f" and feedback (robot.feedback={self.feedback:g})" if self.feedback > 0.0 else ""
+        feedback = f" and feedback (robot.feedback_time={self.feedback:g} s)" if self.feedback is not None else ""
         return f"by heading and airspeed{fixes}{feedback}"
 
     def sentences(self) -> tuple[str, ...]:
@@ -78,7 +78,7 @@ class ExportedPlan:
         told = [f"Mission {plan.formula}."]
         if promise is not None:
             told.append(_rate_sentence(promise.rate, self.flown_by()))
-        pilot = "by an autopilot that knows and holds the positions (robot.feedback=1)"
+        pilot = "by an autopilot that knows and holds the positions (robot.feedback_time=60)"
         told.append(_rate_sentence(self.held, pilot))
         if self.log.swing > 0.0:
             told.append(
@@ -111,9 +111,17 @@ def exported_plan(
         held=held_course_rate(problem, plan.path, cfg.flights, held_seed),
         height=height_of(level) if cfg.altitude is None else Height(cfg.altitude, above_sea=False),
         band=None if lower is None or upper is None else (lower, upper),
-        feedback=problem.motion.gain,
+        feedback=feedback_time(problem),
         turn=problem.turns.acceleration,
     )
+
+
+def feedback_time(problem: Problem) -> float | None:
+    """``robot.feedback_time`` [s]; None for a robot that does not know its position."""
+    motion = problem.motion
+    if motion.gain == 0.0:
+        return None
+    return motion.exposed * motion.dt / motion.gain
 
 
 def flown_level(settings: Settings) -> str:

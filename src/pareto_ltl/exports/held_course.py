@@ -7,20 +7,23 @@ from dataclasses import replace
 import numpy as np
 from numpy.random import SeedSequence
 
-from pareto_ltl.kernels import flight as kernel
+from pareto_ltl.kernels.pilots import Autopilot
+from pareto_ltl.planning.pack import feedback_shares
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import FailureRate, PlannedPath, counted_rate
 from pareto_ltl.simulation.flights import fly_pilot
 
-GAIN = 1.0  # robot.feedback of an autopilot that holds positions: it returns to the course in one step
+HELD_TIME = 60.0  # robot.feedback_time of an autopilot that holds positions [s]
 
 
 def held_course_rate(problem: Problem, path: PlannedPath, runs: int, seed: SeedSequence) -> FailureRate:
-    """The rate of ``runs`` flights with ``robot.feedback = 1``, within the airspeeds of the robot."""
-    motion = problem.motion._replace(gain=GAIN, closed=problem.motion.a - GAIN * np.eye(2))
+    """The rate of ``runs`` flights with ``robot.feedback_time=60``, within the airspeeds of the robot."""
+    gain, exposed = feedback_shares(HELD_TIME, problem.motion.dt)
+    closed = problem.motion.a - gain * np.eye(2)
+    motion = problem.motion._replace(gain=gain, exposed=exposed, closed=closed)
     world = problem.world._replace(law=problem.world.law._replace(motion=motion))
     held = replace(problem, world=world)
-    pilot = kernel.Autopilot(path.u, np.ascontiguousarray(path.x))
+    pilot = Autopilot(path.u, np.ascontiguousarray(path.x))
     law = problem.fidelity.law
-    flown = fly_pilot(held, lambda _count, _rng: pilot, len(path.u), runs, law, seed)
+    flown = fly_pilot(held, lambda _noise: pilot, len(path.u), runs, law, seed)
     return counted_rate(law, int(flown.failed.sum()), runs)

@@ -1,7 +1,7 @@
 """``mission.plan``: waypoints and a geofence for QGroundControl, PX4 and ArduPilot.
 
 An autopilot flies such a mission by position, so the plan's promise does not hold for it: the file also
-states the failure rate of the plan with ``robot.feedback=1``. Take-off and landing are left out.
+states the failure rate of the plan with ``robot.feedback_time=60``. Take-off and landing are left out.
 """
 
 from __future__ import annotations

@@ -209,13 +209,14 @@ class Motion(NamedTuple):
     """x' = A x + dt B (u + feedback) + dt w,    u_min ≤ ‖u + feedback‖ ≤ u_max.
 
     ``a`` = A, ``b`` = B, ``b_inv`` = B^-1; ``gain`` = K; ``closed`` = A - K I propagates deviations;
-    ``effort`` is the quantile r / √λ of :func:`~pareto_ltl.kernels.propagation.airspeed_left`, which reserves
+    ``exposed`` is the share of a step's wind error that feedback leaves, 1 without feedback; ``effort`` is the quantile r / √λ of :func:`~pareto_ltl.kernels.propagation.airspeed_left`, which reserves
     airspeed for feedback; ``ball`` is the radius of the maximum-trace rule in standard deviations.
     """
 
     a: FloatArray
     closed: FloatArray
     gain: float
+    exposed: float
     effort: float
     b: FloatArray
     b_inv: FloatArray
@@ -228,15 +229,16 @@ class Motion(NamedTuple):
 class Landmarks(NamedTuple):
     """Convex polygons in which the robot measures its position: as faces and as corners.
 
-    ``gain`` is the share of a known deviation that is corrected in one step, ``variance`` that of a position
-    fix [m²], ``risk`` the largest probability of missing a landmark that a plan relies on.
+    ``disc`` (K, 3) is the middle of each and the distance of its farthest corner [m], ``cov`` (K, 3) the
+    covariance (xx, xy, yy) of the error of its fix [m²], ``gain`` the share of a known deviation that is
+    corrected in one step.
     """
 
     faces: Faces
     corners: Corners
+    disc: FloatArray
+    cov: FloatArray
     gain: float
-    variance: float
-    risk: float
 
 
 # --- models: wind laws and their memory for a path or tree -------------------------------------
@@ -275,12 +277,15 @@ class CoherentMemory(NamedTuple):
 class LandmarkMemory(NamedTuple):
     """Row v is the input for the children of vertex v.
 
-    ``theta`` (N, 2, 2, P) = Cov(ẽ, θ̃); ``known`` (N, 3) = Cov(ê); ``fix`` (N,): number of the last fix, -1
-    for none; ``faded`` (N, G): its factor s of :mod:`~pareto_ltl.kernels.fixes`. Fix f has ``gain`` (M, 2, 2,
-    P) = D, the fix before it ``previous`` (M,), and the factor ``share`` (M, G) of that one at the time of f.
-    ``used`` (1,) is the number of fixes stored.
+    ``at`` (N, 2) is the mean of vertex v [m], ``chance`` (N,) the probability of the fix that it counts on, 0
+    for none; ``theta`` (N, 2, 2, P) = Cov(ẽ, θ̃); ``known`` (N, 3) = Cov(ê); ``fix`` (N,): number of the last
+    fix, -1 for none; ``faded`` (N, G): its factor s of :mod:`~pareto_ltl.kernels.fixes`. Fix f has ``gain``
+    (M, 2, 2, P) = D, the fix before it ``previous`` (M,), and the factor ``share`` (M, G) of that one at the
+    time of f. ``used`` (1,) is the number of fixes stored.
     """
 
+    at: FloatArray
+    chance: FloatArray
     theta: Float32Array
     known: FloatArray
     fix: IntArray

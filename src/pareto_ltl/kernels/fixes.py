@@ -1,56 +1,54 @@
-"""Position fixes at landmarks: the coherent law of a robot that sometimes measures its position.
+"""Position fixes at landmarks: the expected covariance of a robot that may measure its position.
 
 A robot inside a landmark measures its position, which also gives information on the wind field (a Kalman
 update of (e, θ) by y = e + ν). From then on it knows a part of its deviation, e = ê + ẽ: it corrects a share
 κ of ê in every step and steers against the wind ψ' θ̂ that it now expects. The unknown part propagates as
 before, with the remaining Cov(θ),
 
-    ẽ' = F ẽ + dt (ψ' θ̃ + gust),    Cov(θ̃) = I - Σ_f s_f² D_f' D_f,    D = L⁻¹ C,  L L' = Σ̃ + fix²,
+    ẽ' = F ẽ + dt (ψ' θ̃ + gust),    Cov(θ̃) = I - Σ_f p_f s_f² D_f' D_f,    D = L⁻¹ C,  L L' = Σ̃ + R_f,
     ê' = (F - κ) ê,                  Cov(e) = Cov(ẽ) + Cov(ê)   (orthogonal),
 
-where s_f is the product of ρ since fix f, one for each part of the error. Missing the landmark counts as
-failure: P(fail) <= P(miss) + P(fail with the fix), since flights that enter the landmark follow the law with
-the fix.
+where s_f is the product of ρ since fix f, one for each part of the error, and p_f the probability that the
+robot is inside the landmark. The update with the weight p is the expected covariance of a filter whose
+measurement arrives with that probability (Sinopoli et al., IEEE Trans. Automat. Contr. 49, 2004,
+doi:10.1109/TAC.2004.834121). It is smooth in the path, and it is the Gaussian that trees, corridors and chance
+constraints see; the failure rate of a plan comes from flights whose filters take each fix or not
+(:mod:`pareto_ltl.kernels.navigator`).
 """
 
 from __future__ import annotations
 
 import math
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 from pareto_ltl.kernels.data import (
     Ahead,
-    CoherentLaw,
-    CoherentMemory,
     Cov,
     Gaussian,
-    IndependentLaw,
     LandmarkLaw,
     LandmarkMemory,
     Landmarks,
-    Law,
     Linear,
-    Memory,
     Modes,
     Point,
     Square,
 )
-from pareto_ltl.kernels.geometry import face_slack
-from pareto_ltl.kernels.interpolation import F32, corner_weights, mode_square, mode_value
-from pareto_ltl.kernels.jit import by_type, implements, kernel, vector
+from pareto_ltl.kernels.interpolation import F32, corner_weights, mode_square, mode_value, wind_at
+from pareto_ltl.kernels.jit import implements, kernel, vector
 from pareto_ltl.kernels.polygon import polygon_probability
 from pareto_ltl.kernels.propagation import (
     advance,
     carry,
     clear_theta,
     closed_loop,
-    correction_quantile,
     forget,
     scaled_cov,
 )
 from pareto_ltl.support.arrays import Float32Array, FloatArray, IntArray
 
 FADED = 1e-3  # fixes whose factors s are all below this are ignored
+OUTSIDE = 5.0  # deviations beyond which a landmark is out of reach
+WORTHWHILE = 0.01  # share of the unknown variance: fixes that take less are ignored
 Shares: TypeAlias = tuple[float, float, float, float]  # factors s of a fix, one for each part of the error
 
 
@@ -79,48 +77,61 @@ def faded_by(shares: Shares, table: FloatArray, row: int) -> Shares:
 
 
 @kernel
-def landmark_at(landmarks: Landmarks, at: Point) -> int:
-    """Number of the landmark that contains a point, -1 for none."""
-    for k in range(len(landmarks.faces.ptr) - 1):
-        if face_slack(landmarks.faces, k, at) >= 0.0:
-            return k
-    return -1
+def segment_share(begin: Point, end: Point, x: float, y: float) -> float:
+    """The share s in [0, 1] of the segment at which it is nearest to (x, y)."""
+    dx, dy = end.x - begin.x, end.y - begin.y
+    size = dx * dx + dy * dy
+    if size == 0.0:
+        return 1.0
+    return min(max(((x - begin.x) * dx + (y - begin.y) * dy) / size, 0.0), 1.0)
 
 
-@by_type
-def fix_missed(law: Law, memory: Memory, row: int, here: Gaussian) -> float:
-    """P(landmark missed) if the plan relies on a fix at ``here``, else -1.
+class Sight(NamedTuple):
+    """The landmark that a step most probably crosses: its number, P(inside), and the share of the step there."""
+
+    number: int
+    chance: float
+    share: float
+
+
+@kernel
+def likely_sight(marks: Landmarks, begin: Point, here: Gaussian) -> Sight:
+    """The most probable landmark on the segment from ``begin`` to the Gaussian ``here``; -1 for none.
+
+    P(inside) is that of the Gaussian moved to the point of the segment nearest to the landmark's middle.
 
     Eq. (M29) of docs/mathematics.md.
     """
-    raise NotImplementedError
-
-
-@implements(fix_missed, IndependentLaw, CoherentLaw)
-def _no_fix(
-    _law: IndependentLaw | CoherentLaw, _memory: CoherentMemory | None, _row: int, _here: Gaussian
-) -> float:
-    return -1.0
-
-
-@implements(fix_missed, LandmarkLaw)
-def _fix_missed(law: LandmarkLaw, memory: LandmarkMemory, row: int, here: Gaussian) -> float:
-    # The plan relies on a fix only if at least half of the variance is unknown. So a robot that crosses a
-    # landmark in several steps relies on the first fix.
+    best = Sight(-1, 0.0, 1.0)
     cov = here.cov
-    if 2.0 * (memory.known[row, 0] + memory.known[row, 2]) > cov.xx + cov.yy:
-        return -1.0
-    k = landmark_at(law.landmarks, here.mean)
-    if k < 0 or cov.xx <= 0.0 or cov.yy <= 0.0:
-        return -1.0
-    miss = 1.0 - polygon_probability(law.landmarks.corners, k, here)
-    return miss if miss <= law.landmarks.risk else -1.0
+    if cov.xx <= 0.0 or cov.yy <= 0.0:
+        return best
+    reach = OUTSIDE * math.sqrt(cov.xx + cov.yy)
+    for k in range(len(marks.disc)):
+        mx, my, radius = marks.disc[k, 0], marks.disc[k, 1], marks.disc[k, 2]
+        s = segment_share(begin, here.mean, mx, my)
+        x, y = begin.x + s * (here.mean.x - begin.x), begin.y + s * (here.mean.y - begin.y)
+        if (x - mx) * (x - mx) + (y - my) * (y - my) < (radius + reach) * (radius + reach):
+            chance = polygon_probability(marks.corners, k, Gaussian(Point(x, y), cov))
+            if chance > best.chance:
+                best = Sight(k, chance, s)
+    return best
+
+
+@kernel
+def fix_error(law: LandmarkLaw, step: int, sight: Sight, at: Point) -> Cov:
+    """Covariance R [m²] of a fix as it is known at the end of the step: its error and the drift since then."""
+    cov, since = law.landmarks.cov, (1.0 - sight.share) * law.motion.dt
+    ve, vn = wind_at(law.wind.latent, law.wind, max(step - 1, 0), at)
+    k, time2 = sight.number, since * since
+    return Cov(cov[k, 0] + time2 * ve, cov[k, 1], cov[k, 2] + time2 * vn)
 
 
 @implements(forget, LandmarkLaw)
 def _forget_fixes(_law: LandmarkLaw, memory: LandmarkMemory) -> None:
     clear_theta(memory.theta)
     memory.known[0, 0], memory.known[0, 1], memory.known[0, 2] = 0.0, 0.0, 0.0
+    memory.at[0, 0], memory.at[0, 1], memory.chance[0] = 0.0, 0.0, 0.0
     memory.fix[0] = -1
     keep_shares(memory.faded, 0, (1.0, 1.0, 1.0, 1.0))
     memory.used[0] = 0
@@ -130,42 +141,53 @@ def _forget_fixes(_law: LandmarkLaw, memory: LandmarkMemory) -> None:
 def _advance_with_fixes(
     law: LandmarkLaw, memory: LandmarkMemory, step: int, here: Gaussian, row: int, target: int
 ) -> Ahead:
-    motion, marks = law.motion, law.landmarks
+    motion, marks, at = law.motion, law.landmarks, here.mean
     known = Cov(memory.known[row, 0], memory.known[row, 1], memory.known[row, 2])
     unknown = without(here.cov, known)
     fix, faded = memory.fix[row], shares_of(memory.faded, row)
+    begin = Point(memory.at[row, 0], memory.at[row, 1]) if step > 0 else at
+    memory.at[target, 0], memory.at[target, 1], memory.chance[target] = at.x, at.y, 0.0
     if row != target:
         copy_theta(memory.theta, row, target)
-    if fix_missed(law, memory, row, here) >= 0.0 and memory.used[0] < len(memory.previous):
-        f = memory.used[0]
-        memory.used[0] += 1
-        memory.previous[f] = fix
-        keep_shares(memory.share, f, faded)
-        gained = learn(memory, target, f, unknown, marks.variance)
-        known = Cov(known.xx + gained.xx, known.xy + gained.xy, known.yy + gained.yy)
-        unknown = without(unknown, gained)
-        fix, faded = f, (1.0, 1.0, 1.0, 1.0)
-    mean, cov = carry(law, step, Gaussian(here.mean, unknown), memory.theta, target, target)
-    steered = steer_against(law, memory, step, here.mean, fix, faded, target)
-    after = known_after(closed_loop(law, step, here.mean), marks.gain, known)
+    sight = likely_sight(marks, begin, here)
+    if sight.chance > 0.0 and memory.used[0] < len(memory.previous):
+        error = fix_error(law, step, sight, at)
+        if sight.chance * variance_gained(unknown, error) > WORTHWHILE * (unknown.xx + unknown.yy):
+            f = memory.used[0]
+            memory.used[0] += 1
+            memory.previous[f] = fix
+            memory.chance[target] = sight.chance
+            keep_shares(memory.share, f, faded)
+            gained = learn(memory, target, f, unknown, error, sight.chance)
+            known = Cov(known.xx + gained.xx, known.xy + gained.xy, known.yy + gained.yy)
+            unknown = without(unknown, gained)
+            fix, faded = f, (1.0, 1.0, 1.0, 1.0)
+    mean, cov = carry(law, step, Gaussian(at, unknown), memory.theta, target, target)
+    steered = steer_against(law, memory, step, at, fix, faded, target)
+    after = known_after(closed_loop(law, step, at), marks.gain, known)
     memory.known[target, 0], memory.known[target, 1], memory.known[target, 2] = after
     memory.fix[target] = fix
     keep_shares(memory.faded, target, faded_by(faded, law.modes.keep, step + 1))
-    share, both, dt2 = motion.gain * motion.gain, (motion.gain + marks.gain) ** 2, motion.dt * motion.dt
-    returned = Cov(
-        share * unknown.xx + both * known.xx,
-        share * unknown.xy + both * known.xy,
-        share * unknown.yy + both * known.yy,
-    )
-    against = scaled_cov(dt2, steered)
-    reserve = correction_quantile(motion, returned) + correction_quantile(motion, against)
-    speed = max(motion.u_max - reserve, 0.0)
+    against = scaled_cov(motion.dt * motion.dt, steered)
     total = Cov(
         cov.xx - against.xx + after.xx,
         cov.xy - against.xy + after.xy,
         cov.yy - against.yy + after.yy,
     )
-    return Ahead(mean, total, speed)
+    return Ahead(mean, total, motion.u_max)
+
+
+@kernel
+def variance_gained(unknown: Cov, error: Cov) -> float:
+    """Trace of Σ̃ (Σ̃ + R)⁻¹ Σ̃ [m²], what a certain fix would take from the unknown variance."""
+    a, b, c = unknown.xx + error.xx, unknown.xy + error.xy, unknown.yy + error.yy
+    det = a * c - b * b
+    if det <= 0.0:
+        return 0.0
+    uxx, uxy, uyy = unknown
+    xx = (c * uxx - b * uxy) * uxx + (a * uxy - b * uxx) * uxy
+    yy = (c * uxy - b * uyy) * uxy + (a * uyy - b * uxy) * uyy
+    return (xx + yy) / det
 
 
 @kernel
@@ -196,23 +218,24 @@ def copy_theta(theta: Float32Array, row: int, target: int) -> None:
 
 
 @vector
-def learn(memory: LandmarkMemory, v: int, f: int, unknown: Cov, variance: float) -> Cov:
-    """Kalman update of row ``v`` of ``theta``, with Cov(ẽ) = ``unknown``; write D of fix ``f``.
+def learn(memory: LandmarkMemory, v: int, f: int, unknown: Cov, error: Cov, chance: float) -> Cov:
+    """Kalman update of row ``v`` of ``theta``, with Cov(ẽ) = ``unknown``; write √p D of fix ``f``.
 
-    Returns Σ̃ S⁻¹ Σ̃ [m²], the covariance that moves from the unknown to the known part.
+    ``chance`` is p. Returns p Σ̃ S⁻¹ Σ̃ [m²], the covariance that moves from the unknown to the known part.
 
     Eq. (M26) of docs/mathematics.md.
     """
     uxx, uxy, uyy = unknown
-    a, b, c = uxx + variance, uxy, uyy + variance
+    a, b, c = uxx + error.xx, uxy + error.xy, uyy + error.yy
     l00 = math.sqrt(a)
     l10 = b / l00
     l11 = math.sqrt(max(c - l10 * l10, 1e-9 * c))
     det = a * c - b * b
     g00, g01 = (uxx * c - uxy * b) / det, (uxy * a - uxx * b) / det
     g10, g11 = (uxy * c - uyy * b) / det, (uyy * a - uxy * b) / det
-    i00, i10, i11 = F32(1.0 / l00), F32(-l10 / (l00 * l11)), F32(1.0 / l11)
-    k00, k01, k10, k11 = F32(g00), F32(g01), F32(g10), F32(g11)
+    root = math.sqrt(chance)
+    i00, i10, i11 = F32(root / l00), F32(-root * l10 / (l00 * l11)), F32(root / l11)
+    k00, k01, k10, k11 = F32(chance * g00), F32(chance * g01), F32(chance * g10), F32(chance * g11)
     theta = memory.theta
     for w in range(2):
         for m in range(theta.shape[3]):
@@ -221,7 +244,9 @@ def learn(memory: LandmarkMemory, v: int, f: int, unknown: Cov, variance: float)
             memory.gain[f, 1, w, m] = i10 * p + i11 * q
             theta[v, 0, w, m] = p - k00 * p - k01 * q
             theta[v, 1, w, m] = q - k10 * p - k11 * q
-    return Cov(g00 * uxx + g01 * uxy, g00 * uxy + g01 * uyy, g10 * uxy + g11 * uyy)
+    return Cov(
+        chance * (g00 * uxx + g01 * uxy), chance * (g00 * uxy + g01 * uyy), chance * (g10 * uxy + g11 * uyy)
+    )  # fmt: skip
 
 
 @kernel

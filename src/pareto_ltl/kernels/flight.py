@@ -3,7 +3,7 @@
 All flights of a batch take a step together: one vectorised loop reads their winds from one slot of the
 tables. This takes 1.7 µs per flight for 250 flights of 50 steps in coherent winds, and 5 µs if they are
 simulated one after the other. The type of the draws selects the wind of a flight, the type of the pilot what
-the robot knows and commands. Afterwards the flown positions are evaluated: mission and collisions.
+the robot knows and commands (:mod:`~pareto_ltl.kernels.pilots`, :mod:`~pareto_ltl.kernels.navigator`). Afterwards the flown positions are evaluated: mission and collisions.
 """
 
 from __future__ import annotations
@@ -17,14 +17,12 @@ from pareto_ltl.kernels.data import (
     Faces,
     IndependentLaw,
     LandmarkLaw,
-    Landmarks,
     Logic,
     Modes,
     Motion,
     Nearby,
     Point,
 )
-from pareto_ltl.kernels.fixes import landmark_at
 from pareto_ltl.kernels.geometry import locate_cell, off_map, segment_touches
 from pareto_ltl.kernels.interpolation import (
     F32,
@@ -36,7 +34,8 @@ from pareto_ltl.kernels.interpolation import (
 )
 from pareto_ltl.kernels.jit import by_type, entry, implements, kernel, vector
 from pareto_ltl.kernels.letters import next_state
-from pareto_ltl.kernels.path import Flight
+from pareto_ltl.kernels.navigator import Navigator
+from pareto_ltl.kernels.pilots import Autopilot, begin_flights, command, observe
 from pareto_ltl.kernels.propagation import white_variance
 from pareto_ltl.support.arrays import BoolArray, Float32Array, FloatArray
 
@@ -65,6 +64,7 @@ class CoherentDraws(NamedTuple):
 
 
 Draws: TypeAlias = IndependentDraws | CoherentDraws
+Pilot: TypeAlias = Autopilot | Navigator
 
 
 @by_type
@@ -156,153 +156,6 @@ def link_fields(kept: Float32Array, theta: Float32Array) -> None:
                     theta[k, i, c, m] = rho * theta[k - 1, i, c, m] + fresh
 
 
-# --- pilots -----------------------------------------------------------------------------------
-
-
-class Autopilot(NamedTuple):
-    """Flies the controls ``u`` (T, 2) [m/s]; feedback, if any, steers towards ``mean`` (T+1, 2) [m]."""
-
-    u: FloatArray
-    mean: FloatArray
-
-
-class Navigator(NamedTuple):
-    """Flies the controls of ``path`` and uses position fixes at landmarks.
-
-    At a step where the plan relies on a fix (``path.gain`` not 0) and the robot is in a landmark, it measures
-    its position with ``noise`` (T, n, 2) [m] and updates its estimates ê of the deviation and θ̂ of the
-    field. It corrects ê and steers against ψ' θ̂, within u_min and u_max, and updates ê by the control that
-    it could apply. ``learnt`` is ``path.learnt``, or 0 under a law whose winds are independent. ``kept`` (S +
-    1, P) is the share of θ that is kept from step to step. ``field`` (n, 2, P) and ``estimate`` (n, 3) =
-    (ê_x, ê_y, 1 after the first fix) are scratch.
-    """
-
-    path: Flight
-    landmarks: Landmarks
-    learnt: Float32Array
-    noise: FloatArray
-    kept: Float32Array
-    field: Float32Array
-    estimate: FloatArray
-
-
-Pilot: TypeAlias = Autopilot | Navigator
-
-
-@by_type
-def begin_flights(pilot: Pilot) -> None:
-    """Reset the estimates of earlier flights."""
-    raise NotImplementedError
-
-
-@by_type
-def command(pilot: Pilot, motion: Motion, t: int, i: int, at: Point) -> tuple[float, float]:
-    """Control [m/s] of flight ``i`` at step ``t`` and position ``at``.
-
-    A control that feedback or an estimate changes is limited to u_min and u_max.
-    """
-    raise NotImplementedError
-
-
-@kernel
-def within_airspeed(motion: Motion, ux: float, uy: float) -> tuple[float, float]:
-    """Control with the same direction and an airspeed limited to [u_min, u_max]; 0 stays 0."""
-    size = math.sqrt(ux * ux + uy * uy)
-    if size > motion.u_max:
-        return ux * motion.u_max / size, uy * motion.u_max / size
-    if 0.0 < size < motion.u_min:
-        return ux * motion.u_min / size, uy * motion.u_min / size
-    return ux, uy
-
-
-@kernel
-def held_to(motion: Motion, u: FloatArray, mean: FloatArray, t: int, at: Point) -> tuple[float, float]:
-    """Planned control plus position feedback, u_t - B⁻¹ K (x - m_t) / dt.
-
-    Eq. (M2) of docs/mathematics.md.
-    """
-    ux, uy = u[t, 0], u[t, 1]
-    if motion.gain > 0.0:
-        b, share = motion.b_inv, motion.gain / motion.dt
-        ex, ey = share * (at.x - mean[t, 0]), share * (at.y - mean[t, 1])
-        ux -= b[0, 0] * ex + b[0, 1] * ey
-        uy -= b[1, 0] * ex + b[1, 1] * ey
-    return ux, uy
-
-
-@implements(begin_flights, Autopilot)
-def _begin_autopilot(pilot: Autopilot) -> None:
-    pass
-
-
-@implements(command, Autopilot)
-def _command_autopilot(pilot: Autopilot, motion: Motion, t: int, _i: int, at: Point) -> tuple[float, float]:
-    ux, uy = held_to(motion, pilot.u, pilot.mean, t, at)
-    return within_airspeed(motion, ux, uy) if motion.gain > 0.0 else (ux, uy)
-
-
-@implements(begin_flights, Navigator)
-def _begin_navigator(pilot: Navigator) -> None:
-    for i in range(pilot.field.shape[0]):
-        for m in range(pilot.field.shape[2]):
-            pilot.field[i, 0, m], pilot.field[i, 1, m] = F32(0.0), F32(0.0)
-        pilot.estimate[i, 0], pilot.estimate[i, 1], pilot.estimate[i, 2] = 0.0, 0.0, 0.0
-
-
-@implements(command, Navigator)
-def _command_navigator(pilot: Navigator, motion: Motion, t: int, i: int, at: Point) -> tuple[float, float]:
-    path, field, estimate = pilot.path, pilot.field[i], pilot.estimate[i]
-    if estimate[2] > 0.0:
-        fade_field(field, pilot.kept[t])
-    if (path.gain[t, 0, 0] != 0.0 or path.gain[t, 1, 1] != 0.0) and landmark_at(pilot.landmarks, at) >= 0:
-        take_fix(pilot, t, i, at)
-    held_x, held_y = held_to(motion, path.u, path.x, t, at)
-    if estimate[2] == 0.0:
-        return within_airspeed(motion, held_x, held_y) if motion.gain > 0.0 else (held_x, held_y)
-    ex, ey, b_inv, b, dt, F = estimate[0], estimate[1], motion.b_inv, motion.b, motion.dt, path.F
-    hx, hy = known_wind(path.psi, field, t, 0), known_wind(path.psi, field, t, 1)
-    cx, cy = pilot.landmarks.gain * ex / dt + hx, pilot.landmarks.gain * ey / dt + hy
-    ux = held_x - (b_inv[0, 0] * cx + b_inv[0, 1] * cy)
-    uy = held_y - (b_inv[1, 0] * cx + b_inv[1, 1] * cy)
-    ux, uy = within_airspeed(motion, ux, uy)
-    # F = A - K + dt Dμ applies to the known part of the deviation and to the unknown part.
-    du, dv = ux - held_x, uy - held_y
-    estimate[0] = F[t, 0, 0] * ex + F[t, 0, 1] * ey + dt * (hx + b[0, 0] * du + b[0, 1] * dv)
-    estimate[1] = F[t, 1, 0] * ex + F[t, 1, 1] * ey + dt * (hy + b[1, 0] * du + b[1, 1] * dv)
-    return ux, uy
-
-
-@vector
-def fade_field(field: Float32Array, kept: Float32Array) -> None:
-    """Multiply θ̂ = ``field`` (2, P) by ``kept`` (P,)."""
-    for c in range(2):
-        for m in range(field.shape[1]):
-            field[c, m] *= kept[m]
-
-
-@kernel
-def take_fix(pilot: Navigator, t: int, i: int, at: Point) -> None:
-    """Kalman update of ê and θ̂ of flight ``i`` by a noisy measurement of the position ``at``."""
-    path, noise, field, estimate = pilot.path, pilot.noise, pilot.field[i], pilot.estimate[i]
-    dx = at.x + noise[t, i, 0] - path.x[t, 0] - estimate[0]
-    dy = at.y + noise[t, i, 1] - path.x[t, 1] - estimate[1]
-    estimate[0] += path.gain[t, 0, 0] * dx + path.gain[t, 0, 1] * dy
-    estimate[1] += path.gain[t, 1, 0] * dx + path.gain[t, 1, 1] * dy
-    for c in range(2):
-        for m in range(field.shape[1]):
-            field[c, m] += F32(pilot.learnt[t, 0, c, m] * dx + pilot.learnt[t, 1, c, m] * dy)
-    estimate[2] = 1.0
-
-
-@kernel
-def known_wind(psi: Float32Array, field: Float32Array, t: int, c: int) -> float:
-    """ψ_t' θ̂ of component ``c``."""
-    wind = 0.0
-    for m in range(field.shape[1]):
-        wind += psi[t, c, m] * field[c, m]
-    return wind
-
-
 # --- the flights ------------------------------------------------------------------------------
 
 
@@ -315,14 +168,15 @@ def fly_batch(motion: Motion, draws: Draws, pilot: Pilot, x: FloatArray, met: Fl
     Eq. (M1) of docs/mathematics.md.
     """
     a, b, dt = motion.a, motion.b, motion.dt
-    begin_flights(pilot)
+    begin_flights(pilot, motion)
     for t in range(x.shape[1] - 1):
         meet_winds(draws, t, x, met)
+        observe(pilot, motion, t, x)
         for i in range(x.shape[0]):
-            at, we, wn = Point(x[i, t, 0], x[i, t, 1]), met[i, 0], met[i, 1]
-            ux, uy = command(pilot, motion, t, i, at)
-            x[i, t + 1, 0] = a[0, 0] * at.x + a[0, 1] * at.y + dt * (b[0, 0] * ux + b[0, 1] * uy + we)
-            x[i, t + 1, 1] = a[1, 0] * at.x + a[1, 1] * at.y + dt * (b[1, 0] * ux + b[1, 1] * uy + wn)
+            at, wind = Point(x[i, t, 0], x[i, t, 1]), Point(met[i, 0], met[i, 1])
+            ux, uy = command(pilot, motion, t, i, at, wind)
+            x[i, t + 1, 0] = a[0, 0] * at.x + a[0, 1] * at.y + dt * (b[0, 0] * ux + b[0, 1] * uy + wind.x)
+            x[i, t + 1, 1] = a[1, 0] * at.x + a[1, 1] * at.y + dt * (b[1, 0] * ux + b[1, 1] * uy + wind.y)
 
 
 # --- evaluation of flights --------------------------------------------------------------------

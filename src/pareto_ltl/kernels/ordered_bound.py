@@ -239,14 +239,6 @@ def keep_useful(bound: Ordered, rows: LiveRows, first: int, count: int) -> int:
 
 
 @kernel
-def add_risk(rows: LiveRows, row: int, risk: float) -> None:
-    """Add the risk of an event that fails the mission to V of every state in a row; V is at most 1."""
-    if risk > 0.0:
-        for k in range(rows.first[row], rows.first[row] + rows.size[row]):
-            rows.value[k] = min(rows.value[k] + risk, 1.0)
-
-
-@kernel
 def copy_entries(rows: LiveRows, row: int, to: LiveRows, target: int) -> None:
     """Copy the entries of a row to another one."""
     source, goal = rows.first[row], to.first[target]
@@ -257,11 +249,11 @@ def copy_entries(rows: LiveRows, row: int, to: LiveRows, target: int) -> None:
 
 @allocating
 def ordered_risk(
-    bound: Ordered, rows: LiveRows, letters: Letters, x: FloatArray, cov: FloatArray, miss: FloatArray
+    bound: Ordered, rows: LiveRows, letters: Letters, x: FloatArray, cov: FloatArray
 ) -> float:  # fmt: skip
     """The bound V of the mission risk of a path ``x`` (T+1, 2) [m] with ``cov`` (T+1, 3) = (xx, xy, yy) [m²].
 
-    ``miss`` (T+1,) = P(landmark missed). ``rows`` (two rows) and ``letters`` are scratch.
+    ``rows`` (two rows) and ``letters`` are scratch.
 
     Eq. (M37) of docs/mathematics.md.
     """
@@ -284,7 +276,6 @@ def ordered_risk(
         if note_letters(bound, letters) or not stays(bound, letters, rows, now):
             read_letter(bound, letters, rows, now, rows, 1 - now, q)
             now = 1 - now
-        add_risk(rows, now, miss[t])
         before = here
     least = 1.0
     for k in range(rows.first[now], rows.first[now] + rows.size[now]):

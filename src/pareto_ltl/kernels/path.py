@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
+from pareto_ltl.kernels import fixes  # noqa: F401 - the code of the law with landmarks
 from pareto_ltl.kernels.collision_risk import step_allowed
 from pareto_ltl.kernels.data import (
     CoherentLaw,
@@ -16,7 +17,6 @@ from pareto_ltl.kernels.data import (
     Point,
     World,
 )
-from pareto_ltl.kernels.fixes import fix_missed
 from pareto_ltl.kernels.geometry import locate_cell
 from pareto_ltl.kernels.interpolation import corner_weights, mode_square, mode_value, wind_at
 from pareto_ltl.kernels.jit import allocating, by_type, entry, implements, kernel
@@ -27,6 +27,7 @@ from pareto_ltl.kernels.propagation import (
     closed_loop,
     forget,
     least_airspeed,
+    left_time,
     white_variance,
 )
 from pareto_ltl.support.arrays import Float32Array, FloatArray, IntArray
@@ -50,13 +51,9 @@ class Flight(NamedTuple):
     shift : (T, 2) float
         Mean shift ½ D²μ : Σ + ∂ψ : C [m/s]; 0 under the independent law.
     speed : (T,) float
-        Airspeed that feedback and fixes leave for the control [m/s].
-    miss : (T+1,) float
-        P(landmark missed) at the steps where the plan relies on a fix, else 0.
+        Airspeed that feedback leaves for the control [m/s].
     F : (T, 2, 2) float, psi : (T, 2, P) float32, white : (T, 2) float
-        The law linearised about the path: e' = F e + dt (ψ' θ + white). P = 0 under the independent law.
-    gain : (T, 2, 2) float, learnt : (T, 2, P, 2) float32
-        Kalman gains Σ̃ S⁻¹ and S⁻¹ Cov(ẽ, θ̃) of the steps with a fix, else 0; no rows without landmarks.
+        The law linearised about the path: e' = F e + φ dt (ψ' θ + white). P = 0 under the independent law.
     memory : Memory
         Memory of the law for each step: Cov(e, θ) in ``theta``.
     """
@@ -67,12 +64,9 @@ class Flight(NamedTuple):
     free: FloatArray
     shift: FloatArray
     speed: FloatArray
-    miss: FloatArray
     F: FloatArray
     psi: Float32Array
     white: FloatArray
-    gain: FloatArray
-    learnt: Float32Array
     memory: Any
 
 
@@ -91,12 +85,13 @@ def note_linear_law(law: Law, flight: Flight, t: int, here: Gaussian) -> None:
 
 @implements(note_linear_law, IndependentLaw)
 def _note_independent(law: IndependentLaw, flight: Flight, t: int, here: Gaussian) -> None:
-    closed, dt2 = law.motion.closed, law.motion.dt * law.motion.dt
+    closed, left = law.motion.closed, left_time(law.motion)
+    dt2 = left * left
     for i in range(2):
         flight.shift[t, i] = 0.0
         for j in range(2):
             flight.F[t, i, j] = closed[i, j]
-    # Σ' - A Σ A' is dt² Σ_w at the point of largest trace.
+    # Σ' - A Σ A' is (φ dt)² Σ_w at the point of largest trace.
     p0, p1 = closed[0, 0] * here.cov.xx + closed[0, 1] * here.cov.xy, closed[0, 0] * here.cov.xy
     p1 += closed[0, 1] * here.cov.yy
     q0, q1 = closed[1, 0] * here.cov.xx + closed[1, 1] * here.cov.xy, closed[1, 0] * here.cov.xy
@@ -126,38 +121,6 @@ def _note_coherent(law: CoherentLaw | LandmarkLaw, flight: Flight, t: int, here:
     flight.shift[t, 1] = (flight.free[t, 1] - a[1, 0] * at.x - a[1, 1] * at.y) / dt - wn
 
 
-@by_type
-def note_fix(law: Law, flight: Flight, t: int, here: Gaussian) -> None:
-    """Fill row ``t`` of ``flight.miss`` and, if the plan relies on a fix at ``here``, of its Kalman gains."""
-    raise NotImplementedError
-
-
-@implements(note_fix, IndependentLaw, CoherentLaw)
-def _note_no_fix(_law: IndependentLaw | CoherentLaw, flight: Flight, t: int, _here: Gaussian) -> None:
-    flight.miss[t] = 0.0
-
-
-@implements(note_fix, LandmarkLaw)
-def _note_fix(law: LandmarkLaw, flight: Flight, t: int, here: Gaussian) -> None:
-    memory, row = flight.memory, max(t - 1, 0)
-    missed = fix_missed(law, memory, row, here)
-    flight.miss[t] = max(missed, 0.0)
-    if missed < 0.0 or t >= len(flight.gain):
-        return
-    a = here.cov.xx - memory.known[row, 0]
-    b = here.cov.xy - memory.known[row, 1]
-    c = here.cov.yy - memory.known[row, 2]
-    p, q = a + law.landmarks.variance, c + law.landmarks.variance
-    det = p * q - b * b
-    flight.gain[t, 0, 0], flight.gain[t, 0, 1] = (a * q - b * b) / det, (b * p - a * b) / det
-    flight.gain[t, 1, 0], flight.gain[t, 1, 1] = (b * q - c * b) / det, (c * p - b * b) / det
-    for w in range(2):
-        for m in range(memory.theta.shape[3]):
-            ex, ey = memory.theta[row, 0, w, m], memory.theta[row, 1, w, m]
-            flight.learnt[t, 0, w, m] = (q * ex - b * ey) / det
-            flight.learnt[t, 1, w, m] = (p * ey - b * ex) / det
-
-
 @allocating
 def propagate_flight(law: Law, flight: Flight, variance: float, steered: bool) -> int:
     """Propagate the Gaussian position along a path, from a start of the given ``variance`` [m²].
@@ -176,7 +139,6 @@ def propagate_flight(law: Law, flight: Flight, variance: float, steered: bool) -
     steps = min(len(u), len(law.wind.slot))
     for t in range(steps):
         here = position(flight, t)
-        note_fix(law, flight, t, here)
         ahead = advance(law, flight.memory, t, here, max(t - 1, 0), t)
         flight.free[t, 0], flight.free[t, 1] = ahead.mean
         flight.speed[t] = ahead.speed
@@ -189,7 +151,6 @@ def propagate_flight(law: Law, flight: Flight, variance: float, steered: bool) -
             dx, dy = x[t + 1, 0] - ahead.mean.x, x[t + 1, 1] - ahead.mean.y
             u[t, 0] = (b_inv[0, 0] * dx + b_inv[0, 1] * dy) / dt
             u[t, 1] = (b_inv[1, 0] * dx + b_inv[1, 1] * dy) / dt
-    flight.miss[steps] = 0.0
     return steps
 
 

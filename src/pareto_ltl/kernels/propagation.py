@@ -2,11 +2,12 @@
 
 With e = x - m the deviation from the mean and θ the coefficients of the field, the coherent law is
 
-    e' = F e + dt ψ(m)' θ + dt gust,    F = A - K + dt Dμ(m),
-    Σ' = F Σ F' + dt (F C ψ + (F C ψ)') + dt² (ψ' ψ + white),    C = Cov(e, θ),
-    C' = ρ (F C + dt ψ'),               ρ = 1 within a slot,
+    e' = F e + h ψ(m)' θ + h gust,    F = A - K + h Dμ(m),    h = φ dt,
+    Σ' = F Σ F' + h (F C ψ + (F C ψ)') + h² (ψ' ψ + white),    C = Cov(e, θ),
+    C' = ρ (F C + h ψ'),               ρ = 1 within a slot,
     m' = A m + dt (B u + μ(m) + ½ D²μ : Σ + ∂ψ : C).
 
+φ is the share of a step's wind error that position feedback leaves, 1 without it (M2).
 The last two terms are the mean shift, the second-order part of E[w(x)]; planned controls compensate it.
 Only m depends on the control, so all children of a vertex have the same covariance.
 """
@@ -63,6 +64,12 @@ def airspeed(motion: Motion, dx: float, dy: float) -> float:
     b = motion.b_inv
     ux, uy = (b[0, 0] * dx + b[0, 1] * dy) / motion.dt, (b[1, 0] * dx + b[1, 1] * dy) / motion.dt
     return math.sqrt(ux * ux + uy * uy)
+
+
+@inlined
+def left_time(motion: Motion) -> float:
+    """φ dt [s]: a step's wind error, times this, is the deviation that feedback leaves at its end."""
+    return motion.exposed * motion.dt
 
 
 @kernel
@@ -158,14 +165,17 @@ def drift(wind: Wind, motion: Motion, step: int, at: Point) -> Point:
 
 @kernel
 def spread(wind: Wind, motion: Motion, step: int, here: Gaussian) -> Cov:
-    """Covariance one step later [m²], for any control: A Σ A' + dt² Σ_w(x*); with feedback, A - K replaces A.
+    """Covariance one step later [m²], for any control: A Σ A' + dt² Σ_w(x*).
+
+    With feedback, A - K replaces A and φ dt replaces dt.
 
     Eq. (M21) of docs/mathematics.md.
     """
     cxx, cxy, cyy = here.cov
     radius = motion.ball * math.sqrt(0.5 * (cxx + cyy))
     ve, vn = worst_variance(wind, step, here.mean, radius)
-    a, dt2 = motion.closed, motion.dt * motion.dt
+    a, left = motion.closed, left_time(motion)
+    dt2 = left * left
     p0, p1 = a[0, 0] * cxx + a[0, 1] * cxy, a[0, 0] * cxy + a[0, 1] * cyy
     q0, q1 = a[1, 0] * cxx + a[1, 1] * cxy, a[1, 0] * cxy + a[1, 1] * cyy
     return Cov(
@@ -189,14 +199,14 @@ def _advance_independent(
 
 @kernel
 def closed_loop(law: CoherentLaw | LandmarkLaw, step: int, at: Point) -> Linear:
-    """F = A - K + dt Dμ(x).
+    """F = A - K + φ dt Dμ(x).
 
     Eq. (M22) of docs/mathematics.md.
     """
     square = wind_square(law.wind, at)
     xx, xy = pair_at(law.modes.slope, law.wind, step, square, 0)
     yx, yy = pair_at(law.modes.slope, law.wind, step, square, 2)
-    f, dt = law.motion.closed, law.motion.dt
+    f, dt = law.motion.closed, left_time(law.motion)
     return Linear(f[0, 0] + dt * xx, f[0, 1] + dt * xy, f[1, 0] + dt * yx, f[1, 1] + dt * yy)
 
 
@@ -290,11 +300,11 @@ def carry(
     Eqs. (M23) and (M24) of docs/mathematics.md.
     """
     modes, motion, at = law.modes, law.motion, here.mean
-    dt = motion.dt
+    dt, left = motion.dt, left_time(motion)
     f = closed_loop(law, step, at)
     square, rows = mode_square(modes, at), (row, target)
-    ee, exx, eyx, east = carry_modes(modes, step, square, 0, theta, rows, f, dt)
-    nn, nxx, nyx, north = carry_modes(modes, step, square, 1, theta, rows, f, dt)
+    ee, exx, eyx, east = carry_modes(modes, step, square, 0, theta, rows, f, left)
+    nn, nxx, nyx, north = carry_modes(modes, step, square, 1, theta, rows, f, left)
     white_e, white_n = white_variance(law, step, at, ee, nn)
     cxx, cxy, cyy = here.cov
     p0, p1 = f.xx * cxx + f.xy * cxy, f.xx * cxy + f.xy * cyy
@@ -302,9 +312,9 @@ def carry(
     m00, m01 = f.xx * exx + f.xy * eyx, f.xx * nxx + f.xy * nyx
     m10, m11 = f.yx * exx + f.yy * eyx, f.yx * nxx + f.yy * nyx
     cov = Cov(
-        p0 * f.xx + p1 * f.xy + 2.0 * dt * m00 + dt * dt * (ee + white_e),
-        p0 * f.yx + p1 * f.yy + dt * (m01 + m10),
-        q0 * f.yx + q1 * f.yy + 2.0 * dt * m11 + dt * dt * (nn + white_n),
+        p0 * f.xx + p1 * f.xy + 2.0 * left * m00 + left * left * (ee + white_e),
+        p0 * f.yx + p1 * f.yy + left * (m01 + m10),
+        q0 * f.yx + q1 * f.yy + 2.0 * left * m11 + left * left * (nn + white_n),
     )
     we, wn = wind_at(law.wind.mean, law.wind, step, at)
     be, bn = curvature(law, step, here)

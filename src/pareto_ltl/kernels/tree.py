@@ -8,9 +8,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.random import Generator
 
+from pareto_ltl.kernels import fixes  # noqa: F401 - the code of the law with landmarks
 from pareto_ltl.kernels.data import Cov, Gaussian, Logic, Memory, Motion, Point, World
 from pareto_ltl.kernels.dijkstra import Heap
-from pareto_ltl.kernels.fixes import fix_missed
 from pareto_ltl.kernels.jit import inlined, kernel
 from pareto_ltl.kernels.letters import next_state, too_late
 from pareto_ltl.kernels.neighbours import Bins, bin_of, kd_insert, remember
@@ -203,7 +203,7 @@ def in_time(s: Search, step: int, q: int) -> bool:
 def propose(s: Search, parent: int, there: Point, cell: int, q: int, row: int) -> Proposal:
     """A child of ``parent`` at ``there``, whose risks will be computed in scratch row ``row``."""
     here = Gaussian(there, child_covariance(s.tree, parent))
-    return Proposal(parent, here, cell, q, fix_missed(s.world.law, s.tree.memory, parent, here), row)
+    return Proposal(parent, here, cell, q, row)
 
 
 # --- storing a vertex -------------------------------------------------------------------------

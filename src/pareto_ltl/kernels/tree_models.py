@@ -34,7 +34,6 @@ from pareto_ltl.kernels.jit import by_type, implements, inlined
 from pareto_ltl.kernels.letters import epoch_at
 from pareto_ltl.kernels.mission_risk import read_labels, read_place, read_way, visit_risk
 from pareto_ltl.kernels.ordered_bound import (
-    add_risk,
     begin_bound,
     copy_entries,
     live_value,
@@ -50,16 +49,12 @@ if TYPE_CHECKING:
 
 
 class Proposal(NamedTuple):
-    """A proposed child of ``parent`` at ``there``, in ``cell`` and automaton state ``q``.
-
-    ``missed`` is P(landmark missed) there, or -1 without a fix; ``row`` is its scratch row.
-    """
+    """A proposed child of ``parent`` at ``there``, in ``cell`` and automaton state ``q``; a scratch ``row``."""
 
     parent: int
     there: Gaussian
     cell: int
     q: int
-    missed: float
     row: int
 
 
@@ -135,14 +130,10 @@ def _appraise_ordered(bound: Ordered, tree: Vertices, scratch: TreeState, new: P
     if note_letters(bound, letters) or not stays(bound, letters, before, new.parent):
         own.same[new.row] = -1
         read_letter(bound, letters, before, new.parent, own.rows, new.row, new.q)
-    elif new.missed > 0.0:
-        own.same[new.row] = -1
-        copy_entries(before, new.parent, own.rows, new.row)
     else:  # most steps: the empty letter is certain and leaves V as it is
         own.same[new.row] = new.parent
         scratch.risks[new.row, 0] = live_value(bound, before, new.parent, new.q)
         return
-    add_risk(own.rows, new.row, new.missed)
     scratch.risks[new.row, 0] = live_value(bound, own.rows, new.row, new.q)
 
 

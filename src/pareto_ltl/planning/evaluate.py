@@ -29,9 +29,10 @@ FAULTS = (
     "outlasts the wind data",
     "leaves the map or enters an obstacle",
     "comes closer to an obstacle or a wall than planner.epsilon allows",
-    "flies slower than robot.u_min plus the airspeed that feedback and fixes may take",
+    "flies slower than robot.u_min plus the airspeed that feedback may take",
 )
 
+EXPECTED = 0.5  # probability of a fix from which on a plan names it
 MOST_RUNS = 16  # runs of steps stored at a time; the cheapest are dropped, which can only make R larger
 
 # --- memory of the models ---------------------------------------------------------------------
@@ -48,6 +49,7 @@ def _coherent_memory(law: kd.CoherentLaw, rows: int) -> kd.CoherentMemory:
 def _landmark_memory(law: kd.LandmarkLaw, rows: int) -> kd.LandmarkMemory:
     modes = law.modes.psi.shape[-1]
     return kd.LandmarkMemory(
+        at=np.zeros((rows, 2)), chance=np.zeros(rows),
         theta=np.zeros((rows, 2, 2, modes), np.float32), known=np.empty((rows, 3)),
         fix=np.full(rows, -1, np.int64), faded=np.ones((rows, law.modes.keep.shape[1])),
         gain=np.empty((rows, 2, 2, modes), np.float32), previous=np.empty(rows, np.int64),
@@ -117,22 +119,24 @@ def _empty_flight(law: kd.Law, n: int) -> Flight:
     from pareto_ltl.kernels.path import Flight
 
     steps, modes = n - 1, 0 if isinstance(law, kd.IndependentLaw) else law.modes.psi.shape[-1]
-    fixes = steps if isinstance(law, kd.LandmarkLaw) else 0
     return Flight(
         x=np.empty((n, 2)), u=np.empty((steps, 2)), cov=np.empty((n, 3)), free=np.empty((steps, 2)),
-        shift=np.empty((steps, 2)), speed=np.empty(steps), miss=np.zeros(n), F=np.empty((steps, 2, 2)),
+        shift=np.empty((steps, 2)), speed=np.empty(steps), F=np.empty((steps, 2, 2)),
         psi=np.empty((steps, 2, modes), np.float32), white=np.empty((steps, 2)),
-        gain=np.zeros((fixes, 2, 2)), learnt=np.zeros((fixes, 2, 2, modes), np.float32),
         memory=law_memory(law, n),
     )  # fmt: skip
 
 
 def fix_steps(flight: Flight) -> tuple[int, ...]:
-    """Steps of a path at which it counts on a position fix."""
+    """Steps of a path before whose end the robot more probably than not measures its position anew."""
     if not isinstance(flight.memory, kd.LandmarkMemory):
         return ()
-    fix = flight.memory.fix[: len(flight.u)]
-    return tuple(int(t) for t in np.flatnonzero(np.diff(fix, prepend=-1) > 0))
+    return tuple(int(t) for t in np.flatnonzero(flight.memory.chance[: len(flight.u)] >= EXPECTED))
+
+
+def takes_fixes(flight: Flight) -> bool:
+    """Whether a fix, however unlikely, changes the covariance of a path."""
+    return isinstance(flight.memory, kd.LandmarkMemory) and bool(flight.memory.used[0])
 
 
 def square_matrices(cov3: FloatArray) -> FloatArray:
@@ -143,7 +147,7 @@ def square_matrices(cov3: FloatArray) -> FloatArray:
 def airspeed_limits(problem: Problem, speed: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Least and largest airspeed to plan with at each step, both (T,) [m/s].
 
-    ``speed`` (T,) [m/s] is u_max less what is reserved for feedback and fixes.
+    ``speed`` (T,) [m/s] is u_max less what is reserved for feedback.
     """
     motion = problem.motion
     reserved = motion.u_max - speed
@@ -261,7 +265,7 @@ def ordered_mission_risk(problem: Problem, flight: Flight) -> float:
     from pareto_ltl.kernels.ordered_bound import ordered_risk
 
     rows, letters = live_rows(problem.ordered, 2, PATH_LIVE), empty_letters(problem.ordered)
-    return float(ordered_risk(problem.ordered, rows, letters, flight.x, flight.cov, flight.miss))
+    return float(ordered_risk(problem.ordered, rows, letters, flight.x, flight.cov))
 
 
 def collision_risk(problem: Problem, flight: Flight, law: kd.Law, *, tight: bool = True) -> float:
@@ -311,7 +315,7 @@ def gaussian_path(law: kd.Law, flight: Flight, *, tight: bool = True) -> Gaussia
     if isinstance(law, kd.IndependentLaw):
         walk = bool(np.array_equal(law.motion.closed, np.eye(2)))
         return kernel.GaussianPath(flight.x, flight.cov, none, kernel.REFLECT if walk else kernel.SUM_ONLY)
-    if not tight or fix_steps(flight):
+    if not tight or takes_fixes(flight):
         return kernel.GaussianPath(flight.x, flight.cov, none, kernel.SUM_ONLY)
     cross = cross_covariance(law, flight)
     return kernel.GaussianPath(flight.x, flight.cov, cross, kernel.REFLECT_WHERE_GROWING)
@@ -325,7 +329,7 @@ def cross_covariance(law: kd.CoherentLaw | kd.LandmarkLaw, flight: Flight) -> Fl
     theta = flight.memory.theta
     held, motion = np.empty(theta.shape[1:]), law.motion
     covariance_across_time(
-        (flight.F, flight.psi), flight.cov, theta, law.modes.kept, motion.dt, held, cross
+        (flight.F, flight.psi), flight.cov, theta, law.modes.kept, motion.exposed * motion.dt, held, cross
     )  # fmt: skip
     return cross
 

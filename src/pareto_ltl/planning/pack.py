@@ -190,16 +190,18 @@ def mean_derivatives(mean: FloatArray, spacing: float) -> tuple[FloatArray, Floa
 def pack_motion(robot: RobotConfig, ball: float, judge: str = "bound") -> kd.Motion:
     """Matrices, feedback and bounds of the robot; ``ball`` is that of the maximum-trace rule.
 
-    No airspeed is reserved for feedback and fixes where flights judge: they show what a robot at its limits
-    cannot correct.
+    No airspeed is reserved for feedback where flights judge: they show what a robot at its limits cannot
+    correct.
 
     Eq. (M1) of docs/mathematics.md.
     """
     a, b = np.array(robot.a, float), np.array(robot.b, float)
+    gain, exposed = feedback_shares(robot.feedback_time, robot.dt)
     return kd.Motion(
         a=a,
-        closed=a - robot.feedback * np.eye(2),
-        gain=robot.feedback,
+        closed=a - gain * np.eye(2),
+        gain=gain,
+        exposed=exposed,
         effort=math.sqrt(-2.0 * math.log(robot.effort_risk)) if judge == "bound" else 0.0,
         b=b,
         b_inv=np.linalg.inv(b),
@@ -210,11 +212,31 @@ def pack_motion(robot: RobotConfig, ball: float, judge: str = "bound") -> kd.Mot
     )
 
 
+def feedback_shares(time: float | None, dt: float) -> tuple[float, float]:
+    """K and φ of a robot that corrects a known deviation with a time constant ``time`` [s], None for never.
+
+    K = 1 - exp(-dt / T) is the share of a deviation that is corrected in a step of ``dt`` [s], and φ = K T / dt
+    the share of a step's wind error that is left at its end: the solution of ė = -e / T + w for constant w.
+
+    Eq. (M2) of docs/mathematics.md.
+    """
+    if time is None:
+        return 0.0, 1.0
+    gain = -math.expm1(-dt / time)
+    return gain, gain * time / dt
+
+
 def pack_landmarks(robot: RobotConfig, marks: Sequence[FloatArray]) -> kd.Landmarks:
-    """Landmarks, and the gain, variance and risk of the fix of a robot that passes one."""
+    """Landmarks, the errors of their fixes, and the share of a known deviation corrected in one step."""
+    middle = np.array([polygon.mean(axis=0) for polygon in marks])
+    radius = [
+        np.linalg.norm(polygon - own, axis=1).max() for polygon, own in zip(marks, middle, strict=True)
+    ]
+    error = np.tile([robot.fix_sd**2, 0.0, robot.fix_sd**2], (len(marks), 1))
+    gain, _ = feedback_shares(robot.fix_time, robot.dt)
     return kd.Landmarks(
-        pack_faces(marks), pack_corners(range(len(marks)), marks), robot.fix_gain, robot.fix_sd**2,
-        robot.fix_risk,
+        pack_faces(marks), pack_corners(range(len(marks)), marks), np.column_stack([middle, radius]), error,
+        gain,
     )  # fmt: skip
 
 
@@ -283,9 +305,7 @@ def build_problem(
     """
     robot = with_time_step(robot, scene, planner.max_steps)
     epsilon = NO_LIMIT if planner.epsilon is None else planner.epsilon
-    marks = scene.landmarks if fidelity.law == "coherent" else ()
-    if scene.landmarks and not marks:
-        LOG.warning("scene.landmarks are not used: position fixes need fidelity.law=coherent")
+    marks = used_landmarks(scene, robot, fidelity)
     _refuse_strong_wind(robot, wind)
     laws = pack_laws(robot, planner, pack_motion(robot, wind_cfg.ball, fidelity.judge), wind, marks)
     cells = pack_cells(scene.bounds, decomposition)
@@ -318,6 +338,19 @@ def build_problem(
         energy=energy_model(robot.power),
         turns=turns_of(robot),
     )
+
+
+def used_landmarks(scene: Scene, robot: RobotConfig, fidelity: FidelityConfig) -> tuple[FloatArray, ...]:
+    """The landmarks at which the robot of these settings measures; a warning says why there are none."""
+    needs = {
+        "fidelity.law=coherent": fidelity.law == "coherent",
+        "fidelity.judge=flights (bounds know no flight that misses a landmark)": fidelity.judge == "flights",
+        "robot.feedback_time=null (a robot that always knows its position)": robot.feedback_time is None,
+    }
+    missing = [need for need, met in needs.items() if not met]
+    if scene.landmarks and missing:
+        LOG.warning("scene.landmarks are not used: position fixes need %s", " and ".join(missing))
+    return () if missing else scene.landmarks
 
 
 def _refuse_strong_wind(robot: RobotConfig, wind: WindField) -> None:

@@ -152,12 +152,17 @@ class Problem(Displayed):
         return states
 
 
+def unaided(law: kd.Law) -> kd.IndependentLaw | kd.CoherentLaw:
+    """``law`` for a robot that takes no position fixes."""
+    return kd.CoherentLaw(law.wind, law.modes, law.motion) if isinstance(law, kd.LandmarkLaw) else law
+
+
 def without_landmarks(problem: Problem) -> tuple[Problem, ...]:
     """The same problem for a robot that takes no position fixes; empty if ``problem`` has no landmarks."""
     law = problem.laws["coherent"]
     if not isinstance(law, kd.LandmarkLaw):
         return ()
-    plain = kd.CoherentLaw(law.wind, law.modes, law.motion)
+    plain = unaided(law)
     laws = {name: plain if own is law else own for name, own in problem.laws.items()}
     world = problem.world._replace(law=plain) if problem.world.law is law else problem.world
     return (replace(problem, scene=replace(problem.scene, landmarks=()), world=world, laws=laws),)

@@ -109,12 +109,13 @@ class RobotConfig(CheckedSettings):
     a: list[Any] = setting([[1.0, 0.0], [0.0, 1.0]], "matrix A of the dynamics (2 x 2)")
     b: list[Any] = setting([[1.0, 0.0], [0.0, 1.0]], "matrix B of the dynamics (2 x 2, invertible)")
     start_sd: float = setting(0.0, "standard deviation of the start position", unit="m", least=0, most=1e6)
-    feedback: float = setting(
-        0.0,
-        "gain K: share of the deviation that position feedback corrects in one step",
-        least=0,
-        most=1,
-        remark="0: open loop, 1: the whole deviation in one step",
+    feedback_time: float | None = setting(
+        None,
+        "time constant with which a robot that always knows its position returns to the plan",
+        unit="s",
+        above=0,
+        most=1e7,
+        remark="null: open loop",
     )
     effort_risk: float = setting(
         0.05,
@@ -126,11 +127,12 @@ class RobotConfig(CheckedSettings):
     fix_sd: float = setting(
         100.0, "standard deviation of a position fix at a landmark", unit="m", above=0, most=1e6
     )
-    fix_gain: float = setting(
-        0.25, "after a fix: share of the measured deviation that is corrected in one step", least=0, most=1
-    )
-    fix_risk: float = setting(
-        0.02, "largest probability of missing a landmark that a plan relies on", above=0, below=1
+    fix_time: float = setting(
+        1800.0,
+        "time constant with which the robot corrects a deviation that it knows from fixes",
+        unit="s",
+        above=0,
+        most=1e7,
     )
     power: PowerConfig = field(default_factory=PowerConfig)
 

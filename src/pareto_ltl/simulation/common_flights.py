@@ -11,7 +11,14 @@ from numpy.random import SeedSequence
 
 from pareto_ltl.kernels.path import Flight
 from pareto_ltl.planning.problem import Problem
-from pareto_ltl.simulation.flights import DRAWS, block_rows, fly_draws, judge_flights, pilot_maker
+from pareto_ltl.simulation.flights import (
+    DRAWS,
+    block_rows,
+    fix_noise,
+    fly_draws,
+    judge_flights,
+    pilot_maker,
+)
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 
 
@@ -21,8 +28,8 @@ class DrawnFlights:
 
     Attributes
     ----------
-    seed : SeedSequence
-        Seed of the noise of position fixes.
+    noise : (T+1, n, 2) float
+        Standard normal draws for the errors of position fixes; no rows without landmarks.
     start : (n, 2) float
         Deviations of the start [m].
     draws : kernels.flight.Draws
@@ -30,7 +37,7 @@ class DrawnFlights:
 
     problem: Problem
     law: str
-    seed: SeedSequence
+    noise: FloatArray
     start: FloatArray
     draws: Any
 
@@ -46,7 +53,7 @@ class DrawnFlights:
         x = np.empty((len(self), len(mean), 2))
         x[:, 0] = self.problem.scene.start + self.start
         maker = pilot_maker(self.problem, u, mean, self.law)
-        fly_draws(self.problem, self.draws, maker(len(self), np.random.default_rng(self.seed)), x)
+        fly_draws(self.problem, self.draws, maker(self.noise), x)
         return x
 
     def failed(self, x: FloatArray) -> BoolArray:
@@ -58,7 +65,8 @@ class DrawnFlights:
         draws = self.draws._replace(white=np.ascontiguousarray(self.draws.white[:, rows]))
         if hasattr(draws, "theta"):
             draws = draws._replace(theta=np.ascontiguousarray(self.draws.theta[:, rows]))
-        return replace(self, start=self.start[rows], draws=draws)
+        noise = np.ascontiguousarray(self.noise[:, rows])
+        return replace(self, noise=noise, start=self.start[rows], draws=draws)
 
 
 def draw_flights(problem: Problem, law: str, runs: int, seed: SeedSequence) -> DrawnFlights:
@@ -77,7 +85,7 @@ def draw_flights(problem: Problem, law: str, runs: int, seed: SeedSequence) -> D
     }
     draws = parts[0]._replace(**drawn)
     off = math.sqrt(problem.start_variance) * np.random.default_rng(start).standard_normal((runs, 2))
-    return DrawnFlights(problem, law, fixes, off, draws)
+    return DrawnFlights(problem, law, fix_noise(problem, runs, problem.horizon, fixes), off, draws)
 
 
 def is_certain(problem: Problem) -> bool:

@@ -17,8 +17,11 @@ from numpy.random import Generator, SeedSequence
 
 from pareto_ltl.kernels import data as kd
 from pareto_ltl.kernels import flight as kernel
+from pareto_ltl.kernels.navigator import SHARES, Beliefs, FilterLaw, Navigator
+from pareto_ltl.kernels.path import Flight
+from pareto_ltl.kernels.pilots import Autopilot
 from pareto_ltl.planning.evaluate import propagate
-from pareto_ltl.planning.problem import Problem
+from pareto_ltl.planning.problem import Problem, unaided
 from pareto_ltl.planning.records import Plan
 from pareto_ltl.settings import DeploymentConfig
 from pareto_ltl.simulation.records import Deployment
@@ -28,11 +31,12 @@ from pareto_ltl.support.counts import clopper_pearson
 from pareto_ltl.support.errors import InfeasibleError
 from pareto_ltl.support.memory import require_memory
 
-PilotMaker = Callable[[int, Generator], Any]  # takes the number of flights and the generator of their fixes
+PilotMaker = Callable[[FloatArray], Any]  # takes the noise (T+1, n, 2) of the fixes of n flights
 FLIGHT_COPIES = 2  # copies of the positions of a flight: one in memory, one in the archive that is written
 FIX_NOISE = 2**16  # child of a block's seed for the errors of position fixes
 FLAGS = "accepted", "collided", "off_map"
 BLOCK = 250  # runs that share a generator, whatever the number of threads
+FARTHEST = 8.0  # deviations from a path beyond which no flight is expected
 
 # --- winds ------------------------------------------------------------------------------------
 
@@ -177,13 +181,13 @@ class FlightBlock:
         Positions at departure [m].
     draws : IndependentDraws or CoherentDraws
         Winds for some number of steps; a shorter plan uses the first of them.
-    noise : SeedSequence
-        Seed of the errors of position fixes.
+    noise : (T+1, n, 2) float
+        Standard normal draws for the errors of position fixes; no rows without landmarks.
     """
 
     start: FloatArray
     draws: Any
-    noise: SeedSequence
+    noise: FloatArray
 
 
 def draw_block(problem: Problem, law: str, runs: int, steps: int, seed: SeedSequence) -> FlightBlock:
@@ -191,13 +195,19 @@ def draw_block(problem: Problem, law: str, runs: int, steps: int, seed: SeedSequ
     rng = np.random.default_rng(unspawned(seed))
     start = problem.scene.start + np.sqrt(problem.start_variance) * rng.standard_normal((BLOCK, 2))[:runs]
     noise = SeedSequence(seed.entropy, spawn_key=(*seed.spawn_key, FIX_NOISE), pool_size=seed.pool_size)
-    return FlightBlock(start, DRAWS[law](problem, runs, steps, rng), noise)
+    return FlightBlock(start, DRAWS[law](problem, runs, steps, rng), fix_noise(problem, runs, steps, noise))
+
+
+def fix_noise(problem: Problem, runs: int, steps: int, seed: SeedSequence) -> FloatArray:
+    """Standard normal draws (steps + 1, runs, 2) for the errors of fixes; no rows without landmarks."""
+    rows = steps + 1 if isinstance(problem.laws["coherent"], kd.LandmarkLaw) else 0
+    return np.random.default_rng(seed).standard_normal((rows, runs, 2))
 
 
 def fly_block(problem: Problem, block: FlightBlock, pilot: PilotMaker, x: FloatArray) -> None:
     """Fly one plan once for each flight of ``block``; fills ``x`` (n, T+1, 2)."""
     x[:, 0] = block.start
-    fly_draws(problem, block.draws, pilot(len(x), np.random.default_rng(block.noise)), x)
+    fly_draws(problem, block.draws, pilot(block.noise), x)
 
 
 def fly_draws(problem: Problem, draws: kernel.Draws, pilot: kernel.Pilot, x: FloatArray) -> None:
@@ -215,27 +225,51 @@ def judge_flights(problem: Problem, law: str, x: FloatArray) -> Deployment:
 
 
 def pilot_maker(problem: Problem, u: FloatArray, mean: FloatArray | None, law: str) -> PilotMaker:
-    """The maker of the pilot: an autopilot, or a navigator that takes fixes along ``mean`` (T+1, 2) [m]."""
-    held = np.zeros((len(u) + 1, 2)) if mean is None else np.ascontiguousarray(mean)
-    autopilot = kernel.Autopilot(u, held)
-    planned = problem.laws["coherent"]
-    if mean is None or not isinstance(planned, kd.LandmarkLaw):
-        return lambda _runs, _rng: autopilot
-    path, modes = propagate(problem, held, planned), planned.modes
-    path.u[:] = u
-    if not path.gain.any():
-        return lambda _runs, _rng: autopilot
-    # Winds of different steps are independent here: the wind of one step does not predict the next.
-    learnt = np.zeros_like(path.learnt) if law == "independent" else path.learnt
-    fix_sd = np.sqrt(planned.landmarks.variance)
+    """The maker of the pilot: an autopilot, or a navigator that takes fixes along ``mean`` (T+1, 2) [m].
 
-    def navigator(runs: int, rng: Generator) -> kernel.Navigator:
-        noise = fix_sd * rng.standard_normal((len(u), runs, 2))
-        field = np.empty((runs, 2, modes.psi.shape[-1]), np.float32)
-        estimate = np.empty((runs, 3))
-        return kernel.Navigator(path, planned.landmarks, learnt, noise, modes.kept, field, estimate)
+    Under the independent law the wind of one step does not predict the next, so that fixes tell positions only.
+    """
+    held = np.zeros((len(u) + 1, 2)) if mean is None else np.ascontiguousarray(mean)
+    autopilot, planned = Autopilot(u, held), problem.laws["coherent"]
+    if mean is None or not isinstance(planned, kd.LandmarkLaw):
+        return lambda _noise: autopilot
+    model = unaided(problem.laws[law])
+    flight, marks = propagate(problem, held, model), planned.landmarks
+    if not within_reach(marks, flight):
+        return lambda _noise: autopilot
+    kept = model.modes.kept if isinstance(model, kd.CoherentLaw) else np.ones((len(held) + 1, 0), np.float32)
+    linear = FilterLaw(held, u, flight.F, flight.psi, flight.white, kept, problem.start_variance)
+    root = np.linalg.cholesky(marks.cov[:, [0, 1, 1, 2]].reshape(-1, 2, 2))
+
+    def navigator(noise: FloatArray) -> Navigator:
+        runs = noise.shape[1]
+        return Navigator(
+            linear, marks, root, noise, np.empty((runs, 4)),
+            np.empty((runs, 2, kept.shape[1]), np.float32), np.empty(runs, np.int64), np.empty(runs, bool),
+            empty_beliefs(2 * runs + 1, len(root), kept.shape[1]),
+        )  # fmt: skip
 
     return navigator
+
+
+def within_reach(marks: kd.Landmarks, flight: Flight) -> bool:
+    """Whether a flight may come into a landmark: its path, within ``FARTHEST`` deviations, meets one's disc."""
+    import shapely
+
+    reach = FARTHEST * float(np.sqrt(flight.cov[:, [0, 2]].sum(axis=1).max()))
+    gap = shapely.distance(shapely.LineString(flight.x), shapely.points(marks.disc[:, :2]))
+    return bool((gap <= marks.disc[:, 2] + reach).any())
+
+
+def empty_beliefs(rows: int, marks: int, modes: int) -> Beliefs:
+    """Memory for the covariances of ``rows`` histories of fixes at ``marks`` landmarks."""
+    pair, both = (rows, 2, 2), 2 * modes
+    return Beliefs(
+        np.empty(pair), np.empty(pair), np.empty(pair), np.empty((rows, 2, both), np.float32),
+        np.empty((rows, 2, both), np.float32), np.empty((rows, both, both), np.float32), np.empty(pair),
+        np.empty((rows, 2, both), np.float32), np.empty((rows, marks, SHARES), np.int64),
+        np.zeros(rows, np.int64), np.zeros(1, np.int64), np.empty((2, both), np.float32),
+    )  # fmt: skip
 
 
 # --- rates ------------------------------------------------------------------------------------

@@ -38,6 +38,8 @@ from scipy.special import gammaincinv, ndtr, ndtri
 
 from pareto_ltl.kernels import data as kd
 from pareto_ltl.kernels import flight as rollout
+from pareto_ltl.kernels.pilots import Autopilot
+from pareto_ltl.kernels.propagation import left_time
 from pareto_ltl.kernels import importance as kernel
 from pareto_ltl.kernels.path import Flight
 from pareto_ltl.planning.evaluate import propagate, propagate_controls
@@ -140,7 +142,7 @@ def weighted_rate(problem: Problem, path: PlannedPath, draws: int, seed: SeedSeq
         raise ValueError(f"importance sampling needs at least one draw, got draws = {draws}")
     require_known_wind(problem, path.u, path.x)
     law = problem.fidelity.law
-    proposal = None if path.fixes else make_proposal(problem, path, law)
+    proposal = None if problem.scene.landmarks else make_proposal(problem, path, law)
     if proposal is None:
         return None
     weights, failed = weighted_flights(problem, path, proposal, draws, seed)
@@ -220,7 +222,7 @@ def linear_law(problem: Problem, flight: Flight, law: kd.CoherentLaw) -> kernel.
     steps = len(flight.u)
     return kernel.LinearLaw(
         flight.F, flight.psi, np.sqrt(flight.white), law.modes.epoch[:steps],
-        kept_by_epoch(law.modes, steps), law.motion.dt, math.sqrt(problem.start_variance),
+        kept_by_epoch(law.modes, steps), left_time(law.motion), math.sqrt(problem.start_variance),
     )  # fmt: skip
 
 
@@ -268,7 +270,7 @@ def weighted_flights(
     """
     weights, failed = np.empty(draws), np.empty(draws, bool)
     mixture, choices = proposal.mixture(), component_choices(proposal)
-    pilot, law = rollout.Autopilot(path.u, np.ascontiguousarray(path.x)), problem.fidelity.law
+    pilot, law = Autopilot(path.u, np.ascontiguousarray(path.x)), problem.fidelity.law
 
     def one(rows: slice, child: SeedSequence) -> None:
         n = rows.stop - rows.start

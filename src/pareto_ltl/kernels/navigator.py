@@ -1,0 +1,409 @@
+"""The pilot that takes position fixes: a Kalman filter, and a control from what it knows.
+
+A flight inside a landmark, at a step or between two, measures its position. Its filter, linear about the
+planned means, estimates the deviation e and the coefficients θ of the wind field:
+
+    e' = F e + dt (ψ' θ + white),    θ' = ρ θ + √(1 - ρ²) η,    y = s e_t + (1 - s) e_{t-1} + ν,
+
+where s is the share of the step after which it leaves the landmark. The control is
+
+    u = u_t - B⁻¹ (κ ê / dt + ψ' θ̂),    cut to [u_min, u_max].
+
+Covariances and gains of a filter depend on when and where it has measured, not on what. So flights with the
+same history of fixes share them: a row of :class:`Beliefs`. Rows are made when a history first occurs, and
+used again when its last flight has measured anew. In 10,000 flights past three landmarks some hundred
+histories occur.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from pareto_ltl.kernels.data import Landmarks, Motion, Point
+from pareto_ltl.kernels.interpolation import F32
+from pareto_ltl.kernels.jit import implements, kernel, vector
+from pareto_ltl.kernels.pilots import begin_flights, command, observe, within_airspeed
+from pareto_ltl.support.arrays import BoolArray, Float32Array, FloatArray, IntArray
+
+SHARES = 8  # parts of a step in which a fix can lie: those of one part have the same gains
+
+
+class FilterLaw(NamedTuple):
+    """The law about the planned means, for T steps: e' = F e + dt (ψ' θ + white).
+
+    ``x`` (T+1, 2) [m], ``u`` (T, 2) [m/s], ``F`` (T, 2, 2), ``psi`` (T, 2, P) [m/s], ``white`` (T, 2)
+    [m²/s²], ``kept`` (S, P): ρ; ``variance`` of the start in each direction [m²].
+    """
+
+    x: FloatArray
+    u: FloatArray
+    F: FloatArray
+    psi: Float32Array
+    white: FloatArray
+    kept: Float32Array
+    variance: float
+
+
+class Beliefs(NamedTuple):
+    """Covariances of errors of estimates, one row for each history of fixes.
+
+    ``cov`` (N, 2, 2) = Cov(ẽ) [m²], ``before`` (N, 2, 2) the same a step ago, ``across`` (N, 2, 2) =
+    Cov(ẽ_t, ẽ_{t-1}); ``cross`` (N, 2, 2P) = Cov(ẽ, θ̃), ``lagged`` (N, 2, 2P) = Cov(ẽ_{t-1}, θ̃);
+    ``theta`` (N, 2P, 2P) = Cov(θ̃). ``gain`` (N, 2, 2) and ``learnt`` (N, 2, 2P) are the gains of the last
+    fix; ``child`` (N, K, SHARES) is the row after a fix at this step, -1 for none; ``flights`` (N,) counts
+    the flights of a row, ``used`` (1,) the rows ever used. ``push`` (2, 2P) is scratch.
+    """
+
+    cov: FloatArray
+    before: FloatArray
+    across: FloatArray
+    cross: Float32Array
+    lagged: Float32Array
+    theta: Float32Array
+    gain: FloatArray
+    learnt: Float32Array
+    child: IntArray
+    flights: IntArray
+    used: IntArray
+    push: Float32Array
+
+
+class Navigator(NamedTuple):
+    """Flies the controls of ``law`` and corrects them after fixes.
+
+    ``root`` (K, 2, 2) is the lower root of the covariance of a fix [m], ``noise`` (T+1, n, 2) ~ N(0, 1).
+    ``estimate`` (n, 4) = (ê_t, ê_{t-1}) [m], ``field`` (n, 2, P) = θ̂, ``history`` (n,) the row of
+    ``beliefs``, ``fixed`` (n,) whether a fix was taken.
+    """
+
+    law: FilterLaw
+    landmarks: Landmarks
+    root: FloatArray
+    noise: FloatArray
+    estimate: FloatArray
+    field: Float32Array
+    history: IntArray
+    fixed: BoolArray
+    beliefs: Beliefs
+
+
+# --- covariances of a history -----------------------------------------------------------------
+
+
+@implements(begin_flights, Navigator)
+def _begin_navigator(pilot: Navigator, _motion: Motion) -> None:
+    for i in range(pilot.field.shape[0]):
+        for m in range(pilot.field.shape[2]):
+            pilot.field[i, 0, m], pilot.field[i, 1, m] = F32(0.0), F32(0.0)
+        for k in range(4):
+            pilot.estimate[i, k] = 0.0
+        pilot.history[i], pilot.fixed[i] = 0, False
+    own, modes = pilot.beliefs, pilot.beliefs.theta.shape[1]
+    own.used[0], own.flights[0] = 1, len(pilot.history)
+    for r in range(2):
+        for c in range(2):
+            own.cov[0, r, c] = pilot.law.variance if r == c else 0.0
+            own.before[0, r, c], own.across[0, r, c] = own.cov[0, r, c], own.cov[0, r, c]
+        for j in range(modes):
+            own.cross[0, r, j], own.lagged[0, r, j] = F32(0.0), F32(0.0)
+    for i in range(modes):
+        for j in range(modes):
+            own.theta[0, i, j] = F32(1.0) if i == j else F32(0.0)
+
+
+@vector
+def forced(beliefs: Beliefs, row: int, psi: Float32Array, push: Float32Array) -> None:
+    """Write ψ_c' Cov(θ̃) of both components of the wind to ``push`` (2, 2P); ``psi`` (2, P)."""
+    modes, both = psi.shape[1], beliefs.theta.shape[1]
+    for c in range(2):
+        for j in range(both):
+            push[c, j] = F32(0.0)
+        for m in range(modes):
+            p = psi[c, m]
+            for j in range(both):
+                push[c, j] += p * beliefs.theta[row, c * modes + m, j]
+
+
+@vector
+def along_modes(psi: Float32Array, values: Float32Array, c: int) -> float:
+    """Σ_m ψ_cm ``values[c P + m]``; ``psi`` (2, P), ``values`` (2P,)."""
+    total, modes = F32(0.0), psi.shape[1]
+    for m in range(modes):
+        total += psi[c, m] * values[c * modes + m]
+    return total  # type: ignore[return-value]
+
+
+@vector
+def carry_cross(
+    cross: Float32Array, lagged: Float32Array, F: FloatArray, push: Float32Array, kept: Float32Array, dt: float
+) -> None:
+    """Cov(ẽ_{t-1}, θ̃_t) and Cov(ẽ_t, θ̃_t) from ``cross`` (2, 2P) a step ago."""
+    modes, h = len(kept), F32(dt)
+    a, b, c, d = F32(F[0, 0]), F32(F[0, 1]), F32(F[1, 0]), F32(F[1, 1])
+    for half in range(2):
+        for m in range(modes):
+            j = half * modes + m
+            x, y = cross[0, j], cross[1, j]
+            lagged[0, j], lagged[1, j] = kept[m] * x, kept[m] * y
+            cross[0, j] = kept[m] * (a * x + b * y + h * push[0, j])
+            cross[1, j] = kept[m] * (c * x + d * y + h * push[1, j])
+
+
+@vector
+def fade_theta(theta: Float32Array, kept: Float32Array) -> None:
+    """Cov(θ̃) <- ρ Cov(θ̃) ρ + I - ρ²; ``theta`` (2P, 2P), ``kept`` (P,) = ρ."""
+    modes = len(kept)
+    for i in range(2 * modes):
+        own = kept[i % modes]
+        for half in range(2):
+            for m in range(modes):
+                theta[i, half * modes + m] *= own * kept[m]
+        theta[i, i] += F32(1.0) - own * own
+
+
+@kernel
+def changes(kept: Float32Array) -> bool:
+    """Whether θ of any mode changes at a step; ``kept`` (P,) = ρ."""
+    for m in range(len(kept)):
+        if kept[m] < 1.0:
+            return True
+    return False
+
+
+@kernel
+def carry_belief(pilot: Navigator, motion: Motion, t: int, row: int) -> None:
+    """The covariances of ``row`` at step ``t`` from those at t - 1, without a fix.
+
+    Eq. (M25) of docs/mathematics.md.
+    """
+    own, law, dt, push = pilot.beliefs, pilot.law, motion.dt, pilot.beliefs.push
+    F, psi, cov = law.F[t - 1], law.psi[t - 1], own.cov[row]
+    forced(own, row, psi, push)
+    for r in range(2):
+        for q in range(2):
+            carried = F[r, 0] * cov[0, q] + F[r, 1] * cov[1, q]
+            own.across[row, r, q] = carried + dt * along_modes(psi, own.cross[row, q], r)
+            own.before[row, r, q] = cov[r, q]
+    xx, xy, yy = 0.0, 0.0, 0.0
+    # Cov(e_t, e_{t-1}) F' + dt Cov(e_t, θ) ψ, with Cov(e_t, θ) = F C + dt ψ' Cov(θ)
+    c00, c01 = along_modes(psi, own.cross[row, 0], 0), along_modes(psi, own.cross[row, 0], 1)
+    c10, c11 = along_modes(psi, own.cross[row, 1], 0), along_modes(psi, own.cross[row, 1], 1)
+    q00, q01, q11 = along_modes(psi, push[0], 0), along_modes(psi, push[0], 1), along_modes(psi, push[1], 1)
+    across = own.across[row]
+    xx = across[0, 0] * F[0, 0] + across[0, 1] * F[0, 1]
+    xx += dt * (F[0, 0] * c00 + F[0, 1] * c10) + dt * dt * (q00 + law.white[t - 1, 0])
+    xy = across[0, 0] * F[1, 0] + across[0, 1] * F[1, 1] + dt * (F[0, 0] * c01 + F[0, 1] * c11) + dt * dt * q01
+    yy = across[1, 0] * F[1, 0] + across[1, 1] * F[1, 1]
+    yy += dt * (F[1, 0] * c01 + F[1, 1] * c11) + dt * dt * (q11 + law.white[t - 1, 1])
+    cov[0, 0], cov[0, 1], cov[1, 0], cov[1, 1] = xx, xy, xy, yy
+    kept = law.kept[t]
+    carry_cross(own.cross[row], own.lagged[row], F, push, kept, dt)
+    if changes(kept):
+        fade_theta(own.theta[row], kept)
+
+
+@vector
+def copy_belief(own: Beliefs, row: int, target: int) -> None:
+    """Copy what a fix changes from ``row`` to ``target``."""
+    for r in range(2):
+        for c in range(2):
+            own.cov[target, r, c] = own.cov[row, r, c]
+        for j in range(own.cross.shape[2]):
+            own.cross[target, r, j] = own.cross[row, r, j]
+    for i in range(own.theta.shape[1]):
+        for j in range(own.theta.shape[2]):
+            own.theta[target, i, j] = own.theta[row, i, j]
+
+
+@kernel
+def learn_from_fix(own: Beliefs, row: int, target: int, s: float, error: FloatArray) -> None:
+    """The covariances of ``target`` after a fix at the share ``s`` of the step that ends at those of ``row``.
+
+    ``error`` (3,) is the covariance (xx, xy, yy) of the fix [m²].
+
+    Eq. (M26) of docs/mathematics.md.
+    """
+    copy_belief(own, row, target)
+    cov, before, across = own.cov[row], own.before[row], own.across[row]
+    r, both = 1.0 - s, s * (1.0 - s)
+    p = s * s * cov[0, 0] + r * r * before[0, 0] + 2.0 * both * across[0, 0] + error[0]
+    q = s * s * cov[0, 1] + r * r * before[0, 1] + both * (across[0, 1] + across[1, 0]) + error[1]
+    v = s * s * cov[1, 1] + r * r * before[1, 1] + 2.0 * both * across[1, 1] + error[2]
+    det = p * v - q * q
+    i00, i01, i11 = v / det, -q / det, p / det
+    a00, a01 = s * cov[0, 0] + r * across[0, 0], s * cov[0, 1] + r * across[0, 1]
+    a10, a11 = s * cov[1, 0] + r * across[1, 0], s * cov[1, 1] + r * across[1, 1]
+    gain = own.gain[target]
+    gain[0, 0], gain[0, 1] = a00 * i00 + a01 * i01, a00 * i01 + a01 * i11
+    gain[1, 0], gain[1, 1] = a10 * i00 + a11 * i01, a10 * i01 + a11 * i11
+    after = own.cov[target]
+    after[0, 0] -= gain[0, 0] * a00 + gain[0, 1] * a01
+    after[1, 1] -= gain[1, 0] * a10 + gain[1, 1] * a11
+    mixed = gain[0, 0] * a10 + gain[0, 1] * a11
+    after[0, 1] -= mixed
+    after[1, 0] = after[0, 1]
+    learn_field(own, row, target, s, (i00, i01, i11))
+
+
+@vector
+def learn_field(
+    own: Beliefs, row: int, target: int, s: float, inverse: tuple[float, float, float]
+) -> None:  # fmt: skip
+    """Gains of θ̂, Cov(ẽ, θ̃) and Cov(θ̃) after a fix with the innovation covariance of ``inverse``."""
+    cross, lagged, theta, learnt = own.cross[row], own.lagged[row], own.theta[target], own.learnt[target]
+    now, ago, gain, after = F32(s), F32(1.0 - s), own.gain[target], own.cross[target]
+    i00, i01, i11 = F32(inverse[0]), F32(inverse[1]), F32(inverse[2])
+    g00, g01, g10, g11 = F32(gain[0, 0]), F32(gain[0, 1]), F32(gain[1, 0]), F32(gain[1, 1])
+    both = theta.shape[0]
+    for j in range(both):
+        x, y = now * cross[0, j] + ago * lagged[0, j], now * cross[1, j] + ago * lagged[1, j]
+        learnt[0, j], learnt[1, j] = i00 * x + i01 * y, i01 * x + i11 * y
+        own.push[0, j], own.push[1, j] = x, y
+    for j in range(both):
+        after[0, j] -= g00 * own.push[0, j] + g01 * own.push[1, j]
+        after[1, j] -= g10 * own.push[0, j] + g11 * own.push[1, j]
+    for i in range(both):
+        x, y = learnt[0, i], learnt[1, i]
+        for j in range(both):
+            theta[i, j] -= x * own.push[0, j] + y * own.push[1, j]
+
+
+# --- fixes ------------------------------------------------------------------------------------
+
+
+@kernel
+def last_inside(landmarks: Landmarks, k: int, begin: Point, end: Point) -> float:
+    """The last share in [0, 1] of the segment that lies in landmark ``k``; -1 if none does."""
+    faces = landmarks.faces
+    first, last = 0.0, 1.0
+    for j in range(faces.ptr[k], faces.ptr[k + 1]):
+        nx, ny = faces.normal[j, 0], faces.normal[j, 1]
+        here = faces.offset[j] - nx * begin.x - ny * begin.y
+        there = faces.offset[j] - nx * end.x - ny * end.y
+        if here < 0.0 and there < 0.0:
+            return -1.0
+        if here < 0.0:
+            first = max(first, here / (here - there))
+        elif there < 0.0:
+            last = min(last, here / (here - there))
+    return last if first <= last else -1.0
+
+
+@implements(observe, Navigator)
+def _observe_landmarks(pilot: Navigator, motion: Motion, t: int, x: FloatArray) -> None:
+    own, marks = pilot.beliefs, pilot.landmarks
+    for row in range(own.used[0]):
+        if own.flights[row] > 0:
+            if t > 0:
+                carry_belief(pilot, motion, t, row)
+            for k in range(own.child.shape[1]):
+                for part in range(SHARES):
+                    own.child[row, k, part] = -1
+    free = 0
+    for i in range(len(x)):
+        if pilot.fixed[i] and t > 0:
+            fade_field(pilot.field[i], pilot.law.kept[t])
+        here = Point(x[i, t, 0], x[i, t, 1])
+        begin = Point(x[i, t - 1, 0], x[i, t - 1, 1]) if t > 0 else here
+        mark, share = -1, -1.0
+        for k in range(len(marks.disc)):
+            s = last_inside(marks, k, begin, here)
+            if s > share:
+                mark, share = k, s
+        if mark < 0:
+            continue
+        row, part = pilot.history[i], min(int(share * SHARES + 0.5), SHARES) if t > 0 else SHARES
+        part = max(part, 1)
+        target = own.child[row, mark, part - 1]
+        if target < 0:
+            free = free_row(own, free)
+            target = free
+            own.child[row, mark, part - 1] = target
+            learn_from_fix(own, row, target, part / SHARES, marks.cov[mark])
+            free += 1
+        own.flights[row] -= 1
+        own.flights[target] += 1
+        pilot.history[i], pilot.fixed[i] = target, True
+        take_fix(pilot, t, i, mark, (begin, here), share if t > 0 else 1.0)
+
+
+@kernel
+def free_row(own: Beliefs, begin: int) -> int:
+    """The first row from ``begin`` on that no flight uses."""
+    row = begin
+    while row < own.used[0] and own.flights[row] != 0:
+        row += 1
+    if row == own.used[0]:
+        own.used[0] += 1
+    return row
+
+
+@vector
+def fade_field(field: Float32Array, kept: Float32Array) -> None:
+    """Multiply θ̂ = ``field`` (2, P) by ``kept`` (P,)."""
+    for c in range(2):
+        for m in range(field.shape[1]):
+            field[c, m] *= kept[m]
+
+
+@kernel
+def take_fix(pilot: Navigator, t: int, i: int, mark: int, step: tuple[Point, Point], share: float) -> None:
+    """Update ê and θ̂ of flight ``i`` by a noisy measurement at ``share`` of the step between two points."""
+    law, own, estimate, field = pilot.law, pilot.beliefs, pilot.estimate[i], pilot.field[i]
+    (begin, here), root, row = step, pilot.root[mark], pilot.history[i]
+    one, two = pilot.noise[t, i, 0], pilot.noise[t, i, 1]
+    ago, before = 1.0 - share, max(t - 1, 0)
+    dx = share * (here.x - law.x[t, 0] - estimate[0]) + ago * (begin.x - law.x[before, 0] - estimate[2])
+    dy = share * (here.y - law.x[t, 1] - estimate[1]) + ago * (begin.y - law.x[before, 1] - estimate[3])
+    dx += root[0, 0] * one
+    dy += root[1, 0] * one + root[1, 1] * two
+    gain = own.gain[row]
+    estimate[0] += gain[0, 0] * dx + gain[0, 1] * dy
+    estimate[1] += gain[1, 0] * dx + gain[1, 1] * dy
+    add_learnt(field, own.learnt[row], dx, dy)
+
+
+@vector
+def add_learnt(field: Float32Array, learnt: Float32Array, dx: float, dy: float) -> None:
+    """Add what an innovation (dx, dy) [m] says to θ̂ = ``field`` (2, P); gains ``learnt`` (2, 2P)."""
+    modes, x, y = field.shape[1], F32(dx), F32(dy)
+    for c in range(2):
+        for m in range(modes):
+            field[c, m] += learnt[0, c * modes + m] * x + learnt[1, c * modes + m] * y
+
+
+# --- control ----------------------------------------------------------------------------------
+
+
+@vector
+def known_wind(psi: Float32Array, field: Float32Array, c: int) -> float:
+    """ψ' θ̂ [m/s] of component ``c``."""
+    wind = F32(0.0)
+    for m in range(field.shape[1]):
+        wind += psi[c, m] * field[c, m]
+    return wind  # type: ignore[return-value]
+
+
+@implements(command, Navigator)
+def _command_navigator(
+    pilot: Navigator, motion: Motion, t: int, i: int, _at: Point, _wind: Point
+) -> tuple[float, float]:  # fmt: skip
+    law, estimate = pilot.law, pilot.estimate[i]
+    planned_x, planned_y = law.u[t, 0], law.u[t, 1]
+    if not pilot.fixed[i]:
+        return planned_x, planned_y
+    ex, ey, b_inv, b, dt, F = estimate[0], estimate[1], motion.b_inv, motion.b, motion.dt, law.F[t]
+    hx, hy = known_wind(law.psi[t], pilot.field[i], 0), known_wind(law.psi[t], pilot.field[i], 1)
+    share = pilot.landmarks.gain / dt
+    cx, cy = share * ex + hx, share * ey + hy
+    ux, uy = within_airspeed(
+        motion,
+        planned_x - (b_inv[0, 0] * cx + b_inv[0, 1] * cy),
+        planned_y - (b_inv[1, 0] * cx + b_inv[1, 1] * cy),
+    )
+    du, dv = ux - planned_x, uy - planned_y
+    estimate[2], estimate[3] = ex, ey
+    estimate[0] = F[0, 0] * ex + F[0, 1] * ey + dt * (hx + b[0, 0] * du + b[0, 1] * dv)
+    estimate[1] = F[1, 0] * ex + F[1, 1] * ey + dt * (hy + b[1, 0] * du + b[1, 1] * dv)
+    return ux, uy

@@ -1,0 +1,87 @@
+"""What a robot commands in flight, by the type of its pilot."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from pareto_ltl.kernels.data import Motion, Point
+from pareto_ltl.kernels.jit import by_type, implements, kernel
+from pareto_ltl.support.arrays import FloatArray
+
+
+class Autopilot(NamedTuple):
+    """Flies the controls ``u`` (T, 2) [m/s]; feedback, if any, steers towards ``mean`` (T+1, 2) [m]."""
+
+    u: FloatArray
+    mean: FloatArray
+
+
+@by_type
+def begin_flights(pilot: Autopilot, motion: Motion) -> None:
+    """Reset what the pilots of earlier flights knew."""
+    raise NotImplementedError
+
+
+@by_type
+def observe(pilot: Autopilot, motion: Motion, t: int, x: FloatArray) -> None:
+    """What all pilots measure on their way to step ``t`` of the flights ``x`` (n, T+1, 2) [m]."""
+    raise NotImplementedError
+
+
+@by_type
+def command(
+    pilot: Autopilot, motion: Motion, t: int, i: int, at: Point, wind: Point
+) -> tuple[float, float]:  # fmt: skip
+    """Control [m/s] of flight ``i`` at step ``t``, position ``at`` [m] and in the ``wind`` that it meets [m/s].
+
+    A control that feedback or an estimate changes is limited to u_min and u_max.
+    """
+    raise NotImplementedError
+
+
+@kernel
+def within_airspeed(motion: Motion, ux: float, uy: float) -> tuple[float, float]:
+    """Control with the same direction and an airspeed limited to [u_min, u_max]; 0 stays 0."""
+    size = math.sqrt(ux * ux + uy * uy)
+    if size > motion.u_max:
+        return ux * motion.u_max / size, uy * motion.u_max / size
+    if 0.0 < size < motion.u_min:
+        return ux * motion.u_min / size, uy * motion.u_min / size
+    return ux, uy
+
+
+@implements(begin_flights, Autopilot)
+def _begin_autopilot(_pilot: Autopilot, _motion: Motion) -> None:
+    pass
+
+
+@implements(observe, Autopilot)
+def _observe_nothing(_pilot: Autopilot, _motion: Motion, _t: int, _x: FloatArray) -> None:
+    pass
+
+
+@implements(command, Autopilot)
+def _command_autopilot(
+    pilot: Autopilot, motion: Motion, t: int, _i: int, at: Point, wind: Point
+) -> tuple[float, float]:  # fmt: skip
+    """The planned control; with feedback u_t - B⁻¹ (K (x - m_t) / dt + (1 - φ) (w - w̄_t)).
+
+    w̄ is the wind for which the plan flies from m_t to the next mean. A robot that always knows its position
+    also counteracts, within the step, what the wind of the step does to it: the share 1 - φ.
+
+    Eq. (M2) of docs/mathematics.md.
+    """
+    ux, uy = pilot.u[t, 0], pilot.u[t, 1]
+    if motion.gain == 0.0:
+        return ux, uy
+    mean, a, b, b_inv, dt = pilot.mean, motion.a, motion.b, motion.b_inv, motion.dt
+    mx, my = mean[t, 0], mean[t, 1]
+    planned_x = (mean[t + 1, 0] - a[0, 0] * mx - a[0, 1] * my) / dt - b[0, 0] * ux - b[0, 1] * uy
+    planned_y = (mean[t + 1, 1] - a[1, 0] * mx - a[1, 1] * my) / dt - b[1, 0] * ux - b[1, 1] * uy
+    share, met = motion.gain / dt, 1.0 - motion.exposed
+    ex = share * (at.x - mx) + met * (wind.x - planned_x)
+    ey = share * (at.y - my) + met * (wind.y - planned_y)
+    ux -= b_inv[0, 0] * ex + b_inv[0, 1] * ey
+    uy -= b_inv[1, 0] * ex + b_inv[1, 1] * ey
+    return within_airspeed(motion, ux, uy)
