@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -119,6 +119,11 @@ class Problem(Displayed):
         return coherent.modes
 
     @property
+    def landmarks(self) -> tuple[FloatArray, ...]:
+        """Landmarks at which the robot measures its position; none if the laws do not use those of the map."""
+        return self.scene.landmarks if isinstance(self.laws["coherent"], kd.LandmarkLaw) else ()
+
+    @property
     def horizon(self) -> int:
         """Number of steps for which the wind is known, at most ``planner.max_steps``."""
         return min(len(self.wind.slot), self.max_steps)
@@ -155,14 +160,3 @@ class Problem(Displayed):
 def unaided(law: kd.Law) -> kd.IndependentLaw | kd.CoherentLaw:
     """``law`` for a robot that takes no position fixes."""
     return kd.CoherentLaw(law.wind, law.modes, law.motion) if isinstance(law, kd.LandmarkLaw) else law
-
-
-def without_landmarks(problem: Problem) -> tuple[Problem, ...]:
-    """The same problem for a robot that takes no position fixes; empty if ``problem`` has no landmarks."""
-    law = problem.laws["coherent"]
-    if not isinstance(law, kd.LandmarkLaw):
-        return ()
-    plain = unaided(law)
-    laws = {name: plain if own is law else own for name, own in problem.laws.items()}
-    world = problem.world._replace(law=plain) if problem.world.law is law else problem.world
-    return (replace(problem, scene=replace(problem.scene, landmarks=()), world=world, laws=laws),)

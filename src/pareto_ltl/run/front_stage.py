@@ -11,9 +11,7 @@ from pareto_ltl.run.stage_table import StageInputs, named_child, stage_seeds
 from pareto_ltl.support.errors import InfeasibleError
 
 if TYPE_CHECKING:
-    from pareto_ltl.planning.problem import Problem
     from pareto_ltl.planning.records import Front, PlannedPath
-    from pareto_ltl.support.budget import Budget
 
 LOG = logging.getLogger(__name__)
 FOREST_STREAM = "forest"  # stream of the random numbers of growth
@@ -22,7 +20,6 @@ NO_TREE_PATH = (
     "no path of the trees keeps planner.epsilon in every segment: set fidelity.refine=sampled, which looks "
     "for one, or planner.epsilon=null for no limit"
 )
-LANDMARKS_SHARE = 0.6  # of a time budget: growth and the search with landmarks, before that without
 
 
 def make_front(inputs: StageInputs) -> Front:
@@ -118,42 +115,15 @@ def _convex_refinement(
 
 def _sampled_refinement(inputs: StageInputs, raw: Sequence[PlannedPath]) -> tuple[PlannedPath, ...]:
     """Sampled refinement; without uncertainty all flights are the same, and only the length counts."""
-    from pareto_ltl.planning.problem import without_landmarks
-    from pareto_ltl.planning.refine import flown_lines
-    from pareto_ltl.simulation.common_flights import is_certain
+    from pareto_ltl.planning.refine import MORE_FLIGHTS, flown_lines, sampled_paths
+    from pareto_ltl.simulation.common_flights import draw_flights, is_certain
 
-    whole = inputs[PROBLEM]
-    if is_certain(whole):
-        return _convex_refinement(inputs, raw, flown_lines(whole))
-    # Landmarks must not make a plan worse: paths made without them, flown with them, are on the front too.
-    searches = [(whole, inputs.budget)]
-    for plain in without_landmarks(whole):
-        searches = [(whole, inputs.budget.until(LANDMARKS_SHARE)), (plain, inputs.budget)]
-    paths: list[PlannedPath] = []
-    faults = []
-    for problem, budget in searches:
-        try:
-            paths += _sampled(inputs, problem, budget)
-        except InfeasibleError as error:
-            faults.append(error)
-            if len(searches) > 1:
-                uses = "with" if problem is whole else "without"
-                LOG.warning("the search %s landmarks has no path: %s", uses, error)
-    if not paths and faults:
-        raise faults[0]
-    return tuple(paths)
-
-
-def _sampled(inputs: StageInputs, problem: Problem, budget: Budget) -> tuple[PlannedPath, ...]:
-    """Paths of one search for ``problem``, evaluated in the problem of the run."""
-    from pareto_ltl.planning.evaluate import evaluate_path
-    from pareto_ltl.planning.refine import MORE_FLIGHTS, sampled_paths
-    from pareto_ltl.simulation.common_flights import draw_flights
-
-    whole, cfg = inputs[PROBLEM], inputs.settings.refine
+    problem = inputs[PROBLEM]
+    if is_certain(problem):
+        return _convex_refinement(inputs, raw, flown_lines(problem))
+    cfg = inputs.settings.refine
     flights = draw_flights(problem, problem.fidelity.law, MORE_FLIGHTS * cfg.flights, inputs.seeds)
-    found = sampled_paths(cfg, problem, inputs[FOREST], flights, inputs.progress, budget)
-    return found if problem is whole else tuple(evaluate_path(whole, path.x, path.origin) for path in found)
+    return sampled_paths(cfg, problem, inputs[FOREST], flights, inputs.progress, inputs.budget)
 
 
 Refiner = Callable[[StageInputs, Sequence["PlannedPath"]], tuple["PlannedPath", ...]]

@@ -142,7 +142,7 @@ def weighted_rate(problem: Problem, path: PlannedPath, draws: int, seed: SeedSeq
         raise ValueError(f"importance sampling needs at least one draw, got draws = {draws}")
     require_known_wind(problem, path.u, path.x)
     law = problem.fidelity.law
-    proposal = None if problem.scene.landmarks else make_proposal(problem, path, law)
+    proposal = None if problem.landmarks else make_proposal(problem, path, law)
     if proposal is None:
         return None
     weights, failed = weighted_flights(problem, path, proposal, draws, seed)

@@ -1,4 +1,4 @@
-"""Homotopy classes of paths: mission order, and the side on which each obstacle is passed."""
+"""Classes of paths: mission order, the side on which each obstacle is passed, and the landmarks crossed."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from typing import TypeAlias
 import numpy as np
 
 from pareto_ltl.planning.problem import Problem
+from pareto_ltl.planning.refine.sights import sights
 from pareto_ltl.support.arrays import FloatArray
 
 Word: TypeAlias = tuple[int, ...]
@@ -18,6 +19,8 @@ Word: TypeAlias = tuple[int, ...]
 @dataclass(frozen=True, slots=True)
 class PathClass:
     """Two paths of one class can be bent into each other, leg by leg, without meeting an obstacle.
+
+    They cross the same landmarks on the way.
 
     Attributes
     ----------
@@ -29,10 +32,13 @@ class PathClass:
         of the obstacles (Bhattacharya, Likhachev and Kumar, Autonomous Robots 33, 2012,
         doi:10.1007/s10514-012-9304-1). A path that goes out and back on one side of an obstacle differs from
         one on the other side only leg by leg.
+    seen : tuple of frozenset of int
+        The landmarks that each leg crosses.
     """
 
     order: tuple[tuple[int, frozenset[str]], ...]
     words: tuple[Word, ...]
+    seen: tuple[frozenset[int], ...]
 
     @property
     def state(self) -> int:
@@ -51,8 +57,10 @@ def path_class(problem: Problem, x: FloatArray) -> PathClass:
     accepted = problem.logic.distance[q[-1]] == 0.0
     ends = turns[turns > 0].tolist() + ([] if accepted else [len(x) - 1])
     crossed = crossed_rays(problem.decomposition.obstacles, x[:-1], x[1:])
-    words = tuple(_leg_word(crossed, begin, end) for begin, end in pairwise([0, *ends]))
-    return PathClass(order, words)
+    legs, met = list(pairwise([0, *ends])), sights(problem, x)
+    words = tuple(_leg_word(crossed, begin, end) for begin, end in legs)
+    seen = tuple(frozenset(np.flatnonzero(met[begin:end].any(axis=0)).tolist()) for begin, end in legs)
+    return PathClass(order, words, seen)
 
 
 def _leg_word(crossed: Mapping[int, Word], begin: int, end: int) -> Word:

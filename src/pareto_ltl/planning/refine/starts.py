@@ -20,6 +20,7 @@ from pareto_ltl.planning.refine.pacing import paced_line
 from pareto_ltl.planning.refine.path_classes import PathClass, Word, crossed_rays, path_class, reduced_word
 from pareto_ltl.planning.refine.roadmap import roadmap_lines
 from pareto_ltl.planning.refine.sampled import path_length
+from pareto_ltl.planning.refine.sights import led_lines
 from pareto_ltl.planning.refine.taut_lines import taut_line, walk_line
 from pareto_ltl.planning.selection import accepted_rows
 from pareto_ltl.support.arrays import FloatArray
@@ -133,12 +134,12 @@ def line_starts(problem: Problem) -> list[Start]:
 
 
 def roadmap_starts(problem: Problem) -> list[Start]:
-    """The lines of the roadmap that the robot can fly before the wind ends, the shortest first."""
-    return [
-        start
-        for number, line in enumerate(roadmap_lines(problem, LINES))
-        for start in _walked(problem, line, f"roadmap line {number}")
-    ]
+    """Lines of the roadmap, also led through landmarks, that can be flown before the wind ends."""
+    lines = roadmap_lines(problem, LINES)
+    led = led_lines(problem, lines)
+    named = [(line, f"roadmap line {number}") for number, line in enumerate(lines)]
+    named += [(line, f"line {number} through landmarks") for number, line in enumerate(led)]
+    return [start for line, name in named for start in _walked(problem, line, name)]
 
 
 def flown_lines(problem: Problem) -> list[PlannedPath]:
