@@ -81,7 +81,7 @@ def test_one_roll_out_of_1_500_coherent_flights(benchmark, windy):
 def safe_plan():
     """A plan for phi2 with feedback, in the winds of the sample: it fails in a few of 10,000 flights."""
     planned = pareto_ltl.plan(
-        "phi2", MISSIONS["phi2"], fidelity="full", robot={"dt": 1800.0, "feedback": 0.1}
+        "phi2", MISSIONS["phi2"], fidelity="full", robot={"dt": 1800.0, "feedback_time": 18000.0}
     )
     importance.weighted_rate(planned.problem, planned.plan.path, 250, SeedSequence(0))
     return planned.problem, planned.plan.path

@@ -241,9 +241,9 @@ def _draw(rng: np.random.Generator, kind: Kind, name: str, files: np.random.Seed
     if kind.timed:
         features = _timed(rng, features, hours)
     formula = shape.text.format(early=math.ceil(60 * EARLY * hours), late=math.ceil(60 * LATE * hours))
-    feedback = float(rng.choice([0.2, 0.3, 0.5])) if rng.random() < vehicle.feedback else 0.0
+    feedback = float(rng.choice([60.0, 600.0, 3600.0])) if rng.random() < vehicle.feedback else 0.0
     words = [f"mission.formula='{formula}'", f"robot={vehicle.preset}", f"mission.start_time={departure}"]
-    words += [f"robot.feedback={feedback:g}"] if feedback else []
+    words += [f"robot.feedback_time={feedback:g}"] if feedback else []
     number = Counter(feature.role for feature in features)
     tags = {
         "kind": kind.name, "vehicle": vehicle.preset, "feedback": feedback, "wind": wind,

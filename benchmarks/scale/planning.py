@@ -84,7 +84,7 @@ def many_obstacles(fidelity: str) -> Callable[[int], float]:
         robot = {
             "dt": 200.0,
             "u_max": 60.0,
-            "feedback": 0.5,
+            "feedback_time": 600.0,
         }  # for narrow gaps
         return planned(crowded_map(3, obstacles), "F(r0 & F r1)", fidelity, robot=robot)
 

@@ -31,6 +31,7 @@ from pareto_ltl_verify.wind_tables import ENSEMBLE, Clock, WindFile, clock, read
 
 LAWS = ("independent", "coherent")
 HELD_RUNS = 2000  # new flights with position feedback
+HELD_TIME = 60.0  # time constant of the position feedback of exports [s]
 
 
 @dataclass(frozen=True, eq=False)
@@ -208,8 +209,10 @@ class Evidence:
             u_min=told.get("u_min", 0.0),  # earlier versions have neither this setting nor the next two
             bank=math.radians(told.get("bank", 0.0)), turn_delay=told.get("turn_delay", 0.0),
             **{key: told[key] for key in (
-                "dt", "u_max", "start_sd", "feedback", "effort_risk", "fix_sd", "fix_gain", "fix_risk"
+                "dt", "u_max", "start_sd", "effort_risk", "fix_sd"
             )},
+            fix_gain=step_shares(told["fix_time"], told["dt"])[0],
+            **dict(zip(("feedback", "exposed"), step_shares(told["feedback_time"], told["dt"]), strict=True)),
         )  # fmt: skip
 
     @cached_property
@@ -286,7 +289,8 @@ class Evidence:
         times = self.times if steps is None else self.clock_of(steps)
         if name == "independent":
             return Independent(self.wind, times, self.robot)
-        marks = self.scene.get("landmarks") or [] if self.planned_law == "coherent" else []
+        used = self.planned_law == "coherent" and self.settings["fidelity"]["judge"] == "flights"
+        marks = self.scene.get("landmarks") or [] if used and not self.robot.feedback else []
         return Coherent(self.wind, times, self.robot, tuple(map(convex, marks)))
 
     @property
@@ -331,7 +335,7 @@ class Evidence:
             [losers[way] for way in ways],
         )
         steps = [read[now] for now in nows]
-        return ordered(masses, steps, covers(dfa), dfa.initial, dfa.accepting, course.miss, way_met)
+        return ordered(masses, steps, covers(dfa), dfa.initial, dfa.accepting, way_met)
 
     def _letter(self, label: Iterable[str], holding: frozenset[str]) -> int:
         """The number of the letter that a label shows while windows are open."""
@@ -365,7 +369,7 @@ class Evidence:
     def _growth(self, parts: Sequence[Convex], law: Law, course: Course, share: float) -> list[BoolArray]:
         """For each obstacle (faces, r, t): whether the deviation along a normal grows from r to t."""
         n = len(course.x)
-        if isinstance(law, Coherent) and not course.gains:
+        if isinstance(law, Coherent) and not course.chances:
             cross = laws.covariance_across(law, course)
             return [growing(part, cross, share) for part in parts]
         walks = isinstance(law, Independent) and np.array_equal(law.robot.closed, np.eye(2))
@@ -382,10 +386,10 @@ class Evidence:
         return self._simulator_of(self.planned_law, self.front_x(number), self.front_u(number))
 
     def _simulator_of(self, name: str, x: FloatArray, u: FloatArray) -> Simulator:
-        planned = self.law("coherent", len(u))
+        planned, law = self.law("coherent", len(u)), self.law(name, len(u))
         marks = planned.landmarks if isinstance(planned, Coherent) else ()
-        guide = laws.fly_means(planned, x) if marks else None
-        return Simulator(self.law(name, len(u)), guide if guide and guide.gains else None, x, u, marks)
+        alone = replace(law, landmarks=()) if isinstance(law, Coherent) else law
+        return Simulator(law, laws.fly_means(alone, x) if marks else None, x, u, marks)
 
     @cached_property
     def new_flights(self) -> dict[str, FloatArray]:
@@ -403,10 +407,23 @@ class Evidence:
 
     @cached_property
     def held_failures(self) -> tuple[int, int]:
-        """How many of how many new flights with ``robot.feedback=1`` fail, under the wind law of the plan."""
-        held = replace(self.law(self.planned_law), robot=replace(self.robot, feedback=1.0))
+        """How many of how many new flights with ``robot.feedback_time=60`` fail, in the winds of the plan."""
+        gain, exposed = step_shares(HELD_TIME, self.robot.dt)
+        robot = replace(self.robot, feedback=gain, exposed=exposed)
+        held = replace(self.law(self.planned_law), robot=robot)
         x = Simulator(held, None, self.x, self.u, ()).fly(HELD_RUNS, np.random.default_rng(20181011))
         return int(self.ground.failed(x).sum()), HELD_RUNS
+
+
+def step_shares(time: float | None, dt: float) -> tuple[float, float]:
+    """Shares of a deviation corrected in a step of ``dt`` [s], and of the step's wind error that is left.
+
+    The solution of ė = -e / T + w after a step, for T = ``time`` [s]; None: no correction.
+    """
+    if time is None:
+        return 0.0, 1.0
+    left = math.exp(-dt / time)
+    return 1.0 - left, (1.0 - left) * time / dt
 
 
 def open_evidence(directory: Path) -> Evidence:

@@ -14,6 +14,7 @@ from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 from pareto_ltl_verify.formula import Dfa, harmful
 from pareto_ltl_verify.gaussians import ON_EDGE
 from pareto_ltl_verify.geometry import Convex, beyond_bounds, deepest, met_by_any
+from pareto_ltl_verify.fixes import Filters
 from pareto_ltl_verify.laws import Coherent, Course, Independent, Law
 from pareto_ltl_verify.timetable import Label, Timetable
 from pareto_ltl_verify.wind_tables import at_step, square_of
@@ -197,18 +198,12 @@ def misjudged(ground: Ground, said: Verdicts, grain: float) -> int:
 # --- new flights ------------------------------------------------------------------------------
 
 
-@dataclass(slots=True)
-class Pilots:
-    """Estimates of n robots from fixes: ``deviation`` ê (n, 2) [m], ``field`` θ̂ (n, 2P); who had a fix."""
-
-    deviation: FloatArray
-    field: FloatArray
-    fixed: BoolArray
-
-
 @dataclass(frozen=True, slots=True)
 class Simulator:
-    """Simulator of flights of ``course`` under ``law``; ``guide`` is the course with the fixes to use."""
+    """Simulator of flights of the controls ``u`` about ``mean`` under ``law``.
+
+    ``guide`` is the law about the means for the filters of robots that measure at ``landmarks``.
+    """
 
     law: Law
     guide: Course | None
@@ -221,14 +216,18 @@ class Simulator:
         robot, steps = self.law.robot, len(self.u)
         x = np.empty((runs, steps + 1, 2))
         x[:, 0] = self.mean[0] + robot.start_sd * rng.standard_normal((runs, 2))
-        modes = 0 if self.guide is None else self.guide.psi.shape[2]
-        pilots = Pilots(np.zeros((runs, 2)), np.zeros((runs, modes)), np.zeros(runs, bool))
+        filters = None if self.guide is None else Filters(self.law, self.guide, self.landmarks)
+        robots = None if filters is None else filters.begin(runs)
         theta = rng.standard_normal((runs, self.law.modes))
         for t in range(steps):
             if t and isinstance(self.law, Coherent):
                 theta = next_field(self.law, t, theta, rng)
             wind = self._wind(x[:, t], t, theta, rng)
-            flown = self._commands(x[:, t], t, pilots, rng)
+            if filters is None or robots is None:
+                flown = self._held(x[:, t], t, wind)
+            else:
+                filters.observe(robots, t, x, rng)
+                flown = filters.steered(robots, t, self.u[t])
             x[:, t + 1] = x[:, t] @ robot.a.T + robot.dt * (flown @ robot.b.T + wind)
         return x
 
@@ -249,39 +248,18 @@ class Simulator:
             white = law.white_variance(t, latent, carried)
         return np.asarray(met + np.sqrt(white) * rng.standard_normal(met.shape), float)
 
-    def _commands(self, x: FloatArray, t: int, pilots: Pilots, rng: np.random.Generator) -> FloatArray:
-        """Controls (n, 2) [m/s]: planned control, feedback and correction by fixes, within the airspeeds."""
-        robot, guide = self.law.robot, self.guide
-        held = self.u[t] - robot.feedback / robot.dt * np.linalg.solve(robot.b, (x - self.mean[t]).T).T
-        cut = self._within_speed(held) if robot.feedback > 0 else held
-        if guide is None:
-            return cut
-        if isinstance(self.law, Coherent):
-            pilots.field *= self.law.kept(t)
-        if t in guide.gains:
-            self._take_fixes(x, t, pilots, rng)
-        expected = pilots.field @ guide.psi[t].T
-        back = np.linalg.solve(robot.b, (robot.fix_gain / robot.dt * pilots.deviation + expected).T).T
-        flown = self._within_speed(held - back)
-        moved = pilots.deviation @ guide.F[t].T + robot.dt * (expected + (flown - held) @ robot.b.T)
-        pilots.deviation = np.where(pilots.fixed[:, None], moved, 0.0)
-        return np.where(pilots.fixed[:, None], flown, cut)
+    def _held(self, x: FloatArray, t: int, wind: FloatArray) -> FloatArray:
+        """Controls (n, 2) [m/s] with feedback, within the airspeeds.
 
-    def _within_speed(self, u: FloatArray) -> FloatArray:
-        robot, size = self.law.robot, np.linalg.norm(u, axis=1, keepdims=True)
-        return np.asarray(u * (np.clip(size, robot.u_min, robot.u_max) / np.maximum(size, 1e-12)), float)
-
-    def _take_fixes(self, x: FloatArray, t: int, pilots: Pilots, rng: np.random.Generator) -> None:
-        """Kalman update of the robots inside a landmark, by a measured position with noise."""
-        assert self.guide is not None
-        gain, learnt = self.guide.gains[t]
-        here = deepest(self.landmarks, x) >= 0
-        read = x + self.law.robot.fix_sd * rng.standard_normal(x.shape)
-        news = np.where(here[:, None], read - self.mean[t] - pilots.deviation, 0.0)
-        pilots.deviation = pilots.deviation + news @ gain.T
-        if isinstance(self.law, Coherent):
-            pilots.field += news @ learnt.T
-        pilots.fixed |= here
+        The robot returns from its deviation, and within the step also counteracts part of the wind that it
+        meets, beyond the one that the plan expects.
+        """
+        robot, mean = self.law.robot, self.mean
+        if robot.feedback == 0.0:
+            return np.broadcast_to(self.u[t], x.shape)
+        expected = (mean[t + 1] - robot.a @ mean[t]) / robot.dt - robot.b @ self.u[t]
+        back = robot.feedback / robot.dt * (x - mean[t]) + (1.0 - robot.exposed) * (wind - expected)
+        return robot.within_speed(self.u[t] - np.linalg.solve(robot.b, back.T).T)
 
 
 def next_field(law: Coherent, t: int, theta: FloatArray, rng: np.random.Generator) -> FloatArray:

@@ -92,12 +92,12 @@ def label_masses(cells: Sequence[tuple[Convex, frozenset[str]]], x: FloatArray, 
 
 def ordered(
     masses: Masses, read: Sequence[Sequence[Mapping[frozenset[str], int]]], covers: Sequence[Sequence[bool]],
-    initial: int, accepting: Sequence[bool], miss: dict[int, float], way: Way,
+    initial: int, accepting: Sequence[bool], way: Way,
 ) -> float:  # fmt: skip
     """V: a bound on the probability that the mission fails, by induction over steps and automaton states.
 
     V_t(p) = min(1, min_q [V_{t-1}(q) + P(reading the label in q does not reach p) + P(a cell between the
-    steps loses q)]) + P(landmark missed). A label that loses q is counted only in the second probability.
+    steps loses q)]). A label that loses q is counted only in the second probability.
     ``read[t][q]`` is the state after each label.
     """
     states = range(len(covers))
@@ -117,7 +117,6 @@ def ordered(
             )
             for p in states
         ]
-        V = [min(1.0, value + miss.get(t, 0.0)) for value in V]
     return min([1.0] + [V[p] for p in states if accepting[p]])
 
 

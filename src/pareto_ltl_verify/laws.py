@@ -17,12 +17,17 @@ from pareto_ltl_verify.gaussians import in_polygon
 from pareto_ltl_verify.geometry import Convex
 from pareto_ltl_verify.wind_tables import TIME, Clock, WindFile, at_step, square_of
 
+WORTHWHILE = 0.01  # share of the unknown variance: fixes that take less are ignored
 RIM = np.array([(math.cos(a), math.sin(a)) for a in np.arange(8) * math.pi / 4])  # of the maximum-trace ball
 
 
 @dataclass(frozen=True, slots=True)
 class Robot:
-    """Dynamics x' = A x + dt (B u + w), limits of the airspeed, feedback and position fixes; SI units."""
+    """Dynamics x' = A x + dt (B u + w), limits of the airspeed, feedback and position fixes; SI units.
+
+    ``feedback`` and ``fix_gain`` are shares of a deviation that is known, corrected in one step; ``exposed``
+    is the share of a step's wind error that feedback leaves.
+    """
 
     a: FloatArray
     b: FloatArray
@@ -31,10 +36,10 @@ class Robot:
     u_max: float
     start_sd: float
     feedback: float
+    exposed: float
     effort_risk: float
     fix_sd: float
     fix_gain: float
-    fix_risk: float
     ball: float
     bank: float = 0.0
     turn_delay: float = 0.0
@@ -44,18 +49,19 @@ class Robot:
         """A - K: the matrix (2, 2) that maps a deviation to that of the next step."""
         return self.a - self.feedback * np.eye(2)
 
-    def speed_left(self, *corrections: FloatArray) -> float:
-        """Airspeed [m/s] left for the plan if the sum of corrections of these covariances [m²] is flown too.
+    def speed_left(self, correction: FloatArray) -> float:
+        """Airspeed [m/s] left for the plan if corrections of this covariance (2, 2) [m²] are flown too.
 
-        The corrections may be correlated: the standard deviation of a sum is at most the sum of theirs.
+        P(‖c‖ > r) <= exp(-r² / 2 λ), with λ the largest eigenvalue of the covariance.
         """
-        return max(self.u_max - sum(map(self._reserve, corrections)), 0.0)
-
-    def _reserve(self, correction: FloatArray) -> float:
-        """Airspeed r [m/s]: P(‖c‖ > r) <= exp(-r² / 2 λ), with λ the largest eigenvalue of the covariance."""
         turned = np.linalg.solve(self.b, np.linalg.solve(self.b, correction).T)
         widest = max(float(np.linalg.eigvalsh(0.5 * (turned + turned.T))[-1]), 0.0)
-        return math.sqrt(-2.0 * math.log(self.effort_risk) * widest) / self.dt
+        return max(self.u_max - math.sqrt(-2.0 * math.log(self.effort_risk) * widest) / self.dt, 0.0)
+
+    def within_speed(self, u: FloatArray) -> FloatArray:
+        """Controls ``u`` (n, 2) [m/s] cut to the least and the largest airspeed."""
+        size = np.linalg.norm(u, axis=1, keepdims=True)
+        return np.asarray(u * (np.clip(size, self.u_min, self.u_max) / np.maximum(size, 1e-12)), float)
 
     def least_speed(self, left: FloatArray) -> FloatArray:
         """Least airspeed [m/s] of the plan if ``left`` [m/s] is the greatest.
@@ -75,14 +81,12 @@ class Course:
         Mean [m] and covariance [m²].
     u (T, 2), speed (T,)
         Control and the airspeed left for it [m/s].
-    miss : dict of step to float
-        P(landmark missed) where the plan counts on a fix.
     F (T, 2, 2), psi (T, 2, 2P), white (T, 2), drift (T, 2)
-        The law linearised about the path: e' = F e + dt (ψ θ + white); drift is μ and its mean shift.
+        The law linearised about the path: e' = F e + φ dt (ψ θ + white); drift is μ and its mean shift.
     cross : list of T+1 (2, 2P)
         Cov(e_t, θ_t).
-    gains : dict of step to ((2, 2), (2P, 2))
-        Kalman gains of e and θ.
+    chances : dict of step to float
+        Probability of the fix on the way to a step, where it matters.
     """
 
     x: FloatArray
@@ -93,9 +97,8 @@ class Course:
     F: FloatArray
     psi: FloatArray
     white: FloatArray
-    miss: dict[int, float] = field(default_factory=dict)
     cross: list[FloatArray] = field(default_factory=list)
-    gains: dict[int, tuple[FloatArray, FloatArray]] = field(default_factory=dict)
+    chances: dict[int, float] = field(default_factory=dict)
 
 
 @dataclass(slots=True)
@@ -132,7 +135,8 @@ class Independent:
         course.drift[t] = square.value(at_step(wind.mean, self.times, t))[0]
         course.F[t] = robot.closed
         course.speed[t] = robot.speed_left(robot.feedback**2 * belief.unknown)
-        spread = robot.closed @ belief.unknown @ robot.closed.T + robot.dt**2 * np.diag(course.white[t])
+        spread = robot.closed @ belief.unknown @ robot.closed.T
+        spread += (robot.exposed * robot.dt) ** 2 * np.diag(course.white[t])
         return Belief(spread, belief.known, belief.cross, belief.theta)
 
 
@@ -178,18 +182,14 @@ class Coherent:
     def advance(self, course: Course, t: int, belief: Belief) -> Belief:
         """Fill row t of ``course`` and return what is uncertain one step later."""
         belief = self._with_fix(course, t, belief)
-        robot, dt = self.robot, self.robot.dt
+        robot, dt = self.robot, self.robot.exposed * self.robot.dt
         self._linearise(course, t, belief)
         F, psi, keep = course.F[t], course.psi[t], self.kept(t + 1)
         mixed = dt * F @ belief.cross @ psi.T
         unknown = F @ belief.unknown @ F.T + mixed + mixed.T
         unknown += dt**2 * (psi @ belief.theta @ psi.T + np.diag(course.white[t]))
-        steered = psi @ (np.eye(len(belief.theta)) - belief.theta) @ psi.T
         back = F - robot.fix_gain * np.eye(2)
-        course.speed[t] = robot.speed_left(
-            robot.feedback**2 * belief.unknown + (robot.feedback + robot.fix_gain) ** 2 * belief.known,
-            dt**2 * steered,
-        )
+        course.speed[t] = robot.speed_left(robot.feedback**2 * belief.unknown)
         return Belief(
             unknown=unknown,
             known=back @ belief.known @ back.T,
@@ -207,7 +207,7 @@ class Coherent:
         mean = at_step(wind.mean, self.times, t)
         first = [np.gradient(mean, square.side, axis=axis) for axis in (0, 1)]
         D = np.stack([square.value(d)[0] for d in first], axis=1)  # (component, direction)
-        course.F[t] = robot.closed + robot.dt * D
+        course.F[t] = robot.closed + robot.exposed * robot.dt * D
         H = [[square.value(np.gradient(d, square.side, axis=axis))[0] for axis in (0, 1)] for d in first]
         bend = 0.5 * np.einsum("ijc,ij->c", np.array(H), belief.unknown)
         psi, swept = self._field_at(course.x[t], t, belief.cross)
@@ -234,31 +234,39 @@ class Coherent:
         return psi, swept
 
     def _with_fix(self, course: Course, t: int, belief: Belief) -> Belief:
-        """The belief after a position fix if the plan counts on one at step t; otherwise ``belief``."""
+        """The expected belief after a position fix that arrives with the probability to be in a landmark."""
         total = belief.unknown + belief.known
-        if 2 * np.trace(belief.known) > np.trace(total) or np.diag(total).min() <= 0:
+        if np.diag(total).min() <= 0:
             return belief
+        begin, here = course.x[max(t - 1, 0)], course.x[t]
+        chance, share = 0.0, 1.0
         for mark in self.landmarks:
-            if mark.depth(course.x[t, None])[0] >= 0:
-                miss = 1.0 - in_polygon(mark, course.x[t], total)
-                if miss > self.robot.fix_risk:
-                    return belief
-                course.miss[t] = miss
-                return self._updated(course, t, belief)
-        return belief
-
-    def _updated(self, course: Course, t: int, belief: Belief) -> Belief:
-        """Kalman update of (ẽ, θ̃) by a position measured with standard deviation ``fix_sd`` [m]."""
-        S = belief.unknown + self.robot.fix_sd**2 * np.eye(2)
-        gain: FloatArray = np.asarray(np.linalg.solve(S, belief.unknown).T, float)
-        learnt: FloatArray = np.asarray(np.linalg.solve(S, belief.cross).T, float)
-        course.gains[t] = gain, learnt
+            s = nearest_share(begin, here, mark.corners.mean(axis=0))
+            p = in_polygon(mark, begin + s * (here - begin), total)
+            if p > chance:
+                chance, share = p, s
+        since = (1.0 - share) * self.robot.dt
+        square = square_of(self.wind.x, self.wind.y, here[None])
+        drifted = since**2 * square.value(at_step(self.wind.latent, self.times, max(t - 1, 0)))[0]
+        S = belief.unknown + self.robot.fix_sd**2 * np.eye(2) + np.diag(drifted)
+        gain = chance * np.linalg.solve(S, belief.unknown).T
+        if np.trace(gain @ belief.unknown) <= WORTHWHILE * np.trace(belief.unknown):
+            return belief
+        course.chances[t] = chance
+        learnt = chance * np.linalg.solve(S, belief.cross).T
         return Belief(
             unknown=belief.unknown - gain @ belief.unknown,
             known=belief.known + gain @ belief.unknown,
             cross=belief.cross - gain @ belief.cross,
             theta=belief.theta - learnt @ belief.cross,
         )
+
+
+def nearest_share(begin: FloatArray, end: FloatArray, point: FloatArray) -> float:
+    """The share in [0, 1] of a segment at which it is nearest to ``point`` (2,); 1 if it has no length."""
+    along = end - begin
+    size = float(along @ along)
+    return float(np.clip((point - begin) @ along / size, 0.0, 1.0)) if size > 0.0 else 1.0
 
 
 Law = Independent | Coherent
@@ -312,7 +320,7 @@ def _flown(law: Law, course: Course, finish_step: Callable[[int], None]) -> Cour
 
 def covariance_across(law: Coherent, course: Course) -> FloatArray:
     """Cov(e_t, e_s) for s <= t, (T+1, T+1, 2, 2), of a course without fixes."""
-    n, dt = len(course.x), law.robot.dt
+    n, dt = len(course.x), law.robot.exposed * law.robot.dt
     cross = np.zeros((n, n, 2, 2))
     for s in range(n):
         cross[s, s], held = course.cov[s], course.cross[s].T  # Cov(θ_s, e_s)

@@ -55,7 +55,7 @@ def stated_rates(name: str, result: Evidence) -> Verdict:
     """Sentences of a file: the promise, the rate of new flights with known positions, errors not covered."""
     text, promise = TEXTS[name](result), result.plan["promise"]
     found = [RATE.fullmatch(sentence) for sentence in SENTENCE.findall(text)]
-    said = {("feedback=1)" in part["how"]): part for part in found if part is not None}
+    said = {("feedback_time=60)" in part["how"]): part for part in found if part is not None}
     faults = [f"{len(said)} rates"] * (len(said) != len(found) or len(said) != 1 + (promise is not None))
     for part in said.values():
         faults += [f"{part['law']} winds"] * (part["law"] != result.planned_law)

@@ -120,7 +120,7 @@ def motion(result: Evidence) -> Verdict:
 
 
 def airspeed(result: Evidence) -> Verdict:
-    """Each control leaves the reserve that feedback and fixes need, below u_max and above u_min."""
+    """Each control leaves the reserve that feedback needs, below u_max and above u_min."""
     robot, speed, left = result.robot, np.linalg.norm(result.u, axis=1), result.course.speed
     over = np.max(speed - left * (1 + FAST), initial=-math.inf)
     under = np.max(robot.least_speed(left) * (1 - FAST) - speed, initial=-math.inf)
@@ -141,8 +141,8 @@ def covariance(result: Evidence) -> Verdict:
 
 
 def fixes(result: Evidence) -> Verdict:
-    """The steps at which the plan counts on a position fix."""
-    return same(list(result.plan["fixes"]), sorted(result.course.gains))
+    """The steps before whose ends the robot more probably than not measures its position."""
+    return same(list(result.plan["fixes"]), sorted(t for t, p in result.course.chances.items() if p >= 0.5))
 
 
 # --- mission and obstacles --------------------------------------------------------------------
