@@ -209,10 +209,8 @@ class Evidence:
             u_min=told.get("u_min", 0.0),  # earlier versions have neither this setting nor the next two
             bank=math.radians(told.get("bank", 0.0)), turn_delay=told.get("turn_delay", 0.0),
             **{key: told[key] for key in (
-                "dt", "u_max", "start_sd", "effort_risk", "fix_sd"
+                "dt", "u_max", "start_sd", "feedback_time", "effort_risk", "fix_sd", "fix_time"
             )},
-            fix_gain=step_shares(told["fix_time"], told["dt"])[0],
-            **dict(zip(("feedback", "exposed"), step_shares(told["feedback_time"], told["dt"]), strict=True)),
         )  # fmt: skip
 
     @cached_property
@@ -408,22 +406,9 @@ class Evidence:
     @cached_property
     def held_failures(self) -> tuple[int, int]:
         """How many of how many new flights with ``robot.feedback_time=60`` fail, in the winds of the plan."""
-        gain, exposed = step_shares(HELD_TIME, self.robot.dt)
-        robot = replace(self.robot, feedback=gain, exposed=exposed)
-        held = replace(self.law(self.planned_law), robot=robot)
+        held = replace(self.law(self.planned_law), robot=replace(self.robot, feedback_time=HELD_TIME))
         x = Simulator(held, None, self.x, self.u, ()).fly(HELD_RUNS, np.random.default_rng(20181011))
         return int(self.ground.failed(x).sum()), HELD_RUNS
-
-
-def step_shares(time: float | None, dt: float) -> tuple[float, float]:
-    """Shares of a deviation corrected in a step of ``dt`` [s], and of the step's wind error that is left.
-
-    The solution of ė = -e / T + w after a step, for T = ``time`` [s]; None: no correction.
-    """
-    if time is None:
-        return 0.0, 1.0
-    left = math.exp(-dt / time)
-    return 1.0 - left, (1.0 - left) * time / dt
 
 
 def open_evidence(directory: Path) -> Evidence:

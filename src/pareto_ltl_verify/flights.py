@@ -11,10 +11,10 @@ from scipy.special import betaincinv
 from scipy.stats import chi2, hypergeom, ks_2samp
 
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
+from pareto_ltl_verify.fixes import Filters
 from pareto_ltl_verify.formula import Dfa, harmful
 from pareto_ltl_verify.gaussians import ON_EDGE
 from pareto_ltl_verify.geometry import Convex, beyond_bounds, deepest, met_by_any
-from pareto_ltl_verify.fixes import Filters
 from pareto_ltl_verify.laws import Coherent, Course, Independent, Law
 from pareto_ltl_verify.timetable import Label, Timetable
 from pareto_ltl_verify.wind_tables import at_step, square_of

@@ -23,11 +23,7 @@ RIM = np.array([(math.cos(a), math.sin(a)) for a in np.arange(8) * math.pi / 4])
 
 @dataclass(frozen=True, slots=True)
 class Robot:
-    """Dynamics x' = A x + dt (B u + w), limits of the airspeed, feedback and position fixes; SI units.
-
-    ``feedback`` and ``fix_gain`` are shares of a deviation that is known, corrected in one step; ``exposed``
-    is the share of a step's wind error that feedback leaves.
-    """
+    """Dynamics x' = A x + dt (B u + w), limits of the airspeed, feedback and position fixes; SI units."""
 
     a: FloatArray
     b: FloatArray
@@ -35,14 +31,28 @@ class Robot:
     u_min: float
     u_max: float
     start_sd: float
-    feedback: float
-    exposed: float
+    feedback_time: float | None
     effort_risk: float
     fix_sd: float
-    fix_gain: float
+    fix_time: float
     ball: float
     bank: float = 0.0
     turn_delay: float = 0.0
+
+    @property
+    def feedback(self) -> float:
+        """Share of a deviation that feedback corrects in one step; 0 for a robot without feedback."""
+        return step_shares(self.feedback_time, self.dt)[0]
+
+    @property
+    def exposed(self) -> float:
+        """Share of a step's wind error that feedback leaves at its end."""
+        return step_shares(self.feedback_time, self.dt)[1]
+
+    @property
+    def fix_gain(self) -> float:
+        """Share of a deviation known from fixes that is corrected in one step."""
+        return step_shares(self.fix_time, self.dt)[0]
 
     @property
     def closed(self) -> FloatArray:
@@ -69,6 +79,17 @@ class Robot:
         Corrections may reduce the airspeed by as much as they may increase it.
         """
         return np.where(self.u_min > 0.0, self.u_min + (self.u_max - left), 0.0)
+
+
+def step_shares(time: float | None, dt: float) -> tuple[float, float]:
+    """Shares of a deviation corrected in a step of ``dt`` [s], and of the step's wind error that is left.
+
+    The solution of ė = -e / T + w after a step, for T = ``time`` [s]; None: no correction.
+    """
+    if time is None:
+        return 0.0, 1.0
+    left = math.exp(-dt / time)
+    return 1.0 - left, (1.0 - left) * time / dt
 
 
 @dataclass(slots=True)

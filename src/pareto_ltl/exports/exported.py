@@ -69,7 +69,9 @@ class ExportedPlan:
     def flown_by(self) -> str:
         """How a robot follows the plan: by heading and airspeed, with fixes or feedback if it has them."""
         fixes = " and fixes at landmarks" if self.log.fixes else ""
-        feedback = f" and feedback (robot.feedback_time={self.feedback:g} s)" if self.feedback is not None else ""
+        feedback = (
+            f" and feedback (robot.feedback_time={self.feedback:g} s)" if self.feedback is not None else ""
+        )
         return f"by heading and airspeed{fixes}{feedback}"
 
     def sentences(self) -> tuple[str, ...]:

@@ -209,8 +209,9 @@ class Motion(NamedTuple):
     """x' = A x + dt B (u + feedback) + dt w,    u_min ≤ ‖u + feedback‖ ≤ u_max.
 
     ``a`` = A, ``b`` = B, ``b_inv`` = B^-1; ``gain`` = K; ``closed`` = A - K I propagates deviations;
-    ``exposed`` is the share of a step's wind error that feedback leaves, 1 without feedback; ``effort`` is the quantile r / √λ of :func:`~pareto_ltl.kernels.propagation.airspeed_left`, which reserves
-    airspeed for feedback; ``ball`` is the radius of the maximum-trace rule in standard deviations.
+    ``exposed`` is the share of a step's wind error that feedback leaves, 1 without it; ``effort`` is the
+    quantile r / √λ of :func:`~pareto_ltl.kernels.propagation.airspeed_left`, which reserves airspeed for
+    feedback; ``ball`` is the radius of the maximum-trace rule in standard deviations.
     """
 
     a: FloatArray

@@ -11,7 +11,7 @@ before, with the remaining Cov(θ),
 where s_f is the product of ρ since fix f, one for each part of the error, and p_f the probability that the
 robot is inside the landmark. The update with the weight p is the expected covariance of a filter whose
 measurement arrives with that probability (Sinopoli et al., IEEE Trans. Automat. Contr. 49, 2004,
-doi:10.1109/TAC.2004.834121). It is smooth in the path, and it is the Gaussian that trees, corridors and chance
+doi:10.1109/TAC.2004.834121). It is smooth in the path, and the Gaussian that trees, corridors and chance
 constraints see; the failure rate of a plan comes from flights whose filters take each fix or not
 (:mod:`pareto_ltl.kernels.navigator`).
 """
@@ -87,7 +87,7 @@ def segment_share(begin: Point, end: Point, x: float, y: float) -> float:
 
 
 class Sight(NamedTuple):
-    """The landmark that a step most probably crosses: its number, P(inside), and the share of the step there."""
+    """The landmark that a step most probably crosses: its number, P(inside), and the share of the step."""
 
     number: int
     chance: float
@@ -120,7 +120,7 @@ def likely_sight(marks: Landmarks, begin: Point, here: Gaussian) -> Sight:
 
 @kernel
 def fix_error(law: LandmarkLaw, step: int, sight: Sight, at: Point) -> Cov:
-    """Covariance R [m²] of a fix as it is known at the end of the step: its error and the drift since then."""
+    """Covariance R [m²] of a fix as known at the end of the step: its error and the drift since then."""
     cov, since = law.landmarks.cov, (1.0 - sight.share) * law.motion.dt
     ve, vn = wind_at(law.wind.latent, law.wind, max(step - 1, 0), at)
     k, time2 = sight.number, since * since

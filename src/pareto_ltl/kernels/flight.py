@@ -3,7 +3,8 @@
 All flights of a batch take a step together: one vectorised loop reads their winds from one slot of the
 tables. This takes 1.7 µs per flight for 250 flights of 50 steps in coherent winds, and 5 µs if they are
 simulated one after the other. The type of the draws selects the wind of a flight, the type of the pilot what
-the robot knows and commands (:mod:`~pareto_ltl.kernels.pilots`, :mod:`~pareto_ltl.kernels.navigator`). Afterwards the flown positions are evaluated: mission and collisions.
+the robot knows and commands (:mod:`~pareto_ltl.kernels.pilots`, :mod:`~pareto_ltl.kernels.navigator`).
+Afterwards the flown positions are evaluated: mission and collisions.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple, TypeAlias
 
+from pareto_ltl.kernels import navigator  # noqa: F401 - the code of pilots that take fixes
 from pareto_ltl.kernels.data import (
     Cells,
     CoherentLaw,
@@ -32,10 +34,9 @@ from pareto_ltl.kernels.interpolation import (
     mode_value,
     wind_at,
 )
-from pareto_ltl.kernels.jit import by_type, entry, implements, kernel, vector
+from pareto_ltl.kernels.jit import by_type, entry, implements, vector
 from pareto_ltl.kernels.letters import next_state
-from pareto_ltl.kernels.navigator import Navigator
-from pareto_ltl.kernels.pilots import Autopilot, begin_flights, command, observe
+from pareto_ltl.kernels.pilots import Pilot, begin_flights, command, observe
 from pareto_ltl.kernels.propagation import white_variance
 from pareto_ltl.support.arrays import BoolArray, Float32Array, FloatArray
 
@@ -64,7 +65,6 @@ class CoherentDraws(NamedTuple):
 
 
 Draws: TypeAlias = IndependentDraws | CoherentDraws
-Pilot: TypeAlias = Autopilot | Navigator
 
 
 @by_type

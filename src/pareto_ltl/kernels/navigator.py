@@ -10,83 +10,26 @@ where s is the share of the step after which it leaves the landmark. The control
     u = u_t - B⁻¹ (κ ê / dt + ψ' θ̂),    cut to [u_min, u_max].
 
 Covariances and gains of a filter depend on when and where it has measured, not on what. So flights with the
-same history of fixes share them: a row of :class:`Beliefs`. Rows are made when a history first occurs, and
-used again when its last flight has measured anew. In 10,000 flights past three landmarks some hundred
-histories occur.
+same history of fixes share them: a row of :class:`~pareto_ltl.kernels.pilots.Beliefs`. Rows are made when a
+history first occurs, and used again when its last flight has measured anew. In 10,000 flights past three
+landmarks some hundred histories occur.
 """
 
 from __future__ import annotations
 
-import math
-from typing import NamedTuple
-
 from pareto_ltl.kernels.data import Landmarks, Motion, Point
 from pareto_ltl.kernels.interpolation import F32
 from pareto_ltl.kernels.jit import implements, kernel, vector
-from pareto_ltl.kernels.pilots import begin_flights, command, observe, within_airspeed
-from pareto_ltl.support.arrays import BoolArray, Float32Array, FloatArray, IntArray
-
-SHARES = 8  # parts of a step in which a fix can lie: those of one part have the same gains
-
-
-class FilterLaw(NamedTuple):
-    """The law about the planned means, for T steps: e' = F e + dt (ψ' θ + white).
-
-    ``x`` (T+1, 2) [m], ``u`` (T, 2) [m/s], ``F`` (T, 2, 2), ``psi`` (T, 2, P) [m/s], ``white`` (T, 2)
-    [m²/s²], ``kept`` (S, P): ρ; ``variance`` of the start in each direction [m²].
-    """
-
-    x: FloatArray
-    u: FloatArray
-    F: FloatArray
-    psi: Float32Array
-    white: FloatArray
-    kept: Float32Array
-    variance: float
-
-
-class Beliefs(NamedTuple):
-    """Covariances of errors of estimates, one row for each history of fixes.
-
-    ``cov`` (N, 2, 2) = Cov(ẽ) [m²], ``before`` (N, 2, 2) the same a step ago, ``across`` (N, 2, 2) =
-    Cov(ẽ_t, ẽ_{t-1}); ``cross`` (N, 2, 2P) = Cov(ẽ, θ̃), ``lagged`` (N, 2, 2P) = Cov(ẽ_{t-1}, θ̃);
-    ``theta`` (N, 2P, 2P) = Cov(θ̃). ``gain`` (N, 2, 2) and ``learnt`` (N, 2, 2P) are the gains of the last
-    fix; ``child`` (N, K, SHARES) is the row after a fix at this step, -1 for none; ``flights`` (N,) counts
-    the flights of a row, ``used`` (1,) the rows ever used. ``push`` (2, 2P) is scratch.
-    """
-
-    cov: FloatArray
-    before: FloatArray
-    across: FloatArray
-    cross: Float32Array
-    lagged: Float32Array
-    theta: Float32Array
-    gain: FloatArray
-    learnt: Float32Array
-    child: IntArray
-    flights: IntArray
-    used: IntArray
-    push: Float32Array
-
-
-class Navigator(NamedTuple):
-    """Flies the controls of ``law`` and corrects them after fixes.
-
-    ``root`` (K, 2, 2) is the lower root of the covariance of a fix [m], ``noise`` (T+1, n, 2) ~ N(0, 1).
-    ``estimate`` (n, 4) = (ê_t, ê_{t-1}) [m], ``field`` (n, 2, P) = θ̂, ``history`` (n,) the row of
-    ``beliefs``, ``fixed`` (n,) whether a fix was taken.
-    """
-
-    law: FilterLaw
-    landmarks: Landmarks
-    root: FloatArray
-    noise: FloatArray
-    estimate: FloatArray
-    field: Float32Array
-    history: IntArray
-    fixed: BoolArray
-    beliefs: Beliefs
-
+from pareto_ltl.kernels.pilots import (
+    SHARES,
+    Beliefs,
+    Navigator,
+    begin_flights,
+    command,
+    observe,
+    within_airspeed,
+)
+from pareto_ltl.support.arrays import Float32Array, FloatArray
 
 # --- covariances of a history -----------------------------------------------------------------
 
@@ -136,7 +79,12 @@ def along_modes(psi: Float32Array, values: Float32Array, c: int) -> float:
 
 @vector
 def carry_cross(
-    cross: Float32Array, lagged: Float32Array, F: FloatArray, push: Float32Array, kept: Float32Array, dt: float
+    cross: Float32Array,
+    lagged: Float32Array,
+    F: FloatArray,
+    push: Float32Array,
+    kept: Float32Array,
+    dt: float,
 ) -> None:
     """Cov(ẽ_{t-1}, θ̃_t) and Cov(ẽ_t, θ̃_t) from ``cross`` (2, 2P) a step ago."""
     modes, h = len(kept), F32(dt)
@@ -165,10 +113,10 @@ def fade_theta(theta: Float32Array, kept: Float32Array) -> None:
 @kernel
 def changes(kept: Float32Array) -> bool:
     """Whether θ of any mode changes at a step; ``kept`` (P,) = ρ."""
+    least = 1.0
     for m in range(len(kept)):
-        if kept[m] < 1.0:
-            return True
-    return False
+        least = min(least, kept[m])
+    return least < 1.0
 
 
 @kernel
@@ -193,7 +141,9 @@ def carry_belief(pilot: Navigator, motion: Motion, t: int, row: int) -> None:
     across = own.across[row]
     xx = across[0, 0] * F[0, 0] + across[0, 1] * F[0, 1]
     xx += dt * (F[0, 0] * c00 + F[0, 1] * c10) + dt * dt * (q00 + law.white[t - 1, 0])
-    xy = across[0, 0] * F[1, 0] + across[0, 1] * F[1, 1] + dt * (F[0, 0] * c01 + F[0, 1] * c11) + dt * dt * q01
+    xy = (
+        across[0, 0] * F[1, 0] + across[0, 1] * F[1, 1] + dt * (F[0, 0] * c01 + F[0, 1] * c11) + dt * dt * q01
+    )
     yy = across[1, 0] * F[1, 0] + across[1, 1] * F[1, 1]
     yy += dt * (F[1, 0] * c01 + F[1, 1] * c11) + dt * dt * (q11 + law.white[t - 1, 1])
     cov[0, 0], cov[0, 1], cov[1, 0], cov[1, 1] = xx, xy, xy, yy

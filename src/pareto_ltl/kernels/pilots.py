@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
-from pareto_ltl.kernels.data import Motion, Point
+from pareto_ltl.kernels.data import Landmarks, Motion, Point
 from pareto_ltl.kernels.jit import by_type, implements, kernel
-from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.support.arrays import BoolArray, Float32Array, FloatArray, IntArray
+
+SHARES = 8  # parts of a step in which a fix can lie: those of one part have the same gains
 
 
 class Autopilot(NamedTuple):
@@ -17,23 +19,85 @@ class Autopilot(NamedTuple):
     mean: FloatArray
 
 
+class FilterLaw(NamedTuple):
+    """The law about the planned means, for T steps: e' = F e + dt (ψ' θ + white).
+
+    ``x`` (T+1, 2) [m], ``u`` (T, 2) [m/s], ``F`` (T, 2, 2), ``psi`` (T, 2, P) [m/s], ``white`` (T, 2)
+    [m²/s²], ``kept`` (S, P): ρ; ``variance`` of the start in each direction [m²].
+    """
+
+    x: FloatArray
+    u: FloatArray
+    F: FloatArray
+    psi: Float32Array
+    white: FloatArray
+    kept: Float32Array
+    variance: float
+
+
+class Beliefs(NamedTuple):
+    """Covariances of errors of estimates, one row for each history of fixes.
+
+    ``cov`` (N, 2, 2) = Cov(ẽ) [m²], ``before`` (N, 2, 2) the same a step ago, ``across`` (N, 2, 2) =
+    Cov(ẽ_t, ẽ_{t-1}); ``cross`` (N, 2, 2P) = Cov(ẽ, θ̃), ``lagged`` (N, 2, 2P) = Cov(ẽ_{t-1}, θ̃);
+    ``theta`` (N, 2P, 2P) = Cov(θ̃). ``gain`` (N, 2, 2) and ``learnt`` (N, 2, 2P) are the gains of the last
+    fix; ``child`` (N, K, SHARES) is the row after a fix at this step, -1 for none; ``flights`` (N,) counts
+    the flights of a row, ``used`` (1,) the rows ever used. ``push`` (2, 2P) is scratch.
+    """
+
+    cov: FloatArray
+    before: FloatArray
+    across: FloatArray
+    cross: Float32Array
+    lagged: Float32Array
+    theta: Float32Array
+    gain: FloatArray
+    learnt: Float32Array
+    child: IntArray
+    flights: IntArray
+    used: IntArray
+    push: Float32Array
+
+
+class Navigator(NamedTuple):
+    """Flies the controls of ``law`` and corrects them after fixes.
+
+    ``root`` (K, 2, 2) is the lower root of the covariance of a fix [m], ``noise`` (T+1, n, 2) ~ N(0, 1).
+    ``estimate`` (n, 4) = (ê_t, ê_{t-1}) [m], ``field`` (n, 2, P) = θ̂, ``history`` (n,) the row of
+    ``beliefs``, ``fixed`` (n,) whether a fix was taken.
+    """
+
+    law: FilterLaw
+    landmarks: Landmarks
+    root: FloatArray
+    noise: FloatArray
+    estimate: FloatArray
+    field: Float32Array
+    history: IntArray
+    fixed: BoolArray
+    beliefs: Beliefs
+
+
+Pilot: TypeAlias = Autopilot | Navigator
+
+
 @by_type
-def begin_flights(pilot: Autopilot, motion: Motion) -> None:
+def begin_flights(pilot: Pilot, motion: Motion) -> None:
     """Reset what the pilots of earlier flights knew."""
     raise NotImplementedError
 
 
 @by_type
-def observe(pilot: Autopilot, motion: Motion, t: int, x: FloatArray) -> None:
+def observe(pilot: Pilot, motion: Motion, t: int, x: FloatArray) -> None:
     """What all pilots measure on their way to step ``t`` of the flights ``x`` (n, T+1, 2) [m]."""
     raise NotImplementedError
 
 
 @by_type
 def command(
-    pilot: Autopilot, motion: Motion, t: int, i: int, at: Point, wind: Point
+    pilot: Pilot, motion: Motion, t: int, i: int, at: Point, wind: Point
 ) -> tuple[float, float]:  # fmt: skip
-    """Control [m/s] of flight ``i`` at step ``t``, position ``at`` [m] and in the ``wind`` that it meets [m/s].
+    """Control [m/s] of flight ``i`` at step ``t`` and position ``at`` [m], in the ``wind`` it meets [m/s].
 
     A control that feedback or an estimate changes is limited to u_min and u_max.
     """

@@ -49,7 +49,7 @@ if TYPE_CHECKING:
 
 
 class Proposal(NamedTuple):
-    """A proposed child of ``parent`` at ``there``, in ``cell`` and automaton state ``q``; a scratch ``row``."""
+    """A proposed child of ``parent`` at ``there``, in ``cell`` and automaton state ``q``; scratch ``row``."""
 
     parent: int
     there: Gaussian

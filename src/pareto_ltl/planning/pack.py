@@ -215,8 +215,8 @@ def pack_motion(robot: RobotConfig, ball: float, judge: str = "bound") -> kd.Mot
 def feedback_shares(time: float | None, dt: float) -> tuple[float, float]:
     """K and φ of a robot that corrects a known deviation with a time constant ``time`` [s], None for never.
 
-    K = 1 - exp(-dt / T) is the share of a deviation that is corrected in a step of ``dt`` [s], and φ = K T / dt
-    the share of a step's wind error that is left at its end: the solution of ė = -e / T + w for constant w.
+    K = 1 - exp(-dt / T) is the share of a deviation that is corrected in a step of ``dt`` [s], φ = K T / dt
+    the share of a step's wind error that is left at its end: the solution of ė = -e / T + w, w constant.
 
     Eq. (M2) of docs/mathematics.md.
     """
@@ -229,9 +229,7 @@ def feedback_shares(time: float | None, dt: float) -> tuple[float, float]:
 def pack_landmarks(robot: RobotConfig, marks: Sequence[FloatArray]) -> kd.Landmarks:
     """Landmarks, the errors of their fixes, and the share of a known deviation corrected in one step."""
     middle = np.array([polygon.mean(axis=0) for polygon in marks])
-    radius = [
-        np.linalg.norm(polygon - own, axis=1).max() for polygon, own in zip(marks, middle, strict=True)
-    ]
+    radius = [np.linalg.norm(polygon - own, axis=1).max() for polygon, own in zip(marks, middle, strict=True)]
     error = np.tile([robot.fix_sd**2, 0.0, robot.fix_sd**2], (len(marks), 1))
     gain, _ = feedback_shares(robot.fix_time, robot.dt)
     return kd.Landmarks(

@@ -120,7 +120,7 @@ class Problem(Displayed):
 
     @property
     def landmarks(self) -> tuple[FloatArray, ...]:
-        """Landmarks at which the robot measures its position; none if the laws do not use those of the map."""
+        """Landmarks at which the robot measures its position; none if its laws do not use them."""
         return self.scene.landmarks if isinstance(self.laws["coherent"], kd.LandmarkLaw) else ()
 
     @property

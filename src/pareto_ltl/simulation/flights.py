@@ -17,9 +17,8 @@ from numpy.random import Generator, SeedSequence
 
 from pareto_ltl.kernels import data as kd
 from pareto_ltl.kernels import flight as kernel
-from pareto_ltl.kernels.navigator import SHARES, Beliefs, FilterLaw, Navigator
 from pareto_ltl.kernels.path import Flight
-from pareto_ltl.kernels.pilots import Autopilot
+from pareto_ltl.kernels.pilots import SHARES, Autopilot, Beliefs, FilterLaw, Navigator, Pilot
 from pareto_ltl.planning.evaluate import propagate
 from pareto_ltl.planning.problem import Problem, unaided
 from pareto_ltl.planning.records import Plan
@@ -210,7 +209,7 @@ def fly_block(problem: Problem, block: FlightBlock, pilot: PilotMaker, x: FloatA
     fly_draws(problem, block.draws, pilot(block.noise), x)
 
 
-def fly_draws(problem: Problem, draws: kernel.Draws, pilot: kernel.Pilot, x: FloatArray) -> None:
+def fly_draws(problem: Problem, draws: kernel.Draws, pilot: Pilot, x: FloatArray) -> None:
     """Fly one plan from the places ``x[:, 0]`` through the winds of ``draws``; fills ``x`` (n, T+1, 2)."""
     kernel.fly_batch(problem.motion, draws, pilot, x, np.empty((len(x), 4)))
 
@@ -227,7 +226,7 @@ def judge_flights(problem: Problem, law: str, x: FloatArray) -> Deployment:
 def pilot_maker(problem: Problem, u: FloatArray, mean: FloatArray | None, law: str) -> PilotMaker:
     """The maker of the pilot: an autopilot, or a navigator that takes fixes along ``mean`` (T+1, 2) [m].
 
-    Under the independent law the wind of one step does not predict the next, so that fixes tell positions only.
+    Under the independent law the wind of one step does not predict the next: fixes tell positions only.
     """
     held = np.zeros((len(u) + 1, 2)) if mean is None else np.ascontiguousarray(mean)
     autopilot, planned = Autopilot(u, held), problem.laws["coherent"]
@@ -239,7 +238,7 @@ def pilot_maker(problem: Problem, u: FloatArray, mean: FloatArray | None, law: s
         return lambda _noise: autopilot
     kept = model.modes.kept if isinstance(model, kd.CoherentLaw) else np.ones((len(held) + 1, 0), np.float32)
     linear = FilterLaw(held, u, flight.F, flight.psi, flight.white, kept, problem.start_variance)
-    root = np.linalg.cholesky(marks.cov[:, [0, 1, 1, 2]].reshape(-1, 2, 2))
+    root: FloatArray = np.asarray(np.linalg.cholesky(marks.cov[:, [0, 1, 1, 2]].reshape(-1, 2, 2)), float)
 
     def navigator(noise: FloatArray) -> Navigator:
         runs = noise.shape[1]
@@ -253,7 +252,7 @@ def pilot_maker(problem: Problem, u: FloatArray, mean: FloatArray | None, law: s
 
 
 def within_reach(marks: kd.Landmarks, flight: Flight) -> bool:
-    """Whether a flight may come into a landmark: its path, within ``FARTHEST`` deviations, meets one's disc."""
+    """Whether a flight may come into a landmark, within ``FARTHEST`` deviations of its path."""
     import shapely
 
     reach = FARTHEST * float(np.sqrt(flight.cov[:, [0, 2]].sum(axis=1).max()))

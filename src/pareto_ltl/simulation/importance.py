@@ -38,10 +38,10 @@ from scipy.special import gammaincinv, ndtr, ndtri
 
 from pareto_ltl.kernels import data as kd
 from pareto_ltl.kernels import flight as rollout
-from pareto_ltl.kernels.pilots import Autopilot
-from pareto_ltl.kernels.propagation import left_time
 from pareto_ltl.kernels import importance as kernel
 from pareto_ltl.kernels.path import Flight
+from pareto_ltl.kernels.pilots import Autopilot
+from pareto_ltl.kernels.propagation import left_time
 from pareto_ltl.planning.evaluate import propagate, propagate_controls
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import WEIGHTED, FailureRate, PlannedPath

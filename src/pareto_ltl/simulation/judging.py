@@ -123,8 +123,8 @@ def _require_success(problem: Problem, judged: Sequence[Flown]) -> None:
     raise InfeasibleError(
         f"every path fails in all {len(judged[0].failed):,} flights in {problem.fidelity.law} winds; of "
         f"{LAST_LOOK:,} flights of the nearest ({path.order}, {path.objectives.length / 1e3:.1f} km), "
-        f"{', '.join(parts)}: give the robot more airspeed (robot.u_max), position fixes (robot.feedback or "
-        "landmarks on the map), or regions wider than its drift"
+        f"{', '.join(parts)}: give the robot more airspeed (robot.u_max), position fixes "
+        "(robot.feedback_time or landmarks on the map), or regions wider than its drift"
     )
 
 

@@ -86,11 +86,11 @@ def run_ablation(
 
 
 def _check(settings: Settings) -> None:
-    plain = settings.robot.a == [[1.0, 0.0], [0.0, 1.0]] and settings.robot.feedback == 0.0
+    plain = settings.robot.a == [[1.0, 0.0], [0.0, 1.0]] and settings.robot.feedback_time is None
     if "dt" in settings.ablation.factors and not plain:
         raise ConfigError(
             "ablation.factors contains dt, which divides time steps: this needs robot.a = [[1,0],[0,1]] and "
-            "robot.feedback = 0 (they depend on the time step); leave dt out"
+            "robot.feedback_time = null (they depend on the time step); leave dt out"
         )
 
 

@@ -99,8 +99,8 @@ def run_sitl(
         )
     if problem.motion.gain > 0.0 or plan.path.fixes:
         raise DataError(
-            "an aircraft that flies by the table does not measure its position: set robot.feedback=0 and "
-            "remove the landmarks of the map"
+            "an aircraft that flies by the table does not measure its position: set "
+            "robot.feedback_time=null and remove the landmarks of the map"
         )
     height = max(height_of(flown_level(settings)).metres, LOWEST)
     seeds = stage_seeds(settings.seed, "sitl")

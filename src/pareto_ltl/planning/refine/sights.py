@@ -23,8 +23,9 @@ def sights(problem: Problem, x: FloatArray) -> BoolArray:
     marks = [shapely.Polygon(corners) for corners in problem.landmarks]
     if not marks or len(x) < 2:
         return np.zeros((max(len(x) - 1, 0), len(marks)), bool)
-    legs = shapely.linestrings(np.stack([x[:-1], x[1:]], axis=1))
-    return np.asarray(shapely.intersects(legs[:, None], np.array(marks)[None]), bool)
+    legs = np.array(shapely.linestrings(np.stack([x[:-1], x[1:]], axis=1)))
+    crossed: BoolArray = shapely.intersects(legs[:, None], np.array(marks)[None])
+    return crossed
 
 
 def led_lines(problem: Problem, lines: Sequence[FloatArray]) -> list[FloatArray]:
