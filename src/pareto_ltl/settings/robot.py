@@ -128,7 +128,7 @@ class RobotConfig(CheckedSettings):
         100.0, "standard deviation of a position fix at a landmark", unit="m", above=0, most=1e6
     )
     fix_time: float = setting(
-        1800.0,
+        300.0,
         "time constant with which the robot corrects a deviation that it knows from fixes",
         unit="s",
         above=0,

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.random import SeedSequence
 
 from pareto_ltl.kernels.path import Flight
+from pareto_ltl.kernels.pilots import Autopilot
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.simulation.flights import (
     DRAWS,
@@ -54,6 +55,13 @@ class DrawnFlights:
         x[:, 0] = self.problem.scene.start + self.start
         maker = pilot_maker(self.problem, u, mean, self.law)
         fly_draws(self.problem, self.draws, maker(self.noise), x)
+        return x
+
+    def unaided(self, flight: Flight) -> FloatArray:
+        """Positions (n, T+1, 2) [m] of the controls of ``flight`` without position fixes."""
+        x = np.empty((len(self), len(flight.x), 2))
+        x[:, 0] = self.problem.scene.start + self.start
+        fly_draws(self.problem, self.draws, Autopilot(flight.u, flight.x), x)
         return x
 
     def failed(self, x: FloatArray) -> BoolArray:

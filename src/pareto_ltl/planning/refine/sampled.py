@@ -26,6 +26,7 @@ from pareto_ltl.planning.margin_model import margin_scratch
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.refine.programme import programmes_of
 from pareto_ltl.planning.refine.separation import allowed_risk, separation
+from pareto_ltl.planning.refine.sights import Attraction
 from pareto_ltl.planning.refine.step_programme import Descent, next_means
 from pareto_ltl.planning.refine.taut_lines import CAP
 from pareto_ltl.planning.wind_lookup import wind_and_gradient
@@ -47,6 +48,9 @@ class CommonFlights(Protocol):
 
     def positions(self, flight: Flight) -> FloatArray:
         """Positions (n, T+1, 2) [m] of the controls of ``flight``."""
+
+    def unaided(self, flight: Flight) -> FloatArray:
+        """Positions (n, T+1, 2) [m] of the same flights without position fixes."""
 
     def only(self, rows: IntArray) -> CommonFlights:
         """The flights ``rows`` only."""
@@ -145,6 +149,17 @@ class Refiner:
             flight, near = self._at_width(flight, near, runs, how, width, longest)
         return self.assessed(flight, flights, how.widths[-1], origin)
 
+    def attraction(
+        self, flight: Flight, flights: CommonFlights, here: Descent, width: float, runs: int
+    ) -> Attraction:
+        """What the fixes of ``flight`` save: its smoothed failure without them, less that of ``here``."""
+        marks = self.problem.landmarks
+        if not marks:
+            return Attraction((), 0.0)
+        off = deviations_from(flights.unaided(flight), flight.x)
+        alone, _ = self.slope(flight.x, off, width, runs)
+        return Attraction(marks, alone.value - here.value)
+
     def assessed(self, flight: Flight, flights: CommonFlights, width: float, origin: str = "") -> Candidate:
         """``flight`` as it is, with its failure smoothed over ``width`` [m]."""
         off = deviations_from(flights.positions(flight), flight.x)
@@ -168,6 +183,8 @@ class Refiner:
                     break
                 if len(rows) < ALL * len(margins):
                     off, near = np.ascontiguousarray(off[:, :, rows]), near.only(rows)
+            lure = self.attraction(flight, near, here, width, runs)
+            here = lure.added(here, flight.x, off, width, runs)
             value = here.value + self.penalty(flight, longest)
             before = value
             for _ in range(how.inner):
@@ -178,6 +195,7 @@ class Refiner:
                     continue
                 other = self.flown(y)
                 there, _ = self.slope(other.x, off, width, runs)
+                there = lure.added(there, other.x, off, width, runs)
                 now = there.value + self.penalty(other, longest)
                 if now < value:
                     gain = (value - now) / value

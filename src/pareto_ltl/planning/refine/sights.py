@@ -1,19 +1,25 @@
-"""Landmarks on the way: which of them a path crosses, and lines that are led through them."""
+"""Landmarks on the way: which a path crosses, lines led through them, and what keeps a polish in them."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from itertools import islice
+from typing import NamedTuple
 
 import numpy as np
+from scipy.special import expit
 
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.refine.search_map import search_map
-from pareto_ltl.support.arrays import BoolArray, FloatArray
+from pareto_ltl.planning.refine.step_programme import Descent
+from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
+from pareto_ltl.world.cells import half_planes
 
 LED = 12  # lines that are led through landmarks, the shortest
 PLACES = 2  # legs of a line in which a landmark is tried, those of the least detours
 STRETCH = 1.7  # lines that a landmark makes longer than this many times are left out
+NEAREST = 4  # legs of a path on which a flight may be deepest in a landmark
 
 
 def sights(problem: Problem, x: FloatArray) -> BoolArray:
@@ -60,3 +66,69 @@ def _led(problem: Problem, line: FloatArray) -> Iterator[FloatArray]:
         legs = (int(j) for j in np.argsort(detour, kind="stable") if length + detour[j] <= STRETCH * length)
         for j in islice((j for j in legs if clear(j)), PLACES):
             yield np.insert(line, j + 1, middle, axis=0)
+
+
+@dataclass(frozen=True, slots=True)
+class Attraction:
+    """What fixes are worth to a path: an objective that keeps polishes from leaving a landmark.
+
+    Deviations of common flights are held fixed in a solve, so that the failure model does not see that a path
+    that leaves a landmark loses its fix. This term does: ``worth`` σ(-m / τ) for each landmark, with m the
+    distance by which a flight is inside and ``worth`` the failures that fixes save now.
+
+    Eq. (M75) of docs/mathematics_methods.md.
+    """
+
+    marks: tuple[FloatArray, ...]
+    worth: float
+
+    def added(self, here: Descent, x: FloatArray, off: FloatArray, width: float, runs: int) -> Descent:
+        """``here`` with the term of ``x`` + ``off`` (T+1, 2, n); ``runs`` flights count, those left out as 0."""
+        if self.worth <= 0.0:
+            return here
+        value, gradient, hessian = here.value, here.gradient.copy(), here.hessian.copy()
+        share = self.worth * off.shape[2] / runs
+        for corners in self.marks:
+            seen = _inside(corners, x, off)
+            missed = expit(-seen.margin / width)
+            slope = missed * (1.0 - missed) / width
+            bend = np.maximum(slope * (1.0 - 2.0 * missed) / width, 0.0)
+            value += share * float(missed.mean())
+            nx, ny = seen.normal
+            for leg in np.unique(seen.leg):
+                own, s = seen.leg == leg, seen.share[leg]
+                pull = np.array([(slope * nx)[own].sum(), (slope * ny)[own].sum()]) * share / len(missed)
+                curve = np.array([(bend * p)[own].sum() for p in (nx * nx, nx * ny, ny * ny)])
+                for t, weight in ((leg, 1.0 - s), (leg + 1, s)):
+                    gradient[t] += weight * pull
+                    hessian[t] += weight * weight * share / len(missed) * curve
+        return Descent(gradient, hessian, value)
+
+
+class _Inside(NamedTuple):
+    """For each flight the leg on which it is deepest in a landmark, how deep [m], and the normal there.
+
+    ``share`` (T,) is the share of each leg of the means at which it is nearest to the landmark's middle.
+    """
+
+    leg: IntArray
+    margin: FloatArray
+    normal: tuple[FloatArray, FloatArray]
+    share: FloatArray
+
+
+def _inside(corners: FloatArray, x: FloatArray, off: FloatArray) -> _Inside:
+    normals, offsets = half_planes(corners)
+    middle, along = corners.mean(axis=0), np.diff(x, axis=0)
+    size = np.maximum((along**2).sum(axis=1), 1e-9)
+    share = np.clip(((middle - x[:-1]) * along).sum(axis=1) / size, 0.0, 1.0)
+    places = x[:-1] + share[:, None] * along
+    near = np.sort(np.argsort(np.linalg.norm(places - middle, axis=1), kind="stable")[:NEAREST])
+    s = share[near, None, None]
+    at = places[near, :, None] + (1.0 - s) * off[near] + s * off[near + 1]
+    gap = offsets[None, :, None] - np.einsum("fi,lin->lfn", normals, at)
+    deep = gap.min(axis=1)
+    best = deep.argmax(axis=0)
+    flights = np.arange(off.shape[2])
+    face = gap[best, :, flights].argmin(axis=1)
+    return _Inside(near[best], deep[best, flights], (normals[face, 0], normals[face, 1]), share)
