@@ -1,4 +1,4 @@
-"""An autopilot that holds positions: the same flights as those of a robot with ``robot.feedback=1``."""
+"""An autopilot that holds positions: the same flights as those of a robot with ``robot.feedback_time=60``."""
 
 from __future__ import annotations
 
@@ -15,7 +15,8 @@ def test_the_rate_is_that_of_a_robot_with_feedback(flown: Flown) -> None:
     run, path = flown.result.run, flown.exported.plan.path
     settings = run.settings
     other = build_problem(
-        RobotConfig(**SMALL["robot"], feedback=1.0), settings.planner, settings.wind, flown.result.scene,
+        RobotConfig(**SMALL["robot"], feedback_time=60.0),
+        settings.planner, settings.wind, flown.result.scene,
         flown.result.wind, flown.result.decomposition, flown.result.automaton, settings.fidelity,
     )  # fmt: skip
     rate = held_course_rate(flown.problem, path, 600, SeedSequence(4))

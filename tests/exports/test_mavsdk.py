@@ -123,5 +123,5 @@ def test_the_file_says_how_often_such_a_flight_fails(flown: Flown) -> None:
     assert note["failure_by_position"]["failure"] == flown.exported.held.failure
     assert note["failure_by_heading"]["failure"] == flown.exported.plan.promise.rate.failure
     assert "by position" in note["note"]
-    assert "robot.feedback=1" in note["note"]
+    assert "robot.feedback_time=60" in note["note"]
     assert np.isfinite(note["failure_by_position"]["high"])

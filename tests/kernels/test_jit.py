@@ -10,7 +10,7 @@ import pytest
 from numba import config
 
 import pareto_ltl.kernels
-from pareto_ltl.kernels import data, flight
+from pareto_ltl.kernels import data, flight, pilots
 from pareto_ltl.kernels.claim_lists import ClaimLists
 from pareto_ltl.kernels.claim_rows import ClaimRows
 from pareto_ltl.kernels.jit import IMPLEMENTATIONS, by_type, implements, kernel
@@ -30,11 +30,11 @@ FAMILIES = {
     "collision": set(get_args(data.CollisionBound)),
     "rule": {Dominance, Scaled},
     "draws": {flight.IndependentDraws, flight.CoherentDraws},
-    "pilot": {flight.Autopilot, flight.Navigator},
+    "pilot": {pilots.Autopilot, pilots.Navigator},
     "claims": {ClaimLists, ClaimRows},
 }
 CHOSEN_BY = {
-    "law": {"advance", "forget", "fix_missed", "note_linear_law", "note_fix"},
+    "law": {"advance", "forget", "note_linear_law"},
     "mission": {"plant_mission", "appraise_mission", "keep_mission"},
     "collision": {
         "plant_collision", "appraise_collision", "keep_collision", "collision_column",
@@ -42,7 +42,7 @@ CHOSEN_BY = {
     },
     "rule": {"improves", "collision_limit", "rank_parent", "put_first"},
     "draws": {"meet_winds"},
-    "pilot": {"begin_flights", "command"},
+    "pilot": {"begin_flights", "observe", "command"},
     "claims": {"mission_margins"},
 }  # fmt: skip
 

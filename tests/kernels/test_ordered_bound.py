@@ -13,7 +13,6 @@ from one_epoch import one_epoch, reading_of
 from oracle.live_bound import keep_live, live_bound, read_live_letter
 from pareto_ltl.kernels.data import Cells, Corners, Faces, StateLists
 from pareto_ltl.kernels.ordered_bound import (
-    add_risk,
     begin_bound,
     live_value,
     note_letters,
@@ -140,19 +139,6 @@ def test_left_out_entries_raise_v_and_nothing_else(case, most, planned):
         assert np.all(found >= V)
         if exact:
             assert found == pytest.approx([live_bound(logic, entries, p) for p in range(len(V))], rel=1e-12)
-
-
-@some
-@given(cases(), st.floats(0.0, 1.0))
-def test_a_risk_that_all_rests_upon_raises_v_of_every_state(case, risk):
-    bound = bound_of(case.logic)
-    rows, letters = live_rows(bound, 2), empty_letters(bound)
-    for _, row in rows_after(case, bound, rows, letters, 0):
-        before = [live_value(bound, rows, row, p) for p in range(len(case.logic.delta))]
-        add_risk(rows, row, risk)
-        after = [live_value(bound, rows, row, p) for p in range(len(case.logic.delta))]
-        np.testing.assert_array_equal(after, np.minimum(np.array(before) + risk, 1.0))
-        break
 
 
 @some

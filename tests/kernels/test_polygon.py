@@ -41,3 +41,14 @@ def test_polygon_probabilities_of_the_kernel_are_the_references(seed):
     expected = [in_polygon(convex(polygon), m, c) for m, c in zip(x, cov, strict=True)]
     found = kernel.polygon_probabilities(corners, x, three_columns(cov))
     np.testing.assert_allclose(found, expected, atol=1e-13)
+
+
+def test_a_mean_at_a_corner_sees_the_angle_of_the_corner():
+    """There the angles of two edges are not defined."""
+    square = np.array([[0.0, 0.0], [4.0, 0.0], [4.0, 4.0], [0.0, 4.0]])
+    corners = Corners(np.zeros(1, np.int64), np.zeros((1, 2)), np.ones(1), np.array([0, 4]), square)
+    cov = np.array([[0.04, 0.01, 0.09]])
+    for corner in square:
+        found = kernel.polygon_probabilities(corners, corner[None], cov)[0]
+        expected = in_polygon(convex(square), corner, np.array([[0.04, 0.01], [0.01, 0.09]]))
+        np.testing.assert_allclose(found, expected, atol=1e-6)

@@ -97,10 +97,10 @@ def test_airspeed_is_the_length_of_the_control_that_makes_the_move(problem, seed
 
 
 @pytest.mark.parametrize("error", [None, QUICK_ERROR])
-@pytest.mark.parametrize("gain", [0.0, 0.3])
+@pytest.mark.parametrize("time", [None, 300.0])
 @pytest.mark.parametrize("rho", [0.0, 0.6, 1.0])
-def test_covariances_and_controls_are_those_of_the_formula(rho, gain, error):
-    robot = RobotConfig(dt=100.0, u_max=60.0, start_sd=50.0, feedback=gain)
+def test_covariances_and_controls_are_those_of_the_formula(rho, time, error):
+    robot = RobotConfig(dt=100.0, u_max=60.0, start_sd=50.0, feedback_time=time)
     p = coherent_problem(rho=rho, robot=robot, hours=0.25, error=error)
     path = evaluate_path(p, STEPS, "by hand")
     cov, u = risk.propagate_coherent(p, STEPS)

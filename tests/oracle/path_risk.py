@@ -55,7 +55,9 @@ def propagate_independent(problem: Problem, x: FloatArray) -> tuple[FloatArray, 
         latent = np.array([interpolate(wind, wind.latent, t, p) for p in around])
         worst = latent[np.argmax(latent.sum(axis=1))] + interpolate_time(wind, wind.gust, t)
         worst = worst + wind.between[t]
-        cov.append(motion.closed @ cov[-1] @ motion.closed.T + motion.dt**2 * np.diag(worst))
+        cov.append(
+            motion.closed @ cov[-1] @ motion.closed.T + (motion.exposed * motion.dt) ** 2 * np.diag(worst)
+        )
         mean = interpolate(wind, wind.mean, t, x[t])
         u.append(motion.b_inv @ (x[t + 1] - motion.a @ x[t] - motion.dt * mean) / motion.dt)
     return np.array(cov), np.array(u).reshape(-1, 2)
@@ -64,20 +66,20 @@ def propagate_independent(problem: Problem, x: FloatArray) -> tuple[FloatArray, 
 def propagate_coherent(problem: Problem, x: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Covariances (T+1, 2, 2) and controls (T, 2) along the means ``x`` (T+1, 2) under the coherent law.
 
-    With C = Cov(e, θ), F = A - K + dt Dμ(x̂_t), ψ = blkdiag(ψ_x', ψ_y'):
+    With C = Cov(e, θ), F = A - K + h Dμ(x̂_t), h = φ dt, ψ = blkdiag(ψ_x', ψ_y'):
 
-        Σ_{t+1} = F Σ F' + dt (F C ψ' + ψ C' F') + dt² (ψ ψ' + white),    C_{t+1} = ρ (F C + dt ψ),
+        Σ_{t+1} = F Σ F' + h (F C ψ' + ψ C' F') + h² (ψ ψ' + white),    C_{t+1} = ρ (F C + h ψ),
         u_t = B⁻¹ (x̂_{t+1} - A x̂_t - dt (μ + ½ D²μ : Σ + ∂ψ : C)) / dt.
 
     Eqs. (M23) and (M24) of docs/mathematics.md.
     """
     motion, wind, modes = problem.motion, problem.wind, problem.modes
-    p = modes.psi.shape[-1]
+    p, h = modes.psi.shape[-1], motion.exposed * motion.dt
     sigma, C = np.eye(2) * problem.start_variance, np.zeros((2, 2 * p))
     cov, u = [sigma], []
     for t in range(len(x) - 1):
         slope, bend = interpolate(wind, modes.slope, t, x[t]), interpolate(wind, modes.bend, t, x[t])
-        F = motion.closed + motion.dt * slope.reshape(2, 2)
+        F = motion.closed + h * slope.reshape(2, 2)
         psi, east, north = modes_at_place(modes, t, x[t])
         left = interpolate(wind, wind.latent, t, x[t]) + wind.between[t] - np.diag(psi @ psi.T)
         white = modes.white * interpolate_time(wind, wind.gust, t) + modes.rest * np.maximum(left, 0.0)
@@ -90,9 +92,9 @@ def propagate_coherent(problem: Problem, x: FloatArray) -> tuple[FloatArray, Flo
         ]
         drift = interpolate(wind, wind.mean, t, x[t]) + curved + swept
         u.append(motion.b_inv @ (x[t + 1] - motion.a @ x[t] - motion.dt * drift) / motion.dt)
-        mixed = motion.dt * F @ C @ psi.T
-        sigma = F @ sigma @ F.T + mixed + mixed.T + motion.dt**2 * (psi @ psi.T + np.diag(white))
-        C = np.tile(modes.kept[t + 1], 2) * (F @ C + motion.dt * psi)
+        mixed = h * F @ C @ psi.T
+        sigma = F @ sigma @ F.T + mixed + mixed.T + h**2 * (psi @ psi.T + np.diag(white))
+        C = np.tile(modes.kept[t + 1], 2) * (F @ C + h * psi)
         cov.append(sigma)
     return np.array(cov), np.array(u).reshape(-1, 2)
 

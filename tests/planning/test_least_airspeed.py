@@ -57,12 +57,12 @@ def keeps(problem: Problem, x: FloatArray, slack: float = 1e-6) -> bool:
 
 def test_feedback_takes_from_both_ends_of_the_airspeeds() -> None:
     models = replace(preset("full"), judge="bound")  # flights as judges need no reserve
-    problem = task(fidelity=models, u_min=4.0, feedback=0.2, start_sd=100.0)
+    problem = task(fidelity=models, u_min=4.0, feedback_time=450.0, start_sd=100.0)
     flight = propagate(problem, along((2, 4), (5, 4), (9, 9), step=0.7))
     least, most = airspeed_limits(problem, flight.speed)
     assert (most < 10.0).all()
     np.testing.assert_allclose(least - 4.0, 10.0 - most)
-    free = task(feedback=0.2, start_sd=100.0)
+    free = task(feedback_time=450.0, start_sd=100.0)
     assert not airspeed_limits(free, flight.speed)[0].any()  # it may hover, and turn round
 
 
@@ -81,7 +81,7 @@ def test_a_slow_step_is_refused_with_its_place() -> None:
 
 @pytest.mark.parametrize("fidelity", ["paper", "full"])
 @pytest.mark.parametrize(
-    "robot", [{"u_min": 7.0}, {"u_min": 10.0}, {"u_min": 4.0, "feedback": 0.1, "start_sd": 50.0}]
+    "robot", [{"u_min": 7.0}, {"u_min": 10.0}, {"u_min": 4.0, "feedback_time": 900.0, "start_sd": 50.0}]
 )
 def test_no_edge_of_a_tree_is_too_slow_or_too_fast(fidelity: str, robot: dict[str, float]) -> None:
     problem = task(fidelity, **robot)
@@ -159,7 +159,7 @@ def flown_airspeeds(problem: Problem, x: FloatArray, runs: int = 200) -> FloatAr
 
 def test_feedback_never_asks_for_less_than_the_least_airspeed() -> None:
     x = along((2, 4), (9, 4), (9, 10), step=0.7)
-    robot = {"dt": 100.0, "u_max": 10.0, "feedback": 0.5, "start_sd": 900.0}
+    robot = {"dt": 100.0, "u_max": 10.0, "feedback_time": 150.0, "start_sd": 900.0}
     still = steady_wind(SCENE, gust=(0.0, 0.0))
     slow = make_problem("F a", SCENE, still, RobotConfig(**robot, u_min=6.0))
     speeds = flown_airspeeds(slow, x)
@@ -172,7 +172,9 @@ def test_feedback_never_asks_for_less_than_the_least_airspeed() -> None:
 def test_a_planned_reserve_is_seldom_used_up() -> None:
     """The feedback of a step asks for less than u_min in at most ``effort_risk`` of the flights."""
     still = steady_wind(SCENE, gust=(0.0, 0.0))
-    robot = RobotConfig(dt=100.0, u_max=10.0, u_min=5.0, feedback=0.5, start_sd=150.0, effort_risk=0.05)
+    robot = RobotConfig(
+        dt=100.0, u_max=10.0, u_min=5.0, feedback_time=150.0, start_sd=150.0, effort_risk=0.05
+    )
     problem = make_problem("F a", SCENE, still, robot)
     x = along((2, 4), (9, 4), step=0.71)
     assert keeps(problem, x)

@@ -98,7 +98,7 @@ def test_a_ready_vehicle_has_airspeeds_a_level_and_energy_for_an_hour(name: str)
     assert 0.0 <= robot.u_min < robot.u_max
     v = np.linspace(max(robot.u_min, 0.01), robot.u_max, 200)
     assert model.capacity / model.curve.watts(v).min() > 1400.0  # [s]
-    assert robot.feedback == 0.0  # the planner is for robots without a position
+    assert robot.feedback_time is None  # the planner is for robots without a position
 
 
 @pytest.mark.parametrize(

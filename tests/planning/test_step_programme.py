@@ -23,7 +23,7 @@ ROBOTS = {
     "still air": (RobotConfig(dt=100.0, u_max=10.0), steady_wind(SCENE)),
     "coherent wind": (RobotConfig(dt=100.0, u_max=10.0), smooth_wind(SCENE)),
     "feedback": (
-        RobotConfig(dt=100.0, u_max=10.0, feedback=0.1, start_sd=100.0),
+        RobotConfig(dt=100.0, u_max=10.0, feedback_time=900.0, start_sd=100.0),
         smooth_wind(SCENE, speed=2.0, sd=0.5),
     ),
     "matrices": (RobotConfig(dt=100.0, u_max=10.0, **BENT), smooth_wind(SCENE)),

@@ -7,7 +7,8 @@ import pytest
 from numpy.random import SeedSequence
 
 from coherent import STEPS, coherent_problem, rate_interval
-from pareto_ltl.kernels.flight import Autopilot, link_fields
+from pareto_ltl.kernels.flight import link_fields
+from pareto_ltl.kernels.pilots import Autopilot
 from pareto_ltl.planning.evaluate import evaluate_path, forecast, propagate
 from pareto_ltl.planning.wind_lookup import interpolate, interpolate_time
 from pareto_ltl.settings import RobotConfig
@@ -23,9 +24,9 @@ from problems import KM, QUICK_ERROR, box, make_scene
 
 
 @pytest.mark.statistical
-@pytest.mark.parametrize("gain", [0.0, 0.2])
-def test_the_end_point_of_nonlinear_flights_is_foreseen(gain):
-    robot = RobotConfig(dt=100.0, u_max=60.0, start_sd=50.0, feedback=gain)
+@pytest.mark.parametrize("time", [None, 450.0, 50.0])
+def test_the_end_point_of_nonlinear_flights_is_foreseen(time):
+    robot = RobotConfig(dt=100.0, u_max=60.0, start_sd=50.0, feedback_time=time)
     p = coherent_problem(robot=robot, hours=0.5, sd=1.0)
     path = evaluate_path(p, STEPS, "by hand")
     flights = simulate_flights(p, path.u, 40_000, "coherent", SeedSequence(1), path.x)

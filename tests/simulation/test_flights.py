@@ -14,6 +14,7 @@ from scipy.stats import binom, binomtest
 
 from oracle import path_risk as risk
 from pareto_ltl.kernels import flight as rollout
+from pareto_ltl.kernels.pilots import Autopilot
 from pareto_ltl.planning import growth, selection
 from pareto_ltl.planning.records import Plan
 from pareto_ltl.planning.wind_lookup import interpolate, interpolate_time
@@ -78,7 +79,7 @@ def test_flights_are_those_of_a_plain_simulation_with_the_same_draws(robot, plan
     x[:, 0] = problem.scene.start + rng.normal(0, 300, (runs, 2))
     draws = rng.standard_normal((len(u), runs, 2))
     law = problem.laws["independent"]
-    pilot = rollout.Autopilot(u, np.zeros((len(u) + 1, 2)))
+    pilot = Autopilot(u, np.zeros((len(u) + 1, 2)))
     deployment.fly_draws(problem, rollout.IndependentDraws(law, draws), pilot, x)
     outcome = deployment.judge_flights(problem, "independent", x)
     outcomes = set()

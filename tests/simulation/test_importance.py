@@ -40,12 +40,12 @@ BLOCKS = [box(8, 1, 12, 5.5), box(9, 15, 11, 20)]
 
 def task(
     formula: str, corners: tuple[tuple[float, float], ...], law: str = "coherent", border: str = "open",
-    feedback: float = 0.0, **wind: float,
+    feedback: float | None = None, **wind: float,
 ) -> tuple[Problem, PlannedPath]:  # fmt: skip
     """A plan along ``corners`` [km] in curved winds, and what it is to do."""
     scene = replace(make_scene(MAP, BLOCKS, start=corners[0]), border=border)
     models = replace(preset("full"), law=law, border=border)
-    robot = RobotConfig(dt=100.0, u_max=25.0, start_sd=50.0, feedback=feedback)
+    robot = RobotConfig(dt=100.0, u_max=25.0, start_sd=50.0, feedback_time=feedback)
     problem = make_problem(formula, scene, smooth_wind(scene, **wind), robot, LOOSE, fidelity=models)
     return problem, evaluate_path(problem, along(*corners, step=0.8), "by hand")
 
@@ -60,7 +60,7 @@ def tasks() -> dict[str, tuple[Problem, PlannedPath]]:
         "wall": task("F b & F a", tour, border="wall", sd=0.3, gust=0.4),
         "forbidden": task("!h U a", ((2, 3), (5.5, 9.5), (9, 12), (16, 16)), sd=0.25, gust=0.3),
         "choice": task("F(a & F b) | F(b & F a)", tour, sd=0.28, gust=0.3),
-        "feedback": task("F a", (*sweep[:3], (16, 16)), feedback=0.05, sd=0.8, gust=0.5),
+        "feedback": task("F a", (*sweep[:3], (16, 16)), feedback=1950.0, sd=0.8, gust=0.5),
         "independent": task("F b & F a", tour, "independent", sd=1.0, gust=1.2),
     }
 

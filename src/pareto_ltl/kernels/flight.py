@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple, TypeAlias
 
-from pareto_ltl.kernels import navigator  # noqa: F401 - the code of pilots that take fixes
+from pareto_ltl.kernels import fixes, navigator  # noqa: F401 - the code of laws and pilots with fixes
 from pareto_ltl.kernels.data import (
     Cells,
     CoherentLaw,

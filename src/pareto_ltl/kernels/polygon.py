@@ -12,6 +12,7 @@ from pareto_ltl.support.arrays import FloatArray
 
 DEEP = 8.3  # exp(-x²/2) is below 1e-15 from here on
 TURN = 2.0 * math.pi
+BESIDE = 1e-9  # standard deviations by which a mean is moved off a corner
 
 # Gauss-Legendre on [0, 1]. Twelve nodes give Owen's T to 1e-16 for |a| ≤ 1, since the interval is cut where
 # the integrand is negligible.
@@ -92,6 +93,17 @@ def polygon_probability(polygons: Corners, part: int, here: Gaussian) -> float:
 
     Eq. (M35) of docs/mathematics.md.
     """
+    found = _probability(polygons, part, here)
+    if found >= 0.0:
+        return found
+    (x, y), cov = here
+    aside = BESIDE * math.sqrt(cov.xx + cov.yy)
+    return max(_probability(polygons, part, Gaussian(Point(x + aside, y + 0.7 * aside), cov)), 0.0)
+
+
+@kernel
+def _probability(polygons: Corners, part: int, here: Gaussian) -> float:
+    """The probability; -1 if the mean is a corner, where the angles of two edges are not defined."""
     corner, first, last = polygons.corner, polygons.ptr[part], polygons.ptr[part + 1]
     x, y = here.mean
     cxx, cxy, cyy = here.cov
@@ -103,6 +115,8 @@ def polygon_probability(polygons: Corners, part: int, here: Gaussian) -> float:
     px, py = dx / a, (dy - b * dx / a) / c
     for k in range(first, last):
         dx, dy = corner[k, 0] - x, corner[k, 1] - y
+        if dx == 0.0 and dy == 0.0:
+            return -1.0
         qx, qy = dx / a, (dy - b * dx / a) / c
         ex, ey = qx - px, qy - py
         size = math.sqrt(ex * ex + ey * ey)
