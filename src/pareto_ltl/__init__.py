@@ -8,6 +8,7 @@
     pareto_ltl.export(result, "flight")          # files for autopilots, maps and navigators
     pareto_ltl.show(result)                      # one page with map, front, flights, in a browser
     pareto_ltl.replan(result, "6h", (38.1, -94.2, 500.0))  # the rest of the flight, from a position fix
+    pareto_ltl.beacons(result)                   # where a beacon would reduce the failure most
     pareto_ltl.simulate(result, runs=1000, law="coherent")
     pareto_ltl.steer(result, (0, 0), (9e4, 2e4))  # a path between two points, by the convex programme
     pareto_ltl.load_results("outputs/phi1/...")  # a run of the command line
@@ -25,6 +26,7 @@ from typing import TYPE_CHECKING, Any
 from pareto_ltl.support.display import Displayed
 
 if TYPE_CHECKING:
+    from pareto_ltl.run.beacons import beacons
     from pareto_ltl.run.exporting import export
     from pareto_ltl.run.interface import PlanningResult, choose, load_results, plan, replan, simulate
     from pareto_ltl.run.results import Results
@@ -58,6 +60,7 @@ __all__ = [
     "Settings",
     "WindField",
     "__version__",
+    "beacons",
     "choose",
     "explain",
     "export",
@@ -72,6 +75,7 @@ __all__ = [
 ]
 
 _EXPORTS = {
+    "pareto_ltl.run.beacons": ("beacons",),
     "pareto_ltl.run.exporting": ("export",),
     "pareto_ltl.run.interface": ("PlanningResult", "choose", "load_results", "plan", "replan", "simulate"),
     "pareto_ltl.run.results": ("Results",),

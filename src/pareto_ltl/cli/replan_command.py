@@ -1,4 +1,4 @@
-"""``pareto-ltl replan DIR``: the rest of a flight planned again, from a position fix."""
+"""``pareto-ltl replan DIR``: the rest of a flight planned again, from a fix or in a new forecast."""
 
 from __future__ import annotations
 
@@ -15,9 +15,10 @@ def replan_command(argv: Sequence[str]) -> int:
     """Write a new plan for the rest of a flight; return 0."""
     parser = CommandArguments(
         prog="pareto-ltl replan",
-        description="Plan the rest of a flight of the plan of DIR after a position fix: the wind is "
-        "conditioned on the fix, the mission continues from its state, and the new plan is written into a "
-        "results directory. Without --fix the rest of the plan is unchanged. docs/replanning.md says more.",
+        description="Plan the rest of a flight of the plan of DIR after a position fix, or in a new "
+        "forecast: the wind is conditioned on the fix or read from the forecast, the mission continues from "
+        "its state, and the new plan, never worse than the rest of the old one, is written into a results "
+        "directory. Without --fix and --wind the rest is unchanged. docs/replanning.md says more.",
     )
     parser.add_result()
     parser.add_argument(
@@ -27,6 +28,9 @@ def replan_command(argv: Sequence[str]) -> int:
         "--fix", metavar="LAT,LON,SD", help="measured position [deg] and its standard deviation [m]; "
         "X,Y,SD [m] on a map without a place on Earth; write --fix=... if the first number is negative",
     )  # fmt: skip
+    parser.add_argument(
+        "--wind", metavar="PATH", help="a newer forecast (GRIB2, NetCDF or CSV), for the rest of the flight"
+    )
     parser.add_argument("--full", action="store_true", help="use the refinement settings of DIR")
     parser.add_argument("--out", type=Path, metavar="DIR2", help="default: DIR with _replanned and the time")
     return _replan(parser.parse_args(argv))
@@ -38,7 +42,8 @@ def _replan(options: argparse.Namespace) -> int:
 
     fix = None if options.fix is None else read_fix(options.fix)
     place = options.out or default_place(options.directory, options.time)
-    done = replan(options.directory, options.time, fix, quick=not options.full, out=place)
+    quick, wind = not options.full, options.wind
+    done = replan(options.directory, options.time, fix, quick=quick, wind=wind, out=place)
     print("\n".join([*comparison_lines(done), f"results in {place}"]))
     return 0
 

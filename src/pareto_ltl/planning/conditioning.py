@@ -85,8 +85,10 @@ def learn(x: FloatArray, cov: FloatArray, cross: FloatArray, fix: Fix) -> Learnt
     return Learnt(x + gain @ d, 0.5 * (after + after.T), cov, theta, told)
 
 
-def learn_at(problem: Problem, x: FloatArray, step: int, fix: Fix) -> Learnt:
+def learn_at(problem: Problem, x: FloatArray, step: int, fix: Fix | None) -> Learnt:
     """Condition on ``fix`` at ``step`` of the means ``x`` (T+1, 2) [m], under the law of the plan.
+
+    Without a fix it is what is known before one.
 
     If the plan counted on earlier fixes, the positions that they measured are not known here: the prior of θ
     stays N(0, I), and C covers only the errors that these fixes left. Both understate what the fix reveals.
@@ -97,6 +99,8 @@ def learn_at(problem: Problem, x: FloatArray, step: int, fix: Fix) -> Learnt:
     modes = problem.modes.psi.shape[-1]
     known = step > 0 and flight.memory is not None
     cross = flight.memory.theta[step - 1].astype(float) if known else np.zeros((2, 2, modes))
+    if fix is None:
+        return Learnt(x[step], cov, cov, np.zeros((2, modes)), np.zeros((2, 2, modes)))
     return learn(x[step], cov, cross, fix)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -14,7 +15,7 @@ from pareto_ltl.logic.timed import letter_of, places_of
 from pareto_ltl.planning.epochs import Epoch, epochs_of
 from pareto_ltl.planning.pack_logic import pack_corners, pack_logic, pack_ordered
 from pareto_ltl.planning.power import energy_model
-from pareto_ltl.planning.problem import Problem
+from pareto_ltl.planning.problem import Problem, unaided
 from pareto_ltl.planning.turns import turns_of
 from pareto_ltl.settings import PAPER, FidelityConfig, PlannerConfig, RobotConfig, WindConfig
 from pareto_ltl.support.arrays import FloatArray, IntArray
@@ -342,13 +343,35 @@ def used_landmarks(scene: Scene, robot: RobotConfig, fidelity: FidelityConfig) -
     """The landmarks at which the robot of these settings measures; a warning says why there are none."""
     needs = {
         "fidelity.law=coherent": fidelity.law == "coherent",
-        "fidelity.judge=flights (bounds know no flight that misses a landmark)": fidelity.judge == "flights",
+        "fidelity.judge=flights (a bound cannot tell who misses a landmark)": fidelity.judge == "flights",
         "robot.feedback_time=null (a robot that always knows its position)": robot.feedback_time is None,
     }
     missing = [need for need, met in needs.items() if not met]
     if scene.landmarks and missing:
         LOG.warning("scene.landmarks are not used: position fixes need %s", " and ".join(missing))
     return () if missing else scene.landmarks
+
+
+def with_landmarks(problem: Problem, robot: RobotConfig, marks: Sequence[FloatArray]) -> Problem:
+    """``problem`` with further landmarks ``marks``, convex polygons (n, 2) [m], for this robot.
+
+    Raises
+    ------
+    ConfigError
+        If the robot takes no position fixes.
+    """
+    scene = replace(problem.scene, landmarks=(*problem.scene.landmarks, *marks))
+    if not used_landmarks(scene, robot, problem.fidelity):
+        raise ConfigError(
+            "the robot of this plan takes no position fixes: they need fidelity.law=coherent, "
+            "fidelity.judge=flights and robot.feedback_time=null"
+        )
+    robot = replace(robot, dt=problem.motion.dt)
+    plain = unaided(problem.laws["coherent"])
+    assert isinstance(plain, kd.CoherentLaw)
+    law = kd.LandmarkLaw(plain.wind, plain.modes, plain.motion, pack_landmarks(robot, scene.landmarks))
+    laws, world = {**problem.laws, "coherent": law}, problem.world._replace(law=law)
+    return replace(problem, scene=scene, laws=laws, world=world)
 
 
 def _refuse_strong_wind(robot: RobotConfig, wind: WindField) -> None:

@@ -262,9 +262,10 @@ def replan(
     fix: Sequence[float] | None = None,
     *,
     quick: bool = True,
+    wind: str | Path | None = None,
     out: str | Path | None = None,
 ) -> Replanned:
-    """Plan the rest of a flight again, from a position fix (docs/replanning.md).
+    """Plan the rest of a flight again, from a position fix or in a new forecast (docs/replanning.md).
 
     Parameters
     ----------
@@ -274,7 +275,9 @@ def replan(
         When: seconds after departure, ``"6h"``, or an ISO 8601 time; rounded to a step of the plan.
     fix : (latitude, longitude, sd) or (x, y, sd), optional
         Measured position [deg, or m on a map without a place on Earth] and its standard deviation [m].
-        Without it there is no new information, and the rest of the plan is unchanged.
+        Without it and without ``wind`` there is no new information, and the rest of the plan is unchanged.
+    wind : path, optional
+        A newer forecast (GRIB2, NetCDF or CSV) for the rest of the flight.
     quick : bool
         Whether to use a coarser refinement, which takes half of the time.
     out : path, optional
@@ -299,7 +302,7 @@ def replan(
         run.records[DECOMPOSITION], run.records[AUTOMATON] = results.decomposition, results.automaton
         if out is not None and Path(out).resolve() == results.directory.resolve():
             raise ConfigError(f"{out}: the result would overwrite its own source; name another folder")
-    done = replanned(run, time, fix, quick=quick)
+    done = replanned(run, time, fix, quick=quick, wind=wind)
     if out is not None:
         write_replanned(done, run, Path(out), source)
     return done

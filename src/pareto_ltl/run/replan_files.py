@@ -48,6 +48,7 @@ def replan_document(done: Replanned, source: str) -> dict[str, Any]:
         "source": source,
         "step": at.step,
         "time_s": at.time,
+        "wind": done.wind,
         "fix": None if at.fix is None else {"place": at.fix.place, "sd": at.fix.sd},
         "position": None
         if learnt is None
@@ -70,11 +71,14 @@ def comparison_lines(done: Replanned) -> list[str]:
             "no fix: there is no new information, and the rest of the plan is unchanged; "
             f"the failure rate of the whole flight is {done.old}",
         ]
-    lines.append(
-        f"position known to {distance_text(at.learnt.sd)} (before: {distance_text(at.learnt.sd_before)} or "
-        f"more); automaton state {at.state}, reached by {probability_text(at.certainty)} of the histories "
-        "that lead to the fix"
-    )
+    if at.fix is None:
+        lines.append(f"no fix: the position is known to {distance_text(at.learnt.sd)}; the forecast is new")
+    else:
+        lines.append(
+            f"position known to {distance_text(at.learnt.sd)} (before: {distance_text(at.learnt.sd_before)} "
+            f"or more); automaton state {at.state}, reached by {probability_text(at.certainty)} of the "
+            "histories that lead to the fix"
+        )
     gap, low, high = (100.0 * value for value in done.difference)
     rest, new = (distance_text(path.objectives.length) for path in (done.rest, done.plan.path))
     lines += [

@@ -1,9 +1,10 @@
-"""Planning the rest of a flight again: position, wind error and remaining mission after a position fix.
+"""Planning the rest of a flight again: position, wind and remaining mission after a fix or a new forecast.
 
-Without a fix there is no new information, and the rest of the old plan is unchanged. With one, position and
-wind are conditioned on it (``planning/conditioning.py``, ``wind/conditioned.py``), the automaton continues
-from its most likely state, and the stages from the trees on run with the conditioned records. The new plan
-and the rest of the old one are then simulated in the same conditioned winds.
+Without either there is no new information, and the rest of the old plan is unchanged. With a fix, position
+and wind are conditioned on it (``planning/conditioning.py``, ``wind/conditioned.py``); with a new forecast,
+the wind is that of its file. The automaton continues from its most likely state, and the stages from the
+trees on run with these records. The rest of the old plan is a candidate of the new front, and is compared
+with the new plan in the same winds.
 """
 
 from __future__ import annotations
@@ -11,13 +12,18 @@ from __future__ import annotations
 import logging
 import time as clock
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from pareto_ltl.planning.conditioning import Fix, Learnt, learn_at, likely_histories, states_reached
 from pareto_ltl.planning.costs import path_costs
+from pareto_ltl.planning.evaluate import completing_path, propagate_controls
+from pareto_ltl.run.extra_paths import EXTRA_FILE, write_extra_paths
 from pareto_ltl.run.pipeline import Run
 from pareto_ltl.run.quick import quick_settings
 from pareto_ltl.run.records import AUTOMATON, DECOMPOSITION, PLAN, PROBLEM, SCENE, WIND, Records
@@ -25,7 +31,7 @@ from pareto_ltl.run.stage_table import stage_seeds
 from pareto_ltl.settings import MissionConfig
 from pareto_ltl.support.counts import paired_difference
 from pareto_ltl.support.display import Displayed, distance_text
-from pareto_ltl.support.errors import ConfigError, DataError
+from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
 
 if TYPE_CHECKING:
     from pareto_ltl.planning.problem import Problem
@@ -37,9 +43,11 @@ if TYPE_CHECKING:
     from pareto_ltl.world.scene import Scene
 
 LOG = logging.getLogger(__name__)
+RETURN = 3.0  # steps in which a candidate returns to the positions of the old plan
 STREAM, HISTORY = "replan", "replan history"  # streams of the compared flights, and of the past flights
 HISTORIES = 2000  # simulated past flights that estimate the automaton state
 VAGUE = 0.5  # of the least deviation of the position before: a less accurate fix gives a warning
+WIND_STAGES = ("readings", "observations", "wind")  # with a new forecast
 STAGES = ("problem", "forest", "front", "plan", "forecasts", "deployment", "export", "report", "page")
 AUTOMATON_FILE = "automaton.hoa"  # in the new directory: its mission
 
@@ -86,6 +94,8 @@ class Replanned(Displayed):
         The rest of the old plan.
     seconds : float
         Time from the records of the old plan to the new one [s].
+    wind : str or None
+        The file of a new forecast.
     """
 
     situation: Situation
@@ -96,6 +106,7 @@ class Replanned(Displayed):
     new: FailureRate
     difference: tuple[float, float, float]
     seconds: float
+    wind: str | None = None
 
     @property
     def advice(self) -> str:
@@ -127,7 +138,12 @@ class Replanned(Displayed):
 
 
 def replanned(
-    run: Run, time: float | str, fix: Sequence[float] | Fix | None, *, quick: bool = True
+    run: Run,
+    time: float | str,
+    fix: Sequence[float] | Fix | None,
+    *,
+    quick: bool = True,
+    wind: str | Path | None = None,
 ) -> Replanned:
     """Plan the rest of the plan of ``run`` again.
 
@@ -139,11 +155,13 @@ def replanned(
         Measured position [deg, or m in a plane without place on Earth] and its standard deviation [m].
     quick : bool
         Whether to use a coarser refinement, which takes two seconds on phi2.
+    wind : path, optional
+        A newer forecast. The error of the old one, and what a fix says about it, are then forgotten.
 
     Raises
     ------
-    ConfigError
-        If the time or the fix cannot be used.
+    ConfigError, DataError
+        If the time, the fix or the forecast cannot be used.
     InfeasibleError
         If no path completes the mission from there.
     """
@@ -154,18 +172,57 @@ def replanned(
     problem, plan = run.make(PROBLEM), run.make(PLAN)
     step = step_at(problem, plan, time)
     measured = fix if fix is None or isinstance(fix, Fix) else checked_fix(problem, fix)
-    situation = situation_at(run, problem, plan, step, measured)
+    situation = situation_at(run, problem, plan, step, measured, moved=wind is not None)
     rest = remaining_path(problem, plan.path, step)
-    if measured is None:
+    if situation.learnt is None:
         return _carried_on(run, problem, plan, situation, rest, began)
-    other = conditioned_run(run, situation, quick=quick)
-    new = other.make(PLAN)
+    other = _with_rest(conditioned_run(run, situation, quick=quick, wind=wind), rest)
+    runs, seeds = run.settings.selection.runs, stage_seeds(run.settings.seed, STREAM)
+    rest_failed = which_fail(other.make(PROBLEM), rest, runs, seeds)
+    failed = which_fail(other.make(PROBLEM), other.make(PLAN).path, runs, seeds)
+    if paired_difference(rest_failed, failed)[1] > 0.0:  # the selected point fails more often than the rest
+        other = _with_safest(other)
+        failed = which_fail(other.make(PROBLEM), other.make(PLAN).path, runs, seeds)
     seconds = clock.perf_counter() - began
-    runs = run.settings.selection.runs
-    seeds = stage_seeds(run.settings.seed, STREAM)
-    flown = [which_fail(other.make(PROBLEM), path, runs, seeds) for path in (rest, new.path)]
-    old, later = (counted_rate(problem.fidelity.law, int(failed.sum()), runs) for failed in flown)
-    return Replanned(situation, other, new, rest, old, later, paired_difference(*flown), seconds)
+    old, later = (counted_rate(problem.fidelity.law, int(f.sum()), runs) for f in (rest_failed, failed))
+    gap = paired_difference(rest_failed, failed)
+    name = None if wind is None else str(wind)
+    return Replanned(situation, other, other.make(PLAN), rest, old, later, gap, seconds, name)
+
+
+def _with_rest(other: Run, rest: PlannedPath) -> Run:
+    """``other`` with the rest of the old plan as a candidate of its front, and the plan made.
+
+    The rest is tried with its controls, and with its positions, reached from the new start with less and less
+    of the old offset. What does not complete the mission from there is left out: its flights are compared.
+    """
+    problem = other.make(PROBLEM)
+    gap = problem.scene.start - rest.x[0]
+    fading = np.exp(-np.arange(len(rest.x)) / RETURN)[:, None]
+    flown = propagate_controls(problem, np.ascontiguousarray(rest.u), problem.world.law).x
+    able = []
+    for origin, x in (("controls of the old plan", flown), ("old plan", rest.x + fading * gap)):
+        with suppress(InfeasibleError):
+            able.append((origin, completing_path(problem, np.ascontiguousarray(x), origin).x))
+    if not able:
+        other.make(PLAN)
+        return other
+    with TemporaryDirectory() as folder:
+        file = Path(folder) / EXTRA_FILE
+        write_extra_paths(file, able)
+        selection = replace(other.settings.selection, extra_paths=str(file))
+        Run(replace(other.settings, selection=selection), other.table, other.records).make(PLAN)
+    return other
+
+
+def _with_safest(other: Run) -> Run:
+    """``other`` with the safest point of its front as the plan."""
+    LOG.warning("the selected point of the front fails more often than the rest of the old plan: point 0")
+    selection = replace(other.settings.selection, rule="point", point=0)
+    records = Records({key: other.records[key] for key in other.records if key != PLAN})
+    chosen = Run(replace(other.settings, selection=selection), other.table, records)
+    chosen.make(PLAN)
+    return chosen
 
 
 def _carried_on(
@@ -244,11 +301,17 @@ def checked_fix(problem: Problem, fix: Sequence[float]) -> Fix:
     return Fix(places[0], sd)
 
 
-def situation_at(run: Run, problem: Problem, plan: Plan, step: int, fix: Fix | None) -> Situation:
-    """Position, time and automaton state at ``step``, given the fix if there is one."""
+def situation_at(
+    run: Run, problem: Problem, plan: Plan, step: int, fix: Fix | None, *, moved: bool = False
+) -> Situation:
+    """Position, time and automaton state at ``step``, given the fix if there is one.
+
+    ``moved``: the position is needed also without a fix, for a new forecast; it is then that of the plan.
+    """
     dt = problem.motion.dt
     if fix is None:
-        return Situation(step, step * dt, None, None, int(plan.path.q[step]), 1.0)
+        expected = learn_at(problem, plan.path.x, step, None) if moved else None
+        return Situation(step, step * dt, None, expected, int(plan.path.q[step]), 1.0)
     learnt = learn_at(problem, plan.path.x, step, fix)
     if fix.sd > VAGUE * learnt.sd_before:
         LOG.warning(
@@ -302,8 +365,10 @@ def remaining_path(problem: Problem, path: PlannedPath, step: int) -> PlannedPat
 # --- the conditioned world ---------------------------------------------------------------------
 
 
-def conditioned_run(run: Run, situation: Situation, *, quick: bool) -> Run:
-    """A run that starts at the fix, in the conditioned wind, with the remaining mission."""
+def conditioned_run(
+    run: Run, situation: Situation, *, quick: bool, wind: str | Path | None = None
+) -> Run:  # fmt: skip
+    """A run that starts at the fix, in the conditioned wind or that of the file ``wind``."""
     from pareto_ltl.logic.progress import remaining_automaton
 
     learnt = situation.learnt
@@ -315,15 +380,38 @@ def conditioned_run(run: Run, situation: Situation, *, quick: bool) -> Run:
     if run.make(PROBLEM).logic.distance[situation.state] == 0.0:
         raise ConfigError("the mission is complete at that time: nothing is left to plan")
     settings = settings_from(run, scene, situation)
-    records = Records(
-        {
-            SCENE: scene,
-            DECOMPOSITION: run.make(DECOMPOSITION),
-            AUTOMATON: automaton,
-            WIND: wind_from(run.make(WIND), learnt, situation.time, run.settings.fidelity.law),
-        }
+    settings = quick_settings(settings) if quick else settings
+    records = Records({SCENE: scene, DECOMPOSITION: run.make(DECOMPOSITION), AUTOMATON: automaton})
+    if wind is None:
+        records[WIND] = wind_from(run.make(WIND), learnt, situation.time, run.settings.fidelity.law)
+        return Run(settings, run.table, records)
+    other = Run(with_forecast(settings, Path(wind).expanduser()), run.table, records)
+    warn_of_age(run.make(WIND), other.make(WIND), situation.time)
+    return other
+
+
+def with_forecast(settings: Settings, file: Path) -> Settings:
+    """``settings`` with the wind of ``file``; its reader is that of the file's kind."""
+    from pareto_ltl.wind.sources import source_of_file
+
+    if not file.is_file():
+        raise ConfigError(f"wind {file}: no such file; give a newer forecast (GRIB2, NetCDF or CSV)")
+    stages = settings.pipelines.stages
+    return replace(
+        settings,
+        wind=replace(settings.wind, source=source_of_file(file), path=str(file)),
+        pipelines=replace(settings.pipelines, stages=[*WIND_STAGES, *stages]),
     )
-    return Run(quick_settings(settings) if quick else settings, run.table, records)
+
+
+def warn_of_age(old: WindField, new: WindField, moment: float) -> None:
+    """A WARNING if the forecast ``new``, whose times count from ``moment`` [s], is not newer than ``old``."""
+    made, before = (float(np.nanmax(f.times - f.leads, initial=-np.inf)) for f in (new, old))
+    if np.isfinite([made, before]).all() and made + moment <= before:
+        LOG.warning(
+            "the forecast for the rest is not newer than that of the plan: it was made %.1f h earlier",
+            (before - made - moment) / 3600.0,
+        )
 
 
 def settings_from(run: Run, scene: Scene, situation: Situation) -> Settings:

@@ -83,7 +83,7 @@ class Attraction:
     worth: float
 
     def added(self, here: Descent, x: FloatArray, off: FloatArray, width: float, runs: int) -> Descent:
-        """``here`` with the term of ``x`` + ``off`` (T+1, 2, n); ``runs`` flights count, those left out as 0."""
+        """``here`` with the term of ``x`` + ``off`` (T+1, 2, n); of ``runs`` flights, others count as 0."""
         if self.worth <= 0.0:
             return here
         value, gradient, hessian = here.value, here.gradient.copy(), here.hessian.copy()

@@ -1,0 +1,34 @@
+"""``pareto-ltl beacons DIR``: where a beacon would reduce the failure of a plan most."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from pareto_ltl.cli.arguments import CommandArguments
+from pareto_ltl.support.errors import DataError
+
+
+def beacons_command(argv: Sequence[str]) -> int:
+    """Print the best places for beacons, and write table and figure; return 0."""
+    parser = CommandArguments(
+        prog="pareto-ltl beacons",
+        description="Find the places along and beside the plan of DIR where a beacon, within whose radius "
+        "the robot measures its position, reduces the failure most. The plan stays as it is: plan again with the "
+        "beacon on the map to use it fully. Writes beacons.csv and beacons.png.",
+    )
+    parser.add_result()
+    parser.add_argument("--radius", type=float, metavar="M", help="of a beacon [m]; default: 2 %% of the map")
+    parser.add_argument("--number", type=int, default=1, metavar="N", help="beacons to place, 1 to 3")
+    parser.add_argument("--flights", type=int, default=2000, metavar="N", help="flights that compare places")
+    parser.add_argument("--out", type=Path, metavar="FOLDER", help="default: the folder beacons in DIR")
+    options = parser.parse_args(argv)
+    if not options.directory.is_dir():
+        raise DataError(f"{options.directory}: no such folder; give a results directory")
+    from pareto_ltl.run.beacons import beacon_lines, beacons, write_beacons
+
+    found = beacons(options.directory, radius=options.radius, number=options.number, flights=options.flights)
+    folder = options.out or options.directory / "beacons"
+    write_beacons(options.directory, found, folder)
+    print("\n".join([*beacon_lines(options.directory, found), f"table and figure in {folder}"]))
+    return 0

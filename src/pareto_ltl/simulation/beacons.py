@@ -1,0 +1,168 @@
+"""Where one fix would reduce the failure of a plan most: beacons tried along and beside its path.
+
+A beacon is a disc in which the robot measures its position. The flights of a plan are simulated with a beacon
+at each of many places, in the same winds: robots that pass it correct their course, all others fly on. So the
+value of a place is exact for the plan as it is; a plan that is made anew for a beacon is at least as good.
+Further beacons are placed one after the other, each with those before it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.random import SeedSequence
+
+from pareto_ltl.planning.pack import with_landmarks
+from pareto_ltl.planning.problem import Problem
+from pareto_ltl.planning.records import FailureRate, PlannedPath, counted_rate
+from pareto_ltl.settings import RobotConfig
+from pareto_ltl.simulation.common_flights import DrawnFlights, draw_flights
+from pareto_ltl.simulation.judging import which_fail
+from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
+from pareto_ltl.support.cores import cores
+from pareto_ltl.support.counts import paired_difference
+
+ALONG = 48  # places along the path
+ASIDE = (0.0, -0.8, 0.8, -1.6, 1.6)  # standard deviations to the left of the path of the places at a step
+CORNERS = 16  # of the polygon that stands for a disc
+FRESH = 20_000  # flights that judge the best places
+
+
+@dataclass(frozen=True, slots=True)
+class BeaconPlaces:
+    """Places that are tried, ``at`` (N, 2) [m].
+
+    ``step`` (N,) is the step at which the plan passes, ``aside`` (N,) the distance to the left of the path [m].
+    """
+
+    at: FloatArray
+    step: IntArray
+    aside: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.at)
+
+
+@dataclass(frozen=True, slots=True)
+class BeaconSite:
+    """The best place for a further beacon.
+
+    Attributes
+    ----------
+    number : int
+        Of the place.
+    rate : FailureRate
+        With this beacon and those before it, in fresh flights.
+    saved : (float, float, float)
+        Failures more (negative: fewer) than with those before it only, and the ends of its 95 % interval.
+    """
+
+    number: int
+    rate: FailureRate
+    saved: tuple[float, float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class BeaconMap:
+    """The value of a beacon at many places.
+
+    Attributes
+    ----------
+    radius : float
+        Of the beacons [m].
+    without : FailureRate
+        Of the plan as it is, in the fresh flights.
+    failure : (N,) float
+        Failure rate with one beacon at each of ``places``, and ``flights`` common flights.
+    sites : tuple of BeaconSite
+        The best places for one, two, ... beacons.
+    """
+
+    radius: float
+    places: BeaconPlaces
+    without: FailureRate
+    failure: FloatArray
+    flights: int
+    sites: tuple[BeaconSite, ...]
+
+
+def beacon_map(
+    problem: Problem, robot: RobotConfig, path: PlannedPath, radius: float, number: int, flights: int,
+    seed: SeedSequence,
+) -> BeaconMap:  # fmt: skip
+    """Try beacons of ``radius`` [m] along and beside ``path``, and place ``number`` of them.
+
+    ``robot`` has the error of a fix (``fix_sd``). The best places are found in ``flights`` common flights and
+    judged in fresh ones.
+
+    Raises
+    ------
+    ConfigError
+        If the robot of these settings takes no position fixes.
+    """
+    places = beacon_places(problem, path, radius)
+    search, judge = seed.spawn(2)
+    marks: list[FloatArray] = []
+    drawn = draw_flights(
+        with_landmarks(problem, robot, [disc(places.at[0], radius)]), problem.fidelity.law, flights, search
+    )
+    before = which_fail(problem, path, FRESH, judge)
+    law, first, sites = problem.fidelity.law, np.empty(0), list[BeaconSite]()
+    without = counted_rate(law, int(before.sum()), FRESH)
+    for _ in range(number):
+        rates = tried(problem, robot, path, places, drawn, marks, radius)
+        first = rates if not len(first) else first
+        best = int(np.argmin(rates))
+        marks.append(disc(places.at[best], radius))
+        failed = which_fail(with_landmarks(problem, robot, marks), path, FRESH, judge)
+        rate = counted_rate(law, int(failed.sum()), FRESH)
+        sites.append(BeaconSite(best, rate, paired_difference(before, failed)))
+        before = failed
+    return BeaconMap(radius, places, without, first, flights, tuple(sites))
+
+
+def beacon_places(problem: Problem, path: PlannedPath, radius: float) -> BeaconPlaces:
+    """Places on the path, evenly, and beside it where a beacon would cover other flights; all on the map."""
+    steps = np.unique(np.linspace(1, len(path.u), ALONG).round().astype(int))
+    along = path.x[np.minimum(steps + 1, len(path.u))] - path.x[steps - 1]
+    left = (
+        np.column_stack([-along[:, 1], along[:, 0]])
+        / np.maximum(np.linalg.norm(along, axis=1), 1e-9)[:, None]
+    )
+    across = np.sqrt(np.maximum(np.einsum("ni,nij,nj->n", left, path.cov[steps], left), 0.0))
+    at, step, aside = [], [], []
+    for share in ASIDE:
+        gap = share * across
+        use = np.abs(gap) >= 0.5 * radius if share else np.ones(len(steps), bool)
+        at.append((path.x[steps] + gap[:, None] * left)[use])
+        step.append(steps[use])
+        aside.append(gap[use])
+    points = np.vstack(at)
+    low, high = problem.scene.bounds + radius * np.array([[1.0], [-1.0]])
+    inside = ((points >= low) & (points <= high)).all(axis=1)
+    return BeaconPlaces(points[inside], np.concatenate(step)[inside], np.concatenate(aside)[inside])
+
+
+def disc(middle: FloatArray, radius: float) -> FloatArray:
+    """A regular polygon (``CORNERS``, 2) [m] with the area of a disc."""
+    angles = 2.0 * np.pi * np.arange(CORNERS) / CORNERS
+    size = radius * np.sqrt(2.0 * np.pi / (CORNERS * np.sin(2.0 * np.pi / CORNERS)))
+    return np.asarray(middle + size * np.column_stack([np.cos(angles), np.sin(angles)]), float)
+
+
+def tried(
+    problem: Problem, robot: RobotConfig, path: PlannedPath, places: BeaconPlaces, drawn: DrawnFlights,
+    marks: Sequence[FloatArray], radius: float,
+) -> FloatArray:  # fmt: skip
+    """Failure rates (N,) of the flights ``drawn`` with the beacons ``marks`` and one more at each place."""
+
+    def failed(at: FloatArray) -> BoolArray:
+        whole = with_landmarks(problem, robot, [*marks, disc(at, radius)])
+        own = replace(drawn, problem=whole)
+        return own.failed(own.flown(path.u, path.x))
+
+    with ThreadPoolExecutor(cores()) as pool:
+        return np.array([rows.mean() for rows in pool.map(failed, places.at)])
