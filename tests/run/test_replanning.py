@@ -156,3 +156,31 @@ def test_the_rule_of_the_rest_has_the_length_that_is_left(made: Path) -> None:
     flown = np.linalg.norm(np.diff(path.x[: STEP + 1], axis=0), axis=1).sum()
     assert rule_of_the_rest(cfg, path, STEP).length == pytest.approx(path.objectives.length - flown)
     assert rule_of_the_rest(SelectionConfig(rule="point", point=3), path, STEP).rule == "worth"
+
+
+def test_a_newer_forecast_is_the_wind_of_the_rest(made: Path, tmp_path: Path, caplog: Any) -> None:
+    """Here the forecast of the plan itself, which is not newer: the position is that of the plan."""
+    old = Results(made)
+    source = Path(pareto_ltl.__file__).parent / "support" / "data" / "gfs_conus_20181009.csv"
+    place = tmp_path / "newer"
+    assert (
+        run_command_line(["replan", str(made), "--time", "5h", "--wind", str(source), "--out", str(place)])
+        == 0
+    )
+    new = Results(place)
+    np.testing.assert_allclose(new.plan.path.x[0], old.plan.path.x[STEP], atol=1.0)
+    document = json.loads((place / "replan.json").read_text())
+    assert document["wind"] == str(source)
+    assert document["fix"] is None
+    assert document["position"] is not None
+    assert new.settings.wind.path == str(source)
+
+
+def test_a_forecast_that_does_not_exist_is_named(made: Path, tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="no such file; give a newer forecast"):
+        pareto_ltl.replan(made, "5h", wind=tmp_path / "none.grib2")
+
+
+def test_the_new_plan_is_not_worse_than_the_rest_of_the_old_one(made: Path) -> None:
+    done = pareto_ltl.replan(made, "5h", fix_near(Results(made), (0.0, 0.0)))
+    assert done.advice != "old"

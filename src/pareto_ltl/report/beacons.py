@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.colors import LogNorm, Normalize
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
+from matplotlib.patheffects import withStroke
 
 from pareto_ltl.planning.records import Plan
 from pareto_ltl.report import style
@@ -78,8 +79,9 @@ def _draw_places(figure: Figure, chart: MapAxes, found: BeaconMap, at: tuple[flo
         x, y = points[site.number]
         chart.ax.add_patch(Circle((x, y), found.radius * chart.per_metre, **look))
         chart.ax.annotate(
-            str(count), (x, y), (4.0, 4.0), textcoords="offset points", fontweight="bold", zorder=9
-        )
+            str(count), (x, y), (8.0, 6.0), textcoords="offset points", fontweight="bold", zorder=9,
+            path_effects=[withStroke(linewidth=2.0, foreground="white")],
+        )  # fmt: skip
     left, bottom, width = at
     bar = figure.colorbar(
         dots, cax=style.axes_at(figure, left, bottom, width, 0.08), orientation="horizontal"

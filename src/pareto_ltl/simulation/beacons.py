@@ -35,7 +35,7 @@ FRESH = 20_000  # flights that judge the best places
 class BeaconPlaces:
     """Places that are tried, ``at`` (N, 2) [m].
 
-    ``step`` (N,) is the step at which the plan passes, ``aside`` (N,) the distance to the left of the path [m].
+    ``step`` (N,) is the step at which the plan passes, ``aside`` (N,) the distance left of the path [m].
     """
 
     at: FloatArray

@@ -21,7 +21,12 @@ import numpy as np
 from pareto_ltl.kernels import margin as km
 from pareto_ltl.kernels.margin_events import MarginModel
 from pareto_ltl.kernels.path import Flight
-from pareto_ltl.planning.evaluate import airspeed_limits, propagate, propagate_controls
+from pareto_ltl.planning.evaluate import (
+    airspeed_limits,
+    propagate,
+    propagate_controls,
+    takes_fixes,
+)
 from pareto_ltl.planning.margin_model import margin_scratch
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.refine.programme import programmes_of
@@ -153,12 +158,11 @@ class Refiner:
         self, flight: Flight, flights: CommonFlights, here: Descent, width: float, runs: int
     ) -> Attraction:
         """What the fixes of ``flight`` save: its smoothed failure without them, less that of ``here``."""
-        marks = self.problem.landmarks
-        if not marks:
+        if not takes_fixes(flight):
             return Attraction((), 0.0)
         off = deviations_from(flights.unaided(flight), flight.x)
         alone, _ = self.slope(flight.x, off, width, runs)
-        return Attraction(marks, alone.value - here.value)
+        return Attraction(self.problem.landmarks, alone.value - here.value)
 
     def assessed(self, flight: Flight, flights: CommonFlights, width: float, origin: str = "") -> Candidate:
         """``flight`` as it is, with its failure smoothed over ``width`` [m]."""

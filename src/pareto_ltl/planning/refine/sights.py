@@ -19,7 +19,8 @@ from pareto_ltl.world.cells import half_planes
 LED = 12  # lines that are led through landmarks, the shortest
 PLACES = 2  # legs of a line in which a landmark is tried, those of the least detours
 STRETCH = 1.7  # lines that a landmark makes longer than this many times are left out
-NEAREST = 4  # legs of a path on which a flight may be deepest in a landmark
+NEAREST = 3  # legs of a path on which a flight may be deepest in a landmark
+SHARES = (0.5, 1.0)  # of a leg, where that is evaluated
 
 
 def sights(problem: Problem, x: FloatArray) -> BoolArray:
@@ -94,41 +95,37 @@ class Attraction:
             slope = missed * (1.0 - missed) / width
             bend = np.maximum(slope * (1.0 - 2.0 * missed) / width, 0.0)
             value += share * float(missed.mean())
-            nx, ny = seen.normal
-            for leg in np.unique(seen.leg):
-                own, s = seen.leg == leg, seen.share[leg]
-                pull = np.array([(slope * nx)[own].sum(), (slope * ny)[own].sum()]) * share / len(missed)
-                curve = np.array([(bend * p)[own].sum() for p in (nx * nx, nx * ny, ny * ny)])
-                for t, weight in ((leg, 1.0 - s), (leg + 1, s)):
-                    gradient[t] += weight * pull
-                    hessian[t] += weight * weight * share / len(missed) * curve
+            nx, ny = seen.normal.T
+            pull = share / len(missed) * slope[:, None] * seen.normal
+            curve = share / len(missed) * bend[:, None] * np.column_stack([nx * nx, nx * ny, ny * ny])
+            for t, weight in ((seen.leg, 1.0 - seen.share), (seen.leg + 1, seen.share)):
+                np.add.at(gradient, t, weight[:, None] * pull)
+                np.add.at(hessian, t, (weight * weight)[:, None] * curve)
         return Descent(gradient, hessian, value)
 
 
 class _Inside(NamedTuple):
-    """For each flight the leg on which it is deepest in a landmark, how deep [m], and the normal there.
+    """For each flight the leg and the share of it where it is deepest in a landmark, and how deep [m].
 
-    ``share`` (T,) is the share of each leg of the means at which it is nearest to the landmark's middle.
+    ``normal`` is that of the nearest face, which the depth falls along.
     """
 
     leg: IntArray
-    margin: FloatArray
-    normal: tuple[FloatArray, FloatArray]
     share: FloatArray
+    margin: FloatArray
+    normal: FloatArray
 
 
 def _inside(corners: FloatArray, x: FloatArray, off: FloatArray) -> _Inside:
     normals, offsets = half_planes(corners)
-    middle, along = corners.mean(axis=0), np.diff(x, axis=0)
-    size = np.maximum((along**2).sum(axis=1), 1e-9)
-    share = np.clip(((middle - x[:-1]) * along).sum(axis=1) / size, 0.0, 1.0)
-    places = x[:-1] + share[:, None] * along
-    near = np.sort(np.argsort(np.linalg.norm(places - middle, axis=1), kind="stable")[:NEAREST])
-    s = share[near, None, None]
-    at = places[near, :, None] + (1.0 - s) * off[near] + s * off[near + 1]
-    gap = offsets[None, :, None] - np.einsum("fi,lin->lfn", normals, at)
+    middle = corners.mean(axis=0)
+    ends = np.linalg.norm(x - middle, axis=1)
+    near = np.sort(np.argsort(ends[:-1] + ends[1:], kind="stable")[:NEAREST])
+    legs, shares = np.repeat(near, len(SHARES)), np.tile(SHARES, len(near))
+    s = shares[:, None, None]
+    at = (1.0 - s) * (x[legs, :, None] + off[legs]) + s * (x[legs + 1, :, None] + off[legs + 1])
+    gap = offsets[None, :, None] - normals @ at
     deep = gap.min(axis=1)
-    best = deep.argmax(axis=0)
-    flights = np.arange(off.shape[2])
+    best, flights = deep.argmax(axis=0), np.arange(off.shape[2])
     face = gap[best, :, flights].argmin(axis=1)
-    return _Inside(near[best], deep[best, flights], (normals[face, 0], normals[face, 1]), share)
+    return _Inside(legs[best], shares[best], deep[best, flights], normals[face])

@@ -1,0 +1,80 @@
+"""Landmarks on the way: which are crossed, lines led through them, and what keeps a polish in them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import shapely
+
+from landmarks import LANDMARK_SCENE, landmark_problem
+from pareto_ltl.planning.refine.sights import Attraction, led_lines, sights
+from pareto_ltl.planning.refine.step_programme import Descent
+from problems import KM, box
+
+MARKS = (box(5, 9, 7, 11), box(10, 4, 12, 6))
+WALL = box(6, 12, 18, 12.5)
+
+
+@pytest.fixture(scope="module")
+def problem():
+    return landmark_problem(replace(LANDMARK_SCENE, landmarks=MARKS, obstacles=(WALL,)))
+
+
+def test_legs_that_cross_a_landmark_are_found(problem):
+    x = np.array([[2, 2], [6, 10], [6, 10.5], [11, 3], [11, 8]]) * KM
+    expected = [
+        [shapely.LineString(x[t : t + 2]).intersects(shapely.Polygon(mark)) for mark in MARKS]
+        for t in range(len(x) - 1)
+    ]
+    np.testing.assert_array_equal(sights(problem, x), expected)
+    assert sights(landmark_problem(replace(LANDMARK_SCENE, landmarks=())), x).shape == (4, 0)
+
+
+def test_lines_are_led_through_each_landmark_and_through_both(problem):
+    line = np.array([[2, 2], [16, 10]]) * KM
+    led = led_lines(problem, [line])
+    crossed = {tuple(sights(problem, x).any(axis=0).tolist()) for x in led}
+    assert {(True, False), (True, True)} <= crossed
+    for x in led:
+        np.testing.assert_array_equal(x[[0, -1]], line[[0, -1]])
+        assert not shapely.LineString(x).intersects(shapely.Polygon(WALL))
+
+
+def test_a_landmark_behind_an_obstacle_is_not_entered_through_it(problem):
+    behind = replace(LANDMARK_SCENE, landmarks=(box(11, 14, 13, 16),), obstacles=(box(1, 12, 19, 12.5),))
+    assert led_lines(landmark_problem(behind), [np.array([[2, 2], [16, 10]]) * KM]) == []
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_slope_of_an_attraction_is_that_of_finite_differences(problem, seed):
+    rng = np.random.default_rng(seed)
+    x = np.linspace([2, 2], [14, 13], 13) * KM + rng.normal(0.0, 300.0, (13, 2))
+    off = np.arange(13)[:, None, None] * 120.0 * rng.standard_normal((2, 400))  # one error for a flight
+    none = Descent(np.zeros((13, 2)), np.zeros((13, 3)), 0.0)
+    lure = Attraction(problem.landmarks, 0.3)
+
+    def value(places):
+        return lure.added(none, places, off, 900.0, 50).value
+
+    here = lure.added(none, x, off, 900.0, 50)
+    assert here.value == pytest.approx(value(x))
+    assert np.abs(here.gradient).max() > 0.0
+    size = np.abs(here.gradient).max()
+    for t in np.argsort(-np.linalg.norm(here.gradient, axis=1))[:3]:
+        for c in (0, 1):
+            up, down = x.copy(), x.copy()
+            up[t, c] += 5.0
+            down[t, c] -= 5.0
+            slope = (value(up) - value(down)) / 10.0
+            # Deviations of the two ends of a leg differ a little: slopes are close, not equal.
+            assert here.gradient[t, c] == pytest.approx(slope, rel=0.25, abs=0.1 * size)
+    assert (here.hessian[:, [0, 2]] >= 0.0).all()
+
+
+def test_without_worth_nothing_is_added(problem):
+    none = Descent(np.zeros((3, 2)), np.zeros((3, 3)), 0.2)
+    assert (
+        Attraction(problem.landmarks, 0.0).added(none, np.zeros((3, 2)), np.zeros((3, 2, 5)), 1.0, 5) is none
+    )
