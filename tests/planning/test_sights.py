@@ -10,6 +10,7 @@ import shapely
 
 from landmarks import LANDMARK_SCENE, landmark_problem
 from pareto_ltl.planning.refine.sights import Attraction, led_lines, sights
+from pareto_ltl.planning.refine.starts import roadmap_starts
 from pareto_ltl.planning.refine.step_programme import Descent
 from problems import KM, box
 
@@ -78,3 +79,9 @@ def test_without_worth_nothing_is_added(problem):
     assert (
         Attraction(problem.landmarks, 0.0).added(none, np.zeros((3, 2)), np.zeros((3, 2, 5)), 1.0, 5) is none
     )
+
+
+def test_starts_lead_through_landmarks_and_past_them(problem):
+    """A landmark cannot make a plan worse: paths without it compete."""
+    seen = {sights(problem, start.x).any() for start in roadmap_starts(problem)}
+    assert seen == {True, False}
