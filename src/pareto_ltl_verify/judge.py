@@ -21,6 +21,7 @@ from pareto_ltl_verify.claims import (
     plan,
     promise,
     record,
+    replan,
     search,
     wind,
     world,
@@ -31,7 +32,7 @@ from pareto_ltl_verify.evidence import Evidence, open_evidence
 CLAIMS: tuple[Claim, ...] = (
     *record.CLAIMS, *world.CLAIMS, *wind.CLAIMS, *coverage.CLAIMS, *plan.CLAIMS, *limits.CLAIMS,
     *search.CLAIMS, *front.CLAIMS, *promise.CLAIMS, *flights.CLAIMS, *exports.CLAIMS, *export_rates.CLAIMS,
-    *page.CLAIMS,
+    *page.CLAIMS, *replan.CLAIMS,
 )  # fmt: skip
 REPLANNED = "replan.json"  # file of a plan that begins during a flight (``pareto-ltl replan``)
 OF_A_DEPARTURE = frozenset({

@@ -15,8 +15,10 @@ from pareto_ltl_verify.forecast_errors import ErrorLaw, error_law
 from pareto_ltl_verify.wind_fit import Fit
 
 COMPONENTS = ("u", "v")
-PARTS = ("interpolation in space", "forecast", "interpolation in time", "ensemble")  # of the error of a field
-SPACE, FORECAST, TIME, ENSEMBLE = range(4)
+PARTS = (  # of the error of a field
+    "interpolation in space", "forecast", "interpolation in time", "ensemble", "change of a held field",
+)  # fmt: skip
+SPACE, FORECAST, TIME, ENSEMBLE, HELD = range(5)
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,7 +95,8 @@ class WindFile:
     """Mean [m/s] and ``latent`` variance (K, NX, NY, 2) on nodes ``x``, ``y`` [m]; ``gust`` variance (K, 2).
 
     ``clock`` is the unit of time; the wind is known ``until`` [s] for the reason ``ends``; ``leads`` (K,) [s]
-    are lead times of forecasts.
+    are lead times of forecasts. The slots of a field that is ``held`` since a time [s] include the variance
+    of its change.
     """
 
     x: FloatArray
@@ -113,6 +116,12 @@ class WindFile:
     fit: Fit | None
     error: ErrorLaw | None
     clock: str
+    held: float | None = None
+
+    @property
+    def last_field(self) -> float:
+        """Time of the last field of the data [s]; later it is held."""
+        return float(self.times[-1]) if self.held is None else self.held
 
 
 def read_wind_file(path: Path) -> WindFile:
@@ -149,6 +158,7 @@ def _wind_file(file: Any) -> WindFile:
         fit=_fit(file) if "reading_count" in file else None,
         error=error_law(json.loads(file.attrs["forecast_error"])) if "forecast_error" in file.attrs else None,
         clock=str(file["time"].attrs["units"]),
+        held=float(file.attrs["held_since"]) if "held_since" in file.attrs else None,
     )
 
 
@@ -265,7 +275,7 @@ def clock(wind: WindFile, dt: float, steps: int, most: int) -> Clock:
 
 def _between(wind: WindFile, now: float) -> float:
     """Variance [m²/s²] of the error of interpolation in time or, after the last field, of holding it."""
-    if wind.error is None:
+    if wind.error is None or wind.held is not None:
         return 0.0
     if now >= wind.times[-1]:
         return wind.error.change_variance(now - float(wind.times[-1]))
@@ -278,18 +288,24 @@ def _kept(wind: WindFile, nearest: IntArray, t: FloatArray, n: int) -> FloatArra
 
     Interpolation in space and forecasts: ρ to the power of the time between the slots. Interpolation in time:
     0 from one gap between fields to the next; of a held field, the correlation of its changes up to the
-    middles of two spells.
+    middles of two spells. Slots of a held field differ in the change since it, and in nothing else.
     """
     keep = np.ones(len(PARTS))
     if n == 0:
         return keep
-    passed = float(wind.times[nearest[n]] - wind.times[nearest[n - 1]])
+    here, there = (min(float(wind.times[nearest[k]]), wind.last_field) for k in (n, n - 1))
+    passed = here - there
     if wind.modes is not None and passed > 0:
         keep[SPACE] = wind.modes.rho ** (passed / wind.modes.gap)
     if wind.error is None:
         return keep
     if passed > 0:
         keep[FORECAST] = wind.error.persistence ** (passed / wind.error.persistence_time)
+    if wind.held is not None:
+        if nearest[n] != nearest[n - 1]:
+            lags = (float(wind.times[nearest[k]]) - wind.held for k in (n - 1, n))
+            keep[HELD] = wind.error.change_correlation(*lags)
+        return keep
     before, now = t[n - 1] - wind.times[-1], t[n] - wind.times[-1]
     if now < 0:
         gaps = np.searchsorted(wind.times, t[n - 1 : n + 1], side="right")

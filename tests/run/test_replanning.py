@@ -114,8 +114,10 @@ def test_a_plan_in_memory_gives_the_same_plan(made: Path, anew: Path) -> None:
         ("90h", None, "name a time after its first and before its last step"),
         ("0s", None, "name a time after its first"),
         ("noon", None, "expected an ISO 8601 time"),
-        ("2018-10-08T00:00:00Z", None, "after departure; the plan has steps"),
+        ("2018-10-08T00:00:00Z", None, "before the first step of the plan"),
         ("5h", (37.0, -94.0, 0.0), "must be positive"),
+        (None, (37.0, -94.0, 500.0), "a fix needs its time"),
+        (None, None, "needs a time"),
         ("5h", (37.0, -94.0, float("nan")), "three numbers"),
         ("5h", (37.0, -94.0), "three numbers LAT,LON,SD"),
         ("5h", (-94.0, 37.0, 500.0), "is it LAT,LON,SD"),
@@ -123,7 +125,7 @@ def test_a_plan_in_memory_gives_the_same_plan(made: Path, anew: Path) -> None:
     ],
 )
 def test_a_time_or_a_fix_that_cannot_be_is_refused(
-    made: Path, time: str, fix: tuple[float, ...] | None, said: str
+    made: Path, time: str | None, fix: tuple[float, ...] | None, said: str
 ) -> None:
     with pytest.raises(ConfigError, match=said):
         pareto_ltl.replan(made, time, fix)
@@ -149,7 +151,7 @@ def test_a_time_between_two_steps_is_rounded(made: Path) -> None:
 
 
 def test_the_rule_of_the_rest_has_the_length_that_is_left(made: Path) -> None:
-    from pareto_ltl.run.replanning import rule_of_the_rest
+    from pareto_ltl.run.rest_of_flight import rule_of_the_rest
 
     path = Results(made).plan.path
     cfg = SelectionConfig(rule="length", length=path.objectives.length)
@@ -171,7 +173,7 @@ def test_a_newer_forecast_is_the_wind_of_the_rest(made: Path, tmp_path: Path, ca
     np.testing.assert_allclose(new.plan.path.x[0], old.plan.path.x[STEP], atol=1.0)
     document = json.loads((place / "replan.json").read_text())
     assert document["wind"] == str(source)
-    assert document["fix"] is None
+    assert document["fixes"] == []
     assert document["position"] is not None
     assert new.settings.wind.path == str(source)
 

@@ -3,11 +3,20 @@
 from __future__ import annotations
 
 import csv
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
+from numpy.random import SeedSequence
 
+from coherent import LOOSE, SCENE
 from pareto_ltl.cli.commands import run_command_line
+from pareto_ltl.settings import RobotConfig
+from pareto_ltl.simulation.common_flights import draw_flights
+from pareto_ltl.studies.newer_forecasts import newer_forecast
+from pareto_ltl.wind.records import FORECAST
+from problems import QUICK_ERROR, make_problem, smooth_wind
 
 SMALL = (
     "+experiment=phi2", "planner.trees=3", "planner.n_max=1000", "selection.draws=300", "selection.runs=500",
@@ -19,19 +28,60 @@ SMALL = (
 @pytest.fixture(scope="module")
 def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("replanning") / "run"
-    words = ("replanning", *SMALL, "replanning.flights=2", "replanning.every=8")
+    words = ("replanning", *SMALL, "replanning.flights=2", "replanning.fixes=[1,2]")
     assert run_command_line([*words, f"hydra.run.dir={folder}"]) == 0
     return folder
 
 
-def test_both_ways_are_told_flight_by_flight(place: Path) -> None:
+def test_every_way_is_told_flight_by_flight(place: Path) -> None:
     with (place / "replanning_flights.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
-    assert [row["flight"] for row in rows] == ["0", "1"]
-    assert all(row["alone"] in "01" and row["replanned"] in "01" for row in rows)
-    assert all(0 <= int(row["new_plans"]) <= 2 for row in rows)
+    assert [(row["flight"], row["way"]) for row in rows] == [
+        (flight, way) for way in ("as planned", "1 fix", "2 fixes") for flight in "01"
+    ]
+    assert all(row["failed"] in "01" for row in rows)
+    assert all(int(row["new_plans"]) <= (row["way"] != "as planned") * 2 for row in rows)
     with (place / "replanning.csv").open(newline="") as file:
-        (row,) = csv.DictReader(file)
-    assert float(row["failure"]) == sum(int(r["alone"]) for r in rows) / 2
-    assert float(row["difference_low"]) <= float(row["difference"]) <= float(row["difference_high"])
+        found = list(csv.DictReader(file))
+    for k, row in enumerate(found):
+        assert float(row["failure"]) == sum(int(r["failed"]) for r in rows[2 * k : 2 * k + 2]) / 2
+        assert float(row["difference_low"]) <= float(row["difference"]) <= float(row["difference_high"])
     assert "true winds" in (place / "tables.md").read_text(encoding="utf-8")
+    assert (place / "figures" / "replanning.png").is_file()
+
+
+def test_newer_forecasts_of_a_field_without_forecast_errors_are_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ("replanning", *SMALL, "replanning.flights=1", "replanning.forecasts=6")
+    assert run_command_line([*words, f"hydra.run.dir={tmp_path}"]) == 2
+    assert "no forecast with known leads" in capsys.readouterr().err
+
+
+def test_a_newer_forecast_has_the_error_of_its_lead_and_tends_to_the_truth() -> None:
+    """Over many flights the error of the new mean, given the true field, has the variance of its modes."""
+    error = replace(QUICK_ERROR, forecast_sd=np.array([0.0, 0.7]), leads=np.array([0.0, 3600.0]))
+    wind = smooth_wind(SCENE, error=error)
+    wind = replace(wind, leads=wind.times.copy())
+    problem = make_problem("F a", SCENE, wind, RobotConfig(dt=100.0, u_max=20.0), LOOSE, fidelity="full")
+    drawn = draw_flights(problem, "coherent", 400, SeedSequence(3))
+    assert wind.modes is not None
+    own, since, slot = wind.modes.part == FORECAST, 1800.0, 2
+    step = int(np.flatnonzero(problem.modes.slot == slot)[0])
+    truth = drawn.draws.theta[problem.modes.epoch[step]].astype(float)
+    node = wind.modes.psi[slot, 7, 7, 0].astype(float)
+    place = wind.modes.origin + wind.modes.spacing * 7.0
+    gaps = []
+    for i in range(400):
+        newer = newer_forecast(
+            wind, problem.modes, drawn.draws.theta[:, i], since, np.random.default_rng([4, i])
+        )
+        assert newer.modes is not None
+        said = newer.mean[slot, 7, 7, 0] - wind.mean[slot, 7, 7, 0]
+        gaps.append(node[own] @ truth[i, 0, own] - said)
+        left = (newer.modes.psi[slot, 7, 7, 0, own] ** 2).sum()
+    assert place is not None
+    before = (node[own] ** 2).sum()
+    assert left == pytest.approx(0.75 * before, rel=1e-5)
+    assert np.mean(gaps) == pytest.approx(0.0, abs=5.5 * np.sqrt(left / 400))
+    assert np.var(gaps) == pytest.approx(left, rel=5.5 * np.sqrt(2 / 400))

@@ -1,4 +1,4 @@
-"""``pareto-ltl replan DIR``: the rest of a flight planned again, from a fix or in a new forecast."""
+"""``pareto-ltl replan DIR``: the rest of a flight planned again, from position fixes or a newer forecast."""
 
 from __future__ import annotations
 
@@ -15,22 +15,29 @@ def replan_command(argv: Sequence[str]) -> int:
     """Write a new plan for the rest of a flight; return 0."""
     parser = CommandArguments(
         prog="pareto-ltl replan",
-        description="Plan the rest of a flight of the plan of DIR after a position fix, or in a new "
-        "forecast: the wind is conditioned on the fix or read from the forecast, the mission continues from "
-        "its state, and the new plan, never worse than the rest of the old one, is written into a results "
-        "directory. Without --fix and --wind the rest is unchanged. docs/replanning.md says more.",
+        description="Plan the rest of a flight of the plan of DIR after position fixes, or with a newer "
+        "forecast: the wind is conditioned on the fixes or read anew, the mission continues from its state, "
+        "and the new plan is written into a results directory. Without --fix, --fixes and --wind the rest "
+        "of the "
+        "plan is unchanged. docs/replanning.md says more.",
     )
     parser.add_result()
     parser.add_argument(
-        "--time", required=True, metavar="T", help="2018-10-09T06:00:00Z, 6h or 21600 (s after departure)"
-    )
+        "--time", metavar="T", help="2018-10-09T06:00:00Z, 6h or 21600 (s after departure); with --fixes it "
+        "is the time of the last fix",
+    )  # fmt: skip
     parser.add_argument(
         "--fix", metavar="LAT,LON,SD", help="measured position [deg] and its standard deviation [m]; "
         "X,Y,SD [m] on a map without a place on Earth; write --fix=... if the first number is negative",
     )  # fmt: skip
     parser.add_argument(
-        "--wind", metavar="PATH", help="a newer forecast (GRIB2, NetCDF or CSV), for the rest of the flight"
-    )
+        "--fixes", type=Path, metavar="FILE.csv", help="several fixes: columns time,lat,lon,sd_m or "
+        "time,x,y,sd_m, with times as for --time",
+    )  # fmt: skip
+    parser.add_argument(
+        "--wind", metavar="PATH", help="a newer forecast for the rest of the flight: a file or folder for "
+        "the reader of the plan's wind",
+    )  # fmt: skip
     parser.add_argument("--full", action="store_true", help="use the refinement settings of DIR")
     parser.add_argument("--out", type=Path, metavar="DIR2", help="default: DIR with _replanned and the time")
     return _replan(parser.parse_args(argv))
@@ -40,10 +47,16 @@ def _replan(options: argparse.Namespace) -> int:
     from pareto_ltl.run.interface import replan
     from pareto_ltl.run.replan_files import comparison_lines
 
+    if options.time is None and options.fixes is None:
+        raise ConfigError(
+            "replan needs --time, e.g. --time 6h, or --fixes FILE.csv with the times of the fixes"
+        )
     fix = None if options.fix is None else read_fix(options.fix)
-    place = options.out or default_place(options.directory, options.time)
-    quick, wind = not options.full, options.wind
-    done = replan(options.directory, options.time, fix, quick=quick, wind=wind, out=place)
+    place = options.out or default_place(options.directory, options.time or options.fixes.stem)
+    done = replan(
+        options.directory, options.time, fix, fixes=options.fixes, wind=options.wind, quick=not options.full,
+        out=place,
+    )  # fmt: skip
     print("\n".join([*comparison_lines(done), f"results in {place}"]))
     return 0
 

@@ -1,22 +1,29 @@
-"""Conditioning on a position fix: the position of a robot on its way, and the wind error of its flight.
+"""Conditioning on position fixes: the position of a robot on its way, and the wind error of its flight.
 
-Under the law of the plan, linear about the means, the deviation e at the fix and the coefficients θ of the
-field are jointly Gaussian with Σ = Cov(e), C = Cov(e, θ), θ ~ N(0, I). A fix y = x + e + ν, ν ~ N(0, r² I),
-gives with d = y - x and S = Σ + r² I
+Under the law of the plan, linear about the means, the deviation e at the time of the plan, the deviations
+e_1 ... e_n at the fixes and the coefficients θ of the field are jointly Gaussian. Fixes y_i = x_i + e_i +
+ν_i, ν_i ~ N(0, r_i² I), give with d = (y_i - x_i), S = Cov(e_i, e_j) + diag(r_i² I) = L L', D = Cov(e, e_i)
+and C = Cov(e_i, θ)
 
-    E[e | y] = Σ S⁻¹ d,        Cov(e | y) = Σ - Σ S⁻¹ Σ,
-    E[θ | y] = C' S⁻¹ d,       Cov(θ | y) = I - B' B,    B = L⁻¹ C,  L L' = S.
+    E[e | y] = D S⁻¹ d,        Cov(e | y) = Σ - D S⁻¹ D',
+    E[θ | y] = C' S⁻¹ d,       Cov(θ | y) = I - B' B,    B = L⁻¹ C.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pareto_ltl.planning.evaluate import propagate
-from pareto_ltl.planning.problem import Problem
+from pareto_ltl.kernels import data as kd
+from pareto_ltl.planning.evaluate import cross_covariance, propagate, square_matrices
+from pareto_ltl.planning.problem import Problem, unaided
 from pareto_ltl.support.arrays import FloatArray, IntArray
+
+if TYPE_CHECKING:
+    from pareto_ltl.kernels.path import Flight
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,26 +36,53 @@ class Fix:
         In the plane [m].
     sd : float
         Standard deviation of its error in each direction [m].
+    step : int
+        Step of the plan at which it was measured.
     """
 
     place: FloatArray
     sd: float
+    step: int
 
 
 @dataclass(frozen=True, slots=True)
-class Learnt:
-    """Distribution of the position and of the wind coefficients θ after a fix.
+class Joint:
+    """Covariances of the deviations at n fixes, and of the position and θ at the time of the plan.
 
     Attributes
     ----------
     mean : (2,) float, cov : (2, 2) float
-        Mean and covariance of the position after the fix [m, m²].
+        Of the position at the time of the plan before the fixes [m, m²].
+    among : (2n, 2n) float, to : (2, 2n) float
+        Covariances of the deviations at the fixes, and of the one at the time of the plan with them [m²].
+    cross : (2n, 2, P) float
+        Cov(e_i, θ) with θ at the time of the plan, by row and component of the wind.
+    """
+
+    mean: FloatArray
+    cov: FloatArray
+    among: FloatArray
+    to: FloatArray
+    cross: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class Learnt:
+    """Distribution of the position and of the wind coefficients θ after fixes.
+
+    Attributes
+    ----------
+    mean : (2,) float, cov : (2, 2) float
+        Mean and covariance of the position after the fixes [m, m²].
     before : (2, 2) float
-        Covariance before the fix [m²].
+        Covariance before the fixes [m²].
     theta : (2, P) float
         E[θ | y], by component of the wind.
-    told : (2, 2, P) float
+    told : (2n, 2, P) float
         B, by row and component of the wind; Cov(θ | y) = I - B' B.
+    distance : (n,) float
+        Distance of each fix from its mean given the fixes before, in standard deviations: ‖z_i‖ for the two
+        components i of z = L⁻¹ d. Under the law, P(‖z_i‖ > r) = exp(-r²/2).
     """
 
     mean: FloatArray
@@ -56,6 +90,7 @@ class Learnt:
     before: FloatArray
     theta: FloatArray
     told: FloatArray
+    distance: FloatArray
 
     @property
     def sd(self) -> float:
@@ -64,60 +99,98 @@ class Learnt:
 
     @property
     def sd_before(self) -> float:
-        """Smallest standard deviation of the position before the fix [m]."""
+        """Smallest standard deviation of the position before the fixes [m]."""
         return float(np.sqrt(max(np.linalg.eigvalsh(self.before)[0], 0.0)))
 
 
-def learn(x: FloatArray, cov: FloatArray, cross: FloatArray, fix: Fix) -> Learnt:
-    """Condition a deviation with covariance ``cov`` (2, 2) about ``x`` (2,) and θ on ``fix``.
-
-    ``cross`` (2, 2, P) = Cov(e, θ), by row of e and component of the wind.
+def learn(prior: Joint, means: FloatArray, fixes: Sequence[Fix]) -> Learnt:
+    """Condition position and θ on ``fixes``; ``means`` (n, 2) [m] are the expected positions there.
 
     Eq. (M67) of docs/mathematics_methods.md.
     """
-    S = cov + fix.sd**2 * np.eye(2)
+    S = prior.among + np.diag(np.repeat([fix.sd**2 for fix in fixes], 2))
     L = np.linalg.cholesky(S)
-    d = fix.place - x
-    gain = np.linalg.solve(S, cov).T
-    told = np.linalg.solve(L, cross.reshape(2, -1)).reshape(cross.shape)
-    theta = np.einsum("rcm,r->cm", cross, np.linalg.solve(S, d))
-    after = cov - gain @ cov
-    return Learnt(x + gain @ d, 0.5 * (after + after.T), cov, theta, told)
+    d = (np.array([fix.place for fix in fixes]) - means).ravel()
+    z = np.linalg.solve(L, d)
+    told = np.linalg.solve(L, prior.cross.reshape(len(d), -1)).reshape(prior.cross.shape)
+    half = np.linalg.solve(L, prior.to.T)  # (2n, 2)
+    after = prior.cov - half.T @ half
+    return Learnt(
+        prior.mean + half.T @ z, 0.5 * (after + after.T), prior.cov, np.einsum("rcm,r->cm", told, z), told,
+        np.linalg.norm(z.reshape(-1, 2), axis=1),
+    )  # fmt: skip
 
 
-def learn_at(problem: Problem, x: FloatArray, step: int, fix: Fix | None) -> Learnt:
-    """Condition on ``fix`` at ``step`` of the means ``x`` (T+1, 2) [m], under the law of the plan.
+def learn_at(problem: Problem, x: FloatArray, step: int, fixes: Sequence[Fix]) -> Learnt:
+    """Condition on ``fixes`` until ``step`` of the means ``x`` (T+1, 2) [m], under the law of the plan."""
+    return learn(joint_at(problem, x, step, fixes), x[[fix.step for fix in fixes]], fixes)
 
-    Without a fix it is what is known before one.
 
-    If the plan counted on earlier fixes, the positions that they measured are not known here: the prior of θ
-    stays N(0, I), and C covers only the errors that these fixes left. Both understate what the fix reveals.
-    """
-    flight = propagate(problem, x)
-    xx, xy, yy = flight.cov[step]
-    cov = np.array([[xx, xy], [xy, yy]], float)
+def expected_at(problem: Problem, x: FloatArray, step: int) -> Learnt:
+    """Position at ``step`` of the means ``x`` (T+1, 2) [m] without any fix: nothing is learnt."""
+    cov = square_matrices(propagate(problem, x[: step + 1]).cov)[step]
     modes = problem.modes.psi.shape[-1]
-    known = step > 0 and flight.memory is not None
-    cross = flight.memory.theta[step - 1].astype(float) if known else np.zeros((2, 2, modes))
-    if fix is None:
-        return Learnt(x[step], cov, cov, np.zeros((2, modes)), np.zeros((2, 2, modes)))
-    return learn(x[step], cov, cross, fix)
+    return Learnt(x[step], cov, cov, np.zeros((2, modes)), np.zeros((0, 2, modes)), np.zeros(0))
 
 
-def likely_histories(x: FloatArray, fix: Fix, noise: FloatArray) -> FloatArray:
-    """Samples of flights given a fix at their last position, from flights ``x`` (n, k+1, 2) [m] without it.
+def joint_at(problem: Problem, x: FloatArray, step: int, fixes: Sequence[Fix]) -> Joint:
+    """The covariances of the deviations at ``fixes``, and of position and θ at ``step``.
 
-    Matheron's rule with the covariances of the flights: x + Cov(x_t, x_k) S⁻¹ (y + ν - x_k); ``noise``
-    (n, 2) ~ N(0, 1).
+    If the plan counted on fixes at landmarks, the positions that they measured are not known here: the prior
+    of θ stays N(0, I). One fix at ``step`` itself uses the covariance that the plan expects; more fixes, or
+    earlier ones, use that of a flight without landmarks.
+    """
+    at = [fix.step for fix in fixes]
+    alone = at == [step]
+    law = problem.world.law if alone else unaided(problem.world.law)
+    flight = propagate(problem, x[: step + 1], law)
+    cov = square_matrices(flight.cov)
+    cross = np.stack([_theta_at(law, flight, t, step) for t in at])
+    if alone:
+        return Joint(x[step], cov[step], cov[step], cov[step], cross.reshape(2, 2, -1))
+    across = _across_time(law, flight)
+    among = np.block([[across[t, s] if t >= s else across[s, t].T for s in at] for t in at])
+    return Joint(
+        x[step], cov[step], among, np.hstack([across[step, t] for t in at]), cross.reshape(2 * len(at), 2, -1)
+    )
+
+
+def _across_time(law: kd.Law, flight: Flight) -> FloatArray:
+    """Cov(e_t, e_s) for s <= t, (T+1, T+1, 2, 2)."""
+    if not isinstance(law, kd.IndependentLaw):
+        return cross_covariance(law, flight)
+    cov = square_matrices(flight.cov)
+    across = np.zeros((len(cov), len(cov), 2, 2))
+    for s in range(len(cov)):
+        across[s, s] = cov[s]
+        for t in range(s, len(cov) - 1):
+            across[t + 1, s] = flight.F[t] @ across[t, s]
+    return across
+
+
+def _theta_at(law: kd.Law, flight: Flight, t: int, step: int) -> FloatArray:
+    """Cov(e_t, θ) (2, 2, P) with θ of ``step``, a later one."""
+    if isinstance(law, kd.IndependentLaw) or t == 0:
+        return np.zeros((2, 2, 0 if isinstance(law, kd.IndependentLaw) else flight.psi.shape[-1]))
+    faded = law.modes.kept[t + 1 : step + 1].astype(float).prod(axis=0)
+    return np.asarray(flight.memory.theta[t - 1] * faded, float)
+
+
+def likely_histories(x: FloatArray, fixes: Sequence[Fix], noise: FloatArray) -> FloatArray:
+    """Samples of flights given ``fixes``, from flights ``x`` (N, k+1, 2) [m] without them.
+
+    Matheron's rule with the covariances of the flights: x + Cov(x_t, x_F) S⁻¹ (y + ν - x_F) with x_F the
+    positions at the n fixes; ``noise`` (N, 2n) ~ N(0, 1).
 
     Eq. (M69) of docs/mathematics_methods.md.
     """
-    off = x - x.mean(axis=0)
-    cross = np.einsum("nti,nj->tij", off, off[:, -1]) / max(len(x) - 1, 1)
-    S = cross[-1] + fix.sd**2 * np.eye(2)
-    if np.linalg.det(S) <= 0.0:
-        return x
-    gap = fix.place + fix.sd * noise - x[:, -1]
+    at = [fix.step for fix in fixes]
+    sd = np.repeat([fix.sd for fix in fixes], 2)
+    there = x[:, at].reshape(len(x), -1)
+    off, off_there = x - x.mean(axis=0), there - there.mean(axis=0)
+    cross = np.einsum("nti,nj->tij", off, off_there) / max(len(x) - 1, 1)
+    S = off_there.T @ off_there / max(len(x) - 1, 1) + np.diag(sd**2)
+    gap = np.concatenate([fix.place for fix in fixes]) + sd * noise - there
     return np.asarray(x + np.einsum("tij,nj->nti", cross, np.linalg.solve(S, gap.T).T), float)
 
 

@@ -20,7 +20,7 @@ from pareto_ltl.planning.turns import turns_of
 from pareto_ltl.settings import PAPER, FidelityConfig, PlannerConfig, RobotConfig, WindConfig
 from pareto_ltl.support.arrays import FloatArray, IntArray
 from pareto_ltl.support.errors import ConfigError, DataError
-from pareto_ltl.wind.records import FORECAST, PARTS, SPACE, TIME, WindField, WindModes
+from pareto_ltl.wind.records import FORECAST, HELD, PARTS, SPACE, TIME, WindField, WindModes
 from pareto_ltl.world.cells import Decomposition, half_planes, locator
 from pareto_ltl.world.scene import Scene
 from pareto_ltl.world.time_step import with_time_step
@@ -156,17 +156,22 @@ def part_persistence(field: WindField, wind: kd.Wind, slot: IntArray, dt: float)
 
     The errors of interpolation in space and of the forecast change from slot to slot. That of interpolation
     in time is independent in every gap between fields; for a held field it changes every ``HELD_EPOCH``, with
-    the correlation of the wind's changes since the time of the field. Members of an ensemble do not change.
+    the correlation of the wind's changes since the time of the field; for one that was conditioned on a fix,
+    it changes from slot to slot. Members of an ensemble do not change.
 
     Eq. (M14) of docs/mathematics.md.
     """
-    steps, times = len(wind.slot), field.times
+    steps, times, last = len(wind.slot), field.times, field.last_field
     keep = np.ones((steps + 1, len(PARTS)))
-    passed = np.diff(times[slot], prepend=times[slot[0]])
+    passed = np.diff(np.minimum(times, last)[slot], prepend=min(times[slot[0]], last))
     if field.modes is not None:
         keep[:steps, SPACE] = field.modes.rho ** (passed / field.modes.gap)
     if field.error is not None:
         keep[:steps, FORECAST] = field.error.persistence ** (passed / field.error.persistence_time)
+    if field.error is not None and field.held is not None:
+        for n in np.flatnonzero(np.diff(slot)) + 1:
+            keep[n, HELD] = field.error.change_correlation(*(times[slot[n - 1 : n + 1]] - last))
+    elif field.error is not None:
         late = np.floor((dt * np.arange(steps) - times[-1]) / HELD_EPOCH).astype(int)
         gap = np.where(late >= 0, len(times) + late, wind.slot)
         for n in np.flatnonzero(np.diff(gap)) + 1:

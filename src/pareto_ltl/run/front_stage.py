@@ -6,7 +6,7 @@ import logging
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
-from pareto_ltl.run.records import FOREST, PROBLEM
+from pareto_ltl.run.records import CANDIDATES, FOREST, PROBLEM
 from pareto_ltl.run.stage_table import StageInputs, named_child, stage_seeds
 from pareto_ltl.support.errors import InfeasibleError
 
@@ -77,12 +77,12 @@ FRONT_MAKERS: dict[str, Callable[[StageInputs], Front]] = {"bound": _bounded_fro
 
 
 def _refined_paths(inputs: StageInputs, raw: Sequence[PlannedPath]) -> tuple[tuple[PlannedPath, ...], str]:
-    """The paths of ``fidelity.refine`` and of ``selection.extra_paths``; the reason if none is refined."""
+    """Refined paths, and those of ``selection.extra_paths`` and of ``CANDIDATES``; why none is refined."""
     from pareto_ltl.planning.refine.epsilon import keeps_epsilon, within_limits
     from pareto_ltl.run.extra_paths import extra_paths
 
     problem, fault = inputs[PROBLEM], ""
-    extra = extra_paths(inputs.settings.selection.extra_paths, problem)
+    extra = extra_paths(inputs.settings.selection.extra_paths, problem) + (inputs.get(CANDIDATES) or ())
     refined: tuple[PlannedPath, ...] = ()
     try:
         refined = REFINERS[inputs.settings.fidelity.refine](inputs, raw)

@@ -49,6 +49,8 @@ if TYPE_CHECKING:
     from pareto_ltl.report.notebook import Drawing
     from pareto_ltl.run.replanning import Replanned
     from pareto_ltl.simulation.records import Deployment
+    from pareto_ltl.wind.readings import Readings
+    from pareto_ltl.wind.records import WindField
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -258,40 +260,49 @@ def choose(
 
 def replan(
     planned: PlanningResult | Results | str | Path,
-    time: float | str,
+    time: float | str | None = None,
     fix: Sequence[float] | None = None,
     *,
+    fixes: str | Path | Sequence[Sequence[Any]] | None = None,
+    wind: str | Path | Mapping[str, Any] | Readings | WindField | None = None,
     quick: bool = True,
-    wind: str | Path | None = None,
     out: str | Path | None = None,
 ) -> Replanned:
-    """Plan the rest of a flight again, from a position fix or in a new forecast (docs/replanning.md).
+    """Plan the rest of a flight again, from position fixes or a newer forecast (docs/replanning.md).
 
     Parameters
     ----------
     planned : PlanningResult, Results or path
         What :func:`plan` returned, or a results directory.
-    time : float or str
-        When: seconds after departure, ``"6h"``, or an ISO 8601 time; rounded to a step of the plan.
+    time : float or str, optional
+        When: seconds after departure, ``"6h"``, or an ISO 8601 time; rounded to a step of the plan. With
+        ``fixes`` it is the time of the last one.
     fix : (latitude, longitude, sd) or (x, y, sd), optional
         Measured position [deg, or m on a map without a place on Earth] and its standard deviation [m].
-        Without it and without ``wind`` there is no new information, and the rest of the plan is unchanged.
-    wind : path, optional
-        A newer forecast (GRIB2, NetCDF or CSV) for the rest of the flight.
+    fixes : path or sequence of (time, latitude, longitude, sd), optional
+        Several fixes: a CSV file with the columns ``time,lat,lon,sd_m`` (or ``time,x,y,sd_m``), or rows.
+    wind : path, mapping, Readings or WindField, optional
+        A newer forecast for the rest of the flight: a file that the reader of the plan's wind reads, or keys
+        of section ``wind`` that differ.
     quick : bool
         Whether to use a coarser refinement, which takes half of the time.
     out : path, optional
         Write a results directory of the new plan there.
 
+    Without fixes and without ``wind`` there is no new information, and the rest of the plan is unchanged.
+
     Raises
     ------
     ConfigError
-        If the time lies outside the plan, or the fix off the map.
+        If the time lies outside the plan, or a fix is off the map or contradicts another one.
+    DataError
+        If the file of fixes or the newer forecast cannot be used.
     InfeasibleError
         If no path completes the mission from there.
     """
     from pareto_ltl.run.replan_files import write_replanned
     from pareto_ltl.run.replanning import replanned
+    from pareto_ltl.run.situations import fixes_from
 
     if isinstance(planned, PlanningResult):
         run, source = planned.run, str(planned.run.directory or "a plan in memory")
@@ -302,7 +313,7 @@ def replan(
         run.records[DECOMPOSITION], run.records[AUTOMATON] = results.decomposition, results.automaton
         if out is not None and Path(out).resolve() == results.directory.resolve():
             raise ConfigError(f"{out}: the result would overwrite its own source; name another folder")
-    done = replanned(run, time, fix, quick=quick, wind=wind)
+    done = replanned(run, time, fixes_from(run, time, fix, fixes), wind=wind, quick=quick)
     if out is not None:
         write_replanned(done, run, Path(out), source)
     return done

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from pareto_ltl.logic import Automaton
     from pareto_ltl.planning.evaluate import Forecast
     from pareto_ltl.planning.problem import Problem
-    from pareto_ltl.planning.records import Forest, Front, Plan
+    from pareto_ltl.planning.records import Forest, Front, Plan, PlannedPath
     from pareto_ltl.simulation.records import Deployment
     from pareto_ltl.wind.readings import Readings
     from pareto_ltl.wind.records import WindField, WindObservations
@@ -41,6 +41,7 @@ OBSERVATIONS: RecordKey[WindObservations] = RecordKey("observations")
 WIND: RecordKey[WindField] = RecordKey("wind")
 PROBLEM: RecordKey[Problem] = RecordKey("problem")
 FOREST: RecordKey[Forest] = RecordKey("forest")
+CANDIDATES: RecordKey[tuple[PlannedPath, ...]] = RecordKey("candidates")  # given, to be judged with the front
 FRONT: RecordKey[Front] = RecordKey("front")
 PLAN: RecordKey[Plan] = RecordKey("plan")
 FORECASTS: RecordKey[Mapping[str, Forecast]] = RecordKey("forecasts")  # by wind law

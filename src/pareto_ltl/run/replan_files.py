@@ -10,7 +10,8 @@ from typing import Any
 from pareto_ltl.run.directory import claimed_directory
 from pareto_ltl.run.pipeline import Run, carry_out
 from pareto_ltl.run.records import PLAN
-from pareto_ltl.run.replanning import AUTOMATON_FILE, Replanned
+from pareto_ltl.run.replanning import Replanned
+from pareto_ltl.run.rest_of_flight import AUTOMATON_FILE
 from pareto_ltl.support.display import distance_text, probability_text
 from pareto_ltl.support.files import write_json
 
@@ -18,6 +19,8 @@ ADVICE = {
     "new": "the new plan is safer",
     "old": "the rest of the old plan is safer",
     "either": "neither is safer beyond chance",
+    "alarm": "no failure rate is promised: the law of the plan does not explain what was measured; check the "
+    "alarm before the new plan is flown",
 }
 
 
@@ -43,21 +46,29 @@ def write_replanned(done: Replanned, run: Run, place: Path, source: str, argv: S
 def replan_document(done: Replanned, source: str) -> dict[str, Any]:
     """The content of ``replan.json``: the old plan, time and position, and the comparison of both plans."""
     at, learnt = done.situation, done.situation.learnt
+    compared = not at.alarms
     return {
-        "schema": "pareto_ltl.replan/1",
+        "schema": "pareto_ltl.replan/2",
         "source": source,
         "step": at.step,
         "time_s": at.time,
-        "wind": done.wind,
-        "fix": None if at.fix is None else {"place": at.fix.place, "sd": at.fix.sd},
+        "fixes": [
+            {"step": fix.step, "place": fix.place, "sd": fix.sd, "distance": far}
+            for fix, far in zip(at.fixes, () if learnt is None else learnt.distance.tolist(), strict=True)
+        ],
+        "wind": done.wind or None,
+        "alarms": list(at.alarms),
         "position": None
         if learnt is None
         else {"mean": learnt.mean, "cov": learnt.cov, "before": learnt.before},
         "state": at.state,
         "certainty": at.certainty,
-        "old": asdict(done.old),
-        "new": asdict(done.new),
-        "difference": dict(zip(("middle", "low", "high"), done.difference, strict=True)),
+        "rest": {"x": done.rest.x, "u": done.rest.u},
+        "old": asdict(done.old) if compared else None,
+        "new": asdict(done.new) if compared else None,
+        "difference": dict(zip(("middle", "low", "high"), done.difference, strict=True))
+        if compared
+        else None,
     }
 
 
@@ -71,16 +82,20 @@ def comparison_lines(done: Replanned) -> list[str]:
             "no fix: there is no new information, and the rest of the plan is unchanged; "
             f"the failure rate of the whole flight is {done.old}",
         ]
-    if at.fix is None:
-        lines.append(f"no fix: the position is known to {distance_text(at.learnt.sd)}; the forecast is new")
-    else:
+    if at.fixes:
         lines.append(
             f"position known to {distance_text(at.learnt.sd)} (before: {distance_text(at.learnt.sd_before)} "
             f"or more); automaton state {at.state}, reached by {probability_text(at.certainty)} of the "
             "histories that lead to the fix"
         )
-    gap, low, high = (100.0 * value for value in done.difference)
+    else:
+        lines.append(f"no fix: the position is known to {distance_text(at.learnt.sd)}; the forecast is new")
+    lines += [f"wind: {done.wind}"] if done.wind else []
     rest, new = (distance_text(path.objectives.length) for path in (done.rest, done.plan.path))
+    if at.alarms:
+        alarms = [f"ALARM: {alarm}" for alarm in at.alarms]
+        return [*lines, *alarms, f"new plan: {new}; planned in {done.seconds:.1f} s", ADVICE["alarm"]]
+    gap, low, high = (100.0 * value for value in done.difference)
     lines += [
         f"failure rate of the rest of the old plan ({rest}): {done.old}",
         f"failure rate of the new plan ({new}): {done.new}",

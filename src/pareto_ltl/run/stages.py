@@ -21,6 +21,7 @@ from pareto_ltl.run.page_stage import DEPLOYMENT_STREAM, make_page
 from pareto_ltl.run.provenance import wanted_wind
 from pareto_ltl.run.records import (
     AUTOMATON,
+    CANDIDATES,
     DECOMPOSITION,
     DEPLOYMENTS,
     EXPORTS,
@@ -352,6 +353,7 @@ PLAN_STAGES = (
         makes=FRONT,
         make=make_front,
         needs=(PROBLEM, FOREST),
+        uses=(CANDIDATES,),
         stream="front",
         writes=("front.csv", "front.npz"),
     ),

@@ -135,7 +135,12 @@ STUDIES = (
         needs=(READINGS, SCENE, DECOMPOSITION, AUTOMATON),
         drawn_on=MAP,
     ),
-    StudyKind("replanning", "replanning:run_replanning", ("replanning.csv", "replanning_flights.csv")),
+    StudyKind(
+        "replanning",
+        "replanning:run_replanning",
+        ("replanning.csv", "replanning_flights.csv"),
+        "study_replanning:replanning_figures",
+    ),
     StudyKind(
         "sitl",
         "sitl:run_sitl",

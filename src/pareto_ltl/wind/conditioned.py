@@ -1,17 +1,20 @@
-"""A wind field conditioned on a position fix: the expected wind changes, and the uncertainty decreases.
+"""A wind field conditioned on position fixes: the expected wind changes, and the uncertainty decreases.
 
-At the time of the fix θ ~ N(m, I - B' B) instead of N(0, I). A part of the error with the persistence ρ from
-there to a slot then has m_slot = ρ m and Cov = I - ρ² B' B in that slot, so that
+At the time of the plan θ ~ N(m, I - B' B) instead of N(0, I). A part of the error with the persistence ρ from
+there to a slot then has m_slot = ρ m and, with R = diag(ρ) of all modes, Cov = I - R B' B R in that slot, so
+that
 
-    μ  <-  μ + ψ' ρ m,        ψ  <-  ψ (I - ρ² B' B)^½,
+    μ  <-  μ + ψ' R m,        ψ  <-  ψ (I - R B' B R)^½,
 
 with the symmetric root, by which modes of neighbouring slots continue to correspond. The covariance within
-one component of the wind and one part of the error is exact; the covariance between components and parts,
-which the fix causes too, is neglected. From slot to slot the modes keep their persistence, although the two
-directions that the fix determines are renewed faster: this overestimates the spread of positions slightly.
+one component of the wind is exact; the one between the components, which the fix causes too, is neglected.
+From slot to slot the modes keep their persistence, although the directions that the fixes determine are
+renewed faster: this overestimates the spread of positions slightly.
 
-The error of interpolation in time is independent in every gap between fields, so information on it is not
-used.
+A field that is held after its time changes by an error that grows. It gets slots of its own after the fix,
+and the modes of its change become a part of the error, ``HELD``, whose persistence is the correlation of the
+changes since the field (M17). The error of interpolation between two fields ends with the next field;
+information on it is not used.
 """
 
 from __future__ import annotations
@@ -20,8 +23,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from pareto_ltl.support.arrays import FloatArray, IntArray
-from pareto_ltl.wind.records import ENSEMBLE, FORECAST, SPACE, WindField, WindModes
+from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.wind.records import ENSEMBLE, FORECAST, HELD, SPACE, TIME, WindField, WindModes
+
+HELD_STEP = 10_800.0  # [s] between the slots of a held field
+INSTANTS = 8  # at which a variance is averaged around a slot
 
 
 def field_from(field: WindField, moment: float) -> WindField:
@@ -45,25 +51,74 @@ def field_from(field: WindField, moment: float) -> WindField:
         modes=modes,
         evidence=None,
         leads=field.leads[first:],
+        held=None if field.held is None else field.held - moment,
+    )
+
+
+def with_held_slots(field: WindField) -> WindField:
+    """A field that is held from before time 0 on, with slots from 0 to its end; another one unchanged.
+
+    The variance of the change since the field becomes part of ``latent_var``, and its modes the part
+    ``HELD``. In each slot they have the mean of that variance over the times nearest to the slot.
+
+    Eq. (M68a) of docs/mathematics_methods.md.
+    """
+    modes, error, last = field.modes, field.error, field.last_field
+    changes = modes is not None and bool((modes.part == TIME).any())
+    end = max(field.known_until, 1.0)
+    if error is None or modes is None or not changes or not (last < 0.0 and end < np.inf):
+        return field
+    times = np.append(np.arange(0.0, end - 0.5 * HELD_STEP, HELD_STEP), end)
+    times = times if len(times) > 1 else np.array([0.0, end])
+    edges = np.concatenate([[0.0], 0.5 * (times[1:] + times[:-1]), [end]])
+    share = (np.arange(INSTANTS) + 0.5) / INSTANTS
+    around = edges[:-1, None] + np.diff(edges)[:, None] * share
+    size = np.sqrt(error.change_variance(around - last).mean(axis=1))
+    row = np.full(len(times), len(field.times) - 1)
+    psi = modes.psi[row]
+    psi[..., modes.part == TIME] *= size[:, None, None, None, None].astype(np.float32)
+    part = np.where(modes.part == TIME, HELD, modes.part)
+    return replace(
+        field,
+        times=times,
+        mean=field.mean[row],
+        latent_var=field.latent_var[row] + error.change_variance(times - last)[:, None, None, None],
+        gust_var=field.gust_var[row],
+        leads=field.leads[row],
+        modes=replace(modes, psi=psi, part=part, length=modes.length[row], energy=modes.energy[row]),
+        held=last,
     )
 
 
 def persistence(field: WindField, since: float) -> FloatArray:
     """ρ (K, P): share of θ of each mode that is kept from ``since`` [s], the time of a slot, to each slot."""
-    modes = field.modes
+    modes, times = field.modes, field.times
     if modes is None:
-        return np.zeros((len(field.times), 0))
-    apart = np.abs(field.times - since)[:, None]
-    kept = np.zeros((len(field.times), len(modes.part)))
+        return np.zeros((len(times), 0))
+    last = field.last_field
+    apart = np.abs(np.minimum(times, last) - min(since, last))[:, None]
+    kept = np.zeros((len(times), len(modes.part)))
     kept[:, modes.part == SPACE] = modes.rho ** (apart / modes.gap)
     kept[:, modes.part == ENSEMBLE] = 1.0
     if field.error is not None:
         kept[:, modes.part == FORECAST] = field.error.persistence ** (apart / field.error.persistence_time)
+        kept[:, modes.part == HELD] = _kept_change(field, since)[:, None]
     return kept
 
 
+def _kept_change(field: WindField, since: float) -> FloatArray:
+    """Persistence (K,) of the change of a held field from the slot at ``since`` to each later slot."""
+    if field.held is None or field.error is None:
+        return np.zeros(len(field.times))
+    lags, first = field.times - field.held, int(np.argmin(np.abs(field.times - since)))
+    fade = [
+        field.error.change_correlation(a, b) for a, b in zip(lags[first:-1], lags[first + 1 :], strict=True)
+    ]
+    return np.concatenate([np.zeros(first), np.cumprod([1.0, *fade])])
+
+
 def conditioned_field(field: WindField, theta: FloatArray, told: FloatArray) -> WindField:
-    """``field``, whose times count from a fix, conditioned on the information of that fix.
+    """``field``, whose times count from the plan, conditioned on the information of position fixes.
 
     Eq. (M68) of docs/mathematics_methods.md.
 
@@ -71,55 +126,49 @@ def conditioned_field(field: WindField, theta: FloatArray, told: FloatArray) -> 
     ----------
     theta : (2, P) float
         Expected θ, by component of the wind.
-    told : (2, 2, P) float
+    told : (N, 2, P) float
         B, by row and component of the wind, with Cov(θ) = I - B' B.
     """
+    field = with_held_slots(field)
     modes = field.modes
     if modes is None or not len(modes.part):
         return field
-    slot = int(np.argmin(np.abs(field.times)))  # that of the modes at the fix
+    slot = int(np.argmin(np.abs(field.times)))  # that of the modes at the time of the plan
     kept = persistence(field, float(field.times[slot]))
     mean, latent, psi = field.mean.copy(), field.latent_var.copy(), modes.psi.copy()
-    nodes = field.lattice.nodes()
+    nodes, shape = field.lattice.nodes(), mean.shape[1:3]
     for k in range(len(field.times)):
-        here = mode_values(modes, k, nodes)  # (N, 2, P)
-        shape = mean.shape[1:3]
         for c in (0, 1):
-            mean[k, ..., c] += (here[:, c] @ (kept[k] * theta[c])).reshape(shape)
-            root = less_doubt(told[:, c], kept[k], modes.part)
-            after = here[:, c] @ root
-            lost = (here[:, c] ** 2).sum(axis=1) - (after**2).sum(axis=1)
-            latent[k, ..., c] = np.maximum(latent[k, ..., c] - lost.reshape(shape), 0.0)
-            psi[k, :, :, c] = psi[k, :, :, c].astype(float) @ root
+            B = told[:, c] * kept[k]
+            own = psi[k, :, :, c].astype(float)
+            columns = own @ np.column_stack([kept[k] * theta[c], B.T])  # the shift, and roots of what is lost
+            here = lattice_values(modes, columns, nodes)
+            mean[k, ..., c] += here[:, 0].reshape(shape)
+            lost = (here[:, 1:] ** 2).sum(axis=1).reshape(shape)
+            latent[k, ..., c] = np.maximum(latent[k, ..., c] - lost, 0.0)
+            psi[k, :, :, c] = own @ less_doubt(B)
     return replace(field, mean=mean, latent_var=latent, modes=replace(modes, psi=psi))
 
 
-def less_doubt(told: FloatArray, kept: FloatArray, part: IntArray) -> FloatArray:
-    """(I - ρ² B' B)^½ (P, P) of one component, block by block for the parts of the error.
-
-    ``told`` (2, P) = B, ``kept`` (P,) = ρ, ``part`` (P,) of each mode.
+def less_doubt(told: FloatArray) -> FloatArray:
+    """(I - B' B)^½ (P, P) of one component, for ``told`` (N, P) = B.
 
     Eq. (M68) of docs/mathematics_methods.md.
     """
-    root = np.eye(len(part))
-    for g in np.unique(part):
-        own = np.flatnonzero(part == g)
-        B = told[:, own] * kept[own]
-        values, vectors = np.linalg.eigh(B.T @ B)
-        few = values > 1e-12
-        less = np.sqrt(np.clip(1.0 - values[few], 0.0, 1.0)) - 1.0
-        root[np.ix_(own, own)] += (vectors[:, few] * less) @ vectors[:, few].T
-    return root
+    _, s, rows = np.linalg.svd(told, full_matrices=False)
+    less = np.sqrt(np.clip(1.0 - s**2, 0.0, 1.0)) - 1.0
+    return np.asarray(np.eye(told.shape[1]) + (rows.T * less) @ rows, float)
 
 
-def mode_values(modes: WindModes, slot: int, places: FloatArray) -> FloatArray:
-    """ψ (N, 2, P) [m/s] of a slot at ``places`` (N, 2) [m], bilinear; constant beyond the lattice."""
-    psi = modes.psi[slot]
-    size = np.array(psi.shape[:2])
-    at = np.clip((places - modes.origin) / modes.spacing, 0.0, size - 1.0)
-    low = np.minimum(at.astype(int), size - 2)
-    fx, fy = (at - low).T[:, :, None, None]
+def lattice_values(modes: WindModes, table: FloatArray, places: FloatArray) -> FloatArray:
+    """``table`` (MX, MY, ...) on the lattice of ``modes`` at ``places`` (N, 2) [m], bilinear, (N, ...).
+
+    Constant beyond the lattice.
+    """
+    at = np.clip((places - modes.origin) / modes.spacing, 0.0, np.array(table.shape[:2]) - 1.0)
+    low = np.minimum(at.astype(int), np.array(table.shape[:2]) - 2)
     i, j = low.T
-    near = (1 - fy) * psi[i, j] + fy * psi[i, j + 1]
-    far = (1 - fy) * psi[i + 1, j] + fy * psi[i + 1, j + 1]
+    fx, fy = (share.reshape(-1, *[1] * (table.ndim - 2)) for share in (at - low).T)
+    near = (1 - fy) * table[i, j] + fy * table[i, j + 1]
+    far = (1 - fy) * table[i + 1, j] + fy * table[i + 1, j + 1]
     return np.asarray((1 - fx) * near + fx * far, float)

@@ -68,7 +68,7 @@ def _forecast_part(field: WindField, covered: list[str]) -> list[str]:
 
 
 def _time_part(field: WindField, time_zero: str | None, covered: list[str], left: list[str]) -> None:
-    gaps = np.diff(field.times) / HOUR
+    gaps = np.diff(field.times[field.times <= field.last_field]) / HOUR
     if field.error is None:
         left.append("the change of the wind between fields")
     elif len(gaps):
@@ -78,9 +78,9 @@ def _time_part(field: WindField, time_zero: str | None, covered: list[str], left
         covered.append(
             f"changes in time {factor:.2f} times those of the law, as between analyses near the map"
         )
-    held = field.known_until - float(field.times[-1])
+    held = field.known_until - field.last_field
     if 0.0 < held < np.inf:
-        when = f" ({iso(seconds(time_zero) + float(field.times[-1]))})" if time_zero else ""
+        when = f" ({iso(seconds(time_zero) + field.last_field)})" if time_zero else ""
         covered.append(f"the last field{when} held for up to {held / HOUR:g} h, and the change since then")
 
 
@@ -91,7 +91,7 @@ def held_warning(field: WindField, end: float, time_zero: str | None = None) -> 
     component: √(D(τ) + e²(L)) of the last field, whose lead is L, and e(L + τ) of a forecast. None if the
     flight ends before, or if forecasts would not be better.
     """
-    last, law = float(field.times[-1]), field.error
+    last, law = field.last_field, field.error
     if law is None or end <= last:
         return None
     usual = law if law.forecast_sd.any() else forecast_error_law("gfs", "").for_winds(law.level, law.spread)

@@ -112,6 +112,7 @@ def _file_attributes(field: WindField) -> dict[str, Any]:
         "level": field.level,
         "gust_time": field.gust_time,
         **({} if field.modes is None else _mode_attributes(field.modes)),
+        **({} if field.held is None else {"held_since": field.held}),
         **({} if field.error is None else {"forecast_error": json.dumps(field.error.document())}),
         **({} if field.evidence is None else {"kernel": field.evidence.kernel}),
         "score": json.dumps(dict(field.score), sort_keys=True),
@@ -239,6 +240,7 @@ def _read_field(file: h5netcdf.File) -> WindField:
         level=str(file.attrs["level"]),
         ends=str(file.attrs["known_until_because"]),
         error=_read_error(str(file.attrs["forecast_error"])) if "forecast_error" in file.attrs else None,
+        held=float(file.attrs["held_since"]) if "held_since" in file.attrs else None,
     )
     _check_field(field)
     return field
@@ -286,6 +288,8 @@ def _check_field(field: WindField) -> None:
         raise ValueError("a variance is negative")
     if (np.diff(field.times) <= 0).any():
         raise ValueError("the times do not increase")
+    if field.held is not None and not -LARGEST < field.held <= field.known_until:
+        raise ValueError("held_since lies after the end of the wind")
     if not field.known_until >= field.times[0]:
         raise ValueError("known_until lies before the first time")
 

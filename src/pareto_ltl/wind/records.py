@@ -14,8 +14,10 @@ from pareto_ltl.support.arrays import FloatArray, IntArray, require_shape
 from pareto_ltl.support.display import Displayed
 from pareto_ltl.wind.forecast_error import ForecastError
 
-PARTS = ("interpolation in space", "forecast", "interpolation in time", "ensemble")  # of the error of a field
-SPACE, FORECAST, TIME, ENSEMBLE = range(4)
+PARTS = (  # of the error of a field
+    "interpolation in space", "forecast", "interpolation in time", "ensemble", "change of a held field",
+)  # fmt: skip
+SPACE, FORECAST, TIME, ENSEMBLE, HELD = range(5)
 
 
 @dataclass(frozen=True, slots=True)
@@ -199,6 +201,10 @@ class WindField(Displayed):
         Why the wind is not known for longer, for messages.
     error : ForecastError or None
         The law of forecast errors that ``latent_var`` includes, and of the change of the wind in time.
+    held : float or None
+        Time of the last field of the data [s], if the slots are that field, conditioned on position fixes at
+        later times: then ``latent_var`` includes the variance of the change since the field. None: the last
+        slot is the last field.
     """
 
     origin: FloatArray
@@ -217,6 +223,7 @@ class WindField(Displayed):
     level: str = "10m"
     ends: str = ""
     error: ForecastError | None = None
+    held: float | None = None
 
     @property
     def lattice(self) -> NodeLattice:
@@ -242,12 +249,18 @@ class WindField(Displayed):
         """End of the time for which the wind is known [s since time_zero]."""
         return float(self.times[-1]) if self.until is None else self.until
 
+    @property
+    def last_field(self) -> float:
+        """Time of the last field of the data [s since time_zero]; later wind is that field, held."""
+        return float(self.times[-1]) if self.held is None else self.held
+
     def time_variance(self, t: FloatArray) -> FloatArray:
         """Variance [m²/s²] of interpolation in time at times ``t`` (S,) [s since time_zero], shape (S,).
 
         It is 0 at the times of the slots; after the last slot, it is the variance of the change since then.
+        In a field with ``held`` it is 0: ``latent_var`` includes it.
         """
-        if self.error is None:
+        if self.error is None or self.held is not None:
             return np.zeros(len(t))
         late = np.maximum(t - self.times[-1], 0.0)
         held = self.error.change_variance(late)

@@ -57,12 +57,13 @@ def _covered(result: Evidence) -> Iterator[str]:
             sd = _range(np.sqrt(law.forecast_variance(leads)), "m/s")
             ages = _range(leads / HOUR, "h")
             yield f"forecast error by the law {law.name} for leads {ages}, {sd} a component"
-        if len(wind.times) > 1:
-            yield f"interpolation in time between fields {_range(np.diff(wind.times) / HOUR, 'h')} apart"
+        fields = wind.times[wind.times <= wind.last_field]
+        if len(fields) > 1:
+            yield f"interpolation in time between fields {_range(np.diff(fields) / HOUR, 'h')} apart"
         if law.scaled is not None:
             factor = np.sqrt(law.scaled.factor)
             yield f"changes in time {factor:.2f} times those of the law, as between analyses near the map"
-    held = wind.until - float(wind.times[-1])
+    held = wind.until - wind.last_field
     if 0.0 < held < np.inf:
         yield f"the last field{_when(result)} held for up to {held / HOUR:g} h, and the change since then"
     if wind.modes is not None and (wind.modes.part == ENSEMBLE).any():
@@ -76,7 +77,7 @@ def _when(result: Evidence) -> str:
         return ""
     begin = datetime.fromisoformat(zero)
     begin = begin if begin.tzinfo else begin.replace(tzinfo=UTC)
-    last = begin + timedelta(seconds=float(result.wind.times[-1]))
+    last = begin + timedelta(seconds=result.wind.last_field)
     return f" ({last.astimezone(UTC).isoformat(timespec='seconds').replace('+00:00', 'Z')})"
 
 

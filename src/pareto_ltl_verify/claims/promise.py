@@ -10,6 +10,7 @@ import numpy as np
 from scipy.stats import binom, hypergeom
 
 from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.support.reading import read_json
 from pareto_ltl_verify.claims.front import flights_judge
 from pareto_ltl_verify.claims.plan import SPREAD, WEIGHTED
 from pareto_ltl_verify.claims.verdict import Claim, Verdict, close, no_fault, same
@@ -26,7 +27,7 @@ RATE = ("failure", "low", "high", "runs", "law", "method")
 def promise(result: Evidence) -> Verdict | None:
     """With judge=flights: rate, interval, claim, bound and verdict agree with each other and the settings."""
     told = result.plan["promise"]
-    if not flights_judge(result):
+    if not flights_judge(result) or after_alarm(result):
         return same(told, None)
     faults = [*_rate_faults(result, told), *_claim_faults(result, told)]
     costs = result.plan["objectives"]
@@ -37,6 +38,11 @@ def promise(result: Evidence) -> Verdict | None:
     }
     faults += [f"{key} {told[key]} is {v:.6g}" for key, v in pairs.items() if not close(told[key], v, SPREAD)]
     return no_fault(f"{told['failure']:.4g} of {told['runs']} flights fail", faults)
+
+
+def after_alarm(result: Evidence) -> bool:
+    """Whether the plan was made during a flight, after a measurement that its law does not explain."""
+    return result.has("replan.json") and bool(read_json(result.directory / "replan.json").get("alarms"))
 
 
 def _rate_faults(result: Evidence, told: dict[str, Any]) -> Iterator[str]:

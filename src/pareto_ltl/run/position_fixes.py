@@ -1,0 +1,258 @@
+"""Position fixes as users give them: read, placed on the map, and tested against the law of the plan.
+
+A fix to which the law gives a probability below :data:`UNLIKELY` is an alarm: the plan is made, because the
+robot needs one, but it promises nothing.
+"""
+
+from __future__ import annotations
+
+import csv
+import logging
+import math
+from collections.abc import Iterable, Sequence
+from itertools import combinations
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pareto_ltl.planning.conditioning import Fix
+from pareto_ltl.support.display import distance_text
+from pareto_ltl.support.errors import ConfigError, DataError
+from pareto_ltl.support.messages import shown_value
+from pareto_ltl.support.reading import Advice, read_text
+
+if TYPE_CHECKING:
+    from pareto_ltl.planning.conditioning import Learnt
+    from pareto_ltl.planning.problem import Problem
+    from pareto_ltl.planning.records import Plan, PlannedPath
+    from pareto_ltl.support.arrays import FloatArray
+
+LOG = logging.getLogger(__name__)
+UNLIKELY = 1e-4  # probability under the law below which a fix or a field is an alarm
+FAR = math.sqrt(
+    -2.0 * math.log(UNLIKELY)
+)  # the same as a distance in standard deviations, for two components
+NEAR = 2.0  # standard deviations within which another time or place explains a fix
+APART = 5.0  # standard deviations of their errors by which two fixes must differ to contradict each other
+ADVICE = Advice("give the path of a CSV file", "expected a CSV file with the columns time,lat,lon,sd_m")
+MOST_FIXES = 200
+COLUMNS = {True: ("time", "lat", "lon", "sd_m"), False: ("time", "x", "y", "sd_m")}  # by place on Earth
+
+# --- when ---------------------------------------------------------------------------------------
+
+
+def seconds_of(problem: Problem, what: str, time: float | str) -> float:
+    """A time after departure [s]; ConfigError if ``time`` is none."""
+    from pareto_ltl.world.windows import duration_seconds, seconds_after
+
+    asked = time
+    if isinstance(time, str) and (short := duration_seconds(time, "s")) is not None:
+        asked = short
+    try:
+        return seconds_after(what, asked, problem.scene.time_zero)
+    except DataError as error:
+        raise ConfigError(str(error)) from None
+
+
+def step_at(problem: Problem, plan: Plan, time: float | str, what: str = "time") -> int:
+    """The step nearest to a time; raises ConfigError unless it lies within the plan."""
+    dt, steps = problem.motion.dt, len(plan.path.u)
+    seconds = seconds_of(problem, what, time)
+    step = round(seconds / dt)
+    if not 0 < step < steps:
+        when = "before the first step" if step <= 0 else "after the last step"
+        raise ConfigError(
+            f"{what} {time} is {seconds / 3600:.4g} h after departure, {when} of the plan, which has steps "
+            f"of {dt:g} s from 0 to {steps * dt / 3600:.4g} h: name a time after its first and before its "
+            "last "
+            "step, in UTC or after departure"
+        )
+    return step
+
+
+# --- where --------------------------------------------------------------------------------------
+
+
+def placed_fix(
+    problem: Problem, plan: Plan, time: float | str, numbers: Sequence[float], what: str = "fix"
+) -> Fix:
+    """The fix in the plane, at the nearest step; raises ConfigError if it cannot be used.
+
+    A fix between two steps is moved by what the plan flies from its time to that of the step.
+    """
+    place = place_of(problem, numbers, what)
+    step = step_at(problem, plan, time, "time" if what == "fix" else f"{what}: time")
+    seconds, x = seconds_of(problem, what, time), plan.path.x
+    late = seconds / problem.motion.dt - step
+    beside = x[step + (1 if late > 0 else -1)]
+    return Fix(place - abs(late) * (beside - x[step]), float(numbers[2]), step)
+
+
+def place_of(problem: Problem, numbers: Sequence[float], what: str = "fix") -> FloatArray:
+    """The position (2,) [m] of a fix; raises ConfigError if it is off the map, or its sd not positive."""
+    scene = problem.scene
+    names = "X,Y,SD" if scene.crs is None else "LAT,LON,SD"
+    if len(numbers) != 3 or not np.isfinite(numbers).all():
+        raise ConfigError(f"{what} must be three numbers {names}, got {list(numbers)}")
+    a, b, sd = map(float, numbers)
+    if sd <= 0.0:
+        raise ConfigError(
+            f"{what}: its standard deviation must be positive [m], got {sd:g}; a satellite "
+            "receiver has about 5 m"
+        )
+    if scene.crs is not None and abs(a) > 90.0:
+        raise ConfigError(f"{what}: latitude must lie in [-90, 90] deg, got {a:g}; is it LAT,LON,SD?")
+    place, swapped = in_plane(problem, a, b), in_plane(problem, b, a)
+    if place is None or not on_map(problem, place):
+        hint = (
+            "; swapped, it would lie on the map" if swapped is not None and on_map(problem, swapped) else ""
+        )
+        raise ConfigError(f"{what} {a:g},{b:g} lies outside the map{hint}; expected {names}")
+    return place
+
+
+def in_plane(problem: Problem, a: float, b: float) -> FloatArray | None:
+    """Latitude and longitude [deg], or x and y [m], as a position (2,) [m]; None if it is no latitude."""
+    from pareto_ltl.world.projection import to_plane
+
+    if problem.scene.crs is None:
+        return np.array([a, b])
+    if abs(a) > 90.0:
+        return None
+    return np.asarray(to_plane(problem.scene.crs, np.array([b]), np.array([a]))[0], float)
+
+
+def on_map(problem: Problem, place: FloatArray) -> bool:
+    """Whether ``place`` (2,) lies within the bounds of the map."""
+    low, high = problem.scene.bounds
+    return bool((low <= place).all() and (place <= high).all())
+
+
+# --- several ------------------------------------------------------------------------------------
+
+
+def read_fixes(path: Path | str, problem: Problem, plan: Plan) -> tuple[Fix, ...]:
+    """The fixes of a CSV file with the columns ``time,lat,lon,sd_m`` or ``time,x,y,sd_m``, in order of time.
+
+    Raises
+    ------
+    DataError
+        If the file cannot be read or has other columns.
+    ConfigError
+        If a fix cannot be used, or two contradict each other.
+    """
+    file = Path(path).expanduser()
+    columns = COLUMNS[problem.scene.crs is not None]
+    rows = list(csv.reader(read_text(file, ADVICE).splitlines()))
+    head = [name.strip() for name in rows[0]] if rows else []
+    if sorted(head) != sorted(columns):
+        raise DataError(
+            f"{file}: the columns are {shown_value(','.join(head))}; expected {','.join(columns)} in the "
+            "first line"
+        )
+    used = [(number, row) for number, row in enumerate(rows[1:], 2) if any(cell.strip() for cell in row)]
+    if not 1 <= len(used) <= MOST_FIXES:
+        raise DataError(f"{file}: {len(used)} fixes; expected 1 to {MOST_FIXES}, one a line")
+    fixes = []
+    for number, row in used:
+        what = f"{file}, line {number}"
+        if len(row) != len(head):
+            raise DataError(f"{what}: {len(row)} values for {len(head)} columns; expected {','.join(head)}")
+        cells = dict(zip(head, row, strict=True))
+        fixes.append(placed_fix(problem, plan, cells["time"].strip(), _numbers(cells, columns, what), what))
+    return checked_fixes(problem, fixes)
+
+
+def _numbers(cells: dict[str, str], columns: Sequence[str], what: str) -> list[float]:
+    try:
+        return [float(cells[name]) for name in columns[1:]]
+    except ValueError:
+        said = ",".join(cells[name] for name in columns[1:])
+        raise DataError(
+            f"{what}: {shown_value(said)} are not three numbers; expected {','.join(columns)}"
+        ) from None
+
+
+def checked_fixes(problem: Problem, fixes: Iterable[Fix]) -> tuple[Fix, ...]:
+    """The fixes in order of time; raises ConfigError if the robot cannot have been at two of them."""
+    ordered = tuple(sorted(fixes, key=lambda fix: fix.step))
+    wind = problem.wind
+    fastest = float(
+        np.linalg.norm(wind.mean, axis=-1).max() + 4.0 * np.sqrt(wind.latent.max() + wind.between.max())
+    )
+    for one, other in combinations(ordered, 2):
+        gap = float(np.linalg.norm(one.place - other.place))
+        hours = (other.step - one.step) * problem.motion.dt / 3600.0
+        reach = 3600.0 * hours * (problem.motion.u_max + fastest)
+        if gap > reach + APART * math.hypot(one.sd, other.sd):
+            raise ConfigError(
+                f"two fixes contradict each other: they are {distance_text(gap)} and {hours:g} h apart, "
+                f"where the robot covers at most {distance_text(reach)}, and their standard deviations are "
+                f"{distance_text(one.sd)} and {distance_text(other.sd)}: remove the wrong one, or give the "
+                "standard deviations that they really have"
+            )
+    return ordered
+
+
+# --- alarms -------------------------------------------------------------------------------------
+
+
+def fix_alarms(problem: Problem, path: PlannedPath, fixes: Sequence[Fix], learnt: Learnt) -> list[str]:
+    """A message for each fix to which the law of the plan gives less than :data:`UNLIKELY`."""
+    law = problem.fidelity.law
+
+    def gap(fix: Fix) -> str:
+        return distance_text(float(np.linalg.norm(fix.place - path.x[fix.step])))
+
+    return [
+        f"the fix at step {fix.step} lies {gap(fix)} from the plan, {far:.1f} standard deviations of what "
+        "the "
+        f"{law} winds of the plan allow (probability {chance(far):.1g}): "
+        f"{'; '.join(causes(problem, path, fix))}"
+        for fix, far in zip(fixes, learnt.distance.tolist(), strict=True)
+        if far > FAR
+    ]  # fmt: skip
+
+
+def chance(far: float) -> float:
+    """Probability that two standard normal components are farther than ``far`` from 0."""
+    return math.exp(-0.5 * far * far)
+
+
+def causes(problem: Problem, path: PlannedPath, fix: Fix) -> list[str]:
+    """What may explain an unlikely fix, the most specific first."""
+    found, dt = [], problem.motion.dt
+    off = _distances(path, fix.place, fix.sd)
+    nearest = int(np.argmin(off))
+    if off[nearest] < NEAR:
+        late = (nearest - fix.step) * dt / 60.0
+        found.append(
+            f"is a clock wrong by {abs(late):.0f} min? The plan is expected there "
+            f"{nearest * dt / 3600:.4g} h "
+            "after departure"
+        )
+    if (swapped := _swapped(problem, fix)) is not None and _distances(path, swapped, fix.sd)[fix.step] < NEAR:
+        found.append("are the two coordinates swapped? The other way round, it is where the plan expects it")
+    drift = float(np.linalg.norm(fix.place - path.x[fix.step])) / max(fix.step * dt, 1.0)
+    return [
+        *found,
+        f"is the place wrong? Or the wind is outside the law: {drift:.1f} m/s off on average since departure",
+    ]
+
+
+def _distances(path: PlannedPath, place: FloatArray, sd: float) -> FloatArray:
+    """Distance (T+1,) of a measured ``place`` from the plan at each step, in standard deviations."""
+    S = path.cov + sd**2 * np.eye(2)
+    off = place - path.x
+    return np.asarray(np.sqrt(np.einsum("ti,ti->t", off, np.linalg.solve(S, off[..., None])[..., 0])), float)
+
+
+def _swapped(problem: Problem, fix: Fix) -> FloatArray | None:
+    """The place of ``fix`` with its two coordinates swapped."""
+    from pareto_ltl.world.projection import to_geographic
+
+    if problem.scene.crs is None:
+        return fix.place[::-1]
+    lon, lat = (float(value[0]) for value in to_geographic(problem.scene.crs, fix.place[None]))
+    return in_plane(problem, lon, lat)

@@ -1,0 +1,253 @@
+"""Several fixes, alarms, newer forecasts, and the rest of the old plan as a candidate of the new front."""
+
+from __future__ import annotations
+
+import json
+import logging
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import pareto_ltl
+from coherent import SCENE
+from pareto_ltl.cli.commands import run_command_line
+from pareto_ltl.run.newer_wind import warn_of_use
+from pareto_ltl.run.replan_files import comparison_lines
+from pareto_ltl.run.results import Results
+from pareto_ltl.support.errors import ConfigError, DataError
+from pareto_ltl.world.projection import to_geographic
+from pareto_ltl_verify.judge import verify
+from problems import smooth_wind
+from quick_wind import QUICK_WIND
+
+SMALL: dict[str, Any] = {
+    "robot": {"dt": 1800.0},
+    "planner": {"trees": 3, "n_max": 1500, "max_steps": 80},
+    "refine": {"flights": 100, "sweep_flights": 60, "points": 4},
+    "selection": {"draws": 300, "runs": 800},
+    "wind": QUICK_WIND,
+    "deployment": {"runs": 40},
+    "report": "none",
+}
+FIRST, LAST = 6, 10  # steps of half an hour
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    place = tmp_path_factory.mktemp("made") / "full"
+    pareto_ltl.plan("phi2", "F(a & F b)", fidelity="full", out=place, **SMALL)
+    return place
+
+
+def near(made: Path, step: int, off: tuple[float, float] = (0.0, 0.0)) -> tuple[float, float]:
+    """Latitude and longitude of a place ``off`` [m] from the plan at ``step``."""
+    results = Results(made)
+    lon, lat = to_geographic(str(results.scene.crs), results.plan.path.x[step] + np.array(off))
+    return float(lat[0]), float(lon[0])
+
+
+def table(place: Path, *rows: tuple[Any, ...], head: str = "time,lat,lon,sd_m") -> Path:
+    file = place / "fixes.csv"
+    file.write_text("\n".join([head, *(",".join(map(str, row)) for row in rows)]) + "\n", encoding="utf-8")
+    return file
+
+
+# --- several fixes --------------------------------------------------------------------------------
+
+
+def test_two_fixes_in_a_file_give_a_plan_whose_claims_hold(made: Path, tmp_path: Path) -> None:
+    file = table(
+        tmp_path,
+        ("2018-10-09T05:00:00Z", *near(made, LAST, (7e3, -5e3)), 400.0),
+        ("3h", *near(made, FIRST, (3e3, -2e3)), 900.0),
+    )
+    place = tmp_path / "rest"
+    assert run_command_line(["replan", str(made), "--fixes", str(file), "--out", str(place)]) == 0
+    told = json.loads((place / "replan.json").read_text())
+    assert [fix["step"] for fix in told["fixes"]] == [FIRST, LAST]
+    assert told["step"] == LAST
+    assert told["alarms"] == []
+    found = verify(place)
+    assert not [finding.claim for finding in found if not finding.holds]
+    names = [finding.claim for finding in found]
+    assert "replan: position given the fixes" in names
+    assert "replan: expected wind given the fixes" in names
+
+
+def test_an_earlier_fix_tells_more_than_none(made: Path) -> None:
+    last = (LAST * 1800.0, *near(made, LAST, (7e3, -5e3)), 2000.0)
+    first = (FIRST * 1800.0, *near(made, FIRST, (3e3, -2e3)), 300.0)
+    alone, both = (pareto_ltl.replan(made, fixes=rows).situation.learnt for rows in ([last], [first, last]))
+    assert alone is not None
+    assert both is not None
+    assert both.sd < alone.sd
+    assert (both.told**2).sum() > (alone.told**2).sum()
+
+
+def test_a_fix_between_two_steps_is_moved_along_the_plan(made: Path) -> None:
+    path = Results(made).plan.path
+    between = 0.75 * path.x[LAST] + 0.25 * path.x[LAST - 1]
+    lon, lat = to_geographic(str(Results(made).scene.crs), between)
+    done = pareto_ltl.replan(made, (LAST - 0.25) * 1800.0, (float(lat[0]), float(lon[0]), 100.0))
+    assert done.situation.step == LAST
+    assert done.situation.learnt is not None
+    assert np.linalg.norm(done.situation.learnt.mean - path.x[LAST]) < 50.0
+
+
+@pytest.mark.parametrize(
+    ("rows", "head", "said"),
+    [
+        ([], "time,lat,lon,sd_m", "0 fixes; expected 1 to 200"),
+        ([("3h", 37.0, -94.0)], "time,lat,lon,sd_m", "3 values for 4 columns"),
+        ([("3h", "here", -94.0, 100)], "time,lat,lon,sd_m", "are not three numbers"),
+        ([("3h", 37.0, -94.0, 0)], "time,lat,lon,sd_m", "line 2: its standard deviation must be positive"),
+        ([("-1h", 37.0, -94.0, 100)], "time,lat,lon,sd_m", "line 2: time"),
+        ([("0", 37.0, -94.0, 100)], "time,lat,lon,sd_m", "before the first step"),
+        ([("90h", 37.0, -94.0, 100)], "time,lat,lon,sd_m", "after the last step"),
+        ([("3h", 37.0, -94.0, 100), ("3h", 38.0, -94.0, 100)], "time,lat,lon,sd_m", "contradict each other"),
+        ([("3h", 1.0, 2.0, 100)], "time,x,y,sd_m", "expected time,lat,lon,sd_m"),
+        ([("3h", 1.0, 2.0, 100)], "when,lat,lon,sd_m", "the columns are"),
+    ],
+)
+def test_a_file_of_fixes_that_cannot_be_used_is_refused_in_one_line(
+    made: Path, tmp_path: Path, rows: list[tuple[Any, ...]], head: str, said: str
+) -> None:
+    with pytest.raises((ConfigError, DataError), match=said) as caught:
+        pareto_ltl.replan(made, fixes=table(tmp_path, *rows, head=head))
+    assert "\n" not in str(caught.value)
+
+
+def test_one_fix_and_several_or_another_time_are_refused(made: Path, tmp_path: Path) -> None:
+    file = table(tmp_path, ("3h", *near(made, FIRST), 300.0))
+    with pytest.raises(ConfigError, match="both given"):
+        pareto_ltl.replan(made, "3h", (37.0, -94.0, 100.0), fixes=file)
+    with pytest.raises(ConfigError, match="a plan begins at its last fix"):
+        pareto_ltl.replan(made, "5h", fixes=file)
+    with pytest.raises(DataError, match="cannot be read"):
+        pareto_ltl.replan(made, fixes=tmp_path / "none.csv")
+
+
+# --- alarms ---------------------------------------------------------------------------------------
+
+
+def test_a_fix_outside_the_law_is_an_alarm_without_a_promise(made: Path, tmp_path: Path) -> None:
+    place = tmp_path / "alarm"
+    done = pareto_ltl.replan(made, "5h", (*near(made, LAST - 3), 300.0), out=place)
+    (alarm,) = done.situation.alarms
+    assert "standard deviations" in alarm
+    assert "is a clock wrong by 90 min" in alarm
+    assert "outside the law" in alarm
+    assert done.advice == "alarm"
+    assert done.plan.promise is None
+    lines = "\n".join(comparison_lines(done))
+    assert "ALARM" in lines
+    assert "failure rate of" not in lines
+    told = json.loads((place / "replan.json").read_text())
+    assert told["old"] is told["new"] is told["difference"] is None
+    assert json.loads((place / "plan.json").read_text())["promise"] is None
+    assert not [finding.claim for finding in verify(place) if not finding.holds]
+
+
+# --- a newer forecast -----------------------------------------------------------------------------
+
+
+def forecast(
+    place: Path, scale: float = 1.0, first: int = 3, hours: int = 36, shift: float = 0.0, add: float = 0.0
+) -> Path:
+    """The winds of the sample from an hour of 9 October on, times ``scale`` and more ``add`` [m/s]."""
+    from pareto_ltl.wind.sources import SAMPLE_FILE
+
+    head, *rows = SAMPLE_FILE.read_text(encoding="utf-8").splitlines()
+    names = head.split(",")
+    times = sorted({row.split(",")[names.index("time")] for row in rows})[
+        first // 3 : (first + hours) // 3 + 1
+    ]
+    kept = []
+    for row in rows:
+        cells = dict(zip(names, row.split(","), strict=True))
+        if cells["time"] not in times:
+            continue
+        cells["u"], cells["v"] = (str(float(cells[name]) * scale + add) for name in ("u", "v"))
+        cells["lon"] = str(float(cells["lon"]) + shift)
+        kept.append(",".join(cells[name] for name in names))
+    file = place / "newer.csv"
+    file.write_text("\n".join([head, *kept]) + "\n", encoding="utf-8")
+    return file
+
+
+@pytest.mark.parametrize("fixed", [False, True])
+def test_the_rest_is_planned_in_a_newer_forecast(made: Path, tmp_path: Path, fixed: bool) -> None:
+    fix = (*near(made, LAST, (4e3, 2e3)), 400.0) if fixed else None
+    place = tmp_path / "newer"
+    done = pareto_ltl.replan(made, "5h", fix, wind=forecast(tmp_path, 0.9), out=place)
+    assert "newer.csv" in done.wind
+    assert done.situation.learnt is not None
+    assert (done.situation.learnt.sd < 450.0) == fixed
+    assert Results(place).wind.error is not None
+    assert Results(place).wind.error.forecast_sd.any()
+    assert json.loads((place / "replan.json").read_text())["wind"] == done.wind
+    assert not [finding.claim for finding in verify(place) if not finding.holds]
+
+
+def test_a_forecast_that_is_far_from_the_old_one_is_an_alarm(made: Path, tmp_path: Path) -> None:
+    done = pareto_ltl.replan(made, "5h", wind=forecast(tmp_path, add=12.0))
+    (alarm,) = done.situation.alarms
+    assert "the newer forecast moves the robot" in alarm
+    assert done.plan.promise is None
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"hours": 3, "first": 0}, "is not covered by the wind of"),
+        ({"shift": 120.0}, "within .* km of the scene"),
+    ],
+)
+def test_a_forecast_of_another_time_or_place_is_refused(
+    made: Path, tmp_path: Path, changes: dict[str, Any], said: str
+) -> None:
+    with pytest.raises(DataError, match=said) as caught:
+        pareto_ltl.replan(made, "5h", wind=forecast(tmp_path, **changes))
+    assert "the newer forecast cannot be used" in str(caught.value)
+    with pytest.raises(ConfigError, match="no such file"):
+        pareto_ltl.replan(made, "5h", wind=tmp_path / "none.grib2")
+
+
+def test_an_older_or_shorter_forecast_is_used_with_a_warning(caplog: pytest.LogCaptureFixture) -> None:
+    hours = 3600.0 * np.arange(4.0)
+    old = replace(smooth_wind(SCENE, until=None), leads=hours)
+    for late, ends, words in (
+        (7200.0, 3.0, ()),
+        (7200.0, 1.5, ("ends 1.5 h before the old plan would arrive",)),
+        (-3600.0, 3.0, ("begins 1 h before it",)),
+    ):
+        caplog.clear()
+        new = replace(old, leads=hours + 7200.0 - late, until=3600.0 * ends)
+        with caplog.at_level(logging.WARNING):
+            warn_of_use(old, new, 7200.0, 3.0 * 3600.0)
+        assert len(caplog.messages) == len(words)
+        assert all(word in caplog.text for word in words)
+
+
+# --- the rest of the old plan ---------------------------------------------------------------------
+
+
+def test_the_new_plan_is_not_worse_than_the_rest_of_the_old_one(made: Path) -> None:
+    """With a rule that prefers short paths, the rule's choice fails more often than the rest."""
+    for off in ((2e3, 1e3), (8e3, -9e3)):
+        done = pareto_ltl.replan(made, "3h", (*near(made, FIRST, off), 300.0))
+        assert done.difference[1] <= 0.0
+        assert done.advice in ("new", "either")
+
+
+def test_the_rest_with_its_controls_is_a_path_of_the_race(made: Path) -> None:
+    from pareto_ltl.run.records import CANDIDATES
+
+    done = pareto_ltl.replan(made, "3h", (*near(made, FIRST, (2e3, 1e3)), 300.0))
+    assert done.run is not None
+    same = done.run.make(CANDIDATES)[0]
+    np.testing.assert_allclose(same.u, done.rest.u, atol=1e-6)
+    assert same.origin == "rest of the old plan, same controls"
