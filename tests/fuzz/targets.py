@@ -229,6 +229,15 @@ def stations(place: Path) -> Fuzz:
     )
 
 
+def position_fixes(place: Path) -> Fuzz:
+    from pareto_ltl.run.position_fixes import fix_rows
+
+    return Fuzz(
+        mutants([b"time,lat,lon,sd_m\n3h,38.1,-95.6,500\n2018-10-09T06:00:00Z,38.4,-95.2,300\n"]),
+        _from_file(place / "fixes.csv", lambda path: fix_rows(path, on_earth=True)),
+    )
+
+
 def inventories(place: Path) -> Fuzz:
     from pareto_ltl.wind.levels import parse_level
     from pareto_ltl.wind.sources.idx_files import parse_idx, wind_parts
@@ -350,6 +359,7 @@ TARGETS = (
     Target("grib_winds", grib_winds),
     Target("cf_winds", cf_winds, share=0.2),
     Target("stations", stations),
+    Target("position_fixes", position_fixes),
     Target("inventories", inventories),
     Target("forecast_errors", forecast_errors),
     Target("netcdf_winds", netcdf_winds, share=0.2),  # HDF5 takes 10 ms to open a file

@@ -103,9 +103,8 @@ def warn_of_use(old: WindField, new: WindField, moment: float, rest: float) -> N
     before, now = issued(old), issued(new) + moment
     if now < before - 60.0:  # not if one of them is NaN
         LOG.warning(
-            "the newer forecast is older than that of the plan: it begins %.3g h before it; it is used all "
-            "the "
-            "same",
+            "the newer forecast is older than that of the plan: it begins %.3g h before it; it is used "
+            "in any case",
             (before - now) / HOUR,
         )  # fmt: skip
     if new.known_until < rest - 1.0:

@@ -6,7 +6,6 @@ robot needs one, but it promises nothing.
 
 from __future__ import annotations
 
-import csv
 import logging
 import math
 from collections.abc import Iterable, Sequence
@@ -142,26 +141,33 @@ def read_fixes(path: Path | str, problem: Problem, plan: Plan) -> tuple[Fix, ...
     ConfigError
         If a fix cannot be used, or two contradict each other.
     """
-    file = Path(path).expanduser()
-    columns = COLUMNS[problem.scene.crs is not None]
-    rows = list(csv.reader(read_text(file, ADVICE).splitlines()))
-    head = [name.strip() for name in rows[0]] if rows else []
+    rows = fix_rows(Path(path).expanduser(), on_earth=problem.scene.crs is not None)
+    return checked_fixes(
+        problem, [placed_fix(problem, plan, time, found, what) for what, time, found in rows]
+    )
+
+
+def fix_rows(file: Path, *, on_earth: bool) -> list[tuple[str, str, list[float]]]:
+    """Place in the file, time, and the three numbers of each fix; DataError for another content."""
+    columns = COLUMNS[on_earth]
+    rows = [[cell.strip() for cell in line.split(",")] for line in read_text(file, ADVICE).splitlines()]
+    head = rows[0] if rows else []
     if sorted(head) != sorted(columns):
         raise DataError(
             f"{file}: the columns are {shown_value(','.join(head))}; expected {','.join(columns)} in the "
             "first line"
         )
-    used = [(number, row) for number, row in enumerate(rows[1:], 2) if any(cell.strip() for cell in row)]
+    used = [(number, row) for number, row in enumerate(rows[1:], 2) if any(row)]
     if not 1 <= len(used) <= MOST_FIXES:
         raise DataError(f"{file}: {len(used)} fixes; expected 1 to {MOST_FIXES}, one a line")
-    fixes = []
+    found = []
     for number, row in used:
         what = f"{file}, line {number}"
         if len(row) != len(head):
             raise DataError(f"{what}: {len(row)} values for {len(head)} columns; expected {','.join(head)}")
         cells = dict(zip(head, row, strict=True))
-        fixes.append(placed_fix(problem, plan, cells["time"].strip(), _numbers(cells, columns, what), what))
-    return checked_fixes(problem, fixes)
+        found.append((what, cells["time"], _numbers(cells, columns, what)))
+    return found
 
 
 def _numbers(cells: dict[str, str], columns: Sequence[str], what: str) -> list[float]:

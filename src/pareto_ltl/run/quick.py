@@ -19,7 +19,7 @@ def quick_settings(settings: Settings) -> Settings:
 def prompt_settings(settings: Settings) -> Settings:
     """``settings`` for a robot that waits for its plan: fewer trees, points and flights than the quick ones.
 
-    The rest of the old plan is a candidate of such a search, so that a coarse one does no harm.
+    The rest of the old plan is a candidate of the front, so that the new plan is not worse.
     """
     coarse = quick_settings(settings)
     refine = replace(
