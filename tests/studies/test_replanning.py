@@ -70,7 +70,6 @@ def test_a_newer_forecast_has_the_error_of_its_lead_and_tends_to_the_truth() -> 
     step = int(np.flatnonzero(problem.modes.slot == slot)[0])
     truth = drawn.draws.theta[problem.modes.epoch[step]].astype(float)
     node = wind.modes.psi[slot, 7, 7, 0].astype(float)
-    place = wind.modes.origin + wind.modes.spacing * 7.0
     gaps = []
     for i in range(400):
         newer = newer_forecast(
@@ -80,8 +79,7 @@ def test_a_newer_forecast_has_the_error_of_its_lead_and_tends_to_the_truth() -> 
         said = newer.mean[slot, 7, 7, 0] - wind.mean[slot, 7, 7, 0]
         gaps.append(node[own] @ truth[i, 0, own] - said)
         left = (newer.modes.psi[slot, 7, 7, 0, own] ** 2).sum()
-    assert place is not None
     before = (node[own] ** 2).sum()
     assert left == pytest.approx(0.75 * before, rel=1e-5)
-    assert np.mean(gaps) == pytest.approx(0.0, abs=5.5 * np.sqrt(left / 400))
-    assert np.var(gaps) == pytest.approx(left, rel=5.5 * np.sqrt(2 / 400))
+    assert np.mean(gaps) == pytest.approx(0.0, abs=5.5 * float(np.sqrt(left / 400)))
+    assert np.var(gaps) == pytest.approx(float(left), rel=5.5 * np.sqrt(2 / 400))

@@ -17,7 +17,7 @@ from pareto_ltl.settings import Settings
 if TYPE_CHECKING:
     from pareto_ltl.report.records import Study
 
-LEFT, BASE, ROW, TOP, RIGHT = 1.25, 0.45, 0.28, 0.12, 0.15  # [in]
+LEFT, BASE, ROW, TOP, RIGHT = 1.2, 0.45, 0.28, 0.12, 0.22  # [in]
 
 
 def replanning_figures(_: Settings, study: Study) -> Figures:
