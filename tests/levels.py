@@ -54,6 +54,7 @@ NOT_BY_DAY = [
     "run/test_exporting",
     "run/test_faults",
     "run/test_interface",
+    "run/test_replan_inputs",
     "run/test_replanning",
     "run/test_steering",
     "run/test_vehicles",

@@ -19,7 +19,9 @@ from pareto_ltl.run.replan_files import comparison_lines
 from pareto_ltl.run.results import Results
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.world.projection import to_geographic
-from pareto_ltl_verify.judge import verify
+from pareto_ltl_verify.claims.replan import CLAIMS
+from pareto_ltl_verify.evidence import open_evidence
+from pareto_ltl_verify.judge import findings, verify
 from problems import smooth_wind
 from quick_wind import QUICK_WIND
 
@@ -251,3 +253,29 @@ def test_the_rest_with_its_controls_is_a_path_of_the_race(made: Path) -> None:
     same = done.run.make(CANDIDATES)[0]
     np.testing.assert_allclose(same.u, done.rest.u, atol=1e-6)
     assert same.origin == "rest of the old plan, same controls"
+
+
+# --- lies -----------------------------------------------------------------------------------------
+
+
+def test_lies_about_what_fixes_show_are_caught(made: Path, tmp_path: Path) -> None:
+    place = tmp_path / "rest"
+    pareto_ltl.replan(made, "5h", (*near(made, LAST, (7e3, -5e3)), 400.0), out=place)
+    file = place / "replan.json"
+    honest = json.loads(file.read_text())
+    lies: dict[str, dict[str, Any]] = {
+        "replan: start, spread and time of the rest": {"time_s": honest["time_s"] + 600.0},
+        "replan: alarms, and no promise after them": {"fixes": [honest["fixes"][0] | {"distance": 5.0}]},
+        "replan: failure rates of the old and the new plan": {
+            "new": honest["new"] | {"failure": 0.9, "high": 1.0}
+        },
+        "replan: the rest of the old plan": {"step": honest["step"] + 1},
+        "replan: position given the fixes": {"fixes": [honest["fixes"][0] | {"sd": 4000.0}]},
+        "replan: expected wind given the fixes": {"fixes": [honest["fixes"][0] | {"place": [0.0, 0.0]}]},
+    }  # fmt: skip
+    for claim, lie in lies.items():
+        file.write_text(json.dumps(honest | lie))
+        found = {f.claim: f.holds for f in findings(open_evidence(place), CLAIMS)}
+        assert not found[claim]
+    file.write_text(json.dumps(honest))
+    assert all(f.holds for f in findings(open_evidence(place), CLAIMS))
