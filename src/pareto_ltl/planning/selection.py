@@ -59,10 +59,12 @@ def accepted_rows(forest: Forest) -> FloatArray:
     The mission risk, at most 1, then with the path bound the collision risk R, then the length [m].
     """
     columns = forest.mission_columns
-    rows = [np.append(forest.trees[j].risk[v], forest.trees[j].length[v]) for j, v in forest.accepted]
-    if not rows:
+    if not len(forest.accepted):
         return np.empty((0, 2))
-    table = np.array(rows)
+    stored = [np.column_stack([tree.risk, tree.length]) for tree in forest.trees]
+    first = np.cumsum([0, *map(len, stored)])
+    tree, vertex = np.transpose(forest.accepted)
+    table = np.concatenate(stored)[first[tree] + vertex]
     mission = np.minimum(table[:, :columns].sum(axis=1), 1.0)
     return np.column_stack([mission, table[:, columns:]])
 

@@ -21,7 +21,7 @@ from pareto_ltl.support.display import in_kilometres
 from pareto_ltl.world.cells import Decomposition, convex_pieces
 from pareto_ltl.world.scene import Scene
 
-DRAWN_VERTICES = 50_000  # tree vertices drawn, at most; more of them merge into one grey area
+DRAWN_VERTICES = 12_000  # tree vertices drawn, at most: a second for 50,000, which merge into one grey area
 NAME_SIZE, TIME_SIZE = 8.5, 6.0  # font sizes of a region's name, and of its times [pt]
 DRAWN_ELLIPSES = 14  # approximate number of covariance ellipses along a path
 REGION_LOOK: dict[str, Any] = {"fc": style.GREEN + "30", "ec": style.GREEN, "lw": 1.0}

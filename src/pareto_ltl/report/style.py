@@ -15,6 +15,7 @@ import warnings
 from bisect import bisect_right
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -130,6 +131,7 @@ def law_dashes(law: str) -> Any:
 NARROWEST = 0.15  # width of the narrowest letter, in font sizes
 
 
+@lru_cache(maxsize=1000)  # headings of one run have many words in common
 def text_width(text: str, size: float) -> float:
     """Width of ``text`` [in] in letters of ``size`` [pt]."""
     with warnings.catch_warnings():
