@@ -124,3 +124,11 @@ def greedy_risk(bound, x, cov, most):
         before, total = here, total + more
         assert (memory.face[t % 2] >= 0).sum() <= most
     return total
+
+
+def test_the_cost_of_a_run_is_the_smaller_of_the_sum_and_twice_the_tail():
+    """Eq. (M40): 2 Φ(-30/√100) = 0.0026998."""
+    reflected = 2 * 0.0013498980316300957
+    assert kernel.run_cost(kernel.Run(0, 0.5, 30.0, 100.0)) == pytest.approx(reflected, rel=1e-9)
+    assert kernel.run_cost(kernel.Run(0, 0.002, 30.0, 100.0)) == 0.002
+    assert kernel.run_cost(kernel.Run(0, 0.5, 30.0, 0.0)) == 0.5  # without variance, the sum alone

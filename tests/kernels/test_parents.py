@@ -12,7 +12,15 @@ from numpy.random import SeedSequence
 
 from pareto_ltl.kernels import tree as kernel
 from pareto_ltl.kernels.data import Point
-from pareto_ltl.kernels.parents import APPRAISED, Candidate, Dominance, Scaled, put_first, rank_parent
+from pareto_ltl.kernels.parents import (
+    APPRAISED,
+    Candidate,
+    Dominance,
+    Scaled,
+    improves,
+    put_first,
+    rank_parent,
+)
 from pareto_ltl.kernels.tree_models import appraise_mission
 from pareto_ltl.planning import growth
 from pareto_ltl.planning.growth import GrowthOptions
@@ -111,6 +119,17 @@ def test_a_risk_may_grow_up_to_beta(problem):
         q = bench.state("a")
         safe, short = bench.add((9, 10), q, 20, (0.01, -1, -1)), bench.add((10, 9), q, 15, (0.04, -1, -1))
         assert (bench.choose((9.5, 9.5), safe) == short) == taken
+
+
+@pytest.mark.parametrize("rule", [Dominance, Scaled])
+@pytest.mark.parametrize(("longer", "allowed"), [(9.0, True), (11.0, False)])
+def test_a_lower_risk_may_cost_at_most_the_slack_of_length(rule, longer, allowed):
+    fields = dict.fromkeys(rule._fields, 0)
+    slack = rule(**fields)._replace(beta_length=10.0, beta_risk=0.0)
+    risks = np.array([[0.01], [0.02]])
+    new, old = Candidate(1.0, 100.0 + longer, 0), Candidate(1.0, 100.0, 1)
+    assert improves(slack, risks, new, old, False) == allowed  # Eq. (11)
+    assert improves(slack, risks, new, old, True)  # Eq. (12) alone
 
 
 def test_a_parent_out_of_reach_is_not_taken(problem):
