@@ -29,7 +29,6 @@ EXAMPLES = """\
   pareto-ltl plan +experiment=phi1                         plan one of the ready missions
   pareto-ltl plan +experiment=phi2 planner.n_max=5000      with another setting
   pareto-ltl plan +experiment=phi1 "mission.formula='F(a & F b)'"
-  pareto-ltl compare +experiment=phi1                      several planners in the same winds
   pareto-ltl sweep +experiment=phi2 'seed=range(0,99)' hydra/launcher=joblib
   pareto-ltl ingest wind=grib wind.path=DIR                a wind table from GRIB2 files
   pareto-ltl formula "F(a & F b)"                          what a formula means

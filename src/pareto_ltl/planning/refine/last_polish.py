@@ -67,7 +67,7 @@ def _finished(sweep: Sweep, k: Candidate, cap: float) -> Candidate:
     problem, refiner = sweep.problem, sweep.refiner
     how = sweep.polish_of(FINE, 1, 4)
     made = refiner.polish(_fitting(problem, k, cap), sweep.flights, how, cap, k.origin)
-    if fewer := round(spare_steps(made)):
+    if fewer := min(round(spare_steps(made)), made.steps - 1):  # a path has at least one step
         x = retimed_means(problem, made.flight.x, made.steps - fewer)
         made = min(made, refiner.polish(x, sweep.flights, how, cap, k.origin), key=smoothed)
     if not _rarely_fails(sweep, made):
