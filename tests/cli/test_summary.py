@@ -96,3 +96,9 @@ def test_a_run_that_only_fits_the_wind_prints_what_it_found() -> None:
     unscored = dict(summary_rows(fitted | {"gp_coverage_90": float("nan")}, "coherent"))
     assert "held-out readings in 90 % intervals" not in unscored
     assert not any(name.startswith("expected wind") for name, _ in summary_rows(METRICS | fitted, "coherent"))
+
+
+def test_a_study_that_delivers_a_plan_has_no_length_of_its_own():
+    """Departures: the metrics have the promise of the recommended start, whose plan is in its own folder."""
+    study = {"promise_failure": 0.01, "promise_low": 0.0, "promise_high": 0.02, "run_seconds": 3.0}
+    assert dict(summary_rows(study, "coherent", verbose=False)) == {"in all": "3.00 s"}

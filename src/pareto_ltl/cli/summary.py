@@ -133,7 +133,7 @@ def summary_rows(
 
     Where flights judge, only ``verbose`` has the bounds, other simulated flights and the times of stages.
     """
-    if "promise_failure" in metrics and not verbose:
+    if {"promise_failure", "length_m"} <= set(metrics) and not verbose:  # a plan, not a study of plans
         yield from _cost_rows(metrics)
         yield _promise_row(metrics, law)
         yield "in all", f"{metrics['run_seconds']:.2f} s"
