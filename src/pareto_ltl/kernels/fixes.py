@@ -49,30 +49,32 @@ from pareto_ltl.support.arrays import Float32Array, FloatArray, IntArray
 FADED = 1e-3  # fixes whose factors s are all below this are ignored
 OUTSIDE = 5.0  # deviations beyond which a landmark is out of reach
 WORTHWHILE = 0.01  # share of the unknown variance: fixes that take less are ignored
-Shares: TypeAlias = tuple[float, float, float, float]  # factors s of a fix, one for each part of the error
+Shares: TypeAlias = tuple[float, float, float, float, float]  # factors s of a fix, one for each of PARTS
+UNFADED = (1.0, 1.0, 1.0, 1.0, 1.0)
 
 
 @kernel
 def shares_of(table: FloatArray, row: int) -> Shares:
-    """Row ``row`` of ``table`` (N, 4)."""
-    return table[row, 0], table[row, 1], table[row, 2], table[row, 3]
+    """Row ``row`` of ``table`` (N, G)."""
+    return table[row, 0], table[row, 1], table[row, 2], table[row, 3], table[row, 4]
 
 
 @kernel
 def keep_shares(table: FloatArray, row: int, shares: Shares) -> None:
-    """Write ``shares`` to row ``row`` of ``table`` (N, 4)."""
-    for part in range(4):
+    """Write ``shares`` to row ``row`` of ``table`` (N, G)."""
+    for part in range(len(UNFADED)):
         table[row, part] = shares[part]
 
 
 @kernel
 def faded_by(shares: Shares, table: FloatArray, row: int) -> Shares:
-    """``shares`` times row ``row`` of ``table`` (N, 4)."""
+    """``shares`` times row ``row`` of ``table`` (N, G)."""
     return (
         shares[0] * table[row, 0],
         shares[1] * table[row, 1],
         shares[2] * table[row, 2],
         shares[3] * table[row, 3],
+        shares[4] * table[row, 4],
     )
 
 
@@ -133,7 +135,7 @@ def _forget_fixes(_law: LandmarkLaw, memory: LandmarkMemory) -> None:
     memory.known[0, 0], memory.known[0, 1], memory.known[0, 2] = 0.0, 0.0, 0.0
     memory.at[0, 0], memory.at[0, 1], memory.chance[0] = 0.0, 0.0, 0.0
     memory.fix[0] = -1
-    keep_shares(memory.faded, 0, (1.0, 1.0, 1.0, 1.0))
+    keep_shares(memory.faded, 0, UNFADED)
     memory.used[0] = 0
 
 
@@ -161,7 +163,7 @@ def _advance_with_fixes(
             gained = learn(memory, target, f, unknown, error, sight.chance)
             known = Cov(known.xx + gained.xx, known.xy + gained.xy, known.yy + gained.yy)
             unknown = without(unknown, gained)
-            fix, faded = f, (1.0, 1.0, 1.0, 1.0)
+            fix, faded = f, UNFADED
     mean, cov = carry(law, step, Gaussian(at, unknown), memory.theta, target, target)
     steered = steer_against(law, memory, step, at, fix, faded, target)
     after = known_after(closed_loop(law, step, at), marks.gain, known)
@@ -264,7 +266,7 @@ def steer_against(
     kept, square = modes.kept[step + 1], mode_square(modes, at)
     xx, xy, yy = 0.0, 0.0, 0.0
     f, s = fix, faded
-    while f >= 0 and max(s[0], s[1], s[2], s[3]) > FADED:
+    while f >= 0 and max(s[0], s[1], s[2], s[3], s[4]) > FADED:
         for r in range(2):
             e = expected_wind(modes, step, square, memory.gain[f, r, 0], s, 0)
             n = expected_wind(modes, step, square, memory.gain[f, r, 1], s, 1)
