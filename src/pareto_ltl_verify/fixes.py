@@ -21,15 +21,8 @@ History = tuple[tuple[int, int, int], ...]  # step, landmark and part of the ste
 
 def last_share(mark: Convex, start: FloatArray, end: FloatArray) -> FloatArray:
     """The last share of each segment (S, 2) to (S, 2) [m] in a convex polygon, (S,); -1 where none is."""
-    gap = mark.offsets - start @ mark.normals.T
-    rate = (end - start) @ mark.normals.T
-    with np.errstate(divide="ignore", invalid="ignore"):
-        cut = gap / rate
-    leave = np.where(rate > 0, cut, np.inf).min(axis=1)
-    enter = np.where(rate < 0, cut, -np.inf).max(axis=1)
-    beside = ((rate == 0) & (gap < 0)).any(axis=1)
-    last, first = np.minimum(leave, 1.0), np.maximum(enter, 0.0)
-    return np.asarray(np.where(beside | (first > last), -1.0, last), float)
+    enter, leave, along = mark.pieces(start, end)
+    return np.asarray(np.where((along < 0) | (enter > leave), -1.0, leave), float)
 
 
 @dataclass(slots=True)

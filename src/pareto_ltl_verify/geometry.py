@@ -27,15 +27,26 @@ class Convex:
 
         The piece of a segment inside all faces is found by cutting the segment at every face line.
         """
+        enter, leave, along = self.pieces(start, end, margin)
+        met: BoolArray = (along > 0) & (enter < leave)
+        return met
+
+    def pieces(
+        self, start: FloatArray, end: FloatArray, margin: float = 0.0
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Shares in [0, 1] at which segments enter and leave the polygon reduced by ``margin`` [m].
+
+        There is a piece inside if the first is at most the second and the third, the least distance [m] to
+        the faces that a segment is parallel to, is not negative (infinite without such a face).
+        """
         gap = (self.offsets - margin) - start @ self.normals.T
         rate = (end - start) @ self.normals.T
         with np.errstate(divide="ignore", invalid="ignore"):
             cut = gap / rate
         leave = np.where(rate > 0, cut, np.inf).min(axis=1)
         enter = np.where(rate < 0, cut, -np.inf).max(axis=1)
-        beside = ((rate == 0) & (gap <= 0)).any(axis=1)
-        met: BoolArray = ~beside & (np.maximum(enter, 0.0) < np.minimum(leave, 1.0))
-        return met
+        along = np.where(rate == 0, gap, np.inf).min(axis=1)
+        return np.maximum(enter, 0.0), np.minimum(leave, 1.0), along
 
 
 def convex(corners: Iterable[Iterable[float]]) -> Convex:

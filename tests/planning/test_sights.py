@@ -9,7 +9,8 @@ import pytest
 import shapely
 
 from landmarks import LANDMARK_SCENE, landmark_problem
-from pareto_ltl.planning.refine.sights import Attraction, led_lines, sights
+from pareto_ltl.planning.refine.roadmap import led_lines
+from pareto_ltl.planning.refine.sights import Attraction, sights
 from pareto_ltl.planning.refine.starts import roadmap_starts
 from pareto_ltl.planning.refine.step_programme import Descent
 from problems import KM, box

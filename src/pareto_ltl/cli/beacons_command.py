@@ -26,9 +26,14 @@ def beacons_command(argv: Sequence[str]) -> int:
     if not options.directory.is_dir():
         raise DataError(f"{options.directory}: no such folder; give a results directory")
     from pareto_ltl.run.beacons import beacon_lines, beacons, write_beacons
+    from pareto_ltl.run.exporting import run_with_plan
+    from pareto_ltl.run.interface import PlanningResult
 
-    found = beacons(options.directory, radius=options.radius, number=options.number, flights=options.flights)
+    run = run_with_plan(options.directory)
+    found = beacons(
+        PlanningResult(run), radius=options.radius, number=options.number, flights=options.flights
+    )
     folder = options.out or options.directory / "beacons"
-    write_beacons(options.directory, found, folder)
-    print("\n".join([*beacon_lines(options.directory, found), f"table and figure in {folder}"]))
+    write_beacons(run, found, folder)
+    print("\n".join([*beacon_lines(run, found), f"table and figure in {folder}"]))
     return 0

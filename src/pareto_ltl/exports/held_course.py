@@ -8,7 +8,7 @@ import numpy as np
 from numpy.random import SeedSequence
 
 from pareto_ltl.kernels.pilots import Autopilot
-from pareto_ltl.planning.pack import feedback_shares
+from pareto_ltl.planning.pack import with_feedback
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import FailureRate, PlannedPath, counted_rate
 from pareto_ltl.simulation.flights import fly_pilot
@@ -18,9 +18,7 @@ HELD_TIME = 60.0  # robot.feedback_time of an autopilot that holds positions [s]
 
 def held_course_rate(problem: Problem, path: PlannedPath, runs: int, seed: SeedSequence) -> FailureRate:
     """The rate of ``runs`` flights with ``robot.feedback_time=60``, within the airspeeds of the robot."""
-    gain, exposed = feedback_shares(HELD_TIME, problem.motion.dt)
-    closed = problem.motion.a - gain * np.eye(2)
-    motion = problem.motion._replace(gain=gain, exposed=exposed, closed=closed)
+    motion = with_feedback(problem.motion, HELD_TIME)
     world = problem.world._replace(law=problem.world.law._replace(motion=motion))
     held = replace(problem, world=world)
     pilot = Autopilot(path.u, np.ascontiguousarray(path.x))

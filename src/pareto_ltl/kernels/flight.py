@@ -168,7 +168,7 @@ def fly_batch(motion: Motion, draws: Draws, pilot: Pilot, x: FloatArray, met: Fl
     Eq. (M1) of docs/mathematics.md.
     """
     a, b, dt = motion.a, motion.b, motion.dt
-    begin_flights(pilot, motion)
+    begin_flights(pilot)
     for t in range(x.shape[1] - 1):
         meet_winds(draws, t, x, met)
         observe(pilot, motion, t, x)

@@ -35,10 +35,10 @@ from pareto_ltl.support.arrays import Float32Array, FloatArray
 
 
 @implements(begin_flights, Navigator)
-def _begin_navigator(pilot: Navigator, _motion: Motion) -> None:
+def _begin_navigator(pilot: Navigator) -> None:
     for i in range(pilot.field.shape[0]):
-        for m in range(pilot.field.shape[2]):
-            pilot.field[i, 0, m], pilot.field[i, 1, m] = F32(0.0), F32(0.0)
+        for j in range(pilot.field.shape[1]):
+            pilot.field[i, j] = F32(0.0)
         for k in range(4):
             pilot.estimate[i, k] = 0.0
         pilot.history[i], pilot.fixed[i] = 0, False
@@ -133,7 +133,6 @@ def carry_belief(pilot: Navigator, motion: Motion, t: int, row: int) -> None:
             carried = F[r, 0] * cov[0, q] + F[r, 1] * cov[1, q]
             own.across[row, r, q] = carried + dt * along_modes(psi, own.cross[row, q], r)
             own.before[row, r, q] = cov[r, q]
-    xx, xy, yy = 0.0, 0.0, 0.0
     # Cov(e_t, e_{t-1}) F' + dt Cov(e_t, θ) ψ, with Cov(e_t, θ) = F C + dt ψ' Cov(θ)
     c00, c01 = along_modes(psi, own.cross[row, 0], 0), along_modes(psi, own.cross[row, 0], 1)
     c10, c11 = along_modes(psi, own.cross[row, 1], 0), along_modes(psi, own.cross[row, 1], 1)
@@ -291,10 +290,11 @@ def free_row(own: Beliefs, begin: int) -> int:
 
 @vector
 def fade_field(field: Float32Array, kept: Float32Array) -> None:
-    """Multiply θ̂ = ``field`` (2, P) by ``kept`` (P,)."""
+    """Multiply θ̂ = ``field`` (2P,) by ``kept`` (P,)."""
+    modes = len(kept)
     for c in range(2):
-        for m in range(field.shape[1]):
-            field[c, m] *= kept[m]
+        for m in range(modes):
+            field[c * modes + m] *= kept[m]
 
 
 @kernel
@@ -316,23 +316,13 @@ def take_fix(pilot: Navigator, t: int, i: int, mark: int, step: tuple[Point, Poi
 
 @vector
 def add_learnt(field: Float32Array, learnt: Float32Array, dx: float, dy: float) -> None:
-    """Add what an innovation (dx, dy) [m] says to θ̂ = ``field`` (2, P); gains ``learnt`` (2, 2P)."""
-    modes, x, y = field.shape[1], F32(dx), F32(dy)
-    for c in range(2):
-        for m in range(modes):
-            field[c, m] += learnt[0, c * modes + m] * x + learnt[1, c * modes + m] * y
+    """Add what an innovation (dx, dy) [m] says to θ̂ = ``field`` (2P,); gains ``learnt`` (2, 2P)."""
+    x, y = F32(dx), F32(dy)
+    for j in range(len(field)):
+        field[j] += learnt[0, j] * x + learnt[1, j] * y
 
 
 # --- control ----------------------------------------------------------------------------------
-
-
-@vector
-def known_wind(psi: Float32Array, field: Float32Array, c: int) -> float:
-    """ψ' θ̂ [m/s] of component ``c``."""
-    wind = F32(0.0)
-    for m in range(field.shape[1]):
-        wind += psi[c, m] * field[c, m]
-    return wind  # type: ignore[return-value]
 
 
 @implements(command, Navigator)
@@ -344,7 +334,7 @@ def _command_navigator(
     if not pilot.fixed[i]:
         return planned_x, planned_y
     ex, ey, b_inv, b, dt, F = estimate[0], estimate[1], motion.b_inv, motion.b, motion.dt, law.F[t]
-    hx, hy = known_wind(law.psi[t], pilot.field[i], 0), known_wind(law.psi[t], pilot.field[i], 1)
+    hx, hy = along_modes(law.psi[t], pilot.field[i], 0), along_modes(law.psi[t], pilot.field[i], 1)
     share = pilot.landmarks.gain / dt
     cx, cy = share * ex + hx, share * ey + hy
     ux, uy = within_airspeed(

@@ -63,7 +63,7 @@ class Navigator(NamedTuple):
     """Flies the controls of ``law`` and corrects them after fixes.
 
     ``root`` (K, 2, 2) is the lower root of the covariance of a fix [m], ``noise`` (T+1, n, 2) ~ N(0, 1).
-    ``estimate`` (n, 4) = (ê_t, ê_{t-1}) [m], ``field`` (n, 2, P) = θ̂, ``history`` (n,) the row of
+    ``estimate`` (n, 4) = (ê_t, ê_{t-1}) [m], ``field`` (n, 2P) = θ̂, ``history`` (n,) the row of
     ``beliefs``, ``fixed`` (n,) whether a fix was taken.
     """
 
@@ -82,7 +82,7 @@ Pilot: TypeAlias = Autopilot | Navigator
 
 
 @by_type
-def begin_flights(pilot: Pilot, motion: Motion) -> None:
+def begin_flights(pilot: Pilot) -> None:
     """Reset what the pilots of earlier flights knew."""
     raise NotImplementedError
 
@@ -116,7 +116,7 @@ def within_airspeed(motion: Motion, ux: float, uy: float) -> tuple[float, float]
 
 
 @implements(begin_flights, Autopilot)
-def _begin_autopilot(_pilot: Autopilot, _motion: Motion) -> None:
+def _begin_autopilot(_pilot: Autopilot) -> None:
     pass
 
 

@@ -81,24 +81,15 @@ def airspeed_left(motion: Motion, correction: Cov) -> float:
 
     Eq. (M3) of docs/mathematics.md.
     """
-    return max(motion.u_max - correction_quantile(motion, correction), 0.0)
-
-
-@kernel
-def correction_quantile(motion: Motion, correction: Cov) -> float:
-    """r = η √λ / dt [m/s], which ‖B⁻¹ c / dt‖ exceeds with at most ``effort_risk``; c has covariance [m²].
-
-    Eq. (M3) of docs/mathematics.md.
-    """
     cxx, cxy, cyy = correction
     if cxx <= 0.0 and cyy <= 0.0:
-        return 0.0
+        return motion.u_max
     b = motion.b_inv
     ex, ey = b[0, 0] * cxx + b[0, 1] * cxy, b[0, 0] * cxy + b[0, 1] * cyy
     nx, ny = b[1, 0] * cxx + b[1, 1] * cxy, b[1, 0] * cxy + b[1, 1] * cyy
     ee, en, nn = ex * b[0, 0] + ey * b[0, 1], ex * b[1, 0] + ey * b[1, 1], nx * b[1, 0] + ny * b[1, 1]
     widest = 0.5 * (ee + nn) + math.sqrt(0.25 * (ee - nn) * (ee - nn) + en * en)
-    return motion.effort / motion.dt * math.sqrt(max(widest, 0.0))
+    return max(motion.u_max - motion.effort / motion.dt * math.sqrt(max(widest, 0.0)), 0.0)
 
 
 @inlined

@@ -130,11 +130,10 @@ def _appraise_ordered(bound: Ordered, tree: Vertices, scratch: TreeState, new: P
     if note_letters(bound, letters) or not stays(bound, letters, before, new.parent):
         own.same[new.row] = -1
         read_letter(bound, letters, before, new.parent, own.rows, new.row, new.q)
+        scratch.risks[new.row, 0] = live_value(bound, own.rows, new.row, new.q)
     else:  # most steps: the empty letter is certain and leaves V as it is
         own.same[new.row] = new.parent
         scratch.risks[new.row, 0] = live_value(bound, before, new.parent, new.q)
-        return
-    scratch.risks[new.row, 0] = live_value(bound, own.rows, new.row, new.q)
 
 
 @implements(keep_mission, Ordered)

@@ -202,12 +202,11 @@ def pack_motion(robot: RobotConfig, ball: float, judge: str = "bound") -> kd.Mot
     Eq. (M1) of docs/mathematics.md.
     """
     a, b = np.array(robot.a, float), np.array(robot.b, float)
-    gain, exposed = feedback_shares(robot.feedback_time, robot.dt)
-    return kd.Motion(
+    open_loop = kd.Motion(
         a=a,
-        closed=a - gain * np.eye(2),
-        gain=gain,
-        exposed=exposed,
+        closed=a,
+        gain=0.0,
+        exposed=1.0,
         effort=math.sqrt(-2.0 * math.log(robot.effort_risk)) if judge == "bound" else 0.0,
         b=b,
         b_inv=np.linalg.inv(b),
@@ -216,6 +215,13 @@ def pack_motion(robot: RobotConfig, ball: float, judge: str = "bound") -> kd.Mot
         u_max=robot.u_max,
         ball=ball,
     )
+    return with_feedback(open_loop, robot.feedback_time)
+
+
+def with_feedback(motion: kd.Motion, time: float | None) -> kd.Motion:
+    """``motion`` with position feedback of the time constant ``time`` [s]; None: open loop."""
+    gain, exposed = feedback_shares(time, motion.dt)
+    return motion._replace(closed=motion.a - gain * np.eye(2), gain=gain, exposed=exposed)
 
 
 def feedback_shares(time: float | None, dt: float) -> tuple[float, float]:
@@ -346,15 +352,20 @@ def build_problem(
 
 def used_landmarks(scene: Scene, robot: RobotConfig, fidelity: FidelityConfig) -> tuple[FloatArray, ...]:
     """The landmarks at which the robot of these settings measures; a warning says why there are none."""
+    missing = missing_for_fixes(robot, fidelity)
+    if scene.landmarks and missing:
+        LOG.warning("scene.landmarks are not used: position fixes need %s", missing)
+    return () if missing else scene.landmarks
+
+
+def missing_for_fixes(robot: RobotConfig, fidelity: FidelityConfig) -> str:
+    """The settings that position fixes need and these are not; empty if the robot takes fixes."""
     needs = {
         "fidelity.law=coherent": fidelity.law == "coherent",
         "fidelity.judge=flights (a bound cannot tell who misses a landmark)": fidelity.judge == "flights",
         "robot.feedback_time=null (a robot that always knows its position)": robot.feedback_time is None,
     }
-    missing = [need for need, met in needs.items() if not met]
-    if scene.landmarks and missing:
-        LOG.warning("scene.landmarks are not used: position fixes need %s", " and ".join(missing))
-    return () if missing else scene.landmarks
+    return " and ".join(need for need, met in needs.items() if not met)
 
 
 def with_landmarks(problem: Problem, robot: RobotConfig, marks: Sequence[FloatArray]) -> Problem:
@@ -365,12 +376,9 @@ def with_landmarks(problem: Problem, robot: RobotConfig, marks: Sequence[FloatAr
     ConfigError
         If the robot takes no position fixes.
     """
+    if missing := missing_for_fixes(robot, problem.fidelity):
+        raise ConfigError(f"the robot of this plan takes no position fixes: they need {missing}")
     scene = replace(problem.scene, landmarks=(*problem.scene.landmarks, *marks))
-    if not used_landmarks(scene, robot, problem.fidelity):
-        raise ConfigError(
-            "the robot of this plan takes no position fixes: they need fidelity.law=coherent, "
-            "fidelity.judge=flights and robot.feedback_time=null"
-        )
     robot = replace(robot, dt=problem.motion.dt)
     plain = unaided(problem.laws["coherent"])
     assert isinstance(plain, kd.CoherentLaw)

@@ -12,16 +12,8 @@ from matplotlib.patheffects import withStroke
 
 from pareto_ltl.planning.records import Plan
 from pareto_ltl.report import style
-from pareto_ltl.report.map import LEFT, TEXT_LINE, WEST, fitted_heading, map_size, taken_points
-from pareto_ltl.report.map_layers import (
-    MapAxes,
-    draw_endpoints,
-    draw_graticule,
-    draw_ground,
-    draw_mean_path,
-    map_axes,
-    name_regions,
-)
+from pareto_ltl.report.map import LEFT, TEXT_LINE, WEST, draw_route, draw_scale, fitted_heading, map_size
+from pareto_ltl.report.map_layers import MapAxes, map_axes
 from pareto_ltl.simulation.beacons import BeaconMap
 from pareto_ltl.support.display import probability_text
 from pareto_ltl.world.cells import Decomposition
@@ -44,11 +36,7 @@ def beacons_figure(scene: Scene, decomposition: Decomposition, plan: Plan, found
     inner, tall = map_size(scene)
     figure = style.blank_figure(style.COLUMN_WIDTH, SCALE_BELOW + tall + 0.26 + TEXT_LINE * len(heading))
     chart = map_axes(scene, style.axes_at(figure, WEST, SCALE_BELOW, inner, tall))
-    draw_graticule(chart, scene)
-    draw_ground(chart, scene, None)
-    draw_mean_path(chart, plan.path.x)
-    draw_endpoints(chart, scene, plan)
-    name_regions(chart, scene, decomposition, taken_points(scene, plan))
+    draw_route(chart, scene, decomposition, plan)
     _draw_places(figure, chart, found, (WEST, SCALE_BELOW - 0.50, inner))
     for line, text in enumerate(reversed(heading)):
         style.text_at(figure, LEFT, SCALE_BELOW + tall + 0.22 + TEXT_LINE * line, text, va="bottom")
@@ -82,12 +70,6 @@ def _draw_places(figure: Figure, chart: MapAxes, found: BeaconMap, at: tuple[flo
             str(count), (x, y), (8.0, 6.0), textcoords="offset points", fontweight="bold", zorder=9,
             path_effects=[withStroke(linewidth=2.0, foreground="white")],
         )  # fmt: skip
-    left, bottom, width = at
-    bar = figure.colorbar(
-        dots, cax=style.axes_at(figure, left, bottom, width, 0.08), orientation="horizontal"
-    )
     ticks = np.geomspace(low, high, 4) if isinstance(norm, LogNorm) else np.linspace(low, high, 4)
-    bar.set_ticks(ticks.tolist(), labels=[f"{tick:.2g}" for tick in ticks])
-    bar.minorticks_off()
-    bar.set_label(f"failures with one beacon there, {found.without.law} winds [%]")
-    bar.outline.set_linewidth(0.5)
+    named = {tick: f"{tick:.2g}" for tick in ticks.tolist()}
+    draw_scale(figure, dots, at, named, f"failures with one beacon there, {found.without.law} winds [%]")

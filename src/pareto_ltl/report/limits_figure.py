@@ -21,22 +21,15 @@ from pareto_ltl.report.map import (
     LEFT,
     TEXT_LINE,
     WEST,
+    draw_route,
+    draw_scale,
     fitted_heading,
     map_size,
     promise_lines,
     taken_points,
 )
 from pareto_ltl.report.map_labels import label_half_size, label_position
-from pareto_ltl.report.map_layers import (
-    MapAxes,
-    draw_endpoints,
-    draw_graticule,
-    draw_ground,
-    draw_mean_path,
-    map_axes,
-    metres_per_inch,
-    name_regions,
-)
+from pareto_ltl.report.map_layers import MapAxes, map_axes, metres_per_inch
 from pareto_ltl.report.records import DrawnRun
 from pareto_ltl.report.study_axes import hide_frame
 from pareto_ltl.support.arrays import FloatArray
@@ -86,11 +79,7 @@ def _heading(plan: Plan) -> list[str]:
 
 
 def _draw_map(chart: MapAxes, run: DrawnRun, plan: Plan) -> None:
-    draw_graticule(chart, run.scene)
-    draw_ground(chart, run.scene, None)
-    draw_mean_path(chart, plan.path.x)
-    draw_endpoints(chart, run.scene, plan)
-    name_regions(chart, run.scene, run.decomposition, taken_points(run.scene, plan))
+    draw_route(chart, run.scene, run.decomposition, plan)
     _number_obstacles(chart, run.scene, plan)
 
 
@@ -134,19 +123,14 @@ def _colour_scale(
     figure: Figure, segments: LineCollection, plan: Plan, at: tuple[float, float, float]
 ) -> None:
     """The scale of the colours with its axis below, at ``at`` (left, bottom, width) [in]."""
-    left, bottom, width = at
-    bar = figure.colorbar(
-        segments, cax=style.axes_at(figure, left, bottom, width, 0.08), orientation="horizontal"
-    )
-    high = float(bar.norm.vmax or 1.0)
+    high = min(plan.epsilon, 1.0)
     ticks = [high * 10.0**-k for k in range(DECADES, -1, -1)]
     texts = [f"{100.0 * tick:.3g}" for tick in ticks]
     above = plan.limits is not None and bool((plan.limits.probability > high * 1.0001).any())
     last = "≥ " * above + texts[-1] + " (limit)" * (plan.epsilon < 1.0)
-    bar.set_ticks(ticks, labels=[f"≤ {texts[0]}", *texts[1:-1], last])
-    bar.minorticks_off()
-    bar.set_label(f"collision probability of a segment, {plan.models.law} winds [%]")
-    bar.outline.set_linewidth(0.5)
+    named = dict(zip(ticks, [f"≤ {texts[0]}", *texts[1:-1], last], strict=True))
+    label = f"collision probability of a segment, {plan.models.law} winds [%]"
+    draw_scale(figure, segments, at, named, label)
 
 
 # --- bars ---------------------------------------------------------------------------------------

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from matplotlib.artist import Artist
+from matplotlib.cm import ScalarMappable
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
@@ -39,6 +40,7 @@ from pareto_ltl.settings import ReportConfig
 from pareto_ltl.simulation.records import Deployment
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import distance_text, probability_text
+from pareto_ltl.world.cells import Decomposition
 from pareto_ltl.world.scene import Scene
 
 TEXT_LINE = 0.15  # height of a line of small text [in]
@@ -123,6 +125,30 @@ def _draw_layers(chart: MapAxes, cfg: ReportConfig, run: DrawnRun) -> None:
 def _widest_first(run: DrawnRun) -> list[Deployment]:
     """Simulated flights, the law with the widest spread first, so that it does not cover the others."""
     return sorted(run.deployments.values(), key=lambda d: -float(d.x[:, -1].std(axis=0).sum()))
+
+
+def draw_route(chart: MapAxes, scene: Scene, decomposition: Decomposition | None, plan: Plan) -> None:
+    """Ground, graticule, the path with its ends, and the names of the regions beside them."""
+    draw_graticule(chart, scene)
+    draw_ground(chart, scene, None)
+    draw_mean_path(chart, plan.path.x)
+    draw_endpoints(chart, scene, plan)
+    name_regions(chart, scene, decomposition, taken_points(scene, plan))
+
+
+def draw_scale(
+    figure: Figure, layer: ScalarMappable, at: tuple[float, float, float], ticks: Mapping[float, str],
+    label: str,
+) -> None:  # fmt: skip
+    """The scale of the colours of ``layer`` with its axis below, at ``at`` (left, bottom, width) [in]."""
+    left, bottom, width = at
+    bar = figure.colorbar(
+        layer, cax=style.axes_at(figure, left, bottom, width, 0.08), orientation="horizontal"
+    )
+    bar.set_ticks(list(ticks), labels=list(ticks.values()))
+    bar.minorticks_off()
+    bar.set_label(label)
+    bar.outline.set_linewidth(0.5)
 
 
 def taken_points(scene: Scene, plan: Plan | None) -> FloatArray:

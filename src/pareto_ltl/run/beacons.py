@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from pareto_ltl.run.exporting import run_with_plan
-from pareto_ltl.run.interface import PlanningResult, load_results
+from pareto_ltl.run.interface import PlanningResult
 from pareto_ltl.run.pipeline import Run
 from pareto_ltl.run.records import DECOMPOSITION, PLAN, PROBLEM, SCENE
 from pareto_ltl.run.results import Results
@@ -48,7 +48,7 @@ def beacons(
     ConfigError
         If a value cannot be used, or the robot takes no position fixes.
     """
-    run = _run_of(planned)
+    run = run_with_plan(planned)
     problem = run.make(PROBLEM)
     size = float(np.ptp(problem.scene.bounds, axis=0).min())
     wide = RADIUS * size if radius is None else float(radius)
@@ -64,15 +64,14 @@ def beacons(
     return beacon_map(problem, run.settings.robot, run.make(PLAN).path, wide, number, flights, seed)
 
 
-def _run_of(planned: PlanningResult | Results | str | Path) -> Run:
-    return planned.run if isinstance(planned, PlanningResult) else run_with_plan(load_results(planned))
-
-
-def beacon_lines(planned: PlanningResult | Results | str | Path, found: BeaconMap) -> list[str]:
-    """The summary for the user: the plan as it is, and with one to three beacons."""
-    run = _run_of(planned)
+def beacon_lines(run: Run, found: BeaconMap) -> list[str]:
+    """The summary for the user: the plan of ``run`` as it is, and with one to three beacons."""
     scene, plan = run.make(SCENE), run.make(PLAN)
-    lines = [f"without a further beacon {found.without.failures:,} of {_rate(found.without.failure, found)}"]
+    now = found.without
+    lines = [
+        f"without a further beacon {now.failures:,} of {now.runs:,} flights in {now.law} winds fail, "
+        f"{probability_text(now.failure)}"
+    ]
     for count, site in enumerate(found.sites, 1):
         gap, low, high = (100.0 * value for value in site.saved)
         hours = found.places.step[site.number] * plan.dt / 3600.0
@@ -84,10 +83,6 @@ def beacon_lines(planned: PlanningResult | Results | str | Path, found: BeaconMa
             f"  {probability_text(site.rate.failure)} fail, {gap:+.2g} points [{low:+.2g}, {high:+.2g}]",
         ]
     return lines
-
-
-def _rate(share: float, found: BeaconMap) -> str:
-    return f"{found.without.runs:,} flights in {found.without.law} winds fail, {probability_text(share)}"
 
 
 def _beside(aside: float) -> str:
@@ -105,12 +100,11 @@ def place_text(scene: Scene, places: BeaconPlaces, number: int) -> str:
     return f"{lat[0]:.4f}, {lon[0]:.4f}"
 
 
-def write_beacons(planned: PlanningResult | Results | str | Path, found: BeaconMap, folder: Path) -> None:
+def write_beacons(run: Run, found: BeaconMap, folder: Path) -> None:
     """Write ``beacons.csv`` and ``beacons.png`` into ``folder``."""
     from pareto_ltl.report.beacons import beacons_figure
     from pareto_ltl.report.study_axes import save_figures
 
-    run = _run_of(planned)
     folder.mkdir(parents=True, exist_ok=True)
     places, law = found.places, found.without.law
     header = ["x_m", "y_m", "step", "aside_m", "failure", "law", "runs"]

@@ -51,7 +51,7 @@ def export(
     from pareto_ltl.exports.exported import exported_plan, flown_level
     from pareto_ltl.exports.formats import writable_formats, write_exports
 
-    run = planned.run if isinstance(planned, PlanningResult) else run_with_plan(load_results(planned))
+    run = run_with_plan(planned)
     cfg = _checked(run.settings.exports, formats, settings)
     if point is not None:
         run = choose(planned, point=point).run
@@ -70,8 +70,17 @@ def _checked(cfg: ExportsConfig, formats: Sequence[str] | None, settings: dict[s
     return replace(cfg, formats=wanted, **settings)
 
 
-def run_with_plan(results: Results) -> Run:
-    """The run of a results directory, with its records up to the plan; raises DataError if it has no plan."""
+def run_with_plan(planned: PlanningResult | Results | str | Path) -> Run:
+    """The run of a plan; of a results directory with its records up to the plan.
+
+    Raises
+    ------
+    DataError
+        If it has no plan.
+    """
+    if isinstance(planned, PlanningResult):
+        return planned.run
+    results = load_results(planned)
     if (status := results.run.get("status")) != "ok":
         raise DataError(f"{results.directory}: its run ended as {status!r}; there is no plan")
     settings = results.settings

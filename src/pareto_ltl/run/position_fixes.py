@@ -29,9 +29,7 @@ if TYPE_CHECKING:
 
 LOG = logging.getLogger(__name__)
 UNLIKELY = 1e-4  # probability under the law below which a fix or a field is an alarm
-FAR = math.sqrt(
-    -2.0 * math.log(UNLIKELY)
-)  # the same as a distance in standard deviations, for two components
+FAR = math.sqrt(-2.0 * math.log(UNLIKELY))  # the same as a distance of two components [sd]
 NEAR = 2.0  # standard deviations within which another time or place explains a fix
 APART = 5.0  # standard deviations of their errors by which two fixes must differ to contradict each other
 ADVICE = Advice("give the path of a CSV file", "expected a CSV file with the columns time,lat,lon,sd_m")
@@ -64,8 +62,7 @@ def step_at(problem: Problem, plan: Plan, time: float | str, what: str = "time")
         raise ConfigError(
             f"{what} {time} is {seconds / 3600:.4g} h after departure, {when} of the plan, which has steps "
             f"of {dt:g} s from 0 to {steps * dt / 3600:.4g} h: name a time after its first and before its "
-            "last "
-            "step, in UTC or after departure"
+            "last step, in UTC or after departure"
         )
     return step
 
@@ -213,8 +210,7 @@ def fix_alarms(problem: Problem, path: PlannedPath, fixes: Sequence[Fix], learnt
 
     return [
         f"the fix at step {fix.step} lies {gap(fix)} from the plan, {far:.1f} standard deviations of what "
-        "the "
-        f"{law} winds of the plan allow (probability {chance(far):.1g}): "
+        f"the {law} winds of the plan allow (probability {chance(far):.1g}): "
         f"{'; '.join(causes(problem, path, fix))}"
         for fix, far in zip(fixes, learnt.distance.tolist(), strict=True)
         if far > FAR
@@ -235,8 +231,7 @@ def causes(problem: Problem, path: PlannedPath, fix: Fix) -> list[str]:
         late = (nearest - fix.step) * dt / 60.0
         found.append(
             f"is a clock wrong by {abs(late):.0f} min? The plan is expected there "
-            f"{nearest * dt / 3600:.4g} h "
-            "after departure"
+            f"{nearest * dt / 3600:.4g} h after departure"
         )
     if (swapped := _swapped(problem, fix)) is not None and _distances(path, swapped, fix.sd)[fix.step] < NEAR:
         found.append("are the two coordinates swapped? The other way round, it is where the plan expects it")

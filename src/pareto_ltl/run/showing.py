@@ -154,7 +154,7 @@ def explain(
     from pareto_ltl.report.legs import plan_lines
     from pareto_ltl.report.limits import limit_lines
 
-    run = planned.run if isinstance(planned, PlanningResult) else run_with_plan(load_results(planned))
+    run = run_with_plan(planned)
     if point is not None:
         run = choose(planned, point=point).run
     problem, plan = run.make(PROBLEM), run.make(PLAN)

@@ -10,7 +10,7 @@ import numpy as np
 
 from pareto_ltl.planning.records import PlannedPath
 from pareto_ltl.run.exporting import run_with_plan
-from pareto_ltl.run.interface import PlanningResult, load_results
+from pareto_ltl.run.interface import PlanningResult
 from pareto_ltl.run.pipeline import Run
 from pareto_ltl.run.records import PROBLEM, SCENE, WIND, Records
 from pareto_ltl.run.results import Results
@@ -54,7 +54,7 @@ def steer(
     """
     from pareto_ltl.planning.refine.steering import steered_path
 
-    run = planned.run if isinstance(planned, PlanningResult) else run_with_plan(load_results(planned))
+    run = run_with_plan(planned)
     settings, scene, problem = run.settings, run.make(SCENE), run.make(PROBLEM)
     here, there = (_point(scene, name, at) for name, at in (("start", start), ("end", end)))
     wide = WIDE * problem.reach if radius is None else radius

@@ -199,7 +199,7 @@ def draw_block(problem: Problem, law: str, runs: int, steps: int, seed: SeedSequ
 
 def fix_noise(problem: Problem, runs: int, steps: int, seed: SeedSequence) -> FloatArray:
     """Standard normal draws (steps + 1, runs, 2) for the errors of fixes; no rows without landmarks."""
-    rows = steps + 1 if isinstance(problem.laws["coherent"], kd.LandmarkLaw) else 0
+    rows = steps + 1 if problem.landmarks else 0
     return np.random.default_rng(seed).standard_normal((rows, runs, 2))
 
 
@@ -244,7 +244,7 @@ def pilot_maker(problem: Problem, u: FloatArray, mean: FloatArray | None, law: s
         runs = noise.shape[1]
         return Navigator(
             linear, marks, root, noise, np.empty((runs, 4)),
-            np.empty((runs, 2, kept.shape[1]), np.float32), np.empty(runs, np.int64), np.empty(runs, bool),
+            np.empty((runs, 2 * kept.shape[1]), np.float32), np.empty(runs, np.int64), np.empty(runs, bool),
             empty_beliefs(2 * runs + 1, len(root), kept.shape[1]),
         )  # fmt: skip
 

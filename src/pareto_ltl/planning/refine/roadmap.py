@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import heapq
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import count
 from typing import TYPE_CHECKING, NamedTuple
@@ -25,7 +25,8 @@ from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.refine.bends import bend_places
 from pareto_ltl.planning.refine.course import FACE_MARGIN
 from pareto_ltl.planning.refine.path_classes import Word, crossed_rays, reduced_word
-from pareto_ltl.planning.refine.search_map import search_map
+from pareto_ltl.planning.refine.search_map import blocked_area, meets, search_map
+from pareto_ltl.planning.refine.sights import sights
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 
 if TYPE_CHECKING:
@@ -34,7 +35,9 @@ if TYPE_CHECKING:
 
 CLEARANCES = (0.03, 0.01, 0.003)  # of the map's size: distances of a node from its corner, the first free one
 DEPTH = 0.4  # share of the way from a region's corner to its middle at which a node lies
-STRETCH = 1.7  # lines longer than this many times the shortest one are not searched
+STRETCH = 1.7  # lines longer than this many times the shortest one, or one without a landmark, are left out
+LED = 12  # lines that are led through landmarks, the shortest
+PLACES = 2  # legs of a line in which a landmark is tried, those of the least detours
 PER_NODE = 12  # classes of one leg that are lengthened at one node
 TURNS = 8  # letters of a word at most: a line does not circle obstacles
 MOST_NODES = 400  # the nodes of the least detour are kept
@@ -107,17 +110,46 @@ def roadmap_lines(problem: Problem, most: int) -> list[FloatArray]:
     return [] if ways is None else [roadmap.at[line.nodes()] for line in ways.lines(most)]
 
 
+# --- through landmarks ------------------------------------------------------------------------
+
+
+def led_lines(problem: Problem, lines: Sequence[FloatArray]) -> list[FloatArray]:
+    """Each of the first ``lines`` (n, 2) [m] led through one landmark more, and those through another one.
+
+    A line enters a landmark at its middle, in the legs where this is the least detour, and only where neither
+    part of the leg meets an obstacle. Whether it still completes the mission is not checked.
+    """
+    if not len(problem.landmarks):
+        return []
+    blocked = blocked_area(problem)
+    once = [led for line in lines[:LED] for led in _led(problem, blocked, line)]
+    twice = [led for line in once[:LED] for led in _led(problem, blocked, line)]
+    return [*once, *twice]
+
+
+def _led(problem: Problem, blocked: shapely.Geometry, line: FloatArray) -> Iterator[FloatArray]:
+    """``line`` through each landmark that it does not cross."""
+    crossed = sights(problem, line).any(axis=0)
+    legs = np.linalg.norm(np.diff(line, axis=0), axis=1)
+    for k in np.flatnonzero(~crossed):
+        middle = problem.landmarks[k].mean(axis=0)
+        arms = np.linalg.norm(line - middle, axis=1)
+        detour = arms[:-1] + arms[1:] - legs
+        met = meets(blocked, line, np.broadcast_to(middle, line.shape))
+        able = (legs.sum() + detour <= STRETCH * legs.sum()) & ~met[:-1] & ~met[1:]
+        for j in [j for j in np.argsort(detour, kind="stable").tolist() if able[j]][:PLACES]:
+            yield np.insert(line, j + 1, middle, axis=0)
+
+
 # --- the graph --------------------------------------------------------------------------------
 
 
 def sight_graph(problem: Problem) -> Roadmap:
     """The nodes of the map of ``problem``, and which of them see each other."""
-    import shapely
-
-    blocked = shapely.union_all([shapely.Polygon(part) for part in search_map(problem).obstacles])
+    blocked = blocked_area(problem)
     at = _nodes(problem, blocked)
     i, j = np.triu_indices(len(at), 1)
-    clear = ~_meets(blocked, at[i], at[j])
+    clear = ~meets(blocked, at[i], at[j])
     edge = np.stack([i[clear], j[clear]], axis=1)
     edge = np.concatenate([edge, edge[:, ::-1]])
     edge = edge[np.lexsort((edge[:, 1], edge[:, 0]))]
@@ -166,14 +198,6 @@ def _detours(start: FloatArray, goals: FloatArray, points: FloatArray) -> FloatA
     direct = np.linalg.norm(ends[i] - ends[j], axis=1)
     far = np.linalg.norm(points[:, None] - ends, axis=2)
     return np.asarray((far[:, i] + far[:, j] - direct).min(axis=1), float)
-
-
-def _meets(shape: shapely.Geometry, begin: FloatArray, end: FloatArray) -> BoolArray:
-    """Which of the segments (S, 2) meet ``shape``."""
-    import shapely
-
-    shapely.prepare(shape)
-    return np.asarray(shapely.intersects(shape, shapely.linestrings(np.stack([begin, end], axis=1))), bool)
 
 
 # --- the search -------------------------------------------------------------------------------
@@ -278,7 +302,7 @@ def _meet_cells(roadmap: Roadmap, cells: BoolArray) -> BoolArray:
 
     polygons = [shapely.Polygon(roadmap.problem.decomposition.cells[c]) for c in np.flatnonzero(cells)]
     begin, end = roadmap.at[roadmap.edge[:, 0]], roadmap.at[roadmap.edge[:, 1]]
-    return _meets(shapely.union_all(polygons), begin, end)
+    return meets(shapely.union_all(polygons), begin, end)
 
 
 def _ways_left(roadmap: Roadmap, delta: IntArray, allowed: BoolArray) -> FloatArray:

@@ -21,12 +21,7 @@ import numpy as np
 from pareto_ltl.kernels import margin as km
 from pareto_ltl.kernels.margin_events import MarginModel
 from pareto_ltl.kernels.path import Flight
-from pareto_ltl.planning.evaluate import (
-    airspeed_limits,
-    propagate,
-    propagate_controls,
-    takes_fixes,
-)
+from pareto_ltl.planning.evaluate import airspeed_limits, propagate, propagate_controls, takes_fixes
 from pareto_ltl.planning.margin_model import margin_scratch
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.refine.programme import programmes_of

@@ -17,7 +17,7 @@ import numpy as np
 from pareto_ltl.kernels import data as kd
 from pareto_ltl.planning.pack import pack_barriers, pack_faces
 from pareto_ltl.planning.problem import Problem
-from pareto_ltl.support.arrays import FloatArray, IntArray
+from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 from pareto_ltl.world.cells import convex_obstacles, convex_pieces
 from pareto_ltl.world.outlines import (
     CLOSED,
@@ -94,6 +94,21 @@ def search_map(problem: Problem) -> SearchMap:
     if found is None:
         _KNOWN[problem] = found = _simplified_map(problem)
     return found
+
+
+def blocked_area(problem: Problem) -> shapely.Geometry:
+    """The union of the obstacles of the map on which lines are searched."""
+    import shapely
+
+    return shapely.union_all([shapely.Polygon(part) for part in search_map(problem).obstacles])
+
+
+def meets(shape: shapely.Geometry, begin: FloatArray, end: FloatArray) -> BoolArray:
+    """Which of the segments (S, 2) meet ``shape``."""
+    import shapely
+
+    shapely.prepare(shape)
+    return np.asarray(shapely.intersects(shape, shapely.linestrings(np.stack([begin, end], axis=1))), bool)
 
 
 def _simplified_map(problem: Problem) -> SearchMap:

@@ -18,9 +18,8 @@ from pareto_ltl.planning.records import Forest, PlannedPath, Tree
 from pareto_ltl.planning.refine.orders import possible_orders
 from pareto_ltl.planning.refine.pacing import paced_line
 from pareto_ltl.planning.refine.path_classes import PathClass, Word, crossed_rays, path_class, reduced_word
-from pareto_ltl.planning.refine.roadmap import roadmap_lines
+from pareto_ltl.planning.refine.roadmap import led_lines, roadmap_lines
 from pareto_ltl.planning.refine.sampled import path_length
-from pareto_ltl.planning.refine.sights import led_lines
 from pareto_ltl.planning.refine.taut_lines import taut_line, walk_line
 from pareto_ltl.planning.selection import accepted_rows
 from pareto_ltl.support.arrays import FloatArray
