@@ -16,8 +16,10 @@ from numpy.random import SeedSequence
 
 from oracle.margin import flight_margin, segment_distance
 from pareto_ltl.kernels import margin as kernel
+from pareto_ltl.kernels.clearance import beyond_reach
 from pareto_ltl.kernels.data import Point
 from pareto_ltl.kernels.margin_events import SATURATED
+from pareto_ltl.kernels.near import SegmentBox
 from pareto_ltl.planning.margin_model import claim_lists, margin_model, margin_scratch
 from pareto_ltl.planning.pack import pack_corners, pack_faces
 from pareto_ltl.planning.problem import Problem
@@ -305,15 +307,15 @@ def test_what_is_called_out_of_reach_is_farther(
     polygon: FloatArray, p: tuple[float, float], q: tuple[float, float], share: float
 ) -> None:
     corners, apart = pack_corners([0], [polygon]), segment_distance(polygon, np.array(p), np.array(q))
-    if kernel.beyond_reach(corners, 0, Point(*p), Point(*q), share * apart):
+    if beyond_reach(corners, 0, Point(*p), Point(*q), share * apart):
         assert apart > max(share * apart, 0.0)
 
 
 def test_a_box_is_in_reach_of_a_point_beyond_its_corner() -> None:
     corners, there = pack_corners([0], [box(4, 4, 6, 6)]), Point(7 * KM, 7 * KM)
     apart = np.sqrt(2.0) * KM
-    assert kernel.beyond_reach(corners, 0, there, there, 0.999 * apart)
-    assert not kernel.beyond_reach(corners, 0, there, there, 1.001 * apart)
+    assert beyond_reach(corners, 0, there, there, 0.999 * apart)
+    assert not beyond_reach(corners, 0, there, there, 1.001 * apart)
 
 
 # --- derivatives ----------------------------------------------------------------------------------
@@ -423,3 +425,17 @@ def test_claims_that_are_dropped_in_large_automata_change_no_margin(formula, mon
     model = margin_model(problem)
     assert np.any(model.guards.needs != 0)
     np.testing.assert_array_equal(margins(problem, x, 200.0), whole)
+
+
+@settings(deadline=None, max_examples=100)
+@given(convex_polygons(), places, places, places)
+def test_no_segment_is_closer_than_its_largest_distance_from_a_face(
+    polygon: FloatArray, p: tuple[float, float], q: tuple[float, float], other: tuple[float, float]
+) -> None:
+    corners = np.array([p, q, other])
+    middle, half = corners.min(axis=0) / 2 + corners.max(axis=0) / 2, np.ptp(corners, axis=0) / 2
+    gap, faces = np.empty(1), pack_faces([polygon])
+    kernel.least_gaps(faces, 0, SegmentBox(*middle, *half), np.array([*p, *q])[:, None], gap)
+    ends = faces.normal @ np.column_stack([p, q]) - faces.offset[:, None]
+    assert gap[0] == pytest.approx(ends.min(axis=1).max(), abs=1e-9)
+    assert gap[0] <= clearance(polygon, np.array(p), np.array(q)).margin + 1e-9

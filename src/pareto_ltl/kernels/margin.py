@@ -23,8 +23,8 @@ import math
 from typing import NamedTuple
 
 from pareto_ltl.kernels import claim_lists, claim_rows
-from pareto_ltl.kernels.clearance import CERTAIN, Event, beyond_reach, segment_clearance
-from pareto_ltl.kernels.data import Point
+from pareto_ltl.kernels.clearance import CERTAIN, Event, segment_clearance
+from pareto_ltl.kernels.data import Faces, Point
 from pareto_ltl.kernels.jit import entry, kernel
 from pareto_ltl.kernels.margin_events import (
     NOWHERE,
@@ -34,7 +34,7 @@ from pareto_ltl.kernels.margin_events import (
     mission_margins,
     numbered_event,
 )  # fmt: skip
-from pareto_ltl.kernels.near import enclose, list_met, list_shown
+from pareto_ltl.kernels.near import SegmentBox, enclose, face_gap, list_met, list_shown, segment_box
 from pareto_ltl.support.arrays import FloatArray
 
 MODELS = (claim_lists.ClaimLists, claim_rows.ClaimRows)  # types of memory that select :func:`mission_margins`
@@ -69,24 +69,63 @@ def add_slope(slope: Slope, event: Event, first: float, second: float) -> None:
 
 
 @kernel
+def place_ends(mean: FloatArray, off: FloatArray, ends: FloatArray) -> None:
+    """Fill ``ends`` (4, n) with both ends of the segments ``mean`` (2, 2) + ``off`` (2, 2, n): x, y, x, y."""
+    for t in range(2):
+        for c in range(2):
+            row, x = off[t, c], mean[t, c]
+            for i in range(len(row)):
+                ends[2 * t + c, i] = x + row[i]
+
+
+@kernel
+def raise_to_face(normal: FloatArray, offset: float, ends: FloatArray, gap: FloatArray) -> None:
+    """Raise ``gap`` (n,) to the distance of the closer end of each segment (4, n) from the line of a face."""
+    nx, ny, x0, y0, x1, y1 = normal[0], normal[1], ends[0], ends[1], ends[2], ends[3]
+    for i in range(len(gap)):
+        a = nx * x0[i] + ny * y0[i] - offset
+        b = nx * x1[i] + ny * y1[i] - offset
+        gap[i] = max(gap[i], min(a, b))
+
+
+@kernel
+def least_gaps(faces: Faces, part: int, box: SegmentBox, ends: FloatArray, gap: FloatArray) -> None:
+    """Fill ``gap`` (n,) with lower limits of the distances of segments (4, n) in ``box`` from a polygon [m].
+
+    They are the largest distances from the line of a face. Faces that are farther behind another one for all
+    segments are left out.
+    """
+    least = -CERTAIN
+    for j in range(faces.ptr[part], faces.ptr[part + 1]):
+        least = max(least, face_gap(faces, j, box, -1.0))
+    gap[:] = -CERTAIN
+    for j in range(faces.ptr[part], faces.ptr[part + 1]):
+        if face_gap(faces, j, box, 1.0) >= least:
+            raise_to_face(faces.normal[j], faces.offset[j], ends, gap)
+
+
+@kernel
 def barrier_clearances(model: MarginModel, mean: FloatArray, off: FloatArray, scratch: Scratch) -> None:
-    """Lower ``scratch.margins`` to the distance from near barriers; ``scratch.met`` gets the binding ones."""
-    near, margins, met = scratch.near, scratch.margins, scratch.met
-    for i in range(len(margins)):
-        met.t[i] = NOWHERE
+    """Lower ``scratch.margins`` to the distance from near barriers; ``scratch.met`` gets the binding ones.
+
+    Distances from faces, in vectorised loops, exclude all but a few of the flights: 1,500 flights of 35 steps
+    take 0.5 instead of 2 ms.
+    """
+    near, margins, met, ends, gap = scratch.near, scratch.margins, scratch.met, scratch.ends, scratch.gap
+    met.t[:] = NOWHERE
     for t in range(len(mean) - 1):
         first, last = near.met_first[t], near.met_first[t + 1]
         if first == last:
             continue
-        for i in range(len(margins)):
-            if margins[i] == -CERTAIN:
-                continue
-            at = Point(mean[t, 0] + off[t, 0, i], mean[t, 1] + off[t, 1, i])
-            there = Point(mean[t + 1, 0] + off[t + 1, 0, i], mean[t + 1, 1] + off[t + 1, 1, i])
-            for k in range(first, last):
-                part = near.met[k]
-                if beyond_reach(model.corners, part, at, there, margins[i]):
+        box = segment_box(near.box, t)
+        place_ends(mean[t : t + 2], off[t : t + 2], ends)
+        for k in range(first, last):
+            part = near.met[k]
+            least_gaps(model.faces, part, box, ends, gap)
+            for i in range(len(margins)):
+                if gap[i] >= margins[i]:
                     continue
+                at, there = Point(ends[0, i], ends[1, i]), Point(ends[2, i], ends[3, i])
                 event = segment_clearance(model.faces, model.corners, part, t, at, there, margins[i])
                 if event.margin < margins[i]:
                     margins[i], met.t[i] = event.margin, t

@@ -71,7 +71,8 @@ class Scratch(NamedTuple):
 
     ``claims``: memory of the mission margins, whose type selects the algorithm; ``near``: polygons near the
     flights; ``margins`` (n,): the result [m]; ``event`` (n,): number of the binding event of each mission
-    margin; ``met``: the binding barrier of each flight.
+    margin; ``met``: the binding barrier of each flight; ``ends`` (4, n) and ``gap`` (n,) are temporary: the
+    segments of one step, and their distances from one barrier [m].
     """
 
     claims: Any
@@ -79,6 +80,8 @@ class Scratch(NamedTuple):
     margins: FloatArray
     event: IntArray
     met: Met
+    ends: FloatArray
+    gap: FloatArray
 
 
 @by_type

@@ -40,6 +40,15 @@ class Near(NamedTuple):
     crossed: IntArray
 
 
+class SegmentBox(NamedTuple):
+    """Bounding box of the segments of all flights from one step: centre, half width and half height [m]."""
+
+    x: float
+    y: float
+    wide: float
+    high: float
+
+
 @vector
 def least_and_most(row: FloatArray) -> tuple[float, float]:
     """The smallest and the largest number of a row."""
@@ -77,6 +86,23 @@ def list_shown(faces: Faces, floor: float, near: Near) -> None:
 
 
 @kernel
+def segment_box(box: FloatArray, t: int) -> SegmentBox:
+    """The box of the segments from step ``t`` to the next, from those of the positions (T+1, 4)."""
+    west = min(box[t, 0] - box[t, 2], box[t + 1, 0] - box[t + 1, 2])
+    east = max(box[t, 0] + box[t, 2], box[t + 1, 0] + box[t + 1, 2])
+    south = min(box[t, 1] - box[t, 3], box[t + 1, 1] - box[t + 1, 3])
+    north = max(box[t, 1] + box[t, 3], box[t + 1, 1] + box[t + 1, 3])
+    return SegmentBox(0.5 * (west + east), 0.5 * (south + north), 0.5 * (east - west), 0.5 * (north - south))
+
+
+@kernel
+def face_gap(faces: Faces, j: int, box: SegmentBox, sign: float) -> float:
+    """Signed distance [m] of ``box`` from the line of face ``j``: largest for ``sign`` 1, least for -1."""
+    nx, ny = faces.normal[j, 0], faces.normal[j, 1]
+    return float(nx * box.x + ny * box.y + sign * (abs(nx) * box.wide + abs(ny) * box.high) - faces.offset[j])
+
+
+@kernel
 def list_met(
     faces: Faces, corners: Corners, reach: float, box: FloatArray, first: IntArray, met: IntArray
 ) -> None:
@@ -87,19 +113,13 @@ def list_met(
     count = 0
     for t in range(len(box) - 1):
         first[t] = count
-        west = min(box[t, 0] - box[t, 2], box[t + 1, 0] - box[t + 1, 2])
-        east = max(box[t, 0] + box[t, 2], box[t + 1, 0] + box[t + 1, 2])
-        south = min(box[t, 1] - box[t, 3], box[t + 1, 1] - box[t + 1, 3])
-        north = max(box[t, 1] + box[t, 3], box[t + 1, 1] + box[t + 1, 3])
-        x, wide = 0.5 * (west + east), 0.5 * (east - west)
-        y, high = 0.5 * (south + north), 0.5 * (north - south)
+        around = segment_box(box, t)
         for part in range(len(faces.ptr) - 1):
-            dx = max(abs(corners.middle[part, 0] - x) - wide, 0.0)
-            dy = max(abs(corners.middle[part, 1] - y) - high, 0.0)
+            dx = max(abs(corners.middle[part, 0] - around.x) - around.wide, 0.0)
+            dy = max(abs(corners.middle[part, 1] - around.y) - around.high, 0.0)
             gap = math.sqrt(dx * dx + dy * dy) - corners.radius[part]
             for j in range(faces.ptr[part], faces.ptr[part + 1]):
-                nx, ny = faces.normal[j, 0], faces.normal[j, 1]
-                gap = max(gap, nx * x + ny * y - abs(nx) * wide - abs(ny) * high - faces.offset[j])
+                gap = max(gap, face_gap(faces, j, around, -1.0))
             if gap < reach + ROUNDING:
                 met[count] = part
                 count += 1

@@ -52,7 +52,9 @@ def margin_scratch(model: MarginModel, runs: int, steps: int) -> Scratch:
     )  # fmt: skip
     met = Met(np.empty(runs, np.int64), *(np.empty(runs) for _ in "xys"))
     claims = _claim_rows(model, min(runs, BLOCK)) if few else claim_lists(model, steps)
-    return Scratch(claims, near, np.empty(runs), np.empty(runs, np.int64), met)
+    return Scratch(
+        claims, near, np.empty(runs), np.empty(runs, np.int64), met, np.empty((4, runs)), np.empty(runs)
+    )
 
 
 def _claim_rows(model: MarginModel, runs: int) -> ClaimRows:
