@@ -66,6 +66,7 @@ COMMANDS = (
     Command("formula", "the meaning of a mission formula"),
     Command("choose", "another path of the front as the plan, without planning again"),
     Command("export", "the plan for autopilots, maps and navigators: KML, GPX, MAVLink and others"),
+    Command("serve", "the planning desk: draw a mission in a browser, plan it, take the plan"),
     Command("show", "the page of a result, in a browser"),
     Command("explain", "a plan leg by leg, in the terminal"),
     Command("replan", "the rest of a flight planned again, from a position fix or in a new forecast"),

@@ -21,6 +21,7 @@ from pareto_ltl.run.records import AUTOMATON, FOREST, PLAN, SCENE, RecordKey, Re
 from pareto_ltl.run.sizes import check_sizes
 from pareto_ltl.run.stage_table import Progress, Stage, StageInputs, StageTable
 from pareto_ltl.run.stages import PLAN_TABLE
+from pareto_ltl.run.watching import watcher
 from pareto_ltl.settings import Settings
 from pareto_ltl.support.budget import Budget
 from pareto_ltl.support.errors import ConfigError, InfeasibleError, ParetoLtlError
@@ -188,6 +189,7 @@ class Run:
                     from pareto_ltl.run.results import save_record
 
                     save_record(self.directory, stage.makes, record)
+                    watcher().made(stage.makes, self.records)
         finally:
             self.seconds[stage.name] = time.perf_counter() - start
         if self.directory is not None:

@@ -8,6 +8,8 @@ from contextlib import contextmanager
 from types import TracebackType
 from typing import TYPE_CHECKING
 
+from pareto_ltl.run.watching import watcher
+
 if TYPE_CHECKING:
     from rich.progress import Progress, TaskID
 
@@ -48,6 +50,7 @@ class ProgressBar:
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:
         """Show ``name`` for the duration of the block."""
+        watcher().stage(name)
         if self._bar is None:
             yield
             return
@@ -60,5 +63,6 @@ class ProgressBar:
 
     def __call__(self, done: int, total: int, state: str = "") -> None:
         """Move the bar of the stage to ``done`` of ``total`` and write ``state`` beside it."""
+        watcher().progress(done, total, state)
         if self._bar is not None and self._task is not None:
             self._bar.update(self._task, completed=done, total=total, state=state)

@@ -1,0 +1,84 @@
+"""The folder of a desk: maps, winds and results, and nothing outside of it."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from pareto_ltl.support.errors import ConfigError, DataError
+from pareto_ltl.support.files import write_bytes
+from pareto_ltl.support.messages import shown_value
+
+MAPS, WINDS, PLANS, DRAFT = "maps", "winds", "plans", "mission.json"
+FILE_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,99}")
+PLAN_NAME = re.compile(r"[0-9]{8}-[0-9]{6}-[0-9a-f]{4}(_[a-z0-9_.]{1,40})?")
+OWN_KEYS = ("hydra", "pipelines", "pipeline", "name")  # of a command line that the desk writes itself
+LINKS = ("://", "${")  # addresses of other machines, and texts that Hydra would replace
+
+
+@dataclass(frozen=True, slots=True)
+class DeskFolder:
+    """The only place that a desk reads and writes; ``root`` is absolute, without symbolic links."""
+
+    root: Path
+
+    @classmethod
+    def opened(cls, path: Path) -> DeskFolder:
+        """The folder ``path``, made if it is missing; DataError if it is a file."""
+        if path.exists() and not path.is_dir():
+            raise DataError(f"{path} is a file; give a folder for the desk, e.g. --folder desk")
+        path.mkdir(parents=True, exist_ok=True)
+        return cls(path.resolve())
+
+    def inside(self, text: str) -> Path:
+        """The path of ``text``, relative to the folder; ConfigError if it lies elsewhere."""
+        bad = "\0" in text or text.startswith("~")
+        path = self.root if bad else (self.root / text).resolve()
+        if bad or not path.is_relative_to(self.root):
+            raise ConfigError(f"{shown_value(text)} lies outside of the folder of the desk; copy it there")
+        return path
+
+    def plan_place(self, name: str) -> Path:
+        """The results directory ``name``; DataError if no plan can have that name."""
+        if not PLAN_NAME.fullmatch(name):
+            raise DataError(f"there is no plan {shown_value(name)}")
+        return self.root / PLANS / name
+
+    def keep_map(self, content: bytes, suffix: str = ".geojson") -> str:
+        """Write a map under a name of its content; return the path relative to the folder."""
+        name = f"{MAPS}/{hashlib.sha256(content).hexdigest()[:16]}{suffix}"
+        self._keep(name, content)
+        return name
+
+    def keep_wind(self, name: str, content: bytes) -> str:
+        """Write a file of winds; return the path relative to the folder."""
+        if not FILE_NAME.fullmatch(name):
+            raise DataError(
+                f"{shown_value(name)} is no name of a file; use letters, digits, '.', '_' and '-'"
+            )
+        self._keep(f"{WINDS}/{name}", content)
+        return f"{WINDS}/{name}"
+
+    def _keep(self, name: str, content: bytes) -> None:
+        path = self.inside(name)
+        path.parent.mkdir(exist_ok=True)
+        write_bytes(path, content)
+
+    def check_words(self, words: Sequence[str]) -> None:
+        """Raise ConfigError for a word that is no setting, or that leads out of the folder."""
+        for word in words:
+            key, sign, value = word.partition("=")
+            bare = key.lstrip("+~")
+            if not sign or not re.fullmatch(r"[\w./@]+", bare):
+                raise ConfigError(
+                    f"{shown_value(word)} is not known; expected KEY=VALUE, e.g. +experiment=phi2"
+                )
+            if bare.split(".")[0].split("/")[0] in OWN_KEYS:
+                raise ConfigError(f"{bare} is set by the desk itself; leave it out")
+            if any(link in value for link in LINKS):
+                raise ConfigError(f"{shown_value(word)}: the desk takes no addresses and no substitutions")
+            for part in re.split(r"[\[\]{},:'\"\s]+", value):
+                self.inside(part)

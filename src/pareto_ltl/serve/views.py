@@ -1,0 +1,152 @@
+"""What the API shows of a finished plan: its front, one point of it in degrees, and the wind."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+import threading
+from collections.abc import Callable
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+
+from pareto_ltl.exports.degrees import lonlat
+from pareto_ltl.report.lattice import arrow_nodes, interpolate_slots, lattice_nodes
+from pareto_ltl.report.page.ground import rounded
+from pareto_ltl.report.page.limits import limit_texts
+from pareto_ltl.report.page.points import chosen_number, shown_path
+from pareto_ltl.report.page.shown_run import ShownRun
+from pareto_ltl.run.exporting import export
+from pareto_ltl.run.interface import load_results
+from pareto_ltl.run.showing import shown_results
+from pareto_ltl.settings.outputs import EXPORT_FILES
+from pareto_ltl.support.errors import DataError, InfeasibleError
+from pareto_ltl.support.messages import shown_value
+from pareto_ltl.support.reading import read_text
+
+CORNERS = 36  # of an ellipse
+CHI_95 = math.sqrt(-2.0 * math.log(0.05))  # 95 % of positions lie within so many standard deviations
+KEPT_RUNS = 3  # results in memory
+MOST_TIMES = 9  # times of the wind
+DEGREES = 6
+Shown = TypeVar("Shown")
+_ONE_AT_A_TIME = threading.RLock()  # records are read on first access
+
+
+def one_at_a_time(make: Callable[..., Shown]) -> Callable[..., Shown]:
+    """``make``, which no two threads run at once."""
+
+    def locked(*given: Any) -> Shown:
+        with _ONE_AT_A_TIME:
+            return make(*given)
+
+    return locked
+
+
+@one_at_a_time
+def front_view(directory: Path) -> dict[str, Any]:
+    """The rows of ``front.csv`` with their numbers, the number of the plan, and the wind law."""
+    rows = []
+    for row in csv.DictReader(io.StringIO(read_text(directory / "front.csv"))):
+        found: dict[str, Any] = {name: _value(text) for name, text in row.items()}
+        found["point"] = int(found.pop("path"))
+        if found["failure"] is None:  # judged by its bound
+            found["failure"] = min(1.0, found["mission_risk"] + found["collision_risk"])
+        rows.append(found)
+    run = _shown(directory)
+    law = "" if run.front is None else run.front.models.law
+    return {"points": rows, "chosen": chosen_number(run), "law": law, "formula": _formula(run)}
+
+
+def _value(text: str) -> Any:
+    """A cell: a finite number, None for NaN or nothing, or the text."""
+    try:
+        number = float(text)
+    except ValueError:
+        return text or None
+    return None if not math.isfinite(number) else int(number) if text.isdigit() else number
+
+
+def _formula(run: ShownRun) -> str:
+    return run.automaton.formula if run.automaton is not None else ""
+
+
+@one_at_a_time
+def point_view(directory: Path, number: int) -> dict[str, Any]:
+    """Path, log, 95 % ellipses [deg], risk over time of a point; what limits it if it is the plan.
+
+    Raises
+    ------
+    DataError
+        If the front has no such point, or the map has no place on Earth.
+    """
+    run = _shown(directory)
+    if run.front is None or run.problem is None or not 0 <= number < len(run.front.paths):
+        raise DataError(f"{directory.name}: the front has no point {number}")
+    if run.scene.crs is None:
+        raise DataError(f"{directory.name}: the map has no place on Earth; open report.html of its directory")
+    path, chosen = run.front.paths[number], chosen_number(run)
+    given = run.deployments.get(run.problem.fidelity.law) if number == chosen else None
+    shown = shown_path(run, run.problem, path, given)
+    angle = np.linspace(0.0, 2.0 * np.pi, CORNERS, endpoint=False)
+    circle = np.stack([np.cos(angle), np.sin(angle)])
+    values, vectors = np.linalg.eigh(path.cov)
+    axes = vectors * np.sqrt(np.maximum(values, 0.0))[:, None, :] * CHI_95
+    rings = path.x[:, None, :] + np.swapaxes(axes @ circle, 1, 2)
+    limits = None
+    if run.plan is not None and number == chosen:
+        limits = limit_texts(run.scene, run.plan)
+    return {
+        "point": number,
+        "chosen": number == chosen,
+        "line": rounded(lonlat(run.scene.crs, path.x), DEGREES),
+        "ellipses": rounded(lonlat(run.scene.crs, rings), DEGREES - 1),
+        "limits": limits,
+        **{key: shown[key] for key in ("t", "utc", "label", "fixes", "risk", "log")},
+    }
+
+
+@one_at_a_time
+def wind_view(directory: Path) -> dict[str, Any]:
+    """The expected wind at some times: tails [deg] and vectors [m/s], for arrows."""
+    run = _shown(directory)
+    wind, scene = run.wind, run.scene
+    if scene.crs is None:
+        raise DataError(f"{directory.name}: the map has no place on Earth")
+    i, j = arrow_nodes(wind, scene.bounds)
+    x, y = lattice_nodes(wind)
+    places = np.stack(np.meshgrid(x[i], y[j], indexing="ij"), axis=-1).reshape(-1, 2)
+    last = float(min(wind.known_until, 7 * 86400.0))
+    times = np.linspace(0.0, last, MOST_TIMES) if len(wind.times) > 1 and last > 0 else np.zeros(1)
+    mean = np.array([interpolate_slots(wind.times, wind.mean, t)[np.ix_(i, j)] for t in times])
+    return {
+        "t": rounded(times, 0),
+        "at": rounded(lonlat(scene.crs, places), DEGREES - 2),
+        "uv": rounded(mean.reshape(len(times), -1, 2), 2),
+        "level": wind.level,
+    }
+
+
+@one_at_a_time
+def export_view(directory: Path, kind: str, number: int | None) -> tuple[str, bytes]:
+    """Name and content of an export of the plan, or of the point ``number`` of its front."""
+    if kind not in EXPORT_FILES:
+        raise DataError(f"there is no format {shown_value(kind)}; there are {', '.join(EXPORT_FILES)}")
+    folder = directory / ("exports" if number is None else f"exports_point_{number}")
+    written = export(load_results(directory), folder, [kind], point=number)
+    if not written:
+        raise InfeasibleError(f"{kind} cannot be written for this plan")
+    return written[0].name, written[0].read_bytes()
+
+
+@lru_cache(maxsize=KEPT_RUNS)
+def _shown_at(directory: Path, _finished: int) -> ShownRun:
+    return shown_results(load_results(directory))
+
+
+def _shown(directory: Path) -> ShownRun:
+    """The records of a result; read again if it was written again."""
+    return _shown_at(directory, (directory / "run.json").stat().st_mtime_ns)
