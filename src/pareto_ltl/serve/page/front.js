@@ -1,0 +1,50 @@
+// The front as a chart: failure on a logarithmic axis against length. A click or Enter selects a point.
+
+import { pathOf, percent, svg } from "/desk/shapes.js";
+
+const EDGE = { left: 52, right: 14, top: 12, bottom: 40 };
+
+const decades = (low, high) => {
+  const found = [], marks = Math.log10(high / low) > 2.2 ? [1] : [1, 2, 5];
+  for (let power = -8; power <= 0; power++) for (const m of marks) if (m * 10 ** power >= low * 0.999 && m * 10 ** power <= high * 1.001) found.push(m * 10 ** power);
+  return found;
+};
+
+/** Round numbers between two lengths, about `most` of them. */
+function rounds(low, high, most) {
+  const span = Math.max(high - low, 1e-9), power = 10 ** Math.floor(Math.log10(span / most)), step = power * [1, 2, 5, 10].find(m => span / (m * power) <= most);
+  const found = [];
+  for (let k = Math.ceil(low / step); k * step <= high; k++) found.push(+(k * step).toPrecision(8));
+  return found;
+}
+
+/** Draw `points` ({failure, failure_low, failure_high, length_m}); `choose(number)` is called for a chosen one. */
+export function drawFront(root, points, { shown, chosen, choose }) {
+  const w = root.clientWidth || 360, h = root.clientHeight || 240, km = points.map(point => point.length_m / 1000);
+  root.setAttribute("viewBox", `0 0 ${w} ${h}`);
+  const positive = points.flatMap(point => [point.failure, point.failure_high]).filter(p => p > 0), least = Math.min(...positive, 1);
+  const floor = Math.max(1e-7, 10 ** (Math.floor(Math.log10(Math.max(least / 2, 1e-9)) * 3) / 3)), top = Math.min(1, Math.max(...points.map(p => p.failure_high ?? p.failure), floor * 4) * 1.5);
+  const pad = Math.max((Math.max(...km) - Math.min(...km)) * 0.06, Math.max(...km) * 0.004), low = Math.min(...km) - pad, high = Math.max(...km) + pad;
+  const x = value => EDGE.left + (value - low) / (high - low) * (w - EDGE.left - EDGE.right);
+  const y = p => EDGE.top + (Math.log(top) - Math.log(Math.max(p, floor))) / (Math.log(top) - Math.log(floor)) * (h - EDGE.top - EDGE.bottom);
+  const base = h - EDGE.bottom, parts = [];
+  for (const tick of decades(floor, top)) {
+    parts.push(svg("path", { class: "grid", d: pathOf([[EDGE.left, y(tick)], [w - EDGE.right, y(tick)]]) }), svg("text", { x: EDGE.left - 6, y: y(tick) + 4, "text-anchor": "end" }, percent(tick)));
+  }
+  for (const tick of rounds(low, high, w / 90)) parts.push(svg("path", { class: "grid", d: pathOf([[x(tick), EDGE.top], [x(tick), base]]) }), svg("text", { x: x(tick), y: base + 16, "text-anchor": "middle" }, tick.toLocaleString("en")));
+  parts.push(svg("path", { class: "axis", d: pathOf([[EDGE.left, EDGE.top], [EDGE.left, base], [w - EDGE.right, base]]) }), svg("text", { x: (EDGE.left + w) / 2, y: h - 6, "text-anchor": "middle" }, "length [km]"));
+  points.forEach((point, k) => {
+    if (point.failure_low !== null && point.failure_low !== undefined) parts.push(svg("path", { class: "range", d: pathOf([[x(km[k]), y(point.failure_low)], [x(km[k]), y(point.failure_high)]]) }));
+  });
+  points.forEach((point, k) => {
+    const marks = ["point", k === shown && "shown", k === chosen && "chosen", !choose && "early"].filter(Boolean).join(" ");
+    const mark = svg("g", { class: marks, "data-point": k }, svg("circle", { class: "reach", cx: x(km[k]), cy: y(point.failure), r: 12 }), svg("circle", { cx: x(km[k]), cy: y(point.failure), r: k === shown ? 7 : 4.5 }), svg("title", {}, `point ${k}: fails ${percent(point.failure)}, ${km[k].toFixed(1)} km`));
+    if (choose) {
+      for (const [name, value] of [["tabindex", 0], ["role", "button"], ["aria-label", `point ${k}: fails ${percent(point.failure)}, ${km[k].toFixed(1)} km`], ["aria-pressed", k === shown]]) mark.setAttribute(name, value);
+      mark.addEventListener("click", () => choose(k));
+      mark.addEventListener("keydown", event => { if (event.key === "Enter" || event.key === " ") { event.preventDefault(); choose(k); } });
+    }
+    parts.push(mark);
+  });
+  root.replaceChildren(...parts);
+}

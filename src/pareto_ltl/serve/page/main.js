@@ -1,0 +1,124 @@
+// The desk: joins map, drawing, panels and result; opens and saves files; shows errors in the page.
+
+import { ask, giveFile } from "/desk/api.js";
+import { Drawing } from "/desk/drawing.js";
+import { placeText } from "/desk/geo.js";
+import { ChartMap } from "/desk/map.js";
+import { Panels } from "/desk/panels.js";
+import { Result } from "/desk/result.js";
+import { byId, html, svg } from "/desk/shapes.js";
+import { kml, outline, Store } from "/desk/store.js";
+
+const EXAMPLE_FORMULAS = { hop: "F(a & F b)", phi1: "F a & F b & F c", phi2: "F(a & F(b & F c)) | F(a & F(d & F c))" };
+let spot = null;  // a place that an error names
+
+function failed(error) {
+  const text = error.message, found = /longitude (-?[0-9.]+), latitude (-?[0-9.]+)/.exec(text);
+  spot = found ? [+found[1], +found[2]] : null;
+  byId("problem-text").textContent = `${text[0]?.toUpperCase() ?? ""}${text.slice(1)}`;
+  byId("problem").hidden = false;
+  byId("problem").scrollIntoView({ block: "nearest" });
+  map.refresh();
+}
+
+function forgive() { byId("problem").hidden = true; spot = null; }
+
+const store = new Store(() => { if (ready) panels.show(); map.refresh(); readyToPlan(); }, failed);
+let ready = false, drawing, panels, result;
+
+const map = new ChartMap(byId("map"), view => [...drawing?.shapes(view) ?? [], ...result?.shapes(view) ?? [], ...spotShapes(view)], {
+  press: (place, target) => target.dataset?.fix !== undefined ? { kind: "fix" } : drawing.press(place, target),
+  drag: (held, place, before) => held.kind === "fix" ? result.dragFix(place) : drawing.drag(held, place, before),
+  dropped: held => { if (held.kind !== "fix") store.changed(); },
+  move: place => { byId("where").textContent = placeText(place); drawing.move(place); },
+  click: (place, target) => drawing.click(place, target),
+});
+
+function spotShapes(view) {
+  if (!spot) return [];
+  const [cx, cy] = view.at(spot);
+  return [svg("circle", { class: "spot", cx, cy, r: 14 }, svg("title", {}, byId("problem-text").textContent))];
+}
+
+function everything() {
+  const places = store.mission.features.flatMap(outline);
+  return result.view ? [...places, ...result.view.line] : places;
+}
+
+function readyToPlan() {
+  if (!ready) return;
+  const { features } = store.mission, has = role => features.some(one => one.role === role);
+  byId("plan").disabled = result.working || !has("start") || !has("region") || !panels.formula;
+}
+
+async function plan() {
+  forgive();
+  await store.send();
+  await result.open(await ask("POST", "/api/plans", panels.request()));
+  readyToPlan();
+  await listEarlier();
+}
+
+async function listEarlier() {
+  const { plans } = await ask("GET", "/api/plans");
+  byId("earlier-part").hidden = !plans.length;
+  byId("earlier").replaceChildren(...plans.slice(0, 30).map(state => html("li", {}, html("button", { type: "button", class: "plain", onclick: () => { forgive(); result.open(state).then(readyToPlan); } }, `${state.id.replace(/^(\d{4})(\d\d)(\d\d)-(\d\d)(\d\d)\d\d-\w{4}/, "$1-$2-$3 $4:$5").replaceAll("_", " ")} UTC`), html("span", { class: "note" }, state.status))));
+}
+
+// --- files --------------------------------------------------------------------------------------------
+
+async function openFile(input) {
+  const [file] = input.files;
+  input.value = "";
+  if (!file) return;
+  take(await ask("POST", `/api/maps?name=${encodeURIComponent(file.name)}`, file));
+}
+
+function take(collection) {
+  forgive();
+  drawing.stop();
+  result.reset();
+  const left = store.open(collection);
+  map.fit(everything());
+  if (left) failed(new Error(left));
+}
+
+async function openExample(name) {
+  if (name) take({ ...await ask("GET", `/api/examples/${name}`), mission: { pattern: "formula", formula: EXAMPLE_FORMULAS[name] ?? "", robot: name === "hop" ? "light_aircraft" : "airframe", wind: "sample", departure: "" } });
+}
+
+function listen() {
+  const on = (id, kind, act) => byId(id).addEventListener(kind, event => { Promise.resolve(act(event)).catch(failed); });
+  on("plan", "click", plan);
+  on("open", "click", () => byId("file").click());
+  on("file", "change", event => openFile(event.target));
+  on("example", "change", async event => { const name = event.target.value; event.target.value = ""; await openExample(name); });
+  on("save", "click", () => giveFile("mission.geojson", new Blob([`${JSON.stringify(store.saved(), null, 1)}\n`], { type: "application/geo+json" })));
+  on("save-kml", "click", () => giveFile("mission.kml", new Blob([kml(store.geojson())], { type: "application/vnd.google-earth.kml+xml" })));
+  on("clear", "click", () => { drawing.stop(); result.reset(); forgive(); store.clear(); });
+  on("zoom-in", "click", () => map.zoom(1.5));
+  on("zoom-out", "click", () => map.zoom(1 / 1.5));
+  on("fit", "click", () => map.fit(everything()));
+  on("problem-close", "click", () => { forgive(); map.refresh(); });
+  addEventListener("pagehide", () => { store.send(); });
+}
+
+async function begin() {
+  drawing = new Drawing(map, store, text => { byId("hint").textContent = text; });
+  panels = new Panels(store, drawing, failed);
+  result = new Result({ redraw: () => { map.refresh(); readyToPlan(); }, fit: () => map.fit(everything()), failed, remember: id => store.adjust(mission => { mission.plan = id; }) });
+  listen();
+  panels.offer(await ask("GET", "/api/choices"));
+  await store.load();
+  ready = true;
+  store.changed();
+  map.fit(everything());
+  document.documentElement.dataset.ready = "desk";
+  await listEarlier();
+  if (store.mission.plan) {
+    const state = await ask("GET", `/api/plans/${store.mission.plan}`).catch(() => null);
+    if (state && state.status !== "cancelled") { await result.open(state); readyToPlan(); }
+  }
+}
+
+begin().catch(failed);

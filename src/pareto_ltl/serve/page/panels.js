@@ -1,0 +1,190 @@
+// The panels beside the map: the list of features and their form, the mission, the vehicle and the wind.
+
+import { ask } from "/desk/api.js";
+import { metresOf, placeOf, placeText } from "/desk/geo.js";
+import { titleOf } from "/desk/drawing.js";
+import { byId, html, svg } from "/desk/shapes.js";
+
+const PATTERNS = {
+  sequence: { label: "Visit these in this order", goals: "Regions, in the order in which you press them" },
+  coverage: { label: "Visit all of these, in any order", goals: "Regions to visit" },
+  either: { label: "Visit one of these", goals: "Regions, one of which is enough" },
+  reach_avoid: { label: "Visit in order, and stay out of others", goals: "Regions, in the order in which you press them", avoid: true },
+  avoid_until: { label: "Stay out of some until one is reached", goals: "Until this region is reached", avoid: true },
+  patrol: { label: "Go round and return to the first", goals: "Regions, in the order in which you press them" },
+  formula: { label: "A formula of temporal logic" },
+};
+const WINDS = { sample: "9 and 10 October 2018 over the United States (packaged)", calm: "No wind", noaa: "Newest forecast of NOAA (downloads)", file: "A file of mine…" };
+const WIND_NOTES = {
+  sample: "For trying the desk: a map elsewhere needs another wind.", calm: "Every flight follows its plan.",
+  noaa: "This plan loads a forecast from NOAA; nothing else leaves this machine. It needs the extra grib.",
+};
+const PLANNERS = { quick: "quick", default: "normal", dense: "thorough" };
+const SOURCES = [[/\.csv(\.gz)?$/i, "csv"], [/\.nc4?$/i, "netcdf"], [/\.(grib2?|grb2?)$/i, "grib"]];
+const TYPING = 250;  // [ms] after a key before the formula is explained
+
+export class Panels {
+  /** `failed(error)` shows an error; `explained` is the last answer on the formula. */
+  constructor(store, drawing, failed) {
+    Object.assign(this, { store, drawing, failed, explained: null, asked: "", timer: null });
+    fill("pattern", Object.entries(PATTERNS).map(([name, { label }]) => [name, label]));
+    fill("wind", Object.entries(WINDS));
+    fill("planner", Object.entries(PLANNERS));
+    this.listen();
+  }
+
+  listen() {
+    const { store } = this, on = (id, kind, act) => byId(id).addEventListener(kind, act);
+    for (const key of ["pattern", "robot", "planner"]) on(key, "change", event => store.change(mission => { mission[key] = event.target.value; }));
+    on("departure", "change", event => store.change(mission => { mission.departure = event.target.value; }));
+    on("formula", "input", event => store.change(mission => { mission.pattern = "formula"; mission.formula = event.target.value; }));
+    on("wind", "change", event => {
+      if (event.target.value !== "file") { store.change(mission => { mission.wind = event.target.value; mission.windPath = ""; }); return; }
+      event.target.value = store.mission.windPath ? "file" : store.mission.wind;
+      byId("wind-file").click();
+    });
+    on("wind-file", "change", event => this.takeWind(event.target).catch(this.failed));
+  }
+
+  async takeWind(input) {
+    const [file] = input.files;
+    input.value = "";
+    if (!file) return;
+    const source = SOURCES.find(([pattern]) => pattern.test(file.name))?.[1];
+    if (!source) throw new Error(`${file.name}: winds are read from .csv, .nc, .grib and .grib2 files`);
+    const { path } = await ask("POST", `/api/winds?name=${encodeURIComponent(file.name.replace(/[^A-Za-z0-9._-]/g, "_"))}`, file);
+    this.store.change(mission => { mission.wind = source; mission.windPath = path; });
+  }
+
+  offer(choices) {
+    this.robots = choices.robot;
+    fill("robot", choices.robot.map(({ name }) => [name, name.replaceAll("_", " ")]));
+    for (const name of choices.examples) byId("example").append(html("option", { value: name }, name));
+  }
+
+  // --- showing the mission --------------------------------------------------------------------------
+
+  show() {
+    const { mission } = this.store, file = Boolean(mission.windPath);
+    for (const key of ["pattern", "robot", "planner", "departure"]) if (byId(key).value !== mission[key]) byId(key).value = mission[key];
+    byId("wind").value = file ? "file" : mission.wind;
+    byId("wind-note").textContent = file ? `File ${mission.windPath.split("/").pop()}.` : WIND_NOTES[mission.wind] ?? "";
+    byId("robot-note").textContent = this.robots?.find(({ name }) => name === mission.robot)?.note.split(". ")[0].replace(/\.?$/, ".") ?? "";
+    this.listFeatures();
+    this.showEditor();
+    this.showGoals();
+    byId("undo").disabled = !this.store.past.length;
+    byId("redo").disabled = !this.store.future.length;
+    this.explain();
+  }
+
+  listFeatures() {
+    const { features } = this.store.mission, missing = ["start", "region"].filter(role => !features.some(one => one.role === role));
+    byId("draw-note").textContent = missing.length ? `Use the tools above the map: the mission needs ${missing.map(role => role === "start" ? "a start" : "a region to visit").join(" and ")}.` : "Click a feature on the map to move it or its corners. Without a border, the map ends a little outside of what is drawn.";
+    const counts = {};
+    byId("features").replaceChildren(...features.map((one, number) => {
+      counts[one.role] = (counts[one.role] ?? 0) + 1;
+      return html("li", {}, html("span", { class: `sign ${one.role}` }), html("button", { type: "button", class: "plain", "aria-pressed": number === this.drawing.chosen, onclick: () => this.drawing.choose(number) }, titleOf(one, counts[one.role])),
+        html("button", { type: "button", class: "plain remove", "aria-label": `remove ${titleOf(one, counts[one.role])}`, onclick: () => { this.drawing.chosen = null; this.store.remove(number); } }, "×"));
+    }));
+  }
+
+  /** The form of the chosen feature; it stays as it is while somebody types into it. */
+  showEditor() {
+    const form = byId("editor"), number = this.drawing.chosen, one = this.store.mission.features[number];
+    form.hidden = !one;
+    if (!one || (form.contains(document.activeElement) && form.dataset.feature === String(number))) return;
+    form.dataset.feature = number;
+    const field = (key, label, value, read) => html("label", {}, label, html("input", { value, "data-key": key, autocomplete: "off", onchange: event => this.edit(event.target, read) }));
+    const fields = [];
+    if (one.role === "region" || one.role === "obstacle") fields.push(field("title", "Name", one.title, text => { this.store.rename(number, text.trim() || one.name); }));
+    if (one.shape === "circle") fields.push(field("place", one.role === "start" ? "Position" : "Centre", placeText(one.points[0]), text => this.put(number, "points", placeOf(text), "latitude and longitude, e.g. 36°45.7′N 92°24.2′W or 36.76, -92.40", place => [place])));
+    if (one.role !== "start") fields.push(field("buffer", one.shape === "circle" ? "Radius" : "Safety distance", one.buffer, text => this.put(number, "buffer", text.trim() && metresOf(text) >= 0 ? text.trim() : text.trim() ? null : "", "a distance, e.g. 5 km, 3 nmi or 200 m")));
+    if (one.role === "region" || one.role === "obstacle") for (const [key, label] of [["from", "Only from"], ["until", "Only until"]]) fields.push(field(key, label, one[key], text => this.put(number, key, text.trim(), "")));
+    form.replaceChildren(...fields, html("p", { class: "note" }, one.role === "region" || one.role === "obstacle" ? "Times: 6h, 90min, or 2018-10-09T06:00Z; empty for always." : ""));
+  }
+
+  edit(input, read) {
+    input.setCustomValidity("");
+    try { read(input.value); } catch (error) { input.setCustomValidity(error.message); input.reportValidity(); }
+  }
+
+  put(number, key, value, wanted, made = one => one) {
+    if (value === null || Number.isNaN(value)) throw new Error(`expected ${wanted}`);
+    this.store.change(mission => { mission.features[number][key] = made(value); });
+  }
+
+  showGoals() {
+    const { mission } = this.store, pattern = PATTERNS[mission.pattern], names = [...this.store.names].sort();
+    byId("goals-part").hidden = mission.pattern === "formula";
+    byId("avoid-part").hidden = !pattern.avoid;
+    byId("goals-label").textContent = pattern.goals ?? "";
+    for (const list of ["goals", "avoid"]) {
+      const chips = names.map(name => {
+        const place = mission[list].indexOf(name), one = mission.features.find(feature => feature.role === "region" && feature.name === name);
+        return html("button", { type: "button", "aria-pressed": place >= 0, onclick: () => this.store.change(changed => { changed[list] = place >= 0 ? changed[list].filter(other => other !== name) : [...changed[list], name]; }) }, place >= 0 && list === "goals" ? `${place + 1}. ${one.title}` : one.title);
+      });
+      byId(list).replaceChildren(...chips.length ? chips : [html("span", { class: "note" }, "No regions yet.")]);
+    }
+  }
+
+  // --- the formula ------------------------------------------------------------------------------------
+
+  /** Ask the server what the mission means, when it has changed and typing has paused. */
+  explain() {
+    const { pattern, goals, avoid, formula } = this.store.mission, asked = JSON.stringify(pattern === "formula" ? { formula } : { pattern, goals, avoid });
+    if (document.activeElement !== byId("formula") && pattern === "formula") byId("formula").value = formula;
+    if (asked === this.asked) { this.showMeaning(); return; }
+    this.asked = asked;
+    clearTimeout(this.timer);
+    this.timer = setTimeout(async () => {
+      const empty = pattern === "formula" ? !formula.trim() : !goals.length;
+      try { this.explained = empty ? null : await ask("POST", "/api/formula", JSON.parse(asked)); } catch (error) { this.failed(error); return; }
+      if (asked !== this.asked) return;
+      if (pattern !== "formula") byId("formula").value = this.explained?.formula ?? "";
+      this.showMeaning();
+      this.drawMachine();
+      this.store.changed();
+    }, TYPING);
+  }
+
+  /** The formula to plan; empty if there is none without an error. */
+  get formula() { return this.explained && !this.explained.error && !this.strange.length ? this.explained.formula : ""; }
+
+  /** Names in the formula that no region has. */
+  get strange() { return (this.explained?.names ?? []).filter(name => !this.store.names.has(name)); }
+
+  showMeaning() {
+    const place = byId("meaning"), told = this.explained;
+    place.classList.toggle("wrong", Boolean(told && (told.error || this.strange.length)));
+    if (!told) place.replaceChildren(this.store.names.size ? "Choose what to do." : "Draw a region first.");
+    else if (told.error) place.replaceChildren(...told.column === null || told.column === undefined ? [] : [html("code", {}, told.formula.slice(0, told.column), html("mark", {}, told.formula.slice(told.column, told.column + 1) || "␣"), told.formula.slice(told.column + 1)), html("br")], `${told.error[0].toUpperCase()}${told.error.slice(1)}.`);
+    else if (this.strange.length) place.replaceChildren(`No region has the name ${this.strange.join(", ")}.`);
+    else place.replaceChildren(told.words ? `${told.words[0].toUpperCase()}${told.words.slice(1)}.` : "", told.impossible ? " No flight can do this." : "");
+  }
+
+  drawMachine() {
+    const shapes = this.explained?.automaton?.shapes;
+    byId("machine-part").hidden = !shapes;
+    if (!shapes) { byId("machine").replaceChildren(); return; }
+    const arrow = svg("marker", { id: "head", viewBox: "0 0 10 10", refX: 9, refY: 5, markerWidth: 8, markerHeight: 8, orient: "auto-start-reverse" }, svg("path", { d: "M0 1L10 5L0 9z" }));
+    const edges = shapes.edges.map(edge => svg("path", { class: "edge", d: edge.d, "marker-end": "url(#head)" }));
+    const labels = shapes.edges.map(edge => svg("text", { x: edge.at[0], y: edge.at[1] + 4, "text-anchor": "middle" }, edge.lines.join(" ")));
+    const states = shapes.states.map(one => svg("g", { class: `state ${one.role}` }, svg("circle", { cx: one.at[0], cy: one.at[1], r: shapes.radius }), svg("text", { x: one.at[0], y: one.at[1] + 4, "text-anchor": "middle" }, one.number)));
+    byId("machine").replaceChildren(svg("svg", { viewBox: `0 0 ${shapes.width} ${shapes.height}`, width: shapes.width, height: shapes.height, role: "img", "aria-label": "automaton of the mission" }, svg("defs", {}, arrow), ...edges, ...labels, ...states));
+  }
+
+  // --- the request --------------------------------------------------------------------------------------
+
+  /** The body of POST /api/plans. */
+  request() {
+    const { mission } = this.store, overrides = [`robot=${mission.robot}`, `wind=${mission.wind}`, `planner=${mission.planner}`];
+    if (mission.windPath) overrides.push(`wind.path=${mission.windPath}`);
+    if (mission.departure) overrides.push(`mission.start_time=${mission.departure.length === 16 ? `${mission.departure}:00` : mission.departure}Z`);
+    return { map: this.store.geojson(), formula: this.formula, overrides };
+  }
+}
+
+function fill(id, rows) {
+  byId(id).replaceChildren(...rows.map(([value, label]) => html("option", { value }, label)));
+}

@@ -1,0 +1,254 @@
+// A plan while it is made and after: progress, front, path with ellipses, wind, what limits it, files, a fix.
+
+import { ask, download, follow } from "/desk/api.js";
+import { lengthText, placeText } from "/desk/geo.js";
+import { drawFront } from "/desk/front.js";
+import { byId, duration, html, percent, svg } from "/desk/shapes.js";
+
+const STAGES = {
+  readings: "Reading the wind", scene: "Reading the map", decomposition: "Dividing the map", automaton: "Reading the mission", observations: "Reading the wind", wind: "Fitting the wind",
+  problem: "Preparing the search", forest: "Searching for paths", front: "Improving the paths", plan: "Checking the plan with new flights", forecasts: "Checking the plan with new flights",
+  deployment: "Flying the plan", export: "Writing files", report: "Drawing figures", page: "Writing the report",
+};
+const FORMATS = { kml: "KML", gpx: "GPX", geojson: "GeoJSON", dead_reckoning: "Log (CSV)", qgc: "QGroundControl", mavlink: "MAVLink", corridor: "Corridor", netcdf: "NetCDF" };
+const ELLIPSES = 14;  // at most, on the map
+const SOURCES = { coherent: "winds whose error lasts for hours", independent: "winds whose error changes at every step" };
+
+export class Result {
+  /** `redraw()` draws the map again, `fit(places)` shows places, `failed(error)` shows an error. */
+  constructor({ redraw, fit, failed, remember }) {
+    Object.assign(this, { redraw, fit, failed, remember, views: new Map(), fix: null, timer: null, ends: null });
+    this.reset();
+    const on = (id, act) => byId(id).addEventListener("click", act);
+    on("cancel", () => this.cancel().catch(failed));
+    on("previous", () => this.show(this.shown - 1));
+    on("next", () => this.show(this.shown + 1));
+    on("choose", () => this.choose().catch(failed));
+    on("play", () => this.play());
+    on("show-fix", () => { this.fix = this.fix ? null : this.view?.line[this.step] ?? null; this.showFix(); });
+    on("replan", () => this.replan().catch(failed));
+    byId("time").addEventListener("input", event => { this.stop(); this.moveTo(+event.target.value); });
+    for (const [kind, label] of Object.entries(FORMATS)) byId("exports").append(html("button", { type: "button", "data-kind": kind, onclick: event => this.take(kind, event.target) }, label));
+    new ResizeObserver(() => this.drawFront()).observe(byId("front"));
+  }
+
+  reset() {
+    this.stop();
+    Object.assign(this, { id: null, front: null, shown: null, view: null, wind: null, early: [], step: 0, fix: null, working: false });
+    this.views.clear();
+    for (const id of ["result", "progress", "timebar", "cancel"]) byId(id).hidden = true;
+  }
+
+  // --- while it is made -------------------------------------------------------------------------
+
+  /** Show the plan of a state {id, status, ...}: its progress, then its result. */
+  async open(state) {
+    this.ends?.abort();
+    const ends = this.ends = new AbortController(), before = this.shown;
+    this.reset();
+    this.id = state.id;
+    this.remember(state.id);
+    byId("command").textContent = state.command;
+    byId("directory").textContent = state.directory;
+    this.setWorking(true);
+    let last = { status: state.status, error: state.error };
+    try {
+      await follow(state.id, event => { if (event.event === "status") last = event; else this.hear(event); }, ends.signal);
+      if (last.status === "running") last = await ask("GET", `/api/plans/${state.id}`);  // the stream was cut
+      if (ends.signal.aborted) return;
+      if (last.status === "done") await this.finish(before);
+      else if (last.status === "cancelled") this.say("Cancelled.", 0);
+    } catch (error) {
+      if (error.name === "AbortError") return;
+      this.failed(error);
+    }
+    this.setWorking(false);
+    if (last.status === "failed") { byId("progress").hidden = true; this.failed(new Error(last.error || "the plan failed")); }
+    this.redraw();
+  }
+
+  setWorking(working) {
+    this.working = working;
+    byId("cancel").hidden = !working;
+    byId("plan").disabled = working;
+    byId("progress").hidden = !working && !byId("state").textContent.startsWith("Cancelled");
+    if (working) this.say("Waiting for the planner…");
+  }
+
+  say(text, share = undefined) {
+    byId("state").textContent = text;
+    if (share === undefined) byId("bar").removeAttribute("value"); else byId("bar").value = share;
+  }
+
+  hear(event) {
+    if (event.event === "stage") { this.stage = STAGES[event.stage] ?? event.stage; this.say(`${this.stage}…`); }
+    else if (event.event === "progress") this.say(`${this.stage}… ${event.state.split(",")[0]}`, event.total ? event.done / event.total : undefined);
+    else if (event.event === "paths" && event.points.length) {
+      this.early = event.points;
+      this.bound = event.bound;
+      byId("result").hidden = false;
+      byId("result").classList.add("early");
+      byId("front-note").textContent = event.source === "search" ? `${event.points.length} paths of the search so far, with an upper bound on their failures. They are being improved.` : "The front; the plan is being checked.";
+      this.drawFront();
+      this.redraw();
+    }
+  }
+
+  async cancel() { if (this.id) await ask("DELETE", `/api/plans/${this.id}`); }
+
+  // --- the result ---------------------------------------------------------------------------------
+
+  async finish() {
+    const id = this.id, [front, wind] = await Promise.all([ask("GET", `/api/plans/${id}/front`), ask("GET", `/api/plans/${id}/wind`)]);
+    if (id !== this.id) return;
+    Object.assign(this, { front, wind, early: [] });
+    byId("result").hidden = false;
+    byId("result").classList.remove("early");
+    await this.show(front.chosen ?? 0, true);
+    for (let k = 0; k < front.points.length && id === this.id; k++) await this.load(k).catch(() => null);  // a click then shows its path at once
+  }
+
+  async load(number) {
+    const id = this.id;
+    if (!this.views.has(number)) this.views.set(number, ask("GET", `/api/plans/${id}/points/${number}`));
+    return this.views.get(number);
+  }
+
+  /** Show a point: its path, its numbers, what limits it. */
+  async show(number, fitted = false) {
+    if (!this.front || number < 0 || number >= this.front.points.length) return;
+    this.stop();
+    this.shown = number;
+    let view;
+    try { view = await this.load(number); } catch (error) { this.views.delete(number); this.failed(error); return; }
+    if (this.shown !== number) return;  // another was chosen since
+    this.view = view;
+    this.fix = null;
+    byId("timebar").hidden = false;
+    byId("time").max = view.t.length - 1;
+    this.drawFront();
+    this.showFacts();
+    this.showLimits();
+    this.showFix();
+    this.moveTo(Math.min(this.step, view.t.length - 1));
+    if (fitted) this.fit(view.line);
+  }
+
+  drawFront() {
+    if (byId("result").hidden) return;
+    if (this.front) drawFront(byId("front"), this.front.points, { shown: this.shown, chosen: this.front.chosen, choose: k => this.show(k) });
+    else if (this.early.length) drawFront(byId("front"), this.early, { shown: null, chosen: null, choose: null });
+  }
+
+  showFacts() {
+    const row = this.front.points[this.shown], { view } = this, plan = this.shown === this.front.chosen;
+    byId("point-name").textContent = `Point ${this.shown} of ${this.front.points.length - 1}${plan ? ", the plan" : ""}`;
+    byId("previous").disabled = this.shown === 0;
+    byId("next").disabled = this.shown === this.front.points.length - 1;
+    byId("choose").hidden = plan;
+    const rate = row.failure_low === null ? `at most ${percent(row.failure)}` : percent(row.failure);
+    const range = row.failure_low === null ? "upper bound" : `${percent(row.failure_low)} to ${percent(row.failure_high)}, 95 % interval`;
+    const facts = [["Fails", rate, `${range}, in ${SOURCES[this.front.law] ?? this.front.law}`], ["Length", lengthText(row.length_m), row.order ? `order ${row.order.replaceAll(">", " → ")}` : ""],
+      ["Duration", duration(row.duration_s), `${row.steps} legs`], ...view.utc ? [["Arrival", `${view.utc.at(-1).slice(11, 16)} UTC`, view.utc.at(-1).slice(0, 10)]] : []];
+    byId("facts").replaceChildren(...facts.map(([name, value, note]) => html("div", {}, html("dt", {}, name), html("dd", {}, value, html("small", {}, note)))));
+    byId("front-note").textContent = "Each point is a path. Lower is safer, left is shorter; the bar is the 95 % interval. Click a point to see its path.";
+  }
+
+  showLimits() {
+    const { limits } = this.view, place = byId("limits");
+    if (!limits) { place.replaceChildren(html("p", { class: "note" }, "What limits a path is known for the plan: make this point the plan to see it.")); return; }
+    const rows = limits.prices.slice(0, 4).map(row => html("li", {}, html("strong", {}, row.limit), ` ${row.change}${row.time ? ` (${row.time})` : ""}: ${row.saved} points less failure`));
+    place.replaceChildren(html("h3", {}, "What limits it"), rows.length ? html("ul", { class: "plainlist" }, ...rows) : html("p", { class: "note" }, `${limits.no_prices}.`));
+  }
+
+  // --- time -----------------------------------------------------------------------------------------
+
+  moveTo(step) {
+    const { view } = this;
+    this.step = step;
+    byId("time").value = step;
+    byId("clock").textContent = view.utc ? `${view.utc[step].slice(0, 10)} ${view.utc[step].slice(11, 16)} UTC` : duration(view.t[step]);
+    this.redraw();
+  }
+
+  play() {
+    if (this.timer !== null) { this.stop(); return; }
+    const last = this.view.t.length - 1;
+    if (this.step >= last) this.moveTo(0);
+    byId("play").textContent = "❚❚";
+    byId("play").setAttribute("aria-label", "pause");
+    this.timer = setInterval(() => { this.moveTo(Math.min(last, this.step + 1)); if (this.step >= last) this.stop(); }, Math.max(80, Math.min(300, 8000 / last)));
+  }
+
+  stop() {
+    clearInterval(this.timer);
+    this.timer = null;
+    byId("play").textContent = "▶";
+    byId("play").setAttribute("aria-label", "play");
+  }
+
+  // --- choose, files, fix -----------------------------------------------------------------------
+
+  async choose() {
+    await this.open(await ask("POST", `/api/plans/${this.id}/choose`, { point: this.shown }));
+  }
+
+  async take(kind, button) {
+    button.disabled = true;
+    const point = this.shown === this.front.chosen ? "" : `?point=${this.shown}`;
+    try { await download(`/api/plans/${this.id}/exports/${kind}${point}`); } catch (error) { this.failed(error); }
+    button.disabled = false;
+  }
+
+  showFix() {
+    const plan = this.shown === this.front?.chosen;
+    byId("show-fix").textContent = this.fix ? "Remove the fix" : "Place a fix";
+    byId("show-fix").disabled = !plan;
+    byId("replan").disabled = !this.fix;
+    byId("fix-note").textContent = this.fix ? `Fix at ${placeText(this.fix)}, ${byId("clock").textContent}.` : plan ? "Set the time below the map, place a fix, and drag it to where the vehicle is." : "A fix belongs to the plan: make this point the plan first.";
+    this.redraw();
+  }
+
+  dragFix(place) { this.fix = place; this.showFix(); }
+
+  async replan() {
+    const sd = +byId("fix-sd").value, [lon, lat] = this.fix;
+    if (!(sd > 0)) throw new Error("the standard deviation of the fix must be more than 0 m");
+    await this.open(await ask("POST", `/api/plans/${this.id}/replan`, { time: this.view.t[this.step], fix: [lat, lon, sd] }));
+  }
+
+  // --- on the map -----------------------------------------------------------------------------------
+
+  shapes(map) {
+    const early = this.early.filter(point => point.line).map(point => svg("path", { class: "track early", d: map.line(point.line) }));
+    if (!this.view || !this.front) return early;
+    const { view, step } = this, stride = Math.max(1, Math.ceil((view.line.length - 1) / ELLIPSES)), found = [...this.arrows(map)];
+    for (let k = view.line.length - 1; k > 0; k -= stride) found.push(svg("path", { class: "ellipse", d: map.line(view.ellipses[k], true) }));
+    found.push(svg("path", { class: "track", d: map.line(view.line) }), svg("path", { class: "ellipse now", d: map.line(view.ellipses[step], true) }));
+    const [ex, ey] = map.at(view.line.at(-1)), [cx, cy] = map.at(view.line[step]);
+    found.push(svg("rect", { class: "end", x: ex - 5, y: ey - 5, width: 10, height: 10 }, svg("title", {}, "expected end")));
+    found.push(svg("circle", { class: "vehicle", cx, cy, r: 7 }, svg("title", {}, this.stepText(step))));
+    if (this.fix) { const [x, y] = map.at(this.fix); found.push(svg("circle", { class: "fix", "data-fix": "", cx: x, cy: y, r: 11 }), svg("path", { class: "fixcross", d: `M${x - 16} ${y}H${x + 16}M${x} ${y - 16}V${y + 16}` })); }
+    return found;
+  }
+
+  stepText(step) {
+    const { view } = this, log = view.log, told = [`${duration(view.t[step])} after departure`, placeText(view.line[step])];
+    if (log && step < log.airspeed.length) told.push(`heading ${log.heading[step] === null ? "-" : `${log.heading[step].toFixed(0)}°`}, ${log.airspeed[step].toFixed(1)} m/s`, `wind ${log.wind_speed[step].toFixed(1)} m/s from ${log.wind_from[step].toFixed(0)}°`);
+    return told.join("\n");
+  }
+
+  /** Arrows of the expected wind at the time that is shown. */
+  arrows(map) {
+    const { t, at, uv } = this.wind ?? { t: [] };
+    if (!t.length) return [];
+    const now = this.view.t[this.step], k = Math.max(0, Math.min(t.length - 2, t.findLastIndex(one => one <= now))), share = t.length > 1 ? Math.min(1, (now - t[k]) / (t[k + 1] - t[k])) : 0;
+    const most = uv.flat().reduce((fastest, [u, v]) => Math.max(fastest, Math.hypot(u, v)), 1e-9), scale = 26 / most;
+    const lines = at.map((place, n) => {
+      const [x, y] = map.at(place), [u, v] = uv[k][n].map((value, axis) => share ? (1 - share) * value + share * uv[k + 1][n][axis] : value), dx = u * scale, dy = -v * scale;
+      const tip = [x + dx / 2, y + dy / 2], barb = side => `${(tip[0] - 0.32 * dx + side * 0.18 * dy).toFixed(1)} ${(tip[1] - 0.32 * dy - side * 0.18 * dx).toFixed(1)}`;
+      return `M${(x - dx / 2).toFixed(1)} ${(y - dy / 2).toFixed(1)}L${tip[0].toFixed(1)} ${tip[1].toFixed(1)}M${barb(1)}L${tip[0].toFixed(1)} ${tip[1].toFixed(1)}L${barb(-1)}`;
+    });
+    return [svg("path", { class: "wind", d: lines.join("") })];
+  }
+}

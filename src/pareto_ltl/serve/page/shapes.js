@@ -1,0 +1,34 @@
+// Small helpers for elements. Text is always set as text, never as markup.
+
+export const byId = id => document.getElementById(id);
+const SVG = "http://www.w3.org/2000/svg";
+
+function filled(made, attributes, children) {
+  for (const [name, value] of Object.entries(attributes)) {
+    if (name.startsWith("on")) made.addEventListener(name.slice(2), value);
+    else if (value === true) made.setAttribute(name, "");
+    else if (value !== null && value !== undefined && value !== false) made.setAttribute(name, value);
+  }
+  made.append(...children.filter(child => child !== null).map(child => child instanceof Node ? child : String(child)));
+  return made;
+}
+
+/** An HTML element with attributes, listeners (onclick: function) and children. */
+export const html = (tag, attributes = {}, ...children) => filled(document.createElement(tag), attributes, children);
+
+/** The same for SVG. */
+export const svg = (tag, attributes = {}, ...children) => filled(document.createElementNS(SVG, tag), attributes, children);
+
+export const pathOf = (points, close = false) => points.length ? `M${points.map(([x, y]) => `${x.toFixed(1)} ${y.toFixed(1)}`).join("L")}${close ? "Z" : ""}` : "";
+
+/** A probability in per cent. */
+export function percent(p) {
+  if (p === null || p === undefined) return "-";
+  const value = 100 * Math.min(1, p);
+  return value === 0 ? "0 %" : value < 1e-3 ? `${value.toExponential(1)} %` : `${+value.toPrecision(value >= 10 ? 3 : 2)} %`;
+}
+
+export function duration(seconds) {
+  const minutes = Math.round(seconds / 60);
+  return seconds >= 3600 ? `${Math.floor(minutes / 60)} h ${String(minutes % 60).padStart(2, "0")} min` : seconds >= 120 ? `${minutes} min` : `${seconds.toFixed(0)} s`;
+}
