@@ -14,16 +14,18 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+from pareto_ltl.run.directory import RUN_LOG
 from pareto_ltl.serve.folder import PLANS, DeskFolder
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.messages import shown_value
-from pareto_ltl.support.reading import read_json
+from pareto_ltl.support.reading import read_json, read_text
 
 WORKER = (sys.executable, "-m", "pareto_ltl.cli.desk_worker")
 PATIENCE = 10.0  # [s] in which a cancelled run can record how it ended
 MOST_LINE = 2**24  # bytes of one event
 MOST_JOBS = 50  # of one worker, whose memory a new one returns
 STATUS = {"ok": "done", "stopped": "cancelled", "infeasible": "failed", "failed": "failed"}
+WARNED = " WARNING "  # of a line in run.log
 LOST = "the server ended while this plan was made; plan it again"
 
 
@@ -112,7 +114,10 @@ class Plans:
             argv = tuple(map(str, record.get("argv", ())))
             argv = argv[1:] if argv[:1] == ("pareto-ltl",) else argv
         command = f"cd {shlex.quote(str(self.folder.root))} && {shlex.join(['pareto-ltl', *argv])}"
-        return {"id": name, "status": status, "directory": str(place), "error": error, "command": command}
+        return {
+            "id": name, "status": status, "directory": str(place), "error": error, "command": command,
+            "warnings": _warnings(place),
+        }  # fmt: skip
 
     def all_states(self) -> list[dict[str, Any]]:
         """The states of all plans, the newest first."""
@@ -212,6 +217,15 @@ class Plans:
             return
         worker.terminate()
         asyncio.get_running_loop().call_later(PATIENCE, _kill, worker)
+
+
+def _warnings(place: Path) -> list[str]:
+    """The warnings in ``run.log``."""
+    try:
+        lines = read_text(place / RUN_LOG).splitlines()
+    except (DataError, OSError):
+        return []
+    return [line.partition(WARNED)[2].partition(": ")[2] for line in lines if WARNED in line]
 
 
 def _kill(worker: asyncio.subprocess.Process) -> None:

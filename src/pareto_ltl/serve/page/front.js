@@ -27,12 +27,13 @@ export function drawFront(root, points, { shown, chosen, choose }) {
   const pad = Math.max((Math.max(...km) - Math.min(...km)) * 0.06, Math.max(...km) * 0.004), low = Math.min(...km) - pad, high = Math.max(...km) + pad;
   const x = value => EDGE.left + (value - low) / (high - low) * (w - EDGE.left - EDGE.right);
   const y = p => EDGE.top + (Math.log(top) - Math.log(Math.max(p, floor))) / (Math.log(top) - Math.log(floor)) * (h - EDGE.top - EDGE.bottom);
-  const base = h - EDGE.bottom, parts = [];
+  const base = h - EDGE.bottom, parts = [], zero = points.some(point => !(point.failure > 0)) ? [svg("text", { x: EDGE.left - 6, y: base + 4, "text-anchor": "end" }, "0")] : [];
   for (const tick of decades(floor, top)) {
+    if (zero.length && y(tick) > base - 14) continue;
     parts.push(svg("path", { class: "grid", d: pathOf([[EDGE.left, y(tick)], [w - EDGE.right, y(tick)]]) }), svg("text", { x: EDGE.left - 6, y: y(tick) + 4, "text-anchor": "end" }, percent(tick)));
   }
   for (const tick of rounds(low, high, w / 90)) parts.push(svg("path", { class: "grid", d: pathOf([[x(tick), EDGE.top], [x(tick), base]]) }), svg("text", { x: x(tick), y: base + 16, "text-anchor": "middle" }, tick.toLocaleString("en")));
-  parts.push(svg("path", { class: "axis", d: pathOf([[EDGE.left, EDGE.top], [EDGE.left, base], [w - EDGE.right, base]]) }), svg("text", { x: (EDGE.left + w) / 2, y: h - 6, "text-anchor": "middle" }, "length [km]"));
+  parts.push(...zero, svg("path", { class: "axis", d: pathOf([[EDGE.left, EDGE.top], [EDGE.left, base], [w - EDGE.right, base]]) }), svg("text", { x: (EDGE.left + w) / 2, y: h - 6, "text-anchor": "middle" }, "length [km]"));
   points.forEach((point, k) => {
     if (point.failure_low !== null && point.failure_low !== undefined) parts.push(svg("path", { class: "range", d: pathOf([[x(km[k]), y(point.failure_low)], [x(km[k]), y(point.failure_high)]]) }));
   });

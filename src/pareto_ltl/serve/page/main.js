@@ -54,6 +54,7 @@ function readyToPlan() {
 async function plan() {
   forgive();
   await store.send();
+  byId("plan-title").scrollIntoView();
   await result.open(await ask("POST", "/api/plans", panels.request()));
   readyToPlan();
   await listEarlier();
@@ -106,7 +107,7 @@ function listen() {
 async function begin() {
   drawing = new Drawing(map, store, text => { byId("hint").textContent = text; });
   panels = new Panels(store, drawing, failed);
-  result = new Result({ redraw: () => { map.refresh(); readyToPlan(); }, fit: () => map.fit(everything()), failed, remember: id => store.adjust(mission => { mission.plan = id; }) });
+  result = new Result({ redraw: () => { map.refresh(); readyToPlan(); }, fit: () => map.fit(everything()), failed, title: name => store.titleOf(name), remember: id => store.adjust(mission => { mission.plan = id; }) });
   listen();
   panels.offer(await ask("GET", "/api/choices"));
   await store.load();

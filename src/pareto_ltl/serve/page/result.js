@@ -16,8 +16,8 @@ const SOURCES = { coherent: "winds whose error lasts for hours", independent: "w
 
 export class Result {
   /** `redraw()` draws the map again, `fit(places)` shows places, `failed(error)` shows an error. */
-  constructor({ redraw, fit, failed, remember }) {
-    Object.assign(this, { redraw, fit, failed, remember, views: new Map(), fix: null, timer: null, ends: null });
+  constructor({ redraw, fit, failed, remember, title }) {
+    Object.assign(this, { redraw, fit, failed, remember, title, state: null, views: new Map(), fix: null, timer: null, ends: null });
     this.reset();
     const on = (id, act) => byId(id).addEventListener("click", act);
     on("cancel", () => this.cancel().catch(failed));
@@ -36,6 +36,7 @@ export class Result {
     this.stop();
     Object.assign(this, { id: null, front: null, shown: null, view: null, wind: null, early: [], step: 0, fix: null, working: false });
     this.views.clear();
+    document.querySelector("main").classList.remove("planned");
     for (const id of ["result", "progress", "timebar", "cancel"]) byId(id).hidden = true;
   }
 
@@ -44,7 +45,7 @@ export class Result {
   /** Show the plan of a state {id, status, ...}: its progress, then its result. */
   async open(state) {
     this.ends?.abort();
-    const ends = this.ends = new AbortController(), before = this.shown;
+    const ends = this.ends = new AbortController();
     this.reset();
     this.id = state.id;
     this.remember(state.id);
@@ -56,13 +57,15 @@ export class Result {
       await follow(state.id, event => { if (event.event === "status") last = event; else this.hear(event); }, ends.signal);
       if (last.status === "running") last = await ask("GET", `/api/plans/${state.id}`);  // the stream was cut
       if (ends.signal.aborted) return;
-      if (last.status === "done") await this.finish(before);
+      this.state = await ask("GET", `/api/plans/${state.id}`);
+      if (last.status === "done") await this.finish();
       else if (last.status === "cancelled") this.say("Cancelled.", 0);
     } catch (error) {
       if (error.name === "AbortError") return;
       this.failed(error);
     }
     this.setWorking(false);
+    this.loadAll();
     if (last.status === "failed") { byId("progress").hidden = true; this.failed(new Error(last.error || "the plan failed")); }
     this.redraw();
   }
@@ -104,8 +107,14 @@ export class Result {
     Object.assign(this, { front, wind, early: [] });
     byId("result").hidden = false;
     byId("result").classList.remove("early");
+    document.querySelector("main").classList.add("planned");
     await this.show(front.chosen ?? 0, true);
-    for (let k = 0; k < front.points.length && id === this.id; k++) await this.load(k).catch(() => null);  // a click then shows its path at once
+  }
+
+  /** Load all points one after another, so that a click shows its path at once. */
+  async loadAll() {
+    const { id, front } = this;
+    for (let k = 0; k < (front?.points.length ?? 0) && id === this.id; k++) await this.load(k).catch(() => this.views.delete(k));
   }
 
   async load(number) {
@@ -148,16 +157,17 @@ export class Result {
     byId("choose").hidden = plan;
     const rate = row.failure_low === null ? `at most ${percent(row.failure)}` : percent(row.failure);
     const range = row.failure_low === null ? "upper bound" : `${percent(row.failure_low)} to ${percent(row.failure_high)}, 95 % interval`;
-    const facts = [["Fails", rate, `${range}, in ${SOURCES[this.front.law] ?? this.front.law}`], ["Length", lengthText(row.length_m), row.order ? `order ${row.order.replaceAll(">", " → ")}` : ""],
+    const facts = [["Fails", rate, `${range}, in ${SOURCES[this.front.law] ?? this.front.law}`], ["Length", lengthText(row.length_m), row.order ? `order ${row.order.split(">").map(this.title).join(" → ")}` : ""],
       ["Duration", duration(row.duration_s), `${row.steps} legs`], ...view.utc ? [["Arrival", `${view.utc.at(-1).slice(11, 16)} UTC`, view.utc.at(-1).slice(0, 10)]] : []];
     byId("facts").replaceChildren(...facts.map(([name, value, note]) => html("div", {}, html("dt", {}, name), html("dd", {}, value, html("small", {}, note)))));
+    byId("warnings").replaceChildren(...this.state.warnings.map(text => html("li", {}, text)));
     byId("front-note").textContent = "Each point is a path. Lower is safer, left is shorter; the bar is the 95 % interval. Click a point to see its path.";
   }
 
   showLimits() {
     const { limits } = this.view, place = byId("limits");
     if (!limits) { place.replaceChildren(html("p", { class: "note" }, "What limits a path is known for the plan: make this point the plan to see it.")); return; }
-    const rows = limits.prices.slice(0, 4).map(row => html("li", {}, html("strong", {}, row.limit), ` ${row.change}${row.time ? ` (${row.time})` : ""}: ${row.saved} points less failure`));
+    const rows = limits.prices.slice(0, 4).map(row => html("li", {}, html("strong", {}, row.limit.replace(/^region (\w+)/, (_, name) => `region ${this.title(name)}`)), ` ${row.change}${/\d/.test(row.time) ? ` (${row.time})` : ""}: fails ${row.saved} percentage points less`));
     place.replaceChildren(html("h3", {}, "What limits it"), rows.length ? html("ul", { class: "plainlist" }, ...rows) : html("p", { class: "note" }, `${limits.no_prices}.`));
   }
 

@@ -67,6 +67,9 @@ export class Store {
 
   get names() { return new Set(this.mission.features.filter(one => one.role === "region").map(one => one.name)); }
 
+  /** The title of the region `name`. */
+  titleOf(name) { return this.mission.features.find(one => one.role === "region" && one.name === name)?.title ?? name; }
+
   /** Add a drawn feature; a start or border replaces the one before. Returns its number. */
   add(role, shape, points, radius = "") {
     const title = role === "region" ? nameOf("", this.names) : "";
