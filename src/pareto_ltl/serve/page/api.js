@@ -7,7 +7,7 @@ const HEADERS = { Authorization: `Bearer ${TOKEN}` };
 export async function ask(method, path, body = undefined) {
   const json = body !== undefined && !(body instanceof Blob);
   const answer = await answered(path, {
-    method, headers: json ? { ...HEADERS, "Content-Type": "application/json" } : HEADERS, body: json ? JSON.stringify(body) : body,
+    method, headers: json ? { ...HEADERS, "Content-Type": "application/json" } : HEADERS, body: json ? JSON.stringify(body) : body, keepalive: method === "PUT" && JSON.stringify(body).length < 60000,
   });
   return answer.json();
 }

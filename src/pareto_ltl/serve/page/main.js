@@ -117,8 +117,8 @@ async function begin() {
   document.documentElement.dataset.ready = "desk";
   await listEarlier();
   if (store.mission.plan) {
-    const state = await ask("GET", `/api/plans/${store.mission.plan}`).catch(() => null);
-    if (state && state.status !== "cancelled") { await result.open(state); readyToPlan(); }
+    const id = store.mission.plan, state = await ask("GET", `/api/plans/${id}`).catch(() => null);
+    if (id === store.mission.plan && ["done", "running"].includes(state?.status)) { await result.open(state); readyToPlan(); }
   }
 }
 

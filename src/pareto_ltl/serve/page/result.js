@@ -32,7 +32,9 @@ export class Result {
     new ResizeObserver(() => this.drawFront()).observe(byId("front"));
   }
 
+  /** Forget the plan that is shown, and stop following it. */
   reset() {
+    this.ends?.abort();
     this.stop();
     Object.assign(this, { id: null, front: null, shown: null, view: null, wind: null, early: [], step: 0, fix: null, working: false });
     this.views.clear();
@@ -44,9 +46,8 @@ export class Result {
 
   /** Show the plan of a state {id, status, ...}: its progress, then its result. */
   async open(state) {
-    this.ends?.abort();
-    const ends = this.ends = new AbortController();
     this.reset();
+    const ends = this.ends = new AbortController();
     this.id = state.id;
     this.remember(state.id);
     byId("command").textContent = state.command;
@@ -56,14 +57,16 @@ export class Result {
     try {
       await follow(state.id, event => { if (event.event === "status") last = event; else this.hear(event); }, ends.signal);
       if (last.status === "running") last = await ask("GET", `/api/plans/${state.id}`);  // the stream was cut
+      const now = await ask("GET", `/api/plans/${state.id}`);
       if (ends.signal.aborted) return;
-      this.state = await ask("GET", `/api/plans/${state.id}`);
+      this.state = now;
       if (last.status === "done") await this.finish();
       else if (last.status === "cancelled") this.say("Cancelled.", 0);
     } catch (error) {
-      if (error.name === "AbortError") return;
+      if (error.name === "AbortError" || ends.signal.aborted) return;
       this.failed(error);
     }
+    if (ends.signal.aborted) return;
     this.setWorking(false);
     this.loadAll();
     if (last.status === "failed") { byId("progress").hidden = true; this.failed(new Error(last.error || "the plan failed")); }

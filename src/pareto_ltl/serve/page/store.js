@@ -14,7 +14,7 @@ export const ROLES = {
 export class Store {
   /** `changed()` is called after every change; `failed(error)` if the server did not keep it. */
   constructor(changed, failed) {
-    Object.assign(this, { changed, failed, mission: structuredClone(EMPTY), past: [], future: [], revision: 0, timer: null, stale: false, sending: null });
+    Object.assign(this, { changed, failed, mission: structuredClone(EMPTY), past: [], future: [], revision: 0, timer: null, stale: false, unsent: false, sending: null });
   }
 
   async load() {
@@ -46,6 +46,7 @@ export class Store {
   }
 
   keep() {
+    this.unsent = true;
     this.changed();
     clearTimeout(this.timer);
     this.timer = setTimeout(() => this.send(), PAUSE);
@@ -54,8 +55,9 @@ export class Store {
   /** Send the mission to the server; a second tab is told once that its changes are not kept. */
   async send() {
     clearTimeout(this.timer);
-    if (this.stale) return;
     if (this.sending) await this.sending;
+    if (this.stale || !this.unsent) return;
+    this.unsent = false;
     this.sending = ask("PUT", "/api/mission", { revision: this.revision, mission: this.mission })
       .then(({ revision }) => { this.revision = revision; })
       .catch(error => { this.stale = error.status === 409; this.failed(error); })
@@ -158,8 +160,7 @@ function roleOf(feature) {
 const rings = geometry => geometry?.type === "Polygon" ? [geometry.coordinates] : geometry?.type === "MultiPolygon" ? geometry.coordinates : (geometry?.geometries ?? []).flatMap(rings);
 
 function fromGeojson(feature, taken) {
-  const given = Object.fromEntries(Object.entries(feature?.properties ?? {}).map(([key, value]) => [key.trim().toLowerCase(), value]));
-  role = roleOf(feature);
+  const given = Object.fromEntries(Object.entries(feature?.properties ?? {}).map(([key, value]) => [key.trim().toLowerCase(), value])), role = roleOf(feature);
   if (!ROLES[role]) return [];
   const title = String(given.title ?? given.name ?? ""), text = key => String(given[key] ?? "");
   const metres = given.buffer ?? given.radius, base = { role, title, name: "", buffer: metres === undefined || metres === null || metres === "" ? "" : `${metres} m`, from: text("from"), until: text("until") };

@@ -1,0 +1,213 @@
+"""The API of the desk, as programs use it."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import psutil
+import pytest
+
+from desk import HOP, SMALL, RunningDesk, running_desk
+from pareto_ltl.cli.commands import run_command_line
+from pareto_ltl.run.results import Results
+from pareto_ltl.serve.app import ROUTES
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("desk")
+
+
+@pytest.fixture(scope="module")
+def desk(folder: Path) -> Iterator[RunningDesk]:
+    with running_desk(folder) as running:
+        yield running
+
+
+@pytest.fixture(scope="module")
+def hop(desk: RunningDesk) -> dict[str, Any]:
+    """The state of a finished plan."""
+    return desk.planned(overrides=HOP)
+
+
+def drawn(title: str) -> dict[str, Any]:
+    """A map with a start and one region, as the page writes it."""
+
+    def square(lon: float, lat: float) -> list[list[float]]:
+        half = 0.05
+        ring = [(-half, -half), (half, -half), (half, half), (-half, half), (-half, -half)]
+        return [[lon + a, lat + b] for a, b in ring]
+
+    return {
+        "type": "FeatureCollection",
+        "features": [
+            {
+                "type": "Feature", "properties": {"role": "start"},
+                "geometry": {"type": "Point", "coordinates": [-92.4, 36.8]},
+            },
+            {
+                "type": "Feature", "properties": {"role": "region", "name": "a", "title": title},
+                "geometry": {"type": "Polygon", "coordinates": [square(-92.0, 37.1)]},
+            },
+        ],
+    }  # fmt: skip
+
+
+def test_the_first_line_is_the_address(desk: RunningDesk) -> None:
+    assert re.fullmatch(r"http://127\.0\.0\.1:\d+/\?token=[\w-]{20,}", desk.address)
+
+
+def test_only_the_loopback_address_listens(desk: RunningDesk) -> None:
+    listening = [
+        c for c in psutil.Process(desk.process.pid).net_connections() if c.status == psutil.CONN_LISTEN
+    ]
+    assert [c.laddr.ip for c in listening] == ["127.0.0.1"]
+
+
+def test_the_same_settings_give_the_bytes_of_the_command_line(hop: dict[str, Any], tmp_path: Path) -> None:
+    assert hop["status"] == "done", hop
+    assert run_command_line(["plan", *HOP, f"hydra.run.dir={tmp_path}"]) == 0
+    for name in ("plan.json", "front.csv", "plan.csv", "scene.json"):
+        assert (Path(hop["directory"]) / name).read_bytes() == (tmp_path / name).read_bytes(), name
+
+
+def test_a_result_is_one_that_verify_accepts(hop: dict[str, Any]) -> None:
+    assert run_command_line(["verify", hop["directory"]]) == 0
+
+
+def test_the_command_line_is_shown(hop: dict[str, Any], folder: Path) -> None:
+    assert hop["command"].startswith(f"cd {folder.resolve()} && pareto-ltl plan +experiment=hop ")
+
+
+def test_the_front_has_the_points_of_the_result(desk: RunningDesk, hop: dict[str, Any]) -> None:
+    front = desk.client.get(f"/api/plans/{hop['id']}/front").json()
+    results = Results(Path(hop["directory"]))
+    rates = [rate.failure for rate in results.front.rates]
+    assert [point["failure"] for point in front["points"]] == pytest.approx(rates)
+    lengths = [path.objectives.length for path in results.front.paths]
+    assert [point["length_m"] for point in front["points"]] == pytest.approx(lengths)
+    assert front["law"] == "coherent"
+
+
+def test_a_point_has_its_path_in_degrees(desk: RunningDesk, hop: dict[str, Any]) -> None:
+    front = desk.client.get(f"/api/plans/{hop['id']}/front").json()
+    for number in range(len(front["points"])):
+        view = desk.client.get(f"/api/plans/{hop['id']}/points/{number}").json()
+        assert len(view["line"]) == len(view["t"]) == len(view["ellipses"])
+        assert view["line"][0] == pytest.approx([-92.4, 36.76], abs=0.1)
+        assert view["risk"]["runs"] > 0
+        assert (view["limits"] is not None) == view["chosen"]
+
+
+def test_events_report_stages_paths_and_the_end(desk: RunningDesk, hop: dict[str, Any]) -> None:
+    text = desk.client.get(f"/api/plans/{hop['id']}/events").text
+    events = [json.loads(line[6:]) for line in text.splitlines() if line.startswith("data: ")]
+    kinds = [event["event"] for event in events]
+    assert kinds[0] == "begun"
+    assert kinds[-1] == "status"
+    paths = [event for event in events if event["event"] == "paths"]
+    assert [event["source"] for event in paths] == ["search", "front"]
+    assert paths[0]["points"][0]["length_m"] > 0
+    stages = [event["stage"] for event in events if event["event"] == "stage"]
+    assert stages[:2] == ["readings", "scene"]
+
+
+def test_a_map_and_a_formula_are_planned(desk: RunningDesk, folder: Path) -> None:
+    state = desk.planned(map=drawn("Лес <b>"), formula="F a", overrides=[*SMALL, "wind=calm"])
+    assert state["status"] == "done", state
+    assert Results(Path(state["directory"])).plan.formula == "F a"
+    (kept,) = (folder / "maps").iterdir()
+    assert json.loads(kept.read_text(encoding="utf-8"))["features"][1]["properties"]["title"] == "Лес <b>"
+
+
+def test_another_point_becomes_the_plan(desk: RunningDesk, hop: dict[str, Any]) -> None:
+    front = desk.client.get(f"/api/plans/{hop['id']}/front").json()
+    wanted = len(front["points"]) - 1
+    answer = desk.client.post(f"/api/plans/{hop['id']}/choose", json={"point": wanted})
+    state = desk.ended(answer.json()["id"])
+    assert state["status"] == "done", state
+    assert desk.client.get(f"/api/plans/{state['id']}/front").json()["chosen"] == wanted
+    far = desk.client.post(f"/api/plans/{hop['id']}/choose", json={"point": wanted + 1})
+    assert far.status_code == 404
+    assert "there is no point" in far.json()["error"]
+
+
+def test_a_plan_is_exported(desk: RunningDesk, hop: dict[str, Any]) -> None:
+    answer = desk.client.get(f"/api/plans/{hop['id']}/exports/kml")
+    assert answer.headers["content-disposition"] == 'attachment; filename="plan.kml"'
+    assert b"<kml" in answer.content
+    assert desk.client.get(f"/api/plans/{hop['id']}/exports/gpx?point=0").status_code == 200
+    assert desk.client.get(f"/api/plans/{hop['id']}/exports/pdf").status_code == 404
+
+
+def test_the_rest_is_planned_again_after_a_fix(desk: RunningDesk, hop: dict[str, Any]) -> None:
+    point = desk.client.get(f"/api/plans/{hop['id']}/front").json()["chosen"]
+    view = desk.client.get(f"/api/plans/{hop['id']}/points/{point}").json()
+    lon, lat = view["line"][3]
+    body = {"time": view["t"][3], "fix": [lat, lon, 300]}
+    answer = desk.client.post(f"/api/plans/{hop['id']}/replan", json=body)
+    state = desk.ended(answer.json()["id"])
+    assert state["status"] == "done", state
+    again = desk.client.get(f"/api/plans/{state['id']}/points/0").json()
+    assert again["line"][0] == pytest.approx([lon, lat], abs=0.02)
+
+
+def test_a_mission_that_cannot_be_planned_says_why(desk: RunningDesk) -> None:
+    state = desk.planned(map=drawn("a"), formula="F nowhere", overrides=[*SMALL, "wind=calm"])
+    assert state["status"] == "failed"
+    assert "nowhere" in state["error"]
+    assert "\n" not in state["error"]
+
+
+def test_a_cancelled_plan_ends_and_the_next_one_is_made(desk: RunningDesk) -> None:
+    words = [*HOP, "planner.n_max=200000", "planner.trees=4"]
+    name = desk.client.post("/api/plans", json={"overrides": words}).json()["id"]
+    with desk.client.stream("GET", f"/api/plans/{name}/events") as events:
+        next(line for line in events.iter_lines() if "forest" in line)
+    waiting = desk.client.post("/api/plans", json={"overrides": HOP}).json()["id"]
+    desk.client.delete(f"/api/plans/{waiting}")
+    desk.client.delete(f"/api/plans/{name}")
+    assert desk.ended(name)["status"] == desk.ended(waiting)["status"] == "cancelled"
+    assert desk.planned(overrides=HOP)["status"] == "done"
+
+
+def test_formulas_are_explained_with_the_place_of_an_error(desk: RunningDesk) -> None:
+    right = desk.client.post("/api/formula", json={"formula": "F(a & F b)"}).json()
+    assert (right["words"], right["names"], right["error"]) == ("reach a, then b", ["a", "b"], None)
+    wrong = desk.client.post("/api/formula", json={"formula": "F(a & )"}).json()
+    assert wrong["column"] == 6
+    made = desk.client.post("/api/formula", json={"pattern": "sequence", "goals": ["b", "a"]}).json()
+    assert made["formula"] == "F(b & F a)"
+
+
+def test_examples_are_maps_that_can_be_planned(desk: RunningDesk) -> None:
+    for name in desk.client.get("/api/choices").json()["examples"]:
+        roles = [f["properties"]["role"] for f in desk.client.get(f"/api/examples/{name}").json()["features"]]
+        assert {"start", "region", "obstacle", "border"} <= set(roles)
+
+
+def test_a_second_tab_does_not_overwrite_the_first(desk: RunningDesk) -> None:
+    revision = desk.client.get("/api/mission").json()["revision"]
+    body = {"revision": revision, "mission": {"features": []}}
+    assert desk.client.put("/api/mission", json=body).json() == {"revision": revision + 1}
+    late = desk.client.put("/api/mission", json=body)
+    assert late.status_code == 409
+    assert "another tab" in late.json()["error"]
+
+
+def test_the_document_describes_every_operation(desk: RunningDesk) -> None:
+    paths = desk.client.get("/api/openapi.json").json()["paths"]
+    described = {(method.upper(), path) for path, methods in paths.items() for method in methods}
+    assert described == {(row.method, row.path) for row in ROUTES}
+
+
+def test_plans_and_mission_survive_a_restart(desk: RunningDesk, folder: Path, hop: dict[str, Any]) -> None:
+    with running_desk(folder) as again:
+        assert hop["id"] in [state["id"] for state in again.client.get("/api/plans").json()["plans"]]
+        assert again.client.get(f"/api/plans/{hop['id']}").json()["status"] == "done"
+        assert again.client.get(f"/api/plans/{hop['id']}/front").status_code == 200
+        assert again.client.get("/api/mission").json()["revision"] >= 0

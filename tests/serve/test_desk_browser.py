@@ -1,0 +1,284 @@
+"""The desk in Chromium: a mission from nothing to an exported plan; wide and narrow, light and dark."""
+
+from __future__ import annotations
+
+import json
+import random
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import pytest
+from playwright.sync_api import Browser, Page, sync_playwright
+
+from desk import RunningDesk, running_desk
+
+CHROMIUM = shutil.which("chromium")
+FLAGS = (
+    "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run",
+    "--disable-background-networking", "--disable-component-update", "--disable-sync",
+)  # fmt: skip
+WIDE, NARROW = (1280, 800), (400, 850)
+MOST, PAUSE = 120_000, 50  # [ms] that a slow machine may take, and between two looks
+CLICKS = 40  # of a random session
+
+pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="chromium is not installed")
+
+
+@dataclass
+class Opened:
+    """A page of the desk, and what the browser said and asked for while it was open."""
+
+    page: Page
+    address: str
+    said: list[str] = field(default_factory=list)
+    asked: list[str] = field(default_factory=list)
+
+    def value(self, script: str) -> Any:
+        return self.page.evaluate(script)
+
+    def wait(self, condition: str) -> None:
+        """Until ``condition`` holds; the page's policy forbids what ``wait_for_function`` does."""
+        for _ in range(MOST // PAUSE):
+            if self.value(condition):
+                return
+            self.page.wait_for_timeout(PAUSE)
+        pytest.fail(
+            f"not within {MOST} ms: {condition}; the page says {self.page.locator('.side').inner_text()}"
+        )
+
+    def at(self, u: float, v: float) -> tuple[float, float]:
+        """Pixels of a place of the map, as shares of its width and height."""
+        self.page.locator("#map").scroll_into_view_if_needed()
+        box = self.page.locator("#map").bounding_box()
+        assert box is not None
+        return box["x"] + u * box["width"], box["y"] + v * box["height"]
+
+    def draw(self, tool: str, *places: tuple[float, float]) -> None:
+        self.page.locator(f"[data-tool={tool}]").click()
+        for place in places:
+            self.page.mouse.click(*self.at(*place))
+
+    def drag(self, begin: tuple[float, float], end: tuple[float, float]) -> None:
+        self.page.mouse.move(*begin)
+        self.page.mouse.down()
+        self.page.mouse.move((begin[0] + end[0]) / 2, (begin[1] + end[1]) / 2)
+        self.page.mouse.move(*end)
+        self.page.mouse.up()
+
+    def kept(self) -> None:
+        """Until the server has the mission as it is shown."""
+        self.page.wait_for_timeout(900)
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    with sync_playwright() as playwright:
+        opened = playwright.chromium.launch(executable_path=CHROMIUM, args=list(FLAGS))
+        yield opened
+        opened.close()
+
+
+@pytest.fixture(scope="module")
+def desk(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RunningDesk]:
+    with running_desk(tmp_path_factory.mktemp("desk")) as running:
+        yield running
+
+
+@contextmanager
+def opened_page(browser: Browser, address: str, size: tuple[int, int], scheme: Any) -> Iterator[Opened]:
+    """A new page of the desk; afterwards, nothing was asked of other machines, and no error was logged."""
+    width, height = size
+    context = browser.new_context(
+        viewport={"width": width, "height": height}, color_scheme=scheme, accept_downloads=True
+    )
+    shown = Opened(context.new_page(), address)
+    shown.page.set_default_timeout(MOST)
+    shown.page.on("console", lambda message: shown.said.append(f"{message.text} {message.location['url']}"))
+    shown.page.on("pageerror", lambda error: shown.said.append(str(error)))
+    shown.page.on("request", lambda request: shown.asked.append(request.url))
+    shown.page.goto(address)
+    shown.page.wait_for_selector("html[data-ready=desk]")
+    yield shown
+    own = address.partition("?")[0]
+    assert [url for url in shown.asked if not url.startswith((own, "data:", f"blob:{own}"))] == []
+    assert shown.said == []
+    context.close()
+
+
+def begin_anew(opened: Opened) -> None:
+    opened.page.locator("#clear").click()
+    for _ in range(6):
+        opened.page.locator("#zoom-in").click()
+    opened.page.wait_for_timeout(100)
+
+
+def draw_mission(opened: Opened) -> None:
+    """A start, a region with a name in another script, a round one with markup in its name, an obstacle."""
+    page = opened.page
+    opened.draw("start", (0.2, 0.75))
+    opened.draw("region", (0.65, 0.2), (0.8, 0.2), (0.8, 0.35), (0.65, 0.35), (0.65, 0.2))
+    page.locator("#editor [data-key=title]").fill("Лес")
+    page.locator("#editor [data-key=title]").press("Enter")
+    opened.draw("region-circle", (0.7, 0.75), (0.78, 0.75))
+    page.locator("#editor [data-key=title]").fill("<b>Hafen</b>")
+    page.locator("#editor [data-key=title]").press("Enter")
+    opened.draw("obstacle", (0.4, 0.4), (0.5, 0.4), (0.5, 0.6), (0.38, 0.6))
+    page.locator("#map").press("Enter")
+
+
+def plan_mission(opened: Opened) -> None:
+    page = opened.page
+    page.locator("#robot").select_option("light_aircraft")
+    page.locator("#planner").select_option("quick")
+    opened.wait("!document.getElementById('plan').disabled")
+    page.locator("#plan").click()
+    opened.wait("document.querySelector('.vehicle') !== null || !document.getElementById('problem').hidden")
+    assert not page.locator("#problem").is_visible(), page.locator("#problem").inner_text()
+    opened.wait("document.getElementById('cancel').hidden")
+
+
+@pytest.mark.parametrize(("size", "scheme"), [(WIDE, "light"), (NARROW, "dark")], ids=["wide", "narrow"])
+def test_a_mission_is_drawn_planned_chosen_exported_and_replanned(
+    browser: Browser, desk: RunningDesk, size: tuple[int, int], scheme: str, tmp_path: Path
+) -> None:
+    with opened_page(browser, desk.address, size, scheme) as opened:
+        page = opened.page
+        begin_anew(opened)
+        draw_mission(opened)
+        assert "Лес" in page.locator("#map .label").all_text_contents()
+        assert "<b>Hafen</b>" in page.locator("#map .label").all_text_contents()
+        opened.wait("document.getElementById('meaning').textContent.startsWith('Reach Лес')")
+        plan_mission(opened)
+        assert opened.value("document.documentElement.scrollWidth <= innerWidth")
+
+        points = page.locator("#front .point")  # choose
+        assert points.count() > 1
+        path = page.locator("#map .track").get_attribute("d")
+        rate = page.locator("#facts").inner_text()
+        wanted = 0 if "chosen" not in (points.first.get_attribute("class") or "") else points.count() - 1
+        points.nth(wanted).focus()
+        points.nth(wanted).press("Enter")
+        opened.wait(f"document.getElementById('point-name').textContent.startsWith('Point {wanted} ')")
+        assert page.locator("#map .track").get_attribute("d") != path
+        assert page.locator("#facts").inner_text() != rate
+        page.locator("#choose").click()
+        opened.wait("document.getElementById('directory').textContent.includes('_point_')")
+        opened.wait("document.getElementById('cancel').hidden && document.querySelector('.vehicle') !== null")
+        assert f"Point {wanted} of" in page.locator("#point-name").inner_text()
+        assert "the plan" in page.locator("#point-name").inner_text()
+
+        with page.expect_download() as download:  # export
+            page.locator("[data-kind=kml]").click()
+        assert download.value.suggested_filename == "plan.kml"
+        download.value.save_as(tmp_path / "plan.kml")
+        assert b"<kml" in (tmp_path / "plan.kml").read_bytes()
+
+        page.locator("#time").focus()  # replan
+        for _ in range(3):
+            page.keyboard.press("ArrowRight")
+        page.locator("#show-fix").click()
+        page.locator("#map").scroll_into_view_if_needed()
+        box = page.locator("#map .fix").bounding_box()
+        assert box is not None
+        middle = (box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+        opened.drag(middle, (middle[0] + 3, middle[1] + 8))
+        page.locator("#replan").click()
+        opened.wait("document.getElementById('directory').textContent.includes('_replan_')")
+        opened.wait(
+            "document.getElementById('cancel').hidden && (document.querySelector('.vehicle') !== null "
+            "|| !document.getElementById('problem').hidden)"
+        )
+        assert not page.locator("#problem").is_visible(), page.locator("#problem").inner_text()
+
+
+def test_the_mission_is_saved_and_opened_and_survives_a_reload(
+    browser: Browser, desk: RunningDesk, tmp_path: Path
+) -> None:
+    with opened_page(browser, desk.address, WIDE, "light") as opened:
+        page = opened.page
+        begin_anew(opened)
+        draw_mission(opened)
+        opened.wait("document.getElementById('formula').value !== ''")
+        formula, names = page.locator("#formula").input_value(), page.locator("#features").inner_text()
+        for button, name in (("#save", "mission.geojson"), ("#save-kml", "mission.kml")):
+            with page.expect_download() as download:
+                page.locator(button).click()
+            download.value.save_as(tmp_path / name)
+        opened.kept()
+        page.reload()
+        page.wait_for_selector("html[data-ready=desk]")
+        assert page.locator("#features").inner_text() == names
+        for name in ("mission.geojson", "mission.kml"):
+            begin_anew(opened)
+            page.locator("#file").set_input_files(tmp_path / name)
+            opened.wait("document.querySelectorAll('#features li').length === 4")
+            opened.wait(f"document.getElementById('formula').value === {json.dumps(formula)}")
+            assert "Лес" in page.locator("#map .label").all_text_contents()
+
+
+def test_faults_are_said_in_the_page(browser: Browser, desk: RunningDesk) -> None:
+    with opened_page(browser, desk.address, WIDE, "dark") as opened:
+        page = opened.page
+        begin_anew(opened)
+        assert page.locator("#plan").is_disabled()
+        opened.draw("region", (0.6, 0.2), (0.8, 0.4), (0.8, 0.2), (0.6, 0.4), (0.6, 0.2))  # crosses itself
+        assert "crosses itself" in page.locator("#hint").inner_text()
+        page.keyboard.press("Escape")
+        draw_mission(opened)
+        page.locator("#formula").fill("F(a & )")
+        opened.wait("document.querySelector('#meaning mark') !== null")
+        assert page.locator("#plan").is_disabled()
+        page.locator("#formula").fill("F nowhere")
+        opened.wait("document.getElementById('meaning').textContent.includes('nowhere')")
+        page.locator("#formula").fill("F a")
+        page.locator("#departure").fill("2031-01-01T00:00")  # no wind then
+        opened.wait("!document.getElementById('plan').disabled")
+        page.locator("#plan").click()
+        opened.wait("!document.getElementById('problem').hidden")
+        assert "2031" in page.locator("#problem").inner_text()
+
+
+def test_a_second_tab_says_that_the_first_has_changed_the_mission(
+    browser: Browser, desk: RunningDesk
+) -> None:
+    with opened_page(browser, desk.address, WIDE, "light") as first:
+        begin_anew(first)
+        first.kept()
+        context = first.page.context
+        second = context.new_page()
+        second.goto(desk.address)
+        second.wait_for_selector("html[data-ready=desk]")
+        second.locator("#pattern").select_option("coverage")
+        second.wait_for_timeout(900)
+        first.page.locator("#pattern").select_option("patrol")
+        first.wait("!document.getElementById('problem').hidden")
+        assert "another tab" in first.page.locator("#problem").inner_text()
+        assert any("409" in text for text in first.said)
+        first.said.clear()  # the browser logs the refused request
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_random_clicks_leave_no_error(browser: Browser, desk: RunningDesk, seed: int) -> None:
+    dice = random.Random(seed)
+    with opened_page(browser, desk.address, (WIDE, NARROW)[seed % 2], "light") as opened:
+        page = opened.page
+        begin_anew(opened)
+        tools = page.locator("[data-tool], #undo, #redo, #zoom-in, #zoom-out, #fit").all()
+        for _ in range(CLICKS):
+            if dice.random() < 0.35:
+                tool = dice.choice(tools)
+                if tool.is_enabled():
+                    tool.click()
+            elif dice.random() < 0.15:
+                page.keyboard.press(dice.choice(["Escape", "Enter", "Delete", "Control+z", "Control+y"]))
+            else:
+                page.mouse.click(*opened.at(dice.uniform(0.02, 0.85), dice.uniform(0.02, 0.98)))
+        opened.kept()
+        shown = page.locator("#features li").count()
+        page.reload()
+        page.wait_for_selector("html[data-ready=desk]")
+        assert page.locator("#features li").count() == shown
