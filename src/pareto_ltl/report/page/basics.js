@@ -3,11 +3,16 @@
 // it is set by textContent, and in charts through plain(), since plotly reads some markup in its labels.
 
 const PAGE = JSON.parse(document.getElementById("page-data").textContent);
+const DARK = matchMedia("(prefers-color-scheme: dark)").matches && !matchMedia("print").matches;
 const COLOURS = {
   ink: "#222222", stone: "#6b6b6b", mist: "#b8b8b8", region: "#009e73", regionName: "#00523c",
   obstacle: "#6e6e6e", landmark: "#a0457f", wind: "#2f78ad", path: "#000000", chosen: "#d55e00",
-  flight: "#0072b2", failed: "#7a0018", mark: "#e69f00",
-};  // of Okabe and Ito, as in the figures
+  flight: "#0072b2", failed: "#7a0018", mark: "#e69f00", paper: "#ffffff", grid: "#eeeeee",
+  ...DARK ? {
+    ink: "#e4e7eb", stone: "#a3abb5", mist: "#59626d", region: "#3fd0a2", regionName: "#8ff0cf", obstacle: "#7a838e", landmark: "#e08cc0",
+    wind: "#5b9bcb", path: "#ffffff", chosen: "#ff9a52", flight: "#6cb6f0", failed: "#ff8fa6", mark: "#f2b632", paper: "#15191e", grid: "#2b333c",
+  } : {},
+};  // of Okabe and Ito, as in the figures; lighter on dark paper
 const FONT = { family: 'system-ui, "DejaVu Sans", sans-serif', size: 12, color: COLOURS.ink };
 const CONFIG = { displayModeBar: false, responsive: true, scrollZoom: false, doubleClick: "reset" };
 const CHI2_95 = -2 * Math.log(0.05);  // 95 % quantile of chi-squared with two degrees of freedom

@@ -39,18 +39,18 @@ function drawFront() {
   const bound = PAGE.judge === "bound";
   const traces = [
     { x, y, mode: "markers", cliponaxis: false, text: rows.map(pointText), hovertemplate: "%{text}<extra></extra>", showlegend: false,
-      marker: { size: 9, color: rows.map((row, k) => told(k) ? COLOURS.flight : "white"), symbol: rows.map(row => row.failure < failureEnd ? "triangle-down-open" : "circle"), line: { color: COLOURS.flight, width: 1.5 } },
+      marker: { size: 9, color: rows.map((row, k) => told(k) ? COLOURS.flight : COLOURS.paper), symbol: rows.map(row => row.failure < failureEnd ? "triangle-down-open" : "circle"), line: { color: COLOURS.flight, width: 1.5 } },
       error_y: { type: "data", visible: !bound, symmetric: false, array: ranged.map(r => r[0]), arrayminus: ranged.map(r => r[1]), color: COLOURS.flight, thickness: 1, width: 3 } },
     { ...ringAt(PAGE.chosen), mode: "markers", hoverinfo: "skip", name: "chosen plan", marker: { size: 19, symbol: "diamond-open", color: COLOURS.chosen, line: { width: 2.2 } }, visible: PAGE.chosen !== null },
-    { ...ringAt(shown.point), mode: "markers", hoverinfo: "skip", name: "shown", marker: { size: 17, symbol: "circle-open", color: "black", line: { width: 2.4 } } },
+    { ...ringAt(shown.point), mode: "markers", hoverinfo: "skip", name: "shown", marker: { size: 17, symbol: "circle-open", color: COLOURS.path, line: { width: 2.4 } } },
   ];
   const hidden = rows.some(row => row.failure < failureEnd || row.low === 0);
   const highest = Math.min(100, rows.reduce((most, row) => Math.max(most, atLeast(row.high ?? row.failure)), 0)), ticks = failureTicks(100 * failureEnd, highest * 1.6);
   if (hidden && ticks[0] > 100.1 * failureEnd) ticks.unshift(100 * failureEnd);
   const layout = {
-    font: FONT, margin: { l: 62, r: 10, t: 30, b: 44 }, hovermode: "closest", dragmode: false, legend: { orientation: "h", x: 1, xanchor: "right", y: 1.0, yanchor: "bottom" },
-    xaxis: { title: { text: `length [${lengthUnit[0]}]`, standoff: 6 }, zeroline: false, gridcolor: "#eee" },
-    yaxis: { type: "log", title: { text: bound ? `bound, ${plain(law)} winds [%]` : `fails, ${plain(law)} winds [%]`, standoff: 4 }, tickvals: ticks, ticktext: ticks.map((tick, k) => k === 0 && hidden ? "0" : String(tick)), gridcolor: "#eee", range: [Math.log10(100 * failureEnd) - 0.08, Math.log10(highest * 1.35)] },
+    font: FONT, plot_bgcolor: COLOURS.paper, paper_bgcolor: COLOURS.paper, margin: { l: 62, r: 10, t: 30, b: 44 }, hovermode: "closest", dragmode: false, legend: { orientation: "h", x: 1, xanchor: "right", y: 1.0, yanchor: "bottom" },
+    xaxis: { title: { text: `length [${lengthUnit[0]}]`, standoff: 6 }, zeroline: false, gridcolor: COLOURS.grid },
+    yaxis: { type: "log", title: { text: bound ? `upper bound, ${plain(law)} winds [%]` : `fails, ${plain(law)} winds [%]`, standoff: 4 }, tickvals: ticks, ticktext: ticks.map((tick, k) => k === 0 && hidden ? "0" : String(tick)), gridcolor: COLOURS.grid, range: [Math.log10(100 * failureEnd) - 0.08, Math.log10(highest * 1.35)] },
   };
   Plotly.newPlot("front", traces, layout, CONFIG).then(chart => {
     chart.on("plotly_click", event => showPoint(nearestPoint(event)));
@@ -80,7 +80,7 @@ function markFront() {
 // --- risk along the path -----------------------------------------------------------------------
 
 const CAUSE_DASHES = ["dash", "dot", "dashdot", "longdash"];
-const CAUSE_COLOURS = ["#4d4d4d", "#a0457f", "#009e73", "#0072b2"];
+const CAUSE_COLOURS = [COLOURS.stone, COLOURS.landmark, COLOURS.region, COLOURS.flight];
 
 function riskTraces(way) {
   const { failed, runs, low, high } = way.risk, unit = timeUnit(way), x = way.t.map(t => t / unit.seconds);
@@ -88,7 +88,7 @@ function riskTraces(way) {
   const share = counts => counts.map(n => 100 * n / runs), step = { shape: "hv" };
   const traces = [
     { x, y: low.map(p => 100 * p), mode: "lines", line: { ...step, width: 0 }, hoverinfo: "skip", showlegend: false },
-    { x, y: high.map(p => 100 * p), mode: "lines", line: { ...step, width: 0 }, fill: "tonexty", fillcolor: "rgba(122,0,24,0.10)", hoverinfo: "skip", showlegend: false },
+    { x, y: high.map(p => 100 * p), mode: "lines", line: { ...step, width: 0 }, fill: "tonexty", fillcolor: "rgba(200,60,90,0.14)", hoverinfo: "skip", showlegend: false },
     { x, y: share(total), mode: "lines+markers", marker: { size: x.map((_, k) => k === x.length - 1 ? 8 : 0.1), color: COLOURS.failed }, line: { ...step, color: COLOURS.failed, width: 2.6 }, name: "failed", text: total, hovertemplate: `%{text} of ${runs} flights (%{y:.2g} %) have failed<extra></extra>` },
   ];
   failed.forEach((counts, cause) => {
@@ -101,9 +101,9 @@ function riskTraces(way) {
 function riskLayout(way, unit) {
   const top = 100 * Math.max(...way.risk.high) * 1.1;
   return {
-    font: FONT, margin: { l: 62, r: 10, t: 44, b: 44 }, hovermode: "x", dragmode: false, showlegend: true, legend: { orientation: "h", x: 0, y: 1.0, yanchor: "bottom", font: { size: 11 } },
-    xaxis: { title: { text: `${unit.name} after departure`, standoff: 6 }, zeroline: false, gridcolor: "#eee", range: [0, 1.03 * way.t[way.t.length - 1] / unit.seconds] },
-    yaxis: { title: { text: `failed by then, ${plain(way.risk.law)} winds [%]`, standoff: 4, font: { size: 11 } }, range: [0, Math.min(100, top)], gridcolor: "#eee" }, shapes: [nowLine(way, unit)],
+    font: FONT, plot_bgcolor: COLOURS.paper, paper_bgcolor: COLOURS.paper, margin: { l: 62, r: 10, t: 44, b: 44 }, hovermode: "x", dragmode: false, showlegend: true, legend: { orientation: "h", x: 0, y: 1.0, yanchor: "bottom", font: { size: 11 } },
+    xaxis: { title: { text: `${unit.name} after departure`, standoff: 6 }, zeroline: false, gridcolor: COLOURS.grid, range: [0, 1.03 * way.t[way.t.length - 1] / unit.seconds] },
+    yaxis: { title: { text: `failed by then, ${plain(way.risk.law)} winds [%]`, standoff: 4, font: { size: 11 } }, range: [0, Math.min(100, top)], gridcolor: COLOURS.grid }, shapes: [nowLine(way, unit)],
   };
 }
 
@@ -114,7 +114,11 @@ const nowLine = (way, unit) => {
 
 function drawRisk() {
   const way = path();
-  if (!way) return;
+  if (!way) {
+    Plotly.purge("risk");
+    byId("risk-note").textContent = `The flights of point ${shown.point} are not in this page.`;
+    return;
+  }
   const [traces, unit] = riskTraces(way);
   Plotly.react("risk", traces, riskLayout(way, unit), CONFIG);
   const total = way.risk.failed.reduce((sum, cause) => sum + cause[cause.length - 1], 0);

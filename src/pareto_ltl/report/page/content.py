@@ -16,6 +16,7 @@ from pareto_ltl.report.page.ground import map_on_earth, shown_map, shown_trees, 
 from pareto_ltl.report.page.limits import limit_texts, shown_places
 from pareto_ltl.report.page.machine import shown_automaton
 from pareto_ltl.report.page.points import (
+    MOST_PLAIN_LEGS,
     chosen_number,
     shown_flights,
     shown_path,
@@ -102,10 +103,12 @@ def _paths(
     given = run.deployments.get(run.problem.fidelity.law)
     paths = {}
     if front is not None:
-        for k in told_points(front, chosen):
-            paths[str(k)] = shown_path(run, run.problem, front.paths[k], given if k == chosen else None)
-    flown = None if given is None or chosen is None else shown_flights(run, run.problem, given)
-    return paths, flown
+        logged = set(told_points(front, chosen))
+        for k in told_points(front, chosen, MOST_PLAIN_LEGS):
+            flown = given if k == chosen else None
+            paths[str(k)] = shown_path(run, run.problem, front.paths[k], flown, logged=k in logged)
+    flights = None if given is None or chosen is None else shown_flights(run, run.problem, given)
+    return paths, flights
 
 
 # --- texts -----------------------------------------------------------------------------------
@@ -145,7 +148,7 @@ def _headline(run: ShownRun, path: PlannedPath, chosen: int | None) -> list[dict
         cost = path.objectives
         fails = {
             "value": _at_most(min(1.0, cost.mission_risk + cost.collision_risk)),
-            "note": f"bound {plan.models.mission_symbol} + R, under {law} winds",
+            "note": f"upper bound ({plan.models.mission_symbol} + R), under {law} winds",
         }
     others = [] if promise is not None else [_simulated_fact(run)] if run.deployments else []
     hours = float(path.t[-1] - path.t[0]) / 3600
@@ -209,9 +212,9 @@ def _verdicts(run: ShownRun) -> Iterator[dict[str, str]]:
         seen = run.forecasts[law]
         bound = min(1.0, seen.mission_risk + seen.collision_risk)
         yield {
-            "what": "bound V + R of the plan", "law": law, "rate": _at_most(bound),
-            "interval": "", "source": f"V {probability_text(seen.mission_risk)} mission, R "
-            f"{probability_text(seen.collision_risk)} collision; it guides the search",
+            "what": "upper bound for the plan", "law": law, "rate": _at_most(bound),
+            "interval": "", "source": f"{probability_text(seen.mission_risk)} for the mission (V), "
+            f"{probability_text(seen.collision_risk)} for collisions (R); it guides the search",
         }  # fmt: skip
 
 

@@ -112,7 +112,7 @@ function listFiles() {
   if (PAGE.onEarth) byId("export-command").textContent = `pareto-ltl export DIR --point ${shown.point}`;
   place.replaceChildren();
   if (!way || !way.log) {
-    byId("files-note").textContent = PAGE.onEarth ? "This page does not contain this path: the command below writes its files." : "The map has no place on Earth, so that nothing can be exported.";
+    byId("files-note").textContent = PAGE.onEarth ? "This page has no navigation log of this path: the command below writes its files." : "The map has no place on Earth, so that nothing can be exported.";
     return;
   }
   const possible = FILES.filter(file => !file.outlined || PAGE.earth.length);

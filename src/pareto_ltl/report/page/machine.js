@@ -35,14 +35,14 @@ const edgeShape = edge => inSvg("path", {
 });
 
 function edgeLabel(edge) {
-  const [x, y] = edge.at, text = inSvg("text", { x, y: y + 4 - 7 * (edge.lines.length - 1), "text-anchor": "middle", fill: edge.lost ? COLOURS.stone : COLOURS.ink, stroke: "white", "stroke-width": 7, "paint-order": "stroke" });
+  const [x, y] = edge.at, text = inSvg("text", { x, y: y + 4 - 7 * (edge.lines.length - 1), "text-anchor": "middle", fill: edge.lost ? COLOURS.stone : COLOURS.ink, stroke: COLOURS.paper, "stroke-width": 7, "paint-order": "stroke" });
   edge.lines.forEach((line, k) => text.append(inSvg("tspan", { x, dy: k ? 14 : 0 }, line)));
   return text;
 }
 
 function stateShape(one, radius) {
   const [cx, cy] = one.at, group = inSvg("g", { "data-state": one.number }), colour = STATE_COLOURS[one.role];
-  group.append(inSvg("circle", { cx, cy, r: radius, fill: "white", stroke: colour, "stroke-width": 1.6, "stroke-dasharray": one.role === "lost" ? "4 3" : "none" }));
+  group.append(inSvg("circle", { cx, cy, r: radius, fill: COLOURS.paper, stroke: colour, "stroke-width": 1.6, "stroke-dasharray": one.role === "lost" ? "4 3" : "none" }));
   if (one.role === "goal") group.append(inSvg("circle", { cx, cy, r: radius - 4, fill: "none", stroke: colour, "stroke-width": 1.2 }));
   group.append(inSvg("text", { x: cx, y: cy + 4, "text-anchor": "middle", fill: colour }, one.number));
   return group;
@@ -55,7 +55,7 @@ function markMachine() {
   const passed = new Set([PAGE.automaton?.initial, ...way.q.slice(0, shown.step + 1)]), now = way.q[shown.step];
   for (const group of document.querySelectorAll("#machine [data-state]")) {
     const number = +group.dataset.state, circle = group.querySelector("circle");
-    circle.setAttribute("fill", number === now ? COLOURS.mark : passed.has(number) ? "#fbe8c1" : "white");
+    circle.setAttribute("fill", number === now ? COLOURS.mark : passed.has(number) ? (DARK ? "#5a4a1e" : "#fbe8c1") : COLOURS.paper);
     circle.setAttribute("stroke-width", number === now ? 3 : 1.6);
   }
   for (const line of byId("progress").children) line.classList.toggle("now", +line.dataset.first <= shown.step && shown.step < +line.dataset.end);

@@ -12,12 +12,35 @@ function showPoint(point) {
   byId("next").disabled = point === PAGE.points.length - 1;
   byId("home").disabled = point === PAGE.chosen || PAGE.chosen === null;
   if (!there) byId("map-note").textContent = `The path of point ${point} is not in this page: pareto-ltl choose DIR --point ${point} makes it the plan.`;
+  else mapNote();
   limitTime();
+  showFacts();
   if (there) restyleMap({ ...pathTraces(), ...placeTraces(), ...momentTraces() });
   else restyleMap({ path: { x: [], y: [], text: [] }, ends: { x: [], y: [] }, ellipses: { x: [], y: [], visible: true }, ...placeTraces(), ...momentTraces() });
   redrawSeen();
   listProgress();
   showMoment();
+}
+
+/** The numbers at the top: as they were written for the plan, or those of another point that is shown. */
+function showFacts() {
+  const place = byId("facts"), note = byId("facts-note");
+  if (!place) return;
+  showFacts.plan ??= [...place.children];
+  note.hidden = shown.point === PAGE.chosen || PAGE.chosen === null;
+  if (note.hidden) { place.replaceChildren(...showFacts.plan); return; }
+  const row = PAGE.points[shown.point], way = path(), utc = way?.utc?.at(-1);
+  const rate = row.low === null ? [`≤ ${percent(row.failure)}`, `upper bound, under ${row.law} winds`] : [percent(row.failure), `${percent(row.low)} to ${percent(row.high)} (95 %), under ${row.law} winds, ${row.runs.toLocaleString("en")} flights`];
+  const facts = [["fails", ...rate], ["length", distance(row.length), "of the expected path"], ["duration", duration(row.duration), `${row.steps} steps`]];
+  if (utc) facts.push(["arrival", `${utc.slice(11, 16)} UTC`, utc.slice(0, 10)]);
+  facts.push(["shown", `point ${shown.point}`, [`of the front, not the plan (point ${PAGE.chosen})`, ...row.costs].join("; ")]);
+  place.replaceChildren(...facts.map(([name, value, told], k) => {
+    const made = element("div", { class: k ? "fact" : "fact main" }), number = element("dd", {}, value);
+    number.append(element("small", {}, told));
+    made.append(element("dt", {}, name), number);
+    return made;
+  }));
+  note.textContent = `These are the numbers of point ${shown.point}. The sections “How often it fails” and “What limits it” are about the plan, point ${PAGE.chosen}.`;
 }
 
 /** Draw again the charts that have been drawn; the others are drawn when they become visible. */

@@ -62,7 +62,7 @@ function groundTraces() {
   const { regions, obstacles, landmarks } = PAGE.map, named = regions.filter(r => r.parts.length), line = { hoverinfo: "skip", showlegend: false, mode: "lines" };
   const polygons = list => joined(list.map(closed));
   return {
-    obstacles: { ...line, ...polygons(obstacles), fill: "toself", fillcolor: COLOURS.obstacle, line: { color: "#4a4a4a", width: 1 } },
+    obstacles: { ...line, ...polygons(obstacles), fill: "toself", fillcolor: COLOURS.obstacle, line: { color: DARK ? "#b0b6bd" : "#4a4a4a", width: 1 } },
     landmarks: { ...line, ...polygons(landmarks), line: { color: COLOURS.landmark, width: 2, dash: "dash" } },
     regions: { ...line, ...polygons(regions.flatMap(r => r.parts)), fill: "toself", fillcolor: "rgba(0,158,115,0.28)", line: { color: COLOURS.region, width: 2 } },
     names: {
@@ -185,19 +185,19 @@ function flightTraces() {
 }
 
 const MAP_STYLE = {
-  doubt: { type: "heatmap", colorscale: [[0, "#fbfbf4"], [0.5, "#ead9a4"], [1, "#c99b3f"]], zsmooth: "best", hovertemplate: "sd of the wind %{z:.1f} m/s<extra></extra>",
-    colorbar: { orientation: "h", thickness: 9, len: 0.7, x: 0, xanchor: "left", yref: "container", y: 0.005, yanchor: "bottom", title: { text: "uncertainty of the wind: sd of a component [m/s]", side: "bottom", font: { size: 11 } }, tickfont: { size: 11 }, outlinewidth: 0 } },
+  doubt: { type: "heatmap", colorscale: [[0, DARK ? "#20262c" : "#fbfbf4"], [0.5, DARK ? "#4d4630" : "#ead9a4"], [1, DARK ? "#8a6d2b" : "#c99b3f"]], zsmooth: "best", hovertemplate: "standard deviation of the wind %{z:.1f} m/s<extra></extra>",
+    colorbar: { orientation: "h", thickness: 9, len: 0.7, x: 0, xanchor: "left", yref: "container", y: 0.005, yanchor: "bottom", title: { text: "uncertainty of the wind: standard deviation, eastward or northward [m/s]", side: "bottom", font: { size: 11 } }, tickfont: { size: 11 }, outlinewidth: 0 } },
   closed: { mode: "lines", line: { color: COLOURS.failed, width: 2, dash: "dash" }, fill: "toself", fillcolor: "rgba(70,70,70,0.55)", hoverinfo: "skip" },
   wind: { mode: "lines", line: { color: COLOURS.wind, width: 1.3 }, hoverinfo: "skip" },
   others: { mode: "lines", line: { color: COLOURS.stone, width: 1, dash: "dot" }, hoverinfo: "skip" },
-  ellipses: { mode: "lines", line: { color: COLOURS.ink, width: 0.8 }, fill: "toself", fillcolor: "rgba(50,50,50,0.07)", hoverinfo: "skip" },
+  ellipses: { mode: "lines", line: { color: COLOURS.ink, width: 0.8 }, fill: "toself", fillcolor: DARK ? "rgba(230,230,230,0.09)" : "rgba(50,50,50,0.07)", hoverinfo: "skip" },
   tails: { mode: "lines", line: { color: COLOURS.flight, width: 0.7 }, opacity: 0.55, hoverinfo: "skip" },
   lost: { mode: "lines", line: { color: COLOURS.failed, width: 1.6, dash: "dash" }, hoverinfo: "skip" },
   places: { mode: "lines", line: { color: COLOURS.chosen, width: 10 }, opacity: 0.6, hoverinfo: "skip" },
   reasons: { mode: "markers", marker: { size: 8, opacity: 0 }, hovertemplate: "%{text}<extra></extra>", hoverlabel: { align: "left", bgcolor: COLOURS.chosen } },
   numbers: { mode: "text", textfont: { size: 13, weight: 700, color: "white" }, hoverinfo: "skip", cliponaxis: true },
   path: { mode: "lines+markers", line: { color: COLOURS.path, width: 2.4 }, marker: { size: 4, color: COLOURS.path }, hovertemplate: "%{text}<extra></extra>" },
-  ends: { mode: "markers", marker: { size: 11, color: "white", symbol: ["circle", "square"], line: { color: "black", width: 2 } }, text: ["start", "expected end"], hovertemplate: "%{text}<extra></extra>" },
+  ends: { mode: "markers", marker: { size: 11, color: COLOURS.paper, symbol: ["circle", "square"], line: { color: COLOURS.path, width: 2 } }, text: ["start", "expected end"], hovertemplate: "%{text}<extra></extra>" },
   heads: { mode: "markers", marker: { size: 4, color: COLOURS.flight }, hoverinfo: "skip" },
   lostHeads: { mode: "markers", marker: { size: 9, symbol: "x", color: COLOURS.failed }, hoverinfo: "skip" },
   spread: { mode: "lines", line: { color: COLOURS.chosen, width: 2 }, fill: "toself", fillcolor: "rgba(213,94,0,0.15)", hoverinfo: "skip" },
@@ -210,7 +210,7 @@ const MARGIN = { l: 56, r: 8, t: 8, b: 104 };
 function fitMap() {
   const [[west, south], [east, north]] = PAGE.map.bounds, inner = byId("map").clientWidth - MARGIN.l - MARGIN.r;
   const printing = document.documentElement.classList.contains("printing");  // below the numbers, on the first sheet
-  const tall = inner * (north - south) / (east - west), most = printing ? 440 : Math.max(300, Math.min(720, 0.86 * innerHeight));
+  const tall = inner * (north - south) / (east - west), most = printing ? 440 : Math.max(280, Math.min(720, innerHeight - MARGIN.t - MARGIN.b - 130));  // with its heading and slider
   byId("map").style.height = `${Math.round(Math.min(Math.max(tall, 160), most) + MARGIN.t + MARGIN.b)}px`;
 }
 
@@ -223,7 +223,7 @@ function drawMap() {
   const [[west, south], [east, north]] = PAGE.map.bounds.map(corner => corner.map(onMap)), unit = PAGE.map.unit;
   const axis = (low, high, text) => ({ range: [low, high], title: { text, standoff: 12 }, zeroline: false, showgrid: false, nticks: 6, ticks: "outside", ticklen: 4, linecolor: COLOURS.mist, constrain: "domain" });
   const layout = {
-    font: FONT, margin: MARGIN, dragmode: "pan", hovermode: "closest", plot_bgcolor: "white",
+    font: FONT, margin: MARGIN, dragmode: "pan", hovermode: "closest", plot_bgcolor: COLOURS.paper, paper_bgcolor: COLOURS.paper,
     xaxis: axis(west, east, `east [${unit}]`), yaxis: { ...axis(south, north, `north [${unit}]`), scaleanchor: "x" },
     shapes: [{ type: "rect", x0: west, x1: east, y0: south, y1: north, line: { color: COLOURS.ink, width: PAGE.map.walled ? 2.5 : 1, dash: PAGE.map.walled ? "solid" : "dot" } }],
   };

@@ -21,6 +21,7 @@ from pareto_ltl.support.files import plain_data
 from pareto_ltl.world.navigation import utc_times
 
 MOST_LEGS = 3000  # legs of all complete paths, at most: 200 bytes each
+MOST_PLAIN_LEGS = 40_000  # legs of all paths, with or without a navigation log: 40 bytes each
 MOST_FLIGHTS = 100  # flights drawn, at most
 MOST_PLACES = 6000  # positions of all flights drawn, at most
 LOG_DIGITS = {
@@ -73,10 +74,10 @@ def bound_of(cost: Objectives) -> float:
     return min(1.0, cost.mission_risk + cost.collision_risk)
 
 
-def told_points(front: Front, chosen: int | None) -> list[int]:
-    """The points whose paths are in the page: all, or the chosen one and others spread over the front."""
+def told_points(front: Front, chosen: int | None, most: int = MOST_LEGS) -> list[int]:
+    """The points whose paths have room in ``most`` legs: all, or the chosen one and others spread evenly."""
     longest = max(len(path.u) for path in front.paths)
-    room = max(1, MOST_LEGS // max(longest, 1))
+    room = max(1, most // max(longest, 1))
     if room >= len(front.paths):
         return list(range(len(front.paths)))
     spread = np.unique(np.linspace(0, len(front.paths) - 1, room).round().astype(int)).tolist()
@@ -84,9 +85,9 @@ def told_points(front: Front, chosen: int | None) -> list[int]:
 
 
 def shown_path(
-    run: ShownRun, problem: Problem, path: PlannedPath, given: Deployment | None
+    run: ShownRun, problem: Problem, path: PlannedPath, given: Deployment | None, *, logged: bool = True
 ) -> dict[str, Any]:
-    """A path step by step, its navigation log, and when flights of it fail.
+    """A path step by step, its navigation log if it is ``logged``, and when flights of it fail.
 
     ``given`` are its flights if there are any; otherwise ``run.runs`` flights are simulated in the same
     winds.
@@ -103,7 +104,7 @@ def shown_path(
         "utc": utc_times(problem.scene.time_zero, path.t),
         "risk": _risk(problem, given or _flown(run, problem, path)),
     }
-    if problem.scene.crs is not None:
+    if logged and problem.scene.crs is not None:
         shown["log"] = _shown_log(navigation_log(problem, path))
     plain: dict[str, Any] = plain_data(shown)
     return plain
