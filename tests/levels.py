@@ -58,6 +58,8 @@ NOT_BY_DAY = [
     "run/test_replanning",
     "run/test_steering",
     "run/test_vehicles",
+    "serve/test_desk_api",
+    "serve/test_desk_browser",
     "settings/test_odd_values",
     "simulation/test_coherent_flights",
     "simulation/test_failure_times",
