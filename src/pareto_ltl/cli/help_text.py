@@ -30,7 +30,6 @@ EXAMPLES = """\
   pareto-ltl plan +experiment=phi2 planner.n_max=5000      with another setting
   pareto-ltl plan +experiment=phi1 "mission.formula='F(a & F b)'"
   pareto-ltl sweep +experiment=phi2 'seed=range(0,99)' hydra/launcher=joblib
-  pareto-ltl ingest wind=grib wind.path=DIR                a wind table from GRIB2 files
   pareto-ltl formula "F(a & F b)"                          what a formula means
   pareto-ltl +experiment=phi1 seed=1,2 -m                  the Hydra form: plan, with every combination"""
 FLAGS = """\
