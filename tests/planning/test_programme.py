@@ -119,6 +119,30 @@ def test_larger_programmes_have_the_same_solution(grown, lines):
     np.testing.assert_allclose(ways[0], ways[1], atol=0.01 * problem.reach)
 
 
+def test_risks_of_lines_and_of_all_other_polygons_are_the_risk_of_a_segment(monkeypatch):
+    """Between two rows of boxes more polygons than lines count: the programme leaves them their risks."""
+    walls = [box(4.0 * k, low, 4.0 * k + 2.5, low + 4.0) for k in range(5) for low in (3.0, 12.5)]
+    scene = make_scene({"a": box(18, 9, 20, 11)}, walls, start=(1.0, 10.0))
+    robot = RobotConfig(dt=300.0, u_max=12.0, start_sd=2000.0)
+    wind = smooth_wind(scene, speed=1.5, sd=0.3, gust=0.3)
+    problem = make_problem("F a", scene, wind, robot, PLANNER, fidelity=preset("full"))
+    x = np.column_stack([np.linspace(1000.0, 19000.0, 8), np.full(8, 10000.0)])
+    flight = propagate(problem, x)
+    lines = separation(problem, flight)
+    apart = lines.elsewhere
+    assert apart.max() > 0.2 * lines.risk.max()
+    gaps = np.einsum("tki,tei->tek", lines.normal, np.stack([x[:-1], x[1:]], axis=1))
+    z = (gaps - lines.offset[:, None]) / lines.sd
+    rows = np.where(lines.owner >= 0, norm.cdf(-z.min(axis=1)), 0.0).sum(axis=1)
+    np.testing.assert_allclose(rows + apart, lines.risk, atol=1e-9)
+    given = {}
+    monkeypatch.setattr(programme.Programme, "_solved", lambda self, values, x: given.update(values))
+    descent = some_descent(np.random.default_rng(1), x, problem)
+    programme.programme(problem, len(x) - 1).descend(flight, descent, 0.3, 1e9)
+    limit = np.maximum(0.96 * problem.epsilon - apart, 0.1 * problem.epsilon)
+    np.testing.assert_allclose(given["epsilon"], limit)
+
+
 def test_a_polish_brings_the_risk_of_every_segment_below_epsilon(grown, lines):
     problem, _ = grown
     flights = draw_flights(problem, "coherent", 300, SeedSequence(1))

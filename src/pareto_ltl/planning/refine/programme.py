@@ -36,6 +36,7 @@ LOG = logging.getLogger(__name__)
 FINEST = 1e-3  # smallest standard deviation that the risk model resolves, in full steps
 SURE = 10.0  # standard deviations that count as certainty
 SHARE = 0.96  # share of epsilon to plan with: tangents lie below the curve, and σ changes with the path
+LEAST_SHARE = 0.1  # of epsilon that is left for the lines of a segment, whatever the risks of other polygons
 FREE = 1e3  # a limit that no path reaches: full steps, probabilities
 TOLERANCE = 1e-6  # of the constraints, and of the gap between primal and dual
 
@@ -164,10 +165,12 @@ class Programme:
         lower = np.minimum(np.maximum(around - trust, low), high)
         upper = np.maximum(np.minimum(around + trust, high), low)
         lower[0] = upper[0] = x[0]
-        limit = SHARE * lines.limit if soft and math.isfinite(lines.limit) else FREE
+        limit = np.full(len(flight.u), FREE)
+        if soft and math.isfinite(lines.limit):
+            limit = np.maximum(SHARE * lines.limit - lines.elsewhere, LEAST_SHARE * lines.limit)
         return {
             **motion_values(problem, flight, self.shape.steps), **self._lines(lines, x, soft=soft),
-            "low": lower, "high": upper, "epsilon": limit,
+            "low": lower, "high": upper, "epsilon": self._padded(limit, FREE, steps=True),
         }  # fmt: skip
 
     def _lines(self, lines: Separation, x: FloatArray, *, soft: bool) -> dict[str, FloatArray]:

@@ -38,6 +38,8 @@ class Separation:
         Standard deviations that both ends keep from every line.
     risk : (T,) float
         Σ_j Φ(-z_j) over all polygons near the segment, z_j of its nearer end.
+    elsewhere : (T,) float
+        The part of ``risk`` of the polygons that have no row.
     limit : float
         The largest risk allowed in a segment; inf if ``deviations`` limit it.
     """
@@ -48,6 +50,7 @@ class Separation:
     owner: IntArray
     deviations: float
     risk: FloatArray
+    elsewhere: FloatArray
     limit: float
 
 
@@ -123,12 +126,17 @@ def _supported(
     problem: Problem, flight: Flight, corners: kd.Corners, asked: BoolArray, around: float
 ) -> Separation:
     line, owner, risk = lines_of(corners, asked, flight.x, flight.cov, ROWS, around)
-    normal = line[..., :2]
+    from scipy.special import ndtr
+
+    normal, offset = line[..., :2], line[..., 2]
     cov = np.stack([flight.cov[:-1], flight.cov[1:]], axis=1)
     n, e = normal[..., 0][:, None], normal[..., 1][:, None]
     variance = n * n * cov[..., :1] + 2.0 * n * e * cov[..., 1:2] + e * e * cov[..., 2:]
     sd = np.sqrt(np.maximum(variance, 0.0) + LEAST)
-    return Separation(normal, line[..., 2], sd, owner, 0.0, risk, allowed_risk(problem))
+    ends = np.stack([flight.x[:-1], flight.x[1:]], axis=1)
+    nearer = ((np.einsum("tki,tei->tek", normal, ends) - offset[:, None]) / sd).min(axis=1)
+    beside = risk - np.where(owner >= 0, ndtr(-nearer), 0.0).sum(axis=1)
+    return Separation(normal, offset, sd, owner, 0.0, risk, np.maximum(beside, 0.0), allowed_risk(problem))
 
 
 # --- faces, Eq. (10) ---------------------------------------------------------------------------
@@ -162,7 +170,7 @@ def _by_faces(problem: Problem, flight: Flight, avoid: BoolArray | None, _around
     return Separation(
         np.where(used[..., None], normal[t, rows], 0.0), offset[t, rows],
         np.take_along_axis(sd, rows[:, None], axis=2), np.where(used, rows, -1), z,
-        ndtr(-nearer).sum(axis=1), math.inf,
+        ndtr(-nearer).sum(axis=1), np.zeros(T), math.inf,
     )  # fmt: skip
 
 

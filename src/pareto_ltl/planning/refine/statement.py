@@ -83,7 +83,7 @@ def state(shape: Shape) -> Statement:
                     ‖x_{t+1} - x_t‖ ≤ l_t,    Σ_t l_t ≤ L_max
                     c_tk' x_e ≥ h_tk + z σ_e      for both ends e of segment t and its closest lines k
                     χ_tk ≥ tangents of 1 - Φ at (c_tk' x_e - h_tk) / σ_e, one of them that of x̄
-                    Σ_k χ_tk ≤ ε
+                    Σ_k χ_tk ≤ ε - risks of other polygons at x̄
                     a_j' x_w ≤ b_j              at the witness steps
                     ρ_wj ≥ tangents of 1 - Φ at (b_j - a_j' x_w) / σ_j, one of them that of x̄
                     |x_t - x̄_t| ≤ trust,       x_t on the map
@@ -104,7 +104,7 @@ def state(shape: Shape) -> Statement:
         at=cp.Variable((shape.witnesses, 2)) if shape.witnesses else None,
     )  # fmt: skip
     given = {name: cp.Parameter(size) for name, size in _sizes(shape).items()}
-    given |= {name: cp.Parameter(nonneg=True) for name in ("per_length", "weight", "longest", "epsilon")}
+    given |= {name: cp.Parameter(nonneg=True) for name in ("per_length", "weight", "longest")}
     given |= {"root": cp.Parameter((n, 3))}
     bend = [
         cp.multiply(given["root"][:, 0], v.x)
@@ -132,7 +132,7 @@ def _sizes(shape: Shape) -> dict[str, tuple[int, ...]]:
     n, T, W, F = shape.steps + 1, shape.steps, shape.witnesses, shape.faces
     sizes: dict[str, tuple[int, ...]] = {
         "gradient": (n, 2), "root_at": (n, 2), "cap": (T,), "F": (T, 4), "g": (T, 2), "low": (n, 2),
-        "high": (n, 2),
+        "high": (n, 2), "epsilon": (T,),
     }  # fmt: skip
     for end in "01":
         sizes |= {f"need{end}": (T, ROWS), f"c_sd{end}": (T, 2 * ROWS), f"h_sd{end}": (T, ROWS)}
