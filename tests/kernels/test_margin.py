@@ -19,7 +19,7 @@ from pareto_ltl.kernels import margin as kernel
 from pareto_ltl.kernels.clearance import beyond_reach
 from pareto_ltl.kernels.data import Point
 from pareto_ltl.kernels.margin_events import SATURATED
-from pareto_ltl.kernels.near import SegmentBox
+from pareto_ltl.kernels.near import SegmentBox, least_gaps
 from pareto_ltl.planning.margin_model import claim_lists, margin_model, margin_scratch
 from pareto_ltl.planning.pack import pack_corners, pack_faces
 from pareto_ltl.planning.problem import Problem
@@ -435,7 +435,7 @@ def test_no_segment_is_closer_than_its_largest_distance_from_a_face(
     corners = np.array([p, q, other])
     middle, half = corners.min(axis=0) / 2 + corners.max(axis=0) / 2, np.ptp(corners, axis=0) / 2
     gap, faces = np.empty(1), pack_faces([polygon])
-    kernel.least_gaps(faces, 0, SegmentBox(*middle, *half), np.array([*p, *q])[:, None], gap)
+    least_gaps(faces, 0, SegmentBox(*middle, *half), np.array([*p, *q])[:, None], gap)
     ends = faces.normal @ np.column_stack([p, q]) - faces.offset[:, None]
     assert gap[0] == pytest.approx(ends.min(axis=1).max(), abs=1e-9)
     assert gap[0] <= clearance(polygon, np.array(p), np.array(q)).margin + 1e-9

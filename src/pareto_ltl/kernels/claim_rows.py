@@ -16,7 +16,7 @@ from pareto_ltl.kernels.geometry import locate_cell
 from pareto_ltl.kernels.jit import implements, kernel
 from pareto_ltl.kernels.letters import epoch_at
 from pareto_ltl.kernels.margin_events import NOWHERE, MarginModel, Scratch, letter_number, mission_margins
-from pareto_ltl.kernels.near import Near
+from pareto_ltl.kernels.near import Near, least_gaps, place_end, segment_box
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 
 BLOCK = 256  # flights at a time: their rows fit into the L1 cache
@@ -38,8 +38,8 @@ class ClaimRows(NamedTuple):
 
     ``shown`` (M, n): margins of the letters for which ``near`` (M,) is true [m]. ``margin`` (2, n) and
     ``event`` (n,) are temporary: those of one polygon, and those of a claim behind an edge. With hazards,
-    ``state`` (n,) and ``cell`` (n,) are the automaton state and the cell of each flight, and ``flight`` is
-    temporary: the claims of one flight.
+    ``state`` (n,) is the automaton state of each flight, and ``ends`` (4, n) and ``flight`` are temporary:
+    the segments of one step, and the claims of one flight.
     """
 
     before: Rows
@@ -49,7 +49,7 @@ class ClaimRows(NamedTuple):
     margin: FloatArray
     event: IntArray
     state: IntArray
-    cell: IntArray
+    ends: FloatArray
     flight: Claims
 
 
@@ -150,27 +150,44 @@ def follow_edge(
 
 
 @kernel
+def measure_hazards(model: MarginModel, near: Near, t: int, rows: ClaimRows) -> None:
+    """Fill ``rows.margin[1]`` with lower limits of the distances of ``rows.ends`` from near hazards."""
+    gap, nearest, box = rows.margin[0], rows.margin[1], segment_box(near.box, t)
+    nearest[:] = CERTAIN
+    for k in range(near.crossed_first[t], near.crossed_first[t + 1]):
+        least_gaps(model.hazards, near.crossed[k], box, rows.ends, gap)
+        for i in range(len(nearest)):
+            nearest[i] = min(nearest[i], gap[i])
+
+
+@kernel
 def cross_segment(
-    model: MarginModel, near: Near, t: int, mean: FloatArray, off: FloatArray, rows: ClaimRows, claims: Rows
+    model: MarginModel, near: Near, t: int, reach: float, rows: ClaimRows, claims: Rows, n: int
 ) -> None:
-    """:func:`cross_hazards` from step ``t`` for n flights ``mean`` (2, 2) + ``off`` (2, 2, n)."""
-    n, one = off.shape[2], rows.flight
-    for p in range(len(claims.live)):
-        if not claims.live[p]:
-            claims.margin[p, :n] = -CERTAIN
-            claims.event[p, :n] = NOWHERE
+    """:func:`cross_hazards` from step ``t`` for the first n segments of ``rows.ends``.
+
+    Only for those closer to a hazard than ``reach``: 1,500 flights of 157 steps take 10 instead of 31 ms.
+    """
+    measure_hazards(model, near, t, rows)
+    nearest, ends, one, begun = rows.margin[1], rows.ends, rows.flight, False
     for i in range(n):
-        start = Point(mean[0, 0] + off[0, 0, i], mean[0, 1] + off[0, 1, i])
-        end = Point(mean[1, 0] + off[1, 0, i], mean[1, 1] + off[1, 1, i])
+        if nearest[i] >= reach:
+            continue
+        if not begun:
+            begun = True
+            for p in range(len(claims.live)):
+                if not claims.live[p]:
+                    claims.margin[p, :n] = -CERTAIN
+                    claims.event[p, :n] = NOWHERE
+        start, end = Point(ends[0, i], ends[1, i]), Point(ends[2, i], ends[3, i])
         one.size[0] = 0
         for p in range(len(claims.live)):
             one.margin[p], one.event[p] = claims.margin[p, i], claims.event[p, i]
             if one.margin[p] > -CERTAIN:
                 one.live[one.size[0]] = p
                 one.size[0] += 1
-        last = locate_cell(model.cells, end)
-        rows.state[i] = cross_hazards(model, t, start, end, (rows.cell[i], last), one, rows.state[i], near)
-        rows.cell[i] = last
+        cells = locate_cell(model.cells, start), locate_cell(model.cells, end)
+        rows.state[i] = cross_hazards(model, t, start, end, cells, one, rows.state[i], near)
         for k in range(one.size[0]):
             p = one.live[k]
             claims.margin[p, i], claims.event[p, i] = one.margin[p], one.event[p]
@@ -178,26 +195,27 @@ def cross_segment(
 
 
 @kernel
-def locate_row(model: MarginModel, mean: FloatArray, x: FloatArray, y: FloatArray, cell: IntArray) -> None:
-    """Fill ``cell`` (n,) with the cells of ``mean`` (2,) + (``x``, ``y``)."""
-    for i in range(len(x)):
-        cell[i] = locate_cell(model.cells, Point(mean[0] + x[i], mean[1] + y[i]))
-
-
-@kernel
-def follow_states(model: MarginModel, near: Near, t: int, rows: ClaimRows, n: int) -> None:
-    """Read the labels of step ``t`` in ``rows.state``; the label is the empty one away from all letters."""
-    logic, shown = model.logic, near.shown_first[t] < near.shown_first[t + 1]
-    e = epoch_at(logic.epoch, t)
+def follow_states(model: MarginModel, t: int, rows: ClaimRows, n: int) -> None:
+    """Read the labels of step ``t`` in ``rows.state``; the label is the empty one outside of all letters."""
+    delta, column = model.logic.delta[epoch_at(model.logic.epoch, t)], rows.event
+    column[:] = -1
+    for letter in range(len(rows.near)):
+        if rows.near[letter]:
+            for i in range(n):
+                column[i] = model.column[letter] if rows.shown[letter, i] >= 0.0 else column[i]
     for i in range(n):
-        rows.state[i] = logic.delta[e, rows.state[i], rows.cell[i] if shown else -1]
+        rows.state[i] = delta[rows.state[i], column[i]]
 
 
 @kernel
 def claims_at_end(
-    model: MarginModel, near: Near, mean: FloatArray, off: FloatArray, first: int, n: int, rows: ClaimRows
-) -> Rows:
-    """W_T of flights ``first`` to ``first + n`` of ``mean`` (T+1, 2) + ``off`` (T+1, 2, N)."""
+    model: MarginModel, near: Near, mean: FloatArray, off: FloatArray, first: int, n: int, reach: float,
+    rows: ClaimRows,
+) -> Rows:  # fmt: skip
+    """W_T of flights ``first`` to ``first + n`` of ``mean`` (T+1, 2) + ``off`` (T+1, 2, N).
+
+    Hazards at least ``reach`` [m] from a segment have no effect.
+    """
     before, after, guards, last = rows.before, rows.after, model.guards, first + n
     before.live[:] = False
     before.live[model.logic.initial] = True
@@ -206,19 +224,20 @@ def claims_at_end(
     rows.state[:] = model.logic.initial
     hazardous, crossed = len(model.logic.hazards.cell) > 0, False
     for t in range(len(mean)):
+        x, y = off[t, 0, first:last], off[t, 1, first:last]
         if crossed:
-            pair = off[t - 1 : t + 1, :, first:last]
-            cross_segment(model, near, t - 1, mean[t - 1 : t + 1], pair, rows, before)
-        shown, known = near.shown_first[t] < near.shown_first[t + 1], crossed
+            place_end(mean[t], x, y, rows.ends[2:])
+            cross_segment(model, near, t - 1, reach, rows, before, n)
+        shown = near.shown_first[t] < near.shown_first[t + 1]
         crossed = hazardous and t + 1 < len(mean) and near.crossed_first[t] < near.crossed_first[t + 1]
-        if hazardous and not known and (shown or crossed):
-            locate_row(model, mean[t], off[t, 0, first:last], off[t, 1, first:last], rows.cell)
+        if crossed:
+            place_end(mean[t], x, y, rows.ends[:2])
         if not shown and guards.patient:
             continue
-        if hazardous:
-            follow_states(model, near, t, rows, n)
         edges = guards.first[epoch_at(model.logic.epoch, t)]
-        read_shown(model, near, t, mean[t], off[t, 0, first:last], off[t, 1, first:last], rows)
+        read_shown(model, near, t, mean[t], x, y, rows)
+        if hazardous:
+            follow_states(model, t, rows, n)
         after.live[:] = False
         for q in range(len(before.live)):
             if before.live[q]:
@@ -237,7 +256,7 @@ def _in_blocks(
         margins, events = scratch.margins[first:last], scratch.event[first:last]
         margins[:] = -CERTAIN
         events[:] = NOWHERE
-        rows = claims_at_end(model, scratch.near, mean, off, first, last - first, claims)
+        rows = claims_at_end(model, scratch.near, mean, off, first, last - first, -floor, claims)
         for p in range(len(rows.live)):
             if not rows.live[p] or model.logic.distance[p] != 0.0:
                 continue

@@ -24,7 +24,7 @@ from typing import NamedTuple
 
 from pareto_ltl.kernels import claim_lists, claim_rows
 from pareto_ltl.kernels.clearance import CERTAIN, Event, segment_clearance
-from pareto_ltl.kernels.data import Faces, Point
+from pareto_ltl.kernels.data import Point
 from pareto_ltl.kernels.jit import entry, kernel
 from pareto_ltl.kernels.margin_events import (
     NOWHERE,
@@ -34,7 +34,7 @@ from pareto_ltl.kernels.margin_events import (
     mission_margins,
     numbered_event,
 )  # fmt: skip
-from pareto_ltl.kernels.near import SegmentBox, enclose, face_gap, list_met, list_shown, segment_box
+from pareto_ltl.kernels.near import enclose, least_gaps, list_met, list_shown, place_end, segment_box
 from pareto_ltl.support.arrays import FloatArray
 
 MODELS = (claim_lists.ClaimLists, claim_rows.ClaimRows)  # types of memory that select :func:`mission_margins`
@@ -69,42 +69,6 @@ def add_slope(slope: Slope, event: Event, first: float, second: float) -> None:
 
 
 @kernel
-def place_ends(mean: FloatArray, off: FloatArray, ends: FloatArray) -> None:
-    """Fill ``ends`` (4, n) with both ends of the segments ``mean`` (2, 2) + ``off`` (2, 2, n): x, y, x, y."""
-    for t in range(2):
-        for c in range(2):
-            row, x = off[t, c], mean[t, c]
-            for i in range(len(row)):
-                ends[2 * t + c, i] = x + row[i]
-
-
-@kernel
-def raise_to_face(normal: FloatArray, offset: float, ends: FloatArray, gap: FloatArray) -> None:
-    """Raise ``gap`` (n,) to the distance of the closer end of each segment (4, n) from the line of a face."""
-    nx, ny, x0, y0, x1, y1 = normal[0], normal[1], ends[0], ends[1], ends[2], ends[3]
-    for i in range(len(gap)):
-        a = nx * x0[i] + ny * y0[i] - offset
-        b = nx * x1[i] + ny * y1[i] - offset
-        gap[i] = max(gap[i], min(a, b))
-
-
-@kernel
-def least_gaps(faces: Faces, part: int, box: SegmentBox, ends: FloatArray, gap: FloatArray) -> None:
-    """Fill ``gap`` (n,) with lower limits of the distances of segments (4, n) in ``box`` from a polygon [m].
-
-    They are the largest distances from the line of a face. Faces that are farther behind another one for all
-    segments are left out.
-    """
-    least = -CERTAIN
-    for j in range(faces.ptr[part], faces.ptr[part + 1]):
-        least = max(least, face_gap(faces, j, box, -1.0))
-    gap[:] = -CERTAIN
-    for j in range(faces.ptr[part], faces.ptr[part + 1]):
-        if face_gap(faces, j, box, 1.0) >= least:
-            raise_to_face(faces.normal[j], faces.offset[j], ends, gap)
-
-
-@kernel
 def barrier_clearances(model: MarginModel, mean: FloatArray, off: FloatArray, scratch: Scratch) -> None:
     """Lower ``scratch.margins`` to the distance from near barriers; ``scratch.met`` gets the binding ones.
 
@@ -118,7 +82,8 @@ def barrier_clearances(model: MarginModel, mean: FloatArray, off: FloatArray, sc
         if first == last:
             continue
         box = segment_box(near.box, t)
-        place_ends(mean[t : t + 2], off[t : t + 2], ends)
+        for end in range(2):
+            place_end(mean[t + end], off[t + end, 0], off[t + end, 1], ends[2 * end : 2 * end + 2])
         for k in range(first, last):
             part = near.met[k]
             least_gaps(model.faces, part, box, ends, gap)

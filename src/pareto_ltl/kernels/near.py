@@ -103,6 +103,41 @@ def face_gap(faces: Faces, j: int, box: SegmentBox, sign: float) -> float:
 
 
 @kernel
+def place_end(mean: FloatArray, x: FloatArray, y: FloatArray, end: FloatArray) -> None:
+    """Fill ``end`` (2, n) with the positions ``mean`` (2,) + (``x``, ``y``)."""
+    east, north = mean[0], mean[1]
+    for i in range(len(x)):
+        end[0, i] = east + x[i]
+        end[1, i] = north + y[i]
+
+
+@kernel
+def raise_to_face(normal: FloatArray, offset: float, ends: FloatArray, gap: FloatArray) -> None:
+    """Raise ``gap`` (n,) to the distance of the closer end of each segment (4, n) from the line of a face."""
+    nx, ny, x0, y0, x1, y1 = normal[0], normal[1], ends[0], ends[1], ends[2], ends[3]
+    for i in range(len(gap)):
+        a = nx * x0[i] + ny * y0[i] - offset
+        b = nx * x1[i] + ny * y1[i] - offset
+        gap[i] = max(gap[i], min(a, b))
+
+
+@kernel
+def least_gaps(faces: Faces, part: int, box: SegmentBox, ends: FloatArray, gap: FloatArray) -> None:
+    """Fill ``gap`` (n,) with lower limits of the distances of segments (4, n) in ``box`` from a polygon [m].
+
+    They are the largest distances from the line of a face. Faces that are farther behind another one for all
+    segments are left out.
+    """
+    least = -math.inf
+    for j in range(faces.ptr[part], faces.ptr[part + 1]):
+        least = max(least, face_gap(faces, j, box, -1.0))
+    gap[:] = -math.inf
+    for j in range(faces.ptr[part], faces.ptr[part + 1]):
+        if face_gap(faces, j, box, 1.0) >= least:
+            raise_to_face(faces.normal[j], faces.offset[j], ends, gap)
+
+
+@kernel
 def list_met(
     faces: Faces, corners: Corners, reach: float, box: FloatArray, first: IntArray, met: IntArray
 ) -> None:

@@ -23,12 +23,13 @@ def margin_model(problem: Problem) -> MarginModel:
     logic, polygons = problem.logic, problem.decomposition.cells
     letters = shown_letters(problem)
     first = np.concatenate([[0], np.cumsum([len(cells) for cells in letters])]).astype(np.int64)
-    hazards = logic.hazards.cell.tolist()
+    hazards, column = logic.hazards.cell.tolist(), [int(cells[0]) for cells in letters]
     return MarginModel(
         shown=pack_faces([polygons[c] for cells in letters for c in cells]),
         first=first,
         letter=np.repeat(np.arange(len(letters)), np.diff(first)),
-        guards=pack_guards(logic, [int(cells[0]) for cells in letters]),
+        column=np.array(column, np.int64),
+        guards=pack_guards(logic, column),
         faces=problem.barriers,
         corners=_barrier_corners(problem),
         hazards=pack_faces([polygons[c] for c in hazards]),
@@ -65,7 +66,7 @@ def _claim_rows(model: MarginModel, runs: int) -> ClaimRows:
     )
     return ClaimRows(
         before, after, np.empty((letters, runs)), np.zeros(letters, np.bool_), np.empty((2, runs)),
-        np.empty(runs, np.int64), np.empty(runs, np.int64), np.empty(runs, np.int64), _no_claims(states),
+        np.empty(runs, np.int64), np.empty(runs, np.int64), np.empty((4, runs)), _no_claims(states),
     )  # fmt: skip
 
 
