@@ -70,6 +70,7 @@ COMMANDS = (
     Command("show", "the page of a result, in a browser"),
     Command("explain", "a plan leg by leg, in the terminal"),
     Command("replan", "the rest of a flight planned again, from a position fix or in a new forecast"),
+    Command("follow", "a flight watched: where the robot is, what the rest of the plan promises, alarms"),
     Command("beacons", "where a beacon would reduce the failure of a plan most"),
     Command("rerun", "make a result again and compare it byte by byte"),
     Command("verify", "derive every claim of a result again, without the planner"),

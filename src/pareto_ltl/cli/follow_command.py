@@ -1,0 +1,94 @@
+"""``pareto-ltl follow DIR``: a flight watched against its plan."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pareto_ltl.cli.arguments import CommandArguments
+from pareto_ltl.support.errors import ConfigError
+
+if TYPE_CHECKING:
+    from pareto_ltl.follow.following import Listener
+    from pareto_ltl.follow.telemetry import Reading
+
+
+def follow_command(argv: Sequence[str]) -> int:
+    """Print what a watch says about a flight, and write its journal; return 0."""
+    parser = CommandArguments(
+        prog="pareto-ltl follow",
+        description="Watch a flight of the plan of DIR: where the robot is believed to be from its headings, "
+        "airspeeds and position fixes, how often the rest of the plan fails from there, and alarms. With "
+        "--log after the flight, with --connect during it. Writes follow.jsonl and follow.png. docs/follow.md"
+        " says more.",
+    )
+    parser.add_result()
+    source = parser.add_mutually_exclusive_group(required=True)
+    source.add_argument(
+        "--log", type=Path, metavar="FILE", help="telemetry: a CSV file with the columns time,heading_true,"
+        "airspeed_m_s and, where measured, lat,lon,fix_sd_m; or a .tlog or .bin file of an autopilot",
+    )  # fmt: skip
+    source.add_argument(
+        "--connect", metavar="ADDRESS", help="MAVLink, e.g. udpin:127.0.0.1:14550 or /dev/ttyUSB0,57600 "
+        "(needs the extra follow: pip install 'pareto-ltl[follow]')",
+    )  # fmt: skip
+    parser.add_argument(
+        "--departure", metavar="TIME", help="when the robot departed, for MAVLink: now (the first message) "
+        "or a time in UTC; default: the departure of the plan",
+    )  # fmt: skip
+    parser.add_argument("--out", type=Path, metavar="FOLDER", help="default: the folder follow in DIR")
+    parser.add_argument("--resume", action="store_true", help="continue the journal of a watch that ended")
+    parser.add_argument("--every", type=float, default=60.0, metavar="S", help="seconds between two lines")
+    parser.add_argument("--alarm", type=float, default=0.2, metavar="P", help="failure rate that is an alarm")
+    parser.add_argument("--flights", type=int, default=1000, metavar="N", help="simulated flights")
+    parser.add_argument(
+        "--send", metavar="KINDS", default="", help="with --connect, send to the autopilot: wind, heading, "
+        "speed, position, with commas; nothing is sent without it",
+    )  # fmt: skip
+    parser.add_argument("--json", action="store_true", help="one JSON object an event instead of lines")
+    return _follow(parser.parse_args(argv))
+
+
+def _follow(options: argparse.Namespace) -> int:
+    from pareto_ltl.follow.following import follow
+    from pareto_ltl.follow.lines import event_line
+    from pareto_ltl.follow.picture import draw_watch
+    from pareto_ltl.follow.watch import WatchSettings
+
+    if options.send and options.connect is None:
+        raise ConfigError("--send needs --connect: there is no autopilot to send to")
+    folder = options.out or options.directory / "follow"
+    settings = WatchSettings(options.every, options.alarm, options.flights)
+    readings, listener = _source(options)
+    watched = follow(
+        options.directory, readings, out=folder, resume=options.resume, settings=settings, listener=listener
+    )
+    try:
+        for event in watched:
+            if line := json.dumps(event) if options.json else event_line(event):
+                print(line, flush=True)
+    except KeyboardInterrupt:
+        print("ended by the user; pareto-ltl follow ... --resume continues", file=sys.stderr)
+    picture = draw_watch(options.directory, folder)
+    print(f"journal and figure in {folder}" if picture else f"journal in {folder}", file=sys.stderr)
+    return 0
+
+
+def _source(options: argparse.Namespace) -> tuple[Iterable[Reading] | Path, Listener | None]:
+    """The telemetry, and what answers to events."""
+    from pareto_ltl.run.interface import load_results
+
+    if options.log is not None and options.log.suffix.lower() not in (".tlog", ".bin"):
+        return options.log, None
+    from pareto_ltl.follow.link import Link, logged_readings
+
+    time_zero = load_results(options.directory).scene.time_zero
+    if options.log is not None:
+        return logged_readings(options.log, time_zero, options.departure), None
+    sends = [kind for kind in options.send.split(",") if kind]
+    link = Link(options.connect, time_zero, options.departure, sends)
+    return link.readings(), link.answers

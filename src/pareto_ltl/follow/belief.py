@@ -1,0 +1,266 @@
+"""What a robot without position fixes knows of its position and of the wind: a Kalman filter, in NumPy.
+
+The state at step t of the plan is z = (e, θ, w): the deviation of the position from its estimate, the
+coefficients of the wind field, and the white part of the wind of this step. A share s of the step later,
+after the displacement a through the air (measured headings and airspeeds),
+
+    x_s = (I + s (A - I)) x_t + a + s dt (μ(x_t) + ψ(x_t)' θ + w),    y = x_s + ν,    ν ~ N(0, R),
+
+linear about the estimate; at the end of a step θ fades as in (M15), and w is drawn anew. So the filter is
+that of the law of the plan, whatever the robot has really flown, and a fix may come at any time.
+
+The members are simulated flights of the same law. They fly what the robot has flown, a fix moves them with
+the gains of the filter and errors of their own (perturbed observations, as in the ensemble Kalman filter,
+Evensen 2003, doi:10.1007/s10236-003-0036-9), and the rest of the plan is flown from where they are.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.random import Generator, SeedSequence
+
+from pareto_ltl.follow.local_wind import LocalWind, local_wind
+from pareto_ltl.kernels.data import IndependentLaw
+from pareto_ltl.planning.problem import Problem
+from pareto_ltl.support.arrays import BoolArray, FloatArray
+
+LAW = "coherent"  # the law of every belief, that in which plans of all fidelities are simulated
+ROUNDING = 1e-9  # of a step
+
+
+@dataclass(frozen=True, slots=True)
+class Estimate:
+    """Position and wind as they are believed: ``mean`` (2,) [m], ``cov`` (2, 2) [m²], and of the wind [m/s].
+
+    The wind is that of this step without its white part.
+    """
+
+    mean: FloatArray
+    cov: FloatArray
+    wind: FloatArray
+    wind_cov: FloatArray
+
+
+class Belief:
+    """The filter and the members of one flight, from its departure on.
+
+    Parameters
+    ----------
+    problem : Problem
+        That of the plan.
+    members : int
+        Number of simulated flights.
+    seed : SeedSequence
+        Of their winds; the same seed and the same readings give the same members.
+    """
+
+    def __init__(self, problem: Problem, members: int, seed: SeedSequence) -> None:
+        law = problem.laws[LAW]
+        assert not isinstance(law, IndependentLaw)
+        self.problem, self.law, self.motion = problem, law, problem.motion
+        self.rng: Generator = np.random.default_rng(seed)
+        self.step, self.share = 0, 0.0
+        self.air = np.zeros(2)  # displacement through the air since the step began [m]
+        modes = law.modes.psi.shape[-1]
+        self.x = np.array(problem.scene.start, float)
+        self.z = np.zeros(2 * modes + 4)  # deviation, θ east, θ north, white part
+        self.cov = np.eye(len(self.z))
+        self.cov[:2, :2] *= problem.start_variance
+        spread = np.sqrt(problem.start_variance) * self.rng.standard_normal((members, 2))
+        self.flown = (self.x + spread)[:, None]  # (n, t + 1, 2): positions of the members at the steps
+        self.theta = self.rng.standard_normal((members, 2, modes))
+        self.wind = self._begin_step()
+
+    # --- time ---
+
+    @property
+    def time(self) -> float:
+        """Seconds after departure."""
+        return (self.step + self.share) * self.motion.dt
+
+    @property
+    def ended(self) -> bool:
+        """Whether the wind is not known any longer."""
+        return self.step >= len(self.law.wind.slot)
+
+    def advance(self, seconds: float, air: FloatArray) -> None:
+        """Fly ``seconds`` with the displacement ``air`` (2,) [m] through the air, evenly."""
+        dt = self.motion.dt
+        while seconds > ROUNDING * dt and not self.ended:
+            part = min(seconds, (1.0 - self.share) * dt)
+            self.air += air * (part / seconds)
+            self.share += part / dt
+            air, seconds = air * (1.0 - part / seconds), seconds - part
+            if self.share > 1.0 - ROUNDING:
+                self.share = 1.0
+                self._end_step()
+
+    def _begin_step(self) -> LocalWind:
+        """The law about the estimate, with the variance of a new white part."""
+        wind = local_wind(self.law, min(self.step, len(self.law.wind.slot) - 1), self.x[None])
+        self.cov[-2:], self.cov[:, -2:], self.z[-2:] = 0.0, 0.0, 0.0
+        self.cov[-2:, -2:] = np.diag(wind.white[0])
+        self.local = local_wind(self.law, min(self.step, len(self.law.wind.slot) - 1), self.flown[:, -1])
+        noise = self.rng.standard_normal((len(self.theta), 2))
+        self.white = np.sqrt(self.local.white) * noise
+        return wind
+
+    def _end_step(self) -> None:
+        """Carry the state over to the next step, about the new estimate."""
+        H, modes = self._map(), self.theta.shape[-1]
+        mean, members = self._mean(), self._members()
+        keep = np.ones(len(self.z))
+        keep[2:-2] = np.tile(self.law.modes.kept[self.step + 1].astype(float), 2)
+        carry = np.diag(keep)
+        carry[:2] = H
+        self.cov = carry @ self.cov @ carry.T
+        self.cov[range(2, 2 + 2 * modes), range(2, 2 + 2 * modes)] += 1.0 - keep[2:-2] ** 2
+        self.z = carry @ self.z
+        self.z[:2] = 0.0
+        self.x, self.air, self.share, self.step = mean, np.zeros(2), 0.0, self.step + 1
+        self.flown = np.concatenate([self.flown, members[:, None]], axis=1)
+        kept = keep[2 : 2 + modes]
+        fresh = self.rng.standard_normal(self.theta.shape)
+        self.theta = kept * self.theta + np.sqrt(1.0 - kept**2) * fresh
+        self.wind = self._begin_step()
+
+    # --- where ---
+
+    def _map(self) -> FloatArray:
+        """The deviation now, by the state at the beginning of the step, (2, 2P + 4)."""
+        s, dt, modes = self.share, self.motion.dt, self.theta.shape[-1]
+        H = np.zeros((2, len(self.z)))
+        H[:, :2] = np.eye(2) + s * (self.motion.a - np.eye(2)) + s * dt * self.wind.gradient[0]
+        for c in range(2):
+            H[c, 2 + c * modes : 2 + (c + 1) * modes] = s * dt * self.wind.psi[0, c]
+        H[:, -2:] = s * dt * np.eye(2)
+        return H
+
+    def _drifted(self, x: FloatArray, wind: FloatArray) -> FloatArray:
+        """Positions now of ``x`` (n, 2) at the beginning of the step, in winds (n, 2)."""
+        s = self.share
+        return np.asarray(x + s * (x @ (self.motion.a - np.eye(2)).T + self.motion.dt * wind) + self.air)
+
+    def _mean(self) -> FloatArray:
+        still = self._drifted(self.x[None], self.wind.mean)[0]
+        return np.asarray(still + self._map() @ self.z)
+
+    def _members(self) -> FloatArray:
+        """Positions (n, 2) of the members now [m]."""
+        met = self.local.mean + np.einsum("ncm,ncm->nc", self.local.psi, self.theta) + self.white
+        return self._drifted(self.flown[:, -1], met)
+
+    def estimate(self) -> Estimate:
+        """Position and wind now."""
+        H, modes = self._map(), self.theta.shape[-1]
+        G = np.zeros_like(H)
+        G[:, :2] = self.wind.gradient[0]
+        for c in range(2):
+            G[c, 2 + c * modes : 2 + (c + 1) * modes] = self.wind.psi[0, c]
+        cov, wind_cov = (M @ self.cov @ M.T for M in (H, G))
+        return Estimate(
+            self._mean(), 0.5 * (cov + cov.T), self.wind.mean[0] + G @ self.z, 0.5 * (wind_cov + wind_cov.T)
+        )
+
+    # --- fixes ---
+
+    def distance(self, place: FloatArray, R: FloatArray) -> float:
+        """How far a measured ``place`` (2,) [m] with error covariance ``R`` (2, 2) [m²] is from the estimate.
+
+        In standard deviations: under the law, P(distance > r) = exp(-r²/2).
+        """
+        now = self.estimate()
+        gap = place - now.mean
+        return math.sqrt(max(float(gap @ np.linalg.solve(now.cov + R, gap)), 0.0))
+
+    def learn(self, place: FloatArray, R: FloatArray) -> None:
+        """Condition on a measured ``place`` (2,) [m] with error covariance ``R`` (2, 2) [m²].
+
+        Eq. (M67) of docs/mathematics_methods.md, one fix at a time.
+        """
+        H, modes, n = self._map(), self.theta.shape[-1], len(self.theta)
+        S = H @ self.cov @ H.T + R
+        gain = np.linalg.solve(S, H @ self.cov).T
+        noise = self.rng.standard_normal((n, 2)) @ np.linalg.cholesky(R).T
+        now = self._members()
+        gap = place + noise - now
+        past = self.flown - self.flown.mean(axis=0)
+        with_now = np.einsum("nti,nj->tij", past[:, :-1], now - now.mean(axis=0)) / max(n - 1, 1)
+        self.flown[:, :-1] += np.einsum("tij,jk,nk->nti", with_now, np.linalg.inv(S), gap)
+        self.flown[:, -1] += gap @ gain[:2].T
+        self.theta += (gap @ gain[2:-2].T).reshape(n, 2, modes)
+        self.white += gap @ gain[-2:].T
+        self.local = local_wind(self.law, min(self.step, len(self.law.wind.slot) - 1), self.flown[:, -1])
+        self.z = self.z + gain @ (place - self._mean())
+        left = np.eye(len(self.z)) - gain @ H
+        self.cov = left @ self.cov @ left.T + gain @ R @ gain.T  # Joseph's form stays positive
+
+    def restart(self, place: FloatArray, R: FloatArray) -> None:
+        """Believe a measured ``place`` and forget the wind: after fixes that the law cannot explain."""
+        members = self._members()
+        noise = self.rng.standard_normal(members.shape) @ np.linalg.cholesky(R).T
+        self.flown[:, -1] += place + noise - members
+        self.x = self.x + place - self._mean()
+        self.theta = self.rng.standard_normal(self.theta.shape)
+        self.cov, self.z = np.eye(len(self.z)), np.zeros(len(self.z))
+        self.cov[:2, :2] = R
+        self.wind = self._begin_step()
+
+    # --- the rest of the plan ---
+
+    def rest_fails(self, u: FloatArray, mean: FloatArray) -> tuple[FloatArray, BoolArray]:
+        """Fly the rest of the controls ``u`` (T, 2) [m/s] along ``mean`` (T+1, 2) [m].
+
+        Returns the flights (n, T+1, 2) of the members that have met no obstacle so far, and which of them
+        fail (n,). A robot with feedback steers towards ``mean``; fixes at landmarks are not counted on.
+        """
+        from pareto_ltl.simulation.flights import judge_flights
+
+        rest = _Rest(self)
+        for t in range(self.step, len(u)):
+            rest.fly(t, u[t], mean)
+        x = np.ascontiguousarray(rest.x[:, : len(u) + 1])
+        past = judge_flights(self.problem, LAW, np.ascontiguousarray(x[:, : self.step + 1]))
+        lost = past.collided | (past.off_map & past.walled)
+        alive = ~lost if not lost.all() else np.ones(len(lost), bool)
+        outcome = judge_flights(self.problem, LAW, x[alive])
+        return x[alive], outcome.failed
+
+
+class _Rest:
+    """The members on the rest of a plan, from where they are in the current step."""
+
+    def __init__(self, belief: Belief) -> None:
+        self.belief, self.x, self.theta = belief, belief.flown, belief.theta
+        children: Any = np.random.default_rng(SeedSequence(belief.step))  # common winds for compared plans
+        self.rng: Generator = children
+
+    def fly(self, t: int, u: FloatArray, mean: FloatArray) -> None:
+        """One step with the control ``u`` (2,); what is left of it if ``t`` is the current step."""
+        belief, motion, at = self.belief, self.belief.motion, self.x[:, -1]
+        if t == belief.step:
+            law, white, flown, share = belief.local, belief.white, belief.air, 1.0 - belief.share
+        else:
+            law, flown, share = local_wind(belief.law, t, at), np.zeros(2), 1.0
+            white = np.sqrt(law.white) * self.rng.standard_normal(at.shape)
+        wind = law.mean + np.einsum("ncm,ncm->nc", law.psi, self.theta) + white
+        flights = np.broadcast_to(u, at.shape)
+        if motion.gain > 0.0:
+            planned = (mean[t + 1] - motion.a @ mean[t]) / motion.dt - motion.b @ u
+            steer = motion.gain / motion.dt * (at - mean[t]) + (1.0 - motion.exposed) * (wind - planned)
+            flights = _within_airspeed(u - steer @ motion.b_inv.T, motion.u_min, motion.u_max)
+        there = at @ motion.a.T + flown + motion.dt * (share * flights @ motion.b.T + wind)
+        self.x = np.concatenate([self.x, there[:, None]], axis=1)
+        kept = belief.law.modes.kept[t + 1].astype(float)
+        self.theta = kept * self.theta + np.sqrt(1.0 - kept**2) * self.rng.standard_normal(self.theta.shape)
+
+
+def _within_airspeed(u: FloatArray, least: float, most: float) -> FloatArray:
+    """Controls (n, 2) of the same directions with airspeeds in [``least``, ``most``]; 0 stays 0."""
+    size = np.linalg.norm(u, axis=1)
+    wanted = np.clip(size, least, most)
+    return np.asarray(u * np.where(size > 0.0, wanted / np.maximum(size, 1e-12), 1.0)[:, None])

@@ -1,0 +1,76 @@
+"""The events of a watch in words, one line each."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Callable
+
+from pareto_ltl.follow.telemetry import refused_text
+from pareto_ltl.follow.watch import Event
+from pareto_ltl.support.display import distance_text, probability_text
+
+
+def event_line(event: Event) -> str:
+    """``event`` as a line for the pilot; empty for events that only the journal has."""
+    text = LINES[event["event"]](event)
+    return f"{clock_text(event['time'])}  {text}" if text else ""
+
+
+def clock_text(seconds: float) -> str:
+    """``+2:05:30`` after departure."""
+    hours, rest = divmod(round(seconds), 3600)
+    return f"+{hours:d}:{rest // 60:02d}:{rest % 60:02d}"
+
+
+def _place(event: Event) -> str:
+    if "lat" in event:
+        return f"{event['lat']:.4f},{event['lon']:.4f}"
+    return f"{event['x'] / 1e3:.2f},{event['y'] / 1e3:.2f} km"
+
+
+def _status(event: Event) -> str:
+    east, north = event["wind"]
+    come_from = math.degrees(math.atan2(-east, -north)) % 360.0
+    goal = ""
+    if event["goal"]:
+        late = event["goal_time"] - event["time"]
+        goal = f"; next {' and '.join(event['goal'])} in {clock_text(late)[1:]}"
+    promised = "" if event["promised"] is None else f" (promised {probability_text(event['promised'])})"
+    energy = "" if event["energy"] is None else f"; {event['energy'] / 3600.0:.4g} Wh used"
+    flights = (
+        f"{probability_text(event['failure'])} (at most {probability_text(event['high'])}) of "
+        f"{event['flights']:,} flights of the rest fail in {event['law']} winds{promised}"
+    )
+    return (
+        f"at {_place(event)}, 95 % within {distance_text(event['major'])} x {distance_text(event['minor'])}; "
+        f"{event['corridor']:.1f} sd from the plan{goal}; {flights}; wind "
+        f"{come_from:03.0f}/{math.hypot(east, north):.1f} m/s, "
+        f"sd {event['wind_sd']:.1f}{energy}"
+    )
+
+
+def _fix(event: Event) -> str:
+    first, second = event["given"]
+    done = {"learnt": "used", "refused": "NOT used", "restarted": "believed anew"}[event["use"]]
+    return (
+        f"position fix {first:.4f},{second:.4f}, sd {distance_text(event['sd'])}: "
+        f"{event['distance']:.1f} standard deviations off, {done}"
+    )
+
+
+def _end(event: Event) -> str:
+    refused = refused_text(Counter(event["refused"]))
+    lost = f"; readings that were not used: {refused}" if refused else ""
+    return f"end of the telemetry; {_status(event)}{lost}"
+
+
+LINES: dict[str, Callable[[Event], str]] = {
+    "begin": lambda event: f"watching {event['plan']}: {event['formula']}",
+    "flown": lambda _: "",
+    "sent": lambda event: f"sent {event['text']}",
+    "status": _status,
+    "fix": _fix,
+    "alarm": lambda event: f"ALARM: {event['text']}",
+    "end": _end,
+}

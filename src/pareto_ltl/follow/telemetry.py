@@ -1,0 +1,170 @@
+"""Telemetry as readings in order of time: from a table, or from anything that yields :class:`Reading`.
+
+Readings that cannot be used are counted by their fault, and never end a watch.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from pareto_ltl.support.errors import DataError
+from pareto_ltl.support.messages import shown_value
+
+NEEDED = ("time", "heading_true", "airspeed_m_s")
+PLACES = {True: ("lat", "lon"), False: ("x", "y")}  # by whether the map is on Earth
+SD = "fix_sd_m"
+FASTEST = 1.5  # of the largest airspeed of the robot: a faster reading is an error
+JUMP = 3600.0  # [s] a reading so much later than the last one is a jump of the clock until a second agrees
+LEAST_SD, MOST_SD = 0.01, 1e6  # [m] of a usable fix
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """What a robot reports at one time.
+
+    Attributes
+    ----------
+    time : float
+        Seconds after departure.
+    heading, airspeed : float
+        True heading of the airspeed [deg] and its size [m/s]; NaN if they are not known.
+    place : (float, float) or None
+        Measured latitude and longitude [deg], or x and y [m] on a map without a place on Earth.
+    sd : float
+        Standard deviation of ``place`` in each direction [m].
+    """
+
+    time: float
+    heading: float = math.nan
+    airspeed: float = math.nan
+    place: tuple[float, float] | None = None
+    sd: float = math.nan
+
+
+@dataclass(slots=True)
+class Sieve:
+    """Passes the usable readings of a stream on, in order of time; ``refused`` counts the others by fault.
+
+    Parameters
+    ----------
+    u_max : float
+        Largest airspeed of the robot [m/s].
+    """
+
+    u_max: float
+    refused: Counter[str] = field(default_factory=Counter)
+    last: float = -math.inf
+    ahead: float | None = None
+
+    def usable(self, readings: Iterable[Reading]) -> Iterator[Reading]:
+        """The usable readings; a reading with a wrong place or airspeed keeps its other values."""
+        for reading in readings:
+            if (time := reading.time) is None or not math.isfinite(time):
+                self.refused["no time"] += 1
+            elif time <= self.last:
+                self.refused["doubled" if time == self.last else "late"] += 1
+            elif self._jumps(time):
+                self.refused["clock jumps ahead"] += 1
+            else:
+                self.last, self.ahead = time, None
+                yield Reading(time, *self._motion(reading), *self._fix(reading))
+
+    def _jumps(self, time: float) -> bool:
+        """Whether ``time`` is far ahead of the last one, and no reading before it was as far ahead."""
+        if not math.isfinite(self.last) or time < self.last + JUMP:
+            return False
+        agreed = self.ahead is not None and 0.0 <= time - self.ahead < JUMP
+        self.ahead = time
+        return not agreed
+
+    def _motion(self, reading: Reading) -> tuple[float, float]:
+        heading, airspeed = reading.heading, reading.airspeed
+        if math.isnan(heading) and math.isnan(airspeed):
+            return math.nan, math.nan
+        if not (math.isfinite(heading) and -360.0 <= heading <= 720.0):
+            self.refused["heading"] += 1
+        elif not 0.0 <= airspeed <= FASTEST * self.u_max:
+            self.refused["airspeed"] += 1
+        else:
+            return heading % 360.0, airspeed
+        return math.nan, math.nan
+
+    def _fix(self, reading: Reading) -> tuple[tuple[float, float] | None, float]:
+        if reading.place is None:
+            return None, math.nan
+        if not all(map(math.isfinite, reading.place)) or not LEAST_SD <= reading.sd <= MOST_SD:
+            self.refused["position"] += 1
+            return None, math.nan
+        return reading.place, reading.sd
+
+
+def read_log(path: Path, seconds: Clock, *, on_earth: bool) -> Iterator[Reading]:
+    """The readings of a table, as they come; ``seconds`` reads a time.
+
+    The columns are ``time,heading_true,airspeed_m_s`` and, where the position was measured,
+    ``lat,lon,fix_sd_m`` (or ``x,y,fix_sd_m``).
+
+    Raises
+    ------
+    DataError
+        If the file cannot be read, or columns are missing. A row that is wrong is a reading without a time.
+    """
+    try:
+        with path.open(encoding="utf-8", errors="replace", newline="") as file:
+            rows = csv.DictReader(file)
+            names = [str(name).strip() for name in rows.fieldnames or ()]
+            if missing := [name for name in NEEDED if name not in names]:
+                raise DataError(
+                    f"{path}: no column {', '.join(missing)}; expected {','.join(NEEDED)} in the first line "
+                    f"and, for measured positions, {','.join((*PLACES[on_earth], SD))}"
+                )
+            rows.fieldnames = names
+            for row in rows:
+                yield _reading(row, PLACES[on_earth], seconds)
+    except (OSError, csv.Error) as error:
+        raise DataError(f"{path}: cannot be read ({error}); give a CSV file of telemetry") from None
+
+
+class Clock:
+    """Reads times of telemetry: seconds after departure, or ISO 8601 in UTC."""
+
+    def __init__(self, time_zero: str | None) -> None:
+        from pareto_ltl.world.windows import seconds_after
+
+        self._zero = time_zero
+        self._after = seconds_after
+
+    def __call__(self, text: str) -> float:
+        """Seconds after departure; NaN if ``text`` is no time."""
+        try:
+            return float(text)
+        except ValueError:
+            pass
+        try:
+            return float(self._after("time", text, self._zero))
+        except DataError:
+            return math.nan
+
+
+def _reading(row: dict[str, str], places: Sequence[str], seconds: Clock) -> Reading:
+    def number(name: str) -> float:
+        try:
+            return float(row.get(name) or "nan")
+        except (TypeError, ValueError):
+            return math.nan
+
+    place = (number(places[0]), number(places[1])) if (row.get(places[0]) or "").strip() else None
+    return Reading(
+        seconds((row.get("time") or "").strip()), number("heading_true"), number("airspeed_m_s"), place,
+        number(SD),
+    )  # fmt: skip
+
+
+def refused_text(refused: Counter[str]) -> str:
+    """``12 late, 3 position`` for a message; empty if there are none."""
+    return ", ".join(f"{count} {shown_value(fault)[1:-1]}" for fault, count in sorted(refused.items()))

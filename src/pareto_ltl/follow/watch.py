@@ -1,0 +1,297 @@
+"""A flight against its plan: the belief from readings, what remains of the promise, and alarms."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.random import SeedSequence
+
+from pareto_ltl.follow.belief import LAW, Belief
+from pareto_ltl.follow.telemetry import Reading, Sieve
+from pareto_ltl.planning.conditioning import Fix
+from pareto_ltl.planning.problem import Problem
+from pareto_ltl.planning.records import Plan
+from pareto_ltl.run.position_fixes import causes, chance, in_plane, on_map
+from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.support.counts import clopper_pearson
+
+Event = dict[str, Any]
+TICK = 1.0  # [s] at least, between two lines of what was flown
+SURPRISE = 4.0  # standard deviations above which a fix is an alarm and not used
+AGREEING = 3  # such fixes in a row that agree with each other are believed
+DRIFT = 3.0  # [m/s] by which the drift between two fixes may differ from the believed one
+APART = 10.0  # [s] between two fixes that are used: the errors of closer ones are not independent
+CORRIDOR = -2.0 * math.log(0.01)  # squared distance of two components that 99 % keep
+USES = {
+    "refused": "it is not used",
+    "restarted": f"{AGREEING} such fixes agree with each other: the position is believed from here, and what "
+    "was learnt of the wind is forgotten",
+}
+ELLIPSE = math.sqrt(-2.0 * math.log(0.05))  # standard deviations of the ellipse that holds 95 %
+
+
+@dataclass(frozen=True, slots=True)
+class WatchSettings:
+    """What a watch does.
+
+    Attributes
+    ----------
+    every : float
+        Seconds between two statuses.
+    alarm : float
+        Failure rate of the rest of the plan above which an alarm is raised.
+    members : int
+        Simulated flights of the rest of the plan.
+    silence : float
+        Seconds without telemetry after which the plan's own controls are assumed.
+    """
+
+    every: float = 60.0
+    alarm: float = 0.2
+    members: int = 1000
+    silence: float = 120.0
+
+
+class Watch:
+    """The state of a watch; :meth:`take` turns each reading into events.
+
+    Every event has ``event``, its kind, and ``time`` [s after departure].
+    """
+
+    def __init__(self, problem: Problem, plan: Plan, settings: WatchSettings, seed: SeedSequence) -> None:
+        self.problem, self.plan, self.settings = problem, plan, settings
+        self.belief = Belief(problem, settings.members, seed)
+        self.sieve = Sieve(plan.u_max)
+        self.velocity: FloatArray | None = None  # through the air, by the last reading [m/s]
+        self.pending, self.air, self.energy = 0.0, np.zeros(2), 0.0
+        self.due, self.heard, self.last_fix = 0.0, 0.0, -math.inf
+        self.suspects: list[tuple[float, FloatArray, FloatArray]] = []
+        self.raised: set[str] = set()
+        self.turn, self.turned = 0.0, -1  # meridian convergence [rad], and the step it was computed at
+
+    @property
+    def time(self) -> float:
+        """Seconds after departure until which readings were taken."""
+        return self.belief.time + self.pending
+
+    @property
+    def over(self) -> bool:
+        """Whether the time of the plan is over, or that of the wind."""
+        return self.belief.ended or self.belief.step >= len(self.plan.path.u)
+
+    # --- readings ---
+
+    def events(self, readings: Iterable[Reading]) -> Iterator[Event]:
+        """The events of a stream of readings, and of its end."""
+        for reading in self.sieve.usable(readings):
+            yield from self.take(reading)
+            if self.over:
+                break
+        yield from self.flushed()
+        yield self.status() | {"event": "end", "refused": dict(self.sieve.refused)}
+
+    def take(self, reading: Reading) -> Iterator[Event]:
+        """The events of one usable reading."""
+        if reading.time < 0.0:
+            self.sieve.refused["before departure"] += 1
+            return
+        yield from self._fly_until(reading.time)
+        if math.isfinite(reading.heading):
+            self.velocity, self.heard = reading.airspeed * self._direction(reading.heading), reading.time
+            self.raised.discard("silence")
+        if reading.place is not None:
+            yield from self._fix(reading.place, reading.sd)
+        if self.time >= self.due:
+            yield from self.flushed()
+            yield from self._reported()
+
+    def _fly_until(self, time: float) -> Iterator[Event]:
+        """Fly on with the last known airspeed, or as planned if nothing was heard for long."""
+        elapsed, velocity, silent = time - self.time, self.velocity, time - self.heard
+        if silent > self.settings.silence:
+            text = f"no telemetry for {silent:.0f} s: the plan's own controls are assumed"
+            yield from self._alarm("silence", text)
+            velocity = None
+        while elapsed > 0.0 and not self.over:
+            part = elapsed
+            if velocity is None:  # the plan changes its controls at the steps
+                dt = self.problem.motion.dt
+                part = min(elapsed, dt - self.time % dt)
+            self._flown(part, self._planned() if velocity is None else velocity)
+            elapsed -= part
+            if self.pending >= TICK or velocity is None:
+                yield from self.flushed()
+
+    def _flown(self, seconds: float, velocity: FloatArray) -> None:
+        self.pending += seconds
+        self.air = self.air + seconds * velocity
+        if self.problem.energy is not None:
+            self.energy += float(self.problem.energy.of(velocity[None], seconds))
+
+    def _planned(self) -> FloatArray:
+        """The control of the plan now (2,) [m/s]."""
+        u = self.plan.path.u
+        return np.asarray(u[min(int((self.time + 1e-6) / self.problem.motion.dt), len(u) - 1)], float)
+
+    def _direction(self, heading: float) -> FloatArray:
+        """Unit vector in the plane of a true ``heading`` [deg] at the believed position."""
+        scene = self.problem.scene
+        if scene.crs is not None and self.turned != self.belief.step:
+            from pareto_ltl.world.projection import meridian_convergence, to_geographic
+
+            lon, lat = to_geographic(scene.crs, self.belief.x[None])
+            self.turn, self.turned = float(meridian_convergence(scene.crs, lon, lat)[0]), self.belief.step
+        angle = math.radians(heading) - self.turn
+        return np.array([math.sin(angle), math.cos(angle)])
+
+    def flushed(self) -> Iterator[Event]:
+        """Give what was flown since the last time to the belief."""
+        if self.pending > 0.0:
+            event = {
+                "event": "flown", "time": self.time, "seconds": self.pending, "east": float(self.air[0]),
+                "north": float(self.air[1]),
+            }  # fmt: skip
+            self._advance(event)
+            yield event
+
+    def _advance(self, event: Mapping[str, Any]) -> None:
+        air = self.problem.motion.b @ np.array([event["east"], event["north"]])
+        self.belief.advance(float(event["seconds"]), air)
+        self.pending, self.air = 0.0, np.zeros(2)
+
+    def resume(self, events: Iterable[Mapping[str, Any]]) -> int:
+        """Take the events of an earlier watch of the same flight; returns how many."""
+        count = 0
+        for event in events:
+            count += 1
+            if event["event"] == "flown":
+                self._advance(event)
+            elif event["event"] == "fix":
+                place, R = np.array(event["place"], float), float(event["sd"]) ** 2 * np.eye(2)
+                if event["use"] != "refused":
+                    {"learnt": self.belief.learn, "restarted": self.belief.restart}[event["use"]](place, R)
+                    self.last_fix = event["time"]
+            elif event["event"] == "status":
+                self.energy, self.due = event["energy"] or 0.0, event["time"] + self.settings.every
+        self.sieve.last = self.heard = self.time
+        return count
+
+    # --- fixes ---
+
+    def _fix(self, given: tuple[float, float], sd: float) -> Iterator[Event]:
+        place = in_plane(self.problem, *given)
+        if place is None or not on_map(self.problem, place):
+            self.sieve.refused["position off the map"] += 1
+            return
+        if self.time < self.last_fix + APART:
+            self.sieve.refused[f"position within {APART:g} s of the last"] += 1
+            return
+        yield from self.flushed()
+        R = sd**2 * np.eye(2)
+        far = self.belief.distance(place, R)
+        use = "learnt" if far <= SURPRISE else "restarted" if self._confirmed(place, sd) else "refused"
+        event = {
+            "event": "fix", "time": self.time, "place": place.tolist(), "given": list(given), "sd": sd,
+            "distance": far, "use": use, "law": LAW,
+        }  # fmt: skip
+        yield event
+        if far > SURPRISE:
+            step = min(round(self.time / self.problem.motion.dt), len(self.plan.path.u))
+            why = "; ".join(causes(self.problem, self.plan.path, Fix(place, sd, step)))
+            self.raised.discard("fix")
+            yield from self._alarm(
+                "fix", f"a position fix lies {far:.1f} standard deviations from where {LAW} winds allow the "
+                f"robot (probability {chance(far):.1g}); {USES[use]}; {why}",
+            )  # fmt: skip
+        if use == "refused":
+            return
+        {"learnt": self.belief.learn, "restarted": self.belief.restart}[use](place, R)
+        self.last_fix, self.due, self.suspects = self.time, self.time, []
+
+    def _confirmed(self, place: FloatArray, sd: float) -> bool:
+        """Whether the last refused fixes agree with ``place`` and with the believed motion between them."""
+        mean = self.belief.estimate().mean
+        wide = SURPRISE * math.sqrt(2.0) * sd
+        near = [
+            np.linalg.norm((place - other) - (mean - then)) <= wide + DRIFT * (self.time - t)
+            for t, other, then in self.suspects
+        ]
+        self.suspects = [*(self.suspects if all(near) else []), (self.time, place, mean)]
+        return len(self.suspects) >= AGREEING
+
+    # --- what is said ---
+
+    def _alarm(self, kind: str, text: str) -> Iterator[Event]:
+        """An alarm of a kind, once until it ends."""
+        if kind not in self.raised:
+            self.raised.add(kind)
+            yield {"event": "alarm", "time": self.time, "kind": kind, "text": text}
+
+    def _reported(self) -> Iterator[Event]:
+        """A status, and the alarms that follow from it."""
+        status = self.status()
+        self.due = self.time + self.settings.every
+        yield status
+        rules = {
+            "corridor": (
+                status["corridor"] ** 2 > CORRIDOR,
+                f"{status['corridor']:.1f} standard deviations from the plan, outside the corridor of 99 %",
+            ),
+            "promise": (
+                status["failure"] > self.settings.alarm,
+                f"{status['fails']:,} of {status['flights']:,} flights of the rest of the plan fail in {LAW} "
+                f"winds, more than --alarm {self.settings.alarm:g}: plan again, e.g. with pareto-ltl replan",
+            ),
+        }  # fmt: skip
+        for kind, (on, text) in rules.items():
+            if on:
+                yield from self._alarm(kind, text)
+            else:
+                self.raised.discard(kind)
+
+    def status(self) -> Event:
+        """Where the robot is believed to be, and how often the rest of the plan fails from there."""
+        now, path = self.belief.estimate(), self.plan.path
+        step = min(round(self.time / self.problem.motion.dt), len(path.u))
+        gap = now.mean - path.x[step]
+        spread = path.cov[step] + 1e-6 * np.eye(2)
+        _, failed = self.belief.rest_fails(path.u, path.x)
+        fails, flights, promise = int(failed.sum()), len(failed), self.plan.promise
+        low, high = clopper_pearson(fails, flights)
+        return {
+            "event": "status", "time": self.time, "step": step, **self._placed(now.mean),
+            **self._ellipse(now.cov), "corridor": float(np.sqrt(gap @ np.linalg.solve(spread, gap))),
+            "law": LAW, "failure": fails / flights, "low": low, "high": high, "fails": fails,
+            "flights": flights, "promised": promise and promise.rate.failure,
+            "wind": now.wind.tolist(), "wind_sd": float(np.sqrt(np.trace(now.wind_cov) / 2.0)),
+            "energy": None if self.problem.energy is None else self.energy, **self._next_goal(),
+        }  # fmt: skip
+
+    def _placed(self, x: FloatArray) -> Event:
+        from pareto_ltl.world.projection import to_geographic
+
+        placed: Event = {"x": float(x[0]), "y": float(x[1])}
+        if self.problem.scene.crs is not None:
+            lon, lat = to_geographic(self.problem.scene.crs, x[None])
+            placed |= {"lat": float(lat[0]), "lon": float(lon[0])}
+        return placed
+
+    @staticmethod
+    def _ellipse(cov: FloatArray) -> Event:
+        """Half axes [m] of the ellipse that holds 95 %, and the angle of the longer one from +x [rad]."""
+        values, vectors = np.linalg.eigh(cov)
+        minor, major = ELLIPSE * np.sqrt(np.maximum(values, 0.0))
+        return {"major": float(major), "minor": float(minor), "angle": float(math.atan2(*vectors[::-1, 1]))}
+
+    def _next_goal(self) -> Event:
+        """The next labels that change the state of the mission, by the plan, and when [s after departure]."""
+        path, dt = self.plan.path, self.problem.motion.dt
+        now = min(int(self.time / dt + 1e-9), len(path.u))
+        for t in range(now + 1, len(path.q)):
+            if path.q[t] != path.q[now]:
+                return {"goal": sorted(path.label[t]), "goal_time": t * dt, "end": len(path.u) * dt}
+        return {"goal": [], "goal_time": None, "end": len(path.u) * dt}
