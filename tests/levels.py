@@ -35,6 +35,7 @@ NOT_BY_DAY = [
     "cli/test_hydra_app",
     "cli/test_rerun",
     "cli/test_wind_error",
+    "inflight/test_command",
     "planning/test_choices",
     "planning/test_front_sweep",
     "planning/test_no_path",

@@ -9,6 +9,7 @@
     pareto_ltl.show(result)                      # one page with map, front, flights, in a browser
     pareto_ltl.replan(result, "6h", (38.1, -94.2, 500.0))  # the rest of the flight, from a position fix
     pareto_ltl.beacons(result)                   # where a beacon would reduce the failure most
+    pareto_ltl.follow(result, "telemetry.csv")   # a flight watched: position, promise of the rest, alarms
     pareto_ltl.simulate(result, runs=1000, law="coherent")
     pareto_ltl.steer(result, (0, 0), (9e4, 2e4))  # a path between two points, by the convex programme
     pareto_ltl.load_results("outputs/phi1/...")  # a run of the command line
@@ -26,6 +27,9 @@ from typing import TYPE_CHECKING, Any
 from pareto_ltl.support.display import Displayed
 
 if TYPE_CHECKING:
+    from pareto_ltl.inflight.following import follow
+    from pareto_ltl.inflight.telemetry import Reading
+    from pareto_ltl.inflight.watch import WatchSettings
     from pareto_ltl.run.beacons import beacons
     from pareto_ltl.run.exporting import export
     from pareto_ltl.run.interface import PlanningResult, choose, load_results, plan, replan, simulate
@@ -54,16 +58,19 @@ __all__ = [
     "InfeasibleError",
     "ParetoLtlError",
     "PlanningResult",
+    "Reading",
     "Readings",
     "Results",
     "Scene",
     "Settings",
+    "WatchSettings",
     "WindField",
     "__version__",
     "beacons",
     "choose",
     "explain",
     "export",
+    "follow",
     "load_results",
     "page",
     "plan",
@@ -75,6 +82,9 @@ __all__ = [
 ]
 
 _EXPORTS = {
+    "pareto_ltl.inflight.following": ("follow",),
+    "pareto_ltl.inflight.telemetry": ("Reading",),
+    "pareto_ltl.inflight.watch": ("WatchSettings",),
     "pareto_ltl.run.beacons": ("beacons",),
     "pareto_ltl.run.exporting": ("export",),
     "pareto_ltl.run.interface": ("PlanningResult", "choose", "load_results", "plan", "replan", "simulate"),

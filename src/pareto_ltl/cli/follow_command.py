@@ -13,8 +13,8 @@ from pareto_ltl.cli.arguments import CommandArguments
 from pareto_ltl.support.errors import ConfigError
 
 if TYPE_CHECKING:
-    from pareto_ltl.follow.following import Listener
-    from pareto_ltl.follow.telemetry import Reading
+    from pareto_ltl.inflight.following import Listener
+    from pareto_ltl.inflight.telemetry import Reading
 
 
 def follow_command(argv: Sequence[str]) -> int:
@@ -54,10 +54,10 @@ def follow_command(argv: Sequence[str]) -> int:
 
 
 def _follow(options: argparse.Namespace) -> int:
-    from pareto_ltl.follow.following import follow
-    from pareto_ltl.follow.lines import event_line
-    from pareto_ltl.follow.picture import draw_watch
-    from pareto_ltl.follow.watch import WatchSettings
+    from pareto_ltl.inflight.following import follow
+    from pareto_ltl.inflight.lines import event_line
+    from pareto_ltl.inflight.picture import draw_watch
+    from pareto_ltl.inflight.watch import WatchSettings
 
     if options.send and options.connect is None:
         raise ConfigError("--send needs --connect: there is no autopilot to send to")
@@ -84,11 +84,14 @@ def _source(options: argparse.Namespace) -> tuple[Iterable[Reading] | Path, List
 
     if options.log is not None and options.log.suffix.lower() not in (".tlog", ".bin"):
         return options.log, None
-    from pareto_ltl.follow.link import Link, logged_readings
+    from pareto_ltl.inflight.link import Link, logged_readings
 
-    time_zero = load_results(options.directory).scene.time_zero
+    scene = load_results(options.directory).scene
+    time_zero = scene.time_zero
     if options.log is not None:
         return logged_readings(options.log, time_zero, options.departure), None
     sends = [kind for kind in options.send.split(",") if kind]
+    if "position" in sends and scene.crs is None:
+        raise ConfigError("--send position: the map of this plan has no place on Earth; leave it out")
     link = Link(options.connect, time_zero, options.departure, sends)
     return link.readings(), link.answers

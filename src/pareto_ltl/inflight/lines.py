@@ -6,8 +6,8 @@ import math
 from collections import Counter
 from collections.abc import Callable
 
-from pareto_ltl.follow.telemetry import refused_text
-from pareto_ltl.follow.watch import Event
+from pareto_ltl.inflight.telemetry import refused_text
+from pareto_ltl.inflight.watch import Event
 from pareto_ltl.support.display import distance_text, probability_text
 
 

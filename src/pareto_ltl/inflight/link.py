@@ -29,8 +29,8 @@ from pareto_ltl.exports.mavlink import (
     TURN,
     WIND_ESTIMATE,
 )
-from pareto_ltl.follow.telemetry import Reading
-from pareto_ltl.follow.watch import Event, Watch
+from pareto_ltl.inflight.telemetry import Reading
+from pareto_ltl.inflight.watch import Event, Watch
 from pareto_ltl.support.errors import ConfigError, DataError
 
 KINDS = {
@@ -305,10 +305,11 @@ def _speed(watch: Watch, _event: Event) -> dict[str, Any]:
 
 
 def _heading(watch: Watch, _event: Event) -> dict[str, Any]:
-    navigation = watch.plan.navigation
-    assert navigation is not None
-    assert navigation.heading_true is not None
-    heading = float(navigation.heading_true[watch.belief.step])
+    step, navigation = watch.belief.step, watch.plan.navigation
+    east, north = watch.plan.path.u[step]
+    heading = math.degrees(math.atan2(east, north)) % 360.0  # on a map without a place on Earth
+    if navigation is not None and navigation.heading_true is not None:
+        heading = float(navigation.heading_true[step])
     return {"params": [HEADING, heading, TURN, 0, 0, 0, 0], "text": f"heading {heading:.0f} deg"}
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import partial
 from pathlib import Path
 
-from pareto_ltl.follow.journal import NAME, read_journal
+from pareto_ltl.inflight.journal import NAME, read_journal
 from pareto_ltl.run.interface import load_results
 
 

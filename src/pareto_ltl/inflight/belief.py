@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 from numpy.random import Generator, SeedSequence
 
-from pareto_ltl.follow.local_wind import LocalWind, local_wind
+from pareto_ltl.inflight.local_wind import LinearWind, linear_wind, local_wind
 from pareto_ltl.kernels.data import IndependentLaw
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.support.arrays import BoolArray, FloatArray
@@ -99,14 +99,15 @@ class Belief:
                 self.share = 1.0
                 self._end_step()
 
-    def _begin_step(self) -> LocalWind:
-        """The law about the estimate, with the variance of a new white part."""
-        wind = local_wind(self.law, min(self.step, len(self.law.wind.slot) - 1), self.x[None])
+    def _begin_step(self) -> LinearWind:
+        """The law about the estimate, and a new white part."""
+        step, modes = min(self.step, len(self.law.wind.slot) - 1), self.theta.shape[-1]
+        cross = self.cov[:2, 2 : 2 + 2 * modes].reshape(2, 2, modes)
+        wind = linear_wind(self.law, step, self.x, self.cov[:2, :2], cross)
         self.cov[-2:], self.cov[:, -2:], self.z[-2:] = 0.0, 0.0, 0.0
-        self.cov[-2:, -2:] = np.diag(wind.white[0])
-        self.local = local_wind(self.law, min(self.step, len(self.law.wind.slot) - 1), self.flown[:, -1])
-        noise = self.rng.standard_normal((len(self.theta), 2))
-        self.white = np.sqrt(self.local.white) * noise
+        self.cov[-2:, -2:] = np.diag(wind.white)
+        self.local = local_wind(self.law, step, self.flown[:, -1])
+        self.white = np.sqrt(self.local.white) * self.rng.standard_normal((len(self.theta), 2))
         return wind
 
     def _end_step(self) -> None:
@@ -134,9 +135,9 @@ class Belief:
         """The deviation now, by the state at the beginning of the step, (2, 2P + 4)."""
         s, dt, modes = self.share, self.motion.dt, self.theta.shape[-1]
         H = np.zeros((2, len(self.z)))
-        H[:, :2] = np.eye(2) + s * (self.motion.a - np.eye(2)) + s * dt * self.wind.gradient[0]
+        H[:, :2] = np.eye(2) + s * (self.motion.a - np.eye(2)) + s * dt * self.wind.slope
         for c in range(2):
-            H[c, 2 + c * modes : 2 + (c + 1) * modes] = s * dt * self.wind.psi[0, c]
+            H[c, 2 + c * modes : 2 + (c + 1) * modes] = s * dt * self.wind.psi[c]
         H[:, -2:] = s * dt * np.eye(2)
         return H
 
@@ -146,7 +147,7 @@ class Belief:
         return np.asarray(x + s * (x @ (self.motion.a - np.eye(2)).T + self.motion.dt * wind) + self.air)
 
     def _mean(self) -> FloatArray:
-        still = self._drifted(self.x[None], self.wind.mean)[0]
+        still = self._drifted(self.x[None], self.wind.mean[None])[0]
         return np.asarray(still + self._map() @ self.z)
 
     def _members(self) -> FloatArray:
@@ -158,12 +159,12 @@ class Belief:
         """Position and wind now."""
         H, modes = self._map(), self.theta.shape[-1]
         G = np.zeros_like(H)
-        G[:, :2] = self.wind.gradient[0]
+        G[:, :2] = self.wind.slope
         for c in range(2):
-            G[c, 2 + c * modes : 2 + (c + 1) * modes] = self.wind.psi[0, c]
+            G[c, 2 + c * modes : 2 + (c + 1) * modes] = self.wind.psi[c]
         cov, wind_cov = (M @ self.cov @ M.T for M in (H, G))
         return Estimate(
-            self._mean(), 0.5 * (cov + cov.T), self.wind.mean[0] + G @ self.z, 0.5 * (wind_cov + wind_cov.T)
+            self._mean(), 0.5 * (cov + cov.T), self.wind.mean + G @ self.z, 0.5 * (wind_cov + wind_cov.T)
         )
 
     # --- fixes ---
@@ -201,14 +202,14 @@ class Belief:
 
     def restart(self, place: FloatArray, R: FloatArray) -> None:
         """Believe a measured ``place`` and forget the wind: after fixes that the law cannot explain."""
-        members = self._members()
-        noise = self.rng.standard_normal(members.shape) @ np.linalg.cholesky(R).T
-        self.flown[:, -1] += place + noise - members
-        self.x = self.x + place - self._mean()
         self.theta = self.rng.standard_normal(self.theta.shape)
         self.cov, self.z = np.eye(len(self.z)), np.zeros(len(self.z))
         self.cov[:2, :2] = R
-        self.wind = self._begin_step()
+        for _ in range(3):  # the drift in this step depends on where it began
+            self.x = self.x + place - self._mean()
+            self.wind = self._begin_step()
+        noise = self.rng.standard_normal((len(self.theta), 2)) @ np.linalg.cholesky(R).T
+        self.flown[:, -1] += place + noise - self._members()
 
     # --- the rest of the plan ---
 

@@ -6,9 +6,9 @@ from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pareto_ltl.follow.journal import SCHEMA, Journal, read_journal, require_place
-from pareto_ltl.follow.telemetry import Clock, Reading, read_log
-from pareto_ltl.follow.watch import Event, Watch, WatchSettings
+from pareto_ltl.inflight.journal import SCHEMA, Journal, read_journal, require_place
+from pareto_ltl.inflight.telemetry import Clock, Reading, read_log
+from pareto_ltl.inflight.watch import Event, Watch, WatchSettings
 from pareto_ltl.run.exporting import run_with_plan
 from pareto_ltl.run.records import PLAN, PROBLEM, SCENE
 from pareto_ltl.run.stage_table import stage_seeds

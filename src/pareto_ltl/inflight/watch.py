@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.random import SeedSequence
 
-from pareto_ltl.follow.belief import LAW, Belief
-from pareto_ltl.follow.telemetry import Reading, Sieve
+from pareto_ltl.inflight.belief import LAW, Belief
+from pareto_ltl.inflight.telemetry import Reading, Sieve
 from pareto_ltl.planning.conditioning import Fix
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import Plan

@@ -1,0 +1,152 @@
+"""``pareto-ltl follow`` as a user calls it."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import pareto_ltl
+from pareto_ltl.cli.commands import run_command_line
+from pareto_ltl.inflight.journal import read_journal
+from quick_wind import QUICK_WIND
+
+SMALL: dict[str, Any] = {
+    "robot": {"dt": 1800.0},
+    "planner": {"trees": 3, "n_max": 1500},
+    "selection": {"runs": 500},
+    "wind": QUICK_WIND,
+    "deployment": {"runs": 40},
+    "report": "none",
+}
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    place = tmp_path_factory.mktemp("made") / "phi1"
+    pareto_ltl.plan("phi1", "F a", out=place, **SMALL)
+    return place
+
+
+@pytest.fixture(scope="module")
+def telemetry(made: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The planned headings and airspeeds, a row a minute, with a fix near the expected position."""
+    plan = pareto_ltl.load_results(made).plan
+    assert plan.navigation is not None
+    assert plan.navigation.lat is not None
+    assert plan.navigation.lon is not None
+    assert plan.navigation.heading_true is not None
+    rows, half = ["time,heading_true,airspeed_m_s,lat,lon,fix_sd_m"], len(plan.path.u) // 2
+    for k, (heading, airspeed) in enumerate(
+        zip(plan.navigation.heading_true, plan.navigation.airspeed, strict=True)
+    ):
+        for minute in range(30):
+            place = (
+                f"{plan.navigation.lat[k]},{plan.navigation.lon[k]},3000"
+                if (k, minute) == (half, 0)
+                else ",,"
+            )
+            rows.append(f"{k * 1800 + minute * 60},{heading},{airspeed},{place}")
+    file = tmp_path_factory.mktemp("telemetry") / "telemetry.csv"
+    file.write_text("\n".join(rows) + "\n")
+    return file
+
+
+def test_a_log_becomes_lines_a_journal_and_a_figure(
+    made: Path, telemetry: Path, tmp_path: Path, capsys
+) -> None:
+    words = ["follow", str(made), "--log", str(telemetry), "--out", str(tmp_path), "--every", "3600"]
+    assert run_command_line([*words, "--flights", "200"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0].startswith("+0:00:00  watching plan: F a")
+    assert "of 200 flights of the rest fail in coherent winds (promised" in lines[1]
+    assert any("position fix" in line and ", used" in line for line in lines)
+    assert lines[-1].split("  ")[1].startswith("end of the telemetry; at ")
+    kinds = [event["event"] for event in read_journal(tmp_path / "follow.jsonl")]
+    assert kinds[0] == "begin"
+    assert kinds[-1] == "end"
+    assert (tmp_path / "follow.png").stat().st_size > 10_000
+
+
+def test_json_has_one_object_an_event(made: Path, telemetry: Path, tmp_path: Path, capsys) -> None:
+    words = ["follow", str(made), "--log", str(telemetry), "--out", str(tmp_path / "j"), "--json"]
+    assert run_command_line([*words, "--every", "7200", "--flights", "100"]) == 0
+    events = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    assert events[-1]["event"] == "end"
+    assert all("time" in event for event in events)
+    assert events[0]["not_covered"]
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--log", "none.csv"], "cannot be read"),
+        (["--log", "{bad}"], "no column heading_true, airspeed_m_s; expected time,heading_true,airspeed_m_s"),
+        (["--log", "{log}", "--alarm", "2"], "--alarm must be a failure rate above 0 and at most 1, got 2"),
+        (["--log", "{log}", "--send", "wind"], "--send needs --connect"),
+        (["--log", "{log}", "--resume"], "there is no journal to resume; start without --resume"),
+        (
+            ["--log", "{used}", "--out", "{there}"],
+            "is there already: give --resume to continue it, or another --out",
+        ),
+        (
+            ["--connect", "udpin:127.0.0.1:0", "--send", "wings"],
+            "expected some of wind, heading, speed, position",
+        ),
+    ],
+)
+def test_what_cannot_be_used_is_one_line(
+    words: list[str], message: str, made: Path, telemetry: Path, tmp_path: Path, capsys
+) -> None:
+    bad, there = tmp_path / "bad.csv", tmp_path / "there"
+    bad.write_text("time,speed\n0,1\n")
+    there.mkdir()
+    (there / "follow.jsonl").write_text("{}\n")
+    names = {"log": telemetry, "bad": bad, "used": telemetry, "there": there}
+    place = [] if "--out" in words else ["--out", str(tmp_path / "new")]
+    given = [word.format(**names) for word in words]
+    assert run_command_line(["follow", str(made), *given, *place]) == 2
+    error = capsys.readouterr().err
+    assert message in error
+    assert "Traceback" not in error
+    assert len(error.strip().splitlines()) == 1
+
+
+def test_a_killed_process_is_resumed(made: Path, telemetry: Path, tmp_path: Path) -> None:
+    """The same end as without the kill, from the same telemetry heard a second time."""
+    whole, killed = tmp_path / "whole", tmp_path / "killed"
+    words = [
+        sys.executable,
+        "-m",
+        "pareto_ltl",
+        "follow",
+        str(made),
+        "--log",
+        str(telemetry),
+        "--every",
+        "60",
+    ]
+    subprocess.run([*words, "--out", str(whole)], check=True, capture_output=True)
+    process = subprocess.Popen(
+        [*words, "--out", str(killed)], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+    )
+    journal, end = killed / "follow.jsonl", time.monotonic() + 60.0
+    while time.monotonic() < end and (not journal.exists() or journal.stat().st_size < 5000):
+        time.sleep(0.005)
+    os.kill(process.pid, signal.SIGKILL)
+    process.wait()
+    before = list(read_journal(journal))
+    assert before[-1]["event"] != "end"
+    subprocess.run([*words, "--out", str(killed), "--resume"], check=True, capture_output=True)
+    one, other = (list(read_journal(place / "follow.jsonl"))[-1] for place in (whole, killed))
+    assert list(read_journal(journal))[: len(before)] == before
+    assert other["time"] == pytest.approx(one["time"])
+    for key in ("x", "y", "major"):
+        assert other[key] == pytest.approx(one[key], rel=0.01, abs=500.0)

@@ -1,0 +1,208 @@
+"""A watch: what it says, what it refuses, and that nothing stops it or is lost."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterable
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.random import SeedSequence
+
+from pareto_ltl.inflight.journal import Journal, read_journal
+from pareto_ltl.inflight.lines import event_line
+from pareto_ltl.inflight.telemetry import Reading, Sieve
+from pareto_ltl.inflight.watch import Event, Watch, WatchSettings
+from pareto_ltl.planning.problem import Problem
+from pareto_ltl.support.errors import DataError
+from watched import DT, FLIGHT_TIME, PATH, PLAN, PROBLEM, heading_of
+
+
+def new_watch(problem: Problem = PROBLEM, **more: float) -> Watch:
+    cfg = WatchSettings(**{"every": 400.0, "members": 100, **more})  # type: ignore[arg-type]
+    return Watch(problem, PLAN, cfg, SeedSequence(2))
+
+
+def as_planned(every: float = 20.0, until: float = FLIGHT_TIME, fixes: dict[float, tuple] | None = None):
+    """Telemetry of the planned controls, with fixes (x, y, sd) at some times."""
+    fixes = dict(fixes or {})
+    for t in np.arange(0.0, until + 1e-9, every):
+        heading, airspeed = heading_of(PATH.u[min(int((t + 1e-6) / DT), len(PATH.u) - 1)])
+        x, y, sd = fixes.pop(float(t), (math.nan, math.nan, math.nan))
+        yield Reading(float(t), heading, airspeed, None if math.isnan(x) else (x, y), sd)
+
+
+def kinds(events: Iterable[Event]) -> list[str]:
+    return [event["event"] for event in events if event["event"] != "flown"]
+
+
+def alarms(events: Iterable[Event]) -> dict[str, str]:
+    return {event["kind"]: event["text"] for event in events if event["event"] == "alarm"}
+
+
+def test_a_flight_as_planned_keeps_its_corridor_and_its_promise() -> None:
+    events = list(new_watch(alarm=1.0).events(as_planned()))
+    status = [event for event in events if event["event"] in ("status", "end")]
+    assert [event["time"] for event in status[:-1]] == list(np.arange(0.0, FLIGHT_TIME, 400.0))
+    assert events[-1]["event"] == "end"
+    assert not alarms(events)
+    assert all(event["corridor"] < 0.01 for event in status)
+    assert all(event["law"] == "coherent" for event in status)
+    np.testing.assert_allclose([events[-1]["x"], events[-1]["y"]], PATH.x[-1], atol=2.5)
+    goals = [event["goal"] for event in status]
+    assert goals[0] == ["a"]
+    line = event_line(status[0])
+    assert "coherent winds" in line
+    assert "next a in" in line
+    for event in events:
+        json.dumps(event, allow_nan=False)
+
+
+def test_a_wrong_heading_leaves_the_corridor_and_raises_the_alarm() -> None:
+    wrong = [Reading(r.time, r.heading + 30.0, r.airspeed) for r in as_planned()]
+    said = alarms(new_watch(alarm=0.5).events(wrong))
+    assert "outside the corridor of 99 %" in said["corridor"]
+    assert "more than --alarm 0.5: plan again" in said["promise"]
+
+
+def test_a_fix_narrows_the_ellipse() -> None:
+    place = PATH.x[10] + [200.0, -100.0]
+    watch = new_watch()
+    events = list(watch.events(as_planned(fixes={1000.0: (*place, 30.0)})))
+    fix = next(k for k, event in enumerate(events) if event["event"] == "fix")
+    before = [event["major"] for event in events[:fix] if event["event"] == "status"][-1]
+    after = next(event for event in events[fix:] if event["event"] == "status")
+    assert events[fix]["use"] == "learnt"
+    assert after["major"] < 0.2 * before
+    assert np.hypot(after["x"] - place[0], after["y"] - place[1]) < 60.0
+
+
+def test_a_lying_fix_is_an_alarm_and_changes_nothing() -> None:
+    """A jump of the position, as of a jammed receiver."""
+    far = PATH.x[10] + [9e3, 9e3]
+    honest, lied = (new_watch(alarm=1.0) for _ in "ab")
+    told = list(lied.events(as_planned(fixes={1000.0: (*far, 10.0)})))
+    plain = list(honest.events(as_planned()))
+    assert "it is not used" in alarms(told)["fix"]
+    assert "probability" in alarms(told)["fix"]
+    assert (told[-1]["x"], told[-1]["major"]) == pytest.approx((plain[-1]["x"], plain[-1]["major"]))
+
+
+def test_fixes_that_agree_with_each_other_are_believed_in_the_end() -> None:
+    off = np.array([7e3, -6e3])
+    given_ = {t: (*(PATH.x[int(t / DT)] + off), 20.0) for t in (1000.0, 1200.0, 1400.0)}
+    watch = new_watch(alarm=1.0)
+    events = list(watch.events(as_planned(until=1500.0, fixes=given_)))
+    uses = [event["use"] for event in events if event["event"] == "fix"]
+    assert uses == ["refused", "refused", "restarted"]
+    assert (
+        "what was learnt of the wind is forgotten"
+        in [event["text"] for event in events if event["event"] == "alarm" and event["kind"] == "fix"][-1]
+    )
+    assert np.hypot(*(np.array([events[-1]["x"], events[-1]["y"]]) - PATH.x[15] - off)) < 600.0
+
+
+def test_silence_is_an_alarm_and_the_plan_is_assumed() -> None:
+    readings = [r for r in as_planned() if not 800.0 < r.time < 2000.0]
+    events = list(new_watch(alarm=1.0).events(readings))
+    assert "no telemetry for 1200 s: the plan's own controls are assumed" in alarms(events)["silence"]
+    np.testing.assert_allclose([events[-1]["x"], events[-1]["y"]], PATH.x[-1], atol=2.5)
+
+
+def test_fixes_in_quick_succession_are_thinned_and_counted() -> None:
+    fixes = {float(t): (*PATH.x[10], 50.0) for t in range(1000, 1010)}
+    events = list(new_watch(alarm=1.0).events(as_planned(every=1.0, until=1010.0, fixes=fixes)))
+    assert kinds(events).count("fix") == 1
+    assert events[-1]["refused"] == {"position within 10 s of the last": 9}
+
+
+def test_the_sieve_names_every_reading_that_it_refuses() -> None:
+    sieve = Sieve(20.0)
+    given_ = [
+        Reading(0.0, 10.0, 5.0), Reading(0.0, 10.0, 5.0), Reading(2.0, 10.0, 5.0), Reading(1.0, 10.0, 5.0),
+        Reading(math.nan, 10.0, 5.0), Reading(3.0, math.inf, 5.0), Reading(4.0, 10.0, 500.0),
+        Reading(9e9, 10.0, 5.0), Reading(5.0, 10.0, 5.0, (math.nan, 1.0), 5.0),
+        Reading(6.0, 10.0, 5.0, (1.0, 1.0), -5.0), Reading(7.0, 370.0, 5.0, (1.0, 1.0), 5.0),
+    ]  # fmt: skip
+    passed = list(sieve.usable(given_))
+    assert [reading.time for reading in passed] == [0.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]
+    assert passed[-1].heading == 10.0
+    assert passed[-1].place == (1.0, 1.0)
+    assert dict(sieve.refused) == {
+        "doubled": 1, "late": 1, "no time": 1, "heading": 1, "airspeed": 1, "clock jumps ahead": 1,
+        "position": 2,
+    }  # fmt: skip
+
+
+def test_two_readings_far_ahead_that_agree_are_believed() -> None:
+    times = [0.0, 10.0, 50_000.0, 20.0, 60_000.0, 60_001.0]
+    passed = [r.time for r in Sieve(20.0).usable(Reading(t, 0.0, 5.0) for t in times)]
+    assert passed == [0.0, 10.0, 20.0, 60_001.0]
+
+
+numbers = st.one_of(
+    st.floats(allow_nan=True, allow_infinity=True),
+    st.floats(-1e4, 1e5),
+    st.integers(0, 40).map(lambda k: 100.0 * k),
+)
+readings = st.builds(Reading, numbers, numbers, numbers, st.none() | st.tuples(numbers, numbers), numbers)
+
+
+@settings(deadline=None, max_examples=60)
+@given(st.lists(readings, max_size=40), st.lists(st.integers(0, 70), max_size=30))
+def test_no_stream_stops_a_watch(spoilt: list[Reading], places: list[int]) -> None:
+    """Lost, late, doubled and spoilt telemetry: every event is finite, and time never goes back."""
+    stream = list(as_planned(every=50.0))
+    for at, reading in zip(places, spoilt, strict=False):
+        stream.insert(at % len(stream), reading)
+    events = list(new_watch(members=50, every=1200.0).events(stream))
+    assert events[-1]["event"] == "end"
+    times = [event["time"] for event in events]
+    assert times == sorted(times)
+    for event in events:
+        json.dumps(event, allow_nan=False)
+        event_line(event)
+
+
+@pytest.mark.parametrize("cut", range(0, 50))
+def test_a_killed_watch_continues_as_if_nothing_had_been(cut: int, tmp_path) -> None:
+    """The journal cut at 50 random bytes, then the telemetry from there on."""
+    fixes = {1000.0: (*(PATH.x[10] + [200.0, 90.0]), 40.0), 2200.0: (*(PATH.x[22] + [8e3, 0.0]), 40.0)}
+    whole, journal = new_watch(alarm=1.0), Journal(tmp_path / "follow.jsonl")
+    ended = []
+    for event in whole.events(as_planned(fixes=dict(fixes))):
+        journal.write(event)
+        ended.append(event)
+    journal.close()
+    text = (tmp_path / "follow.jsonl").read_bytes()
+    at = int(np.random.default_rng(cut).integers(1, len(text)))
+    (tmp_path / "follow.jsonl").write_bytes(text[:at])
+    again = new_watch(alarm=1.0)
+    kept = list(read_journal(tmp_path / "follow.jsonl"))
+    complete = text[:at].count(b"\n")
+    assert complete <= again.resume(kept) <= complete + 1
+    if not kept or kept[-1]["event"] == "end":
+        return
+    rest = [r for r in as_planned(fixes=dict(fixes)) if r.time > again.time + 1e-9]
+    done = {event["time"] for event in kept if event["event"] == "fix"}
+    late = [
+        Reading(again.time + 1e-3, *heading_of(PATH.u[min(int((again.time + 1e-6) / DT), len(PATH.u) - 1)]))
+    ]
+    if again.time in fixes and again.time not in done:  # what was heard in the last instant is heard again
+        late = [Reading(late[0].time, late[0].heading, late[0].airspeed, fixes[again.time][:2], 40.0)]
+    rest = [*late, *rest]
+    last = list(again.events(rest))[-1]
+    for key in ("x", "y", "major", "minor"):
+        assert last[key] == pytest.approx(ended[-1][key], rel=1e-3, abs=2.0)
+
+
+def test_a_damaged_journal_is_named(tmp_path) -> None:
+    path = tmp_path / "follow.jsonl"
+    path.write_text('{"event":"begin"}\nnonsense\n{"event":"flown"}\n')
+    with pytest.raises(DataError, match=r"line 2: no event; start without --resume"):
+        list(read_journal(path))
+    with pytest.raises(DataError, match="cannot be read"):
+        list(read_journal(tmp_path / "none"))
