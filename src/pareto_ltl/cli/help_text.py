@@ -27,8 +27,7 @@ COMMON_SETTINGS = (
 ABOUT = "Risk-aware temporal-logic mission planning in uncertain wind, without position fixes."
 EXAMPLES = """\
   pareto-ltl plan +experiment=phi1                         plan one of the ready missions
-  pareto-ltl plan +experiment=phi2 planner.n_max=5000      with another setting
-  pareto-ltl plan +experiment=phi1 "mission.formula='F(a & F b)'"
+  pareto-ltl plan +experiment=phi1 "mission.formula='F(a & F b)'" planner.n_max=5000
   pareto-ltl sweep +experiment=phi2 'seed=range(0,99)' hydra/launcher=joblib
   pareto-ltl formula "F(a & F b)"                          what a formula means
   pareto-ltl +experiment=phi1 seed=1,2 -m                  the Hydra form: plan, with every combination"""
