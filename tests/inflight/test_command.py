@@ -11,7 +11,9 @@ import time
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
+import shapely
 
 import pareto_ltl
 from pareto_ltl.cli.commands import run_command_line
@@ -73,6 +75,33 @@ def test_a_log_becomes_lines_a_journal_and_a_figure(
     assert kinds[0] == "begin"
     assert kinds[-1] == "end"
     assert (tmp_path / "follow.png").stat().st_size > 10_000
+    assert not (tmp_path / "search_area.geojson").read_bytes().count(b"NaN")
+
+
+def test_the_search_area_is_where_the_plan_goes_on(made: Path, telemetry: Path, tmp_path: Path) -> None:
+    """Nothing is heard after a third of the flight: the areas are around the planned positions, and grow."""
+    rows, plan = telemetry.read_text().splitlines(), pareto_ltl.load_results(made).plan
+    file = tmp_path / "lost.csv"
+    file.write_text("\n".join(rows[: len(rows) // 3]) + "\n")
+    words = ["follow", str(made), "--log", str(file), "--out", str(tmp_path / "lost"), "--flights", "100"]
+    assert run_command_line(words) == 0
+    areas = json.loads((tmp_path / "lost" / "search_area.geojson").read_text())["features"]
+    steps = len(plan.path.u) - int((len(rows) // 3 - 2) * 60 / 1800)
+    assert len(areas) == 3 * (steps + 1)
+    last = [area for area in areas if area["properties"]["t_s"] == len(plan.path.u) * 1800.0]
+    assert [area["properties"]["probability"] for area in last] == [0.5, 0.9, 0.99]
+    assert plan.navigation is not None
+    assert plan.navigation.lat is not None
+    assert plan.navigation.lon is not None
+    sizes = []
+    for area in last:
+        shape = shapely.geometry.shape(area["geometry"])
+        assert shape.contains(shapely.Point(plan.navigation.lon[-1], plan.navigation.lat[-1]))
+        sizes.append(shape.area)
+    assert sizes[2] / sizes[0] == pytest.approx(np.log(0.01) / np.log(0.5), rel=0.02)
+    kml = (tmp_path / "lost" / "search_area.kml").read_text()
+    assert kml.count("<Placemark>") == len(areas)
+    assert "coherent winds" in kml
 
 
 def test_json_has_one_object_an_event(made: Path, telemetry: Path, tmp_path: Path, capsys) -> None:

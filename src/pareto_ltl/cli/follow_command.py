@@ -57,7 +57,9 @@ def _follow(options: argparse.Namespace) -> int:
     from pareto_ltl.inflight.following import follow
     from pareto_ltl.inflight.lines import event_line
     from pareto_ltl.inflight.picture import draw_watch
+    from pareto_ltl.inflight.search_area import write_search_area
     from pareto_ltl.inflight.watch import WatchSettings
+    from pareto_ltl.run.interface import load_results
 
     if options.send and options.connect is None:
         raise ConfigError("--send needs --connect: there is no autopilot to send to")
@@ -67,14 +69,19 @@ def _follow(options: argparse.Namespace) -> int:
     watched = follow(
         options.directory, readings, out=folder, resume=options.resume, settings=settings, listener=listener
     )
+    end = None
     try:
         for event in watched:
+            end = event if event["event"] == "end" else end
             if line := json.dumps(event) if options.json else event_line(event):
                 print(line, flush=True)
     except KeyboardInterrupt:
         print("ended by the user; pareto-ltl follow ... --resume continues", file=sys.stderr)
+    if end is not None:
+        write_search_area(load_results(options.directory).scene, end, folder)
     picture = draw_watch(options.directory, folder)
-    print(f"journal and figure in {folder}" if picture else f"journal in {folder}", file=sys.stderr)
+    written = "journal, figure and search area" if picture else "journal"
+    print(f"{written} in {folder}", file=sys.stderr)
     return 0
 
 

@@ -92,7 +92,8 @@ class Watch:
             if self.over:
                 break
         yield from self.flushed()
-        yield self.status() | {"event": "end", "refused": dict(self.sieve.refused)}
+        end = self.status() | {"event": "end", "refused": dict(self.sieve.refused)}
+        yield end | {"ahead": self._ahead()}
 
     def take(self, reading: Reading) -> Iterator[Event]:
         """The events of one usable reading."""
@@ -270,6 +271,20 @@ class Watch:
             "wind": now.wind.tolist(), "wind_sd": float(np.sqrt(np.trace(now.wind_cov) / 2.0)),
             "energy": None if self.problem.energy is None else self.energy, **self._next_goal(),
         }  # fmt: skip
+
+    def _ahead(self) -> list[Event]:
+        """Mean (2,) [m] and covariance (2, 2) [m²] now and at the steps to come, flown on as planned.
+
+        The belief is at the end of the plan, or of the wind, afterwards.
+        """
+        dt, found = self.problem.motion.dt, list[Event]()
+        while True:
+            now = self.belief.estimate()
+            found.append({"time": self.belief.time, "mean": now.mean.tolist(), "cov": now.cov.tolist()})
+            if self.over:
+                return found
+            rest = (self.belief.step + 1) * dt - self.belief.time
+            self.belief.advance(rest, self.problem.motion.b @ (rest * self._planned()))
 
     def _placed(self, x: FloatArray) -> Event:
         from pareto_ltl.world.projection import to_geographic
