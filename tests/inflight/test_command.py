@@ -104,6 +104,18 @@ def test_the_search_area_is_where_the_plan_goes_on(made: Path, telemetry: Path, 
     assert "coherent winds" in kml
 
 
+def test_a_fix_starts_a_new_plan(made: Path, telemetry: Path, tmp_path: Path, capsys) -> None:
+    words = ["follow", str(made), "--log", str(telemetry), "--out", str(tmp_path), "--every", "7200"]
+    assert run_command_line([*words, "--flights", "100", "--replan"]) == 0
+    said = next(event for event in read_journal(tmp_path / "follow.jsonl") if event["event"] == "replanned")
+    document = json.loads((tmp_path / "replan_1" / "replan.json").read_text())
+    assert (said["old"], said["new"]) == (document["old"]["failure"], document["new"]["failure"])
+    line = next(line for line in capsys.readouterr().out.splitlines() if "a new plan from" in line)
+    assert "coherent winds" in line
+    assert str(tmp_path / "replan_1") in line
+    assert pareto_ltl.load_results(tmp_path / "replan_1").plan.promise is not None
+
+
 def test_json_has_one_object_an_event(made: Path, telemetry: Path, tmp_path: Path, capsys) -> None:
     words = ["follow", str(made), "--log", str(telemetry), "--out", str(tmp_path / "j"), "--json"]
     assert run_command_line([*words, "--every", "7200", "--flights", "100"]) == 0

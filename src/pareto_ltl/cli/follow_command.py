@@ -6,6 +6,7 @@ import argparse
 import json
 import sys
 from collections.abc import Iterable, Sequence
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,6 +16,7 @@ from pareto_ltl.support.errors import ConfigError
 if TYPE_CHECKING:
     from pareto_ltl.inflight.following import Listener
     from pareto_ltl.inflight.telemetry import Reading
+    from pareto_ltl.inflight.watch import Event, Watch
 
 
 def follow_command(argv: Sequence[str]) -> int:
@@ -49,6 +51,10 @@ def follow_command(argv: Sequence[str]) -> int:
         "--send", metavar="KINDS", default="", help="with --connect, send to the autopilot: wind, heading, "
         "speed, position, with commas; nothing is sent without it",
     )  # fmt: skip
+    parser.add_argument(
+        "--replan", action="store_true", help="plan the rest again after each position fix, in a second "
+        "process; the pilot decides which plan is flown",
+    )  # fmt: skip
     parser.add_argument("--json", action="store_true", help="one JSON object an event instead of lines")
     return _follow(parser.parse_args(argv))
 
@@ -57,6 +63,7 @@ def _follow(options: argparse.Namespace) -> int:
     from pareto_ltl.inflight.following import follow
     from pareto_ltl.inflight.lines import event_line
     from pareto_ltl.inflight.picture import draw_watch
+    from pareto_ltl.inflight.replans import Replans
     from pareto_ltl.inflight.search_area import write_search_area
     from pareto_ltl.inflight.watch import WatchSettings
     from pareto_ltl.run.interface import load_results
@@ -66,8 +73,14 @@ def _follow(options: argparse.Namespace) -> int:
     folder = options.out or options.directory / "follow"
     settings = WatchSettings(options.every, options.alarm, options.flights)
     readings, listener = _source(options)
+    replans = Replans(options.directory, folder)
+    listeners = [one for one in (listener, replans.answers if options.replan else None) if one is not None]
+
+    def answers(watch: Watch, event: Event) -> Iterable[Event]:
+        return chain.from_iterable(one(watch, event) for one in listeners)
+
     watched = follow(
-        options.directory, readings, out=folder, resume=options.resume, settings=settings, listener=listener
+        options.directory, readings, out=folder, resume=options.resume, settings=settings, listener=answers
     )
     end = None
     try:
@@ -77,6 +90,8 @@ def _follow(options: argparse.Namespace) -> int:
                 print(line, flush=True)
     except KeyboardInterrupt:
         print("ended by the user; pareto-ltl follow ... --resume continues", file=sys.stderr)
+    finally:
+        replans.stop()
     if end is not None:
         write_search_area(load_results(options.directory).scene, end, folder)
     picture = draw_watch(options.directory, folder)

@@ -59,6 +59,16 @@ def _fix(event: Event) -> str:
     )
 
 
+def _replanned(event: Event) -> str:
+    if event["new"] is None:
+        return f"a new plan in {event['directory']} promises nothing: {'; '.join(event['alarms'])}"
+    new, old = (probability_text(event[key]) for key in ("new", "old"))
+    return (
+        f"a new plan from {clock_text(event['at'])} on fails {new}, the rest of the old one {old}, "
+        f"{event['law']} winds: {event['directory']}"
+    )
+
+
 def _end(event: Event) -> str:
     refused = refused_text(Counter(event["refused"]))
     lost = f"; readings that were not used: {refused}" if refused else ""
@@ -71,6 +81,7 @@ LINES: dict[str, Callable[[Event], str]] = {
     "sent": lambda event: f"sent {event['text']}",
     "status": _status,
     "fix": _fix,
+    "replanned": _replanned,
     "alarm": lambda event: f"ALARM: {event['text']}",
     "end": _end,
 }

@@ -209,7 +209,7 @@ class Link:
         self.waiting: dict[int, Waiting] = {}
 
     def readings(self) -> Iterator[Reading]:
-        """The readings of the vehicle; without any for a while, the time alone. Ends with the process."""
+        """The readings of the vehicle; without any for a while, the time alone. Ctrl-C ends them."""
         quiet = clock.time()
         while True:
             now = clock.time()
@@ -218,6 +218,8 @@ class Link:
                 self.port.mav.heartbeat_send(6, 8, 0, 0, 4)  # a ground station, active
             try:
                 message = self.port.recv_match(blocking=True, timeout=BEAT)
+            except KeyboardInterrupt:
+                return
             except (OSError, TypeError):  # unplugged: pymavlink opens it again
                 clock.sleep(0.2)
                 message = None
