@@ -105,7 +105,11 @@ def test_a_fix_between_two_steps_is_moved_along_the_plan(made: Path) -> None:
         ([], "time,lat,lon,sd_m", "0 fixes; expected 1 to 200"),
         ([("3h", 37.0, -94.0)], "time,lat,lon,sd_m", "3 values for 4 columns"),
         ([("3h", "here", -94.0, 100)], "time,lat,lon,sd_m", "are not three numbers"),
-        ([("3h", 37.0, -94.0, 0)], "time,lat,lon,sd_m", "line 2: its standard deviation must be positive"),
+        (
+            [("3h", 37.0, -94.0, 0)],
+            "time,lat,lon,sd_m",
+            "line 2: its standard deviation must be at least 0.01 m",
+        ),
         ([("-1h", 37.0, -94.0, 100)], "time,lat,lon,sd_m", "line 2: time"),
         ([("0", 37.0, -94.0, 100)], "time,lat,lon,sd_m", "before the first step"),
         ([("90h", 37.0, -94.0, 100)], "time,lat,lon,sd_m", "after the last step"),
@@ -120,6 +124,18 @@ def test_a_file_of_fixes_that_cannot_be_used_is_refused_in_one_line(
     with pytest.raises((ConfigError, DataError), match=said) as caught:
         pareto_ltl.replan(made, fixes=table(tmp_path, *rows, head=head))
     assert "\n" not in str(caught.value)
+
+
+def test_rows_that_are_no_fixes_are_refused(made: Path) -> None:
+    with pytest.raises(ConfigError, match="fix 1 has 0 values; expected time, latitude, longitude"):
+        pareto_ltl.replan(made, fixes=[("3h", *near(made, FIRST), 500.0), ()])
+
+
+def test_two_equal_and_very_accurate_fixes_are_learnt(made: Path) -> None:
+    place = near(made, LAST)
+    done = pareto_ltl.replan(made, fixes=[("5h", *place, 0.01), ("5h", *place, 0.01)])
+    assert done.situation.learnt is not None
+    assert done.situation.learnt.sd < 0.02
 
 
 def test_one_fix_and_several_or_another_time_are_refused(made: Path, tmp_path: Path) -> None:

@@ -34,6 +34,7 @@ NEAR = 2.0  # standard deviations within which another time or place explains a 
 APART = 5.0  # standard deviations of their errors by which two fixes must differ to contradict each other
 ADVICE = Advice("give the path of a CSV file", "expected a CSV file with the columns time,lat,lon,sd_m")
 MOST_FIXES = 200
+LEAST_SD = 0.01  # [m] fixes that are more accurate make the covariance of several singular
 COLUMNS = {True: ("time", "lat", "lon", "sd_m"), False: ("time", "x", "y", "sd_m")}  # by place on Earth
 
 # --- when ---------------------------------------------------------------------------------------
@@ -92,9 +93,9 @@ def place_of(problem: Problem, numbers: Sequence[float], what: str = "fix") -> F
     if len(numbers) != 3 or not np.isfinite(numbers).all():
         raise ConfigError(f"{what} must be three numbers {names}, got {list(numbers)}")
     a, b, sd = map(float, numbers)
-    if sd <= 0.0:
+    if sd < LEAST_SD:
         raise ConfigError(
-            f"{what}: its standard deviation must be positive [m], got {sd:g}; a satellite "
+            f"{what}: its standard deviation must be at least {LEAST_SD:g} m, got {sd:g}; a satellite "
             "receiver has about 5 m"
         )
     if scene.crs is not None and abs(a) > 90.0:

@@ -87,6 +87,11 @@ def fixes_from(
         return ()
     if isinstance(fixes, str | Path):
         return read_fixes(fixes, problem, plan)
+    if wrong := [k for k, row in enumerate(fixes) if len(row) != 4]:
+        raise ConfigError(
+            f"fix {wrong[0]} has {len(fixes[wrong[0]])} values; expected time, latitude, longitude (or x, y) "
+            "and standard deviation"
+        )
     placed = [placed_fix(problem, plan, row[0], row[1:], f"fix {k}") for k, row in enumerate(fixes)]
     return checked_fixes(problem, placed)
 
