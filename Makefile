@@ -34,7 +34,7 @@ test-all: $(READY)
 
 test-night: $(READY)
 	PARETO_LTL_TESTS=night $(BIN)/python -m pytest -n logical $(ARGS)
-	$(MAKE) fuzz faults corpus
+	$(MAKE) fuzz faults corpus coverage
 
 # Lines that the suite runs; the kernels count where they run uncompiled.
 coverage: $(READY)
