@@ -38,7 +38,7 @@ export function drawFront(root, points, { shown, chosen, choose }) {
     if (point.failure_low !== null && point.failure_low !== undefined) parts.push(svg("path", { class: "range", d: pathOf([[x(km[k]), y(point.failure_low)], [x(km[k]), y(point.failure_high)]]) }));
   });
   points.forEach((point, k) => {
-    const marks = ["point", k === shown && "shown", k === chosen && "chosen", !choose && "early"].filter(Boolean).join(" ");
+    const marks = ["point", k === shown && "shown", k === chosen && "chosen"].filter(Boolean).join(" ");
     const mark = svg("g", { class: marks, "data-point": k }, svg("circle", { class: "reach", cx: x(km[k]), cy: y(point.failure), r: 12 }), svg("circle", { cx: x(km[k]), cy: y(point.failure), r: k === shown ? 7 : 4.5 }), svg("title", {}, `point ${k}: fails ${percent(point.failure)}, ${km[k].toFixed(1)} km`));
     if (choose) {
       for (const [name, value] of [["tabindex", 0], ["role", "button"], ["aria-label", `point ${k}: fails ${percent(point.failure)}, ${km[k].toFixed(1)} km`], ["aria-pressed", k === shown]]) mark.setAttribute(name, value);

@@ -11,6 +11,11 @@ const STAGES = {
   deployment: "Flying the plan", export: "Writing files", report: "Drawing figures", page: "Writing the report",
 };
 const FORMATS = { kml: "KML", gpx: "GPX", geojson: "GeoJSON", dead_reckoning: "Log (CSV)", qgc: "QGroundControl", mavlink: "MAVLink", corridor: "Corridor", netcdf: "NetCDF" };
+const EARLY = {  // where the points come from, while the plan is made
+  search: count => `${count} paths of the search so far, with an upper bound on their failures. They are being improved.`,
+  refinement: count => `${count} paths so far. They still change, and how often they fail is counted on few flights.`,
+  front: count => `The front: ${count} paths, each judged by flights of its own. The plan is being checked; click a point to see its path.`,
+};
 const ELLIPSES = 14;  // at most, on the map
 const SOURCES = { coherent: "winds whose error lasts for hours", independent: "winds whose error changes at every step" };
 
@@ -36,7 +41,7 @@ export class Result {
   reset() {
     this.ends?.abort();
     this.stop();
-    Object.assign(this, { id: null, front: null, shown: null, view: null, wind: null, early: [], step: 0, fix: null, working: false });
+    Object.assign(this, { id: null, front: null, shown: null, view: null, wind: null, early: [], looked: null, step: 0, fix: null, working: false });
     this.views.clear();
     document.querySelector("main").classList.remove("planned");
     for (const id of ["result", "progress", "timebar", "cancel"]) byId(id).hidden = true;
@@ -90,11 +95,10 @@ export class Result {
     if (event.event === "stage") { this.stage = STAGES[event.stage] ?? event.stage; this.say(`${this.stage}…`); }
     else if (event.event === "progress") this.say(`${this.stage}… ${event.state.split(",")[0]}`, event.total ? event.done / event.total : undefined);
     else if (event.event === "paths" && event.points.length) {
-      this.early = event.points;
-      this.bound = event.bound;
+      Object.assign(this, { early: event.points, looked: null });
       byId("result").hidden = false;
       byId("result").classList.add("early");
-      byId("front-note").textContent = event.source === "search" ? `${event.points.length} paths of the search so far, with an upper bound on their failures. They are being improved.` : "The front; the plan is being checked.";
+      byId("front-note").textContent = EARLY[event.source](event.points.length);
       this.drawFront();
       this.redraw();
     }
@@ -149,7 +153,7 @@ export class Result {
   drawFront() {
     if (byId("result").hidden) return;
     if (this.front) drawFront(byId("front"), this.front.points, { shown: this.shown, chosen: this.front.chosen, choose: k => this.show(k) });
-    else if (this.early.length) drawFront(byId("front"), this.early, { shown: null, chosen: null, choose: null });
+    else if (this.early.length) drawFront(byId("front"), this.early, { shown: this.looked, chosen: null, choose: k => { this.looked = k; this.drawFront(); this.redraw(); } });
   }
 
   showFacts() {
@@ -234,6 +238,7 @@ export class Result {
 
   shapes(map) {
     const early = this.early.filter(point => point.line).map(point => svg("path", { class: "track early", d: map.line(point.line) }));
+    if (this.early[this.looked]?.line) early.push(svg("path", { class: "track", d: map.line(this.early[this.looked].line) }));
     if (!this.view || !this.front) return early;
     const { view, step } = this, stride = Math.max(1, Math.ceil((view.line.length - 1) / ELLIPSES)), found = [...this.arrows(map)];
     for (let k = view.line.length - 1; k > 0; k -= stride) found.push(svg("path", { class: "ellipse", d: map.line(view.ellipses[k], true) }));
