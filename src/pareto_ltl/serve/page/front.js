@@ -2,6 +2,7 @@
 
 import { pathOf, percent, svg } from "/desk/shapes.js";
 
+const REACH = 25;  // [pixels] from a click to its point
 const EDGE = { left: 52, right: 14, top: 12, bottom: 40 };
 
 const decades = (low, high) => {
@@ -39,13 +40,15 @@ export function drawFront(root, points, { shown, chosen, choose }) {
   });
   points.forEach((point, k) => {
     const marks = ["point", k === shown && "shown", k === chosen && "chosen"].filter(Boolean).join(" ");
-    const mark = svg("g", { class: marks, "data-point": k }, svg("circle", { class: "reach", cx: x(km[k]), cy: y(point.failure), r: 12 }), svg("circle", { cx: x(km[k]), cy: y(point.failure), r: k === shown ? 7 : 4.5 }), svg("title", {}, `point ${k}: fails ${percent(point.failure)}, ${km[k].toFixed(1)} km`));
-    if (choose) {
-      for (const [name, value] of [["tabindex", 0], ["role", "button"], ["aria-label", `point ${k}: fails ${percent(point.failure)}, ${km[k].toFixed(1)} km`], ["aria-pressed", k === shown]]) mark.setAttribute(name, value);
-      mark.addEventListener("click", () => choose(k));
-      mark.addEventListener("keydown", event => { if (event.key === "Enter" || event.key === " ") { event.preventDefault(); choose(k); } });
-    }
+    const mark = svg("g", { class: marks, "data-point": k }, svg("circle", { cx: x(km[k]), cy: y(point.failure), r: k === shown ? 7 : 4.5 }), svg("title", {}, `point ${k}: fails ${percent(point.failure)}, ${km[k].toFixed(1)} km`));
+    for (const [name, value] of [["tabindex", 0], ["role", "button"], ["aria-label", `point ${k}: fails ${percent(point.failure)}, ${km[k].toFixed(1)} km`], ["aria-pressed", k === shown]]) mark.setAttribute(name, value);
+    mark.addEventListener("keydown", event => { if (event.key === "Enter" || event.key === " ") { event.preventDefault(); choose(k); } });
     parts.push(mark);
   });
+  root.onclick = event => {  // the nearest point: marks can overlap
+    const box = root.getBoundingClientRect(), [px, py] = [event.clientX - box.left, event.clientY - box.top], away = points.map((point, k) => Math.hypot(x(km[k]) - px, y(point.failure) - py));
+    const nearest = away.indexOf(Math.min(...away));
+    if (away[nearest] < REACH) choose(nearest);
+  };
   root.replaceChildren(...parts);
 }
