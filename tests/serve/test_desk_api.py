@@ -15,6 +15,7 @@ from desk import HOP, SMALL, RunningDesk, running_desk
 from pareto_ltl.cli.commands import run_command_line
 from pareto_ltl.run.results import Results
 from pareto_ltl.serve.app import ROUTES
+from quick_wind import wind_words
 
 
 @pytest.fixture(scope="module")
@@ -101,6 +102,10 @@ def test_a_point_has_its_path_in_degrees(desk: RunningDesk, hop: dict[str, Any])
         assert view["line"][0] == pytest.approx([-92.4, 36.76], abs=0.1)
         assert view["risk"]["runs"] > 0
         assert (view["limits"] is not None) == view["chosen"]
+        flights = view["flights"]
+        assert len(flights["at"][0]) == len(view["t"])
+        failed = [step >= 0 for step in flights["failed"]]
+        assert failed == [why is not None for why in flights["why"]]
 
 
 def test_events_report_stages_paths_and_the_end(desk: RunningDesk, hop: dict[str, Any]) -> None:
@@ -158,6 +163,43 @@ def test_the_rest_is_planned_again_after_a_fix(desk: RunningDesk, hop: dict[str,
     assert state["status"] == "done", state
     again = desk.client.get(f"/api/plans/{state['id']}/points/0").json()
     assert again["line"][0] == pytest.approx([lon, lat], abs=0.02)
+
+
+def test_a_beacon_is_tried_along_the_plan(desk: RunningDesk, hop: dict[str, Any]) -> None:
+    place = f"/api/plans/{hop['id']}/beacons"
+    assert desk.client.get(place).status_code == 404
+    job = desk.client.post(place).json()
+    assert desk.ended(job["id"])["status"] == "done"
+    found = desk.client.get(place).json()
+    assert len(found["at"]) == len(found["failure"]) > 50
+    assert found["said"][0].startswith("without a further beacon")
+    assert job["id"] not in [state["id"] for state in desk.client.get("/api/plans").json()["plans"]]
+    assert run_command_line(["verify", hop["directory"]]) == 0
+
+
+def test_the_wind_is_shown_without_a_plan(desk: RunningDesk) -> None:
+    state = desk.planned(command="wind", overrides=["+experiment=hop", "report=none", *wind_words()])
+    assert (state["status"], state["made_by"]) == ("done", "wind")
+    wind = desk.client.get(f"/api/plans/{state['id']}/wind").json()
+    across, along = wind["shape"]
+    assert across * along == len(wind["at"]) == len(wind["uv"][0]) == len(wind["sd"][0])
+    assert len(wind["t"]) == len(wind["utc"]) == len(wind["uv"]) == len(wind["sd"])
+    assert wind["utc"][0] == "2018-10-09T00:00:00Z"
+
+
+def test_starts_are_compared(desk: RunningDesk) -> None:
+    words = [*HOP, "departure.flights=200", "departure.seeds=1", "departure.last=2018-10-09T03:00:00Z"]
+    state = desk.planned(command="departure", overrides=words)
+    assert state["status"] == "done", state
+    found = desk.client.get(f"/api/plans/{state['id']}/departures").json()
+    assert [row["departure"] for row in found["starts"]] == ["2018-10-09T00:00:00Z", "2018-10-09T03:00:00Z"]
+    assert all(len(row["failure_at"]) == len(found["lengths_m"]) for row in found["starts"])
+
+
+def test_other_commands_are_refused(desk: RunningDesk) -> None:
+    answer = desk.client.post("/api/plans", json={"command": "compare", "overrides": HOP})
+    assert answer.status_code == 400
+    assert "command must be one of plan, departure, wind" in answer.json()["error"]
 
 
 def test_a_mission_that_cannot_be_planned_says_why(desk: RunningDesk) -> None:
