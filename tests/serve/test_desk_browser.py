@@ -195,6 +195,46 @@ def test_a_mission_is_drawn_planned_chosen_exported_and_replanned(
         assert not page.locator("#problem").is_visible(), page.locator("#problem").inner_text()
 
 
+def test_points_are_compared_with_flights_beacons_winds_and_starts(
+    browser: Browser, desk: RunningDesk
+) -> None:
+    with opened_page(browser, desk.address, WIDE, "dark") as opened:
+        page = opened.page
+        begin_anew(opened)
+        draw_mission(opened)
+        page.locator("#show-wind").click()  # the wind before a plan, with the departure on a slider
+        opened.wait("!document.getElementById('leave-part').hidden")
+        arrows = page.locator("#map .wind").get_attribute("d")
+        page.locator("#leave").focus()
+        for _ in range(20):
+            page.keyboard.press("ArrowRight")
+        opened.wait("document.getElementById('departure').value === '2018-10-09T10:00'")
+        assert page.locator("#map .wind").get_attribute("d") != arrows
+        page.locator(".layers summary").click()
+        page.locator("#layer-doubt").check()
+        opened.wait("document.querySelectorAll('#map .doubt').length > 20")
+        page.locator("#layer-doubt").uncheck()
+
+        plan_mission(opened)
+        page.locator("#layer-flights").check()
+        opened.wait("document.querySelectorAll('#map .flight').length === 60")
+        page.locator("#pin").click()
+        page.locator("#next" if page.locator("#previous").is_disabled() else "#previous").click()
+        opened.wait("document.querySelectorAll('#comparison tbody tr').length === 4")
+        assert page.locator("#map .track.pinned").count() == 1
+        page.locator("#find-beacon").click()
+        opened.wait("document.querySelectorAll('#map .beacon').length > 50")
+        assert "without a further beacon" in page.locator("#beacon-said").inner_text()
+
+        page.locator("#starts-part summary").click()
+        page.locator("#latest").fill("2018-10-09T13:00")
+        page.locator("#every").fill("3")
+        page.locator("#compare-starts").click()
+        opened.wait("document.querySelectorAll('.start-column').length === 2")
+        page.locator(".start-column").nth(1).click()
+        assert page.locator("#departure").input_value() == "2018-10-09T13:00"
+
+
 def test_the_mission_is_saved_and_opened_and_survives_a_reload(
     browser: Browser, desk: RunningDesk, tmp_path: Path
 ) -> None:
