@@ -248,10 +248,15 @@ def test_the_mission_is_saved_and_opened_and_survives_a_reload(
             with page.expect_download() as download:
                 page.locator(button).click()
             download.value.save_as(tmp_path / name)
+        coast = {"type": "LineString", "coordinates": [[-179, -80], [179, 80]]}
+        (tmp_path / "coast.json").write_text(json.dumps(coast), encoding="utf-8")
+        page.locator("#backdrop-file").set_input_files(tmp_path / "coast.json")
+        opened.wait("document.querySelector('#map .backdrop') !== null")
         opened.kept()
         page.reload()
         page.wait_for_selector("html[data-ready=desk]")
         assert page.locator("#features").inner_text() == names
+        opened.wait("document.querySelector('#map .backdrop') !== null")
         for name in ("mission.geojson", "mission.kml"):
             begin_anew(opened)
             page.locator("#file").set_input_files(tmp_path / name)

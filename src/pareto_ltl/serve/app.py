@@ -18,7 +18,7 @@ from starlette.routing import Route
 
 from pareto_ltl import __version__
 from pareto_ltl.run.provenance import one_line
-from pareto_ltl.serve import missions, views
+from pareto_ltl.serve import backdrop, missions, views
 from pareto_ltl.serve.draft import Draft
 from pareto_ltl.serve.folder import DeskFolder
 from pareto_ltl.serve.guard import Guard
@@ -174,6 +174,18 @@ async def read_map(desk: Desk, request: Request) -> Answer:
     return await run_in_threadpool(missions.read_map, desk.folder, name, await request.body())
 
 
+async def keep_backdrop(desk: Desk, request: Request) -> Answer:
+    """A GeoJSON or KML file to lie under the drawing, copied into the folder."""
+    name = request.query_params.get("name", "")
+    return await run_in_threadpool(backdrop.keep_backdrop, desk.folder, name, await request.body())
+
+
+async def show_backdrop(desk: Desk, request: Request) -> Answer:
+    """The shapes of a file that was copied earlier."""
+    shapes = await run_in_threadpool(backdrop.backdrop_shapes, desk.folder, request.path_params["name"])
+    return {"shapes": shapes}
+
+
 async def keep_wind(desk: Desk, request: Request) -> Answer:
     """A file of winds, copied into the folder."""
     return {"path": desk.folder.keep_wind(request.query_params.get("name", ""), await request.body())}
@@ -228,6 +240,9 @@ ROUTES = (
     Operation("POST", "/api/formula", explain, "a formula or pattern in words, or its error and column",
               "formula; or pattern with goals, avoid, order"),
     Operation("POST", "/api/maps", read_map, "a GeoJSON or KML file (?name=FILE) as features", "the file"),
+    Operation("POST", "/api/backdrops", keep_backdrop, "copy a GeoJSON or KML file (?name=FILE) to lie below",
+              "the file"),
+    Operation("GET", "/api/backdrops/{name}", show_backdrop, "its areas, lines and points in degrees"),
     Operation("POST", "/api/winds", keep_wind, "copy a file of winds (?name=FILE)", "the file"),
     Operation("GET", "/api/choices", show_choices, "names of vehicles, winds, patterns, examples"),
     Operation("GET", "/api/examples/{name}", example, "the map of an example"),

@@ -1,6 +1,7 @@
 // The desk: joins map, drawing, panels and result; opens and saves files; shows errors in the page.
 
 import { ask, giveFile } from "/desk/api.js";
+import { Backdrop } from "/desk/backdrop.js";
 import { Drawing } from "/desk/drawing.js";
 import { placeText } from "/desk/geo.js";
 import { ChartMap } from "/desk/map.js";
@@ -24,10 +25,11 @@ function failed(error) {
 
 function forgive() { byId("problem").hidden = true; spot = null; }
 
-const store = new Store(() => { if (ready) panels.show(); map.refresh(); readyToPlan(); }, failed);
+const store = new Store(() => { if (ready) panels.show(); backdrop.show(store.mission.backdrop).catch(failed); byId("no-backdrop").hidden = !store.mission.backdrop; map.refresh(); readyToPlan(); }, failed);
 let ready = false, drawing, panels, result, studies;
+const backdrop = new Backdrop(() => map.refresh());
 
-const map = new ChartMap(byId("map"), view => [...windShapes(view), ...drawing?.shapes(view) ?? [], ...result?.shapes(view) ?? [], ...spotShapes(view)], {
+const map = new ChartMap(byId("map"), view => [...backdrop.shapes(view), ...windShapes(view), ...drawing?.shapes(view) ?? [], ...result?.shapes(view) ?? [], ...spotShapes(view)], {
   press: (place, target) => target.dataset?.fix !== undefined ? { kind: "fix" } : drawing.press(place, target),
   drag: (held, place, before) => held.kind === "fix" ? result.dragFix(place) : drawing.drag(held, place, before),
   dropped: held => { if (held.kind !== "fix") store.changed(); },
@@ -50,7 +52,8 @@ function spotShapes(view) {
 
 function everything() {
   const places = store.mission.features.flatMap(outline);
-  return result.view ? [...places, ...result.view.line] : places;
+  if (result.view) places.push(...result.view.line);
+  return places.length ? places : backdrop.places;
 }
 
 function readyToPlan() {
@@ -97,6 +100,16 @@ async function openExample(name) {
   if (name) take({ ...await ask("GET", `/api/examples/${name}`), mission: { pattern: "formula", formula: EXAMPLE_FORMULAS[name] ?? "", robot: name === "hop" ? "light_aircraft" : "airframe", wind: "sample", departure: "" } });
 }
 
+async function openBackdrop(input) {
+  const [file] = input.files;
+  input.value = "";
+  if (!file) return;
+  forgive();
+  const name = await backdrop.take(file);
+  store.change(mission => { mission.backdrop = name; });
+  map.fit(everything());
+}
+
 function listen() {
   const on = (id, kind, act) => byId(id).addEventListener(kind, event => { Promise.resolve(act(event)).catch(failed); });
   on("plan", "click", () => plan("plan"));
@@ -104,6 +117,9 @@ function listen() {
   for (const layer of ["wind", "doubt", "flights"]) on(`layer-${layer}`, "change", () => map.refresh());
   on("open", "click", () => byId("file").click());
   on("file", "change", event => openFile(event.target));
+  on("backdrop", "click", () => byId("backdrop-file").click());
+  on("backdrop-file", "change", event => openBackdrop(event.target));
+  on("no-backdrop", "click", () => store.change(mission => { mission.backdrop = ""; }));
   on("example", "change", async event => { const name = event.target.value; event.target.value = ""; await openExample(name); });
   on("save", "click", () => giveFile("mission.geojson", new Blob([`${JSON.stringify(store.saved(), null, 1)}\n`], { type: "application/geo+json" })));
   on("save-kml", "click", () => giveFile("mission.kml", new Blob([kml(store.geojson())], { type: "application/vnd.google-earth.kml+xml" })));

@@ -41,7 +41,7 @@ export class WindLayer {
   get legend() {
     if (!this.view) return "";
     const fastest = Math.max(...this.view.uv.flat().map(one => Math.hypot(...one))), sds = this.view.sd.flat();
-    const told = [byId("layer-wind").checked ? `longest arrow ${fastest.toFixed(1)} m/s` : "", byId("layer-doubt").checked ? `shade: doubt of the wind, ${Math.min(...sds).toFixed(1)} to ${Math.max(...sds).toFixed(1)} m/s (standard deviation)` : ""];
+    const told = [byId("layer-wind").checked ? `longest arrow ${fastest.toFixed(1)} m/s` : "", byId("layer-doubt").checked ? `shade: uncertainty of the wind, ${Math.min(...sds).toFixed(1)} to ${Math.max(...sds).toFixed(1)} m/s (standard deviation)` : ""];
     return told.filter(Boolean).join("; ");
   }
 }
