@@ -251,6 +251,37 @@ def test_the_document_describes_every_operation(desk: RunningDesk) -> None:
     assert described == {(row.method, row.path) for row in ROUTES}
 
 
+def test_a_plan_of_a_server_that_was_killed_says_so(tmp_path: Path) -> None:
+    words = [*HOP, "planner.n_max=200000", "planner.trees=4"]
+    with running_desk(tmp_path) as killed:
+        name = killed.client.post("/api/plans", json={"overrides": words}).json()["id"]
+        with killed.client.stream("GET", f"/api/plans/{name}/events") as events:
+            next(line for line in events.iter_lines() if "forest" in line)
+        workers = psutil.Process(killed.process.pid).children()
+        killed.process.kill()
+        psutil.wait_procs(workers, timeout=60)  # they end with their server
+        assert not any(worker.is_running() for worker in workers)
+    with running_desk(tmp_path) as again:
+        state = again.client.get(f"/api/plans/{name}").json()
+        assert state["status"] in ("failed", "cancelled")
+        assert again.planned(overrides=HOP)["status"] == "done"
+
+
+def test_a_full_disk_is_reported_and_nothing_is_lost(tmp_path: Path) -> None:
+    with running_desk(tmp_path, largest_file=4000) as full:
+        kept = {"revision": 0, "mission": {"features": [], "formula": "F a"}}
+        assert full.client.put("/api/mission", json=kept).json() == {"revision": 1}
+        large = {"revision": 1, "mission": {"features": ["x" * 9000]}}
+        answer = full.client.put("/api/mission", json=large)
+        assert answer.status_code == 400
+        assert "File too large" in answer.json()["error"]
+        assert full.client.get("/api/mission").json()["mission"] == kept["mission"]
+        state = full.planned(overrides=HOP)
+        assert state["status"] == "failed"
+        assert "File too large" in state["error"]
+        assert full.client.get("/api/mission").json()["mission"] == kept["mission"]
+
+
 def test_plans_and_mission_survive_a_restart(desk: RunningDesk, folder: Path, hop: dict[str, Any]) -> None:
     with running_desk(folder) as again:
         assert hop["id"] in [state["id"] for state in again.client.get("/api/plans").json()["plans"]]
